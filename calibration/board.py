@@ -218,7 +218,7 @@ def _blank_page(width: float, height: float) -> tuple["Figure", Any]:
 
 
 def _draw_ruler(axes: Any, settings: BoardSettings, left: float, y: float, name: str) -> None:
-    """Draw a line as long as all columns, to check with a ruler, and the instructions."""
+    """Draw a line as long as the board is wide, to check with a ruler, and instructions."""
     length = 1e3 * settings.width
     axes.plot([left, left + length], [y, y], color="black", linewidth=0.4)
     for end in (left, left + length):

@@ -111,7 +111,7 @@ def make_calibration(lens: Lens, homography: Homography, **facts: Any) -> Calibr
 
 
 def change_calibration(calibration: Calibration, **facts: Any) -> Calibration:
-    """Copy of `calibration` with other `facts`, keywords of `make_calibration`, and a new id."""
+    """Copy of `calibration` with changed `facts`, as `make_calibration` takes, and a new id."""
     values = {name: getattr(calibration, name) for name in ("lens", "homography", *KEYWORDS)}
     return make_calibration(**values | facts)
 
@@ -132,7 +132,7 @@ def load_calibration(path: Path) -> Calibration:
 
 
 def _signed_file(lens: Lens, homography: Homography, facts: Mapping[str, Any]) -> CalibrationFile:
-    """Calibration file of lens, map and `facts`, values of KEYWORDS, with the id of its content."""
+    """Content of a calibration file from lens, map and `facts`, with the id of this content."""
     unsigned = CalibrationFile(
         schema=1,
         id="",

@@ -140,7 +140,7 @@ def camera_shift(
 
 
 def _desk_patch(grey: Image, x: float, lens: Lens, homography: Homography) -> Landmark | None:
-    """Patch on the desk's horizontal edge behind the strip, above `x` [m] of its near edge.
+    """Landmark on the desk's rear edge, above `x` [m] of the strip's near edge in the image.
 
     None at the border of the image, or where the contrast of its strongest edge is weak.
     """

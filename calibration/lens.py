@@ -260,7 +260,7 @@ def _read_opencv(path: Path, text: str) -> Lens:
 
 
 def _pixels(path: Path, name: str, node: cv2.FileNode) -> int:
-    """Side [px] of the images that `node` states; ConfigurationError for no positive integer."""
+    """Image side [px] that a file's `node` states; ConfigurationError for no positive integer."""
     if not node.isInt() or node.real() <= 0:
         raise ConfigurationError(f"{path}: {name}: must be a positive whole number of pixels")
     return int(node.real())
@@ -282,7 +282,7 @@ def _check_model(path: Path, store: cv2.FileStorage) -> None:
 
 
 def _check_matrices(path: Path, size: tuple[int, int], matrix: Array, distortion: Array) -> Lens:
-    """Lens with these matrices; ConfigurationError for a wrong shape, number or size."""
+    """Lens with a file's `matrix` and `distortion`; ConfigurationError for wrong shape or size."""
     if matrix.shape != (3, 3):
         raise ConfigurationError(f"{path}: camera_matrix: must be 3 x 3 numbers")
     if len(distortion) not in COEFFICIENTS:

@@ -44,14 +44,14 @@ class MainCall:
 
 @dataclass(frozen=True, slots=True)
 class Failure:
-    """Last message of a child process whose main function raised an error: class and text."""
+    """Last message of a child process: class and text of an error of its main function."""
 
     error: str
     text: str
 
 
 class ChildDied(Exception):
-    """Raised where a child process has ended, by an error (`failure`) or with exit `code`.
+    """Error of a child process that has ended, by an error (`failure`) or with exit `code`.
 
     The code of a process that a signal ended is the signal's number, negated.
     """

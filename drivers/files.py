@@ -55,7 +55,7 @@ def write_file(path: Path, content: str | bytes, remedy: str = "") -> None:
 
 
 def change_file(path: Path, change: Callable[[str], str], remedy: str = "") -> None:
-    """Replace the text of the file at `path` by `change(text)`; the text of no file is "".
+    """Replace the text of the file at `path` by `change(text)`; a missing file has text "".
 
     The folder is locked from reading to writing, so that no command undoes another's change. Raises
     ConfigurationError where the file cannot be read or written, and then leaves it unchanged.

@@ -115,7 +115,7 @@ def _json(content: Mapping[str, Any], origin: str) -> str:
 
 
 def _is_follow_up(item: dict[str, Any], items: list[dict[str, Any]]) -> bool:
-    """Whether error `item` is a list that is too short only because its items were refused."""
+    """Whether error `item` is a list too short only because its own items were refused."""
     place = item["loc"]
     inner = (error["loc"] for error in items if len(error["loc"]) > len(place))
     return item["type"] == "too_short" and any(loc[: len(place)] == place for loc in inner)
@@ -161,13 +161,13 @@ def _out_of_range(item: dict[str, Any], field: FieldInfo | None) -> str:
 
 
 def _field_at(model: type[BaseModel], place: tuple[Any, ...]) -> FieldInfo | None:
-    """The field at `place`; None for an item of a list or a mapping."""
+    """Field of `model` at `place`, a path of keys; None for an item of a list or mapping."""
     inner = _model_at(model, place[:-1])
     return None if inner is None else inner.model_fields.get(place[-1])
 
 
 def _model_at(model: type[BaseModel], place: tuple[Any, ...]) -> type[BaseModel] | None:
-    """The model at `place`, keys and indices, within `model`; None where there is none."""
+    """Model class at `place`, keys and indices, within `model`; None where there is none."""
     current: Any = model
     for part in place:
         if not isinstance(part, int):  # the items of a list are of one model
@@ -177,7 +177,7 @@ def _model_at(model: type[BaseModel], place: tuple[Any, ...]) -> type[BaseModel]
 
 
 def _model_in(annotation: Any) -> Any:
-    """The only model class in a field's annotation, of the value or its items; None without."""
+    """Only model class in a field's annotation, of the value or its items; None if none."""
     if hasattr(annotation, "model_fields"):
         return annotation
     if isinstance(get_origin(annotation), type) and issubclass(get_origin(annotation), Mapping):

@@ -75,7 +75,7 @@ class ArmState(Reading):
 
 @dataclass(frozen=True, slots=True)
 class HandState(Reading):
-    """Measured state of the hand: finger `width` [m], whether they hold something or move."""
+    """Measured state of the hand: finger `width` [m], whether it holds something or moves."""
 
     width: float
     grasped: bool

@@ -15,7 +15,7 @@ if TYPE_CHECKING or not yaml.__with_libyaml__:
 else:
 
     class _Loader(Composer, yaml.CSafeLoader):
-        """YAML parser in C, for speed, with a composer in Python, as deep nests overflow C's."""
+        """YAML parser in C for speed, whose composer in Python does not overflow on deep nests."""
 
         def __init__(self, stream: Any) -> None:
             yaml.CSafeLoader.__init__(self, stream)

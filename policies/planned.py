@@ -128,7 +128,7 @@ def plan(strips: Sequence[StripFile], speed: float, aim: float = 0.0) -> Array:
 
 
 def fold_by_plan(planned: StripFile, lying: StripFile) -> tuple[float, Array]:
-    """Fold the strip `lying` in simulation on the path that is planned for the strip `planned`.
+    """Fold the strip `lying` in simulation, on the path planned for the strip `planned`.
 
     Returns the displacement [m], NaN without a touch, and the midline (n, 2) [m] at the end.
     """

@@ -53,7 +53,7 @@ class Rollout:
 
 @dataclass(frozen=True, slots=True)
 class Folds:
-    """Results of n simulated folds.
+    """Results of n simulated folds: displacements, touches, forces and traces.
 
     `displacement` (n,) [m], NaN without a touch; mean size (n,) [N] of the horizontal force on the
     fixed edge until the touch: `holding_force` from the start, `pull` from the take-over on, as in

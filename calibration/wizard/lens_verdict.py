@@ -58,7 +58,7 @@ def estimate_bow(views: Sequence[BoardView], lens: Lens, outline: Array) -> Bow:
 
 
 def _pose_free_system(view: BoardView, lens: Lens) -> tuple[Array, Array]:
-    """Derivatives (2n, 11) by lens and bow, errors (2n,): both less their fit by the pose."""
+    """Derivatives (2n, 11) by lens and bow, and errors (2n,), less the part that the pose fits."""
     linear = _linearise(view, lens)
     bow = linear.height * np.repeat(_bow_modes(view.board), 2, axis=0)
     shared = np.hstack([linear.camera, bow])
@@ -188,7 +188,7 @@ def fit_views(views: Sequence[BoardView], size: tuple[int, int]) -> LensFit:
 
 
 def _differences_of_halves(views: Sequence[BoardView], lens: Lens) -> tuple[float, float]:
-    """Differences of lenses of even and odd `views`: share of focal length; in image [mm]."""
+    """Differences of the lenses of even and odd `views`: relative focal length, image [mm]."""
     size = lens.width, lens.height
     one = fit_views(views[::2], size).lens
     other = fit_views(views[1::2], size).lens

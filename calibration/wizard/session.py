@@ -155,7 +155,7 @@ def read_rows(folder: Path) -> Iterator[Row]:
 def _taken_images(
     folder: Path, session: Session, without: Collection[int]
 ) -> Iterator[tuple[Row, Image]]:
-    """Accepted rows with their images (height, width, 3), `without` the rows of these numbers.
+    """Accepted rows with images (height, width, 3), except rows of the numbers `without`.
 
     Raises ConfigurationError for an image that is missing or not of the session's size.
     """
@@ -195,7 +195,7 @@ Task = BoardViews | TouchedPoints
 
 
 def restore(task: Task, folder: Path, session: Session, without: Collection[int] = ()) -> None:
-    """Repeat a session's measurements in the accepted images in `folder`, `without` some numbers.
+    """Repeat a session's measurements on its accepted images, except the numbers `without`.
 
     Raises ConfigurationError for a broken file or an image that shows nothing.
     """

@@ -201,7 +201,7 @@ class Move:
 def camera_move(
     touches: Sequence[Touch], lens: Lens, homography: Homography, least_mm: float
 ) -> Move | None:
-    """Move of the camera by at least `least_mm` that explains `touches` best; None for none.
+    """Move of the camera by at least `least_mm` that explains `touches` best; None without any.
 
     For each moment, a map and a shift of the image from then on are fitted robustly (Cauchy loss)
     to all touches, wild ones too. `homography` is where the fit begins.

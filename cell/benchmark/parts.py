@@ -102,7 +102,7 @@ def _image_parts(spec: BenchmarkSpec, configs: Configs, runs: Path) -> Iterator[
 
 
 def fold_images(request: Request) -> ImageFold:
-    """Fold a strip through images by `request`, without a page: `cell report` makes that later."""
+    """Fold a strip through images by `request`; its page is not written."""
     result = fold(request, calibration_of(request.cell))
     stated = {name: getattr(request.strip, name) for name in ("bending_length", "retardation_time")}
     measured = ImageFold.model_fields.keys() - {"kind", *stated}

@@ -18,7 +18,7 @@ QUICK_FABRICS = ("blanket", "denim", "rib-knit")  # stiff, middling, soft and sl
 
 
 class Size(Settings):
-    """Numbers of simulated strips: sides of the `grid` in the rod and in the `chain`, `hidden`.
+    """Sizes of simulations: sides of the strip `grid` in the rod and the `chain`, `hidden` folds.
 
     The last is the number of strips on which each effect is hidden.
     """

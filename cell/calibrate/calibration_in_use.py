@@ -90,7 +90,7 @@ def age_days(calibration: Calibration, now: datetime) -> float:
 def check_usable(
     calibration: Calibration, devices: Devices, allowed_days: float, now: datetime
 ) -> None:
-    """Raise ConfigurationError or PreflightRefused for another camera's or an old calibration."""
+    """Raise ConfigurationError or PreflightRefused for an old or another camera's calibration."""
     if calibration.camera != devices.camera_identity:
         raise ConfigurationError(
             f"calibration: {calibration.id} belongs to camera {calibration.camera}, this one is "
@@ -100,7 +100,7 @@ def check_usable(
 
 
 def use_calibration(cell_file: Path, calibration: Path) -> None:
-    """Name the file `calibration` in `cell_file`, a cell.yaml; ConfigurationError if unwritable."""
+    """Enter the path `calibration` into `cell_file`, a cell.yaml; ConfigurationError on failure."""
     named = {"calibration": str(calibration.resolve())}
     change_file(
         cell_file,

@@ -376,7 +376,7 @@ def newest_lens(folder: Path, camera: str) -> Path:
 
 
 def _keep_lens(folder: Path, verdict: LensVerdict, camera: str) -> None:
-    """Write `verdict` to `folder`, and the lens in ROS and OpenCV formats if it passed."""
+    """Write `verdict` to `folder`, and an accepted lens in ROS and OpenCV formats."""
     fit = verdict.fit
     content = {
         "passed": verdict.passed,
@@ -391,7 +391,7 @@ def _keep_lens(folder: Path, verdict: LensVerdict, camera: str) -> None:
 
 
 def _keep_map(folder: Path, verdict: MapVerdict) -> None:
-    """Write `verdict` to `folder`, and the calibration where it was accepted."""
+    """Write `verdict` to `folder`, and the calibration if it was accepted."""
     content = {
         "accepted": verdict.passed,
         "calibration": None if verdict.calibration is None else verdict.calibration.id,

@@ -259,7 +259,7 @@ class Keyboard:
         self._alone = False
 
     def answer(self, question: Question) -> Answer | None:
-        """Answer of the operator by a typed key; Interrupted at the end of the input."""
+        """Answer by the operator's key, None until then; raises Interrupted at the end of input."""
         if self._alone and question.ask not in POINTER:
             return Answer.GO
         if question != self._asked:

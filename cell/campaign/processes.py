@@ -34,7 +34,7 @@ class Call:
 
 
 class Signal(StrEnum):
-    """Messages between pool and process: STOP asks it to stop its call, READY says it is prepared.
+    """Messages between pool and process: STOP asks to stop a call, READY tells of preparation.
 
     A second STOP ends a stoppable call at once.
     """
@@ -51,7 +51,7 @@ class Result:
 
 
 class StopSignal:
-    """Request to stop a call, received through `pipe`, or made by the end of the parent."""
+    """Request to stop a call, received through `pipe`, or implied by the parent's end."""
 
     def __init__(self, pipe: Connection) -> None:
         self._pipe = pipe
@@ -71,7 +71,7 @@ class StopSignal:
 
 
 def work(pipe: Connection, prepare: Callable[[], None] | None, dies_with_parent: bool) -> None:
-    """Run in the process: prepare, then carry out the calls that arrive until the pipe closes."""
+    """Main function of a worker process: prepare, then carry out calls until the pipe closes."""
     if dies_with_parent:
         end_with_parent(pipe)
     if prepare is not None:
@@ -92,7 +92,7 @@ def work(pipe: Connection, prepare: Callable[[], None] | None, dies_with_parent:
 
 
 def _next_call(pipe: Connection) -> Call:
-    """Wait for the next call; stop requests between calls are ignored."""
+    """Wait for the next call to this worker process; stop requests between calls are ignored."""
     while not isinstance(request := pipe.recv(), Call):
         pass
     return request

@@ -16,7 +16,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 @cache
 def code() -> str:
-    """Digest of all sources that outcomes depend on."""
+    """Digest of all source files on which the outcomes of a campaign depend."""
     return sources(ROOTS, ("*.py",), NO_OUTCOME)[:12]
 
 
@@ -27,7 +27,7 @@ def data() -> str:
 
 
 def verdicts() -> str:
-    """Digest of the sources on which verdicts of `cell gap` depend."""
+    """Digest of the source files on which verdicts of `cell gap` depend."""
     return sources(("cell/gap", "cell/record", "drivers/strip"))
 
 

@@ -70,7 +70,7 @@ def runs(
 
 
 def _age(days: float | None) -> timedelta | None:
-    """Age that --older-than states in `days`, None without; ConfigurationError for nan."""
+    """Age that --older-than states in `days`, None if not given; ConfigurationError for nan."""
     if days is not None and isnan(days):
         raise ConfigurationError("--older-than: is nan; give a number of days")
     return None if days is None else timedelta(days=days)

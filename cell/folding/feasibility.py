@@ -116,7 +116,7 @@ def _desk_collisions(poses: Array, desk: float) -> Iterator[str]:
 
 
 def _carry(settings: CellSettings, strip: StripFile, policy: Policy, folds: Folds | None) -> Array:
-    """Gripper positions (n, 2) [m] of the first of `folds`, from the strip's edge on the desk on.
+    """Gripper positions (n, 2) [m] of the first of `folds`, starting at the strip's lying edge.
 
     Where the simulation failed (None), the policy's lift takes its place.
     """

@@ -175,7 +175,7 @@ def _with_axis(calibration: Calibration, seen: _SeenStrip, length: float) -> Cal
 
 
 def _find_strip(film: Path, image: Image, calibration: Calibration, strip: StripFile) -> _SeenStrip:
-    """Find the strip roughly, as the piece of its colour whose length is nearest to the stated."""
+    """Find the strip roughly: the piece of its colour that is nearest to the stated length."""
     height, width = image.shape[:2]
     rim = calibration.to_plane(np.array([(0, 0), (1, 0), (0, 1), (1, 1)]) * (width - 1, height - 1))
     low = rim.min(axis=0)
@@ -207,7 +207,7 @@ def _find_strip(film: Path, image: Image, calibration: Calibration, strip: Strip
 def _find_ends(
     image: Image, calibration: Calibration, seen: _SeenStrip, thickness: float
 ) -> _SeenStrip:
-    """Find the ends of the resting midline more exactly, of a strip `seen` to lie along x from 0.
+    """Refine the ends of a resting strip that was `seen` to lie along x from 0 on.
 
     Its lower border is sampled, then its ends are searched. `thickness` [m] is that of the strip.
     """

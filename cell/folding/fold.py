@@ -166,7 +166,7 @@ def _record_fold(
 
 
 def _write_truth(folder: Path, truth: Truth, outcome: Outcome) -> Outcome:
-    """Write `truth` into the run `folder`; returns the outcome, `record` where that fails."""
+    """Write `truth` into the run `folder`; returns `outcome`, or a fault where that fails."""
     try:
         write_truth(folder, truth)
     except OSError as error:

@@ -103,7 +103,7 @@ def observe(
 
 
 def _frames(film: Path, calibration: Calibration, begin: float) -> Iterator[Frame]:
-    """Yield images from `begin` [s] on, which becomes 0, at the calibration's size.
+    """Yield a film's images at the calibration's size, from `begin` [s] on, with stamps since then.
 
     Raises ConfigurationError for unlike images.
     """
@@ -244,7 +244,7 @@ def _header(
 
 
 def _held_path(measured: Sequence[HeldMeasurement], strip: StripFile) -> dict[str, Array]:
-    """Path of the held end from flat on: columns (n,) t [s], x and z [m], pitch [rad] by name."""
+    """Path of the held end from the flat strip on: columns (n,) t [s], x, z [m], pitch [rad]."""
     ends = [(held.measurement.stamp, held.end) for held in measured if held.end is not None]
     lift = ends[0][0]
     lying = Pose(strip.length, 0.0, 0.0)

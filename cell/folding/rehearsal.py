@@ -86,7 +86,7 @@ class Rehearsal:
 def rehearsal(
     settings: CellFile, strip: StripFile, path: Array, speeds: Array, elbow: float | None = None
 ) -> Rehearsal:
-    """Rehearsal in the air of a fold along `path` (n, 3) x, z [m], pitch [rad], by HOVER_HEIGHT.
+    """Rehearsal of a fold along `path` (n, 3) x, z [m], pitch [rad], raised by HOVER_HEIGHT.
 
     `speeds` (n,) [m/s] are those of the fold. Parts that only avoid a lying strip are left out.
     With an `elbow` [rad] a Franka arm must reach the path. Raises ConfigurationError where the
@@ -125,7 +125,7 @@ def rehearse(request: Request, interrupted: Callable[[], bool] = lambda: False) 
 
 
 def _eased_time(time: float, duration: float) -> float:
-    """Time [s] along a motion of `duration` that speeds up and slows down within RAMP."""
+    """Time [s] along a motion of `duration` [s], slowed down within RAMP of both ends."""
     ramp = min(RAMP, duration)
     left = max(duration + ramp - time, 0.0)
     if time < ramp:

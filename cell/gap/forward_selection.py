@@ -158,7 +158,7 @@ def refit_singles(search: Search, models: Models, progress: Progress) -> Fits:
 
 
 def refit_further(search: Search, models: Models, progress: Progress) -> Fits:
-    """`fits` of `models` with pairs and triples of effects added, and their alternatives.
+    """Copy of the fits with pairs and triples of effects fitted, and their alternatives.
 
     Shape parameters come first: what the law of one effect gets wrong is no second effect.
     """

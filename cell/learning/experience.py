@@ -159,7 +159,7 @@ def _is_of(experience: Experience, key: str, name: str) -> bool:
 
 
 def data_folder() -> Path:
-    """Path of the user's folder for data that cannot be computed again."""
+    """Path of the user's folder for data that cannot be recomputed."""
     return Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local/share") / "folding-cell"
 
 

@@ -55,12 +55,12 @@ def largest_text(memory: Memory, limit: float) -> str:
 
 
 def experience_lines(experiences: Sequence[Experience]) -> str:
-    """Text with a line for each experience, oldest first."""
+    """Text with a line for each learned experience, oldest first."""
     return "".join(f"  {_line(one)}\n" for one in experiences) or "nothing was learned yet\n"
 
 
 def _line(one: Experience) -> str:
-    """Text of one experience."""
+    """Text of one learned experience for the operator."""
     fold = f"{one.run}: {one.strip}, {one.specimen}, {one.policy}"
     if one.kind == "ruler":
         return f"{fold}: the ruler shows {_mm(one.rig)} mm more than the camera"

@@ -22,7 +22,7 @@ PULL = 0.01  # m by which an upper layer that is too short is pulled along at mo
 
 
 def edge_place(touch: SeenTouch, place: float = 0.0) -> float:
-    """Target x [m] of the grasped edge: `place`, limited to PULL from the taut upper layer's end.
+    """Target x [m] of the grasped edge: `place`, within PULL of the taut upper layer's end.
 
     `place` is 0, on the fixed edge, unless a learned correction of the camera's bias moves it.
     """

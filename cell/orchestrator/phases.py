@@ -208,7 +208,7 @@ def _record_prediction(context: FoldContext, record: Recorder, snapshot: Snapsho
 
 
 def continue_to_lay(_context: FoldContext, record: Recorder, begin: Snapshot) -> steps.Phase:
-    """Record the touch and pass on to the lay at once: in a pause the loop would shift by 5 mm."""
+    """Record the layers' touch and begin the lay motion without a pause, which shifts the loop."""
     yield from ()
     record.event(begin.time, "touch_seen", x=begin.arm.pose.x, z=begin.arm.pose.z)
     return Event.SETTLED
@@ -259,7 +259,7 @@ def _compare_edges(context: FoldContext, loop: Loop, gripper: Pose) -> None:
 def _laid_strip(
     context: FoldContext, frame: Frame, edge: Pose
 ) -> Generator[Command, Snapshot, StripMeasurement | None]:
-    """Measure the laid strip in `frame`, its grasped edge released near `edge`."""
+    """Measure the laid strip in `frame`, whose grasped edge was released near `edge`."""
     if context.reader is None:
         return None
     context.reader.submit(ImageTask(frame, edge), frame.arrival)
@@ -280,7 +280,7 @@ def _visible_loop(context: FoldContext, measurement: StripMeasurement | None) ->
 
 
 def move_manually(context: ManualContext, _: Recorder, snapshot: Snapshot) -> steps.Phase:
-    """Carry out the motion of a manual run."""
+    """Carry out the motion that a manual run asks for."""
     context.end = (yield from context.motion(snapshot)).arm.pose
     return Event.MOVED
 

@@ -12,7 +12,7 @@ from policies.policy import Decision
 
 
 class Recorder:
-    """Recorder of a run that stores nothing, base class of one that does; clock times in [s]."""
+    """Base class of a run's recorders, which itself stores nothing; clock times in [s]."""
 
     @property
     def origin(self) -> float:

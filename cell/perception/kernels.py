@@ -54,7 +54,7 @@ class Picture(NamedTuple):
 def _fisher(
     strip_scene: Any, strip_strip: Any, scene_scene: Any, shade: Any, variance: Any
 ) -> tuple[Any, Any, Any]:
-    """Factors a, b and det of Fisher's linear discriminant w = (a c + b s) / det.
+    """Factors a, b, det of Fisher's discriminant w = (a c + b s) / det of colours c and s.
 
     Of a strip's colour c and a scene's colour s, w = S^-1 (c - s), with the scatter
     S = variance I + SHADE^2 c c' + shade^2 s s' of sensor, strip and scene. The first three

@@ -159,7 +159,7 @@ def _falls_slower(t: Array, gap: Array, time: float, speed: float) -> bool:
 
 
 def _end_of_fall(t: Array, gap: Array, time: float, speed: float) -> float:
-    """Time [s] at which the fall ended, by the intersection of its line with the gap at rest."""
+    """Time [s] at which the fall ended: where its fitted line meets the gap at rest."""
     rest = float(np.median(gap[t >= time]))
     moving = gap > rest + RISE_SHARE * speed * float(np.median(np.diff(t)))
     j = int(np.argmin(moving)) - 1  # noise at rest may rise again: the first stop counts

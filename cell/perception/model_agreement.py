@@ -224,7 +224,7 @@ def _solve(design: Array, off: Array, moved: Array, sigma: Array) -> tuple[Array
 
 
 def _model(strip: StripFile, unknowns: Array) -> StripModel:
-    """Model of `strip`, its bending length, time and friction replaced by the fit's (3,)."""
+    """Model of `strip` with the fitted (3,) bending length, retardation time and friction."""
     effects = {
         name: parameters
         for name, parameters in strip.effects.items()

@@ -34,7 +34,7 @@ FEWEST_POINTS = 8  # of the lifted midline, from which it is a profile
 
 
 class Matte(NamedTuple):
-    """Matte of the strip in a `region` of a frame: `levels` (h, w) as read, and the same `smooth`.
+    """Matte of the strip in a `region` of a frame: `levels` (h, w), and their `smooth` version.
 
     Grey levels are of the strip's share in a pixel, see `kernels.strip_share`.
     """

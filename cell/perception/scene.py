@@ -64,7 +64,7 @@ def colour_distances(samples: Array, colours: Array) -> Array:
 
 
 def _worst_explained(samples: Array, colours: Array) -> Array:
-    """Median colour (3,) of the twentieth of the samples nearest to the worst explained one."""
+    """Median colour (3,) of the twentieth of `samples` around the one worst explained."""
     distance = colour_distances(samples, colours).min(axis=1)
     worst = samples[int(np.argmax(distance))]
     near = np.argsort(np.linalg.norm(samples - worst, axis=1), kind="stable")

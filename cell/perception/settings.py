@@ -6,7 +6,7 @@ from drivers.settings import Settings
 
 
 class PerceptionSettings(Settings):
-    """Settings of the measurement in images; lengths [m] in the cell frame, px where marked."""
+    """Settings of strip measurement in images; lengths [m] in the cell frame, px where marked."""
 
     contact_height: float = Field(0.001, gt=0, le=0.01)  # m above rest, the definition
     # m, measured minus true: what blur and shadow leave, the mean over ten strips and their

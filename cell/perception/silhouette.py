@@ -157,7 +157,7 @@ def _outlines(mask: Image) -> list[Outline]:
 
 
 def _nearest(outlines: list[Outline], point: Array) -> Outline:
-    """Outline that comes nearest to `point` (2,) [px]."""
+    """Outline among `outlines` that comes nearest to `point` (2,) [px]."""
     return min(outlines, key=lambda outline: float(np.hypot(*(outline - point).T).min()))
 
 
@@ -193,7 +193,7 @@ def _tips(outline: Outline) -> tuple[Outline, Array]:
 
 
 def _closest(one: Outline, other: Outline) -> tuple[Outline, Outline]:
-    """The two points, one of each outline, that are nearest to each other (every second one)."""
+    """Points of two outlines, one of each, that are nearest to each other, of every second one."""
     a, b = one[::2], other[::2]
     distance = np.hypot(*(a[:, None] - b[None]).transpose(2, 0, 1))
     i, j = np.unravel_index(int(np.argmin(distance)), distance.shape)

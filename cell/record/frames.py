@@ -91,7 +91,7 @@ class KeyFrames:
 
 
 def read_index(folder: Path) -> tuple[FrameNote, ...]:
-    """Read the index entries of the images in the run `folder`, one an image: its latest.
+    """Read the index of images in the run `folder`: for each image its latest entry.
 
     Raises ConfigurationError for a broken line.
     """

@@ -183,7 +183,7 @@ class AgreementNote(Part):
 
 
 class WitnessNote(Part):
-    """Difference [m] of two measurements of one length, its `spread` [m], a `reason` to doubt."""
+    """Difference [m] between two measurements of a length, its `spread` [m], `reason` to doubt."""
 
     name: str
     difference: Number

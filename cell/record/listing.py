@@ -259,7 +259,7 @@ def _mapping_at(content: Mapping[str, Any], key: str) -> Mapping[str, Any]:
 
 
 def _size(folder: Path) -> int:
-    """Size [bytes] of the files below `folder`, but for those that have just gone."""
+    """Size [bytes] of all files below `folder`; files deleted meanwhile do not count."""
     total = 0
     for place, _, names in os.walk(folder):
         for name in names:

@@ -35,7 +35,7 @@ NO_TABLES: Mapping[str, Columns] = MappingProxyType({})
 
 @dataclass(frozen=True, slots=True)
 class PartReader:
-    """Reader of the parts of a record: a broken part is an error, or if `lenient` empty.
+    """Reader of a record's parts: a broken part is an error or, if `lenient`, empty.
 
     `problems` has a line for each part that was left empty.
     """
@@ -241,7 +241,7 @@ def read_broken_run(folder: Path) -> Run:
 
 
 def read_result(folder: Path) -> Result | None:
-    """Read the result of the run in `folder`, None without; ConfigurationError for a broken one."""
+    """Result of the run in `folder`, None if there is none; ConfigurationError if broken."""
     path = folder / files.RESULT
     return load(path, Result, bare=True) if path.exists() else None
 

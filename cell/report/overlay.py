@@ -159,7 +159,7 @@ def fold_tips(sights: Sights, ticks: Ticks) -> Array:
 def draw_sight(
     image: Image, calibration: Calibration, curve: Array, contact_x: float, tip: Array
 ) -> Image:
-    """Copy of `image` with profile (m, 2), contact and fold tip (2,) [m] drawn into it."""
+    """Copy of `image` with the measured profile (m, 2), contact and fold tip (2,) [m] drawn."""
     import cv2
 
     drawn = image.copy()

@@ -32,7 +32,7 @@ class PageVerdict:
 
 
 def _sigma_lines(run: Run, *, laid: bool) -> str:
-    """Two lines of text: sigma of displacement or `laid` edges, and error of the calibration."""
+    """Text in two lines: sigma of displacement or `laid` edges, error of the calibration."""
     sigma = f"± {millimetres(run.header.sigma.displacement)} stated in run.yaml"
     if laid and run.header.sigma.edge_offset is not None:
         sigma = f"± {millimetres(run.header.sigma.edge_offset)} camera"

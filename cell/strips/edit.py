@@ -59,7 +59,7 @@ def _text_of_new(path: Path, content: Mapping[str, Any], _: str) -> str:
 
 
 def _source(text: str) -> tuple[str, str]:
-    """Key and source in `KEY=TEXT`; raises ConfigurationError for other text."""
+    """Key and source of a value in a text `KEY=TEXT`; ConfigurationError for another text."""
     key, equals, source = text.partition("=")
     if not equals or key not in SOURCED or not source.strip():
         raise ConfigurationError(

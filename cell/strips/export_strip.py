@@ -47,7 +47,7 @@ def export_strips(
 
 
 def _mjcf(strip: StripFile, unsaid: tuple[str, ...]) -> str:
-    """MJCF text of `strip` as a chain of LINKS hinges, with comments on what is `unsaid`.
+    """MJCF text of `strip` as a chain of LINKS hinges; comments name what it cannot express.
 
     Friction of yarns and powers of joints need MuJoCo 4.
     """

@@ -115,7 +115,7 @@ def _trace_bright(image: Image) -> Midline:
 
 
 def _average_points(traced: Array, travel: Array, arc: Array) -> Array:
-    """Points (n, 2) [px] at arc lengths `arc` (n,) [px]: means of the traced ones around each."""
+    """Mean traced points (n, 2) [px] around each of the arc lengths `arc` (n,) [px]."""
     reach = 0.5 * (arc[1] - arc[0])
     edges = np.clip(np.stack([arc - reach, arc + reach]), 0.0, travel[-1])
     steps = np.diff(travel)[:, None] * 0.5 * (traced[1:] + traced[:-1])

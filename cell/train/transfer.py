@@ -33,7 +33,7 @@ COMPLETE_SHARE = 0.75  # share of the folds that must have come to their end
 
 
 def fold_drawn(number: int, seed: int, checkpoint: Path) -> Mapping[str, Any]:
-    """Fold strip `number` of those drawn by `seed` through images, by the critic in `checkpoint`.
+    """Fold strip `number` of those drawn by `seed` through images, with the critic `checkpoint`.
 
     Returns a row of `FoldedBatch`, empty where the fold failed.
     """

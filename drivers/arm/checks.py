@@ -148,7 +148,7 @@ def _value(joints: dict[str, ElementTree.Element], number: int, tag: str, name: 
 
 
 def _tool_differences(state: Any, tool: ToolSettings) -> Iterator[str]:
-    """Yield a line for each difference of the robot's tool in `state` from `tool`, a Franka Hand.
+    """Yield a text for each difference between the tool in the robot's `state` and `tool`.
 
     NE_T_EE, EE_T_K and the load are set by programs; F_T_NE and the hand's mass in Desk.
     """

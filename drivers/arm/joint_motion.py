@@ -354,7 +354,7 @@ def _past_poses(setpoint: JointSetpoint) -> list[Array]:
 
 
 def _twist(after: Array, before: Array) -> Array:
-    """Mean twist (6,) [m/s, rad/s] over a tick between two poses (4, 4).
+    """Mean twist (6,) [m/s, rad/s] over one tick that takes pose `before` (4, 4) to `after`.
 
     The robot differentiates its setpoints in the same way. A twist by the Jacobian at the tick's
     end is wrong by half of the Jacobian's change, an error that adds up with each lost command.

@@ -36,7 +36,7 @@ CALM = (1e-3, 5e-3)  # m/s and rad/s below which the arm rests
 
 @dataclass(frozen=True, slots=True)
 class Ready:
-    """Answer of the loop's process: the loop runs, or has run the ticks that the cell allowed."""
+    """Answer of the loop's process: the loop has started, or run all ticks that it may run."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +53,7 @@ class Close:
 
 @dataclass(frozen=True, slots=True)
 class Ended:
-    """Last answer of the loop's process, once the arm rests; `timing` is that of its ticks."""
+    """Last answer of the loop's process, once the arm rests, with the `timing` of its ticks."""
 
     timing: dict[str, Any]
 
@@ -317,7 +317,7 @@ def at_rest(state: Any) -> bool:
 
 
 def plane_of(installation: Installation, pose: list[float]) -> StripPlane:
-    """Strip's plane, for the hand as it is turned at `pose`; ArmFault for a hand off the plane."""
+    """Plane of the strip for a hand turned as at `pose` (16,); ArmFault if the hand is off it."""
     frame = installation.mounting.transform()
     planes = [StripPlane(frame, turned=turned) for turned in (False, True)]
     plane = min(planes, key=lambda candidate: candidate.aside(pose)[1])

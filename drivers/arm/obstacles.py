@@ -136,7 +136,7 @@ def _detours(start: Array, goal: Array, up: Array) -> Iterator[list[Array]]:
 
 
 def _joints_above(joints: Array, up: Array, rise: float) -> list[Array]:
-    """Joints (7,) [rad] at every LEG_RISE straight `up` (3,) to `rise` [m], if in reach."""
+    """Joints (7,) [rad] at each LEG_RISE straight `up` (3,) to `rise` [m], as far as in reach."""
     points = []
     steps = islice(straight(joints, PATH_STEP * up), round(rise / PATH_STEP))
     for step, posture in enumerate(steps, 1):

@@ -191,7 +191,7 @@ def _motion_of_point(lever: Array, twist: Numbers, acceleration: Numbers) -> tup
 
 
 def _in_pitching_axes(aside: Coordinates, inside: Coordinates) -> Coordinates:
-    """Motion `aside` with rates of small leans about axes that rotate with the pitch `inside`."""
+    """Motion `aside` with its rates of small leans about axes that turn with the pitch `inside`."""
     pitch_rate = inside.rate[2]
     pitch_change = inside.change[2]
     _, lean_x, lean_z = aside.value

@@ -66,7 +66,7 @@ def receive(child: Child, patience: float) -> Any:
 
 @contextmanager
 def connection(pipe: Connection, access: RobotAccess) -> Iterator[Any]:
-    """Context with a `drivers.arm.robot.Robot` connected by `access`, in the robot's process.
+    """Context with a connected `drivers.arm.robot.Robot`, for use in the robot's process.
 
     Sends any exception that is raised in it through `pipe`, as an ArmFault.
     """
@@ -84,7 +84,7 @@ def connection(pipe: Connection, access: RobotAccess) -> Iterator[Any]:
 
 
 def send(pipe: Connection, message: object) -> None:
-    """Send a message through `pipe`, unless the other side is gone."""
+    """Send a message through `pipe`, unless its other end is gone."""
     with suppress(OSError):
         pipe.send(message)
 

@@ -11,7 +11,7 @@ WITHOUT_BYTE_ORDER = 0x7FFFFFFF  # the highest bit of a pixel format marks big-e
 
 
 def _u32(names: str) -> tuple[tuple[str, type[c_uint32]], ...]:
-    """Fields of 32 bits without sign by their `names`, as `_fields_` of a structure takes them."""
+    """Unsigned 32-bit fields with these `names`, for `_fields_` of a structure."""
     return tuple((name, c_uint32) for name in names.split())
 
 

@@ -319,7 +319,7 @@ def report(kernel: Kernel, link: str) -> CameraReport:
 
 
 def device_links(links: Path = DEVICE_LINKS_FOLDER) -> list[str]:
-    """One udev link in folder `links` per video device: by id where it has one, else by path."""
+    """Udev links in the folder `links`, one per video device: by id or else by path."""
     links_by_device: dict[Path, str] = {}
     for kind in ("by-id", "by-path"):
         for link in sorted((links / kind).glob("*")):

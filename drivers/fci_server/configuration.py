@@ -44,7 +44,7 @@ def _start_thresholds() -> Thresholds:
 
 @dataclass(frozen=True, slots=True)
 class Configuration:
-    """Settings of the emulated robot by a client or by Desk, kept after the client has gone."""
+    """Settings of the emulated robot that a client or Desk made; they outlast the client."""
 
     thresholds: Thresholds = field(default_factory=_start_thresholds)
     flange_to_nominal: Array = field(default_factory=lambda: FLANGE_TO_TIP)

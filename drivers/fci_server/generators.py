@@ -76,7 +76,7 @@ def _joint_velocity(old: Posture, command: RobotCommand, tool: Array) -> Posture
 
 
 def _joints(old: Posture, q: Array, velocity: Array, tool: Array) -> Posture:
-    """Posture after `old` with joints `q` (7,) at `velocity`; Violation of a joint's limit."""
+    """Posture a tick after `old` at joints `q` (7,) [rad]; Violation of a joint's limit."""
     rates = old.joints.step(velocity)
     check_joints(q, old.joints, rates, JOINT)
     return old.move_on(q, tool, rates)
@@ -95,7 +95,7 @@ def _cartesian_velocity(old: Posture, command: RobotCommand, tool: Array) -> Pos
 def _cartesian(
     old: Posture, command: RobotCommand, pose: Array, twist: Array, tool: Array
 ) -> Posture:
-    """Posture after `old` for tool `pose` (4, 4) with `twist` (6,); Violation of a limit."""
+    """Posture a tick after `old` at tool `pose` (4, 4), `twist` (6,); Violation of a limit."""
     rates = old.tool.step(twist)
     check_tool_rates(old.tool, rates)
     swing = old.swing_to(_elbow(old, command))

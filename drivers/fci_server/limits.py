@@ -146,7 +146,7 @@ def _beyond(values: Array, limits: tuple[float, ...]) -> bool:
 
 
 def _with_tolerance(limit: Array, time: float = 1.0) -> tuple[float, ...]:
-    """Published `limit` (7,) times `time` [s] and the tolerance LIMIT_FACTOR, as plain numbers."""
+    """Limit (7,) per tick: published `limit` times `time` [s] and the tolerance LIMIT_FACTOR."""
     return tuple((LIMIT_FACTOR * time * limit).tolist())
 
 

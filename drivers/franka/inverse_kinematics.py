@@ -171,7 +171,7 @@ def manipulability(jac: Array) -> float:
 
 
 def _descend(pose: Array, start: Array, tool: Array, centre: float) -> Attempt:
-    """Damped least-squares search for joints from `start` (7,) [rad]; `centre` as in `solve`."""
+    """Damped least-squares search for joints from `start` (7,) [rad], drawn to joints `centre`."""
     joints = np.array(start, dtype=np.float64)
     for _ in range(ITERATIONS):
         reached, jac = pose_and_jacobian(joints, tool)

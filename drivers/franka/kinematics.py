@@ -54,7 +54,7 @@ _COSINE, _SINE, _FIXED = _fixed_parts()
 
 
 def offset_in_frame(joint: int) -> tuple[float, float]:
-    """Offset d of joint number `joint`, from 0, as (y, z) [m] in the frame before that joint."""
+    """Offset d of joint number `joint` (from 0) as (y, z) [m] in the frame before this joint."""
     _, d, alpha = PARAMETERS[joint].tolist()
     if alpha == 0:
         return 0.0, d

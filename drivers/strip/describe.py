@@ -69,7 +69,7 @@ def load_plant(path: Path) -> StripFile:
 
 
 def load_strip(path: Path, of: Collection[str] = ("strip",)) -> StripFile:
-    """Strip in the file at `path`, with effects `of` strips; ConfigurationError if it is wrong."""
+    """Strip in the file at `path`, with effects `of` strips; ConfigurationError for a bad file."""
     strip = load(path, StripFile)
     check_effects(strip.effects, str(path), of)
     check_law(strip.law, origin=str(path))
@@ -78,7 +78,7 @@ def load_strip(path: Path, of: Collection[str] = ("strip",)) -> StripFile:
 
 
 def check_described(strip: StripFile, origin: str) -> None:
-    """Raise ConfigurationError for a strip that no engine can simulate or effects do not fit."""
+    """Raise ConfigurationError for a strip that no engine simulates, or with unfit effects."""
     for bound in BOUNDS:
         if bound.value(strip) < bound.refused:
             raise ConfigurationError(

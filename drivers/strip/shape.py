@@ -59,7 +59,7 @@ def layer_gap(points: Array, s: Array, opening: float) -> Gap | None:
 
 
 def _features_of(points: Array, height: float = 0.0, opening: float = math.inf) -> Any:
-    """The `features` of a midline `points` (n, 2) [m]."""
+    """Desk contact, fold tip and layer gap of a midline `points` (n, 2) [m], as five numbers."""
     x, z = np.array(points.T, dtype=np.float64, order="C")
     return features(x, z, height, opening)
 

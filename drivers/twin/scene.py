@@ -61,7 +61,7 @@ class History:
 
 
 def interpolate(earlier: Scene, later: Scene, stamp: float) -> Scene:
-    """Scene at `stamp` [s], linear between two scenes; the grasp is that of `earlier`."""
+    """Scene at `stamp` [s], linear between two scenes, with the grasp of `earlier`."""
     share = (stamp - earlier.stamp) / (later.stamp - earlier.stamp)
     start = earlier.gripper.as_array()
     end = later.gripper.as_array()

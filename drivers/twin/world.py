@@ -65,7 +65,7 @@ class Grasp:
 
 
 class Plant(Stepper, Protocol):
-    """Protocol of a strip engine whose strip can also be released."""
+    """Protocol of a strip engine that can also release the strip."""
 
     def release(self) -> None:
         """Release the grasped edge; later gripper poses have no effect on it."""

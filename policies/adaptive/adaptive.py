@@ -30,7 +30,7 @@ UP_DIRECTION, DOWN_DIRECTION, LEVEL_DIRECTION = 0.75 * math.pi, 1.25 * math.pi, 
 
 
 class Steering:
-    """Steering of n grippers along raised triangles: up, then down; none climbs a second time."""
+    """Steering of n grippers along raised triangles, up and then down, never up again."""
 
     def __init__(self, length: float, speed: float, count: int) -> None:
         """Steer `count` grippers over strips of `length` [m] at `speed` [m/s]."""

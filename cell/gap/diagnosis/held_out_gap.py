@@ -126,6 +126,6 @@ def shrink(before: Estimate, after: Estimate, rng: np.random.Generator) -> Shrin
 
 
 def _share_closed(before: Array, after: Array) -> Array:
-    """Share (...) of excess removed from squares `before` (..., R) to `after`; 0 without any."""
+    """Share (...) of excess removed from squares `before` (..., R) to `after`; 0 without excess."""
     gap = excess(before)
     return np.where(gap > 0.0, 1.0 - excess(after) / np.where(gap > 0.0, gap, 1.0), 0.0)

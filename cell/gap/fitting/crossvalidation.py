@@ -111,7 +111,7 @@ class _Prediction:
 
 
 def validate(estimate: Estimate) -> Task[CrossValidatedFit]:
-    """Predict each run of `estimate` from the fit to the other folds; a task yielding requests."""
+    """Predict each run of `estimate` from a fit to the other folds; yields simulation requests."""
     dealt = folds(estimate.evidence.runs)
     parts = yield from side_by_side([_predict_fold(estimate, fold) for fold in dealt])
     by_run = {i: run for fold, part in zip(dealt, parts, strict=True)
@@ -126,7 +126,7 @@ def validate(estimate: Estimate) -> Task[CrossValidatedFit]:
 
 
 def _predict_fold(estimate: Estimate, fold: Sequence[int]) -> Task[list[_Prediction]]:
-    """Predict the runs of `fold` by the fit to all others; a task that yields requests.
+    """Predict the runs of `fold` by a fit to all other runs; yields simulation requests.
 
     Penalised by the number of shared values that only the fold determines, at its first run, and by
     the losses of the runs' random unknowns.

@@ -230,7 +230,7 @@ def responses_to(
 
 
 def best(estimates: Sequence[Estimate]) -> Estimate:
-    """Estimate of smallest objective, all at the smallest of their dispersions."""
+    """Estimate of smallest objective, compared at the smallest dispersion of all."""
     scale = min(e.scale for e in estimates)
     return min(estimates, key=lambda e: e.objective_at(scale))
 

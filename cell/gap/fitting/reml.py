@@ -267,7 +267,7 @@ def clearly_differ(before: Mapping[str, float], now: Mapping[str, float]) -> boo
 
 
 def with_spreads(evidence: Evidence, spreads: Sequence[Spread]) -> Evidence:
-    """Copy of `evidence` with `spreads` as priors of random unknowns, those without removed."""
+    """Copy of `evidence` with `spreads` as priors of random unknowns; others are removed."""
     spread_of = {s.name: s.value for s in spreads}
     runs = []
     for run in evidence.runs:

@@ -63,7 +63,7 @@ def inefficiency(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
 
 
 def long_run_variance(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
-    """Long-run variance of residuals (n,), variance of their sum over n, per their scale^2."""
+    """Long-run variance of residuals (n,), the variance of their sum over n, per scale^2."""
     s = scale(np.concatenate(residuals)) if residuals else 1.0
     clipped = [np.clip(r, -HUBER_THRESHOLD * s, HUBER_THRESHOLD * s) for r in residuals]
     power, products = _autocovariance(runs, clipped)

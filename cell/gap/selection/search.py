@@ -58,7 +58,7 @@ def within_reach(gain: float, most: float) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Search:
-    """Fits models of the `candidates`, whose responses at the base are `probed`, by `simulate`."""
+    """Search that fits models of `candidates`, whose responses at the base are `probed`."""
 
     simulate: Simulate
     candidates: Sequence[Candidate]
@@ -192,7 +192,7 @@ class Search:
 
 
 def _few_steps(model: Model, evidence: Evidence, points: Sequence[Start]) -> Task[list[Estimate]]:
-    """Estimates after the first few steps from each of `points`; yields simulations."""
+    """Estimates after the first few steps from each of `points`; yields simulation requests."""
     steps = BUDGET.first_steps
     return side_by_side([refit(model, evidence, *p, ROUGH_GAIN, steps) for p in points])
 
@@ -214,7 +214,7 @@ def _finish(first: Estimate, *, promising: bool) -> Task[Estimate]:
 def _best_short_fit(
     base: Estimate, model: Model, points: Sequence[Start], incumbent: Estimate | None = None
 ) -> Task[Estimate | None]:
-    """Best fit of `model` after a few steps from each start; yields simulations.
+    """Best fit of `model` after a few steps from each start; yields simulation requests.
 
     None where it is no better than `incumbent`, an earlier fit of the same model.
     """
@@ -237,7 +237,7 @@ def _best_short_fit(
 
 
 def _farthest(base: Estimate, begun: Sequence[Estimate], reference: Estimate) -> list[Estimate]:
-    """Fits of `begun` whose gain over `base` is close to the largest, `reference` included."""
+    """Unfinished fits `begun` that gain nearly most over `base`, `reference` included."""
     estimates = [*begun, reference]
     dispersion = min(e.scale for e in estimates)
     gains = [_gain_over(base, e, dispersion) for e in estimates]
@@ -288,7 +288,7 @@ def _with_other_sign(fit: Estimate, effect: Candidate, beside: Estimate) -> Task
 
 
 def _with_free_shape(fit: Estimate) -> Task[Estimate]:
-    """Fit of the model of `fit` with free shape parameters; yields simulations.
+    """Fit of the model of `fit` with free shape parameters; yields simulation requests.
 
     They begin off their start by a share of their prior spread: at it some do nothing yet.
     """

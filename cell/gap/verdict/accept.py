@@ -263,7 +263,7 @@ def _files_by_name(
 
 
 def _write(changes: Mapping[Path, str]) -> None:
-    """Write the files one after the other; delete those whose text is ABSENT."""
+    """Write the files of an acceptance one by one; delete those whose text is ABSENT."""
     for path, text in changes.items():
         if text == ABSENT:
             path.unlink(missing_ok=True)
@@ -272,7 +272,7 @@ def _write(changes: Mapping[Path, str]) -> None:
 
 
 def _folders(*files: Path | None) -> list[Path]:
-    """Existing folders that hold the given files; a missing file is refused on reading."""
+    """Existing folders of the given files; a missing file is refused only on reading."""
     return [p.parent for p in files if p is not None and p.parent.is_dir()]
 
 
@@ -303,7 +303,7 @@ def _with_cell(path: Path, patch: Path) -> str:
 
 
 def _check_cell(content: Mapping[str, object], path: Path) -> None:
-    """Refuse `content` that is no valid cell file, its section `twin` aside."""
+    """Refuse `content` that is no valid cell file; its section `twin` is not checked."""
     known = {key: value for key, value in content.items() if key != "twin"}
     parse(known, CellSettings, str(path))
 
@@ -330,7 +330,7 @@ def _read_fit_record(out: Path) -> FitRecord:
 
 
 def _name(path: Path) -> str:
-    """Resolved path in characters that UTF-8 can encode, others escaped."""
+    """Resolved path as text that UTF-8 can encode, other characters escaped."""
     return str(path.resolve()).encode(errors="backslashreplace").decode()
 
 

@@ -150,7 +150,7 @@ def _posterior(findings: Findings) -> Probable:
 
 
 def _candidates(findings: Findings) -> list[CandidateEntry]:
-    """Candidates by their gain, the best first: refitted models, and others as screened."""
+    """Candidate models by their gain, the best first: refitted ones, others as screened."""
     fits, scope = findings.fits, findings.subject.scope
     raw = {m.model.name: likelihood_ratio_p(m, fits.base, findings.likelihood)
            for m in fits.models if m.model.effects}  # fmt: skip
@@ -210,7 +210,7 @@ def _compare_by_screen(
 
 
 def _notes(findings: Findings, which: Kind) -> list[str]:
-    """Note that held-out runs show a gap where the fitted ones show none; else nothing."""
+    """Note on a gap that held-out runs show and fitted ones do not, if there is one."""
     if which != "no_gap" or (gap := unseen_gap(findings)) <= GAP:
         return []
     return [

@@ -90,7 +90,7 @@ def unseen_gap(findings: Findings) -> float:
 
 
 def evidence_for(findings: Findings, effect: str | None) -> VerdictEvidence:
-    """Evidence for the accepted `effect`, from which its probability follows; None: of the base."""
+    """Evidence that sets the probability of the accepted `effect` or, with None, of the base."""
     runs, quantities = _gains(findings)
     fits = (findings.accepted.estimate, findings.held_out_fits.after)
     by_run = [held_out_gap.rms_by_run(fit, findings.subject.scope.quantities) for fit in fits]

@@ -238,7 +238,7 @@ def read_verdict(path: Path) -> Verdict:
 
 
 def fit_folder(out: Path) -> Path:
-    """The folder `out` of a fit; raises ConfigurationError where there is none."""
+    """Folder `out` of a fit; raises ConfigurationError where there is none."""
     if not out.is_dir():
         what = "is a file" if out.exists() else "no such folder"
         raise ConfigurationError(f"{out}: {what}; {NAME_FOLDER}")

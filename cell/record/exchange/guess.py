@@ -79,7 +79,7 @@ Guesses = Mapping[str, Guess]  # of a table's columns, by the quantity that each
 
 
 def guess_mapping(places: Sequence[Path], strip: StripFile | None) -> str:
-    """Text of a mapping for folds of `strip` as the first in `places`, with remarks.
+    """Text of a mapping for folds of `strip`, guessed from the first in `places`, with remarks.
 
     Without a strip its name and the zero of x stay open, and so do columns of the gripper that no
     name tells.

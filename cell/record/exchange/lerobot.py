@@ -92,7 +92,7 @@ def write_lerobot(runs: Sequence[Run], out: Path) -> tuple[Path, ...]:
 def _write_films(
     runs: Sequence[Run], rows: Sequence[dict[str, Any]], out: Path, fps: int
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Write a film for each run, and its place into its row of meta/episodes.
+    """Write a film for each run, and enter its place into the run's row of meta/episodes.
 
     Returns the images as a feature of meta/info.json, and statistics of their pixels. Raises
     ConfigurationError for films with images of several sizes.
@@ -166,7 +166,7 @@ def _curves(run: Run, points: int) -> dict[str, Feature]:
 
 
 def _at_frames(run: Run, stamps: Array, values: Array) -> Feature:
-    """Feature of `values` (k, ...) in the frames nearest to their `stamps` (k,), else NaN."""
+    """Feature of `values` (k, ...) at the frames nearest to their `stamps` (k,), NaN at others."""
     t = run.ticks.t
     rows = place_rows(t, stamps)
     if len(np.unique(rows)) < len(rows):
@@ -248,7 +248,7 @@ def _episode_row(run: Run, i: int, begin: int, count: int) -> dict[str, Any]:
 
 
 def _tasks(tasks: Sequence[str]) -> pa.Table:
-    """Table of tasks and their index; the text is the index of a pandas frame."""
+    """Table of task texts and their numbers, with the text as index of a pandas frame."""
     columns = [
         {"name": name, "field_name": name, "pandas_type": pandas, "numpy_type": numpy,
          "metadata": None}

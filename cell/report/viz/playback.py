@@ -59,7 +59,7 @@ def moments_of(run: Run) -> Iterator[TickView | LogLine]:
 
 
 def _ticks(run: Run, origin: float) -> Iterator[TickView]:
-    """Yield the run's ticks, each with what is new at it; before them the images before t = 0."""
+    """Yield the run's ticks with what is new at each, first images from before t = 0."""
     frames = iter(()) if (run.folder / FILM).is_file() else run.frames()
     frame = next(frames, None)
     while frame is not None and frame.stamp < 0:
@@ -90,7 +90,7 @@ def _ticks(run: Run, origin: float) -> Iterator[TickView]:
 
 
 def _newest_at(times: Array, stamped: Iterator[tuple[float, Item]]) -> Iterator[Item | None]:
-    """Yield for each of `times` (n,) [s] the newest item of `stamped` since the last; or None."""
+    """Yield for each of `times` (n,) [s] the newest item stamped since the one before, or None."""
     following = next(stamped, None)
     for t in times:
         newest: Item | None = None

@@ -188,7 +188,7 @@ def _address(context: Any, builder: Any, kind: Any, array: Any, place: Any) -> A
 
 
 def _lane_address(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-    """Address of the double of `args`: array, row, column and lane."""
+    """LLVM pointer to the double at an array, row, column and lane, which are `args`."""
     place = _address(context, builder, sig.args[0], args[0], args[1:3])
     if sig.args[0].ndim == 2:
         return place

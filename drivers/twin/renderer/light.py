@@ -148,7 +148,7 @@ def _cast_on_wall(points: Array, lamp: Lamp) -> Array:
 
 
 def _cast_on_desk(points: Array, lamp: Lamp, floor: float) -> Array:
-    """Shadows (m, 3) [m] that those of `points` (n, 3) below the lamp cast on the desk."""
+    """Shadows (m, 3) [m] on the desk of those `points` (n, 3) [m] that are below the lamp."""
     source = np.array(lamp.place)
     low = points[points[:, 2] < source[2] - BELOW_LAMP]
     ratio = (source[2] - floor) / (source[2] - low[:, 2])

@@ -71,7 +71,7 @@ def expose(scenes: Sequence[Scene], spacing: float) -> Curve:
 
 
 def smooth(points: Array, arc: Array) -> Array:
-    """Nodes (n, 2) of a smooth curve that is nearest to the straight links between `points`.
+    """Nodes (n, 2) [m] of a smooth curve through straight links between `points`, nearest to them.
 
     A curve through the ends of straight links lies outside them by kappa h^2 / 12 on average.
     Moving the nodes in by as much, a twelfth of their second difference where the links are equal,

@@ -134,7 +134,7 @@ class TrialResult:
 
 
 def calibrate_sigmas(critic: Critic, shard: Shard) -> tuple[Critic, TrialResult]:
-    """Copy of `critic` with sigmas scaled to its errors in folds `shard`; results of the folds."""
+    """Copy of `critic` with sigmas scaled to its errors in trial folds; results of these folds."""
     ratios = error_ratios(critic, shard)
     # sigma's factors with which the shares within 1 and 1.96 sigma are nearest to normal
     needed = [[np.quantile(r, share) / sigmas for share, sigmas in COVERAGES] for r in ratios]

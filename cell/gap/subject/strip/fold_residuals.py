@@ -126,7 +126,7 @@ class FoldResiduals:
 
 
 def simulated_touch(run: MeasuredRun, model: StripModel, motion: SimulatedMotion) -> Touch | None:
-    """Simulated touch of the layers as the images of `run` would show it; None without one."""
+    """Simulated touch of the layers as images of `run` would show it; None if there is none."""
     if motion.touch is None:
         return None
     grip = interpolate_columns(motion.touch.time, motion.t, motion.poses)

@@ -299,6 +299,6 @@ def _is_replicate(longer: PreparedFold, fold: PreparedFold) -> bool:
 
 
 def _is_near(longer: GripperPath, path: GripperPath) -> bool:
-    """Whether the poses of `path` lie within PATH_TOLERANCE of those of `longer` at equal times."""
+    """Whether the poses of `path` are within PATH_TOLERANCE of those of `longer` at all times."""
     expected = interpolate_columns(path.t, longer.t, longer.poses)
     return bool((np.abs(path.poses - expected) < PATH_TOLERANCE).all())

@@ -89,7 +89,7 @@ def _check_motion(origin: Path, run: Recorded) -> None:
 
 
 def _check_indices(folders: Sequence[RunFolder], heads: Sequence[Header]) -> None:
-    """Refuse two runs of one index in a batch, ConfigurationError.
+    """Raise ConfigurationError where two runs of a batch have the same index.
 
     `cell fold --repeat` and `cell gap plan` number the folds of one specimen from 0, with seeds
     that grow as the index does; several such batches of the twin are several specimens.
@@ -156,7 +156,7 @@ class MeasuredRun:
 
 
 def read_runs(folders: Sequence[RunFolder], strip: StripFile) -> list[MeasuredRun]:
-    """Measured folds in `folders` (one or more), sorted as they were taken; some not `usable`.
+    """Measured folds in `folders`, sorted by time of measurement; some may not be `usable`.
 
     Raises ConfigurationError, in one line, for input that is broken or too little.
     """
@@ -240,7 +240,7 @@ def _with_pitch(run: Recorded) -> Recorded:
 
 
 def _check_kind(folder: Path) -> None:
-    """Refuse a run of a pendulum where one of a strip is needed."""
+    """Refuse the run of a pendulum where the run of a strip is needed."""
     head = read_yaml(folder / RUN)
     if "strip" not in head and "pendulum" in head:
         raise ConfigurationError(
@@ -274,7 +274,7 @@ def _measured_run(name: str, run: Recorded, touch: Touch | None, strip: StripFil
 
 
 def _short_run(name: str, run: Recorded) -> MeasuredRun:
-    """Run too short to be used, without measurements."""
+    """Measured run without measurements, for a run too short to be used."""
     none, pairs, header = frozen([]), np.empty((0, 2)), run.header
     return MeasuredRun(
         name, header.condition or name, none, np.empty((0, 3)), none, False, header.index or 0,
@@ -286,7 +286,7 @@ def _short_run(name: str, run: Recorded) -> MeasuredRun:
 def _notes(
     folder: Path, name: str, run: Recorded, touch: Touch | None, strip: StripFile
 ) -> Iterator[str]:
-    """Remarks on places that contradict one strip held at its end, from the desk to the gripper.
+    """Remarks on data that contradict a strip held at its end, from the desk to the gripper.
 
     A run that ended without a touch is noted, too. Raises ConfigurationError where places
     contradict such a strip, or stamps lie beside the gripper's rows.

@@ -201,7 +201,7 @@ class Simulation:
 
 
 def _condense(motion: StripMotion, resolution: Resolution) -> SimulatedMotion:
-    """Compared quantities of a simulated motion; one without shapes is taken as a flat strip."""
+    """Reduce a simulated motion to the compared quantities; without shapes the strip is flat."""
     arc = lattice(1.0, resolution.segments)
     shapes = motion.shapes.astype(np.float32, copy=False)
     if not len(shapes):

@@ -218,7 +218,7 @@ def _stamps(end: float, errors: Instruments, rng: np.random.Generator) -> Array:
 
 
 def _touch(fold: Fold, errors: Instruments, rng: np.random.Generator) -> Touch | None:
-    """Touch of a simulated fold as measured, with noise; None without one."""
+    """Touch of a simulated fold as measured, with noise; None if the fold has no touch."""
     touch = fold.motion.touch
     if touch is None:
         return None
@@ -279,7 +279,7 @@ def _ticks(
 
 
 def _forces(fold: Fold, t: Array, noise: float, rng: np.random.Generator) -> dict[str, Array]:
-    """Columns (m,) [N] of reported force at `t` (m,) [s], with noise from its own generator."""
+    """Columns (m,) [N] of reported force at `t` (m,) [s], with noise from a separate generator."""
     mean = mean_force(fold.motion.t, fold.motion.grip_force)
     force = reported_force(fold.model.observation, t, fold.motion.t, mean)
     noisy = force + rng.spawn(1)[0].normal(0.0, noise, force.shape)  # leaves the run's draws alone
