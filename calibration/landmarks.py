@@ -185,7 +185,7 @@ def find_patch(window: Image, patch: Image) -> Array | None:
 
 
 def _peak(scores: Array, at: int) -> float:
-    """Offset of the maximum of `scores` (n,) from index `at`, by a parabola through 3 values."""
+    """Offset [indices] of the peak of `scores` (n,) from `at`, by a parabola through 3 values."""
     if not 0 < at < len(scores) - 1:
         return 0.0
     before, peak, after = scores[at - 1 : at + 2].astype(float).tolist()

@@ -139,7 +139,7 @@ def fold_by_plan(planned: StripFile, lying: StripFile) -> tuple[float, Array]:
 
 
 def _gripper_poses(strip: StripFile, speed: float, steps: Array) -> tuple[Array, float]:
-    """Poses (k, n, 3) of grippers along triangles raised by `steps` (n,), and their period [s].
+    """Poses (k, n, 3) [m, m, rad] of grippers on triangles raised by `steps` (n,), and period [s].
 
     At `speed` [m/s]; a step is RISE_STEP.
     """

@@ -25,7 +25,7 @@ class MultiStepper(Protocol):
     """Protocol of an engine that executes several steps in one call."""
 
     def advance(self, poses: Array, dt: float) -> Observables:
-        """Advance by a step of `dt` [s] to each of the gripper `poses` (k, n, 3)."""
+        """Advance by a step of `dt` [s] to each of `poses` (k, n, 3) [m, m, rad]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,7 +204,7 @@ class _Loop:
         )
 
     def _advance(self, poses: Array) -> None:
-        """Move the grippers through `poses` (k, n, 3), sum forces up, return the camera states."""
+        """Move grippers through `poses` (k, n, 3) [m, m, rad], sum forces, return camera states."""
         observed = self._step_all(poses, self._dt)
         if observed.touch is not self._touch:
             self._touch = observed.touch

@@ -172,7 +172,7 @@ def _taken_images(
 
 
 def _read_image(folder: Path, row: Row, size: tuple[int, int]) -> Image:
-    """Image of `row` in a session's `folder`; ConfigurationError if missing or of another size."""
+    """Image (height, width, 3) of a session's `row`; ConfigurationError if missing or misfit."""
     path = folder / str(row.image)
     if path.resolve().parent != (folder / IMAGES_FOLDER).resolve():
         raise ConfigurationError(

@@ -79,7 +79,7 @@ def fold_poses(
 
 
 def _thin_out(points: Array) -> Array:
-    """Points of a path that are at least POINT_SPACING apart, its last point included."""
+    """Points (k, 2) [m] of a path, at least POINT_SPACING apart, and the path's last point."""
     kept = [points[0]]
     for point in points[1:]:
         if np.hypot(*(point - kept[-1])) >= POINT_SPACING:

@@ -133,7 +133,7 @@ class RangeFolds(Settings):
 
     @property
     def displacement_grid(self) -> Array:
-        """Displacements (side, side) [m], a row a stiffness, a column a damping; NaN: no touch."""
+        """Displacements (side, side) [m], by stiffness and damping; NaN without a touch."""
         return np.array(self.displacement, dtype=np.float64).reshape(self.side, self.side)
 
 

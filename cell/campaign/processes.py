@@ -34,7 +34,7 @@ class Call:
 
 
 class Signal(StrEnum):
-    """Messages between pool and process: STOP asks to stop a call, READY tells of preparation.
+    """Messages between pool and process: STOP for a call, READY once the process is prepared.
 
     A second STOP ends a stoppable call at once.
     """

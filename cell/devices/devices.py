@@ -22,7 +22,7 @@ STATES_KEPT = 256  # of the arm, for the gripper's pose at an earlier moment
 
 
 class Closable(Protocol):
-    """Protocol of an object that has to be closed at the end."""
+    """Protocol of a resource that must be closed at the end."""
 
     def close(self) -> None:
         """Release the resources; calling it twice is allowed."""

@@ -276,7 +276,7 @@ def check(paths: Sequence[Path], file: Path, jobs: int = 1, shown: Progress = qu
 
 
 def unidentifiable(subject: Subject) -> Iterator[Finding]:
-    """Findings on values and effects that the runs cannot identify, by responses near the base."""
+    """Findings on values and effects that the runs do not identify, by responses at the base."""
     stated = stated_estimate(subject, subject.simulate)
     for p, s in undetermined_values(stated):
         words = f"{p.name}: known to {p.spread:.2g} {p.unit}, by these runs to {s:.2g}"

@@ -92,7 +92,7 @@ def grasp(context: FoldContext, _record: Recorder, _begin: Snapshot) -> steps.Ph
 
 
 def lift(context: FoldContext, record: Recorder, _begin: Snapshot) -> steps.Phase:
-    """Lift the grasped edge along the policy's path while the pitch grows to hanging.
+    """Lift the grasped edge along the policy's path, pitching the gripper until it is upright.
 
     In a run that starts hanging the strip then comes to rest, and measured time begins.
     """

@@ -185,7 +185,7 @@ def _pixels(points: Array, calibration: Calibration) -> NDArray[np.int32]:
 
 
 def _with_sight(image: Image, note: FrameNote, run: Run, calibration: Calibration) -> Image:
-    """Copy of `image` with its measurement of the strip drawn in; `image` itself without one."""
+    """Copy of `image` (h, w, 3) with its measurement drawn in; `image` itself without one."""
     sights = run.sights()
     rows = np.flatnonzero(sights.sequence == note.sequence)
     if rows.size == 0:
@@ -197,7 +197,7 @@ def _with_sight(image: Image, note: FrameNote, run: Run, calibration: Calibratio
 
 
 def _with_outline(image: Image, sequence: int, outlines: Sequence[Silhouette]) -> Image:
-    """Copy of `image` with those of `outlines` drawn that belong to the image `sequence`."""
+    """Copy of `image` (h, w, 3) with those `outlines` drawn that belong to number `sequence`."""
     import cv2
 
     rings = [np.rint(o.pixels).astype(np.int32) for o in outlines if o.sequence == sequence]

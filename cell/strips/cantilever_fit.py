@@ -286,7 +286,7 @@ def _fit_straight(photograph: Photograph) -> Fit:
 
 
 def _minimise(problem: Problem, values: Array) -> Fit:
-    """Fit from `values` (p,): the top of the posterior, and its normal approximation there."""
+    """Fit from `values` (p,): the mode of the posterior, with its normal approximation."""
     bounds = np.full(problem.size, np.inf)
     bounds[LN_LENGTH] = MOST_LN_LENGTH
     solution = least_squares(

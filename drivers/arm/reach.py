@@ -161,7 +161,7 @@ def _track_path(plane: StripPlane, poses: Array, times: Array, start: Array) -> 
 
 
 def _first_braking(guard: "ReachGuard", poses: Array, times: Array) -> Problem | None:
-    """The first of `poses` (n, 3), from the lift on, at which `guard` would brake the arm."""
+    """First of `poses` (n, 3) [m, m, rad], from the lift on, at which `guard` would brake."""
     rates = np.diff(poses, axis=0) / times[1:, None]
     for (x, z, pitch), rate in zip(poses.tolist(), rates.tolist(), strict=False):
         reason = guard.objection(PredictedMotion(Pose(x, z, pitch), Velocity(*rate), ZERO_VELOCITY))

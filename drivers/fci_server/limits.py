@@ -58,7 +58,7 @@ TOOL_REFLEXES = (
 
 
 class BodyCheck:
-    """Collision check of the arm with itself and solids, skipped within the last clearance."""
+    """Collision check of the arm with itself and solids, skipped while little has moved."""
 
     def __init__(self, solids: Solids | None = None) -> None:
         """Check the arm for collisions with `solids`, or with itself alone."""

@@ -49,7 +49,7 @@ class StripFile(Settings):
     def _check_spread(
         cls, spread: dict[str, tuple[float, float]]
     ) -> dict[str, tuple[float, float]]:
-        """Refuse a range of a key without one, or with bounds that are not 0 < low <= high."""
+        """Refuse a range of a key that has none, and bounds that are not 0 < low <= high."""
         known = {"bending_length", "retardation_time", "areal_density", "thickness"}
         for key, (low, high) in spread.items():
             if key not in known:

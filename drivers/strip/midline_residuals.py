@@ -43,7 +43,7 @@ def curvature(before: Any, after: Any) -> Any:
 
 @kernel
 def distances_to_segment(curve: Any, q: int, base: Any, bend: float, x: float, z: float) -> Any:
-    """Distance [m] of point x, z from segment `q`; from its arc too, signed, left positive.
+    """Distance [m] of point x, z from segment `q`, and signed one (left positive) from its arc.
 
     The arc over the segment's chord `base` has the mean curvature `bend` [1/m].
     """

@@ -24,7 +24,7 @@ SHORTEST_WINDOW = 1e-9  # s, keeps the mean of a path of one row finite
 
 
 def true_path(rig: Rig, t: Array, poses: Array, *, hanging: bool = False) -> tuple[Array, Array]:
-    """True times (m,) [s] and poses (m, 3) of a gripper path reported as `t` (m,), `poses` (m, 3).
+    """True times (m,) [s] and gripper poses (m, 3) [m, m, rad] for reported `t` and `poses`.
 
     `hanging`: the strip hangs when the path begins. Without effects of the rig the arrays are
     returned unchanged.
@@ -36,7 +36,7 @@ def true_path(rig: Rig, t: Array, poses: Array, *, hanging: bool = False) -> tup
 
 
 def share_away(poses: Array, start: Array) -> Array:
-    """Fraction (...,), 0 to 1, of the rig's offsets that acts at reported `poses` (..., 3).
+    """Fraction (...,), 0 to 1, of the rig's offsets at reported `poses` (..., 3) [m, m, rad].
 
     It grows with the distance from `start` (3,), the pose of the grasp.
     """

@@ -89,7 +89,7 @@ def _draw_board(
 
 
 def _on_board(optics: Optics, pose: Array, box: tuple[int, int, int, int]) -> tuple[Pixels, Pixels]:
-    """Points x, y [m] from the board's centre that the rays through pixels of `box` meet."""
+    """Points x, y (h, w) [m] from the board's centre, met by rays through the pixels of `box`."""
     left, top, right, bottom = box
     u, v = np.meshgrid(
         (np.arange((right - left) * SAMPLES_PER_PIXEL) + 0.5) / SAMPLES_PER_PIXEL - 0.5 + left,
@@ -106,7 +106,7 @@ def _on_board(optics: Optics, pose: Array, box: tuple[int, int, int, int]) -> tu
 def _sample_print(
     board: cv2.aruco.CharucoBoard, x: Pixels, y: Pixels, scale: int
 ) -> tuple[Pixels, Pixels]:
-    """Grey levels of the print, and shares of the pixels that it covers, at `x`, `y` [squares]."""
+    """Grey levels (h, w) of the print, and its shares of the pixels, at `x`, `y` [squares]."""
     columns, rows = board.getChessboardSize()
     margin = round(QUIET_ZONE * scale)
     size = (columns * scale + 2 * margin, rows * scale + 2 * margin)

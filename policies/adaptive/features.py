@@ -82,7 +82,7 @@ class RecentImages:
 
 
 def _fit_line(t: Array, values: Array, weight: Array) -> tuple[Array, Array]:
-    """Value at t = 0 and slope of weighted least-squares lines, with a ridge on the slope."""
+    """Values at t = 0 and slopes (n, channels) of weighted lines, with a ridge on the slopes."""
     s0 = weight.sum(axis=1) + 1e-12
     s1, s2 = (weight * t).sum(axis=1), (weight * t * t).sum(axis=1) + RATE_NOISE
     y0, y1 = (weight * values).sum(axis=1), (weight * values * t).sum(axis=1)

@@ -28,7 +28,7 @@ FINAL_GAIN, ROUGH_GAIN = 0.05, 2.0
 
 
 def linearise(model: Model, evidence: Evidence, point: Point) -> Task[Linearised]:
-    """Residuals and whitened Jacobian (n, shared + local) of each run; a task yielding requests."""
+    """Residuals and whitened Jacobian (n, shared + local) of each run; yields requests."""
     runs = zip(evidence.runs, evidence.scales, point.local, strict=True)
     tasks = [_linearise_run(model, run, scale, point.shared, local) for run, scale, local in runs]
     by_run = yield from side_by_side(tasks)
@@ -243,7 +243,7 @@ def refit(
     enough: float = FINAL_GAIN,
     steps: int = MOST_STEPS,
 ) -> Task[Estimate]:
-    """Fit `model` to the runs of `evidence`, from the values `start`; a task that yields requests.
+    """Fit `model` to the runs of `evidence`, from the values `start`; yields requests.
 
     `jacobians` (n, shared + local) by run of a fit nearby spare the first secants; the fit ends
     when a further step promises less than `enough` nats, or gains less with a new Jacobian, or
@@ -276,7 +276,7 @@ def refit(
 def _estimate_at(
     model: Model, evidence: Evidence, point: Point, jacobians: tuple[Array, ...] | None = None
 ) -> Task[Estimate]:
-    """Estimate at the values `point`, with `jacobians` or new ones by secants; yields requests."""
+    """Estimate at values `point`, with `jacobians` or new ones by secants; yields requests."""
     if jacobians is None:
         raw, jacobians = yield from linearise(model, evidence, point)
     else:

@@ -247,7 +247,7 @@ class SpreadFit:
 
 
 def _add_uncommon(fit: SpreadFit, count: int) -> SpreadFit:
-    """Add quantities, up to `count`, to those that scatter, while their likelihood gains."""
+    """Add quantities to `fit`, of `count` in all, whose scatter raises the likelihood."""
     while len(fit.active) < count:
         absent = [k for k in range(count) if k not in fit.active]
         trials = [SpreadFit.of(fit.likelihood, [*fit.active, k], fit.shares) for k in absent]

@@ -15,7 +15,7 @@ Task = Generator[list[Request], Sequence[Residuals], T]
 
 
 def side_by_side(tasks: Sequence[Task[T]]) -> Task[list[T]]:
-    """Task that advances `tasks` in lock-step, joins their requests, returns all results."""
+    """Advance generators of requests in lock-step, with joint requests; returns all results."""
     results: dict[int, T] = {}
     waiting: dict[int, list[Request]] = {}
 
@@ -38,12 +38,12 @@ def side_by_side(tasks: Sequence[Task[T]]) -> Task[list[T]]:
 
 
 def run_one(simulate: Simulate, task: Task[T]) -> T:
-    """Run a task to its end, answering its requests by `simulate`; returns its result."""
+    """Run a fit, a generator of requests, to its end by `simulate`; returns its result."""
     return run_all(simulate, [task])[0]
 
 
 def run_all(simulate: Simulate, tasks: Sequence[Task[T]]) -> list[T]:
-    """Run `tasks` in lock-step, one call of `simulate` for each round; returns their results."""
+    """Run fits in lock-step, with one call of `simulate` for each round; returns their results."""
     joint = side_by_side(tasks)
     answers: Sequence[Residuals] | None = None
     while True:

@@ -161,7 +161,7 @@ class ProbeResponses:
 
 
 def run_probes(base: Estimate, candidate: Candidate) -> Task[ProbeResponses]:
-    """Simulate an effect's probes at the fit `base`; a task that returns their responses."""
+    """Simulate an effect's probes at the fit `base` and return the responses; yields requests."""
     model = Model(base.model.base, (*base.model.effects, candidate))
     probes = tuple(tuple(candidate.complete(np.array(v)) for v in g) for g in candidate.probes)
     groups = (_steps_from_null(candidate), *probes)

@@ -99,7 +99,7 @@ def intervals(
 
 
 def _interval(p: Parameter, value: float, half: float) -> ValueWithUnit:
-    """Estimate of `p` with the half-width of its interval, cut at bounds, in the file's form."""
+    """Estimate of `p` with its interval of half-width `half`, cut at bounds, in file units."""
     ends = [max(p.low, value - half), min(p.high, value + half)]
     stated = sorted(p.stated_value(v) for v in ends)
     low, high = (v if np.isfinite(v) else None for v in stated)

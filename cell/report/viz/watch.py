@@ -90,7 +90,7 @@ class LiveView:
         self._thread.join(timeout)
 
     def _image(self, snapshot: Snapshot) -> Image | None:
-        """Newest image of `snapshot`, if one is due and the thread keeps up; else None."""
+        """Newest image (h, w, 3) of `snapshot`, if one is due and drawing keeps up; else None."""
         if (
             not snapshot.view.fresh
             or snapshot.view.frame is None

@@ -84,7 +84,7 @@ def living_lanes(batch: Any, first: int, end: int) -> int:
 
 @kernel
 def store_poses(batch: Any, b: int, poses: Any) -> None:
-    """Store `poses` (n, 3) as the last grip poses of the strips in block `b`."""
+    """Store `poses` (n, 3) [m, m, rad] as the last grip poses of the strips in block `b`."""
     for i in batch.strips[b]:
         if i < len(batch.held):
             batch.held[i] = poses[i]
@@ -94,7 +94,7 @@ def store_poses(batch: Any, b: int, poses: Any) -> None:
 def step_along(
     batch: Any, poses: Any, observed: Any, shapes: Any, every: int, start: float, pace: Any
 ) -> int:
-    """Step all strips along grip poses (k, n, 3), a step to each, from time `start` [s].
+    """Step all strips along grip poses (k, n, 3) [m, m, rad], a step to each, from `start` [s].
 
     Writes into `observed` (k, n, OBSERVABLE_COUNT), and into `shapes` (k // every, n, nodes, 2)
     unless it is empty, without bounds checks; returns the number of strips that ended.

@@ -222,7 +222,7 @@ def simulate_all(
 
 
 def _starts(models: Sequence[StripModel], paths: Sequence[GripperPath]) -> Array | None:
-    """Gripper poses (n, 3) at which strips start to move; None where all of them lie flat."""
+    """Gripper poses (n, 3) [m, m, rad] at which strips start to move; None where all lie flat."""
     if not any(path.hanging for path in paths):
         return None
     flat = [(model.stated_length, 0.0, 0.0) for model in models]
@@ -233,7 +233,7 @@ def _starts(models: Sequence[StripModel], paths: Sequence[GripperPath]) -> Array
 def _trace_in_pieces(
     rod: Rod, poses: Array, counts: Sequence[int], dt: float, every: int, midlines: Sequence[Array]
 ) -> list[Array]:
-    """Trace the strips along `poses` (k, n, 3) in calls of about PIECE_TIME until all have ended.
+    """Trace the strips along `poses` (k, n, 3) [m, m, rad], PIECE_TIME a call, until all end.
 
     Strip i ends after `counts[i]` steps at the latest. Returns the observables of `Trace`, (k, n,
     ...) each, without shapes, and writes every `every`th midline of strip i into `midlines[i]`.

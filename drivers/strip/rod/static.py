@@ -79,7 +79,7 @@ def settle(batch: Batch, path: Array) -> None:
 
 
 def _follow_damped(batch: Batch, poses: Array, dt: float) -> None:
-    """Step along `poses` (k, n, 3) by backward Euler; raises where a strip fails or touches."""
+    """Step along `poses` (k, n, 3) [m, m, rad] by backward Euler; raises on failure or touch."""
     observed = np.zeros((len(poses), len(batch.held), at.OBSERVABLE_COUNT))
     pace = Pace(dt, 0.0, 0.0)
     step_along(batch, poses, observed, np.empty((0, 0, 0, 2)), 1, 0.0, pace)

@@ -153,7 +153,7 @@ def implicit_step(block: Any, h: float, omega: float, alive: Any) -> Any:
 
 @kernel
 def place_grip(block: Any, lane: int, pose: Any) -> None:
-    """Move the grasped edge in lane `lane` to `pose` (3,), and its ghost node along the pitch."""
+    """Move the grasped edge in lane `lane` to `pose` (3,) [m, m, rad], with its ghost node."""
     row = block.state.shape[0] - 2
     span = load_lane(block.nature, row, at.SPAN, lane)
     store_lane(block.state, row, at.X, lane, pose[0])

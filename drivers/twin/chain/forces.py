@@ -49,7 +49,7 @@ class Loads:
         return moment
 
     def _relax(self, angle: Array, h: float) -> Array:
-        """Moments (n + 1,) [N m] by which Maxwell elements have relaxed below springs.
+        """Moments (n + 1,) [N m] that the relaxation of Maxwell elements takes off the springs.
 
         Their strain obeys dq/dt = dangle/dt - q / time; exact for a uniform rate between calls.
         """
@@ -106,7 +106,7 @@ class DahlFriction:
 
 
 def _decay(start: Array, x: Array, exponent: float) -> Array:
-    """Solution u of du/dx = -u^exponent at `x`, from u = `start` at 0."""
+    """Solution u (n,) of du/dx = -u^exponent at `x` (n,), from u = `start` (n,) at 0."""
     start = np.maximum(start, 1e-12)  # a power below would divide by zero
     if exponent == 1:
         return np.asarray(start * np.exp(-x))

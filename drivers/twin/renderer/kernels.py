@@ -16,7 +16,7 @@ PLANE_SEQUENCE = (0.7548776662466927, 0.5698402909980532)  # a plane sequence of
 
 @entry
 def interpolate(nodes: Array, slopes: Array, arc: Array, s: Array) -> tuple[Array, Array]:
-    """Points and derivatives (m, 2) of a cubic Hermite curve at increasing arc lengths `s` (m,).
+    """Points (m, 2) [m], derivatives (m, 2), of a Hermite curve at rising arc lengths `s` (m,).
 
     It passes through `nodes` (n, 2) with `slopes` (n, 2) at arc lengths `arc` (n,).
     """

@@ -100,7 +100,7 @@ class Optics(NamedTuple):
         return x, y, z
 
     def on_level(self, rays: tuple[Pixels, Pixels, Pixels], z: float) -> tuple[Pixels, Pixels]:
-        """Points x, y [m] at which downward `rays` meet the level `z` [m]; others end far away."""
+        """Points x, y (...,) [m] where downward `rays` meet level `z` [m]; others end far away."""
         reach = np.float32(z - self.centre[2]) / np.minimum(rays[2], np.float32(-1e-4))
         x, y = (np.asarray(self.centre[j] + reach * rays[j], dtype=np.float32) for j in range(2))
         return x, y

@@ -211,7 +211,7 @@ class StripSubject(Subject):
     def patch(
         self, base: Mapping[str, float], effects: NamedValues, source: str
     ) -> tuple[dict[str, object], dict[str, object] | None]:
-        """Content of the strip file with refitted base and effects, and of the cell's patch."""
+        """Content of the strip file with refitted base and effects, and the cell file's patch."""
         return patch_file(self.file, base, effects, source)
 
     def _jobs_of(self, requests: Sequence[Request]) -> tuple[list[PreparedFold], list[Job]]:
