@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.strip.rod.compiled import entry, kernel
+from drivers.jit import entry, kernel
 from drivers.types import Array, Image
 
 ZERO_LEVEL = 48  # grey level of all background

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from scipy.signal import savgol_coeffs, savgol_filter
 
-from cell.perception.midline import Midline, extract_midline
+from cell.strips.midline import Midline, extract_midline
 from drivers.errors import ConfigurationError
 from drivers.geometry import arc_lengths, interpolate_columns
 from drivers.readers import read_picture

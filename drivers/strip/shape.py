@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from drivers.strip.rod.compiled import entry, kernel
+from drivers.jit import entry, kernel
 from drivers.types import Array
 
 LYING_LENGTH = 0.05  # m of lying strip that ends the search for the desk contact

@@ -2,8 +2,8 @@
 
 from typing import Any
 
+from drivers.jit import kernel
 from drivers.strip.rod import layout as at
-from drivers.strip.rod.compiled import kernel
 from drivers.strip.rod.lanes import below, fma, load, select, sqrt, store
 from drivers.strip.rod.terms import gradual_friction, lagging_moment, stick_slip
 

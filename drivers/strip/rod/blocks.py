@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 
+from drivers.jit import entry, kernel
 from drivers.strip.rod import layout as at
-from drivers.strip.rod.compiled import entry, kernel
 from drivers.strip.rod.lanes import any_lane, lane_of, load_lane, store_lane
 from drivers.strip.rod.layout import Block
 from drivers.strip.rod.time_step import Grips, Pace, step

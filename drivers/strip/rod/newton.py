@@ -7,9 +7,9 @@ right-hand side, later the solution, in column 6. Rows before the first unknown 
 
 from typing import Any
 
+from drivers.jit import kernel
 from drivers.strip.rod import layout as at
 from drivers.strip.rod.bending import internal_forces
-from drivers.strip.rod.compiled import kernel
 from drivers.strip.rod.lanes import any_lane, below, fma, load, select, splat, store
 from drivers.strip.rod.terms import air_drag, settling_turn, update_stuck
 

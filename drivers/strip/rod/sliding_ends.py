@@ -2,9 +2,9 @@
 
 from typing import Any
 
+from drivers.jit import kernel
 from drivers.strip.rod import layout as at
 from drivers.strip.rod.bending import direction
-from drivers.strip.rod.compiled import kernel
 from drivers.strip.rod.lanes import below, load, select, splat, store
 from drivers.strip.rod.newton import desk_reaction
 from drivers.strip.rod.terms import HUGE, slip_direction, slip_limit

@@ -14,9 +14,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from drivers.jit import kernel
 from drivers.strip.rod import layout as at
 from drivers.strip.rod.bending import direction, dry_friction, strain
-from drivers.strip.rod.compiled import kernel
 from drivers.strip.rod.lanes import any_lane, fma, load, load_lane, select, store, store_lane
 from drivers.strip.rod.newton import desk_reaction, pair, solve
 from drivers.strip.rod.sliding_ends import slide_ends

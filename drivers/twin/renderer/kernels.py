@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.strip.rod.compiled import entry, kernel
+from drivers.jit import entry, kernel
 from drivers.types import Array, Image
 
 Indices = NDArray[np.int64]

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.strip.rod.compiled import entry
+from drivers.jit import entry
 from drivers.twin.settings import CameraSettings
 from drivers.types import Array, Image
 

@@ -32,7 +32,7 @@ from cell.gap.subject.mechanism.subject import Case, Content, MechanismSubject, 
 from cell.gap.subject.subject import Run, Words
 from drivers.errors import ConfigurationError
 from drivers.geometry import interpolate_columns
-from drivers.strip.rod.compiled import entry
+from drivers.jit import entry
 from drivers.types import Array
 
 LIMITED = "moments at the limits of joints and tendons are left out"

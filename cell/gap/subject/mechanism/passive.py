@@ -17,7 +17,7 @@ import numba
 import numpy as np
 from numba import types
 
-from drivers.strip.rod.compiled import callback, kernel
+from drivers.jit import callback, kernel
 from drivers.types import Array
 
 HEAD = 4  # first user numbers of a joint: count of joints, its qpos and dof, its smoothing rate

@@ -6,12 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cell.gap.subject.strip.layout import Layout, Part
+from cell.gap.subject.strip.midline_residuals import group_means, nearest_ends, signed_distances
 from cell.gap.subject.strip.runs import MeasuredRun
 from cell.gap.subject.strip.simulation import SimulatedMotion
 from cell.gap.subject.subject import Residuals
 from drivers.geometry import interpolate_columns
 from drivers.strip.engine import Touch
-from drivers.strip.midline_residuals import group_means, nearest_ends, signed_distances
 from drivers.strip.model import StripModel
 from drivers.strip.observation import (
     image_stamp,

@@ -7,7 +7,7 @@ import numpy as np
 from cell.gap.subject.mechanism.effect import Effect, add_to, per_joint, single_parameter
 from cell.gap.subject.mechanism.model import FORWARD, MODES, PRESCRIBED, Mechanism
 from cell.gap.subject.subject import Parameter
-from drivers.strip.rod.compiled import entry
+from drivers.jit import entry
 from drivers.types import Array
 
 STRIBECK = 0.1  # of the typical rate, where a Stribeck peak begins

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from drivers.jit import entry, kernel
 from drivers.robust import MAD
-from drivers.strip.rod.compiled import entry, kernel
 
 SEARCH_SPAN = 0.08  # m of the strip on each side of where a point should lie
 STRIDE = 4  # nodes

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from cell.perception.midline import extract_midline
+from cell.strips.midline import extract_midline
 from drivers.errors import ConfigurationError
 
 YARN = Path(__file__).parents[4] / "shared" / "data" / "yarn"
