@@ -1,16 +1,18 @@
 """Registration of the cell frame in the robot's base, by three points that the fingers touch."""
 
-import re
 from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
 
+from cell.config.cell import CellFile
 from cell.config.places import Configs
-from drivers.errors import CellError, ConfigurationError
+from drivers.errors import CellError
 from drivers.files import change_file
 from drivers.installation import Mounting
+from drivers.settings import parse
 from drivers.types import Array
+from drivers.yaml_text import edit_yaml, parse_yaml
 
 TOUCH_POINTS = (
     "the middle of the strip's fixed edge, on the desk",
@@ -20,7 +22,6 @@ TOUCH_POINTS = (
 MOST_TILT = np.radians(0.5)  # rad that the desk may be tilted
 STRETCH = 0.005  # m, allowed difference of the touched length from the strip's
 OFF_LINE = 0.1  # m, at least, of the third point from the line of the first two
-MOUNTING_LINE = re.compile(r"^(?P<indent>\s*)mounting:[ \t]*\{[^}]*\}[^\n]*$", re.MULTILINE)
 
 
 def mounting_from_points(points: Array, length: float) -> Mounting:
@@ -54,10 +55,7 @@ def mounting_from_points(points: Array, length: float) -> Mounting:
 
 
 def write_mounting(configs: Configs, mounting: Mounting) -> Path:
-    """Write `mounting` into cell.yaml, the old one as a comment; returns the file's path.
-
-    Raises ConfigurationError where the file has no such line.
-    """
+    """Write `mounting` into cell.yaml, the old one as a comment at its end; returns the path."""
     path = configs.folder / "cell.yaml"
     change_file(path, lambda text: _with_mounting(text, mounting, path))
     configs.cell()
@@ -65,18 +63,11 @@ def write_mounting(configs: Configs, mounting: Mounting) -> Path:
 
 
 def _with_mounting(text: str, mounting: Mounting, path: Path) -> str:
-    """Text of cell.yaml with the line of `mounting` replaced, the old line as a comment."""
-    found = MOUNTING_LINE.search(text)
-    if found is None:
-        raise ConfigurationError(
-            f"{path}: installation.mounting: must stand on one line, as {_mounting_line(mounting)}"
-        )
-    indent = found["indent"]
+    """Text of cell.yaml with `mounting`, and the old one as a comment at its end."""
+    content = parse_yaml(text, str(path))
+    old = parse(content, CellFile, str(path)).installation.mounting
+    installation = content.get("installation", {}) | {"mounting": mounting.model_dump()}
+    new = edit_yaml(text, content | {"installation": installation})
     date = datetime.now(UTC).date().isoformat()
-    old = f"{indent}# until {date}: {found[0].strip()}"
-    return f"{text[: found.start()]}{old}\n{indent}{_mounting_line(mounting)}{text[found.end() :]}"
-
-
-def _mounting_line(m: Mounting) -> str:
-    """Line of cell.yaml that states the mounting: x, y, z [m] and yaw [rad]."""
-    return f"mounting: {{x: {m.x}, y: {m.y}, z: {m.z}, yaw: {m.yaw}}}"
+    was = f"{{x: {old.x}, y: {old.y}, z: {old.z}, yaw: {old.yaw}}}"
+    return f"{new.rstrip()}\n# until {date}: installation: mounting: {was}\n"

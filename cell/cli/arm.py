@@ -114,7 +114,7 @@ def register(strip: Strip = "denim", configs: Configs = None) -> None:
         touched.append(hand_pose(robot)[12:15])  # the translation of a transform by columns
     mounting = mounting_from_points(np.array(touched), length)
     path = write_mounting(found, mounting)
-    sys.stdout.write(f"registered: {mounting}\n  {path}; the old mounting stands beside it\n")
+    sys.stdout.write(f"registered: {mounting}\n  {path}; its last line has the old mounting\n")
 
 
 def _agree_to_motion(
