@@ -80,7 +80,7 @@ def suggestion(name: str, known: Iterable[str]) -> str:
 
 
 def check_known(what: str, name: str, known: Collection[str]) -> None:
-    """Raise ConfigurationError, with the `known` names, if `name` of a `what` is not among them."""
+    """Raise ConfigurationError, with all `known` names, for a `name` of `what` that is unknown."""
     if name not in known:
         raise ConfigurationError(
             f"{what}: unknown name {name!r}{suggestion(name, known)}; "

@@ -194,7 +194,7 @@ def _height(results: Results) -> float:
 
 
 def maps_figure(results: Results) -> str:
-    """Figure (SVG) of d over stiffness and damping, a map a policy; empty without data."""
+    """Figure (SVG) with a map of d over stiffness and damping per policy; empty without data."""
     found = [results.over_range(policy, "rod") for policy in results.asked.policies]
     measured = [folds for folds in found if folds is not None]
     if not measured:

@@ -89,7 +89,7 @@ def verdict_of(results: Results) -> PageVerdict:
 
 
 def _hidden_effects(results: Results) -> dict[str, Any]:
-    """Table of misses with effects unknown to the policies: a row an effect, a column a policy."""
+    """Table of misses with effects unknown to the policies: rows by effect, columns by policy."""
     policies = [policy for policy in results.asked.policies if results.hidden_folds(policy)]
     found = {
         (r.policy, r.effect): misses_text(r) for p in policies for r in results.hidden_folds(p)

@@ -363,7 +363,7 @@ def _relative(file: Path) -> Path:
 
 
 def _threads(jobs: int | None) -> int:
-    """Number of simulations side by side: `jobs`, at most one a core."""
+    """Number of simulations side by side: `jobs`, but at most the number of cores."""
     cores = os.cpu_count() or 1
     return min(jobs or cores, cores)
 
@@ -394,7 +394,7 @@ def _cell_file(model: Path | None, configs: Path | None) -> Path | None:
 
 @contextmanager
 def _progress() -> Iterator[Callable[[str, float], None]]:
-    """Yield a callback that shows stage and share of the work; off a terminal a line each."""
+    """Yield a callback that shows stage and share of the work, off a terminal line by line."""
     with busy("reading") as show:
         tell = show if sys.stderr.isatty() else notice
         yield lambda stage, share: tell(f"{100 * share:3.0f} % {stage}")

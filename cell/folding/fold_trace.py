@@ -21,7 +21,7 @@ class FoldTrace:
     """Observer of a fold that stores gripper poses from the lift on, and measured profiles."""
 
     def __init__(self, strip: StripFile) -> None:
-        """Trace a fold of `strip`, as the controller knows it."""
+        """Trace a fold of `strip`, which is described as the controller sees it."""
         self._strip = strip
         self._path: list[tuple[float, float, float, float]] = []
         self._stamps: list[float] = []

@@ -26,7 +26,7 @@ STEP_REST = 0.3  # s at rest after a step of the latency measurement
 
 
 def begin_calibration(_context: CalibrationContext, _: Recorder, _begin: Snapshot) -> steps.Phase:
-    """Start the calibration at once: no strip lies there that would be checked first."""
+    """Start the calibration at once, as there is no strip to check beforehand."""
     yield from steps.pause(0.0)
     return Event.NEEDS_CALIBRATION
 

@@ -81,7 +81,7 @@ class KeyFrames:
         self._count = 0
 
     def choose(self, mark: bool) -> bool:
-        """Whether to store the next image as a key frame; `mark` speaks for it."""
+        """Whether to store the next image as a key frame; one with a `mark` is preferred."""
         number = self._count
         self._count += 1
         if mark and self._marks_left > 0:

@@ -207,7 +207,7 @@ def listed_events(run: Run) -> list[tuple[str, str, str]]:
 
 
 def advice(run: Run) -> list[str]:
-    """Sentences for the operator on what to do after a run that died."""
+    """Sentences for the operator on what to do after a run whose process died."""
     steps = [
         *_steps_at_the_arm(run),
         "A motion is never resumed: start a new run.",
@@ -221,7 +221,7 @@ def advice(run: Run) -> list[str]:
 
 
 def _steps_at_the_arm(run: Run) -> list[str]:
-    """Sentences on what to do with arm and strip after a run that died."""
+    """Sentences on what to do with arm and strip after a run whose process died."""
     if run.header.drivers is not None and run.header.drivers.arm == "twin":
         return ["Nothing needs to be put right: the twin's arm ended with its process."]
     lifted = run.ticks.t.size > 0 and float(run.ticks.z[-1]) > HEIGHT_ON_DESK

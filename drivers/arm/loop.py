@@ -370,7 +370,7 @@ def run_loop(
 
 
 def _run_in_lock_step(loop: ServoLoop, pipe: Connection, termination: TerminationFlag) -> None:
-    """Step the loop as far as the cell allows and confirm, until the cell closes or dies."""
+    """Step the loop as far as the cell allows and confirm, until the cell closes or is gone."""
     while isinstance(message := _receive(pipe, termination), RunUntil):
         while loop.ticks < message.tick:
             loop.step()

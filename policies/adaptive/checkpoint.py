@@ -78,7 +78,7 @@ def _read_arrays(path: FilePath) -> dict[str, Any]:
 
 
 def _read_facts(arrays: dict[str, Any], path: FilePath) -> dict[str, Any]:
-    """Origin in the `arrays` of the checkpoint at `path`; ConfigurationError for others."""
+    """Origin in the `arrays` of the checkpoint at `path`; ConfigurationError for other files."""
     try:
         about = json.loads(str(arrays[ABOUT]))
     except (KeyError, json.JSONDecodeError):

@@ -127,7 +127,7 @@ class Critic:
         )
 
     def memorise(self, whitened: Array) -> Array:
-        """Activations (n, memory) of memory units by `whitened` inputs (n, k), an image a fold."""
+        """Activations (n, memory) of memory units by the `whitened` inputs (n, k) of n images."""
         return np.tanh(whitened @ self.weights["recall"] + self.weights["recall_bias"])
 
     def predict(self, whitened: Array, memory: Array) -> CriticPrediction:

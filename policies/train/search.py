@@ -51,7 +51,7 @@ def initial_weights(rng: np.random.Generator) -> Array:
 
 
 class Search:
-    """Training of the policy `feedback` by CMA-ES in a folder, resumed where it has the settings.
+    """Training of the policy `feedback` by CMA-ES in a folder, resumed if its settings agree.
 
     `weights` (WEIGHT_COUNT,) are the optimiser's mean at its best validation so far. The
     optimiser's linear algebra is limited to one thread: its rounding depends on their number, and a

@@ -253,7 +253,7 @@ def _score(equations: ProbeEquations, members: Sequence[ProbeResponses]) -> Scor
 def _probes_to_fit(
     members: Sequence[ProbeResponses], unscaled: dict[str, Array]
 ) -> tuple[dict[str, Array], ...]:
-    """Further starts (k,) by effect: each probe of a threshold effect, else the mix `unscaled`.
+    """Further starts (k,) by effect: all probes of a threshold effect, else the mix `unscaled`.
 
     Beyond a threshold the response is not linear: from the probe that the screen prefers, no step
     of a fit may lead to the best value.

@@ -60,7 +60,7 @@ def write_mcap(runs: Sequence[Run], out: Path) -> tuple[Path, ...]:
 
 
 def _write_numbers(writer: "Writer", run: Run) -> None:
-    """Write each table of the run to a topic of its own, a message per row or profile."""
+    """Write each table of the run to its own topic, with a message per row or profile."""
     for table, columns in run.tables().items():
         numbers: Row = {name: {"type": "number"} for name in columns}
         if table == "profile":

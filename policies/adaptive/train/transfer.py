@@ -33,7 +33,7 @@ class FoldedBatch(NamedTuple):
 
     @classmethod
     def from_rows(cls, rows: Sequence[Mapping[str, float]]) -> Self:
-        """Batch of folds from `rows`, one a fold, which map each field to its value."""
+        """Batch of folds from `rows`, one per fold, which map each field to its value."""
         return cls(*(np.array([row[name] for row in rows], dtype=float) for name in cls._fields))
 
 
