@@ -13,7 +13,6 @@ from calibration.wizard.coverage import WantedView
 from cell.config.drivers import Driver, driver
 from cell.config.settings import CellSettings
 from drivers.geometry import interpolate_columns
-from drivers.installation import MotionLimits
 from drivers.protocols import Arm, Camera, Clock, Hand
 from drivers.strip.file import StripFile
 from drivers.types import ArmState, Array, Frame, Pose, frozen
@@ -125,12 +124,6 @@ class DeviceSelection:
     def arm_driver(self, settings: CellSettings) -> Driver:
         """Driver of the selected arm, or else of the one in cell.yaml."""
         return driver("arms", self.arm or settings.drivers.arm)
-
-    def motion_limits(self, settings: CellSettings) -> MotionLimits:
-        """Motion limits of the selected arm: the cell's, for a robot also its own."""
-        installation = settings.installation
-        is_robot = self.arm_driver(settings).real
-        return (settings.fci.limit(installation) if is_robot else installation).limits
 
     def camera_driver(self, settings: CellSettings) -> Driver:
         """Driver of the selected camera, or else of the one in cell.yaml."""

@@ -1,6 +1,6 @@
 """Feasibility of a fold in its cell, checked from files before anything moves."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from itertools import product
 from math import hypot
 
@@ -13,19 +13,16 @@ from cell.devices.fold_path import largest_speed, whole_path
 from cell.perception.preflight import check_scope
 from drivers.arm.obstacles import require_clear
 from drivers.errors import CellError, ConfigurationError, Fault, PreflightRefused
-from drivers.installation import Installation, MotionLimits
+from drivers.installation import Installation
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
-from drivers.strip.model import StripModel
 from drivers.strip.rod.engine import Rod
 from drivers.types import Array, Pose
 from policies.policy import Policy
-from policies.prediction import Predictor
 from policies.rollout import Folds, Rollout, roll_out
 from policies.sensing import Sensing
 
 IMAGE_DELAY = Sensing(delay=(0.03, 0.03))  # s
-SEGMENTS = 60  # of the rod; the path needs no millimetres
 ARM_REACH = 0.78  # m from its base, reach of a Panda's hand that points down over a desk
 PATH_ERROR = 0.005  # m, error of the simulated path
 # relative, where no spread is stated
@@ -37,31 +34,31 @@ def check_feasible(
     strip: StripFile,
     policy: Policy,
     calibration: Calibration,
-    limits: MotionLimits,
     desk: float = 0.0,
+    seed: int = 0,
 ) -> tuple[float, float] | None:
     """Check that the cell can fold `strip`; returns the predicted displacement and its sigma [m].
 
-    None where the layers do not touch in the model. The policy is reset. Raises PreflightRefused
-    for a strip that this cell cannot see, reach or fold with an arm that moves within `limits`,
-    also where the hand would meet a desk that ends at `desk` [m], 0 for an arm without a hand's
-    body.
+    None where the layers do not touch in the model, whose images have noise by `seed`. The policy
+    is reset. Raises PreflightRefused for a strip that this cell cannot see, reach or fold within
+    the limits of `settings`, also where the hand would meet a desk that ends at `desk` [m], 0 for
+    an arm without a hand's body.
     """
-    folds = _simulate(settings, strip, policy)
+    folds = _simulate(settings, strip, policy, seed)
     carry = _carry(settings, strip, policy, folds)
-    home = settings.fold.clear_height
+    home, limits = settings.fold.clear_height, settings.installation.limits
     poses, _ = whole_path(strip.length, home, settings.fold, limits, carry, end=0.0)
     path = poses[1:, :2]  # from beside the strip on
     taut, _ = whole_path(strip.length, home, settings.fold, limits, carry)
 
     def carry_at(speed: float) -> Array:
         slower = at_speed(settings, speed)
-        return _carry(slower, strip, policy, _simulate(slower, strip, policy))
+        return _carry(slower, strip, policy, _simulate(slower, strip, policy, seed))
 
     problems = [
         *(check.sentence() for check in check_scope(strip) if not check.passed),
         *_height_problems(settings, strip, policy),
-        *path_problems(path, carry, settings, limits, carry_at),
+        *path_problems(path, carry, settings, carry_at),
         *_reach_problems(path, settings.installation),
         *_view_problems(path, strip, calibration),
         *(_desk_collisions(taut, desk) if desk else ()),
@@ -72,18 +69,15 @@ def check_feasible(
 
 
 def path_problems(
-    places: Array,
-    carry: Array,
-    settings: CellSettings,
-    limits: MotionLimits,
-    carry_at: Callable[[float], Array],
+    places: Array, carry: Array, settings: CellSettings, carry_at: Callable[[float], Array]
 ) -> Iterator[str]:
-    """Yield a text for each limit that keeps an arm within `limits` from following a fold.
+    """Yield a text for each limit of `settings` that keeps its arm from following a fold.
 
     The gripper passes `places` (n, 2) [m], and carries the strip along `carry` (k, 2) [m];
     `carry_at` gives the latter at another speed [m/s].
     """
     yield from _workspace_problems(places, settings.installation)
+    limits = settings.installation.limits
     speed = settings.fold.speed
     over = f"speed: the path at {speed:g} m/s is over the arm's limits of velocity, acceleration "
     over += "or jerk"
@@ -130,28 +124,24 @@ def from_edge(strip: StripFile, fold: Array) -> Array:
     return np.vstack([(strip.length, 0.0), fold])
 
 
-def _simulate(settings: CellSettings, strip: StripFile, policy: Policy) -> Folds | None:
-    """Simulated folds of `strip` and, for a policy that does not predict, of its corner strips."""
-    strips = [strip, *(() if isinstance(policy, Predictor) else corner_strips(strip))]
+def _simulate(settings: CellSettings, strip: StripFile, policy: Policy, seed: int) -> Folds | None:
+    """Simulated folds of `strip` and its corner strips, as of `simulate`; None if that failed."""
     try:
-        models = [describe(each, settings.effects) for each in strips]
-        return simulate(policy, Rod(SEGMENTS), strip, models, settings.fold.speed)
+        return simulate(settings, strip, policy, seed)
     except CellError:
         return None
 
 
-def simulate(
-    policy: Policy,
-    rod: Rod,
-    strip: StripFile,
-    models: Sequence[StripModel],
-    speed: float,
-    seed: int = 0,
-) -> Folds:
-    """Simulate a fold of every strip in `models` at `speed` [m/s] by `policy`, made for `strip`."""
-    settings = Rollout(speed=speed, sensing=IMAGE_DELAY)
+def simulate(settings: CellSettings, strip: StripFile, policy: Policy, seed: int) -> Folds:
+    """Simulated folds of `strip`, then of its corner strips, by `policy` in a cell of `settings`.
+
+    The policy is made for `strip`; `seed` is that of the noise in its images. Raises CellError for
+    a strip or speed that the policy or the model does not allow.
+    """
+    models = [describe(each, settings.effects) for each in (strip, *corner_strips(strip))]
+    rollout = Rollout(speed=settings.fold.speed, sensing=IMAGE_DELAY)
     rng = np.random.default_rng(seed)
-    return roll_out(policy, rod, strip, models, settings=settings, rng=rng)
+    return roll_out(policy, Rod(), strip, models, settings=rollout, rng=rng)
 
 
 def _expected(folds: Folds, repeats: float) -> tuple[float, float] | None:

@@ -79,8 +79,8 @@ def fold(
         calibration = corrected_calibration(calibration, settings, strip)
         has_hand = request.choice.arm_driver(settings).real
         desk = desk_end(settings.installation, strip.length) if has_hand else 0.0
-        limits = request.choice.motion_limits(settings)
-        expected = check_feasible(settings, strip, policy, calibration, limits, desk)
+        seed = request.choice.seed
+        expected = check_feasible(settings, strip, policy, calibration, desk, seed)
         start = time.perf_counter()
         writer = _new_run(request, calibration, devices, correction)
         inputs = StripInputs(calibration, settings.perception, strip)

@@ -1,6 +1,5 @@
 """Prediction of a fold by simulating the policy, and check of its path against the limits."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -13,12 +12,9 @@ from cell.arm.arm_prediction import ArmPrediction, predict_arm
 from cell.arm.run_settings import at_speed
 from cell.calibrate.calibration_in_use import check_current
 from cell.config.cell import CellFile
-from cell.folding.feasibility import corner_strips, from_edge, path_problems, simulate
+from cell.folding.feasibility import from_edge, path_problems, simulate
 from cell.folding.request import Request
 from drivers.errors import ConfigurationError
-from drivers.strip.describe import describe
-from drivers.strip.file import StripFile
-from drivers.strip.rod.engine import Rod
 from drivers.types import Array
 from policies.registry import make_policy
 from policies.rollout import Folds
@@ -73,14 +69,14 @@ def predict(request: Request) -> Prediction:
 
     The calibration that the cell file names is checked as a fold does.
     """
-    settings = request.cell
+    settings = request.settings
     strip = request.strip
     if settings.calibration is not None:
         calibration = load_calibration(Path(settings.calibration))
         on_twin = not request.choice.camera_driver(settings).real
         check_current(calibration, settings.calibration_days, datetime.now(UTC), on_twin=on_twin)
-    folds = simulate_policy(request, settings, [strip, *corner_strips(strip)])
-    _check_path(folds, request)
+    folds = simulate_policy(request, settings)
+    _check_path(folds, request, settings)
     places = folds.trace.reshape(-1, 2)
     x_min, z_min = places.min(axis=0).tolist()
     x_max, z_max = places.max(axis=0).tolist()
@@ -100,12 +96,13 @@ def predict(request: Request) -> Prediction:
     )
 
 
-def simulate_policy(request: Request, settings: CellFile, variants: Sequence[StripFile]) -> Folds:
-    """Simulate folds of the strips `variants` by the policy of `request`, made for its strip."""
+def simulate_policy(request: Request, settings: CellFile) -> Folds:
+    """Simulated folds by the policy of `request`, of its strip and corner strips, by `settings`.
+
+    A bias of images or of the cell is in neither the simulation nor the policy made for it.
+    """
     policy = make_policy(request.policy, request.checkpoint, in_rod=True)
-    models = [describe(variant) for variant in variants]
-    speed = settings.fold.speed
-    return simulate(policy, Rod(), request.strip, models, speed, request.choice.seed)
+    return simulate(settings, request.strip, policy, request.choice.seed)
 
 
 def laid_at(folds: Folds) -> float | None:
@@ -114,18 +111,16 @@ def laid_at(folds: Folds) -> float | None:
     return None if touch is None else touch.x - touch.to_grasped
 
 
-def _check_path(folds: Folds, request: Request) -> None:
+def _check_path(folds: Folds, request: Request, settings: CellFile) -> None:
     """Raise ConfigurationError where the arm of `request` cannot follow all of its `folds`."""
-    settings = request.cell
     strip = request.strip
 
     def carry_at(speed: float) -> Array:
-        slower = simulate_policy(request, at_speed(settings, speed), [strip])
+        slower = simulate_policy(request, at_speed(settings, speed))
         return from_edge(strip, slower.trace[:, 0])
 
-    limits = request.choice.motion_limits(settings)
     places = folds.trace.reshape(-1, 2)
     carry = from_edge(strip, folds.trace[:, 0])
-    problems = list(path_problems(places, carry, settings, limits, carry_at))
+    problems = list(path_problems(places, carry, settings, carry_at))
     if problems:
         raise ConfigurationError("\n".join(problems))

@@ -116,7 +116,7 @@ def rehearse(request: Request, interrupted: Callable[[], bool] = lambda: False) 
     """Carry out the motion of the fold of `request` in the air, without strip or grasp."""
     settings = request.settings
     strip = request.strip
-    folds = simulate_policy(request, settings, [strip])
+    folds = simulate_policy(request, settings)
     path, speeds = fold_poses(settings, strip, folds.trace[:, 0], laid_at(folds))
     is_robot = request.choice.arm_driver(settings).real
     elbow = home_joints(settings, strip)[ELBOW_JOINT] if is_robot else None

@@ -12,5 +12,5 @@ def request_for(
 ) -> Request:
     """Fold request with seed 3; `changes` replace fields of the request."""
     found = find_configs(configs)
-    facts = {"choice": DeviceSelection(seed=3)} | changes
-    return Request(found.cell(), found.strip(strip), policy, runs, **facts)
+    facts = {"cell": found.cell(), "choice": DeviceSelection(seed=3)} | changes
+    return Request(strip=found.strip(strip), policy=policy, runs=runs, **facts)

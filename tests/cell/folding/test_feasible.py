@@ -3,13 +3,13 @@
 import math
 import re
 from contextlib import nullcontext
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from calibration.calibration import Calibration
+from cell.config.cell import CellFile
 from cell.config.places import find_configs
 from cell.devices.devices import DeviceSelection
 from cell.folding.feasibility import check_feasible, corner_strips, path_problems
@@ -28,16 +28,16 @@ def seen_by() -> Calibration:
     return twin_calibration(find_configs(None).cell().twin.camera)
 
 
+def cell_with(**installation) -> CellFile:
+    cell = find_configs(None).cell()
+    place = cell.installation.model_copy(update=installation)
+    return cell.model_copy(update={"installation": place})
+
+
 def refusal(seen_by: Calibration, policy: str = "triangular", desk: float = 0.0, **changes) -> str:
-    configs = find_configs(None)
-    settings = configs.cell()
-    strip = configs.strip("denim").model_copy(update=changes)
-    made = make_policy(policy)
-    made.reset(strip, settings.fold.speed, 1)
+    strip = find_configs(None).strip("denim").model_copy(update=changes)
     try:
-        check_feasible(
-            settings.controller, strip, made, seen_by, settings.installation.limits, desk
-        )
+        check_feasible(cell_with().controller, strip, make_policy(policy), seen_by, desk)
     except PreflightRefused as refused:
         return str(refused)
     return ""
@@ -77,21 +77,24 @@ def test_what_the_cell_cannot_do_is_refused_with_its_reason(seen_by, changes, sa
 def test_path_over_the_arm_s_limits_is_refused_with_the_speed_that_fits(
     seen_by, tmp_path, changed, says
 ) -> None:
-    configs = find_configs(None)
-    settings, strip = configs.cell(), configs.strip("denim")
-    slow = settings.installation.limits.x.model_copy(update=changed)
-    limits = settings.installation.limits.model_copy(update={"x": slow, "z": slow})
-    installation = settings.installation.model_copy(update={"limits": limits})
-    cell = settings.model_copy(update={"installation": installation})
-    policy = make_policy("triangular")
-    policy.reset(strip, settings.fold.speed, 1)
+    strip, limits = find_configs(None).strip("denim"), find_configs(None).cell().installation.limits
+    slow = limits.x.model_copy(update=changed)
+    cell = cell_with(limits=limits.model_copy(update={"x": slow, "z": slow}))
     with pytest.raises(PreflightRefused) as refused:
-        check_feasible(cell.controller, strip, policy, seen_by, limits)
+        check_feasible(cell.controller, strip, make_policy("triangular"), seen_by)
     assert says in str(refused.value)
-    request = replace(request_for("denim", "triangular", tmp_path), cell=cell)
     with pytest.raises(ConfigurationError) as dry_run:
-        predict(request)
+        predict(request_for("denim", "triangular", tmp_path, cell=cell))
     assert says in str(dry_run.value)
+
+
+def test_dry_run_predicts_the_fold_that_is_made_at_the_speed_of_a_real_robot(seen_by, tmp_path):
+    cell = find_configs(None).cell()
+    real = cell.model_copy(update={"fci": cell.fci.model_copy(update={"address": "172.16.0.2"})})
+    choice = DeviceSelection("fci")
+    request = request_for("denim", "triangular", tmp_path, cell=real, choice=choice)
+    made = check_feasible(request.settings, request.strip, make_policy("triangular"), seen_by)
+    assert made[0] == predict(request).displacement > -0.025  # at full speed -0.033
 
 
 def test_speeds_that_a_refusal_states_are_followed_on_the_path_of_that_speed() -> None:
@@ -99,25 +102,23 @@ def test_speeds_that_a_refusal_states_are_followed_on_the_path_of_that_speed() -
         return np.array([(0.6, 0.0), (0.3, 0.8 - 5 * speed), (0.0, 0.0)])  # slower is steeper
 
     slow = AxisLimits(velocity=0.07, acceleration=4.0, jerk=100.0)
-    cell, limits, fast = find_configs(None).cell().controller, MotionLimits(z=slow), path(0.1)
-    said = "\n".join(path_problems(fast, fast, cell, limits, path))
+    cell, fast = cell_with(limits=MotionLimits(z=slow)).controller, path(0.1)
+    said = "\n".join(path_problems(fast, fast, cell, path))
     stated = dict(re.findall(r"^(\w*speed): .* at most ([.0-9]+) m/s", said, re.MULTILINE))
     fold = cell.fold.model_copy(update={name: float(speed) for name, speed in stated.items()})
     slower, steep = cell.model_copy(update={"fold": fold}), path(fold.speed)
-    assert [*path_problems(steep, steep, slower, limits, path)] == []
+    assert [*path_problems(steep, steep, slower, path)] == []
 
 
 @pytest.mark.parametrize(("away", "refused"), [(0.782, False), (0.788, True)])
 def test_reach_is_that_from_the_robot_s_base_however_the_strip_lies(seen_by, away, refused) -> None:
     """The strip points straight away from the base, its far end with the approach at `away`."""
-    configs = find_configs(None)
-    settings, strip, yaw = configs.cell().controller, configs.strip("denim"), 0.4
-    near = away - strip.length - settings.fold.approach
+    strip, yaw = find_configs(None).strip("denim"), 0.4
+    near = away - strip.length - find_configs(None).cell().fold.approach
     mounting = Mounting(x=near * math.cos(yaw), y=near * math.sin(yaw), yaw=yaw)
-    place = settings.installation.model_copy(update={"mounting": mounting})
-    there, limits = settings.model_copy(update={"installation": place}), place.limits
+    there = cell_with(mounting=mounting).controller
     with pytest.raises(PreflightRefused, match=r"^reach: ") if refused else nullcontext():
-        check_feasible(there, strip, make_policy("triangular"), seen_by, limits)
+        check_feasible(there, strip, make_policy("triangular"), seen_by)
 
 
 def test_what_no_file_states_of_a_strip_is_uncertain_by_a_tenth_and_a_half() -> None:
@@ -136,10 +137,8 @@ def test_fold_whose_hand_would_meet_the_desk_is_refused(seen_by, desk, says) -> 
 
 @pytest.mark.parametrize(("arm", "refused"), [("fci", True), ("twin", False)])
 def test_fold_asks_for_the_hand_of_its_arm(seen_by, tmp_path, monkeypatch, arm, refused) -> None:
-    cell = find_configs(None).cell()
-    place = cell.installation.model_copy(update={"desk": 0.85})
-    request = request_for("denim", "triangular", tmp_path, choice=DeviceSelection(arm=arm))
-    request = replace(request, cell=cell.model_copy(update={"installation": place}))
+    facts = {"cell": cell_with(desk=0.85), "choice": DeviceSelection(arm=arm)}
+    request = request_for("denim", "triangular", tmp_path, **facts)
     monkeypatch.setattr("cell.folding.fold.check_usable", lambda *_: None)
     devices = SimpleNamespace(camera=SimpleNamespace(rate="opened"), close=lambda: None)
     monkeypatch.setattr("cell.folding.fold.run_header", lambda *_: pytest.fail("got through"))
