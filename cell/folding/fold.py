@@ -90,7 +90,7 @@ def fold(
                 strip=strip,
                 policy=policy,
                 calibration=calibration,
-                sight=reader,
+                reader=reader,
                 expected=expected,
                 place=0.0 if correction is None else correction.place,
                 desk=desk,

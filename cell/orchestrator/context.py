@@ -32,7 +32,7 @@ class Context(ABC):
 
     settings: CellSettings
     _: KW_ONLY
-    reader: Reader | None = None
+    reader: Reader | None = None  # only a fold's images are measured
     seen_touch: SeenTouch | None = None
     edge_offset: float | None = None
     predicted: FoldPrediction | None = None
@@ -52,8 +52,8 @@ class Context(ABC):
 class FoldContext(Context):
     """Inputs and results of a fold: strip, policy and calibration, and what was measured.
 
-    `sight` checks the image of the strip before the grasp, and is the `reader` of images from then
-    on. `seen_touch` is the layer_touch once it is seen, `edge_offset` [m] that of the laid edges as
+    `reader` checks the image of the strip before the grasp, and measures images from then on.
+    `seen_touch` is the layer_touch once it is seen, `edge_offset` [m] that of the laid edges as
     the camera sees it once the strip was `released`, `predicted` the policy's latest prediction,
     `expected` the displacement and its standard deviation [m] by the model before the fold;
     `witnesses` are what was compared. The grasped edge is laid at `place` [m]. The plant is not
@@ -64,7 +64,7 @@ class FoldContext(Context):
     strip: StripFile
     policy: Policy
     calibration: Calibration
-    sight: Reader
+    reader: Reader = field(kw_only=True)
     released: bool = False
     expected: tuple[float, float] | None = None
     place: float = 0.0

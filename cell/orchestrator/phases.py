@@ -47,7 +47,7 @@ def preflight(context: FoldContext, record: Recorder, _: Snapshot) -> steps.Phas
     yield from steps.move(Pose(context.strip.length + fold.approach, fold.clear_height, 0.0))
     picture = yield from steps.still_picture()
     frame = picture.frame
-    strip_checks = yield from _inspect(context.sight, picture)
+    strip_checks = yield from _inspect(context.reader, picture)
     record.frame(frame)
     checks = (*camera_checks, *strip_checks)
     facts = [asdict(check) for check in checks]
@@ -60,18 +60,17 @@ def preflight(context: FoldContext, record: Recorder, _: Snapshot) -> steps.Phas
         if check.name == UNWATCHED:
             context.warning = f"{check.reason}; {check.remedy}"
             record.event(frame.stamp, "camera_unwatched", reason=context.warning)
-    context.reader = context.sight
     return Event.CHECKED
 
 
 def _inspect(
-    sight: Reader, picture: steps.StillPicture
+    reader: Reader, picture: steps.StillPicture
 ) -> Generator[Command, Snapshot, tuple[PreflightCheck, ...]]:
     """Checks of the image before the grasp; Fault `image_reader_dead` where the reader failed."""
-    sight.submit(ImageTask(picture.frame), picture.time)
-    while not isinstance(checks := sight.result(), tuple):
-        if sight.failure:
-            raise Fault("image_reader_dead", sight.failure)
+    reader.submit(ImageTask(picture.frame), picture.time)
+    while not isinstance(checks := reader.result(), tuple):
+        if reader.failure:
+            raise Fault("image_reader_dead", reader.failure)
         yield Hold()
     return checks
 
@@ -260,8 +259,6 @@ def _laid_strip(
     context: FoldContext, frame: Frame, edge: Pose
 ) -> Generator[Command, Snapshot, StripMeasurement | None]:
     """Measure the laid strip in `frame`, whose grasped edge was released near `edge`."""
-    if context.reader is None:
-        return None
     context.reader.submit(ImageTask(frame, edge), frame.arrival)
     result = context.reader.result()
     if isinstance(result, ImageResult):

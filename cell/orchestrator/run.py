@@ -69,7 +69,7 @@ class Run:
         self._safe_stop = SafeStop(devices, braking_cycles)
         self._snapshot: Snapshot | None = None
         self._arm_history = ArmHistory()
-        self._vision = Vision(devices.camera, settings.monitors)
+        self._vision = Vision(devices.camera, settings.monitors, context.reader)
         self._velocity = ZERO_VELOCITY
 
     def execute(self) -> Outcome:
@@ -194,7 +194,7 @@ class Run:
         arm = self._devices.arm.state()
         self._arm_history.add(arm)
         now = self._devices.clock.now()
-        view = self._vision.update(state, now, self._arm_history, self._context.reader)
+        view = self._vision.update(state, now, self._arm_history)
         self._record(view, state)
         self._snapshot = Snapshot(
             time=now,

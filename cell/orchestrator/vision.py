@@ -9,7 +9,6 @@ from cell.orchestrator.states import State
 from cell.perception.camera_watch import FrozenImages
 from cell.perception.image_reader import ImageResult, ImageTask, Reader
 from cell.perception.strip_measurement import SeenTouch, StripMeasurement
-from drivers.errors import Fault
 from drivers.protocols import Camera
 from drivers.types import Frame
 
@@ -50,20 +49,25 @@ class View:
 class Vision:
     """Reader of the camera on each tick, which has the strip measured in its images in a fold."""
 
-    def __init__(self, camera: Camera, limits: MonitorLimits) -> None:
-        """Read images from `camera`; `limits` hold for confidence, camera shift and image age."""
+    def __init__(self, camera: Camera, limits: MonitorLimits, reader: Reader | None) -> None:
+        """Read images from `camera`; `limits` hold for confidence, camera shift and image age.
+
+        The `reader` measures the images; without one they are only watched.
+        """
         self._camera = camera
         self._limits = limits
+        self._reader = reader
         self._frozen = FrozenImages()
         self._view = View()
         self._waiting: Frame | None = None  # the newest frame to be measured
 
-    def update(self, state: State, now: float, arm: ArmHistory, reader: Reader | None) -> View:
-        """Newest view at `now` [s] in `state`; Fault where an image is due and no reader is set."""
+    def update(self, state: State, now: float, arm: ArmHistory) -> View:
+        """Newest view at `now` [s] in `state`."""
         fresh = self._take_frame(state, arm)
         self._view = replace(self._view, fresh=fresh, read=False)
-        self._measure(state, now, arm, reader)
-        if reader is not None:
+        reader = self._reader
+        if reader is not None and state is not State.PREFLIGHT:  # whose phase takes the checks
+            self._measure(state, now, arm, reader)
             self._view = replace(
                 self._view, reading_since=reader.busy_since, reader_failure=reader.failure
             )
@@ -86,11 +90,9 @@ class Vision:
         self._view = replace(self._view, frame=frame, identical=identical)
         return True
 
-    def _measure(self, state: State, now: float, arm: ArmHistory, reader: Reader | None) -> None:
+    def _measure(self, state: State, now: float, arm: ArmHistory, reader: Reader) -> None:
         """Collect the finished measurement, if any, and begin that of the newest frame."""
-        if self._waiting is not None and reader is None:
-            raise Fault("no_perception", "a frame came before the preflight image was accepted")
-        while reader is not None and not reader.failure:
+        while not reader.failure:
             if self._waiting is not None and reader.busy_since is None:
                 frame = self._waiting.restamp(-reader.latency)
                 self._waiting = None

@@ -129,8 +129,8 @@ class Bench:
         settings = Configs(CHECKOUT_CONFIGS).cell()
         strip = Configs(CHECKOUT_CONFIGS).strip("denim")
         reader = self.reader or InlineReader(SimpleNamespace(measure=result_of), 0.0)
-        folding = settings.controller, strip, make_policy("triangular"), None, reader
-        context = FoldContext(*folding, reader=reader)
+        policy = make_policy("triangular")
+        context = FoldContext(settings.controller, strip, policy, None, reader=reader)
         devices = Devices(self.clock, self.arm, self.hand, self.camera, "none", None, None)
         return Run(devices, context, self.record, self.observers, self.interrupted).execute()
 

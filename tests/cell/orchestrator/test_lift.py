@@ -45,7 +45,7 @@ def lifted(
     The commands of the `late` periods do not arrive; `watch` sees the servo twice a period.
     """
     settings, strip = cell(limits, speed), find_configs(None).strip("denim")
-    context = FoldContext(settings, strip, make_policy(policy), SimpleNamespace(), None)
+    context = FoldContext(settings, strip, make_policy(policy), SimpleNamespace(), reader=None)
     profile = MotionProfile(limits, settings.installation.workspace, Pose(strip.length, 0.0, 0.0))
     motion, pitches, k = lift(context, Recorder(), snapshot(0, profile)), [], 0
     command = next(motion)

@@ -43,8 +43,8 @@ def test_a_camera_that_nothing_watches_is_an_event_a_warning_and_in_the_list(
     monkeypatch.setattr(phases.steps, "move", at_once(GOOD))
     monkeypatch.setattr(phases.steps, "still_picture", at_once(StillPicture(1.0, FRAME, POSE)))
     monkeypatch.setattr(phases, "_inspect", at_once((found,)))
-    policy = make_policy("triangular")
-    context = FoldContext(CONFIGS.cell().controller, CONFIGS.strip("denim"), policy, None, None)
+    given = CONFIGS.cell().controller, CONFIGS.strip("denim"), make_policy("triangular"), None
+    context = FoldContext(*given, reader=None)
     record = Notes()
     with pytest.raises(StopIteration) as end:
         next(phases.preflight(context, record, GOOD))

@@ -119,14 +119,14 @@ class OneFrame:
 def test_a_fold_is_judged_and_then_read_by_the_process(process) -> None:
     process.submit(ImageTask(image(40)), 1.6)
     assert awaited(process.result)[0].passed
-    history, vision = ArmHistory(), Vision(OneFrame(), MonitorLimits())
+    history, vision = ArmHistory(), Vision(OneFrame(), MonitorLimits(), process)
     history.add(ArmState(1.5, 1.5, "made", POSE, ZERO_VELOCITY, POSE, False, False))
-    first = vision.update(State.FOLD, 1.6, history, process)
+    first = vision.update(State.FOLD, 1.6, history)
     assert first.fresh
     assert first.read or first.reading_since == 1.6
 
     def look() -> View | None:
-        view = vision.update(State.FOLD, 1.7, history, process)
+        view = vision.update(State.FOLD, 1.7, history)
         assert not view.fresh
         return view if view.read else None
 

@@ -40,7 +40,7 @@ def test_loop_that_is_not_visible_is_none(hidden: dict[str, object]) -> None:
 def ending(seen: float, *more: LengthCheck) -> tuple[str, str, int]:
     """Name, reason and exit code of a fold whose edges were released at x = 0."""
     settings = find_configs(None).cell().controller
-    context = FoldContext(settings, *[SimpleNamespace()] * 4)
+    context = FoldContext(settings, *[SimpleNamespace()] * 3, reader=None)
     context.seen_touch, context.released, context.edge_offset = TOUCH, True, seen
     context.witnesses = [LengthCheck("edges", seen, {"loop": LaidWeights.shipped().rms}), *more]
     end = context.completion()
