@@ -8,6 +8,7 @@ from cell.devices.devices import DeviceSelection
 from cell.devices.open import NO_STRIP, check_drivers, open_cell
 from cell.orchestrator.context import ManualContext
 from cell.orchestrator.outcome import Outcome
+from cell.orchestrator.phases import MANUAL_PHASES
 from cell.orchestrator.recorder import Recorder
 from cell.orchestrator.run import Run
 from cell.orchestrator.snapshot import Snapshot
@@ -33,7 +34,8 @@ def move_manually(
         devices.arm.connect()
         devices.camera.connect()
         context = ManualContext(settings.controller, motion)
-        return Run(devices, context, Recorder(), interrupted=interrupted).execute()
+        run = Run(devices, context, MANUAL_PHASES, Recorder(), interrupted=interrupted)
+        return run.execute()
     finally:
         devices.close()
 

@@ -27,6 +27,7 @@ from calibration.wizard.touches import check_plan
 from cell.config.cell import CellFile
 from cell.devices.devices import CalibrationAids, Devices, DeviceSelection
 from cell.devices.open import NO_STRIP, open_cell
+from cell.orchestrator.calibration_phase import CALIBRATION_PHASES
 from cell.orchestrator.context import CalibrationContext
 from cell.orchestrator.operator import Answer, Ask, Interrupted, Operator, Question, Unattended
 from cell.orchestrator.recorder import Recorder
@@ -287,7 +288,9 @@ def run_calibration(
     """Run the calibration of `context`; raises Interrupted or Fault where it was stopped."""
     try:
         devices.connect()
-        outcome = Run(devices, context, Recorder(), interrupted=interrupted).execute()
+        outcome = Run(
+            devices, context, CALIBRATION_PHASES, Recorder(), interrupted=interrupted
+        ).execute()
     finally:
         devices.close()
     if outcome.exit_code == Interrupted.exit_code:

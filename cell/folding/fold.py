@@ -26,6 +26,7 @@ from cell.learning.correction import Correction, experience_of, subject_of
 from cell.learning.experience import run_key
 from cell.orchestrator.context import FoldContext
 from cell.orchestrator.outcome import INTERRUPTED_AT_ONCE, Outcome, StopReason
+from cell.orchestrator.phases import FOLD_PHASES
 from cell.orchestrator.recorder import FileRecorder, Recorder
 from cell.orchestrator.run import Observer, Run
 from cell.orchestrator.safe_stop import run_suppressed
@@ -153,7 +154,8 @@ def _record_fold(
     live = request.record.viz == "live"
     with watching(folder, strip, live=live, hanging=hanging) as live_views:
         blind = replace(devices, plant=None, aids=None)  # the controller cannot read the truth
-        run = Run(blind, context, recorder, (trace, *observers, *live_views), interrupted)
+        watches = (trace, *observers, *live_views)
+        run = Run(blind, context, FOLD_PHASES, recorder, watches, interrupted)
         outcome = run_and_record(run, devices, recorder, trace.review)
     said = (context.warning, *(view.failure for view in live_views))
     context.warning = "\n  ".join(filter(None, said))

@@ -11,7 +11,7 @@ from cell.orchestrator.context import CalibrationContext
 from cell.orchestrator.operator import Answer, Ask, Question
 from cell.orchestrator.recorder import Recorder
 from cell.orchestrator.snapshot import Command, Hold, MoveTo, Snapshot
-from cell.orchestrator.states import Event
+from cell.orchestrator.states import Event, State
 from drivers.arm.obstacles import require_clear
 from drivers.errors import CellError
 from drivers.types import Pose
@@ -144,3 +144,6 @@ def _wait_for_answer(context: CalibrationContext, question: Question) -> Answeri
         yield Hold()
     yield Hold()
     return answer
+
+
+CALIBRATION_PHASES = {State.PREFLIGHT: begin_calibration, State.CALIBRATE: calibrate}

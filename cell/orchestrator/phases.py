@@ -1,18 +1,15 @@
 """Phases of a run: for each state one generator that receives snapshots and yields commands."""
 
 from collections import deque
-from collections.abc import Callable, Generator
+from collections.abc import Generator
 from dataclasses import asdict
-from functools import partial
 from math import sqrt
-from typing import Any
 
 import numpy as np
 
 from calibration.landmarks import camera_shift
 from cell.orchestrator import steps
-from cell.orchestrator.calibration_phase import begin_calibration, calibrate
-from cell.orchestrator.context import CalibrationContext, Context, FoldContext, ManualContext
+from cell.orchestrator.context import FoldContext, ManualContext
 from cell.orchestrator.lay import CLEARANCE, HANGING, TURN_GAIN, edge_place, follow_lay, lay_path
 from cell.orchestrator.recorder import Recorder
 from cell.orchestrator.snapshot import Command, Drive, Hold, Snapshot
@@ -282,25 +279,16 @@ def move_manually(context: ManualContext, _: Recorder, snapshot: Snapshot) -> st
     return Event.MOVED
 
 
-PhaseFactory = Callable[[Recorder, Snapshot], steps.Phase]
-_PHASES: dict[type[Context], dict[State, Callable[[Any, Recorder, Snapshot], steps.Phase]]] = {
-    FoldContext: {
-        State.PREFLIGHT: preflight,
-        State.GRASP: grasp,
-        State.LIFT: lift,
-        State.FOLD: fold,
-        State.TOUCHED: continue_to_lay,
-        State.LAY: lay,
-        State.RELEASE: release,
-    },
-    CalibrationContext: {State.PREFLIGHT: begin_calibration, State.CALIBRATE: calibrate},
-    ManualContext: {State.PREFLIGHT: move_manually},
+FOLD_PHASES = {
+    State.PREFLIGHT: preflight,
+    State.GRASP: grasp,
+    State.LIFT: lift,
+    State.FOLD: fold,
+    State.TOUCHED: continue_to_lay,
+    State.LAY: lay,
+    State.RELEASE: release,
 }
-
-
-def phases_of(context: Context) -> dict[State, PhaseFactory]:
-    """Functions that begin each phase of a run with this `context`, by the state of the run."""
-    return {state: partial(phase, context) for state, phase in _PHASES[type(context)].items()}
+MANUAL_PHASES = {State.PREFLIGHT: move_manually}
 
 
 def observation(time: float, gripper: Pose, seen: StripMeasurement) -> Observation:

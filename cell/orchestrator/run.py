@@ -2,17 +2,17 @@
 
 import signal
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from types import FrameType
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 from cell.devices.devices import ArmHistory, Devices
 from cell.orchestrator.context import Context
 from cell.orchestrator.monitors import Rules, check_all, slow_for_images
 from cell.orchestrator.outcome import INTERRUPTED, Outcome, StopReason
-from cell.orchestrator.phases import phases_of
 from cell.orchestrator.recorder import Recorder
 from cell.orchestrator.safe_stop import SafeStop, run_suppressed
 from cell.orchestrator.snapshot import CloseHand, Command, Drive, Hold, MoveTo, OpenHand, Snapshot
@@ -22,6 +22,7 @@ from cell.orchestrator.vision import MEASURED_STATES, RECORDED, View, Vision
 from drivers.errors import Fault
 from drivers.types import ZERO_VELOCITY
 
+C = TypeVar("C", bound=Context)
 CYCLE_LIMIT = 1.0  # s of computing for a control cycle on the wall clock; the setting may be lower
 
 
@@ -41,14 +42,16 @@ class Run:
     def __init__(
         self,
         devices: Devices,
-        context: Context,
+        context: C,
+        phases: Mapping[State, Callable[[C, Recorder, Snapshot], Phase]],
         recorder: Recorder,
         observers: tuple[Observer, ...] = (),
         interrupted: Callable[[], bool] = lambda: False,
     ) -> None:
+        """Drive `devices` by the `phases` of the `context`, a function a state, until the end."""
         self._devices = devices
         self._context = context
-        self._phases = phases_of(context)
+        self._phases = {state: partial(phase, context) for state, phase in phases.items()}
         self._recorder = recorder
         self._observers = observers
         self._interrupted = interrupted

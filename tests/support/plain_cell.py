@@ -124,6 +124,7 @@ class Bench:
     observers: tuple = ()
     interrupted: Callable[[], bool] = lambda: False
     reader: object = None
+    phases: dict | None = None
 
     def run(self) -> Outcome:
         settings = Configs(CHECKOUT_CONFIGS).cell()
@@ -132,7 +133,8 @@ class Bench:
         policy = make_policy("triangular")
         context = FoldContext(settings.controller, strip, policy, None, reader=reader)
         devices = Devices(self.clock, self.arm, self.hand, self.camera, "none", None, None)
-        return Run(devices, context, self.record, self.observers, self.interrupted).execute()
+        watched = self.record, self.observers, self.interrupted
+        return Run(devices, context, self.phases or phases(), *watched).execute()
 
     @property
     def at_rest(self) -> bool:
@@ -156,14 +158,14 @@ def plain_bench() -> Bench:
 def ending(event: Event):
     """Phase that ends at once with `event`."""
 
-    def phase(record, begin):
+    def phase(*_):
         yield Hold()
         return event
 
     return phase
 
 
-def driving(record, begin):
+def driving(*_):
     """Phase that drives away and never ends by itself."""
     while True:
         yield Drive(AWAY)

@@ -42,7 +42,7 @@ class LateReader:
 
 
 def driving(ticks: int):
-    def phase(record, begin):
+    def phase(*_):
         for _ in range(ticks):
             yield Drive(AWAY)
         return Event.PATH_DONE
@@ -50,11 +50,8 @@ def driving(ticks: int):
     return phase
 
 
-def folding(bench: Bench, monkeypatch, reader: LateReader, fold=None) -> list[Snapshot]:
-    monkeypatch.setattr(
-        orchestrator, "phases_of", lambda context: phases(FOLD=fold or driving(100))
-    )
-    bench.reader, seen = reader, []
+def folding(bench: Bench, reader: LateReader, fold=None) -> list[Snapshot]:
+    bench.reader, bench.phases, seen = reader, phases(FOLD=fold or driving(100)), []
     bench.observers = (SimpleNamespace(handle_tick=seen.append, handle_event=lambda *_: None),)
     return seen
 
@@ -65,9 +62,9 @@ def bench() -> Bench:
 
 
 @pytest.mark.parametrize("ticks", [0, 1, 4])
-def test_the_newest_image_is_read_as_soon_as_the_last_is_done(bench, monkeypatch, ticks) -> None:
+def test_the_newest_image_is_read_as_soon_as_the_last_is_done(bench, ticks) -> None:
     reader = LateReader(ticks)
-    seen = folding(bench, monkeypatch, reader)
+    seen = folding(bench, reader)
     assert bench.run().name == "path_done"
     moments = [s for s in seen if s.state is State.FOLD]
     ages = [s.time - s.view.measurement.stamp for s in moments if s.view.read]
@@ -76,9 +73,9 @@ def test_the_newest_image_is_read_as_soon_as_the_last_is_done(bench, monkeypatch
     assert len(moments) >= 99
 
 
-def test_a_reader_that_hangs_stops_the_arm_one_tick_after_its_time(bench, monkeypatch) -> None:
+def test_a_reader_that_hangs_stops_the_arm_one_tick_after_its_time(bench) -> None:
     reader = LateReader(10**9)
-    folding(bench, monkeypatch, reader)
+    folding(bench, reader)
     outcome = bench.run()
     assert outcome.name == "image_reading_overdue"
     assert outcome.exit_code == 4
@@ -86,17 +83,17 @@ def test_a_reader_that_hangs_stops_the_arm_one_tick_after_its_time(bench, monkey
     assert "260 ms, allowed 250 ms" in outcome.reason
 
 
-def test_a_reader_that_dies_stops_the_arm_at_the_next_tick(bench, monkeypatch) -> None:
+def test_a_reader_that_dies_stops_the_arm_at_the_next_tick(bench) -> None:
     reader = LateReader(1)
 
-    def dying(record, begin):
+    def dying(*_):
         for _ in range(30):
             yield Drive(AWAY)
         reader.failure = "the process for images has ended"
         while True:
             yield Drive(AWAY)
 
-    folding(bench, monkeypatch, reader, dying)
+    folding(bench, reader, dying)
     outcome = bench.run()
     assert (outcome.name, outcome.reason) == ("image_reader_dead", reader.failure)
     assert bench.at_rest
@@ -104,12 +101,12 @@ def test_a_reader_that_dies_stops_the_arm_at_the_next_tick(bench, monkeypatch) -
 
 
 def test_a_turn_that_hangs_is_ended_and_stops_the_arm(bench, monkeypatch) -> None:
-    def hanging(record, begin):
+    def hanging(*_):
         yield Drive(AWAY)
         while True:
             pass
 
-    folding(bench, monkeypatch, LateReader(0), hanging)
+    folding(bench, LateReader(0), hanging)
     monkeypatch.setattr(orchestrator, "time_limit", lambda _: time_limit(0.1))
     assert bench.run().name == "turn_overtime"
     assert bench.at_rest

@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import cell.orchestrator.run as orchestrator
 from cell.config.settings import FoldSettings
 from cell.orchestrator.context import FoldContext
 from cell.orchestrator.lay import (
@@ -18,6 +17,7 @@ from cell.orchestrator.lay import (
     follow_lay,
     lay_path,
 )
+from cell.orchestrator.phases import FOLD_PHASES
 from cell.orchestrator.snapshot import Drive, Hold, MoveTo, OpenHand
 from cell.orchestrator.states import Event
 from cell.perception.strip_measurement import SeenTouch
@@ -79,20 +79,15 @@ def test_grasped_edge_is_let_down_past_a_taut_layer_and_goes_to_the_fixed_one_un
     assert path.points[-2:] == pytest.approx(np.array([(end, HEIGHT), (down, REST)]))
 
 
-def test_edge_is_laid_over_the_lower_layer_and_let_go_before_the_hand_leaves(monkeypatch) -> None:
+def test_edge_is_laid_over_the_lower_layer_and_let_go_before_the_hand_leaves() -> None:
     """It goes on backwards, away from the strip, before it rises."""
-    real = orchestrator.phases_of
 
-    def from_the_touch(context: FoldContext) -> dict:
-        def touch(record, begin):
-            yield Hold()
-            context.seen_touch = replace(touched(0.0), distance=0.003)
-            return Event.LAYER_TOUCH
+    def touch(context: FoldContext, *_):
+        yield Hold()
+        context.seen_touch = replace(touched(0.0), distance=0.003)
+        return Event.LAYER_TOUCH
 
-        return real(context) | phases(FOLD=touch)
-
-    monkeypatch.setattr(orchestrator, "phases_of", from_the_touch)
-    bench = plain_bench()
+    bench = replace(plain_bench(), phases=FOLD_PHASES | phases(FOLD=touch))
     bench.hand.commands = commands = bench.arm.commands
     assert bench.run().name == "edges_not_seen"
     rest, aside = 0.003 + CLEARANCE, -FOLD.approach

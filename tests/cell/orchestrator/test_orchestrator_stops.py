@@ -19,8 +19,7 @@ BEGIN = 0.5  # s, from when on things go wrong
 
 
 @pytest.fixture
-def bench(monkeypatch) -> Bench:
-    monkeypatch.setattr(orchestrator, "phases_of", lambda context: phases())
+def bench() -> Bench:
     return plain_bench()
 
 
@@ -132,27 +131,27 @@ def test_a_first_look_that_fails_is_an_outcome_and_no_error(bench) -> None:
 
 
 @pytest.mark.parametrize("velocity", [math.nan, math.inf, 3.0])
-def test_a_velocity_that_no_arm_may_follow_stops_the_arm(bench, monkeypatch, velocity) -> None:
-    def runaway(record, begin):
+def test_a_velocity_that_no_arm_may_follow_stops_the_arm(bench, velocity) -> None:
+    def runaway(*_):
         for _ in range(30):
             yield Drive(AWAY)
         while True:
             yield Drive(Velocity(velocity, 0.0, 0.0))
 
-    monkeypatch.setattr(orchestrator, "phases_of", lambda context: phases(FOLD=runaway))
+    bench.phases = phases(FOLD=runaway)
     assert bench.run().name == "command_refused"
     assert bench.at_rest
     driven = [command.velocity for command in bench.arm.commands if isinstance(command, Drive)]
     assert set(driven) == {AWAY}
 
 
-def test_a_path_that_ends_in_motion_ends_at_rest(bench, monkeypatch) -> None:
-    def short(record, begin):
+def test_a_path_that_ends_in_motion_ends_at_rest(bench) -> None:
+    def short(*_):
         for _ in range(50):
             yield Drive(AWAY)
         return Event.PATH_DONE
 
-    monkeypatch.setattr(orchestrator, "phases_of", lambda context: phases(FOLD=short))
+    bench.phases = phases(FOLD=short)
     outcome = bench.run()
     assert (outcome.name, outcome.exit_code) == ("path_done", 1)
     assert bench.at_rest
@@ -166,7 +165,7 @@ def test_interrupting_stops_within_the_limits_of_the_motion(bench) -> None:
     assert bench.clock.now() - BEGIN < 0.15
 
 
-def test_an_observer_that_fails_holds_nothing_up(bench, monkeypatch) -> None:
+def test_an_observer_that_fails_holds_nothing_up(bench) -> None:
     def broken(*news) -> None:
         raise ZeroDivisionError
 
@@ -174,9 +173,7 @@ def test_an_observer_that_fails_holds_nothing_up(bench, monkeypatch) -> None:
     good = SimpleNamespace(handle_tick=seen.append, handle_event=lambda *news: None)
     bad = SimpleNamespace(handle_tick=broken, handle_event=broken)
     bench.observers = (bad, good)
-    monkeypatch.setattr(
-        orchestrator, "phases_of", lambda context: phases(FOLD=ending(Event.PATH_DONE))
-    )
+    bench.phases = phases(FOLD=ending(Event.PATH_DONE))
     assert bench.run().name == "path_done"
     assert len(seen) >= 4
 
@@ -202,21 +199,19 @@ def test_every_command_is_checked_before_it_is_sent(bench, monkeypatch) -> None:
         checked.append((snapshot.state, command))
         check_all(snapshot, command, rules)
 
-    def grasping(record, begin):
+    def grasping(*_):
         yield from open_hand()
         yield from move(Pose(0.55, 0.1, math.pi / 2))
         yield from close_hand()
         return Event.GRASPED
 
-    def short(record, begin):
+    def short(*_):
         for _ in range(5):
             yield Drive(AWAY)
         return Event.PATH_DONE
 
     monkeypatch.setattr(orchestrator, "check_all", checking)
-    monkeypatch.setattr(
-        orchestrator, "phases_of", lambda context: phases(GRASP=grasping, FOLD=short)
-    )
+    bench.phases = phases(GRASP=grasping, FOLD=short)
     sent: list[object] = []
     for device, names in (
         (bench.arm, ("move_to", "set_velocity")),
@@ -242,7 +237,7 @@ def sending(act: Callable, checked: list, sent: list) -> Callable:
     return send
 
 
-def test_a_fault_is_never_resumed(bench, monkeypatch) -> None:
+def test_a_fault_is_never_resumed(bench) -> None:
     """The camera fails once and is well again: the run has ended all the same."""
     bench.camera.read = later(bench, bench.camera.read, until=BEGIN + 0.02)
     states, seen = list[str](), list[Snapshot]()
@@ -272,7 +267,7 @@ def test_images_and_arm_states_of_the_future_are_refused(bench) -> None:
     assert bench.at_rest
 
 
-def test_a_loop_that_is_late_still_brakes_in_whole_cycles(bench, monkeypatch) -> None:
+def test_a_loop_that_is_late_still_brakes_in_whole_cycles(bench) -> None:
     """A clock that jumps ahead, as after a stall, does not use up the time to brake."""
     inner, late = bench.clock, [0.0]
 
@@ -283,13 +278,13 @@ def test_a_loop_that_is_late_still_brakes_in_whole_cycles(bench, monkeypatch) ->
         def wait_until(self, time: float) -> None:
             inner.wait_until(time - late[0])
 
-    def stalls(record, begin):
+    def stalls(*_):
         for _ in range(50):
             yield Drive(AWAY)
         late[0] = 30.0
         raise Fault("stalled", "nobody foresaw this")
 
-    monkeypatch.setattr(orchestrator, "phases_of", lambda context: phases(FOLD=stalls))
+    bench.phases = phases(FOLD=stalls)
     arm = bench.arm
     bench.clock = Late()
     assert bench.run().name == "stalled"

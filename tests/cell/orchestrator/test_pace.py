@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import cell.orchestrator.run as orchestrator
 from cell.config.settings import MonitorLimits
 from cell.orchestrator.monitors import USUAL_AGE, slow_for_images
 from cell.orchestrator.snapshot import CloseHand, Drive, Hold, MoveTo
@@ -56,21 +55,20 @@ def test_where_no_image_is_needed_their_age_does_not_count() -> None:
     assert slow_for_images(MoveTo(PLACE), aged(9.0, State.PREFLIGHT), LIMITS) == MoveTo(PLACE)
 
 
-def drives(record, begin):
+def drives(*_):
     for _ in range(200):
         yield Drive(FAST)
     return Event.PATH_DONE
 
 
-def moves(record, begin):
+def moves(*_):
     yield from move(PLACE)
     return Event.LIFTED
 
 
 @pytest.fixture
-def bench(monkeypatch) -> Bench:
-    monkeypatch.setattr(orchestrator, "phases_of", lambda context: phases(LIFT=moves, FOLD=drives))
-    return plain_bench()
+def bench() -> Bench:
+    return replace(plain_bench(), phases=phases(LIFT=moves, FOLD=drives))
 
 
 def lose_images(bench: Bench, begin: float, seconds: float) -> None:
