@@ -25,7 +25,7 @@ from cell.folding.result import FoldResult
 from cell.learning.correction import Correction, experience_of, subject_of
 from cell.learning.experience import run_key
 from cell.orchestrator.context import FoldContext
-from cell.orchestrator.outcome import INTERRUPTED_AT_ONCE, Outcome, StopReason
+from cell.orchestrator.outcome import INTERRUPTED_AT_ONCE, Outcome
 from cell.orchestrator.phases import FOLD_PHASES
 from cell.orchestrator.recorder import FileRecorder, Recorder
 from cell.orchestrator.run import Observer, Run
@@ -173,7 +173,7 @@ def _write_truth(folder: Path, truth: Truth, outcome: Outcome) -> Outcome:
         write_truth(folder, truth)
     except OSError as error:
         reason = f"{folder}: {error.strerror}; it is incomplete"
-        return outcome.overridden_by(StopReason("record", reason, Fault.exit_code))
+        return outcome.overridden_by(Outcome("record", reason, Fault.exit_code))
     return outcome
 
 
@@ -211,9 +211,9 @@ def run_and_record(
         with realtime_thread(devices.real_time):
             outcome = run.execute()
     except KeyboardInterrupt:
-        outcome = Outcome.stopped_by(INTERRUPTED_AT_ONCE, devices.clock.now())
+        outcome = replace(INTERRUPTED_AT_ONCE, duration=devices.clock.now())
     except CellError as error:
-        outcome = Outcome.stopped_by(StopReason.from_error(error), devices.clock.now())
+        outcome = replace(Outcome.from_error(error), duration=devices.clock.now())
     finally:
         run_suppressed(devices.close)
     timing = devices.arm_timing()
@@ -236,7 +236,7 @@ def _review_and_finish(
         recorder.finish(content)
         raise
     except Fault as fault:
-        outcome = outcome.overridden_by(StopReason.from_error(fault))
+        outcome = outcome.overridden_by(Outcome.from_error(fault))
     finally:
         run_suppressed(recorder.close)
     return outcome

@@ -4,7 +4,7 @@ from dataclasses import asdict, replace
 
 import numpy as np
 
-from cell.orchestrator.outcome import Outcome, StopReason
+from cell.orchestrator.outcome import Outcome
 from cell.orchestrator.recorder import Recorder
 from cell.orchestrator.snapshot import Snapshot
 from cell.orchestrator.states import State
@@ -51,7 +51,7 @@ class FoldTrace:
         record.event(self._path[-1][0], UNLIKE_REASON, **asdict(agreed), reason=reason)
         if outcome.exit_code != 0:
             return outcome
-        return outcome.overridden_by(StopReason(UNLIKE_REASON, reason, 1))
+        return outcome.overridden_by(Outcome(UNLIKE_REASON, reason, 1))
 
     def _agreement(self, outcome: Outcome, origin: float) -> Agreement | None:
         """Agreement of strip and model; None without prediction, touch or a fit."""

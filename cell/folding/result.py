@@ -8,7 +8,7 @@ from typing import Any, Self
 from cell.config.unmeasured_strip import UNKNOWN_NAME as UNKNOWN
 from cell.folding.documents import LEARNED
 from cell.folding.request import Request
-from cell.orchestrator.outcome import Outcome, StopReason
+from cell.orchestrator.outcome import Outcome
 from cell.perception.length_checks import LengthCheck
 from cell.record.header import LAID, NOT_FOLDED
 from drivers.errors import CellError
@@ -56,8 +56,7 @@ class FoldResult:
     @classmethod
     def refusal(cls, request: Request, error: CellError) -> Self:
         """Result of a fold that did not begin because of `error`; nothing was recorded."""
-        outcome = Outcome.stopped_by(StopReason.from_error(error), 0.0)
-        return cls.from_outcome(request, outcome, {})
+        return cls.from_outcome(request, Outcome.from_error(error), {})
 
     @classmethod
     def from_outcome(cls, request: Request, outcome: Outcome, truth: Mapping[str, Any]) -> Self:

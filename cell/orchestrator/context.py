@@ -13,7 +13,7 @@ from calibration.wizard.touch_verdict import NOT_TOUCHED, TouchVerdict
 from calibration.wizard.touched_points import TouchedPoints
 from cell.config.settings import CellSettings
 from cell.orchestrator.operator import Operator, Unattended
-from cell.orchestrator.outcome import StopReason
+from cell.orchestrator.outcome import Outcome
 from cell.orchestrator.snapshot import Snapshot
 from cell.orchestrator.steps import Motion
 from cell.perception.image_reader import Reader
@@ -44,8 +44,8 @@ class Context(ABC):
         return desk_end(self.settings.installation)
 
     @abstractmethod
-    def completion(self) -> StopReason:
-        """Name, reason and exit code of a run that ended without a fault or an interruption."""
+    def completion(self) -> Outcome:
+        """Outcome of a run without a fault or an interruption, its measurements empty."""
 
 
 @dataclass
@@ -83,12 +83,12 @@ class FoldContext(Context):
             difference = touch.displacement - displacement
             self.witnesses.append(LengthCheck("displacement", difference, {"prediction": sigma}))
 
-    def completion(self) -> StopReason:
-        """Name, reason and exit code of the fold: 0 where the layers touched and lengths agree."""
+    def completion(self) -> Outcome:
+        """Outcome of the fold, exit code 0 where the layers touched and lengths agree."""
         if self.seen_touch is None:
-            return StopReason("path_done", "the path ended and no touch was seen", 1)
+            return Outcome("path_done", "the path ended and no touch was seen", 1)
         if self.released and self.edge_offset is None:
-            return StopReason(
+            return Outcome(
                 "edges_not_seen",
                 "the layers touched, but the camera sees no fold where it was laid: the strip "
                 "sprang open or is hidden; look at it, and lay it again",
@@ -96,8 +96,8 @@ class FoldContext(Context):
             )
         refuted = next((w for w in disagreements(self.witnesses) if w.refuted), None)
         if refuted is None:
-            return StopReason("layer_touch", "the layers touch", 0)
-        return StopReason(f"{refuted.name}_apart", refuted.sentence(), 1)
+            return Outcome("layer_touch", "the layers touch", 0)
+        return Outcome(f"{refuted.name}_apart", refuted.sentence(), 1)
 
 
 @dataclass
@@ -117,9 +117,9 @@ class CalibrationContext(Context):
     latency: LatencyVerdict = NOT_MEASURED
     landmarks: Landmarks | None = None
 
-    def completion(self) -> StopReason:
-        """Stop reason `calibrated`: all points were touched."""
-        return StopReason("calibrated", "all points were touched", 0)
+    def completion(self) -> Outcome:
+        """Outcome `calibrated`: all points were touched."""
+        return Outcome("calibrated", "all points were touched", 0)
 
 
 @dataclass
@@ -129,10 +129,10 @@ class ManualContext(Context):
     motion: Callable[[Snapshot], Motion]
     end: Pose | None = None
 
-    def completion(self) -> StopReason:
-        """Stop reason `moved`, with the gripper's final pose as text."""
+    def completion(self) -> Outcome:
+        """Outcome `moved`, with the gripper's final pose as text."""
         if self.end is None:
-            return StopReason("moved", "", 0)
+            return Outcome("moved", "", 0)
         x, z = round(1e3 * self.end.x), round(1e3 * self.end.z)
         pitch = round(degrees(self.end.pitch))
-        return StopReason("moved", f"the gripper is at x {x}, z {z} mm, pitch {pitch} deg", 0)
+        return Outcome("moved", f"the gripper is at x {x}, z {z} mm, pitch {pitch} deg", 0)

@@ -14,56 +14,42 @@ NAMES = {PreflightRefused: "preflight_refused", Interrupted: "interrupted"}
 
 
 @dataclass(frozen=True, slots=True)
-class StopReason:
-    """Name and reason of a run's end, with the exit code of the command line."""
+class Outcome:
+    """End of a run: its name, reason and exit code of the command line, and what was measured.
+
+    `name` is layer_touch, path_done, calibrated or the name of a fault. Times are from the lift
+    [s]; `touch` is the measured one, `edge_offset` the offset of the laid edges [m], `duration` the
+    whole run on the cell's clock [s], `predicted` by the policy, `witnesses` what was compared of
+    camera, arm and prediction, `agreement` whether the strip behaved like the model, where that was
+    found out.
+    """
 
     name: str
     reason: str
     exit_code: int
+    touch: SeenTouch | None = None
+    edge_offset: float | None = None
+    duration: float = 0.0
+    predicted: FoldPrediction | None = None
+    witnesses: tuple[LengthCheck, ...] = ()
+    agreement: Agreement | None = None
 
     @classmethod
     def from_error(cls, error: Exception) -> Self:
-        """Name, reason and exit code for an exception; unexpected ones are `internal_error`."""
+        """Outcome, without a measurement, of an exception; unexpected ones are `internal_error`."""
         if isinstance(error, Fault):
             return cls(error.name, error.reason, error.exit_code)
         if isinstance(error, CellError):
             return cls(NAMES.get(type(error), "error"), str(error), error.exit_code)
         return cls("internal_error", f"{type(error).__name__}: {error}", Fault.exit_code)
 
-
-INTERRUPTED = StopReason("interrupted", "stopped from the keyboard", 130)
-INTERRUPTED_AT_ONCE = StopReason("interrupted", "stopped at once from the keyboard", 130)
-
-
-@dataclass(frozen=True, slots=True)
-class Outcome:
-    """Result of a run; `name` is layer_touch, path_done, calibrated or the name of a fault.
-
-    Times are from the lift [s]; `touch` is the measured one, `edge_offset` the offset of the laid
-    edges [m], `duration` the whole run on the cell's clock [s], `predicted` by the policy,
-    `witnesses` what was compared of camera, arm and prediction, `agreement` whether the strip
-    behaved like the model, where that was found out.
-    """
-
-    name: str
-    reason: str
-    exit_code: int
-    touch: SeenTouch | None
-    edge_offset: float | None
-    duration: float
-    predicted: FoldPrediction | None = None
-    witnesses: tuple[LengthCheck, ...] = ()
-    agreement: Agreement | None = None
-
-    @classmethod
-    def stopped_by(cls, stopped: StopReason, duration: float) -> Self:
-        """Outcome of a run that was `stopped` without a measurement, after `duration` [s]."""
-        end = (stopped.name, stopped.reason, stopped.exit_code)
-        return cls(*end, touch=None, edge_offset=None, duration=duration)
-
-    def overridden_by(self, stopped: StopReason) -> Self:
-        """Outcome with name and reason of the later failure `stopped`, and the higher exit code."""
-        if self.name == stopped.name:
+    def overridden_by(self, later: "Outcome") -> Self:
+        """Outcome with name and reason of the failure `later`, and the higher exit code."""
+        if self.name == later.name:
             return self
-        code = max(self.exit_code, stopped.exit_code)
-        return replace(self, name=stopped.name, reason=stopped.reason, exit_code=code)
+        code = max(self.exit_code, later.exit_code)
+        return replace(self, name=later.name, reason=later.reason, exit_code=code)
+
+
+INTERRUPTED = Outcome("interrupted", "stopped from the keyboard", 130)
+INTERRUPTED_AT_ONCE = Outcome("interrupted", "stopped at once from the keyboard", 130)

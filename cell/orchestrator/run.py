@@ -12,7 +12,7 @@ from typing import Protocol, TypeVar
 from cell.devices.devices import ArmHistory, Devices
 from cell.orchestrator.context import Context
 from cell.orchestrator.monitors import Rules, check_all, slow_for_images
-from cell.orchestrator.outcome import INTERRUPTED, Outcome, StopReason
+from cell.orchestrator.outcome import INTERRUPTED, Outcome
 from cell.orchestrator.recorder import Recorder
 from cell.orchestrator.safe_stop import SafeStop, run_suppressed
 from cell.orchestrator.snapshot import CloseHand, Command, Drive, Hold, MoveTo, OpenHand, Snapshot
@@ -67,7 +67,7 @@ class Run:
         self._phase: Phase | None = None
         self._rests = False
         self._command: Command | None = None
-        self._stopped: StopReason | None = None
+        self._stopped: Outcome | None = None
         braking_cycles = round(settings.fold.stop_timeout * settings.fold.control_rate)
         self._safe_stop = SafeStop(devices, braking_cycles)
         self._snapshot: Snapshot | None = None
@@ -95,7 +95,7 @@ class Run:
         try:
             action()
         except Exception as error:  # noqa: BLE001  an edge: the arm stops whatever went wrong
-            self._stop(StopReason.from_error(error))
+            self._stop(Outcome.from_error(error))
 
     def _run_cycle(self, due: float) -> None:
         """Execute the cycle of the control loop due at `due` [s]."""
@@ -172,7 +172,7 @@ class Run:
         self._record_event(now, "state", state=state, event=event)
         self._phase = None
 
-    def _stop(self, stopped: StopReason) -> None:
+    def _stop(self, stopped: Outcome) -> None:
         """Brake and enter STOPPING for the reason `stopped`; a run that is over keeps its state."""
         self._safe_stop.apply(None if self._snapshot is None else self._snapshot.hand)
         self._stopped = stopped
@@ -244,10 +244,8 @@ class Run:
         touch = context.seen_touch
         if touch is not None:
             touch = replace(touch, time=touch.time - self._recorder.origin)
-        return Outcome(
-            name=end.name,
-            reason=end.reason,
-            exit_code=end.exit_code,
+        return replace(
+            end,
             touch=touch,
             edge_offset=context.edge_offset,
             duration=duration,
