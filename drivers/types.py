@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
+GRAVITY = 9.81  # m/s^2
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,7 +27,7 @@ from cell.orchestrator.states import State
 from drivers.errors import ConfigurationError, Fault
 from drivers.settings import parse
 from drivers.strip.describe import load_strip
-from drivers.strip.effects import check_effects, registry
+from drivers.strip.effects import registry
 from policies.registry import entries, make_policy, policy_names
 from tests.lab.exam.causes import cause_of, causes
 from tests.lab.studies import campaign, catalogue
@@ -284,16 +284,6 @@ def test_a_package_whose_policy_cannot_be_made_is_named(installed: Path, does: s
     install(installed, "policies", "sunk", text, "ENTRY")
     with pytest.raises(ConfigurationError, match=r"policies: sunk of package own-sunk.*fails"):
         make_policy("sunk")
-
-
-def test_an_effect_beside_the_installed_package_is_reported_as_not_installed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    Path("drivers/strip/effects").mkdir(parents=True)
-    Path("drivers/strip/effects/wetness.py").write_text(EFFECT)
-    with pytest.raises(ConfigurationError, match=r"run `pip install -e \.` here"):
-        check_effects({"wetness": {"share": 0.5}}, "felt.yaml", of=["strip"])
 
 
 def test_a_monitor_is_an_entry_of_the_list(monkeypatch: pytest.MonkeyPatch) -> None:

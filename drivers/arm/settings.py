@@ -4,6 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from drivers.franka.model import HAND_CENTRE, HAND_MASS
 from drivers.installation import AxisLimits, Installation, MotionLimits
 from drivers.settings import Settings
 
@@ -35,8 +36,8 @@ class ToolSettings(Settings):
     `centre` is in the flange's frame. No load is set: a strip weighs less than the force error.
     """
 
-    mass: float = Field(0.73, gt=0, le=3)
-    centre: tuple[Length, Length, Length] = (-0.01, 0.0, 0.03)
+    mass: float = Field(HAND_MASS, gt=0, le=3)
+    centre: tuple[Length, Length, Length] = HAND_CENTRE
 
 
 class HandLimits(Settings):

@@ -6,8 +6,8 @@ from drivers.fci_server.configuration import Configuration
 from drivers.fci_server.robot import EmulatedRobot
 from drivers.fci_server.wire import Controller, Generator, Reflex
 from drivers.franka.inverse_kinematics import ELBOW_JOINT
-from drivers.franka.model import GRAVITY, HAND_INERTIA, holding_torques
-from drivers.types import Array
+from drivers.franka.model import HAND_INERTIA, holding_torques
+from drivers.types import GRAVITY, Array
 
 PACKET = np.dtype(
     [

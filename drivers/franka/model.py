@@ -8,9 +8,7 @@ from pydantic import Field
 from drivers.franka import limits
 from drivers.franka.kinematics import FLANGE, FLANGE_TO_TIP, PARAMETERS, frames, offset_in_frame
 from drivers.settings import Settings
-from drivers.types import Array, frozen
-
-GRAVITY = 9.81  # m/s^2
+from drivers.types import GRAVITY, Array, frozen
 
 # Masses [kg] and centres of mass [m] of links 1 to 7 in their joints' frames. Source: Gaz et al.,
 # Dynamic identification of the Franka Emika Panda robot with retrieval of feasible parameters,

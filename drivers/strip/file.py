@@ -5,13 +5,14 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, field_validator
 
 from drivers.settings import Metres, Seconds, Settings, Unit
+from drivers.types import GRAVITY
 
-GRAVITY = 9.81  # m/s^2
 PAPER_LINEAR_DENSITY = 1.65  # kg/m, spheres of 3.3 g every 2 mm (paper, appendix)
 PAPER_SPACING = 0.002  # m
 
 ArealDensity = Annotated[float, Unit("kg/m^2")]
 Channel = Annotated[int, Field(ge=0, le=255)]
+Colour = tuple[Channel, Channel, Channel]  # sRGB
 
 
 class Provenance(Settings):
@@ -38,7 +39,7 @@ class StripFile(Settings):
     bending_length: Metres = Field(ge=0.002, le=0.2)  # (B / areal weight)^(1/3)
     retardation_time: Seconds = Field(ge=0, le=10.0)  # Kelvin-Voigt
     thickness: Metres = Field(0.001, ge=1e-6, le=0.02)
-    colour: tuple[Channel, Channel, Channel] = (128, 128, 128)  # sRGB
+    colour: Colour = (128, 128, 128)
     effects: dict[str, dict[str, float]] = Field(default_factory=dict)
     law: dict[str, float] = Field(default_factory=dict, exclude_if=lambda law: not law)
     spread: dict[str, tuple[float, float]] = Field(default_factory=dict)

@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from drivers.errors import ConfigurationError
-from drivers.strip.file import GRAVITY
-from drivers.types import Array, frozen
+from drivers.types import GRAVITY, Array, frozen
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance

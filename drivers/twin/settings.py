@@ -8,12 +8,11 @@ from pydantic import AfterValidator, Field, model_validator
 
 from drivers.franka.model import ArmPlant
 from drivers.settings import Settings
+from drivers.strip.file import Colour
 from drivers.twin.renderer.looks import DEFAULT_LOOK, check_look
 
 HIGHEST_ELEVATION = radians(5.0)  # from higher up the lower layer's face hides the closing gap
 
-Channel = Annotated[int, Field(ge=0, le=255)]
-Colour = tuple[Channel, Channel, Channel]
 Offset = Annotated[float, Field(ge=-0.05, le=0.05)]
 
 

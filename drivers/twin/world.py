@@ -10,13 +10,12 @@ import numpy as np
 
 from drivers.errors import Fault
 from drivers.strip.engine import Observables, Stepper, Touch
-from drivers.strip.file import GRAVITY
 from drivers.strip.model import StripModel
 from drivers.strip.observation import GrowingOffsets
 from drivers.twin.clock import NANOSECONDS, nanoseconds
 from drivers.twin.scene import History, Scene
 from drivers.twin.settings import WorldSettings
-from drivers.types import Pose, frozen
+from drivers.types import GRAVITY, Pose, frozen
 
 
 @dataclass(frozen=True, slots=True)

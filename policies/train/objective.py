@@ -10,9 +10,9 @@ from pydantic import Field
 
 from drivers.settings import Settings
 from drivers.strip.describe import describe
-from drivers.strip.file import GRAVITY, StripFile
+from drivers.strip.file import StripFile
 from drivers.strip.rod.engine import Rod
-from drivers.types import Array
+from drivers.types import GRAVITY, Array
 from policies.feedback import Feedback
 from policies.rollout import Folds, Rollout, roll_out
 from policies.sensing import Sensing

@@ -2,7 +2,6 @@
 
 from collections.abc import Collection, Mapping
 from functools import cache
-from pathlib import Path
 
 from drivers.errors import ConfigurationError, suggestion
 from drivers.plugins import plugins
@@ -32,14 +31,6 @@ def apply_effects(model: StripModel, effects: Effects) -> StripModel:
     return model
 
 
-def _checkout_hint(name: str) -> str:
-    """Hint to install the working folder's sources if they have an effect `name`; else empty."""
-    for path in Path("drivers", "strip", "effects").glob("*.py"):
-        if f'name="{name}"' in path.read_text(encoding="utf-8"):
-            return f"; {path} is not a part of the installed package: run `pip install -e .` here"
-    return ""
-
-
 def _fit_to_strip(
     effect: Effect, values: Mapping[str, float], model: StripModel
 ) -> Mapping[str, float]:
@@ -62,6 +53,6 @@ def check_effects(effects: Effects, origin: str, of: Collection[str]) -> None:
         if name not in known:
             raise ConfigurationError(
                 f"{origin}: effects.{name}: unknown effect of the {kinds}"
-                f"{suggestion(name, known)}; allowed: {', '.join(known)}{_checkout_hint(name)}"
+                f"{suggestion(name, known)}; allowed: {', '.join(known)}"
             )
         registry()[name].check(values, f"{origin}: effects.{name}")

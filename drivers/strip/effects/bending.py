@@ -1,18 +1,15 @@
 """Effects of bending: the law of the moment, its change along the strip, and rest curvature."""
 
 from collections.abc import Mapping
-from functools import partial
 
 import numpy as np
 
-from drivers.strip.effects.effect import PLACE_SPAN, Effect, Parameter, Span, Stage, set_fields
-from drivers.strip.file import GRAVITY
+from drivers.strip.effects.effect import PLACE_SPAN, Parameter, Span, law_effect, set_fields
 from drivers.strip.model import SOFTEST, StripModel, scale_rigidity, with_field
-from drivers.types import frozen
+from drivers.types import GRAVITY, frozen
 
 HALF_WIDTH = 0.005  # m to each side over which a crease turns
 GRASP_BEND = 1.2  # bending lengths from the grip to where its first turn bends a lying strip
-law_effect = partial(Effect, of="strip", stage=Stage.LAW)
 
 
 def add_crease(model: StripModel, angle: float, position: float) -> StripModel:

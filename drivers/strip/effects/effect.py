@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -163,3 +164,6 @@ class Effect:
                     f"{origin}.{name}: {value:g} is out of range; "
                     f"allowed: {parameter.low:g} to {parameter.high:g} {parameter.unit}"
                 )
+
+
+law_effect = partial(Effect, of="strip", stage=Stage.LAW)

@@ -1,13 +1,10 @@
 """Effects of the strip's length, mass, stretch and surface."""
 
 from collections.abc import Mapping
-from functools import partial
 
-from drivers.strip.effects.effect import Effect, Parameter, Span, Stage, set_fields
+from drivers.strip.effects.effect import Parameter, Span, Stage, law_effect, set_fields
 from drivers.strip.model import Drag, StripModel, with_field
 from drivers.types import frozen
-
-law_effect = partial(Effect, of="strip", stage=Stage.LAW)
 
 
 def _change_length(model: StripModel, values: Mapping[str, float]) -> StripModel:

@@ -7,9 +7,10 @@ import numpy as np
 from numpy.polynomial.polynomial import polyfit, polyval
 from numpy.typing import NDArray
 
+from drivers.strip.file import Colour
 from drivers.twin.renderer.looks import Box, Cable, StripLook, Thing
 from drivers.twin.renderer.optics import Optics, Pixels
-from drivers.twin.settings import CameraSettings, Colour
+from drivers.twin.settings import CameraSettings
 from drivers.types import Array, Image
 
 Field = NDArray[np.float32]
