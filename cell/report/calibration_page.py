@@ -127,7 +127,7 @@ def _numbers(calibration: Calibration) -> list[tuple[str, str]]:
 
 def _draw_plane(image: Image, calibration: Calibration) -> None:
     """Draw the plane of the strip into an `image` of the camera, as lines with their mm."""
-    for line in (*(_steps(x, GRID_Z) for x in GRID_X), *(_steps(GRID_X, z) for z in GRID_Z)):
+    for line in (*(_line(x, GRID_Z) for x in GRID_X), *(_line(GRID_X, z) for z in GRID_Z)):
         pixels = np.rint(2**FRACTION * calibration.to_image(line)).astype(np.int32)
         cv2.polylines(image, [pixels], False, WHITE, 1, cv2.LINE_AA, FRACTION)
     labels = [(f"x {1e3 * x:.0f}", x, 0.0, BESIDE_X) for x in GRID_X]
@@ -137,7 +137,7 @@ def _draw_plane(image: Image, calibration: Calibration) -> None:
         cv2.putText(image, text, place.tolist(), cv2.FONT_HERSHEY_SIMPLEX, 0.5, WHITE, 1)
 
 
-def _steps(x: float | Array, z: float | Array) -> Array:
+def _line(x: float | Array, z: float | Array) -> Array:
     """Points (LINE_POINTS, 2) x, z [m] on a line between the extremes of `x` and `z` [m]."""
     ends = [np.linspace(np.min(v), np.max(v), LINE_POINTS) for v in (x, z)]
     return np.stack(ends, axis=1)

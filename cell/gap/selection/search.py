@@ -220,7 +220,7 @@ def _best_short_fit(
     """
     evidence = base.evidence
     estimates = yield from _few_steps(model, evidence, points)
-    promising = _farthest(base, estimates, base if incumbent is None else incumbent)
+    promising = _nearly_best(base, estimates, base if incumbent is None else incumbent)
     if incumbent is None:
         promising = promising or [best(estimates)]
     elif not promising:
@@ -236,7 +236,7 @@ def _best_short_fit(
     return best(promising)
 
 
-def _farthest(base: Estimate, begun: Sequence[Estimate], reference: Estimate) -> list[Estimate]:
+def _nearly_best(base: Estimate, begun: Sequence[Estimate], reference: Estimate) -> list[Estimate]:
     """Unfinished fits `begun` that gain nearly most over `base`, `reference` included."""
     estimates = [*begun, reference]
     dispersion = min(e.scale for e in estimates)

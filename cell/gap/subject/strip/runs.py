@@ -293,7 +293,7 @@ def _notes(
     """
     check_clock(run.ticks.contact_t, run.ticks.t, f"{folder / TICKS}: contact_t")
     check_clock(run.profile.t, run.ticks.t, f"{folder / PROFILE}: t")
-    for file, what, off, limits in (*_reaches(run, touch, strip), *_misses_of_midlines(run)):
+    for file, what, off, limits in (*_misses(run, touch, strip), *_misses_of_midlines(run)):
         median = float(np.median(off)) if np.size(off) else -np.inf
         if median > limits[-1]:
             raise ConfigurationError(
@@ -311,7 +311,7 @@ def _notes(
         yield f"{name}: ended with {run.result.outcome} and is used as far as it goes"
 
 
-def _reaches(run: Recorded, touch: Touch | None, strip: StripFile) -> Iterator[Contradiction]:
+def _misses(run: Recorded, touch: Touch | None, strip: StripFile) -> Iterator[Contradiction]:
     """Yield contradictions [m] of gripper, contacts and touch with a strip of the stated length."""
     t, x, z, contact = run.ticks.t, run.ticks.x, run.ticks.z, run.ticks.contact_x
     seen, at = np.isfinite(contact), f"start at x {x[0]:.3f}, z {z[0]:.3f} m is"

@@ -120,13 +120,13 @@ def candidate(effect: Effect, strip: StripFile, lifted: float) -> Candidate:
     shape = tuple(_shape_parameter(p, strip) for p in effect.parameters if p.role == "shape")
     return Candidate(
         effect.name, effect.sentence, effect.of,
-        parameters=tuple(_parameters(effect, strip, _coarse(effect))),
+        parameters=tuple(_parameters(effect, strip, _always_fitted(effect))),
         probes=_probes(effect, strip, lifted), revealed_by=effect.revealed_by,
         model_error=UNTRUE if effect.stage is Stage.LAW else PLACE_ERROR, shape_parameters=shape,
     )  # fmt: skip
 
 
-def _coarse(effect: Effect) -> list[Number]:
+def _always_fitted(effect: Effect) -> list[Number]:
     """Parameters of an effect that are always fitted: all but those of role `shape`."""
     return [p for p in effect.parameters if p.role != "shape"]
 
@@ -178,7 +178,7 @@ def _probes(
 ) -> tuple[tuple[tuple[float, ...], ...], ...]:
     """Groups of parameter vectors to screen: a group per size and shape, a vector per amount."""
     switch = effect.parameters[0]
-    numbers = _coarse(effect)
+    numbers = _always_fitted(effect)
     start = [p.start for p in _parameters(effect, strip, numbers)]
     amounts = [i for i, p in enumerate(numbers) if _is_amount(effect, p)]
     places = _places(strip, lifted)
