@@ -204,7 +204,7 @@ def _record_prediction(context: FoldContext, record: Recorder, snapshot: Snapsho
 
 
 def continue_to_lay(_context: FoldContext, record: Recorder, begin: Snapshot) -> steps.Phase:
-    """Record the layers' touch and begin the lay motion without a pause, which shifts the loop."""
+    """Record the layers' touch and begin the lay motion at once: a pause would shift the loop."""
     yield from ()
     record.event(begin.time, "touch_seen", x=begin.arm.pose.x, z=begin.arm.pose.z)
     return Event.SETTLED

@@ -47,7 +47,7 @@ class View:
 
 
 class Vision:
-    """Reader of the camera on each tick, which has the strip measured in its images in a fold."""
+    """Reader of the camera in each tick; in a fold it has the strip measured in the images."""
 
     def __init__(self, camera: Camera, limits: MonitorLimits, reader: Reader | None) -> None:
         """Read images from `camera`; `limits` hold for confidence, camera shift and image age.

@@ -58,7 +58,7 @@ class Contact:
 
 
 def find_contact(levels: Image, line: SearchLine, origin: Array) -> Contact:
-    """Find the desk contact: the last point along `line` at which lying strip ends.
+    """Find the desk contact: the last point along `line` at which the lying strip ends.
 
     As `drivers.strip.shape.desk_contact` defines it, so that a hump over a crease is no contact. In
     images that are shifted the line begins beside the strip, and crosses its end.

@@ -108,7 +108,7 @@ class Agreement:
 
     @property
     def like_model(self) -> bool:
-        """Whether both values are within the limits, so that the policy's strip model applies."""
+        """Whether residual and yield curvature are within limits, so that the model applies."""
         limits = AgreementLimits.shipped()
         return self.residual <= limits.residual and self.yield_curvature <= limits.yield_curvature
 

@@ -193,7 +193,7 @@ def _tips(outline: Outline) -> tuple[Outline, Array]:
 
 
 def _closest(one: Outline, other: Outline) -> tuple[Outline, Outline]:
-    """Points of two outlines, one of each, that are nearest to each other, of every second one."""
+    """Nearest points (2,) [px] of two outlines, one of each, among every second point."""
     a, b = one[::2], other[::2]
     distance = np.hypot(*(a[:, None] - b[None]).transpose(2, 0, 1))
     i, j = np.unravel_index(int(np.argmin(distance)), distance.shape)

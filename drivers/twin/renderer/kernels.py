@@ -117,7 +117,7 @@ class Sums(NamedTuple):
 
 @kernel
 def _share(area: float, a: float, b: float, corner: tuple[int, int]) -> float:
-    """Bilinear share of `area` at one `corner` of 2 x 2 pixels, `a` right and `b` down of 0, 0."""
+    """Bilinear share of `area` in a `corner` of 2 x 2 pixels, by fractions `a` right, `b` down."""
     share = area * a
     if corner[1] == 0:
         share = area - share

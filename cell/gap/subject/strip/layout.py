@@ -55,7 +55,7 @@ def zones(s: Array, length: float) -> Words:
 
 
 def _averaged_motion(run: MeasuredRun, t: Array) -> tuple[Array, Array]:
-    """Speed (n,) [m/s] of the averaged gripper at `t` (n,) [s], and its velocity (n,) along x."""
+    """Speed (n,) [m/s] and velocity (n,) along x of the gripper, averaged, at `t` (n,) [s]."""
     ends = [np.clip(t + side * AVERAGING_TIME / 2, run.t[0], run.t[-1]) for side in (-1, 1)]
     before, after = (interpolate_columns(end, run.t, run.poses[:, :2]) for end in ends)
     rate = (after - before) / np.maximum(ends[1] - ends[0], 1e-9)[:, None]
