@@ -125,9 +125,13 @@ class Mounting(Settings):
 
 
 class Installation(Settings):
-    """Mounting, motion limits and workspace of a cell's arm; `desk` is x [m] of the desk's end."""
+    """Mounting, motion limits and workspace of a cell's arm; `desk` is x [m] of the desk's end.
+
+    The gripper's home is `home_height` [m] over the strip's free edge.
+    """
 
     limits: MotionLimits = MotionLimits()
     workspace: Workspace = Workspace()
     mounting: Mounting = Mounting()
+    home_height: float = Field(0.15, ge=0.02, le=0.5)
     desk: float | None = Field(None, gt=0, le=3, exclude_if=lambda end: end is None)

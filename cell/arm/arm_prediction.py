@@ -73,9 +73,8 @@ def fold_poses(
 ) -> tuple[Array, Array]:
     """Poses (n, 3) and speeds (n,) of a whole fold with a strip carried along `trace` (k, 2)."""
     carry = _thin_out(np.concatenate([[(strip.length, 0.0)], trace]))
-    limits = settings.fci.limit(settings.installation).limits
-    home = settings.twin.arm.home_height
-    return whole_path(strip.length, home, settings.fold, limits, carry, end)
+    installation = settings.fci.limit(settings.installation)
+    return whole_path(strip.length, installation, settings.fold, carry, end)
 
 
 def _thin_out(points: Array) -> Array:

@@ -52,7 +52,7 @@ def jog(x: float, z: float, pitch: float) -> Callable[[Snapshot], Motion]:
 
 def to_home(settings: CellFile, strip: StripFile) -> Callable[[Snapshot], Motion]:
     """Motion of the gripper to rest at its home, over the edge of `strip`."""
-    return lambda _: move(Pose(strip.length, settings.twin.arm.home_height, 0.0))
+    return lambda _: move(Pose(strip.length, settings.installation.home_height, 0.0))
 
 
 def home_joints(settings: CellFile, strip: StripFile) -> tuple[float, ...]:
@@ -60,9 +60,7 @@ def home_joints(settings: CellFile, strip: StripFile) -> tuple[float, ...]:
     check_drivers(settings, DeviceSelection(arm="fci"))
     from cell.devices.fci import start_joints
 
-    installation = settings.fci.limit(settings.installation)
-    home = settings.twin.arm.home_height
-    return start_joints(installation, settings.fold, strip.length, home)
+    return start_joints(settings.fci.limit(settings.installation), settings.fold, strip.length)
 
 
 def robot_task(settings: CellFile) -> "RobotAccess":

@@ -53,7 +53,8 @@ def fci_devices(
     world = TwinClock()
     clock = world if lock_step else RealTimeClock(world, CATCHING_UP)
     plant = DeskPlant.selected(settings, strip, choice, calibrating=calibrating)
-    desk = open_desk(world, plant.desk, plant.strip, plant.rig_effects, choice.seed, choice.index)
+    rig, place = plant.rig_effects, settings.installation
+    desk = open_desk(world, plant.desk, plant.strip, rig, choice.seed, choice.index, place)
     if desk.model.rig.delay != 0:
         raise ConfigurationError(
             "effects: control_delay cannot be simulated with arm fci; use arm twin"
@@ -109,10 +110,10 @@ def fci_arm(settings: CellFile, clock: CellClock, address: str) -> tuple[FciArm,
 
 @lru_cache(maxsize=16)
 def start_joints(
-    installation: Installation, fold: FoldSettings, length: float, home: float
+    installation: Installation, fold: FoldSettings, length: float
 ) -> tuple[float, ...]:
     """Start joints (7,) [rad] with most margin in a plain fold; ConfigurationError without any."""
-    path, speeds = whole_path(length, home, fold, installation.limits, triangle(length))
+    path, speeds = whole_path(length, installation, fold, triangle(length))
     reach = plan_reach(installation, path, speeds)
     if not reach.allowed:
         raise ConfigurationError(
@@ -127,7 +128,7 @@ def _start_robot(settings: CellFile, strip: StripFile, desk: Desk) -> RobotServe
     """Start an emulated robot in a thread, holding the strip on `desk` of the twin."""
     installation = settings.fci.limit(settings.installation)
     frame = installation.mounting.transform()
-    start = start_joints(installation, settings.fold, strip.length, settings.twin.arm.home_height)
+    start = start_joints(installation, settings.fold, strip.length)
     twin = settings.twin.arm
     mechanics = ServerSettings(delay=twin.robot_delay, lag=twin.robot_lag, plant=twin.robot_plant)
     server = RobotServer(

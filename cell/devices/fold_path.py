@@ -6,7 +6,7 @@ import numpy as np
 
 from cell.config.settings import FoldSettings
 from drivers.geometry import arc_lengths
-from drivers.installation import MotionLimits
+from drivers.installation import Installation, MotionLimits
 from drivers.types import Array
 from policies.path import Path, lift_pitch
 
@@ -20,21 +20,20 @@ LEAST_NEED = 1e-9  # least derivative of a path counted, so that no limit is div
 
 def whole_path(
     length: float,
-    home: float,
+    installation: Installation,
     fold: FoldSettings,
-    limits: MotionLimits,
     carry: Array,
     end: float | None = None,
 ) -> tuple[Array, Array]:
     """Poses (n, 3) x, z [m], pitch [rad] of a fold, and speeds (n,) [m/s] of the moves to each.
 
-    From `home` [m] over the edge of a strip of `length` [m]; `carry` (k, 2) leads from the grasped
+    From the home over the edge of a strip of `length` [m]; `carry` (k, 2) leads from the grasped
     edge to where the layers touch. Lay and retreat follow; the edge is laid at `end` [m], or where
     that of a taut layer would be.
     """
     free = fold.approach
     beyond = length + free
-    approach = [(length, home), (beyond, fold.clear_height), (beyond, 2 * free)]
+    approach = [(length, installation.home_height), (beyond, fold.clear_height), (beyond, 2 * free)]
     approach += [(beyond, 0.0), (length, 0.0)]
     carried = np.column_stack([carry, lift_pitch(arc_lengths(carry))])
     x, z = carry[-1].tolist()
@@ -47,6 +46,7 @@ def whole_path(
     poses = np.concatenate(
         [_with_pitch(approach, 0.0), carried[1:], lowering, _with_pitch(retreat, np.pi)]
     )
+    limits = installation.limits
     fastest = min(limits.x.velocity, limits.z.velocity)
     lay_speeds = [fold.lay_speed] * 2  # of the lowering and the first move of the retreat
     carry_speeds = [fold.speed] * (len(carry) - 1)

@@ -46,10 +46,9 @@ def check_feasible(
     """
     folds = _simulate(settings, strip, policy, seed)
     carry = _carry(settings, strip, policy, folds)
-    home, limits = settings.fold.clear_height, settings.installation.limits
-    poses, _ = whole_path(strip.length, home, settings.fold, limits, carry, end=0.0)
+    poses, _ = whole_path(strip.length, settings.installation, settings.fold, carry, end=0.0)
     path = poses[1:, :2]  # from beside the strip on
-    taut, _ = whole_path(strip.length, home, settings.fold, limits, carry)
+    taut, _ = whole_path(strip.length, settings.installation, settings.fold, carry)
 
     def carry_at(speed: float) -> Array:
         slower = at_speed(settings, speed)

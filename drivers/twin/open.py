@@ -76,7 +76,8 @@ def open_twin(
     The same `seed` gives the same bytes. `index` is the number of runs that this specimen has
     already been through.
     """
-    desk = open_desk(TwinClock(), settings, plant, cell_effects, seed, index, staging)
+    clock = TwinClock()
+    desk = open_desk(clock, settings, plant, cell_effects, seed, index, installation, staging)
     (arm_seed,) = np.random.SeedSequence(seed).spawn(1)
     rng = np.random.default_rng(arm_seed)
     delay = desk.model.rig.delay
@@ -92,11 +93,12 @@ def open_desk(
     cell_effects: Effects | None,
     seed: int,
     index: int = 0,
+    installation: Installation = DEFAULT_INSTALLATION,
     staging: PlantOptions = DEFAULT_PLANT,
 ) -> Desk:
     """Create a desk with strip and camera on `clock`, whose gripper an external arm moves."""
     model = describe(plant, cell_effects, index)
-    home = Pose(model.stated_length, settings.arm.home_height, 0.0)
+    home = Pose(model.stated_length, installation.home_height, 0.0)
     plant_engine = staging.engine(settings.world.links)
     world = World(model, plant_engine, settings.world, home, settings.hand.opening)
     look = LOOKS[settings.look]

@@ -114,7 +114,6 @@ class ArmSettings(Settings):
     without `force`.
     """
 
-    home_height: float = Field(0.15, ge=0.02, le=0.5)  # over the grasped edge, at rest
     lag: float = Field(0.004, ge=0, le=0.1)
     robot_delay: float = Field(0.0, ge=0, le=0.1, exclude_if=lambda time: time == 0)
     robot_lag: float = Field(0.0, ge=0, le=0.1, exclude_if=lambda time: time == 0)

@@ -63,7 +63,7 @@ def test_fault_is_named_the_arm_rests_and_the_record_is_whole(fault, state, tmp_
 
 def server(settings) -> RobotServer:
     installation = settings.fci.limit(settings.installation)
-    start = start_joints(installation, settings.fold, 0.6, settings.twin.arm.home_height)
+    start = start_joints(installation, settings.fold, 0.6)
     return RobotServer(ServerSettings(), start=frozen(start), between=lambda: 0.001)
 
 

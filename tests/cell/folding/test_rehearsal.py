@@ -22,8 +22,7 @@ CONFIGS = find_configs(None)
 SETTINGS = CONFIGS.cell()
 FCI = SETTINGS.model_copy(update={"installation": SETTINGS.fci.limit(SETTINGS.installation)})
 STRIP = CONFIGS.strip("denim")
-LIMITS = FCI.installation.limits
-PATH, SPEEDS = whole_path(0.6, 0.15, FCI.fold, LIMITS, triangle(0.6))
+PATH, SPEEDS = whole_path(0.6, FCI.installation, FCI.fold, triangle(0.6))
 
 
 @pytest.fixture(scope="module")

@@ -68,7 +68,7 @@ def lifted(
 
 def cell(limits: MotionLimits, speed: float) -> CellSettings:
     settings = find_configs(None).cell().controller
-    installation = settings.installation.model_copy(update={"limits": limits})
+    installation = settings.installation.model_copy(update={"limits": limits, "home_height": 0.25})
     fold = settings.fold.model_copy(update={"speed": speed, "start": "flat"})
     return settings.model_copy(update={"installation": installation, "fold": fold})
 
@@ -109,10 +109,10 @@ def test_commands_late_at_its_end_do_not_take_the_arm_out_of_reach(begin: int) -
 def test_short_strips_begin_where_the_guard_lets_the_lift_pass(length: float) -> None:
     """The posture with the largest margin of the joints would be braked in the lift."""
     installation, settings = cell(REACHABLE, 0.1).installation, FoldSettings()
-    joints = start_joints(installation, settings, length, 0.25)
+    joints = start_joints(installation, settings, length)
     plane = plane_of(installation, forward(np.array(joints)).T.ravel().tolist())
     guard = ReachGuard(plane, REACHABLE, list(joints))
-    poses, times = densify(*whole_path(length, 0.25, settings, REACHABLE, triangle(length)))
+    poses, times = densify(*whole_path(length, installation, settings, triangle(length)))
     objections = set[str]()
     for here, there, time in zip(poses[:-1], poses[1:], times[1:], strict=True):
         soon = PredictedMotion(Pose(*here), Velocity(*((there - here) / time)), ZERO_VELOCITY)
@@ -123,11 +123,10 @@ def test_short_strips_begin_where_the_guard_lets_the_lift_pass(length: float) ->
 
 def guarded() -> ReachGuard:
     """The guard of a robot mounted as in cell.yaml whose hand holds the strip's edge."""
-    settings = cell(REACHABLE, 0.1)
-    installation, home = settings.installation, 0.25
-    above = np.array(start_joints(installation, FoldSettings(), 0.6, home))
+    installation = cell(REACHABLE, 0.1).installation
+    above = np.array(start_joints(installation, FoldSettings(), 0.6))
     plane = plane_of(installation, forward(above).T.ravel().tolist())
     joints = above
-    for height in np.linspace(home, 0.0, 26):
+    for height in np.linspace(installation.home_height, 0.0, 26):
         joints = solve(plane.matrix(0.6, height, 0.0), joints, centre=0.0)
     return ReachGuard(plane, REACHABLE, joints.tolist())

@@ -44,7 +44,7 @@ class Told:
     """A robot that keeps what it is told, and an arm that tells it."""
 
     def __init__(self) -> None:
-        joints = start_joints(INSTALLATION, CELL.fold, 0.6, 0.15)
+        joints = start_joints(INSTALLATION, CELL.fold, 0.6)
         self.poses: list[np.ndarray] = []
         self.clock = TwinClock()
         self.server = RobotServer(start=frozen(joints))

@@ -123,9 +123,9 @@ def measure(seconds: float, strip: str, realtime: RealTime) -> tuple[Share, Shar
     """Shares of answered states of the bare loop and of the cell, and outcomes of the folds."""
     bare, cell, ends = Share(), Share(), []
     settings = find_configs(None).cell()
-    home, file = settings.twin.arm.home_height, load_strip(find_configs(None).strip_path(strip))
+    file = load_strip(find_configs(None).strip_path(strip))
     installation = settings.fci.limit(settings.installation)
-    joints = list(start_joints(installation, settings.fold, file.length, home))
+    joints = list(start_joints(installation, settings.fold, file.length))
     with tempfile.TemporaryDirectory() as place, robot_at(joints) as address:
         os.sched_setaffinity(0, PROCESSORS[:-1] or PROCESSORS)
         configs = configured(Path(place) / "configs", address, realtime)

@@ -53,12 +53,11 @@ def drive(plant: ArmPlant, length: float, speed: float) -> Array:
     settings = settings.model_copy(update={"fci": patient})
     installation = settings.fci.limit(settings.installation)
     plan = settings.fold.model_copy(update={"speed": speed, "lay_speed": speed})
-    home = settings.twin.arm.home_height
-    path, speeds = whole_path(length, home, plan, installation.limits, triangle(length))
+    path, speeds = whole_path(length, installation, plan, triangle(length))
     path[1:, 1] += RAISED
     poses, times = densify(path, np.minimum(speeds, speed))
     due = 1.5 * np.concatenate([[0.0], np.cumsum(times[1:])])
-    start = start_joints(installation, settings.fold, length, home)
+    start = start_joints(installation, settings.fold, length)
     clock = TwinClock()
     with RobotServer(ServerSettings(plant=plant), start=frozen(start)) as server:
         arm, _ = fci_arm(settings, clock, server.address)
