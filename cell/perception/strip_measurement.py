@@ -1,7 +1,8 @@
 """Measured values of a strip in one image, and of the layers' touch in several."""
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 
+from drivers.strip.engine import Touch
 from drivers.types import Array
 
 
@@ -33,24 +34,16 @@ class StripMeasurement:
 
 
 @dataclass(frozen=True, slots=True)
-class SeenTouch:
-    """Layers' touch measured in images: `time` [s], `x` [m], lengths l1 and l2 [m], confidence.
+class SeenTouch(Touch):
+    """Layers' touch as measured in images, which do not show its `extension`.
 
     `confidence` is the agreement of its two signals, the closing gap and the stopping fold;
     `distance` [m] that of the midlines, the strip's thickness where it is not below 1 mm.
     """
 
-    time: float
-    x: float
-    to_grasped: float
-    to_fixed: float
+    _: KW_ONLY
     confidence: float
     distance: float
-
-    @property
-    def displacement(self) -> float:
-        """Displacement d = l1 - l2 [m] between the edges of the fold."""
-        return self.to_grasped - self.to_fixed
 
     def facts(self) -> dict[str, float]:
         """Entries of result.yaml about the layers' touch: time [s], lengths [m], confidence."""

@@ -31,5 +31,5 @@ class PlainSight:
             frame.stamp, frame.sequence, 0.3, value / 100, points, 0.9, (0.5, 0.1), np.nan, np.nan,
             (gripper.x, gripper.z),
         )  # fmt: skip
-        touch = SeenTouch(frame.stamp, 0.2, 0.3, 0.31, 0.8, 0.001) if touches else None
-        return ImageResult(seen, touch)
+        touch = SeenTouch(frame.stamp, 0.2, 0.3, 0.31, confidence=0.8, distance=0.001)
+        return ImageResult(seen, touch if touches else None)
