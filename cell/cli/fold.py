@@ -20,7 +20,7 @@ from drivers.errors import CellError, ConfigurationError
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from cell.folding.batch import Attendance
+    from cell.folding.batch import Callbacks
     from cell.folding.request import Request
     from cell.folding.result import FoldResult
     from cell.orchestrator.run import Observer
@@ -207,7 +207,7 @@ def _fold_all(
     robot = emulation(requests[0].cell, requests[0].choice)
     exit_code = 0
     try:
-        results = fold_all(requests, jobs, until, _attendance(robot, as_json=as_json))
+        results = fold_all(requests, jobs, until, _callbacks(robot, as_json=as_json))
         for request, fold_end in zip(requests, results, strict=False):  # an interrupt ends them
             if isinstance(fold_end, FoldResult):
                 result = fold_end
@@ -215,8 +215,8 @@ def _fold_all(
                 result = FoldResult.refusal(request, fold_end)
             if as_json:
                 _print_line(result)
-            elif result is not fold_end:  # a result was told as soon as it was known
-                _print_result(result, robot)
+            elif not result.run:  # a recorded fold was told as soon as it was known
+                notice(result.reason)
             exit_code = max(exit_code, result.exit_code)
             if until is not None and result.ends(until):
                 return result.exit_code
@@ -229,18 +229,18 @@ def _fold_all(
     return exit_code if until is None else max(exit_code, 1)
 
 
-def _attendance(robot: str, *, as_json: bool) -> "Attendance":
+def _callbacks(robot: str, *, as_json: bool) -> "Callbacks":
     """Callbacks to the operator in a batch of folds; `robot` is a remark on an emulated robot."""
     from cell.arm.run_settings import await_strip
-    from cell.folding.batch import Attendance
+    from cell.folding.batch import Callbacks
 
-    attendance = Attendance(report=notice, lay_again=lambda: await_strip(options.ask))
+    callbacks = Callbacks(report=notice, lay_again=lambda: await_strip(options.ask))
     if not as_json:
         tell = partial(_print_result, robot=robot)
-        return replace(attendance, observe=_progress, tell=tell)
+        return replace(callbacks, observe=_progress, tell=tell)
     if robot:
         notice(robot)
-    return attendance
+    return callbacks
 
 
 def _print_line(result: "FoldResult") -> None:
@@ -253,9 +253,6 @@ def _print_line(result: "FoldResult") -> None:
 
 def _print_result(result: "FoldResult", robot: str) -> None:
     """Print the result for the operator, with a remark on an emulated `robot`."""
-    if not result.run:
-        notice(result.reason)
-        return
     lines = (str(result), robot, f"page: {result.run}/{REPORT}")
     sys.stdout.write("\n  ".join(filter(None, lines)) + "\n")
     sys.stdout.flush()

@@ -137,13 +137,13 @@ def _print_plan(requests: "Sequence[Request]") -> None:
 def _fold_all(requests: "Sequence[Request]", jobs: int, *, as_json: bool) -> int:
     """Fold the standard runs and print each result; returns the largest exit code of all."""
     from cell.arm.run_settings import await_strip
-    from cell.folding.batch import Attendance, agreed, fold_all
+    from cell.folding.batch import Callbacks, agreed, fold_all
     from cell.folding.request import standard_run
 
     requests = agreed(requests, ask)
     code = 0
-    attendance = Attendance(lay_again=lambda: await_strip(ask))
-    results = while_busy("folding", fold_all(requests, jobs, attendance=attendance))
+    callbacks = Callbacks(lay_again=lambda: await_strip(ask))
+    results = while_busy("folding", fold_all(requests, jobs, callbacks=callbacks))
     for i, (request, result) in enumerate(zip(requests, results, strict=False), start=1):
         if isinstance(result, CellError):
             raise result

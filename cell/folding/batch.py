@@ -31,7 +31,7 @@ def _nobody_lays() -> None:
 
 
 @dataclass(frozen=True, slots=True)
-class Attendance:
+class Callbacks:
     """Callbacks to the person at the cell during a batch of folds; by default nobody is there.
 
     `interrupt` makes a context that asks for a controlled stop, `report` takes a remark,
@@ -51,7 +51,7 @@ def fold_all(
     requests: Sequence[Request],
     jobs: int = 1,
     until: float | None = None,
-    attendance: Attendance = Attendance(),
+    callbacks: Callbacks = Callbacks(),
 ) -> Iterator[FoldResult | CellError]:
     """Carry out the folds of `requests`, `jobs` at a time, and yield their results in order.
 
@@ -61,22 +61,22 @@ def fold_all(
     starts no other; raises Interrupted or KeyboardInterrupt on the second.
     """
     if until is not None:
-        yield from _fold_until(requests, until, attendance)
+        yield from _fold_until(requests, until, callbacks)
     elif jobs > 1 and len(requests) > 1 and not requests[0].choice.agreed:
-        yield from _fold_in_parallel(requests, jobs, attendance)
+        yield from _fold_in_parallel(requests, jobs, callbacks)
     else:
-        yield from _fold_in_sequence(requests, attendance)
+        yield from _fold_in_sequence(requests, callbacks)
 
 
 def _fold_in_parallel(
-    requests: Sequence[Request], jobs: int, attendance: Attendance
+    requests: Sequence[Request], jobs: int, callbacks: Callbacks
 ) -> Iterator[FoldResult | CellError]:
     """Fold in `jobs` processes side by side; results are yielded in the order of `requests`."""
-    folds = ParallelFolds(requests, jobs, attendance.report)
-    with attendance.interrupt() as interrupted, closing(folds):
+    folds = ParallelFolds(requests, jobs, callbacks.report)
+    with callbacks.interrupt() as interrupted, closing(folds):
         for result in map(_unless_interrupted, folds.results(interrupted)):
             if isinstance(result, FoldResult):
-                attendance.tell(result)
+                callbacks.tell(result)
             yield result
 
 
@@ -95,11 +95,11 @@ def agreed(requests: Sequence[Request], ask: Callable[[str], str]) -> tuple[Requ
 
 
 def _fold_until(
-    requests: Sequence[Request], until: float, attendance: Attendance
+    requests: Sequence[Request], until: float, callbacks: Callbacks
 ) -> Iterator[FoldResult | CellError]:
     """Fold in sequence, correcting each fold by those before, until edges lie `until` [m] apart."""
     corrected = (with_correction(request, "on") for request in requests)
-    for result in _fold_in_sequence(corrected, attendance):
+    for result in _fold_in_sequence(corrected, callbacks):
         yield result
         stopped = result.exit_code > 1
         if stopped or (isinstance(result, FoldResult) and result.ends(until)):
@@ -107,22 +107,22 @@ def _fold_until(
 
 
 def _fold_in_sequence(
-    requests: Iterator[Request] | Sequence[Request], attendance: Attendance
+    requests: Iterator[Request] | Sequence[Request], callbacks: Callbacks
 ) -> Iterator[FoldResult | CellError]:
     """Fold in sequence, with the strip laid again in between; a page follows each fold."""
     for number, request in enumerate(requests):
         if request.choice.agreed and number > 0:
-            attendance.lay_again()
-        with attendance.interrupt() as interrupted:
+            callbacks.lay_again()
+        with callbacks.interrupt() as interrupted:
             result: FoldResult | CellError
             try:
-                with attendance.observe(request.strip.name) as observers:
-                    calibration = calibration_of(request.cell, attendance.report, interrupted)
+                with callbacks.observe(request.strip.name) as observers:
+                    calibration = calibration_of(request.cell, callbacks.report, interrupted)
                     recorded = fold(request, calibration, observers, interrupted)
-                attendance.tell(recorded)
+                callbacks.tell(recorded)
                 result = write_pages(request, recorded)
                 if result != recorded:
-                    attendance.tell(result)
+                    callbacks.tell(result)
             except CellError as error:
                 result = error
         yield _unless_interrupted(result)

@@ -13,7 +13,7 @@ from cell.arm.run_settings import await_strip
 from cell.config.places import CHECKOUT_CONFIGS, find_configs
 from cell.devices.devices import DeviceSelection
 from cell.devices.open import check_drivers, open_cell
-from cell.folding.batch import Attendance, fold_all
+from cell.folding.batch import Callbacks, fold_all
 from cell.folding.request import standard_requests
 from cell.folding.result import FoldResult
 from cell.orchestrator.outcome import Outcome
@@ -160,6 +160,6 @@ def test_next_run_waits_until_somebody_laid_the_strip(configs, monkeypatch, tmp_
     fold_by(monkeypatch, lambda *_: DONE)
     choice = DeviceSelection(agreed=True)
     wanted = standard_requests(request_for("denim", "", tmp_path, configs, choice=choice))
-    attendance = Attendance(lay_again=lambda: laid.append(1))
-    made = list(fold_all(wanted, 4, attendance=attendance))
+    callbacks = Callbacks(lay_again=lambda: laid.append(1))
+    made = list(fold_all(wanted, 4, callbacks=callbacks))
     assert len(laid) == len(made) - 1 > 0

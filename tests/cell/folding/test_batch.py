@@ -15,7 +15,7 @@ from cell.campaign import processes
 from cell.campaign.processes import Call, Result, Signal, StopSignal
 from cell.devices.devices import DeviceSelection
 from cell.folding import batch
-from cell.folding.batch import Attendance, fold_all
+from cell.folding.batch import Callbacks, fold_all
 from cell.folding.request import Request, repetitions
 from cell.folding.result import FoldResult
 from drivers.errors import (
@@ -166,15 +166,15 @@ def fake(monkeypatch) -> type[Fake]:
     return Fresh
 
 
-def attended(interrupted: Callable[[], bool]) -> Attendance:
-    return Attendance(interrupt=lambda: nullcontext(interrupted))
+def attended(interrupted: Callable[[], bool]) -> Callbacks:
+    return Callbacks(interrupt=lambda: nullcontext(interrupted))
 
 
 def test_ctrl_c_stops_the_folds_under_way_and_begins_no_other(fake, tmp_path) -> None:
     fake.ends = []
     asked = iter([False, False])
-    attendance = attended(lambda: next(asked, True))
-    assert [*fold_all(repeated(tmp_path, 5), 2, None, attendance)] == [STOPPED, STOPPED]
+    callbacks = attended(lambda: next(asked, True))
+    assert [*fold_all(repeated(tmp_path, 5), 2, None, callbacks)] == [STOPPED, STOPPED]
     assert [number for word, number in fake.log if word == "begin"] == [0, 1]
 
 
@@ -241,6 +241,6 @@ def test_a_result_is_told_before_its_page_is_written_and_again_where_that_fails(
         return replace(result, outcome="record", exit_code=4)
 
     fold_by(monkeypatch, done, write_pages=fail)
-    (result,) = fold_all(repeated(tmp_path, 1), attendance=Attendance(tell=told.append))
+    (result,) = fold_all(repeated(tmp_path, 1), callbacks=Callbacks(tell=told.append))
     assert told == [DONE, result]
     assert result.exit_code == 4
