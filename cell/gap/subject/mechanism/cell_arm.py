@@ -2,16 +2,16 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import mujoco
 import numpy as np
 
-from cell.gap.subject.mechanism.effect import Readings, readings_of
+from cell.gap.subject.mechanism.effect import readings_of
 from cell.gap.subject.mechanism.effects import effect_of, ordered_values
 from cell.gap.subject.mechanism.inverse_dynamics import InverseDynamics
 from cell.gap.subject.mechanism.model import tip
-from cell.gap.subject.mechanism.read_mechanism import MechanismData
-from cell.gap.subject.mechanism.subject import content_of
+from cell.gap.subject.mechanism.motion import true_motion
 from cell.gap.subject.subject import NamedValues, Run
 from drivers.geometry import interpolate_columns
 from drivers.types import Array
@@ -52,40 +52,37 @@ class CellArm(InverseDynamics):
         for name, values in effects.items():
             ordered = ordered_values(effect_of(name), self._mechanism, values)
             moved = np.concatenate([self._moved_by(name, ordered, run, base) for run in self.runs])
-            sentences += _gripper_sentences(name, moved)
+            where = f"`cell gap accept` puts it into cell.yaml, {FIELDS.get(name)}"
+            if name not in FIELDS:
+                where = ("cell.yaml has no field for it: `cell gap accept` puts it into the arm's "
+                         "model only")  # fmt: skip
+            rms = float(np.sqrt(np.mean(moved**2)))
+            moves = f"the gripper stands up to {1e3 * moved.max():.2f} mm (rms {1e3 * rms:.2f})"
+            sentences.append(f"{name}: {moves} from where the model has it, in these runs")
+            sentences.append(f"{name}: {where}")
         return sentences
 
     def _moved_by(self, name: str, values: Array, run: Run, base: Mapping[str, float]) -> Array:
-        """Displacements (k,) [m] of the gripper along a run by the effect `name` alone."""
+        """Distances (k,) [m] by which the effect `name` alone moves the gripper along a run.
+
+        A torque that the robot does not expect deflects a joint by torque / STIFFNESS.
+        """
         about = np.array([base.get(p.name, p.start) for p in self.scope.base])
         requests = [replace(self.stated(run, e), base=about) for e in ({name: values}, {})]
-        with_effect, without = self.predict([self._case(r) for r in requests])
-        content = content_of(run)
-        q = interpolate_columns(content.cut.t, content.motion.t, content.motion.q)
+        cases = [self._case(r) for r in requests]
+        with_effect, without = self.predict(cases)
         torque, tracking = np.split(with_effect - without, [len(self._mechanism.torques)])
-        readings = readings_of([(effect_of(name), values)], self._mechanism)
-        return tip_displacement(self.opened, q, torque, tracking, readings)
+        motion, t = cases[0].content.motion, cases[0].content.cut.t
+        readings = replace(readings_of([(effect_of(name), values)], self._mechanism), delay=0.0)
+        true, *_ = true_motion(motion, readings, self._mechanism)
+        q, at = (interpolate_columns(t, motion.t, columns) for columns in (motion.q, true))
+        at = at - torque.T / STIFFNESS + tracking.T
+        moved, stated = (case.edited(self._mechanism.model) for case in cases)
+        return np.asarray(np.linalg.norm(_tips(stated, q) - _tips(moved, at), axis=1))
 
 
-def tip_displacement(
-    opened: MechanismData, q: Array, torque: Array, tracking: Array, readings: Readings
-) -> Array:
-    """Distances (k,) [m] of the tip at measured joints `q` (k, 7) [rad] from that at true ones.
-
-    `torque` (7, k) [N m] and `tracking` (7, k) [rad] are the differences that an effect makes, with
-    its errors of `readings`; a torque that the robot does not expect deflects a joint by torque /
-    STIFFNESS.
-    """
-    names = [joint.name for joint in opened.mechanism.joints]
-    bias = np.array([readings.bias.get(name, 0.0) for name in names])
-    scale = 1.0 + np.array([readings.scale.get(name, 0.0) for name in names])
-    corrected = (q - bias) / scale - torque.T / STIFFNESS + tracking.T
-    return np.asarray(np.linalg.norm(_tips(opened, q) - _tips(opened, corrected), axis=1))
-
-
-def _tips(opened: MechanismData, q: Array) -> Array:
-    """Positions (k, 3) [m] of the tip for joint angles `q` (k, 7) [rad]."""
-    model = opened.mechanism.model
+def _tips(model: Any, q: Array) -> Array:
+    """Positions (k, 3) [m] of the tip of a `model` for joint angles `q` (k, 7) [rad]."""
     data, number = mujoco.MjData(model), model.site("tip").id
     found = np.empty((len(q), 3))
     for k, joints in enumerate(q):
@@ -93,14 +90,3 @@ def _tips(opened: MechanismData, q: Array) -> Array:
         mujoco.mj_kinematics(model, data)
         found[k] = data.site_xpos[number]
     return found
-
-
-def _gripper_sentences(name: str, moved: Array) -> list[str]:
-    """Sentences for the operator on the effect `name` that moves the tip by `moved` (k,) [m]."""
-    rms = float(np.sqrt(np.mean(moved**2)))
-    moves = f"{name}: the gripper stands up to {1e3 * moved.max():.2f} mm (rms {1e3 * rms:.2f})"
-    if name in FIELDS:
-        where = f"`cell gap accept` puts it into cell.yaml, {FIELDS[name]}"
-    else:
-        where = "cell.yaml has no field for it: `cell gap accept` puts it into the arm's model only"
-    return [f"{moves} from where the model has it, in these runs", f"{name}: {where}"]

@@ -26,8 +26,8 @@ LARGEST_CONDITION = 100.0  # of N^T B; beyond, as at a dead centre, motors do no
 def transmissions(model: Any, data: Any) -> Array:
     """Moment arms (actuators, dofs) of actuators in the pose of `data`, its position computed."""
     dense = np.zeros((model.nu, model.nv))
-    for row, at, n in zip(dense, data.moment_rowadr, data.moment_rownnz, strict=True):
-        row[data.moment_colind[at : at + n]] = data.actuator_moment[at : at + n]
+    mujoco.mju_sparse2dense(dense, data.actuator_moment, data.moment_rownnz, data.moment_rowadr,
+                            data.moment_colind)  # fmt: skip
     return dense
 
 

@@ -86,7 +86,7 @@ class Effect:
     def candidate(self, mechanism: Mechanism) -> Candidate:
         """Candidate effect of `mechanism`, screened one parameter at a time from small to large."""
         parameters = self.parameters(mechanism)
-        null = _null(parameters)
+        null = np.array([p.start for p in parameters])
         sizes = np.diag([p.spread / SIZES_PER_SPREAD for p in parameters])
         amounts = [row for row, p in zip(sizes, parameters, strict=True) if not p.shape]
         groups = tuple(
@@ -108,17 +108,12 @@ class Effect:
 
     def table(self, mechanism: Mechanism, values: Array) -> Array:
         """Parameter table (keys, joints) from the first `values` (k,), others at their start."""
-        missing = _null(self.with_shape(mechanism)[len(values) :])
+        missing = [p.start for p in self.with_shape(mechanism)[len(values) :]]
         acts = [j.actuator >= 0 or not self.of_drives for j in mechanism.joints]
         rows = np.concatenate([values, missing]).reshape(-1, sum(acts))
         table = np.zeros((len(rows), len(acts)))
         table[:, acts] = rows
         return table
-
-
-def _null(parameters: Sequence[Parameter]) -> Array:
-    """Start values (k,) of `parameters`, at which an effect does nothing."""
-    return np.array([p.start for p in parameters])
 
 
 def per_joint(
@@ -141,25 +136,6 @@ def single_parameter(
     low = -high * size if signed else 0.0
     step, spread = size / STEPS_PER_SIZE, SIZES_PER_SPREAD * size
     return (Parameter(key, unit, 0.0, low, high * size, step=step, spread=spread),)
-
-
-def per_encoder(
-    mechanism: Mechanism, key: str, unit: str, spread: float, most: float
-) -> tuple[Parameter, ...]:
-    """Parameters `key_ENCODER` of all encoders, for an error of their readings, `most` at most."""
-    return tuple(
-        Parameter(f"{key}_{name}", unit, 0.0, -most, most, step=1e-5, spread=spread)
-        for name in mechanism.encoders
-    )
-
-
-def put_by_encoder(key: str) -> Callable[[Mechanism, Array, Readings], None]:
-    """Function that writes one value per encoder into the field `key` of `Readings`."""
-
-    def read(mechanism: Mechanism, values: Array, readings: Readings) -> None:
-        getattr(readings, key).update(zip(mechanism.encoders, map(float, values), strict=True))
-
-    return read
 
 
 def add_to(field: str) -> Callable[[Mechanism, Array, Any], None]:

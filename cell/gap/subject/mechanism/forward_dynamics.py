@@ -106,12 +106,10 @@ class SplitModel:
             return edited
         found = copy.copy(self._model)
         found.opt.gravity[:], found.opt.density = edited.opt.gravity, edited.opt.density
-        for name in BODY:
+        for name in (*BODY, *ACTUATOR):
             getattr(found, name)[:] = getattr(edited, name)
         for name in DOF:
             getattr(found, name)[self.motor] = getattr(edited, name)
-        for name in ACTUATOR:
-            getattr(found, name)[:] = getattr(edited, name)
         self._set_gears(found, edited, case)
         mujoco.mj_setConst(found, mujoco.MjData(found))
         return found
@@ -287,16 +285,15 @@ class ForwardDynamics(MechanismSubject):
 
     def _read(self, case: Case, t: Array, q: Array, v: Array, control: Array, model: Any) -> Array:
         """Sensor readings (signals, k) at times t (k,) [s], from states q, v (joints, k) then."""
-        signals, errors = self.opened.signals, case.readings
+        signals, errors = self._mechanism.signals, case.readings
         rows = np.empty((len(signals), len(t)))
-        sensors: dict[str, Array] = {}
-        if any(s.kind in ("site", "sensor") for s in signals):
-            sensors = self._read_sensors(model, q, v)
+        sensed = any(s.kind in ("site", "sensor") for s in signals)
+        sensors = self._read_sensors(model, q, v) if sensed else q
         for k, signal in enumerate(signals):
             if signal.kind == "torque":
                 rows[k] = self._torque(signal, model, q, v, control, t)
             elif signal.kind in ("site", "sensor"):
-                rows[k] = sensors[signal.name]
+                rows[k] = sensors[signal.joint]
             else:
                 rows[k] = signal.weights @ (q if signal.kind == "position" else v)
             if scale := errors.scale.get(signal.name):
@@ -319,15 +316,14 @@ class ForwardDynamics(MechanismSubject):
         force = gain[0] * u + bias[0] + bias[1] * gear * q[joint] + bias[2] * gear * v[joint]
         return np.asarray(np.clip(force, *limits) * gear / signal.gear)
 
-    def _read_sensors(self, model: Any, q: Array, v: Array) -> dict[str, Array]:
-        """Readings (k,) of sites and sensors at states q, v (joints, k), by name of signal."""
+    def _read_sensors(self, model: Any, q: Array, v: Array) -> Array:
+        """Coordinates of sites, then readings of sensors (n, k), at states q, v (joints, k)."""
         data, rows = mujoco.MjData(model), []
         for positions, rates in zip(q.T, v.T, strict=True):
             data.qpos[:], data.qvel[:] = positions, rates
             mujoco.mj_forward(model, data)
             rows.append(np.concatenate([data.site_xpos.ravel(), data.sensordata]))
-        whole = np.array(rows).T
-        return {s.name: whole[s.joint] for s in self.opened.signals if s.kind in ("site", "sensor")}
+        return np.array(rows).T
 
 
 def _has_soft_gears(case: Case) -> bool:

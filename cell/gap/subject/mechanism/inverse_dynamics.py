@@ -123,7 +123,7 @@ class InverseDynamics(MechanismSubject):
 
     def _content(self, recording: Recording, cut: Cut, width: float) -> Content:
         """Content of a run with its motion: filtered torques, without those near gaps."""
-        names = [s.name for s in self.opened.signals]
+        names = [s.name for s in self._mechanism.signals]
         motion = motion_of(recording, self._joints, names, self._cutoff, width, self._loop,
                            self._barred)  # fmt: skip
         filtered = motion.below_cutoff(motion.torques, cut.t)

@@ -210,11 +210,6 @@ class MechanismData:
     recordings: tuple[Recording, ...]
     pace: float
 
-    @property
-    def signals(self) -> tuple[Signal, ...]:
-        """Compared signals of each recording."""
-        return self.mechanism.signals
-
 
 def open_file(path: Path) -> tuple[MechanismFile, Source, Any, list[Signal]]:
     """Mechanism file at `path`, the source of its model, the compiled model, and its signals.
@@ -416,12 +411,12 @@ def _motion(recordings: Sequence[Recording], column: str) -> tuple[float, float,
 def start_of(opened: MechanismData, recording: Recording) -> tuple[Array, Array]:
     """Positions [rad or m] and rates (joints,) of the joints at the start of a recording."""
     spec, n = opened.file.start, len(opened.mechanism.joints)
-    at = [k for k, s in enumerate(opened.signals) if s.kind == "position"]
-    inverse = np.linalg.pinv([opened.signals[k].weights for k in at]) if at else np.zeros((n, 0))
+    compared = [s for s in opened.mechanism.signals if s.kind == "position"]
+    inverse = np.linalg.pinv([s.weights for s in compared]) if compared else np.zeros((n, 0))
     near = max(LEAST, int(np.searchsorted(recording.t, 0.5 / opened.pace)))
     places, slopes = [], []
-    for k in at:
-        x = recording.columns[opened.signals[k].name][:near]
+    for signal in compared:
+        x = recording.columns[signal.name][:near]
         known = np.isfinite(x)
         fitted = np.polynomial.Polynomial.fit(recording.t[:near][known], x[known], 3)
         places.append(float(x[known][0]))

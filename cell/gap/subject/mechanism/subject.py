@@ -161,7 +161,7 @@ class MechanismSubject(Subject):
         whole = Scope(
             base=(*base, *accepted_parameters(m, accepted)),
             candidates=possible,
-            quantities={s.channel: self._quantity(s.channel, s.kind) for s in self.opened.signals},
+            quantities={s.channel: self._quantity(s.channel, s.kind) for s in m.signals},
             terms=describing_terms(m),
             scatter=tuple(self._scatter.values()),
             believed=self.believed,
@@ -184,7 +184,7 @@ class MechanismSubject(Subject):
 
     def _run(self, recording: Recording) -> Run:
         """Run for the engine: samples with their phases, and the run's own unknowns."""
-        signals, width = self.opened.signals, width_of(recording, BLOCK / self.opened.pace)
+        signals, width = self._mechanism.signals, width_of(recording, BLOCK / self.opened.pace)
         cut = cut_recording(recording, [s.name for s in signals], width)
         content = self._content(recording, cut, width)
         if recording.sigma is not None:
@@ -261,7 +261,7 @@ class MechanismSubject(Subject):
     def draw_measured(self, run: Run) -> Scene:
         """Drawing of the measured signals of `run`."""
         cut = content_of(run).cut
-        rows = zip(self.opened.signals, cut.values, strict=True)
+        rows = zip(self._mechanism.signals, cut.values, strict=True)
         return Scene(tuple(TimeSeries(s.label, cut.t, row) for s, row in rows))
 
     def draw_simulated(self, requests: Sequence[Request]) -> list[Scene | None]:
@@ -273,7 +273,8 @@ class MechanismSubject(Subject):
     def _scene(self, cut: Cut, predicted: Array) -> Scene:
         """Drawing of `predicted` signals (signals, k), and of the residuals to measured ones."""
         drawn = []
-        for signal, row, measured in zip(self.opened.signals, predicted, cut.values, strict=True):
+        rows = zip(self._mechanism.signals, predicted, cut.values, strict=True)
+        for signal, row, measured in rows:
             quantity = self.scope.quantities[signal.channel]
             title = f"{signal.label}, measured - simulated [{quantity.unit}]"
             drawn.append(TimeSeries(signal.label, cut.t, row))

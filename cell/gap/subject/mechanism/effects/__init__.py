@@ -100,14 +100,10 @@ def effect_of(name: str) -> Effect:
 def accepted_parameters(mechanism: Mechanism, accepted: NamedValues) -> Iterator[Parameter]:
     """Base parameters `effect.parameter` by which `accepted` effects are fitted again."""
     for name, values in accepted.items():
-        for p in effect_of(name).with_shape(mechanism):
-            value = _engine_value(p, values.get(p.name))
-            yield replace(p, name=f"{name}.{p.name}", start=value)
-
-
-def _engine_value(p: Parameter, value: float | None) -> float:
-    """Engine's value of a parameter for the stated one; its start if none is stated."""
-    return p.start if value is None else p.stated_value(value)
+        effect = effect_of(name)
+        starts = ordered_values(effect, mechanism, values)
+        for p, start in zip(effect.with_shape(mechanism), starts, strict=True):
+            yield replace(p, name=f"{name}.{p.name}", start=float(start))
 
 
 def check_effects(accepted: NamedValues, mechanism: Mechanism, origin: str) -> None:
@@ -145,4 +141,6 @@ def group_by_effect(names: Sequence[str], values: Array) -> dict[str, Array]:
 
 def ordered_values(effect: Effect, mechanism: Mechanism, values: Mapping[str, float]) -> Array:
     """Values (k,) of an effect's parameters in their order; start values where not given."""
-    return np.array([_engine_value(p, values.get(p.name)) for p in effect.with_shape(mechanism)])
+    parameters = effect.with_shape(mechanism)
+    return np.array([p.stated_value(values[p.name]) if p.name in values else p.start
+                     for p in parameters])  # fmt: skip

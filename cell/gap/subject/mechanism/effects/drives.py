@@ -6,9 +6,7 @@ import numpy as np
 
 from cell.gap.subject.mechanism.effect import (
     Effect,
-    per_encoder,
     per_joint,
-    put_by_encoder,
     single_parameter,
 )
 from cell.gap.subject.mechanism.model import FORWARD, MODES, Mechanism, scale_gain
@@ -134,8 +132,11 @@ ENCODER_BIAS = Effect(
     sentence="encoders read a constant too much or too little",
     of="rig",
     source="zero of an encoder",
-    parameters=lambda m: per_encoder(m, "bias", "rad", 0.03, most=0.2),
-    read=put_by_encoder("bias"),
+    parameters=lambda m: tuple(
+        Parameter(f"bias_{name}", "rad", 0.0, -0.2, 0.2, step=1e-5, spread=0.03)
+        for name in m.encoders
+    ),
+    read=lambda m, values, found: found.bias.update(zip(m.encoders, values.tolist(), strict=True)),
     modes=MODES,
     revealed_by="hold still in several poses",
 )
@@ -145,8 +146,11 @@ ENCODER_SCALE = Effect(
     of="rig",
     source="scale of an encoder",
     # more, and lines of a disc or teeth of a gear would be miscounted, which any stop shows
-    parameters=lambda m: per_encoder(m, "scale", "1", 0.02, most=0.05),
-    read=put_by_encoder("scale"),
+    parameters=lambda m: tuple(
+        Parameter(f"scale_{name}", "1", 0.0, -0.05, 0.05, step=1e-5, spread=0.02)
+        for name in m.encoders
+    ),
+    read=lambda m, values, found: found.scale.update(zip(m.encoders, values.tolist(), strict=True)),
     revealed_by="large motion to both stops",
 )
 EFFECTS = (TORQUE_CONSTANT, TORQUE_BIAS, TORQUE_RIPPLE, SATURATION, CONTROL_DELAY, SENSOR_DELAY,
