@@ -37,6 +37,8 @@ class Source:
         """MuJoCo specification of the model."""
         spec = mujoco.MjSpec.from_string(self.text)
         spec.modelfiledir = "" if self.folder is None else f"{self.folder}/"
+        for body in spec.bodies[1:]:
+            body.simple = False  # an edit may move its mass off its axes
         for joint in self.motors:
             motor = spec.add_actuator(name=joint, target=joint)
             motor.trntype = mujoco.mjtTrn.mjTRN_JOINT
