@@ -31,8 +31,7 @@ def move_manually(
     """Open the cell, carry out one `motion`, close it; CellError for errors before the motion."""
     devices = open_cell(settings, strip, choice, calibrating=False)
     try:
-        devices.arm.connect()
-        devices.camera.connect()
+        devices.connect()
         context = ManualContext(settings.controller, motion)
         run = Run(devices, context, MANUAL_PHASES, Recorder(), interrupted=interrupted)
         return run.execute()

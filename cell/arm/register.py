@@ -32,19 +32,19 @@ def mounting_from_points(points: Array, length: float) -> Mounting:
     fixed, other, beside = points
     along = other - fixed
     distance = float(np.linalg.norm(along))
-    if abs(distance - length) > STRETCH:
+    if not abs(distance - length) <= STRETCH:  # true for NaN
         raise CellError(
             f"register: the edges are {1e3 * distance:.1f} mm apart, the strip is "
             f"{1e3 * length:.1f} mm long; allowed: {1e3 * STRETCH:.0f} mm; touch both edges again"
         )
     normal = np.cross(along, beside - fixed)
-    if float(np.linalg.norm(normal)) < OFF_LINE * distance:
+    if not float(np.linalg.norm(normal)) >= OFF_LINE * distance:
         raise CellError(
             f"register: the third point is too near the strip; allowed: at least {OFF_LINE:.1f} m "
             "beside it; touch it again"
         )
     tilt = float(np.arccos(np.clip(abs(normal[2]) / np.linalg.norm(normal), 0.0, 1.0)))
-    if tilt > MOST_TILT:
+    if not tilt <= MOST_TILT:
         raise CellError(
             f"register: the desk is tilted by {np.degrees(tilt):.2f} deg to the robot's base, "
             f"allowed {np.degrees(MOST_TILT):.1f} deg; level the desk or the robot"

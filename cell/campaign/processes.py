@@ -62,7 +62,7 @@ class StopSignal:
         while self._pipe.poll():
             try:
                 self._pipe.recv()
-            except EOFError:
+            except (EOFError, OSError):  # the latter where an answer to the parent was never read
                 return True
             self._requests += 1
             if self._requests > 1:

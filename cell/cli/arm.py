@@ -39,11 +39,12 @@ def home(
     """Move the gripper over the strip's edge, into the arm posture that can follow a fold."""
     check_names(configs, strip)
     from cell.arm import manual_motion
+    from cell.devices.open import robot_address
 
     found = find_configs(configs)
     settings, choice = _agree_to_motion(found.cell(), arm, full_speed, recover=recover)
     lying = found.strip(strip)
-    if not _at_address(settings, choice):
+    if robot_address(settings, choice) is None:
         _move(settings, choice, manual_motion.to_home(settings, lying))
     joints = manual_motion.home_joints(settings, lying)
     _go_to(joints, settings, full_speed=full_speed, recover=recover, reset_tool=reset_tool)
@@ -58,12 +59,12 @@ def park(
 ) -> None:
     """Move the robot upright, out of the way; the cell's own twin moves to its home instead."""
     from cell.arm import manual_motion
-    from cell.devices.open import NO_STRIP
+    from cell.devices.open import NO_STRIP, robot_address
     from drivers.franka.kinematics import HOME
 
     stated = find_configs(configs).cell()
     settings, choice = _agree_to_motion(stated, arm, full_speed, recover=recover)
-    if not _at_address(settings, choice):
+    if robot_address(settings, choice) is None:
         _move(settings, choice, manual_motion.to_home(settings, NO_STRIP))
     _go_to(HOME.tolist(), settings, full_speed=full_speed, recover=recover)
     _print_result("the arm is parked", settings, choice)
@@ -149,11 +150,6 @@ def _go_to(
     go_to(robot_task(settings), request)
 
 
-def _at_address(settings: "CellFile", choice: "DeviceSelection") -> bool:
-    """Whether the selected arm is a robot, real or emulated, at the address in cell.yaml."""
-    return choice.arm_driver(settings).real and settings.fci.address is not None
-
-
 def _move(
     settings: "CellFile",
     choice: "DeviceSelection",
@@ -162,8 +158,10 @@ def _move(
 ) -> NoReturn:
     """Carry out one `motion`, print `done` or the outcome, and exit with the outcome's code."""
     from cell.arm.manual_motion import move_manually
+    from cell.orchestrator.operator import Interrupt
 
-    outcome = move_manually(settings, choice, motion)
+    with Interrupt() as interrupted:
+        outcome = move_manually(settings, choice, motion, interrupted)
     text = f"{outcome.name}: {outcome.reason}"
     if done and outcome.exit_code == 0:
         text = done

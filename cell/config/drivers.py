@@ -37,7 +37,7 @@ DRIVERS: Mapping[Kind, Mapping[str, Driver]] = MappingProxyType(
     {
         "arms": {
             "twin": Driver("cell.devices.twin:twin_devices", real=False),
-            "fci": Driver("cell.devices.fci:fci_devices", library="pylibfranka"),
+            "fci": Driver("cell.devices.fci:fci_devices", library="pylibfranka", section="fci"),
         },
         "cameras": {
             "twin": Driver("cell.devices.twin:with_twin_camera", real=False),

@@ -21,18 +21,24 @@ def check_drivers(settings: CellFile, choice: DeviceSelection) -> None:
             require_library(driver.library)
     if choice.camera_driver(settings).section == "camera":
         camera_settings(settings)
-    if is_real(settings, choice) and settings.fci.in_lock_step:
+    if robot_address(settings, choice) and is_real(settings, choice) and settings.fci.in_lock_step:
         raise ConfigurationError(
             f"fci.lock_step: is true, but {settings.fci.address} is no twin on this machine: a "
             "real robot cannot run in lock-step; remove the key"
         )
 
 
+def robot_address(settings: CellFile, choice: DeviceSelection) -> str | None:
+    """Address of the Franka robot, real or emulated, that is selected; None for any other arm."""
+    return settings.fci.address if choice.arm_driver(settings).section == "fci" else None
+
+
 def is_real(settings: CellFile, choice: DeviceSelection) -> bool:
-    """Whether the selected arm is a physical robot, not one emulated on this machine."""
-    address = settings.fci.address
-    if not choice.arm_driver(settings).real or address is None:
-        return False
+    """Whether the selected arm is a physical robot: one of a plug-in, or not on this machine."""
+    arm = choice.arm_driver(settings)
+    address = robot_address(settings, choice)
+    if address is None:
+        return arm.real and arm.section != "fci"
     try:
         return not ip_address(address).is_loopback
     except ValueError:
@@ -85,9 +91,10 @@ def open_cell(
     check_drivers(settings, choice)
     if is_real(settings, choice) and not choice.agreed:
         raise PreflightRefused(
-            f"the arm is a real robot at {settings.fci.address}, and nobody was asked whether it "
-            "may move; commands that ask: `cell fold`, `cell calibrate`, `cell home`, `cell park`, "
-            "`cell jog`, `cell open`; elsewhere choose arm twin"
+            f"the arm is a real robot at {robot_address(settings, choice) or 'its own address'}, "
+            "and nobody was asked whether it may move; commands that ask: `cell fold`, `cell "
+            "calibrate`, `cell home`, `cell park`, `cell jog`, `cell open`; elsewhere choose arm "
+            "twin"
         )
     cv2.setNumThreads(1)  # beside the strip and the record, more threads only wait for each other
     arm, camera = choice.arm_driver(settings), choice.camera_driver(settings)

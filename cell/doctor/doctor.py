@@ -6,7 +6,7 @@ from pathlib import Path
 from cell.config.cell import CellFile
 from cell.config.places import Configs
 from cell.devices.devices import DeviceSelection
-from cell.devices.open import is_real
+from cell.devices.open import is_real, robot_address
 from cell.doctor import devices, machine
 from cell.doctor.check import Check, Grade
 from drivers.errors import CellError, PreflightRefused
@@ -51,9 +51,9 @@ def hardware_checks(
 
 def _arm(settings: CellFile, choice: DeviceSelection, seconds: float) -> Iterator[Check]:
     """Yield the checks of a robot, its kernel settings and network, up to the first that fails."""
-    address = settings.fci.address
-    if not choice.arm_driver(settings).real or address is None:
-        yield Check("robot", Grade.SKIPPED, "the twin's", "there is nothing to connect")
+    address = robot_address(settings, choice)
+    if address is None:
+        yield Check("robot", Grade.SKIPPED, "none at fci.address", "there is nothing to connect")
         return
     installed = devices.library()
     yield installed

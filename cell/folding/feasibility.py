@@ -181,7 +181,7 @@ def _workspace_problems(path: Array, installation: Installation) -> Iterator[str
     box = installation.workspace
     for axis, name, (low, high) in ((0, "x", box.x), (1, "z", box.z)):
         least, most = float(path[:, axis].min()), float(path[:, axis].max())
-        if least < low - PATH_ERROR or most > high + PATH_ERROR:
+        if not (low - PATH_ERROR <= least and most <= high + PATH_ERROR):  # true for NaN
             yield (
                 f"workspace: the gripper would move from {name} = {least:.2f} to {most:.2f} m, "
                 f"allowed {low:.2f} to {high:.2f} m; fold a shorter strip, by another policy, or "
@@ -196,7 +196,7 @@ def _reach_problems(path: Array, installation: Installation) -> Iterator[str]:
         mounting.x + path[:, 0] * np.cos(mounting.yaw),
         mounting.y + path[:, 0] * np.sin(mounting.yaw),
     )
-    if float(away.max()) > ARM_REACH + PATH_ERROR:
+    if not float(away.max()) <= ARM_REACH + PATH_ERROR:  # true for NaN
         yield (
             f"reach: the gripper would be {away.max():.2f} m from the robot's base, its hand "
             f"reaches {ARM_REACH:.2f} m; fold a shorter strip, or mount the robot nearer "

@@ -87,7 +87,8 @@ class Run:
                 tick += 1
                 self._run_cycle(start + tick * period)
         finally:
-            run_suppressed(self._devices.arm.stop)
+            if self._stopped is None:
+                self._stop_devices()
         return self._outcome(clock.now() - start)
 
     def _guard(self, action: Callable[[], None]) -> None:
@@ -174,7 +175,7 @@ class Run:
 
     def _stop(self, stopped: Outcome) -> None:
         """Brake and enter STOPPING for the reason `stopped`; a run that is over keeps its state."""
-        self._safe_stop.apply(None if self._snapshot is None else self._snapshot.hand)
+        self._stop_devices()
         self._stopped = stopped
         if not self._machine.over:
             self._entered = now = self._devices.clock.now()
@@ -182,6 +183,11 @@ class Run:
             facts = {"name": stopped.name, "reason": stopped.reason}
             run_suppressed(lambda: self._record_event(now, "fault", **facts))
             run_suppressed(lambda: self._record_event(now, "state", state=state, event=Event.STOP))
+
+    def _stop_devices(self) -> None:
+        """Stop the arm, and fingers that move or were sent a command since their last state."""
+        seen = None if isinstance(self._command, OpenHand | CloseHand) else self._snapshot
+        self._safe_stop.apply(None if seen is None else seen.hand)
 
     def _record_event(self, now: float, kind: str, **facts: object) -> None:
         self._recorder.event(now, kind, **facts)

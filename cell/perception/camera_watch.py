@@ -38,8 +38,6 @@ class FrozenImages:
         `gripper` is the measured pose at the frame's stamp; 1 for a new image.
         """
         last = self._last
-        if last is not None and last.sequence == frame.sequence:
-            return self._identical
         if last is None or self._gripper is None or not _equal(last.image, frame.image):
             self._gripper = gripper
             self._identical = 1

@@ -1,5 +1,6 @@
 """The arm by hand and in a calibration: never into the desk."""
 
+import signal
 from dataclasses import replace
 
 import pytest
@@ -12,10 +13,12 @@ from cell.devices.devices import DeviceSelection
 from cell.orchestrator.calibration_phase import calibrate
 from cell.orchestrator.context import CalibrationContext
 from cell.orchestrator.monitors import Rules
+from cell.orchestrator.outcome import Outcome
 from cell.orchestrator.recorder import Recorder
 from cell.orchestrator.snapshot import OpenHand
 from drivers.errors import Fault
 from drivers.types import Pose
+from tests.support.commands import run
 from tests.support.plain_cell import GOOD
 from tests.support.twin_calibration import twin_calibration
 
@@ -42,6 +45,15 @@ def test_jog_does_not_drive_the_hand_into_the_desk(desk, x, z, name) -> None:
     outcome = move_manually(stating(desk), DeviceSelection(arm="twin"), jog(x, z, 0.0))
     assert outcome.name == name
     assert outcome.exit_code == (0 if name == "moved" else 4)
+
+
+def test_first_signal_asks_for_a_controlled_stop_of_a_motion_by_hand(monkeypatch) -> None:
+    def moving(_settings, _choice, _motion, interrupted) -> Outcome:
+        signal.raise_signal(signal.SIGINT)
+        return Outcome("asked", "to stop", 7 * interrupted())
+
+    monkeypatch.setattr("cell.arm.manual_motion.move_manually", moving)
+    assert run(monkeypatch, "open") == 7
 
 
 def test_small_negative_pitch_is_stated_as_zero() -> None:

@@ -28,6 +28,7 @@ def test_touched_points_give_the_mounting_back() -> None:
         (touched(length=0.59), "apart"),
         (touched(tilt=0.05), "tilted"),
         (touched()[[0, 1, 1]], "too near"),
+        (np.nan * touched(), "apart"),
     ],
 )
 def test_points_that_cannot_be_right_are_refused(points, word) -> None:

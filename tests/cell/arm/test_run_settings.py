@@ -3,6 +3,7 @@
 import pytest
 
 from cell.arm.run_settings import consent, is_real, slow_down
+from cell.config.drivers import Driver
 from cell.config.places import find_configs
 from cell.devices.devices import DeviceSelection
 from drivers.errors import PreflightRefused
@@ -22,6 +23,13 @@ def at(address: str | None):
 def test_only_a_robot_on_another_machine_is_real(address, real) -> None:
     assert is_real(at(address), FCI) is real
     assert not is_real(at(address), DeviceSelection(arm="twin"))
+
+
+@pytest.mark.parametrize("real", [True, False])
+def test_arm_of_a_plug_in_is_real_unless_it_says_otherwise(monkeypatch, real) -> None:
+    monkeypatch.setattr(DeviceSelection, "arm_driver", lambda *_: Driver("own:arm", real=real))
+    for address in (None, "127.77.0.1", "172.16.0.2"):
+        assert is_real(at(address), DeviceSelection(arm="own")) is real
 
 
 @pytest.mark.parametrize("typed", ["", "yes", "Twin-Cell"])

@@ -114,6 +114,7 @@ def test_a_fold_in_a_process_is_asked_to_stop_and_then_to_stop_at_once() -> None
 def test_a_fold_whose_master_died_stops() -> None:
     ours, theirs = Pipe()
     told = StopSignal(theirs)
+    theirs.send(Signal.READY)  # which nobody read any more
     ours.close()
     assert told()
     assert told()

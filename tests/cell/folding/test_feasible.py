@@ -108,6 +108,7 @@ def test_speeds_that_a_refusal_states_are_followed_on_the_path_of_that_speed() -
     fold = cell.fold.model_copy(update={name: float(speed) for name, speed in stated.items()})
     slower, steep = cell.model_copy(update={"fold": fold}), path(fold.speed)
     assert [*path_problems(steep, steep, slower, path)] == []
+    assert "workspace" in next(path_problems(math.nan * steep, steep, slower, path))
 
 
 @pytest.mark.parametrize(("away", "refused"), [(0.782, False), (0.788, True)])

@@ -1,8 +1,9 @@
 """Whatever goes wrong in a run, the arm is brought to rest before the run is over."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 
 import pytest
@@ -23,43 +24,27 @@ def bench() -> Bench:
     return plain_bench()
 
 
-def later(bench: Bench, act: Callable, *, until: float = math.inf) -> Callable:
+def later(bench: Bench, act: Callable, *, until=math.inf, error=ZeroDivisionError) -> Callable:
     """`act`, but between BEGIN and `until` it fails in a way that nobody foresaw."""
 
     def failing(*arguments, **options):
         if BEGIN < bench.clock.now() < until:
-            raise ZeroDivisionError("nobody foresaw this")
+            raise error("nobody foresaw this")
         return act(*arguments, **options)
 
     return failing
 
 
+def break_parts(bench: Bench, parts: Mapping[str, float]) -> None:
+    """Break each of the `parts`, as camera.read, for so long [s]."""
+    for part, lasting in parts.items():
+        device, _, method = part.partition(".")
+        owner = getattr(bench, device)
+        setattr(owner, method, later(bench, getattr(owner, method), until=BEGIN + lasting))
+
+
 def break_camera(bench: Bench) -> None:
-    bench.camera.read = later(bench, bench.camera.read)
-
-
-def break_hand(bench: Bench) -> None:
-    bench.hand.state = later(bench, bench.hand.state)
-    bench.hand.stop = later(bench, bench.hand.stop)
-
-
-def break_rows(bench: Bench) -> None:
-    bench.record.tick = later(bench, bench.record.tick)
-
-
-def break_whole_record(bench: Bench) -> None:
-    break_rows(bench)
-    bench.record.event = later(bench, bench.record.event)
-    bench.record.frame = later(bench, bench.record.frame)
-
-
-def break_stopping_for_a_while(bench: Bench) -> None:
-    break_camera(bench)
-    bench.arm.stop = later(bench, bench.arm.stop, until=BEGIN + 0.2)
-
-
-def break_answers_for_a_while(bench: Bench) -> None:
-    bench.arm.state = later(bench, bench.arm.state, until=BEGIN + 0.3)
+    break_parts(bench, {"camera.read": math.inf})
 
 
 def break_clock_for_a_while(bench: Bench) -> None:
@@ -77,11 +62,11 @@ def break_clock_for_a_while(bench: Bench) -> None:
     "breaks",
     [
         break_camera,
-        break_hand,
-        break_rows,
-        break_whole_record,
-        break_stopping_for_a_while,
-        break_answers_for_a_while,
+        partial(break_parts, parts={"hand.state": math.inf, "hand.stop": math.inf}),
+        partial(break_parts, parts={"record.tick": math.inf}),
+        partial(break_parts, parts={f"record.{p}": math.inf for p in ("tick", "event", "frame")}),
+        partial(break_parts, parts={"camera.read": math.inf, "arm.stop": 0.2}),
+        partial(break_parts, parts={"arm.state": 0.3}),
         break_clock_for_a_while,
     ],
 )
@@ -187,6 +172,21 @@ def test_moving_fingers_are_stopped_and_resting_ones_keep_their_hold(bench) -> N
     again.hand.moving = True
     again.run()
     assert again.hand.stopped == 1
+
+
+def test_fingers_are_stopped_where_no_state_follows_their_command(bench) -> None:
+    bench.hand.open = lambda: setattr(bench.hand, "state", None)
+    bench.phases = phases(GRASP=lambda *_: open_hand())
+    assert bench.run().name == "internal_error"
+    assert bench.hand.stopped == 1
+
+
+def test_ctrl_c_that_ends_a_run_at_once_stops_moving_fingers_too(bench) -> None:
+    bench.hand.moving = True
+    bench.interrupted = later(bench, bench.interrupted, error=KeyboardInterrupt)
+    with pytest.raises(KeyboardInterrupt):
+        bench.run()
+    assert (bench.hand.stopped, bench.arm.commands[-1]) == (1, Hold())
 
 
 def test_every_command_is_checked_before_it_is_sent(bench, monkeypatch) -> None:
