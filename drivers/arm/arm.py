@@ -132,7 +132,7 @@ class FciArm:
         child.close(END_PATIENCE)
 
     def catch_up(self) -> tuple[float, Pose] | None:
-        """Advance the arm to the clock's time; returns stamp [s] and pose, None unless held."""
+        """Advance the arm to the clock's time; returns stamp [s] and pose, None if unconnected."""
         if self._child is None or self._closed:
             return None
         self._advance(self._child)

@@ -22,7 +22,7 @@ FIELDS = {"payload": "fci.tool", "control_delay": "twin.arm.robot_delay"}  # of 
 
 
 class CellArm(InverseDynamics):
-    """The cell's own arm along its recorded motion, by inverse dynamics."""
+    """Cell's own arm as a mechanism, whose torques inverse dynamics predicts along its motion."""
 
     def patch(
         self, base: Mapping[str, float], effects: NamedValues, source: str

@@ -24,7 +24,7 @@ LARGEST_CONDITION = 100.0  # of N^T B; beyond, as at a dead centre, motors do no
 
 
 def transmissions(model: Any, data: Any) -> Array:
-    """Moment arms (actuators, dofs) of actuators in the pose of `data`, its position computed."""
+    """Moment arms (actuators, dofs) of actuators in the pose of `data`, with positions computed."""
     dense = np.zeros((model.nu, model.nv))
     mujoco.mju_sparse2dense(dense, data.actuator_moment, data.moment_rownnz, data.moment_rowadr,
                             data.moment_colind)  # fmt: skip

@@ -200,7 +200,7 @@ class InverseDynamics(MechanismSubject):
         return motion.below_cutoff(self._torques(model, case, q, v, inverse), case.content.cut.t)
 
     def _loads(self, motion: Motion, model: Any, inverse: Array) -> Array:
-        """Torques (m, joints) that gears bear: as measured, or `inverse` of unmeasured joints.
+        """Torques (m, joints) that gears bear: measured ones, `inverse` dynamics for others.
 
         Those of the motors' own motion differ from them where links resonate on their gears.
         """

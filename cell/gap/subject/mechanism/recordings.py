@@ -219,7 +219,7 @@ def repeat_noise(found: Sequence[Recording], column: str, origin: str) -> float:
 
 
 def typical_frequency(found: Sequence[Recording], columns: Sequence[str]) -> float:
-    """Angular frequency [rad/s] of the fastest column: deviation of its rate over its own."""
+    """Angular frequency [rad/s] of the fastest column: spread of its rate over that of itself."""
     frequencies = []
     for name in columns:
         spreads = [_spreads(r.t, r.columns[name]) for r in found]

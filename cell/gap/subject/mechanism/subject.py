@@ -284,7 +284,7 @@ class MechanismSubject(Subject):
     def patch(
         self, base: Mapping[str, float], effects: NamedValues, source: str
     ) -> tuple[dict[str, object], dict[str, object] | None]:
-        """Contents of the refitted mechanism file and, as it is not changed, None of cell.yaml."""
+        """Content of the refitted mechanism file; None for cell.yaml, which does not change."""
         content = self.opened.file.model_dump(mode="json", by_alias=True, exclude_none=True)
         accepted = accepted_content(self.opened, content, base, effects, source)
         return expressed_by_mjcf(self.opened, accepted, effects), None

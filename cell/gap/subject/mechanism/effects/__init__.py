@@ -24,17 +24,17 @@ FAMILIES = (bodies, compliance, drives, friction)
 
 
 def _cubic(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
-    """Torque (m,) [N m] -c v^3."""
+    """Torque (m,) [N m] -c v^3 of cubic damping at rates `v` (m,)."""
     return -p[at] * v**3
 
 
 def _cubic_spring(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
-    """Torque (m,) [N m] -c q^3."""
+    """Torque (m,) [N m] -c q^3 of a cubic spring at angles `q` (m,)."""
     return -p[at] * q**3
 
 
 def _bent_viscous(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
-    """Torque (m,) [N m] -c |q| v."""
+    """Torque (m,) [N m] -c |q| v of viscous friction that grows with the angle `q` (m,)."""
     return -p[at] * abs(q) * v
 
 
@@ -46,7 +46,7 @@ def _load_dry(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
 def _term(name: str, sentence: str, law: Callable[..., Array],
           size: Callable[[Mechanism], Array],
           modes: Collection[str] = MODES) -> Effect:  # fmt: skip
-    """Descriptive torque `law` of one parameter per joint, typically 0.01 `size` large."""
+    """Descriptive effect by a torque `law` of one parameter per joint, typically 0.01 `size`."""
     return Effect(f"term_{name}", sentence, "model", "a description",
                   lambda m: per_joint(m, "torque", "N m", 0.01 * size(m), signed=True), "",
                   keys=1, law=law, modes=modes)  # fmt: skip

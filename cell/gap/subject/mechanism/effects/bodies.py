@@ -14,7 +14,7 @@ AIR = 1.2  # kg/m^3
 
 
 def _moving_bodies(mechanism: Mechanism) -> list[int]:
-    """Bodies with a mass that joints move."""
+    """Numbers of the bodies with a mass that joints move."""
     model = mechanism.model
     return [i for i in range(1, model.nbody) if model.body_weldid[i] and model.body_mass[i] > 0.0]
 

@@ -18,13 +18,13 @@ YIELD = 0.02
 
 
 def _dry_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    """Dry friction torque [N m] of each joint, and per load where the loads of gears are known."""
+    """Parameters of dry friction: torque [N m] of each joint, share of its gear's load if known."""
     torques = per_joint(mechanism, "torque", "N m", 0.01 * mechanism.torque)
     return torques + (_loads(mechanism) if mechanism.mode.loads else ())
 
 
 def _loads(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    """Friction torque per torque at the gear of each joint [1]."""
+    """Parameters of friction torque per torque at the gear of each joint [1]."""
     ones = np.ones(len(mechanism.joints))
     return per_joint(mechanism, "load", "1", 0.01 * ones, high=100.0)
 
@@ -61,7 +61,7 @@ def dry_limit(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
 
 
 def _quadratic_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
-    """Torque (m,) [N m] -c |v| v."""
+    """Torque (m,) [N m] -c |v| v of quadratic friction at rates `v` (m,)."""
     return -p[at] * abs(v) * v
 
 
