@@ -94,7 +94,7 @@ class _Cache(NullCache):  # type: ignore[misc]
         return CompileResult._rebuild(target_context, *kept)
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep compiled `data` where that is possible: a full disk costs the next start time."""
+        """Keep compiled `data` on disk, if possible; otherwise the next process compiles anew."""
         if not data.library.has_dynamic_globals:
             with suppress(OSError):
                 cache_folder().mkdir(parents=True, exist_ok=True)

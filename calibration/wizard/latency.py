@@ -158,7 +158,7 @@ def _drift_reasons(
 
 
 def _drift_rate(arm: Array, stamps: Array, along: Array, latency: float) -> tuple[float, float]:
-    """Change of the latency over time [s/s] and one sigma of it, by a robust fit from `latency`."""
+    """Drift of the latency [s/s] and one sigma of it, by a robust fit that begins at `latency`."""
     from scipy.optimize import least_squares
 
     since = stamps - stamps.mean()

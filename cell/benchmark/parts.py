@@ -146,7 +146,7 @@ def _fold_known(
     known: Sequence[StripFile] = (),
     rng: np.random.Generator | None = None,
 ) -> Folds:
-    """Fold `strips` side by side in `engine` by `policy`, which knows the files `known` of them.
+    """Fold `strips` side by side in `engine` by `policy`, which is given the strip files `known`.
 
     By default it knows the strips as they are, and noise is drawn from the seed 0.
     """

@@ -296,7 +296,7 @@ def unidentifiable(subject: Subject) -> Iterator[Finding]:
 
 
 def _largest_responses(subject: Subject, stated: Estimate) -> Iterator[tuple[Candidate, Array]]:
-    """Yield each candidate and its largest probe's response (N,) [sigma] that a refit leaves."""
+    """Yield candidates with their responses (N,) [sigma] to the largest probe, less a refit's."""
     largest = [(c, _largest_probe(c)) for c in subject.scope.candidates]
     responses = effect_responses(subject.simulate, stated, largest)
     unabsorbed = projection(stated, robustly=False).unabsorbed(responses)

@@ -177,7 +177,7 @@ class Perception:
         return fold_tip(midline), gap
 
     def _side_ends(self, contact: Contact, gripper: Pose, region: Region) -> tuple[Array, Grip]:
-        """Ends of the outer side in the window: pixel (2,) of the desk contact, and the grip."""
+        """Ends of the strip's outer outline in the window: pixel (2,) of the contact, and grip."""
         tangent = np.array([np.cos(gripper.pitch), np.sin(gripper.pitch)])
         edge = self._outer_edge(gripper, tangent)
         plane = np.array([(contact.x, 0.0), edge, edge + TANGENT_STEP * tangent])

@@ -106,7 +106,7 @@ def _trace_midline(path: Path, image: Image) -> Midline:
 
 
 def _trace_bright(image: Image) -> Midline:
-    """Midline of a bright strip from the left border; ConfigurationError for anything thicker."""
+    """Midline of a bright strip from the left border; ConfigurationError for a thick object."""
     rough = extract_midline(image, ROUGH_POINTS)
     if rough.width < THICKEST_SHARE * rough.length:
         count = rough.length / (TRACE_SPACING * rough.width)

@@ -87,7 +87,7 @@ def reml_spreads(estimate: Estimate) -> tuple[Spread, ...]:
 
 
 def _spread(p: Parameter, share: float, error: float) -> Spread:
-    """Spread of `p`, its prior one times `share`, with an interval by its logarithm's `error`."""
+    """Spread of `p`: its prior spread times `share`, and an interval by the `error` of its log."""
     value = share * p.spread
     factor = float(np.exp(CENTRAL_95 * error))
     low = value * float(np.exp(-CENTRAL_95 * error))

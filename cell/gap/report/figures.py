@@ -59,7 +59,7 @@ def replay(findings: Findings) -> Iterator[Replay]:
     fitted = {"before": findings.base.estimate}
     if accepted.model.effects:
         fitted["after"] = accepted.estimate
-    yield from replay_runs(subject, findings.held_out_fits.by_word, held_out=True)
+    yield from replay_runs(subject, findings.held_out_fits.by_key, held_out=True)
     yield from replay_runs(subject, fitted, held_out=False)
 
 

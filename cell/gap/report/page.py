@@ -112,7 +112,7 @@ def base_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
 
 def held_out_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
     """Template values on held-out runs, before and after: figures, a sentence, a table."""
-    fits = findings.held_out_fits.by_word
+    fits = findings.held_out_fits.by_key
     names = conditions(fits["before"].evidence.runs)
     by_run = {word: held_out_gap.excess(held_out_gap.run_squares(fit)[:, None])
               for word, fit in fits.items()}  # fmt: skip
@@ -133,7 +133,7 @@ def held_out_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
 def _held_out_rows(findings: Findings, gap: Gap) -> Iterator[tuple[str, ...]]:
     """Rows by quantity: rms of each fit to held-out runs, noise, excess of each fit [noise]."""
     quantities = findings.subject.scope.quantities
-    fits = findings.held_out_fits.by_word
+    fits = findings.held_out_fits.by_key
     sides = [*(getattr(gap, word) for word in fits), gap.floor]
     beyond = [held_out_gap.excess_by_quantity(fit, quantities) for fit in fits.values()]
     words = {q.key: f"{quantity_label(q)} [{q.unit}]" for q in quantities.values()}

@@ -268,7 +268,7 @@ def _probes_to_fit(
 def _opposite_sign(
     equations: ProbeEquations, p: ProbeResponses, best: Score
 ) -> dict[str, Array] | None:
-    """Values (k,) by effect of greatest gain with the sign opposite to that in `best`, or None.
+    """Parameter values (k,) by effect that gain most with the sign opposite to `best`; or None.
 
     None where it has no place, or gains with one sign only.
     """

@@ -185,7 +185,7 @@ class Search:
         tasks = []
         for c in self._with_shape_parameters(fits):
             if (score := promising.get(c.name)) is not None:
-                probes = c.probes if c.name in thresholds else _most_promising(c, score)
+                probes = c.probes if c.name in thresholds else _probe_at_start(c, score)
                 tasks.append(run_probes(fit, replace(c, probes=probes)))
         scores = ranked_singles(probe_equations(beside, run_all(self.simulate, tasks)))
         return [s if s.names[0] in thresholds else replace(s, probe_starts=()) for s in scores]
@@ -245,7 +245,7 @@ def _nearly_best(base: Estimate, begun: Sequence[Estimate], reference: Estimate)
     return [e for e, promising in zip(begun, in_reach, strict=False) if promising]
 
 
-def _most_promising(
+def _probe_at_start(
     candidate: Candidate, score: Score
 ) -> tuple[tuple[tuple[float, ...], ...], ...]:
     """Start values of `candidate` in `score` as a single group of one probe; empty at the null."""

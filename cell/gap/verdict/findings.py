@@ -98,7 +98,7 @@ class HeldOutFits:
         return self.after is not self.before
 
     @property
-    def by_word(self) -> dict[str, Estimate]:
+    def by_key(self) -> dict[str, Estimate]:
         """Fits to held-out runs by key: `before` and, where an effect was accepted, `after`."""
         return {"before": self.before} | ({"after": self.after} if self.changed else {})
 
