@@ -120,7 +120,7 @@ def per_joint(
     mechanism: Mechanism, key: str, unit: str, size: Array, *, signed: bool = False,
     shape: bool = False, high: float = 250.0,
 ) -> tuple[Parameter, ...]:  # fmt: skip
-    """Parameters `key_JOINT` of all joints, of typical `size` (joints,); slides have N and m."""
+    """Parameters `key_JOINT` of all joints, of typical `size` (joints,), in N and m for slides."""
     slides = unit.replace("N m", "N").replace("rad", "m")
     return tuple(
         replace(single_parameter(f"{key}_{joint.name}", unit if joint.hinge else slides, s,

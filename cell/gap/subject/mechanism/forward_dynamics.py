@@ -165,7 +165,7 @@ class ForwardDynamics(MechanismSubject):
         self.runs = tuple(map(self._run, opened.recordings))
 
     def check(self, origin: str) -> None:
-        """Refuse also a time step whose half moves the first run by over a third of its noise."""
+        """Refuse a bad model, or a time step whose half moves a run by a third of its noise."""
         super().check(origin)
         m = self._mechanism
         model = copy.copy(m.model)
@@ -284,7 +284,7 @@ class ForwardDynamics(MechanismSubject):
         states[rows] += soft - rigid_twin
 
     def _read(self, case: Case, t: Array, q: Array, v: Array, control: Array, model: Any) -> Array:
-        """Sensor readings (signals, k) at times t (k,) [s], from states q, v (joints, k) then."""
+        """Sensor readings (signals, k) at times t (k,) [s], from the states q, v (joints, k)."""
         signals, errors = self._mechanism.signals, case.readings
         rows = np.empty((len(signals), len(t)))
         sensed = any(s.kind in ("site", "sensor") for s in signals)
@@ -305,7 +305,7 @@ class ForwardDynamics(MechanismSubject):
     def _torque(
         self, signal: Signal, model: Any, q: Array, v: Array, control: Array, t: Array
     ) -> Array:
-        """Readings (k,) of a torque `signal` at times t (k,) [s], by states and commands then."""
+        """Readings (k,) of a torque `signal` at times t (k,) [s], from states and commands."""
         actuator, joint = signal.actuator, signal.joint
         gain, bias, limits = (getattr(model, name)[actuator] for name in ACTUATOR)
         gear = model.actuator_gear[actuator, 0]
