@@ -15,7 +15,6 @@ from cell.config.places import find_configs
 from drivers.errors import ConfigurationError, PreflightRefused
 
 if TYPE_CHECKING:
-    from cell.devices.real_camera import Grab
     from drivers.camera.camera import CameraReport, UnusableDevice
     from drivers.camera.settings import V4l2Settings
 
@@ -90,7 +89,9 @@ def _grab(settings: "V4l2Settings", path: Path, *, as_json: bool) -> None:
     taken = grab(settings)
     write_image(path, taken.frame.image)
     if as_json:
-        print_json({"file": path, **_grab_line(taken)})
+        facts = {"measured_rate": taken.rate, "age": taken.age, "counts": asdict(taken.counts)}
+        facts |= {"stamp_source": taken.frame.stamp_source, "locks": dict(taken.setup.locks)}
+        print_json({"file": path, **asdict(taken.setup.picture), **facts})
         return
     counts = taken.counts
     picture = taken.setup.picture
@@ -104,18 +105,6 @@ def _grab(settings: "V4l2Settings", path: Path, *, as_json: bool) -> None:
         f"{counts.restamped} without a stamp to trust\n"
         f"  locked: {locks or 'nothing'}\n"
     )
-
-
-def _grab_line(taken: "Grab") -> dict[str, Any]:
-    """JSON object of a taken picture: format, rates [Hz], age [s], counts, locked controls."""
-    return {
-        **asdict(taken.setup.picture),
-        "measured_rate": taken.rate,
-        "age": taken.age,
-        "stamp_source": taken.frame.stamp_source,
-        "counts": asdict(taken.counts),
-        "locks": dict(taken.setup.locks),
-    }
 
 
 def _print_cameras(found: "Iterator[CameraReport | UnusableDevice]", *, as_json: bool) -> None:

@@ -15,7 +15,7 @@ from cell.report.words import plural
 from drivers.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from drivers.strip.file import StripFile
+    pass
 
 
 def import_runs(
@@ -50,7 +50,15 @@ def import_runs(
     if guess and model is not None:
         raise ConfigurationError("--guess: proposes mappings of folds; leave --model out")
     if guess:
-        _propose(places, out or Path("mapping.yaml"), None if strip is None else found.strip(strip))
+        from cell.record.exchange.guess import guess_mapping
+        from drivers.files import check_free, write_file
+
+        target, of = out or Path("mapping.yaml"), shlex.join(map(str, places))
+        check_free(target)
+        text = guess_mapping(places, None if strip is None else found.strip(strip))
+        write_file(target, text)
+        sys.stdout.write(f"{text}{target}: read it, and write what is open in place of null\n")
+        sys.stdout.write(f"next: cell import {of} --mapping {target} --out runs/own\n")
         return
     if out is None:
         raise ConfigurationError("--out: is missing; name the folder of the runs")
@@ -69,19 +77,6 @@ def import_runs(
     if len(runs_in(out)) == 1:
         following = f"import a second run into {out}, better ten: a verdict needs some to test it"
     sys.stdout.write(f"next: {following}\n")
-
-
-def _propose(places: list[Path], out: Path, strip: "StripFile | None") -> None:
-    """Propose a mapping for the tables of one run, write it to `out`, and print it."""
-    from cell.record.exchange.guess import guess_mapping
-    from drivers.files import check_free, write_file
-
-    check_free(out)
-    text = guess_mapping(places, strip)
-    write_file(out, text)
-    sys.stdout.write(f"{text}{out}: read it, and write what is open in place of null\n")
-    of = shlex.join(map(str, places))
-    sys.stdout.write(f"next: cell import {of} --mapping {out} --out runs/own\n")
 
 
 def _convert(

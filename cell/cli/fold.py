@@ -214,7 +214,10 @@ def _fold_all(
             else:
                 result = FoldResult.refusal(request, fold_end)
             if as_json:
-                _print_line(result)
+                print_json(result.line())
+                sys.stdout.flush()
+                if result.exit_code != 0:
+                    notice(": ".join(filter(None, (result.run, result.outcome, result.reason))))
             elif not result.run:  # a recorded fold was told as soon as it was known
                 notice(result.reason)
             exit_code = max(exit_code, result.exit_code)
@@ -241,14 +244,6 @@ def _callbacks(robot: str, *, as_json: bool) -> "Callbacks":
     if robot:
         notice(robot)
     return callbacks
-
-
-def _print_line(result: "FoldResult") -> None:
-    """Print the result as a line of JSON, and a failure also on standard error."""
-    print_json(result.line())
-    sys.stdout.flush()
-    if result.exit_code != 0:
-        notice(": ".join(filter(None, (result.run, result.outcome, result.reason))))
 
 
 def _print_result(result: "FoldResult", robot: str) -> None:

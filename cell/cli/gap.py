@@ -96,7 +96,11 @@ def plan(
         check_recordable(folder)
     requests = _standard_runs(find_configs(configs), strip, plant, folder, seed, truth=not no_truth)
     if dry_run:
-        _print_plan(requests)
+        from cell.folding.request import standard_run
+
+        for i, request in enumerate(requests):
+            name, reveals = standard_run(request)
+            sys.stdout.write(f"{i:2d}  {name:15s} {request.speed:.2f} m/s  shows {reveals}\n")
         return
     following = f"next: cell gap fit {folder} --strip {_strip_file(strip, configs)}"
     following += f" --out {folder}-fit\n"
@@ -123,15 +127,6 @@ def _standard_runs(
     record = Recording(truth=truth)
     base = Request(found.cell(), found.strip(strip), "", folder, choice, record=record)
     return standard_requests(base)
-
-
-def _print_plan(requests: "Sequence[Request]") -> None:
-    """Print name, speed [m/s] and revealed effects of each planned standard run."""
-    from cell.folding.request import standard_run
-
-    for i, request in enumerate(requests):
-        name, reveals = standard_run(request)
-        sys.stdout.write(f"{i:2d}  {name:15s} {request.speed:.2f} m/s  shows {reveals}\n")
 
 
 def _fold_all(requests: "Sequence[Request]", jobs: int, *, as_json: bool) -> int:

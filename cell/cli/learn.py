@@ -58,7 +58,12 @@ def learn(
     elif what == "forget":
         _forget(settings, memory, run)
     elif what == "list":
-        _list(memory, as_json=as_json)
+        from cell.learning.summary import experience_lines
+
+        if as_json:
+            print_json(*map(asdict, memory.experiences()))
+        else:
+            sys.stdout.write(experience_lines(memory.experiences()))
     elif what == "show":
         _show(memory, settings, as_json=as_json)
     else:
@@ -115,16 +120,6 @@ def _forget(settings: "CellFile", memory: "Memory", run: Path | None) -> None:
         raise ConfigurationError(
             f"{run}: nothing was learned from this run; `cell learn list` names those that taught"
         )
-
-
-def _list(memory: "Memory", *, as_json: bool) -> None:
-    """Print everything that was learned, an entry for each fold."""
-    from cell.learning.summary import experience_lines
-
-    if as_json:
-        print_json(*map(asdict, memory.experiences()))
-        return
-    sys.stdout.write(experience_lines(memory.experiences()))
 
 
 def _show(memory: "Memory", settings: "CellFile", *, as_json: bool) -> None:

@@ -14,7 +14,6 @@ from cell.config.places import find_configs
 from drivers.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from cell.benchmark.results import Results
     from cell.train.run import Trained
 
 PART_TIMEOUT = 7200.0  # s of a part of the benchmark
@@ -158,9 +157,10 @@ def benchmark(
     """
     from rich.console import Console
 
-    from cell.benchmark.page import write_main_picture, write_results
+    from cell.benchmark.page import lines, write_main_picture, write_results
     from cell.benchmark.parts import benchmark as measure, summarise
     from cell.benchmark.results import BenchmarkSpec, split
+    from cell.benchmark.summary import claim_lines, tables
     from cell.campaign.progress import Meter
 
     found = find_configs(configs)
@@ -173,14 +173,6 @@ def benchmark(
     page = write_results(results, out)
     if picture is not None:
         write_main_picture(results, picture)
-    _print_benchmark(results, page, as_json=as_json)
-
-
-def _print_benchmark(results: "Results", page: Path, *, as_json: bool) -> None:
-    """Print the results as lines of JSON, or as tables, claims and the path of the `page`."""
-    from cell.benchmark.page import lines
-    from cell.benchmark.summary import claim_lines, tables
-
     if as_json:
         print_json(*lines(results))
         return

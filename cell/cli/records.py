@@ -47,7 +47,7 @@ def runs(
     as_json: Json = False,
 ) -> None:
     """List the runs in a folder; with --keep or --older-than, the runs that --delete removes."""
-    from cell.record.listing import list_runs, remove, to_prune
+    from cell.record.listing import COLUMNS, list_runs, remove, to_prune, values_of
 
     pruning = keep is not None or older_than is not None or delete
     if delete and html is not None:
@@ -61,7 +61,14 @@ def runs(
 
         sys.stdout.write(f"{plural(len(rows), 'run')}\n  {write_runs_page(rows, html)}\n")
         return
-    _print_rows(rows, as_csv=as_csv, as_json=as_json)
+    if as_csv:
+        writer = csv.writer(sys.stdout, lineterminator="\n")
+        writer.writerow(COLUMNS)
+        writer.writerows(map(values_of, rows))
+    elif as_json:
+        print_json(*map(_row_facts, rows))
+    else:
+        _print_table(rows)
     if pruning and delete:
         freed = remove(rows)
         sys.stderr.write(f"deleted {plural(len(rows), 'run')}, {freed / MEGABYTE:.1f} MB\n")
@@ -74,20 +81,6 @@ def _age(days: float | None) -> timedelta | None:
     if days is not None and isnan(days):
         raise ConfigurationError("--older-than: is nan; give a number of days")
     return None if days is None else timedelta(days=days)
-
-
-def _print_rows(rows: "Sequence[RunRow]", *, as_csv: bool, as_json: bool) -> None:
-    """Print the runs as CSV, as lines of JSON, or as a table."""
-    if as_csv:
-        from cell.record.listing import COLUMNS, values_of
-
-        writer = csv.writer(sys.stdout, lineterminator="\n")
-        writer.writerow(COLUMNS)
-        writer.writerows(map(values_of, rows))
-    elif as_json:
-        print_json(*map(_row_facts, rows))
-    else:
-        _print_table(rows)
 
 
 def _row_facts(row: "RunRow") -> dict[str, Any]:

@@ -3,7 +3,7 @@
 A stream (Arrow IPC) has one row per message: rows written before a crash can be read after it.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -245,3 +245,36 @@ def write_tables(folder: Path, tables: Tables) -> None:
 
 def _numbers(table: pa.Table, column: str) -> Array:
     return np.asarray(table[column].to_numpy(), dtype=np.float64)
+
+
+def unnest(table: pa.Table, names: Mapping[str, object] | None = None) -> pa.Table:
+    """Copy of a table with a column a field of a struct, `pose.x`, and a number of a vector, `q.0`.
+
+    `names` are those of the numbers of a vector, by its column, as a LeRobot data set states them.
+    """
+    found = list[tuple[str, pa.ChunkedArray]]()
+    for name, column in zip(table.column_names, table.columns, strict=True):
+        kind, stated = column.type, (names or {}).get(name)
+        parts = dict.fromkeys(_axes(stated, 1), column)
+        if pa.types.is_struct(kind):
+            parts = {kind[i].name: pc.struct_field(column, [i]) for i in range(kind.num_fields)}
+        elif pa.types.is_list(kind) or pa.types.is_fixed_size_list(kind):
+            sizes = pc.list_value_length(column).unique().to_pylist()
+            size = (sizes[0] or 0) if len(sizes) == 1 else 0  # a list of several sizes stays one
+            parts = {a: pc.list_element(column, i) for i, a in enumerate(_axes(stated, size))}
+        named = [(name if axis is None else f"{name}.{axis}", part) for axis, part in parts.items()]
+        if named and pa.types.is_nested(kind):
+            inner = unnest(pa.table(dict(named)))
+            named = [*zip(inner.column_names, inner.columns, strict=True)]
+        found += named or [(name, column)]
+    return pa.table([column for _, column in found], [name for name, _ in found])
+
+
+def _axes(stated: object, size: int) -> Sequence[object]:
+    """Names of the `size` components of a feature: as stated, numbered, or None for a scalar."""
+    if isinstance(stated, dict):
+        kinds = list(stated.values())
+        stated = kinds[0] if len(kinds) == 1 and isinstance(kinds[0], list) else list(stated)
+    if isinstance(stated, list) and len(stated) == size:
+        return [*map(str, stated)]
+    return [None] if size == 1 else range(size)

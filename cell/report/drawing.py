@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from html import escape
 from math import isfinite
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -26,37 +27,7 @@ VARIABLES = {
     BLUE: "--blue", ORANGE: "--orange", GREEN: "--green", PURPLE: "--purple", RED: "--bad",
 }  # fmt: skip
 """CSS variables of colours, which a page sets for light and for dark."""
-STYLE: dict[str, Any] = {
-    "svg.fonttype": "none",
-    "svg.hashsalt": "cell",
-    "path.simplify_threshold": 0.02,  # values are read off the paths
-    "text.parse_math": False,  # names may hold any character
-    "font.size": 9,
-    "axes.labelsize": 9,
-    "axes.edgecolor": MUTED,
-    "axes.labelcolor": MUTED,
-    "axes.linewidth": 0.6,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "grid.color": RULE,
-    "grid.linewidth": 0.6,
-    "text.color": INK,
-    "xtick.color": MUTED,
-    "ytick.color": MUTED,
-    "xtick.labelsize": 8.5,
-    "ytick.labelsize": 8.5,
-    "xtick.major.size": 0,
-    "ytick.major.size": 0,
-    "lines.linewidth": 1.4,
-    "lines.solid_capstyle": "round",
-    "legend.frameon": False,
-    "legend.fontsize": 8.5,
-    "figure.facecolor": "none",
-    "axes.facecolor": "none",
-    "savefig.facecolor": "none",
-}
+STYLE = Path(__file__).with_name("figures.mplstyle")
 POINTS_PER_INCH = 72
 Facts = dict[str, Any]
 
@@ -66,20 +37,20 @@ def canvas(
     width: float, height: float, layout: Literal["constrained"] | None = "constrained"
 ) -> Iterator[Any]:
     """Matplotlib figure of `width` x `height` [inch] in the report's style, within the block."""
-    from matplotlib import rc_context
+    from matplotlib import rc_context, rc_params_from_file
     from matplotlib.figure import Figure
 
-    with rc_context(STYLE):
+    with rc_context(rc_params_from_file(STYLE, use_default_template=False)):
         yield Figure(figsize=(width, height), layout=layout)
 
 
 def as_svg(figure: Any) -> str:
     """Render a Matplotlib `figure` as an SVG element; the same figure gives the same text."""
-    from matplotlib import rc_context
+    from matplotlib import rc_context, rc_params_from_file
 
     text = io.StringIO()
     name_artists(figure)
-    with rc_context(STYLE):
+    with rc_context(rc_params_from_file(STYLE, use_default_template=False)):
         figure.savefig(text, format="svg", metadata=dict.fromkeys(METADATA))
     width = f'style="--width:{POINTS_PER_INCH * figure.get_size_inches()[0]:.0f}pt"'
     return page_svg(text.getvalue()).replace("<svg", f"<svg {readings(figure)} {width}", 1)

@@ -72,6 +72,8 @@ def report(run: Run) -> str:
     truth, spoilt = truth_of(run)
     said = verdict_of(run, truth, under_way)
     died = run.result is None and not under_way and not said.spoilt
+    outlines, outlook = silhouettes(run), Outlook.from_events(run.events())
+    has_ticks = run.ticks.t.size > 0
     return page(
         "report/templates/run.html",
         f"{run.header.strip} · {run.name}",
@@ -88,21 +90,11 @@ def report(run: Run) -> str:
         events=listed_events(run),
         files=[(Link(n, n), what) for n, what in FILES if (run.folder / n).is_file()],
         facts=[(key, setting_text(key, value)) for key, value in stated_settings(run)],
-        **_figures(run),
+        pictures=key_pictures(run, outlines),
+        outlook=figures.outlook_figure(run, outlook) if len(outlook.t) > 1 else "",
+        strip=figures.strip_figure(run, outlines) if has_ticks else "",
+        signals=figures.signals_figure(run) if has_ticks else "",
     )
-
-
-def _figures(run: Run) -> dict[str, Any]:
-    """Pictures and figures (SVG) of the run; empty where the record has nothing to draw."""
-    outlines = silhouettes(run)
-    outlook = Outlook.from_events(run.events())
-    has_ticks = run.ticks.t.size > 0
-    return {
-        "pictures": key_pictures(run, outlines),
-        "outlook": figures.outlook_figure(run, outlook) if len(outlook.t) > 1 else "",
-        "strip": figures.strip_figure(run, outlines) if has_ticks else "",
-        "signals": figures.signals_figure(run) if has_ticks else "",
-    }
 
 
 def truth_of(run: Run) -> tuple[Mapping[str, Any] | None, list[str]]:

@@ -29,7 +29,7 @@ ticks:
 profile:
   file: points.parquet
   late: 0.02
-  columns: {t: {column: t, unit: s}, x: {column: x, unit: m}, z: {column: z, unit: m}}
+  columns: {t: {column: t, unit: s}, x: {column: p.x, unit: m}, z: {column: p.z, unit: m}}
 contact:
   file: contact.csv
   late: 0.02
@@ -57,7 +57,8 @@ def foreign(place: Path, clock: float = 1700.0) -> Path:
     t = np.repeat(STAMPS + clock + 0.02, len(POINTS))
     x = np.concatenate([np.interp(s, T, X) + 0.3 * (POINTS - 1.0) for s in STAMPS])
     z = np.concatenate([np.interp(s, T, Z) * POINTS**2 for s in STAMPS])
-    pq.write_table(pa.table({"t": t, "x": x, "z": z}), place / "points.parquet")
+    points = [{"x": a, "z": [b]} for a, b in zip(x, z, strict=True)]
+    pq.write_table(pa.table({"t": t, "p": points}), place / "points.parquet")
     table(place / "contact.csv", ["t", "c"], [STAMPS + clock + 0.02, 1e3 * CONTACT])
     table(place / "touch.csv", ["t", "upper", "lower"], [[clock + 2.8], [299.0], [301.5]])
     return place

@@ -14,7 +14,7 @@ import pyarrow as pa
 
 from cell.record.columns import LENGTHS, TIMES
 from cell.record.exchange.import_runs import sources_in
-from cell.record.exchange.mapping import FACTORS, Table, numbers_of, seconds_of, units_of
+from cell.record.exchange.mapping import FACTORS, Table, numbers_of, seconds_of, turn_of, units_of
 from drivers.strip.file import StripFile
 from drivers.types import Array
 
@@ -23,11 +23,16 @@ WORDS = {  # of a column's name, by what it holds; the first say that it is none
     "": "v vel velocity speed acc torque std error raw cmd command target desired action rotation",
     "pitch": "pitch angle tilt winkel neigung 角度",
     "f_": "f force kraft fx fz 力 荷重",
+    "t": "t time stamp timestamp zeit zeitstempel uhrzeit clock elapsed sec seconds 時刻 時間 时间",
+    "l1": "l1 upper oben obere",
+    "l2": "l2 lower unten untere",
+    "contact_x": "contact kontakt",
     "x": "x along horizontal weg längs laengs 水平",
     "z": "z y height up vertical hoehe höhe 高さ 高度",
-    "t": "t time stamp timestamp zeit zeitstempel uhrzeit clock elapsed sec seconds 時刻 時間 时间",
     "i": "i point punkt 番号",
 }
+SEEN = {"contact": ("t", "contact_x"), "result": ("t", "l1", "l2")}  # tables of what images show
+ERRORS = {"contact": "contact_x", "result": "displacement"}  # sigma, where not named as the section
 SECOND = {"log", "y"}  # words of columns that are taken where there is no other
 UNITS = {unit.lower(): unit for unit in FACTORS}
 UNITS |= {"sec": "s", "seconds": "s", "秒": "s", "°": "deg", "grad": "deg", "度": "deg"}
@@ -36,6 +41,7 @@ TYPICAL = {"t": 5e-3, "pitch": np.pi / 2, "x": 0.8, "z": 0.3, "f_x": 0.1, "f_z":
 STRIP = 0.5  # m, typically
 MISTAKEN = 10.0  # factor from what is typical, beyond which no unit fits; of times its square
 NEAR, NEAR_TURN, CLOSE = 0.03, 0.3, 0.05  # m, rad, m from where something must be
+PLACES = ("x", "z", "contact_x")  # whose path from their start tells the unit
 TURNED = 1.0  # rad that the gripper turns at least in the lift of a strip that lies flat
 BY_NAME, BY_CLOCK = "its name", "the clock of the gripper"  # reasons that leave no doubt
 
@@ -59,7 +65,7 @@ class Guess:
         if self.unit is None or self.offset is None:
             return np.full(len(self.values), np.nan)
         sign = -1.0 if self.reversed else 1.0
-        return np.asarray(sign * (self.values * FACTORS[self.unit] - self.offset))
+        return np.asarray(sign * (self.values * FACTORS.get(self.unit, 1.0) - self.offset))
 
     def line(self, quantity: str) -> str:
         """Line of the mapping file for `quantity`, with a remark on how sure the guess is."""
@@ -93,9 +99,12 @@ def guess_mapping(places: Sequence[Path], strip: StripFile | None) -> str:
     file = max(series or {*read} - {*paths} or read, key=lambda name: len(read[name]))
     gripper = _guess_gripper(tables[file], strip)
     sections: dict[str, tuple[str, Guesses]] = {"ticks": (file, gripper)}
-    for file in [name for name in paths if series and name not in series][:1]:
-        sections["profile"] = file, _guess_points(paths[file], gripper)
-    left = _not_taken(read, tables, dict(sections.values()))
+    for points in [name for name in paths if series and name not in series][:1]:
+        sections["profile"] = points, _guess_points(paths[points], gripper)
+    for section, names in SEEN.items() if series else ():
+        for seen in [name for name, table in tables.items() if {*names} <= table.keys()][:1]:
+            sections[section] = seen, _guess_seen(tables[seen], gripper, names)
+    left = _not_taken(read, dict(sections.values()))
     return "\n".join((*_lines(sections, strip), *left, ""))
 
 
@@ -106,32 +115,40 @@ def _lines(sections: Mapping[str, tuple[str, Guesses]], strip: StripFile | None)
     yield from ("schema: 1", f"strip: {json.dumps(strip and strip.name)}")
     yield from (f"start: {'hanging' if turn < TURNED else 'flat'}", "sigma:")
     has_force = not {"f_x", "f_z"}.isdisjoint(ticks)
-    for name in ("gripper", *(["force"] if has_force else []), *[*sections][1:]):
+    seen = [ERRORS.get(section, section) for section in [*sections][1:]]
+    for name in ("gripper", *(["force"] if has_force else []), *seen):
         yield f"  {name}: null  # open: one sigma of its error [m, N]"
     for section, (file, guesses) in sections.items():
         yield from (f"{section}:", f"  file: {json.dumps(file, ensure_ascii=False)}", "  columns:")
-        yield from (guess.line(quantity) for quantity, guess in guesses.items())
-        for quantity in [name for name in "txz" if name not in guesses]:
+        time = {"t": "t_layer_touch"} if section == "result" else {}
+        yield from (guess.line(time.get(name, name)) for name, guess in guesses.items())
+        for quantity in [name for name in "txz" if section == "ticks" and name not in guesses]:
             yield f"    {quantity}: {{column: null, unit: null}}  # open: no name says so"
 
 
-def _not_taken(
-    read: Mapping[str, pa.Table], tables: Mapping[str, Guesses], taken: Mapping[str, Guesses]
-) -> Iterator[str]:
-    """Remarks on the columns of each file that the proposed mapping leaves out, with reasons."""
+def _not_taken(read: Mapping[str, pa.Table], taken: Mapping[str, Guesses]) -> Iterator[str]:
+    """Remarks on the columns of each file that the proposed mapping leaves out."""
     for file, content in read.items():
-        used = {guess.column for guess in taken.get(file, {}).values()}
-        lacks = [name for name in "txz" if name not in tables[file]]
-        lacking = f"no name says {', '.join(lacks)}; is it the section `result` or `contact`?"
-        why = lacking if lacks else "no name says more, or better"
-        if left := [name for name in content.column_names if name not in used]:
-            yield f"# not taken of {json.dumps(file, ensure_ascii=False)}: {', '.join(left)}; {why}"
+        stated = [guess.column for guess in taken.get(file, {}).values()]
+        used = {name.replace("*", axis) for name in stated for axis in "xyzw"}
+        of = zip(content.column_names, content.schema.types, strict=True)
+        left = [f"{n}{' (words)' * pa.types.is_string(kind)}" for n, kind in of if n not in used]
+        if left:
+            name, why = json.dumps(file, ensure_ascii=False), "no numbers, or no name says more"
+            yield f"# not taken of {name}: {', '.join(left)}; {why}"
 
 
 def _columns(content: pa.Table) -> dict[str, Guess]:
     """Guesses at the numeric columns whose names tell a quantity; ISO times become seconds."""
     found = dict[str, Guess]()
     names = [name for name in content.column_names if content.column_names.count(name) == 1]
+    for stem in [name[:-1] for name in names if name.endswith("w")]:
+        parts = {axis: f"{stem}{axis}" for axis in "xyzw"}
+        numbers = [numbers_of(content[name]) for name in parts.values() if name in names]
+        if len(whole := [part for part in numbers if part is not None]) == len(parts):
+            names = [name for name in names if name not in parts.values()]
+            if np.ptp(turn := turn_of(*whole)) > TURNED:  # or the tool does not turn with the strip
+                found["pitch"] = Guess(f"{stem}*", turn, "quaternion")
     for name in sorted(names, key=lambda n: (not SECOND.isdisjoint(_words(n)), len(_words(n)))):
         values = numbers_of(content[name])
         values = seconds_of(content[name]) if values is None else values
@@ -159,7 +176,8 @@ def _guess_gripper(columns: Guesses, strip: StripFile | None) -> Guesses:
     length, hangs, found = STRIP if strip is None else strip.length, False, dict[str, Guess]()
     for quantity in [name for name in TYPICAL if name in columns]:
         typical = TYPICAL[quantity] * (length if quantity in "xz" else 1.0)
-        guess = _with_unit(columns[quantity], quantity, typical)
+        guess = columns[quantity]
+        guess = guess if guess.unit else _with_unit(guess, quantity, typical)
         if guess.unit is not None and quantity in {"pitch", "x", "z"}:
             if quantity == "pitch":
                 hangs = abs(_largest_move(guess.si())) < TURNED
@@ -177,7 +195,7 @@ def _with_unit(guess: Guess, quantity: str, typical: float) -> Guess:
     if quantity == "t":
         size = float(np.median(np.diff(values))) if len(values) > 1 else 0.0
     else:
-        size = float(np.nanmax(np.abs(values - (values[0] if quantity in "xz" else 0.0))))
+        size = float(np.nanmax(np.abs(values - (values[0] if quantity in PLACES else 0.0))))
     hints = [u for word in _words(guess.column) if (u := UNITS.get(word, "")) in known]
     off = {unit: abs(np.log(max(size * known[unit], 1e-12) / typical)) for unit in known}
     unit = min(hints or known, key=off.__getitem__)
@@ -215,15 +233,33 @@ def _largest_move(values: Array) -> float:
     return float((values - values[0])[np.argmax(np.abs(values - values[0]))])
 
 
+def _on_clock(times: Guess, gripper: Guesses) -> Guess:
+    """Copy of a guess of times, with the unit in which they lie within the gripper's, or open."""
+    (begin, end), middle = gripper["t"].si()[[0, -1]], np.nanmedian(times.values)
+    near = (u for u, factor in TIMES.items() if begin - 1 <= middle * factor <= end + 1)
+    return replace(times, unit=next(near, None), reason=BY_CLOCK)
+
+
+def _guess_seen(columns: Guesses, gripper: Guesses, names: Sequence[str]) -> Guesses:
+    """Guesses of the columns `names` of contacts or of a touch, with the gripper's clock and zero.
+
+    Their lengths are part of the gripper's way.
+    """
+    x, found = gripper["x"], {"t": _on_clock(columns["t"], gripper)}
+    for name in names[1:]:
+        found[name] = _with_unit(columns[name], name, float(np.ptp(x.si())) / 2)
+    if "contact_x" in found:
+        found["contact_x"] = replace(found["contact_x"], offset=x.offset, reversed=x.reversed)
+    return found
+
+
 def _guess_points(columns: Guesses, gripper: Guesses) -> Guesses:
     """Guesses of the strip's point columns, with times and a grasped point that suit the gripper.
 
     Their zeros are those of the gripper's columns, or the cell's; a unit that does not fit is open.
     """
     points = {name: columns[name] for name in [*"tixz"] if name in columns}
-    (begin, end), middle = gripper["t"].si()[[0, -1]], np.median(points["t"].values)
-    near = (u for u, factor in TIMES.items() if begin - 1 <= middle * factor <= end + 1)
-    points["t"] = replace(points["t"], unit=next(near, None), reason=BY_CLOCK)
+    points["t"] = _on_clock(points["t"], gripper)
     points |= {axis: replace(points[axis], reason="what fits the gripper") for axis in "xz"}
     choices = [
         points

@@ -20,7 +20,7 @@ from cell.record.exchange.mapping import MAPPING, TABLES, Source, Table, documen
 from cell.record.files import FILM
 from cell.record.film import Film, FilmWriter
 from cell.record.run import Run
-from cell.record.tables import place_rows, write_parquet
+from cell.record.tables import place_rows, unnest, write_parquet
 from drivers.errors import ConfigurationError
 from drivers.files import replace_file
 from drivers.readers import MEGABYTE, read_bytes, read_json, read_parquet
@@ -355,51 +355,21 @@ class Episode(Source):
         """Frames or points of the episode; ConfigurationError for any other table."""
         if how.file not in self.names:
             raise self.missing(how)
-        return self._flat() if how.file == EPISODE else self._points()
+        return self._frames() if how.file == EPISODE else self._points()
 
-    def _flat(self) -> pa.Table:
+    def _frames(self) -> pa.Table:
         """Table of the frames, with a column for each component of a vector."""
-        columns = dict[str, Any]()
-        for name in self.frames.column_names:
-            parts = self._components(name)
-            axes = _axes(self.features.get(name, {}).get("names"), len(parts))
-            columns |= {
-                name if axis is None else f"{name}.{axis}": part
-                for axis, part in zip(axes, parts, strict=True)
-            }
-        return pa.table(columns)
+        return unnest(self.frames, {name: f.get("names") for name, f in self.features.items()})
 
     def _points(self) -> pa.Table:
         """Table of the strip's measured points in the episode: t [s], i, x and z [m]."""
+        names = (f"observation.profile_{axis}" for axis in "xz")
         x, z = (
-            np.array([np.asarray(part) for part in self._components(f"observation.profile_{axis}")])
-            for axis in "xz"
+            np.array([*map(np.asarray, unnest(self.frames.select([n])).columns)]) for n in names
         )
         row, i = np.nonzero(np.isfinite(x.T))
         stamp = self.frames[POINTS_STAMP].to_numpy()
         return pa.table({"t": stamp[row], "i": i, "x": x[i, row], "z": z[i, row]})
-
-    def _components(self, name: str) -> Sequence[Any]:
-        """Components (n,) of a feature; ConfigurationError for vectors of several lengths."""
-        column, count = self.frames[name].combine_chunks(), len(self.frames)
-        if not (pa.types.is_list(column.type) or pa.types.is_fixed_size_list(column.type)):
-            return [column]
-        values = column.flatten().to_numpy(zero_copy_only=False).astype(np.float64)
-        if count == 0 or len(values) % count:
-            raise ConfigurationError(
-                f"a LeRobot feature holds {len(values)} values in {count} frames"
-            )
-        return list(values.reshape(count, -1).T)
-
-
-def _axes(stated: object, size: int) -> Sequence[object]:
-    """Names of the `size` components of a feature: as stated, numbered, or None for a scalar."""
-    if isinstance(stated, dict):
-        kinds = list(stated.values())
-        stated = kinds[0] if len(kinds) == 1 and isinstance(kinds[0], list) else list(stated)
-    if isinstance(stated, list) and len(stated) == size:
-        return stated
-    return [None] if size == 1 else range(size)
 
 
 def episodes(root: Path) -> Iterator[Episode]:

@@ -3,17 +3,20 @@
 It names the foreign column for each quantity, with its unit; an exported run brings its own.
 """
 
+import csv
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from fnmatch import fnmatchcase
+from itertools import takewhile
 from pathlib import Path
 from typing import Annotated, Any, Generic, Literal, TypeVar
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.csv as pc
+import pyarrow.compute as pc
+from pyarrow.csv import ConvertOptions, ParseOptions, ReadOptions, read_csv
 from pydantic import Field, field_validator
 
 from cell.record.columns import ANGLES, COUNTS, FORCES, LENGTHS, TIMES, Profile, Ticks, quantities
@@ -21,6 +24,7 @@ from cell.record.documents import plain
 from cell.record.files import CALIBRATION, PROFILE, RESULT, RUN, SIGNALS, TICKS
 from cell.record.header import Load, Sigma
 from cell.record.run import Run
+from cell.record.tables import unnest
 from drivers.errors import ConfigurationError, suggestion
 from drivers.readers import MEGABYTE, read_bytes, read_parquet, read_text
 from drivers.settings import Metres, Seconds, Settings
@@ -31,7 +35,8 @@ PER_SECOND = {f"{unit}/s": factor for unit, factor in (LENGTHS | ANGLES).items()
 TORQUES = {f"{unit} m": factor for unit, factor in FORCES.items()}
 FACTORS = LENGTHS | TIMES | ANGLES | FORCES | COUNTS | PER_SECOND | TORQUES
 MEASURES = {name: q.units for table in (Ticks, Profile) for name, q in quantities(table).items()}
-MEASURES |= {"t_layer_touch": TIMES, "": LENGTHS}
+PITCH = {**MEASURES["pitch"], "quaternion": 1.0}
+MEASURES |= {"t_layer_touch": TIMES, "": LENGTHS, "pitch": PITCH}
 """Units [SI, the first of them] by column; "" stands for all other columns."""
 OF_SIGNALS = {"t": TIMES, "": FACTORS}
 MAPPING = "mapping.yaml"  # as `cell export` names it
@@ -45,14 +50,13 @@ TickColumn = Literal["t", "x", "z", "pitch", "x_cmd", "z_cmd", "contact_x", "con
                      "f_x", "f_z"]  # fmt: skip
 ResultColumn = Literal["t_layer_touch", "l1", "l2", "displacement"]
 LARGEST_TABLE = 64 * MEGABYTE
-# null: every cell is empty
-NUMBER_TYPES = (pa.types.is_floating, pa.types.is_integer, pa.types.is_null)
-COMMENT = re.compile(r"^[ \t]*(?:#|%|//).*\n?", re.MULTILINE)
-PREAMBLE = re.compile(r"\A((?:[ \t\r]*(?:(?:#|%|//).*)?\n)*)")  # comments and blank lines
-SEPARATOR = re.compile(r"sep=(.)\r?\n")  # a spreadsheet's first line
+COMMENT = re.compile(r"\s*(?:#(?![A-Z/0]+[!,;\t|])|%|//)")  # but not #N/A
 MARKS = ";\t|,"  # between columns, of equally many the likeliest first
 DECIMAL_COMMA = re.compile(r"(?m)(?:^|(?<=[;\t|])) *-?\d+,\d+(?:[eE][-+]?\d+)? *(?=$|[;\t|\r])")
-EMPTY = ("", "nan", "NaN", "NA")  # cells of a CSV without a value
+EMPTY = {*ConvertOptions().null_values, "None", "#NV", "#DIV/0!", "#VALUE!"}  # no value
+NUMBER = re.compile(r"[-+]?[.,]?\d")  # how a number or a time begins
+# 31.01.2026 12:00:00,250 as ISO 8601
+AS_ISO = ((r"^(\d\d)[.](\d\d)[.](\d{4})\b", r"\3-\2-\1"), (r"(:\d\d),(\d+)", r"\1.\2"))
 ISO = " or times as 2026-01-31T12:00:00.250"
 FILE = re.compile(r"[^/\\]+\.(csv|txt|tsv|parquet)")
 
@@ -60,7 +64,8 @@ FILE = re.compile(r"[^/\\]+\.(csv|txt|tsv|parquet)")
 class Column(Settings):
     """A foreign column: name, unit, `offset` [SI] of its zero; if `reversed`, the sign changes.
 
-    `factor` is how many of the unit one of the column is.
+    `factor` is how many of the unit one of the column is. In a `column` of the unit `quaternion` a
+    `*` stands for x, y, z and w; it gives the turn from x to z since the first row.
     """
 
     column: str = Field(min_length=1)
@@ -207,7 +212,7 @@ class TableFiles(Source):
         found = self.place(how)
         if not found.exists():
             raise self.missing(how)
-        return read_parquet(found) if found.suffix == ".parquet" else _csv(found, how)
+        return unnest(read_parquet(found)) if found.suffix == ".parquet" else _csv(found, how)
 
     def place(self, how: Table[Any]) -> Path:
         """Path of the file that `how` names; ConfigurationError where several have its name."""
@@ -241,40 +246,60 @@ def read_columns(
 def _csv(path: Path, table: Table[Any]) -> pa.Table:
     """Read the CSV file at `path` as `table` states, without its comments and blank lines.
 
-    Where the first row is of numbers, the last comment before it has the names of the columns.
+    Rows of words above the numbers, each with a cell a column, name the columns; where there are
+    none the last comment does.
     """
     content = read_text(path, LARGEST_TABLE, "cp1252").removeprefix("\ufeff")  # or as of Windows
     if "\0" in content:
         raise ConfigurationError(f"{path}: is not UTF-8 text; save it as CSV in UTF-8")
-    stated = SEPARATOR.match(content)
-    _, preamble, rest = PREAMBLE.split(content[stated.end() if stated else 0 :])
-    rows = COMMENT.sub("", rest)
-    delimiter, decimal = _guess_marks(rows, stated[1] if stated else table.delimiter, table.decimal)
-    if all(map(_is_number, rows.partition("\n")[0].replace(decimal, ".").split(delimiter))):
-        names = preamble.rstrip("\r\n ").rpartition("\n")[2].lstrip("#%/ ")
-        rows = f"{names}\n{rows}"
-    parse = pc.ParseOptions(delimiter=delimiter)
-    convert = pc.ConvertOptions(decimal_point=decimal, null_values=list(EMPTY))
+    lines = [line for line in content.splitlines() if line.strip()]
+    rows = [line for line in lines if not COMMENT.match(line)]
+    delimiter, decimal = _guess_marks(rows, table)
+    options = ParseOptions(delimiter=delimiter)
+    convert = ConvertOptions(decimal_point=decimal, null_values=list(EMPTY))
     try:
+        names, begin = _header(rows, delimiter)
+        if not any(names):
+            notes = ["", *takewhile(COMMENT.match, lines)]
+            names = _cells(notes[-1].strip().lstrip("#%/ "), delimiter)
+        if begin == len(rows):
+            return pa.table([pa.nulls(0)] * len(names), names)
         # no BytesIO: a thread that still holds it aborts an interpreter that ends
-        text = pa.BufferReader(f"{rows}\n".encode())
-        return pc.read_csv(text, parse_options=parse, convert_options=convert)
-    except (pa.ArrowException, ValueError) as error:
+        text = pa.BufferReader("\n".join((*rows[begin:], "")).encode())
+        return read_csv(text, ReadOptions(column_names=names), options, convert)
+    except (pa.ArrowException, ValueError, csv.Error) as error:
         reason = (str(error).splitlines() or ["no reason given"])[0]
         raise ConfigurationError(
             f"{path}: cannot be read as CSV with {delimiter!r} between columns: {reason}"
         ) from None
 
 
-def _guess_marks(rows: str, delimiter: str | None, decimal: str | None) -> tuple[str, str]:
-    """Delimiter and decimal mark of CSV `rows`, guessed where they are not stated (None).
+def _header(rows: Sequence[str], delimiter: str) -> tuple[list[str], int]:
+    """Names of the columns, by all words above them, and how many rows come before the numbers."""
+    names = [""] * len(_cells(rows[len(rows) // 2], delimiter)) if rows else []
+    for begin, row in enumerate(rows):
+        words = ["" if cell in EMPTY else cell for cell in _cells(row, delimiter)]
+        numbers, whole = [*map(NUMBER.match, filter(None, words))], len(words) == len(names)
+        if any(numbers) and (any(names) or (whole and all(numbers))):
+            return names, begin
+        if whole:  # else it is what an instrument writes above its table
+            names = [" ".join(filter(None, pair)) for pair in zip(names, words, strict=True)]
+    return names, len(rows)
 
-    A cell with a decimal comma counts as no delimiter, unless it is the whole first row.
+
+def _cells(row: str, delimiter: str) -> list[str]:
+    return next(csv.reader([row], delimiter=delimiter), [])
+
+
+def _guess_marks(rows: Sequence[str], table: Table[Any]) -> tuple[str, str]:
+    """Delimiter and decimal mark of CSV `rows`, guessed where `table` states none.
+
+    A cell with a decimal comma counts as no delimiter, unless it is the whole row in the middle.
     """
-    head = rows.partition("\n")[0]
-    found = delimiter or max(MARKS, key=(DECIMAL_COMMA.sub("", head).strip(" \r") or head).count)
-    has_commas = found != "," and DECIMAL_COMMA.search(rows) is not None
-    return found, decimal or ("," if has_commas else ".")
+    row = rows[len(rows) // 2] if rows else ""
+    found = table.delimiter or max(MARKS, key=(DECIMAL_COMMA.sub("", row).strip(" ") or row).count)
+    has_commas = found != "," and any(map(DECIMAL_COMMA.search, rows))
+    return found, table.decimal or ("," if has_commas else ".")
 
 
 def _is_number(text: str) -> bool:
@@ -306,22 +331,37 @@ def _values(
             f"mapping: {name}: unit {column.unit!r} is not known{suggestion(column.unit, known)}; "
             f"allowed: {', '.join(known)}"
         )
-    raw = _column_named(content, column.column, f"{path}: column {column.column!r} for {name}")
-    if known is TIMES and (seconds := seconds_of(raw)) is not None:
-        return seconds
-    if (numbers := numbers_of(raw)) is None:
-        cells = enumerate(raw.to_pylist(), 1)
-        words = ((row, str(v)) for row, v in cells if v not in (None, *EMPTY))
-        bad = [(_is_number(v.replace(",", ".")), row, v) for row, v in words if not _is_number(v)]
-        where = " ({2!r} in row {1})".format(*min(bad)) if bad else ""  # no decimal comma first
-        raise ConfigurationError(
-            f"{path}: column {column.column!r} for {name} holds {raw.type}{where}, must hold "
-            f"numbers{ISO if known is TIMES else ''}; state the file's `decimal` in "
-            "the mapping, or leave the row out"
-        )
+    if column.unit == "quaternion" and known is PITCH:
+        parts = (Column(column=column.column.replace("*", axis), unit="1") for axis in "xyzw")
+        numbers = turn_of(*(_values(content, part, name, COUNTS, path) for part in parts))
+    else:
+        origin = f"{path}: column {column.column!r} for {name}"
+        raw = _column_named(content, column.column, origin)
+        if known is TIMES and (seconds := seconds_of(raw)) is not None:
+            return seconds
+        numbers = _numbers(raw, origin, known)
     factor = known.get(column.unit, 1.0) * column.factor
     sign = -1.0 if column.reversed else 1.0
     return frozen(sign * (numbers * factor - column.offset))
+
+
+def turn_of(x: Array, y: Array, z: Array, w: Array) -> Array:
+    """Turn (n,) [rad] from x to z, about -y, of quaternions with parts (n,) since the first."""
+    along = w * w[:1] + x * x[:1] + y * y[:1] + z * z[:1]
+    across = w * y[:1] - y * w[:1] + z * x[:1] - x * z[:1]
+    return np.asarray(2 * np.unwrap(np.arctan2(across, along), period=np.pi))
+
+
+def _numbers(raw: pa.ChunkedArray, origin: str, known: Mapping[str, float]) -> Array:
+    """Numbers (n,) of a column; ConfigurationError, with its `origin`, where it holds others."""
+    if (numbers := numbers_of(raw)) is not None:
+        return numbers
+    cells = ((row, str(v)) for row, v in enumerate(raw.to_pylist(), 1) if v not in (None, *EMPTY))
+    where = next((f" ({v!r} in row {row})" for row, v in cells if not _is_number(v)), "")
+    raise ConfigurationError(
+        f"{origin} holds {raw.type}{where}, must hold numbers{ISO * (known is TIMES)}; state "
+        "the file's `decimal` in the mapping, write 1234.5 for 1,234.5, or leave the row out"
+    )
 
 
 def _column_named(content: pa.Table, name: str, origin: str) -> pa.ChunkedArray:
@@ -337,7 +377,8 @@ def _column_named(content: pa.Table, name: str, origin: str) -> pa.ChunkedArray:
 
 def numbers_of(raw: pa.ChunkedArray) -> Array | None:
     """Numbers (n,) of a column, NaN where it is empty; None for a column of another type."""
-    if not any(holds(raw.type) for holds in NUMBER_TYPES):
+    kind = raw.type  # null where every cell is empty
+    if not (pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_null(kind)):
         return None
     return np.asarray(raw.cast(pa.float64(), safe=False).to_numpy(), dtype=np.float64)
 
@@ -346,6 +387,8 @@ def seconds_of(raw: pa.ChunkedArray) -> Array | None:
     """Seconds (n,) since 1970 of a column of ISO 8601 times, all with a zone or all without."""
     if not (pa.types.is_string(raw.type) or pa.types.is_timestamp(raw.type)):
         return None
+    for pattern, iso in AS_ISO if pa.types.is_string(raw.type) else ():
+        raw = pc.replace_substring_regex(raw, pattern, iso)
     for kind in (pa.timestamp("ns"), pa.timestamp("ns", "UTC")):
         with suppress(pa.ArrowException):
             return frozen(raw.cast(kind).cast(pa.int64()).to_numpy() / 1e9)

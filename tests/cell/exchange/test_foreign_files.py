@@ -31,10 +31,8 @@ MICROMETRES = {"x": {"unit": "um"}, "z": {"unit": "um", "reversed": True}}
 
 def how(place: Path, file: str, names: tuple[str, ...], **change: Any) -> Path:
     """A mapping for t, x and z by their `names`, of gripper and midline, with a `change`."""
-    columns: dict[str, Any] = {"t": {"column": names[0], "unit": "s"}}
-    columns |= {k: {"column": n, "unit": "m"} for k, n in zip("xz", names[1:], strict=True)}
-    for name, keys in change.items():
-        columns[name] |= keys
+    named = zip("txz", names, "smm", strict=True)
+    columns = {k: {"column": name, "unit": u} | change.get(k, {}) for k, name, u in named}
     table = {"file": file, "columns": columns}
     return in_metres(place, ticks=table, profile=table, result=None)
 
@@ -146,6 +144,7 @@ def test_paths_and_names_of_a_data_set_are_those_that_it_states(tmp_path: Path) 
         ("# t\tx\tz\r\n\r", "{:.3f}\t{:f}\t{:f}\r", ","),
         ("\n# note\n\nt,x,z", "{:.3f},{:f},{:f}", "."),
         ("t;x;z;Höhe", "{:.3f};{:f};{:f};1", "."),
+        ("Rig 4, by M.\nt;x;z\n#N/A;;", "31.01.2026 12:00:{:06.3f};{:f};{:f}", "."),
         ("t,x,z,a|b", "2026-01-31T12:00:{:06.3f}Z,{:f},{:f},1", "."),
         ("% log\nt,x,z\n# in metres", "2026-01-31 12:00:{:06.3f},{:f},{:f}", "."),
     ],

@@ -13,6 +13,7 @@ from drivers.types import Array
 from tests.support.foreign_tables import LENGTH, STAMPS, T, X, Z
 
 PITCH = np.clip(T, 0.0, 1.0) * np.pi / 2
+TILTS = [0 * T, -np.sin(PITCH / 2), 0 * T, -np.cos(PITCH / 2)]  # of a tool, as quaternions
 ALONG = np.linspace(0.0, 1.0, 12)
 ISO = [f"2026-01-31T12:00:{t:06.3f}Z" for t in T]
 STRANGE = {  # head, columns, and what stands between them and in their numbers
@@ -21,6 +22,8 @@ STRANGE = {  # head, columns, and what stands between them and in their numbers
     "the other way": ("t\tx\tz\tv", [1e9 * (T + 9), 1e3 * (1.2 - X), -1e2 * (Z + 0.5), T], "\t"),
     "with a date": ("% log\nstamp,x,z", [ISO, X - LENGTH, Z + 0.2], ","),
     "a planar camera": ("時刻|先端X|高さ|角度[度]", [T, 1e3 * X, 1e3 * Z, -57.29578 * PITCH], "|"),
+    "a tool's poses": ("t,q_x,q_y,q_z,q_w,x,z", [T, *TILTS, X, Z], ","),
+    "two rows of names": ("Tool,,\nt,x,z\nms,mm,mm", [1e3 * T, 1e3 * X, 1e3 * Z], ","),
     "commands beside": ("x_cmd;z_cmd;x;z;stamp", [X + 9, Z + 9, X, 1e3 * Z, 1e6 * T], ";"),
 }  # fmt: skip
 
@@ -29,15 +32,14 @@ def tables(place: Path, head: str, columns: list[Array], mark: str) -> Path:
     """A folder with the gripper's table, and a profile in metres that ends at the gripper."""
     place.mkdir(parents=True)
     rows = zip(*(c if c is ISO else [f"{v:.9f}" for v in c] for c in columns), strict=True)
-    text = "\n".join(mark.join(row) for row in rows)
-    text = text.replace(".", ",") if mark == ";" else text
+    text = "\n".join(map(mark.join, rows)).replace(".", "," if mark == ";" else ".")
     (place / "tip.csv").write_text(f"{head}\n{text}\n", encoding="utf-8")
     lines = ["t,x,z"]
     clock = {"the other way": 9.0, "with a date": 1769860800.0}.get(place.name, 0.0)
-    for stamp in STAMPS:
-        x, z = (np.interp(stamp, T, value) for value in (X, Z))
+    for stamp, x, z in zip(STAMPS, *(np.interp(STAMPS, T, axis) for axis in (X, Z)), strict=True):
         lines += [f"{stamp + clock},{0.3 + a * (x - 0.3)},{z * a**2}" for a in ALONG]
     (place / "points.csv").write_text("\n".join(lines))
+    (place / "touch.csv").write_text(f"time,upper_mm,lower_mm\n{2.8 + clock},299,301.5\n")
     return place
 
 
@@ -63,8 +65,8 @@ def test_a_proposal_brings_the_numbers_back(tmp_path: Path, name: str) -> None:
     run = read_run(tmp_path / "runs" / name)
     assert np.allclose([run.ticks.t, run.ticks.x, run.ticks.z], [T, X, Z], atol=1e-5)
     assert np.allclose(run.profile.x[11::12], np.interp(STAMPS, T, X), atol=1e-3)
-    if "pitch:" in text:
-        assert np.allclose(run.ticks.pitch, PITCH, atol=1e-6)
+    assert np.allclose([run.result.t_layer_touch, run.result.displacement], [2.8, -0.0025])
+    assert "pitch:" not in text or np.allclose(run.ticks.pitch, PITCH, atol=1e-6)
 
 
 def test_what_cannot_be_told_is_open_and_refused_by_its_name(tmp_path: Path) -> None:

@@ -53,8 +53,7 @@ def test_command_imports_and_names_the_next_one(tmp_path: Path) -> None:
     assert "a: 2.99 s; 72 images, touch at 2.80 s\n1 run in" in done.stdout
     assert "next: import a second run into" in done.stdout
     assert "off x 0.6, z 0 m by 0.012, at most 0.006 is usual" in done.stderr
-    again = CliRunner().invoke(app, words)
-    assert "is there already" in str(again.exception)
+    assert "is there already" in str(CliRunner().invoke(app, words).exception)
 
 
 @pytest.mark.parametrize(
@@ -63,7 +62,7 @@ def test_command_imports_and_names_the_next_one(tmp_path: Path) -> None:
         ("ticks", "t", {"unit": "mm"}, "t: unit 'mm' is not known"),
         ("ticks", "z", {"unit": "um", "offset": 0.0}, "z: rises less than 0.01 m"),
         ("result", "t_layer_touch", {"unit": "ms"}, "unit: s for t_layer_touch of result (touch."),
-        ("profile", "x", {"column": "z"}, "half the midlines"),
+        ("profile", "x", {"column": "p.z"}, "half the midlines"),
         ("ticks", "x_cmd", {"column": "height", "unit": "cm"}, "z_cmd: half lie off the gripper"),
         ("profile", "t", {"offset": 0.9}, "points.parquet: x, z: half the midlines end off"),
         ("profile", "t", {"offset": 0.09}, "a: t: the midlines lead the gripper by 0.09"),
@@ -89,6 +88,7 @@ def test_what_contradicts_a_held_strip_is_told(tmp_path, table, column, change, 
     [
         ("tt,x,z", None, {}, "column 't' for t is not there (did you mean 'tt'?)"),
         ("t,x,z", [], {}, "t: has 0 rows; at least 30 are needed"),
+        ("t,x,z", ["0,0.6,0", '0,"1,234.5",0'], {}, "write 1234.5 for 1,234.5, or leave the row"),
         ("t,x,z", ["0,NA,0", "1,off,0"], {}, "holds string ('off' in row 2), must hold numbers"),
         ("t,x,z", ["0,0.6,0"], {"encoding": "utf-16"}, "is not UTF-8 text; save it"),
         ("t,x,z", ["0,0.6,0"] + [f"{t}0,.5,.2" for t in range(1, 50)], {}, "apart by 10, at most"),
@@ -96,9 +96,7 @@ def test_what_contradicts_a_held_strip_is_told(tmp_path, table, column, change, 
         ("t,x,z", ["0,0.6,0", "0,0.6,0"], {}, "t: row 1 is 0 s after 0 s, times must increase"),
     ],
 )
-def test_table_that_cannot_be_used_is_refused_by_its_own_name(
-    tmp_path, head, rows, how, said
-) -> None:
+def test_unusable_table_is_refused_by_its_own_name(tmp_path, head, rows, how, said) -> None:
     folder = plain(tmp_path / "a", head, rows, **how)
     with pytest.raises(ConfigurationError) as error:
         cell.import_runs([folder], tmp_path / "runs", in_metres(tmp_path))
