@@ -25,7 +25,7 @@ from drivers.geometry import moving_average
 from drivers.types import Array, Frame, Pose, Velocity
 from policies.follower import Follower
 from policies.path import lift_pitch
-from policies.policy import Observation
+from policies.policy import Decision, Observation
 from policies.prediction import Predictor
 from policies.profile import image_profile
 
@@ -179,13 +179,23 @@ def fold(context: FoldContext, record: Recorder, begin: Snapshot) -> steps.Phase
             context.check_displacement(snapshot.view.touch)
             return Event.LAYER_TOUCH
         decision = context.policy.decide(observation(snapshot.time, snapshot.arm.pose, measurement))
-        record.decision(snapshot, decision)
+        _record_decision(record, snapshot, measurement, decision)
         _record_prediction(context, record, snapshot)
         if decision.done[0]:
             return Event.PATH_DONE
         # rad/s that takes out the error of pitch, by which the gripper no longer hangs upright
         upright = TURN_GAIN * (HANGING - snapshot.arm.pose.pitch)
         command = steps.drive(decision, float(decision.pitch_rate[0]) + upright)
+
+
+def _record_decision(
+    record: Recorder, snapshot: Snapshot, measurement: StripMeasurement, decision: Decision
+) -> None:
+    """Record the policy's `decision` on the newest `measurement`, for `cell replay`."""
+    pose = snapshot.arm.pose
+    facts = {"sequence": measurement.sequence, "x": pose.x, "z": pose.z}
+    facts |= {"time": snapshot.time - record.origin, "direction": float(decision.direction[0])}
+    record.event(snapshot.time, "decision", **facts, done=bool(decision.done[0]))
 
 
 def _record_prediction(context: FoldContext, record: Recorder, snapshot: Snapshot) -> None:

@@ -8,7 +8,6 @@ from cell.perception.strip_measurement import StripMeasurement
 from cell.record.events import LIFT, ORIGIN
 from cell.record.writer import RunWriter
 from drivers.types import Array, Frame
-from policies.policy import Decision
 
 
 class Recorder:
@@ -33,9 +32,6 @@ class Recorder:
 
     def frame(self, frame: Frame) -> None:
         """Record an image that was measured."""
-
-    def decision(self, snapshot: Snapshot, decision: Decision) -> None:
-        """Record the policy's `decision` on the newest measurement."""
 
     def event(self, clock: float, kind: str, **facts: Any) -> None:
         """Record an event at the clock time `clock` [s]."""
@@ -95,17 +91,6 @@ class FileRecorder(Recorder):
             self._early.append(frame)
         else:
             self._writer.frame(_shift_times(frame, -self._lift))
-
-    def decision(self, snapshot: Snapshot, decision: Decision) -> None:
-        """Record the policy's `decision` on the newest measurement, for `cell replay`."""
-        measurement = snapshot.view.measurement
-        if measurement is None:
-            return
-        pose = snapshot.arm.pose
-        time = snapshot.time - self.origin
-        facts = {"sequence": measurement.sequence, "x": pose.x, "z": pose.z, "time": time}
-        facts |= {"direction": float(decision.direction[0]), "done": bool(decision.done[0])}
-        self._writer.event(snapshot.time, "decision", **facts)
 
     def event(self, clock: float, kind: str, **facts: Any) -> None:
         """Record an event at the clock time `clock` [s]."""
