@@ -55,9 +55,8 @@ class Cluster:
         patience = CONNECT_TIMEOUT
         while unfinished:
             with _silence_dask(), connect(self.address, patience) as client:
-                for record in _run_until_lost(
-                    client, list(unfinished.values()), folder, self.limit
-                ):
+                left = list(unfinished.values())
+                for record in _run_until_lost(client, left, folder, self.limit):
                     unfinished.pop((record.key, record.of), None)
                     yield record
             patience = ABSENCE

@@ -22,17 +22,18 @@ Strip = Annotated[str, typer.Option(help="Strip that lies, or will lie, on the d
 Recover = Annotated[
     bool, typer.Option("--recover", help="Ask the robot to leave its reflex first.")
 ]
-ResetTool = Annotated[
-    bool,
-    typer.Option("--reset-tool", help="Give the robot the Franka Hand without load as its tool."),
-]
 
 
 def home(
     strip: Strip = "denim",
     arm: Arm = None,
     recover: Recover = False,
-    reset_tool: ResetTool = False,
+    reset_tool: Annotated[
+        bool,
+        typer.Option(
+            "--reset-tool", help="Give the robot the Franka Hand without load as its tool."
+        ),
+    ] = False,
     full_speed: FullSpeed = False,
     configs: Configs = None,
 ) -> None:

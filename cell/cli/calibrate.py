@@ -1,6 +1,7 @@
 """Commands `cell calibrate`: calibration of the twin, and of a camera by a wizard."""
 
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -34,9 +35,6 @@ Resume = Annotated[
     Path | None,
     typer.Option(help="Go on with the interrupted session in this folder; it keeps its settings."),
 ]
-Use = Annotated[
-    bool, typer.Option("--use", help="Name an accepted calibration in cell.yaml, for every fold.")
-]
 Without = Annotated[
     list[int] | None,
     typer.Option(help="With --from: leave the image or point with this number out; repeatable."),
@@ -44,6 +42,7 @@ Without = Annotated[
 Interactive = Annotated[
     bool, typer.Option("--interactive", help="Ask before each step on the twin too.")
 ]
+
 PrintTo = Annotated[
     Path | None, typer.Option("--print", help="Only write the board as a PDF of true size.")
 ]
@@ -55,17 +54,6 @@ BoardLength = Annotated[
         "mm",
         SHORTEST_BOARD,
     ),
-]
-LensFile = Annotated[
-    Path | None,
-    typer.Option(help="Lens file of ROS or OpenCV [default: the newest in calibrations/]."),
-]
-Poses = Annotated[
-    Path | None, typer.Option(help="Touch the poses of this file, an edited poses.yaml.")
-]
-AcceptAnyway = Annotated[
-    bool,
-    typer.Option("--accept-anyway", help="Take a refused calibration; every run then says so."),
 ]
 
 calibrate = typer.Typer(help=FIRST_LINE)
@@ -137,56 +125,84 @@ def calibrate_camera(
     sys.exit(0 if verdict.passed else 1)
 
 
-@calibrate.command(name="homography")
-def calibrate_homography(
-    lens: LensFile = None,
-    poses: Poses = None,
-    accept_anyway: AcceptAnyway = False,
-    arm: options.Arm = None,
-    full_speed: options.FullSpeed = False,
-    camera: options.Camera = None,
-    out: Out = None,
-    again: From = None,
-    without: Without = None,
-    resume: Resume = None,
-    use: Use = False,
-    interactive: Interactive = False,
-    viz: options.VizOption = "save",
-    configs: options.Configs = None,
-    as_json: options.Json = False,
-) -> None:
-    """Find the camera's map to the strip's plane, and its latency, by touches of the gripper."""
-    from calibration.lens import read_lens
-    from cell.calibrate.wizard import newest_lens, read_poses, refit_homography, session_lens
-    from cell.calibrate.wizard_panel import wizard_session
+@dataclass(frozen=True, slots=True)
+class HomographyOptions:
+    """Options of the command `cell calibrate homography`."""
 
-    settings = find_configs(configs).cell()
-    if use:
-        options.writable(configs)
-    if again is not None:
-        folder = out
-        speed = settings.fold.speed
-        verdict = refit_homography(again, without or (), out, speed, accept_anyway=accept_anyway)
+    lens: Annotated[
+        Path | None,
+        typer.Option(help="Lens file of ROS or OpenCV [default: the newest in calibrations/]."),
+    ] = None
+    poses: Annotated[
+        Path | None, typer.Option(help="Touch the poses of this file, an edited poses.yaml.")
+    ] = None
+    accept_anyway: Annotated[
+        bool,
+        typer.Option("--accept-anyway", help="Take a refused calibration; every run then says so."),
+    ] = False
+    arm: options.Arm = None
+    full_speed: options.FullSpeed = False
+    camera: options.Camera = None
+    out: Out = None
+    again: From = None
+    without: Without = None
+    resume: Resume = None
+    use: Annotated[
+        bool,
+        typer.Option("--use", help="Name an accepted calibration in cell.yaml, for every fold."),
+    ] = False
+    interactive: Interactive = False
+    viz: options.VizOption = "save"
+    configs: options.Configs = None
+    as_json: options.Json = False
+
+
+@calibrate.command(name="homography")
+@options.taking(HomographyOptions)
+def calibrate_homography(given: HomographyOptions) -> None:
+    """Find the camera's map to the strip's plane, and its latency, by touches of the gripper."""
+    settings = find_configs(given.configs).cell()
+    if given.use:
+        options.writable(given.configs)
+    folder = given.out
+    if given.again is None:
+        folder = _session_folder(given.out, given.resume, settings.name, "homography")
+        verdict = _touch(given, settings, folder)
     else:
-        folder = _session_folder(out, resume, settings.name, "homography")
-        settings, devices = _open_devices(settings, arm, camera, full_speed=full_speed)
-        if resume is not None:
-            camera_lens = session_lens(resume)
-        else:
-            camera_lens = read_lens(lens or newest_lens(SESSIONS, devices.camera_identity))
-        plan = None if poses is None else read_poses(poses)
-        with wizard_session(folder, "homography", viz) as session:
-            wizard = session.wizard(settings, devices, interactive=interactive)
-            verdict = wizard.calibrate_homography(
-                camera_lens, folder, plan, accept_anyway=accept_anyway
-            )
-            session.record(verdict.lines())
-    made = verdict.calibration
-    in_use = _use_calibration(configs, made, folder or again) if use and made is not None else None
-    _print_session(verdict, folder, as_json=as_json)
-    if not as_json:
+        from cell.calibrate.wizard import refit_homography
+
+        excluded, speed = given.without or (), settings.fold.speed
+        verdict = refit_homography(
+            given.again, excluded, folder, speed, accept_anyway=given.accept_anyway
+        )
+    made, in_use = verdict.calibration, None
+    if given.use and made is not None:
+        in_use = _use_calibration(given.configs, made, folder or given.again)
+    _print_session(verdict, folder, as_json=given.as_json)
+    if not given.as_json:
         _print_use(made, folder, in_use)
     sys.exit(0 if verdict.passed else 1)
+
+
+def _touch(given: HomographyOptions, settings: "CellFile", folder: Path) -> "MapVerdict":
+    """Let the gripper touch points, as `given`, in a session in `folder`; returns its verdict."""
+    from calibration.lens import read_lens
+    from cell.calibrate.wizard import newest_lens, read_poses, session_lens
+    from cell.calibrate.wizard_panel import wizard_session
+
+    settings, devices = _open_devices(
+        settings, given.arm, given.camera, full_speed=given.full_speed
+    )
+    if given.resume is not None:
+        lens = session_lens(given.resume)
+    else:
+        lens = read_lens(given.lens or newest_lens(SESSIONS, devices.camera_identity))
+    plan = None if given.poses is None else read_poses(given.poses)
+    with wizard_session(folder, "homography", given.viz) as session:
+        wizard = session.wizard(settings, devices, interactive=given.interactive)
+        verdict = wizard.calibrate_homography(lens, folder, plan, accept_anyway=given.accept_anyway)
+        session.record(verdict.lines())
+    return verdict
 
 
 @calibrate.command(name="check")

@@ -30,64 +30,40 @@ TICKS_SHOWN = 10  # one of so many ticks is shown
 LARGEST_OFFSET = 0.1  # m, of edges that a fold can be asked to reach
 
 Film = Literal["libx264", "none"]
-FilmOption = Annotated[Film | None, typer.Option(help="Encoder of the film of all images.")]
-Frames = Annotated[Literal["all", "key", "none"] | None, typer.Option(help="Which images to keep.")]
-StripName = Annotated[
-    str,
-    typer.Option(
-        help="Strip by name, a path to its .yaml file, or `unknown` with --length.",
-        autocompletion=options.strip_names,
-    ),
-]
-PolicyName = Annotated[
-    str,
-    typer.Option(
-        help=f"How the gripper is moved: {', '.join(options.policy_names())}.",
-        autocompletion=options.policy_names,
-    ),
-]
-Length = Annotated[
-    float | None,
-    options.length_option("--length", "Length of a strip that has no file, as 600mm or 0.6 [m]."),
-]
-Thickness = Annotated[
-    float | None,
-    options.length_option("--thickness", "Its thickness, where calipers are at hand [m]."),
-]
-Plants = Annotated[
-    list[str] | None, typer.Option(help=f"{options.PLANT_HELP}; repeatable.", metavar="PLANT")
-]
-Specimen = Annotated[
-    str | None, typer.Option(help="Name of this piece of fabric, for what the cell learns.")
-]
-LearningOption = Annotated[
-    str | None, typer.Option(help="Learn from the fold: on, off, auto, or a length to correct by.")
-]
-Until = Annotated[
-    str | None,
-    typer.Option(help="Edges as close as this end --repeat; each fold corrects the next."),
-]
-NoTruth = Annotated[
-    bool, typer.Option("--no-truth", help="Keep the twin's truth out of the record.")
-]
-DryRun = Annotated[
-    bool, typer.Option("--dry-run", help="Predict the fold and check its limits; move nothing.")
-]
-Rehearse = Annotated[
-    bool, typer.Option("--rehearse", help="The fold in the air, 20 cm higher, without fabric.")
-]
 
 
 @dataclass(frozen=True, slots=True)
 class FoldOptions:
     """Options of the command `cell fold`, lengths in m."""
 
-    strip: StripName
-    policy: PolicyName = "adaptive"
-    length: Length = None
-    thickness: Thickness = None
+    strip: Annotated[
+        str,
+        typer.Option(
+            help="Strip by name, a path to its .yaml file, or `unknown` with --length.",
+            autocompletion=options.strip_names,
+        ),
+    ]
+    policy: Annotated[
+        str,
+        typer.Option(
+            help=f"How the gripper is moved: {', '.join(options.policy_names())}.",
+            autocompletion=options.policy_names,
+        ),
+    ] = "adaptive"
+    length: Annotated[
+        float | None,
+        options.length_option(
+            "--length", "Length of a strip that has no file, as 600mm or 0.6 [m]."
+        ),
+    ] = None
+    thickness: Annotated[
+        float | None,
+        options.length_option("--thickness", "Its thickness, where calipers are at hand [m]."),
+    ] = None
     checkpoint: Annotated[Path | None, typer.Option(help="Weights of a learned policy.")] = None
-    plant: Plants = None
+    plant: Annotated[
+        list[str] | None, typer.Option(help=f"{options.PLANT_HELP}; repeatable.", metavar="PLANT")
+    ] = None
     arm: options.Arm = None
     camera: options.Camera = None
     repeat: Annotated[int, typer.Option(min=1, help="Folds of each plant.")] = 1
@@ -95,16 +71,32 @@ class FoldOptions:
     jobs: Annotated[int, typer.Option(min=1, help="Folds side by side.")] = 1
     runs: options.Runs = Path("runs")
     configs: options.Configs = None
-    frames: Frames = None
-    film: FilmOption = None
+    frames: Annotated[
+        Literal["all", "key", "none"] | None, typer.Option(help="Which images to keep.")
+    ] = None
+    film: Annotated[Film | None, typer.Option(help="Encoder of the film of all images.")] = None
     viz: options.VizOption = "save"
-    dry_run: DryRun = False
-    rehearse: Rehearse = False
-    no_truth: NoTruth = False
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Predict the fold and check its limits; move nothing.")
+    ] = False
+    rehearse: Annotated[
+        bool, typer.Option("--rehearse", help="The fold in the air, 20 cm higher, without fabric.")
+    ] = False
+    no_truth: Annotated[
+        bool, typer.Option("--no-truth", help="Keep the twin's truth out of the record.")
+    ] = False
     full_speed: options.FullSpeed = False
-    specimen: Specimen = None
-    learning: LearningOption = None
-    until: Until = None
+    specimen: Annotated[
+        str | None, typer.Option(help="Name of this piece of fabric, for what the cell learns.")
+    ] = None
+    learning: Annotated[
+        str | None,
+        typer.Option(help="Learn from the fold: on, off, auto, or a length to correct by."),
+    ] = None
+    until: Annotated[
+        str | None,
+        typer.Option(help="Edges as close as this end --repeat; each fold corrects the next."),
+    ] = None
     as_json: options.Json = False
 
     def strip_name(self) -> str:
@@ -208,11 +200,8 @@ def _fold_all(
     exit_code = 0
     try:
         results = fold_all(requests, jobs, until, _callbacks(robot, as_json=as_json))
-        for request, fold_end in zip(requests, results, strict=False):  # an interrupt ends them
-            if isinstance(fold_end, FoldResult):
-                result = fold_end
-            else:
-                result = FoldResult.refusal(request, fold_end)
+        for request, end in zip(requests, results, strict=False):  # an interrupt ends them
+            result = end if isinstance(end, FoldResult) else FoldResult.refusal(request, end)
             if as_json:
                 print_json(result.line())
                 sys.stdout.flush()

@@ -2,67 +2,84 @@
 
 import sys
 from collections.abc import Mapping
+from dataclasses import dataclass
 from ipaddress import ip_address
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from cell.cli.options import Cluster, Configs, Json, engine, resumable
+from cell.cli.options import Cluster, Configs, Json, engine, resumable, taking
 from cell.cli.output import print_json, print_table, say
 from cell.config.places import find_configs
 from drivers.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from cell.train.run import Trained
+    from policies.adaptive.train.shard import CriticSettings
+    from policies.train.objective import TrainingSettings
 
 PART_TIMEOUT = 7200.0  # s of a part of the benchmark
 
 TrainedPolicy = Literal["feedback", "adaptive"]
-TrainingFolder = Annotated[
-    Path | None, typer.Option(help="Folder of the training [default: runs/training/seed-SEED].")
-]
-StripsASide = Annotated[
-    int, typer.Option(min=1, help="Strips a side of the paper's range that each folds.")
-]
-TrainingJobs = Annotated[
-    int | None, typer.Option(min=1, help="Processes side by side [default: all cores].")
-]
-TrainingCluster = Annotated[
-    str | None, typer.Option(help="Fold on the Dask cluster at this address instead.")
-]
-GridSide = Annotated[
-    int, typer.Option(min=2, help="Strips a side of the grid of the final evaluation.")
-]
-FoldsThroughImages = Annotated[
-    int, typer.Option(min=24, help="Folds through images that end the training of `adaptive`.")
-]
-TrainedWeights = Annotated[
-    Path | None, typer.Option(help="Trained weights of `adaptive`: only its folds are made.")
-]
 
 
-def train(
-    policy: Annotated[TrainedPolicy, typer.Option(help="Which policy to train.")] = "feedback",
-    out: TrainingFolder = None,
-    seed: Annotated[int, typer.Option(min=0, help="Same seed and settings, same weights.")] = 0,
-    generations: Annotated[int, typer.Option(min=1, help="Generations of CMA-ES.")] = 300,
-    population: Annotated[int, typer.Option(min=4, help="Candidates a generation.")] = 48,
-    strips: StripsASide = 4,
-    jobs: TrainingJobs = None,
-    cluster: TrainingCluster = None,
-    grid: GridSide = 12,
-    folds: FoldsThroughImages = 96,
-    checkpoint: TrainedWeights = None,
-    as_json: Json = False,
-) -> None:
+@dataclass(frozen=True, slots=True)
+class TrainOptions:
+    """Options of the command `cell train`."""
+
+    policy: Annotated[TrainedPolicy, typer.Option(help="Which policy to train.")] = "feedback"
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of the training [default: runs/training/seed-SEED].")
+    ] = None
+    seed: Annotated[int, typer.Option(min=0, help="Same seed and settings, same weights.")] = 0
+    generations: Annotated[int, typer.Option(min=1, help="Generations of CMA-ES.")] = 300
+    population: Annotated[int, typer.Option(min=4, help="Candidates a generation.")] = 48
+    strips: Annotated[
+        int, typer.Option(min=1, help="Strips a side of the paper's range that each folds.")
+    ] = 4
+    jobs: Annotated[
+        int | None, typer.Option(min=1, help="Processes side by side [default: all cores].")
+    ] = None
+    cluster: Annotated[
+        str | None, typer.Option(help="Fold on the Dask cluster at this address instead.")
+    ] = None
+    grid: Annotated[
+        int, typer.Option(min=2, help="Strips a side of the grid of the final evaluation.")
+    ] = 12
+    folds: Annotated[
+        int, typer.Option(min=24, help="Folds through images that end the training of `adaptive`.")
+    ] = 96
+    checkpoint: Annotated[
+        Path | None, typer.Option(help="Trained weights of `adaptive`: only its folds are made.")
+    ] = None
+    as_json: Json = False
+
+    def settings(self) -> "TrainingSettings | CriticSettings":
+        """Settings of the training; `adaptive` has rounds of its own."""
+        from policies.adaptive.train.shard import CriticSettings
+        from policies.train.objective import TrainingSettings
+
+        if self.policy == "adaptive":
+            return CriticSettings(seed=self.seed)
+        return TrainingSettings(
+            seed=self.seed,
+            generations=self.generations,
+            population=self.population,
+            strips=self.strips,
+        )
+
+
+@taking(TrainOptions)
+def train(given: TrainOptions) -> None:
     """Train a policy in the rod simulation; evaluate it in the rod and the chain simulation.
 
     Generations, population and strips are those of `feedback`; `adaptive` has rounds of its own,
     and ends with folds of the chain through images, which correct what it learned in the rod. After
     an interruption run the command again to resume; the weights are the same.
     """
-    is_adaptive = policy == "adaptive"
+    is_adaptive = given.policy == "adaptive"
+    checkpoint = given.checkpoint
     if checkpoint is not None and not is_adaptive:
         raise ConfigurationError("--checkpoint: is for --policy adaptive; leave it out")
     from rich.console import Console
@@ -75,32 +92,25 @@ def train(
         require_library("torch" if is_adaptive else "cmaes")
     from cell.train.run import train as train_in
     from cell.train.transfer import TIME_LIMIT, transfer
-    from policies.adaptive.train.shard import CriticSettings
-    from policies.train.objective import TrainingSettings
 
-    settings: TrainingSettings | CriticSettings = CriticSettings(seed=seed)
-    if not is_adaptive:
-        settings = TrainingSettings(
-            seed=seed, generations=generations, population=population, strips=strips
-        )
-    folder = out or Path("runs/training") / f"{'adaptive' if is_adaptive else 'seed'}-{seed}"
-    default_jobs = 1 if cluster else cores()
-    workers = engine(jobs or default_jobs, cluster, TIME_LIMIT)
+    name = f"{'adaptive' if is_adaptive else 'seed'}-{given.seed}"
+    folder = given.out or Path("runs/training") / name
+    workers = engine(given.jobs or (1 if given.cluster else cores()), given.cluster, TIME_LIMIT)
     console = Console(stderr=True)
     trained: Trained | None = None
     corrected = dict[str, Any]()
     with resumable(folder):
         if checkpoint is None:
-            trained = train_in(settings, folder, workers, grid, console)
+            trained = train_in(given.settings(), folder, workers, given.grid, console)
             checkpoint = trained.checkpoint
         if is_adaptive:
             with Meter(console) as meter:
-                corrected = transfer(checkpoint, folder, seed, folds, workers, meter)
-    if as_json:
+                corrected = transfer(checkpoint, folder, given.seed, given.folds, workers, meter)
+    if given.as_json:
         line = {"schema": 1} if trained is None else trained.line()
         print_json(line | corrected)
     else:
-        _print_training(policy, trained, corrected)
+        _print_training(given.policy, trained, corrected)
 
 
 def _print_training(policy: str, trained: "Trained | None", corrected: Mapping[str, Any]) -> None:

@@ -8,7 +8,7 @@ from cell.config.cell import CellFile
 from cell.config.settings import FoldSettings
 from cell.devices.devices import Devices, DeviceSelection
 from cell.devices.fold_path import triangle, whole_path
-from cell.devices.twin import DeskPlant, TwinCalibrationAids, TwinPlant
+from cell.devices.twin import TwinCalibrationAids, TwinPlant, simulated
 from drivers.arm.arm import FciArm
 from drivers.arm.hand import FciHand
 from drivers.arm.obstacles import floor_of
@@ -23,7 +23,7 @@ from drivers.twin.camera import PacedCamera
 from drivers.twin.clock import RealTimeClock, TwinClock
 from drivers.twin.open import (
     Desk,
-    ExternalArm,
+    follow_arm,
     open_desk,
     thickness_between_fingers,
     weight_on_gripper,
@@ -52,22 +52,22 @@ def fci_devices(
         return _robot_devices(settings, alone, *fci_arm(gripping, alone, address))
     world = TwinClock()
     clock = world if lock_step else RealTimeClock(world, CATCHING_UP)
-    plant = DeskPlant.selected(settings, strip, choice, calibrating=calibrating)
-    rig, place = plant.rig_effects, settings.installation
-    desk = open_desk(world, plant.desk, plant.strip, rig, choice.seed, choice.index, place)
+    simulation, plant = simulated(settings, strip, choice, calibrating=calibrating)
+    place = settings.installation
+    desk = open_desk(world, simulation, plant, choice.seed, choice.index, place)
     if desk.model.rig.delay != 0:
         raise ConfigurationError(
             "effects: control_delay cannot be simulated with arm fci; use arm twin"
         )
     servers = [] if address is not None else [_start_robot(settings, strip, desk)]
     arm, hand = fci_arm(gripping, clock, address or servers[0].address)
-    ExternalArm(desk, settings.twin.hand, arm.catch_up, hand)
+    follow_arm(desk, settings.twin.hand, arm.catch_up, hand)
     return replace(
         _robot_devices(settings, clock, arm, hand, servers),
         camera=desk.camera if lock_step else PacedCamera(desk.camera),
         camera_identity=settings.twin.camera.identity,
         aids=TwinCalibrationAids(desk, settings, choice.seed) if calibrating else None,
-        plant=TwinPlant(desk, plant.recorded),
+        plant=TwinPlant(desk, choice.plant or strip),
     )
 
 

@@ -2,14 +2,12 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Any
 
 from calibration.wizard.coverage import WantedView
 from cell.config.cell import CellFile
 from cell.devices.devices import Devices, DeviceSelection
-from drivers.strip.effects import registry
 from drivers.strip.file import StripFile
-from drivers.strip.model import Effects
 from drivers.twin.board import board_frame, board_pose
 from drivers.twin.open import DEFAULT_PLANT, Desk, PlantOptions, Twin, open_twin
 from drivers.twin.settings import TwinSettings
@@ -27,12 +25,10 @@ class TwinCalibrationAids:
 
     def show_board(self, wanted: WantedView) -> Frame:
         """Render an image of the calibration board held as `wanted`."""
-        board = self.settings.boards.board()
-        placed = board_pose(self.settings.twin.camera, board, wanted)
+        camera, board = self.settings.twin.camera, self.settings.boards.board()
         self._shown += 1
-        return board_frame(
-            self.settings.twin.camera, board, placed, self.seed, sequence=self._shown
-        )
+        pose = board_pose(camera, board, wanted)
+        return board_frame(camera, board, pose, self.seed, sequence=self._shown)
 
     def measure_board(self) -> float:
         """Length [m] of all columns of squares on the twin's board, as printed."""
@@ -63,32 +59,20 @@ class TwinPlant:
         }
 
 
-@dataclass(frozen=True, slots=True)
-class DeskPlant:
-    """Plant on the twin's `desk`: file to be `recorded`, `strip` alone, and effects of the rig."""
+def simulated(
+    settings: CellFile, strip: StripFile, choice: DeviceSelection, *, calibrating: bool
+) -> tuple[TwinSettings, StripFile]:
+    """Settings of the twin and the plant on its desk: of `choice`, else `strip` in this cell.
 
-    desk: TwinSettings
-    recorded: StripFile
-    strip: StripFile
-    rig_effects: Effects
-
-    @classmethod
-    def selected(
-        cls, settings: CellFile, strip: StripFile, choice: DeviceSelection, *, calibrating: bool
-    ) -> Self:
-        """Plant of `choice`, else `strip`; while `calibrating` a bare desk and a perfect rig."""
-        recorded = choice.plant or strip
-        lying = recorded
-        rig_effects: Effects = settings.effects
-        if choice.plant is not None:
-            effects = recorded.effects
-            rig_effects = {n: v for n, v in effects.items() if registry()[n].of == "cell"}
-            of_strip = {n: v for n, v in effects.items() if n not in rig_effects}
-            lying = recorded.model_copy(update={"effects": of_strip})
-        if not calibrating:
-            return cls(settings.twin, recorded, lying, rig_effects)
-        bare = settings.twin.world.model_copy(update={"strip": False})
-        return cls(settings.twin.model_copy(update={"world": bare}), recorded, lying, {})
+    The plant has the effects of strip and rig. While `calibrating` the desk is bare.
+    """
+    twin = settings.twin
+    plant = choice.plant or strip
+    if calibrating:
+        bare = twin.world.model_copy(update={"strip": False})
+        return twin.model_copy(update={"world": bare}), plant.model_copy(update={"effects": {}})
+    effects = plant.effects if choice.plant else {**strip.effects, **settings.effects}
+    return twin, plant.model_copy(update={"effects": effects})
 
 
 def with_twin_camera(devices: Devices, _: CellFile) -> Devices:
@@ -108,11 +92,9 @@ def twin_devices(
 
     Without a plant file the twin equals the controller's model of strip and rig.
     """
-    plant = DeskPlant.selected(settings, strip, choice, calibrating=calibrating)
     index = 0 if calibrating else choice.index
-    rig = plant.rig_effects
-    cell = settings.installation
-    twin = open_twin(plant.desk, plant.strip, rig, choice.seed, index, cell, staging)
+    simulation, plant = simulated(settings, strip, choice, calibrating=calibrating)
+    twin = open_twin(simulation, plant, choice.seed, index, settings.installation, staging)
     return Devices(
         clock=twin.clock,
         arm=twin.arm,
@@ -120,5 +102,5 @@ def twin_devices(
         camera=twin.camera,
         camera_identity=settings.twin.camera.identity,
         aids=TwinCalibrationAids(twin, settings, choice.seed) if calibrating else None,
-        plant=TwinPlant(twin, plant.recorded),
+        plant=TwinPlant(twin, choice.plant or strip),
     )

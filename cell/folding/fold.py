@@ -67,21 +67,18 @@ def fold(
     at the end. `write_pages` then draws the record. Raises CellError for errors before the run;
     errors during the run are its outcome.
     """
+    settings, strip, choice = request.settings, request.strip, request.choice
     policy = policy or make_policy(request.policy, request.checkpoint)
-    if devices is None:
-        devices = open_cell(request.settings, request.strip, request.choice, calibrating=False)
+    devices = devices or open_cell(settings, strip, choice, calibrating=False)
     with ExitStack() as opened:
         opened.callback(run_suppressed, devices.close)
-        settings = request.settings
-        strip = request.strip
         correction = request.learning.correction.apply(policy)
         policy.reset(strip, settings.fold.speed, 1)
         check_usable(calibration, devices, settings.calibration_days, datetime.now(UTC))
         calibration = corrected_calibration(calibration, settings, strip)
-        has_hand = request.choice.arm_driver(settings).real
+        has_hand = choice.arm_driver(settings).real
         desk = desk_end(settings.installation, strip.length) if has_hand else 0.0
-        seed = request.choice.seed
-        expected = check_feasible(settings, strip, policy, calibration, desk, seed)
+        expected = check_feasible(settings, strip, policy, calibration, desk, choice.seed)
         start = time.perf_counter()
         writer = _new_run(request, calibration, devices, correction)
         inputs = StripInputs(calibration, settings.perception, strip)

@@ -195,17 +195,17 @@ def remove(rows: Sequence[RunRow]) -> int:
 
 def read_row(folder: Path) -> RunRow:
     """Read the run in `folder` from its YAML files for a list; unreadable values are empty."""
-    header_document = _document(folder / RUN, HEADER_KEYS)
-    result_document = _document(folder / RESULT)
-    header = header_document or {}
-    result = result_document or {}
-    notes = _document(folder / NOTES) or {}
+    header = _document(folder / RUN, HEADER_KEYS)
+    result = _document(folder / RESULT)
+    outcome = _outcome(folder, header, result)
+    header, result, notes = header or {}, result or {}, _document(folder / NOTES) or {}
+    drivers = _mapping_at(header, "drivers")
     return RunRow(
         folder=folder,
         began=_start_time(folder),
         strip=_text(header.get("strip")),
         policy=_text(header.get("policy")),
-        outcome=_outcome(folder, header_document, result_document),
+        outcome=outcome,
         displacement=_number(result.get("displacement")),
         edge_offset=_number(result.get("edge_offset")),
         duration=_number(result.get("duration")),
@@ -218,8 +218,8 @@ def read_row(folder: Path) -> RunRow:
         speed=_number(header.get("speed")),
         start=_text(header.get("start")) or "flat",
         condition=_text(header.get("condition")),
-        arm=_text(_mapping_at(header, "drivers").get("arm")),
-        camera=_text(_mapping_at(header, "drivers").get("camera")),
+        arm=_text(drivers.get("arm")),
+        camera=_text(drivers.get("camera")),
         calibration=_text(_mapping_at(header, "calibration").get("id")),
         tags=_text(notes.get("tags")),
         note=_text(notes.get("note")),

@@ -150,24 +150,21 @@ class Run:
 
     def measurements(self) -> list[StripMeasurement]:
         """Measurements of the strip, one per image; profiles alone where no others are recorded."""
-        sights = self.sights()
-        curves = self.profile.curves()
+        sights, curves = self.sights(), dict(self.profile.curves())
         if sights.stamp.size == 0:
             return [
-                StripMeasurement(t, 0, nan, 0.0, p, 1.0, (nan, nan), nan, nan) for t, p in curves
+                StripMeasurement(stamp, 0, nan, 0.0, points, 1.0, (nan, nan), nan, nan)
+                for stamp, points in curves.items()
             ]
-        curve_at = dict(curves)
-        columns = {name: getattr(sights, name).tolist() for name in Sights.__slots__}
-        rows = (dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True))
+        rows = zip(*(getattr(sights, name).tolist() for name in Sights.__slots__), strict=True)
         return [
             StripMeasurement(
-                sequence=int(row.pop("sequence")),
-                profile=curve_at.get(row["stamp"], np.empty((0, 2))),
-                tip=(row.pop("tip_x"), row.pop("tip_z")),
-                **row,
+                stamp, int(sequence), contact_x, contact_confidence,
+                curves.get(stamp, np.empty((0, 2))), profile_confidence, (tip_x, tip_z), gap, gap_x,
             )
-            for row in rows
-        ]
+            for stamp, sequence, contact_x, contact_confidence, profile_confidence,
+                tip_x, tip_z, gap, gap_x in rows
+        ]  # fmt: skip
 
     @_cached_part(None)
     def calibration(self) -> Calibration | None:

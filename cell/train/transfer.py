@@ -71,15 +71,23 @@ def transfer(
     Returns facts on the new checkpoint in `folder`, which keeps the finished folds: with them the
     same call resumes. Raises ConfigurationError where files cannot be used or most folds fail.
     """
-    bare = folder / UNTRANSFERRED
-    out = folder / TRAINED
     facts = {k: v for k, v in about(checkpoint).items() if k != THROUGH_IMAGES}
     critic = load_critic(checkpoint)
     make_folder(folder)
-    save_critic(bare, critic, facts)
+    save_critic(folder / UNTRANSFERRED, critic, facts)
+    bias, quality = fit_transfer(_fold_all(folder, seed, count, engine, meter))
+    correction, left_out = {"bias": bias.model_dump()}, asdict(quality)
+    origin = {"transfer": correction, "seed": seed, "code": code(), "left_out": left_out}
+    save_critic(folder / TRAINED, critic, facts | {THROUGH_IMAGES: origin})
+    return {"checkpoint": str(folder / TRAINED), "transfer": correction, "left_out": left_out}
+
+
+def _fold_all(folder: Path, seed: int, count: int, engine: Engine, meter: Meter) -> FoldedBatch:
+    """Folds of `count` strips by the critic in `folder`; ConfigurationError where most fail."""
+    bare = (folder / UNTRANSFERRED).resolve()
     of = digest(code(), sha256(bare.read_bytes()).hexdigest()[:12])
     parts = [
-        Part(f"{seed}-{number:04d}", of, SECONDS, fold_drawn, (number, seed, bare.resolve()))
+        Part(f"{seed}-{number:04d}", of, SECONDS, fold_drawn, (number, seed, bare))
         for number in range(count)
     ]
     records = sorted(carry_out(parts, folder / JOURNAL, engine, meter), key=lambda r: r.key)
@@ -89,12 +97,4 @@ def transfer(
             f"{folder}: {len(rows)} of {count} folds came to their end, {COMPLETE_SHARE:.0%} are "
             "needed; see the reasons in its journal"
         )
-    bias, quality = fit_transfer(FoldedBatch.from_rows(rows))
-    origin = {
-        "transfer": {"bias": bias.model_dump()},
-        "seed": seed,
-        "code": code(),
-        "left_out": asdict(quality),
-    }
-    save_critic(out, critic, facts | {THROUGH_IMAGES: origin})
-    return {"checkpoint": str(out), **{key: origin[key] for key in ("transfer", "left_out")}}
+    return FoldedBatch.from_rows(rows)

@@ -11,7 +11,7 @@ from drivers.installation import Installation
 from drivers.protocols import Hand
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
-from drivers.strip.model import Effects, StripModel
+from drivers.strip.model import StripModel
 from drivers.twin.arm_and_hand import TwinArm, TwinHand
 from drivers.twin.camera import ScenesOverTime, TwinCamera, displaced_optics
 from drivers.twin.chain.engine import Chain
@@ -65,7 +65,6 @@ class Twin(Desk):
 def open_twin(
     settings: TwinSettings,
     plant: StripFile,
-    cell_effects: Effects | None,
     seed: int,
     index: int = 0,
     installation: Installation = DEFAULT_INSTALLATION,
@@ -73,15 +72,13 @@ def open_twin(
 ) -> Twin:
     """Create a twin at rest, the strip `plant` on its desk, the hand open above the grasped edge.
 
-    The same `seed` gives the same bytes. `index` is the number of runs that this specimen has
-    already been through.
+    The `plant` may also have effects of the rig. The same `seed` gives the same bytes. `index` is
+    the number of runs that this specimen has already been through.
     """
-    clock = TwinClock()
-    desk = open_desk(clock, settings, plant, cell_effects, seed, index, installation, staging)
+    desk = open_desk(TwinClock(), settings, plant, seed, index, installation, staging)
     (arm_seed,) = np.random.SeedSequence(seed).spawn(1)
     rng = np.random.default_rng(arm_seed)
-    delay = desk.model.rig.delay
-    arm = TwinArm(desk.world, desk.clock, settings.arm, installation, rng, delay)
+    arm = TwinArm(desk.world, desk.clock, settings.arm, installation, rng, desk.model.rig.delay)
     hand = TwinHand(desk.world, desk.clock, settings.hand)
     return Twin(desk.clock, desk.world, desk.camera, desk.model, desk.home, arm, hand)
 
@@ -90,14 +87,13 @@ def open_desk(
     clock: TwinClock,
     settings: TwinSettings,
     plant: StripFile,
-    cell_effects: Effects | None,
     seed: int,
     index: int = 0,
     installation: Installation = DEFAULT_INSTALLATION,
     staging: PlantOptions = DEFAULT_PLANT,
 ) -> Desk:
     """Create a desk with strip and camera on `clock`, whose gripper an external arm moves."""
-    model = describe(plant, cell_effects, index)
+    model = describe(plant, index=index)
     home = Pose(model.stated_length, installation.home_height, 0.0)
     plant_engine = staging.engine(settings.world.links)
     world = World(model, plant_engine, settings.world, home, settings.hand.opening)
@@ -124,35 +120,28 @@ def weight_on_gripper(desk: Desk, frame: CellInRobot) -> Array:
     return np.asarray(frame.matrix[:3, :3] @ (0.0, 0.0, -desk.world.load), dtype=np.float64)
 
 
-class ExternalArm:
-    """Coupling of an arm that is not part of the twin: its measured pose moves the gripper.
+def follow_arm(desk: Desk, settings: HandSettings, measured: MeasuredPose, hand: Hand) -> None:
+    """Let an arm and a `hand` that are not parts of the twin move the gripper over `desk`.
 
     `measured` gives the arm's newest stamp [s] and pose, None while it is not connected.
     """
+    world = desk.world
+    last = desk.home
 
-    def __init__(
-        self, desk: Desk, settings: HandSettings, measured: MeasuredPose, hand: Hand
-    ) -> None:
-        self._desk = desk
-        self._settings = settings
-        self._world = desk.world
-        self._measured = measured
-        self._hand = hand
-        self._pose = desk.home
-        desk.clock.every(PERIOD, self._follow, Rank.SERVO)
-
-    def _follow(self, time: float) -> None:
-        """Give the world the measured pose and the fingers' state at time `time` [s]."""
-        measured = self._measured()
-        stamp, pose = measured or (time, self._pose)
-        self._world.add_pose(max(stamp, time - BEHIND), lambda: pose)
-        if measured is None:
+    def follow(time: float) -> None:
+        nonlocal last
+        newest = measured()
+        stamp, pose = newest or (time, last)
+        world.add_pose(max(stamp, time - BEHIND), lambda: pose)
+        if newest is None:
             return
-        self._pose = pose
-        hand = self._hand.state()
-        self._world.move_fingers(Fingers(hand.width, hand.width, start=time, speed=1.0))
-        if hand.grasped and not self._world.holds_strip:
-            if thickness_between_fingers(self._desk, self._settings) is not None:
-                self._world.attach()
-        elif not hand.grasped and self._world.holds_strip:
-            self._world.detach()
+        last = pose
+        fingers = hand.state()
+        world.move_fingers(Fingers(fingers.width, fingers.width, start=time, speed=1.0))
+        if fingers.grasped and not world.holds_strip:
+            if thickness_between_fingers(desk, settings) is not None:
+                world.attach()
+        elif not fingers.grasped and world.holds_strip:
+            world.detach()
+
+    desk.clock.every(PERIOD, follow, Rank.SERVO)

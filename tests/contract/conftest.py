@@ -57,7 +57,7 @@ class StillTime:
 
 def _twin() -> Twin:
     settings = TwinSettings(camera=CameraSettings(width=320, height=240))
-    return open_twin(settings, load_strip(DENIM), None, seed=0)
+    return open_twin(settings, load_strip(DENIM), seed=0)
 
 
 def _twin_bench() -> Bench:

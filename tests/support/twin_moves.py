@@ -77,6 +77,6 @@ def lift(twin: Twin) -> None:
 
 def twin_with(seed: int = 0, **arm) -> Twin:
     camera = CameraSettings(width=320, height=240)
-    twin = open_twin(TwinSettings(arm=ArmSettings(**arm), camera=camera), DENIM, None, seed)
+    twin = open_twin(TwinSettings(arm=ArmSettings(**arm), camera=camera), DENIM, seed)
     twin.arm.connect()
     return twin

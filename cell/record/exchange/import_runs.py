@@ -2,9 +2,9 @@
 
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import suppress
+from contextlib import closing, suppress
 from dataclasses import replace
-from itertools import product
+from itertools import chain, product
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -41,15 +41,19 @@ from drivers.yaml_text import dump_yaml, parse_yaml
 
 AnyMapping = MappingFile | SignalMapping
 Content = Mapping[str, Any]
+Check = Callable[[Path], object]
+LengthOf = Callable[[str], float]
+CHANGED_TOGETHER = (("ticks", "contact"), *zip(TABLES[1:], strict=True), TABLES)
+"""Tables of a fold in whose columns a mistake in its mapping is looked for at once."""
 
 
 def import_runs(
     places: Sequence[Path],
     mapping: Path | None,
     out: Path,
-    check: Callable[[Path], object] = read_run,
+    check: Check = read_run,
     kind: type[AnyMapping] = MappingFile,
-    length: Callable[[str], float] | None = None,
+    length: LengthOf | None = None,
 ) -> tuple[Path, ...]:
     """Import the runs in `places`, in that order; returns their new folders below `out`.
 
@@ -61,10 +65,12 @@ def import_runs(
     run that is there already.
     """
     stated = None if mapping is None else load(mapping, kind)
+    sources = chain.from_iterable(sources_in(place, mapping) for place in places)
     with scratch_folder(out) as scratch:
         made: list[Path] = []
-        for index, source in enumerate(s for place in places for s in sources_in(place, mapping)):
-            how, run = stated or _exported_mapping(source, kind), scratch / source.name
+        for index, source in enumerate(sources):
+            how = stated or _exported_mapping(source, kind)
+            run = scratch / source.name
             check_free(out / run.name)
             if run in made:
                 raise ConfigurationError(
@@ -79,20 +85,22 @@ def import_runs(
                             replace_file(run / name, source.documents[name])
                 check(run)
             except ConfigurationError as error:
-                text = str(error)  # of the made run's files: name those of the source
-                for file, table in how.tables.items():
-                    mapped = ", as mapped" if file == SIGNALS else ""
-                    text = text.replace(str(run / file), f"{source.place(table)}{mapped}")
-                text = text.replace(str(run), str(source.path))
-                if isinstance(how, MappingFile):
-                    hint = "; `cell import --guess` proposes a mapping" * (run / RUN).is_file()
-                    text += _suggest_change(source, how, check, scratch, length) or hint
-                raise ConfigurationError(text) from None
+                fault = _in_words_of_source(str(error), source, how, run)
+                remedy = _remedy(source, how, check, run, length)
+                raise ConfigurationError(fault + remedy) from None
             with writing(out):
                 _write_film(source, run)
         if not made:
             raise ConfigurationError(f"{places[0]}: holds no tables")
         return _move_all(made, out)
+
+
+def _in_words_of_source(text: str, source: Source, how: AnyMapping, run: Path) -> str:
+    """The `text` of an error in the new `run`, with the files of the `source` for those of it."""
+    for file, table in how.tables.items():
+        mapped = ", as mapped" if file == SIGNALS else ""
+        text = text.replace(str(run / file), f"{source.place(table)}{mapped}")
+    return text.replace(str(run), str(source.path))
 
 
 def _move_all(made: Sequence[Path], out: Path) -> tuple[Path, ...]:
@@ -108,56 +116,72 @@ def _move_all(made: Sequence[Path], out: Path) -> tuple[Path, ...]:
     return tuple(out / run.name for run in made)
 
 
-def _suggest_change(
-    source: Source,
-    how: MappingFile,
-    check: Callable[[Path], object],
-    scratch: Path,
-    length: Callable[[str], float] | None,
+def _remedy(
+    source: Source, how: AnyMapping, check: Check, run: Path, length: LengthOf | None
 ) -> str:
-    """Text of the change of axis, unit, zero or columns that mends the run; empty if none does."""
-    x, pitch, touch = ("x", "contact_x"), ("pitch",), ("l1", "l2")
-    axes = (x, ("z",), (*x, "z"))
-    changes: list[Content] = [{"reversed": True}, {"reversed": False}]
-    tried = [*product(changes, (*axes, pitch))]
-    touch_time = ("t", "t_layer_touch")
-    for units, moved in ((ANGLES, (pitch,)), (LENGTHS, (*axes, touch)), (TIMES, (touch_time,))):
-        tried += product([{"unit": unit} for unit in units], moved)
-    tried.append(({}, ("x", "z")))  # no change but that they are swapped
-    with suppress(ConfigurationError, IndexError):  # no row
-        begins: dict[TickColumn, float] = {"x": length(how.strip), "z": 0.0} if length else {}
-        for name, begin in begins.items():
-            tried += product(_zeros(source, how, name, begin), ((name, f"contact_{name}"),))
-    tables = (("ticks", "contact"), *zip(TABLES[1:], strict=True), TABLES)
-    done = list[object]()
-    for (change, names), changed in product(tried, tables):
-        content = how.model_dump(by_alias=True, exclude_unset=True, exclude_none=True)
-        of = (content[table] | {"name": table} for table in changed if table in content)
-        columns = {f"{each['name']} ({each['file']})": each["columns"] for each in of}
-        found = [(name, table) for table in columns for name in names if name in columns[table]]
-        if not found or (change, found) in done:
+    """Text of the first change of a fold's mapping that mends its `run`, else of what to try."""
+    if not isinstance(how, MappingFile):
+        return ""
+    tried = list[object]()
+    for (change, quantities), tables in product(_changes(source, how, length), CHANGED_TOGETHER):
+        mapping, changed = _with_change(how, change, quantities, tables)
+        if not changed or (change, changed) in tried:
             continue
-        done.append((change, found))
-        for of_table in () if change else columns.values():
-            of_table.update({a: of_table[b] for a, b in ("xz", "zx") if {a, b} <= of_table.keys()})
-        for quantity, table in found:
-            columns[table][quantity].update(change)
-        with suppress(ConfigurationError, ValueError), TemporaryDirectory(dir=scratch) as place:
-            run = Path(place) / source.name
-            _write_run(source, MappingFile.model_validate(content), 0, run)
-            check(run)
-            mended = ", ".join(dump_yaml(change).splitlines()) if change else "swapped columns"
-            parts = [" and ".join(dict.fromkeys(part)) for part in zip(*found, strict=True)]
-            return f"; {mended} for {' of '.join(parts)} in the mapping would mend it"
-    return ""
+        tried.append((change, changed))
+        with suppress(ConfigurationError, ValueError), TemporaryDirectory(dir=run.parent) as place:
+            mended = Path(place) / source.name
+            _write_run(source, MappingFile.model_validate(mapping), 0, mended)
+            check(mended)
+            remedy = ", ".join(dump_yaml(change).splitlines()) if change else "swapped columns"
+            parts = [" and ".join(dict.fromkeys(part)) for part in zip(*changed, strict=True)]
+            return f"; {remedy} for {' of '.join(parts)} in the mapping would mend it"
+    return "; `cell import --guess` proposes a mapping" if (run / RUN).is_file() else ""
 
 
-def _zeros(source: Source, how: MappingFile, name: TickColumn, begin: float) -> list[Content]:
-    """Mapping changes that let x or z (`name`) start at `begin` [m], axis reversed or not."""
+def _changes(
+    source: Source, how: MappingFile, length: LengthOf | None
+) -> Iterator[tuple[Content, tuple[str, ...]]]:
+    """Changes of axis, unit, zero to try, each with its quantities; an empty one swaps x and z."""
+    x, z, pitch = ("x", "contact_x"), ("z",), ("pitch",)
+    positions = (x, z, (*x, *z))
+    yield from product([{"reversed": True}, {"reversed": False}], (*positions, pitch))
+    yield from product([{"unit": unit} for unit in ANGLES], (pitch,))
+    yield from product([{"unit": unit} for unit in LENGTHS], (*positions, ("l1", "l2")))
+    yield from product([{"unit": unit} for unit in TIMES], (("t", "t_layer_touch"),))
+    yield {}, ("x", "z")
+    if length is None:
+        return
+    with suppress(ConfigurationError, IndexError):  # no row
+        starts: dict[TickColumn, float] = {"x": length(how.strip), "z": 0.0}
+        for name, start in starts.items():
+            yield from product(_zeros(source, how, name, start), ((name, f"contact_{name}"),))
+
+
+def _with_change(
+    how: MappingFile, change: Content, quantities: Sequence[str], tables: Sequence[str]
+) -> tuple[Content, list[tuple[str, str]]]:
+    """Mapping with the `change` in columns of `tables`, and each changed quantity and its table."""
+    content = how.model_dump(by_alias=True, exclude_unset=True, exclude_none=True)
+    changed = []
+    for name in tables:
+        if (table := content.get(name)) is None:
+            continue
+        columns = table["columns"]
+        present = [quantity for quantity in quantities if quantity in columns]
+        if not change and {"x", "z"} <= columns.keys():
+            columns["x"], columns["z"] = columns["z"], columns["x"]
+        for quantity in present:
+            columns[quantity].update(change)
+        changed += [(quantity, f"{name} ({table['file']})") for quantity in present]
+    return content, changed
+
+
+def _zeros(source: Source, how: MappingFile, name: TickColumn, start: float) -> list[Content]:
+    """Mapping changes that let x or z (`name`) start at `start` [m], axis reversed or not."""
     column = how.ticks.columns[name]
     first = float(read_columns(source, how.ticks)[name][0])
-    first = column.offset + (-first if column.reversed else first)
-    zeros = ((True, first + begin), (False, first - begin))
+    raw = column.offset + (-first if column.reversed else first)  # [m], of the foreign zero
+    zeros = ((True, raw + start), (False, raw - start))
     return [{"reversed": turned, "offset": round(offset, 3) + 0.0} for turned, offset in zeros]
 
 
@@ -174,12 +198,12 @@ def sources_in(place: Path, mapping: Path | None = None) -> Iterator[Source]:
     elif (place / INFO).is_file():
         yield from episodes(place)
     elif place.is_dir():
-        inner = sorted(path for path in place.iterdir() if path.is_dir())
-        if any(FILE.fullmatch(path.name) for path in place.iterdir()):
-            inner = [place]
-        if not inner:
+        content = sorted(place.iterdir())
+        has_tables = any(FILE.fullmatch(path.name) for path in content)
+        folders = [place] if has_tables else [path for path in content if path.is_dir()]
+        if not folders:
             raise ConfigurationError(f"{place}: holds no tables; give a folder with CSV or Parquet")
-        yield from map(TableFiles, inner)
+        yield from map(TableFiles, folders)
     elif place.is_file() and FILE.fullmatch(place.name):
         yield TableFiles(place)
     elif not (place.is_file() and (place.name == MAPPING or place == mapping)):
@@ -240,17 +264,15 @@ def _fold(source: Source, how: MappingFile, place: Content) -> dict[str, Content
 
 
 def _write_film(source: Source, run: Path) -> None:
-    """Give the `run` the film of its `source`, if any, each image at the time of its row."""
-    if not (run / TICKS).is_file():  # of a mechanism, which no image shows
+    """Give the fold `run` the film of its `source`, if any, each image at the time of its row."""
+    images = iter(source.images())
+    first = next(images, None)
+    if first is None or not (run / TICKS).is_file():  # no image shows a mechanism
         return
-    writer, t = None, read_run(run).ticks.t.tolist()
-    try:
-        for row, frame in source.images():
-            writer = writer or FrameWriter(run, "key", patient=True, encoder="libx264")
+    t = read_run(run).ticks.t.tolist()
+    with closing(FrameWriter(run, "key", patient=True, encoder="libx264")) as writer:
+        for row, frame in chain([first], images):
             writer.put(replace(frame, stamp=t[row], arrival=t[row], sequence=row), mark=False)
-    finally:
-        if writer is not None:
-            writer.close()
 
 
 def _profile(source: Source, how: MappingFile, begin: float, t: Array) -> dict[str, Array]:

@@ -12,10 +12,23 @@ from io import BytesIO
 from itertools import groupby
 from math import cos, isfinite, sin
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
+from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
+from foxglove_schemas_protobuf.CompressedVideo_pb2 import CompressedVideo
+from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
+from foxglove_schemas_protobuf.Log_pb2 import Log
+from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
+from mcap.exceptions import EndOfFile, McapError
+from mcap.records import Attachment, Channel, Message, Schema
+from mcap.stream_reader import StreamReader
+from mcap.writer import Writer
+from mcap_protobuf.decoder import DecoderFactory as Protobuf
+from mcap_protobuf.schema import register_schema
+from mcap_ros2.decoder import DecoderFactory as Cdr
+from zstandard import ZstdError
 
 from cell.record.events import EVERY_FRAME, log_text
 from cell.record.exchange.mapping import MAPPING, Source, Table, documents_of, mapping_of
@@ -27,10 +40,6 @@ from drivers.errors import ConfigurationError
 from drivers.files import replacing
 from drivers.readers import MEGABYTE, read_bytes
 
-if TYPE_CHECKING:
-    from mcap.records import Channel, Message, Schema
-    from mcap.writer import Writer
-
 LARGEST_FILE = 1024 * MEGABYTE
 NANOSECONDS = 1_000_000_000  # ns
 ATTACHMENT_TIME = 3600 * NANOSECONDS  # of log time at t = 0: an image from before has a time too
@@ -41,8 +50,6 @@ Row = dict[str, Any]
 
 def write_mcap(runs: Sequence[Run], out: Path) -> tuple[Path, ...]:
     """Write a file for each run into the folder `out`, documents and mapping as attachments."""
-    from mcap.writer import Writer
-
     paths = tuple(out / f"{run.name}.mcap" for run in runs)
     for run, path in zip(runs, paths, strict=True):
         with replacing(path) as scratch, scratch.open("wb") as file:
@@ -59,7 +66,7 @@ def write_mcap(runs: Sequence[Run], out: Path) -> tuple[Path, ...]:
     return paths
 
 
-def _write_numbers(writer: "Writer", run: Run) -> None:
+def _write_numbers(writer: Writer, run: Run) -> None:
     """Write each table of the run to its own topic, with a message per row or profile."""
     for table, columns in run.tables().items():
         numbers: Row = {name: {"type": "number"} for name in columns}
@@ -87,10 +94,8 @@ def _curves(points: list[Row]) -> Iterator[Row]:
         yield {"t": t, "points": [{k: v for k, v in point.items() if k != "t"} for point in group]}
 
 
-def _write_drawings(writer: "Writer", run: Run) -> None:
+def _write_drawings(writer: Writer, run: Run) -> None:
     """Write messages in Foxglove's schemas, each kind to a topic of its own."""
-    from mcap_protobuf.schema import register_schema
-
     channels = dict[str, int]()
     for topic, t, message in _drawings(run):
         if topic not in channels:
@@ -104,30 +109,24 @@ def _write_drawings(writer: "Writer", run: Run) -> None:
 
 def _drawings(run: Run) -> Iterator[tuple[str, float, Any]]:
     """Topics, stamps [s] and messages of film, images, strip, gripper and events of a run."""
-    from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
-    from foxglove_schemas_protobuf.CompressedVideo_pb2 import CompressedVideo
-    from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
-    from foxglove_schemas_protobuf.Log_pb2 import Log
-    from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
-
-    stamps, camera = run.film_stamps(), Row(frame_id="camera")
+    stamps = run.film_stamps()
     for number, data in enumerate(Film(run.folder / FILM).packets() if stamps else ()):
         if number in stamps:
-            video = CompressedVideo(format="h264", data=data, **camera)
+            video = CompressedVideo(format="h264", data=data, frame_id="camera")
             yield "/camera/film", stamps[number], video
     for frame in run.frames():
-        image = CompressedImage(format="png", data=encode(frame.image), **camera)
+        image = CompressedImage(format="png", data=encode(frame.image), frame_id="camera")
         yield "/camera/image", frame.stamp, image
     for stamp, curve in run.profile.curves():
         points = [{"x": x, "z": z} for x, z in curve.tolist()]
         line = {"points": points, "thickness": 4, "scale_invariant": True, "color": {"a": 1}}
-        strip = Row(entities=[{"frame_id": "cell", "id": "strip", "lines": [line]}])
-        yield "/strip", stamp, SceneUpdate(**strip)
-    ticks, frames = run.ticks, Row(parent_frame_id="cell", child_frame_id="gripper")
-    half = np.nan_to_num(ticks.pitch) / 2  # about y, from x along the strip down
-    for t, x, z, a in zip(*(v.tolist() for v in (ticks.t, ticks.x, ticks.z, half)), strict=True):
-        pose = Row(translation={"x": x, "z": z}, rotation={"y": sin(a), "w": cos(a)})
-        yield "/tf", t, FrameTransform(**frames, **pose)
+        entity: Any = {"frame_id": "cell", "id": "strip", "lines": [line]}
+        yield "/strip", stamp, SceneUpdate(entities=[entity])
+    ticks = run.ticks
+    half_turns = np.nan_to_num(ticks.pitch) / 2  # about y, from x along the strip down
+    for t, x, z, half in np.column_stack([ticks.t, ticks.x, ticks.z, half_turns]).tolist():
+        pose = Row(translation={"x": x, "z": z}, rotation={"y": sin(half), "w": cos(half)})
+        yield "/tf", t, FrameTransform(parent_frame_id="cell", child_frame_id="gripper", **pose)
     for event in run.events():
         if event.kind not in EVERY_FRAME:
             level = Log.ERROR if event.kind == "fault" else Log.INFO
@@ -171,9 +170,6 @@ class McapFile(Source):
 
     def _rows(self, topic: str) -> tuple[list[Row], set[str]]:
         """Rows of the messages of `topic`, and the encodings of those that cannot be decoded."""
-        from mcap_protobuf.decoder import DecoderFactory as Protobuf
-        from mcap_ros2.decoder import DecoderFactory as Cdr
-
         rows, unread, decoders = [], set[str](), (Protobuf(), Cdr())
         of_topic = (found for found in self._messages() if found[1].topic == topic)
         for message, channel, schema in sorted(of_topic, key=lambda found: found[0].log_time):
@@ -191,13 +187,8 @@ class McapFile(Source):
             rows += [{**row, LOG_TIME: message.log_time / NANOSECONDS} for row in parts]
         return rows, unread
 
-    def _messages(self) -> Iterator[tuple["Message", "Channel", "Schema | None"]]:
+    def _messages(self) -> Iterator[tuple[Message, Channel, Schema | None]]:
         """Messages in the order of the file, with channel and schema; attachments are kept."""
-        from mcap.exceptions import EndOfFile, McapError
-        from mcap.records import Attachment, Channel, Message, Schema
-        from mcap.stream_reader import StreamReader
-        from zstandard import ZstdError
-
         schemas, channels = dict[int, Schema](), dict[int, Channel]()
         reader = StreamReader(BytesIO(self._content), record_size_limit=LARGEST_FILE)
         try:
@@ -221,24 +212,25 @@ class McapFile(Source):
 
 def flat(message: object) -> list[Row]:
     """Flatten a decoded message to rows of scalars: one per object in its lists, else one."""
-    row, several = Row(), list[Row]()
+    scalars, rows = Row(), list[Row]()
     for name, value in _fields(message).items():
+        inner = _fields(value)
         if isinstance(value, Sequence) and not isinstance(value, str | bytes):
-            for i, item in enumerate(value):
-                if _fields(item):
-                    several += [{"i": i, **inner} for inner in flat(item)]
-                else:
-                    row[f"{name}.{i}"] = item
-        elif not (inner := _fields(value)):
-            row[name] = value
+            objects = [(i, item) for i, item in enumerate(value) if _fields(item)]
+            rows += [{"i": i, **row} for i, item in objects for row in flat(item)]
+            scalars |= {f"{name}.{i}": item for i, item in enumerate(value) if not _fields(item)}
         elif inner.keys() in TIMES:
             nanoseconds, seconds = (inner[part] for part in sorted(inner))
-            row[name] = seconds + 1e-9 * nanoseconds
+            scalars[name] = seconds + 1e-9 * nanoseconds
+        elif inner:
+            nested = [{f"{name}.{key}": part for key, part in row.items()} for row in flat(value)]
+            if len(nested) == 1:
+                scalars |= nested[0]
+            else:
+                rows += nested
         else:
-            rows = [{f"{name}.{key}": part for key, part in each.items()} for each in flat(value)]
-            row |= rows[0] if len(rows) == 1 else {}
-            several += rows if len(rows) > 1 else []
-    return [row | each for each in several] or [row]
+            scalars[name] = value
+    return [scalars | row for row in rows] or [scalars]
 
 
 def _fields(value: Any) -> Mapping[str, Any]:

@@ -13,6 +13,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
@@ -292,8 +293,6 @@ def _curve(points: Array, colour: int, radius: float) -> Any:
 
 def jpeg(image: Image) -> Any:
     """Compress `image` (h, w, 3) BGR as a JPEG for Rerun."""
-    import cv2
-
     _, content = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, 70])
     return rr.EncodedImage(contents=bytes(content), media_type="image/jpeg")
 

@@ -53,48 +53,60 @@ def pair(work: Any, r: int, first: int) -> Any:
 
 
 @kernel
-def assemble(block: Any, r: int, rate: Any) -> None:
-    """Assemble and eliminate the x and z rows of the tangent matrix for node row `r`.
+def add_outer(a: Any, b: Any, matrix: Any) -> Any:
+    """Sum of `matrix`, as xx, xz, zx, zz, and the outer product a b' of two vectors x, z."""
+    xx, xz, zx, zz = matrix
+    return fma(a[0], b[0], xx), fma(a[0], b[1], xz), fma(a[1], b[0], zx), fma(a[1], b[1], zz)
+
+
+@kernel
+def tangent_blocks(work: Any, r: int, inertia: Any) -> Any:
+    """Entries xx, xz, zx, zz of A for node row `r` against its own motion, r - 1's and r - 2's.
 
     A = sum_j k_j t_j t_j' + S + inertia over the angles j = r - 1, r, r + 1, with k_j =
     d(moment)/d(angle), t_j the angle's turn per motion of the nodes, S the stiffness of the two
     segments. With n(r) the turn of segment r, its normal over its length, angle r turns with n(r-1)
     per motion of node r - 1, -(n(r-1) + n(r)) per that of node r, and n(r) per that of node r + 1.
     """
-    work, band = block.work, block.band
+    far, left = pair(work, r - 2, at.TURN_X), pair(work, r - 1, at.TURN_X)
+    right = pair(work, r, at.TURN_X)
+    here = left[0] + right[0], left[1] + right[1]
+    before = far[0] + left[0], far[1] + left[1]
     k_left, k_here = load(work, r - 1, at.TANGENT), load(work, r, at.TANGENT)
     k_right = load(work, r + 1, at.TANGENT)
-    far_x, far_z = pair(work, r - 2, at.TURN_X)
-    left_x, left_z = pair(work, r - 1, at.TURN_X)
-    right_x, right_z = pair(work, r, at.TURN_X)
-    here_x, here_z = left_x + right_x, left_z + right_z
-    before_x, before_z = far_x + left_x, far_z + left_z
-    left_moment_x, left_moment_z = k_left * left_x, k_left * left_z
-    here_moment_x, here_moment_z = k_here * here_x, k_here * here_z
+    left_moment = k_left * left[0], k_left * left[1]
+    here_moment = k_here * here[0], k_here * here[1]
+    right_moment = k_right * right[0], k_right * right[1]
+    (left_xx, left_xz), left_zz = pair(work, r - 1, at.S_XX), load(work, r - 1, at.S_ZZ)
+    (right_xx, right_xz), right_zz = pair(work, r, at.S_XX), load(work, r, at.S_ZZ)
+    xx, xz, _, zz = add_outer(left_moment, left, (inertia, left_xz, left_xz, inertia))
+    xx, xz, _, zz = add_outer(here_moment, here, (xx, xz, xz, zz))
+    xx, xz, _, zz = add_outer(right_moment, right, (xx, xz, xz, zz))
+    xz = xz + right_xz
+    own = xx + (left_xx + right_xx), xz, xz, zz + (left_zz + right_zz)
+    beside = add_outer(left_moment, before, (left_xx, left_xz, left_xz, left_zz))
+    xx, xz, zx, zz = add_outer(here_moment, left, beside)
+    far_x = left_moment[0] * far[0], left_moment[0] * far[1]
+    far_z = left_moment[1] * far[0], left_moment[1] * far[1]
+    return own, (-xx, -xz, -zx, -zz), (*far_x, *far_z)
+
+
+@kernel
+def assemble(block: Any, r: int, rate: Any) -> None:
+    """Assemble and eliminate the x and z rows of the tangent matrix for node row `r`."""
     inertia = load(block.nature, r, at.MASS) * rate * rate
     reaction, support = desk_reaction(block, r)
     force_x, force_z = residual(block, r, inertia, reaction)
-    (s_left_xx, s_left_xz), s_left_zz = pair(work, r - 1, at.S_XX), load(work, r - 1, at.S_ZZ)
-    (s_right_xx, s_right_xz), s_right_zz = pair(work, r, at.S_XX), load(work, r, at.S_ZZ)
-    xx = fma(here_moment_x, here_x, fma(left_moment_x, left_x, inertia))
-    xz = fma(here_moment_x, here_z, fma(left_moment_x, left_z, s_left_xz))
-    zz = fma(here_moment_z, here_z, fma(left_moment_z, left_z, inertia))
-    xx = fma(k_right * right_x, right_x, xx) + (s_left_xx + s_right_xx)
-    xz = fma(k_right * right_x, right_z, xz) + s_right_xz
-    zz = fma(k_right * right_z, right_z, zz) + (s_left_zz + s_right_zz)
+    own, near, far = tangent_blocks(block.work, r, inertia)
+    xx, xz, _, zz = own
     if block.terms is not None:
         (drag_x, drag_z), (drag_xx, drag_xz, drag_zz) = air_drag(block, r, rate)
         force_x, force_z = force_x + drag_x, force_z + drag_z
         xx, xz, zz = xx + drag_xx, xz + drag_xz, zz + drag_zz
-    # against the motion of node r - 1; that of node r - 2 acts by the angle r - 1 alone
-    before_xx = -fma(here_moment_x, left_x, fma(left_moment_x, before_x, s_left_xx))
-    before_xz = -fma(here_moment_x, left_z, fma(left_moment_x, before_z, s_left_xz))
-    before_zx = -fma(here_moment_z, left_x, fma(left_moment_z, before_x, s_left_xz))
-    before_zz = -fma(here_moment_z, left_z, fma(left_moment_z, before_z, s_left_zz))
-    row_x = left_moment_x * far_x, left_moment_x * far_z, before_xx, before_xz
-    row_z = left_moment_z * far_x, left_moment_z * far_z, before_zx, before_zz, xz
-    eliminate(band, 2 * r, row_x, xx, force_x)
-    eliminate_fifth(band, 2 * r + 1, row_z, zz + support, force_z)
+    row_x = far[0], far[1], near[0], near[1]
+    row_z = far[2], far[3], near[2], near[3], xz
+    eliminate(block.band, 2 * r, row_x, xx, force_x)
+    eliminate_fifth(block.band, 2 * r + 1, row_z, zz + support, force_z)
 
 
 @kernel

@@ -25,17 +25,15 @@ def interpolate(nodes: Array, slopes: Array, arc: Array, s: Array) -> tuple[Arra
     for k in range(len(s)):
         while i < len(arc) - 2 and arc[i + 1] <= s[k]:
             i += 1
-        h = arc[i + 1] - arc[i]
-        t = (s[k] - arc[i]) / h
-        for c in range(2):
-            p0 = nodes[i, c]
-            m0 = slopes[i, c]
-            m1 = slopes[i + 1, c]
-            chord = (nodes[i + 1, c] - p0) / h
-            c2 = 3 * chord - 2 * m0 - m1
-            c3 = m0 + m1 - 2 * chord
-            points[k, c] = p0 + h * t * (m0 + t * (c2 + t * c3))
-            derivatives[k, c] = m0 + t * (2 * c2 + 3 * t * c3)
+        piece = arc[i + 1] - arc[i]
+        t = (s[k] - arc[i]) / piece
+        for axis in range(2):
+            chord = (nodes[i + 1, axis] - nodes[i, axis]) / piece
+            linear, end = slopes[i, axis], slopes[i + 1, axis]
+            quadratic = 3 * chord - 2 * linear - end
+            cubic = linear + end - 2 * chord
+            points[k, axis] = nodes[i, axis] + piece * t * (linear + t * (quadratic + t * cubic))
+            derivatives[k, axis] = linear + t * (2 * quadratic + 3 * t * cubic)
     return points, derivatives
 
 
@@ -140,23 +138,35 @@ def _gather(
     rows, columns = sums.places.shape
     for k in range(points.shape[1]):
         u, v = points[0, k] - origin[0], points[1, k] - origin[1]
-        j, i = int(u), int(v)
-        if u < 0 or v < 0 or j >= columns - 1 or i >= rows - 1:
+        column, row = int(u), int(v)
+        if u < 0 or v < 0 or column >= columns - 1 or row >= rows - 1:
             continue
-        share = _share(points[2, k], u - j, v - i, corner)
+        share = _share(points[2, k], u - column, v - row, corner)
         glow = share * points[3, k]
-        i += corner[0]
-        j += corner[1]
-        if sums.places[i, j] == 0:
+        row += corner[0]
+        column += corner[1]
+        if sums.places[row, column] == 0:
             count += 1
-            sums.places[i, j] = count
-            sums.pixels[count] = i * columns + j
-        pixel = sums.values[sums.places[i, j]]
+            sums.places[row, column] = count
+            sums.pixels[count] = row * columns + column
+        pixel = sums.values[sums.places[row, column]]
         pixel[0] += share
         pixel[1] += glow
-        for c in range(tint.shape[1]):
-            pixel[2 + c] += glow * tint[k, c]
+        for channel in range(tint.shape[1]):
+            pixel[2 + channel] += glow * tint[k, channel]
     return count
+
+
+@kernel
+def _blend(pixel: Image, sums: Array, colour: Array, light: float) -> None:
+    """Blend material with `sums` of coverage, brightness and tints into a `pixel` (3,) BGR."""
+    coverage, glow = sums[0], sums[1]
+    alpha = min(coverage / FULL, 1.0)
+    ink = glow / max(coverage, 1e-12) * light * alpha
+    for channel in range(3):
+        mixed = colour[channel] if len(sums) == 2 else sums[2 + channel] / max(glow, 1e-12)
+        level = pixel[channel] * (1 - alpha) + ink * mixed + 0.5
+        pixel[channel] = np.uint8(min(level, 255.0))
 
 
 @entry
@@ -176,21 +186,14 @@ def splat(
     """
     largest_count = 4 * points.shape[1] + 1
     columns = image.shape[1]
-    count = 0
     values = np.zeros((largest_count, 2 + tint.shape[1]))
     places = np.zeros(image.shape[:2], np.int32)
     sums = Sums(values, np.empty(largest_count, np.int64), places)
-    for low in range(2):
+    count = 0
+    for down in range(2):
         for right in range(2):
-            count = _gather(sums, count, points, tint, origin, (low, right))
+            count = _gather(sums, count, points, tint, origin, (down, right))
     for n in range(1, count + 1):
-        coverage, glow = values[n, 0], values[n, 1]
-        if coverage == 0:
-            continue
-        v, u = sums.pixels[n] // columns, sums.pixels[n] % columns
-        alpha = min(coverage / FULL, 1.0)
-        ink = glow / max(coverage, 1e-12) * light[origin[1] + v, origin[0] + u] * alpha
-        for c in range(3):
-            mixed = colour[c] if tint.shape[1] == 0 else values[n, 2 + c] / max(glow, 1e-12)
-            level = image[v, u, c] * (1 - alpha) + ink * mixed + 0.5
-            image[v, u, c] = np.uint8(min(level, 255.0))
+        if values[n, 0] != 0:
+            v, u = sums.pixels[n] // columns, sums.pixels[n] % columns
+            _blend(image[v, u], values[n], colour, light[origin[1] + v, origin[0] + u])

@@ -30,7 +30,7 @@ QUIET = TwinSettings(
 
 def _affected(name: str, values: Values) -> tuple[Twin, CorrectedArm]:
     """A twin with the effect, and its arm as the cell that knows it sees it."""
-    twin = open_twin(QUIET, denim(), {name: values}, seed=0)
+    twin = open_twin(QUIET, denim(effects={name: values}), seed=0)
     arm = CorrectedArm(twin.arm, twin.hand, describe(denim(), {name: values}).rig)
     arm.connect()
     return twin, arm

@@ -22,7 +22,7 @@ QUIET = TwinSettings(
 
 def at_edge(strip: StripFile) -> Twin:
     """A twin whose open hand reports to be at the strip's edge."""
-    twin = open_twin(QUIET, strip, {}, seed=0)
+    twin = open_twin(QUIET, strip, seed=0)
     twin.arm.connect()
     move(twin, Pose(LENGTH, 0.0, 0.0))
     return twin
@@ -31,7 +31,7 @@ def at_edge(strip: StripFile) -> Twin:
 @pytest.mark.parametrize("error", [0.004, -0.004])
 def test_strip_lies_at_its_own_length_and_is_taken_at_the_stated_one(error: float) -> None:
     strip = denim(effects={"length_error": {"error": error}})
-    twin = open_twin(QUIET, strip, {}, seed=0)
+    twin = open_twin(QUIET, strip, seed=0)
     lying = twin.world.scene(0.0).points
     np.testing.assert_allclose(lying[-1], (LENGTH + error, 0.0))
     assert not lying[:, 1].any()
