@@ -184,10 +184,10 @@ def _find_strip(film: Path, image: Image, calibration: Calibration, strip: Strip
     z = np.arange(low[1], high[1], RASTER)
     plane = sample_plane(image, calibration, np.stack(np.meshgrid(x, z), axis=-1))
     stated = np.array([strip.colour[::-1]], dtype=np.float64)  # BGR
-    distances = colour_distances(plane.reshape(-1, 3), stated)
+    distances = colour_distances(plane, stated)[..., 0]
     for limit in LIMITS:
-        mask = (distances < limit).reshape(plane.shape[:2]).astype(np.uint8)
-        mask = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones((3, 9)))
+        alike = (distances < limit).astype(np.uint8)
+        mask = cv2.morphologyEx(alike, cv2.MORPH_CLOSE, np.ones((3, 9)))
         _, labels, pieces, _ = cv2.connectedComponentsWithStats(mask)
         widths, heights = pieces[:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].T
         lengths = np.where(heights < SLIM * widths, np.hypot(widths, heights) * RASTER, 0.0)

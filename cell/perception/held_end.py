@@ -55,6 +55,18 @@ class Face:
     axis: float
     slenderness: float
 
+    @classmethod
+    def from_places(cls, places: Array, pitch: float) -> Self:
+        """Face whose pixels lie at `places` (n, 2) [m], its axis within pi/2 of `pitch` [rad]."""
+        middle = places.mean(axis=0)
+        variances, axes = np.linalg.eigh(np.cov((places - middle).T))
+        axis = axes[:, 1]
+        if not axis @ np.array([np.cos(pitch), np.sin(pitch)]) > 0:
+            axis = -axis
+        front = middle + np.quantile((places - middle) @ axis, FRONT) * axis
+        slenderness = float(np.sqrt(variances[1] / max(variances[0], 1e-12)))
+        return cls(float(len(places)), front, float(np.arctan2(axis[1], axis[0])), slenderness)
+
 
 @dataclass(frozen=True, slots=True)
 class Clip:
@@ -95,29 +107,29 @@ class Clip:
 
 def _face(image: Image, calibration: Calibration, colour: Array, last: Pose) -> Face | None:
     """Largest region of a `colour` (3,) BGR near the `last` end; None without one."""
-    direction = np.array([np.cos(last.pitch), np.sin(last.pitch)])
     corners = np.array([(-1, -1), (-1, 1), (1, -1), (1, 1)]) * WINDOW + (last.x, last.z)
     size = (calibration.lens.width, calibration.lens.height)
     pixels = calibration.to_image(corners)
     left, top = np.clip(pixels.min(axis=0), 0, size).astype(int)
     right, bottom = np.clip(pixels.max(axis=0), 0, size).astype(int)
-    part = image[top:bottom, left:right]
-    if part.size == 0:
+    region = _largest_region(image[top:bottom, left:right], colour)
+    if region is None:
         return None
-    away = colour_distances(part.reshape(-1, 3).astype(np.float64), colour[None])
-    mask = (away.reshape(part.shape[:2]) < ALIKE).astype(np.uint8)
-    mask = cv2.morphologyEx(mask, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    return Face.from_places(calibration.to_plane(region + np.array([left, top])), last.pitch)
+
+
+def _largest_region(image: Image, colour: Array) -> Array | None:
+    """Columns and rows (n, 2) of the largest region of a `colour` in `image`; None without one."""
+    if image.size == 0:
+        return None
+    alike = colour_distances(image.astype(np.float64), colour[None])[..., 0] < ALIKE
+    mask = cv2.morphologyEx(alike.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
     _, labels, pieces, _ = cv2.connectedComponentsWithStats(mask)
     if len(pieces) < 2:
         return None
-    v, u = np.nonzero(labels == 1 + int(np.argmax(pieces[1:, cv2.CC_STAT_AREA])))
-    places = calibration.to_plane(np.column_stack([u + left, v + top]))
-    middle = places.mean(axis=0)
-    spread, axes = np.linalg.eigh(np.cov((places - middle).T))
-    axis = axes[:, 1] if axes[:, 1] @ direction > 0 else -axes[:, 1]
-    front = middle + np.quantile((places - middle) @ axis, FRONT) * axis
-    slenderness = float(np.sqrt(spread[1] / max(spread[0], 1e-12)))
-    return Face(float(len(u)), front, float(np.arctan2(axis[1], axis[0])), slenderness)
+    largest = 1 + int(np.argmax(pieces[1:, cv2.CC_STAT_AREA]))
+    v, u = np.nonzero(labels == largest)
+    return np.column_stack([u, v]).astype(np.float64)
 
 
 @dataclass(frozen=True, slots=True)

@@ -54,11 +54,11 @@ def palette(samples: Array) -> Array:
 
 
 def colour_distances(samples: Array, colours: Array) -> Array:
-    """Distances (n, k) [sigma] of samples (n, 3) from colours (k, 3), less for brightness."""
-    away = samples[:, None] - colours
+    """Distances (..., k) [sigma] of samples (..., 3) from colours (k, 3), less for brightness."""
+    away = samples[..., None, :] - colours
     bright = colours / np.maximum(np.linalg.norm(colours, axis=1), 1.0)[:, None]
-    along = (away * bright).sum(axis=2)
-    aside = (away**2).sum(axis=2) - along**2
+    along = (away * bright).sum(axis=-1)
+    aside = (away**2).sum(axis=-1) - along**2
     stretch = COLOUR_SPREAD**2 + SHADE**2 * (colours**2).sum(axis=1)
     return np.asarray(np.sqrt(np.maximum(aside, 0.0) / COLOUR_SPREAD**2 + along**2 / stretch))
 
