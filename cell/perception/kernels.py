@@ -232,6 +232,21 @@ def segment(picture: Picture, cells: Image, colours: Floats, variance: float) ->
     return levels
 
 
+@kernel
+def _lies_on_line(levels: Any, pixel: int, steps: Offsets, faint: int) -> bool:
+    """Whether flat `levels` exceed `faint` in the mean over one of the lines about `pixel`.
+
+    A line is a row of `steps` (k, n) from the pixel.
+    """
+    for line in range(steps.shape[0]):
+        total = 0
+        for n in range(steps.shape[1]):
+            total += levels[pixel + steps[line, n]]
+        if total > faint * steps.shape[1]:
+            return True
+    return False
+
+
 @entry
 def silhouette_of(
     levels: Image, strip: Image, lifted: Image, lines: Offsets, solid: int, faint: int
@@ -243,8 +258,7 @@ def silhouette_of(
     that is as wide as the lines reach.
     """
     height, width = strip.shape
-    count, length = lines.shape[:2]
-    reach = length // 2
+    reach = lines.shape[1] // 2
     stride = levels.shape[1]
     flat_levels = levels.reshape(-1)
     flat_steps = lines[:, :, 0] * stride + lines[:, :, 1]
@@ -255,15 +269,9 @@ def silhouette_of(
         for u in range(width):
             if row[u] <= least_level or strip[v, u] == 0:
                 continue
-            if row[u] > solid:
+            pixel = (v + reach) * stride + u + reach
+            if row[u] > solid or (
+                lifted[v, u] != 0 and _lies_on_line(flat_levels, pixel, flat_steps, faint)
+            ):
                 mask[v, u] = 255
-            elif lifted[v, u] != 0:
-                pixel = (v + reach) * stride + u + reach
-                for k in range(count):
-                    total = 0
-                    for n in range(length):
-                        total += flat_levels[pixel + flat_steps[k, n]]
-                    if total > faint * length:
-                        mask[v, u] = 255
-                        break
     return mask
