@@ -1,6 +1,7 @@
 """Single requests to a robot in any posture: read its pose, move to joints, retreat."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import islice
 from math import isfinite
@@ -128,9 +129,9 @@ def retreat(
 ) -> None:
     """Move a `robot` at rest along the force on its gripper, if that force is more than allowed.
 
-    Increases the thresholds of the reflexes, which would stop it; the caller resets them. Raises
-    ArmFault where the force is NaN or rises during the motion, where the path leads towards one of
-    the `solids`, or does not free the arm within AWAY.
+    The thresholds of the reflexes, which would stop it, are increased meanwhile. Raises ArmFault
+    where the force is NaN or rises during the motion, where the path leads towards one of the
+    `solids`, or does not free the arm within AWAY.
     """
     state = robot.state()
     size = _force_on_gripper(state)
@@ -147,7 +148,11 @@ def retreat(
     def is_free(state: Any) -> bool:
         return _force_on_gripper(state) < FREE * settings.rest
 
-    follow_joints(robot, path[-1].tolist(), SPEED_SHARE, guard, interrupted, until=is_free)
+    try:
+        follow_joints(robot, path[-1].tolist(), SPEED_SHARE, guard, interrupted, until=is_free)
+    finally:
+        with suppress(ArmFault):  # of a robot that a reflex has stopped; motions set their own
+            robot.configure(settings.collision)
     after = _force_on_gripper(robot.state())
     if not after <= settings.rest:
         reason = (

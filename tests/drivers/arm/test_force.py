@@ -190,6 +190,7 @@ def test_retreat_that_frees_nothing_ends_after_its_way() -> None:
     assert failed.value.cause is Cause.PRESSED
     assert robot.moved == pytest.approx([0.0, -0.03, 0.0], abs=2e-3)
     assert robot.ended
+    assert robot.thresholds[-1] == FciSettings().collision.force_upper
 
 
 def test_retreat_is_not_begun_where_a_joint_is_at_its_end() -> None:
@@ -204,6 +205,7 @@ def test_retreat_ends_where_the_force_rises() -> None:
     with pytest.raises(ArmFault, match=r"met 28\.\d N, allowed 28\.0 N"):
         retreat(robot, FciSettings(), lambda: False, SOLIDS)
     assert -0.003 < robot.moved[1] < 0.0
+    assert robot.thresholds[-1] == FciSettings().collision.force_upper  # tight again
 
 
 def test_force_that_is_no_number_begins_no_retreat_and_ends_one() -> None:
