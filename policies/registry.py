@@ -133,7 +133,7 @@ def make_policy(name: str, checkpoint: FilePath | None = None, *, in_rod: bool =
 
 
 def _standard_motion(name: str) -> "Policy":
-    """Policy that executes the motion `name`: a standard one, or by hand of a seed and number."""
+    """Policy that executes the motion `name`: a standard one, or one by hand of a seed."""
     from policies.experiments.scripted import Scripted
     from policies.experiments.standard import STANDARD
 

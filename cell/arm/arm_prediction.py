@@ -71,7 +71,7 @@ def predict_arm(
 def fold_poses(
     settings: CellFile, strip: StripFile, trace: Array, end: float | None
 ) -> tuple[Array, Array]:
-    """Poses (n, 3) and speeds (n,) of a whole fold with a strip carried along `trace` (k, 2)."""
+    """Poses (n, 3) [m, m, rad], speeds (n,) [m/s] of a fold with a strip carried along `trace`."""
     carry = _thin_out(np.concatenate([[(strip.length, 0.0)], trace]))
     installation = settings.fci.limit(settings.installation)
     return whole_path(strip.length, installation, settings.fold, carry, end)

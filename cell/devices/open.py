@@ -34,7 +34,7 @@ def robot_address(settings: CellFile, choice: DeviceSelection) -> str | None:
 
 
 def is_real(settings: CellFile, choice: DeviceSelection) -> bool:
-    """Whether the selected arm is a physical robot: one of a plug-in, or not on this machine."""
+    """Whether the selected arm is a physical robot, not simulated or emulated on this machine."""
     arm = choice.arm_driver(settings)
     address = robot_address(settings, choice)
     if address is None:

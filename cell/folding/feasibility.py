@@ -124,7 +124,7 @@ def from_edge(strip: StripFile, fold: Array) -> Array:
 
 
 def _simulate(settings: CellSettings, strip: StripFile, policy: Policy, seed: int) -> Folds | None:
-    """Simulated folds of `strip` and its corner strips, as of `simulate`; None if that failed."""
+    """Simulated folds of `strip` and its corner strips; None if the simulation failed."""
     try:
         return simulate(settings, strip, policy, seed)
     except CellError:

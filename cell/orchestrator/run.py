@@ -48,7 +48,7 @@ class Run:
         observers: tuple[Observer, ...] = (),
         interrupted: Callable[[], bool] = lambda: False,
     ) -> None:
-        """Drive `devices` by the `phases` of the `context`, a function a state, until the end."""
+        """Drive `devices` by `phases` of the `context`, functions by state, until the end."""
         self._devices = devices
         self._context = context
         self._phases = {state: partial(phase, context) for state, phase in phases.items()}

@@ -45,7 +45,7 @@ def joint_rows(content: bytes) -> Array:
 
 @dataclass(slots=True)
 class Timing:
-    """Histogram of intervals between the robot's states, in bins `EDGES_MS` open at both ends.
+    """Histogram of intervals between the robot's states, with open bins beyond both ends.
 
     `longest` is the longest interval [s]; `heard` sums the shares of commands received in time.
     """

@@ -266,7 +266,7 @@ def without_each(accepted: CrossValidatedFit) -> list[Score]:
 
 
 def _with_other_sign(fit: Estimate, effect: Candidate, beside: Estimate) -> Task[Estimate | None]:
-    """Fit of the model of `fit` with the other sign of `effect`, started where that gains most.
+    """Fit with the other sign of `effect` than `fit`, started where that gains most.
 
     It gains that `beside` the other effects, as fitted without it. None without such a place, or
     where the fit comes no farther; yields simulations.

@@ -118,7 +118,7 @@ def update_stuck(block: Any, r: int, along: Any) -> None:
 
 @kernel
 def settling_turn(block: Any, r: int, along: Any) -> Any:
-    """Squared turn [rad^2] by which a strain correction `along` of segment `r` counts in solving.
+    """Squared turn [rad^2] that stands for a strain correction `along` in Newton's criterion.
 
     A sliding strip moves without turning, so that turns alone would end Newton's method early.
     """

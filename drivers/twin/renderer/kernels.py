@@ -131,7 +131,7 @@ def _gather(
     origin: tuple[int, int],
     corner: tuple[int, int],
 ) -> int:
-    """Add to `sums` the share of each point in the pixel at one `corner` of the four around it.
+    """Add to `sums` each point's share in one `corner` of the 2 x 2 pixels around the point.
 
     The first pixel of the window is `origin` (u, v). Returns how many sums are `count` by then.
     """

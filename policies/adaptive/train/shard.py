@@ -68,7 +68,7 @@ class Explorer(Adaptive):
         self._latest = int(LATEST * rate) // INPUT_STRIDE
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:
-        """Clear all state; draw the time of each fold's switch and its rise after it."""
+        """Clear all state; draw for each fold the time of its switch and the rise from then on."""
         super().reset(strip, speed, count)
         rng = self._rng
         highest = self._steering.highest

@@ -185,7 +185,7 @@ def true_motion(motion: Motion, errors: Readings,
 
 def link_motion(motion: Motion, deflection: Array, q: Array, v: Array,
                 a: Array) -> tuple[Array, Array, Array]:  # fmt: skip
-    """Motion (m, joints) of links that lag by `deflection` (m, joints) behind motors at q, v, a."""
+    """Motion q, v, a (m, joints) of links that lag by `deflection` (m, joints) behind motors."""
     behind = (q - deflection) - q  # as floating point has it: not quite -deflection
     smooth = _low_pass(behind.T, motion.t[1] - motion.t[0], motion.cutoff)
     offset, rate, acceleration = _derivatives(motion.t, smooth.T)

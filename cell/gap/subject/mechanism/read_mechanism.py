@@ -356,7 +356,7 @@ def _sum_of_joints(model: Any, number: int) -> Array:
 
 def mechanism_of(mode: Mode, step: float, source: Source, model: Any, joints: tuple[Joint, ...],
                  signals: tuple[Signal, ...]) -> Mechanism:  # fmt: skip
-    """Mechanism of a compiled `model`, whose solver options it sets, with its `joints`."""
+    """Mechanism of a compiled `model` with `joints`; sets the solver options of the model."""
     _set_options(model)
     smooth = mode.smoothing(np.array([j.rate for j in joints]))
     model.jnt_user[:, :HEAD] = [[len(joints), j.qpos, j.dof, rate]
