@@ -205,6 +205,8 @@ def _fold_all(
             if as_json:
                 print_json(result.line())
                 sys.stdout.flush()
+                if result.warning:
+                    notice(result.warning)
                 if result.exit_code != 0:
                     notice(": ".join(filter(None, (result.run, result.outcome, result.reason))))
             elif not result.run:  # a recorded fold was told as soon as it was known

@@ -135,6 +135,8 @@ def _not_taken(read: Mapping[str, pa.Table], taken: Mapping[str, Guesses]) -> It
         left = [f"{n}{' (words)' * pa.types.is_string(kind)}" for n, kind in of if n not in used]
         if left:
             name, why = json.dumps(file, ensure_ascii=False), "no numbers, or no name says more"
+            if any(file not in taken and content.schema == read[other].schema for other in taken):
+                why = "is it of another run? give the files themselves"
             yield f"# not taken of {name}: {', '.join(left)}; {why}"
 
 

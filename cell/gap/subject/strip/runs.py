@@ -316,7 +316,8 @@ def _misses(run: Recorded, touch: Touch | None, strip: StripFile) -> Iterator[Co
     t, x, z, contact = run.ticks.t, run.ticks.x, run.ticks.z, run.ticks.contact_x
     seen, at = np.isfinite(contact), f"start at x {x[0]:.3f}, z {z[0]:.3f} m is"
     yield TICKS, "t: in s, half the rows are apart by", np.diff(t), PERIOD
-    yield TICKS, "t: two rows are apart by", float(np.diff(t).max()), GAP
+    gaps = np.diff(t)
+    yield TICKS, f"t: after {t[gaps.argmax()]:.2f} s two rows are apart by", gaps.max(), GAP
     lag = np.hypot(*np.nan_to_num([run.ticks.x_cmd - x, run.ticks.z_cmd - z]))
     yield TICKS, "x_cmd, z_cmd: half lie off the gripper by", lag[z > HELD[0]], ODD
     if run.header.start == "hanging":
