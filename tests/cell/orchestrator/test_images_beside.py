@@ -6,6 +6,7 @@ import pytest
 
 import cell.orchestrator.run as orchestrator
 from cell.orchestrator.run import time_limit
+from cell.orchestrator.safe_stop import run_suppressed
 from cell.orchestrator.snapshot import Drive, Snapshot
 from cell.orchestrator.states import Event, State
 from cell.perception.image_reader import ImageResult, ImageTask
@@ -117,6 +118,11 @@ def test_a_turn_in_time_leaves_no_alarm_behind() -> None:
         pass
     with pytest.raises(Fault, match="longer than 0.02 s".replace(".", r"\.")), time_limit(0.02):
         forever()
+
+
+def test_a_turn_that_took_too_long_stops_the_arm_though_the_alarm_was_suppressed() -> None:
+    with pytest.raises(Fault, match="takes longer than"), time_limit(0.02):
+        assert not run_suppressed(forever)
 
 
 def forever() -> None:
