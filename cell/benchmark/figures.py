@@ -1,6 +1,6 @@
 """Figures of a benchmark: displacement and force on strips, in repeats, over a range of strips."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -23,6 +23,10 @@ COLOUR_RANGE = 90.0  # mm, where the colours end
 LINEAR = 8.0  # mm, up to about which the colour scale is linear
 BAR_TICKS = (-80, -20, -5, 5, 20, 80)  # mm
 FEWEST_COLUMNS = 3  # panels that the figure's height suits
+LEGEND_ABOVE: Mapping[str, Any] = {  # the axes, of three columns
+    "loc": "lower left", "bbox_to_anchor": (0, 1.0), "borderaxespad": 0.2, "ncols": 3,
+    "handletextpad": 0.2, "columnspacing": 1.4, "markerscale": 0.9,
+}  # fmt: skip
 
 
 def colour(policy: str) -> str:
@@ -138,16 +142,13 @@ def _draw_strips(axes: Any, results: Results) -> None:
         axes.axhline(row, color=RULE, lw=0.6, zorder=0)
     for policy in results.asked.policies:
         folds = results.folds(policy)
-        mark = dot(policy)
         rows = [strips.index(fold.strip) for fold in folds]
-        front = 6 - 0.2 * mark["ms"]  # smaller markers lie over larger ones
+        front = 6 - 0.2 * look_of(policy).size  # smaller markers lie over larger ones
         d = 1e3 * displacements(folds)
-        axes.plot(d, rows, **mark, label=policy, zorder=front, clip_on=False)
+        axes.plot(d, rows, **dot(policy), label=policy, zorder=front, clip_on=False)
     label_rows(axes, strips, foot=0.55)  # room for the paper's numbers
     axes.set_xlabel(DISPLACEMENT)
-    place = {"loc": "lower left", "bbox_to_anchor": (0, 1.0), "borderaxespad": 0.2, "ncols": 3}
-    look = {"handletextpad": 0.2, "columnspacing": 1.4, "markerscale": 0.9}
-    axes.legend(**place, **look, labelcolor="linecolor")
+    axes.legend(**LEGEND_ABOVE, labelcolor="linecolor")
 
 
 def _draw_paper_numbers(axes: Any) -> None:
