@@ -3,7 +3,7 @@
 import shlex
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 import typer
 
@@ -13,9 +13,6 @@ from cell.config.places import Configs as Found, find_configs
 from cell.record.files import run_folder, runs_in
 from cell.report.words import plural
 from drivers.errors import ConfigurationError
-
-if TYPE_CHECKING:
-    pass
 
 
 def import_runs(
@@ -50,15 +47,7 @@ def import_runs(
     if guess and model is not None:
         raise ConfigurationError("--guess: proposes mappings of folds; leave --model out")
     if guess:
-        from cell.record.exchange.guess import guess_mapping
-        from drivers.files import check_free, write_file
-
-        target, of = out or Path("mapping.yaml"), shlex.join(map(str, places))
-        check_free(target)
-        text = guess_mapping(places, None if strip is None else found.strip(strip))
-        write_file(target, text)
-        sys.stdout.write(f"{text}{target}: read it, and write what is open in place of null\n")
-        sys.stdout.write(f"next: cell import {of} --mapping {target} --out runs/own\n")
+        _propose(places, out or Path("mapping.yaml"), strip, found)
         return
     if out is None:
         raise ConfigurationError("--out: is missing; name the folder of the runs")
@@ -77,6 +66,19 @@ def import_runs(
     if len(runs_in(out)) == 1:
         following = f"import a second run into {out}, better ten: a verdict needs some to test it"
     sys.stdout.write(f"next: {following}\n")
+
+
+def _propose(places: list[Path], target: Path, strip: str | None, found: Found) -> None:
+    """Write a mapping, guessed from the first of `places`, to the new file `target`; print it."""
+    from cell.record.exchange.guess import guess_mapping
+    from drivers.files import check_free, write_file
+
+    check_free(target)
+    text = guess_mapping(places, None if strip is None else found.strip(strip))
+    write_file(target, text)
+    sys.stdout.write(f"{text}{target}: read it, and write what is open in place of null\n")
+    of = shlex.join(map(str, places))
+    sys.stdout.write(f"next: cell import {of} --mapping {target} --out runs/own\n")
 
 
 def _convert(

@@ -367,11 +367,10 @@ def _misses_of_midlines(run: Recorded) -> Iterator[Contradiction]:
     up *= up < HELD[0]  # others see the upper part alone
     step = np.interp(t + 0.05, ticks.t, path) - np.interp(t - 0.05, ticks.t, path)
     beside = np.stack([off - 1j * up, -step / 0.1, np.ones(len(t))]) * np.exp(-1j * np.angle(along))
-    apart = abs(float(np.median(beside[0].imag)))
+    across = beside.imag.T
+    apart = abs(float(np.median(across[:, 0])))
     yield PROFILE, "x, z: half the midlines end beside the gripper by", apart, SHIFTS[1:]
-    near = beside.imag.T[np.abs(beside[0].imag) < HELD[0]] / (END_ERROR * np.sqrt(len(t)))
-    rows = np.concatenate([near, np.column_stack([np.zeros(2), np.diag(1 / SPREADS)])])
-    late, out = map(float, np.linalg.lstsq(rows[:, 1:], rows[:, 0])[0])
+    late, out = _delay_and_shift(across)
     for what, size, limits in (
         (f"z: half the midlines begin {'above' if up > 0 else 'under'} the desk by", up, SHIFTS),
         (f"x: the midlines end {'outside' if out > 0 else 'inside'} the path by", out, SHIFTS),
@@ -384,6 +383,18 @@ def _misses_of_midlines(run: Recorded) -> Iterator[Contradiction]:
         pairs = zip(curves.values(), contacts, strict=True)
         low = [np.abs(c - contact).min() for c, contact in pairs if c[0].imag < HELD[0]]
         yield TICKS, "contact_x: half the contacts lie off the midlines by", np.array(low), HELD
+
+
+def _delay_and_shift(across: Array) -> tuple[float, float]:
+    """Delay [s] and shift in x [m] by which the ends of n midlines lie beside the gripper.
+
+    `across` (n, 3) are the ends' distances [m] across the strip, and these per delay and per shift.
+    Linear regression with a normal prior: min |(d - X b) / sigma|^2 + |b / SPREADS|^2.
+    """
+    near = across[np.abs(across[:, 0]) < HELD[0]] / (END_ERROR * np.sqrt(len(across)))
+    rows = np.concatenate([near, np.column_stack([np.zeros(2), np.diag(1 / SPREADS)])])
+    delay, shift = np.linalg.lstsq(rows[:, 1:], rows[:, 0])[0].tolist()
+    return delay, shift
 
 
 def _touch(folder: Path, run: Recorded) -> Touch | None:
