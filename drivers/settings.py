@@ -143,7 +143,7 @@ def _problem(origin: str, model: type[BaseModel], item: dict[str, Any]) -> str:
 
 
 def _out_of_range(item: dict[str, Any], field: FieldInfo | None) -> str:
-    """Text for a number beyond its bounds, in the unit probably meant if a thousandth fits."""
+    """Text on a number out of bounds, with the unit probably meant if a thousandth of it fits."""
     value = item["input"]
     facts = [] if field is None else field.metadata
     unit = next((f" {fact.name}" for fact in facts if isinstance(fact, Unit)), "")

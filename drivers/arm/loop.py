@@ -200,7 +200,7 @@ class ServoLoop:
             self._resume(state, ticks - 1)
 
     def _resume(self, state: Any, lost: int) -> None:
-        """Continue, after `lost` ticks, from the robot's setpoint, in the plane and off it.
+        """Continue from the robot's setpoint after `lost` ticks, both in the plane and off it.
 
         The reported velocity is the mean over the last tick, so half a tick old.
         """

@@ -47,7 +47,7 @@ def gain(model: CrossValidatedFit, other: CrossValidatedFit, likelihood: Likelih
 
 @dataclass(frozen=True, slots=True)
 class Fits:
-    """Fitted models of the same runs, one for each set of effects, with that of no effect.
+    """Fitted models of the same runs, one for each set of effects, the empty set included.
 
     `library` has for each effect the whitened response (N, k) to the amount that fills its floor.
     """

@@ -236,7 +236,7 @@ def _largest_move(values: Array) -> float:
 
 
 def _on_clock(times: Guess, gripper: Guesses) -> Guess:
-    """Copy of a guess of times, with the unit in which they lie within the gripper's, or open."""
+    """Copy of a guess of times, with the unit by which they fit the gripper's times, if any."""
     (begin, end), middle = gripper["t"].si()[[0, -1]], np.nanmedian(times.values)
     near = (u for u, factor in TIMES.items() if begin - 1 <= middle * factor <= end + 1)
     return replace(times, unit=next(near, None), reason=BY_CLOCK)

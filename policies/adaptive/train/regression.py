@@ -127,7 +127,7 @@ def _optimise(network: Network, data: list[Tensor], whiten: Tensor, epochs: int)
 
 
 def draw_image_biases(count: int) -> Tensor:
-    """Draw errors (count, inputs) of the critic's inputs, over lengths, constant over a fold.
+    """Draw errors (count, inputs) of the critic's inputs in strip lengths, one set per fold.
 
     One of the contact, one of the tip, and one of the profile that changes linearly along it, as
     measured by `python -m tests.lab study perception`.

@@ -192,7 +192,7 @@ def concatenate(shards: list[Shard]) -> Shard:
 
 
 def _pad(shard: Shard, length: int) -> Shard:
-    """Copy of `shard` padded to `length` decisions, of which those added are not alive."""
+    """Copy of `shard` padded to `length` decisions; the added ones are marked as not alive."""
     missing = length - shard.moved.shape[1]
     parts = shard._asdict()
     for name in ("inputs", "moved", "alive", "predicted"):
