@@ -5,14 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from cell.config.cell import CellFile
-from cell.devices.fold_path import whole_path
 from drivers.arm.obstacles import RISE, desk_clearance, desk_end
 from drivers.arm.reach import Reach, densify, plan_reach
-from drivers.strip.file import StripFile
+from drivers.installation import Installation
 from drivers.types import Array
-
-POINT_SPACING = 0.01  # m between points of the path that are kept
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,29 +54,13 @@ class ArmPrediction:
 
 
 def predict_arm(
-    settings: CellFile, strip: StripFile, trace: Array, end: float | None
+    installation: Installation, length: float, path: Array, speeds: Array
 ) -> ArmPrediction:
-    """Predict the arm's motion for a strip carried along `trace` (k, 2) [m], laid at `end` [m]."""
-    installation = settings.fci.limit(settings.installation)
-    path, speeds = fold_poses(settings, strip, trace, end)
-    desk = desk_end(installation, strip.length)
+    """Predict the motion of the arm in a fold of a strip of `length` [m].
+
+    `path` (n, 3) x, z [m], pitch [rad] at `speeds` (n,) [m/s] is as of `whole_path`, the limits of
+    the `installation` are those of the arm.
+    """
+    desk = desk_end(installation, length)
     clearance = float(desk_clearance(densify(path, speeds)[0], desk).min())
     return ArmPrediction(plan_reach(installation, path, speeds), clearance)
-
-
-def fold_poses(
-    settings: CellFile, strip: StripFile, trace: Array, end: float | None
-) -> tuple[Array, Array]:
-    """Poses (n, 3) [m, m, rad], speeds (n,) [m/s] of a fold with a strip carried along `trace`."""
-    carry = _thin_out(np.concatenate([[(strip.length, 0.0)], trace]))
-    installation = settings.fci.limit(settings.installation)
-    return whole_path(strip.length, installation, settings.fold, carry, end)
-
-
-def _thin_out(points: Array) -> Array:
-    """Points (k, 2) [m] of a path, at least POINT_SPACING apart, and the path's last point."""
-    kept = [points[0]]
-    for point in points[1:]:
-        if np.hypot(*(point - kept[-1])) >= POINT_SPACING:
-            kept.append(point)
-    return np.array([*kept, points[-1]])

@@ -1,4 +1,4 @@
-"""Path of the gripper through a whole fold, from its home to the retreat."""
+"""Waypoints of the gripper in a fold, from its home to the retreat, and the path through them."""
 
 from itertools import pairwise
 
@@ -7,12 +7,17 @@ import numpy as np
 from cell.config.settings import FoldSettings
 from drivers.geometry import arc_lengths
 from drivers.installation import Installation, MotionLimits
-from drivers.types import Array
+from drivers.strip.engine import Touch
+from drivers.types import Array, Pose
 from policies.path import Path, lift_pitch
 
+HANGING = np.pi / 2  # rad, pitch of a gripper from which the strip hangs straight down
+PULL = 0.01  # m by which an upper layer that is too short is pulled along at most
 LAID_HEIGHT = 0.001  # m, height of the gripper when the edge lies on the desk
+LAY_POINTS = 20  # points of a lay, in which the hand turns
 NEAR_EDGE = 0.05  # m beside and above the other edge, where a plain fold ends
 LEG_POINTS = 30  # points of either leg of a plain fold
+POINT_SPACING = 0.01  # m between points of a carried strip's path that are kept
 CORNER = 0.05  # m of a path over which an arm may round a corner: 9 mm inside a right angle
 TURNING = 2.4  # rad/s, rotation of the hand in a fold, a little below an arm's limit
 LEAST_NEED = 1e-9  # least derivative of a path counted, so that no limit is divided by 0
@@ -23,35 +28,89 @@ def whole_path(
     installation: Installation,
     fold: FoldSettings,
     carry: Array,
-    end: float | None = None,
+    touch: Touch | None = None,
 ) -> tuple[Array, Array]:
     """Poses (n, 3) x, z [m], pitch [rad] of a fold, and speeds (n,) [m/s] of the moves to each.
 
     From the home over the edge of a strip of `length` [m]; `carry` (k, 2) leads from the grasped
-    edge to where the layers touch. Lay and retreat follow; the edge is laid at `end` [m], or where
-    that of a taut layer would be.
+    edge to where the layers touch. Lay and retreat follow, after this `touch` of the layers, or
+    without one as where the strip hangs straight down.
     """
-    free = fold.approach
-    beyond = length + free
-    approach = [(length, installation.home_height), (beyond, fold.clear_height), (beyond, 2 * free)]
-    approach += [(beyond, 0.0), (length, 0.0)]
-    carried = np.column_stack([carry, lift_pitch(arc_lengths(carry))])
+    carry = _thin_out(carry)
     x, z = carry[-1].tolist()
-    end = max(x - z, 0.0) if end is None else end
-    above = min(fold.lay_height, z)
-    # the hand turns with the square of its progress on the lay path, as in orchestrator.lay
-    progress = 1.0 - above / (np.hypot(x - end, z - above) + above)
-    lowering = [(end, above, np.pi / 2 * (1.0 + progress**2))]
-    retreat = [(end, LAID_HEIGHT), (end - free, LAID_HEIGHT), (end - free, 2 * free)]
-    poses = np.concatenate(
-        [_with_pitch(approach, 0.0), carried[1:], lowering, _with_pitch(retreat, np.pi)]
+    taut = max(x - z, 0.0) if touch is None else taut_edge(touch)
+    end = edge_place(taut)
+    lay = lay_path(Pose(x, z, HANGING), taut, LAID_HEIGHT, end, fold)
+    travel = np.union1d(lay.travel, np.linspace(0.0, lay.length, LAY_POINTS))[1:]
+    lowered = np.column_stack([lay.at(travel), lay_pitch(travel / lay.length)])
+    home, laid = Pose(length, installation.home_height, 0.0), Pose(end, LAID_HEIGHT, np.pi)
+    approach = [pose.as_array() for pose in (home, *approach_poses(length, fold))]
+    retreat = [pose.as_array() for pose in (laid, *retreat_poses(laid, fold))]
+    carried = np.column_stack([carry, lift_pitch(arc_lengths(carry))])[1:]
+    parts = (approach, carried, lowered, retreat)
+    fastest = min(installation.limits.x.velocity, installation.limits.z.velocity)
+    speeds = (fastest, fold.speed, fold.lay_speed, fastest)
+    return np.concatenate(parts), np.repeat(speeds, [len(part) for part in parts])
+
+
+def approach_poses(length: float, fold: FoldSettings) -> tuple[Pose, ...]:
+    """Poses of the gripper from beside a strip of `length` [m], where it is looked at, to its edge.
+
+    The first one leaves the strip free to be judged; from beyond its edge the open fingers go down
+    and over it.
+    """
+    beside = length + fold.approach
+    return (
+        Pose(beside, fold.clear_height, 0.0),
+        Pose(beside, 2 * fold.approach, 0.0),
+        Pose(beside, 0.0, 0.0),
+        Pose(length, 0.0, 0.0),
     )
-    limits = installation.limits
-    fastest = min(limits.x.velocity, limits.z.velocity)
-    lay_speeds = [fold.lay_speed] * 2  # of the lowering and the first move of the retreat
-    carry_speeds = [fold.speed] * (len(carry) - 1)
-    speeds = [fastest] * len(approach) + carry_speeds + [*lay_speeds, fastest, fastest]
-    return poses, np.array(speeds)
+
+
+def taut_edge(touch: Touch) -> float:
+    """Position x [m] that the grasped edge would have if the upper layer lay taut after `touch`."""
+    return touch.x - touch.to_grasped
+
+
+def edge_place(taut: float, place: float = 0.0) -> float:
+    """Target x [m] of the grasped edge: `place`, within PULL of the `taut` upper layer's end [m].
+
+    `place` is 0, on the fixed edge, unless a learned correction of the camera's bias moves it.
+    """
+    return min(max(place, taut - PULL), taut + PULL)
+
+
+def lay_path(gripper: Pose, taut: float, rest: float, end: float, fold: FoldSettings) -> Path:
+    """Path of the gripper that lowers the grasped edge past that of a `taut` upper layer, x [m].
+
+    Straight to `lay_height` above `end` [m], unless the gripper is below that, and down to `rest`
+    [m] above the desk, `lay_beyond` past that edge, from where it is pushed to `end`.
+
+    From that height the upper layer comes down as a lid, in part lifted, where friction does not
+    hold it. One that the fold has rolled along is too long: lowered at its end it keeps a hump at
+    the grip, which yields to a push, and springs beyond the edge on release. Lowered past its
+    end it lies flat, and a flat layer passes a push on to the fold, which rolls back. No circle
+    about the touch: that starts sideways, pulls the contact along and rolls soft folds by 15 to
+    40 mm.
+    """
+    down = min(end, taut - fold.lay_beyond)
+    above = [(end, fold.lay_height)] if gripper.z > fold.lay_height else []
+    return Path.through(np.array([(gripper.x, gripper.z), *above, (down, rest)]))
+
+
+def lay_pitch(share: Array | float) -> Array:
+    """Pitch (...,) [rad] after a `share` (...,) of the lay path: most of the turn is at its end.
+
+    An edge that lies back early pushes what hangs from it.
+    """
+    return HANGING * (1.0 + np.asarray(share) ** 2)
+
+
+def retreat_poses(laid: Pose, fold: FoldSettings) -> tuple[Pose, Pose]:
+    """Poses of the gripper away from an edge let go at `laid`: backward off it, then up."""
+    back = Pose(laid.x - fold.approach, laid.z, laid.pitch)
+    return back, Pose(back.x, back.z + 2 * fold.approach, back.pitch)
 
 
 def triangle(length: float) -> Array:
@@ -86,6 +145,10 @@ def largest_speed(points: Array, limits: MotionLimits) -> float:
     return float(min(speeds))
 
 
-def _with_pitch(points: list[tuple[float, float]], pitch: float) -> Array:
-    """Poses (n, 3) x, z [m], pitch [rad] at `points`, all with the same `pitch`."""
-    return np.column_stack([np.array(points), np.full(len(points), pitch)])
+def _thin_out(points: Array) -> Array:
+    """Points of a path at least POINT_SPACING apart, the last one kept."""
+    kept = [points[0]]
+    for point in points[1:]:
+        if np.hypot(*(point - kept[-1])) >= POINT_SPACING:
+            kept.append(point)
+    return np.array([*kept, points[-1]])

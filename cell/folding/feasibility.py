@@ -7,11 +7,12 @@ from math import hypot
 import numpy as np
 
 from calibration.calibration import Calibration
+from cell.arm.arm_prediction import predict_arm
 from cell.arm.run_settings import LEAST_SPEED, at_speed
 from cell.config.settings import CellSettings
 from cell.devices.fold_path import largest_speed, whole_path
 from cell.perception.preflight import check_scope
-from drivers.arm.obstacles import require_clear
+from drivers.arm.obstacles import desk_end, require_clear
 from drivers.errors import CellError, ConfigurationError, Fault, PreflightRefused
 from drivers.installation import Installation
 from drivers.strip.describe import describe
@@ -23,7 +24,6 @@ from policies.rollout import Folds, Rollout, roll_out
 from policies.sensing import Sensing
 
 IMAGE_DELAY = Sensing(delay=(0.03, 0.03))  # s
-ARM_REACH = 0.78  # m from its base, reach of a Panda's hand that points down over a desk
 PATH_ERROR = 0.005  # m, error of the simulated path
 # relative, where no spread is stated
 UNKNOWN_SPREADS = {"bending_length": 0.1, "retardation_time": 0.5}
@@ -34,21 +34,24 @@ def check_feasible(
     strip: StripFile,
     policy: Policy,
     calibration: Calibration,
-    desk: float = 0.0,
+    *,
+    robot: bool = False,
     seed: int = 0,
 ) -> tuple[float, float] | None:
     """Check that the cell can fold `strip`; returns the predicted displacement and its sigma [m].
 
     None where the layers do not touch in the model, whose images have noise by `seed`. The policy
-    is reset. Raises PreflightRefused for a strip that this cell cannot see, reach or fold within
-    the limits of `settings`, also where the hand would meet a desk that ends at `desk` [m], 0 for
-    an arm without a hand's body.
+    is reset. Raises PreflightRefused for a strip that this cell cannot see or fold within the
+    limits of `settings`, or that a `robot` cannot follow with its joints, or without its hand
+    meeting the desk.
     """
     folds = _simulate(settings, strip, policy, seed)
     carry = _carry(settings, strip, policy, folds)
-    poses, _ = whole_path(strip.length, settings.installation, settings.fold, carry, end=0.0)
-    path = poses[1:, :2]  # from beside the strip on
-    taut, _ = whole_path(strip.length, settings.installation, settings.fold, carry)
+    touch = None if folds is None else folds.touch[0]
+    path, speeds = whole_path(strip.length, settings.installation, settings.fold, carry, touch)
+    places = np.vstack([path[1:, :2], carry])  # from beside the strip on
+
+    joints = robot and np.isfinite(path).all()  # the workspace refuses a path that is not finite
 
     def carry_at(speed: float) -> Array:
         slower = at_speed(settings, speed)
@@ -57,10 +60,9 @@ def check_feasible(
     problems = [
         *(check.sentence() for check in check_scope(strip) if not check.passed),
         *_height_problems(settings, strip, policy),
-        *path_problems(path, carry, settings, carry_at),
-        *_reach_problems(path, settings.installation),
-        *_view_problems(path, strip, calibration),
-        *(_desk_collisions(taut, desk) if desk else ()),
+        *path_problems(places, carry, settings, carry_at),
+        *_view_problems(places, strip, calibration),
+        *(_robot_problems(settings.installation, strip, path, speeds) if joints else ()),
     ]
     if problems:
         raise PreflightRefused("\n".join(problems))
@@ -100,10 +102,22 @@ def path_problems(
         )
 
 
-def _desk_collisions(poses: Array, desk: float) -> Iterator[str]:
-    """Yield a text where the hand at `poses` (n, 3) would meet the desk that ends at `desk` [m]."""
+def _robot_problems(
+    installation: Installation, strip: StripFile, path: Array, speeds: Array
+) -> Iterator[str]:
+    """Yield texts where a robot cannot follow `path` (n, 3), `speeds` (n,), or its hand collides.
+
+    The hand collides with the desk, which ends with the strip where no end is configured.
+    """
+    arm = predict_arm(installation, strip.length, path, speeds)
+    if not arm.reach.allowed:
+        yield (
+            f"reach: the arm cannot follow the fold: {arm.reach.problems[0]}; fold a shorter "
+            "strip, by another policy, or move robot or strip (installation.mounting in "
+            "cell.yaml), see `cell fold --dry-run --arm fci`"
+        )
     try:
-        require_clear([Pose(*pose) for pose in poses.tolist()], desk)
+        require_clear([Pose(*pose) for pose in path.tolist()], desk_end(installation, strip.length))
     except Fault as fault:
         yield f"desk: {fault}"
 
@@ -187,21 +201,6 @@ def _workspace_problems(path: Array, installation: Installation) -> Iterator[str
                 f"allowed {low:.2f} to {high:.2f} m; fold a shorter strip, by another policy, or "
                 "widen installation.workspace in cell.yaml"
             )
-
-
-def _reach_problems(path: Array, installation: Installation) -> Iterator[str]:
-    """Yield a text where `path` (n, 2) [m] is beyond the reach of the arm's hand."""
-    mounting = installation.mounting
-    away = np.hypot(
-        mounting.x + path[:, 0] * np.cos(mounting.yaw),
-        mounting.y + path[:, 0] * np.sin(mounting.yaw),
-    )
-    if not float(away.max()) <= ARM_REACH + PATH_ERROR:  # true for NaN
-        yield (
-            f"reach: the gripper would be {away.max():.2f} m from the robot's base, its hand "
-            f"reaches {ARM_REACH:.2f} m; fold a shorter strip, or mount the robot nearer "
-            "(installation.mounting in cell.yaml)"
-        )
 
 
 def _view_problems(path: Array, strip: StripFile, calibration: Calibration) -> Iterator[str]:

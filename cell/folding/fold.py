@@ -76,9 +76,8 @@ def fold(
         policy.reset(strip, settings.fold.speed, 1)
         check_usable(calibration, devices, settings.calibration_days, datetime.now(UTC))
         calibration = corrected_calibration(calibration, settings, strip)
-        has_hand = choice.arm_driver(settings).real
-        desk = desk_end(settings.installation, strip.length) if has_hand else 0.0
-        expected = check_feasible(settings, strip, policy, calibration, desk, choice.seed)
+        robot, seed = choice.arm_driver(settings).real, choice.seed
+        expected = check_feasible(settings, strip, policy, calibration, robot=robot, seed=seed)
         start = time.perf_counter()
         writer = _new_run(request, calibration, devices, correction)
         inputs = StripInputs(calibration, settings.perception, strip)
@@ -91,7 +90,7 @@ def fold(
                 reader=reader,
                 expected=expected,
                 place=0.0 if correction is None else correction.place,
-                desk=desk,
+                desk=desk_end(settings.installation, strip.length) if robot else 0.0,
             )
             outcome, truth = _record_fold(request, context, devices, writer, observers, interrupted)
         learns = correction is not None and request.learning.learns

@@ -12,6 +12,7 @@ from cell.arm.arm_prediction import ArmPrediction, predict_arm
 from cell.arm.run_settings import at_speed
 from cell.calibrate.calibration_in_use import check_current
 from cell.config.cell import CellFile
+from cell.devices.fold_path import whole_path
 from cell.folding.feasibility import from_edge, path_problems, simulate
 from cell.folding.request import Request
 from drivers.errors import ConfigurationError
@@ -75,16 +76,26 @@ def predict(request: Request) -> Prediction:
         calibration = load_calibration(Path(settings.calibration))
         on_twin = not request.choice.camera_driver(settings).real
         check_current(calibration, settings.calibration_days, datetime.now(UTC), on_twin=on_twin)
+
+    def carry_at(speed: float) -> Array:
+        slower = simulate_policy(request, at_speed(settings, speed))
+        return from_edge(strip, slower.trace[:, 0])
+
     folds = simulate_policy(request, settings)
-    _check_path(folds, request, settings)
     places = folds.trace.reshape(-1, 2)
+    carry = from_edge(strip, folds.trace[:, 0])
+    problems = list(path_problems(places, carry, settings, carry_at))
+    if problems:
+        raise ConfigurationError("\n".join(problems))
     x_min, z_min = places.min(axis=0).tolist()
     x_max, z_max = places.max(axis=0).tolist()
     nominal = folds.displacement[0]
     spread = folds.displacement[folds.touched]
     arm = None
     if request.choice.arm_driver(settings).real:
-        arm = predict_arm(settings, strip, folds.trace[:, 0], laid_at(folds))
+        place = settings.installation
+        path, speeds = whole_path(strip.length, place, settings.fold, carry, folds.touch[0])
+        arm = predict_arm(place, strip.length, path, speeds)
     return Prediction(
         strip=strip.name,
         policy=request.policy,
@@ -103,24 +114,3 @@ def simulate_policy(request: Request, settings: CellFile) -> Folds:
     """
     policy = make_policy(request.policy, request.checkpoint, in_rod=True)
     return simulate(settings, request.strip, policy, request.choice.seed)
-
-
-def laid_at(folds: Folds) -> float | None:
-    """Position x [m] at which the first simulated fold lays the grasped edge; None if no touch."""
-    touch = folds.touch[0]
-    return None if touch is None else touch.x - touch.to_grasped
-
-
-def _check_path(folds: Folds, request: Request, settings: CellFile) -> None:
-    """Raise ConfigurationError where the arm of `request` cannot follow all of its `folds`."""
-    strip = request.strip
-
-    def carry_at(speed: float) -> Array:
-        slower = simulate_policy(request, at_speed(settings, speed))
-        return from_edge(strip, slower.trace[:, 0])
-
-    places = folds.trace.reshape(-1, 2)
-    carry = from_edge(strip, folds.trace[:, 0])
-    problems = list(path_problems(places, carry, settings, carry_at))
-    if problems:
-        raise ConfigurationError("\n".join(problems))

@@ -6,10 +6,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from cell.arm.arm_prediction import fold_poses
 from cell.arm.manual_motion import home_joints, move_manually
 from cell.config.cell import CellFile
-from cell.folding.prediction import laid_at, simulate_policy
+from cell.devices.fold_path import whole_path
+from cell.folding.feasibility import from_edge
+from cell.folding.prediction import simulate_policy
 from cell.folding.request import Request
 from cell.orchestrator.outcome import Outcome
 from cell.orchestrator.snapshot import Drive, Snapshot
@@ -117,7 +118,8 @@ def rehearse(request: Request, interrupted: Callable[[], bool] = lambda: False) 
     settings = request.settings
     strip = request.strip
     folds = simulate_policy(request, settings)
-    path, speeds = fold_poses(settings, strip, folds.trace[:, 0], laid_at(folds))
+    carry, place = from_edge(strip, folds.trace[:, 0]), settings.installation
+    path, speeds = whole_path(strip.length, place, settings.fold, carry, folds.touch[0])
     is_robot = request.choice.arm_driver(settings).real
     elbow = home_joints(settings, strip)[ELBOW_JOINT] if is_robot else None
     planned = rehearsal(settings, strip, path, speeds, elbow)

@@ -132,9 +132,9 @@ def experience_of(
     uncorrected = expected - correction.seen
     edges = outcome.edge_offset
     if edges is not None:
-        from cell.orchestrator.lay import edge_place
+        from cell.devices.fold_path import edge_place, taut_edge
 
-        edges += edge_place(touch, correction.place)
+        edges += edge_place(taut_edge(touch), correction.place)
     return Experience(
         run=run,
         policy=subject.policy,

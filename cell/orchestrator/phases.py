@@ -8,9 +8,17 @@ from math import sqrt
 import numpy as np
 
 from calibration.landmarks import camera_shift
+from cell.devices.fold_path import (
+    HANGING,
+    approach_poses,
+    edge_place,
+    lay_path,
+    retreat_poses,
+    taut_edge,
+)
 from cell.orchestrator import steps
 from cell.orchestrator.context import FoldContext, ManualContext
-from cell.orchestrator.lay import CLEARANCE, HANGING, TURN_GAIN, edge_place, follow_lay, lay_path
+from cell.orchestrator.lay import CLEARANCE, TURN_GAIN, follow_lay
 from cell.orchestrator.recorder import Recorder
 from cell.orchestrator.snapshot import Command, Drive, Hold, Snapshot
 from cell.orchestrator.states import Event, State
@@ -41,7 +49,7 @@ def preflight(context: FoldContext, record: Recorder, _: Snapshot) -> steps.Phas
     """Check the image of the strip before it is grasped; raises PreflightRefused."""
     fold = context.settings.fold
     camera_checks = yield from _camera_checks(context)
-    yield from steps.move(Pose(context.strip.length + fold.approach, fold.clear_height, 0.0))
+    yield from steps.move(approach_poses(context.strip.length, fold)[0])
     picture = yield from steps.still_picture()
     frame = picture.frame
     strip_checks = yield from _inspect(context.reader, picture)
@@ -74,12 +82,9 @@ def _inspect(
 
 def grasp(context: FoldContext, _record: Recorder, _begin: Snapshot) -> steps.Phase:
     """Approach the free edge from beyond and grasp it; raises Fault where the fingers miss it."""
-    length = context.strip.length
-    approach = context.settings.fold.approach
     yield from steps.open_hand()
-    yield from steps.move(Pose(length + approach, 2 * approach, 0.0))
-    yield from steps.move(Pose(length + approach, 0.0, 0.0))
-    yield from steps.move(Pose(length, 0.0, 0.0))
+    for pose in approach_poses(context.strip.length, context.settings.fold)[1:]:
+        yield from steps.move(pose)
     snapshot = yield from steps.close_hand()
     if not snapshot.hand.grasped:
         raise Fault("grasp_missed", "the fingers closed on nothing; lay the edge at x = L")
@@ -227,8 +232,9 @@ def lay(context: FoldContext, record: Recorder, begin: Snapshot) -> steps.Phase:
     if touch is None:
         raise Fault("illegal_event", "LAY was entered without a touch")
     rest = max(context.strip.thickness, touch.distance) + CLEARANCE
-    end = edge_place(touch, context.place)
-    path = lay_path(touch, begin.arm.pose, rest, end, settings)
+    taut = taut_edge(touch)
+    end = edge_place(taut, context.place)
+    path = lay_path(begin.arm.pose, taut, rest, end, settings)
     yield from follow_lay(path, settings.lay_speed, begin)
     snapshot = yield from steps.move(Pose(end, rest, np.pi))
     record.event(snapshot.time, "laid", x=snapshot.arm.pose.x, z=snapshot.arm.pose.z)
@@ -240,9 +246,8 @@ def release(context: FoldContext, record: Recorder, _: Snapshot) -> steps.Phase:
     snapshot = yield from steps.open_hand()
     pose = snapshot.arm.pose
     record.event(snapshot.time, "released", edge_offset=-pose.x)
-    retreat = context.settings.fold.approach
-    yield from steps.move(Pose(pose.x - retreat, pose.z, pose.pitch))
-    yield from steps.move(Pose(pose.x - retreat, pose.z + 2 * retreat, pose.pitch))
+    for away in retreat_poses(pose, context.settings.fold):
+        yield from steps.move(away)
     frame = (yield from steps.still_picture()).frame
     measurement = yield from _laid_strip(context, frame, pose)
     loop = _visible_loop(context, measurement)

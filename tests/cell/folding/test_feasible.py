@@ -2,13 +2,13 @@
 
 import math
 import re
-from contextlib import nullcontext
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from calibration.calibration import Calibration
+from cell.arm.run_settings import limit_to_arm
 from cell.config.cell import CellFile
 from cell.config.places import find_configs
 from cell.devices.devices import DeviceSelection
@@ -34,10 +34,13 @@ def cell_with(**installation) -> CellFile:
     return cell.model_copy(update={"installation": place})
 
 
-def refusal(seen_by: Calibration, policy: str = "triangular", desk: float = 0.0, **changes) -> str:
+def refusal(seen_by: Calibration, policy: str = "triangular", place=None, **changes) -> str:
+    """What is refused of a fold by the twin's arm, or by a robot in another `place`."""
     strip = find_configs(None).strip("denim").model_copy(update=changes)
     try:
-        check_feasible(cell_with().controller, strip, make_policy(policy), seen_by, desk)
+        robot = place is not None
+        cell = limit_to_arm(cell_with(**(place or {})), DeviceSelection("fci" if robot else "twin"))
+        check_feasible(cell, strip, make_policy(policy), seen_by, robot=robot)
     except PreflightRefused as refused:
         return str(refused)
     return ""
@@ -55,7 +58,7 @@ def test_ordinary_strips_are_folded(seen_by, policy) -> None:
         ({"thickness": 0.02}, "thickness: is 20 mm"),
         ({"length": 2.0, "bending_length": 0.05}, "workspace: the gripper would move from x"),
         ({"length": 2.0, "bending_length": 0.05}, "from z = "),
-        ({"length": 2.0, "bending_length": 0.05}, "reach: the gripper would be"),
+        ({"length": 2.0, "bending_length": 0.05, "place": {}}, "reach: the arm cannot follow"),
         ({"length": 0.75}, "view: the camera does not see the strip at x = 0.75"),
         ({"length": 0.15}, "length: a fold of 0.15 m rises to 0.07 m"),
     ],
@@ -111,15 +114,19 @@ def test_speeds_that_a_refusal_states_are_followed_on_the_path_of_that_speed() -
     assert "workspace" in next(path_problems(math.nan * steep, steep, slower, path))
 
 
-@pytest.mark.parametrize(("away", "refused"), [(0.782, False), (0.788, True)])
-def test_reach_is_that_from_the_robot_s_base_however_the_strip_lies(seen_by, away, refused) -> None:
-    """The strip points straight away from the base, its far end with the approach at `away`."""
-    strip, yaw = find_configs(None).strip("denim"), 0.4
-    near = away - strip.length - find_configs(None).cell().fold.approach
-    mounting = Mounting(x=near * math.cos(yaw), y=near * math.sin(yaw), yaw=yaw)
-    there = cell_with(mounting=mounting).controller
-    with pytest.raises(PreflightRefused, match=r"^reach: ") if refused else nullcontext():
-        check_feasible(there, strip, make_policy("triangular"), seen_by)
+@pytest.mark.parametrize(("away", "refused"), [(0.40, False), (0.44, True)])
+@pytest.mark.parametrize("turn", [0.0, -0.4])
+def test_reach_is_that_of_the_joints_however_the_base_is_turned(
+    seen_by, away, refused, turn
+) -> None:
+    """The strip lies crosswise in front of the robot, `away` from the axis of its base."""
+    x, y = (
+        away * math.cos(turn) + 0.3 * math.sin(turn),
+        away * math.sin(turn) - 0.3 * math.cos(turn),
+    )
+    said = refusal(seen_by, place={"mounting": Mounting(x=x, y=y, yaw=math.pi / 2 + turn)})
+    assert said.startswith("reach: the arm cannot follow the fold: x 598 mm") == refused
+    assert bool(said) == refused
 
 
 def test_what_no_file_states_of_a_strip_is_uncertain_by_a_tenth_and_a_half() -> None:
@@ -129,9 +136,11 @@ def test_what_no_file_states_of_a_strip_is_uncertain_by_a_tenth_and_a_half() -> 
     assert sorted(shares.round(6).tolist()) == [[0.9, 0.5], [0.9, 1.5], [1.1, 0.5], [1.1, 1.5]]
 
 
-@pytest.mark.parametrize(("desk", "says"), [(0.0, ""), (0.6, ""), (0.85, "mm into the desk at x ")])
+@pytest.mark.parametrize(
+    ("desk", "says"), [(None, ""), (0.6, ""), (0.85, "mm into the desk at x ")]
+)
 def test_fold_whose_hand_would_meet_the_desk_is_refused(seen_by, desk, says) -> None:
-    said = refusal(seen_by, desk=desk)
+    said = refusal(seen_by, place={"desk": desk})
     assert says in said
     assert bool(said) == bool(says)
 

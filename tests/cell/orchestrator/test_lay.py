@@ -7,16 +7,9 @@ import numpy as np
 import pytest
 
 from cell.config.settings import FoldSettings
+from cell.devices.fold_path import PULL, edge_place, lay_path, taut_edge
 from cell.orchestrator.context import FoldContext
-from cell.orchestrator.lay import (
-    BRAKING,
-    CLEARANCE,
-    PULL,
-    TURNING,
-    edge_place,
-    follow_lay,
-    lay_path,
-)
+from cell.orchestrator.lay import BRAKING, CLEARANCE, LAY_TURNING, follow_lay
 from cell.orchestrator.phases import FOLD_PHASES
 from cell.orchestrator.snapshot import Drive, Hold, MoveTo, OpenHand
 from cell.orchestrator.states import Event
@@ -51,7 +44,7 @@ def test_lay_ends_slowly_and_turns_no_faster_than_an_arm_may(start: tuple[float,
     speeds = [math.hypot(v.vx, v.vz) for v in told]
     assert max(speeds) <= SPEED + 1e-9
     assert speeds[-1] ** 2 / (2 * BRAKING) < 1e-3  # m, in which it could stop
-    assert max(abs(v.pitch_rate) for v in told) <= TURNING
+    assert max(abs(v.pitch_rate) for v in told) <= LAY_TURNING
     assert all(v.vz < 0.0 for v in told)
     turned = math.pi / 2 + TICK * sum(v.pitch_rate for v in told)
     assert turned == pytest.approx(math.pi, abs=0.1)
@@ -73,9 +66,9 @@ def touched(displacement: float) -> SeenTouch:
 def test_grasped_edge_is_let_down_past_a_taut_layer_and_goes_to_the_fixed_one_unless_that_pulls_far(
     displacement: float, end: float, down: float
 ) -> None:
-    touch = touched(displacement)
-    assert edge_place(touch) == pytest.approx(end)
-    path = lay_path(touch, Pose(0.2, 0.22, np.pi / 2), REST, end, FOLD)
+    taut = taut_edge(touched(displacement))
+    assert edge_place(taut) == pytest.approx(end)
+    path = lay_path(Pose(0.2, 0.22, np.pi / 2), taut, REST, end, FOLD)
     assert path.points[-2:] == pytest.approx(np.array([(end, HEIGHT), (down, REST)]))
 
 
