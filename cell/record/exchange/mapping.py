@@ -54,7 +54,7 @@ COMMENT = re.compile(r"\s*(?:#(?![A-Z/0]+[!,;\t|])|%|//)")  # but not #N/A
 MARKS = ";\t|,"  # between columns, of equally many the likeliest first
 DECIMAL_COMMA = re.compile(r"(?m)(?:^|(?<=[;\t|])) *-?\d+,\d+(?:[eE][-+]?\d+)? *(?=$|[;\t|\r])")
 EMPTY = {*ConvertOptions().null_values, "None", "#NV", "#DIV/0!", "#VALUE!"}  # no value
-NUMBER = re.compile(r"[-+]?[.,]?\d")  # how a number or a time begins
+NUMBER = re.compile(r" *[-+]?[.,]?\d")  # how a number or a time begins
 # 31.01.2026 12:00:00,250 as ISO 8601
 AS_ISO = ((r"^(\d\d)[.](\d\d)[.](\d{4})\b", r"\3-\2-\1"), (r"(:\d\d),(\d+)", r"\1.\2"))
 ISO = " or times as 2026-01-31T12:00:00.250"

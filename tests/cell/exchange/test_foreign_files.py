@@ -143,6 +143,8 @@ def test_paths_and_names_of_a_data_set_are_those_that_it_states(tmp_path: Path) 
         ("# t;x;z", "{:.3f};{:f};{:f}", ","),
         ("# t\tx\tz\r\n\r", "{:.3f}\t{:f}\t{:f}\r", ","),
         ("\n# note\n\nt,x,z", "{:.3f},{:f},{:f}", "."),
+        ("# t,x,z", "  {:.3f}, {:f}, {:f}", "."),
+        ("t,x,z", " {:.3f},  {:f},  {:f}", "."),
         ("t;x;z;Höhe", "{:.3f};{:f};{:f};1", "."),
         ("Rig 4, by M.\nt;x;z\n#N/A;;", "31.01.2026 12:00:{:06.3f};{:f};{:f}", "."),
         ("t,x,z,a|b", "2026-01-31T12:00:{:06.3f}Z,{:f},{:f},1", "."),
