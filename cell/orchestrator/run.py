@@ -89,6 +89,7 @@ class Run:
         finally:
             if self._stopped is None:
                 self._stop_devices()
+            run_suppressed(self._devices.arm.stop)  # once more, however the run ended
         return self._outcome(clock.now() - start)
 
     def _guard(self, action: Callable[[], None]) -> None:
