@@ -26,6 +26,11 @@ class Driver:
     section: str | None = None
     real: bool = True
 
+    @property
+    def is_franka(self) -> bool:
+        """Whether it drives a Franka arm, real or emulated, whose joints and limits are known."""
+        return self.section == "fci"
+
     def load(self) -> Callable[..., Any]:
         """Import and return the driver's function that opens devices."""
         loaded: Callable[..., Any] = EntryPoint("driver", self.opener, "folding_cell").load()

@@ -30,7 +30,7 @@ def check_drivers(settings: CellFile, choice: DeviceSelection) -> None:
 
 def robot_address(settings: CellFile, choice: DeviceSelection) -> str | None:
     """Address of the Franka robot, real or emulated, that is selected; None for any other arm."""
-    return settings.fci.address if choice.arm_driver(settings).section == "fci" else None
+    return settings.fci.address if choice.arm_driver(settings).is_franka else None
 
 
 def is_real(settings: CellFile, choice: DeviceSelection) -> bool:
@@ -38,7 +38,7 @@ def is_real(settings: CellFile, choice: DeviceSelection) -> bool:
     arm = choice.arm_driver(settings)
     address = robot_address(settings, choice)
     if address is None:
-        return arm.real and arm.section != "fci"
+        return arm.real and not arm.is_franka
     try:
         return not ip_address(address).is_loopback
     except ValueError:

@@ -9,6 +9,7 @@ import numpy as np
 from calibration.calibration import Calibration
 from cell.arm.arm_prediction import predict_arm
 from cell.arm.run_settings import LEAST_SPEED, at_speed
+from cell.config.drivers import Driver
 from cell.config.settings import CellSettings
 from cell.devices.fold_path import largest_speed, whole_path
 from cell.perception.preflight import check_scope
@@ -34,16 +35,15 @@ def check_feasible(
     strip: StripFile,
     policy: Policy,
     calibration: Calibration,
-    *,
-    robot: bool = False,
+    arm: Driver,
     seed: int = 0,
 ) -> tuple[float, float] | None:
     """Check that the cell can fold `strip`; returns the predicted displacement and its sigma [m].
 
     None where the layers do not touch in the model, whose images have noise by `seed`. The policy
     is reset. Raises PreflightRefused for a strip that this cell cannot see or fold within the
-    limits of `settings`, or that a `robot` cannot follow with its joints, or without its hand
-    meeting the desk.
+    limits of `settings`, or where the hand of a real `arm` would meet the desk, or the joints of a
+    Franka arm could not follow.
     """
     folds = _simulate(settings, strip, policy, seed)
     carry = _carry(settings, strip, policy, folds)
@@ -51,7 +51,7 @@ def check_feasible(
     path, speeds = whole_path(strip.length, settings.installation, settings.fold, carry, touch)
     places = np.vstack([path[1:, :2], carry])  # from beside the strip on
 
-    joints = robot and np.isfinite(path).all()  # the workspace refuses a path that is not finite
+    joints = arm.is_franka and np.isfinite(path).all()  # the workspace refuses any other path
 
     def carry_at(speed: float) -> Array:
         slower = at_speed(settings, speed)
@@ -62,7 +62,8 @@ def check_feasible(
         *_height_problems(settings, strip, policy),
         *path_problems(places, carry, settings, carry_at),
         *_view_problems(places, strip, calibration),
-        *(_robot_problems(settings.installation, strip, path, speeds) if joints else ()),
+        *(_desk_collisions(settings.installation, strip, path) if arm.real else ()),
+        *(_reach_problems(settings.installation, strip, path, speeds) if joints else ()),
     ]
     if problems:
         raise PreflightRefused("\n".join(problems))
@@ -102,13 +103,18 @@ def path_problems(
         )
 
 
-def _robot_problems(
+def _desk_collisions(installation: Installation, strip: StripFile, path: Array) -> Iterator[str]:
+    """Yield a text where the hand at the poses `path` (n, 3) [m, m, rad] would meet the desk."""
+    try:
+        require_clear([Pose(*pose) for pose in path.tolist()], desk_end(installation, strip.length))
+    except Fault as fault:
+        yield f"desk: {fault}"
+
+
+def _reach_problems(
     installation: Installation, strip: StripFile, path: Array, speeds: Array
 ) -> Iterator[str]:
-    """Yield texts where a robot cannot follow `path` (n, 3), `speeds` (n,), or its hand collides.
-
-    The hand collides with the desk, which ends with the strip where no end is configured.
-    """
+    """Yield a text where the joints cannot follow `path` (n, 3) at `speeds` (n,) [m/s]."""
     arm = predict_arm(installation, strip.length, path, speeds)
     if not arm.reach.allowed:
         yield (
@@ -116,10 +122,6 @@ def _robot_problems(
             "strip, by another policy, or move robot or strip (installation.mounting in "
             "cell.yaml), see `cell fold --dry-run --arm fci`"
         )
-    try:
-        require_clear([Pose(*pose) for pose in path.tolist()], desk_end(installation, strip.length))
-    except Fault as fault:
-        yield f"desk: {fault}"
 
 
 def _carry(settings: CellSettings, strip: StripFile, policy: Policy, folds: Folds | None) -> Array:

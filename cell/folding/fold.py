@@ -76,8 +76,8 @@ def fold(
         policy.reset(strip, settings.fold.speed, 1)
         check_usable(calibration, devices, settings.calibration_days, datetime.now(UTC))
         calibration = corrected_calibration(calibration, settings, strip)
-        robot, seed = choice.arm_driver(settings).real, choice.seed
-        expected = check_feasible(settings, strip, policy, calibration, robot=robot, seed=seed)
+        arm = choice.arm_driver(settings)
+        expected = check_feasible(settings, strip, policy, calibration, arm, choice.seed)
         start = time.perf_counter()
         writer = _new_run(request, calibration, devices, correction)
         inputs = StripInputs(calibration, settings.perception, strip)
@@ -90,7 +90,7 @@ def fold(
                 reader=reader,
                 expected=expected,
                 place=0.0 if correction is None else correction.place,
-                desk=desk_end(settings.installation, strip.length) if robot else 0.0,
+                desk=desk_end(settings.installation, strip.length) if arm.real else 0.0,
             )
             outcome, truth = _record_fold(request, context, devices, writer, observers, interrupted)
         learns = correction is not None and request.learning.learns

@@ -92,7 +92,7 @@ def predict(request: Request) -> Prediction:
     nominal = folds.displacement[0]
     spread = folds.displacement[folds.touched]
     arm = None
-    if request.choice.arm_driver(settings).real:
+    if request.choice.arm_driver(settings).is_franka:
         place = settings.installation
         path, speeds = whole_path(strip.length, place, settings.fold, carry, folds.touch[0])
         arm = predict_arm(place, strip.length, path, speeds)

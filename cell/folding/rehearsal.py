@@ -120,8 +120,8 @@ def rehearse(request: Request, interrupted: Callable[[], bool] = lambda: False) 
     folds = simulate_policy(request, settings)
     carry, place = from_edge(strip, folds.trace[:, 0]), settings.installation
     path, speeds = whole_path(strip.length, place, settings.fold, carry, folds.touch[0])
-    is_robot = request.choice.arm_driver(settings).real
-    elbow = home_joints(settings, strip)[ELBOW_JOINT] if is_robot else None
+    is_franka = request.choice.arm_driver(settings).is_franka
+    elbow = home_joints(settings, strip)[ELBOW_JOINT] if is_franka else None
     planned = rehearsal(settings, strip, path, speeds, elbow)
     return move_manually(settings, request.choice, planned.motion, interrupted, strip)
 

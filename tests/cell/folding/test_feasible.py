@@ -10,6 +10,7 @@ import pytest
 from calibration.calibration import Calibration
 from cell.arm.run_settings import limit_to_arm
 from cell.config.cell import CellFile
+from cell.config.drivers import driver
 from cell.config.places import find_configs
 from cell.devices.devices import DeviceSelection
 from cell.folding.feasibility import check_feasible, corner_strips, path_problems
@@ -21,6 +22,8 @@ from drivers.types import Array
 from policies.registry import make_policy
 from tests.support.requests import request_for
 from tests.support.twin_calibration import twin_calibration
+
+TWIN = driver("arms", "twin")
 
 
 @pytest.fixture(scope="module")
@@ -38,9 +41,9 @@ def refusal(seen_by: Calibration, policy: str = "triangular", place=None, **chan
     """What is refused of a fold by the twin's arm, or by a robot in another `place`."""
     strip = find_configs(None).strip("denim").model_copy(update=changes)
     try:
-        robot = place is not None
-        cell = limit_to_arm(cell_with(**(place or {})), DeviceSelection("fci" if robot else "twin"))
-        check_feasible(cell, strip, make_policy(policy), seen_by, robot=robot)
+        choice = DeviceSelection("twin" if place is None else "fci")
+        cell = limit_to_arm(cell_with(**(place or {})), choice)
+        check_feasible(cell, strip, make_policy(policy), seen_by, choice.arm_driver(cell))
     except PreflightRefused as refused:
         return str(refused)
     return ""
@@ -84,7 +87,7 @@ def test_path_over_the_arm_s_limits_is_refused_with_the_speed_that_fits(
     slow = limits.x.model_copy(update=changed)
     cell = cell_with(limits=limits.model_copy(update={"x": slow, "z": slow}))
     with pytest.raises(PreflightRefused) as refused:
-        check_feasible(cell.controller, strip, make_policy("triangular"), seen_by)
+        check_feasible(cell.controller, strip, make_policy("triangular"), seen_by, TWIN)
     assert says in str(refused.value)
     with pytest.raises(ConfigurationError) as dry_run:
         predict(request_for("denim", "triangular", tmp_path, cell=cell))
@@ -95,9 +98,9 @@ def test_dry_run_predicts_the_fold_that_is_made_at_the_speed_of_a_real_robot(see
     cell = find_configs(None).cell()
     real = cell.model_copy(update={"fci": cell.fci.model_copy(update={"address": "172.16.0.2"})})
     choice = DeviceSelection("fci")
-    request = request_for("denim", "triangular", tmp_path, cell=real, choice=choice)
-    made = check_feasible(request.settings, request.strip, make_policy("triangular"), seen_by)
-    assert made[0] == predict(request).displacement > -0.025  # at full speed -0.033
+    asked = request_for("denim", "triangular", tmp_path, cell=real, choice=choice)
+    made = check_feasible(asked.settings, asked.strip, make_policy("triangular"), seen_by, TWIN)
+    assert made[0] == predict(asked).displacement > -0.025  # at full speed -0.033
 
 
 def test_speeds_that_a_refusal_states_are_followed_on_the_path_of_that_speed() -> None:
@@ -116,9 +119,7 @@ def test_speeds_that_a_refusal_states_are_followed_on_the_path_of_that_speed() -
 
 @pytest.mark.parametrize(("away", "refused"), [(0.40, False), (0.44, True)])
 @pytest.mark.parametrize("turn", [0.0, -0.4])
-def test_reach_is_that_of_the_joints_however_the_base_is_turned(
-    seen_by, away, refused, turn
-) -> None:
+def test_reach_is_that_of_the_joints_from_a_turned_base(seen_by, away, refused, turn) -> None:
     """The strip lies crosswise in front of the robot, `away` from the axis of its base."""
     x, y = (
         away * math.cos(turn) + 0.3 * math.sin(turn),
