@@ -176,10 +176,13 @@ def _find_shift(grey: Image, mark: Landmark) -> tuple[float, float] | None:
 
 
 def find_patch(window: Image, patch: Image) -> Array | None:
-    """Position (2,) u, v [px] of `patch` (n, n) in the grey `window` (h, w); None if not found."""
+    """Top left corner (2,) u, v [px] of `patch` (n, n) in the grey `window` (h, w).
+
+    None where it is not found, or has no contrast by which it could be.
+    """
     scores = cv2.matchTemplate(window, patch, cv2.TM_CCOEFF_NORMED)
     _, best, _, (u, v) = cv2.minMaxLoc(scores)
-    if not best >= MATCH_CORRELATION:
+    if not best >= MATCH_CORRELATION or np.ptp(patch) == 0:
         return None
     return np.array([u + _peak(scores[v, :], u), v + _peak(scores[:, u], v)])
 

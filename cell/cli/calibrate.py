@@ -60,13 +60,15 @@ calibrate = typer.Typer(help=FIRST_LINE)
 
 
 @calibrate.callback(invoke_without_command=True)
-def twin(
+def calibrate_twin_camera(
     context: typer.Context,
     out: Annotated[Path | None, typer.Option(help="Also write the calibration here.")] = None,
     configs: options.Configs = None,
 ) -> None:
     """Without a further command: calibrate the twin's camera anew, for all later folds."""
-    if context.invoked_subcommand is not None:
+    if (command := context.invoked_subcommand) is not None:
+        if out is not None or configs is not None:
+            raise ConfigurationError(f"cell calibrate: give options after `{command}`")
         return
     from calibration.calibration import save_calibration
     from cell.calibrate.calibration_in_use import calibration_file

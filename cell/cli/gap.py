@@ -99,17 +99,20 @@ def plan(
         from cell.folding.request import standard_run
 
         for i, request in enumerate(requests):
-            name, reveals = standard_run(request)
-            sys.stdout.write(f"{i:2d}  {name:15s} {request.speed:.2f} m/s  shows {reveals}\n")
+            name, shows = standard_run(request)
+            if as_json:
+                print_json({"run": i, "name": name, "speed": request.speed, "shows": shows})
+            else:
+                sys.stdout.write(f"{i:2d}  {name:15s} {request.speed:.2f} m/s  shows {shows}\n")
         return
-    following = f"next: cell gap fit {folder} --strip {_strip_file(strip, configs)}"
-    following += f" --out {folder}-fit\n"
-    with resumable(folder, f"fit two or more, or plan all with another --runs\n{following}"):
+    next_step = f"next: cell gap fit {folder} --strip {_strip_file(strip, configs)}"
+    next_step += f" --out {folder}-fit\n"
+    with resumable(folder, f"fit two or more, or plan all with another --runs\n{next_step}"):
         code = _fold_all(requests, jobs, as_json=as_json)
         if code == INTERRUPTED_CODE:
             raise KeyboardInterrupt
     if not as_json:
-        sys.stdout.write(following)
+        sys.stdout.write(next_step)
     sys.exit(code)
 
 

@@ -107,7 +107,7 @@ def train(given: TrainOptions) -> None:
             with Meter(console) as meter:
                 corrected = transfer(checkpoint, folder, given.seed, given.folds, workers, meter)
     if given.as_json:
-        line = {"schema": 1} if trained is None else trained.line()
+        line = {"schema": 1} if trained is None else trained.record()
         print_json(line | corrected)
     else:
         _print_training(given.policy, trained, corrected)

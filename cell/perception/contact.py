@@ -14,6 +14,7 @@ from drivers.types import Array, Image
 
 SAMPLE_SPACING = 0.0003  # m between samples along the line
 FRONT_HEIGHT = -0.005  # m of height where desk shows before the strip
+FRONT_STRIDE = 20  # samples of the line to a point in front of it, every 6 mm
 AVERAGE = 9  # samples over which a sample is averaged against noise
 SURE_COUNT = 13  # samples of strip that must come before, and of desk that must follow: 4 mm
 HALF_LEVEL = ZERO_LEVEL + LEVEL_SPAN // 2  # level of which half is strip
@@ -40,10 +41,13 @@ class SearchLine:
         thickness: float,
         span: tuple[float, float],
     ) -> "SearchLine":
-        """Search line over `span` [m] of x, for a midline `height` [m] above the resting one."""
+        """Search line over `span` [m] of x, below a midline `height` [m] above the resting one.
+
+        It follows the strip's underside, half its `thickness` [m] lower.
+        """
         x = np.arange(span[0], span[1], SAMPLE_SPACING)
         z = appearance.rest_height(x) + height - thickness / 2
-        near = x[: len(x) // 2 : 20]  # some points in front of the strip's fixed half
+        near = x[: len(x) // 2 : FRONT_STRIDE]  # some points in front of the strip's fixed half
         front = np.column_stack([near, np.full_like(near, FRONT_HEIGHT)])
         pixels = calibration.to_image(np.column_stack([x, z]))
         return cls(x, pixels, calibration.to_image(front))

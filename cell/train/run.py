@@ -35,16 +35,19 @@ class Trained:
     trial: "TrialResult | None" = None
     effects: tuple[EffectErrors, ...] = ()
 
-    def line(self) -> dict[str, object]:
-        """Content of the training's record in JSON."""
-        return {
+    def record(self) -> dict[str, object]:
+        """Record of the training, by the keys of its JSON file."""
+        content: dict[str, object] = {
             "schema": 1,
             "checkpoint": str(self.checkpoint),
             "settings": self.settings.model_dump(mode="json"),
-            **({} if self.trial is None else {"trial": asdict(self.trial)}),
             "evaluations": [evaluation.line() for evaluation in self.evaluations],
-            **({"effects": {e.effect: e.facts() for e in self.effects}} if self.effects else {}),
         }
+        if self.trial is not None:
+            content["trial"] = asdict(self.trial)
+        if self.effects:
+            content["effects"] = {e.effect: e.facts() for e in self.effects}
+        return content
 
 
 def train(
@@ -69,7 +72,7 @@ def train(
                 for done, text in enumerate(training.run(executor), training.known + 1):
                     meter.step(done, text)
             trained = _evaluate(training, settings, side, executor, console)
-        content = json.dumps(trained.line(), indent=1) + "\n"
+        content = json.dumps(trained.record(), indent=1) + "\n"
         write_file(folder / EVALUATION, content, "make room and run the command again")
         return trained
 

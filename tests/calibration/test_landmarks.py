@@ -13,6 +13,7 @@ from calibration.landmarks import (
     Landmarks,
     LandmarkSettings,
     camera_shift,
+    find_patch,
     take_landmarks,
 )
 from cell.perception.preflight import camera_check
@@ -76,8 +77,9 @@ def test_camera_nudged_by_five_millimetres_is_noticed(nudge: tuple[float, float]
 
 
 def test_hand_that_is_not_seen_again_is_refused() -> None:
-    dark = Frame(0.0, 0.0, "test", 0, np.full((720, 1280, 3), 30, np.uint8))
-    shift = _shift(dark)
+    dark = np.full((720, 1280, 3), 30, np.uint8)
+    assert find_patch(dark[..., 0], dark[:40, :40, 0]) is None  # nor anything without contrast
+    shift = _shift(Frame(0.0, 0.0, "test", 0, dark))
     assert np.isnan(shift.x)
     check = camera_check(shift, SETTINGS)
     assert not check.passed

@@ -92,7 +92,7 @@ def _candidate_row(row: CandidateEntry, best: bool) -> dict[str, Any]:
 
 
 def base_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
-    """Template values on the base: a table of stated and refitted values, and a note."""
+    """Template values on the base model: rows of stated and refitted parameters, and a note."""
     weak = ", ".join(p.name for p, _ in undetermined_values(findings.base.estimate))
     note = f"The runs add little to what was known before of: {weak}."
     rows = []

@@ -248,7 +248,7 @@ def _nearly_best(base: Estimate, begun: Sequence[Estimate], reference: Estimate)
 def _probe_at_start(
     candidate: Candidate, score: Score
 ) -> tuple[tuple[tuple[float, ...], ...], ...]:
-    """Start values of `candidate` in `score` as a single group of one probe; empty at the null."""
+    """Probe of `candidate` where `score` would start a fit; none where it has no effect there."""
     values = candidate.complete(score.start.get(candidate.name, candidate.null))
     if np.array_equal(values, candidate.null):
         return ()

@@ -346,7 +346,7 @@ class Subject(ABC):
         return ()
 
     def model_text(self, base: Mapping[str, float], effects: NamedValues) -> str | None:  # noqa: ARG002
-        """Text of the model file that the patched file names; None where there is no such file."""
+        """Text of a model file with these `base` values and `effects`; None without such a file."""
         return None
 
     def draw_measured(self, run: Run) -> Scene:  # noqa: ARG002

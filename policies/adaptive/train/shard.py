@@ -68,7 +68,10 @@ class Explorer(Adaptive):
         self._latest = int(LATEST * rate) // INPUT_STRIDE
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:
-        """Clear all state; draw for each fold the time of its switch and the rise from then on."""
+        """Clear all state; draw for each of `count` folds the decision that changes its line.
+
+        That is the line z = x + rise on which the gripper descends, its rise in m.
+        """
         super().reset(strip, speed, count)
         rng = self._rng
         highest = self._steering.highest

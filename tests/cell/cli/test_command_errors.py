@@ -118,6 +118,7 @@ def test_what_is_refused_at_once_and_what_folds_import_nothing_heavy(
         (("runs", "place"), "lists what goes; a folder of runs goes after `--runs`"),
         (("gap", "fti"), "no such command 'fti'"),
         (("calibrate", "camera", "--resume", "file"), "--resume: file holds no session"),
+        (("calibrate", "--out", "file", "camera"), "cell calibrate: give options after `camera`"),
         (("report", "gone"), "gone: is not there; see `cell runs`, or give its path"),
         (("report", "runs"), "runs: is not a run: it holds no run.yaml; name one of those in it"),
         (("note", "file", "--tag", "good"), "file: is a file, a run is a folder"),

@@ -1,7 +1,7 @@
 """Runs a study as a campaign, a part for each case, and reads its outcomes from the journal."""
 
 import hashlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -140,10 +140,6 @@ def _module_file(path: str) -> str:
 @cache
 def _configs() -> str:
     h, folder = hashlib.sha256(), find_configs(None).folder
-    for path in _files(folder):
+    for path in sorted(filter(Path.is_file, folder.rglob("*.yaml"))):
         h.update(str(path.relative_to(folder)).encode() + b"\0" + path.read_bytes())
     return h.hexdigest()
-
-
-def _files(folder: Path) -> Iterator[Path]:
-    return (path for path in sorted(folder.rglob("*.yaml")) if path.is_file())

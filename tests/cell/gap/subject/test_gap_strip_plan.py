@@ -1,5 +1,6 @@
 """`cell gap plan`: which runs it makes, and that one of them folds through images."""
 
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -23,8 +24,9 @@ def test_a_speed_beyond_the_limits_is_refused() -> None:
 def test_the_command_says_what_it_would_do(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "cell", "gap", "plan", "--strip", "denim", "--dry-run"]
     command += ["--runs", str(tmp_path / "runs")]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
-    lines = done.stdout.splitlines()
-    assert len(lines) == len(STANDARD) + 2
-    assert lines[0].split()[1] == lines[-1].split()[1] == "normal"
+    texts = (command, [*command, "--json"])
+    done = [subprocess.run(c, capture_output=True, text=True, check=True).stdout for c in texts]
+    lines, rows = done[0].splitlines(), list(map(json.loads, done[1].splitlines()))
+    assert len(lines) == len(rows) == len(STANDARD) + 2
+    assert lines[0].split()[1] == lines[-1].split()[1] == rows[-1]["name"] == "normal"
     assert not (tmp_path / "runs").exists()

@@ -23,6 +23,7 @@ from cell.record.tables import joint_table, write_parquet
 from drivers.arm.reach import densify
 from drivers.fci_server.server import RobotServer, ServerSettings
 from drivers.franka.model import ArmPlant
+from drivers.geometry import interpolate_columns
 from drivers.twin.clock import TwinClock
 from drivers.types import Array, Velocity, frozen
 from tests.lab.studies.catalogue import mechanisms
@@ -64,7 +65,7 @@ def drive(plant: ArmPlant, length: float, speed: float) -> Array:
         arm.connect()
         try:
             for k in range(int((due[-1] + 0.5) / STEP)):
-                here, soon = (_at((k + i) * STEP, due, poses) for i in range(2))
+                here, soon = (interpolate_columns((k + i) * STEP, due, poses) for i in range(2))
                 away = here - arm.state().commanded.as_array()
                 most = [axis.velocity for axis in installation.limits.axes]
                 rate = np.clip((soon - here) / STEP + GAIN * away, np.negative(most), most)
@@ -73,10 +74,6 @@ def drive(plant: ArmPlant, length: float, speed: float) -> Array:
         finally:
             arm.close()
         return arm.joints
-
-
-def _at(t: float, due: Array, poses: Array) -> Array:
-    return np.array([np.interp(t, due, column) for column in poses.T])
 
 
 def make(folder: Path, name: str, seed: int) -> None:
