@@ -296,6 +296,7 @@ def test_a_monitor_is_an_entry_of_the_list(monkeypatch: pytest.MonkeyPatch) -> N
     rules = Rules(settings.monitors, settings.installation.workspace)
     with pytest.raises(Fault, match="above 10 cm"):
         check_all(GOOD, Hold(), rules)
+    assert monitors.is_outcome("too_high")
 
 
 CAMERA = '''

@@ -9,6 +9,7 @@ import numpy as np
 from cell.config.settings import MonitorLimits
 from cell.orchestrator.snapshot import Command, Drive, Hold, MoveTo, Snapshot
 from cell.orchestrator.states import TERMINAL, State
+from cell.record.header import DEVICES, OUTCOMES
 from drivers.arm.obstacles import require_clear
 from drivers.errors import Fault
 from drivers.installation import MotionLimits, Workspace
@@ -276,6 +277,11 @@ MONITORS: tuple[Monitor, ...] = (
     Monitor("overtime", _ALIVE - _WAITING, _overtime),
     Monitor("calibration_overtime", _WAITING, _calibration_overtime),
 )
+
+
+def is_outcome(name: str) -> bool:
+    """Whether `name` is an outcome: that of a run that ended by itself, or a fault's name."""
+    return name in OUTCOMES or name.startswith(DEVICES) or name in {m.name for m in MONITORS}
 
 
 def slow_for_images(command: Command, snapshot: Snapshot, limits: MonitorLimits) -> Command:

@@ -19,15 +19,12 @@ NOT_FOLDED = LAID | {"edges_not_seen", "edges_apart"}
 OUTCOMES = NOT_FOLDED.union(
     ("layer_touch", "path_done", "calibrated"),  # goals
     ("interrupted", "preflight_refused", "error", "internal_error", "record", "exam"),  # stops
-    ("overspeed", "tracking_error", "workspace", "force", "grip_lost", "overtime"),  # monitors
-    ("low_confidence", "state_overtime", "setpoint_expired", "calibration_overtime"),
-    ("turn_overtime",),
-    ("command_refused", "motion_refused", "velocity_refused", "outside_workspace"),
+    ("command_refused", "motion_refused", "velocity_refused", "outside_workspace", "turn_overtime"),
     ("illegal_event", "no_perception", "process_died", "world_unknown", "unexpected"),  # the cell's
     ("no_aids", "no_latency"),
 )
 DEVICES = ("arm_", "hand_", "grasp_", "camera_", "image_", "simulation_", "strip_", "robot_")
-"""Each device names its own faults after itself."""
+"""Each device names its own faults after itself; other faults are named by a monitor."""
 
 
 class Part(Settings):
@@ -225,8 +222,3 @@ class Result(Recorded):
         if self.outcome == "layer_touch" and missing:
             raise ValueError(f"outcome layer_touch needs {', '.join(missing)} too")
         return self
-
-
-def is_outcome(name: str) -> bool:
-    """Whether `name` is an outcome: that of a run that ended by itself, or a fault's name."""
-    return name in OUTCOMES or name.startswith(DEVICES)

@@ -8,8 +8,9 @@ import numpy as np
 
 from cell.gap.subject.run_folders import RunFolder, check_indices
 from cell.gap.subject.strip.preprocessing import FEWEST_POINTS, Images, images_of, smooth_path
+from cell.orchestrator.monitors import is_outcome
 from cell.record.files import PROFILE, RESULT, RUN, TICKS, is_under_way
-from cell.record.header import NOT_FOLDED, Header, Sigma, is_outcome
+from cell.record.header import NOT_FOLDED, Header, Sigma
 from cell.record.run import Run as Recorded, read_run
 from cell.record.tables import TIME_MARGIN, check_clock
 from drivers.errors import ConfigurationError, suggestion
