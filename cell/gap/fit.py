@@ -98,7 +98,7 @@ def _write(findings: Findings, verdict: Verdict, file: Path, out: Path) -> None:
         scatter=findings.model_tests.scatter,
         law=findings.law and accept.StoredLaw(terms=findings.law.terms),
     )
-    write_file(out / accept.RECORD, record.to_json())
+    write_file(out / accept.RECORD, record.model_dump_json(by_alias=True, indent=1))
     write_file(out / "report.html", page(findings, verdict, out))
     if (law := findings.law) is not None:
         terms = {name: {"amount": value} for name, value in law.terms.items()}

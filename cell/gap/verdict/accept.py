@@ -8,16 +8,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 
 from cell.config.settings import CellSettings
 from cell.gap.fitting.reml import Spread
 from cell.gap.subject.mechanism.mechanism_file import MechanismFile
 from cell.gap.verdict.schema import fit_folder
+from cell.record.header import Recorded
 from drivers.errors import ConfigurationError
 from drivers.files import lock_folders, write_file
 from drivers.readers import MEGABYTE, read_bytes, read_json, read_text, read_yaml
-from drivers.settings import Settings, load, parse
+from drivers.settings import load, parse
 from drivers.strip.describe import load_strip
 from drivers.strip.effects import check_effects
 from drivers.yaml_text import edit_yaml
@@ -33,25 +34,13 @@ ABSENT = ""  # text of a file that an acceptance makes
 LARGEST_MODEL = 20 * MEGABYTE
 
 
-class StoredFile(Settings):
-    """Base of files that a program wrote: unknown keys are ignored."""
-
-    model_config = ConfigDict(extra="ignore", populate_by_name=True)
-
-    schema_: Literal[1] = Field(1, alias="schema")
-
-    def to_json(self) -> str:
-        """JSON text of the stored file."""
-        return self.model_dump_json(by_alias=True, indent=1)
-
-
-class StoredLaw(StoredFile):
+class StoredLaw(Recorded):
     """Empirical law of residuals that a fit offered: amounts by the name of its terms."""
 
     terms: dict[str, float]
 
 
-class FitRecord(StoredFile):
+class FitRecord(Recorded):
     """Content of fit.json: the hash of the file that was fitted, and the effects of its patch.
 
     `values` of the base are outside what the file tolerates; `scatter` are quantities that differ
@@ -70,7 +59,7 @@ class FitRecord(StoredFile):
         return tuple(self.law.terms) if self.law is not None else ()
 
 
-class Acceptance(StoredFile):
+class Acceptance(Recorded):
     """Content of accepted.json: by path, the text before an acceptance and the hash after it."""
 
     before: dict[str, str]
@@ -84,7 +73,7 @@ class Acceptance(StoredFile):
         return "before" if current == _hash(self.before[name]) else "changed"
 
 
-class Patch(StoredFile):
+class Patch(Recorded):
     """Content of a patch: parameters by effect, and settings of the cell.
 
     Settings are those of an arm: its tool, and the delay of its twin.
@@ -153,7 +142,8 @@ def _store_undo(out: Path, changes: Mapping[Path, str]) -> None:
     _check_writable(changes)
     before = {_name(p): read_text(p) if p.exists() else ABSENT for p in changes}
     after = {_name(p): _hash(text) for p, text in changes.items()}
-    write_file(out / ACCEPTED, Acceptance(before=before, after=after).to_json())
+    stored = Acceptance(before=before, after=after)
+    write_file(out / ACCEPTED, stored.model_dump_json(by_alias=True, indent=1))
 
 
 def _changes(
