@@ -1,5 +1,6 @@
 """Protocols of the cell's devices, simulated or real: clock, arm, hand, camera."""
 
+from collections.abc import Mapping
 from typing import Protocol
 
 from drivers.types import ArmState, Frame, HandState, Pose, Velocity
@@ -75,3 +76,13 @@ class Camera(Protocol):
 
     def close(self) -> None:
         """Stop the stream and release the camera; allowed twice."""
+
+
+class RealCamera(Camera, Protocol):
+    """Protocol of a camera that is no part of the twin; a calibration is for its `identity`."""
+
+    identity: str
+
+    @property
+    def locks(self) -> Mapping[str, int]:
+        """Values to which its controls are locked, by name."""

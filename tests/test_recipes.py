@@ -12,6 +12,7 @@ import drivers.strip.effects
 from cell.campaign.progress import Meter
 from cell.campaign.run import measure
 from cell.cli.options import policy_names as typed_policies
+from cell.config.cell import CellFile
 from cell.config.drivers import all_drivers
 from cell.config.places import CHECKOUT_CONFIGS, find_configs
 from cell.config.settings import DriverChoice
@@ -302,32 +303,34 @@ def test_a_monitor_is_an_entry_of_the_list(monkeypatch: pytest.MonkeyPatch) -> N
 CAMERA = '''
 """A camera whose images never change."""
 
-from dataclasses import replace
-
 from cell.config.drivers import Driver
+from drivers.settings import Settings
 
-DRIVER = Driver("own_stuck:with_stuck_camera")
+class StuckSettings(Settings):
+    serial: int
 
+class StuckCamera:
+    def __init__(self, settings, clock):
+        self.identity = f"stuck {settings.serial}"
 
-def with_stuck_camera(devices, settings):
-    return replace(devices, camera_identity=f"stuck in {settings.name}")
+DRIVER = Driver("own_stuck:StuckCamera", settings=StuckSettings)
 '''
 
 
 def test_a_driver_is_a_package_of_one_file(installed: Path) -> None:
     install(installed, "cameras", "stuck", CAMERA, "DRIVER")
-    settings, lying = (
-        find_configs(CHECKOUT_CONFIGS).cell(),
-        load_strip(CHECKOUT_CONFIGS / "strips" / "denim.yaml"),
-    )
-    stuck = parse({"camera": "stuck"}, DriverChoice, "cell.yaml: drivers")
+    configs = find_configs(CHECKOUT_CONFIGS)
+    lying, stated = configs.strip("denim"), configs.cell().model_dump(by_alias=True)
+    stated["drivers"] = {"camera": "stuck"}
     with pytest.raises(ConfigurationError, match=r"arm: must be one of twin, fci \(found 'stuck'"):
         parse({"arm": "stuck"}, DriverChoice, "cell.yaml: drivers")
-    settings = settings.model_copy(update={"drivers": stuck})
+    settings = parse(stated | {"cameras": {"stuck": {"serial": 5}}}, CellFile, "cell.yaml")
     with pytest.raises(ConfigurationError, match="camera stuck needs one"):
         check_calibrated(settings, DeviceSelection())
     devices = open_cell(settings, lying, DeviceSelection(), calibrating=True)
-    assert devices.camera_identity == f"stuck in {settings.name}"
+    assert devices.camera_identity == "stuck 5"
+    with pytest.raises(ConfigurationError, match=r"cell.yaml: cameras: stuck: serial: is missing"):
+        open_cell(parse(stated, CellFile, "cell.yaml"), lying, DeviceSelection(), calibrating=True)
 
 
 def test_study_is_one_file(installed: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -7,29 +7,33 @@ from importlib.metadata import EntryPoint
 from types import MappingProxyType
 from typing import Any, Literal
 
+from drivers.arm.settings import FciSettings
+from drivers.camera.settings import V4l2Settings
 from drivers.errors import check_known
 from drivers.plugins import plugin_names, plugins
+from drivers.settings import Settings
 
 
 @dataclass(frozen=True, slots=True)
 class Driver:
     """Entry of the registry: how to open the driver of an arm or a camera, and what it needs.
 
-    `opener` names, as `module:function`, what opens it: `twin_devices` is the example of an arm,
-    `with_real_camera` that of a camera. `library` and `section` are the optional library and the
-    section of cell.yaml that it needs. What is `real` is no part of the twin: an arm with joints
-    and limits of its own, a camera before which nobody knows the truth.
+    `opener` names, as `module:function`, what opens it: for an arm what makes the Devices, as
+    `fci_devices` does, with `open_camera` where nothing is simulated; for a real camera what makes
+    a `RealCamera` of its `settings` and the clock, as V4l2Camera is. `library` is the optional
+    library that it needs. What is `real` is no part of the twin: an arm with joints and limits of
+    its own, a camera before which nobody knows the truth.
     """
 
     opener: str
     library: str | None = None
-    section: str | None = None
+    settings: type[Settings] = Settings
     real: bool = True
 
     @property
     def is_franka(self) -> bool:
         """Whether it drives a Franka arm, real or emulated, whose joints and limits are known."""
-        return self.section == "fci"
+        return self.settings is FciSettings
 
     def load(self) -> Callable[..., Any]:
         """Import and return the driver's function that opens devices."""
@@ -42,11 +46,11 @@ DRIVERS: Mapping[Kind, Mapping[str, Driver]] = MappingProxyType(
     {
         "arms": {
             "twin": Driver("cell.devices.twin:twin_devices", real=False),
-            "fci": Driver("cell.devices.fci:fci_devices", library="pylibfranka", section="fci"),
+            "fci": Driver("cell.devices.fci:fci_devices", "pylibfranka", FciSettings),
         },
         "cameras": {
-            "twin": Driver("cell.devices.twin:with_twin_camera", real=False),
-            "v4l2": Driver("cell.devices.real_camera:with_real_camera", section="camera"),
+            "twin": Driver("", real=False),  # the arm's opener brings it
+            "v4l2": Driver("drivers.camera.camera:V4l2Camera", settings=V4l2Settings),
         },
     }
 )

@@ -1,7 +1,7 @@
 """Settings of the controller in cell.yaml: drivers, installation, speeds, limits, learning."""
 
 from functools import partial
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field
 
@@ -134,6 +134,9 @@ class CellSettings(Settings):
     drivers: DriverChoice = DriverChoice()
     calibration: str | None = None  # file, relative to this one; None: the one of `cell calibrate`
     camera: V4l2Settings | None = None  # the real one; None: this cell has none
+    cameras: dict[CameraName, dict[str, Any]] = Field(  # settings of those of plug-ins
+        default_factory=dict, exclude_if=lambda cameras: not cameras
+    )
     installation: Installation = Installation()
     fci: FciSettings = FciSettings()
     fold: FoldSettings = FoldSettings()

@@ -8,6 +8,7 @@ from cell.config.cell import CellFile
 from cell.config.settings import FoldSettings
 from cell.devices.devices import Devices, DeviceSelection
 from cell.devices.fold_path import triangle, whole_path
+from cell.devices.real_camera import open_camera
 from cell.devices.twin import TwinCalibrationAids, TwinPlant, simulated
 from drivers.arm.arm import FciArm
 from drivers.arm.hand import FciHand
@@ -15,9 +16,10 @@ from drivers.arm.obstacles import floor_of
 from drivers.arm.process import RobotAccess
 from drivers.arm.reach import plan_reach
 from drivers.clock import WallClock
-from drivers.errors import ConfigurationError, Fault
+from drivers.errors import ConfigurationError
 from drivers.fci_server.server import RobotServer, ServerSettings
 from drivers.installation import Installation
+from drivers.protocols import Camera
 from drivers.strip.file import StripFile
 from drivers.twin.camera import PacedCamera
 from drivers.twin.clock import RealTimeClock, TwinClock
@@ -28,7 +30,7 @@ from drivers.twin.open import (
     thickness_between_fingers,
     weight_on_gripper,
 )
-from drivers.types import Frame, frozen
+from drivers.types import frozen
 
 CellClock = TwinClock | RealTimeClock | WallClock
 CATCHING_UP = 0.02  # s per tick for strip and camera to catch up with a robot's time
@@ -49,7 +51,11 @@ def fci_devices(
     gripping = settings if calibrating else _expect_thickness(settings, strip)
     if choice.camera_driver(settings).real and address is not None and not lock_step:
         alone = WallClock()
-        return _robot_devices(settings, alone, *fci_arm(gripping, alone, address))
+        camera = open_camera(settings, choice, alone)
+        return replace(
+            _robot_devices(alone, *fci_arm(gripping, alone, address), camera, camera.identity),
+            camera_locks=lambda: camera.locks,
+        )
     world = TwinClock()
     clock = world if lock_step else RealTimeClock(world, CATCHING_UP)
     simulation, plant = simulated(settings, strip, choice, calibrating=calibrating)
@@ -62,29 +68,29 @@ def fci_devices(
     servers = [] if address is not None else [_start_robot(settings, strip, desk)]
     arm, hand = fci_arm(gripping, clock, address or servers[0].address)
     follow_arm(desk, settings.twin.hand, arm.catch_up, hand)
+    twins = desk.camera if lock_step else PacedCamera(desk.camera)
     return replace(
-        _robot_devices(settings, clock, arm, hand, servers),
-        camera=desk.camera if lock_step else PacedCamera(desk.camera),
-        camera_identity=settings.twin.camera.identity,
+        _robot_devices(clock, arm, hand, twins, settings.twin.camera.identity, servers),
         aids=TwinCalibrationAids(desk, settings, choice.seed) if calibrating else None,
         plant=TwinPlant(desk, choice.plant or strip),
     )
 
 
 def _robot_devices(
-    settings: CellFile,
     clock: CellClock,
     arm: FciArm,
     hand: FciHand,
+    camera: Camera,
+    identity: str,
     servers: Sequence[RobotServer] = (),
 ) -> Devices:
-    """Devices of a robot without a camera; `servers` that emulate it are closed with them."""
+    """Devices of a robot and a `camera`; `servers` that emulate the robot are closed with them."""
     return Devices(
         clock=clock,
         arm=arm,
         hand=hand,
-        camera=NoCamera(),
-        camera_identity="" if settings.camera is None else settings.camera.identity,
+        camera=camera,
+        camera_identity=identity,
         aids=None,
         plant=None,
         others=(*servers, hand),
@@ -151,20 +157,3 @@ def _expect_thickness(settings: CellFile, strip: StripFile) -> CellFile:
     low, high = strip.spread.get("thickness", (strip.thickness, strip.thickness))
     hand = settings.fci.hand.for_thickness(low, high)
     return settings.model_copy(update={"fci": settings.fci.model_copy(update={"hand": hand})})
-
-
-class NoCamera:
-    """Camera that delivers no images, a placeholder until the selected camera is opened."""
-
-    rate = 0.0
-
-    def connect(self) -> None:
-        """Raise Fault `camera_closed`: this placeholder stands for a camera that is not open."""
-        raise Fault("camera_closed", "no camera was opened")
-
-    def read(self, after: float, timeout: float) -> Frame | None:  # noqa: ARG002
-        """None, as this placeholder of a camera delivers no images."""
-        return None
-
-    def close(self) -> None:
-        """Do nothing, as this placeholder of a camera holds no device."""

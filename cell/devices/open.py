@@ -6,7 +6,7 @@ import cv2
 
 from cell.config.cell import CellFile
 from cell.devices.devices import Devices, DeviceSelection
-from cell.devices.real_camera import camera_settings
+from cell.devices.real_camera import camera_settings, with_real_camera
 from cell.devices.rig_correction import corrected_devices
 from cell.extras import require_library
 from drivers.errors import ConfigurationError, PreflightRefused
@@ -19,8 +19,8 @@ def check_drivers(settings: CellFile, choice: DeviceSelection) -> None:
     for driver in (choice.arm_driver(settings), choice.camera_driver(settings)):
         if driver.library is not None:
             require_library(driver.library)
-    if choice.camera_driver(settings).section == "camera":
-        camera_settings(settings)
+    if choice.camera_driver(settings).opener:
+        camera_settings(settings, choice)
     if robot_address(settings, choice) and is_real(settings, choice) and settings.fci.in_lock_step:
         raise ConfigurationError(
             f"fci.lock_step: is true, but {settings.fci.address} is no twin on this machine: a "
@@ -97,9 +97,9 @@ def open_cell(
             "twin"
         )
     cv2.setNumThreads(1)  # beside the strip and the record, more threads only wait for each other
-    arm, camera = choice.arm_driver(settings), choice.camera_driver(settings)
+    arm = choice.arm_driver(settings)
     with guarded("arms", choice.arm or settings.drivers.arm):
         devices: Devices = arm.load()(settings, strip, choice, calibrating=calibrating)
-    with guarded("cameras", choice.camera or settings.drivers.camera):
-        devices = camera.load()(devices, settings)
+    if choice.camera_driver(settings).opener and devices.plant is not None:  # else it is open
+        devices = with_real_camera(devices, settings, choice)
     return devices if calibrating else corrected_devices(devices, settings, strip)

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 
 from cell.config.cell import CellFile
-from cell.devices.devices import Devices
+from cell.devices.devices import Devices, DeviceSelection
 from drivers.camera.camera import CameraReport, V4l2Camera
 from drivers.camera.formats import Mode
 from drivers.camera.frame import CameraFrame, Counts
@@ -11,6 +11,9 @@ from drivers.camera.session import Setup
 from drivers.camera.settings import V4l2Settings
 from drivers.clock import WallClock
 from drivers.errors import CellError, ConfigurationError
+from drivers.plugins import guarded
+from drivers.protocols import Clock, RealCamera
+from drivers.settings import Settings, parse
 from drivers.twin.clock import RealTimeClock, TwinClock
 
 BEST_MODE = 1280, 720, 30.0  # px, px, Hz; larger modes are not proposed
@@ -27,8 +30,15 @@ WATCHED = 1.0  # s of frames over which a test measures the rate
 FIRST_FRAME_TIMEOUT = 5.0  # s that the first frame may take
 
 
-def camera_settings(settings: CellFile) -> V4l2Settings:
-    """Settings of the camera in cell.yaml; ConfigurationError where it has none."""
+def camera_settings(settings: CellFile, choice: DeviceSelection) -> Settings:
+    """Settings in cell.yaml of the selected real camera; ConfigurationError for missing or wrong.
+
+    They are the section `camera` for V4L2, and `cameras: NAME` for the camera NAME of a plug-in.
+    """
+    driver = choice.camera_driver(settings)
+    if driver.settings is not V4l2Settings:
+        name = choice.camera or settings.drivers.camera
+        return parse(settings.cameras.get(name, {}), driver.settings, f"cell.yaml: cameras: {name}")
     if settings.camera is None:
         raise ConfigurationError(
             "cell.yaml: camera: is missing, camera v4l2 needs it; `cell camera` lists what is "
@@ -37,24 +47,31 @@ def camera_settings(settings: CellFile) -> V4l2Settings:
     return settings.camera
 
 
-def with_real_camera(devices: Devices, settings: CellFile) -> Devices:
-    """Copy of `devices` with the camera of cell.yaml, on a clock that keeps real time.
+def open_camera(settings: CellFile, choice: DeviceSelection, clock: Clock) -> RealCamera:
+    """Open the selected real camera, whose frames are stamped by `clock`."""
+    own, opener = camera_settings(settings, choice), choice.camera_driver(settings).load()
+    with guarded("cameras", choice.camera or settings.drivers.camera):
+        camera: RealCamera = opener(own, clock)
+    return camera
+
+
+def with_real_camera(devices: Devices, settings: CellFile, choice: DeviceSelection) -> Devices:
+    """Copy of `devices` with the selected real camera, on a clock that keeps real time.
 
     The camera does not see the twin's world, so the truth is not used for scoring.
     """
-    camera_file = camera_settings(settings)
     clock = devices.clock
     if isinstance(clock, TwinClock):  # the camera's own thread runs by the wall clock
         clock = RealTimeClock(clock)
-    camera = V4l2Camera(camera_file, clock)
+    camera = open_camera(settings, choice, clock)
     return replace(
         devices,
         clock=clock,
         camera=camera,
-        camera_identity=camera_file.identity,
+        camera_identity=camera.identity,
         aids=None,
         plant=None,
-        camera_locks=lambda: camera_file.controls if camera.setup is None else camera.setup.locks,
+        camera_locks=lambda: camera.locks,
         real_time=True,
     )
 

@@ -75,11 +75,6 @@ def simulated(
     return twin, plant.model_copy(update={"effects": effects})
 
 
-def with_twin_camera(devices: Devices, _: CellFile) -> Devices:
-    """Return `devices` unchanged, as every simulated arm comes with the twin's camera."""
-    return devices
-
-
 def twin_devices(
     settings: CellFile,
     strip: StripFile,

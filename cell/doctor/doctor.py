@@ -44,7 +44,7 @@ def hardware_checks(
     yield devices.calibration(settings, on_twin=not has_real_camera)
     yield from _arm(settings, choice, seconds)
     if has_real_camera:
-        yield devices.camera(settings)
+        yield devices.camera(settings, choice)
     else:
         yield Check("camera", Grade.SKIPPED, "the twin's", "there is nothing to connect")
 
@@ -81,7 +81,7 @@ def motion_checks(
     yield machine.cores()
     yield from _arm(settings, choice, BRIEF)
     if camera and choice.camera_driver(settings).real:
-        yield devices.camera(settings)
+        yield devices.camera(settings, choice)
 
 
 def refuse_failed(found: Iterable[Check]) -> None:

@@ -2,7 +2,7 @@
 
 import math
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -211,6 +211,7 @@ class V4l2Camera:
     """
 
     def __init__(self, settings: V4l2Settings, clock: Clock, kernel: Kernel | None = None) -> None:
+        self.identity = settings.identity
         self._settings = settings
         self._clock = clock
         self._kernel = Kernel() if kernel is None else kernel
@@ -222,6 +223,11 @@ class V4l2Camera:
     def rate(self) -> float:
         """Frame rate [Hz] that the device accepted or, before `connect`, that is requested."""
         return self._settings.rate if self.setup is None else self.setup.picture.rate
+
+    @property
+    def locks(self) -> Mapping[str, int]:
+        """Values to which its controls are locked: as read back, requested before `connect`."""
+        return self._settings.controls if self.setup is None else self.setup.locks
 
     @property
     def counts(self) -> Counts:

@@ -13,17 +13,15 @@ pytest.importorskip("pylibfranka", reason="the robot's library is not installed"
 
 CAMERA = {"device": "/dev/v4l/by-id/usb-camera", "format": "YUYV"}
 CAMERA |= {"width": 1280, "height": 720, "rate": 30.0}
+STRIP, CELL = Configs(CHECKOUT_CONFIGS).strip("denim"), Configs(CHECKOUT_CONFIGS).cell()
+SETTINGS = CELL.model_copy(update={"camera": V4l2Settings.model_validate(CAMERA)})
 
 
 def test_beside_a_real_robot_and_camera_no_strip_is_simulated() -> None:
-    settings = Configs(CHECKOUT_CONFIGS).cell()
-    fci = settings.fci.model_copy(update={"address": "127.0.0.9"})
-    changes = {"fci": fci, "camera": V4l2Settings.model_validate(CAMERA)}
-    settings = settings.model_copy(update=changes)
+    fci = SETTINGS.fci.model_copy(update={"address": "127.0.0.9"})
+    settings = SETTINGS.model_copy(update={"fci": fci})
     choice = DeviceSelection(arm="fci", camera="v4l2")
-    devices = open_cell(
-        settings, Configs(CHECKOUT_CONFIGS).strip("denim"), choice, calibrating=False
-    )
+    devices = open_cell(settings, STRIP, choice, calibrating=False)
     assert isinstance(devices.clock, WallClock)
     assert isinstance(devices.camera, V4l2Camera)
     assert devices.plant is None
@@ -32,9 +30,6 @@ def test_beside_a_real_robot_and_camera_no_strip_is_simulated() -> None:
 
 
 def test_a_twin_waits_for_images_and_a_real_camera_does_not() -> None:
-    settings = Configs(CHECKOUT_CONFIGS).cell()
-    settings = settings.model_copy(update={"camera": V4l2Settings.model_validate(CAMERA)})
-    strip = Configs(CHECKOUT_CONFIGS).strip("denim")
     for camera, real_time in (("twin", False), ("v4l2", True)):
         choice = DeviceSelection(arm="twin", camera=camera)
-        assert open_cell(settings, strip, choice, calibrating=False).real_time is real_time
+        assert open_cell(SETTINGS, STRIP, choice, calibrating=False).real_time is real_time
