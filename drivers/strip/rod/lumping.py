@@ -81,13 +81,13 @@ def _combine_compliances(grip: Array, compliance: float) -> None:
     """Put the grip's `compliance` [rad/(N m)] in series with the strip's bending at the grip.
 
     Angles add under one moment: K' = K / (1 + C K); with s = K' / K the strip's share of the angle,
-    damping is s^2 D, and the cubic term s^3 of itself.
+    damping is s^2 D, the cubic term s^3 of itself, friction s F; while it sticks, s is smaller.
     """
-    if compliance == 0:
-        return
     share = 1.0 / (1.0 + compliance * grip[at.BEND])
+    stuck = 1.0 / (1.0 + compliance * (grip[at.BEND] + grip[at.STICK]))
     grip[at.BEND] *= share
-    grip[at.STICK] *= share
+    grip[at.STICK] *= share * stuck
+    grip[at.SLIP] *= share
     grip[at.DAMP] *= share**2
     grip[at.CUBIC] *= share**3
     grip[at.CREST] /= share**1.5
@@ -99,6 +99,7 @@ def _lump_terms(rows: Array, model: StripModel, reach: Array) -> None:
     boundary = model.boundary
     inner = rows[1:-1]
     inner[:, at.QUADRATIC] = inner[:, at.BEND] * law.quadratic_damping / reach
+    inner[-1, at.QUADRATIC] *= (1.0 - boundary.grip_compliance * inner[-1, at.BEND]) ** 2  # s^2
     inner[:, at.BRANCH] = inner[:, at.BEND] * law.relaxing
     inner[:, at.BEND] -= inner[:, at.BRANCH]
     inner[:, at.FADE] = 1.0 / law.relaxation_time

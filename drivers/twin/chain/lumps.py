@@ -51,17 +51,18 @@ class HingeLumps:
         reach = np.diff(middles)
         bare = strip.series(strip.rigidity, middles) / reach
         share = _strip_share(bare, model.boundary.grip_compliance)
+        stuck = _strip_share(bare * (1.0 + law.stiffness_ratio), model.boundary.grip_compliance)
         stiffness = bare * share * scale
         spring = stiffness * (1.0 - law.relaxing)
         growth = law.cubic * share**3 / reach**2
-        presliding = stiffness * law.stiffness_ratio
-        slip = reach * (law.yield_curvature / law.stiffness_ratio) / share
+        presliding = stiffness * law.stiffness_ratio * stuck
+        slip = reach * (law.yield_curvature / law.stiffness_ratio) / stuck
         lag = strip.viscosity / strip.rigidity**2  # its integral times K^2 is a hinge's damping
         return cls(
             reach=reach,
             stiffness=stiffness,
             damping=stiffness * share * bare * strip.total(lag, middles),
-            quadratic=stiffness * law.quadratic_damping / reach,
+            quadratic=stiffness * share**2 * law.quadratic_damping / reach,
             rest=strip.total(strip.rest_curvature, middles),
             cubic=spring * growth,
             fifth=spring * law.fifth * growth**2,
@@ -88,7 +89,7 @@ def _strip_share(stiffness: Array, grip_compliance: float) -> Array:
 
     Under one moment angles add up, so that a hinge of `stiffness` K [N m/rad] in series with the
     compliance C [rad/(N m)] has s K with s = 1 / (1 + C K); then the strip's damping counts s^2,
-    the cubic term against s K s^3.
+    quadratic damping s^3, the cubic term against s K s^3, friction s; s is smaller while it sticks.
     """
     share = np.ones_like(stiffness)
     share[-1] = 1.0 / (1.0 + grip_compliance * stiffness[-1])

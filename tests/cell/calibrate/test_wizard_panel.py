@@ -23,12 +23,9 @@ def _terminal(progress: Progress) -> str:
 WANTED = "show the board high and left, 40 % of the image wide, top away by 16 deg"
 
 
-def _views(why: str) -> Progress:
-    return Progress("the lens, from a board", WANTED, why, coverage=GATES)
-
-
 def test_board_panel_states_request_reason_and_missing_coverage() -> None:
-    shown = _terminal(_views(f"still missing: {GATES[0]}"))
+    why = f"still missing: {GATES[0]}"
+    shown = _terminal(Progress("the lens, from a board", WANTED, why, coverage=GATES))
     assert "show the board high and left, 40 % of the image wide, top away by 16 deg" in shown
     assert "why   still missing: x: 0.20 of 0.50" in shown
     assert "0.20 of 0.50" in shown.split("why")[1].splitlines()[2]

@@ -7,8 +7,11 @@ import pytest
 
 from drivers.geometry import arc_lengths
 from drivers.strip.describe import describe
-from drivers.strip.model import scale_rigidity
+from drivers.strip.model import scale_rigidity, with_field
+from drivers.strip.rod import layout as at
 from drivers.strip.rod.engine import Rod
+from drivers.strip.rod.lumping import lump
+from drivers.twin.chain.lumps import HingeLumps, places
 from tests.support.effect_cases import LENGTH, PATHS, affected, bare, denim, folds, way
 from tests.support.rod_cases import overhang, paper_model
 
@@ -143,3 +146,19 @@ def test_friction_between_yarns_moves_the_displacement_as_measured() -> None:
     without, with_yarns = folds([paper_model(0.1), paper_model(0.1, effects=yarns)])
     moved = with_yarns.touch.displacement - without.touch.displacement
     assert moved == pytest.approx(-0.014, abs=0.006)
+
+
+def test_compliant_grip_bends_in_series_with_friction_and_damping() -> None:
+    laws = {"bending_hysteresis": {"yield_curvature": 12.0}}
+    hard = paper_model(0.1, effects=laws | {"quadratic_damping": {"coefficient": 3e-4}})
+    soft = with_field(hard, "boundary.grip_compliance", 2000.0)
+    names = [at.BEND, at.STICK, at.SLIP, at.QUADRATIC]
+    rod = [lump(model, 100, rich=True)[-2, names] for model in (hard, soft)]
+    hinges = [HingeLumps.from_model(model, places(0.6, 100), 1.0) for model in (hard, soft)]
+    of = [(h.stiffness, h.presliding, h.presliding * h.slip, h.quadratic) for h in hinges]
+    chain = [np.array(each)[:, -1] for each in of]
+    for (bend, stick, slip, quadratic), found in (rod, chain):
+        share = found[0] / bend
+        assert found[0] == pytest.approx(1.0 / (1.0 / bend + 2000.0))
+        assert found[0] + found[1] == pytest.approx(1.0 / (1.0 / (bend + stick) + 2000.0))
+        assert found[2:] == pytest.approx([share * slip, share**3 * quadratic])

@@ -279,12 +279,8 @@ def gap_model_of(case: Case) -> GapModel:
 
     A slip begins at a threshold: on a strip only a little softer than the plant none might show.
     """
-    return _cached_gap_model(case.strip, case.stiffness, case.damping, case.tier, _hand_seed(case))
-
-
-def _hand_seed(case: Case) -> int | None:
-    """Seed of the hand's random motions; None where the case is not moved by hand."""
-    return case.seed if case.motions == "by_hand" else None
+    hand_seed = case.seed if case.motions == "by_hand" else None
+    return _cached_gap_model(case.strip, case.stiffness, case.damping, case.tier, hand_seed)
 
 
 @lru_cache(maxsize=2)

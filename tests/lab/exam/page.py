@@ -116,10 +116,11 @@ def markdown(entries: Sequence[Entry], command: str = "") -> str:
 def _tier_sections(entries: Sequence[Entry], tier: Tier) -> Iterator[str]:
     """Headings, texts and tables on one tier, as blocks of Markdown."""
     failed = sum(e.state == "failed" for e in entries)
+    engines = ", ".join(sorted({e.of.split("-")[0] for e in entries}))
     yield f"## {TIERS[tier]}"
     yield (
         f"{len(entries)} cases; {failed} of them gave no verdict, and count as not right. "
-        f"Source of the engine: {_engines_used(entries)}."
+        f"Source of the engine: {engines}."
     )
     yield _targets_table(targets(entries, tier))
     found = outcomes(entries)
@@ -146,10 +147,6 @@ def _detail_sections(entries: Sequence[Entry], found: Sequence[Outcome]) -> Iter
     yield _shrink_table(entries)
     yield "### Against simpler ways, on the same cases"
     yield _baseline_table(entries)
-
-
-def _engines_used(entries: Iterable[Entry]) -> str:
-    return ", ".join(sorted({e.of.split("-")[0] for e in entries}))
 
 
 def _targets_table(lines: Iterable[Target]) -> str:

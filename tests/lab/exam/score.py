@@ -288,7 +288,8 @@ def oracle(
     train, test = with_spreads(train, scatter), with_spreads(test, scatter)
     base = _refit(subject.simulate, base.model, train, [base.shared])
     whole = _refit(subject.simulate, model, train, starts)
-    before, after = (_excess(subject.simulate, fit, test) for fit in (base, whole))
+    unseen = (held_out_gap.fit_held_out(subject.simulate, fit, test) for fit in (base, whole))
+    before, after = map(held_out_gap.excess_of, unseen)
     return Oracle(after=after, shrink=1.0 - after / before if before > 0.0 else 0.0)
 
 
@@ -323,7 +324,3 @@ def _refit(simulate: Simulate, model: Model, runs: Evidence, starts: Sequence[Ar
     """Fit from each of the start values; returns the estimate with the least objective."""
     tasks = [refit(model, runs, Point(start, runs.start())) for start in starts]
     return min(run_all(simulate, tasks), key=lambda estimate: estimate.objective)
-
-
-def _excess(simulate: Simulate, fit: Estimate, test: Evidence) -> float:
-    return held_out_gap.excess_of(held_out_gap.fit_held_out(simulate, fit, test))

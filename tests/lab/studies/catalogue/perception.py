@@ -39,7 +39,7 @@ def measure(case: Values) -> Values:
     path = (STANDARD[REFERENCE_RUN].shape if case["standard"] else triangular)(strip.length)
     fold = fold_of(case["strip"], path, SPEED, LINKS)
     images = list(sights(fold, IMAGE_STRIDE))
-    seen = [sight for sight in images if _sees_strip(sight)]
+    seen = [s for s in images if len(s.seen.profile) >= 2 and np.isfinite(s.seen.contact_x)]
     errors: dict[str, list[float]] = {name: [] for name in ERRORS}
     halves: dict[str, list[float]] = defaultdict(list)
     curves = [_profile_errors(sight) for sight in seen]
@@ -64,10 +64,6 @@ def measure(case: Values) -> Values:
         "late": late,
         "displacement": displacement,
     }
-
-
-def _sees_strip(sight: Sight) -> bool:
-    return len(sight.seen.profile) >= 2 and bool(np.isfinite(sight.seen.contact_x))
 
 
 def _touch_errors(images: Sequence[Sight]) -> tuple[float, float] | tuple[None, None]:
