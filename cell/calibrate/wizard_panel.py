@@ -166,7 +166,7 @@ def gates_table(gates: Sequence[Gate]) -> Table:
     for _ in range(3):
         table.add_column(no_wrap=True, overflow="ellipsis")
     for gate in gates:
-        full = round(gate.share * BAR)
+        full = int(gate.share * BAR)  # full only where all is there
         style = "green" if gate.passed else "yellow"
         bar = Text("#" * full, style=style) + Text("-" * (BAR - full), style="dim")
         table.add_row(gate.name, bar, gate.ratio)

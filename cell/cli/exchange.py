@@ -89,9 +89,9 @@ def _convert(
     from cell.record.exchange.mapping import SignalMapping
 
     if model is not None:
-        from cell.gap.subject.mechanism.read_mechanism import check_of
+        from cell.gap.subject.mechanism.read_mechanism import recording_reader
 
-        return convert(places, mapping, out, check_of(model), SignalMapping)
+        return convert(places, mapping, out, recording_reader(model), SignalMapping)
     from cell.gap.subject.strip.runs import check_fold
 
     remarks = list[str]()

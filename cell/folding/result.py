@@ -60,7 +60,7 @@ class FoldResult:
 
     @classmethod
     def from_outcome(cls, request: Request, outcome: Outcome, truth: Mapping[str, Any]) -> Self:
-        """Result of a fold of `request` by its `outcome` and the twin's `truth`, without a run."""
+        """Result of a fold of `request` by `outcome` and the twin's `truth`; its `run` is empty."""
         touch = outcome.touch
         return cls(
             run="",

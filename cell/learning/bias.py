@@ -117,7 +117,7 @@ class _Learner:
         self._rows.append((unknowns, experience.displacement, self._settings.repeat))
 
     def bias(self, strip: str, specimen: str) -> Bias:
-        """Bias [m] of the next fold of `specimen` of fabric `strip`, by the folds learned from."""
+        """Expected measured minus predicted displacement of the next fold of a `specimen`."""
         unknowns = self._unknowns_of(strip, specimen)
         mean, variance = self._predict(unknowns)
         rig, _ = self._predict((self._rig,))

@@ -267,8 +267,8 @@ def _read_checked(folder: RunFolder, file: MechanismFile, model: Any) -> Recordi
     return recording
 
 
-def check_of(path: Path) -> Callable[[Path], Recording]:
-    """Function that reads the recording in a run's folder as one of the mechanism at `path`.
+def recording_reader(path: Path) -> Callable[[Path], Recording]:
+    """Function that reads a run folder's recording, checked against the mechanism at `path`.
 
     Raises ConfigurationError for a file that cannot be read, as the reader does for a run.
     """

@@ -229,7 +229,7 @@ def typical_frequency(found: Sequence[Recording], columns: Sequence[str]) -> flo
 
 
 def _spreads(t: Array, x: Array) -> tuple[float, float]:
-    """Standard deviations of block means of a column x (m,) over t (m,) [s], and of their rate."""
+    """Standard deviations of block means of x (m,) at t (m,) [s], and of their rate; 0 in noise."""
     known = np.isfinite(x)
     t, x = t[known], x[known]
     width = max(1, len(x) // PACE_READINGS)
@@ -237,8 +237,8 @@ def _spreads(t: Array, x: Array) -> tuple[float, float]:
     times = t[:whole].reshape(-1, width).mean(axis=1)
     means = x[:whole].reshape(-1, width).mean(axis=1)
     rate = float(np.gradient(means, times).std()) if len(means) > 2 else 0.0
-    moves = rate * float(np.diff(times).mean()) < NOISY * float(means.std())
-    return float(means.std()), rate if moves else 0.0
+    above_noise = rate * float(np.diff(times).mean()) < NOISY * float(means.std())
+    return float(means.std()), rate if above_noise else 0.0
 
 
 def width_of(recording: Recording, least: float) -> float:
