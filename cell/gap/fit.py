@@ -58,12 +58,12 @@ def fit(
     began = time.monotonic()
     _clear(out)
     folders = find_runs(runs)
-    progress(f"read {plural(len(folders), 'run')}", 0.0)
     hold.check([run.name for run in folders], options.hold_out)
     distinct, copies = without_copies(folders)
     if not options.unchecked:
         refuse(distinct)
     subject = open_subject(file, distinct, options.jobs, options.without)
+    progress(f"read {plural(len(folders), 'run')}", 0.0)
     with writing(f"{out}", "give a folder that can be written"):
         out.mkdir(parents=True, exist_ok=True)
     simulate = CountedSimulation(subject.simulate)
