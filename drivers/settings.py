@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic.config import ExtraValues
 from pydantic.fields import FieldInfo
 
 from drivers.errors import ConfigurationError, suggestion
@@ -61,11 +62,12 @@ class StudyResult(Settings):
 S = TypeVar("S", bound=BaseModel)
 
 
-def parse(content: object, model: type[S], origin: str) -> S:
+def parse(content: object, model: type[S], origin: str, extra: ExtraValues | None = None) -> S:
     """Validate `content` as a `model`; raises ConfigurationError with a line for each problem.
 
     A line reads `origin: key: reason`. Nothing is converted: text and booleans are not numbers.
-    Validated as JSON, where tuples are given as lists.
+    Validated as JSON, where tuples are given as lists. `extra` replaces what the model does with
+    unknown keys, which a program of another version may have written.
     """
     if not isinstance(content, Mapping):
         raise ConfigurationError(f"{origin}: must be a mapping of keys to values")
@@ -75,7 +77,7 @@ def parse(content: object, model: type[S], origin: str) -> S:
             f"{origin}: schema: is {schema}, this version reads {SCHEMA}; update the cell"
         )
     try:
-        return model.model_validate_json(_json(content, origin), strict=True)
+        return model.model_validate_json(_json(content, origin), strict=True, extra=extra)
     except ValidationError as error:
         items = [dict(item) for item in error.errors()]
         lines = [_problem(origin, model, item) for item in items if not _is_follow_up(item, items)]

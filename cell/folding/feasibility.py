@@ -50,7 +50,6 @@ def check_feasible(
     touch = None if folds is None else folds.touch[0]
     path, speeds = whole_path(strip.length, settings.installation, settings.fold, carry, touch)
     places = np.vstack([path[1:, :2], carry])  # from beside the strip on
-
     joints = arm.is_franka and np.isfinite(path).all()  # the workspace refuses any other path
 
     def carry_at(speed: float) -> Array:

@@ -166,7 +166,7 @@ def _other_decisions(
 
 def _header_entry(run: Run, key: str, model: type[Any]) -> Any:
     """Parse the entry `key` of the run's header as a `model`."""
-    return parse(_header_value(run, key), model, f"{run.folder}/run.yaml: {key}")
+    return parse(_header_value(run, key), model, f"{run.folder}/run.yaml: {key}", extra="ignore")
 
 
 def _header_value(run: Run, key: str) -> Any:
