@@ -331,6 +331,8 @@ def test_a_driver_is_a_package_of_one_file(installed: Path) -> None:
     assert devices.camera_identity == "stuck 5"
     with pytest.raises(ConfigurationError, match=r"cell.yaml: cameras: stuck: serial: is missing"):
         open_cell(parse(stated, CellFile, "cell.yaml"), lying, DeviceSelection(), calibrating=True)
+    with pytest.raises(ConfigurationError, match=r"must be one of stuck \(found 'v4l2'"):
+        parse(stated | {"cameras": {"v4l2": {}}}, CellFile, "cell.yaml")
 
 
 def test_study_is_one_file(installed: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -16,20 +16,22 @@ from cell.record.film import Encoder
 from drivers.arm.settings import FciSettings
 from drivers.camera.settings import V4l2Settings
 from drivers.installation import Installation
+from drivers.plugins import plugin_names
 from drivers.settings import Metres, Seconds, Settings, Speed
 from policies.path import TAKEOVER_HEIGHT
 
 
-def _check_driver(kind: Kind, name: str) -> str:
-    """Return `name` if it is that of a driver of this `kind`; raises ValueError for another."""
-    known = driver_names(kind)
+def _check_driver(kind: Kind, name: str, *, plugin: bool = False) -> str:
+    """Return `name` if a driver, or a `plugin`, of this `kind` has it; raises ValueError if not."""
+    known = plugin_names(kind) if plugin else driver_names(kind)
     if name not in known:
-        raise ValueError(f"must be one of {', '.join(known)}")
+        raise ValueError(f"must be one of {', '.join(known) or 'the plug-ins, none is installed'}")
     return name
 
 
 ArmName = Annotated[str, AfterValidator(partial(_check_driver, "arms"))]
 CameraName = Annotated[str, AfterValidator(partial(_check_driver, "cameras"))]
+PluginCamera = Annotated[str, AfterValidator(partial(_check_driver, "cameras", plugin=True))]
 
 
 class DriverChoice(Settings):
@@ -134,7 +136,7 @@ class CellSettings(Settings):
     drivers: DriverChoice = DriverChoice()
     calibration: str | None = None  # file, relative to this one; None: the one of `cell calibrate`
     camera: V4l2Settings | None = None  # the real one; None: this cell has none
-    cameras: dict[CameraName, dict[str, Any]] = Field(  # settings of those of plug-ins
+    cameras: dict[PluginCamera, dict[str, Any]] = Field(  # their own settings, by name
         default_factory=dict, exclude_if=lambda cameras: not cameras
     )
     installation: Installation = Installation()

@@ -66,7 +66,8 @@ def _stiffen_towards_grip(model: StripModel, amount: float) -> StripModel:
 
 
 def _stiffen_middle(model: StripModel, amount: float) -> StripModel:
-    return scale_rigidity(model, 1.0 + amount * _arch(model))
+    arch = 1.0 - 4.0 * _position(model) ** 2  # 1 in the middle of the strip, 0 at its ends
+    return scale_rigidity(model, 1.0 + amount * arch)
 
 
 def _stiffen_with_use(model: StripModel, amount: float) -> StripModel:
@@ -76,11 +77,6 @@ def _stiffen_with_use(model: StripModel, amount: float) -> StripModel:
 def _position(model: StripModel) -> Array:
     """Relative arc length (CELLS,) of the cells, from -1/2 at the fixed edge to 1/2 at the grip."""
     return np.asarray(model.mechanics.cells / model.mechanics.length - 0.5)
-
-
-def _arch(model: StripModel) -> Array:
-    """Parabola (CELLS,) over the cells: 1 in the middle of the strip, 0 at its ends."""
-    return np.asarray(1.0 - 4.0 * _position(model) ** 2)
 
 
 _TERMS = (

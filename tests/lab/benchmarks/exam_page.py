@@ -28,7 +28,8 @@ def main(
     pages = {path: path.read_text(encoding="utf-8") for path in (page, cases)}
     made = markdown(entries)
     for tier, mine in by_tier(entries):
-        section = _section(TIERS[tier])
+        pattern = rf"^## {re.escape(TIERS[tier])}\n.*?(?=^## |\Z)"  # a heading, up to the next
+        section = re.compile(pattern, re.DOTALL | re.MULTILINE)
         whole = section.search(made)[0].rstrip()
         brief = "\n### ".join(whole.split("\n### ")[:2])
         for path, text in {cases: whole, page: brief}.items():
@@ -40,8 +41,3 @@ def main(
     for path, text in pages.items():
         replace_file(path, (text.rstrip() + "\n").encode())
     return 0
-
-
-def _section(heading: str) -> re.Pattern[str]:
-    """Pattern of a section: its heading of level two, and all text up to the next."""
-    return re.compile(rf"^## {re.escape(heading)}\n.*?(?=^## |\Z)", re.DOTALL | re.MULTILINE)
