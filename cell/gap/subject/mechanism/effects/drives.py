@@ -145,9 +145,10 @@ ENCODER_SCALE = Effect(
     sentence="encoders count too much or too little a turn",
     of="rig",
     source="scale of an encoder",
-    # more, and lines of a disc or teeth of a gear would be miscounted, which any stop shows
+    # discs and gears count exactly, potentiometers and belts are within half a percent; beyond 2 %
+    # lines or teeth would be miscounted, which any stop shows
     parameters=lambda m: tuple(
-        Parameter(f"scale_{name}", "1", 0.0, -0.05, 0.05, step=1e-5, spread=0.02)
+        Parameter(f"scale_{name}", "1", 0.0, -0.02, 0.02, step=1e-5, spread=0.005)
         for name in m.encoders
     ),
     read=lambda m, values, found: found.scale.update(zip(m.encoders, values.tolist(), strict=True)),
