@@ -313,7 +313,7 @@ class StuckCamera:
     def __init__(self, settings, clock):
         self.identity = f"stuck {settings.serial}"
 
-DRIVER = Driver("own_stuck:StuckCamera", settings=StuckSettings)
+DRIVER = Driver("own_stuck:StuckCamera", settings="own_stuck:StuckSettings")
 '''
 
 

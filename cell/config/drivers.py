@@ -1,17 +1,14 @@
 """Registry of the drivers of arms and cameras by the names of operators, plug-ins included."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import EntryPoint
 from types import MappingProxyType
 from typing import Any, Literal
 
-from drivers.arm.settings import FciSettings
-from drivers.camera.settings import V4l2Settings
 from drivers.errors import check_known
 from drivers.plugins import plugin_names, plugins
-from drivers.settings import Settings
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,25 +17,28 @@ class Driver:
 
     `opener` names, as `module:function`, what opens it: for an arm what makes the Devices, as
     `fci_devices` does, with `open_camera` where nothing is simulated; for a real camera what makes
-    a `RealCamera` of its `settings` and the clock, as V4l2Camera is. `library` is the optional
-    library that it needs. What is `real` is no part of the twin: an arm with joints and limits of
-    its own, a camera before which nobody knows the truth.
+    a `RealCamera` of its own `settings`, a class named likewise, and the clock. `library` is the
+    optional library that it needs. What is `real` is no part of the twin: an arm with joints and
+    limits of its own, a camera before which nobody knows the truth.
     """
 
     opener: str
     library: str | None = None
-    settings: type[Settings] = Settings
+    settings: str = "drivers.settings:Settings"
     real: bool = True
 
     @property
     def is_franka(self) -> bool:
         """Whether it drives a Franka arm, real or emulated, whose joints and limits are known."""
-        return self.settings is FciSettings
+        return self == DRIVERS["arms"]["fci"]
 
-    def load(self) -> Callable[..., Any]:
+    def load(self) -> Any:
         """Import and return the driver's function that opens devices."""
-        loaded: Callable[..., Any] = EntryPoint("driver", self.opener, "folding_cell").load()
-        return loaded
+        return EntryPoint("driver", self.opener, "folding_cell").load()
+
+    def load_settings(self) -> Any:
+        """Import and return the class of the driver's settings."""
+        return EntryPoint("driver", self.settings, "folding_cell").load()
 
 
 Kind = Literal["arms", "cameras"]
@@ -46,11 +46,11 @@ DRIVERS: Mapping[Kind, Mapping[str, Driver]] = MappingProxyType(
     {
         "arms": {
             "twin": Driver("cell.devices.twin:twin_devices", real=False),
-            "fci": Driver("cell.devices.fci:fci_devices", "pylibfranka", FciSettings),
+            "fci": Driver("cell.devices.fci:fci_devices", "pylibfranka"),
         },
         "cameras": {
             "twin": Driver("", real=False),  # the arm's opener brings it
-            "v4l2": Driver("drivers.camera.camera:V4l2Camera", settings=V4l2Settings),
+            "v4l2": Driver("drivers.camera.camera:V4l2Camera"),
         },
     }
 )

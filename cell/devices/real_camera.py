@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 from cell.config.cell import CellFile
+from cell.config.drivers import DRIVERS
 from cell.devices.devices import Devices, DeviceSelection
 from drivers.camera.camera import CameraReport, V4l2Camera
 from drivers.camera.formats import Mode
@@ -36,9 +37,10 @@ def camera_settings(settings: CellFile, choice: DeviceSelection) -> Settings:
     They are the section `camera` for V4L2, and `cameras: NAME` for the camera NAME of a plug-in.
     """
     driver = choice.camera_driver(settings)
-    if driver.settings is not V4l2Settings:
+    if driver != DRIVERS["cameras"]["v4l2"]:
         name = choice.camera or settings.drivers.camera
-        return parse(settings.cameras.get(name, {}), driver.settings, f"cell.yaml: cameras: {name}")
+        kind: type[Settings] = driver.load_settings()
+        return parse(settings.cameras.get(name, {}), kind, f"cell.yaml: cameras: {name}")
     if settings.camera is None:
         raise ConfigurationError(
             "cell.yaml: camera: is missing, camera v4l2 needs it; `cell camera` lists what is "

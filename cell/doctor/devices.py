@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from calibration.calibration import load_calibration
 from cell.calibrate.calibration_in_use import age_days, check_current
 from cell.config.cell import CellFile
+from cell.config.drivers import DRIVERS
 from cell.devices.devices import DeviceSelection
 from cell.doctor.check import Check, Grade
 from drivers.camera.camera import report
 from drivers.camera.device import Kernel
-from drivers.camera.settings import V4l2Settings
 from drivers.child import Child, ChildDied
 from drivers.errors import CellError
 from drivers.types import Array
@@ -57,7 +57,7 @@ def robot(address: str) -> Check:
 def camera(settings: CellFile, choice: DeviceSelection) -> Check:
     """Check whether the configured camera is connected, with its controls locked as configured."""
     why = "a picture by other settings is measured by a calibration that does not fit it"
-    if choice.camera_driver(settings).settings is not V4l2Settings:
+    if choice.camera_driver(settings) != DRIVERS["cameras"]["v4l2"]:
         return Check("camera", Grade.SKIPPED, "a plug-in's", "only its package can check it")
     stated = settings.camera
     if stated is None:

@@ -41,10 +41,7 @@ class SearchLine:
         thickness: float,
         span: tuple[float, float],
     ) -> "SearchLine":
-        """Search line over `span` [m] of x, below a midline `height` [m] above the resting one.
-
-        It follows the strip's underside, half its `thickness` [m] lower.
-        """
+        """Search line over `span` [m] of x, along the underside of a strip `height` [m] up."""
         x = np.arange(span[0], span[1], SAMPLE_SPACING)
         z = appearance.rest_height(x) + height - thickness / 2
         near = x[: len(x) // 2 : FRONT_STRIDE]  # some points in front of the strip's fixed half
