@@ -324,15 +324,17 @@ def test_a_driver_is_a_package_of_one_file(installed: Path) -> None:
     stated["drivers"] = {"camera": "stuck"}
     with pytest.raises(ConfigurationError, match=r"arm: must be one of twin, fci \(found 'stuck'"):
         parse({"arm": "stuck"}, DriverChoice, "cell.yaml: drivers")
-    settings = parse(stated | {"cameras": {"stuck": {"serial": 5}}}, CellFile, "cell.yaml")
+    cell = parse(stated | {"cameras": {"stuck": {"serial": 5}}}, CellFile, "cell.yaml")
     with pytest.raises(ConfigurationError, match="camera stuck needs one"):
-        check_calibrated(settings, DeviceSelection())
-    devices = open_cell(settings, lying, DeviceSelection(), calibrating=True)
-    assert devices.camera_identity == "stuck 5"
+        check_calibrated(cell, DeviceSelection())
+    assert open_cell(cell, lying, DeviceSelection(), calibrating=True).camera_identity == "stuck 5"
     with pytest.raises(ConfigurationError, match=r"cell.yaml: cameras: stuck: serial: is missing"):
         open_cell(parse(stated, CellFile, "cell.yaml"), lying, DeviceSelection(), calibrating=True)
     with pytest.raises(ConfigurationError, match=r"must be one of stuck \(found 'v4l2'"):
         parse(stated | {"cameras": {"v4l2": {}}}, CellFile, "cell.yaml")
+    del sys.modules["own_stuck"].StuckSettings
+    with pytest.raises(ConfigurationError, match=r"own.stuck.* fails"):
+        open_cell(cell, lying, DeviceSelection(), calibrating=True)
 
 
 def test_study_is_one_file(installed: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -39,7 +39,8 @@ def camera_settings(settings: CellFile, choice: DeviceSelection) -> Settings:
     driver = choice.camera_driver(settings)
     if driver != DRIVERS["cameras"]["v4l2"]:
         name = choice.camera or settings.drivers.camera
-        kind: type[Settings] = driver.load_settings()
+        with guarded("cameras", name):
+            kind: type[Settings] = driver.load_settings()
         return parse(settings.cameras.get(name, {}), kind, f"cell.yaml: cameras: {name}")
     if settings.camera is None:
         raise ConfigurationError(
@@ -51,9 +52,9 @@ def camera_settings(settings: CellFile, choice: DeviceSelection) -> Settings:
 
 def open_camera(settings: CellFile, choice: DeviceSelection, clock: Clock) -> RealCamera:
     """Open the selected real camera, whose frames are stamped by `clock`."""
-    own, opener = camera_settings(settings, choice), choice.camera_driver(settings).load()
+    own = camera_settings(settings, choice)
     with guarded("cameras", choice.camera or settings.drivers.camera):
-        camera: RealCamera = opener(own, clock)
+        camera: RealCamera = choice.camera_driver(settings).load()(own, clock)
     return camera
 
 
