@@ -14,7 +14,7 @@ import pyarrow as pa
 from calibration.calibration import Calibration, load_calibration
 from cell.calibrate.calibration_in_use import calibration_of
 from cell.config.places import find_configs
-from cell.devices.devices import DeviceSelection
+from cell.devices.devices import Trial
 from cell.folding.fold import fold as fold_once, write_pages
 from cell.folding.observe import observe as observe_film
 from cell.folding.prediction import Prediction, predict as predict_fold
@@ -68,11 +68,11 @@ def fold(
     desk = None if plant is None else load_plant(config.plant_path(str(plant)))
     if seed < 0:
         raise ConfigurationError(f"seed: is {seed}, must be at least 0")
-    choice = DeviceSelection(arm, camera, desk, seed)
+    cell = config.cell().with_drivers(arm, camera)
     check_known("frames", frames or "key", get_args(Keep))
     record = Recording(frames, truth=truth)
     request = Request(
-        config.cell(), config.strip(strip), policy, Path(runs), choice, speed=speed, record=record
+        cell, config.strip(strip), policy, Path(runs), Trial(desk, seed), speed=speed, record=record
     )
     return write_pages(request, fold_once(request, calibration_of(request.cell)))
 

@@ -16,7 +16,7 @@ from cell.config.cell import CellFile
 from cell.config.drivers import all_drivers
 from cell.config.places import CHECKOUT_CONFIGS, find_configs
 from cell.config.settings import DriverChoice
-from cell.devices.devices import DeviceSelection
+from cell.devices.devices import Trial
 from cell.devices.open import check_calibrated, open_cell
 from cell.gap.open_subject import open_mechanism
 from cell.gap.subject.run_folders import find_runs
@@ -326,15 +326,15 @@ def test_a_driver_is_a_package_of_one_file(installed: Path) -> None:
         parse({"arm": "stuck"}, DriverChoice, "cell.yaml: drivers")
     cell = parse(stated | {"cameras": {"stuck": {"serial": 5}}}, CellFile, "cell.yaml")
     with pytest.raises(ConfigurationError, match="camera stuck needs one"):
-        check_calibrated(cell, DeviceSelection())
-    assert open_cell(cell, lying, DeviceSelection(), calibrating=True).camera_identity == "stuck 5"
+        check_calibrated(cell)
+    assert open_cell(cell, lying, Trial(), calibrating=True).camera_identity == "stuck 5"
     with pytest.raises(ConfigurationError, match=r"cell.yaml: cameras: stuck: serial: is missing"):
-        open_cell(parse(stated, CellFile, "cell.yaml"), lying, DeviceSelection(), calibrating=True)
+        open_cell(parse(stated, CellFile, "cell.yaml"), lying, Trial(), calibrating=True)
     with pytest.raises(ConfigurationError, match=r"must be one of stuck \(found 'v4l2'"):
         parse(stated | {"cameras": {"v4l2": {}}}, CellFile, "cell.yaml")
     del sys.modules["own_stuck"].StuckSettings
     with pytest.raises(ConfigurationError, match=r"own.stuck.* fails"):
-        open_cell(cell, lying, DeviceSelection(), calibrating=True)
+        open_cell(cell, lying, Trial(), calibrating=True)
 
 
 def test_study_is_one_file(installed: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from cell.config.cell import CellFile
-from cell.devices.devices import DeviceSelection
+from cell.devices.devices import Trial
 from cell.devices.open import NO_STRIP, check_drivers, open_cell
 from cell.orchestrator.context import ManualContext
 from cell.orchestrator.outcome import Outcome
@@ -23,13 +23,13 @@ if TYPE_CHECKING:
 
 def move_manually(
     settings: CellFile,
-    choice: DeviceSelection,
+    trial: Trial,
     motion: Callable[[Snapshot], Motion],
     interrupted: Callable[[], bool] = lambda: False,
     strip: StripFile = NO_STRIP,
 ) -> Outcome:
     """Open the cell, carry out one `motion`, close it; CellError for errors before the motion."""
-    devices = open_cell(settings, strip, choice, calibrating=False)
+    devices = open_cell(settings, strip, trial, calibrating=False)
     try:
         devices.connect()
         context = ManualContext(settings.controller, motion)
@@ -56,7 +56,7 @@ def to_home(settings: CellFile, strip: StripFile) -> Callable[[Snapshot], Motion
 
 def home_joints(settings: CellFile, strip: StripFile) -> tuple[float, ...]:
     """Joints (7,) [rad] of a Franka arm at its home, with most margin in a fold of `strip`."""
-    check_drivers(settings, DeviceSelection(arm="fci"))
+    check_drivers(settings.with_drivers("fci"))
     from cell.devices.fci import start_joints
 
     return start_joints(settings.fci.limit(settings.installation), settings.fold, strip.length)
@@ -64,7 +64,7 @@ def home_joints(settings: CellFile, strip: StripFile) -> tuple[float, ...]:
 
 def robot_task(settings: CellFile) -> "RobotAccess":
     """Connection to the robot of the cell; ConfigurationError where cell.yaml has no address."""
-    check_drivers(settings, DeviceSelection(arm="fci"))
+    check_drivers(settings.with_drivers("fci"))
     if settings.fci.address is None:
         raise ConfigurationError(
             "fci.address: is missing; name the robot's address in cell.yaml, or that of a twin "

@@ -1,13 +1,11 @@
 """Settings of a run for the selected arm; for a real robot consent, slow motion, a laid strip."""
 
 from collections.abc import Callable, Iterable
-from dataclasses import replace
 from typing import TypeVar
 
 from cell.config.cell import CellFile
 from cell.config.settings import CellSettings, FoldSettings
-from cell.devices.devices import DeviceSelection
-from cell.devices.open import is_real
+from cell.devices.devices import Trial
 from cell.doctor.check import Check
 from cell.doctor.doctor import motion_checks, refuse_failed
 from drivers.errors import PreflightRefused
@@ -20,44 +18,41 @@ LEAST_SPEED = 0.005  # m/s, the least that FoldSettings allows
 TIME_LIMITS = {"duration": 900.0, "state_duration": 300.0}  # s, that a slow run may be given
 
 
-def consent(
-    settings: CellFile, choice: DeviceSelection, ask: Callable[[str], str], checks: Iterable[Check]
-) -> DeviceSelection:
+def consent(settings: CellFile, ask: Callable[[str], str], checks: Iterable[Check]) -> bool:
     """Have the operator agree to a real robot's motion, by the cell's name, once `checks` pass.
 
-    Returns the selection, then `agreed`; that of another arm is returned as it is. Raises
-    PreflightRefused where a check failed or the name was not typed.
+    Returns whether a real robot may move: False for another arm. Raises PreflightRefused where a
+    check failed or the name was not typed.
     """
     refuse_failed(checks)
-    if not is_real(settings, choice):
-        return choice
+    if not settings.has_real_arm:
+        return False
     question = f"A real robot will move. Type the cell's name ({settings.name}) to go on: "
     if ask(question).strip() != settings.name:
         raise PreflightRefused(
             f"the cell's name was not typed; nothing has moved; type {settings.name!r} when asked"
         )
-    return replace(choice, agreed=True)
+    return True
 
 
 def agree_to_slow_motion(
     settings: CellFile,
-    choice: DeviceSelection,
     ask: Callable[[str], str],
     *,
     full_speed: bool,
     checked: bool = True,
     camera: bool = False,
-) -> tuple[CellFile, DeviceSelection]:
-    """Settings and selection of a manual motion or a calibration, after the operator's consent.
+) -> tuple[CellFile, Trial]:
+    """Settings and trial of a manual motion or a calibration, after the operator's consent.
 
     The doctor checks a real robot first unless `checked` is false, and the `camera` if asked. The
     robot has the speeds of a first run, unless `full_speed`.
     """
-    checks = motion_checks(settings, choice, camera=camera) if checked else ()
-    choice = consent(settings, choice, ask, checks)
-    if choice.agreed and not full_speed:
+    checks = motion_checks(settings, camera=camera) if checked else ()
+    trial = Trial(agreed=consent(settings, ask, checks))
+    if trial.agreed and not full_speed:
         settings = slow_down(settings)
-    return settings, choice
+    return settings, trial
 
 
 def await_strip(ask: Callable[[str], str]) -> None:
@@ -92,14 +87,12 @@ def slow_down(settings: CellFile) -> CellFile:
     )
 
 
-def settings_of_run(
-    settings: CellFile, choice: DeviceSelection, speed: float | None, *, full_speed: bool
-) -> CellFile:
+def settings_of_run(settings: CellFile, speed: float | None, *, full_speed: bool) -> CellFile:
     """Settings of a run with path `speed` [m/s], if given; a robot is slow unless `full_speed`."""
     settings = at_speed(settings, speed)
-    if is_real(settings, choice) and not full_speed:
+    if settings.has_real_arm and not full_speed:
         settings = slow_down(settings)
-    return limit_to_arm(settings, choice)
+    return limit_to_arm(settings)
 
 
 def at_speed(settings: S, speed: float | None) -> S:
@@ -113,14 +106,14 @@ def at_speed(settings: S, speed: float | None) -> S:
     return settings.model_copy(update={"fold": parse(content, FoldSettings, "fold")})
 
 
-def limit_to_arm(settings: CellFile, choice: DeviceSelection) -> CellFile:
-    """Cell settings limited to the selected arm's motion, with the start that suits the arm.
+def limit_to_arm(settings: CellFile) -> CellFile:
+    """Cell settings limited to the arm's motion, with the start that suits the arm.
 
     The start is `fold.start` where that is stated. If not, a run of the in-process arm begins flat:
     it follows the lift as planned, so that a model can repeat it. That of a robot, whose own limits
     and reach bend its lift, begins once the strip hangs.
     """
-    is_robot = choice.arm_driver(settings).real
+    is_robot = settings.arm_driver.real
     changes: dict[str, object] = {}
     if is_robot:
         changes["installation"] = settings.fci.limit(settings.installation)

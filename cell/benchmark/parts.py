@@ -26,7 +26,7 @@ from cell.campaign.progress import Meter
 from cell.campaign.run import Engine, Part, carry_out
 from cell.campaign.versions import code
 from cell.config.places import Configs
-from cell.devices.devices import DeviceSelection
+from cell.devices.devices import Trial
 from cell.folding.documents import PACKAGES
 from cell.folding.fold import fold
 from cell.folding.request import Request
@@ -96,7 +96,7 @@ def _image_parts(spec: BenchmarkSpec, configs: Configs, runs: Path) -> Iterator[
         strip = configs.strip(name)
         seed = spec.seed + repeat
         inputs = (cell.model_dump_json(), strip.model_dump_json(), weights_digest(policy))
-        request = Request(cell, strip, policy, runs, choice=DeviceSelection(seed=seed))
+        request = Request(cell, strip, policy, runs, trial=Trial(seed=seed))
         key = f"fold {strip.name} by {policy}, seed {seed}"
         yield Part(key, digest(code(), *inputs), IMAGES_COST, fold_images, arguments=(request,))
 

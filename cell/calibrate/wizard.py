@@ -25,7 +25,7 @@ from calibration.wizard.touch_verdict import CheckVerdict, MapVerdict, check_ver
 from calibration.wizard.touched_points import TouchedPoints
 from calibration.wizard.touches import check_plan
 from cell.config.cell import CellFile
-from cell.devices.devices import CalibrationAids, Devices, DeviceSelection
+from cell.devices.devices import CalibrationAids, Devices, Trial
 from cell.devices.open import NO_STRIP, open_cell
 from cell.orchestrator.calibration_phase import CALIBRATION_PHASES
 from cell.orchestrator.context import CalibrationContext
@@ -256,8 +256,8 @@ def calibrate_twin(settings: CellFile, interrupted: Interruption) -> Calibration
     Raises CellError when they are not good enough, Fault when a monitor stopped the arm, and
     Interrupted when the operator did.
     """
-    twin = DeviceSelection(arm="twin", camera="twin")
-    devices = open_cell(settings, NO_STRIP, twin, calibrating=True)
+    twin = settings.with_drivers("twin", "twin")
+    devices = open_cell(twin, NO_STRIP, Trial(), calibrating=True)
     if devices.aids is None:
         raise ConfigurationError("calibrate: nobody holds the board; use the wizard")
     lens = lens_from_boards(settings, devices.aids)

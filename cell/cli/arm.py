@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from cell.config.cell import CellFile
-    from cell.devices.devices import DeviceSelection
+    from cell.devices.devices import Trial
     from cell.orchestrator.snapshot import Snapshot
     from cell.orchestrator.steps import Motion
 
@@ -40,16 +40,15 @@ def home(
     """Move the gripper over the strip's edge, into the arm posture that can follow a fold."""
     check_names(configs, strip)
     from cell.arm import manual_motion
-    from cell.devices.open import robot_address
 
     found = find_configs(configs)
-    settings, choice = _agree_to_motion(found.cell(), arm, full_speed, recover=recover)
+    settings, trial = _agree_to_motion(found.cell(), arm, full_speed, recover=recover)
     lying = found.strip(strip)
-    if robot_address(settings, choice) is None:
-        _move(settings, choice, manual_motion.to_home(settings, lying))
+    if settings.robot_address is None:
+        _move(settings, trial, manual_motion.to_home(settings, lying))
     joints = manual_motion.home_joints(settings, lying)
     _go_to(joints, settings, full_speed=full_speed, recover=recover, reset_tool=reset_tool)
-    _print_result("the arm is home", settings, choice)
+    _print_result("the arm is home", settings)
 
 
 def park(
@@ -60,15 +59,15 @@ def park(
 ) -> None:
     """Move the robot upright, out of the way; the cell's own twin moves to its home instead."""
     from cell.arm import manual_motion
-    from cell.devices.open import NO_STRIP, robot_address
+    from cell.devices.open import NO_STRIP
     from drivers.franka.kinematics import HOME
 
     stated = find_configs(configs).cell()
-    settings, choice = _agree_to_motion(stated, arm, full_speed, recover=recover)
-    if robot_address(settings, choice) is None:
-        _move(settings, choice, manual_motion.to_home(settings, NO_STRIP))
+    settings, trial = _agree_to_motion(stated, arm, full_speed, recover=recover)
+    if settings.robot_address is None:
+        _move(settings, trial, manual_motion.to_home(settings, NO_STRIP))
     _go_to(HOME.tolist(), settings, full_speed=full_speed, recover=recover)
-    _print_result("the arm is parked", settings, choice)
+    _print_result("the arm is parked", settings)
 
 
 def jog(
@@ -84,16 +83,16 @@ def jog(
         raise ConfigurationError("--x, --z, --pitch: give one at least, as --z 20mm")
     from cell.arm import manual_motion
 
-    settings, choice = _agree_to_motion(find_configs(configs).cell(), arm, full_speed)
-    _move(settings, choice, manual_motion.jog(x, z, radians(pitch)))
+    settings, trial = _agree_to_motion(find_configs(configs).cell(), arm, full_speed)
+    _move(settings, trial, manual_motion.jog(x, z, radians(pitch)))
 
 
 def open_hand(arm: Arm = None, configs: Configs = None) -> None:
     """Open the fingers of the hand."""
     from cell.orchestrator import steps
 
-    settings, choice = _agree_to_motion(find_configs(configs).cell(), arm, full_speed=False)
-    _move(settings, choice, lambda _: steps.open_hand(), "the fingers are open")
+    settings, trial = _agree_to_motion(find_configs(configs).cell(), arm, full_speed=False)
+    _move(settings, trial, lambda _: steps.open_hand(), "the fingers are open")
 
 
 def register(strip: Strip = "denim", configs: Configs = None) -> None:
@@ -121,16 +120,15 @@ def register(strip: Strip = "denim", configs: Configs = None) -> None:
 
 def _agree_to_motion(
     settings: "CellFile", arm: str | None, full_speed: bool, *, recover: bool = False
-) -> "tuple[CellFile, DeviceSelection]":
-    """Have the operator agree to a robot's motion; returns the settings and device selection.
+) -> "tuple[CellFile, Trial]":
+    """Have the operator agree to a robot's motion; returns the settings and the trial.
 
     The doctor checks the robot first, except to `recover`, which must always be possible.
     """
     from cell.arm.run_settings import agree_to_slow_motion
-    from cell.devices.devices import DeviceSelection
 
-    choice = DeviceSelection(arm=arm)
-    return agree_to_slow_motion(settings, choice, ask, full_speed=full_speed, checked=not recover)
+    chosen = settings.with_drivers(arm)
+    return agree_to_slow_motion(chosen, ask, full_speed=full_speed, checked=not recover)
 
 
 def _go_to(
@@ -153,7 +151,7 @@ def _go_to(
 
 def _move(
     settings: "CellFile",
-    choice: "DeviceSelection",
+    trial: "Trial",
     motion: "Callable[[Snapshot], Motion]",
     done: str = "",
 ) -> NoReturn:
@@ -162,17 +160,15 @@ def _move(
     from cell.orchestrator.operator import Interrupt
 
     with Interrupt() as interrupted:
-        outcome = move_manually(settings, choice, motion, interrupted)
+        outcome = move_manually(settings, trial, motion, interrupted)
     text = f"{outcome.name}: {outcome.reason}"
     if done and outcome.exit_code == 0:
         text = done
-    _print_result(text, settings, choice)
+    _print_result(text, settings)
     sys.exit(outcome.exit_code)
 
 
-def _print_result(text: str, settings: "CellFile", choice: "DeviceSelection") -> None:
+def _print_result(text: str, settings: "CellFile") -> None:
     """Print `text`, with a remark where the robot is emulated."""
-    from cell.devices.open import emulation
-
-    remark = emulation(settings, choice)
+    remark = settings.emulation
     sys.stdout.write(f"{text} ({remark})\n" if remark else f"{text}\n")

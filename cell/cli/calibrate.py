@@ -280,14 +280,12 @@ def _open_devices(
 ) -> "tuple[CellFile, Devices]":
     """Open the cell without a strip, once doctor and operator agree; returns settings, devices."""
     from cell.arm.run_settings import agree_to_slow_motion
-    from cell.devices.devices import DeviceSelection
     from cell.devices.open import NO_STRIP, open_cell
 
-    choice = DeviceSelection(arm, camera)
-    settings, choice = agree_to_slow_motion(
-        settings, choice, options.ask, full_speed=full_speed, camera=True
+    settings, trial = agree_to_slow_motion(
+        settings.with_drivers(arm, camera), options.ask, full_speed=full_speed, camera=True
     )
-    return settings, open_cell(settings, NO_STRIP, choice, calibrating=True)
+    return settings, open_cell(settings, NO_STRIP, trial, calibrating=True)
 
 
 def _use_calibration(configs: Path | None, made: "Calibration", place: Path | None) -> Path:

@@ -28,12 +28,11 @@ def doctor(
     as_json: Json = False,
 ) -> None:
     """Check machine, files, robot and camera; prints findings, reasons and remedies."""
-    from cell.devices.devices import DeviceSelection
     from cell.doctor.check import Grade
     from cell.doctor.doctor import checks
 
     has_failed = False
-    found = checks(find_configs(configs), DeviceSelection(), runs, seconds)
+    found = checks(find_configs(configs), runs, seconds)
     for number, check in enumerate(while_busy("checking", found), start=1):
         has_failed = has_failed or check.state is Grade.FAIL
         say(check.line(number), check.text(number), as_json=as_json)

@@ -133,10 +133,10 @@ class FoldOptions:
 
     def request(self, configurations: Configs, strip: str) -> "Request":
         """Request of the first fold, of the strip called `strip`, with its learned correction."""
-        from cell.devices.devices import DeviceSelection
+        from cell.devices.devices import Trial
         from cell.folding.request import Learning, Recording, Request, with_correction
 
-        settings = configurations.cell()
+        settings = configurations.cell().with_drivers(self.arm, self.camera)
         encoder = self.film or settings.record.film
         film = None if encoder == "none" else encoder
         request = Request(
@@ -144,7 +144,7 @@ class FoldOptions:
             strip=configurations.strip(strip),
             policy=self.policy,
             runs=self.runs,
-            choice=DeviceSelection(self.arm, self.camera, seed=self.seed),
+            trial=Trial(seed=self.seed),
             checkpoint=self.checkpoint,
             full_speed=self.full_speed,
             record=Recording(self.frames, film, not self.no_truth, self.viz),
@@ -190,16 +190,15 @@ def _fold_all(
     That is the largest of the folds', or with `until` [m] that of the last one, 1 where no edges
     lie as close.
     """
-    from cell.devices.open import emulation
     from cell.folding.batch import agreed, fold_all
     from cell.folding.request import with_correction
     from cell.folding.result import FoldResult
 
     requests = agreed(requests, options.ask)
-    robot = emulation(requests[0].cell, requests[0].choice)
+    callbacks = _callbacks(requests[0].cell.emulation, as_json=as_json)
     exit_code = 0
     try:
-        results = fold_all(requests, jobs, until, _callbacks(robot, as_json=as_json))
+        results = fold_all(requests, jobs, until, callbacks)
         for request, end in zip(requests, results, strict=False):  # an interrupt ends them
             result = end if isinstance(end, FoldResult) else FoldResult.refusal(request, end)
             if as_json:
@@ -246,7 +245,6 @@ def _print_result(result: "FoldResult", robot: str) -> None:
 
 def _rehearse(request: "Request", *, as_json: bool) -> int:
     """Carry out the fold in the air and print the outcome; returns the exit code."""
-    from cell.devices.open import emulation
     from cell.folding.batch import agreed
     from cell.folding.rehearsal import rehearse
     from cell.orchestrator.operator import Interrupt
@@ -255,7 +253,7 @@ def _rehearse(request: "Request", *, as_json: bool) -> int:
     with Interrupt() as interrupted:
         outcome = rehearse(request, interrupted)
     facts = {"outcome": outcome.name, "reason": outcome.reason, "exit_code": outcome.exit_code}
-    lines = (f"{outcome.name}: {outcome.reason}", emulation(request.cell, request.choice))
+    lines = (f"{outcome.name}: {outcome.reason}", request.cell.emulation)
     say(facts, "\n  ".join(filter(None, lines)), as_json=as_json)
     return outcome.exit_code
 

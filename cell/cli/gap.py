@@ -121,14 +121,14 @@ def _standard_runs(
 ) -> "Sequence[Request]":
     """Requests of the standard runs of `strip` into `folder`, the `plant` on the desk if given."""
     plant_file = None if plant is None else found.plant_path(plant)
-    from cell.devices.devices import DeviceSelection
+    from cell.devices.devices import Trial
     from cell.folding.request import Recording, Request, standard_requests
     from drivers.strip.describe import load_plant
 
     desk = None if plant_file is None else load_plant(plant_file)
-    choice = DeviceSelection(plant=desk, seed=seed)
     record = Recording(truth=truth)
-    base = Request(found.cell(), found.strip(strip), "", folder, choice, record=record)
+    trial = Trial(desk, seed)
+    base = Request(found.cell(), found.strip(strip), "", folder, trial, record=record)
     return standard_requests(base)
 
 

@@ -1,7 +1,8 @@
 """Settings of the controller in cell.yaml: drivers, installation, speeds, limits, learning."""
 
 from functools import partial
-from typing import Annotated, Any, Literal
+from ipaddress import ip_address
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, Field
 
@@ -9,7 +10,7 @@ from calibration.board import BoardSettings
 from calibration.landmarks import LandmarkSettings
 from calibration.wizard.latency import LatencySettings
 from calibration.wizard.touches import TouchSettings
-from cell.config.drivers import Kind, driver_names
+from cell.config.drivers import Driver, Kind, driver, driver_names
 from cell.perception.settings import PerceptionSettings
 from cell.record.files import Keep
 from cell.record.film import Encoder
@@ -17,7 +18,7 @@ from drivers.arm.settings import FciSettings
 from drivers.camera.settings import V4l2Settings
 from drivers.installation import Installation
 from drivers.plugins import plugin_names
-from drivers.settings import Metres, Seconds, Settings, Speed
+from drivers.settings import Metres, Seconds, Settings, Speed, parse
 from policies.path import TAKEOVER_HEIGHT
 
 
@@ -153,3 +154,49 @@ class CellSettings(Settings):
     record: RecordSettings = RecordSettings()
     sigma: SigmaSettings
     effects: dict[str, dict[str, float]] = Field(default_factory=dict)
+
+    def with_drivers(self, arm: str | None = None, camera: str | None = None) -> Self:
+        """Copy with the drivers of these names; ConfigurationError for an unknown one."""
+        named = {"arm": arm or self.drivers.arm, "camera": camera or self.drivers.camera}
+        return self.model_copy(update={"drivers": parse(named, DriverChoice, "drivers")})
+
+    @property
+    def arm_driver(self) -> Driver:
+        """Driver of the arm."""
+        return driver("arms", self.drivers.arm)
+
+    @property
+    def camera_driver(self) -> Driver:
+        """Driver of the camera."""
+        return driver("cameras", self.drivers.camera)
+
+    @property
+    def robot_address(self) -> str | None:
+        """Address of the Franka robot, real or emulated; None for any other arm."""
+        return self.fci.address if self.arm_driver.is_franka else None
+
+    @property
+    def has_real_arm(self) -> bool:
+        """Whether the arm is a physical robot, not simulated or emulated on this machine."""
+        arm = self.arm_driver
+        address = self.robot_address
+        if address is None:
+            return arm.real and not arm.is_franka
+        try:
+            return not ip_address(address).is_loopback
+        except ValueError:
+            return address != "localhost"
+
+    @property
+    def is_physical(self) -> bool:
+        """Whether the cell has a physical robot or a real camera."""
+        return self.has_real_arm or self.camera_driver.real
+
+    @property
+    def emulation(self) -> str:
+        """Text for the operator where the robot is emulated; empty for any other arm."""
+        if not self.arm_driver.real or self.has_real_arm:
+            return ""
+        if self.fci.address is None:
+            return "emulated robot: fci.address in cell.yaml is empty"
+        return f"emulated robot at {self.fci.address}, on this machine"

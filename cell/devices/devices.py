@@ -1,4 +1,4 @@
-"""Devices of a cell as the orchestrator uses them, and their selection."""
+"""Devices of a cell as the orchestrator uses them, and the trial for which they are opened."""
 
 from bisect import bisect_right
 from collections import deque
@@ -10,8 +10,6 @@ from typing import Any, Protocol
 import numpy as np
 
 from calibration.wizard.coverage import WantedView
-from cell.config.drivers import Driver, driver
-from cell.config.settings import CellSettings
 from drivers.geometry import interpolate_columns
 from drivers.protocols import Arm, Camera, Clock, Hand
 from drivers.strip.file import StripFile
@@ -106,25 +104,15 @@ class Plant(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class DeviceSelection:
-    """Arm, camera, plant and seed selected on the command line; None where cell.yaml decides.
+class Trial:
+    """One trial of a cell: the strip and run that the twin simulates, the operator's consent.
 
     The `plant` lies on the twin's desk instead of the strip. `index` is the number of runs that the
     strip on the desk has already been through; `agreed` whether an operator has agreed that a real
     robot moves.
     """
 
-    arm: str | None = None
-    camera: str | None = None
     plant: StripFile | None = None
     seed: int = 0
     index: int = 0
     agreed: bool = False
-
-    def arm_driver(self, settings: CellSettings) -> Driver:
-        """Driver of the selected arm, or else of the one in cell.yaml."""
-        return driver("arms", self.arm or settings.drivers.arm)
-
-    def camera_driver(self, settings: CellSettings) -> Driver:
-        """Driver of the selected camera, or else of the one in cell.yaml."""
-        return driver("cameras", self.camera or settings.drivers.camera)

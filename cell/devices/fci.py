@@ -6,7 +6,7 @@ from functools import lru_cache
 
 from cell.config.cell import CellFile
 from cell.config.settings import FoldSettings
-from cell.devices.devices import Devices, DeviceSelection
+from cell.devices.devices import Devices, Trial
 from cell.devices.fold_path import triangle, whole_path
 from cell.devices.real_camera import open_camera
 from cell.devices.twin import TwinCalibrationAids, TwinPlant, simulated
@@ -37,7 +37,7 @@ CATCHING_UP = 0.02  # s per tick for strip and camera to catch up with a robot's
 
 
 def fci_devices(
-    settings: CellFile, strip: StripFile, choice: DeviceSelection, *, calibrating: bool = False
+    settings: CellFile, strip: StripFile, trial: Trial, *, calibrating: bool = False
 ) -> Devices:
     """Devices of a cell whose arm is the robot at `fci.address`, else one emulated in this process.
 
@@ -49,18 +49,18 @@ def fci_devices(
     address = settings.fci.address
     lock_step = settings.fci.in_lock_step
     gripping = settings if calibrating else _expect_thickness(settings, strip)
-    if choice.camera_driver(settings).real and address is not None and not lock_step:
+    if settings.camera_driver.real and address is not None and not lock_step:
         alone = WallClock()
-        camera = open_camera(settings, choice, alone)
+        camera = open_camera(settings, alone)
         return replace(
             _robot_devices(alone, *fci_arm(gripping, alone, address), camera, camera.identity),
             camera_locks=lambda: camera.locks,
         )
     world = TwinClock()
     clock = world if lock_step else RealTimeClock(world, CATCHING_UP)
-    simulation, plant = simulated(settings, strip, choice, calibrating=calibrating)
+    simulation, plant = simulated(settings, strip, trial, calibrating=calibrating)
     place = settings.installation
-    desk = open_desk(world, simulation, plant, choice.seed, choice.index, place)
+    desk = open_desk(world, simulation, plant, trial.seed, trial.index, place)
     if desk.model.rig.delay != 0:
         raise ConfigurationError(
             "effects: control_delay cannot be simulated with arm fci; use arm twin"
@@ -71,8 +71,8 @@ def fci_devices(
     twins = desk.camera if lock_step else PacedCamera(desk.camera)
     return replace(
         _robot_devices(clock, arm, hand, twins, settings.twin.camera.identity, servers),
-        aids=TwinCalibrationAids(desk, settings, choice.seed) if calibrating else None,
-        plant=TwinPlant(desk, choice.plant or strip),
+        aids=TwinCalibrationAids(desk, settings, trial.seed) if calibrating else None,
+        plant=TwinPlant(desk, trial.plant or strip),
     )
 
 

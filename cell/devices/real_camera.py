@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 from cell.config.cell import CellFile
 from cell.config.drivers import DRIVERS
-from cell.devices.devices import Devices, DeviceSelection
+from cell.devices.devices import Devices
 from drivers.camera.camera import CameraReport, V4l2Camera
 from drivers.camera.formats import Mode
 from drivers.camera.frame import CameraFrame, Counts
@@ -31,14 +31,14 @@ WATCHED = 1.0  # s of frames over which a test measures the rate
 FIRST_FRAME_TIMEOUT = 5.0  # s that the first frame may take
 
 
-def camera_settings(settings: CellFile, choice: DeviceSelection) -> Settings:
-    """Settings in cell.yaml of the selected real camera; ConfigurationError for missing or wrong.
+def camera_settings(settings: CellFile) -> Settings:
+    """Settings in cell.yaml of the cell's real camera; ConfigurationError for missing or wrong.
 
     They are the section `camera` for V4L2, and `cameras: NAME` for the camera NAME of a plug-in.
     """
-    driver = choice.camera_driver(settings)
+    driver = settings.camera_driver
     if driver != DRIVERS["cameras"]["v4l2"]:
-        name = choice.camera or settings.drivers.camera
+        name = settings.drivers.camera
         with guarded("cameras", name):
             kind: type[Settings] = driver.load_settings()
         return parse(settings.cameras.get(name, {}), kind, f"cell.yaml: cameras: {name}")
@@ -50,23 +50,23 @@ def camera_settings(settings: CellFile, choice: DeviceSelection) -> Settings:
     return settings.camera
 
 
-def open_camera(settings: CellFile, choice: DeviceSelection, clock: Clock) -> RealCamera:
-    """Open the selected real camera, whose frames are stamped by `clock`."""
-    own = camera_settings(settings, choice)
-    with guarded("cameras", choice.camera or settings.drivers.camera):
-        camera: RealCamera = choice.camera_driver(settings).load()(own, clock)
+def open_camera(settings: CellFile, clock: Clock) -> RealCamera:
+    """Open the cell's real camera, whose frames are stamped by `clock`."""
+    own = camera_settings(settings)
+    with guarded("cameras", settings.drivers.camera):
+        camera: RealCamera = settings.camera_driver.load()(own, clock)
     return camera
 
 
-def with_real_camera(devices: Devices, settings: CellFile, choice: DeviceSelection) -> Devices:
-    """Copy of `devices` with the selected real camera, on a clock that keeps real time.
+def with_real_camera(devices: Devices, settings: CellFile) -> Devices:
+    """Copy of `devices` with the cell's real camera, on a clock that keeps real time.
 
     The camera does not see the twin's world, so the truth is not used for scoring.
     """
     clock = devices.clock
     if isinstance(clock, TwinClock):  # the camera's own thread runs by the wall clock
         clock = RealTimeClock(clock)
-    camera = open_camera(settings, choice, clock)
+    camera = open_camera(settings, clock)
     return replace(
         devices,
         clock=clock,

@@ -6,7 +6,7 @@ from typing import Any
 
 from calibration.wizard.coverage import WantedView
 from cell.config.cell import CellFile
-from cell.devices.devices import Devices, DeviceSelection
+from cell.devices.devices import Devices, Trial
 from drivers.strip.file import StripFile
 from drivers.twin.board import board_frame, board_pose
 from drivers.twin.open import DEFAULT_PLANT, Desk, PlantOptions, Twin, open_twin
@@ -60,25 +60,25 @@ class TwinPlant:
 
 
 def simulated(
-    settings: CellFile, strip: StripFile, choice: DeviceSelection, *, calibrating: bool
+    settings: CellFile, strip: StripFile, trial: Trial, *, calibrating: bool
 ) -> tuple[TwinSettings, StripFile]:
-    """Settings of the twin and the plant on its desk: of `choice`, else `strip` in this cell.
+    """Settings of the twin and the plant on its desk: of `trial`, else `strip` in this cell.
 
     The plant has the effects of strip and rig. While `calibrating` the desk is bare.
     """
     twin = settings.twin
-    plant = choice.plant or strip
+    plant = trial.plant or strip
     if calibrating:
         bare = twin.world.model_copy(update={"strip": False})
         return twin.model_copy(update={"world": bare}), plant.model_copy(update={"effects": {}})
-    effects = plant.effects if choice.plant else {**strip.effects, **settings.effects}
+    effects = plant.effects if trial.plant else {**strip.effects, **settings.effects}
     return twin, plant.model_copy(update={"effects": effects})
 
 
 def twin_devices(
     settings: CellFile,
     strip: StripFile,
-    choice: DeviceSelection,
+    trial: Trial,
     *,
     calibrating: bool,
     staging: PlantOptions = DEFAULT_PLANT,
@@ -87,15 +87,15 @@ def twin_devices(
 
     Without a plant file the twin equals the controller's model of strip and rig.
     """
-    index = 0 if calibrating else choice.index
-    simulation, plant = simulated(settings, strip, choice, calibrating=calibrating)
-    twin = open_twin(simulation, plant, choice.seed, index, settings.installation, staging)
+    index = 0 if calibrating else trial.index
+    simulation, plant = simulated(settings, strip, trial, calibrating=calibrating)
+    twin = open_twin(simulation, plant, trial.seed, index, settings.installation, staging)
     return Devices(
         clock=twin.clock,
         arm=twin.arm,
         hand=twin.hand,
         camera=twin.camera,
         camera_identity=settings.twin.camera.identity,
-        aids=TwinCalibrationAids(twin, settings, choice.seed) if calibrating else None,
-        plant=TwinPlant(twin, choice.plant or strip),
+        aids=TwinCalibrationAids(twin, settings, trial.seed) if calibrating else None,
+        plant=TwinPlant(twin, trial.plant or strip),
     )

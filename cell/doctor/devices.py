@@ -14,7 +14,6 @@ from calibration.calibration import load_calibration
 from cell.calibrate.calibration_in_use import age_days, check_current
 from cell.config.cell import CellFile
 from cell.config.drivers import DRIVERS
-from cell.devices.devices import DeviceSelection
 from cell.doctor.check import Check, Grade
 from drivers.camera.camera import report
 from drivers.camera.device import Kernel
@@ -54,10 +53,10 @@ def robot(address: str) -> Check:
     return Check("robot", state, found, why, "install the library that fits the robot's system")
 
 
-def camera(settings: CellFile, choice: DeviceSelection) -> Check:
+def camera(settings: CellFile) -> Check:
     """Check whether the configured camera is connected, with its controls locked as configured."""
     why = "a picture by other settings is measured by a calibration that does not fit it"
-    if choice.camera_driver(settings) != DRIVERS["cameras"]["v4l2"]:
+    if settings.camera_driver != DRIVERS["cameras"]["v4l2"]:
         return Check("camera", Grade.SKIPPED, "a plug-in's", "only its package can check it")
     stated = settings.camera
     if stated is None:

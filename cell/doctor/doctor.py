@@ -5,8 +5,6 @@ from pathlib import Path
 
 from cell.config.cell import CellFile
 from cell.config.places import Configs
-from cell.devices.devices import DeviceSelection
-from cell.devices.open import is_real, robot_address
 from cell.doctor import devices, machine
 from cell.doctor.check import Check, Grade
 from drivers.errors import CellError, PreflightRefused
@@ -14,9 +12,7 @@ from drivers.errors import CellError, PreflightRefused
 ASKED, BRIEF = 60.0, 2.0  # s of the network's test: by the doctor, and before each real session
 
 
-def checks(
-    configs: Configs, choice: DeviceSelection, runs: Path, seconds: float = ASKED
-) -> Iterator[Check]:
+def checks(configs: Configs, runs: Path, seconds: float = ASKED) -> Iterator[Check]:
     """Yield all checks that the configured hardware needs; the network's takes `seconds`."""
     yield machine.versions()
     yield machine.extras()
@@ -31,33 +27,31 @@ def checks(
         return
     found = f"{settings.name}, {len(names)} strips in {configs.folder}"
     yield Check("configuration", Grade.PASS, found, why)
-    yield from hardware_checks(settings, choice, runs, seconds)
+    yield from hardware_checks(settings, runs, seconds)
 
 
-def hardware_checks(
-    settings: CellFile, choice: DeviceSelection, runs: Path, seconds: float = ASKED
-) -> Iterator[Check]:
+def hardware_checks(settings: CellFile, runs: Path, seconds: float = ASKED) -> Iterator[Check]:
     """Yield the checks of machine, calibration, robot, camera; the network's takes `seconds`."""
     yield machine.disk(runs)
     yield machine.cores()
-    has_real_camera = choice.camera_driver(settings).real
+    has_real_camera = settings.camera_driver.real
     yield devices.calibration(settings, on_twin=not has_real_camera)
-    yield from _arm(settings, choice, seconds)
+    yield from _arm(settings, seconds)
     if has_real_camera:
-        yield devices.camera(settings, choice)
+        yield devices.camera(settings)
     else:
         yield Check("camera", Grade.SKIPPED, "the twin's", "there is nothing to connect")
 
 
-def _arm(settings: CellFile, choice: DeviceSelection, seconds: float) -> Iterator[Check]:
+def _arm(settings: CellFile, seconds: float) -> Iterator[Check]:
     """Yield the checks of a robot, its kernel settings and network, up to the first that fails."""
-    address = robot_address(settings, choice)
+    address = settings.robot_address
     if address is None:
         yield Check("robot", Grade.SKIPPED, "none at fci.address", "there is nothing to connect")
         return
     installed = devices.library()
     yield installed
-    if is_real(settings, choice):
+    if settings.has_real_arm:
         yield machine.kernel(settings.fci.realtime)
         yield machine.priority(settings.fci.realtime)
         yield machine.throttling()
@@ -68,20 +62,18 @@ def _arm(settings: CellFile, choice: DeviceSelection, seconds: float) -> Iterato
             yield devices.network(address, seconds)
 
 
-def motion_checks(
-    settings: CellFile, choice: DeviceSelection, *, camera: bool = False
-) -> Iterator[Check]:
+def motion_checks(settings: CellFile, *, camera: bool = False) -> Iterator[Check]:
     """Yield each check that a motion of a real robot by hand needs; none for another arm.
 
     With `camera` a real camera is checked, too.
     """
-    if not is_real(settings, choice):
+    if not settings.has_real_arm:
         return
     yield machine.versions()
     yield machine.cores()
-    yield from _arm(settings, choice, BRIEF)
-    if camera and choice.camera_driver(settings).real:
-        yield devices.camera(settings, choice)
+    yield from _arm(settings, BRIEF)
+    if camera and settings.camera_driver.real:
+        yield devices.camera(settings)
 
 
 def refuse_failed(found: Iterable[Check]) -> None:

@@ -9,7 +9,6 @@ from calibration.calibration import Calibration
 from cell.arm.run_settings import consent
 from cell.calibrate.calibration_in_use import calibration_of
 from cell.campaign.processes import ProcessPool, StopSignal
-from cell.devices.open import is_physical
 from cell.doctor.check import Check
 from cell.doctor.doctor import BRIEF, hardware_checks
 from cell.doctor.machine import versions
@@ -62,7 +61,7 @@ def fold_all(
     """
     if until is not None:
         yield from _fold_until(requests, until, callbacks)
-    elif jobs > 1 and len(requests) > 1 and not requests[0].choice.agreed:
+    elif jobs > 1 and len(requests) > 1 and not requests[0].trial.agreed:
         yield from _fold_in_parallel(requests, jobs, callbacks)
     else:
         yield from _fold_in_sequence(requests, callbacks)
@@ -86,12 +85,11 @@ def agreed(requests: Sequence[Request], ask: Callable[[str], str]) -> tuple[Requ
     Raises PreflightRefused where the consent is not typed, or a check of the hardware fails.
     """
     cell = requests[0].cell
-    choice = requests[0].choice
     checks = list[Check]()
-    if is_physical(cell, choice):
-        checks = [versions(), *hardware_checks(cell, choice, requests[0].runs, BRIEF)]
-    consented = consent(cell, choice, ask, checks).agreed
-    return tuple(replace(r, choice=replace(r.choice, agreed=consented)) for r in requests)
+    if cell.is_physical:
+        checks = [versions(), *hardware_checks(cell, requests[0].runs, BRIEF)]
+    consented = consent(cell, ask, checks)
+    return tuple(replace(r, trial=replace(r.trial, agreed=consented)) for r in requests)
 
 
 def _fold_until(
@@ -111,7 +109,7 @@ def _fold_in_sequence(
 ) -> Iterator[FoldResult | CellError]:
     """Fold in sequence, with the strip laid again in between; a page follows each fold."""
     for number, request in enumerate(requests):
-        if request.choice.agreed and number > 0:
+        if request.trial.agreed and number > 0:
             callbacks.lay_again()
         with callbacks.interrupt() as interrupted:
             result: FoldResult | CellError

@@ -34,29 +34,26 @@ def run_header(
 
     `settings` are those that the run uses, `camera_rate` is that of the open camera [Hz].
     """
-    choice = request.choice
+    trial = request.trial
     strip = request.strip
     return {
         "strip": strip.name,
         "sigma": settings.sigma.model_dump(),
         "start": settings.fold.start,
-        "index": choice.index,
+        "index": trial.index,
         "condition": f"{request.policy} at {settings.fold.speed:g} m/s",
         "speed": settings.fold.speed,
         "camera_hz": camera_rate,
         "contact_height": settings.perception.contact_height,
         "policy": request.policy,
         **_replaced_weights(request.checkpoint),
-        "seed": choice.seed,
-        "drivers": {
-            "arm": choice.arm or settings.drivers.arm,
-            "camera": choice.camera or settings.drivers.camera,
-        },
+        "seed": trial.seed,
+        "drivers": settings.drivers.model_dump(),
         "calibration": record_entry(calibration, datetime.now(UTC)),
         "versions": {package: version(package) for package in PACKAGES},
         "strip_file": strip.model_dump(mode="json", by_alias=True),
         "config": settings.model_dump(mode="json", by_alias=True),
-        "plant_sha256": _hash(choice.plant or strip),
+        "plant_sha256": _hash(trial.plant or strip),
     }
 
 

@@ -9,7 +9,6 @@ import numpy as np
 from calibration.calibration import Calibration
 from cell.arm.arm_prediction import predict_arm
 from cell.arm.run_settings import LEAST_SPEED, at_speed
-from cell.config.drivers import Driver
 from cell.config.settings import CellSettings
 from cell.devices.fold_path import largest_speed, whole_path
 from cell.perception.preflight import check_scope
@@ -35,16 +34,16 @@ def check_feasible(
     strip: StripFile,
     policy: Policy,
     calibration: Calibration,
-    arm: Driver,
     seed: int = 0,
 ) -> tuple[float, float] | None:
     """Check that the cell can fold `strip`; returns the predicted displacement and its sigma [m].
 
     None where the layers do not touch in the model, whose images have noise by `seed`. The policy
     is reset. Raises PreflightRefused for a strip that this cell cannot see or fold within the
-    limits of `settings`, or where the hand of a real `arm` would meet the desk, or the joints of a
+    limits of `settings`, or where the hand of a real arm would meet the desk, or the joints of a
     Franka arm could not follow.
     """
+    arm = settings.arm_driver
     folds = _simulate(settings, strip, policy, seed)
     carry = _carry(settings, strip, policy, folds)
     touch = None if folds is None else folds.touch[0]

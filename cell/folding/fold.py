@@ -67,21 +67,21 @@ def fold(
     at the end. `write_pages` then draws the record. Raises CellError for errors before the run;
     errors during the run are its outcome.
     """
-    settings, strip, choice = request.settings, request.strip, request.choice
+    settings, strip, trial = request.settings, request.strip, request.trial
     policy = policy or make_policy(request.policy, request.checkpoint)
-    devices = devices or open_cell(settings, strip, choice, calibrating=False)
+    devices = devices or open_cell(settings, strip, trial, calibrating=False)
     with ExitStack() as opened:
         opened.callback(run_suppressed, devices.close)
         correction = request.learning.correction.apply(policy)
         policy.reset(strip, settings.fold.speed, 1)
         check_usable(calibration, devices, settings.calibration_days, datetime.now(UTC))
         calibration = corrected_calibration(calibration, settings, strip)
-        arm = choice.arm_driver(settings)
-        expected = check_feasible(settings, strip, policy, calibration, arm, choice.seed)
+        expected = check_feasible(settings, strip, policy, calibration, trial.seed)
         start = time.perf_counter()
         writer = _new_run(request, calibration, devices, correction)
         inputs = StripInputs(calibration, settings.perception, strip)
         with writer.under_way(), _reader(inputs, real_time=devices.real_time) as reader:
+            arm = settings.arm_driver
             context = FoldContext(
                 settings=settings.controller,
                 strip=strip,

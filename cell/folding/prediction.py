@@ -74,7 +74,7 @@ def predict(request: Request) -> Prediction:
     strip = request.strip
     if settings.calibration is not None:
         calibration = load_calibration(Path(settings.calibration))
-        on_twin = not request.choice.camera_driver(settings).real
+        on_twin = not settings.camera_driver.real
         check_current(calibration, settings.calibration_days, datetime.now(UTC), on_twin=on_twin)
 
     def carry_at(speed: float) -> Array:
@@ -92,7 +92,7 @@ def predict(request: Request) -> Prediction:
     nominal = folds.displacement[0]
     spread = folds.displacement[folds.touched]
     arm = None
-    if request.choice.arm_driver(settings).is_franka:
+    if settings.arm_driver.is_franka:
         place = settings.installation
         path, speeds = whole_path(strip.length, place, settings.fold, carry, folds.touch[0])
         arm = predict_arm(place, strip.length, path, speeds)
@@ -113,4 +113,4 @@ def simulate_policy(request: Request, settings: CellFile) -> Folds:
     A bias of images or of the cell is in neither the simulation nor the policy made for it.
     """
     policy = make_policy(request.policy, request.checkpoint, in_rod=True)
-    return simulate(settings, request.strip, policy, request.choice.seed)
+    return simulate(settings, request.strip, policy, request.trial.seed)

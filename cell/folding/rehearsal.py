@@ -120,10 +120,11 @@ def rehearse(request: Request, interrupted: Callable[[], bool] = lambda: False) 
     folds = simulate_policy(request, settings)
     carry, place = from_edge(strip, folds.trace[:, 0]), settings.installation
     path, speeds = whole_path(strip.length, place, settings.fold, carry, folds.touch[0])
-    is_franka = request.choice.arm_driver(settings).is_franka
-    elbow = home_joints(settings, strip)[ELBOW_JOINT] if is_franka else None
+    elbow = None
+    if settings.arm_driver.is_franka:
+        elbow = home_joints(settings, strip)[ELBOW_JOINT]
     planned = rehearsal(settings, strip, path, speeds, elbow)
-    return move_manually(settings, request.choice, planned.motion, interrupted, strip)
+    return move_manually(settings, request.trial, planned.motion, interrupted, strip)
 
 
 def _eased_time(time: float, duration: float) -> float:

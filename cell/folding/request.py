@@ -10,8 +10,8 @@ import numpy as np
 from cell.arm.run_settings import settings_of_run
 from cell.config.cell import CellFile
 from cell.config.length import metres
-from cell.devices.devices import DeviceSelection
-from cell.devices.open import check_calibrated, check_drivers, is_physical
+from cell.devices.devices import Trial
+from cell.devices.open import check_calibrated, check_drivers
 from cell.learning.correction import Correction, learned_correction, subject_of
 from cell.learning.experience import Memory
 from cell.record.files import Keep
@@ -60,7 +60,7 @@ class Request:
     strip: StripFile
     policy: str
     runs: Path
-    choice: DeviceSelection = field(default_factory=DeviceSelection)
+    trial: Trial = field(default_factory=Trial)
     checkpoint: Path | None = None
     speed: float | None = None
     full_speed: bool = False
@@ -70,30 +70,30 @@ class Request:
     @property
     def settings(self) -> CellFile:
         """Settings of the cell for this fold, with its speed and the limits of its arm."""
-        return settings_of_run(self.cell, self.choice, self.speed, full_speed=self.full_speed)
+        return settings_of_run(self.cell, self.speed, full_speed=self.full_speed)
 
 
 def repetitions(base: Request, plants: Sequence[StripFile], repeat: int = 1) -> tuple[Request, ...]:
     """Requests of a batch: `repeat` folds on each of `plants`; fold number i has seed S + i."""
     on_desk: Sequence[StripFile | None] = plants or [None]
     folds = [(plant, index) for plant in on_desk for index in range(repeat)]
-    first_seed = base.choice.seed
-    choices = [
-        replace(base.choice, plant=plant, index=index, seed=first_seed + number)
+    first_seed = base.trial.seed
+    trials = [
+        replace(base.trial, plant=plant, index=index, seed=first_seed + number)
         for number, (plant, index) in enumerate(folds)
     ]
-    return tuple(replace(base, choice=choice) for choice in choices)
+    return tuple(replace(base, trial=trial) for trial in trials)
 
 
 def standard_requests(base: Request) -> tuple[Request, ...]:
     """Requests of the standard runs, shuffled by `base`'s seed S; number i has seed S + i."""
-    order = standard_order(np.random.default_rng(base.choice.seed))
+    order = standard_order(np.random.default_rng(base.trial.seed))
     return tuple(
         replace(
             base,
             policy=MOTION + name,
             speed=STANDARD[name].speed,
-            choice=replace(base.choice, index=i, seed=base.choice.seed + i),
+            trial=replace(base.trial, index=i, seed=base.trial.seed + i),
         )
         for i, name in enumerate(order)
     )
@@ -107,14 +107,14 @@ def standard_run(request: Request) -> tuple[str, str]:
 
 def check_request(request: Request) -> None:
     """Raise ConfigurationError for devices, calibration or policy that cannot be used."""
-    check_drivers(request.cell, request.choice)
-    check_calibrated(request.cell, request.choice)
+    check_drivers(request.cell)
+    check_calibrated(request.cell)
     make_policy(request.policy, request.checkpoint)
 
 
 def doubts_about(requests: Sequence[Request]) -> tuple[str, ...]:
     """Warnings about strips and plants outside the range for which an engine was validated."""
-    plants = [r.choice.plant for r in requests if r.choice.plant is not None]
+    plants = [r.trial.plant for r in requests if r.trial.plant is not None]
     strips = (requests[0].strip, *plants)
     return tuple(dict.fromkeys(doubt for strip in strips for doubt in doubts(strip)))
 
@@ -142,8 +142,7 @@ def with_correction(request: Request, learning: str | None) -> Request:
 
 def memory_of(request: Request) -> Memory:
     """Memory of learned biases that a fold uses and updates: of the cell, or of its twin."""
-    twin = not is_physical(request.cell, request.choice)
-    return Memory(request.cell.name, request.learning.memory, twin=twin)
+    return Memory(request.cell.name, request.learning.memory, twin=not request.cell.is_physical)
 
 
 def _should_learn(request: Request, learning: str | None, memory: Memory) -> bool:
@@ -153,4 +152,4 @@ def _should_learn(request: Request, learning: str | None, memory: Memory) -> boo
         return learning == "on"
     if memory.is_off or use == "off":
         return False
-    return (use == "on" and learning != "auto") or is_physical(request.cell, request.choice)
+    return (use == "on" and learning != "auto") or request.cell.is_physical

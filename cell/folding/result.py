@@ -66,7 +66,7 @@ class FoldResult:
             run="",
             strip=request.strip.name,
             policy=request.policy,
-            seed=request.choice.seed,
+            seed=request.trial.seed,
             outcome=outcome.name,
             reason=outcome.reason,
             displacement=None if touch is None else touch.displacement,

@@ -17,7 +17,7 @@ from cell.campaign.run import Engine, Part, carry_out, make_folder
 from cell.campaign.versions import code
 from cell.config.places import find_configs
 from cell.config.unmeasured_strip import unmeasured_name
-from cell.devices.devices import DeviceSelection
+from cell.devices.devices import Trial
 from cell.folding.fold import fold
 from cell.folding.request import Recording, Request
 from cell.record.run import read_run
@@ -45,7 +45,7 @@ def fold_drawn(number: int, seed: int, checkpoint: Path) -> Mapping[str, Any]:
             strip=configs.strip(unmeasured_name(strip.length, strip.thickness)),
             policy="adaptive",
             runs=Path(name),
-            choice=DeviceSelection(plant=strip, seed=number),
+            trial=Trial(plant=strip, seed=number),
             checkpoint=checkpoint,
             record=Recording("none"),
         )

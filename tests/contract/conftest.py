@@ -8,7 +8,7 @@ import pytest
 
 import drivers.clock
 from cell.config.places import find_configs
-from cell.devices.devices import DeviceSelection
+from cell.devices.devices import Trial
 from cell.devices.open import open_cell
 from cell.devices.rig_correction import CorrectedArm
 from drivers.camera.camera import V4l2Camera
@@ -81,12 +81,12 @@ def _corrected_bench() -> Bench:
 def _fci_bench() -> Bench:
     """The robot's own library in a process of its own, against the robot's protocol."""
     pytest.importorskip("pylibfranka", reason="the robot's library is not installed")
-    settings = find_configs(None).cell()
+    settings = find_configs(None).cell().with_drivers("fci")
     camera = CameraSettings(width=320, height=240)
     settings = settings.model_copy(
         update={"twin": settings.twin.model_copy(update={"camera": camera})}
     )
-    devices = open_cell(settings, load_strip(DENIM), DeviceSelection(arm="fci"), calibrating=False)
+    devices = open_cell(settings, load_strip(DENIM), Trial(), calibrating=False)
     edge = Pose(0.6, 0.0, 0.0)
     bench = Bench(devices.clock, devices.arm, devices.hand, devices.camera, edge, accuracy=1e-5)
     return replace(bench, close=devices.close)

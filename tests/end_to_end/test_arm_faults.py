@@ -3,7 +3,6 @@
 import subprocess
 import sys
 import time
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,7 +10,6 @@ import pytest
 pytest.importorskip("pylibfranka", reason="the robot's library is not installed")
 
 from cell.config.places import find_configs
-from cell.devices.devices import DeviceSelection
 from cell.devices.fci import start_joints
 from cell.folding.fold import fold
 from cell.folding.request import Recording
@@ -99,8 +97,9 @@ def test_arm_rests_when_its_cell_is_killed(tmp_path) -> None:
 
 
 if __name__ == "__main__":
-    choice, record = DeviceSelection(arm="fci", seed=3), Recording("none")
-    request = request_for("denim", "triangular", Path(sys.argv[2]), choice=choice, record=record)
-    fci = request.cell.fci.model_copy(update={"address": sys.argv[1], "lock_step": True})
-    request = replace(request, cell=request.cell.model_copy(update={"fci": fci}))
+    robot = find_configs(None).cell().with_drivers("fci")
+    fci = robot.fci.model_copy(update={"address": sys.argv[1], "lock_step": True})
+    robot = robot.model_copy(update={"fci": fci})
+    runs, record = Path(sys.argv[2]), Recording("none")
+    request = request_for("denim", "triangular", runs, cell=robot, record=record)
     fold(request, cached_calibration())

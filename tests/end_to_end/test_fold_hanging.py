@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cell.devices.devices import DeviceSelection
+from cell.config.places import find_configs
 from cell.folding.replay import replay
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip.subject import open_strip
@@ -26,8 +26,8 @@ pytestmark = [
 @pytest.fixture(scope="module")
 def fold(tmp_path_factory: pytest.TempPathFactory) -> Folded:
     """A fold of denim through the robot's library, in lock-step."""
-    runs, choice = tmp_path_factory.mktemp("hanging"), DeviceSelection(arm="fci", seed=3)
-    return fold_and_keep(request_for("denim", "feedback", runs, choice=choice))
+    runs, robot = tmp_path_factory.mktemp("hanging"), find_configs(None).cell().with_drivers("fci")
+    return fold_and_keep(request_for("denim", "feedback", runs, cell=robot))
 
 
 def test_measured_time_begins_with_a_strip_that_hangs_still(fold: Folded) -> None:

@@ -12,7 +12,7 @@ import pytest
 import yaml
 
 from cell.config.places import find_configs
-from cell.devices.devices import DeviceSelection
+from cell.devices.devices import Trial
 from cell.folding.batch import fold_all
 from cell.folding.fold import write_pages
 from cell.folding.replay import replay
@@ -149,7 +149,7 @@ def secret(tmp_path_factory: pytest.TempPathFactory) -> Folded:
     scaled = tuple(0.95 * weight for weight in weights.weights)
     save_checkpoint(place / "own.json", weights.model_copy(update={"weights": scaled}))
     kept = Recording(truth=False, viz="save")
-    asked = {"record": kept, "choice": DeviceSelection(plant=plant)}
+    asked = {"record": kept, "trial": Trial(plant=plant)}
     asked |= {"checkpoint": place / "own.json"}
     request = request_for("denim", "feedback", place / "r", **asked)
     folded = fold_and_keep(request)
@@ -186,7 +186,7 @@ def test_replay_decides_with_the_weights_of_the_run(secret: Folded, tmp_path: Pa
 def test_same_seed_same_bytes_whatever_the_jobs(denim: Folded, tmp_path: Path) -> None:
     requests = [
         request_for("denim", "triangular", tmp_path / "again"),
-        request_for("denim", "triangular", tmp_path / "again", choice=DeviceSelection(seed=4)),
+        request_for("denim", "triangular", tmp_path / "again", trial=Trial(seed=4)),
     ]
     same, other = fold_all(requests, jobs=2)
     lines = [denim.result.line(), same.line(), other.line()]
@@ -250,8 +250,7 @@ def affected(effects: Effects, folder: Path, *, accepted: bool) -> Folded:
         written(configs / "cell.yaml", effects)
     request = request_for("denim", "triangular", folder / "runs", configs, record=record)
     plant = request.strip.model_copy(update={"effects": dict(effects)})
-    choice = DeviceSelection(seed=3, plant=plant)
-    return fold_and_keep(replace(request, choice=choice))
+    return fold_and_keep(replace(request, trial=Trial(seed=3, plant=plant)))
 
 
 def written(path: Path, effects: Effects) -> None:

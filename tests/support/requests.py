@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from cell.config.places import find_configs
-from cell.devices.devices import DeviceSelection
+from cell.devices.devices import Trial
 from cell.folding.request import Request
 
 
@@ -12,5 +12,5 @@ def request_for(
 ) -> Request:
     """Fold request with seed 3; `changes` replace fields of the request."""
     found = find_configs(configs)
-    facts = {"cell": found.cell(), "choice": DeviceSelection(seed=3)} | changes
+    facts = {"cell": found.cell(), "trial": Trial(seed=3)} | changes
     return Request(strip=found.strip(strip), policy=policy, runs=runs, **facts)

@@ -9,7 +9,7 @@ from calibration.wizard.touched_points import TouchedPoints
 from cell.arm.manual_motion import jog, move_manually
 from cell.arm.run_settings import slow_down
 from cell.config.places import find_configs
-from cell.devices.devices import DeviceSelection
+from cell.devices.devices import Trial
 from cell.orchestrator.calibration_phase import calibrate
 from cell.orchestrator.context import CalibrationContext
 from cell.orchestrator.monitors import Rules
@@ -42,7 +42,7 @@ def stating(desk: float | None):
     ],
 )
 def test_jog_does_not_drive_the_hand_into_the_desk(desk, x, z, name) -> None:
-    outcome = move_manually(stating(desk), DeviceSelection(arm="twin"), jog(x, z, 0.0))
+    outcome = move_manually(stating(desk), Trial(), jog(x, z, 0.0))
     assert outcome.name == name
     assert outcome.exit_code == (0 if name == "moved" else 4)
 
@@ -57,7 +57,7 @@ def test_first_signal_asks_for_a_controlled_stop_of_a_motion_by_hand(monkeypatch
 
 
 def test_small_negative_pitch_is_stated_as_zero() -> None:
-    outcome = move_manually(SETTINGS, DeviceSelection(arm="twin"), jog(0.0, 0.001, -1e-3))
+    outcome = move_manually(SETTINGS, Trial(), jog(0.0, 0.001, -1e-3))
     assert outcome.reason == "the gripper is at x 600, z 151 mm, pitch 0 deg"
 
 
@@ -82,5 +82,5 @@ def test_monitors_know_the_limits_of_the_motion(monkeypatch) -> None:
     seen: list[Rules] = []
     monkeypatch.setattr("cell.orchestrator.run.check_all", lambda *given: seen.append(given[2]))
     slow = slow_down(SETTINGS)
-    move_manually(slow, DeviceSelection(arm="twin"), jog(0.0, 0.001, 0.0))
+    move_manually(slow, Trial(), jog(0.0, 0.001, 0.0))
     assert {rules.motion for rules in seen} == {slow.installation.limits}

@@ -2,18 +2,17 @@
 
 import pytest
 
-from cell.arm.run_settings import consent, is_real, slow_down
+from cell.arm.run_settings import consent, slow_down
 from cell.config.drivers import Driver
 from cell.config.places import find_configs
-from cell.devices.devices import DeviceSelection
 from drivers.errors import PreflightRefused
 
 CELL = find_configs(None).cell()
-FCI = DeviceSelection(arm="fci")
 
 
-def at(address: str | None):
-    return CELL.model_copy(update={"fci": CELL.fci.model_copy(update={"address": address})})
+def at(address: str | None, arm: str = "fci"):
+    fci = CELL.fci.model_copy(update={"address": address})
+    return CELL.model_copy(update={"fci": fci}).with_drivers(arm)
 
 
 @pytest.mark.parametrize(
@@ -21,23 +20,23 @@ def at(address: str | None):
     [(None, False), ("127.77.0.1", False), ("localhost", False), ("172.16.0.2", True)],
 )
 def test_only_a_robot_on_another_machine_is_real(address, real) -> None:
-    assert is_real(at(address), FCI) is real
-    assert not is_real(at(address), DeviceSelection(arm="twin"))
+    assert at(address).has_real_arm is real
+    assert not at(address, "twin").has_real_arm
 
 
 @pytest.mark.parametrize("real", [True, False])
 def test_arm_of_a_plug_in_is_real_unless_it_says_otherwise(monkeypatch, real) -> None:
-    monkeypatch.setattr(DeviceSelection, "arm_driver", lambda *_: Driver("own:arm", real=real))
+    monkeypatch.setattr(type(CELL), "arm_driver", Driver("own:arm", real=real))
     for address in (None, "127.77.0.1", "172.16.0.2"):
-        assert is_real(at(address), DeviceSelection(arm="own")) is real
+        assert at(address).has_real_arm is real
 
 
 @pytest.mark.parametrize("typed", ["", "yes", "Twin-Cell"])
 def test_nothing_moves_until_the_cell_s_name_is_typed(typed) -> None:
     with pytest.raises(PreflightRefused, match=CELL.name):
-        consent(at("172.16.0.2"), FCI, lambda _: typed, ())
-    assert consent(at("172.16.0.2"), FCI, lambda _: f"{CELL.name}\n", ()).agreed
-    assert not consent(at(None), FCI, lambda _: pytest.fail("asked"), ()).agreed
+        consent(at("172.16.0.2"), lambda _: typed, ())
+    assert consent(at("172.16.0.2"), lambda _: f"{CELL.name}\n", ())
+    assert not consent(at(None), lambda _: pytest.fail("asked"), ())
 
 
 def test_first_runs_go_at_a_tenth_of_the_speed_and_have_the_time_for_it() -> None:

@@ -15,7 +15,7 @@ from calibration.wizard.touches import TouchSettings
 from cell.calibrate.calibration_in_use import use_calibration
 from cell.calibrate.wizard import Wizard
 from cell.config.places import CHECKOUT_CONFIGS, Configs
-from cell.devices.devices import Devices, DeviceSelection
+from cell.devices.devices import Devices, Trial
 from cell.devices.open import NO_STRIP, open_cell
 from cell.orchestrator.operator import Answer, Interrupted, Question, Unattended
 from drivers.errors import ConfigurationError
@@ -31,7 +31,7 @@ SETTINGS = Configs(CHECKOUT_CONFIGS).cell()
 
 
 def _devices() -> Devices:
-    return open_cell(SETTINGS, NO_STRIP, DeviceSelection(), calibrating=True)
+    return open_cell(SETTINGS, NO_STRIP, Trial(), calibrating=True)
 
 
 class Hesitant:

@@ -16,7 +16,7 @@ from calibration.wizard.session import read_rows
 from calibration.wizard.touch_verdict import MapVerdict
 from cell.calibrate.wizard import TwinOperator, Wizard, newest_lens, refit_homography, refit_lens
 from cell.config.places import CHECKOUT_CONFIGS, Configs
-from cell.devices.devices import Devices, DeviceSelection
+from cell.devices.devices import Devices, Trial
 from cell.devices.open import NO_STRIP, open_cell
 from cell.folding.fold import fold
 from cell.folding.request import Recording
@@ -31,7 +31,7 @@ CAMERA = SETTINGS.twin.camera
 
 
 def _devices() -> Devices:
-    return open_cell(SETTINGS, NO_STRIP, DeviceSelection(), calibrating=True)
+    return open_cell(SETTINGS, NO_STRIP, Trial(), calibrating=True)
 
 
 class Person:
@@ -184,9 +184,9 @@ def test_fold_with_a_camera_that_moved_since_is_refused_before_the_strip_is_touc
     verdict = touched[0]
     shift = {"homography_shift": {"x": 0.005, "z": 0.0}}
     plant = Configs(CHECKOUT_CONFIGS).strip("denim").model_copy(update={"effects": shift})
-    choice, record = DeviceSelection(plant=plant), Recording("none", truth=False)
+    trial, record = Trial(plant=plant), Recording("none", truth=False)
     request = request_for(
-        "denim", "triangular", tmp_path / "runs", CHECKOUT_CONFIGS, choice=choice, record=record
+        "denim", "triangular", tmp_path / "runs", CHECKOUT_CONFIGS, trial=trial, record=record
     )
     result = fold(request, verdict.calibration)
     assert (result.outcome, result.exit_code) == ("preflight_refused", 3)

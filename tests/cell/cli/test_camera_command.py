@@ -9,14 +9,13 @@ from typer.testing import CliRunner
 import drivers.camera.device
 from cell.cli.app import app
 from cell.config.places import find_configs
-from cell.devices.devices import DeviceSelection
 from cell.devices.open import check_calibrated, check_drivers
 from drivers.camera.camera import UnusableDevice, list_cameras
 from drivers.camera.settings import V4l2Settings
 from drivers.errors import ConfigurationError
 from tests.drivers.camera.fake_kernel import LINK, FakeKernel
 
-REAL = DeviceSelection(camera="v4l2")
+REAL = find_configs(None).cell().with_drivers(camera="v4l2")
 
 
 @pytest.fixture
@@ -63,10 +62,10 @@ def test_listing_names_formats_controls_and_the_section_to_add(
 
 def test_cell_without_a_camera_section_says_what_to_add() -> None:
     with pytest.raises(ConfigurationError, match=r"camera: is missing.*cell camera"):
-        check_drivers(find_configs(None).cell(), REAL)
+        check_drivers(REAL)
 
 
 def test_real_camera_without_a_calibration_is_refused_before_anything_opens() -> None:
     with pytest.raises(ConfigurationError, match=r"calibration: is missing"):
-        check_calibrated(find_configs(None).cell(), REAL)
-    check_calibrated(find_configs(None).cell(), DeviceSelection())
+        check_calibrated(REAL)
+    check_calibrated(find_configs(None).cell())

@@ -11,7 +11,7 @@ pytest.importorskip("pylibfranka", reason="the robot's library is not installed"
 import cell
 from cell.arm.run_settings import await_strip
 from cell.config.places import CHECKOUT_CONFIGS, find_configs
-from cell.devices.devices import DeviceSelection
+from cell.devices.devices import Trial
 from cell.devices.open import check_drivers, open_cell
 from cell.folding.batch import Callbacks, fold_all
 from cell.folding.request import standard_requests
@@ -140,16 +140,17 @@ def test_a_program_that_folds_does_not_move_it_either(configs, connections, tmp_
 def test_cell_opens_where_it_was_agreed_or_nothing_real_moves(configs) -> None:
     settings, strip = find_configs(configs).cell(), load_strip(configs / "strips" / "denim.yaml")
     with pytest.raises(PreflightRefused, match=NOWHERE):
-        open_cell(settings, strip, DeviceSelection(), calibrating=False)
-    for choice in (DeviceSelection(agreed=True), DeviceSelection(arm="twin")):
-        open_cell(settings, strip, choice, calibrating=False).camera.close()
+        open_cell(settings, strip, Trial(), calibrating=False)
+    twin = settings.with_drivers("twin")
+    for cell_file, trial in ((settings, Trial(agreed=True)), (twin, Trial())):
+        open_cell(cell_file, strip, trial, calibrating=False).camera.close()
 
 
 def test_robot_s_own_time_is_not_taken_in_lock_step(configs) -> None:
     settings = find_configs(configs).cell()
     driven = settings.fci.model_copy(update={"lock_step": True})
     with pytest.raises(ConfigurationError, match=r"lock_step.*cannot run in lock-step"):
-        check_drivers(settings.model_copy(update={"fci": driven}), DeviceSelection())
+        check_drivers(settings.model_copy(update={"fci": driven}))
 
 
 def test_next_run_waits_until_somebody_laid_the_strip(configs, monkeypatch, tmp_path) -> None:
@@ -158,8 +159,8 @@ def test_next_run_waits_until_somebody_laid_the_strip(configs, monkeypatch, tmp_
     await_strip(lambda _: "\n")
     laid: list[int] = []
     fold_by(monkeypatch, lambda *_: DONE)
-    choice = DeviceSelection(agreed=True)
-    wanted = standard_requests(request_for("denim", "", tmp_path, configs, choice=choice))
+    trial = Trial(agreed=True)
+    wanted = standard_requests(request_for("denim", "", tmp_path, configs, trial=trial))
     callbacks = Callbacks(lay_again=lambda: laid.append(1))
     made = list(fold_all(wanted, 4, callbacks=callbacks))
     assert len(laid) == len(made) - 1 > 0

@@ -3,7 +3,7 @@
 import pytest
 
 from cell.config.places import find_configs
-from cell.devices.devices import DeviceSelection
+from cell.devices.devices import Trial
 from cell.devices.open import open_cell
 from drivers.fci_server import server
 from drivers.strip.describe import load_strip
@@ -22,13 +22,13 @@ def closing(monkeypatch: pytest.MonkeyPatch, waited: int) -> list[tuple[float, f
         return robot
 
     made = server.resting_robot
-    cell, configs = find_configs(None).cell(), find_configs(None)
+    cell, configs = find_configs(None).cell().with_drivers("fci"), find_configs(None)
     twin = cell.twin.model_copy(update={"camera": CameraSettings(width=640, height=360)})
     settings = cell.model_copy(update={"twin": twin})
     with monkeypatch.context() as patch:
         patch.setattr(server, "resting_robot", resting)
         strip = load_strip(configs.strip_path("denim"))
-        devices = open_cell(settings, strip, DeviceSelection(arm="fci"), calibrating=False)
+        devices = open_cell(settings, strip, Trial(), calibrating=False)
     try:
         devices.arm.connect()
         begun, seen = devices.clock.now(), []

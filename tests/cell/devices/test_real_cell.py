@@ -3,7 +3,7 @@
 import pytest
 
 from cell.config.places import CHECKOUT_CONFIGS, Configs
-from cell.devices.devices import DeviceSelection
+from cell.devices.devices import Trial
 from cell.devices.open import open_cell
 from drivers.camera.camera import V4l2Camera
 from drivers.camera.settings import V4l2Settings
@@ -19,9 +19,8 @@ SETTINGS = CELL.model_copy(update={"camera": V4l2Settings.model_validate(CAMERA)
 
 def test_beside_a_real_robot_and_camera_no_strip_is_simulated() -> None:
     fci = SETTINGS.fci.model_copy(update={"address": "127.0.0.9"})
-    settings = SETTINGS.model_copy(update={"fci": fci})
-    choice = DeviceSelection(arm="fci", camera="v4l2")
-    devices = open_cell(settings, STRIP, choice, calibrating=False)
+    settings = SETTINGS.model_copy(update={"fci": fci}).with_drivers("fci", "v4l2")
+    devices = open_cell(settings, STRIP, Trial(), calibrating=False)
     assert isinstance(devices.clock, WallClock)
     assert isinstance(devices.camera, V4l2Camera)
     assert devices.plant is None
@@ -31,5 +30,5 @@ def test_beside_a_real_robot_and_camera_no_strip_is_simulated() -> None:
 
 def test_a_twin_waits_for_images_and_a_real_camera_does_not() -> None:
     for camera, real_time in (("twin", False), ("v4l2", True)):
-        choice = DeviceSelection(arm="twin", camera=camera)
-        assert open_cell(SETTINGS, STRIP, choice, calibrating=False).real_time is real_time
+        settings = SETTINGS.with_drivers("twin", camera)
+        assert open_cell(settings, STRIP, Trial(), calibrating=False).real_time is real_time

@@ -11,7 +11,6 @@ import yaml
 from calibration.calibration import save_calibration
 from cell.cli.app import app
 from cell.config.places import CHECKOUT_CONFIGS, Configs, find_configs
-from cell.devices.devices import DeviceSelection
 from cell.doctor import devices, machine
 from cell.doctor.check import Check, Grade
 from cell.doctor.devices import Link, judge_link, link_of, measure_link
@@ -83,7 +82,7 @@ def test_disk_without_room_is_red(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 
 
 def test_cell_of_the_twin_needs_no_hardware(tmp_path: Path) -> None:
-    found = list(checks(find_configs(None), DeviceSelection(), tmp_path))
+    found = list(checks(find_configs(None), tmp_path))
     assert [c.state for c in found if c.name in {"robot", "camera"}] == [Grade.SKIPPED] * 2
     refuse_failed([check for check in found if check.name != "cores"])
 

@@ -13,7 +13,7 @@ import pytest
 
 from cell.campaign import processes
 from cell.campaign.processes import Call, Result, Signal, StopSignal
-from cell.devices.devices import DeviceSelection
+from cell.devices.devices import Trial
 from cell.folding import batch
 from cell.folding.batch import Callbacks, fold_all
 from cell.folding.request import Request, repetitions
@@ -32,9 +32,7 @@ from tests.support.requests import request_for
 
 
 def repeated(runs: Path, count: int) -> tuple[Request, ...]:
-    return repetitions(
-        request_for("denim", "triangular", runs, choice=DeviceSelection()), [], count
-    )
+    return repetitions(request_for("denim", "triangular", runs, trial=Trial()), [], count)
 
 
 @pytest.mark.parametrize(
@@ -134,7 +132,7 @@ class Fake:
         if isinstance(message, Signal):
             self.stop()
             return
-        self._number, self._told = message.arguments[0].choice.seed, False
+        self._number, self._told = message.arguments[0].trial.seed, False
         self.log.append(("begin", self._number))
         if self.ends is None or self.ends[:1] == [self._number]:
             self._end()

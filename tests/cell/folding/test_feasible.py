@@ -10,9 +10,7 @@ import pytest
 from calibration.calibration import Calibration
 from cell.arm.run_settings import limit_to_arm
 from cell.config.cell import CellFile
-from cell.config.drivers import driver
 from cell.config.places import find_configs
-from cell.devices.devices import DeviceSelection
 from cell.folding.feasibility import check_feasible, corner_strips, path_problems
 from cell.folding.fold import fold
 from cell.folding.prediction import predict
@@ -22,8 +20,6 @@ from drivers.types import Array
 from policies.registry import make_policy
 from tests.support.requests import request_for
 from tests.support.twin_calibration import twin_calibration
-
-TWIN = driver("arms", "twin")
 
 
 @pytest.fixture(scope="module")
@@ -41,9 +37,8 @@ def refusal(seen_by: Calibration, policy: str = "triangular", place=None, **chan
     """What is refused of a fold by the twin's arm, or by a robot in another `place`."""
     strip = find_configs(None).strip("denim").model_copy(update=changes)
     try:
-        choice = DeviceSelection("twin" if place is None else "fci")
-        cell = limit_to_arm(cell_with(**(place or {})), choice)
-        check_feasible(cell, strip, make_policy(policy), seen_by, choice.arm_driver(cell))
+        chosen = cell_with(**(place or {})).with_drivers("twin" if place is None else "fci")
+        check_feasible(limit_to_arm(chosen), strip, make_policy(policy), seen_by)
     except PreflightRefused as refused:
         return str(refused)
     return ""
@@ -87,7 +82,7 @@ def test_path_over_the_arm_s_limits_is_refused_with_the_speed_that_fits(
     slow = limits.x.model_copy(update=changed)
     cell = cell_with(limits=limits.model_copy(update={"x": slow, "z": slow}))
     with pytest.raises(PreflightRefused) as refused:
-        check_feasible(cell.controller, strip, make_policy("triangular"), seen_by, TWIN)
+        check_feasible(cell.controller, strip, make_policy("triangular"), seen_by)
     assert says in str(refused.value)
     with pytest.raises(ConfigurationError) as dry_run:
         predict(request_for("denim", "triangular", tmp_path, cell=cell))
@@ -97,9 +92,8 @@ def test_path_over_the_arm_s_limits_is_refused_with_the_speed_that_fits(
 def test_dry_run_predicts_the_fold_that_is_made_at_the_speed_of_a_real_robot(seen_by, tmp_path):
     cell = find_configs(None).cell()
     real = cell.model_copy(update={"fci": cell.fci.model_copy(update={"address": "172.16.0.2"})})
-    choice = DeviceSelection("fci")
-    asked = request_for("denim", "triangular", tmp_path, cell=real, choice=choice)
-    made = check_feasible(asked.settings, asked.strip, make_policy("triangular"), seen_by, TWIN)
+    asked = request_for("denim", "triangular", tmp_path, cell=real.with_drivers("fci"))
+    made = check_feasible(asked.settings, asked.strip, make_policy("triangular"), seen_by)
     assert made[0] == predict(asked).displacement > -0.025  # at full speed -0.033
 
 
@@ -148,8 +142,8 @@ def test_fold_whose_hand_would_meet_the_desk_is_refused(seen_by, desk, says) -> 
 
 @pytest.mark.parametrize(("arm", "refused"), [("fci", True), ("twin", False)])
 def test_fold_asks_for_the_hand_of_its_arm(seen_by, tmp_path, monkeypatch, arm, refused) -> None:
-    facts = {"cell": cell_with(desk=0.85), "choice": DeviceSelection(arm=arm)}
-    request = request_for("denim", "triangular", tmp_path, **facts)
+    cell = cell_with(desk=0.85).with_drivers(arm)
+    request = request_for("denim", "triangular", tmp_path, cell=cell)
     monkeypatch.setattr("cell.folding.fold.check_usable", lambda *_: None)
     devices = SimpleNamespace(camera=SimpleNamespace(rate="opened"), close=lambda: None)
     monkeypatch.setattr("cell.folding.fold.run_header", lambda *_: pytest.fail("got through"))

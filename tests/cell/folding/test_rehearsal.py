@@ -11,7 +11,7 @@ pytest.importorskip("pylibfranka", reason="the robot's library is not installed"
 from cell.arm.manual_motion import home_joints, move_manually
 from cell.cli.app import app
 from cell.config.places import find_configs
-from cell.devices.devices import DeviceSelection
+from cell.devices.devices import Trial
 from cell.devices.fold_path import triangle, whole_path
 from cell.folding.rehearsal import HOVER_HEIGHT, Rehearsal, rehearsal
 from cell.orchestrator.steps import pause
@@ -65,7 +65,7 @@ def test_rehearsal_stays_on_its_raised_path_and_closes_and_opens_the_hand(
             except StopIteration as end:
                 return end.value
 
-    outcome = move_manually(FCI, DeviceSelection(arm=arm), watched, strip=STRIP)
+    outcome = move_manually(FCI.with_drivers(arm), Trial(), watched, strip=STRIP)
     assert outcome.exit_code == 0, outcome.reason
     places = np.array([(pose.x, pose.z) for pose, _ in seen])
     line = np.concatenate(

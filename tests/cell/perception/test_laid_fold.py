@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cell.config.places import find_configs
-from cell.devices.devices import DeviceSelection
+from cell.devices.devices import Trial
 from cell.folding.batch import fold_all
 from cell.orchestrator.context import FoldContext
 from cell.perception.laid_fold import TOP, LaidWeights, Loop
@@ -67,8 +67,8 @@ def test_the_worst_of_the_witnesses_names_the_end() -> None:
 @pytest.mark.slow
 def test_strip_that_springs_open_is_not_folded(tmp_path: Path) -> None:
     plant = find_configs(None).strip("denim").model_copy(update={"bending_length": 0.14})
-    choice = DeviceSelection(seed=0, plant=plant)
-    [result] = fold_all([request_for("denim", "adaptive", tmp_path / "runs", choice=choice)])
+    trial = Trial(plant)
+    [result] = fold_all([request_for("denim", "adaptive", tmp_path / "runs", trial=trial)])
     assert result.exit_code == 1
     assert result.outcome == "edges_not_seen"
     assert result.edge_offset is None

@@ -27,7 +27,6 @@ import yaml
 
 from cell.calibrate.calibration_in_use import calibration_of
 from cell.config.places import find_configs
-from cell.devices.devices import DeviceSelection
 from cell.devices.fci import start_joints
 from cell.folding.fold import fold
 from cell.folding.request import Recording
@@ -129,17 +128,11 @@ def measure(seconds: float, strip: str, realtime: RealTime) -> tuple[Share, Shar
     with tempfile.TemporaryDirectory() as place, robot_at(joints) as address:
         os.sched_setaffinity(0, PROCESSORS[:-1] or PROCESSORS)
         configs = configured(Path(place) / "configs", address, realtime)
-        fci = find_configs(configs).cell().fci
+        robot = find_configs(configs).cell().with_drivers("fci")
+        fci = robot.fci
         record = Recording("none", truth=False)
-        request = request_for(
-            strip,
-            "feedback",
-            Path(place),
-            configs,
-            choice=DeviceSelection(arm="fci"),
-            record=record,
-        )
-        calibration = calibration_of(find_configs(configs).cell())
+        request = request_for(strip, "feedback", Path(place), configs, cell=robot, record=record)
+        calibration = calibration_of(robot)
         while cell.seconds < seconds:
             told = subprocess.run(
                 [sys.executable, "-m", *THIS, "--hold", address, "--realtime", realtime],

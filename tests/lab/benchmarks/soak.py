@@ -14,7 +14,7 @@ import time
 from multiprocessing import active_children
 from pathlib import Path
 
-from cell.devices.devices import DeviceSelection
+from cell.devices.devices import Trial
 from cell.folding.batch import fold_all
 from cell.folding.request import Recording
 from tests.support.requests import request_for
@@ -43,8 +43,8 @@ def main(count: int = 500, strip: str = "denim", policy: str = "triangular") -> 
     for number in range(count):
         begun = time.perf_counter()
         with tempfile.TemporaryDirectory() as runs:
-            choice = DeviceSelection(seed=number)
-            made = request_for(strip, policy, Path(runs), choice=choice, record=EVERYTHING)
+            trial = Trial(seed=number)
+            made = request_for(strip, policy, Path(runs), trial=trial, record=EVERYTHING)
             list(fold_all([made]))
         seen.append((resident(), handles()))
         took = time.perf_counter() - begun

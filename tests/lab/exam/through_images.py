@@ -13,7 +13,7 @@ from calibration.calibration import Calibration
 from cell.calibrate.calibration_in_use import calibration_of
 from cell.config.cell import CellFile
 from cell.config.places import find_configs
-from cell.devices.devices import Devices, DeviceSelection
+from cell.devices.devices import Devices, Trial
 from cell.devices.open import check_drivers
 from cell.devices.rig_correction import corrected_devices
 from cell.devices.twin import twin_devices
@@ -93,9 +93,8 @@ def refusal(case: Case) -> str | None:
 
 
 def _requests(case: Case) -> list[tuple[str, Request]]:
-    choice = DeviceSelection(seed=case.seed)
     configs, record = find_configs(None), Recording("none", truth=False)
-    known = configs.cell(), configs.strip(case.strip), "", Path(), choice
+    known = configs.cell(), configs.strip(case.strip), "", Path(), Trial(seed=case.seed)
     base = Request(*known, record=record)
     requests = standard_requests(base)
     if case.motions == "by_hand":
@@ -115,8 +114,8 @@ def _motion_name(request: Request) -> str:
 def _with_plant(case: Case, request: Request, runs: Path) -> Request:
     """The `request` with the cell and the plant of `case`, recorded in `runs`."""
     settings = exam_cell(request.cell, _motion_name(request), case.force)
-    choice = replace(request.choice, plant=plant_of(case, request.strip))
-    return replace(request, cell=settings, choice=choice, runs=runs)
+    trial = replace(request.trial, plant=plant_of(case, request.strip))
+    return replace(request, cell=settings, trial=trial, runs=runs)
 
 
 def exam_cell(settings: CellFile, motion: str, force: float | None = None) -> CellFile:
@@ -152,17 +151,17 @@ class ExamTwin:
         self._scatter: ScatterLevel = scatter
 
     def __call__(
-        self, settings: CellFile, strip: StripFile, choice: DeviceSelection, *, calibrating: bool
+        self, settings: CellFile, strip: StripFile, trial: Trial, *, calibrating: bool
     ) -> Devices:
         """Open the twin's devices; the camera reports the identity of the calibrated one."""
-        check_drivers(settings, choice)
+        check_drivers(settings)
         cv2.setNumThreads(1)
         staging = PlantOptions(
             engine=lambda links: Specimen(links, self._causes, self._seed, self._scatter),
             view=lambda world: LaggedView(world.scene, self._causes),
         )
         devices = twin_devices(
-            self._change_lens(settings), strip, choice, calibrating=calibrating, staging=staging
+            self._change_lens(settings), strip, trial, calibrating=calibrating, staging=staging
         )
         devices = replace(devices, camera_identity=settings.twin.camera.identity)
         return corrected_devices(devices, settings, strip)
@@ -200,7 +199,7 @@ def _fold(
 ) -> FoldResult:
     """Fold the strip of `case` and interrupt the run where it enters the state `end`."""
     until, opened = Until(end), ExamTwin(causes, case.seed, case.scatter)
-    devices = opened(request.settings, request.strip, request.choice, calibrating=False)
+    devices = opened(request.settings, request.strip, request.trial, calibrating=False)
     return fold(request, calibration, (until,), until, devices=devices)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from calibration.calibration import Calibration
 from cell.config.cell import CellFile
 from cell.config.places import find_configs
-from cell.devices.devices import DeviceSelection
+from cell.devices.devices import Trial
 from cell.devices.open import open_cell
 from cell.folding.fold import fold
 from cell.folding.request import Recording, Request
@@ -103,7 +103,7 @@ def strike(blow: Blow, folder: Path, calibration: Calibration) -> Mapping[str, A
     with _free_disk(), Interrupt() as interrupted:
         try:
             policy = FailingPolicy(make_policy(request.policy))
-            devices = open_cell(request.settings, request.strip, request.choice, calibrating=False)
+            devices = open_cell(request.settings, request.strip, request.trial, calibrating=False)
             scenes.append(Scene(Failing(devices), policy, _pixels_of_two_mm(calibration)))
             result = fold(
                 request, calibration, (striker,), lambda: interrupted() or striker.stops,
@@ -191,9 +191,9 @@ def _request(blow: Blow, runs: Path) -> Request:
     content["twin"] |= {"camera": {"rate": CAMERA_RATE}, "world": {"links": 60}}
     content["monitors"] = {"turn": 15.0, "state_duration": 20.0}
     strip = usual.strip("denim").model_copy(update={"length": 0.36, "spread": {}})
-    choice = DeviceSelection(arm=FAULTS[blow.fault].arm, seed=blow.seed)
-    known = parse(content, CellFile, "cell"), strip, "triangular", runs, choice
-    return Request(*known, record=Recording("none"))
+    cell = parse(content, CellFile, "cell").with_drivers(FAULTS[blow.fault].arm)
+    trial, record = Trial(seed=blow.seed), Recording("none")
+    return Request(cell, strip, "triangular", runs, trial, record=record)
 
 
 def _pixels_of_two_mm(calibration: Calibration) -> tuple[float, float]:

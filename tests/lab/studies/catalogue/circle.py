@@ -14,7 +14,7 @@ import numpy as np
 
 from cell.calibrate.calibration_in_use import calibration_of
 from cell.config.places import Configs, find_configs
-from cell.devices.devices import DeviceSelection
+from cell.devices.devices import Trial
 from cell.folding.fold import fold
 from cell.folding.request import Request, standard_requests
 from cell.folding.result import FoldResult
@@ -74,15 +74,15 @@ class Circle:
             yield from (fold(request, calibration_of(request.cell)) for request in wanted)
             return
         for request in wanted:
-            settings, strip, choice = request.settings, request.strip, request.choice
-            opened = ExamTwin([], choice.seed, self.scatter)
-            devices = opened(settings, strip, choice, calibrating=False)
+            settings, strip, trial = request.settings, request.strip, request.trial
+            opened = ExamTwin([], trial.seed, self.scatter)
+            devices = opened(settings, strip, trial, calibrating=False)
             yield fold(request, calibration_of(settings), devices=devices)
 
     def _request(self, policy: str, when: str, seed: int) -> Request:
         """Request by the files as they are now: accepted effects are in them."""
-        configs, choice = Configs(self.configs), DeviceSelection(plant=self.plant, seed=seed)
-        known = configs.cell(), configs.strip(self.strip), policy, self.work / when, choice
+        configs, trial = Configs(self.configs), Trial(plant=self.plant, seed=seed)
+        known = configs.cell(), configs.strip(self.strip), policy, self.work / when, trial
         return Request(*known)
 
 

@@ -13,7 +13,7 @@ from cell.calibrate.calibration_in_use import calibration_of
 from cell.config.cell import CellFile
 from cell.config.places import find_configs
 from cell.config.unmeasured_strip import unmeasured_name
-from cell.devices.devices import DeviceSelection
+from cell.devices.devices import Trial
 from cell.folding.fold import fold
 from cell.folding.request import Learning, Recording, Request, with_correction
 from cell.folding.result import FoldResult
@@ -52,7 +52,7 @@ def fold_strip(
     there, and all its folds are of one specimen.
     """
     request = _request(strip, policy, folder, memory, cell)
-    request = replace(request, choice=DeviceSelection(plant=plant, seed=seed))
+    request = replace(request, trial=Trial(plant=plant, seed=seed))
     request = with_correction(request, "off" if memory is None else "on")
     return fold(request, calibration or calibration_of(request.cell))
 
