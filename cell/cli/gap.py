@@ -44,7 +44,7 @@ gap = typer.Typer(
 
 StripFileName = Annotated[
     str | None,
-    typer.Option("--strip", help="Strip by name, or a path to its file (or a pendulum's)."),
+    typer.Option("--strip", help="Strip by name, or a path to its file."),
 ]
 Model = Annotated[
     Path | None, typer.Option("--model", help="The mechanism file, in place of a strip.")

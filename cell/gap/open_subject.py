@@ -25,10 +25,10 @@ def open_subject(
         from cell.gap.subject.strip.subject import open_strip
 
         subject: Subject = open_strip(file, runs, jobs, without)
-    elif kind in ("pendulum", "mechanism"):
+    elif kind == "mechanism":
         subject = open_mechanism(file, runs, jobs, without)
     else:
-        raise ConfigurationError(f"{file}: kind: is {kind!r}; allowed: strip, pendulum, mechanism")
+        raise ConfigurationError(f"{file}: kind: is {kind!r}; allowed: strip, mechanism")
     subject.option = option_for(file)
     return subject
 
@@ -43,13 +43,11 @@ def open_mechanism(
     from cell.gap.subject.mechanism.cell_arm import CellArm
     from cell.gap.subject.mechanism.forward_dynamics import ForwardDynamics
     from cell.gap.subject.mechanism.inverse_dynamics import InverseDynamics
-    from cell.gap.subject.mechanism.pendulum import Pendulum, open_swings
+    from cell.gap.subject.mechanism.pendulum import Pendulum
     from cell.gap.subject.mechanism.read_mechanism import open_all
 
-    if read_yaml(path).get("kind") == "pendulum":  # steps by its fastest swing, whatever its values
-        return Pendulum(open_swings(path, folders), jobs, without)
     opened = open_all(path, folders)
-    engines = {"forward": ForwardDynamics, "prescribed": InverseDynamics}
+    engines = {"forward": ForwardDynamics, "planar": Pendulum, "prescribed": InverseDynamics}
     subject = (CellArm if opened.file.cell else engines[opened.file.mode])(opened, jobs, without)
     subject.check(str(path))
     return subject

@@ -9,7 +9,7 @@ from drivers.errors import ConfigurationError
 
 RUN, RESULT, EVENTS, TRUTH = "run.yaml", "result.yaml", "events.jsonl", "truth.yaml"
 TICKS, PROFILE, SIGHTS = "ticks.parquet", "profile.parquet", "sights.parquet"
-SIGNALS = "signals.parquet"  # of a mechanism
+SIGNALS, ANGLES = "signals.parquet", "angles.parquet"  # of a mechanism, of a pendulum
 JOINTS = "joints.parquet"  # of a robot, tick by tick, from before the lift on
 TICK_STREAM, SIGHT_STREAM = "ticks.arrows", "sights.arrows"
 CALIBRATION, RECORDING, REPORT = "calibration.yaml", "run.rrd", "report.html"

@@ -124,32 +124,25 @@ class Load(Part):
     com: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
-class RunOfMotion(Recorded):
-    """Contents of run.yaml of a motion without a strip: index in its series, condition."""
-
-    index: int | None = Field(None, ge=0, le=1_000_000)
-    condition: str | float | None = None
-
-
-class MechanismRun(RunOfMotion):
-    """Contents of run.yaml of a mechanism; `origin` is the recording that contains the run."""
-
-    mechanism: str | None = None
-    origin: str | float | None = None
-    load: Load | None = None
-
-
-class SwingNoise(Part):
+class AngleNoise(Part):
     """Measurement noise of a pendulum's readings, one sigma of the `angle` [rad]."""
 
     angle: Annotated[float, Unit("rad"), Field(gt=0.0, lt=0.3)] | None = None
 
 
-class SwingRun(RunOfMotion):
-    """Contents of run.yaml of a pendulum's swing."""
+class MechanismRun(Recorded):
+    """Contents of run.yaml of a mechanism, or of a pendulum, which states its own noise `sigma`.
 
+    `index` is that in its series, `origin` the recording that contains the run.
+    """
+
+    mechanism: str | None = None
     pendulum: str | None = None
-    sigma: SwingNoise
+    sigma: AngleNoise = AngleNoise()
+    index: int | None = Field(None, ge=0, le=1_000_000)
+    condition: str | float | None = None
+    origin: str | float | None = None
+    load: Load | None = None
 
 
 class Interval(Part):

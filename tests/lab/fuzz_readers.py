@@ -25,7 +25,7 @@ from calibration.calibration import load_calibration, save_calibration
 from cell.config.cell import CellFile
 from cell.config.places import find_configs
 from cell.folding.replay import replay
-from cell.gap.subject.mechanism.mechanism_file import PendulumFile
+from cell.gap.subject.mechanism.mechanism_file import MechanismFile
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip.runs import read_runs
 from cell.gap.verdict.accept import accept, sha256, undo
@@ -95,8 +95,7 @@ def document_readers() -> dict[str, tuple[dict[str, Any], Reader]]:
     strip = yaml.safe_load(configs.strip_path("denim").read_text())
     strip["effects"] = {"bending_hysteresis": {"yield_curvature": 20.0, "stiffness_ratio": 8.0}}
     strip["spread"] = {"bending_length": [0.015, 0.019]}
-    link = {"mass": 0.1, "length": 0.2, "com": 0.1, "inertia": 1e-3, "damping": 1e-4}
-    pendulum = {"schema": 1, "kind": "pendulum", "name": "p", "gravity": 9.81, "links": [link]}
+    arm = yaml.safe_load((configs.folder / "mechanisms/arm/mechanism.yaml").read_text())
     cell = yaml.safe_load((configs.folder / "cell.yaml").read_text())
     weights = {"schema": 1, "policy": "feedback", "weights": [0.1] * 101}
     return {
@@ -104,7 +103,7 @@ def document_readers() -> dict[str, tuple[dict[str, Any], Reader]]:
         "plant": (strip, load_plant),
         "cell": (cell, lambda path: load(path, CellFile)),
         "calibration": (_camera_file(), load_calibration),
-        "pendulum": (pendulum, lambda path: load(path, PendulumFile)),
+        "mechanism": (arm, lambda path: load(path, MechanismFile)),
         "run": ({"schema": 1, **HEADER}, lambda path: load(path, Header)),
         "result": ({"schema": 1, **RESULT}, lambda path: load(path, Result, bare=True)),
         "checkpoint": (

@@ -3,20 +3,17 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from shutil import copytree
 
 import mujoco
 import numpy as np
-import yaml
 
-from cell.gap.subject.mechanism.mechanism_file import PendulumFile
 from drivers.types import Array
 from tests.support.mechanisms import write_run
 
 STEP = 0.0005  # s of the plant
-LINK = {"mass": 0.2, "length": None, "com": 0.12, "inertia": 5e-4, "damping": 2.5e-4}
-PENDULUM = PendulumFile.model_validate(
-    {"schema": 1, "kind": "pendulum", "name": "made", "gravity": 9.81, "links": [LINK]}
-)
+PENDULUM = Path(__file__).parent / "pendulum"
+"""Folder of the file and the model of a pendulum of one link, called `made`."""
 
 Law = Callable[[Array, Array, int], Array]
 """Torques (n,) that oppose the joints, of their bend from hanging, their rate, the run's index."""
@@ -32,7 +29,7 @@ class Made:
 
 
 def make_swings(
-    pendulum: PendulumFile,
+    file: Path,
     lifts: Sequence[Array],
     sigma: float,
     rng: np.random.Generator,
@@ -40,8 +37,8 @@ def make_swings(
     span: float = 2.5,
     rate: float = 100.0,
 ) -> list[Made]:
-    """Swings released from rest with links `lifts` (n,) [rad] off hanging."""
-    model = mujoco.MjModel.from_xml_string(pendulum.xml())
+    """Swings of the model in `file`, released from rest with links `lifts` (n,) [rad] lifted."""
+    model = mujoco.MjModel.from_xml_path(str(file))
     model.opt.timestep, model.opt.integrator = STEP, mujoco.mjtIntegrator.mjINT_RK4
     labels = [f"lift {' '.join(f'{v:.1f}' for v in lift)}" for lift in lifts]
     runs = []
@@ -52,19 +49,15 @@ def make_swings(
     return runs
 
 
-def write_swings(
-    folder: Path, pendulum: PendulumFile, runs: Sequence[Made], sigma: float
-) -> tuple[Path, Path]:
-    """Write the pendulum's file and the run folders; returns both paths."""
-    file = folder / "pendulum.yaml"
-    stated = pendulum.model_dump(mode="json", by_alias=True, exclude_defaults=True)
-    file.write_text(yaml.safe_dump({"schema": 1, **stated}, sort_keys=False), encoding="utf-8")
+def write_swings(folder: Path, runs: Sequence[Made], sigma: float) -> tuple[Path, Path]:
+    """Write the pendulum's file, its model and the run folders; returns paths of file and runs."""
+    copytree(PENDULUM, folder, dirs_exist_ok=True)
     for index, made in enumerate(runs):
-        head = {"pendulum": pendulum.name, "index": index, "condition": made.condition}
+        head = {"pendulum": "made", "index": index, "condition": made.condition}
         columns = {"t": made.t} | {f"theta_{i + 1}": a for i, a in enumerate(made.angles)}
         run = folder / "runs" / f"{index:02d}"
         write_run(run, columns, {**head, "sigma": {"angle": sigma}}, "angles.parquet")
-    return file, folder / "runs"
+    return folder / "pendulum.yaml", folder / "runs"
 
 
 def _released(

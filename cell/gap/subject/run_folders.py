@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from cell.record.files import JOINTS, PROFILE, RUN, SIGNALS, TICKS, runs_in
+from cell.record.files import ANGLES, JOINTS, PROFILE, RUN, SIGNALS, TICKS, runs_in
 from drivers.errors import ConfigurationError
 from drivers.readers import read_parquet
 from drivers.types import Array
 
-TABLES = (TICKS, PROFILE, "angles.parquet", SIGNALS, JOINTS)
+TABLES = (TICKS, PROFILE, ANGLES, SIGNALS, JOINTS)
 
 ROUNDING = 1e-5  # m, rad, N by which copies of one number differ that was written in other units
 TIME_ROUNDING = 1e-3  # s

@@ -267,12 +267,9 @@ def _folders(*files: Path | None) -> list[Path]:
 
 
 def _check_patch(patch: Path) -> None:
-    """Refuse a patch that is not a whole file of a strip, a pendulum or a mechanism."""
-    kind = read_yaml(patch).get("kind")
-    if kind == "mechanism":
+    """Refuse a patch that is not a whole file of a strip or a mechanism."""
+    if read_yaml(patch).get("kind") == "mechanism":
         load(patch, MechanismFile)
-    elif kind == "pendulum":
-        load(patch, Patch, bare=True)
     else:
         load_strip(patch)
 

@@ -47,10 +47,9 @@ def good(tmp_path_factory: pytest.TempPathFactory) -> Path:
     root = tmp_path_factory.mktemp("good")
     written(root / "strip" / "runs", folds(["fast", "taut-lift"]))
     shutil.copy(STRIP, root / "denim.yaml")
-    made = make_swings(
-        PENDULUM, [np.array([a]) for a in (0.2, 0.9)], 0.001, np.random.default_rng(0)
-    )
-    write_swings(root, PENDULUM, made, 0.001)
+    lifts = [np.array([a]) for a in (0.2, 0.9)]
+    made = make_swings(PENDULUM / "model.xml", lifts, 0.001, np.random.default_rng(0))
+    write_swings(root, made, 0.001)
     (root / "pendulum").mkdir()
     (root / "runs").rename(root / "pendulum" / "runs")
     return root

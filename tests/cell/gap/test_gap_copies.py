@@ -9,10 +9,12 @@ import pyarrow.parquet as pq
 import pytest
 import yaml
 
+from cell.config.places import CHECKOUT_CONFIGS
 from cell.gap.fit import FitOptions, fit
 from cell.gap.subject.run_folders import find_runs, without_copies
 from tests.support.run_edits import edit_column
 
+FILE = CHECKOUT_CONFIGS / "mechanisms" / "single-pendulum" / "mechanism.yaml"
 SINGLE = Path(__file__).resolve().parents[4] / "shared" / "data" / "pendulum" / "single"
 
 
@@ -55,11 +57,11 @@ def test_runs_that_differ_in_one_number_are_no_copies(tmp_path) -> None:
 def test_a_fit_counts_copies_once_and_says_so(tmp_path) -> None:
     for k in range(3):
         shutil.copytree(SINGLE / "runs" / f"{k:02d}", tmp_path / "runs" / f"{k:02d}")
-    plain = fit([tmp_path / "runs"], SINGLE / "pendulum.yaml", tmp_path / "one", FitOptions(["01"]))
+    plain = fit([tmp_path / "runs"], FILE, tmp_path / "one", FitOptions(["01"]))
     for k in range(2):
         shutil.copytree(tmp_path / "runs" / "01", tmp_path / "runs" / f"copy-{k}")
     runs = [tmp_path / "runs"]
-    verdict = fit(runs, SINGLE / "pendulum.yaml", tmp_path / "copied", FitOptions(["copy-1"]))
+    verdict = fit(runs, FILE, tmp_path / "copied", FitOptions(["copy-1"]))
     assert verdict.held_out == ["01"]
     assert verdict.base == plain.base
     assert len(verdict.notes) == 2

@@ -32,7 +32,7 @@ DAMPED = 0.02  # of critical damping, in the gear
 STIFFEST = 1e6  # N m/rad per kg m^2 of a joint's inertia, of a gear that does not twist
 LEAST_COMPLIANCE = 1e-12  # rad/(N m), against division by zero
 THIRD = 1.0 / 3.0  # of its noise, by which halving the time step may move a signal
-BODY = ("body_mass", "body_ipos", "body_iquat", "body_inertia")
+BODY = ("body_pos", "body_mass", "body_ipos", "body_iquat", "body_inertia")
 DOF = ("dof_damping", "dof_dampingpoly", "dof_armature", "dof_frictionloss", "dof_solimp")
 ACTUATOR = ("actuator_gainprm", "actuator_biasprm", "actuator_forcerange")
 

@@ -297,8 +297,9 @@ class TorqueSensors:
 def _cache_key(motion: Motion, model: Any, readings: Readings) -> bytes:
     """Cache key of inverse dynamics along a motion: bytes of model fields and sensor errors."""
     fields = [model.body_mass, model.body_inertia, model.body_ipos, model.body_iquat,
-              model.dof_armature, model.dof_damping, model.dof_dampingpoly, model.jnt_stiffness,
-              model.qpos_spring, model.opt.gravity, np.array(model.opt.density)]  # fmt: skip
+              model.body_pos, model.dof_armature, model.dof_damping, model.dof_dampingpoly,
+              model.jnt_stiffness, model.qpos_spring, model.opt.gravity,
+              np.array(model.opt.density)]  # fmt: skip
     bias, scale = sorted(readings.bias.items()), sorted(readings.scale.items())
     key = b"".join(np.ascontiguousarray(x).tobytes() for x in fields)
     return key + f"{motion.name}{readings.delay}{bias}{scale}".encode()

@@ -1,29 +1,16 @@
-"""Files of mechanisms: a MuJoCo model with its signals, and a pendulum's links.
+"""Files of mechanisms: a MuJoCo model, what was commanded and measured, and what is uncertain."""
 
-Of a MuJoCo model a file says what was commanded and measured, and what is uncertain; of a pendulum
-the properties of a chain of hinged links as its maker states them.
-"""
-
-import math
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from drivers.settings import Metres, Settings, Unit
+from drivers.settings import Settings
 from drivers.strip.file import Provenance
 
-Length = Annotated[Metres, Field(ge=1e-4, le=100.0)]
-Mass = Annotated[float, Unit("kg"), Field(ge=1e-6, le=1e5)]
-Inertia = Annotated[float, Unit("kg m^2"), Field(ge=1e-14, le=1e8)]
-Damping = Annotated[float, Unit("N m s"), Field(ge=0.0, le=1e6)]
-RADIUS = 0.005  # m of the rods that air brakes
-# blunt, slender, angular, lift, spin: a rod of 0.2 m about its end, as integrated along it
-DRAG = (1.0, 0.1, 1.5, 0.0, 0.0)
-DRAG_UNIT = 1.2 * 2.0 * RADIUS * math.pi / 4.0  # kg/m^2 at the density of air
 Positive = Annotated[float, Field(gt=0)]
-BodyField = Literal["mass", "com", "inertia", "damping", "armature", "stiffness", "gain"]
-OWNERS = {"mass": "body", "com": "body", "inertia": "body", "damping": "joint", "armature": "joint",
-          "stiffness": "joint", "gain": "actuator"}  # fmt: skip
+BodyField = Literal["mass", "com", "length", "inertia", "damping", "armature", "stiffness", "gain"]
+OWNERS = {"mass": "body", "com": "body", "length": "body", "inertia": "body", "damping": "joint",
+          "armature": "joint", "stiffness": "joint", "gain": "actuator"}  # fmt: skip
 # by mode: a kind of signal, an input or a key that a file must have or must not, and why
 RULES = {
     "prescribed": ((True, "torque", "mode prescribed compares torques; no signal is: torque"),
@@ -31,10 +18,11 @@ RULES = {
                     "mode prescribed needs inputs: {JOINT: position}, the given motion")),
     "forward": ((False, "cell", "cell: the cell's own arm is compared in mode prescribed"),
                 (False, "tracking",
-                 "is: tracking is for mode prescribed; forward compares positions"),
+                 "is: tracking is for mode prescribed; others compare positions"),
                 (False, "inputs: position",
-                 "inputs: position is for mode prescribed; forward takes ctrl, torque")),
+                 "inputs: position is for mode prescribed; others take ctrl, torque")),
 }  # fmt: skip
+RULES["planar"] = RULES["forward"]  # of pendulums
 
 
 class SignalSpec(Settings):
@@ -83,12 +71,17 @@ class StartSpec(Settings):
 
 
 class UncertainSpec(Settings):
-    """Field of the model to be fitted, and its prior spread, as a share (`2%`) or absolute."""
+    """Field of the model to be fitted, and its prior spread, as a share (`2%`) or absolute.
+
+    A centre of mass is free along one `axis` of its body, or along all; a length is the distance of
+    a body's frame from its parent's.
+    """
 
     body: str | None = None
     joint: str | None = None
     actuator: str | None = None
     field: BodyField
+    axis: Literal["x", "y", "z"] | None = None
     spread: Positive | Annotated[str, Field(pattern=r"^[0-9]+(\.[0-9]+)?%$")]
     by_run: Annotated[str, Field(pattern=r"^[0-9]+(\.[0-9]+)?%$")] | None = None
 
@@ -98,6 +91,8 @@ class UncertainSpec(Settings):
         owner = OWNERS[self.field]
         if [k for k in ("body", "joint", "actuator") if getattr(self, k) is not None] != [owner]:
             raise ValueError(f"field {self.field} belongs to a {owner}: name it, and nothing else")
+        if self.axis is not None and self.field != "com":
+            raise ValueError("axis: x, y or z, of a com alone")
         return self
 
     @property
@@ -113,7 +108,7 @@ class MechanismFile(Settings):
     kind: Literal["mechanism"]
     name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")
     model: str
-    mode: Literal["forward", "prescribed"] = "forward"
+    mode: Literal["forward", "prescribed", "planar"] = "forward"
     step: Annotated[float, Field(gt=0, le=0.1)] = 0.002
     hold: Positive | None = None
     signals: dict[str, SignalSpec] = Field(min_length=1)
@@ -133,61 +128,3 @@ class MechanismFile(Settings):
             if (what in found) != needed:
                 raise ValueError(reason)
         return self
-
-
-class Link(Settings):
-    """Link of a pendulum: mass [kg], length to the next joint [m], centre of mass [m], inertia.
-
-    Inertia [kg m^2] is about the centre of mass, damping [N m s] is viscous, of the link's joint.
-    """
-
-    mass: Mass
-    length: Length | None
-    com: Length
-    inertia: Inertia
-    damping: Damping
-
-
-class PendulumFile(Settings):
-    """Content of a pendulum file: gravity [m/s^2], links and accepted effects."""
-
-    schema_: Literal[1] = Field(1, alias="schema")
-    kind: Literal["pendulum"]
-    name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")
-    gravity: float = Field(ge=1.0, le=30.0)
-    links: tuple[Link, ...] = Field(min_length=1, max_length=6)
-    effects: dict[str, dict[str, float]] = Field(default_factory=dict)
-    provenance: tuple[Provenance, ...] = ()
-
-    @model_validator(mode="after")
-    def _lengths(self) -> Self:
-        """Refuse links without a length, or whose mass lies beyond their end."""
-        *inner, last = self.links
-        if any(link.length is None for link in inner):
-            raise ValueError("only the last link may have no length")
-        if last.length is not None and last.com > 10.0 * last.length:
-            raise ValueError("the last link's com lies far beyond its end")
-        return self
-
-    def xml(self) -> str:
-        """MJCF text of the chain, hanging at zero; its bodies and joints are called 1, 2, 3, ...
-
-        The coefficient of air drag is a force per length and squared speed [kg/m^2].
-        """
-        opened, above = "", 0.0
-        drag = " ".join(str(share / DRAG_UNIT) for share in DRAG)
-        for i, link in enumerate(self.links, start=1):
-            moments = " ".join([repr(link.inertia)] * 3)
-            rod = min(2.0 * link.com, link.com + (3.0 * link.inertia / link.mass) ** 0.5)
-            opened += (
-                f'<body name="{i}" pos="0 0 {-above!r}"><joint name="{i}" axis="0 1 0" '
-                f'damping="{link.damping!r}"/><inertial pos="0 0 {-link.com!r}" '
-                f'mass="{link.mass!r}" diaginertia="{moments}"/><geom type="capsule" mass="0" '
-                f'fromto="0 0 0 0 0 {-(link.length or rod)!r}" size="{RADIUS}" contype="0" '
-                f'conaffinity="0" fluidshape="ellipsoid" fluidcoef="{drag}"/>'
-            )
-            above = link.length or 0.0
-        return (
-            f'<mujoco><compiler angle="radian"/><option gravity="0 0 {-self.gravity!r}"/>'
-            f"<worldbody>{opened}{'</body>' * len(self.links)}</worldbody></mujoco>\n"
-        )

@@ -41,6 +41,7 @@ class Mode:
     - `shapes`: parameters that shape a law are fitted, too.
     - `drag` is the unit and the typical size of the coefficient of the air's drag.
     - `of` is what verdicts say that every effect belongs to; None where each effect says so.
+    - `group`: readings of joints are absolute angles, shown as one group of this name.
     """
 
     name: str
@@ -53,6 +54,7 @@ class Mode:
     shapes: bool = True
     drag: tuple[str, float] = ("1", 0.02)
     of: Literal["strip"] | None = None
+    group: str = ""
 
 
 FORWARD = Mode(
@@ -80,6 +82,7 @@ PLANAR = replace(
     shapes=False,
     drag=("kg/m^2", 0.01),
     of="strip",  # as verdicts on pendulums state it
+    group="angle",
 )
 MODES: Mapping[str, Mode] = {mode.name: mode for mode in (FORWARD, PRESCRIBED, PLANAR)}
 

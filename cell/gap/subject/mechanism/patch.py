@@ -96,15 +96,13 @@ def _write_contacts(root: ET.Element, m: Mechanism, edited: Any) -> None:
 
 
 def _write_bodies(root: ET.Element, m: Mechanism, edited: Any) -> None:
-    """Write changed inertias as `inertial` elements."""
-    by_name = {e.get("name"): e for e in root.iter("body")}
-    by_joint = {j.get("name"): e for e in root.iter("body") for j in e.findall("joint")}
+    """Write changed places of bodies, and changed inertias as `inertial` elements."""
     for i in range(1, edited.nbody):
+        if _changed(m, edited, i, "body_pos"):
+            _body(root, m, i).set("pos", _place_in_frame(m, edited, i))
         if not _changed(m, edited, i, "body_mass", "body_ipos", "body_iquat", "body_inertia"):
             continue
-        body = by_name.get(m.model.body(i).name or "")
-        if body is None:
-            body = by_joint[m.model.joint(int(m.model.body_jntadr[i])).name]
+        body = _body(root, m, i)
         for old in body.findall("inertial"):
             body.remove(old)
         body.insert(0, ET.Element("inertial", {
@@ -113,6 +111,25 @@ def _write_bodies(root: ET.Element, m: Mechanism, edited: Any) -> None:
         }))  # fmt: skip
         for compiler in root.findall("compiler"):
             compiler.attrib.pop("inertiafromgeom", None)
+
+
+def _body(root: ET.Element, m: Mechanism, i: int) -> ET.Element:
+    """Element of body number `i` in a document, by its name or that of its first joint."""
+    name, joint = m.model.body(i).name, m.model.joint(int(m.model.body_jntadr[i])).name
+    return next(e for e in root.iter("body") if (name and e.get("name") == name)
+                or joint in [j.get("name") for j in e.findall("joint")])  # fmt: skip
+
+
+def _place_in_frame(m: Mechanism, edited: Any, i: int) -> str:
+    """Text of the position of body number `i` in the frames about its element."""
+    written = _body(ET.fromstring(m.source.spec().to_xml()), m, i)  # noqa: S314  with quaternions
+    place, own = (np.fromstring(written.get(key, of_none), sep=" ")
+                  for key, of_none in (("pos", "0 0 0"), ("quat", "1 0 0 0")))  # fmt: skip
+    back, turn, step = np.zeros(4), np.zeros(4), np.zeros(3)
+    mujoco.mju_negQuat(back, m.model.body_quat[i])
+    mujoco.mju_mulQuat(turn, own, back)
+    mujoco.mju_rotVecQuat(step, edited.body_pos[i] - m.model.body_pos[i], turn)
+    return _text(place + step)
 
 
 def _write_joints(root: ET.Element, m: Mechanism, edited: Any) -> None:

@@ -42,8 +42,8 @@ from drivers.errors import ConfigurationError
 from drivers.settings import load
 from drivers.types import Array
 
-UNITS = {"mass": "kg", "com": "m", "inertia": "kg m^2", "damping": "N m s", "armature": "kg m^2",
-         "stiffness": "N m/rad", "gain": "1"}  # fmt: skip
+UNITS = {"mass": "kg", "com": "m", "length": "m", "inertia": "kg m^2", "damping": "N m s",
+         "armature": "kg m^2", "stiffness": "N m/rad", "gain": "1"}  # fmt: skip
 SMALLEST = 1e-9  # size of a number, in SI, to which a spread in percent refers at least
 # bounds of a number: times its start value, spreads above it; times the start if it cannot vanish
 HIGHEST, FARTHEST, LOWEST = 5.0, 20.0, 0.2
@@ -111,7 +111,8 @@ def _expand(spec: UncertainSpec, mechanism: Mechanism, origin: str) -> Iterator[
         names = [j.name for j in mechanism.joints] if kind == "joint" else mechanism.actuators
     for name in names:
         number = getattr(model, kind)(name).id
-        for axis in _free_axes(model, number) if spec.field == "com" else ("",):
+        axes = spec.axis or _free_axes(model, number) if spec.field == "com" else ("",)
+        for axis in axes:
             yield _base_parameter(spec, mechanism, number, name, axis)
 
 
@@ -163,9 +164,13 @@ def _access(
         return start, lambda f, v: _scale_inertia(f, i, v / start), start
     if field == "gain":
         return 1.0, lambda f, v: scale_gain(f, i, v), 1.0
+    if field == "length":
+        place = model.body_pos[i]
+        start = max(float(np.linalg.norm(place)), SMALLEST)
+        return start, _setter("body_pos", (i,), place / start), start
     if field == "com":
         k, place = "xyz".index(axis), model.body_ipos[i]
-        return float(place[k]), setter_of("body_ipos", (i, k)), float(np.linalg.norm(place))
+        return float(place[k]), _setter("body_ipos", (i, k)), float(np.linalg.norm(place))
     joint = mechanism.joints[i]
     name, at, size = {
         "stiffness": ("jnt_stiffness", i, joint.torque),
@@ -173,14 +178,16 @@ def _access(
         "armature": ("dof_armature", joint.dof, joint.inertia),
     }[field]
     start = float(getattr(model, name)[at])
-    return start, setter_of(name, (at,)), start or size
+    return start, _setter(name, (at,)), start or size
 
 
-def setter_of(field: str, at: tuple[Any, ...], sign: float = 1.0) -> Callable[[Any, float], None]:
-    """Function that sets the place `at` of a model's `field` to a value times `sign`."""
+def _setter(
+    field: str, at: tuple[Any, ...], unit: float | Array = 1.0
+) -> Callable[[Any, float], None]:
+    """Function that sets the place `at` of a model's `field` to a value times `unit`."""
 
     def put(edited: Any, value: float) -> None:
-        getattr(edited, field)[at] = sign * value
+        getattr(edited, field)[at] = value * unit
 
     return put
 
@@ -229,7 +236,8 @@ def open_file(path: Path) -> tuple[MechanismFile, Source, Any, list[Signal]]:
     if source.motors:
         model = compile_model(source, str(place), torques().slots, file.step)
     check_joints(model, str(place))
-    signals = [_signal(*each, model, str(path)) for each in file.signals.items()]
+    mode = MODES[file.mode]
+    signals = [_signal(*each, mode, model, str(path)) for each in file.signals.items()]
     for name, is_ in file.inputs.items():
         kind = "joint" if is_ == "position" else "actuator"
         number_of(model, kind, name, str(path), f"inputs.{name}")
@@ -276,9 +284,10 @@ def recording_reader(path: Path) -> Callable[[Path], Recording]:
     return lambda run: _read_checked(RunFolder(run, run.name), file, model)
 
 
-def _signal(name: str, spec: SignalSpec, model: Any, origin: str) -> Signal:
+def _signal(name: str, spec: SignalSpec, mode: Mode, model: Any, origin: str) -> Signal:
     """Signal of the column `name` as the file states it, its noise still open.
 
+    In a `mode` with a group, positions of joints are sums with those before.
     Raises ConfigurationError for what the model lacks, and for a torque of no motor on a joint.
     """
     place = f"signals.{name}"
@@ -299,7 +308,7 @@ def _signal(name: str, spec: SignalSpec, model: Any, origin: str) -> Signal:
             gear = float(model.actuator_gear[actuator, 0])
     elif owner == "joint":
         joint = number
-        weights[joint] = float(kind != "tracking")
+        weights[0 if mode.group else joint : joint + 1] = float(kind != "tracking")
     elif spec.axis is not None:
         joint = 3 * number + "xyz".index(spec.axis)
     else:
@@ -308,9 +317,9 @@ def _signal(name: str, spec: SignalSpec, model: Any, origin: str) -> Signal:
             kind = "position"
         else:
             joint = 3 * model.nsite + int(model.sensor_adr[number])
-    zone = "grasped" if kind in ("site", "sensor") else zone_of(joint, model.njnt)
-    return Signal(name, kind, 0.0, zone, joint, weights, FORWARD_FLOOR, actuator=actuator,
-                  gear=gear)  # fmt: skip
+    zone = "grasped" if kind in ("site", "sensor") else _zone_of(joint, model.njnt)
+    return Signal(name, kind, 0.0, zone, joint, weights, FORWARD_FLOOR, mode.group, actuator,
+                  gear)  # fmt: skip
 
 
 def _with_noise(signal: Signal, spec: SignalSpec, recordings: Sequence[Recording],
@@ -335,7 +344,7 @@ def _missing_motors(file: MechanismFile, model: Any) -> tuple[str, ...]:
     return tuple(dict.fromkeys(n for n in asked if n in bare - taken))
 
 
-def zone_of(joint: int, count: int) -> str:
+def _zone_of(joint: int, count: int) -> str:
     """Zone of joint number `joint` among `count` in a chain: `fixed`, `middle` or `grasped`."""
     return "fixed" if joint == 0 else "grasped" if joint == count - 1 else "middle"
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cell.gap.subject.mechanism.mechanism_file import MechanismFile
 from cell.gap.subject.run_folders import RunFolder, check_time, column, read_table
 from cell.gap.subject.subject import Samples, Words
-from cell.record.files import JOINTS, RUN, SIGNALS
+from cell.record.files import ANGLES, JOINTS, RUN, SIGNALS
 from cell.record.header import Load, MechanismRun
 from drivers.errors import ConfigurationError
 from drivers.settings import load
@@ -27,6 +27,7 @@ SLOWEST_PACE, FASTEST_PACE = 0.5, 200.0  # rad/s
 PACE_READINGS = 400  # means of a column, from which its pace is taken
 NOISY = 0.35  # times a column's spread, in a step: half of what white noise changes by
 STILL = 0.05  # of the rms speed, below which a motion holds
+SLOWEST_CHECKED = 0.1  # rad/s of a swing below which stated rates are not checked
 
 
 def time_blocks(t: Array, width: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -119,17 +120,56 @@ def read_recording(folder: RunFolder, file: MechanismFile, hinges: Sequence[str]
     """Recording in a run folder; ConfigurationError, in one line, for a broken one."""
     path = folder.path / RUN
     head = load(path, MechanismRun)
-    if head.mechanism != file.name and not (file.cell and head.mechanism is None):
+    swings = file.mode == "planar"
+    kind, name = ("pendulum", head.pendulum) if swings else ("mechanism", head.mechanism)
+    if name != file.name and not (file.cell and name is None):
         raise ConfigurationError(
-            f"{path}: mechanism: is {head.mechanism!r}, but the file describes {file.name}; give "
-            "runs of one mechanism and its file"
+            f"{path}: {kind}: is {name!r}, but the file describes {file.name}; give runs of one "
+            f"{kind} and its file, or its strip file"
         )
-    table = _signal_table(folder.path, file, hinges)
+    if swings and head.sigma.angle is None:
+        raise ConfigurationError(f"{path}: sigma.angle: is missing; add the noise in rad")
+    table, rates = (_swing_table(folder.path / ANGLES, list(file.signals)) if swings
+                    else (_signal_table(folder.path, file, hinges), None))  # fmt: skip
     # slices of one recording are no repeats of each other: they stay together as one condition
     condition = str(head.origin or head.condition or folder.name)
     columns = {name: frozen(values) for name, values in table.items() if name != "t"}
     t = frozen(table["t"] - table["t"][0])
-    return Recording(folder.name, condition, head.index, t, columns, head.load)
+    return Recording(folder.name, condition, head.index, t, columns, head.load, head.sigma.angle,
+                     rates)  # fmt: skip
+
+
+def _swing_table(path: Path, links: Sequence[str]) -> tuple[dict[str, Array], Array | None]:
+    """Angles (m,) [rad] of `links` from hanging, and their rates at the start where all are stated.
+
+    The table at `path` holds absolute angles from upright; ConfigurationError for a broken one.
+    """
+    table = read_table(path)
+    t = column(table, "t", path)
+    check_time(t, path, least=30)
+    angles = {name: column(table, f"theta_{name}", path) for name in links}
+    if (after := f"theta_{len(links) + 1}") in table:
+        raise ConfigurationError(f"{path}: {after}: the pendulum has {len(links)} links only")
+    for name, angle in angles.items():
+        check_angle(t, angle, path, f"theta_{name}")
+    found = {"t": t, **{name: angle - np.pi for name, angle in angles.items()}}
+    if not all(f"omega_{name}" in table for name in links):
+        return found, None
+    rates = np.array([column(table, f"omega_{name}", path) for name in links])
+    _check_rates(np.gradient(list(angles.values()), t, axis=1), rates, path)
+    return found, rates[:, 0]
+
+
+def _check_rates(slope: Array, rates: Array, path: Path) -> None:
+    """Refuse stated rates (n, m) [rad/s] unlike the measured angles' `slope` (n, m) [rad/s]."""
+    if float(np.quantile(np.abs(slope), 0.99)) < SLOWEST_CHECKED:
+        return
+    ratio = float((rates * slope).sum() / (slope * slope).sum())
+    if not 0.5 < ratio < 2.0:
+        raise ConfigurationError(
+            f"{path}: omega: is {ratio:.3g} times the rate of theta; t is in s, angles in rad, "
+            "rates in rad/s"
+        )
 
 
 def _signal_table(folder: Path, file: MechanismFile, hinges: Sequence[str]) -> dict[str, Array]:

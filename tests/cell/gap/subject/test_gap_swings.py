@@ -11,8 +11,8 @@ import yaml
 
 from cell.config.places import CHECKOUT_CONFIGS
 from cell.gap.fit import FitOptions, fit
-from cell.gap.subject.mechanism.mechanism_file import PendulumFile
-from cell.gap.verdict.accept import accept, undo
+from cell.gap.subject.mechanism.mechanism_file import MechanismFile
+from cell.gap.verdict.accept import MODEL_PATCH, accept, undo
 from cell.gap.verdict.schema import Verdict, read_verdict
 from drivers.errors import ConfigurationError
 from drivers.settings import load
@@ -32,8 +32,8 @@ def drag(_: Any, rate: Any, __: int) -> Any:
 
 def fitted(folder: Path, law: Law | None, seed: int) -> tuple[Verdict, Path, Path]:
     """Verdict, file and runs of swings made under a hidden law."""
-    made = make_swings(PENDULUM, LIFTS, SIGMA, np.random.default_rng(seed), law)
-    file, runs = write_swings(folder, PENDULUM, made, SIGMA)
+    made = make_swings(PENDULUM / "model.xml", LIFTS, SIGMA, np.random.default_rng(seed), law)
+    file, runs = write_swings(folder, made, SIGMA)
     return fit([runs], file, folder / "out"), file, runs
 
 
@@ -49,9 +49,10 @@ def rubbing(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def copied(rubbing: Path, tmp_path: Path) -> tuple[Path, Path]:
     """A file and a fit of it that a test may change."""
     file, out = tmp_path / "pendulum.yaml", tmp_path / "out"
-    file.write_bytes((rubbing / "pendulum.yaml").read_bytes())
+    for name in ("pendulum.yaml", "model.xml"):
+        (tmp_path / name).write_bytes((rubbing / name).read_bytes())
     out.mkdir()
-    for name in ("fit.json", "patch.yaml", "verdict.json"):
+    for name in ("fit.json", "patch.yaml", MODEL_PATCH, "verdict.json"):
         (out / name).write_bytes((rubbing / "out" / name).read_bytes())
     return file, out
 
@@ -126,7 +127,7 @@ def test_accepted_effect_leaves_no_gap(rubbing: Path, copied: tuple[Path, Path])
     file, out = copied
     accepted = accept(out, file)
     assert accepted.effects == ("dry_friction",)
-    pendulum = load(file, PendulumFile)
+    pendulum = load(file, MechanismFile)
     assert pendulum.effects["dry_friction"]["torque_1"] == pytest.approx(4e-4, rel=0.05)
     notes = {note.key: note.note for note in pendulum.provenance}
     assert notes["damping_1"].startswith("was 0.00025, is ")

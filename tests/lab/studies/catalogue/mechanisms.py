@@ -28,7 +28,8 @@ from tests.lab.studies.study import Ledger, Outcome, Quantity, Statistic, Study,
 
 KINDS = ("nothing", "one effect", "two effects", "outside", "wrong base")
 FOLDER = "STUDY_MODELS"  # variable of the environment that a study's processes share
-RIGHT = {"wrong_mass": {"link_inertia"}, "wrong_com": {"com_error"}}  # of a wrong base
+RIGHT = {"wrong_mass": {"link_inertia"}, "wrong_com": {"com_error"},  # of a wrong base
+         "wrong_geometry": {"link_geometry"}}  # fmt: skip
 WITHHELD = 0.5  # of causes outside the library, those that are withheld from it
 
 

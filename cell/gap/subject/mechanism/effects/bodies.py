@@ -1,4 +1,4 @@
-"""Effects on bodies: their mass and its centre, drag of the air, and gravity in a tilted frame."""
+"""Effects on bodies: their place, mass and its centre, drag of the air, gravity when tilted."""
 
 from dataclasses import replace
 from typing import Any
@@ -11,6 +11,7 @@ from cell.gap.subject.subject import Parameter
 from drivers.types import Array
 
 AIR = 1.2  # kg/m^3
+LINK_ERROR, SHORTEST = 0.05, 0.01  # of the longest link, by which joints lie elsewhere; m of it
 
 
 def _moving_bodies(mechanism: Mechanism) -> list[int]:
@@ -24,6 +25,29 @@ def _edit_inertia(mechanism: Mechanism, values: Array, edited: Any) -> None:
     for i, error in zip(_moving_bodies(mechanism), values, strict=True):
         edited.body_mass[i] *= 1.0 + error
         edited.body_inertia[i] *= 1.0 + error
+
+
+def _carried_bodies(mechanism: Mechanism) -> list[int]:
+    """Numbers of the bodies with joints that other joints carry: where they lie, others move."""
+    model, bodies = mechanism.model, np.unique(mechanism.model.jnt_bodyid)
+    return [int(i) for i in bodies if model.body_weldid[model.body_parentid[i]]]
+
+
+def _place_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
+    """Offsets [m] of carried bodies along the axes of their parents, by the longest link."""
+    model, bodies = mechanism.model, _carried_bodies(mechanism)
+    longest = max((float(np.linalg.norm(model.body_pos[i])) for i in bodies), default=0.0)
+    spread = LINK_ERROR * max(longest, SHORTEST)
+    return tuple(
+        Parameter(f"{axis}_{model.body(i).name or i}", "m", 0.0, -10.0 * spread, 10.0 * spread,
+                  step=1e-4 * spread, spread=spread)
+        for i in bodies for axis in "xyz"
+    )  # fmt: skip
+
+
+def _edit_places(mechanism: Mechanism, values: Array, edited: Any) -> None:
+    """Move the carried bodies by their offsets [m]."""
+    edited.body_pos[_carried_bodies(mechanism)] += values.reshape(-1, 3)
 
 
 def _com_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
@@ -124,4 +148,15 @@ LINK_INERTIA = Effect(
     probes=(0.3, 3.0, 30.0),
     revealed_by="slow motion through many poses against fast motion",
 )
-EFFECTS = (ARMATURE, LINK_INERTIA, PAYLOAD, COM_ERROR, AIR_DRAG, BASE_TILT, FRAME_TILT)
+LINK_GEOMETRY = Effect(
+    name="link_geometry",
+    sentence="joints lie elsewhere on their links than stated",
+    of="model",
+    source="Mooring, Roth, Driels 1991, Fundamentals of Manipulator Calibration",
+    parameters=_place_parameters,
+    edit=_edit_places,
+    possible=lambda m: not m.model.neq,  # maps along closed loops are those of stated places
+    revealed_by="slow motion through many poses",
+)
+EFFECTS = (ARMATURE, LINK_INERTIA, LINK_GEOMETRY, PAYLOAD, COM_ERROR, AIR_DRAG, BASE_TILT,
+           FRAME_TILT)  # fmt: skip

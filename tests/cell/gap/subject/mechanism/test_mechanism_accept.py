@@ -32,6 +32,7 @@ NAMED = {
     "torque_constant": {"error_shoulder": 0.05, "error_elbow": -0.08},
     "saturation": {"torque_shoulder": 3.0, "torque_elbow": 2.0},
     "air_drag": {"coefficient": 1.1},
+    "link_geometry": {"x_lower": 0.006, "y_lower": 0.004, "z_lower": -0.009},
 }
 RIG = {"encoder_bias": {"bias_shoulder": 0.01, "bias_elbow": -0.02}}
 BASE = {"damping_shoulder": 0.35, "damping_elbow": 0.08, "mass_lower": 0.51}

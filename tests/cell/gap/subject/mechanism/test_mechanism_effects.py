@@ -16,7 +16,7 @@ CONTRACT = {
     "backlash", "armature", "payload", "com_error", "torque_constant", "torque_bias",
     "torque_ripple", "saturation", "control_delay", "sensor_delay", "encoder_bias",
     "encoder_scale", "base_tilt", "air_drag", "contact_friction", "link_inertia",
-    "base_compliance",
+    "base_compliance", "link_geometry",
 }  # fmt: skip
 PENDULUMS = {"frame_tilt", "pivot_compliance", "wire_spring"}
 
