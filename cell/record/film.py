@@ -1,10 +1,8 @@
 """Video files with a time stamp for each image: reading, writing, and encoding during a run."""
 
 import os
-import queue
-import threading
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager, suppress
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from math import inf
@@ -30,11 +28,8 @@ QUALITY = {
 }
 # Of an .mp4: every image is on its way to the disk once the next one is encoded.
 FRAGMENTS = {"movflags": "frag_every_frame+empty_moov+default_base_moof", "flush_packets": "1"}
-QUEUE = 16  # images of 2.8 MB: at most 45 MB wait for the encoder
 POLITE = 10  # nice value of the encoder
 ENCODER_TIMEOUT = 20.0  # s to encode an image, or to complete the film: then the encoder hangs
-BREAKS_OFF = "the film breaks off"
-HANGS = "its encoder hangs"
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,63 +180,46 @@ def index_film(path: Path) -> None:
                     new.mux(packet)
 
 
-class FilmEncoder:
-    """Encoder of a run's images to a video file, one image per PERIOD, fewer when it lags.
+class RunFilm:
+    """Film of a run's images, at most one per PERIOD; `failure` says why it breaks off, if it does.
 
-    The encoder has a process of its own, beside a control loop on the wall clock: a thread that
-    lost its core while it held the interpreter would hold up the loop. Where the clock is virtual,
-    `patient`, it is a thread, and `put` waits for room. `failure` says why the film breaks off, if
-    it does: no run waits for an encoder that hangs.
+    Beside a control loop on the wall clock its encoder has a process of its own: a thread that lost
+    its core while it held the interpreter would hold up the loop. Where the clock is virtual,
+    `patient`, the caller encodes. No run ends for the sake of a film, which is for eyes.
     """
 
     def __init__(self, path: Path, encoder: str, patient: bool) -> None:
         self.failure = ""
-        self._patient = patient
         self._count = 0
         self._next_stamp = -inf
-        self._begun = threading.Event()
-        self._waiting: queue.Queue[tuple[float, Image] | None] = queue.Queue(QUEUE)
-        self._thread = threading.Thread(
-            target=self._encode_queue, args=(path, encoder), name="film", daemon=True
-        )
-        self._thread.start()
-        self._begun.wait(ENCODER_TIMEOUT)
+        self._opened = ExitStack()
+        with self._unless_it_fails():
+            film = FilmWriter(path, encoder) if patient else FilmProcess(path, encoder)
+            self._film = self._opened.enter_context(film)
 
     def put(self, stamp: float, image: Image) -> int | None:
         """Add `image` (h, w, 3) at `stamp` [s]; returns its number, None where it is left out."""
         if self.failure or stamp < self._next_stamp:
             return None
-        try:
-            self._waiting.put((stamp, image), self._patient, ENCODER_TIMEOUT)
-        except queue.Full:
-            self.failure = f"{BREAKS_OFF}: {HANGS}" if self._patient else ""
-            return None
-        number = self._count
-        self._count += 1
-        self._next_stamp = stamp + PERIOD
-        return number
+        with self._unless_it_fails():
+            self._film.add(stamp, image)
+            self._next_stamp = stamp + PERIOD
+            self._count += 1
+            return self._count - 1
+        return None
 
     def close(self) -> None:
-        """Wait until the film is complete, or its encoder has stalled."""
-        with suppress(queue.Full):
-            self._waiting.put(None, timeout=ENCODER_TIMEOUT)
-        self._thread.join(ENCODER_TIMEOUT)
-        if self._thread.is_alive():
-            self.failure = f"{BREAKS_OFF}: {HANGS}"
+        """Complete the film."""
+        with self._unless_it_fails():
+            self._opened.close()
 
-    def _encode_queue(self, path: Path, encoder: str) -> None:
-        """Encode images from the queue; after a failure they are read and discarded."""
-        writer = FilmWriter if self._patient else FilmProcess
+    @contextmanager
+    def _unless_it_fails(self) -> Iterator[None]:
+        """Suppress an error in the block; the first one is the reason why the film breaks off."""
         try:
-            with writer(path, encoder) as film:
-                self._begun.set()
-                while (item := self._waiting.get()) is not None:
-                    film.add(*item)
-        except Exception as error:  # noqa: BLE001  a film is for eyes: no run ends for its sake
-            self.failure = f"{BREAKS_OFF}: {error}"
-            self._begun.set()
-            while self._waiting.get() is not None:
-                pass
+            yield
+        except Exception as error:  # noqa: BLE001  no run ends for its sake
+            self.failure = self.failure or f"the film breaks off: {error}"
 
 
 class FilmProcess(AbstractContextManager["FilmProcess"]):
@@ -291,7 +269,7 @@ class FilmProcess(AbstractContextManager["FilmProcess"]):
             raise OSError(died.failure.text or died.failure.error) from None
         if answer is None:
             self._child.kill()
-            raise OSError(HANGS)
+            raise OSError("its encoder hangs")
 
 
 def encode(pipe: Connection, path: Path, encoder: str, image: SharedImage) -> None:

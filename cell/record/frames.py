@@ -15,7 +15,7 @@ import numpy as np
 from cell.record.documents import json_line
 from cell.record.events import lift_time
 from cell.record.files import FILM, Keep
-from cell.record.film import Encoder, FilmEncoder
+from cell.record.film import Encoder, RunFilm
 from drivers.errors import ConfigurationError
 from drivers.files import new_file, replace_file, write_all
 from drivers.readers import read_json_lines, read_picture
@@ -25,6 +25,7 @@ FOLDER = "frames"
 INDEX = "frames/index.jsonl"
 LARGEST_SIDE = 4096  # px of a side
 QUEUE = 32  # images of 2.8 MB: at most 90 MB wait for the disk
+LAGS = QUEUE // 2  # waiting images, from which the film goes without, so that files keep theirs
 STRIDE = 64  # images from one key image to the next
 MOST_SPREAD = 32  # key images in that distance
 MOST_MARKED = 8  # key images because of an event
@@ -148,7 +149,7 @@ class FrameWriter:
         self, folder: Path, keep: Keep, patient: bool, encoder: Encoder | None = None
     ) -> None:
         """Write a run's images into `folder` and, with an `encoder`, also as a film."""
-        self._film = encoder and FilmEncoder(folder / FILM, encoder, patient)
+        self._film = encoder and RunFilm(folder / FILM, encoder, patient)
         self._failure: OSError | None = None
         self._given_up = False
         self._folder = folder
@@ -209,7 +210,8 @@ class FrameWriter:
 
     def _record(self, frame: Frame, mark: bool) -> None:
         """Film `frame`, store it if it is selected, and enter it into the index."""
-        place = self._film.put(frame.stamp, frame.image) if self._film else None
+        keeps_up = self._patient or self._waiting.qsize() < LAGS
+        place = self._film.put(frame.stamp, frame.image) if self._film and keeps_up else None
         if self._keep == "all" or (self._keep == "key" and self._key_frames.choose(mark)):
             self._store(frame, place)
             self._last = None
