@@ -141,11 +141,6 @@ def check_writable(path: Path) -> None:
     os.close(_open_to_write(path, os.O_WRONLY))
 
 
-def open_emptied(path: Path) -> FileIO:
-    """Empty the regular file at `path` and open it for writing; OSError for a link or a pipe."""
-    return FileIO(_open_to_write(path, os.O_WRONLY | os.O_TRUNC), "w")
-
-
 def append_line(path: Path, line: bytes) -> None:
     """Append `line` to the regular file at `path` and flush it to disk.
 

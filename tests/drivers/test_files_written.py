@@ -25,7 +25,7 @@ ELSEWHERE = {
     "cell/gap/fitting/tasks.py",
 }
 MADE_BY_THE_DOOR = {
-    # a name that `replacing` made or `check_writable` looked at, or a pipe into `open_emptied`
+    # a name that `replacing` made or `check_writable` looked at, or memory
     *("cell/record/tables.py", "cell/report/viz/saving.py"),
     *("cell/record/exchange/mcap_file.py", "cell/record/film.py"),
     "policies/adaptive/train/shard.py",

@@ -1,48 +1,33 @@
 """Writing of a Rerun recording to a file such that a full disk cannot block the process."""
 
 import os
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from io import FileIO
 from pathlib import Path
 from typing import Any
 
 import rerun as rr
 from rerun import bindings
 
-from drivers.files import open_emptied, write_all
-
-CHUNK_SIZE = 1 << 20  # bytes per write
+from drivers.files import replace_file
 
 
 @contextmanager
 def saving(recording: rr.RecordingStream, path: Path, *others: Any) -> Iterator[None]:
-    """Write `recording` to the file at `path`, complete after the block, and send it to `others`.
+    """Write `recording` to the file at `path` after the block, and send it to `others` meanwhile.
 
-    Raises OSError where the file cannot be written. `others` are sinks of Rerun. A file that
-    Rerun writes itself makes it wait for good, and the process with it, once the disk is full; so
-    it writes into a pipe, from which a thread of this process writes the file.
+    Raises OSError where the file cannot be written. `others` are sinks of Rerun, which waits for
+    good, and the process with it, once its file's disk is full: so its file lies in memory.
     """
     # A recording that nobody holds keeps two threads and 0.5 MB until this, which `rr.init` calls.
     bindings.flush_and_cleanup_orphaned_recordings()
-    with open_emptied(path) as file:
-        end, begin = os.pipe()
-        failures: list[OSError] = []
-        thread = threading.Thread(
-            target=_pass_on, args=(end, file, failures), name="recording", daemon=True
-        )
-        thread.start()
+    with os.fdopen(os.memfd_create("recording"), "rb") as kept:
         try:
-            recording.set_sinks(rr.FileSink(f"/proc/self/fd/{begin}"), *others)
+            recording.set_sinks(rr.FileSink(f"/proc/self/fd/{kept.fileno()}"), *others)
             yield
         finally:
             recording.disconnect()
-            os.close(begin)
-            thread.join()
-            os.close(end)
-    if failures:
-        raise failures[0]
+            replace_file(path, kept.read())
 
 
 def send_blueprint(recording: rr.RecordingStream, blueprint: Any) -> None:
@@ -59,14 +44,3 @@ def send_blueprint(recording: rr.RecordingStream, blueprint: Any) -> None:
     storage = layout.memory_recording().storage
     bindings.send_blueprint(storage, True, True, recording=recording.to_native())
     bindings.disconnect(recording=layout.to_native())
-
-
-def _pass_on(pipe: int, file: FileIO, failures: list[OSError]) -> None:
-    """Write the bytes from `pipe` into `file`; an OSError is appended to `failures`."""
-    # after a failure bytes are read and discarded: a full pipe would block its writer for good
-    while content := os.read(pipe, CHUNK_SIZE):
-        try:
-            if not failures:
-                write_all(file, content)
-        except OSError as error:
-            failures.append(error)

@@ -15,13 +15,14 @@ from pathlib import Path
 import numpy as np, rerun as rr
 from cell.report.viz.saving import saving
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-resource.setrlimit(resource.RLIMIT_FSIZE, (1 << 16, 1 << 16))
 recording, noise = rr.RecordingStream("cell"), np.random.default_rng(0)
 try:
     with saving(recording, Path(sys.argv[1])):
         for number in range(40):
             recording.set_time("t", sequence=number)
             recording.log("image", rr.Image(noise.integers(0, 255, (200, 200, 3), np.uint8)))
+        recording.disconnect()
+        resource.setrlimit(resource.RLIMIT_FSIZE, (1 << 16, 1 << 16))
 except OSError as error:
     print("refused:", error)
 """
