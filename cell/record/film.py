@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from math import inf
@@ -192,26 +192,26 @@ class RunFilm:
         self.failure = ""
         self._count = 0
         self._next_stamp = -inf
-        self._opened = ExitStack()
         with self._unless_it_fails():
-            film = FilmWriter(path, encoder) if patient else FilmProcess(path, encoder)
-            self._film = self._opened.enter_context(film)
+            self._film: FilmWriter | FilmProcess
+            self._film = FilmWriter(path, encoder) if patient else FilmProcess(path, encoder)
 
     def put(self, stamp: float, image: Image) -> int | None:
         """Add `image` (h, w, 3) at `stamp` [s]; returns its number, None where it is left out."""
         if self.failure or stamp < self._next_stamp:
             return None
+        number = None
         with self._unless_it_fails():
             self._film.add(stamp, image)
-            self._next_stamp = stamp + PERIOD
+            number = self._count
             self._count += 1
-            return self._count - 1
-        return None
+            self._next_stamp = stamp + PERIOD
+        return number
 
     def close(self) -> None:
         """Complete the film."""
-        with self._unless_it_fails():
-            self._opened.close()
+        with self._unless_it_fails(), self._film:
+            pass
 
     @contextmanager
     def _unless_it_fails(self) -> Iterator[None]:
