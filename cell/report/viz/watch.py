@@ -38,7 +38,7 @@ class LiveView:
         Measured time begins with the lift, or with the fold in a run that starts `hanging`.
         """
         self.failure = ""
-        self._waiting: deque[TickView | LogLine] = deque()
+        self._waiting: deque[TickView | LogLine] = deque(maxlen=WAITING)  # drops the oldest one
         self._news = threading.Event()
         self._over = threading.Event()
         self._first_measured = State.FOLD if hanging else State.LIFT
@@ -103,13 +103,10 @@ class LiveView:
         return None if late else snapshot.view.frame.image
 
     def _put(self, item: TickView | LogLine) -> None:
-        """Queue `item` for drawing, dropping the oldest one where the queue is full."""
-        if not self._thread.is_alive():
-            return
-        if len(self._waiting) >= WAITING:
-            self._waiting.popleft()
-        self._waiting.append(item)
-        self._news.set()
+        """Queue `item` for drawing."""
+        if self._thread.is_alive():
+            self._waiting.append(item)
+            self._news.set()
 
     def _draw_queue(self, folder: Path, strip: StripFile) -> None:
         """Draw the queue until the run is over; Rerun is imported here, during the run."""
