@@ -15,9 +15,9 @@ from calibration.calibration import Calibration, load_calibration
 from cell.calibrate.calibration_in_use import calibration_of
 from cell.config.places import find_configs
 from cell.devices.devices import Trial
+from cell.folding.feasibility import Prediction, predict as predict_fold
 from cell.folding.fold import fold as fold_once, write_pages
 from cell.folding.observe import observe as observe_film
-from cell.folding.prediction import Prediction, predict as predict_fold
 from cell.folding.request import Recording, Request
 from cell.folding.result import FoldResult
 from cell.gap.check import Check, check as check_runs

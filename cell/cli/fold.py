@@ -261,7 +261,7 @@ def _rehearse(request: "Request", *, as_json: bool) -> int:
 def _predict(request: "Request", *, as_json: bool) -> None:
     """Predict the fold by simulation and print the prediction."""
     with busy("predicting the fold"):
-        from cell.folding.prediction import predict
+        from cell.folding.feasibility import predict
 
         prediction = predict(request)
     say(prediction.line(), str(prediction), as_json=as_json)

@@ -1,16 +1,23 @@
-"""Feasibility of a fold in its cell, checked from files before anything moves."""
+"""Feasibility and prediction of a fold in its cell, by simulation, before anything moves."""
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from functools import partial
 from itertools import product
 from math import hypot
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from calibration.calibration import Calibration
-from cell.arm.arm_prediction import predict_arm
+from calibration.calibration import Calibration, load_calibration
+from cell.arm.arm_prediction import ArmPrediction, predict_arm
 from cell.arm.run_settings import LEAST_SPEED, at_speed
+from cell.calibrate.calibration_in_use import check_current
 from cell.config.settings import CellSettings
 from cell.devices.fold_path import largest_speed, whole_path
+from cell.folding.request import Request
 from cell.perception.preflight import check_scope
 from drivers.arm.obstacles import desk_end, require_clear
 from drivers.errors import CellError, ConfigurationError, Fault, PreflightRefused
@@ -20,6 +27,7 @@ from drivers.strip.file import StripFile
 from drivers.strip.rod.engine import Rod
 from drivers.types import Array, Pose
 from policies.policy import Policy
+from policies.registry import make_policy
 from policies.rollout import Folds, Rollout, roll_out
 from policies.sensing import Sensing
 
@@ -45,16 +53,12 @@ def check_feasible(
     """
     arm = settings.arm_driver
     folds = _simulate(settings, strip, policy, seed)
-    carry = _carry(settings, strip, policy, folds)
+    carry = _carry(strip, policy, settings.fold.speed, folds)
     touch = None if folds is None else folds.touch[0]
     path, speeds = whole_path(strip.length, settings.installation, settings.fold, carry, touch)
     places = np.vstack([path[1:, :2], carry])  # from beside the strip on
     joints = arm.is_franka and np.isfinite(path).all()  # the workspace refuses any other path
-
-    def carry_at(speed: float) -> Array:
-        slower = at_speed(settings, speed)
-        return _carry(slower, strip, policy, _simulate(slower, strip, policy, seed))
-
+    carry_at = partial(_carry_at, settings, strip, policy, seed)
     problems = [
         *(check.sentence() for check in check_scope(strip) if not check.passed),
         *_height_problems(settings, strip, policy),
@@ -122,14 +126,22 @@ def _reach_problems(
         )
 
 
-def _carry(settings: CellSettings, strip: StripFile, policy: Policy, folds: Folds | None) -> Array:
+def _carry(strip: StripFile, policy: Policy, speed: float, folds: Folds | None) -> Array:
     """Gripper positions (n, 2) [m] of the first of `folds`, starting at the strip's lying edge.
 
-    Where the simulation failed (None), the policy's lift takes its place.
+    Where the simulation failed (None), the policy's lift at `speed` [m/s] takes its place.
     """
     if folds is None:
-        policy.reset(strip, settings.fold.speed, 1)
+        policy.reset(strip, speed, 1)
     return from_edge(strip, policy.lift().points if folds is None else folds.trace[:, 0])
+
+
+def _carry_at(
+    settings: CellSettings, strip: StripFile, policy: Policy, seed: int, speed: float
+) -> Array:
+    """Gripper positions (n, 2) [m] of a fold at another `speed` [m/s] than that of `settings`."""
+    folds = _simulate(at_speed(settings, speed), strip, policy, seed)
+    return _carry(strip, policy, speed, folds)
 
 
 def from_edge(strip: StripFile, fold: Array) -> Array:
@@ -217,3 +229,99 @@ def _view_problems(path: Array, strip: StripFile, calibration: Calibration) -> I
                 f"view: the camera does not see {what} at x = {x:.2f}, z = {z:.2f} m; fold a "
                 "shorter strip, or set the camera further away and calibrate again"
             )
+
+
+@dataclass(frozen=True, slots=True)
+class Prediction:
+    """Predicted fold: displacement [m] with bounds, None without a touch; path's range x, z [m]."""
+
+    strip: str
+    policy: str
+    displacement: float | None
+    low: float | None
+    high: float | None
+    reach: tuple[float, float, float, float]
+    arm: ArmPrediction | None = None
+
+    def line(self) -> dict[str, Any]:
+        """JSON object of the prediction, as `cell fold --dry-run --json` prints it."""
+        x_min, x_max, z_min, z_max = self.reach
+        return {
+            "strip": self.strip,
+            "policy": self.policy,
+            "displacement": self.displacement,
+            "displacement_low": self.low,
+            "displacement_high": self.high,
+            "path": {"x": [x_min, x_max], "z": [z_min, z_max]},
+            **({} if self.arm is None else {"arm": self.arm.line()}),
+        }
+
+    def __str__(self) -> str:
+        """Text of the prediction for the operator."""
+        x_min, x_max, z_min, z_max = (1e3 * value for value in self.reach)
+        expected = "no touch"
+        if self.displacement is not None:
+            expected = f"displacement {1e3 * self.displacement:+.1f} mm"
+        if self.low is not None and self.high is not None:
+            expected += f", between {1e3 * self.low:+.1f} and {1e3 * self.high:+.1f} mm"
+        return (
+            f"{self.strip} by {self.policy}: expected {expected} over what is unknown of the "
+            "strip\n"
+            f"  the gripper stays within x {x_min:.0f} to {x_max:.0f} mm, z {z_min:.0f} to "
+            f"{z_max:.0f} mm: inside its limits; nothing was moved"
+            + ("" if self.arm is None else f"\n  {self.arm.text()}")
+        )
+
+    __repr__ = __str__
+
+
+def predict(request: Request) -> Prediction:
+    """Predict the fold of `request`; raises ConfigurationError for a path beyond its limits.
+
+    The calibration that the cell file names is checked as a fold does.
+    """
+    settings = request.settings
+    strip = request.strip
+    if settings.calibration is not None:
+        calibration = load_calibration(Path(settings.calibration))
+        on_twin = not settings.camera_driver.real
+        check_current(calibration, settings.calibration_days, datetime.now(UTC), on_twin=on_twin)
+    policy, seed = _policy_in_rod(request), request.trial.seed
+    folds = simulate(settings, strip, policy, seed)
+    places = folds.trace.reshape(-1, 2)
+    carry = from_edge(strip, folds.trace[:, 0])
+    carry_at = partial(_carry_at, settings, strip, policy, seed)
+    problems = list(path_problems(places, carry, settings, carry_at))
+    if problems:
+        raise ConfigurationError("\n".join(problems))
+    x_min, z_min = places.min(axis=0).tolist()
+    x_max, z_max = places.max(axis=0).tolist()
+    nominal = folds.displacement[0]
+    spread = folds.displacement[folds.touched]
+    arm = None
+    if settings.arm_driver.is_franka:
+        place = settings.installation
+        path, speeds = whole_path(strip.length, place, settings.fold, carry, folds.touch[0])
+        arm = predict_arm(place, strip.length, path, speeds)
+    return Prediction(
+        strip=strip.name,
+        policy=request.policy,
+        displacement=float(nominal) if np.isfinite(nominal) else None,
+        low=float(spread.min()) if spread.size else None,
+        high=float(spread.max()) if spread.size else None,
+        reach=(x_min, x_max, z_min, z_max),
+        arm=arm,
+    )
+
+
+def planned_path(request: Request) -> tuple[Array, Array]:
+    """Poses (n, 3) x, z [m], pitch [rad] and speeds (n,) [m/s] of the fold of `request`."""
+    settings, strip = request.settings, request.strip
+    folds = simulate(settings, strip, _policy_in_rod(request), request.trial.seed)
+    carry = from_edge(strip, folds.trace[:, 0])
+    return whole_path(strip.length, settings.installation, settings.fold, carry, folds.touch[0])
+
+
+def _policy_in_rod(request: Request) -> Policy:
+    """Policy of `request`, made for the rod: without a bias of images or of the cell."""
+    return make_policy(request.policy, request.checkpoint, in_rod=True)

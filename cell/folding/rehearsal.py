@@ -8,9 +8,7 @@ import numpy as np
 
 from cell.arm.manual_motion import home_joints, move_manually
 from cell.config.cell import CellFile
-from cell.devices.fold_path import whole_path
-from cell.folding.feasibility import from_edge
-from cell.folding.prediction import simulate_policy
+from cell.folding.feasibility import planned_path
 from cell.folding.request import Request
 from cell.orchestrator.outcome import Outcome
 from cell.orchestrator.snapshot import Drive, Snapshot
@@ -117,9 +115,7 @@ def rehearse(request: Request, interrupted: Callable[[], bool] = lambda: False) 
     """Carry out the motion of the fold of `request` in the air, without strip or grasp."""
     settings = request.settings
     strip = request.strip
-    folds = simulate_policy(request, settings)
-    carry, place = from_edge(strip, folds.trace[:, 0]), settings.installation
-    path, speeds = whole_path(strip.length, place, settings.fold, carry, folds.touch[0])
+    path, speeds = planned_path(request)
     elbow = None
     if settings.arm_driver.is_franka:
         elbow = home_joints(settings, strip)[ELBOW_JOINT]

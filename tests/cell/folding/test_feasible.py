@@ -11,9 +11,8 @@ from calibration.calibration import Calibration
 from cell.arm.run_settings import limit_to_arm
 from cell.config.cell import CellFile
 from cell.config.places import find_configs
-from cell.folding.feasibility import check_feasible, corner_strips, path_problems
+from cell.folding.feasibility import check_feasible, corner_strips, path_problems, predict
 from cell.folding.fold import fold
-from cell.folding.prediction import predict
 from drivers.errors import ConfigurationError, PreflightRefused
 from drivers.installation import AxisLimits, MotionLimits, Mounting
 from drivers.types import Array
