@@ -8,10 +8,12 @@ import select
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from textwrap import wrap
 from typing import Any, TextIO, TypeVar
 
 T = TypeVar("T")
 
+INDENT, NO_BREAK = "  ", "\N{NO-BREAK SPACE}"
 WIDEST = 1000  # characters of a line, at which the natural width of a table is measured
 GONE_ERRNOS = {errno.EPIPE, errno.EBADF, errno.EIO}  # the reader is gone
 
@@ -159,12 +161,8 @@ def printable(text: str) -> str:
 
 def _lines(columns: Sequence[str], row: Sequence[str], width: int) -> list[str]:
     """Lines for a table row on a narrow terminal: first cell, then named cells, wrapped."""
-    named = (f"{name} {cell}" for name, cell in zip(columns[1:], row[1:], strict=True) if cell)
-    lines = [row[0]]
-    current = ""
-    for fact in named:
-        if current and len(f"  {current}, {fact}") > width:
-            lines.append(f"  {current}")
-            current = ""
-        current = f"{current}, {fact}" if current else fact
-    return [*lines, f"  {current}"] if current else lines
+    pairs = zip(columns[1:], row[1:], strict=True)
+    facts = ", ".join(f"{name} {cell}".replace(" ", NO_BREAK) for name, cell in pairs if cell)
+    room = max(width - len(INDENT), 1)
+    wrapped = wrap(facts, room, break_long_words=False, break_on_hyphens=False)
+    return [row[0], *(INDENT + line.rstrip(",").replace(NO_BREAK, " ") for line in wrapped)]

@@ -74,23 +74,6 @@ def encode(image: Image) -> bytes:
     return bytes(content)
 
 
-class KeyFrames:
-    """Selection of about ten images of a fold to store: marked ones, and every STRIDE-th."""
-
-    def __init__(self) -> None:
-        self._marks_left = MOST_MARKED
-        self._count = 0
-
-    def choose(self, mark: bool) -> bool:
-        """Whether to store the next image as a key frame; one with a `mark` is preferred."""
-        number = self._count
-        self._count += 1
-        if mark and self._marks_left > 0:
-            self._marks_left -= 1
-            return True
-        return number % STRIDE == 0 and number < MOST_SPREAD * STRIDE
-
-
 def read_index(folder: Path) -> tuple[FrameNote, ...]:
     """Read the index of images in the run `folder`: for each image its latest entry.
 
@@ -155,7 +138,8 @@ class FrameWriter:
         self._folder = folder
         self._keep = keep
         self._patient = patient
-        self._key_frames = KeyFrames()
+        self._count = 0
+        self._marks_left = MOST_MARKED
         self._last: tuple[Frame, int | None] | None = None  # if not stored; its place in the film
         self._waiting: queue.Queue[tuple[Frame, bool] | None] = queue.Queue(QUEUE)
         (folder / FOLDER).mkdir()
@@ -212,12 +196,22 @@ class FrameWriter:
         """Film `frame`, store it if it is selected, and enter it into the index."""
         keeps_up = self._patient or self._waiting.qsize() < LAGS
         place = self._film.put(frame.stamp, frame.image) if self._film and keeps_up else None
-        if self._keep == "all" or (self._keep == "key" and self._key_frames.choose(mark)):
+        if self._is_kept(mark):
             self._store(frame, place)
             self._last = None
         else:
             self._note(frame, film=place)
             self._last = (frame, place)
+
+    def _is_kept(self, mark: bool) -> bool:
+        """Whether to store the next image; of key ones about ten, with a `mark` or spread."""
+        number = self._count
+        self._count += 1
+        if self._keep == "key" and mark and self._marks_left > 0:
+            self._marks_left -= 1
+            return True
+        is_spread = number % STRIDE == 0 and number < MOST_SPREAD * STRIDE
+        return self._keep == "all" or (self._keep == "key" and is_spread)
 
     def _store(self, frame: Frame, film: int | None) -> None:
         """Store `frame`, and enter it into the index with its hash."""
