@@ -6,11 +6,12 @@ import shutil
 import sqlite3
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import closing, suppress
-from dataclasses import astuple, dataclass, fields
 from datetime import UTC, datetime, timedelta
 from math import isfinite
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated, Any
+
+from pydantic import AliasPath, BaseModel, ConfigDict, Field, PlainValidator
 
 from cell.record.files import NOTES, RESULT, RUN, is_run, is_under_way
 from drivers.errors import ConfigurationError, check_known
@@ -23,12 +24,33 @@ UNDER_WAY, DIED, BROKEN = "under way", "died", "broken"
 HEADER_KEYS = frozenset(
     {"strip", "policy", "seed", "speed", "start", "condition", "drivers", "calibration"}
 )
-T = TypeVar("T")
 LARGEST_INTEGER = 2**63 - 1  # of SQLite
 
 
-@dataclass(frozen=True, slots=True)
-class RunRow:
+def _number(value: object) -> float | None:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
+        return None
+    return float(value)
+
+
+def _text(value: object) -> str:
+    if value is None or isinstance(value, bool | list | dict):
+        return ""
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+Number = Annotated[float | None, PlainValidator(_number)]
+Text = Annotated[str, PlainValidator(_text)]
+Whole = Annotated[int | None, PlainValidator(lambda v: v if type(v) is int else None)]
+YesOrNo = Annotated[bool | None, PlainValidator(lambda v: v if isinstance(v, bool) else None)]
+
+
+def _of(document: str, *keys: str) -> Any:
+    """Field of a row that a run's `document` states under these `keys`, if it does."""
+    return Field(None, validation_alias=AliasPath(document, *keys), validate_default=True)
+
+
+class RunRow(BaseModel):
     """Row of a list of runs: lengths [m], times [s], `speed` [m/s]; None where unknown.
 
     `outcome` is that recorded, or `under way`, `died`, `broken`; `size` is that on disk [bytes];
@@ -36,28 +58,30 @@ class RunRow:
     displacement that the policy expected.
     """
 
+    model_config = ConfigDict(frozen=True)
+
     folder: Path
     began: datetime
-    strip: str
-    policy: str
+    strip: Text = _of("header", "strip")
+    policy: Text = _of("header", "policy")
     outcome: str
-    displacement: float | None
-    edge_offset: float | None
-    duration: float | None
+    displacement: Number = _of("result", "displacement")
+    edge_offset: Number = _of("result", "edge_offset")
+    duration: Number = _of("result", "duration")
     size: int
-    touch: float | None = None
-    predicted: float | None = None
-    like_model: bool | None = None
-    reason: str = ""
-    seed: int | None = None
-    speed: float | None = None
-    start: str = "flat"
-    condition: str = ""
-    arm: str = ""
-    camera: str = ""
-    calibration: str = ""
-    tags: str = ""
-    note: str = ""
+    touch: Number = _of("result", "t_layer_touch")
+    predicted: Number = _of("result", "foretold", "displacement")
+    like_model: YesOrNo = _of("result", "agreement", "like_model")
+    reason: Text = _of("result", "reason")
+    seed: Whole = _of("header", "seed")
+    speed: Number = _of("header", "speed")
+    start: Annotated[str, PlainValidator(lambda v: _text(v) or "flat")] = _of("header", "start")
+    condition: Text = _of("header", "condition")
+    arm: Text = _of("header", "drivers", "arm")
+    camera: Text = _of("header", "drivers", "camera")
+    calibration: Text = _of("header", "calibration", "id")
+    tags: Text = _of("notes", "tags")
+    note: Text = _of("notes", "note")
 
     @property
     def name(self) -> str:
@@ -84,8 +108,10 @@ class RunRow:
         facts = filter(None, (self.strip, self.policy, self.outcome, *lengths))
         return f"<{self.short}: {', '.join(facts)}>"
 
+    __str__ = __repr__
 
-COLUMNS = ("run", *(field.name for field in fields(RunRow)[1:]))  # the folder by its name
+
+COLUMNS = ("run", *list(RunRow.model_fields)[1:])  # the folder by its name
 
 
 def list_runs(root: Path, where: str = "", sort: str = "") -> tuple[RunRow, ...]:
@@ -143,7 +169,7 @@ def _storable(value: Any) -> Any:
 
 def values_of(row: RunRow) -> tuple[Any, ...]:
     """Values of a run in the columns COLUMNS, in SI units."""
-    return (row.name, row.began.isoformat(), *astuple(row)[2:])
+    return (row.name, row.began.isoformat(), *list(dict(row).values())[2:])
 
 
 def to_prune(
@@ -197,33 +223,9 @@ def read_row(folder: Path) -> RunRow:
     """Read the run in `folder` from its YAML files for a list; unreadable values are empty."""
     header = _document(folder / RUN, HEADER_KEYS)
     result = _document(folder / RESULT)
-    outcome = _outcome(folder, header, result)
-    header, result, notes = header or {}, result or {}, _document(folder / NOTES) or {}
-    drivers = _mapping_at(header, "drivers")
-    return RunRow(
-        folder=folder,
-        began=_start_time(folder),
-        strip=_text(header.get("strip")),
-        policy=_text(header.get("policy")),
-        outcome=outcome,
-        displacement=_number(result.get("displacement")),
-        edge_offset=_number(result.get("edge_offset")),
-        duration=_number(result.get("duration")),
-        size=_size(folder),
-        touch=_number(result.get("t_layer_touch")),
-        predicted=_number(_mapping_at(result, "foretold").get("displacement")),
-        like_model=_of_type(bool, _mapping_at(result, "agreement").get("like_model")),
-        reason=_text(result.get("reason")),
-        seed=_of_type(int, header.get("seed")),
-        speed=_number(header.get("speed")),
-        start=_text(header.get("start")) or "flat",
-        condition=_text(header.get("condition")),
-        arm=_text(drivers.get("arm")),
-        camera=_text(drivers.get("camera")),
-        calibration=_text(_mapping_at(header, "calibration").get("id")),
-        tags=_text(notes.get("tags")),
-        note=_text(notes.get("note")),
-    )
+    facts = {"folder": folder, "began": _start_time(folder), "size": _size(folder)}
+    facts |= {"header": header, "result": result, "notes": _document(folder / NOTES)}
+    return RunRow.model_validate({**facts, "outcome": _outcome(folder, header, result)})
 
 
 def _outcome(
@@ -253,11 +255,6 @@ def _document(path: Path, keys: Collection[str] = ()) -> dict[str, Any] | None:
         return None
 
 
-def _mapping_at(content: Mapping[str, Any], key: str) -> Mapping[str, Any]:
-    part = content.get(key)
-    return part if isinstance(part, dict) else {}
-
-
 def _size(folder: Path) -> int:
     """Size [bytes] of all files below `folder`; files deleted meanwhile do not count."""
     total = 0
@@ -277,19 +274,3 @@ def _start_time(folder: Path) -> datetime:
     with suppress(OSError, OverflowError, ValueError):
         return datetime.fromtimestamp((folder / RUN).stat().st_mtime, UTC)
     return datetime.fromtimestamp(0, UTC)
-
-
-def _number(value: object) -> float | None:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
-        return None
-    return float(value)
-
-
-def _of_type(kind: type[T], value: object) -> T | None:
-    return value if type(value) is kind else None
-
-
-def _text(value: object) -> str:
-    if value is None or isinstance(value, bool | list | dict):
-        return ""
-    return f"{value:g}" if isinstance(value, float) else str(value)
