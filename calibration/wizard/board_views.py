@@ -1,7 +1,5 @@
 """Lens calibration from views of a board, by ask and tell: requests views, judges images."""
 
-from collections.abc import Iterable
-
 import cv2
 import numpy as np
 
@@ -10,7 +8,7 @@ from calibration.lens import MINIMUM_VIEWS, Lens
 from calibration.wizard import coverage
 from calibration.wizard.coverage import Gate, Placement, Sketch, WantedView, guessed_lens
 from calibration.wizard.lens_verdict import LensVerdict, fit_views, lens_verdict
-from calibration.wizard.progress import Mark, Progress, Result, Row
+from calibration.wizard.progress import Mark, Progress, Row
 from drivers.types import Frame, Image
 
 FEWEST_VIEWS = max(4, MINIMUM_VIEWS)  # from which a lens is fitted, to compute the board's tilt
@@ -35,7 +33,7 @@ class BoardViews:
         self._settings = settings
         self._board = settings.board()
         self._detector = cv2.aruco.CharucoDetector(self._board)
-        self._wanted = list(coverage.wanted_views(settings.lean, settings.sizes))
+        self._requests = list(coverage.wanted_views(settings.lean, settings.sizes))
         self._patience = None if patient else settings.patience
         self._tries = 0
         self._count = 0
@@ -48,9 +46,10 @@ class BoardViews:
 
     def ask(self) -> WantedView | None:
         """Next view of the board to show; None once the views suffice."""
-        return self._wanted[0] if self._wanted else None
+        met = [wanted for views in self._met.values() for wanted in views]
+        return next((wanted for wanted in self._requests if wanted not in met), None)
 
-    def tell(self, frame: Frame) -> Result:
+    def tell(self, frame: Frame) -> Row:
         """Process an image of the board; a view is accepted if two in a row agree."""
         number = self._count
         self._count += 1
@@ -64,26 +63,26 @@ class BoardViews:
             moved = view.distance(last)
             if moved <= self._settings.still:
                 self._accept(number, frame.image, view)
-                return Result(_row(number, view), taken=True)
+                return _row(number, view, taken=True)
             refused = f"the board moved by {moved:.1f} px between two images; hold it still"
         self._tries += refused is not None
-        if self._patience is not None and self._tries >= self._patience and self._wanted:
+        if self._patience is not None and self._tries >= self._patience:
             self.skip()
-        return Result(_row(number, look.view, refused))
+        return _row(number, look.view, refused)
 
-    def restore(self, rows: Iterable[tuple[Row, Image]]) -> Row | None:
-        """Accept the views in a session's images (h, w, 3); returns a row without any, or None."""
-        for row, image in rows:
-            view = find_board(image, self._detector, self._board).view
-            if view is None:
-                return row
-            self._accept(row.number, image, view)
-            self._count = max(self._count, row.number + 1)
-        return None
+    def restore(self, row: Row, image: Image) -> bool:
+        """Accept the view of a session's `row` if its `image` (h, w, 3) shows the board."""
+        view = find_board(image, self._detector, self._board).view
+        if view is None:
+            return False
+        self._accept(row.number, image, view)
+        self._count = max(self._count, row.number + 1)
+        return True
 
     def skip(self) -> None:
         """Give up the view of the board that is requested now."""
-        self._wanted = self._wanted[1:]
+        given_up = self.ask()
+        self._requests = [wanted for wanted in self._requests if wanted != given_up]
         self._tries = 0
         self._last = None
 
@@ -92,8 +91,7 @@ class BoardViews:
         newest = max(self._views, default=None)
         if newest is None:
             return None
-        del self._views[newest]
-        self._wanted = [*self._met.pop(newest), *self._wanted]
+        del self._views[newest], self._met[newest]
         return Row(number=newest, dropped=True)
 
     @property
@@ -111,7 +109,7 @@ class BoardViews:
         lens = self._lens or guessed_lens(TYPICAL_SIZE)
         return coverage.gates(self.views, lens, self._settings)
 
-    def progress(self, frame: Frame | None = None, result: Result | None = None) -> Progress:
+    def progress(self, frame: Frame | None = None, result: Row | None = None) -> Progress:
         """Message to observers: request, coverage, `result` of the newest image `frame`, if any."""
         gates = self.gates()
         wanted = self.ask()
@@ -123,7 +121,6 @@ class BoardViews:
             why=f"still missing: {missing[0]}" if missing else "all is covered; for good measure",
             frame=frame,
             result=result,
-            answer="" if result is None else result.text("image", "taken"),
             marks=tuple(map(Mark, seen)),
             coverage=gates,
             sketch=self._sketch(wanted),
@@ -190,15 +187,16 @@ class BoardViews:
         self._lens = lens
         shown = coverage.placement(view, self._settings.outline(), lens)
         width = lens.matrix[0, 0] * self._settings.width / view.depth(lens) / lens.width
-        self._met[number] = [wanted for wanted in self._wanted if _matches(wanted, shown, width)]
-        self._wanted = [wanted for wanted in self._wanted if wanted not in self._met[number]]
+        self._met[number] = [wanted for wanted in self._requests if _matches(wanted, shown, width)]
 
 
-def _row(number: int, view: BoardView | None, refused: str | None = None) -> Row:
+def _row(
+    number: int, view: BoardView | None, refused: str | None = None, *, taken: bool = False
+) -> Row:
     """Row of the session's log on image `number`: corners in its `view`, why it is `refused`."""
     corners = [] if view is None else zip(view.ids, view.image, strict=True)
     numbered = tuple((int(corner), float(u), float(v)) for corner, (u, v) in corners)
-    return Row(number=number, refused=refused, corners=numbered)
+    return Row(number=number, refused=refused, corners=numbered, taken=taken)
 
 
 def _matches(wanted: WantedView, shown: Placement, width: float) -> bool:

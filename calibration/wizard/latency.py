@@ -1,10 +1,10 @@
 """Camera latency from steps of the arm: the pointer in images against the arm's positions."""
 
-from dataclasses import dataclass, replace
-from math import nan, pi
+from dataclasses import dataclass
+from math import pi
 
 import numpy as np
-from pydantic import Field
+from pydantic import ConfigDict, Field
 
 from calibration.homography import Homography
 from calibration.lens import Lens
@@ -40,105 +40,82 @@ class LatencySettings(Settings):
 
 @dataclass(frozen=True, slots=True)
 class LatencyVerdict(Verdict):
-    """Measured `latency` [s], the time from an exposure to its stamp, and reasons for refusal.
+    """Measured `latency` [s], the time from an exposure to its stamp."""
 
-    `apart` [s] is the difference between two halves of the images, `misfit_mm` the rms distance
-    between image and arm at the best latency, `images` the number taken in motion.
+    latency: float | None = None
+
+
+class LatencySteps(Settings):
+    """Arm and images during the arm's steps, the content of latency.json.
+
+    `arm` has rows t [s], x, z [m] of the gripper, `seen` rows t [s], u, v [px] of the pointer.
     """
 
-    latency: float = nan
-    apart: float = nan
-    misfit_mm: float = nan
-    images: int = 0
+    model_config = ConfigDict(extra="ignore")  # a program writes it
 
-    def lines(self, speed: float) -> list[Line]:
-        """Line on the latency and its effect at `speed` [m/s], or the reasons for refusal."""
-        if self.reasons:
-            return self.bad_lines()
-        late = round(1e3 * self.latency, 1) + 0.0  # never minus nothing
-        text = f"images are stamped {late:.1f} ms late, known within {1e3 * self.apart:.1f} ms; "
-        text += "the cell corrects it"
-        if spared := round(1e3 * abs(self.latency) * speed, 1):
-            text += f", which spares an error of {spared:.1f} mm at {speed:.2f} m/s"
-        return [grade_line(1e3 * self.apart, *APART_GRADES, text)]
-
-
-NOT_MEASURED = LatencyVerdict(reasons=("the latency was not measured",))
-
-
-class LatencySteps:
-    """Collection of arm states and images for the latency, by ask and tell.
-
-    The caller moves the arm to the poses of `ask()`.
-    """
-
-    def __init__(self, settings: LatencySettings) -> None:
-        start = Pose(settings.x, settings.z, pi / 2)
-        end = Pose(settings.x + settings.step, settings.z, pi / 2)
-        self._queue = [(start, end)[k % 2] for k in range(settings.steps + 1)]
-        self._arm: list[tuple[float, float, float]] = []
-        self._seen: list[tuple[float, float, float]] = []
-
-    @property
-    def left(self) -> int:
-        """Number of moves of the arm that the latency measurement still requires."""
-        return len(self._queue)
-
-    @property
-    def arm(self) -> Array:
-        """Measurements (n, 3) of the arm: stamp [s], x, z [m]."""
-        return np.reshape(self._arm, (-1, 3))
-
-    @property
-    def seen(self) -> Array:
-        """Measurements (n, 3) in images of the pointer: stamp [s], centre of its disc u, v [px]."""
-        return np.reshape(self._seen, (-1, 3))
-
-    def ask(self) -> Pose | None:
-        """Next pose of the calibration pointer; None once all moves are done."""
-        return self._queue[0] if self._queue else None
-
-    def record_arrival(self) -> None:
-        """Record that the arm is at rest at the requested pose."""
-        self._queue = self._queue[1:]
+    arm: list[tuple[float, float, float]] = Field(default_factory=list)
+    seen: list[tuple[float, float, float]] = Field(default_factory=list)
 
     def tell_arm(self, state: ArmState) -> None:
         """Add the arm's newest `state`, unless the same state was added before."""
-        if not self._arm or state.stamp > self._arm[-1][0]:
-            self._arm.append((state.stamp, state.pose.x, state.pose.z))
+        if not self.arm or state.stamp > self.arm[-1][0]:
+            self.arm.append((state.stamp, state.pose.x, state.pose.z))
 
     def tell_frame(self, frame: Frame) -> None:
         """Add a new image; ignored where the image does not show the pointer."""
         centre = find_pointer(frame.image)
         if centre is not None:
-            self._seen.append((frame.stamp, float(centre[0]), float(centre[1])))
+            self.seen.append((frame.stamp, float(centre[0]), float(centre[1])))
+
+
+def step_poses(settings: LatencySettings) -> tuple[Pose, ...]:
+    """Poses of the pointer to and fro, between which the arm steps."""
+    places = (settings.x, settings.x + settings.step)
+    return tuple(Pose(places[k % 2], settings.z, pi / 2) for k in range(settings.steps + 1))
 
 
 def latency_verdict(
-    arm: Array, seen: Array, lens: Lens, homography: Homography, settings: LatencySettings
+    steps: LatencySteps,
+    lens: Lens,
+    homography: Homography | None,
+    settings: LatencySettings,
+    speed: float,
 ) -> LatencyVerdict:
-    """Measure the camera's latency by stamped places of the arm (n, 3), in images `seen` (m, 3).
+    """Measure the camera's latency by `steps` of the arm, through the map of the touched points.
 
-    `arm` holds stamp [s], x, z [m], `seen` stamp [s], u, v [px] of the pointer; `homography` is
-    that of the touched points.
+    `speed` [m/s] is that of a fold, to state the effect of the latency.
     """
-    if len(arm) < 2 or len(seen) == 0:
+    if homography is None or not steps.arm:
+        return LatencyVerdict(reasons=("the latency was not measured",))
+    if len(steps.arm) < 2 or len(steps.seen) == 0:
         return LatencyVerdict(reasons=("no step of the arm was seen; step again",))
+    arm: Array = np.array(steps.arm)
+    seen: Array = np.array(steps.seen)
     inside = (seen[:, 0] > arm[0, 0] + settings.most) & (seen[:, 0] < arm[-1, 0])
     stamps = seen[inside, 0]
     along = homography.to_plane(lens.undistort(seen[:, 1:]))[inside, 0]
-    speed = np.interp(stamps, arm[:, 0], np.abs(np.gradient(arm[:, 1], arm[:, 0])))
-    moving = int((speed > MOVING_SPEED).sum())
+    under_way = np.interp(stamps, arm[:, 0], np.abs(np.gradient(arm[:, 1], arm[:, 0])))
+    moving = int(np.sum(under_way > MOVING_SPEED))
     if moving < settings.images:
         reason = f"{moving} images show the pointer under way, {settings.images} are needed"
-        return LatencyVerdict(images=moving, reasons=(f"{reason}; step again, uncover it",))
+        return LatencyVerdict(reasons=(f"{reason}; step again, uncover it",))
     latency, misfit = _best_latency(arm, stamps, along, settings.most)
     one, other = (_best_latency(arm, stamps[k::2], along[k::2], settings.most)[0] for k in (0, 1))
-    verdict = LatencyVerdict(
-        latency=latency, apart=abs(one - other), misfit_mm=1e3 * misfit, images=moving
-    )
+    apart = abs(one - other)
     drift = _drift_reasons(arm, stamps, along, latency, settings)
-    return replace(verdict, reasons=drift or _reasons(verdict, settings))
+    refused = drift or _reasons(latency, apart, 1e3 * misfit, settings)
+    found = () if refused else (_found(latency, apart, speed),)
+    return LatencyVerdict(latency=latency, found=found, reasons=refused)
+
+
+def _found(latency: float, apart: float, speed: float) -> Line:
+    """Line on the `latency` [s], known within `apart` [s], and its effect at `speed` [m/s]."""
+    late = round(1e3 * latency, 1) + 0.0  # never minus nothing
+    text = f"images are stamped {late:.1f} ms late, known within {1e3 * apart:.1f} ms; "
+    text += "the cell corrects it"
+    if spared := round(1e3 * abs(latency) * speed, 1):
+        text += f", which spares an error of {spared:.1f} mm at {speed:.2f} m/s"
+    return grade_line(1e3 * apart, *APART_GRADES, text)
 
 
 def _drift_reasons(
@@ -195,16 +172,18 @@ def _best_latency(arm: Array, stamps: Array, along: Array, most: float) -> tuple
     return float(best.x), float(best.fun)
 
 
-def _reasons(verdict: LatencyVerdict, settings: LatencySettings) -> tuple[str, ...]:
-    """Texts of the acceptance criteria that `verdict` does not meet."""
+def _reasons(
+    latency: float, apart: float, misfit_mm: float, settings: LatencySettings
+) -> tuple[str, ...]:
+    """Reasons for refusal: the `latency` [s], halves `apart` [s], or the misfit in motion."""
     return reasons(
-        (abs(verdict.latency) > settings.most,
-         f"the latency is {1e3 * verdict.latency:.0f} ms, plausible up to "
+        (abs(latency) > settings.most,
+         f"the latency is {1e3 * latency:.0f} ms, plausible up to "
          f"{1e3 * settings.most:.0f} ms; check the clock of the camera's stamps"),
-        (verdict.apart > settings.uncertainty,
-         f"two halves of the images differ by {1e3 * verdict.apart:.1f} ms in latency, allowed "
+        (apart > settings.uncertainty,
+         f"two halves of the images differ by {1e3 * apart:.1f} ms in latency, allowed "
          f"{1e3 * settings.uncertainty:.1f} ms; step again, check that the frame rate is steady"),
-        (verdict.misfit_mm > settings.misfit_mm,
-         f"image and arm are {verdict.misfit_mm:.1f} mm apart in motion, allowed "
+        (misfit_mm > settings.misfit_mm,
+         f"image and arm are {misfit_mm:.1f} mm apart in motion, allowed "
          f"{settings.misfit_mm:.1f} mm; fasten the pointer, shorten the exposure"),
     )  # fmt: skip

@@ -3,8 +3,7 @@ reasons for failure."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from math import nan
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import cv2
 import numpy as np
@@ -104,45 +103,28 @@ OFF_CENTRE = 0.15  # share of the image by which a principal point may lie off i
 
 @dataclass(frozen=True, slots=True)
 class LensVerdict(Verdict):
-    """The lens fit, differences between the lenses of two halves of the views, reasons for refusal.
+    """Verdict on the lens `fit` to a number of `views` of the board.
 
-    `split` is their relative difference in focal length; `bend_mm` the largest difference of their
-    distortion, at the board's distance, after the best plane homography is removed. `per_view` is
-    the rms [px] of the image with that number.
+    `bend_mm` is the largest difference of the distortion of two halves of the views, at the board's
+    distance, after the best plane homography is removed. `per_view` is the rms [px] of the image
+    with that number.
     """
 
     fit: LensFit | None = None
-    split: float = nan
-    bend_mm: float = nan
+    bend_mm: float | None = None
     views: int = 0
     per_view: Mapping[int, float] = field(default_factory=dict)
-
-    def lines(self) -> tuple[Line, ...]:
-        """Lines on the lens for the operator, the next step last."""
-        lines = []
-        if self.fit is not None:
-            focal = self.fit.lens.matrix[0, 0]
-            u, v = self.fit.lens.matrix[:2, 2]
-            halves = "two halves of the views bend the image alike within "
-            halves += f"{self.bend_mm:.2f} mm at the board, and differ by "
-            halves += f"{100 * self.split:.2f} % in focal length"
-            lines = [
-                Line(Level.PLAIN, f"{self.views} views, corners {self.fit.rms:.2f} px off (rms)"),
-                Line(Level.PLAIN,
-                     f"focal length {focal:.0f} px, principal point {u:.0f}, {v:.0f} px"),
-                grade_line(self.bend_mm, *BEND_GRADES, halves),
-            ]  # fmt: skip
-        last = self.last_line("the lens may be used", "mend what is said above and go on")
-        return (*lines, *self.bad_lines(), last)
+    good: ClassVar[str] = "the lens may be used"
+    refused: ClassVar[str] = "mend what is said above and go on"
 
     def facts(self) -> dict[str, Any]:
-        """Plain values of the verdict, as `--json` prints them."""
-        return {
+        """Plain values of the verdict on the lens, for --json and verdict.yaml."""
+        return Verdict.facts(self) | {
             "passed": self.passed,
             "views": self.views,
             "rms_px": None if self.fit is None else self.fit.rms,
-            "halves_mm": None if self.fit is None else self.bend_mm,
-            "reasons": list(self.reasons),
+            "halves_mm": self.bend_mm,
+            "per_view_px": {str(number): rms for number, rms in self.per_view.items()},
         }
 
 
@@ -174,11 +156,24 @@ def lens_verdict(
     refused += _length_reasons(length, settings)
     return LensVerdict(
         fit=fit,
-        split=split,
+        found=_found(len(ordered), fit, split, bend_mm),
         bend_mm=bend_mm,
         views=len(ordered),
         per_view=dict(sorted(zip(numbers, fit.per_view.tolist(), strict=True))),
         reasons=tuple(refused),
+    )
+
+
+def _found(views: int, fit: LensFit, split: float, bend_mm: float) -> tuple[Line, ...]:
+    """Lines on a lens fit to `views`, whose halves differ by `split` in focal length."""
+    u, v = fit.lens.matrix[:2, 2]
+    halves = f"two halves of the views bend the image alike within {bend_mm:.2f} mm at the board, "
+    halves += f"and differ by {100 * split:.2f} % in focal length"
+    focal = f"focal length {fit.lens.matrix[0, 0]:.0f} px"
+    return (
+        Line(Level.PLAIN, f"{views} views, corners {fit.rms:.2f} px off (rms)"),
+        Line(Level.PLAIN, f"{focal}, principal point {u:.0f}, {v:.0f} px"),
+        grade_line(bend_mm, *BEND_GRADES, halves),
     )
 
 

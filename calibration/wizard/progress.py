@@ -3,11 +3,10 @@
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import NamedTuple
 
 import cv2
 import numpy as np
-from pydantic import ConfigDict
+from pydantic import ConfigDict, Field
 
 from calibration.wizard.coverage import Gate, Sketch
 from calibration.wizard.latency import LatencySteps
@@ -20,6 +19,7 @@ class Row(Settings):
 
     `corners` are [id, u, v] of the board, `centre` of the pointer; `pose` x, z, pitch of the arm.
     `dropped` takes the earlier row of the same number back, and of the same touch (`again`).
+    `taken` says that the image is accepted and must be kept; afterwards `image` names its file.
     """
 
     model_config = ConfigDict(extra="allow")  # a program writes it
@@ -32,32 +32,27 @@ class Row(Settings):
     pose: tuple[float, float, float] | None = None
     again: bool = False
     dropped: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class Result:
-    """Result of one image: its `row` in the session's folder, and whether it was accepted.
-
-    `given_up` is set where no further image of this pose is wanted, though none was accepted.
-    """
-
-    row: Row
-    taken: bool = False
-    given_up: bool = False
-
-    @property
-    def refused(self) -> str | None:
-        """Reason why the image was refused; None where it was not."""
-        return self.row.refused
+    taken: bool = Field(False, exclude=True)
 
     @property
     def waits(self) -> bool:
         """Whether an image was neither accepted nor refused, so that the next image decides."""
-        return not self.taken and self.row.refused is None
+        return not self.taken and self.refused is None
 
-    def text(self, kind: str, taken: str) -> str:
-        """Text of an image's result for the operator; empty while the next one is awaited."""
-        return "" if self.waits else f"{kind} {self.row.number}: {self.row.refused or taken}"
+    @property
+    def answer(self) -> str:
+        """Text on the image for the operator; empty while the next one is awaited."""
+        if self.waits:
+            return ""
+        if self.pose is None:
+            return f"image {self.number}: {self.refused or 'taken'}"
+        done = f"touched{' again' if self.again else ''} at {place_text(*self.pose[:2])}"
+        return f"point {self.number}: {self.refused or done}"
+
+
+def place_text(x: float, z: float) -> str:
+    """Text on a place `x`, `z` [m] of the pointer, in millimetres."""
+    return f"x {1e3 * x:.0f}, z {1e3 * z:.0f} mm"
 
 
 class MarkKind(StrEnum):
@@ -91,34 +86,24 @@ class Mark:
     error: Array | None = None
 
 
-class PlannedPoint(NamedTuple):
-    """Planned pose x, z [m] of the pointer, and its `state` as a character for the terminal."""
-
-    x: float
-    z: float
-    state: str
-
-
 @dataclass(frozen=True, slots=True)
 class Progress:
     """Message of a wizard: its request, the reason `why`, and the result of the newest image.
 
-    `frame` is that image, `answer` its `result` as text, `marks` are drawn into it. `coverage` and
-    `sketch` show how a board is to be held, `plan` which poses were touched. `taken_back` is the
-    row of a measurement that the operator took back, `steps` the arm's motion for the latency.
+    `frame` is that image, `marks` are drawn into it; without one, `result` takes a measurement
+    back. `coverage` and `sketch` show how a board is to be held, `plan` the poses x, z [m] of the
+    pointer, each with its state as a character. `steps` is the arm's motion for the latency.
     """
 
     title: str
     request: str
     why: str
     frame: Frame | None = None
-    result: Result | None = None
-    answer: str = ""
+    result: Row | None = None
     marks: tuple[Mark, ...] = ()
     coverage: tuple[Gate, ...] = ()
     sketch: Sketch | None = None
-    plan: tuple[PlannedPoint, ...] = ()
-    taken_back: Row | None = None
+    plan: tuple[tuple[float, float, str], ...] = ()
     steps: LatencySteps | None = None
 
 

@@ -6,13 +6,12 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import cv2
-import numpy as np
 from pydantic import ConfigDict, Field
 
 from calibration.board import BoardSettings
 from calibration.lens import CameraFile
 from calibration.wizard.board_views import BoardViews
-from calibration.wizard.latency import LatencySettings
+from calibration.wizard.latency import LatencySettings, LatencySteps
 from calibration.wizard.progress import Observer, Progress, Row, ignore
 from calibration.wizard.touched_points import TouchedPoints
 from calibration.wizard.touches import TouchSettings
@@ -20,7 +19,7 @@ from drivers.errors import ConfigurationError
 from drivers.files import append_line, write_file, writing
 from drivers.readers import MEGABYTE, read_json, read_picture, read_text
 from drivers.settings import Settings, load, parse
-from drivers.types import Array, Frame, Image
+from drivers.types import Image
 from drivers.yaml_text import dump_yaml
 
 LARGEST_LOG = 32 * MEGABYTE  # of told.jsonl and latency.json; a session writes less than one
@@ -61,7 +60,7 @@ class Session(Settings):
 class SessionFolder:
     """Observer of a wizard that writes its messages to a session's folder at once.
 
-    It passes them on to `watch`; `newest` is the last image.
+    It passes them on to `watch`.
     """
 
     def __init__(self, folder: Path, session: Session, watch: Observer = ignore) -> None:
@@ -70,8 +69,6 @@ class SessionFolder:
         Raises ConfigurationError for a folder that cannot be written.
         """
         self.folder = folder
-        self.session = session
-        self.newest: Frame | None = None
         self._count = len([*(folder / IMAGES_FOLDER).glob("*.png")])
         self._watch = watch
         if (folder / SESSION_FILE).exists():
@@ -86,15 +83,12 @@ class SessionFolder:
 
     def __call__(self, progress: Progress) -> None:
         """Write the measurements in `progress`, and the image if it was accepted."""
-        if progress.frame is not None:
-            self.newest = progress.frame
         if progress.steps is not None:
-            content = {"arm": progress.steps.arm.tolist(), "seen": progress.steps.seen.tolist()}
-            write_file(self.folder / LATENCY_FILE, json.dumps(content) + "\n", MAKE_ROOM)
-        if progress.taken_back is not None:
-            self.add(progress.taken_back)
-        if progress.frame is not None and progress.result is not None:
-            self.add(progress.result.row, progress.frame.image if progress.result.taken else None)
+            write_file(self.folder / LATENCY_FILE, progress.steps.model_dump_json(), MAKE_ROOM)
+        result = progress.result
+        if result is not None:
+            image = progress.frame.image if progress.frame is not None and result.taken else None
+            self.add(result, image)
         self._watch(progress)
 
     def add(self, row: Row, image: Image | None = None) -> None:
@@ -194,40 +188,29 @@ def _read_image(folder: Path, row: Row, size: tuple[int, int]) -> Image:
 Task = BoardViews | TouchedPoints
 
 
-def restore(task: Task, folder: Path, session: Session, without: Collection[int] = ()) -> None:
+def restore(
+    task: Task, folder: Path, session: Session, without: Collection[int] = ()
+) -> Image | None:
     """Repeat a session's measurements on its accepted images, except the numbers `without`.
 
-    Raises ConfigurationError for a broken file or an image that shows nothing.
+    Returns the last of these images (height, width, 3). Raises ConfigurationError for a broken file
+    or an image that shows nothing.
     """
-    missing = task.restore(_taken_images(folder, session, without))
-    if missing is not None:
-        raise ConfigurationError(
-            f"{folder / str(missing.image)}: shows no {task.subject}; leave number "
-            f"{missing.number} out, or take its line out of {ROWS_FILE}"
-        )
+    image = None
+    for row, image in _taken_images(folder, session, without):
+        if not task.restore(row, image):
+            raise ConfigurationError(
+                f"{folder / str(row.image)}: shows no {task.subject}; leave number {row.number} "
+                f"out, or take its line out of {ROWS_FILE}"
+            )
+    return image
 
 
-class StepsFile(Settings):
-    """Content of latency.json, recorded during the arm's steps.
-
-    `arm` has rows t [s], x, z [m] of the gripper, `seen` rows t [s], u, v [px] of the pointer.
-    """
-
-    model_config = ConfigDict(extra="ignore")  # a program writes it
-
-    arm: tuple[tuple[float, float, float], ...] = ()
-    seen: tuple[tuple[float, float, float], ...] = ()
-
-
-def read_latency(folder: Path) -> tuple[Array, Array]:
-    """Read measurements of the arm (n, 3) and of the pointer in images (m, 3), for the latency.
-
-    Empty where `folder` has no latency.json; raises ConfigurationError for a broken one.
-    """
+def read_steps(folder: Path) -> LatencySteps:
+    """Read latency.json in a session's `folder`, empty if there is none; or ConfigurationError."""
     path = folder / LATENCY_FILE
     content = read_json(path, LARGEST_LOG) if path.exists() else {}
-    steps = parse(content, StepsFile, str(path))
-    return np.reshape(steps.arm, (-1, 3)), np.reshape(steps.seen, (-1, 3))
+    return parse(content, LatencySteps, str(path))
 
 
 def write_image(path: Path, image: Image) -> None:

@@ -3,8 +3,8 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
-from math import isnan, nan
-from typing import Any
+from math import nan
+from typing import Any, ClassVar
 
 import cv2
 import numpy as np
@@ -12,7 +12,7 @@ import numpy as np
 from calibration.calibration import Calibration, make_calibration
 from calibration.homography import Homography
 from calibration.lens import Lens
-from calibration.wizard.latency import LatencyVerdict
+from calibration.wizard.latency import LatencySettings, LatencySteps, latency_verdict
 from calibration.wizard.touches import Touch, TouchFit, TouchSettings, camera_move, fit_touches
 from calibration.wizard.verdict import Level, Line, Verdict, grade_line, reasons
 from drivers.errors import ConfigurationError
@@ -50,29 +50,6 @@ class TouchVerdict(Verdict):
     errors_mm: dict[int, float] = field(default_factory=dict)
     rejected: Mapping[int, str] = field(default_factory=dict)
     wild: Mapping[int, str] = field(default_factory=dict)
-    clean: bool = False  # no point is left out, and there is nothing to improve
-
-    def lines(self) -> list[Line]:
-        """Lines for the operator on the map and its points, reasons for refusal last."""
-        lines = []
-        if self.homography is not None:
-            lines = [
-                grade_line(self.worst_mm, *WORST_GRADES,
-                       f"{self.held_out} points that were not fitted are {self.residual_mm:.2f} mm "
-                       f"off (rms), half of them under {self.median_mm:.2f}, the worst "
-                       f"{self.worst_mm:.2f}"),
-                grade_line(self.halves_mm, *HALVES_GRADES,
-                       f"two maps from halves of the points agree within {self.halves_mm:.2f} mm"),
-                grade_line(self.displacement_mm, *DISPLACEMENT_GRADES,
-                       f"by this a displacement errs by {self.displacement_mm:.2f} mm (rms)"),
-            ]  # fmt: skip
-        for text in self.wild.values():
-            lines.append(Line(Level.FAIR, f"{text}; touched again, where it agrees"))
-        lines += [Line(Level.FAIR, f"{text}; left out") for text in self.rejected.values()]
-        return [*lines, *self.bad_lines()]
-
-
-NOT_TOUCHED = TouchVerdict(reasons=("no points were touched",))
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,15 +62,17 @@ class CheckVerdict(Verdict):
     errors_mm: dict[int, float]
     median_mm: float
     worst_mm: float
+    good: ClassVar[str] = "this calibration still holds"
+    refused: ClassVar[str] = "it no longer holds"
 
-    def lines(self) -> tuple[Line, ...]:
-        """Lines on the calibration for the operator, the next step last."""
-        lines = self.bad_lines()
-        if self.errors_mm:
-            text = f"half of {len(self.errors_mm)} touched points are under "
-            text += f"{self.median_mm:.2f} mm off, the worst {self.worst_mm:.2f}"
-            lines.insert(0, grade_line(self.worst_mm, *WORST_GRADES, text))
-        return (*lines, self.last_line("this calibration still holds", "it no longer holds"))
+    def facts(self) -> dict[str, Any]:
+        """Plain values of the verdict on a calibration in use, for --json."""
+        return Verdict.facts(self) | {
+            "passed": self.passed,
+            "errors_mm": {str(number): error for number, error in self.errors_mm.items()},
+            "median_mm": self.median_mm,
+            "worst_mm": self.worst_mm,
+        }
 
 
 def touch_verdict(touches: Sequence[Touch], lens: Lens, settings: TouchSettings) -> TouchVerdict:
@@ -118,9 +97,11 @@ def check_verdict(
     errors = {touch.number: float(error) for touch, error in zip(touches, values, strict=True)}
     median = float(np.median(values)) if len(values) else nan
     worst = float(values.max()) if len(values) else nan
+    text = f"half of {len(values)} touched points are under {median:.2f} mm off, the worst "
+    found = (grade_line(worst, *WORST_GRADES, f"{text}{worst:.2f}"),) if errors else ()
     if len(values) < FEWEST_POINTS:
         few = f"{len(values)} points were touched, at least {FEWEST_POINTS} must decide; touch more"
-        return CheckVerdict(errors, median, worst, reasons=(few,))
+        return CheckVerdict(errors, median, worst, found=found, reasons=(few,))
     causes = _common_shift(off_mm, settings) or reasons(
         (worst > settings.worst_mm,
          f"a point is {worst:.2f} mm off, allowed {settings.worst_mm:.2f}: the camera or the arm's "
@@ -129,71 +110,71 @@ def check_verdict(
          f"half of the points are more than {median:.2f} mm off, allowed {settings.median_mm:.2f}; "
          f"{ANEW}"),
     )  # fmt: skip
-    return CheckVerdict(errors, median, worst, reasons=causes)
+    return CheckVerdict(errors, median, worst, found=found, reasons=causes)
 
 
 @dataclass(frozen=True, slots=True)
-class MapVerdict:
-    """Verdict on map and latency together, and the `calibration` made of them.
+class MapVerdict(Verdict):
+    """Verdict on map and latency [s] together, and the `calibration` made of them.
 
-    `speed` [m/s] is that of a fold, to state the effect of the latency. `calibration` is None
-    unless it is accepted.
+    `calibration` is None unless it is accepted, possibly in spite of reasons.
     """
 
     touches: TouchVerdict
-    latency: LatencyVerdict
-    speed: float
-    calibration: Calibration | None = None
-
-    def accept(self, lens: Lens, *, anyway: bool = False, **facts: Any) -> "MapVerdict":
-        """Copy with a calibration of map and `lens`, unless it is refused for some reason.
-
-        `facts` are further values of `make_calibration`. Reasons for refusal are overridden by
-        `anyway`, but no calibration is made without a map.
-        """
-        if self.touches.homography is None or (self.reasons and not anyway):
-            return self
-        latency = self.latency.latency
-        calibration = make_calibration(
-            lens,
-            self.touches.homography,
-            residual_mm=self.touches.residual_mm,
-            latency=0.0 if isnan(latency) else latency,
-            date=datetime.now(UTC).isoformat(timespec="seconds"),
-            accepted_anyway=self.reasons,
-            **facts,
-        )
-        return replace(self, calibration=calibration)
+    latency: float | None
+    calibration: Calibration | None
+    good: ClassVar[str] = "this calibration may be used"
+    refused: ClassVar[str] = "mend what is said above and touch again"
 
     @property
     def passed(self) -> bool:
-        """Whether a calibration was accepted, possibly in spite of reasons."""
+        """Whether a calibration was accepted."""
         return self.calibration is not None
 
-    @property
-    def reasons(self) -> tuple[str, ...]:
-        """Reasons to refuse a calibration from this map and latency."""
-        return (*self.touches.reasons, *self.latency.reasons)
-
-    def lines(self) -> tuple[Line, ...]:
-        """Lines on map and latency for the operator, the next step last."""
-        lines = [*self.touches.lines(), *self.latency.lines(self.speed)]
-        if self.reasons:
-            return (*lines, Line(Level.BAD, "refused: mend what is said above and touch again"))
-        level, word = (Level.GOOD, "good") if self.touches.clean else (Level.FAIR, "usable")
-        return (*lines, Line(level, f"{word}: this calibration may be used"))
-
     def facts(self) -> dict[str, Any]:
-        """Plain values of the verdict, as `--json` prints them."""
+        """Plain values of the verdict on map and latency, for --json and verdict.yaml."""
         keys = ("residual_mm", "worst_mm", "halves_mm", "displacement_mm")
-        late = self.latency.latency
-        return {
+        errors = self.touches.errors_mm
+        return Verdict.facts(self) | {
             "accepted": self.passed,
             "calibration": None if self.calibration is None else self.calibration.id,
             **{key: getattr(self.touches, key) for key in keys},
-            "latency": None if isnan(late) else late,
-            "reasons": list(self.reasons),
+            "latency": self.latency,
+            "errors_mm": {str(number): error for number, error in errors.items()},
         }
+
+
+def map_verdict(
+    touches: TouchVerdict,
+    steps: LatencySteps,
+    lens: Lens,
+    settings: LatencySettings,
+    speed: float,
+    *,
+    anyway: bool = False,
+    **facts: Any,
+) -> MapVerdict:
+    """Verdict on the map and on the latency in `steps`, with a calibration unless it is refused.
+
+    `speed` [m/s] is that of a fold, `facts` are further values of `make_calibration`. Reasons for
+    refusal are overridden by `anyway`, but no calibration is made without a map.
+    """
+    late = latency_verdict(steps, lens, touches.homography, settings, speed)
+    refused = (*touches.reasons, *late.reasons)
+    made = None
+    if touches.homography is not None and (anyway or not refused):
+        made = make_calibration(
+            lens,
+            touches.homography,
+            residual_mm=touches.residual_mm,
+            latency=late.latency or 0.0,
+            date=datetime.now(UTC).isoformat(timespec="seconds"),
+            accepted_anyway=refused,
+            **facts,
+        )
+    found = (*touches.found, *late.found)
+    clean = touches.clean
+    return MapVerdict(touches, late.latency, made, found=found, reasons=refused, clean=clean)
 
 
 def _common_shift(off: Array, settings: TouchSettings) -> tuple[str, ...]:
@@ -250,7 +231,24 @@ def _compose(fit: TouchFit, settings: TouchSettings) -> TouchVerdict:
         clean=not rejected and _rms(errors) <= settings.good_mm,
     )
     refused = (*_map_reasons(verdict, settings), *_point_reasons(fit, settings))
-    return replace(verdict, reasons=refused)
+    return replace(verdict, found=_found(verdict), reasons=refused)
+
+
+def _found(verdict: TouchVerdict) -> tuple[Line, ...]:
+    """Lines on the map of a `verdict`, and on its points that are wild or left out."""
+    return (
+        grade_line(verdict.worst_mm, *WORST_GRADES,
+                   f"{verdict.held_out} points that were not fitted are {verdict.residual_mm:.2f} "
+                   f"mm off (rms), half of them under {verdict.median_mm:.2f}, the worst "
+                   f"{verdict.worst_mm:.2f}"),
+        grade_line(verdict.halves_mm, *HALVES_GRADES,
+                   f"two maps from halves of the points agree within {verdict.halves_mm:.2f} mm"),
+        grade_line(verdict.displacement_mm, *DISPLACEMENT_GRADES,
+                   f"by this a displacement errs by {verdict.displacement_mm:.2f} mm (rms)"),
+        *(Line(Level.FAIR, f"{text}; touched again, where it agrees")
+          for text in verdict.wild.values()),
+        *(Line(Level.FAIR, f"{text}; left out") for text in verdict.rejected.values()),
+    )  # fmt: skip
 
 
 def _halves_mm(points: Sequence[Touch], lens: Lens, settings: TouchSettings) -> float:

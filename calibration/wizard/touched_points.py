@@ -1,12 +1,12 @@
 """Calibration of the map to the plane by touched points: requests poses, judges images."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from calibration.lens import Lens
 from calibration.pointer import find_pointer
-from calibration.wizard.progress import Mark, MarkKind, PlannedPoint, Progress, Result, Row
+from calibration.wizard.progress import Mark, MarkKind, Progress, Row, place_text
 from calibration.wizard.touch_verdict import TouchVerdict, touch_verdict
 from calibration.wizard.touches import (
     Touch,
@@ -19,6 +19,7 @@ from calibration.wizard.touches import (
 from drivers.errors import ConfigurationError
 from drivers.types import Array, Frame, Image, Pose
 
+TITLE = "the map to the plane"
 NOT_STILL = "between two images; wait until it is still"
 
 
@@ -26,7 +27,7 @@ class TouchedPoints:
     """Collection of touched points, by ask and tell.
 
     The caller moves the pointer to `ask()` and passes the camera's image to `tell()`. After all
-    poses, those of the map's outliers are requested once more; `again` is set meanwhile.
+    poses, those of the map's outliers are requested once more.
     """
 
     subject = "pointer"
@@ -50,27 +51,36 @@ class TouchedPoints:
         self.fitted = fitted
         if fitted:
             require_enough(self.plan, settings)
-        self._touches: list[Touch] = []
-        self._queue = list(range(len(self.plan)))
-        self.again = False
+        self._touches: dict[tuple[int, bool], Touch] = {}  # by number, and whether again
+        self._queue = [(number, False) for number in range(len(self.plan))]
+        self._repeats = fitted
         self._tries = 0
         self._last: tuple[Array, Array] | None = None
 
     @property
     def touches(self) -> tuple[Touch, ...]:
         """All accepted touches, in the order in which they were made."""
-        return tuple(self._touches)
+        return tuple(self._touches.values())
 
     @property
     def number(self) -> int | None:
         """Number of the pose to touch next; None once there are enough points."""
-        return self._queue[0] if self._queue else None
+        return self._queue[0][0] if self._queue else None
+
+    @property
+    def again(self) -> bool:
+        """Whether the pose to touch next is one that disagrees with the others."""
+        return bool(self._queue) and self._queue[0][1]
 
     def ask(self) -> Pose | None:
         """Next pose for the pointer, to be held still; None once there are enough points."""
-        return self.plan[self._queue[0]] if self._queue else None
+        if not self._queue and self._repeats:
+            self._repeats = False
+            outliers = suspects(self.touches, self.lens, self._settings)
+            self._queue = [(number, True) for number in outliers]
+        return self.plan[self._queue[0][0]] if self._queue else None
 
-    def tell(self, frame: Frame, pose: Pose) -> Result:
+    def tell(self, frame: Frame, pose: Pose) -> Row:
         """Process an image of the pointer at rest at the measured `pose`.
 
         After `patience` images without two that agree the point is given up. Raises
@@ -82,58 +92,52 @@ class TouchedPoints:
         refused = self._refuse(centre, np.array([pose.x, pose.z]))
         taken = refused is None and self._last is not None
         self._last = None if centre is None else (centre, np.array([pose.x, pose.z]))
+        number, again = self._queue[0]
         row = Row(
-            number=self._queue[0],
+            number=number,
             refused=refused,
+            centre=None if centre is None else tuple(centre.tolist()),
             pose=(pose.x, pose.z, pose.pitch),
-            again=taken and self.again,
+            again=taken and again,
+            taken=taken,
         )
-        if centre is not None:
-            row = row.model_copy(update={"centre": tuple(centre.tolist())})
         if centre is not None and taken:
-            self._touches.append(self._touched(row, centre))
-        given_up = not taken and self._tries >= self._settings.patience
-        if taken or given_up:
+            self._accept(row, centre)
+        if taken or self._tries >= self._settings.patience:
             self.skip()
-        return Result(row, taken, given_up)
+        return row
 
-    def restore(self, rows: Iterable[tuple[Row, Image]]) -> Row | None:
-        """Accept the points in a session's images (h, w, 3); returns a row without one, or None.
+    def restore(self, row: Row, image: Image) -> bool:
+        """Accept the point of a session's `row` if its `image` (h, w, 3) shows the pointer.
 
         Raises ConfigurationError for a row without a pose.
         """
-        latest: dict[tuple[int, bool], Touch] = {}
-        for row, image in rows:
-            centre = find_pointer(image)
-            if centre is None:
-                return row
-            latest[row.number, row.again] = self._touched(row, centre)
-        self._touches = [*latest.values()]
-        touched = {number for number, _ in latest}
-        self._queue = [number for number in self._queue if number not in touched]
-        self._repeat_suspects()
-        return None
+        centre = find_pointer(image)
+        if centre is None:
+            return False
+        self._accept(row, centre)
+        self._queue = [touch for touch in self._queue if touch[0] != row.number]
+        return True
 
     def skip(self) -> None:
         """Give up the pose that is to be touched next."""
         self._queue = self._queue[1:]
         self._tries = 0
         self._last = None
-        self._repeat_suspects()
 
     def take_back(self) -> Row | None:
         """Remove the newest touch and request it again; returns its row, None if there is none."""
         if not self._touches:
             return None
-        dropped = self._touches.pop()
-        self._queue = [dropped.number, *self._queue]
+        (number, again), _ = self._touches.popitem()
+        self._queue = [(number, again), *self._queue]
         self._tries = 0
         self._last = None
-        return Row(number=dropped.number, again=dropped.again, dropped=True)
+        return Row(number=number, again=again, dropped=True)
 
     def verdict(self) -> TouchVerdict:
         """Verdict on the map from the points touched until now."""
-        return touch_verdict(self._touches, self.lens, self._settings)
+        return touch_verdict(self.touches, self.lens, self._settings)
 
     @property
     def why(self) -> str:
@@ -141,45 +145,35 @@ class TouchedPoints:
         if self.again:
             return f"point {self.number} disagrees with the others: touch it once more"
         done = f"{len(self._touches)} of {len(self.plan)} points are touched"
-        held = self.number is not None and held_out(self.number, self._settings)
-        part = "held out for the verdict" if held else "fitted"
-        return f"point {self.number} ({part}): {done}" if self.fitted else done
+        if self.number is None or not self.fitted:
+            return done
+        held = held_out(self.number, self._settings)
+        return f"point {self.number} ({'held out for the verdict' if held else 'fitted'}): {done}"
 
-    def progress(self, wanted: Pose | None, why: str, stage: str) -> Progress:
-        """Message for displays: the arm's next pose, `why` it is wanted, state of each planned one.
-
-        `stage` names what the calibration does now, for the operator.
-        """
-        touched = {point.number: point for point in self._touches}
-        plan = []
-        for number, pose in enumerate(self.plan):
-            state = ">" if pose == wanted else _state(touched.get(number))
-            plan.append(PlannedPoint(pose.x, pose.z, state))
+    def progress(self, frame: Frame | None = None, result: Row | None = None) -> Progress:
+        """Message to observers: request, plan, `result` of the newest image `frame`, if any."""
+        wanted = self.ask()
+        plan = [(pose.x, pose.z, self._state(number)) for number, pose in enumerate(self.plan)]
         return Progress(
-            title=f"the map to the plane: {stage}",
-            request="nothing" if wanted is None else f"the arm goes to {_place(wanted)}",
-            why=why,
-            marks=tuple(
-                Mark(point.pixel, _kind(point), str(point.number)) for point in self._touches
-            ),
+            title=f"{TITLE}: {'touch again' if self.again else 'touch'}",
+            request="nothing" if wanted is None else request_text(wanted),
+            why=self.why,
+            frame=frame,
+            result=result,
+            marks=self.marks(TouchVerdict()),
             plan=tuple(plan),
         )
-
-    def answer(self, result: Result, pose: Pose) -> str:
-        """Text on the `result` of an image taken at `pose`; empty while the next is awaited."""
-        again = " again" if result.row.again else ""
-        return result.text("point", f"touched{again} at {_place(pose)}")
 
     def marks(self, verdict: TouchVerdict) -> tuple[Mark, ...]:
         """Marks of all points with their errors by the map of `verdict`, and of outliers."""
         marks = []
-        for point in self._touches:
-            label = str(point.number)
+        for point in self.touches:
+            kind = MarkKind.HELD_OUT if point.held_out else MarkKind.FITTED
+            error = self._error(point, verdict)
             replaced = point.number in verdict.wild and not point.again
             if replaced or point.number in verdict.rejected:
-                marks.append(Mark(point.pixel, MarkKind.WILD, label))
-            else:
-                marks.append(Mark(point.pixel, _kind(point), label, self._error(point, verdict)))
+                kind, error = MarkKind.WILD, None
+            marks.append(Mark(point.pixel, kind, str(point.number), error))
         return tuple(marks)
 
     def _error(self, point: Touch, verdict: TouchVerdict) -> Array | None:
@@ -189,11 +183,14 @@ class TouchedPoints:
         mapped = self.lens.distort(verdict.homography.to_image(point.place))[0]
         return np.asarray(point.pixel - mapped)
 
-    def _repeat_suspects(self) -> None:
-        """Once all poses are touched, request those of the map's outliers a second time."""
-        if not self._queue and self.fitted and not self.again:
-            self.again = True
-            self._queue = list(suspects(self._touches, self.lens, self._settings))
+    def _state(self, number: int) -> str:
+        """Character of a planned pose: wanted, to come, fitted, held out or touched twice."""
+        if number == self.number:
+            return ">"
+        if (number, True) in self._touches:
+            return "x"
+        point = self._touches.get((number, False))
+        return "." if point is None else "h" if point.held_out else "o"
 
     def _check_size(self, frame: Frame) -> None:
         """Raise ConfigurationError for an image of another size than the lens was found with."""
@@ -220,11 +217,12 @@ class TouchedPoints:
             return f"the pointer moved by {moved:.1f} px {NOT_STILL}"
         return None
 
-    def _touched(self, row: Row, centre: Array) -> Touch:
-        """Touch that `row` describes, whose image shows the pointer at `centre` (2,) [px]."""
+    def _accept(self, row: Row, centre: Array) -> None:
+        """Store the touch of `row`, whose image shows the pointer at `centre` (2,) [px]."""
         if row.pose is None:
             raise ConfigurationError(f"told.jsonl: point {row.number} has no pose; leave it out")
-        return Touch(
+        self._touches.pop((row.number, row.again), None)  # the newest is the last
+        self._touches[row.number, row.again] = Touch(
             number=row.number,
             place=np.array(row.pose[:2]),
             pixel=centre,
@@ -233,18 +231,6 @@ class TouchedPoints:
         )
 
 
-def _kind(point: Touch) -> MarkKind:
-    return MarkKind.HELD_OUT if point.held_out else MarkKind.FITTED
-
-
-def _state(point: Touch | None) -> str:
-    """Character of a planned pose in the terminal: to come, accepted, held out or to repeat."""
-    if point is None:
-        return "."
-    if point.again:
-        return "x"
-    return "h" if point.held_out else "o"
-
-
-def _place(pose: Pose) -> str:
-    return f"x {1e3 * pose.x:.0f}, z {1e3 * pose.z:.0f} mm"
+def request_text(pose: Pose) -> str:
+    """Text on the next `pose` of the arm."""
+    return f"the arm goes to {place_text(pose.x, pose.z)}"

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Any, ClassVar
 
 
 class Level(StrEnum):
@@ -23,24 +24,34 @@ class Line:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verdict:
-    """Base of a calibration's result, with the `reasons` for which it is refused, if any."""
+    """Base of a calibration's result: what was `found`, and the `reasons` to refuse it, if any.
 
+    It is `clean` where there is nothing to improve. `good` and `refused` say what to do next.
+    """
+
+    found: tuple[Line, ...] = ()
     reasons: tuple[str, ...] = ()
+    clean: bool = True
+    good: ClassVar[str] = ""
+    refused: ClassVar[str] = ""
 
     @property
     def passed(self) -> bool:
         """Whether the result of the calibration may be used."""
         return not self.reasons
 
-    def bad_lines(self) -> list[Line]:
-        """Lines for the operator, one for each reason for refusal."""
-        return [Line(Level.BAD, reason) for reason in self.reasons]
+    def lines(self) -> tuple[Line, ...]:
+        """Lines for the operator: what was found, the reasons for refusal, the next step."""
+        end = Line(Level.FAIR, f"usable: {self.good}")
+        if self.reasons:
+            end = Line(Level.BAD, f"refused: {self.refused}")
+        elif self.clean:
+            end = Line(Level.GOOD, f"good: {self.good}")
+        return (*self.found, *(Line(Level.BAD, reason) for reason in self.reasons), end)
 
-    def last_line(self, good: str, refused: str) -> Line:
-        """Line on the operator's next step: `good` if the result passed, else `refused`."""
-        if self.passed:
-            return Line(Level.GOOD, f"good: {good}")
-        return Line(Level.BAD, f"refused: {refused}")
+    def facts(self) -> dict[str, Any]:
+        """Plain values of the verdict, as `--json` prints and verdict.yaml keeps them."""
+        return {"lines": [line.text for line in self.lines()], "reasons": list(self.reasons)}
 
 
 def reasons(*facts: tuple[bool, str]) -> tuple[str, ...]:

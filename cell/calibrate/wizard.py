@@ -1,10 +1,11 @@
 """Wizard that calibrates a cell's camera, its lens and homography, and checks a calibration.
 
 A session is a folder: what was measured is written at once, it can go on after an interruption, and
-it can be solved again from its images.
+its verdict is solved from what the folder holds, at its end as at any later time.
 """
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from contextlib import closing
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -18,12 +19,12 @@ from calibration.lens import CameraFile, Lens, write_camera_info, write_opencv
 from calibration.wizard import session
 from calibration.wizard.board_views import BoardViews
 from calibration.wizard.coverage import WantedView
-from calibration.wizard.latency import NOT_MEASURED, latency_verdict
 from calibration.wizard.lens_verdict import LensVerdict
-from calibration.wizard.progress import Observer, draw_picture, ignore
-from calibration.wizard.touch_verdict import CheckVerdict, MapVerdict, check_verdict
+from calibration.wizard.progress import Mark, Observer, draw_picture, ignore
+from calibration.wizard.touch_verdict import CheckVerdict, MapVerdict, check_verdict, map_verdict
 from calibration.wizard.touched_points import TouchedPoints
 from calibration.wizard.touches import check_plan
+from calibration.wizard.verdict import Verdict
 from cell.config.cell import CellFile
 from cell.devices.devices import CalibrationAids, Devices, Trial
 from cell.devices.open import NO_STRIP, open_cell
@@ -35,7 +36,7 @@ from cell.orchestrator.run import Run
 from drivers.errors import CellError, ConfigurationError, Fault
 from drivers.readers import read_text
 from drivers.settings import Settings, load
-from drivers.types import Frame, Pose
+from drivers.types import Frame, Image, Pose
 
 PERIOD = 0.1  # s between processed images
 STALL_TIMEOUT = 2.0  # s without an image after which the camera counts as stalled
@@ -73,8 +74,8 @@ class Wizard:
         devices = self.devices
         boards = self.settings.boards
         aids = devices.aids
-        devices.camera.connect()
-        try:
+        with closing(devices.camera):
+            devices.camera.connect()
             live = _live_images(devices)
             source: Source = (lambda _: next(live)) if aids is None else aids.show_board
             first = source(WantedView(0.5, 0.5, boards.sizes[1]))
@@ -84,13 +85,7 @@ class Wizard:
             views = BoardViews(boards, patient=aids is None, size=size)
             keep = self._open_session("camera", folder, views, size, length=length, boards=boards)
             show_board(views, source, self.operator, keep, self.interrupted)
-        finally:
-            devices.camera.close()
-        verdict = views.verdict(keep.session.length)
-        _keep_lens(folder, verdict, devices.camera_identity)
-        picture = draw_picture((keep.newest or first).image, views.marks)
-        session.write_image(folder / session.PICTURE_FILE, picture)
-        return verdict
+        return solve_lens(folder, (), folder)
 
     def calibrate_homography(
         self,
@@ -108,41 +103,27 @@ class Wizard:
         if (folder / session.SESSION_FILE).exists():
             plan = read_poses(folder / session.POSES_FILE)
         points = TouchedPoints(lens, settings.touches, plan)
-        keep = self._open_touches(folder, points)
-        context = CalibrationContext(
-            settings.controller, points, self.operator, keep, remembers=True
-        )
-        run_calibration(self.devices, context, self.interrupted)
-        verdict = MapVerdict(context.touches, context.latency, settings.fold.speed).accept(
-            lens,
-            anyway=accept_anyway,
-            camera=keep.session.camera,
-            locks=self.devices.camera_locks(),  # as read back
-            landmarks=context.landmarks,
-        )
-        _keep_map(folder, verdict)
+        with closing(self.devices):
+            self.devices.camera.connect()  # which locks its controls
+            keep = self._open_session(
+                "homography",
+                folder,
+                points,
+                (lens.width, lens.height),
+                lens=CameraFile.from_lens(lens, self.devices.camera_identity),
+                touches=settings.touches,
+                latency=settings.latency,
+            )
+            poses = [[pose.x, pose.z, pose.pitch] for pose in points.plan]
+            session.write_yaml(folder / session.POSES_FILE, {"poses": poses})
+            context = CalibrationContext(
+                settings.controller, points, self.operator, keep, remembers=True
+            )
+            run_calibration(self.devices, context, self.interrupted)
         if context.landmarks is not None:
             session.write_yaml(folder / LANDMARKS_FILE, context.landmarks.model_dump(mode="json"))
-        if keep.newest is not None:
-            picture = draw_picture(keep.newest.image, points.marks(verdict.touches))
-            session.write_image(folder / session.PICTURE_FILE, picture)
-        return verdict
-
-    def _open_touches(self, folder: Path, points: TouchedPoints) -> session.SessionFolder:
-        """Begin or resume the session of a homography in `folder`, and store its planned poses."""
-        lens = points.lens
-        keep = self._open_session(
-            "homography",
-            folder,
-            points,
-            (lens.width, lens.height),
-            lens=CameraFile.from_lens(lens, self.devices.camera_identity),
-            touches=self.settings.touches,
-            latency=self.settings.latency,
-        )
-        poses = [[pose.x, pose.z, pose.pitch] for pose in points.plan]
-        session.write_yaml(folder / session.POSES_FILE, {"poses": poses})
-        return keep
+        speed = settings.fold.speed
+        return solve_homography(folder, (), folder, speed, accept_anyway=accept_anyway)
 
     def check(self, calibration: Calibration) -> CheckVerdict:
         """Judge `calibration` by a few touches; raises ConfigurationError for another camera's."""
@@ -154,7 +135,8 @@ class Wizard:
         touches = self.settings.touches
         points = TouchedPoints(calibration.lens, touches, check_plan(touches), fitted=False)
         context = CalibrationContext(self.settings.controller, points, self.operator, self.watch)
-        run_calibration(self.devices, context, self.interrupted)
+        with closing(self.devices):
+            run_calibration(self.devices, context, self.interrupted)
         return check_verdict(points.touches, calibration, touches)
 
     def _open_session(
@@ -178,27 +160,32 @@ class Wizard:
             locks=dict(self.devices.camera_locks()),
             **facts,
         )
-        keep = session.SessionFolder(folder, session.begin_or_resume(folder, stated), self.watch)
-        session.restore(task, folder, keep.session)
+        stored = session.begin_or_resume(folder, stated)
+        keep = session.SessionFolder(folder, stored, self.watch)
+        session.restore(task, folder, stored)
         return keep
 
 
-def refit_lens(folder: Path, without: Collection[int], out: Path | None) -> LensVerdict:
-    """Fit the lens of the session in `folder` again, `without` some images; written to `out`.
+def solve_lens(folder: Path, without: Collection[int], out: Path | None) -> LensVerdict:
+    """Fit the lens to the session in `folder`, `without` some images.
 
-    Boards are detected anew in the saved images. Raises ConfigurationError for broken files.
+    Boards are detected in the saved images; verdict and passed lens are written to `out`, if given.
+    Raises ConfigurationError for broken files.
     """
     cv2.setNumThreads(1)  # in several threads the last digits differ from time to time
     stored = session.read_session(folder, "camera")
     views = BoardViews(stored.boards, size=stored.image)
-    session.restore(views, folder, stored, without)
+    image = session.restore(views, folder, stored, without)
     verdict = views.verdict(stored.length)
     if out is not None:
-        _keep_lens(out, verdict, stored.camera)
+        _keep(out, verdict, image, views.marks)
+        if verdict.fit is not None and verdict.passed:
+            write_camera_info(verdict.fit.lens, stored.camera, out / ROS)
+            write_opencv(verdict.fit.lens, out / OPENCV)
     return verdict
 
 
-def refit_homography(
+def solve_homography(
     folder: Path,
     without: Collection[int],
     out: Path | None,
@@ -206,33 +193,41 @@ def refit_homography(
     *,
     accept_anyway: bool = False,
 ) -> MapVerdict:
-    """Fit homography and latency of the session in `folder` again, `without` some points.
+    """Fit homography and latency to the session in `folder`, `without` some points.
 
-    The pointer is detected anew in the saved images; verdict and accepted calibration are written
-    to `out`, if given. `speed` [m/s] is that of a fold. Raises ConfigurationError for broken files
-    or a session without a lens.
+    The pointer is detected in the saved images; verdict and accepted calibration are written to
+    `out`, if given. `speed` [m/s] is that of a fold. Raises ConfigurationError for broken files or
+    a session without a lens.
     """
     cv2.setNumThreads(1)  # in several threads the last digits differ from time to time
     stored = session.read_session(folder, "homography")
     lens = session_lens(folder)
     points = TouchedPoints(lens, stored.touches, (), fitted=False)
-    session.restore(points, folder, stored, without)
-    touches = points.verdict()
-    latency = NOT_MEASURED
-    arm, pointer = session.read_latency(folder)
-    if len(arm) > 0 and touches.homography is not None:
-        latency = latency_verdict(arm, pointer, lens, touches.homography, stored.latency)
+    image = session.restore(points, folder, stored, without)
     path = folder / LANDMARKS_FILE
-    verdict = MapVerdict(touches, latency, speed).accept(
+    verdict = map_verdict(
+        points.verdict(),
+        session.read_steps(folder),
         lens,
+        stored.latency,
+        speed,
         anyway=accept_anyway,
         camera=stored.camera,
         locks=stored.locks,
         landmarks=load(path, Landmarks) if path.exists() else None,
     )
     if out is not None:
-        _keep_map(out, verdict)
+        _keep(out, verdict, image, points.marks(verdict.touches))
+        if verdict.calibration is not None:
+            save_calibration(verdict.calibration, out / CALIBRATION_FILE)
     return verdict
+
+
+def _keep(folder: Path, verdict: Verdict, image: Image | None, marks: Iterable[Mark]) -> None:
+    """Write `verdict` to `folder`, and a picture of the `image` (h, w, 3) with `marks`, if any."""
+    session.write_yaml(folder / session.VERDICT_FILE, verdict.facts())
+    if image is not None:
+        session.write_image(folder / session.PICTURE_FILE, draw_picture(image, marks))
 
 
 class TwinOperator:
@@ -264,9 +259,11 @@ def calibrate_twin(settings: CellFile, interrupted: Interruption) -> Calibration
     points = TouchedPoints(lens, settings.touches)
     operator = TwinOperator(devices.aids, Unattended())
     context = CalibrationContext(settings.controller, points, operator)
-    run_calibration(devices, context, interrupted)
-    verdict = MapVerdict(context.touches, context.latency, settings.fold.speed)
-    verdict = verdict.accept(lens, camera=devices.camera_identity)
+    with closing(devices):
+        run_calibration(devices, context, interrupted)
+    camera = devices.camera_identity
+    latency, speed = settings.latency, settings.fold.speed
+    verdict = map_verdict(points.verdict(), context.steps, lens, latency, speed, camera=camera)
     if verdict.calibration is None:
         raise CellError("homography failed: " + "; ".join(verdict.reasons))
     return verdict.calibration
@@ -286,13 +283,9 @@ def run_calibration(
     devices: Devices, context: CalibrationContext, interrupted: Interruption
 ) -> None:
     """Run the calibration of `context`; raises Interrupted or Fault where it was stopped."""
-    try:
-        devices.connect()
-        outcome = Run(
-            devices, context, CALIBRATION_PHASES, Recorder(), interrupted=interrupted
-        ).execute()
-    finally:
-        devices.close()
+    devices.connect()
+    run = Run(devices, context, CALIBRATION_PHASES, Recorder(), interrupted=interrupted)
+    outcome = run.execute()
     if outcome.exit_code == Interrupted.exit_code:
         raise Interrupted(f"calibration was {outcome.name}: {outcome.reason}")
     if outcome.exit_code != 0:
@@ -316,7 +309,7 @@ def show_board(
         if answer is Answer.SKIP:
             views.skip()
         elif answer is Answer.AGAIN:
-            watch(replace(progress, taken_back=views.take_back()))
+            watch(replace(progress, result=views.take_back()))
         else:
             frame = source(wanted)
             result = views.tell(frame)
@@ -376,31 +369,3 @@ def newest_lens(folder: Path, camera: str) -> Path:
         f"--lens: {folder} holds no lens of camera {camera}; run `cell calibrate camera` first, "
         "or name a file of ROS or OpenCV"
     )
-
-
-def _keep_lens(folder: Path, verdict: LensVerdict, camera: str) -> None:
-    """Write `verdict` to `folder`, and an accepted lens in ROS and OpenCV formats."""
-    fit = verdict.fit
-    content = {
-        "passed": verdict.passed,
-        "lines": [line.text for line in verdict.lines()],
-        "rms_px": None if fit is None else fit.rms,
-        "per_view_px": {str(number): rms for number, rms in verdict.per_view.items()},
-    }
-    session.write_yaml(folder / session.VERDICT_FILE, content)
-    if fit is not None and verdict.passed:
-        write_camera_info(fit.lens, camera, folder / ROS)
-        write_opencv(fit.lens, folder / OPENCV)
-
-
-def _keep_map(folder: Path, verdict: MapVerdict) -> None:
-    """Write `verdict` to `folder`, and the calibration if it was accepted."""
-    content = {
-        "accepted": verdict.passed,
-        "calibration": None if verdict.calibration is None else verdict.calibration.id,
-        "lines": [line.text for line in verdict.lines()],
-        "errors_mm": {str(n): error for n, error in verdict.touches.errors_mm.items()},
-    }
-    session.write_yaml(folder / session.VERDICT_FILE, content)
-    if verdict.calibration is not None:
-        save_calibration(verdict.calibration, folder / CALIBRATION_FILE)

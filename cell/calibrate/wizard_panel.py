@@ -7,9 +7,9 @@ import termios
 import tty
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Self, TextIO
+from typing import Self, TextIO
 
 import cv2
 import numpy as np
@@ -21,7 +21,7 @@ from rich.table import Table
 from rich.text import Text
 
 from calibration.wizard.coverage import Gate, Sketch
-from calibration.wizard.progress import PlannedPoint, Progress
+from calibration.wizard.progress import Observer, Progress
 from calibration.wizard.session import ROWS_FILE, read_rows
 from calibration.wizard.verdict import Level, Line
 from cell.calibrate.wizard import POINTER, TwinOperator, Wizard
@@ -36,10 +36,8 @@ from cell.orchestrator.operator import (
     Unattended,
 )
 from cell.report.words import plural
+from drivers.files import lock_folders, writing
 from drivers.types import Array
-
-if TYPE_CHECKING:
-    from cell.report.viz.wizard import WizardScreen
 
 STYLES = {Level.GOOD: "green", Level.FAIR: "yellow", Level.BAD: "bold red", Level.PLAIN: ""}
 MARKS = {Level.GOOD: "+", Level.FAIR: "~", Level.BAD: "!", Level.PLAIN: " "}
@@ -83,7 +81,7 @@ class WizardPanel:
 
     def __call__(self, progress: Progress) -> None:
         """Show the progress that the wizard reports."""
-        answer = progress.answer
+        answer = "" if progress.result is None else progress.result.answer
         self._news = progress
         if answer:
             text = answer.partition(": ")[2]  # an answer replaces an earlier one of this text
@@ -173,12 +171,12 @@ def gates_table(gates: Sequence[Gate]) -> Table:
     return table
 
 
-def points_map(plan: Sequence[PlannedPoint]) -> RenderableType:
-    """Map of the planned poses in the plane, one character for the state of each pose."""
+def points_map(plan: Sequence[tuple[float, float, str]]) -> RenderableType:
+    """Map of the planned poses x, z [m] in the plane, one character for the state of each pose."""
     table = Table.grid(padding=(0, 2))
-    for height in sorted({round(point.z, 3) for point in plan}, reverse=True):
-        row = sorted(point for point in plan if round(point.z, 3) == height)
-        states = [Text(point.state, style=POINT_STYLES[point.state]) for point in row]
+    for height in sorted({round(z, 3) for _, z, _ in plan}, reverse=True):
+        row = sorted((x, state) for x, z, state in plan if round(z, 3) == height)
+        states = [Text(state, style=POINT_STYLES[state]) for _, state in row]
         table.add_row(f"z {1e3 * height:4.0f} mm", *states)
     return Group(table, Text(MARK_LEGEND, style="dim"))
 
@@ -281,65 +279,59 @@ class Keyboard:
         return None
 
 
-@dataclass(slots=True)
-class TerminalSession:
-    """Session of a calibration wizard at a terminal: `panel`, `recording` if any, and Ctrl-C."""
-
-    panel: WizardPanel
-    interrupted: Callable[[], bool]
-    recording: "WizardScreen | None" = None
-
-    def watch(self, progress: Progress) -> None:
-        """Show the wizard's `progress`, and draw it into the recording."""
-        self.panel(progress)
-        if self.recording is not None:
-            self.recording(progress)
-
-    def record(self, lines: Iterable[Line]) -> None:
-        """Add the `lines` of a verdict to the recording."""
-        if self.recording is not None:
-            self.recording.log_verdict("\n".join(line.text for line in lines))
-
-    def wizard(self, settings: CellFile, devices: Devices, *, interactive: bool) -> Wizard:
-        """Wizard for `devices` whose operator answers here; on the twin only if `interactive`."""
-        aids = devices.aids
-        operator: Operator = Keyboard(
-            Keys(sys.stdin),
-            self.panel.ask,
-            waits=aids is not None,
-            interrupted=self.interrupted,
-        )
-        if aids is not None:
-            operator = TwinOperator(aids, operator if interactive else Unattended())
-        interrupted = self.interrupted
-        return Wizard(settings, devices, operator, watch=self.watch, interrupted=interrupted)
-
-
 @contextmanager
-def terminal_session() -> Iterator[TerminalSession]:
-    """Open a wizard's session at the terminal within the block: panel, keys, and Ctrl-C."""
-    panel = WizardPanel(Console(stderr=True))
-    with Interrupt() as interrupted, single_keys(sys.stdin), panel:
-        yield TerminalSession(panel, interrupted)
+def wizard_at_terminal(
+    settings: CellFile,
+    devices: Devices,
+    *,
+    interactive: bool,
+    session: tuple[Path, str] | None = None,
+    viz: str = "off",
+) -> Iterator[Wizard]:
+    """Within the block, a wizard for `devices` with its panel, keys and Ctrl-C at this terminal.
 
-
-@contextmanager
-def wizard_session(folder: Path, kind: str, viz: str) -> Iterator[TerminalSession]:
-    """Open a wizard's session within the block, recorded in wizard.rrd unless `viz` is off.
-
-    Raises Interrupted with what is in `folder`, after one Ctrl-C as after two.
+    On the twin its operator is asked only if `interactive`. The folder of its `session`, which is
+    of that kind, is locked against another wizard, and holds wizard.rrd unless `viz` is off.
+    Raises Interrupted with what is in the folder, after one Ctrl-C as after two.
     """
+    panel = WizardPanel(Console(stderr=True))
+    observers: list[Observer] = [panel]
     try:
-        with terminal_session() as session, ExitStack() as recordings:
-            if viz != "off":
-                from cell.report.viz.wizard import wizard_screen  # Rerun takes a second to import
-
-                folder.mkdir(parents=True, exist_ok=True)
-                screen = wizard_screen(folder, live=viz == "live")
-                session.recording = recordings.enter_context(screen)
-            yield session
+        with ExitStack() as stack:
+            if session is not None:
+                observers += _recordings(stack, session[0], viz)
+            interrupted = stack.enter_context(Interrupt())
+            stack.enter_context(single_keys(sys.stdin))
+            stack.enter_context(panel)
+            waits = devices.aids is not None
+            operator: Operator = Keyboard(
+                Keys(sys.stdin), panel.ask, waits=waits, interrupted=interrupted
+            )
+            if devices.aids is not None:
+                operator = TwinOperator(devices.aids, operator if interactive else Unattended())
+            yield Wizard(settings, devices, operator, partial(_tell, observers), interrupted)
     except (Interrupted, KeyboardInterrupt):
-        raise Interrupted(_resume_hint(folder, kind)) from None
+        if session is None:
+            raise
+        raise Interrupted(_resume_hint(*session)) from None
+
+
+def _recordings(stack: ExitStack, folder: Path, viz: str) -> list[Observer]:
+    """Lock a session's `folder`, and open its recording for Rerun unless `viz` is off."""
+    with writing(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+    stack.enter_context(lock_folders([folder]))
+    if viz == "off":
+        return []
+    from cell.report.viz.wizard import wizard_screen  # Rerun takes a second to import
+
+    return [stack.enter_context(wizard_screen(folder, live=viz == "live"))]
+
+
+def _tell(observers: Iterable[Observer], progress: Progress) -> None:
+    """Pass the wizard's `progress` on to all `observers`."""
+    for observer in observers:
+        observer(progress)
 
 
 def _resume_hint(folder: Path, kind: str) -> str:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cell.cli import options
-from cell.cli.output import print_json
+from cell.cli.output import notice, print_json
 from cell.config.length import metres
 from cell.config.places import find_configs
 from drivers.errors import ConfigurationError
@@ -102,8 +102,8 @@ def calibrate_camera(
     as_json: options.Json = False,
 ) -> None:
     """Find the camera's lens from views of a ChArUco board; says which view is next, and why."""
-    from cell.calibrate.wizard import ROS, refit_lens
-    from cell.calibrate.wizard_panel import wizard_session
+    from cell.calibrate.wizard import ROS, solve_lens
+    from cell.calibrate.wizard_panel import wizard_at_terminal
 
     settings = find_configs(configs).cell()
     if print_to is not None:
@@ -111,16 +111,17 @@ def calibrate_camera(
         return
     if again is not None:
         folder = out
-        verdict = refit_lens(again, without or (), out)
+        verdict = solve_lens(again, without or (), out)
     else:
         folder = _session_folder(out, resume, settings.name, "camera")
         settings, devices = _open_devices(settings, "twin", camera)  # no arm is needed
         if measured is None and devices.aids is None and resume is None:
             measured = _ask_length(settings.boards.columns)
-        with wizard_session(folder, "camera", viz) as session:
-            wizard = session.wizard(settings, devices, interactive=interactive)
+        session = (folder, "camera")
+        with wizard_at_terminal(
+            settings, devices, interactive=interactive, session=session, viz=viz
+        ) as wizard:
             verdict = wizard.calibrate_lens(folder, measured)
-            session.record(verdict.lines())
     _print_session(verdict, folder, as_json=as_json)
     if folder is not None and verdict.passed and not as_json:
         sys.stdout.write(f"next: cell calibrate homography --lens {folder / ROS}\n")
@@ -171,10 +172,10 @@ def calibrate_homography(given: HomographyOptions) -> None:
         folder = _session_folder(given.out, given.resume, settings.name, "homography")
         verdict = _touch(given, settings, folder)
     else:
-        from cell.calibrate.wizard import refit_homography
+        from cell.calibrate.wizard import solve_homography
 
         excluded, speed = given.without or (), settings.fold.speed
-        verdict = refit_homography(
+        verdict = solve_homography(
             given.again, excluded, folder, speed, accept_anyway=given.accept_anyway
         )
     made, in_use = verdict.calibration, None
@@ -190,7 +191,7 @@ def _touch(given: HomographyOptions, settings: "CellFile", folder: Path) -> "Map
     """Let the gripper touch points, as `given`, in a session in `folder`; returns its verdict."""
     from calibration.lens import read_lens
     from cell.calibrate.wizard import newest_lens, read_poses, session_lens
-    from cell.calibrate.wizard_panel import wizard_session
+    from cell.calibrate.wizard_panel import wizard_at_terminal
 
     settings, devices = _open_devices(
         settings, given.arm, given.camera, full_speed=given.full_speed
@@ -200,11 +201,11 @@ def _touch(given: HomographyOptions, settings: "CellFile", folder: Path) -> "Map
     else:
         lens = read_lens(given.lens or newest_lens(SESSIONS, devices.camera_identity))
     plan = None if given.poses is None else read_poses(given.poses)
-    with wizard_session(folder, "homography", given.viz) as session:
-        wizard = session.wizard(settings, devices, interactive=given.interactive)
-        verdict = wizard.calibrate_homography(lens, folder, plan, accept_anyway=given.accept_anyway)
-        session.record(verdict.lines())
-    return verdict
+    session = (folder, "homography")
+    with wizard_at_terminal(
+        settings, devices, interactive=given.interactive, session=session, viz=given.viz
+    ) as wizard:
+        return wizard.calibrate_homography(lens, folder, plan, accept_anyway=given.accept_anyway)
 
 
 @calibrate.command(name="check")
@@ -223,21 +224,16 @@ def calibrate_check(
     """Check a calibration: touch a few points again and compare them with the image."""
     from calibration.calibration import load_calibration
     from cell.calibrate.calibration_in_use import calibration_of
-    from cell.calibrate.wizard_panel import print_verdict, terminal_session
+    from cell.calibrate.wizard_panel import print_verdict, wizard_at_terminal
 
     settings, devices = _open_devices(
         find_configs(configs).cell(), arm, camera, full_speed=full_speed
     )
-    with terminal_session() as session:
-        calibration = (
-            load_calibration(file) if file else calibration_of(settings, session.panel.ask)
-        )
-        verdict = session.wizard(settings, devices, interactive=interactive).check(calibration)
+    calibration = load_calibration(file) if file else calibration_of(settings, notice)
+    with wizard_at_terminal(settings, devices, interactive=interactive) as wizard:
+        verdict = wizard.check(calibration)
     if as_json:
-        errors = {str(number): error for number, error in verdict.errors_mm.items()}
-        facts = {"calibration": calibration.id, "passed": verdict.passed, "errors_mm": errors}
-        worst = {"median_mm": verdict.median_mm, "worst_mm": verdict.worst_mm}
-        print_json(facts | worst | {"reasons": list(verdict.reasons)})
+        print_json({"calibration": calibration.id} | verdict.facts())
     else:
         print_verdict(verdict.lines())
     sys.exit(0 if verdict.passed else 1)

@@ -5,7 +5,9 @@ from dataclasses import replace
 
 from calibration.homography import Homography
 from calibration.landmarks import take_landmarks
-from calibration.wizard.latency import LatencySteps, latency_verdict
+from calibration.wizard.latency import LatencySteps, step_poses
+from calibration.wizard.progress import Progress
+from calibration.wizard.touched_points import TITLE, request_text
 from cell.orchestrator import steps
 from cell.orchestrator.context import CalibrationContext
 from cell.orchestrator.operator import Answer, Ask, Question
@@ -45,11 +47,11 @@ def calibrate(context: CalibrationContext, record: Recorder, begin: Snapshot) ->
         yield from steps.open_hand()
         yield from _wait_for_answer(context, POINTER_OUT)
         return Event.CALIBRATED
-    context.touches = points.verdict()
-    if context.touches.homography is not None:
-        yield from _measure_latency(context, context.touches.homography)
+    homography = points.verdict().homography
+    if homography is not None:
+        yield from _measure_latency(context)
         if context.remembers:
-            yield from _take_landmarks(context, context.touches.homography)
+            yield from _take_landmarks(context, homography)
     return Event.CALIBRATED
 
 
@@ -57,55 +59,50 @@ def _touch_all(context: CalibrationContext, record: Recorder) -> Doing:
     """Touch every requested pose, and once more each point that disagrees with the others."""
     points = context.points
     while (pose := points.ask()) is not None:
-        stage = "touch again" if points.again else "touch"
-        progress = points.progress(pose, points.why, stage)
+        progress = points.progress()
         context.watch(progress)
         answer = yield from _wait_for_answer(context, Question(Ask.TOUCH, points.why))
         if answer is Answer.SKIP:
             points.skip()
         elif answer is Answer.AGAIN:
-            context.watch(replace(progress, taken_back=points.take_back()))
+            context.watch(replace(progress, result=points.take_back()))
         else:
             yield from steps.move(pose)
-            yield from _measure_point(context, record, pose, points.why, stage)
+            yield from _measure_point(context, record)
 
 
-def _measure_point(
-    context: CalibrationContext, record: Recorder, pose: Pose, why: str, stage: str
-) -> Doing:
-    """Take images at rest at `pose` until its point is accepted or given up.
+def _measure_point(context: CalibrationContext, record: Recorder) -> Doing:
+    """Take images at rest until the requested point is accepted or given up.
 
-    Each result goes to the observers, with the reason `why` for the pose and the `stage` of the
-    calibration, and a refusal into the record.
+    Each result goes to the observers, and a refusal into the record.
     """
     points = context.points
-    result = None
-    while result is None or not (result.taken or result.given_up):
-        settle = result is None or result.refused is not None
+    requested = (points.number, points.again)
+    settle = True
+    while (points.number, points.again) == requested:
         picture = yield from steps.still_picture(settle=settle)
         result = points.tell(picture.frame, picture.gripper)
-        answer = points.answer(result, picture.gripper)
-        progress = points.progress(pose, why, stage)
-        context.watch(replace(progress, frame=picture.frame, result=result, answer=answer))
+        context.watch(points.progress(picture.frame, result))
+        settle = result.refused is not None
         if result.refused is not None:
             record.event(picture.time, "touch_refused", reason=result.refused)
 
 
-def _measure_latency(context: CalibrationContext, homography: Homography) -> Doing:
-    """Step the arm back and forth, and measure how late the images show it."""
+def _measure_latency(context: CalibrationContext) -> Doing:
+    """Step the arm back and forth, and keep its states and the images for the latency."""
     yield from _wait_for_answer(context, STEPS_QUESTION)
-    latency_steps = LatencySteps(context.settings.latency)
-    while (pose := latency_steps.ask()) is not None:
-        why = f"{latency_steps.left} steps are left, to see how late the images are"
-        context.watch(context.points.progress(pose, why, "latency"))
-        yield from _step(latency_steps, pose)
-        latency_steps.record_arrival()
-    context.watch(replace(context.points.progress(None, "seen", "latency"), steps=latency_steps))
-    seen = latency_steps.seen
-    settings = context.settings.latency
-    context.latency = latency_verdict(
-        latency_steps.arm, seen, context.points.lens, homography, settings
-    )
+    poses = step_poses(context.settings.latency)
+    for done, pose in enumerate(poses):
+        why = f"{len(poses) - done} steps are left, to see how late the images are"
+        context.watch(_announced(context, "latency", pose, why))
+        yield from _step(context.steps, pose)
+    context.watch(replace(context.points.progress(), steps=context.steps))
+
+
+def _announced(context: CalibrationContext, stage: str, pose: Pose, why: str) -> Progress:
+    """Message that the arm goes to `pose` after all touches, at which `stage` and `why`."""
+    progress = context.points.progress()
+    return replace(progress, title=f"{TITLE}: {stage}", request=request_text(pose), why=why)
 
 
 def _step(latency_steps: LatencySteps, pose: Pose) -> Doing:
@@ -127,7 +124,7 @@ def _take_landmarks(context: CalibrationContext, homography: Homography) -> Doin
     yield from _wait_for_answer(context, POINTER_OUT)
     pose = context.settings.landmarks.pose
     why = "the empty hand here shows later whether the camera moved"
-    context.watch(context.points.progress(pose, why, "remember"))
+    context.watch(_announced(context, "remember", pose, why))
     yield from steps.move(pose)
     picture = yield from steps.still_picture()
     try:
@@ -135,7 +132,7 @@ def _take_landmarks(context: CalibrationContext, homography: Homography) -> Doin
             picture.frame, picture.gripper, context.points.lens, homography
         )
     except CellError as error:
-        context.watch(context.points.progress(pose, str(error), "remember"))
+        context.watch(_announced(context, "remember", pose, str(error)))
 
 
 def _wait_for_answer(context: CalibrationContext, question: Question) -> Answering:

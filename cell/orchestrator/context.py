@@ -7,9 +7,8 @@ from math import degrees
 
 from calibration.calibration import Calibration
 from calibration.landmarks import Landmarks
-from calibration.wizard.latency import NOT_MEASURED, LatencyVerdict
+from calibration.wizard.latency import LatencySteps
 from calibration.wizard.progress import Observer, ignore
-from calibration.wizard.touch_verdict import NOT_TOUCHED, TouchVerdict
 from calibration.wizard.touched_points import TouchedPoints
 from cell.config.settings import CellSettings
 from cell.orchestrator.operator import Operator, Unattended
@@ -102,10 +101,10 @@ class FoldContext(Context):
 
 @dataclass
 class CalibrationContext(Context):
-    """Inputs and results of a homography calibration: `points` to touch, operator, fitted map.
+    """Inputs and results of a homography calibration: `points`, touched, and `steps` of the arm.
 
     The `operator` is asked before the arm moves, `watch` receives its progress. Only a run that
-    `remembers` leaves `landmarks`. Where `points` only check a calibration, nothing is fitted.
+    `remembers` leaves `landmarks`. Where `points` only check a calibration, the arm does not step.
     No strip is read.
     """
 
@@ -113,8 +112,7 @@ class CalibrationContext(Context):
     operator: Operator = field(default_factory=Unattended)
     watch: Observer = ignore
     remembers: bool = False
-    touches: TouchVerdict = NOT_TOUCHED
-    latency: LatencyVerdict = NOT_MEASURED
+    steps: LatencySteps = field(default_factory=LatencySteps)
     landmarks: Landmarks | None = None
 
     def completion(self) -> Outcome:

@@ -13,7 +13,7 @@ import pytest
 
 from calibration.landmarks import Landmark
 from calibration.lens import read_lens
-from calibration.wizard.session import read_latency, read_rows
+from calibration.wizard.session import read_rows, read_steps
 from drivers.errors import ConfigurationError
 from drivers.readers import picture_sides, read_picture
 
@@ -43,7 +43,7 @@ def test_spoilt_files_are_refused_in_one_line_or_hold_nothing(spoilt: Path) -> N
     with pytest.raises(ConfigurationError) as lens:
         read_lens(spoilt / "lens.yaml")
     with pytest.raises(ConfigurationError) as latency:
-        read_latency(spoilt)
+        read_steps(spoilt)
     assert "\n" not in f"{lens.value}{latency.value}"
     with suppress(ConfigurationError):  # a truncated last line is no row, the rest is refused
         assert list(read_rows(spoilt)) == []

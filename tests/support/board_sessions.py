@@ -7,6 +7,7 @@ from calibration.board import BoardSettings, BoardView
 from calibration.homography import Homography
 from calibration.lens import Lens
 from calibration.wizard.coverage import WantedView, wanted_views
+from calibration.wizard.latency import LatencySteps
 from drivers.types import Array, frozen
 
 MATRIX = frozen([[3413.0, 0, 645.0], [0, 3413.0, 355.0], [0, 0, 1]])
@@ -67,6 +68,11 @@ def arm_steps(rng: np.random.Generator) -> Array:
     t = np.arange(0.0, 10.0, 0.01)
     x = 0.25 + 0.06 * (1 - np.cos(2 * np.pi * t / 1.5)) + 2e-5 * rng.standard_normal(len(t))
     return np.column_stack([t, x, np.full(len(t), 0.15)])
+
+
+def steps_of(arm: Array, seen: Array) -> LatencySteps:
+    """Steps with places (n, 3) of the arm and images (m, 3) of the pointer."""
+    return LatencySteps(arm=arm.tolist(), seen=seen.tolist())
 
 
 def images_of(stamps: Array, x: Array, noise: float, rng: np.random.Generator) -> Array:

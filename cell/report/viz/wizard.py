@@ -56,12 +56,7 @@ class WizardScreen:
             points = rr.Points2D(pixels, colors=colours, labels=names or None, radii=4)
             self._to.log("camera/image/marks", points)
         if step.result is not None and step.result.refused is not None:
-            self._to.log("wizard/log", rr.TextLog(step.answer))
-
-    def log_verdict(self, verdict: str) -> None:
-        """Add the text `verdict` of the wizard to the log."""
-        self._to.log("wizard/log", rr.TextLog(verdict))
-        self._to.log("wizard/words", rr.TextDocument(verdict))
+            self._to.log("wizard/log", rr.TextLog(step.result.answer))
 
 
 def _blueprint() -> Any:

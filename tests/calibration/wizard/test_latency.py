@@ -5,7 +5,7 @@ import pytest
 
 from calibration.wizard.latency import LatencySettings, LatencyVerdict, latency_verdict
 from drivers.types import Array
-from tests.support.board_sessions import LENS, MAP, arm_steps, images_of
+from tests.support.board_sessions import LENS, MAP, arm_steps, images_of, steps_of
 
 
 def _verdict(latency: float, noise: float = 0.1, jitter: float = 0.0) -> LatencyVerdict:
@@ -14,7 +14,8 @@ def _verdict(latency: float, noise: float = 0.1, jitter: float = 0.0) -> Latency
     stamps = np.arange(0.5, 9.5, 0.1)
     shown = stamps - latency + jitter * rng.standard_normal(len(stamps))
     x = np.interp(shown, arm[:, 0], arm[:, 1])
-    return latency_verdict(arm, images_of(stamps, x, noise, rng), LENS, MAP, LatencySettings())
+    steps = steps_of(arm, images_of(stamps, x, noise, rng))
+    return latency_verdict(steps, LENS, MAP, LatencySettings(), 0.1)
 
 
 @pytest.mark.parametrize("latency", [-0.02, 0.0, 0.013, 0.06, 0.19])
@@ -40,4 +41,5 @@ def test_unsteady_stamps_are_refused() -> None:
     ],
 )
 def test_steps_that_show_no_motion_are_refused(arm: Array, seen: Array, reason: str) -> None:
-    assert reason in latency_verdict(arm, seen, LENS, MAP, LatencySettings()).reasons[0]
+    found = latency_verdict(steps_of(arm, seen), LENS, MAP, LatencySettings(), 0.1)
+    assert reason in found.reasons[0]

@@ -5,7 +5,7 @@ import io
 from rich.console import Console
 
 from calibration.wizard.coverage import Gate
-from calibration.wizard.progress import Progress, Result, Row
+from calibration.wizard.progress import Progress, Row
 from cell.calibrate.wizard_panel import WizardPanel
 
 GATES = (
@@ -36,15 +36,11 @@ def test_board_panel_states_request_reason_and_missing_coverage() -> None:
 def test_without_a_terminal_each_answer_is_a_line() -> None:
     out = io.StringIO()
     panel = WizardPanel(Console(file=out, width=60))
-    refused = Result(Row(number=7, refused="0 corners of the board are seen; light it"))
-    waits, taken = Result(Row(number=8)), Result(Row(number=3), taken=True)
+    refused = Row(number=7, refused="0 corners of the board are seen; light it")
+    taken = Row(number=3, pose=(0.3681, 0.0149, 1.57), again=True, taken=True)
     with panel:
-        for answer in (
-            refused.text("image", "taken"),
-            waits.text("image", "taken"),
-            taken.text("point", "touched again at x 368, z 15 mm"),
-        ):
-            panel(Progress("the lens", "", "", answer=answer))
+        for row in (refused, Row(number=8), taken, Row(number=3, dropped=True)):
+            panel(Progress("the lens", "", "", result=row))
     assert out.getvalue().splitlines() == [
         "image 7: 0 corners of the board are seen; light it",
         "point 3: touched again at x 368, z 15 mm",

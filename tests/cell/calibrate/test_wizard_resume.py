@@ -85,10 +85,9 @@ def test_session_of_another_camera_does_not_go_on(gone_on) -> None:
 def test_touches_go_on_with_the_points_that_are_missing() -> None:
     points, renderer = TouchedPoints(LENS, TouchSettings()), Renderer(CameraSettings(), NO_LOOK, 0)
     rows = [(k, points.plan[k]) for k in (0, 1, 4)]
-    points.restore(
-        (Row(number=k, pose=(p.x, p.z, p.pitch)), pointer_frame(renderer, p, k).image)
-        for k, p in rows
-    )
+    for k, p in rows:
+        row = Row(number=k, pose=(p.x, p.z, p.pitch))
+        assert points.restore(row, pointer_frame(renderer, p, k).image)
     assert [point.number for point in points.touches] == [0, 1, 4]
     asked = []
     while points.number is not None:

@@ -14,7 +14,7 @@ from calibration.wizard.lens_verdict import LensVerdict
 from calibration.wizard.progress import Progress
 from calibration.wizard.session import read_rows
 from calibration.wizard.touch_verdict import MapVerdict
-from cell.calibrate.wizard import TwinOperator, Wizard, newest_lens, refit_homography, refit_lens
+from cell.calibrate.wizard import TwinOperator, Wizard, newest_lens, solve_homography, solve_lens
 from cell.config.places import CHECKOUT_CONFIGS, Configs
 from cell.devices.devices import Devices, Trial
 from cell.devices.open import NO_STRIP, open_cell
@@ -112,7 +112,7 @@ def test_person_is_asked_before_every_motion_and_obeyed(touched) -> None:
 
 def test_touches_solved_again_from_their_folder_are_the_same_to_the_last_bit(touched) -> None:
     verdict, folder, _ = touched
-    solved = refit_homography(folder, (), None, 0.1)
+    solved = solve_homography(folder, (), None, 0.1)
     made = solved.calibration
     assert made is not None
     assert verdict.calibration is not None
@@ -122,7 +122,7 @@ def test_touches_solved_again_from_their_folder_are_the_same_to_the_last_bit(tou
 
 def test_point_is_left_out_by_its_number_and_what_comes_of_it_is_kept(touched, tmp_path) -> None:
     verdict, folder, _ = touched
-    solved = refit_homography(folder, (7,), tmp_path / "again", 0.1)
+    solved = solve_homography(folder, (7,), tmp_path / "again", 0.1)
     made = solved.calibration
     assert made is not None
     assert 7 not in solved.touches.errors_mm
@@ -133,8 +133,8 @@ def test_point_is_left_out_by_its_number_and_what_comes_of_it_is_kept(touched, t
 def test_too_few_points_are_refused_even_with_the_override(touched) -> None:
     _, folder, _ = touched
     many = tuple(range(6, 24))
-    assert refit_homography(folder, many, None, 0.1).calibration is None
-    with_all = refit_homography(folder, many, None, 0.1, accept_anyway=True)
+    assert solve_homography(folder, many, None, 0.1).calibration is None
+    with_all = solve_homography(folder, many, None, 0.1, accept_anyway=True)
     assert with_all.calibration is None
     assert "at least 12 are needed" in with_all.touches.reasons[0]
 
@@ -142,8 +142,8 @@ def test_too_few_points_are_refused_even_with_the_override(touched) -> None:
 def test_override_names_the_reasons_in_the_calibration(touched, tmp_path) -> None:
     _, folder, _ = touched
     again = _without(folder, "latency.json", tmp_path)
-    assert refit_homography(again, (), None, 0.1).calibration is None
-    made = refit_homography(again, (), None, 0.1, accept_anyway=True).calibration
+    assert solve_homography(again, (), None, 0.1).calibration is None
+    made = solve_homography(again, (), None, 0.1, accept_anyway=True).calibration
     assert made is not None
     assert made.accepted_anyway == ("the latency was not measured",)
 
@@ -153,7 +153,7 @@ def test_image_of_a_swapped_size_is_refused(touched, tmp_path) -> None:
     again = _without(folder, "session.yaml", tmp_path)
     _change(folder, again, image=[720, 1280])
     with pytest.raises(ConfigurationError, match=r"is 1280 x 720 px, .* says image: \[720, 1280\]"):
-        refit_homography(again, (), None, 0.1)
+        solve_homography(again, (), None, 0.1)
 
 
 def test_camera_wizard_keeps_a_lens_for_ros_and_for_opencv(shown) -> None:
@@ -171,7 +171,7 @@ def test_camera_wizard_keeps_a_lens_for_ros_and_for_opencv(shown) -> None:
 
 def test_views_solved_again_from_their_folder_are_the_same_to_the_last_bit(shown) -> None:
     verdict, folder, _ = shown
-    solved = refit_lens(folder, (), None)
+    solved = solve_lens(folder, (), None)
     assert verdict.fit is not None
     assert solved.fit is not None
     assert np.array_equal(solved.fit.lens.matrix, verdict.fit.lens.matrix)
@@ -217,6 +217,6 @@ def test_misprinted_board_is_refused_by_the_ruler(shown, tmp_path) -> None:
     _, folder, _ = shown
     again = _without(folder, "session.yaml", tmp_path)
     _change(folder, again, length=0.98 * SETTINGS.boards.width)
-    verdict = refit_lens(again, (), None)
+    verdict = solve_lens(again, (), None)
     assert not verdict.passed
     assert "9 squares measure 247.0 mm, configured are 252.0 mm, +2.0 %" in verdict.reasons[0]
