@@ -70,12 +70,14 @@ def arm_steps(rng: np.random.Generator) -> Array:
     return np.column_stack([t, x, np.full(len(t), 0.15)])
 
 
-def steps_of(arm: Array, seen: Array) -> LatencySteps:
-    """Steps with places (n, 3) of the arm and images (m, 3) of the pointer."""
-    return LatencySteps(arm=arm.tolist(), seen=seen.tolist())
+def steps_seen(
+    arm: Array, stamps: Array, shown: Array, noise: float, rng: np.random.Generator
+) -> LatencySteps:
+    """Steps of the `arm` (n, 3) in images with `stamps` [s], each of the moment `shown` [s].
 
-
-def images_of(stamps: Array, x: Array, noise: float, rng: np.random.Generator) -> Array:
-    """Images (n, 3) of a pointer at `x` (k,): stamp [s], u and v with `noise` [px]."""
+    The pointer's centre has `noise` [px].
+    """
+    x = np.interp(shown, arm[:, 0], arm[:, 1])
     pixels = LENS.distort(MAP.to_image(np.column_stack([x, np.full(len(x), 0.15)])))
-    return np.column_stack([stamps, pixels + noise * rng.standard_normal(pixels.shape)])
+    pixels = pixels + noise * rng.standard_normal(pixels.shape)
+    return LatencySteps(arm=arm.tolist(), seen=np.column_stack([stamps, pixels]).tolist())

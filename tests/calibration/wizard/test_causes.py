@@ -7,7 +7,7 @@ from calibration.board import BoardSettings
 from calibration.wizard.latency import LatencySettings, latency_verdict
 from calibration.wizard.lens_verdict import lens_verdict
 from calibration.wizard.touch_verdict import touch_verdict
-from tests.support.board_sessions import LENS, MAP, arm_steps, bent_session, images_of, steps_of
+from tests.support.board_sessions import LENS, MAP, arm_steps, bent_session, steps_seen
 from tests.support.touch_sessions import SETTINGS as TOUCHES, Camera, touched
 
 BOARD, WILD = BoardSettings(), 0.1  # ..., share of loose touches
@@ -50,9 +50,7 @@ def test_stamps_that_drift_are_named() -> None:
     rng = np.random.default_rng(1)
     arm, stamps = arm_steps(rng), np.arange(0.5, 9.5, 0.1)
     shown = stamps - 0.03 - 0.002 * (stamps - 5.0)
-    x = np.interp(shown, arm[:, 0], arm[:, 1])
-    seen = images_of(stamps, x, 0.1, rng)
-    steps = steps_of(arm, seen)
+    steps = steps_seen(arm, stamps, shown, 0.1, rng)
     (reason,) = latency_verdict(steps, LENS, MAP, LatencySettings(), 0.1).reasons
     assert "stamps drift" in reason
     assert "+18 ms over 9 s" in reason

@@ -169,15 +169,6 @@ def test_camera_wizard_keeps_a_lens_for_ros_and_for_opencv(shown) -> None:
         newest_lens(folder.parent, "other")
 
 
-def test_views_solved_again_from_their_folder_are_the_same_to_the_last_bit(shown) -> None:
-    verdict, folder, _ = shown
-    solved = solve_lens(folder, (), None)
-    assert verdict.fit is not None
-    assert solved.fit is not None
-    assert np.array_equal(solved.fit.lens.matrix, verdict.fit.lens.matrix)
-    assert solved.per_view == verdict.per_view
-
-
 def test_fold_with_a_camera_that_moved_since_is_refused_before_the_strip_is_touched(
     touched, tmp_path
 ) -> None:
