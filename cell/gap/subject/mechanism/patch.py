@@ -115,9 +115,10 @@ def _write_bodies(root: ET.Element, m: Mechanism, edited: Any) -> None:
 
 def _body(root: ET.Element, m: Mechanism, i: int) -> ET.Element:
     """Element of body number `i` in a document, by its name or that of its first joint."""
-    name, joint = m.model.body(i).name, m.model.joint(int(m.model.body_jntadr[i])).name
-    return next(e for e in root.iter("body") if (name and e.get("name") == name)
-                or joint in [j.get("name") for j in e.findall("joint")])  # fmt: skip
+    if name := m.model.body(i).name:
+        return next(e for e in root.iter("body") if e.get("name") == name)
+    joint = m.model.joint(int(m.model.body_jntadr[i])).name
+    return next(e for e in root.iter("body") for j in e.findall("joint") if j.get("name") == joint)
 
 
 def _place_in_frame(m: Mechanism, edited: Any, i: int) -> str:
