@@ -43,12 +43,12 @@ def open_mechanism(
     from cell.gap.subject.mechanism.cell_arm import CellArm
     from cell.gap.subject.mechanism.forward_dynamics import ForwardDynamics
     from cell.gap.subject.mechanism.inverse_dynamics import InverseDynamics
-    from cell.gap.subject.mechanism.pendulum import Pendulum
     from cell.gap.subject.mechanism.read_mechanism import open_all
 
     opened = open_all(path, folders)
-    engines = {"forward": ForwardDynamics, "planar": Pendulum, "prescribed": InverseDynamics}
-    subject = (CellArm if opened.file.cell else engines[opened.file.mode])(opened, jobs, without)
+    along_motion = CellArm if opened.file.cell else InverseDynamics
+    engine = along_motion if opened.file.mode == "prescribed" else ForwardDynamics
+    subject = engine(opened, jobs, without)
     subject.check(str(path))
     return subject
 

@@ -14,7 +14,7 @@ from mujoco.batch import Batch, SimulationError
 from scipy.interpolate import CubicHermiteSpline
 
 from cell.gap.subject.mechanism.effects import describing_terms, effect_of, torques
-from cell.gap.subject.mechanism.model import Mechanism
+from cell.gap.subject.mechanism.model import PLANAR, Mechanism
 from cell.gap.subject.mechanism.model_source import compile_model
 from cell.gap.subject.mechanism.read_mechanism import MechanismData, start_of
 from cell.gap.subject.mechanism.recordings import Cut, Recording, Signal
@@ -147,10 +147,29 @@ class SplitModel:
         found.jnt_user[:, 3] = float(np.mean(edited.jnt_user[:, 3]))
 
 
+class PivotModel(SplitModel):
+    """Model of a chain of hinges whose pivot slides sideways on a spring."""
+
+    def _add_flexible_joints(self, spec: Any) -> None:
+        """Add a slide at the pivot before the first hinge, for joints move in their order."""
+        body, name, axis = spec.joints[0].parent, spec.joints[0].name, spec.joints[0].axis.copy()
+        spec.delete(spec.joints[0])
+        body.add_joint(name=FLEX, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=(1.0, 0.0, 0.0))
+        body.add_joint(name=name, axis=axis)
+
+    def _set_gears(self, found: Any, edited: Any, case: Case) -> None:
+        """Set the stiffness [N/m] and damping of the pivot, and springs as `edited`."""
+        mass = float(edited.body_mass.sum())
+        compliance = np.maximum(np.asarray(case.readings.elastic), LEAST_COMPLIANCE)
+        stiffness = np.minimum(1.0 / compliance, STIFFEST * mass)
+        found.jnt_stiffness[self._joint] = edited.jnt_stiffness
+        found.jnt_stiffness[self._flex] = stiffness
+        found.dof_damping[self._flex_dof] = 2.0 * DAMPED * np.sqrt(stiffness * mass)
+        self._set_law_parameters(found, edited)
+
+
 class ForwardDynamics(MechanismSubject):
     """Predicts a mechanism's signals by a simulation that the recorded commands drive."""
-
-    split: type[SplitModel] = SplitModel  # in which gears or mounts are flexible
 
     def __init__(self, opened: MechanismData, jobs: int = 1, without: Sequence[str] = ()) -> None:
         super().__init__(opened, jobs, without)
@@ -275,7 +294,8 @@ class ForwardDynamics(MechanismSubject):
         rows = [i for i, c in enumerate(cases) if _has_soft_gears(c)]
         some, u = [cases[i] for i in rows], control[rows]
         if self._split_model is None:
-            self._split_model = self.split(self._mechanism, self.name)
+            split = PivotModel if self._mechanism.mode is PLANAR else SplitModel
+            self._split_model = split(self._mechanism, self.name)
         found = []
         for rigid, embed in ((False, self._split_model.motor), (True, None)):
             models = [self._split_model.model(case, rigid=rigid) for case in some]

@@ -39,6 +39,7 @@ class Mode:
       amount to be found, and not a shape of the law.
     - `fields`: an effect is put into fields of the MuJoCo model where these can express it.
     - `shapes`: parameters that shape a law are fitted, too.
+    - `believed`: the file's spreads of the base are held against what fits.
     - `drag` is the unit and the typical size of the coefficient of the air's drag.
     - `of` is what verdicts say that every effect belongs to; None where each effect says so.
     - `group`: readings of joints are absolute angles, shown as one group of this name.
@@ -52,6 +53,7 @@ class Mode:
     loads: bool = False
     fields: bool = False
     shapes: bool = True
+    believed: bool = True
     drag: tuple[str, float] = ("1", 0.02)
     of: Literal["strip"] | None = None
     group: str = ""
@@ -80,6 +82,7 @@ PLANAR = replace(
     encoders=lambda _model, _joints, positions: positions[1:],  # the first one's is a tilted base
     fields=False,
     shapes=False,
+    believed=False,
     drag=("kg/m^2", 0.01),
     of="strip",  # as verdicts on pendulums state it
     group="angle",

@@ -1,6 +1,6 @@
 """Reads a mechanism's file, model and runs, and checks them against one another."""
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -81,18 +81,6 @@ def base_of(file: MechanismFile, mechanism: Mechanism, origin: str) -> tuple[Bas
     if twice is not None:
         raise ConfigurationError(f"{origin}: uncertain: {twice} is listed twice; keep one")
     return tuple(found)
-
-
-def fully_fitted_fields(base: Sequence[BaseParameter], mechanism: Mechanism) -> Collection[str]:
-    """Names of model fields fitted for every joint or actuator, or for the last body (`com`).
-
-    Effects that are errors of these are no candidates.
-    """
-    owners = {"com": {mechanism.model.body(mechanism.last_body).name},
-              "armature": {j.name for j in mechanism.joints},
-              "gain": set(mechanism.actuators)}  # fmt: skip
-    return {field for field, names in owners.items()
-            if names <= {b.owner for b in base if b.field == field}}  # fmt: skip
 
 
 def _expand(spec: UncertainSpec, mechanism: Mechanism, origin: str) -> Iterator[BaseParameter]:

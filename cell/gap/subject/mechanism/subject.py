@@ -22,7 +22,6 @@ from cell.gap.subject.mechanism.model import add_point
 from cell.gap.subject.mechanism.patch import accepted_content, accepted_xml, expressed_by_mjcf
 from cell.gap.subject.mechanism.read_mechanism import (
     MechanismData,
-    fully_fitted_fields,
     initial_state,
 )
 from cell.gap.subject.mechanism.recordings import (
@@ -108,8 +107,6 @@ class MechanismSubject(Subject):
     A subclass predicts the signals; at the end of its construction it sets `runs`.
     """
 
-    believed = True  # whether the file's spreads of the base are held against what fits
-
     def __init__(self, opened: MechanismData, jobs: int = 1, without: Sequence[str] = ()) -> None:
         self.opened, self.name, self._jobs = opened, opened.file.name, jobs
         self._mechanism = opened.mechanism
@@ -164,14 +161,14 @@ class MechanismSubject(Subject):
             quantities={s.channel: self._quantity(s.channel, s.kind) for s in m.signals},
             terms=describing_terms(m),
             scatter=tuple(self._scatter.values()),
-            believed=self.believed,
+            believed=m.mode.believed,
         )
         return whole.withhold(without, [c.name for c in possible])
 
     def _candidates(self) -> tuple[Candidate, ...]:
-        """Candidate effects of the mechanism, without errors of fields that are fitted."""
-        fitted = fully_fitted_fields(self.opened.base, self._mechanism)
-        return candidates(self._mechanism, self.opened.file.effects, fitted)
+        """Candidate effects of the mechanism, without errors of fields that the file lists."""
+        file = self.opened.file
+        return candidates(self._mechanism, file.effects, {spec.field for spec in file.uncertain})
 
     def _quantity(self, channel: str, kind: str) -> Quantity:
         """Display of a channel's residuals; torques have a tolerance by their spread."""
