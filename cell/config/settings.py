@@ -11,7 +11,6 @@ from calibration.landmarks import LandmarkSettings
 from calibration.wizard.latency import LatencySettings
 from calibration.wizard.touches import TouchSettings
 from cell.config.drivers import Driver, Kind, driver, driver_names
-from cell.perception.settings import PerceptionSettings
 from cell.record.files import Keep
 from cell.record.film import Encoder
 from drivers.arm.settings import FciSettings
@@ -144,7 +143,6 @@ class CellSettings(Settings):
     fci: FciSettings = FciSettings()
     fold: FoldSettings = FoldSettings()
     monitors: MonitorLimits = MonitorLimits()
-    perception: PerceptionSettings = PerceptionSettings()
     boards: BoardSettings = BoardSettings()
     touches: TouchSettings = TouchSettings()
     latency: LatencySettings = LatencySettings()

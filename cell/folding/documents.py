@@ -18,6 +18,7 @@ from cell.perception.length_checks import disagreements
 from drivers.files import write_file
 from drivers.readers import MEGABYTE, read_bytes
 from drivers.strip.file import Provenance, StripFile
+from drivers.strip.model import CONTACT_HEIGHT
 from drivers.yaml_text import dump_yaml
 from policies.prediction import FoldPrediction
 
@@ -44,7 +45,7 @@ def run_header(
         "condition": f"{request.policy} at {settings.fold.speed:g} m/s",
         "speed": settings.fold.speed,
         "camera_hz": camera_rate,
-        "contact_height": settings.perception.contact_height,
+        "contact_height": CONTACT_HEIGHT,
         "policy": request.policy,
         **_replaced_weights(request.checkpoint),
         "seed": trial.seed,

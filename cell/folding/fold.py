@@ -79,7 +79,7 @@ def fold(
         expected = check_feasible(settings, strip, policy, calibration, trial.seed)
         start = time.perf_counter()
         writer = _new_run(request, calibration, devices, correction)
-        inputs = StripInputs(calibration, settings.perception, strip)
+        inputs = StripInputs(calibration, strip)
         with writer.under_way(), _reader(inputs, real_time=devices.real_time) as reader:
             arm = settings.arm_driver
             context = FoldContext(

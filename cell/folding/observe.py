@@ -18,7 +18,6 @@ from cell.perception.held_end import PROFILE_CONFIDENCE, Clip, HeldEnd, HeldMeas
 from cell.perception.layer_touch import LayerTouch
 from cell.perception.preflight import inspect
 from cell.perception.scene import Appearance
-from cell.perception.settings import PerceptionSettings
 from cell.perception.strip_measurement import SeenTouch
 from cell.record.documents import write_document
 from cell.record.files import CALIBRATION, OVERLAY, RESULT, RUN, TICKS
@@ -29,6 +28,7 @@ from cell.report.overlay import draw_sight
 from drivers.errors import ConfigurationError
 from drivers.files import check_free, new_folder
 from drivers.strip.file import StripFile
+from drivers.strip.model import CONTACT_HEIGHT
 from drivers.types import Array, Frame, Image, Pose
 
 ROW_PERIOD = 0.01  # s between rows of ticks, as the contract of a run asks for
@@ -76,7 +76,6 @@ def observe(
     configurations = find_configs(configs)
     cell = configurations.cell()
     strip = configurations.strip(strip_name)
-    settings = cell.perception
     if isinstance(calibration, Path):
         calibration = load_calibration(calibration)
     check_free(folder)
@@ -88,13 +87,13 @@ def observe(
     first = next(frames, None)
     if first is None:
         raise ConfigurationError(f"{film}: holds no image")
-    appearance = _appearance(first, film, calibration, settings, strip)
+    appearance = _appearance(first, film, calibration, strip)
     clip = _clip(first, film, calibration, strip) if by_board else None
-    held_end = HeldEnd(calibration, settings, strip, appearance, clip)
+    held_end = HeldEnd(calibration, strip, appearance, clip)
     with new_folder(folder) as new_run:
         with FilmWriter(new_run / OVERLAY) as overlay:
             overlay.add(first.stamp, first.image)
-            layers = LayerTouch(settings, strip)
+            layers = LayerTouch(strip)
             measured, touch = _measure(frames, held_end, layers, calibration, overlay, progress)
         _check_enough(measured, film)
         _write(new_run, measured, _held_path(measured, strip), strip, calibration, touch)
@@ -128,11 +127,10 @@ def _appearance(
     first: Frame,
     film: Path,
     calibration: Calibration,
-    settings: PerceptionSettings,
     strip: StripFile,
 ) -> Appearance:
     """Appearance of the strip in the `first` image; raises ConfigurationError without a strip."""
-    checked = inspect(first, calibration, settings, strip)
+    checked = inspect(first, calibration, strip)
     if checked.appearance is not None:
         return checked.appearance
     failed = next((check for check in checked.checks if not check.passed), None)
@@ -237,7 +235,7 @@ def _header(
         "strip": strip.name,
         "sigma": {k: max(v, floors.get(k, 0.0)) for k, v in cell.sigma.model_dump().items()},
         "start": "flat",
-        "contact_height": cell.perception.contact_height,
+        "contact_height": CONTACT_HEIGHT,
         "seen_by": "cell",
         "calibration": {"id": calibration.id, "error": 1e-3 * calibration.residual_mm},
     }

@@ -58,7 +58,7 @@ def replay(folder: Path) -> Replay:
     if run.ticks.t.size == 0:
         raise ConfigurationError(f"{folder}: {TICKS}: holds no row, nothing to replay")
     measured = {seen.sequence: seen for seen in run.measurements()}
-    images, in_images = _repeat_perception(run, settings, strip, measured)
+    images, in_images = _repeat_perception(run, strip, measured)
     in_decisions = _other_decisions(run, settings, strip, decided, measured)
     return Replay(images, len(decided), (*in_images, *in_decisions))
 
@@ -89,9 +89,7 @@ def _decision(event: Event, run: Run) -> _Decision:
         ) from None
 
 
-def _repeat_perception(
-    run: Run, settings: CellFile, strip: StripFile, measured: Measured
-) -> tuple[int, list[str]]:
+def _repeat_perception(run: Run, strip: StripFile, measured: Measured) -> tuple[int, list[str]]:
     """Measure the stored images again; returns their number, and differences from the record."""
     frames = run.frames()
     first = next(frames, None)
@@ -102,10 +100,10 @@ def _repeat_perception(
     if first.stamp >= 0:
         raise ConfigurationError(f"{run.folder}: the picture before the grasp was not kept")
     calibration = load_calibration(run.folder / CALIBRATION)
-    appearance = inspect(first, calibration, settings.perception, strip).appearance
+    appearance = inspect(first, calibration, strip).appearance
     if appearance is None:
         return 0, ["the picture before the grasp shows no strip now"]
-    perception = Perception(calibration, settings.perception, strip, appearance)
+    perception = Perception(calibration, strip, appearance)
     images = 0
     differences = list[str]()
     for frame in frames:

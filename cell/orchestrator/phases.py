@@ -26,6 +26,7 @@ from cell.perception.camera_watch import UNWATCHED
 from cell.perception.image_reader import ImageResult, ImageTask, Reader
 from cell.perception.laid_fold import LaidWeights, Loop, edge_offset, laid_length
 from cell.perception.length_checks import LengthCheck, compare_grip, held_end_offset
+from cell.perception.perception import LENGTH_ERROR
 from cell.perception.preflight import PreflightCheck, camera_check
 from cell.perception.strip_measurement import StripMeasurement
 from drivers.errors import Fault, PreflightRefused
@@ -283,7 +284,7 @@ def _visible_loop(context: FoldContext, measurement: StripMeasurement | None) ->
     if measurement is None:
         return None
     length_error = abs(laid_length(measurement) - context.strip.length)
-    if length_error > 2.0 * context.settings.perception.length_error:  # of either layer
+    if length_error > 2.0 * LENGTH_ERROR:  # of either layer
         return None
     return Loop.seen_in(measurement)
 

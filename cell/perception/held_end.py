@@ -12,7 +12,6 @@ from calibration.calibration import Calibration
 from cell.perception.perception import Perception
 from cell.perception.resting_strip import sample_plane, sample_rectangle, sample_scene
 from cell.perception.scene import Appearance, colour_distances
-from cell.perception.settings import PerceptionSettings
 from cell.perception.strip_measurement import StripMeasurement
 from drivers.geometry import arc_lengths, interpolate_columns
 from drivers.strip.file import StripFile
@@ -151,14 +150,13 @@ class HeldEnd:
     def __init__(
         self,
         calibration: Calibration,
-        settings: PerceptionSettings,
         strip: StripFile,
         appearance: Appearance,
         clip: Clip | None = None,
     ) -> None:
         self._calibration = calibration
         self._clip = clip
-        self._perception = Perception(calibration, settings, strip, appearance)
+        self._perception = Perception(calibration, strip, appearance)
         self._strip = strip
         self._to_mouth = np.zeros(2)  # m, from where the clip's face says that the mouth is
         self._past: list[tuple[float, Pose]] = []

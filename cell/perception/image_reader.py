@@ -16,7 +16,6 @@ from cell.perception.camera_watch import CameraWatch
 from cell.perception.layer_touch import LayerTouch
 from cell.perception.perception import Perception
 from cell.perception.preflight import PreflightCheck, inspect
-from cell.perception.settings import PerceptionSettings
 from cell.perception.strip_measurement import SeenTouch, StripMeasurement
 from drivers.child import Child, ChildDied, SharedImage
 from drivers.errors import Fault
@@ -45,10 +44,9 @@ Answer = ImageResult | tuple[PreflightCheck, ...]
 
 @dataclass(frozen=True, slots=True)
 class StripInputs:
-    """Calibration, settings and strip file by which images of a fold are measured."""
+    """Calibration and strip file by which images of a fold are measured."""
 
     calibration: Calibration
-    settings: PerceptionSettings
     strip: StripFile
 
 
@@ -59,16 +57,16 @@ class Measurer:
         self._inputs = inputs
         self._perception: Perception | None = None
         self._camera: CameraWatch | None = None
-        self._touch = LayerTouch(inputs.settings, inputs.strip)
+        self._touch = LayerTouch(inputs.strip)
 
     def inspect(self, frame: Frame) -> tuple[PreflightCheck, ...]:
         """Check the image taken before the grasp, and learn the strip's colours from it."""
         calibration, strip = self._inputs.calibration, self._inputs.strip
-        inspection = inspect(frame, calibration, self._inputs.settings, strip)
+        inspection = inspect(frame, calibration, strip)
         appearance = inspection.appearance
         if appearance is None:
             return inspection.checks
-        self._perception = Perception(calibration, self._inputs.settings, strip, appearance)
+        self._perception = Perception(calibration, strip, appearance)
         self._camera = CameraWatch.choose(appearance, calibration, strip)
         return *inspection.checks, self._camera.check()
 

@@ -5,12 +5,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cell.perception.settings import PerceptionSettings
+from cell.perception.perception import LENGTH_ERROR
 from cell.perception.strip_measurement import SeenTouch, StripMeasurement
 from drivers.strip.file import StripFile
 from drivers.types import Array, Pose
 
-LARGEST_RATIO = 4.0  # times `touch_agreement`, from where on the two signals show different events
+MARGIN = 0.0006  # m over the touching distance: noise
+STOP_SHARE = 0.3  # of the closing speed: slower has stopped
+AGREEMENT = 0.05  # s by which the two signals may differ
+FALLS_KEPT = 40  # measurements that are remembered
+LARGEST_RATIO = 4.0  # times AGREEMENT, from where on the two signals show different events
 THINNEST = 0.001  # m, distance at which layers of a thin strip count as touching
 FEWEST_FALLS = 6  # measurements of the fall, before which nothing is decided
 RECENT_FALLS = 3  # last measurements that must show closed layers
@@ -35,18 +39,17 @@ class Fall:
 class LayerTouch:
     """Detects the touch of the layers in a sequence of measurements, where two signals agree.
 
-    The first signal is the gap: within `touch_margin` of the touching distance. The second is the
-    fall: its speed drops to `touch_stop` of what it was while the gap closed. The time of the touch
+    The first signal is the gap: within MARGIN of the touching distance. The second is the
+    fall: its speed drops to STOP_SHARE of what it was while the gap closed. The time of the touch
     is where the closing gap, extrapolated from before the stop, reaches the touching distance. That
     is the strip's thickness; where the file states a spread of it, the gap that stays.
     """
 
-    def __init__(self, settings: PerceptionSettings, strip: StripFile) -> None:
-        self._settings = settings
+    def __init__(self, strip: StripFile) -> None:
         thickness = strip.spread.get("thickness", (strip.thickness, strip.thickness))
         self._distances = (max(thickness[0], THINNEST), max(thickness[1], THINNEST))
         self._length = strip.length
-        self._most = strip.length + settings.length_error  # m, of a plausible fall
+        self._most = strip.length + LENGTH_ERROR  # m, of a plausible fall
         self._falls: list[Fall] = []
         self._touch: SeenTouch | None = None
 
@@ -59,19 +62,18 @@ class LayerTouch:
             fall = _fall(measurement, gripper)
             last = self._falls[-1].time if self._falls else -np.inf
             if fall is not None and fall.time > last and fall.x + fall.to_grasped < self._most:
-                self._falls = [*self._falls, fall][-self._settings.touch_frames :]
+                self._falls = [*self._falls, fall][-FALLS_KEPT:]
                 self._touch = self._find_touch()
         return self._touch
 
     def resting(self) -> float:
         """Distance [m] at which layers rest without a touch; NaN while they fall or touch."""
-        margin = self._settings.touch_margin
         recent = [fall.gap for fall in self._falls[-RESTING_FALLS:]]
-        rests = len(recent) == RESTING_FALLS and max(recent) - min(recent) < margin
+        rests = len(recent) == RESTING_FALLS and max(recent) - min(recent) < MARGIN
         if self._touch is not None or not rests:
             return float("nan")
         distance = float(np.median(recent))
-        return distance if distance > self._distances[1] + margin else float("nan")
+        return distance if distance > self._distances[1] + MARGIN else float("nan")
 
     def _find_touch(self) -> SeenTouch | None:
         """Layers' touch in the recorded falls; None while the two signals do not agree."""
@@ -79,16 +81,16 @@ class LayerTouch:
         gap = np.array([fall.gap for fall in self._falls])
         recent = gap[-RECENT_FALLS:]
         distance = float(np.clip(np.median(recent), *self._distances))
-        level = distance + self._settings.touch_margin
+        level = distance + MARGIN
         if len(gap) < FEWEST_FALLS or not (recent < level).all():
             return None
         closing = _closing_time(t, gap, level, distance)
         if closing is None:
             return None
         time, speed = closing
-        if not _falls_slower(t, gap, time, self._settings.touch_stop * speed):
+        if not _falls_slower(t, gap, time, STOP_SHARE * speed):
             return None
-        apart = abs(_end_of_fall(t, gap, time, speed) - time) / self._settings.touch_agreement
+        apart = abs(_end_of_fall(t, gap, time, speed) - time) / AGREEMENT
         if apart > LARGEST_RATIO:
             return None
         x, displacement = self._place_at(time, t)

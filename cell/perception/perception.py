@@ -20,17 +20,30 @@ from cell.perception.region import (
     without_hand,
 )
 from cell.perception.scene import Appearance
-from cell.perception.settings import PerceptionSettings
 from cell.perception.silhouette import Grip, outer_side, silhouette
 from cell.perception.strip_measurement import StripMeasurement
 from drivers.geometry import arc_lengths
 from drivers.strip.file import StripFile
+from drivers.strip.model import CONTACT_HEIGHT
 from drivers.strip.shape import Gap, fold_tip, layer_gap
 from drivers.types import Array, Frame, Image, Pose
 
 HAND_DEPTH = 0.015  # m around the hand's front in which its side may be visible
 TANGENT_STEP = 0.01  # m between two points that show a direction in the image
 FEWEST_POINTS = 8  # of the lifted midline, from which it is a profile
+# m, measured minus true: what blur and shadow leave, the mean over ten strips and their triangular
+# folds on the twin (`python -m tests.lab study perception`)
+CONTACT_BIAS = 0.0003
+FAINT = 0.12  # share of strip that an edge-on strip still shows
+SHADOW_HEIGHT = 0.006  # m below which the strip casts a visible shadow
+OUTLINE_STEP = 3  # px between points along the outline
+SPACING = 0.002  # m over which the midline is averaged
+PROFILE_POINTS = 150
+LITTLE = 0.03  # m of lifted strip from which its profile counts
+LENGTH_ERROR = 0.015  # m; twice that from the stated length: unbelievable
+REACH = 0.02  # m from the gripper where its profile may end
+GRIPPER_CLEARANCE = 0.004  # m that the fingers hide
+GAP_OPENING = 0.004  # m from which layers count as apart
 
 
 class Matte(NamedTuple):
@@ -58,30 +71,23 @@ UNSEEN = Curve(np.empty((0, 2)), 0.0)
 class Perception:
     """Measures one strip in the frames of one calibrated camera; has no state between frames."""
 
-    def __init__(
-        self,
-        calibration: Calibration,
-        settings: PerceptionSettings,
-        strip: StripFile,
-        appearance: Appearance,
-    ) -> None:
+    def __init__(self, calibration: Calibration, strip: StripFile, appearance: Appearance) -> None:
         self._calibration = calibration
-        self._settings = settings
         self._strip = strip
         self._scene = appearance.scene
-        self._faint = max(settings.faint, 2.0 * appearance.scene.noise)
+        self._faint = max(FAINT, 2.0 * appearance.scene.noise)
         self._line = SearchLine.at_height(
             calibration,
             appearance,
-            settings.contact_height,
+            CONTACT_HEIGHT,
             strip.thickness,
             (STRIP_START + 0.0005, strip.length + 0.01),
         )
         self._zone = strip_zone(calibration, strip.length)
-        self._above_shadow = strip_zone(calibration, strip.length, settings.shadow_height)
+        self._above_shadow = strip_zone(calibration, strip.length, SHADOW_HEIGHT)
         self._sizes = Sizes.at_patch(calibration, PATCH_PX)
         self._rest = appearance.rest_height
-        self._contact_bias = settings.contact_bias + calibration.contact_bias
+        self._contact_bias = CONTACT_BIAS + calibration.contact_bias
 
     def measure(self, frame: Frame, gripper: Pose) -> StripMeasurement:
         """Measure the strip in `frame`; `gripper` is the measured pose at the frame's stamp.
@@ -135,11 +141,11 @@ class Perception:
         """Midline of the lifted strip, from its `contact` with the desk to the gripper."""
         if not np.isfinite(contact.x):
             return UNSEEN
-        if np.hypot(gripper.x - contact.x, gripper.z) < self._settings.little:
+        if np.hypot(gripper.x - contact.x, gripper.z) < LITTLE:
             return Curve(np.empty((0, 2)), contact.confidence)
         start, grip = self._side_ends(contact, gripper, matte.region)
         mask = self._mask(matte)
-        side = outer_side(mask, start, grip, self._settings.outline_step, self._sizes)
+        side = outer_side(mask, start, grip, OUTLINE_STEP, self._sizes)
         if side is None:
             return UNSEEN
         geometry = Geometry(
@@ -149,31 +155,31 @@ class Perception:
             origin=matte.region.origin,
             sizes=self._sizes,
         )
-        points, visible = midline_points(matte.levels, side, geometry, self._settings.spacing)
+        points, visible = midline_points(matte.levels, side, geometry, SPACING)
         first_lifted = int(np.argmax(points[:, 0] >= contact.x)) if len(points) else 0
         lifted = points[first_lifted:]
         if len(lifted) < FEWEST_POINTS:
             return UNSEEN
-        midline = resample(lifted, self._settings.profile_points)
+        midline = resample(lifted, PROFILE_POINTS)
         return Curve(midline, self._plausibility(midline, contact, gripper) * visible)
 
     def _plausibility(self, midline: Array, contact: Contact, gripper: Pose) -> float:
         """Confidence, 0 to 1, in a `midline` (n, 2) [m] by its length and its end at the gripper.
 
-        It is 1 up to an error of `length_error`, and 0 from twice that on.
+        It is 1 up to an error of LENGTH_ERROR, and 0 from twice that on.
         """
         missing = float(np.hypot(*(midline[-1] - (gripper.x, gripper.z))))
         length = contact.x + arc_lengths(midline)[-1] + missing
-        error = max(abs(length - self._strip.length), missing - self._settings.reach)
-        return float(np.clip(2 - error / self._settings.length_error, 0.0, 1.0))
+        error = max(abs(length - self._strip.length), missing - REACH)
+        return float(np.clip(2 - error / LENGTH_ERROR, 0.0, 1.0))
 
     def _fold(self, contact: Contact, curve: Curve) -> tuple[tuple[float, float], Gap | None]:
         """Rightmost point [m] of the fold, NaN without a profile, and the gap of its layers."""
         if len(curve.points) == 0:
             return (nan, nan), None
-        x = np.arange(0.0, max(contact.x, 0.0), self._settings.spacing)
+        x = np.arange(0.0, max(contact.x, 0.0), SPACING)
         midline = np.vstack([np.column_stack([x, self._rest(x)]), curve.points])
-        gap = layer_gap(midline, arc_lengths(midline), self._settings.gap_opening)
+        gap = layer_gap(midline, arc_lengths(midline), GAP_OPENING)
         return fold_tip(midline), gap
 
     def _side_ends(self, contact: Contact, gripper: Pose, region: Region) -> tuple[Array, Grip]:
@@ -183,7 +189,7 @@ class Perception:
         plane = np.array([(contact.x, 0.0), edge, edge + TANGENT_STEP * tangent])
         start, point, behind = self._calibration.to_image(plane) - region.origin
         direction = (behind - point) / np.hypot(*(behind - point))
-        clearance = self._settings.gripper_clearance / self._sizes.scale
+        clearance = GRIPPER_CLEARANCE / self._sizes.scale
         return start, Grip(point, direction, clearance, self._sizes.aside)
 
     def _outer_edge(self, gripper: Pose, tangent: Array) -> Array:

@@ -12,7 +12,6 @@ from cell.perception import resting_strip, scene
 from cell.perception.kernels import ZERO_LEVEL, Floats, smooth_matte
 from cell.perception.length_checks import BY_HAND, LengthCheck
 from cell.perception.region import Region, motion_mask
-from cell.perception.settings import PerceptionSettings
 from drivers.strip.file import StripFile
 from drivers.types import Array, Frame, Image, frozen
 
@@ -24,6 +23,11 @@ BURNT = 0.1  # share of pixels that may be so
 SOLID = 0.5  # matte level that every part of the strip reaches
 ALIKE_SHARE = 0.04  # share of the background that may look like the strip
 SEPARATION = 3.0  # standard deviations, separation of the strip's colour from the background
+DESK_SEPARATION = 4.0  # likewise, from the desk
+DESK_CONTRAST = 30.0  # grey levels between strip and desk
+FLATNESS = 0.003  # m, worst height of a flat strip
+LEVEL = 0.0015  # m, by which it may lie off z = 0
+LENGTH_TOLERANCE = 0.006  # m, of the stated length
 END_LENGTH = 0.01  # m at the free edge that may be hidden
 PRESENT_SHARE = 0.9  # share of its place along which the strip must be visible
 BLOT_SIZE = 61  # px, window in which pixels like the strip are counted
@@ -73,9 +77,7 @@ def check_scope(strip: StripFile) -> tuple[PreflightCheck, ...]:
     )
 
 
-def _check_desk(
-    segmenter: scene.Segmenter, desk: Array, settings: PerceptionSettings
-) -> PreflightCheck:
+def _check_desk(segmenter: scene.Segmenter, desk: Array) -> PreflightCheck:
     """Check whether each of the strip's colours differs from the desk (3,), lit or in shadow."""
     apart = min(float(np.linalg.norm(colour - desk)) for colour in segmenter.colours)
     shade = np.array([scene.DESK_SHADE], dtype=np.float32)
@@ -83,12 +85,12 @@ def _check_desk(
         float(scene.separation(c, desk[None], shade, segmenter.smooth)[0])
         for c in segmenter.colours
     )
-    mostly = "" if away >= settings.separation else ", mostly as a desk and its shadow do"
+    mostly = "" if away >= DESK_SEPARATION else ", mostly as a desk and its shadow do"
     return PreflightCheck(
         name="contrast",
-        passed=apart >= settings.contrast and away >= settings.separation,
-        reason=f"strip and desk differ by {apart:.0f} grey levels{mostly}, {settings.contrast:.0f} "
-        f"are needed; their separation is {away:.1f}, {settings.separation:.1f} is needed",
+        passed=apart >= DESK_CONTRAST and away >= DESK_SEPARATION,
+        reason=f"strip and desk differ by {apart:.0f} grey levels{mostly}, {DESK_CONTRAST:.0f} "
+        f"are needed; their separation is {away:.1f}, {DESK_SEPARATION:.1f} is needed",
         remedy="check that a strip lies there; lay a mat under it that has another colour, not "
         "only another brightness",
     )
@@ -167,46 +169,42 @@ def _check_place(edge: resting_strip.Underside, strip: StripFile, *, clear: bool
     )
 
 
-def _check_flat(
-    edge: resting_strip.Underside, appearance: scene.Appearance, allowed: float
-) -> PreflightCheck:
-    """Check whether the strip's edge leaves its smooth line by at most `allowed` [m]."""
+def _check_flat(edge: resting_strip.Underside, appearance: scene.Appearance) -> PreflightCheck:
+    """Check whether the strip's edge leaves its smooth line by at most FLATNESS."""
     bump = float(np.abs(edge.z - appearance.rest_height(edge.x))[edge.present].max())
     return PreflightCheck(
         name="flat and straight",
-        passed=bump <= allowed,
-        reason=f"its edge leaves a smooth line by {1e3 * bump:.1f} mm, allowed {1e3 * allowed:.1f} "
-        "mm",
+        passed=bump <= FLATNESS,
+        reason=f"its edge leaves a smooth line by {1e3 * bump:.1f} mm, allowed "
+        f"{1e3 * FLATNESS:.1f} mm",
         remedy="smooth the strip out, lay it straight along the line",
     )
 
 
-def _check_level(
-    edge: resting_strip.Underside, appearance: scene.Appearance, allowed: float
-) -> PreflightCheck:
-    """Check whether the strip's edge lies at most `allowed` [m] off the desk's plane z = 0."""
+def _check_level(edge: resting_strip.Underside, appearance: scene.Appearance) -> PreflightCheck:
+    """Check whether the strip's edge lies at most LEVEL off the desk's plane z = 0."""
     off = float(np.abs(appearance.rest_height(edge.x[edge.present])).max())
     return PreflightCheck(
         name="on the desk plane",
-        passed=off <= allowed,
-        reason=f"its edge lies {1e3 * off:.1f} mm off z = 0, allowed {1e3 * allowed:.1f} mm",
+        passed=off <= LEVEL,
+        reason=f"its edge lies {1e3 * off:.1f} mm off z = 0, allowed {1e3 * LEVEL:.1f} mm",
         remedy="lay the near edge on the marked line; if it is, calibrate the camera again",
     )
 
 
 def _check_length(
-    edge: resting_strip.Underside, strip: StripFile, allowed: float, residual: float
+    edge: resting_strip.Underside, strip: StripFile, residual: float
 ) -> PreflightCheck:
-    """Check whether the free edge lies within `allowed` [m] of the strip's stated length.
+    """Check whether the free edge lies within LENGTH_TOLERANCE of the strip's stated length.
 
     `residual` [m] is the error of the calibration's map.
     """
     error = edge.end - strip.length
     return PreflightCheck(
         name="length",
-        passed=abs(error) <= allowed,
+        passed=abs(error) <= LENGTH_TOLERANCE,
         reason=f"its free edge is at x = {1e3 * edge.end:.0f} mm, stated length "
-        f"{1e3 * strip.length:.0f} mm, allowed within {1e3 * allowed:.0f} mm",
+        f"{1e3 * strip.length:.0f} mm, allowed within {1e3 * LENGTH_TOLERANCE:.0f} mm",
         remedy="push the fixed edge to x = 0, or state the strip's own length",
         witness=LengthCheck("free_edge", error, {"map": residual, "laid by hand": BY_HAND}),
     )
@@ -249,9 +247,7 @@ class Preflight:
     appearance: scene.Appearance | None
 
 
-def inspect(
-    frame: Frame, calibration: Calibration, settings: PerceptionSettings, strip: StripFile
-) -> Preflight:
+def inspect(frame: Frame, calibration: Calibration, strip: StripFile) -> Preflight:
     """Check the image `frame` of a strip that lies flat on the desk, not yet grasped."""
     image = frame.image
     required = (_check_size(image, calibration), *check_scope(strip))
@@ -262,7 +258,7 @@ def inspect(
     samples = resting_strip.sample_scene(image, calibration, strip)
     distinct = (
         _check_exposure(samples),
-        _check_desk(learnt.segmenter, samples.desk_colour, settings),
+        _check_desk(learnt.segmenter, samples.desk_colour),
         _check_background(learnt.segmenter, calibration, strip),
         _check_solid(learnt.levels, calibration, strip, max(learnt.rise, 0.0)),
     )
@@ -272,9 +268,9 @@ def inspect(
         return Preflight((*distinct, presence), None)
     appearance = scene.Appearance(learnt.segmenter, frozen(resting_strip.resting_line(edge)))
     rests = (
-        _check_flat(edge, appearance, settings.flatness),
-        _check_level(edge, appearance, settings.level),
-        _check_length(edge, strip, settings.length_tolerance, calibration.residual),
+        _check_flat(edge, appearance),
+        _check_level(edge, appearance),
+        _check_length(edge, strip, calibration.residual),
     )
     return Preflight((*distinct, presence, *rests), appearance)
 

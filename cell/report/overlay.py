@@ -13,7 +13,6 @@ from calibration.calibration import Calibration
 from cell.perception.perception import Perception
 from cell.perception.preflight import inspect
 from cell.perception.region import Region
-from cell.perception.settings import PerceptionSettings
 from cell.record.columns import FARTHEST_HAND, Sights, Ticks
 from cell.record.frames import FrameNote, frame_file, read_frame
 from cell.record.run import Run
@@ -239,12 +238,10 @@ def _outlines(run: Run) -> Iterator[Silhouette]:
     if not laying or before is None or calibration is None or run.header.strip_file is None:
         return
     strip = parse(run.header.strip_file, StripFile, "run.yaml: strip_file")
-    settings_text = (run.header.config or {}).get("perception", {})
-    settings = parse(settings_text, PerceptionSettings, "run.yaml: config: perception")
-    appearance = inspect(before, calibration, settings, strip).appearance
+    appearance = inspect(before, calibration, strip).appearance
     if appearance is None:
         return
-    perception = Perception(calibration, settings, strip, appearance)
+    perception = Perception(calibration, strip, appearance)
     for frame in filter(None, map(read_frame, evenly_chosen(laying, SHOWN_IMAGES))):
         pixels = perception.outline(frame, run.ticks.pose_at(frame.stamp))
         if len(pixels):

@@ -115,9 +115,10 @@ def test_replay_notices_another_calibration(denim: Folded, tmp_path: Path) -> No
     copy = shutil.copytree(denim.result.run, tmp_path / "run", ignore=most_images)
     path = copy / "run.yaml"
     header = yaml.safe_load(path.read_text())
-    header["config"]["perception"]["contact_height"] = 0.002
-    header["config"]["twin"]["arm"]["home_height"] = 0.15  # as in runs of other versions
+    header["config"]["perception"] = {"contact_height": 0.002}  # as in runs of other versions
     path.write_text(yaml.safe_dump(header))
+    path = copy / "calibration.yaml"
+    path.write_text(yaml.safe_dump(yaml.safe_load(path.read_text()) | {"contact_bias": 0.001}))
     assert replay(copy).differences
 
 

@@ -10,7 +10,6 @@ from cell.perception.camera_watch import CAMERA_WATCHED, FEWEST_PATCHES, UNWATCH
 from cell.perception.image_reader import Measurer, StripInputs
 from cell.perception.preflight import inspect
 from cell.perception.region import HIGH_HEIGHT
-from cell.perception.settings import PerceptionSettings
 from drivers.strip.describe import load_strip
 from drivers.twin.renderer.looks import StripLook
 from drivers.twin.renderer.renderer import Renderer
@@ -21,7 +20,6 @@ from tests.support.seen_folds import STRIPS
 from tests.support.twin_calibration import twin_calibration
 
 CAMERA = CameraSettings()
-SETTINGS = PerceptionSettings()
 DENIM = load_strip(STRIPS / "denim.yaml")
 WAITING, ABOVE = Pose(0.65, 0.25, 0.0), Pose(0.3, 0.3, np.pi / 2)
 
@@ -38,7 +36,7 @@ def picture(points: Array, gripper: Pose, seed: int) -> Image:
 def watch() -> CameraWatch:
     arc = np.linspace(0, DENIM.length, 61)
     flat = picture(np.column_stack([arc, 0 * arc]), WAITING, 0)
-    seen = inspect(Frame(0.0, 0.0, "test", 0, flat), twin_calibration(CAMERA), SETTINGS, DENIM)
+    seen = inspect(Frame(0.0, 0.0, "test", 0, flat), twin_calibration(CAMERA), DENIM)
     return CameraWatch.choose(seen.appearance, twin_calibration(CAMERA), DENIM)
 
 
@@ -93,5 +91,5 @@ def test_what_stands_still_is_a_check_and_too_little_of_it_is_said(watch: Camera
 def test_process_beside_the_loop_says_so_too() -> None:
     arc = np.linspace(0, DENIM.length, 61)
     flat = picture(np.column_stack([arc, 0 * arc]), WAITING, 0)
-    sight = Measurer(StripInputs(twin_calibration(CAMERA), SETTINGS, DENIM))
+    sight = Measurer(StripInputs(twin_calibration(CAMERA), DENIM))
     assert sight.inspect(Frame(0.0, 0.0, "test", 0, flat))[-1].name == CAMERA_WATCHED

@@ -15,7 +15,6 @@ from cell.devices.devices import ArmHistory
 from cell.orchestrator.states import State
 from cell.orchestrator.vision import View, Vision
 from cell.perception.image_reader import ImageTask, ProcessReader, StripInputs
-from cell.perception.settings import PerceptionSettings
 from drivers.errors import Fault
 from drivers.types import ZERO_VELOCITY, ArmState, Frame, Pose
 from tests.support.sights import FAILS, HANGS, PlainSight
@@ -27,7 +26,7 @@ PATIENCE = 30.0  # s
 def started() -> ProcessReader:
     calibration = SimpleNamespace(lens=SimpleNamespace(height=4, width=6), latency=0.1)
     strip = Configs(CHECKOUT_CONFIGS).strip("denim")
-    subject = StripInputs(calibration, PerceptionSettings(), strip)
+    subject = StripInputs(calibration, strip)
     return ProcessReader(subject, PlainSight)
 
 

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from cell.perception.layer_touch import LayerTouch
-from cell.perception.settings import PerceptionSettings
 from cell.perception.strip_measurement import SeenTouch, StripMeasurement
 from drivers.strip.describe import load_strip
 from drivers.strip.file import StripFile
@@ -42,7 +41,7 @@ def _watch(
     skip: set[int] | None = None,
 ) -> tuple[SeenTouch | None, float]:
     """The touch told for gap(t) at 60 Hz, and when it was told."""
-    detector = LayerTouch(PerceptionSettings(), strip)
+    detector = LayerTouch(strip)
     for k in range(frames):
         if skip and k in skip:
             continue
@@ -59,7 +58,7 @@ def _closing(speed: float, at: float, rest: float = 0.0009) -> Callable[[float],
 def test_one_image_that_is_misread_at_the_touch_moves_no_length() -> None:
     lengths = []
     for stray in (0.0, 0.005):
-        detector, touch = LayerTouch(PerceptionSettings(), DENIM), None
+        detector, touch = LayerTouch(DENIM), None
         for k in range(60):
             gap = _closing(0.3, 0.5)(k / 60)
             profile = _profile(gap)
@@ -102,7 +101,7 @@ def test_gap_that_does_not_close_and_stop_is_no_touch(gap: Callable[[float], flo
 @pytest.mark.parametrize(("longer", "fold"), [(0.29, True), (0.31, False), (-0.31, False)])
 def test_layers_that_differ_by_half_the_strip_are_no_fold(longer: float, fold: bool) -> None:
     touch = SeenTouch(1.0, 0.3, 0.3 + longer, 0.3, confidence=1.0, distance=0.001)
-    assert LayerTouch(PerceptionSettings(), DENIM)._is_a_fold(touch) is fold
+    assert LayerTouch(DENIM)._is_a_fold(touch) is fold
 
 
 def test_layers_of_unknown_thickness_touch_where_their_gap_stays() -> None:
@@ -134,7 +133,7 @@ def test_lost_images_delay_the_telling_not_the_time() -> None:
 def test_layers_that_rest_farther_apart_than_the_strip_is_thick_are_no_touch_and_said(
     rest: float, rests: bool
 ) -> None:
-    detector = LayerTouch(PerceptionSettings(), DENIM)
+    detector = LayerTouch(DENIM)
     for k in range(30):  # they close until now
         detector.update(_measured(k, 0.001 + 0.05 * (0.6 - k / 60)), GRIPPER)
     assert np.isnan(detector.resting())

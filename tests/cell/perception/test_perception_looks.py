@@ -7,7 +7,6 @@ import pytest
 
 from calibration.pointer import find_pointer
 from cell.perception.preflight import Preflight, inspect
-from cell.perception.settings import PerceptionSettings
 from drivers.strip.describe import load_strip
 from drivers.strip.file import StripFile
 from drivers.twin.renderer.looks import LOOKS, Box, Look
@@ -22,7 +21,6 @@ from tests.support.seen_folds import STRIPS, distances
 from tests.support.twin_calibration import NO_STRIP, pointer_frame, twin_calibration
 
 CAMERA = CameraSettings()
-SETTINGS = PerceptionSettings()
 FRAMES = (120, 200, 290)
 
 
@@ -39,7 +37,7 @@ def _fold(strip: str) -> TwinFold:
 
 def _judged(look: Look, strip: StripFile, settings: CameraSettings = CAMERA) -> Preflight:
     flat = FoldCamera(strip, settings, look=look).flat(strip)
-    return inspect(flat, twin_calibration(CAMERA), SETTINGS, strip)
+    return inspect(flat, twin_calibration(CAMERA), strip)
 
 
 def _refusals(judged: Preflight) -> dict[str, str]:

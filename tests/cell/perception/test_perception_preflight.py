@@ -8,7 +8,6 @@ import pytest
 
 from cell.perception.preflight import Preflight, _check_flat, _check_length, _check_level, inspect
 from cell.perception.resting_strip import Underside, sample_scene
-from cell.perception.settings import PerceptionSettings
 from drivers.strip.describe import load_strip
 from drivers.strip.file import StripFile
 from drivers.twin.renderer.looks import StripLook
@@ -36,12 +35,12 @@ def _picture(points: Array, look: StripLook, *, strip: bool = True) -> Frame:
 
 
 def _judged(frame: Frame, strip: StripFile = DENIM) -> Preflight:
-    return inspect(frame, twin_calibration(CAMERA), PerceptionSettings(), strip)
+    return inspect(frame, twin_calibration(CAMERA), strip)
 
 
 @pytest.mark.parametrize("off", [0.006, -0.006])
 def test_line_of_the_edge_may_leave_neither_itself_nor_the_desk_to_any_side(off: float) -> None:
-    x, most = np.linspace(0.0, 0.6, 301), PerceptionSettings()
+    x = np.linspace(0.0, 0.6, 301)
     straight = SimpleNamespace(rest_height=lambda x: 0.0 * x)
     high = SimpleNamespace(rest_height=lambda x: 0.0 * x + 2 * off)
     bent = Underside(x, off * (np.abs(x - 0.3) < 0.05), 0.6)
@@ -51,8 +50,8 @@ def test_line_of_the_edge_may_leave_neither_itself_nor_the_desk_to_any_side(off:
         (Underside(x, 0.0 * x, 0.6 + 3 * off), straight, ["length"]),
         (Underside(x, 0.0 * x, 0.6), straight, []),
     ):
-        checks = [_check_flat(seen, rests, most.flatness), _check_level(seen, rests, most.level)]
-        checks.append(_check_length(seen, DENIM, most.length_tolerance, 0.0003))
+        checks = [_check_flat(seen, rests), _check_level(seen, rests)]
+        checks.append(_check_length(seen, DENIM, 0.0003))
         assert [check.name for check in checks if not check.passed] == names
 
 

@@ -2,7 +2,7 @@
 
 What policies are trained with beside it is written into `policies/sensing.yaml`, what errs alike in
 all runs into `cell/gap/subject/strip/bias.yaml`; sigma in
-`configs/cell.yaml` and the contact bias of `cell.perception.settings` are read off this table.
+`configs/cell.yaml` and the contact bias of `cell.perception.perception` are read off this table.
 """
 
 from collections import defaultdict

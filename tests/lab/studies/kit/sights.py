@@ -10,7 +10,6 @@ from cell.config.places import find_configs
 from cell.perception.layer_touch import LayerTouch
 from cell.perception.perception import Perception
 from cell.perception.preflight import inspect
-from cell.perception.settings import PerceptionSettings
 from cell.perception.strip_measurement import SeenTouch, StripMeasurement
 from drivers.errors import PreflightRefused
 from drivers.strip.file import StripFile
@@ -50,11 +49,10 @@ def fold_of(strip: str, path: Path, speed: float, links: int = 60) -> TwinFold:
 
 def perception_of(camera: FoldCamera, strip: StripFile, calibration: Calibration) -> Perception:
     """Perception of `strip` as it lies flat before `camera`; raises PreflightRefused where not."""
-    settings = PerceptionSettings()
-    found = inspect(camera.flat(strip), calibration, settings, strip)
+    found = inspect(camera.flat(strip), calibration, strip)
     if found.appearance is None:
         raise PreflightRefused(f"{strip.name}: the flat strip is not recognised")
-    return Perception(calibration, settings, strip, found.appearance)
+    return Perception(calibration, strip, found.appearance)
 
 
 def sights(
@@ -71,7 +69,7 @@ def sights(
     twin = twin or FoldCamera(fold.strip, find_configs(None).cell().twin.camera)
     camera = twin.settings
     perception = perception_of(twin, fold.strip, calibration or cached_calibration())
-    detector = LayerTouch(PerceptionSettings(), fold.strip)
+    detector = LayerTouch(fold.strip)
     near_touch = np.inf if fold.touch is None else fold.touch.time - BEFORE_TOUCH
     taken_over = float(fold.t[np.argmax(fold.poses[:, 1] >= TAKE_OVER)])
     for sequence in range(int(taken_over * camera.rate) + 1, int(fold.t[-1] * camera.rate)):
