@@ -94,13 +94,14 @@ def _memory_of(settings: "CellFile", run: Path) -> "Memory":
 
 def _learn_from_ruler(settings: "CellFile", run: Path, edges: str, *, sure: bool) -> None:
     """Learn from the ruler's offset `edges` of the laid edges of `run`."""
-    from cell.learning.experience import check_ruler, experience_by_ruler
+    from cell.learning.bias import check_ruler
+    from cell.learning.experience import experience_by_ruler
 
     offset = metres("--edges", edges, LONGEST_EDGES)
     memory = _memory_of(settings, run)
     experience = experience_by_ruler(run, offset, memory)
     if not sure:
-        check_ruler(offset, experience.rig, settings.learning)
+        check_ruler(offset, experience.rig)
     memory.add(experience)
     sys.stdout.write(
         f"{run.name}: the ruler shows {1e3 * experience.rig:+.1f} mm more than the camera\n"
@@ -126,7 +127,7 @@ def _show(memory: "Memory", settings: "CellFile", *, as_json: bool) -> None:
     """Print the learned biases, by policy, strip and specimen."""
     from cell.learning.summary import largest_text, summary_rows, summary_text
 
-    rows = summary_rows(memory.experiences(), settings.learning)
+    rows = summary_rows(memory.experiences())
     if as_json:
         print_json(*rows)
         return
@@ -134,4 +135,4 @@ def _show(memory: "Memory", settings: "CellFile", *, as_json: bool) -> None:
     sys.stdout.write(f"{settings.name}: learning is {state}\n")
     sys.stdout.write(summary_text(rows))
     if rows:
-        sys.stdout.write(largest_text(memory, settings.learning.limit))
+        sys.stdout.write(largest_text(memory))

@@ -12,6 +12,7 @@ from cell.config.cell import CellFile
 from cell.config.length import metres
 from cell.devices.devices import Trial
 from cell.devices.open import check_calibrated, check_drivers
+from cell.learning.bias import LIMIT
 from cell.learning.correction import Correction, learned_correction, subject_of
 from cell.learning.experience import Memory
 from cell.record.files import Keep
@@ -125,17 +126,16 @@ def with_correction(request: Request, learning: str | None) -> Request:
     `learning` is `auto`, `on`, `off`, a length to correct by without learning, or None for the
     cell's own setting. Raises ConfigurationError for other text.
     """
-    settings = request.cell.learning
     memory = memory_of(request)
     learns = False
     correction = UNCORRECTED
     if learning is not None and learning not in LEARNING_WORDS:
-        correction = Correction(metres("--learning", learning, settings.limit), 0.0)
+        correction = Correction(metres("--learning", learning, LIMIT), 0.0)
     elif _should_learn(request, learning, memory):
         specimen = request.learning.specimen
         subject = subject_of(request.policy, request.checkpoint, request.strip.name, specimen)
         learns = True
-        correction = learned_correction(memory, subject, settings)
+        correction = learned_correction(memory, subject)
     changed = replace(request.learning, correction=correction, learns=learns)
     return replace(request, learning=changed)
 

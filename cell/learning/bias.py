@@ -12,17 +12,30 @@ two hypotheses, that something is off and that nothing is, weighted by their pos
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from math import hypot
 
 import numpy as np
 
-from cell.config.settings import LearningSettings
 from cell.learning.experience import Experience
+from drivers.errors import ConfigurationError
 from drivers.types import Array
 
 # sigmas of one fold that is ignored unless the next one confirms it: 6e-5 by chance
 OUTLIER_SIGMAS = 4.0
 # sigmas of two folds in a row, to the same side, that show a change: 8e-5 by chance
 CHANGE_SIGMAS = 2.5
+PLAUSIBLE_SIGMAS = 3.0  # of the difference between camera and ruler
+# One-sigma priors [m]. They are assumptions, about the accuracy of a careful set-up, and belong to
+# no cell; where one rests on a measurement, its comment says on which.
+PRIORS = {"cell": 0.001, "strip": 0.001, "specimen": 0.001, "rig": 0.003}  # rig: seen by no image
+CHANGED = 0.003  # of the cell after something moved
+REPEAT = 0.0003  # of a specimen's folds; 0.2 mm on the twin
+RULER = 0.0005  # of an edge offset read by eye
+LAID = 0.0006  # of laid edges by camera; laid_fold.yaml: 0.44 mm
+USUAL = 0.0004  # of specimens in a right cell; critic's left_out
+MISREAD = 0.00025  # of a specimen's touch by the camera
+OFF = 0.2  # share of cells and specimens with something off
+LIMIT = 0.008  # m, of the correction
 
 Unknown = tuple[str, str | int]  # a level of the hierarchy and its member
 Row = tuple[tuple[Unknown, ...], float, float]  # unknowns, their measured sum, its sigma
@@ -47,25 +60,22 @@ class Bias:
     laid: float = 0.0
 
 
-def bias(
-    experiences: Sequence[Experience], strip: str, specimen: str, settings: LearningSettings
-) -> Bias:
+def bias(experiences: Sequence[Experience], strip: str, specimen: str) -> Bias:
     """Bias [m] of the next fold of `specimen` of `strip`, by `experiences` with one policy."""
-    learner = _Learner(settings)
+    learner = _Learner()
     for experience in experiences:
         learner.learn(experience)
     learned = learner.bias(strip, specimen)
     if learned.since is None and learner.epoch:
-        parts = averaged_parts(learned.parts, learner.epoch, strip, specimen, settings)
+        parts = averaged_parts(learned.parts, learner.epoch, strip, specimen)
         learned = replace(learned, seen=sum(parts), parts=parts)
-    return replace(learned, laid=laid_offset(learner.epoch, learned.rig, settings))
+    return replace(learned, laid=laid_offset(learner.epoch, learned.rig))
 
 
 class _Learner:
     """Recursive estimator of the bias, in epochs within which the cell did not change."""
 
-    def __init__(self, settings: LearningSettings) -> None:
-        self._settings = settings
+    def __init__(self) -> None:
         self._rows: list[Row] = []
         self._change_runs: list[str] = []  # names of the runs that began a new epoch
         self._epoch_rows: list[int] = []  # indices into `_rows` of this epoch's folds
@@ -76,7 +86,7 @@ class _Learner:
     def learn(self, experience: Experience) -> None:
         """Add the next fold; two in a row that deviate to the same side start a new epoch."""
         if experience.kind == "ruler":
-            self._rows.append(((self._rig,), experience.rig, self._settings.ruler))
+            self._rows.append(((self._rig,), experience.rig, RULER))
             return
         surprise = self._surprise(experience)
         before = self._previous_fold
@@ -106,7 +116,7 @@ class _Learner:
         if not self._epoch_rows:
             return 0.0
         mean, variance = self._predict(self._unknowns_of(experience.strip, experience.specimen))
-        sigma = np.hypot(np.sqrt(variance), self._settings.repeat)
+        sigma = np.hypot(np.sqrt(variance), REPEAT)
         return float((experience.displacement - mean) / sigma)
 
     def _add(self, experience: Experience) -> None:
@@ -114,7 +124,7 @@ class _Learner:
         self._epoch_rows.append(len(self._rows))
         self.epoch.append(experience)
         unknowns = self._unknowns_of(experience.strip, experience.specimen)
-        self._rows.append((unknowns, experience.displacement, self._settings.repeat))
+        self._rows.append((unknowns, experience.displacement, REPEAT))
 
     def bias(self, strip: str, specimen: str) -> Bias:
         """Expected measured minus predicted displacement of the next fold of a `specimen`."""
@@ -124,7 +134,7 @@ class _Learner:
         each = [self._predict((unknown,))[0] for unknown in unknowns]
         return Bias(
             seen=mean,
-            sigma=float(np.hypot(np.sqrt(variance), self._settings.repeat)),
+            sigma=float(np.hypot(np.sqrt(variance), REPEAT)),
             rig=rig,
             parts=(each[0], each[1], each[2]),
             folds=len(self._epoch_rows),
@@ -148,8 +158,8 @@ class _Learner:
         """Standard deviation [m] of the prior of `unknown`."""
         level, member = unknown
         if level == "cell" and member != 0:
-            return self._settings.changed
-        return float(getattr(self._settings, level))
+            return CHANGED
+        return PRIORS[level]
 
     def _predict(self, unknowns: tuple[Unknown, ...]) -> tuple[float, float]:
         """Mean [m] and variance [m^2] of the sum of `unknowns`, given the epoch's folds."""
@@ -174,15 +184,11 @@ def _indicator(unknowns: Sequence[Unknown], place: dict[Unknown, int]) -> Array:
 
 
 def averaged_parts(
-    parts: Parts,
-    experiences: Sequence[Experience],
-    strip: str,
-    specimen: str,
-    settings: LearningSettings,
+    parts: Parts, experiences: Sequence[Experience], strip: str, specimen: str
 ) -> Parts:
     """Biases of cell, strip and specimen [m], averaged over two hypotheses on their cause.
 
-    If nothing is off, cell and strip have no bias, a specimen has a `usual` one, and the camera
+    If nothing is off, cell and strip have no bias, a specimen has a USUAL one, and the camera
     adds an error of its own to each specimen.
     """
     from scipy.special import expit, logit
@@ -191,24 +197,24 @@ def averaged_parts(
     strips = np.array([e.strip for e in experiences])
     pieces = _specimens(experiences)
     same = (pieces[:, None] == pieces).astype(float)
-    noise = settings.repeat**2 * np.eye(len(y))
+    noise = REPEAT**2 * np.eye(len(y))
     # covariances of y: if nothing is off, and if something is
-    null = (settings.usual**2 + settings.misread**2) * same + noise
-    off = settings.cell**2 + settings.strip**2 * (strips[:, None] == strips)
-    off = off + settings.specimen**2 * same + noise
-    usual = settings.usual**2 * (pieces == f"{strip}/{specimen}") @ np.linalg.solve(null, y)
-    p_off = expit(_log_density(y, off) - _log_density(y, null) + logit(settings.off))
+    null = (USUAL**2 + MISREAD**2) * same + noise
+    off = PRIORS["cell"] ** 2 + PRIORS["strip"] ** 2 * (strips[:, None] == strips)
+    off = off + PRIORS["specimen"] ** 2 * same + noise
+    usual = USUAL**2 * (pieces == f"{strip}/{specimen}") @ np.linalg.solve(null, y)
+    p_off = expit(_log_density(y, off) - _log_density(y, null) + logit(OFF))
     cell_bias, strip_bias, specimen_bias = (float(p_off * part) for part in parts)
     return cell_bias, strip_bias, specimen_bias + float((1.0 - p_off) * usual)
 
 
-def laid_offset(experiences: Sequence[Experience], rig: float, settings: LearningSettings) -> float:
+def laid_offset(experiences: Sequence[Experience], rig: float) -> float:
     """Posterior mean [m] of the laid edges' offset, images corrected by `rig` [m]; 0 without data.
 
-    Weighs two models with prior odds `settings.off`: an offset of about `changed`, or none and an
-    error of the camera of about `laid` for each specimen.
+    Weighs two models with prior odds OFF: an offset of about CHANGED, or none and an error of the
+    camera of about LAID for each specimen.
     """
-    seen_edges = [e for e in experiences if e.edges is not None and abs(e.edges) < settings.limit]
+    seen_edges = [e for e in experiences if e.edges is not None and abs(e.edges) < LIMIT]
     if not seen_edges:
         return 0.0
     from scipy.special import expit, logit
@@ -216,14 +222,29 @@ def laid_offset(experiences: Sequence[Experience], rig: float, settings: Learnin
     seen = np.array([e.edges for e in seen_edges], dtype=float) + rig
     pieces = _specimens(seen_edges)
     # covariances of the measured offsets: without and with a fault of the rig
-    null = settings.laid**2 * (pieces[:, None] == pieces)
-    null = null + settings.repeat**2 * np.eye(len(seen))
-    off = null + settings.changed**2
+    null = LAID**2 * (pieces[:, None] == pieces)
+    null = null + REPEAT**2 * np.eye(len(seen))
+    off = null + CHANGED**2
     weights = np.linalg.solve(null, np.ones(len(seen)))
-    variance = 1.0 / (weights.sum() + settings.changed**-2)
+    variance = 1.0 / (weights.sum() + CHANGED**-2)
     mean = variance * float(weights @ seen)
-    p_off = expit(_log_density(seen, off) - _log_density(seen, null) + logit(settings.off))
+    p_off = expit(_log_density(seen, off) - _log_density(seen, null) + logit(OFF))
     return float(mean * p_off)
+
+
+def check_ruler(edges: float, rig: float) -> None:
+    """Check that a ruler's offset `edges` [m] of laid edges is plausibly near the camera's.
+
+    It is `rig` [m] larger than the latter.
+    Raises ConfigurationError beyond PLAUSIBLE_SIGMAS of what is known of both.
+    """
+    most = PLAUSIBLE_SIGMAS * hypot(PRIORS["rig"], LAID, RULER)
+    if abs(rig) > most:
+        raise ConfigurationError(
+            f"--edges: is {1e3 * rig:+.1f} mm from the {1e3 * (edges - rig):+.1f} mm that the "
+            f"camera saw, both differ by {1e3 * most:.1f} mm at most; mind sign and unit, measure "
+            "again, and add --sure if it is so"
+        )
 
 
 def _specimens(experiences: Sequence[Experience]) -> Array:

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from cell.config.settings import LearningSettings
 from cell.config.unmeasured_strip import UNKNOWN_NAME as UNKNOWN
-from cell.learning.bias import Bias, bias
+from cell.learning.bias import LIMIT, Bias, bias
 from cell.learning.experience import Experience, Memory
 from policies.policy import Policy
 
@@ -104,11 +103,11 @@ def subject_of(policy: str, checkpoint: Path | None, strip: str, specimen: str |
     return Subject(policy, strip, specimen or ("" if strip == UNKNOWN else strip))
 
 
-def learned_correction(memory: Memory, subject: Subject, settings: LearningSettings) -> Correction:
+def learned_correction(memory: Memory, subject: Subject) -> Correction:
     """Correction learned for `subject`, within the limit; ConfigurationError for broken memory."""
     mine = [one for one in memory.experiences() if one.policy == subject.policy]
-    learned = bias(mine, subject.strip, subject.specimen, settings)
-    seen, place = np.clip([learned.seen, learned.laid], -settings.limit, settings.limit).tolist()
+    learned = bias(mine, subject.strip, subject.specimen)
+    seen, place = np.clip([learned.seen, learned.laid], -LIMIT, LIMIT).tolist()
     return Correction(seen=seen, unseen=0.0, learned=learned, place=place)
 
 

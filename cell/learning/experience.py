@@ -6,13 +6,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from itertools import count
-from math import hypot
 from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import Field, TypeAdapter, ValidationError
 
-from cell.config.settings import LearningSettings
 from cell.record.documents import json_line
 from cell.record.files import TICKS
 from drivers.errors import ConfigurationError
@@ -20,7 +18,6 @@ from drivers.files import append_line, lock_folders, replace_file, writing
 from drivers.readers import LARGEST_LINES, LARGEST_TABLE, read_bytes
 
 NEWEST = 200  # experiences that are kept in use
-PLAUSIBLE_SIGMAS = 3.0  # of the difference between camera and ruler
 Offset = Annotated[float, Field(ge=-1.0, le=1.0, allow_inf_nan=False)]  # m
 
 
@@ -185,18 +182,3 @@ def experience_by_ruler(run: Path, edges: float, memory: Memory) -> Experience:
     newest = by_camera[-1]
     facts = {name: getattr(newest, name) for name in ("run", "key", "policy", "strip", "specimen")}
     return Experience(**facts, kind="ruler", rig=edges - result.edge_offset)
-
-
-def check_ruler(edges: float, rig: float, settings: LearningSettings) -> None:
-    """Check that a ruler's offset `edges` [m] of laid edges is plausibly near the camera's.
-
-    It is `rig` [m] larger than the latter.
-    Raises ConfigurationError beyond PLAUSIBLE_SIGMAS of what is known of both.
-    """
-    most = PLAUSIBLE_SIGMAS * hypot(settings.rig, settings.laid, settings.ruler)
-    if abs(rig) > most:
-        raise ConfigurationError(
-            f"--edges: is {1e3 * rig:+.1f} mm from the {1e3 * (edges - rig):+.1f} mm that the "
-            f"camera saw, both differ by {1e3 * most:.1f} mm at most; mind sign and unit, measure "
-            "again, and add --sure if it is so"
-        )

@@ -3,21 +3,18 @@
 from collections.abc import Sequence
 from typing import Any
 
-from cell.config.settings import LearningSettings
-from cell.learning.bias import bias
+from cell.learning.bias import LIMIT, bias
 from cell.learning.experience import Experience, Memory
 
 
-def summary_rows(
-    experiences: Sequence[Experience], settings: LearningSettings
-) -> list[dict[str, Any]]:
+def summary_rows(experiences: Sequence[Experience]) -> list[dict[str, Any]]:
     """Rows, one for each policy, strip and specimen: bias and sigma [m], folds, last change."""
     rows = []
     for policy, strip, specimen in dict.fromkeys(
         (e.policy, e.strip, e.specimen) for e in experiences
     ):
         mine = [one for one in experiences if one.policy == policy]
-        learned = bias(mine, strip, specimen, settings)
+        learned = bias(mine, strip, specimen)
         folds = [one for one in mine if (one.strip, one.specimen) == (strip, specimen)]
         of_cell, of_strip, of_specimen = learned.parts
         row: dict[str, Any] = {"policy": policy, "strip": strip, "specimen": specimen}
@@ -45,12 +42,12 @@ def summary_text(rows: Sequence[dict[str, Any]]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def largest_text(memory: Memory, limit: float) -> str:
-    """Text of the largest corrections that any fold was made with, below `limit` [m]."""
+def largest_text(memory: Memory) -> str:
+    """Text of the largest corrections that any fold was made with, below LIMIT."""
     aim, place = memory.largest_corrections()
     return (
         f"  largest corrections so far: aimed {_mm(aim)} mm, laid the edge {_mm(place)} mm; "
-        f"at most {1e3 * limit:g} mm each\n"
+        f"at most {1e3 * LIMIT:g} mm each\n"
     )
 
 

@@ -3,11 +3,9 @@
 import numpy as np
 import pytest
 
-from cell.config.settings import LearningSettings
 from cell.learning.bias import bias, laid_offset
 from cell.learning.experience import Experience
 
-SETTINGS = LearningSettings()
 REPEAT = 2e-4  # m, scatter of one specimen's folds
 
 
@@ -20,7 +18,7 @@ def series(errors, specimen: str = "a") -> list[Experience]:
 
 
 def test_a_cell_without_folds_has_no_bias() -> None:
-    found = bias([], "denim", "a", SETTINGS)
+    found = bias([], "denim", "a")
     assert (found.seen, found.rig, found.folds, found.since) == (0.0, 0.0, 0, None)
 
 
@@ -30,7 +28,7 @@ def test_after_four_folds_of_a_specimen_its_bias_is_known_within_half_a_millimet
     error: float, seed: int
 ) -> None:
     noise = REPEAT * np.random.default_rng(seed).standard_normal(4)
-    found = bias(series(error + noise), "denim", "a", SETTINGS)
+    found = bias(series(error + noise), "denim", "a")
     assert abs(found.seen - error) < 5e-4
     assert found.since is None
 
@@ -38,7 +36,7 @@ def test_after_four_folds_of_a_specimen_its_bias_is_known_within_half_a_millimet
 def test_one_fold_teaches_another_specimen_less_than_its_own() -> None:
     once = [folded(0, 0.003)]
     own, other, stranger = (
-        bias(once, *of, SETTINGS).seen for of in (("denim", "a"), ("denim", "b"), ("twill", "c"))
+        bias(once, *of).seen for of in (("denim", "a"), ("denim", "b"), ("twill", "c"))
     )
     assert own > other > stranger > 0
 
@@ -48,7 +46,7 @@ def test_one_fold_teaches_another_specimen_less_than_its_own() -> None:
 def test_a_change_is_noticed_within_two_folds(moved: float, seed: int) -> None:
     noise = REPEAT * np.random.default_rng(seed).standard_normal(7)
     errors = np.array([0.001] * 5 + [0.001 + moved] * 2) + noise
-    found = bias(series(errors), "denim", "a", SETTINGS)
+    found = bias(series(errors), "denim", "a")
     assert found.since in {"run-5", "run-6"}
     assert abs(found.seen - errors[-2:].mean()) < 6e-4
 
@@ -60,7 +58,7 @@ def test_a_wild_fold_teaches_nothing_and_is_no_change(wild: float, after: int) -
     errors = noise.copy()
     errors[after] += wild
     for known in (after + 1, after + 2, after + 3):
-        found = bias(series(errors[:known]), "denim", "a", SETTINGS)
+        found = bias(series(errors[:known]), "denim", "a")
         assert found.since is None
         assert abs(found.seen) < 3e-4
 
@@ -69,7 +67,7 @@ def test_a_steady_cell_hardly_ever_seems_to_change() -> None:
     noticed = 0
     for seed in range(100):
         noise = REPEAT * np.random.default_rng(seed).standard_normal(20)
-        noticed += bias(series(noise), "denim", "a", SETTINGS).since is not None
+        noticed += bias(series(noise), "denim", "a").since is not None
     assert noticed <= 2
 
 
@@ -79,7 +77,7 @@ def test_a_right_cell_is_not_made_worse_by_more_than_a_tenth_of_a_millimetre() -
         rng = np.random.default_rng(seed)
         errors = rng.normal(0.0, 5e-4) + REPEAT * rng.standard_normal(10)
         for number, error in enumerate(errors):
-            known = bias(series(errors[:number]), "denim", "a", SETTINGS)
+            known = bias(series(errors[:number]), "denim", "a")
             plain.append(abs(error))
             learned.append(abs(error - known.seen))
     assert np.mean(learned) < np.mean(plain) + 1e-4
@@ -87,9 +85,9 @@ def test_a_right_cell_is_not_made_worse_by_more_than_a_tenth_of_a_millimetre() -
 
 def test_a_ruler_teaches_only_what_the_camera_does_not_see() -> None:
     ruler = Experience("run-0", "adaptive", "denim", "a", "ruler", rig=0.003)
-    found = bias([folded(0, 0.001), ruler], "denim", "a", SETTINGS)
+    found = bias([folded(0, 0.001), ruler], "denim", "a")
     assert found.rig == pytest.approx(0.003, abs=2e-4)
-    assert found.seen == pytest.approx(bias([folded(0, 0.001)], "denim", "a", SETTINGS).seen)
+    assert found.seen == pytest.approx(bias([folded(0, 0.001)], "denim", "a").seen)
 
 
 def laid(*edges: float | None) -> list[Experience]:
@@ -102,10 +100,10 @@ def laid(*edges: float | None) -> list[Experience]:
 
 @pytest.mark.parametrize("offset", [-0.004, -0.003, 0.003, 0.004])
 def test_edges_that_a_cell_lays_off_are_laid_right_after_one_fold(offset: float) -> None:
-    assert abs(laid_offset(laid(offset), 0.0, SETTINGS) - offset) < 5e-4
+    assert abs(laid_offset(laid(offset), 0.0) - offset) < 5e-4
 
 
 def test_a_ruler_says_that_the_camera_is_off_and_the_edges_are_not() -> None:
-    assert abs(laid_offset(laid(-0.004, -0.0041), 0.004, SETTINGS)) < 2e-4
+    assert abs(laid_offset(laid(-0.004, -0.0041), 0.004)) < 2e-4
     ruler = Experience("run-1", "adaptive", "denim", "a", "ruler", rig=0.004)
-    assert abs(bias([*laid(-0.004, -0.0041), ruler], "denim", "a", SETTINGS).laid) < 2e-4
+    assert abs(bias([*laid(-0.004, -0.0041), ruler], "denim", "a").laid) < 2e-4

@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cell.config.settings import LearningSettings
 from cell.learning.correction import (
     Correction,
     Subject,
@@ -23,7 +22,6 @@ from policies.prediction import Estimate, FoldPrediction
 from policies.registry import make_policy
 
 SUBJECT = Subject("adaptive@1", "denim", "a")
-SETTINGS = LearningSettings()
 NUMBER = Estimate(0.02, 0.019, 0.021)
 PREDICTED = FoldPrediction(-0.001, 0.0005, NUMBER, NUMBER, NUMBER, blind=False)
 STRIP = StripFile(
@@ -103,7 +101,7 @@ def test_the_second_fold_aims_at_the_opposite_of_the_first_ones_bias(tmp_path: P
     assert first is not None
     assert first.displacement == pytest.approx(0.003)  # measured +2 mm, predicted -1 mm
     memory.add(first)
-    found = learned_correction(memory, SUBJECT, SETTINGS)
+    found = learned_correction(memory, SUBJECT)
     assert found.total == pytest.approx(0.003, rel=0.1)
     sentence = found.sentence()
     assert sentence is not None
@@ -114,13 +112,13 @@ def test_a_correction_is_never_larger_than_the_limit(tmp_path: Path) -> None:
     memory = Memory("cell", tmp_path)
     for number in range(5):
         memory.add(Experience(f"r{number}", SUBJECT.policy, "denim", "a", "camera", 0.03))
-    assert learned_correction(memory, SUBJECT, SETTINGS).total == pytest.approx(0.008)
+    assert learned_correction(memory, SUBJECT).total == pytest.approx(0.008)
 
 
 def test_experiences_of_other_weights_teach_nothing(tmp_path: Path) -> None:
     memory = Memory("cell", tmp_path)
     memory.add(Experience("r0", "adaptive@2", "denim", "a", "camera", displacement=0.003))
-    assert learned_correction(memory, SUBJECT, SETTINGS).total == 0.0
+    assert learned_correction(memory, SUBJECT).total == 0.0
 
 
 def test_folds_without_touch_or_blind_or_stopped_teach_nothing() -> None:
