@@ -1,13 +1,17 @@
 """Values that drivers and cell exchange: poses, velocities, device states, frames."""
 
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
+Arguments = Sequence[tuple[Any, ...]]
+# calls a function with each of the arguments, somewhere; yields numbers and results as calls end
+Calls = Callable[[Callable[..., Any], Arguments], Iterator[tuple[int, Any]]]
 GRAVITY = 9.81  # m/s^2
 
 

@@ -11,15 +11,15 @@ import gc
 import logging
 import time
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import CancelledError, Executor
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import CancelledError, as_completed
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from queue import SimpleQueue
 from tempfile import mkdtemp
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from cell.campaign.journal import Journal, Record
 from cell.campaign.processes import ProcessPool
@@ -27,6 +27,7 @@ from cell.campaign.run import Part, compile_rod, measure_in, store_record
 from cell.campaign.versions import versions
 from cell.extras import require_library
 from drivers.errors import ConfigurationError, WorkersLost
+from drivers.types import Arguments, Calls
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -62,8 +63,8 @@ class Cluster:
             patience = ABSENCE
 
     @contextmanager
-    def executor(self) -> Iterator[Executor]:
-        """Open an executor over the cluster; the work of a worker that died is done by another.
+    def calls(self) -> Iterator[Calls]:
+        """Open what carries out calls on the cluster; another worker does those of a dead one.
 
         Raises ConfigurationError for an address without a usable cluster, WorkersLost when the
         cluster is gone.
@@ -71,8 +72,16 @@ class Cluster:
         with _silence_dask(), connect(self.address, CONNECT_TIMEOUT) as client:
             from distributed import KilledWorker
 
+            executor = client.get_executor(pure=False)
+
+            def carry_out(
+                function: Callable[..., Any], calls: Arguments
+            ) -> Iterator[tuple[int, Any]]:
+                waiting = {executor.submit(function, *each): i for i, each in enumerate(calls)}
+                return ((waiting[done], done.result()) for done in as_completed(waiting))
+
             try:
-                yield client.get_executor(pure=False)
+                yield carry_out
             except KilledWorker:
                 lost = "several workers died over the same piece"
                 raise WorkersLost(f"{self.address}: {lost}") from None

@@ -5,22 +5,23 @@ Processes, not threads: a third of the work holds the GIL.
 
 import gc
 import os
-import signal
 import time
+from collections import deque
 from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from enum import StrEnum
-from multiprocessing import get_context, parent_process
+from functools import partial
+from itertools import starmap
 from multiprocessing.connection import Connection, wait
-from threading import Thread
 from typing import Any
 
 from drivers.child import Child, ChildDied, end_with_parent
 from drivers.errors import CellError, WorkersLost
+from drivers.types import Arguments, Calls
 
+POLL_INTERVAL = 0.2  # s between looks at the time that calls take
+Waiting = deque[tuple[Any, Callable[..., Any], tuple[Any, ...]]]  # key, function, arguments
 TERMINATION_TIMEOUT = 60.0  # s for a call to end once its pool is closed
 
 
@@ -145,6 +146,14 @@ class ProcessPool:
         self._running.append(running)
         running.process.send(Call(function, arguments, stoppable))
 
+    def carry_out(self, waiting: Waiting, limit: float | None = None) -> Iterator[tuple[Any, Any]]:
+        """Make the calls `waiting`, and those added to it; yields as `ended` does."""
+        while waiting or self._running:
+            while waiting and self.has_room:
+                key, function, arguments = waiting.popleft()
+                self.begin(key, function, *arguments)
+            yield from self.ended(POLL_INTERVAL, limit)
+
     def ended(self, timeout: float, limit: float | None = None) -> Iterator[tuple[Any, Any]]:
         """Wait up to `timeout` [s] and yield (key, result) of the calls that have ended.
 
@@ -209,36 +218,31 @@ class ProcessPool:
 
 
 @contextmanager
-def workers(jobs: int) -> Iterator[Executor]:
-    """Open an executor over `jobs` processes, or over one thread of this process for a single job.
+def workers(jobs: int) -> Iterator[Calls]:
+    """Open what carries out calls in `jobs` processes, or in this one for a single job.
 
     For work that keeps its own journal: raises WorkersLost when a process dies.
     """
     if jobs == 1:
-        with ThreadPoolExecutor(1) as one:
-            yield one
+        yield lambda function, calls: enumerate(starmap(function, calls))
         return
-    with ProcessPoolExecutor(jobs, get_context("spawn"), initializer=_prepare_worker) as pool:
-        try:
-            yield pool
-        except BrokenProcessPool:
-            raise WorkersLost("a worker process died") from None
-        except BaseException:  # Ctrl-C too: the pool's own exit would wait for all queued work
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
+    pool = ProcessPool(jobs)
+    try:
+        yield partial(_results, pool)
+    finally:
+        pool.kill()
 
 
-def _prepare_worker() -> None:
-    """Make this worker ignore SIGINT, which the main process handles, and end with its parent."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    Thread(target=_exit_with_parent, daemon=True).start()
-
-
-def _exit_with_parent() -> None:
-    parent = parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)
+def _results(
+    pool: ProcessPool, function: Callable[..., Any], calls: Arguments
+) -> Iterator[tuple[int, Any]]:
+    waiting = deque((number, function, call) for number, call in enumerate(calls))
+    for number, result in pool.carry_out(waiting):
+        if isinstance(result, ChildDied):
+            raise WorkersLost(f"a worker process died: {result}")
+        if isinstance(result, CellError):
+            raise result
+        yield number, result
 
 
 def cores() -> int:

@@ -4,7 +4,6 @@ import os
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,8 +20,8 @@ from cell.record.documents import plain
 from drivers.child import ChildDied
 from drivers.errors import CellError, Unexpected
 from drivers.files import writing
+from drivers.types import Calls
 
-POLL_INTERVAL = 0.2  # s between looks at the time that parts take
 TRIES = 2  # of a part that kills its process: the first may have been the machine's fault
 Outcome = Mapping[str, Any] | BaseModel  # of a part, of values that JSON can hold
 
@@ -97,8 +96,8 @@ class Engine(Protocol):
     def measure(self, parts: Sequence[Part], folder: Path) -> Iterator[Record]:
         """Yield the records of `parts` as they finish, each stored in the journal at `folder`."""
 
-    def executor(self) -> AbstractContextManager[Executor]:
-        """Open an executor on the engine, for a search that keeps a journal of its own."""
+    def calls(self) -> AbstractContextManager[Calls]:
+        """Open what carries out calls on the engine, for a search with a journal of its own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,8 +115,8 @@ class Local:
         finally:
             pool.kill()
 
-    def executor(self) -> AbstractContextManager[Executor]:
-        """Open an executor over the processes; raises WorkersLost when one of them dies."""
+    def calls(self) -> AbstractContextManager[Calls]:
+        """Open what carries out calls in the processes; WorkersLost when one of them dies."""
         return workers(self.jobs)
 
 
@@ -129,26 +128,22 @@ def measure_in(
     A part that outlives its `limit` [s], or kills its process twice, is set aside. Raises CellError
     where a record cannot be stored.
     """
-    waiting = deque(parts)
+    waiting = deque((part, measure, (part, folder)) for part in parts)
     deaths = Counter[str]()
-    while waiting or pool.is_busy:
-        while waiting and pool.has_room:
-            part = waiting.popleft()
-            pool.begin(part, measure, part, folder)
-        for part, result in pool.ended(POLL_INTERVAL, limit):
-            if isinstance(result, CellError):
-                raise result
-            if isinstance(result, ChildDied):
-                deaths[part.key] += 1
-                if deaths[part.key] < TRIES:
-                    waiting.append(part)
-                else:
-                    reason = f"its process died {TRIES} times: {result}"
-                    yield store_record(part, folder, "set_aside", reason=reason)
-            elif isinstance(result, TimeoutError):
-                yield store_record(part, folder, "set_aside", reason=str(result))
+    for part, result in pool.carry_out(waiting, limit):
+        if isinstance(result, CellError):
+            raise result
+        if isinstance(result, ChildDied):
+            deaths[part.key] += 1
+            if deaths[part.key] < TRIES:
+                waiting.append((part, measure, (part, folder)))
             else:
-                yield result
+                reason = f"its process died {TRIES} times: {result}"
+                yield store_record(part, folder, "set_aside", reason=reason)
+        elif isinstance(result, TimeoutError):
+            yield store_record(part, folder, "set_aside", reason=str(result))
+        else:
+            yield result
 
 
 def carry_out(

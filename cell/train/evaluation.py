@@ -1,7 +1,6 @@
 """Evaluation of a trained policy on strips not used in its training, in rod and chain."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import Executor, as_completed
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from typing import Literal, TypeVar
@@ -15,7 +14,7 @@ from drivers.strip.engine import Stepper
 from drivers.strip.file import StripFile
 from drivers.strip.rod.engine import Rod
 from drivers.twin.chain.engine import Chain
-from drivers.types import Array
+from drivers.types import Array, Calls
 from policies.policy import Policy
 from policies.rollout import Misses, Rollout, roll_out
 from policies.strip_sampling import CONDITIONS, STRIP_LENGTH, grid, strip_under_condition
@@ -90,15 +89,15 @@ def evaluate(
     rollout: Rollout,
     seed: Sequence[int],
     side: int,
-    executor: Executor,
+    calls: Calls,
     meter: Meter,
 ) -> tuple[Evaluation, ...]:
-    """Evaluate `policy` on a grid of `side` x `side` strips in each engine, by `executor`.
+    """Evaluate `policy` on a grid of `side` x `side` strips in each engine, by `calls`.
 
     Engines get the same noise and delays, of random numbers by `seed` and row.
     """
     pieces = [(engine, row) for engine in reversed(ENGINES) for row in range(side)]
-    rows = _gather(executor, partial(_fold_row, policy, rollout, seed, side), pieces, meter)
+    rows = _gather(calls, partial(_fold_row, policy, rollout, seed, side), pieces, meter)
     found = {engine: np.array([rows[engine, row] for row in range(side)]) for engine in ENGINES}
     half = 0.5 * grid(side)[0].length
     return tuple(
@@ -108,26 +107,25 @@ def evaluate(
 
 
 def evaluate_effects(
-    policy: Policy, rollout: Rollout, segments: int, executor: Executor, meter: Meter
+    policy: Policy, rollout: Rollout, segments: int, calls: Calls, meter: Meter
 ) -> tuple[EffectErrors, ...]:
     """Evaluate `policy` on random strips in the rod, with nothing and each effect hidden in turn.
 
     The strips are the same for every policy.
     """
-    found = _gather(executor, partial(_fold_with, policy, rollout, segments), CONDITIONS, meter)
+    found = _gather(calls, partial(_fold_with, policy, rollout, segments), CONDITIONS, meter)
     return tuple(EffectErrors(name, found[name]) for name in CONDITIONS)
 
 
 def _gather(
-    executor: Executor, fold: Callable[[Key], Array], keys: Iterable[Key], meter: Meter
+    calls: Calls, fold: Callable[[Key], Array], keys: Sequence[Key], meter: Meter
 ) -> dict[Key, Array]:
-    """Displacements (n,) [m] that `fold(key)` gives for each of `keys`, by `executor`."""
-    waiting = {executor.submit(fold, key): key for key in keys}
+    """Displacements (n,) [m] that `fold(key)` gives for each of `keys`, by `calls`."""
     found: dict[Key, Array] = {}
-    meter.begin(len(waiting), 0)
-    for done in as_completed(waiting):
-        found[waiting[done]] = done.result()
-        count = f"{len(found)} of {len(waiting)} pieces"
+    meter.begin(len(keys), 0)
+    for number, displacement in calls(fold, [(key,) for key in keys]):
+        found[keys[number]] = displacement
+        count = f"{len(found)} of {len(keys)} pieces"
         meter.step(len(found), f"folds strips that training never folded: {count}")
     return found
 

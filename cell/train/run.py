@@ -1,7 +1,6 @@
 """Training of a policy in one folder: started or resumed, then evaluated."""
 
 import json
-from concurrent.futures import Executor
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,6 +11,7 @@ from cell.campaign.progress import Meter
 from cell.campaign.run import Engine, make_folder
 from cell.train.evaluation import EffectErrors, Evaluation, evaluate, evaluate_effects
 from drivers.files import lock_folders, write_file
+from drivers.types import Calls
 from policies.adaptive.train.shard import CriticSettings
 from policies.rollout import Rollout
 from policies.sensing import IMAGE_SENSING
@@ -66,12 +66,12 @@ def train(
     make_folder(folder)
     with lock_folders([folder]):
         training = _open_training(settings, folder)
-        with engine.executor() as executor:
+        with engine.calls() as calls:
             with Meter(console) as meter:
                 meter.begin(training.total, training.known)
-                for done, text in enumerate(training.run(executor), training.known + 1):
+                for done, text in enumerate(training.run(calls), training.known + 1):
                     meter.step(done, text)
-            trained = _evaluate(training, settings, side, executor, console)
+            trained = _evaluate(training, settings, side, calls, console)
         content = json.dumps(trained.record(), indent=1) + "\n"
         write_file(folder / EVALUATION, content, "make room and run the command again")
         return trained
@@ -81,7 +81,7 @@ def _evaluate(
     training: "Search | CriticTraining",
     settings: TrainingSettings | CriticSettings,
     side: int,
-    executor: Executor,
+    calls: Calls,
     console: Console,
 ) -> Trained:
     """Evaluate the weights of `training` on other strips: a `side` x `side` grid, and by effect."""
@@ -94,10 +94,10 @@ def _evaluate(
         rollout = Rollout(speed=settings.speed, sensing=IMAGE_SENSING)
         seed = [settings.seed]
         with Meter(console) as meter:
-            effects = evaluate_effects(policy, rollout, settings.segments, executor, meter)
+            effects = evaluate_effects(policy, rollout, settings.segments, calls, meter)
     finer = replace(rollout, substeps=SUBSTEPS)
     with Meter(console) as meter:
-        found = evaluate(policy, finer, seed, side, executor, meter)
+        found = evaluate(policy, finer, seed, side, calls, meter)
     trial = training.trial
     return Trained(training.checkpoint, settings, found, trial=trial, effects=effects)
 

@@ -1,7 +1,6 @@
 """Objective of a training: the paper's reward as a cost, over simulated folds of random strips."""
 
 from collections.abc import Sequence
-from concurrent.futures import Executor
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -12,7 +11,7 @@ from drivers.settings import Settings
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from drivers.strip.rod.engine import Rod
-from drivers.types import GRAVITY, Array
+from drivers.types import GRAVITY, Array, Calls
 from policies.feedback import Feedback
 from policies.rollout import Folds, Rollout, roll_out
 from policies.sensing import Sensing
@@ -69,12 +68,12 @@ class Scores(NamedTuple):
 
 
 def evaluate(
-    settings: TrainingSettings, candidates: Array, generation: int, executor: Executor
+    settings: TrainingSettings, candidates: Array, generation: int, calls: Calls
 ) -> Scores:
-    """Evaluate `candidates` (p, WEIGHT_COUNT) in `generation`, in equal pieces by `executor`."""
+    """Evaluate `candidates` (p, WEIGHT_COUNT) in `generation`, in equal pieces by `calls`."""
     pieces = [candidates[i : i + PIECE] for i in range(0, len(candidates), PIECE)]
-    jobs = [executor.submit(evaluate_piece, settings, p, generation) for p in pieces]
-    scores = [job.result() for job in jobs]
+    found = dict(calls(evaluate_piece, [(settings, piece, generation) for piece in pieces]))
+    scores = [found[number] for number in range(len(pieces))]
     return Scores(*(np.concatenate(parts) for parts in zip(*scores, strict=True)))
 
 

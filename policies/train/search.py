@@ -3,7 +3,6 @@
 import hashlib
 import time
 from collections.abc import Iterator
-from concurrent.futures import Executor
 from pathlib import Path as FilePath
 
 import numpy as np
@@ -11,7 +10,7 @@ from cmaes import CMA
 from threadpoolctl import ThreadpoolController
 
 from drivers.errors import ConfigurationError
-from drivers.types import Array
+from drivers.types import Array, Calls
 from policies.feedback import (
     HIDDEN_UNITS,
     INPUT_CENTRE,
@@ -91,8 +90,8 @@ class Search:
         """Policy `feedback` with the best weights so far."""
         return Feedback(self.weights)
 
-    def run(self, executor: Executor) -> Iterator[str]:
-        """Run the remaining generations, with folds by `executor`; yields a text on each.
+    def run(self, calls: Calls) -> Iterator[str]:
+        """Run the remaining generations, with folds by `calls`; yields a text on each.
 
         Those in the journal are replayed. A checkpoint is saved whenever a generation validates
         better than all before, and at the end.
@@ -100,19 +99,19 @@ class Search:
         for line in list(self._journal.lines):
             self._replay(line)
         while self._optimiser.generation < self.settings.generations:
-            yield self._generation(executor)
+            yield self._generation(calls)
         self._save_checkpoint()
 
-    def _generation(self, executor: Executor) -> str:
+    def _generation(self, calls: Calls) -> str:
         """Run one generation: ask, evaluate, update, validate if due, write to the journal."""
         number = self._optimiser.generation
         start = time.monotonic()
         candidates = self._ask()
-        scores = evaluate(self.settings, candidates, number, executor)
+        scores = evaluate(self.settings, candidates, number, calls)
         self._tell(candidates, scores.cost)
         validated = None
         if self._is_validated(number):
-            validated = executor.submit(validate, self.settings, self._optimiser.mean).result()
+            [(_, validated)] = calls(validate, [(self.settings, self._optimiser.mean)])
             self._last_validation = f"  validated {1e3 * validated:.1f} mm rms"
         best, mean = float(scores.miss.min()), float(scores.miss.mean())
         seconds = round(time.monotonic() - start, 3)

@@ -4,7 +4,6 @@ It resumes with the shards and critics that are in the folder.
 """
 
 from collections.abc import Iterator
-from concurrent.futures import Executor, as_completed
 from dataclasses import asdict, dataclass
 from pathlib import Path as FilePath
 
@@ -12,7 +11,7 @@ import numpy as np
 
 from drivers.errors import ConfigurationError
 from drivers.files import writing
-from drivers.types import Array
+from drivers.types import Array, Calls
 from policies.adaptive.adaptive import Adaptive
 from policies.adaptive.checkpoint import load_critic, save_critic
 from policies.adaptive.critic import Critic, CriticPrediction, FoldMemory
@@ -53,31 +52,30 @@ class CriticTraining:
         """Policy `adaptive` with the critic of the training that has run to its end."""
         return Adaptive(self._calibrated)
 
-    def run(self, executor: Executor) -> Iterator[str]:
-        """Run the remaining steps, with folds by `executor`, and save the weights; yields texts."""
-        for number, text in enumerate(self._steps(executor), 1):
+    def run(self, calls: Calls) -> Iterator[str]:
+        """Run the remaining steps, with folds by `calls`, and save the weights; yields texts."""
+        for number, text in enumerate(self._steps(calls), 1):
             yield f"{number} of {self.total}: {text}"
         self._finish()
 
-    def _steps(self, executor: Executor) -> Iterator[str]:
+    def _steps(self, calls: Calls) -> Iterator[str]:
         """Run rounds and trial; yields a text on each step."""
         for turn, count in enumerate(self.settings.pieces):
-            for shard in self._pieces(turn, count, executor):
+            for shard in self._pieces(turn, count, calls):
                 yield f"round {turn + 1}, shard {shard}"
             self._critic = self._fit(turn)
             yield f"round {turn + 1}, regression"
-        for shard in self._pieces(self.settings.rounds, self.settings.trials, executor):
+        for shard in self._pieces(self.settings.rounds, self.settings.trials, calls):
             yield f"trial {shard}"
 
-    def _pieces(self, turn: int, count: int, executor: Executor) -> Iterator[int]:
+    def _pieces(self, turn: int, count: int, calls: Calls) -> Iterator[int]:
         """Fold and store the missing shards of round `turn`; yields each shard's number."""
         missing = [n for n in range(count) if self._read(turn, n) is None]
         yield from sorted(set(range(count)) - set(missing))
-        jobs = {executor.submit(simulate, self.settings, turn, n, self._critic): n for n in missing}
-        for job in as_completed(jobs):
+        for i, shard in calls(simulate, [(self.settings, turn, n, self._critic) for n in missing]):
             with writing(self.folder, "make room and go on"):
-                job.result().save(self._path(turn, jobs[job]))
-            yield jobs[job]
+                shard.save(self._path(turn, missing[i]))
+            yield missing[i]
 
     def _fit(self, turn: int) -> Critic:
         """Critic of round `turn`: the one in the folder, else fitted to all shards so far."""

@@ -6,7 +6,6 @@ import shutil
 import signal
 import subprocess
 from collections.abc import Iterator
-from concurrent.futures import Executor, ThreadPoolExecutor
 from pathlib import Path
 from threading import Event, Thread
 from typing import Any
@@ -15,8 +14,9 @@ import numpy as np
 import pytest
 
 from cell.campaign.cluster import Cluster, event_loop
+from cell.campaign.processes import workers
 from drivers.errors import ConfigurationError
-from drivers.types import Array
+from drivers.types import Array, Calls
 from policies.train.objective import TrainingSettings
 from policies.train.search import Search
 
@@ -46,16 +46,16 @@ def library() -> Any:
     return pytest.importorskip("distributed", reason="pip install '.[cluster]'")
 
 
-def trained(folder: Path, executor: Executor, between: object = None) -> Array:
+def trained(folder: Path, calls: Calls, between: object = None) -> Array:
     run = Search(TINY, folder)
-    for done, _ in enumerate(run.run(executor), 1):
+    for done, _ in enumerate(run.run(calls), 1):
         if between is not None and done == 1:
             between()
     return run.weights
 
 
 def test_worker_killed_in_mid_run_changes_nothing(local, tmp_path: Path) -> None:
-    with ThreadPoolExecutor(1) as here:
+    with workers(1) as here:
         alone = trained(tmp_path / "here", here)
     with library().Client(local, set_as_default=False) as watcher:
         pids = watcher.run(os.getpid)
@@ -73,7 +73,7 @@ def test_worker_killed_in_mid_run_changes_nothing(local, tmp_path: Path) -> None
             os.kill(pid, signal.SIGSTOP)
             Thread(target=kill_at_work, daemon=True).start()
 
-        with Cluster(local.scheduler_address).executor() as there:
+        with Cluster(local.scheduler_address).calls() as there:
             together = trained(tmp_path / "there", there, stop)
         assert killed.is_set()
         assert pid not in watcher.run(os.getpid).values()
@@ -88,7 +88,7 @@ def test_workers_of_another_version_are_refused(local, monkeypatch) -> None:
     monkeypatch.setattr("cell.campaign.versions.version", lambda _: "0.0")
     with (
         pytest.raises(ConfigurationError, match=r"numpy \S+, here 0\.0"),
-        Cluster(local.scheduler_address).executor(),
+        Cluster(local.scheduler_address).calls(),
     ):
         pass
 
@@ -98,7 +98,7 @@ def test_address_without_a_scheduler_is_one_line(monkeypatch, address: str) -> N
     monkeypatch.setattr("cell.campaign.cluster.CONNECT_TIMEOUT", 0.2)
     with (
         pytest.raises(ConfigurationError, match="no scheduler answers") as told,
-        Cluster(address).executor(),
+        Cluster(address).calls(),
     ):
         pass
     assert "\n" not in str(told.value)
@@ -148,8 +148,8 @@ def test_cluster_with_tls_serves_who_has_the_certificate_alone(tmp_path: Path, m
         assert address.startswith("tls://")
         with (
             pytest.raises(ConfigurationError, match="no scheduler answers"),
-            Cluster(address).executor(),
+            Cluster(address).calls(),
         ):
             pass
-        with pytest.importorskip("dask").config.set(known), Cluster(address).executor() as executor:
-            assert executor.submit(max, 1, 2).result(timeout=400) == 2
+        with pytest.importorskip("dask").config.set(known), Cluster(address).calls() as calls:
+            assert list(calls(max, [(1, 2)])) == [(0, 2)]

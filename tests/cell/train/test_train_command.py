@@ -52,8 +52,8 @@ def test_run_killed_twice_ends_with_the_weights_of_one_left_alone(
 
 
 def test_worker_that_dies_ends_the_training_in_one_line() -> None:
-    with pytest.raises(WorkersLost, match="run the same command again"), workers(2) as pool:
-        pool.submit(os._exit, 1).result()
+    with pytest.raises(WorkersLost, match="run the same command again"), workers(2) as calls:
+        list(calls(os._exit, [(1,)]))
 
 
 def test_workers_end_with_the_process_that_leads_them() -> None:
@@ -61,8 +61,8 @@ def test_workers_end_with_the_process_that_leads_them() -> None:
         "import os, signal\n"
         "from cell.campaign.processes import workers\n"
         "if __name__ == '__main__':\n"
-        "    with workers(2) as pool:\n"
-        "        print(pool.submit(os.getpid).result(), flush=True)\n"
+        "    with workers(2) as calls:\n"
+        "        print(*dict(calls(os.getpid, [()])).values(), flush=True)\n"
         "        os.kill(os.getpid(), signal.SIGKILL)\n"
     )
     command = [sys.executable, "-c", script]

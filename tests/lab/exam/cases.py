@@ -117,13 +117,13 @@ def cases(
     """
     kinds = [only] * count if only else _kinds(tier, count)
     draws = [Draw(tier, kind, i, kinds[:i].count(kind), seed) for i, kind in enumerate(kinds)]
-    found: list[Case] = []
-    with workers(jobs) as pool:
-        for case in pool.map(Draw.case, draws):
-            found.append(case)
+    found: dict[int, Case] = {}
+    with workers(jobs) as calls:
+        for number, case in calls(Draw.case, [(draw,) for draw in draws]):
+            found[number] = case
             if len(found) * 10 // count > (len(found) - 1) * 10 // count:
                 progress(len(found), count, "cases drawn")
-    return found
+    return [found[number] for number in range(count)]
 
 
 def _scatter_level(number: int) -> ScatterLevel:

@@ -25,8 +25,8 @@ def trained(folder: Path, settings: CriticSettings = TINY, stop_after: int = 99)
     from policies.adaptive.train.training import CriticTraining  # and PyTorch
 
     training = CriticTraining(settings, folder)
-    with workers(1) as executor:
-        for done, _ in enumerate(training.run(executor), 1):
+    with workers(1) as calls:
+        for done, _ in enumerate(training.run(calls), 1):
             if done == stop_after:
                 return None
     return training.policy.critic
