@@ -87,14 +87,6 @@ def slow_down(settings: CellFile) -> CellFile:
     )
 
 
-def settings_of_run(settings: CellFile, speed: float | None, *, full_speed: bool) -> CellFile:
-    """Settings of a run with path `speed` [m/s], if given; a robot is slow unless `full_speed`."""
-    settings = at_speed(settings, speed)
-    if settings.has_real_arm and not full_speed:
-        settings = slow_down(settings)
-    return limit_to_arm(settings)
-
-
 def at_speed(settings: S, speed: float | None) -> S:
     """Copy of the cell's settings with path speed `speed` [m/s]; unchanged where it is None.
 

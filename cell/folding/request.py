@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from cell.arm.run_settings import settings_of_run
+from cell.arm.run_settings import at_speed, limit_to_arm, slow_down
 from cell.config.cell import CellFile
 from cell.config.length import metres
 from cell.devices.devices import Trial
@@ -71,7 +71,10 @@ class Request:
     @property
     def settings(self) -> CellFile:
         """Settings of the cell for this fold, with its speed and the limits of its arm."""
-        return settings_of_run(self.cell, self.speed, full_speed=self.full_speed)
+        settings = at_speed(self.cell, self.speed)
+        if settings.has_real_arm and not self.full_speed:
+            settings = slow_down(settings)
+        return limit_to_arm(settings)
 
 
 def repetitions(base: Request, plants: Sequence[StripFile], repeat: int = 1) -> tuple[Request, ...]:

@@ -8,7 +8,10 @@ from numpy.typing import NDArray
 
 from calibration.calibration import Calibration
 from cell.perception.kernels import LEVEL_SPAN, ZERO_LEVEL, strip_share
+from cell.perception.region import STRIP_START
 from cell.perception.scene import Appearance
+from drivers.strip.file import StripFile
+from drivers.strip.model import CONTACT_HEIGHT
 from drivers.strip.shape import LYING_LENGTH
 from drivers.types import Array, Image
 
@@ -33,17 +36,12 @@ class SearchLine:
     front: Array
 
     @classmethod
-    def at_height(
-        cls,
-        calibration: Calibration,
-        appearance: Appearance,
-        height: float,
-        thickness: float,
-        span: tuple[float, float],
+    def under(
+        cls, strip: StripFile, calibration: Calibration, appearance: Appearance
     ) -> "SearchLine":
-        """Search line over `span` [m] of x, along the underside of a strip `height` [m] up."""
-        x = np.arange(span[0], span[1], SAMPLE_SPACING)
-        z = appearance.rest_height(x) + height - thickness / 2
+        """Search line along the underside of `strip` where it stands CONTACT_HEIGHT up."""
+        x = np.arange(STRIP_START + 0.0005, strip.length + 0.01, SAMPLE_SPACING)
+        z = appearance.rest_height(x) + CONTACT_HEIGHT - strip.thickness / 2
         near = x[: len(x) // 2 : FRONT_STRIDE]  # some points in front of the strip's fixed half
         front = np.column_stack([near, np.full_like(near, FRONT_HEIGHT)])
         pixels = calibration.to_image(np.column_stack([x, z]))

@@ -9,10 +9,9 @@ import numpy as np
 
 from calibration.calibration import Calibration
 from cell.perception.contact import Contact, SearchLine, find_contact
-from cell.perception.kernels import CELL_PX, PATCH_PX, smooth_matte
-from cell.perception.profile import Geometry, midline_points, resample
+from cell.perception.kernels import smooth_matte
+from cell.perception.profile import SPACING, Geometry, midline_points, resample
 from cell.perception.region import (
-    STRIP_START,
     Region,
     Sizes,
     strip_region,
@@ -24,7 +23,6 @@ from cell.perception.silhouette import Grip, outer_side, silhouette
 from cell.perception.strip_measurement import StripMeasurement
 from drivers.geometry import arc_lengths
 from drivers.strip.file import StripFile
-from drivers.strip.model import CONTACT_HEIGHT
 from drivers.strip.shape import Gap, fold_tip, layer_gap
 from drivers.types import Array, Frame, Image, Pose
 
@@ -36,9 +34,6 @@ FEWEST_POINTS = 8  # of the lifted midline, from which it is a profile
 CONTACT_BIAS = 0.0003
 FAINT = 0.12  # share of strip that an edge-on strip still shows
 SHADOW_HEIGHT = 0.006  # m below which the strip casts a visible shadow
-OUTLINE_STEP = 3  # px between points along the outline
-SPACING = 0.002  # m over which the midline is averaged
-PROFILE_POINTS = 150
 LITTLE = 0.03  # m of lifted strip from which its profile counts
 LENGTH_ERROR = 0.015  # m; twice that from the stated length: unbelievable
 REACH = 0.02  # m from the gripper where its profile may end
@@ -76,16 +71,10 @@ class Perception:
         self._strip = strip
         self._scene = appearance.scene
         self._faint = max(FAINT, 2.0 * appearance.scene.noise)
-        self._line = SearchLine.at_height(
-            calibration,
-            appearance,
-            CONTACT_HEIGHT,
-            strip.thickness,
-            (STRIP_START + 0.0005, strip.length + 0.01),
-        )
+        self._line = SearchLine.under(strip, calibration, appearance)
         self._zone = strip_zone(calibration, strip.length)
         self._above_shadow = strip_zone(calibration, strip.length, SHADOW_HEIGHT)
-        self._sizes = Sizes.at_patch(calibration, PATCH_PX)
+        self._sizes = Sizes.of_camera(calibration)
         self._rest = appearance.rest_height
         self._contact_bias = CONTACT_BIAS + calibration.contact_bias
 
@@ -123,7 +112,7 @@ class Perception:
 
     def _matte(self, frame: Frame, gripper: Pose, around: float = 0.0) -> Matte:
         """Matte of `frame` where the strip can appear, without the hand and `around` [m] of it."""
-        region = strip_region(self._calibration, self._strip.length, gripper, CELL_PX)
+        region = strip_region(self._calibration, self._strip.length, gripper)
         visible = without_hand(region, self._calibration, gripper)
         if around > 0:
             side = 2 * round(around / self._sizes.scale) + 1
@@ -145,7 +134,7 @@ class Perception:
             return Curve(np.empty((0, 2)), contact.confidence)
         start, grip = self._side_ends(contact, gripper, matte.region)
         mask = self._mask(matte)
-        side = outer_side(mask, start, grip, OUTLINE_STEP, self._sizes)
+        side = outer_side(mask, start, grip, self._sizes)
         if side is None:
             return UNSEEN
         geometry = Geometry(
@@ -155,12 +144,12 @@ class Perception:
             origin=matte.region.origin,
             sizes=self._sizes,
         )
-        points, visible = midline_points(matte.levels, side, geometry, SPACING)
+        points, visible = midline_points(matte.levels, side, geometry)
         first_lifted = int(np.argmax(points[:, 0] >= contact.x)) if len(points) else 0
         lifted = points[first_lifted:]
         if len(lifted) < FEWEST_POINTS:
             return UNSEEN
-        midline = resample(lifted, PROFILE_POINTS)
+        midline = resample(lifted)
         return Curve(midline, self._plausibility(midline, contact, gripper) * visible)
 
     def _plausibility(self, midline: Array, contact: Contact, gripper: Pose) -> float:

@@ -22,6 +22,8 @@ THIN = (2.5, 4.5)  # px: narrower bands are read by their centre of mass
 AGREE = 2.5  # px by which a band's width may differ from the geometry
 CLOSE = (0.6, 1.2)  # px: an inner border this near to its place is the near edge
 FEWEST_POINTS = 4  # of a midline, from which it is averaged
+SPACING = 0.002  # m over which the midline is averaged
+PROFILE_POINTS = 150
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,10 +105,8 @@ class Geometry:
         return self.calibration.viewpoint.sweep(self.width)
 
 
-def midline_points(
-    levels: Image, side: Side, geometry: Geometry, spacing: float
-) -> tuple[Array, float]:
-    """Midline (m, 2) [m] of the lifted strip, `spacing` [m] apart, from its outer side.
+def midline_points(levels: Image, side: Side, geometry: Geometry) -> tuple[Array, float]:
+    """Midline (m, 2) [m] of the lifted strip, SPACING apart, from its outer side.
 
     Also returns the share of the side's points at which the band in the matte levels (h, w) is as
     wide as geometry says. The outer side is the near edge where it faces away from the foot, the
@@ -125,7 +125,7 @@ def midline_points(
     width = (borders.inner - borders.outer) * scale
     expected = swept + geometry.thickness
     good = (borders.strength > 0.2) & ~(width < expected - AGREE * scale)
-    return _average_in_order(points[good], tangents[good], spacing), float(good.mean())
+    return _average_in_order(points[good], tangents[good]), float(good.mean())
 
 
 def _midline(
@@ -167,8 +167,8 @@ def _far_offset(differences: Array, limit: float) -> float:
     return float(np.median(close)) if len(close) >= 10 else 0.0
 
 
-def _average_in_order(points: Array, tangents: Array, spacing: float) -> Array:
-    """Order `points` (n, 2) with unit `tangents` by arc length and average them over `spacing` [m].
+def _average_in_order(points: Array, tangents: Array) -> Array:
+    """Order `points` (n, 2) with unit `tangents` by arc length and average them over SPACING.
 
     Where the outer side changes from near to far edge, its points repeat a section of the midline.
     """
@@ -177,16 +177,16 @@ def _average_in_order(points: Array, tangents: Array, spacing: float) -> Array:
     mean = tangents[1:] + tangents[:-1]
     mean /= np.maximum(np.hypot(*mean.T), 1e-9)[:, None]
     travel = np.concatenate([[0.0], np.cumsum((np.diff(points, axis=0) * mean).sum(axis=1))])
-    bins = np.floor((travel - travel.min()) / spacing).astype(int)
+    bins = np.floor((travel - travel.min()) / SPACING).astype(int)
     count = np.bincount(bins)
     filled = count > 0
     sums = np.stack([np.bincount(bins, points[:, c]) for c in range(2)], axis=1)
     return np.asarray(sums[filled] / count[filled, None])
 
 
-def resample(points: Array, count: int) -> Array:
-    """Resample a polyline (n, 2) to `count` points at equal steps, smoothed by local parabolas."""
-    even = even_points(points, count)
+def resample(points: Array) -> Array:
+    """Resample a polyline (n, 2) to PROFILE_POINTS at equal steps, smoothed by local parabolas."""
+    even = even_points(points, PROFILE_POINTS)
     smooth = even.copy()
     for c in range(2):
         smooth[2:-2, c] = np.convolve(even[:, c], KERNEL, mode="valid")

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.calibration import Calibration
+from cell.perception.kernels import CELL_PX, PATCH_PX
 from drivers.types import Array, Image, Pose
 
 # m: chosen on the twin's camera of 0.59 mm/px, which sees a pixel of blur
@@ -31,10 +32,9 @@ class Sizes:
     deep: float  # px to which a line across the outline reaches into the strip
 
     @classmethod
-    def at_patch(cls, calibration: Calibration, patch: int) -> Self:
+    def of_camera(cls, calibration: Calibration) -> Self:
         """Sizes [px] for the camera of `calibration`, by its resolution at the image centre.
 
-        Its brightness is read in patches of `patch` [px].
         Windows are at least what a strip of two pixels needs, however coarse the camera is.
         """
         lens = calibration.lens
@@ -43,7 +43,7 @@ class Sizes:
         scale = float(np.hypot(*(following - pixel)))
         return cls(
             scale=scale,
-            light=max(_odd(LIGHT_WINDOW / scale / patch), 3),
+            light=max(_odd(LIGHT_WINDOW / scale / PATCH_PX), 3),
             hanging=max(_odd(HANGING_WINDOW / scale), 5),
             bridge=LONGEST_BRIDGE / scale,
             aside=FINGER_DISTANCE / scale,
@@ -98,10 +98,10 @@ class Region:
         return rows, ceil((self.right - self.left) / cell)
 
 
-def strip_region(calibration: Calibration, length: float, gripper: Pose, cell: int) -> Region:
+def strip_region(calibration: Calibration, length: float, gripper: Pose) -> Region:
     """Region of the image in which a strip of `length` [m], held at `gripper`, can appear.
 
-    It covers whole cells of `cell` [px]. The strip is fixed at x = 0: the region ends on the right
+    It covers whole cells of CELL_PX. The strip is fixed at x = 0: the region ends on the right
     half way between its length and the gripper.
     """
     top = max(gripper.z + ABOVE_GRIPPER, FOLD)
@@ -110,9 +110,9 @@ def strip_region(calibration: Calibration, length: float, gripper: Pose, cell: i
     pixels = calibration.to_image(corners)
     lens = calibration.lens
     size = np.array([lens.width, lens.height])
-    first = np.clip(pixels.min(axis=0), 0, size - 2).astype(int) // cell * cell
+    first = np.clip(pixels.min(axis=0), 0, size - 2).astype(int) // CELL_PX * CELL_PX
     last = np.clip(np.ceil(pixels.max(axis=0)) + 1, 2, size).astype(int)
-    right_bottom = np.minimum(-(-last // cell) * cell, size)  # rounded up to a multiple of cells
+    right_bottom = np.minimum(-(-last // CELL_PX) * CELL_PX, size)  # rounded up to whole cells
     return Region(*first.tolist(), *right_bottom.tolist())
 
 

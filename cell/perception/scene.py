@@ -271,7 +271,7 @@ def learn_segmenter(
     """
     sensor = max(noise, LEAST_NOISE) * DIFFERENCE
     smooth = max(sensor * NOISE_SHARE, LEAST_NOISE * DIFFERENCE)
-    about = Sizes.at_patch(calibration, PATCH_PX).light
+    about = Sizes.of_camera(calibration).light
     background = learn_background(image, calibration, place, about)
     colours = palette(samples)
     scene = background.image[motion_mask(calibration, strip.length) > 0]

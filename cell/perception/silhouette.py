@@ -19,6 +19,7 @@ FACING = 0.8  # cosine within which two tips point at each other
 AT_GRIP = 6  # px from the gripper at which a region needs no bridge to another
 # px of any camera, by the pixel grid and a lens's blur of about a pixel
 SHORTEST_OUTLINE = 12  # shorter ones are noise
+OUTLINE_STEP = 3  # px between points along the outline
 AVERAGE = 4  # along the outline to either side, over which it is averaged
 TIP_ARM = 8  # from a tip both ways along the outline
 TIP_WIDTH = 5.0  # how near to itself the outline is there
@@ -80,10 +81,10 @@ def line_offsets(length: int) -> Offsets:
     return np.rint(steps[None, :, None] * np.array(directions)[:, None]).astype(np.int64)
 
 
-def outer_side(mask: Image, contact: Array, grip: Grip, step: int, sizes: Sizes) -> Side | None:
+def outer_side(mask: Image, contact: Array, grip: Grip, sizes: Sizes) -> Side | None:
     """Outer side of the strip in `mask` (h, w), from `contact` (2,) [px] to the grip.
 
-    A point every `step` [px]. With the strip on its left the outline runs from under the contact
+    A point every OUTLINE_STEP. With the strip on its left the outline runs from under the contact
     around the fold, up to the fingers. None where no region of strip is seen at the contact.
     """
     outline = _body(mask, contact, grip.point, sizes)
@@ -93,13 +94,13 @@ def outer_side(mask: Image, contact: Array, grip: Grip, step: int, sizes: Sizes)
     ring = np.roll(outline, -start, axis=0)
     cut = grip.cuts(ring)
     end = int(np.argmax(cut)) if cut.any() else int(np.argmin(np.hypot(*(ring - grip.point).T)))
-    if end < 3 * step:
+    if end < 3 * OUTLINE_STEP:
         return None
     wrapped = np.vstack([ring[-AVERAGE:], ring, ring[:AVERAGE]])
     smooth = moving_average(wrapped, 2 * AVERAGE + 1)
     tangent = np.roll(smooth, -2, axis=0) - np.roll(smooth, 2, axis=0)
     speed = np.hypot(*tangent.T)
-    rows = np.arange(0, end + 1, step)
+    rows = np.arange(0, end + 1, OUTLINE_STEP)
     rows = rows[speed[rows] > 0.5]  # where the outline turns back on itself it has no side
     tangent /= np.maximum(speed, 1e-9)[:, None]
     normals = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)

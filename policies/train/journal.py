@@ -11,7 +11,7 @@ from typing import Any
 
 from drivers.errors import ConfigurationError
 from drivers.files import append_line, write_file, writing
-from drivers.readers import MEGABYTE, read_text
+from drivers.readers import MEGABYTE, read_json_lines
 from drivers.settings import Settings
 
 Line = dict[str, Any]
@@ -32,14 +32,15 @@ class TrainingJournal:
     ) -> None:
         """Open the training's journal at `path`, or begin one with `settings`."""
         self.path = path
-        self._keys = keys
         with writing(path, OTHER_FOLDER):
             path.parent.mkdir(parents=True, exist_ok=True)
-        lines = self._read() if path.exists() else []
-        self.lines: list[Line] = lines[1:]
         asked = settings.model_dump(mode="json")
-        if lines:
-            self._check(lines[0].get("settings"), asked)
+        first, *self.lines = read_json_lines(path, LARGEST_JOURNAL) or [{}]
+        begun = first.get("settings")
+        if isinstance(begun, dict) and all(line.keys() >= keys for line in self.lines):
+            self._check(begun, asked)
+        elif path.exists():
+            raise ConfigurationError(f"{path}: is not a training journal; {OTHER_FOLDER}")
         header = {"schema": 1, "settings": asked}
         write_file(path, "".join(map(_line, [header, *self.lines])), OTHER_FOLDER)
 
@@ -49,25 +50,8 @@ class TrainingJournal:
             append_line(self.path, _line(line).encode())
         self.lines.append(line)
 
-    def _read(self) -> list[Line]:
-        """Lines of the journal, settings first; ConfigurationError for another file."""
-        text = read_text(self.path, LARGEST_JOURNAL)
-        complete = text[: text.rfind("\n") + 1]
-        try:
-            lines = [json.loads(line) for line in complete.splitlines()]
-        except json.JSONDecodeError:
-            raise self._not_a_journal() from None
-        mappings = all(isinstance(line, dict) for line in lines)
-        if not mappings or not all(line.keys() >= self._keys for line in lines[1:]):
-            raise self._not_a_journal()
-        if not lines and text and not text.startswith("{"):  # a kill cuts off one line at most
-            raise self._not_a_journal()
-        return lines
-
-    def _check(self, begun: Any, asked: dict[str, Any]) -> None:
+    def _check(self, begun: dict[str, Any], asked: dict[str, Any]) -> None:
         """Refuse a journal of other settings; more generations are allowed."""
-        if not isinstance(begun, dict):
-            raise self._not_a_journal()
         differ = [
             f"{key} is {begun.get(key, 'not stated')} there, {asked.get(key, 'not stated')} here"
             for key in dict.fromkeys([*asked, *begun])
@@ -81,9 +65,6 @@ class TrainingJournal:
                 f"{self.path}: was begun with other settings ({'; '.join(differ)}); use those, or "
                 "another output folder"
             )
-
-    def _not_a_journal(self) -> ConfigurationError:
-        return ConfigurationError(f"{self.path}: is not a training journal; {OTHER_FOLDER}")
 
 
 def _line(content: Line) -> str:

@@ -33,7 +33,7 @@ class Hanging:
 def followed(monkeypatch) -> tuple[HeldEnd, Hanging]:
     monkeypatch.setattr(held_end, "Perception", Hanging)
     strip = SimpleNamespace(length=LENGTH)
-    found = HeldEnd(None, None, strip, None)
+    found = HeldEnd(None, strip, None)
     return found, found._perception
 
 
