@@ -44,13 +44,13 @@ class Strengths:
     def at(self, share: float) -> dict[str, float]:
         """Parameter values by name at the fraction `share`, in (0, 1], of the largest size."""
         p = self.effect.parameters[0]
-        if p.null is None:
+        if p.inverse:
             value = self.largest / share
-        elif p.null > 0.0:
-            value = p.null * (self.largest / p.null) ** share
+        elif p.start > 0.0:
+            value = p.start * (self.largest / p.start) ** share
         else:
             value = share * self.largest
-        return {p.name: float(np.clip(value, p.low, p.high)), **self.others}
+        return {p.name: float(np.clip(value, *p.stated_range)), **self.others}
 
 
 def draw_strengths(effect: Effect, strip: StripFile, rng: np.random.Generator) -> Strengths:
@@ -62,9 +62,9 @@ def draw_strengths(effect: Effect, strip: StripFile, rng: np.random.Generator) -
     sign = 1.0 if rng.uniform() < 0.5 else -1.0  # where the effect has both
     p = effect.parameters[0]
     sizes = effect.sizes(strip)
-    if p.null is None:
-        return Strengths(effect, others, max(p.low, min(sizes) / BELIEVABLE))
-    if p.null > 0.0:
+    if p.inverse:
+        return Strengths(effect, others, max(p.stated_range[0], min(sizes) / BELIEVABLE))
+    if p.start > 0.0:
         return Strengths(effect, others, max(sizes) ** sign)
     largest = BELIEVABLE * max(map(abs, sizes)) * (1.0 if p.low >= 0.0 else sign)
     return Strengths(effect, others, float(np.clip(largest, p.low, p.high)))
@@ -82,8 +82,8 @@ def _draw_shape(effect: Effect, strip: StripFile, rng: np.random.Generator) -> d
             others[p.name] = float(np.exp(rng.uniform(*np.log(TIME_RANGE))))
         elif p.role == "ratio":
             others[p.name] = float(rng.uniform(*RATIOS))
-        elif p.null is not None:
-            others[p.name] = p.null
+        elif p.is_amount:
+            others[p.name] = p.start
     return others
 
 
@@ -168,9 +168,6 @@ class GapModel:
 def engine_values(name: str, values: Mapping[str, float]) -> Array:
     """Parameters (p,) of the effect `name` in the engine's units, from a strip file's `values`."""
     effect = registry()[name]
-    switch = effect.parameters[0]
     complete = effect.complete(values)
-    if switch.null is None:
-        complete[switch.name] = 1.0 / complete[switch.name]
-    used = [p.name for p in effect.parameters if p.role != "shape" or p.name in values]
-    return np.array([complete[parameter] for parameter in used])
+    used = [p for p in effect.parameters if p.role != "shape" or p.name in values]
+    return np.array([p.stated_value(complete[p.name]) for p in used])

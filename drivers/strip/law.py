@@ -5,34 +5,33 @@ may hold amounts of terms under `law:`; every engine simulates them, as they cha
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from operator import attrgetter
 from types import MappingProxyType
 
 import numpy as np
 
 from drivers.errors import ConfigurationError
+from drivers.strip.effects.effect import Effect, Parameter, Stage
 from drivers.strip.model import SOFTEST, StripModel, scale_rigidity, with_field
 from drivers.types import Array, frozen
 
+TRIED = np.array([0.0, 0.5, 0.9])  # between a term's size and its maximum, on a logarithmic scale
 Apply = Callable[[StripModel, float], StripModel]
 
 
-@dataclass(frozen=True, slots=True)
-class Term:
-    """Generic term of a strip's equations: its unit, its range and how it changes a model.
+def _term(
+    name: str, sentence: str, unit: str, size: float, least: float, most: float, apply: Apply
+) -> Effect:
+    """Generic term, of an amount from `least` to `most` of which `size` shows in ten runs.
 
-    `size` [unit] is the smallest amount visible in ten runs, `least` and `most` bound the amount of
-    any strip; `apply(model, amount)` is a copy of the model with the term.
+    `apply(model, amount)` is a copy of the model with the term.
     """
-
-    name: str
-    sentence: str
-    unit: str
-    size: float
-    least: float
-    most: float
-    apply: Apply
+    amount = Parameter("amount", unit, 0.0, least, most, spread=most)
+    sizes = tuple(size * (most / size) ** TRIED)
+    return Effect(
+        name, sentence, "strip", Stage.OBSERVATION, (amount,), revealed_by="",
+        apply=lambda model, values: apply(model, values["amount"]), typical=lambda _: sizes,
+    )  # fmt: skip
 
 
 def adds_to(path: str) -> Apply:
@@ -80,59 +79,59 @@ def _position(model: StripModel) -> Array:
 
 
 _TERMS = (
-    Term(name="term_curvature", sentence="moment over stiffness as curvature^3", unit="m^2",
+    _term(name="term_curvature", sentence="moment over stiffness as curvature^3", unit="m^2",
          size=2e-5, least=-5e-6, most=1e-3, apply=adds_to("mechanics.law.cubic")),
-    Term(name="term_rate", sentence="moment over stiffness as rate of curvature squared",
+    _term(name="term_rate", sentence="moment over stiffness as rate of curvature squared",
          unit="m s^2", size=1e-4, least=0.0, most=0.01,
          apply=adds_to("mechanics.law.quadratic_damping")),
-    Term(name="term_sign", sentence="moment over stiffness as the sign of the rate", unit="1/m",
+    _term(name="term_sign", sentence="moment over stiffness as the sign of the rate", unit="1/m",
          size=0.5, least=0.0, most=100.0, apply=adds_to("mechanics.law.yield_curvature")),
-    Term(name="term_fading", sentence="share of the moment that fades within a second", unit="1",
+    _term(name="term_fading", sentence="share of the moment that fades within a second", unit="1",
          size=0.03, least=0.0, most=0.8, apply=adds_to("mechanics.law.relaxing")),
-    Term(name="term_speed", sentence="force as normal speed squared", unit="1", size=0.5,
+    _term(name="term_speed", sentence="force as normal speed squared", unit="1", size=0.5,
          least=0.0, most=10.0, apply=adds_to("mechanics.drag.coefficient")),
-    Term(name="term_force", sentence="steady force along the desk per mass", unit="m/s^2",
+    _term(name="term_force", sentence="steady force along the desk per mass", unit="m/s^2",
          size=0.05, least=-2.0, most=2.0, apply=_add_force),
-    Term(name="term_weight", sentence="weight growing towards the grip", unit="1", size=0.05,
+    _term(name="term_weight", sentence="weight growing towards the grip", unit="1", size=0.05,
          least=-1.8, most=1.8, apply=_add_weight_gradient),
-    Term(name="term_place", sentence="stiffness growing towards the grip", unit="1", size=0.2,
+    _term(name="term_place", sentence="stiffness growing towards the grip", unit="1", size=0.2,
          least=-1.8, most=1.8, apply=_stiffen_towards_grip),
-    Term(name="term_middle", sentence="stiffness greater in the middle", unit="1", size=0.2,
+    _term(name="term_middle", sentence="stiffness greater in the middle", unit="1", size=0.2,
          least=-0.9, most=5.0, apply=_stiffen_middle),
-    Term(name="term_run", sentence="stiffness growing with the run", unit="1", size=0.005,
+    _term(name="term_run", sentence="stiffness growing with the run", unit="1", size=0.005,
          least=-0.3, most=0.3, apply=_stiffen_with_use),
-    Term(name="term_even", sentence="rest curvature everywhere", unit="1/m", size=0.5, least=-30.0,
+    _term(name="term_even", sentence="rest curvature everywhere", unit="1/m", size=0.5, least=-30.0,
          most=30.0, apply=adds_to("mechanics.rest_curvature")),
-    Term(name="term_set", sentence="rest curvature growing towards the grip", unit="1/m", size=1.0,
+    _term(name="term_set", sentence="rest curvature growing towards the grip", unit="1/m", size=1.0,
          least=-30.0, most=30.0, apply=_add_curl),
-    Term(name="term_length", sentence="strip longer than stated", unit="m", size=3e-4, least=-0.02,
+    _term(name="term_length", sentence="strip longer than stated", unit="m", size=3e-4, least=-0.02,
          most=0.02, apply=adds_to("mechanics.length")),
-    Term(name="term_give", sentence="strip longer by its pull", unit="1/N", size=0.01, least=0.0,
+    _term(name="term_give", sentence="strip longer by its pull", unit="1/N", size=0.01, least=0.0,
          most=2.0, apply=_add_compliance),
-    Term(name="term_clock", sentence="images older than their stamps", unit="s", size=0.003,
+    _term(name="term_clock", sentence="images older than their stamps", unit="s", size=0.003,
          least=-0.1, most=0.1, apply=adds_to("observation.camera_latency")),
-    Term(name="term_side", sentence="images shifted along the desk", unit="m", size=3e-4,
+    _term(name="term_side", sentence="images shifted along the desk", unit="m", size=3e-4,
          least=-0.03, most=0.03, apply=adds_to("observation.shift_x")),
-    Term(name="term_view", sentence="images shifted upwards", unit="m", size=3e-4, least=-0.03,
+    _term(name="term_view", sentence="images shifted upwards", unit="m", size=3e-4, least=-0.03,
          most=0.03, apply=adds_to("observation.shift_z")),
-    Term(name="term_contact", sentence="contacts seen farther along the desk", unit="m", size=5e-4,
+    _term(name="term_contact", sentence="contacts seen farther along the desk", unit="m", size=5e-4,
          least=-0.03, most=0.03, apply=adds_to("observation.contact_bias")),
-    Term(name="term_zoom", sentence="images magnified", unit="1", size=5e-4, least=-0.05,
+    _term(name="term_zoom", sentence="images magnified", unit="1", size=5e-4, least=-0.05,
          most=0.05, apply=adds_to("observation.scale")),
-    Term(name="term_reach", sentence="grip farther along the desk than the arm reports", unit="m",
+    _term(name="term_reach", sentence="grip farther along the desk than the arm reports", unit="m",
          size=3e-4, least=-0.03, most=0.03, apply=adds_to("rig.grip_x")),
-    Term(name="term_lift", sentence="grip higher than the arm reports", unit="m", size=3e-4,
+    _term(name="term_lift", sentence="grip higher than the arm reports", unit="m", size=3e-4,
          least=-0.03, most=0.03, apply=adds_to("rig.grip_z")),
 )  # fmt: skip
-LAW_TERMS: Mapping[str, Term] = MappingProxyType({term.name: term for term in _TERMS})
+LAW_TERMS: Mapping[str, Effect] = MappingProxyType({term.name: term for term in _TERMS})
 """The generic terms by name, in the order in which they apply."""
 
 
 def with_law(model: StripModel, amounts: Mapping[str, float]) -> StripModel:
     """Copy of `model` with `amounts` of generic terms added, by name; unknown ones are ignored."""
     for name, term in LAW_TERMS.items():
-        if amount := amounts.get(name):
-            model = term.apply(model, amount)
+        if name in amounts:
+            model = term.apply_to(model, {"amount": amounts[name]})
     return model
 
 
@@ -143,9 +142,4 @@ def check_law(amounts: Mapping[str, float], origin: str) -> None:
             raise ConfigurationError(
                 f"{origin}: law.{name}: is unknown; allowed: {', '.join(LAW_TERMS)}"
             )
-        term = LAW_TERMS[name]
-        if not term.least <= amount <= term.most:
-            raise ConfigurationError(
-                f"{origin}: law.{name}: {amount:g} is out of range; "
-                f"allowed: {term.least:g} to {term.most:g} {term.unit}"
-            )
+        LAW_TERMS[name].check({"amount": amount}, f"{origin}: law.{name}")

@@ -14,7 +14,6 @@ from cell.gap.selection.hold_out import held_out
 from cell.gap.subject.subject import (
     Candidate,
     Experiment,
-    Parameter,
     Quantity,
     Request,
     Residuals,
@@ -26,6 +25,7 @@ from cell.gap.subject.subject import (
 from cell.gap.verdict.compose import verdict as compose
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import Verdict
+from drivers.strip.effects.effect import Parameter
 from drivers.types import Array
 
 T = np.linspace(0.0, 1.0, 60)

@@ -59,16 +59,16 @@ def usual(effect: Effect, parameter: Parameter) -> float:
     by_role = {"place": 0.5 * LENGTH, "width": 0.03, "time": 0.5, "ratio": 8.0}
     if parameter.role == "amount":
         return effect.sizes(denim())[-1]
-    return by_role.get(parameter.role, parameter.guess or 0.0)
+    return by_role.get(parameter.role, 0.0)
 
 
 def levels(effect: Effect) -> list[dict[str, float]]:
     """Low, middle and high of each parameter, the others as usual."""
     cases = []
     for parameter in effect.parameters:
-        low, high = parameter.low, min(parameter.high, LENGTH)
-        high = high if parameter.name == "position" else parameter.high
-        middle = np.sqrt(low * high) if parameter.null is None and low > 0 else (low + high) / 2
+        low, high = parameter.stated_range
+        high = min(high, LENGTH) if parameter.name == "position" else high
+        middle = np.sqrt(low * high) if low > 0 else (low + high) / 2
         rest = {p.name: usual(effect, p) for p in effect.parameters if p is not parameter}
         cases += [{**rest, parameter.name: float(value)} for value in (low, middle, high)]
     return cases

@@ -9,7 +9,8 @@ from cell.gap.fitting.gauss_newton import Estimate, linearise, refit, responses_
 from cell.gap.fitting.model import Evidence, Model, Point, evidence, requests
 from cell.gap.fitting.normal_equations import covariance
 from cell.gap.fitting.tasks import Simulate, run_one
-from cell.gap.subject.subject import Candidate, Parameter, Subject
+from cell.gap.subject.subject import Candidate, Subject
+from drivers.strip.effects.effect import Parameter
 from drivers.types import Array
 
 WEAK = 0.5  # of the prior spread of a value: runs that leave more do not determine it; set by hand

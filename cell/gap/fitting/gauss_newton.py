@@ -17,7 +17,8 @@ from cell.gap.fitting import robust
 from cell.gap.fitting.model import Evidence, Model, Point, request, requests, response, whiten
 from cell.gap.fitting.normal_equations import NormalEquations, Unknowns
 from cell.gap.fitting.tasks import Task, side_by_side
-from cell.gap.subject.subject import Parameter, Request, Residuals, Run
+from cell.gap.subject.subject import Request, Residuals, Run
+from drivers.strip.effects.effect import Parameter
 from drivers.types import Array
 
 JacobianUse = Literal["new", "kept", "mended"]

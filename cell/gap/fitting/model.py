@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cell.gap.subject.subject import Candidate, Parameter, Request, Residuals, Run
+from cell.gap.subject.subject import Candidate, Request, Residuals, Run
+from drivers.strip.effects.effect import Parameter
 from drivers.types import Array
 
 LOST_RESIDUAL = 10.0  # whitened residual of a sample that the model cannot show; set by hand

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cell.gap.fitting.model import Evidence, Model, Point
-from cell.gap.subject.subject import Parameter
+from drivers.strip.effects.effect import Parameter
 from drivers.types import Array
 
 Mask = NDArray[np.bool_]

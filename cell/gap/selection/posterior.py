@@ -161,7 +161,7 @@ def shared_causes(fit: Estimate, odds: float) -> tuple[tuple[frozenset[str], flo
     _, values = fit.model.split(fit.shared)
     distances: dict[str, float] = {}
     for effect in fit.model.effects:
-        amounts = [p.unit == "m" and not p.shape for p in effect.parameters]
+        amounts = [p.unit == "m" and p.is_amount for p in effect.parameters]
         distance = float(np.linalg.norm((values[effect.name] - effect.null)[amounts]))
         if distance > 0.0:
             distances[effect.name] = distance

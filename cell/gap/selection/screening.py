@@ -326,7 +326,7 @@ def _allows_both_signs(candidate: Candidate, vector: Array) -> bool:
 
 def _shape_mask(candidate: Candidate) -> NDArray[np.bool_]:
     """Mask (k,) of the parameters of shape, such as a place or a width, that no amount scales."""
-    return np.array([p.shape for p in candidate.parameters])
+    return np.array([not p.is_amount for p in candidate.parameters])
 
 
 def _bounds(candidate: Candidate) -> tuple[Array, Array]:

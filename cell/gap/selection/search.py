@@ -143,7 +143,7 @@ class Search:
         for m in models:
             for effect in m.model.effects:
                 beside = fits.of(m.model.names - {effect.name})
-                if effect.two_sided and any(p.shape for p in effect.parameters) and beside:
+                if effect.two_sided and not all(p.is_amount for p in effect.parameters) and beside:
                     tasks.append(_with_other_sign(m.estimate, effect, beside.estimate))
         finished = [e for e in run_all(self.simulate, tasks) if e is not None]
         return fits.merge(run_all(self.simulate, [validate(e) for e in finished]))

@@ -9,45 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.errors import ConfigurationError
+from drivers.strip.effects.effect import Parameter
 from drivers.types import Array
 
 Words = NDArray[np.str_]
 NamedValues = Mapping[str, Mapping[str, float]]
 """Values by effect and parameter."""
 FARTHEST = 8.0  # times its usual spread, the bound of a quantity in any run
-
-
-@dataclass(frozen=True, slots=True)
-class Parameter:
-    """Unknown number of a model: its start value, bounds, prior and finite-difference step.
-
-    `start` is the stated value, for an effect its null. `spread` is the standard deviation of
-    what was known before (infinite: nothing). `inverse` parameters are shown as reciprocals,
-    so that a null at infinity is a zero here. `shape` parameters say where or how an effect acts,
-    not how strongly: a probe keeps its shape whatever its amount. `random` unknowns of
-    a run are drawn anew in each run; their `spread` is estimated from the runs; `common` ones
-    are expected to differ in any laboratory. `tolerated` is the range that the file states for a
-    value of the base; None where it states a `spread` alone.
-    """
-
-    name: str
-    unit: str
-    start: float
-    low: float
-    high: float
-    step: float
-    spread: float = float("inf")
-    inverse: bool = False
-    shape: bool = False
-    random: bool = False
-    common: bool = False
-    tolerated: tuple[float, float] | None = None
-
-    def stated_value(self, value: float) -> float:
-        """Engine `value` as files state it: the reciprocal for an `inverse` parameter."""
-        if not self.inverse:
-            return value
-        return 1.0 / value if value else float("inf")
 
 
 def note_of(key: str, old: float | None, source: str, remark: str = "") -> dict[str, str]:

@@ -11,7 +11,7 @@ from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.reml import Spread, covariance, degrees_of_freedom
 from cell.gap.selection.likelihood import gains, holm, likelihood_ratio_p
 from cell.gap.selection.screening import Score
-from cell.gap.subject.subject import Candidate, Parameter
+from cell.gap.subject.subject import Candidate
 from cell.gap.verdict.decision import (
     GAP,
     decide,
@@ -35,6 +35,7 @@ from cell.gap.verdict.schema import (
     ValueWithUnit,
     Verdict,
 )
+from drivers.strip.effects.effect import Parameter
 
 # Limits of what a verdict lists, set by hand.
 SIGNIFICANT = 0.05  # family-wise p-value below which a place is listed; customary

@@ -63,9 +63,7 @@ BENDING_HYSTERESIS = law_effect(
     sentence="the strip resists bending like dry friction",
     parameters=(
         Parameter("yield_curvature", "1/m", low=0.0, high=100.0),
-        Parameter(
-            "stiffness_ratio", "1", low=1.0, high=100.0, null=None, default=8.0, role="ratio"
-        ),
+        Parameter("stiffness_ratio", "1", 8.0, 1.0, 100.0, step=0.16, spread=4.0, role="ratio"),
         Parameter.shape("set", "rad", high=3.0, guess=0.3),
         Parameter.shape("gradual", "1", high=1.0, guess=0.3),
     ),
@@ -83,7 +81,7 @@ CREASE = law_effect(
     sentence="the strip has a crease",
     parameters=(
         Parameter("angle", "rad", low=-2.0, high=2.0),
-        Parameter("position", "m", low=0.0, high=2.0, null=None, role="place"),
+        Parameter("position", "m", low=0.0, high=2.0, role="place"),
     ),
     apply=lambda model, values: add_crease(model, values["angle"], values["position"]),
     typical=lambda _: (-0.3, 0.3),
@@ -138,7 +136,7 @@ RELAXATION = law_effect(
     sentence="the strip slowly gives way while it is held bent",
     parameters=(
         Parameter("ratio", "1", low=0.0, high=0.9),
-        Parameter("time", "s", low=0.01, high=100.0, null=None, role="time"),
+        Parameter.scale("time", "s", low=0.01, high=100.0, role="time"),
         Parameter.shape("set", "rad", high=3.0, guess=0.3),
     ),
     apply=lambda model, values: add_grasp_crease(_set_relaxation(model, values), values["set"]),
@@ -157,9 +155,9 @@ SEAM = law_effect(
     name="seam",
     sentence="the strip has a seam, a piece of other stiffness",
     parameters=(
-        Parameter("factor", "1", low=0.1, high=50.0, null=1.0),
-        Parameter("position", "m", low=0.0, high=2.0, null=None, role="place"),
-        Parameter("width", "m", low=0.001, high=0.5, null=None, role="width"),
+        Parameter("factor", "1", start=1.0, low=0.1, high=50.0),
+        Parameter("position", "m", low=0.0, high=2.0, role="place"),
+        Parameter.scale("width", "m", low=0.001, high=0.5, role="width"),
         Parameter.shape("softness", "1", high=2.0, guess=0.4),
     ),
     apply=_stiffen_seam,

@@ -1,9 +1,10 @@
 """Effects: physical or measurement phenomena that a strip's model may lack."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 from functools import partial
+from math import inf, sqrt
 from typing import Literal
 
 import numpy as np
@@ -15,6 +16,9 @@ from drivers.strip.model import StripModel, with_field
 Apply = Callable[[StripModel, Mapping[str, float]], StripModel]
 Role = Literal["amount", "place", "width", "time", "ratio", "shape"]
 ASSUMED_SIZES = (0.01, 0.1)  # of its range, for an effect that states no typical sizes
+SECANT = 0.1  # of the smallest size of an amount or of a shape's guess: step of finite differences
+FARTHEST = 3.0  # times the largest size or a shape's guess: prior spread
+SCALE_STEP, SCALE_SPREAD = 0.02, 4.0  # of a width's or time's start: its step and prior spread
 
 
 class Stage(IntEnum):
@@ -52,28 +56,66 @@ PLACE_SPAN = Span(0.15, 0.95, of_length=True)  # along a strip, away from its fi
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """Parameter of an effect: its unit, its range, and the `null` value that switches it off.
+    """Number of an effect, of a model's base or of a run: unit, range, prior, difference step.
 
-    The first parameter of an effect switches it, as do later ones that have a null; one whose
-    `null` is None is switched off by absence. Without a `default` it is required. `role` says what
-    the number means: an amount, a place along the strip, a width, a time, a ratio of stiffnesses,
-    or a shape of the law. A shape parameter stays at its default until measurements of this effect
-    require more; `guess` is a first value to try.
+    `start` is the stated value, of an effect's amount the null at which the effect vanishes.
+    `spread` is the standard deviation of what was known before (infinite: nothing). `inverse`
+    parameters are reciprocals of what files state, so that a null at infinity is a zero here.
+    `role` says what the number means: an amount, a place along the strip, a width, a time, a ratio
+    of stiffnesses, or a shape of the law. All but amounts say where or how an effect acts, not how
+    strongly: a probe keeps them whatever its amount. Ratios and shapes are `start` where a file
+    does not state them; a shape stays there until measurements of its effect require more.
+    `random` unknowns of a run are drawn anew in each run; their `spread` is estimated from the
+    runs; `common` ones are expected to differ in any laboratory. `tolerated` is the range that the
+    file states for a value of the base; None where it states a `spread` alone.
     """
 
     name: str
     unit: str
-    low: float
-    high: float
-    null: float | None = 0.0
-    default: float | None = None
+    start: float = 0.0
+    low: float = -inf
+    high: float = inf
+    step: float = 0.0
+    spread: float = inf
+    inverse: bool = False
     role: Role = "amount"
-    guess: float | None = None
+    random: bool = False
+    common: bool = False
+    tolerated: tuple[float, float] | None = None
+
+    @classmethod
+    def limit(cls, name: str, unit: str, low: float, high: float) -> "Parameter":
+        """Limit of a force or a stiffness from `low` to `high`, absent at infinity."""
+        return cls(name, unit, 0.0, 1.0 / high, 1.0 / low, inverse=True)
+
+    @classmethod
+    def scale(cls, name: str, unit: str, low: float, high: float, role: Role) -> "Parameter":
+        """Width or time of an effect, of which nothing but its range is known."""
+        start = sqrt(low * high)
+        return cls(name, unit, start, low, high, SCALE_STEP * start, SCALE_SPREAD * start,
+                   role=role)  # fmt: skip
 
     @classmethod
     def shape(cls, name: str, unit: str, high: float, guess: float) -> "Parameter":
-        """Shape parameter of an effect's law, from 0, its default, to `high`."""
-        return cls(name, unit, 0.0, high, null=None, default=0.0, role="shape", guess=guess)
+        """Shape of an effect's law, from 0, where it usually is, to `high`; tried at `guess`."""
+        return cls(name, unit, 0.0, 0.0, high, SECANT * guess, FARTHEST * guess, role="shape")
+
+    @property
+    def is_amount(self) -> bool:
+        """Whether the number says how strongly an effect acts."""
+        return self.role == "amount"
+
+    @property
+    def stated_range(self) -> tuple[float, float]:
+        """Least and greatest value as files state it."""
+        low, high = sorted(map(self.stated_value, (self.low, self.high)))
+        return low, high
+
+    def stated_value(self, value: float) -> float:
+        """Fitted `value` as files state it, or the other way round: an `inverse`'s reciprocal."""
+        if not self.inverse:
+            return value
+        return 1.0 / value if value else inf
 
 
 def set_fields(**fields: str) -> Apply:
@@ -115,18 +157,30 @@ class Effect:
         They are clipped to its range; where none are stated, ASSUMED_SIZES of its upper end.
         """
         first = self.parameters[0]
+        low, high = first.stated_range
         if self.typical is not None:
             typical = self.typical(strip)
         else:
-            typical = tuple(share * first.high for share in ASSUMED_SIZES)
-            if first.null is None:  # a limit, such as a friction: the smaller, the stronger
+            typical = tuple(share * high for share in ASSUMED_SIZES)
+            if first.inverse:  # a limit, such as a friction: the smaller, the stronger
                 typical = typical[::-1]
-        return tuple(float(np.clip(size, first.low, first.high)) for size in typical)
+        return tuple(float(np.clip(size, low, high)) for size in typical)
 
     def complete(self, values: Mapping[str, float]) -> dict[str, float]:
-        """Copy of `values` with the defaults of all parameters that it lacks."""
-        defaults = {p.name: p.default for p in self.parameters if p.default is not None}
-        return {**defaults, **values}
+        """Copy of `values` with the ratios and shapes that it lacks."""
+        usual = {p.name: p.start for p in self.parameters if p.role in {"ratio", "shape"}}
+        return {**usual, **values}
+
+    def stated(self, values: Sequence[float]) -> dict[str, float] | None:
+        """Fitted `values` as files state them, by name; None where the effect is absent.
+
+        They may lack those of the shape, which come last.
+        """
+        first = self.parameters[0]
+        if first.inverse and values[0] <= first.low:
+            return None
+        pairs = zip(self.parameters, map(float, values), strict=False)
+        return {p.name: p.stated_value(value) for p, value in pairs}
 
     def apply_to(self, model: StripModel, values: Mapping[str, float]) -> StripModel:
         """Copy of `model` with this effect applied; `model` itself where the effect is at null.
@@ -142,8 +196,8 @@ class Effect:
             raise ConfigurationError(f"effects.{self.name}.{error}") from None
 
     def _vanishes(self, values: Mapping[str, float]) -> bool:
-        nulls = {p.name: p.null for p in self.parameters if p.null is not None}
-        return bool(nulls) and all(values.get(name, null) == null for name, null in nulls.items())
+        amounts = [p for p in self.parameters if p.is_amount and p.name in values]
+        return all(p.stated_value(values[p.name]) == p.start for p in amounts)
 
     def check(self, values: Mapping[str, float], origin: str) -> None:
         """Raise ConfigurationError for unknown, missing or out-of-range parameter `values`."""
@@ -158,11 +212,11 @@ class Effect:
         for name, parameter in known.items():
             if name not in complete:
                 raise ConfigurationError(f"{origin}.{name}: is missing; add it")
-            value = complete[name]
-            if value != parameter.null and not parameter.low <= value <= parameter.high:
+            low, high = parameter.stated_range
+            if not low <= complete[name] <= high:
                 raise ConfigurationError(
-                    f"{origin}.{name}: {value:g} is out of range; "
-                    f"allowed: {parameter.low:g} to {parameter.high:g} {parameter.unit}"
+                    f"{origin}.{name}: {complete[name]:g} is out of range; "
+                    f"allowed: {low:g} to {high:g} {parameter.unit}"
                 )
 
 

@@ -35,8 +35,8 @@ HEM_MASS = law_effect(
     sentence="a piece of the strip, such as a hem, is heavier than the rest",
     parameters=(
         Parameter("mass", "kg", low=0.0, high=0.1),
-        Parameter("position", "m", low=0.0, high=2.0, null=None, role="place"),
-        Parameter("width", "m", low=0.001, high=0.5, null=None, role="width"),
+        Parameter("position", "m", low=0.0, high=2.0, role="place"),
+        Parameter.scale("width", "m", low=0.001, high=0.5, role="width"),
     ),
     apply=_add_mass,
     typical=lambda strip: (0.05 * strip.mass,),
@@ -51,7 +51,7 @@ HEM_MASS = law_effect(
 STRETCH = law_effect(
     name="stretch",
     sentence="the strip stretches under its own weight and the pull of the gripper",
-    parameters=(Parameter("stiffness", "N", low=0.5, high=1e6, null=None),),
+    parameters=(Parameter.limit("stiffness", "N", low=0.5, high=1e6),),
     apply=set_fields(stiffness="mechanics.stretch_stiffness"),
     typical=lambda strip: tuple(strip.weight / strain for strain in (0.002, 0.006, 0.02)),
     textile={"stiffness": Span(6.0, 39.0, log=True)},

@@ -50,7 +50,7 @@ DESK_TILT = rig_effect(
 END_SLIP = rig_effect(
     name="end_slip",
     sentence="the fixed edge slides on the desk",
-    parameters=(Parameter("friction", "1", low=0.05, high=10.0, null=None),),
+    parameters=(Parameter.limit("friction", "1", low=0.05, high=10.0),),
     apply=set_fields(friction="boundary.edge_friction"),
     typical=lambda _: (10.0, 3.0, 1.5, 0.8),
     revealed_by="a taut lift, and a picture of the fixed edge before and after",
@@ -59,7 +59,7 @@ END_SLIP = rig_effect(
 GRIP_SLIP = rig_effect(
     name="grip_slip",
     sentence="the strip slides in the grip",
-    parameters=(Parameter("force", "N", low=0.02, high=100.0, null=None),),
+    parameters=(Parameter.limit("force", "N", low=0.02, high=100.0),),
     apply=set_fields(force="boundary.grip_force"),
     typical=lambda strip: tuple(strip.weight * n for n in (4.0, 2.4, 1.6, 1.2, 1.0, 0.8, 0.5)),
     revealed_by="a taut lift, there and back: afterwards the strip is longer than before",

@@ -10,8 +10,8 @@ from cell.gap.fitting.base_fit import undetermined_values
 from cell.gap.fitting.crossvalidation import folds
 from cell.gap.report.sentence import sentence
 from cell.gap.selection.posterior import Posterior, SetProbability
-from cell.gap.subject.subject import Parameter
 from cell.gap.verdict.compose import verdict as compose
+from drivers.strip.effects.effect import Parameter
 from tests.support.curves import Curves, Law, bump, fitted, hidden, judged, nothing, wave
 
 

@@ -82,7 +82,7 @@ def test_no_law_stands_beside_two_effects_that_are_there() -> None:
 
 @pytest.mark.parametrize("name", LAW_TERMS)
 def test_a_law_in_the_strip_file_is_what_the_engine_tried(name: str) -> None:
-    amount = LAW_TERMS[name].size
+    amount = LAW_TERMS[name].sizes(denim())[0]
     strip = denim().model_copy(update={"law": {name: amount}})
     assert repr(describe(strip, index=3)) == repr(
         with_law(describe(denim(), index=3), {name: amount})

@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.gap.subject.subject import Candidate, Parameter, Request, Residuals, Run, Scope
+from cell.gap.subject.subject import Candidate, Request, Residuals, Run, Scope
+from drivers.strip.effects.effect import Parameter
 from drivers.types import Array
 from tests.support import curves
 from tests.support.curves import LAWS, Curves, Law, T, bump, hidden, judged, wave
@@ -49,7 +50,7 @@ class Lumps(Curves):
         least = -5.0 if self.signed else 0.0
         parameters = (
             Parameter("size", "m", 0.0, least, 5.0, 1e-3, 1.0),
-            Parameter("place", "m", 0.5, 0.0, 1.0, 1e-3, 1.0, shape=True),
+            Parameter("place", "m", 0.5, 0.0, 1.0, 1e-3, 1.0, role="place"),
         )
         probes = tuple(((0.1, place),) for place in PLACES)
         found = Candidate("lump", "there is a lump", "strip", parameters, probes)
@@ -77,7 +78,7 @@ class Bending(Curves):
     @property
     def scope(self) -> Scope:
         whole = super().scope
-        lean = Parameter("lean", "1", 0.0, 0.0, 5.0, 1e-3, 1.0, shape=True)
+        lean = Parameter("lean", "1", 0.0, 0.0, 5.0, 1e-3, 1.0, role="shape")
         first, *others = whole.candidates
         return replace(whole, candidates=(replace(first, shape_parameters=(lean,)), *others))
 

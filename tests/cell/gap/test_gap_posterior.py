@@ -20,8 +20,9 @@ from cell.gap.selection.posterior import (
     shared_causes,
 )
 from cell.gap.selection.screening import ProbeResponses, detection_limits, run_probes
-from cell.gap.subject.subject import Candidate, Parameter
+from cell.gap.subject.subject import Candidate
 from cell.gap.verdict.confidence import calibration
+from drivers.strip.effects.effect import Parameter
 from drivers.types import Array
 from tests.support.curves import Curves, bump, fitted, hidden, judged, validated, wave
 

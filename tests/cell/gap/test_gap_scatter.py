@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from cell.gap.fitting.reml import SMALLEST, covariance, reml_spreads
-from cell.gap.subject.subject import Parameter, Request, Residuals
+from cell.gap.subject.subject import Request, Residuals
 from cell.gap.verdict.compose import intervals
+from drivers.strip.effects.effect import Parameter
 from tests.support.curves import Curves, Law, T, bump, fitted, hidden, judged, nothing
 
 USUAL = 0.1

@@ -9,11 +9,11 @@ import yaml
 from cell.gap.fit import FitOptions, fit
 from cell.gap.report.sentence import deviation_text, headline
 from cell.gap.subject.strip.scope import scope
-from cell.gap.subject.subject import Parameter
 from cell.gap.verdict.accept import BASE_PATCH, PATCH, accept, undo
 from cell.gap.verdict.compose import deviations
 from cell.gap.verdict.schema import Interval, Verdict
 from drivers.strip.describe import load_strip
+from drivers.strip.effects.effect import Parameter
 from tests.support.gap_strip_cases import STRIP, Fitted, denim, folds, written
 
 LENGTH = Parameter("bending_length", "m", 0.017, 0.005, 0.05, 1e-5, 0.0085, tolerated=(0.015, 0.02))

@@ -57,8 +57,9 @@ of_effect = pytest.mark.parametrize("effect", EFFECTS, ids=[e.name for e in EFFE
 def _middle(effect: Effect) -> dict[str, float]:
     """Values at which the effect shows: its switch between null and its end."""
     switch = effect.parameters[0]
-    strong = np.sqrt(switch.low * switch.high) if switch.low > 0 else 0.3 * switch.high
-    if USUAL.get(switch.name, np.inf) <= switch.high:
+    low, high = switch.stated_range
+    strong = np.sqrt(low * high) if low > 0 else 0.3 * high
+    if USUAL.get(switch.name, np.inf) <= high:
         strong = USUAL[switch.name]
     elif effect.name == "grip_slip":
         strong = 0.1
@@ -68,7 +69,7 @@ def _middle(effect: Effect) -> dict[str, float]:
 
 
 def _nulls(effect: Effect) -> dict[str, float]:
-    at = {p.name: p.null for p in effect.parameters if p.null is not None}
+    at = {p.name: p.stated_value(p.start) for p in effect.parameters if p.is_amount}
     return {p.name: USUAL.get(p.name, 1.0) for p in effect.parameters} | at
 
 
@@ -83,10 +84,8 @@ def test_registry_holds_the_names_and_parameters_of_the_contract() -> None:
 def test_effect_at_null_is_the_very_same_description(effect: Effect) -> None:
     model = bare()
     assert apply_effects(model, {}) is model
-    if effect.name in ABSENT:
-        assert effect.parameters[0].null is None
-    else:
-        assert apply_effects(model, {effect.name: _nulls(effect)}) is model
+    assert effect.parameters[0].inverse == (effect.name in ABSENT)
+    assert apply_effects(model, {effect.name: _nulls(effect)}) is model
 
 
 @pytest.mark.parametrize("path", ["triangular", "circular"])
@@ -119,7 +118,7 @@ def test_effect_refuses_unknown_parameters(effect: Effect) -> None:
     for wrong, why in (
         (good | {"colour": 1.0}, "unknown parameter"),
         ({k: v for k, v in good.items() if k != first.name}, "is missing"),
-        (good | {first.name: first.high * 2 + 1}, "out of range"),
+        (good | {first.name: first.stated_range[1] * 2 + 1}, "out of range"),
     ):
         with pytest.raises(ConfigurationError, match=why):
             check_effects({effect.name: wrong}, "here", [effect.of])

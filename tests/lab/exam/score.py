@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from cell.gap.diagnosis import held_out_gap
-from cell.gap.effect_size import indistinguishable_from
+from cell.gap.effect_size import engine_values, indistinguishable_from
 from cell.gap.fitting.gauss_newton import Estimate, refit
 from cell.gap.fitting.model import Evidence, Model, Point, evidence
 from cell.gap.fitting.projection import projection
@@ -226,7 +226,7 @@ def _compare_effect(effect: NamedEffect, truth: dict[str, float]) -> Iterable[Co
     for i, p in enumerate(known.parameters):
         if p.name in truth and p.name in effect.parameters:
             label, found = f"{effect.name}.{p.name}", effect.parameters[p.name]
-            yield _compare(label, truth[p.name], p.null or 0.0, found, switch=i == 0)
+            yield _compare(label, truth[p.name], p.start, found, switch=i == 0)
 
 
 def _compare(
@@ -303,13 +303,8 @@ def _true_base(case: Case, path: Path, subject: Subject) -> Array:
 
 def _true_values(case: Case, effects: Sequence[Candidate]) -> dict[str, Array]:
     """True parameters (p,) of each effect by name, in the gap engine's units."""
-    found = {}
-    for effect in effects:
-        true = registry()[effect.name].complete(case.effects[effect.name])
-        inverse = {p.name for p in effect.parameters if p.inverse}
-        true = {name: 1.0 / value if name in inverse else value for name, value in true.items()}
-        found[effect.name] = np.array([true.get(p.name, p.start) for p in effect.parameters])
-    return found
+    known = {e.name: engine_values(e.name, case.effects[e.name]) for e in effects}
+    return {e.name: known[e.name][: len(e.parameters)] for e in effects}
 
 
 def _screened_starts(simulate: Simulate, base: Estimate, model: Model) -> list[Array]:

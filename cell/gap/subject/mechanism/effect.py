@@ -7,7 +7,8 @@ from typing import Any, Literal
 import numpy as np
 
 from cell.gap.subject.mechanism.model import FORWARD, PRESCRIBED, Mechanism
-from cell.gap.subject.subject import Candidate, Parameter
+from cell.gap.subject.subject import Candidate
+from drivers.strip.effects.effect import Parameter, Role
 from drivers.types import Array
 
 Of = Literal["model", "rig"]
@@ -88,7 +89,7 @@ class Effect:
         parameters = self.parameters(mechanism)
         null = np.array([p.start for p in parameters])
         sizes = np.diag([p.spread / SIZES_PER_SPREAD for p in parameters])
-        amounts = [row for row, p in zip(sizes, parameters, strict=True) if not p.shape]
+        amounts = [row for row, p in zip(sizes, parameters, strict=True) if p.is_amount]
         groups = tuple(
             tuple(tuple((np.append(null[:-1], last) + factor * size).tolist()) for size in amounts)
             for last in self.grid or null[-1:] for factor in self.probes
@@ -118,13 +119,13 @@ class Effect:
 
 def per_joint(
     mechanism: Mechanism, key: str, unit: str, size: Array, *, signed: bool = False,
-    shape: bool = False, high: float = 250.0,
+    role: Role = "amount", high: float = 250.0,
 ) -> tuple[Parameter, ...]:  # fmt: skip
     """Parameters `key_JOINT` of all joints, of typical `size` (joints,), in N and m for slides."""
     slides = unit.replace("N m", "N").replace("rad", "m")
     return tuple(
         replace(single_parameter(f"{key}_{joint.name}", unit if joint.hinge else slides, s,
-                                 signed=signed, high=high)[0], shape=shape)
+                                 signed=signed, high=high)[0], role=role)
         for joint, s in zip(mechanism.joints, size, strict=True)
     )  # fmt: skip
 

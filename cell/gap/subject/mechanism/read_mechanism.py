@@ -36,10 +36,10 @@ from cell.gap.subject.mechanism.recordings import (
     typical_frequency,
 )
 from cell.gap.subject.run_folders import RunFolder, check_indices
-from cell.gap.subject.subject import Parameter
 from cell.record.files import RUN
 from drivers.errors import ConfigurationError
 from drivers.settings import load
+from drivers.strip.effects.effect import Parameter
 from drivers.types import Array
 
 UNITS = {"mass": "kg", "com": "m", "length": "m", "inertia": "kg m^2", "damping": "N m s",

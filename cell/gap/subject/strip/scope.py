@@ -7,24 +7,18 @@ from itertools import product
 import numpy as np
 
 from cell.gap.subject.strip.measurement_errors import KNOWN_EFFECTS
-from cell.gap.subject.subject import Candidate, Parameter, Quantity, Scope
+from cell.gap.subject.subject import Candidate, Quantity, Scope
 from drivers.errors import Unsupported
 from drivers.strip.describe import describe
 from drivers.strip.effects import registry
-from drivers.strip.effects.effect import Effect, Parameter as Number, Stage
+from drivers.strip.effects.effect import FARTHEST, SECANT, Effect, Parameter, Stage
 from drivers.strip.file import StripFile
-from drivers.strip.law import LAW_TERMS, Term
+from drivers.strip.law import LAW_TERMS
 from drivers.strip.rod.lumping import check
 
 PLACE_SPACING = 0.9  # bending lengths between the places at which a local effect is screened
-SECANT = 0.1  # of a term's size or of the smallest probe: step of finite differences
-TRIED = (0.0, 0.5, 0.9)  # probes between a term's size and its maximum, on a logarithmic scale
 TRIED_TIMES = (0.1, 0.5, 2.5)  # s, tried where an effect has a time of its own
-FARTHEST = 3.0  # times the largest probe: prior spread of an effect's amount
-SHAPE_SPREAD = 0.5  # of its default: prior spread of a number that shapes an effect
-UNKNOWN_SPREAD = 4.0  # of its start: prior spread of such a number where there is no default
 PLACE_STEP = 0.002  # m, of finite differences over the place of an effect
-SHAPE_STEP = 0.02  # of its start: step of a number that shapes an effect
 UNTRUE = 0.2  # relative error of a law of cloth, which differs between fabrics: yarn friction 15 %
 SPECIMEN_SPREAD = 0.15  # relative, of the bending lengths of one fabric's specimens; assumed
 PLACE_ERROR = 0.02  # relative error of lengths, offsets and delays
@@ -43,15 +37,6 @@ def _places(strip: StripFile, lifted: float) -> tuple[float, ...]:
     return tuple(map(float, np.linspace(begin, strip.length, 2 * count + 1)[1::2]))
 
 
-def _term_candidate(term: Term) -> Candidate:
-    """Candidate effect of a descriptive law `term`, whose only parameter is its amount."""
-    step = SECANT * term.size
-    amount = Parameter("amount", term.unit, 0.0, term.least, term.most, step=step, spread=term.most)
-    sizes = term.size * (term.most / term.size) ** np.array(TRIED)
-    probes = tuple(((float(size),),) for size in sizes)
-    return Candidate(term.name, term.sentence, "strip", (amount,), probes)
-
-
 def scope(strip: StripFile, lifted: float = 0.0, *, has_force: bool = False) -> Scope:
     """Fit problem of `strip`: base parameters, candidate effects, and displayed quantities.
 
@@ -62,7 +47,7 @@ def scope(strip: StripFile, lifted: float = 0.0, *, has_force: bool = False) -> 
     return Scope(
         base=(*_base(strip, has_force=has_force), *_accepted_parameters(strip)),
         candidates=tuple(candidate(e, strip, lifted) for e in fresh if _can_simulate(e, strip)),
-        terms=tuple(map(_term_candidate, LAW_TERMS.values())),
+        terms=tuple(candidate(term, strip, lifted) for term in LAW_TERMS.values()),
         scatter=KNOWN_EFFECTS,
         quantities={
             "profile": Quantity("profile_mm", 1e3, "mm"),
@@ -77,9 +62,9 @@ def scope(strip: StripFile, lifted: float = 0.0, *, has_force: bool = False) -> 
 
 def _can_simulate(effect: Effect, strip: StripFile) -> bool:
     """Whether the rod engine can represent the effect on this strip."""
-    vector = _probes(effect, strip, 0.0)[0][0]
+    weakest = candidate(effect, strip, 0.0).probes[0][0]
     try:
-        check([describe(strip, {effect.name: to_file_values(effect, vector) or {}})])
+        check([describe(strip, {effect.name: effect.stated(weakest) or {}})])
     except Unsupported:
         return False
     return True
@@ -107,117 +92,57 @@ def _accepted_parameters(strip: StripFile) -> list[Parameter]:
     """Base parameters for the effects in the strip file, which are refitted with the base."""
     accepted = []
     for name, values in strip.effects.items():
-        effect = registry()[name]
-        for p in _parameters(effect, strip, [p for p in effect.parameters if p.name in values]):
-            start = p.stated_value(values[p.name])  # its own inverse
-            spread = 0.5 * abs(start) + p.step
-            accepted.append(replace(p, name=f"{name}.{p.name}", start=start, spread=spread))
+        for p in _parameters(registry()[name], strip):
+            if p.name in values:
+                start = p.stated_value(values[p.name])
+                spread = 0.5 * abs(start) + p.step
+                accepted.append(replace(p, name=f"{name}.{p.name}", start=start, spread=spread))
     return accepted
 
 
 def candidate(effect: Effect, strip: StripFile, lifted: float) -> Candidate:
     """Candidate effect of the library on `strip`, lifted off the desk from x = `lifted` [m] on."""
-    shape = tuple(_shape_parameter(p, strip) for p in effect.parameters if p.role == "shape")
+    parameters = _parameters(effect, strip)
+    fitted = tuple(p for p in parameters if p.role != "shape")
     return Candidate(
-        effect.name, effect.sentence, effect.of,
-        parameters=tuple(_parameters(effect, strip, _always_fitted(effect))),
-        probes=_probes(effect, strip, lifted), revealed_by=effect.revealed_by,
-        model_error=UNTRUE if effect.stage is Stage.LAW else PLACE_ERROR, shape_parameters=shape,
+        effect.name, effect.sentence, effect.of, fitted, _probes(effect, fitted, strip, lifted),
+        effect.revealed_by, UNTRUE if effect.stage is Stage.LAW else PLACE_ERROR,
+        tuple(p for p in parameters if p.role == "shape"),
     )  # fmt: skip
 
 
-def _always_fitted(effect: Effect) -> list[Number]:
-    """Parameters of an effect that are always fitted: all but those of role `shape`."""
-    return [p for p in effect.parameters if p.role != "shape"]
+def _parameters(effect: Effect, strip: StripFile) -> list[Parameter]:
+    """Parameters of the effect as they are fitted to `strip`, amounts by the sizes of its probes.
 
-
-def _parameters(effect: Effect, strip: StripFile, numbers: Sequence[Number]) -> list[Parameter]:
-    """Engine parameters for `numbers` of the effect, scaled by the sizes of its probes."""
-    switch = effect.parameters[0]
-    sizes = [abs(_to_engine(switch, size) - (switch.null or 0.0)) for size in effect.sizes(strip)]
+    An amount that states a prior keeps it.
+    """
+    amount = effect.parameters[0]
+    sizes = [abs(amount.stated_value(size) - amount.start) for size in effect.sizes(strip)]
+    step, spread = SECANT * min(sizes), FARTHEST * max(sizes)
     return [
-        _amount_parameter(p, SECANT * min(sizes), FARTHEST * max(sizes))
-        if _is_amount(effect, p)
-        else _shape_parameter(p, strip)
-        for p in numbers
-    ]
+        _along_strip(p, strip.length) if p.role == "place"
+        else replace(p, low=min(p.low, p.start), step=step, spread=min(p.spread, spread))
+        if p.is_amount else p
+        for p in effect.parameters
+    ]  # fmt: skip
 
 
-def _amount_parameter(p: Number, step: float, spread: float) -> Parameter:
-    """Engine parameter for an effect's amount: the reciprocal if its null is at infinity."""
-    if p.null is None:
-        return Parameter(
-            p.name, p.unit, 0.0, 0.0, 1.0 / p.low, step=step, spread=spread, inverse=True
-        )
-    low, high = min(p.low, p.null), max(p.high, p.null)
-    return Parameter(p.name, p.unit, p.null, low, high, step=step, spread=spread)
-
-
-def _shape_parameter(p: Number, strip: StripFile) -> Parameter:
-    """Engine parameter for a place, time or shape of an effect."""
-    low, high = p.low, p.high
-    if p.role == "place":
-        low, high = max(low, 0.0), min(high, strip.length)
-        start = 0.5 * (low + high)
-        step = PLACE_STEP
-        spread = high - low
-    elif p.role == "shape":
-        guess = p.guess or 0.0
-        start = p.default or 0.0
-        step = SECANT * guess
-        spread = FARTHEST * guess
-    else:
-        start = p.default if p.default is not None else float(np.sqrt(low * high))
-        share = SHAPE_SPREAD if p.default is not None else UNKNOWN_SPREAD
-        step, spread = SHAPE_STEP * start, share * start
-    return Parameter(p.name, p.unit, start, low, high, step=step, spread=spread, shape=True)
+def _along_strip(place: Parameter, length: float) -> Parameter:
+    """Parameter of a `place` [m] as it is fitted to a strip of `length` [m]."""
+    low, high = max(place.low, 0.0), min(place.high, length)
+    return replace(place, start=0.5 * (low + high), low=low, high=high,
+                   step=PLACE_STEP, spread=high - low)  # fmt: skip
 
 
 def _probes(
-    effect: Effect, strip: StripFile, lifted: float
+    effect: Effect, parameters: Sequence[Parameter], strip: StripFile, lifted: float
 ) -> tuple[tuple[tuple[float, ...], ...], ...]:
     """Groups of parameter vectors to screen: a group per size and shape, a vector per amount."""
-    switch = effect.parameters[0]
-    numbers = _always_fitted(effect)
-    start = [p.start for p in _parameters(effect, strip, numbers)]
-    amounts = [i for i, p in enumerate(numbers) if _is_amount(effect, p)]
-    places = _places(strip, lifted)
-    tried = [_screened_values(p, v, places) for p, v in zip(numbers, start, strict=True)]
-    shapes = [t if i not in amounts else (start[i],) for i, t in enumerate(tried)]
-    groups = []
-    for size, vector in product(effect.sizes(strip), product(*shapes)):
-        amount = _to_engine(switch, size)
-        group = [[*vector[:i], amount, *vector[i + 1 :]] for i in amounts]
-        groups.append(tuple(tuple(map(float, probe)) for probe in group))
-    return tuple(groups)
-
-
-def _screened_values(p: Number, start: float, places: tuple[float, ...]) -> tuple[float, ...]:
-    """Values at which a place, a time or another number of an effect is tried in screening."""
-    if p.role == "place":
-        return places
-    return TRIED_TIMES if p.role == "time" else (start,)
-
-
-def _is_amount(effect: Effect, p: Number) -> bool:
-    """Whether the parameter is an amount of the effect: its first, or another one with a null."""
-    return p is effect.parameters[0] or p.null is not None
-
-
-def _to_engine(switch: Number, value: float) -> float:
-    """Convert a file's value to the engine's: the reciprocal if the null is at infinity."""
-    return value if switch.null is not None else 1.0 / value
-
-
-def to_file_values(effect: Effect, values: Sequence[float]) -> dict[str, float] | None:
-    """Values of an effect as strip files state them, by name; None for an absent effect.
-
-    `values` may lack those of the shape, which come last.
-    """
-    stated = dict(zip((p.name for p in effect.parameters), map(float, values), strict=False))
-    switch = effect.parameters[0]
-    if switch.null is None:
-        if stated[switch.name] <= 1.0 / switch.high:
-            return None
-        stated[switch.name] = 1.0 / stated[switch.name]
-    return stated
+    tried = {"place": _places(strip, lifted), "time": TRIED_TIMES}
+    shapes = [tried.get(p.role, (p.start,)) for p in parameters]
+    amounts = [i for i, p in enumerate(parameters) if p.is_amount]
+    sizes = map(parameters[0].stated_value, effect.sizes(strip))
+    return tuple(
+        tuple((*shape[:i], size, *shape[i + 1 :]) for i in amounts)
+        for size, shape in product(sizes, product(*shapes))
+    )

@@ -23,13 +23,12 @@ from cell.gap.subject.strip.prepare import (
 )
 from cell.gap.subject.strip.runs import MeasuredRun, read_runs
 from cell.gap.subject.strip.scenes import measured_scene, simulated_scene
-from cell.gap.subject.strip.scope import scope, to_file_values
+from cell.gap.subject.strip.scope import scope
 from cell.gap.subject.strip.simulation import Hashed, Job, Simulation, hashed_model
 from cell.gap.subject.strip.synthetic import SET_UP, instruction, planned_runs
 from cell.gap.subject.subject import (
     Experiment,
     NamedValues,
-    Parameter,
     Request,
     Residuals,
     Run,
@@ -39,6 +38,7 @@ from cell.gap.subject.subject import (
 )
 from drivers.strip.describe import describe, load_strip
 from drivers.strip.effects import registry
+from drivers.strip.effects.effect import Parameter
 from drivers.strip.file import StripFile
 from drivers.strip.law import LAW_TERMS, with_law
 from drivers.strip.model import Observation, StripModel
@@ -252,7 +252,7 @@ def _describe(
         else:
             numbers[p.name] = value
     fitted = strip.model_copy(update={**numbers, "effects": accepted})
-    stated = {name: to_file_values(registry()[name], values)
+    stated = {name: registry()[name].stated(values)
               for name, values in effects if name in registry()}  # fmt: skip
     present = {name: values for name, values in stated.items() if values is not None}
     model = describe(fitted, present, index)

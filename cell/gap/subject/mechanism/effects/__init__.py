@@ -15,9 +15,10 @@ from cell.gap.subject.mechanism.effects import bodies, compliance, drives, frict
 from cell.gap.subject.mechanism.effects.drives import bias_law
 from cell.gap.subject.mechanism.model import MODES, PRESCRIBED, Mechanism
 from cell.gap.subject.mechanism.passive import Torques
-from cell.gap.subject.subject import Candidate, NamedValues, Parameter
+from cell.gap.subject.subject import Candidate, NamedValues
 from drivers.errors import ConfigurationError
 from drivers.plugins import plugins
+from drivers.strip.effects.effect import Parameter
 from drivers.types import Array
 
 FAMILIES = (bodies, compliance, drives, friction)
@@ -123,8 +124,8 @@ def check_effects(accepted: NamedValues, mechanism: Mechanism, origin: str) -> N
             )
         for key, value in values.items():
             p = parameters[key]
-            if not p.low <= p.stated_value(value) <= p.high:
-                low, high = sorted(map(p.stated_value, (p.low, p.high)))
+            low, high = p.stated_range
+            if not low <= value <= high:
                 raise ConfigurationError(
                     f"{origin}: effects.{name}.{key}: {value:g} is out of range; "
                     f"allowed: {low:g} to {high:g} {p.unit}"

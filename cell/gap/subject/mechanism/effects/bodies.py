@@ -7,7 +7,7 @@ import numpy as np
 
 from cell.gap.subject.mechanism.effect import Effect, add_to, per_joint, single_parameter
 from cell.gap.subject.mechanism.model import MODES, PLANAR, Mechanism, add_point, tip
-from cell.gap.subject.subject import Parameter
+from drivers.strip.effects.effect import Parameter
 from drivers.types import Array
 
 AIR = 1.2  # kg/m^3

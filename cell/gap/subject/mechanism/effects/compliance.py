@@ -11,7 +11,7 @@ from scipy.signal import cont2discrete, lfilter
 
 from cell.gap.subject.mechanism.effect import Effect, per_joint, single_parameter
 from cell.gap.subject.mechanism.model import PLANAR, PRESCRIBED, Mechanism
-from cell.gap.subject.subject import Parameter
+from drivers.strip.effects.effect import Parameter
 from drivers.types import Array
 
 # rad/s at which bases sway: of the prior's compliance, and of probes; damping ratio
@@ -44,7 +44,7 @@ def _sway_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
              single_parameter(f"{key}_{axis}", unit, 0.04 / (moved * SWAY**2))]  # fmt: skip
     low, *_, high = SWAYS
     return (*found, Parameter("frequency", "rad/s", SWAY, 0.5 * low, 2.0 * high, step=1e-3 * SWAY,
-                              spread=high, shape=True))  # fmt: skip
+                              spread=high, role="shape"))  # fmt: skip
 
 
 def _sway_path(mechanism: Mechanism, values: Array, t: Array, q: Array, v: Array) -> Array:
@@ -121,7 +121,7 @@ CABLE_SPRING = Effect(
     source="Hooke; MJCF joint/stiffness and springref",
     parameters=lambda m: per_joint(m, "stiffness", "N m/rad", 0.01 * m.torque),
     shape=lambda m: per_joint(m, "rest", "rad", 0.05 * np.ones(len(m.joints)), signed=True,
-                              shape=True, high=120.0),
+                              role="shape", high=120.0),
     keys=2,
     law=_spring_law,
     edit=_edit_spring,
@@ -151,7 +151,7 @@ BASE_COMPLIANCE = Effect(
     source="a mass on a spring along and about each axis, which the bodies' motion drives",
     parameters=_sway_parameters,
     shape=lambda _: (
-        Parameter("damping", "1", DAMPING, 1e-3, 1.0, step=1e-4, spread=0.1, shape=True),
+        Parameter("damping", "1", DAMPING, 1e-3, 1.0, step=1e-4, spread=0.1, role="shape"),
     ),
     path=_sway_path,
     modes=(PRESCRIBED.name,),

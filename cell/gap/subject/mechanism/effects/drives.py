@@ -10,7 +10,7 @@ from cell.gap.subject.mechanism.effect import (
     single_parameter,
 )
 from cell.gap.subject.mechanism.model import FORWARD, MODES, Mechanism, scale_gain
-from cell.gap.subject.subject import Parameter
+from drivers.strip.effects.effect import Parameter
 from drivers.types import Array
 
 ORDER = 6.0  # periods of a torque ripple in a turn, where nothing says otherwise
@@ -31,10 +31,10 @@ def _ripple_shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
     """Order (at least half a ripple in the travel) and phase [rad] of cogging in driven joints."""
     least = [float(np.clip(np.pi / j.travel, 1.0, 100.0)) for j in mechanism.driven.joints]
     orders = [Parameter(f"order_{j.name}", "1", max(ORDER, low), low, 200.0, step=0.01,
-                        spread=ORDER, shape=True)
+                        spread=ORDER, role="shape")
               for j, low in zip(mechanism.driven.joints, least, strict=True)]  # fmt: skip
     return (*orders, *per_joint(mechanism.driven, "phase", "rad", np.full(len(orders), 0.04),
-                                signed=True, shape=True, high=100.0))  # fmt: skip
+                                signed=True, role="shape", high=100.0))  # fmt: skip
 
 
 def _ripple_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:

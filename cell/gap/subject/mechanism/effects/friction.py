@@ -6,8 +6,8 @@ import numpy as np
 
 from cell.gap.subject.mechanism.effect import Effect, add_to, per_joint, single_parameter
 from cell.gap.subject.mechanism.model import FORWARD, MODES, PRESCRIBED, Mechanism
-from cell.gap.subject.subject import Parameter
 from drivers.jit import entry
+from drivers.strip.effects.effect import Parameter
 from drivers.types import Array
 
 STRIBECK = 0.1  # of the typical rate, where a Stribeck peak begins
@@ -34,13 +34,13 @@ def _dry_shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
     ones = np.ones(len(mechanism.joints))
     rates = [
         Parameter(f"stribeck_velocity_{j.name}", "rad/s" if j.hinge else "m/s",
-                  v, 0.1 * v, 10.0 * v, step=0.01 * v, spread=v, shape=True)
+                  v, 0.1 * v, 10.0 * v, step=0.01 * v, spread=v, role="shape")
         for j, v in zip(mechanism.joints, STRIBECK * mechanism.rate, strict=True)
     ]  # fmt: skip
     return (
         *(() if mechanism.mode.loads else _loads(mechanism)),
-        *per_joint(mechanism, "asymmetry", "1", 0.02 * ones, signed=True, shape=True, high=45.0),
-        *per_joint(mechanism, "stribeck_torque", "N m", 0.01 * mechanism.torque, shape=True),
+        *per_joint(mechanism, "asymmetry", "1", 0.02 * ones, signed=True, role="shape", high=45.0),
+        *per_joint(mechanism, "stribeck_torque", "N m", 0.01 * mechanism.torque, role="shape"),
         *rates,
     )
 
@@ -69,7 +69,7 @@ def _presliding_shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
     """Torques [N m] at which the elastic contacts of each joint begin to slide."""
     return tuple(
         Parameter(f"torque_{j.name}", "N m", 0.05 * j.torque, 0.001 * j.torque, j.torque,
-                  step=0.001 * j.torque, spread=0.1 * j.torque, shape=True)
+                  step=0.001 * j.torque, spread=0.1 * j.torque, role="shape")
         for j in mechanism.joints
     )  # fmt: skip
 
