@@ -8,7 +8,7 @@ copies is what it could have said of the runs.
 import hashlib
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 from statistics import mean
 from tempfile import TemporaryDirectory
@@ -28,8 +28,9 @@ from cell.gap.fitting.reml import reml_spreads
 from cell.gap.subject.run_folders import find_runs, without_copies
 from cell.gap.subject.strip.measurement_errors import KNOWN_EFFECTS
 from cell.gap.subject.strip.runs import MeasuredRun, read_runs
+from cell.gap.subject.strip.scope import fitted_strip
 from cell.gap.subject.strip.subject import StripSubject
-from cell.gap.subject.strip.synthetic import Instruments, rod_folds, write_fold
+from cell.gap.subject.strip.synthetic import rod_folds, write_fold
 from drivers.files import replace_file
 from drivers.settings import Settings
 from drivers.strip.describe import describe, load_strip
@@ -84,9 +85,10 @@ def rehearsal_plan(paths: Sequence[Path], file: Path, jobs: int) -> Plan:
     measured = read_runs(folders, strip)
     subject = StripSubject(strip, measured, jobs)
     base = refit_base(subject.simulate, Model(subject.scope.base), evidence(subject.runs))
-    values = {p.name: float(v) for p, v in zip(subject.scope.base, base.shared, strict=True)}
+    pairs = zip(subject.scope.base, base.shared, strict=True)
+    values = {p.name: p.stated_value(float(v)) for p, v in pairs}
     usable = [run for run in measured if run.usable]
-    copies, unseen = copies_with_each_effect(as_fitted(strip, values), usable)
+    copies, unseen = copies_with_each_effect(fitted_strip(strip, values), usable)
     copies_without_effect = [
         HiddenCopy(key=f"{NO_EFFECT}-{i}", effect=NO_EFFECT, values={}, seed=i)
         for i in range(EMPTY_COPIES)
@@ -99,12 +101,6 @@ def rehearsal_plan(paths: Sequence[Path], file: Path, jobs: int) -> Plan:
         copies=(*copies, *copies_without_effect),
         unseen=tuple(unseen),
     )
-
-
-def as_fitted(strip: StripFile, values: Mapping[str, float]) -> StripFile:
-    """Copy of `strip` with the refitted `values` of those properties that a strip file states."""
-    stated = {name: value for name, value in values.items() if name in StripFile.model_fields}
-    return strip.model_copy(update=stated)
 
 
 def path_of_run(run: MeasuredRun) -> GripperPath:
@@ -160,12 +156,13 @@ def write_copy(plan: Plan, hidden: HiddenCopy, folder: Path) -> None:
     rng = np.random.default_rng([hidden.seed, 1])
     runs = [run for run in read_runs(find_runs([Path(p) for p in plan.runs]), strip) if run.usable]
     effects = {hidden.effect: hidden.values} if hidden.effect != NO_EFFECT else {}
-    fitted = as_fitted(strip, plan.base)
+    fitted = fitted_strip(strip, plan.base)
     models = [with_scatter(describe(fitted, effects, run.index), plan.scatter, rng) for run in runs]
     folds = rod_folds(models, [path_of_run(run) for run in runs], SEGMENTS, STEP)
     for number, (run, fold) in enumerate(zip(runs, folds, strict=True)):
         copy = replace(fold, index=run.index, condition=run.condition)
-        write_fold(folder / f"{number:02d}", strip.name, copy, instruments(run), rng)
+        noise = run.sigma if run.has_force else run.sigma.model_copy(update={"force": None})
+        write_fold(folder / f"{number:02d}", strip.name, copy, noise, rng)
 
 
 def with_scatter(
@@ -176,12 +173,6 @@ def with_scatter(
         if effect.name in scatter:
             model = effect.apply(model, float(rng.normal(0.0, scatter[effect.name])))
     return model
-
-
-def instruments(run: MeasuredRun) -> Instruments:
-    """Simulated instruments with the noise of `run`; they measure force where the run does."""
-    stated = run.sigma.model_dump(exclude_none=True, include={f.name for f in fields(Instruments)})
-    return replace(Instruments(**stated), force=run.sigma.force if run.has_force else None)
 
 
 def rehearse(plan: Plan, folder: Path, engine: Engine, meter: Meter) -> list[Record]:

@@ -12,8 +12,9 @@ import yaml
 
 from cell.config.places import find_configs
 from cell.gap.subject.strip.subject import StripSubject, patch_file
-from cell.gap.subject.strip.synthetic import Fold, Instruments, reported_path, rod_folds, write_fold
+from cell.gap.subject.strip.synthetic import BENCH, Fold, reported_path, rod_folds, write_fold
 from cell.gap.subject.subject import Residuals
+from cell.record.header import Sigma
 from drivers.strip.describe import describe, load_strip
 from drivers.strip.file import StripFile
 from drivers.strip.model import Effects
@@ -21,7 +22,6 @@ from drivers.types import Array
 from policies.experiments.standard import STANDARD
 
 STRIP = Path("configs/strips/denim.yaml")
-CELL = Instruments()
 SEGMENTS, STEP = 150, 0.004
 """Of the plant's rod: neither the coarse nor the fine one of the model."""
 
@@ -41,11 +41,13 @@ def folds(names: Sequence[str], effects: Effects | None = None, **changes: float
     ]
 
 
-def written(root: Path, made: Sequence[Fold], by: Instruments = CELL, seed: int = 0) -> list[Path]:
+def written(
+    root: Path, made: Sequence[Fold], by: Sigma = BENCH, seed: int = 0, **flaws: float
+) -> list[Path]:
     """Folders of the folds `made`, written with noise, in their order."""
     rng = np.random.default_rng(seed)
     for fold in made:
-        write_fold(root / f"{fold.index:02d}-{fold.condition}", "denim", fold, by, rng)
+        write_fold(root / f"{fold.index:02d}-{fold.condition}", "denim", fold, by, rng, **flaws)
     return sorted(root.iterdir())
 
 

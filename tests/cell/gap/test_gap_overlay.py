@@ -13,9 +13,10 @@ from cell.gap.report.overlay import write_recording
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip.scenes import DISTANCE_SIGNAL
 from cell.gap.subject.strip.subject import StripSubject, open_strip
+from cell.gap.subject.strip.synthetic import BENCH
 from cell.gap.subject.subject import Request, Scene
 from drivers.types import Array
-from tests.support.gap_strip_cases import CELL, STRIP, folds, written
+from tests.support.gap_strip_cases import STRIP, folds, written
 
 SOFT = 0.85  # times the stated bending length
 
@@ -105,7 +106,7 @@ def test_the_right_model_lies_on_the_measured_midline(recording) -> None:
         numbers(rows[f"/00-normal/signals/{DISTANCE_SIGNAL}/{word}"])
         for word in ("before", "after")
     )
-    assert np.median(after) == pytest.approx(1e3 * CELL.profile, rel=0.25)
+    assert np.median(after) == pytest.approx(1e3 * BENCH.profile, rel=0.25)
     assert np.quantile(before, 0.9) > 2.0 * np.quantile(after, 0.9)
     line = np.array(rows["/00-normal/curve/after"].values[-1][0])
     points = np.array(rows["/00-normal/curve/measured"].values[-1])

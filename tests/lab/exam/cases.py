@@ -14,7 +14,7 @@ from cell.campaign import versions
 from cell.campaign.processes import workers
 from cell.config.places import find_configs
 from cell.gap.effect_size import GapModel, draw_strengths
-from cell.gap.subject.strip.synthetic import planned_runs, reported_path
+from cell.gap.subject.strip.synthetic import BENCH, planned_runs, reported_path
 from cell.record.header import Sigma
 from drivers.errors import ConfigurationError, Fault
 from drivers.files import replace_file, writing
@@ -26,7 +26,7 @@ from policies.experiments.human_motion import human_motion
 from policies.experiments.standard import REFERENCE_RUN, REPEATED_RUN, STANDARD, standard_order
 from tests.lab.exam.case import STRENGTHS, Case, Kind, ScatterLevel, Strength, Tier, Values
 from tests.lab.exam.causes import causes
-from tests.lab.exam.from_state import BY, MOTIONS, paths_by_hand, scale_strip
+from tests.lab.exam.from_state import MOTIONS, paths_by_hand, scale_strip
 from tests.lab.exam.through_images import refusal
 
 Progress = Callable[[int, int, str], None]
@@ -291,10 +291,9 @@ def _cached_gap_model(
     plant = scale_strip(find_configs(None).strip(name), stiffness, damping)
     if tier == "images":
         return _gap_model_of_cell(plant, hand)
-    sigma = Sigma.model_validate(BY.sigma())
     if hand is None:
-        return standard_gap_model(plant, MOTIONS, sigma)
-    return GapModel.along(plant, paths_by_hand(plant.length, hand, len(MOTIONS)), sigma)
+        return standard_gap_model(plant, MOTIONS, BENCH)
+    return GapModel.along(plant, paths_by_hand(plant.length, hand, len(MOTIONS)), BENCH)
 
 
 def _gap_model_of_cell(plant: StripFile, hand: int | None) -> GapModel:

@@ -10,9 +10,9 @@ import numpy as np
 
 from cell.config.places import find_configs
 from cell.gap.subject.strip.synthetic import (
+    BENCH,
     ROW_STRIDE,
     Fold,
-    Instruments,
     reported_path,
     rod_folds,
     write_fold,
@@ -196,7 +196,6 @@ def _reported_path(length: float, rng: np.random.Generator) -> GripperPath:
 
 
 MOTIONS = ("normal", "taut-lift", "fast", "early-shake", "taut-lift", "normal")
-BY = Instruments()
 SEGMENTS, ROD_STEP = 240, 0.002  # s; finer than any grid of the model
 LINKS, CHAIN_STEP, SHAPE_STRIDE = 200, 0.003, 2  # s; every second shape is kept
 TARE_STREAM = 78  # of the case's generators, of what tares left
@@ -236,7 +235,7 @@ def make_runs(case: Case, folder: Path) -> None:
         folds = _fold_on_chain(case, models, paths)
     else:
         folds = rod_folds(models, paths, SEGMENTS, ROD_STEP)
-    by = replace(BY, force=case.force)
+    by = BENCH.model_copy(update={"force": case.force})
     for index, (motion, bare_fold) in enumerate(zip(motions, folds, strict=True)):
         fold = replace(bare_fold, index=index, condition=motion.condition)
         write_fold(folder / f"{index:02d}-{motion.name}", case.strip, fold, by, rng)

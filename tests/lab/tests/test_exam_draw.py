@@ -4,18 +4,18 @@ import numpy as np
 import pytest
 
 from cell.gap.effect_size import GapModel, draw_strengths
-from cell.record.header import Sigma
+from cell.gap.subject.strip.synthetic import BENCH
 from drivers.strip.effects import registry
 from tests.lab.exam import cases as drawing
 from tests.lab.exam.case import STRENGTHS
 from tests.lab.exam.cases import Draw, cases, excess_of_each, standard_gap_model
-from tests.lab.exam.from_state import BY, MOTIONS, plant_of
+from tests.lab.exam.from_state import MOTIONS, plant_of
 from tests.support.gap_strip_cases import denim
 
 
 @pytest.fixture(scope="module")
 def model() -> GapModel:
-    return standard_gap_model(denim(), MOTIONS, Sigma.model_validate(BY.sigma()))
+    return standard_gap_model(denim(), MOTIONS, BENCH)
 
 
 @pytest.mark.slow
@@ -52,10 +52,9 @@ def test_a_slip_is_as_strong_as_asked_or_is_not_drawn(model: GapModel) -> None:
 @pytest.mark.slow
 def test_a_single_effect_is_as_strong_as_asked_on_the_plant_that_hides_it() -> None:
     (weak, medium) = cases("state", 2, 5, "single")
-    sigma = Sigma.model_validate(BY.sigma())
     for case, target in ((weak, STRENGTHS["weak"]), (medium, STRENGTHS["medium"])):
         assert case.motions == "standard"
-        plant = standard_gap_model(plant_of(case), MOTIONS, sigma)
+        plant = standard_gap_model(plant_of(case), MOTIONS, BENCH)
         assert plant.excess([case.effects])[0] == pytest.approx(target, rel=0.3)
 
 

@@ -11,7 +11,7 @@ from cell.gap.subject.strip.runs import MeasuredRun
 from cell.gap.subject.strip.simulation import SimulatedMotion
 from cell.gap.subject.subject import Residuals
 from drivers.geometry import interpolate_columns
-from drivers.strip.engine import Touch
+from drivers.strip.engine import StripMotion, Touch
 from drivers.strip.model import StripModel
 from drivers.strip.observation import (
     image_stamp,
@@ -21,6 +21,7 @@ from drivers.strip.observation import (
     reported_force,
     true_points,
 )
+from drivers.strip.rod.engine import GripperPath
 from drivers.types import Array
 
 CONTACT_LIMIT = 1.0  # bending lengths between contacts that are still one and the same
@@ -125,13 +126,18 @@ class FoldResiduals:
         return mean, mean**2
 
 
-def simulated_touch(run: MeasuredRun, model: StripModel, motion: SimulatedMotion) -> Touch | None:
-    """Simulated touch of the layers as images of `run` would show it; None if there is none."""
+def simulated_touch(
+    path: MeasuredRun | GripperPath, model: StripModel, motion: SimulatedMotion | StripMotion
+) -> Touch | None:
+    """Simulated touch of the layers as images would show it; None if there is none.
+
+    Along the reported `path` the gripper moves; `motion` is the true one.
+    """
     if motion.touch is None:
         return None
     grip = interpolate_columns(motion.touch.time, motion.t, motion.poses)
     stamp = image_stamp(model.observation, motion.touch.time)
-    reported = interpolate_columns(stamp, run.t, run.poses)
+    reported = interpolate_columns(stamp, path.t, path.poses)
     return measured_touch(model, motion.touch, grip, reported)
 
 

@@ -1,5 +1,6 @@
 """Groups the readings of a fold into samples, by phase, zone and time."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,8 +28,13 @@ TOUCH_TIME = 0.03  # s, noise of the time of a touch where the run states none
 GRIP_TRAVEL = 0.15
 SNAP = 0.15  # s before the touch in which any model is off
 FEWEST_POINTS = 4  # points of a profile's sample
-SLOTS, PHASES = 100_000, 10  # at most in a run: slots of time, and names of phases
-EVENT = ("touch_time", "touch_x", "displacement")
+FLOORS = {"profile": 0.00025, "contact_x": 0.0006, "displacement": 0.001, "touch_time": 0.02,
+          "force": 0.0001}  # fmt: skip
+"""Standard deviations [m, s, N] of errors that any strip model has, by measured quantity.
+
+Rod and chain differ by a tenth of a millinewton in `force`; the coarse rod errs by more where a
+gripper jerks.
+"""
 
 
 def phases(run: MeasuredRun, t: Array) -> Words:
@@ -63,21 +69,6 @@ def _averaged_motion(run: MeasuredRun, t: Array) -> tuple[Array, Array]:
 
 
 @dataclass(frozen=True, slots=True)
-class Floors:
-    """Standard deviations [m, s, N] of errors that any strip model has, by measured quantity.
-
-    Rod and chain differ by a tenth of a millinewton in `force`; the coarse rod errs by more where a
-    gripper jerks.
-    """
-
-    profile: float = 0.00025
-    contact_x: float = 0.0006
-    displacement: float = 0.001
-    touch_time: float = 0.02
-    force: float = 0.0001
-
-
-@dataclass(frozen=True, slots=True)
 class Part:
     """Readings of one channel grouped into k samples: sorted by `order`, split at `edges` (k + 1,).
 
@@ -106,7 +97,7 @@ class Layout:
     samples: Samples
 
 
-def layout(run: MeasuredRun, length: float, floors: Floors) -> Layout:
+def layout(run: MeasuredRun, length: float) -> Layout:
     """Group the readings of the fold `run` of a strip of `length` [m] into samples."""
     images, sigma = run.images, run.sigma
     profile = _part(
@@ -116,12 +107,13 @@ def layout(run: MeasuredRun, length: float, floors: Floors) -> Layout:
     buckled = (run.contact_x < length / 3) & (phases(run, run.contact_t) == "lift")
     contact = _part(run, run.contact_t, zones(run.contact_x, length), sigma.contact_x, 1, buckled)
     force = _force_part(run, length, 0), _force_part(run, length, 1)
+    # a camera's error shifts the whole image
+    share = float(np.hypot(1.0, (run.plane_error or 0.0) / FLOORS["profile"]))
     columns = [
-        *_columns(profile, "profile", floors.profile, by_zone=True),
-        *_columns(contact, "contact_x", floors.contact_x),
-        *_columns(force[0], "force", floors.force),
-        *_columns(force[1], "force", floors.force),
-        *_touch_columns(run, floors),
+        *_columns(profile, "profile", share * FLOORS["profile"], by_zone=True),
+        *_columns(contact, "contact_x", share * FLOORS["contact_x"]),
+        *(each for part in force for each in _columns(part, "force", FLOORS["force"])),
+        *_touch_columns(run),
     ]
     return Layout(profile, contact, force, Samples.stack(columns))
 
@@ -142,26 +134,29 @@ def _part(
 
     Readings of the mask `left_out`, and samples of less than `fewest` readings, are left out.
     """
-    phase = phases(run, t)
-    labels = list(dict.fromkeys(phase))
-    phase_number = np.array([labels.index(word) for word in phase], dtype=np.int64)
-    zone_number = np.array([ZONES.index(word) for word in zone], dtype=np.int64)
-    slot = np.floor(t / span).astype(np.int64)
-    key = (zone_number * SLOTS + slot) * PHASES + phase_number
-    masked = np.zeros(len(t), dtype=bool) if left_out is None else left_out
     # compared are times after the lift's start, before snap and touch
     lifted = run.hanging | (np.interp(t, run.t, run.travel) >= GRIP_TRAVEL)
     end = run.end - (SNAP if run.touch is not None else 0.0)
-    used = np.flatnonzero(lifted & (t >= run.t[0]) & (t < end) & ~masked)
-    order = used[np.argsort(key[used], kind="stable")]
-    _, first, count = np.unique(key[order], return_index=True, return_counts=True)
-    rows = [order[a : a + n] for a, n in zip(first, count, strict=True) if n >= fewest]
+    compared = lifted & (t >= run.t[0]) & (t < end)
+    used = np.flatnonzero(compared if left_out is None else compared & ~left_out)
+    phase = phases(run, t)
+    ranks = [_ranks(zone, ZONES), np.floor(t / span), _ranks(phase, list(dict.fromkeys(phase)))]
+    keys = np.stack(ranks)[:, used]
+    sorting = np.lexsort(keys[::-1])  # by zone, then slot, then phase
+    borders = np.flatnonzero(np.diff(keys[:, sorting]).any(axis=0)) + 1
+    rows = [row for row in np.split(used[sorting], borders) if len(row) >= fewest]
     first_rows = [row[0] for row in rows]
     return Part(
-        np.concatenate(rows) if rows else np.empty(0, dtype=np.int64),
+        np.concatenate([*rows, np.empty(0, dtype=np.int64)]),
         np.cumsum([0, *map(len, rows)]),
         phase[first_rows], zone[first_rows], np.array([t[row].mean() for row in rows]), sigma,
     )  # fmt: skip
+
+
+def _ranks(words: Words, order: Sequence[str]) -> Array:
+    """Place (n,) of each of `words` (n,) in `order`."""
+    rank = {word: i for i, word in enumerate(order)}
+    return np.array([rank[word] for word in words], dtype=np.float64)
 
 
 Columns = dict[str, Any]
@@ -180,7 +175,7 @@ def _columns(part: Part, channel: str, floor: float, *, by_zone: bool = False) -
     ]  # fmt: skip
 
 
-def _touch_columns(run: MeasuredRun, floors: Floors) -> list[Columns]:
+def _touch_columns(run: MeasuredRun) -> list[Columns]:
     """Three series of the touch: its time, mean distance from both edges, and displacement.
 
     There are none without a touch. l1 and l2 are measured alike, so that their difference and
@@ -188,11 +183,11 @@ def _touch_columns(run: MeasuredRun, floors: Floors) -> list[Columns]:
     """
     if run.touch is None:
         return []
-    sizes = ((run.sigma.touch_time or TOUCH_TIME, floors.touch_time),
-             (run.sigma.displacement / 2, floors.displacement / 2),
-             (run.sigma.displacement, floors.displacement))  # fmt: skip
+    sigma, floor = run.sigma.displacement, FLOORS["displacement"]
+    sizes = {"touch_time": (run.sigma.touch_time or TOUCH_TIME, FLOORS["touch_time"]),
+             "touch_x": (sigma / 2, floor / 2), "displacement": (sigma, floor)}  # fmt: skip
     return [
         {"channel": "layer_touch", "quantity": quantity, "phase": "touch", "zone": "middle",
-         "t": np.array([run.touch.time]), "noise": sigma, "reading": sigma, "floor": floor}
-        for quantity, (sigma, floor) in zip(EVENT, sizes, strict=True)
+         "t": np.array([run.touch.time]), "noise": noise, "reading": noise, "floor": error}
+        for quantity, (noise, error) in sizes.items()
     ]  # fmt: skip

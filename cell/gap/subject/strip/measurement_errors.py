@@ -1,13 +1,14 @@
 """Errors of measuring a strip: those that differ from run to run, and those that runs share."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from operator import attrgetter
 from pathlib import Path
 
 import numpy as np
 
 from cell.gap.subject.subject import Samples, ScatterSource, Words
 from drivers.settings import StudyResult
-from drivers.strip.model import StripModel
+from drivers.strip.model import StripModel, with_field
 from drivers.types import Array, frozen
 
 PATH_HALVES = ("before", "past")
@@ -25,11 +26,9 @@ class RunEffect(ScatterSource):
 
     def apply(self, model: StripModel, value: float) -> StripModel:
         """Copy of `model` with `value` added to the effect's field; relative if its unit is 1."""
-        part, _, field = self.place.partition(".")
-        owner = getattr(model, part)
-        stated = getattr(owner, field)
+        stated = attrgetter(self.place)(model)
         changed = frozen(stated * (1.0 + value)) if self.unit == "1" else stated + value
-        return replace(model, **{part: replace(owner, **{field: changed})})
+        return with_field(model, self.place, changed)
 
 
 GRIPPER_REMEDY = "a stop against which the strip's edge is laid, or a gripper with firmer fingers"

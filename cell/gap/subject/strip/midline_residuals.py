@@ -21,9 +21,7 @@ def interpolate_midlines(shapes: Any, places: Any) -> Any:
         place = min(max(places[m], 0.0), len(shapes) - 1.0)
         j = int(place)
         k, w = min(j + 1, len(shapes) - 1), place - j
-        for q in range(shapes.shape[1]):
-            for axis in range(2):
-                curves[m, q, axis] = (1.0 - w) * shapes[j, q, axis] + w * shapes[k, q, axis]
+        curves[m] = (1.0 - w) * shapes[j] + w * shapes[k]
     return curves
 
 
@@ -104,22 +102,9 @@ def nearest_among(curve: Any, nodes: Any, x: float, z: float) -> Any:
 def search_window(arc: Any, s: float) -> Any:
     """Indices of the first and last node within SEARCH_SPAN of arc length `s` [m]."""
     last = len(arc) - 1
-    low = last_node_before(arc, min(s, arc[last]) - SEARCH_SPAN)
-    high = last_node_before(arc, max(s, 0.0) + SEARCH_SPAN) + 1
+    low = np.searchsorted(arc, min(s, arc[last]) - SEARCH_SPAN) - 1
+    high = np.searchsorted(arc, max(s, 0.0) + SEARCH_SPAN)
     return max(low, 0), min(high, last)
-
-
-@kernel
-def last_node_before(arc: Any, s: float) -> Any:
-    """Index of the last node whose arc length in `arc` (nodes,) is below `s` [m]; -1 for none."""
-    low, high = -1, len(arc)
-    while high - low > 1:
-        middle = (low + high) // 2
-        if arc[middle] < s:
-            low = middle
-        else:
-            high = middle
-    return low
 
 
 @entry

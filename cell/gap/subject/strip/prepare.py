@@ -7,7 +7,7 @@ from typing import cast
 import numpy as np
 
 from cell.gap.subject.strip.fold_residuals import FoldResiduals
-from cell.gap.subject.strip.layout import Floors, layout
+from cell.gap.subject.strip.layout import layout
 from cell.gap.subject.strip.measurement_errors import (
     RUN_EFFECTS,
     ModelError,
@@ -99,14 +99,14 @@ class PreparedFold:
 
 
 def prepare_runs(
-    runs: Sequence[MeasuredRun], strip: StripFile, floors: Floors, simulate: Simulation,
+    runs: Sequence[MeasuredRun], strip: StripFile, simulate: Simulation,
     scatter: Sequence[RunEffect] = RUN_EFFECTS,
 ) -> list[Run]:  # fmt: skip
     """Convert measured folds to runs of the gap engine; folds without a sample are left out.
 
     `scatter` are the quantities that may differ from run to run.
     """
-    folds = [_fold(run, strip, floors) for run in runs]
+    folds = [_fold(run, strip) for run in runs]
     stated = [hashed_model(describe(strip, index=f.index)) for f in folds]
     folds = _resolve(folds, stated, simulate)
     nominal = [f.job(model) for f, model in zip(folds, stated, strict=True)]
@@ -128,13 +128,11 @@ def linearise_folds(
     scatter: Sequence[RunEffect],
 ) -> list[Linearisation]:  # fmt: skip
     """Linearisation of the residuals of each of `folds` about its simulation in `jobs`."""
-    perturbed = [f.job(hashed_model(effect.apply(job.model, effect.step)))
-                 for f, job in zip(folds, jobs, strict=True) for effect in scatter]  # fmt: skip
-    motions = simulate([*jobs, *perturbed])
-    nominal = [
-        fold.residuals(job.model, motion).mean
-        for fold, job, motion in zip(folds, jobs, motions[: len(folds)], strict=True)
-    ]
+    moved = [f.job(hashed_model(effect.apply(job.model, effect.step)))
+             for f, job in zip(folds, jobs, strict=True) for effect in scatter]  # fmt: skip
+    fold_of_moved = [fold for fold in folds for _ in scatter]
+    found = _residuals([*folds, *fold_of_moved], [*jobs, *moved], simulate)
+    nominal, perturbed = found[: len(folds)], iter(found[len(folds) :])
     grid_errors = _grid_errors(folds, jobs, nominal, simulate)
     step_errors = _grid_errors(folds, jobs, nominal, simulate, (MEDIUM,))
     linearisations = []
@@ -143,14 +141,23 @@ def linearise_folds(
         grid_error = _drop_large(grid_errors[i], limit)
         step_error = _drop_large(step_errors[i], limit)
         doubt = np.hypot(TRUSTED * (grid_error - step_error), STEP_TRUSTED * step_error)
-        slopes = {}
-        first = i * len(scatter)  # jobs are perturbed fold by fold
-        for k, effect in enumerate(scatter, start=first):
-            residuals = fold.residuals(perturbed[k].model, motions[len(folds) + k]).mean
-            slopes[effect.name] = frozen(_drop_large(residuals - nominal[i], limit) / effect.step)
+        slopes = {
+            effect.name: frozen(_drop_large(next(perturbed) - nominal[i], limit) / effect.step)
+            for effect in scatter
+        }
         length = job.model.mechanics.length
         linearisations.append(Linearisation(frozen(grid_error), doubt, slopes, length))
     return linearisations
+
+
+def _residuals(
+    folds: Sequence[PreparedFold], jobs: Sequence[Job], simulate: Simulation
+) -> list[Array]:
+    """Residuals (n,) [SI] of each of `folds`, by its simulation in `jobs`."""
+    return [
+        fold.residuals(job.model, motion).mean
+        for fold, job, motion in zip(folds, jobs, simulate(jobs), strict=True)
+    ]
 
 
 def _resolve(
@@ -158,11 +165,7 @@ def _resolve(
 ) -> list[PreparedFold]:
     """Copies of `folds`, with a finer rod where the coarse one errs beyond model error."""
     jobs = [fold.job(model) for fold, model in zip(folds, models, strict=True)]
-    coarse = [
-        fold.residuals(job.model, motion).mean
-        for fold, job, motion in zip(folds, jobs, simulate(jobs), strict=True)
-    ]
-    errors = _grid_errors(folds, jobs, coarse, simulate, (FINE,))
+    errors = _grid_errors(folds, jobs, _residuals(folds, jobs, simulate), simulate, (FINE,))
     return [
         replace(fold, resolution=MEDIUM) if _is_doubted(fold, error) else fold
         for fold, error in zip(folds, errors, strict=True)
@@ -184,9 +187,10 @@ def _grid_errors(
     errors = [np.zeros_like(values) for values in residuals]
     doubted = list(range(len(folds)))
     for resolution in finer:
-        motions = simulate([replace(jobs[i], resolution=resolution) for i in doubted])
-        for i, motion in zip(doubted, motions, strict=True):
-            errors[i] = residuals[i] - folds[i].residuals(jobs[i].model, motion).mean
+        fine_jobs = [replace(jobs[i], resolution=resolution) for i in doubted]
+        fine = _residuals([folds[i] for i in doubted], fine_jobs, simulate)
+        for i, values in zip(doubted, fine, strict=True):
+            errors[i] = residuals[i] - values
         doubted = [i for i in doubted if _is_doubted(folds[i], errors[i])]
     return errors
 
@@ -234,11 +238,9 @@ def _drop_large(change: Array, limit: Array) -> Array:
     return np.where(np.abs(finite) < limit, finite, 0.0)
 
 
-def _fold(run: MeasuredRun, strip: StripFile, floors: Floors) -> PreparedFold:
+def _fold(run: MeasuredRun, strip: StripFile) -> PreparedFold:
     """Measured fold `run` with its samples and paths, not linearised yet."""
-    share = float(np.hypot(1.0, (run.plane_error or 0.0) / floors.profile))
-    raised = replace(floors, profile=share * floors.profile, contact_x=share * floors.contact_x)
-    samples_layout = layout(run, strip.length, raised)
+    samples_layout = layout(run, strip.length)
     during = run.t <= run.end + LATER
     path = GripperPath(run.t[during], run.poses[during], run.hanging)
     residuals = FoldResiduals(run, samples_layout, strip.length, strip.bending_length)

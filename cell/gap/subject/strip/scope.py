@@ -1,6 +1,6 @@
 """Base parameters, candidate effects and descriptive terms of a strip's model."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import product
 
@@ -98,6 +98,17 @@ def _accepted_parameters(strip: StripFile) -> list[Parameter]:
                 spread = 0.5 * abs(start) + p.step
                 accepted.append(replace(p, name=f"{name}.{p.name}", start=start, spread=spread))
     return accepted
+
+
+def fitted_strip(strip: StripFile, values: Mapping[str, float]) -> StripFile:
+    """Copy of `strip` with refitted `values` of its base parameters, as files state them."""
+    effects = {name: dict(stated) for name, stated in strip.effects.items()}
+    for name, value in values.items():
+        effect, _, key = name.rpartition(".")
+        if effect:
+            effects[effect][key] = value
+    own = {name: value for name, value in values.items() if "." not in name}
+    return strip.model_copy(update={**own, "effects": effects})
 
 
 def candidate(effect: Effect, strip: StripFile, lifted: float) -> Candidate:

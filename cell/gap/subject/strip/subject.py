@@ -12,7 +12,6 @@ import numpy as np
 
 from cell.gap.subject.run_folders import RunFolder
 from cell.gap.subject.strip.fold_residuals import FoldResiduals
-from cell.gap.subject.strip.layout import Floors
 from cell.gap.subject.strip.measurement_errors import FORCE_EFFECTS, RUN_EFFECTS, RunEffect
 from cell.gap.subject.strip.prepare import (
     PreparedFold,
@@ -23,7 +22,7 @@ from cell.gap.subject.strip.prepare import (
 )
 from cell.gap.subject.strip.runs import MeasuredRun, read_runs
 from cell.gap.subject.strip.scenes import measured_scene, simulated_scene
-from cell.gap.subject.strip.scope import scope
+from cell.gap.subject.strip.scope import fitted_strip, scope
 from cell.gap.subject.strip.simulation import Hashed, Job, Simulation, hashed_model
 from cell.gap.subject.strip.synthetic import SET_UP, instruction, planned_runs
 from cell.gap.subject.subject import (
@@ -109,8 +108,7 @@ class StripSubject(Subject):
 
     def __init__(
         self, strip: StripFile, runs: Sequence[MeasuredRun], jobs: int = 1,
-        floors: Floors | None = None, without: Sequence[str] = (),
-        scatter: Sequence[RunEffect] = RUN_EFFECTS,
+        without: Sequence[str] = (), scatter: Sequence[RunEffect] = RUN_EFFECTS,
     ) -> None:  # fmt: skip
         """Prepare the measured folds `runs` for fits; effects `without` are no candidates.
 
@@ -121,7 +119,6 @@ class StripSubject(Subject):
         self._threads = jobs
         self.notes = tuple(note for run in runs for note in run.notes)
         self._measured = tuple(run for run in runs if run.usable)
-        self._floors = floors or Floors()
         has_force = any(run.has_force for run in self._measured)
         contacts = [run.contact_x for run in self._measured if len(run.contact_x)]
         # m, beyond which the strip lifts off the desk; 0 where no image shows it
@@ -132,9 +129,7 @@ class StripSubject(Subject):
         self._simulation = Simulation(jobs)
         self._residual_cache: dict[ResidualKey, Residuals] = {}
         self._model_cache = lru_cache(DESCRIBED)(partial(_describe, strip, self.scope.base))
-        self.runs = prepare_runs(
-            self._measured, strip, self._floors, self._simulation, self._scatter
-        )
+        self.runs = prepare_runs(self._measured, strip, self._simulation, self._scatter)
         self._replicates = replicates(self.runs)
         self.runs = [
             replace(run, replicate=self._leader(fold) is not fold)
@@ -199,7 +194,7 @@ class StripSubject(Subject):
         """Runs of the standard motions that could be made next, simulated for the stated strip."""
         next_index = 1 + max(run.index for run in self._measured)
         runs = planned_runs(self.file, self._measured[0].sigma, next_index)
-        ready = prepare_runs(runs, self.file, self._floors, self._simulation)
+        ready = prepare_runs(runs, self.file, self._simulation)
         planned = {run.name: run for run in runs}
         experiments = []
         for run in ready:
@@ -243,20 +238,12 @@ def _describe(
     effects: tuple[tuple[str, Values], ...], index: int,
 ) -> Hashed[StripModel]:  # fmt: skip
     """Model of `strip` in run `index`, at values `base` of `parameters`, with added `effects`."""
-    numbers: dict[str, float] = {}
-    accepted = {name: dict(values) for name, values in strip.effects.items()}
-    for p, value in zip(parameters, base, strict=True):
-        if "." in p.name:
-            effect, key = p.name.split(".")
-            accepted[effect][key] = p.stated_value(value)
-        else:
-            numbers[p.name] = value
-    fitted = strip.model_copy(update={**numbers, "effects": accepted})
-    stated = {name: registry()[name].stated(values)
-              for name, values in effects if name in registry()}  # fmt: skip
-    present = {name: values for name, values in stated.items() if values is not None}
-    model = describe(fitted, present, index)
-    amounts = {name: values[0] for name, values in effects}  # of law terms; others are ignored
+    values = {p.name: p.stated_value(v) for p, v in zip(parameters, base, strict=True)}
+    stated = {name: registry()[name].stated(vector)
+              for name, vector in effects if name in registry()}  # fmt: skip
+    present = {name: given for name, given in stated.items() if given is not None}
+    model = describe(fitted_strip(strip, values), present, index)
+    amounts = {name: vector[0] for name, vector in effects}  # of law terms; others are ignored
     return hashed_model(with_law(model, amounts))
 
 

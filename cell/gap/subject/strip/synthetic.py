@@ -9,6 +9,8 @@ import numpy as np
 import pyarrow as pa
 from scipy.interpolate import CubicSpline
 
+from cell.gap.subject.strip.fold_residuals import simulated_touch
+from cell.gap.subject.strip.layout import TOUCH_TIME
 from cell.gap.subject.strip.preprocessing import Images
 from cell.gap.subject.strip.runs import MeasuredRun
 from cell.record.documents import write_document
@@ -22,12 +24,10 @@ from drivers.strip.engine import StripMotion, Touch
 from drivers.strip.file import StripFile
 from drivers.strip.model import StripModel
 from drivers.strip.observation import (
-    image_stamp,
     imaged_time,
     mean_force,
     measured_contact,
     measured_points,
-    measured_touch,
     reported_force,
 )
 from drivers.strip.rod.engine import GripperPath, Rod, simulate_all
@@ -50,6 +50,12 @@ SET_UP = 1.5  # minutes to lay the strip flat again
 IMAGE_PERIOD = 0.06  # s between images of a planned run
 POINT_SPACING = 0.015  # m between points of such an image
 PLAN_SEGMENTS, PLAN_STEP = 100, 0.005  # of the rod: a plan need not be finer
+IMAGE_RATE = 30.0  # Hz of the images that are written
+MIDLINE_SPACING = 0.006  # m between points of such an image
+LOST = 0.02  # usual share of images that are lost
+WILD, FARTHEST = 0.005, 0.05  # usual share of points that are off, by up to so many m
+BENCH = Sigma(contact_x=0.0015, profile=0.001, gripper=0.00002, displacement=0.003, touch_time=0.03)
+"""Measurement noise of a usual cell, which measures no force."""
 
 
 def reported_path(motion: Motion) -> GripperPath:
@@ -64,33 +70,6 @@ def reported_path(motion: Motion) -> GripperPath:
     travel = arc_lengths(places)
     poses = np.column_stack([places, lift_pitch(travel)])
     return GripperPath(frozen(t[::ROW_STRIDE]), frozen(poses[::ROW_STRIDE]))
-
-
-@dataclass(frozen=True, slots=True)
-class Instruments:
-    """Measurement errors of a cell: standard deviations of noise in [m], [s] and, if known, [N].
-
-    Images come at `rate` [Hz] with points `spacing` [m] apart. `wild` is the share of points that
-    are off by up to `outlier` [m], `lost` that of images.
-    """
-
-    contact_x: float = 0.0015
-    profile: float = 0.001
-    gripper: float = 0.00002
-    displacement: float = 0.003
-    touch_time: float = 0.03
-    rate: float = 30.0
-    spacing: float = 0.006
-    wild: float = 0.005
-    outlier: float = 0.05
-    lost: float = 0.02
-    force: float | None = None
-
-    def sigma(self) -> dict[str, float]:
-        """Standard deviation of each channel's noise [m, s, N], by its key in run.yaml."""
-        keys = ("contact_x", "profile", "gripper", "displacement", "touch_time")
-        force = {} if self.force is None else {"force": self.force}
-        return {key: getattr(self, key) for key in keys} | force
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,14 +128,12 @@ def _measure(name: str, fold: Fold, sigma: Sigma, index: int) -> MeasuredRun:
     chosen = np.unique(np.minimum(following, len(fold.shape_t) - 1))
     shapes, stamps = fold.motion.shapes[chosen], frozen(fold.shape_t[chosen])
     force_t = path.t[path.t <= end] if sigma.force is not None else np.empty(0)
-    motion_force = mean_force(fold.motion.t, fold.motion.grip_force)
-    force = reported_force(fold.model.observation, force_t, fold.motion.t, motion_force)
     return MeasuredRun(
         name, name, t=path.t, poses=path.poses, travel=frozen(travel), hanging=False, index=index,
         contact_height=height, sigma=sigma, contact_t=stamps,
         contact_x=frozen([desk_contact(shape, height) for shape in shapes]),
         images=_images(stamps, shapes, fold.arc, height),
-        force_t=force_t, force=force, touch=fold.motion.touch, end=end,
+        force_t=force_t, force=_reported_force(fold, force_t), touch=fold.motion.touch, end=end,
     )  # fmt: skip
 
 
@@ -180,26 +157,31 @@ def instruction(run: MeasuredRun) -> str:
 
 
 def write_fold(
-    folder: Path, strip: str, fold: Fold, errors: Instruments, rng: np.random.Generator
-) -> None:
-    """Write `fold` as a measured run of `strip`, with the errors of instruments, into `folder`."""
+    folder: Path, strip: str, fold: Fold, noise: Sigma, rng: np.random.Generator, *,
+    wild: float = WILD, lost: float = LOST,
+) -> None:  # fmt: skip
+    """Write `fold` as a measured run of `strip`, with measurement `noise`, into `folder`.
+
+    `wild` is the share of midline points that are off by up to FARTHEST, `lost` that of images.
+    """
     folder.mkdir(parents=True)
-    touch = _touch(fold, errors, rng)
+    touch = _touch(fold, noise, rng)
     end = fold.path.t[-1] if touch is None else min(touch.time + TIME_AFTER_TOUCH, fold.path.t[-1])
-    stamps = _stamps(end, errors, rng)
-    points = [_curve(fold, stamp, errors, rng) for stamp in stamps]
-    write_document(folder / RUN, _header(strip, fold, errors))
-    write_parquet(folder / TICKS, _ticks(fold, end, stamps, errors, rng))
+    stamps = _stamps(end, lost, rng)
+    points = [_curve(fold, stamp, noise.profile, wild, rng) for stamp in stamps]
+    write_document(folder / RUN, _header(strip, fold, noise))
+    write_parquet(folder / TICKS, _ticks(fold, end, stamps, noise, rng))
     write_parquet(folder / PROFILE, _profile(stamps, points))
     write_document(folder / RESULT, _result(touch))
 
 
-def _header(strip: str, fold: Fold, errors: Instruments) -> dict[str, Any]:
+def _header(strip: str, fold: Fold, noise: Sigma) -> dict[str, Any]:
     """Content of run.yaml for a simulated fold."""
-    header: dict[str, Any] = {"schema": SCHEMA, "strip": strip, "sigma": errors.sigma()}
+    sigma = noise.model_dump(exclude_none=True, exclude_unset=True)
+    header: dict[str, Any] = {"schema": SCHEMA, "strip": strip, "sigma": sigma}
     header |= {"start": "hanging" if fold.path.hanging else "flat", "index": fold.index}
     header |= {"condition": fold.condition} if fold.condition else {}
-    return header | {"camera_hz": errors.rate}
+    return header | {"camera_hz": IMAGE_RATE}
 
 
 def _result(touch: Touch | None) -> dict[str, Any]:
@@ -211,24 +193,20 @@ def _result(touch: Touch | None) -> dict[str, Any]:
     return {"schema": SCHEMA, "outcome": "layer_touch"} | event | lengths
 
 
-def _stamps(end: float, errors: Instruments, rng: np.random.Generator) -> Array:
+def _stamps(end: float, lost: float, rng: np.random.Generator) -> Array:
     """Times (k,) [s] of the images up to `end` [s], without those that are lost."""
-    stamps = np.arange(rng.uniform(0.0, 1.0 / errors.rate), end, 1.0 / errors.rate)
-    return stamps[rng.uniform(size=len(stamps)) >= errors.lost]
+    stamps = np.arange(rng.uniform(0.0, 1.0 / IMAGE_RATE), end, 1.0 / IMAGE_RATE)
+    return stamps[rng.uniform(size=len(stamps)) >= lost]
 
 
-def _touch(fold: Fold, errors: Instruments, rng: np.random.Generator) -> Touch | None:
+def _touch(fold: Fold, noise: Sigma, rng: np.random.Generator) -> Touch | None:
     """Touch of a simulated fold as measured, with noise; None if the fold has no touch."""
-    touch = fold.motion.touch
-    if touch is None:
+    measured = simulated_touch(fold.path, fold.model, fold.motion)
+    if measured is None:
         return None
-    stamp = image_stamp(fold.model.observation, touch.time)
-    grip = interpolate_columns(touch.time, fold.motion.t, fold.motion.poses)
-    reported = interpolate_columns(stamp, fold.path.t, fold.path.poses)
-    measured = measured_touch(fold.model, touch, grip, reported)
     # equal errors of l1 and l2 whose difference, the displacement, has its stated noise
-    l1, l2 = rng.normal([measured.to_grasped, measured.to_fixed], errors.displacement / np.sqrt(2))
-    time = measured.time + rng.normal(0.0, errors.touch_time)
+    l1, l2 = rng.normal([measured.to_grasped, measured.to_fixed], noise.displacement / np.sqrt(2))
+    time = measured.time + rng.normal(0.0, noise.touch_time or TOUCH_TIME)
     return Touch(time=time, x=float(l2), to_grasped=float(l1), to_fixed=float(l2))
 
 
@@ -242,26 +220,24 @@ def _shape(fold: Fold, stamp: float) -> Array:
     return np.asarray((1 - share) * fold.motion.shapes[before] + share * fold.motion.shapes[after])
 
 
-def _curve(fold: Fold, stamp: float, errors: Instruments, rng: np.random.Generator) -> Array:
+def _curve(fold: Fold, stamp: float, sigma: float, wild: float, rng: np.random.Generator) -> Array:
     """Measured points (n, 2) [m] of the visible midline, from the desk contact to the fingers."""
     shape = _shape(fold, stamp)
     lifted = np.flatnonzero(shape[:, 1] > fold.model.observation.contact_height)
     begin = fold.arc[lifted[0]] if len(lifted) else fold.arc[-1]
-    s = np.arange(begin, fold.arc[-1] - HIDDEN_LENGTH, errors.spacing)
+    s = np.arange(begin, fold.arc[-1] - HIDDEN_LENGTH, MIDLINE_SPACING)
     curve = CubicSpline(fold.arc, shape)
     tangent = curve(s, 1)
     tangent /= np.maximum(np.hypot(*tangent.T), 1e-9)[:, None]
-    noise = rng.normal(0.0, errors.profile, len(s))
+    across = rng.normal(0.0, sigma, len(s))
     points = measured_points(fold.model, curve(s))
-    points = points + noise[:, None] * np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
-    wild = rng.uniform(size=len(s)) < errors.wild
-    return np.asarray(
-        points + wild[:, None] * rng.uniform(-errors.outlier, errors.outlier, (len(s), 2))
-    )
+    points = points + across[:, None] * np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
+    off = rng.uniform(size=len(s)) < wild
+    return np.asarray(points + off[:, None] * rng.uniform(-FARTHEST, FARTHEST, (len(s), 2)))
 
 
 def _ticks(
-    fold: Fold, end: float, stamps: Array, errors: Instruments, rng: np.random.Generator
+    fold: Fold, end: float, stamps: Array, noise: Sigma, rng: np.random.Generator
 ) -> pa.Table:
     """Table of control ticks up to `end` [s], with contacts at image times `stamps` (k,) [s]."""
     t = fold.path.t[fold.path.t <= end]
@@ -269,21 +245,27 @@ def _ticks(
     height = fold.model.observation.contact_height
     true = np.array([desk_contact(_shape(fold, stamp), height) for stamp in stamps])
     contacts = np.asarray(measured_contact(fold.model.observation, true))
-    measured = contacts + rng.normal(0.0, errors.contact_x, len(stamps))
+    measured = contacts + rng.normal(0.0, noise.contact_x, len(stamps))
     contact_x, contact_t = place_contacts(t, stamps, measured)
-    noisy = poses[:, :2] + rng.normal(0.0, errors.gripper, (len(t), 2))
+    noisy = poses[:, :2] + rng.normal(0.0, noise.gripper, (len(t), 2))
     columns = {"t": t, "x": noisy[:, 0], "z": noisy[:, 1], "pitch": poses[:, 2]}
     columns |= {"x_cmd": poses[:, 0], "z_cmd": poses[:, 1]}
-    columns |= {} if errors.force is None else _forces(fold, t, errors.force, rng)
+    columns |= {} if noise.force is None else _forces(fold, t, noise.force, rng)
     return pa.table(columns | {"contact_x": contact_x, "contact_t": contact_t})
 
 
-def _forces(fold: Fold, t: Array, noise: float, rng: np.random.Generator) -> dict[str, Array]:
+def _forces(fold: Fold, t: Array, sigma: float, rng: np.random.Generator) -> dict[str, Array]:
     """Columns (m,) [N] of reported force at `t` (m,) [s], with noise from a separate generator."""
-    mean = mean_force(fold.motion.t, fold.motion.grip_force)
-    force = reported_force(fold.model.observation, t, fold.motion.t, mean)
-    noisy = force + rng.spawn(1)[0].normal(0.0, noise, force.shape)  # leaves the run's draws alone
+    force = _reported_force(fold, t)
+    noisy = force + rng.spawn(1)[0].normal(0.0, sigma, force.shape)  # leaves the run's draws alone
     return {"f_x": noisy[:, 0], "f_z": noisy[:, 1]}
+
+
+def _reported_force(fold: Fold, t: Array) -> Array:
+    """Force (m, 2) [N] of the strip on the gripper that the arm reports at `t` (m,) [s]."""
+    motion = fold.motion
+    mean = mean_force(motion.t, motion.grip_force)
+    return reported_force(fold.model.observation, t, motion.t, mean)
 
 
 def _profile(stamps: Array, curves: Sequence[Array]) -> pa.Table:

@@ -6,11 +6,11 @@ from numpy.typing import NDArray
 
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip.subject import StripSubject, open_strip
-from cell.gap.subject.strip.synthetic import Instruments
+from cell.gap.subject.strip.synthetic import BENCH
 from tests.support.gap_strip_cases import STRIP, folds, in_noise, residuals, whitened, written
 
 LATE = np.array([0.012])  # s
-FEELING = Instruments(force=0.001)
+FEELING = BENCH.model_copy(update={"force": 0.001})
 
 
 @pytest.fixture(scope="module")

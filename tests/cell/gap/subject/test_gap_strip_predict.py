@@ -9,7 +9,7 @@ import pytest
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip import subject
 from cell.gap.subject.strip.subject import StripSubject, open_strip
-from tests.support.gap_strip_cases import CELL, STRIP, folds, in_noise, residuals, whitened, written
+from tests.support.gap_strip_cases import STRIP, folds, in_noise, residuals, whitened, written
 
 NAMES = ("there-and-back", "fast", "early-shake", "taut-lift")
 
@@ -64,6 +64,6 @@ def test_a_strip_that_cannot_lie_as_its_run_begins_leaves_the_others(plain: Stri
 
 def test_wild_points_and_lost_images_do_no_harm(tmp_path: Path) -> None:
     made = folds(["fast", "taut-lift"])
-    written(tmp_path / "wild", made, replace(CELL, wild=0.08, lost=0.4))
+    written(tmp_path / "wild", made, wild=0.08, lost=0.4)
     strip = open_strip(STRIP, find_runs([tmp_path / "wild"]))
     assert in_noise(strip, residuals(strip), "profile") < 1.5

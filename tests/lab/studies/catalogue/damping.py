@@ -15,7 +15,7 @@ import numpy as np
 
 from cell.config.places import find_configs
 from cell.gap.fit import fit
-from cell.gap.subject.strip.synthetic import Fold, Instruments, reported_path, write_fold
+from cell.gap.subject.strip.synthetic import BENCH, Fold, reported_path, write_fold
 from drivers.strip.describe import describe
 from drivers.strip.rod.engine import GripperPath
 from drivers.twin.chain.engine import Chain
@@ -54,7 +54,7 @@ def measure(case: Values) -> Values:
             made = simulate(chain, model, path.t, path.poses, dt=STEP, shapes=True)
             fold = Fold(path, model, made, made.t, chain.arc()[0], index, condition)
             folder = Path(place) / "runs" / f"{index:02d}"
-            write_fold(folder, strip.name, fold, Instruments(), Quiet(np.random.PCG64(1)))
+            write_fold(folder, strip.name, fold, BENCH, Quiet(np.random.PCG64(1)))
         strip_file = configs.strip_path(strip.name)
         base = fit([Path(place) / "runs"], strip_file, Path(place) / "out").base
     return {
