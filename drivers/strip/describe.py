@@ -1,11 +1,9 @@
 """Construction of a strip's physical model from a strip file, and validation of strip files."""
 
 from collections.abc import Callable, Collection
-from dataclasses import dataclass, field
-from functools import lru_cache
+from dataclasses import dataclass
 from math import inf
 from pathlib import Path
-from typing import Self
 
 import numpy as np
 
@@ -23,28 +21,6 @@ def describe(strip: StripFile, cell_effects: Effects | None = None, index: int =
 
     `index` is the number of runs that this specimen has already been through.
     """
-    return _build_model(_Inputs.of(strip, {**strip.effects, **(cell_effects or {})}, index))
-
-
-@dataclass(frozen=True, slots=True)
-class _Inputs:
-    """Inputs of a strip model, compared and hashed by `key` alone."""
-
-    key: str
-    strip: StripFile = field(compare=False)
-    effects: Effects = field(compare=False)
-    index: int = field(compare=False)
-
-    @classmethod
-    def of(cls, strip: StripFile, effects: Effects, index: int) -> Self:
-        """Inputs of a strip model with their text as key, which tells -0.0 from 0.0."""
-        return cls(f"{strip!r} {sorted(effects.items())!r} {index}", strip, effects, index)
-
-
-@lru_cache(maxsize=16)
-def _build_model(inputs: _Inputs) -> StripModel:
-    """Build a strip model; models are read-only, so that cached ones are shared."""
-    strip = inputs.strip
     rigidity = np.full(CELLS, strip.rigidity)
     mechanics = Mechanics(
         length=strip.length,
@@ -55,9 +31,9 @@ def _build_model(inputs: _Inputs) -> StripModel:
         rest_curvature=frozen(np.zeros(CELLS)),
         linear_density=frozen(np.full(CELLS, strip.linear_density)),
     )
-    bare = StripModel(mechanics=mechanics, stated_length=strip.length, index=inputs.index)
-    effective = apply_effects(bare, inputs.effects)
-    return with_law(effective, strip.law) if strip.law else effective
+    bare = StripModel(mechanics=mechanics, stated_length=strip.length, index=index)
+    effects = {**strip.effects, **(cell_effects or {})}
+    return with_law(apply_effects(bare, effects), strip.law)
 
 
 def load_plant(path: Path) -> StripFile:

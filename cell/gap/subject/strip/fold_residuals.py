@@ -56,23 +56,27 @@ class FoldResiduals:
     def _profile_averages(self, model: StripModel, motion: SimulatedMotion) -> tuple[Array, Array]:
         """Mean [m] and mean square [m^2] (k,) of measured points' distances from the midline."""
         part = self.layout.profile
-        true_times = imaged_time(model.observation, self.run.images.stamps)
-        index = motion.index_at(np.asarray(true_times))
-        return average(self.distances(model, motion, part.order, index), part)
+        return average(self.distances(model, motion, part.order), part)
+
+    def shape_index(self, model: StripModel, motion: SimulatedMotion) -> Array:
+        """Fractional index (m,) into the simulated shapes for each image of the run."""
+        stamps = self.run.images.stamps
+        return motion.index_at(np.asarray(imaged_time(model.observation, stamps)))
 
     def distances(
-        self, model: StripModel, motion: SimulatedMotion, points: NDArray[np.int64], index: Array
+        self, model: StripModel, motion: SimulatedMotion, points: NDArray[np.int64]
     ) -> Array:
-        """Distances (n,) [m] of measured points from the simulated midline, positive left of it.
+        """Distances (n,) [m] of measured `points` from the simulated midline, positive left of it.
 
-        `points` (n,) are their indices; `index` (m,) is that of the shape for each image.
+        `points` (n,) are their indices.
         """
         images = self.run.images
         distances = np.empty(len(points))
         if len(points):
             places = np.ascontiguousarray(true_points(model, images.points[points]))
             signed_distances(
-                places, images.image[points], images.s[points], index, motion.shapes,
+                places, images.image[points], images.s[points],
+                self.shape_index(model, motion), motion.shapes,
                 motion.arc * self.length, distances,
             )  # fmt: skip
         return distances

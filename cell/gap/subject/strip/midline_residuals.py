@@ -13,7 +13,7 @@ STRIDE = 4  # nodes
 OUTLIER = 3.0  # robust standard deviations beyond which a value counts no more than that
 
 
-@kernel
+@entry
 def interpolate_midlines(shapes: Any, places: Any) -> Any:
     """Midlines (m, nodes, 2) at fractional indices `places` (m,) of `shapes` (k, nodes, 2)."""
     curves = np.empty((len(places), shapes.shape[1], 2))

@@ -1,5 +1,6 @@
 """Prepares measured folds for the gap engine: samples, and corrections for the coarse rod."""
 
+import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import cast
@@ -32,7 +33,7 @@ from cell.gap.subject.subject import Residuals, Run, Samples
 from drivers.geometry import interpolate_columns
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
-from drivers.strip.model import StripModel
+from drivers.strip.model import StripModel, with_field
 from drivers.strip.rod.engine import GripperPath
 from drivers.types import Array, frozen
 
@@ -68,7 +69,7 @@ class Linearisation:
 
 @dataclass(frozen=True, slots=True)
 class PreparedFold:
-    """Measured fold: the paths along which it is simulated, its residuals, and its run's index.
+    """Measured fold: its residuals, and the paths along which it is simulated.
 
     The rod has the fold's `resolution`; `linearisation` corrects its residuals.
 
@@ -80,7 +81,6 @@ class PreparedFold:
     path: Hashed[GripperPath]
     lifted_path: Hashed[GripperPath]
     residuals: FoldResiduals
-    index: int
     linearisation: Linearisation
     resolution: Resolution = COARSE
 
@@ -88,7 +88,10 @@ class PreparedFold:
         """Simulation of model `hashed` along the measured path, lifted in case of hysteresis."""
         has_hysteresis = hashed.value.mechanics.law.yield_curvature > 0.0
         path = self.lifted_path if has_hysteresis else self.path
-        return Job.of(hashed, path, self.residuals.run.contact_height, self.resolution)
+        height = self.residuals.run.contact_height
+        model = with_field(hashed.value, "observation.contact_height", height)
+        digest = hashed.digest + path.digest + struct.pack("<d", height)
+        return Job(model, path.value, self.resolution, digest)
 
     def correct(self, residuals: Residuals, run: Run, run_values: Array) -> Residuals:
         """`residuals` of a coarse rod less grid error, moved linearly to `run_values` (k,)."""
@@ -107,13 +110,13 @@ def prepare_runs(
     `scatter` are the quantities that may differ from run to run.
     """
     folds = [_fold(run, strip) for run in runs]
-    stated = [hashed_model(describe(strip, index=f.index)) for f in folds]
+    stated = [hashed_model(describe(strip, index=run.index)) for run in runs]
     folds = _resolve(folds, stated, simulate)
     nominal = [f.job(model) for f, model in zip(folds, stated, strict=True)]
     linearised = linearise_folds(folds, nominal, simulate, scatter)
     local = tuple(e.parameter for e in scatter)
     prepared = [
-        Run(run.name, run.condition, fold.residuals.layout.samples, local, fold, fold.index)
+        Run(run.name, run.condition, fold.residuals.layout.samples, local, fold, run.index)
         for run, fold in zip(runs, folds, strict=True)
     ]
     return [
@@ -250,7 +253,6 @@ def _fold(run: MeasuredRun, strip: StripFile) -> PreparedFold:
         path=hashed_path(path),
         lifted_path=hashed_path(_lifted_path(path, run)),
         residuals=residuals,
-        index=run.index,
         linearisation=exact,
     )
 

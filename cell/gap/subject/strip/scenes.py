@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cell.gap.subject.strip.fold_residuals import simulated_touch
+from cell.gap.subject.strip.midline_residuals import interpolate_midlines
 from cell.gap.subject.strip.prepare import PreparedFold
 from cell.gap.subject.strip.runs import MeasuredRun
 from cell.gap.subject.strip.simulation import SimulatedMotion
@@ -46,11 +47,8 @@ def simulated_scene(fold: PreparedFold, model: StripModel, motion: SimulatedMoti
     true = np.interp(imaged_time(model.observation, contact_t), motion.t, motion.contact_x)
     contact = np.asarray(measured_contact(model.observation, true))
     images = _images_before_end(run)
-    places = _shape_indices(run, model, motion)[images]
-    first = places.astype(np.int64)
-    after = np.minimum(first + 1, len(motion.shapes) - 1)
-    share = (places - first)[:, None, None]
-    shapes = np.asarray((1 - share) * motion.shapes[first] + share * motion.shapes[after])
+    places = fold.residuals.shape_index(model, motion)[images]
+    shapes = interpolate_midlines(motion.shapes, places)
     compared, distance = _distances(fold, model, motion)
     return Scene(
         signals=(TimeSeries(CONTACT_SIGNAL, contact_t, 1e3 * contact),
@@ -66,19 +64,12 @@ def _images_before_end(run: MeasuredRun) -> Index:
     return np.flatnonzero(run.images.stamps <= run.end)
 
 
-def _shape_indices(run: MeasuredRun, model: StripModel, motion: SimulatedMotion) -> Array:
-    """Fractional index (m,) into the simulated shapes for each image; the last shape is held."""
-    true = np.asarray(imaged_time(model.observation, run.images.stamps))
-    return np.clip(motion.index_at(true), 0.0, len(motion.shapes) - 1.0)
-
-
 def _distances(
     fold: PreparedFold, model: StripModel, motion: SimulatedMotion
 ) -> tuple[Index, Array]:
     """Indices of compared images, and rms distances (k,) [m] of their points from the model."""
     order = np.sort(fold.residuals.layout.profile.order)
-    index = _shape_indices(fold.residuals.run, model, motion)
-    distances = fold.residuals.distances(model, motion, order, index)
+    distances = fold.residuals.distances(model, motion, order)
     compared, image = np.unique(fold.residuals.run.images.image[order], return_inverse=True)
     return compared, np.sqrt(np.bincount(image, distances**2) / np.bincount(image))
 

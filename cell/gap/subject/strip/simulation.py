@@ -7,7 +7,7 @@ from collections import OrderedDict
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import astuple, dataclass, replace
-from typing import Generic, Self, TypeVar
+from typing import Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,26 +68,13 @@ def hashed_model(model: StripModel) -> Hashed[StripModel]:
 class Job:
     """One simulation: a model along a gripper path, by a rod of a certain resolution.
 
-    Jobs of equal `key` give equal motions.
+    `digest` is that of model and path. Jobs of equal `key` give equal motions.
     """
 
     model: StripModel
     path: GripperPath
     resolution: Resolution
     digest: bytes
-
-    @classmethod
-    def of(
-        cls,
-        hashed: Hashed[StripModel],
-        path: Hashed[GripperPath],
-        contact_height: float,
-        resolution: Resolution,
-    ) -> Self:
-        """Simulation of the model `hashed` along `path`; contact ends at `contact_height` [m]."""
-        observation = replace(hashed.value.observation, contact_height=contact_height)
-        digest = hashed.digest + path.digest + struct.pack("<d", contact_height)
-        return cls(replace(hashed.value, observation=observation), path.value, resolution, digest)
 
     @property
     def key(self) -> bytes:

@@ -195,13 +195,11 @@ class StripSubject(Subject):
         next_index = 1 + max(run.index for run in self._measured)
         runs = planned_runs(self.file, self._measured[0].sigma, next_index)
         ready = prepare_runs(runs, self.file, self._simulation)
-        planned = {run.name: run for run in runs}
-        experiments = []
-        for run in ready:
-            measured = planned[run.name]
-            duration = SET_UP + measured.end / 60.0
-            experiments.append(Experiment(run.name, instruction(measured), duration, run))
-        return experiments
+        planned = [(run, cast(PreparedFold, run.content).residuals.run) for run in ready]
+        return [
+            Experiment(run.name, instruction(fold), SET_UP + fold.end / 60.0, run)
+            for run, fold in planned
+        ]
 
     def patch(
         self, base: Mapping[str, float], effects: NamedValues, source: str
@@ -216,7 +214,7 @@ class StripSubject(Subject):
         """
         folds = [cast(PreparedFold, request.run.content) for request in requests]
         jobs = [
-            (self._leader(fold) if request.response else fold).job(self._model(request, fold))
+            (self._leader(fold) if request.response else fold).job(self._model(request))
             for request, fold in zip(requests, folds, strict=True)
         ]
         return folds, jobs
@@ -225,11 +223,11 @@ class StripSubject(Subject):
         """The fold that is simulated for all replicates of `fold`."""
         return self._replicates.get(fold.path.digest, fold)
 
-    def _model(self, request: Request, fold: PreparedFold) -> Hashed[StripModel]:
+    def _model(self, request: Request) -> Hashed[StripModel]:
         """Cached strip model of `request`; earlier runs count only if an effect ages the strip."""
         effects = tuple((name, tuple(map(float, v))) for name, v in request.effects.items())
         ages = self._ages or not AGEING.isdisjoint(request.effects)
-        index = fold.index if ages else 0
+        index = request.run.index if ages else 0
         return self._model_cache(tuple(map(float, request.base)), effects, index)
 
 
