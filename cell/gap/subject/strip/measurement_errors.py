@@ -5,13 +5,12 @@ from operator import attrgetter
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
-from cell.gap.subject.subject import Samples, ScatterSource, Words
+from cell.gap.subject.subject import Samples, ScatterSource
 from drivers.settings import StudyResult
 from drivers.strip.model import StripModel, with_field
 from drivers.types import Array, frozen
-
-PATH_HALVES = ("before", "past")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -102,20 +101,16 @@ class ModelError(StudyResult):
     strips: int
 
 
-def path_half(x: float, length: float) -> str:
-    """Whether a gripper at `x` [m] is `before` or `past` the middle of a strip of `length` [m]."""
-    return PATH_HALVES[int(x < length / 2)]
-
-
-def common_errors(samples: Samples, halves: Words) -> dict[str, Array]:
+def common_errors(samples: Samples, past: NDArray[np.bool_]) -> dict[str, Array]:
     """Residuals (n,) [m, s] that a standard deviation of each systematic error causes, by name.
 
-    `halves` (n,) is `before` or `past`, as the gripper is before or past the middle: past it, a
-    lifted strip shows its near edge on the other side.
+    `past` (n,) says whether the gripper is past the middle of the strip: there a lifted strip shows
+    its near edge on the other side.
     """
+    halves = np.where(past, "past", "before")
     sizes = CameraBias.shipped()
     profile = samples.quantity == "profile"
-    errors = {"near edge": frozen(sizes.edge * profile * np.where(halves == "past", 1.0, -1.0))}
+    errors = {"near edge": frozen(sizes.edge * profile * np.where(past, 1.0, -1.0))}
     one_group = np.full(len(halves), "")
     groups_of = {
         "profile": np.array([f"{z} {h}" for z, h in zip(samples.zone, halves, strict=True)]),

@@ -14,7 +14,6 @@ from cell.gap.subject.strip.measurement_errors import (
     ModelError,
     RunEffect,
     common_errors,
-    path_half,
 )
 from cell.gap.subject.strip.runs import MeasuredRun
 from cell.gap.subject.strip.simulation import (
@@ -217,8 +216,7 @@ def _common_errors(
         errors["damping"] = frozen(ModelError.shipped().damping * linearisation.slopes["damping"])
     if run.plane_error is not None:
         x = np.interp(samples.t, run.t, run.poses[:, 0])
-        halves = np.array([path_half(position, linearisation.length) for position in x])
-        errors |= common_errors(samples, halves)
+        errors |= common_errors(samples, x < linearisation.length / 2)
     return errors
 
 

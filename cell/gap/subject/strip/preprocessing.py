@@ -1,6 +1,8 @@
 """Smooths measured gripper paths, and thins the midline points of images."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -64,6 +66,14 @@ class Images:
     image: NDArray[np.int64]
     s: Array
 
+    @classmethod
+    def of(cls, stamps: Sequence[float], curves: Sequence[Array], places: Sequence[Array]) -> Self:
+        """Images at `stamps` (m,) [s] of curves (n, 2) [m] at arc lengths (n,) [m] by image."""
+        counts = np.array([len(curve) for curve in curves], dtype=np.int64)
+        image = np.repeat(np.arange(len(curves)), counts)
+        points = np.concatenate([np.empty((0, 2)), *curves])
+        return cls(frozen(stamps), frozen(points), image, frozen(np.concatenate([[], *places])))
+
 
 def images_of(profile: Profile, grip: Array, length: float, sigma: float) -> Images:
     """Midline points to compare, by image of `profile`: thinned, and without outliers.
@@ -90,11 +100,7 @@ def images_of(profile: Profile, grip: Array, length: float, sigma: float) -> Ima
         places.append(s[chosen])
         stamps.append(stamp)
         last_stamp = stamp
-    counts = np.array([len(p) for p in points], dtype=np.int64)
-    return Images(
-        frozen(stamps), frozen(np.concatenate([np.empty((0, 2)), *points])),
-        np.repeat(np.arange(len(points)), counts), frozen(np.concatenate([[], *places])),
-    )  # fmt: skip
+    return Images.of(stamps, points, places)
 
 
 def inlier_mask(curve: Array, sigma: float) -> NDArray[np.bool_]:

@@ -280,7 +280,7 @@ def _short_run(name: str, run: Recorded) -> MeasuredRun:
     return MeasuredRun(
         name, header.condition or name, none, np.empty((0, 3)), none, False, header.index or 0,
         header.contact_height, header.sigma, none, none,
-        Images(none, pairs, np.empty(0, dtype=np.int64), none), none, pairs, None, 0.0,
+        Images.of([], [], []), none, pairs, None, 0.0,
     )  # fmt: skip
 
 

@@ -260,9 +260,9 @@ def open_strip(
 
 def _swap_notes(subject: StripSubject) -> tuple[str, ...]:
     """Note that l1 and l2 seem swapped, where the strip predicts the opposite displacements."""
-    base, off = np.array([p.start for p in subject.scope.base]), list[Array]()
-    requests = [Request(run, base, {}, np.zeros(len(run.local))) for run in subject.runs]
-    for run, residuals in zip(subject.runs, subject.simulate(requests), strict=True):
+    off = list[Array]()
+    simulated = subject.simulate([subject.stated(run) for run in subject.runs])
+    for run, residuals in zip(subject.runs, simulated, strict=True):
         if (touch := cast(PreparedFold, run.content).residuals.run.touch) is not None:
             both = np.stack([residuals.mean, residuals.mean - 2 * touch.displacement], axis=1)
             sigma = np.hypot(run.samples.noise, run.samples.floor)[:, None]

@@ -146,8 +146,7 @@ def _images(stamps: Array, shapes: Array, arc: Array, height: float) -> Images:
         lifted = s >= s[np.argmax(curve[:, 1] > height)]
         points.append(curve[lifted])
         places.append(s[lifted])
-    image = np.repeat(np.arange(len(shapes)), [len(part) for part in points])
-    return Images(stamps, frozen(np.concatenate(points)), image, frozen(np.concatenate(places)))
+    return Images.of(stamps.tolist(), points, places)
 
 
 def instruction(run: MeasuredRun) -> str:
