@@ -36,10 +36,8 @@ def _fit_to_strip(
 ) -> Mapping[str, float]:
     """Copy of `values` with positions beyond the true end of a shorter strip moved to that end."""
     end = model.mechanics.length
-    places = {p.name for p in effect.parameters if p.role == "place"}
-    given = places & values.keys()
-    beyond = {name for name in given if end < values[name] <= model.stated_length}
-    return {**values, **dict.fromkeys(beyond, end)}
+    places = [p.name for p in effect.parameters if p.role == "place" and p.name in values]
+    return {**values, **{p: end for p in places if end < values[p] <= model.stated_length}}
 
 
 def check_effects(effects: Effects, origin: str, of: Collection[str]) -> None:
