@@ -85,9 +85,9 @@ class Planned(Paths):
         self._aim = 0.0
         self._known: tuple[tuple[StripFile, ...], float, float] | None = None
 
-    def correct(self, simulation_bias: float, measurement_bias: float) -> None:
-        """Correct the aim by biases [m]: measured less simulated, and true less measured d."""
-        self._aim = -simulation_bias - measurement_bias
+    def correct(self, bias: float) -> None:
+        """Correct the aim by a `bias` [m]: measured less simulated d."""
+        self._aim = -bias
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:
         """Plan for `strip` at `speed` [m/s], unless already planned; or ConfigurationError."""

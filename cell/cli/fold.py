@@ -214,7 +214,7 @@ def _fold_all(
             if until is not None and result.ends(until):
                 return result.exit_code
             if until is not None:
-                following = with_correction(request, "on").learning.correction.total
+                following = with_correction(request, "on").learning.correction.seen
                 notice(f"the next fold would aim {-1e3 * following:+.1f} mm")
     except CellError as error:
         notice(str(error))

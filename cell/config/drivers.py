@@ -7,7 +7,6 @@ from importlib.metadata import EntryPoint
 from types import MappingProxyType
 from typing import Any, Literal
 
-from drivers.errors import check_known
 from drivers.plugins import plugin_names, plugins
 
 
@@ -32,13 +31,9 @@ class Driver:
         """Whether it drives a Franka arm, real or emulated, whose joints and limits are known."""
         return self == DRIVERS["arms"]["fci"]
 
-    def load(self) -> Any:
-        """Import and return the driver's function that opens devices."""
-        return EntryPoint("driver", self.opener, "folding_cell").load()
-
-    def load_settings(self) -> Any:
-        """Import and return the class of the driver's settings."""
-        return EntryPoint("driver", self.settings, "folding_cell").load()
+    def load(self, part: Literal["opener", "settings"] = "opener") -> Any:
+        """Import and return what opens the devices, or the class of their settings."""
+        return EntryPoint("driver", getattr(self, part), "folding_cell").load()
 
 
 Kind = Literal["arms", "cameras"]
@@ -54,13 +49,6 @@ DRIVERS: Mapping[Kind, Mapping[str, Driver]] = MappingProxyType(
         },
     }
 )
-
-
-def driver(kind: Kind, name: str) -> Driver:
-    """Driver that operators call `name`; ConfigurationError for an unknown name."""
-    known = all_drivers(kind)
-    check_known(kind.removesuffix("s"), name, known)
-    return known[name]
 
 
 @cache

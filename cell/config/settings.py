@@ -10,7 +10,7 @@ from calibration.board import BoardSettings
 from calibration.landmarks import LandmarkSettings
 from calibration.wizard.latency import LatencySettings
 from calibration.wizard.touches import TouchSettings
-from cell.config.drivers import Driver, Kind, driver, driver_names
+from cell.config.drivers import Driver, Kind, all_drivers, driver_names
 from cell.record.files import Keep
 from cell.record.film import Encoder
 from drivers.arm.settings import FciSettings
@@ -147,12 +147,12 @@ class CellSettings(Settings):
     @property
     def arm_driver(self) -> Driver:
         """Driver of the arm."""
-        return driver("arms", self.drivers.arm)
+        return all_drivers("arms")[self.drivers.arm]
 
     @property
     def camera_driver(self) -> Driver:
         """Driver of the camera."""
-        return driver("cameras", self.drivers.camera)
+        return all_drivers("cameras")[self.drivers.camera]
 
     @property
     def robot_address(self) -> str | None:

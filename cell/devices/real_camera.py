@@ -40,7 +40,7 @@ def camera_settings(settings: CellFile) -> Settings:
     if driver != DRIVERS["cameras"]["v4l2"]:
         name = settings.drivers.camera
         with guarded("cameras", name):
-            kind: type[Settings] = driver.load_settings()
+            kind: type[Settings] = driver.load("settings")
         return parse(settings.cameras.get(name, {}), kind, f"cell.yaml: cameras: {name}")
     if settings.camera is None:
         raise ConfigurationError(

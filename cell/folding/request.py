@@ -23,7 +23,7 @@ from policies.experiments.standard import STANDARD, standard_order
 from policies.registry import MOTION, make_policy
 
 LEARNING_WORDS = ("auto", "on", "off")
-UNCORRECTED = Correction(0.0, 0.0)
+UNCORRECTED = Correction()
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,7 +133,7 @@ def with_correction(request: Request, learning: str | None) -> Request:
     learns = False
     correction = UNCORRECTED
     if learning is not None and learning not in LEARNING_WORDS:
-        correction = Correction(metres("--learning", learning, LIMIT), 0.0)
+        correction = Correction(metres("--learning", learning, LIMIT))
     elif _should_learn(request, learning, memory):
         specimen = request.learning.specimen
         subject = subject_of(request.policy, request.checkpoint, request.strip.name, specimen)

@@ -25,11 +25,8 @@ WORTH_SAYING = 5e-5  # m, half of the last digit that is printed
 class Correctable(Protocol):
     """Protocol of a policy that steers by a model, whose aim can be corrected."""
 
-    def correct(self, seen: float, unseen: float) -> None:
-        """Aim at the opposite of a bias [m], `seen` and `unseen`, from the next `reset` on.
-
-        It is the sum of what the camera shows, `seen`, and what it does not, `unseen`, both [m].
-        """
+    def correct(self, bias: float) -> None:
+        """Aim at the opposite of `bias` [m], as the camera sees it, from the next `reset` on."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,28 +40,22 @@ class Subject:
 
 @dataclass(frozen=True, slots=True)
 class Correction:
-    """Bias [m] by which a fold's aim is corrected, its parts `seen` and `unseen` by the camera.
+    """Bias [m] `seen` by the camera, by which a fold's aim is corrected.
 
     `place` [m] is where the grasped edge is laid so that it ends at x = 0. `learned` is the source
     of the correction, None for a value that the user gave. A ruler measures laid edges but no
-    touch, so that nothing `unseen` is learned.
+    touch, so that of the aim only what is seen is learned.
     """
 
-    seen: float
-    unseen: float
+    seen: float = 0.0
     learned: Bias | None = None
     place: float = 0.0
-
-    @property
-    def total(self) -> float:
-        """Length [m] by which the aim of the fold is corrected."""
-        return self.seen + self.unseen
 
     def apply(self, policy: Policy) -> "Correction | None":
         """Correct the aim of `policy` and return this; None for a policy without a model."""
         if not isinstance(policy, Correctable):
             return None
-        policy.correct(self.seen, self.unseen)
+        policy.correct(self.seen)
         return self
 
     def facts(self) -> dict[str, Any]:
@@ -74,8 +65,8 @@ class Correction:
     def sentence(self) -> str | None:
         """Text of the correction for the operator; None where nothing was corrected."""
         parts = []
-        if abs(self.total) >= WORTH_SAYING:
-            parts.append(f"aimed {-1e3 * self.total:+.1f} mm, the opposite of the bias")
+        if abs(self.seen) >= WORTH_SAYING:
+            parts.append(f"aimed {-1e3 * self.seen:+.1f} mm, the opposite of the bias")
         if abs(self.place) >= WORTH_SAYING:
             parts.append(f"laid the edge {-1e3 * self.place:+.1f} mm, the opposite of its offset")
         if not parts:
@@ -108,7 +99,7 @@ def learned_correction(memory: Memory, subject: Subject) -> Correction:
     mine = [one for one in memory.experiences() if one.policy == subject.policy]
     learned = bias(mine, subject.strip, subject.specimen)
     seen, place = np.clip([learned.seen, learned.laid], -LIMIT, LIMIT).tolist()
-    return Correction(seen=seen, unseen=0.0, learned=learned, place=place)
+    return Correction(seen, learned, place)
 
 
 def experience_of(
@@ -126,8 +117,7 @@ def experience_of(
         return None
     if predicted is not None and predicted.blind:
         return None
-    # A policy without predictions of its own aims at 0 in truth, so at -unseen in images.
-    expected = -correction.unseen if predicted is None else predicted.displacement
+    expected = 0.0 if predicted is None else predicted.displacement
     uncorrected = expected - correction.seen
     edges = outcome.edge_offset
     if edges is not None:
@@ -143,7 +133,7 @@ def experience_of(
         displacement=touch.displacement - uncorrected,
         edges=edges,
         key=key,
-        aim=-correction.total,
+        aim=-correction.seen,
         place=-correction.place,
     )
 
@@ -153,6 +143,6 @@ def correction_of(facts: Mapping[str, Any] | None) -> Correction:
     facts = facts or {}
     values = [facts.get(key, 0.0) for key in ("seen", "unseen", "place")]
     if not all(isinstance(value, int | float) for value in values):
-        return Correction(0.0, 0.0)
-    seen, unseen, place = map(float, values)
-    return Correction(seen, unseen, None, place)
+        return Correction()
+    seen, unseen, place = map(float, values)  # `unseen` of older runs, of a known error
+    return Correction(seen + unseen, None, place)

@@ -69,16 +69,15 @@ class Adaptive:
         """Policy with `critic`; `bias` corrects its predictions, None in simulated folds."""
         self.critic = critic
         self.bias = bias or CriticBias()
-        self._seen, self._unseen = 0.0, 0.0
+        self._seen = 0.0
         self._recent: deque[CriticPrediction] = deque(maxlen=RECENT_PREDICTIONS)
         self.blind: NDArray[np.bool_] = np.zeros(0, dtype=bool)
         self._thickness: float | None = None
         self._begin(REFERENCE_LENGTH, SPEED, 1)
 
-    def correct(self, simulation_bias: float, measurement_bias: float) -> None:
-        """Correct the aim by biases [m]: measured less predicted, and true less measured d."""
-        self._seen = simulation_bias
-        self._unseen = measurement_bias
+    def correct(self, bias: float) -> None:
+        """Correct the aim by a `bias` [m]: measured less predicted d."""
+        self._seen = bias
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:
         """Forget the last fold; prepare for `count` strips as long as `strip` at `speed` [m/s].
@@ -137,7 +136,7 @@ class Adaptive:
     def _smooth_rise(self, prediction: CriticPrediction, time: Array) -> Array:
         """Rises (n,) [m], low-pass filtered, for which a displacement of 0 is predicted."""
         bias = self.bias.estimate(prediction.belief, self._thickness)
-        correction = bias - self._seen - self._unseen - prediction.displacement
+        correction = bias - self._seen - prediction.displacement
         target = self.rise + correction / prediction.slope
         target = np.where(self.blind, BLIND_RISE * self._length, target)
         target = np.clip(target, 0.0, self._steering.highest)

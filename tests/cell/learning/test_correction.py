@@ -96,13 +96,13 @@ def test_a_line_that_holds_no_experience_is_skipped(tmp_path: Path, line: str) -
 
 def test_the_second_fold_aims_at_the_opposite_of_the_first_ones_bias(tmp_path: Path) -> None:
     memory = Memory("cell", tmp_path)
-    nothing = Correction(0.0, 0.0)
+    nothing = Correction()
     first = experience_of("r0", SUBJECT, outcome(0.002), nothing)
     assert first is not None
     assert first.displacement == pytest.approx(0.003)  # measured +2 mm, predicted -1 mm
     memory.add(first)
     found = learned_correction(memory, SUBJECT)
-    assert found.total == pytest.approx(0.003, rel=0.1)
+    assert found.seen == pytest.approx(0.003, rel=0.1)
     sentence = found.sentence()
     assert sentence is not None
     assert sentence.startswith("aimed -2.9 mm")
@@ -112,17 +112,17 @@ def test_a_correction_is_never_larger_than_the_limit(tmp_path: Path) -> None:
     memory = Memory("cell", tmp_path)
     for number in range(5):
         memory.add(Experience(f"r{number}", SUBJECT.policy, "denim", "a", "camera", 0.03))
-    assert learned_correction(memory, SUBJECT).total == pytest.approx(0.008)
+    assert learned_correction(memory, SUBJECT).seen == pytest.approx(0.008)
 
 
 def test_experiences_of_other_weights_teach_nothing(tmp_path: Path) -> None:
     memory = Memory("cell", tmp_path)
     memory.add(Experience("r0", "adaptive@2", "denim", "a", "camera", displacement=0.003))
-    assert learned_correction(memory, SUBJECT).total == 0.0
+    assert learned_correction(memory, SUBJECT).seen == 0.0
 
 
 def test_folds_without_touch_or_blind_or_stopped_teach_nothing() -> None:
-    nothing = Correction(0.0, 0.0)
+    nothing = Correction()
     blind = replace(PREDICTED, blind=True)
     assert experience_of("r", SUBJECT, outcome(0.001, blind), nothing) is None
     assert experience_of("r", SUBJECT, replace(outcome(0.0), name="force"), nothing) is None
@@ -130,8 +130,8 @@ def test_folds_without_touch_or_blind_or_stopped_teach_nothing() -> None:
 
 
 def test_edges_are_learned_as_if_they_had_been_laid_without_a_correction() -> None:
-    taut = Correction(0.0, 0.0)
-    shifted = Correction(0.0, 0.0, None, -0.002)
+    taut = Correction()
+    shifted = Correction(place=-0.002)
     plain = experience_of("r0", SUBJECT, outcome(0.0), taut)
     again = experience_of("r0", SUBJECT, replace(outcome(0.0), edge_offset=0.0), shifted)
     assert plain is not None
@@ -144,16 +144,16 @@ def test_edges_are_learned_as_if_they_had_been_laid_without_a_correction() -> No
 
 
 def test_a_record_states_the_correction_that_was_used() -> None:
-    used = Correction(0.001, -0.0005, None, 0.002)
+    used = Correction(0.001, None, 0.002)
     again = correction_of(used.facts())
-    assert (again.seen, again.unseen, again.place) == (used.seen, used.unseen, used.place)
-    assert correction_of(None).total == 0.0
+    assert (again.seen, again.place) == (used.seen, used.place)
+    assert correction_of(None).seen == 0.0
 
 
 @pytest.mark.slow
 def test_a_planned_fold_of_the_rod_comes_out_where_the_bias_is_corrected() -> None:
     plain, corrected = Planned(), Planned()
-    assert Correction(0.004, 0.0).apply(corrected) is not None
+    assert Correction(0.004).apply(corrected) is not None
     for policy in (plain, corrected):
         policy.reset(STRIP, 0.1, 1)
     # A rise of one millimetre moves d by 0.95 mm (reference: the slope dd/dr of raised triangles).
@@ -162,5 +162,5 @@ def test_a_planned_fold_of_the_rod_comes_out_where_the_bias_is_corrected() -> No
 
 
 def test_only_policies_that_steer_by_a_model_are_corrected() -> None:
-    assert Correction(0.001, 0.0).apply(make_policy("triangular")) is None
-    assert Correction(0.001, 0.0).apply(make_policy("adaptive")) is not None
+    assert Correction(0.001).apply(make_policy("triangular")) is None
+    assert Correction(0.001).apply(make_policy("adaptive")) is not None
