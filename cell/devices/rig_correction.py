@@ -83,16 +83,11 @@ class CorrectedArm:
     def state(self) -> ArmState:
         """Newest measured state of the arm, with the gripper's true pose."""
         measured = self._arm.state()
-        self._reports.add(measured)
-        self._reported = reported = self._at_stamp(measured)
-        if self._offsets.start is None and self._hand.state().grasped:
-            self._offsets.start = reported
-        pose = self._offsets.advance(reported)
-        drift = self._offset_velocity(measured.velocity)
+        true_pose = self._advance_offsets(measured)
         return replace(
             measured,
-            pose=Pose.from_array(pose),
-            velocity=_sum(measured.velocity, drift),
+            pose=Pose.from_array(true_pose),
+            velocity=_sum(measured.velocity, self._offset_velocity(measured.velocity)),
             commanded=Pose.from_array(self._offsets.true(measured.commanded.as_array())),
         )
 
@@ -112,6 +107,14 @@ class CorrectedArm:
     def close(self) -> None:
         """Brake the arm and disconnect; calling it twice is allowed."""
         self._arm.close()
+
+    def _advance_offsets(self, measured: ArmState) -> Array:
+        """True pose (3,) [m, m, rad] of a `measured` state; offsets grow from the grasp on."""
+        self._reports.add(measured)
+        self._reported = self._at_stamp(measured)
+        if self._offsets.start is None and self._hand.state().grasped:
+            self._offsets.start = self._reported
+        return self._offsets.advance(self._reported)
 
     def _at_stamp(self, measured: ArmState) -> Array:
         """Reported pose (3,) [m, m, rad] at the stamp of `measured`, less the delay of reports.

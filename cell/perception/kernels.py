@@ -89,57 +89,71 @@ def discriminants(
     return np.maximum(separation, 0), np.sqrt((direction * direction).sum(axis=1))
 
 
-@entry
-def brightness(image: Image, left: int, top: int, rows: int, columns: int) -> Floats:
-    """Brightness (rows, columns), summed over the channels, of each patch of `image` (h, w, 3).
+@kernel
+def _patch_brightness(image: Image, row: int, column: int) -> Any:
+    """Mean of the pixels LIT_PX of the patch at `row`, `column` [px], summed over the channels."""
+    total = np.int32(0)
+    for down in LIT_PX:
+        v = min(row + down, image.shape[0] - 1)
+        for right in LIT_PX:
+            u = min(column + right, image.shape[1] - 1)
+            for channel in range(3):
+                total += np.int32(image[v, u, channel])
+    return np.float32(total) / (len(LIT_PX) * len(LIT_PX))
 
-    The mean of the pixels in the rows and columns LIT_PX of a patch; the first patch begins at
-    column `left`, row `top` [px].
+
+@entry
+def patch_brightness(image: Image, corner: tuple[int, int], shape: tuple[int, int]) -> Floats:
+    """Brightness (rows, columns) = `shape` of patches of `image` (h, w, 3), summed over channels.
+
+    The first patch begins at `corner`, column and row [px].
     """
-    patches = np.empty((rows, columns), np.float32)
-    for i in range(rows):
-        for j in range(columns):
-            total = np.int32(0)
-            for down in LIT_PX:
-                v = min(top + PATCH_PX * i + down, image.shape[0] - 1)
-                for right in LIT_PX:
-                    u = min(left + PATCH_PX * j + right, image.shape[1] - 1)
-                    for channel in range(3):
-                        total += np.int32(image[v, u, channel])
-            patches[i, j] = np.float32(total) / (len(LIT_PX) * len(LIT_PX))
+    patches = np.empty(shape, np.float32)
+    for i in range(shape[0]):
+        for j in range(shape[1]):
+            row, column = corner[1] + PATCH_PX * i, corner[0] + PATCH_PX * j
+            patches[i, j] = _patch_brightness(image, row, column)
     return patches
+
+
+@kernel
+def _add_differences(pixels: Image, scene: Image, light: Image, differences: Any) -> None:
+    """Add to `differences` (m,) those of m cells in one row of `pixels` (3 w,) and `scene`.
+
+    Summed over CELL_PX pixels and three channels, EVEN_LIGHT times as large, at the cells' `light`.
+    """
+    for j in range(len(differences)):
+        level = np.int32(light[j])
+        difference = np.int32(0)
+        for c in range(3 * CELL_PX * j, 3 * CELL_PX * (j + 1)):
+            evened = np.int32(pixels[c]) * np.int32(EVEN_LIGHT)
+            difference += abs(evened - np.int32(scene[c]) * level)
+        differences[j] += difference
 
 
 @entry
 def changed_cells(
-    image: Image, background: Image, light: Image, left: int, top: int, limit: float
+    image: Image, background: Image, light: Image, corner: tuple[int, int], limit: float
 ) -> Image:
     """Mask (n, m) of cells that differ from the background: 1 where changed, else 0.
 
     Images (h, 3 w) are B, G, R in turn; `light` (n, m) is the cells', the first of which begins at
-    column `left`, row `top` [px]. Changed is one whose mean over every ROW_STEP-th row differs by
+    `corner`, column and row [px]. Changed is one whose mean over every ROW_STEP-th row differs by
     more than `limit` [grey levels] per channel; one that the right border cuts never is.
     """
     rows, columns = light.shape
+    left, top = corner
     changed = np.zeros((rows, columns), np.uint8)
     whole_columns = min(columns, (image.shape[1] // 3 - left) // CELL_PX)
     for i in range(rows):
         begin = top + CELL_PX * i
         compared_rows = range(begin + FIRST_ROW, min(begin + CELL_PX, image.shape[0]), ROW_STEP)
-        differences = np.zeros(columns, np.int32)
+        differences = np.zeros(whole_columns, np.int32)
         for v in compared_rows:
-            for j in range(whole_columns):
-                first = 3 * (left + CELL_PX * j)
-                pixels, scene = image[v, first:], background[v, first:]
-                level = np.int32(light[i, j])
-                difference = np.int32(0)
-                for c in range(3 * CELL_PX):  # in a function of its own this takes thrice as long
-                    evened = np.int32(pixels[c]) * np.int32(EVEN_LIGHT)
-                    difference += abs(evened - np.int32(scene[c]) * level)
-                differences[j] += difference
+            pixels, scene = image[v, 3 * left :], background[v, 3 * left :]
+            _add_differences(pixels, scene, light[i], differences)
         threshold = limit * EVEN_LIGHT * 3 * CELL_PX * len(compared_rows)
-        for j in range(whole_columns):
-            changed[i, j] = differences[j] > threshold
+        changed[i, :whole_columns] = differences > threshold
     return changed
 
 

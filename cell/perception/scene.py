@@ -16,9 +16,9 @@ from cell.perception.kernels import (
     ZERO_LEVEL,
     Floats,
     Picture,
-    brightness,
     changed_cells,
     discriminants,
+    patch_brightness,
     segment,
 )
 from cell.perception.region import Region, Sizes, motion_mask
@@ -112,9 +112,10 @@ class Background:
         the hand, are not used.
         """
         rows, columns = region.cells(PATCH_PX)
-        patches = (region.left, region.top, rows, columns)
-        before = np.maximum(brightness(self.image, *patches), DARKEST)
-        ratio = np.asarray(brightness(image, *patches) / before, dtype=np.float32)
+        corner = (region.left, region.top)
+        before = np.maximum(patch_brightness(self.image, corner, (rows, columns)), DARKEST)
+        now = patch_brightness(image, corner, (rows, columns))
+        ratio = np.asarray(now / before, dtype=np.float32)
         middles = slice(PATCH_PX // 2, None, PATCH_PX)
         clear = visible[middles, middles] > 0
         in_view = np.ones((rows, columns), np.float32)
@@ -237,8 +238,7 @@ class Segmenter:
             image.reshape(height, -1),
             self.background.image.reshape(height, -1),
             np.rint(light[1:-1, 1:-1]).astype(np.uint8),
-            region.left,
-            region.top,
+            (region.left, region.top),
             CHANGE_RATIO * GAUSSIAN * self.sensor,
         )
         cells = cv2.dilate(cells, np.ones((3, 3), np.uint8))

@@ -89,7 +89,8 @@ def measure(strip: str, photographs: Sequence[Photograph]) -> Measurement:
     """Measure the bending length of `strip` from photographs of it hanging over a ledge."""
     bending = measure_bending(photographs)
     for fit in bending.fits:
-        _check_shape(fit)
+        _require_hanging_strip(fit)
+        _require_plausible_length(fit)
     warnings = (
         _curvature_warning(bending),
         _scatter_warning(bending),
@@ -100,24 +101,26 @@ def measure(strip: str, photographs: Sequence[Photograph]) -> Measurement:
     return Measurement(strip, bending, tuple(filter(None, warnings)))
 
 
-def _check_shape(fitted: Fit) -> None:
-    """Raise ConfigurationError when a photograph does not show a strip over a ledge."""
-    photograph = fitted.photograph
-    if (
-        fitted.rms > LARGEST_MISFIT * photograph.overhang
-        or abs(fitted.ledge) > LEDGE_TOLERANCE * photograph.overhang
-        or fitted.sigma > LARGEST_SIGMA
-    ):
+def _require_hanging_strip(fitted: Fit) -> None:
+    """Raise ConfigurationError for a photograph whose fit shows no strip over a ledge."""
+    overhang = fitted.photograph.overhang
+    misfit = fitted.rms > LARGEST_MISFIT * overhang
+    ledge_elsewhere = abs(fitted.ledge) > LEDGE_TOLERANCE * overhang
+    if misfit or ledge_elsewhere or fitted.sigma > LARGEST_SIGMA:
         raise ConfigurationError(
-            f"{photograph.path}: picture: this does not hang like a strip; crop it at the ledge, "
-            "upright, with the strip leaving the ledge at the left border"
+            f"{fitted.photograph.path}: picture: this does not hang like a strip; crop it at the "
+            "ledge, upright, with the strip leaving the ledge at the left border"
         )
+
+
+def _require_plausible_length(fitted: Fit) -> None:
+    """Raise ConfigurationError for a fitted bending length that no fabric has."""
     if not SHORTEST_BENDING_LENGTH <= fitted.bending_length <= LONGEST_BENDING_LENGTH:
         raise ConfigurationError(
-            f"{photograph.path}: a bending length of {1e3 * fitted.bending_length:.3g} mm is out "
-            f"of range, allowed: {1e3 * SHORTEST_BENDING_LENGTH:g} to "
-            f"{1e3 * LONGEST_BENDING_LENGTH:g} mm; let the strip hang "
-            "over by 2 to 5 bending lengths, and give that --overhang"
+            f"{fitted.photograph.path}: a bending length of {1e3 * fitted.bending_length:.3g} mm "
+            f"is out of range, allowed: {1e3 * SHORTEST_BENDING_LENGTH:g} to "
+            f"{1e3 * LONGEST_BENDING_LENGTH:g} mm; let the strip hang over by 2 to 5 bending "
+            "lengths, and give that --overhang"
         )
 
 

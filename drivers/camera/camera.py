@@ -110,12 +110,12 @@ class NewestFrame:
                 self._check_flow()
         except (CameraStalled, CameraFaulty) as error:
             self._report(error)
-            self._kernel.wait(None, RETRY_INTERVAL)
+            self._kernel.sleep(RETRY_INTERVAL)
             self._restart()
         except CellError as error:
             self._report(error)
             self._release()
-            self._kernel.wait(None, RETRY_INTERVAL)
+            self._kernel.sleep(RETRY_INTERVAL)
 
     def _check_flow(self) -> None:
         """Raise CameraStalled after too long without frames, CameraFaulty without complete ones."""

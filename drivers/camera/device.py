@@ -67,13 +67,16 @@ class Kernel:
         """Map the buffer of `length` bytes at `offset` of a device into memory."""
         return MappedBuffer(fd, length, offset)
 
-    def wait(self, fd: int | None, seconds: float) -> int:
-        """Poll `fd` for at most `seconds`; returns its events, 0 for none. Without `fd`, wait."""
+    def wait(self, fd: int, seconds: float) -> int:
+        """Poll `fd` for at most `seconds`; returns its events, 0 for none."""
         poll = select.poll()
-        if fd is not None:
-            poll.register(fd, select.POLLIN)
+        poll.register(fd, select.POLLIN)
         events = poll.poll(1e3 * seconds)
         return events[0][1] if events else 0
+
+    def sleep(self, seconds: float) -> None:
+        """Sleep for `seconds`."""
+        time.sleep(seconds)
 
     def monotonic(self) -> float:
         """Time [s] of CLOCK_MONOTONIC."""

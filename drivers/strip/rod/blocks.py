@@ -1,6 +1,6 @@
 """Stepping of blocks of strips along their grippers' paths, until their layers touch."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -12,6 +12,26 @@ from drivers.strip.rod.time_step import Grips, Pace, step
 from drivers.strip.shape import at_index, features, layer_touch
 
 
+class Output(NamedTuple):
+    """Arrays that `step_along` fills for n strips over k steps, without bounds checks.
+
+    `observed` (k, n, OBSERVABLE_COUNT), and `shapes` (k // every, n, nodes, 2) [m] at every
+    `every`th step; empty for none.
+    """
+
+    observed: Any
+    shapes: Any
+    every: int
+
+
+class Moment(NamedTuple):
+    """End of step number `k`, of length `h` [s], at `time` [s]."""
+
+    k: int
+    time: float
+    h: float
+
+
 @kernel
 def copy_midline(state: Any, lane: int, x: Any, z: Any) -> None:
     """Copy the midline of the strip in lane `lane` of a block into `x` and `z` (nodes,) [m]."""
@@ -21,28 +41,47 @@ def copy_midline(state: Any, lane: int, x: Any, z: Any) -> None:
 
 
 @kernel
-def observe(batch: Any, b: int, observed: Any, k: int, time: float, h: float) -> None:
-    """Write observables of the strips of block `b` after step `k`; end those that have touched."""
+def observe(batch: Any, b: int, observed: Any, moment: Any) -> None:
+    """Write observables of the strips of block `b` at `moment`; end those that have touched."""
     nodes = batch.arc.shape[1]
     x, z = np.empty(nodes), np.empty(nodes)
     for lane in range(batch.strips.shape[1]):
         if load_lane(batch.alive[b], 0, 0, lane) > 0.0:
             i = batch.strips[b, lane]
             copy_midline(batch.state[b], lane, x, z)
-            monitor, strip = batch.monitor[i], observed[k, i]
-            found = features(x, z, monitor[at.CONTACT_HEIGHT], monitor[at.OPENING])
-            strip[at.CONTACT_X], strip[at.TIP_X], strip[at.TIP_Z], height, index = found
-            strip[at.HOLDING] = -load_lane(batch.state[b], 1, at.TENSION, lane)
-            strip[at.GRIP_X] = load_lane(batch.state[b], nodes + 1, at.GRIP_FORCE_X, lane)
-            strip[at.GRIP_Z] = load_lane(batch.state[b], nodes + 1, at.GRIP_FORCE_Z, lane)
+            height, index = write_observables(batch, b, lane, (x, z), observed[moment.k, i])
             gap = height, at_index(x, index), at_index(batch.arc[i], index)
-            if height <= monitor[at.TOUCH_GAP]:
-                before = monitor[at.GAP_HEIGHT], monitor[at.GAP_X], monitor[at.GAP_S]
-                share, touch_x, touch_s = layer_touch(before, gap, monitor[at.TOUCH_GAP])
-                monitor[at.TOUCH_TIME] = time - h + share * h
-                monitor[at.TOUCH_X], monitor[at.TOUCH_S] = touch_x, touch_s
-                retire(batch, b, lane, observed, k)
-            monitor[at.GAP_HEIGHT], monitor[at.GAP_X], monitor[at.GAP_S] = gap
+            if watch_gap(batch.monitor[i], gap, moment):
+                retire(batch, b, lane, observed, moment.k)
+
+
+@kernel
+def write_observables(batch: Any, b: int, lane: int, midline: Any, row: Any) -> Any:
+    """Write observables of a strip with `midline` x, z (nodes,) [m] into `row`.
+
+    Returns the height [m] of its layer gap, and the gap's place as an index of nodes.
+    """
+    state, monitor = batch.state[b], batch.monitor[batch.strips[b, lane]]
+    x, z = midline
+    found = features(x, z, monitor[at.CONTACT_HEIGHT], monitor[at.OPENING])
+    row[at.CONTACT_X], row[at.TIP_X], row[at.TIP_Z], height, index = found
+    row[at.HOLDING] = -load_lane(state, 1, at.TENSION, lane)
+    row[at.GRIP_X] = load_lane(state, len(x) + 1, at.GRIP_FORCE_X, lane)
+    row[at.GRIP_Z] = load_lane(state, len(x) + 1, at.GRIP_FORCE_Z, lane)
+    return height, index
+
+
+@kernel
+def watch_gap(monitor: Any, gap: Any, moment: Any) -> bool:
+    """Store the layer `gap`, as height, x, arc length [m]; whether it closed, and if so where."""
+    touched = gap[0] <= monitor[at.TOUCH_GAP]
+    if touched:
+        before = monitor[at.GAP_HEIGHT], monitor[at.GAP_X], monitor[at.GAP_S]
+        share, touch_x, touch_s = layer_touch(before, gap, monitor[at.TOUCH_GAP])
+        monitor[at.TOUCH_TIME] = moment.time - moment.h + share * moment.h
+        monitor[at.TOUCH_X], monitor[at.TOUCH_S] = touch_x, touch_s
+    monitor[at.GAP_HEIGHT], monitor[at.GAP_X], monitor[at.GAP_S] = gap
+    return touched
 
 
 @kernel
@@ -55,12 +94,12 @@ def retire(batch: Any, b: int, lane: int, observed: Any, k: int) -> None:
 
 
 @kernel
-def end_failed(batch: Any, b: int, unsolved: Any, observed: Any, k: int, time: float) -> None:
-    """End the strips of block `b` that failed to converge in step `k`."""
+def end_failed(batch: Any, b: int, unsolved: Any, observed: Any, moment: Any) -> None:
+    """End the strips of block `b` that failed to converge in the step that ends at `moment`."""
     for lane in range(batch.strips.shape[1]):
         if lane_of(unsolved, lane) > 0.0:
-            batch.monitor[batch.strips[b, lane], at.FAILURE_TIME] = time
-            retire(batch, b, lane, observed, k)
+            batch.monitor[batch.strips[b, lane], at.FAILURE_TIME] = moment.time
+            retire(batch, b, lane, observed, moment.k)
 
 
 @kernel
@@ -90,32 +129,35 @@ def store_poses(batch: Any, b: int, poses: Any) -> None:
             batch.held[i] = poses[i]
 
 
-@entry
-def step_along(
-    batch: Any, poses: Any, observed: Any, shapes: Any, every: int, start: float, pace: Any
-) -> int:
-    """Step all strips along grip poses (k, n, 3) [m, m, rad], a step to each, from `start` [s].
+@kernel
+def step_block(batch: Any, b: int, poses: Any, output: Any, pace: Any) -> None:
+    """Step the strips of block `b` along grip `poses` (k, n, 3), until none of them is left."""
+    nature, state = batch.nature[b], batch.state[b]
+    block = Block(nature, state, batch.work, batch.band, batch.last, batch.terms)
+    step_pace = pace
+    for k in range(len(poses)):
+        if living_lanes(batch, b, b + 1) == 0:
+            break
+        grips = Grips(batch.strips[b], batch.alive[b], batch.held, poses[k])
+        moment = Moment(k, pace.start + (k + 1) * pace.h, pace.h)
+        unsolved = step(block, grips, step_pace)
+        if any_lane(unsolved):
+            end_failed(batch, b, unsolved, output.observed, moment)
+        if len(output.shapes) > 0 and (k + 1) % output.every == 0:
+            record(batch, b, output.shapes[(k + 1) // output.every - 1])
+        observe(batch, b, output.observed, moment)
+        store_poses(batch, b, poses[k])
+        step_pace = Pace(pace.start, pace.h, pace.next_omega, pace.next_omega)
 
-    Writes into `observed` (k, n, OBSERVABLE_COUNT), and into `shapes` (k // every, n, nodes, 2)
-    unless it is empty, without bounds checks; returns the number of strips that ended.
+
+@entry
+def step_along(batch: Any, poses: Any, output: Any, pace: Any) -> int:
+    """Step all strips along grip `poses` (k, n, 3) [m, m, rad], a step to each.
+
+    Fills `output`; returns the number of strips that ended.
     """
     blocks = len(batch.nature)
     before = living_lanes(batch, 0, blocks)
     for b in range(blocks):
-        nature, state = batch.nature[b], batch.state[b]
-        block = Block(nature, state, batch.work, batch.band, batch.last, batch.terms)
-        step_pace = pace
-        for k in range(len(poses)):
-            if living_lanes(batch, b, b + 1) == 0:
-                break
-            grips = Grips(batch.strips[b], batch.alive[b], batch.held, poses[k])
-            time = start + (k + 1) * pace.h
-            unsolved = step(block, grips, step_pace)
-            if any_lane(unsolved):
-                end_failed(batch, b, unsolved, observed, k, time)
-            if len(shapes) > 0 and (k + 1) % every == 0:
-                record(batch, b, shapes[(k + 1) // every - 1])
-            observe(batch, b, observed, k, time, pace.h)
-            store_poses(batch, b, poses[k])
-            step_pace = Pace(pace.h, pace.next_omega, pace.next_omega)
+        step_block(batch, b, poses, output, pace)
     return before - living_lanes(batch, 0, blocks)

@@ -14,7 +14,7 @@ from drivers.strip.model import StripModel
 from drivers.strip.observation import true_path
 from drivers.strip.rod import layout as at
 from drivers.strip.rod.batch import compact, end_strips, flat_batch, living, midlines
-from drivers.strip.rod.blocks import step_along
+from drivers.strip.rod.blocks import Output, step_along
 from drivers.strip.rod.lumping import check
 from drivers.strip.rod.static import FINE_STEPS, fit_length, lift_path, settle
 from drivers.strip.rod.time_step import Pace
@@ -145,9 +145,8 @@ class Rod:
             raise ValueError(f"poses {poses.shape}; expected (k, {len(self._batch.held)}, 3)")
         observed = np.empty((len(poses), *self._observed.shape))
         observed[:] = self._observed
-        omega = min(dt / self._last, LARGEST_RATIO)
-        pace = Pace(dt, omega, 1.0)
-        ended = step_along(self._batch, poses, observed, shapes, every, self._time, pace)
+        pace = Pace(self._time, dt, min(dt / self._last, LARGEST_RATIO), 1.0)
+        ended = step_along(self._batch, poses, Output(observed, shapes, every), pace)
         self._time += len(poses) * dt
         self._last = dt
         if len(observed):

@@ -9,7 +9,7 @@ from drivers.errors import SimulationNotConverged, Unsupported
 from drivers.strip.model import StripModel, with_field
 from drivers.strip.rod import layout as at
 from drivers.strip.rod.batch import end_strips, flat_batch
-from drivers.strip.rod.blocks import step_along
+from drivers.strip.rod.blocks import Output, step_along
 from drivers.strip.rod.layout import Batch
 from drivers.strip.rod.time_step import Pace
 from drivers.types import Array
@@ -81,8 +81,8 @@ def settle(batch: Batch, path: Array) -> None:
 def _follow_damped(batch: Batch, poses: Array, dt: float) -> None:
     """Step along `poses` (k, n, 3) [m, m, rad] by backward Euler; raises on failure or touch."""
     observed = np.zeros((len(poses), len(batch.held), at.OBSERVABLE_COUNT))
-    pace = Pace(dt, 0.0, 0.0)
-    step_along(batch, poses, observed, np.empty((0, 0, 0, 2)), 1, 0.0, pace)
+    output = Output(observed, np.empty((0, 0, 0, 2)), 1)
+    step_along(batch, poses, output, Pace(0.0, dt, 0.0, 0.0))
     failed, touched = (
         np.isfinite(batch.monitor[:, field]) for field in (at.FAILURE_TIME, at.TOUCH_TIME)
     )

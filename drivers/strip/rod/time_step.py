@@ -39,12 +39,13 @@ class Grips(NamedTuple):
 
 
 class Pace(NamedTuple):
-    """Size `h` [s] of a step, and its BDF2 step ratios.
+    """Time `start` [s] before the first step, size `h` [s] of steps, and their BDF2 step ratios.
 
     `omega` is the ratio of the step to the last one, `next_omega` that of equal steps after it: 1,
     or 0 for backward Euler.
     """
 
+    start: float
     h: float
     omega: float
     next_omega: float

@@ -77,6 +77,15 @@ class Slide:
     rest: float = 0.0
     sliding: float = NOT_SLIDING
 
+    @classmethod
+    def sticking(
+        cls, joint: int | None, limit: float, stiffest: float, *, both_ways: bool
+    ) -> Self | None:
+        """Element at rest that yields by at most GIVE before it slides; None if it never does."""
+        if joint is None or np.isinf(limit):
+            return None
+        return cls(joint, min(stiffest, limit / GIVE), limit, both_ways)
+
     def update(self, position: float, rate: float) -> None:
         """Choose stick or slip for the next step, from the joint's position and velocity."""
         if self.sliding != NOT_SLIDING:
@@ -111,18 +120,17 @@ class Ends:
 
     @classmethod
     def at_rest(cls, model: StripModel, lumps: Lumps, joints: Joints) -> Self:
-        """Ends of the chain of strip `model` at rest."""
+        """Ends of the chain of a lying strip: neither slides, the desk bears the full weight."""
         gravity = -float(model.boundary.gravity[1])
-        grip: Slide | None = None
-        edge: Slide | None = None
-        hold = model.boundary.grip_force * lumps.scale
-        if joints.grip is not None and not np.isinf(hold):
-            grip = Slide(joints.grip, min(lumps.along[-1], hold / GIVE), hold, both_ways=False)
-        if joints.edge is not None:
-            friction = model.boundary.edge_friction * float(lumps.mass.sum()) * gravity
-            edge = Slide(joints.edge, min(lumps.held[0], friction / GIVE), friction, both_ways=True)
-        edge_weight = 0.5 * float(lumps.mass[0]) * gravity
-        return cls(grip, edge, model.boundary.edge_friction, edge_weight)
+        friction = model.boundary.edge_friction
+        grip_force = model.boundary.grip_force * lumps.scale
+        edge_force = friction * float(lumps.mass.sum()) * gravity
+        return cls(
+            grip=Slide.sticking(joints.grip, grip_force, lumps.along[-1], both_ways=False),
+            edge=Slide.sticking(joints.edge, edge_force, lumps.held[0], both_ways=True),
+            friction=friction,
+            edge_weight=0.5 * float(lumps.mass[0]) * gravity,
+        )
 
     @property
     def slide(self) -> bool:

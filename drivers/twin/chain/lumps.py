@@ -45,27 +45,32 @@ class HingeLumps:
 
     @classmethod
     def from_model(cls, model: StripModel, nodes: Array, scale: float) -> Self:
-        """Coefficients of `model` at hinges at arc lengths `nodes` (n + 1,) [m], times `scale`."""
+        """Coefficients of `model` at hinges at arc lengths `nodes` (n + 1,) [m], times `scale`.
+
+        The powers of `share` are those that `_strip_share` states.
+        """
         strip, law = model.mechanics, model.mechanics.law
         middles = np.concatenate([[0.0], 0.5 * (nodes[:-1] + nodes[1:]), [strip.length]])
         reach = np.diff(middles)
-        bare = strip.series(strip.rigidity, middles) / reach
+        bare = strip.series(strip.rigidity, middles) / reach  # without the grip's compliance
         share = _strip_share(bare, model.boundary.grip_compliance)
-        stuck = _strip_share(bare * (1.0 + law.stiffness_ratio), model.boundary.grip_compliance)
         stiffness = bare * share * scale
-        spring = stiffness * (1.0 - law.relaxing)
-        growth = law.cubic * share**3 / reach**2
-        presliding = stiffness * law.stiffness_ratio * stuck
-        slip = reach * (law.yield_curvature / law.stiffness_ratio) / stuck
-        lag = strip.viscosity / strip.rigidity**2  # its integral times K^2 is a hinge's damping
+        elastic = stiffness * (1.0 - law.relaxing)
+        cubic_growth = law.cubic * share**3 / reach**2
+        stuck_stiffness = bare * (1.0 + law.stiffness_ratio)
+        stuck_share = _strip_share(stuck_stiffness, model.boundary.grip_compliance)
+        presliding = stiffness * law.stiffness_ratio * stuck_share
+        slip = reach * (law.yield_curvature / law.stiffness_ratio) / stuck_share
+        # unlike pieces under one moment: damping = K^2 int(viscosity / EI^2) ds
+        creep = strip.total(strip.viscosity / strip.rigidity**2, middles)
         return cls(
             reach=reach,
             stiffness=stiffness,
-            damping=stiffness * share * bare * strip.total(lag, middles),
+            damping=stiffness * share * bare * creep,
             quadratic=stiffness * share**2 * law.quadratic_damping / reach,
             rest=strip.total(strip.rest_curvature, middles),
-            cubic=spring * growth,
-            fifth=spring * law.fifth * growth**2,
+            cubic=elastic * cubic_growth,
+            fifth=elastic * law.fifth * cubic_growth**2,
             presliding=(1.0 - law.gradual) * presliding,
             slip=slip,
             gradual=law.gradual * presliding,

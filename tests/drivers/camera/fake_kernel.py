@@ -211,6 +211,9 @@ class FakeKernel:
             self._asleep = None
             return self._events(fd)
 
+    def sleep(self, seconds: float) -> None:
+        self.wait(None, seconds)
+
     def monotonic(self) -> float:
         return EPOCH + self._time
 
