@@ -1,7 +1,7 @@
 """Parts of a benchmark, folds through images or in simulation alone, and how they are run."""
 
 import hashlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from importlib.metadata import version
 from pathlib import Path
 
@@ -22,8 +22,7 @@ from cell.benchmark.results import (
 )
 from cell.calibrate.calibration_in_use import calibration_of
 from cell.campaign.journal import Record, digest
-from cell.campaign.progress import Meter
-from cell.campaign.run import Engine, Part, carry_out
+from cell.campaign.run import Part
 from cell.campaign.versions import code
 from cell.config.places import Configs
 from cell.devices.devices import Trial
@@ -51,6 +50,7 @@ EFFECT_COST = 0.1  # s for a fold with an effect
 PLANNED_COST = 5  # times as much where the fold is planned
 IMAGES_COST = 10.0  # s of a fold through images
 JOURNAL = "parts"
+Measure = Callable[[Sequence[Part]], Iterable[Record]]
 _ANY: TypeAdapter[Result] = TypeAdapter(AnyResult)
 
 
@@ -165,26 +165,15 @@ def _strip_with(name: str, rng: np.random.Generator) -> StripFile:
     return bare.model_copy(update={"effects": {name: draw_effect(name, rng)}}) if name else bare
 
 
-def benchmark(
-    spec: BenchmarkSpec,
-    configs: Configs,
-    folder: Path,
-    runs: Path,
-    *,
-    engine: Engine,
-    again: bool,
-    meter: Meter,
-) -> Results:
-    """Measure the benchmark; parts that `folder` holds are not measured again, unless `again`.
+def benchmark(spec: BenchmarkSpec, configs: Configs, runs: Path, measure: Measure) -> Results:
+    """Results of the benchmark `spec`, its parts measured by `measure`, their folds in `runs`.
 
-    The folds are recorded in `runs`. Raises ConfigurationError for a folder that cannot be written,
-    and for an invalid configuration.
+    Raises ConfigurationError for an invalid configuration.
     """
     settings = configs.cell()
     parts = parts_of(spec, configs, runs)
     calibration_of(settings)  # made once, not by every fold at once
-    measured = carry_out(parts, folder / JOURNAL, engine, meter, again=again)
-    results = {record.key: _result(record) for record in measured}
+    results = {record.key: _result(record) for record in measure(parts)}
     return Results(
         schema=1,
         asked=spec,

@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from ipaddress import ip_address
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -133,34 +134,39 @@ def _print_training(policy: str, trained: "Trained | None", corrected: Mapping[s
         )
 
 
-PolicyNames = Annotated[str | None, typer.Option(help="Policies, with commas [default: all].")]
-StripNames = Annotated[str | None, typer.Option(help="Strips, with commas [default: all].")]
-Repeats = Annotated[
-    int | None, typer.Option(min=1, help="Folds of one strip by each policy [default: 5].")
-]
-FoldsFolder = Annotated[
-    Path | None, typer.Option(help="Folder in which folds are recorded [default: OUT/runs].")
-]
-Quick = Annotated[bool, typer.Option("--quick", help="Three strips, two repeats, coarse grids.")]
-Again = Annotated[bool, typer.Option("--again", help="Measure anew what OUT already holds.")]
-Picture = Annotated[Path | None, typer.Option(help="Write the main picture there too, as PNG.")]
+@dataclass(frozen=True, slots=True)
+class BenchmarkOptions:
+    """Options of the command `cell benchmark`."""
+
+    policies: Annotated[str | None, typer.Option(help="Policies, with commas [default: all].")] = (
+        None
+    )
+    strips: Annotated[str | None, typer.Option(help="Strips, with commas [default: all].")] = None
+    repeat: Annotated[
+        int | None, typer.Option(min=1, help="Folds of one strip by each policy [default: 5].")
+    ] = None
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the noise; repeats use the next.")] = 0
+    jobs: Annotated[int, typer.Option(min=1, help="Parts measured side by side.")] = 1
+    cluster: Cluster = None
+    out: Annotated[Path, typer.Option(help="Folder of the results.")] = Path("runs/benchmark")
+    runs: Annotated[
+        Path | None, typer.Option(help="Folder in which folds are recorded [default: OUT/runs].")
+    ] = None
+    configs: Configs = None
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Three strips, two repeats, coarse grids.")
+    ] = False
+    again: Annotated[bool, typer.Option("--again", help="Measure anew what OUT already holds.")] = (
+        False
+    )
+    picture: Annotated[
+        Path | None, typer.Option(help="Write the main picture there too, as PNG.")
+    ] = None
+    as_json: Json = False
 
 
-def benchmark(
-    policies: PolicyNames = None,
-    strips: StripNames = None,
-    repeat: Repeats = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the noise; repeats use the next.")] = 0,
-    jobs: Annotated[int, typer.Option(min=1, help="Parts measured side by side.")] = 1,
-    cluster: Cluster = None,
-    out: Annotated[Path, typer.Option(help="Folder of the results.")] = Path("runs/benchmark"),
-    runs: FoldsFolder = None,
-    configs: Configs = None,
-    quick: Quick = False,
-    again: Again = False,
-    picture: Picture = None,
-    as_json: Json = False,
-) -> None:
+@taking(BenchmarkOptions)
+def benchmark(given: BenchmarkOptions) -> None:
     """Fold all strips by all policies, and compare the results with the paper's numbers.
 
     Finished parts are kept in OUT: after an interruption run the command again to resume.
@@ -168,22 +174,25 @@ def benchmark(
     from rich.console import Console
 
     from cell.benchmark.page import lines, write_main_picture, write_results
-    from cell.benchmark.parts import benchmark as measure, summarise
+    from cell.benchmark.parts import JOURNAL, benchmark as measured, summarise
     from cell.benchmark.results import BenchmarkSpec, split
     from cell.benchmark.summary import claim_lines, tables
     from cell.campaign.progress import Meter
+    from cell.campaign.run import carry_out
 
-    found = find_configs(configs)
-    spec = BenchmarkSpec.build(found, split(policies), split(strips), repeat, seed, quick=quick)
-    workers = engine(jobs, cluster, PART_TIMEOUT)
-    with resumable(out), Meter(Console(stderr=True), summarise) as meter:
-        results = measure(
-            spec, found, out, runs or out / "runs", engine=workers, again=again, meter=meter
+    found = find_configs(given.configs)
+    names = (split(given.policies), split(given.strips))
+    spec = BenchmarkSpec.build(found, *names, given.repeat, given.seed, quick=given.quick)
+    workers = engine(given.jobs, given.cluster, PART_TIMEOUT)
+    with resumable(given.out), Meter(Console(stderr=True), summarise) as meter:
+        measure = partial(
+            carry_out, folder=given.out / JOURNAL, engine=workers, meter=meter, again=given.again
         )
-    page = write_results(results, out)
-    if picture is not None:
-        write_main_picture(results, picture)
-    if as_json:
+        results = measured(spec, found, given.runs or given.out / "runs", measure)
+    page = write_results(results, given.out)
+    if given.picture is not None:
+        write_main_picture(results, given.picture)
+    if given.as_json:
         print_json(*lines(results))
         return
     for table in tables(results):

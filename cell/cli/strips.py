@@ -2,12 +2,13 @@
 
 import re
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cell.cli.options import Configs, Json, length_option, strip_names, writable
+from cell.cli.options import Configs, Json, length_option, strip_names, taking, writable
 from cell.cli.output import notice, print_json, print_table, say
 from cell.config.places import find_configs
 from drivers.errors import ConfigurationError
@@ -92,42 +93,41 @@ def measure(
     say(facts, text, as_json=as_json)
 
 
-@strips.command()
-def new(
-    strip: Annotated[str, typer.Argument(metavar="NAME", help="What to call the strip.")],
+@dataclass(frozen=True, slots=True)
+class NewStripOptions:
+    """Options of the command `cell strips new`."""
+
+    strip: Annotated[str, typer.Argument(metavar="NAME", help="What to call the strip.")]
     length: Annotated[
         float, length_option("--length", "Fixed edge to grasped edge, as 600mm or 0.6 [m].")
-    ],
-    width: Annotated[float, length_option("--width", "Width [m].")],
-    areal_density: Annotated[float | None, typer.Option(help="Mass per area [kg/m^2].")] = None,
+    ]
+    width: Annotated[float, length_option("--width", "Width [m].")]
+    areal_density: Annotated[float | None, typer.Option(help="Mass per area [kg/m^2].")] = None
     bending_length: Annotated[
         float | None, length_option("--bending-length", "Bending length [m].")
-    ] = None,
-    retardation_time: Annotated[float | None, typer.Option(help="Retardation time [s].")] = None,
-    thickness: Annotated[float | None, length_option("--thickness", "Thickness [m].")] = None,
+    ] = None
+    retardation_time: Annotated[float | None, typer.Option(help="Retardation time [s].")] = None
+    thickness: Annotated[float | None, length_option("--thickness", "Thickness [m].")] = None
     colour: Annotated[
         tuple[int, int, int] | None, typer.Option(help="Red, green, blue, 0 to 255.")
-    ] = None,
+    ] = None
     source: Annotated[
         list[str] | None,
         typer.Option(help="KEY=TEXT, where a value comes from; repeatable [default: measured]."),
-    ] = None,
-    configs: Configs = None,
-) -> None:
-    """Write the file of a new strip; values that are not given are assumed, and marked so."""
-    from cell.strips.edit import new_strip
+    ] = None
+    configs: Configs = None
 
-    _check_name(strip)
-    path = writable(configs).folder / "strips" / f"{strip}.yaml"
-    values = {
-        "length": length,
-        "width": width,
-        "areal_density": areal_density,
-        "bending_length": bending_length,
-        "retardation_time": retardation_time,
-        "thickness": thickness,
-    }
-    new_strip(path, values, colour, source or [])
+
+@strips.command()
+@taking(NewStripOptions)
+def new(given: NewStripOptions) -> None:
+    """Write the file of a new strip; values that are not given are assumed, and marked so."""
+    from cell.strips.edit import SOURCED, new_strip
+
+    _check_name(given.strip)
+    path = writable(given.configs).folder / "strips" / f"{given.strip}.yaml"
+    values = {key: getattr(given, key) for key in ("length", "width", *SOURCED)}
+    new_strip(path, values, given.colour, given.source or [])
     assumed = [key for key, value in values.items() if value is None]
     sys.stdout.write(f"{path}\n")
     if assumed:

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import theilslopes
 
 from calibration.board import BoardSettings, BoardView, find_board
@@ -186,11 +187,7 @@ def _find_strip(film: Path, image: Image, calibration: Calibration, strip: Strip
     stated = np.array([strip.colour[::-1]], dtype=np.float64)  # BGR
     distances = colour_distances(plane, stated)[..., 0]
     for limit in LIMITS:
-        alike = (distances < limit).astype(np.uint8)
-        mask = cv2.morphologyEx(alike, cv2.MORPH_CLOSE, np.ones((3, 9)))
-        _, labels, pieces, _ = cv2.connectedComponentsWithStats(mask)
-        widths, heights = pieces[:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].T
-        lengths = np.where(heights < SLIM * widths, np.hypot(widths, heights) * RASTER, 0.0)
+        labels, lengths = _slim_pieces(distances < limit)
         best = int(np.argmin(np.abs(lengths - strip.length)))
         if abs(lengths[best] / strip.length - 1) < ALIKE:
             v, u = np.nonzero(labels == best)
@@ -202,6 +199,18 @@ def _find_strip(film: Path, image: Image, calibration: Calibration, strip: Strip
         f"lies in the plane of the board, the nearest piece is {1e3 * lengths[best]:.0f} mm; lay "
         "it straight with both ends in view, or correct `length` or `colour` in the strip's file"
     )
+
+
+def _slim_pieces(alike: NDArray[np.bool_]) -> tuple[NDArray[np.int32], Array]:
+    """Labels (n, m) of the pieces of a mask `alike` (n, m), and their lengths (k,) [m].
+
+    A cell of the mask is RASTER wide; pieces that are not SLIM have length 0.
+    """
+    mask = cv2.morphologyEx(alike.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((3, 9)))
+    _, labels, pieces, _ = cv2.connectedComponentsWithStats(mask)
+    widths, heights = pieces[:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].T
+    lengths = np.where(heights < SLIM * widths, np.hypot(widths, heights) * RASTER, 0.0)
+    return np.asarray(labels, dtype=np.int32), lengths
 
 
 def _find_ends(

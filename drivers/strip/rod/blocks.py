@@ -72,7 +72,7 @@ def write_observables(batch: Any, b: int, lane: int, midline: Any, row: Any) -> 
 
 
 @kernel
-def watch_gap(monitor: Any, gap: Any, moment: Any) -> bool:
+def watch_gap(monitor: Any, gap: Any, moment: Any) -> Any:
     """Store the layer `gap`, as height, x, arc length [m]; whether it closed, and if so where."""
     touched = gap[0] <= monitor[at.TOUCH_GAP]
     if touched:
