@@ -123,12 +123,7 @@ class FciArm:
             return
         if self._fault is None:
             with suppress(Fault):
-                child.send(Close())
-                answer = self._receive(child, END_PATIENCE)
-                while not isinstance(answer, Ended):
-                    answer = self._receive(child, END_PATIENCE)
-                self._timing = answer.timing
-                self._joints = joint_rows(self._receive(child, LOG_PATIENCE))
+                self._end_loop(child)
         child.close(END_PATIENCE)
 
     def catch_up(self) -> tuple[float, Pose] | None:
@@ -151,6 +146,14 @@ class FciArm:
         rows[:, 0] += self._start_time if self._lock_step else 0.0
         return frozen(rows)
 
+    def _end_loop(self, child: Child) -> None:
+        """Let the loop brake the arm to rest, and receive its timing and joint log."""
+        child.send(Close())
+        while not isinstance(answer := self._receive(child, END_PATIENCE), Ended):
+            continue
+        self._timing = answer.timing
+        self._joints = joint_rows(self._receive(child, LOG_PATIENCE))
+
     def _require_open(self) -> None:
         if self._closed:
             raise Fault("arm_closed", "the arm was let go; open the cell again")
@@ -170,7 +173,8 @@ class FciArm:
         if not self._lock_step or due_tick <= self._ticks:
             return
         self._check()
-        for tick in (*range(self._ticks + TICKS_PER_ANSWER, due_tick, TICKS_PER_ANSWER), due_tick):
+        while self._ticks < due_tick:
+            tick = min(self._ticks + TICKS_PER_ANSWER, due_tick)
             child.send(RunUntil(tick))
             self._receive(child, self._access.settings.answer)
             self._ticks = tick

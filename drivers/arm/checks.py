@@ -71,23 +71,7 @@ def require_limits(description: str) -> None:
 
     Both values are named. Joints are named as in franka_description: `fr3_joint1` to `fr3_joint7`.
     """
-    if "<!" in description.replace("<!--", ""):
-        raise ArmFault(Cause.MODEL, "the robot's description holds a declaration")
-    try:
-        root = ElementTree.fromstring(description)  # noqa: S314  no entities: refused above
-    except ElementTree.ParseError as error:
-        raise ArmFault(Cause.MODEL, f"the robot's description is no XML: {error}") from None
-    joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
-    numbered = {name[-1]: joint for name, joint in joints.items() if ARM_JOINT.fullmatch(name)}
-    narrower = []
-    for number in range(7):
-        for tag, name, assumed, sign in ASSUMED_LIMITS:
-            value = _value(numbered, number, tag, name)
-            planned = assumed[number]
-            if not sign * (value - planned) >= -SLACK:  # true for NaN
-                narrower.append(
-                    f"joint {number + 1}: {name} is {value:g}, the cell plans with {planned:g}"
-                )
+    narrower = list(_narrower_limits(_arm_joints(description)))
     if narrower:
         raise ArmFault(Cause.MODEL, "; ".join(narrower))
 
@@ -135,16 +119,34 @@ def _read_exactly(link: socket.socket, count: int) -> bytes:
     return content
 
 
-def _value(joints: dict[str, ElementTree.Element], number: int, tag: str, name: str) -> float:
-    """Attribute `name` of element `tag` of joint `number`, from 0; NaN where it is missing."""
-    joint = joints.get(str(number + 1))
-    element = None if joint is None else joint.find(tag)
-    if element is None:
-        return float("nan")
+def _arm_joints(description: str) -> dict[str, ElementTree.Element]:
+    """Elements of the arm's joints in a URDF `description`, by their numbers "1" to "7"."""
+    if "<!" in description.replace("<!--", ""):
+        raise ArmFault(Cause.MODEL, "the robot's description holds a declaration")
     try:
-        return float(element.get(name, "nan"))
-    except ValueError:
-        return float("nan")
+        root = ElementTree.fromstring(description)  # noqa: S314  no entities: refused above
+    except ElementTree.ParseError as error:
+        raise ArmFault(Cause.MODEL, f"the robot's description is no XML: {error}") from None
+    joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
+    return {name[-1]: joint for name, joint in joints.items() if ARM_JOINT.fullmatch(name)}
+
+
+def _narrower_limits(joints: dict[str, ElementTree.Element]) -> Iterator[str]:
+    """Yield a text for each limit of `joints` that is narrower than the cell's, or missing."""
+    for number in range(7):
+        for tag, name, assumed, sign in ASSUMED_LIMITS:
+            value = _attribute(joints.get(str(number + 1)), tag, name)
+            planned = assumed[number]
+            if not sign * (value - planned) >= -SLACK:  # true for NaN
+                yield f"joint {number + 1}: {name} is {value:g}, the cell plans with {planned:g}"
+
+
+def _attribute(joint: ElementTree.Element | None, tag: str, name: str) -> float:
+    """Number in the attribute `name` of the element `tag` of `joint`; NaN where there is none."""
+    element = None if joint is None else joint.find(tag)
+    with suppress(ValueError):
+        return float("nan" if element is None else element.get(name, "nan"))
+    return float("nan")
 
 
 def _tool_differences(state: Any, tool: ToolSettings) -> Iterator[str]:
@@ -152,34 +154,32 @@ def _tool_differences(state: Any, tool: ToolSettings) -> Iterator[str]:
 
     NE_T_EE, EE_T_K and the load are set by programs; F_T_NE and the hand's mass in Desk.
     """
-    effector_remedy = (
-        IN_DESK if _same_frame(pose_from_columns(state.NE_T_EE), np.eye(4)) else BY_RESET
-    )
-    frames = [
+    set_in_desk = _same_frame(pose_from_columns(state.NE_T_EE), np.eye(4))
+    effector_remedy = IN_DESK if set_in_desk else BY_RESET
+    frames = (
         ("the end effector (F_T_EE)", state.F_T_EE, FLANGE_TO_TIP, effector_remedy),
         ("the stiffness frame (EE_T_K)", state.EE_T_K, np.eye(4), BY_RESET),
-    ]
+    )
     for quantity, numbers, assumed, remedy in frames:
         frame = pose_from_columns(numbers)
         if not _same_frame(frame, assumed):
             yield _difference(quantity, _frame_text(frame), _frame_text(assumed), remedy)
-    masses = [
-        ("the hand's mass", state.m_ee, tool.mass, IN_DESK),
-        ("the load", state.m_load, 0.0, BY_RESET),
-    ]
-    for quantity, mass, stated, remedy in masses:
-        if not abs(mass - stated) <= MASS_TOLERANCE:
-            yield _difference(quantity, f"{mass:.2f} kg", f"{stated:.2f} kg", remedy)
-    centre = np.array(state.F_x_Cee)
-    assumed_centre = np.array(tool.centre)
-    if not np.abs(centre - assumed_centre).max() <= CENTRE_TOLERANCE:
-        yield _difference(
-            "the hand's centre of mass", _place_text(centre), _place_text(assumed_centre), IN_DESK
-        )
+    if not abs(state.m_ee - tool.mass) <= MASS_TOLERANCE:
+        yield _difference("the hand's mass", _kg(state.m_ee), _kg(tool.mass), IN_DESK)
+    if not abs(state.m_load) <= MASS_TOLERANCE:
+        yield _difference("the load", _kg(state.m_load), _kg(0.0), BY_RESET)
+    centre, stated = np.array(state.F_x_Cee), np.array(tool.centre)
+    if not np.abs(centre - stated).max() <= CENTRE_TOLERANCE:
+        texts = _place_text(centre), _place_text(stated)
+        yield _difference("the hand's centre of mass", *texts, IN_DESK)
 
 
 def _difference(quantity: str, actual: str, assumed: str, remedy: str) -> str:
     return f"{quantity} is {actual}, the cell assumes {assumed}; {remedy}"
+
+
+def _kg(mass: float) -> str:
+    return f"{mass:.2f} kg"
 
 
 def _same_frame(first: Array, second: Array) -> bool:

@@ -34,8 +34,9 @@ class JointLog:
 
     def content(self) -> bytes:
         """All stored rows as bytes, oldest first, for `joint_rows`."""
-        first = self._count % KEPT_TICKS if self._count > KEPT_TICKS else 0
-        return np.roll(self._rows[: min(self._count, KEPT_TICKS)], -first, axis=0).tobytes()
+        if self._count <= KEPT_TICKS:
+            return self._rows[: self._count].tobytes()
+        return np.roll(self._rows, -(self._count % KEPT_TICKS), axis=0).tobytes()
 
 
 def joint_rows(content: bytes) -> Array:

@@ -143,12 +143,12 @@ class JointMotion:
         self._missed = self._missed or ticks != 1 or off
         self._setpoint = self._setpoint.followed_by(state, self._sent, ticks)
 
-    def brake(self, *, hard: bool = False) -> None:
-        """From now on brake to rest, wherever that is, within GENTLE or, if `hard`, HARD limits."""
+    def brake(self, limits: RateLimits = GENTLE) -> None:
+        """From now on brake to rest, wherever that is, within `limits`."""
         self._goal = None
-        self._limits = HARD if hard else GENTLE
-        self._input.max_acceleration = [self._limits.acceleration] * AXES
-        self._input.max_jerk = [self._limits.jerk] * AXES
+        self._limits = limits
+        self._input.max_acceleration = [limits.acceleration] * AXES
+        self._input.max_jerk = [limits.jerk] * AXES
         self._input.control_interface = ruckig.ControlInterface.Velocity
         self._input.target_velocity = self._input.target_acceleration = [0.0] * AXES
 
@@ -206,7 +206,7 @@ def follow_joints(
         setpoints.update(state)
         objection = objection or guard.objection(state)
         if objection:
-            setpoints.brake(hard=True)
+            setpoints.brake(HARD)
     robot.write_joints(motion, list(state.q_d), last=True)
     if objection:
         raise ArmFault(Cause.CONTACT, objection)
@@ -309,24 +309,28 @@ class CartesianMotion:
         """
         if self._setpoint is None:
             raise ArmFault(Cause.COMMAND, "a pose was sent before the first state was read")
-        near = np.array(self._setpoint.after_a_tick().position)  # one Newton step is exact there
         target = pose_from_columns(pose)
+        joints = self._joints_at(target, self._setpoint)
+        if self._ahead and not self._await_prediction(motion, self._setpoint) and not last:
+            return
+        self._sent = joints
+        self._sent_pose = target
+        self._robot.write_joints(motion, joints, last=last)
+
+    def _joints_at(self, target: Array, setpoint: JointSetpoint) -> Numbers:
+        """Joints (7,) [rad] with the hand at `target` (4, 4), a tick after `setpoint`."""
+        near = np.array(setpoint.after_a_tick().position)  # one Newton step is exact there
         # critically damped return of the elbow
         restoring_rate = ELBOW_GAIN * (self._initial_elbow - self._elbow) - 2.0 * self._elbow_rate
         self._elbow_rate += TICK * ELBOW_GAIN * restoring_rate
         self._elbow += TICK * self._elbow_rate
         near_pose, jacobian = pose_and_jacobian(near)
-        step = joint_step(near, near_pose, jacobian, target, self._elbow)
-        sent: Numbers = (near + step).tolist()
-        if self._ahead and not self._await_prediction(motion, self._setpoint) and not last:
-            return
-        self._sent = sent
-        self._sent_pose = target
-        self._robot.write_joints(motion, sent, last=last)
+        joints = near + joint_step(near, near_pose, jacobian, target, self._elbow)
+        return list(joints.tolist())
 
     def _await_prediction(self, motion: Any, predicted: JointSetpoint) -> bool:
         """Read the robot's next state; False, and continue from it, where it is not `predicted`."""
-        state = self._robot.read(motion, awaited=False)
+        state = self._robot.read_queued(motion)
         predicted_time = self._time + TICK
         self._time = state.time.to_sec()
         self._ahead = False

@@ -93,25 +93,21 @@ def plan_reach(
     poses, times = densify(path, speeds)
     frame = installation.mounting.transform()
     planes = [StripPlane(frame, turned=turned) for turned in (False, True)]
-    candidates = [reach for plane in planes for reach in _postures(plane, poses, times, elbows)]
-    if not candidates:
-        x, z, pitch = path[0].tolist()
-        unreachable = Problem(x, z, pitch, NO_POSTURE)
-        return Reach(
-            turned=False, start=HOME, margin=0.0, joint=1, followed=0, problems=(unreachable,)
-        )
-    candidates.sort(key=lambda reach: (reach.allowed, reach.followed, reach.margin), reverse=True)
-    braked = list[Reach]()
-    for candidate in candidates:
-        if not candidate.allowed:
-            continue
-        guard = ReachGuard(planes[candidate.turned], installation.limits, candidate.start.tolist())
-        problem = _first_braking(guard, poses, times)
-        if problem is None:
-            return candidate
-        after_lift = problem.pitch > HANGING
-        braked.append(candidate if after_lift else replace(candidate, problems=(problem,)))
-    return max(braked, key=lambda reach: (reach.allowed, reach.margin), default=candidates[0])
+    tracked = [reach for plane in planes for reach in _postures(plane, poses, times, elbows)]
+    if not tracked:
+        problem = Problem(*path[0].tolist(), NO_POSTURE)
+        return Reach(turned=False, start=HOME, margin=0.0, joint=1, followed=0, problems=(problem,))
+    tracked.sort(key=lambda reach: (reach.allowed, reach.followed, reach.margin), reverse=True)
+    guarded = list[Reach]()  # those that the driver's guard would brake
+    for reach in tracked:
+        if reach.allowed:
+            guard = ReachGuard(planes[reach.turned], installation.limits, reach.start.tolist())
+            braking = _first_braking(guard, poses, times)
+            if braking is None:
+                return reach
+            in_lift = braking.pitch <= HANGING
+            guarded.append(replace(reach, problems=(braking,)) if in_lift else reach)
+    return max(guarded, key=lambda reach: (reach.allowed, reach.margin), default=tracked[0])
 
 
 def _postures(

@@ -19,7 +19,7 @@ from drivers.arm.checks import (
 )
 from drivers.arm.failure import ArmFault, Cause, one_line
 from drivers.arm.force import ForceGuard, Tare
-from drivers.arm.settings import CollisionSettings, FciSettings
+from drivers.arm.settings import CollisionSettings, FciSettings, RealTime
 
 TARE_STATES = 50  # states, of which the force at rest is the mean
 AWAITED = 5e-5  # s at least to read a state that has yet to come; one at hand takes 2e-5
@@ -47,14 +47,8 @@ class Robot:
         description = read_description(address)
         if description is not None:
             require_limits(description)
-        enforce = settings.realtime == "enforce"
-        mode = franka.RealtimeConfig.kEnforce if enforce else franka.RealtimeConfig.kIgnore
-        with (
-            _library_errors(lambda _: _mismatch(address)),
-            _scheduler_restored(restore=not enforce),
-        ):
-            self._robot: Any = franka.Robot(address, mode)
         self._settings = settings
+        self._robot = _connect(address, settings.realtime)
 
     def state(self) -> Any:
         """State of the robot now; the first one after a pause is discarded as stale."""
@@ -115,19 +109,22 @@ class Robot:
             )
         return motion
 
-    def read(self, motion: Any, *, awaited: bool = True) -> Any:
-        """Next state of the robot in `motion`; on its own clock, if `awaited`, a fresh one.
+    def read(self, motion: Any) -> Any:
+        """Next state of the robot in `motion`; on the robot's own clock a fresh one.
 
         A state that is already queued is a tick old: answering it would be late, and a loop that
         needs most of its tick would never catch up. It is dropped.
         """
+        start = perf_counter()
+        state = self.read_queued(motion)
+        if not self._settings.in_lock_step and perf_counter() - start < AWAITED:
+            state = self.read_queued(motion)
+        return state
+
+    def read_queued(self, motion: Any) -> Any:
+        """Next state of the robot in `motion`, one that is already queued included."""
         with _library_errors(self._stop_reason):
-            start = perf_counter()
-            state = motion.readOnce()[0]
-            own_clock = not self._settings.in_lock_step
-            if awaited and own_clock and perf_counter() - start < AWAITED:
-                state = motion.readOnce()[0]
-            return state
+            return motion.readOnce()[0]
 
     def write_joints(self, motion: Any, joints: list[float], *, last: bool = False) -> None:
         """Command the joints (7,) [rad] of this tick of `motion`; `last` ends the motion."""
@@ -175,15 +172,23 @@ def _library_errors(explain: Callable[[Cause], ArmFault | None]) -> Iterator[Non
         raise ArmFault(cause, words) from error
 
 
+def _connect(address: str, realtime: RealTime) -> Any:
+    """Connect the library to the robot at `address`, in the real-time mode of the settings."""
+    with _library_errors(lambda _: _mismatch(address)):
+        if realtime == "enforce":
+            return franka.Robot(address, franka.RealtimeConfig.kEnforce)
+        with _scheduler_restored():
+            return franka.Robot(address, franka.RealtimeConfig.kIgnore)
+
+
 @contextmanager
-def _scheduler_restored(*, restore: bool) -> Iterator[None]:
+def _scheduler_restored() -> Iterator[None]:
     """Context that undoes the library's real-time priority, harmful without a real-time kernel."""
     policy, priority = os.sched_getscheduler(0), os.sched_getparam(0)
     try:
         yield
     finally:
-        if restore:
-            os.sched_setscheduler(0, policy, priority)
+        os.sched_setscheduler(0, policy, priority)
 
 
 def _mismatch(address: str) -> ArmFault | None:

@@ -96,7 +96,10 @@ class LossyRobot:
     def write_joints(self, motion: object, joints: list[float], *, last: bool = False) -> None:
         self._command(np.array(joints), last)
 
-    def read(self, motion: object, *, awaited: bool = True) -> SimpleNamespace:
+    def read_queued(self, motion: object) -> SimpleNamespace:
+        return self.read(motion)
+
+    def read(self, motion: object) -> SimpleNamespace:
         if not self._answered:
             self.robot.miss()
             self.robot.time += 1

@@ -75,13 +75,19 @@ class Timed(LossyRobot):
         self._next: RobotCommand | None = None
         self._seen = -1
 
-    def read(self, motion: object, *, awaited: bool = True) -> SimpleNamespace:
+    def read_queued(self, motion: object) -> SimpleNamespace:
+        return self._taken(motion, fresh=False)
+
+    def read(self, motion: object) -> SimpleNamespace:
+        return self._taken(motion, fresh=True)
+
+    def _taken(self, motion: object, *, fresh: bool) -> SimpleNamespace:
         self._go_on()
-        if awaited or self.robot.time == self._seen:
+        if fresh or self.robot.time == self._seen:
             self.now = (self.robot.time + 1) * TICK
             self._go_on()
         self._seen, self._answered = self.robot.time, True
-        self.now += (RESUMED if self.row else ANSWER) if awaited else AT_HAND
+        self.now += (RESUMED if self.row else ANSWER) if fresh else AT_HAND
         return super().read(motion)
 
     def _command(self, joints: np.ndarray, last: bool) -> None:
