@@ -63,8 +63,8 @@ class HeadingNetwork:
 class Feedback:
     """Feedback policy of Petrik and Kyrki (2019), with `weights` (p, WEIGHT_COUNT) of p candidates.
 
-    Speed and pitch are constant. The direction always has a component toward the fixed edge, so
-    that every fold ends in a touch or past the edge.
+    The speed is constant. The direction always has a component toward the fixed edge, so that every
+    fold ends in a touch or past the edge.
     """
 
     name = "feedback"
@@ -98,7 +98,6 @@ class Feedback:
         return Decision(
             direction=limit_directions(direction, state[:, 0], state[:, 1]),
             speed=np.where(done, 0.0, self._speed),
-            pitch_rate=np.zeros(len(direction)),
             done=done,
         )
 

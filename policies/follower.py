@@ -44,7 +44,6 @@ class Follower:
         return Decision(
             direction=np.asarray(np.arctan2(aim[:, 1], aim[:, 0]) % (2 * np.pi)),
             speed=np.where(done, 0.0, speed),
-            pitch_rate=np.zeros(len(points)),
             done=done,
         )
 

@@ -61,12 +61,7 @@ class Paths:
                 self._followers, observation.x[:, None], observation.z[:, None], strict=True
             )
         ]
-        return Decision(
-            direction=np.concatenate([decision.direction for decision in decisions]),
-            speed=np.concatenate([decision.speed for decision in decisions]),
-            pitch_rate=np.concatenate([decision.pitch_rate for decision in decisions]),
-            done=np.concatenate([decision.done for decision in decisions]),
-        )
+        return Decision(*(np.concatenate(parts) for parts in zip(*decisions, strict=True)))
 
 
 class Planned(Paths):

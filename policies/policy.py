@@ -1,7 +1,7 @@
 """Protocol of policies: from an observation to a command of the gripper, for n strips."""
 
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,17 +33,14 @@ class Observation:
     profile_confidence: Array = field(default_factory=lambda: np.empty(0))
 
 
-@dataclass(frozen=True, slots=True)
-class Decision:
+class Decision(NamedTuple):
     """Command for n grippers, the output of a policy; arrays (n,).
 
-    `direction` phi from the x-axis [rad], `speed` [m/s], `pitch_rate` [rad/s], and `done` where the
-    policy has finished.
+    `direction` phi from the x-axis [rad], `speed` [m/s], and `done` where the policy has finished.
     """
 
     direction: Array
     speed: Array
-    pitch_rate: Array
     done: NDArray[np.bool_]
 
 

@@ -17,6 +17,7 @@ from policies.sensing import Sensing, SimulatedCamera
 
 NO_SHAPES = (np.empty((0, 0, 2)), np.empty((0, 0)))
 LIFT_SHARE = 0.9  # of the height of a path below TAKEOVER_HEIGHT, at which its lift ends
+ACCELERATION = 2.0  # m/s^2 of a gripper at most
 TINY_SPEED = 1e-12  # m/s, against a division by zero
 
 
@@ -32,15 +33,14 @@ class MultiStepper(Protocol):
 class Rollout:
     """Settings of simulated folds: speed [m/s], rate of decisions [Hz], sensing.
 
-    Between decisions the engine makes `substeps` steps; the gripper's acceleration is at most
-    `acceleration` [m/s^2]; a fold without a touch is given up after a travel of `patience` times
-    the strip's length. Policies that read no `profile` run faster without it.
+    Between decisions the engine makes `substeps` steps; a fold without a touch is given up after a
+    travel of `patience` times the strip's length. Policies that read no `profile` run faster
+    without it.
     """
 
     speed: float = 0.1
     rate: float = 60.0
     substeps: int = 3
-    acceleration: float = 2.0
     patience: float = 2.4
     sensing: Sensing = field(default_factory=Sensing)
     profile: bool = True
@@ -160,8 +160,7 @@ class _Loop:
         while path.at(travel)[1] < height:
             travels = []
             for _ in range(self._settings.substeps):
-                faster = speed + self._settings.acceleration * self._dt
-                speed = min(self._settings.speed, faster)
+                speed = min(self._settings.speed, speed + ACCELERATION * self._dt)
                 travel += speed * self._dt
                 travels.append(travel)
             poses = path.poses(np.array(travels))
@@ -180,19 +179,16 @@ class _Loop:
         """Poses (substeps, n, 3) of the grippers as their velocities change to the decided ones."""
         heading = np.stack([np.cos(decision.direction), np.sin(decision.direction)], axis=-1)
         decided = decision.speed[:, None] * heading
-        largest_change = self._settings.acceleration * self._dt
-        poses = np.empty((self._settings.substeps, *self.poses.shape))
-        rates = np.empty(self.poses.shape)
-        previous = self.poses
-        rates[:, 2] = decision.pitch_rate
+        largest_change = ACCELERATION * self._dt
+        poses = np.tile(self.poses, (self._settings.substeps, 1, 1))
+        points = self.poses[:, :2]
         for pose in poses:
             change = decided - self._velocity
             size = np.hypot(change[:, 0], change[:, 1])
             share = np.minimum(1.0, largest_change / (size + TINY_SPEED))
             self._velocity = self._velocity + change * share[:, None]
-            rates[:, :2] = self._velocity
-            pose[:] = previous + rates * self._dt
-            previous = pose
+            points = points + self._velocity * self._dt
+            pose[:, :2] = points
         return poses
 
     def folds(self) -> Folds:

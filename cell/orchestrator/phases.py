@@ -191,7 +191,7 @@ def fold(context: FoldContext, record: Recorder, begin: Snapshot) -> steps.Phase
             return Event.PATH_DONE
         # rad/s that takes out the error of pitch, by which the gripper no longer hangs upright
         upright = TURN_GAIN * (HANGING - snapshot.arm.pose.pitch)
-        command = steps.drive(decision, float(decision.pitch_rate[0]) + upright)
+        command = steps.drive(decision, upright)
 
 
 def _record_decision(

@@ -95,7 +95,8 @@ def plan_reach(
     planes = [StripPlane(frame, turned=turned) for turned in (False, True)]
     tracked = [reach for plane in planes for reach in _postures(plane, poses, times, elbows)]
     if not tracked:
-        problem = Problem(*path[0].tolist(), NO_POSTURE)
+        x, z, pitch = path[0].tolist()
+        problem = Problem(x, z, pitch, NO_POSTURE)
         return Reach(turned=False, start=HOME, margin=0.0, joint=1, followed=0, problems=(problem,))
     tracked.sort(key=lambda reach: (reach.allowed, reach.followed, reach.margin), reverse=True)
     guarded = list[Reach]()  # those that the driver's guard would brake

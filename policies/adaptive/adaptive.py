@@ -53,7 +53,7 @@ class Steering:
         direction = np.where(self.descending & (z < LEVELLING_HEIGHT), LEVEL_DIRECTION, direction)
         done = x < PAST * self._length
         speed = np.where(done, 0.0, self._speed)
-        return Decision(direction, speed, np.zeros(len(x)), done)
+        return Decision(direction, speed, done)
 
 
 class Adaptive:

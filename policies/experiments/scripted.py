@@ -55,4 +55,4 @@ class Scripted:
         done = elapsed >= motion.duration
         speed = np.where(done, 0.0, np.minimum(np.hypot(*velocity.T), FASTEST_COMMAND))
         direction = np.arctan2(velocity[:, 1], velocity[:, 0]) % (2 * np.pi)
-        return Decision(direction, speed, np.zeros(len(points)), done)
+        return Decision(direction, speed, done)

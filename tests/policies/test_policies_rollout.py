@@ -68,7 +68,7 @@ class Watcher:
         self.seen.append(observation)
         n = len(observation.x)
         done = observation.x < 0.1
-        return Decision(np.full(n, np.pi), np.full(n, self.speed), np.zeros(n), done)
+        return Decision(np.full(n, np.pi), np.full(n, self.speed), done)
 
 
 def fold(policy: object, engine: Ideal, count: int = 2, **settings: object) -> object:

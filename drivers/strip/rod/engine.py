@@ -1,6 +1,6 @@
 """Rod engine: simulates n strips at once in compiled code that releases the GIL."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -206,18 +206,35 @@ def simulate_all(
     counts = [max(1, round(path.duration / dt)) for path in paths]
     poses = np.stack([_sample(path, dt, max(counts)) for path in paths], axis=1)
     rod.reset(models, _starts(models, paths))
+    pieces = [
+        piece._replace(shapes=piece.shapes.astype(precision))
+        for piece in _trace_in_pieces(rod, poses, np.array(counts), dt, every)
+    ]
+    trace = Trace(*(np.concatenate(parts) for parts in zip(*pieces, strict=True)))
     stride = every or len(poses) + 1
-    midlines = [np.empty((count // stride, *rod.arc().shape[1:], 2), precision) for count in counts]
-    observed = _trace_in_pieces(rod, poses, counts, dt, every, midlines)
-    simulated = len(observed[0])
     motions = []
-    for i, (path, count, shapes) in enumerate(zip(paths, counts, midlines, strict=True)):
-        observed_strip = Trace._make([*(channel[:, i] for channel in observed), shapes])
-        steps = min(count, simulated)
+    for i, (path, count) in enumerate(zip(paths, counts, strict=True)):
+        steps, touch = _end(rod.touch[i], min(count, len(trace.contact_x)), dt)
+        begin = path.t[0]
         motions.append(
-            _motion_of_strip(observed_strip, poses[:, i], path, steps, rod.touch[i], dt, stride)
+            StripMotion(
+                t=begin + dt * np.arange(1, steps + 1),
+                poses=poses[:steps, i],
+                contact_x=trace.contact_x[:steps, i],
+                holding_force=trace.holding_force[:steps, i],
+                grip_force=trace.grip_force[:steps, i],
+                shapes=np.ascontiguousarray(trace.shapes[: steps // stride, i]),
+                touch=None if touch is None else replace(touch, time=begin + touch.time),
+            )
         )
     return motions
+
+
+def _end(touch: Touch | None, count: int, dt: float) -> tuple[int, Touch | None]:
+    """Steps of `dt` [s] up to the layers' `touch`, and that; `count` where it is not within them."""
+    if touch is None or touch.time > count * dt:
+        return count, None
+    return min(count, int(np.ceil(touch.time / dt - ROUNDING))), touch
 
 
 def _starts(models: Sequence[StripModel], paths: Sequence[GripperPath]) -> Array | None:
@@ -230,26 +247,19 @@ def _starts(models: Sequence[StripModel], paths: Sequence[GripperPath]) -> Array
 
 
 def _trace_in_pieces(
-    rod: Rod, poses: Array, counts: Sequence[int], dt: float, every: int, midlines: Sequence[Array]
-) -> list[Array]:
-    """Trace the strips along `poses` (k, n, 3) [m, m, rad], PIECE_TIME a call, until all end.
+    rod: Rod, poses: Array, counts: NDArray[np.int_], dt: float, every: int
+) -> Iterator[Trace]:
+    """Yield traces of strips along `poses` (k, n, 3) [m, m, rad], PIECE_TIME each, until all end.
 
-    Strip i ends after `counts[i]` steps at the latest. Returns the observables of `Trace`, (k, n,
-    ...) each, without shapes, and writes every `every`th midline of strip i into `midlines[i]`.
+    Strip i ends after `counts[i]` steps at the latest; `dt`, `every` are as in `Rod.trace`.
     """
-    stride = every or len(poses) + 1
-    piece = max(1, round(PIECE_TIME / dt) // max(every, 1)) * max(every, 1)
-    observed = []
+    stride = max(every, 1)
+    piece = max(1, round(PIECE_TIME / dt) // stride) * stride
     for begin in range(0, len(poses), piece):
-        *channels, shapes = rod.trace(poses[begin : begin + piece], dt, every)
-        observed.append(channels)
-        for i, of_strip in enumerate(midlines):
-            rows = of_strip[begin // stride :][: len(shapes)]
-            rows[:] = shapes[: len(rows), i]
-        rod.retire(np.array(counts) <= begin + piece)
+        yield rod.trace(poses[begin : begin + piece], dt, every)
+        rod.retire(counts <= begin + piece)
         if not rod.living.any():
-            break
-    return [np.concatenate(pieces) for pieces in zip(*observed, strict=True)]
+            return
 
 
 def _true_path(model: StripModel, path: GripperPath) -> GripperPath:
@@ -261,29 +271,3 @@ def _sample(path: GripperPath, dt: float, count: int) -> Array:
     """Poses (count, 3) [m, m, rad] of `path` at each `dt` [s]; its last pose repeats at the end."""
     times = path.t[0] + dt * np.arange(1, count + 1)
     return interpolate_columns(times, path.t, path.poses)
-
-
-def _motion_of_strip(
-    observed_strip: Trace,
-    poses: Array,
-    path: GripperPath,
-    count: int,
-    touch: Touch | None,
-    dt: float,
-    stride: int,
-) -> StripMotion:
-    """Motion of one strip over its first `count` steps, or fewer where its layers touched."""
-    if touch is not None and touch.time > count * dt:
-        touch = None
-    if touch is not None:
-        count = min(count, int(np.ceil(touch.time / dt - ROUNDING)))
-        touch = replace(touch, time=path.t[0] + touch.time)
-    return StripMotion(
-        t=path.t[0] + dt * np.arange(1, count + 1),
-        poses=poses[:count],
-        contact_x=observed_strip.contact_x[:count],
-        holding_force=observed_strip.holding_force[:count],
-        grip_force=observed_strip.grip_force[:count],
-        shapes=observed_strip.shapes[: count // stride],
-        touch=touch,
-    )

@@ -58,7 +58,7 @@ def test_a_camera_that_nothing_watches_is_an_event_a_warning_and_in_the_list(
 
 def test_every_prediction_is_recorded_and_where_it_loses_sight_and_sees_again() -> None:
     said = [None, BELIEF, replace(BELIEF, blind=True), BELIEF]
-    on = Decision(*np.zeros((3, 1)), np.zeros(1, bool))
+    on = Decision(*np.zeros((2, 1)), np.zeros(1, bool))
     policy = SimpleNamespace(decide=lambda _: on, prediction=lambda: said.pop(0))
     record = Notes()
     phase = phases.fold(SimpleNamespace(policy=policy, predicted=None), record, GOOD)

@@ -17,7 +17,6 @@ def test_no_correction_of_the_pitch_asks_for_more_than_an_arm_gives(asked: float
     decision = Decision(
         direction=np.array([0.5]),
         speed=np.array([0.1]),
-        pitch_rate=np.array([0.0]),
         done=np.array([False]),
     )
     rate = drive(decision, asked).velocity.pitch_rate

@@ -119,7 +119,7 @@ def stuck_hand(scene: Scene) -> None:
 
 def without_number(decision: Decision) -> Decision:
     """Fault of the policy: a direction that is not a number."""
-    return replace(decision, direction=np.full_like(decision.direction, math.nan))
+    return decision._replace(direction=np.full_like(decision.direction, math.nan))
 
 
 def hanging(_: Decision) -> Decision:
