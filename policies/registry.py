@@ -48,16 +48,12 @@ class Entry:
     look: Look = PLAIN
 
 
-def _path_policy(name: str) -> "Factory":
-    """Factory of the policy that follows the path `name` of the module `policies.path`."""
+def _path_policy(name: str, _: FilePath | None) -> "Policy":
+    """Policy that follows the path `name` of the module `policies.path`."""
+    from policies import path
+    from policies.follower import PathPolicy
 
-    def make(_: FilePath | None) -> "Policy":
-        from policies import path
-        from policies.follower import PathPolicy
-
-        return PathPolicy(name, getattr(path, name))
-
-    return make
+    return PathPolicy(name, getattr(path, name))
 
 
 def _planned(_: FilePath | None) -> "Policy":
@@ -80,9 +76,9 @@ def _adaptive(checkpoint: FilePath | None, *, in_rod: bool = False) -> "Policy":
 
 
 OWN_POLICIES: Mapping[str, Entry] = {
-    "triangular": Entry(1, _path_policy("triangular"), look=Look("#2f6db5", "<")),
-    "circular": Entry(2, _path_policy("circular"), look=Look("#cf6a1f", ">")),
-    "shifted": Entry(3, _path_policy("shifted"), look=Look("#6b7280", "D", 4.2)),
+    "triangular": Entry(1, partial(_path_policy, "triangular"), look=Look("#2f6db5", "<")),
+    "circular": Entry(2, partial(_path_policy, "circular"), look=Look("#cf6a1f", ">")),
+    "shifted": Entry(3, partial(_path_policy, "shifted"), look=Look("#6b7280", "D", 4.2)),
     "planned": Entry(4, _planned, look=Look("#8a5fb0", "s", 4.2)),
     "feedback": Entry(5, _feedback, learned=True, look=Look("#3a8a5c", size=7.0)),
     "adaptive": Entry(

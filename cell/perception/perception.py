@@ -144,13 +144,13 @@ class Perception:
             origin=matte.region.origin,
             sizes=self._sizes,
         )
-        points, visible = midline_points(matte.levels, side, geometry)
-        first_lifted = int(np.argmax(points[:, 0] >= contact.x)) if len(points) else 0
-        lifted = points[first_lifted:]
+        seen = midline_points(matte.levels, side, geometry)
+        first_lifted = int(np.argmax(seen.points[:, 0] >= contact.x)) if len(seen.points) else 0
+        lifted = seen.points[first_lifted:]
         if len(lifted) < FEWEST_POINTS:
             return UNSEEN
         midline = resample(lifted)
-        return Curve(midline, self._plausibility(midline, contact, gripper) * visible)
+        return Curve(midline, self._plausibility(midline, contact, gripper) * seen.visible)
 
     def _plausibility(self, midline: Array, contact: Contact, gripper: Pose) -> float:
         """Confidence, 0 to 1, in a `midline` (n, 2) [m] by its length and its end at the gripper.

@@ -297,8 +297,7 @@ def _learn_scene(image: Image, calibration: Calibration, strip: StripFile) -> Le
     noise = scene.sensor_noise(image)
     for margin in MARGINS:
         place = scene.resting_place(calibration, strip, rise, margin)
-        inner = resting_strip.inner_pixels(image, calibration, strip, rise)
-        segmenter = scene.learn_segmenter(image, noise, inner, calibration, strip, place)
+        segmenter = scene.learn_segmenter(image, noise, calibration, strip, place)
         levels = smooth_matte(_matte_of(segmenter, image))
         edge = resting_strip.underside(levels, calibration, strip)
         if edge.present.any():

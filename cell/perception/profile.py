@@ -1,6 +1,7 @@
 """Midline of the lifted strip, in the plane of its near edge, from its borders in an image."""
 
 from dataclasses import dataclass
+from typing import NamedTuple, Self
 
 import cv2
 import numpy as np
@@ -25,6 +26,8 @@ FEWEST_POINTS = 4  # of a midline, from which it is averaged
 SPACING = 0.002  # m over which the midline is averaged
 PROFILE_POINTS = 150
 
+Samples = NDArray[np.int64]  # numbers of samples on lines across the outline
+
 
 @dataclass(frozen=True, slots=True)
 class Crossings:
@@ -48,24 +51,42 @@ def crossings(levels: Image, side: Side, band: Array, sizes: Sizes) -> Crossings
     passes half of the strongest one within the band, kept within PLATEAU.
     """
     offsets = np.arange(-OUTSIDE, sizes.deep + STEP / 2, STEP)
-    at = side.points[:, None] - offsets[None, :, None] * side.normals[:, None]
-    at = at.astype(np.float32)
-    sampled = cv2.remap(levels, at[..., 0], at[..., 1], cv2.INTER_LINEAR, borderValue=ZERO_LEVEL)
-    across = strip_share(sampled)
+    across = _shares_across(levels, side, offsets)
     width = np.clip(band, 1.0, sizes.deep - FAR_ROOM)
-    latest = int((OUTSIDE + OUTLINE_ERROR) / STEP) + np.round(width).astype(np.int64)  # sample
     shares = np.where(_near_band(offsets, width, PEAK_REACH), across, -1.0)
-    peak = shares.argmax(axis=1)  # sample
+    peak = shares.argmax(axis=1)  # sample, as `latest`, `rise` and `fall`
     strength = np.maximum(shares.max(axis=1), 0.0)
     level = 0.5 * np.clip(strength, *PLATEAU)
     low = across <= level[:, None]
-    j = np.arange(len(offsets))
-    rise = np.where(low & (j < np.minimum(np.maximum(peak, 1), latest)[:, None]), j, 0).max(axis=1)
-    fall = np.where(low & (j > np.maximum(peak, rise + 1)[:, None]), j, len(j)).min(axis=1)
-    inner = np.where(fall < len(j), _level_crossing(across, offsets, fall - 1, level), np.nan)
+    latest = int((OUTSIDE + OUTLINE_ERROR) / STEP) + np.round(width).astype(np.int64)
+    rise = _last_before(low, np.minimum(np.maximum(peak, 1), latest))
+    fall = _first_after(low, np.maximum(peak, rise + 1))
+    outer = _level_crossing(across, offsets, rise, level)
+    inner = _level_crossing(across, offsets, fall - 1, level)
+    inner = np.where(fall < len(offsets), inner, np.nan)
     mass = np.where(_near_band(offsets, width, MASS_REACH), np.maximum(across, 0.0), 0.0)
     middle = (mass * offsets).sum(axis=1) / np.maximum(mass.sum(axis=1), 1e-6)
-    return Crossings(_level_crossing(across, offsets, rise, level), inner, middle, strength)
+    return Crossings(outer, inner, middle, strength)
+
+
+def _shares_across(levels: Image, side: Side, offsets: Array) -> Array:
+    """Shares of strip (n, m) at `offsets` (m,) [px] inwards from the n points of `side`."""
+    at = side.points[:, None] - offsets[None, :, None] * side.normals[:, None]
+    at = at.astype(np.float32)
+    sampled = cv2.remap(levels, at[..., 0], at[..., 1], cv2.INTER_LINEAR, borderValue=ZERO_LEVEL)
+    return strip_share(sampled)
+
+
+def _last_before(mask: NDArray[np.bool_], end: Samples) -> Samples:
+    """Last true column (n,) before `end` (n,) in each row of `mask` (n, m); 0 for none."""
+    column = np.arange(mask.shape[1])
+    return np.asarray(np.where(mask & (column < end[:, None]), column, 0).max(axis=1))
+
+
+def _first_after(mask: NDArray[np.bool_], start: Samples) -> Samples:
+    """First true column (n,) after `start` (n,) in each row of `mask` (n, m); m for none."""
+    column = np.arange(mask.shape[1])
+    return np.asarray(np.where(mask & (column > start[:, None]), column, len(column)).min(axis=1))
 
 
 def _near_band(offsets: Array, width: Array, reach: float) -> NDArray[np.bool_]:
@@ -73,7 +94,7 @@ def _near_band(offsets: Array, width: Array, reach: float) -> NDArray[np.bool_]:
     return (offsets >= -reach) & (offsets <= width[:, None] + reach)
 
 
-def _level_crossing(across: Array, offsets: Array, left: NDArray[np.int64], level: Array) -> Array:
+def _level_crossing(across: Array, offsets: Array, left: Samples, level: Array) -> Array:
     """Offsets (n,) at which lines cross `level` (n,) between samples `left` (n,) and the next."""
     rows = np.arange(len(across))
     before = across[rows, left]
@@ -105,53 +126,75 @@ class Geometry:
         return self.calibration.viewpoint.sweep(self.width)
 
 
-def midline_points(levels: Image, side: Side, geometry: Geometry) -> tuple[Array, float]:
-    """Midline (m, 2) [m] of the lifted strip, SPACING apart, from its outer side.
+@dataclass(frozen=True, slots=True)
+class OuterSide:
+    """Outer side of the strip at n points, seen in the plane of its near edge.
 
-    Also returns the share of the side's points at which the band in the matte levels (h, w) is as
-    wide as geometry says. The outer side is the near edge where it faces away from the foot, the
-    far edge elsewhere: a far edge is shifted back from the foot by the sweep, and the near edge is
-    searched behind it.
+    `place` (n, 2) [m], unit normals `out` (n, 2) of the strip, `lever` (n,) [m] along them from the
+    camera's foot point: positive where the side is the near edge, else it is the far edge, which
+    appears `swept` (n,) [m] nearer to the foot; `scale` [m/px].
     """
-    place = geometry.plane(side.points)
-    out = geometry.plane(side.points + side.normals) - place
-    scale = float(np.median(np.hypot(*out.T)))
-    out /= np.hypot(*out.T)[:, None]
-    lever = ((place - geometry.calibration.viewpoint.foot()) * out).sum(axis=1)
-    swept = np.abs(lever) * geometry.sweep
-    borders = crossings(levels, side, (swept + geometry.thickness) / scale, geometry.sizes)
-    points = _midline(place, out, lever, borders, geometry, scale)
-    tangents = np.stack([-out[:, 1], out[:, 0]], axis=1)
-    width = (borders.inner - borders.outer) * scale
-    expected = swept + geometry.thickness
-    good = (borders.strength > 0.2) & ~(width < expected - AGREE * scale)
-    return _average_in_order(points[good], tangents[good]), float(good.mean())
+
+    place: Array
+    out: Array
+    lever: Array
+    swept: Array
+    scale: float
+
+    @classmethod
+    def from_image(cls, side: Side, geometry: Geometry) -> Self:
+        """Outer side of the strip whose image is `side`."""
+        place = geometry.plane(side.points)
+        out = geometry.plane(side.points + side.normals) - place
+        sizes = np.hypot(*out.T)  # m of a pixel
+        out /= sizes[:, None]
+        lever = ((place - geometry.calibration.viewpoint.foot()) * out).sum(axis=1)
+        swept = np.abs(lever) * geometry.sweep
+        return cls(place, out, lever, swept, float(np.median(sizes)))
 
 
-def _midline(
-    place: Array, out: Array, lever: Array, borders: Crossings, geometry: Geometry, scale: float
-) -> Array:
+class SeenMidline(NamedTuple):
+    """Midline `points` (m, 2) [m], and its share `visible` that is as wide as geometry says."""
+
+    points: Array
+    visible: float
+
+
+def midline_points(levels: Image, side: Side, geometry: Geometry) -> SeenMidline:
+    """Midline of the lifted strip, SPACING apart, from its outer `side` in the matte (h, w)."""
+    outer = OuterSide.from_image(side, geometry)
+    expected = outer.swept + geometry.thickness  # m, width of the band
+    borders = crossings(levels, side, expected / outer.scale, geometry.sizes)
+    points = _midline(outer, borders, geometry.thickness)
+    tangents = np.stack([-outer.out[:, 1], outer.out[:, 0]], axis=1)
+    width = (borders.inner - borders.outer) * outer.scale
+    good = (borders.strength > 0.2) & ~(width < expected - AGREE * outer.scale)
+    averaged = _average_in_order(points[good], tangents[good])
+    return SeenMidline(averaged, float(good.mean()))
+
+
+def _midline(outer: OuterSide, borders: Crossings, thickness: float) -> Array:
     """Midline points (n, 2) [m], from the borders of wide bands and the centres of narrow bands."""
-    half = geometry.thickness / 2
-    swept = np.abs(lever) * geometry.sweep
-    by_near_edge = -borders.outer * scale - half  # [m] along `out`, as all below
-    by_far_edge = _by_far_edge(by_near_edge - swept, borders, lever, half, scale)
-    by_border = np.where(lever > 0, by_near_edge, by_far_edge)
-    by_mass = -borders.middle * scale + np.sign(lever) * swept / 2
-    band = (swept + geometry.thickness) / scale
+    by_near_edge = -borders.outer * outer.scale - thickness / 2  # [m] along `out`, as all below
+    by_far_edge = _by_far_edge(by_near_edge - outer.swept, outer, borders, thickness)
+    by_border = np.where(outer.lever > 0, by_near_edge, by_far_edge)
+    by_mass = -borders.middle * outer.scale + np.sign(outer.lever) * outer.swept / 2
+    band = (outer.swept + thickness) / outer.scale  # px
     trust = np.clip((band - THIN[0]) / (THIN[1] - THIN[0]), 0.0, 1.0)
     alone = np.isfinite(borders.inner) & ((borders.inner - borders.outer) < band + AGREE)
     trust = np.where(alone, trust, 1.0)
     shift = trust * by_border + (1 - trust) * by_mass
-    return np.asarray(place + shift[:, None] * out)
+    return np.asarray(outer.place + shift[:, None] * outer.out)
 
 
-def _by_far_edge(
-    predicted: Array, borders: Crossings, lever: Array, half: float, scale: float
-) -> Array:
-    """Midline offset (n,) [m] along the normals where the outer side is the strip's far edge."""
-    behind = -borders.inner * scale + half
-    predicted = predicted + _far_offset((behind - predicted)[lever < 0], AGREE * scale)
+def _by_far_edge(predicted: Array, outer: OuterSide, borders: Crossings, thickness: float) -> Array:
+    """Midline offset (n,) [m] along the normals where the outer side is the strip's far edge.
+
+    It is `predicted` (n,) by the far edge; where the near edge is visible behind it, by that.
+    """
+    scale = outer.scale
+    behind = -borders.inner * scale + thickness / 2
+    predicted = predicted + _far_offset((behind - predicted)[outer.lever < 0], AGREE * scale)
     off = np.abs(behind - predicted) / scale
     visible = np.clip((CLOSE[1] - off) / (CLOSE[1] - CLOSE[0]), 0.0, 1.0)
     mixed = visible * behind + (1 - visible) * predicted

@@ -8,21 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.calibration import Calibration
-from cell.perception.kernels import (
-    CELL_PX,
-    EVEN_LIGHT,
-    LEAST_SEPARATION,
-    PATCH_PX,
-    ZERO_LEVEL,
-    Floats,
-    Picture,
-    changed_cells,
-    discriminants,
-    patch_brightness,
-    segment,
-)
+from cell.perception import kernels
+from cell.perception.kernels import CELL_PX, PATCH_PX, Floats, Picture
 from cell.perception.region import Region, Sizes, motion_mask
-from cell.perception.resting_strip import face_height
+from cell.perception.resting_strip import face_height, inner_pixels
 from drivers.strip.file import StripFile
 from drivers.types import Array, Image, frozen
 
@@ -113,15 +102,15 @@ class Background:
         """
         rows, columns = region.cells(PATCH_PX)
         corner = (region.left, region.top)
-        before = np.maximum(patch_brightness(self.image, corner, (rows, columns)), DARKEST)
-        now = patch_brightness(image, corner, (rows, columns))
+        before = np.maximum(kernels.patch_brightness(self.image, corner, (rows, columns)), DARKEST)
+        now = kernels.patch_brightness(image, corner, (rows, columns))
         ratio = np.asarray(now / before, dtype=np.float32)
         middles = slice(PATCH_PX // 2, None, PATCH_PX)
         clear = visible[middles, middles] > 0
         in_view = np.ones((rows, columns), np.float32)
         in_view[: clear.shape[0], : clear.shape[1]] = clear
         ratio = self._fill_holes(ratio, in_view)
-        steps = np.rint(np.clip(EVEN_LIGHT * ratio, 1, 255)).astype(np.uint8)
+        steps = np.rint(np.clip(kernels.EVEN_LIGHT * ratio, 1, 255)).astype(np.uint8)
         smooth = cv2.blur(cv2.medianBlur(steps, self.about).astype(np.float32), (3, 3))
         cells = cv2.resize(smooth, (columns * PATCH_PX // CELL_PX, rows * PATCH_PX // CELL_PX))
         n, m = region.cells(CELL_PX)
@@ -156,25 +145,30 @@ def learn_background(
 ) -> Background:
     """Background of `image` (height, width, 3), interpolated where the strip lies at `place`."""
     x = np.linspace(0.0, place.length + END_MARGIN, 60)
-    ends = calibration.to_image(np.column_stack([x[[0, -1]], [0.0, 0.0]]))[:, 0]
-    columns = np.arange(max(int(ends[0]), 0), min(int(ends[1]) + 1, image.shape[1] - 1))
+    left, right = calibration.to_image(np.column_stack([x[[0, -1]], [0.0, 0.0]]))[:, 0]
+    columns = np.arange(max(int(left), 0), min(int(right) + 1, image.shape[1] - 1))
     bottom, top = (
         np.interp(columns, *calibration.to_image(np.column_stack([x, np.full_like(x, z)])).T)
         for z in (place.low, place.high)
     )
     empty = image.copy()
-    first = np.maximum(np.floor(top).astype(int), EDGE)
-    last = np.minimum(np.ceil(bottom).astype(int), image.shape[0] - EDGE - 1)
-    for u, v, end in zip(columns.tolist(), first.tolist(), (last + 1).tolist(), strict=True):
-        if v + 1 < end:
-            above = empty[v - EDGE : v, u].mean(axis=0)
-            below = empty[end : end + EDGE, u].mean(axis=0)
-            share = np.arange(1, end - v + 1)[:, None] / (end - v + 1)
-            empty[v:end, u] = np.rint(above + share * (below - above))
+    begins = np.maximum(np.floor(top).astype(int), EDGE)
+    ends = np.minimum(np.ceil(bottom).astype(int), image.shape[0] - EDGE - 1) + 1
+    for column, begin, end in zip(columns.tolist(), begins.tolist(), ends.tolist(), strict=True):
+        _bridge(empty[:, column], begin, end)
     edge = np.interp(np.arange(image.shape[1]), columns, top) - EDGE
     on_desk = np.arange(image.shape[0])[:, None] >= edge[None]
     shade = np.where(on_desk, DESK_SHADE, LIFTED_SHADE).astype(np.float32)
     return Background(empty, shade, about)
+
+
+def _bridge(column: Image, begin: int, end: int) -> None:
+    """Replace rows `begin` to before `end` of `column` (h, 3), by a line between those beside."""
+    if begin + 1 < end:
+        above = column[begin - EDGE : begin].mean(axis=0)
+        below = column[end : end + EDGE].mean(axis=0)
+        share = np.arange(1, end - begin + 1)[:, None] / (end - begin + 1)
+        column[begin:end] = np.rint(above + share * (below - above))
 
 
 LEAST_NOISE = 2.5  # grey levels, assumed of any camera: weave, demosaicing and rounding add to it
@@ -210,31 +204,31 @@ class Segmenter:
         image = np.ascontiguousarray(image)
         light = self.background.light(image, region, visible)
         cells = self._changed_cells(image, light, region)
-        j, i, columns, rows = cv2.boundingRect(cells)
+        column, row, columns, rows = cv2.boundingRect(cells)
+        left, top = CELL_PX * column, CELL_PX * row  # px in the region
         part = Region(
-            region.left + CELL_PX * j,
-            region.top + CELL_PX * i,
-            min(region.left + CELL_PX * (j + columns), region.right),
-            min(region.top + CELL_PX * (i + rows), region.bottom),
+            region.left + left,
+            region.top + top,
+            min(region.left + left + CELL_PX * columns, region.right),
+            min(region.top + top + CELL_PX * rows, region.bottom),
         )
         picture = Picture(
             image=image,
             background=self.background.image,
             shade=self.background.shade,
-            light=np.ascontiguousarray(light[i : i + rows + 2, j : j + columns + 2]),
+            light=np.ascontiguousarray(light[row : row + rows + 2, column : column + columns + 2]),
             corner=(part.left, part.top),
         )
-        part_cells = np.ascontiguousarray(cells[i : i + rows, j : j + columns])
-        levels = segment(picture, part_cells, _floats(self.colours), self.smooth**2)
-        h = part.bottom - part.top
-        w = part.right - part.left
-        clear = visible[CELL_PX * i : CELL_PX * i + h, CELL_PX * j : CELL_PX * j + w]
-        return cv2.max(cv2.min(levels[:h, :w], clear), ZERO_LEVEL), part
+        part_cells = np.ascontiguousarray(cells[row : row + rows, column : column + columns])
+        levels = kernels.segment(picture, part_cells, _floats(self.colours), self.smooth**2)
+        height, width = part.bottom - part.top, part.right - part.left
+        clear = visible[top : top + height, left : left + width]
+        return cv2.max(cv2.min(levels[:height, :width], clear), kernels.ZERO_LEVEL), part
 
     def _changed_cells(self, image: Image, light: Floats, region: Region) -> Image:
         """Mask (n, m) of the cells that differ from the background, and of their neighbours."""
         height = image.shape[0]
-        cells = changed_cells(
+        cells = kernels.changed_cells(
             image.reshape(height, -1),
             self.background.image.reshape(height, -1),
             np.rint(light[1:-1, 1:-1]).astype(np.uint8),
@@ -254,26 +248,21 @@ class Segmenter:
 
 def separation(colour: Array, scene: Array | Image, shade: Floats, sensor: float) -> Floats:
     """Separation (n,) [sigma] of `colour` (3,) from the background colours `scene` (n, 3)."""
-    return np.sqrt(discriminants(_floats(colour), _floats(scene), shade, sensor**2)[0])
+    return np.sqrt(kernels.discriminants(_floats(colour), _floats(scene), shade, sensor**2)[0])
 
 
 def learn_segmenter(
-    image: Image,
-    noise: float,
-    samples: Array,
-    calibration: Calibration,
-    strip: StripFile,
-    place: RestingPlace,
+    image: Image, noise: float, calibration: Calibration, strip: StripFile, place: RestingPlace
 ) -> Segmenter:
     """Learn to segment the strip, from an `image` (h, w, 3) in which it lies at `place`.
 
-    `samples` (n, 3) are pixels of the strip, `noise` [grey levels] is that of the image.
+    `noise` [grey levels] is that of the image.
     """
     sensor = max(noise, LEAST_NOISE) * DIFFERENCE
     smooth = max(sensor * NOISE_SHARE, LEAST_NOISE * DIFFERENCE)
     about = Sizes.of_camera(calibration).light
     background = learn_background(image, calibration, place, about)
-    colours = palette(samples)
+    colours = palette(inner_pixels(image, calibration, strip, place.rise))
     scene = background.image[motion_mask(calibration, strip.length) > 0]
     noise_of_share = _share_noise(colours, scene, smooth) * sensor
     return Segmenter(colours, background, sensor, smooth, noise_of_share)
@@ -312,8 +301,8 @@ def _share_noise(colours: Array, background: Image, smooth: float) -> float:
     worst = 0.0
     shade = np.full(len(scene), LIFTED_SHADE, dtype=np.float32)
     for colour in _floats(colours):
-        reach, size = discriminants(colour, scene, shade, smooth**2)
-        distinct = reach > LEAST_SEPARATION**2
+        reach, size = kernels.discriminants(colour, scene, shade, smooth**2)
+        distinct = reach > kernels.LEAST_SEPARATION**2
         if distinct.any():
             worst = max(worst, float(np.median(size[distinct] / reach[distinct])))
     return worst

@@ -7,20 +7,7 @@ from functools import partial
 import cv2
 import numpy as np
 
-from drivers.camera.abi import (
-    ANY_FIELD,
-    CAPTURE,
-    PROGRESSIVE,
-    Format,
-    FormatDescription,
-    Fraction,
-    FrameInterval,
-    FrameSize,
-    Ioctl,
-    StreamParameters,
-    fourcc,
-    letters,
-)
+from drivers.camera import abi
 from drivers.camera.device import CameraRefused, Device
 from drivers.camera.settings import V4l2Settings
 from drivers.types import Image
@@ -55,26 +42,26 @@ class Mode:
 def modes_of(device: Device) -> Iterator[Mode]:
     """Yield every mode that the device lists, in the device's order."""
     formats = device.enumerate_entries(
-        Ioctl.ENUM_FMT, lambda i: FormatDescription(index=i, type=CAPTURE)
+        abi.Ioctl.ENUM_FMT, lambda i: abi.FormatDescription(index=i, type=abi.CAPTURE)
     )
     for described in list(formats):
         number = described.pixelformat
-        by_index = partial(FrameSize, pixel_format=number)
-        for size in device.enumerate_entries(Ioctl.ENUM_FRAMESIZES, by_index):
+        by_index = partial(abi.FrameSize, pixel_format=number)
+        for size in device.enumerate_entries(abi.Ioctl.ENUM_FRAMESIZES, by_index):
             steps = size.type != DISCRETE
             # stepwise: min, max, step of the width, then of the height; discrete: width, height
             width = size.steps[1] if steps else size.steps[0]
             height = size.steps[4] if steps else size.steps[1]
             rates = _rates(device, number, width, height)
             text = described.description.decode(errors="replace")
-            yield Mode(letters(number), text, width, height, rates, steps=steps)
+            yield Mode(abi.letters(number), text, width, height, rates, steps=steps)
 
 
 def _rates(device: Device, number: int, width: int, height: int) -> tuple[float, ...]:
     """Frame rates [Hz] of one pixel format and size, fastest first; of a range, both ends."""
     intervals = device.enumerate_entries(
-        Ioctl.ENUM_FRAMEINTERVALS,
-        lambda i: FrameInterval(index=i, pixel_format=number, width=width, height=height),
+        abi.Ioctl.ENUM_FRAMEINTERVALS,
+        lambda i: abi.FrameInterval(index=i, pixel_format=number, width=width, height=height),
     )
     rates = set()
     for interval in intervals:
@@ -83,7 +70,7 @@ def _rates(device: Device, number: int, width: int, height: int) -> tuple[float,
     return tuple(sorted(rates - {0.0}, reverse=True))
 
 
-def _rate(interval: Fraction) -> float:
+def _rate(interval: abi.Fraction) -> float:
     return interval.denominator / interval.numerator if interval.numerator else 0.0
 
 
@@ -144,19 +131,19 @@ def negotiate(device: Device, settings: V4l2Settings) -> Picture:
     Raises CameraRefused with the supported modes where they differ from `settings`; CameraBusy
     while another program streams.
     """
-    request = Format(type=CAPTURE)
+    request = abi.Format(type=abi.CAPTURE)
     pix = request.fmt.pix
     pix.width, pix.height = settings.width, settings.height
-    pix.pixelformat = fourcc(settings.format)
-    pix.field = ANY_FIELD
-    pix = device.call(Ioctl.S_FMT, request, "setting the format").fmt.pix
-    name = letters(pix.pixelformat)
+    pix.pixelformat = abi.fourcc(settings.format)
+    pix.field = abi.ANY_FIELD
+    pix = device.call(abi.Ioctl.S_FMT, request, "setting the format").fmt.pix
+    name = abi.letters(pix.pixelformat)
     requested = f"{settings.format} {settings.width}x{settings.height}"
     accepted = f"{name} {pix.width}x{pix.height}"
     if accepted != requested:
         problem = f"{requested} became {accepted}; allowed: {_offered_formats(device)}"
         raise CameraRefused(device.path, "format", problem)
-    if pix.field != PROGRESSIVE:
+    if pix.field != abi.PROGRESSIVE:
         raise CameraRefused(device.path, "format", "is interlaced; use a progressive mode")
     rate = _negotiate_rate(device, settings)
     return Picture(
@@ -166,11 +153,11 @@ def negotiate(device: Device, settings: V4l2Settings) -> Picture:
 
 def _negotiate_rate(device: Device, settings: V4l2Settings) -> float:
     """Set the frame rate and return it as read back [Hz]; CameraRefused where it differs."""
-    request = StreamParameters(type=CAPTURE)
-    request.parm.capture.timeperframe = Fraction(PER_SECOND, round(PER_SECOND * settings.rate))
-    device.call(Ioctl.S_PARM, request, "setting the rate")
-    parameters = StreamParameters(type=CAPTURE)
-    reply = device.call(Ioctl.G_PARM, parameters, "reading the rate")
+    request = abi.StreamParameters(type=abi.CAPTURE)
+    request.parm.capture.timeperframe = abi.Fraction(PER_SECOND, round(PER_SECOND * settings.rate))
+    device.call(abi.Ioctl.S_PARM, request, "setting the rate")
+    parameters = abi.StreamParameters(type=abi.CAPTURE)
+    reply = device.call(abi.Ioctl.G_PARM, parameters, "reading the rate")
     rate = _rate(reply.parm.capture.timeperframe)
     if abs(rate - settings.rate) > RATE_TOLERANCE * settings.rate:
         problem = f"{settings.rate:g} Hz became {rate:g} Hz; allowed: {_offered_formats(device)}"

@@ -49,14 +49,13 @@ class ArmPort(Port[Command]):
                 continue
         return None
 
-    def publish(self, rate: float, is_nan: bool) -> None:
+    def publish(self, rate: float) -> None:
         """Send the client the robot's state of this tick, then the replies due in this tick.
 
-        `rate` is the fraction of commands that arrived in time; with `is_nan` the measured part of
-        the state is NaN, as from a broken sensor.
+        `rate` is the fraction of commands that arrived in time.
         """
         if self.client is not None:
-            self._datagram = self._publisher.datagram(self._robot, rate, is_nan)
+            self._datagram = self._publisher.datagram(self._robot, rate)
             self.client.send_datagram(self._datagram)
             for late in self._robot.late:
                 content = bytes((late.status,))

@@ -78,14 +78,9 @@ def configure(
 
 def rigid(matrix: Array) -> bool:
     """Whether a matrix (4, 4) is a rigid transform: a rotation and a translation."""
-    x, y, z = turn = matrix[:3, :3]
-    right_handed = (
-        z[0] * (x[1] * y[2] - x[2] * y[1])
-        + z[1] * (x[2] * y[0] - x[0] * y[2])
-        + z[2] * (x[0] * y[1] - x[1] * y[0])
-    )
+    turn = matrix[:3, :3]
     return bool(
-        right_handed > 0
+        np.linalg.det(turn) > 0  # right-handed
         and np.abs(turn @ turn.T - _UNIT).max() < RIGID_TOLERANCE
         and np.abs(matrix[3] - _LAST_ROW).max() < RIGID_TOLERANCE
     )

@@ -82,10 +82,12 @@ class Connection:
         except OSError:
             return None
 
-    def close(self, reset: bool = False) -> None:
-        """Close both sockets of the client; `reset` sends RST, so that it does not wait."""
-        if reset:
-            self._tcp.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, RESET)
+    def reset_on_close(self) -> None:
+        """Let `close` send RST, so that the client does not wait for a reply."""
+        self._tcp.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, RESET)
+
+    def close(self) -> None:
+        """Close both sockets of the client."""
         self._tcp.close()
         if self._udp is not None:
             self._udp.close()
@@ -138,11 +140,12 @@ class Port(ABC, Generic[K]):
             self._greet(self._guests[descriptor])
         client = self.client
         if client is not None and descriptor == client.fileno() and not self._serve(client):
-            self.drop(reset=True)
+            client.reset_on_close()
+            self.drop()
 
-    def drop(self, reset: bool = False) -> None:
+    def drop(self) -> None:
         """Disconnect the client, and end its motion or the hand's command."""
-        self._dismiss(reset)
+        self._dismiss()
         self._abandon()
 
     def repeat(self) -> None:
@@ -174,11 +177,11 @@ class Port(ABC, Generic[K]):
             return False
         return True
 
-    def _dismiss(self, reset: bool = False) -> None:
+    def _dismiss(self) -> None:
         if self.client is not None:
             self._poll.unregister(self.client.fileno())
             self._poll.unregister(self.client.datagram_fileno)
-            self.client.close(reset)
+            self.client.close()
             self.client = None
 
     def _accept(self) -> bool:
@@ -205,17 +208,17 @@ class Port(ABC, Generic[K]):
         if not present or (request is not None and request.command != 0):
             self._refuse(guest)
         elif request is not None:
-            version, port = CONNECT_REQUEST.unpack(request.payload)
-            self._admit(guest, request, int(port), compatible=version == self.version)
+            self._admit(guest, request)
 
-    def _admit(self, guest: Connection, request: Request[K], port: int, compatible: bool) -> None:
-        """Make a guest the client, with states sent to its UDP `port`, or refuse it."""
-        status = 0 if compatible else INCOMPATIBLE
+    def _admit(self, guest: Connection, request: Request[K]) -> None:
+        """Make a guest the client, with states sent to its UDP port, or refuse it."""
+        version, port = CONNECT_REQUEST.unpack(request.payload)
+        status = 0 if version == self.version else INCOMPATIBLE
         content = self._framing.status.pack(status) + struct.pack("<H", self.version)
         reply = self._framing.reply(request.command, request.command_id, content)
-        if not compatible:
+        if version != self.version:
             guest.send(reply)
-            self._refuse(guest, reset=False)
+            self._dismiss_guest(guest)
         elif self.client is not None or not guest.open_datagrams(self.address, port):
             self._refuse(guest)
         else:
@@ -225,7 +228,11 @@ class Port(ABC, Generic[K]):
             if not guest.send(reply):
                 self._dismiss()
 
-    def _refuse(self, guest: Connection, reset: bool = True) -> None:
+    def _refuse(self, guest: Connection) -> None:
+        guest.reset_on_close()
+        self._dismiss_guest(guest)
+
+    def _dismiss_guest(self, guest: Connection) -> None:
         self._poll.unregister(guest.fileno())
         del self._guests[guest.fileno()]
-        guest.close(reset)
+        guest.close()

@@ -118,13 +118,7 @@ class Disturbance:
         self._port = port
         self._freeze = freeze
         self._push_ends = inf
-        self._nan_ends = 0.0
         self._release = inf
-
-    @property
-    def is_nan(self) -> bool:
-        """Whether the measured part of the robot's present state is to be NaN."""
-        return self._robot.time < self._nan_ends
 
     def add(self, fault: Fault) -> None:
         """Schedule another fault, which is due at once where its tick has passed."""
@@ -151,7 +145,7 @@ class Disturbance:
                 robot.press_user_stop()
                 self._release = robot.time + 1000 * fault.duration
             case NanFault():
-                self._nan_ends = robot.time + 1 + fault.ticks
+                robot.sensors_fail_until = robot.time + 1 + fault.ticks
             case ContactFault():
                 robot.pushed = np.array(fault.force)
                 self._push_ends = robot.time + 1000 * fault.duration

@@ -118,6 +118,7 @@ class EmulatedRobot:
     motion: ActiveMotion | None = None
     contact: Contact = NO_CONTACT
     pushed: Array = field(default_factory=lambda: np.zeros(3))  # N, by the fault script
+    sensors_fail_until: float = 0.0  # ms, by the fault script: what they measure is NaN
     time: int = 0
     ticks: int = 0
     late: list[LateReply] = field(default_factory=list)

@@ -287,8 +287,7 @@ class RobotServer:
             self._hand_port.publish(robot.time)
         if robot.motion is None:
             self._in_time.clear()
-        rate = sum(self._in_time) / max(len(self._in_time), 1)
-        self._arm.publish(rate, self._disturbance.is_nan)
+        self._arm.publish(sum(self._in_time) / max(len(self._in_time), 1))
 
     def _freeze(self, duration: float) -> None:
         """Neither send nor answer for `duration` [s]; `close` and `inject` cut it short."""

@@ -77,16 +77,13 @@ class Publisher:
         self._gravity, self._gravity_q = np.zeros(7), np.zeros(7)
         self._gravity_configuration: Configuration | None = None
 
-    def datagram(self, robot: EmulatedRobot, rate: float = 0.0, is_nan: bool = False) -> bytes:
-        """Datagram of `robot` after its last tick; `rate` is the fraction of commands in time.
-
-        With `is_nan` the measured part is NaN, as from a broken sensor.
-        """
+    def datagram(self, robot: EmulatedRobot, rate: float = 0.0) -> bytes:
+        """Datagram of `robot` after its last tick; `rate` is the fraction of commands in time."""
         self._put_configuration(robot.configuration)
         self._put_modes(robot)
         self._put_posture(robot)
         self._put_contact(robot)
-        if is_nan:
+        if robot.time < robot.sensors_fail_until:
             for name in MEASURED_FIELDS:
                 self.fields[name][:] = np.nan
         self.fields["message_id"][0] = robot.time

@@ -56,20 +56,18 @@ class Attempt:
         return max(self.distance, self.angle) < POSE_TOLERANCE
 
 
-def solve(
-    pose: Array, seed: Array = HOME, tool: Array = FLANGE_TO_TIP, centre: float = CENTRING_SHARE
-) -> Array:
+def solve(pose: Array, seed: Array = HOME, tool: Array = FLANGE_TO_TIP) -> Array:
     """Joints (7,) [rad] within their limits that bring the tool to `pose` (4, 4) in the base.
 
     Searches from `seed` (7,) first, so that neighbouring poses get neighbouring postures, then
-    from fixed other postures. `centre` pulls the arm's free motion to mid-range. Raises
-    Unreachable. Damped least squares with nullspace: Siciliano et al., Robotics, 3.5 and 3.7.
+    from fixed other postures. Raises Unreachable. Damped least squares with nullspace: Siciliano
+    et al., Robotics, 3.5 and 3.7.
     """
     if not np.isfinite(pose).all():
         raise Unreachable("it is not finite")
     best: Attempt | None = None
     for start in (seed, *_STARTS):
-        attempt = _descend(pose, np.clip(start, POSITION_LOW, POSITION_HIGH), tool, centre)
+        attempt = _descend(pose, np.clip(start, POSITION_LOW, POSITION_HIGH), tool)
         if attempt.converged:
             return attempt.joints
         if best is None or attempt.distance + attempt.angle < best.distance + best.angle:
@@ -170,8 +168,8 @@ def manipulability(jac: Array) -> float:
     return float(np.linalg.svd(jac, compute_uv=False)[-1])
 
 
-def _descend(pose: Array, start: Array, tool: Array, centre: float) -> Attempt:
-    """Damped least-squares search for joints from `start` (7,) [rad], drawn to joints `centre`."""
+def _descend(pose: Array, start: Array, tool: Array) -> Attempt:
+    """Damped least-squares search for joints from `start` (7,) [rad], drawn to mid-range."""
     joints = np.array(start, dtype=np.float64)
     for _ in range(ITERATIONS):
         reached, jac = pose_and_jacobian(joints, tool)
@@ -179,7 +177,7 @@ def _descend(pose: Array, start: Array, tool: Array, centre: float) -> Attempt:
         size = float(np.abs(error).max())
         if size < POSE_TOLERANCE / 2:
             break
-        centring = centre * (MIDDLE - joints) * min(1.0, CENTRING_GAIN * size)
+        centring = CENTRING_SHARE * (MIDDLE - joints) * min(1.0, CENTRING_GAIN * size)
         step = _step(jac, error, centring, size)
         blocked = np.clip(joints + step, POSITION_LOW, POSITION_HIGH) != joints + step
         if blocked.any():  # the other joints compensate for those at their limits

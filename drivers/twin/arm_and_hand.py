@@ -87,8 +87,7 @@ class TwinArm:
 
     def connect(self) -> None:
         """Connect to the arm and hold it at rest; allowed twice, raises Fault once closed."""
-        if self._closed:
-            raise Fault("arm_closed", "the arm was let go; open the cell again")
+        self._require_open()
         self._connected = True
 
     def state(self) -> ArmState:
@@ -174,9 +173,12 @@ class TwinArm:
         pose[:3, 3] += noise[:3]
         return Pose(*self._cell_in_robot.to_cell(pose))
 
-    def _require_connection(self) -> None:
+    def _require_open(self) -> None:
         if self._closed:
             raise Fault("arm_closed", "the arm was let go; open the cell again")
+
+    def _require_connection(self) -> None:
+        self._require_open()
         if not self._connected:
             raise Fault("arm_not_connected", "the arm is not connected; connect it first")
 

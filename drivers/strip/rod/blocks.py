@@ -6,7 +6,7 @@ import numpy as np
 
 from drivers.jit import entry, kernel
 from drivers.strip.rod import layout as at
-from drivers.strip.rod.lanes import any_lane, lane_of, load_lane, store_lane
+from drivers.strip.rod.lanes import lane_of, load_lane, store_lane
 from drivers.strip.rod.layout import Block
 from drivers.strip.rod.time_step import Grips, Pace, step
 from drivers.strip.shape import at_index, features, layer_touch
@@ -41,18 +41,28 @@ def copy_midline(state: Any, lane: int, x: Any, z: Any) -> None:
 
 
 @kernel
-def observe(batch: Any, b: int, observed: Any, moment: Any) -> None:
-    """Write observables of the strips of block `b` at `moment`; end those that have touched."""
+def finish_lanes(batch: Any, b: int, unsolved: Any, output: Any, moment: Any) -> None:
+    """Write shapes and observables of the strips of block `b` at `moment`.
+
+    Ends those in the lanes `unsolved`, which failed to converge, and those that have touched.
+    """
     nodes = batch.arc.shape[1]
     x, z = np.empty(nodes), np.empty(nodes)
     for lane in range(batch.strips.shape[1]):
-        if load_lane(batch.alive[b], 0, 0, lane) > 0.0:
-            i = batch.strips[b, lane]
+        i = batch.strips[b, lane]
+        if lane_of(unsolved, lane) > 0.0:
+            batch.monitor[i, at.FAILURE_TIME] = moment.time
+            retire(batch, b, lane, output.observed, moment.k)
+        elif load_lane(batch.alive[b], 0, 0, lane) > 0.0:
             copy_midline(batch.state[b], lane, x, z)
-            height, index = write_observables(batch, b, lane, (x, z), observed[moment.k, i])
+            if len(output.shapes) > 0 and (moment.k + 1) % output.every == 0:
+                shape = output.shapes[(moment.k + 1) // output.every - 1, i]
+                shape[:, 0], shape[:, 1] = x, z
+            row = output.observed[moment.k, i]
+            height, index = write_observables(batch, b, lane, (x, z), row)
             gap = height, at_index(x, index), at_index(batch.arc[i], index)
             if watch_gap(batch.monitor[i], gap, moment):
-                retire(batch, b, lane, observed, moment.k)
+                retire(batch, b, lane, output.observed, moment.k)
 
 
 @kernel
@@ -94,24 +104,6 @@ def retire(batch: Any, b: int, lane: int, observed: Any, k: int) -> None:
 
 
 @kernel
-def end_failed(batch: Any, b: int, unsolved: Any, observed: Any, moment: Any) -> None:
-    """End the strips of block `b` that failed to converge in the step that ends at `moment`."""
-    for lane in range(batch.strips.shape[1]):
-        if lane_of(unsolved, lane) > 0.0:
-            batch.monitor[batch.strips[b, lane], at.FAILURE_TIME] = moment.time
-            retire(batch, b, lane, observed, moment.k)
-
-
-@kernel
-def record(batch: Any, b: int, shapes: Any) -> None:
-    """Copy the midlines of the active lanes of block `b` into `shapes` (n, nodes, 2) [m]."""
-    for lane in range(batch.strips.shape[1]):
-        if load_lane(batch.alive[b], 0, 0, lane) > 0.0:
-            shape = shapes[batch.strips[b, lane]]
-            copy_midline(batch.state[b], lane, shape[:, 0], shape[:, 1])
-
-
-@kernel
 def living_lanes(batch: Any, first: int, end: int) -> int:
     """Number of lanes of the blocks from `first` to before `end` that are still simulated."""
     count = 0
@@ -140,12 +132,7 @@ def step_block(batch: Any, b: int, poses: Any, output: Any, pace: Any) -> None:
             break
         grips = Grips(batch.strips[b], batch.alive[b], batch.held, poses[k])
         moment = Moment(k, pace.start + (k + 1) * pace.h, pace.h)
-        unsolved = step(block, grips, step_pace)
-        if any_lane(unsolved):
-            end_failed(batch, b, unsolved, output.observed, moment)
-        if len(output.shapes) > 0 and (k + 1) % output.every == 0:
-            record(batch, b, output.shapes[(k + 1) // output.every - 1])
-        observe(batch, b, output.observed, moment)
+        finish_lanes(batch, b, step(block, grips, step_pace), output, moment)
         store_poses(batch, b, poses[k])
         step_pace = Pace(pace.start, pace.h, pace.next_omega, pace.next_omega)
 

@@ -231,7 +231,7 @@ def simulate_all(
 
 
 def _end(touch: Touch | None, count: int, dt: float) -> tuple[int, Touch | None]:
-    """Steps of `dt` [s] up to the layers' `touch`, and that; `count` where it is not within them."""
+    """Steps of `dt` [s] up to the layers' `touch`, and that; `count` where it comes later."""
     if touch is None or touch.time > count * dt:
         return count, None
     return min(count, int(np.ceil(touch.time / dt - ROUNDING))), touch

@@ -37,15 +37,6 @@ def interpolate(nodes: Array, slopes: Array, arc: Array, s: Array) -> tuple[Arra
     return points, derivatives
 
 
-@entry
-def bin_maxima(bins: Indices, values: Array, count: int) -> Array:
-    """Largest of `values` (m,) in each of `count` bins, at least 0; `bins` (m,) number them."""
-    maxima = np.zeros(count)
-    for k in range(len(bins)):
-        maxima[bins[k]] = max(maxima[bins[k]], values[k])
-    return maxima
-
-
 class Rows(NamedTuple):
     """Rows of material points, one across a strip's surface at each of m samples of its curve.
 

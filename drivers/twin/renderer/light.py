@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.twin.renderer.gripper import Outline
-from drivers.twin.renderer.kernels import bin_maxima
 from drivers.twin.renderer.looks import Flicker, Lamp, StripLook
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.renderer.ribbon import Curve
@@ -87,8 +86,9 @@ def shadow_profile(curve: Curve) -> Array:
     place = (curve.points[:, 0] - TABLE_RANGE[0]) / (TABLE_RANGE[1] - TABLE_RANGE[0]) * BINS
     bins = np.clip(place, 0, BINS - 1).astype(np.int64)
     depth = np.exp(-np.maximum(curve.points[:, 1], 0) / FADE_HEIGHT)
-    soft: Array = cv2.blur(bin_maxima(bins, depth, BINS)[None, :], (7, 1))[0]
-    return soft
+    darkness = np.zeros(BINS)
+    np.maximum.at(darkness, bins, depth)
+    return np.asarray(cv2.blur(darkness[None, :], (7, 1))[0])
 
 
 def scale_brightness(image: Image, gain: Gain) -> Image:

@@ -9,14 +9,8 @@ from numpy.typing import NDArray
 
 from drivers.strip.model import CONTACT_HEIGHT
 from drivers.strip.shape import desk_contact
-from drivers.twin.renderer.gripper import (
-    Outline,
-    draw_hand,
-    draw_pointer,
-    extent,
-    faces_of,
-    outlines,
-)
+from drivers.twin.renderer import gripper, ribbon
+from drivers.twin.renderer.gripper import Outline
 from drivers.twin.renderer.kernels import splat
 from drivers.twin.renderer.light import (
     arm_shadow,
@@ -27,17 +21,7 @@ from drivers.twin.renderer.light import (
 )
 from drivers.twin.renderer.looks import PLAIN, Look, StripLook
 from drivers.twin.renderer.optics import Optics, blur, kernel_size, noise_bank
-from drivers.twin.renderer.ribbon import (
-    CUT,
-    PITCH,
-    Cloud,
-    Curve,
-    expose,
-    project,
-    random_weave,
-    sample_edge,
-    sample_face,
-)
+from drivers.twin.renderer.ribbon import Cloud, Curve
 from drivers.twin.renderer.stage import bgr, fill, light, stage
 from drivers.twin.scene import Scene
 from drivers.twin.settings import CameraSettings
@@ -144,19 +128,19 @@ class Renderer:
         self._light = light(settings)
         self._resting = blur(self._sharp, settings.lens_blur)
         self._shadow = shadow_band(settings, self._optics, look)
-        self._weave = random_weave(settings.texture, rng)
+        self._weave = ribbon.random_weave(settings.texture, rng)
         self._noise = noise_bank(settings.width, settings.height, settings.noise, seed)
         self._colour = bgr(look.colour)
         self._gripper = bgr(settings.surroundings.gripper) * settings.gain
         self._contact_bias = contact_bias
-        self._spacing = PITCH * settings.distance / settings.focal
+        self._spacing = ribbon.PITCH * settings.distance / settings.focal
         self.render([_SPECK], 0)  # compiles now, outside the control loop
 
     def render(self, scenes: Sequence[Scene], sequence: int) -> Image:
         """Frame `sequence` (height, width, 3) BGR, exposed to `scenes`, equally spaced in time."""
         middle = scenes[len(scenes) // 2]
-        curve = expose(scenes, self._spacing) if middle.strip else None
-        hand = outlines(middle, self._look.width / 2, -self._look.thickness / 2)
+        curve = ribbon.expose(scenes, self._spacing) if middle.strip else None
+        hand = gripper.outlines(middle, self._look.width / 2, -self._look.thickness / 2)
         image = self._resting.copy()
         self._draw_moving(image, middle, curve, hand)
         image = self._lit(image, middle, hand)
@@ -168,9 +152,9 @@ class Renderer:
     ) -> None:
         """Redraw the part of `image` (h, w, 3) in which strip and hand appear, in place."""
         clouds = [] if curve is None else self._material(curve)
-        hand_faces = faces_of(hand, self._optics)
+        hand_faces = gripper.faces_of(hand, self._optics)
         window = Window.around(
-            [*(cloud.pixels for cloud in clouds), extent(hand_faces, scene, self._optics)],
+            [*(cloud.pixels for cloud in clouds), gripper.extent(hand_faces, scene, self._optics)],
             (self._settings.width, self._settings.height),
             kernel_size(self._settings.lens_blur),
         )
@@ -179,11 +163,11 @@ class Renderer:
         part = window.crop(self._sharp).copy()
         if curve is not None:
             self._shadow.cast(part, window.origin, shadow_profile(curve))
-        draw_hand(part, hand, hand_faces, window.origin, self._gripper)
+        gripper.draw_hand(part, hand, hand_faces, window.origin, self._gripper)
         for cloud in clouds:
             splat(part, cloud.points, cloud.tint, self._colour, self._light, window.origin)
         if scene.pointer:
-            draw_pointer(part, scene, self._optics.seen_from(window.origin), self._gripper)
+            gripper.draw_pointer(part, scene, self._optics.seen_from(window.origin), self._gripper)
         if curve is not None and self._contact_bias:
             look = (self._colour * float(np.median(window.crop(self._light))), self._look.thickness)
             optics = self._optics.seen_from(window.origin)
@@ -192,10 +176,10 @@ class Renderer:
 
     def _material(self, curve: Curve) -> list[Cloud]:
         """Material points of a strip along `curve`: of its visible side, then of its near edge."""
-        picture = project(curve, self._optics, self._look)
+        picture = ribbon.project(curve, self._optics, self._look)
         return [
-            sample_face(curve, picture, self._optics, self._look, self._weave),
-            sample_edge(curve, picture, self._look, self._weave),
+            ribbon.sample_face(curve, picture, self._optics, self._look, self._weave),
+            ribbon.sample_edge(curve, picture, self._look, self._weave),
         ]
 
     def _lit(self, image: Image, scene: Scene, hand: Sequence[Outline]) -> Image:
@@ -235,7 +219,7 @@ def draw_lint(
         left, right = contact + min(bias + ABRUPT_GLARE, 0.0), contact + PILE
     outline = optics.plane(np.array([(left, low), (right, low), (right, high), (left, high)]))
     if bias > 0:
-        fill(image, outline, CUT * colour)
+        fill(image, outline, ribbon.CUT * colour)
         return
     cover = np.zeros_like(image)
     fill(cover, outline, np.full(3, 255.0))

@@ -21,7 +21,7 @@ from cell.orchestrator.vision import View
 from drivers.arm.loop import plane_of
 from drivers.arm.reach import REACTION, PredictedMotion, ReachGuard, densify
 from drivers.arm.settings import REACHABLE
-from drivers.franka.inverse_kinematics import solve
+from drivers.franka.inverse_kinematics import ELBOW_JOINT, track
 from drivers.franka.kinematics import forward
 from drivers.installation import MotionLimits
 from drivers.motion import TICK, MotionProfile
@@ -128,5 +128,5 @@ def guarded() -> ReachGuard:
     plane = plane_of(installation, forward(above).T.ravel().tolist())
     joints = above
     for height in np.linspace(installation.home_height, 0.0, 26):
-        joints = solve(plane.matrix(0.6, height, 0.0), joints, centre=0.0)
+        joints, _ = track(joints, plane.matrix(0.6, height, 0.0), above[ELBOW_JOINT], 12)
     return ReachGuard(plane, REACHABLE, joints.tolist())
