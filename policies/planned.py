@@ -7,9 +7,7 @@ import numpy as np
 
 from drivers.errors import ConfigurationError
 from drivers.strip.describe import describe
-from drivers.strip.engine import Observables
 from drivers.strip.file import StripFile
-from drivers.strip.model import StripModel
 from drivers.strip.rod.engine import Rod
 from drivers.types import Array
 from policies.follower import Follower
@@ -32,39 +30,42 @@ def raise_path(length: float, rise: float) -> Path:
     return Path.through(np.array([(length, 0.0), (length - bend, bend), apex, (0.0, rise)]))
 
 
-class Paths:
-    """Policy for a batch of strips in which each gripper follows its own of n `paths`."""
+class RaisedTriangles:
+    """Policy in which each of n grippers follows a triangle of its own, raised by `rises` (n,) [m]."""
 
-    name = "paths"
+    name = "raised"
 
-    def __init__(self, paths: Sequence[Path]) -> None:
-        self._each = tuple(paths)
-        self._followers: list[Follower] = []
-        self._speed = 0.0
+    def __init__(self, rises: Array) -> None:
+        self.rises = rises
 
-    def reset(self, _: StripFile, speed: float, count: int) -> None:
+    def reset(self, strip: StripFile, speed: float, count: int) -> None:
         """Start at the beginning of the paths; ValueError unless `count` is their number."""
-        if count != len(self._each):
-            raise ValueError(f"{count} strips, but {len(self._each)} paths")
-        self._followers = [Follower(path, 1) for path in self._each]
+        if count != len(self.rises):
+            raise ValueError(f"{count} strips, but {len(self.rises)} paths")
+        # grippers on equal paths move alike: one follower commands them all
+        different, self._first, self._same = np.unique(
+            self.rises, return_index=True, return_inverse=True
+        )
+        paths = [raise_path(strip.length, float(rise)) for rise in different]
+        self._followers = [Follower(path, 1) for path in paths]
         self._speed = speed
 
     def lift(self) -> Path:
         """Path of the lift: the first of the paths."""
-        return self._each[0]
+        return self._followers[self._same[0]].path
 
     def decide(self, observation: Observation) -> Decision:
         """Command the gripper of each strip along its own path."""
+        points = observation.x[self._first, None], observation.z[self._first, None]
         decisions = [
             follower.decide(x, z, self._speed)
-            for follower, x, z in zip(
-                self._followers, observation.x[:, None], observation.z[:, None], strict=True
-            )
+            for follower, x, z in zip(self._followers, *points, strict=True)
         ]
-        return Decision(*(np.concatenate(parts) for parts in zip(*decisions, strict=True)))
+        parts = (np.concatenate(part)[self._same] for part in zip(*decisions, strict=True))
+        return Decision(*parts)
 
 
-class Planned(Paths):
+class Planned(RaisedTriangles):
     """Policy that follows the raised triangle on which the simulated strip has displacement 0.
 
     Plans once for a strip and a speed. `strips` are the known strips of a batch; without them all
@@ -74,8 +75,7 @@ class Planned(Paths):
     name = "planned"
 
     def __init__(self, strips: Sequence[StripFile] = ()) -> None:
-        super().__init__(())
-        self.rises: Array = np.zeros(0)
+        super().__init__(np.zeros(0))
         self._strips = tuple(strips)
         self._aim = 0.0
         self._known: tuple[tuple[StripFile, ...], float, float] | None = None
@@ -88,10 +88,9 @@ class Planned(Paths):
         """Plan for `strip` at `speed` [m/s], unless already planned; or ConfigurationError."""
         asked = (self._strips or (strip,), speed, self._aim)
         if asked != self._known:
-            self.rises = plan(*asked)
+            self._plan = plan(*asked)
             self._known = asked
-        rises = self.rises if self._strips else np.repeat(self.rises, count)
-        self._each = tuple(raise_path(strip.length, float(rise)) for rise in rises)
+        self.rises = self._plan if self._strips else np.repeat(self._plan, count)
         super().reset(strip, speed, count)
 
 
@@ -133,54 +132,18 @@ def fold_by_plan(planned: StripFile, lying: StripFile) -> tuple[float, Array]:
     return float(folds.displacement[0]), np.asarray(rod.shapes()[0])
 
 
-def _gripper_poses(strip: StripFile, speed: float, steps: Array) -> tuple[Array, float]:
-    """Poses (k, n, 3) [m, m, rad] of grippers on triangles raised by `steps` (n,), and period [s].
+def _displacements(strips: Sequence[StripFile], speed: float, steps: Array) -> Array:
+    """Displacements (n, m) [m] of n strips in the rod, at `speed` [m/s]; NaN without a touch.
 
-    At `speed` [m/s]; a step is RISE_STEP.
+    On triangles raised by `steps` (n, m) of RISE_STEP.
     """
-    different, numbers = np.unique(steps, return_inverse=True)
-    paths = [raise_path(strip.length, step * RISE_STEP * strip.length) for step in different]
-    recorder = _PoseRecorder()
-    models = [describe(strip)] * len(paths)
+    policy = RaisedTriangles(steps.ravel() * RISE_STEP * strips[0].length)
+    models = [model for model in map(describe, strips) for _ in range(steps.shape[1])]
     settings = Rollout(speed=speed, sensing=EXACT_SENSING, profile=False)
     rng = np.random.default_rng(0)
-    roll_out(Paths(paths), recorder, strip, models, settings=settings, rng=rng)
-    return np.array(recorder.poses)[:, numbers], recorder.dt
-
-
-class _PoseRecorder:
-    """An engine without strips that records the grippers' poses."""
-
-    def __init__(self) -> None:
-        self.dt = 0.0
-        self._count = 0
-        self.poses: list[Array] = []  # (n, 3), one entry for each step
-
-    def reset(self, models: Sequence[StripModel]) -> None:
-        self._count = len(models)
-        self.poses = []
-
-    def step(self, poses: Array, dt: float) -> Observables:
-        self.dt = dt
-        self.poses.append(poses.copy())
-        scalars = np.zeros(self._count)
-        points = np.zeros((self._count, 2))
-        return Observables(scalars, points, scalars, points, (None,) * self._count)
-
-    def shapes(self) -> Array:
-        return np.zeros((self._count, 0, 2))
-
-    def arc(self) -> Array:
-        return np.zeros((self._count, 0))
-
-
-def _displacements(strips: Sequence[StripFile], speed: float, steps: Array) -> Array:
-    """Displacements (n, m) [m] of n strips on triangles raised by `steps`; NaN without a touch."""
     rod = Rod(SEGMENTS, strict=False)
-    rod.reset([model for model in map(describe, strips) for _ in range(steps.shape[1])])
-    touches = rod.advance(*_gripper_poses(strips[0], speed, steps.ravel())).touch
-    d = [np.nan if touch is None else touch.displacement for touch in touches]
-    return np.array(d).reshape(steps.shape)
+    folds = roll_out(policy, rod, strips[0], models, settings=settings, rng=rng)
+    return folds.displacement.reshape(steps.shape)
 
 
 def _interpolate_zeros(steps: Array, d: Array) -> Array:

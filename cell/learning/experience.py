@@ -108,19 +108,20 @@ class Memory:
         """Move all experiences, or those of `run`, to a file and return its path; None if none."""
         with self._file_lock():
             lines = self._lines()
-            chosen = set(lines if run is None else ())
-            if run is not None:
-                key = run_key(run)
-                name = run.resolve().name
-                read = ((line, _experience(line)) for line in lines)
-                chosen = {line for line, one in read if one and _is_of(one, key, name)}
-            if not chosen:
+            forgotten = set(lines) if run is None else self._lines_of(run)
+            if not forgotten:
                 return None
             names = (f"{self.path.stem}.forgotten-{number}" for number in count(1))
             aside = next(p for p in map(self.path.with_name, names) if not os.path.lexists(p))
-            replace_file(aside, b"".join(line for line in lines if line in chosen))
-            replace_file(self.path, b"".join(line for line in lines if line not in chosen))
+            replace_file(aside, b"".join(line for line in lines if line in forgotten))
+            replace_file(self.path, b"".join(line for line in lines if line not in forgotten))
             return aside
+
+    def _lines_of(self, run: Path) -> set[bytes]:
+        """Lines of the memory that hold experiences of the run in the folder `run`."""
+        key, name = run_key(run), run.resolve().name
+        read = ((line, _experience(line)) for line in self._lines())
+        return {line for line, one in read if one and _is_of(one, key, name)}
 
     def _lines(self) -> list[bytes]:
         if not self.path.exists():

@@ -90,13 +90,12 @@ class CameraWatch:
         grey = grey_of(appearance.scene.background.image)
         sigma = _place_deviation(grey, appearance.scene.sensor)
         hidden = strip_zone(calibration, strip.length)
-        sigma[cv2.dilate(hidden, np.ones((PATCH_SIZE, PATCH_SIZE), np.uint8)) > 0] = np.inf
-        edge = PATCH_SIZE // 2 + SEARCH_RADIUS
+        hidden = cv2.dilate(hidden, np.ones((PATCH_SIZE, PATCH_SIZE), np.uint8))
         top = calibration.to_image(np.array([[strip.length / 2, HIGH_HEIGHT]]))[0, 1]
-        sigma[: max(int(top), 0) + edge] = np.inf
-        sigma[-edge:] = np.inf
-        sigma[:, :edge] = np.inf
-        sigma[:, -edge:] = np.inf
+        border = PATCH_SIZE // 2 + SEARCH_RADIUS
+        watched = np.zeros(sigma.shape, dtype=bool)
+        watched[max(int(top), 0) + border : -border, border:-border] = True
+        sigma[~watched | (hidden > 0)] = np.inf
         corners, weights = _choose_patches(sigma)
         soft = _denoised(grey)
         patches = tuple(soft[v : v + PATCH_SIZE, u : u + PATCH_SIZE].copy() for u, v in corners)

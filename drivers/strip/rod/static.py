@@ -46,28 +46,42 @@ def fit_length(batch: Batch, models: Sequence[StripModel], steps: int = APPROACH
     _stretch(batch, goal[:, 0] / batch.held[:, 0], slack < 0)
     batch.held[slack < 0] = goal[slack < 0]
     if (slack > 0).any():
-        share = np.linspace(0.0, 1.0, steps + 1)[1:, None]
-        path = batch.held + share[:, :, None] * (goal - batch.held)
-        reach = np.sqrt(2 * batch.arc[:, -1] * np.maximum(slack, 0.0))
-        path[:, :, 1] = APPROACH_HEIGHT * reach * np.sqrt(share * (1 - share))
-        stiff = [with_field(m, "mechanics.stretch_stiffness", np.inf) for m in models]
-        rigid = flat_batch(stiff, batch.arc.shape[1] - 1)
-        if batch.terms:
-            rigid.nature[:, :, [at.GRIPPED, at.CLING]] = np.inf
-        settle(end_strips(batch._replace(nature=rigid.nature), slack <= 0), path)
+        rigid = batch._replace(nature=_rigid_nature(batch, models))
+        settle(end_strips(rigid, slack <= 0), _wave_path(batch, goal, slack, steps))
         yields = np.array([np.isfinite(m.mechanics.stretch_stiffness) for m in models])
         settle(end_strips(batch, (slack <= 0) | ~yields), goal[None])
 
 
+def _wave_path(batch: Batch, goal: Array, slack: Array, steps: int) -> Array:
+    """Grip poses (steps, n, 3) [m, m, rad] in an arc to `goal` (n, 3), below what slack allows.
+
+    A strip of length L with `slack` (n,) [m] s can be lifted to sqrt(L s / 2) in its middle.
+    """
+    share = np.linspace(0.0, 1.0, steps + 1)[1:, None]
+    path = batch.held + share[:, :, None] * (goal - batch.held)
+    reach = np.sqrt(2 * batch.arc[:, -1] * np.maximum(slack, 0.0))
+    path[:, :, 1] = APPROACH_HEIGHT * reach * np.sqrt(share * (1 - share))
+    return np.asarray(path)
+
+
+def _rigid_nature(batch: Batch, models: Sequence[StripModel]) -> Array:
+    """Coefficients, as `batch.nature`, of the same strips without stretch and sliding."""
+    stiff = [with_field(m, "mechanics.stretch_stiffness", np.inf) for m in models]
+    nature: Array = flat_batch(stiff, batch.arc.shape[1] - 1).nature
+    if batch.terms:
+        nature[:, :, [at.GRIPPED, at.CLING]] = np.inf
+    return nature
+
+
 def _stretch(batch: Batch, ratio: Array, stretched: NDArray[np.bool_]) -> None:
     """Scale x of all nodes by `ratio` (n,) in the strips of mask `stretched` (n,)."""
-    end = batch.state.shape[1] - 1
+    ghost = batch.state.shape[1] - 1  # beyond the grip: it keeps its distance
     for b, lane in np.ndindex(batch.strips.shape):
         i = batch.strips[b, lane]
         if i < len(ratio) and stretched[i]:
             state = batch.state[b] if batch.state.ndim == 3 else batch.state[b, :, :, lane]
-            state[end, at.X] -= (1.0 - ratio[i]) * state[end - 1, at.X]
-            state[1:end, at.X] *= ratio[i]
+            state[ghost, at.X] -= (1.0 - ratio[i]) * state[ghost - 1, at.X]
+            state[1:ghost, at.X] *= ratio[i]
             state[:, at.X1] = state[:, at.X]
 
 

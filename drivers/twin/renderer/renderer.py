@@ -114,7 +114,7 @@ class Renderer:
     ) -> None:
         """Draw the background; `optics` are those of `settings` unless given.
 
-        `contact_bias` [m] shifts the apparent desk contact, see `draw_lint`.
+        `contact_bias` [m] shifts the apparent desk contact, see `_shift_contact`.
         `surround` is the look of the cell about the strip, its colours over those of `settings`.
         """
         around = settings.surroundings.model_copy(update=dict(surround.colours))
@@ -169,10 +169,35 @@ class Renderer:
         if scene.pointer:
             gripper.draw_pointer(part, scene, self._optics.seen_from(window.origin), self._gripper)
         if curve is not None and self._contact_bias:
-            look = (self._colour * float(np.median(window.crop(self._light))), self._look.thickness)
-            optics = self._optics.seen_from(window.origin)
-            draw_lint(part, window.crop(self._sharp), scene, optics, self._contact_bias, look)
+            self._shift_contact(part, window, scene)
         window.put(blur(part, self._settings.lens_blur), image)
+
+    def _shift_contact(self, part: Image, window: Window, scene: Scene) -> None:
+        """Draw lint or glare in `part` (h, w, 3) that shifts the apparent contact along x.
+
+        Lint of the strip's colour in front of its near edge closes the wedge between strip and
+        desk, so that the strip seems to leave it later. Glare of the desk hides the foot of the
+        edge, so that it seems to leave it earlier. The upper outline stays unchanged.
+        """
+        if not (scene.points[:, 1] > CONTACT_HEIGHT).any():
+            return
+        contact = desk_contact(scene.points, CONTACT_HEIGHT)
+        bias = self._contact_bias
+        left, right = contact - PILE, contact + max(bias - ABRUPT_LINT, 0.0)  # m, of lint
+        if bias < 0:
+            left, right = contact + min(bias + ABRUPT_GLARE, 0.0), contact + PILE
+        low = -self._look.thickness / 2
+        high = CONTACT_HEIGHT + low + PILE
+        corners = np.array([(left, low), (right, low), (right, high), (left, high)])
+        outline = self._optics.seen_from(window.origin).plane(corners)
+        if bias > 0:
+            light = float(np.median(window.crop(self._light)))
+            fill(part, outline, ribbon.CUT * (self._colour * light))
+            return
+        cover = np.zeros_like(part)
+        fill(cover, outline, np.full(3, 255.0))
+        share = cover / 255.0
+        part[:] = share * window.crop(self._sharp) + (1.0 - share) * part + 0.5
 
     def _material(self, curve: Curve) -> list[Cloud]:
         """Material points of a strip along `curve`: of its visible side, then of its near edge."""
@@ -195,33 +220,3 @@ class Renderer:
             gain = flicker(surround.flicker, settings.height, scene.stamp, settings.exposure)
             image = scale_brightness(image, gain)
         return image
-
-
-def draw_lint(
-    image: Image, empty: Image, scene: Scene, optics: Optics, bias: float, look: tuple[Array, float]
-) -> None:
-    """Draw lint or glare that shifts the apparent contact of `scene` by `bias` [m] along x.
-
-    Lint of the strip's colour in front of its near edge closes the wedge between strip and desk,
-    so that the strip seems to leave it later. Glare of the desk hides the foot of the edge, so that
-    it seems to leave it earlier. The upper outline stays unchanged.
-    `empty` (h, w, 3) shows the same region without a strip; `look` is the strip's colour (3,) BGR
-    in its light, and its thickness [m].
-    """
-    colour, thickness = look
-    if bias == 0 or not (scene.points[:, 1] > CONTACT_HEIGHT).any():
-        return
-    contact = desk_contact(scene.points, CONTACT_HEIGHT)
-    low, high = -thickness / 2, CONTACT_HEIGHT - thickness / 2 + PILE
-    if bias > 0:
-        left, right = contact - PILE, contact + max(bias - ABRUPT_LINT, 0.0)
-    else:
-        left, right = contact + min(bias + ABRUPT_GLARE, 0.0), contact + PILE
-    outline = optics.plane(np.array([(left, low), (right, low), (right, high), (left, high)]))
-    if bias > 0:
-        fill(image, outline, ribbon.CUT * colour)
-        return
-    cover = np.zeros_like(image)
-    fill(cover, outline, np.full(3, 255.0))
-    share = cover / 255.0
-    image[:] = share * empty + (1.0 - share) * image + 0.5

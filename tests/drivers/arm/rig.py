@@ -96,9 +96,6 @@ class LossyRobot:
     def write_joints(self, motion: object, joints: list[float], *, last: bool = False) -> None:
         self._command(np.array(joints), last)
 
-    def read_queued(self, motion: object) -> SimpleNamespace:
-        return self.read(motion)
-
     def read(self, motion: object) -> SimpleNamespace:
         if not self._answered:
             self.robot.miss()
@@ -117,6 +114,8 @@ class LossyRobot:
             **dict.fromkeys(("dq", "tau_J", "tau_ext_hat_filtered"), [0.0] * 7),
             control_command_success_rate=float(self._heard),
         )
+
+    read_queued = read
 
     def _command(self, joints: np.ndarray, last: bool) -> None:
         """Hear it or lose it, and lose the ticks after it or not."""

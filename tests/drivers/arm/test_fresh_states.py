@@ -1,5 +1,6 @@
 """A loop that fell behind a robot on its own clock answers what has just come."""
 
+from functools import partialmethod
 from types import SimpleNamespace
 
 import numpy as np
@@ -75,12 +76,6 @@ class Timed(LossyRobot):
         self._next: RobotCommand | None = None
         self._seen = -1
 
-    def read_queued(self, motion: object) -> SimpleNamespace:
-        return self._taken(motion, fresh=False)
-
-    def read(self, motion: object) -> SimpleNamespace:
-        return self._taken(motion, fresh=True)
-
     def _taken(self, motion: object, *, fresh: bool) -> SimpleNamespace:
         self._go_on()
         if fresh or self.robot.time == self._seen:
@@ -89,6 +84,9 @@ class Timed(LossyRobot):
         self._seen, self._answered = self.robot.time, True
         self.now += (RESUMED if self.row else ANSWER) if fresh else AT_HAND
         return super().read(motion)
+
+    read = partialmethod(_taken, fresh=True)
+    read_queued = partialmethod(_taken, fresh=False)
 
     def _command(self, joints: np.ndarray, last: bool) -> None:
         self._go_on()

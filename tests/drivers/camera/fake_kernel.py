@@ -12,6 +12,7 @@ import threading
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partialmethod
 
 import numpy as np
 
@@ -211,8 +212,7 @@ class FakeKernel:
             self._asleep = None
             return self._events(fd)
 
-    def sleep(self, seconds: float) -> None:
-        self.wait(None, seconds)
+    sleep = partialmethod(wait, None)
 
     def monotonic(self) -> float:
         return EPOCH + self._time
