@@ -31,7 +31,7 @@ def raise_path(length: float, rise: float) -> Path:
 
 
 class RaisedTriangles:
-    """Policy in which each of n grippers follows a triangle of its own, raised by `rises` (n,) [m]."""
+    """Policy in which each of n grippers follows its own triangle, raised by `rises` (n,) [m]."""
 
     name = "raised"
 
@@ -52,7 +52,7 @@ class RaisedTriangles:
 
     def lift(self) -> Path:
         """Path of the lift: the first of the paths."""
-        return self._followers[self._same[0]].path
+        return self._followers[int(self._same[0])].path
 
     def decide(self, observation: Observation) -> Decision:
         """Command the gripper of each strip along its own path."""

@@ -8,14 +8,7 @@ from math import sqrt
 import numpy as np
 
 from calibration.landmarks import camera_shift
-from cell.devices.fold_path import (
-    HANGING,
-    approach_poses,
-    edge_place,
-    lay_path,
-    retreat_poses,
-    taut_edge,
-)
+from cell.devices import fold_path
 from cell.orchestrator import steps
 from cell.orchestrator.context import FoldContext, ManualContext
 from cell.orchestrator.lay import CLEARANCE, TURN_GAIN, follow_lay
@@ -50,7 +43,7 @@ def preflight(context: FoldContext, record: Recorder, _: Snapshot) -> steps.Phas
     """Check the image of the strip before it is grasped; raises PreflightRefused."""
     fold = context.settings.fold
     camera_checks = yield from _camera_checks(context)
-    yield from steps.move(approach_poses(context.strip.length, fold)[0])
+    yield from steps.move(fold_path.approach_poses(context.strip.length, fold)[0])
     picture = yield from steps.still_picture()
     frame = picture.frame
     strip_checks = yield from _inspect(context.reader, picture)
@@ -84,7 +77,7 @@ def _inspect(
 def grasp(context: FoldContext, _record: Recorder, _begin: Snapshot) -> steps.Phase:
     """Approach the free edge from beyond and grasp it; raises Fault where the fingers miss it."""
     yield from steps.open_hand()
-    for pose in approach_poses(context.strip.length, context.settings.fold)[1:]:
+    for pose in fold_path.approach_poses(context.strip.length, context.settings.fold)[1:]:
         yield from steps.move(pose)
     snapshot = yield from steps.close_hand()
     if not snapshot.hand.grasped:
@@ -124,7 +117,7 @@ def wait_until_still(longest: float, record: Recorder) -> steps.Motion:
     """
     snapshot = yield from steps.wait_for(lambda now: not now.arm.moving)
     place = snapshot.arm.commanded
-    snapshot = yield from steps.move(Pose(place.x, place.z, HANGING))
+    snapshot = yield from steps.move(Pose(place.x, place.z, fold_path.HANGING))
     start = snapshot.time
     swing = Swing()
     while not swing.still and snapshot.time - start < longest:
@@ -190,7 +183,7 @@ def fold(context: FoldContext, record: Recorder, begin: Snapshot) -> steps.Phase
         if decision.done[0]:
             return Event.PATH_DONE
         # rad/s that takes out the error of pitch, by which the gripper no longer hangs upright
-        upright = TURN_GAIN * (HANGING - snapshot.arm.pose.pitch)
+        upright = TURN_GAIN * (fold_path.HANGING - snapshot.arm.pose.pitch)
         command = steps.drive(decision, upright)
 
 
@@ -233,9 +226,9 @@ def lay(context: FoldContext, record: Recorder, begin: Snapshot) -> steps.Phase:
     if touch is None:
         raise Fault("illegal_event", "LAY was entered without a touch")
     rest = max(context.strip.thickness, touch.distance) + CLEARANCE
-    taut = taut_edge(touch)
-    end = edge_place(taut, context.place)
-    path = lay_path(begin.arm.pose, taut, rest, end, settings)
+    taut = fold_path.taut_edge(touch)
+    end = fold_path.edge_place(taut, context.place)
+    path = fold_path.lay_path(begin.arm.pose, taut, rest, end, settings)
     yield from follow_lay(path, settings.lay_speed, begin)
     snapshot = yield from steps.move(Pose(end, rest, np.pi))
     record.event(snapshot.time, "laid", x=snapshot.arm.pose.x, z=snapshot.arm.pose.z)
@@ -247,7 +240,7 @@ def release(context: FoldContext, record: Recorder, _: Snapshot) -> steps.Phase:
     snapshot = yield from steps.open_hand()
     pose = snapshot.arm.pose
     record.event(snapshot.time, "released", edge_offset=-pose.x)
-    for away in retreat_poses(pose, context.settings.fold):
+    for away in fold_path.retreat_poses(pose, context.settings.fold):
         yield from steps.move(away)
     frame = (yield from steps.still_picture()).frame
     measurement = yield from _laid_strip(context, frame, pose)
@@ -330,7 +323,7 @@ def _lift_pitch_rate(travel: float, speed: float, pitch: float, acceleration: fl
     target = float(lift_pitch(travel))
     slope = (float(lift_pitch(travel + SLOPE_TRAVEL)) - target) / SLOPE_TRAVEL  # rad/m
     rate = slope * speed + TURN_GAIN * (target - pitch)
-    return min(rate, sqrt(2.0 * BRAKING_SHARE * acceleration * max(HANGING - pitch, 0.0)))
+    return min(rate, sqrt(2.0 * BRAKING_SHARE * acceleration * max(fold_path.HANGING - pitch, 0.0)))
 
 
 def _camera_checks(

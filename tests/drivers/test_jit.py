@@ -13,9 +13,8 @@ import drivers
 SCRIPT = """
 import numpy as np
 from drivers.twin.renderer.kernels import interpolate
-nodes, slopes, arc = np.diag([3.0, 0.0])[::-1].copy(), np.eye(2)[[0, 0]], np.array([0.0, 3.0])
-points, _ = interpolate(nodes, slopes, arc, arc[1:])
-print(points[0, 0], sum(interpolate.stats.cache_hits.values()))
+line = np.diag([3.0, 0.0])[::-1].copy(), np.eye(2)[[0, 0]], np.array([0.0, 3.0])
+print(interpolate(*line, line[2][1:])[0][0, 0], sum(interpolate.stats.cache_hits.values()))
 """
 
 

@@ -5,11 +5,7 @@ import pytest
 
 from drivers.franka.inverse_kinematics import Unreachable, solve, twist_between
 from drivers.franka.kinematics import HOME, forward, jacobian
-from drivers.franka.limits import (
-    POSITION_HIGH,
-    POSITION_LOW,
-    margins,
-)
+from drivers.franka.limits import POSITION_HIGH, POSITION_LOW, margins
 
 DOWN = np.diag([1.0, -1.0, -1.0, 1.0])
 
