@@ -78,12 +78,12 @@ def _measure_point(context: CalibrationContext, record: Recorder) -> Doing:
     """
     points = context.points
     requested = (points.number, points.again)
-    settle = True
+    settling = steps.SETTLE
     while (points.number, points.again) == requested:
-        picture = yield from steps.still_picture(settle=settle)
+        picture = yield from steps.still_picture(settling)
         result = points.tell(picture.frame, picture.gripper)
         context.watch(points.progress(picture.frame, result))
-        settle = result.refused is not None
+        settling = 0.0 if result.refused is None else steps.SETTLE
         if result.refused is not None:
             record.event(picture.time, "touch_refused", reason=result.refused)
 

@@ -56,9 +56,9 @@ def move(pose: Pose) -> Motion:
     return snapshot
 
 
-def still_picture(*, settle: bool = True) -> Generator[Command, Snapshot, StillPicture]:
-    """First image taken once arm and strip rest, after SETTLE unless `settle` is false."""
-    at_rest = yield from pause(SETTLE if settle else 0.0)
+def still_picture(settling: float = SETTLE) -> Generator[Command, Snapshot, StillPicture]:
+    """First image taken once the arm has rested for `settling` [s]."""
+    at_rest = yield from pause(settling)
     while True:
         snapshot = yield Hold()
         frame = snapshot.view.frame

@@ -306,11 +306,11 @@ def colour_edge(row: Array, colour: Array, beyond: Array | None = None) -> float
     if beyond is not None:
         foreign &= colour_distances(row, beyond[None])[:, 0] < away
     start = int(np.argmin(foreign))  # a row may begin in a shadow
-    runs = np.flatnonzero(np.convolve(foreign[start:], np.ones(length), "valid") == length)
-    if foreign[start] or len(runs) == 0:
+    lasting = np.flatnonzero(np.convolve(foreign[start:], np.ones(length), "valid") == length)
+    if foreign[start] or len(lasting) == 0:
         return nan
-    end = start + runs[0] + length
+    end = start + lasting[0] + length
     change = np.median(row[end - length // 2 : end], axis=0) - colour
-    progress = (row[start:end] - colour) @ change / (change @ change)
-    last = int(np.max(np.flatnonzero(progress[:-1] < 0.5), initial=0))
+    progress = (row[start:end] - colour) @ change / (change @ change)  # from 0 to 1
+    last = int(np.max(np.flatnonzero(progress[:-1] < 0.5), initial=0))  # before half the change
     return float(start + last + np.interp(0.5, progress[last : last + 2], (0.0, 1.0)))

@@ -119,16 +119,15 @@ def _fall(measurement: StripMeasurement, gripper: Pose) -> Fall | None:
         return None
     points = np.vstack([measurement.profile, [(gripper.x, gripper.z)]])
     steps = np.hypot(*np.diff(points, axis=0).T)
-    remaining = np.concatenate([np.cumsum(steps[::-1])[::-1], [0.0]])  # to the gripper
+    remaining = np.concatenate([np.cumsum(steps[::-1])[::-1], [0.0]])  # m to the gripper
     tip = int(np.argmax(points[:, 0]))
-    upper = points[tip:]
-    past = np.flatnonzero(upper[:, 0] <= measurement.gap_x)
-    if len(past) == 0 or past[0] == 0:
+    past_gap = np.flatnonzero(points[tip:, 0] <= measurement.gap_x)  # in the upper layer
+    if len(past_gap) == 0 or past_gap[0] == 0:
         return None
-    j = tip + int(past[0])
-    ahead, behind = points[j - 1, 0], points[j, 0]
-    share = (ahead - measurement.gap_x) / (ahead - behind)
-    to_grasped = remaining[j - 1] + share * (remaining[j] - remaining[j - 1])
+    after = tip + int(past_gap[0])
+    before = after - 1
+    share = (points[before, 0] - measurement.gap_x) / (points[before, 0] - points[after, 0])
+    to_grasped = remaining[before] + share * (remaining[after] - remaining[before])
     return Fall(measurement.stamp, measurement.gap, measurement.gap_x, float(to_grasped))
 
 
@@ -138,18 +137,16 @@ def _closing_time(t: Array, gap: Array, level: float, end: float) -> tuple[float
     The line through the last three gaps above `level` is extrapolated to `end`: later ones may be
     at rest already.
     """
-    down = np.flatnonzero((gap[:-1] > level) & (gap[1:] <= level))
-    if len(down) == 0:
+    crossings = np.flatnonzero((gap[:-1] > level) & (gap[1:] <= level))
+    if len(crossings) == 0 or crossings[-1] == 0:
         return None
-    j = int(down[-1])
-    first = max(j - 2, 0)
-    if j == first:
-        return None
-    speed = -float(np.polyfit(t[first : j + 1], gap[first : j + 1], 1)[0])
+    last = int(crossings[-1])  # above `level`
+    three = slice(max(last - 2, 0), last + 1)
+    speed = -float(np.polyfit(t[three], gap[three], 1)[0])
     if speed <= 0:
         return None
-    latest = float(t[j + 1]) + max(float(gap[j + 1]) - end, 0.0) / speed
-    return min(float(t[j]) + (float(gap[j]) - end) / speed, latest), speed
+    latest = float(t[last + 1]) + max(float(gap[last + 1]) - end, 0.0) / speed
+    return min(float(t[last]) + (float(gap[last]) - end) / speed, latest), speed
 
 
 def _falls_slower(t: Array, gap: Array, time: float, speed: float) -> bool:
@@ -164,8 +161,8 @@ def _end_of_fall(t: Array, gap: Array, time: float, speed: float) -> float:
     """Time [s] at which the fall ended: where its fitted line meets the gap at rest."""
     rest = float(np.median(gap[t >= time]))
     moving = gap > rest + RISE_SHARE * speed * float(np.median(np.diff(t)))
-    j = int(np.argmin(moving)) - 1  # noise at rest may rise again: the first stop counts
-    return float(t[j]) + (float(gap[j]) - rest) / speed
+    last = int(np.argmin(moving)) - 1  # noise at rest may rise again: the first stop counts
+    return float(t[last]) + (float(gap[last]) - rest) / speed
 
 
 def _without_spikes(values: Sequence[float]) -> Array:

@@ -182,13 +182,14 @@ def _simulate_profile(model: StripModel, fold: MeasuredFold) -> Array | None:
         return None
     with_shape = slice(SHAPE_STRIDE - 1, None, SHAPE_STRIDE)  # the steps of which there are shapes
     times = times[with_shape]
-    grip = path[with_shape, :2]
-    contact = motion.contact_x[with_shape, 0]
-    j = np.clip(np.searchsorted(times, fold.stamp) - 1, 0, len(times) - 2)
-    part = ((fold.stamp - times[j]) / (times[j + 1] - times[j]))[:, None, None]
     arcs = np.broadcast_to(rod.arc(), (len(times), rod.arc().shape[1]))
-    curves = profiles(motion.shapes[:, 0], arcs, contact, grip)
-    return fold.bin_curves((1.0 - part) * curves[j] + part * curves[j + 1])
+    contact = motion.contact_x[with_shape, 0]
+    curves = profiles(motion.shapes[:, 0], arcs, contact, path[with_shape, :2])
+    # linear between the shapes before and after each image
+    before = np.clip(np.searchsorted(times, fold.stamp) - 1, 0, len(times) - 2)
+    after = before + 1
+    share = ((fold.stamp - times[before]) / (times[after] - times[before]))[:, None, None]
+    return fold.bin_curves((1.0 - share) * curves[before] + share * curves[after])
 
 
 def _design(curves: Array, spacing: float) -> Array:

@@ -295,10 +295,11 @@ class Joints:
         angles = self.angles(position)[:-1]
         along = np.stack([np.cos(angles), np.sin(angles)], axis=1)
         normals = np.stack([-along[:, 1], along[:, 0]], axis=1)
+        # velocity of each link's end from its beginning, by its turn and by its stretch
         turn = rate[self.hinges].cumsum()[:-1, None] * self._lengths(position) * normals
-        growth = np.zeros((len(angles), 1))
-        growth[self.lengthened, 0] = rate[self.slides]
-        ends = (turn + growth * along).cumsum(axis=0)
+        stretch = np.zeros((len(angles), 1))
+        stretch[self.lengthened, 0] = rate[self.slides]
+        ends = (turn + stretch * along).cumsum(axis=0)
         middles = ends - 0.5 * turn
         if self.edge is not None:
             middles[:, 0] += rate[self.edge]

@@ -63,17 +63,13 @@ class Window:
         present = [extent for extent in extents if len(extent[0])]
         if not present:
             return None
-        first = [int(min(pair[axis].min() for pair in present)) - 2 * margin for axis in range(2)]
-        last = [int(max(pair[axis].max() for pair in present)) + 2 * margin for axis in range(2)]
-        window = cls(
-            left=max(first[0], 0),
-            top=max(first[1], 0),
-            right=min(last[0] + 1, size[0]),
-            bottom=min(last[1] + 1, size[1]),
-            size=size,
-            margin=margin,
-        )
-        return window if window.left < window.right and window.top < window.bottom else None
+        columns, rows = zip(*present, strict=True)
+        left, top = (int(min(map(np.min, axis))) - 2 * margin for axis in (columns, rows))
+        right, bottom = (int(max(map(np.max, axis))) + 2 * margin + 1 for axis in (columns, rows))
+        left, top = max(left, 0), max(top, 0)
+        right, bottom = min(right, size[0]), min(bottom, size[1])
+        is_inside = left < right and top < bottom
+        return cls(left, top, right, bottom, size, margin) if is_inside else None
 
     @property
     def origin(self) -> tuple[int, int]:
