@@ -186,20 +186,19 @@ def follow_joints(
     joints: Numbers,
     share: float,
     guard: ForceGuard,
-    interrupted: Callable[[], bool],
-    until: Callable[[Any], bool] = lambda _: False,
+    until: Callable[[Any], bool],
 ) -> Numbers:
     """Move `robot` to `joints` (7,) [rad] and return the joints (7,) at which it comes to rest.
 
-    It brakes earlier once `interrupted()` or `until(state)` is true. Raises ArmFault for a force
-    beyond the limits of `guard`, once the robot stands.
+    At a `share` of full speed. It brakes earlier once `until(state)` is true. Raises ArmFault for a
+    force beyond the limits of `guard`, once the robot stands.
     """
     motion = robot.start_joints()
     state = robot.read(motion)
     setpoints = JointMotion(state, joints, share)
     objection = ""
     while not (setpoints.arrived and max(map(abs, state.dq_d)) < REST_RATE):
-        if not objection and (interrupted() or until(state)):
+        if not objection and until(state):
             setpoints.brake()
         robot.write_joints(motion, setpoints.tick())
         state = robot.read(motion)

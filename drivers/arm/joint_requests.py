@@ -119,7 +119,9 @@ def _go(robot: Any, access: RobotAccess, request: GoTo, pipe: Connection) -> lis
             break
         if max(map(abs, robot.state().dq)) < REST_RATE:  # its force can be the tare
             guard = robot.tared_guard()
-        reached = follow_joints(robot, joints.tolist(), request.share, guard, interrupted)
+        reached = follow_joints(
+            robot, joints.tolist(), request.share, guard, lambda _: interrupted()
+        )
     termination.check()
     return reached
 
@@ -145,11 +147,11 @@ def retreat(
     robot.configure(_raise_thresholds(settings.collision, size))
     guard = ForceGuard(size + FORCE_RISE)
 
-    def is_free(state: Any) -> bool:
-        return _force_on_gripper(state) < FREE * settings.rest
+    def is_over(state: Any) -> bool:
+        return interrupted() or _force_on_gripper(state) < FREE * settings.rest
 
     try:
-        follow_joints(robot, path[-1].tolist(), SPEED_SHARE, guard, interrupted, until=is_free)
+        follow_joints(robot, path[-1].tolist(), SPEED_SHARE, guard, is_over)
     finally:
         with suppress(ArmFault):  # of a robot that a reflex has stopped; motions set their own
             robot.configure(settings.collision)

@@ -48,9 +48,9 @@ class TwinArm:
     """Simulated arm, whose servo ticks at 1 kHz of simulated time.
 
     Commands and measurements are converted to the robot's base and back, as on hardware. The servo
-    runs from construction and holds the arm still until it is connected. The arm reports a pose
-    `delay` [s] late; with a negative delay the gripper arrives later than reported. Force is
-    reported where the settings say so.
+    runs from construction and holds the arm still until it is connected. The arm reports a pose by
+    the delay of the world's rig late; with a negative delay the gripper arrives later than
+    reported. Force is reported where the settings say so.
     """
 
     def __init__(
@@ -60,14 +60,13 @@ class TwinArm:
         settings: ArmSettings,
         installation: Installation,
         rng: np.random.Generator,
-        delay: float = 0.0,
     ) -> None:
         """Arm at rest at the gripper of `world`, its servo run by `clock`; noise from `rng`."""
         start = world.gripper
         self._world = world
         self._clock = clock
         self._rng = rng
-        self._delay = delay
+        self._delay = world.model.rig.delay
         self._cell_in_robot = installation.mounting.transform()
         self._connected = self._closed = False
         self._profile = MotionProfile(installation.limits, installation.workspace, start)
@@ -75,7 +74,9 @@ class TwinArm:
         self._position = [start.x, start.z, start.pitch]
         self._velocity = [0.0, 0.0, 0.0]
         at_rest = (*self._position, *self._velocity)
-        self._history = deque([at_rest] * (2 + int(max(delay, 0.0) / TICK)))  # the newest last
+        self._history = deque(
+            [at_rest] * (2 + int(max(self._delay, 0.0) / TICK))
+        )  # the newest last
         self._ticks = 0
         self._stamp = clock.now()
         self._sigma = np.array([*3 * [settings.noise], settings.pitch_noise])

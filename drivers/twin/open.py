@@ -78,7 +78,7 @@ def open_twin(
     desk = open_desk(TwinClock(), settings, plant, seed, index, installation, staging)
     (arm_seed,) = np.random.SeedSequence(seed).spawn(1)
     rng = np.random.default_rng(arm_seed)
-    arm = TwinArm(desk.world, desk.clock, settings.arm, installation, rng, desk.model.rig.delay)
+    arm = TwinArm(desk.world, desk.clock, settings.arm, installation, rng)
     hand = TwinHand(desk.world, desk.clock, settings.hand)
     return Twin(desk.clock, desk.world, desk.camera, desk.model, desk.home, arm, hand)
 

@@ -30,7 +30,7 @@ def flat_batch(models: Sequence[StripModel], segments: int) -> Batch:
     active = (np.arange(slots) < count).astype(np.float64)
     return Batch(
         nature=at.pack(natures, lanes),
-        state=at.pack(_flat_states(natures, rich=rich), lanes),
+        state=at.pack(_flat_states(natures), lanes),
         work=at.scratch(rows, at.RICH_WORK if rich else at.WORK, lanes),
         band=at.scratch(2 * rows + 4, at.COLUMN_COUNT, lanes),
         strips=np.arange(slots).reshape(-1, lanes),
@@ -97,8 +97,9 @@ def _by_strip(batch: Batch, slots: NDArray[T]) -> NDArray[T]:
     return ordered[: len(batch.arc)]
 
 
-def _flat_states(natures: Array, *, rich: bool) -> Array:
+def _flat_states(natures: Array) -> Array:
     """States (n, rows, fields) of strips with coefficients `natures`, flat and at rest."""
+    rich = natures.shape[2] == at.RICH_NATURE
     spans = natures[:, :, at.SPAN]
     states = np.zeros((*natures.shape[:2], at.RICH_STATE if rich else at.STATE_SIZE))
     states[:, 1:, at.X] = np.cumsum(spans[:, :-1], axis=1)

@@ -153,9 +153,7 @@ def _tensors(shard: Shard, mean: Array, whiten: Array) -> list[Tensor]:
 def _loss(network: Network, batch: list[Tensor]) -> Tensor:
     """Negative log likelihood of displacement and strip at random moments of each fold."""
     whitened, moved, alive, predicted, displacement, strip = batch
-    # at random: first moments that predict the displacement, then others before the touch
-    score = torch.rand(alive.shape) + predicted + alive
-    picked = torch.topk(score, min(PICKED, alive.shape[1]), dim=1).indices
+    picked = _pick_moments(alive, predicted)
     out = network(whitened, alive[..., None], picked)
     moved, alive, predicted = (values.gather(1, picked) for values in (moved, alive, predicted))
     expected = out[..., DISPLACEMENT] + out[..., SLOPE] * moved
@@ -164,6 +162,12 @@ def _loss(network: Network, batch: list[Tensor]) -> Tensor:
     strip_log_sigma = out[..., STRIP_LOG_SIGMAS].clamp(*LOG_SIGMA_RANGE)
     strip_loss = _gaussian_loss(strip[:, None] - out[..., STRIP_MEANS], strip_log_sigma, 0.0)
     return _mean(fold_loss, predicted) + BELIEF * _mean(strip_loss.sum(dim=-1), alive)
+
+
+def _pick_moments(alive: Tensor, predicted: Tensor) -> Tensor:
+    """Numbers (n, p) of random moments: first of those that predict, then others before touch."""
+    score = torch.rand(alive.shape) + predicted + alive
+    return torch.topk(score, min(PICKED, alive.shape[1]), dim=1).indices
 
 
 def _gaussian_loss(error: Tensor, log_sigma: Tensor, power: float) -> Tensor:

@@ -95,7 +95,7 @@ def test_way_home_joint_by_joint_settles_whatever_is_lost(
 ) -> None:
     goal = (HOME + 0.2).tolist()
     robot = LossyRobot(HOME, seed, worst, share)
-    reached = follow_joints(robot, goal, 1.0, ForceGuard(20.0), lambda: taken_too_long(robot))
+    reached = follow_joints(robot, goal, 1.0, ForceGuard(20.0), lambda _: taken_too_long(robot))
     assert robot.lost > 50
     assert not robot.robot.errors
     assert reached == pytest.approx(goal, abs=1e-4)
@@ -111,7 +111,7 @@ def taken_too_long(robot: LossyRobot) -> bool:
 def test_one_who_leaves_on_the_way_home_finds_the_robot_at_rest(worst: int, share: float) -> None:
     robot = LossyRobot(HOME, 3, worst, share)
     follow_joints(
-        robot, (HOME + 0.2).tolist(), 1.0, ForceGuard(20.0), lambda: robot.robot.time > 200
+        robot, (HOME + 0.2).tolist(), 1.0, ForceGuard(20.0), lambda _: robot.robot.time > 200
     )
     assert robot.ended
     assert not robot.robot.errors
@@ -147,7 +147,7 @@ def test_contact_on_the_way_home_ends_in_a_quick_stop_that_the_cell_commands(
     robot.read = pressed
     goal = [JOINTS[0] + 0.4, *JOINTS[1:]]
     with pytest.raises(ArmFault, match=r"met 30\.0 N, allowed 20\.0 N"):
-        follow_joints(robot, goal, 1.0, ForceGuard(20.0), lambda: False)
+        follow_joints(robot, goal, 1.0, ForceGuard(20.0), lambda _: False)
     assert robot.ended
     assert not robot.robot.errors
     assert robot.robot.time - met[0] < (100 if share == 0.0 else 400)

@@ -242,7 +242,7 @@ def test_share_of_the_speed_bounds_every_joint_on_the_way_home() -> None:
         rates.append(np.abs(robot.robot.posture.joints.velocity).max())
 
     robot.write_joints = noted
-    follow_joints(robot, near(0.02), 0.1, ForceGuard(20.0), lambda: False)
+    follow_joints(robot, near(0.02), 0.1, ForceGuard(20.0), lambda _: False)
     assert 0.045 < max(rates) < 0.051  # a tenth of 0.5 rad/s
 
 
