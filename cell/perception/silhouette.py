@@ -187,8 +187,8 @@ def _tips(outline: Outline) -> tuple[Outline, Array]:
     turns = (np.hypot(*(after - before).T) < TIP_WIDTH) & (length > 0.6 * TIP_ARM)
     first = np.flatnonzero(turns & ~np.roll(turns, 1))
     last = np.flatnonzero(turns & ~np.roll(turns, -1))
-    if len(first) and first[0] > last[0]:  # one begins before the outline's first point
-        last = np.roll(last, -1) + np.where(np.arange(len(last)) == len(last) - 1, len(turns), 0)
+    if len(first) and first[0] > last[0]:  # the last run ends after the outline's first point
+        last = np.append(last[1:], last[0] + len(turns))
     middle = ((first + last) // 2) % len(turns)
     return outline[middle], outwards[middle] / length[middle, None]
 

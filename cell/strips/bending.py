@@ -46,15 +46,16 @@ def pool(values: Sequence[float], sigmas: Sequence[float]) -> Pooled:
     scatter = _scatter(y, variance)
     weight = 1 / (variance + scatter)
     value = float((weight * y).sum() / weight.sum())
-    half = float(norm.ppf(0.5 + CONFIDENCE / 2) / np.sqrt(weight.sum()))
+    quantile = 0.5 + CONFIDENCE / 2
+    half = float(norm.ppf(quantile) / np.sqrt(weight.sum()))
     agreement = 1.0
     freedom = len(y) - 1
     if freedom:
         agreement = float(chi2.sf(_excess_squares(y, variance, 0.0) + freedom, freedom))
-        knapp = (weight * (y - value) ** 2).sum() / (freedom * weight.sum())
-        half = max(half, float(t.ppf(0.5 + CONFIDENCE / 2, freedom) * np.sqrt(knapp)))
-    deviation = float(np.sqrt(scatter))
-    return Pooled(value, value - half, value + half, scatter=deviation, agreement=agreement)
+        knapp_variance = (weight * (y - value) ** 2).sum() / (freedom * weight.sum())
+        half = max(half, float(t.ppf(quantile, freedom) * np.sqrt(knapp_variance)))
+    ends = value - half, value + half
+    return Pooled(value, *ends, scatter=float(np.sqrt(scatter)), agreement=agreement)
 
 
 def _excess_squares(y: Array, variance: Array, scatter: float) -> float:

@@ -160,17 +160,17 @@ def _scatter_warning(bending: Bending) -> str:
 
 def _overhang_warning(bending: Bending) -> str:
     """Warning about strips that bend too sharply or too little to be measured; else empty."""
-    c = bending.bending_length.value
+    length = bending.bending_length.value
     sharp = list[str]()
     stiff = list[str]()
     for fit in bending.fits:
         photograph = fit.photograph
-        radius = np.sqrt(c**3 / (2 * photograph.overhang))
+        radius = np.sqrt(length**3 / (2 * photograph.overhang))  # at the ledge of a limp strip
         if radius < max(SHARP_WIDTHS * photograph.width, SHARP_RADIUS):
             sharp.append(photograph.name)
-        if photograph.overhang < c and fit.sigma > LARGEST_UNCERTAINTY / 2:
+        if photograph.overhang < length and fit.sigma > LARGEST_UNCERTAINTY / 2:
             stiff.append(photograph.name)
-    low, high = (1e3 * c * lengths for lengths in OVERHANGS)
+    low, high = (1e3 * length * lengths for lengths in OVERHANGS)
     best = f"an overhang of {low:.0f} to {high:.0f} mm shows most"
     if sharp:
         return f"{', '.join(sharp)}: bends too sharply at the ledge to be seen well; {best}"

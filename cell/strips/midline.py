@@ -143,17 +143,15 @@ def _centre(grey: Image, points: Array, width: float) -> Array:
 
 def _to_ends(mask: Mask, points: Array, width: float) -> Array:
     """Extend a midline (n, 2) to the left border, and in a straight line to the object's tip."""
-    cut = np.flatnonzero(mask[:, 0])
-    entry = np.array([0.0, cut.mean()])
+    entry = np.array([0.0, np.flatnonzero(mask[:, 0]).mean()])
     clear = np.hypot(*(points - entry).T) > 0.8 * width
-    beyond = points[int(np.argmax(clear)) :]
-    tip = beyond[-1]
-    onward = tip - beyond[-END_POINTS]
-    onward /= np.linalg.norm(onward)
-    steps = tip + np.arange(1.0, 2 * width)[:, None] * onward
-    cells = np.rint(steps).astype(int)
-    within = ((cells >= 0) & (cells < (mask.shape[1], mask.shape[0]))).all(axis=1)
-    inside = np.zeros(len(steps), dtype=bool)
-    inside[within] = mask[cells[within, 1], cells[within, 0]]
-    last = len(inside) if inside.all() else int(np.argmin(inside))
-    return np.vstack([entry, beyond, steps[:last]])
+    traced = points[int(np.argmax(clear)) :]
+    direction = traced[-1] - traced[-END_POINTS]
+    direction /= np.linalg.norm(direction)
+    onward = traced[-1] + np.arange(1.0, 2 * width)[:, None] * direction
+    pixels = np.rint(onward).astype(int)
+    in_image = ((pixels >= 0) & (pixels < (mask.shape[1], mask.shape[0]))).all(axis=1)
+    on_object = np.zeros(len(onward), dtype=bool)
+    on_object[in_image] = mask[pixels[in_image, 1], pixels[in_image, 0]]
+    end = len(onward) if on_object.all() else int(np.argmin(on_object))
+    return np.vstack([entry, traced, onward[:end]])

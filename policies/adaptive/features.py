@@ -66,23 +66,23 @@ class RecentImages:
     def trend(self) -> Trend:
         """Lines fitted to the images of the last WINDOW_TIME, outliers weighted down (Cauchy)."""
         with np.errstate(invalid="ignore"):
-            ago = self._stamps - self.newest[:, None]
-        inside = np.nan_to_num(ago, nan=-np.inf) >= -WINDOW_TIME
-        t = np.where(inside, ago, 0.0)[..., None]
-        inside = inside[..., None]
-        weight = np.broadcast_to(inside, self._values.shape).astype(np.float64)
+            since_newest = self._stamps - self.newest[:, None]  # s, negative
+        counts = (np.nan_to_num(since_newest, nan=-np.inf) >= -WINDOW_TIME)[..., None]
+        t = np.where(counts, since_newest[..., None], 0.0)
+        weight = np.broadcast_to(counts, self._values.shape).astype(np.float64)
         for _ in range(PASSES):
             value, rate = _fit_line(t, self._values, weight)
-            off = self._values - value[:, None] - rate[:, None] * t
-            weight = inside / (1.0 + (off / OUTLIER_DEVIATION) ** 2)
+            deviation = self._values - value[:, None] - rate[:, None] * t
+            weight = counts / (1.0 + (deviation / OUTLIER_DEVIATION) ** 2)
         value, rate = _fit_line(t, self._values, weight)
-        off = np.where(inside, self._values - value[:, None] - rate[:, None] * t, 0.0)
-        spread = np.sqrt((off**2).sum(axis=1) / np.maximum(inside.sum(axis=1), 1))
+        deviation = np.where(counts, self._values - value[:, None] - rate[:, None] * t, 0.0)
+        spread = np.sqrt((deviation**2).sum(axis=1) / np.maximum(counts.sum(axis=1), 1))
         return Trend(value, rate, spread)
 
 
 def _fit_line(t: Array, values: Array, weight: Array) -> tuple[Array, Array]:
     """Values at t = 0 and slopes (n, channels) of weighted lines, with a ridge on the slopes."""
+    # moments of the normal equations: sums of w t^k, and of w t^k y
     s0 = weight.sum(axis=1) + 1e-12
     s1, s2 = (weight * t).sum(axis=1), (weight * t * t).sum(axis=1) + RATE_NOISE
     y0, y1 = (weight * values).sum(axis=1), (weight * values * t).sum(axis=1)
