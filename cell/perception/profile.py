@@ -169,8 +169,7 @@ def midline_points(levels: Image, side: Side, geometry: Geometry) -> SeenMidline
     tangents = np.stack([-outer.out[:, 1], outer.out[:, 0]], axis=1)
     width = (borders.inner - borders.outer) * outer.scale
     good = (borders.strength > 0.2) & ~(width < expected - AGREE * outer.scale)
-    averaged = _average_in_order(points[good], tangents[good])
-    return SeenMidline(averaged, float(good.mean()))
+    return SeenMidline(_average_in_order(points[good], tangents[good]), float(good.mean()))
 
 
 def _midline(outer: OuterSide, borders: Crossings, thickness: float) -> Array:
