@@ -12,7 +12,7 @@ from drivers.strip.effects.effect import Parameter, Role
 from drivers.types import Array
 
 Of = Literal["model", "rig"]
-# relative errors of laws of friction, springs and bases that sway, and of all others
+# relative errors of laws of friction, springs, gears and bases that sway, and of all others
 UNTRUE, EXACT = 0.2, 0.02
 SIZES_PER_SPREAD = 25.0  # typical sizes of a parameter in its prior spread
 STEPS_PER_SIZE = 1000.0  # steps of finite differences in a typical size
@@ -94,8 +94,8 @@ class Effect:
             tuple(tuple((np.append(null[:-1], last) + factor * size).tolist()) for size in amounts)
             for last in self.grid or null[-1:] for factor in self.probes
         )  # fmt: skip
-        is_law = self.path is not None or (self.law is not None and self.of == "model")
-        error = UNTRUE if is_law else EXACT
+        of_joint = self.law or self.read
+        error = UNTRUE if self.path or (of_joint and self.of == "model") else EXACT
         return Candidate(self.name, self.sentence, mechanism.mode.of or self.of, parameters, groups,
                          self.revealed_by, error, self._shapes(mechanism))  # fmt: skip
 
