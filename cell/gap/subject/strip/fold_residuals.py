@@ -44,19 +44,15 @@ class FoldResiduals:
         if motion is None:
             lost = np.full(len(self.layout.samples), np.nan)
             return Residuals(lost, lost.copy())
+        profile, force = self.layout.profile, self._force_residuals(model, motion)
         channels = [
-            self._profile_averages(model, motion),
+            average(self.distances(model, motion, profile.order), profile),
             self._contact_averages(model, motion),
-            *(self._force_averages(model, motion, axis) for axis in (0, 1)),
+            *(average(force[p.order, axis], p) for axis, p in enumerate(self.layout.force)),
             self._touch_residuals(model, motion),
         ]
         mean, square = (np.concatenate(rows) for rows in zip(*channels, strict=True))
         return Residuals(mean, square)
-
-    def _profile_averages(self, model: StripModel, motion: SimulatedMotion) -> tuple[Array, Array]:
-        """Mean [m] and mean square [m^2] (k,) of measured points' distances from the midline."""
-        part = self.layout.profile
-        return average(self.distances(model, motion, part.order), part)
 
     def shape_index(self, model: StripModel, motion: SimulatedMotion) -> Array:
         """Fractional index (m,) into the simulated shapes for each image of the run."""
@@ -105,16 +101,10 @@ class FoldResiduals:
         near = np.abs(mean) < limit
         return np.where(near, mean, np.nan), np.where(near, square, np.nan)
 
-    def _force_averages(
-        self, model: StripModel, motion: SimulatedMotion, axis: int
-    ) -> tuple[Array, Array]:
-        """Mean [N] and mean square [N^2] (k,) of residuals of the force along one axis."""
-        part = self.layout.force[axis]
-        if not len(part):
-            return np.empty(0), np.empty(0)
-        t = self.run.force_t[part.order]
-        simulated = reported_force(model.observation, t, motion.t, motion.force)
-        return average(np.asarray((self.run.force[part.order] - simulated)[:, axis]), part)
+    def _force_residuals(self, model: StripModel, motion: SimulatedMotion) -> Array:
+        """Measured minus simulated force (f, 2) [N] along x and z, NaN where not measured."""
+        t = self.run.force_t
+        return self.run.force - reported_force(model.observation, t, motion.t, motion.force)
 
     def _touch_residuals(self, model: StripModel, motion: SimulatedMotion) -> tuple[Array, Array]:
         """Residuals (3,) [s, m, m] of the touch and their squares, NaN where none is simulated.
