@@ -70,7 +70,8 @@ class Linearisation:
 class PreparedFold:
     """Measured fold: its residuals, and the paths along which it is simulated.
 
-    The rod has the fold's `resolution`; `linearisation` corrects its residuals.
+    The rod has the fold's `resolution`; `linearisation` corrects its residuals. Of a replicate,
+    `leader` is the fold whose simulation serves for its responses.
 
     Pushed along the desk, the strip buckles; where it does is chaotic, because friction and grip
     compliance are unknown. Only strips with bending hysteresis keep the shape; they are simulated
@@ -82,6 +83,7 @@ class PreparedFold:
     residuals: FoldResiduals
     linearisation: Linearisation
     resolution: Resolution = COARSE
+    leader: "PreparedFold | None" = None
 
     def job(self, hashed: Hashed[StripModel]) -> Job:
         """Simulation of model `hashed` along the measured path, lifted in case of hysteresis."""
@@ -108,21 +110,19 @@ def prepare_runs(
 
     `scatter` are the quantities that may differ from run to run.
     """
-    folds = [_fold(run, strip) for run in runs]
-    stated = [hashed_model(describe(strip, index=run.index)) for run in runs]
-    folds = _resolve(folds, stated, simulate)
+    every = [_fold(run, strip) for run in runs]
+    found = [fold for fold in every if len(fold.residuals.layout.samples)]
+    stated = [hashed_model(describe(strip, index=f.residuals.run.index)) for f in found]
+    folds = _with_leaders(_resolve(found, stated, simulate))
     nominal = [f.job(model) for f, model in zip(folds, stated, strict=True)]
-    linearised = linearise_folds(folds, nominal, simulate, scatter)
     local = tuple(e.parameter for e in scatter)
-    prepared = [
-        Run(run.name, run.condition, fold.residuals.layout.samples, local, fold, run.index)
-        for run, fold in zip(runs, folds, strict=True)
-    ]
-    return [
-        relinearise(run, about)
-        for run, about in zip(prepared, linearised, strict=True)
-        if len(run.samples)
-    ]
+    prepared = []
+    for fold, about in zip(folds, linearise_folds(folds, nominal, simulate, scatter), strict=True):
+        run, samples = fold.residuals.run, fold.residuals.layout.samples
+        bare = Run(run.name, run.condition, samples, local, fold, run.index,
+                   replicate=fold.leader is not None)  # fmt: skip
+        prepared.append(relinearise(bare, about))
+    return prepared
 
 
 def linearise_folds(
@@ -274,20 +274,19 @@ def _lifted_path(path: GripperPath, run: MeasuredRun) -> GripperPath:
     return GripperPath(path.t, poses)
 
 
-def replicates(runs: Sequence[Run]) -> Mapping[bytes, PreparedFold]:
-    """Map the digest of each fold's path to the fold whose simulation serves for it.
+def _with_leaders(folds: Sequence[PreparedFold]) -> list[PreparedFold]:
+    """Copies of `folds` with their leaders.
 
     An effect changes replicates alike, up to far less than the error of a rough time step.
     """
     leaders: list[PreparedFold] = []
     leader_of = {}
-    folds = [cast(PreparedFold, run.content) for run in runs]
     for fold in sorted(folds, key=lambda f: -f.path.value.t[-1]):
-        leader = next((f for f in leaders if _is_replicate(f, fold)), fold)
-        if leader is fold:
+        leader = next((f for f in leaders if _is_replicate(f, fold)), None)
+        if leader is None:
             leaders.append(fold)
-        leader_of[fold.path.digest] = leader
-    return leader_of
+        leader_of[id(fold)] = leader
+    return [replace(fold, leader=leader_of[id(fold)]) for fold in folds]
 
 
 def _is_replicate(longer: PreparedFold, fold: PreparedFold) -> bool:

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 from functools import lru_cache, partial
 from itertools import islice
 from pathlib import Path
@@ -18,7 +17,6 @@ from cell.gap.subject.strip.prepare import (
     linearise_folds,
     prepare_runs,
     relinearise,
-    replicates,
 )
 from cell.gap.subject.strip.runs import MeasuredRun, read_runs
 from cell.gap.subject.strip.scenes import measured_scene, simulated_scene
@@ -130,11 +128,6 @@ class StripSubject(Subject):
         self._residual_cache: dict[ResidualKey, Residuals] = {}
         self._model_cache = lru_cache(DESCRIBED)(partial(_describe, strip, self.scope.base))
         self.runs = prepare_runs(self._measured, strip, self._simulation, self._scatter)
-        self._replicates = replicates(self.runs)
-        self.runs = [
-            replace(run, replicate=self._leader(fold) is not fold)
-            for run, fold in ((run, cast(PreparedFold, run.content)) for run in self.runs)
-        ]
 
     def simulate(self, requests: Sequence[Request]) -> list[Residuals]:
         """Residuals of `requests`, measured minus simulated; each motion is simulated once."""
@@ -214,14 +207,10 @@ class StripSubject(Subject):
         """
         folds = [cast(PreparedFold, request.run.content) for request in requests]
         jobs = [
-            (self._leader(fold) if request.response else fold).job(self._model(request))
+            ((request.response and fold.leader) or fold).job(self._model(request))
             for request, fold in zip(requests, folds, strict=True)
         ]
         return folds, jobs
-
-    def _leader(self, fold: PreparedFold) -> PreparedFold:
-        """The fold that is simulated for all replicates of `fold`."""
-        return self._replicates.get(fold.path.digest, fold)
 
     def _model(self, request: Request) -> Hashed[StripModel]:
         """Cached strip model of `request`; earlier runs count only if an effect ages the strip."""
