@@ -60,13 +60,10 @@ def patch_file(
     notes = list(content.pop("provenance", ()))
     strip_effects = {name: dict(values) for name, values in content.get("effects", {}).items()}
     for name, value in base.items():
-        if "." in name:
-            effect, key = name.split(".")
-            notes.append(note_of(f"effects.{effect}.{key}", strip_effects[effect].get(key), source))
-            strip_effects[effect][key] = _round_off(value)
-        elif name in content:
-            notes.append(note_of(name, content[name], source))
-            content[name] = _round_off(value)
+        effect, _, key = name.rpartition(".")
+        stated = strip_effects[effect] if effect else content
+        notes.append(note_of(f"effects.{name}" if effect else name, stated.get(key), source))
+        stated[key] = _round_off(value)
     of_cell: dict[str, object] = {}
     law = dict(content.pop("law", {}))
     for name, values in effects.items():
