@@ -26,7 +26,6 @@ from cell.gap.subject.strip.simulation import (
     Resolution,
     Simulation,
     hashed_model,
-    hashed_path,
 )
 from cell.gap.subject.subject import Residuals, Run, Samples
 from drivers.geometry import interpolate_columns
@@ -248,8 +247,8 @@ def _fold(run: MeasuredRun, strip: StripFile) -> PreparedFold:
     no_error = np.zeros(len(samples_layout.samples))
     exact = Linearisation(no_error, no_error, {}, strip.length)
     return PreparedFold(
-        path=hashed_path(path),
-        lifted_path=hashed_path(_lifted_path(path, run)),
+        path=Hashed.of(path),
+        lifted_path=Hashed.of(_lifted_path(path, run)),
         residuals=residuals,
         linearisation=exact,
     )

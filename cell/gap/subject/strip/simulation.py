@@ -7,7 +7,7 @@ from collections import OrderedDict
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import astuple, dataclass, replace
-from typing import Generic, TypeVar
+from typing import Generic, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,20 +48,16 @@ class Hashed(Generic[T]):
     value: T
     digest: bytes
 
-
-def hashed_path(path: GripperPath) -> Hashed[GripperPath]:
-    """`path` with a digest of its times, its poses, and whether it starts hanging."""
-    h = hashlib.blake2b(bytes([path.hanging]), digest_size=16)
-    for array in (path.t, path.poses):
-        h.update(np.ascontiguousarray(array).data)
-    return Hashed(path, h.digest())
+    @classmethod
+    def of(cls, value: T, content: object = None) -> Self:
+        """`value` with a digest of all its numbers, or of those of `content`."""
+        numbers = pickle.dumps(value if content is None else content, protocol=5)
+        return cls(value, hashlib.blake2b(numbers, digest_size=16).digest())
 
 
 def hashed_model(model: StripModel) -> Hashed[StripModel]:
     """`model` of strip and rig with a hash of all its numbers but those of observation."""
-    blind = replace(model, observation=Observation())
-    digest = hashlib.blake2b(pickle.dumps(blind, protocol=5), digest_size=16).digest()
-    return Hashed(model, digest)
+    return Hashed.of(model, replace(model, observation=Observation()))
 
 
 @dataclass(frozen=True, slots=True)
