@@ -123,26 +123,22 @@ def candidate(effect: Effect, strip: StripFile, lifted: float) -> Candidate:
 
 
 def _parameters(effect: Effect, strip: StripFile) -> list[Parameter]:
-    """Parameters of the effect as they are fitted to `strip`, amounts by the sizes of its probes.
-
-    An amount that states a prior keeps it.
-    """
+    """Parameters of the effect as they are fitted to `strip`, amounts by its typical sizes."""
     amount = effect.parameters[0]
     sizes = [abs(amount.stated_value(size) - amount.start) for size in effect.sizes(strip)]
     step, spread = SECANT * min(sizes), FARTHEST * max(sizes)
-    return [
-        _along_strip(p, strip.length) if p.role == "place"
-        else replace(p, low=min(p.low, p.start), step=step, spread=min(p.spread, spread))
-        if p.is_amount else p
-        for p in effect.parameters
-    ]  # fmt: skip
+    return [_fitted(p, strip.length, step, spread) for p in effect.parameters]
 
 
-def _along_strip(place: Parameter, length: float) -> Parameter:
-    """Parameter of a `place` [m] as it is fitted to a strip of `length` [m]."""
-    low, high = max(place.low, 0.0), min(place.high, length)
-    return replace(place, start=0.5 * (low + high), low=low, high=high,
-                   step=PLACE_STEP, spread=high - low)  # fmt: skip
+def _fitted(p: Parameter, length: float, step: float, spread: float) -> Parameter:
+    """Parameter as it is fitted to a strip of `length` [m]; an amount has `step` and `spread`."""
+    if p.role == "place":
+        low, high = max(p.low, 0.0), min(p.high, length)
+        return replace(p, start=0.5 * (low + high), low=low, high=high,
+                       step=PLACE_STEP, spread=high - low)  # fmt: skip
+    if p.is_amount:  # whose null may lie below its range
+        return replace(p, low=min(p.low, p.start), step=step, spread=min(p.spread, spread))
+    return p
 
 
 def _probes(
