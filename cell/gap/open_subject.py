@@ -28,7 +28,8 @@ def open_subject(
     elif kind == "mechanism":
         subject = open_mechanism(file, runs, jobs, without)
     else:
-        raise ConfigurationError(f"{file}: kind: is {kind!r}; allowed: strip, mechanism")
+        allowed = "strip, mechanism (a pendulum is one of mode planar: configs/mechanisms)"
+        raise ConfigurationError(f"{file}: kind: is {kind!r}; allowed: {allowed}")
     subject.option = option_for(file)
     return subject
 
