@@ -1,4 +1,4 @@
-"""Selection and opening of the devices of a cell, with checks of what they need."""
+"""Opening of the devices of a cell, with checks of what they need."""
 
 import cv2
 
