@@ -192,15 +192,13 @@ def _fold_all(
     """
     from cell.folding.batch import agreed, fold_all
     from cell.folding.request import with_correction
-    from cell.folding.result import FoldResult
 
     requests = agreed(requests, options.ask)
     callbacks = _callbacks(requests[0].cell.emulation, as_json=as_json)
     exit_code = 0
     try:
         results = fold_all(requests, jobs, until, callbacks)
-        for request, end in zip(requests, results, strict=False):  # an interrupt ends them
-            result = end if isinstance(end, FoldResult) else FoldResult.refusal(request, end)
+        for request, result in zip(requests, results, strict=False):  # an interrupt ends them
             if as_json:
                 print_json(result.line())
                 sys.stdout.flush()

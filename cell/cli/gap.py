@@ -26,7 +26,7 @@ from cell.cli.options import (
 )
 from cell.cli.output import busy, notice, print_json, say, while_busy
 from cell.config.places import Configs as Configurations, check_recordable, find_configs
-from drivers.errors import CellError, ConfigurationError
+from drivers.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -143,8 +143,9 @@ def _fold_all(requests: "Sequence[Request]", jobs: int, *, as_json: bool) -> int
     callbacks = Callbacks(lay_again=lambda: await_strip(ask))
     results = while_busy("folding", fold_all(requests, jobs, callbacks=callbacks))
     for i, (request, result) in enumerate(zip(requests, results, strict=False), start=1):
-        if isinstance(result, CellError):
-            raise result
+        if not result.run:
+            notice(result.reason)
+            return result.exit_code
         if as_json:
             print_json(result.line())
         else:

@@ -51,13 +51,13 @@ def fold_all(
     jobs: int = 1,
     until: float | None = None,
     callbacks: Callbacks = Callbacks(),
-) -> Iterator[FoldResult | CellError]:
+) -> Iterator[FoldResult]:
     """Carry out the folds of `requests`, `jobs` at a time, and yield their results in order.
 
-    A fold that cannot begin yields its error, and the others follow. With `until` each is corrected
-    by those before it, and the first one whose edges lie as close [m] is the last, as is one that
-    was stopped. A real robot folds in sequence. The first Ctrl-C brakes the running folds and
-    starts no other; raises Interrupted or KeyboardInterrupt on the second.
+    One that cannot begin has a result without a `run`, and the others follow. With `until` each is
+    corrected by those before it, and the first one whose edges lie as close [m] is the last, as is
+    one that was stopped. A real robot folds in sequence. The first Ctrl-C brakes the running folds
+    and starts no other; raises Interrupted or KeyboardInterrupt on the second.
     """
     if until is not None:
         yield from _fold_until(requests, until, callbacks)
@@ -69,12 +69,12 @@ def fold_all(
 
 def _fold_in_parallel(
     requests: Sequence[Request], jobs: int, callbacks: Callbacks
-) -> Iterator[FoldResult | CellError]:
+) -> Iterator[FoldResult]:
     """Fold in `jobs` processes side by side; results are yielded in the order of `requests`."""
     folds = ParallelFolds(requests, jobs, callbacks.report)
     with callbacks.interrupt() as interrupted, closing(folds):
-        for result in map(_unless_interrupted, folds.results(interrupted)):
-            if isinstance(result, FoldResult):
+        for result in folds.results(interrupted):
+            if result.run:
                 callbacks.tell(result)
             yield result
 
@@ -94,25 +94,23 @@ def agreed(requests: Sequence[Request], ask: Callable[[str], str]) -> tuple[Requ
 
 def _fold_until(
     requests: Sequence[Request], until: float, callbacks: Callbacks
-) -> Iterator[FoldResult | CellError]:
+) -> Iterator[FoldResult]:
     """Fold in sequence, correcting each fold by those before, until edges lie `until` [m] apart."""
     corrected = (with_correction(request, "on") for request in requests)
     for result in _fold_in_sequence(corrected, callbacks):
         yield result
-        stopped = result.exit_code > 1
-        if stopped or (isinstance(result, FoldResult) and result.ends(until)):
+        if result.ends(until):
             return
 
 
 def _fold_in_sequence(
     requests: Iterator[Request] | Sequence[Request], callbacks: Callbacks
-) -> Iterator[FoldResult | CellError]:
+) -> Iterator[FoldResult]:
     """Fold in sequence, with the strip laid again in between; a page follows each fold."""
     for number, request in enumerate(requests):
         if request.trial.agreed and number > 0:
             callbacks.lay_again()
         with callbacks.interrupt() as interrupted:
-            result: FoldResult | CellError
             try:
                 with callbacks.observe(request.strip.name) as observers:
                     calibration = calibration_of(request.cell, callbacks.report, interrupted)
@@ -122,17 +120,10 @@ def _fold_in_sequence(
                 if result != recorded:
                     callbacks.tell(result)
             except CellError as error:
-                result = error
-        yield _unless_interrupted(result)
+                result = FoldResult.refusal(request, error)
+        yield result
         if interrupted():
             return
-
-
-def _unless_interrupted(result: FoldResult | CellError) -> FoldResult | CellError:
-    """Return a fold's `result`, or raise it if it is the error Interrupted."""
-    if isinstance(result, Interrupted):
-        raise result
-    return result
 
 
 class ParallelFolds:
@@ -142,19 +133,19 @@ class ParallelFolds:
         self, requests: Sequence[Request], jobs: int, report: Callable[[str], None]
     ) -> None:
         self._report = report
-        self._count = len(requests)
+        self._requests = requests
         self._waiting = deque(enumerate(requests))
         self._pool = ProcessPool(jobs, dies_with_parent=False)
         self._done: dict[int, FoldResult | CellError] = {}
         self._stops = 0
 
-    def results(self, interrupted: Callable[[], bool]) -> Iterator[FoldResult | CellError]:
+    def results(self, interrupted: Callable[[], bool]) -> Iterator[FoldResult]:
         """Yield the folds' results in the order of the requests, up to the last one started.
 
         Once `interrupted`, the folds under way stop under control and no other begins; after a
         KeyboardInterrupt they stop at once, and a second one is raised.
         """
-        for number in range(self._count):
+        for number in range(len(self._requests)):
             while number not in self._done:
                 try:
                     if interrupted() and not self._stops:
@@ -167,7 +158,8 @@ class ParallelFolds:
                     if self._stops > 1:
                         raise
                     self._stop()
-            yield self._done.pop(number)
+            end, request = self._done.pop(number), self._requests[number]
+            yield FoldResult.refusal(request, end) if isinstance(end, CellError) else end
 
     def close(self) -> None:
         """End all processes; a fold under way is first stopped under control."""

@@ -8,6 +8,7 @@ from typing import Any, Self
 from cell.config.unmeasured_strip import UNKNOWN_NAME as UNKNOWN
 from cell.folding.documents import LEARNED
 from cell.folding.request import Request
+from cell.orchestrator.operator import Interrupted
 from cell.orchestrator.outcome import Outcome
 from cell.perception.length_checks import LengthCheck
 from cell.record.header import LAID, NOT_FOLDED
@@ -55,7 +56,9 @@ class FoldResult:
 
     @classmethod
     def refusal(cls, request: Request, error: CellError) -> Self:
-        """Result of a fold that did not begin because of `error`; nothing was recorded."""
+        """Result of a fold that did not begin because of `error`; Interrupted is raised."""
+        if isinstance(error, Interrupted):
+            raise error
         return cls.from_outcome(request, Outcome.from_error(error), {})
 
     @classmethod
