@@ -69,16 +69,10 @@ class CalibrationNote(Part):
     error: float | None = None
 
 
-class ArmTiming(Recorded):
-    """Histogram of the times between a real arm's states, in bins between `edges_ms` [ms].
+class ArmTiming(Part):
+    """Longest time between two of a real arm's states; the file holds their histogram too."""
 
-    `counts` has one more entry than the edges, open below the first and above the last.
-    """
-
-    edges_ms: list[float]
-    counts: list[int]
     longest_ms: float
-    answered: float | None = None
 
 
 class Header(Recorded):
