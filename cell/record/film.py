@@ -226,30 +226,26 @@ class FilmProcess(AbstractContextManager["FilmProcess"]):
     """Writer of a video file in a process of its own, which completes it if this process dies."""
 
     def __init__(self, path: Path, encoder: str) -> None:
-        """Start the film's encoder process; OSError if it cannot open the film at `path`."""
+        """Start the film's encoder process; ChildDied if it cannot open the film at `path`."""
         self._image = SharedImage()
         self._child = Child(encode, path, encoder, self._image)
         try:
             self._await_answer()
-        except OSError:
+        except (ChildDied, OSError):
             self._close()
             raise
 
     def add(self, stamp: float, image: Image) -> None:
-        """Add `image` (h, w, 3) at a later `stamp` [s]; raises OSError where the film broke off."""
+        """Add `image` (h, w, 3) at a later `stamp` [s]; ChildDied, OSError where it broke off."""
         self._image.write(image)
         self._child.send((stamp, image.shape))
         self._await_answer()
 
-    def __exit__(self, error: type[BaseException] | None, *_: object) -> None:
-        """Wait until the film is complete; raises OSError with the reason for a broken film.
-
-        After an `error` in the block the film has broken off, and that is its reason.
-        """
+    def __exit__(self, *_: object) -> None:
+        """Wait until the film is complete; raises ChildDied or OSError where it broke off."""
         try:
-            if error is None:
-                self._child.send(None)  # no image follows
-                self._await_answer()
+            self._child.send(None)  # no image follows
+            self._await_answer()
         finally:
             self._close()
 
@@ -259,15 +255,8 @@ class FilmProcess(AbstractContextManager["FilmProcess"]):
         self._image.close()
 
     def _await_answer(self) -> None:
-        """Wait for an answer of the encoder process; OSError where it has died or stalled."""
-        try:
-            answer = self._child.receive(ENCODER_TIMEOUT)
-        except ChildDied as died:
-            self._child.close()
-            if died.failure is None:
-                raise OSError("its process has ended") from None
-            raise OSError(died.failure.text or died.failure.error) from None
-        if answer is None:
+        """Wait for an answer of the process; ChildDied where it ended, OSError where it stalled."""
+        if self._child.receive(ENCODER_TIMEOUT) is None:
             self._child.kill()
             raise OSError("its encoder hangs")
 
