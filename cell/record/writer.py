@@ -49,7 +49,6 @@ class RunWriter:
         self._newest = float("nan")
         self._mark = False
         self._finished = False
-        self._described = False
         self._header: dict[str, Any] = {"schema": SCHEMA, **header}
         strip = parse(self._header, Header, RUN).strip
         try:
@@ -80,7 +79,6 @@ class RunWriter:
         A document that is on disk costs more than a turn of the control loop has.
         """
         self._header |= facts
-        self._described = True
 
     def tick(self, arm: ArmState, state: str) -> None:
         """Write the row of one control cycle: the measured `arm`, in a `state` of the run."""
@@ -131,7 +129,7 @@ class RunWriter:
         if self._frames.film_failure:
             self.describe(film=self._frames.film_failure)
         with self._recording():
-            self._write_described()
+            write_document(self.folder / RUN, self._header)
             tables.write_tables(self.folder, tables.assemble(self.folder))
             write_document(self.folder / RESULT, content)
         self._finished = True
@@ -154,14 +152,10 @@ class RunWriter:
         with self._recording():
             try:
                 self._close_streams()
-                self._write_described()
+                if not self._finished:
+                    write_document(self.folder / RUN, self._header)
             finally:
                 self._events.close()
-
-    def _write_described(self) -> None:
-        if self._described:
-            write_document(self.folder / RUN, self._header)
-            self._described = False
 
     def _close_streams(self) -> None:
         self._frames.close()
