@@ -20,7 +20,7 @@ from cell.record.columns import Profile, Sights, Ticks
 from cell.record.events import Event, origin_of, read_events
 from cell.record.frames import FrameNote, read_frame, read_index
 from cell.record.header import Header, Result
-from cell.record.tables import Tables, assemble
+from cell.record.tables import assemble
 from drivers.errors import ConfigurationError
 from drivers.readers import read_parquet
 from drivers.settings import load
@@ -249,13 +249,14 @@ def _read(folder: Path, *, lenient: bool) -> Run:
     header = load(folder / files.RUN, Header)
     reader = PartReader(lenient)
     result = reader.read(lambda: read_result(folder), None)
-    tables_of_streams = cache(partial(_tables_of_streams, folder, header))
+    tables_of_streams = cache(partial(assemble, folder))
+    begun = any((folder / name).exists() for name in (files.TICK_STREAM, files.EVENTS))
 
     def table(name: str) -> tuple[pa.Table, str]:
         """Table in the Parquet file `name`, and the path of its source for errors.
 
         One that is missing from an incomplete run, or broken in a lenient one, is made from the
-        streams.
+        streams, which a run of the cell that died at its start need not have.
         """
         path = folder / name
         stream = folder / files.TICK_STREAM
@@ -266,23 +267,12 @@ def _read(folder: Path, *, lenient: bool) -> Run:
             if not (lenient and stream.is_file()):
                 raise
             reader.problems.append(f"{error}; read from {files.TICK_STREAM} instead")
+        if not begun and header.config is None:
+            raise ConfigurationError(
+                f"{folder}: {name}: is missing, and there is no {files.TICK_STREAM} to make it from"
+            )
         return tables_of_streams()[name], str(stream)
 
     ticks = reader.read(lambda: Ticks.parse(*table(files.TICKS)), Ticks.none())
     profile = reader.read(lambda: Profile.parse(*table(files.PROFILE)), Profile.none())
     return Run(folder, header, ticks, profile, result, reader)
-
-
-def _tables_of_streams(folder: Path, header: Header) -> Tables:
-    """Tables made from the streams of an interrupted run.
-
-    A run of the cell may have died before its streams were begun. Raises ConfigurationError for
-    any other run without tables.
-    """
-    begun = any((folder / name).exists() for name in (files.TICK_STREAM, files.EVENTS))
-    if not begun and header.config is None:
-        missing = files.TICKS if not (folder / files.TICKS).exists() else files.PROFILE
-        raise ConfigurationError(
-            f"{folder}: {missing}: is missing, and there is no {files.TICK_STREAM} to make it from"
-        )
-    return assemble(folder)
