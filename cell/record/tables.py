@@ -3,7 +3,8 @@
 A stream (Arrow IPC) has one row per message: rows written before a crash can be read after it.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -70,30 +71,20 @@ def read_stream(path: Path, schema: pa.Schema) -> pa.Table:
     Empty without a file, or with one truncated inside its header. Raises ConfigurationError for a
     stream without these columns.
     """
-    batches: list[Any] = []
+    batches, stored = list[pa.RecordBatch](), schema
     content = read_bytes(path, LARGEST_STREAM) if path.exists() else b""
-    try:
-        with pa.ipc.open_stream(pa.py_buffer(content)) as reader:
-            stored = reader.schema
-            batches.extend(_complete_batches(reader))
-    except (pa.ArrowException, OSError):
-        return pa.Table.from_batches([], schema)
+    with suppress(StopIteration, pa.ArrowException, OSError):  # the end, or the first broken row
+        reader = pa.ipc.open_stream(pa.py_buffer(content))
+        stored = reader.schema
+        while True:
+            batch = reader.read_next_batch()
+            batch.validate(full=True)
+            batches.append(batch)
     try:
         rows = pa.Table.from_batches(batches, stored).select(schema.names)
         return rows.cast(schema).combine_chunks()
     except (KeyError, ValueError, pa.ArrowException) as error:
         raise ConfigurationError(f"{path}: {error}; it was changed after the run") from None
-
-
-def _complete_batches(reader: Any) -> Iterator[Any]:
-    """Yield the intact batches of rows up to the first one that is broken."""
-    while True:
-        try:
-            batch = reader.read_next_batch()
-            batch.validate(full=True)
-        except (StopIteration, pa.ArrowException, OSError):
-            return
-        yield batch
 
 
 Tables = dict[str, pa.Table]
