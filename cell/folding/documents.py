@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-from collections.abc import Mapping
 from dataclasses import asdict
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -110,26 +109,21 @@ def _learned_strip(strip: StripFile, predicted: FoldPrediction, run: str) -> Str
         notes[key] = f"{friction.low:.0f} to {friction.high:.0f} 1/m"
     intervals = {"bending_length": (length.low, length.high)}
     intervals |= {"retardation_time": (time.low, time.high)}
+    source = f"fold {run}, as the policy judged it at the touch"
+    learned = (
+        Provenance(key=key, source=source, note=f"of its rods, 68 %: {interval}")
+        for key, interval in notes.items()
+    )
+    kept = (entry for entry in strip.provenance if entry.key not in notes)
     return strip.model_copy(
         update={
             "bending_length": round(length.value, 5),
             "retardation_time": round(time.value, 4),
             "effects": effects,
             "spread": strip.spread | intervals,
-            "provenance": _provenance(strip, notes, run),
+            "provenance": (*kept, *learned),
         }
     )
-
-
-def _provenance(strip: StripFile, notes: Mapping[str, str], run: str) -> tuple[Provenance, ...]:
-    """Provenance of `strip` with the parameters of `notes`, intervals as text, from fold `run`."""
-    source = f"fold {run}, as the policy judged it at the touch"
-    kept = (entry for entry in strip.provenance if entry.key not in notes)
-    learned = (
-        Provenance(key=key, source=source, note=f"of its rods, 68 %: {interval}")
-        for key, interval in notes.items()
-    )
-    return (*kept, *learned)
 
 
 def offer_strip(folder: Path, strip: StripFile, predicted: FoldPrediction) -> Path:

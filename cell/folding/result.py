@@ -123,7 +123,8 @@ class FoldResult:
         if self.exit_code != 0:
             folded += f" ({self.outcome})"
         text = f"{self.strip}: {folded}, displacement {1e3 * self.displacement:+.1f} mm"
-        text += _true_words(self.displacement_true)
+        if (d := self.displacement_true) is not None:
+            text += f" (true {1e3 * d:+.1f} mm)"
         if (d := self.edge_offset) is not None:
             text += f"; laid down, the upper edge lies {_edge_words(d)} the lower one"
         elif self.edge_offset_true is not None:
@@ -144,8 +145,3 @@ class FoldResult:
 def _edge_words(offset: float) -> str:
     """Text of the `offset` [m] of the upper layer's laid edge: beyond or before the lower one."""
     return f"{1e3 * abs(offset):.1f} mm {'beyond' if offset > 0 else 'before'}"
-
-
-def _true_words(true: float | None) -> str:
-    """Text of the `true` length [m] on the twin; empty where it is unknown."""
-    return "" if true is None else f" (true {1e3 * true:+.1f} mm)"

@@ -86,31 +86,31 @@ def write_comparison(folders: Sequence[Path], out: Path) -> Path:
     title = f"{len(runs)} runs of {', '.join(sorted({run.header.strip for run in runs}))}"
     truths = [truth_of(run)[0] or {} for run in runs]
     rows = [read_row(run.folder) for run in runs]
-    table = _differences(runs, truths)
-    films = [(_short_name(run), film_of(run)) for run in runs[:MOST_FILMS]]
+    names = [f"{row.short.split()[0]} {row.policy.removeprefix('motion:')}".strip() for row in rows]
+    table = _differences(names, runs, truths)
+    films = [(name, film_of(run)) for name, run in zip(names, runs[:MOST_FILMS], strict=False)]
     text = page(
         "report/templates/compare.html",
         title,
         title=title,
-        said=_verdict(runs, rows, truths, [row[0] for row in table[1:]]),
+        said=_verdict(names, rows, truths, [row[0] for row in table[1:]]),
         films=[(name, film) for name, film in films if film and film["source"] != FILM],
         head=("run", "outcome", "displacement", "true", "edges apart", "true", "touch"),
         numbers=[_numbers(row, true, out.parent) for row, true in zip(rows, truths, strict=True)],
         differences=list(zip(*table, strict=True)) if len(runs) > MOST_COLUMNS else table,
-        shapes=_shapes(runs),
+        shapes=_shapes(names, runs),
     )
     write_file(out, text)
     return out
 
 
 def _verdict(
-    runs: Sequence[Run],
+    names: Sequence[str],
     rows: Sequence[RunRow],
     truths: Sequence[Mapping[str, Any]],
     differing: Sequence[str],
 ) -> PageVerdict:
     """Verdict that names the run nearest to a fold in half, and the settings that differ."""
-    names = [_short_name(run) for run in runs]
     laid = all(row.edge_offset is not None for row in rows if row.displacement is not None)
     key = "edge_offset" if laid else "displacement"  # one length for all runs
     what = "Edges apart" if laid else "Displacement where the layers touch"
@@ -153,7 +153,9 @@ def _link(row: RunRow, place: Path, name: str) -> str | Link:
     return Link(name, os.path.relpath(report, place)) if report.exists() else name
 
 
-def _differences(runs: Sequence[Run], truths: Sequence[Mapping[str, Any]]) -> list[tuple[str, ...]]:
+def _differences(
+    names: Sequence[str], runs: Sequence[Run], truths: Sequence[Mapping[str, Any]]
+) -> list[tuple[str, ...]]:
     """Heading and rows of the settings that differ: a row per setting, a column per run.
 
     The plant is stated by its values where these are known.
@@ -171,7 +173,7 @@ def _differences(runs: Sequence[Run], truths: Sequence[Mapping[str, Any]]) -> li
         for key in keys
         if any(each.get(key) != settings[0].get(key) for each in settings)
     ]
-    return [("setting", *(_short_name(run) for run in runs)), *rows]
+    return [("setting", *names), *rows]
 
 
 def distinct_texts(key: str, settings: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -180,21 +182,21 @@ def distinct_texts(key: str, settings: Sequence[Mapping[str, Any]]) -> list[str]
     return texts if len(set(texts)) > 1 else [str(each.get(key)) for each in settings]
 
 
-def _shapes(runs: Sequence[Run]) -> str:
+def _shapes(names: Sequence[str], runs: Sequence[Run]) -> str:
     """Figure (SVG) of the lifted strips at equal times, and of the paths of the gripper."""
     with canvas(8.4, 4.0) as figure:
         axes = figure.add_subplot(aspect="equal", anchor="W")
         axes.axhline(0, color=MUTED, lw=0.8)
         ends = [run.profile.t.max() for run in runs if run.profile.t.size]
         times = np.linspace(0.0, min(ends, default=0.0), SHAPES + 1)[1:]
-        for number, run in enumerate(runs):
+        for number, (name, run) in enumerate(zip(names, runs, strict=True)):
             look = {"color": COLOURS[number % len(COLOURS)]}
-            axes.plot(1e3 * run.ticks.x, 1e3 * run.ticks.z, **look, lw=1.8, label=_short_name(run))
+            axes.plot(1e3 * run.ticks.x, 1e3 * run.ticks.z, **look, lw=1.8, label=name)
             curves = run.profile.curves()
             for time in times if curves else ():
                 _, points = min(curves, key=lambda curve: abs(curve[0] - time))
                 near = points[(np.abs(points) < FARTHEST_HAND).all(axis=1)]
-                label = f"{_short_name(run)}, {time:.1f} s"
+                label = f"{name}, {time:.1f} s"
                 axes.plot(*(1e3 * near).T, **look, lw=0.7, gid=label)
                 if number == 0 and len(near):
                     axes.annotate(f"{time:.1f} s", 1e3 * near[-1], (3, 0), fontsize=8,
@@ -202,9 +204,3 @@ def _shapes(runs: Sequence[Run]) -> str:
         axes.set(xlabel="x  [mm]", ylabel="z  [mm]")
         figure.legend(loc="outside lower left", ncols=2)
         return as_svg(figure)
-
-
-def _short_name(run: Run) -> str:
-    """Short name of a run for headings, as in tables, and its policy or motion."""
-    name = read_row(run.folder).short.split()[0]
-    return f"{name} {(run.header.policy or '').removeprefix('motion:')}".strip()
