@@ -56,7 +56,7 @@ class FoldResult:
 
     @classmethod
     def refusal(cls, request: Request, error: CellError) -> Self:
-        """Result of a fold that did not begin because of `error`; raises one that is Interrupted."""
+        """Result of a fold that did not begin because of `error`; raises an Interrupted one."""
         if isinstance(error, Interrupted):
             raise error
         return cls.from_outcome(request, Outcome.from_error(error), {})
