@@ -6,7 +6,7 @@ import numpy as np
 from calibration.board import BoardDetection, BoardSettings, BoardView, find_board
 from calibration.lens import MINIMUM_VIEWS, Lens
 from calibration.wizard import coverage
-from calibration.wizard.coverage import Gate, Placement, Sketch, WantedView, guessed_lens
+from calibration.wizard.coverage import Placement, Sketch, WantedView, guessed_lens
 from calibration.wizard.lens_verdict import LensVerdict, fit_views, lens_verdict
 from calibration.wizard.progress import Mark, Progress, Row
 from drivers.types import Frame, Image
@@ -104,14 +104,10 @@ class BoardViews:
         """Marks on the corners of all accepted views, which show the coverage."""
         return tuple(Mark(corner) for view in self.views for corner in view.image)
 
-    def gates(self) -> tuple[Gate, ...]:
-        """Coverage requirements, and how far the accepted views meet them."""
-        lens = self._lens or guessed_lens(TYPICAL_SIZE)
-        return coverage.gates(self.views, lens, self._settings)
-
     def progress(self, frame: Frame | None = None, result: Row | None = None) -> Progress:
         """Message to observers: request, coverage, `result` of the newest image `frame`, if any."""
-        gates = self.gates()
+        lens = self._lens or guessed_lens(TYPICAL_SIZE)
+        gates = coverage.gates(self.views, lens, self._settings)
         wanted = self.ask()
         missing = [gate for gate in gates if not gate.passed]
         seen = () if self._seen is None or result is None else self._seen.image

@@ -21,18 +21,12 @@ CAMERA_COLUMNS = slice(6, 14)  # of it: the lens but k3
 BOW_MODES = 3  # of a bow: x^2, y^2, x y
 
 
-@dataclass(frozen=True, slots=True)
-class Bow:
-    """Bow of a board out of its plane: peak to peak over the pattern, and one sigma of it [mm]."""
+def _bow_reasons(
+    views: Sequence[BoardView], lens: Lens, settings: BoardSettings
+) -> tuple[str, ...]:
+    """Reasons for refusal: a board that is not flat, which falsifies the focal length.
 
-    height_mm: float
-    sigma_mm: float
-
-
-def estimate_bow(views: Sequence[BoardView], lens: Lens, outline: Array) -> Bow:
-    """Estimate the bow of the board in `views` through `lens`, fitted as if it were flat.
-
-    `outline` (4, 2) [m] are the corners of its pattern.
+    `lens` is the one fitted to `views` as if the board were flat.
 
     One Gauss-Newton step of the whole bundle, in which the board gains the heights
     a x^2 + b y^2 + c x y: the part of the corners' errors that these explain and lens and poses do
@@ -49,11 +43,16 @@ def estimate_bow(views: Sequence[BoardView], lens: Lens, outline: Array) -> Bow:
     covariance = (noise * inverse / np.outer(scale, scale))[-BOW_MODES:, -BOW_MODES:]
     # heights at corners, middles of the sides and middle, about the middle: a tilt is no bow
     grid = np.array([(x, y) for y in (-0.5, 0.0, 0.5) for x in (-0.5, 0.0, 0.5)])
-    modes = _bow_modes(grid * np.ptp(outline, axis=0))
+    modes = _bow_modes(grid * np.ptp(settings.outline(), axis=0))
     heights = modes @ solution[-BOW_MODES:]
     lowest_to_highest = modes[np.argmax(heights)] - modes[np.argmin(heights)]
-    sigma = float(np.sqrt(lowest_to_highest @ covariance @ lowest_to_highest))
-    return Bow(1e3 * float(np.ptp(heights)), 1e3 * sigma)
+    sigma_mm = 1e3 * float(np.sqrt(lowest_to_highest @ covariance @ lowest_to_highest))
+    height_mm = 1e3 * float(np.ptp(heights))
+    return reasons(
+        (height_mm > max(settings.bow_mm, SEEN_SIGMA * sigma_mm),
+         f"the board is bent by {height_mm:.1f} mm (+- {sigma_mm:.1f}), allowed "
+         f"{settings.bow_mm:.1f} mm; glue it on glass or another flat and stiff plate")
+    )  # fmt: skip
 
 
 def _pose_free_system(view: BoardView, lens: Lens) -> tuple[Array, Array]:
@@ -148,7 +147,7 @@ def lens_verdict(
         split, bend_mm = _differences_of_halves(ordered, fit.lens)
     except ConfigurationError as error:
         return LensVerdict(views=len(ordered), reasons=(str(error),))
-    bow_reasons = _bow_reasons(estimate_bow(ordered, fit.lens, settings.outline()), settings)
+    bow_reasons = _bow_reasons(ordered, fit.lens, settings)
     gates = coverage.gates(ordered, fit.lens, settings)
     refused = [*bow_reasons, *(str(gate) for gate in gates if not gate.passed)]
     if not bow_reasons:  # a bow causes these, too
@@ -191,15 +190,6 @@ def _differences_of_halves(views: Sequence[BoardView], lens: Lens) -> tuple[floa
     split = abs(float(one.matrix[0, 0] - other.matrix[0, 0])) / focal
     depth = float(np.median([view.depth(lens) for view in views]))
     return split, 1e3 * _largest_difference(one, other) * depth / focal
-
-
-def _bow_reasons(bow: Bow, settings: BoardSettings) -> tuple[str, ...]:
-    """Reasons for refusal: a board that is not flat, which falsifies the focal length."""
-    return reasons(
-        (bow.height_mm > max(settings.bow_mm, SEEN_SIGMA * bow.sigma_mm),
-         f"the board is bent by {bow.height_mm:.1f} mm (+- {bow.sigma_mm:.1f}), allowed "
-         f"{settings.bow_mm:.1f} mm; glue it on glass or another flat and stiff plate")
-    )  # fmt: skip
 
 
 def _lens_reasons(fit: LensFit, split: float, settings: BoardSettings) -> tuple[str, ...]:

@@ -1,6 +1,5 @@
 """A calibration session as a folder: settings, images, measurements, verdict."""
 
-import json
 from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -17,7 +16,7 @@ from calibration.wizard.touched_points import TouchedPoints
 from calibration.wizard.touches import TouchSettings
 from drivers.errors import ConfigurationError
 from drivers.files import append_line, write_file, writing
-from drivers.readers import MEGABYTE, read_json, read_picture, read_text
+from drivers.readers import MEGABYTE, read_json, read_json_lines, read_picture
 from drivers.settings import Settings, load, parse
 from drivers.types import Image
 from drivers.yaml_text import dump_yaml
@@ -63,23 +62,23 @@ class SessionFolder:
     It passes them on to `watch`.
     """
 
-    def __init__(self, folder: Path, session: Session, watch: Observer = ignore) -> None:
-        """Create the session's `folder`, new or empty, or resume that of the same `session`.
+    def __init__(self, folder: Path, now: Session, watch: Observer = ignore) -> None:
+        """Begin a session with settings `now` in the new or empty `folder`, or resume its own.
 
-        Raises ConfigurationError for a folder that cannot be written.
+        Raises ConfigurationError for a folder that cannot be written, or other settings before.
         """
         self.folder = folder
-        self._count = len([*(folder / IMAGES_FOLDER).glob("*.png")])
+        self.session = now
         self._watch = watch
         if (folder / SESSION_FILE).exists():
-            rows = folder / ROWS_FILE
-            text = read_text(rows, LARGEST_LOG) if rows.exists() else ""
-            if text and not text.endswith("\n"):  # more lines follow a truncated one
-                write_file(rows, text[: text.rfind("\n") + 1], MAKE_ROOM)
-            return
-        with writing(folder):
-            (folder / IMAGES_FOLDER).mkdir(parents=True)
-        write_yaml(folder / SESSION_FILE, session.model_dump(mode="json", by_alias=True))
+            self.session = _resumed(folder, now)
+            with writing(folder / ROWS_FILE, MAKE_ROOM):
+                append_line(folder / ROWS_FILE, b"\n")  # ends a truncated line
+        else:
+            with writing(folder):
+                (folder / IMAGES_FOLDER).mkdir(parents=True)
+            write_yaml(folder / SESSION_FILE, now.model_dump(mode="json", by_alias=True))
+        self._count = len([*(folder / IMAGES_FOLDER).glob("*.png")])
 
     def __call__(self, progress: Progress) -> None:
         """Write the measurements in `progress`, and the image if it was accepted."""
@@ -114,10 +113,8 @@ def read_session(folder: Path, kind: Kind) -> Session:
     return session
 
 
-def begin_or_resume(folder: Path, now: Session) -> Session:
-    """Session in `folder`, or a new one with settings `now`; ConfigurationError if they differ."""
-    if not (folder / SESSION_FILE).exists():
-        return now
+def _resumed(folder: Path, now: Session) -> Session:
+    """Session in `folder`; raises ConfigurationError where its settings differ from those `now`."""
     stored = read_session(folder, now.kind)
     for key in ("camera", "image", "locks", "boards", "touches", "latency", "lens"):
         before, today = getattr(stored, key), getattr(now, key)
@@ -130,20 +127,13 @@ def begin_or_resume(folder: Path, now: Session) -> Session:
 
 
 def read_rows(folder: Path) -> Iterator[Row]:
-    """Yield the rows of told.jsonl in a session's `folder`, without a truncated last line.
+    """Yield the rows of told.jsonl in a session's `folder`, without truncated lines.
 
-    Raises ConfigurationError for a file that cannot be read or a line that is not JSON.
+    Raises ConfigurationError for a file that cannot be read or a line that is no row.
     """
     path = folder / ROWS_FILE
-    lines = read_text(path, LARGEST_LOG).splitlines()
-    for number, line in enumerate(lines, start=1):
-        try:
-            content = json.loads(line)
-        except (ValueError, RecursionError):
-            if number == len(lines):
-                return
-            raise ConfigurationError(f"{path}: line {number}: is not JSON; remove it") from None
-        yield parse(content, Row, f"{path}: line {number}")
+    for content in read_json_lines(path, LARGEST_LOG):
+        yield parse(content, Row, str(path))
 
 
 def _taken_images(
@@ -153,14 +143,13 @@ def _taken_images(
 
     Raises ConfigurationError for an image that is missing or not of the session's size.
     """
-    accepted: list[Row] = []
-    for row in read_rows(folder) if (folder / ROWS_FILE).exists() else ():
+    accepted: dict[tuple[int, bool], Row] = {}
+    for row in read_rows(folder):
         if row.dropped:
-            identity = (row.number, row.again)
-            accepted = [other for other in accepted if (other.number, other.again) != identity]
+            accepted.pop((row.number, row.again), None)
         elif row.image is not None:
-            accepted.append(row)
-    for row in accepted:
+            accepted[row.number, row.again] = row
+    for row in accepted.values():
         if row.number not in without:
             yield row, _read_image(folder, row, session.image)
 

@@ -91,12 +91,17 @@ def check_usable(
     calibration: Calibration, devices: Devices, allowed_days: float, now: datetime
 ) -> None:
     """Raise ConfigurationError or PreflightRefused for an old or another camera's calibration."""
+    check_camera(calibration, devices)
+    check_current(calibration, allowed_days, now, on_twin=devices.plant is not None)
+
+
+def check_camera(calibration: Calibration, devices: Devices) -> None:
+    """Raise ConfigurationError for the calibration of another camera than that of `devices`."""
     if calibration.camera != devices.camera_identity:
         raise ConfigurationError(
             f"calibration: {calibration.id} belongs to camera {calibration.camera}, this one is "
             f"{devices.camera_identity}; run `cell calibrate` and name its file, or none"
         )
-    check_current(calibration, allowed_days, now, on_twin=devices.plant is not None)
 
 
 def use_calibration(cell_file: Path, calibration: Path) -> None:

@@ -25,12 +25,13 @@ from calibration.wizard.touch_verdict import CheckVerdict, MapVerdict, check_ver
 from calibration.wizard.touched_points import TouchedPoints
 from calibration.wizard.touches import check_plan
 from calibration.wizard.verdict import Verdict
+from cell.calibrate.calibration_in_use import check_camera
 from cell.config.cell import CellFile
 from cell.devices.devices import CalibrationAids, Devices, Trial
 from cell.devices.open import NO_STRIP, open_cell
 from cell.orchestrator.calibration_phase import CALIBRATION_PHASES
 from cell.orchestrator.context import CalibrationContext
-from cell.orchestrator.operator import Answer, Ask, Interrupted, Operator, Question, Unattended
+from cell.orchestrator.operator import Answer, Interrupted, Operator, Question, Unattended
 from cell.orchestrator.recorder import Recorder
 from cell.orchestrator.run import Run
 from drivers.errors import CellError, ConfigurationError, Fault
@@ -44,7 +45,6 @@ ROS = "camera_info.yaml"
 OPENCV = "opencv.yaml"
 CALIBRATION_FILE = "calibration.yaml"
 LANDMARKS_FILE = "landmarks.yaml"
-POINTER = frozenset({Ask.POINTER_IN, Ask.POINTER_OUT})
 
 Source = Callable[[WantedView], Frame]
 Interruption = Callable[[], bool]
@@ -117,7 +117,7 @@ class Wizard:
             poses = [[pose.x, pose.z, pose.pitch] for pose in points.plan]
             session.write_yaml(folder / session.POSES_FILE, {"poses": poses})
             context = CalibrationContext(
-                settings.controller, points, self.operator, keep, remembers=True
+                settings.controller, points, self.operator, keep, self.devices.aids, remembers=True
             )
             run_calibration(self.devices, context, self.interrupted)
         if context.landmarks is not None:
@@ -127,14 +127,12 @@ class Wizard:
 
     def check(self, calibration: Calibration) -> CheckVerdict:
         """Judge `calibration` by a few touches; raises ConfigurationError for another camera's."""
-        if calibration.camera != self.devices.camera_identity:
-            raise ConfigurationError(
-                f"calibration: {calibration.id} belongs to camera {calibration.camera}, this one "
-                f"is {self.devices.camera_identity}; name its own"
-            )
+        check_camera(calibration, self.devices)
         touches = self.settings.touches
         points = TouchedPoints(calibration.lens, touches, check_plan(touches), fitted=False)
-        context = CalibrationContext(self.settings.controller, points, self.operator, self.watch)
+        context = CalibrationContext(
+            self.settings.controller, points, self.operator, self.watch, self.devices.aids
+        )
         with closing(self.devices):
             run_calibration(self.devices, context, self.interrupted)
         return check_verdict(points.touches, calibration, touches)
@@ -160,9 +158,8 @@ class Wizard:
             locks=dict(self.devices.camera_locks()),
             **facts,
         )
-        stored = session.begin_or_resume(folder, stated)
-        keep = session.SessionFolder(folder, stored, self.watch)
-        session.restore(task, folder, stored)
+        keep = session.SessionFolder(folder, stated, self.watch)
+        session.restore(task, folder, keep.session)
         return keep
 
 
@@ -230,21 +227,6 @@ def _keep(folder: Path, verdict: Verdict, image: Image | None, marks: Iterable[M
         session.write_image(folder / session.PICTURE_FILE, draw_picture(image, marks))
 
 
-class TwinOperator:
-    """Operator at the twin: puts the pointer into its hand once `person` has confirmed the step."""
-
-    def __init__(self, aids: CalibrationAids, person: Operator) -> None:
-        self._aids = aids
-        self._person = person
-
-    def answer(self, question: Question) -> Answer | None:
-        """Answer of the `person`; once confirmed, the twin's hand takes or returns the pointer."""
-        answer = self._person.answer(question)
-        if answer is not None and question.ask in POINTER:
-            self._aids.hold_pointer(question.ask is Ask.POINTER_IN)
-        return answer
-
-
 def calibrate_twin(settings: CellFile, interrupted: Interruption) -> Calibration:
     """Calibrate lens and homography of the twin's camera without operator or session.
 
@@ -257,8 +239,7 @@ def calibrate_twin(settings: CellFile, interrupted: Interruption) -> Calibration
         raise ConfigurationError("calibrate: nobody holds the board; use the wizard")
     lens = lens_from_boards(settings, devices.aids)
     points = TouchedPoints(lens, settings.touches)
-    operator = TwinOperator(devices.aids, Unattended())
-    context = CalibrationContext(settings.controller, points, operator)
+    context = CalibrationContext(settings.controller, points, aids=devices.aids)
     with closing(devices):
         run_calibration(devices, context, interrupted)
     camera = devices.camera_identity
@@ -304,7 +285,7 @@ def show_board(
         _check_interrupted(interrupted)
         progress = views.progress()
         watch(progress)
-        answer = operator.answer(Question(Ask.VIEW, progress.request))
+        answer = operator.answer(Question(progress.request))
         _check_interrupted(interrupted)
         if answer is Answer.SKIP:
             views.skip()

@@ -13,7 +13,6 @@ from typing import Self, TextIO
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
 from rich.panel import Panel
@@ -22,9 +21,9 @@ from rich.text import Text
 
 from calibration.wizard.coverage import Gate, Sketch
 from calibration.wizard.progress import Observer, Progress
-from calibration.wizard.session import ROWS_FILE, read_rows
+from calibration.wizard.session import read_rows
 from calibration.wizard.verdict import Level, Line
-from cell.calibrate.wizard import POINTER, TwinOperator, Wizard
+from cell.calibrate.wizard import Wizard
 from cell.config.cell import CellFile
 from cell.devices.devices import Devices
 from cell.orchestrator.operator import (
@@ -37,7 +36,6 @@ from cell.orchestrator.operator import (
 )
 from cell.report.words import plural
 from drivers.files import lock_folders, writing
-from drivers.types import Array
 
 STYLES = {Level.GOOD: "green", Level.FAIR: "yellow", Level.BAD: "bold red", Level.PLAIN: ""}
 MARKS = {Level.GOOD: "+", Level.FAIR: "~", Level.BAD: "!", Level.PLAIN: " "}
@@ -45,6 +43,7 @@ BAR = 6  # characters
 SKETCH = (32, 9)  # characters of the board's picture, 16:9 like an image
 DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])  # of a braille character
 BRAILLE = 0x2800
+SKETCH_STYLES = ("dim", "dim", "bold yellow", "green")  # nothing, frame, wanted, seen
 RECENT = 4  # answers that stay in sight
 POINT_STYLES = {"o": "green", "h": "blue", "x": "yellow", ">": "bold cyan", ".": "dim"}
 MARK_LEGEND = "o fitted   h held out   x twice touched   > wanted   . to come"
@@ -131,31 +130,21 @@ def views_table(progress: Progress) -> Table:
 def sketch_text(sketch: Sketch) -> Text:
     """Sketch of the board in the image's frame: yellow as requested, green as detected."""
     columns, rows = SKETCH
+    picture = np.zeros((4 * rows, 2 * columns), np.uint8)
     size = np.array([2 * columns, 4 * rows])
     scale = size / sketch.size
     frame = (size - 1) / scale * [(0, 0), (1, 0), (1, 1), (0, 1)]
-    layers = [_braille_line(corners, scale) for corners in (frame, sketch.wanted, sketch.seen)]
+    for layer, corners in enumerate((frame, sketch.wanted, sketch.seen), start=1):
+        if corners is not None:
+            points = np.clip(np.rint(corners * scale), -FAR_OUTSIDE, FAR_OUTSIDE).astype(np.int32)
+            cv2.polylines(picture, [points], isClosed=True, color=layer)
     text = Text(no_wrap=True)
-    for row in np.stack(layers, axis=-1):
-        for edge, wanted, seen in row.tolist():
-            style = "dim"
-            if seen or wanted:
-                style = "green" if seen else "bold yellow"
-            text.append(chr(BRAILLE + (edge | wanted | seen)), style)
+    for row in picture.reshape(rows, 4, columns, 2).swapaxes(1, 2):
+        for block in row:
+            dots = int(DOTS[block > 0].sum())
+            text.append(chr(BRAILLE + dots), SKETCH_STYLES[block.max()])
         text.append("\n")
     return text.append("yellow: wanted  green: seen", "dim")
-
-
-def _braille_line(corners: Array | None, scale: Array) -> NDArray[np.intp]:
-    """Braille characters (rows, columns) of the line through `scale` times `corners` (4, 2)."""
-    columns, rows = SKETCH
-    picture = np.zeros((4 * rows, 2 * columns), np.uint8)
-    if corners is not None:
-        points = np.clip(np.rint(corners * scale), -FAR_OUTSIDE, FAR_OUTSIDE).astype(np.int32)
-        cv2.polylines(picture, [points], isClosed=True, color=1)
-    characters = picture.reshape(rows, 4, columns, 2).astype(np.intp)
-    dots: NDArray[np.intp] = np.einsum("rdce,de->rc", characters, DOTS)
-    return dots
 
 
 def gates_table(gates: Sequence[Gate]) -> Table:
@@ -258,7 +247,7 @@ class Keyboard:
 
     def answer(self, question: Question) -> Answer | None:
         """Answer by the operator's key, None until then; raises Interrupted at the end of input."""
-        if self._alone and question.ask not in POINTER:
+        if self._alone and not question.reaches:
             return Answer.GO
         if question != self._asked:
             self._asked = question
@@ -303,12 +292,12 @@ def wizard_at_terminal(
             interrupted = stack.enter_context(Interrupt())
             stack.enter_context(single_keys(sys.stdin))
             stack.enter_context(panel)
-            waits = devices.aids is not None
-            operator: Operator = Keyboard(
-                Keys(sys.stdin), panel.ask, waits=waits, interrupted=interrupted
-            )
-            if devices.aids is not None:
-                operator = TwinOperator(devices.aids, operator if interactive else Unattended())
+            on_twin = devices.aids is not None
+            operator: Operator = Unattended()
+            if interactive or not on_twin:
+                operator = Keyboard(
+                    Keys(sys.stdin), panel.ask, waits=on_twin, interrupted=interrupted
+                )
             yield Wizard(settings, devices, operator, partial(_tell, observers), interrupted)
     except (Interrupted, KeyboardInterrupt):
         if session is None:
@@ -336,8 +325,7 @@ def _tell(observers: Iterable[Observer], progress: Progress) -> None:
 
 def _resume_hint(folder: Path, kind: str) -> str:
     """Text on an interrupted session: what `folder` keeps, and how to resume."""
-    rows = read_rows(folder) if (folder / ROWS_FILE).is_file() else ()
-    taken = sum(row.image is not None for row in rows)
+    taken = sum(row.image is not None for row in read_rows(folder))
     if taken == 0:
         return f"interrupted; nothing was taken yet; {folder} may be deleted"
     return (

@@ -9,7 +9,6 @@ import typer
 
 from cell.cli import options
 from cell.cli.output import notice, print_json
-from cell.config.length import metres
 from cell.config.places import find_configs
 from drivers.errors import ConfigurationError
 
@@ -116,7 +115,10 @@ def calibrate_camera(
         folder = _session_folder(out, resume, settings.name, "camera")
         settings, devices = _open_devices(settings, "twin", camera)  # no arm is needed
         if measured is None and devices.aids is None and resume is None:
-            measured = _ask_length(settings.boards.columns)
+            raise ConfigurationError(
+                f"--measured: lay a ruler along {settings.boards.columns} squares of the board, "
+                f"and state their length; {1e3 * settings.boards.width:.1f}mm are configured"
+            )
         session = (folder, "camera")
         with wizard_at_terminal(
             settings, devices, interactive=interactive, session=session, viz=viz
@@ -237,19 +239,6 @@ def calibrate_check(
     else:
         print_verdict(verdict.lines())
     sys.exit(0 if verdict.passed else 1)
-
-
-def _ask_length(columns: int) -> float:
-    """Ask the operator for the length [m] of `columns` squares until the answer is a length."""
-
-    def parse(text: str) -> float:
-        try:
-            return metres("--measured", text, bare="mm", least=SHORTEST_BOARD)
-        except ConfigurationError as error:
-            raise typer.BadParameter(str(error)) from None
-
-    words = f"length of {columns} squares by a ruler [mm]"
-    return float(typer.prompt(words, value_proc=parse))
 
 
 def _session_folder(out: Path | None, resume: Path | None, cell: str, kind: str) -> Path:

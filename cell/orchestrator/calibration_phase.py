@@ -10,7 +10,7 @@ from calibration.wizard.progress import Progress
 from calibration.wizard.touched_points import TITLE, request_text
 from cell.orchestrator import steps
 from cell.orchestrator.context import CalibrationContext
-from cell.orchestrator.operator import Answer, Ask, Question
+from cell.orchestrator.operator import Answer, Question
 from cell.orchestrator.recorder import Recorder
 from cell.orchestrator.snapshot import Command, Hold, MoveTo, Snapshot
 from cell.orchestrator.states import Event, State
@@ -21,9 +21,9 @@ from drivers.types import Pose
 Doing = Generator[Command, Snapshot, None]
 Answering = Generator[Command, Snapshot, Answer]
 
-POINTER_IN = Question(Ask.POINTER_IN, "put the pointer between the fingers, its disc to the camera")
-STEPS_QUESTION = Question(Ask.STEPS, "the arm now steps to and fro to measure the camera's latency")
-POINTER_OUT = Question(Ask.POINTER_OUT, "take the pointer out and keep clear of the hand")
+POINTER_IN = Question("put the pointer between the fingers, its disc to the camera", reaches=True)
+STEPS_QUESTION = Question("the arm now steps to and fro to measure the camera's latency")
+POINTER_OUT = Question("take the pointer out and keep clear of the hand", reaches=True)
 STEP_REST = 0.3  # s at rest after a step of the latency measurement
 
 
@@ -38,21 +38,26 @@ def calibrate(context: CalibrationContext, record: Recorder, begin: Snapshot) ->
     points = context.points
     first = replace(begin.arm.commanded, pitch=points.plan[0].pitch)
     require_clear([begin.arm.commanded, first, *points.plan], context.desk)
-    yield from steps.open_hand()
-    yield from _wait_for_answer(context, POINTER_IN)
+    yield from _hand_over(context, POINTER_IN)
     yield from steps.close_hand()
     yield from steps.rotate_hand(points.plan[0].pitch)
     yield from _touch_all(context, record)
-    if not points.fitted:
-        yield from steps.open_hand()
-        yield from _wait_for_answer(context, POINTER_OUT)
-        return Event.CALIBRATED
-    homography = points.verdict().homography
+    homography = points.verdict().homography if points.fitted else None
     if homography is not None:
         yield from _measure_latency(context)
-        if context.remembers:
-            yield from _take_landmarks(context, homography)
+    if context.remembers or not points.fitted:
+        yield from _hand_over(context, POINTER_OUT)
+    if context.remembers and homography is not None:
+        yield from _take_landmarks(context, homography)
     return Event.CALIBRATED
+
+
+def _hand_over(context: CalibrationContext, question: Question) -> Doing:
+    """Open the hand, and wait until the pointer is in it or out, as the `question` asks."""
+    yield from steps.open_hand()
+    yield from _wait_for_answer(context, question)
+    if context.aids is not None:
+        context.aids.hold_pointer(question == POINTER_IN)
 
 
 def _touch_all(context: CalibrationContext, record: Recorder) -> Doing:
@@ -61,7 +66,7 @@ def _touch_all(context: CalibrationContext, record: Recorder) -> Doing:
     while (pose := points.ask()) is not None:
         progress = points.progress()
         context.watch(progress)
-        answer = yield from _wait_for_answer(context, Question(Ask.TOUCH, points.why))
+        answer = yield from _wait_for_answer(context, Question(points.why))
         if answer is Answer.SKIP:
             points.skip()
         elif answer is Answer.AGAIN:
@@ -120,8 +125,6 @@ def _step(latency_steps: LatencySteps, pose: Pose) -> Doing:
 
 def _take_landmarks(context: CalibrationContext, homography: Homography) -> Doing:
     """Store landmarks from an image of the empty hand; none where no finger tip is visible."""
-    yield from steps.open_hand()
-    yield from _wait_for_answer(context, POINTER_OUT)
     pose = context.settings.landmarks.pose
     why = "the empty hand here shows later whether the camera moved"
     context.watch(_announced(context, "remember", pose, why))

@@ -11,6 +11,7 @@ from calibration.wizard.latency import LatencySteps
 from calibration.wizard.progress import Observer, ignore
 from calibration.wizard.touched_points import TouchedPoints
 from cell.config.settings import CellSettings
+from cell.devices.devices import CalibrationAids
 from cell.orchestrator.operator import Operator, Unattended
 from cell.orchestrator.outcome import Outcome
 from cell.orchestrator.snapshot import Snapshot
@@ -103,14 +104,15 @@ class FoldContext(Context):
 class CalibrationContext(Context):
     """Inputs and results of a homography calibration: `points`, touched, and `steps` of the arm.
 
-    The `operator` is asked before the arm moves, `watch` receives its progress. Only a run that
-    `remembers` leaves `landmarks`. Where `points` only check a calibration, the arm does not step.
-    No strip is read.
+    The `operator` is asked before the arm moves, `watch` receives its progress; on the twin its
+    `aids` hold the pointer. Only a run that `remembers` leaves `landmarks`. Where `points` only
+    check a calibration, the arm does not step. No strip is read.
     """
 
     points: TouchedPoints
     operator: Operator = field(default_factory=Unattended)
     watch: Observer = ignore
+    aids: CalibrationAids | None = None
     remembers: bool = False
     steps: LatencySteps = field(default_factory=LatencySteps)
     landmarks: Landmarks | None = None

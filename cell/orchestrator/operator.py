@@ -11,16 +11,6 @@ from drivers.errors import CellError
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
-class Ask(StrEnum):
-    """Kinds of questions to the operator during a calibration."""
-
-    VIEW = "view"
-    POINTER_IN = "pointer_in"
-    TOUCH = "touch"
-    STEPS = "steps"
-    POINTER_OUT = "pointer_out"
-
-
 class Answer(StrEnum):
     """Answers of the operator to a question: continue, skip, repeat the previous step."""
 
@@ -31,10 +21,10 @@ class Answer(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """Question to the operator: its kind `ask` and its text `words`."""
+    """Question to the operator: its text, and whether a person `reaches` into the gripper."""
 
-    ask: Ask
     words: str
+    reaches: bool = False
 
 
 class Operator(Protocol):

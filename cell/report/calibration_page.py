@@ -44,18 +44,15 @@ def write_calibration_report(path: Path) -> Path:
         f"{calibration.residual_mm:.2f} mm",
         "rms at touched points that were not fitted",
     )
-    made = path.with_suffix(".html")
-    text = _page(
+    return _write(
+        path.with_suffix(".html"),
         f"calibration {calibration.id}",
         calibration,
-        path.parent,
         kicker="Calibration of a camera",
         name=path.name,
         said=said,
         refused=[f"The wizard refused it: {reason}" for reason in calibration.accepted_anyway],
     )
-    write_file(made, text)
-    return made
 
 
 def write_session_page(folder: Path) -> Path:
@@ -64,22 +61,19 @@ def write_session_page(folder: Path) -> Path:
     Raises ConfigurationError for a folder without a verdict, or one that cannot be written.
     """
     verdict = read_yaml(folder / VERDICT_FILE)
-    path = folder / REPORT
     passed = bool(verdict.get("passed", verdict.get("accepted")))
     lines = [str(line) for line in verdict.get("lines", ())]
     made = folder / CALIBRATION
     said = PageVerdict("good" if passed else "bad", lines[-1] if lines else "Nothing was seen", ())
-    text = _page(
+    return _write(
+        folder / REPORT,
         f"session {folder.name}",
         load_calibration(made) if made.is_file() else None,
-        folder,
         kicker="Session of a calibration wizard",
         name=folder.name,
         said=said,
         found=lines[:-1],
     )
-    write_file(path, text)
-    return path
 
 
 def _pictures(folder: Path, calibration: Calibration | None) -> list[KeyPicture]:
@@ -100,15 +94,18 @@ def _pictures(folder: Path, calibration: Calibration | None) -> list[KeyPicture]
     return [KeyPicture(jpeg_text(image, PICTURE_WIDTH), caption, where)]
 
 
-def _page(title: str, calibration: Calibration | None, folder: Path, **parts: Any) -> str:
-    """HTML page on `calibration`, if there is one, with pictures of `folder` and other `parts`."""
-    facts: dict[str, Any] = {"numbers": (), "locks": ()}
+def _write(path: Path, title: str, calibration: Calibration | None, **parts: Any) -> Path:
+    """Write the page at `path` on `calibration`, if any, with pictures of its folder and `parts`.
+
+    Returns `path`.
+    """
+    facts: dict[str, Any] = {"numbers": (), "locks": (), "refused": (), "found": ()}
     if calibration is not None:
-        locks = [(name, str(value)) for name, value in calibration.locks.items()]
-        facts = {"numbers": _numbers(calibration), "locks": locks}
-    pictures = _pictures(folder, calibration)
-    absent: dict[str, Any] = {"refused": (), "found": (), "pictures": pictures}
-    return page("report/templates/calibration.html", title, **absent | parts | facts)
+        facts["numbers"] = _numbers(calibration)
+        facts["locks"] = [(name, str(value)) for name, value in calibration.locks.items()]
+    facts["pictures"] = _pictures(path.parent, calibration)
+    write_file(path, page("report/templates/calibration.html", title, **facts | parts))
+    return path
 
 
 def _numbers(calibration: Calibration) -> list[tuple[str, str]]:

@@ -9,15 +9,13 @@ import termios
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from types import SimpleNamespace
 
 import pytest
 
-from cell.calibrate.wizard import TwinOperator
 from cell.calibrate.wizard_panel import Keyboard, Keys
-from cell.orchestrator.operator import Answer, Ask, Interrupted, Question, Unattended
+from cell.orchestrator.operator import Answer, Interrupted, Question
 
-TOUCH = Question(Ask.TOUCH, "point 4: 3 of 24 points are touched")
+TOUCH = Question("point 4: 3 of 24 points are touched")
 
 
 @contextmanager
@@ -43,7 +41,7 @@ def test_keys_mean_go_leave_out_and_again() -> None:
 def test_from_a_on_it_goes_on_alone_but_for_the_pointer() -> None:
     with typing("a\ns\n") as keyboard:
         assert [keyboard.answer(TOUCH) for _ in range(3)] == 3 * [Answer.GO]
-        assert keyboard.answer(Question(Ask.POINTER_OUT, "take it out")) is Answer.SKIP
+        assert keyboard.answer(Question("take it out", reaches=True)) is Answer.SKIP
 
 
 @pytest.mark.parametrize("waits", [True, False])
@@ -65,27 +63,17 @@ def test_on_hardware_no_key_is_no_answer_and_nothing_waits() -> None:
         assert keyboard.answer(TOUCH) is Answer.SKIP
 
 
-@pytest.mark.parametrize(("ask", "held"), [(Ask.POINTER_IN, True), (Ask.POINTER_OUT, False)])
-def test_twin_has_hands_for_the_pointer(ask: Ask, held: bool) -> None:
-    done: list[bool] = []
-    operator = TwinOperator(SimpleNamespace(hold_pointer=done.append), Unattended())
-    assert operator.answer(TOUCH) is Answer.GO
-    assert done == []
-    operator.answer(Question(ask, "the pointer"))
-    assert done == [held]
-
-
 SITTING = """
 import fcntl, sys, termios
 fcntl.ioctl(0, termios.TIOCSCTTY, 0)
 from cell.calibrate.wizard_panel import Keyboard, Keys, single_keys
 from cell.orchestrator.operator import Interrupt
-from cell.orchestrator.operator import Ask, Question
+from cell.orchestrator.operator import Question
 
 with Interrupt() as interrupted, single_keys(sys.stdin):
     keyboard = Keyboard(Keys(sys.stdin), print, waits=True, interrupted=interrupted)
     for number in range(2):
-        print("answer", keyboard.answer(Question(Ask.TOUCH, f"point {number}")), flush=True)
+        print("answer", keyboard.answer(Question(f"point {number}")), flush=True)
 """
 
 

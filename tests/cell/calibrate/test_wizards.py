@@ -14,13 +14,14 @@ from calibration.wizard.lens_verdict import LensVerdict
 from calibration.wizard.progress import Progress
 from calibration.wizard.session import read_rows
 from calibration.wizard.touch_verdict import MapVerdict
-from cell.calibrate.wizard import TwinOperator, Wizard, newest_lens, solve_homography, solve_lens
+from cell.calibrate.wizard import Wizard, newest_lens, solve_homography, solve_lens
 from cell.config.places import CHECKOUT_CONFIGS, Configs
 from cell.devices.devices import Devices, Trial
 from cell.devices.open import NO_STRIP, open_cell
 from cell.folding.fold import fold
 from cell.folding.request import Recording
-from cell.orchestrator.operator import Answer, Ask, Question, Unattended
+from cell.orchestrator.calibration_phase import POINTER_IN, POINTER_OUT, STEPS_QUESTION
+from cell.orchestrator.operator import Answer, Question, Unattended
 from drivers.errors import ConfigurationError
 from tests.support.requests import request_for
 from tests.support.twin_calibration import true_lens
@@ -53,10 +54,9 @@ class Person:
 
 @pytest.fixture(scope="module")
 def touched(tmp_path_factory: pytest.TempPathFactory) -> tuple[MapVerdict, Path, Person]:
-    devices, person = _devices(), Person()
-    assert devices.aids is not None
+    person = Person()
     folder = tmp_path_factory.mktemp("sessions") / "homography"
-    wizard = Wizard(SETTINGS, devices, TwinOperator(devices.aids, person))
+    wizard = Wizard(SETTINGS, _devices(), person)
     return wizard.calibrate_homography(true_lens(CAMERA), folder), folder, person
 
 
@@ -96,9 +96,8 @@ def test_homography_wizard_makes_a_calibration_of_this_camera(touched) -> None:
 
 def test_person_is_asked_before_every_motion_and_obeyed(touched) -> None:
     verdict, folder, person = touched
-    asks = [question.ask for question in person.asked]
-    assert asks[0] is Ask.POINTER_IN
-    assert asks[-2:] == [Ask.STEPS, Ask.POINTER_OUT]
+    assert person.asked[0] == POINTER_IN
+    assert person.asked[-2:] == [STEPS_QUESTION, POINTER_OUT]
     assert not any("disagrees" in question.words for question in person.asked)
     assert 3 not in verdict.touches.errors_mm
     assert sum(q.words.startswith("point 5 ") for q in person.asked) == 2
@@ -193,10 +192,7 @@ def test_calibration_is_checked_by_touching_five_points(touched, shift: float, h
     moved = np.array([[1, 0, shift], [0, 1, 0], [0, 0, 1]]) @ made.homography.matrix
     old = replace(made, homography=Homography.from_matrix(moved))
     told: list[Progress] = []
-    devices = _devices()
-    assert devices.aids is not None
-    operator = TwinOperator(devices.aids, Unattended())
-    verdict = Wizard(SETTINGS, devices, operator, told.append).check(old)
+    verdict = Wizard(SETTINGS, _devices(), Unattended(), told.append).check(old)
     assert verdict.passed is holds
     assert sorted(verdict.errors_mm) == [0, 1, 2, 3, 4]
     assert verdict.median_mm == pytest.approx(1e3 * shift, abs=0.15)
