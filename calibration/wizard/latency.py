@@ -9,7 +9,7 @@ from pydantic import ConfigDict, Field
 from calibration.homography import Homography
 from calibration.lens import Lens
 from calibration.pointer import find_pointer
-from calibration.wizard.verdict import Line, Verdict, grade_line, reasons
+from calibration.wizard.verdict import Verdict, grade_line, reasons
 from drivers.settings import Settings
 from drivers.types import ArmState, Array, Frame, Pose
 
@@ -75,16 +75,9 @@ def step_poses(settings: LatencySettings) -> tuple[Pose, ...]:
 
 
 def latency_verdict(
-    steps: LatencySteps,
-    lens: Lens,
-    homography: Homography | None,
-    settings: LatencySettings,
-    speed: float,
+    steps: LatencySteps, lens: Lens, homography: Homography | None, settings: LatencySettings
 ) -> LatencyVerdict:
-    """Measure the camera's latency by `steps` of the arm, through the map of the touched points.
-
-    `speed` [m/s] is that of a fold, to state the effect of the latency.
-    """
+    """Measure the camera's latency by `steps` of the arm, through the map of the touched points."""
     if homography is None or not steps.arm:
         return LatencyVerdict(reasons=("the latency was not measured",))
     if len(steps.arm) < 2 or len(steps.seen) == 0:
@@ -104,18 +97,12 @@ def latency_verdict(
     apart = abs(one - other)
     drift = _drift_reasons(arm, stamps, along, latency, settings)
     refused = drift or _reasons(latency, apart, 1e3 * misfit, settings)
-    found = () if refused else (_found(latency, apart, speed),)
-    return LatencyVerdict(latency=latency, found=found, reasons=refused)
-
-
-def _found(latency: float, apart: float, speed: float) -> Line:
-    """Line on the `latency` [s], known within `apart` [s], and its effect at `speed` [m/s]."""
+    if refused:
+        return LatencyVerdict(latency=latency, reasons=refused)
     late = round(1e3 * latency, 1) + 0.0  # never minus nothing
-    text = f"images are stamped {late:.1f} ms late, known within {1e3 * apart:.1f} ms; "
-    text += "the cell corrects it"
-    if spared := round(1e3 * abs(latency) * speed, 1):
-        text += f", which spares an error of {spared:.1f} mm at {speed:.2f} m/s"
-    return grade_line(1e3 * apart, *APART_GRADES, text)
+    text = f"images are stamped {late:.1f} ms late, known within {1e3 * apart:.1f} ms"
+    found = grade_line(1e3 * apart, *APART_GRADES, f"{text}; the cell corrects it")
+    return LatencyVerdict(latency=latency, found=(found,))
 
 
 def _drift_reasons(

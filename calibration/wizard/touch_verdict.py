@@ -149,17 +149,16 @@ def map_verdict(
     steps: LatencySteps,
     lens: Lens,
     settings: LatencySettings,
-    speed: float,
     *,
     anyway: bool = False,
     **facts: Any,
 ) -> MapVerdict:
     """Verdict on the map and on the latency in `steps`, with a calibration unless it is refused.
 
-    `speed` [m/s] is that of a fold, `facts` are further values of `make_calibration`. Reasons for
-    refusal are overridden by `anyway`, but no calibration is made without a map.
+    `facts` are further values of `make_calibration`. Reasons for refusal are overridden by
+    `anyway`, but no calibration is made without a map.
     """
-    late = latency_verdict(steps, lens, touches.homography, settings, speed)
+    late = latency_verdict(steps, lens, touches.homography, settings)
     refused = (*touches.reasons, *late.reasons)
     made = None
     if touches.homography is not None and (anyway or not refused):

@@ -69,7 +69,7 @@ class Wizard:
         """Fit the lens to views of the board, requested until enough are accepted.
 
         The session is kept in `folder`. `length` [m] is the ruler's length of the board's squares;
-        on the twin it is measured there, and a session that goes on knows it.
+        on the twin they are as configured, and a session that goes on knows it.
         """
         devices = self.devices
         boards = self.settings.boards
@@ -80,7 +80,7 @@ class Wizard:
             source: Source = (lambda _: next(live)) if aids is None else aids.show_board
             first = source(WantedView(0.5, 0.5, boards.sizes[1]))
             if length is None and aids is not None:
-                length = aids.measure_board()
+                length = boards.width
             size = (first.image.shape[1], first.image.shape[0])
             views = BoardViews(boards, patient=aids is None, size=size)
             keep = self._open_session("camera", folder, views, size, length=length, boards=boards)
@@ -122,8 +122,7 @@ class Wizard:
             run_calibration(self.devices, context, self.interrupted)
         if context.landmarks is not None:
             session.write_yaml(folder / LANDMARKS_FILE, context.landmarks.model_dump(mode="json"))
-        speed = settings.fold.speed
-        return solve_homography(folder, (), folder, speed, accept_anyway=accept_anyway)
+        return solve_homography(folder, (), folder, accept_anyway=accept_anyway)
 
     def check(self, calibration: Calibration) -> CheckVerdict:
         """Judge `calibration` by a few touches; raises ConfigurationError for another camera's."""
@@ -186,15 +185,13 @@ def solve_homography(
     folder: Path,
     without: Collection[int],
     out: Path | None,
-    speed: float,
     *,
     accept_anyway: bool = False,
 ) -> MapVerdict:
     """Fit homography and latency to the session in `folder`, `without` some points.
 
     The pointer is detected in the saved images; verdict and accepted calibration are written to
-    `out`, if given. `speed` [m/s] is that of a fold. Raises ConfigurationError for broken files or
-    a session without a lens.
+    `out`, if given. Raises ConfigurationError for broken files or a session without a lens.
     """
     cv2.setNumThreads(1)  # in several threads the last digits differ from time to time
     stored = session.read_session(folder, "homography")
@@ -207,7 +204,6 @@ def solve_homography(
         session.read_steps(folder),
         lens,
         stored.latency,
-        speed,
         anyway=accept_anyway,
         camera=stored.camera,
         locks=stored.locks,
@@ -243,8 +239,7 @@ def calibrate_twin(settings: CellFile, interrupted: Interruption) -> Calibration
     with closing(devices):
         run_calibration(devices, context, interrupted)
     camera = devices.camera_identity
-    latency, speed = settings.latency, settings.fold.speed
-    verdict = map_verdict(points.verdict(), context.steps, lens, latency, speed, camera=camera)
+    verdict = map_verdict(points.verdict(), context.steps, lens, settings.latency, camera=camera)
     if verdict.calibration is None:
         raise CellError("homography failed: " + "; ".join(verdict.reasons))
     return verdict.calibration
@@ -254,7 +249,7 @@ def lens_from_boards(settings: CellFile, aids: CalibrationAids) -> Lens:
     """Fit the lens to as many board views as are needed; raises CellError for a poor fit."""
     views = BoardViews(settings.boards)
     show_board(views, aids.show_board, Unattended(), ignore)
-    verdict = views.verdict(aids.measure_board())
+    verdict = views.verdict(settings.boards.width)
     if verdict.fit is None or not verdict.passed:
         raise CellError("lens calibration failed: " + "; ".join(verdict.reasons))
     return verdict.fit.lens

@@ -86,19 +86,20 @@ class WizardPanel:
             text = answer.partition(": ")[2]  # an answer replaces an earlier one of this text
             others = [line for line in self._answers if line.partition(": ")[2] != text]
             self._answers = [*others[1 - RECENT :], answer]
-        if self._live is not None:
-            self._live.update(self.draw(progress), refresh=True)
-        elif answer:
-            self._console.print(answer, markup=False, highlight=False, soft_wrap=True)
+        self._show(answer)
 
     def ask(self, words: str) -> None:
         """Show the question `words` in the panel until another or an empty text replaces it."""
         self._question = words
+        self._show(words)
+
+    def _show(self, line: str) -> None:
+        """Refresh the live view of the wizard; without a terminal, print `line`, if any."""
         if self._live is not None:
-            view = Text(words) if self._news is None else self.draw(self._news)
+            view = Text(line) if self._news is None else self.draw(self._news)
             self._live.update(view, refresh=True)
-        elif words:
-            self._console.print(words, markup=False, highlight=False, soft_wrap=True)
+        elif line:
+            self._console.print(line, markup=False, highlight=False, soft_wrap=True)
 
     def draw(self, progress: Progress) -> RenderableType:
         """Render the wizard's panel, no higher than the terminal, which could not redraw it."""

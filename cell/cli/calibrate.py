@@ -176,10 +176,8 @@ def calibrate_homography(given: HomographyOptions) -> None:
     else:
         from cell.calibrate.wizard import solve_homography
 
-        excluded, speed = given.without or (), settings.fold.speed
-        verdict = solve_homography(
-            given.again, excluded, folder, speed, accept_anyway=given.accept_anyway
-        )
+        excluded = given.without or ()
+        verdict = solve_homography(given.again, excluded, folder, accept_anyway=given.accept_anyway)
     made, in_use = verdict.calibration, None
     if given.use and made is not None:
         in_use = _use_calibration(given.configs, made, folder or given.again)

@@ -31,9 +31,6 @@ class CalibrationAids(Protocol):
     def show_board(self, wanted: WantedView) -> Frame:
         """Take an image of the calibration board held as `wanted`."""
 
-    def measure_board(self) -> float:
-        """Length [m] of all columns of the board's squares, measured by a ruler."""
-
     def hold_pointer(self, held: bool) -> None:
         """Put the pointer between the fingers if `held`, else remove it."""
 

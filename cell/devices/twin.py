@@ -30,10 +30,6 @@ class TwinCalibrationAids:
         pose = board_pose(camera, board, wanted)
         return board_frame(camera, board, pose, self.seed, sequence=self._shown)
 
-    def measure_board(self) -> float:
-        """Length [m] of all columns of squares on the twin's board, as printed."""
-        return self.settings.boards.width
-
     def hold_pointer(self, held: bool) -> None:
         """Put the pointer between the twin's fingers if `held`, else remove it."""
         self.twin.world.hold_pointer(held)

@@ -51,6 +51,6 @@ def test_stamps_that_drift_are_named() -> None:
     arm, stamps = arm_steps(rng), np.arange(0.5, 9.5, 0.1)
     shown = stamps - 0.03 - 0.002 * (stamps - 5.0)
     steps = steps_seen(arm, stamps, shown, 0.1, rng)
-    (reason,) = latency_verdict(steps, LENS, MAP, LatencySettings(), 0.1).reasons
+    (reason,) = latency_verdict(steps, LENS, MAP, LatencySettings()).reasons
     assert "stamps drift" in reason
     assert "+18 ms over 9 s" in reason

@@ -111,7 +111,7 @@ def test_person_is_asked_before_every_motion_and_obeyed(touched) -> None:
 
 def test_touches_solved_again_from_their_folder_are_the_same_to_the_last_bit(touched) -> None:
     verdict, folder, _ = touched
-    solved = solve_homography(folder, (), None, 0.1)
+    solved = solve_homography(folder, (), None)
     made = solved.calibration
     assert made is not None
     assert verdict.calibration is not None
@@ -121,7 +121,7 @@ def test_touches_solved_again_from_their_folder_are_the_same_to_the_last_bit(tou
 
 def test_point_is_left_out_by_its_number_and_what_comes_of_it_is_kept(touched, tmp_path) -> None:
     verdict, folder, _ = touched
-    solved = solve_homography(folder, (7,), tmp_path / "again", 0.1)
+    solved = solve_homography(folder, (7,), tmp_path / "again")
     made = solved.calibration
     assert made is not None
     assert 7 not in solved.touches.errors_mm
@@ -132,8 +132,8 @@ def test_point_is_left_out_by_its_number_and_what_comes_of_it_is_kept(touched, t
 def test_too_few_points_are_refused_even_with_the_override(touched) -> None:
     _, folder, _ = touched
     many = tuple(range(6, 24))
-    assert solve_homography(folder, many, None, 0.1).calibration is None
-    with_all = solve_homography(folder, many, None, 0.1, accept_anyway=True)
+    assert solve_homography(folder, many, None).calibration is None
+    with_all = solve_homography(folder, many, None, accept_anyway=True)
     assert with_all.calibration is None
     assert "at least 12 are needed" in with_all.touches.reasons[0]
 
@@ -141,8 +141,8 @@ def test_too_few_points_are_refused_even_with_the_override(touched) -> None:
 def test_override_names_the_reasons_in_the_calibration(touched, tmp_path) -> None:
     _, folder, _ = touched
     again = _without(folder, "latency.json", tmp_path)
-    assert solve_homography(again, (), None, 0.1).calibration is None
-    made = solve_homography(again, (), None, 0.1, accept_anyway=True).calibration
+    assert solve_homography(again, (), None).calibration is None
+    made = solve_homography(again, (), None, accept_anyway=True).calibration
     assert made is not None
     assert made.accepted_anyway == ("the latency was not measured",)
 
@@ -152,7 +152,7 @@ def test_image_of_a_swapped_size_is_refused(touched, tmp_path) -> None:
     again = _without(folder, "session.yaml", tmp_path)
     _change(folder, again, image=[720, 1280])
     with pytest.raises(ConfigurationError, match=r"is 1280 x 720 px, .* says image: \[720, 1280\]"):
-        solve_homography(again, (), None, 0.1)
+        solve_homography(again, (), None)
 
 
 def test_camera_wizard_keeps_a_lens_for_ros_and_for_opencv(shown) -> None:
