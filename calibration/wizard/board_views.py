@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 
 from calibration.board import BoardDetection, BoardSettings, BoardView, find_board
-from calibration.lens import MINIMUM_VIEWS, Lens
+from calibration.lens import MINIMUM_VIEWS
 from calibration.wizard import coverage
 from calibration.wizard.coverage import Placement, Sketch, WantedView, guessed_lens
 from calibration.wizard.lens_verdict import LensVerdict, fit_views, lens_verdict
@@ -12,7 +12,6 @@ from calibration.wizard.progress import Mark, Progress, Row
 from drivers.types import Frame, Image
 
 FEWEST_VIEWS = max(4, MINIMUM_VIEWS)  # from which a lens is fitted, to compute the board's tilt
-TYPICAL_SIZE = (1280, 720)  # px, assumed before the first view
 VIEW_TOLERANCE = (0.12, 0.12, 0.25, 0.25)  # x, y, relative size and rad, from the wanted view
 
 
@@ -21,14 +20,13 @@ class BoardViews:
 
     The caller shows the board as `ask()` requests and passes the camera's image to `tell()`. Other
     views count as well. A requested view is given up after `patience` refused images; a person
-    (`patient`) calls `skip` instead. `size` are width and height [px] of the images, by default
-    those of the first view.
+    (`patient`) calls `skip` instead. `size` are width and height [px] of the images.
     """
 
     subject = "board"
 
     def __init__(
-        self, settings: BoardSettings, *, patient: bool = False, size: tuple[int, int] | None = None
+        self, settings: BoardSettings, size: tuple[int, int], *, patient: bool = False
     ) -> None:
         self._settings = settings
         self._board = settings.board()
@@ -42,7 +40,7 @@ class BoardViews:
         self._views: dict[int, BoardView] = {}
         self._met: dict[int, list[WantedView]] = {}  # the requests that each view met
         self._size = size
-        self._lens: Lens | None = None
+        self._lens = guessed_lens(size)
 
     def ask(self) -> WantedView | None:
         """Next view of the board to show; None once the views suffice."""
@@ -62,7 +60,7 @@ class BoardViews:
         if view is not None and last is not None:
             moved = view.distance(last)
             if moved <= self._settings.still:
-                self._accept(number, frame.image, view)
+                self._accept(number, view)
                 return _row(number, view, taken=True)
             refused = f"the board moved by {moved:.1f} px between two images; hold it still"
         self._tries += refused is not None
@@ -75,7 +73,7 @@ class BoardViews:
         view = find_board(image, self._detector, self._board).view
         if view is None:
             return False
-        self._accept(row.number, image, view)
+        self._accept(row.number, view)
         self._count = max(self._count, row.number + 1)
         return True
 
@@ -106,8 +104,7 @@ class BoardViews:
 
     def progress(self, frame: Frame | None = None, result: Row | None = None) -> Progress:
         """Message to observers: request, coverage, `result` of the newest image `frame`, if any."""
-        lens = self._lens or guessed_lens(TYPICAL_SIZE)
-        gates = coverage.gates(self.views, lens, self._settings)
+        gates = coverage.gates(self.views, self._lens, self._settings)
         wanted = self.ask()
         missing = [gate for gate in gates if not gate.passed]
         seen = () if self._seen is None or result is None else self._seen.image
@@ -132,18 +129,17 @@ class BoardViews:
     def _sketch(self, wanted: WantedView | None) -> Sketch:
         """Outlines [px] in the image of the requested view and of the newest view."""
         outline = self._settings.outline()
-        size = self._size or TYPICAL_SIZE
         as_wanted = as_seen = None
         if wanted is not None:
-            as_wanted = wanted.outline(outline, self._lens or guessed_lens(size))
+            as_wanted = wanted.outline(outline, self._lens)
         if self._seen is not None and len(self._seen.ids) >= self._settings.corners:
             as_seen = coverage.project_outline(self._seen, outline)
-        return Sketch(size, as_wanted, as_seen)
+        return Sketch(self._size, as_wanted, as_seen)
 
     def _refuse(self, frame: Frame, look: BoardDetection) -> str | None:
         """Reason why an image shows no usable view of the board, or None."""
         size = (frame.image.shape[1], frame.image.shape[0])
-        if self._size is not None and size != self._size:
+        if size != self._size:
             return (
                 f"the image is {size[0]} x {size[1]} px, the others are {self._size[0]} x "
                 f"{self._size[1]} px; set the camera back"
@@ -171,9 +167,8 @@ class BoardViews:
             return f"{need}; the board is too far, its markers are {look.side:.0f} px; come nearer"
         return f"{need}; bring it into the image, light it, uncover it"
 
-    def _accept(self, number: int, image: Image, view: BoardView) -> None:
+    def _accept(self, number: int, view: BoardView) -> None:
         """Store an accepted `view`, refit the lens, and strike the required views that it meets."""
-        self._size = (image.shape[1], image.shape[0])
         self._views[number] = view
         self._last = None
         self._tries = 0

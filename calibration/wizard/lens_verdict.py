@@ -3,7 +3,7 @@ reasons for failure."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import cv2
 import numpy as np
@@ -56,43 +56,29 @@ def _bow_reasons(
 
 
 def _pose_free_system(view: BoardView, lens: Lens) -> tuple[Array, Array]:
-    """Derivatives (2n, 11) by lens and bow, and errors (2n,), less the part that the pose fits."""
-    linear = _linearise(view, lens)
-    bow = linear.height * np.repeat(_bow_modes(view.board), 2, axis=0)
-    shared = np.hstack([linear.camera, bow])
-    by_pose = np.linalg.lstsq(linear.pose, shared, rcond=None)[0]
-    error_by_pose = np.linalg.lstsq(linear.pose, linear.error, rcond=None)[0]
-    return shared - linear.pose @ by_pose, linear.error - linear.pose @ error_by_pose
+    """Derivatives (2n, 11) by lens and bow, and errors (2n,), less the part that the pose fits.
 
-
-def _bow_modes(points: Array) -> Array:
-    """Terms x^2, y^2, x y (n, 3) [m^2] of a bow at `points` (n, 2) or (n, 3) [m] of the board."""
-    x, y = points[:, :2].T
-    return np.stack([x * x, y * y, x * y], axis=1)
-
-
-class Linearised(NamedTuple):
-    """Errors (2n,) [px] of a view's n corners, and the derivatives of the corners' images.
-
-    By the lens (2n, 8), the board's `pose` (2n, 6), and a corner's `height` (2n, 1) over the board.
+    The images of the view's n corners [px] are linearised about the best pose of a flat board.
     """
-
-    error: Array
-    camera: Array
-    pose: Array
-    height: Array
-
-
-def _linearise(view: BoardView, lens: Lens) -> Linearised:
-    """Linearise the images of a view's corners about its best pose, for a flat board."""
     board = np.asarray(view.board, dtype=np.float64)
     _, rotation, shift = cv2.solvePnP(board, view.image, lens.matrix, lens.distortion)
     image, slopes = cv2.projectPoints(board, rotation, shift, lens.matrix, lens.distortion)
     raised = board + np.array([0.0, 0.0, NORMAL_STEP])
     raised_image, _ = cv2.projectPoints(raised, rotation, shift, lens.matrix, lens.distortion)
     error = (np.asarray(view.image) - image.reshape(-1, 2)).ravel()
-    height = (raised_image - image).reshape(-1, 1) / NORMAL_STEP
-    return Linearised(error, slopes[:, CAMERA_COLUMNS], slopes[:, :POSE_COLUMNS], height)
+    by_height = (raised_image - image).reshape(-1, 1) / NORMAL_STEP
+    bow = by_height * np.repeat(_bow_modes(board), 2, axis=0)
+    shared = np.hstack([slopes[:, CAMERA_COLUMNS], bow])
+    pose = slopes[:, :POSE_COLUMNS]
+    by_pose = np.linalg.lstsq(pose, shared, rcond=None)[0]
+    error_by_pose = np.linalg.lstsq(pose, error, rcond=None)[0]
+    return shared - pose @ by_pose, error - pose @ error_by_pose
+
+
+def _bow_modes(points: Array) -> Array:
+    """Terms x^2, y^2, x y (n, 3) [m^2] of a bow at `points` (n, 2) or (n, 3) [m] of the board."""
+    x, y = points[:, :2].T
+    return np.stack([x * x, y * y, x * y], axis=1)
 
 
 BEND_GRADES = (0.3, 1.0)  # mm between two halves at the board, up to which good, then fair
@@ -129,7 +115,7 @@ class LensVerdict(Verdict):
 
 def lens_verdict(
     views: Mapping[int, BoardView],
-    size: tuple[int, int] | None,
+    size: tuple[int, int],
     length: float | None,
     settings: BoardSettings,
 ) -> LensVerdict:
@@ -139,7 +125,7 @@ def lens_verdict(
     """
     numbers = sorted(views, key=lambda number: tuple(views[number].image.mean(axis=0)))
     ordered = [views[number] for number in numbers]
-    if size is None or len(ordered) < 2 * MINIMUM_VIEWS:
+    if len(ordered) < 2 * MINIMUM_VIEWS:
         reason = f"{len(ordered)} views, at least {2 * MINIMUM_VIEWS} are needed; show more"
         return LensVerdict(views=len(ordered), reasons=(reason,))
     try:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import compress
 from math import pi
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 import numpy as np
 from pydantic import Field
@@ -212,30 +212,24 @@ def camera_move(
     moments = range(FEWEST_TOUCHES, len(ordered) - FEWEST_TOUCHES + 1)
     if not moments:
         return None
-    fits = {moment: _fit_move(places, pixels, moment, homography) for moment in moments}
-    moment = min(fits, key=lambda tried: fits[tried].cost)
-    best = fits[moment]
+    fits = ((*_fit_move(places, pixels, moment, homography), moment) for moment in moments)
+    cost, shift, sigma, moment = min(fits, key=lambda fit: fit[0])
     middle = homography.to_image(places.mean(axis=0)[None])[0]
-    before, after = homography.to_plane(np.array([middle, middle + best.shift]))
+    before, after = homography.to_plane(np.array([middle, middle + shift]))
     shift_mm = 1e3 * float(np.hypot(*(after - before)))
-    size = float(np.hypot(*best.shift))
-    if shift_mm < least_mm or size < MOVE_SIGMA * best.sigma or not np.isfinite(best.cost):
+    size = float(np.hypot(*shift))
+    if shift_mm < least_mm or size < MOVE_SIGMA * sigma or not np.isfinite(cost):
         return None
     return Move(ordered[moment - 1].number, shift_mm, 1e3 * size / float(lens.matrix[0, 0]))
 
 
-class MoveFit(NamedTuple):
-    """Fit of a moved camera: its `cost`, the image's `shift` (2,) [px], its largest sigma [px]."""
-
-    cost: float
-    shift: Array
-    sigma: float
-
-
-def _fit_move(places: Array, pixels: Array, moment: int, begin: Homography) -> MoveFit:
+def _fit_move(
+    places: Array, pixels: Array, moment: int, begin: Homography
+) -> tuple[float, Array, float]:
     """Robust fit of a map to the image and a shift of the image from touch number `moment` on.
 
-    `places` (n, 2) [m] are those of the arm and `pixels` (n, 2) [px] undistorted.
+    `places` (n, 2) [m] are those of the arm and `pixels` (n, 2) [px] undistorted. Returns its cost,
+    the shift (2,) [px] and the largest sigma of the shift [px].
     """
     from scipy.optimize import least_squares
 
@@ -257,4 +251,4 @@ def _fit_move(places: Array, pixels: Array, moment: int, begin: Homography) -> M
     slopes = solution.jac[used] if used.sum() > UNKNOWNS + 2 else solution.jac
     covariance = sigma**2 * np.linalg.pinv(slopes.T @ slopes)[MAP_NUMBERS:, MAP_NUMBERS:]
     shift_sigma = float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
-    return MoveFit(float(solution.cost), solution.x[MAP_NUMBERS:], shift_sigma)
+    return float(solution.cost), solution.x[MAP_NUMBERS:], shift_sigma

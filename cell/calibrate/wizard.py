@@ -25,7 +25,6 @@ from calibration.wizard.touch_verdict import CheckVerdict, MapVerdict, check_ver
 from calibration.wizard.touched_points import TouchedPoints
 from calibration.wizard.touches import check_plan
 from calibration.wizard.verdict import Verdict
-from cell.calibrate.calibration_in_use import check_camera
 from cell.config.cell import CellFile
 from cell.devices.devices import CalibrationAids, Devices, Trial
 from cell.devices.open import NO_STRIP, open_cell
@@ -82,7 +81,7 @@ class Wizard:
             if length is None and aids is not None:
                 length = boards.width
             size = (first.image.shape[1], first.image.shape[0])
-            views = BoardViews(boards, patient=aids is None, size=size)
+            views = BoardViews(boards, size, patient=aids is None)
             keep = self._open_session("camera", folder, views, size, length=length, boards=boards)
             show_board(views, source, self.operator, keep, self.interrupted)
         return solve_lens(folder, (), folder)
@@ -125,8 +124,7 @@ class Wizard:
         return solve_homography(folder, (), folder, accept_anyway=accept_anyway)
 
     def check(self, calibration: Calibration) -> CheckVerdict:
-        """Judge `calibration` by a few touches; raises ConfigurationError for another camera's."""
-        check_camera(calibration, self.devices)
+        """Judge a `calibration` of this camera by a few touches."""
         touches = self.settings.touches
         points = TouchedPoints(calibration.lens, touches, check_plan(touches), fitted=False)
         context = CalibrationContext(
@@ -170,7 +168,7 @@ def solve_lens(folder: Path, without: Collection[int], out: Path | None) -> Lens
     """
     cv2.setNumThreads(1)  # in several threads the last digits differ from time to time
     stored = session.read_session(folder, "camera")
-    views = BoardViews(stored.boards, size=stored.image)
+    views = BoardViews(stored.boards, stored.image)
     image = session.restore(views, folder, stored, without)
     verdict = views.verdict(stored.length)
     if out is not None:
@@ -247,7 +245,8 @@ def calibrate_twin(settings: CellFile, interrupted: Interruption) -> Calibration
 
 def lens_from_boards(settings: CellFile, aids: CalibrationAids) -> Lens:
     """Fit the lens to as many board views as are needed; raises CellError for a poor fit."""
-    views = BoardViews(settings.boards)
+    camera = settings.twin.camera
+    views = BoardViews(settings.boards, (camera.width, camera.height))
     show_board(views, aids.show_board, Unattended(), ignore)
     verdict = views.verdict(settings.boards.width)
     if verdict.fit is None or not verdict.passed:
@@ -277,11 +276,11 @@ def show_board(
 ) -> None:
     """Request views of the board until enough are accepted; raises Interrupted if stopped."""
     while (wanted := views.ask()) is not None:
-        _check_interrupted(interrupted)
         progress = views.progress()
         watch(progress)
         answer = operator.answer(Question(progress.request))
-        _check_interrupted(interrupted)
+        if interrupted():
+            raise Interrupted("the calibration was interrupted")
         if answer is Answer.SKIP:
             views.skip()
         elif answer is Answer.AGAIN:
@@ -293,12 +292,6 @@ def show_board(
                 frame = source(wanted)
                 result = views.tell(frame)
             watch(views.progress(frame, result))
-
-
-def _check_interrupted(interrupted: Interruption) -> None:
-    """Raise Interrupted if the operator has `interrupted` the calibration."""
-    if interrupted():
-        raise Interrupted("the calibration was interrupted")
 
 
 def _live_images(devices: Devices) -> Iterator[Frame]:

@@ -223,13 +223,14 @@ def calibrate_check(
 ) -> None:
     """Check a calibration: touch a few points again and compare them with the image."""
     from calibration.calibration import load_calibration
-    from cell.calibrate.calibration_in_use import calibration_of
+    from cell.calibrate.calibration_in_use import calibration_of, check_camera
     from cell.calibrate.wizard_panel import print_verdict, wizard_at_terminal
 
     settings, devices = _open_devices(
         find_configs(configs).cell(), arm, camera, full_speed=full_speed
     )
     calibration = load_calibration(file) if file else calibration_of(settings, notice)
+    check_camera(calibration, devices)
     with wizard_at_terminal(settings, devices, interactive=interactive) as wizard:
         verdict = wizard.check(calibration)
     if as_json:

@@ -12,7 +12,7 @@ from drivers.twin.settings import CameraSettings
 from drivers.types import BoardPlacement as Placement, Frame, Image
 
 CAMERA = CameraSettings()
-SETTINGS = BoardSettings()
+SETTINGS, SIZE = BoardSettings(), (1280, 720)
 
 
 @lru_cache
@@ -34,7 +34,7 @@ def _shown(views: BoardViews, placement: Placement, sequence: int = 0) -> str | 
 
 
 def test_shaken_board_gives_no_view() -> None:
-    views = BoardViews(SETTINGS)
+    views = BoardViews(SETTINGS, SIZE)
     answers = [views.tell(_frame(Placement(0.5 + 0.004 * (k % 2), 0.5, 0.4))) for k in range(6)]
     assert not any(told.taken for told in answers)
     assert "the board moved by 5." in str(answers[1].refused)
@@ -52,13 +52,13 @@ def test_shaken_board_gives_no_view() -> None:
 def test_view_that_is_no_use_is_refused_with_a_remedy(
     before: Placement | None, shown: Placement, remedy: str
 ) -> None:
-    views = BoardViews(SETTINGS)
+    views = BoardViews(SETTINGS, SIZE)
     assert before is None or _shown(views, before) is None
     assert remedy in str(_shown(views, shown))
 
 
 def test_image_without_board_is_refused_and_given_up_after_patience() -> None:
-    views = BoardViews(SETTINGS)
+    views = BoardViews(SETTINGS, SIZE)
     first = views.ask()
     blank = Frame(0.0, 0.0, "test", 0, np.full((720, 1280, 3), 128, np.uint8))
     for _ in range(SETTINGS.patience):
@@ -68,7 +68,7 @@ def test_image_without_board_is_refused_and_given_up_after_patience() -> None:
 
 
 def test_person_is_waited_for_until_he_skips() -> None:
-    views = BoardViews(SETTINGS, patient=True)
+    views = BoardViews(SETTINGS, SIZE, patient=True)
     first = views.ask()
     blank = Frame(0.0, 0.0, "test", 0, np.full((720, 1280, 3), 128, np.uint8))
     for _ in range(5 * SETTINGS.patience):

@@ -46,7 +46,7 @@ def true_lens(camera: CameraSettings = CameraSettings()) -> Lens:  # noqa: B008 
 
 def show_boards(camera: CameraSettings, settings: BoardSettings, seed: int = 1) -> LensVerdict:
     """Lens estimate from all wanted board views, rendered by the twin's camera."""
-    views = BoardViews(settings)
+    views = BoardViews(settings, (camera.width, camera.height))
     sequence = 0
     while (wanted := views.ask()) is not None:
         pose = board_pose(camera, settings.board(), wanted)
