@@ -23,8 +23,8 @@ FINE_STEPS = np.arange(-3.0, 5.0)  # steps around the zero among the first, trie
 RISE_STEP = 1 / 600  # of the length; rises tried are multiples, so that strips share motions
 
 
-def raise_path(length: float, rise: float) -> Path:
-    """Triangular path over a strip of `length` [m], with apex and end moved up by `rise` [m]."""
+def raised_triangle(length: float, rise: float) -> Path:
+    """Triangular path over a strip of `length` [m], apex and end `rise` [m] higher (< 0: lower)."""
     bend = BENT * length
     apex = (length / 2, length / 2 + rise)
     return Path.through(np.array([(length, 0.0), (length - bend, bend), apex, (0.0, rise)]))
@@ -46,7 +46,7 @@ class RaisedTriangles:
         different, self._first, self._same = np.unique(
             self.rises, return_index=True, return_inverse=True
         )
-        paths = [raise_path(strip.length, float(rise)) for rise in different]
+        paths = [raised_triangle(strip.length, float(rise)) for rise in different]
         self._followers = [Follower(path, 1) for path in paths]
         self._speed = speed
 

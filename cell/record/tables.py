@@ -162,8 +162,7 @@ def place_contacts(t: Array, stamp: Array, contact_x: Array) -> tuple[Array, Arr
 
     NaN without an image; of two nearest to one row the nearer is used; others are dropped.
     """
-    placed_x = np.full(t.size, np.nan)
-    placed_t = np.full(t.size, np.nan)
+    placed_x, placed_t = np.full((2, t.size), np.nan)
     if t.size < 2:
         return placed_x, placed_t
     reach = 0.5 * float(np.median(np.diff(t)))
@@ -207,10 +206,14 @@ def joint_table(rows: Array, origin: float) -> pa.Table:
 
 
 def write_parquet(path: Path, table: pa.Table) -> None:
-    """Write `table` to `path` atomically, with the number of its schema in the metadata."""
+    """Write `table` as Parquet that replaces the file at `path` at once, when it is complete.
+
+    The table's metadata get as `schema` the version of the cell's files.
+    """
     about = {**(table.schema.metadata or {}), "schema": str(SCHEMA)}
     marked = table.replace_schema_metadata(about)
-    with replacing(path) as scratch, scratch.open("wb") as file:  # by name it would want UTF-8
+    # an open file, as the library takes only names in UTF-8 and a folder's may be in any bytes
+    with replacing(path) as scratch, scratch.open("wb") as file:
         pq.write_table(marked, file, compression="zstd", row_group_size=1 << 20)
 
 

@@ -274,7 +274,7 @@ class ServoLoop:
         if not isfinite(x + z + pitch):
             self._brake_for_good(Cause.NOT_FINITE, "the robot reported a pose that is not a number")
             measured = self._measured[-1][1] if self._measured else measured
-        beside = self._plane.place(pose)[1]
+        beside = self._plane.position_in_cell(pose)[1]
         if abs(beside) > BESIDE:
             self._brake_for_good(
                 Cause.ASIDE, f"the hand is {1e3 * abs(beside):.0f} mm beside its plane"

@@ -96,7 +96,7 @@ class StripPlane:
         inside = Coordinates(self.to_cell(columns), rate, change)
         lean = rotation_vector(gripper[:3, :3] @ self.matrix(*inside.value)[:3, :3].T)
         lean_x, _, lean_z = (self._axes @ lean).tolist()
-        offset = self.place(columns)[1]
+        offset = self.position_in_cell(columns)[1]
         aside = Coordinates((offset, lean_x, lean_z), rate_aside, change_aside)
         return SplitMotion(inside, _in_pitching_axes(aside, inside))
 
@@ -119,12 +119,12 @@ class StripPlane:
 
     def to_cell(self, pose: Numbers) -> Triple:
         """x, z [m] and pitch [rad] in the cell of a hand pose in the base, column-major (16,)."""
-        x, _, z = self.place(pose)
+        x, _, z = self.position_in_cell(pose)
         approach = pose[8:11]  # axis of the hand: along -x at pitch 0, down at pi/2
         pitch = atan2(-_dot(self._rows[2], approach), -_dot(self._rows[0], approach))
         return x, z, pitch + 2 * pi if pitch < -pi / 2 else pitch
 
-    def place(self, pose: Numbers) -> Triple:
+    def position_in_cell(self, pose: Numbers) -> Triple:
         """x, y, z [m] in the cell of a hand pose in the base, column-major (16,)."""
         point = pose[12:15]
         x, y, z = (_dot(row, point) + row[3] for row in self._rows)
@@ -184,10 +184,9 @@ def _motion_of_point(lever: Array, twist: Numbers, acceleration: Numbers) -> tup
 
     `acceleration` (6,) is the twist's derivative.
     """
-    spin = _cross_matrix(twist[3:])
-    spin_change = _cross_matrix(acceleration[3:])
-    velocity = np.array(twist[:3]) + spin @ lever
-    return velocity, np.array(acceleration[:3]) + spin_change @ lever + spin @ (spin @ lever)
+    swing = np.cross(twist[3:], lever)
+    change = np.cross(acceleration[3:], lever) + np.cross(twist[3:], swing)
+    return twist[:3] + swing, acceleration[:3] + change
 
 
 def _in_pitching_axes(aside: Coordinates, inside: Coordinates) -> Coordinates:
@@ -202,12 +201,6 @@ def _in_pitching_axes(aside: Coordinates, inside: Coordinates) -> Coordinates:
     change_x -= rate_z * pitch_rate + lean_z * pitch_change
     change_z += rate_x * pitch_rate + lean_x * pitch_change
     return Coordinates(aside.value, (across, rate_x, rate_z), (across_change, change_x, change_z))
-
-
-def _cross_matrix(vector: Numbers) -> Array:
-    """Skew-symmetric matrix (3, 3) of the cross product with `vector`."""
-    x, y, z = vector
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 def _dot(a: Numbers, b: Numbers) -> float:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 import mujoco
 import numpy as np
 
-from drivers.fci_server.posture import Posture, Rates
+from drivers.fci_server.posture import Posture
 from drivers.franka.kinematics import FLANGE
 from drivers.franka.model import ArmPlant, arm_mjcf
 from drivers.motion import TICK, lag_gain
@@ -74,9 +74,9 @@ class Dynamics:
 
 
 class LaggingArm:
-    """Posture of an arm that lags its commands by a `delay` [s] and a first-order `lag` [s].
+    """Arm whose `posture` lags the commands by a `delay` [s] and a first-order `lag` [s].
 
-    With a `sag` (7,) [rad] its links also deflect from its motors.
+    `sag` gives from the motors' posture the deflection (7,) [rad] to subtract from their joints.
     """
 
     def __init__(
@@ -97,7 +97,8 @@ class LaggingArm:
         self._delayed.popleft()
         motors = self._motors
         q = motors.q + self._lag_gain * (self._delayed[0] - motors.q)
-        if np.array_equal(q, motors.q) and not motors.joints.velocity.any():
+        rates = self.posture.joints  # of the links, which come to rest after the motors
+        if np.array_equal(q, motors.q) and not np.any((rates.velocity, rates.acceleration)):
             return
         self._motors = self._step(motors, q)
         if self._sag is None:
@@ -107,9 +108,8 @@ class LaggingArm:
 
     def _step(self, before: Posture, q: Array) -> Posture:
         """Posture with joints `q` (7,) [rad], one tick after `before`."""
-        velocity = (q - before.q) / TICK
-        acceleration = (velocity - before.joints.velocity) / TICK
-        return Posture.at_joints(q, self._tool, Rates(velocity, acceleration))
+        rates = before.joints.step((q - before.q) / TICK)
+        return Posture.at_joints(q, self._tool, rates)
 
 
 def _tilt(gravity: float, x: float, y: float) -> Array:

@@ -111,15 +111,13 @@ def check_place(pose: Array) -> None:
 
 
 def check_tool_rates(old: Rates, new: Rates) -> None:
-    """Raise Violation where the tool's rates (6,) exceed velocity, acceleration or jerk limits."""
-    jerk = (new.acceleration - old.acceleration) / TICK
-    checks = zip(
-        (new.velocity, new.acceleration, jerk),
-        limits.TRANSLATION,
-        limits.ROTATION,
-        TOOL_REFLEXES,
-        strict=True,
-    )
+    """Raise Violation for a tool too fast, `new` (6,) being its rates one tick after `old` (6,).
+
+    Velocity, acceleration and jerk are checked in turn: the norms of translation (first three) and
+    rotation, each with 1 % of tolerance. The Violation carries the reflex of the first to exceed.
+    """
+    motions = (new.velocity, new.acceleration, (new.acceleration - old.acceleration) / TICK)
+    checks = zip(motions, limits.TRANSLATION, limits.ROTATION, TOOL_REFLEXES, strict=True)
     for rates, translation, rotation, reflex in checks:
         moves, turns = hypot(*rates[:3].tolist()), hypot(*rates[3:].tolist())
         if moves > LIMIT_FACTOR * translation or turns > LIMIT_FACTOR * rotation:
@@ -129,9 +127,7 @@ def check_tool_rates(old: Rates, new: Rates) -> None:
 def check_swing(old: Array, new: Array) -> None:
     """Raise Violation where the elbow's angle, rate and acceleration (3,) break a rate limit."""
     rates = (*new[1:].tolist(), float(new[2] - old[2]) / TICK)
-    if any(
-        abs(rate) > LIMIT_FACTOR * limit for rate, limit in zip(rates, limits.ELBOW, strict=True)
-    ):
+    if any(abs(rate) > limit for rate, limit in zip(rates, _ELBOW, strict=True)):
         raise Violation(Reflex.CARTESIAN_MOTION_GENERATOR_ELBOW_LIMIT_VIOLATION)
 
 
@@ -146,10 +142,11 @@ def _beyond(values: Array, limits: tuple[float, ...]) -> bool:
 
 
 def _with_tolerance(limit: Array, time: float = 1.0) -> tuple[float, ...]:
-    """Limit (7,) per tick: published `limit` times `time` [s] and the tolerance LIMIT_FACTOR."""
+    """Limits (n,) per tick: published `limit` times `time` [s] and the tolerance LIMIT_FACTOR."""
     return tuple((LIMIT_FACTOR * time * limit).tolist())
 
 
+_ELBOW = _with_tolerance(np.array(limits.ELBOW))
 _JOINT_VELOCITY = _with_tolerance(limits.VELOCITY)
 _JOINT_ACCELERATION = _with_tolerance(limits.ACCELERATION)
 _JOINT_JERK = _with_tolerance(limits.JERK, TICK)  # as change of the acceleration in one tick

@@ -193,7 +193,11 @@ class Framing(Generic[K]):
 
 @dataclass(frozen=True, slots=True)
 class MoveRequest:
-    """Request for a motion; `generator` and `controller` as numbered by the client."""
+    """Request for a motion by `controller` (a Controller) and `generator` (a Generator less 1).
+
+    `deviations` (6,) are allowed ones on the path, then at the goal: translation [m], rotation and
+    elbow [rad]. `use_async` asks for libfranka's asynchronous motion, which is not emulated.
+    """
 
     controller: int
     generator: int

@@ -22,7 +22,7 @@ LARGEST_STEP = 0.8  # rad by which one step of Newton's method turns a segment
 
 
 class NoRest(CellError):
-    """Error for a hanging strip of which no equilibrium shape was found."""
+    """Error for a hanging strip of which there is, or was found, no equilibrium shape."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,8 +90,11 @@ def hanging_shape(
     """Equilibrium of a strip of `bending_length` [m] that hangs over a ledge by `overhang` [m].
 
     `rest_curvature` (n,) [1/m] at the `hinges`, positive turns the free end up; `clamp_angle`
-    [rad] above the horizontal. Raises NoRest where Newton's method finds no stable shape.
+    [rad] above the horizontal. Raises NoRest where no stable shape is found or a length is <= 0.
     """
+    where = f"a strip of bending length {bending_length:.4g} m over {overhang:.4g} m"
+    if min(overhang, bending_length) <= 0:
+        raise NoRest(f"{where}: no shape at rest; both lengths must be positive")
     arc = segments(overhang)
     spans = _spans(arc)
     middle = 0.5 * (arc[1:] + arc[:-1])
@@ -101,8 +104,7 @@ def hanging_shape(
     angles, stiffness = _equilibrium(angles, rest_turns, spans, pull, clamp_angle)
     if stiffness is None:
         raise NoRest(
-            f"a strip of bending length {bending_length:.4g} m over {overhang:.4g} m: no shape at "
-            f"rest was found in {ITERATIONS} Newton steps; check both lengths"
+            f"{where}: no shape at rest was found in {ITERATIONS} Newton steps; check both lengths"
         )
     chords = np.stack([np.cos(angles), np.sin(angles)], axis=1) * np.diff(arc)[:, None]
     points = np.concatenate([np.zeros((1, 2)), np.cumsum(chords, axis=0)])

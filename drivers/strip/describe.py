@@ -37,34 +37,30 @@ def describe(strip: StripFile, cell_effects: Effects | None = None, index: int =
 
 
 def load_plant(path: Path) -> StripFile:
-    """Read the plant file at `path`: a strip file that may also hold effects of the cell.
-
-    Raises ConfigurationError where it or its effects are wrong.
-    """
+    """Plant in the file at `path`: as `load_strip`, but effects may also be those of the cell."""
     return load_strip(path, ("strip", "cell"))
 
 
 def load_strip(path: Path, of: Collection[str] = ("strip",)) -> StripFile:
-    """Strip in the file at `path`, with effects `of` strips; ConfigurationError for a bad file."""
+    """Strip in the file at `path`, with effects `of` strips.
+
+    Raises ConfigurationError for a bad file, for effects or a law out of range or beside the strip,
+    and for a strip that one engine refuses: the twin's chain and the rod must both simulate it.
+    """
     strip = load(path, StripFile)
     check_effects(strip.effects, str(path), of)
     check_law(strip.law, origin=str(path))
-    check_described(strip, origin=str(path))
-    return strip
-
-
-def check_described(strip: StripFile, origin: str) -> None:
-    """Raise ConfigurationError for a strip that no engine simulates, or with unfit effects."""
     for bound in BOUNDS:
         if bound.value(strip) < bound.refused:
             raise ConfigurationError(
-                f"{origin}: {_location(bound, strip)}, the {bound.engine} is refused below "
-                f"{bound.refused:g}: {bound.why}; take a shorter strip or a stiffer one"
+                f"{path}: {bound.key}: is {bound.value(strip):.3g}, the {bound.engine} is refused "
+                f"below {bound.refused:g}: {bound.why}; take a shorter strip or a stiffer one"
             )
     try:
         describe(strip)
     except ConfigurationError as error:
-        raise ConfigurationError(f"{origin}: {error}") from None
+        raise ConfigurationError(f"{path}: {error}") from None
+    return strip
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,12 +132,8 @@ BOUNDS = (
 def doubts(strip: StripFile) -> tuple[str, ...]:
     """Warnings, a sentence each, on properties of `strip` outside an engine's validated range."""
     return tuple(
-        f"{strip.name}: {_location(bound, strip)}, the {bound.engine} holds from {bound.low:g} to "
-        f"{bound.high:g}: {bound.why}; expect errors of the simulation"
+        f"{strip.name}: {bound.key}: is {bound.value(strip):.3g}, the {bound.engine} holds from "
+        f"{bound.low:g} to {bound.high:g}: {bound.why}; expect errors of the simulation"
         for bound in BOUNDS
         if not bound.low <= bound.value(strip) <= bound.high
     )
-
-
-def _location(bound: Bound, strip: StripFile) -> str:
-    return f"{bound.key}: is {bound.value(strip):.3g}"

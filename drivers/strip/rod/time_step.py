@@ -87,27 +87,31 @@ def predict_strain(block: Any, omega: float) -> None:
 
 
 @kernel
-def finish_step(block: Any, rate: float, alive: Any) -> None:
-    """Store velocities, strains, friction moments and sliding of the active lanes after a step."""
+def store_velocity(block: Any, rate: float, alive: Any) -> None:
+    """Store v = rate (x - base) of the free nodes by `rate` [1/s], in the lanes `alive` > 0."""
     state = block.state
     for r in range(at.FIRST_FREE_NODE, block.last + 1):
         for axis in range(2):
             v = rate * (load(state, r, at.X + axis) - load(block.work, r, at.BASE_X + axis))
             store(state, r, at.VX + axis, select(alive, v, load(state, r, at.VX + axis)))
+
+
+@kernel
+def store_strain(block: Any, rate: float, alive: Any) -> None:
+    """Store bending strains, friction and history by `rate` [1/s], in the lanes `alive` > 0."""
+    state = block.state
     last_tangent = direction(state, 0)
     for r in range(1, state.shape[0] - 1):
         tangent = direction(state, r)
         new, _ = strain(last_tangent, tangent)
         dry, _ = dry_friction(block, r, new)
-        eps = load(state, r, at.EPS)
+        eps = load(state, r, at.EPS)  # friction and history read it in `state`: `new` goes in last
         store(state, r, at.FRICTION, select(alive, dry, load(state, r, at.FRICTION)))
         if block.terms is not None:
             store_history(block, r, new, rate, alive)
         store(state, r, at.EPS1, select(alive, eps, load(state, r, at.EPS1)))
         store(state, r, at.EPS, select(alive, new, eps))
         last_tangent = tangent
-    if block.terms is not None:
-        slide_ends(block, alive)
 
 
 @kernel
@@ -146,9 +150,13 @@ def implicit_step(block: Any, h: float, omega: float, alive: Any) -> Any:
     if block.terms is not None:
         predict_terms(block, rate, weights(omega))
     unsolved = solve(block, rate, alive)
-    finish_step(block, rate, alive - unsolved)
+    solved = alive - unsolved
+    store_velocity(block, rate, solved)
+    store_strain(block, rate, solved)
+    if block.terms is not None:
+        slide_ends(block, solved)
     if block.last < block.state.shape[0] - 2:
-        grip_force(block, h, rate, alive - unsolved)
+        grip_force(block, h, rate, solved)
     return unsolved
 
 

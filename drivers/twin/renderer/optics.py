@@ -87,16 +87,19 @@ class Optics(NamedTuple):
         return self._replace(principal=(u - origin[0], v - origin[1]))
 
     def rays(self, u: Pixels, v: Pixels) -> tuple[Pixels, Pixels, Pixels]:
-        """Directions x, y, z (...,) in the cell frame of rays through pixels u, v; not unit."""
-        a = (u - np.float32(self.principal[0])) / np.float32(self.focal)
-        b = (v - np.float32(self.principal[1])) / np.float32(self.focal)
-        r2 = a * a + b * b
-        factor = np.zeros_like(r2)
+        """Directions x, y, z (...,) in the cell frame of rays through pixels `u`, `v` (...,) [px].
+
+        The lens's distortion is undone. Of length 1 along the optical axis, so not unit vectors.
+        """
+        right = (u - np.float32(self.principal[0])) / np.float32(self.focal)
+        down = (v - np.float32(self.principal[1])) / np.float32(self.focal)
+        squared_radius = right * right + down * down
+        undistorting = np.zeros_like(squared_radius)
         for coefficient in self.inverse[::-1]:
-            factor = factor * r2 + np.float32(coefficient)
-        a, b = a * factor, b * factor
-        m = self.rotation.astype(np.float32)
-        x, y, z = (a * m[0, j] + b * m[1, j] + m[2, j] for j in range(3))
+            undistorting = undistorting * squared_radius + np.float32(coefficient)
+        right, down = right * undistorting, down * undistorting
+        axes = self.rotation.astype(np.float32)
+        x, y, z = (right * axes[0, j] + down * axes[1, j] + axes[2, j] for j in range(3))
         return x, y, z
 
     def on_level(self, rays: tuple[Pixels, Pixels, Pixels], z: float) -> tuple[Pixels, Pixels]:
@@ -143,9 +146,7 @@ def _inverse(distortion: tuple[float, float], field: float) -> Array:
     k1, k2 = distortion
     radius = np.linspace(0.0, field, 400)
     factor = 1 + radius**2 * (k1 + k2 * radius**2)
-    distorted = (radius * factor) ** 2
-    basis = np.stack([distorted**j for j in range(5)], axis=-1)
-    return np.asarray(np.linalg.lstsq(basis, 1 / factor, rcond=None)[0])
+    return np.asarray(np.polynomial.polynomial.polyfit((radius * factor) ** 2, 1 / factor, 4))
 
 
 def blur(image: Image, sigma: float) -> Image:

@@ -54,7 +54,8 @@ def test_textile_laboratory_reads_half_the_overhang_at_41_and_a_half_degrees() -
     assert np.degrees(np.arctan2(-tip[1], tip[0])) == pytest.approx(41.5, abs=0.1)
 
 
-def test_shape_that_cannot_be_found_is_an_error() -> None:
-    born = np.random.default_rng(1).normal(0.0, 3e4, SEGMENTS)
+@pytest.mark.parametrize(("overhang", "born"), [(0.3, 3e4), (0.0, 0.0), (-0.1, 0.0)])
+def test_shape_that_cannot_be_found_is_an_error(overhang: float, born: float) -> None:
+    curvature = np.random.default_rng(1).normal(0.0, born, SEGMENTS)
     with pytest.raises(NoRest, match="no shape at rest"):
-        hanging_shape(0.3, 0.02, rest_curvature=born)
+        hanging_shape(overhang, 0.02, rest_curvature=curvature)

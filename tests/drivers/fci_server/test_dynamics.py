@@ -3,20 +3,17 @@
 import numpy as np
 import pytest
 
-from drivers.fci_server.dynamics import Dynamics
+from drivers.fci_server.dynamics import Dynamics, LaggingArm
 from drivers.fci_server.posture import Posture, Rates
 from drivers.franka.kinematics import FLANGE_TO_TIP, HOME
 from drivers.franka.model import HAND_CENTRE, HAND_MASS, ArmPlant, holding_torques
 
 Q = HOME + np.linspace(-0.2, 0.3, 7)
+STILL = np.zeros(7)
 
 
-def at(q=Q, velocity=None, acceleration=None):
-    still = np.zeros(7)
-    rates = Rates(
-        still if velocity is None else velocity, still if acceleration is None else acceleration
-    )
-    return Posture.at_joints(q, FLANGE_TO_TIP, rates)
+def at(acceleration=STILL):
+    return Posture.at_joints(Q, FLANGE_TO_TIP, Rates(STILL, acceleration))
 
 
 def test_a_payload_weighs_and_resists_like_a_heavier_hand():
@@ -31,3 +28,12 @@ def test_a_payload_weighs_and_resists_like_a_heavier_hand():
         for p in (ArmPlant(), ArmPlant(payload=payload))
     )
     assert with_load[1] > own[1] > 0.1
+
+
+@pytest.mark.parametrize("compliance", [0.0, 8e-5])
+def test_an_arm_that_has_come_to_rest_reports_no_acceleration(compliance):
+    sag = Dynamics(ArmPlant(compliance=(compliance,) * 7)).sag if compliance else None
+    arm = LaggingArm(at(), FLANGE_TO_TIP, 0.002, 0.0, sag)
+    for moved in [1e-5, 2e-5, *[2e-5] * 20]:
+        arm.tick(Q + moved)
+    assert not np.any([arm.posture.joints.velocity, arm.posture.joints.acceleration])

@@ -5,14 +5,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from drivers.fci_server.robot import resting_robot
-from drivers.fci_server.wire import (
-    Generator,
-    Mode,
-    MoveRequest,
-    MoveStatus,
-    Reflex,
-    RobotCommand,
-)
+from drivers.fci_server.wire import Generator, Mode, MoveRequest, MoveStatus, Reflex, RobotCommand
 from drivers.franka import limits
 from drivers.franka.kinematics import HOME, forward
 

@@ -6,13 +6,7 @@ import struct
 import pytest
 
 from drivers.errors import ConfigurationError
-from drivers.fci_server.faults import (
-    ContactFault,
-    DropFault,
-    NanFault,
-    ReflexFault,
-    UserStopFault,
-)
+from drivers.fci_server.faults import ContactFault, DropFault, NanFault, ReflexFault, UserStopFault
 from drivers.fci_server.server import RobotServer, ServerSettings
 from drivers.fci_server.wire import Reflex
 from tests.support.fci_wire import (

@@ -47,7 +47,7 @@ def _parabolic_smoothing(values: Array, half: int) -> Array:
     """
     powers = np.vander(np.arange(-half, half + 1.0), 3, increasing=True)
     through = np.linalg.pinv(powers)
-    windows = np.lib.stride_tricks.sliding_window_view(values, len(powers), axis=0)
+    windows = sliding_window_view(values, len(powers), axis=0)
     ends = values[: len(powers)], values[-len(powers) :]
     first, last = (powers @ (through @ part) for part in ends)
     return np.concatenate([first[:half], windows @ through[0], last[half + 1 :]])
@@ -107,13 +107,13 @@ def inlier_mask(curve: Array, sigma: float) -> NDArray[np.bool_]:
     """Mask (n,) of the points of a curve (n, 2) [m] near its running median: no outliers."""
     if len(curve) <= MEDIAN_WINDOW:
         return np.ones(len(curve), dtype=bool)
-    off = np.hypot(*(curve - running_median(curve)).T)
+    off = np.hypot(*(curve - _running_median(curve)).T)
     spacing = float(np.median(np.hypot(*np.diff(curve, axis=0).T)))
     return np.asarray(off < OUTLIER_SIGMAS * sigma + spacing)
 
 
-def running_median(curve: Array) -> Array:
-    """Running median (n, 2) [m] of a curve over MEDIAN_WINDOW points, linear beyond its ends."""
+def _running_median(curve: Array) -> Array:
+    """Running median (n, 2) [m] of more than MEDIAN_WINDOW points, linear beyond both ends."""
     half = MEDIAN_WINDOW // 2
     inner = np.median(sliding_window_view(curve, MEDIAN_WINDOW, axis=0), axis=-1)
     reach = min(half, len(inner) - 1)

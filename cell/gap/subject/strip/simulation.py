@@ -148,10 +148,10 @@ class Simulation:
         return motions
 
     def _simulate_batch(self, jobs: Sequence[Job]) -> list[SimulatedMotion | None]:
-        """Simulate a batch together, or its jobs singly if one fails; None for failed jobs."""
+        """Simulate a batch together, or its jobs singly if one cannot start; None for these."""
         try:
             return self._simulate_together(jobs)
-        except (Fault, Unsupported, ValueError):  # it cannot lie or hang as its run begins
+        except (Fault, Unsupported):  # one strip finds no rest at the first pose of its gripper
             if len(jobs) == 1:
                 return [None]
             return [motion for job in jobs for motion in self._simulate_batch([job])]
@@ -159,7 +159,7 @@ class Simulation:
     def _simulate_together(self, jobs: Sequence[Job]) -> list[SimulatedMotion | None]:
         """Simulate `jobs` of one resolution as one batch of the rod; None for those that failed.
 
-        Raises what the rod raises for a start that a strip cannot have.
+        Raises Fault or Unsupported where one finds no rest at the first pose of its gripper.
         """
         resolution = jobs[0].resolution
         rod = Rod(resolution.segments, strict=False)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cell.gap.subject.run_folders import find_runs
-from cell.gap.subject.strip import subject
+from cell.gap.subject.strip import simulation, subject
 from cell.gap.subject.strip.subject import StripSubject, open_strip
 from tests.support.gap_strip_cases import STRIP, folds, in_noise, residuals, whitened, written
 
@@ -55,11 +55,16 @@ def test_a_prediction_does_not_depend_on_company_threads_or_portions(
         np.testing.assert_array_equal(a.mean, c.mean)
 
 
-def test_a_strip_that_cannot_lie_as_its_run_begins_leaves_the_others(plain: StripSubject) -> None:
+def test_a_strip_that_cannot_lie_as_its_run_begins_leaves_the_others_and_a_defect_is_told(
+    plain: StripSubject, monkeypatch: pytest.MonkeyPatch
+) -> None:
     slack = {"length_error": np.array([0.06])}  # its layers touch before it rests
     lost, kept = plain.simulate([plain.stated(plain.runs[0], e) for e in (slack, {})])
     assert np.isnan(lost.mean).all()
     assert np.isfinite(kept.mean).all()
+    monkeypatch.setattr(simulation, "SHAPE_PERIOD", np.nan)
+    with pytest.raises(ValueError, match="NaN"):
+        plain.simulate([plain.stated(plain.runs[0], {"length_error": np.array([0.001])})])
 
 
 def test_wild_points_and_lost_images_do_no_harm(tmp_path: Path) -> None:
