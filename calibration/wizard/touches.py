@@ -152,22 +152,27 @@ def _sort_others(
     A second touch with the first one's error shows that the map is wrong there; one that is off in
     another way says nothing, and does not judge the map.
     """
-    kept_out = [p for p in newest if p.held_out]
-    outliers = [p for p in newest if not p.held_out and p not in fit.used]
-    outliers += [p for p in kept_out if 1e3 * np.hypot(*fit.error(p)) > settings.worst_mm]
     firsts = {p.number: p for p in touches if not p.again}
-    twice = [p for p in newest if p.again and p.number in firsts]
-    changes_mm = [1e3 * (fit.error(p) - fit.error(firsts[p.number])) for p in twice]
-    alike = [
-        p for p, mm in zip(twice, changes_mm, strict=True) if np.hypot(*mm) < settings.worst_mm
-    ]
-    repeated = [p for p in outliers if p in alike]
+    worst = 1e-3 * settings.worst_mm  # m
+    validation, outliers, repeated, replaced = (list[Touch]() for _ in range(4))
+    for p in newest:
+        first = firsts.get(p.number) if p.again else None
+        off = np.hypot(*fit.error(p)) > worst if p.held_out else p not in fit.used
+        alike = first is not None and np.hypot(*(fit.error(p) - fit.error(first))) < worst
+        if off:
+            outliers.append(p)
+        elif first is not None:
+            replaced.append(first)
+        if off and alike:
+            repeated.append(p)
+        if p.held_out and (alike or not off or not p.again):
+            validation.append(p)
     return replace(
         fit,
-        validation=tuple(p for p in kept_out if p not in outliers or not p.again or p in repeated),
+        validation=tuple(validation),
         outliers=tuple(outliers),
         repeated_outliers=tuple(repeated),
-        replaced=tuple(firsts[p.number] for p in twice if p not in outliers),
+        replaced=tuple(replaced),
     )
 
 

@@ -124,7 +124,10 @@ class Wizard:
         return solve_homography(folder, (), folder, accept_anyway=accept_anyway)
 
     def check(self, calibration: Calibration) -> CheckVerdict:
-        """Judge a `calibration` of this camera by a few touches."""
+        """Judge a `calibration` of this camera by touches, for which the arm moves over the area.
+
+        Nothing is stored; the devices are closed at the end. Too few touches fail the verdict.
+        """
         touches = self.settings.touches
         points = TouchedPoints(calibration.lens, touches, check_plan(touches), fitted=False)
         context = CalibrationContext(

@@ -162,7 +162,7 @@ def gates_table(gates: Sequence[Gate]) -> Table:
 
 
 def points_map(plan: Sequence[tuple[float, float, str]]) -> RenderableType:
-    """Map of the planned poses x, z [m] in the plane, one character for the state of each pose."""
+    """Map of planned poses x, z [m], each with its state: a character that MARK_LEGEND explains."""
     table = Table.grid(padding=(0, 2))
     for height in sorted({round(z, 3) for _, z, _ in plan}, reverse=True):
         row = sorted((x, state) for x, z, state in plan if round(z, 3) == height)

@@ -36,15 +36,18 @@ def hardware_checks(settings: CellFile, runs: Path, seconds: float = ASKED) -> I
     yield machine.cores()
     has_real_camera = settings.camera_driver.real
     yield devices.calibration(settings, on_twin=not has_real_camera)
-    yield from _arm(settings, seconds)
+    yield from _robot_checks(settings, seconds)
     if has_real_camera:
         yield devices.camera(settings)
     else:
         yield Check("camera", Grade.SKIPPED, "the twin's", "there is nothing to connect")
 
 
-def _arm(settings: CellFile, seconds: float) -> Iterator[Check]:
-    """Yield the checks of a robot, its kernel settings and network, up to the first that fails."""
+def _robot_checks(settings: CellFile, seconds: float) -> Iterator[Check]:
+    """Yield checks of the library, a real arm's kernel, the robot if that is there, its network.
+
+    Without an answer of the robot, its network is not checked.
+    """
     address = settings.robot_address
     if address is None:
         yield Check("robot", Grade.SKIPPED, "none at fci.address", "there is nothing to connect")
@@ -71,7 +74,7 @@ def motion_checks(settings: CellFile, *, camera: bool = False) -> Iterator[Check
         return
     yield machine.versions()
     yield machine.cores()
-    yield from _arm(settings, BRIEF)
+    yield from _robot_checks(settings, BRIEF)
     if camera and settings.camera_driver.real:
         yield devices.camera(settings)
 

@@ -174,18 +174,18 @@ def _write_truth(folder: Path, truth: Truth, outcome: Outcome) -> Outcome:
 
 
 def _learn(request: Request, outcome: Outcome, folder: Path) -> str:
-    """Store the fold's deviation from its prediction, if usable, in the memory of its cell.
+    """Store the fold's deviation from its prediction in the memory of its cell.
 
-    Returns the reason why it cannot be stored, which the record keeps too; else an empty text.
+    Returns the reason why it cannot be stored, which the record keeps too; an empty text where it
+    is stored, or where the fold is not usable.
     """
     learning = request.learning
     subject = subject_of(request.policy, request.checkpoint, request.strip.name, learning.specimen)
-    key = run_key(folder)
-    experience = experience_of(folder.name, subject, outcome, learning.correction, key)
-    if experience is None:
-        return ""
     try:
-        memory_of(request).add(experience)
+        key = run_key(folder)
+        experience = experience_of(folder.name, subject, outcome, learning.correction, key)
+        if experience is not None:
+            memory_of(request).add(experience)
     except ConfigurationError as error:
         failure = f"nothing was learned: {error}"
         note = {"t": outcome.duration, "kind": NOT_LEARNED, "reason": failure}

@@ -87,15 +87,15 @@ class Investigation:
     def extend(
         self, models: Models, add_models: Callable[[Search, Models, Progress], Fits], share: float
     ) -> Models:
-        """Models with more fits by `add_models`; if one leads the base, all are refitted.
+        """Models with more fits by `add_models`; all are refitted where the best revises the base.
 
         `share` of the whole investigation is done by then.
         """
         search = Search(self.simulate, self.subject.scope.candidates, models.screen.probed)
         fits = add_models(search, models, self.progress)
-        revised = None
-        if fits.best is not models.fits.best:
-            revised = revised_base(self.simulate, fits, models.base_fit.scatter, self.fitted)
+        if fits.best is models.fits.best:
+            return models._replace(fits=fits)
+        revised = revised_base(self.simulate, fits, models.base_fit.scatter, self.fitted)
         if revised is None:
             return models._replace(fits=fits)
         self.progress("refit the base beside the best", share)

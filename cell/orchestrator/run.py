@@ -76,7 +76,10 @@ class Run:
         self._velocity = ZERO_VELOCITY
 
     def execute(self) -> Outcome:
-        """Run to DONE or FAULT and until the arm rests; an error in a cycle stops the arm."""
+        """Run once, to DONE or FAULT and until the arm rests; returns how it ended.
+
+        An error in a cycle is the outcome; Ctrl-C, and errors while the arm brakes, are raised.
+        """
         clock = self._devices.clock
         period = 1.0 / self._context.settings.fold.control_rate
         start = clock.now()

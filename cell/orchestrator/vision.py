@@ -62,11 +62,14 @@ class Vision:
         self._waiting: Frame | None = None  # the newest frame to be measured
 
     def update(self, state: State, now: float, arm: ArmHistory) -> View:
-        """Newest view at `now` [s] in `state`."""
+        """Take a new image, if any, and have it measured; returns the view at `now` [s].
+
+        It is measured in MEASURED_STATES, with the gripper's pose of its time from `arm`.
+        """
         fresh = self._take_frame(state, arm)
         self._view = replace(self._view, fresh=fresh, read=False)
         reader = self._reader
-        if reader is not None and state is not State.PREFLIGHT:  # whose phase takes the checks
+        if reader is not None and state is not State.PREFLIGHT:  # which reads its checks itself
             self._measure(state, now, arm, reader)
             self._view = replace(
                 self._view, reading_since=reader.busy_since, reader_failure=reader.failure
@@ -106,11 +109,11 @@ class Vision:
     def _add(self, result: ImageResult) -> None:
         """Add the measurement, touch and warnings of one image to the view."""
         measurement = result.measurement
-        doubtful_since = None
-        if not measurement.confidence >= self._limits.confidence:
-            doubtful_since = self._view.doubtful_since
-            if doubtful_since is None:
-                doubtful_since = measurement.stamp
+        doubtful_since = self._view.doubtful_since
+        if measurement.confidence >= self._limits.confidence:
+            doubtful_since = None
+        elif doubtful_since is None:
+            doubtful_since = measurement.stamp
         moved = result.shift > self._limits.camera_shift
         self._view = replace(
             self._view,

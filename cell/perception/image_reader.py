@@ -90,7 +90,10 @@ Maker = Callable[[StripInputs], Measurer]
 
 @dataclass(frozen=True, slots=True)
 class ImageTask:
-    """Image `frame` to measure, taken at `gripper` or, with None, before the grasp."""
+    """Image `frame` to measure, and the `gripper` at its stamp; to be checked only where None.
+
+    The image is searched for a touch of the layers if `touches`.
+    """
 
     frame: Frame
     gripper: Pose | None = None

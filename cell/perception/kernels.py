@@ -75,10 +75,10 @@ _compiled_fisher = kernel(_fisher)
 def discriminants(
     colour: Floats, scene: Floats, shade: Floats, variance: float
 ) -> tuple[Floats, Floats]:
-    """Squared separation (n,) [sigma^2] of colours, and length (n,) of Fisher's discriminant.
+    """Squared separation (n,) [sigma^2] of colours, and length (n,) of Fisher's w [1/grey level].
 
     The strip's `colour` (3,) from background colours `scene` (n, 3), whose brightness may differ
-    by the share `shade` (n,); `variance` is the sensor's [grey levels squared].
+    by the share `shade` (n,); `variance` is the sensor's [grey levels squared]. See `_fisher`.
     """
     strip_scene = (scene * colour).sum(axis=1)
     strip_strip = (colour * colour).sum()

@@ -70,7 +70,7 @@ class CalibrationNote(Part):
 
 
 class ArmTiming(Part):
-    """Longest time between two of a real arm's states; the file holds their histogram too."""
+    """Longest time [ms] between two states that a real arm sent; their histogram is not read."""
 
     longest_ms: float
 

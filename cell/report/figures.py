@@ -25,6 +25,7 @@ LEGEND: dict[str, Any] = {
     "handlelength": 1.2,
     "borderaxespad": 0,
 }
+NOTE: dict[str, Any] = {"textcoords": "offset points", "fontsize": 8.5}
 TIME_COLOURS = ["#8fc6b4", "#3f8fc4", "#6a4fb3", "#b0428f"]
 STATE_SHADES = {
     "PREFLIGHT": "#c9ced6",
@@ -51,31 +52,15 @@ HALF_HEIGHT, MARGIN = 40.0, 1.0  # mm, displacements shown to either side of 0, 
 
 def strip_figure(run: Run, outlines: Sequence[Silhouette] = ()) -> str:
     """Figure (SVG) of a run in the strip's plane: profiles over time, gripper path, `outlines`."""
-    from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import LinearSegmentedColormap, Normalize
-
     with canvas(8.4, 4.5, layout=None) as figure:
         axes = figure.add_axes((0.066, 0.1, 0.85, 0.885), aspect="equal", anchor="W")
-        curves = evenly_chosen(run.profile.curves(), CURVES)
-        times = run.profile.t if curves else run.ticks.t
-        first, last = (times.min(), times.max()) if times.size else (0.0, 1.0)
-        colours = LinearSegmentedColormap.from_list("time", TIME_COLOURS)
-        for t, points in curves:
-            shade = colours((t - first) / max(last - first, 1e-9))
-            # an outlier would fill the page
-            near = points[(np.abs(points) < FARTHEST_HAND).all(axis=1)]
-            axes.plot(*(1e3 * near).T, color=shade, lw=1.1, alpha=0.85, gid=f"strip, {t:.2f} s")
+        _draw_profiles(axes, evenly_chosen(run.profile.curves(), CURVES))
         _draw_outlines(axes, outlines)
         _draw_desk(axes, run)
         _draw_path(axes, run.ticks)
         _draw_touch(axes, run)
         axes.set(xlabel="x  [mm]", ylabel="z  [mm]", ylim=(-38, None))
         axes.spines["bottom"].set_visible(False)
-        if curves:
-            scale = ScalarMappable(Normalize(first, last), colours)
-            bar = figure.colorbar(scale, cax=axes.inset_axes((1.01, 0.2, 0.014, 0.6)))
-            bar.outline.set_visible(False)
-            bar.set_label("t  [s]")
         return as_svg(figure)
 
 
@@ -105,6 +90,26 @@ def signals_figure(run: Run) -> str:
         return as_svg(figure).replace("<svg", f'<svg {edges} data-last="{last:.4f}"', 1)
 
 
+def _draw_profiles(axes: Any, curves: Sequence[tuple[float, Array]]) -> None:
+    """Draw profiles (n, 2) [m] with their times [s] in colours that a bar explains."""
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import LinearSegmentedColormap, Normalize
+
+    if not curves:
+        return
+    colours = LinearSegmentedColormap.from_list("time", TIME_COLOURS)
+    scale = ScalarMappable(Normalize(curves[0][0], curves[-1][0]), colours)
+    for t, points in curves:
+        # an outlier would fill the page
+        near = 1e3 * points[(np.abs(points) < FARTHEST_HAND).all(axis=1)]
+        axes.plot(
+            *near.T, color=colours(scale.norm(t)), lw=1.1, alpha=0.85, gid=f"strip, {t:.2f} s"
+        )
+    bar = axes.figure.colorbar(scale, cax=axes.inset_axes((1.01, 0.2, 0.014, 0.6)))
+    bar.outline.set_visible(False)
+    bar.set_label("t  [s]")
+
+
 def _draw_outlines(axes: Any, outlines: Sequence[Silhouette]) -> None:
     """Draw outlines of the strip in the plane, during the lay motion and after it."""
     drawn_states = set[str]()
@@ -123,7 +128,7 @@ def _draw_desk(axes: Any, run: Run) -> None:
     contact = 1e3 * run.ticks.contact_x[np.isfinite(run.ticks.contact_x)]
     axes.plot(contact, np.full_like(contact, -6), "|", color=BLUE, ms=5, mew=0.5, alpha=0.5)
     axes.plot(0, 0, "s", color=INK, ms=4, clip_on=False)
-    axes.annotate("fixed edge", (0, 0), (4, -14), textcoords="offset points", fontsize=8.5)
+    axes.annotate("fixed edge", (0, 0), (4, -14), **NOTE)
 
 
 def _draw_path(axes: Any, ticks: Ticks) -> None:
@@ -135,23 +140,16 @@ def _draw_path(axes: Any, ticks: Ticks) -> None:
         axes.plot(1e3 * ticks.x[-1], 1e3 * ticks.z[-1], "o", mfc=PAPER, mec=INK, ms=5)
         early = ticks.t.size // 5
         place = (1e3 * ticks.x[early], 1e3 * ticks.z[early])
-        axes.annotate("gripper", place, (6, 6), textcoords="offset points", fontsize=8.5)
+        axes.annotate("gripper", place, (6, 6), **NOTE)
 
 
 def _draw_touch(axes: Any, run: Run) -> None:
     """Mark the place at which the layers touched."""
     if run.result is None or run.result.l2 is None:
         return
-    axes.plot(1e3 * run.result.l2, 0, "o", color=ORANGE, ms=6, zorder=5)
-    axes.annotate(
-        "layers touch",
-        (1e3 * run.result.l2, 0),
-        (0, -18),
-        textcoords="offset points",
-        ha="center",
-        color=ORANGE,
-        fontsize=8.5,
-    )
+    place = (1e3 * run.result.l2, 0)
+    axes.plot(*place, "o", color=ORANGE, ms=6, zorder=5)
+    axes.annotate("layers touch", place, (0, -18), ha="center", color=ORANGE, **NOTE)
 
 
 def _draw_lanes(axes: Any, ticks: Ticks) -> None:

@@ -107,9 +107,10 @@ def truth_of(run: Run) -> tuple[Mapping[str, Any] | None, list[str]]:
 
 
 def film_of(run: Run) -> dict[str, Any] | None:
-    """Film of a run for its page: time [s] of its first image, source, poster, curves.
+    """Film of a run for its page; None where no image was filmed or the file is missing.
 
-    A page with the content can be mailed; a film of more than LARGEST_FILM stays beside it.
+    `begin` [s] of its first image; `source`, an address of the film or, up to LARGEST_FILM, its
+    content, for a page to be mailed; `poster`; `size` [px] and `curves` of the measured strip.
     """
     path = run.folder / files.FILM
     begin = next((note.stamp for note in run.frame_index() if note.film == 0), None)
@@ -157,7 +158,8 @@ def _result_rows(result: Result, noticed: float | None) -> Rows:
         rows.append(("confidence in the touch", f"{100 * result.confidence:.0f} %"))
     for note in result.witnesses:
         apart = millimetres(note.difference, signed=True)
-        said = f"{KINDS[note.name][0]} differ: {note.name.replace('_', ' ')}"
+        sources, *_ = KINDS.get(note.name, ("two measurements",))  # another version's have no entry
+        said = f"{sources} differ: {note.name.replace('_', ' ')}"
         rows.append((said, f"{apart} ± {millimetres(note.spread)}"))
     return rows
 

@@ -22,8 +22,8 @@ Coefficient = Annotated[float, Field(gt=-100.0, lt=100.0)]  # as any plausible o
 class Untrained(StudyResult):
     """Extra standard deviation `added` [m] of the critic for effects outside its training.
 
-    Examples: another engine, lost images. Written by `python -m tests.lab study unknown`, in whose
-    `folds` the shares `within_1` and `within_2` then lie within 1 and 1.96 sigma.
+    Examples: another engine, lost images. `python -m tests.lab study unknown` fits it to `folds`;
+    of these the shares `within_1` and `within_2` then err by less than 1 and 1.96 sigma.
     """
 
     FILE = Path(__file__).with_name("untrained.yaml")

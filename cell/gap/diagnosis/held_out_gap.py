@@ -52,7 +52,10 @@ def _mean_by_word(words: Words, square: Array) -> dict[str, float]:
 def _display_gaps(
     evidence: Evidence, squares_by_run: Sequence[Array], quantities: Mapping[str, Quantity]
 ) -> dict[str, float]:
-    """Rms residual by displayed quantity, in its unit, of the `squares_by_run` (n,) [SI^2]."""
+    """Rms residual in its unit by the key of each displayed quantity, with equal weight of runs.
+
+    `squares_by_run` has the squared residuals (n,) [SI^2] of each run, NaN where there is none.
+    """
     squares: dict[str, list[float]] = defaultdict(list)
     for run, square in zip(evidence.runs, squares_by_run, strict=True):
         for name, mean in _mean_by_word(run.samples.quantity, square).items():

@@ -151,6 +151,18 @@ def without_copies(runs: Sequence[RunFolder]) -> tuple[tuple[RunFolder, ...], Ma
     Noise makes no two runs alike in every number, however well they repeat. Raises
     ConfigurationError where of several a single one is left.
     """
+    copies = _find_copies(runs)
+    first = tuple(run for run in runs if run.name not in copies)
+    if len(first) == 1 < len(runs):
+        raise ConfigurationError(
+            f"{runs[0].path}: {len(runs)} runs hold the same measurement; a single run cannot be "
+            "fitted and checked; give at least two that were measured, better ten"
+        )
+    return first, copies
+
+
+def _find_copies(runs: Sequence[RunFolder]) -> dict[str, str]:
+    """Name of the original of each copy among `runs`, by the name of the copy."""
     first = dict[RunFolder, Numbers]()
     copies = dict[str, str]()
     for run in runs:
@@ -160,12 +172,7 @@ def without_copies(runs: Sequence[RunFolder]) -> tuple[tuple[RunFolder, ...], Ma
             first[run] = numbers
         else:
             copies[run.name] = known.name
-    if len(first) == 1 < len(runs):
-        raise ConfigurationError(
-            f"{runs[0].path}: {len(runs)} runs hold the same measurement; a single run cannot be "
-            "fitted and checked; give at least two that were measured, better ten"
-        )
-    return tuple(first), copies
+    return copies
 
 
 def copy_note(copy: str, first: str) -> str:

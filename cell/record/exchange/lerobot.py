@@ -9,12 +9,15 @@ image, of `observation.camera_stamp`.
 import json
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
+from pydantic import Field
 
 from cell.record.exchange.mapping import MAPPING, TABLES, Source, Table, documents_of, mapping_of
 from cell.record.files import FILM
@@ -24,6 +27,7 @@ from cell.record.tables import place_rows, unnest, write_parquet
 from drivers.errors import ConfigurationError
 from drivers.files import replace_file
 from drivers.readers import MEGABYTE, read_bytes, read_json, read_parquet
+from drivers.settings import Settings, parse
 from drivers.types import Array, Frame
 
 TASKS, STATS = "meta/tasks.parquet", "meta/stats.json"
@@ -310,33 +314,31 @@ def _write(path: Path, table: pa.Table) -> None:
     write_parquet(path, table)
 
 
+class InfoFile(Settings):
+    """What is read of meta/info.json; `fps` [Hz] is the rate of the frames."""
+
+    codebase_version: str
+    fps: float = Field(gt=0)
+    data_path: str = DATA
+    video_path: str | None = None
+    features: dict[str, dict[str, Any]]
+
+
+@dataclass(frozen=True)
 class Episode(Source):
     """An episode of a data set as a run: its table `episode`, and maybe `points` and a film.
 
     The table `episode` holds the frames, with a column for each component of a vector; `points` are
-    those of the strip in an exported run.
+    those of the strip in an exported run. `film` is a file, and when the episode begins in it [s].
     """
 
-    def __init__(self, root: Path, info: Mapping[str, Any], row: Mapping[str, Any]) -> None:
-        """Read the episode that one `row` of meta/episodes describes, with the set's `info`."""
-        self.path, self.features = _path_in_set(root, info, "data", row), info["features"]
-        self.name = str(row.get("cell/name") or f"episode-{row['episode_index']:06d}")
-        if Path(self.name).name != self.name:
-            raise ValueError(f"cell/name: {self.name!r} is not the name of a folder")
-        mapping = root / "meta" / MAPPING
-        self.documents = {MAPPING: read_bytes(mapping, MEGABYTE)} if mapping.is_file() else {}
-        ours = (key for key, value in row.items() if key.startswith("cell/") and value)
-        self.documents |= {key.removeprefix("cell/"): str(row[key]).encode() for key in ours}
-        frames = read_parquet(self.path)
-        of_episode = np.asarray(frames["episode_index"]) == row["episode_index"]
-        self.frames = frames.filter(pa.array(of_episode))
-        points = [POINTS_TABLE] if POINTS_STAMP in frames.column_names else []
-        self.names = [EPISODE, *points]
-        cameras = (name for name, each in self.features.items() if each.get("dtype") == "video")
-        camera = next((name for name in cameras if f"videos/{name}/file_index" in row), "")
-        self.film = _path_in_set(root, info, "video", row, camera) if camera else None
-        self.begin = float(row[f"videos/{camera}/from_timestamp"]) if camera else 0.0  # s
-        self.fps = float(info["fps"])
+    path: Path
+    name: str
+    documents: Mapping[str, bytes]
+    names: Sequence[str]
+    frames: pa.Table
+    film: tuple[Path, float] | None
+    info: InfoFile
 
     def images(self) -> Iterator[tuple[int, Frame]]:
         """Yield images (h, w, 3) of the film, each with its row of the frames, without repeats."""
@@ -344,8 +346,9 @@ class Episode(Source):
         if CAMERA_STAMP in self.frames.column_names:
             taken = np.unique(self.frames[CAMERA_STAMP].to_numpy())
             rows = set(np.searchsorted(self.frames["stamp"].to_numpy(), taken).tolist())
-        for frame in Film(self.film).frames(self.begin) if self.film else ():
-            row = round((frame.stamp - self.begin) * self.fps)
+        path, begin = self.film or (None, 0.0)
+        for frame in Film(path).frames(begin) if path else ():
+            row = round((frame.stamp - begin) * self.info.fps)
             if row >= len(self.frames):
                 return
             if row in rows:
@@ -355,11 +358,10 @@ class Episode(Source):
         """Frames or points of the episode; ConfigurationError for any other table."""
         if how.file not in self.names:
             raise self.missing(how)
-        return self._frames() if how.file == EPISODE else self._points()
-
-    def _frames(self) -> pa.Table:
-        """Table of the frames, with a column for each component of a vector."""
-        return unnest(self.frames, {name: f.get("names") for name, f in self.features.items()})
+        if how.file == POINTS_TABLE:
+            return self._points()
+        vectors = {name: feature.get("names") for name, feature in self.info.features.items()}
+        return unnest(self.frames, vectors)
 
     def _points(self) -> pa.Table:
         """Table of the strip's measured points in the episode: t [s], i, x and z [m]."""
@@ -377,26 +379,59 @@ def episodes(root: Path) -> Iterator[Episode]:
 
     Raises ConfigurationError for a data set of another version, or one that is not whole.
     """
-    info = read_json(root / INFO)
-    if not str(info.get("codebase_version", "")).startswith("v3."):
+    info = parse(read_json(root / INFO), InfoFile, str(root / INFO), extra="ignore")
+    if not info.codebase_version.startswith("v3."):
         raise ConfigurationError(
-            f"{root / INFO}: codebase_version: is {info.get('codebase_version')!r}, must be v3.x; "
+            f"{root / INFO}: codebase_version: is {info.codebase_version!r}, must be v3.x; "
             "convert it with LeRobot's own script"
         )
+    read = lru_cache(maxsize=1)(read_parquet)  # a file holds many episodes
     for path in sorted((root / "meta" / "episodes").glob("*/*.parquet")):
         for row in read_parquet(path).to_pylist():
             try:
-                yield Episode(root, info, row)
+                yield _read_episode(root, info, row, read)
             except (KeyError, TypeError, ValueError) as error:
                 raise ConfigurationError(f"{path}: a row is not whole: {error}") from None
 
 
-def _path_in_set(
-    root: Path, info: Mapping[str, Any], kind: str, row: Mapping[str, Any], camera: str = ""
-) -> Path:
-    """Path of the `data` or `video` of an episode; ConfigurationError for one out of the set."""
-    pattern = str(info.get(f"{kind}_path") or (VIDEO if camera else DATA))
-    place = f"videos/{camera}" if camera else kind
+def _read_episode(
+    root: Path, info: InfoFile, row: Mapping[str, Any], read: Callable[[Path], pa.Table]
+) -> Episode:
+    """Episode that a `row` of meta/episodes describes, whose data file is `read`.
+
+    Raises KeyError, TypeError or ValueError for a row that is not whole.
+    """
+    path = _path_in_set(root, info.data_path, "data", row)
+    name = str(row.get("cell/name") or f"episode-{row['episode_index']:06d}")
+    if name == ".." or Path(name).name != name:
+        raise ValueError(f"cell/name: {name!r} is not the name of a folder")
+    mapping = root / "meta" / MAPPING
+    documents = {MAPPING: read_bytes(mapping, MEGABYTE)} if mapping.is_file() else {}
+    ours = (key for key, value in row.items() if key.startswith("cell/") and value)
+    documents |= {key.removeprefix("cell/"): str(row[key]).encode() for key in ours}
+    frames = read(path)
+    points = [POINTS_TABLE] if POINTS_STAMP in frames.column_names else []
+    frames = frames.filter(pa.array(np.asarray(frames["episode_index"]) == row["episode_index"]))
+    film = _film_in_set(root, info, row)
+    return Episode(path, name, documents, [EPISODE, *points], frames, film, info)
+
+
+def _film_in_set(root: Path, info: InfoFile, row: Mapping[str, Any]) -> tuple[Path, float] | None:
+    """Film of the first camera that filmed an episode, and when this begins in it [s]."""
+    for name, feature in info.features.items():
+        place = f"videos/{name}"
+        if feature.get("dtype") == "video" and f"{place}/file_index" in row:
+            path = _path_in_set(root, info.video_path or VIDEO, place, row)
+            return path, float(row[f"{place}/from_timestamp"])
+    return None
+
+
+def _path_in_set(root: Path, pattern: str, place: str, row: Mapping[str, Any]) -> Path:
+    """Path by `pattern` of an episode's file: its `place` is `data` or `videos/`, then the camera.
+
+    Raises ConfigurationError for a path out of the data set.
+    """
+    kind, _, camera = place.partition("s/")
     path = _fill_pattern(pattern, row[f"{place}/chunk_index"], row[f"{place}/file_index"], camera)
     if Path(path).is_absolute() or ".." in Path(path).parts:
         raise ConfigurationError(

@@ -9,6 +9,7 @@ import numpy as np
 from cell.gap.subject.run_folders import RunFolder, check_indices
 from cell.gap.subject.strip.preprocessing import FEWEST_POINTS, Images, images_of, smooth_path
 from cell.orchestrator.monitors import is_outcome
+from cell.record.columns import Ticks
 from cell.record.files import PROFILE, RESULT, RUN, TICKS, is_under_way
 from cell.record.header import NOT_FOLDED, Header, Sigma
 from cell.record.run import Run as Recorded, read_run
@@ -256,22 +257,34 @@ def _measured_run(name: str, run: Recorded, touch: Touch | None, strip: StripFil
     note = header.calibration if header.by_cell else None
     poses = np.stack([ticks.x, ticks.z, ticks.pitch], axis=1)
     t, smooth = smooth_path(ticks.t, poses, header.sigma.gripper)
-    seen = np.isfinite(ticks.contact_x)
-    stamp = np.where(np.isfinite(ticks.contact_t), ticks.contact_t, ticks.t)
-    force = np.stack([ticks.f_x, ticks.f_z], axis=1)
-    reported = np.isfinite(force).any(axis=1)
     grip = interpolate_columns(run.profile.t, ticks.t, poses[:, :2])
+    contact_t, contact_x = _contacts(ticks)
+    force_t, force = _forces(ticks)
     return MeasuredRun(
         name, header.condition or name,
         t=t, poses=smooth, travel=frozen(arc_lengths(smooth[:, :2])),
         hanging=header.start == "hanging", index=header.index or 0,
         contact_height=header.contact_height, sigma=header.sigma,
-        contact_t=frozen(stamp[seen]), contact_x=frozen(ticks.contact_x[seen]),
+        contact_t=contact_t, contact_x=contact_x,
         images=images_of(run.profile, grip, strip.length, header.sigma.profile),
-        force_t=frozen(ticks.t[reported]), force=frozen(force[reported]), touch=touch,
+        force_t=force_t, force=force, touch=touch,
         end=float(ticks.t[-1]) if touch is None else touch.time,
         plane_error=None if note is None else note.error or 0.0,
     )  # fmt: skip
+
+
+def _contacts(ticks: Ticks) -> tuple[Array, Array]:
+    """Times (k,) [s] and places (k,) [m] of the seen contacts; a row's time without a stamp."""
+    seen = np.isfinite(ticks.contact_x)
+    stamp = np.where(np.isfinite(ticks.contact_t), ticks.contact_t, ticks.t)
+    return frozen(stamp[seen]), frozen(ticks.contact_x[seen])
+
+
+def _forces(ticks: Ticks) -> tuple[Array, Array]:
+    """Times (f,) [s] and forces (f, 2) [N] along x and z, of the rows with any."""
+    force = np.stack([ticks.f_x, ticks.f_z], axis=1)
+    reported = np.isfinite(force).any(axis=1)
+    return frozen(ticks.t[reported]), frozen(force[reported])
 
 
 def _short_run(name: str, run: Recorded) -> MeasuredRun:
@@ -378,10 +391,9 @@ def _misses_of_midlines(run: Recorded) -> Iterator[Contradiction]:
         (f"t: the midlines {'lag behind' if late > 0 else 'lead'} the gripper by", late, DELAYS),
     ):
         yield PROFILE, what, abs(size), limits
-    if (seen := np.isfinite(ticks.contact_x)).any():
-        stamp = np.where(np.isfinite(ticks.contact_t), ticks.contact_t, ticks.t)[seen]
-        contacts = np.interp(t, stamp, ticks.contact_x[seen])
-        pairs = zip(curves.values(), contacts, strict=True)
+    stamps, places = _contacts(ticks)
+    if len(stamps):
+        pairs = zip(curves.values(), np.interp(t, stamps, places), strict=True)
         low = [np.abs(c - contact).min() for c, contact in pairs if c[0].imag < HELD[0]]
         yield TICKS, "contact_x: half the contacts lie off the midlines by", np.array(low), HELD
 

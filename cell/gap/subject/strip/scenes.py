@@ -80,7 +80,7 @@ def _desk_track(t: Array, x: Array) -> Track:
 
 
 def _touch_event(touch: Touch | None) -> tuple[tuple[float, str], ...]:
-    """Event of the `touch` with its displacement; none without a touch."""
+    """Pair of time [s] and text of the `touch`, with its displacement; empty without a touch."""
     if touch is None:
         return ()
     return ((touch.time, f"layer_touch, displacement {1e3 * touch.displacement:.1f} mm"),)
