@@ -126,13 +126,21 @@ def test_paths_and_names_of_a_data_set_are_those_that_it_states(tmp_path: Path) 
     with pytest.raises(ConfigurationError, match="leads out of the data set"):
         import_runs([root], how(tmp_path, "episode", names), tmp_path / "again")
     info["features"]["../../film"] = {"dtype": "video"}
-    (root / "meta/info.json").write_text(json.dumps(info))
     episodes = pq.read_table(root / "meta/episodes/chunk-000/file-000.parquet")
     for name in ("chunk_index", "file_index", "from_timestamp"):
         episodes = episodes.append_column(f"videos/../../film/{name}", [[0]])
-    pq.write_table(episodes, root / "meta/episodes/chunk-000/file-000.parquet")
-    with pytest.raises(ConfigurationError, match=r"video_path: .*leads out of the data set"):
-        import_runs([root], how(tmp_path, "episode", names), tmp_path / "again")
+    place = episodes.column_names.index("cell/name")
+    above = episodes.set_column(place, "cell/name", [[".."]])
+    for rows, features, match in (
+        (episodes, info["features"], r"video_path: .*leads out of the data set"),
+        (above, {}, r"cell/name: '\.\.' is not the name of a folder"),
+        (episodes, [], r"info\.json: features: "),
+        (episodes, {"stamp": 1}, r"info\.json: features\.stamp: "),
+    ):
+        pq.write_table(rows, root / "meta/episodes/chunk-000/file-000.parquet")
+        (root / "meta/info.json").write_text(json.dumps(info | {"features": features}))
+        with pytest.raises(ConfigurationError, match=match):
+            import_runs([root], how(tmp_path, "episode", names), tmp_path / "again")
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cell.folding.fold import _learn
 from cell.learning.correction import (
     Correction,
     Subject,
@@ -16,10 +17,12 @@ from cell.learning.correction import (
 from cell.learning.experience import Experience, Memory
 from cell.orchestrator.outcome import Outcome
 from cell.perception.strip_measurement import SeenTouch
+from cell.record.files import TICKS
 from drivers.strip.file import StripFile
 from policies.planned import Planned
 from policies.prediction import Estimate, FoldPrediction
 from policies.registry import make_policy
+from tests.support.requests import request_for
 
 SUBJECT = Subject("adaptive@1", "denim", "a")
 NUMBER = Estimate(0.02, 0.019, 0.021)
@@ -103,9 +106,7 @@ def test_the_second_fold_aims_at_the_opposite_of_the_first_ones_bias(tmp_path: P
     memory.add(first)
     found = learned_correction(memory, SUBJECT)
     assert found.seen == pytest.approx(0.003, rel=0.1)
-    sentence = found.sentence()
-    assert sentence is not None
-    assert sentence.startswith("aimed -2.9 mm")
+    assert str(found.sentence()).startswith("aimed -2.9 mm")
 
 
 def test_a_correction_is_never_larger_than_the_limit(tmp_path: Path) -> None:
@@ -121,7 +122,11 @@ def test_experiences_of_other_weights_teach_nothing(tmp_path: Path) -> None:
     assert learned_correction(memory, SUBJECT).seen == 0.0
 
 
-def test_folds_without_touch_or_blind_or_stopped_teach_nothing() -> None:
+def test_folds_without_touch_or_blind_or_stopped_or_unreadable_teach_nothing(tmp_path) -> None:
+    (tmp_path / TICKS).mkdir()
+    assert "nothing was learned" in _learn(
+        request_for("denim", "adaptive", tmp_path), outcome(0.0), tmp_path
+    )
     nothing = Correction()
     blind = replace(PREDICTED, blind=True)
     assert experience_of("r", SUBJECT, outcome(0.001, blind), nothing) is None
@@ -138,9 +143,7 @@ def test_edges_are_learned_as_if_they_had_been_laid_without_a_correction() -> No
     assert again is not None
     assert plain.edges == pytest.approx(-0.002)
     assert again.edges == pytest.approx(plain.edges)
-    sentence = shifted.sentence()
-    assert sentence is not None
-    assert sentence.startswith("laid the edge +2.0 mm")
+    assert str(shifted.sentence()).startswith("laid the edge +2.0 mm")
 
 
 def test_a_record_states_the_correction_that_was_used() -> None:

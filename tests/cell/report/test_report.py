@@ -200,7 +200,8 @@ HOSTILE = "\"'><script>bad()</script>$_{[&"
 
 
 def test_text_from_a_run_cannot_become_markup(make_run, tmp_path):
-    folder = make_run(tmp_path, reason=HOSTILE, outcome="edges_apart")
+    unknown = [{"name": HOSTILE, "difference": 0.0, "spread": 0.0}]  # of another version
+    folder = make_run(tmp_path, reason=HOSTILE, outcome="edges_apart", witnesses=unknown)
     header = yaml.safe_load((folder / "run.yaml").read_text())
     hostile = {"strip": HOSTILE, "policy": HOSTILE, "provenance": {HOSTILE: HOSTILE}}
     (folder / "run.yaml").write_text(yaml.safe_dump(header | hostile))
