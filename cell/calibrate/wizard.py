@@ -124,10 +124,7 @@ class Wizard:
         return solve_homography(folder, (), folder, accept_anyway=accept_anyway)
 
     def check(self, calibration: Calibration) -> CheckVerdict:
-        """Judge a `calibration` of this camera by touches, for which the arm moves over the area.
-
-        Nothing is stored; the devices are closed at the end. Too few touches fail the verdict.
-        """
+        """Judge a `calibration` by a few touches, which move the arm, and close the devices."""
         touches = self.settings.touches
         points = TouchedPoints(calibration.lens, touches, check_plan(touches), fitted=False)
         context = CalibrationContext(

@@ -44,10 +44,7 @@ def hardware_checks(settings: CellFile, runs: Path, seconds: float = ASKED) -> I
 
 
 def _robot_checks(settings: CellFile, seconds: float) -> Iterator[Check]:
-    """Yield checks of the library, a real arm's kernel, the robot if that is there, its network.
-
-    Without an answer of the robot, its network is not checked.
-    """
+    """Yield checks of library, kernel of a real arm, robot and network; the last need the first."""
     address = settings.robot_address
     if address is None:
         yield Check("robot", Grade.SKIPPED, "none at fci.address", "there is nothing to connect")

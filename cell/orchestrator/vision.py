@@ -62,10 +62,7 @@ class Vision:
         self._waiting: Frame | None = None  # the newest frame to be measured
 
     def update(self, state: State, now: float, arm: ArmHistory) -> View:
-        """Take a new image, if any, and have it measured; returns the view at `now` [s].
-
-        It is measured in MEASURED_STATES, with the gripper's pose of its time from `arm`.
-        """
+        """Take a new image, have it measured in MEASURED_STATES; returns the view at `now` [s]."""
         fresh = self._take_frame(state, arm)
         self._view = replace(self._view, fresh=fresh, read=False)
         reader = self._reader

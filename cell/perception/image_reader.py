@@ -90,10 +90,7 @@ Maker = Callable[[StripInputs], Measurer]
 
 @dataclass(frozen=True, slots=True)
 class ImageTask:
-    """Image `frame` to measure, and the `gripper` at its stamp; to be checked only where None.
-
-    The image is searched for a touch of the layers if `touches`.
-    """
+    """Image `frame` to check, before the grasp (`gripper` None), or to measure, with `touches`."""
 
     frame: Frame
     gripper: Pose | None = None

@@ -184,10 +184,7 @@ def place_rows(t: Array, stamps: Array) -> NDArray[np.intp]:
 
 
 def sight_tables(sights: pa.Table) -> Tables:
-    """Tables of sights and profile by their files, from `sights`, a row for each image.
-
-    A row's lists `profile_x`, `profile_z` become rows t, i, x, z of the profile, one a point.
-    """
+    """`sights` without the lists profile_x and profile_z, and a table of these: t, i, x, z."""
     counts = pc.list_value_length(sights["profile_x"]).to_numpy()
     points = {
         "t": pa.array(np.repeat(_numbers(sights, "stamp"), counts), pa.float64()),

@@ -98,13 +98,13 @@ def _draw_profiles(axes: Any, curves: Sequence[tuple[float, Array]]) -> None:
     if not curves:
         return
     colours = LinearSegmentedColormap.from_list("time", TIME_COLOURS)
-    scale = ScalarMappable(Normalize(curves[0][0], curves[-1][0]), colours)
+    first, last = curves[0][0], curves[-1][0]
     for t, points in curves:
+        shade = colours((t - first) / max(last - first, 1e-9))
         # an outlier would fill the page
         near = 1e3 * points[(np.abs(points) < FARTHEST_HAND).all(axis=1)]
-        axes.plot(
-            *near.T, color=colours(scale.norm(t)), lw=1.1, alpha=0.85, gid=f"strip, {t:.2f} s"
-        )
+        axes.plot(*near.T, color=shade, lw=1.1, alpha=0.85, gid=f"strip, {t:.2f} s")
+    scale = ScalarMappable(Normalize(first, last), colours)
     bar = axes.figure.colorbar(scale, cax=axes.inset_axes((1.01, 0.2, 0.014, 0.6)))
     bar.outline.set_visible(False)
     bar.set_label("t  [s]")

@@ -107,10 +107,9 @@ def truth_of(run: Run) -> tuple[Mapping[str, Any] | None, list[str]]:
 
 
 def film_of(run: Run) -> dict[str, Any] | None:
-    """Film of a run for its page; None where no image was filmed or the file is missing.
+    """Film of a run: begin [s], source, poster, size, curves; None without a film of any image.
 
-    `begin` [s] of its first image; `source`, an address of the film or, up to LARGEST_FILM, its
-    content, for a page to be mailed; `poster`; `size` [px] and `curves` of the measured strip.
+    A page with the content can be mailed; a film of more than LARGEST_FILM stays beside it.
     """
     path = run.folder / files.FILM
     begin = next((note.stamp for note in run.frame_index() if note.film == 0), None)

@@ -52,10 +52,7 @@ def _mean_by_word(words: Words, square: Array) -> dict[str, float]:
 def _display_gaps(
     evidence: Evidence, squares_by_run: Sequence[Array], quantities: Mapping[str, Quantity]
 ) -> dict[str, float]:
-    """Rms residual in its unit by the key of each displayed quantity, with equal weight of runs.
-
-    `squares_by_run` has the squared residuals (n,) [SI^2] of each run, NaN where there is none.
-    """
+    """Rms residual by key of each displayed quantity, in its unit, of each run's (n,) [SI^2]."""
     squares: dict[str, list[float]] = defaultdict(list)
     for run, square in zip(evidence.runs, squares_by_run, strict=True):
         for name, mean in _mean_by_word(run.samples.quantity, square).items():

@@ -329,7 +329,7 @@ class Episode(Source):
     """An episode of a data set as a run: its table `episode`, and maybe `points` and a film.
 
     The table `episode` holds the frames, with a column for each component of a vector; `points` are
-    those of the strip in an exported run. `film` is a file, and when the episode begins in it [s].
+    those of the strip in an exported run. The episode begins at `begin` [s] of its `film`.
     """
 
     path: Path
@@ -337,7 +337,8 @@ class Episode(Source):
     documents: Mapping[str, bytes]
     names: Sequence[str]
     frames: pa.Table
-    film: tuple[Path, float] | None
+    film: Path | None
+    begin: float
     info: InfoFile
 
     def images(self) -> Iterator[tuple[int, Frame]]:
@@ -346,9 +347,8 @@ class Episode(Source):
         if CAMERA_STAMP in self.frames.column_names:
             taken = np.unique(self.frames[CAMERA_STAMP].to_numpy())
             rows = set(np.searchsorted(self.frames["stamp"].to_numpy(), taken).tolist())
-        path, begin = self.film or (None, 0.0)
-        for frame in Film(path).frames(begin) if path else ():
-            row = round((frame.stamp - begin) * self.info.fps)
+        for frame in Film(self.film).frames(self.begin) if self.film else ():
+            row = round((frame.stamp - self.begin) * self.info.fps)
             if row >= len(self.frames):
                 return
             if row in rows:
@@ -397,10 +397,7 @@ def episodes(root: Path) -> Iterator[Episode]:
 def _read_episode(
     root: Path, info: InfoFile, row: Mapping[str, Any], read: Callable[[Path], pa.Table]
 ) -> Episode:
-    """Episode that a `row` of meta/episodes describes, whose data file is `read`.
-
-    Raises KeyError, TypeError or ValueError for a row that is not whole.
-    """
+    """Episode of a `row` of meta/episodes; KeyError, TypeError, ValueError for one not whole."""
     path = _path_in_set(root, info.data_path, "data", row)
     name = str(row.get("cell/name") or f"episode-{row['episode_index']:06d}")
     if name == ".." or Path(name).name != name:
@@ -412,25 +409,15 @@ def _read_episode(
     frames = read(path)
     points = [POINTS_TABLE] if POINTS_STAMP in frames.column_names else []
     frames = frames.filter(pa.array(np.asarray(frames["episode_index"]) == row["episode_index"]))
-    film = _film_in_set(root, info, row)
-    return Episode(path, name, documents, [EPISODE, *points], frames, film, info)
-
-
-def _film_in_set(root: Path, info: InfoFile, row: Mapping[str, Any]) -> tuple[Path, float] | None:
-    """Film of the first camera that filmed an episode, and when this begins in it [s]."""
-    for name, feature in info.features.items():
-        place = f"videos/{name}"
-        if feature.get("dtype") == "video" and f"{place}/file_index" in row:
-            path = _path_in_set(root, info.video_path or VIDEO, place, row)
-            return path, float(row[f"{place}/from_timestamp"])
-    return None
+    cameras = (f"videos/{n}" for n, each in info.features.items() if each.get("dtype") == "video")
+    camera = next((place for place in cameras if f"{place}/file_index" in row), "")
+    film = _path_in_set(root, info.video_path or VIDEO, camera, row) if camera else None
+    begin = float(row[f"{camera}/from_timestamp"]) if camera else 0.0
+    return Episode(path, name, documents, [EPISODE, *points], frames, film, begin, info)
 
 
 def _path_in_set(root: Path, pattern: str, place: str, row: Mapping[str, Any]) -> Path:
-    """Path by `pattern` of an episode's file: its `place` is `data` or `videos/`, then the camera.
-
-    Raises ConfigurationError for a path out of the data set.
-    """
+    """Path of an episode's `data` or `videos/CAMERA`; ConfigurationError for one out of the set."""
     kind, _, camera = place.partition("s/")
     path = _fill_pattern(pattern, row[f"{place}/chunk_index"], row[f"{place}/file_index"], camera)
     if Path(path).is_absolute() or ".." in Path(path).parts:

@@ -18,23 +18,15 @@ from cell.learning.experience import Experience, Memory
 from cell.orchestrator.outcome import Outcome
 from cell.perception.strip_measurement import SeenTouch
 from cell.record.files import TICKS
-from drivers.strip.file import StripFile
 from policies.planned import Planned
 from policies.prediction import Estimate, FoldPrediction
 from policies.registry import make_policy
+from tests.support.made_folds import STRIP
 from tests.support.requests import request_for
 
 SUBJECT = Subject("adaptive@1", "denim", "a")
 NUMBER = Estimate(0.02, 0.019, 0.021)
 PREDICTED = FoldPrediction(-0.001, 0.0005, NUMBER, NUMBER, NUMBER, blind=False)
-STRIP = StripFile(
-    name="felt",
-    length=0.6,
-    width=0.05,
-    areal_density=0.3,
-    bending_length=0.02,
-    retardation_time=0.05,
-)
 
 
 def outcome(displacement: float, predicted: FoldPrediction | None = PREDICTED) -> Outcome:

@@ -259,7 +259,8 @@ def _measured_run(name: str, run: Recorded, touch: Touch | None, strip: StripFil
     t, smooth = smooth_path(ticks.t, poses, header.sigma.gripper)
     grip = interpolate_columns(run.profile.t, ticks.t, poses[:, :2])
     contact_t, contact_x = _contacts(ticks)
-    force_t, force = _forces(ticks)
+    force = np.stack([ticks.f_x, ticks.f_z], axis=1)
+    reported = np.isfinite(force).any(axis=1)
     return MeasuredRun(
         name, header.condition or name,
         t=t, poses=smooth, travel=frozen(arc_lengths(smooth[:, :2])),
@@ -267,7 +268,7 @@ def _measured_run(name: str, run: Recorded, touch: Touch | None, strip: StripFil
         contact_height=header.contact_height, sigma=header.sigma,
         contact_t=contact_t, contact_x=contact_x,
         images=images_of(run.profile, grip, strip.length, header.sigma.profile),
-        force_t=force_t, force=force, touch=touch,
+        force_t=frozen(ticks.t[reported]), force=frozen(force[reported]), touch=touch,
         end=float(ticks.t[-1]) if touch is None else touch.time,
         plane_error=None if note is None else note.error or 0.0,
     )  # fmt: skip
@@ -278,13 +279,6 @@ def _contacts(ticks: Ticks) -> tuple[Array, Array]:
     seen = np.isfinite(ticks.contact_x)
     stamp = np.where(np.isfinite(ticks.contact_t), ticks.contact_t, ticks.t)
     return frozen(stamp[seen]), frozen(ticks.contact_x[seen])
-
-
-def _forces(ticks: Ticks) -> tuple[Array, Array]:
-    """Times (f,) [s] and forces (f, 2) [N] along x and z, of the rows with any."""
-    force = np.stack([ticks.f_x, ticks.f_z], axis=1)
-    reported = np.isfinite(force).any(axis=1)
-    return frozen(ticks.t[reported]), frozen(force[reported])
 
 
 def _short_run(name: str, run: Recorded) -> MeasuredRun:
