@@ -76,10 +76,7 @@ class Run:
         self._velocity = ZERO_VELOCITY
 
     def execute(self) -> Outcome:
-        """Run once, to DONE or FAULT and until the arm rests; returns how it ended.
-
-        An error in a cycle is the outcome; Ctrl-C, and errors while the arm brakes, are raised.
-        """
+        """Run once until the arm rests; errors are the outcome, but Ctrl-C and failed braking raise."""
         clock = self._devices.clock
         period = 1.0 / self._context.settings.fold.control_rate
         start = clock.now()

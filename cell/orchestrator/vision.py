@@ -106,11 +106,11 @@ class Vision:
     def _add(self, result: ImageResult) -> None:
         """Add the measurement, touch and warnings of one image to the view."""
         measurement = result.measurement
-        doubtful_since = self._view.doubtful_since
-        if measurement.confidence >= self._limits.confidence:
-            doubtful_since = None
-        elif doubtful_since is None:
-            doubtful_since = measurement.stamp
+        doubtful_since = None
+        if not measurement.confidence >= self._limits.confidence:
+            doubtful_since = self._view.doubtful_since
+            if doubtful_since is None:
+                doubtful_since = measurement.stamp
         moved = result.shift > self._limits.camera_shift
         self._view = replace(
             self._view,

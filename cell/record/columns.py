@@ -117,6 +117,12 @@ class Ticks(Columns):
         state = table["state"].to_pylist() if table.column_names.count("state") == 1 else []
         return cls(**values, state=tuple(str(name) for name in state))
 
+    def contacts(self) -> tuple[Array, Array]:
+        """Times (k,) [s] and places x (k,) [m] of the seen contacts; the row's time if unstamped."""
+        seen = np.isfinite(self.contact_x)
+        stamps = np.where(np.isfinite(self.contact_t), self.contact_t, self.t)
+        return frozen(stamps[seen]), frozen(self.contact_x[seen])
+
     def pose_at(self, stamp: float) -> Pose:
         """Gripper pose at `stamp` [s], interpolated between ticks."""
         poses = np.stack([self.x, self.z, self.pitch], axis=1)

@@ -186,11 +186,9 @@ class Run:
         """
         motion = {name: getattr(self.ticks, name) for name in MOTION}
         tables = {"ticks": {name: v for name, v in motion.items() if np.isfinite(v).any()}}
-        touches_desk = np.isfinite(self.ticks.contact_x)
-        stamps = np.where(np.isfinite(self.ticks.contact_t), self.ticks.contact_t, self.ticks.t)
-        if touches_desk.any():
-            contact_x = self.ticks.contact_x[touches_desk]
-            tables["contact"] = {"t": stamps[touches_desk], "contact_x": contact_x}
+        stamps, contact_x = self.ticks.contacts()
+        if len(stamps):
+            tables["contact"] = {"t": stamps, "contact_x": contact_x}
         if len(self.profile.t):
             tables["profile"] = {name: getattr(self.profile, name) for name in Profile.__slots__}
         touch = {name: getattr(self.result, name, None) for name in TOUCH}

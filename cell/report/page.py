@@ -157,8 +157,7 @@ def _result_rows(result: Result, noticed: float | None) -> Rows:
         rows.append(("confidence in the touch", f"{100 * result.confidence:.0f} %"))
     for note in result.witnesses:
         apart = millimetres(note.difference, signed=True)
-        sources, *_ = KINDS.get(note.name, ("two measurements",))  # another version's have no entry
-        said = f"{sources} differ: {note.name.replace('_', ' ')}"
+        said = f"{KINDS.get(note.name, ('lengths',))[0]} differ: {note.name.replace('_', ' ')}"
         rows.append((said, f"{apart} ± {millimetres(note.spread)}"))
     return rows
 

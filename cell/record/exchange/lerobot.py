@@ -17,7 +17,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
-from pydantic import Field
 
 from cell.record.exchange.mapping import MAPPING, TABLES, Source, Table, documents_of, mapping_of
 from cell.record.files import FILM
@@ -27,7 +26,6 @@ from cell.record.tables import place_rows, unnest, write_parquet
 from drivers.errors import ConfigurationError
 from drivers.files import replace_file
 from drivers.readers import MEGABYTE, read_bytes, read_json, read_parquet
-from drivers.settings import Settings, parse
 from drivers.types import Array, Frame
 
 TASKS, STATS = "meta/tasks.parquet", "meta/stats.json"
@@ -314,16 +312,6 @@ def _write(path: Path, table: pa.Table) -> None:
     write_parquet(path, table)
 
 
-class InfoFile(Settings):
-    """What is read of meta/info.json; `fps` [Hz] is the rate of the frames."""
-
-    codebase_version: str
-    fps: float = Field(gt=0)
-    data_path: str = DATA
-    video_path: str | None = None
-    features: dict[str, dict[str, Any]]
-
-
 @dataclass(frozen=True)
 class Episode(Source):
     """An episode of a data set as a run: its table `episode`, and maybe `points` and a film.
@@ -339,7 +327,7 @@ class Episode(Source):
     frames: pa.Table
     film: Path | None
     begin: float
-    info: InfoFile
+    info: Mapping[str, Any]
 
     def images(self) -> Iterator[tuple[int, Frame]]:
         """Yield images (h, w, 3) of the film, each with its row of the frames, without repeats."""
@@ -348,7 +336,7 @@ class Episode(Source):
             taken = np.unique(self.frames[CAMERA_STAMP].to_numpy())
             rows = set(np.searchsorted(self.frames["stamp"].to_numpy(), taken).tolist())
         for frame in Film(self.film).frames(self.begin) if self.film else ():
-            row = round((frame.stamp - self.begin) * self.info.fps)
+            row = round((frame.stamp - self.begin) * float(self.info["fps"]))
             if row >= len(self.frames):
                 return
             if row in rows:
@@ -360,7 +348,7 @@ class Episode(Source):
             raise self.missing(how)
         if how.file == POINTS_TABLE:
             return self._points()
-        vectors = {name: feature.get("names") for name, feature in self.info.features.items()}
+        vectors = {name: feature.get("names") for name, feature in self.info["features"].items()}
         return unnest(self.frames, vectors)
 
     def _points(self) -> pa.Table:
@@ -379,12 +367,15 @@ def episodes(root: Path) -> Iterator[Episode]:
 
     Raises ConfigurationError for a data set of another version, or one that is not whole.
     """
-    info = parse(read_json(root / INFO), InfoFile, str(root / INFO), extra="ignore")
-    if not info.codebase_version.startswith("v3."):
+    info = read_json(root / INFO)
+    if not str(info.get("codebase_version", "")).startswith("v3."):
         raise ConfigurationError(
-            f"{root / INFO}: codebase_version: is {info.codebase_version!r}, must be v3.x; "
+            f"{root / INFO}: codebase_version: is {info.get('codebase_version')!r}, must be v3.x; "
             "convert it with LeRobot's own script"
         )
+    features = info.get("features")
+    if not (isinstance(features, dict) and all(isinstance(f, dict) for f in features.values())):
+        raise ConfigurationError(f"{root / INFO}: features: must map each name to a description")
     read = lru_cache(maxsize=1)(read_parquet)  # a file holds many episodes
     for path in sorted((root / "meta" / "episodes").glob("*/*.parquet")):
         for row in read_parquet(path).to_pylist():
@@ -395,10 +386,10 @@ def episodes(root: Path) -> Iterator[Episode]:
 
 
 def _read_episode(
-    root: Path, info: InfoFile, row: Mapping[str, Any], read: Callable[[Path], pa.Table]
+    root: Path, info: Mapping[str, Any], row: Mapping[str, Any], read: Callable[[Path], pa.Table]
 ) -> Episode:
     """Episode of a `row` of meta/episodes; KeyError, TypeError, ValueError for one not whole."""
-    path = _path_in_set(root, info.data_path, "data", row)
+    path = _path_in_set(root, info.get("data_path") or DATA, "data", row)
     name = str(row.get("cell/name") or f"episode-{row['episode_index']:06d}")
     if name == ".." or Path(name).name != name:
         raise ValueError(f"cell/name: {name!r} is not the name of a folder")
@@ -409,9 +400,11 @@ def _read_episode(
     frames = read(path)
     points = [POINTS_TABLE] if POINTS_STAMP in frames.column_names else []
     frames = frames.filter(pa.array(np.asarray(frames["episode_index"]) == row["episode_index"]))
-    cameras = (f"videos/{n}" for n, each in info.features.items() if each.get("dtype") == "video")
+    videos = (name for name, each in info["features"].items() if each.get("dtype") == "video")
+    cameras = (f"videos/{name}" for name in videos)
     camera = next((place for place in cameras if f"{place}/file_index" in row), "")
-    film = _path_in_set(root, info.video_path or VIDEO, camera, row) if camera else None
+    pattern = info.get("video_path") or VIDEO
+    film = _path_in_set(root, pattern, camera, row) if camera else None
     begin = float(row[f"{camera}/from_timestamp"]) if camera else 0.0
     return Episode(path, name, documents, [EPISODE, *points], frames, film, begin, info)
 

@@ -135,7 +135,7 @@ def test_paths_and_names_of_a_data_set_are_those_that_it_states(tmp_path: Path) 
         (episodes, info["features"], r"video_path: .*leads out of the data set"),
         (above, {}, r"cell/name: '\.\.' is not the name of a folder"),
         (episodes, [], r"info\.json: features: "),
-        (episodes, {"stamp": 1}, r"info\.json: features\.stamp: "),
+        (episodes, {"stamp": 1}, r"info\.json: features: "),
     ):
         pq.write_table(rows, root / "meta/episodes/chunk-000/file-000.parquet")
         (root / "meta/info.json").write_text(json.dumps(info | {"features": features}))

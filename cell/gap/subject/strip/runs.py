@@ -9,7 +9,6 @@ import numpy as np
 from cell.gap.subject.run_folders import RunFolder, check_indices
 from cell.gap.subject.strip.preprocessing import FEWEST_POINTS, Images, images_of, smooth_path
 from cell.orchestrator.monitors import is_outcome
-from cell.record.columns import Ticks
 from cell.record.files import PROFILE, RESULT, RUN, TICKS, is_under_way
 from cell.record.header import NOT_FOLDED, Header, Sigma
 from cell.record.run import Run as Recorded, read_run
@@ -258,7 +257,7 @@ def _measured_run(name: str, run: Recorded, touch: Touch | None, strip: StripFil
     poses = np.stack([ticks.x, ticks.z, ticks.pitch], axis=1)
     t, smooth = smooth_path(ticks.t, poses, header.sigma.gripper)
     grip = interpolate_columns(run.profile.t, ticks.t, poses[:, :2])
-    contact_t, contact_x = _contacts(ticks)
+    contact_t, contact_x = ticks.contacts()
     force = np.stack([ticks.f_x, ticks.f_z], axis=1)
     reported = np.isfinite(force).any(axis=1)
     return MeasuredRun(
@@ -272,13 +271,6 @@ def _measured_run(name: str, run: Recorded, touch: Touch | None, strip: StripFil
         end=float(ticks.t[-1]) if touch is None else touch.time,
         plane_error=None if note is None else note.error or 0.0,
     )  # fmt: skip
-
-
-def _contacts(ticks: Ticks) -> tuple[Array, Array]:
-    """Times (k,) [s] and places (k,) [m] of the seen contacts; a row's time without a stamp."""
-    seen = np.isfinite(ticks.contact_x)
-    stamp = np.where(np.isfinite(ticks.contact_t), ticks.contact_t, ticks.t)
-    return frozen(stamp[seen]), frozen(ticks.contact_x[seen])
 
 
 def _short_run(name: str, run: Recorded) -> MeasuredRun:
@@ -385,7 +377,7 @@ def _misses_of_midlines(run: Recorded) -> Iterator[Contradiction]:
         (f"t: the midlines {'lag behind' if late > 0 else 'lead'} the gripper by", late, DELAYS),
     ):
         yield PROFILE, what, abs(size), limits
-    stamps, places = _contacts(ticks)
+    stamps, places = ticks.contacts()
     if len(stamps):
         pairs = zip(curves.values(), np.interp(t, stamps, places), strict=True)
         low = [np.abs(c - contact).min() for c, contact in pairs if c[0].imag < HELD[0]]
