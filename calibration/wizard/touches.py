@@ -154,25 +154,19 @@ def _sort_others(
     """
     firsts = {p.number: p for p in touches if not p.again}
     worst = 1e-3 * settings.worst_mm  # m
-    validation, outliers, repeated, replaced = (list[Touch]() for _ in range(4))
-    for p in newest:
-        first = firsts.get(p.number) if p.again else None
-        off = np.hypot(*fit.error(p)) > worst if p.held_out else p not in fit.used
-        alike = first is not None and np.hypot(*(fit.error(p) - fit.error(first))) < worst
-        if off:
-            outliers.append(p)
-        elif first is not None:
-            replaced.append(first)
-        if off and alike:
-            repeated.append(p)
-        if p.held_out and (alike or not off or not p.again):
-            validation.append(p)
+    off = [
+        p for p in newest
+        if (np.hypot(*fit.error(p)) > worst if p.held_out else p not in fit.used)
+    ]  # fmt: skip
+    twice = {p: firsts[p.number] for p in newest if p.again and p.number in firsts}
+    alike = [p for p in twice if np.hypot(*(fit.error(p) - fit.error(twice[p]))) < worst]
+    judging = [p for p in newest if p in alike or p not in off or not p.again]
     return replace(
         fit,
-        validation=tuple(validation),
-        outliers=tuple(outliers),
-        repeated_outliers=tuple(repeated),
-        replaced=tuple(replaced),
+        validation=tuple(p for p in judging if p.held_out),
+        outliers=tuple(off),
+        repeated_outliers=tuple(p for p in off if p in alike),
+        replaced=tuple(first for p, first in twice.items() if p not in off),
     )
 
 

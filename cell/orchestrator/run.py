@@ -76,7 +76,7 @@ class Run:
         self._velocity = ZERO_VELOCITY
 
     def execute(self) -> Outcome:
-        """Run once until the arm rests; errors are the outcome, but Ctrl-C and failed braking raise."""
+        """Run once until the arm rests; errors are the outcome, Ctrl-C and failed braking raise."""
         clock = self._devices.clock
         period = 1.0 / self._context.settings.fold.control_rate
         start = clock.now()

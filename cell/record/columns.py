@@ -118,7 +118,7 @@ class Ticks(Columns):
         return cls(**values, state=tuple(str(name) for name in state))
 
     def contacts(self) -> tuple[Array, Array]:
-        """Times (k,) [s] and places x (k,) [m] of the seen contacts; the row's time if unstamped."""
+        """Times (k,) [s] and places x (k,) [m] of the contacts; the row's time if unstamped."""
         seen = np.isfinite(self.contact_x)
         stamps = np.where(np.isfinite(self.contact_t), self.contact_t, self.t)
         return frozen(stamps[seen]), frozen(self.contact_x[seen])

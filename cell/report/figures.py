@@ -125,7 +125,7 @@ def _draw_outlines(axes: Any, outlines: Sequence[Silhouette]) -> None:
 def _draw_desk(axes: Any, run: Run) -> None:
     """Draw the desk, the measured desk contacts and the fixed edge."""
     axes.axhline(0, color=MUTED, lw=0.8)
-    contact = 1e3 * run.ticks.contact_x[np.isfinite(run.ticks.contact_x)]
+    contact = 1e3 * run.ticks.contacts()[1]
     axes.plot(contact, np.full_like(contact, -6), "|", color=BLUE, ms=5, mew=0.5, alpha=0.5)
     axes.plot(0, 0, "s", color=INK, ms=4, clip_on=False)
     axes.annotate("fixed edge", (0, 0), (4, -14), **NOTE)

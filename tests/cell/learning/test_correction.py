@@ -91,8 +91,7 @@ def test_a_line_that_holds_no_experience_is_skipped(tmp_path: Path, line: str) -
 
 def test_the_second_fold_aims_at_the_opposite_of_the_first_ones_bias(tmp_path: Path) -> None:
     memory = Memory("cell", tmp_path)
-    nothing = Correction()
-    first = experience_of("r0", SUBJECT, outcome(0.002), nothing)
+    first = experience_of("r0", SUBJECT, outcome(0.002), Correction())
     assert first is not None
     assert first.displacement == pytest.approx(0.003)  # measured +2 mm, predicted -1 mm
     memory.add(first)
@@ -119,11 +118,9 @@ def test_folds_without_touch_or_blind_or_stopped_or_unreadable_teach_nothing(tmp
     assert "nothing was learned" in _learn(
         request_for("denim", "adaptive", tmp_path), outcome(0.0), tmp_path
     )
-    nothing = Correction()
-    blind = replace(PREDICTED, blind=True)
-    assert experience_of("r", SUBJECT, outcome(0.001, blind), nothing) is None
-    assert experience_of("r", SUBJECT, replace(outcome(0.0), name="force"), nothing) is None
-    assert experience_of("r", SUBJECT, replace(outcome(0.0), touch=None), nothing) is None
+    good, blind = outcome(0.0), outcome(0.001, replace(PREDICTED, blind=True))
+    for one in (blind, replace(good, name="force"), replace(good, touch=None)):
+        assert experience_of("r", SUBJECT, one, Correction()) is None
 
 
 def test_edges_are_learned_as_if_they_had_been_laid_without_a_correction() -> None:
