@@ -113,7 +113,7 @@ def test_experiences_of_other_weights_teach_nothing(tmp_path: Path) -> None:
     assert learned_correction(memory, SUBJECT).seen == 0.0
 
 
-def test_folds_without_touch_or_blind_or_stopped_or_unreadable_teach_nothing(tmp_path) -> None:
+def test_folds_without_touch_or_blind_or_stopped_or_unread_teach_nothing(tmp_path: Path) -> None:
     (tmp_path / TICKS).mkdir()
     assert "nothing was learned" in _learn(
         request_for("denim", "adaptive", tmp_path), outcome(0.0), tmp_path
