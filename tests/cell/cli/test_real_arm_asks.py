@@ -63,7 +63,7 @@ def test_nothing_moves_without_the_cell_s_name(
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("sys.stdin", io.StringIO("yes\n"))
     monkeypatch.setattr("cell.doctor.doctor.checks", lambda *_: iter(()))
-    monkeypatch.setattr("cell.doctor.doctor._arm", lambda *_: iter(()))
+    monkeypatch.setattr("cell.doctor.doctor._robot_checks", lambda *_: iter(()))
     assert run(monkeypatch, *words, "--configs", configs) == 3
     said = capsys.readouterr().err
     assert "Type the cell's name" in said
