@@ -11,6 +11,7 @@ import pyarrow.parquet as pq
 import pytest
 import yaml
 
+from calibration.calibration import change_calibration, load_calibration, save_calibration
 from cell.config.places import find_configs
 from cell.devices.devices import Trial
 from cell.folding.batch import fold_all
@@ -117,8 +118,8 @@ def test_replay_notices_another_calibration(denim: Folded, tmp_path: Path) -> No
     header = yaml.safe_load(path.read_text())
     header["config"]["perception"] = {"contact_height": 0.002}  # as in runs of other versions
     path.write_text(yaml.safe_dump(header))
-    path = copy / "calibration.yaml"
-    path.write_text(yaml.safe_dump(yaml.safe_load(path.read_text()) | {"contact_bias": 0.001}))
+    path = copy / CALIBRATION
+    save_calibration(change_calibration(load_calibration(path), contact_bias=0.001), path)
     assert replay(copy).differences
 
 
