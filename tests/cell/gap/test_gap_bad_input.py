@@ -149,6 +149,8 @@ SPOILT: dict[tuple[str, str], tuple[Spoil, tuple[str, ...]]] = {
         head(pendulum="other"), ("run.yaml", "other", "made", "one pendulum")),
     ("pendulum", "times in microseconds"): (
         column(ANGLES, "t", lambda t: 1e-6 * t), (ANGLES, "t is in s")),
+    ("pendulum", "times in milliseconds"): (
+        column(ANGLES, "t", lambda t: 1e3 * t), (ANGLES, "s apart", "t is in s")),
     ("pendulum", "rates in mrad/s"): (
         with_column("omega_1", lambda rows: 1e3 * np.gradient(rows["theta_1"], rows["t"])),
         (ANGLES, "rates in rad/s")),
