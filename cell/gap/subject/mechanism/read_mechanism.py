@@ -36,7 +36,7 @@ from cell.gap.subject.mechanism.recordings import (
     typical_frequency,
 )
 from cell.gap.subject.run_folders import RunFolder, check_indices
-from cell.record.files import RUN
+from cell.record.files import ANGLES, RUN
 from drivers.errors import ConfigurationError
 from drivers.settings import load
 from drivers.strip.effects.effect import Parameter
@@ -44,6 +44,7 @@ from drivers.types import Array
 
 UNITS = {"mass": "kg", "com": "m", "length": "m", "inertia": "kg m^2", "damping": "N m s",
          "armature": "kg m^2", "stiffness": "N m/rad", "gain": "1"}  # fmt: skip
+SPARSEST, SMALL = 0.8, 1e-4  # rad of the fastest swing between two readings; rad of a small one
 SMALLEST = 1e-9  # size of a number, in SI, to which a spread in percent refers at least
 # bounds of a number: times its start value, spreads above it; times the start if it cannot vanish
 HIGHEST, FARTHEST, LOWEST = 5.0, 20.0, 0.2
@@ -257,10 +258,35 @@ def _read_checked(folder: RunFolder, file: MechanismFile, model: Any) -> Recordi
     is_hinge = model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE
     hinges = [model.joint(i).name for i in range(model.njnt) if is_hinge[i]]
     recording = read_recording(folder, file, hinges)
+    if file.mode == "planar":
+        _check_spacing(recording, folder.path / ANGLES, SPARSEST / _fastest_swing(model))
     if recording.load is not None:
         origin = f"{recording.name}: {RUN}: load"
         number_of(model, "body", recording.load.body, origin, "body")
     return recording
+
+
+def _check_spacing(recording: Recording, path: Path, most: float) -> None:
+    """Refuse readings in the table at `path` more than `most` [s] apart."""
+    apart = float(np.median(np.diff(recording.t)))
+    if apart > most:
+        raise ConfigurationError(
+            f"{path}: t: rows are {apart:g} s apart, at most {most:.2g} s shows this pendulum's "
+            "swings; t is in s"
+        )
+
+
+def _fastest_swing(model: Any) -> float:
+    """Angular frequency [rad/s] of the fastest small swing of a chain that hangs at zero."""
+    data, mass = mujoco.MjData(model), np.zeros((model.nv, model.nv))
+    mujoco.mj_forward(model, data)
+    mujoco.mj_fullM(model, data, mass)
+    stiffness = []
+    for angles in SMALL * np.eye(model.nv):
+        data.qpos[:] = angles
+        mujoco.mj_forward(model, data)
+        stiffness.append(data.qfrc_bias / SMALL)
+    return float(np.sqrt(np.linalg.eigvals(np.linalg.solve(mass, stiffness)).real.max()))
 
 
 def recording_reader(path: Path) -> Callable[[Path], Recording]:

@@ -27,7 +27,6 @@ SLOWEST_PACE, FASTEST_PACE = 0.5, 200.0  # rad/s
 PACE_READINGS = 400  # means of a column, from which its pace is taken
 NOISY = 0.35  # times a column's spread, in a step: half of what white noise changes by
 STILL = 0.05  # of the rms speed, below which a motion holds
-SPARSEST = 5.0  # steps of the simulation between two readings of a swing
 SLOWEST_CHECKED = 0.1  # rad/s of a swing below which stated rates are not checked
 
 
@@ -136,12 +135,6 @@ def read_recording(folder: RunFolder, file: MechanismFile, hinges: Sequence[str]
     condition = str(head.origin or head.condition or folder.name)
     columns = {name: frozen(values) for name, values in table.items() if name != "t"}
     t = frozen(table["t"] - table["t"][0])
-    apart = float(np.median(np.diff(t)))
-    if swings and apart > SPARSEST * file.step:
-        raise ConfigurationError(
-            f"{folder.path / ANGLES}: t: rows are {apart:g} s apart, at most "
-            f"{SPARSEST * file.step:.2g} s shows swings of step {file.step:g} s; t is in s"
-        )
     return Recording(folder.name, condition, head.index, t, columns, head.load, head.sigma.angle,
                      rates)  # fmt: skip
 
