@@ -73,8 +73,8 @@ class CellArm(InverseDynamics):
         with_effect, without = self.predict(cases)
         torque, tracking = np.split(with_effect - without, [len(self._mechanism.torques)])
         motion, t = cases[0].content.motion, cases[0].content.cut.t
-        readings = replace(readings_of([(effect_of(name), values)], self._mechanism), delay=0.0)
-        true, *_ = true_motion(motion, readings, self._mechanism)
+        readings = replace(readings_of([(effect_of(name), values)]), delay=0.0)
+        true, *_ = true_motion(motion, readings)
         q, at = (interpolate_columns(t, motion.t, columns) for columns in (motion.q, true))
         at = at - torque.T / STIFFNESS + tracking.T
         moved, stated = (case.edited(self._mechanism.model) for case in cases)

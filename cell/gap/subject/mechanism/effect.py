@@ -1,7 +1,7 @@
 """Effects of a mechanism: how each changes the model, a command, a reading or a torque."""
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -19,20 +19,21 @@ STEPS_PER_SIZE = 1000.0  # steps of finite differences in a typical size
 Parameters = Callable[[Mechanism], tuple[Parameter, ...]]
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class Readings:
     """Errors of sensors and commands: a reading of x(t) is (1 + scale) x(t - delay) + bias.
 
-    By signal or input, delays in [s]. `command` delays every command; `elastic` (joints,) [rad/(N
-    m)] and `gap` (joints,) [rad] lie between a joint's encoder and its link.
+    `bias` and `scale` are those of encoders (encoders,), delays (1,) are in [s]. `command` delays
+    every command; `elastic` (joints,) [rad/(N m)] and `gap` (joints,) [rad] lie between a joint's
+    encoder and its link.
     """
 
-    delay: float = 0.0
-    command: float = 0.0
-    bias: dict[str, float] = field(default_factory=dict)
-    scale: dict[str, float] = field(default_factory=dict)
-    elastic: Array | None = None
-    gap: Array | None = None
+    delay: Array | float = 0.0
+    command: Array | float = 0.0
+    bias: Array | float = 0.0
+    scale: Array | float = 0.0
+    elastic: Array | float = 0.0
+    gap: Array | float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,12 +43,12 @@ class Effect:
     At the start values of its parameters it changes nothing. It acts by one or more of these:
 
     - `law(q, v, load, p, at)`: torque [N m] on a joint at angle q and rate v whose gear bears a
-      load; compiled. Of the joint's numbers p, `keys` from `at` on are the effect's, and p[3] is
+      load; compiled. Of the joint's numbers p, `keys` from `at` on are the effect's, and p[1] is
       the rate within which signs are smooth. `of_drives`: on joints that a motor drives alone.
     - `edit(mechanism, values, model)`: new values in fields of a MuJoCo model, which an MJCF can
       state; beside a law, it stands for the law where the mode has effects as `fields`.
     - `path(mechanism, values, t, q, v)`: torques (m, joints) that depend on the motion so far.
-    - `read(mechanism, values, readings)`: what lies between the mechanism and its record.
+    - `read`: the field of `Readings`, of what lies between mechanism and record, that it states.
 
     `parameters` are those of one key, joint by joint, then of the next; `shape` are shapes of the
     law. The effect is a candidate in `modes` of simulation where it is `possible`, unless the file
@@ -65,7 +66,7 @@ class Effect:
     keys: int = 0
     law: Callable[..., Array] | None = None
     edit: Callable[[Mechanism, Array, Any], None] | None = None
-    read: Callable[[Mechanism, Array, Readings], None] | None = None
+    read: Literal["delay", "command", "bias", "scale", "elastic", "gap"] | None = None
     path: Callable[[Mechanism, Array, Array, Array, Array], Array] | None = None
     possible: Callable[[Mechanism], bool] = lambda _: True
     modes: Collection[str] = (FORWARD.name, PRESCRIBED.name)
@@ -83,6 +84,11 @@ class Effect:
         """Whether edited fields of the model of `mechanism` express the whole effect."""
         is_edit = self.edit is not None and self.read is None
         return is_edit and (self.law is None or mechanism.mode.fields)
+
+    @property
+    def falsifies(self) -> bool:
+        """Whether the effect is an error of reading a motion, which stays as it is."""
+        return self.read in ("delay", "bias", "scale")
 
     def candidate(self, mechanism: Mechanism) -> Candidate:
         """Candidate effect of `mechanism`, screened one parameter at a time from small to large."""
@@ -140,19 +146,15 @@ def single_parameter(
 
 
 def add_to(field: str) -> Callable[[Mechanism, Array, Any], None]:
-    """Function that adds each joint's first value to a model's `field` at its degree of freedom."""
+    """Function that adds each joint's first value to a model's `field`."""
 
     def edit(mechanism: Mechanism, values: Array, edited: Any) -> None:
-        for joint, value in zip(mechanism.joints, values, strict=False):
-            getattr(edited, field).reshape(mechanism.model.nv, -1)[joint.dof, 0] += value
+        rows = getattr(edited, field).reshape(len(mechanism.joints), -1)
+        rows[:, 0] += values[: len(rows)]
 
     return edit
 
 
-def readings_of(known: Sequence[tuple[Effect, Array]], mechanism: Mechanism) -> Readings:
+def readings_of(known: Sequence[tuple[Effect, Array]]) -> Readings:
     """Errors of sensors and commands made by effects `known` with their values (k,)."""
-    readings = Readings()
-    for effect, values in known:
-        if effect.read is not None:
-            effect.read(mechanism, values, readings)
-    return readings
+    return Readings(**{effect.read: values for effect, values in known if effect.read is not None})

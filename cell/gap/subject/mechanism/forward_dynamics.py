@@ -13,6 +13,7 @@ import numpy as np
 from mujoco.batch import Batch, SimulationError
 from scipy.interpolate import CubicHermiteSpline
 
+from cell.gap.subject.mechanism.effect import Effect
 from cell.gap.subject.mechanism.effects import describing_terms, effect_of, torques
 from cell.gap.subject.mechanism.model import PLANAR, Mechanism
 from cell.gap.subject.mechanism.model_source import compile_model
@@ -44,7 +45,7 @@ class Commands:
     t: Array
     u: Array
 
-    def at_steps(self, step: float, steps: int, delay: float) -> Array:
+    def at_steps(self, step: float, steps: int, delay: Array | float) -> Array:
         """Mean commands (steps, actuators) in each time step of `step` [s], `delay` [s] late."""
         if not self.u.shape[1]:
             return np.zeros((steps, 0))
@@ -83,12 +84,10 @@ class SplitModel:
         self._model = compile_model(mechanism.source, name, mechanism.model.nuser_jnt,
                                     mechanism.step, self._add_flexible_joints)  # fmt: skip
         self._model.opt.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
-        self._joint = np.array([self._model.joint(j.name).id for j in mechanism.joints])
-        self._flex = np.setdiff1d(np.arange(self._model.njnt), self._joint)
-        self._flex_dof: Array = self._model.jnt_dofadr[self._flex]
+        self.motor = np.array([self._model.joint(j.name).id for j in mechanism.joints])
+        self._flex = np.setdiff1d(np.arange(self._model.njnt), self.motor)
         for field in ("dof_armature", "dof_frictionloss", "dof_dampingpoly"):
-            getattr(self._model, field)[self._flex_dof] = 0.0  # whatever the model's defaults are
-        self.motor: Array = self._model.jnt_dofadr[self._joint]
+            getattr(self._model, field)[self._flex] = 0.0  # whatever the model's defaults are
 
     def _add_flexible_joints(self, spec: Any) -> None:
         """Add a second joint about the same axis to each joint of a specification's bodies."""
@@ -120,20 +119,20 @@ class SplitModel:
         `edited` is the same case without flexible joints.
         """
         inertia = self._mechanism.inertia
-        elastic, gap = case.readings.elastic, case.readings.gap
-        compliance = np.zeros(len(inertia)) if elastic is None else elastic
-        stiffness = np.minimum(1.0 / np.maximum(compliance, LEAST_COMPLIANCE), STIFFEST * inertia)
-        found.jnt_stiffness[self._joint] = edited.jnt_stiffness
+        compliance = np.maximum(case.readings.elastic, LEAST_COMPLIANCE)
+        stiffness = np.minimum(1.0 / compliance, STIFFEST * inertia)
+        found.jnt_stiffness[self.motor] = edited.jnt_stiffness
         found.qpos_spring[self.motor] = edited.qpos_spring
         motor_inertia = np.maximum(found.dof_armature[self.motor], SHARE * inertia)
         found.dof_armature[self.motor] = motor_inertia
-        if gap is not None and np.any(gap):
-            has_play = gap > 0.0
+        gap = case.readings.gap
+        if np.any(gap):
+            has_play = np.asarray(gap > 0.0)
             stiffness = np.where(has_play, 0.0, stiffness)
             found.jnt_range[self._flex] = 0.5 * np.outer(gap, (-1.0, 1.0)) * has_play[:, None]
             found.jnt_limited[self._flex] = has_play
         found.jnt_stiffness[self._flex] = stiffness
-        found.dof_damping[self._flex_dof] = (
+        found.dof_damping[self._flex] = (
             2.0 * DAMPED * np.sqrt(np.maximum(stiffness, 1.0) * motor_inertia)
         )
         self._set_law_parameters(found, edited)
@@ -141,10 +140,9 @@ class SplitModel:
     def _set_law_parameters(self, found: Any, edited: Any) -> None:
         """Copy parameters of compiled torque laws to the user numbers of the split joints."""
         found.jnt_user[:] = 0.0
-        found.jnt_user[self._joint] = edited.jnt_user
+        found.jnt_user[self.motor] = edited.jnt_user
         found.jnt_user[:, 0] = found.njnt
-        found.jnt_user[:, 1], found.jnt_user[:, 2] = found.jnt_qposadr, found.jnt_dofadr
-        found.jnt_user[:, 3] = float(np.mean(edited.jnt_user[:, 3]))
+        found.jnt_user[:, 1] = float(np.mean(edited.jnt_user[:, 1]))
 
 
 class PivotModel(SplitModel):
@@ -160,11 +158,11 @@ class PivotModel(SplitModel):
     def _set_gears(self, found: Any, edited: Any, case: Case) -> None:
         """Set the stiffness [N/m] and damping of the pivot, and springs as `edited`."""
         mass = float(edited.body_mass.sum())
-        compliance = np.maximum(np.asarray(case.readings.elastic), LEAST_COMPLIANCE)
+        compliance = np.maximum(case.readings.elastic, LEAST_COMPLIANCE)
         stiffness = np.minimum(1.0 / compliance, STIFFEST * mass)
-        found.jnt_stiffness[self._joint] = edited.jnt_stiffness
+        found.jnt_stiffness[self.motor] = edited.jnt_stiffness
         found.jnt_stiffness[self._flex] = stiffness
-        found.dof_damping[self._flex_dof] = 2.0 * DAMPED * np.sqrt(stiffness * mass)
+        found.dof_damping[self._flex] = 2.0 * DAMPED * np.sqrt(stiffness * mass)
         self._set_law_parameters(found, edited)
 
 
@@ -210,6 +208,10 @@ class ForwardDynamics(MechanismSubject):
             if not plain[sensor.actuator]:
                 name = model.actuator(sensor.actuator).name
                 yield f"torque {sensor.name} of {name}: its filter, delay, or law of force"
+
+    def moves(self, effect: Effect) -> bool:
+        """Whether the simulated motion depends on `effect`."""
+        return not effect.falsifies
 
     def _content(self, recording: Recording, cut: Cut, width: float) -> Content:  # noqa: ARG002
         """Content of a run that is simulated forward: its commands, and its start."""
@@ -277,7 +279,7 @@ class ForwardDynamics(MechanismSubject):
         v = np.array([c.start[1] for c in cases])
         into = np.arange(q.shape[1]) if embed is None else embed
         batch.bind("qpos")[:, into], batch.bind("qvel")[:, into] = q, v
-        with torques().install(self._laws):
+        with torques().install(self._laws, models[0]):
             try:
                 out = batch.rollout(control.shape[1], control, record=("qpos", "qvel"))
             except SimulationError:
@@ -316,10 +318,9 @@ class ForwardDynamics(MechanismSubject):
                 rows[k] = sensors[signal.joint]
             else:
                 rows[k] = signal.weights @ (q if signal.kind == "position" else v)
-            if scale := errors.scale.get(signal.name):
-                rows[k] *= 1.0 + scale
-            if bias := errors.bias.get(signal.name):
-                rows[k] += bias
+        read = [k for k, s in enumerate(signals) if s.name in self._mechanism.encoders]
+        scale, bias = (np.reshape(x, (-1, 1)) for x in (errors.scale, errors.bias))
+        rows[read] = (1.0 + scale) * rows[read] + bias
         return rows
 
     def _torque(
@@ -348,5 +349,4 @@ class ForwardDynamics(MechanismSubject):
 
 def _has_soft_gears(case: Case) -> bool:
     """Whether a case has elasticity or play between motors and links."""
-    gears = (case.readings.elastic, case.readings.gap)
-    return any(values is not None and bool(np.any(values)) for values in gears)
+    return bool(np.any(case.readings.elastic) or np.any(case.readings.gap))

@@ -1,7 +1,7 @@
 """Predicts torques by inverse dynamics on the measured motion, to compare with measured ones."""
 
 import copy
-from collections.abc import Iterator, Sequence
+from collections.abc import Hashable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,7 +14,7 @@ from numba import types
 from numpy.typing import NDArray
 
 from cell.gap.subject.mechanism.closed_loops import ClosedLoops, transmissions
-from cell.gap.subject.mechanism.effect import Readings
+from cell.gap.subject.mechanism.effect import Effect
 from cell.gap.subject.mechanism.effects import torques
 from cell.gap.subject.mechanism.effects.friction import DRY_FRICTION, dry_law, dry_limit
 from cell.gap.subject.mechanism.model import Mechanism
@@ -54,7 +54,7 @@ class InverseDynamics(MechanismSubject):
 
     def __init__(self, opened: MechanismData, jobs: int = 1, without: Sequence[str] = ()) -> None:
         super().__init__(opened, jobs, without)
-        self._known: dict[bytes, Array] = {}
+        self._known: dict[Hashable, Array] = {}
         self._model = copy.copy(self._mechanism.model)
         self._model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
         self._model.jnt_actgravcomp[:] = 0  # what motors are relieved of, they do not give
@@ -106,10 +106,14 @@ class InverseDynamics(MechanismSubject):
         mujoco.mj_forward(model, data)
         drives = transmissions(model, data) != 0.0
         for sensor in self._mechanism.torques:
-            others = drives[:, self._mechanism.joints[sensor.joint].dof]
+            others = drives[:, sensor.joint]
             others[sensor.actuator] = False
             if others.any():
                 yield f"other motors on joint {self._mechanism.joints[sensor.joint].name}"
+
+    def moves(self, effect: Effect) -> bool:
+        """Whether inverse dynamics of rigid bodies depends on `effect`."""
+        return effect.falsifies or effect.by_fields(self._mechanism)
 
     def _run(self, recording: Recording) -> Run:
         """Run for the engine, with the noise that the measured motion adds to torques."""
@@ -184,10 +188,12 @@ class InverseDynamics(MechanismSubject):
         """Signals (signals, k) of one case at its readings: torques, and trackings if compared."""
         model = case.edited(self._model)
         motion: Motion = case.content.motion
-        q, v, a = true_motion(motion, case.readings, self._mechanism)
-        inverse = self._inverse(motion, model, case.readings, q, v, a)
+        q, v, a = true_motion(motion, case.readings)
+        inverse = self._known.get(case.motion)
+        if inverse is None:
+            inverse = self._known[case.motion] = _inverse_dynamics(model, q, v, a)
         soft = ((np.multiply, case.readings.elastic), (_play_deflection, case.readings.gap))
-        gears = [(bend, values) for bend, values in soft if values is not None and np.any(values)]
+        gears = [(bend, values) for bend, values in soft if np.any(values)]
         if self._mechanism.trackings:  # measured positions are those of links
             deflection = sum((bend(inverse, values) for bend, values in gears), np.zeros_like(q))
             rows = [self._torques(model, case, q, v, inverse),
@@ -214,8 +220,7 @@ class InverseDynamics(MechanismSubject):
         motion: Motion = case.content.motion
         sensors = TorqueSensors(self._mechanism, model, motion.late_forces(case.readings.delay))
         user = np.array(model.jnt_user)
-        dofs = [j.dof for j in self._mechanism.joints]
-        user[:, torques().at["dry_friction"]] += model.dof_frictionloss[dofs]
+        user[:, torques().at[DRY_FRICTION.name]] += model.dof_frictionloss
         applied = torques().along(q, v, inverse, user)
         for effect, values in case.paths:
             if effect.path is not None:
@@ -252,15 +257,6 @@ class InverseDynamics(MechanismSubject):
         behind = interpolate_columns(motion.t + delay, motion.t, deflection)
         return np.asarray((motion.q - commanded - behind)[:, joints].T)
 
-    def _inverse(self, motion: Motion, model: Any, readings: Readings, q: Array, v: Array,
-                 a: Array) -> Array:  # fmt: skip
-        """Inverse dynamics torques (m, joints), cached by model, motion and readings."""
-        key = _cache_key(motion, model, readings)
-        found = self._known.get(key)
-        if found is None:
-            found = self._known[key] = _inverse_dynamics(model, q, v, a)
-        return found
-
 
 @dataclass(frozen=True, slots=True)
 class TorqueSensors:
@@ -294,17 +290,6 @@ class TorqueSensors:
                          for s in self.mechanism.torques])  # fmt: skip
 
 
-def _cache_key(motion: Motion, model: Any, readings: Readings) -> bytes:
-    """Cache key of inverse dynamics along a motion: bytes of model fields and sensor errors."""
-    fields = [model.body_mass, model.body_inertia, model.body_ipos, model.body_iquat,
-              model.body_pos, model.dof_armature, model.dof_damping, model.dof_dampingpoly,
-              model.jnt_stiffness, model.qpos_spring, model.opt.gravity,
-              np.array(model.opt.density)]  # fmt: skip
-    bias, scale = sorted(readings.bias.items()), sorted(readings.scale.items())
-    key = b"".join(np.ascontiguousarray(x).tobytes() for x in fields)
-    return key + f"{motion.name}{readings.delay}{bias}{scale}".encode()
-
-
 def _inverse_dynamics(model: Any, q: Array, v: Array, a: Array) -> Array:
     """Torques (m, joints) of rigid bodies, springs, damping and air along a motion (m, joints)."""
     data = mujoco.MjData(model)
@@ -314,7 +299,7 @@ def _inverse_dynamics(model: Any, q: Array, v: Array, a: Array) -> Array:
     return torque
 
 
-def _play_deflection(torque: Array, gap: Array) -> Array:
+def _play_deflection(torque: Array, gap: Array | float) -> Array:
     """Angles (m, joints) by which play of width `gap` (joints,) leaves links behind `torque`."""
     crossing = PLAY_SMOOTHING * torque.std(axis=0) + 1e-12  # never zero
     return np.asarray(0.5 * gap * np.tanh(torque / crossing))

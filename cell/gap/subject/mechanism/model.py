@@ -94,14 +94,13 @@ MODES: Mapping[str, Mode] = {mode.name: mode for mode in (FORWARD, PRESCRIBED, P
 class Joint:
     """Hinge or slide of a model, with typical torque [N m], rate [rad/s], inertia [kg m^2].
 
+    Its number is that of its position, rate and degree of freedom, too.
     `actuator` is the number of the motor that drives it, -1 where none does; `travel` [rad] is the
     largest in a recording, a turn where nothing was measured.
     """
 
     name: str
     hinge: bool
-    qpos: int
-    dof: int
     actuator: int
     torque: float
     rate: float
@@ -221,13 +220,13 @@ def joints_of(model: Any, motion: dict[str, tuple[float, float, float]],
     weight, inertia = _typical_loads(model)
     found = []
     for i in range(model.njnt):
-        name, dof = model.joint(i).name, int(model.jnt_dofadr[i])
+        name = model.joint(i).name
         rate, acceleration, travel = motion.get(name, (0.0, 0.0, TURN))
-        torque = driven.get(name) or max(weight[dof], inertia[dof] * acceleration, LEAST_TORQUE)
-        swing = float(np.sqrt(max(weight[dof], LEAST_WEIGHT) / inertia[dof]))
+        torque = driven.get(name) or max(weight[i], inertia[i] * acceleration, LEAST_TORQUE)
+        swing = float(np.sqrt(max(weight[i], LEAST_WEIGHT) / inertia[i]))
         found.append(Joint(name, bool(model.jnt_type[i] == mujoco.mjtJoint.mjJNT_HINGE),
-                           int(model.jnt_qposadr[i]), dof, actuator_on(model, i), float(torque),
-                           float(rate or swing), float(inertia[dof]), travel))  # fmt: skip
+                           actuator_on(model, i), float(torque), float(rate or swing),
+                           float(inertia[i]), travel))  # fmt: skip
     return tuple(found)
 
 

@@ -10,7 +10,6 @@ from scipy.signal import butter, filtfilt, welch
 
 from cell.gap.subject.mechanism.closed_loops import ClosedLoops
 from cell.gap.subject.mechanism.effect import Readings
-from cell.gap.subject.mechanism.model import Mechanism
 from cell.gap.subject.mechanism.recordings import Recording
 from drivers.geometry import interpolate_columns
 from drivers.types import Array, frozen
@@ -54,7 +53,7 @@ class Motion:
         slow = _low_pass(rows, self.t[1] - self.t[0], self.cutoff)
         return np.array([np.interp(t, self.t, row) for row in slow])
 
-    def late_forces(self, delay: float) -> Array | None:
+    def late_forces(self, delay: Array | float) -> Array | None:
         """The `forces` (m, actuators, joints) for readings that are stamped `delay` [s] late."""
         if self.forces is None or not delay:
             return self.forces
@@ -165,22 +164,18 @@ def _near_gaps(gaps: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
     return np.convolve(around, np.ones(2 * reach + 1), "valid") > 0.5
 
 
-def true_motion(motion: Motion, errors: Readings,
-                mechanism: Mechanism) -> tuple[Array, Array, Array]:  # fmt: skip
+def true_motion(motion: Motion, errors: Readings) -> tuple[Array, Array, Array]:
     """True positions, rates and accelerations (m, joints) of a motion read with `errors`.
 
     Readings stamped late show an earlier time, so that the motion at t is read at t + delay; in the
     last `delay` seconds, where no reading follows, the last one is held.
     """
     q, v, a = motion.q, motion.v, motion.a
-    if errors.delay != 0.0:
+    if errors.delay:
         stamps = motion.t + errors.delay
         q, v, a = (interpolate_columns(stamps, motion.t, columns) for columns in (q, v, a))
-    if not errors.bias and not errors.scale:
-        return q, v, a
-    bias = np.array([errors.bias.get(name, 0.0) for name in mechanism.encoders])
-    scale = 1.0 + np.array([errors.scale.get(name, 0.0) for name in mechanism.encoders])
-    return (q - bias) / scale, v / scale, a / scale
+    scale = 1.0 + errors.scale
+    return (q - errors.bias) / scale, v / scale, a / scale
 
 
 def link_motion(motion: Motion, deflection: Array, q: Array, v: Array,

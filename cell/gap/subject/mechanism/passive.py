@@ -20,13 +20,10 @@ from numba import types
 from drivers.jit import callback, kernel
 from drivers.types import Array
 
-HEAD = 4  # first user numbers of a joint: count of joints, its qpos and dof, its smoothing rate
+HEAD = 2  # first user numbers of a joint: count of joints, its smoothing rate
 MOST_JOINTS = 1 << 12  # length of the view of an array of joints whose length is not known
 STRUCT_WORDS = 1 << 17  # pointers of a MuJoCo struct that are searched
 _LOCK = threading.Lock()
-TINY_MODEL = (
-    "<mujoco><worldbody><body><joint name='j'/><geom size='1'/></body></worldbody></mujoco>"
-)
 
 
 def chain_laws(laws: Sequence[tuple[Callable[..., Array], int, int]]) -> Any:
@@ -73,12 +70,15 @@ class Torques:
         return found
 
     @contextmanager
-    def install(self, names: frozenset[str]) -> Iterator[None]:
-        """Context in which MuJoCo adds the torques of the laws `names`; other threads wait."""
+    def install(self, names: frozenset[str], model: Any) -> Iterator[None]:
+        """Context in which MuJoCo adds torques of the laws `names` to models such as `model`.
+
+        Other threads wait.
+        """
         with _LOCK:
             if names not in self._callbacks:
                 law = chain_laws([self._laws[name] for name in sorted(names)])
-                self._callbacks[names] = _callback(law, *_offsets(), self.slots)
+                self._callbacks[names] = _callback(law, *_offsets(model), self.slots)
             mujoco.set_mjcb_passive(self._callbacks[names].ctypes)
             try:
                 with without_clock():
@@ -96,12 +96,9 @@ def _callback(law: Any, user_at: int, qpos_at: int, qvel_at: int, passive_at: in
     def add(model, data):  # type: ignore[no-untyped-def]
         user = numba.carray(model[user_at], (MOST_JOINTS, slots))
         for j in range(int(user[0, 0])):
-            p = user[j]
-            dof = int(p[2])
-            q, v = data[qpos_at][int(p[1])], data[qvel_at][dof]
-            torque = law(q, v, 0.0, p)
+            torque = law(data[qpos_at][j], data[qvel_at][j], 0.0, user[j])
             if torque != 0.0:
-                numba.carray(data[passive_at], (MOST_JOINTS,))[dof] += torque
+                numba.carray(data[passive_at], (MOST_JOINTS,))[j] += torque
 
     return add
 
@@ -122,15 +119,12 @@ def _zero() -> Any:
     return callback(types.float64())(lambda: 0.0)
 
 
-@cache
-def _offsets() -> tuple[int, int, int, int]:
+def _offsets(model: Any) -> tuple[int, int, int, int]:
     """Offsets of jnt_user in mjModel and of qpos, qvel, qfrc_passive in mjData [pointers].
 
-    Found by the address that each array has, for the layout changes with MuJoCo's version.
+    Found by the address that each array of a `model` has, for the layout changes with MuJoCo's
+    version.
     """
-    spec = mujoco.MjSpec.from_string(TINY_MODEL)
-    spec.nuser_jnt = 1
-    model = spec.compile()
     data = mujoco.MjData(model)
     return (_offset(model, model.jnt_user), _offset(data, data.qpos), _offset(data, data.qvel),
             _offset(data, data.qfrc_passive))  # fmt: skip

@@ -137,18 +137,17 @@ def _write_joints(root: ET.Element, m: Mechanism, edited: Any) -> None:
     """Write changed damping, armature, stiffness, friction and rest positions."""
     radian = any(c.get("angle") == "radian" for c in root.findall("compiler"))
     elements = {e.get("name"): e for e in root.iter("joint") if e.get("name")}
-    for joint in m.joints:
-        element, i, dof = elements[joint.name], edited.joint(joint.name).id, joint.dof
-        for key, at, names in (("damping", dof, ("dof_damping", "dof_dampingpoly")),
-                               ("armature", dof, ("dof_armature",)),
-                               ("stiffness", i, ("jnt_stiffness",)),
-                               ("frictionloss", dof, ("dof_frictionloss",))):  # fmt: skip
-            if text := _changed(m, edited, at, *names):
+    for i, joint in enumerate(m.joints):
+        element = elements[joint.name]
+        for key, *names in (("damping", "dof_damping", "dof_dampingpoly"),
+                            ("armature", "dof_armature"), ("stiffness", "jnt_stiffness"),
+                            ("frictionloss", "dof_frictionloss")):  # fmt: skip
+            if text := _changed(m, edited, i, *names):
                 element.set(key, text)
-        if _changed(m, edited, dof, "dof_frictionloss"):
-            element.set("solimpfriction", _text(edited.dof_solimp[dof]))
-        if _changed(m, edited, joint.qpos, "qpos_spring"):
-            rest = float(edited.qpos_spring[joint.qpos])
+        if _changed(m, edited, i, "dof_frictionloss"):
+            element.set("solimpfriction", _text(edited.dof_solimp[i]))
+        if _changed(m, edited, i, "qpos_spring"):
+            rest = float(edited.qpos_spring[i])
             turn = 1.0 if radian or not joint.hinge else 180.0 / math.pi
             element.set("springref", _text([rest * turn]))
 

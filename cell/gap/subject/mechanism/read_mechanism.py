@@ -27,7 +27,6 @@ from cell.gap.subject.mechanism.model import (
     scale_gain,
 )
 from cell.gap.subject.mechanism.model_source import Source, compile_model, read_source
-from cell.gap.subject.mechanism.passive import HEAD
 from cell.gap.subject.mechanism.recordings import (
     Recording,
     Signal,
@@ -161,13 +160,13 @@ def _access(
         k, place = "xyz".index(axis), model.body_ipos[i]
         return float(place[k]), _setter("body_ipos", (i, k)), float(np.linalg.norm(place))
     joint = mechanism.joints[i]
-    name, at, size = {
-        "stiffness": ("jnt_stiffness", i, joint.torque),
-        "damping": ("dof_damping", joint.dof, joint.torque / joint.rate),
-        "armature": ("dof_armature", joint.dof, joint.inertia),
+    name, size = {
+        "stiffness": ("jnt_stiffness", joint.torque),
+        "damping": ("dof_damping", joint.torque / joint.rate),
+        "armature": ("dof_armature", joint.inertia),
     }[field]
-    start = float(getattr(model, name)[at])
-    return start, _setter(name, (at,)), start or size
+    start = float(getattr(model, name)[i])
+    return start, _setter(name, (i,)), start or size
 
 
 def _setter(
@@ -381,9 +380,8 @@ def mechanism_of(mode: Mode, step: float, source: Source, model: Any, joints: tu
                  signals: tuple[Signal, ...]) -> Mechanism:  # fmt: skip
     """Mechanism of a compiled `model` with `joints`; sets the solver options of the model."""
     _set_options(model)
-    smooth = mode.smoothing(np.array([j.rate for j in joints]))
-    model.jnt_user[:, :HEAD] = [[len(joints), j.qpos, j.dof, rate]
-                                for j, rate in zip(joints, smooth, strict=True)]  # fmt: skip
+    model.jnt_user[:, 0] = len(joints)
+    model.jnt_user[:, 1] = mode.smoothing(np.array([j.rate for j in joints]))
     positions = [s.name for s in signals if s.kind == "position"]
     encoders = mode.encoders(model, [j.name for j in joints], positions)
     return Mechanism(mode, step, source, model, joints, signals, encoders)

@@ -142,6 +142,10 @@ class MechanismSubject(Subject):
         """
 
     @abstractmethod
+    def moves(self, effect: Effect) -> bool:
+        """Whether what is simulated once for all cases of equal `motion` depends on `effect`."""
+
+    @abstractmethod
     def _content(self, recording: Recording, cut: Cut, width: float) -> Content:
         """Readings of a `recording`, in samples of `width` [s], with load, motion or commands."""
 
@@ -213,15 +217,11 @@ class MechanismSubject(Subject):
         for i, source in self._scatter.items():  # a fit leaves some of them out
             base[i] += unknowns.get(source.name, 0.0)
         start = self._start(request, unknowns)
-        readings = readings_of(known, self._mechanism)
         paths = [(effect, values) for effect, values in known if effect.path is not None]
         edit = partial(self._edit, content.load, base, known)
-        # all that a motion depends on; errors of reading it come later
-        moving = [(e.name, v.tobytes()) for e, v in known if e.read is None and v.any()]
-        numbers = [x if x is None else x.tobytes()
-                   for x in (base, *start, readings.elastic, readings.gap)]  # fmt: skip
-        motion = (request.run.name, readings.command, *moving, *numbers)
-        return Case(content, edit, readings, paths, start, motion)
+        moving = [(e.name, v.tobytes()) for e, v in known if self.moves(e) and v.any()]
+        motion = (request.run.name, *moving, *(x.tobytes() for x in (base, *start)))
+        return Case(content, edit, readings_of(known), paths, start, motion)
 
     def _start(self, request: Request, unknowns: Mapping[str, float]) -> tuple[Array, Array]:
         """Start positions and rates (joints,): unknowns of the run, as measured, or zeros."""

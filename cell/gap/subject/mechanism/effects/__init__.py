@@ -40,8 +40,8 @@ def _bent_viscous(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
 
 
 def _load_dry(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
-    """Torque (m,) [N m] -c |load| sign(v), the sign smoothed over the rate `p[3]`."""
-    return -p[at] * abs(load) * v / (abs(v) + p[3])
+    """Torque (m,) [N m] -c |load| sign(v), the sign smoothed over the rate `p[1]`."""
+    return -p[at] * abs(load) * v / (abs(v) + p[1])
 
 
 def _term(name: str, sentence: str, law: Callable[..., Array],

@@ -27,12 +27,10 @@ def _spring_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
 def _edit_spring(mechanism: Mechanism, values: Array, edited: Any) -> None:
     """Add a spring in parallel to each joint's own, with a rest position common to both."""
     table = CABLE_SPRING.table(mechanism, values)
-    for i, joint in enumerate(mechanism.joints):
-        added, rest = table[:, i]
+    for i, (added, rest) in enumerate(table.T):
         if added != 0.0:
-            own, own_rest = edited.jnt_stiffness[i], edited.qpos_spring[joint.qpos]
-            common_rest = (own * own_rest + added * rest) / (own + added)
-            edited.qpos_spring[joint.qpos] = common_rest
+            own, own_rest = edited.jnt_stiffness[i], edited.qpos_spring[i]
+            edited.qpos_spring[i] = (own * own_rest + added * rest) / (own + added)
             edited.jnt_stiffness[i] += added
 
 
@@ -101,7 +99,7 @@ JOINT_ELASTICITY = Effect(
     parameters=lambda m: per_joint(m, "compliance", "rad/(N m)",
                                    0.01 / (m.inertia * (30.0 * m.rate) ** 2)),
     possible=lambda m: m.mode.splits(m.model),
-    read=lambda _, values, readings: setattr(readings, "elastic", values),
+    read="elastic",
     revealed_by="fast starts and stops: the link rings on",
 )  # fmt: skip
 BACKLASH = Effect(
@@ -111,7 +109,7 @@ BACKLASH = Effect(
     source="Nordin and Gutman 2002, Automatica 38",
     parameters=lambda m: per_joint(m, "gap", "rad", 0.001 * np.ones(len(m.joints)), high=100.0),
     possible=lambda m: m.mode.splits(m.model),
-    read=lambda _, values, readings: setattr(readings, "gap", values),
+    read="gap",
     revealed_by="slow motion there and back through the load's turning point",
 )
 CABLE_SPRING = Effect(
@@ -140,7 +138,7 @@ PIVOT_COMPLIANCE = Effect(
     of="rig",
     source="a stiff spring without mass: it follows the chain's pull at once",
     parameters=lambda _: single_parameter("compliance", "m/N", 1e-5, high=100.0),
-    read=lambda _, values, readings: setattr(readings, "elastic", values),
+    read="elastic",
     modes=(PLANAR.name,),
     revealed_by="press the frame while it swings",
 )

@@ -115,7 +115,7 @@ CONTROL_DELAY = Effect(
     source="transport delay",
     parameters=lambda m: single_parameter("time", "s", 0.1 * m.step),
     possible=lambda m: bool(m.trackings or (m.mode.fields and m.actuators)),
-    read=lambda _, values, readings: setattr(readings, "command", float(values[0])),
+    read="command",
     revealed_by="fast starts and stops",
 )
 SENSOR_DELAY = Effect(
@@ -124,7 +124,7 @@ SENSOR_DELAY = Effect(
     of="rig",
     source="transport delay",
     parameters=lambda m: single_parameter("time", "s", 0.1 * m.step),
-    read=lambda _, values, readings: setattr(readings, "delay", float(values[0])),
+    read="delay",
     revealed_by="fast motion there and back",
 )
 ENCODER_BIAS = Effect(
@@ -136,7 +136,7 @@ ENCODER_BIAS = Effect(
         Parameter(f"bias_{name}", "rad", 0.0, -0.2, 0.2, step=1e-5, spread=0.03)
         for name in m.encoders
     ),
-    read=lambda m, values, found: found.bias.update(zip(m.encoders, values.tolist(), strict=True)),
+    read="bias",
     modes=MODES,
     revealed_by="hold still in several poses",
 )
@@ -151,7 +151,7 @@ ENCODER_SCALE = Effect(
         Parameter(f"scale_{name}", "1", 0.0, -0.02, 0.02, step=1e-5, spread=0.005)
         for name in m.encoders
     ),
-    read=lambda m, values, found: found.scale.update(zip(m.encoders, values.tolist(), strict=True)),
+    read="scale",
     revealed_by="large motion to both stops",
 )
 EFFECTS = (TORQUE_CONSTANT, TORQUE_BIAS, TORQUE_RIPPLE, SATURATION, CONTROL_DELAY, SENSOR_DELAY,

@@ -50,7 +50,7 @@ def dry_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
     size = p[at] + p[at + 1] * abs(load)
     if p[at + 3] != 0.0:
         size += p[at + 3] * np.exp(-((v / p[at + 4]) ** 2))
-    sign = np.tanh(v / p[3])
+    sign = np.tanh(v / p[1])
     return -size * (sign + p[at + 2] * abs(sign))
 
 
