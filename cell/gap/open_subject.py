@@ -46,10 +46,10 @@ def open_mechanism(
     from cell.gap.subject.mechanism.inverse_dynamics import InverseDynamics
     from cell.gap.subject.mechanism.read_mechanism import open_all
 
-    opened = open_all(path, folders)
-    along_motion = CellArm if opened.file.cell else InverseDynamics
-    engine = along_motion if opened.file.mode == "prescribed" else ForwardDynamics
-    subject = engine(opened, jobs, without)
+    mechanism = open_all(path, folders)
+    along_motion = CellArm if mechanism.file.cell else InverseDynamics
+    engine = along_motion if mechanism.file.mode == "prescribed" else ForwardDynamics
+    subject = engine(mechanism, jobs, without)
     subject.check(str(path))
     return subject
 

@@ -201,23 +201,31 @@ class Effect:
 
     def check(self, values: Mapping[str, float], origin: str) -> None:
         """Raise ConfigurationError for unknown, missing or out-of-range parameter `values`."""
-        known = {p.name: p for p in self.parameters}
-        for name in values:
-            if name not in known:
-                raise ConfigurationError(
-                    f"{origin}.{name}: unknown parameter{suggestion(name, known)}; "
-                    f"allowed: {', '.join(known)}"
-                )
-        complete = self.complete(values)
-        for name, parameter in known.items():
-            if name not in complete:
-                raise ConfigurationError(f"{origin}.{name}: is missing; add it")
-            low, high = parameter.stated_range
-            if not low <= complete[name] <= high:
-                raise ConfigurationError(
-                    f"{origin}.{name}: {complete[name]:g} is out of range; "
-                    f"allowed: {low:g} to {high:g} {parameter.unit}"
-                )
+        check_values(self.complete(values), self.parameters, (), origin)
+
+
+def check_values(
+    values: Mapping[str, float], needed: Sequence[Parameter], optional: Sequence[Parameter],
+    origin: str,
+) -> None:  # fmt: skip
+    """Raise ConfigurationError for unknown, missing or out-of-range `values` of parameters."""
+    known = {p.name: p for p in (*needed, *optional)}
+    for name in values:
+        if name not in known:
+            raise ConfigurationError(
+                f"{origin}.{name}: unknown parameter{suggestion(name, known)}; "
+                f"allowed: {', '.join(known)}"
+            )
+    for parameter in needed:
+        if parameter.name not in values:
+            raise ConfigurationError(f"{origin}.{parameter.name}: is missing; add it")
+    for name, value in values.items():
+        low, high = known[name].stated_range
+        if not low <= value <= high:
+            raise ConfigurationError(
+                f"{origin}.{name}: {value:g} is out of range; "
+                f"allowed: {low:g} to {high:g} {known[name].unit}"
+            )
 
 
 law_effect = partial(Effect, of="strip", stage=Stage.LAW)

@@ -39,10 +39,10 @@ class CellArm(InverseDynamics):
 
     def _tool(self, mass: float) -> dict[str, object]:
         """Mass [kg] and centre of mass [m, flange frame] of the hand with a load at its tip."""
-        model = self._mechanism.model
+        model = self.mechanism.model
         hand, last = model.body("hand").id, model.body("link7").id
         hand_mass, centre = float(model.body_mass[hand]), np.array(model.body_ipos[hand])
-        moment = hand_mass * centre + mass * tip(self._mechanism, last)
+        moment = hand_mass * centre + mass * tip(self.mechanism, last)
         both = moment / (hand_mass + mass) - model.site("flange").pos
         return {"mass": round(hand_mass + mass, 4), "centre": [round(float(x), 5) for x in both]}
 
@@ -50,7 +50,7 @@ class CellArm(InverseDynamics):
         """Sentences on how far named effects move the gripper, and where `accept` puts them."""
         sentences = list[str]()
         for name, values in effects.items():
-            ordered = ordered_values(effect_of(name), self._mechanism, values)
+            ordered = ordered_values(effect_of(name), self.mechanism, values)
             moved = np.concatenate([self._moved_by(name, ordered, run, base) for run in self.runs])
             where = f"`cell gap accept` puts it into cell.yaml, {FIELDS.get(name)}"
             if name not in FIELDS:
@@ -71,13 +71,13 @@ class CellArm(InverseDynamics):
         requests = [replace(self.stated(run, e), base=about) for e in ({name: values}, {})]
         cases = [self._case(r) for r in requests]
         with_effect, without = self.predict(cases)
-        torque, tracking = np.split(with_effect - without, [len(self._mechanism.torques)])
+        torque, tracking = np.split(with_effect - without, [len(self.mechanism.torques)])
         motion, t = cases[0].content.motion, cases[0].content.cut.t
         readings = replace(readings_of([(effect_of(name), values)]), delay=0.0)
         true, *_ = true_motion(motion, readings)
         q, at = (interpolate_columns(t, motion.t, columns) for columns in (motion.q, true))
         at = at - torque.T / STIFFNESS + tracking.T
-        moved, stated = (case.edited(self._mechanism.model) for case in cases)
+        moved, stated = (case.edited(self.mechanism.model) for case in cases)
         return np.asarray(np.linalg.norm(_tips(stated, q) - _tips(moved, at), axis=1))
 
 

@@ -14,10 +14,10 @@ from mujoco.batch import Batch, SimulationError
 from scipy.interpolate import CubicHermiteSpline
 
 from cell.gap.subject.mechanism.effect import Effect
-from cell.gap.subject.mechanism.effects import describing_terms, effect_of, torques
+from cell.gap.subject.mechanism.effects import laws, torques
 from cell.gap.subject.mechanism.model import PLANAR, Mechanism
 from cell.gap.subject.mechanism.model_source import compile_model
-from cell.gap.subject.mechanism.read_mechanism import MechanismData, start_of
+from cell.gap.subject.mechanism.read_mechanism import start_of
 from cell.gap.subject.mechanism.recordings import Cut, Recording, Signal
 from cell.gap.subject.mechanism.subject import Case, Content, MechanismSubject
 from drivers.errors import ConfigurationError
@@ -82,7 +82,7 @@ class SplitModel:
     def __init__(self, mechanism: Mechanism, name: str) -> None:
         self._mechanism = mechanism
         self._model = compile_model(mechanism.source, name, mechanism.model.nuser_jnt,
-                                    mechanism.step, self._add_flexible_joints)  # fmt: skip
+                                    mechanism.file.step, self._add_flexible_joints)  # fmt: skip
         self._model.opt.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
         self.motor = np.array([self._model.joint(j.name).id for j in mechanism.joints])
         self._flex = np.setdiff1d(np.arange(self._model.njnt), self.motor)
@@ -169,27 +169,22 @@ class PivotModel(SplitModel):
 class ForwardDynamics(MechanismSubject):
     """Predicts a mechanism's signals by a simulation that the recorded commands drive."""
 
-    def __init__(self, opened: MechanismData, jobs: int = 1, without: Sequence[str] = ()) -> None:
-        super().__init__(opened, jobs, without)
-        m = self._mechanism
-        names = [c.name for c in (*self._candidates(), *describing_terms(m))]
-        known = map(effect_of, (*names, *opened.file.effects))
-        # effects and terms whose laws a simulation adds to MuJoCo's own forces
-        self._laws = frozenset(e.name for e in known if e.law is not None and not e.by_fields(m))
-        self._settle = round((opened.file.start.settle or 0.0) / self._mechanism.step)
+    def __init__(self, mechanism: Mechanism, jobs: int = 1, without: Sequence[str] = ()) -> None:
+        super().__init__(mechanism, jobs, without)
+        self._laws = laws(mechanism)
+        self._settle = round((mechanism.file.start.settle or 0.0) / mechanism.file.step)
         self._split_model: SplitModel | None = None
-        self._data = mujoco.MjData(m.model)
-        self.runs = tuple(map(self._run, opened.recordings))
+        self._data = mujoco.MjData(mechanism.model)
+        self.runs = tuple(map(self._run, mechanism.recordings))
 
     def check(self, origin: str) -> None:
         """Refuse a bad model, or a time step whose half moves a run by a third of its noise."""
         super().check(origin)
-        m = self._mechanism
-        model = copy.copy(m.model)
-        model.opt.timestep = 0.5 * m.step
-        halved = replace(m, step=0.5 * m.step, model=model)
-        first = replace(self.opened, mechanism=halved, recordings=self.opened.recordings[:1])
-        finer = ForwardDynamics(first)._stated_residuals()
+        m, model = self.mechanism, copy.copy(self.mechanism.model)
+        model.opt.timestep = 0.5 * m.file.step
+        file = m.file.model_copy(update={"step": 0.5 * m.file.step})
+        halved = replace(m, file=file, model=model, recordings=m.recordings[:1])
+        finer = ForwardDynamics(halved)._stated_residuals()
         run = self.runs[0]
         change = float(np.nanmax(np.abs(self._stated_residuals() - finer) / run.samples.reading))
         if change > THIRD:
@@ -200,11 +195,11 @@ class ForwardDynamics(MechanismSubject):
 
     def not_honoured(self) -> Iterator[str]:
         """Names of the parts of the model that torques along a simulation would ignore."""
-        model = self._mechanism.model
+        model = self.mechanism.model
         plain = (model.actuator_dyntype == 0) & (model.actuator_gaintype == 0)
         plain &= model.actuator_biastype <= int(mujoco.mjtBias.mjBIAS_AFFINE)
         plain &= model.actuator_delay == 0.0
-        for sensor in self._mechanism.torques:
+        for sensor in self.mechanism.torques:
             if not plain[sensor.actuator]:
                 name = model.actuator(sensor.actuator).name
                 yield f"torque {sensor.name} of {name}: its filter, delay, or law of force"
@@ -215,10 +210,10 @@ class ForwardDynamics(MechanismSubject):
 
     def _content(self, recording: Recording, cut: Cut, width: float) -> Content:  # noqa: ARG002
         """Content of a run that is simulated forward: its commands, and its start."""
-        file = self.opened.file
-        commands = commands_of(recording, tuple(file.inputs), self._mechanism.actuators, file.hold)
+        file = self.mechanism.file
+        commands = commands_of(recording, tuple(file.inputs), self.mechanism.actuators, file.hold)
         return Content(cut, recording.load, commands=commands,
-                       start=start_of(self.opened, recording))  # fmt: skip
+                       start=start_of(self.mechanism, recording))  # fmt: skip
 
     def predict(self, cases: Sequence[Case]) -> list[Array | None]:
         """Signals (signals, k) of each simulated case; None where its simulation diverges."""
@@ -235,7 +230,7 @@ class ForwardDynamics(MechanismSubject):
                           groups: Sequence[Sequence[int]]) -> dict[int, Array]:  # fmt: skip
         """Signals (signals, k) by number of case, for `groups` that share a simulation."""
         simulated, control, models = self._simulate([cases[i] for i, *_ in groups])
-        found, grid = {}, frozen(np.arange(simulated.shape[1]) * self._mechanism.step)
+        found, grid = {}, frozen(np.arange(simulated.shape[1]) * self.mechanism.file.step)
         for row, (group, states) in enumerate(zip(groups, simulated, strict=True)):
             if not np.abs(states).max() < POSITION_LIMIT:
                 continue
@@ -249,11 +244,11 @@ class ForwardDynamics(MechanismSubject):
 
     def _simulate(self, cases: Sequence[Case]) -> tuple[Array, Array, list[Any]]:
         """States (n, steps + 1, 2, joints) of n cases, their commands, and their edited models."""
-        step = self._mechanism.step
+        step = self.mechanism.file.step
         span = max(float(c.content.cut.t[-1]) for c in cases)
         steps = int(np.ceil(span / step)) + 2
         control = np.array([self._control(c, steps) for c in cases])
-        models = [case.edited(self._mechanism.model) for case in cases]
+        models = [case.edited(self.mechanism.model) for case in cases]
         for model in models:
             mujoco.mj_setConst(model, self._data)
         states = self._roll_out(models, cases, control)
@@ -264,7 +259,7 @@ class ForwardDynamics(MechanismSubject):
     def _control(self, case: Case, steps: int) -> Array:
         """Commands (settle + steps, actuators) of a case, the first one held while it settles."""
         found: Array = case.content.commands.at_steps(
-            self._mechanism.step, steps, case.readings.command
+            self.mechanism.file.step, steps, case.readings.command
         )
         return np.concatenate([np.repeat(found[:1], self._settle, axis=0), found])
 
@@ -296,8 +291,8 @@ class ForwardDynamics(MechanismSubject):
         rows = [i for i, c in enumerate(cases) if _has_soft_gears(c)]
         some, u = [cases[i] for i in rows], control[rows]
         if self._split_model is None:
-            split = PivotModel if self._mechanism.mode is PLANAR else SplitModel
-            self._split_model = split(self._mechanism, self.name)
+            split = PivotModel if self.mechanism.mode is PLANAR else SplitModel
+            self._split_model = split(self.mechanism, self.name)
         found = []
         for rigid, embed in ((False, self._split_model.motor), (True, None)):
             models = [self._split_model.model(case, rigid=rigid) for case in some]
@@ -307,7 +302,7 @@ class ForwardDynamics(MechanismSubject):
 
     def _read(self, case: Case, t: Array, q: Array, v: Array, control: Array, model: Any) -> Array:
         """Sensor readings (signals, k) at times t (k,) [s], from the states q, v (joints, k)."""
-        signals, errors = self._mechanism.signals, case.readings
+        signals, errors = self.mechanism.signals, case.readings
         rows = np.empty((len(signals), len(t)))
         sensed = any(s.kind in ("site", "sensor") for s in signals)
         sensors = self._read_sensors(model, q, v) if sensed else q
@@ -318,7 +313,8 @@ class ForwardDynamics(MechanismSubject):
                 rows[k] = sensors[signal.joint]
             else:
                 rows[k] = signal.weights @ (q if signal.kind == "position" else v)
-        read = [k for k, s in enumerate(signals) if s.name in self._mechanism.encoders]
+        encoders = self.mechanism.mode.encoders(self.mechanism)
+        read = [k for k, s in enumerate(signals) if s.name in encoders]
         scale, bias = (np.reshape(x, (-1, 1)) for x in (errors.scale, errors.bias))
         rows[read] = (1.0 + scale) * rows[read] + bias
         return rows
@@ -330,7 +326,7 @@ class ForwardDynamics(MechanismSubject):
         actuator, joint = signal.actuator, signal.joint
         gain, bias, limits = (getattr(model, name)[actuator] for name in ACTUATOR)
         gear = model.actuator_gear[actuator, 0]
-        step = np.minimum((t / self._mechanism.step).astype(int), len(control) - 1 - self._settle)
+        step = np.minimum((t / model.opt.timestep).astype(int), len(control) - 1 - self._settle)
         u = control[self._settle + step, actuator]
         if model.actuator_ctrllimited[actuator]:
             u = np.clip(u, *model.actuator_ctrlrange[actuator])

@@ -26,7 +26,6 @@ from cell.gap.subject.mechanism.motion import (
     true_motion,
 )
 from cell.gap.subject.mechanism.passive import without_clock
-from cell.gap.subject.mechanism.read_mechanism import MechanismData
 from cell.gap.subject.mechanism.recordings import Cut, Recording, Signal, average, phases
 from cell.gap.subject.mechanism.subject import Case, Content, MechanismSubject, content_of
 from cell.gap.subject.subject import Run, Words
@@ -52,43 +51,41 @@ class InverseDynamics(MechanismSubject):
         "torques of the measured motion are compared; the motion itself is not simulated",
     )
 
-    def __init__(self, opened: MechanismData, jobs: int = 1, without: Sequence[str] = ()) -> None:
-        super().__init__(opened, jobs, without)
+    def __init__(self, mechanism: Mechanism, jobs: int = 1, without: Sequence[str] = ()) -> None:
+        super().__init__(mechanism, jobs, without)
         self._known: dict[Hashable, Array] = {}
-        self._model = copy.copy(self._mechanism.model)
+        model, origin = mechanism.model, str(mechanism.path)
+        self._model = copy.copy(model)
         self._model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
         self._model.jnt_actgravcomp[:] = 0  # what motors are relieved of, they do not give
-        inputs = opened.file.inputs
-        given = [
-            i for i, j in enumerate(self._mechanism.joints) if inputs.get(j.name) == "position"
-        ]
-        model, origin = self._mechanism.model, str(opened.path)
+        inputs, joints = mechanism.file.inputs, mechanism.joints
+        given = [i for i, j in enumerate(joints) if inputs.get(j.name) == "position"]
         self._loop = ClosedLoops(model, given, origin) if model.neq else None
         if self._loop is None and len(given) < model.njnt:
-            missing = next(j.name for i, j in enumerate(self._mechanism.joints) if i not in given)
+            missing = next(j.name for i, j in enumerate(joints) if i not in given)
             raise ConfigurationError(
                 f"{origin}: inputs.{missing}: is missing; in mode prescribed every joint's motion "
                 "is given: add it as position"
             )
         independent = given if self._loop is None else self._loop.independent
-        self._joints = [self._mechanism.joints[i].name for i in independent]
-        self._cutoff = cutoff_of(opened.recordings, self._joints, opened.pace)
+        self._joints = [joints[i].name for i in independent]
+        self._cutoff = cutoff_of(mechanism.recordings, self._joints, mechanism.pace)
         self.notes = (*self.notes, *self._notes_on_model(given))
-        self.runs = tuple(map(self._run, opened.recordings))
+        self.runs = tuple(map(self._run, mechanism.recordings))
 
     def _notes_on_model(self, given: Sequence[int]) -> Iterator[str]:
         """Notes on torques that inverse dynamics leaves out, and on open kinematic loops."""
-        model = self._mechanism.model
+        model = self.mechanism.model
         if np.any(model.jnt_limited) or np.any(model.tendon_limited):
             yield LIMITED
         if np.any(model.actuator_delay > 0.0) or np.any(model.actuator_dyntype > 0):
             yield DELAYED
         gap = 0.0
         if self._loop is not None and len(given) == model.nv:
-            names = [j.name for j in self._mechanism.joints]
-            rows = [np.column_stack([r.columns[n] for n in names]) for r in self.opened.recordings]
-            known = [q[np.isfinite(q).all(axis=1)][::CHECK_EVERY] for q in rows]
-            gap = max((self._loop.gap(q) for q in known if len(q)), default=0.0)
+            for r in self.mechanism.recordings:
+                q = np.column_stack([r.columns[j.name] for j in self.mechanism.joints])
+                if len(known := q[np.isfinite(q).all(axis=1)][::CHECK_EVERY]):
+                    gap = max(gap, self._loop.gap(known))
         if gap >= LOOP_TOLERANCE:
             yield (
                 f"the loop does not close by {1e3 * gap:.2g} mm or mrad at the measured joints: an "
@@ -97,7 +94,7 @@ class InverseDynamics(MechanismSubject):
 
     def not_honoured(self) -> Iterator[str]:
         """Names of the parts of the model that inverse dynamics would ignore."""
-        model = self._mechanism.model
+        model = self.mechanism.model
         yield from (f"tendon {model.tendon(i).name}: its frictionloss"
                     for i in np.flatnonzero(model.tendon_frictionloss > 0.0))  # fmt: skip
         if model.npair:
@@ -105,15 +102,15 @@ class InverseDynamics(MechanismSubject):
         data = mujoco.MjData(model)
         mujoco.mj_forward(model, data)
         drives = transmissions(model, data) != 0.0
-        for sensor in self._mechanism.torques:
+        for sensor in self.mechanism.torques:
             others = drives[:, sensor.joint]
             others[sensor.actuator] = False
             if others.any():
-                yield f"other motors on joint {self._mechanism.joints[sensor.joint].name}"
+                yield f"other motors on joint {self.mechanism.joints[sensor.joint].name}"
 
     def moves(self, effect: Effect) -> bool:
         """Whether inverse dynamics of rigid bodies depends on `effect`."""
-        return effect.falsifies or effect.by_fields(self._mechanism)
+        return effect.falsifies or effect.by_fields(self.mechanism)
 
     def _run(self, recording: Recording) -> Run:
         """Run for the engine, with the noise that the measured motion adds to torques."""
@@ -127,7 +124,7 @@ class InverseDynamics(MechanismSubject):
 
     def _content(self, recording: Recording, cut: Cut, width: float) -> Content:
         """Content of a run with its motion: filtered torques, without those near gaps."""
-        names = [s.name for s in self._mechanism.signals]
+        names = [s.name for s in self.mechanism.signals]
         motion = motion_of(recording, self._joints, names, self._cutoff, width, self._loop,
                            self._barred)  # fmt: skip
         filtered = motion.below_cutoff(motion.torques, cut.t)
@@ -145,13 +142,13 @@ class InverseDynamics(MechanismSubject):
 
         `q` (m, joints) are positions, `measured` (signals, m) readings of which torques come first.
         """
-        model = self._mechanism.model
+        model = self.mechanism.model
         at = np.hstack([q, _tendon_lengths(model, q)])
         low, high = np.vstack([model.jnt_range, model.tendon_range]).T
         edge = np.append(model.jnt_margin, model.tendon_margin) + NEAR * (high - low)
         limited = np.append(model.jnt_limited, model.tendon_limited) > 0
         barred = ((at < low + edge) | (at > high - edge)) @ limited
-        for s, row in zip(self._mechanism.torques, measured, strict=False):
+        for s, row in zip(self.mechanism.torques, measured, strict=False):
             if model.jnt_actfrclimited[s.joint]:
                 most = (1.0 - NEAR) * model.jnt_actfrcrange[s.joint]
                 barred = barred | (s.gear * row < most[0]) | (s.gear * row > most[1])
@@ -160,7 +157,7 @@ class InverseDynamics(MechanismSubject):
     def _phases(self, content: Content) -> Words:
         """Phase (b,) of each sample, by the speed of the motion in typical rates of the joints."""
         cut, motion = content.cut, content.motion
-        speed = np.interp(cut.t, motion.t, motion.v @ (1.0 / self._mechanism.rate))
+        speed = np.interp(cut.t, motion.t, motion.v @ (1.0 / self.mechanism.rate))
         return phases(average(speed[None], cut.edges)[0])
 
     def predict(self, cases: Sequence[Case]) -> list[Array]:
@@ -174,9 +171,9 @@ class InverseDynamics(MechanismSubject):
     def _encoder_error(self, motion: Motion, t: Array) -> Array:
         """Standard deviation (torques, k) of predictions at times t (k,) [s] by encoder noise."""
         model, q, v, a = self._model, motion.q, motion.v, motion.a
-        sensors = TorqueSensors(self._mechanism, model, motion.forces)
+        sensors = TorqueSensors(self.mechanism, model, motion.forces)
         plain = _inverse_dynamics(model, q, v, a)
-        squares = np.zeros((len(self._mechanism.torques), len(q)))
+        squares = np.zeros((len(self.mechanism.torques), len(q)))
         for k, (rate, acceleration) in enumerate(motion.shake.T):  # encoder by encoder
             moved = motion.moves[:, :, k]
             for dv, da in ((rate * moved, 0.0), (0.0, acceleration * moved)):
@@ -194,7 +191,7 @@ class InverseDynamics(MechanismSubject):
             inverse = self._known[case.motion] = _inverse_dynamics(model, q, v, a)
         soft = ((np.multiply, case.readings.elastic), (_play_deflection, case.readings.gap))
         gears = [(bend, values) for bend, values in soft if np.any(values)]
-        if self._mechanism.trackings:  # measured positions are those of links
+        if self.mechanism.trackings:  # measured positions are those of links
             deflection = sum((bend(inverse, values) for bend, values in gears), np.zeros_like(q))
             rows = [self._torques(model, case, q, v, inverse),
                     self._tracking(motion, case, deflection)]  # fmt: skip
@@ -210,21 +207,21 @@ class InverseDynamics(MechanismSubject):
 
         Those of the motors' own motion differ from them where links resonate on their gears.
         """
-        loads, sensors = inverse.copy(), TorqueSensors(self._mechanism, model, motion.forces)
-        for sensor, reading in zip(self._mechanism.torques, motion.torques, strict=False):
+        loads, sensors = inverse.copy(), TorqueSensors(self.mechanism, model, motion.forces)
+        for sensor, reading in zip(self.mechanism.torques, motion.torques, strict=False):
             loads[:, sensor.joint] = sensors.torque_per_reading(sensor) * reading
         return loads
 
     def _torques(self, model: Any, case: Case, q: Array, v: Array, inverse: Array) -> Array:
         """Torque readings (torques, m): `inverse` dynamics (m, joints) less torques of effects."""
         motion: Motion = case.content.motion
-        sensors = TorqueSensors(self._mechanism, model, motion.late_forces(case.readings.delay))
+        sensors = TorqueSensors(self.mechanism, model, motion.late_forces(case.readings.delay))
         user = np.array(model.jnt_user)
         user[:, torques().at[DRY_FRICTION.name]] += model.dof_frictionloss
         applied = torques().along(q, v, inverse, user)
         for effect, values in case.paths:
             if effect.path is not None:
-                applied = applied + effect.path(self._mechanism, values, motion.t, q, v)
+                applied = applied + effect.path(self.mechanism, values, motion.t, q, v)
         self._stick(applied, sensors, motion.torques, q, v, inverse, user)
         return sensors.readings(inverse - applied)
 
@@ -237,10 +234,10 @@ class InverseDynamics(MechanismSubject):
         Control 107).
         """
         at = torques().at[DRY_FRICTION.name]
-        for sensor, reading in zip(self._mechanism.torques, measured, strict=False):
+        for sensor, reading in zip(self.mechanism.torques, measured, strict=False):
             j = sensor.joint
             rate, p = v[:, j], user[j]
-            standing = np.exp(-((rate / (STANDS * self._mechanism.joints[j].rate)) ** 2))
+            standing = np.exp(-((rate / (STANDS * self.mechanism.joints[j].rate)) ** 2))
             if not p[at : at + DRY_FRICTION.keys].any():
                 continue
             sliding = dry_law(q[:, j], rate, inverse[:, j], p, at)
@@ -252,7 +249,7 @@ class InverseDynamics(MechanismSubject):
 
     def _tracking(self, motion: Motion, case: Case, deflection: Array) -> Array:
         """Measured minus commanded positions (trackings, m), by delay and `deflection` of gears."""
-        delay, joints = case.readings.command, [s.joint for s in self._mechanism.trackings]
+        delay, joints = case.readings.command, [s.joint for s in self.mechanism.trackings]
         commanded = motion.q + delay * motion.v + 0.5 * delay**2 * motion.a
         behind = interpolate_columns(motion.t + delay, motion.t, deflection)
         return np.asarray((motion.q - commanded - behind)[:, joints].T)

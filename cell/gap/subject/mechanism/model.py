@@ -2,14 +2,17 @@
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, Literal, Self
 
 import mujoco
 import numpy as np
 
+from cell.gap.subject.mechanism.mechanism_file import MechanismFile
 from cell.gap.subject.mechanism.model_source import Source
-from cell.gap.subject.mechanism.recordings import Signal
+from cell.gap.subject.mechanism.recordings import Recording, Signal
 from drivers.errors import ConfigurationError
+from drivers.strip.effects.effect import Parameter
 from drivers.types import Array
 
 POSES = 24  # at which weights and inertias are taken
@@ -18,7 +21,6 @@ TURN = 2.0 * np.pi  # rad
 LEAST_WEIGHT = 1e-12  # N m, weight by which a joint without gravity would swing
 SMOOTH = 0.02  # rad/s over which compiled dry friction changes sign in a simulation
 SMOOTHED = 0.02  # of a joint's typical rate: the same along measured motion
-Names = Sequence[str]
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,8 +34,7 @@ class Mode:
     - `compared` are the kinds of signals that it predicts; a file's other signals are not used.
     - `smoothing(rates)` are rates (joints,) [rad/s] within which dry friction changes sign
       gradually, for typical `rates` (joints,) of the joints.
-    - `encoders(model, joints, positions)` are the names of readings that an error of an encoder
-      can falsify, from the names of the joints and of the compared position signals.
+    - `encoders(mechanism)` are the names of readings that an error of an encoder can falsify.
     - `splits(model)` is whether a gear may twist or have play between a motor and its link.
     - `loads`: the torque that a gear bears is known, so that friction in proportion to it is an
       amount to be found, and not a shape of the law.
@@ -48,7 +49,7 @@ class Mode:
     name: str
     compared: Collection[str]
     smoothing: Callable[[Array], Array]
-    encoders: Callable[[Any, Names, Names], Names]
+    encoders: Callable[["Mechanism"], Sequence[str]]
     splits: Callable[[Any], bool]
     loads: bool = False
     fields: bool = False
@@ -63,7 +64,7 @@ FORWARD = Mode(
     name="forward",
     compared=("position", "velocity", "torque", "site", "sensor"),
     smoothing=lambda rates: 0.0 * rates + SMOOTH,
-    encoders=lambda _model, _joints, positions: positions,
+    encoders=lambda m: m.positions,
     splits=lambda model: bool(model.nu) and int(model.body_jntnum.max()) == 1,
     fields=True,
 )
@@ -72,14 +73,14 @@ PRESCRIBED = Mode(
     compared=("torque", "tracking"),
     smoothing=lambda rates: SMOOTHED * rates,
     # biases of encoders would have to move whole loops
-    encoders=lambda model, joints, _positions: () if model.neq else joints,
+    encoders=lambda m: () if m.model.neq else [j.name for j in m.joints],
     splits=lambda model: not model.neq,
     loads=True,
 )
 PLANAR = replace(
     FORWARD,
     name="planar",
-    encoders=lambda _model, _joints, positions: positions[1:],  # the first one's is a tilted base
+    encoders=lambda m: m.positions[1:],  # the first one's is a tilted base
     fields=False,
     shapes=False,
     believed=False,
@@ -109,19 +110,46 @@ class Joint:
 
 
 @dataclass(frozen=True, slots=True)
-class Mechanism:
-    """Compiled MuJoCo model with its joints, compared signals, and `mode` of comparison.
+class BaseParameter:
+    """Base parameter of a fit, with the function `put` that sets its value in a model.
 
+    `field` and `owner` name it in the file; `by_run` is its spread from run to run, if any.
+    """
+
+    parameter: Parameter
+    put: Callable[[Any, float], None]
+    field: str = ""
+    owner: str = ""
+    by_run: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Mechanism:
+    """Mechanism of a file: its compiled model with joints, compared signals and recordings.
+
+    `pace` [rad/s] is how fast the signals change, `base` are what the file lists as uncertain.
     Where trackings are compared, positions are those of links, and motors follow commands.
     """
 
-    mode: Mode
-    step: float
+    file: MechanismFile
+    path: Path
     source: Source
     model: Any
-    joints: tuple[Joint, ...]
     signals: tuple[Signal, ...]
-    encoders: Sequence[str]
+    joints: tuple[Joint, ...] = ()
+    recordings: tuple[Recording, ...] = ()
+    pace: float = 1.0
+    base: tuple[BaseParameter, ...] = ()
+
+    @property
+    def mode(self) -> Mode:
+        """Mode of comparison."""
+        return MODES[self.file.mode]
+
+    @property
+    def positions(self) -> Sequence[str]:
+        """Names of the compared positions."""
+        return [s.name for s in self.signals if s.kind == "position"]
 
     @property
     def torques(self) -> tuple[Signal, ...]:

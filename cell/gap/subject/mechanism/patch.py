@@ -12,7 +12,7 @@ import numpy as np
 
 from cell.gap.subject.mechanism.effects import effect_of, ordered_values
 from cell.gap.subject.mechanism.model import Mechanism
-from cell.gap.subject.mechanism.read_mechanism import LIMITLESS, MechanismData
+from cell.gap.subject.mechanism.read_mechanism import LIMITLESS
 from cell.gap.subject.subject import NamedValues, note_of
 from drivers.types import Array
 
@@ -22,13 +22,15 @@ KEPT_OF_ACTUATOR = ("name", "class", "group", "joint", "jointinparent", "tendon"
 
 
 def accepted_content(
-    opened: MechanismData, content: dict[str, Any], base: Mapping[str, float],
-    effects: NamedValues, source: str,
-) -> dict[str, Any]:  # fmt: skip
-    """The `content` of a file with refitted and named effects; provenance keeps the old values."""
-    known = {name: dict(values) for name, values in opened.file.effects.items()}
-    notes = list(content.pop("provenance"))
-    stated = {b.parameter.name: b.parameter.start for b in opened.base}
+    m: Mechanism, base: Mapping[str, float], effects: NamedValues, source: str
+) -> dict[str, Any]:
+    """Content of a file that names the accepted model, with the effects that this cannot express.
+
+    Provenance keeps the old values.
+    """
+    content = m.file.model_dump(mode="json", by_alias=True, exclude_none=True)
+    known, notes = content["effects"], content["provenance"]
+    stated = {b.parameter.name: b.parameter.start for b in m.base}
     for name, value in base.items():
         old = stated.get(name)
         if "." in name:
@@ -37,26 +39,17 @@ def accepted_content(
         notes.append(note_of(name, old, source, f", is {value:.9g}"))
     for name, values in effects.items():
         notes.append(note_of(f"effects.{name}", None, source))
-        (first, *_) = effect_of(name).parameters(opened.mechanism)  # a law's one value is `amount`
-        known[name] = {first.name if key == "amount" else key: v for key, v in values.items()}
-    return {**content, "effects": known, "provenance": notes}
+        if not effect_of(name).by_fields(m):
+            (first, *_) = effect_of(name).parameters(m)  # a law's one value is `amount`
+            known[name] = {first.name if key == "amount" else key: v for key, v in values.items()}
+    content["model"] = str(Path(m.file.model).with_name(f"{m.file.name}-accepted.xml"))
+    return content
 
 
-def expressed_by_mjcf(
-    opened: MechanismData, content: dict[str, Any], effects: NamedValues
-) -> dict[str, Any]:
-    """Content of a file that names the accepted model, less effects that this model includes."""
-    model = Path(opened.file.model).with_name(f"{opened.file.name}-accepted.xml")
-    expressed = {name for name in effects if effect_of(name).by_fields(opened.mechanism)}
-    left = {name: v for name, v in content["effects"].items() if name not in expressed}
-    return {**content, "model": str(model), "effects": left}
-
-
-def accepted_xml(opened: MechanismData, base: Mapping[str, float], effects: NamedValues) -> str:
+def accepted_xml(m: Mechanism, base: Mapping[str, float], effects: NamedValues) -> str:
     """MJCF text of the model with the refitted base and the effects that its fields can express."""
-    m = opened.mechanism
     edited = copy.copy(m.model)
-    for b in opened.base:
+    for b in m.base:
         b.put(edited, base[b.parameter.name])
     for name, values in effects.items():
         effect = effect_of(name)
@@ -175,7 +168,7 @@ def _write_options(root: ET.Element, m: Mechanism, edited: Any) -> None:
     option = root.find("option")
     if option is None:
         option = ET.SubElement(root, "option")
-    option.set("timestep", _text([m.step]))
+    option.set("timestep", _text([m.file.step]))
     if m.model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4:
         option.set("integrator", "RK4")
     if not np.array_equal(edited.opt.gravity, m.model.opt.gravity):

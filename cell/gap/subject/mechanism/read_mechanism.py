@@ -1,7 +1,7 @@
 """Reads a mechanism's file, model and runs, and checks them against one another."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from cell.gap.subject.mechanism.mechanism_file import (
 )
 from cell.gap.subject.mechanism.model import (
     MODES,
+    BaseParameter,
     Joint,
     Mechanism,
     Mode,
@@ -26,7 +27,7 @@ from cell.gap.subject.mechanism.model import (
     number_of,
     scale_gain,
 )
-from cell.gap.subject.mechanism.model_source import Source, compile_model, read_source
+from cell.gap.subject.mechanism.model_source import compile_model, read_source
 from cell.gap.subject.mechanism.recordings import (
     Recording,
     Signal,
@@ -58,28 +59,15 @@ LEAST = 8  # readings of which the rate at the start is taken
 RATE_READINGS = 300  # of a recording, from which typical rates are taken
 
 
-@dataclass(frozen=True, slots=True)
-class BaseParameter:
-    """Base parameter of a fit, with the function `put` that sets its value in a model.
-
-    `field` and `owner` name it in the file; `by_run` is its spread from run to run, if any.
-    """
-
-    parameter: Parameter
-    put: Callable[[Any, float], None]
-    field: str = ""
-    owner: str = ""
-    by_run: float | None = None
-
-
-def base_of(file: MechanismFile, mechanism: Mechanism, origin: str) -> tuple[BaseParameter, ...]:
+def base_of(mechanism: Mechanism) -> tuple[BaseParameter, ...]:
     """Base parameters that a file lists as `uncertain`; ConfigurationError for unknown names."""
-    found = [b for i, spec in enumerate(file.uncertain)
-             for b in _expand(spec, mechanism, f"{origin}: uncertain.{i}")]  # fmt: skip
+    origin = f"{mechanism.path}: uncertain"
+    found = [b for i, spec in enumerate(mechanism.file.uncertain)
+             for b in _expand(spec, mechanism, f"{origin}.{i}")]  # fmt: skip
     names = [b.parameter.name for b in found]
     twice = next((n for n in names if names.count(n) > 1), None)
     if twice is not None:
-        raise ConfigurationError(f"{origin}: uncertain: {twice} is listed twice; keep one")
+        raise ConfigurationError(f"{origin}: {twice} is listed twice; keep one")
     return tuple(found)
 
 
@@ -191,25 +179,10 @@ def _scale_inertia(edited: Any, i: int, factor: float) -> None:
     edited.body_inertia[i] *= factor
 
 
-@dataclass(frozen=True, slots=True)
-class MechanismData:
-    """Mechanism with its file, base parameters and recordings, read and checked.
+def open_file(path: Path) -> Mechanism:
+    """Mechanism of the file at `path`, with compared signals whose noise is left open.
 
-    `pace` [rad/s] is how fast the signals change.
-    """
-
-    file: MechanismFile
-    path: Path
-    mechanism: Mechanism
-    base: tuple[BaseParameter, ...]
-    recordings: tuple[Recording, ...]
-    pace: float
-
-
-def open_file(path: Path) -> tuple[MechanismFile, Source, Any, list[Signal]]:
-    """Mechanism file at `path`, the source of its model, the compiled model, and its signals.
-
-    The noise of signals is left open. Raises ConfigurationError for anything broken in them.
+    Joints and recordings are left open, too. Raises ConfigurationError for anything broken.
     """
     file = load(path, MechanismFile)
     folder = path.resolve().parent
@@ -229,35 +202,35 @@ def open_file(path: Path) -> tuple[MechanismFile, Source, Any, list[Signal]]:
     for name, is_ in file.inputs.items():
         kind = "joint" if is_ == "position" else "actuator"
         number_of(model, kind, name, str(path), f"inputs.{name}")
-    return file, source, model, signals
+    torques_first = sorted(signals, key=lambda s: s.kind == "tracking")
+    compared = tuple(s for s in torques_first if s.kind in mode.compared)
+    return Mechanism(file, path, source, model, compared)
 
 
-def open_all(path: Path, folders: Sequence[RunFolder]) -> MechanismData:
+def open_all(path: Path, folders: Sequence[RunFolder]) -> Mechanism:
     """Mechanism at `path` with its measured runs; ConfigurationError for broken input."""
-    file, source, model, found = open_file(path)
-    read = [_read_checked(folder, file, model) for folder in folders]
+    found = open_file(path)
+    read = [_read_checked(folder, found) for folder in folders]
     check_indices([f.path for f in folders], [r.index for r in read])
-    recordings = sorted(read, key=lambda r: r.index or 0)
-    mode, torques_first = MODES[file.mode], sorted(found, key=lambda s: s.kind == "tracking")
-    signals = tuple(_with_noise(s, file.signals[s.name], recordings, str(path))
-                    for s in torques_first if s.kind in mode.compared)  # fmt: skip
+    file, recordings = found.file, tuple(sorted(read, key=lambda r: r.index or 0))
     moving = [n for n, kind in file.inputs.items() if kind == "position"]
     moving += [n for n, s in file.signals.items() if s.is_ not in ("torque", "tracking")]
-    joints = _measured_joints(file, model, recordings, signals)
-    mechanism = mechanism_of(mode, file.step, source, model, joints, signals)
-    check_effects(file.effects, mechanism, str(path))
-    base = base_of(file, mechanism, str(path))
-    return MechanismData(
-        file, path, mechanism, base, tuple(recordings), typical_frequency(recordings, moving)
-    )
+    found = replace(found, recordings=recordings, pace=typical_frequency(recordings, moving),
+                    signals=tuple(_with_noise(s, file.signals[s.name], recordings, str(path))
+                                  for s in found.signals))  # fmt: skip
+    found = replace(found, joints=_measured_joints(found))
+    _set_options(found)
+    check_effects(found)
+    return replace(found, base=base_of(found))
 
 
-def _read_checked(folder: RunFolder, file: MechanismFile, model: Any) -> Recording:
+def _read_checked(folder: RunFolder, mechanism: Mechanism) -> Recording:
     """Read the recording in `folder`; ConfigurationError where it contradicts file or model."""
+    model = mechanism.model
     is_hinge = model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE
     hinges = [model.joint(i).name for i in range(model.njnt) if is_hinge[i]]
-    recording = read_recording(folder, file, hinges)
-    if file.mode == "planar":
+    recording = read_recording(folder, mechanism.file, hinges)
+    if mechanism.file.mode == "planar":
         _check_spacing(recording, folder.path / ANGLES, SPARSEST / _fastest_swing(model))
     if recording.load is not None:
         origin = f"{recording.name}: {RUN}: load"
@@ -293,8 +266,8 @@ def recording_reader(path: Path) -> Callable[[Path], Recording]:
 
     Raises ConfigurationError for a file that cannot be read, as the reader does for a run.
     """
-    file, _, model, _ = open_file(path)
-    return lambda run: _read_checked(RunFolder(run, run.name), file, model)
+    mechanism = open_file(path)
+    return lambda run: _read_checked(RunFolder(run, run.name), mechanism)
 
 
 def _signal(name: str, spec: SignalSpec, mode: Mode, model: Any, origin: str) -> Signal:
@@ -376,19 +349,14 @@ def _sum_of_joints(model: Any, number: int) -> Array:
     return row
 
 
-def mechanism_of(mode: Mode, step: float, source: Source, model: Any, joints: tuple[Joint, ...],
-                 signals: tuple[Signal, ...]) -> Mechanism:  # fmt: skip
-    """Mechanism of a compiled `model` with `joints`; sets the solver options of the model."""
-    _set_options(model)
-    model.jnt_user[:, 0] = len(joints)
-    model.jnt_user[:, 1] = mode.smoothing(np.array([j.rate for j in joints]))
-    positions = [s.name for s in signals if s.kind == "position"]
-    encoders = mode.encoders(model, [j.name for j in joints], positions)
-    return Mechanism(mode, step, source, model, joints, signals, encoders)
+def _set_options(mechanism: Mechanism) -> None:
+    """Give all actuators a force range, and switch off contacts without pairs, and islands.
 
-
-def _set_options(model: Any) -> None:
-    """Give all actuators a force range, and switch off contacts without pairs, and islands."""
+    The first user numbers of joints are those that laws of torque need.
+    """
+    model = mechanism.model
+    model.jnt_user[:, 0] = model.njnt
+    model.jnt_user[:, 1] = mechanism.mode.smoothing(mechanism.rate)
     free = model.actuator_forcelimited == 0
     model.actuator_forcerange[free] = (-LIMITLESS, LIMITLESS)
     model.actuator_forcelimited[:] = 1
@@ -399,17 +367,16 @@ def _set_options(model: Any) -> None:
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ISLAND)
 
 
-def _measured_joints(file: MechanismFile, model: Any, recordings: Sequence[Recording],
-                     signals: Sequence[Signal]) -> tuple[Joint, ...]:  # fmt: skip
+def _measured_joints(mechanism: Mechanism) -> tuple[Joint, ...]:
     """Joints of a model, with typical rates and torques as measured in the recordings."""
+    file, model, recordings = mechanism.file, mechanism.model, mechanism.recordings
     measured = {s.joint: n for n, s in file.signals.items() if s.joint and s.is_ == "position"}
     measured |= {n: n for n, kind in file.inputs.items() if kind == "position"}
     motion = {j: _motion(recordings, c) for j, c in measured.items() if j is not None}
     driven = {}
-    for s in signals:
-        if s.kind == "torque":
-            squares = [np.nanmean((s.gear * r.columns[s.name]) ** 2) for r in recordings]
-            driven[model.joint(s.joint).name] = float(np.sqrt(np.mean(squares)))
+    for s in mechanism.torques:
+        squares = [np.nanmean((s.gear * r.columns[s.name]) ** 2) for r in recordings]
+        driven[model.joint(s.joint).name] = float(np.sqrt(np.mean(squares)))
     return joints_of(model, motion, driven)
 
 
@@ -429,12 +396,12 @@ def _motion(recordings: Sequence[Recording], column: str) -> tuple[float, float,
     return float(rate), float(acceleration), max(travels)
 
 
-def start_of(opened: MechanismData, recording: Recording) -> tuple[Array, Array]:
+def start_of(mechanism: Mechanism, recording: Recording) -> tuple[Array, Array]:
     """Positions [rad or m] and rates (joints,) of the joints at the start of a recording."""
-    spec, n = opened.file.start, len(opened.mechanism.joints)
-    compared = [s for s in opened.mechanism.signals if s.kind == "position"]
+    spec, n = mechanism.file.start, len(mechanism.joints)
+    compared = [s for s in mechanism.signals if s.kind == "position"]
     inverse = np.linalg.pinv([s.weights for s in compared]) if compared else np.zeros((n, 0))
-    near = max(LEAST, int(np.searchsorted(recording.t, 0.5 / opened.pace)))
+    near = max(LEAST, int(np.searchsorted(recording.t, 0.5 / mechanism.pace)))
     places, slopes = [], []
     for signal in compared:
         x = recording.columns[signal.name][:near]
@@ -448,9 +415,9 @@ def start_of(opened: MechanismData, recording: Recording) -> tuple[Array, Array]
     return q, v
 
 
-def initial_state(opened: MechanismData, start: tuple[Array, Array]) -> tuple[Parameter, ...]:
+def initial_state(mechanism: Mechanism, start: tuple[Array, Array]) -> tuple[Parameter, ...]:
     """Unknown start positions and rates (joints,) about `start`; none where the file fixes them."""
-    spec, pace = opened.file.start, opened.pace
+    spec, pace = mechanism.file.start, mechanism.pace
     if spec.spread == 0.0 or spec.settle:
         return ()
     wide = np.inf if spec.spread is None else spec.spread
@@ -459,5 +426,5 @@ def initial_state(opened: MechanismData, start: tuple[Array, Array]) -> tuple[Pa
         Parameter(f"{name}_{joint.name}", unit, float(value), -np.inf, np.inf, step=1e-5 * times,
                   spread=wide * times)
         for name, values, unit, times in rows
-        for joint, value in zip(opened.mechanism.joints, values, strict=True)
+        for joint, value in zip(mechanism.joints, values, strict=True)
     )  # fmt: skip

@@ -18,12 +18,9 @@ from cell.gap.subject.mechanism.effects import (
     group_by_effect,
     torques,
 )
-from cell.gap.subject.mechanism.model import add_point
-from cell.gap.subject.mechanism.patch import accepted_content, accepted_xml, expressed_by_mjcf
-from cell.gap.subject.mechanism.read_mechanism import (
-    MechanismData,
-    initial_state,
-)
+from cell.gap.subject.mechanism.model import Mechanism, add_point
+from cell.gap.subject.mechanism.patch import accepted_content, accepted_xml
+from cell.gap.subject.mechanism.read_mechanism import initial_state
 from cell.gap.subject.mechanism.recordings import (
     Cut,
     Recording,
@@ -34,7 +31,6 @@ from cell.gap.subject.mechanism.recordings import (
     width_of,
 )
 from cell.gap.subject.subject import (
-    Candidate,
     NamedValues,
     Quantity,
     Request,
@@ -102,32 +98,32 @@ class Case:
 
 
 class MechanismSubject(Subject):
-    """Measured runs of one mechanism, `opened` with its file and model.
+    """Measured runs of one `mechanism`.
 
     A subclass predicts the signals; at the end of its construction it sets `runs`.
     """
 
-    def __init__(self, opened: MechanismData, jobs: int = 1, without: Sequence[str] = ()) -> None:
-        self.opened, self.name, self._jobs = opened, opened.file.name, jobs
-        self._mechanism = opened.mechanism
+    def __init__(self, mechanism: Mechanism, jobs: int = 1, without: Sequence[str] = ()) -> None:
+        self.mechanism, self.name, self._jobs = mechanism, mechanism.file.name, jobs
         self._check_honoured()
         self._scatter = {i: ScatterSource(
             f"{b.parameter.name}_run", f"{b.field} of {b.owner}",
             f"keep the {b.field} of {b.owner} steady", b.parameter.unit, b.by_run,
-            b.parameter.step, common=True) for i, b in enumerate(opened.base) if b.by_run
+            b.parameter.step, common=True) for i, b in enumerate(mechanism.base) if b.by_run
         }  # fmt: skip
         self.scope = self._scope_without(without)
 
     def _check_honoured(self) -> None:
         """Note that contacts are off; refuse models with parts that the mode would ignore."""
-        model = self._mechanism.model
+        model = self.mechanism.model
         colliding = (model.geom_contype > 0) & (model.geom_conaffinity > 0)
         if not model.npair and len(set(model.geom_bodyid[colliding])) > 1:
             self.notes = (*self.notes, "contacts are off: the model lists no pair of geoms")
         for left_out in self.not_honoured():
             raise ConfigurationError(
-                f"{self.opened.path}: model: {left_out}: would be left out in mode "
-                f"{self.opened.file.mode}; take it out of the model, or compare in the other mode"
+                f"{self.mechanism.path}: model: {left_out}: would be left out in mode "
+                f"{self.mechanism.mode.name}; take it out of the model, or compare in the other "
+                "mode"
             )
 
     def not_honoured(self) -> Iterable[str]:
@@ -156,11 +152,10 @@ class MechanismSubject(Subject):
 
     def _scope_without(self, without: Sequence[str]) -> Scope:
         """Fit problem of the mechanism, without the candidates named in `without`."""
-        m, accepted = self._mechanism, self.opened.file.effects
-        possible = self._candidates()
-        base = [b.parameter for b in self.opened.base]
+        m = self.mechanism
+        possible = candidates(m)
         whole = Scope(
-            base=(*base, *accepted_parameters(m, accepted)),
+            base=(*(b.parameter for b in m.base), *accepted_parameters(m)),
             candidates=possible,
             quantities={s.channel: self._quantity(s.channel, s.kind) for s in m.signals},
             terms=describing_terms(m),
@@ -169,28 +164,23 @@ class MechanismSubject(Subject):
         )
         return whole.withhold(without, [c.name for c in possible])
 
-    def _candidates(self) -> tuple[Candidate, ...]:
-        """Candidate effects of the mechanism, without errors of fields that the file lists."""
-        file = self.opened.file
-        return candidates(self._mechanism, file.effects, {spec.field for spec in file.uncertain})
-
     def _quantity(self, channel: str, kind: str) -> Quantity:
         """Display of a channel's residuals; torques have a tolerance by their spread."""
         key, factor = KEYS[kind]
         tolerance = TOLERANCE[kind]
         if kind == "torque":
-            spread = [np.nanstd(r.columns[channel]) for r in self.opened.recordings]
+            spread = [np.nanstd(r.columns[channel]) for r in self.mechanism.recordings]
             tolerance *= float(np.sqrt(np.mean(np.square(spread))))
         return Quantity(f"{channel}_{key}", factor, UNITS.get(key, key), tolerance)
 
     def _run(self, recording: Recording) -> Run:
         """Run for the engine: samples with their phases, and the run's own unknowns."""
-        signals, width = self._mechanism.signals, width_of(recording, BLOCK / self.opened.pace)
+        signals, width = self.mechanism.signals, width_of(recording, BLOCK / self.mechanism.pace)
         cut = cut_recording(recording, [s.name for s in signals], width)
         content = self._content(recording, cut, width)
         if recording.sigma is not None:
             signals = tuple(replace(s, sigma=recording.sigma) for s in signals)
-        local = () if content.start is None else initial_state(self.opened, content.start)
+        local = () if content.start is None else initial_state(self.mechanism, content.start)
         local += tuple(source.parameter for source in self._scatter.values())
         known = samples(signals, content.cut, self._phases(content))
         return Run(recording.name, recording.condition, known, local, content,
@@ -208,7 +198,7 @@ class MechanismSubject(Subject):
 
     def _case(self, request: Request) -> Case:
         """Prediction that a request asks for, with its values in the model's units."""
-        content, count = content_of(request.run), len(self.opened.base)
+        content, count = content_of(request.run), len(self.mechanism.base)
         names = [p.name for p in self.scope.base[count:]]
         effects = {**group_by_effect(names, request.base[count:]), **request.effects}
         known = [(effect_of(name), values) for name, values in effects.items()]
@@ -225,7 +215,7 @@ class MechanismSubject(Subject):
 
     def _start(self, request: Request, unknowns: Mapping[str, float]) -> tuple[Array, Array]:
         """Start positions and rates (joints,): unknowns of the run, as measured, or zeros."""
-        joints, start = self._mechanism.joints, content_of(request.run).start
+        joints, start = self.mechanism.joints, content_of(request.run).start
         n = len(joints)
         if start is None:
             return np.zeros(n), np.zeros(n)
@@ -236,10 +226,10 @@ class MechanismSubject(Subject):
     def _edit(self, load: Load | None, base: Array,
               effects: Sequence[tuple[Effect, Array]], edited: Any) -> None:  # fmt: skip
         """Write base (k,), load of the run and effects into the fields of the model `edited`."""
-        for b, value in zip(self.opened.base, base, strict=True):
+        for b, value in zip(self.mechanism.base, base, strict=True):
             b.put(edited, float(value))
         if load is not None:
-            body = self._mechanism.model.body(load.body).id
+            body = self.mechanism.model.body(load.body).id
             add_point(edited, body, load.mass, np.array(load.com))
         for effect, values in effects:
             self._apply_effect(effect, values, edited)
@@ -248,7 +238,7 @@ class MechanismSubject(Subject):
         """Write an effect with `values` (k,) into the fields of a model, or into its laws."""
         if not values.any():
             return
-        m = self._mechanism
+        m = self.mechanism
         if effect.edit is not None and (effect.law is None or effect.by_fields(m)):
             effect.edit(m, values, edited)
         elif effect.law is not None:
@@ -258,7 +248,7 @@ class MechanismSubject(Subject):
     def draw_measured(self, run: Run) -> Scene:
         """Drawing of the measured signals of `run`."""
         cut = content_of(run).cut
-        rows = zip(self._mechanism.signals, cut.values, strict=True)
+        rows = zip(self.mechanism.signals, cut.values, strict=True)
         return Scene(tuple(TimeSeries(s.label, cut.t, row) for s, row in rows))
 
     def draw_simulated(self, requests: Sequence[Request]) -> list[Scene | None]:
@@ -270,7 +260,7 @@ class MechanismSubject(Subject):
     def _scene(self, cut: Cut, predicted: Array) -> Scene:
         """Drawing of `predicted` signals (signals, k), and of the residuals to measured ones."""
         drawn = []
-        rows = zip(self._mechanism.signals, predicted, cut.values, strict=True)
+        rows = zip(self.mechanism.signals, predicted, cut.values, strict=True)
         for signal, row, measured in rows:
             quantity = self.scope.quantities[signal.channel]
             title = f"{signal.label}, measured - simulated [{quantity.unit}]"
@@ -282,13 +272,11 @@ class MechanismSubject(Subject):
         self, base: Mapping[str, float], effects: NamedValues, source: str
     ) -> tuple[dict[str, object], dict[str, object] | None]:
         """Content of the refitted mechanism file; None for cell.yaml, which does not change."""
-        content = self.opened.file.model_dump(mode="json", by_alias=True, exclude_none=True)
-        accepted = accepted_content(self.opened, content, base, effects, source)
-        return expressed_by_mjcf(self.opened, accepted, effects), None
+        return accepted_content(self.mechanism, base, effects, source), None
 
     def model_text(self, base: Mapping[str, float], effects: NamedValues) -> str | None:
         """MJCF text of the model with refitted base and named effects."""
-        return accepted_xml(self.opened, base, effects)
+        return accepted_xml(self.mechanism, base, effects)
 
     def check(self, origin: str) -> None:
         """Refuse stated models that cannot be simulated, and torques on a gear's wrong side."""
@@ -309,10 +297,10 @@ class MechanismSubject(Subject):
 
         `residuals` (samples,) are those of the first run.
         """
-        cut, gears = content_of(self.runs[0]).cut, self._mechanism.model.actuator_gear
+        cut, gears = content_of(self.runs[0]).cut, self.mechanism.model.actuator_gear
         measured = average(cut.values, cut.edges)[0]
         channel = self.runs[0].samples.channel
-        for sensor in self._mechanism.torques:
+        for sensor in self.mechanism.torques:
             rows = channel == sensor.name
             predicted = measured[rows] - residuals[rows]
             ratio = measured[rows] @ predicted / (predicted @ predicted + TINY)

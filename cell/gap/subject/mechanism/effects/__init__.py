@@ -15,10 +15,10 @@ from cell.gap.subject.mechanism.effects import bodies, compliance, drives, frict
 from cell.gap.subject.mechanism.effects.drives import bias_law
 from cell.gap.subject.mechanism.model import MODES, PRESCRIBED, Mechanism
 from cell.gap.subject.mechanism.passive import Torques
-from cell.gap.subject.subject import Candidate, NamedValues
+from cell.gap.subject.subject import Candidate
 from drivers.errors import ConfigurationError
 from drivers.plugins import plugins
-from drivers.strip.effects.effect import Parameter
+from drivers.strip.effects.effect import Parameter, check_values
 from drivers.types import Array
 
 FAMILIES = (bodies, compliance, drives, friction)
@@ -67,7 +67,8 @@ TERMS = (
 @cache
 def registry() -> Mapping[str, Effect]:
     """Effects of mechanisms by name: those of the library, and those of plug-ins."""
-    known = {e.name: e for family in FAMILIES for e in family.EFFECTS}
+    known = {e.name: e for family in FAMILIES for e in vars(family).values()
+             if isinstance(e, Effect)}  # fmt: skip
     return dict(sorted({**known, **plugins("mechanism_effects", Effect, known)}.items()))
 
 
@@ -78,13 +79,19 @@ def torques() -> Torques:
     return Torques([(e.name, e.law, e.keys) for e in every if e.law is not None])
 
 
-def candidates(
-    mechanism: Mechanism, accepted: NamedValues, stated: Collection[str] = ()
-) -> tuple[Candidate, ...]:
-    """Candidate effects of `mechanism`, without `accepted` ones and errors of `stated` fields."""
+def candidates(mechanism: Mechanism) -> tuple[Candidate, ...]:
+    """Candidate effects of `mechanism`, without accepted ones and errors of uncertain fields."""
+    file = mechanism.file
+    uncertain = {spec.field for spec in file.uncertain}
     return tuple(e.candidate(mechanism) for name, e in registry().items()
-                 if name not in accepted and e.error_of not in stated
+                 if name not in file.effects and e.error_of not in uncertain
                  and e.applies(mechanism))  # fmt: skip
+
+
+def laws(mechanism: Mechanism) -> frozenset[str]:
+    """Names of the effects and terms whose laws a simulation adds to MuJoCo's own forces."""
+    return frozenset(e.name for e in (*registry().values(), *TERMS) if e.law is not None
+                     and e.applies(mechanism) and not e.by_fields(mechanism))  # fmt: skip
 
 
 def describing_terms(mechanism: Mechanism) -> tuple[Candidate, ...]:
@@ -98,38 +105,24 @@ def effect_of(name: str) -> Effect:
     return found if found is not None else next(t for t in TERMS if t.name == name)
 
 
-def accepted_parameters(mechanism: Mechanism, accepted: NamedValues) -> Iterator[Parameter]:
-    """Base parameters `effect.parameter` by which `accepted` effects are fitted again."""
-    for name, values in accepted.items():
+def accepted_parameters(mechanism: Mechanism) -> Iterator[Parameter]:
+    """Base parameters `effect.parameter` by which accepted effects are fitted again."""
+    for name, values in mechanism.file.effects.items():
         effect = effect_of(name)
         starts = ordered_values(effect, mechanism, values)
         for p, start in zip(effect.with_shape(mechanism), starts, strict=True):
             yield replace(p, name=f"{name}.{p.name}", start=float(start))
 
 
-def check_effects(accepted: NamedValues, mechanism: Mechanism, origin: str) -> None:
-    """Refuse effects and parameters that `mechanism` cannot have, and values out of range."""
+def check_effects(mechanism: Mechanism) -> None:
+    """Refuse accepted effects that `mechanism` cannot have, and values out of range."""
     known = {e.name: e for e in (*registry().values(), *TERMS) if e.applies(mechanism)}
-    for name, values in accepted.items():
+    for name, values in mechanism.file.effects.items():
+        origin = f"{mechanism.path}: effects.{name}"
         if name not in known:
-            raise ConfigurationError(
-                f"{origin}: effects.{name}: unknown effect; allowed: {', '.join(known)}"
-            )
-        parameters = {p.name: p for p in known[name].with_shape(mechanism)}
-        needed = [p.name for p in known[name].parameters(mechanism)]
-        if not set(needed) <= set(values) <= set(parameters):
-            raise ConfigurationError(
-                f"{origin}: effects.{name}: needs {', '.join(needed)}; may have "
-                f"{', '.join(k for k in parameters if k not in needed) or 'no other'}"
-            )
-        for key, value in values.items():
-            p = parameters[key]
-            low, high = p.stated_range
-            if not low <= value <= high:
-                raise ConfigurationError(
-                    f"{origin}: effects.{name}.{key}: {value:g} is out of range; "
-                    f"allowed: {low:g} to {high:g} {p.unit}"
-                )
+            raise ConfigurationError(f"{origin}: unknown effect; allowed: {', '.join(known)}")
+        amounts = known[name].parameters(mechanism)
+        check_values(values, amounts, known[name].with_shape(mechanism)[len(amounts) :], origin)
 
 
 def group_by_effect(names: Sequence[str], values: Array) -> dict[str, Array]:

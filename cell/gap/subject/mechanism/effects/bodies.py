@@ -158,5 +158,3 @@ LINK_GEOMETRY = Effect(
     possible=lambda m: not m.model.neq,  # maps along closed loops are those of stated places
     revealed_by="slow motion through many poses",
 )
-EFFECTS = (ARMATURE, LINK_INERTIA, LINK_GEOMETRY, PAYLOAD, COM_ERROR, AIR_DRAG, BASE_TILT,
-           FRAME_TILT)  # fmt: skip

@@ -157,4 +157,3 @@ BASE_COMPLIANCE = Effect(
     grid=SWAYS,
     revealed_by="fast starts and stops, then with the base clamped to the floor",
 )
-EFFECTS = (BASE_COMPLIANCE, JOINT_ELASTICITY, BACKLASH, CABLE_SPRING, WIRE_SPRING, PIVOT_COMPLIANCE)

@@ -113,7 +113,7 @@ CONTROL_DELAY = Effect(
     sentence="commands take effect late",
     of="rig",
     source="transport delay",
-    parameters=lambda m: single_parameter("time", "s", 0.1 * m.step),
+    parameters=lambda m: single_parameter("time", "s", 0.1 * m.file.step),
     possible=lambda m: bool(m.trackings or (m.mode.fields and m.actuators)),
     read="command",
     revealed_by="fast starts and stops",
@@ -123,7 +123,7 @@ SENSOR_DELAY = Effect(
     sentence="readings are stamped late",
     of="rig",
     source="transport delay",
-    parameters=lambda m: single_parameter("time", "s", 0.1 * m.step),
+    parameters=lambda m: single_parameter("time", "s", 0.1 * m.file.step),
     read="delay",
     revealed_by="fast motion there and back",
 )
@@ -134,7 +134,7 @@ ENCODER_BIAS = Effect(
     source="zero of an encoder",
     parameters=lambda m: tuple(
         Parameter(f"bias_{name}", "rad", 0.0, -0.2, 0.2, step=1e-5, spread=0.03)
-        for name in m.encoders
+        for name in m.mode.encoders(m)
     ),
     read="bias",
     modes=MODES,
@@ -149,10 +149,8 @@ ENCODER_SCALE = Effect(
     # lines or teeth would be miscounted, which any stop shows
     parameters=lambda m: tuple(
         Parameter(f"scale_{name}", "1", 0.0, -0.02, 0.02, step=1e-5, spread=0.005)
-        for name in m.encoders
+        for name in m.mode.encoders(m)
     ),
     read="scale",
     revealed_by="large motion to both stops",
 )
-EFFECTS = (TORQUE_CONSTANT, TORQUE_BIAS, TORQUE_RIPPLE, SATURATION, CONTROL_DELAY, SENSOR_DELAY,
-           ENCODER_BIAS, ENCODER_SCALE)  # fmt: skip

@@ -145,4 +145,3 @@ CONTACT_FRICTION = Effect(
     revealed_by="slide slowly along the contact",
     modes=(FORWARD.name,),
 )
-EFFECTS = (DRY_FRICTION, QUADRATIC_DAMPING, PRESLIDING, CONTACT_FRICTION)

@@ -10,10 +10,9 @@ import pytest
 import yaml
 
 from cell.gap.open_subject import open_mechanism
-from cell.gap.subject.mechanism.model import MODES, joints_of
+from cell.gap.subject.mechanism.model import Mechanism, joints_of
 from cell.gap.subject.mechanism.model_source import Source
 from cell.gap.subject.mechanism.patch import accepted_xml
-from cell.gap.subject.mechanism.read_mechanism import mechanism_of
 from cell.gap.subject.mechanism.subject import MechanismSubject
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.subject import Request
@@ -59,7 +58,7 @@ def test_accepted_mjcf_in_plain_mujoco_moves_as_the_accepted_model(tmp_path: Pat
     arm, file, _ = opened(tmp_path / "arm")
     written(arm, tmp_path / "out", file)
     accept(tmp_path / "out", file)
-    run, m = arm.runs[1], arm.opened.mechanism
+    run, m = arm.runs[1], arm.mechanism
     values = {n: np.array(list(v.values())) for n, v in NAMED.items()}
     values["saturation"] = 1.0 / values["saturation"]
     own = np.array([p.start for p in run.local])
@@ -71,7 +70,7 @@ def test_accepted_mjcf_in_plain_mujoco_moves_as_the_accepted_model(tmp_path: Pat
     data = mujoco.MjData(plain)
     data.qpos[:], data.qvel[:] = case.start
     t, at = case.content.cut.t, 0.0
-    control = case.content.commands.at_steps(m.step, 600, 0.0)
+    control = case.content.commands.at_steps(m.file.step, 600, 0.0)
     rows = [np.array(data.qpos)]
     for u in control:
         data.ctrl[:] = u
@@ -121,8 +120,7 @@ def test_friction_is_written_to_the_pair_whose_geoms_it_is_of() -> None:
     spec.nuser_jnt = 16
     model = spec.compile()
     joints = joints_of(model, dict.fromkeys("xy", (1.0, 1.0, 1.0)), {})
-    m = mechanism_of(MODES["forward"], 0.002, source, model, joints, [])
-    found = {"contact_friction": {"coefficient": 0.05}}
-    text = accepted_xml(SimpleNamespace(mechanism=m, base=()), {}, found)
+    m = Mechanism(SimpleNamespace(mode="forward", step=0.002), Path(), source, model, (), joints)
+    text = accepted_xml(m, {}, {"contact_friction": {"coefficient": 0.05}})
     new = mujoco.MjModel.from_xml_string(text)
     np.testing.assert_allclose([new.pair(name).friction[0] for name in "ab"], [0.95, 0.25])

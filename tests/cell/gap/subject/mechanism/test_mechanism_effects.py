@@ -39,7 +39,7 @@ def test_the_library_has_what_the_contract_names() -> None:
 @pytest.mark.slow
 def test_every_effect_is_null_to_the_bit_and_changes_something_beyond(arm) -> None:
     plain = simulated(arm, {})
-    for candidate in (*arm.scope.candidates, *describing_terms(arm.opened.mechanism)):
+    for candidate in (*arm.scope.candidates, *describing_terms(arm.mechanism)):
         for null in (candidate.null, candidate.with_shape().null):
             same = simulated(arm, {candidate.name: null})
             assert np.array_equal(same.mean, plain.mean), candidate.name

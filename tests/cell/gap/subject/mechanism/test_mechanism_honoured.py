@@ -52,7 +52,7 @@ def test_commands_beyond_their_range_give_no_more_torque(tmp_path: Path) -> None
 
 def test_a_torque_is_read_on_the_side_that_the_file_states(tmp_path: Path) -> None:
     file, runs = make_arm(tmp_path, 2, content=PRESCRIBED, stated=MODELS["gear"])
-    typical = open_mechanism(file, find_runs([runs])).opened.mechanism.torque
+    typical = open_mechanism(file, find_runs([runs])).mechanism.torque
     for run in runs.iterdir():
         table = read_table(run / "signals.parquet")
         write_run(run, {**table, "t2": 6.0 * table["t2"]}, {"mechanism": "arm"})
@@ -64,7 +64,7 @@ def test_a_torque_is_read_on_the_side_that_the_file_states(tmp_path: Path) -> No
         file.write_text(yaml.safe_dump(content))
         subject = open_mechanism(file, find_runs([runs]))
         assert left(subject) < KNOWN
-        assert subject.opened.mechanism.torque == pytest.approx(typical)
+        assert subject.mechanism.torque == pytest.approx(typical)
 
 
 def test_a_heavier_link_is_its_effect(tmp_path: Path) -> None:
