@@ -10,7 +10,7 @@ import numpy as np
 from cell.gap.subject.mechanism.effect import readings_of
 from cell.gap.subject.mechanism.effects import effect_of, ordered_values
 from cell.gap.subject.mechanism.inverse_dynamics import InverseDynamics
-from cell.gap.subject.mechanism.model import tip
+from cell.gap.subject.mechanism.model import poses, tip
 from cell.gap.subject.mechanism.motion import true_motion
 from cell.gap.subject.subject import NamedValues, Run
 from drivers.geometry import interpolate_columns
@@ -83,10 +83,5 @@ class CellArm(InverseDynamics):
 
 def _tips(model: Any, q: Array) -> Array:
     """Positions (k, 3) [m] of the tip of a `model` for joint angles `q` (k, 7) [rad]."""
-    data, number = mujoco.MjData(model), model.site("tip").id
-    found = np.empty((len(q), 3))
-    for k, joints in enumerate(q):
-        data.qpos[:] = joints
-        mujoco.mj_kinematics(model, data)
-        found[k] = data.site_xpos[number]
-    return found
+    places = [data.site("tip").xpos.copy() for data in poses(model, q, mujoco.mj_kinematics)]
+    return np.array(places)

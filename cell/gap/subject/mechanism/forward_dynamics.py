@@ -113,32 +113,32 @@ class SplitModel:
         mujoco.mj_setConst(found, mujoco.MjData(found))
         return found
 
+    def _inertias(self, found: Any) -> tuple[Array, Array]:
+        """Inertias of links, and of motors, to which an inertia is added where they have none."""
+        links = self._mechanism.inertia
+        motors = np.maximum(found.dof_armature[self.motor], SHARE * links)
+        found.dof_armature[self.motor] = motors
+        return links, motors
+
     def _set_gears(self, found: Any, edited: Any, case: Case) -> None:
         """Set the gears of the split model `found`: stiffness [N m/rad], play [rad] and damping.
 
-        `edited` is the same case without flexible joints.
+        `edited` is the same case without flexible joints. Springs and parameters of compiled torque
+        laws are copied from it.
         """
-        inertia = self._mechanism.inertia
-        compliance = np.maximum(case.readings.elastic, LEAST_COMPLIANCE)
-        stiffness = np.minimum(1.0 / compliance, STIFFEST * inertia)
+        links, motors = self._inertias(found)
+        compliance, gap = np.maximum(case.readings.elastic, LEAST_COMPLIANCE), case.readings.gap
+        stiffness = np.minimum(1.0 / compliance, STIFFEST * links)
         found.jnt_stiffness[self.motor] = edited.jnt_stiffness
         found.qpos_spring[self.motor] = edited.qpos_spring
-        motor_inertia = np.maximum(found.dof_armature[self.motor], SHARE * inertia)
-        found.dof_armature[self.motor] = motor_inertia
-        gap = case.readings.gap
         if np.any(gap):
             has_play = np.asarray(gap > 0.0)
             stiffness = np.where(has_play, 0.0, stiffness)
             found.jnt_range[self._flex] = 0.5 * np.outer(gap, (-1.0, 1.0)) * has_play[:, None]
             found.jnt_limited[self._flex] = has_play
         found.jnt_stiffness[self._flex] = stiffness
-        found.dof_damping[self._flex] = (
-            2.0 * DAMPED * np.sqrt(np.maximum(stiffness, 1.0) * motor_inertia)
-        )
-        self._set_law_parameters(found, edited)
-
-    def _set_law_parameters(self, found: Any, edited: Any) -> None:
-        """Copy parameters of compiled torque laws to the user numbers of the split joints."""
+        ringing = np.sqrt(np.maximum(stiffness, 1.0) * motors)
+        found.dof_damping[self._flex] = 2.0 * DAMPED * ringing
         found.jnt_user[:] = 0.0
         found.jnt_user[self.motor] = edited.jnt_user
         found.jnt_user[:, 0] = found.njnt
@@ -155,15 +155,10 @@ class PivotModel(SplitModel):
         body.add_joint(name=FLEX, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=(1.0, 0.0, 0.0))
         body.add_joint(name=name, axis=axis)
 
-    def _set_gears(self, found: Any, edited: Any, case: Case) -> None:
-        """Set the stiffness [N/m] and damping of the pivot, and springs as `edited`."""
-        mass = float(edited.body_mass.sum())
-        compliance = np.maximum(case.readings.elastic, LEAST_COMPLIANCE)
-        stiffness = np.minimum(1.0 / compliance, STIFFEST * mass)
-        found.jnt_stiffness[self.motor] = edited.jnt_stiffness
-        found.jnt_stiffness[self._flex] = stiffness
-        found.dof_damping[self._flex] = 2.0 * DAMPED * np.sqrt(stiffness * mass)
-        self._set_law_parameters(found, edited)
+    def _inertias(self, found: Any) -> tuple[Array, Array]:
+        """Mass [kg] that the pivot bears, as that of links and of motors."""
+        mass = np.array([found.body_mass.sum()])
+        return mass, mass
 
 
 class ForwardDynamics(MechanismSubject):

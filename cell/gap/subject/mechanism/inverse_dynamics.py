@@ -17,7 +17,7 @@ from cell.gap.subject.mechanism.closed_loops import ClosedLoops, transmissions
 from cell.gap.subject.mechanism.effect import Effect
 from cell.gap.subject.mechanism.effects import torques
 from cell.gap.subject.mechanism.effects.friction import DRY_FRICTION, dry_law, dry_limit
-from cell.gap.subject.mechanism.model import Mechanism
+from cell.gap.subject.mechanism.model import Mechanism, poses
 from cell.gap.subject.mechanism.motion import (
     Motion,
     cutoff_of,
@@ -25,7 +25,6 @@ from cell.gap.subject.mechanism.motion import (
     motion_of,
     true_motion,
 )
-from cell.gap.subject.mechanism.passive import without_clock
 from cell.gap.subject.mechanism.recordings import Cut, Recording, Signal, average, phases
 from cell.gap.subject.mechanism.subject import Case, Content, MechanismSubject, content_of
 from cell.gap.subject.subject import Run, Words
@@ -143,7 +142,7 @@ class InverseDynamics(MechanismSubject):
         `q` (m, joints) are positions, `measured` (signals, m) readings of which torques come first.
         """
         model = self.mechanism.model
-        at = np.hstack([q, _tendon_lengths(model, q)])
+        at = np.hstack([q, [d.ten_length.copy() for d in poses(model, q, mujoco.mj_fwdPosition)]])
         low, high = np.vstack([model.jnt_range, model.tendon_range]).T
         edge = np.append(model.jnt_margin, model.tendon_margin) + NEAR * (high - low)
         limited = np.append(model.jnt_limited, model.tendon_limited) > 0
@@ -162,7 +161,7 @@ class InverseDynamics(MechanismSubject):
 
     def predict(self, cases: Sequence[Case]) -> list[Array]:
         """Signals (signals, k) of each case at the k times of its readings."""
-        with without_clock(), ThreadPoolExecutor(self._jobs) as pool:
+        with ThreadPoolExecutor(self._jobs) as pool:
             found = list(pool.map(self._signals, cases))
         while len(self._known) > KEPT:  # while no thread adds to them
             self._known.pop(next(iter(self._known)))
@@ -300,16 +299,6 @@ def _play_deflection(torque: Array, gap: Array | float) -> Array:
     """Angles (m, joints) by which play of width `gap` (joints,) leaves links behind `torque`."""
     crossing = PLAY_SMOOTHING * torque.std(axis=0) + 1e-12  # never zero
     return np.asarray(0.5 * gap * np.tanh(torque / crossing))
-
-
-def _tendon_lengths(model: Any, q: Array) -> Array:
-    """Lengths (m, tendons) of tendons at positions `q` (m, joints); zeros where none is limited."""
-    lengths, data = np.zeros((len(q), model.ntendon)), mujoco.MjData(model)
-    for row, place in zip(lengths, q, strict=True) if model.tendon_limited.any() else ():
-        data.qpos[:] = place
-        mujoco.mj_fwdPosition(model, data)
-        row[:] = data.ten_length
-    return lengths
 
 
 def _inverse_function() -> Any:

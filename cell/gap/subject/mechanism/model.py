@@ -1,6 +1,6 @@
 """Compiled model of a mechanism: its joints with typical sizes, and its editable fields."""
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, Self
@@ -39,8 +39,8 @@ class Mode:
     - `loads`: the torque that a gear bears is known, so that friction in proportion to it is an
       amount to be found, and not a shape of the law.
     - `fields`: an effect is put into fields of the MuJoCo model where these can express it.
-    - `shapes`: parameters that shape a law are fitted, too.
-    - `believed`: the file's spreads of the base are held against what fits.
+    - `shapes`: parameters that shape a law are fitted, too, and the file's spreads of the base are
+      held against what fits.
     - `drag` is the unit and the typical size of the coefficient of the air's drag.
     - `of` is what verdicts say that every effect belongs to; None where each effect says so.
     - `group`: readings of joints are absolute angles, shown as one group of this name.
@@ -54,7 +54,6 @@ class Mode:
     loads: bool = False
     fields: bool = False
     shapes: bool = True
-    believed: bool = True
     drag: tuple[str, float] = ("1", 0.02)
     of: Literal["strip"] | None = None
     group: str = ""
@@ -83,7 +82,6 @@ PLANAR = replace(
     encoders=lambda m: m.positions[1:],  # the first one's is a tilted base
     fields=False,
     shapes=False,
-    believed=False,
     drag=("kg/m^2", 0.01),
     of="strip",  # as verdicts on pendulums state it
     group="angle",
@@ -192,6 +190,15 @@ class Mechanism:
         return np.array([j.inertia for j in self.joints])
 
 
+def poses(model: Any, q: Iterable[Array], compute: Callable[[Any, Any], None]) -> Iterator[Any]:
+    """MuJoCo's data of a `model`, as `compute` leaves it, at each of positions `q` (m, joints)."""
+    data = mujoco.MjData(model)
+    for row in q:
+        data.qpos[:] = row
+        compute(model, data)
+        yield data
+
+
 def tip(mechanism: Mechanism, body: int) -> Array:
     """Position (3,) [m] of a body's end in its frame: farthest site or twice the centre of mass."""
     model = mechanism.model
@@ -267,15 +274,13 @@ def actuator_on(model: Any, joint: int) -> int:
 
 def _typical_loads(model: Any) -> tuple[Array, Array]:
     """Largest torque of gravity and mean inertia (nv,) by degree of freedom, in random poses."""
-    rng, data = np.random.default_rng(0), mujoco.MjData(model)
+    rng = np.random.default_rng(0)
     weight, inertia = np.zeros(model.nv), np.zeros(model.nv)
     full = np.zeros((model.nv, model.nv))
     limited = model.jnt_limited.astype(bool) & (model.jnt_range[:, 1] > model.jnt_range[:, 0])
     low = np.where(limited, model.jnt_range[:, 0], -np.pi)
     high = np.where(limited, model.jnt_range[:, 1], np.pi)
-    for _ in range(POSES):
-        data.qpos[:] = rng.uniform(low, high)
-        mujoco.mj_forward(model, data)
+    for data in poses(model, rng.uniform(low, high, (POSES, model.nv)), mujoco.mj_forward):
         weight = np.maximum(weight, np.abs(data.qfrc_bias))
         mujoco.mj_fullM(model, data, full)
         inertia += np.diag(full) / POSES

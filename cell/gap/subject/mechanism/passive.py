@@ -80,11 +80,12 @@ class Torques:
                 law = chain_laws([self._laws[name] for name in sorted(names)])
                 self._callbacks[names] = _callback(law, *_offsets(model), self.slots)
             mujoco.set_mjcb_passive(self._callbacks[names].ctypes)
+            mujoco.set_mjcb_time(_zero().ctypes)  # MuJoCo reads the clock a dozen times a step
             try:
-                with without_clock():
-                    yield
+                yield
             finally:
                 mujoco.set_mjcb_passive(None)
+                mujoco.set_mjcb_time(None)
 
 
 def _callback(law: Any, user_at: int, qpos_at: int, qvel_at: int, passive_at: int,
@@ -101,16 +102,6 @@ def _callback(law: Any, user_at: int, qpos_at: int, qvel_at: int, passive_at: in
                 numba.carray(data[passive_at], (MOST_JOINTS,))[j] += torque
 
     return add
-
-
-@contextmanager
-def without_clock() -> Iterator[None]:
-    """Context in which a constant replaces the clock that MuJoCo reads a dozen times a step."""
-    mujoco.set_mjcb_time(_zero().ctypes)
-    try:
-        yield
-    finally:
-        mujoco.set_mjcb_time(None)
 
 
 @cache

@@ -25,6 +25,7 @@ from cell.gap.subject.mechanism.model import (
     check_joints,
     joints_of,
     number_of,
+    poses,
     scale_gain,
 )
 from cell.gap.subject.mechanism.model_source import compile_model, read_source
@@ -250,14 +251,10 @@ def _check_spacing(recording: Recording, path: Path, most: float) -> None:
 
 def _fastest_swing(model: Any) -> float:
     """Angular frequency [rad/s] of the fastest small swing of a chain that hangs at zero."""
-    data, mass = mujoco.MjData(model), np.zeros((model.nv, model.nv))
-    mujoco.mj_forward(model, data)
-    mujoco.mj_fullM(model, data, mass)
-    stiffness = []
-    for angles in SMALL * np.eye(model.nv):
-        data.qpos[:] = angles
-        mujoco.mj_forward(model, data)
-        stiffness.append(data.qfrc_bias / SMALL)
+    (rest,), mass = poses(model, [model.qpos0], mujoco.mj_forward), np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, rest, mass)
+    swung = poses(model, SMALL * np.eye(model.nv), mujoco.mj_forward)
+    stiffness = [data.qfrc_bias / SMALL for data in swung]
     return float(np.sqrt(np.linalg.eigvals(np.linalg.solve(mass, stiffness)).real.max()))
 
 

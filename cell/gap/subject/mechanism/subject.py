@@ -48,12 +48,11 @@ from drivers.errors import ConfigurationError
 from drivers.types import Array
 
 BLOCK = 0.4  # rad of the fastest signal in one sample
-# rms gap that is tolerated, of positions [rad, m] and rates; of torques a share of their spread,
-# for they follow from current or duty, with ripple and supply that no model states; assumed
-TOLERANCE = {"position": 1e-3, "velocity": 1e-2, "torque": 0.05, "tracking": 1e-4, "site": 1e-3,
-             "sensor": 0.0}  # fmt: skip
-KEYS = {"position": ("mrad", 1e3), "tracking": ("mrad", 1e3), "velocity": ("mrads", 1e3),
-        "torque": ("Nm", 1.0), "site": ("mm", 1e3), "sensor": ("si", 1.0)}  # fmt: skip
+# keys, factors, and tolerated rms gaps, of positions [rad, m] and rates; of torques a share of their
+# spread, for they follow from current or duty, with ripple and supply that no model states; assumed
+KINDS = {"position": ("mrad", 1e3, 1e-3), "velocity": ("mrads", 1e3, 1e-2),
+         "torque": ("Nm", 1.0, 0.05), "tracking": ("mrad", 1e3, 1e-4), "site": ("mm", 1e3, 1e-3),
+         "sensor": ("si", 1.0, 0.0)}  # fmt: skip
 UNITS = {"Nm": "N m", "mrads": "mrad/s"}  # of keys, which write them without space or slash
 # gears of which a side may be confused, and the factor within which their ratio is recognised
 GEARED, TWICE = 3.0, 2.0
@@ -160,14 +159,13 @@ class MechanismSubject(Subject):
             quantities={s.channel: self._quantity(s.channel, s.kind) for s in m.signals},
             terms=describing_terms(m),
             scatter=tuple(self._scatter.values()),
-            believed=m.mode.believed,
+            believed=m.mode.shapes,
         )
         return whole.withhold(without, [c.name for c in possible])
 
     def _quantity(self, channel: str, kind: str) -> Quantity:
         """Display of a channel's residuals; torques have a tolerance by their spread."""
-        key, factor = KEYS[kind]
-        tolerance = TOLERANCE[kind]
+        key, factor, tolerance = KINDS[kind]
         if kind == "torque":
             spread = [np.nanstd(r.columns[channel]) for r in self.mechanism.recordings]
             tolerance *= float(np.sqrt(np.mean(np.square(spread))))

@@ -58,7 +58,7 @@ def test_accepted_mjcf_in_plain_mujoco_moves_as_the_accepted_model(tmp_path: Pat
     arm, file, _ = opened(tmp_path / "arm")
     written(arm, tmp_path / "out", file)
     accept(tmp_path / "out", file)
-    run, m = arm.runs[1], arm.mechanism
+    run, step = arm.runs[1], arm.mechanism.file.step
     values = {n: np.array(list(v.values())) for n, v in NAMED.items()}
     values["saturation"] = 1.0 / values["saturation"]
     own = np.array([p.start for p in run.local])
@@ -70,14 +70,14 @@ def test_accepted_mjcf_in_plain_mujoco_moves_as_the_accepted_model(tmp_path: Pat
     data = mujoco.MjData(plain)
     data.qpos[:], data.qvel[:] = case.start
     t, at = case.content.cut.t, 0.0
-    control = case.content.commands.at_steps(m.file.step, 600, 0.0)
+    control = case.content.commands.at_steps(step, 600, 0.0)
     rows = [np.array(data.qpos)]
     for u in control:
         data.ctrl[:] = u
         mujoco.mj_step(plain, data)
         rows.append(np.array(data.qpos))
-    on_grid = np.isclose(t / m.step, np.round(t / m.step), atol=1e-6) & (t > at)
-    k = np.round(t[on_grid] / m.step).astype(int)
+    on_grid = np.isclose(t / step, np.round(t / step), atol=1e-6) & (t > at)
+    k = np.round(t[on_grid] / step).astype(int)
     assert on_grid.sum() > 20
     assert np.abs(np.array(rows)[k].T - predicted[:2, on_grid]).max() < 1e-6
     assert np.abs(np.array(rows)[k]).max() > 0.1
