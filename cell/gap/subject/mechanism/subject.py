@@ -48,7 +48,7 @@ from drivers.errors import ConfigurationError
 from drivers.types import Array
 
 BLOCK = 0.4  # rad of the fastest signal in one sample
-# keys, factors, and tolerated rms gaps, of positions [rad, m] and rates; of torques a share of their
+# key, factor, and tolerated rms gap, of positions [rad, m] and rates; of torques a share of their
 # spread, for they follow from current or duty, with ripple and supply that no model states; assumed
 KINDS = {"position": ("mrad", 1e3, 1e-3), "velocity": ("mrads", 1e3, 1e-2),
          "torque": ("Nm", 1.0, 0.05), "tracking": ("mrad", 1e3, 1e-4), "site": ("mm", 1e3, 1e-3),
