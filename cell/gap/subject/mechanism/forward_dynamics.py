@@ -13,7 +13,7 @@ import numpy as np
 from mujoco.batch import Batch, SimulationError
 from scipy.interpolate import CubicHermiteSpline
 
-from cell.gap.subject.mechanism.effect import Effect
+from cell.gap.subject.mechanism.effect import Effect, Readings
 from cell.gap.subject.mechanism.effects import laws, torques
 from cell.gap.subject.mechanism.model import PLANAR, Mechanism
 from cell.gap.subject.mechanism.model_source import compile_model
@@ -96,20 +96,21 @@ class SplitModel:
             flex.axis, flex.pos = joint.axis, joint.pos
             flex.limited = mujoco.mjtLimited.mjLIMITED_FALSE
 
-    def model(self, case: Case, *, rigid: bool) -> Any:
-        """MuJoCo model of a case with split joints, or a `rigid` twin with the same integrator."""
-        edited = case.edited(self._mechanism.model)
-        if rigid:
-            edited.opt.integrator = self._model.opt.integrator
-            mujoco.mj_setConst(edited, mujoco.MjData(edited))
-            return edited
+    def rigid(self, edited: Any) -> Any:
+        """Copy of the model `edited` of a case with the integrator of split joints."""
+        found = copy.copy(edited)
+        found.opt.integrator = self._model.opt.integrator
+        return found
+
+    def soft(self, edited: Any, readings: Readings) -> Any:
+        """Copy of the model `edited` of a case with split joints."""
         found = copy.copy(self._model)
         found.opt.gravity[:], found.opt.density = edited.opt.gravity, edited.opt.density
         for name in (*BODY, *ACTUATOR):
             getattr(found, name)[:] = getattr(edited, name)
         for name in DOF:
             getattr(found, name)[self.motor] = getattr(edited, name)
-        self._set_gears(found, edited, case)
+        self._set_gears(found, edited, readings)
         mujoco.mj_setConst(found, mujoco.MjData(found))
         return found
 
@@ -120,14 +121,13 @@ class SplitModel:
         found.dof_armature[self.motor] = motors
         return links, motors
 
-    def _set_gears(self, found: Any, edited: Any, case: Case) -> None:
+    def _set_gears(self, found: Any, edited: Any, readings: Readings) -> None:
         """Set the gears of the split model `found`: stiffness [N m/rad], play [rad] and damping.
 
-        `edited` is the same case without flexible joints. Springs and parameters of compiled torque
-        laws are copied from it.
+        Springs and parameters of compiled torque laws are those of `edited`, which has no gears.
         """
         links, motors = self._inertias(found)
-        compliance, gap = np.maximum(case.readings.elastic, LEAST_COMPLIANCE), case.readings.gap
+        compliance, gap = np.maximum(readings.elastic, LEAST_COMPLIANCE), readings.gap
         stiffness = np.minimum(1.0 / compliance, STIFFEST * links)
         found.jnt_stiffness[self.motor] = edited.jnt_stiffness
         found.qpos_spring[self.motor] = edited.qpos_spring
@@ -248,7 +248,7 @@ class ForwardDynamics(MechanismSubject):
             mujoco.mj_setConst(model, self._data)
         states = self._roll_out(models, cases, control)
         if any(_has_soft_gears(c) for c in cases):
-            self._add_soft_gears(cases, control, states)
+            self._add_soft_gears(cases, models, control, states)
         return states, control, models
 
     def _control(self, case: Case, steps: int) -> Array:
@@ -281,19 +281,18 @@ class ForwardDynamics(MechanismSubject):
         states[batch.warning.reshape(len(cases), -1).any(axis=1)] = np.inf
         return states[:, self._settle :]
 
-    def _add_soft_gears(self, cases: Sequence[Case], control: Array, states: Array) -> None:
+    def _add_soft_gears(self, cases: Sequence[Case], models: Sequence[Any], control: Array,
+                        states: Array) -> None:  # fmt: skip
         """Add the deviation by elasticity or play to `states`: split model less rigid twin."""
         rows = [i for i, c in enumerate(cases) if _has_soft_gears(c)]
         some, u = [cases[i] for i in rows], control[rows]
         if self._split_model is None:
             split = PivotModel if self.mechanism.mode is PLANAR else SplitModel
             self._split_model = split(self.mechanism, self.name)
-        found = []
-        for rigid, embed in ((False, self._split_model.motor), (True, None)):
-            models = [self._split_model.model(case, rigid=rigid) for case in some]
-            found.append(self._roll_out(models, some, u, embed))
-        soft, rigid_twin = found
-        states[rows] += soft - rigid_twin
+        soft = [self._split_model.soft(models[i], cases[i].readings) for i in rows]
+        rigid = [self._split_model.rigid(models[i]) for i in rows]
+        moved = self._roll_out(soft, some, u, self._split_model.motor)
+        states[rows] += moved - self._roll_out(rigid, some, u)
 
     def _read(self, case: Case, t: Array, q: Array, v: Array, control: Array, model: Any) -> Array:
         """Sensor readings (signals, k) at times t (k,) [s], from the states q, v (joints, k)."""

@@ -33,8 +33,6 @@ from drivers.geometry import interpolate_columns
 from drivers.jit import entry
 from drivers.types import Array
 
-LIMITED = "moments at the limits of joints and tendons are left out"
-DELAYED = "filters and delays of motors are left out: torques are as read"
 KEPT = 2048  # inverse dynamics that are cached
 NEAR = 0.005  # of a range, within which a joint is at its limit
 CHECK_EVERY = 50  # readings in one of which the closure of loops is checked
@@ -76,9 +74,9 @@ class InverseDynamics(MechanismSubject):
         """Notes on torques that inverse dynamics leaves out, and on open kinematic loops."""
         model = self.mechanism.model
         if np.any(model.jnt_limited) or np.any(model.tendon_limited):
-            yield LIMITED
+            yield "moments at the limits of joints and tendons are left out"
         if np.any(model.actuator_delay > 0.0) or np.any(model.actuator_dyntype > 0):
-            yield DELAYED
+            yield "filters and delays of motors are left out: torques are as read"
         gap = 0.0
         if self._loop is not None and len(given) == model.nv:
             for r in self.mechanism.recordings:

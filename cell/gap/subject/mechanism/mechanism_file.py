@@ -9,8 +9,10 @@ from drivers.strip.file import Provenance
 
 Positive = Annotated[float, Field(gt=0)]
 BodyField = Literal["mass", "com", "length", "inertia", "damping", "armature", "stiffness", "gain"]
-OWNERS = {"mass": "body", "com": "body", "length": "body", "inertia": "body", "damping": "joint",
-          "armature": "joint", "stiffness": "joint", "gain": "actuator"}  # fmt: skip
+FIELDS = {"mass": ("body", "kg"), "com": ("body", "m"), "length": ("body", "m"),
+          "inertia": ("body", "kg m^2"), "damping": ("joint", "N m s"),
+          "armature": ("joint", "kg m^2"), "stiffness": ("joint", "N m/rad"),
+          "gain": ("actuator", "1")}  # fmt: skip
 # by mode: a kind of signal, an input or a key that a file must have or must not, and why
 RULES = {
     "prescribed": ((True, "torque", "mode prescribed compares torques; no signal is: torque"),
@@ -88,7 +90,7 @@ class UncertainSpec(Settings):
     @model_validator(mode="after")
     def _owner(self) -> Self:
         """Refuse an owner that does not have the field."""
-        owner = OWNERS[self.field]
+        owner, _ = FIELDS[self.field]
         if [k for k in ("body", "joint", "actuator") if getattr(self, k) is not None] != [owner]:
             raise ValueError(f"field {self.field} belongs to a {owner}: name it, and nothing else")
         if self.axis is not None and self.field != "com":

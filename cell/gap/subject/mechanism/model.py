@@ -1,6 +1,6 @@
 """Compiled model of a mechanism: its joints with typical sizes, and its editable fields."""
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, Self
@@ -11,6 +11,7 @@ import numpy as np
 from cell.gap.subject.mechanism.mechanism_file import MechanismFile
 from cell.gap.subject.mechanism.model_source import Source
 from cell.gap.subject.mechanism.recordings import Recording, Signal
+from cell.gap.subject.subject import ScatterSource
 from drivers.errors import ConfigurationError
 from drivers.strip.effects.effect import Parameter
 from drivers.types import Array
@@ -25,19 +26,19 @@ SMOOTHED = 0.02  # of a joint's typical rate: the same along measured motion
 
 @dataclass(frozen=True, slots=True)
 class Mode:
-    """Mode of prediction, such as forward or inverse: its compared signals and possible effects.
+    """Mode of prediction, such as forward or inverse: what it predicts, and possible effects.
 
     In mode forward the model is integrated under the recorded commands, and so it is in mode
     planar, that of pendulums; in mode prescribed inverse dynamics gives torques along the measured
     motion. Of a mode:
 
-    - `compared` are the kinds of signals that it predicts; a file's other signals are not used.
     - `smoothing(rates)` are rates (joints,) [rad/s] within which dry friction changes sign
       gradually, for typical `rates` (joints,) of the joints.
     - `encoders(mechanism)` are the names of readings that an error of an encoder can falsify.
     - `splits(model)` is whether a gear may twist or have play between a motor and its link.
-    - `loads`: the torque that a gear bears is known, so that friction in proportion to it is an
-      amount to be found, and not a shape of the law.
+    - `loads`: torques and trackings alone are compared, a file's other signals are not used. The
+      torque that a gear bears is known, so that friction in proportion to it is an amount to be
+      found, and not a shape of the law.
     - `fields`: an effect is put into fields of the MuJoCo model where these can express it.
     - `shapes`: parameters that shape a law are fitted, too, and the file's spreads of the base are
       held against what fits.
@@ -47,7 +48,6 @@ class Mode:
     """
 
     name: str
-    compared: Collection[str]
     smoothing: Callable[[Array], Array]
     encoders: Callable[["Mechanism"], Sequence[str]]
     splits: Callable[[Any], bool]
@@ -61,7 +61,6 @@ class Mode:
 
 FORWARD = Mode(
     name="forward",
-    compared=("position", "velocity", "torque", "site", "sensor"),
     smoothing=lambda rates: 0.0 * rates + SMOOTH,
     encoders=lambda m: m.positions,
     splits=lambda model: bool(model.nu) and int(model.body_jntnum.max()) == 1,
@@ -69,7 +68,6 @@ FORWARD = Mode(
 )
 PRESCRIBED = Mode(
     name="prescribed",
-    compared=("torque", "tracking"),
     smoothing=lambda rates: SMOOTHED * rates,
     # biases of encoders would have to move whole loops
     encoders=lambda m: () if m.model.neq else [j.name for j in m.joints],
@@ -111,14 +109,12 @@ class Joint:
 class BaseParameter:
     """Base parameter of a fit, with the function `put` that sets its value in a model.
 
-    `field` and `owner` name it in the file; `by_run` is its spread from run to run, if any.
+    `scatter` is how it differs from run to run, if it does.
     """
 
     parameter: Parameter
     put: Callable[[Any, float], None]
-    field: str = ""
-    owner: str = ""
-    by_run: float | None = None
+    scatter: ScatterSource | None = None
 
 
 @dataclass(frozen=True, slots=True)

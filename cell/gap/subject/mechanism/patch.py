@@ -164,17 +164,15 @@ def _write_actuators(root: ET.Element, m: Mechanism, edited: Any) -> None:
 
 
 def _write_options(root: ET.Element, m: Mechanism, edited: Any) -> None:
-    """Write step and integrator, contacts that are off, and changed gravity and density."""
+    """Write step and integrator, gravity and density, and contacts that are off."""
     option = root.find("option")
     if option is None:
         option = ET.SubElement(root, "option")
     option.set("timestep", _text([m.file.step]))
     if m.model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4:
         option.set("integrator", "RK4")
-    if not np.array_equal(edited.opt.gravity, m.model.opt.gravity):
-        option.set("gravity", _text(edited.opt.gravity))
-    if edited.opt.density != m.model.opt.density:
-        option.set("density", _text([edited.opt.density]))
+    option.set("gravity", _text(edited.opt.gravity))
+    option.set("density", _text([edited.opt.density]))
     if m.model.npair == 0:
         flag = option.find("flag")
         flag = ET.SubElement(option, "flag") if flag is None else flag

@@ -10,7 +10,7 @@ import numpy as np
 
 from cell.gap.subject.mechanism.effects import check_effects, torques
 from cell.gap.subject.mechanism.mechanism_file import (
-    OWNERS,
+    FIELDS,
     MechanismFile,
     SignalSpec,
     UncertainSpec,
@@ -37,14 +37,13 @@ from cell.gap.subject.mechanism.recordings import (
     typical_frequency,
 )
 from cell.gap.subject.run_folders import RunFolder, check_indices
+from cell.gap.subject.subject import ScatterSource
 from cell.record.files import ANGLES, RUN
 from drivers.errors import ConfigurationError
 from drivers.settings import load
 from drivers.strip.effects.effect import Parameter
 from drivers.types import Array
 
-UNITS = {"mass": "kg", "com": "m", "length": "m", "inertia": "kg m^2", "damping": "N m s",
-         "armature": "kg m^2", "stiffness": "N m/rad", "gain": "1"}  # fmt: skip
 SPARSEST, SMALL = 0.8, 1e-4  # rad of the fastest swing between two readings; rad of a small one
 SMALLEST = 1e-9  # size of a number, in SI, to which a spread in percent refers at least
 # bounds of a number: times its start value, spreads above it; times the start if it cannot vanish
@@ -75,19 +74,16 @@ def base_of(mechanism: Mechanism) -> tuple[BaseParameter, ...]:
 def _expand(spec: UncertainSpec, mechanism: Mechanism, origin: str) -> Iterator[BaseParameter]:
     """Base parameters of one entry of `uncertain`, one or more for each owner that `*` matches."""
     model = mechanism.model
-    kind = OWNERS[spec.field]
-    names: Sequence[str]
+    kind, _ = FIELDS[spec.field]
+    numbers: Sequence[int] = range(model.njnt if kind == "joint" else model.nu)
     if spec.owner != "*":
-        names = [spec.owner]
-        number_of(model, kind, spec.owner, origin, kind)
+        numbers = [number_of(model, kind, spec.owner, origin, kind)]
     elif kind == "body":
-        names = [model.body(i).name for i in range(1, model.nbody) if model.body_mass[i] > 0.0]
-        if "" in names:
-            raise ConfigurationError(f"{origin}: body *: a body has no name; give each one")
-    else:
-        names = [j.name for j in mechanism.joints] if kind == "joint" else mechanism.actuators
-    for name in names:
-        number = getattr(model, kind)(name).id
+        numbers = [i for i in range(1, model.nbody) if model.body_mass[i] > 0.0]
+    for number in numbers:
+        name = getattr(model, kind)(number).name
+        if not name:
+            raise ConfigurationError(f"{origin}: {kind} *: a {kind} has no name; give each one")
         axes = spec.axis or _free_axes(model, number) if spec.field == "com" else ("",)
         for axis in axes:
             yield _base_parameter(spec, mechanism, number, name, axis)
@@ -116,9 +112,13 @@ def _base_parameter(
     if spec.field == "com":
         low, high = -np.inf, np.inf
     key = "_".join(filter(None, (spec.field, axis, name)))
-    parameter = Parameter(key, UNITS[spec.field], start, low, high, step=STEP * width, spread=width)
-    by_run = None if spec.by_run is None else _spread_width(spec.by_run, size)
-    return BaseParameter(parameter, put, spec.field, name, by_run)
+    (_, unit), step = FIELDS[spec.field], STEP * width
+    parameter, scatter = Parameter(key, unit, start, low, high, step=step, spread=width), None
+    if by_run := _spread_width(spec.by_run or 0.0, size):
+        what = f"{spec.field} of {name}"
+        scatter = ScatterSource(f"{key}_run", what, f"keep the {what} steady", unit, by_run, step,
+                                common=True)  # fmt: skip
+    return BaseParameter(parameter, put, scatter)
 
 
 def _spread_width(spread: float | str, size: float) -> float:
@@ -203,9 +203,9 @@ def open_file(path: Path) -> Mechanism:
     for name, is_ in file.inputs.items():
         kind = "joint" if is_ == "position" else "actuator"
         number_of(model, kind, name, str(path), f"inputs.{name}")
-    torques_first = sorted(signals, key=lambda s: s.kind == "tracking")
-    compared = tuple(s for s in torques_first if s.kind in mode.compared)
-    return Mechanism(file, path, source, model, compared)
+    if mode.loads:
+        signals = [s for kind in ("torque", "tracking") for s in signals if s.kind == kind]
+    return Mechanism(file, path, source, model, tuple(signals))
 
 
 def open_all(path: Path, folders: Sequence[RunFolder]) -> Mechanism:
@@ -412,7 +412,7 @@ def start_of(mechanism: Mechanism, recording: Recording) -> tuple[Array, Array]:
     return q, v
 
 
-def initial_state(mechanism: Mechanism, start: tuple[Array, Array]) -> tuple[Parameter, ...]:
+def initial_state(mechanism: Mechanism, start: Sequence[Array]) -> tuple[Parameter, ...]:
     """Unknown start positions and rates (joints,) about `start`; none where the file fixes them."""
     spec, pace = mechanism.file.start, mechanism.pace
     if spec.spread == 0.0 or spec.settle:

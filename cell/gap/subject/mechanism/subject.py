@@ -36,7 +36,6 @@ from cell.gap.subject.subject import (
     Request,
     Residuals,
     Run,
-    ScatterSource,
     Scene,
     Scope,
     Subject,
@@ -63,14 +62,14 @@ TINY = 1e-30  # against division by zero
 class Content:
     """Readings of a run, and inputs of its prediction: `load`, `motion` or `commands`.
 
-    `start` are positions and rates (joints,) where the run states them.
+    `start` are positions and rates (joints,) where the run is simulated from them.
     """
 
     cut: Cut
     load: Load | None = None
     motion: Any = None
     commands: Any = None
-    start: tuple[Array, Array] | None = None
+    start: tuple[Array, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +85,7 @@ class Case:
     edit: Callable[[Any], None]
     readings: Readings
     paths: Sequence[tuple[Effect, Array]]
-    start: tuple[Array, Array]
+    start: tuple[Array, ...]
     motion: Hashable
 
     def edited(self, model: Any) -> Any:
@@ -105,11 +104,7 @@ class MechanismSubject(Subject):
     def __init__(self, mechanism: Mechanism, jobs: int = 1, without: Sequence[str] = ()) -> None:
         self.mechanism, self.name, self._jobs = mechanism, mechanism.file.name, jobs
         self._check_honoured()
-        self._scatter = {i: ScatterSource(
-            f"{b.parameter.name}_run", f"{b.field} of {b.owner}",
-            f"keep the {b.field} of {b.owner} steady", b.parameter.unit, b.by_run,
-            b.parameter.step, common=True) for i, b in enumerate(mechanism.base) if b.by_run
-        }  # fmt: skip
+        self._scatter = {i: b.scatter for i, b in enumerate(mechanism.base) if b.scatter}
         self.scope = self._scope_without(without)
 
     def _check_honoured(self) -> None:
@@ -178,7 +173,7 @@ class MechanismSubject(Subject):
         content = self._content(recording, cut, width)
         if recording.sigma is not None:
             signals = tuple(replace(s, sigma=recording.sigma) for s in signals)
-        local = () if content.start is None else initial_state(self.mechanism, content.start)
+        local = initial_state(self.mechanism, content.start) if content.start else ()
         local += tuple(source.parameter for source in self._scatter.values())
         known = samples(signals, content.cut, self._phases(content))
         return Run(recording.name, recording.condition, known, local, content,
@@ -196,7 +191,8 @@ class MechanismSubject(Subject):
 
     def _case(self, request: Request) -> Case:
         """Prediction that a request asks for, with its values in the model's units."""
-        content, count = content_of(request.run), len(self.mechanism.base)
+        m = self.mechanism
+        content, count, n = content_of(request.run), len(m.base), len(m.joints)
         names = [p.name for p in self.scope.base[count:]]
         effects = {**group_by_effect(names, request.base[count:]), **request.effects}
         known = [(effect_of(name), values) for name, values in effects.items()]
@@ -204,44 +200,31 @@ class MechanismSubject(Subject):
         base = np.array(request.base[:count])
         for i, source in self._scatter.items():  # a fit leaves some of them out
             base[i] += unknowns.get(source.name, 0.0)
-        start = self._start(request, unknowns)
+        start = content.start
+        if f"angle_{m.joints[0].name}" in unknowns:  # then `initial_state` made the first unknowns
+            start = request.local[:n], request.local[n : 2 * n]
         paths = [(effect, values) for effect, values in known if effect.path is not None]
         edit = partial(self._edit, content.load, base, known)
         moving = [(e.name, v.tobytes()) for e, v in known if self.moves(e) and v.any()]
         motion = (request.run.name, *moving, *(x.tobytes() for x in (base, *start)))
         return Case(content, edit, readings_of(known), paths, start, motion)
 
-    def _start(self, request: Request, unknowns: Mapping[str, float]) -> tuple[Array, Array]:
-        """Start positions and rates (joints,): unknowns of the run, as measured, or zeros."""
-        joints, start = self.mechanism.joints, content_of(request.run).start
-        n = len(joints)
-        if start is None:
-            return np.zeros(n), np.zeros(n)
-        if f"angle_{joints[0].name}" in unknowns:  # then `initial_state` made the first unknowns
-            return request.local[:n], request.local[n : 2 * n]
-        return start
-
     def _edit(self, load: Load | None, base: Array,
               effects: Sequence[tuple[Effect, Array]], edited: Any) -> None:  # fmt: skip
-        """Write base (k,), load of the run and effects into the fields of the model `edited`."""
-        for b, value in zip(self.mechanism.base, base, strict=True):
+        """Write base (k,), load of the run and effects into a model `edited`: fields or laws."""
+        m = self.mechanism
+        for b, value in zip(m.base, base, strict=True):
             b.put(edited, float(value))
         if load is not None:
-            body = self.mechanism.model.body(load.body).id
-            add_point(edited, body, load.mass, np.array(load.com))
+            add_point(edited, m.model.body(load.body).id, load.mass, np.array(load.com))
         for effect, values in effects:
-            self._apply_effect(effect, values, edited)
-
-    def _apply_effect(self, effect: Effect, values: Array, edited: Any) -> None:
-        """Write an effect with `values` (k,) into the fields of a model, or into its laws."""
-        if not values.any():
-            return
-        m = self.mechanism
-        if effect.edit is not None and (effect.law is None or effect.by_fields(m)):
-            effect.edit(m, values, edited)
-        elif effect.law is not None:
-            at, table = torques().at[effect.name], effect.table(m, values)
-            edited.jnt_user[: table.shape[1], at : at + len(table)] = table.T
+            if not values.any():
+                continue
+            if effect.law is not None and not effect.by_fields(m):
+                at, table = torques().at[effect.name], effect.table(m, values)
+                edited.jnt_user[:, at : at + len(table)] = table.T
+            elif effect.edit is not None:
+                effect.edit(m, values, edited)
 
     def draw_measured(self, run: Run) -> Scene:
         """Drawing of the measured signals of `run`."""
