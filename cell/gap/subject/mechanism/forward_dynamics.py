@@ -59,14 +59,14 @@ class Commands:
         return np.asarray(np.diff(total, axis=0) / step)
 
 
-def commands_of(recording: Recording, inputs: Sequence[str], actuators: Sequence[str],
-                hold: float | None) -> Commands:  # fmt: skip
-    """Commands of `actuators` in a recording, on a grid of `hold` [s] if a controller held them."""
+def commands_of(mechanism: Mechanism, recording: Recording) -> Commands:
+    """Commands of actuators in a recording, on a grid if a controller held them."""
+    model, hold = mechanism.model, mechanism.file.hold
     t = recording.t if hold is None else np.arange(0.0, recording.t[-1] + hold, hold)
     row = np.clip(np.searchsorted(recording.t, t + TIME_ROUNDING, side="right") - 1, 0, None)
-    u = np.zeros((len(t), len(actuators)))
-    for i, name in enumerate(actuators):
-        if name in inputs:
+    u = np.zeros((len(t), model.nu))
+    for i in range(model.nu):
+        if (name := model.actuator(i).name) in mechanism.file.inputs:
             column = recording.columns[name]
             known = np.isfinite(column)
             u[:, i] = np.interp(recording.t, recording.t[known], column[known])[row]
@@ -205,10 +205,9 @@ class ForwardDynamics(MechanismSubject):
 
     def _content(self, recording: Recording, cut: Cut, width: float) -> Content:  # noqa: ARG002
         """Content of a run that is simulated forward: its commands, and its start."""
-        file = self.mechanism.file
-        commands = commands_of(recording, tuple(file.inputs), self.mechanism.actuators, file.hold)
-        return Content(cut, recording.load, commands=commands,
-                       start=start_of(self.mechanism, recording))  # fmt: skip
+        m = self.mechanism
+        commands, start = commands_of(m, recording), start_of(m, recording)
+        return Content(cut, recording.load, commands=commands, start=start)
 
     def predict(self, cases: Sequence[Case]) -> list[Array | None]:
         """Signals (signals, k) of each simulated case; None where its simulation diverges."""
@@ -247,8 +246,11 @@ class ForwardDynamics(MechanismSubject):
         for model in models:
             mujoco.mj_setConst(model, self._data)
         states = self._roll_out(models, cases, control)
-        if any(_has_soft_gears(c) for c in cases):
-            self._add_soft_gears(cases, models, control, states)
+        soft = [np.any(c.readings.elastic) or np.any(c.readings.gap) for c in cases]
+        if any(soft):
+            rows = np.flatnonzero(soft).tolist()
+            some, of_them = [cases[i] for i in rows], [models[i] for i in rows]
+            states[rows] += self._by_gears(of_them, some, control[rows])
         return states, control, models
 
     def _control(self, case: Case, steps: int) -> Array:
@@ -259,40 +261,37 @@ class ForwardDynamics(MechanismSubject):
         return np.concatenate([np.repeat(found[:1], self._settle, axis=0), found])
 
     def _roll_out(
-        self, models: Sequence[Any], cases: Sequence[Case], control: Array,
-        embed: Array | None = None,
+        self, models: Sequence[Any], cases: Sequence[Case], control: Array, into: Any = slice(None),
     ) -> Array:  # fmt: skip
-        """Simulated states (n, steps + 1, 2, joints) of n cases: positions and rates of joints."""
+        """Simulated states (n, steps + 1, 2, joints) of n cases: positions and rates of joints.
+
+        Those of the mechanism's joints go `into` degrees of freedom of the models.
+        """
         batch = Batch(models[0], len(models), self._jobs)
         batch.set_models(models)
-        q = np.array([c.start[0] for c in cases])
-        v = np.array([c.start[1] for c in cases])
-        into = np.arange(q.shape[1]) if embed is None else embed
-        batch.bind("qpos")[:, into], batch.bind("qvel")[:, into] = q, v
+        start = np.array([c.start for c in cases])
+        batch.bind("qpos")[:, into], batch.bind("qvel")[:, into] = start.swapaxes(0, 1)
         with torques().install(self._laws, models[0]):
             try:
                 out = batch.rollout(control.shape[1], control, record=("qpos", "qvel"))
             except SimulationError:
-                return np.full(
-                    (len(cases), control.shape[1] - self._settle + 1, 2, q.shape[1]), np.inf
-                )
+                steps = control.shape[1] - self._settle + 1
+                return np.full((len(cases), steps, *start.shape[1:]), np.inf)
         states = np.stack([out["qpos"][..., into], out["qvel"][..., into]], axis=2)
-        states = np.concatenate([np.stack([q, v], axis=1)[:, None], states], axis=1)
+        states = np.concatenate([start[:, None], states], axis=1)
         states[batch.warning.reshape(len(cases), -1).any(axis=1)] = np.inf
         return states[:, self._settle :]
 
-    def _add_soft_gears(self, cases: Sequence[Case], models: Sequence[Any], control: Array,
-                        states: Array) -> None:  # fmt: skip
-        """Add the deviation by elasticity or play to `states`: split model less rigid twin."""
-        rows = [i for i, c in enumerate(cases) if _has_soft_gears(c)]
-        some, u = [cases[i] for i in rows], control[rows]
+    def _by_gears(self, models: Sequence[Any], cases: Sequence[Case], control: Array) -> Array:
+        """Deviation of the states of n cases by elasticity or play: split less rigid models."""
         if self._split_model is None:
             split = PivotModel if self.mechanism.mode is PLANAR else SplitModel
             self._split_model = split(self.mechanism, self.name)
-        soft = [self._split_model.soft(models[i], cases[i].readings) for i in rows]
-        rigid = [self._split_model.rigid(models[i]) for i in rows]
-        moved = self._roll_out(soft, some, u, self._split_model.motor)
-        states[rows] += moved - self._roll_out(rigid, some, u)
+        pairs = zip(models, cases, strict=True)
+        soft = [self._split_model.soft(model, case.readings) for model, case in pairs]
+        rigid = [self._split_model.rigid(model) for model in models]
+        moved = self._roll_out(soft, cases, control, self._split_model.motor)
+        return moved - self._roll_out(rigid, cases, control)
 
     def _read(self, case: Case, t: Array, q: Array, v: Array, control: Array, model: Any) -> Array:
         """Sensor readings (signals, k) at times t (k,) [s], from the states q, v (joints, k)."""
@@ -335,8 +334,3 @@ class ForwardDynamics(MechanismSubject):
             mujoco.mj_forward(model, data)
             rows.append(np.concatenate([data.site_xpos.ravel(), data.sensordata]))
         return np.array(rows).T
-
-
-def _has_soft_gears(case: Case) -> bool:
-    """Whether a case has elasticity or play between motors and links."""
-    return bool(np.any(case.readings.elastic) or np.any(case.readings.gap))

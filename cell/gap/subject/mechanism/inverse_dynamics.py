@@ -3,7 +3,7 @@
 import copy
 from collections.abc import Hashable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -168,14 +168,13 @@ class InverseDynamics(MechanismSubject):
     def _encoder_error(self, motion: Motion, t: Array) -> Array:
         """Standard deviation (torques, k) of predictions at times t (k,) [s] by encoder noise."""
         model, q, v, a = self._model, motion.q, motion.v, motion.a
-        sensors = TorqueSensors(self.mechanism, model, motion.forces)
         plain = _inverse_dynamics(model, q, v, a)
         squares = np.zeros((len(self.mechanism.torques), len(q)))
         for k, (rate, acceleration) in enumerate(motion.shake.T):  # encoder by encoder
             moved = motion.moves[:, :, k]
             for dv, da in ((rate * moved, 0.0), (0.0, acceleration * moved)):
                 change = _inverse_dynamics(model, q, v + dv, a + da) - plain
-                squares += sensors.readings(change) ** 2
+                squares += self._readings(model, motion.forces, change) ** 2
         return np.array([np.interp(t, motion.t, row) for row in np.sqrt(squares)])
 
     def _signals(self, case: Case) -> Array:
@@ -204,26 +203,26 @@ class InverseDynamics(MechanismSubject):
 
         Those of the motors' own motion differ from them where links resonate on their gears.
         """
-        loads, sensors = inverse.copy(), TorqueSensors(self.mechanism, model, motion.forces)
+        loads = inverse.copy()
         for sensor, reading in zip(self.mechanism.torques, motion.torques, strict=False):
-            loads[:, sensor.joint] = sensors.torque_per_reading(sensor) * reading
+            loads[:, sensor.joint] = self._torque_per_reading(model, sensor) * reading
         return loads
 
     def _torques(self, model: Any, case: Case, q: Array, v: Array, inverse: Array) -> Array:
         """Torque readings (torques, m): `inverse` dynamics (m, joints) less torques of effects."""
         motion: Motion = case.content.motion
-        sensors = TorqueSensors(self.mechanism, model, motion.late_forces(case.readings.delay))
+        forces = motion.late_forces(case.readings.delay)
         user = np.array(model.jnt_user)
         user[:, torques().at[DRY_FRICTION.name]] += model.dof_frictionloss
         applied = torques().along(q, v, inverse, user)
         for effect, values in case.paths:
             if effect.path is not None:
                 applied = applied + effect.path(self.mechanism, values, motion.t, q, v)
-        self._stick(applied, sensors, motion.torques, q, v, inverse, user)
-        return sensors.readings(inverse - applied)
+        self._stick(applied, model, forces, motion.torques, q, v, inverse, user)
+        return self._readings(model, forces, inverse - applied)
 
-    def _stick(self, applied: Array, sensors: "TorqueSensors", measured: Array, q: Array, v: Array,
-               inverse: Array, user: Array) -> None:  # fmt: skip
+    def _stick(self, applied: Array, model: Any, forces: Array | None, measured: Array, q: Array,
+               v: Array, inverse: Array, user: Array) -> None:  # fmt: skip
         """Blend the torques `applied` (m, joints) into static friction where a joint stands.
 
         There it balances whatever the motor gives, by its readings `measured` (signals, m), up to a
@@ -239,10 +238,31 @@ class InverseDynamics(MechanismSubject):
                 continue
             sliding = dry_law(q[:, j], rate, inverse[:, j], p, at)
             limit = dry_limit(q[:, j], rate, inverse[:, j], p, at)
-            required = sensors.joint_torque(sensor, inverse - applied)
-            given = sensors.torque_per_reading(sensor) * reading
+            required = self._joint_torque(forces, sensor, inverse - applied)
+            given = self._torque_per_reading(model, sensor) * reading
             static = np.clip(required + sliding - given, -limit, limit)
             applied[:, j] += standing * (static - sliding)
+
+    def _torque_per_reading(self, model: Any, sensor: Signal) -> float:
+        """Torque [N m] at its joint per unit of the reading of `sensor`, by gains of `model`."""
+        gain, stated = (m.actuator_gainprm[sensor.actuator, 0] for m in (model, self._model))
+        return float(sensor.gear * (gain / stated))
+
+    def _joint_torque(self, forces: Array | None, sensor: Signal, required: Array) -> Array:
+        """Motor torque (m,) [N m] at the joint of `sensor` for `required` (m, joints).
+
+        `forces` are those of `Motion`, of actuators along closed loops; None without loops.
+        """
+        if forces is None:
+            return np.asarray(required[:, sensor.joint])
+        gear = float(self._model.actuator_gear[sensor.actuator, 0])
+        return np.asarray(gear * np.einsum("mn,mn->m", forces[:, sensor.actuator], required))
+
+    def _readings(self, model: Any, forces: Array | None, required: Array) -> Array:
+        """Readings (torques, m) of all sensors where the torques `required` (m, joints) act."""
+        rows = [self._joint_torque(forces, s, required) / self._torque_per_reading(model, s)
+                for s in self.mechanism.torques]  # fmt: skip
+        return np.array(rows)
 
     def _tracking(self, motion: Motion, case: Case, deflection: Array) -> Array:
         """Measured minus commanded positions (trackings, m), by delay and `deflection` of gears."""
@@ -250,38 +270,6 @@ class InverseDynamics(MechanismSubject):
         commanded = motion.q + delay * motion.v + 0.5 * delay**2 * motion.a
         behind = interpolate_columns(motion.t + delay, motion.t, deflection)
         return np.asarray((motion.q - commanded - behind)[:, joints].T)
-
-
-@dataclass(frozen=True, slots=True)
-class TorqueSensors:
-    """Converts joint torques of a mechanism to readings of its torque sensors, and back.
-
-    Gains and gears are those of `model`. `forces` (m, actuators, joints) are forces of actuators
-    per torque of each independent joint along closed loops; None without loops.
-    """
-
-    mechanism: Mechanism
-    model: Any
-    forces: Array | None
-
-    def torque_per_reading(self, sensor: Signal) -> float:
-        """Torque [N m] at its joint per unit of the reading of `sensor`."""
-        number, base = sensor.actuator, self.mechanism.model
-        gain = self.model.actuator_gainprm[number, 0] / base.actuator_gainprm[number, 0]
-        return float(sensor.gear * gain)
-
-    def joint_torque(self, sensor: Signal, required: Array) -> Array:
-        """Motor torque (m,) [N m] at the joint of `sensor` for `required` (m, joints)."""
-        if self.forces is None:
-            return np.asarray(required[:, sensor.joint])
-        gear = float(self.model.actuator_gear[sensor.actuator, 0])
-        forces = self.forces[:, sensor.actuator]
-        return np.asarray(gear * np.einsum("mn,mn->m", forces, required))
-
-    def readings(self, required: Array) -> Array:
-        """Readings (torques, m) of all sensors where the torques `required` (m, joints) act."""
-        return np.array([self.joint_torque(s, required) / self.torque_per_reading(s)
-                         for s in self.mechanism.torques])  # fmt: skip
 
 
 def _inverse_dynamics(model: Any, q: Array, v: Array, a: Array) -> Array:

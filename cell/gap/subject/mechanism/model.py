@@ -156,11 +156,6 @@ class Mechanism:
         return tuple(s for s in self.signals if s.kind == "tracking")
 
     @property
-    def actuators(self) -> tuple[str, ...]:
-        """Names of the model's actuators."""
-        return tuple(self.model.actuator(i).name for i in range(self.model.nu))
-
-    @property
     def driven(self) -> Self:
         """Copy of the mechanism with only those joints that a motor drives."""
         return replace(self, joints=tuple(j for j in self.joints if j.actuator >= 0))

@@ -114,7 +114,7 @@ CONTROL_DELAY = Effect(
     of="rig",
     source="transport delay",
     parameters=lambda m: single_parameter("time", "s", 0.1 * m.file.step),
-    possible=lambda m: bool(m.trackings or (m.mode.fields and m.actuators)),
+    possible=lambda m: bool(m.trackings or (m.mode.fields and m.model.nu)),
     read="command",
     revealed_by="fast starts and stops",
 )
