@@ -125,10 +125,11 @@ def score(
 
 def accepted(case: Values, values: Values) -> Values:
     """Facts on the effects that a verdict on a mechanism accepted, as for confidence."""
-    hidden, false, suspected = case["hidden"], values["false"], values["suspected"] or None
-    return {"is_named": values["verdict"] == "named", "is_right": not false, "hidden": hidden,
-            "answer": [] if case["kind"] == "outside" or "wrong_geometry" in hidden else hidden,
-            "suspect_right": suspected and suspected == hidden, "signs": values["signs"],
+    right = names_that_are_right(case["kind"], case["hidden"])
+    false, suspected = values["false"], set(values["suspected"])
+    return {"is_named": values["verdict"] == "named", "is_right": not false,
+            "hidden": case["hidden"], "answer": [] if case["kind"] == "outside" else case["hidden"],
+            "suspect_right": suspected <= right if suspected else None, "signs": values["signs"],
             "result": "wrong_name" if false else "right_class", "strength": None,
             "without": case.get("without", []), "offered": False, "confidence": None,
             "base": [], "parameters": []}  # fmt: skip
