@@ -33,8 +33,7 @@ ROOT = Path(__file__).resolve().parents[1]
 FOLD = ("fold", "--strip", "denim", "--plant", "denim", "--seed", "21")
 MEASURED = ("ticks", "sights", "profile", "joints")
 MOMENTS = re.compile(r"\d{8}T\d{6}Z?(-[\w-]+?-[0-9a-f]{4})?|\d{4}-\d\d-\d\d[T ][\d:.+]+Z?")
-SPEEDS = re.compile(r"[\d.]+(&nbsp;| )ms|median [\d.]+, most [\d.]+|\d+(\.\d+)? s( of c|\. Held)"
-                    r"|age_days\s+[\d.]+")  # fmt: skip
+SPEEDS = re.compile(r"[\d.]+(&nbsp;| )ms|(median|most|age_days) +[\d.]+|\d+(\.\d+)? s( of c|\. H)")
 SIZES = re.compile(r"(?m) +[\d.]+$")  # MB of a run in a list
 PASSING = {"runtime", "simulations", "wall", "versions", "started", "age_days", "size"}
 Digests = Iterator[tuple[str, str]]

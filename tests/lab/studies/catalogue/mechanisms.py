@@ -126,13 +126,12 @@ def score(
 def accepted(case: Values, values: Values) -> Values:
     """Facts on the effects that a verdict on a mechanism accepted, as for confidence."""
     right = names_that_are_right(case["kind"], case["hidden"])
-    false, suspected = values["false"], set(values["suspected"])
-    return {"is_named": values["verdict"] == "named", "is_right": not false,
+    return {"is_named": values["verdict"] == "named", "is_right": not values["false"],
             "hidden": case["hidden"], "answer": [] if case["kind"] == "outside" else case["hidden"],
-            "suspect_right": suspected <= right if suspected else None, "signs": values["signs"],
-            "result": "wrong_name" if false else "right_class", "strength": None,
+            "suspect_right": (values["suspected"] or None) and right.issuperset(values["suspected"]),
+            "result": "wrong_name" if values["false"] else "right_class", "strength": None,
             "without": case.get("without", []), "offered": False, "confidence": None,
-            "base": [], "parameters": []}  # fmt: skip
+            "signs": values["signs"], "base": [], "parameters": []}  # fmt: skip
 
 
 def fail(case: Values) -> Values:

@@ -14,7 +14,6 @@ from drivers.strip.effects.effect import Parameter
 from drivers.types import Array
 
 ORDER = 6.0  # periods of a torque ripple in a turn, where nothing says otherwise
-LEAST_WAVES = 0.75  # of a ripple in a joint's travel: less of one passes for a spring or a tilt
 
 
 def _edit_constant(mechanism: Mechanism, values: Array, edited: Any) -> None:
@@ -29,9 +28,8 @@ def bias_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
 
 
 def _ripple_shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    """Order and phase [rad] of cogging in driven joints, with LEAST_WAVES in the travel or more."""
-    turns = [2.0 * np.pi * LEAST_WAVES / joint.travel for joint in mechanism.driven.joints]
-    least = np.clip(turns, 1.0, 100.0).tolist()
+    """Order and phase [rad] of cogging; less than 3/4 of a wave in the travel is like a spring."""
+    least = [float(np.clip(1.5 * np.pi / j.travel, 1.0, 100.0)) for j in mechanism.driven.joints]
     orders = [Parameter(f"order_{j.name}", "1", max(ORDER, low), low, 200.0, step=0.01,
                         spread=ORDER, role="shape")
               for j, low in zip(mechanism.driven.joints, least, strict=True)]  # fmt: skip
