@@ -125,10 +125,10 @@ def score(
 
 def accepted(case: Values, values: Values) -> Values:
     """Facts on the effects that a verdict on a mechanism accepted, as for confidence."""
-    right = names_that_are_right(case["kind"], case["hidden"])
+    right, suspected = names_that_are_right(case["kind"], case["hidden"]), values["suspected"]
     return {"is_named": values["verdict"] == "named", "is_right": not values["false"],
             "hidden": case["hidden"], "answer": [] if case["kind"] == "outside" else case["hidden"],
-            "suspect_right": (values["suspected"] or None) and right.issuperset(values["suspected"]),
+            "suspect_right": right.issuperset(suspected) if suspected else None,
             "result": "wrong_name" if values["false"] else "right_class", "strength": None,
             "without": case.get("without", []), "offered": False, "confidence": None,
             "signs": values["signs"], "base": [], "parameters": []}  # fmt: skip
