@@ -169,6 +169,12 @@ class Estimate:
             full[np.ix_(rows[i], unknowns.columns(i))] = jacobian
         return full
 
+    @property
+    def changes(self) -> Array:
+        """Whitened changes (P, N) of all runs by each shared value's distance from its start."""
+        moved = self.shared - np.array([p.start for p in self.model.parameters])
+        return np.transpose(self.stacked_jacobian[:, : len(moved)] * moved)
+
     def by_run(self, stacked: NDArray[Any]) -> list[NDArray[Any]]:
         """Split an array `stacked` (N, ...) of all samples into the rows (n, ...) of each run."""
         return np.split(stacked, np.cumsum([len(r) for r in self.residuals])[:-1])

@@ -28,10 +28,12 @@ from cell.gap.fitting.projection import projection
 from cell.gap.selection.likelihood import Fits, LikelihoodScale
 from cell.gap.selection.screening import ProbeResponses
 from drivers.settings import Seconds, StudyResult
+from drivers.strip.effects.effect import Parameter
 from drivers.types import Array
 
 LEAST_NORM = 1e-6  # of a whitened response; a smaller one is rounding
 EQUAL = 0.025  # relative difference (one sigma) of two displacements by one cause; set by hand
+CANCELLED = 0.05  # share (one sigma) that is left of two changes by one cause; set by hand
 
 
 class Beliefs(StudyResult):
@@ -92,8 +94,8 @@ def spike_responses(library: Mapping[str, Array]) -> list[Array]:
 class SetProbability:
     """A set of effects with its probability `p`, and its log evidence plus log prior, `nats`.
 
-    `shared` are its pairs of displacements, each with the log-odds [nats] that one cause outside
-    the library makes both, as a camera and a gripper seem displaced together where the desk is.
+    `shared` are its pairs of effects, each with the log-odds [nats] that one cause outside the
+    library makes both, as a camera and a gripper seem displaced together where the desk is.
     """
 
     names: frozenset[str]
@@ -152,26 +154,29 @@ def posterior(fits: Fits, likelihood: LikelihoodScale, prior: Beliefs | None = N
 
 
 def shared_causes(fit: Estimate, odds: float) -> tuple[tuple[frozenset[str], float], ...]:
-    """Pairs of displacements in `fit`, with the log-odds [nats] that one cause makes both.
+    """Pairs of effects in `fit`, with the log-odds [nats] that one other cause makes both.
 
     Runs show relative places alone: two things that are displaced by the same distance may be one
-    other thing that is. One cause is an effect less, of prior log-odds `odds`, and makes equal
-    distances; those of two effects differ by up to the larger one, whichever way.
+    other thing that is. And what two effects change hardly ever cancels: the little that is left
+    of both may be what one other changes. One cause is an effect less, of prior log-odds `odds`.
     """
     _, values = fit.model.split(fit.shared)
-    distances: dict[str, float] = {}
-    for effect in fit.model.effects:
-        amounts = [p.unit == "m" and p.is_amount for p in effect.parameters]
-        distance = float(np.linalg.norm((values[effect.name] - effect.null)[amounts]))
-        if distance > 0.0:
-            distances[effect.name] = distance
+    _, changes = fit.model.split(fit.changes)
     pairs = []
-    for two in itertools.combinations(distances, 2):
-        low, high = sorted(distances[name] for name in two)
-        differ = (1.0 - low / high) / EQUAL
-        density = -0.5 * differ**2 - math.log(EQUAL * math.sqrt(0.5 * math.pi))
-        pairs.append((frozenset(two), density - odds))
+    for two in itertools.combinations(fit.model.effects, 2):
+        low, high = sorted(_displacement(e.parameters, values[e.name] - e.null) for e in two)
+        parts = [changes[effect.name].sum(axis=0) for effect in two]
+        left = np.linalg.norm(sum(parts)) / max(sum(map(np.linalg.norm, parts)), LEAST_NORM)
+        for apart, within in ((1.0 - low / (high or 1.0), EQUAL), (float(left), CANCELLED)):
+            density = -0.5 * (apart / within) ** 2 - math.log(within * math.sqrt(0.5 * math.pi))
+            pairs.append((frozenset(e.name for e in two), density - odds))
     return tuple(pairs)
+
+
+def _displacement(parameters: Sequence[Parameter], amounts: Array) -> float:
+    """Distance [m] by which `amounts` (k,) of an effect's `parameters` displace something."""
+    lengths = [p.unit == "m" and p.is_amount for p in parameters]
+    return float(np.linalg.norm(amounts[lengths]))
 
 
 @dataclass(frozen=True, slots=True)

@@ -163,9 +163,7 @@ def doubtful_values(accepted: CrossValidatedFit, fits: Fits, subject: Subject) -
         return []
     groups: list[list[str]] = []
     refuted = _strained(accepted.estimate)
-    moved = accepted.estimate.shared - np.array([p.start for p in accepted.model.parameters])
-    responses = accepted.estimate.stacked_jacobian[:, : len(moved)] * moved
-    base, by_effect = accepted.model.split(responses.T)
+    base, by_effect = accepted.model.split(accepted.estimate.changes)
     strained = base[[p.name in refuted for p in accepted.model.base]].sum(axis=0)
     for name, rows in by_effect.items():
         if abs(_cosine(rows.sum(axis=0), strained)) > ALIKE:
@@ -196,7 +194,7 @@ def reasons(findings: Findings) -> list[str]:
         if p < LEAST:
             words.append(f"{effect.name} is right with probability {p:.2f} (named from {LEAST:g})")
     words += [
-        f"{' and '.join(sorted(two))} displace by equal distances, as one other thing may"
+        f"{' and '.join(sorted(two))} displace equally or cancel, as if one other thing did both"
         for sets in findings.posterior.models
         for two, nats in sets.shared
         if sets.names == fit.model.names and nats > 0.0

@@ -89,11 +89,13 @@ def test_twins_share_what_one_of_them_has() -> None:
     assert found.log_odds(lambda names: bool(names & {"bump", "twin"})) > 100.0
 
 
-@pytest.mark.parametrize(("camera", "sure"), [(0.0046, False), (-0.0047, False), (0.008, True)])
-def test_two_equal_displacements_may_be_one_of_something_else(camera: float, sure: bool) -> None:
+@pytest.mark.parametrize(("camera", "change", "sure"), [(0.0046, 1.0, False),
+    (-0.0047, 1.0, False), (0.008, 1.0, True), (0.008, -0.9, False)])  # fmt: skip
+def test_two_that_one_cause_may_make(camera: float, change: float, sure: bool) -> None:
     x = Parameter("x", "m", 0.0, -0.03, 0.03, step=1e-4)
     two = tuple(Candidate(name, "", "cell", (x,), ()) for name in ("camera", "tool"))
-    fit = SimpleNamespace(model=Model((), two), shared=np.array([camera, -0.0046]))
+    values, changes = np.array([camera, -0.0046]), np.array([[change], [1.0]])
+    fit = SimpleNamespace(model=Model((), two), shared=values, changes=changes)
     both = SetProbability(fit.model.names, 0.0, 1.0, shared_causes(fit, -3.0))
     tool = SetProbability(frozenset({"tool"}), -30.0, 0.0)
     log_odds = Posterior((both, tool)).log_odds(lambda names: "camera" in names)
