@@ -57,14 +57,16 @@ def rivals(accepted: CrossValidatedFit, fits: Fits, sets: Posterior) -> list[Cro
     """Models of as many effects as `accepted` that the runs do not exclude, most probable first.
 
     Excluded is what is less than ALPHA times as probable, even if the laws of the accepted model
-    were without their errors, and predicts runs left out worse by more than a standard error.
+    were without their errors, and clearly predicts runs left out worse: by MIN_GAIN, and by more
+    than a standard error. Priors alone exclude nothing.
     """
     least = np.log(ALPHA) - float(_model_error(accepted, fits, fits.likelihood).sum())
 
     def is_open(model: CrossValidatedFit) -> bool:
         lead = sets.lead(model.model.names) - sets.lead(accepted.model.names)
         by_run = gains(accepted, model, fits.likelihood)
-        return lead > least or bool(by_run.sum() < np.sqrt(len(by_run)) * by_run.std())
+        clear = max(MIN_GAIN, np.sqrt(len(by_run)) * by_run.std())
+        return lead > least or bool(by_run.sum() < clear)
 
     others = [m for m in fits.of_size(len(accepted.model.names)) if m is not accepted]
     return sorted(filter(is_open, others), key=lambda m: -sets.lead(m.model.names))
