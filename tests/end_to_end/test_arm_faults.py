@@ -38,8 +38,6 @@ OUTCOMES = {
     "robot: driver killed": ("arm_driver_lost",),
 }
 LONG = ("robot: user stop", "robot: silent 0.7 s", "robot: silent 1.5 s")
-
-
 STATES = ("PREFLIGHT", "GRASP", "LIFT", "FOLD", "LAY")  # in which the arm follows commands
 
 

@@ -20,8 +20,6 @@ def turned(by: float) -> Pose:
 
 LIMITS = MonitorLimits()
 RULES = Rules(LIMITS, Workspace())
-
-
 BROKEN = {
     "arm_pose_not_finite": replace(GOOD, arm=replace(ARM, pose=Pose(math.nan, 0.2, 0.0))),
     "arm_state_stale": replace(GOOD, arm=replace(ARM, stamp=9.9)),

@@ -36,8 +36,6 @@ from tests.lab.studies.catalogue.mechanisms import accepted
 from tests.lab.studies.study import Case, Outcome
 
 SIGNS = set(VerdictEvidence.model_fields)
-
-
 Ledgers = Annotated[list[Path], typer.Argument(exists=True, dir_okay=False)]
 Fresh = Annotated[list[Path] | None, typer.Option(exists=True, dir_okay=False)]
 
