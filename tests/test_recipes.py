@@ -93,7 +93,6 @@ EFFECT = Effect(
     name="magnet",
     sentence="a magnet holds a joint",
     of="model",
-    source="a dipole in a field",
     parameters=_parameters,
     keys=1,
     law=law,

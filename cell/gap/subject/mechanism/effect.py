@@ -11,7 +11,6 @@ from cell.gap.subject.subject import Candidate
 from drivers.strip.effects.effect import Parameter, Role
 from drivers.types import Array
 
-Of = Literal["model", "rig"]
 # relative errors of laws of friction, springs, gears and bases that sway, and of all others
 UNTRUE, EXACT = 0.2, 0.02
 SIZES_PER_SPREAD = 25.0  # typical sizes of a parameter in its prior spread
@@ -58,8 +57,7 @@ class Effect:
 
     name: str
     sentence: str
-    of: Of
-    source: str
+    of: Literal["model", "rig"]
     parameters: Parameters
     revealed_by: str
     shape: Parameters = lambda _: ()

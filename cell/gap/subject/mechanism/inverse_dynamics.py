@@ -287,15 +287,10 @@ def _play_deflection(torque: Array, gap: Array | float) -> Array:
     return np.asarray(0.5 * gap * np.tanh(torque / crossing))
 
 
-def _inverse_function() -> Any:
-    """MuJoCo's `mj_inverse` as a C function that compiled loops can call."""
-    folder = Path(mujoco.__file__).parent
-    library = next(p for p in sorted(folder.iterdir()) if p.name.startswith("libmujoco"))
-    llvmlite.binding.load_library_permanently(str(library))
-    return types.ExternalFunction("mj_inverse", types.void(types.uintp, types.uintp))
-
-
-_inverse = _inverse_function()
+# `mj_inverse` as a C function that compiled loops can call
+_LIBRARY = min(Path(mujoco.__file__).parent.glob("libmujoco*"))
+llvmlite.binding.load_library_permanently(str(_LIBRARY))
+_inverse = types.ExternalFunction("mj_inverse", types.void(types.uintp, types.uintp))
 
 
 @entry

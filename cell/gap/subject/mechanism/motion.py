@@ -36,7 +36,6 @@ class Motion:
     joints) are those of actuators by torque of the open joints.
     """
 
-    name: str
     t: Array
     q: Array
     v: Array
@@ -131,8 +130,8 @@ def motion_of(recording: Recording, joints: Sequence[str], torques: Sequence[str
     shake = np.outer(_noise_gain(dt, cutoff, width), noise)
     q, v, a = (frozen(x[::stride]) for x in _derivatives(grid, q))
     slow = frozen(_low_pass(measured, dt, wide)[:, ::stride])
-    return Motion(recording.name, frozen(grid[::stride]), q, v, a, slow, known[::stride],
-                  cutoff, frozen(shake), moves, forces)  # fmt: skip
+    return Motion(frozen(grid[::stride]), q, v, a, slow, known[::stride], cutoff, frozen(shake),
+                  moves, forces)  # fmt: skip
 
 
 def _low_pass(x: Array, dt: float, cutoff: float) -> Array:

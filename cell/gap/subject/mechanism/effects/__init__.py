@@ -48,7 +48,7 @@ def _term(name: str, sentence: str, law: Callable[..., Array],
           size: Callable[[Mechanism], Array],
           modes: Collection[str] = MODES) -> Effect:  # fmt: skip
     """Descriptive effect by a torque `law` of one parameter per joint, typically 0.01 `size`."""
-    return Effect(f"term_{name}", sentence, "model", "a description",
+    return Effect(f"term_{name}", sentence, "model",
                   lambda m: per_joint(m, "torque", "N m", 0.01 * size(m), signed=True), "",
                   keys=1, law=law, modes=modes)  # fmt: skip
 

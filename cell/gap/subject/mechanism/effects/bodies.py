@@ -1,4 +1,7 @@
-"""Effects on bodies: their place, mass and its centre, drag of the air, gravity when tilted."""
+"""Effects on bodies: their place, mass and its centre, drag of the air, gravity when tilted.
+
+Source of places: Mooring, Roth, Driels 1991, Fundamentals of Manipulator Calibration.
+"""
 
 from dataclasses import replace
 from typing import Any
@@ -61,6 +64,7 @@ def _edit_com(mechanism: Mechanism, values: Array, edited: Any) -> None:
 
 
 def _edit_drag(mechanism: Mechanism, values: Array, edited: Any) -> None:
+    """Make the air denser: it brakes ellipsoids of geoms, or boxes of equal inertia."""
     edited.opt.density += AIR * values[0]
 
 
@@ -74,10 +78,9 @@ def _lean(edited: Any, x: float, y: float) -> None:
 
 ARMATURE = Effect(
     name="armature",
-    sentence="drives have rotor inertia that the model lacks",
+    sentence="drives have rotor inertia that the model lacks",  # times the gear ratio squared
     of="model",
-    source="MJCF joint/armature: rotor inertia times the gear ratio squared",
-    parameters=lambda m: per_joint(m, "inertia", "kg m^2", 0.01 * m.inertia, signed=False),
+    parameters=lambda m: per_joint(m, "inertia", "kg m^2", 0.01 * m.inertia),
     edit=add_to("dof_armature"),
     revealed_by="fast starts and stops",
     error_of="armature",
@@ -86,7 +89,6 @@ PAYLOAD = Effect(
     name="payload",
     sentence="the last body carries a mass that the model lacks",
     of="model",
-    source="point mass at the farthest site or geom of the last body",
     # of what moves, for a flange may weigh next to nothing
     parameters=lambda m: single_parameter(
         "mass", "kg", 0.01 * max(m.model.body_mass[_moving_bodies(m)])
@@ -98,7 +100,6 @@ COM_ERROR = Effect(
     name="com_error",
     sentence="the last body's centre of mass is not where the model has it",
     of="model",
-    source="first moments of a rigid body",
     parameters=_com_parameters,
     edit=_edit_com,
     revealed_by="slow motion through many poses",
@@ -108,7 +109,6 @@ AIR_DRAG = Effect(
     name="air_drag",
     sentence="the air brakes the bodies with the square of their speed",
     of="model",
-    source="MuJoCo, fluid forces: ellipsoid model on geoms, or boxes of equal inertia",
     parameters=lambda m: single_parameter("coefficient", *m.mode.drag),
     edit=_edit_drag,
     modes=MODES,
@@ -118,7 +118,6 @@ BASE_TILT = Effect(
     name="base_tilt",
     sentence="the base stands tilted",
     of="rig",
-    source="rotation of gravity about x, then y",
     parameters=lambda _: tuple(
         p for axis in "xy" for p in single_parameter(axis, "rad", 0.002, signed=True, high=150.0)
     ),
@@ -129,7 +128,6 @@ FRAME_TILT = replace(
     BASE_TILT,
     name="frame_tilt",
     sentence="the frame stands tilted",
-    source="rotation of gravity in the plane of motion",
     parameters=lambda _: single_parameter("angle", "rad", 0.002, signed=True, high=100.0),
     edit=lambda _, values, edited: _lean(edited, 0.0, -float(values[0])),
     modes=(PLANAR.name,),
@@ -139,7 +137,6 @@ LINK_INERTIA = Effect(
     name="link_inertia",
     sentence="links are heavier or lighter than stated, with inertia in proportion",
     of="model",
-    source="mass of a part that CAD lacks: cables, screws, covers",
     parameters=lambda m: tuple(
         Parameter(f"error_{m.model.body(i).name or i}", "1", 0.0, -0.9, 20.0, step=1e-5, spread=1.0)
         for i in _moving_bodies(m)
@@ -152,7 +149,6 @@ LINK_GEOMETRY = Effect(
     name="link_geometry",
     sentence="joints lie elsewhere on their links than stated",
     of="model",
-    source="Mooring, Roth, Driels 1991, Fundamentals of Manipulator Calibration",
     parameters=_place_parameters,
     edit=_edit_places,
     possible=lambda m: not m.model.neq,  # maps along closed loops are those of stated places

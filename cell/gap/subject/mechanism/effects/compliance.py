@@ -1,4 +1,8 @@
-"""Effects of elastic parts: gears, cables, wires, pivots and the base."""
+"""Effects of elastic parts: gears, cables, wires, pivots and the base.
+
+Sources: Spong 1987, J. Dyn. Sys. Meas. Control 109 (gears that twist); Nordin and Gutman 2002,
+Automatica 38 (play).
+"""
 
 from dataclasses import replace
 from functools import lru_cache
@@ -94,7 +98,6 @@ JOINT_ELASTICITY = Effect(
     name="joint_elasticity",
     sentence="gears twist: links spring on their motors",
     of="model",
-    source="Spong 1987, J. Dyn. Sys. Meas. Control 109",
     # a typical one makes the link resonate at 300 times the rate
     parameters=lambda m: per_joint(m, "compliance", "rad/(N m)",
                                    0.01 / (m.inertia * (30.0 * m.rate) ** 2)),
@@ -106,7 +109,6 @@ BACKLASH = Effect(
     name="backlash",
     sentence="gears have play",
     of="model",
-    source="Nordin and Gutman 2002, Automatica 38",
     parameters=lambda m: per_joint(m, "gap", "rad", 0.001 * np.ones(len(m.joints)), high=100.0),
     possible=lambda m: m.mode.splits(m.model),
     read="gap",
@@ -116,7 +118,6 @@ CABLE_SPRING = Effect(
     name="cable_spring",
     sentence="cables pull joints back like springs",
     of="model",
-    source="Hooke; MJCF joint/stiffness and springref",
     parameters=lambda m: per_joint(m, "stiffness", "N m/rad", 0.01 * m.torque),
     shape=lambda m: per_joint(m, "rest", "rad", 0.05 * np.ones(len(m.joints)), signed=True,
                               role="shape", high=120.0),
@@ -136,7 +137,6 @@ PIVOT_COMPLIANCE = Effect(
     name="pivot_compliance",
     sentence="the pivot gives way sideways",
     of="rig",
-    source="a stiff spring without mass: it follows the chain's pull at once",
     parameters=lambda _: single_parameter("compliance", "m/N", 1e-5, high=100.0),
     read="elastic",
     modes=(PLANAR.name,),
@@ -146,7 +146,6 @@ BASE_COMPLIANCE = Effect(
     name="base_compliance",
     sentence="the base sways or rocks on what it stands on",
     of="rig",
-    source="a mass on a spring along and about each axis, which the bodies' motion drives",
     parameters=_sway_parameters,
     shape=lambda _: (
         Parameter("damping", "1", DAMPING, 1e-3, 1.0, step=1e-4, spread=0.1, role="shape"),

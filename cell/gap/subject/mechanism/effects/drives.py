@@ -38,7 +38,10 @@ def _ripple_shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
 
 
 def _ripple_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
-    """Torque (m,) [N m] A sin(order q + phase) of cogging, with an amplitude A of either sign."""
+    """Torque (m,) [N m] A sin(order q + phase) of cogging, with an amplitude A of either sign.
+
+    Source: Holtz and Springob 1996, IEEE Trans. Ind. Electron. 43.
+    """
     return p[at] * np.sin(p[at + 1] * q + p[at + 2])
 
 
@@ -64,7 +67,6 @@ TORQUE_CONSTANT = Effect(
     name="torque_constant",
     sentence="motors give another torque for their current than stated",
     of="rig",
-    source="torque = (1 + error) k i",
     parameters=lambda m: tuple(
         Parameter(f"error_{j.name}", "1", 0.0, -0.9, 3.0, step=1e-5, spread=0.25)
         for j in m.driven.joints
@@ -77,7 +79,6 @@ TORQUE_BIAS = Effect(
     name="torque_bias",
     sentence="a drive adds a constant torque, or its sensor reads one",
     of="rig",
-    source="offset of a current sensor",
     parameters=lambda m: per_joint(m.driven, "torque", "N m", 0.01 * m.driven.torque, signed=True),
     keys=1,
     law=bias_law,
@@ -88,7 +89,6 @@ TORQUE_RIPPLE = Effect(
     name="torque_ripple",
     sentence="a drive's torque ripples with its angle",
     of="model",
-    source="cogging: Holtz and Springob 1996, IEEE Trans. Ind. Electron. 43",
     parameters=lambda m: per_joint(m.driven, "amplitude", "N m", 0.01 * m.driven.torque,
                                    signed=True),
     shape=_ripple_shape,
@@ -101,7 +101,6 @@ SATURATION = Effect(
     name="saturation",
     sentence="a drive gives no more than a largest torque",
     of="rig",
-    source="MJCF actuator/forcerange",
     parameters=_saturation_parameters,
     edit=_edit_saturation,
     revealed_by="fast starts and stops",
@@ -112,7 +111,6 @@ CONTROL_DELAY = Effect(
     name="control_delay",
     sentence="commands take effect late",
     of="rig",
-    source="transport delay",
     parameters=lambda m: single_parameter("time", "s", 0.1 * m.file.step),
     possible=lambda m: bool(m.trackings or (m.mode.fields and m.model.nu)),
     read="command",
@@ -122,7 +120,6 @@ SENSOR_DELAY = Effect(
     name="sensor_delay",
     sentence="readings are stamped late",
     of="rig",
-    source="transport delay",
     parameters=lambda m: single_parameter("time", "s", 0.1 * m.file.step),
     read="delay",
     revealed_by="fast motion there and back",
@@ -131,7 +128,6 @@ ENCODER_BIAS = Effect(
     name="encoder_bias",
     sentence="encoders read a constant too much or too little",
     of="rig",
-    source="zero of an encoder",
     parameters=lambda m: tuple(
         Parameter(f"bias_{name}", "rad", 0.0, -0.2, 0.2, step=1e-5, spread=0.03)
         for name in m.mode.encoders(m)
@@ -144,7 +140,6 @@ ENCODER_SCALE = Effect(
     name="encoder_scale",
     sentence="encoders count too much or too little a turn",
     of="rig",
-    source="scale of an encoder",
     # discs and gears count exactly, potentiometers and belts are within half a percent; beyond 2 %
     # lines or teeth would be miscounted, which any stop shows
     parameters=lambda m: tuple(

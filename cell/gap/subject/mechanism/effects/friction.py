@@ -1,4 +1,8 @@
-"""Effects of friction: dry, quadratic, presliding, and of contacts."""
+"""Effects of friction: dry, quadratic, presliding, and of contacts.
+
+Sources: Armstrong-Helouvry, Dupont, Canudas de Wit 1994, Automatica 30 (dry); arXiv 2410.08650 (its
+load); Dahl 1968, TOR-0158, and Prandtl's elastic, perfectly plastic element (presliding).
+"""
 
 from typing import Any
 
@@ -102,7 +106,6 @@ DRY_FRICTION = Effect(
     name="dry_friction",
     sentence="joints rub like dry friction",
     of="model",
-    source="Armstrong-Helouvry, Dupont, Canudas de Wit 1994, Automatica 30; load: arXiv 2410.08650",
     parameters=_dry_parameters,
     shape=_dry_shape,
     keys=5,
@@ -115,7 +118,6 @@ QUADRATIC_DAMPING = Effect(
     name="quadratic_damping",
     sentence="joints brake with the square of their rate",
     of="model",
-    source="fluid damping at high Reynolds numbers; MJCF joint/damping",
     parameters=lambda m: per_joint(m, "coefficient", "N m s^2", 0.01 * m.torque / m.rate**2),
     keys=1,
     law=_quadratic_law,
@@ -127,7 +129,6 @@ PRESLIDING = Effect(
     name="presliding",
     sentence="joints yield like springs before they slide",
     of="model",
-    source="Dahl 1968, TOR-0158; Prandtl's elastic, perfectly plastic element",
     parameters=lambda m: per_joint(m, "stiffness", "N m/rad", 0.1 * m.torque, high=1000.0),
     shape=_presliding_shape,
     path=_presliding_path,
@@ -138,7 +139,6 @@ CONTACT_FRICTION = Effect(
     name="contact_friction",
     sentence="contacts rub more or less than stated",
     of="model",
-    source="Coulomb; MJCF pair/friction",
     parameters=lambda _: single_parameter("coefficient", "1", 0.01, signed=True, high=50.0),
     possible=lambda m: bool(m.model.npair),
     edit=_edit_pairs,
