@@ -71,7 +71,7 @@ class CellArm(InverseDynamics):
         requests = [replace(self.stated(run, e), base=about) for e in ({name: values}, {})]
         cases = [self._case(r) for r in requests]
         with_effect, without = self.predict(cases)
-        torque, tracking = np.split(with_effect - without, [len(self.mechanism.torques)])
+        torque, tracking = np.split(with_effect - without, [len(self.mechanism.compared("torque"))])
         motion, t = cases[0].content.motion, cases[0].content.cut.t
         readings = replace(readings_of([(effect_of(name), values)]), delay=0.0)
         true, *_ = true_motion(motion, readings)

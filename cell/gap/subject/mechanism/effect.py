@@ -153,6 +153,10 @@ def add_to(field: str) -> Callable[[Mechanism, Array, Any], None]:
     return edit
 
 
-def readings_of(known: Sequence[tuple[Effect, Array]]) -> Readings:
-    """Errors of sensors and commands made by effects `known` with their values (k,)."""
+Known = Sequence[tuple[Effect, Array]]
+"""Effects with their values (k,)."""
+
+
+def readings_of(known: Known) -> Readings:
+    """Errors of sensors and commands made by effects `known`."""
     return Readings(**{effect.read: values for effect, values in known if effect.read is not None})

@@ -194,7 +194,7 @@ class ForwardDynamics(MechanismSubject):
         plain = (model.actuator_dyntype == 0) & (model.actuator_gaintype == 0)
         plain &= model.actuator_biastype <= int(mujoco.mjtBias.mjBIAS_AFFINE)
         plain &= model.actuator_delay == 0.0
-        for sensor in self.mechanism.torques:
+        for sensor in self.mechanism.compared("torque"):
             if not plain[sensor.actuator]:
                 name = model.actuator(sensor.actuator).name
                 yield f"torque {sensor.name} of {name}: its filter, delay, or law of force"
@@ -203,7 +203,7 @@ class ForwardDynamics(MechanismSubject):
         """Whether the simulated motion depends on `effect`."""
         return not effect.falsifies
 
-    def _content(self, recording: Recording, cut: Cut, width: float) -> Content:  # noqa: ARG002
+    def _content(self, recording: Recording, cut: Cut) -> Content:
         """Content of a run that is simulated forward: its commands, and its start."""
         m = self.mechanism
         commands, start = commands_of(m, recording), start_of(m, recording)

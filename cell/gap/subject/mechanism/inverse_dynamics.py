@@ -99,7 +99,7 @@ class InverseDynamics(MechanismSubject):
         data = mujoco.MjData(model)
         mujoco.mj_forward(model, data)
         drives = transmissions(model, data) != 0.0
-        for sensor in self.mechanism.torques:
+        for sensor in self.mechanism.compared("torque"):
             others = drives[:, sensor.joint]
             others[sensor.actuator] = False
             if others.any():
@@ -119,10 +119,10 @@ class InverseDynamics(MechanismSubject):
         noise, reading = np.hypot(known.noise, more), np.hypot(known.reading, more)
         return replace(run, samples=replace(known, noise=noise, reading=reading))
 
-    def _content(self, recording: Recording, cut: Cut, width: float) -> Content:
+    def _content(self, recording: Recording, cut: Cut) -> Content:
         """Content of a run with its motion: filtered torques, without those near gaps."""
         names = [s.name for s in self.mechanism.signals]
-        motion = motion_of(recording, self._joints, names, self._cutoff, width, self._loop,
+        motion = motion_of(recording, self._joints, names, self._cutoff, cut.width, self._loop,
                            self._barred)  # fmt: skip
         filtered = motion.below_cutoff(motion.torques, cut.t)
         good = np.interp(cut.t, motion.t, motion.known) == 1.0
@@ -145,7 +145,7 @@ class InverseDynamics(MechanismSubject):
         edge = np.append(model.jnt_margin, model.tendon_margin) + NEAR * (high - low)
         limited = np.append(model.jnt_limited, model.tendon_limited) > 0
         barred = ((at < low + edge) | (at > high - edge)) @ limited
-        for s, row in zip(self.mechanism.torques, measured, strict=False):
+        for s, row in zip(self.mechanism.compared("torque"), measured, strict=False):
             if model.jnt_actfrclimited[s.joint]:
                 most = (1.0 - NEAR) * model.jnt_actfrcrange[s.joint]
                 barred = barred | (s.gear * row < most[0]) | (s.gear * row > most[1])
@@ -169,7 +169,7 @@ class InverseDynamics(MechanismSubject):
         """Standard deviation (torques, k) of predictions at times t (k,) [s] by encoder noise."""
         model, q, v, a = self._model, motion.q, motion.v, motion.a
         plain = _inverse_dynamics(model, q, v, a)
-        squares = np.zeros((len(self.mechanism.torques), len(q)))
+        squares = np.zeros((len(self.mechanism.compared("torque")), len(q)))
         for k, (rate, acceleration) in enumerate(motion.shake.T):  # encoder by encoder
             moved = motion.moves[:, :, k]
             for dv, da in ((rate * moved, 0.0), (0.0, acceleration * moved)):
@@ -187,7 +187,7 @@ class InverseDynamics(MechanismSubject):
             inverse = self._known[case.motion] = _inverse_dynamics(model, q, v, a)
         soft = ((np.multiply, case.readings.elastic), (_play_deflection, case.readings.gap))
         gears = [(bend, values) for bend, values in soft if np.any(values)]
-        if self.mechanism.trackings:  # measured positions are those of links
+        if self.mechanism.compared("tracking"):  # measured positions are those of links
             deflection = sum((bend(inverse, values) for bend, values in gears), np.zeros_like(q))
             rows = [self._torques(model, case, q, v, inverse),
                     self._tracking(motion, case, deflection)]  # fmt: skip
@@ -204,7 +204,7 @@ class InverseDynamics(MechanismSubject):
         Those of the motors' own motion differ from them where links resonate on their gears.
         """
         loads = inverse.copy()
-        for sensor, reading in zip(self.mechanism.torques, motion.torques, strict=False):
+        for sensor, reading in zip(self.mechanism.compared("torque"), motion.torques, strict=False):
             loads[:, sensor.joint] = self._torque_per_reading(model, sensor) * reading
         return loads
 
@@ -215,7 +215,7 @@ class InverseDynamics(MechanismSubject):
         user = np.array(model.jnt_user)
         user[:, torques().at[DRY_FRICTION.name]] += model.dof_frictionloss
         applied = torques().along(q, v, inverse, user)
-        for effect, values in case.paths:
+        for effect, values in case.known:
             if effect.path is not None:
                 applied = applied + effect.path(self.mechanism, values, motion.t, q, v)
         self._stick(applied, model, forces, motion.torques, q, v, inverse, user)
@@ -230,7 +230,7 @@ class InverseDynamics(MechanismSubject):
         Control 107).
         """
         at = torques().at[DRY_FRICTION.name]
-        for sensor, reading in zip(self.mechanism.torques, measured, strict=False):
+        for sensor, reading in zip(self.mechanism.compared("torque"), measured, strict=False):
             j = sensor.joint
             rate, p = v[:, j], user[j]
             standing = np.exp(-((rate / (STANDS * self.mechanism.joints[j].rate)) ** 2))
@@ -261,12 +261,13 @@ class InverseDynamics(MechanismSubject):
     def _readings(self, model: Any, forces: Array | None, required: Array) -> Array:
         """Readings (torques, m) of all sensors where the torques `required` (m, joints) act."""
         rows = [self._joint_torque(forces, s, required) / self._torque_per_reading(model, s)
-                for s in self.mechanism.torques]  # fmt: skip
+                for s in self.mechanism.compared("torque")]  # fmt: skip
         return np.array(rows)
 
     def _tracking(self, motion: Motion, case: Case, deflection: Array) -> Array:
         """Measured minus commanded positions (trackings, m), by delay and `deflection` of gears."""
-        delay, joints = case.readings.command, [s.joint for s in self.mechanism.trackings]
+        delay = case.readings.command
+        joints = [s.joint for s in self.mechanism.compared("tracking")]
         commanded = motion.q + delay * motion.v + 0.5 * delay**2 * motion.a
         behind = interpolate_columns(motion.t + delay, motion.t, deflection)
         return np.asarray((motion.q - commanded - behind)[:, joints].T)

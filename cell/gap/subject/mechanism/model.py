@@ -62,7 +62,7 @@ class Mode:
 FORWARD = Mode(
     name="forward",
     smoothing=lambda rates: 0.0 * rates + SMOOTH,
-    encoders=lambda m: m.positions,
+    encoders=lambda m: [s.name for s in m.compared("position")],
     splits=lambda model: bool(model.nu) and int(model.body_jntnum.max()) == 1,
     fields=True,
 )
@@ -77,7 +77,8 @@ PRESCRIBED = Mode(
 PLANAR = replace(
     FORWARD,
     name="planar",
-    encoders=lambda m: m.positions[1:],  # the first one's is a tilted base
+    # the first one's error is a tilted base
+    encoders=lambda m: [s.name for s in m.compared("position")[1:]],
     fields=False,
     shapes=False,
     drag=("kg/m^2", 0.01),
@@ -140,20 +141,9 @@ class Mechanism:
         """Mode of comparison."""
         return MODES[self.file.mode]
 
-    @property
-    def positions(self) -> Sequence[str]:
-        """Names of the compared positions."""
-        return [s.name for s in self.signals if s.kind == "position"]
-
-    @property
-    def torques(self) -> tuple[Signal, ...]:
-        """Compared torques; in mode prescribed they come first among the signals."""
-        return tuple(s for s in self.signals if s.kind == "torque")
-
-    @property
-    def trackings(self) -> tuple[Signal, ...]:
-        """Compared tracking errors: measured less commanded positions."""
-        return tuple(s for s in self.signals if s.kind == "tracking")
+    def compared(self, kind: str) -> tuple[Signal, ...]:
+        """Compared signals of a `kind`; in mode prescribed torques come first, then trackings."""
+        return tuple(s for s in self.signals if s.kind == kind)
 
     @property
     def driven(self) -> Self:

@@ -23,25 +23,27 @@ MOST_BYTES = 200 * MEGABYTE  # of a model's text, and of all files that it names
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """Text of a MuJoCo model, and the joints `motors` to which motors are added.
+    """Text of a MuJoCo model; of the joints `motors`, those that nothing drives get a motor each.
 
     Its paths count from `folder`, and stay `within` that of the mechanism's file.
     """
 
     text: str
-    folder: Path | None = None
-    within: Path | None = None
+    folder: Path
+    within: Path
     motors: tuple[str, ...] = ()
 
     def spec(self) -> Any:
         """MuJoCo specification of the model."""
         spec = mujoco.MjSpec.from_string(self.text)
-        spec.modelfiledir = "" if self.folder is None else f"{self.folder}/"
+        spec.modelfiledir = f"{self.folder}/"
         for body in spec.bodies[1:]:
             body.simple = False  # an edit may move its mass off its axes
-        for joint in self.motors:
-            motor = spec.add_actuator(name=joint, target=joint)
-            motor.trntype = mujoco.mjtTrn.mjTRN_JOINT
+        drives, on_joint = spec.actuators, mujoco.mjtTrn.mjTRN_JOINT
+        taken = {d.name for d in drives} | {d.target for d in drives if d.trntype == on_joint}
+        bare = {joint.name for joint in spec.joints} - taken
+        for joint in dict.fromkeys(name for name in self.motors if name in bare):
+            spec.add_actuator(name=joint, target=joint, trntype=on_joint)
         return spec
 
 
@@ -153,7 +155,7 @@ def _check_spec(spec: Any, source: Source, origin: str) -> None:
     named += [(spec.texturedir, name) for name in textures]
     total = 0
     for place, file in named:
-        if file and source.folder is not None and source.within is not None:
+        if file:
             path = source.folder / place / (Path(file).name if spec.strippath else file)
             total += _inside(Path(origin), path, source.within).stat().st_size
         if total > MOST_BYTES:

@@ -1,6 +1,5 @@
 """Writes an accepted mechanism: effects that MJCF can express to its model, others to its file."""
 
-import copy
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
@@ -10,7 +9,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from cell.gap.subject.mechanism.effects import effect_of, ordered_values
+from cell.gap.subject.mechanism.effects import effect_of
 from cell.gap.subject.mechanism.model import Mechanism
 from cell.gap.subject.mechanism.read_mechanism import LIMITLESS
 from cell.gap.subject.subject import NamedValues, note_of
@@ -33,8 +32,8 @@ def accepted_content(
     stated = {b.parameter.name: b.parameter.start for b in m.base}
     for name, value in base.items():
         old = stated.get(name)
-        if "." in name:
-            effect, key = name.split(".")
+        effect, _, key = name.partition(".")
+        if effect in known:
             old, known[effect][key] = known[effect].get(key), value
         notes.append(note_of(name, old, source, f", is {value:.9g}"))
     for name, values in effects.items():
@@ -46,17 +45,10 @@ def accepted_content(
     return content
 
 
-def accepted_xml(m: Mechanism, base: Mapping[str, float], effects: NamedValues) -> str:
-    """MJCF text of the model with the refitted base and the effects that its fields can express."""
-    edited = copy.copy(m.model)
-    for b in m.base:
-        b.put(edited, base[b.parameter.name])
-    for name, values in effects.items():
-        effect = effect_of(name)
-        if effect.by_fields(m) and effect.edit is not None:
-            effect.edit(m, ordered_values(effect, m, values), edited)
+def accepted_xml(m: Mechanism, edited: Any) -> str:
+    """MJCF text of the model of `m` with what differs in the fields of the `edited` one."""
     root = ET.fromstring(m.source.text)  # noqa: S314  checked when it was read
-    if root.tag != "mujoco" or m.source.motors:  # else as its owner wrote it
+    if root.tag != "mujoco" or m.model.nu > len(root.findall("actuator/*")):  # else as written
         root = ET.fromstring(m.source.spec().to_xml())  # noqa: S314
     _write_bodies(root, m, edited)
     _write_joints(root, m, edited)

@@ -17,6 +17,7 @@ from cell.gap.subject.mechanism.mechanism_file import (
 )
 from cell.gap.subject.mechanism.model import (
     MODES,
+    PLANAR,
     BaseParameter,
     Joint,
     Mechanism,
@@ -192,11 +193,10 @@ def open_file(path: Path) -> Mechanism:
         raise ConfigurationError(
             f"{path}: model: {file.model} lies outside {folder}; paths stay in the file's folder"
         )
-    source = read_source(place, folder)
+    moved = [s.joint or s.actuator or "" for s in file.signals.values() if s.is_ == "torque"]
+    moved += [name for name, kind in file.inputs.items() if kind != "position"]
+    source = replace(read_source(place, folder), motors=tuple(moved))  # a URDF has none
     model = compile_model(source, str(place), torques().slots, file.step)
-    source = replace(source, motors=_missing_motors(file, model))
-    if source.motors:
-        model = compile_model(source, str(place), torques().slots, file.step)
     check_joints(model, str(place))
     mode = MODES[file.mode]
     signals = [_signal(*each, mode, model, str(path)) for each in file.signals.items()]
@@ -231,22 +231,16 @@ def _read_checked(folder: RunFolder, mechanism: Mechanism) -> Recording:
     is_hinge = model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE
     hinges = [model.joint(i).name for i in range(model.njnt) if is_hinge[i]]
     recording = read_recording(folder, mechanism.file, hinges)
-    if mechanism.file.mode == "planar":
-        _check_spacing(recording, folder.path / ANGLES, SPARSEST / _fastest_swing(model))
+    apart = float(np.median(np.diff(recording.t)))
+    if mechanism.mode is PLANAR and apart > (most := SPARSEST / _fastest_swing(model)):
+        raise ConfigurationError(
+            f"{folder.path / ANGLES}: t: rows are {apart:g} s apart, at most {most:.2g} s shows "
+            "this pendulum's swings; t is in s"
+        )
     if recording.load is not None:
         origin = f"{recording.name}: {RUN}: load"
         number_of(model, "body", recording.load.body, origin, "body")
     return recording
-
-
-def _check_spacing(recording: Recording, path: Path, most: float) -> None:
-    """Refuse readings in the table at `path` more than `most` [s] apart."""
-    apart = float(np.median(np.diff(recording.t)))
-    if apart > most:
-        raise ConfigurationError(
-            f"{path}: t: rows are {apart:g} s apart, at most {most:.2g} s shows this pendulum's "
-            "swings; t is in s"
-        )
 
 
 def _fastest_swing(model: Any) -> float:
@@ -301,8 +295,8 @@ def _signal(name: str, spec: SignalSpec, mode: Mode, model: Any, origin: str) ->
         else:
             joint = 3 * model.nsite + int(model.sensor_adr[number])
     zone = "grasped" if kind in ("site", "sensor") else _zone_of(joint, model.njnt)
-    return Signal(name, kind, 0.0, zone, joint, weights, FORWARD_FLOOR, mode.group, actuator,
-                  gear)  # fmt: skip
+    return Signal(name, mode.group or name, kind, 0.0, zone, joint, weights, FORWARD_FLOOR,
+                  actuator, gear)  # fmt: skip
 
 
 def _with_noise(signal: Signal, spec: SignalSpec, recordings: Sequence[Recording],
@@ -313,18 +307,6 @@ def _with_noise(signal: Signal, spec: SignalSpec, recordings: Sequence[Recording
     if signal.kind == "torque":
         floor = FLOOR * float(np.nanstd(np.concatenate([r.columns[name] for r in recordings])))
     return replace(signal, sigma=float(sigma), floor=floor)
-
-
-def _missing_motors(file: MechanismFile, model: Any) -> tuple[str, ...]:
-    """Joints without an actuator to which the file gives a torque signal or a motor input.
-
-    A URDF has no actuators.
-    """
-    bare = {model.joint(i).name for i in range(model.njnt) if actuator_on(model, i) < 0}
-    taken = {model.actuator(i).name for i in range(model.nu)}
-    asked = [s.joint or s.actuator or "" for s in file.signals.values() if s.is_ == "torque"]
-    asked += [name for name, kind in file.inputs.items() if kind != "position"]
-    return tuple(dict.fromkeys(n for n in asked if n in bare - taken))
 
 
 def _zone_of(joint: int, count: int) -> str:
@@ -371,7 +353,7 @@ def _measured_joints(mechanism: Mechanism) -> tuple[Joint, ...]:
     measured |= {n: n for n, kind in file.inputs.items() if kind == "position"}
     motion = {j: _motion(recordings, c) for j, c in measured.items() if j is not None}
     driven = {}
-    for s in mechanism.torques:
+    for s in mechanism.compared("torque"):
         squares = [np.nanmean((s.gear * r.columns[s.name]) ** 2) for r in recordings]
         driven[model.joint(s.joint).name] = float(np.sqrt(np.mean(squares)))
     return joints_of(model, motion, driven)
@@ -396,7 +378,7 @@ def _motion(recordings: Sequence[Recording], column: str) -> tuple[float, float,
 def start_of(mechanism: Mechanism, recording: Recording) -> tuple[Array, Array]:
     """Positions [rad or m] and rates (joints,) of the joints at the start of a recording."""
     spec, n = mechanism.file.start, len(mechanism.joints)
-    compared = [s for s in mechanism.signals if s.kind == "position"]
+    compared = mechanism.compared("position")
     inverse = np.linalg.pinv([s.weights for s in compared]) if compared else np.zeros((n, 0))
     near = max(LEAST, int(np.searchsorted(recording.t, 0.5 / mechanism.pace)))
     places, slopes = [], []

@@ -76,44 +76,43 @@ class Signal:
     unit of the reading. A position or rate is the sum of the joints' with `weights` (joints,). Of a
     site or sensor, `joint` is the number of its coordinate among all; -1 where there is none.
     `zone` is where on the chain it is read, `floor` [SI] the error that every model has of it.
-    Signals of one `group` are shown as one.
+    Residuals are grouped and shown by `channel`.
     """
 
     name: str
+    channel: str
     kind: str
     sigma: float
     zone: str
     joint: int
     weights: Array
-    floor: float = 0.0
-    group: str = ""
-    actuator: int = -1
-    gear: float = 1.0
-
-    @property
-    def channel(self) -> str:
-        """Name by which residuals of the signal are grouped and shown."""
-        return self.group or self.name
+    floor: float
+    actuator: int
+    gear: float
 
     @property
     def label(self) -> str:
         """Name of the signal in drawings."""
-        return f"{self.group} {self.name}".strip()
+        return self.name if self.channel == self.name else f"{self.channel} {self.name}"
 
 
 @dataclass(frozen=True, slots=True)
 class Cut:
-    """Readings of a run used in samples: `t` (k,) [s], `values` (signals, k), `edges` (b + 1,)."""
+    """Readings of a run in samples of `width` [s]: `t` (k,) [s], `values` (signals, k).
+
+    Samples begin and end at `edges` (b + 1,) among the readings.
+    """
 
     t: Array
     values: Array
     edges: NDArray[np.int64]
+    width: float
 
     def keep(self, good: NDArray[np.bool_]) -> "Cut":
         """Copy with the readings of the mask `good` (k,), without samples that become empty."""
         block = np.repeat(np.arange(len(self.edges) - 1), np.diff(self.edges))[good]
         edges = np.append(np.flatnonzero(np.diff(block, prepend=-1)), len(block))
-        return Cut(self.t[good], self.values[:, good], edges)
+        return Cut(self.t[good], self.values[:, good], edges, self.width)
 
 
 def read_recording(folder: RunFolder, file: MechanismFile, hinges: Sequence[str]) -> Recording:
@@ -180,9 +179,7 @@ def _signal_table(folder: Path, file: MechanismFile, hinges: Sequence[str]) -> d
         table = arm_columns(path)
     else:
         table = read_table(path)
-    if "t" not in table:
-        raise ConfigurationError(f"{path}: t: this column is missing (or not numbers); add it")
-    _check_clock(table["t"], path)
+    _check_clock(column(table, "t", path), path)
     for name in (*file.signals, *file.inputs):
         if name not in table:
             raise ConfigurationError(f"{path}: {name}: this column is missing; add it")
@@ -281,17 +278,16 @@ def _spreads(t: Array, x: Array) -> tuple[float, float]:
     return float(means.std()), rate if above_noise else 0.0
 
 
-def width_of(recording: Recording, least: float) -> float:
-    """Width [s] of the samples of a run: `least`, or more where it has too many readings."""
-    return max(least, float(recording.t[-1]) * PER_BLOCK / MOST_READINGS)
+def cut_recording(recording: Recording, columns: Sequence[str], least: float) -> Cut:
+    """Cut a run into samples of `least` [s], longer where it has too many readings.
 
-
-def cut_recording(recording: Recording, columns: Sequence[str], width: float) -> Cut:
-    """Cut a run into samples of `width` [s], without readings in which a column is absent."""
+    Readings in which a column is absent are left out.
+    """
+    width = max(least, float(recording.t[-1]) * PER_BLOCK / MOST_READINGS)
     values = np.array([recording.columns[c] for c in columns])
     good = np.flatnonzero(np.isfinite(values).all(axis=0))
     edges, inside = time_blocks(recording.t[good], width)
-    return Cut(frozen(recording.t[good[inside]]), frozen(values[:, good[inside]]), edges)
+    return Cut(frozen(recording.t[good[inside]]), frozen(values[:, good[inside]]), edges, width)
 
 
 def phases(speed: Array) -> Words:

@@ -9,13 +9,13 @@ from typing import Any, cast
 
 import numpy as np
 
-from cell.gap.subject.mechanism.effect import Effect, Readings, readings_of
+from cell.gap.subject.mechanism.effect import Effect, Known, Readings, readings_of
 from cell.gap.subject.mechanism.effects import (
     accepted_parameters,
     candidates,
     describing_terms,
     effect_of,
-    group_by_effect,
+    ordered_values,
     torques,
 )
 from cell.gap.subject.mechanism.model import Mechanism, add_point
@@ -28,7 +28,6 @@ from cell.gap.subject.mechanism.recordings import (
     cut_recording,
     phases,
     samples,
-    width_of,
 )
 from cell.gap.subject.subject import (
     NamedValues,
@@ -74,25 +73,19 @@ class Content:
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One prediction of a run's signals, with the edits and effects of a request.
+    """One prediction of a run's signals, with the base and the `known` effects of a request.
 
-    `edit` changes the model's fields, `readings` are errors of sensors and commands, `paths` hold
-    effects whose torques depend on the motion so far, `start` positions and rates (joints,). Cases
-    of equal `motion` move alike; their readings may differ.
+    `edited` copies a MuJoCo model with the base and effects in its fields, `readings` are errors of
+    sensors and commands, `start` positions and rates (joints,). Cases of equal `motion` move alike;
+    their readings may differ.
     """
 
     content: Content
-    edit: Callable[[Any], None]
+    edited: Callable[[Any], Any]
     readings: Readings
-    paths: Sequence[tuple[Effect, Array]]
+    known: Known
     start: tuple[Array, ...]
     motion: Hashable
-
-    def edited(self, model: Any) -> Any:
-        """Copy of a MuJoCo `model` as the case edits it."""
-        found = copy.copy(model)
-        self.edit(found)
-        return found
 
 
 class MechanismSubject(Subject):
@@ -136,8 +129,8 @@ class MechanismSubject(Subject):
         """Whether what is simulated once for all cases of equal `motion` depends on `effect`."""
 
     @abstractmethod
-    def _content(self, recording: Recording, cut: Cut, width: float) -> Content:
-        """Readings of a `recording`, in samples of `width` [s], with load, motion or commands."""
+    def _content(self, recording: Recording, cut: Cut) -> Content:
+        """Readings `cut` from a `recording`, with load, motion or commands."""
 
     def _phases(self, content: Content) -> Words:
         """Phase (b,) of each sample, by the speed of the first signal."""
@@ -168,9 +161,9 @@ class MechanismSubject(Subject):
 
     def _run(self, recording: Recording) -> Run:
         """Run for the engine: samples with their phases, and the run's own unknowns."""
-        signals, width = self.mechanism.signals, width_of(recording, BLOCK / self.mechanism.pace)
-        cut = cut_recording(recording, [s.name for s in signals], width)
-        content = self._content(recording, cut, width)
+        signals = self.mechanism.signals
+        cut = cut_recording(recording, [s.name for s in signals], BLOCK / self.mechanism.pace)
+        content = self._content(recording, cut)
         if recording.sigma is not None:
             signals = tuple(replace(s, sigma=recording.sigma) for s in signals)
         local = initial_state(self.mechanism, content.start) if content.start else ()
@@ -193,9 +186,9 @@ class MechanismSubject(Subject):
         """Prediction that a request asks for, with its values in the model's units."""
         m = self.mechanism
         content, count, n = content_of(request.run), len(m.base), len(m.joints)
-        names = [p.name for p in self.scope.base[count:]]
-        effects = {**group_by_effect(names, request.base[count:]), **request.effects}
-        known = [(effect_of(name), values) for name, values in effects.items()]
+        owners = np.array([p.name.partition(".")[0] for p in self.scope.base])
+        accepted = {name: request.base[owners == name] for name in m.file.effects}
+        known = [(effect_of(n), values) for n, values in {**accepted, **request.effects}.items()]
         unknowns = dict(zip((p.name for p in request.run.local), request.local, strict=True))
         base = np.array(request.base[:count])
         for i, source in self._scatter.items():  # a fit leaves some of them out
@@ -203,16 +196,14 @@ class MechanismSubject(Subject):
         start = content.start
         if f"angle_{m.joints[0].name}" in unknowns:  # then `initial_state` made the first unknowns
             start = request.local[:n], request.local[n : 2 * n]
-        paths = [(effect, values) for effect, values in known if effect.path is not None]
-        edit = partial(self._edit, content.load, base, known)
+        edited = partial(self._edited, content.load, base, known)
         moving = [(e.name, v.tobytes()) for e, v in known if self.moves(e) and v.any()]
         motion = (request.run.name, *moving, *(x.tobytes() for x in (base, *start)))
-        return Case(content, edit, readings_of(known), paths, start, motion)
+        return Case(content, edited, readings_of(known), known, start, motion)
 
-    def _edit(self, load: Load | None, base: Array,
-              effects: Sequence[tuple[Effect, Array]], edited: Any) -> None:  # fmt: skip
-        """Write base (k,), load of the run and effects into a model `edited`: fields or laws."""
-        m = self.mechanism
+    def _edited(self, load: Load | None, base: Array, effects: Known, model: Any) -> Any:
+        """Copy of a `model` with base (k,), load of a run and effects in its fields or laws."""
+        m, edited = self.mechanism, copy.copy(model)
         for b, value in zip(m.base, base, strict=True):
             b.put(edited, float(value))
         if load is not None:
@@ -225,6 +216,7 @@ class MechanismSubject(Subject):
                 edited.jnt_user[:, at : at + len(table)] = table.T
             elif effect.edit is not None:
                 effect.edit(m, values, edited)
+        return edited
 
     def draw_measured(self, run: Run) -> Scene:
         """Drawing of the measured signals of `run`."""
@@ -257,7 +249,10 @@ class MechanismSubject(Subject):
 
     def model_text(self, base: Mapping[str, float], effects: NamedValues) -> str | None:
         """MJCF text of the model with refitted base and named effects."""
-        return accepted_xml(self.mechanism, base, effects)
+        m = self.mechanism
+        known = [(effect_of(n), ordered_values(effect_of(n), m, v)) for n, v in effects.items()]
+        stated = np.array([base[b.parameter.name] for b in m.base])
+        return accepted_xml(m, self._edited(None, stated, known, m.model))
 
     def check(self, origin: str) -> None:
         """Refuse stated models that cannot be simulated, and torques on a gear's wrong side."""
@@ -281,7 +276,7 @@ class MechanismSubject(Subject):
         cut, gears = content_of(self.runs[0]).cut, self.mechanism.model.actuator_gear
         measured = average(cut.values, cut.edges)[0]
         channel = self.runs[0].samples.channel
-        for sensor in self.mechanism.torques:
+        for sensor in self.mechanism.compared("torque"):
             rows = channel == sensor.name
             predicted = measured[rows] - residuals[rows]
             ratio = measured[rows] @ predicted / (predicted @ predicted + TINY)

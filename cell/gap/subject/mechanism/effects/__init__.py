@@ -3,7 +3,7 @@
 Further effects come from plug-ins, entry points in the group `folding_cell.mechanism_effects`.
 """
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import replace
 from functools import cache
 from typing import Any
@@ -123,14 +123,6 @@ def check_effects(mechanism: Mechanism) -> None:
             raise ConfigurationError(f"{origin}: unknown effect; allowed: {', '.join(known)}")
         amounts = known[name].parameters(mechanism)
         check_values(values, amounts, known[name].with_shape(mechanism)[len(amounts) :], origin)
-
-
-def group_by_effect(names: Sequence[str], values: Array) -> dict[str, Array]:
-    """Split `values` (k,) of parameters named `effect.parameter` into one array per effect."""
-    found: dict[str, list[float]] = {}
-    for name, value in zip(names, values, strict=True):
-        found.setdefault(name.split(".")[0], []).append(float(value))
-    return {name: np.array(v) for name, v in found.items()}
 
 
 def ordered_values(effect: Effect, mechanism: Mechanism, values: Mapping[str, float]) -> Array:

@@ -112,7 +112,7 @@ CONTROL_DELAY = Effect(
     sentence="commands take effect late",
     of="rig",
     parameters=lambda m: single_parameter("time", "s", 0.1 * m.file.step),
-    possible=lambda m: bool(m.trackings or (m.mode.fields and m.model.nu)),
+    possible=lambda m: bool(m.compared("tracking") or (m.mode.fields and m.model.nu)),
     read="command",
     revealed_by="fast starts and stops",
 )

@@ -1,6 +1,8 @@
 """An accepted mechanism: an MJCF that anybody can load, and a file that holds the rest."""
 
+import copy
 import json
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -10,35 +12,37 @@ import pytest
 import yaml
 
 from cell.gap.open_subject import open_mechanism
+from cell.gap.subject.mechanism.effects import effect_of
 from cell.gap.subject.mechanism.model import Mechanism, joints_of
 from cell.gap.subject.mechanism.model_source import Source
 from cell.gap.subject.mechanism.patch import accepted_xml
 from cell.gap.subject.mechanism.subject import MechanismSubject
 from cell.gap.subject.run_folders import find_runs
-from cell.gap.subject.subject import Request
 from cell.gap.verdict.accept import MODEL_PATCH, PATCH, RECORD, accept, sha256, undo
 from drivers.yaml_text import dump_yaml
-from tests.support.mechanisms import make_arm
+from tests.support.mechanisms import ARM, FORWARD, make_arm
 
 NAMED = {
-    "dry_friction": {"torque_shoulder": 0.08, "torque_elbow": 0.04},
-    "quadratic_damping": {"coefficient_shoulder": 0.02, "coefficient_elbow": 0.01},
-    "cable_spring": {"stiffness_shoulder": 0.2, "stiffness_elbow": 0.1},
-    "armature": {"inertia_shoulder": 0.004, "inertia_elbow": 0.002},
+    "dry_friction": {"torque_shoulder": 0.08, "torque_left.elbow": 0.04},
+    "quadratic_damping": {"coefficient_shoulder": 0.02, "coefficient_left.elbow": 0.01},
+    "cable_spring": {"stiffness_shoulder": 0.2, "stiffness_left.elbow": 0.1},
+    "armature": {"inertia_shoulder": 0.004, "inertia_left.elbow": 0.002},
     "payload": {"mass": 0.05},
     "com_error": {"x": 0.004, "y": 0.0, "z": -0.003},
     "base_tilt": {"x": 0.02, "y": -0.03},
-    "torque_constant": {"error_shoulder": 0.05, "error_elbow": -0.08},
-    "saturation": {"torque_shoulder": 3.0, "torque_elbow": 2.0},
+    "torque_constant": {"error_shoulder": 0.05, "error_left.elbow": -0.08},
+    "saturation": {"torque_shoulder": 3.0, "torque_left.elbow": 2.0},
     "air_drag": {"coefficient": 1.1},
     "link_geometry": {"x_lower": 0.006, "y_lower": 0.004, "z_lower": -0.009},
 }
 RIG = {"encoder_bias": {"bias_shoulder": 0.01, "bias_elbow": -0.02}}
-BASE = {"damping_shoulder": 0.35, "damping_elbow": 0.08, "mass_lower": 0.51}
+BASE = {"damping_shoulder": 0.35, "damping_left.elbow": 0.08, "mass_lower": 0.51}
 
 
 def opened(folder: Path) -> tuple[MechanismSubject, Path, Path]:
-    file, runs = make_arm(folder, 2, span=1.0)
+    content = json.loads(json.dumps(FORWARD).replace('"joint": "elbow"', '"joint": "left.elbow"'))
+    stated = ARM.replace('"elbow"', '"left.elbow"')
+    file, runs = make_arm(folder, 2, content=content, span=1.0, stated=stated)
     return open_mechanism(file, find_runs([runs])), file, runs
 
 
@@ -61,9 +65,8 @@ def test_accepted_mjcf_in_plain_mujoco_moves_as_the_accepted_model(tmp_path: Pat
     run, step = arm.runs[1], arm.mechanism.file.step
     values = {n: np.array(list(v.values())) for n, v in NAMED.items()}
     values["saturation"] = 1.0 / values["saturation"]
-    own = np.array([p.start for p in run.local])
     base = np.array([BASE[p.name] for p in arm.scope.base])
-    case = arm._case(Request(run, base, values, own))
+    case = arm._case(replace(arm.stated(run, values), base=base))
     (predicted,) = arm.predict([case])
 
     plain = mujoco.MjModel.from_xml_path(str(file.parent / "arm-accepted.xml"))
@@ -111,16 +114,18 @@ def test_undo_brings_the_file_back_and_takes_the_model_away(tmp_path: Path) -> N
 
 def test_friction_is_written_to_the_pair_whose_geoms_it_is_of() -> None:
     """A compiled model orders pairs by its bodies, its document as they were written."""
-    source = Source("""<mujoco><worldbody><geom name="desk" type="plane" size="1 1 1"/>
+    text = """<mujoco><worldbody><geom name="desk" type="plane" size="1 1 1"/>
         <body><joint name="x" type="slide"/><geom name="low" size=".1" mass="1"/>
         <body><joint name="y" type="slide"/><geom name="high" size=".1" mass="1"/></body></body>
-        </worldbody><contact><pair name="b" geom1="high" geom2="desk" friction=".2 .2"/>
-        <pair name="a" geom1="low" geom2="desk" friction=".9 .9"/></contact></mujoco>""")
+        </worldbody><contact><pair name="b" geom1="high" geom2="desk" friction=".2 .2"/><pair
+        name="a" geom1="low" geom2="desk" friction=".9 .9"/></contact></mujoco>"""
+    source = Source(text, Path(), Path())
     spec = source.spec()
     spec.nuser_jnt = 16
     model = spec.compile()
     joints = joints_of(model, dict.fromkeys("xy", (1.0, 1.0, 1.0)), {})
     m = Mechanism(SimpleNamespace(mode="forward", step=0.002), Path(), source, model, (), joints)
-    text = accepted_xml(m, {}, {"contact_friction": {"coefficient": 0.05}})
-    new = mujoco.MjModel.from_xml_string(text)
+    edited = copy.copy(model)
+    effect_of("contact_friction").edit(m, np.array([0.05]), edited)
+    new = mujoco.MjModel.from_xml_string(accepted_xml(m, edited))
     np.testing.assert_allclose([new.pair(name).friction[0] for name in "ab"], [0.95, 0.25])

@@ -70,14 +70,6 @@ MODELS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", MODELS)
-def test_a_model_that_cannot_be_used_is_refused(tmp_path: Path, name: str) -> None:
-    xml, words = MODELS[name]
-    text = line(tmp_path, xml=xml)
-    assert words in text
-    assert "arm" in text
-
-
 FILES: dict[str, tuple[dict[str, Any], str]] = {
     "unknown key": ({"colour": 1}, "colour: unknown key"),
     "path": ({"model": "../arm.xml"}, "lies outside"),
@@ -93,25 +85,24 @@ FILES: dict[str, tuple[dict[str, Any], str]] = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", FILES)
-def test_a_broken_mechanism_file_is_refused(tmp_path: Path, name: str) -> None:
-    change, words = FILES[name]
-    assert words in line(tmp_path, file=change)
-
-
 RUNS: dict[str, tuple[Any, str]] = {
     "degrees": (lambda table: table.update(shoulder=20.0 * np.degrees(table["shoulder"])),
                 "angles are in rad"),
     "jump": (lambda table: table.update(t=table["t"] + 3600.0 * (table["t"] > 0.1)), "jumps by"),
     "back": (lambda table: table.update(t=table["t"][::-1].copy()), "does not increase"),
+    "no number": (lambda table: table.update(t=np.where(table["t"] > 0.1, np.nan, table["t"])),
+                  "t: row 20 is not a number"),
     "absent": (lambda table: table.pop("elbow"), "elbow: this column is missing"),
 }  # fmt: skip
+BROKEN: dict[str, dict[str, tuple[Any, str]]] = {"xml": MODELS, "file": FILES, "columns": RUNS}
 
 
-@pytest.mark.parametrize("name", RUNS)
-def test_a_broken_table_is_refused(tmp_path: Path, name: str) -> None:
-    change, words = RUNS[name]
-    assert words in line(tmp_path, columns=change)
+@pytest.mark.parametrize(("what", "name"), [(w, n) for w, found in BROKEN.items() for n in found])
+def test_a_broken_model_file_or_table_is_refused(tmp_path: Path, what: str, name: str) -> None:
+    change, words = BROKEN[what][name]
+    text = line(tmp_path, **{what: change})
+    assert words in text
+    assert str(tmp_path) in text
 
 
 def test_a_torque_that_a_simulation_would_compute_wrongly_is_refused(tmp_path: Path) -> None:
