@@ -176,6 +176,7 @@ class Here:
 
 
 OF_MECHANISMS = (
+    cell.gap.subject.mechanism.effects.library,
     cell.gap.subject.mechanism.effects.registry,
     cell.gap.subject.mechanism.effects.torques,
 )

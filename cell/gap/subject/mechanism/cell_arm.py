@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from cell.gap.subject.mechanism.effect import readings_of
-from cell.gap.subject.mechanism.effects import effect_of, ordered_values
+from cell.gap.subject.mechanism.effects import library, ordered_values
 from cell.gap.subject.mechanism.inverse_dynamics import InverseDynamics
 from cell.gap.subject.mechanism.model import poses, tip
 from cell.gap.subject.mechanism.motion import true_motion
@@ -50,7 +50,7 @@ class CellArm(InverseDynamics):
         """Sentences on how far named effects move the gripper, and where `accept` puts them."""
         sentences = list[str]()
         for name, values in effects.items():
-            ordered = ordered_values(effect_of(name), self.mechanism, values)
+            ordered = ordered_values(library()[name], self.mechanism, values)
             moved = np.concatenate([self._moved_by(name, ordered, run, base) for run in self.runs])
             where = f"`cell gap accept` puts it into cell.yaml, {FIELDS.get(name)}"
             if name not in FIELDS:
@@ -73,7 +73,7 @@ class CellArm(InverseDynamics):
         with_effect, without = self.predict(cases)
         torque, tracking = np.split(with_effect - without, [len(self.mechanism.compared("torque"))])
         motion, t = cases[0].content.motion, cases[0].content.cut.t
-        readings = replace(readings_of([(effect_of(name), values)]), delay=0.0)
+        readings = replace(readings_of([(library()[name], values)]), delay=0.0)
         true, *_ = true_motion(motion, readings)
         q, at = (interpolate_columns(t, motion.t, columns) for columns in (motion.q, true))
         at = at - torque.T / STIFFNESS + tracking.T

@@ -1,6 +1,6 @@
 """Effects of a mechanism: how each changes the model, a command, a reading or a torque."""
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -15,6 +15,7 @@ from drivers.types import Array
 UNTRUE, EXACT = 0.2, 0.02
 SIZES_PER_SPREAD = 25.0  # typical sizes of a parameter in its prior spread
 STEPS_PER_SIZE = 1000.0  # steps of finite differences in a typical size
+FALSIFIED = ("delay", "bias", "scale")  # of `Readings`: errors of reading a motion, not of itself
 Parameters = Callable[[Mechanism], tuple[Parameter, ...]]
 
 
@@ -57,11 +58,11 @@ class Effect:
 
     name: str
     sentence: str
-    of: Literal["model", "rig"]
     parameters: Parameters
     revealed_by: str
     shape: Parameters = lambda _: ()
-    keys: int = 0
+    of: Literal["model", "rig"] = "model"
+    keys: int = 1
     law: Callable[..., Array] | None = None
     edit: Callable[[Mechanism, Array, Any], None] | None = None
     read: Literal["delay", "command", "bias", "scale", "elastic", "gap"] | None = None
@@ -83,11 +84,6 @@ class Effect:
         is_edit = self.edit is not None and self.read is None
         return is_edit and (self.law is None or mechanism.mode.fields)
 
-    @property
-    def falsifies(self) -> bool:
-        """Whether the effect is an error of reading a motion, which stays as it is."""
-        return self.read in ("delay", "bias", "scale")
-
     def candidate(self, mechanism: Mechanism) -> Candidate:
         """Candidate effect of `mechanism`, screened one parameter at a time from small to large."""
         parameters = self.parameters(mechanism)
@@ -100,16 +96,14 @@ class Effect:
         )  # fmt: skip
         of_joint = self.law or self.read
         error = UNTRUE if self.path or (of_joint and self.of == "model") else EXACT
+        shapes = self.with_shape(mechanism)[len(parameters) :]
         return Candidate(self.name, self.sentence, mechanism.mode.of or self.of, parameters, groups,
-                         self.revealed_by, error, self._shapes(mechanism))  # fmt: skip
+                         self.revealed_by, error, shapes)  # fmt: skip
 
     def with_shape(self, mechanism: Mechanism) -> tuple[Parameter, ...]:
-        """Parameters of the effect in `mechanism`, followed by those that shape its law."""
-        return (*self.parameters(mechanism), *self._shapes(mechanism))
-
-    def _shapes(self, mechanism: Mechanism) -> tuple[Parameter, ...]:
-        """Shape parameters of the law, empty in a mode that keeps them fixed."""
-        return self.shape(mechanism) if mechanism.mode.shapes else ()
+        """Parameters of the effect in `mechanism`, then those that shape its law, if not fixed."""
+        shapes = self.shape(mechanism) if mechanism.mode.shapes else ()
+        return (*self.parameters(mechanism), *shapes)
 
     def table(self, mechanism: Mechanism, values: Array) -> Array:
         """Parameter table (keys, joints) from the first `values` (k,), others at their start."""
@@ -141,6 +135,13 @@ def single_parameter(
     low = -high * size if signed else 0.0
     step, spread = size / STEPS_PER_SIZE, SIZES_PER_SPREAD * size
     return (Parameter(key, unit, 0.0, low, high * size, step=step, spread=spread),)
+
+
+def errors(key: str, unit: str, names: Iterable[str | int], low: float, high: float,
+           spread: float) -> tuple[Parameter, ...]:  # fmt: skip
+    """Parameters `key_NAME` from `low` to `high` about zero, one for each of `names`."""
+    return tuple(Parameter(f"{key}_{name}", unit, 0.0, low, high, step=1e-5, spread=spread)
+                 for name in names)  # fmt: skip
 
 
 def add_to(field: str) -> Callable[[Mechanism, Array, Any], None]:

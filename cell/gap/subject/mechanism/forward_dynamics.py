@@ -13,7 +13,7 @@ import numpy as np
 from mujoco.batch import Batch, SimulationError
 from scipy.interpolate import CubicHermiteSpline
 
-from cell.gap.subject.mechanism.effect import Effect, Readings
+from cell.gap.subject.mechanism.effect import FALSIFIED, Effect, Readings
 from cell.gap.subject.mechanism.effects import laws, torques
 from cell.gap.subject.mechanism.model import PLANAR, Mechanism
 from cell.gap.subject.mechanism.model_source import compile_model
@@ -79,10 +79,10 @@ class SplitModel:
     `motor` (joints,) are the indices of the motors' degrees of freedom.
     """
 
-    def __init__(self, mechanism: Mechanism, name: str) -> None:
-        self._mechanism = mechanism
-        self._model = compile_model(mechanism.source, name, mechanism.model.nuser_jnt,
-                                    mechanism.file.step, self._add_flexible_joints)  # fmt: skip
+    def __init__(self, mechanism: Mechanism) -> None:
+        self._mechanism, file = mechanism, mechanism.file
+        self._model = compile_model(mechanism.source, file.name, mechanism.model.nuser_jnt,
+                                    file.step, self._add_flexible_joints)  # fmt: skip
         self._model.opt.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
         self.motor = np.array([self._model.joint(j.name).id for j in mechanism.joints])
         self._flex = np.setdiff1d(np.arange(self._model.njnt), self.motor)
@@ -95,12 +95,6 @@ class SplitModel:
             flex = joint.parent.add_joint(name=joint.name + FLEX, type=joint.type)
             flex.axis, flex.pos = joint.axis, joint.pos
             flex.limited = mujoco.mjtLimited.mjLIMITED_FALSE
-
-    def rigid(self, edited: Any) -> Any:
-        """Copy of the model `edited` of a case with the integrator of split joints."""
-        found = copy.copy(edited)
-        found.opt.integrator = self._model.opt.integrator
-        return found
 
     def soft(self, edited: Any, readings: Readings) -> Any:
         """Copy of the model `edited` of a case with split joints."""
@@ -167,7 +161,7 @@ class ForwardDynamics(MechanismSubject):
     def __init__(self, mechanism: Mechanism, jobs: int = 1, without: Sequence[str] = ()) -> None:
         super().__init__(mechanism, jobs, without)
         self._laws = laws(mechanism)
-        self._settle = round((mechanism.file.start.settle or 0.0) / mechanism.file.step)
+        self._settle = round((mechanism.file.start.settle or 0.0) / mechanism.model.opt.timestep)
         self._split_model: SplitModel | None = None
         self._data = mujoco.MjData(mechanism.model)
         self.runs = tuple(map(self._run, mechanism.recordings))
@@ -177,8 +171,7 @@ class ForwardDynamics(MechanismSubject):
         super().check(origin)
         m, model = self.mechanism, copy.copy(self.mechanism.model)
         model.opt.timestep = 0.5 * m.file.step
-        file = m.file.model_copy(update={"step": 0.5 * m.file.step})
-        halved = replace(m, file=file, model=model, recordings=m.recordings[:1])
+        halved = replace(m, model=model, recordings=m.recordings[:1])
         finer = ForwardDynamics(halved)._stated_residuals()
         run = self.runs[0]
         change = float(np.nanmax(np.abs(self._stated_residuals() - finer) / run.samples.reading))
@@ -201,7 +194,7 @@ class ForwardDynamics(MechanismSubject):
 
     def moves(self, effect: Effect) -> bool:
         """Whether the simulated motion depends on `effect`."""
-        return not effect.falsifies
+        return effect.read not in FALSIFIED
 
     def _content(self, recording: Recording, cut: Cut) -> Content:
         """Content of a run that is simulated forward: its commands, and its start."""
@@ -224,7 +217,7 @@ class ForwardDynamics(MechanismSubject):
                           groups: Sequence[Sequence[int]]) -> dict[int, Array]:  # fmt: skip
         """Signals (signals, k) by number of case, for `groups` that share a simulation."""
         simulated, control, models = self._simulate([cases[i] for i, *_ in groups])
-        found, grid = {}, frozen(np.arange(simulated.shape[1]) * self.mechanism.file.step)
+        found, grid = {}, frozen(np.arange(simulated.shape[1]) * self.mechanism.model.opt.timestep)
         for row, (group, states) in enumerate(zip(groups, simulated, strict=True)):
             if not np.abs(states).max() < POSITION_LIMIT:
                 continue
@@ -238,10 +231,12 @@ class ForwardDynamics(MechanismSubject):
 
     def _simulate(self, cases: Sequence[Case]) -> tuple[Array, Array, list[Any]]:
         """States (n, steps + 1, 2, joints) of n cases, their commands, and their edited models."""
-        step = self.mechanism.file.step
+        step = self.mechanism.model.opt.timestep
         span = max(float(c.content.cut.t[-1]) for c in cases)
         steps = int(np.ceil(span / step)) + 2
-        control = np.array([self._control(c, steps) for c in cases])
+        commands = [c.content.commands.at_steps(step, steps, c.readings.command) for c in cases]
+        settled = (self._settle, 0)  # steps in which the first command is held
+        control = np.pad(commands, ((0, 0), settled, (0, 0)), mode="edge")
         models = [case.edited(self.mechanism.model) for case in cases]
         for model in models:
             mujoco.mj_setConst(model, self._data)
@@ -252,13 +247,6 @@ class ForwardDynamics(MechanismSubject):
             some, of_them = [cases[i] for i in rows], [models[i] for i in rows]
             states[rows] += self._by_gears(of_them, some, control[rows])
         return states, control, models
-
-    def _control(self, case: Case, steps: int) -> Array:
-        """Commands (settle + steps, actuators) of a case, the first one held while it settles."""
-        found: Array = case.content.commands.at_steps(
-            self.mechanism.file.step, steps, case.readings.command
-        )
-        return np.concatenate([np.repeat(found[:1], self._settle, axis=0), found])
 
     def _roll_out(
         self, models: Sequence[Any], cases: Sequence[Case], control: Array, into: Any = slice(None),
@@ -285,11 +273,13 @@ class ForwardDynamics(MechanismSubject):
     def _by_gears(self, models: Sequence[Any], cases: Sequence[Case], control: Array) -> Array:
         """Deviation of the states of n cases by elasticity or play: split less rigid models."""
         if self._split_model is None:
-            split = PivotModel if self.mechanism.mode is PLANAR else SplitModel
-            self._split_model = split(self.mechanism, self.name)
+            make = PivotModel if self.mechanism.mode is PLANAR else SplitModel
+            self._split_model = make(self.mechanism)
         pairs = zip(models, cases, strict=True)
         soft = [self._split_model.soft(model, case.readings) for model, case in pairs]
-        rigid = [self._split_model.rigid(model) for model in models]
+        rigid = [copy.copy(model) for model in models]
+        for model, split in zip(rigid, soft, strict=True):
+            model.opt.integrator = split.opt.integrator
         moved = self._roll_out(soft, cases, control, self._split_model.motor)
         return moved - self._roll_out(rigid, cases, control)
 

@@ -14,17 +14,11 @@ from numba import types
 from numpy.typing import NDArray
 
 from cell.gap.subject.mechanism.closed_loops import ClosedLoops, transmissions
-from cell.gap.subject.mechanism.effect import Effect
+from cell.gap.subject.mechanism.effect import FALSIFIED, Effect
 from cell.gap.subject.mechanism.effects import torques
 from cell.gap.subject.mechanism.effects.friction import DRY_FRICTION, dry_law, dry_limit
 from cell.gap.subject.mechanism.model import Mechanism, poses
-from cell.gap.subject.mechanism.motion import (
-    Motion,
-    cutoff_of,
-    link_motion,
-    motion_of,
-    true_motion,
-)
+from cell.gap.subject.mechanism.motion import Motion, cutoff_of, link_motion, motion_of, true_motion
 from cell.gap.subject.mechanism.recordings import Cut, Recording, Signal, average, phases
 from cell.gap.subject.mechanism.subject import Case, Content, MechanismSubject, content_of
 from cell.gap.subject.subject import Run, Words
@@ -107,7 +101,7 @@ class InverseDynamics(MechanismSubject):
 
     def moves(self, effect: Effect) -> bool:
         """Whether inverse dynamics of rigid bodies depends on `effect`."""
-        return effect.falsifies or effect.by_fields(self.mechanism)
+        return effect.read in FALSIFIED or effect.by_fields(self.mechanism)
 
     def _run(self, recording: Recording) -> Run:
         """Run for the engine, with the noise that the measured motion adds to torques."""

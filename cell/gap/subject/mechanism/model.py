@@ -17,9 +17,6 @@ from drivers.strip.effects.effect import Parameter
 from drivers.types import Array
 
 POSES = 24  # at which weights and inertias are taken
-LEAST_TORQUE = 1e-9  # N m, typical torque of a joint that neither weight nor motion loads
-TURN = 2.0 * np.pi  # rad
-LEAST_WEIGHT = 1e-12  # N m, weight by which a joint without gravity would swing
 SMOOTH = 0.02  # rad/s over which compiled dry friction changes sign in a simulation
 SMOOTHED = 0.02  # of a joint's typical rate: the same along measured motion
 
@@ -226,26 +223,6 @@ def check_joints(model: Any, origin: str) -> None:
         raise ConfigurationError(f"{origin}: has no joint; nothing in it can move")
 
 
-def joints_of(model: Any, motion: dict[str, tuple[float, float, float]],
-              driven: dict[str, float]) -> tuple[Joint, ...]:  # fmt: skip
-    """Joints of a model, with their typical torques, rates and inertias.
-
-    `motion` holds measured rates, accelerations and travels by joint, `driven` measured torques;
-    where nothing was measured, gravity and inertia in poses drawn at random are typical.
-    """
-    weight, inertia = _typical_loads(model)
-    found = []
-    for i in range(model.njnt):
-        name = model.joint(i).name
-        rate, acceleration, travel = motion.get(name, (0.0, 0.0, TURN))
-        torque = driven.get(name) or max(weight[i], inertia[i] * acceleration, LEAST_TORQUE)
-        swing = float(np.sqrt(max(weight[i], LEAST_WEIGHT) / inertia[i]))
-        found.append(Joint(name, bool(model.jnt_type[i] == mujoco.mjtJoint.mjJNT_HINGE),
-                           actuator_on(model, i), float(torque), float(rate or swing),
-                           float(inertia[i]), travel))  # fmt: skip
-    return tuple(found)
-
-
 def actuator_on(model: Any, joint: int) -> int:
     """Number of the first actuator on joint number `joint`; -1 where there is none."""
     on_joint = model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT
@@ -253,7 +230,7 @@ def actuator_on(model: Any, joint: int) -> int:
     return int(hits[0]) if len(hits) else -1
 
 
-def _typical_loads(model: Any) -> tuple[Array, Array]:
+def typical_loads(model: Any) -> tuple[Array, Array]:
     """Largest torque of gravity and mean inertia (nv,) by degree of freedom, in random poses."""
     rng = np.random.default_rng(0)
     weight, inertia = np.zeros(model.nv), np.zeros(model.nv)

@@ -29,7 +29,7 @@ _LOCK = threading.Lock()
 def chain_laws(laws: Sequence[tuple[Callable[..., Array], int, int]]) -> Any:
     """Compile torque `laws` to the function `(q, v, load, p) -> torque` of their sum."""
     if not laws:
-        return kernel(_zero_torque)
+        return kernel(lambda q, v, load, p: 0.0)  # noqa: ARG005
     law, at, keys = laws[0]
     others = chain_laws(laws[1:])
     own: Any = kernel(law)
@@ -41,10 +41,6 @@ def chain_laws(laws: Sequence[tuple[Callable[..., Array], int, int]]) -> Any:
         return torque + others(q, v, load, p)
 
     return kernel(both)
-
-
-def _zero_torque(q, v, load, p):  # type: ignore[no-untyped-def]  # noqa: ARG001
-    return 0.0
 
 
 class Torques:
@@ -78,7 +74,7 @@ class Torques:
         with _LOCK:
             if names not in self._callbacks:
                 law = chain_laws([self._laws[name] for name in sorted(names)])
-                self._callbacks[names] = _callback(law, *_offsets(model), self.slots)
+                self._callbacks[names] = _callback(law, model, self.slots)
             mujoco.set_mjcb_passive(self._callbacks[names].ctypes)
             mujoco.set_mjcb_time(_zero().ctypes)  # MuJoCo reads the clock a dozen times a step
             try:
@@ -88,10 +84,15 @@ class Torques:
                 mujoco.set_mjcb_time(None)
 
 
-def _callback(law: Any, user_at: int, qpos_at: int, qvel_at: int, passive_at: int,
-              slots: int) -> Any:  # fmt: skip
-    """Compiled `mjcb_passive` of MuJoCo that adds the torque `law` of every joint."""
-    pointers = types.CPointer(types.CPointer(types.float64))
+def _callback(law: Any, model: Any, slots: int) -> Any:
+    """Compiled `mjcb_passive` of MuJoCo that adds the torque `law` of every joint.
+
+    Arrays are found by the address that each has in a `model`, for the layout of MuJoCo's structs
+    changes with its version.
+    """
+    data, pointers = mujoco.MjData(model), types.CPointer(types.CPointer(types.float64))
+    user_at, qpos_at = _offset(model, model.jnt_user), _offset(data, data.qpos)
+    qvel_at, passive_at = _offset(data, data.qvel), _offset(data, data.qfrc_passive)
 
     @callback(types.void(pointers, pointers))
     def add(model, data):  # type: ignore[no-untyped-def]
@@ -108,17 +109,6 @@ def _callback(law: Any, user_at: int, qpos_at: int, qvel_at: int, passive_at: in
 def _zero() -> Any:
     """Compiled clock that always reads zero."""
     return callback(types.float64())(lambda: 0.0)
-
-
-def _offsets(model: Any) -> tuple[int, int, int, int]:
-    """Offsets of jnt_user in mjModel and of qpos, qvel, qfrc_passive in mjData [pointers].
-
-    Found by the address that each array of a `model` has, for the layout changes with MuJoCo's
-    version.
-    """
-    data = mujoco.MjData(model)
-    return (_offset(model, model.jnt_user), _offset(data, data.qpos), _offset(data, data.qvel),
-            _offset(data, data.qfrc_passive))  # fmt: skip
 
 
 def _offset(struct: Any, array: Array) -> int:

@@ -9,7 +9,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from cell.gap.subject.mechanism.effects import effect_of
+from cell.gap.subject.mechanism.effects import library
 from cell.gap.subject.mechanism.model import Mechanism
 from cell.gap.subject.mechanism.read_mechanism import LIMITLESS
 from cell.gap.subject.subject import NamedValues, note_of
@@ -38,8 +38,8 @@ def accepted_content(
         notes.append(note_of(name, old, source, f", is {value:.9g}"))
     for name, values in effects.items():
         notes.append(note_of(f"effects.{name}", None, source))
-        if not effect_of(name).by_fields(m):
-            (first, *_) = effect_of(name).parameters(m)  # a law's one value is `amount`
+        if not library()[name].by_fields(m):
+            (first, *_) = library()[name].parameters(m)  # a law's one value is `amount`
             known[name] = {first.name if key == "amount" else key: v for key, v in values.items()}
     content["model"] = str(Path(m.file.model).with_name(f"{m.file.name}-accepted.xml"))
     return content

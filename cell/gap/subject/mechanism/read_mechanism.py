@@ -24,10 +24,10 @@ from cell.gap.subject.mechanism.model import (
     Mode,
     actuator_on,
     check_joints,
-    joints_of,
     number_of,
     poses,
     scale_gain,
+    typical_loads,
 )
 from cell.gap.subject.mechanism.model_source import compile_model, read_source
 from cell.gap.subject.mechanism.recordings import (
@@ -56,6 +56,9 @@ FORWARD_FLOOR = 5e-5  # rad or m, error of integration
 SOFT = (0.9, 0.95, 0.001, 0.5, 2.0)  # MuJoCo's impedance of dry friction, which lets joints creep
 FIRM = 0.9999  # impedance of dry friction that holds a joint, where the model states none
 LIMITLESS = 1e12  # N m or N, force range of an actuator that states none
+LEAST_TORQUE = 1e-9  # N m, typical torque of a joint that neither weight nor motion loads
+LEAST_WEIGHT = 1e-12  # N m, weight by which a joint without gravity would swing
+TURN = 2.0 * np.pi  # rad
 LEAST = 8  # readings of which the rate at the start is taken
 RATE_READINGS = 300  # of a recording, from which typical rates are taken
 
@@ -347,16 +350,27 @@ def _set_options(mechanism: Mechanism) -> None:
 
 
 def _measured_joints(mechanism: Mechanism) -> tuple[Joint, ...]:
-    """Joints of a model, with typical rates and torques as measured in the recordings."""
+    """Joints of a model, with typical rates and torques as measured in the recordings.
+
+    Where nothing was measured, gravity and inertia in poses drawn at random are typical.
+    """
     file, model, recordings = mechanism.file, mechanism.model, mechanism.recordings
-    measured = {s.joint: n for n, s in file.signals.items() if s.joint and s.is_ == "position"}
-    measured |= {n: n for n, kind in file.inputs.items() if kind == "position"}
-    motion = {j: _motion(recordings, c) for j, c in measured.items() if j is not None}
-    driven = {}
-    for s in mechanism.compared("torque"):
-        squares = [np.nanmean((s.gear * r.columns[s.name]) ** 2) for r in recordings]
-        driven[model.joint(s.joint).name] = float(np.sqrt(np.mean(squares)))
-    return joints_of(model, motion, driven)
+    columns = {s.joint: n for n, s in file.signals.items() if s.joint and s.is_ == "position"}
+    columns |= {n: n for n, kind in file.inputs.items() if kind == "position"}
+    squares = {s.joint: [np.nanmean((s.gear * r.columns[s.name]) ** 2) for r in recordings]
+               for s in mechanism.compared("torque")}  # fmt: skip
+    found = []
+    for i, (weight, inertia) in enumerate(zip(*typical_loads(model), strict=True)):
+        rate, acceleration, travel, name = 0.0, 0.0, TURN, model.joint(i).name
+        if name in columns:
+            rate, acceleration, travel = _motion(recordings, columns[name])
+        driven = np.sqrt(np.mean(squares[i])) if i in squares else 0.0
+        torque = driven or max(weight, inertia * acceleration, LEAST_TORQUE)
+        swing = np.sqrt(max(weight, LEAST_WEIGHT) / inertia)
+        hinge = bool(model.jnt_type[i] == mujoco.mjtJoint.mjJNT_HINGE)
+        found.append(Joint(name, hinge, actuator_on(model, i), float(torque), float(rate or swing),
+                           float(inertia), travel))  # fmt: skip
+    return tuple(found)
 
 
 def _motion(recordings: Sequence[Recording], column: str) -> tuple[float, float, float]:

@@ -30,18 +30,6 @@ STILL = 0.05  # of the rms speed, below which a motion holds
 SLOWEST_CHECKED = 0.1  # rad/s of a swing below which stated rates are not checked
 
 
-def time_blocks(t: Array, width: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Edges and indices of readings at t (n,) [s] in blocks of `width` [s], PER_BLOCK at most.
-
-    Returns the edges (b + 1,) of the blocks among the kept readings, and the indices (k,) of those.
-    """
-    starts = np.flatnonzero(np.diff(np.floor(t / width))) + 1
-    chosen = [inside if len(inside) <= PER_BLOCK
-              else inside[np.linspace(0, len(inside) - 1, PER_BLOCK).round().astype(int)]
-              for inside in np.split(np.arange(len(t)), starts)]  # fmt: skip
-    return np.cumsum([0, *map(len, chosen)]), np.concatenate(chosen)
-
-
 def average(values: Array, edges: NDArray[np.int64]) -> tuple[Array, Array]:
     """Mean and mean square of `values` (n, k) within blocks, each flattened to (n b,)."""
     counts = np.diff(edges)
@@ -281,13 +269,17 @@ def _spreads(t: Array, x: Array) -> tuple[float, float]:
 def cut_recording(recording: Recording, columns: Sequence[str], least: float) -> Cut:
     """Cut a run into samples of `least` [s], longer where it has too many readings.
 
-    Readings in which a column is absent are left out.
+    Readings in which a column is absent are left out, and of a sample all but PER_BLOCK.
     """
     width = max(least, float(recording.t[-1]) * PER_BLOCK / MOST_READINGS)
     values = np.array([recording.columns[c] for c in columns])
     good = np.flatnonzero(np.isfinite(values).all(axis=0))
-    edges, inside = time_blocks(recording.t[good], width)
-    return Cut(frozen(recording.t[good[inside]]), frozen(values[:, good[inside]]), edges, width)
+    starts = np.flatnonzero(np.diff(np.floor(recording.t[good] / width))) + 1
+    chosen = [inside if len(inside) <= PER_BLOCK
+              else inside[np.linspace(0, len(inside) - 1, PER_BLOCK).round().astype(int)]
+              for inside in np.split(good, starts)]  # fmt: skip
+    edges, kept = np.cumsum([0, *map(len, chosen)]), np.concatenate(chosen)
+    return Cut(frozen(recording.t[kept]), frozen(values[:, kept]), edges, width)
 
 
 def phases(speed: Array) -> Words:

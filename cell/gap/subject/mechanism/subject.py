@@ -11,10 +11,10 @@ import numpy as np
 
 from cell.gap.subject.mechanism.effect import Effect, Known, Readings, readings_of
 from cell.gap.subject.mechanism.effects import (
+    TERMS,
     accepted_parameters,
     candidates,
-    describing_terms,
-    effect_of,
+    library,
     ordered_values,
     torques,
 )
@@ -145,7 +145,7 @@ class MechanismSubject(Subject):
             base=(*(b.parameter for b in m.base), *accepted_parameters(m)),
             candidates=possible,
             quantities={s.channel: self._quantity(s.channel, s.kind) for s in m.signals},
-            terms=describing_terms(m),
+            terms=tuple(t.candidate(m) for t in TERMS if t.applies(m)),
             scatter=tuple(self._scatter.values()),
             believed=m.mode.shapes,
         )
@@ -188,7 +188,7 @@ class MechanismSubject(Subject):
         content, count, n = content_of(request.run), len(m.base), len(m.joints)
         owners = np.array([p.name.partition(".")[0] for p in self.scope.base])
         accepted = {name: request.base[owners == name] for name in m.file.effects}
-        known = [(effect_of(n), values) for n, values in {**accepted, **request.effects}.items()]
+        known = [(library()[n], values) for n, values in {**accepted, **request.effects}.items()]
         unknowns = dict(zip((p.name for p in request.run.local), request.local, strict=True))
         base = np.array(request.base[:count])
         for i, source in self._scatter.items():  # a fit leaves some of them out
@@ -250,7 +250,7 @@ class MechanismSubject(Subject):
     def model_text(self, base: Mapping[str, float], effects: NamedValues) -> str | None:
         """MJCF text of the model with refitted base and named effects."""
         m = self.mechanism
-        known = [(effect_of(n), ordered_values(effect_of(n), m, v)) for n, v in effects.items()]
+        known = [(library()[n], ordered_values(library()[n], m, v)) for n, v in effects.items()]
         stated = np.array([base[b.parameter.name] for b in m.base])
         return accepted_xml(m, self._edited(None, stated, known, m.model))
 

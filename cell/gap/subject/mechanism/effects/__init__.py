@@ -48,9 +48,9 @@ def _term(name: str, sentence: str, law: Callable[..., Array],
           size: Callable[[Mechanism], Array],
           modes: Collection[str] = MODES) -> Effect:  # fmt: skip
     """Descriptive effect by a torque `law` of one parameter per joint, typically 0.01 `size`."""
-    return Effect(f"term_{name}", sentence, "model",
+    return Effect(f"term_{name}", sentence,
                   lambda m: per_joint(m, "torque", "N m", 0.01 * size(m), signed=True), "",
-                  keys=1, law=law, modes=modes)  # fmt: skip
+                  law=law, modes=modes)  # fmt: skip
 
 
 TERMS = (
@@ -73,10 +73,15 @@ def registry() -> Mapping[str, Effect]:
 
 
 @cache
+def library() -> Mapping[str, Effect]:
+    """Effects of mechanisms and descriptive terms by name."""
+    return {**registry(), **{term.name: term for term in TERMS}}
+
+
+@cache
 def torques() -> Torques:
     """Joint-torque laws of all effects and descriptive terms, compiled together."""
-    every = [*registry().values(), *TERMS]
-    return Torques([(e.name, e.law, e.keys) for e in every if e.law is not None])
+    return Torques([(e.name, e.law, e.keys) for e in library().values() if e.law is not None])
 
 
 def candidates(mechanism: Mechanism) -> tuple[Candidate, ...]:
@@ -90,25 +95,14 @@ def candidates(mechanism: Mechanism) -> tuple[Candidate, ...]:
 
 def laws(mechanism: Mechanism) -> frozenset[str]:
     """Names of the effects and terms whose laws a simulation adds to MuJoCo's own forces."""
-    return frozenset(e.name for e in (*registry().values(), *TERMS) if e.law is not None
+    return frozenset(e.name for e in library().values() if e.law is not None
                      and e.applies(mechanism) and not e.by_fields(mechanism))  # fmt: skip
-
-
-def describing_terms(mechanism: Mechanism) -> tuple[Candidate, ...]:
-    """Generic joint torques of `mechanism` that describe residuals which no effect explains."""
-    return tuple(t.candidate(mechanism) for t in TERMS if t.applies(mechanism))
-
-
-def effect_of(name: str) -> Effect:
-    """Effect or descriptive term of mechanisms called `name`."""
-    found = registry().get(name)
-    return found if found is not None else next(t for t in TERMS if t.name == name)
 
 
 def accepted_parameters(mechanism: Mechanism) -> Iterator[Parameter]:
     """Base parameters `effect.parameter` by which accepted effects are fitted again."""
     for name, values in mechanism.file.effects.items():
-        effect = effect_of(name)
+        effect = library()[name]
         starts = ordered_values(effect, mechanism, values)
         for p, start in zip(effect.with_shape(mechanism), starts, strict=True):
             yield replace(p, name=f"{name}.{p.name}", start=float(start))
@@ -116,7 +110,7 @@ def accepted_parameters(mechanism: Mechanism) -> Iterator[Parameter]:
 
 def check_effects(mechanism: Mechanism) -> None:
     """Refuse accepted effects that `mechanism` cannot have, and values out of range."""
-    known = {e.name: e for e in (*registry().values(), *TERMS) if e.applies(mechanism)}
+    known = {name: e for name, e in library().items() if e.applies(mechanism)}
     for name, values in mechanism.file.effects.items():
         origin = f"{mechanism.path}: effects.{name}"
         if name not in known:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from cell.gap.subject.mechanism.effect import Effect, add_to, per_joint, single_parameter
+from cell.gap.subject.mechanism.effect import Effect, add_to, errors, per_joint, single_parameter
 from cell.gap.subject.mechanism.model import MODES, PLANAR, Mechanism, add_point, tip
 from drivers.strip.effects.effect import Parameter
 from drivers.types import Array
@@ -79,7 +79,6 @@ def _lean(edited: Any, x: float, y: float) -> None:
 ARMATURE = Effect(
     name="armature",
     sentence="drives have rotor inertia that the model lacks",  # times the gear ratio squared
-    of="model",
     parameters=lambda m: per_joint(m, "inertia", "kg m^2", 0.01 * m.inertia),
     edit=add_to("dof_armature"),
     revealed_by="fast starts and stops",
@@ -88,7 +87,6 @@ ARMATURE = Effect(
 PAYLOAD = Effect(
     name="payload",
     sentence="the last body carries a mass that the model lacks",
-    of="model",
     # of what moves, for a flange may weigh next to nothing
     parameters=lambda m: single_parameter(
         "mass", "kg", 0.01 * max(m.model.body_mass[_moving_bodies(m)])
@@ -99,7 +97,6 @@ PAYLOAD = Effect(
 COM_ERROR = Effect(
     name="com_error",
     sentence="the last body's centre of mass is not where the model has it",
-    of="model",
     parameters=_com_parameters,
     edit=_edit_com,
     revealed_by="slow motion through many poses",
@@ -108,7 +105,6 @@ COM_ERROR = Effect(
 AIR_DRAG = Effect(
     name="air_drag",
     sentence="the air brakes the bodies with the square of their speed",
-    of="model",
     parameters=lambda m: single_parameter("coefficient", *m.mode.drag),
     edit=_edit_drag,
     modes=MODES,
@@ -136,10 +132,8 @@ FRAME_TILT = replace(
 LINK_INERTIA = Effect(
     name="link_inertia",
     sentence="links are heavier or lighter than stated, with inertia in proportion",
-    of="model",
-    parameters=lambda m: tuple(
-        Parameter(f"error_{m.model.body(i).name or i}", "1", 0.0, -0.9, 20.0, step=1e-5, spread=1.0)
-        for i in _moving_bodies(m)
+    parameters=lambda m: errors(
+        "error", "1", [m.model.body(i).name or i for i in _moving_bodies(m)], -0.9, 20.0, 1.0
     ),
     edit=_edit_inertia,
     probes=(0.3, 3.0, 30.0),
@@ -148,7 +142,6 @@ LINK_INERTIA = Effect(
 LINK_GEOMETRY = Effect(
     name="link_geometry",
     sentence="joints lie elsewhere on their links than stated",
-    of="model",
     parameters=_place_parameters,
     edit=_edit_places,
     possible=lambda m: not m.model.neq,  # maps along closed loops are those of stated places

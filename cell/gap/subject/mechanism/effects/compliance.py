@@ -97,7 +97,6 @@ def _momenta(model: Any, motion: bytes) -> tuple[Array, Array, Array]:
 JOINT_ELASTICITY = Effect(
     name="joint_elasticity",
     sentence="gears twist: links spring on their motors",
-    of="model",
     # a typical one makes the link resonate at 300 times the rate
     parameters=lambda m: per_joint(m, "compliance", "rad/(N m)",
                                    0.01 / (m.inertia * (30.0 * m.rate) ** 2)),
@@ -108,7 +107,6 @@ JOINT_ELASTICITY = Effect(
 BACKLASH = Effect(
     name="backlash",
     sentence="gears have play",
-    of="model",
     parameters=lambda m: per_joint(m, "gap", "rad", 0.001 * np.ones(len(m.joints)), high=100.0),
     possible=lambda m: m.mode.splits(m.model),
     read="gap",
@@ -117,7 +115,6 @@ BACKLASH = Effect(
 CABLE_SPRING = Effect(
     name="cable_spring",
     sentence="cables pull joints back like springs",
-    of="model",
     parameters=lambda m: per_joint(m, "stiffness", "N m/rad", 0.01 * m.torque),
     shape=lambda m: per_joint(m, "rest", "rad", 0.05 * np.ones(len(m.joints)), signed=True,
                               role="shape", high=120.0),

@@ -4,11 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from cell.gap.subject.mechanism.effect import (
-    Effect,
-    per_joint,
-    single_parameter,
-)
+from cell.gap.subject.mechanism.effect import Effect, errors, per_joint, single_parameter
 from cell.gap.subject.mechanism.model import FORWARD, MODES, Mechanism, scale_gain
 from drivers.strip.effects.effect import Parameter
 from drivers.types import Array
@@ -67,10 +63,7 @@ TORQUE_CONSTANT = Effect(
     name="torque_constant",
     sentence="motors give another torque for their current than stated",
     of="rig",
-    parameters=lambda m: tuple(
-        Parameter(f"error_{j.name}", "1", 0.0, -0.9, 3.0, step=1e-5, spread=0.25)
-        for j in m.driven.joints
-    ),
+    parameters=lambda m: errors("error", "1", [j.name for j in m.driven.joints], -0.9, 3.0, 0.25),
     edit=_edit_constant,
     revealed_by="a known weight on the tip",
     error_of="gain",
@@ -80,7 +73,6 @@ TORQUE_BIAS = Effect(
     sentence="a drive adds a constant torque, or its sensor reads one",
     of="rig",
     parameters=lambda m: per_joint(m.driven, "torque", "N m", 0.01 * m.driven.torque, signed=True),
-    keys=1,
     law=bias_law,
     of_drives=True,
     revealed_by="hold still in several poses",
@@ -88,7 +80,6 @@ TORQUE_BIAS = Effect(
 TORQUE_RIPPLE = Effect(
     name="torque_ripple",
     sentence="a drive's torque ripples with its angle",
-    of="model",
     parameters=lambda m: per_joint(m.driven, "amplitude", "N m", 0.01 * m.driven.torque,
                                    signed=True),
     shape=_ripple_shape,
@@ -128,10 +119,7 @@ ENCODER_BIAS = Effect(
     name="encoder_bias",
     sentence="encoders read a constant too much or too little",
     of="rig",
-    parameters=lambda m: tuple(
-        Parameter(f"bias_{name}", "rad", 0.0, -0.2, 0.2, step=1e-5, spread=0.03)
-        for name in m.mode.encoders(m)
-    ),
+    parameters=lambda m: errors("bias", "rad", m.mode.encoders(m), -0.2, 0.2, 0.03),
     read="bias",
     modes=MODES,
     revealed_by="hold still in several poses",
@@ -142,10 +130,7 @@ ENCODER_SCALE = Effect(
     of="rig",
     # discs and gears count exactly, potentiometers and belts are within half a percent; beyond 2 %
     # lines or teeth would be miscounted, which any stop shows
-    parameters=lambda m: tuple(
-        Parameter(f"scale_{name}", "1", 0.0, -0.02, 0.02, step=1e-5, spread=0.005)
-        for name in m.mode.encoders(m)
-    ),
+    parameters=lambda m: errors("scale", "1", m.mode.encoders(m), -0.02, 0.02, 0.005),
     read="scale",
     revealed_by="large motion to both stops",
 )

@@ -7,6 +7,7 @@ load); Dahl 1968, TOR-0158, and Prandtl's elastic, perfectly plastic element (pr
 from typing import Any
 
 import numpy as np
+from numba.extending import register_jitable
 
 from cell.gap.subject.mechanism.effect import Effect, add_to, per_joint, single_parameter
 from cell.gap.subject.mechanism.model import FORWARD, MODES, PRESCRIBED, Mechanism
@@ -51,15 +52,13 @@ def _dry_shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
 
 def dry_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
     """Torque (m,) [N m] -(c + k |load| + s exp(-(v/v_s)^2)) (w + a |w|) with w = tanh(v / v_0)."""
-    size = p[at] + p[at + 1] * abs(load)
-    if p[at + 3] != 0.0:
-        size += p[at + 3] * np.exp(-((v / p[at + 4]) ** 2))
     sign = np.tanh(v / p[1])
-    return -size * (sign + p[at + 2] * abs(sign))
+    return -dry_limit(q, v, load, p, at) * (sign + p[at + 2] * abs(sign))
 
 
+@register_jitable  # type: ignore[untyped-decorator]
 def dry_limit(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
-    """Largest static friction torque (m,) [N m] of a joint at rest."""
+    """Size of dry friction (m,) [N m], of a joint at rest the largest torque that it withstands."""
     peak = p[at + 3] * np.exp(-((v / p[at + 4]) ** 2)) if p[at + 3] else 0.0
     return p[at] + p[at + 1] * abs(load) + peak
 
@@ -105,7 +104,6 @@ def _edit_pairs(mechanism: Mechanism, values: Array, edited: Any) -> None:
 DRY_FRICTION = Effect(
     name="dry_friction",
     sentence="joints rub like dry friction",
-    of="model",
     parameters=_dry_parameters,
     shape=_dry_shape,
     keys=5,
@@ -117,9 +115,7 @@ DRY_FRICTION = Effect(
 QUADRATIC_DAMPING = Effect(
     name="quadratic_damping",
     sentence="joints brake with the square of their rate",
-    of="model",
     parameters=lambda m: per_joint(m, "coefficient", "N m s^2", 0.01 * m.torque / m.rate**2),
-    keys=1,
     law=_quadratic_law,
     edit=add_to("dof_dampingpoly"),
     modes=MODES,
@@ -128,7 +124,6 @@ QUADRATIC_DAMPING = Effect(
 PRESLIDING = Effect(
     name="presliding",
     sentence="joints yield like springs before they slide",
-    of="model",
     parameters=lambda m: per_joint(m, "stiffness", "N m/rad", 0.1 * m.torque, high=1000.0),
     shape=_presliding_shape,
     path=_presliding_path,
@@ -138,7 +133,6 @@ PRESLIDING = Effect(
 CONTACT_FRICTION = Effect(
     name="contact_friction",
     sentence="contacts rub more or less than stated",
-    of="model",
     parameters=lambda _: single_parameter("coefficient", "1", 0.01, signed=True, high=50.0),
     possible=lambda m: bool(m.model.npair),
     edit=_edit_pairs,

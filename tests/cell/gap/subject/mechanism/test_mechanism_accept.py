@@ -12,8 +12,8 @@ import pytest
 import yaml
 
 from cell.gap.open_subject import open_mechanism
-from cell.gap.subject.mechanism.effects import effect_of
-from cell.gap.subject.mechanism.model import Mechanism, joints_of
+from cell.gap.subject.mechanism.effects import library
+from cell.gap.subject.mechanism.model import Joint, Mechanism
 from cell.gap.subject.mechanism.model_source import Source
 from cell.gap.subject.mechanism.patch import accepted_xml
 from cell.gap.subject.mechanism.subject import MechanismSubject
@@ -123,9 +123,9 @@ def test_friction_is_written_to_the_pair_whose_geoms_it_is_of() -> None:
     spec = source.spec()
     spec.nuser_jnt = 16
     model = spec.compile()
-    joints = joints_of(model, dict.fromkeys("xy", (1.0, 1.0, 1.0)), {})
+    joints = tuple(Joint(name, False, -1, 1.0, 1.0, 1.0, 1.0) for name in "xy")
     m = Mechanism(SimpleNamespace(mode="forward", step=0.002), Path(), source, model, (), joints)
     edited = copy.copy(model)
-    effect_of("contact_friction").edit(m, np.array([0.05]), edited)
+    library()["contact_friction"].edit(m, np.array([0.05]), edited)
     new = mujoco.MjModel.from_xml_string(accepted_xml(m, edited))
     np.testing.assert_allclose([new.pair(name).friction[0] for name in "ab"], [0.95, 0.25])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cell.gap.open_subject import open_mechanism
-from cell.gap.subject.mechanism.effects import describing_terms, registry
+from cell.gap.subject.mechanism.effects import registry
 from cell.gap.subject.mechanism.subject import MechanismSubject
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.subject import Residuals
@@ -39,7 +39,7 @@ def test_the_library_has_what_the_contract_names() -> None:
 @pytest.mark.slow
 def test_every_effect_is_null_to_the_bit_and_changes_something_beyond(arm) -> None:
     plain = simulated(arm, {})
-    for candidate in (*arm.scope.candidates, *describing_terms(arm.mechanism)):
+    for candidate in (*arm.scope.candidates, *arm.scope.terms):
         for null in (candidate.null, candidate.with_shape().null):
             same = simulated(arm, {candidate.name: null})
             assert np.array_equal(same.mean, plain.mean), candidate.name
