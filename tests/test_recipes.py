@@ -92,9 +92,7 @@ def law(q, v, load, p, at):
 EFFECT = Effect(
     name="magnet",
     sentence="a magnet holds a joint",
-    of="model",
     parameters=_parameters,
-    keys=1,
     law=law,
     revealed_by="slow motion",
 )

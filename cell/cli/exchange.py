@@ -89,9 +89,14 @@ def _convert(
     from cell.record.exchange.mapping import SignalMapping
 
     if model is not None:
-        from cell.gap.subject.mechanism.read_mechanism import recording_reader
+        from cell.gap.subject.mechanism.read_mechanism import open_file, read_checked
+        from cell.gap.subject.run_folders import RunFolder
 
-        return convert(places, mapping, out, recording_reader(model), SignalMapping)
+        mechanism = open_file(model)
+        return convert(
+            places, mapping, out, lambda run: read_checked(RunFolder(run, run.name), mechanism),
+            SignalMapping,
+        )  # fmt: skip
     from cell.gap.subject.strip.runs import check_fold
 
     remarks = list[str]()

@@ -71,19 +71,18 @@ class ClosedLoops:
 
     def close(self, angles: Array) -> Array:
         """Positions (m, n) of all joints, loops closed, from independent ones at angles (m, k)."""
-        q = np.array(self._model.qpos0)
+        q, found = np.array(self._model.qpos0), []
         approach = np.linspace(q[self.independent], angles[0], APPROACH_STEPS)
-        return np.array([self._closed(q, a) for a in (*approach, *angles)])[APPROACH_STEPS:]
-
-    def _closed(self, q: Array, angles: Array) -> Array:
-        """Positions (n,) of closed loops at `angles` (k,); Newton steps move `q` (n,) in place."""
-        q[self.independent] = angles
-        for _ in range(NEWTON_STEPS):
-            jacobian, gap = self._jacobian(q)
-            if np.abs(gap).max() < GAP_TOLERANCE:
-                break
-            q[self._dependent] -= np.linalg.pinv(jacobian[:, self._dependent], RANK_TOLERANCE) @ gap
-        return q.copy()
+        for each in (*approach, *angles):
+            q[self.independent] = each
+            for _ in range(NEWTON_STEPS):
+                jacobian, gap = self._jacobian(q)
+                if np.abs(gap).max() < GAP_TOLERANCE:
+                    break
+                inverse = np.linalg.pinv(jacobian[:, self._dependent], RANK_TOLERANCE)
+                q[self._dependent] -= inverse @ gap
+            found.append(q.copy())
+        return np.array(found[APPROACH_STEPS:])
 
     def maps(self, q: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
         """Linear maps between joints of open and closed loops along positions `q` (m, n).

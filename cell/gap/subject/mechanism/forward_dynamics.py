@@ -14,8 +14,8 @@ from mujoco.batch import Batch, SimulationError
 from scipy.interpolate import CubicHermiteSpline
 
 from cell.gap.subject.mechanism.effect import FALSIFIED, Effect, Readings
-from cell.gap.subject.mechanism.effects import laws, torques
-from cell.gap.subject.mechanism.model import PLANAR, Mechanism
+from cell.gap.subject.mechanism.effects import library, torques
+from cell.gap.subject.mechanism.model import PLANAR, Mechanism, poses
 from cell.gap.subject.mechanism.model_source import compile_model
 from cell.gap.subject.mechanism.read_mechanism import start_of
 from cell.gap.subject.mechanism.recordings import Cut, Recording, Signal
@@ -160,7 +160,10 @@ class ForwardDynamics(MechanismSubject):
 
     def __init__(self, mechanism: Mechanism, jobs: int = 1, without: Sequence[str] = ()) -> None:
         super().__init__(mechanism, jobs, without)
-        self._laws = laws(mechanism)
+        self._laws = frozenset(  # which a simulation adds to MuJoCo's own forces
+            e.name for e in library().values()
+            if e.law is not None and e.applies(mechanism) and not e.by_fields(mechanism)
+        )  # fmt: skip
         self._settle = round((mechanism.file.start.settle or 0.0) / mechanism.model.opt.timestep)
         self._split_model: SplitModel | None = None
         self._data = mujoco.MjData(mechanism.model)
@@ -242,8 +245,7 @@ class ForwardDynamics(MechanismSubject):
             mujoco.mj_setConst(model, self._data)
         states = self._roll_out(models, cases, control)
         soft = [np.any(c.readings.elastic) or np.any(c.readings.gap) for c in cases]
-        if any(soft):
-            rows = np.flatnonzero(soft).tolist()
+        if rows := np.flatnonzero(soft).tolist():
             some, of_them = [cases[i] for i in rows], [models[i] for i in rows]
             states[rows] += self._by_gears(of_them, some, control[rows])
         return states, control, models
@@ -287,7 +289,7 @@ class ForwardDynamics(MechanismSubject):
         """Sensor readings (signals, k) at times t (k,) [s], from the states q, v (joints, k)."""
         signals, errors = self.mechanism.signals, case.readings
         rows = np.empty((len(signals), len(t)))
-        sensed = any(s.kind in ("site", "sensor") for s in signals)
+        sensed = {"site", "sensor"} & {s.kind for s in signals}
         sensors = self._read_sensors(model, q, v) if sensed else q
         for k, signal in enumerate(signals):
             if signal.kind == "torque":
@@ -318,9 +320,5 @@ class ForwardDynamics(MechanismSubject):
 
     def _read_sensors(self, model: Any, q: Array, v: Array) -> Array:
         """Coordinates of sites, then readings of sensors (n, k), at states q, v (joints, k)."""
-        data, rows = mujoco.MjData(model), []
-        for positions, rates in zip(q.T, v.T, strict=True):
-            data.qpos[:], data.qvel[:] = positions, rates
-            mujoco.mj_forward(model, data)
-            rows.append(np.concatenate([data.site_xpos.ravel(), data.sensordata]))
-        return np.array(rows).T
+        along = poses(model, q.T, mujoco.mj_forward, v.T)
+        return np.array([np.concatenate([d.site_xpos.ravel(), d.sensordata]) for d in along]).T

@@ -90,8 +90,7 @@ class InverseDynamics(MechanismSubject):
                     for i in np.flatnonzero(model.tendon_frictionloss > 0.0))  # fmt: skip
         if model.npair:
             yield "contact pairs"
-        data = mujoco.MjData(model)
-        mujoco.mj_forward(model, data)
+        (data,) = poses(model, [model.qpos0], mujoco.mj_forward)
         drives = transmissions(model, data) != 0.0
         for sensor in self.mechanism.compared("torque"):
             others = drives[:, sensor.joint]
@@ -205,7 +204,10 @@ class InverseDynamics(MechanismSubject):
     def _torques(self, model: Any, case: Case, q: Array, v: Array, inverse: Array) -> Array:
         """Torque readings (torques, m): `inverse` dynamics (m, joints) less torques of effects."""
         motion: Motion = case.content.motion
-        forces = motion.late_forces(case.readings.delay)
+        forces, delay = motion.forces, case.readings.delay
+        if forces is not None and delay:  # readings are stamped late
+            late = interpolate_columns(motion.t + delay, motion.t, forces.reshape(len(forces), -1))
+            forces = late.reshape(forces.shape)
         user = np.array(model.jnt_user)
         user[:, torques().at[DRY_FRICTION.name]] += model.dof_frictionloss
         applied = torques().along(q, v, inverse, user)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import repeat
 from pathlib import Path
 from typing import Any, Literal, Self
 
@@ -168,11 +169,15 @@ class Mechanism:
         return np.array([j.inertia for j in self.joints])
 
 
-def poses(model: Any, q: Iterable[Array], compute: Callable[[Any, Any], None]) -> Iterator[Any]:
-    """MuJoCo's data of a `model`, as `compute` leaves it, at each of positions `q` (m, joints)."""
+def poses(model: Any, q: Iterable[Array], compute: Callable[[Any, Any], None],
+          v: Iterable[Array] | None = None) -> Iterator[Any]:  # fmt: skip
+    """MuJoCo's data of a `model`, as `compute` leaves it, at each of positions `q` (m, joints).
+
+    Rates `v` (m, joints) are zero where none are given.
+    """
     data = mujoco.MjData(model)
-    for row in q:
-        data.qpos[:] = row
+    for row, rates in zip(q, repeat(0.0) if v is None else v, strict=False):
+        data.qpos[:], data.qvel[:] = row, rates
         compute(model, data)
         yield data
 

@@ -52,14 +52,6 @@ class Motion:
         slow = _low_pass(rows, self.t[1] - self.t[0], self.cutoff)
         return np.array([np.interp(t, self.t, row) for row in slow])
 
-    def late_forces(self, delay: Array | float) -> Array | None:
-        """The `forces` (m, actuators, joints) for readings that are stamped `delay` [s] late."""
-        if self.forces is None or not delay:
-            return self.forces
-        columns = self.forces.reshape(len(self.forces), -1)
-        late = interpolate_columns(self.t + delay, self.t, columns)
-        return late.reshape(self.forces.shape)
-
 
 def cutoff_of(recordings: Sequence[Recording], joints: Sequence[str], pace: float) -> float:
     """Angular frequency [rad/s] below which the joints' motion has most of its power.

@@ -95,8 +95,7 @@ def _expand(spec: UncertainSpec, mechanism: Mechanism, origin: str) -> Iterator[
 
 def _free_axes(model: Any, body: int) -> Iterator[str]:
     """Axes of a body on which its centre of mass affects motion: those not along all hinges."""
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
+    (data,) = poses(model, [model.qpos0], mujoco.mj_kinematics)
     own = data.xmat[body].reshape(3, 3)
     hinges = bool((model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE).all())
     for k, axis in enumerate("xyz"):
@@ -214,7 +213,7 @@ def open_file(path: Path) -> Mechanism:
 def open_all(path: Path, folders: Sequence[RunFolder]) -> Mechanism:
     """Mechanism at `path` with its measured runs; ConfigurationError for broken input."""
     found = open_file(path)
-    read = [_read_checked(folder, found) for folder in folders]
+    read = [read_checked(folder, found) for folder in folders]
     check_indices([f.path for f in folders], [r.index for r in read])
     file, recordings = found.file, tuple(sorted(read, key=lambda r: r.index or 0))
     moving = [n for n, kind in file.inputs.items() if kind == "position"]
@@ -228,7 +227,7 @@ def open_all(path: Path, folders: Sequence[RunFolder]) -> Mechanism:
     return replace(found, base=base_of(found))
 
 
-def _read_checked(folder: RunFolder, mechanism: Mechanism) -> Recording:
+def read_checked(folder: RunFolder, mechanism: Mechanism) -> Recording:
     """Read the recording in `folder`; ConfigurationError where it contradicts file or model."""
     model = mechanism.model
     is_hinge = model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE
@@ -253,15 +252,6 @@ def _fastest_swing(model: Any) -> float:
     swung = poses(model, SMALL * np.eye(model.nv), mujoco.mj_forward)
     stiffness = [data.qfrc_bias / SMALL for data in swung]
     return float(np.sqrt(np.linalg.eigvals(np.linalg.solve(mass, stiffness)).real.max()))
-
-
-def recording_reader(path: Path) -> Callable[[Path], Recording]:
-    """Function that reads a run folder's recording, checked against the mechanism at `path`.
-
-    Raises ConfigurationError for a file that cannot be read, as the reader does for a run.
-    """
-    mechanism = open_file(path)
-    return lambda run: _read_checked(RunFolder(run, run.name), mechanism)
 
 
 def _signal(name: str, spec: SignalSpec, mode: Mode, model: Any, origin: str) -> Signal:
@@ -297,7 +287,8 @@ def _signal(name: str, spec: SignalSpec, mode: Mode, model: Any, origin: str) ->
             kind = "position"
         else:
             joint = 3 * model.nsite + int(model.sensor_adr[number])
-    zone = "grasped" if kind in ("site", "sensor") else _zone_of(joint, model.njnt)
+    ends = {model.njnt - 1: "grasped", 0: "fixed"}  # of a chain
+    zone = "grasped" if kind in ("site", "sensor") else ends.get(joint, "middle")
     return Signal(name, mode.group or name, kind, 0.0, zone, joint, weights, FORWARD_FLOOR,
                   actuator, gear)  # fmt: skip
 
@@ -310,11 +301,6 @@ def _with_noise(signal: Signal, spec: SignalSpec, recordings: Sequence[Recording
     if signal.kind == "torque":
         floor = FLOOR * float(np.nanstd(np.concatenate([r.columns[name] for r in recordings])))
     return replace(signal, sigma=float(sigma), floor=floor)
-
-
-def _zone_of(joint: int, count: int) -> str:
-    """Zone of joint number `joint` among `count` in a chain: `fixed`, `middle` or `grasped`."""
-    return "fixed" if joint == 0 else "grasped" if joint == count - 1 else "middle"
 
 
 def _sum_of_joints(model: Any, number: int) -> Array:

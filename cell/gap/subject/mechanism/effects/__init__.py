@@ -93,12 +93,6 @@ def candidates(mechanism: Mechanism) -> tuple[Candidate, ...]:
                  and e.applies(mechanism))  # fmt: skip
 
 
-def laws(mechanism: Mechanism) -> frozenset[str]:
-    """Names of the effects and terms whose laws a simulation adds to MuJoCo's own forces."""
-    return frozenset(e.name for e in library().values() if e.law is not None
-                     and e.applies(mechanism) and not e.by_fields(mechanism))  # fmt: skip
-
-
 def accepted_parameters(mechanism: Mechanism) -> Iterator[Parameter]:
     """Base parameters `effect.parameter` by which accepted effects are fitted again."""
     for name, values in mechanism.file.effects.items():

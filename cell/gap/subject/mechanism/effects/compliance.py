@@ -14,7 +14,7 @@ from scipy.interpolate import make_interp_spline
 from scipy.signal import cont2discrete, lfilter
 
 from cell.gap.subject.mechanism.effect import Effect, per_joint, single_parameter
-from cell.gap.subject.mechanism.model import PLANAR, PRESCRIBED, Mechanism
+from cell.gap.subject.mechanism.model import PLANAR, PRESCRIBED, Mechanism, poses
 from drivers.strip.effects.effect import Parameter
 from drivers.types import Array
 
@@ -76,12 +76,11 @@ def _sway_path(mechanism: Mechanism, values: Array, t: Array, q: Array, v: Array
 @lru_cache(MOTIONS)
 def _momenta(model: Any, motion: bytes) -> tuple[Array, Array, Array]:
     """Momentum Jacobians (m, 6, joints), moments of weight (m, 6), and slopes of these by joint."""
-    q, data = np.frombuffer(motion).reshape(-1, model.nv), mujoco.MjData(model)
+    q = np.frombuffer(motion).reshape(-1, model.nv)
     mass, foot = model.body_mass.sum(), model.body_pos[model.body_rootid[model.jnt_bodyid[0]]]
     arms, (linear, angular) = np.zeros((len(q), 3)), np.zeros((2, len(q), 3, model.nv))
-    for row, *found, arm in zip(q, linear, angular, arms, strict=True):
-        data.qpos[:] = row
-        mujoco.mj_kinematics(model, data)
+    along = poses(model, q, mujoco.mj_kinematics)
+    for data, *found, arm in zip(along, linear, angular, arms, strict=True):
         mujoco.mj_comPos(model, data)
         mujoco.mj_jacSubtreeCom(model, data, found[0], 0)
         mujoco.mj_angmomMat(model, data, found[1], 0)
