@@ -192,18 +192,21 @@ def _refit_alternatives(search: Search, fits: Fits) -> Fits:
     """Fit variants of an accepted pair or triple: without each effect, or with another one.
 
     Repeats while another set is accepted than before, since each has alternatives of its own.
+    Shape parameters are free in each: beside another effect they matter that did not alone.
     """
     tried: set[frozenset[str]] = set()
-    while True:
+    while len(_accept(fits).model.effects) > 1:
+        fits = fits.merge(search.free_shapes(fits))
         accepted = _accept(fits)
         names = accepted.model.names
         if len(names) < 2 or names in tried:
-            return fits
+            break
         tried.add(names)
         fits = search.fit_scored_models(fits, without_each(accepted))
         without = (fits.of(names - {name}) for name in names)
         reduced = [model for model in without if model is not None]
         fits = search.other_signs(search.extend(fits, reduced), reduced)
+    return fits
 
 
 def _accept(fits: Fits) -> CrossValidatedFit:

@@ -80,11 +80,15 @@ def fit_starts(
 ) -> tuple[Model, list[Start]]:
     """Model with the effects of `score`, and starts of its fits: first with new effects at null.
 
-    Only that start has a Jacobian: that of the fit that it extends and, for new effects, the one of
-    the screen. A fit computes it anew where it does not predict the decrease.
+    Shape parameters that are free in the fit that is extended stay so. Only the first start has a
+    Jacobian: that of this fit and, for new effects, the one of the screen. A fit computes it anew
+    where it does not predict the decrease.
     """
-    model = with_effects(base.model, score.names, candidates)
     origin = score.origin or base
+    held = {effect.name: effect for effect in origin.model.effects}
+    versions = ((c, held.get(c.name, c)) for c in candidates)
+    freest = [max(both, key=lambda effect: len(effect.parameters)) for both in versions]
+    model = with_effects(base.model, score.names, freest)
     shared, _ = origin.model.split(origin.shared)
     origin_point, *others = (Point(model.join(shared, v), origin.point.local) for v in score.starts)
     secants = _secants(origin, model, score) if origin.evidence is base.evidence else None

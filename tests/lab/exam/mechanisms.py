@@ -35,7 +35,7 @@ CLOSED = (4.0 * STEP, 1.0)  # s, damping ratio of the spring that closes loops
 HARD = 0.9999  # impedance of dry friction: joints do not creep where it holds them
 CREEP = 0.02  # rad/s or m/s of a wanted rate, above which a servo adds what friction takes
 LIGHT = 0.01  # of the moving mass; a body below it has no stated uncertainty
-TWIST, RIPPLE, TURN = 0.01, 0.15, 6.0  # rad under a joint's torque; share of it; ripples in a turn
+TWIST, RIPPLE, TURN = 0.01, 0.15, 6.0  # rad under a joint's torque; share of it; 1/rad of a hinge
 # causes at size one: s; shares of a joint's torque and of its motor's constant; rad
 DELAY, BIAS, CONSTANT_ERROR, ENCODER_BIAS = 0.006, 0.06, 0.15, 0.05
 PAYLOAD, TILT, BENT = 0.03, 0.06, 0.25  # share of the moving mass, rad, rad
@@ -161,7 +161,9 @@ def _twist(columns: Columns, rig: Rig, size: float, _: np.random.Generator) -> N
 
 def _ripple(columns: Columns, rig: Rig, size: float, _: np.random.Generator) -> None:
     for i, weight in enumerate(rig.weight):
-        wave = np.sin(TURN * columns[f"j{i + 1}"] + i)
+        slides = rig.model.jnt_type[rig.driven[i]] == mujoco.mjtJoint.mjJNT_SLIDE
+        order = TURN * REACH / SLIDE if slides else TURN  # as many waves in either's travel
+        wave = np.sin(order * columns[f"j{i + 1}"] + i)
         columns[f"t{i + 1}"] += RIPPLE * size * weight * wave
 
 

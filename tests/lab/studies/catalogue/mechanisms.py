@@ -83,8 +83,17 @@ def runs_of(case: Values, out: Path, noise: float = 1.0) -> Path:
 def power(case: Values) -> float:
     """Distance [sigma] by which the hidden causes of a case move its noise-free runs.
 
+    It is beyond what its model leaves with nothing hidden, and counts from DETECTED_SIGMA on.
+    """
+    hidden, nothing = (_distance({**case, "hidden": causes}) for causes in (case["hidden"], []))
+    return float(np.sqrt(max(hidden**2 - nothing**2, 0.0)))
+
+
+def _distance(case: Values) -> float:
+    """Distance [sigma] of the noise-free runs of a case from its model with the file's values.
+
     What a refit of the base takes up is counted by how far that carries it from the file, as the
-    page counts what it calls detectable: from DETECTED_SIGMA on.
+    page counts what it calls detectable.
     """
     with TemporaryDirectory() as place:
         file = runs_of(case, Path(place), noise=0.0)
