@@ -17,7 +17,7 @@ from cell.gap.fitting import robust
 from cell.gap.fitting.model import Evidence, Model, Point, request, requests, response, whiten
 from cell.gap.fitting.normal_equations import NormalEquations, Unknowns
 from cell.gap.fitting.tasks import Task, side_by_side
-from cell.gap.subject.subject import Request, Residuals, Run
+from cell.gap.subject.subject import Candidate, Request, Residuals, Run
 from drivers.strip.effects.effect import Parameter
 from drivers.types import Array
 
@@ -142,6 +142,12 @@ class Estimate:
     def shared(self) -> Array:
         """Values (P,) of the parameters that all runs share: of the base, then of the effects."""
         return self.point.shared
+
+    @property
+    def stand_ins(self) -> list[Candidate]:
+        """Effects whose fitted law is not their own: they stand in for what the library lacks."""
+        values = self.model.split(self.shared)[1]
+        return [effect for effect in self.model.effects if not effect.is_own(values[effect.name])]
 
     @property
     def unknowns(self) -> Unknowns:

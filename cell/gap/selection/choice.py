@@ -58,7 +58,7 @@ def rivals(accepted: CrossValidatedFit, fits: Fits, sets: Posterior) -> list[Cro
 
     Excluded is what is less than ALPHA times as probable, even if the laws of the accepted model
     were without their errors, and clearly predicts runs left out worse: by MIN_GAIN, and by more
-    than a standard error. Priors alone exclude nothing.
+    than a standard error. Priors alone exclude nothing. What stands in for another is no rival.
     """
     least = np.log(ALPHA) - float(_model_error(accepted, fits, fits.likelihood).sum())
 
@@ -68,8 +68,11 @@ def rivals(accepted: CrossValidatedFit, fits: Fits, sets: Posterior) -> list[Cro
         clear = max(MIN_GAIN, np.sqrt(len(by_run)) * by_run.std())
         return lead > least or bool(by_run.sum() < clear)
 
-    others = [m for m in fits.of_size(len(accepted.model.names)) if m is not accepted]
-    return sorted(filter(is_open, others), key=lambda m: -sets.lead(m.model.names))
+    others = [m for m in fits.of_size(len(accepted.model.names)) if not m.estimate.stand_ins]
+    return sorted(
+        (m for m in others if m is not accepted and is_open(m)),
+        key=lambda m: -sets.lead(m.model.names),
+    )
 
 
 def join_overlapping(groups: Sequence[Sequence[str]]) -> list[list[str]]:

@@ -58,6 +58,12 @@ class Candidate:
         """Parameter values (k,) at which the effect vanishes."""
         return np.array([p.start for p in self.parameters])
 
+    def is_own(self, values: Array) -> bool:
+        """Whether most shapes among parameter `values` (k,) are this effect's, not another's."""
+        pairs = zip(self.parameters, values, strict=True)
+        below = [value < p.own_from for p, value in pairs if np.isfinite(p.own_from)]
+        return not below or 2 * sum(below) < len(below)
+
     @property
     def two_sided(self) -> bool:
         """Whether the effect's amount, its first parameter, may lie on either side of its null."""

@@ -41,7 +41,8 @@ ALIKE = 0.9  # cosine of two responses above which one cannot be told from the o
 def decide(findings: Findings) -> Kind:
     """Kind of verdict that the findings support: named, ambiguous, unexplained or no gap."""
     if not credible_effects(findings):
-        return "unexplained" if gap_is_there(findings) else "no_gap"
+        stands_in = bool(findings.accepted.estimate.stand_ins)
+        return "unexplained" if stands_in or gap_is_there(findings) else "no_gap"
     return "named" if named_effects(findings) else "ambiguous"
 
 
@@ -52,8 +53,11 @@ def named_effects(findings: Findings) -> list[Candidate]:
 
 
 def credible_effects(findings: Findings) -> list[Candidate]:
-    """Accepted effects that are probable, where unseen runs are predicted better with them."""
-    if _failed_prediction(findings):
+    """Accepted effects that are probable, where unseen runs are predicted better with them.
+
+    None beside one that stands in for another law: what that law is may change the others.
+    """
+    if _failed_prediction(findings) or findings.accepted.estimate.stand_ins:
         return []
     return [e for e in findings.accepted.model.effects if probability(findings, e.name) >= LEAST]
 
@@ -198,6 +202,10 @@ def reasons(findings: Findings) -> list[str]:
         for sets in findings.posterior.models
         for two, nats in sets.shared
         if sets.names == fit.model.names and nats > 0.0
+    ]
+    words += [
+        f"{effect.name} has a shape by which it stands in for another law"
+        for effect in fit.stand_ins
     ]
     if fit.model.effects and (failed := _failed_prediction(findings)):
         words.append(failed)

@@ -73,12 +73,18 @@ def two_sided(signed: bool = True, wave: float = 0.0) -> Lumps:
 
 
 class Bending(Curves):
-    """Curves whose bump may lean: its finer parameter adds a share of its slope."""
+    """Curves whose bump may lean: its finer parameter adds a share of its slope.
+
+    Less lean than `own_from` is not its own.
+    """
+
+    own_from = -np.inf
 
     @property
     def scope(self) -> Scope:
         whole = super().scope
-        lean = Parameter("lean", "1", 0.0, 0.0, 5.0, 1e-3, 1.0, role="shape")
+        lean = Parameter("lean", "1", 0.0, 0.0, 5.0, 1e-3, 1.0, role="shape",
+                         own_from=self.own_from)  # fmt: skip
         first, *others = whole.candidates
         return replace(whole, candidates=(replace(first, shape_parameters=(lean,)), *others))
 
@@ -174,3 +180,20 @@ def test_a_law_is_bent_where_it_only_resembles_the_librarys(lean: float) -> None
     (effect,) = judged(subject)[1].effects
     found = [effect.parameters[key].value for key in effect.parameters]
     assert found == pytest.approx([0.2, lean][: 2 if lean else 1], abs=0.02)
+
+
+def test_a_shape_that_shows_only_beside_a_stronger_effect_is_found() -> None:
+    def both(t: Array, s: float, i: int) -> Array:
+        return 2.0 * LAWS["wave"](t, s, i) + 0.1 * bump(t, s, i) + 0.2 * leaning(t, s, i)
+
+    effects = {e.name: e.parameters for e in judged(Bending(both))[1].effects}
+    assert effects["wave"]["size"].value == pytest.approx(2.0, abs=0.02)
+    assert effects["bump"]["lean"].value == pytest.approx(2.0, abs=0.3)
+
+
+def test_an_effect_by_a_shape_that_is_not_its_own_stands_in_for_another() -> None:
+    subject = Bending(lambda t, s, i: 0.2 * bump(t, s, i) + 0.2 * leaning(t, s, i))
+    subject.own_from = 2.0
+    _, verdict = judged(subject)
+    assert verdict.verdict == "unexplained"
+    assert "bump has a shape by which it stands in" in verdict.unexplained.description

@@ -85,8 +85,8 @@ def power(case: Values) -> float:
 
     It is beyond what its model leaves with nothing hidden, and counts from DETECTED_SIGMA on.
     """
-    hidden, nothing = (_distance({**case, "hidden": causes}) for causes in (case["hidden"], []))
-    return float(np.sqrt(max(hidden**2 - nothing**2, 0.0)))
+    moved, left = _distance(case), _distance({**case, "hidden": []})
+    return float(np.sqrt(max(moved**2 - left**2, 0.0)))
 
 
 def _distance(case: Values) -> float:

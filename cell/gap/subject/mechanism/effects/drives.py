@@ -25,10 +25,10 @@ def bias_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
 
 def _ripple_shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
     """Order and phase [rad] of cogging; less than 3/4 of a wave in the travel is like a spring."""
-    least = [float(np.clip(1.5 * np.pi / j.travel, 1.0, 100.0)) for j in mechanism.driven.joints]
-    orders = [Parameter(f"order_{j.name}", "1", max(ORDER, low), low, 200.0, step=0.01,
-                        spread=ORDER, role="shape")
-              for j, low in zip(mechanism.driven.joints, least, strict=True)]  # fmt: skip
+    quarters = [float(np.clip(0.5 * np.pi / j.travel, 0.5, 33.0)) for j in mechanism.driven.joints]
+    orders = [Parameter(f"order_{j.name}", "1", max(ORDER, 3.0 * quarter), quarter, 200.0,
+                        step=0.01, spread=ORDER, role="shape", own_from=3.0 * quarter)
+              for j, quarter in zip(mechanism.driven.joints, quarters, strict=True)]  # fmt: skip
     return (*orders, *per_joint(mechanism.driven, "phase", "rad", np.full(len(orders), 0.04),
                                 signed=True, role="shape", high=100.0))  # fmt: skip
 
