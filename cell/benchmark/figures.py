@@ -121,18 +121,6 @@ def range_figure(results: Results) -> str:
         return as_svg(figure)
 
 
-def outside(results: Results, policy: str) -> tuple[int, int]:
-    """Number of strips whose d lies outside the simulated range of `policy`, and of all strips."""
-    seen = displacements(results.folds(policy))
-    seen = seen[np.isfinite(seen)]
-    over = results.over_range(policy, "rod")
-    if over is None or seen.size == 0 or not np.isfinite(over.displacement_grid).any():
-        return 0, 0
-    below = seen < np.nanmin(over.displacement_grid)
-    above = seen > np.nanmax(over.displacement_grid)
-    return int(np.sum(below | above)), seen.size
-
-
 def _draw_strips(axes: Any, results: Results) -> None:
     """Draw the displacements of each policy in a row for each strip, soft ones on top."""
     strips = _soft_to_stiff(results)
@@ -238,20 +226,20 @@ def force_figure(results: Results) -> str:
 
 
 def _draw_map(axes: Any, folds: RangeFolds) -> Any:
-    """Draw d over stiffness and damping, with its mean and worst size; returns the colour mesh."""
+    """Draw displacements d [mm] over the strips' stiffness and damping; returns the colour mesh."""
     from matplotlib.colors import AsinhNorm
 
     norm = AsinhNorm(LINEAR, vmin=-COLOUR_RANGE, vmax=COLOUR_RANGE)
-    k = _cell_borders(STIFFNESS_RANGE[0], STIFFNESS_RANGE[1], folds.side)  # stiffness
-    b = _cell_borders(1.0, DAMPING_RATIO, folds.side)  # damping over the least
-    colours = axes.pcolormesh(k, b, 1e3 * folds.displacement_grid.T, cmap="RdBu_r", norm=norm, lw=0)
-    axes.set(xscale="log", yscale="log", xlim=(k[0], k[-1]), ylim=(b[0], b[-1]))
+    stiffness = _cell_borders(*STIFFNESS_RANGE, folds.side)
+    damping = _cell_borders(1.0, DAMPING_RATIO, folds.side)  # over the least
+    d = 1e3 * folds.displacement_grid
+    colours = axes.pcolormesh(stiffness, damping, d.T, cmap="RdBu_r", norm=norm, lw=0)
+    axes.set(xscale="log", xlim=stiffness[[0, -1]], yscale="log", ylim=damping[[0, -1]])
     axes.set_xticks([0.02, 0.06, 0.2], ["0.02", "0.06", "0.2"])
     axes.set_yticks([1, 7, 50], ["1", "7", "50"])
     axes.minorticks_off()
     axes.grid(visible=False)
-    for spine in axes.spines.values():
-        spine.set_visible(False)
+    axes.spines[:].set_visible(False)
     misses = Misses.from_displacements(folds.displacement_grid)
     axes.set_title(folds.policy, fontsize=9.5, color=colour(folds.policy), loc="left", pad=25)
     caption = f"mean {numeral(misses.mean)}\nworst {numeral(misses.worst)}"

@@ -4,8 +4,10 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from cell.benchmark import figures
-from cell.benchmark.results import MissingPart, Results
+from cell.benchmark.results import MissingPart, Results, displacements
 from cell.benchmark.summary import PAPER_POLICIES, PAPER_WORST, claims, misses_text, numeral, rows
 from cell.record.documents import plain
 from cell.report.drawing import as_png
@@ -46,10 +48,15 @@ def lines(results: Results) -> list[dict[str, Any]]:
 def page_of(results: Results) -> str:
     """Self-contained HTML page of `results`."""
     summary = rows(results)
+    strips = []
+    for row in summary:
+        edges_apart = numeral(row.strips.offset), numeral(row.strips.worst_offset)
+        strips.append((*row.strip_cells(), *edges_apart))
     asked = results.asked
-    strays = [(p, *figures.outside(results, p)) for p in PAPER_POLICIES if p in asked.policies]
     made_with = {"speed": f"{results.speed:g} m/s", "seed": str(asked.seed)}
     made_with |= {"strips": ", ".join(asked.strips)} | results.made_with
+    made_with.pop("weights", None)
+    missing = [result for result in results.results if isinstance(result, MissingPart)]
     return page(
         "benchmark/benchmark.html",
         TITLE,
@@ -57,15 +64,14 @@ def page_of(results: Results) -> str:
         said=verdict_of(results),
         claims=[("held" if c.held else "not held", c.says, c.here) for c in claims(results)],
         asked=asked,
-        strips=[(*row.strip_cells(), numeral(row.strips.offset), numeral(row.strips.worst_offset))
-                for row in summary],
+        strips=strips,
         ranges=[row.range_cells() for row in summary],
-        outside="; ".join(f"{p} {out} of {of}" for p, out, of in strays if of) or NO_VALUE,
+        outside=_outside_range(results),
         hidden=_hidden_effects(results),
         figures={name: draw(results) for name, draw in FIGURES.items()},
-        refused=[(r.part, r.reason) for r in results.results if isinstance(r, MissingPart)],
-        made_with=[item for item in made_with.items() if item[0] != "weights"],
-    )  # fmt: skip
+        refused=[(part.part, part.reason) for part in missing],
+        made_with=made_with.items(),
+    )
 
 
 def verdict_of(results: Results) -> PageVerdict:
@@ -86,6 +92,21 @@ def verdict_of(results: Results) -> PageVerdict:
     )
     tone: Tone = "good" if main.held else "bad"
     return PageVerdict(tone, headline, sentences, millimetres(strips.worst), "worst |d|, feedback")
+
+
+def _outside_range(results: Results) -> str:
+    """Text that counts, for each published policy, the strips whose d left its simulated range."""
+    texts = []
+    for policy in PAPER_POLICIES:
+        seen = displacements(results.folds(policy))
+        seen = seen[np.isfinite(seen)]
+        simulated = results.over_range(policy, "rod")
+        if simulated is None or seen.size == 0 or np.isnan(simulated.displacement_grid).all():
+            continue
+        below = seen < np.nanmin(simulated.displacement_grid)
+        above = seen > np.nanmax(simulated.displacement_grid)
+        texts.append(f"{policy} {np.sum(below | above)} of {seen.size}")
+    return "; ".join(texts) or NO_VALUE
 
 
 def _hidden_effects(results: Results) -> dict[str, Any]:
