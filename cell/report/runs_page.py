@@ -2,9 +2,11 @@
 
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -82,65 +84,82 @@ def write_comparison(folders: Sequence[Path], out: Path) -> Path:
             f"{len(folders)} runs are too many for one page, at most {MOST_RUNS}; choose with "
             "`cell runs --where`"
         )
-    runs = [read_broken_run(folder) for folder in folders]
-    title = f"{len(runs)} runs of {', '.join(sorted({run.header.strip for run in runs}))}"
-    truths = [truth_of(run)[0] or {} for run in runs]
-    rows = [read_row(run.folder) for run in runs]
-    names = [f"{row.short.split()[0]} {row.policy.removeprefix('motion:')}".strip() for row in rows]
-    table = _differences(names, runs, truths)
-    films = [(name, film_of(run)) for name, run in zip(names, runs[:MOST_FILMS], strict=False)]
+    compared = [Compared.read(folder) for folder in folders]
+    strips = sorted({one.run.header.strip for one in compared})
+    title = f"{len(compared)} runs of {', '.join(strips)}"
+    settings = _differences(compared)
+    differing = [setting for setting, *_ in settings[1:]]
+    if len(compared) > MOST_COLUMNS:
+        settings = list(zip(*settings, strict=True))
+    films = [(one.name, film_of(one.run)) for one in compared[:MOST_FILMS]]
     text = page(
         "report/templates/compare.html",
         title,
         title=title,
-        said=_verdict(names, rows, truths, [row[0] for row in table[1:]]),
+        said=_verdict(compared, differing),
         films=[(name, film) for name, film in films if film and film["source"] != FILM],
         head=("run", "outcome", "displacement", "true", "edges apart", "true", "touch"),
-        numbers=[_numbers(row, true, out.parent) for row, true in zip(rows, truths, strict=True)],
-        differences=list(zip(*table, strict=True)) if len(runs) > MOST_COLUMNS else table,
-        shapes=_shapes(names, runs),
+        numbers=[_numbers(one, out.parent) for one in compared],
+        differences=settings,
+        shapes=_shapes(compared),
     )
     write_file(out, text)
     return out
 
 
-def _verdict(
-    names: Sequence[str],
-    rows: Sequence[RunRow],
-    truths: Sequence[Mapping[str, Any]],
-    differing: Sequence[str],
-) -> PageVerdict:
+@dataclass(frozen=True, slots=True)
+class Compared:
+    """Run in a comparison: a short `name`, its record, its `row` in lists, its `truth` if known."""
+
+    name: str
+    run: Run
+    row: RunRow
+    truth: Mapping[str, Any]
+
+    @classmethod
+    def read(cls, folder: Path) -> Self:
+        """Read the run in `folder`; ConfigurationError for a folder that is no run."""
+        run = read_broken_run(folder)
+        row = read_row(run.folder)
+        policy = row.policy.removeprefix("motion:")
+        return cls(f"{row.short.split()[0]} {policy}".strip(), run, row, truth_of(run)[0] or {})
+
+
+def _verdict(compared: Sequence[Compared], differing: Sequence[str]) -> PageVerdict:
     """Verdict that names the run nearest to a fold in half, and the settings that differ."""
+    rows = [one.row for one in compared]
     laid = all(row.edge_offset is not None for row in rows if row.displacement is not None)
     key = "edge_offset" if laid else "displacement"  # one length for all runs
     what = "Edges apart" if laid else "Displacement where the layers touch"
-    measured = [getattr(row, key) for row in rows]
-    true = [truth.get(key) for truth in truths]
-    ranked = sorted(
-        (abs(v), name) for name, v in zip(names, measured, strict=True) if v is not None
-    )
-    if not ranked:
+    measured = _nearest_first((one.name, getattr(one.row, key)) for one in compared)
+    true = _nearest_first((one.name, one.truth.get(key)) for one in compared)
+    if not measured:
         return PageVerdict("fair", "No run has a displacement", ())
-    sentences = [f"{what}, by the camera: {_ranked(names, measured)}."]
-    if ranked_true := _ranked(names, true):
-        sentences.append(f"The same in truth, which the twin knows: {ranked_true}.")
+    sentences = [f"{what}, by the camera: {_listed(measured)}."]
+    if true:
+        sentences.append(f"The same in truth, which the twin knows: {_listed(true)}.")
     if differing:
         sentences.append(f"They differ in {', '.join(differing)}.")
-    least = millimetres(ranked[0][0])
-    best = [name for size, name in ranked[:NAMED] if millimetres(size) == least]
+    least = millimetres(abs(measured[0][1]))
+    best = [name for name, offset in measured[:NAMED] if millimetres(abs(offset)) == least]
     comes = "comes nearest to" if len(best) == 1 else "come equally near to"
     return PageVerdict("good", f"{' and '.join(best)} {comes} a fold in half", tuple(sentences))
 
 
-def _ranked(names: Sequence[str], offsets: Sequence[float | None]) -> str:
-    """Text of the NAMED runs with the smallest offsets [m]; those without one are left out."""
-    ranked = [(abs(v), name, v) for name, v in zip(names, offsets, strict=True) if v is not None]
-    nearest = (f"{name}: {millimetres(v, signed=True)}" for _, name, v in sorted(ranked)[:NAMED])
-    return ", ".join(nearest)
+def _nearest_first(offsets: Iterable[tuple[str, float | None]]) -> list[tuple[str, float]]:
+    """Names of runs with their offsets [m], the smallest first; those without one are left out."""
+    known = [(name, offset) for name, offset in offsets if offset is not None]
+    return sorted(known, key=lambda one: (abs(one[1]), one))
 
 
-def _numbers(row: RunRow, truth: Mapping[str, Any], place: Path) -> tuple[str | Link, ...]:
+def _listed(offsets: Sequence[tuple[str, float]]) -> str:
+    """Text of the first NAMED of the `offsets` [m] by run."""
+    return ", ".join(f"{name}: {millimetres(d, signed=True)}" for name, d in offsets[:NAMED])
+
+
+def _numbers(compared: Compared, place: Path) -> tuple[str | Link, ...]:
     """Table cells of a run in the comparison: outcome, lengths as measured and in truth, touch."""
+    row, truth = compared.row, compared.truth
     lengths = (row.displacement, truth.get("displacement"), row.edge_offset)
     texts = (millimetres(v, signed=True) for v in (*lengths, truth.get("edge_offset")))
     outcome = row.outcome.replace("_", " ")
@@ -153,27 +172,24 @@ def _link(row: RunRow, place: Path, name: str) -> str | Link:
     return Link(name, os.path.relpath(report, place)) if report.exists() else name
 
 
-def _differences(
-    names: Sequence[str], runs: Sequence[Run], truths: Sequence[Mapping[str, Any]]
-) -> list[tuple[str, ...]]:
+def _differences(compared: Sequence[Compared]) -> list[tuple[str, ...]]:
     """Heading and rows of the settings that differ: a row per setting, a column per run.
 
     The plant is stated by its values where these are known.
     """
     settings = []
-    for run, truth in zip(runs, truths, strict=True):
-        contents = {"cell": run.header.config or {}, "plant": truth.get("plant", {})}
-        settings.append(dict(stated_settings(run)) | dict(flatten(contents)))
+    for one in compared:
+        contents = {"cell": one.run.header.config or {}, "plant": one.truth.get("plant", {})}
+        settings.append(dict(stated_settings(one.run)) | dict(flatten(contents)))
     parts = [{key.partition(".")[0] for key in each} for each in settings]
     shared = set.intersection(*parts)  # a run of others states no cell, policy or versions
-    known = dict.fromkeys(key for each in settings for key in each if key not in PER_RUN_KEYS)
-    keys = [key for key in known if key.partition(".")[0] in shared]
-    rows = [
-        (re.sub(r"\beffects\.|[._]", " ", key), *distinct_texts(key, settings))
-        for key in keys
-        if any(each.get(key) != settings[0].get(key) for each in settings)
-    ]
-    return [("setting", *names), *rows]
+    table = [("setting", *(one.name for one in compared))]
+    for key in dict.fromkeys(chain(*settings)):
+        differs = any(each.get(key) != settings[0].get(key) for each in settings)
+        if differs and key not in PER_RUN_KEYS and key.partition(".")[0] in shared:
+            title = re.sub(r"\beffects\.|[._]", " ", key)
+            table.append((title, *distinct_texts(key, settings)))
+    return table
 
 
 def distinct_texts(key: str, settings: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -182,22 +198,21 @@ def distinct_texts(key: str, settings: Sequence[Mapping[str, Any]]) -> list[str]
     return texts if len(set(texts)) > 1 else [str(each.get(key)) for each in settings]
 
 
-def _shapes(names: Sequence[str], runs: Sequence[Run]) -> str:
+def _shapes(compared: Sequence[Compared]) -> str:
     """Figure (SVG) of the lifted strips at equal times, and of the paths of the gripper."""
     with canvas(8.4, 4.0) as figure:
         axes = figure.add_subplot(aspect="equal", anchor="W")
         axes.axhline(0, color=MUTED, lw=0.8)
-        ends = [run.profile.t.max() for run in runs if run.profile.t.size]
+        ends = [one.run.profile.t.max() for one in compared if one.run.profile.t.size]
         times = np.linspace(0.0, min(ends, default=0.0), SHAPES + 1)[1:]
-        for number, (name, run) in enumerate(zip(names, runs, strict=True)):
+        for number, one in enumerate(compared):
+            ticks, curves = one.run.ticks, one.run.profile.curves()
             look = {"color": COLOURS[number % len(COLOURS)]}
-            axes.plot(1e3 * run.ticks.x, 1e3 * run.ticks.z, **look, lw=1.8, label=name)
-            curves = run.profile.curves()
+            axes.plot(1e3 * ticks.x, 1e3 * ticks.z, **look, lw=1.8, label=one.name)
             for time in times if curves else ():
                 _, points = min(curves, key=lambda curve: abs(curve[0] - time))
                 near = points[(np.abs(points) < FARTHEST_HAND).all(axis=1)]
-                label = f"{name}, {time:.1f} s"
-                axes.plot(*(1e3 * near).T, **look, lw=0.7, gid=label)
+                axes.plot(*(1e3 * near).T, **look, lw=0.7, gid=f"{one.name}, {time:.1f} s")
                 if number == 0 and len(near):
                     axes.annotate(f"{time:.1f} s", 1e3 * near[-1], (3, 0), fontsize=8,
                                   textcoords="offset points")  # fmt: skip
