@@ -107,18 +107,16 @@ def experience_of(
 ) -> Experience | None:
     """Deviation of a measured fold from its prediction, to learn from; None for an unusable fold.
 
-    `run` and `key` name the run, as in `Experience`. Folds without a touch or laid edges,
-    folds that were stopped, and predictions made blind are left out. A strip that is unlike the
-    model teaches too: it comes out the same way again.
+    `run` and `key` name the run, as in `Experience`. Unusable are folds without a touch or laid
+    edges, stopped ones, and those predicted blind. A strip that is unlike the model teaches too: it
+    comes out the same way again.
     """
-    predicted = outcome.predicted
-    touch = outcome.touch
-    if touch is None or outcome.name not in TEACHING:
+    touch, predicted = outcome.touch, outcome.predicted
+    is_blind = predicted is not None and predicted.blind
+    if touch is None or outcome.name not in TEACHING or is_blind:
         return None
-    if predicted is not None and predicted.blind:
-        return None
-    expected = 0.0 if predicted is None else predicted.displacement
-    uncorrected = expected - correction.seen
+    aimed_at = 0.0 if predicted is None else predicted.displacement
+    uncorrected_aim = aimed_at - correction.seen
     edges = outcome.edge_offset
     if edges is not None:
         from cell.devices.fold_path import edge_place, taut_edge
@@ -130,7 +128,7 @@ def experience_of(
         strip=subject.strip,
         specimen=subject.specimen or run,
         kind="camera",
-        displacement=touch.displacement - uncorrected,
+        displacement=touch.displacement - uncorrected_aim,
         edges=edges,
         key=key,
         aim=-correction.seen,
