@@ -254,7 +254,8 @@ def _session_folder(out: Path | None, resume: Path | None, cell: str, kind: str)
         return resume
     if out is None:
         return SESSIONS / f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{cell}-{kind}"
-    if out.exists() and any(out.iterdir() if out.is_dir() else [out]):
+    is_empty_folder = out.is_dir() and not any(out.iterdir())
+    if out.exists() and not is_empty_folder:
         raise ConfigurationError(f"--out: {out} is there already; name a new folder")
     return out
 
