@@ -57,15 +57,22 @@ def import_runs(
         for folder in made:
             print_json({"run": folder})
         return
-    sys.stdout.writelines(f"{folder.name}: {_summary(folder)}\n" for folder in made)
-    sys.stdout.write(f"{plural(len(runs_in(out)), 'run')} in {out}\n")
+    for folder in made:
+        sys.stdout.write(f"{folder.name}: {_summary(folder)}\n")
+    count = len(runs_in(out))
+    sys.stdout.write(f"{plural(count, 'run')} in {out}\n")
+    if count == 1:
+        advice = f"import a second run into {out}, better ten: a verdict needs some to test it"
+    else:
+        advice = f"cell gap check {out} {_subject(model, made[0])} --out {out}-check"
+    sys.stdout.write(f"next: {advice}\n")
+
+
+def _subject(model: Path | None, run: Path) -> str:
+    """Option of `cell gap` that names the subject of a `run`: a `model` or the run's strip."""
     from cell.record.run import read_run
 
-    of = f"--strip {read_run(made[0]).header.strip}" if model is None else f"--model {model}"
-    following = f"cell gap check {out} {of} --out {out}-check"
-    if len(runs_in(out)) == 1:
-        following = f"import a second run into {out}, better ten: a verdict needs some to test it"
-    sys.stdout.write(f"next: {following}\n")
+    return f"--strip {read_run(run).header.strip}" if model is None else f"--model {model}"
 
 
 def _propose(places: list[Path], target: Path, strip: str | None, found: Found) -> None:
