@@ -60,35 +60,39 @@ def add_outer(a: Any, b: Any, matrix: Any) -> Any:
 
 
 @kernel
+def scaled(factor: Any, vector: Any) -> Any:
+    """Product of a `factor` and a `vector` x, z."""
+    return factor * vector[0], factor * vector[1]
+
+
+@kernel
 def tangent_blocks(work: Any, r: int, inertia: Any) -> Any:
-    """Entries xx, xz, zx, zz of A for node row `r` against its own motion, r - 1's and r - 2's.
+    """Blocks xx, xz, zx, zz of the tangent matrix A: of node row `r`, with r - 1, with r - 2.
 
     A = sum_j k_j t_j t_j' + S + inertia over the angles j = r - 1, r, r + 1, with k_j =
     d(moment)/d(angle), t_j the angle's turn per motion of the nodes, S the stiffness of the two
     segments. With n(r) the turn of segment r, its normal over its length, angle r turns with n(r-1)
     per motion of node r - 1, -(n(r-1) + n(r)) per that of node r, and n(r) per that of node r + 1.
     """
-    far, left = pair(work, r - 2, at.TURN_X), pair(work, r - 1, at.TURN_X)
+    far = pair(work, r - 2, at.TURN_X)
+    left = pair(work, r - 1, at.TURN_X)
     right = pair(work, r, at.TURN_X)
     here = left[0] + right[0], left[1] + right[1]
     before = far[0] + left[0], far[1] + left[1]
-    k_left, k_here = load(work, r - 1, at.TANGENT), load(work, r, at.TANGENT)
-    k_right = load(work, r + 1, at.TANGENT)
-    left_moment = k_left * left[0], k_left * left[1]
-    here_moment = k_here * here[0], k_here * here[1]
-    right_moment = k_right * right[0], k_right * right[1]
+    left_moment = scaled(load(work, r - 1, at.TANGENT), left)
+    here_moment = scaled(load(work, r, at.TANGENT), here)
+    right_moment = scaled(load(work, r + 1, at.TANGENT), right)
     (left_xx, left_xz), left_zz = pair(work, r - 1, at.S_XX), load(work, r - 1, at.S_ZZ)
     (right_xx, right_xz), right_zz = pair(work, r, at.S_XX), load(work, r, at.S_ZZ)
-    xx, xz, _, zz = add_outer(left_moment, left, (inertia, left_xz, left_xz, inertia))
-    xx, xz, _, zz = add_outer(here_moment, here, (xx, xz, xz, zz))
-    xx, xz, _, zz = add_outer(right_moment, right, (xx, xz, xz, zz))
+    bending = add_outer(left_moment, left, (inertia, left_xz, left_xz, inertia))
+    bending = add_outer(here_moment, here, bending)
+    xx, xz, _, zz = add_outer(right_moment, right, bending)
     xz = xz + right_xz
     own = xx + (left_xx + right_xx), xz, xz, zz + (left_zz + right_zz)
     beside = add_outer(left_moment, before, (left_xx, left_xz, left_xz, left_zz))
     xx, xz, zx, zz = add_outer(here_moment, left, beside)
-    far_x = left_moment[0] * far[0], left_moment[0] * far[1]
-    far_z = left_moment[1] * far[0], left_moment[1] * far[1]
-    return own, (-xx, -xz, -zx, -zz), (*far_x, *far_z)
+    two_away = (*scaled(left_moment[0], far), *scaled(left_moment[1], far))
+    return own, (-xx, -xz, -zx, -zz), two_away
 
 
 @kernel
@@ -168,11 +172,8 @@ def substitute(band: Any, first: int, last: int) -> None:
             store(band, r, column, zero)
     for r in range(last, first - 1, -1):
         x = load(band, r, SIDE_COLUMN) * load(band, r, PIVOT_COLUMN)
-        x = fma(-load(band, r + 5, 5), load(band, r + 5, SIDE_COLUMN), x)
-        x = fma(-load(band, r + 4, 4), load(band, r + 4, SIDE_COLUMN), x)
-        x = fma(-load(band, r + 3, 3), load(band, r + 3, SIDE_COLUMN), x)
-        x = fma(-load(band, r + 2, 2), load(band, r + 2, SIDE_COLUMN), x)
-        x = fma(-load(band, r + 1, 1), load(band, r + 1, SIDE_COLUMN), x)
+        for j in range(5, 0, -1):
+            x = fma(-load(band, r + j, j), load(band, r + j, SIDE_COLUMN), x)
         store(band, r, SIDE_COLUMN, x)
 
 
