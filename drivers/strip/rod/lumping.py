@@ -31,27 +31,27 @@ def needs_terms(model: StripModel) -> bool:
 def lump(model: StripModel, segments: int, *, rich: bool = False) -> Array:
     """Coefficients (segments + 3, NATURE) of the nodes and segments of a rod for strip `model`.
 
-    If `rich` they are (segments + 3, RICH_NATURE), with those of the kernels of `terms`.
+    If `rich` they are (segments + 3, RICH_NATURE), with those of the optional terms: drag, sliding,
+    relaxation and gradual friction.
     """
     mechanics = model.mechanics
     arc = lattice(mechanics.length, segments)
     middles = np.concatenate([[0.0], 0.5 * (arc[1:] + arc[:-1]), [mechanics.length]])
     rows = np.zeros((segments + 3, at.RICH_NATURE if rich else at.NATURE))
-    inner = rows[1:-1]
-    gx, gz = model.boundary.gravity
-    inner[:, at.MASS] = mechanics.total(mechanics.linear_density, middles)
-    inner[:, at.LOAD_X] = inner[:, at.MASS] * gx
-    inner[:, at.LOAD_Z] = inner[:, at.MASS] * gz
-    inner[:, at.DESK] = -inner[:, at.LOAD_Z]
-    _lump_bending(inner, mechanics, middles)
-    _combine_compliances(inner[-1], model.boundary.grip_compliance)
-    weight = float(inner[:, at.MASS].sum()) * float(np.hypot(gx, gz))
-    spans = np.diff(arc)
-    rows[:, at.SPAN] = np.concatenate([spans[:1], spans, spans[-1:], spans[-1:]])
-    rows[:, at.SHARE] = rows[:, at.SPAN] / mechanics.length
-    rows[:, at.FLOOR] = -weight
+    nodes = rows[1:-1]  # without the ghosts
+    mass = mechanics.total(mechanics.linear_density, middles)
+    nodes[:, at.MASS] = mass
+    nodes[:, [at.LOAD_X, at.LOAD_Z]] = np.outer(mass, model.boundary.gravity)
+    nodes[:, at.DESK] = -nodes[:, at.LOAD_Z]
+    _lump_bending(nodes, mechanics, middles)
+    _combine_compliances(nodes[-1], model.boundary.grip_compliance)
+    weight = float(mass.sum()) * float(np.hypot(*model.boundary.gravity))
     axial = min(INEXTENSIBLE * weight, mechanics.stretch_stiffness)
-    rows[:, at.STRETCH] = axial / rows[:, at.SPAN]
+    spans = np.pad(np.diff(arc), (1, 2), mode="edge")  # ghost segments equal those beside them
+    rows[:, at.SPAN] = spans
+    rows[:, at.SHARE] = spans / mechanics.length
+    rows[:, at.STRETCH] = axial / spans
+    rows[:, at.FLOOR] = -weight
     if rich:
         _lump_terms(rows, model, np.diff(middles))
     return rows
