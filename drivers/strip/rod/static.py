@@ -42,14 +42,15 @@ def fit_length(batch: Batch, models: Sequence[StripModel], steps: int = APPROACH
     and compressed.
     """
     slack = batch.arc[:, -1] - np.array([model.stated_length for model in models])
+    is_short, is_long = slack < 0, slack > 0
     goal = batch.held - slack[:, None] * (1.0, 0.0, 0.0)
-    _stretch(batch, goal[:, 0] / batch.held[:, 0], slack < 0)
-    batch.held[slack < 0] = goal[slack < 0]
-    if (slack > 0).any():
+    _stretch(batch, goal[:, 0] / batch.held[:, 0], is_short)
+    batch.held[is_short] = goal[is_short]
+    if is_long.any():
         rigid = batch._replace(nature=_rigid_nature(batch, models))
-        settle(end_strips(rigid, slack <= 0), _wave_path(batch, goal, slack, steps))
-        yields = np.array([np.isfinite(m.mechanics.stretch_stiffness) for m in models])
-        settle(end_strips(batch, (slack <= 0) | ~yields), goal[None])
+        settle(end_strips(rigid, ~is_long), _wave_path(batch, goal, slack, steps))
+        yields = np.isfinite([model.mechanics.stretch_stiffness for model in models])
+        settle(end_strips(batch, ~(is_long & yields)), goal[None])
 
 
 def _wave_path(batch: Batch, goal: Array, slack: Array, steps: int) -> Array:
