@@ -83,17 +83,17 @@ def draw_pointer(image: Image, scene: Scene, optics: Optics, colour: Array) -> N
 
 def _disc(image: Image, centre: Array, radius: float, optics: Optics, colour: Array) -> None:
     """Draw a disc of `radius` [m] in the plane y = 0, in place, with an antialiased border."""
-    middle, *sides = optics.plane(centre + radius * np.array([(0, 0), (1, 0), (0, 1)]))
-    axes = np.array(sides) - middle  # (2, 2) px, conjugate radii of the disc's image, an ellipse
+    middle, beside, above = optics.plane(centre + radius * np.array([(0, 0), (1, 0), (0, 1)]))
+    axes = np.stack([beside, above]) - middle  # (2, 2) px, conjugate radii of the ellipse seen
     reach = int(np.abs(axes).sum(axis=0).max()) + 2
     left, top = (max(round(float(p)) - reach, 0) for p in middle)
     part = image[top : top + 2 * reach + 1, left : left + 2 * reach + 1]
     if part.size == 0:
         return
-    v, u = np.mgrid[top : top + part.shape[0], left : left + part.shape[1]]
-    in_radii = (np.stack([u, v], axis=-1) - middle) @ np.linalg.inv(axes)
-    inside = 1 - np.hypot(in_radii[..., 0], in_radii[..., 1])
-    cover = np.clip(inside * np.hypot(*axes[0]) + 0.5, 0, 1)[..., None]
+    rows, columns = np.mgrid[top : top + part.shape[0], left : left + part.shape[1]]
+    in_radii = (np.stack([columns, rows], axis=-1) - middle) @ np.linalg.inv(axes)
+    from_border = 1 - np.hypot(in_radii[..., 0], in_radii[..., 1])  # of a radius, inwards
+    cover = np.clip(from_border * np.hypot(*axes[0]) + 0.5, 0, 1)[..., None]
     part[:] = part + cover * (colour - part) + 0.5
 
 

@@ -59,15 +59,14 @@ class Window:
     def around(
         cls, extents: Sequence[tuple[Array, Array]], size: tuple[int, int], margin: int
     ) -> Self | None:
-        """Window with twice `margin` around all points u, v [px]; None if outside the image."""
-        present = [extent for extent in extents if len(extent[0])]
-        if not present:
+        """Window with twice `margin` around points u, v [px]; None without any in the image."""
+        u, v = (np.concatenate(axis) for axis in zip(*extents, strict=True))
+        if u.size == 0:
             return None
-        columns, rows = zip(*present, strict=True)
-        left, top = (int(min(map(np.min, axis))) - 2 * margin for axis in (columns, rows))
-        right, bottom = (int(max(map(np.max, axis))) + 2 * margin + 1 for axis in (columns, rows))
-        left, top = max(left, 0), max(top, 0)
-        right, bottom = min(right, size[0]), min(bottom, size[1])
+        left = max(int(u.min()) - 2 * margin, 0)
+        top = max(int(v.min()) - 2 * margin, 0)
+        right = min(int(u.max()) + 2 * margin + 1, size[0])
+        bottom = min(int(v.max()) + 2 * margin + 1, size[1])
         is_inside = left < right and top < bottom
         return cls(left, top, right, bottom, size, margin) if is_inside else None
 
