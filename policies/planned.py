@@ -1,7 +1,6 @@
 """Policy `planned`, an upper bound for feedback: it plans by simulation of the known strip."""
 
 from collections.abc import Sequence
-from functools import partial
 
 import numpy as np
 
@@ -103,22 +102,25 @@ def plan(strips: Sequence[StripFile], speed: float, aim: float = 0.0) -> Array:
     """
     first_steps = np.round(FIRST_RISES / RISE_STEP).astype(int)
     coarse = np.tile(first_steps, (len(strips), 1))
-    displacements = partial(_displacements, strips, speed)
-    coarse_misses = displacements(coarse) - aim
-    for strip, misses in zip(strips, coarse_misses, strict=True):
-        if not (np.any(misses < 0) and np.any(misses > 0)):
-            nearest = 1e3 * np.nanmin(np.abs(misses), initial=np.inf)
+    misses = _displacements(strips, speed, coarse) - aim
+    _check_reached(strips, misses)
+    rough = _interpolate_zeros(coarse, misses)
+    fine = (np.round(rough)[:, None] + FINE_STEPS).astype(int)
+    misses = _displacements(strips, speed, fine) - aim
+    brackets_zero = np.any(misses <= 0, axis=1) & np.any(misses >= 0, axis=1)
+    steps = np.where(brackets_zero, _interpolate_zeros(fine, misses), rough)
+    return steps * RISE_STEP * strips[0].length
+
+
+def _check_reached(strips: Sequence[StripFile], misses: Array) -> None:
+    """Raise ConfigurationError for one of `strips` whose `misses` (n, m) [m] never cross zero."""
+    for strip, miss in zip(strips, misses, strict=True):
+        if not (np.any(miss < 0) and np.any(miss > 0)):
+            nearest = 1e3 * np.nanmin(np.abs(miss), initial=np.inf)
             raise ConfigurationError(
                 f"planned: {strip.name}: no raised triangle folds it with displacement 0 in the "
                 f"rod, the smallest |d| is {nearest:.0f} mm; use another policy"
             )
-    rough = _interpolate_zeros(coarse, coarse_misses)
-    fine = (np.round(rough)[:, None] + FINE_STEPS).astype(int)
-    fine_misses = displacements(fine) - aim
-    refined = _interpolate_zeros(fine, fine_misses)
-    brackets_zero = np.any(fine_misses <= 0, axis=1) & np.any(fine_misses >= 0, axis=1)
-    steps = np.where(brackets_zero, refined, rough)
-    return steps * RISE_STEP * strips[0].length
 
 
 def fold_by_plan(planned: StripFile, lying: StripFile) -> tuple[float, Array]:
@@ -147,7 +149,7 @@ def _displacements(strips: Sequence[StripFile], speed: float, steps: Array) -> A
 
 
 def _interpolate_zeros(steps: Array, d: Array) -> Array:
-    """Rises (n,) at which displacements are zero: `d` (n, m) are those of rises `steps` (n, m)."""
+    """Rises (n,) at which displacements `d` (n, m) of rises `steps` (n, m) cross zero."""
     zeros = []
     for row, rises in zip(d, steps, strict=True):
         order = np.argsort(row)[: int(np.isfinite(row).sum())]  # NaN sorts last and is left out
