@@ -47,22 +47,16 @@ class FitQuality:
 
 def fit_transfer(batch: FoldedBatch) -> tuple[CriticBias, FitQuality]:
     """Fit a bias to `batch`; also returns its quality by tenfold cross-validation."""
-    count = len(batch.displacement)
+    always, of_length, of_thickness = _coefficients(batch)
     errors = _cross_validated_errors(batch)
-    sigma = float(np.quantile(np.abs(errors) / batch.sigma, COVERAGE))
-    coefficients = _coefficients(batch)
-    beyond = batch.thickness - REFERENCE_THICKNESS
-    unmeasured = abs(coefficients[2]) * float(np.sqrt(np.mean(beyond**2)))
-    quality = FitQuality(count, _round(np.sqrt(np.mean(errors**2))))
-    always, of_length, of_thickness = map(_round, coefficients)
     bias = CriticBias(
-        always=always,
-        of_length=of_length,
-        of_thickness=of_thickness,
-        sigma=_round(sigma),
-        unmeasured=_round(unmeasured),
+        always=_round(always),
+        of_length=_round(of_length),
+        of_thickness=_round(of_thickness),
+        sigma=_round(np.quantile(np.abs(errors) / batch.sigma, COVERAGE)),
+        unmeasured=_round(abs(of_thickness) * _rms(batch.thickness - REFERENCE_THICKNESS)),
     )
-    return bias, quality
+    return bias, FitQuality(len(errors), _round(_rms(errors)))
 
 
 def _cross_validated_errors(batch: FoldedBatch) -> Array:
@@ -98,6 +92,10 @@ def _bias_terms(batch: FoldedBatch) -> Array:
 
 def _subset(batch: FoldedBatch, rows: NDArray[np.intp]) -> FoldedBatch:
     return FoldedBatch(*(column[rows] for column in batch))
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))
 
 
 def _round(value: float) -> float:
