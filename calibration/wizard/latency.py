@@ -122,22 +122,21 @@ def _drift_reasons(
 
 
 def _drift_rate(arm: Array, stamps: Array, along: Array, latency: float) -> tuple[float, float]:
-    """Drift of the latency [s/s] and one sigma of it, by a robust fit that begins at `latency`."""
+    """Drift [s/s] of the images' `latency` [s] with time, and one sigma of it, by a robust fit."""
     from scipy.optimize import least_squares
 
     since = stamps - stamps.mean()
 
     def errors(unknown: Array) -> Array:
-        late, rate, offset = unknown
-        exposures = stamps - (late + rate * since)
-        return np.asarray(along - np.interp(exposures, arm[:, 0], arm[:, 1]) - offset)
+        late, drift, offset = unknown
+        exposed = stamps - (late + drift * since)
+        return np.asarray(along - np.interp(exposed, arm[:, 0], arm[:, 1]) - offset)
 
-    fit = least_squares(
-        errors, (latency, 0.0, 0.0), loss="cauchy", f_scale=DRIFT_LOSS_SCALE, x_scale="jac"
-    )
+    start = (latency, 0.0, 0.0)
+    fit = least_squares(errors, start, loss="cauchy", f_scale=DRIFT_LOSS_SCALE, x_scale="jac")
     noise = np.mean(errors(fit.x) ** 2)
-    sigma = np.sqrt(noise * np.linalg.pinv(fit.jac.T @ fit.jac)[1, 1])
-    return float(fit.x[1]), float(sigma)
+    covariance = noise * np.linalg.pinv(fit.jac.T @ fit.jac)
+    return float(fit.x[1]), float(np.sqrt(covariance[1, 1]))
 
 
 def _best_latency(arm: Array, stamps: Array, along: Array, most: float) -> tuple[float, float]:
