@@ -1,7 +1,7 @@
 """Limits that the emulated robot enforces on commands: joints, tool, elbow, collisions."""
 
 from dataclasses import dataclass
-from math import hypot, inf
+from math import hypot
 
 import numpy as np
 
@@ -63,25 +63,24 @@ class BodyCheck:
     def __init__(self, solids: Solids | None = None) -> None:
         """Check the arm for collisions with `solids`, or with itself alone."""
         self._solids = solids
-        self._checked_q: Array | None = None
+        self._checked_q = np.zeros(7)
         self._room = 0.0  # m, at the joints checked last
-        self._gaps = [inf, inf]  # m, to itself and to the solids
+        self._gaps: dict[Reflex, float] = {}  # m, to itself and to the solids
 
     def check(self, q: Array) -> None:
         """Raise Violation where joints `q` (7,) [rad] bring the arm into itself or a solid."""
-        if self._checked_q is not None:
-            travel = LEVER * float(np.abs(q - self._checked_q).sum())
-            if travel < self._room:
-                return
-        to_itself = float(self_clearance(q))
-        to_solids = inf if self._solids is None else float(self._solids.clearance(q).min())
-        last_gaps = self._gaps
-        self._gaps = [to_itself, to_solids]
+        travel = LEVER * float(np.abs(q - self._checked_q).sum())
+        if travel < self._room:
+            return
+        gaps = {Reflex.SELF_COLLISION_AVOIDANCE_VIOLATION: float(self_clearance(q))}
+        if self._solids is not None:
+            gaps[Reflex.CARTESIAN_REFLEX] = float(self._solids.clearance(q).min())
+        last_gaps, self._gaps = self._gaps, gaps
         self._checked_q = np.array(q)
-        self._room = min(self._gaps)
-        reflexes = (Reflex.SELF_COLLISION_AVOIDANCE_VIOLATION, Reflex.CARTESIAN_REFLEX)
-        for gap, last_gap, reflex in zip(self._gaps, last_gaps, reflexes, strict=True):
-            if gap < 0 and gap < min(last_gap, 0.0) - DEEPER:
+        self._room = min(gaps.values())
+        for reflex, gap in gaps.items():
+            deepest_allowed = min(last_gaps.get(reflex, 0.0), 0.0) - DEEPER
+            if gap < deepest_allowed:
                 raise Violation(reflex)
 
 
