@@ -78,20 +78,19 @@ class Clip:
     def learn(cls, image: Image, calibration: Calibration, strip: StripFile) -> Self | None:
         """Learn the clip at the end of `strip` from `image` (h, w, 3) at rest; None without one."""
         end = np.array([strip.length, 0.0])
-        span, height = FACE
-        clip_pixels = sample_rectangle(
-            image, calibration, (end[0] + span[0], end[0] + span[1]), height
-        )
-        colour = np.median(clip_pixels, axis=0)
-        samples = sample_scene(image, calibration, strip)
-        around = np.stack([np.median(samples.strip, axis=0), samples.desk_colour])
-        if colour_distances(around, colour[None]).min() < APART:
+        (begin, stop), height = FACE
+        span = (strip.length + begin, strip.length + stop)
+        colour = np.median(sample_rectangle(image, calibration, span, height), axis=0)
+        scene = sample_scene(image, calibration, strip)
+        others = np.stack([np.median(scene.strip, axis=0), scene.desk_colour])
+        if colour_distances(others, colour[None]).min() < APART:
             return None
         face = _face(image, calibration, colour, Pose(strip.length, 0.0, 0.0))
         if face is None or face.slenderness < SLENDER:
             return None
         offset = face.front - end
-        return cls(colour, replace(face, front=offset)) if abs(offset[0]) < FARTHEST else None
+        is_at_end = abs(offset[0]) < FARTHEST
+        return cls(colour, replace(face, front=offset)) if is_at_end else None
 
     def find(self, image: Image, calibration: Calibration, last: Pose) -> Pose | None:
         """Pose of the strip's end by its clip in `image` (h, w, 3), near `last`; None if hidden."""

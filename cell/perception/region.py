@@ -144,13 +144,13 @@ def _fill(calibration: Calibration, corners: Array) -> Image:
 
 def without_hand(region: Region, calibration: Calibration, gripper: Pose) -> Image:
     """Mask (h, w) of `region`, 0 where the hand at `gripper` may hide the strip, else 255."""
-    approach = np.array([np.cos(gripper.pitch), np.sin(gripper.pitch)])
-    aside = np.array([-approach[1], approach[0]])
+    along = np.array([np.cos(gripper.pitch), np.sin(gripper.pitch)])
+    across = np.array([-along[1], along[0]])
     finger, slim = FINGER_SIZE
     hand, wide = HAND_SIZE
-    outline = [(0.0, -slim), (finger, -slim), (finger, -wide), (hand, -wide)]
-    outline += [(along, -across) for along, across in reversed(outline)]
-    corners = np.array(outline) @ np.stack([approach, aside]) + (gripper.x, gripper.z)
+    side = np.array([(0.0, -slim), (finger, -slim), (finger, -wide), (hand, -wide)])
+    outline = np.concatenate([side, side[::-1] * (1, -1)])
+    corners = outline @ np.stack([along, across]) + (gripper.x, gripper.z)
     pixels = np.rint(calibration.homography.to_image(corners) - region.origin)
     mask = np.full((region.bottom - region.top, region.right - region.left), 255, dtype=np.uint8)
     cv2.fillPoly(mask, [np.clip(pixels, -20000, 20000).astype(np.int32)], 0)

@@ -100,19 +100,16 @@ class Background:
         the median over a neighbourhood is light only. Pixels where `visible` (h, w) is 0, such as
         the hand, are not used.
         """
-        rows, columns = region.cells(PATCH_PX)
+        shape = region.cells(PATCH_PX)
         corner = (region.left, region.top)
-        before = np.maximum(kernels.patch_brightness(self.image, corner, (rows, columns)), DARKEST)
-        now = kernels.patch_brightness(image, corner, (rows, columns))
-        ratio = np.asarray(now / before, dtype=np.float32)
-        middles = slice(PATCH_PX // 2, None, PATCH_PX)
-        clear = visible[middles, middles] > 0
-        in_view = np.ones((rows, columns), np.float32)
-        in_view[: clear.shape[0], : clear.shape[1]] = clear
-        ratio = self._fill_holes(ratio, in_view)
+        before = kernels.patch_brightness(self.image, corner, shape)
+        now = kernels.patch_brightness(image, corner, shape)
+        ratio = np.asarray(now / np.maximum(before, DARKEST), dtype=np.float32)
+        ratio = self._fill_holes(ratio, _patches_in_view(visible, shape))
         steps = np.rint(np.clip(kernels.EVEN_LIGHT * ratio, 1, 255)).astype(np.uint8)
         smooth = cv2.blur(cv2.medianBlur(steps, self.about).astype(np.float32), (3, 3))
-        cells = cv2.resize(smooth, (columns * PATCH_PX // CELL_PX, rows * PATCH_PX // CELL_PX))
+        height, width = (PATCH_PX // CELL_PX * patches for patches in shape)
+        cells = cv2.resize(smooth, (width, height))
         n, m = region.cells(CELL_PX)
         return np.asarray(cv2.copyMakeBorder(cells[:n, :m], 1, 1, 1, 1, cv2.BORDER_REPLICATE))
 
@@ -124,6 +121,15 @@ class Background:
         weight = cv2.blur(known, size)
         mean = cv2.blur(values * known, size) / np.maximum(weight, 1e-6)
         return np.where(known > 0, values, np.where(weight > 1e-4, mean, 1)).astype(np.float32)
+
+
+def _patches_in_view(visible: Image, shape: tuple[int, int]) -> Floats:
+    """Mask (rows, columns) of `shape`: 0 for patches whose middle `visible` (h, w) hides, else 1."""
+    middles = slice(PATCH_PX // 2, None, PATCH_PX)
+    clear = visible[middles, middles] > 0
+    in_view = np.ones(shape, np.float32)
+    in_view[: clear.shape[0], : clear.shape[1]] = clear
+    return in_view
 
 
 @dataclass(frozen=True, slots=True)
