@@ -124,7 +124,7 @@ class Background:
 
 
 def _patches_in_view(visible: Image, shape: tuple[int, int]) -> Floats:
-    """Mask (rows, columns) of `shape`: 0 for patches whose middle `visible` (h, w) hides, else 1."""
+    """Mask of `shape` (rows, columns): 0 for patches whose middle `visible` (h, w) hides, or 1."""
     middles = slice(PATCH_PX // 2, None, PATCH_PX)
     clear = visible[middles, middles] > 0
     in_view = np.ones(shape, np.float32)
