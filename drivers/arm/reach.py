@@ -15,7 +15,7 @@ from drivers.franka.inverse_kinematics import (
     solve,
     track,
 )
-from drivers.franka.kinematics import HOME, jacobian, pose_and_jacobian
+from drivers.franka.kinematics import HOME, pose_and_jacobian
 from drivers.installation import Installation, MotionLimits
 from drivers.motion import PredictedMotion
 from drivers.types import ZERO_VELOCITY, Array, Pose, Velocity, frozen
@@ -185,7 +185,7 @@ def _step_objection(joints: Array, target: Array, time: float) -> str:
     if used.max() > 1.0:
         worst = int(used.argmax())
         return f"joint {worst + 1} would turn at {abs(rate[worst]):.2f} rad/s, more than it may"
-    if manipulability(jacobian(target)) < SINGULAR:
+    if manipulability(pose_and_jacobian(target)[1]) < SINGULAR:
         return "the arm would be close to a singular posture, stretched or folded"
     return ""
 

@@ -12,7 +12,6 @@ from drivers.franka.kinematics import (
     HOME,
     PARAMETERS,
     WRIST_REACH,
-    jacobian,
     pose_and_jacobian,
 )
 from drivers.franka.limits import MIDDLE, POSITION_HIGH, POSITION_LOW, margins
@@ -159,7 +158,7 @@ def straight(joints: Array, step: Array) -> Iterator[Array]:
     """Yield joints (7,) [rad] endlessly, each a `step` (3,) [m] of the tip further; no checks."""
     twist = np.concatenate([step, np.zeros(3)])
     while True:
-        joints = joints + damped_inverse(jacobian(joints), LINE_DAMPING) @ twist
+        joints = joints + damped_inverse(pose_and_jacobian(joints)[1], LINE_DAMPING) @ twist
         yield joints
 
 

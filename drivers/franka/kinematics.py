@@ -78,13 +78,8 @@ def forward(q: Array, tool: Array = FLANGE_TO_TIP) -> Array:
     return frames(q)[..., 6, :, :] @ from_last_joint(tool)
 
 
-def jacobian(q: Array, tool: Array = FLANGE_TO_TIP) -> Array:
-    """Tool Jacobian (..., 6, 7) [m/rad, then 1] in the base at joints (..., 7) [rad]."""
-    return pose_and_jacobian(q, tool)[1]
-
-
 def pose_and_jacobian(q: Array, tool: Array = FLANGE_TO_TIP) -> tuple[Array, Array]:
-    """Tool pose (..., 4, 4) and Jacobian (..., 6, 7) in the base for joints `q` (..., 7) [rad]."""
+    """Tool pose (..., 4, 4), Jacobian (..., 6, 7) [m/rad, then 1] in the base at `q` (..., 7)."""
     joints = frames(q)
     pose = joints[..., 6, :, :] @ from_last_joint(tool)
     axis = joints[..., :3, 2]
