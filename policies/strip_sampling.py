@@ -89,9 +89,7 @@ def plain_strip(
     )
 
 
-def strip_under_condition(
-    condition: str, rng: np.random.Generator, length: float = STRIP_LENGTH
-) -> StripFile:
+def strip_under_condition(condition: str, rng: np.random.Generator, length: float) -> StripFile:
     """Draw a strip of `length` [m] with the effect that `condition`, one of CONDITIONS, names."""
     if condition == "nothing":
         return plain_strip(rng, length)

@@ -65,9 +65,7 @@ def sample_scene(image: Image, calibration: Calibration, strip: StripFile) -> Sa
     )
 
 
-def inner_pixels(
-    image: Image, calibration: Calibration, strip: StripFile, rise: float = 0.0
-) -> Array:
+def inner_pixels(image: Image, calibration: Calibration, strip: StripFile, rise: float) -> Array:
     """Pixels (n, 3) BGR well inside the strip's face; its near edge appears at z = `rise` [m]."""
     face = face_height(calibration, strip)
     height = (rise + INNER[0] * face, rise + INNER[1] * face)

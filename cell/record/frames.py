@@ -128,9 +128,7 @@ class FrameWriter:
     nothing, wrong on hardware, where an image without room only keeps its place in the index.
     """
 
-    def __init__(
-        self, folder: Path, keep: Keep, patient: bool, encoder: Encoder | None = None
-    ) -> None:
+    def __init__(self, folder: Path, keep: Keep, patient: bool, encoder: Encoder | None) -> None:
         """Write a run's images into `folder` and, with an `encoder`, also as a film."""
         self._film = encoder and RunFilm(folder / FILM, encoder, patient)
         self._failure: OSError | None = None

@@ -27,9 +27,7 @@ class TrainingJournal:
     that cannot be written.
     """
 
-    def __init__(
-        self, path: FilePath, settings: Settings, keys: frozenset[str] = frozenset()
-    ) -> None:
+    def __init__(self, path: FilePath, settings: Settings, keys: frozenset[str]) -> None:
         """Open the training's journal at `path`, or begin one with `settings`."""
         self.path = path
         with writing(path, OTHER_FOLDER):

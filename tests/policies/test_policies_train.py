@@ -54,7 +54,7 @@ def test_run_killed_twice_ends_with_the_weights_of_one_left_alone(tmp_path: Path
     again = train(tmp_path / "killed", 99)
     np.testing.assert_array_equal(alone.weights, again.weights)
     paths = [tmp_path / name / "feedback.jsonl" for name in ("alone", "killed")]
-    assert [len(TrainingJournal(path, SETTINGS).lines) for path in paths] == [12, 12]
+    assert [len(TrainingJournal(path, SETTINGS, frozenset()).lines) for path in paths] == [12, 12]
 
 
 def test_journal_of_other_settings_is_refused_and_says_which(tmp_path: Path) -> None:

@@ -40,7 +40,7 @@ class CriticTraining:
         self.folder = folder
         self.checkpoint = folder / CHECKPOINT
         self._critic: Critic | None = None  # of the last round
-        TrainingJournal(folder / SETTINGS, settings)
+        TrainingJournal(folder / SETTINGS, settings, frozenset())
 
     @property
     def total(self) -> int:
