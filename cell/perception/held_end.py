@@ -77,7 +77,6 @@ class Clip:
     @classmethod
     def learn(cls, image: Image, calibration: Calibration, strip: StripFile) -> Self | None:
         """Learn the clip at the end of `strip` from `image` (h, w, 3) at rest; None without one."""
-        end = np.array([strip.length, 0.0])
         (begin, stop), height = FACE
         span = (strip.length + begin, strip.length + stop)
         colour = np.median(sample_rectangle(image, calibration, span, height), axis=0)
@@ -88,7 +87,7 @@ class Clip:
         face = _face(image, calibration, colour, Pose(strip.length, 0.0, 0.0))
         if face is None or face.slenderness < SLENDER:
             return None
-        offset = face.front - end
+        offset = face.front - (strip.length, 0.0)
         is_at_end = abs(offset[0]) < FARTHEST
         return cls(colour, replace(face, front=offset)) if is_at_end else None
 

@@ -146,9 +146,7 @@ class RestingPlace:
     high: float
 
 
-def learn_background(
-    image: Image, calibration: Calibration, place: RestingPlace, about: int
-) -> Background:
+def learn_background(image: Image, calibration: Calibration, place: RestingPlace) -> Background:
     """Background of `image` (height, width, 3), interpolated where the strip lies at `place`."""
     x = np.linspace(0.0, place.length + END_MARGIN, 60)
     left, right = calibration.to_image(np.column_stack([x[[0, -1]], [0.0, 0.0]]))[:, 0]
@@ -165,7 +163,7 @@ def learn_background(
     edge = np.interp(np.arange(image.shape[1]), columns, top) - EDGE
     on_desk = np.arange(image.shape[0])[:, None] >= edge[None]
     shade = np.where(on_desk, DESK_SHADE, LIFTED_SHADE).astype(np.float32)
-    return Background(empty, shade, about)
+    return Background(empty, shade, Sizes.of_camera(calibration).light)
 
 
 def _bridge(column: Image, begin: int, end: int) -> None:
@@ -266,8 +264,7 @@ def learn_segmenter(
     """
     sensor = max(noise, LEAST_NOISE) * DIFFERENCE
     smooth = max(sensor * NOISE_SHARE, LEAST_NOISE * DIFFERENCE)
-    about = Sizes.of_camera(calibration).light
-    background = learn_background(image, calibration, place, about)
+    background = learn_background(image, calibration, place)
     colours = palette(inner_pixels(image, calibration, strip, place.rise))
     scene = background.image[motion_mask(calibration, strip.length) > 0]
     noise_of_share = _share_noise(colours, scene, smooth) * sensor
