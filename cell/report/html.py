@@ -30,12 +30,12 @@ class Link:
 def page(template: str, title: str, /, **facts: Any) -> str:
     """Render `template`, a path in the package `cell`, with `facts` as a whole HTML document.
 
-    What `title` and `facts` hold is escaped. Raises jinja2.UndefinedError for a fact that the
-    template uses and that is not there.
+    The template has the `title` too. What both hold is escaped. Raises jinja2.UndefinedError for a
+    fact that the template uses and that is not there.
     """
     from markupsafe import Markup
 
-    body = _environment().get_template(template).render(facts)
+    body = _environment().get_template(template).render({"title": title} | facts)
     frame = _environment().get_template("report/templates/base.html")
     return frame.render(title=title, body=Markup(body), charts="<svg" in body)  # noqa: S704 escaped
 

@@ -42,7 +42,6 @@ def write_runs_page(rows: Sequence[RunRow], out: Path) -> Path:
     text = page(
         "report/templates/runs.html",
         plural(len(rows), "run"),
-        title=plural(len(rows), "run"),
         head=COLUMN_HEADINGS,
         wide=THUMBNAIL_WIDTH,
         rows=[
@@ -95,7 +94,6 @@ def write_comparison(folders: Sequence[Path], out: Path) -> Path:
     text = page(
         "report/templates/compare.html",
         title,
-        title=title,
         said=_verdict(compared, differing),
         films=[(name, film) for name, film in films if film and film["source"] != FILM],
         head=("run", "outcome", "displacement", "true", "edges apart", "true", "touch"),
