@@ -23,8 +23,7 @@ NOT_IN_SOURCE = "Of the paper, the numbers that its text states are drawn."
 
 def write_results(results: Results, folder: Path) -> Path:
     """Write benchmark.json and benchmark.html into `folder`; returns the page's path."""
-    content = results.model_dump_json(by_alias=True, indent=1)
-    write_file(folder / "benchmark.json", content)
+    write_file(folder / "benchmark.json", results.model_dump_json(by_alias=True, indent=1))
     page = folder / "benchmark.html"
     write_file(page, page_of(results))
     return page

@@ -114,7 +114,9 @@ def fold_range(policy: str, engine: EngineName, side: int, speed: float) -> Rang
 
     A policy that uses images gets late and noisy observations, as in training.
     """
-    folds = _fold_known(policy, grid(side), stepper(engine), Rollout(speed=speed))
+    strips = grid(side)
+    rng = np.random.default_rng(0)
+    folds = _fold_known(policy, strips, strips, stepper(engine), Rollout(speed=speed), rng)
     return RangeFolds(
         policy=policy,
         engine=engine,
@@ -133,27 +135,21 @@ def fold_effect(policy: str, name: str, count: int, speed: float) -> EffectFolds
     strips = [_strip_with(name, rng) for _ in range(count)]
     known = [strip.model_copy(update={"effects": {}}) for strip in strips]
     settings = Rollout(speed=speed, sensing=IMAGE_SENSING)
-    folds = _fold_known(policy, strips, stepper("rod"), settings, known=known, rng=rng)
+    folds = _fold_known(policy, known, strips, stepper("rod"), settings, rng)
     return EffectFolds(policy=policy, effect=name, displacement=finite_or_none(folds.displacement))
 
 
 def _fold_known(
     policy: str,
+    known: Sequence[StripFile],
     strips: Sequence[StripFile],
     engine: Stepper,
     settings: Rollout,
-    *,
-    known: Sequence[StripFile] = (),
-    rng: np.random.Generator | None = None,
+    rng: np.random.Generator,
 ) -> Folds:
-    """Fold `strips` side by side in `engine` by `policy`, which is given the strip files `known`.
-
-    By default it knows the strips as they are, and noise is drawn from the seed 0.
-    """
-    known = known or strips
+    """Fold `strips` side by side in `engine` by `policy`, which takes them for the `known` ones."""
     decide = Planned(known) if policy == Planned.name else make_policy(policy, in_rod=True)
     models = [describe(strip) for strip in strips]
-    rng = rng or np.random.default_rng(0)
     return roll_out(decide, engine, known[0], models, settings=settings, rng=rng)
 
 

@@ -165,8 +165,7 @@ class Claim:
 
 def claims(results: Results) -> Iterator[Claim]:
     """Yield the published claims that `results` can decide, tested, the main claim first."""
-    folds = {policy: results.folds(policy) for policy in results.asked.policies}
-    folds = {policy: each for policy, each in folds.items() if each}
+    folds = {p: found for p in results.asked.policies if (found := results.folds(p))}
     count = len(results.asked.strips)
     if "feedback" in folds:
         yield _limit_claim(folds["feedback"], count, "feedback", PAPER_WORST["feedback"])
