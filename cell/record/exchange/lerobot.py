@@ -157,14 +157,12 @@ def _curves(run: Run, points: int) -> dict[str, Feature]:
     curves = run.profile.curves()
     stamps = np.array([stamp for stamp, _ in curves])
     padded = np.full((len(curves), points, 2), np.nan)
-    for i, (_, curve) in enumerate(curves):
-        padded[i, : len(curve)] = curve
+    for row, (_, curve) in zip(padded, curves, strict=True):
+        row[: len(curve)] = curve
     names = [str(i) for i in range(points)]
-    found = {POINTS_STAMP: _at_frames(run, stamps, stamps)}
-    for k, axis in enumerate("xz"):
-        feature = _at_frames(run, stamps, padded[..., k])
-        found[f"observation.profile_{axis}"] = feature._replace(names=names)
-    return found
+    x, z = (_at_frames(run, stamps, padded[..., axis])._replace(names=names) for axis in (0, 1))
+    found = {"observation.profile_x": x, "observation.profile_z": z}
+    return {POINTS_STAMP: _at_frames(run, stamps, stamps)} | found
 
 
 def _at_frames(run: Run, stamps: Array, values: Array) -> Feature:
