@@ -41,24 +41,24 @@ REST_TRAVEL = 0.0005  # m that the profile's mean travels, below which a strip r
 
 def preflight(context: FoldContext, record: Recorder, _: Snapshot) -> steps.Phase:
     """Check the image of the strip before it is grasped; raises PreflightRefused."""
-    fold = context.settings.fold
     camera_checks = yield from _camera_checks(context)
-    yield from steps.move(fold_path.approach_poses(context.strip.length, fold)[0])
+    yield from steps.move(fold_path.approach_poses(context.strip.length, context.settings.fold)[0])
     picture = yield from steps.still_picture()
-    frame = picture.frame
     strip_checks = yield from _inspect(context.reader, picture)
-    record.frame(frame)
+    record.frame(picture.frame)
     checks = (*camera_checks, *strip_checks)
     facts = [asdict(check) for check in checks]
-    record.event(frame.stamp, "preflight", checks=facts)
+    stamp = picture.frame.stamp
+    record.event(stamp, "preflight", checks=facts)
     record.describe(preflight=facts)
     context.witnesses += [check.witness for check in checks if check.witness is not None]
-    if not all(check.passed for check in checks):
-        raise PreflightRefused("\n".join(c.sentence() for c in checks if not c.passed))
+    refused = [check.sentence() for check in checks if not check.passed]
+    if refused:
+        raise PreflightRefused("\n".join(refused))
     for check in checks:
         if check.name == UNWATCHED:
             context.warning = f"{check.reason}; {check.remedy}"
-            record.event(frame.stamp, "camera_unwatched", reason=context.warning)
+            record.event(stamp, "camera_unwatched", reason=context.warning)
     return Event.CHECKED
 
 
