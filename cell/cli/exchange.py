@@ -54,25 +54,20 @@ def import_runs(
     with busy("reading the tables"):
         made = _convert(places, mapping, out, model, found)
     if as_json:
-        for folder in made:
-            print_json({"run": folder})
+        print_json(*({"run": folder} for folder in made))
         return
     for folder in made:
         sys.stdout.write(f"{folder.name}: {_summary(folder)}\n")
     count = len(runs_in(out))
     sys.stdout.write(f"{plural(count, 'run')} in {out}\n")
+    from cell.record.run import read_run
+
+    subject = f"--strip {read_run(made[0]).header.strip}" if model is None else f"--model {model}"
     if count == 1:
         advice = f"import a second run into {out}, better ten: a verdict needs some to test it"
     else:
-        advice = f"cell gap check {out} {_subject(model, made[0])} --out {out}-check"
+        advice = f"cell gap check {out} {subject} --out {out}-check"
     sys.stdout.write(f"next: {advice}\n")
-
-
-def _subject(model: Path | None, run: Path) -> str:
-    """Option of `cell gap` that names the subject of a `run`: a `model` or the run's strip."""
-    from cell.record.run import read_run
-
-    return f"--strip {read_run(run).header.strip}" if model is None else f"--model {model}"
 
 
 def _propose(places: list[Path], target: Path, strip: str | None, found: Found) -> None:
