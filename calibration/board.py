@@ -168,19 +168,19 @@ def smallest_sheet(settings: BoardSettings) -> str:
 
 def board_figures(settings: BoardSettings) -> "tuple[Figure, Figure]":
     """Matplotlib figures in true size: the page of the board and the page of the pointer."""
-    name = smallest_sheet(settings)
-    width, height = PAPERS[name]
+    sheet = smallest_sheet(settings)
+    width, height = PAPERS[sheet]
     page, axes = _blank_page(width, height)
-    square = 1e3 * settings.square
-    left = (width - settings.columns * square) / 2
-    top = height - QUIET_ZONE * square
+    square = 1e3 * settings.square  # mm
+    wide, high = settings.columns * square, settings.rows * square
+    left, top = (width - wide) / 2, height - QUIET_ZONE * square
+    bottom = top - high
     pixels = (settings.columns * SQUARE_PX, settings.rows * SQUARE_PX)
     pattern = settings.board().generateImage(pixels)
-    bottom = top - settings.rows * square
-    place = (left, left + settings.columns * square, bottom, top)
-    axes.imshow(pattern, cmap="gray", interpolation="none", extent=place, aspect="auto")
+    extent = (left, left + wide, bottom, top)
+    axes.imshow(pattern, cmap="gray", interpolation="none", extent=extent, aspect="auto")
     axes.set(xlim=(0, width), ylim=(0, height))
-    _draw_ruler(axes, settings, left, bottom - 6.0, name)
+    _draw_ruler(axes, settings, left, bottom - 6.0, sheet)
     return page, _pointer_page()
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from cell.config.unmeasured_strip import UNKNOWN_NAME as UNKNOWN
 from cell.learning.bias import LIMIT, Bias, bias
 from cell.learning.experience import Experience, Memory
+from cell.report.words import plural
 from policies.policy import Policy
 
 if TYPE_CHECKING:  # spares a refused request the compilation of perception
@@ -73,8 +74,7 @@ class Correction:
             return None
         if self.learned is None:
             return f"{'; '.join(parts)} that was given"
-        count = self.learned.folds
-        folds = f"{count} {'fold' if count == 1 else 'folds'}"
+        folds = plural(self.learned.folds, "fold")
         text = f"{'; '.join(parts)} learned from {folds} of this cell"
         if self.learned.since is None:
             return text

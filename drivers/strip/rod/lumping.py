@@ -31,8 +31,7 @@ def needs_terms(model: StripModel) -> bool:
 def lump(model: StripModel, segments: int, *, rich: bool = False) -> Array:
     """Coefficients (segments + 3, NATURE) of the nodes and segments of a rod for strip `model`.
 
-    If `rich` they are (segments + 3, RICH_NATURE), with those of the optional terms: drag, sliding,
-    relaxation and gradual friction.
+    If `rich`, RICH_NATURE of each: also of drag, sliding, relaxation and gradual friction.
     """
     mechanics = model.mechanics
     arc = lattice(mechanics.length, segments)
