@@ -135,8 +135,9 @@ def _describe_rest(findings: Findings, verdict: Verdict) -> str:
     """Sentence on residuals that no effect of the library explains."""
     rest = verdict.unexplained
     description = rest.description if rest is not None else ""
-    accepted = findings.accepted.model
-    tried = f"; {accepted.name} explains a part but not all of it" if accepted.effects else ""
+    accepted = findings.accepted.estimate
+    part = accepted.model.effects and not accepted.stand_ins
+    tried = f"; {accepted.model.name} explains a part but not all of it" if part else ""
     return capitalised(f"{description}: no effect of the library accounts for it{tried}.")
 
 

@@ -197,3 +197,4 @@ def test_an_effect_by_a_shape_that_is_not_its_own_stands_in_for_another() -> Non
     _, verdict = judged(subject)
     assert verdict.verdict == "unexplained"
     assert "bump has a shape by which it stands in" in verdict.unexplained.description
+    assert not verdict.suspected
