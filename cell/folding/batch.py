@@ -202,7 +202,7 @@ def _fold_in_process(
     try:
         return write_pages(request, fold(request, calibration, (), stop))
     except KeyboardInterrupt:
-        return Interrupted("stopped at once from the keyboard")
+        return Interrupted("stopped at once by Ctrl-C or a signal")
     except CellError as error:
         return error
     except Exception as error:  # noqa: BLE001  an edge: the other folds go on, this one fails

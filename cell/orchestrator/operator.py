@@ -43,7 +43,7 @@ class Unattended:
 
 
 class Interrupted(CellError):
-    """Error of an operation, other than a fold, that was interrupted from the keyboard."""
+    """Error of an operation, other than a fold, interrupted by Ctrl-C or a signal."""
 
     exit_code = 130
 
@@ -56,7 +56,7 @@ class Interrupt:
         self._before: dict[signal.Signals, Any] = {}
 
     def __call__(self) -> bool:
-        """Whether the operator requested a controlled stop by Ctrl-C."""
+        """Whether the operator or a signal requested a controlled stop."""
         return self._requested
 
     def __enter__(self) -> Self:

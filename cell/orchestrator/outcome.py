@@ -51,5 +51,5 @@ class Outcome:
         return replace(self, name=later.name, reason=later.reason, exit_code=code)
 
 
-INTERRUPTED = Outcome("interrupted", "stopped from the keyboard", 130)
-INTERRUPTED_AT_ONCE = Outcome("interrupted", "stopped at once from the keyboard", 130)
+INTERRUPTED = Outcome("interrupted", "stopped by Ctrl-C or a signal", 130)
+INTERRUPTED_AT_ONCE = Outcome("interrupted", "stopped at once by Ctrl-C or a signal", 130)

@@ -40,8 +40,8 @@ def run_folder(text: str) -> Path:
     place = Path(text)
     if place.exists() or len(place.parts) != 1 or not text.isalnum():
         return place
-    name = f"[0-9]*Z-*{'' if text == 'last' else text}"
-    found = [run for places in ("*", "runs/*") for run in Path().glob(f"{places}/{name}")]
+    name = f"[0-9]*Z-*{'' if text == 'last' else text}/{RUN}"
+    found = [file.parent for places in ("*", "runs/*") for file in Path().glob(f"{places}/{name}")]
     return max(found, key=lambda run: run.name, default=place)
 
 

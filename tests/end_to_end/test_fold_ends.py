@@ -71,7 +71,7 @@ def test_devices_that_refuse_are_an_outcome(recorder: FileRecorder) -> None:
 def test_the_second_ctrl_c_is_recorded(recorder: FileRecorder) -> None:
     devices = Devices()
     outcome = run_and_record(running(KeyboardInterrupt()), devices, recorder)
-    assert (outcome.name, outcome.exit_code) == ("interrupted", 130)
+    assert (outcome.reason, outcome.exit_code) == ("stopped at once by Ctrl-C or a signal", 130)
     assert devices.closed == 1
     assert read_run(recorder.folder).result.outcome == "interrupted"
 

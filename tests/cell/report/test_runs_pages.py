@@ -55,12 +55,12 @@ def test_comparison_has_every_run_and_what_differs(three: list[Path], monkeypatc
     monkeypatch.chdir(three[0].parents[1])
     for folder in three:
         (folder / "truth.yaml").write_text("{schema: 1, displacement: 0.0, edge_offset: 0.0}\n")
+    (three[0].parents[1] / "tables/20270101T080000Z-denim-fold-0001").mkdir(parents=True)  # no run
     page = Path(json.loads(call("report", "0000", "0001", "last", "--json"))["report"]).resolve()
     assert page == three[0].parent / "compare.html"
     text = page.read_text("utf-8")
-    rows = re.search(r"What was set otherwise.*?</table>", text, flags=re.S)
-    assert rows is not None
-    assert re.findall(r"<tr><td>([^<]+)", rows[0]) == ["policy", "seed"]
+    (rows,) = re.findall(r"What was set otherwise.*?</table>", text, flags=re.S)
+    assert re.findall(r"<tr><td>([^<]+)", rows) == ["policy", "seed"]
     assert text.count("<svg") == 1
     assert "by the camera: 0000" in text
     assert "in truth, which the twin knows: 0000" in text
