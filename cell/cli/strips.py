@@ -16,7 +16,7 @@ from drivers.errors import ConfigurationError
 if TYPE_CHECKING:
     from drivers.strip.file import StripFile
 
-NAME_PATTERN = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
+NAME_PATTERN = re.compile(r"(?!unknown$)[A-Za-z0-9][A-Za-z0-9_-]*")
 
 strips = typer.Typer(
     help="List the strips that this cell knows; measure one, make a new one.",
@@ -109,7 +109,8 @@ class NewStripOptions:
     retardation_time: Annotated[float | None, typer.Option(help="Retardation time [s].")] = None
     thickness: Annotated[float | None, length_option("--thickness", "Thickness [m].")] = None
     colour: Annotated[
-        tuple[int, int, int] | None, typer.Option(help="Red, green, blue, 0 to 255.")
+        tuple[int, int, int] | None,
+        typer.Option(metavar="R G B", help="Red, green, blue, 0 to 255."),
     ] = None
     source: Annotated[
         list[str] | None,
@@ -138,5 +139,5 @@ def _check_name(strip: str) -> None:
     """Raise ConfigurationError for a name that no file of a strip can have."""
     if NAME_PATTERN.fullmatch(strip) is None:
         raise ConfigurationError(
-            f"{strip!r}: is not a name of a strip; use letters, digits, - and _"
+            f"{strip!r}: is not a name of a strip; use letters, digits, - and _, not `unknown`"
         )

@@ -138,10 +138,7 @@ def measures(run: Run) -> Rows:
     """Table rows (name, text) of a run's main numbers."""
     noticed = next((event.t for event in run.events() if event.kind == "touch_seen"), None)
     rows = Rows() if run.result is None else _result_rows(run.result, noticed)
-    lasted = None if run.result is None else run.result.duration
-    if lasted is None and run.ticks.t.size:  # as far as the record goes
-        lasted = float(run.ticks.t[-1])
-    return [*rows, ("duration", seconds(lasted, 1)), *_timing_rows(run)]
+    return [*rows, *_timing_rows(run)]
 
 
 def _result_rows(result: Result, noticed: float | None) -> Rows:
@@ -159,6 +156,8 @@ def _result_rows(result: Result, noticed: float | None) -> Rows:
         apart = millimetres(note.difference, signed=True)
         said = f"{KINDS.get(note.name, ('lengths',))[0]} differ: {note.name.replace('_', ' ')}"
         rows.append((said, f"{apart} ± {millimetres(note.spread)}"))
+    if result.duration is not None:
+        rows.append(("duration", seconds(result.duration, 1)))
     return rows
 
 

@@ -148,8 +148,7 @@ def test_new_strip_says_what_was_assumed(monkeypatch, capsys, configs) -> None:
     strip = load_strip(configs / "strips" / "felt.yaml")
     assert (strip.name, strip.length, strip.width, strip.areal_density) == ("felt", 0.5, 0.04, 0.31)
     sources = {each.key: each.source for each in strip.provenance}
-    assert sources["areal_density"] == "scales, 2026"
-    assert sources["bending_length"] == "assumed"
+    assert (sources["areal_density"], sources["bending_length"]) == ("scales, 2026", "assumed")
 
 
 @pytest.mark.parametrize(
@@ -157,6 +156,7 @@ def test_new_strip_says_what_was_assumed(monkeypatch, capsys, configs) -> None:
     [
         ("denim", ("--length", 0.5, "--width", 0.04), "is there already"),
         ("../felt", ("--length", 0.5, "--width", 0.04), "not a name"),
+        ("unknown", ("--length", 0.5, "--width", 0.04), "not a name"),
         ("felt", ("--length", 50, "--width", 0.04), "length"),
         ("felt", ("--length", 0.5, "--width", 0.04, "--source", "colour=eye"), "KEY=TEXT"),
         ("felt", ("--length", 0.5, "--width", 0.04, "--source", "thickness=gauge"), "value too"),
