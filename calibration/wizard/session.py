@@ -14,7 +14,7 @@ from calibration.wizard.latency import LatencySettings, LatencySteps
 from calibration.wizard.progress import Observer, Progress, Row, ignore
 from calibration.wizard.touched_points import TouchedPoints
 from calibration.wizard.touches import TouchSettings
-from drivers.errors import ConfigurationError
+from drivers.errors import ConfigurationError, check_known
 from drivers.files import append_line, write_file, writing
 from drivers.readers import MEGABYTE, read_json, read_json_lines, read_picture
 from drivers.settings import Settings, load, parse
@@ -141,7 +141,7 @@ def _taken_images(
 ) -> Iterator[tuple[Row, Image]]:
     """Accepted rows with images (height, width, 3), except rows of the numbers `without`.
 
-    Raises ConfigurationError for an image that is missing or not of the session's size.
+    Raises ConfigurationError for an unknown number, a missing image or one of another size.
     """
     accepted: dict[tuple[int, bool], Row] = {}
     for row in read_rows(folder):
@@ -149,6 +149,8 @@ def _taken_images(
             accepted.pop((row.number, row.again), None)
         elif row.image is not None:
             accepted[row.number, row.again] = row
+    for number in without:
+        check_known("--without", str(number), [str(n) for n, again in accepted if not again])
     for row in accepted.values():
         if row.number not in without:
             yield row, _read_image(folder, row, session.image)
