@@ -11,6 +11,7 @@ from cell.cli.options import Configs, Json
 from cell.cli.output import print_json
 from cell.config.length import metres
 from cell.config.places import find_configs
+from cell.record.files import run_folder
 from drivers.errors import ConfigurationError, suggestion
 
 if TYPE_CHECKING:
@@ -28,7 +29,7 @@ What = Annotated[
 ]
 ForgottenRun = Annotated[
     Path | None,
-    typer.Argument(metavar="RUN", help="With forget: the one run to forget, as `list` names it."),
+    typer.Argument(metavar="RUN", parser=run_folder, help="With forget: the one run to forget."),
 ]
 
 
@@ -54,7 +55,7 @@ def learn(
     settings = find_configs(configs).cell()
     memory = Memory(settings.name, twin=twin)
     if edges is not None:
-        _learn_from_ruler(settings, Path(what), edges, sure=sure)
+        _learn_from_ruler(settings, run_folder(what), edges, sure=sure)
     elif what == "forget":
         _forget(settings, memory, run)
     elif what == "list":

@@ -25,12 +25,10 @@ def memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Memory:
 
 
 def test_it_shows_the_bias_and_where_edges_are_laid(memory: Memory) -> None:
-    shown = CliRunner().invoke(app, ["learn"])
-    assert shown.exit_code == 0
-    assert "denim, a, adaptive: bias +3.0" in shown.output
-    assert "edges laid -2." in shown.output
-    (line,) = CliRunner().invoke(app, ["learn", "--json"]).output.splitlines()
-    row = json.loads(line)
+    shown = call()
+    assert "denim, a, adaptive: bias +3.0" in shown
+    assert "edges laid -2." in shown
+    row = json.loads(call("--json"))
     assert row["folds"] == 2
     assert row["bias"] == pytest.approx(row["cell"] + row["of_strip"] + row["of_specimen"])
     assert row["laid"] == pytest.approx(-0.003, abs=5e-4)
@@ -44,9 +42,10 @@ def test_a_run_goes_with_a_rulers_word(memory: Memory) -> None:
 
 
 @pytest.fixture
-def run(memory: Memory, tmp_path: Path, finished: Path) -> Path:
+def run(memory: Memory, tmp_path: Path, finished: Path, monkeypatch) -> Path:
     """A run under another name than the one that the cell learned from, as seen at +1 mm."""
-    folder = shutil.copytree(finished, tmp_path / "renamed")
+    monkeypatch.chdir(tmp_path)
+    folder = shutil.copytree(finished, tmp_path / "runs/20261129T080000Z-denim-fold-2c41")
     result = yaml.safe_load((folder / "result.yaml").read_text()) | {"edge_offset": 0.001}
     (folder / "result.yaml").write_text(yaml.safe_dump(result))
     key = run_key(folder)
@@ -68,9 +67,10 @@ def test_a_ruler_s_word_is_believed_within_bounds_and_a_later_one_replaces_it(
         call(run, "--edges", "35mm")
     assert len(memory.experiences()) == 3
     call(run, "--edges", "35mm", "--sure")
-    assert "the ruler shows +2.0 mm more" in call(run, "--edges", "3mm")
+    assert "the ruler shows +2.0 mm more" in call("2c41", "--edges", "3mm")
     words = [one for one in memory.experiences() if one.kind == "ruler"]
     assert [(one.run, round(one.rig, 6)) for one in words] == [("r2", 0.002)]
+    assert "set aside" in call("forget", "2c41")
 
 
 def test_the_twin_and_the_real_cell_learn_apart(memory: Memory) -> None:
