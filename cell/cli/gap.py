@@ -351,8 +351,6 @@ def _subject_file(
 
 def _strip_file(strip: str, configs: Path | None) -> Path:
     """Path of the file of `strip`, named by a path or by its name in the configuration."""
-    if Path(strip).exists() or "/" in strip or Path(strip).suffix:
-        return Path(strip)
     return _relative(find_configs(configs).strip_path(strip))
 
 

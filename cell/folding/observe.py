@@ -87,7 +87,7 @@ def observe(
     first = next(frames, None)
     if first is None:
         raise ConfigurationError(f"{film}: holds no image")
-    appearance = _appearance(first, film, calibration, strip)
+    appearance = _appearance(first, film, calibration, strip, by_board=by_board)
     clip = _clip(first, film, calibration, strip) if by_board else None
     held_end = HeldEnd(calibration, strip, appearance, clip)
     with new_folder(folder) as new_run:
@@ -124,16 +124,16 @@ def _frames(film: Path, calibration: Calibration, begin: float) -> Iterator[Fram
 
 
 def _appearance(
-    first: Frame,
-    film: Path,
-    calibration: Calibration,
-    strip: StripFile,
+    first: Frame, film: Path, calibration: Calibration, strip: StripFile, *, by_board: bool
 ) -> Appearance:
-    """Appearance of the strip in the `first` image; raises ConfigurationError without a strip."""
+    """Appearance of the strip in the `first` image; raises ConfigurationError without a strip.
+
+    Where no board stood there, which was checked by itself, all checks of a fold must pass.
+    """
     checked = inspect(first, calibration, strip)
-    if checked.appearance is not None:
-        return checked.appearance
     failed = next((check for check in checked.checks if not check.passed), None)
+    if checked.appearance is not None and (by_board or failed is None):
+        return checked.appearance
     problem = "no strip is seen" if failed is None else f"{failed.reason}; {failed.remedy}"
     raise ConfigurationError(f"{film}: its first image must show the strip lying flat: {problem}")
 

@@ -56,22 +56,22 @@ def test_runs_of_the_cell_are_in_order(runs: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_fit_refuses_a_stuck_reading_unless_asked(runs: Path, tmp_path: Path) -> None:
+def test_a_fit_refuses_a_stuck_reading_unless_asked(runs: Path, tmp_path, monkeypatch) -> None:
     ticks = runs / "00-normal" / "ticks.parquet"
     edit_column(ticks, "x", lambda x: x[np.r_[:120, [120] * 80, 120:280:2, 280 : len(x)]])
     edit_column(ticks, "x_cmd", lambda x: np.linspace(0.6, 0.0, len(x)))
     with pytest.raises(ConfigurationError, match=r"00-normal: stuck reading: .*; mend the reading"):
         fit([runs], STRIP, tmp_path / "out")
     assert not (tmp_path / "out" / "verdict.json").exists()
-    found = CliRunner().invoke(
-        app, ["gap", "check", str(runs), "--strip", str(STRIP), "--out", str(tmp_path), "--json"]
-    )
+    (tmp_path / "denim").mkdir()  # where the command is called: no strip
+    monkeypatch.chdir(tmp_path)
+    options = ["--strip", "denim", "--out", str(tmp_path), "--json"]
+    found = CliRunner().invoke(app, ["gap", "check", str(runs), *options])
     assert found.exit_code == ConfigurationError.exit_code
     written_check = json.loads((tmp_path / "check.json").read_text())
     assert json.loads(found.stdout) == written_check
-    assert [f["what"] for f in written_check["findings"] if f["level"] == "bad"] == [
-        "stuck reading"
-    ]
+    bad = [f["what"] for f in written_check["findings"] if f["level"] == "bad"]
+    assert bad == ["stuck reading"]
     assert "mend the reading" in (tmp_path / "check.html").read_text()
 
 
