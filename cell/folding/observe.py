@@ -126,13 +126,10 @@ def _frames(film: Path, calibration: Calibration, begin: float) -> Iterator[Fram
 def _appearance(
     first: Frame, film: Path, calibration: Calibration, strip: StripFile, *, by_board: bool
 ) -> Appearance:
-    """Appearance of the strip in the `first` image; raises ConfigurationError without a strip.
-
-    Where no board stood there, which was checked by itself, all checks of a fold must pass.
-    """
+    """Appearance of the strip in the `first` image; ConfigurationError where a check fails."""
     checked = inspect(first, calibration, strip)
     failed = next((check for check in checked.checks if not check.passed), None)
-    if checked.appearance is not None and (by_board or failed is None):
+    if checked.appearance is not None and (by_board or failed is None):  # a board checks length
         return checked.appearance
     problem = "no strip is seen" if failed is None else f"{failed.reason}; {failed.remedy}"
     raise ConfigurationError(f"{film}: its first image must show the strip lying flat: {problem}")

@@ -9,7 +9,6 @@ from drivers.settings import parse
 from drivers.strip.describe import load_strip
 from drivers.strip.file import StripFile
 from policies.registry import make_policy
-from tests.support.commands import refused
 
 ROOT = Path(__file__).resolve().parents[3]
 DENIM = ROOT / "configs" / "strips" / "denim.yaml"
@@ -48,12 +47,3 @@ def test_number_out_of_range_is_given_with_its_unit(key, value, said) -> None:
     with pytest.raises(ConfigurationError) as error:
         parse(CONTENT | {key: value}, StripFile, "a.yaml")
     assert said in str(error.value)
-
-
-def test_fit_takes_a_strip_by_name_as_plan_does(monkeypatch, capsys, tmp_path: Path) -> None:
-    configs = ("--configs", ROOT / "configs")
-    words = ("gap", "fit", tmp_path / "none", "--strip", "denim", "--out", tmp_path / "out")
-    assert str(tmp_path / "none") in refused(monkeypatch, capsys, *words, *configs)
-    for command in ("accept", "undo"):
-        line = refused(monkeypatch, capsys, "gap", command, tmp_path, "--strip", "denim", *configs)
-        assert line.startswith(str(tmp_path))

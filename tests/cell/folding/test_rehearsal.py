@@ -1,6 +1,7 @@
 """The fold in the air: raised, on its path, with fingers that hold nothing, nothing on the desk."""
 
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ pytest.importorskip("pylibfranka", reason="the robot's library is not installed"
 
 from cell.arm.manual_motion import home_joints, move_manually
 from cell.cli.app import app
-from cell.config.places import find_configs
+from cell.config.places import CHECKOUT_CONFIGS, find_configs
 from cell.devices.devices import Trial
 from cell.devices.fold_path import triangle, whole_path
 from cell.folding.rehearsal import HOVER_HEIGHT, Rehearsal, rehearsal
@@ -81,12 +82,17 @@ def test_rehearsal_stays_on_its_raised_path_and_closes_and_opens_the_hand(
     assert widths[-1] > 0.03
 
 
-def test_command_reports_the_rehearsal(monkeypatch, tmp_path, capsys) -> None:
+def test_command_reports_the_rehearsal_of_the_first_day(monkeypatch, tmp_path, capsys) -> None:
     monkeypatch.setattr(Rehearsal, "motion", lambda _, snapshot: _still(snapshot))
-    words = ["fold", "--strip", "denim", "--policy", "triangular", "--rehearse", "--json"]
-    done = CliRunner().invoke(app, [*words, "--runs", str(tmp_path)])
+    page = (CHECKOUT_CONFIGS.parent / "runbooks/first-day-with-a-real-arm.md").read_text("utf-8")
+    height = page.partition("`z: ")[2].partition("`")[0]  # with which the page's own command fits
+    content = (shutil.copytree(CHECKOUT_CONFIGS, tmp_path / "c") / "cell.yaml").read_text("utf-8")
+    (tmp_path / "c/cell.yaml").write_text(content.replace("z: [-0.01, 0.50]", f"z: {height}"))
+    words = ["fold", "--strip", "denim", "--policy", "planned", "--rehearse", "--json"]
+    places = ["--runs", str(tmp_path / "runs"), "--configs", str(tmp_path / "c")]
+    done = CliRunner().invoke(app, [*words, *places])
     assert json.loads(done.stdout)["exit_code"] == done.exit_code == 0
-    assert not list(tmp_path.iterdir())  # a rehearsal leaves no run
+    assert not (tmp_path / "runs").exists()  # a rehearsal leaves no run
 
 
 def _still(snapshot):
