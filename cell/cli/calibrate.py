@@ -3,6 +3,7 @@
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -126,7 +127,7 @@ def calibrate_camera(
             verdict = wizard.calibrate_lens(folder, measured)
     _print_session(verdict, folder, as_json=as_json)
     if folder is not None and verdict.passed and not as_json:
-        sys.stdout.write(f"next: cell calibrate homography --lens {folder / ROS}\n")
+        sys.stdout.write(f"next: cell calibrate homography --lens {quote(str(folder / ROS))}\n")
     sys.exit(0 if verdict.passed else 1)
 
 

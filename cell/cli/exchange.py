@@ -62,11 +62,11 @@ def import_runs(
     sys.stdout.write(f"{plural(count, 'run')} in {out}\n")
     from cell.record.run import read_run
 
-    subject = f"--strip {read_run(made[0]).header.strip}" if model is None else f"--model {model}"
+    of = ("--strip", read_run(made[0]).header.strip) if model is None else ("--model", str(model))
     if count == 1:
         advice = f"import a second run into {out}, better ten: a verdict needs some to test it"
     else:
-        advice = f"cell gap check {out} {subject} --out {out}-check"
+        advice = shlex.join(["cell", "gap", "check", str(out), *of, "--out", f"{out}-check"])
     sys.stdout.write(f"next: {advice}\n")
 
 
@@ -79,8 +79,8 @@ def _propose(places: list[Path], target: Path, strip: str | None, found: Found) 
     text = guess_mapping(places, None if strip is None else found.strip(strip))
     write_file(target, text)
     sys.stdout.write(f"{text}{target}: read it, and write what is open in place of null\n")
-    of = shlex.join(map(str, places))
-    sys.stdout.write(f"next: cell import {of} --mapping {target} --out runs/own\n")
+    words = ("cell", "import", *places, "--mapping", target, "--out", "runs/own")
+    sys.stdout.write(f"next: {shlex.join(map(str, words))}\n")
 
 
 def _convert(

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shlex
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -105,8 +106,9 @@ def plan(
             else:
                 sys.stdout.write(f"{i:2d}  {name:15s} {request.speed:.2f} m/s  shows {shows}\n")
         return
-    next_step = f"next: cell gap fit {folder} --strip {_strip_file(strip, configs)}"
-    next_step += f" --out {folder}-fit\n"
+    file = _subject_file(strip, None, configs, None)
+    words = ("cell", "gap", "fit", folder, "--strip", file, "--out", f"{folder}-fit")
+    next_step = f"next: {shlex.join(map(str, words))}\n"
     with resumable(folder, f"fit two or more, or plan all with another --runs\n{next_step}"):
         code = _fold_all(requests, jobs, as_json=as_json)
         if code == INTERRUPTED_CODE:
@@ -180,7 +182,7 @@ def rehearse(
 
     threads = _threads(jobs)
     chosen = engine(threads, cluster, COPY_TIMEOUT)
-    planned = rehearsal.rehearsal_plan(runs, _strip_file(strip, configs), threads)
+    planned = rehearsal.rehearsal_plan(runs, _subject_file(strip, None, configs, None), threads)
     console = None if as_json else Console(stderr=True)
     with resumable(out), Meter(console, rehearsal.progress_line) as meter:
         records = rehearsal.rehearse(planned, out, chosen, meter)
@@ -343,15 +345,10 @@ def _subject_file(
             "mechanism, or the name of a mechanism of the configuration"
         )
     if strip is not None:
-        return _strip_file(strip, configs)
+        return _relative(find_configs(configs).strip_path(strip))
     if model is not None:
         return model
     return _relative(find_configs(configs).mechanism_path(str(subject)))
-
-
-def _strip_file(strip: str, configs: Path | None) -> Path:
-    """Path of the file of `strip`, named by a path or by its name in the configuration."""
-    return _relative(find_configs(configs).strip_path(strip))
 
 
 def _relative(file: Path) -> Path:
@@ -369,12 +366,13 @@ def _next_command(verdict: "Verdict", out: Path, option: str, *, law: bool) -> s
     """Command that the operator runs next, by the verdict of the fit in `out`."""
     from cell.gap.verdict.accept import BASE_PATCH
 
+    place = shlex.quote(str(out))
     if verdict.verdict == "named" or (out / BASE_PATCH).is_file():
-        return f"cell gap accept {out} {option}"
+        return f"cell gap accept {place} {option}"
     if verdict.verdict == "ambiguous":
-        return f"cell gap advise {out}"
+        return f"cell gap advise {place}"
     if law and not verdict.suspected:
-        return f"cell gap accept {out} {option} --law   (a description, no name)"
+        return f"cell gap accept {place} {option} --law   (a description, no name)"
     if verdict.verdict == "unexplained":
         return f"open {out / 'report.html'}: where it sits, and what stands beside it"
     return f"cell fold {option}" if option.startswith("--strip") else "nothing: the model holds"

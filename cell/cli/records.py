@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
 from math import isnan
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -199,7 +200,7 @@ def viz(run: Run) -> None:
         path = viz_from_run(run)
     for problem in read_broken_run(run).problems:
         notice(problem)
-    sys.stdout.write(f"{path}\n  open it with: rerun {path}\n")
+    sys.stdout.write(f"{path}\n  open it with: rerun {quote(str(path))}\n")
 
 
 def replay(run: Run, as_json: Json = False) -> None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING
 
 from cell.gap.subject.run_folders import RunFolder
@@ -58,5 +59,5 @@ def option_for(file: Path) -> str:
     """Command-line option that names the strip or mechanism in `file`, with its value."""
     content = read_yaml(file)
     if content.get("cell"):  # the cell's own, whose effects may belong into its file
-        return f"--subject {file.parent.name}"
-    return f"--{'strip' if content.get('kind', 'strip') == 'strip' else 'model'} {file}"
+        return f"--subject {quote(file.parent.name)}"
+    return f"--{'strip' if content.get('kind', 'strip') == 'strip' else 'model'} {quote(str(file))}"

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 import numpy as np
@@ -231,7 +232,7 @@ def _verdict_card(findings: Findings, verdict: Verdict) -> Card:
 
 def _next_commands(findings: Findings, verdict: Verdict, out: Path) -> list[str]:
     """Sentences on the commands to type next, for the folder where the fit was called."""
-    fit = f"{out} {findings.subject.option}"
+    fit = f"{quote(str(out))} {findings.subject.option}"
     todo = []
     if verdict.verdict == "named":
         todo.append(f"`cell gap accept {fit}` puts it into the file; `cell gap undo {fit}` takes "
@@ -241,7 +242,7 @@ def _next_commands(findings: Findings, verdict: Verdict, out: Path) -> list[str]
                     f"gap undo {fit}` takes them back. If these runs are of another strip, name "
                     "its file instead.")  # fmt: skip
     if verdict.verdict == "ambiguous":
-        todo.append(f"`cell gap advise {out}` says which run would split them.")
+        todo.append(f"`cell gap advise {quote(str(out))}` says which run would split them.")
     if verdict.suspected:
         names = " + ".join(effect.name for effect in verdict.suspected)
         todo.append(f"Suspected, but not named: {names}, "

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Mapping
 from pathlib import Path
+from shlex import split
 
 import numpy as np
 import pyarrow as pa
@@ -64,14 +65,14 @@ def write(kind: str, logs: list[Mapping[str, Array]], place: Path) -> list[Path]
     [("csv", "*.csv"), ("parquet", "*.parquet"), ("mcap", "/joints"), ("lerobot", "episode")],
 )
 def test_logs_of_an_arm_become_runs_that_the_workflow_reads(tmp_path, kind, file) -> None:
-    model, runs = make_arm(tmp_path / "arm", 2, content=PRESCRIBED)
+    model, runs = make_arm(tmp_path / "an arm", 2, content=PRESCRIBED)
     known = [read_table(folder / "signals.parquet") for folder in sorted(runs.iterdir())]
     logs = [{name: way[2] * each[name] for name, way in FOREIGN.items()} for each in known]
     how = {name: {"column": way["*" not in file], **way[3]} for name, way in FOREIGN.items()}
     place = {"load": {"body": "lower", "mass": 0.01}, "origin": "monday"}
     content = {"schema": 1, "mechanism": "arm", "runs": {"01": place, "episode-000001": place}}
     (tmp_path / "logs").mkdir()
-    out, mapping = tmp_path / "own", tmp_path / "mapping.yaml"
+    out, mapping = tmp_path / "own runs", tmp_path / "mapping.yaml"
     words = ["import", *map(str, write(kind, logs, tmp_path / "logs")), "--model", str(model)]
     words += ["--mapping", str(mapping), "--out", str(out)]
     signals = {"file": file, "columns": how}
@@ -86,4 +87,4 @@ def test_logs_of_an_arm_become_runs_that_the_workflow_reads(tmp_path, kind, file
         assert all(np.allclose(now[name], was[name], atol=1e-9) for name in FOREIGN)
     head = yaml.safe_load((folder / "run.yaml").read_text())
     assert (head["index"], head["origin"], head["load"]["mass"]) == (1, "monday", 0.01)
-    assert CliRunner().invoke(app, done.stdout.partition("next: cell ")[2].split()).exit_code == 0
+    assert CliRunner().invoke(app, split(done.stdout.partition("next: cell ")[2])).exit_code == 0

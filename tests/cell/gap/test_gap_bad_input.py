@@ -10,6 +10,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from cell.gap.open_subject import option_for
 from cell.gap.subject.mechanism.subject import MechanismSubject
 from cell.gap.subject.strip.simulation import Simulation
 from drivers.types import Array
@@ -256,12 +257,12 @@ def test_the_file_of_the_other_subject_is_refused(monkeypatch, capsys, bench, ru
     assert f"its {runs} file" in line
 
 
-def test_check_of_a_file_that_is_missing_or_a_folder_is_one_line(
-    bench: Bench, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_no_file_is_refused_and_one_with_spaces_quoted(monkeypatch, capsys, bench) -> None:
     for file in (bench.root, bench.root / "nope.yaml"):
         words = ("gap", "check", bench.runs("strip"), "--strip", file, "--out", bench.root / "out")
-        assert refused(monkeypatch, capsys, *words).startswith(f"{file}: cannot be read: ")
+        assert refused(monkeypatch, capsys, *words).startswith(f"{file}: is neither a strip")
+    (bench.root / "my strip.yaml").write_text("kind: strip")
+    assert option_for(bench.root / "my strip.yaml") == f"--strip '{bench.root}/my strip.yaml'"
 
 
 def test_missing_runs_are_refused_and_leave_nothing_of_an_earlier_fit(
@@ -271,8 +272,7 @@ def test_missing_runs_are_refused_and_leave_nothing_of_an_earlier_fit(
     out.mkdir()
     for name in ("verdict.json", "report.html", "fit.json", "overlay.rrd"):
         (out / name).write_text("earlier")
-    line = refused(
-        monkeypatch, capsys, "gap", "fit", tmp_path / "none", "--strip", strip, "--out", out
-    )
+    words = ("gap", "fit", tmp_path / "none", "--strip", strip, "--out", out)
+    line = refused(monkeypatch, capsys, *words)
     assert str(tmp_path / "none") in line
     assert not list(out.iterdir())
