@@ -13,7 +13,7 @@ from drivers.strip.model import StripModel
 from drivers.types import Array
 from policies.path import TAKEOVER_HEIGHT, Path
 from policies.policy import Decision, Policy
-from policies.sensing import Sensing, SimulatedCamera
+from policies.sensing import Draws, Sensing, SimulatedCamera
 
 NO_SHAPES = (np.empty((0, 0, 2)), np.empty((0, 0)))
 LIFT_SHARE = 0.9  # of the height of a path below TAKEOVER_HEIGHT, at which its lift ends
@@ -111,14 +111,8 @@ def roll_out(
     """
     policy.reset(strip, settings.speed, len(models))
     engine.reset(models)
-    camera = SimulatedCamera(
-        settings.sensing,
-        settings.period,
-        count=len(models),
-        groups=groups,
-        rng=rng,
-        profile=settings.profile,
-    )
+    draws = Draws(groups, len(models) // groups, rng)
+    camera = SimulatedCamera(settings.sensing, settings.period, draws, profile=settings.profile)
     loop = _Loop(engine, settings, camera, len(models))
     loop.lift(policy.lift())
     decisions = round(settings.patience * strip.length / settings.speed * settings.rate)

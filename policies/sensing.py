@@ -123,21 +123,11 @@ class Draws:
 class SimulatedCamera:
     """Simulated camera, which measures the states of n strips late and with noise.
 
-    The strips are in `groups` equal groups, which get the same noise and delays. Without `profile`
-    no profiles are measured.
+    Each group of strips in `draws` gets the same noise and delays. `period` [s] lies between two
+    decisions. Without `profile` no profiles are measured.
     """
 
-    def __init__(
-        self,
-        sensing: Sensing,
-        period: float,
-        *,
-        count: int,
-        groups: int,
-        rng: np.random.Generator,
-        profile: bool = False,
-    ) -> None:
-        draws = Draws(groups, count // groups, rng)
+    def __init__(self, sensing: Sensing, period: float, draws: Draws, *, profile: bool) -> None:
         self._sensing = sensing
         self._draws = draws
         self._noise = sensing.state_sigma

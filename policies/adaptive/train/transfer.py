@@ -46,7 +46,7 @@ class FitQuality:
 
 
 def fit_transfer(batch: FoldedBatch) -> tuple[CriticBias, FitQuality]:
-    """Fit a bias to `batch`; also returns its quality by tenfold cross-validation."""
+    """Fit the critic's bias to the folds of `batch`; also returns its cross-validated quality."""
     always, of_length, of_thickness = _coefficients(batch)
     errors = _cross_validated_errors(batch)
     bias = CriticBias(
