@@ -106,10 +106,7 @@ def limit_to_arm(settings: CellFile) -> CellFile:
     and reach bend its lift, begins once the strip hangs.
     """
     is_robot = settings.arm_driver.real
-    changes: dict[str, object] = {}
-    if is_robot:
-        changes["installation"] = settings.fci.limit(settings.installation)
-    if settings.fold.start is None:
-        start = "hanging" if is_robot else "flat"
-        changes["fold"] = settings.fold.model_copy(update={"start": start})
-    return settings.model_copy(update=changes)
+    installation = settings.fci.limit(settings.installation) if is_robot else settings.installation
+    start = settings.fold.start or ("hanging" if is_robot else "flat")
+    fold = settings.fold.model_copy(update={"start": start})
+    return settings.model_copy(update={"installation": installation, "fold": fold})
