@@ -75,18 +75,20 @@ _compiled_fisher = kernel(_fisher)
 def discriminants(
     colour: Floats, scene: Floats, shade: Floats, variance: float
 ) -> tuple[Floats, Floats]:
-    """Squared separation (n,) [sigma^2] of colours, and length (n,) of Fisher's w [1/grey level].
+    """Squared separation (n,) [sigma^2] of a strip's colour from those of the background.
 
-    The strip's `colour` (3,) from background colours `scene` (n, 3), whose brightness may differ
-    by the share `shade` (n,); `variance` is the sensor's [grey levels squared]. See `_fisher`.
+    Of `colour` (3,) from `scene` (n, 3), whose brightness may differ by the share `shade` (n,);
+    `variance` is the sensor's [grey levels squared]. Also returns the length (n,) [1/grey level] of
+    Fisher's discriminant w of `_fisher`.
     """
     strip_scene = (scene * colour).sum(axis=1)
     strip_strip = (colour * colour).sum()
     scene_scene = (scene * scene).sum(axis=1)
-    a, b, det = _fisher(strip_scene, strip_strip, scene_scene, shade, np.float32(variance))
-    separation = (a * (strip_strip - strip_scene) + b * (strip_scene - scene_scene)) / det
-    direction = (a / det)[:, None] * colour + (b / det)[:, None] * scene
-    return np.maximum(separation, 0), np.sqrt((direction * direction).sum(axis=1))
+    products = (strip_scene, strip_strip, scene_scene)
+    of_strip, of_scene, det = _fisher(*products, shade, np.float32(variance))
+    apart = of_strip * (strip_strip - strip_scene) + of_scene * (strip_scene - scene_scene)
+    w = (of_strip / det)[:, None] * colour + (of_scene / det)[:, None] * scene
+    return np.maximum(apart / det, 0), np.sqrt((w * w).sum(axis=1))
 
 
 @kernel
@@ -118,7 +120,7 @@ def patch_brightness(image: Image, corner: tuple[int, int], shape: tuple[int, in
 
 @kernel
 def _add_differences(pixels: Image, scene: Image, light: Image, differences: Any) -> None:
-    """Add to `differences` (m,) those of m cells in one row of `pixels` (3 w,) and `scene`.
+    """Add how far m cells in one row of `pixels` (3 w,) are from `scene` to `differences` (m,).
 
     Summed over CELL_PX pixels and three channels, EVEN_LIGHT times as large, at the cells' `light`.
     """

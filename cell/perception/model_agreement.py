@@ -226,19 +226,18 @@ def _solve(design: Array, off: Array, moved: Array, sigma: Array) -> tuple[Array
 
 def _model(strip: StripFile, unknowns: Array) -> StripModel:
     """Model of `strip` with the fitted (3,) bending length, retardation time and friction."""
-    effects = {
-        name: parameters
-        for name, parameters in strip.effects.items()
-        if name != "bending_hysteresis"
-    }
-    friction = YIELD_UNIT * float(np.expm1(max(unknowns[2], 0.0)))
+    ln_length, ln_time, ln_friction = unknowns.tolist()
+    effects = dict(strip.effects)
+    effects.pop("bending_hysteresis", None)
+    friction = YIELD_UNIT * float(np.expm1(max(ln_friction, 0.0)))  # 1/m
     if friction > 0:
         effects["bending_hysteresis"] = {"yield_curvature": friction}
     changed = {
-        "bending_length": float(np.exp(unknowns[0])),
-        "retardation_time": float(np.exp(unknowns[1])),
+        "bending_length": float(np.exp(ln_length)),
+        "retardation_time": float(np.exp(ln_time)),
+        "effects": effects,
     }
-    return describe(strip.model_copy(update={**changed, "effects": effects}))
+    return describe(strip.model_copy(update=changed))
 
 
 def _unknowns(length: float, time: float, friction: float) -> Array:
