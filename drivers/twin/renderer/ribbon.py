@@ -125,16 +125,16 @@ class Projection:
 def project(curve: Curve, optics: Optics, look: StripLook) -> Projection:
     """Project `curve` into the image, with the lens linearised about each point."""
     near = optics.plane(curve.points)
-    by_x, by_z = (
-        (optics.plane(curve.points + step) - near) / LENS_PROBE for step in LENS_PROBE * np.eye(2)
-    )
+    along_x, along_z = LENS_PROBE * np.eye(2)
+    by_x = (optics.plane(curve.points + along_x) - near) / LENS_PROBE  # px/m
+    by_z = (optics.plane(curve.points + along_z) - near) / LENS_PROBE
 
-    def offsets(step: Array) -> Array:
-        return np.asarray(by_x * step[:, :1] + by_z * step[:, 1:])
+    def in_pixels(vectors: Array) -> Array:
+        return np.asarray(by_x * vectors[:, :1] + by_z * vectors[:, 1:])
 
-    half = offsets(curve.normals * (look.thickness / 2))
-    motion = np.empty((0, 2)) if curve.motion is None else offsets(curve.motion)
-    return Projection(near, offsets(curve.steps), half, motion)
+    half = in_pixels(curve.normals * (look.thickness / 2))
+    motion = np.empty((0, 2)) if curve.motion is None else in_pixels(curve.motion)
+    return Projection(near, in_pixels(curve.steps), half, motion)
 
 
 @dataclass(frozen=True, slots=True)
