@@ -74,16 +74,18 @@ def moment(block: Any, r: int, eps: Any, rate: Any) -> Any:
     M = K e (1 + u + fifth u^2) + D deps/dt + friction with u = cubic e^2, e = eps - rest and
     deps/dt = rate (eps - base).
     """
-    damping = load(block.nature, r, at.DAMP) * rate
-    spring, slope = elastic_moment(block, r, eps - load(block.nature, r, at.REST))
+    elastic, elastic_slope = elastic_moment(block, r, eps - load(block.nature, r, at.REST))
     dry, dry_slope = dry_friction(block, r, eps)
+    damping = load(block.nature, r, at.DAMP) * rate
     change = eps - load(block.work, r, at.BASE_EPS)
-    value, slope = spring + damping * change + dry, slope + damping + dry_slope
+    total = elastic + damping * change + dry
+    slope = elastic_slope + damping + dry_slope
     if block.terms is not None:
-        lag, lag_slope = lagging_moment(block, r, change, rate)
-        soft, soft_slope = gradual_friction(block, r, eps)
-        value, slope = value + lag + soft, slope + lag_slope + soft_slope
-    return value, slope
+        lagging, lagging_slope = lagging_moment(block, r, change, rate)
+        gradual, gradual_slope = gradual_friction(block, r, eps)
+        total = total + lagging + gradual
+        slope = slope + lagging_slope + gradual_slope
+    return total, slope
 
 
 @kernel
