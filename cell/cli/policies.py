@@ -56,6 +56,11 @@ class TrainOptions:
     ] = None
     as_json: Json = False
 
+    def folder(self) -> Path:
+        """Folder of the training: --out, or one named by policy and seed."""
+        name = "adaptive" if self.policy == "adaptive" else "seed"
+        return self.out or Path("runs/training") / f"{name}-{self.seed}"
+
     def settings(self) -> "TrainingSettings | CriticSettings":
         """Settings of the training; `adaptive` has rounds of its own."""
         from policies.adaptive.train.shard import CriticSettings
@@ -94,9 +99,9 @@ def train(given: TrainOptions) -> None:
     from cell.train.run import train as train_in
     from cell.train.transfer import TIME_LIMIT, transfer
 
-    name = f"{'adaptive' if is_adaptive else 'seed'}-{given.seed}"
-    folder = given.out or Path("runs/training") / name
-    workers = engine(given.jobs or (1 if given.cluster else cores()), given.cluster, TIME_LIMIT)
+    folder = given.folder()
+    jobs = given.jobs or (1 if given.cluster else cores())
+    workers = engine(jobs, given.cluster, TIME_LIMIT)
     console = Console(stderr=True)
     trained: Trained | None = None
     corrected = dict[str, Any]()
