@@ -13,7 +13,7 @@ ASKED, BRIEF = 60.0, 2.0  # s of the network's test: by the doctor, and before e
 
 
 def checks(configs: Configs, runs: Path, seconds: float = ASKED) -> Iterator[Check]:
-    """Yield all checks that the configured hardware needs; the network's takes `seconds`."""
+    """Yield the checks of a cell's software and hardware; that of the network takes `seconds`."""
     yield machine.versions()
     yield machine.extras()
     why = "nothing is done by a file that cannot be read"
@@ -30,7 +30,7 @@ def checks(configs: Configs, runs: Path, seconds: float = ASKED) -> Iterator[Che
     yield from hardware_checks(settings, runs, seconds)
 
 
-def hardware_checks(settings: CellFile, runs: Path, seconds: float = ASKED) -> Iterator[Check]:
+def hardware_checks(settings: CellFile, runs: Path, seconds: float) -> Iterator[Check]:
     """Yield the checks of machine, calibration, robot, camera; the network's takes `seconds`."""
     yield machine.disk(runs)
     yield machine.cores()
