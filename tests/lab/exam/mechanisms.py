@@ -77,9 +77,9 @@ Reading = Callable[[Columns, Rig, float, np.random.Generator], None]
 
 
 def _payload(rig: Rig, size: float, _: np.random.Generator) -> None:
-    m, last = rig.model, int(np.max(rig.model.jnt_bodyid))
+    m = rig.model
     mass = PAYLOAD * size * float(m.body_mass[m.body_weldid > 0].sum())
-    add_point(m, last, mass, tip(rig, last))  # type: ignore[arg-type]
+    add_point(m, mass, *tip(m))
 
 
 def _tilt(rig: Rig, size: float, _: np.random.Generator) -> None:

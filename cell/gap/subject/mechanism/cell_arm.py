@@ -40,9 +40,9 @@ class CellArm(InverseDynamics):
     def _tool(self, mass: float) -> dict[str, object]:
         """Mass [kg] and centre of mass [m, flange frame] of the hand with a load at its tip."""
         model = self.mechanism.model
-        hand, last = model.body("hand").id, model.body("link7").id
+        hand, (_, end) = model.body("hand").id, tip(model)
         hand_mass, centre = float(model.body_mass[hand]), np.array(model.body_ipos[hand])
-        moment = hand_mass * centre + mass * tip(self.mechanism, last)
+        moment = hand_mass * centre + mass * end
         both = moment / (hand_mass + mass) - model.site("flange").pos
         return {"mass": round(hand_mass + mass, 4), "centre": [round(float(x), 5) for x in both]}
 

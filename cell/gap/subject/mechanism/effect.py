@@ -15,7 +15,6 @@ from drivers.types import Array
 UNTRUE, EXACT = 0.2, 0.02
 SIZES_PER_SPREAD = 25.0  # typical sizes of a parameter in its prior spread
 STEPS_PER_SIZE = 1000.0  # steps of finite differences in a typical size
-FALSIFIED = ("delay", "bias", "scale")  # of `Readings`: errors of reading a motion, not of itself
 Parameters = Callable[[Mechanism], tuple[Parameter, ...]]
 
 
@@ -84,6 +83,11 @@ class Effect:
         is_edit = self.edit is not None and self.read is None
         return is_edit and (self.law is None or mechanism.mode.fields)
 
+    def moves(self, mechanism: Mechanism) -> bool:
+        """Whether it changes what is computed once: a simulation, or torques of a true motion."""
+        falsifies = self.read in ("delay", "bias", "scale")  # is an error of reading a motion
+        return falsifies or self.by_fields(mechanism) if mechanism.mode.loads else not falsifies
+
     def candidate(self, mechanism: Mechanism) -> Candidate:
         """Candidate effect of `mechanism`, screened one parameter at a time from small to large."""
         parameters = self.parameters(mechanism)
@@ -96,9 +100,9 @@ class Effect:
         )  # fmt: skip
         of_joint = self.law or self.read
         error = UNTRUE if self.path or (of_joint and self.of == "model") else EXACT
-        shapes = self.with_shape(mechanism)[len(parameters) :]
         return Candidate(self.name, self.sentence, mechanism.mode.of or self.of, parameters, groups,
-                         self.revealed_by, error, shapes)  # fmt: skip
+                         self.revealed_by, error,
+                         self.with_shape(mechanism)[len(parameters) :])  # fmt: skip
 
     def with_shape(self, mechanism: Mechanism) -> tuple[Parameter, ...]:
         """Parameters of the effect in `mechanism`, then those that shape its law, if not fixed."""

@@ -13,7 +13,7 @@ import numpy as np
 from mujoco.batch import Batch, SimulationError
 from scipy.interpolate import CubicHermiteSpline
 
-from cell.gap.subject.mechanism.effect import FALSIFIED, Effect, Readings
+from cell.gap.subject.mechanism.effect import Readings
 from cell.gap.subject.mechanism.effects import library, torques
 from cell.gap.subject.mechanism.model import PLANAR, Mechanism, poses
 from cell.gap.subject.mechanism.model_source import compile_model
@@ -195,15 +195,12 @@ class ForwardDynamics(MechanismSubject):
                 name = model.actuator(sensor.actuator).name
                 yield f"torque {sensor.name} of {name}: its filter, delay, or law of force"
 
-    def moves(self, effect: Effect) -> bool:
-        """Whether the simulated motion depends on `effect`."""
-        return effect.read not in FALSIFIED
-
     def _content(self, recording: Recording, cut: Cut) -> Content:
         """Content of a run that is simulated forward: its commands, and its start."""
         m = self.mechanism
         commands, start = commands_of(m, recording), start_of(m, recording)
-        return Content(cut, recording.load, commands=commands, start=start)
+        speed = np.gradient(cut.values[0], cut.t)
+        return Content(cut, speed, recording.load, commands=commands, start=start)
 
     def predict(self, cases: Sequence[Case]) -> list[Array | None]:
         """Signals (signals, k) of each simulated case; None where its simulation diverges."""
@@ -290,7 +287,8 @@ class ForwardDynamics(MechanismSubject):
         signals, errors = self.mechanism.signals, case.readings
         rows = np.empty((len(signals), len(t)))
         sensed = {"site", "sensor"} & {s.kind for s in signals}
-        sensors = self._read_sensors(model, q, v) if sensed else q
+        along = poses(model, q.T, mujoco.mj_forward, v.T) if sensed else ()
+        sensors = np.array([np.append(d.site_xpos, d.sensordata) for d in along]).T
         for k, signal in enumerate(signals):
             if signal.kind == "torque":
                 rows[k] = self._torque(signal, model, q, v, control, t)
@@ -317,8 +315,3 @@ class ForwardDynamics(MechanismSubject):
             u = np.clip(u, *model.actuator_ctrlrange[actuator])
         force = gain[0] * u + bias[0] + bias[1] * gear * q[joint] + bias[2] * gear * v[joint]
         return np.asarray(np.clip(force, *limits) * gear / signal.gear)
-
-    def _read_sensors(self, model: Any, q: Array, v: Array) -> Array:
-        """Coordinates of sites, then readings of sensors (n, k), at states q, v (joints, k)."""
-        along = poses(model, q.T, mujoco.mj_forward, v.T)
-        return np.array([np.concatenate([d.site_xpos.ravel(), d.sensordata]) for d in along]).T

@@ -14,14 +14,13 @@ from numba import types
 from numpy.typing import NDArray
 
 from cell.gap.subject.mechanism.closed_loops import ClosedLoops, transmissions
-from cell.gap.subject.mechanism.effect import FALSIFIED, Effect
 from cell.gap.subject.mechanism.effects import torques
 from cell.gap.subject.mechanism.effects.friction import DRY_FRICTION, dry_law, dry_limit
 from cell.gap.subject.mechanism.model import Mechanism, poses
 from cell.gap.subject.mechanism.motion import Motion, cutoff_of, link_motion, motion_of, true_motion
-from cell.gap.subject.mechanism.recordings import Cut, Recording, Signal, average, phases
+from cell.gap.subject.mechanism.recordings import Cut, Recording, Signal, average
 from cell.gap.subject.mechanism.subject import Case, Content, MechanismSubject, content_of
-from cell.gap.subject.subject import Run, Words
+from cell.gap.subject.subject import Run
 from drivers.errors import ConfigurationError
 from drivers.geometry import interpolate_columns
 from drivers.jit import entry
@@ -98,10 +97,6 @@ class InverseDynamics(MechanismSubject):
             if others.any():
                 yield f"other motors on joint {self.mechanism.joints[sensor.joint].name}"
 
-    def moves(self, effect: Effect) -> bool:
-        """Whether inverse dynamics of rigid bodies depends on `effect`."""
-        return effect.read in FALSIFIED or effect.by_fields(self.mechanism)
-
     def _run(self, recording: Recording) -> Run:
         """Run for the engine, with the noise that the measured motion adds to torques."""
         run = super()._run(recording)
@@ -125,7 +120,8 @@ class InverseDynamics(MechanismSubject):
                 "centres; mend angles, zeros or ranges, or leave the run out"
             )
         cut = replace(cut, values=filtered).keep(good)
-        return Content(cut, recording.load, motion=motion)
+        speed = np.interp(cut.t, motion.t, motion.v @ (1.0 / self.mechanism.rate))
+        return Content(cut, speed, recording.load, motion=motion)
 
     def _barred(self, q: Array, measured: Array) -> NDArray[np.bool_]:
         """Mask (m,) of positions at limits of joints or tendons, or of torques at their limits.
@@ -143,12 +139,6 @@ class InverseDynamics(MechanismSubject):
                 most = (1.0 - NEAR) * model.jnt_actfrcrange[s.joint]
                 barred = barred | (s.gear * row < most[0]) | (s.gear * row > most[1])
         return np.asarray(barred, dtype=bool)
-
-    def _phases(self, content: Content) -> Words:
-        """Phase (b,) of each sample, by the speed of the motion in typical rates of the joints."""
-        cut, motion = content.cut, content.motion
-        speed = np.interp(cut.t, motion.t, motion.v @ (1.0 / self.mechanism.rate))
-        return phases(average(speed[None], cut.edges)[0])
 
     def predict(self, cases: Sequence[Case]) -> list[Array]:
         """Signals (signals, k) of each case at the k times of its readings."""

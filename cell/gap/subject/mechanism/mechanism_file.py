@@ -8,7 +8,6 @@ from drivers.settings import Settings
 from drivers.strip.file import Provenance
 
 Positive = Annotated[float, Field(gt=0)]
-BodyField = Literal["mass", "com", "length", "inertia", "damping", "armature", "stiffness", "gain"]
 FIELDS = {"mass": ("body", "kg"), "com": ("body", "m"), "length": ("body", "m"),
           "inertia": ("body", "kg m^2"), "damping": ("joint", "N m s"),
           "armature": ("joint", "kg m^2"), "stiffness": ("joint", "N m/rad"),
@@ -82,7 +81,7 @@ class UncertainSpec(Settings):
     body: str | None = None
     joint: str | None = None
     actuator: str | None = None
-    field: BodyField
+    field: Literal["mass", "com", "length", "inertia", "damping", "armature", "stiffness", "gain"]
     axis: Literal["x", "y", "z"] | None = None
     spread: Positive | Annotated[str, Field(pattern=r"^[0-9]+(\.[0-9]+)?%$")]
     by_run: Annotated[str, Field(pattern=r"^[0-9]+(\.[0-9]+)?%$")] | None = None

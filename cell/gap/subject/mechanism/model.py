@@ -149,11 +149,6 @@ class Mechanism:
         return replace(self, joints=tuple(j for j in self.joints if j.actuator >= 0))
 
     @property
-    def last_body(self) -> int:
-        """Number of the last body that a joint moves."""
-        return int(np.max(self.model.jnt_bodyid))
-
-    @property
     def torque(self) -> Array:
         """Typical torque (joints,) [N m] of each joint."""
         return np.array([j.torque for j in self.joints])
@@ -182,11 +177,14 @@ def poses(model: Any, q: Iterable[Array], compute: Callable[[Any, Any], None],
         yield data
 
 
-def tip(mechanism: Mechanism, body: int) -> Array:
-    """Position (3,) [m] of a body's end in its frame: farthest site or twice the centre of mass."""
-    model = mechanism.model
+def tip(model: Any) -> tuple[int, Array]:
+    """Last body that a joint moves, and the place (3,) [m] of its end in its frame.
+
+    That is the farthest site or twice the centre of mass.
+    """
+    body = int(np.max(model.jnt_bodyid))
     places = [*model.site_pos[model.site_bodyid == body], 2.0 * model.body_ipos[body]]
-    return np.array(max(places, key=lambda p: float(np.linalg.norm(p))))
+    return body, np.array(max(places, key=lambda p: float(np.linalg.norm(p))))
 
 
 def scale_gain(edited: Any, actuator: int, factor: float) -> None:
@@ -195,7 +193,7 @@ def scale_gain(edited: Any, actuator: int, factor: float) -> None:
     edited.actuator_biasprm[actuator, :3] *= factor
 
 
-def add_point(edited: Any, body: int, mass: float, place: Array) -> None:
+def add_point(edited: Any, mass: float, body: int, place: Array) -> None:
     """Add a point `mass` [kg] at `place` (3,) [m] in a body's frame to its mass and inertia."""
     stated, com = float(edited.body_mass[body]), np.array(edited.body_ipos[body])
     rotation = np.zeros(9)

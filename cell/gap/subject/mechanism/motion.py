@@ -21,7 +21,6 @@ SLOWEST, FASTEST = 5.0, 25.0  # bounds of the cutoff, by the pace of the motion
 WIDER = 2.0  # times the cutoff, for motion: mechanics are not linear (3 and 5 do no better)
 SETTLED = 10.0  # 1/cutoff from an end or a gap at which its effect on the filter has decayed
 GRID = 4000  # places of a run at most at which torques are computed
-Barred = Callable[[Array, Array], NDArray[np.bool_]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +91,8 @@ def _resample(
 
 
 def motion_of(recording: Recording, joints: Sequence[str], torques: Sequence[str], cutoff: float,
-              width: float, loops: ClosedLoops | None, barred: Barred) -> Motion:  # fmt: skip
+              width: float, loops: ClosedLoops | None,
+              barred: Callable[[Array, Array], NDArray[np.bool_]]) -> Motion:  # fmt: skip
     """Motion and torques of a recording below `cutoff` [rad/s], for samples of `width` [s].
 
     `joints` are those that are measured; the others of closed `loops` follow them. Readings count

@@ -157,9 +157,8 @@ def _write_actuators(root: ET.Element, m: Mechanism, edited: Any) -> None:
 
 def _write_options(root: ET.Element, m: Mechanism, edited: Any) -> None:
     """Write step and integrator, gravity and density, and contacts that are off."""
-    option = root.find("option")
-    if option is None:
-        option = ET.SubElement(root, "option")
+    stated = root.find("option")
+    option = ET.SubElement(root, "option") if stated is None else stated
     option.set("timestep", _text([m.file.step]))
     if m.model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4:
         option.set("integrator", "RK4")

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from operator import setitem
 from pathlib import Path
 from typing import Any
 
@@ -141,16 +142,17 @@ def _access(
         return start, lambda f, v: _set_mass(f, i, v), start
     if field == "inertia":
         start = float(model.body_inertia[i].max())
-        return start, lambda f, v: _scale_inertia(f, i, v / start), start
+        return start, lambda f, v: setitem(f.body_inertia, i, v / start * f.body_inertia[i]), start
     if field == "gain":
         return 1.0, lambda f, v: scale_gain(f, i, v), 1.0
     if field == "length":
         place = model.body_pos[i]
         start = max(float(np.linalg.norm(place)), SMALLEST)
-        return start, _setter("body_pos", (i,), place / start), start
+        return start, lambda f, v: setitem(f.body_pos, i, v * (place / start)), start
     if field == "com":
         k, place = "xyz".index(axis), model.body_ipos[i]
-        return float(place[k]), _setter("body_ipos", (i, k)), float(np.linalg.norm(place))
+        size = float(np.linalg.norm(place))
+        return float(place[k]), lambda f, v: setitem(f.body_ipos, (i, k), v), size
     joint = mechanism.joints[i]
     name, size = {
         "stiffness": ("jnt_stiffness", joint.torque),
@@ -158,29 +160,13 @@ def _access(
         "armature": ("dof_armature", joint.inertia),
     }[field]
     start = float(getattr(model, name)[i])
-    return start, _setter(name, (i,)), start or size
-
-
-def _setter(
-    field: str, at: tuple[Any, ...], unit: float | Array = 1.0
-) -> Callable[[Any, float], None]:
-    """Function that sets the place `at` of a model's `field` to a value times `unit`."""
-
-    def put(edited: Any, value: float) -> None:
-        getattr(edited, field)[at] = value * unit
-
-    return put
+    return start, lambda f, v: setitem(getattr(f, name), i, v), start or size
 
 
 def _set_mass(edited: Any, i: int, value: float) -> None:
     """Set a body's mass [kg], and scale its inertia in proportion."""
-    _scale_inertia(edited, i, value / float(edited.body_mass[i]))
+    edited.body_inertia[i] *= value / float(edited.body_mass[i])
     edited.body_mass[i] = value
-
-
-def _scale_inertia(edited: Any, i: int, factor: float) -> None:
-    """Multiply the inertia of body number `i` by a `factor`."""
-    edited.body_inertia[i] *= factor
 
 
 def open_file(path: Path) -> Mechanism:
@@ -240,8 +226,7 @@ def read_checked(folder: RunFolder, mechanism: Mechanism) -> Recording:
             "this pendulum's swings; t is in s"
         )
     if recording.load is not None:
-        origin = f"{recording.name}: {RUN}: load"
-        number_of(model, "body", recording.load.body, origin, "body")
+        number_of(model, "body", recording.load.body, f"{recording.name}: {RUN}: load", "body")
     return recording
 
 

@@ -9,7 +9,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from cell.gap.subject.mechanism.effect import Effect, Known, Readings, readings_of
+from cell.gap.subject.mechanism.effect import Known, Readings, readings_of
 from cell.gap.subject.mechanism.effects import (
     TERMS,
     accepted_parameters,
@@ -39,7 +39,6 @@ from cell.gap.subject.subject import (
     Scope,
     Subject,
     TimeSeries,
-    Words,
 )
 from cell.record.header import Load
 from drivers.errors import ConfigurationError
@@ -61,10 +60,12 @@ TINY = 1e-30  # against division by zero
 class Content:
     """Readings of a run, and inputs of its prediction: `load`, `motion` or `commands`.
 
-    `start` are positions and rates (joints,) where the run is simulated from them.
+    Phases are by the `speed` (k,) at its readings; `start` are positions and rates (joints,) where
+    the run is simulated from them.
     """
 
     cut: Cut
+    speed: Array
     load: Load | None = None
     motion: Any = None
     commands: Any = None
@@ -125,31 +126,21 @@ class MechanismSubject(Subject):
         """
 
     @abstractmethod
-    def moves(self, effect: Effect) -> bool:
-        """Whether what is simulated once for all cases of equal `motion` depends on `effect`."""
-
-    @abstractmethod
     def _content(self, recording: Recording, cut: Cut) -> Content:
         """Readings `cut` from a `recording`, with load, motion or commands."""
-
-    def _phases(self, content: Content) -> Words:
-        """Phase (b,) of each sample, by the speed of the first signal."""
-        cut = content.cut
-        return phases(average(np.gradient(cut.values[0], cut.t)[None], cut.edges)[0])
 
     def _scope_without(self, without: Sequence[str]) -> Scope:
         """Fit problem of the mechanism, without the candidates named in `without`."""
         m = self.mechanism
-        possible = candidates(m)
         whole = Scope(
             base=(*(b.parameter for b in m.base), *accepted_parameters(m)),
-            candidates=possible,
+            candidates=candidates(m),
             quantities={s.channel: self._quantity(s.channel, s.kind) for s in m.signals},
             terms=tuple(t.candidate(m) for t in TERMS if t.applies(m)),
             scatter=tuple(self._scatter.values()),
             believed=m.mode.shapes,
         )
-        return whole.withhold(without, [c.name for c in possible])
+        return whole.withhold(without, [c.name for c in whole.candidates])
 
     def _quantity(self, channel: str, kind: str) -> Quantity:
         """Display of a channel's residuals; torques have a tolerance by their spread."""
@@ -168,7 +159,8 @@ class MechanismSubject(Subject):
             signals = tuple(replace(s, sigma=recording.sigma) for s in signals)
         local = initial_state(self.mechanism, content.start) if content.start else ()
         local += tuple(source.parameter for source in self._scatter.values())
-        known = samples(signals, content.cut, self._phases(content))
+        speed, _ = average(content.speed[None], content.cut.edges)
+        known = samples(signals, content.cut, phases(speed))
         return Run(recording.name, recording.condition, known, local, content,
                    recording.index or 0)  # fmt: skip
 
@@ -197,7 +189,7 @@ class MechanismSubject(Subject):
         if f"angle_{m.joints[0].name}" in unknowns:  # then `initial_state` made the first unknowns
             start = request.local[:n], request.local[n : 2 * n]
         edited = partial(self._edited, content.load, base, known)
-        moving = [(e.name, v.tobytes()) for e, v in known if self.moves(e) and v.any()]
+        moving = [(e.name, v.tobytes()) for e, v in known if e.moves(m) and v.any()]
         motion = (request.run.name, *moving, *(x.tobytes() for x in (base, *start)))
         return Case(content, edited, readings_of(known), known, start, motion)
 
@@ -207,7 +199,7 @@ class MechanismSubject(Subject):
         for b, value in zip(m.base, base, strict=True):
             b.put(edited, float(value))
         if load is not None:
-            add_point(edited, m.model.body(load.body).id, load.mass, np.array(load.com))
+            add_point(edited, load.mass, m.model.body(load.body).id, np.array(load.com))
         for effect, values in effects:
             if not values.any():
                 continue

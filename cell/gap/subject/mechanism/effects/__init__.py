@@ -21,8 +21,6 @@ from drivers.plugins import plugins
 from drivers.strip.effects.effect import Parameter, check_values
 from drivers.types import Array
 
-FAMILIES = (bodies, compliance, drives, friction)
-
 
 def _cubic(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
     """Torque (m,) [N m] -c v^3 of cubic damping at rates `v` (m,)."""
@@ -67,8 +65,8 @@ TERMS = (
 @cache
 def registry() -> Mapping[str, Effect]:
     """Effects of mechanisms by name: those of the library, and those of plug-ins."""
-    known = {e.name: e for family in FAMILIES for e in vars(family).values()
-             if isinstance(e, Effect)}  # fmt: skip
+    families = map(vars, (bodies, compliance, drives, friction))
+    known = {e.name: e for f in families for e in f.values() if isinstance(e, Effect)}
     return dict(sorted({**known, **plugins("mechanism_effects", Effect, known)}.items()))
 
 

@@ -60,7 +60,8 @@ def _com_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
 
 
 def _edit_com(mechanism: Mechanism, values: Array, edited: Any) -> None:
-    edited.body_ipos[mechanism.last_body] += values
+    body, _ = tip(mechanism.model)
+    edited.body_ipos[body] += values
 
 
 def _edit_drag(mechanism: Mechanism, values: Array, edited: Any) -> None:
@@ -91,7 +92,7 @@ PAYLOAD = Effect(
     parameters=lambda m: single_parameter(
         "mass", "kg", 0.01 * max(m.model.body_mass[_moving_bodies(m)])
     ),
-    edit=lambda m, values, edited: add_point(edited, m.last_body, values[0], tip(m, m.last_body)),
+    edit=lambda m, values, edited: add_point(edited, values[0], *tip(m.model)),
     revealed_by="the same motion at several speeds",
 )
 COM_ERROR = Effect(

@@ -30,8 +30,7 @@ def _spring_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
 
 def _edit_spring(mechanism: Mechanism, values: Array, edited: Any) -> None:
     """Add a spring in parallel to each joint's own, with a rest position common to both."""
-    table = CABLE_SPRING.table(mechanism, values)
-    for i, (added, rest) in enumerate(table.T):
+    for i, (added, rest) in enumerate(CABLE_SPRING.table(mechanism, values).T):
         if added != 0.0:
             own, own_rest = edited.jnt_stiffness[i], edited.qpos_spring[i]
             edited.qpos_spring[i] = (own * own_rest + added * rest) / (own + added)

@@ -10,7 +10,7 @@ import numpy as np
 from numba.extending import register_jitable
 
 from cell.gap.subject.mechanism.effect import Effect, add_to, per_joint, single_parameter
-from cell.gap.subject.mechanism.model import FORWARD, MODES, PRESCRIBED, Mechanism
+from cell.gap.subject.mechanism.model import MODES, PRESCRIBED, Mechanism
 from drivers.jit import entry
 from drivers.strip.effects.effect import Parameter
 from drivers.types import Array
@@ -137,5 +137,4 @@ CONTACT_FRICTION = Effect(
     possible=lambda m: bool(m.model.npair),
     edit=_edit_pairs,
     revealed_by="slide slowly along the contact",
-    modes=(FORWARD.name,),
 )
