@@ -105,12 +105,13 @@ def check_indices(folders: Sequence[Path], stated: Sequence[int | None]) -> None
 
 
 def read_table(path: Path) -> dict[str, Array]:
-    """Numeric columns (n,) of a Parquet file by name; ConfigurationError where it is broken."""
+    """Numeric columns (n,) of a Parquet file, NaN if infinite; ConfigurationError if broken."""
     table = read_parquet(path)
     columns = {}
     for name in table.column_names:
         try:
-            columns[name] = np.array(table[name], dtype=np.float64)
+            values = np.array(table[name], dtype=np.float64)
+            columns[name] = np.where(np.isinf(values), np.nan, values)
         except (TypeError, ValueError):
             continue
     return columns
@@ -141,7 +142,7 @@ def check_time(t: Array, path: Path, least: int) -> None:
         row = int(np.argmax(back)) + 1
         raise ConfigurationError(
             f"{path}: t: does not increase at row {row} ({t[row - 1]:g} then {t[row]:g} s); sort "
-            "the rows"
+            "the rows, one for each time"
         )
 
 

@@ -22,16 +22,11 @@ def test_one_condition_in_four_is_held_out_with_all_its_repeats() -> None:
     assert len(held_out(subject, subject.simulate)) == 3
 
 
-def test_condition_that_an_effect_hangs_on_is_fitted(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(LAWS, "single", medium_only)  # type: ignore[misc]
-    subject = Curves(nothing, names=("bump", "single"), repeats=1)
-    assert conditions(subject) == {"fast"}
-
-
-def test_of_a_repeated_condition_that_alone_tells_an_effect_one_run_judges(
+def test_a_condition_that_alone_tells_an_effect_is_fitted_and_one_of_its_repeats_judges(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setitem(LAWS, "single", medium_only)  # type: ignore[misc]
+    assert conditions(Curves(nothing, names=("bump", "single"), repeats=1)) == {"fast"}
     subject = Curves(nothing, names=("bump", "single"))
     medium = [run.name for run in subject.runs if run.condition == "medium"]
     held = held_out(subject, subject.simulate)

@@ -20,6 +20,8 @@ MOST, FLOOR = 0.99, 10.0  # of the rate's power; times the encoder's noise above
 SLOWEST, FASTEST = 5.0, 25.0  # bounds of the cutoff, by the pace of the motion
 WIDER = 2.0  # times the cutoff, for motion: mechanics are not linear (3 and 5 do no better)
 SETTLED = 10.0  # 1/cutoff from an end or a gap at which its effect on the filter has decayed
+# 1/cutoff, and median steps of the clock, between readings that are bridged; beyond lies a gap
+BRIDGED, STEPS = 0.5, 2.5
 GRID = 4000  # places of a run at most at which torques are computed
 
 
@@ -65,7 +67,7 @@ def cutoff_of(recordings: Sequence[Recording], joints: Sequence[str], pace: floa
 def _cutoff(recording: Recording, joints: Sequence[str]) -> float:
     """Cutoff [rad/s] of one recording: that of its fastest joint."""
     grid = _grid(recording)
-    q, _ = _resample(recording, joints, grid)
+    q = _resample(recording, joints, grid)
     w, power = welch(q, 2.0 * np.pi / (grid[1] - grid[0]), nperseg=min(256, len(grid)))
     # no joint moves in the upper quarter of frequencies
     noise = np.median(power[:, len(w) * 3 // 4 :], axis=1, keepdims=True)
@@ -79,15 +81,21 @@ def _grid(recording: Recording) -> Array:
     return np.arange(0.0, t[-1], max(float(np.median(np.diff(t))), t[-1] / GRID))
 
 
-def _resample(
-    recording: Recording, names: Sequence[str], grid: Array
-) -> tuple[Array, NDArray[np.bool_]]:
-    """Columns (k, m) interpolated at the times `grid` (m,) [s], and the mask (k, m) of gaps."""
+def _resample(recording: Recording, names: Sequence[str], grid: Array) -> Array:
+    """Columns (k, m) interpolated at the times `grid` (m,) [s]."""
     t, columns = recording.t, [recording.columns[name] for name in names]
-    present = [np.isfinite(x) for x in columns]
-    values = [np.interp(grid, t[p], x[p]) for p, x in zip(present, columns, strict=True)]
-    gaps = [np.interp(grid, t, p) < 1.0 for p in present]
-    return np.array(values), np.array(gaps, dtype=bool)
+    return np.array([np.interp(grid, t[np.isfinite(x)], x[np.isfinite(x)]) for x in columns])
+
+
+def _gaps(recording: Recording, names: Sequence[str], grid: Array,
+          longest: float) -> NDArray[np.bool_]:  # fmt: skip
+    """Mask (m,) of times `grid` (m,) between readings of a column over `longest` [s] apart."""
+    gaps = np.zeros(len(grid), dtype=bool)
+    for name in names:
+        known = recording.t[np.isfinite(recording.columns[name])]
+        after = np.searchsorted(known, grid, side="right")
+        gaps |= np.diff(known, prepend=-np.inf, append=np.inf)[after] > longest
+    return gaps
 
 
 def motion_of(recording: Recording, joints: Sequence[str], torques: Sequence[str], cutoff: float,
@@ -103,20 +111,20 @@ def motion_of(recording: Recording, joints: Sequence[str], torques: Sequence[str
     """
     grid = _grid(recording)
     dt = grid[1] - grid[0]
-    raw, joint_gaps = _resample(recording, joints, grid)
-    measured, torque_gaps = _resample(recording, torques, grid)
+    raw, measured = (_resample(recording, names, grid) for names in (joints, torques))
+    longest = max(BRIDGED / cutoff, STEPS * float(np.median(np.diff(recording.t))))
     wide = min(WIDER * cutoff, 0.8 * np.pi / dt)
     cutoff = min(cutoff, wide)
     filtered = _low_pass(raw, dt, wide)
     stride = max(1, int(1.0 / wide / dt))
     q = filtered.T if loops is None else loops.close(filtered.T)
-    excluded = np.any(joint_gaps, axis=0) | barred(q, measured)
+    excluded = _gaps(recording, [*joints, *torques], grid, longest) | barred(q, measured)
     moves, forces = np.eye(len(joints))[None], None
     if loops is not None:
         forces, moves, movable = loops.maps(q[::stride])
         excluded |= np.repeat(~movable, stride)[: len(grid)]
     reach = min(round(SETTLED / cutoff / dt), len(grid) // 10)
-    known = ~_near_gaps(torque_gaps.any(axis=0) | excluded, reach)
+    known = ~_near_gaps(excluded, reach)
     # white noise of the encoders, of which the filter takes out the part above its cutoff
     noise = (raw - filtered).std(axis=1) / np.sqrt(1.0 - wide * dt / np.pi)
     shake = np.outer(_noise_gain(dt, cutoff, width), noise)

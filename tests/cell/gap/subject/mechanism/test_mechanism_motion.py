@@ -57,6 +57,20 @@ def test_a_servo_that_yields_is_an_elastic_joint(tmp_path) -> None:
     assert left(arm, joint_elasticity=[1 / 50, 1 / 30]) > 1.5 * right
 
 
+def test_readings_are_bridged_over_a_moment_and_left_out_about_a_gap(tmp_path) -> None:
+    file, runs = make_arm(tmp_path, 2, content=PRESCRIBED)
+    whole = open_mechanism(file, find_runs([runs])).runs
+    for run in find_runs([runs]):
+        table = read_table(run.path / "signals.parquet")
+        lost = (table["t"] > 1.4) & (table["t"] < 1.6)
+        table["shoulder"][1::2], table["t1"][::2], table["t2"][100] = np.nan, np.nan, np.inf
+        write_run(run.path, {n: x[~lost] for n, x in table.items()}, {"mechanism": "arm"})
+    torn = open_mechanism(file, find_runs([runs]))
+    assert left(torn) < 0.4
+    for run, before in zip(torn.runs, whole, strict=True):
+        assert len(before.samples) > len(run.samples) > 0.5 * len(before.samples)
+
+
 STANDING = """<mujoco><compiler angle="radian"/><option gravity="0 0 0"/><worldbody><body name="b">
 <inertial pos="0 0 0" mass="1" diaginertia="0.1 0.1 0.1"/><joint name="j" axis="0 1 0"/></body>
 </worldbody><actuator><motor name="m" joint="j"/></actuator></mujoco>"""
