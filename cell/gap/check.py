@@ -1,6 +1,7 @@
 """Checks of `cell gap check`: whether recordings can be fitted, and what they can identify."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from functools import reduce
 from itertools import combinations
 from pathlib import Path
 from typing import Annotated, Literal
@@ -9,7 +10,6 @@ import numpy as np
 from pydantic import Field
 
 from cell.gap.fitting.base_fit import effect_responses, stated_estimate, undetermined_values
-from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.projection import projection
 from cell.gap.forward_selection import Progress, quiet
 from cell.gap.open_subject import open_subject
@@ -80,7 +80,7 @@ def clock(t: Array) -> Iterator[Finding]:
             words=f"{100 * lost:.0f} % of the rows are missing, the longest gap "
             f"{steps[worst]:.2g} s at {t[worst]:.2f} s",
             remedy="record on a machine that keeps up, or leave the run out",
-            level=_level(lost, LOST_ROWS),
+            level="bad" if lost > LOST_ROWS[1] else "fair",
         )
     low, high = np.quantile(steps, [0.25, 0.75])
     if high - low > UNEVEN * float(np.median(steps)):
@@ -98,15 +98,12 @@ def images(t: Array) -> Iterator[Finding]:
     A stamp may repeat: each point of a profile bears that of its image.
     """
     stamps = np.unique(t)
-    if len(stamps) < 3:
-        return
-    lost = _missing(stamps)
-    if lost > LOST_IMAGES[0]:
+    if len(stamps) > 2 and (lost := _missing(stamps)) > LOST_IMAGES[0]:
         yield Finding(
             what="lost images",
             words=f"{100 * lost:.0f} % of the images are missing",
             remedy="look at light and segmentation where they are, or leave the run out",
-            level=_level(lost, LOST_IMAGES),
+            level="bad" if lost > LOST_IMAGES[1] else "fair",
         )
 
 
@@ -130,28 +127,23 @@ def values(name: str, t: Array, value: Array, command: Array | None = None) -> I
             words=f"{name} holds no number in {100 * lost:.0f} % of the rows",
             remedy="mend the reading, or leave the run out",
         )
-    if is_number.sum() < 2:
-        return
-    stuck = None if command is None else _stall(name, t, value, command)
-    if stuck is not None:
-        yield stuck
-        return
-    yield from _saturation(name, t, np.where(is_number, value, np.nan), command)
+    if is_number.any():
+        stuck = [] if command is None else [*_stall(name, t, value, command)]
+        yield from stuck[:1] or _saturation(name, t, value, command)
 
 
-def _stall(name: str, t: Array, value: Array, command: Array) -> Finding | None:
-    """Finding on a reading that is constant while its command changes; None without one."""
+def _stall(name: str, t: Array, value: Array, command: Array) -> Iterator[Finding]:
+    """Findings on a reading that is constant while its command changes."""
     for first, last in _still(value):
         change = float(np.ptp(command[first : last + 1]))
         if t[last] - t[first] > STUCK and change > MOVED:
-            return Finding(
+            yield Finding(
                 what="stuck reading",
                 words=f"{name} stands still at {value[first]:.4g} from {t[first]:.2f} to "
                 f"{t[last]:.2f} s while its command moves by {change:.2g}",
                 remedy="mend the reading; leave the run out",
                 level="bad",
             )
-    return None
 
 
 def _saturation(name: str, t: Array, value: Array, command: Array | None) -> Iterator[Finding]:
@@ -176,11 +168,6 @@ def _still(value: Array) -> Iterator[tuple[int, int]]:
     first = np.concatenate([[0], edges + 1])
     last = np.concatenate([edges, [len(value) - 1]])
     return ((int(a), int(b)) for a, b in zip(first, last, strict=True) if b > a)
-
-
-def _level(lost: float, limits: tuple[float, float]) -> Level:
-    """Level of a finding: `bad` where the share `lost` of data exceeds the larger of `limits`."""
-    return "bad" if lost > limits[1] else "fair"
 
 
 def complaints(tables: Mapping[str, Mapping[str, Array]]) -> Iterator[Finding]:
@@ -268,8 +255,7 @@ def check(paths: Sequence[Path], file: Path, jobs: int = 1, shown: Progress = qu
         line = str(error).splitlines()[0]
         findings.append(Finding(what="unreadable", words=line, remedy="mend it", level="bad"))
     else:
-        again = "mend its mapping, or make it again"
-        findings += [Finding(what="run", words=words, remedy=again) for words in subject.notes]
+        findings += [Finding(what="run", words=words, remedy="") for words in subject.notes]
         shown("try each effect at its largest", 0.2)
         findings += unidentifiable(subject)
     return Check(runs=[run.name for run in runs], findings=findings)
@@ -282,32 +268,31 @@ def unidentifiable(subject: Subject) -> Iterator[Finding]:
         words = f"{p.name}: known to {p.spread:.2g} {p.unit}, by these runs to {s:.2g}"
         yield Finding(what=IDENTIFIABLE, words=words, remedy="move faster, higher or longer")
     directions: dict[str, Array] = {}
-    for candidate, response in _largest_responses(subject, stated):
+    largest = [(c, _largest_probe(c)) for c in subject.scope.candidates]
+    responses = effect_responses(subject.simulate, stated, largest)
+    unabsorbed = projection(stated, robustly=False).unabsorbed(responses)
+    for (candidate, probe), response in zip(largest, unabsorbed.T, strict=True):
         sigma = float(np.linalg.norm(response))
         if sigma >= PROBE_SIGMA:
             directions[candidate.name] = response / sigma
-        else:
-            words = f"{candidate.name}: its largest size changes the runs by only {sigma:.1f} sigma"
-            yield Finding(what=IDENTIFIABLE, words=words, remedy=candidate.revealed_by)
+            continue
+        k, *others = np.flatnonzero(probe != candidate.null)
+        p, more = candidate.parameters[k], " and so on" if others else ""
+        size = f"{p.name} {p.stated_value(float(probe[k])):.3g} {p.unit}".removesuffix(" 1")
+        words = f"{candidate.name}: {size}{more} changes the runs by only {sigma:.1f} sigma"
+        yield Finding(what=IDENTIFIABLE, words=words, remedy=candidate.revealed_by)
     for (first, a), (second, b) in combinations(directions.items(), 2):
         if abs(float(a @ b)) > LARGEST_CORRELATION:
             words = f"{first} and {second} change these runs alike: they cannot be separated"
             yield Finding(what=IDENTIFIABLE, words=words, remedy="fit, then `cell gap advise`")
 
 
-def _largest_responses(subject: Subject, stated: Estimate) -> Iterator[tuple[Candidate, Array]]:
-    """Yield candidates with their responses (N,) [sigma] to the largest probe, less a refit's."""
-    largest = [(c, _largest_probe(c)) for c in subject.scope.candidates]
-    responses = effect_responses(subject.simulate, stated, largest)
-    unabsorbed = projection(stated, robustly=False).unabsorbed(responses)
-    return zip(subject.scope.candidates, unabsorbed.T, strict=True)
-
-
-def _largest_probe(candidate: Candidate) -> tuple[float, ...]:
-    """Parameter values of a candidate's largest probe; of several places the one in the middle."""
+def _largest_probe(candidate: Candidate) -> Array:
+    """Largest probe (k,) of a candidate, in all its parameters; of places the one in the middle."""
     amounts = [abs(group[0][0] - candidate.null[0]) for group in candidate.probes]
     largest = [i for i, amount in enumerate(amounts) if amount == max(amounts)]
-    return candidate.probes[largest[len(largest) // 2]][0]
+    members = map(np.array, candidate.probes[largest[len(largest) // 2]])
+    return reduce(lambda mixed, probe: np.where(probe == candidate.null, mixed, probe), members)
 
 
 def check_page(check: Check, subject: str) -> str:
@@ -322,7 +307,7 @@ def check_page(check: Check, subject: str) -> str:
     return page(
         "gap/report/check.html",
         f"{subject}: check of its runs",
-        kicker=f"Check of {len(check.runs)} runs",
+        kicker=f"Check of {plural(len(check.runs), 'run')}",
         name=subject,
         said=PageVerdict(check.level, HEADLINES[check.level], (count,)),
         groups=[

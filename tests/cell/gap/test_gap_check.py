@@ -14,6 +14,7 @@ from cell.gap.subject.run_folders import RunFolder, find_runs
 from drivers.errors import ConfigurationError
 from tests.support.curves import Curves, nothing
 from tests.support.gap_strip_cases import STRIP, folds, written
+from tests.support.mechanisms import PRESCRIBED, make_arm
 from tests.support.run_edits import edit_column
 
 T = np.arange(0.0, 4.0, 0.01)
@@ -83,9 +84,13 @@ def test_a_check_says_what_cannot_be_read(runs: Path) -> None:
     assert [f.what for f in broken.findings if f.level == "bad"] == ["unreadable"]
 
 
-def test_what_runs_cannot_say_is_listed() -> None:
+def test_what_runs_cannot_say_is_listed_with_the_size_that_was_tried(tmp_path: Path) -> None:
     found = [f.words for f in unidentifiable(Curves(nothing, names=("bump", "twin", "dead")))]
     assert found == [
-        "dead: its largest size changes the runs by only 0.0 sigma",
+        "dead: size 0.1 m changes the runs by only 0.0 sigma",
         "bump and twin change these runs alike: they cannot be separated",
     ]
+    file, made = make_arm(tmp_path, content=PRESCRIBED)
+    arm = check([made], file).findings
+    assert "base_tilt" not in str(arm)  # though about x it shows nothing
+    assert {f.remedy for f in arm if f.what == "run"} == {""}
