@@ -205,7 +205,8 @@ def _own_response(estimate: Estimate, i: int) -> Array:
     own = jacobian[:, count:]
     weighed = own * robust.weights(estimate.residuals[i] / estimate.scale)[:, None]
     spread = np.array([p.spread for p in estimate.evidence.runs[i].local])
-    curvature = weighed.T @ own / estimate.scale**2 + np.diag(spread**-2)
+    least = np.finfo(float).tiny  # of a run that diverges where its own unknowns change
+    curvature = weighed.T @ own / estimate.scale**2 + np.diag(spread**-2 + least)
     slope = weighed.T @ jacobian[:, :count] / estimate.scale**2
     return np.asarray(-np.linalg.solve(curvature, slope))
 

@@ -124,7 +124,7 @@ def _solve(matrix: Array, right: Array) -> Array:
 
 def covariance(curvature: Array) -> Array:
     """Inverse (size, size) of a `curvature` matrix, large but finite where that is singular."""
-    d = 1.0 / np.sqrt(np.maximum(np.diag(curvature), 1e-300))
+    d = 1.0 / np.sqrt(np.maximum(np.diag(curvature), 1e-280))
     values, vectors = np.linalg.eigh(curvature * d[:, None] * d[None])
     inverse = (vectors / np.maximum(values, 1e-12)) @ vectors.T
     return np.asarray(inverse * d[:, None] * d[None])

@@ -160,6 +160,8 @@ class ForwardDynamics(MechanismSubject):
 
     def __init__(self, mechanism: Mechanism, jobs: int = 1, without: Sequence[str] = ()) -> None:
         super().__init__(mechanism, jobs, without)
+        # `predict` says what diverges; MuJoCo would write a log beside the user's files
+        mujoco.set_mju_user_warning(lambda _: None)
         self._laws = frozenset(  # which a simulation adds to MuJoCo's own forces
             e.name for e in library().values()
             if e.law is not None and e.applies(mechanism) and not e.by_fields(mechanism)

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -89,7 +90,7 @@ RUNS: dict[str, tuple[Any, str]] = {
     "degrees": (lambda table: table.update(shoulder=20.0 * np.degrees(table["shoulder"])),
                 "angles are in rad"),
     "jump": (lambda table: table.update(t=table["t"] + 3600.0 * (table["t"] > 0.1)), "jumps by"),
-    "back": (lambda table: table.update(t=table["t"][::-1].copy()), "does not increase"),
+    "back": (lambda table: table.update(t=table["t"][::-1].copy()), "one for each time"),
     "no number": (lambda table: table.update(t=np.where(table["t"] > 0.1, np.nan, table["t"])),
                   "t: row 20 is not a number"),
     "absent": (lambda table: table.pop("elbow"), "elbow: this column is missing"),
@@ -113,6 +114,9 @@ def test_a_torque_that_a_simulation_would_compute_wrongly_is_refused(tmp_path: P
         assert "torque a2_torque of a2: its filter" in line(tmp_path, xml=xml, content=FORWARD)
 
 
-def test_a_model_that_explodes_is_refused(tmp_path: Path) -> None:
+def test_a_model_that_explodes_is_refused(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    mujoco.set_mju_user_warning(None)
     text = line(tmp_path, xml=ARM.replace('kp="30"', 'kp="3e9"'), content=FORWARD)
     assert "explodes; make step smaller" in text
+    assert not (tmp_path / "MUJOCO_LOG.TXT").exists()
