@@ -269,7 +269,7 @@ def unidentifiable(subject: Subject) -> Iterator[Finding]:
         yield Finding(what=IDENTIFIABLE, words=words, remedy="move faster, higher or longer")
     directions: dict[str, Array] = {}
     largest = [(c, _largest_probe(c)) for c in subject.scope.candidates]
-    responses = effect_responses(subject.simulate, stated, largest)
+    responses = effect_responses(subject.simulate, stated, [(c, [*p]) for c, p in largest])
     unabsorbed = projection(stated, robustly=False).unabsorbed(responses)
     for (candidate, probe), response in zip(largest, unabsorbed.T, strict=True):
         sigma = float(np.linalg.norm(response))

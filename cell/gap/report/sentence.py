@@ -69,7 +69,7 @@ def interval_text(value: ValueWithUnit) -> str:
 
 
 def headline(verdict: Verdict) -> str:
-    """Headline of a verdict: deviations from the file, then named effects or the open question."""
+    """Headline of a verdict: deviations from the file, then effects, by a value that is not 0."""
     parts = []
     if verdict.deviates:
         names = ", ".join(d.parameter.replace("_", " ") for d in verdict.deviates)
@@ -77,7 +77,9 @@ def headline(verdict: Verdict) -> str:
     if verdict.verdict != "named":
         return "; ".join([*parts, TITLES[verdict.verdict]])
     for effect in verdict.effects:
-        name, value = next(iter(effect.parameters.items()))
+        every = effect.parameters.items()
+        sure = [(n, v) for n, v in every if (v.low or 0.0) * (v.high or 0.0) > 0.0]
+        name, value = [*sure, *every][0]
         parts.append(f"{effect.name}: {name.replace('_', ' ')} {interval_text(value)}")
     return "; ".join(parts)
 

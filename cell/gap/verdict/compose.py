@@ -213,11 +213,12 @@ def _compare_by_screen(
 
 def _notes(findings: Findings, which: Kind) -> list[str]:
     """Note on a gap that held-out runs show and fitted ones do not, if there is one."""
-    if which != "no_gap" or (gap := unseen_gap(findings)) <= GAP:
+    if which != "no_gap" or unseen_gap(findings) <= GAP:
         return []
+    excess = held_out_gap.excess_of(findings.held_out_fits.before)
     return [
-        f"held-out runs ({', '.join(findings.held_out)}) leave {np.hypot(1.0, gap):.2g} times "
-        "their noise, which the fitted runs do not: make these motions again, and fit all runs"
+        f"held-out runs ({', '.join(findings.held_out)}) lie {excess:.2g} sigma off beyond noise, "
+        "which the fitted runs do not: make these motions again, and fit all runs"
     ]
 
 

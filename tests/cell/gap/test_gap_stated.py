@@ -84,24 +84,26 @@ def test_what_deviates_is_said_before_the_verdict() -> None:
     assert json.loads(verdict_of(deviates=FAR).to_json())["deviates"][0]["value"] == 0.0289
 
 
-@pytest.fixture
-def refitted(tmp_path) -> Fitted:
-    """A fit that named nothing and offers a bending length."""
+def test_a_headline_shows_the_joint_at_which_an_effect_is() -> None:
+    values = {n: {"low": v - 0.1, "value": v, "high": v + 0.1, "unit": "N m"}
+              for n, v in (("torque_1", 0.05), ("torque_2", 0.6))}  # fmt: skip
+    effect = {"name": "dry_friction", "of": "model", "parameters": values, "confidence": 0.9}
+    said = headline(verdict_of(verdict="named", effects=[effect]))
+    assert said.startswith("dry_friction: torque 2 0.6")
+
+
+def test_values_are_accepted_where_nothing_is_named_and_come_back(tmp_path) -> None:
     made = Fitted(tmp_path)
-    patch = yaml.safe_load(made.file.read_text()) | {"bending_length": 0.0289}
+    before = made.file.read_bytes()
     (made.out / PATCH).unlink()
+    patch = yaml.safe_load(made.file.read_text()) | {"bending_length": 0.0289}
     (made.out / BASE_PATCH).write_text(yaml.safe_dump(patch))
     record = json.loads((made.out / "fit.json").read_text())
     (made.out / "fit.json").write_text(json.dumps(record | {"effects": [], "values": ["b"]}))
-    return made
-
-
-def test_values_are_accepted_and_come_back(refitted) -> None:
-    before = refitted.file.read_bytes()
-    assert accept(refitted.out, refitted.file, refitted.cell).effects == ("b",)
-    assert load_strip(refitted.file).bending_length == 0.0289
-    assert undo(refitted.out, refitted.file, refitted.cell).effects == ("b",)
-    assert refitted.file.read_bytes() == before
+    assert accept(made.out, made.file, made.cell).effects == ("b",)
+    assert load_strip(made.file).bending_length == 0.0289
+    assert undo(made.out, made.file, made.cell).effects == ("b",)
+    assert made.file.read_bytes() == before
 
 
 @pytest.mark.long
