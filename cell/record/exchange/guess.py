@@ -99,10 +99,12 @@ def guess_mapping(places: Sequence[Path], strip: StripFile | None) -> str:
     file = max(series or {*read} - {*paths} or read, key=lambda name: len(read[name]))
     gripper = _guess_gripper(tables[file], strip)
     sections: dict[str, tuple[str, Guesses]] = {"ticks": (file, gripper)}
-    for points in [name for name in paths if series and name not in series][:1]:
+    points = next((name for name in paths if series and name not in series), None)
+    if points is not None:
         sections["profile"] = points, _guess_points(paths[points], gripper)
     for section, names in SEEN.items() if series else ():
-        for seen in [name for name, table in tables.items() if {*names} <= table.keys()][:1]:
+        seen = next((name for name, table in tables.items() if {*names} <= table.keys()), None)
+        if seen is not None:
             sections[section] = seen, _guess_seen(tables[seen], gripper, names)
     left = _not_taken(read, dict(sections.values()))
     return "\n".join((*_lines(sections, strip), *left, ""))

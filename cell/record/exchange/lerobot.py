@@ -134,16 +134,18 @@ def _file_and_column(table: str, column: str) -> tuple[str, str]:
 
 def _features(run: Run, runs: Sequence[Run]) -> dict[str, Feature]:
     """Features of the frames by LeRobot's names; columns of motion only if all `runs` have them."""
-    ticks, found = run.tables()["ticks"], dict[str, Feature]()
+    found = dict[str, Feature]()
+    ticks = run.tables()["ticks"]
+    shared = set.intersection(*({*other.tables()["ticks"]} for other in runs))
     for name, columns in VECTORS.items():
-        there = [c for c in columns if all(c in other.tables()["ticks"] for other in runs)]
+        there = [column for column in columns if column in shared]
         if there:
-            found[name] = Feature(np.stack([ticks[c] for c in there], axis=1), there)
+            found[name] = Feature(np.stack([ticks[column] for column in there], axis=1), there)
     found["stamp"] = Feature(np.asarray(ticks["t"]))
     if any("contact" in other.tables() for other in runs):
         seen = run.tables().get("contact", {"t": np.empty(0), "contact_x": np.empty(0)})
-        for name, key in (("contact", "contact_x"), ("contact_stamp", "t")):
-            found[f"observation.{name}"] = _at_frames(run, seen["t"], seen[key])
+        found["observation.contact"] = _at_frames(run, seen["t"], seen["contact_x"])
+        found["observation.contact_stamp"] = _at_frames(run, seen["t"], seen["t"])
     if all(other.film_stamps() for other in runs):
         stamps = run.film_stamps()
         found[CAMERA_STAMP] = Feature(np.array([stamps[number] for number in _newest_images(run)]))

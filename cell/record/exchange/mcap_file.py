@@ -74,14 +74,12 @@ def _write_numbers(writer: Writer, run: Run) -> None:
             point = {"type": "object", "properties": numbers}
             numbers = {"t": numbers.pop("t"), "points": {"type": "array", "items": point}}
         text = json.dumps({"type": "object", "properties": numbers}).encode()
-        channel = writer.register_channel(
-            f"/{table}", "json", writer.register_schema(f"cell.{table}", "jsonschema", text)
-        )
+        schema = writer.register_schema(f"cell.{table}", "jsonschema", text)
+        channel = writer.register_channel(f"/{table}", "json", schema)
         time = "t_layer_touch" if table == "result" else "t"
-        values = zip(*(values.tolist() for values in columns.values()), strict=True)
         rows = [
-            {name: value for name, value in zip(columns, row, strict=True) if isfinite(value)}
-            for row in values
+            {name: value for name, value in row.items() if isfinite(value)}
+            for row in pa.table(dict(columns)).to_pylist()
         ]
         for message in _curves(rows) if table == "profile" else rows:
             moment = _log_time(message[time])
