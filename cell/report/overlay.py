@@ -132,18 +132,18 @@ def poster(run: Run) -> str:
 
 def window_on(ticks: Ticks, calibration: Calibration) -> Region:
     """Region of the image around the gripper's motion, with the image's aspect ratio."""
-    width, height = calibration.lens.width, calibration.lens.height
-    x = (-VIEW_MARGIN, float(np.max(ticks.x, initial=0.0)) + VIEW_MARGIN)
-    z = (-VIEW_MARGIN, float(np.max(ticks.z, initial=0.0)) + VIEW_MARGIN)
-    corners = calibration.to_image(np.array([(a, b) for a in x for b in z]))
-    if not np.isfinite(corners).all():
-        return Region(0, 0, width, height)
-    low, high = corners.min(axis=0), corners.max(axis=0)
-    share = float(np.clip(np.max((high - low) / (width, height)), SMALLEST_WINDOW, 1.0))
-    size = np.round(np.array([width, height]) * share)
-    start = np.clip((low + high - size) / 2, 0, np.array([width, height]) - size).astype(int)
-    left, top = (int(value) for value in start)
-    return Region(left, top, left + int(size[0]), top + int(size[1]))
+    whole = np.array([calibration.lens.width, calibration.lens.height])
+    right = float(np.max(ticks.x, initial=0.0)) + VIEW_MARGIN
+    top = float(np.max(ticks.z, initial=0.0)) + VIEW_MARGIN
+    corners = np.array([(x, z) for x in (-VIEW_MARGIN, right) for z in (-VIEW_MARGIN, top)])
+    pixels = calibration.to_image(corners)
+    if not np.isfinite(pixels).all():
+        return Region(0, 0, *whole.tolist())
+    low, high = pixels.min(axis=0), pixels.max(axis=0)
+    share = float(np.clip(np.max((high - low) / whole), SMALLEST_WINDOW, 1.0))
+    size = np.round(whole * share).astype(int)
+    start = np.clip((low + high - size) / 2, 0, whole - size).astype(int)
+    return Region(*start.tolist(), *(start + size).tolist())
 
 
 def fold_tips(sights: Sights, ticks: Ticks) -> Array:
