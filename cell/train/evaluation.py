@@ -98,12 +98,13 @@ def evaluate(
     """
     pieces = [(engine, row) for engine in reversed(ENGINES) for row in range(side)]
     rows = _gather(calls, partial(_fold_row, policy, rollout, seed, side), pieces, meter)
-    found = {engine: np.array([rows[engine, row] for row in range(side)]) for engine in ENGINES}
     half = 0.5 * grid(side)[0].length
-    return tuple(
-        Evaluation(engine, d, Misses.from_displacements(np.where(np.isnan(d), half, d)))
-        for engine, d in found.items()
-    )
+    evaluations = []
+    for engine in ENGINES:
+        d = np.array([rows[engine, row] for row in range(side)])
+        misses = Misses.from_displacements(np.where(np.isnan(d), half, d))
+        evaluations.append(Evaluation(engine, d, misses))
+    return tuple(evaluations)
 
 
 def evaluate_effects(
