@@ -130,7 +130,6 @@ class SimulatedCamera:
     def __init__(self, sensing: Sensing, period: float, draws: Draws, *, profile: bool) -> None:
         self._sensing = sensing
         self._draws = draws
-        self._noise = sensing.state_sigma
         self._delay = draws.uniform(*sensing.delay)
         bias = np.array([sensing.contact_bias, sensing.tip_bias, sensing.tip_bias])
         self._bias = draws.normal(STATE_SIZE) * bias
@@ -193,7 +192,7 @@ class SimulatedCamera:
         before = (after + 1) % len(self._states)
         true = (1 - self._share_late) * self._states[after, self._strips]
         true += self._share_late * self._states[before, self._strips]
-        noise = self._draws.normal(STATE_SIZE) * self._noise * self._factor[:, None]
+        noise = self._draws.normal(STATE_SIZE) * self._sensing.state_sigma * self._factor[:, None]
         state = true[:, :STATE_SIZE] + self._bias + noise
         profile = true[:, STATE_SIZE:].reshape(len(true), self._points, 2)
         if self._points:

@@ -178,13 +178,11 @@ def simulate(settings: CriticSettings, turn: int, number: int, critic: Critic | 
     length = STRIP_LENGTH if number % 2 == 0 else float(rng.uniform(*LENGTH_RANGE))
     with threadpool_limits(1, user_api="blas"):
         strips = [random_strip(rng, length) for _ in range(settings.folds)]
-        rich = np.array([needs_terms(describe(strip)) for strip in strips])
-        parts = [
-            _fold_strips(settings, [strips[i] for i in np.flatnonzero(kind)], turn, critic, rng)
-            for kind in (~rich, rich)
-            if kind.any()
-        ]
-        return concatenate(parts)
+        batches: dict[bool, list[StripFile]] = {False: [], True: []}
+        for strip in strips:
+            batches[needs_terms(describe(strip))].append(strip)
+        filled = filter(None, batches.values())
+        return concatenate([_fold_strips(settings, batch, turn, critic, rng) for batch in filled])
 
 
 def concatenate(shards: list[Shard]) -> Shard:
