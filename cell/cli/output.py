@@ -148,8 +148,8 @@ def print_table(
     console = Console(file=sys.stdout, highlight=False, soft_wrap=False)
     sys.stdout.write(f"{title}\n" if title else "")
     if console.measure(table, options=console.options.update(width=WIDEST)).maximum > console.width:
-        lines = (line for row in shown for line in _lines(columns, row, console.width))
-        sys.stdout.writelines(f"{line}\n" for line in lines)
+        for row in shown:
+            sys.stdout.writelines(f"{line}\n" for line in _lines(columns, row, console.width))
     else:
         console.print(table)
 
