@@ -238,11 +238,11 @@ def refuse(runs: Sequence[RunFolder]) -> None:
 def check(paths: Sequence[Path], file: Path, jobs: int = 1, shown: Progress = quiet) -> Check:
     """Check the runs at `paths` of the subject that `file` describes, without fitting anything.
 
-    Raises ConfigurationError where there are no runs, or `file` is not YAML; what else cannot be
-    read is a finding.
+    Raises ConfigurationError for fewer than two runs, or a `file` that is not YAML; what else
+    cannot be read is a finding.
     """
     read_yaml(file)
-    runs, copies = without_copies(find_runs(paths, fewest=1))
+    runs, copies = without_copies(find_runs(paths))
     shown(f"read {plural(len(runs), 'run')}", 0.0)
     findings = [
         Finding(what="copy", run=copy, words=copy_note(copy, first), remedy="measure it again")

@@ -20,7 +20,7 @@ from drivers.readers import read_text
 from drivers.yaml_text import parse_yaml
 
 BEGAN = re.compile(r"(\d{8}T\d{6}Z)-")
-UNDER_WAY, DIED, BROKEN = "under way", "died", "broken"
+UNDER_WAY, DIED, BROKEN, MEASURED = "under way", "died", "broken", "measured"
 HEADER_KEYS = frozenset(
     {"strip", "policy", "seed", "speed", "start", "condition", "drivers", "calibration"}
 )
@@ -53,9 +53,9 @@ def _of(document: str, *keys: str) -> Any:
 class RunRow(BaseModel):
     """Row of a list of runs: lengths [m], times [s], `speed` [m/s]; None where unknown.
 
-    `outcome` is that recorded, or `under way`, `died`, `broken`; `size` is that on disk [bytes];
-    `tags` are separated by spaces. `touch` is the time of the layer touch, `predicted` the
-    displacement that the policy expected.
+    `outcome` is that recorded, or `under way`, `died`, `broken`, or `measured` of a mechanism;
+    `size` is that on disk [bytes]; `tags` are separated by spaces. `touch` is the time of the layer
+    touch, `predicted` the displacement that the policy expected.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -231,13 +231,13 @@ def read_row(folder: Path) -> RunRow:
 def _outcome(
     folder: Path, header: Mapping[str, Any] | None, result: Mapping[str, Any] | None
 ) -> str:
-    """Outcome of a run for the list, or BROKEN, UNDER_WAY, DIED where it has none."""
+    """Outcome of a run for the list; BROKEN, UNDER_WAY, DIED, or MEASURED if it is of no strip."""
     if header is None:
         return BROKEN
     if is_under_way(folder):
         return UNDER_WAY
     if result is None:
-        return BROKEN if (folder / RESULT).exists() else DIED
+        return BROKEN if (folder / RESULT).exists() else DIED if "strip" in header else MEASURED
     return _text(result.get("outcome")) or BROKEN
 
 

@@ -26,14 +26,14 @@ class RunFolder:
     name: str
 
 
-def find_runs(paths: Sequence[Path], fewest: int = 2) -> tuple[RunFolder, ...]:
+def find_runs(paths: Sequence[Path]) -> tuple[RunFolder, ...]:
     """Run folders at or in `paths`: each is a run folder, or a folder that holds run folders.
 
-    Raises ConfigurationError for less than the `fewest`, for a folder without runs, and for
-    measurements that lie beside no run.yaml.
+    Raises ConfigurationError for a single run, for a folder without runs, and for measurements that
+    lie beside no run.yaml.
     """
     unique = _unique(paths)
-    if len(unique) < fewest:
+    if len(unique) < 2:
         raise ConfigurationError(
             f"{unique[0] if unique else 'runs'}: one run cannot be both fitted and held out; "
             "give at least two, better ten"

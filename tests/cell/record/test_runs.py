@@ -38,11 +38,12 @@ def four(tmp_path):
 
 
 def test_runs_are_listed_oldest_first_with_what_they_came_to(four):
+    lay(four, 0, header="schema: 1\nmechanism: arm\n")
     rows = list_runs(four)
-    assert [row.outcome for row in rows] == ["died", "broken", "layer_touch", "path_done"]
+    assert " ".join(row.outcome for row in rows) == "died broken layer_touch path_done measured"
     touched = rows[2]
-    assert (touched.strip, touched.policy, touched.displacement) == ("denim", "triangular", -0.0363)
-    assert touched.duration == 9.4
+    assert (touched.strip, touched.policy, touched.duration) == ("denim", "triangular", 9.4)
+    assert touched.displacement == -0.0363
     assert touched.size == sum(p.stat().st_size for p in touched.folder.iterdir())
     assert touched.began == NOW - timedelta(days=2)
 
