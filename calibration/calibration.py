@@ -127,7 +127,8 @@ def save_calibration(calibration: Calibration, path: Path) -> None:
 def load_calibration(path: Path) -> Calibration:
     """Read the calibration at `path`; ConfigurationError for a missing, broken or changed file."""
     if not path.exists():
-        raise ConfigurationError(f"{path}: there is no calibration; run `cell calibrate` first")
+        remedy = "name another, or make one with `cell calibrate homography --use`"
+        raise ConfigurationError(f"{path}: there is no calibration; {remedy}")
     return load(path, CalibrationFile).calibration(str(path))
 
 

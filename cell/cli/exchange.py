@@ -63,9 +63,8 @@ def import_runs(
     from cell.record.run import read_run
 
     of = ("--strip", read_run(made[0]).header.strip) if model is None else ("--model", str(model))
-    if count == 1:
-        advice = f"import a second run into {out}, better ten: a verdict needs some to test it"
-    else:
+    advice = f"import a second run into {out}, better ten: a verdict needs some to test it"
+    if count > 1:
         advice = shlex.join(["cell", "gap", "check", str(out), *of, "--out", f"{out}-check"])
     sys.stdout.write(f"next: {advice}\n")
 

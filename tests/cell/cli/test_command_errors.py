@@ -50,13 +50,10 @@ def test_broken_strip_file_names_file_and_key(
 def test_missing_calibration_is_refused(monkeypatch, capsys, configs, tmp_path) -> None:
     cell = configs / "cell.yaml"
     cell.write_text(cell.read_text() + f"calibration: {tmp_path / 'gone.yaml'}\n")
-    line = refused(
-        monkeypatch,
-        capsys,
-        *("fold", "--strip", "denim", "--configs", configs, "--runs", tmp_path / "r"),
-    )
-    assert "gone.yaml" in line
-    assert "cell calibrate" in line
+    words = ("fold", "--strip", "denim", "--configs", configs, "--runs", tmp_path / "r")
+    line = refused(monkeypatch, capsys, *words)
+    assert "gone.yaml: there is no" in line
+    assert "cell calibrate homography --use" in line  # which replaces the name in cell.yaml
     assert not (tmp_path / "r").exists()
 
 
