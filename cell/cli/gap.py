@@ -188,7 +188,7 @@ def rehearse(
         records = rehearsal.rehearse(planned, out, chosen, meter)
     page = rehearsal.write_page(planned, records, out)
     if as_json:
-        sys.stdout.write((out / "rehearsal.json").read_text(encoding="utf-8") + "\n")
+        print_json(json.loads((out / "rehearsal.json").read_text(encoding="utf-8")))
     else:
         sys.stdout.write(page.read_text(encoding="utf-8"))
 
@@ -225,7 +225,7 @@ def fit(
     with _progress() as shown:
         verdict = fit_runs(runs, file, out, options, shown, write_overlay)
     if as_json:
-        sys.stdout.write(verdict.to_json())
+        print_json(json.loads(verdict.to_json()))
         return
     files = [f"  {out / name}" for name in ("report.html", "overlay.rrd")]
     law = (out / LAW_PATCH).is_file()
@@ -258,7 +258,7 @@ def check(
     write_file(out / "check.json", checked.to_json())
     write_file(out / "check.html", check_page(checked, file.stem))
     if as_json:
-        sys.stdout.write(checked.to_json())
+        print_json(json.loads(checked.to_json()))
     else:
         sys.stdout.write(f"{checked}\n  {out / 'check.html'}\n")
     sys.exit(ConfigurationError.exit_code if checked.level == "bad" else 0)

@@ -50,6 +50,6 @@ def test_a_fit_prints_the_verdict_that_it_wrote(monkeypatch, capsys, tmp_path) -
     runs = [single / "runs" / f"{k:02d}" for k in range(4)]
     words = ["gap", "fit", *runs, "--model", SINGLE]
     assert run(monkeypatch, *words, "--out", tmp_path, "--json") == 0
-    printed = json.loads(capsys.readouterr().out)
+    (printed,) = map(json.loads, capsys.readouterr().out.splitlines())
     assert printed == json.loads((tmp_path / "verdict.json").read_text())
     assert {"report.html", "overlay.rrd"} <= {path.name for path in tmp_path.iterdir()}
