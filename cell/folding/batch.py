@@ -1,7 +1,7 @@
 """Batches of folds: in sequence, in parallel processes, or until one has its edges aligned."""
 
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import AbstractContextManager, closing, nullcontext
 from dataclasses import dataclass, replace
 
@@ -57,19 +57,29 @@ def fold_all(
     One that cannot begin has a result without a `run`, and the others follow. With `until` each is
     corrected by those before it, and the first one whose edges lie as close [m] is the last, as is
     one that was stopped. A real robot folds in sequence. The first Ctrl-C brakes the running folds
-    and starts no other; raises Interrupted or KeyboardInterrupt on the second.
+    and starts no other; raises Interrupted where all under way were done, or on the second, or
+    KeyboardInterrupt.
     """
     if until is not None:
-        yield from _fold_until(requests, until, callbacks)
+        results = _fold_in_sequence((with_correction(r, "on") for r in requests), callbacks)
     elif jobs > 1 and len(requests) > 1 and not requests[0].trial.agreed:
-        yield from _fold_in_parallel(requests, jobs, callbacks)
+        results = _fold_in_parallel(requests, jobs, callbacks)
     else:
-        yield from _fold_in_sequence(requests, callbacks)
+        results = _fold_in_sequence(requests, callbacks)
+    codes = [0]
+    with closing(results):
+        for result in results:
+            yield result
+            if until is not None and result.ends(until):
+                return
+            codes.append(result.exit_code)
+    if len(codes) <= len(requests) and max(codes) < Interrupted.exit_code:
+        raise Interrupted("interrupted before all folds had begun")
 
 
 def _fold_in_parallel(
     requests: Sequence[Request], jobs: int, callbacks: Callbacks
-) -> Iterator[FoldResult]:
+) -> Generator[FoldResult, None, None]:
     """Fold in `jobs` processes side by side; results are yielded in the order of `requests`."""
     folds = ParallelFolds(requests, jobs, callbacks.report)
     with callbacks.interrupt() as interrupted, closing(folds):
@@ -92,20 +102,9 @@ def agreed(requests: Sequence[Request], ask: Callable[[str], str]) -> tuple[Requ
     return tuple(replace(r, trial=replace(r.trial, agreed=consented)) for r in requests)
 
 
-def _fold_until(
-    requests: Sequence[Request], until: float, callbacks: Callbacks
-) -> Iterator[FoldResult]:
-    """Fold in sequence, correcting each fold by those before, until edges lie `until` [m] apart."""
-    corrected = (with_correction(request, "on") for request in requests)
-    for result in _fold_in_sequence(corrected, callbacks):
-        yield result
-        if result.ends(until):
-            return
-
-
 def _fold_in_sequence(
     requests: Iterator[Request] | Sequence[Request], callbacks: Callbacks
-) -> Iterator[FoldResult]:
+) -> Generator[FoldResult, None, None]:
     """Fold in sequence, with the strip laid again in between; a page follows each fold."""
     for number, request in enumerate(requests):
         if request.trial.agreed and number > 0:

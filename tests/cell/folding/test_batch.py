@@ -18,6 +18,7 @@ from cell.folding import batch
 from cell.folding.batch import Callbacks, fold_all
 from cell.folding.request import Request, repetitions
 from cell.folding.result import FoldResult
+from cell.orchestrator.operator import Interrupted
 from drivers.errors import (
     CellError,
     ConfigurationError,
@@ -173,6 +174,8 @@ def test_ctrl_c_stops_the_folds_under_way_and_begins_no_other(fake, tmp_path) ->
     callbacks = attended(lambda: next(asked, True))
     assert [*fold_all(repeated(tmp_path, 5), 2, None, callbacks)] == [STOPPED, STOPPED]
     assert [number for word, number in fake.log if word == "begin"] == [0, 1]
+    with pytest.raises(Interrupted, match="before all folds had begun"):  # no success, 130
+        list(fold_all(repeated(tmp_path, 5), 2, None, attended(lambda: True)))
 
 
 def test_a_second_ctrl_c_is_passed_on_and_the_ends_are_still_waited_for(fake, tmp_path) -> None:
