@@ -33,9 +33,7 @@ def names(root: Path) -> tuple[list[str], dict[str, str]]:
     return [run.name for run in kept], dict(copies)
 
 
-def test_a_copy_however_it_is_written_is_counted_once_and_runs_that_differ_in_a_number_are_none(
-    tmp_path,
-) -> None:
+def test_copies_count_once_however_written_and_runs_with_another_number_all(tmp_path) -> None:
     a_run(tmp_path / "a", 1)
     a_run(tmp_path / "b", 2)
     copy = a_run(tmp_path / "c", 1, index=7, condition="other")

@@ -93,7 +93,7 @@ class SplitModel:
         """Add a second joint about the same axis to each joint of a specification's bodies."""
         for joint in spec.joints:
             flex = joint.parent.add_joint(name=joint.name + FLEX, type=joint.type)
-            flex.axis, flex.pos = joint.axis, joint.pos
+            flex.axis, flex.pos, flex.armature = joint.axis, joint.pos, 1.0  # 0 once compiled
             flex.limited = mujoco.mjtLimited.mjLIMITED_FALSE
 
     def soft(self, edited: Any, readings: Readings) -> Any:
