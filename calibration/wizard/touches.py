@@ -154,10 +154,11 @@ def _sort_others(
     """
     firsts = {p.number: p for p in touches if not p.again}
     worst = 1e-3 * settings.worst_mm  # m
-    off = [
-        p for p in newest
-        if (np.hypot(*fit.error(p)) > worst if p.held_out else p not in fit.used)
-    ]  # fmt: skip
+
+    def is_off(touch: Touch) -> bool:
+        return np.hypot(*fit.error(touch)) > worst if touch.held_out else touch not in fit.used
+
+    off = list(filter(is_off, newest))
     twice = {p: firsts[p.number] for p in newest if p.again and p.number in firsts}
     alike = [p for p in twice if np.hypot(*(fit.error(p) - fit.error(twice[p]))) < worst]
     judging = [p for p in newest if p in alike or p not in off or not p.again]
