@@ -7,6 +7,7 @@ import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -265,15 +266,13 @@ def _guess_points(columns: Guesses, gripper: Guesses) -> Guesses:
     points = {name: columns[name] for name in [*"tixz"] if name in columns}
     points["t"] = _on_clock(points["t"], gripper)
     points |= {axis: replace(points[axis], reason="what fits the gripper") for axis in "xz"}
-    choices = [
-        points
-        | {
-            a: replace(points[a], unit=unit, offset=zero[a].offset, reversed=zero[a].reversed)
-            for a in "xz"
-        }
-        for unit in LENGTHS
-        for zero in (gripper, points)
-    ]
+    choices = []
+    for unit, zero in product(LENGTHS, (gripper, points)):
+        choice = dict(points)
+        for axis in "xz":
+            told = {"offset": zero[axis].offset, "reversed": zero[axis].reversed}
+            choice[axis] = replace(points[axis], unit=unit, **told)
+        choices.append(choice)
     distances = [_grasp_distance(choice, gripper) for choice in choices]
     return choices[int(np.argmin(distances))] if min(distances) < CLOSE else points
 
