@@ -11,6 +11,7 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from html import escape
+from itertools import chain
 from math import isfinite
 from pathlib import Path
 from typing import Any, Literal
@@ -102,6 +103,8 @@ def _axes(axes: Any, figure: Any) -> Facts:
     (left, bottom), (right, top) = axes.bbox.min, axes.bbox.max
     x = _axis(axes.xaxis, axes.get_xlim())
     y = _axis(axes.yaxis, axes.get_ylim())
+    drawn = (axes, figure, x, y)
+    cells = chain(_bars(*drawn), _image_fields(*drawn), _mesh_fields(*drawn))
     return {
         "id": axes.get_gid(),
         "box": [*_svg_point(figure, left, top), *_svg_point(figure, right, bottom)],
@@ -110,12 +113,7 @@ def _axes(axes: Any, figure: Any) -> Facts:
         "equal": axes.get_aspect() == 1.0,
         "share": min(figure.axes.index(other) for other in shared),
         "curves": list(_curves(axes)),
-        "cells": [
-            cell
-            for fields in (_bars, _image_fields, _mesh_fields)
-            for cell in fields(axes, figure, x, y)
-            if all(map(isfinite, cell[:4]))
-        ],
+        "cells": [cell for cell in cells if all(map(isfinite, cell[:4]))],
         "texts": [text for text in _texts(axes, figure) if all(map(isfinite, text[1:]))],
     }
 
