@@ -47,7 +47,7 @@ def sources(
     for pattern in patterns:
         for path in sorted(p for place in places for p in _files(ROOT / place, pattern)):
             name = path.relative_to(ROOT).as_posix()
-            if not without or not name.startswith(without):
+            if not name.startswith(without):
                 digest.update(name.encode() + b"\0" + path.read_bytes())
     return digest.hexdigest()[:16]
 

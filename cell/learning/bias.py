@@ -163,7 +163,7 @@ class _Learner:
 
     def _predict(self, unknowns: tuple[Unknown, ...]) -> tuple[float, float]:
         """Mean [m] and variance [m^2] of the sum of `unknowns`, given the epoch's folds."""
-        names = sorted({*unknowns, *(name for used, *_ in self._rows for name in used)}, key=str)
+        names = sorted({*unknowns}.union(*(used for used, *_ in self._rows)), key=str)
         place = {name: i for i, name in enumerate(names)}
         precision = np.diag([self._sigma(name) ** -2 for name in names])
         weighted = np.zeros(len(names))
