@@ -35,7 +35,7 @@ CLOSED = (4.0 * STEP, 1.0)  # s, damping ratio of the spring that closes loops
 HARD = 0.9999  # impedance of dry friction: joints do not creep where it holds them
 CREEP = 0.02  # rad/s or m/s of a wanted rate, above which a servo adds what friction takes
 LIGHT = 0.01  # of the moving mass; a body below it has no stated uncertainty
-TWIST, RIPPLE, TURN = 0.01, 0.15, 6.0  # rad under a joint's torque; share of it; 1/rad of a hinge
+TWIST, RIPPLE, TURN = 0.01, 0.15, 6.0  # rad under its torque; share of it; 1/rad where it has REACH
 # causes at size one: s; shares of a joint's torque and of its motor's constant; rad
 DELAY, BIAS, CONSTANT_ERROR, ENCODER_BIAS = 0.006, 0.06, 0.15, 0.05
 PAYLOAD, TILT, BENT = 0.03, 0.06, 0.25  # share of the moving mass, rad, rad
@@ -160,9 +160,8 @@ def _twist(columns: Columns, rig: Rig, size: float, _: np.random.Generator) -> N
 
 
 def _ripple(columns: Columns, rig: Rig, size: float, _: np.random.Generator) -> None:
-    for i, weight in enumerate(rig.weight):
-        slides = rig.model.jnt_type[rig.driven[i]] == mujoco.mjtJoint.mjJNT_SLIDE
-        order = TURN * REACH / SLIDE if slides else TURN  # as many waves in either's travel
+    orders = TURN * REACH / _reach(rig)  # as many waves in a short travel
+    for i, (weight, order) in enumerate(zip(rig.weight, orders, strict=True)):
         wave = np.sin(order * columns[f"j{i + 1}"] + i)
         columns[f"t{i + 1}"] += RIPPLE * size * weight * wave
 
@@ -294,14 +293,20 @@ def _content(rig: Rig, model: str) -> dict[str, Any]:
             "inputs": dict.fromkeys(given, "position")}  # fmt: skip
 
 
-def _places(rig: Rig, rng: np.random.Generator, pace: float | None) -> Array:
-    """Wanted joint positions (k, driven) [rad or m] per step: a swing within the ranges."""
-    m, n = rig.model, len(rig.driven)
-    low, high = m.jnt_range[rig.driven].T
-    limited, start = m.jnt_limited[rig.driven] > 0, m.qpos0[m.jnt_qposadr[rig.driven]]
+def _reach(rig: Rig) -> Array:
+    """Farthest way (driven,) [rad or m] from the middle of a motion, within the ranges."""
+    m = rig.model
     slides = m.jnt_type[rig.driven] == mujoco.mjtJoint.mjJNT_SLIDE
     reach = np.where(slides, SLIDE, REACH)
-    reach = np.where(limited, np.minimum(reach, INSIDE * (high - low)), reach)
+    inside = np.minimum(reach, INSIDE * np.ptp(m.jnt_range[rig.driven], axis=1))
+    return np.where(m.jnt_limited[rig.driven] > 0, inside, reach)
+
+
+def _places(rig: Rig, rng: np.random.Generator, pace: float | None) -> Array:
+    """Wanted joint positions (k, driven) [rad or m] per step: a swing within the ranges."""
+    m, n, reach = rig.model, len(rig.driven), _reach(rig)
+    low, high = m.jnt_range[rig.driven].T
+    limited, start = m.jnt_limited[rig.driven] > 0, m.qpos0[m.jnt_qposadr[rig.driven]]
     inside = np.clip(start, low + 1.2 * reach, high - 1.2 * reach)
     rates, phases = 1.5 + 0.6 * rng.random((2, n)), rng.uniform(0.0, 6.3, (2, n))
     pace = float(rng.uniform(0.6, 1.4)) if pace is None else pace
