@@ -8,11 +8,7 @@ from tests.support.docstrings import shapeless, silent
 from tests.support.rooms import ROOT, edges, floor_room, imports, ladder, lines, modules
 
 NOTES = ROOT / "tests" / "lab" / "notes"
-<<<<<<< HEAD
-PRODUCT_LINES, PRODUCT_MODULES, TEST_LINES = 62_601, 401, 37_512
-=======
-PRODUCT_LINES, PRODUCT_MODULES, TEST_LINES = 62_604, 401, 37_517
->>>>>>> 59d2ddc5 (A hidden ripple has as many waves in a short travel as in a long one: half a wave of a gripper's 0.4 rad is no ripple)
+PRODUCT_LINES, PRODUCT_MODULES, TEST_LINES = 62_601, 401, 37_517
 LONGEST_MODULE = 500  # lines
 
 
