@@ -57,7 +57,7 @@ def read_bytes(path: Path, most: int) -> bytes:
     if len(content) > most:
         raise ConfigurationError(
             f"{path}: is larger than {most / MEGABYTE:g} MB, the most that is read; "
-            "is it the right file?"
+            "thin or cut it, if it is the right file"
         )
     return content
 
