@@ -80,9 +80,9 @@ class SplitModel:
     """
 
     def __init__(self, mechanism: Mechanism) -> None:
-        self._mechanism, file = mechanism, mechanism.file
-        self._model = compile_model(mechanism.source, file.name, mechanism.model.nuser_jnt,
-                                    file.step, self._add_flexible_joints)  # fmt: skip
+        self._mechanism, model = mechanism, mechanism.model
+        self._model = compile_model(mechanism.source, mechanism.file.name, model.nuser_jnt,
+                                    model.opt.timestep, self._add_flexible_joints)  # fmt: skip
         self._model.opt.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
         self.motor = np.array([self._model.joint(j.name).id for j in mechanism.joints])
         self._flex = np.setdiff1d(np.arange(self._model.njnt), self.motor)
