@@ -1,10 +1,12 @@
 """The gap engine on a subject of plain curves: it knows nothing of strips or pendulums."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from cell.cli import gap
 from cell.gap.diagnosis.lack_of_fit import Repeats
 from cell.gap.fitting.base_fit import undetermined_values
 from cell.gap.fitting.crossvalidation import folds
@@ -62,6 +64,7 @@ def test_a_gap_of_held_out_runs_alone_is_noted() -> None:
     size = f"{verdict.gap.before['excess']:.2g} sigma"  # as page and terminal say
     assert f"held-out runs ({', '.join(plain.held_out)}) lie {size} off" in note
     assert "make these motions again" in note
+    assert gap._next_command(verdict, Path("out"), "--model x", law=False).startswith("open out")
 
 
 def test_detectable_size_is_found_when_it_is_there() -> None:
