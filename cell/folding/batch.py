@@ -57,8 +57,8 @@ def fold_all(
     One that cannot begin has a result without a `run`, and the others follow. With `until` each is
     corrected by those before it, and the first one whose edges lie as close [m] is the last, as is
     one that was stopped. A real robot folds in sequence. The first Ctrl-C brakes the running folds
-    and starts no other; raises Interrupted where all under way were done, or on the second, or
-    KeyboardInterrupt.
+    and starts no other; raises Interrupted where no fold ended by it, and Interrupted or
+    KeyboardInterrupt on the second.
     """
     if until is not None:
         results = _fold_in_sequence((with_correction(r, "on") for r in requests), callbacks)

@@ -57,7 +57,7 @@ class Finding(Entry):
     """Problem of recordings, of a `level`: `bad` ones forbid a fit, `fair` ones cost accuracy.
 
     `run` is the name of a run, empty where the finding concerns all of them; `what` is the check,
-    `words` say what is seen where, `remedy` what to do.
+    `words` say what is seen where, `remedy` what to do, if anything.
     """
 
     level: Level = "fair"

@@ -65,7 +65,7 @@ class Parameter:
     of stiffnesses, or a shape of the law. All but amounts say where or how an effect acts, not how
     strongly: a probe keeps them whatever its amount. Ratios and shapes are `start` where a file
     does not state them; a shape stays there until measurements of its effect require more.
-    Where half of an effect's shapes lie below their `own_from`, its law is like that of another.
+    An effect with half of its shapes below `own_from` has a law like another's, and is not named.
     `random` unknowns of a run are drawn anew in each run; their `spread` is estimated from the
     runs; `common` ones are expected to differ in any laboratory. `tolerated` is the range that the
     file states for a value of the base; None where it states a `spread` alone.

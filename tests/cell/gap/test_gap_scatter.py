@@ -92,7 +92,7 @@ def telling(subject: Curves) -> Curves:
 
 def holds(subject: Curves) -> bool:
     slope = intervals(fitted(subject), 1.0, ())["base"]["slope"]
-    return (slope.low or 0.0) < SLOPE < (slope.high or 0.0)
+    return (slope.low or np.inf) < SLOPE < (slope.high or 0.0)
 
 
 def test_interval_holds_the_truth_where_all_runs_err_alike() -> None:
