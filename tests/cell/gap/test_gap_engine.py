@@ -59,12 +59,12 @@ def test_a_gap_of_held_out_runs_alone_is_noted() -> None:
     late: Law = lambda t, s, i: 0.03 * bump(t, s, i) * (i in only)  # noqa: E731
     _, verdict = judged(Curves(late))
     assert verdict.verdict == "no_gap"
-    assert plain.notes == []
     (note,) = verdict.notes
-    size = f"{verdict.gap.before['excess']:.2g} sigma"  # as page and terminal say
-    assert f"held-out runs ({', '.join(plain.held_out)}) lie {size} off" in note
+    assert f"({', '.join(plain.held_out)}) lie {verdict.gap.before['excess']:.2g} sigma off" in note
     assert "make these motions again" in note
-    assert gap._next_command(verdict, Path("out"), "--model x", law=False).startswith("open out")
+    remark = plain.model_copy(update={"notes": [*plain.notes, "contacts are off"]})
+    told = [gap._next_command(v, Path("out"), "--model x", law=False) for v in (verdict, remark)]
+    assert [words.partition(":")[0] for words in told] == ["open out/report.html", "nothing"]
 
 
 def test_detectable_size_is_found_when_it_is_there() -> None:
