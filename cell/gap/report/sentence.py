@@ -69,7 +69,7 @@ def interval_text(value: ValueWithUnit) -> str:
 
 
 def headline(verdict: Verdict) -> str:
-    """Headline of a verdict: deviations from the file, then effects, by a value that is not 0."""
+    """Headline of a verdict: deviations from the file, then effects, by a size that is not 0."""
     parts = []
     if verdict.deviates:
         names = ", ".join(d.parameter.replace("_", " ") for d in verdict.deviates)
@@ -77,9 +77,9 @@ def headline(verdict: Verdict) -> str:
     if verdict.verdict != "named":
         return "; ".join([*parts, TITLES[verdict.verdict]])
     for effect in verdict.effects:
-        every = effect.parameters.items()
-        sure = [(n, v) for n, v in every if (v.low or 0.0) * (v.high or 0.0) > 0.0]
-        name, value = [*sure, *every][0]
+        first, *others = effect.parameters.items()
+        sizes = [first, *(each for each in others if each[1].unit == first[1].unit)]  # by joint
+        name, value = next((s for s in sizes if (s[1].low or 0.0) * (s[1].high or 0.0) > 0), first)
         parts.append(f"{effect.name}: {name.replace('_', ' ')} {interval_text(value)}")
     return "; ".join(parts)
 

@@ -84,9 +84,9 @@ def test_what_deviates_is_said_before_the_verdict() -> None:
     assert json.loads(verdict_of(deviates=FAR).to_json())["deviates"][0]["value"] == 0.0289
 
 
-def test_a_headline_shows_the_joint_at_which_an_effect_is() -> None:
-    values = {n: {"low": v - 0.1, "value": v, "high": v + 0.1, "unit": "N m"}
-              for n, v in (("torque_1", 0.05), ("torque_2", 0.6))}  # fmt: skip
+def test_a_headline_shows_the_joint_at_which_an_effect_is_and_no_shape() -> None:
+    shown = (("torque_1", 0.05, "N m"), ("rate_1", 0.5, "rad/s"), ("torque_2", 0.6, "N m"))
+    values = {n: {"low": v - 0.1, "value": v, "high": v + 0.1, "unit": u} for n, v, u in shown}
     effect = {"name": "dry_friction", "of": "model", "parameters": values, "confidence": 0.9}
     said = headline(verdict_of(verdict="named", effects=[effect]))
     assert said.startswith("dry_friction: torque 2 0.6")
