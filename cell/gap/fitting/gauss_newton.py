@@ -144,7 +144,7 @@ class Estimate:
         return self.point.shared
 
     @property
-    def stand_ins(self) -> list[Candidate]:
+    def proxies(self) -> list[Candidate]:
         """Effects whose fitted law is not their own: they stand in for what the library lacks."""
         values = self.model.split(self.shared)[1]
         return [effect for effect in self.model.effects if not effect.is_own(values[effect.name])]

@@ -348,7 +348,8 @@ def degrees_of_freedom(estimate: Estimate, inefficiency: float, scatter: Sequenc
             for side in (1.0, -1.0)
         )
         uncertainty += ((more - less) / (2.0 * LOG_STEP) * spread.error) ** 2
-    return np.clip(2.0 * variance**2 / np.maximum(uncertainty, 1e-300), LEAST_FREEDOM, MOST_FREEDOM)
+    least = np.maximum(2.0 * variance**2 / MOST_FREEDOM, np.finfo(float).tiny)
+    return np.maximum(2.0 * variance**2 / np.maximum(uncertainty, least), LEAST_FREEDOM)
 
 
 def _variance(estimate: Estimate, inefficiency: float, factors: dict[str, float]) -> Array:

@@ -138,7 +138,7 @@ def _describe_rest(findings: Findings, verdict: Verdict) -> str:
     rest = verdict.unexplained
     description = rest.description if rest is not None else ""
     accepted = findings.accepted.estimate
-    part = accepted.model.effects and not accepted.stand_ins
+    part = accepted.model.effects and not accepted.proxies
     tried = f"; {accepted.model.name} explains a part but not all of it" if part else ""
     return capitalised(f"{description}: no effect of the library accounts for it{tried}.")
 

@@ -68,7 +68,7 @@ def rivals(accepted: CrossValidatedFit, fits: Fits, sets: Posterior) -> list[Cro
         clear = max(MIN_GAIN, np.sqrt(len(by_run)) * by_run.std())
         return lead > least or bool(by_run.sum() < clear)
 
-    others = [m for m in fits.of_size(len(accepted.model.names)) if not m.estimate.stand_ins]
+    others = [m for m in fits.of_size(len(accepted.model.names)) if not m.estimate.proxies]
     return sorted(
         (m for m in others if m is not accepted and is_open(m)),
         key=lambda m: -sets.lead(m.model.names),

@@ -59,7 +59,7 @@ def verdict(findings: Findings, runtime: float, simulations: int) -> Verdict:
             confidence=probability(findings, e.name),
         )
         for e in findings.separable
-        if e not in findings.accepted.estimate.stand_ins
+        if e not in findings.accepted.estimate.proxies
     ]
     return Verdict(
         verdict=verdict_kind,

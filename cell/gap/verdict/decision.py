@@ -41,7 +41,7 @@ ALIKE = 0.9  # cosine of two responses above which one cannot be told from the o
 def decide(findings: Findings) -> Kind:
     """Kind of verdict that the findings support: named, ambiguous, unexplained or no gap."""
     if not credible_effects(findings):
-        stands_in = bool(findings.accepted.estimate.stand_ins)
+        stands_in = bool(findings.accepted.estimate.proxies)
         return "unexplained" if stands_in or gap_is_there(findings) else "no_gap"
     return "named" if named_effects(findings) else "ambiguous"
 
@@ -57,7 +57,7 @@ def credible_effects(findings: Findings) -> list[Candidate]:
 
     None beside one that stands in for another law: what that law is may change the others.
     """
-    if _failed_prediction(findings) or findings.accepted.estimate.stand_ins:
+    if _failed_prediction(findings) or findings.accepted.estimate.proxies:
         return []
     return [e for e in findings.accepted.model.effects if probability(findings, e.name) >= LEAST]
 
@@ -205,7 +205,7 @@ def reasons(findings: Findings) -> list[str]:
     ]
     words += [
         f"{effect.name} has a shape by which it stands in for another law"
-        for effect in fit.stand_ins
+        for effect in fit.proxies
     ]
     if fit.model.effects and (failed := _failed_prediction(findings)):
         words.append(failed)

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.gap.fitting.reml import SMALLEST, covariance, reml_spreads
+from cell.gap.fitting.reml import SMALLEST, covariance, degrees_of_freedom, reml_spreads
 from cell.gap.subject.subject import Request, Residuals
 from cell.gap.verdict.compose import intervals
 from drivers.strip.effects.effect import Parameter
@@ -104,3 +104,7 @@ def test_common_error_does_not_average_out_over_runs() -> None:
     few, many = (fitted(telling(Curves(nothing, repeats=n))) for n in (1, 4))
     widths = [np.sqrt(covariance(fit, 1.0)[1, 1]) for fit in (few, many)]
     assert widths == pytest.approx([SIGMA, SIGMA], rel=0.05)
+
+
+def test_variances_without_error_have_the_most_degrees_of_freedom() -> None:
+    assert degrees_of_freedom(fitted(Curves(nothing)), 1e12, ()) == pytest.approx(1e6)
