@@ -8,7 +8,7 @@ from tests.support.docstrings import shapeless, silent
 from tests.support.rooms import ROOT, edges, floor_room, imports, ladder, lines, modules
 
 NOTES = ROOT / "tests" / "lab" / "notes"
-PRODUCT_LINES, PRODUCT_MODULES, TEST_LINES = 62_602, 401, 37_524
+PRODUCT_LINES, PRODUCT_MODULES, TEST_LINES = 62_601, 401, 37_524
 LONGEST_MODULE = 500  # lines
 
 

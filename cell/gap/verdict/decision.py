@@ -204,8 +204,7 @@ def reasons(findings: Findings) -> list[str]:
         if sets.names == fit.model.names and nats > 0.0
     ]
     words += [
-        f"{effect.name} has a shape by which it stands in for another law"
-        for effect in fit.proxies
+        f"{effect.name} has a shape by which it stands in for another law" for effect in fit.proxies
     ]
     if fit.model.effects and (failed := _failed_prediction(findings)):
         words.append(failed)
