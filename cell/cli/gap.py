@@ -373,9 +373,9 @@ def _next_command(verdict: "Verdict", out: Path, option: str, *, law: bool) -> s
         return f"cell gap advise {place}"
     if law and not verdict.suspected:
         return f"cell gap accept {place} {option} --law   (a description, no name)"
-    if verdict.verdict == "unexplained" or any("held-out runs (" in n for n in verdict.notes):
+    if verdict.verdict == "unexplained":
         return f"open {out / 'report.html'}: where it sits, and what stands beside it"
-    return f"cell fold {option}" if option.startswith("--strip") else "nothing: the model holds"
+    return f"cell fold {option}" if option.startswith("--strip") else "nothing to accept"
 
 
 def _cell_file(model: Path | None, configs: Path | None) -> Path | None:

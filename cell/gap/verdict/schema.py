@@ -88,7 +88,7 @@ class Gap(Entry):
         It names the quantities that grow beyond their noise.
         """
         if not self.before["excess"]:
-            return "held-out runs show no gap with the refitted file; fitted runs or values do"
+            return "held-out runs show no gap with the refitted file"
         grown = [k for k, v in self.floor.items() if self.after[k] > max(v, self.before[k])]
         return (
             f"beyond noise, held-out runs lie {self.before['excess']:.2g} sigma off with the "
