@@ -1,4 +1,6 @@
-"""ChArUco calibration board: its settings, detection of its corners, its print in true size."""
+"""ChArUco calibration board: its settings, detection of its corners, its print in true
+size.
+"""
 
 from dataclasses import dataclass
 from io import BytesIO
@@ -24,11 +26,13 @@ DICTIONARY = cv2.aruco.DICT_5X5_100
 
 
 class BoardSettings(Settings):
-    """Settings of the printed ChArUco board, the required views and the acceptance criteria.
+    """Settings of the printed ChArUco board, the required views and the acceptance
+    criteria.
 
-    `square` and `marker` are side lengths [m]; `rows` must be odd (older patterns with even rows
-    show markers and no corners). `sizes` are the board's width over the image's, far and near;
-    `lean` the largest tilt [rad]; ranges are fractions of the image.
+    `square` and `marker` are side lengths [m]; `rows` must be odd (older patterns with
+    even rows show markers and no corners). `sizes` are the board's width over the
+    image's, far and near; `lean` the largest tilt [rad]; ranges are fractions of the
+    image.
     """
 
     columns: Squares = 9
@@ -38,9 +42,11 @@ class BoardSettings(Settings):
     sizes: tuple[float, float] = (0.31, 0.40)
     lean: float = Field(radians(32), ge=radians(10), le=radians(50))
     corners: int = Field(16, ge=6)  # that a view must show
-    smallest: float = Field(14.0, gt=4)  # px, side of a marker, below which corners are coarse
+    # px, side of a marker, below which corners are coarse
+    smallest: float = Field(14.0, gt=4)
     still: float = Field(0.6, gt=0, le=5)  # px between two images of a board at rest
-    distinct: float = Field(15.0, gt=0)  # px by which a view must differ from every other
+    # px by which a view must differ from every other
+    distinct: float = Field(15.0, gt=0)
     range_x: float = Field(0.5, gt=0, le=1)  # of the views' centres
     range_y: float = Field(0.3, gt=0, le=1)
     range_size: float = Field(0.08, gt=0, le=1)
@@ -48,13 +54,19 @@ class BoardSettings(Settings):
     views: int = Field(10, ge=6)
     tilted: float = Field(radians(15), gt=0)  # rad from which a view counts as tilted
     tilted_views: int = Field(2, ge=1)  # that must lean to each of the four sides
-    covered: float = Field(0.8, gt=0, le=1)  # share of image cells that corners must reach
+    # share of image cells that corners must reach
+    covered: float = Field(0.8, gt=0, le=1)
     rms: float = Field(0.6, gt=0, le=5)  # px allowed
-    focal: float = Field(0.005, gt=0, le=0.1)  # of the focal length, its allowed deviation
-    split: float = Field(0.02, gt=0, le=0.2)  # allowed difference in focal length of two halves
-    bow_mm: float = Field(0.3, gt=0, le=5)  # by which the board may be bent, peak to peak
-    length: float = Field(0.005, gt=0, le=0.05)  # allowed error of the printed length, its share
-    patience: int = Field(3, ge=1, le=50)  # refused images at one pose before it is given up
+    # of the focal length, its allowed deviation
+    focal: float = Field(0.005, gt=0, le=0.1)
+    # allowed difference in focal length of two halves
+    split: float = Field(0.02, gt=0, le=0.2)
+    # by which the board may be bent, peak to peak
+    bow_mm: float = Field(0.3, gt=0, le=5)
+    # allowed error of the printed length, its share
+    length: float = Field(0.005, gt=0, le=0.05)
+    # refused images at one pose before it is given up
+    patience: int = Field(3, ge=1, le=50)
 
     @property
     def width(self) -> float:
@@ -62,15 +74,26 @@ class BoardSettings(Settings):
         return self.columns * self.square
 
     def outline(self) -> Array:
-        """Outer corners (4, 2) [m] of the board's pattern, clockwise from top left, y down."""
-        return np.array([(0, 0), (1, 0), (1, 1), (0, 1)]) * (self.width, self.rows * self.square)
+        """Outer corners (4, 2) [m] of the board's pattern, clockwise from top left, y
+        down.
+        """
+        return np.array([(0, 0), (1, 0), (1, 1), (0, 1)]) * (
+            self.width,
+            self.rows * self.square,
+        )
 
     def board(self) -> cv2.aruco.CharucoBoard:
-        """OpenCV's object of the calibration board; ConfigurationError for impossible sizes."""
+        """OpenCV's object of the calibration board; ConfigurationError for impossible
+        sizes.
+        """
         if self.rows % 2 == 0:
-            raise ConfigurationError(f"board: rows: is {self.rows}, must be odd; print another")
+            raise ConfigurationError(
+                f"board: rows: is {self.rows}, must be odd; print another"
+            )
         if self.marker >= self.square:
-            raise ConfigurationError("board: marker: must be smaller than square; measure both")
+            raise ConfigurationError(
+                "board: marker: must be smaller than square; measure both"
+            )
         dictionary = cv2.aruco.getPredefinedDictionary(DICTIONARY)
         return cv2.aruco.CharucoBoard(
             (self.columns, self.rows), self.square, self.marker, dictionary
@@ -79,26 +102,34 @@ class BoardSettings(Settings):
 
 @dataclass(frozen=True, slots=True)
 class BoardView:
-    """Board corners detected in one view: `ids` (n,), `board` (n, 3) [m], `image` (n, 2) [px]."""
+    """Board corners detected in one view: `ids` (n,), `board` (n, 3) [m], `image` (n,
+    2) [px].
+    """
 
     ids: Array
     board: Array
     image: Array
 
     def distance(self, other: "BoardView") -> float:
-        """Median distance [px] of the corners seen in this view and in `other`; inf without any."""
+        """Median distance [px] of the corners seen in this view and in `other`; inf
+        without any.
+        """
         _, mine, others = np.intersect1d(self.ids, other.ids, return_indices=True)
         if len(mine) == 0:
             return float("inf")
         return float(np.median(np.hypot(*(self.image[mine] - other.image[others]).T)))
 
     def tilt(self, lens: Lens) -> tuple[float, float]:
-        """Two angles [rad] by which the board's top and right edge lean away from the camera."""
+        """Two angles [rad] by which the board's top and right edge lean away from the
+        camera.
+        """
         rotation = cv2.Rodrigues(self._board_pose(lens)[0])[0]
         return float(np.arcsin(-rotation[2, 1])), float(np.arcsin(rotation[2, 0]))
 
     def depth(self, lens: Lens) -> float:
-        """Distance [m] from the camera to the mean of the corners, along the optical axis."""
+        """Distance [m] from the camera to the mean of the corners, along the optical
+        axis.
+        """
         rotation, shift = self._board_pose(lens)
         middle = cv2.Rodrigues(rotation)[0] @ self.board.mean(axis=0) + shift.ravel()
         return float(middle[2])
@@ -111,7 +142,9 @@ class BoardView:
 
 @dataclass(frozen=True, slots=True)
 class BoardDetection:
-    """Detection of the board in an image: `view` or None, number of `markers`, mean `side` [px]."""
+    """Detection of the board in an image: `view` or None, number of `markers`, mean
+    `side` [px].
+    """
 
     view: BoardView | None
     markers: int
@@ -126,14 +159,19 @@ class BoardDetection:
 def find_board(
     image: Image, detector: cv2.aruco.CharucoDetector, board: cv2.aruco.CharucoBoard
 ) -> BoardDetection:
-    """Detect `board` in `image` (h, w, 3): its corners, if any, and number and size of markers."""
+    """Detect `board` in `image` (h, w, 3): its corners, if any, and number and size of
+    markers.
+    """
     corners, ids, outlines, marks = detector.detectBoard(image)
     markers = 0 if marks is None else len(marks)
     side = 0.0
     if markers:
         outline = np.asarray(outlines, dtype=np.float64).reshape(-1, 4, 2)
-        side = float(np.linalg.norm(outline - np.roll(outline, 1, axis=1), axis=2).mean())
-    if ids is None or board.checkCharucoCornersCollinear(ids):  # no homography from those
+        side = float(
+            np.linalg.norm(outline - np.roll(outline, 1, axis=1), axis=2).mean()
+        )
+    # no homography from those
+    if ids is None or board.checkCharucoCornersCollinear(ids):
         return BoardDetection(None, markers, side)
     on_board, in_image = board.matchImagePoints(corners, ids)
     view = BoardView(
@@ -144,17 +182,25 @@ def find_board(
     return BoardDetection(view, markers, side)
 
 
-PAPERS = {"A4": (297.0, 210.0), "A3": (420.0, 297.0), "A2": (594.0, 420.0), "A1": (841.0, 594.0)}
+PAPERS = {
+    "A4": (297.0, 210.0),
+    "A3": (420.0, 297.0),
+    "A2": (594.0, 420.0),
+    "A1": (841.0, 594.0),
+}
 QUIET_ZONE = 0.5  # squares of white around the pattern
 FOOT = 16.0  # mm under the pattern, for the ruler and the instructions
-SQUARE_PX = 420  # px of a square, a multiple of the 7 modules of a marker: its edges stay sharp
+# px of a square, a multiple of the 7 modules of a marker: its edges stay sharp
+SQUARE_PX = 420
 PLATE_MM = 14.0  # mm, radius of the pointer's dark plate
 DISC_MM = 5.0  # mm, radius of its bright disc
 INCHES_PER_MM = 1 / 25.4  # inches
 
 
 def smallest_sheet(settings: BoardSettings) -> str:
-    """Name, one of PAPERS, of the smallest paper for the board; or ConfigurationError."""
+    """Name, one of PAPERS, of the smallest paper for the board; or
+    ConfigurationError.
+    """
     square = 1e3 * settings.square
     wide = (settings.columns + 2 * QUIET_ZONE) * square
     high = (settings.rows + 2 * QUIET_ZONE) * square + FOOT
@@ -162,12 +208,15 @@ def smallest_sheet(settings: BoardSettings) -> str:
         if wide <= width and high <= height:
             return name
     raise ConfigurationError(
-        f"board: {wide:.0f} x {high:.0f} mm fit on no sheet up to A1; make the squares smaller"
+        f"board: {wide:.0f} x {high:.0f} mm fit on no sheet up to A1; make the squares"
+        " smaller"
     )
 
 
 def board_figures(settings: BoardSettings) -> "tuple[Figure, Figure]":
-    """Matplotlib figures in true size: the page of the board and the page of the pointer."""
+    """Matplotlib figures in true size: the page of the board and the page of the
+    pointer.
+    """
     sheet = smallest_sheet(settings)
     width, height = PAPERS[sheet]
     page, axes = _blank_page(width, height)
@@ -178,14 +227,17 @@ def board_figures(settings: BoardSettings) -> "tuple[Figure, Figure]":
     pixels = (settings.columns * SQUARE_PX, settings.rows * SQUARE_PX)
     pattern = settings.board().generateImage(pixels)
     extent = (left, left + wide, bottom, top)
-    axes.imshow(pattern, cmap="gray", interpolation="none", extent=extent, aspect="auto")
+    axes.imshow(
+        pattern, cmap="gray", interpolation="none", extent=extent, aspect="auto"
+    )
     axes.set(xlim=(0, width), ylim=(0, height))
     _draw_ruler(axes, settings, left, bottom - 6.0, sheet)
     return page, _pointer_page()
 
 
 def print_board(settings: BoardSettings, path: Path) -> str:
-    """Write the board as a PDF in true size to the new file `path`; returns the paper's name.
+    """Write the board as a PDF in true size to the new file `path`; returns the paper's
+    name.
 
     Raises ConfigurationError where the file cannot be written or exists already.
     """
@@ -206,7 +258,9 @@ def print_board(settings: BoardSettings, path: Path) -> str:
 
 
 def _blank_page(width: float, height: float) -> tuple["Figure", Any]:
-    """An empty figure and its axes, in millimetres from the sheet's lower left corner."""
+    """An empty figure and its axes, in millimetres from the sheet's lower left
+    corner.
+    """
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(width * INCHES_PER_MM, height * INCHES_PER_MM))
@@ -217,16 +271,21 @@ def _blank_page(width: float, height: float) -> tuple["Figure", Any]:
     return figure, axes
 
 
-def _draw_ruler(axes: Any, settings: BoardSettings, left: float, y: float, name: str) -> None:
-    """Draw a line as long as the board is wide, to check with a ruler, and instructions."""
+def _draw_ruler(
+    axes: Any, settings: BoardSettings, left: float, y: float, name: str
+) -> None:
+    """Draw a line as long as the board is wide, to check with a ruler, and
+    instructions.
+    """
     length = 1e3 * settings.width
     axes.plot([left, left + length], [y, y], color="black", linewidth=0.4)
     for end in (left, left + length):
         axes.plot([end, end], [y - 2, y + 2], color="black", linewidth=0.4)
     words = (
-        f"Print on {name} at 100 %, glue it on something flat and stiff. Measure this line: "
-        f"{length:.1f} mm. ChArUco {settings.columns} x {settings.rows}, "
-        f"squares {1e3 * settings.square:g} mm, markers {1e3 * settings.marker:g} mm, DICT_5X5_100."
+        f"Print on {name} at 100 %, glue it on something flat and stiff. Measure this"
+        f" line: {length:.1f} mm. ChArUco {settings.columns} x {settings.rows}, squares"
+        f" {1e3 * settings.square:g} mm, markers {1e3 * settings.marker:g} mm,"
+        " DICT_5X5_100."
     )
     axes.text(left, y - 6.0, words, fontsize=6.5, va="center")
 
@@ -239,9 +298,10 @@ def _pointer_page() -> "Figure":
     axes.add_patch(Circle((60, 150), PLATE_MM, facecolor="black", linewidth=0))
     axes.add_patch(Circle((60, 150), DISC_MM, facecolor="white", linewidth=0))
     words = (
-        "The pointer: cut out the black plate, glue it to a pin that the fingers hold,\n"
-        "its disc's centre where the gripper grasps, its face in the plane of the strip's\n"
-        f"near edge. The plate measures {2 * PLATE_MM:.0f} mm, the disc {2 * DISC_MM:.0f} mm."
+        "The pointer: cut out the black plate, glue it to a pin that the fingers"
+        " hold,\nits disc's centre where the gripper grasps, its face in the plane of"
+        f" the strip's\nnear edge. The plate measures {2 * PLATE_MM:.0f} mm, the disc"
+        f" {2 * DISC_MM:.0f} mm."
     )
     axes.text(85, 150, words, fontsize=9, va="center")
     return page

@@ -1,4 +1,6 @@
-"""Camera calibration: lens, map to the strip's plane, and their quality, in one file."""
+"""Camera calibration: lens, map to the strip's plane, and their quality, in one
+file.
+"""
 
 import hashlib
 import json
@@ -25,14 +27,16 @@ KEYWORDS = ("residual_mm", "date", "camera", "latency", *OPTIONAL_KEYS)
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """Calibration of a camera at one pose: lens and map to the plane of the strip's near edge.
+    """Calibration of a camera at one pose: lens and map to the plane of the strip's
+    near edge.
 
-    `residual_mm` is the rms distance at touched points that the fit did not use, `latency` [s] how
-    much earlier than its stamp an image shows the world, `contact_bias` [m] the additional offset
-    of contact_x, `date` ISO 8601, `camera` the identity of its device, `locks` the locked control
-    values, `landmarks` image patches that reveal a moved camera, `accepted_anyway` the reasons for
-    which the wizard refused it, if it was accepted nevertheless. `id` is the hash of all of this
-    but the date: calibrating the twin again gives the same id.
+    `residual_mm` is the rms distance at touched points that the fit did not use,
+    `latency` [s] how much earlier than its stamp an image shows the world,
+    `contact_bias` [m] the additional offset of contact_x, `date` ISO 8601, `camera` the
+    identity of its device, `locks` the locked control values, `landmarks` image patches
+    that reveal a moved camera, `accepted_anyway` the reasons for which the wizard
+    refused it, if it was accepted nevertheless. `id` is the hash of all of this but the
+    date: calibrating the twin again gives the same id.
     """
 
     lens: Lens
@@ -50,15 +54,21 @@ class Calibration:
 
     @property
     def residual(self) -> float:
-        """Rms error [m] of the calibration at touched points that the fit did not use."""
+        """Rms error [m] of the calibration at touched points that the fit did not
+        use.
+        """
         return 1e-3 * self.residual_mm
 
     def to_plane(self, pixels: Array) -> Array:
-        """Points (n, 2) x, z [m] in the near edge's plane of raw image points `pixels` (n, 2)."""
+        """Points (n, 2) x, z [m] in the near edge's plane of raw image points `pixels`
+        (n, 2).
+        """
         return self.homography.to_plane(self.lens.undistort(pixels))
 
     def to_image(self, points: Array) -> Array:
-        """Raw image points (n, 2) [px] of `points` (n, 2) x, z [m] in the near edge's plane."""
+        """Raw image points (n, 2) [px] of `points` (n, 2) x, z [m] in the near edge's
+        plane.
+        """
         return self.lens.distort(self.homography.to_image(points))
 
 
@@ -79,14 +89,20 @@ class CalibrationFile(Settings):
     accepted_anyway: tuple[str, ...] = ()
 
     def content(self) -> dict[str, Any]:
-        """Content of the calibration file as a plain mapping for YAML, without empty values."""
+        """Content of the calibration file as a plain mapping for YAML, without empty
+        values.
+        """
         left_out = {key for key in OPTIONAL_KEYS if not getattr(self, key)}
         return self.model_dump(mode="json", by_alias=True, exclude=left_out)
 
     def calibration(self, origin: str) -> Calibration:
-        """Calibration read from this file; ConfigurationError if it contradicts its id."""
+        """Calibration read from this file; ConfigurationError if it contradicts its
+        id.
+        """
         lens = self.lens.lens(f"{origin}: lens")
-        homography = Homography.from_matrix(self.homography.array((3, 3), f"{origin}: homography"))
+        homography = Homography.from_matrix(
+            self.homography.array((3, 3), f"{origin}: homography")
+        )
         expected = _digest(self.content())
         if self.id != expected:
             raise ConfigurationError(
@@ -111,13 +127,19 @@ def make_calibration(lens: Lens, homography: Homography, **facts: Any) -> Calibr
 
 
 def change_calibration(calibration: Calibration, **facts: Any) -> Calibration:
-    """Copy of `calibration` with changed `facts`, as `make_calibration` takes, and a new id."""
-    values = {name: getattr(calibration, name) for name in ("lens", "homography", *KEYWORDS)}
+    """Copy of `calibration` with changed `facts`, as `make_calibration` takes, and a
+    new id.
+    """
+    values = {
+        name: getattr(calibration, name) for name in ("lens", "homography", *KEYWORDS)
+    }
     return make_calibration(**values | facts)
 
 
 def save_calibration(calibration: Calibration, path: Path) -> None:
-    """Write `calibration` to `path` atomically; ConfigurationError where that is not possible."""
+    """Write `calibration` to `path` atomically; ConfigurationError where that is not
+    possible.
+    """
     facts = {name: getattr(calibration, name) for name in KEYWORDS}
     file = _signed_file(calibration.lens, calibration.homography, facts)
     content = dump_yaml(file.content())
@@ -125,15 +147,21 @@ def save_calibration(calibration: Calibration, path: Path) -> None:
 
 
 def load_calibration(path: Path) -> Calibration:
-    """Read the calibration at `path`; ConfigurationError for a missing, broken or changed file."""
+    """Read the calibration at `path`; ConfigurationError for a missing, broken or
+    changed file.
+    """
     if not path.exists():
         remedy = "name another, or make one with `cell calibrate homography --use`"
         raise ConfigurationError(f"{path}: there is no calibration; {remedy}")
     return load(path, CalibrationFile).calibration(str(path))
 
 
-def _signed_file(lens: Lens, homography: Homography, facts: Mapping[str, Any]) -> CalibrationFile:
-    """Content of a calibration file from lens, map and `facts`, with the id of this content."""
+def _signed_file(
+    lens: Lens, homography: Homography, facts: Mapping[str, Any]
+) -> CalibrationFile:
+    """Content of a calibration file from lens, map and `facts`, with the id of this
+    content.
+    """
     unsigned = CalibrationFile(
         schema=1,
         id="",
@@ -145,6 +173,8 @@ def _signed_file(lens: Lens, homography: Homography, facts: Mapping[str, Any]) -
 
 
 def _digest(content: dict[str, Any]) -> str:
-    """Id of a calibration: twelve digits of the hash of its `content` but for its date."""
+    """Id of a calibration: twelve digits of the hash of its `content` but for its
+    date.
+    """
     signed = {key: value for key, value in content.items() if key not in {"id", "date"}}
     return hashlib.sha256(json.dumps(signed, sort_keys=True).encode()).hexdigest()[:12]

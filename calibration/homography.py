@@ -13,40 +13,55 @@ from drivers.types import Array, frozen
 
 MINIMUM_POINTS = 12
 MINIMUM_INLIERS = MINIMUM_POINTS * 3 // 4  # that a map must fit
-SMALLEST_DETERMINANT = 1e-18  # of a matrix from pixels to metres, under which it is singular
+# of a matrix from pixels to metres, under which it is singular
+SMALLEST_DETERMINANT = 1e-18
 RANSAC_THRESHOLD = 1.5  # px, RANSAC on millimetres to pixels
 
 
 @dataclass(frozen=True, slots=True)
 class Homography:
-    """Homography from undistorted pixels to x, z [m], by `matrix` (3, 3), and its `inverse`."""
+    """Homography from undistorted pixels to x, z [m], by `matrix` (3, 3), and its
+    `inverse`.
+    """
 
     matrix: Array
     inverse: Array
 
     @classmethod
     def from_matrix(cls, matrix: Array) -> Self:
-        """Homography with `matrix` (3, 3), pixels to metres; or ConfigurationError if singular."""
+        """Homography with `matrix` (3, 3), pixels to metres; or ConfigurationError if
+        singular.
+        """
         scaled = np.asarray(matrix, dtype=np.float64)
-        if not np.isfinite(scaled).all() or abs(np.linalg.det(scaled)) < SMALLEST_DETERMINANT:
-            raise ConfigurationError("homography: the matrix is singular; calibrate again")
+        if (
+            not np.isfinite(scaled).all()
+            or abs(np.linalg.det(scaled)) < SMALLEST_DETERMINANT
+        ):
+            raise ConfigurationError(
+                "homography: the matrix is singular; calibrate again"
+            )
         return cls(frozen(scaled), frozen(np.linalg.inv(scaled)))
 
     def to_plane(self, pixels: Array) -> Array:
-        """Points (n, 2) x, z [m] in the plane of the near edge at undistorted `pixels` (n, 2)."""
+        """Points (n, 2) x, z [m] in the plane of the near edge at undistorted `pixels`
+        (n, 2).
+        """
         return transform(self.matrix, pixels)
 
     def to_image(self, points: Array) -> Array:
-        """Undistorted pixels (n, 2) of `points` (n, 2) x, z [m] in the plane of the near edge."""
+        """Undistorted pixels (n, 2) of `points` (n, 2) x, z [m] in the plane of the
+        near edge.
+        """
         return transform(self.inverse, points)
 
 
 @dataclass(frozen=True, slots=True)
 class Viewpoint:
-    """Centre of the camera in the cell frame [m]: x, z, and `distance` from the near edge's plane.
+    """Centre of the camera in the cell frame [m]: x, z, and `distance` from the near
+    edge's plane.
 
-    Lines along y meet in the image at the picture of (x, z): a curve at depth y appears in the
-    plane moved towards (x, z) by the share y / (distance + y).
+    Lines along y meet in the image at the picture of (x, z): a curve at depth y appears
+    in the plane moved towards (x, z) by the share y / (distance + y).
     """
 
     x: float
@@ -54,30 +69,41 @@ class Viewpoint:
     distance: float
 
     def foot(self) -> Array:
-        """Point (2,) x, z [m] of the plane nearest to the camera, where lines along y meet."""
+        """Point (2,) x, z [m] of the plane nearest to the camera, where lines along y
+        meet.
+        """
         return np.array([self.x, self.z])
 
     def sweep(self, depth: float) -> float:
-        """Fraction by which a point `depth` [m] behind the plane appears moved towards `foot`."""
+        """Fraction by which a point `depth` [m] behind the plane appears moved towards
+        `foot`.
+        """
         return depth / (self.distance + depth)
 
 
-def fit_homography(pixels: Array, points: Array) -> tuple[Homography, NDArray[np.bool_]]:
-    """Fit a homography to undistorted `pixels` (n, 2) of touched `points` (n, 2) x, z [m].
+def fit_homography(
+    pixels: Array, points: Array
+) -> tuple[Homography, NDArray[np.bool_]]:
+    """Fit a homography to undistorted `pixels` (n, 2) of touched `points` (n, 2) x, z
+    [m].
 
-    Also returns the mask (n,) of inliers. RANSAC from millimetres to pixels at 1.5 px, then a refit
-    to the inliers. Raises ConfigurationError for fewer than twelve points, or points that determine
-    no map.
+    Also returns the mask (n,) of inliers. RANSAC from millimetres to pixels at 1.5 px,
+    then a refit to the inliers. Raises ConfigurationError for fewer than twelve points,
+    or points that determine no map.
     """
     if len(points) < MINIMUM_POINTS:
         raise ConfigurationError(
-            f"homography: {len(points)} touched points, at least {MINIMUM_POINTS} are needed; "
-            "touch more"
+            f"homography: {len(points)} touched points, at least {MINIMUM_POINTS} are"
+            " needed; touch more"
         )
     millimetres = 1e3 * np.asarray(points, dtype=np.float64)
-    to_pixels, mask = cv2.findHomography(millimetres, pixels, cv2.RANSAC, RANSAC_THRESHOLD)
+    to_pixels, mask = cv2.findHomography(
+        millimetres, pixels, cv2.RANSAC, RANSAC_THRESHOLD
+    )
     if to_pixels is None:
-        raise ConfigurationError("homography: the touched points determine no map; spread them")
+        raise ConfigurationError(
+            "homography: the touched points determine no map; spread them"
+        )
     inliers = np.ravel(mask).astype(bool)
     if inliers.sum() < MINIMUM_INLIERS:
         raise ConfigurationError(
@@ -92,22 +118,30 @@ def fit_homography(pixels: Array, points: Array) -> tuple[Homography, NDArray[np
 
 
 def viewpoint(lens: Lens, homography: Homography) -> Viewpoint:
-    """Position of the camera, from lens and homography; ConfigurationError where they disagree."""
+    """Position of the camera, from lens and homography; ConfigurationError where they
+    disagree.
+    """
     shares = np.array([(u, v) for u in (0.1, 0.5, 0.9) for v in (0.1, 0.5, 0.9)])
     pixels = shares * (lens.width, lens.height)
     plane = homography.to_plane(pixels)
     world = np.column_stack([plane[:, 0], np.zeros(len(plane)), plane[:, 1]])
     solved, rotation, translation = cv2.solvePnP(world, pixels, lens.matrix, None)
     if not solved:
-        raise ConfigurationError("homography: lens and map contradict each other; do both again")
+        raise ConfigurationError(
+            "homography: lens and map contradict each other; do both again"
+        )
     centre = -cv2.Rodrigues(rotation)[0].T @ translation.ravel()
     if not centre[1] < 0:
-        raise ConfigurationError("homography: the camera looks from behind; check the y-axis")
+        raise ConfigurationError(
+            "homography: the camera looks from behind; check the y-axis"
+        )
     return Viewpoint(float(centre[0]), float(centre[2]), float(-centre[1]))
 
 
 def transform(matrix: Array, points: Array) -> Array:
-    """Images (n, 2) of plane `points` (n, 2) under the projective map with `matrix` (3, 3)."""
+    """Images (n, 2) of plane `points` (n, 2) under the projective map with `matrix` (3,
+    3).
+    """
     flat = np.asarray(points, dtype=np.float64).reshape(-1, 2)
     mapped = flat @ matrix[:, :2].T + matrix[:, 2]
     return np.asarray(mapped[:, :2] / mapped[:, 2:], dtype=np.float64)

@@ -1,4 +1,6 @@
-"""Detection of a moved camera by landmarks: the finger tip at a known pose, the desk's edge."""
+"""Detection of a moved camera by landmarks: the finger tip at a known pose, the desk's
+edge.
+"""
 
 from base64 import b64decode, b64encode
 from collections.abc import Sequence
@@ -19,7 +21,8 @@ from drivers.types import Array, Frame, Image, Pose
 
 TIP_SIDE, DESK_SIDE = 96, 28  # px, sides of the patches
 SEARCH_RADIUS = 40  # px around a landmark's old position in which it is searched
-DESK_HEIGHTS = (0.010, 0.060)  # m, z over which the desk's edge is searched, above a lying strip
+# m, z over which the desk's edge is searched, above a lying strip
+DESK_HEIGHTS = (0.010, 0.060)
 DESK_RANGE = (0.05, 0.55)  # m, x over which patches of the desk's edge lie
 DESK_PATCHES = 7
 EDGE_ROWS = 4  # px over which the brightness changes at an edge
@@ -28,9 +31,11 @@ MATCH_CORRELATION = 0.6  # correlation from which a landmark counts as found
 
 
 class LandmarkSettings(Settings):
-    """Pose of the empty hand for landmarks, x, z [m], pitch [rad], and the allowed shift [mm].
+    """Pose of the empty hand for landmarks, x, z [m], pitch [rad], and the allowed
+    shift [mm].
 
-    The hand must be in the image and clear of strips; the pose is the same for all strips.
+    The hand must be in the image and clear of strips; the pose is the same for all
+    strips.
     """
 
     x: float = Field(0.42, ge=-0.5, le=2.0)
@@ -45,7 +50,9 @@ class LandmarkSettings(Settings):
 
 
 class Landmark(Settings):
-    """Landmark: a square image patch, with its kind, top left corner [px], grey levels as PNG."""
+    """Landmark: a square image patch, with its kind, top left corner [px], grey levels
+    as PNG.
+    """
 
     kind: Literal["tip", "desk"]
     left: int = Field(ge=0)
@@ -53,22 +60,34 @@ class Landmark(Settings):
     png: str  # base64
 
     @classmethod
-    def cut(cls, kind: Literal["tip", "desk"], grey: Image, left: int, top: int, side: int) -> Self:
-        """Landmark of `side` [px] at `left`, `top`, cut out of the image `grey` (height, width)."""
+    def cut(
+        cls, kind: Literal["tip", "desk"], grey: Image, left: int, top: int, side: int
+    ) -> Self:
+        """Landmark of `side` [px] at `left`, `top`, cut out of the image `grey`
+        (height, width).
+        """
         _, content = cv2.imencode(".png", grey[top : top + side, left : left + side])
-        return cls(kind=kind, left=left, top=top, png=b64encode(bytes(content)).decode("ascii"))
+        return cls(
+            kind=kind, left=left, top=top, png=b64encode(bytes(content)).decode("ascii")
+        )
 
     def patch(self) -> Image:
-        """Grey levels (side, side) of the landmark; ConfigurationError for a broken PNG."""
+        """Grey levels (side, side) of the landmark; ConfigurationError for a broken
+        PNG.
+        """
         try:
             content = b64decode(self.png, validate=True)
         except ValueError:
             content = b""
         image = None
         if all(0 < side <= LARGEST_SIDE for side in picture_sides(content)):
-            image = cv2.imdecode(np.frombuffer(content, dtype=np.uint8), cv2.IMREAD_GRAYSCALE)
+            image = cv2.imdecode(
+                np.frombuffer(content, dtype=np.uint8), cv2.IMREAD_GRAYSCALE
+            )
         if image is None:
-            raise ConfigurationError("landmarks: png: is not a PNG image; calibrate again")
+            raise ConfigurationError(
+                "landmarks: png: is not a PNG image; calibrate again"
+            )
         return np.asarray(image, dtype=np.uint8)
 
 
@@ -88,9 +107,11 @@ class Landmarks(Settings):
 
 @dataclass(frozen=True, slots=True)
 class CameraShift:
-    """Apparent shift of the landmarks since the calibration, in the plane of the near edge [mm].
+    """Apparent shift of the landmarks since the calibration, in the plane of the near
+    edge [mm].
 
-    `x`, `z` by the tip, `desk` up by the desk's line; NaN where a landmark is not found again.
+    `x`, `z` by the tip, `desk` up by the desk's line; NaN where a landmark is not found
+    again.
     """
 
     x: float
@@ -99,13 +120,18 @@ class CameraShift:
 
     @property
     def distance(self) -> float:
-        """Larger of the shifts [mm] by finger tip and desk that are known; NaN without any."""
+        """Larger of the shifts [mm] by finger tip and desk that are known; NaN without
+        any.
+        """
         shifts = (abs(self.desk), float(np.hypot(self.x, self.z)))
         return max(filter(np.isfinite, shifts), default=float("nan"))
 
 
-def take_landmarks(frame: Frame, pose: Pose, lens: Lens, homography: Homography) -> Landmarks:
-    """Take landmarks from an image (h, w, 3) of the empty hand at rest at `pose`, bare desk.
+def take_landmarks(
+    frame: Frame, pose: Pose, lens: Lens, homography: Homography
+) -> Landmarks:
+    """Take landmarks from an image (h, w, 3) of the empty hand at rest at `pose`, bare
+    desk.
 
     Raises ConfigurationError where the camera does not see the tip.
     """
@@ -115,8 +141,8 @@ def take_landmarks(frame: Frame, pose: Pose, lens: Lens, homography: Homography)
     height, width = grey.shape
     if not (0 <= left <= width - TIP_SIDE and 0 <= top <= height - TIP_SIDE):
         raise ConfigurationError(
-            f"landmarks: the tip at x {pose.x:.2f}, z {pose.z:.2f} m is not in the image; "
-            "choose another pose for it"
+            f"landmarks: the tip at x {pose.x:.2f}, z {pose.z:.2f} m is not in the"
+            " image; choose another pose for it"
         )
     tip = Landmark.cut("tip", grey, left, top, TIP_SIDE)
     along = np.linspace(*DESK_RANGE, DESK_PATCHES).tolist()
@@ -127,7 +153,9 @@ def take_landmarks(frame: Frame, pose: Pose, lens: Lens, homography: Homography)
 def camera_shift(
     frame: Frame, landmarks: Landmarks, lens: Lens, homography: Homography
 ) -> CameraShift:
-    """Shift of `landmarks` in a new image (h, w, 3) of the empty hand, at rest at their pose."""
+    """Shift of `landmarks` in a new image (h, w, 3) of the empty hand, at rest at their
+    pose.
+    """
     grey = grey_of(frame.image)
     shifts: dict[str, list[tuple[float, float]]] = {"tip": [], "desk": []}
     for mark in landmarks.marks:
@@ -139,10 +167,14 @@ def camera_shift(
     return CameraShift(x, z, float(np.median(desk)) if desk else float("nan"))
 
 
-def _desk_patch(grey: Image, x: float, lens: Lens, homography: Homography) -> Landmark | None:
-    """Landmark on the desk's rear edge, above `x` [m] of the strip's near edge in the image.
+def _desk_patch(
+    grey: Image, x: float, lens: Lens, homography: Homography
+) -> Landmark | None:
+    """Landmark on the desk's rear edge, above `x` [m] of the strip's near edge in the
+    image.
 
-    None at the border of the image, or where the contrast of its strongest edge is weak.
+    None at the border of the image, or where the contrast of its strongest edge is
+    weak.
     """
     ends = lens.distort(homography.to_image(np.array([(x, z) for z in DESK_HEIGHTS])))
     (u, low), (_, high) = ends.tolist()
@@ -161,12 +193,17 @@ def _desk_patch(grey: Image, x: float, lens: Lens, homography: Homography) -> La
 
 
 def _find_shift(grey: Image, mark: Landmark) -> tuple[float, float] | None:
-    """Shift (u, v) [px] of a landmark by template matching; None where it is not found."""
+    """Shift (u, v) [px] of a landmark by template matching; None where it is not
+    found.
+    """
     patch = mark.patch()
-    reach_u = SEARCH_RADIUS if mark.kind == "tip" else 0  # a level line hides sideways motion
+    # a level line hides sideways motion
+    reach_u = SEARCH_RADIUS if mark.kind == "tip" else 0
     left, top = max(mark.left - reach_u, 0), max(mark.top - SEARCH_RADIUS, 0)
     side = len(patch)
-    window = grey[top : mark.top + side + SEARCH_RADIUS, left : mark.left + side + reach_u]
+    window = grey[
+        top : mark.top + side + SEARCH_RADIUS, left : mark.left + side + reach_u
+    ]
     if window.shape[0] < side or window.shape[1] < side:
         return None
     place = find_patch(window, patch)
@@ -188,7 +225,9 @@ def find_patch(window: Image, patch: Image) -> Array | None:
 
 
 def _peak(scores: Array, at: int) -> float:
-    """Offset [indices] of the peak of `scores` (n,) from `at`, by a parabola through 3 values."""
+    """Offset [indices] of the peak of `scores` (n,) from `at`, by a parabola through 3
+    values.
+    """
     if not 0 < at < len(scores) - 1:
         return 0.0
     before, peak, after = scores[at - 1 : at + 2].astype(float).tolist()
@@ -199,10 +238,14 @@ def _peak(scores: Array, at: int) -> float:
 def _shift_mm(
     mark: Landmark, shift: Sequence[float], lens: Lens, homography: Homography
 ) -> tuple[float, float]:
-    """Convert the `shift` of a landmark [px] to x, z [mm] in the plane of the near edge."""
+    """Convert the `shift` of a landmark [px] to x, z [mm] in the plane of the near
+    edge.
+    """
     side = TIP_SIDE if mark.kind == "tip" else DESK_SIDE
     middle = np.array([mark.left, mark.top]) + side / 2
-    before, now = homography.to_plane(lens.undistort(np.array([middle, middle + shift])))
+    before, now = homography.to_plane(
+        lens.undistort(np.array([middle, middle + shift]))
+    )
     x, z = 1e3 * (now - before)
     return float(x), float(z)
 

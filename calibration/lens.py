@@ -1,4 +1,6 @@
-"""Lens model (pinhole, Brown distortion), its fit to views of a board, its ROS and OpenCV files."""
+"""Lens model (pinhole, Brown distortion), its fit to views of a board, its ROS and
+OpenCV files.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -54,14 +56,20 @@ class Lens:
         points = np.asarray(pixels, dtype=np.float64).reshape(-1, 2)
         if len(points) == 0:
             return np.empty((0, 2))
-        rays = np.linalg.solve(self.matrix, np.column_stack([points, np.ones(len(points))]).T).T
-        image, _ = cv2.projectPoints(rays, np.zeros(3), np.zeros(3), self.matrix, self.distortion)
+        rays = np.linalg.solve(
+            self.matrix, np.column_stack([points, np.ones(len(points))]).T
+        ).T
+        image, _ = cv2.projectPoints(
+            rays, np.zeros(3), np.zeros(3), self.matrix, self.distortion
+        )
         return np.asarray(image, dtype=np.float64).reshape(-1, 2)
 
 
 @dataclass(frozen=True, slots=True)
 class LensFit:
-    """Fitted lens: rms error [px], rms `per_view` (n,), one sigma of the focal length [px]."""
+    """Fitted lens: rms error [px], rms `per_view` (n,), one sigma of the focal length
+    [px].
+    """
 
     lens: Lens
     rms: float
@@ -75,30 +83,39 @@ def fit_lens(
     size: tuple[int, int],
     fixed: int = cv2.CALIB_FIX_K3,
 ) -> LensFit:
-    """Fit a lens to board corners, per view (m, 3) [m] on the board and (m, 2) [px] in the image.
+    """Fit a lens to board corners, per view (m, 3) [m] on the board and (m, 2) [px] in
+    the image.
 
-    `size` is (width, height) [px], `fixed` are OpenCV's flags of what is not fitted. Raises
-    ConfigurationError for fewer than three views, or corners outside of an image of that size.
+    `size` is (width, height) [px], `fixed` are OpenCV's flags of what is not fitted.
+    Raises ConfigurationError for fewer than three views, or corners outside of an image
+    of that size.
     """
     if len(object_points) < MINIMUM_VIEWS:
         raise ConfigurationError(
-            f"lens: {len(object_points)} board views, at least {MINIMUM_VIEWS} are needed; add more"
+            f"lens: {len(object_points)} board views, at least {MINIMUM_VIEWS} are"
+            " needed; add more"
         )
     _check_inside(np.vstack(list(image_points)), size)
-    rms, matrix, distortion, _, _, deviations, _, per_view = cv2.calibrateCameraExtended(
-        [np.float32(p).reshape(-1, 1, 3) for p in object_points],
-        [np.float32(p).reshape(-1, 1, 2) for p in image_points],
-        size,
-        None,
-        None,
-        flags=fixed,
+    rms, matrix, distortion, _, _, deviations, _, per_view = (
+        cv2.calibrateCameraExtended(
+            [np.float32(p).reshape(-1, 1, 3) for p in object_points],
+            [np.float32(p).reshape(-1, 1, 2) for p in image_points],
+            size,
+            None,
+            None,
+            flags=fixed,
+        )
     )
     lens = Lens(size[0], size[1], frozen(matrix), frozen(np.ravel(distortion)[:5]))
-    return LensFit(lens, float(rms), frozen(np.ravel(per_view)), float(np.ravel(deviations)[0]))
+    return LensFit(
+        lens, float(rms), frozen(np.ravel(per_view)), float(np.ravel(deviations)[0])
+    )
 
 
 def _check_inside(points: Array, size: tuple[int, int]) -> None:
-    """Raise ConfigurationError for `points` (n, 2) [px] outside of an image of `size` [px]."""
+    """Raise ConfigurationError for `points` (n, 2) [px] outside of an image of `size`
+    [px].
+    """
     width, height = size
     u, v = points.max(axis=0)
     if u > width or v > height:
@@ -109,10 +126,11 @@ def _check_inside(points: Array, size: tuple[int, int]) -> None:
 
 
 def checked_lens(lens: Lens, origin: str) -> Lens:
-    """Return `lens` if it is plausible; raises ConfigurationError, naming `origin`, otherwise.
+    """Return `lens` if it is plausible; raises ConfigurationError, naming `origin`,
+    otherwise.
 
-    Focal lengths must be finite and of the order of the image, its centre near the image, the
-    distortion finite and bounded.
+    Focal lengths must be finite and of the order of the image, its centre near the
+    image, the distortion finite and bounded.
     """
     sides = np.array([lens.width, lens.height], dtype=np.float64)
     focal = np.diag(lens.matrix)[:2]
@@ -120,22 +138,40 @@ def checked_lens(lens: Lens, origin: str) -> Lens:
     low, high = np.multiply(FOCAL, sides.max())
     size = f"{lens.width} x {lens.height} px"
     beyond = ~(np.abs(lens.distortion) <= DISTORTION)
-    square_pixels = np.array([[focal[0], 0.0, centre[0]], [0.0, focal[1], centre[1]], [0, 0, 1.0]])
+    square_pixels = np.array(
+        [[focal[0], 0.0, centre[0]], [0.0, focal[1], centre[1]], [0, 0, 1.0]]
+    )
     faults = (  # negated, so that NaN is refused too
-        (sides.max() > LARGEST_SIDE,
-         f"image_width, image_height: are {size}, at most {LARGEST_SIDE}"),
-        (not ((focal >= low) & (focal <= high)).all(),
-         f"camera_matrix: focal lengths are {focal[0]:g} and {focal[1]:g} px, allowed {low:.0f} to "
-         f"{high:.0f} px for this image"),
-        (not ((centre >= -sides) & (centre <= 2.0 * sides)).all(),
-         f"camera_matrix: the centre is u {centre[0]:g}, v {centre[1]:g} px, far outside of an "
-         f"image of {size}"),
-        (not np.array_equal(lens.matrix, square_pixels),
-         "camera_matrix: has no skew and 0, 0, 1 in its last row"),
-        (beyond.any(),
-         f"distortion_coefficients: hold {lens.distortion[np.argmax(beyond)]:g}, allowed "
-         f"-{DISTORTION:g} to {DISTORTION:g}"),
-    )  # fmt: skip
+        (
+            sides.max() > LARGEST_SIDE,
+            f"image_width, image_height: are {size}, at most {LARGEST_SIDE}",
+        ),
+        (
+            not ((focal >= low) & (focal <= high)).all(),
+            (
+                f"camera_matrix: focal lengths are {focal[0]:g} and {focal[1]:g} px,"
+                f" allowed {low:.0f} to {high:.0f} px for this image"
+            ),
+        ),
+        (
+            not ((centre >= -sides) & (centre <= 2.0 * sides)).all(),
+            (
+                f"camera_matrix: the centre is u {centre[0]:g}, v {centre[1]:g} px, far"
+                f" outside of an image of {size}"
+            ),
+        ),
+        (
+            not np.array_equal(lens.matrix, square_pixels),
+            "camera_matrix: has no skew and 0, 0, 1 in its last row",
+        ),
+        (
+            beyond.any(),
+            (
+                f"distortion_coefficients: hold {lens.distortion[np.argmax(beyond)]:g},"
+                f" allowed -{DISTORTION:g} to {DISTORTION:g}"
+            ),
+        ),
+    )
     for wrong, text in faults:
         if wrong:
             raise ConfigurationError(f"{origin}: {text}; calibrate the camera again")
@@ -156,12 +192,18 @@ class MatrixFile(Settings):
     def from_array(cls, matrix: Array) -> Self:
         """File content of a matrix (rows, cols) in ROS format."""
         rows, cols = matrix.shape
-        return cls(rows=rows, cols=cols, data=tuple(float(value) for value in matrix.ravel()))
+        return cls(
+            rows=rows, cols=cols, data=tuple(float(value) for value in matrix.ravel())
+        )
 
     def array(self, shape: tuple[int, int], origin: str) -> Array:
-        """Matrix of a ROS file as an array of `shape`; ConfigurationError for another shape."""
+        """Matrix of a ROS file as an array of `shape`; ConfigurationError for another
+        shape.
+        """
         if (self.rows, self.cols) != shape or len(self.data) != shape[0] * shape[1]:
-            raise ConfigurationError(f"{origin}: must be {shape[0]} x {shape[1]} numbers")
+            raise ConfigurationError(
+                f"{origin}: must be {shape[0]} x {shape[1]} numbers"
+            )
         return frozen(np.reshape(self.data, shape))
 
 
@@ -192,20 +234,26 @@ class CameraFile(Settings):
         )
 
     def lens(self, origin: str) -> Lens:
-        """Lens in a camera_info file; ConfigurationError for wrong shapes, implausible numbers."""
+        """Lens in a camera_info file; ConfigurationError for wrong shapes, implausible
+        numbers.
+        """
         matrix = self.camera_matrix.array((3, 3), f"{origin}: camera_matrix")
         distortion = self.distortion_coefficients.array(
             (1, 5), f"{origin}: distortion_coefficients"
         )
-        lens = Lens(self.image_width, self.image_height, matrix, frozen(distortion.ravel()))
+        lens = Lens(
+            self.image_width, self.image_height, matrix, frozen(distortion.ravel())
+        )
         return checked_lens(lens, origin)
 
 
-OPENCV = "!!opencv-matrix"  # a tag of OpenCV's files, which no other reader of YAML knows
+# a tag of OpenCV's files, which no other reader of YAML knows
+OPENCV = "!!opencv-matrix"
 SIZES = ("image_width", "image_height")
 MATRICES = ("camera_matrix", "distortion_coefficients")
 COEFFICIENTS = (4, 5)  # plumb bob, without and with k3
-# keys of OpenCV's files that give the coefficients another meaning, and values that do not
+# keys of OpenCV's files that give the coefficients another meaning, and values that do
+# not
 MODEL_KEYS = {
     "fisheye_model": "0",
     "distortion_model": "plumb_bob",
@@ -215,13 +263,21 @@ MODEL_KEYS = {
 
 
 def write_camera_info(lens: Lens, name: str, path: Path) -> None:
-    """Write `lens` of the camera `name` to `path` as ROS camera_info; or ConfigurationError."""
-    write_file(path, dump_yaml(CameraFile.from_lens(lens, name).model_dump(mode="json")))
+    """Write `lens` of the camera `name` to `path` as ROS camera_info; or
+    ConfigurationError.
+    """
+    write_file(
+        path, dump_yaml(CameraFile.from_lens(lens, name).model_dump(mode="json"))
+    )
 
 
 def write_opencv(lens: Lens, path: Path) -> None:
-    """Write `lens` to `path` in the format of cv2.FileStorage; or ConfigurationError."""
-    kind = cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY | cv2.FILE_STORAGE_FORMAT_YAML
+    """Write `lens` to `path` in the format of cv2.FileStorage; or
+    ConfigurationError.
+    """
+    kind = (
+        cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY | cv2.FILE_STORAGE_FORMAT_YAML
+    )
     store = cv2.FileStorage("", kind)
     store.write("image_width", lens.width)
     store.write("image_height", lens.height)
@@ -233,7 +289,8 @@ def write_opencv(lens: Lens, path: Path) -> None:
 def read_lens(path: Path) -> Lens:
     """Read the lens in a ROS or OpenCV file at `path`, by the tag of its matrices.
 
-    Raises ConfigurationError for a missing or broken file, or another model than plumb bob.
+    Raises ConfigurationError for a missing or broken file, or another model than plumb
+    bob.
     """
     text = read_text(path)
     if OPENCV in text:
@@ -252,22 +309,31 @@ def _read_opencv(path: Path, text: str) -> Lens:
         width, height = (_pixels(path, name, store.getNode(name)) for name in SIZES)
         matrix, distortion = (np.array(store.getNode(name).mat()) for name in MATRICES)
         store.release()
-    except (cv2.error, SystemError):  # OpenCV's parser raises the one inside of the other
+    # OpenCV's parser raises the one inside of the other
+    except (cv2.error, SystemError):
         raise ConfigurationError(
             f"{path}: cannot be read as a file of OpenCV; write it with cv2.FileStorage"
         ) from None
-    return _check_matrices(path, (width, height), matrix.astype(np.float64), distortion.ravel())
+    return _check_matrices(
+        path, (width, height), matrix.astype(np.float64), distortion.ravel()
+    )
 
 
 def _pixels(path: Path, name: str, node: cv2.FileNode) -> int:
-    """Image side [px] that a file's `node` states; ConfigurationError for no positive integer."""
+    """Image side [px] that a file's `node` states; ConfigurationError for no positive
+    integer.
+    """
     if not node.isInt() or node.real() <= 0:
-        raise ConfigurationError(f"{path}: {name}: must be a positive whole number of pixels")
+        raise ConfigurationError(
+            f"{path}: {name}: must be a positive whole number of pixels"
+        )
     return int(node.real())
 
 
 def _check_model(path: Path, store: cv2.FileStorage) -> None:
-    """Raise ConfigurationError for a file with coefficients of another model than plumb bob."""
+    """Raise ConfigurationError for a file with coefficients of another model than plumb
+    bob.
+    """
     for key, allowed in MODEL_KEYS.items():
         node = store.getNode(key)
         if node.empty():
@@ -276,18 +342,24 @@ def _check_model(path: Path, store: cv2.FileStorage) -> None:
         if node.isMap() or value != allowed:
             stated = "stated" if node.isMap() else value
             raise ConfigurationError(
-                f"{path}: {key}: is {stated}, another model than plumb bob (k1 k2 p1 p2 k3), "
-                "which alone is read; calibrate with this model"
+                f"{path}: {key}: is {stated}, another model than plumb bob (k1 k2 p1 p2"
+                " k3), which alone is read; calibrate with this model"
             )
 
 
-def _check_matrices(path: Path, size: tuple[int, int], matrix: Array, distortion: Array) -> Lens:
-    """Lens with a file's `matrix` and `distortion`; ConfigurationError for wrong shape or size."""
+def _check_matrices(
+    path: Path, size: tuple[int, int], matrix: Array, distortion: Array
+) -> Lens:
+    """Lens with a file's `matrix` and `distortion`; ConfigurationError for wrong shape
+    or size.
+    """
     if matrix.shape != (3, 3):
         raise ConfigurationError(f"{path}: camera_matrix: must be 3 x 3 numbers")
     if len(distortion) not in COEFFICIENTS:
         raise ConfigurationError(
-            f"{path}: distortion_coefficients: are {len(distortion)} numbers, allowed are 4 or 5 "
-            "(plumb bob); calibrate with this model"
+            f"{path}: distortion_coefficients: are {len(distortion)} numbers, allowed"
+            " are 4 or 5 (plumb bob); calibrate with this model"
         )
-    return checked_lens(Lens(*size, frozen(matrix), frozen([*distortion, 0.0][:5])), str(path))
+    return checked_lens(
+        Lens(*size, frozen(matrix), frozen([*distortion, 0.0][:5])), str(path)
+    )

@@ -6,7 +6,8 @@ from numpy.typing import NDArray
 
 from drivers.types import Array, Image
 
-LIT_LEVELS = (170, 110)  # grey levels of the darkest channel of a lit disc, and of one in shadow
+# grey levels of the darkest channel of a lit disc, and of one in shadow
+LIT_LEVELS = (170, 110)
 CONTRAST = 90.0  # grey levels between disc and plate
 RADII = (3.0, 30.0)  # px, range of radii of the disc
 ROUND = 0.75  # share of its circumscribed circle that the disc fills
@@ -15,7 +16,9 @@ DARK_SHARE = 0.1  # of the contrast, brightness above the plate that carries no 
 
 
 def find_pointer(image: Image) -> Array | None:
-    """Centre (2,) u, v [px] of the pin's disc in `image` (h, w, 3); None unless exactly one."""
+    """Centre (2,) u, v [px] of the pin's disc in `image` (h, w, 3); None unless exactly
+    one.
+    """
     darkest = cv2.min(cv2.min(image[..., 0], image[..., 1]), image[..., 2])
     for level in LIT_LEVELS:
         _, bright = cv2.threshold(darkest, level, 255, cv2.THRESH_BINARY)
@@ -28,7 +31,9 @@ def find_pointer(image: Image) -> Array | None:
 
 
 def _disc(grey: Image, outline: NDArray[np.int32]) -> Array | None:
-    """Centre (2,) u, v [px] of the disc in `outline`, or None without a disc on a dark plate."""
+    """Centre (2,) u, v [px] of the disc in `outline`, or None without a disc on a dark
+    plate.
+    """
     (u, v), radius = cv2.minEnclosingCircle(outline)
     if not RADII[0] <= radius <= RADII[1]:
         return None
@@ -36,7 +41,9 @@ def _disc(grey: Image, outline: NDArray[np.int32]) -> Array | None:
         return None
     reach = int(np.ceil(WINDOW_REACH * radius)) + 2
     left, top = round(u) - reach, round(v) - reach
-    window = grey[max(top, 0) : top + 2 * reach + 1, max(left, 0) : left + 2 * reach + 1]
+    window = grey[
+        max(top, 0) : top + 2 * reach + 1, max(left, 0) : left + 2 * reach + 1
+    ]
     if window.shape != (2 * reach + 1, 2 * reach + 1):
         return None
     dv, du = np.mgrid[-reach : reach + 1, -reach : reach + 1]
@@ -46,8 +53,13 @@ def _disc(grey: Image, outline: NDArray[np.int32]) -> Array | None:
     disc = float(np.median(window[distance < INSIDE * radius]))
     if disc - plate < CONTRAST:
         return None
-    weight = np.clip((window - plate) / (disc - plate) - DARK_SHARE, 0.0, 1.0 - DARK_SHARE)
+    weight = np.clip(
+        (window - plate) / (disc - plate) - DARK_SHARE, 0.0, 1.0 - DARK_SHARE
+    )
     weight[distance > PLATE_EDGE * radius + 2] = 0.0
     total = weight.sum()
-    centre = (round(u) + (weight * du).sum() / total, round(v) + (weight * dv).sum() / total)
+    centre = (
+        round(u) + (weight * du).sum() / total,
+        round(v) + (weight * dv).sum() / total,
+    )
     return np.array(centre)

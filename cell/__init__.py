@@ -1,4 +1,5 @@
-"""Application of a cell that folds fabric strips: commands, Python API, records, reports.
+"""Application of a cell that folds fabric strips: commands, Python API, records,
+reports.
 
 `import cell` offers the functions of `cell.api`; they are imported when one is used.
 """
@@ -13,14 +14,31 @@ if TYPE_CHECKING:
     from cell.api import *  # the names that __all__ lists
 
 __all__ = (
-    "CellError", "accept", "check", "compare", "effects", "export_runs", "fit_gap", "fold",
-    "import_runs", "list_runs", "observe", "predict", "read_calibration", "read_run", "read_strip",
-    "read_verdict", "table", "undo",
-)  # fmt: skip
+    "CellError",
+    "accept",
+    "check",
+    "compare",
+    "effects",
+    "export_runs",
+    "fit_gap",
+    "fold",
+    "import_runs",
+    "list_runs",
+    "observe",
+    "predict",
+    "read_calibration",
+    "read_run",
+    "read_strip",
+    "read_verdict",
+    "table",
+    "undo",
+)
 
 
 def __getattr__(name: str) -> Any:
-    """Import a function of `cell.api` on first use; AttributeError for any other name."""
+    """Import a function of `cell.api` on first use; AttributeError for any other
+    name.
+    """
     if name not in __all__:
         raise AttributeError(f"module 'cell' has no attribute {name!r}")
     return getattr(importlib.import_module("cell.api"), name)

@@ -1,4 +1,6 @@
-"""Entry point of `python -m cell` and of the command `cell`; an error is printed in one line."""
+"""Entry point of `python -m cell` and of the command `cell`; an error is printed in one
+line.
+"""
 
 import atexit
 import gc
@@ -11,13 +13,17 @@ from drivers.errors import CellError, ConfigurationError
 if TYPE_CHECKING:
     from typer import Typer
 
-YOUNG_OBJECTS = 50_000  # between collections: fewer, and libraries' objects are searched in vain
+# between collections: fewer, and libraries' objects are searched in vain
+YOUNG_OBJECTS = 50_000
 
 
 def command() -> None:
-    """Run the command line as a process that exits at once, without freeing objects one by one."""
+    """Run the command line as a process that exits at once, without freeing objects one
+    by one.
+    """
     codes = list[int]()
-    atexit.register(lambda: codes and os._exit(codes[0]))  # registered first, it is called last
+    # registered first, it is called last
+    atexit.register(lambda: codes and os._exit(codes[0]))
     try:
         main()
     except SystemExit as end:
@@ -26,7 +32,9 @@ def command() -> None:
 
 
 def main(app: "Typer | None" = None) -> None:
-    """Run the command line `app`; an error is printed in one line and sets the exit code."""
+    """Run the command line `app`; an error is printed in one line and sets the exit
+    code.
+    """
     from cell.cli.output import guard_streams, why_lost
 
     gc.set_threshold(YOUNG_OBJECTS)
@@ -53,10 +61,13 @@ def _run(app: "Typer | None") -> int | str | None:
 
 
 def _print_error(error: Exception) -> int:
-    """Show `error` in one line, or the help of a bare command group; returns the exit code."""
+    """Show `error` in one line, or the help of a bare command group; returns the exit
+    code.
+    """
     from typer import Abort, BadParameter
 
-    usage: type = BadParameter.__mro__[1]  # of all misuse; no version of Typer exports it
+    # of all misuse; no version of Typer exports it
+    usage: type = BadParameter.__mro__[1]
     if isinstance(error, usage):
         return _show_usage(error)
     if isinstance(error, Abort):
@@ -80,7 +91,9 @@ def _show_usage(error: Any) -> int:
 
 
 def _cell_error(error: Exception) -> CellError:
-    """Convert `error` to a CellError: a missing library, or a defect of this program."""
+    """Convert `error` to a CellError: a missing library, or a defect of this
+    program.
+    """
     from cell.extras import FEATURES, missing_library
     from drivers.errors import Unexpected
 

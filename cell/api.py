@@ -1,7 +1,8 @@
-"""Python interface of the cell, `import cell`: functions like the commands, typed, in SI units.
+"""Python interface of the cell, `import cell`: functions like the commands, typed, in
+SI units.
 
-Every function raises CellError, of which ConfigurationError is one: `file: key: reason`, in one
-line. Paths may be text.
+Every function raises CellError, of which ConfigurationError is one: `file: key:
+reason`, in one line. Paths may be text.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -58,11 +59,13 @@ def fold(
     frames: Keep | None = None,
     truth: bool = True,
 ) -> FoldResult:
-    """Fold a strip once and record the run in a new folder below `runs`, as `cell fold` does.
+    """Fold a strip once and record the run in a new folder below `runs`, as `cell fold`
+    does.
 
-    `strip` is a name, a path to a strip file, or `unknown:0.6` with a length [m]; `plant` the name
-    or file of another strip on the twin's desk; `speed` [m/s] replaces the cell's own. An error
-    before the motion raises CellError; what happens during it is the result's `outcome`.
+    `strip` is a name, a path to a strip file, or `unknown:0.6` with a length [m];
+    `plant` the name or file of another strip on the twin's desk; `speed` [m/s] replaces
+    the cell's own. An error before the motion raises CellError; what happens during it
+    is the result's `outcome`.
     """
     config = find_configs(configs)
     desk = None if plant is None else load_plant(config.plant_path(str(plant)))
@@ -72,32 +75,52 @@ def fold(
     check_known("frames", frames or "key", get_args(Keep))
     record = Recording(frames, truth=truth)
     request = Request(
-        cell, config.strip(strip), policy, Path(runs), Trial(desk, seed), speed=speed, record=record
+        cell,
+        config.strip(strip),
+        policy,
+        Path(runs),
+        Trial(desk, seed),
+        speed=speed,
+        record=record,
     )
     return write_pages(request, fold_once(request, calibration_of(request.cell)))
 
 
 def predict(
-    strip: str, policy: str = "adaptive", speed: float | None = None, configs: Place | None = None
+    strip: str,
+    policy: str = "adaptive",
+    speed: float | None = None,
+    configs: Place | None = None,
 ) -> Prediction:
-    """Predict a fold by simulation, as `cell fold --dry-run` does; nothing moves or is written."""
+    """Predict a fold by simulation, as `cell fold --dry-run` does; nothing moves or is
+    written.
+    """
     config = find_configs(configs)
-    request = Request(config.cell(), config.strip(strip), policy, Path("runs"), speed=speed)
+    request = Request(
+        config.cell(), config.strip(strip), policy, Path("runs"), speed=speed
+    )
     return predict_fold(request)
 
 
 def compare(runs: Places, out: Place = "compare.html") -> Path:
-    """Write the HTML page that compares `runs`, as `cell report` does; returns the page's path."""
+    """Write the HTML page that compares `runs`, as `cell report` does; returns the
+    page's path.
+    """
     return write_comparison([run_folder(str(run)) for run in _listed(runs)], Path(out))
 
 
 def read_run(folder: Place) -> Run:
-    """Read the run in `folder`, a path, the end of its name or `last`; complete or not."""
+    """Read the run in `folder`, a path, the end of its name or `last`; complete or
+    not.
+    """
     return load_run(run_folder(str(folder)))
 
 
-def list_runs(folder: Place = "runs", where: str = "", sort: str = "") -> tuple[RunRow, ...]:
-    """List the runs in `folder` for which the SQL expression `where` holds, as `cell runs` does.
+def list_runs(
+    folder: Place = "runs", where: str = "", sort: str = ""
+) -> tuple[RunRow, ...]:
+    """List the runs in `folder` for which the SQL expression `where` holds, as `cell
+    runs` does.
 
     Oldest first, or by the column `sort`, downwards with a leading `-`.
     """
@@ -105,16 +128,25 @@ def list_runs(folder: Place = "runs", where: str = "", sort: str = "") -> tuple[
 
 
 def table(part: Ticks | Profile | Sights) -> pa.Table:
-    """Columns of a run as an Arrow table; `table(run.ticks).to_pandas()` is a data frame."""
+    """Columns of a run as an Arrow table; `table(run.ticks).to_pandas()` is a data
+    frame.
+    """
     columns = {name: getattr(part, name) for name in part.__slots__}
     rows = max(map(len, columns.values()))
-    return pa.table({name: pa.array(v) for name, v in columns.items() if len(v) == rows})
+    return pa.table(
+        {name: pa.array(v) for name, v in columns.items() if len(v) == rows}
+    )
 
 
 def import_runs(
-    places: Places, out: Place, mapping: Place | None = None, configs: Place | None = None
+    places: Places,
+    out: Place,
+    mapping: Place | None = None,
+    configs: Place | None = None,
 ) -> tuple[Path, ...]:
-    """Convert tables, MCAP files or LeRobot data sets to checked run folders; returns these."""
+    """Convert tables, MCAP files or LeRobot data sets to checked run folders; returns
+    these.
+    """
     config = find_configs(configs)
     check = partial(check_fold, config.strip_names(), config.strip)
     return import_from(
@@ -127,7 +159,9 @@ def import_runs(
 
 
 def export_runs(runs: Places, kind: Format, out: Place) -> tuple[Path, ...]:
-    """Write `runs` in the format `kind` into the new folder `out`; returns the files."""
+    """Write `runs` in the format `kind` into the new folder `out`; returns the
+    files.
+    """
     check_known("kind", kind, get_args(Format))
     return export_to([run_folder(str(run)) for run in _listed(runs)], kind, Path(out))
 
@@ -139,10 +173,12 @@ def observe(
     out: Place,
     configs: Place | None = None,
 ) -> Run:
-    """Measure the fold on a film, as `cell observe` does; returns the run, written to `out`.
+    """Measure the fold on a film, as `cell observe` does; returns the run, written to
+    `out`.
 
-    The camera stands still, `calibration` is its own, and the strip lies flat at the beginning; no
-    arm is needed. Profile, contact, tip and confidence are those of the cell's perception.
+    The camera stands still, `calibration` is its own, and the strip lies flat at the
+    beginning; no arm is needed. Profile, contact, tip and confidence are those of the
+    cell's perception.
     """
     if not isinstance(calibration, Calibration):
         calibration = read_calibration(calibration)
@@ -162,11 +198,13 @@ def fit_gap(
     configs: Place | None = None,
     progress: Callable[[str, float], None] = quiet,
 ) -> Verdict:
-    """Identify the effects that the model of a strip or mechanism lacks in measured `runs`.
+    """Identify the effects that the model of a strip or mechanism lacks in measured
+    `runs`.
 
-    `model` is the file of a mechanism. The verdict is written into the folder `out` with report,
-    overlay and patch, as `cell gap fit` does. Effects `without` are withheld from the library.
-    `progress` is called with a stage and its share. Raises ConfigurationError for bad input.
+    `model` is the file of a mechanism. The verdict is written into the folder `out`
+    with report, overlay and patch, as `cell gap fit` does. Effects `without` are
+    withheld from the library. `progress` is called with a stage and its share. Raises
+    ConfigurationError for bad input.
     """
     if (strip is None) == (model is None):
         raise ConfigurationError("give a strip or a model, one of the two")
@@ -175,8 +213,11 @@ def fit_gap(
     return fit(_listed(runs), file, Path(out), options, progress, write_overlay)
 
 
-def check(runs: Places, subject: Place, jobs: int = 1, configs: Place | None = None) -> Check:
-    """Check recordings before a fit: sampling, clocks, duplicates, and what the runs can show.
+def check(
+    runs: Places, subject: Place, jobs: int = 1, configs: Place | None = None
+) -> Check:
+    """Check recordings before a fit: sampling, clocks, duplicates, and what the runs
+    can show.
 
     `subject` is a strip by name, or the file of a strip or mechanism.
     """
@@ -191,12 +232,16 @@ def accept(
     force: bool = False,
     configs: Place | None = None,
 ) -> AcceptResult:
-    """Write the effects that the fit in `out` named into the `subject` file, or into cell.yaml.
+    """Write the effects that the fit in `out` named into the `subject` file, or into
+    cell.yaml.
 
-    With `law`, the law that describes what nothing explains; with `force`, what is suspected.
+    With `law`, the law that describes what nothing explains; with `force`, what is
+    suspected.
     """
     cell_file = find_configs(configs).folder / "cell.yaml"
-    return accept_fit(Path(out), _subject_file(subject, configs), cell_file, law=law, force=force)
+    return accept_fit(
+        Path(out), _subject_file(subject, configs), cell_file, law=law, force=force
+    )
 
 
 def undo(out: Place, subject: Place, configs: Place | None = None) -> AcceptResult:
@@ -223,7 +268,8 @@ def read_strip(name: str, configs: Place | None = None) -> StripFile:
 def read_calibration(path: Place) -> Calibration:
     """Read the calibration file at `path`, or that of the run in the folder `path`.
 
-    `to_image` maps points (n, 2) [m] of the strip's plane to pixels (n, 2), `to_plane` back.
+    `to_image` maps points (n, 2) [m] of the strip's plane to pixels (n, 2), `to_plane`
+    back.
     """
     place = Path(path)
     return load_calibration(place / "calibration.yaml" if place.is_dir() else place)
@@ -236,4 +282,8 @@ def effects() -> Mapping[str, Effect]:
 
 def _listed(places: Places) -> list[Path]:
     """List of the paths `places`, given as a single path or several."""
-    return [Path(places)] if isinstance(places, str | Path) else [Path(each) for each in places]
+    return (
+        [Path(places)]
+        if isinstance(places, str | Path)
+        else [Path(each) for each in places]
+    )

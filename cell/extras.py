@@ -1,4 +1,6 @@
-"""Optional libraries: what needs them, whether they are installed, how to install them."""
+"""Optional libraries: what needs them, whether they are installed, how to install
+them.
+"""
 
 import re
 import sys
@@ -28,16 +30,20 @@ def require_library(module: str) -> None:
 
 
 def missing_library(module: str) -> ConfigurationError:
-    """Error for the missing library `module`: what needs it, and how to install it here."""
+    """Error for the missing library `module`: what needs it, and how to install it
+    here.
+    """
     return ConfigurationError(
-        f"{FEATURES[module]} needs the library {module}, which is not installed here; install it "
-        f"with `{pip_line([module])}`"
+        f"{FEATURES[module]} needs the library {module}, which is not installed here;"
+        f" install it with `{pip_line([module])}`"
     )
 
 
 def missing_features() -> Mapping[str, str]:
     """Optional libraries that are not installed, each with what needs it."""
-    return {module: use for module, use in FEATURES.items() if find_spec(module) is None}
+    return {
+        module: use for module, use in FEATURES.items() if find_spec(module) is None
+    }
 
 
 def pip_line(modules: Iterable[str]) -> str:
@@ -53,7 +59,9 @@ def _requirements(module: str) -> list[str]:
     except PackageNotFoundError:
         lines = []
     stated = [(library.strip(), EXTRA.findall(marker)) for library, _, marker in lines]
-    optional = [(library, extra) for library, extra in stated if extra and extra != ["test"]]
+    optional = [
+        (library, extra) for library, extra in stated if extra and extra != ["test"]
+    ]
     is_module = re.compile(rf"{module}(?![\w-])").match
     own_extra = next((extra for library, extra in optional if is_module(library)), None)
     return [library for library, extra in optional if extra == own_extra] or [module]

@@ -1,1 +1,3 @@
-"""Devices of the cell: protocols, the twin that stands in for hardware, the strip's model."""
+"""Devices of the cell: protocols, the twin that stands in for hardware, the strip's
+model.
+"""

@@ -1,8 +1,8 @@
 """Child process: start, messages, supervision and end; every wait for it has a timeout.
 
-Parent and child exchange messages, one frozen dataclass for each kind, over a pipe; images go
-through shared memory. `subprocess`, not `multiprocessing.Process`: a worker of Dask is a daemon,
-which may not have children of that kind.
+Parent and child exchange messages, one frozen dataclass for each kind, over a pipe;
+images go through shared memory. `subprocess`, not `multiprocessing.Process`: a worker
+of Dask is a daemon, which may not have children of that kind.
 """
 
 import math
@@ -28,7 +28,8 @@ import numpy as np
 from drivers.types import Image
 
 BOOT = "import sys; from drivers.child import serve; serve(int(sys.argv[1]))"
-THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # of linear algebra: one
+# of linear algebra: one
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 STALL_TIMEOUT = 5  # s without progress in the middle of a message
 TERMINATION_TIMEOUT = 1.0  # s from SIGTERM to SIGKILL
 KILL_TIMEOUT = 10.0  # s for the kernel to end a killed process
@@ -44,14 +45,17 @@ class MainCall:
 
 @dataclass(frozen=True, slots=True)
 class Failure:
-    """Last message of a child process: class and text of an error of its main function."""
+    """Last message of a child process: class and text of an error of its main
+    function.
+    """
 
     error: str
     text: str
 
 
 class ChildDied(Exception):
-    """Error of a child process that has ended, by an error (`failure`) or with exit `code`.
+    """Error of a child process that has ended, by an error (`failure`) or with exit
+    `code`.
 
     The code of a process that a signal ended is the signal's number, negated.
     """
@@ -64,10 +68,14 @@ class ChildDied(Exception):
 
 
 class SharedMemory:
-    """Memory shared by a parent and a child process, passed to the child as an argument."""
+    """Memory shared by a parent and a child process, passed to the child as an
+    argument.
+    """
 
     def __init__(self, descriptor: int | None = None) -> None:
-        self.descriptor = os.memfd_create("shared") if descriptor is None else descriptor
+        self.descriptor = (
+            os.memfd_create("shared") if descriptor is None else descriptor
+        )
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (self.descriptor,)
@@ -80,7 +88,8 @@ class SharedMemory:
 class SharedImage(SharedMemory):
     """Image in memory shared by a parent and its child process.
 
-    One side uses it at a time, and hands it over by a message, so that no image is torn.
+    One side uses it at a time, and hands it over by a message, so that no image is
+    torn.
     """
 
     def __init__(self, descriptor: int | None = None) -> None:
@@ -88,13 +97,17 @@ class SharedImage(SharedMemory):
         self._pixels: Image = np.empty(0, np.uint8)
 
     def write(self, image: Image) -> None:
-        """Copy `image` (h, w, 3) into the shared memory, which grows where it is too small."""
+        """Copy `image` (h, w, 3) into the shared memory, which grows where it is too
+        small.
+        """
         if image.nbytes > self._pixels.size:
             os.ftruncate(self.descriptor, image.nbytes)
         np.copyto(self._view(image.shape), image)
 
     def read(self, shape: tuple[int, ...]) -> Image:
-        """Read-only view (h, w, 3) of the last written image, whose `shape` must be given."""
+        """Read-only view (h, w, 3) of the last written image, whose `shape` must be
+        given.
+        """
         view = self._view(shape)
         view.setflags(write=False)
         return view
@@ -109,19 +122,27 @@ class SharedImage(SharedMemory):
 class Child:
     """Child process that runs `main(pipe, *arguments)`, a function of a module.
 
-    It ignores Ctrl-C, which its parent handles. Its pipe closes when the parent closes it or dies,
-    and the main function must then return; `end_with_parent` ends one that computes for long.
+    It ignores Ctrl-C, which its parent handles. Its pipe closes when the parent closes
+    it or dies, and the main function must then return; `end_with_parent` ends one that
+    computes for long.
     """
 
     def __init__(self, main: Callable[..., None], *arguments: Any) -> None:
-        """Start the child process `main`; it shares any SharedMemory among the `arguments`."""
+        """Start the child process `main`; it shares any SharedMemory among the
+        `arguments`.
+        """
         self._failure: Failure | None = None
         self.pipe, theirs = Pipe()
         with socket.socket(fileno=os.dup(self.pipe.fileno())) as end:
-            for option in (socket.SO_RCVTIMEO, socket.SO_SNDTIMEO):  # a stopped child blocks both
-                end.setsockopt(socket.SOL_SOCKET, option, struct.pack("ll", STALL_TIMEOUT, 0))
+            # a stopped child blocks both
+            for option in (socket.SO_RCVTIMEO, socket.SO_SNDTIMEO):
+                end.setsockopt(
+                    socket.SOL_SOCKET, option, struct.pack("ll", STALL_TIMEOUT, 0)
+                )
         name = f"{main.__module__}.{main.__qualname__}"
-        shared = [value.descriptor for value in arguments if isinstance(value, SharedMemory)]
+        shared = [
+            value.descriptor for value in arguments if isinstance(value, SharedMemory)
+        ]
         paths = os.pathsep.join(path for path in sys.path if path)
         with theirs:
             self._process = subprocess.Popen(  # noqa: S603  this very interpreter
@@ -140,9 +161,11 @@ class Child:
 
     @property
     def ends(self) -> bool:
-        """Whether the child has ended or is about to end; its messages can still be received.
+        """Whether the child has ended or is about to end; its messages can still be
+        received.
 
-        A killed process first frees its memory, for some 10 ms, and only then closes its pipe.
+        A killed process first frees its memory, for some 10 ms, and only then closes
+        its pipe.
         """
         if self._process.poll() is not None:
             return True
@@ -151,15 +174,17 @@ class Child:
         return False
 
     def send(self, message: object) -> None:
-        """Send the child a `message`; only `receive` reports that the child has ended."""
+        """Send the child a `message`; only `receive` reports that the child has
+        ended.
+        """
         with suppress(OSError):
             self.pipe.send(message)
 
     def receive(self, timeout: float | None = None) -> Any:
         """Next message of the child; None where none comes within `timeout` [s].
 
-        Raises ChildDied once the child has failed or ended and all its messages were received. A
-        child that failed may take a moment to end, for which `close` waits.
+        Raises ChildDied once the child has failed or ended and all its messages were
+        received. A child that failed may take a moment to end, for which `close` waits.
         """
         try:
             if not self.pipe.poll(timeout):
@@ -175,9 +200,11 @@ class Child:
         return message
 
     def close(self, patience: float = 1.0) -> None:
-        """Close the pipe to the child and wait until the child has ended; allowed twice.
+        """Close the pipe to the child and wait until the child has ended; allowed
+        twice.
 
-        It gets SIGTERM after `patience` [s], and SIGKILL after TERMINATION_TIMEOUT more.
+        It gets SIGTERM after `patience` [s], and SIGKILL after TERMINATION_TIMEOUT
+        more.
         """
         self.pipe.close()
         if not self._has_ended(patience):
@@ -202,12 +229,16 @@ class Child:
 
 
 def end_with_parent(pipe: Connection) -> None:
-    """Kill this child process and those it started once its parent closes `pipe` or has died."""
+    """Kill this child process and those it started once its parent closes `pipe` or has
+    died.
+    """
     Thread(target=_watch_parent, args=(pipe.fileno(),), daemon=True).start()
 
 
 def serve(descriptor: int) -> None:
-    """Run, in the child process, the MainCall that comes through the pipe `descriptor`."""
+    """Run, in the child process, the MainCall that comes through the pipe
+    `descriptor`.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     pipe = Connection(descriptor)
     try:
@@ -221,7 +252,9 @@ def serve(descriptor: int) -> None:
 
 
 def _watch_parent(descriptor: int) -> None:
-    """Wait until the other end of the pipe `descriptor` is closed, then kill this process group."""
+    """Wait until the other end of the pipe `descriptor` is closed, then kill this
+    process group.
+    """
     watch = select.poll()
     watch.register(descriptor, 0)  # its end alone
     watch.poll()

@@ -11,7 +11,9 @@ SCHED_SETATTR = 314  # number of the system call on x86-64
 
 
 class WallClock:
-    """Wall clock [s] that is 0 at `origin` [s] of the system's monotonic clock, by default now."""
+    """Wall clock [s] that is 0 at `origin` [s] of the system's monotonic clock, by
+    default now.
+    """
 
     def __init__(self, origin: float | None = None) -> None:
         self.origin = time.monotonic() if origin is None else origin
@@ -21,24 +23,28 @@ class WallClock:
         return time.monotonic() - self.origin
 
     def wait_until(self, time_s: float) -> None:
-        """Sleep until this clock is at `time_s` [s]; returns at once where that has passed."""
+        """Sleep until this clock is at `time_s` [s]; returns at once where that has
+        passed.
+        """
         remaining = time_s - self.now()
         if remaining > 0:
             time.sleep(remaining)
 
 
 def lock_memory() -> bool:
-    """Lock all memory mapped by this process into RAM; returns False where this user may not.
+    """Lock all memory mapped by this process into RAM; returns False where this user
+    may not.
 
-    Reading a swapped page from disk takes some milliseconds. Later allocations are not locked: they
-    would fail where the user may lock little memory. Source: mlockall(2).
+    Reading a swapped page from disk takes some milliseconds. Later allocations are not
+    locked: they would fail where the user may lock little memory. Source: mlockall(2).
     """
     libc = ctypes.CDLL(None, use_errno=True)
     return int(libc.mlockall(LOCK_CURRENT | LOCK_ON_FAULT)) == 0
 
 
 def take_priority(priority: int) -> bool:
-    """Give this thread real-time `priority`, 1 to 99; returns False where this user may not.
+    """Give this thread real-time `priority`, 1 to 99; returns False where this user may
+    not.
 
     Threads and processes that it starts are ordinary again.
     """
@@ -51,15 +57,18 @@ def take_priority(priority: int) -> bool:
 
 
 def wake_promptly() -> bool:
-    """Request short slices of processor time for this thread; returns False where unsupported.
+    """Request short slices of processor time for this thread; returns False where
+    unsupported.
 
-    Under Linux 6.12 and later a thread of the ordinary scheduler that runs briefly and often then
-    interrupts computing threads, instead of waiting some milliseconds for the end of their slices.
-    Any user may; policy and priority stay, and a thread with real-time priority does not need it.
-    Source: the kernel's documentation of EEVDF, and `sched_setattr(2)`.
+    Under Linux 6.12 and later a thread of the ordinary scheduler that runs briefly and
+    often then interrupts computing threads, instead of waiting some milliseconds for
+    the end of their slices. Any user may; policy and priority stay, and a thread with
+    real-time priority does not need it. Source: the kernel's documentation of EEVDF,
+    and `sched_setattr(2)`.
     """
     nice = os.getpriority(os.PRIO_PROCESS, 0)
-    # size, policy, flags, nice, priority, runtime, deadline, period of the kernel's sched_attr
+    # size, policy, flags, nice, priority, runtime, deadline, period of the kernel's
+    # sched_attr
     attributes = struct.pack("=IIQiIQQQ", 48, os.SCHED_OTHER, 0, nice, 0, SLICE, 0, 0)
     libc = ctypes.CDLL(None, use_errno=True)
     return int(libc.syscall(SCHED_SETATTR, 0, attributes, 0)) == 0

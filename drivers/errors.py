@@ -8,7 +8,8 @@ from typing import Any
 
 
 class CellError(Exception):
-    """Root class of all expected errors; `exit_code` is the command line's exit code for it.
+    """Root class of all expected errors; `exit_code` is the command line's exit code
+    for it.
 
     Can be pickled between processes, whatever arguments its constructor has.
     """
@@ -20,7 +21,9 @@ class CellError(Exception):
 
 
 class ConfigurationError(CellError):
-    """Error for an unusable file, key or argument; its text is `file: key: problem; remedy`."""
+    """Error for an unusable file, key or argument; its text is `file: key: problem;
+    remedy`.
+    """
 
     exit_code = 2
 
@@ -32,7 +35,9 @@ class PreflightRefused(CellError):
 
 
 class Fault(CellError):
-    """Error that stops a run, by a monitor, driver or simulation; its `name` is recorded."""
+    """Error that stops a run, by a monitor, driver or simulation; its `name` is
+    recorded.
+    """
 
     exit_code = 4
 
@@ -54,7 +59,9 @@ class SimulationNotFinite(Fault):
 
 
 class SimulationNotConverged(Fault):
-    """Fault of an implicit solver that found no shape of a strip for the next time step."""
+    """Fault of an implicit solver that found no shape of a strip for the next time
+    step.
+    """
 
     def __init__(self, engine: str, strip: int, time: float) -> None:
         super().__init__(
@@ -74,13 +81,17 @@ class Unsupported(CellError):
 
 
 def suggestion(name: str, known: Iterable[str]) -> str:
-    """Text ` (did you mean ...?)` with the `known` name closest to `name`; empty for none close."""
+    """Text ` (did you mean ...?)` with the `known` name closest to `name`; empty for
+    none close.
+    """
     near = get_close_matches(name, list(known), n=1)
     return f" (did you mean {near[0]!r}?)" if near else ""
 
 
 def check_known(what: str, name: str, known: Collection[str]) -> None:
-    """Raise ConfigurationError, with all `known` names, for a `name` of `what` that is unknown."""
+    """Raise ConfigurationError, with all `known` names, for a `name` of `what` that is
+    unknown.
+    """
     if name not in known:
         raise ConfigurationError(
             f"{what}: unknown name {name!r}{suggestion(name, known)}; "
@@ -95,7 +106,9 @@ def _rebuild(kind: type[CellError], arguments: tuple[Any, ...]) -> CellError:
 
 
 class Unexpected(CellError):
-    """Error for a defect of this program: an exception that was not expected, and its place."""
+    """Error for a defect of this program: an exception that was not expected, and its
+    place.
+    """
 
     def __init__(self, error: BaseException) -> None:
         place = traceback.extract_tb(error.__traceback__)[-1]
@@ -107,7 +120,9 @@ class Unexpected(CellError):
 
 
 class WorkersLost(CellError):
-    """Error for worker processes that died; finished parts of the work stay in the journal."""
+    """Error for worker processes that died; finished parts of the work stay in the
+    journal.
+    """
 
     def __init__(self, reason: str) -> None:
         super().__init__(f"{reason}; run the same command again to go on")

@@ -1,4 +1,6 @@
-"""Installation of an arm in a cell: its mounting and workspace, and the limits of its motion."""
+"""Installation of an arm in a cell: its mounting and workspace, and the limits of its
+motion.
+"""
 
 from math import isfinite, pi
 from typing import Annotated
@@ -15,7 +17,8 @@ AXIS_UNITS = ("m", "m", "rad")
 
 
 class AxisLimits(Settings):
-    """Largest velocity, acceleration and jerk on one axis: [m/s, m/s^2, m/s^3], or in rad.
+    """Largest velocity, acceleration and jerk on one axis: [m/s, m/s^2, m/s^3], or in
+    rad.
 
     Values are bounded above, so that no limit can be switched off by a large number.
     """
@@ -35,8 +38,8 @@ class AxisLimits(Settings):
 class MotionLimits(Settings):
     """Limits of the gripper's motion on its axes x, z and pitch.
 
-    Pitch turns by pi/2 over 0.10 m of path, so its limits are those of x times that ratio, bounded
-    by the robot's 2.6 rad/s; the lift then stays on its line.
+    Pitch turns by pi/2 over 0.10 m of path, so its limits are those of x times that
+    ratio, bounded by the robot's 2.6 rad/s; the lift then stays on its line.
     """
 
     x: AxisLimits = AxisLimits(velocity=0.2, acceleration=4.0, jerk=100.0)
@@ -54,9 +57,13 @@ class MotionLimits(Settings):
         return MotionLimits(**dict(zip(AXIS_NAMES, axes, strict=True)))
 
     def check(self, velocity: Velocity) -> None:
-        """Raise Fault `velocity_refused` for a velocity that is not finite or above a limit."""
+        """Raise Fault `velocity_refused` for a velocity that is not finite or above a
+        limit.
+        """
         rates = (velocity.vx, velocity.vz, velocity.pitch_rate)
-        for axis, unit, limits, rate in zip(AXIS_NAMES, AXIS_UNITS, self.axes, rates, strict=True):
+        for axis, unit, limits, rate in zip(
+            AXIS_NAMES, AXIS_UNITS, self.axes, rates, strict=True
+        ):
             if not isfinite(rate) or abs(rate) > limits.velocity:
                 raise Fault(
                     "velocity_refused",
@@ -77,7 +84,9 @@ Turned = Annotated[float, Field(ge=-2 * pi, le=2 * pi)]
 
 
 class Workspace(Settings):
-    """Allowed gripper poses: [low, high] of x, z [m] and pitch [rad] in the cell frame."""
+    """Allowed gripper poses: [low, high] of x, z [m] and pitch [rad] in the cell
+    frame.
+    """
 
     x: Annotated[tuple[Along, Along], AfterValidator(_order)] = (-0.15, 0.85)
     z: Annotated[tuple[Above, Above], AfterValidator(_order)] = (-0.01, 0.5)
@@ -94,7 +103,9 @@ class Workspace(Settings):
         return self.x[1], self.z[1], self.pitch[1]
 
     def check(self, pose: Pose) -> None:
-        """Raise Fault `outside_workspace` for a gripper pose that is not finite or not allowed."""
+        """Raise Fault `outside_workspace` for a gripper pose that is not finite or not
+        allowed.
+        """
         values = (pose.x, pose.z, pose.pitch)
         for axis, unit, low, high, value in zip(
             AXIS_NAMES, AXIS_UNITS, self.low, self.high, values, strict=True
@@ -108,10 +119,11 @@ class Workspace(Settings):
 
 
 class Mounting(Settings):
-    """Pose of the cell frame in the robot's base: origin [m] and yaw of its x-axis [rad].
+    """Pose of the cell frame in the robot's base: origin [m] and yaw of its x-axis
+    [rad].
 
-    By default the strip lies crosswise in front of the robot, centred, on a desk above the robot's
-    base, so that the hand lies flat over both of its ends.
+    By default the strip lies crosswise in front of the robot, centred, on a desk above
+    the robot's base, so that the hand lies flat over both of its ends.
     """
 
     x: float = Field(0.36, ge=-2, le=2)
@@ -125,7 +137,8 @@ class Mounting(Settings):
 
 
 class Installation(Settings):
-    """Mounting, motion limits and workspace of a cell's arm; `desk` is x [m] of the desk's end.
+    """Mounting, motion limits and workspace of a cell's arm; `desk` is x [m] of the
+    desk's end.
 
     The gripper's home is `home_height` [m] over the strip's free edge.
     """

@@ -1,8 +1,9 @@
 """Compilation of kernels by numba, and the cache of their machine code.
 
-A file of the cache holds one kernel for one set of argument types and is named by what it was
-compiled from. So each checkout of the same sources finds the same code, changed sources find none,
-and processes that fill the cache at once do no harm (numba's own index may break: numba#4807).
+A file of the cache holds one kernel for one set of argument types and is named by what
+it was compiled from. So each checkout of the same sources finds the same code, changed
+sources find none, and processes that fill the cache at once do no harm (numba's own
+index may break: numba#4807).
 """
 
 import ast
@@ -29,7 +30,9 @@ ERRORS = "numpy"  # error model: IEEE arithmetic, a division by zero raises noth
 
 
 def kernel(function: F) -> F:
-    """Compile `function` for use in other kernels: no bounds checks, IEEE arithmetic, no GIL."""
+    """Compile `function` for use in other kernels: no bounds checks, IEEE arithmetic,
+    no GIL.
+    """
     compiled: F = numba.njit(
         error_model=ERRORS, nogil=True, no_cpython_wrapper=True, no_cfunc_wrapper=True
     )(_with_unique_name(function))
@@ -37,7 +40,9 @@ def kernel(function: F) -> F:
 
 
 def entry(function: F) -> F:
-    """Compile `function` for calls from Python; its machine code is kept for other processes."""
+    """Compile `function` for calls from Python; its machine code is kept for other
+    processes.
+    """
     compiled = numba.njit(error_model=ERRORS, nogil=True)(_with_unique_name(function))
     compiled._cache = _Cache(function)
     found: F = compiled
@@ -45,12 +50,17 @@ def entry(function: F) -> F:
 
 
 def callback(signature: Any) -> Callable[[Callable[..., Any]], Any]:
-    """Decorator that compiles a function with `signature` for calls from C, and keeps its code."""
+    """Decorator that compiles a function with `signature` for calls from C, and keeps
+    its code.
+    """
 
     def compile_for_c(function: Callable[..., Any]) -> Any:
         form = normalize_signature(signature)
         compiled: Any = CFunc(
-            _with_unique_name(function), form, locals={}, options={"error_model": ERRORS}
+            _with_unique_name(function),
+            form,
+            locals={},
+            options={"error_model": ERRORS},
         )
         compiled._cache = _Cache(function)
         compiled.compile()
@@ -60,7 +70,9 @@ def callback(signature: Any) -> Callable[[Callable[..., Any]], Any]:
 
 
 def cache_folder() -> Path:
-    """Folder of machine code of this Python and numba: in NUMBA_CACHE_DIR or the user's cache."""
+    """Folder of machine code of this Python and numba: in NUMBA_CACHE_DIR or the user's
+    cache.
+    """
     versions = f"{sys.version} {numba.__version__} {llvmlite.__version__}"
     chosen = numba.config.CACHE_DIR
     home = Path(chosen) if chosen else _user_cache() / "folding-cell"
@@ -88,31 +100,43 @@ class _Cache(NullCache):  # type: ignore[misc]
         """Compiled code for argument types `sig`, None where none is kept."""
         target_context.refresh()
         try:
-            kept = self._files._load_data(self._file_name(sig, target_context.codegen()))
-        except (OSError, EOFError, UnpicklingError):  # a power cut left a part of a file
+            kept = self._files._load_data(
+                self._file_name(sig, target_context.codegen())
+            )
+        # a power cut left a part of a file
+        except (OSError, EOFError, UnpicklingError):
             return None
         return CompileResult._rebuild(target_context, *kept)
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep compiled `data` on disk, if possible; otherwise the next process compiles anew."""
+        """Keep compiled `data` on disk, if possible; otherwise the next process
+        compiles anew.
+        """
         if not data.library.has_dynamic_globals:
             with suppress(OSError):
                 cache_folder().mkdir(parents=True, exist_ok=True)
-                self._files._save_data(self._file_name(sig, data.codegen), data._reduce())
+                self._files._save_data(
+                    self._file_name(sig, data.codegen), data._reduce()
+                )
 
     def _file_name(self, sig: Any, codegen: Any) -> str:
-        return f"{self._name}-{_digest(self._origin, f'{sig} {codegen.magic_tuple()}')}.nbc"
+        digest = _digest(self._origin, f"{sig} {codegen.magic_tuple()}")
+        return f"{self._name}-{digest}.nbc"
 
 
 def _with_unique_name(function: F) -> F:
-    """`function` with a hash of its closure in its name: numba caches by name and types alone."""
+    """`function` with a hash of its closure in its name: numba caches by name and types
+    alone.
+    """
     if function.__closure__:
         function.__qualname__ += f"_{_digest(_origin(function))}"
     return function
 
 
 def _origin(function: Callable[..., Any]) -> str:
-    """Text that changes with the code of `function`: its name, sources and closed-over values."""
+    """Text that changes with the code of `function`: its name, sources and closed-over
+    values.
+    """
     closed = [cell.cell_contents for cell in function.__closure__ or ()]
     values = [_origin(v.py_func) if hasattr(v, "py_func") else repr(v) for v in closed]
     file = Path(function.__code__.co_filename)

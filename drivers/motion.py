@@ -17,7 +17,8 @@ CORRECTION_TIME = 0.05  # s, of a correction near the target velocity
 LONGEST_GAP = 0.01  # s that a robot may go on by itself at a time
 ACCELERATION_FLOOR = 0.01  # of the acceleration, at least, in such a correction
 ARRIVED = 2e-5  # m or rad from the goal, from which nothing is corrected any more
-SMALLEST_CHANGE = 1e-6  # m or rad, or the same per second: a change too small to have a direction
+# m or rad, or the same per second: a change too small to have a direction
+SMALLEST_CHANGE = 1e-6
 
 Numbers = list[float]
 State = tuple[Numbers, Numbers, Numbers]  # position, velocity, acceleration
@@ -25,7 +26,9 @@ _STILL = [0.0, 0.0, 0.0]
 
 
 class PredictedMotion(NamedTuple):
-    """Commanded gripper pose, velocity and acceleration [m/s^2, rad/s^2] at a later time."""
+    """Commanded gripper pose, velocity and acceleration [m/s^2, rad/s^2] at a later
+    time.
+    """
 
     pose: Pose
     velocity: Velocity
@@ -33,20 +36,26 @@ class PredictedMotion(NamedTuple):
 
 
 def lag_gain(lag: float) -> float:
-    """Fraction of the error that a first-order lag of time constant `lag` [s] removes per tick."""
+    """Fraction of the error that a first-order lag of time constant `lag` [s] removes
+    per tick.
+    """
     return 1.0 if lag == 0 else 1.0 - exp(-TICK / lag)
 
 
 class MotionProfile:
-    """Generator of gripper setpoints, a pose per tick, limited in velocity, acceleration and jerk.
+    """Generator of gripper setpoints, a pose per tick, limited in velocity,
+    acceleration and jerk.
 
-    A new command, to move at a velocity, to rest at a pose or to brake, replaces the last one. A
-    velocity holds for EXPIRY_TICKS; then the profile brakes and sets `expired`. Axes on which a
-    velocity would leave the workspace brake so that the gripper stops inside.
+    A new command, to move at a velocity, to rest at a pose or to brake, replaces the
+    last one. A velocity holds for EXPIRY_TICKS; then the profile brakes and sets
+    `expired`. Axes on which a velocity would leave the workspace brake so that the
+    gripper stops inside.
     """
 
     def __init__(self, limits: MotionLimits, workspace: Workspace, start: Pose) -> None:
-        """Start the setpoints at rest at `start`, which may lie outside the workspace."""
+        """Start the setpoints at rest at `start`, which may lie outside the
+        workspace.
+        """
         self.expired = False
         self._limits = limits
         self._workspace = workspace
@@ -92,7 +101,9 @@ class MotionProfile:
         return self._next_move is not None or self._pending or any(self._velocity)
 
     def set_velocity(self, velocity: Velocity) -> None:
-        """Move at `velocity` from now on; raises Fault `velocity_refused` above the limits."""
+        """Move at `velocity` from now on; raises Fault `velocity_refused` above the
+        limits.
+        """
         self._limits.check(velocity)
         self._begin()
         target = [velocity.vx, velocity.vz, velocity.pitch_rate]
@@ -100,9 +111,11 @@ class MotionProfile:
             self._follow(target)
 
     def move_to(self, pose: Pose) -> None:
-        """Move to rest at `pose`: on a straight line from rest, time-optimally from a motion.
+        """Move to rest at `pose`: on a straight line from rest, time-optimally from a
+        motion.
 
-        Raises Fault `outside_workspace`. Brakes first where the motion would leave the workspace.
+        Raises Fault `outside_workspace`. Brakes first where the motion would leave the
+        workspace.
         """
         self._workspace.check(pose)
         self._begin()
@@ -114,8 +127,12 @@ class MotionProfile:
         self._begin()
         self._follow(_STILL)
 
-    def resume(self, pose: Pose, velocity: Velocity, acceleration: Velocity, lost: int) -> None:
-        """Continue from the state that the arm reached in `lost` ticks without a setpoint."""
+    def resume(
+        self, pose: Pose, velocity: Velocity, acceleration: Velocity, lost: int
+    ) -> None:
+        """Continue from the state that the arm reached in `lost` ticks without a
+        setpoint.
+        """
         self._age += lost
         self._position = [pose.x, pose.z, pose.pitch]
         self._velocity = [velocity.vx, velocity.vz, velocity.pitch_rate]
@@ -137,7 +154,9 @@ class MotionProfile:
         return max(distances) < ARRIVED and max(remainders) < ARRIVED
 
     def tick(self) -> Numbers:
-        """Advance by one tick; returns the commanded x, z [m], pitch [rad] (3,) at its end."""
+        """Advance by one tick; returns the commanded x, z [m], pitch [rad] (3,) at its
+        end.
+        """
         self._age += 1
         if self._age > EXPIRY_TICKS and self._target is not None and any(self._target):
             self.expired = True
@@ -162,7 +181,9 @@ class MotionProfile:
         self._goal = self._next_move = None
 
     def _arrive(self) -> None:
-        """Set the setpoint to the end of the plan exactly, and start a move that waited for it."""
+        """Set the setpoint to the end of the plan exactly, and start a move that waited
+        for it.
+        """
         self._velocity = self._request.target_velocity
         self._acceleration = _STILL
         if self._target is None:
@@ -173,9 +194,15 @@ class MotionProfile:
             self._move(goal)
 
     def _follow(
-        self, target: Numbers, blocked: frozenset[int] = frozenset(), *, gently: bool = False
+        self,
+        target: Numbers,
+        blocked: frozenset[int] = frozenset(),
+        *,
+        gently: bool = False,
     ) -> None:
-        """Plan to velocity `target` (3,), slowly near it if `gently`; axes `blocked` brake hard."""
+        """Plan to velocity `target` (3,), slowly near it if `gently`; axes `blocked`
+        brake hard.
+        """
         request = self._request
         request.control_interface = ruckig.ControlInterface.Velocity
         velocity = list(target)
@@ -199,7 +226,9 @@ class MotionProfile:
         self._elapsed = 0
 
     def _move(self, goal: Numbers, *, gently: bool = False) -> None:
-        """Plan a move to rest at `goal` (3,), softly if `gently`; brake first if it would leave."""
+        """Plan a move to rest at `goal` (3,), softly if `gently`; brake first if it
+        would leave.
+        """
         request = self._request
         request.control_interface = ruckig.ControlInterface.Position
         request.per_dof_synchronization = None
@@ -207,7 +236,11 @@ class MotionProfile:
         request.target_velocity = _STILL
         self._target = None
         straight = not any(self._velocity) and not any(self._acceleration)
-        change = [g - p for g, p in zip(goal, self._position, strict=True)] if straight else _STILL
+        change = (
+            [g - p for g, p in zip(goal, self._position, strict=True)]
+            if straight
+            else _STILL
+        )
         _limit(request, self._limits, change)
         request.max_velocity = _share(request.max_velocity, change)
         if gently:
@@ -225,7 +258,9 @@ class MotionProfile:
             self._next_move = goal
 
     def _keep_inside(self, state: State) -> State:
-        """Copy of `state` with those axes braked that could not stop within the workspace."""
+        """Copy of `state` with those axes braked that could not stop within the
+        workspace.
+        """
         for _ in range(3):  # each round blocks one of the three axes or more
             self._calculate(self._brake, self._stopping, state)
             leaving = self._leaving(self._stopping) - self._blocked
@@ -237,8 +272,12 @@ class MotionProfile:
         return state
 
     def _leaving(self, plan: ruckig.Trajectory) -> frozenset[int]:
-        """Numbers of axes on which `plan` leaves the workspace, further than where it starts."""
-        axes = zip(self._workspace.low, self._workspace.high, self._position, strict=True)
+        """Numbers of axes on which `plan` leaves the workspace, further than where it
+        starts.
+        """
+        axes = zip(
+            self._workspace.low, self._workspace.high, self._position, strict=True
+        )
         return frozenset(
             i
             for i, (extent, (low, high, start)) in enumerate(
@@ -255,8 +294,14 @@ class MotionProfile:
     def _calculate(
         self, request: ruckig.InputParameter, plan: ruckig.Trajectory, state: State
     ) -> None:
-        """Calculate the trajectory `plan` of `request` from `state`; Fault `motion_refused`."""
-        request.current_position, request.current_velocity, request.current_acceleration = state
+        """Calculate the trajectory `plan` of `request` from `state`; Fault
+        `motion_refused`.
+        """
+        (
+            request.current_position,
+            request.current_velocity,
+            request.current_acceleration,
+        ) = state
         try:
             self._ruckig.calculate(request, plan)
         except ruckig.RuckigError as error:
@@ -264,10 +309,11 @@ class MotionProfile:
 
 
 def settling(distance: float, speed: float, limit: float) -> float:
-    """Acceleration [per s^2], at most `limit`, to stop at `distance` [m or rad] in SETTLE [s].
+    """Acceleration [per s^2], at most `limit`, to stop at `distance` [m or rad] in
+    SETTLE [s].
 
-    Corrections in the shortest time would oscillate about the goal where ticks are lost, as a lost
-    tick continues the acceleration. `speed` is per s.
+    Corrections in the shortest time would oscillate about the goal where ticks are
+    lost, as a lost tick continues the acceleration. `speed` is per s.
     """
     from_rest = 4 * distance / SETTLE**2
     to_rest = 2 * speed / SETTLE  # braking takes SETTLE / 2
@@ -278,7 +324,9 @@ def settling(distance: float, speed: float, limit: float) -> float:
 
 
 def correcting(change: float, limit: float) -> float:
-    """Acceleration [per s^2], at most `limit`, to `change` a speed [per s] in CORRECTION_TIME."""
+    """Acceleration [per s^2], at most `limit`, to `change` a speed [per s] in
+    CORRECTION_TIME.
+    """
     return min(limit, max(change / CORRECTION_TIME, ACCELERATION_FLOOR * limit))
 
 
@@ -291,19 +339,27 @@ def _new_request(limits: MotionLimits, synchronization: ruckig.Synchronization) 
 
 
 def _limit(request: Any, limits: MotionLimits, change: Numbers) -> None:
-    """Set the limits of a ruckig `request`, in proportion to a `change` (3,) of pose or velocity.
+    """Set the limits of a ruckig `request`, in proportion to a `change` (3,) of pose or
+    velocity.
 
     Ruckig leaves the straight line where one axis alone would allow a shorter profile.
     """
     request.max_velocity = [axis.velocity for axis in limits.axes]
-    request.max_acceleration = _share([axis.acceleration for axis in limits.axes], change)
+    request.max_acceleration = _share(
+        [axis.acceleration for axis in limits.axes], change
+    )
     request.max_jerk = _share([axis.jerk for axis in limits.axes], change)
 
 
 def _share(limits: Numbers, change: Numbers) -> Numbers:
-    """Limits (3,) of the axes, lowered in proportion to `change` (3,): all axes end together."""
+    """Limits (3,) of the axes, lowered in proportion to `change` (3,): all axes end
+    together.
+    """
     sizes = [abs(c) if abs(c) > SMALLEST_CHANGE else 0.0 for c in change]
     if not any(sizes):
         return limits
     pace = min(limit / size for limit, size in zip(limits, sizes, strict=True) if size)
-    return [pace * size if size else limit for limit, size in zip(limits, sizes, strict=True)]
+    return [
+        pace * size if size else limit
+        for limit, size in zip(limits, sizes, strict=True)
+    ]

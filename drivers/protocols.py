@@ -13,14 +13,18 @@ class Clock(Protocol):
         """Time [s] since the run began."""
 
     def wait_until(self, time: float) -> None:
-        """Wait until the clock is at `time` [s]; on the twin only this advances the simulation."""
+        """Wait until the clock is at `time` [s]; on the twin only this advances the
+        simulation.
+        """
 
 
 class Arm(Protocol):
-    """Protocol of an arm, whose gripper point moves in the plane of the strip, in the cell frame.
+    """Protocol of an arm, whose gripper point moves in the plane of the strip, in the
+    cell frame.
 
-    The driver runs the 1 kHz servo. Methods return at once; `state().moving` says whether the arm
-    is in motion. Raises `Fault` when the robot refuses a command or has stopped by itself.
+    The driver runs the 1 kHz servo. Methods return at once; `state().moving` says
+    whether the arm is in motion. Raises `Fault` when the robot refuses a command or has
+    stopped by itself.
     """
 
     def connect(self) -> None:
@@ -30,10 +34,14 @@ class Arm(Protocol):
         """Newest measured state of the arm."""
 
     def move_to(self, pose: Pose) -> None:
-        """Start a motion to rest at `pose` within the limits; a new command replaces it."""
+        """Start a motion to rest at `pose` within the limits; a new command replaces
+        it.
+        """
 
     def set_velocity(self, velocity: Velocity) -> None:
-        """Move at `velocity` from now on; without a new command the arm brakes after a timeout."""
+        """Move at `velocity` from now on; without a new command the arm brakes after a
+        timeout.
+        """
 
     def stop(self) -> None:
         """Brake the arm within its limits; allowed at any time."""
@@ -63,13 +71,16 @@ class Camera(Protocol):
 
     @property
     def rate(self) -> float:
-        """Frame rate [Hz] that the device accepted or, before `connect`, that is requested."""
+        """Frame rate [Hz] that the device accepted or, before `connect`, that is
+        requested.
+        """
 
     def connect(self) -> None:
         """Connect to the camera and start its stream."""
 
     def read(self, after: float, timeout: float) -> Frame | None:
-        """Newest frame with a stamp later than `after` [s]; None if none comes in `timeout` [s].
+        """Newest frame with a stamp later than `after` [s]; None if none comes in
+        `timeout` [s].
 
         The twin ignores `timeout`, because its simulation advances only on the clock.
         """
@@ -79,7 +90,9 @@ class Camera(Protocol):
 
 
 class RealCamera(Camera, Protocol):
-    """Protocol of a camera that is no part of the twin; a calibration is for its `identity`."""
+    """Protocol of a camera that is no part of the twin; a calibration is for its
+    `identity`.
+    """
 
     identity: str
 

@@ -24,7 +24,8 @@ MEGABYTE = 1_000_000
 LARGEST_TEXT = 200_000  # bytes, a generous bound on a file that a person writes
 LARGEST_PICTURE = 64 * MEGABYTE
 LARGEST_LINES = 32 * MEGABYTE  # of JSON lines; a fold of two minutes writes half of one
-LARGEST_TABLE, LARGEST_UNPACKED = 64 * MEGABYTE, 256 * MEGABYTE  # a fold's profile is below one
+# a fold's profile is below one
+LARGEST_TABLE, LARGEST_UNPACKED = 64 * MEGABYTE, 256 * MEGABYTE
 MOST_ROWS = 1_000_000  # of a table
 MOST_LINES = 200_000
 LINE_DEPTH = 16  # of nested lists and mappings in a line of JSON
@@ -42,8 +43,9 @@ SPECIAL_FILES = {
 def read_bytes(path: Path, most: int) -> bytes:
     """Content of the regular file at `path`, at most `most` bytes.
 
-    Raises ConfigurationError for a file that is missing, too large, unreadable or not regular. A
-    pipe or a device is never opened, because reading it could block for ever.
+    Raises ConfigurationError for a file that is missing, too large, unreadable or not
+    regular. A pipe or a device is never opened, because reading it could block for
+    ever.
     """
     try:
         _check_regular(path, path.stat())
@@ -63,7 +65,8 @@ def read_bytes(path: Path, most: int) -> bytes:
 
 
 def read_text(path: Path, most: int = LARGEST_TEXT, fallback: str = "utf-8") -> str:
-    """Content of the file at `path` as text in UTF-8, or in the `fallback` encoding if it is none.
+    """Content of the file at `path` as text in UTF-8, or in the `fallback` encoding if
+    it is none.
 
     Raises ConfigurationError where it cannot be read.
     """
@@ -75,12 +78,16 @@ def read_text(path: Path, most: int = LARGEST_TEXT, fallback: str = "utf-8") -> 
 
 
 def read_yaml(path: Path) -> dict[str, Any]:
-    """Mapping in the YAML file at `path`; ConfigurationError where it is missing or broken."""
+    """Mapping in the YAML file at `path`; ConfigurationError where it is missing or
+    broken.
+    """
     return parse_yaml(read_text(path), str(path))
 
 
 def read_json(path: Path, most: int = LARGEST_TEXT) -> dict[str, Any]:
-    """Mapping in the JSON file at `path`, of at most `most` bytes; ConfigurationError otherwise."""
+    """Mapping in the JSON file at `path`, of at most `most` bytes; ConfigurationError
+    otherwise.
+    """
     text = read_text(path, most)
     try:
         content = json.loads(text)
@@ -92,10 +99,11 @@ def read_json(path: Path, most: int = LARGEST_TEXT) -> dict[str, Any]:
 
 
 def read_json_lines(path: Path, most: int = LARGEST_LINES) -> list[dict[str, Any]]:
-    """Mappings in a JSON-lines file of at most `most` bytes, one per line; empty without a file.
+    """Mappings in a JSON-lines file of at most `most` bytes, one per line; empty
+    without a file.
 
-    Lines that hold no mapping, such as a truncated last one, are skipped. Raises ConfigurationError
-    for a file that is not regular, or too large.
+    Lines that hold no mapping, such as a truncated last one, are skipped. Raises
+    ConfigurationError for a file that is not regular, or too large.
     """
     if not path.exists():
         return []
@@ -105,14 +113,17 @@ def read_json_lines(path: Path, most: int = LARGEST_LINES) -> list[dict[str, Any
             content = json.loads(line, parse_int=_integer)
         except (ValueError, RecursionError):
             continue
-        shallow = line.count(b"{") + line.count(b"[") <= LINE_DEPTH  # as all lines of a run are
+        # as all lines of a run are
+        shallow = line.count(b"{") + line.count(b"[") <= LINE_DEPTH
         if isinstance(content, dict) and (shallow or _is_flat(content, LINE_DEPTH)):
             lines.append(content)
     return lines
 
 
 def read_parquet(path: Path) -> "pa.Table":
-    """Parquet table at `path`; ConfigurationError where missing, broken or of a newer schema."""
+    """Parquet table at `path`; ConfigurationError where missing, broken or of a newer
+    schema.
+    """
     import pyarrow as pa
 
     if not path.exists():
@@ -128,41 +139,50 @@ def read_parquet(path: Path) -> "pa.Table":
     schema = (table.schema.metadata or {}).get(b"schema", b"1")
     if not (schema.isdigit() and len(schema) < 9 and 0 < int(schema) <= SCHEMA):
         raise ConfigurationError(
-            f"{path}: schema: is {schema.decode(errors='replace')}, this version reads {SCHEMA}; "
-            "update the cell"
+            f"{path}: schema: is {schema.decode(errors='replace')}, this version reads"
+            f" {SCHEMA}; update the cell"
         )
     return table
 
 
 def read_picture(path: Path, side: int = LARGEST_SIDE) -> "Image":
-    """PNG or JPEG picture (height, width, 3) at `path` in BGR, no side longer than `side` [px].
+    """PNG or JPEG picture (height, width, 3) at `path` in BGR, no side longer than
+    `side` [px].
 
-    Raises ConfigurationError for a file that is missing, not regular, broken or larger; nothing is
-    decoded before the sides are known.
+    Raises ConfigurationError for a file that is missing, not regular, broken or larger;
+    nothing is decoded before the sides are known.
     """
     content = read_bytes(path, LARGEST_PICTURE)
     width, height = picture_sides(content)
     if max(width, height) > side:
         raise ConfigurationError(
-            f"{path}: is {width} x {height} px, at most {side} px are read; make it smaller"
+            f"{path}: is {width} x {height} px, at most {side} px are read; make it"
+            " smaller"
         )
     image = _decode(content) if min(width, height) > 0 else None
     if image is None:
-        raise ConfigurationError(f"{path}: is not a picture that can be read; give a JPEG or PNG")
+        raise ConfigurationError(
+            f"{path}: is not a picture that can be read; give a JPEG or PNG"
+        )
     return image
 
 
 def picture_sides(content: bytes) -> tuple[int, int]:
-    """Width and height [px] that the header of a PNG or JPEG declares; zeros for other content.
+    """Width and height [px] that the header of a PNG or JPEG declares; zeros for other
+    content.
 
-    Zeros too for a PNG whose chunks are broken: OpenCV would allocate what they declare.
+    Zeros too for a PNG whose chunks are broken: OpenCV would allocate what they
+    declare.
     """
     from PIL import JpegImagePlugin, PngImagePlugin
 
     is_png = content.startswith(PNG_SIGNATURE)
-    reader: Any = PngImagePlugin.PngImageFile if is_png else JpegImagePlugin.JpegImageFile
+    reader: Any = (
+        PngImagePlugin.PngImageFile if is_png else JpegImagePlugin.JpegImageFile
+    )
     try:
-        with reader(BytesIO(content)) as picture:  # not Image.open, which has a bound of its own
+        # not Image.open, which has a bound of its own
+        with reader(BytesIO(content)) as picture:
             width, height = picture.size
             if max(width, height) <= LARGEST_SIDE:
                 picture.verify()
@@ -176,7 +196,9 @@ def _open_nonblocking(path: str, flags: int) -> int:
 
 
 def _check_regular(path: Path, status: os.stat_result) -> None:
-    """Raise ConfigurationError where `path`, of this `status`, is a device, pipe or socket."""
+    """Raise ConfigurationError where `path`, of this `status`, is a device, pipe or
+    socket.
+    """
     kind = stat.S_IFMT(status.st_mode)
     if kind in SPECIAL_FILES:
         raise ConfigurationError(
@@ -194,22 +216,28 @@ def _is_flat(value: object, depth: int) -> bool:
 
 
 def _integer(text: str) -> int | float:
-    """Number in `text`, an integer of JSON; a float where it has more than LINE_DIGITS digits."""
+    """Number in `text`, an integer of JSON; a float where it has more than LINE_DIGITS
+    digits.
+    """
     return int(text) if len(text) <= LINE_DIGITS else float(text)
 
 
 def _parquet_table(content: bytes) -> "pa.Table":
-    """Table in a Parquet file's `content`; ValueError where it declares too much memory."""
+    """Table in a Parquet file's `content`; ValueError where it declares too much
+    memory.
+    """
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     file = pq.ParquetFile(pa.BufferReader(content))
     declared: Any = file.metadata
-    unpacked = sum(declared.row_group(i).total_byte_size for i in range(declared.num_row_groups))
+    unpacked = sum(
+        declared.row_group(i).total_byte_size for i in range(declared.num_row_groups)
+    )
     if declared.num_rows > MOST_ROWS or unpacked > LARGEST_UNPACKED:
         raise ValueError(
-            f"it states {declared.num_rows} rows and {unpacked / MEGABYTE:.0f} MB, at most "
-            f"{MOST_ROWS} and {LARGEST_UNPACKED // MEGABYTE} MB are read"
+            f"it states {declared.num_rows} rows and {unpacked / MEGABYTE:.0f} MB, at"
+            f" most {MOST_ROWS} and {LARGEST_UNPACKED // MEGABYTE} MB are read"
         )
     table = file.read(use_threads=False)
     table.validate(full=True)
@@ -218,7 +246,9 @@ def _parquet_table(content: bytes) -> "pa.Table":
 
 
 def _decode(content: bytes) -> "Image | None":
-    """Decode a picture (height, width, 3) to BGR; None where broken, without OpenCV's messages."""
+    """Decode a picture (height, width, 3) to BGR; None where broken, without OpenCV's
+    messages.
+    """
     import cv2
     import numpy as np
 

@@ -8,7 +8,8 @@ MAD = 1.4826  # standard deviation of normal errors over their median absolute d
 
 
 def robust_sigma(errors: Array) -> float:
-    """Standard deviation of `errors` (n,) about zero, in their unit, by their median size.
+    """Standard deviation of `errors` (n,) about zero, in their unit, by their median
+    size.
 
     Consistent for normal errors; outliers hardly change it.
     """

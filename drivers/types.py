@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 Arguments = Sequence[tuple[Any, ...]]
-# calls a function with each of the arguments, somewhere; yields numbers and results as calls end
+# calls a function with each of the arguments, somewhere; yields numbers and results as
+# calls end
 Calls = Callable[[Callable[..., Any], Arguments], Iterator[tuple[int, Any]]]
 GRAVITY = 9.81  # m/s^2
 
@@ -55,7 +56,9 @@ ZERO_VELOCITY = Velocity(0.0, 0.0, 0.0)
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """Header of every measurement: times `stamp`, `arrival` [s] since the run's start, source."""
+    """Header of every measurement: times `stamp`, `arrival` [s] since the run's start,
+    source.
+    """
 
     stamp: float
     arrival: float
@@ -66,8 +69,9 @@ class Reading:
 class ArmState(Reading):
     """Measured `pose` and `velocity` of the arm, and the pose `commanded` by its servo.
 
-    `moving` is true while the arm is in motion; `expired` once a velocity command timed out and
-    the arm braked. `force` on the gripper is (f_x, f_z) [N], NaN where not measured.
+    `moving` is true while the arm is in motion; `expired` once a velocity command timed
+    out and the arm braked. `force` on the gripper is (f_x, f_z) [N], NaN where not
+    measured.
     """
 
     pose: Pose
@@ -80,7 +84,9 @@ class ArmState(Reading):
 
 @dataclass(frozen=True, slots=True)
 class HandState(Reading):
-    """Measured state of the hand: finger `width` [m], whether it holds something or moves."""
+    """Measured state of the hand: finger `width` [m], whether it holds something or
+    moves.
+    """
 
     width: float
     grasped: bool
@@ -89,7 +95,9 @@ class HandState(Reading):
 
 @dataclass(frozen=True, slots=True)
 class Frame(Reading):
-    """Camera image (height, width, 3) BGR; `stamp` is the middle of its exposure [s]."""
+    """Camera image (height, width, 3) BGR; `stamp` is the middle of its exposure
+    [s].
+    """
 
     sequence: int
     image: Image
@@ -108,11 +116,12 @@ def frozen(values: object) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class BoardPlacement:
-    """Pose of a board in front of the camera, described by its place and size in the image.
+    """Pose of a board in front of the camera, described by its place and size in the
+    image.
 
-    `x`, `y` are the centre as fractions of the image, `size` the board's width as a fraction of the
-    image's. At zero angles [rad] it faces the camera; `tilt` leans its top away, `turn` moves its
-    right edge away, `roll` turns it clockwise.
+    `x`, `y` are the centre as fractions of the image, `size` the board's width as a
+    fraction of the image's. At zero angles [rad] it faces the camera; `tilt` leans its
+    top away, `turn` moves its right edge away, `roll` turns it clockwise.
     """
 
     x: float

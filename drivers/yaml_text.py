@@ -1,4 +1,6 @@
-"""YAML text: parsing within bounds, dumping, and editing that preserves comments and order."""
+"""YAML text: parsing within bounds, dumping, and editing that preserves comments and
+order.
+"""
 
 import io
 import re
@@ -15,7 +17,9 @@ if TYPE_CHECKING or not yaml.__with_libyaml__:
 else:
 
     class _Loader(Composer, yaml.CSafeLoader):
-        """YAML parser in C for speed, whose composer in Python does not overflow on deep nests."""
+        """YAML parser in C for speed, whose composer in Python does not overflow on
+        deep nests.
+        """
 
         def __init__(self, stream: Any) -> None:
             yaml.CSafeLoader.__init__(self, stream)
@@ -27,28 +31,36 @@ MOST_NODES = 10_000  # with every alias expanded
 MOST_DIGITS = 64  # of a number
 FLOAT_TAG = "tag:yaml.org,2002:float"
 NUMBER_TAGS = ("tag:yaml.org,2002:int", FLOAT_TAG)
-KEYLESS_TAGS = ("tag:yaml.org,2002:timestamp", "tag:yaml.org,2002:binary")  # JSON has no such key
-# Numbers of YAML 1.2 that are text in YAML 1.1, which PyYAML speaks. Without dot and sign few
-# digits are taken: an identifier of 12 digits, one of them an e, is text.
+# JSON has no such key
+KEYLESS_TAGS = ("tag:yaml.org,2002:timestamp", "tag:yaml.org,2002:binary")
+# Numbers of YAML 1.2 that are text in YAML 1.1, which PyYAML speaks. Without dot and
+# sign few digits are taken: an identifier of 12 digits, one of them an e, is text.
 EXPONENTS = re.compile(
     r"[-+]?(?:(?:\d+\.\d*|\.\d+)[eE][-+]?\d+|\d+[eE][-+]\d+|\d{1,7}[eE]\d{1,3})$"
 )
 LINE_WIDTH = 100
-INSET = re.compile(r"^  +- ", re.MULTILINE)  # entries of lists stand further in than their key
+# entries of lists stand further in than their key
+INSET = re.compile(r"^  +- ", re.MULTILINE)
 
 
 def parse_yaml(text: str, path: str) -> dict[str, Any]:
-    """Mapping in YAML `text`; raises ConfigurationError, with `path`, for any other content."""
+    """Mapping in YAML `text`; raises ConfigurationError, with `path`, for any other
+    content.
+    """
     try:
         content = yaml.load(text, BoundedLoader)  # noqa: S506  a safe loader, bounded besides
     except yaml.YAMLError as error:
-        raise ConfigurationError(f"{path}: is not valid YAML: {_place(error)}") from None
+        raise ConfigurationError(
+            f"{path}: is not valid YAML: {_place(error)}"
+        ) from None
     except (ValueError, RecursionError) as error:
         raise ConfigurationError(f"{path}: is not valid YAML: {error}") from None
     except (AttributeError, LookupError, TypeError, ArithmeticError):
-        # what the loader's own constructors raise for `!!timestamp x`, `!!int ""`, `!!bool x`
+        # what the loader's own constructors raise for `!!timestamp x`, `!!int ""`,
+        # `!!bool x`
         raise ConfigurationError(
-            f"{path}: is not valid YAML: a value is not what its !! tag says; leave tags out"
+            f"{path}: is not valid YAML: a value is not what its !! tag says; leave"
+            " tags out"
         ) from None
     if not isinstance(content, dict):
         raise ConfigurationError(f"{path}: must be a mapping of keys to values")
@@ -56,14 +68,21 @@ def parse_yaml(text: str, path: str) -> dict[str, Any]:
 
 
 def dump_yaml(content: Mapping[str, Any]) -> str:
-    """YAML text of `content`, plain values, from which `parse_yaml` reads an equal mapping."""
+    """YAML text of `content`, plain values, from which `parse_yaml` reads an equal
+    mapping.
+    """
     return yaml.dump(
-        dict(content), Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=LINE_WIDTH
+        dict(content),
+        Dumper=_Dumper,
+        sort_keys=False,
+        allow_unicode=True,
+        width=LINE_WIDTH,
     )
 
 
 def edit_yaml(text: str, content: Mapping[str, Any]) -> str:
-    """Edit YAML `text` to hold `content`; unchanged parts keep their layout and comments.
+    """Edit YAML `text` to hold `content`; unchanged parts keep their layout and
+    comments.
 
     A text that cannot be edited is replaced by `dump_yaml` of `content`.
     """
@@ -88,10 +107,11 @@ def edit_yaml(text: str, content: Mapping[str, Any]) -> str:
 
 
 class BoundedLoader(_Loader):
-    """Safe YAML loader that refuses duplicate keys and bounds depth, size and digits of numbers.
+    """Safe YAML loader that refuses duplicate keys and bounds depth, size and digits of
+    numbers.
 
-    Size counts expanded aliases; 1e3 is read as a number. Raises yaml.MarkedYAMLError, with its
-    line, where a bound is exceeded.
+    Size counts expanded aliases; 1e3 is read as a number. Raises yaml.MarkedYAMLError,
+    with its line, where a bound is exceeded.
     """
 
     def __init__(self, stream: Any) -> None:
@@ -119,7 +139,9 @@ class BoundedLoader(_Loader):
         return node
 
     def compose_scalar_node(self, anchor: Any) -> Any:
-        """Next scalar of the document; MarkedYAMLError for a number of more than MOST_DIGITS."""
+        """Next scalar of the document; MarkedYAMLError for a number of more than
+        MOST_DIGITS.
+        """
         event: Any = self.peek_event()  # type: ignore[no-untyped-call]
         node = super().compose_scalar_node(anchor)
         if node.tag in NUMBER_TAGS and len(node.value) > MOST_DIGITS:
@@ -128,8 +150,12 @@ class BoundedLoader(_Loader):
             )
         return node
 
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        """Mapping from `node`; MarkedYAMLError for a key that is no word or is given twice."""
+    def construct_mapping(
+        self, node: yaml.MappingNode, deep: bool = False
+    ) -> dict[Any, Any]:
+        """Mapping from `node`; MarkedYAMLError for a key that is no word or is given
+        twice.
+        """
         seen: set[Hashable] = set()
         for key, _ in node.value:
             if not isinstance(key, yaml.ScalarNode) or key.tag in KEYLESS_TAGS:
@@ -140,16 +166,22 @@ class BoundedLoader(_Loader):
         return super().construct_mapping(node, deep)
 
     def _count_alias(self, event: Any) -> None:
-        """Count an alias as all nodes that it stands for; MarkedYAMLError inside of itself."""
+        """Count an alias as all nodes that it stands for; MarkedYAMLError inside of
+        itself.
+        """
         anchor = event.anchor
         if anchor in self.anchors and anchor not in self._sizes:
-            raise _error_at(event, f"alias {anchor!r} stands within what it names; write it out")
+            raise _error_at(
+                event, f"alias {anchor!r} stands within what it names; write it out"
+            )
         self._count(event, self._sizes.get(anchor, 1))
 
     def _count(self, event: Any, nodes: int) -> None:
         self._nodes += nodes
         if self._nodes > MOST_NODES:
-            raise _error_at(event, f"holds more than {MOST_NODES} values, aliases written out")
+            raise _error_at(
+                event, f"holds more than {MOST_NODES} values, aliases written out"
+            )
 
 
 def _error_at(event: Any, text: str) -> yaml.MarkedYAMLError:
@@ -166,12 +198,16 @@ _Dumper.add_implicit_resolver(FLOAT_TAG, EXPONENTS, list("-+.0123456789"))
 
 def _place(error: yaml.YAMLError) -> str:
     mark = getattr(error, "problem_mark", None)
-    problem = getattr(error, "problem", None) or getattr(error, "reason", "cannot be parsed")
+    problem = getattr(error, "problem", None) or getattr(
+        error, "reason", "cannot be parsed"
+    )
     return f"line {mark.line + 1}: {problem}" if mark is not None else str(problem)
 
 
 def _edited(old: Any, new: Any) -> Any:
-    """Edit a document's node `old` in place to equal `new` and return it; else return `new`."""
+    """Edit a document's node `old` in place to equal `new` and return it; else return
+    `new`.
+    """
     if old == new and isinstance(old, bool) == isinstance(new, bool):
         return old
     if isinstance(old, MutableMapping) and isinstance(new, Mapping):
@@ -187,7 +223,9 @@ def _edited(old: Any, new: Any) -> Any:
 
 
 def _edit_list(node: Any, value: Sequence[Any]) -> None:
-    """Edit the list `node` in place to equal `value`; entries before or after new ones stay."""
+    """Edit the list `node` in place to equal `value`; entries before or after new ones
+    stay.
+    """
     added = len(value) - len(node)
     if added > 0 and _nearly_equal(node, value[:-added]):
         node.extend(value[-added:])

@@ -1,4 +1,6 @@
-"""Feedback policy of the paper: heading phi from gripper x, z and desk contact x by a network."""
+"""Feedback policy of the paper: heading phi from gripper x, z and desk contact x by a
+network.
+"""
 
 import json
 import math
@@ -23,14 +25,15 @@ INPUTS = 3
 HIDDEN_UNITS = 20
 WEIGHT_COUNT = (INPUTS + 1) * HIDDEN_UNITS + HIDDEN_UNITS + 1
 
-# Over the strip's length: a typical state, and the directions in which states spread around it,
-# so that a unit change of any weight means about as much as one of another.
+# Over the strip's length: a typical state, and the directions in which states spread
+# around it, so that a unit change of any weight means about as much as one of another.
 INPUT_CENTRE = (0.57, 0.40, 0.56)
 INPUT_SPREAD = ((0.16, 0.0, 0.0), (0.0, 0.11, 0.0), (0.04, -0.08, 0.02))
 WHITEN = np.linalg.inv(np.array(INPUT_SPREAD)).T
 
-# Over the strip's length. Below LOWEST_HEIGHT the gripper does not go down, above LOFT not up, and
-# farther than NEARLY_TAUT from the fixed edge not outward. Beyond PAST the fold has ended.
+# Over the strip's length. Below LOWEST_HEIGHT the gripper does not go down, above LOFT
+# not up, and farther than NEARLY_TAUT from the fixed edge not outward. Beyond PAST the
+# fold has ended.
 LOWEST_HEIGHT = 0.05
 LOFT = 0.75
 NEARLY_TAUT = 0.95
@@ -40,8 +43,8 @@ PAST = -0.20
 class HeadingNetwork:
     """Network with one hidden layer of 20 tanh units, for p candidate weights at once.
 
-    `weights` (p, WEIGHT_COUNT): per unit three input weights, then the hidden biases, the output
-    weights and the output bias.
+    `weights` (p, WEIGHT_COUNT): per unit three input weights, then the hidden biases,
+    the output weights and the output bias.
     """
 
     def __init__(self, weights: Array) -> None:
@@ -52,19 +55,25 @@ class HeadingNetwork:
         self._first = first.reshape(-1, HIDDEN_UNITS, INPUTS)
 
     def __call__(self, state: Array) -> Array:
-        """Directions (p, m) [rad] for states (p, m, 3), lengths over the strip's length."""
+        """Directions (p, m) [rad] for states (p, m, 3), lengths over the strip's
+        length.
+        """
         whitened = np.einsum("pmi,ij->pmj", state - INPUT_CENTRE, WHITEN)
-        # einsum, because rounding by BLAS depends on its threads and on the size of the batch
-        drive = np.einsum("pmj,phj->pmh", whitened, self._first) + self._first_bias[:, None]
+        # einsum, because rounding by BLAS depends on its threads and on the size of the
+        # batch
+        drive = (
+            np.einsum("pmj,phj->pmh", whitened, self._first) + self._first_bias[:, None]
+        )
         turn = np.einsum("pmh,ph->pm", np.tanh(drive), self._last) + self._last_bias
         return np.asarray(math.pi + 0.5 * math.pi * turn)
 
 
 class Feedback:
-    """Feedback policy of Petrik and Kyrki (2019), with `weights` (p, WEIGHT_COUNT) of p candidates.
+    """Feedback policy of Petrik and Kyrki (2019), with `weights` (p, WEIGHT_COUNT) of p
+    candidates.
 
-    The speed is constant. The direction always has a component toward the fixed edge, so that every
-    fold ends in a touch or past the edge.
+    The speed is constant. The direction always has a component toward the fixed edge,
+    so that every fold ends in a touch or past the edge.
     """
 
     name = "feedback"
@@ -77,7 +86,9 @@ class Feedback:
         self._contact: Array = np.zeros(0)
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:
-        """Prepare for `count` strips, a multiple of the number p of candidate weights."""
+        """Prepare for `count` strips, a multiple of the number p of candidate
+        weights.
+        """
         self._length = strip.length
         self._speed = speed
         self._contact = np.full(count, np.nan)
@@ -87,10 +98,15 @@ class Feedback:
         return triangular(self._length)
 
     def decide(self, observation: Observation) -> Decision:
-        """Command headings by the network, from the gripper and the newest visible desk contact."""
+        """Command headings by the network, from the gripper and the newest visible desk
+        contact.
+        """
         seen = np.isfinite(observation.contact_x)
         self._contact = np.where(seen, observation.contact_x, self._contact)
-        state = np.stack([observation.x, observation.z, self._contact], axis=-1) / self._length
+        state = (
+            np.stack([observation.x, observation.z, self._contact], axis=-1)
+            / self._length
+        )
         blind = np.isnan(self._contact)
         headings = self._network(state.reshape(self._groups, -1, 3)).reshape(-1)
         direction = np.where(blind, 0.75 * math.pi, headings)
@@ -103,8 +119,11 @@ class Feedback:
 
 
 def limit_directions(direction: Array, x: Array, z: Array) -> Array:
-    """Clip `direction` (n,) [rad] by bounds of height and distance; `x`, `z` (n,) over length."""
-    along_circle = np.arctan2(z, x) + 0.5 * math.pi  # heading at a constant distance from the edge
+    """Clip `direction` (n,) [rad] by bounds of height and distance; `x`, `z` (n,) over
+    length.
+    """
+    # heading at a constant distance from the edge
+    along_circle = np.arctan2(z, x) + 0.5 * math.pi
     low = np.where(np.hypot(x, z) > NEARLY_TAUT, along_circle, 0.5 * math.pi)
     low = np.where(z > LOFT, np.maximum(low, math.pi), low)
     high = np.where(z < LOWEST_HEIGHT, math.pi, 1.5 * math.pi)
@@ -112,7 +131,9 @@ def limit_directions(direction: Array, x: Array, z: Array) -> Array:
 
 
 class Training(Settings):
-    """Origin of a feedback network's weights: seed, generations and folds of their training."""
+    """Origin of a feedback network's weights: seed, generations and folds of their
+    training.
+    """
 
     model_config = ConfigDict(extra="ignore")
 
@@ -122,30 +143,42 @@ class Training(Settings):
 
 
 class Checkpoint(Settings):
-    """Content of a checkpoint file: weights of the feedback network, and their training."""
+    """Content of a checkpoint file: weights of the feedback network, and their
+    training.
+    """
 
     model_config = ConfigDict(extra="ignore")
 
     schema_: Literal[1] = Field(1, alias="schema")
     policy: Literal["feedback"]
-    weights: Annotated[tuple[float, ...], Field(min_length=WEIGHT_COUNT, max_length=WEIGHT_COUNT)]
+    weights: Annotated[
+        tuple[float, ...], Field(min_length=WEIGHT_COUNT, max_length=WEIGHT_COUNT)
+    ]
     training: Training
 
 
 def load_checkpoint(path: FilePath) -> Checkpoint:
-    """Read the checkpoint at `path`; ConfigurationError where it is missing or broken."""
+    """Read the checkpoint at `path`; ConfigurationError where it is missing or
+    broken.
+    """
     try:
         return parse(read_json(path, MEGABYTE), Checkpoint, str(path))
     except ConfigurationError as error:
-        raise ConfigurationError(f"{error}; name another checkpoint or train one") from None
+        raise ConfigurationError(
+            f"{error}; name another checkpoint or train one"
+        ) from None
 
 
 def save_checkpoint(path: FilePath, checkpoint: Checkpoint) -> None:
     """Write `checkpoint` to `path` atomically; ConfigurationError where that fails."""
     content = checkpoint.model_dump(by_alias=True)
-    write_file(path, (json.dumps(content, indent=1) + "\n"), "make room or name another folder")
+    write_file(
+        path, (json.dumps(content, indent=1) + "\n"), "make room or name another folder"
+    )
 
 
 def load_feedback(path: FilePath | None = None) -> Feedback:
-    """Policy `feedback` with the weights of the checkpoint at `path`, or of the committed one."""
+    """Policy `feedback` with the weights of the checkpoint at `path`, or of the
+    committed one.
+    """
     return Feedback(np.array(load_checkpoint(path or COMMITTED).weights))

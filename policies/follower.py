@@ -18,7 +18,8 @@ END_TOLERANCE = 0.0005  # m before the path's end from which the gripper has arr
 class Follower:
     """Controller that steers n grippers along one path; their progress never decreases.
 
-    `progress` (n,) is the distance along the path [m] of the point nearest to each gripper.
+    `progress` (n,) is the distance along the path [m] of the point nearest to each
+    gripper.
     """
 
     def __init__(self, path: Path, count: int) -> None:
@@ -27,7 +28,8 @@ class Follower:
         self._reach = path.length
 
     def decide(self, x: Array, z: Array, speed: float) -> Decision:
-        """Command grippers at `x`, `z` (n,) [m] along the path at `speed` [m/s]; done at its end.
+        """Command grippers at `x`, `z` (n,) [m] along the path at `speed` [m/s]; done
+        at its end.
 
         The first call searches the entire path, later ones at most SEARCH_WINDOW ahead.
         """
@@ -49,7 +51,9 @@ class Follower:
 
 
 def nearest(path: Path, points: Array, low: Array, high: Array) -> Array:
-    """Distances (n,) [m] along `path`, in [low, high], of its points nearest to `points` (n, 2)."""
+    """Distances (n,) [m] along `path`, in [low, high], of its points nearest to
+    `points` (n, 2).
+    """
     starts = path.points[:-1]
     steps = np.diff(path.points, axis=0)
     lengths = np.diff(path.travel)
@@ -62,7 +66,9 @@ def nearest(path: Path, points: Array, low: Array, high: Array) -> Array:
 
 
 def tangents(path: Path, travel: Array) -> Array:
-    """Unit tangents (n, 2) of `path` at distances `travel` (n,) [m]; constant beyond its end."""
+    """Unit tangents (n, 2) of `path` at distances `travel` (n,) [m]; constant beyond
+    its end.
+    """
     segment = np.clip(
         np.searchsorted(path.travel, travel, side="right") - 1, 0, len(path.travel) - 2
     )
@@ -71,7 +77,9 @@ def tangents(path: Path, travel: Array) -> Array:
 
 
 class PathPolicy:
-    """Policy that follows a path known before the fold: `path(length)` for a strip's length [m]."""
+    """Policy that follows a path known before the fold: `path(length)` for a strip's
+    length [m].
+    """
 
     def __init__(self, name: str, path: Callable[[float], Path]) -> None:
         self.name = name
@@ -87,5 +95,7 @@ class PathPolicy:
         return self._follower.path
 
     def decide(self, observation: Observation) -> Decision:
-        """Command the grippers along the path at the speed given to `reset`; done at its end."""
+        """Command the grippers along the path at the speed given to `reset`; done at
+        its end.
+        """
         return self._follower.decide(observation.x, observation.z, self._speed)

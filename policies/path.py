@@ -11,13 +11,16 @@ from drivers.types import Array, frozen
 
 TAKEOVER_HEIGHT = 0.10  # m at which a policy takes over from the lift (paper)
 
-# m. Over the paper's range at 0.1 m/s |d| is least in the mean at 40 mm, at worst at 43 mm.
+# m. Over the paper's range at 0.1 m/s |d| is least in the mean at 40 mm, at worst at 43
+# mm.
 PAPER_RISE = 0.042
 
 
 @dataclass(frozen=True, slots=True)
 class Path:
-    """Gripper path: polyline `points` (m, 2) x, z [m] at distances `travel` (m,) [m] along it."""
+    """Gripper path: polyline `points` (m, 2) x, z [m] at distances `travel` (m,) [m]
+    along it.
+    """
 
     points: Array
     travel: Array
@@ -33,21 +36,28 @@ class Path:
         return float(self.travel[-1])
 
     def at(self, travel: Array | float) -> Array:
-        """Points (..., 2) x, z [m] at distances `travel` (...,) [m], clamped to the path's ends."""
+        """Points (..., 2) x, z [m] at distances `travel` (...,) [m], clamped to the
+        path's ends.
+        """
         return interpolate_columns(travel, self.travel, self.points)
 
     def poses(self, travel: Array | float) -> Array:
-        """Gripper poses (..., 3) x, z [m], pitch [rad] at distances `travel` (...,) [m]."""
+        """Gripper poses (..., 3) x, z [m], pitch [rad] at distances `travel` (...,)
+        [m].
+        """
         return np.concatenate([self.at(travel), lift_pitch(travel)[..., None]], axis=-1)
 
 
 def lift_pitch(travel: Array | float) -> Array:
-    """Pitch (...,) [rad] after `travel` (...,) [m] from a flat start: proportional up to pi/2."""
+    """Pitch (...,) [rad] after `travel` (...,) [m] from a flat start: proportional up
+    to pi/2.
+    """
     return np.asarray(np.pi / 2 * np.clip(np.asarray(travel) / LIFT_TRAVEL, 0.0, 1.0))
 
 
 def triangular(length: float, rise: float = 0.0) -> Path:
-    """Triangular path (L, 0), (L/2, L/2 + rise), (0, rise) [m] over a strip of `length` L [m].
+    """Triangular path (L, 0), (L/2, L/2 + rise), (0, rise) [m] over a strip of `length`
+    L [m].
 
     Without a rise it is exact for limp strips (paper, state of the art).
     """
@@ -56,25 +66,33 @@ def triangular(length: float, rise: float = 0.0) -> Path:
 
 
 def shifted(length: float) -> Path:
-    """Triangular path over a strip of `length` [m], raised by PAPER_RISE [m] for every fabric."""
+    """Triangular path over a strip of `length` [m], raised by PAPER_RISE [m] for every
+    fabric.
+    """
     return triangular(length, PAPER_RISE)
 
 
 def vertical_lift(length: float) -> Path:
-    """Path over a strip of `length` L [m] from (L, 0) straight up, then at 45 degrees to z = L/2.
+    """Path over a strip of `length` L [m] from (L, 0) straight up, then at 45 degrees
+    to z = L/2.
 
-    The triangle's first leg pushes the strip back along the desk until it buckles at the grip, to
-    curvatures of up to 180 1/m, of which friction between yarns keeps a part; on this parabola they
-    stay under 20 1/m.
+    The triangle's first leg pushes the strip back along the desk until it buckles at
+    the grip, to curvatures of up to 180 1/m, of which friction between yarns keeps a
+    part; on this parabola they stay under 20 1/m.
     """
     z = np.linspace(0.0, TAKEOVER_HEIGHT, 41)
-    x = length - z**2 / (2 * TAKEOVER_HEIGHT)  # a parabola whose slope at the take-over is 1
+    # a parabola whose slope at the take-over is 1
+    x = length - z**2 / (2 * TAKEOVER_HEIGHT)
     further = length / 2 - TAKEOVER_HEIGHT
-    return Path.through(np.append(np.stack([x, z], -1), [(x[-1] - further, length / 2)], axis=0))
+    return Path.through(
+        np.append(np.stack([x, z], -1), [(x[-1] - further, length / 2)], axis=0)
+    )
 
 
 def circular(length: float) -> Path:
     """Path over a strip of `length` L [m]: half a circle from (L, 0) to (0, 0)."""
     angle = np.linspace(0.0, np.pi, 361)
     radius = length / 2
-    return Path.through(np.stack([radius + radius * np.cos(angle), radius * np.sin(angle)], -1))
+    return Path.through(
+        np.stack([radius + radius * np.cos(angle), radius * np.sin(angle)], -1)
+    )

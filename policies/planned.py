@@ -1,4 +1,6 @@
-"""Policy `planned`, an upper bound for feedback: it plans by simulation of the known strip."""
+"""Policy `planned`, an upper bound for feedback: it plans by simulation of the known
+strip.
+"""
 
 from collections.abc import Sequence
 
@@ -19,18 +21,25 @@ SEGMENTS = 100
 BENT = 0.18  # of the length, height up to which all paths climb as the triangle does
 FIRST_RISES = np.linspace(-0.06, 0.22, 8)  # rises tried first, over the length
 FINE_STEPS = np.arange(-3.0, 5.0)  # steps around the zero among the first, tried then
-RISE_STEP = 1 / 600  # of the length; rises tried are multiples, so that strips share motions
+# of the length; rises tried are multiples, so that strips share motions
+RISE_STEP = 1 / 600
 
 
 def raised_triangle(length: float, rise: float) -> Path:
-    """Triangular path over a strip of `length` [m], apex and end `rise` [m] higher (< 0: lower)."""
+    """Triangular path over a strip of `length` [m], apex and end `rise` [m] higher (<
+    0: lower).
+    """
     bend = BENT * length
     apex = (length / 2, length / 2 + rise)
-    return Path.through(np.array([(length, 0.0), (length - bend, bend), apex, (0.0, rise)]))
+    return Path.through(
+        np.array([(length, 0.0), (length - bend, bend), apex, (0.0, rise)])
+    )
 
 
 class RaisedTriangles:
-    """Policy in which each of n grippers follows its own triangle, raised by `rises` (n,) [m]."""
+    """Policy in which each of n grippers follows its own triangle, raised by `rises`
+    (n,) [m].
+    """
 
     name = "raised"
 
@@ -38,7 +47,9 @@ class RaisedTriangles:
         self.rises = rises
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:
-        """Start at the beginning of the paths; ValueError unless `count` is their number."""
+        """Start at the beginning of the paths; ValueError unless `count` is their
+        number.
+        """
         if count != len(self.rises):
             raise ValueError(f"{count} strips, but {len(self.rises)} paths")
         # grippers on equal paths move alike: one follower commands them all
@@ -60,15 +71,18 @@ class RaisedTriangles:
             follower.decide(x, z, self._speed)
             for follower, x, z in zip(self._followers, *points, strict=True)
         ]
-        parts = (np.concatenate(part)[self._same] for part in zip(*decisions, strict=True))
+        parts = (
+            np.concatenate(part)[self._same] for part in zip(*decisions, strict=True)
+        )
         return Decision(*parts)
 
 
 class Planned(RaisedTriangles):
-    """Policy that follows the raised triangle on which the simulated strip has displacement 0.
+    """Policy that follows the raised triangle on which the simulated strip has
+    displacement 0.
 
-    Plans once for a strip and a speed. `strips` are the known strips of a batch; without them all
-    equal the strip given at `reset`.
+    Plans once for a strip and a speed. `strips` are the known strips of a batch;
+    without them all equal the strip given at `reset`.
     """
 
     name = "planned"
@@ -84,7 +98,9 @@ class Planned(RaisedTriangles):
         self._aim = -bias
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:
-        """Plan for `strip` at `speed` [m/s], unless already planned; or ConfigurationError."""
+        """Plan for `strip` at `speed` [m/s], unless already planned; or
+        ConfigurationError.
+        """
         asked = (self._strips or (strip,), speed, self._aim)
         if asked != self._known:
             self._plan = plan(*asked)
@@ -94,11 +110,12 @@ class Planned(RaisedTriangles):
 
 
 def plan(strips: Sequence[StripFile], speed: float, aim: float = 0.0) -> Array:
-    """Rises (n,) [m] of triangles on which simulated `strips` get the displacement `aim` [m].
+    """Rises (n,) [m] of triangles on which simulated `strips` get the displacement
+    `aim` [m].
 
-    At `speed` [m/s]. Two rounds over all strips in one batch: coarse, then fine around the zero.
-    The grippers move as in a fold, with its lift and its limited acceleration. Raises
-    ConfigurationError where no path reaches `aim`.
+    At `speed` [m/s]. Two rounds over all strips in one batch: coarse, then fine around
+    the zero. The grippers move as in a fold, with its lift and its limited
+    acceleration. Raises ConfigurationError where no path reaches `aim`.
     """
     first_steps = np.round(FIRST_RISES / RISE_STEP).astype(int)
     coarse = np.tile(first_steps, (len(strips), 1))
@@ -113,29 +130,37 @@ def plan(strips: Sequence[StripFile], speed: float, aim: float = 0.0) -> Array:
 
 
 def _check_reached(strips: Sequence[StripFile], misses: Array) -> None:
-    """Raise ConfigurationError for one of `strips` whose `misses` (n, m) [m] never cross zero."""
+    """Raise ConfigurationError for one of `strips` whose `misses` (n, m) [m] never
+    cross zero.
+    """
     for strip, miss in zip(strips, misses, strict=True):
         if not (np.any(miss < 0) and np.any(miss > 0)):
             nearest = 1e3 * np.nanmin(np.abs(miss), initial=np.inf)
             raise ConfigurationError(
-                f"planned: {strip.name}: no raised triangle folds it with displacement 0 in the "
-                f"rod, the smallest |d| is {nearest:.0f} mm; use another policy"
+                f"planned: {strip.name}: no raised triangle folds it with displacement"
+                f" 0 in the rod, the smallest |d| is {nearest:.0f} mm; use another"
+                " policy"
             )
 
 
 def fold_by_plan(planned: StripFile, lying: StripFile) -> tuple[float, Array]:
-    """Fold the strip `lying` in simulation, on the path planned for the strip `planned`.
+    """Fold the strip `lying` in simulation, on the path planned for the strip
+    `planned`.
 
-    Returns the displacement [m], NaN without a touch, and the midline (n, 2) [m] at the end.
+    Returns the displacement [m], NaN without a touch, and the midline (n, 2) [m] at the
+    end.
     """
     rod = Rod()
     rng = np.random.default_rng(0)
-    folds = roll_out(Planned(), rod, planned, [describe(lying)], settings=Rollout(), rng=rng)
+    folds = roll_out(
+        Planned(), rod, planned, [describe(lying)], settings=Rollout(), rng=rng
+    )
     return float(folds.displacement[0]), np.asarray(rod.shapes()[0])
 
 
 def _displacements(strips: Sequence[StripFile], speed: float, steps: Array) -> Array:
-    """Displacements (n, m) [m] of n strips in the rod, at `speed` [m/s]; NaN without a touch.
+    """Displacements (n, m) [m] of n strips in the rod, at `speed` [m/s]; NaN without a
+    touch.
 
     On triangles raised by `steps` (n, m) of RISE_STEP.
     """
@@ -149,9 +174,12 @@ def _displacements(strips: Sequence[StripFile], speed: float, steps: Array) -> A
 
 
 def _interpolate_zeros(steps: Array, d: Array) -> Array:
-    """Rises (n,) at which displacements `d` (n, m) of rises `steps` (n, m) cross zero."""
+    """Rises (n,) at which displacements `d` (n, m) of rises `steps` (n, m) cross
+    zero.
+    """
     zeros = []
     for row, rises in zip(d, steps, strict=True):
-        order = np.argsort(row)[: int(np.isfinite(row).sum())]  # NaN sorts last and is left out
+        # NaN sorts last and is left out
+        order = np.argsort(row)[: int(np.isfinite(row).sum())]
         zeros.append(float(np.interp(0.0, row[order], rises[order])))
     return np.array(zeros)

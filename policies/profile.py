@@ -1,4 +1,6 @@
-"""Profiles of lifted strips, midlines of a fixed number of points, from simulation and images."""
+"""Profiles of lifted strips, midlines of a fixed number of points, from simulation and
+images.
+"""
 
 import numpy as np
 
@@ -10,15 +12,17 @@ POINTS = 12  # of a profile that a policy reads, desk contact and gripper includ
 
 
 def profiles(shapes: Array, arc: Array, contact_x: Array, grip: Array) -> Array:
-    """Profiles (n, POINTS, 2) [m]: points at equal arc lengths from desk contact to gripper.
+    """Profiles (n, POINTS, 2) [m]: points at equal arc lengths from desk contact to
+    gripper.
 
-    Midlines are `shapes` (n, nodes, 2) at arc lengths `arc` (n, nodes) [m]; the strip before
-    `contact_x` (n,) lies flat, so that this is also its arc length. The last point is the
-    gripper's, `grip` (n, 2).
+    Midlines are `shapes` (n, nodes, 2) at arc lengths `arc` (n, nodes) [m]; the strip
+    before `contact_x` (n,) lies flat, so that this is also its arc length. The last
+    point is the gripper's, `grip` (n, 2).
     """
     share = np.linspace(0.0, 1.0, POINTS)
     at = contact_x[:, None] + share * (arc[:, -1] - contact_x)[:, None]
-    node = (arc[:, None, :] <= at[:, :, None]).sum(axis=-1) - 1  # last one before each point
+    # last one before each point
+    node = (arc[:, None, :] <= at[:, :, None]).sum(axis=-1) - 1
     node = np.clip(node, 0, arc.shape[1] - 2)
     strip = np.arange(len(arc))[:, None]
     part = (at - arc[strip, node]) / (arc[strip, node + 1] - arc[strip, node])
@@ -28,13 +32,18 @@ def profiles(shapes: Array, arc: Array, contact_x: Array, grip: Array) -> Array:
     return np.asarray(points)
 
 
-def image_profile(points: Array, contact_x: float, gripper: tuple[float, float]) -> Array:
-    """Profile (1, POINTS, 2) [m] through midline `points` (m, 2) [m] measured in an image.
+def image_profile(
+    points: Array, contact_x: float, gripper: tuple[float, float]
+) -> Array:
+    """Profile (1, POINTS, 2) [m] through midline `points` (m, 2) [m] measured in an
+    image.
 
-    It begins at the desk contact `contact_x` [m] and ends at the `gripper`'s x, z [m]: points of
-    images begin up to 2 mm past the contact, and the fingers hide the last ones before the gripper.
-    NaN where nothing was measured.
+    It begins at the desk contact `contact_x` [m] and ends at the `gripper`'s x, z [m]:
+    points of images begin up to 2 mm past the contact, and the fingers hide the last
+    ones before the gripper. NaN where nothing was measured.
     """
     if len(points) < 2 or not np.isfinite(contact_x):
         return np.full((1, POINTS, 2), np.nan)
-    return even_points(np.vstack([(contact_x, CONTACT_HEIGHT), points, gripper]), POINTS)[None]
+    return even_points(
+        np.vstack([(contact_x, CONTACT_HEIGHT), points, gripper]), POINTS
+    )[None]

@@ -23,7 +23,9 @@ MOTION, BY_HAND = "motion:", "by-hand-"
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """Appearance of a policy in figures: colour, and matplotlib's marker of a `size` [points]."""
+    """Appearance of a policy in figures: colour, and matplotlib's marker of a `size`
+    [points].
+    """
 
     colour: str = "#1b1f24"
     marker: str = "o"
@@ -35,10 +37,11 @@ PLAIN = Look()
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """Registered policy: its factory `make`, called with a checkpoint or None, its `rank` in lists.
+    """Registered policy: its factory `make`, called with a checkpoint or None, its
+    `rank` in lists.
 
-    A `learned` policy has weights that a checkpoint replaces. `in_rod` is the factory for simulated
-    folds, where it differs from that for folds through images.
+    A `learned` policy has weights that a checkpoint replaces. `in_rod` is the factory
+    for simulated folds, where it differs from that for folds through images.
     """
 
     rank: int
@@ -76,9 +79,13 @@ def _adaptive(checkpoint: FilePath | None, *, in_rod: bool = False) -> "Policy":
 
 
 OWN_POLICIES: Mapping[str, Entry] = {
-    "triangular": Entry(1, partial(_path_policy, "triangular"), look=Look("#2f6db5", "<")),
+    "triangular": Entry(
+        1, partial(_path_policy, "triangular"), look=Look("#2f6db5", "<")
+    ),
     "circular": Entry(2, partial(_path_policy, "circular"), look=Look("#cf6a1f", ">")),
-    "shifted": Entry(3, partial(_path_policy, "shifted"), look=Look("#6b7280", "D", 4.2)),
+    "shifted": Entry(
+        3, partial(_path_policy, "shifted"), look=Look("#6b7280", "D", 4.2)
+    ),
     "planned": Entry(4, _planned, look=Look("#8a5fb0", "s", 4.2)),
     "feedback": Entry(5, _feedback, learned=True, look=Look("#3a8a5c", size=7.0)),
     "adaptive": Entry(
@@ -104,24 +111,33 @@ def policy_names() -> tuple[str, ...]:
 
 
 def look_of(name: str) -> Look:
-    """Colour and marker of the policy `name` in figures; default ones for an unknown name."""
+    """Colour and marker of the policy `name` in figures; default ones for an unknown
+    name.
+    """
     return entries()[name].look if name in entries() else PLAIN
 
 
-def make_policy(name: str, checkpoint: FilePath | None = None, *, in_rod: bool = False) -> "Policy":
-    """Create the policy `name`, for folds through images or, if `in_rod`, for simulated folds.
+def make_policy(
+    name: str, checkpoint: FilePath | None = None, *, in_rod: bool = False
+) -> "Policy":
+    """Create the policy `name`, for folds through images or, if `in_rod`, for simulated
+    folds.
 
-    `checkpoint` replaces the committed weights of a learned policy. Raises ConfigurationError for
-    an unknown name, a checkpoint that cannot be read, or one for a policy without weights.
-    `motion:NAME` is the standard motion of that name, `motion:by-hand-SEED-NUMBER` a random one as
-    a person guides the gripper.
+    `checkpoint` replaces the committed weights of a learned policy. Raises
+    ConfigurationError for an unknown name, a checkpoint that cannot be read, or one for
+    a policy without weights. `motion:NAME` is the standard motion of that name,
+    `motion:by-hand-SEED-NUMBER` a random one as a person guides the gripper.
     """
     if name.startswith(MOTION) and checkpoint is None:
         return _standard_motion(name)
     check_known("policy", name, entries())
     if checkpoint is not None and not entries()[name].learned:
-        learned = ", ".join(sorted(n for n, entry in entries().items() if entry.learned))
-        raise ConfigurationError(f"checkpoint: {name} has no weights; allowed only for: {learned}")
+        learned = ", ".join(
+            sorted(n for n, entry in entries().items() if entry.learned)
+        )
+        raise ConfigurationError(
+            f"checkpoint: {name} has no weights; allowed only for: {learned}"
+        )
     entry = entries()[name]
     make = entry.in_rod if in_rod and entry.in_rod is not None else entry.make
     with guarded("policies", name):
@@ -129,7 +145,9 @@ def make_policy(name: str, checkpoint: FilePath | None = None, *, in_rod: bool =
 
 
 def _standard_motion(name: str) -> "Policy":
-    """Policy that executes the motion `name`: a standard one, or one by hand of a seed."""
+    """Policy that executes the motion `name`: a standard one, or one by hand of a
+    seed.
+    """
     from policies.experiments.scripted import Scripted
     from policies.experiments.standard import STANDARD
 
@@ -143,6 +161,7 @@ def _standard_motion(name: str) -> "Policy":
     if motion not in STANDARD:
         allowed = ", ".join(MOTION + known for known in STANDARD)
         raise ConfigurationError(
-            f"policy: unknown motion {name!r}; allowed: {allowed}, {MOTION}{BY_HAND}SEED-NUMBER"
+            f"policy: unknown motion {name!r}; allowed: {allowed},"
+            f" {MOTION}{BY_HAND}SEED-NUMBER"
         )
     return Scripted(name, STANDARD[motion].over)

@@ -1,4 +1,6 @@
-"""Simulated folds of a batch of strips in closed loop, with any policy and any engine."""
+"""Simulated folds of a batch of strips in closed loop, with any policy and any
+engine.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -16,7 +18,8 @@ from policies.policy import Decision, Policy
 from policies.sensing import Draws, Sensing, SimulatedCamera
 
 NO_SHAPES = (np.empty((0, 0, 2)), np.empty((0, 0)))
-LIFT_SHARE = 0.9  # of the height of a path below TAKEOVER_HEIGHT, at which its lift ends
+# of the height of a path below TAKEOVER_HEIGHT, at which its lift ends
+LIFT_SHARE = 0.9
 ACCELERATION = 2.0  # m/s^2 of a gripper at most
 TINY_SPEED = 1e-12  # m/s, against a division by zero
 
@@ -33,9 +36,9 @@ class MultiStepper(Protocol):
 class Rollout:
     """Settings of simulated folds: speed [m/s], rate of decisions [Hz], sensing.
 
-    Between decisions the engine makes `substeps` steps; a fold without a touch is given up after a
-    travel of `patience` times the strip's length. Policies that read no `profile` run faster
-    without it.
+    Between decisions the engine makes `substeps` steps; a fold without a touch is given
+    up after a travel of `patience` times the strip's length. Policies that read no
+    `profile` run faster without it.
     """
 
     speed: float = 0.1
@@ -55,9 +58,9 @@ class Rollout:
 class Folds:
     """Results of n simulated folds: displacements, touches, forces and traces.
 
-    `displacement` (n,) [m], NaN without a touch; mean size (n,) [N] of the horizontal force on the
-    fixed edge until the touch: `holding_force` from the start, `pull` from the take-over on, as in
-    the paper; gripper `trace` (k, n, 2) [m].
+    `displacement` (n,) [m], NaN without a touch; mean size (n,) [N] of the horizontal
+    force on the fixed edge until the touch: `holding_force` from the start, `pull` from
+    the take-over on, as in the paper; gripper `trace` (k, n, 2) [m].
     """
 
     displacement: Array
@@ -74,7 +77,9 @@ class Folds:
 
 @dataclass(frozen=True, slots=True)
 class Misses:
-    """Statistics of the size |d| of displacements [m], NaN of none; number of folds `untouched`."""
+    """Statistics of the size |d| of displacements [m], NaN of none; number of folds
+    `untouched`.
+    """
 
     mean: float
     quantile_95: float
@@ -104,15 +109,18 @@ def roll_out(
     rng: np.random.Generator,
     groups: int = 1,
 ) -> Folds:
-    """Fold the strips `models` in one batch; the policy gets only `strip` and observations.
+    """Fold the strips `models` in one batch; the policy gets only `strip` and
+    observations.
 
-    `groups` equal groups of strips get the same noise and delays, so that candidates can be
-    compared.
+    `groups` equal groups of strips get the same noise and delays, so that candidates
+    can be compared.
     """
     policy.reset(strip, settings.speed, len(models))
     engine.reset(models)
     draws = Draws(groups, len(models) // groups, rng)
-    camera = SimulatedCamera(settings.sensing, settings.period, draws, profile=settings.profile)
+    camera = SimulatedCamera(
+        settings.sensing, settings.period, draws, profile=settings.profile
+    )
     loop = _Loop(engine, settings, camera, len(models))
     loop.lift(policy.lift())
     decisions = round(settings.patience * strip.length / settings.speed * settings.rate)
@@ -143,7 +151,9 @@ class _Loop:
         self._trace: list[Array] = []
         self._touch: tuple[Touch | None, ...] = ()
         self._folding: NDArray[np.bool_] = np.zeros(count, dtype=bool)
-        self._step_all = engine.advance if isinstance(engine, MultiStepper) else self._step_each
+        self._step_all = (
+            engine.advance if isinstance(engine, MultiStepper) else self._step_each
+        )
 
     def lift(self, path: Path) -> None:
         """Move all grippers along `path` from rest up to the take-over height."""
@@ -163,15 +173,21 @@ class _Loop:
         self._velocity = np.tile(last_step / self._dt, (count, 1))
 
     def execute(self, decision: Decision) -> bool:
-        """Execute `decision` until the next one is due; returns whether all folds have ended."""
+        """Execute `decision` until the next one is due; returns whether all folds have
+        ended.
+        """
         if not np.any(self._folding & ~decision.done):
             return True
         self._advance(self._turn_into(decision))
         return False
 
     def _turn_into(self, decision: Decision) -> Array:
-        """Poses (substeps, n, 3) of the grippers as their velocities change to the decided ones."""
-        heading = np.stack([np.cos(decision.direction), np.sin(decision.direction)], axis=-1)
+        """Poses (substeps, n, 3) of the grippers as their velocities change to the
+        decided ones.
+        """
+        heading = np.stack(
+            [np.cos(decision.direction), np.sin(decision.direction)], axis=-1
+        )
         decided = decision.speed[:, None] * heading
         largest_change = ACCELERATION * self._dt
         poses = np.tile(self.poses, (self._settings.substeps, 1, 1))
@@ -187,14 +203,22 @@ class _Loop:
 
     def folds(self) -> Folds:
         """Displacements, touches, forces and traces of the folds, up to now."""
-        displacements = [np.nan if touch is None else touch.displacement for touch in self._touch]
+        displacements = [
+            np.nan if touch is None else touch.displacement for touch in self._touch
+        ]
         holding_force, pull = self._force / np.maximum(self._periods, 1)
         return Folds(
-            np.array(displacements), self._touch, holding_force, pull, np.array(self._trace)
+            np.array(displacements),
+            self._touch,
+            holding_force,
+            pull,
+            np.array(self._trace),
         )
 
     def _advance(self, poses: Array) -> None:
-        """Move grippers through `poses` (k, n, 3) [m, m, rad], sum forces, return camera states."""
+        """Move grippers through `poses` (k, n, 3) [m, m, rad], sum forces, return
+        camera states.
+        """
         observed = self._step_all(poses, self._dt)
         if observed.touch is not self._touch:
             self._touch = observed.touch

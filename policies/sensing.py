@@ -1,4 +1,6 @@
-"""Simulated sensing for policies: late, noisy and incomplete observations, as by a camera."""
+"""Simulated sensing for policies: late, noisy and incomplete observations, as by a
+camera.
+"""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,13 +21,15 @@ STATE_SIZE = 3
 
 @dataclass(frozen=True, slots=True)
 class Sensing:
-    """Noise model of measurements in images; lengths [m], times [s], one standard deviation.
+    """Noise model of measurements in images; lengths [m], times [s], one standard
+    deviation.
 
-    Drawn for each image: noise of desk_contact, of the tip's x (and z, where `tip_z_sigma`
-    differs), of each point of the profile; in a fraction `wild` of images the contact is off by
-    about `wild_size`. Drawn once for each strip: biases of contact, tip and profile, the `delay` of
-    images over a range, its error `delay_error` (stamps are corrected for the delay without it),
-    the fraction of images lost over the range `dropped`, a factor on every noise, log-uniform over
+    Drawn for each image: noise of desk_contact, of the tip's x (and z, where
+    `tip_z_sigma` differs), of each point of the profile; in a fraction `wild` of images
+    the contact is off by about `wild_size`. Drawn once for each strip: biases of
+    contact, tip and profile, the `delay` of images over a range, its error
+    `delay_error` (stamps are corrected for the delay without it), the fraction of
+    images lost over the range `dropped`, a factor on every noise, log-uniform over
     `factor`.
     """
 
@@ -45,7 +49,9 @@ class Sensing:
 
     @property
     def state_sigma(self) -> Array:
-        """Standard deviations (STATE_SIZE,) [m] of contact x, tip x and tip z in an image."""
+        """Standard deviations (STATE_SIZE,) [m] of contact x, tip x and tip z in an
+        image.
+        """
         tip_z = self.tip_sigma if self.tip_z_sigma is None else self.tip_z_sigma
         return np.array([self.contact_sigma, self.tip_sigma, tip_z])
 
@@ -61,7 +67,8 @@ EXACT_SENSING = Sensing(
 
 
 class ImageNoise(StudyResult):
-    """Content of `sensing.yaml`: measured noise and biases of the simulated cell's images.
+    """Content of `sensing.yaml`: measured noise and biases of the simulated cell's
+    images.
 
     Fields are as in `Sensing`. Written by `python -m tests.lab study perception`.
     """
@@ -78,7 +85,9 @@ class ImageNoise(StudyResult):
     strips: int
 
     def sensing(self) -> Sensing:
-        """Noise model of policies' measurements: this noise, a calibrated camera's delays."""
+        """Noise model of policies' measurements: this noise, a calibrated camera's
+        delays.
+        """
         sizes = self.model_dump(exclude={"schema_", "strips", "source", "belongs_to"})
         return Sensing(**sizes, delay=(0.02, 0.04), delay_error=0.002)
 
@@ -92,11 +101,15 @@ TRAINING = replace(
     delay_error=0.005,
     factor=(0.5, 6.0),
 )
-"""Images of the twin, and worse ones: later, with gaps, outliers, and up to six times the noise."""
+"""Images of the twin, and worse ones: later, with gaps, outliers, and up to six times
+the noise.
+"""
 
 
 class Images(NamedTuple):
-    """Measured `stamp` (n,) [s], `state` (n, STATE_SIZE) [m], `profile` (n, m, 2) [m] of strips."""
+    """Measured `stamp` (n,) [s], `state` (n, STATE_SIZE) [m], `profile` (n, m, 2) [m]
+    of strips.
+    """
 
     stamp: Array
     state: Array
@@ -105,7 +118,9 @@ class Images(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Draws:
-    """Random numbers for the `size` strips of one group, repeated for each of `groups` groups."""
+    """Random numbers for the `size` strips of one group, repeated for each of `groups`
+    groups.
+    """
 
     groups: int
     size: int
@@ -117,17 +132,21 @@ class Draws:
 
     def uniform(self, low: float, high: float) -> Array:
         """Draw uniform values (n,) in [low, high), equal in all groups."""
-        return np.concatenate([self.rng.uniform(low, high, size=self.size)] * self.groups)
+        return np.concatenate(
+            [self.rng.uniform(low, high, size=self.size)] * self.groups
+        )
 
 
 class SimulatedCamera:
     """Simulated camera, which measures the states of n strips late and with noise.
 
-    Each group of strips in `draws` gets the same noise and delays. `period` [s] lies between two
-    decisions. Without `profile` no profiles are measured.
+    Each group of strips in `draws` gets the same noise and delays. `period` [s] lies
+    between two decisions. Without `profile` no profiles are measured.
     """
 
-    def __init__(self, sensing: Sensing, period: float, draws: Draws, *, profile: bool) -> None:
+    def __init__(
+        self, sensing: Sensing, period: float, draws: Draws, *, profile: bool
+    ) -> None:
         self._sensing = sensing
         self._draws = draws
         self._delay = draws.uniform(*sensing.delay)
@@ -144,19 +163,24 @@ class SimulatedCamera:
         self._allocate(late)
 
     def _allocate(self, late: Array) -> None:
-        """Allocate a ring of true states, of which images show those `late` (n,) decisions ago."""
+        """Allocate a ring of true states, of which images show those `late` (n,)
+        decisions ago.
+        """
         depth = int(np.ceil(late.max(initial=0.0))) + 2
-        self._states: Array = np.full((depth, len(late), STATE_SIZE + 2 * self._points), np.nan)
+        self._states: Array = np.full(
+            (depth, len(late), STATE_SIZE + 2 * self._points), np.nan
+        )
         self._newest = 0
         self._decisions_late = np.floor(late).astype(int)
-        self._share_late = (late - self._decisions_late)[:, None]  # an image lies between two
+        # an image lies between two
+        self._share_late = (late - self._decisions_late)[:, None]
         self._strips = np.arange(len(late))
 
     def store(self, true: Observables, shapes: Array, arc: Array, grip: Array) -> None:
         """Store the strips' `true` states at the next decision time.
 
-        Midlines `shapes` (n, nodes, 2) at `arc` (n, nodes) and the grippers (n, 2) [m] are used
-        only where profiles are measured.
+        Midlines `shapes` (n, nodes, 2) at `arc` (n, nodes) and the grippers (n, 2) [m]
+        are used only where profiles are measured.
         """
         self._newest = (self._newest - 1) % len(self._states)
         newest = self._states[self._newest]
@@ -172,7 +196,9 @@ class SimulatedCamera:
         return self._points > 0
 
     def observe(self, time: float, points: Array) -> Observation:
-        """Observation at `time` [s], with grippers known exactly to be at `points` (n, 2) [m]."""
+        """Observation at `time` [s], with grippers known exactly to be at `points` (n,
+        2) [m].
+        """
         images = self._drop_images(self._add_noise(time))
         return Observation(
             time=np.full(len(points), time),
@@ -192,7 +218,11 @@ class SimulatedCamera:
         before = (after + 1) % len(self._states)
         true = (1 - self._share_late) * self._states[after, self._strips]
         true += self._share_late * self._states[before, self._strips]
-        noise = self._draws.normal(STATE_SIZE) * self._sensing.state_sigma * self._factor[:, None]
+        noise = (
+            self._draws.normal(STATE_SIZE)
+            * self._sensing.state_sigma
+            * self._factor[:, None]
+        )
         state = true[:, :STATE_SIZE] + self._bias + noise
         profile = true[:, STATE_SIZE:].reshape(len(true), self._points, 2)
         if self._points:
@@ -203,14 +233,18 @@ class SimulatedCamera:
         return Images(time - self._delay, state, profile)
 
     def _blur_profile(self, profile: Array) -> Array:
-        """Copy of `profile` (n, m, 2) with noise on all points but the last, the gripper's."""
+        """Copy of `profile` (n, m, 2) with noise on all points but the last, the
+        gripper's.
+        """
         noise = self._draws.normal(self._points, 2) * self._sensing.profile_sigma
         noise = noise * self._factor[:, None, None] + self._profile_bias
         noise[:, -1] = 0.0
         return profile + noise
 
     def _drop_images(self, new: Images) -> Images:
-        """Measurements in the strips' newest images that were not lost: `new`, or earlier ones."""
+        """Measurements in the strips' newest images that were not lost: `new`, or
+        earlier ones.
+        """
         if self._images is not None and self._sensing.dropped[1] > 0:
             lost = self._draws.uniform(0.0, 1.0) < self._dropped
             new = Images(

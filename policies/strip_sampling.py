@@ -1,4 +1,6 @@
-"""Sampling of strips that policies are trained and judged on: paper's range, effects of fabrics."""
+"""Sampling of strips that policies are trained and judged on: paper's range, effects of
+fabrics.
+"""
 
 from collections.abc import Mapping
 
@@ -10,7 +12,8 @@ from drivers.strip.file import StripFile, paper_damping_minimum, paper_strip
 from drivers.types import Array
 
 STIFFNESS_RANGE = (0.02, 0.3)  # N m/rad (paper, appendix)
-DAMPING_RATIO = 50.0  # largest damping over the smallest at the same stiffness (paper, appendix)
+# largest damping over the smallest at the same stiffness (paper, appendix)
+DAMPING_RATIO = 50.0
 STRIP_LENGTH = 0.6  # m
 THICKNESS_RANGE = (0.0003, 0.002)  # m, log-uniform
 DENSITY_RANGE = (0.1, 0.5)  # kg/m^2, log-uniform: light shirting to heavy denim
@@ -31,51 +34,72 @@ EFFECTS = {
     "relaxation": 1.0,
     "length_error": 1.0,
 }
-"""Effects besides friction with their relative frequencies, hard ones more often. Their sizes over
-textiles are in their own files.
+"""Effects besides friction with their relative frequencies, hard ones more often. Their
+sizes over textiles are in their own files.
 """
 CONDITIONS = ("nothing", "friction", *EFFECTS)  # one effect at a time
 
 
 def strip_at(u: float, v: float) -> StripFile:
-    """Strip at (u, v) of the unit square: log stiffness and log damping in the published range."""
+    """Strip at (u, v) of the unit square: log stiffness and log damping in the
+    published range.
+    """
     low, high = STIFFNESS_RANGE
     k = low * (high / low) ** u
     return paper_strip(k, paper_damping_minimum(k) * DAMPING_RATIO**v)
 
 
 def grid(n: int) -> list[StripFile]:
-    """Strips on an n x n logarithmic grid of stiffness, then damping, in the published range."""
+    """Strips on an n x n logarithmic grid of stiffness, then damping, in the published
+    range.
+    """
     places = np.linspace(0.0, 1.0, n)
     return [strip_at(u, v) for u in places for v in places]
 
 
 def sample(n: int, rng: np.random.Generator) -> list[StripFile]:
-    """Draw n x n strips of the published range by stratified sampling: one in each grid cell."""
+    """Draw n x n strips of the published range by stratified sampling: one in each grid
+    cell.
+    """
     shift: Array = rng.uniform(size=(n, n, 2))
     cells = np.stack(np.meshgrid(np.arange(n), np.arange(n), indexing="ij"), axis=-1)
     places = ((cells + shift) / n).reshape(-1, 2)
     return [strip_at(u, v) for u, v in places]
 
 
-def draw_friction(rng: np.random.Generator, low: float, high: float) -> dict[str, float]:
-    """Draw parameters of yarn friction, its yield curvature log-uniform in [low, high] [1/m]."""
+def draw_friction(
+    rng: np.random.Generator, low: float, high: float
+) -> dict[str, float]:
+    """Draw parameters of yarn friction, its yield curvature log-uniform in [low, high]
+    [1/m].
+    """
     ratio = registry()[FRICTION_EFFECT].textile["stiffness_ratio"]
     curvature = _log_uniform(rng, low, high)
-    return {"yield_curvature": curvature, "stiffness_ratio": ratio.sample(rng, STRIP_LENGTH)}
+    return {
+        "yield_curvature": curvature,
+        "stiffness_ratio": ratio.sample(rng, STRIP_LENGTH),
+    }
 
 
 def draw_effect(
     name: str, rng: np.random.Generator, length: float = STRIP_LENGTH
 ) -> dict[str, float]:
-    """Draw parameters of the effect `name` within ranges for textiles, for a `length` [m]."""
-    return {key: span.sample(rng, length) for key, span in registry()[name].textile.items()}
+    """Draw parameters of the effect `name` within ranges for textiles, for a `length`
+    [m].
+    """
+    return {
+        key: span.sample(rng, length) for key, span in registry()[name].textile.items()
+    }
 
 
 def plain_strip(
-    rng: np.random.Generator, length: float = STRIP_LENGTH, **effects: Mapping[str, float]
+    rng: np.random.Generator,
+    length: float = STRIP_LENGTH,
+    **effects: Mapping[str, float],
 ) -> StripFile:
-    """Draw a strip of `length` [m] with `effects`, of published stiffness and damping ranges."""
+    """Draw a strip of `length` [m] with `effects`, of published stiffness and damping
+    ranges.
+    """
     of_paper = strip_at(rng.uniform(), rng.uniform())
     return StripFile(
         name="unknown",
@@ -89,8 +113,12 @@ def plain_strip(
     )
 
 
-def strip_under_condition(condition: str, rng: np.random.Generator, length: float) -> StripFile:
-    """Draw a strip of `length` [m] with the effect that `condition`, one of CONDITIONS, names."""
+def strip_under_condition(
+    condition: str, rng: np.random.Generator, length: float
+) -> StripFile:
+    """Draw a strip of `length` [m] with the effect that `condition`, one of CONDITIONS,
+    names.
+    """
     if condition == "nothing":
         return plain_strip(rng, length)
     name = FRICTION_EFFECT if condition == "friction" else condition
@@ -98,7 +126,9 @@ def strip_under_condition(condition: str, rng: np.random.Generator, length: floa
 
 
 def random_strip(rng: np.random.Generator, length: float = STRIP_LENGTH) -> StripFile:
-    """Draw a strip as operators may bring one: many have yarn friction, some another effect."""
+    """Draw a strip as operators may bring one: many have yarn friction, some another
+    effect.
+    """
     effects: dict[str, Mapping[str, float]] = {}
     if rng.uniform() < FRICTION_SHARE:
         effects[FRICTION_EFFECT] = draw_effect(FRICTION_EFFECT, rng, length)

@@ -1,8 +1,10 @@
-"""Prints digests of what the program makes, so that a step that changes nothing proves it.
+"""Prints digests of what the program makes, so that a step that changes nothing proves
+it.
 
-`python -m tests.same [PART...]` runs commands as a user types them, in a folder of its own, and
-prints a digest a line: the same lines before and after mean the same numbers, files and pages. Only
-what names a moment or a place (run folders, wall time) is left out.
+`python -m tests.same [PART...]` runs commands as a user types them, in a folder of its
+own, and prints a digest a line: the same lines before and after mean the same numbers,
+files and pages. Only what names a moment or a place (run folders, wall time) is left
+out.
 """
 
 import argparse
@@ -32,8 +34,12 @@ from tests.support.mechanisms import PRESCRIBED, make_arm
 ROOT = Path(__file__).resolve().parents[1]
 FOLD = ("fold", "--strip", "denim", "--plant", "denim", "--seed", "21")
 MEASURED = ("ticks", "sights", "profile", "joints")
-MOMENTS = re.compile(r"\d{8}T\d{6}Z?(-[\w-]+?-[0-9a-f]{4})?|\d{4}-\d\d-\d\d[T ][\d:.+]+Z?")
-SPEEDS = re.compile(r"[\d.]+(&nbsp;|\s)ms|(median|, most|_days) +[\d.]+|\d+(\.\d+)? s( of c|\. H)")
+MOMENTS = re.compile(
+    r"\d{8}T\d{6}Z?(-[\w-]+?-[0-9a-f]{4})?|\d{4}-\d\d-\d\d[T ][\d:.+]+Z?"
+)
+SPEEDS = re.compile(
+    r"[\d.]+(&nbsp;|\s)ms|(median|, most|_days) +[\d.]+|\d+(\.\d+)? s( of c|\. H)"
+)
 SIZES = re.compile(r"(?m) +[\d.]+$")  # MB of a run in a list
 PASSING = {"runtime", "simulations", "wall", "versions", "started", "age_days", "size"}
 Digests = Iterator[tuple[str, str]]
@@ -54,15 +60,28 @@ def fci(folder: Path) -> Digests:
 
 
 def wizard(folder: Path) -> Digests:
-    """Sessions of both wizards on the twin, solved again from their images and touches."""
+    """Sessions of both wizards on the twin, solved again from their images and
+    touches.
+    """
     for task in ("camera", "homography"):
         made = folder / task
-        lens = () if task == "camera" else ("--lens", str(folder / "camera" / "opencv.yaml"))
+        lens = (
+            ()
+            if task == "camera"
+            else ("--lens", str(folder / "camera" / "opencv.yaml"))
+        )
         asked = ("calibrate", task, "--out", str(made), "--viz", "off")
         yield f"{task} session", _text(_cell(folder, *asked, *lens), folder)
         for path in sorted(made.rglob("*.yaml")):
             yield f"{task} {path.name}", _text(path.read_text(encoding="utf-8"), folder)
-        again = ("calibrate", task, "--from", str(made), "--out", str(folder / f"{task}-again"))
+        again = (
+            "calibrate",
+            task,
+            "--from",
+            str(made),
+            "--out",
+            str(folder / f"{task}-again"),
+        )
         yield f"{task} again", _text(_cell(folder, *again), folder)
 
 
@@ -122,18 +141,27 @@ def commands(_folder: Path) -> Digests:
 
 
 PARTS: Mapping[str, Callable[[Path], Digests]] = MappingProxyType(
-    {f.__name__: f for f in (commands, fold, fci, wizard, gap, mechanism, exchange, pages)}
+    {
+        f.__name__: f
+        for f in (commands, fold, fci, wizard, gap, mechanism, exchange, pages)
+    }
 )
 
 
 def main() -> None:
-    """Print the digests of the parts named on the command line, of all without a name."""
+    """Print the digests of the parts named on the command line, of all without a
+    name.
+    """
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("parts", nargs="*", metavar="PART", help=", ".join(PARTS))
-    parser.add_argument("--keep", type=Path, help="keep what the parts make in this folder")
+    parser.add_argument(
+        "--keep", type=Path, help="keep what the parts make in this folder"
+    )
     chosen = parser.parse_args()
     if unknown := set(chosen.parts) - set(PARTS):
-        parser.error(f"unknown part {', '.join(sorted(unknown))}; allowed: {', '.join(PARTS)}")
+        parser.error(
+            f"unknown part {', '.join(sorted(unknown))}; allowed: {', '.join(PARTS)}"
+        )
     with tempfile.TemporaryDirectory() as own:
         for name in chosen.parts or PARTS:
             folder = (chosen.keep or Path(own)) / name
@@ -175,7 +203,17 @@ def _run(run: Path) -> Digests:
 
 def _verdict(folder: Path, *subject: str) -> Digests:
     out = folder / "out"
-    _cell(folder, "gap", "fit", str(folder / "runs"), *subject, "--out", str(out), "--jobs", "1")
+    _cell(
+        folder,
+        "gap",
+        "fit",
+        str(folder / "runs"),
+        *subject,
+        "--out",
+        str(out),
+        "--jobs",
+        "1",
+    )
     verdict = json.loads((out / "verdict.json").read_text())
     named = "+".join(effect["name"] for effect in verdict["effects"]) or "nothing"
     yield f"verdict.json ({verdict['verdict']}: {named})", _document(verdict, folder)
@@ -197,10 +235,15 @@ def _table(path: Path) -> str:
     for name in sorted(table.column_names):
         column = table.column(name).to_numpy()
         if column.dtype.kind == "f":
-            column = np.where(np.isnan(column), np.nan, column)  # a NaN has many patterns of bits
+            # a NaN has many patterns of bits
+            column = np.where(np.isnan(column), np.nan, column)
         made.update(
             name.encode()
-            + (repr(column.tolist()).encode() if column.dtype == object else column.tobytes())
+            + (
+                repr(column.tolist()).encode()
+                if column.dtype == object
+                else column.tobytes()
+            )
         )
     return made.hexdigest()
 
@@ -216,7 +259,9 @@ def _lasting(content: Any) -> Any:
 
 
 def _page(path: Path, folder: Path) -> str:
-    text = re.sub(r"data:[\w/+-]+;base64,[\w+/=]+", "", path.read_text(encoding="utf-8"))
+    text = re.sub(
+        r"data:[\w/+-]+;base64,[\w+/=]+", "", path.read_text(encoding="utf-8")
+    )
     seen = re.sub(r"<(script|style)\b.*?</\1>|<[^>]*>", " ", text, flags=re.DOTALL)
     return _text(re.sub(r"\s+", " ", SPEEDS.sub("SPEED", seen)), folder)
 

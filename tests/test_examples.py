@@ -14,7 +14,9 @@ PAGE = ROOT / "runbooks" / "python.md"
 
 def blocks() -> list[str]:
     """The blocks of Python on the page, in their order."""
-    return re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+    return re.findall(
+        r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL
+    )
 
 
 def test_every_function_on_the_page_is_one_of_the_package() -> None:
@@ -34,7 +36,9 @@ def test_every_function_on_the_page_is_one_of_the_package() -> None:
 def test_every_function_of_the_package_says_what_it_does() -> None:
     for name in cell.__all__:
         assert getattr(cell, name).__doc__, name
-        assert name == "CellError" or "return" in getattr(cell, name).__annotations__, name
+        assert name == "CellError" or "return" in getattr(cell, name).__annotations__, (
+            name
+        )
 
 
 def test_other_names_are_no_part_of_the_package_and_no_seed_is_negative() -> None:
@@ -46,7 +50,9 @@ def test_other_names_are_no_part_of_the_package_and_no_seed_is_negative() -> Non
 
 
 @pytest.mark.slow
-def test_the_page_runs_from_top_to_bottom(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_page_runs_from_top_to_bottom(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "configs").symlink_to(ROOT / "configs")
     names: dict[str, object] = {}

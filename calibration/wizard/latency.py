@@ -1,4 +1,6 @@
-"""Camera latency from steps of the arm: the pointer in images against the arm's positions."""
+"""Camera latency from steps of the arm: the pointer in images against the arm's
+positions.
+"""
 
 from dataclasses import dataclass
 from math import pi
@@ -13,7 +15,8 @@ from calibration.wizard.verdict import Verdict, grade_line, reasons
 from drivers.settings import Settings
 from drivers.types import ArmState, Array, Frame, Pose
 
-APART_GRADES = (2.0, 5.0)  # ms between two halves of the images, up to which good, then fair
+# ms between two halves of the images, up to which good, then fair
+APART_GRADES = (2.0, 5.0)
 DRIFT_LOSS_SCALE = 5e-4  # m, error from which an image counts less
 DRIFT_SIGMA = 6.0  # sigma by which a drift must differ from zero
 MOVING_SPEED = 0.02  # m/s of the pointer from which an image reveals the latency
@@ -23,9 +26,9 @@ FIRST_STEP = 0.005  # s between the latencies that are tried first
 class LatencySettings(Settings):
     """Settings of the latency measurement and its acceptance criteria.
 
-    The arm makes `steps` moves of `step` [m] along x from (`x`, `z`) and back. `most` is the
-    largest plausible latency and `uncertainty` the allowed difference between two halves of the
-    images, both [s]; `images` is the number required in motion.
+    The arm makes `steps` moves of `step` [m] along x from (`x`, `z`) and back. `most`
+    is the largest plausible latency and `uncertainty` the allowed difference between
+    two halves of the images, both [s]; `images` is the number required in motion.
     """
 
     x: float = Field(0.25, ge=-0.5, le=2.0)
@@ -35,7 +38,8 @@ class LatencySettings(Settings):
     images: int = Field(10, ge=4)
     most: float = Field(0.3, gt=0, le=1)
     uncertainty: float = Field(0.005, gt=0, le=0.1)
-    misfit_mm: float = Field(2.0, gt=0, le=20)  # rms between image and arm at the best latency
+    # rms between image and arm at the best latency
+    misfit_mm: float = Field(2.0, gt=0, le=20)
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +52,8 @@ class LatencyVerdict(Verdict):
 class LatencySteps(Settings):
     """Arm and images during the arm's steps, the content of latency.json.
 
-    `arm` has rows t [s], x, z [m] of the gripper, `seen` rows t [s], u, v [px] of the pointer.
+    `arm` has rows t [s], x, z [m] of the gripper, `seen` rows t [s], u, v [px] of the
+    pointer.
     """
 
     model_config = ConfigDict(extra="ignore")  # a program writes it
@@ -71,13 +76,20 @@ class LatencySteps(Settings):
 def step_poses(settings: LatencySettings) -> tuple[Pose, ...]:
     """Poses of the pointer to and fro, between which the arm steps."""
     places = (settings.x, settings.x + settings.step)
-    return tuple(Pose(places[k % 2], settings.z, pi / 2) for k in range(settings.steps + 1))
+    return tuple(
+        Pose(places[k % 2], settings.z, pi / 2) for k in range(settings.steps + 1)
+    )
 
 
 def latency_verdict(
-    steps: LatencySteps, lens: Lens, homography: Homography | None, settings: LatencySettings
+    steps: LatencySteps,
+    lens: Lens,
+    homography: Homography | None,
+    settings: LatencySettings,
 ) -> LatencyVerdict:
-    """Measure the camera's latency by `steps` of the arm, through the map of the touched points."""
+    """Measure the camera's latency by `steps` of the arm, through the map of the
+    touched points.
+    """
     if homography is None or not steps.arm:
         return LatencyVerdict(reasons=("the latency was not measured",))
     if len(steps.arm) < 2 or len(steps.seen) == 0:
@@ -90,10 +102,14 @@ def latency_verdict(
     under_way = np.interp(stamps, arm[:, 0], np.abs(np.gradient(arm[:, 1], arm[:, 0])))
     moving = int(np.sum(under_way > MOVING_SPEED))
     if moving < settings.images:
-        reason = f"{moving} images show the pointer under way, {settings.images} are needed"
+        reason = (
+            f"{moving} images show the pointer under way, {settings.images} are needed"
+        )
         return LatencyVerdict(reasons=(f"{reason}; step again, uncover it",))
     latency, misfit = _best_latency(arm, stamps, along, settings.most)
-    one, other = (_best_latency(arm, stamps[k::2], along[k::2], settings.most)[0] for k in (0, 1))
+    one, other = (
+        _best_latency(arm, stamps[k::2], along[k::2], settings.most)[0] for k in (0, 1)
+    )
     apart = abs(one - other)
     drift = _drift_reasons(arm, stamps, along, latency, settings)
     refused = drift or _reasons(latency, apart, 1e3 * misfit, settings)
@@ -108,21 +124,30 @@ def latency_verdict(
 def _drift_reasons(
     arm: Array, stamps: Array, along: Array, latency: float, settings: LatencySettings
 ) -> tuple[str, ...]:
-    """Reason for refusal where the latency drifts over the steps: two clocks of unequal rate."""
+    """Reason for refusal where the latency drifts over the steps: two clocks of unequal
+    rate.
+    """
     rate, rate_sigma = _drift_rate(arm, stamps, along, latency)
     duration = float(np.ptp(stamps))
     drift = rate * duration
     if abs(drift) <= settings.uncertainty or abs(rate) < DRIFT_SIGMA * rate_sigma:
         return ()
     return (
-        f"the camera's stamps drift against the arm's, by {1e3 * drift:+.0f} ms over "
-        f"{duration:.0f} s (allowed {1e3 * settings.uncertainty:.0f} ms): the two do not run by "
-        "one clock; stamp images by the machine's monotonic clock",
+        (
+            f"the camera's stamps drift against the arm's, by {1e3 * drift:+.0f} ms"
+            f" over {duration:.0f} s (allowed {1e3 * settings.uncertainty:.0f} ms): the"
+            " two do not run by one clock; stamp images by the machine's monotonic"
+            " clock"
+        ),
     )
 
 
-def _drift_rate(arm: Array, stamps: Array, along: Array, latency: float) -> tuple[float, float]:
-    """Drift [s/s] of the images' `latency` [s] with time, and one sigma of it, by a robust fit."""
+def _drift_rate(
+    arm: Array, stamps: Array, along: Array, latency: float
+) -> tuple[float, float]:
+    """Drift [s/s] of the images' `latency` [s] with time, and one sigma of it, by a
+    robust fit.
+    """
     from scipy.optimize import least_squares
 
     since = stamps - stamps.mean()
@@ -133,14 +158,19 @@ def _drift_rate(arm: Array, stamps: Array, along: Array, latency: float) -> tupl
         return np.asarray(along - np.interp(exposed, arm[:, 0], arm[:, 1]) - offset)
 
     start = (latency, 0.0, 0.0)
-    fit = least_squares(errors, start, loss="cauchy", f_scale=DRIFT_LOSS_SCALE, x_scale="jac")
+    fit = least_squares(
+        errors, start, loss="cauchy", f_scale=DRIFT_LOSS_SCALE, x_scale="jac"
+    )
     noise = np.mean(errors(fit.x) ** 2)
     covariance = noise * np.linalg.pinv(fit.jac.T @ fit.jac)
     return float(fit.x[1]), float(np.sqrt(covariance[1, 1]))
 
 
-def _best_latency(arm: Array, stamps: Array, along: Array, most: float) -> tuple[float, float]:
-    """Latency [s] at which images and arm agree best, and their remaining rms distance [m].
+def _best_latency(
+    arm: Array, stamps: Array, along: Array, most: float
+) -> tuple[float, float]:
+    """Latency [s] at which images and arm agree best, and their remaining rms distance
+    [m].
 
     A constant offset between both is a free parameter: it belongs to the map.
     """
@@ -154,22 +184,39 @@ def _best_latency(arm: Array, stamps: Array, along: Array, most: float) -> tuple
     latencies = np.arange(-most, most + FIRST_STEP / 2, FIRST_STEP)
     start = float(latencies[np.argmin([misfit(latency) for latency in latencies])])
     bounds = (start - FIRST_STEP, start + FIRST_STEP)
-    best = minimize_scalar(misfit, bounds=bounds, method="bounded", options={"xatol": 1e-6})
+    best = minimize_scalar(
+        misfit, bounds=bounds, method="bounded", options={"xatol": 1e-6}
+    )
     return float(best.x), float(best.fun)
 
 
 def _reasons(
     latency: float, apart: float, misfit_mm: float, settings: LatencySettings
 ) -> tuple[str, ...]:
-    """Reasons for refusal: the `latency` [s], halves `apart` [s], or the misfit in motion."""
+    """Reasons for refusal: the `latency` [s], halves `apart` [s], or the misfit in
+    motion.
+    """
     return reasons(
-        (abs(latency) > settings.most,
-         f"the latency is {1e3 * latency:.0f} ms, plausible up to "
-         f"{1e3 * settings.most:.0f} ms; check the clock of the camera's stamps"),
-        (apart > settings.uncertainty,
-         f"two halves of the images differ by {1e3 * apart:.1f} ms in latency, allowed "
-         f"{1e3 * settings.uncertainty:.1f} ms; step again, check that the frame rate is steady"),
-        (misfit_mm > settings.misfit_mm,
-         f"image and arm are {misfit_mm:.1f} mm apart in motion, allowed "
-         f"{settings.misfit_mm:.1f} mm; fasten the pointer, shorten the exposure"),
-    )  # fmt: skip
+        (
+            abs(latency) > settings.most,
+            (
+                f"the latency is {1e3 * latency:.0f} ms, plausible up to "
+                f"{1e3 * settings.most:.0f} ms; check the clock of the camera's stamps"
+            ),
+        ),
+        (
+            apart > settings.uncertainty,
+            (
+                f"two halves of the images differ by {1e3 * apart:.1f} ms in latency,"
+                f" allowed {1e3 * settings.uncertainty:.1f} ms; step again, check that"
+                " the frame rate is steady"
+            ),
+        ),
+        (
+            misfit_mm > settings.misfit_mm,
+            (
+                f"image and arm are {misfit_mm:.1f} mm apart in motion, allowed "
+                f"{settings.misfit_mm:.1f} mm; fasten the pointer, shorten the exposure"
+            ),
+        ),
+    )

@@ -1,5 +1,6 @@
-"""Verdict on a lens calibration: the lens, two halves of the views compared, how flat the board is,
-reasons for failure."""
+"""Verdict on a lens calibration: the lens, two halves of the views compared, how flat
+the board is, reasons for failure.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -28,9 +29,9 @@ def _bow_reasons(
 
     `lens` is the one fitted to `views` as if the board were flat.
 
-    One Gauss-Newton step of the whole bundle, in which the board gains the heights
-    a x^2 + b y^2 + c x y: the part of the corners' errors that these explain and lens and poses do
-    not is the board's.
+    One Gauss-Newton step of the whole bundle, in which the board gains the heights a
+    x^2 + b y^2 + c x y: the part of the corners' errors that these explain and lens and
+    poses do not is the board's.
     """
     systems = [_pose_free_system(view, lens) for view in views]
     design = np.vstack([slopes for slopes, _ in systems])
@@ -41,7 +42,8 @@ def _bow_reasons(
     freedom = max(len(errors) - POSE_COLUMNS * len(views) - len(solution), 1)
     noise = float(np.sum((errors - design @ solution) ** 2)) / freedom
     covariance = (noise * inverse / np.outer(scale, scale))[-BOW_MODES:, -BOW_MODES:]
-    # heights at corners, middles of the sides and middle, about the middle: a tilt is no bow
+    # heights at corners, middles of the sides and middle, about the middle: a tilt is
+    # no bow
     grid = np.array([(x, y) for y in (-0.5, 0.0, 0.5) for x in (-0.5, 0.0, 0.5)])
     modes = _bow_modes(grid * np.ptp(settings.outline(), axis=0))
     heights = modes @ solution[-BOW_MODES:]
@@ -49,22 +51,33 @@ def _bow_reasons(
     sigma_mm = 1e3 * float(np.sqrt(lowest_to_highest @ covariance @ lowest_to_highest))
     height_mm = 1e3 * float(np.ptp(heights))
     return reasons(
-        (height_mm > max(settings.bow_mm, SEEN_SIGMA * sigma_mm),
-         f"the board is bent by {height_mm:.1f} mm (+- {sigma_mm:.1f}), allowed "
-         f"{settings.bow_mm:.1f} mm; glue it on glass or another flat and stiff plate")
-    )  # fmt: skip
+        (
+            height_mm > max(settings.bow_mm, SEEN_SIGMA * sigma_mm),
+            (
+                f"the board is bent by {height_mm:.1f} mm (+- {sigma_mm:.1f}), allowed"
+                f" {settings.bow_mm:.1f} mm; glue it on glass or another flat and stiff"
+                " plate"
+            ),
+        )
+    )
 
 
 def _pose_free_system(view: BoardView, lens: Lens) -> tuple[Array, Array]:
-    """Derivatives (2n, 11) by lens and bow, and errors (2n,), less the part that the pose fits.
+    """Derivatives (2n, 11) by lens and bow, and errors (2n,), less the part that the
+    pose fits.
 
-    The images of the view's n corners [px] are linearised about the best pose of a flat board.
+    The images of the view's n corners [px] are linearised about the best pose of a flat
+    board.
     """
     board = np.asarray(view.board, dtype=np.float64)
     _, rotation, shift = cv2.solvePnP(board, view.image, lens.matrix, lens.distortion)
-    image, slopes = cv2.projectPoints(board, rotation, shift, lens.matrix, lens.distortion)
+    image, slopes = cv2.projectPoints(
+        board, rotation, shift, lens.matrix, lens.distortion
+    )
     raised = board + np.array([0.0, 0.0, NORMAL_STEP])
-    raised_image, _ = cv2.projectPoints(raised, rotation, shift, lens.matrix, lens.distortion)
+    raised_image, _ = cv2.projectPoints(
+        raised, rotation, shift, lens.matrix, lens.distortion
+    )
     error = (np.asarray(view.image) - image.reshape(-1, 2)).ravel()
     by_height = (raised_image - image).reshape(-1, 1) / NORMAL_STEP
     bow = by_height * np.repeat(_bow_modes(board), 2, axis=0)
@@ -76,23 +89,27 @@ def _pose_free_system(view: BoardView, lens: Lens) -> tuple[Array, Array]:
 
 
 def _bow_modes(points: Array) -> Array:
-    """Terms x^2, y^2, x y (n, 3) [m^2] of a bow at `points` (n, 2) or (n, 3) [m] of the board."""
+    """Terms x^2, y^2, x y (n, 3) [m^2] of a bow at `points` (n, 2) or (n, 3) [m] of the
+    board.
+    """
     x, y = points[:, :2].T
     return np.stack([x * x, y * y, x * y], axis=1)
 
 
-BEND_GRADES = (0.3, 1.0)  # mm between two halves at the board, up to which good, then fair
+# mm between two halves at the board, up to which good, then fair
+BEND_GRADES = (0.3, 1.0)
 SEEN_SIGMA = 4.0  # sigma by which a bow or a difference of the halves is significant
-OFF_CENTRE = 0.15  # share of the image by which a principal point may lie off its centre
+# share of the image by which a principal point may lie off its centre
+OFF_CENTRE = 0.15
 
 
 @dataclass(frozen=True, slots=True)
 class LensVerdict(Verdict):
     """Verdict on the lens `fit` to a number of `views` of the board.
 
-    `bend_mm` is the largest difference of the distortion of two halves of the views, at the board's
-    distance, after the best plane homography is removed. `per_view` is the rms [px] of the image
-    with that number.
+    `bend_mm` is the largest difference of the distortion of two halves of the views, at
+    the board's distance, after the best plane homography is removed. `per_view` is the
+    rms [px] of the image with that number.
     """
 
     fit: LensFit | None = None
@@ -119,14 +136,17 @@ def lens_verdict(
     length: float | None,
     settings: BoardSettings,
 ) -> LensVerdict:
-    """Verdict on the lens from `views` by number, in images of `size` [px], in any order.
+    """Verdict on the lens from `views` by number, in images of `size` [px], in any
+    order.
 
     `length` [m] is the ruler's length of the printed squares across all columns.
     """
     numbers = sorted(views, key=lambda number: tuple(views[number].image.mean(axis=0)))
     ordered = [views[number] for number in numbers]
     if len(ordered) < 2 * MINIMUM_VIEWS:
-        reason = f"{len(ordered)} views, at least {2 * MINIMUM_VIEWS} are needed; show more"
+        reason = (
+            f"{len(ordered)} views, at least {2 * MINIMUM_VIEWS} are needed; show more"
+        )
         return LensVerdict(views=len(ordered), reasons=(reason,))
     try:
         fit = fit_views(ordered, size)
@@ -150,9 +170,14 @@ def lens_verdict(
 
 
 def _found(views: int, fit: LensFit, split: float, bend_mm: float) -> tuple[Line, ...]:
-    """Lines on a lens fit to `views`, whose halves differ by `split` in focal length."""
+    """Lines on a lens fit to `views`, whose halves differ by `split` in focal
+    length.
+    """
     u, v = fit.lens.matrix[:2, 2]
-    halves = f"two halves of the views bend the image alike within {bend_mm:.2f} mm at the board, "
+    halves = (
+        f"two halves of the views bend the image alike within {bend_mm:.2f} mm at the"
+        " board, "
+    )
     halves += f"and differ by {100 * split:.2f} % in focal length"
     focal = f"focal length {fit.lens.matrix[0, 0]:.0f} px"
     return (
@@ -163,12 +188,20 @@ def _found(views: int, fit: LensFit, split: float, bend_mm: float) -> tuple[Line
 
 
 def fit_views(views: Sequence[BoardView], size: tuple[int, int]) -> LensFit:
-    """Fit a lens to `views` of the board in images of `size` [px]; or ConfigurationError."""
-    return fit_lens([view.board for view in views], [view.image for view in views], size)
+    """Fit a lens to `views` of the board in images of `size` [px]; or
+    ConfigurationError.
+    """
+    return fit_lens(
+        [view.board for view in views], [view.image for view in views], size
+    )
 
 
-def _differences_of_halves(views: Sequence[BoardView], lens: Lens) -> tuple[float, float]:
-    """Differences of the lenses of even and odd `views`: relative focal length, image [mm]."""
+def _differences_of_halves(
+    views: Sequence[BoardView], lens: Lens
+) -> tuple[float, float]:
+    """Differences of the lenses of even and odd `views`: relative focal length, image
+    [mm].
+    """
     size = lens.width, lens.height
     one = fit_views(views[::2], size).lens
     other = fit_views(views[1::2], size).lens
@@ -178,50 +211,83 @@ def _differences_of_halves(views: Sequence[BoardView], lens: Lens) -> tuple[floa
     return split, 1e3 * _largest_difference(one, other) * depth / focal
 
 
-def _lens_reasons(fit: LensFit, split: float, settings: BoardSettings) -> tuple[str, ...]:
-    """Reasons to refuse a lens: corners, focal length, halves of the views, principal point.
+def _lens_reasons(
+    fit: LensFit, split: float, settings: BoardSettings
+) -> tuple[str, ...]:
+    """Reasons to refuse a lens: corners, focal length, halves of the views, principal
+    point.
 
-    Noise of the corners explains a difference of halves of twice the whole's deviation; one beyond
-    that and the tolerance has another cause.
+    Noise of the corners explains a difference of halves of twice the whole's deviation;
+    one beyond that and the tolerance has another cause.
     """
     lens = fit.lens
     deviation = fit.focal_deviation / float(lens.matrix[0, 0])
     allowed = max(settings.split, SEEN_SIGMA * 2.0 * deviation)
     off = np.abs(lens.matrix[:2, 2] / (lens.width, lens.height) - 0.5).max()
     return reasons(
-        (fit.rms > settings.rms,
-         f"corners are {fit.rms:.2f} px off, allowed {settings.rms:.2f}; "
-         "hold the board still and flat"),
-        (deviation > settings.focal,
-         f"the focal length is known to {100 * deviation:.1f} % (one sigma), allowed "
-         f"{100 * settings.focal:.1f} %; hold the board still, and tilt it more"),
-        (split > allowed,
-         f"two halves of the views differ by {100 * split:.1f} % in focal length, allowed "
-         f"{100 * allowed:.1f} %; tilt the board more"),
-        (off > OFF_CENTRE,
-         f"the principal point lies {100 * off:.0f} % of the image off its centre, allowed "
-         f"{100 * OFF_CENTRE:.0f} %; check width and height of the images, tilt the board more"),
-    )  # fmt: skip
+        (
+            fit.rms > settings.rms,
+            (
+                f"corners are {fit.rms:.2f} px off, allowed {settings.rms:.2f}; "
+                "hold the board still and flat"
+            ),
+        ),
+        (
+            deviation > settings.focal,
+            (
+                f"the focal length is known to {100 * deviation:.1f} % (one sigma),"
+                f" allowed {100 * settings.focal:.1f} %; hold the board still, and tilt"
+                " it more"
+            ),
+        ),
+        (
+            split > allowed,
+            (
+                f"two halves of the views differ by {100 * split:.1f} % in focal"
+                f" length, allowed {100 * allowed:.1f} %; tilt the board more"
+            ),
+        ),
+        (
+            off > OFF_CENTRE,
+            (
+                f"the principal point lies {100 * off:.0f} % of the image off its"
+                f" centre, allowed {100 * OFF_CENTRE:.0f} %; check width and height of"
+                " the images, tilt the board more"
+            ),
+        ),
+    )
 
 
 def _length_reasons(length: float | None, settings: BoardSettings) -> tuple[str, ...]:
-    """Reasons for refusal: the ruler contradicts the stated squares, unseen in images."""
+    """Reasons for refusal: the ruler contradicts the stated squares, unseen in
+    images.
+    """
     stated = settings.width
     if length is None:
         return (
-            "no length of the board was measured; lay a ruler along its long side and state the "
-            f"length of {settings.columns} squares, {1e3 * stated:.1f} mm as configured",
+            (
+                "no length of the board was measured; lay a ruler along its long side"
+                f" and state the length of {settings.columns} squares,"
+                f" {1e3 * stated:.1f} mm as configured"
+            ),
         )
     return reasons(
-        (abs(length / stated - 1.0) > settings.length,
-         f"{settings.columns} squares measure {1e3 * length:.1f} mm, configured are "
-         f"{1e3 * stated:.1f} mm, {100 * (stated / length - 1.0):+.1f} %; state boards.square: "
-         f"{length / settings.columns:.5f} or print the board at 100 %")
-    )  # fmt: skip
+        (
+            abs(length / stated - 1.0) > settings.length,
+            (
+                f"{settings.columns} squares measure {1e3 * length:.1f} mm, configured"
+                f" are {1e3 * stated:.1f} mm, {100 * (stated / length - 1.0):+.1f} %;"
+                f" state boards.square: {length / settings.columns:.5f} or print the"
+                " board at 100 %"
+            ),
+        )
+    )
 
 
 def _largest_difference(one: Lens, other: Lens) -> float:
-    """Largest difference [px] of two lenses over the image, after the best plane homography."""
+    """Largest difference [px] of two lenses over the image, after the best plane
+    homography.
+    """
     u, v = np.meshgrid(np.linspace(0.02, 0.98, 12), np.linspace(0.02, 0.98, 8))
     pixels = np.column_stack([u.ravel(), v.ravel()]) * (one.width, one.height)
     by_one = one.undistort(pixels)

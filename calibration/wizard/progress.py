@@ -1,4 +1,6 @@
-"""Messages of the calibration wizard to its observers, and marks that are drawn into images."""
+"""Messages of the calibration wizard to its observers, and marks that are drawn into
+images.
+"""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -17,9 +19,10 @@ from drivers.types import Array, Frame, Image
 class Row(Settings):
     """One line of told.jsonl: an accepted or refused image and the measurements in it.
 
-    `corners` are [id, u, v] of the board, `centre` of the pointer; `pose` x, z, pitch of the arm.
-    `dropped` takes the earlier row of the same number back, and of the same touch (`again`).
-    `taken` says that the image is accepted and must be kept; afterwards `image` names its file.
+    `corners` are [id, u, v] of the board, `centre` of the pointer; `pose` x, z, pitch
+    of the arm. `dropped` takes the earlier row of the same number back, and of the same
+    touch (`again`). `taken` says that the image is accepted and must be kept;
+    afterwards `image` names its file.
     """
 
     model_config = ConfigDict(extra="allow")  # a program writes it
@@ -36,7 +39,9 @@ class Row(Settings):
 
     @property
     def waits(self) -> bool:
-        """Whether an image was neither accepted nor refused, so that the next image decides."""
+        """Whether an image was neither accepted nor refused, so that the next image
+        decides.
+        """
         return not self.taken and self.refused is None
 
     @property
@@ -46,7 +51,9 @@ class Row(Settings):
             return ""
         if self.pose is None:
             return f"image {self.number}: {self.refused or 'taken'}"
-        done = f"touched{' again' if self.again else ''} at {place_text(*self.pose[:2])}"
+        done = (
+            f"touched{' again' if self.again else ''} at {place_text(*self.pose[:2])}"
+        )
         return f"point {self.number}: {self.refused or done}"
 
 
@@ -75,9 +82,11 @@ FONT = cv2.FONT_HERSHEY_SIMPLEX
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mark:
-    """Point that was measured at `pixel` (2,) [px] of an image, to be drawn there with its label.
+    """Point that was measured at `pixel` (2,) [px] of an image, to be drawn there with
+    its label.
 
-    Its `error` (2,) [px] is the measured point minus the one that the calibration predicts.
+    Its `error` (2,) [px] is the measured point minus the one that the calibration
+    predicts.
     """
 
     pixel: Array
@@ -88,11 +97,13 @@ class Mark:
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """Message of a wizard: its request, the reason `why`, and the result of the newest image.
+    """Message of a wizard: its request, the reason `why`, and the result of the newest
+    image.
 
-    `frame` is that image, `marks` are drawn into it; without one, `result` takes a measurement
-    back. `coverage` and `sketch` show how a board is to be held, `plan` the poses x, z [m] of the
-    pointer, each with its state as a character. `steps` is the arm's motion for the latency.
+    `frame` is that image, `marks` are drawn into it; without one, `result` takes a
+    measurement back. `coverage` and `sketch` show how a board is to be held, `plan` the
+    poses x, z [m] of the pointer, each with its state as a character. `steps` is the
+    arm's motion for the latency.
     """
 
     title: str
@@ -123,7 +134,9 @@ def draw_picture(image: Image, marks: Iterable[Mark]) -> Image:
 
 
 def _draw_mark(drawn: Image, mark: Mark) -> None:
-    """Draw `mark`: a dot; with a label a circle, its error and the label, or a cross if wild."""
+    """Draw `mark`: a dot; with a label a circle, its error and the label, or a cross if
+    wild.
+    """
     at = _pixel(mark.pixel)
     colour = COLOURS_BGR[mark.kind]
     if not mark.label:
@@ -136,7 +149,9 @@ def _draw_mark(drawn: Image, mark: Mark) -> None:
     if mark.error is not None:
         end = _pixel(mark.pixel + ENLARGED * mark.error)
         cv2.arrowedLine(drawn, at, end, colour, 2, LINE_TYPE, tipLength=0.25)
-    cv2.putText(drawn, mark.label, (at[0] + 12, at[1] - 10), FONT, 0.5, colour, 1, LINE_TYPE)
+    cv2.putText(
+        drawn, mark.label, (at[0] + 12, at[1] - 10), FONT, 0.5, colour, 1, LINE_TYPE
+    )
 
 
 def _pixel(point: Array) -> tuple[int, int]:

@@ -21,7 +21,8 @@ from drivers.settings import Settings, load, parse
 from drivers.types import Image
 from drivers.yaml_text import dump_yaml
 
-LARGEST_LOG = 32 * MEGABYTE  # of told.jsonl and latency.json; a session writes less than one
+# of told.jsonl and latency.json; a session writes less than one
+LARGEST_LOG = 32 * MEGABYTE
 LARGEST_SIDE = 16_384  # px
 SESSION_FILE = "session.yaml"
 ROWS_FILE = "told.jsonl"
@@ -37,8 +38,9 @@ Side = Annotated[int, Field(gt=0, le=LARGEST_SIDE)]
 class Session(Settings):
     """Contents of session.yaml: the settings of a calibration session.
 
-    `image` is width and height [px], `length` [m] the ruler's length of the board, `locks` the
-    values of the locked camera controls, `lens` the one used in a session of touches.
+    `image` is width and height [px], `length` [m] the ruler's length of the board,
+    `locks` the values of the locked camera controls, `lens` the one used in a session
+    of touches.
     """
 
     model_config = ConfigDict(extra="allow")  # a program writes it
@@ -63,9 +65,11 @@ class SessionFolder:
     """
 
     def __init__(self, folder: Path, now: Session, watch: Observer = ignore) -> None:
-        """Begin a session with settings `now` in the new or empty `folder`, or resume its own.
+        """Begin a session with settings `now` in the new or empty `folder`, or resume
+        its own.
 
-        Raises ConfigurationError for a folder that cannot be written, or other settings before.
+        Raises ConfigurationError for a folder that cannot be written, or other settings
+        before.
         """
         self.folder = folder
         self.session = now
@@ -77,21 +81,31 @@ class SessionFolder:
         else:
             with writing(folder):
                 (folder / IMAGES_FOLDER).mkdir(parents=True)
-            write_yaml(folder / SESSION_FILE, now.model_dump(mode="json", by_alias=True))
+            write_yaml(
+                folder / SESSION_FILE, now.model_dump(mode="json", by_alias=True)
+            )
         self._count = len([*(folder / IMAGES_FOLDER).glob("*.png")])
 
     def __call__(self, progress: Progress) -> None:
         """Write the measurements in `progress`, and the image if it was accepted."""
         if progress.steps is not None:
-            write_file(self.folder / LATENCY_FILE, progress.steps.model_dump_json(), MAKE_ROOM)
+            write_file(
+                self.folder / LATENCY_FILE, progress.steps.model_dump_json(), MAKE_ROOM
+            )
         result = progress.result
         if result is not None:
-            image = progress.frame.image if progress.frame is not None and result.taken else None
+            image = (
+                progress.frame.image
+                if progress.frame is not None and result.taken
+                else None
+            )
             self.add(result, image)
         self._watch(progress)
 
     def add(self, row: Row, image: Image | None = None) -> None:
-        """Append `row` to told.jsonl, write its `image` (h, w, 3); or ConfigurationError."""
+        """Append `row` to told.jsonl, write its `image` (h, w, 3); or
+        ConfigurationError.
+        """
         if image is not None:
             name = f"{IMAGES_FOLDER}/{self._count:04d}.png"
             self._count += 1
@@ -103,7 +117,9 @@ class SessionFolder:
 
 
 def read_session(folder: Path, kind: Kind) -> Session:
-    """Read session.yaml in `folder`; ConfigurationError for another `kind` of session."""
+    """Read session.yaml in `folder`; ConfigurationError for another `kind` of
+    session.
+    """
     session = load(folder / SESSION_FILE, Session)
     if session.kind != kind:
         raise ConfigurationError(
@@ -114,14 +130,16 @@ def read_session(folder: Path, kind: Kind) -> Session:
 
 
 def _resumed(folder: Path, now: Session) -> Session:
-    """Session in `folder`; raises ConfigurationError where its settings differ from those `now`."""
+    """Session in `folder`; raises ConfigurationError where its settings differ from
+    those `now`.
+    """
     stored = read_session(folder, now.kind)
     for key in ("camera", "image", "locks", "boards", "touches", "latency", "lens"):
         before, today = getattr(stored, key), getattr(now, key)
         if before != today:
             raise ConfigurationError(
-                f"--resume: {folder / SESSION_FILE}: {key}: is {before}, here it is {today}; set "
-                "it back, or begin a new session"
+                f"--resume: {folder / SESSION_FILE}: {key}: is {before}, here it is"
+                f" {today}; set it back, or begin a new session"
             )
     return stored
 
@@ -139,9 +157,11 @@ def read_rows(folder: Path) -> Iterator[Row]:
 def _taken_images(
     folder: Path, session: Session, without: Collection[int]
 ) -> Iterator[tuple[Row, Image]]:
-    """Accepted rows with images (height, width, 3), except rows of the numbers `without`.
+    """Accepted rows with images (height, width, 3), except rows of the numbers
+    `without`.
 
-    Raises ConfigurationError for an unknown number, a missing image or one of another size.
+    Raises ConfigurationError for an unknown number, a missing image or one of another
+    size.
     """
     accepted: dict[tuple[int, bool], Row] = {}
     for row in read_rows(folder):
@@ -150,14 +170,18 @@ def _taken_images(
         elif row.image is not None:
             accepted[row.number, row.again] = row
     for number in without:
-        check_known("--without", str(number), [str(n) for n, again in accepted if not again])
+        check_known(
+            "--without", str(number), [str(n) for n, again in accepted if not again]
+        )
     for row in accepted.values():
         if row.number not in without:
             yield row, _read_image(folder, row, session.image)
 
 
 def _read_image(folder: Path, row: Row, size: tuple[int, int]) -> Image:
-    """Image (height, width, 3) of a session's `row`; ConfigurationError if missing or misfit."""
+    """Image (height, width, 3) of a session's `row`; ConfigurationError if missing or
+    misfit.
+    """
     path = folder / str(row.image)
     if path.resolve().parent != (folder / IMAGES_FOLDER).resolve():
         raise ConfigurationError(
@@ -170,8 +194,9 @@ def _read_image(folder: Path, row: Row, size: tuple[int, int]) -> Image:
     stored_size = (image.shape[1], image.shape[0])
     if stored_size != size:
         raise ConfigurationError(
-            f"{path}: is {stored_size[0]} x {stored_size[1]} px, {folder / SESSION_FILE} says "
-            f"image: [{size[0]}, {size[1]}]; width comes first"
+            f"{path}: is {stored_size[0]} x {stored_size[1]} px,"
+            f" {folder / SESSION_FILE} says image: [{size[0]}, {size[1]}]; width comes"
+            " first"
         )
     return image
 
@@ -182,30 +207,35 @@ Task = BoardViews | TouchedPoints
 def restore(
     task: Task, folder: Path, session: Session, without: Collection[int] = ()
 ) -> Image | None:
-    """Repeat a session's measurements on its accepted images, except the numbers `without`.
+    """Repeat a session's measurements on its accepted images, except the numbers
+    `without`.
 
-    Returns the last of these images (height, width, 3). Raises ConfigurationError for a broken file
-    or an image that shows nothing.
+    Returns the last of these images (height, width, 3). Raises ConfigurationError for a
+    broken file or an image that shows nothing.
     """
     image = None
     for row, image in _taken_images(folder, session, without):
         if not task.restore(row, image):
             raise ConfigurationError(
-                f"{folder / str(row.image)}: shows no {task.subject}; leave number {row.number} "
-                f"out, or take its line out of {ROWS_FILE}"
+                f"{folder / str(row.image)}: shows no {task.subject}; leave number"
+                f" {row.number} out, or take its line out of {ROWS_FILE}"
             )
     return image
 
 
 def read_steps(folder: Path) -> LatencySteps:
-    """Read latency.json in a session's `folder`, empty if there is none; or ConfigurationError."""
+    """Read latency.json in a session's `folder`, empty if there is none; or
+    ConfigurationError.
+    """
     path = folder / LATENCY_FILE
     content = read_json(path, LARGEST_LOG) if path.exists() else {}
     return parse(content, LatencySteps, str(path))
 
 
 def write_image(path: Path, image: Image) -> None:
-    """Write `image` (height, width, 3) to `path` as PNG; ConfigurationError where that fails."""
+    """Write `image` (height, width, 3) to `path` as PNG; ConfigurationError where that
+    fails.
+    """
     made, content = cv2.imencode(".png", image, FAST_PNG)
     if not made:
         raise ConfigurationError(f"{path}: the picture cannot be written as PNG")

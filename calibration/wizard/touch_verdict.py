@@ -1,4 +1,6 @@
-"""Verdicts from touched points: on the map fitted to them, and on a calibration already in use."""
+"""Verdicts from touched points: on the map fitted to them, and on a calibration already
+in use.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -13,12 +15,19 @@ from calibration.calibration import Calibration, make_calibration
 from calibration.homography import Homography
 from calibration.lens import Lens
 from calibration.wizard.latency import LatencySettings, LatencySteps, latency_verdict
-from calibration.wizard.touches import Touch, TouchFit, TouchSettings, camera_move, fit_touches
+from calibration.wizard.touches import (
+    Touch,
+    TouchFit,
+    TouchSettings,
+    camera_move,
+    fit_touches,
+)
 from calibration.wizard.verdict import Level, Line, Verdict, grade_line, reasons
 from drivers.errors import ConfigurationError
 from drivers.types import Array
 
-# mm, up to which good, then fair: worst point, difference of halves, effect on the displacement
+# mm, up to which good, then fair: worst point, difference of halves, effect on the
+# displacement
 WORST_GRADES, HALVES_GRADES, DISPLACEMENT_GRADES = (0.5, 1.0), (0.5, 1.5), (1.0, 2.0)
 HALF_POINTS = 6  # points from which half a map is still worth comparing
 ORIENTATION_STEP = 0.01  # m, side of the triangle by which a mirrored map is detected
@@ -32,11 +41,12 @@ ANEW = "run `cell calibrate homography` again"
 class TouchVerdict(Verdict):
     """Verdict on a map to the plane: the map and its errors [mm] at held-out points.
 
-    `residual_mm` is their rms; `halves_mm` the largest difference over the work area between two
-    maps from independent halves of the points; `displacement_mm` the rms effect of the errors along
-    x on the displacement. `errors_mm` is the distance of the point with that number, held out or
-    not; `rejected` are the points that are left out, by number and as text, `wild` likewise first
-    touches that a second one replaced.
+    `residual_mm` is their rms; `halves_mm` the largest difference over the work area
+    between two maps from independent halves of the points; `displacement_mm` the rms
+    effect of the errors along x on the displacement. `errors_mm` is the distance of the
+    point with that number, held out or not; `rejected` are the points that are left
+    out, by number and as text, `wild` likewise first touches that a second one
+    replaced.
     """
 
     homography: Homography | None = None
@@ -69,13 +79,17 @@ class CheckVerdict(Verdict):
         """Plain values of the verdict on a calibration in use, for --json."""
         return Verdict.facts(self) | {
             "passed": self.passed,
-            "errors_mm": {str(number): error for number, error in self.errors_mm.items()},
+            "errors_mm": {
+                str(number): error for number, error in self.errors_mm.items()
+            },
             "median_mm": self.median_mm,
             "worst_mm": self.worst_mm,
         }
 
 
-def touch_verdict(touches: Sequence[Touch], lens: Lens, settings: TouchSettings) -> TouchVerdict:
+def touch_verdict(
+    touches: Sequence[Touch], lens: Lens, settings: TouchSettings
+) -> TouchVerdict:
     """Verdict on the map that fits `touches` through `lens`, in any order."""
     try:
         fit = fit_touches(touches, lens, settings)
@@ -84,32 +98,51 @@ def touch_verdict(touches: Sequence[Touch], lens: Lens, settings: TouchSettings)
         return TouchVerdict(held_out=held_out, reasons=(str(error),))
     verdict = _compose(fit, settings)
     causes = _causes(touches, fit, settings)
-    return replace(verdict, reasons=causes) if causes else verdict  # they bring all others along
+    # they bring all others along
+    return replace(verdict, reasons=causes) if causes else verdict
 
 
 def check_verdict(
     touches: Sequence[Touch], calibration: Calibration, settings: TouchSettings
 ) -> CheckVerdict:
     """Verdict on `calibration` from new `touches`, to which it was not fitted."""
-    off = [calibration.to_plane(touch.pixel[None])[0] - touch.place for touch in touches]
+    off = [
+        calibration.to_plane(touch.pixel[None])[0] - touch.place for touch in touches
+    ]
     off_mm = 1e3 * np.reshape(off, (-1, 2))
     values = np.hypot(*off_mm.T)
-    errors = {touch.number: float(error) for touch, error in zip(touches, values, strict=True)}
+    errors = {
+        touch.number: float(error) for touch, error in zip(touches, values, strict=True)
+    }
     median = float(np.median(values)) if len(values) else nan
     worst = float(values.max()) if len(values) else nan
-    text = f"half of {len(values)} touched points are under {median:.2f} mm off, the worst "
+    text = (
+        f"half of {len(values)} touched points are under {median:.2f} mm off, the"
+        " worst "
+    )
     found = (grade_line(worst, *WORST_GRADES, f"{text}{worst:.2f}"),) if errors else ()
     if len(values) < FEWEST_POINTS:
-        few = f"{len(values)} points were touched, at least {FEWEST_POINTS} must decide; touch more"
+        few = (
+            f"{len(values)} points were touched, at least {FEWEST_POINTS} must decide;"
+            " touch more"
+        )
         return CheckVerdict(errors, median, worst, found=found, reasons=(few,))
     causes = _common_shift(off_mm, settings) or reasons(
-        (worst > settings.worst_mm,
-         f"a point is {worst:.2f} mm off, allowed {settings.worst_mm:.2f}: the camera or the arm's "
-         f"base has moved, or the pointer is loose; {ANEW}"),
-        (median > settings.median_mm,
-         f"half of the points are more than {median:.2f} mm off, allowed {settings.median_mm:.2f}; "
-         f"{ANEW}"),
-    )  # fmt: skip
+        (
+            worst > settings.worst_mm,
+            (
+                f"a point is {worst:.2f} mm off, allowed {settings.worst_mm:.2f}: the"
+                f" camera or the arm's base has moved, or the pointer is loose; {ANEW}"
+            ),
+        ),
+        (
+            median > settings.median_mm,
+            (
+                f"half of the points are more than {median:.2f} mm off, allowed"
+                f" {settings.median_mm:.2f}; {ANEW}"
+            ),
+        ),
+    )
     return CheckVerdict(errors, median, worst, found=found, reasons=causes)
 
 
@@ -132,7 +165,9 @@ class MapVerdict(Verdict):
         return self.calibration is not None
 
     def facts(self) -> dict[str, Any]:
-        """Plain values of the verdict on map and latency, for --json and verdict.yaml."""
+        """Plain values of the verdict on map and latency, for --json and
+        verdict.yaml.
+        """
         keys = ("residual_mm", "worst_mm", "halves_mm", "displacement_mm")
         errors = self.touches.errors_mm
         return Verdict.facts(self) | {
@@ -153,10 +188,11 @@ def map_verdict(
     anyway: bool = False,
     **facts: Any,
 ) -> MapVerdict:
-    """Verdict on the map and on the latency in `steps`, with a calibration unless it is refused.
+    """Verdict on the map and on the latency in `steps`, with a calibration unless it is
+    refused.
 
-    `facts` are further values of `make_calibration`. Reasons for refusal are overridden by
-    `anyway`, but no calibration is made without a map.
+    `facts` are further values of `make_calibration`. Reasons for refusal are overridden
+    by `anyway`, but no calibration is made without a map.
     """
     late = latency_verdict(steps, lens, touches.homography, settings)
     refused = (*touches.reasons, *late.reasons)
@@ -173,44 +209,65 @@ def map_verdict(
         )
     found = (*touches.found, *late.found)
     clean = touches.clean
-    return MapVerdict(touches, late.latency, made, found=found, reasons=refused, clean=clean)
+    return MapVerdict(
+        touches, late.latency, made, found=found, reasons=refused, clean=clean
+    )
 
 
 def _common_shift(off: Array, settings: TouchSettings) -> tuple[str, ...]:
-    """Reason for refusal where all errors `off` (n, 2) [mm] share a shift: a moved camera."""
+    """Reason for refusal where all errors `off` (n, 2) [mm] share a shift: a moved
+    camera.
+    """
     shared = np.median(off, axis=0)
     apart = float(np.hypot(*(off - shared).T).max())
     size = float(np.hypot(*shared))
     return reasons(
-        (size > max(settings.good_mm, 2.0 * apart),
-         f"all points are seen {size:.1f} mm off in the same direction: the camera or the arm's "
-         f"base has moved since the calibration; fasten it, {ANEW}")
-    )  # fmt: skip
+        (
+            size > max(settings.good_mm, 2.0 * apart),
+            (
+                f"all points are seen {size:.1f} mm off in the same direction: the"
+                " camera or the arm's base has moved since the calibration; fasten it,"
+                f" {ANEW}"
+            ),
+        )
+    )
 
 
-def _causes(touches: Sequence[Touch], fit: TouchFit, settings: TouchSettings) -> tuple[str, ...]:
-    """Reasons for refusal that explain all other ones: a mirrored plane, or a moved camera."""
+def _causes(
+    touches: Sequence[Touch], fit: TouchFit, settings: TouchSettings
+) -> tuple[str, ...]:
+    """Reasons for refusal that explain all other ones: a mirrored plane, or a moved
+    camera.
+    """
     middle = np.mean([touched.place for touched in touches], axis=0)
     triangle = middle + ORIENTATION_STEP * np.array([(0, 0), (1, 0), (0, 1)])
     corners = fit.homography.to_image(triangle)
-    if np.linalg.det(corners[1:] - corners[0]) >= 0:  # z is up, v down: a true map turns it over
+    # z is up, v down: a true map turns it over
+    if np.linalg.det(corners[1:] - corners[0]) >= 0:
         return (
-            "the touches are mirrored: x, z of the arm run in the image as seen from behind the "
-            "strip; check that the picture is not flipped, on which side the camera stands, and "
-            "the yaw of installation.mounting",
+            (
+                "the touches are mirrored: x, z of the arm run in the image as seen"
+                " from behind the strip; check that the picture is not flipped, on"
+                " which side the camera stands, and the yaw of installation.mounting"
+            ),
         )
     move = camera_move(touches, fit.lens, fit.homography, settings.good_mm)
     if move is None:
         return ()
     return (
-        f"all points after number {move.after} are seen {move.shift_mm:.1f} mm elsewhere: the "
-        f"camera moved, as by a turn of {move.mrad:.1f} mrad, or the pointer slipped in the "
-        "fingers; fasten both and touch all points again",
+        (
+            f"all points after number {move.after} are seen {move.shift_mm:.1f} mm"
+            f" elsewhere: the camera moved, as by a turn of {move.mrad:.1f} mrad, or"
+            " the pointer slipped in the fingers; fasten both and touch all points"
+            " again"
+        ),
     )
 
 
 def _compose(fit: TouchFit, settings: TouchSettings) -> TouchVerdict:
-    """Verdict on a fitted map: its errors at held-out points, rejected points, and grade."""
+    """Verdict on a fitted map: its errors at held-out points, rejected points, and
+    grade.
+    """
     held_out = np.reshape([fit.error(p) for p in fit.validation], (-1, 2))
     errors = 1e3 * np.hypot(*held_out.T)
     points = sorted((*fit.used, *fit.validation), key=lambda p: p.number)
@@ -236,22 +293,36 @@ def _compose(fit: TouchFit, settings: TouchSettings) -> TouchVerdict:
 def _found(verdict: TouchVerdict) -> tuple[Line, ...]:
     """Lines on the map of a `verdict`, and on its points that are wild or left out."""
     return (
-        grade_line(verdict.worst_mm, *WORST_GRADES,
-                   f"{verdict.held_out} points that were not fitted are {verdict.residual_mm:.2f} "
-                   f"mm off (rms), half of them under {verdict.median_mm:.2f}, the worst "
-                   f"{verdict.worst_mm:.2f}"),
-        grade_line(verdict.halves_mm, *HALVES_GRADES,
-                   f"two maps from halves of the points agree within {verdict.halves_mm:.2f} mm"),
-        grade_line(verdict.displacement_mm, *DISPLACEMENT_GRADES,
-                   f"by this a displacement errs by {verdict.displacement_mm:.2f} mm (rms)"),
-        *(Line(Level.FAIR, f"{text}; touched again, where it agrees")
-          for text in verdict.wild.values()),
+        grade_line(
+            verdict.worst_mm,
+            *WORST_GRADES,
+            f"{verdict.held_out} points that were not fitted are"
+            f" {verdict.residual_mm:.2f} mm off (rms), half of them under"
+            f" {verdict.median_mm:.2f}, the worst {verdict.worst_mm:.2f}",
+        ),
+        grade_line(
+            verdict.halves_mm,
+            *HALVES_GRADES,
+            "two maps from halves of the points agree within"
+            f" {verdict.halves_mm:.2f} mm",
+        ),
+        grade_line(
+            verdict.displacement_mm,
+            *DISPLACEMENT_GRADES,
+            f"by this a displacement errs by {verdict.displacement_mm:.2f} mm (rms)",
+        ),
+        *(
+            Line(Level.FAIR, f"{text}; touched again, where it agrees")
+            for text in verdict.wild.values()
+        ),
         *(Line(Level.FAIR, f"{text}; left out") for text in verdict.rejected.values()),
-    )  # fmt: skip
+    )
 
 
 def _halves_mm(points: Sequence[Touch], lens: Lens, settings: TouchSettings) -> float:
-    """Difference [mm] over the work area between maps from two random halves of the points."""
+    """Difference [mm] over the work area between maps from two random halves of the
+    points.
+    """
     ordered = sorted(points, key=lambda p: (p.place[0], p.place[1], p.number))
     order = np.random.default_rng(0).permutation(len(ordered))
     x = np.linspace(settings.x_min, settings.x_max, 7)
@@ -274,20 +345,41 @@ def _map_reasons(verdict: TouchVerdict, settings: TouchSettings) -> tuple[str, .
     """Reasons for refusal: defects of the map's numbers."""
     rejected = "; ".join(verdict.rejected.values())
     return reasons(
-        (verdict.held_out < FEWEST_POINTS,
-         f"{verdict.held_out} held-out points, at least {FEWEST_POINTS} must decide; touch more"),
-        (verdict.worst_mm > settings.worst_mm,
-         f"a held-out point is {verdict.worst_mm:.2f} mm off, allowed {settings.worst_mm:.2f}; "
-         "check that the pointer is tight and the camera has not moved"),
-        (verdict.median_mm > settings.median_mm,
-         f"half of the held-out points are more than {verdict.median_mm:.2f} mm off, allowed "
-         f"{settings.median_mm:.2f}; calibrate the lens again, with more tilt"),
-        (verdict.halves_mm > settings.halves_mm,
-         f"maps from two halves of the points differ by {verdict.halves_mm:.2f} mm, allowed "
-         f"{settings.halves_mm:.2f}; touch more points"),
-        (len(verdict.rejected) > settings.rejected,
-         f"{rejected}; check that the pointer is tight, touch again"),
-    )  # fmt: skip
+        (
+            verdict.held_out < FEWEST_POINTS,
+            (
+                f"{verdict.held_out} held-out points, at least {FEWEST_POINTS} must"
+                " decide; touch more"
+            ),
+        ),
+        (
+            verdict.worst_mm > settings.worst_mm,
+            (
+                f"a held-out point is {verdict.worst_mm:.2f} mm off, allowed"
+                f" {settings.worst_mm:.2f}; check that the pointer is tight and the"
+                " camera has not moved"
+            ),
+        ),
+        (
+            verdict.median_mm > settings.median_mm,
+            (
+                f"half of the held-out points are more than {verdict.median_mm:.2f} mm"
+                f" off, allowed {settings.median_mm:.2f}; calibrate the lens again,"
+                " with more tilt"
+            ),
+        ),
+        (
+            verdict.halves_mm > settings.halves_mm,
+            (
+                f"maps from two halves of the points differ by {verdict.halves_mm:.2f}"
+                f" mm, allowed {settings.halves_mm:.2f}; touch more points"
+            ),
+        ),
+        (
+            len(verdict.rejected) > settings.rejected,
+            f"{rejected}; check that the pointer is tight, touch again",
+        ),
+    )
 
 
 def _point_reasons(fit: TouchFit, settings: TouchSettings) -> tuple[str, ...]:
@@ -298,16 +390,31 @@ def _point_reasons(fit: TouchFit, settings: TouchSettings) -> tuple[str, ...]:
     places = np.array([p.place for p in fit.used], dtype=np.float32)
     share = float(cv2.contourArea(cv2.convexHull(places))) / area
     return reasons(
-        (len(fit.replaced) > settings.wild * len(numbers),
-         f"{len(fit.replaced)} of {len(numbers)} first touches were wild; the pointer is loose "
-         "or something else in the image looks like it; fasten it, cover bright discs"),
-        (bool(fit.repeated_outliers),
-         f"points {repeated} are off in the same way when touched again: the lens is wrong there "
-         "or the arm leaves the plane; calibrate the lens again, check the plane"),
-        (share < settings.spread,
-         f"the points that agree enclose {100 * share:.0f} % of the work area, at least "
-         f"{100 * settings.spread:.0f} % are needed; touch its corners too"),
-    )  # fmt: skip
+        (
+            len(fit.replaced) > settings.wild * len(numbers),
+            (
+                f"{len(fit.replaced)} of {len(numbers)} first touches were wild; the"
+                " pointer is loose or something else in the image looks like it;"
+                " fasten it, cover bright discs"
+            ),
+        ),
+        (
+            bool(fit.repeated_outliers),
+            (
+                f"points {repeated} are off in the same way when touched again: the"
+                " lens is wrong there or the arm leaves the plane; calibrate the lens"
+                " again, check the plane"
+            ),
+        ),
+        (
+            share < settings.spread,
+            (
+                f"the points that agree enclose {100 * share:.0f} % of the work area,"
+                f" at least {100 * settings.spread:.0f} % are needed; touch its"
+                " corners too"
+            ),
+        ),
+    )
 
 
 def _rms(values: Array) -> float:

@@ -1,4 +1,6 @@
-"""Calibration of the map to the plane by touched points: requests poses, judges images."""
+"""Calibration of the map to the plane by touched points: requests poses, judges
+images.
+"""
 
 from collections.abc import Sequence
 
@@ -26,8 +28,8 @@ NOT_STILL = "between two images; wait until it is still"
 class TouchedPoints:
     """Collection of touched points, by ask and tell.
 
-    The caller moves the pointer to `ask()` and passes the camera's image to `tell()`. After all
-    poses, those of the map's outliers are requested once more.
+    The caller moves the pointer to `ask()` and passes the camera's image to `tell()`.
+    After all poses, those of the map's outliers are requested once more.
     """
 
     subject = "pointer"
@@ -42,8 +44,8 @@ class TouchedPoints:
     ) -> None:
         """Collect touches on the grid of `settings`, or at the poses of a `plan`.
 
-        Points that are not `fitted` may be few, and each is touched once. Raises ConfigurationError
-        for a plan with too few points to fit a map.
+        Points that are not `fitted` may be few, and each is touched once. Raises
+        ConfigurationError for a plan with too few points to fit a map.
         """
         self.lens = lens
         self._settings = settings
@@ -51,7 +53,8 @@ class TouchedPoints:
         self.fitted = fitted
         if fitted:
             require_enough(self.plan, settings)
-        self._touches: dict[tuple[int, bool], Touch] = {}  # by number, and whether again
+        # by number, and whether again
+        self._touches: dict[tuple[int, bool], Touch] = {}
         self._queue = [(number, False) for number in range(len(self.plan))]
         self._repeats = fitted
         self._tries = 0
@@ -73,7 +76,9 @@ class TouchedPoints:
         return bool(self._queue) and self._queue[0][1]
 
     def ask(self) -> Pose | None:
-        """Next pose for the pointer, to be held still; None once there are enough points."""
+        """Next pose for the pointer, to be held still; None once there are enough
+        points.
+        """
         if not self._queue and self._repeats:
             self._repeats = False
             outliers = suspects(self.touches, self.lens, self._settings)
@@ -84,7 +89,8 @@ class TouchedPoints:
         """Process an image of the pointer at rest at the measured `pose`.
 
         After `patience` images without two that agree the point is given up. Raises
-        ConfigurationError for an image of another size than the lens was calibrated with.
+        ConfigurationError for an image of another size than the lens was calibrated
+        with.
         """
         self._check_size(frame)
         self._tries += 1
@@ -108,7 +114,8 @@ class TouchedPoints:
         return row
 
     def restore(self, row: Row, image: Image) -> bool:
-        """Accept the point of a session's `row` if its `image` (h, w, 3) shows the pointer.
+        """Accept the point of a session's `row` if its `image` (h, w, 3) shows the
+        pointer.
 
         Raises ConfigurationError for a row without a pose.
         """
@@ -126,7 +133,9 @@ class TouchedPoints:
         self._last = None
 
     def take_back(self) -> Row | None:
-        """Remove the newest touch and request it again; returns its row, None if there is none."""
+        """Remove the newest touch and request it again; returns its row, None if there
+        is none.
+        """
         if not self._touches:
             return None
         (number, again), _ = self._touches.popitem()
@@ -148,12 +157,22 @@ class TouchedPoints:
         if self.number is None or not self.fitted:
             return done
         held = held_out(self.number, self._settings)
-        return f"point {self.number} ({'held out for the verdict' if held else 'fitted'}): {done}"
+        return (
+            f"point {self.number} ({'held out for the verdict' if held else 'fitted'}):"
+            f" {done}"
+        )
 
-    def progress(self, frame: Frame | None = None, result: Row | None = None) -> Progress:
-        """Message to observers: request, plan, `result` of the newest image `frame`, if any."""
+    def progress(
+        self, frame: Frame | None = None, result: Row | None = None
+    ) -> Progress:
+        """Message to observers: request, plan, `result` of the newest image `frame`, if
+        any.
+        """
         wanted = self.ask()
-        plan = [(pose.x, pose.z, self._state(number)) for number, pose in enumerate(self.plan)]
+        plan = [
+            (pose.x, pose.z, self._state(number))
+            for number, pose in enumerate(self.plan)
+        ]
         return Progress(
             title=f"{TITLE}: {'touch again' if self.again else 'touch'}",
             request="nothing" if wanted is None else request_text(wanted),
@@ -165,7 +184,9 @@ class TouchedPoints:
         )
 
     def marks(self, verdict: TouchVerdict) -> tuple[Mark, ...]:
-        """Marks of all points with their errors by the map of `verdict`, and of outliers."""
+        """Marks of all points with their errors by the map of `verdict`, and of
+        outliers.
+        """
         marks = []
         for point in self.touches:
             kind = MarkKind.HELD_OUT if point.held_out else MarkKind.FITTED
@@ -177,14 +198,18 @@ class TouchedPoints:
         return tuple(marks)
 
     def _error(self, point: Touch, verdict: TouchVerdict) -> Array | None:
-        """Error (2,) [px] of a point in the image by the verdict's map; None without a map."""
+        """Error (2,) [px] of a point in the image by the verdict's map; None without a
+        map.
+        """
         if verdict.homography is None:
             return None
         mapped = self.lens.distort(verdict.homography.to_image(point.place))[0]
         return np.asarray(point.pixel - mapped)
 
     def _state(self, number: int) -> str:
-        """Character of a planned pose: wanted, to come, fitted, held out or touched twice."""
+        """Character of a planned pose: wanted, to come, fitted, held out or touched
+        twice.
+        """
         if number == self.number:
             return ">"
         if (number, True) in self._touches:
@@ -193,17 +218,21 @@ class TouchedPoints:
         return "." if point is None else "h" if point.held_out else "o"
 
     def _check_size(self, frame: Frame) -> None:
-        """Raise ConfigurationError for an image of another size than the lens was found with."""
+        """Raise ConfigurationError for an image of another size than the lens was found
+        with.
+        """
         if not self.lens.fits(frame.image):
             height, width = frame.image.shape[:2]
             raise ConfigurationError(
-                f"touch: the image is {width} x {height} px, the lens was found with "
-                f"{self.lens.width} x {self.lens.height} px; set the camera to that size, "
-                "or run `cell calibrate camera` at this one"
+                f"touch: the image is {width} x {height} px, the lens was found with"
+                f" {self.lens.width} x {self.lens.height} px; set the camera to that"
+                " size, or run `cell calibrate camera` at this one"
             )
 
     def _refuse(self, centre: Array | None, place: Array) -> str | None:
-        """Reason to refuse an image that shows the pointer at `centre` [px], the arm at `place`."""
+        """Reason to refuse an image that shows the pointer at `centre` [px], the arm at
+        `place`.
+        """
         if centre is None:
             return "the pointer's disc is not seen exactly once; uncover it, light it"
         if self._last is None:
@@ -218,9 +247,13 @@ class TouchedPoints:
         return None
 
     def _accept(self, row: Row, centre: Array) -> None:
-        """Store the touch of `row`, whose image shows the pointer at `centre` (2,) [px]."""
+        """Store the touch of `row`, whose image shows the pointer at `centre` (2,)
+        [px].
+        """
         if row.pose is None:
-            raise ConfigurationError(f"told.jsonl: point {row.number} has no pose; leave it out")
+            raise ConfigurationError(
+                f"told.jsonl: point {row.number} has no pose; leave it out"
+            )
         self._touches.pop((row.number, row.again), None)  # the newest is the last
         self._touches[row.number, row.again] = Touch(
             number=row.number,

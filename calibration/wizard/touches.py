@@ -1,4 +1,6 @@
-"""Touched points: the plan of poses, the robust fit of the map, detection of a moved camera."""
+"""Touched points: the plan of poses, the robust fit of the map, detection of a moved
+camera.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -20,12 +22,13 @@ Count = Annotated[int, Field(ge=3, le=12)]
 
 
 class TouchSettings(Settings):
-    """Settings of the touch calibration: poses, images per point, and acceptance criteria.
+    """Settings of the touch calibration: poses, images per point, and acceptance
+    criteria.
 
-    The points lie on a grid of `columns` x `rows` over the work area [m]; every `hold_out`-th is
-    held out of the fit and used for the verdict. An image is accepted when two in a row agree
-    within `still` [px] and the arm within `arm_still` [m]. A point that disagrees is touched once
-    more.
+    The points lie on a grid of `columns` x `rows` over the work area [m]; every
+    `hold_out`-th is held out of the fit and used for the verdict. An image is accepted
+    when two in a row agree within `still` [px] and the arm within `arm_still` [m]. A
+    point that disagrees is touched once more.
     """
 
     x_min: float = Field(0.02, ge=-0.5, le=1.0)
@@ -40,11 +43,15 @@ class TouchSettings(Settings):
     patience: int = Field(8, ge=2, le=100)  # images at one pose before it is given up
     worst_mm: float = Field(1.0, gt=0, le=10)  # allowed at the held-out points
     median_mm: float = Field(0.5, gt=0, le=10)  # likewise, their median
-    halves_mm: float = Field(1.5, gt=0, le=10)  # by which maps from two halves may differ
-    good_mm: float = Field(0.3, gt=0, le=10)  # rms under which there is nothing to improve
+    # by which maps from two halves may differ
+    halves_mm: float = Field(1.5, gt=0, le=10)
+    # rms under which there is nothing to improve
+    good_mm: float = Field(0.3, gt=0, le=10)
     rejected: int = Field(2, ge=0, le=10)  # points that may be left out at the end
-    wild: float = Field(0.25, gt=0, lt=0.5)  # share of the first touches that may be wild
-    spread: float = Field(0.6, gt=0, le=1)  # share of the work area that used points enclose
+    # share of the first touches that may be wild
+    wild: float = Field(0.25, gt=0, lt=0.5)
+    # share of the work area that used points enclose
+    spread: float = Field(0.6, gt=0, le=1)
 
 
 def touch_plan(settings: TouchSettings) -> tuple[Pose, ...]:
@@ -56,7 +63,9 @@ def touch_plan(settings: TouchSettings) -> tuple[Pose, ...]:
 
 
 def check_plan(settings: TouchSettings) -> tuple[Pose, ...]:
-    """Poses of the pointer that check a calibration: corners and middle of the work area."""
+    """Poses of the pointer that check a calibration: corners and middle of the work
+    area.
+    """
     left, right = settings.x_min, settings.x_max
     low, high = settings.z_min, settings.z_max
     middle = ((left + right) / 2, (low + high) / 2)
@@ -65,12 +74,14 @@ def check_plan(settings: TouchSettings) -> tuple[Pose, ...]:
 
 
 def require_enough(plan: Sequence[Pose], settings: TouchSettings) -> None:
-    """Raise ConfigurationError for a `plan` that leaves fewer than twelve points to fit."""
+    """Raise ConfigurationError for a `plan` that leaves fewer than twelve points to
+    fit.
+    """
     fitted = sum(not held_out(number, settings) for number in range(len(plan)))
     if fitted < MINIMUM_POINTS:
         raise ConfigurationError(
-            f"touch: {len(plan)} points with every {settings.hold_out}th held out leave "
-            f"{fitted}; at least {MINIMUM_POINTS} are fitted; ask for more"
+            f"touch: {len(plan)} points with every {settings.hold_out}th held out leave"
+            f" {fitted}; at least {MINIMUM_POINTS} are fitted; ask for more"
         )
 
 
@@ -83,8 +94,8 @@ def held_out(number: int, settings: TouchSettings) -> bool:
 class Touch:
     """One touched point: where the arm was, and where the image showed the pointer.
 
-    `number` of the pose, `place` (2,) x, z [m] of the arm, `pixel` (2,) u, v of the disc in the raw
-    image; `again` marks a second touch of the same pose.
+    `number` of the pose, `place` (2,) x, z [m] of the arm, `pixel` (2,) u, v of the
+    disc in the raw image; `again` marks a second touch of the same pose.
     """
 
     number: int
@@ -96,10 +107,12 @@ class Touch:
 
 @dataclass(frozen=True, slots=True)
 class TouchFit:
-    """Map to the plane fitted to the touches `used`, and the other touches sorted into groups.
+    """Map to the plane fitted to the touches `used`, and the other touches sorted into
+    groups.
 
-    `validation` are held-out touches, `outliers` all outliers, `repeated_outliers` those of them
-    whose second touch has the same error, `replaced` first touches that a second one replaced.
+    `validation` are held-out touches, `outliers` all outliers, `repeated_outliers`
+    those of them whose second touch has the same error, `replaced` first touches that a
+    second one replaced.
     """
 
     lens: Lens
@@ -111,12 +124,16 @@ class TouchFit:
     replaced: tuple[Touch, ...] = ()
 
     def error(self, touched: Touch) -> Array:
-        """Residual (2,) x, z [m] of a touch: place by the map minus place of the arm."""
+        """Residual (2,) x, z [m] of a touch: place by the map minus place of the
+        arm.
+        """
         mapped = self.homography.to_plane(self.lens.undistort(touched.pixel))[0]
         return np.asarray(mapped - touched.place)
 
     def describe(self, points: Sequence[Touch]) -> dict[int, str]:
-        """Texts with place [m] and residual [px] of touched `points`, by their numbers."""
+        """Texts with place [m] and residual [px] of touched `points`, by their
+        numbers.
+        """
         texts = {}
         for point in sorted(points, key=lambda p: p.number):
             mapped = self.homography.to_image(point.place)[0]
@@ -127,14 +144,21 @@ class TouchFit:
         return texts
 
 
-def fit_touches(touches: Sequence[Touch], lens: Lens, settings: TouchSettings) -> TouchFit:
-    """Fit the homography robustly to the newest touch of each pose; sort all other touches.
+def fit_touches(
+    touches: Sequence[Touch], lens: Lens, settings: TouchSettings
+) -> TouchFit:
+    """Fit the homography robustly to the newest touch of each pose; sort all other
+    touches.
 
     Held-out poses are not fitted. The order of `touches` does not matter. Raises
     ConfigurationError where they give no map.
     """
-    by_number = {p.number: p for p in sorted(touches, key=lambda p: (p.number, p.again))}
-    newest = sorted(by_number.values(), key=lambda p: (p.place[0], p.place[1], p.number))
+    by_number = {
+        p.number: p for p in sorted(touches, key=lambda p: (p.number, p.again))
+    }
+    newest = sorted(
+        by_number.values(), key=lambda p: (p.place[0], p.place[1], p.number)
+    )
     fitted = [p for p in newest if not p.held_out]
     homography, inliers = fit_homography(
         lens.undistort(np.reshape([p.pixel for p in fitted], (-1, 2))),
@@ -145,22 +169,32 @@ def fit_touches(touches: Sequence[Touch], lens: Lens, settings: TouchSettings) -
 
 
 def _sort_others(
-    fit: TouchFit, touches: Sequence[Touch], newest: Sequence[Touch], settings: TouchSettings
+    fit: TouchFit,
+    touches: Sequence[Touch],
+    newest: Sequence[Touch],
+    settings: TouchSettings,
 ) -> TouchFit:
-    """Copy of `fit` that sorts its unused touches into validation points, outliers and others.
+    """Copy of `fit` that sorts its unused touches into validation points, outliers and
+    others.
 
-    A second touch with the first one's error shows that the map is wrong there; one that is off in
-    another way says nothing, and does not judge the map.
+    A second touch with the first one's error shows that the map is wrong there; one
+    that is off in another way says nothing, and does not judge the map.
     """
     firsts = {p.number: p for p in touches if not p.again}
     worst = 1e-3 * settings.worst_mm  # m
 
     def is_off(touch: Touch) -> bool:
-        return np.hypot(*fit.error(touch)) > worst if touch.held_out else touch not in fit.used
+        return (
+            np.hypot(*fit.error(touch)) > worst
+            if touch.held_out
+            else touch not in fit.used
+        )
 
     off = list(filter(is_off, newest))
     twice = {p: firsts[p.number] for p in newest if p.again and p.number in firsts}
-    alike = [p for p in twice if np.hypot(*(fit.error(p) - fit.error(twice[p]))) < worst]
+    alike = [
+        p for p in twice if np.hypot(*(fit.error(p) - fit.error(twice[p]))) < worst
+    ]
     judging = [p for p in newest if p in alike or p not in off or not p.again]
     return replace(
         fit,
@@ -171,7 +205,9 @@ def _sort_others(
     )
 
 
-def suspects(touches: Sequence[Touch], lens: Lens, settings: TouchSettings) -> tuple[int, ...]:
+def suspects(
+    touches: Sequence[Touch], lens: Lens, settings: TouchSettings
+) -> tuple[int, ...]:
     """Numbers of the outliers of the map fitted to `touches`, to be touched again."""
     try:
         fit = fit_touches(touches, lens, settings)
@@ -186,12 +222,15 @@ INLIER_SIGMA = 5.0  # of the errors that count
 LEAST_SIGMA = 1e-6  # px, under which none is
 MAP_NUMBERS = 8  # free numbers of a homography
 UNKNOWNS = 10  # with a shift of the image
-MOVE_SIGMA = 3.8  # sigma by which a move is significant; Source: slow tests in test_causes.py
+# sigma by which a move is significant; Source: slow tests in test_causes.py
+MOVE_SIGMA = 3.8
 
 
 @dataclass(frozen=True, slots=True)
 class Move:
-    """Turn of the camera by `mrad` after point `after`, which shifts later ones by `shift_mm`."""
+    """Turn of the camera by `mrad` after point `after`, which shifts later ones by
+    `shift_mm`.
+    """
 
     after: int
     shift_mm: float
@@ -201,10 +240,11 @@ class Move:
 def camera_move(
     touches: Sequence[Touch], lens: Lens, homography: Homography, least_mm: float
 ) -> Move | None:
-    """Move of the camera by at least `least_mm` that explains `touches` best; None without any.
+    """Move of the camera by at least `least_mm` that explains `touches` best; None
+    without any.
 
-    For each moment, a map and a shift of the image from then on are fitted robustly (Cauchy loss)
-    to all touches, wild ones too. `homography` is where the fit begins.
+    For each moment, a map and a shift of the image from then on are fitted robustly
+    (Cauchy loss) to all touches, wild ones too. `homography` is where the fit begins.
     """
     ordered = sorted(touches, key=lambda touched: (touched.again, touched.number))
     places = np.array([touched.place for touched in ordered])
@@ -212,7 +252,9 @@ def camera_move(
     moments = range(FEWEST_TOUCHES, len(ordered) - FEWEST_TOUCHES + 1)
     if not moments:
         return None
-    fits = ((*_fit_move(places, pixels, moment, homography), moment) for moment in moments)
+    fits = (
+        (*_fit_move(places, pixels, moment, homography), moment) for moment in moments
+    )
     cost, shift, sigma, moment = min(fits, key=lambda fit: fit[0])
     middle = homography.to_image(places.mean(axis=0)[None])[0]
     before, after = homography.to_plane(np.array([middle, middle + shift]))
@@ -220,16 +262,19 @@ def camera_move(
     size = float(np.hypot(*shift))
     if shift_mm < least_mm or size < MOVE_SIGMA * sigma or not np.isfinite(cost):
         return None
-    return Move(ordered[moment - 1].number, shift_mm, 1e3 * size / float(lens.matrix[0, 0]))
+    return Move(
+        ordered[moment - 1].number, shift_mm, 1e3 * size / float(lens.matrix[0, 0])
+    )
 
 
 def _fit_move(
     places: Array, pixels: Array, moment: int, begin: Homography
 ) -> tuple[float, Array, float]:
-    """Robust fit of a map to the image and a shift of the image from touch number `moment` on.
+    """Robust fit of a map to the image and a shift of the image from touch number
+    `moment` on.
 
-    `places` (n, 2) [m] are those of the arm and `pixels` (n, 2) [px] undistorted. Returns its cost,
-    the shift (2,) [px] and the largest sigma of the shift [px].
+    `places` (n, 2) [m] are those of the arm and `pixels` (n, 2) [px] undistorted.
+    Returns its cost, the shift (2,) [px] and the largest sigma of the shift [px].
     """
     from scipy.optimize import least_squares
 
@@ -243,12 +288,16 @@ def _fit_move(
     matrix = begin.inverse / begin.inverse[2, 2]
     shift = np.median((pixels - begin.to_image(places))[moment:], axis=0)
     start = np.append(matrix.ravel()[:MAP_NUMBERS], shift)
-    solution = least_squares(errors, start, loss="cauchy", f_scale=LOSS_SCALE, x_scale="jac")
+    solution = least_squares(
+        errors, start, loss="cauchy", f_scale=LOSS_SCALE, x_scale="jac"
+    )
     remaining = errors(solution.x)
     sigma = max(robust_sigma(remaining), LEAST_SIGMA)
     sigma = sigma * np.sqrt(len(remaining) / (len(remaining) - UNKNOWNS))
     used = np.abs(remaining) < INLIER_SIGMA * sigma
     slopes = solution.jac[used] if used.sum() > UNKNOWNS + 2 else solution.jac
-    covariance = sigma**2 * np.linalg.pinv(slopes.T @ slopes)[MAP_NUMBERS:, MAP_NUMBERS:]
+    covariance = (
+        sigma**2 * np.linalg.pinv(slopes.T @ slopes)[MAP_NUMBERS:, MAP_NUMBERS:]
+    )
     shift_sigma = float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
     return float(solution.cost), solution.x[MAP_NUMBERS:], shift_sigma

@@ -1,4 +1,6 @@
-"""Common parts of the calibration verdicts: reasons for refusal, and graded lines to print."""
+"""Common parts of the calibration verdicts: reasons for refusal, and graded lines to
+print.
+"""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -6,7 +8,9 @@ from typing import Any, ClassVar
 
 
 class Level(StrEnum):
-    """Grade of a line printed for the operator: good, fair, bad, or plain without a grade."""
+    """Grade of a line printed for the operator: good, fair, bad, or plain without a
+    grade.
+    """
 
     GOOD = "good"
     FAIR = "fair"
@@ -24,9 +28,11 @@ class Line:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verdict:
-    """Base of a calibration's result: what was `found`, and the `reasons` to refuse it, if any.
+    """Base of a calibration's result: what was `found`, and the `reasons` to refuse it,
+    if any.
 
-    It is `clean` where there is nothing to improve. `good` and `refused` say what to do next.
+    It is `clean` where there is nothing to improve. `good` and `refused` say what to do
+    next.
     """
 
     found: tuple[Line, ...] = ()
@@ -41,7 +47,9 @@ class Verdict:
         return not self.reasons
 
     def lines(self) -> tuple[Line, ...]:
-        """Lines for the operator: what was found, the reasons for refusal, the next step."""
+        """Lines for the operator: what was found, the reasons for refusal, the next
+        step.
+        """
         end = Line(Level.FAIR, f"usable: {self.good}")
         if self.reasons:
             end = Line(Level.BAD, f"refused: {self.refused}")
@@ -50,8 +58,13 @@ class Verdict:
         return (*self.found, *(Line(Level.BAD, reason) for reason in self.reasons), end)
 
     def facts(self) -> dict[str, Any]:
-        """Plain values of the verdict, as `--json` prints and verdict.yaml keeps them."""
-        return {"lines": [line.text for line in self.lines()], "reasons": list(self.reasons)}
+        """Plain values of the verdict, as `--json` prints and verdict.yaml keeps
+        them.
+        """
+        return {
+            "lines": [line.text for line in self.lines()],
+            "reasons": list(self.reasons),
+        }
 
 
 def reasons(*facts: tuple[bool, str]) -> tuple[str, ...]:
@@ -60,7 +73,9 @@ def reasons(*facts: tuple[bool, str]) -> tuple[str, ...]:
 
 
 def grade_line(value: float, good: float, fair: float, text: str) -> Line:
-    """Line with `text`, graded by `value`: good up to `good`, fair up to `fair`, else bad."""
+    """Line with `text`, graded by `value`: good up to `good`, fair up to `fair`, else
+    bad.
+    """
     if value <= good:
         return Line(Level.GOOD, text)
     return Line(Level.FAIR if value <= fair else Level.BAD, text)

@@ -1,1 +1,3 @@
-"""Manual motion of the arm, its registration in the cell, and prediction of its reach."""
+"""Manual motion of the arm, its registration in the cell, and prediction of its
+reach.
+"""

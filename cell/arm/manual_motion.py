@@ -1,4 +1,6 @@
-"""Manual motions of the arm (home, park, jog, open), supervised by the same monitors as a fold."""
+"""Manual motions of the arm (home, park, jog, open), supervised by the same monitors as
+a fold.
+"""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING
@@ -28,7 +30,9 @@ def move_manually(
     interrupted: Callable[[], bool] = lambda: False,
     strip: StripFile = NO_STRIP,
 ) -> Outcome:
-    """Open the cell, carry out one `motion`, close it; CellError for errors before the motion."""
+    """Open the cell, carry out one `motion`, close it; CellError for errors before the
+    motion.
+    """
     devices = open_cell(settings, strip, trial, calibrating=False)
     try:
         devices.connect()
@@ -55,20 +59,26 @@ def to_home(settings: CellFile, strip: StripFile) -> Callable[[Snapshot], Motion
 
 
 def home_joints(settings: CellFile, strip: StripFile) -> tuple[float, ...]:
-    """Joints (7,) [rad] of a Franka arm at its home, with most margin in a fold of `strip`."""
+    """Joints (7,) [rad] of a Franka arm at its home, with most margin in a fold of
+    `strip`.
+    """
     check_drivers(settings.with_drivers("fci"))
     from cell.devices.fci import start_joints
 
-    return start_joints(settings.fci.limit(settings.installation), settings.fold, strip.length)
+    return start_joints(
+        settings.fci.limit(settings.installation), settings.fold, strip.length
+    )
 
 
 def robot_task(settings: CellFile) -> "RobotAccess":
-    """Connection to the robot of the cell; ConfigurationError where cell.yaml has no address."""
+    """Connection to the robot of the cell; ConfigurationError where cell.yaml has no
+    address.
+    """
     check_drivers(settings.with_drivers("fci"))
     if settings.fci.address is None:
         raise ConfigurationError(
-            "fci.address: is missing; name the robot's address in cell.yaml, or that of a twin "
-            "that `cell twin serve` has started"
+            "fci.address: is missing; name the robot's address in cell.yaml, or that of"
+            " a twin that `cell twin serve` has started"
         )
     from drivers.arm.process import RobotAccess
 

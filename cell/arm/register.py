@@ -1,4 +1,6 @@
-"""Registration of the cell frame in the robot's base, by three points that the fingers touch."""
+"""Registration of the cell frame in the robot's base, by three points that the fingers
+touch.
+"""
 
 from datetime import UTC, datetime
 from pathlib import Path
@@ -25,7 +27,8 @@ OFF_LINE = 0.1  # m, at least, of the third point from the line of the first two
 
 
 def mounting_from_points(points: Array, length: float) -> Mounting:
-    """Mounting of the robot, from touched `points` (3, 3) [m] at TOUCH_POINTS in its base.
+    """Mounting of the robot, from touched `points` (3, 3) [m] at TOUCH_POINTS in its
+    base.
 
     Raises CellError for a strip of another `length` [m] or a desk that is not level.
     """
@@ -34,20 +37,22 @@ def mounting_from_points(points: Array, length: float) -> Mounting:
     distance = float(np.linalg.norm(along))
     if not abs(distance - length) <= STRETCH:  # true for NaN
         raise CellError(
-            f"register: the edges are {1e3 * distance:.1f} mm apart, the strip is "
-            f"{1e3 * length:.1f} mm long; allowed: {1e3 * STRETCH:.0f} mm; touch both edges again"
+            f"register: the edges are {1e3 * distance:.1f} mm apart, the strip is"
+            f" {1e3 * length:.1f} mm long; allowed: {1e3 * STRETCH:.0f} mm; touch both"
+            " edges again"
         )
     normal = np.cross(along, beside - fixed)
     if not float(np.linalg.norm(normal)) >= OFF_LINE * distance:
         raise CellError(
-            f"register: the third point is too near the strip; allowed: at least {OFF_LINE:.1f} m "
-            "beside it; touch it again"
+            "register: the third point is too near the strip; allowed: at least"
+            f" {OFF_LINE:.1f} m beside it; touch it again"
         )
     tilt = float(np.arccos(np.clip(abs(normal[2]) / np.linalg.norm(normal), 0.0, 1.0)))
     if not tilt <= MOST_TILT:
         raise CellError(
-            f"register: the desk is tilted by {np.degrees(tilt):.2f} deg to the robot's base, "
-            f"allowed {np.degrees(MOST_TILT):.1f} deg; level the desk or the robot"
+            f"register: the desk is tilted by {np.degrees(tilt):.2f} deg to the robot's"
+            f" base, allowed {np.degrees(MOST_TILT):.1f} deg; level the desk or the"
+            " robot"
         )
     x, y, z = fixed.tolist()
     yaw = float(np.arctan2(along[1], along[0]))
@@ -55,7 +60,9 @@ def mounting_from_points(points: Array, length: float) -> Mounting:
 
 
 def write_mounting(configs: Configs, mounting: Mounting) -> Path:
-    """Write `mounting` into cell.yaml, the old one as a comment at its end; returns the path."""
+    """Write `mounting` into cell.yaml, the old one as a comment at its end; returns the
+    path.
+    """
     path = configs.folder / "cell.yaml"
     change_file(path, lambda text: _with_mounting(text, mounting, path))
     configs.cell()

@@ -1,1 +1,3 @@
-"""Reproduction of the folding study of Petrik and Kyrki (IROS 2019): its figures and claims."""
+"""Reproduction of the folding study of Petrik and Kyrki (IROS 2019): its figures and
+claims.
+"""

@@ -8,7 +8,14 @@ import numpy as np
 
 from cell.benchmark import figures
 from cell.benchmark.results import MissingPart, Results, displacements
-from cell.benchmark.summary import PAPER_POLICIES, PAPER_WORST, claims, misses_text, numeral, rows
+from cell.benchmark.summary import (
+    PAPER_POLICIES,
+    PAPER_WORST,
+    claims,
+    misses_text,
+    numeral,
+    rows,
+)
 from cell.record.documents import plain
 from cell.report.drawing import as_png
 from cell.report.html import Tone, page
@@ -22,8 +29,12 @@ NOT_IN_SOURCE = "Of the paper, the numbers that its text states are drawn."
 
 
 def write_results(results: Results, folder: Path) -> Path:
-    """Write benchmark.json and benchmark.html into `folder`; returns the page's path."""
-    write_file(folder / "benchmark.json", results.model_dump_json(by_alias=True, indent=1))
+    """Write benchmark.json and benchmark.html into `folder`; returns the page's
+    path.
+    """
+    write_file(
+        folder / "benchmark.json", results.model_dump_json(by_alias=True, indent=1)
+    )
     page = folder / "benchmark.html"
     write_file(page, page_of(results))
     return page
@@ -38,7 +49,9 @@ def write_main_picture(results: Results, path: Path) -> None:
 
 
 def lines(results: Results) -> list[dict[str, Any]]:
-    """JSON objects of the results: one for each policy, then one a claim; None if unknown."""
+    """JSON objects of the results: one for each policy, then one a claim; None if
+    unknown.
+    """
     summary = [{"kind": "policy", **asdict(row)} for row in rows(results)]
     claimed = [{"kind": "claim", **asdict(claim)} for claim in claims(results)]
     return [plain(line) for line in (*summary, *claimed)]
@@ -61,7 +74,9 @@ def page_of(results: Results) -> str:
         TITLE,
         version=results.made_with.get("cell", ""),
         said=verdict_of(results),
-        claims=[("held" if c.held else "not held", c.says, c.here) for c in claims(results)],
+        claims=[
+            ("held" if c.held else "not held", c.says, c.here) for c in claims(results)
+        ],
         asked=asked,
         strips=strips,
         ranges=[row.range_cells() for row in summary],
@@ -74,7 +89,9 @@ def page_of(results: Results) -> str:
 
 
 def verdict_of(results: Results) -> PageVerdict:
-    """Verdict on the published claim that feedback folds every strip to under PAPER_WORST [m]."""
+    """Verdict on the published claim that feedback folds every strip to under
+    PAPER_WORST [m].
+    """
     limit = f"{1e3 * PAPER_WORST['feedback']:.0f} mm"
     row = next((row for row in rows(results) if row.policy == "feedback"), None)
     if row is None or row.strips.folded == 0:
@@ -84,23 +101,34 @@ def verdict_of(results: Results) -> PageVerdict:
     strips = row.strips
     headline = f"Under {limit} on every strip: {'held' if main.held else 'not held'}"
     sentences = (
-        f"Feedback folded {strips.folded} of {strips.of} strips through rendered images: "
-        f"{main.here}, in the mean {millimetres(strips.mean, signed=True)}.",
+        (
+            f"Feedback folded {strips.folded} of {strips.of} strips through rendered"
+            f" images: {main.here}, in the mean"
+            f" {millimetres(strips.mean, signed=True)}."
+        ),
         f"The camera was at most {millimetres(strips.misread)} off the twin's truth.",
         NOT_IN_SOURCE,
     )
     tone: Tone = "good" if main.held else "bad"
-    return PageVerdict(tone, headline, sentences, millimetres(strips.worst), "worst |d|, feedback")
+    return PageVerdict(
+        tone, headline, sentences, millimetres(strips.worst), "worst |d|, feedback"
+    )
 
 
 def _outside_range(results: Results) -> str:
-    """Text that counts, for each published policy, the strips whose d left its simulated range."""
+    """Text that counts, for each published policy, the strips whose d left its
+    simulated range.
+    """
     texts = []
     for policy in PAPER_POLICIES:
         seen = displacements(results.folds(policy))
         seen = seen[np.isfinite(seen)]
         simulated = results.over_range(policy, "rod")
-        if simulated is None or seen.size == 0 or np.isnan(simulated.displacement_grid).all():
+        if (
+            simulated is None
+            or seen.size == 0
+            or np.isnan(simulated.displacement_grid).all()
+        ):
             continue
         below = seen < np.nanmin(simulated.displacement_grid)
         above = seen > np.nanmax(simulated.displacement_grid)
@@ -109,14 +137,23 @@ def _outside_range(results: Results) -> str:
 
 
 def _hidden_effects(results: Results) -> dict[str, Any]:
-    """Table of misses with effects unknown to the policies: rows by effect, columns by policy."""
-    policies = [policy for policy in results.asked.policies if results.hidden_folds(policy)]
+    """Table of misses with effects unknown to the policies: rows by effect, columns by
+    policy.
+    """
+    policies = [
+        policy for policy in results.asked.policies if results.hidden_folds(policy)
+    ]
     found = {
-        (r.policy, r.effect): misses_text(r) for p in policies for r in results.hidden_folds(p)
+        (r.policy, r.effect): misses_text(r)
+        for p in policies
+        for r in results.hidden_folds(p)
     }
     effects = dict.fromkeys(effect for _, effect in found)
     misses = [
-        (effect.replace("_", " ") or "none", *(found.get((p, effect), NO_VALUE) for p in policies))
+        (
+            effect.replace("_", " ") or "none",
+            *(found.get((p, effect), NO_VALUE) for p in policies),
+        )
         for effect in effects
     ]
     return {"head": ("hidden", *policies), "rows": misses}

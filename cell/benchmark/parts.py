@@ -1,4 +1,6 @@
-"""Parts of a benchmark, folds through images or in simulation alone, and how they are run."""
+"""Parts of a benchmark, folds through images or in simulation alone, and how they are
+run.
+"""
 
 import hashlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -38,7 +40,13 @@ from policies.planned import Planned
 from policies.registry import make_policy
 from policies.rollout import Folds, Rollout, roll_out
 from policies.sensing import IMAGE_SENSING
-from policies.strip_sampling import EFFECTS, draw_effect, draw_friction, grid, plain_strip
+from policies.strip_sampling import (
+    EFFECTS,
+    draw_effect,
+    draw_friction,
+    grid,
+    plain_strip,
+)
 
 FRICTION_EFFECT = "bending_hysteresis"
 YIELD_RANGE = (20.0, 60.0)  # 1/m, as laboratories measure it
@@ -55,7 +63,9 @@ _ANY: TypeAdapter[Result] = TypeAdapter(AnyResult)
 
 
 def parts_of(spec: BenchmarkSpec, configs: Configs, runs: Path) -> tuple[Part, ...]:
-    """All parts of a benchmark by its `spec`, the longest first; runs are written to `runs`."""
+    """All parts of a benchmark by its `spec`, the longest first; runs are written to
+    `runs`.
+    """
     speed = configs.cell().fold.speed
     return (*_simulated_parts(spec, speed), *_image_parts(spec, configs, runs))
 
@@ -68,55 +78,80 @@ def weights_digest(policy: str = "*") -> str:
 
 
 def _simulated_parts(spec: BenchmarkSpec, speed: float) -> Iterator[Part]:
-    """Yield the parts without images: ranges of strips, and strips with hidden effects."""
+    """Yield the parts without images: ranges of strips, and strips with hidden
+    effects.
+    """
     size = spec.extent
     for policy in spec.policies:
         of = digest(code(), weights_digest(policy))
         plans = policy == Planned.name
-        sides: tuple[tuple[EngineName, int], ...] = (("rod", size.grid), ("chain", size.chain))
+        sides: tuple[tuple[EngineName, int], ...] = (
+            ("rod", size.grid),
+            ("chain", size.chain),
+        )
         for engine, side in sides:
             key = f"{policy} over {side} x {side} on the {engine} at {speed}"
             planning = (PLANNING_FOLDS if plans else 1) * STRIP_COST["rod"]
             cost = side**2 * (STRIP_COST[engine] + planning)
-            yield Part(key, of, cost, fold_range, arguments=(policy, engine, side, speed))
+            yield Part(
+                key, of, cost, fold_range, arguments=(policy, engine, side, speed)
+            )
         for name in HIDDEN_EFFECTS:
             key = f"{policy} on {size.hidden} strips with {name or 'nothing'} hidden"
             cost = size.hidden * EFFECT_COST * (PLANNED_COST if plans else 1)
-            yield Part(key, of, cost, fold_effect, arguments=(policy, name, size.hidden, speed))
+            yield Part(
+                key, of, cost, fold_effect, arguments=(policy, name, size.hidden, speed)
+            )
 
 
 def _image_parts(spec: BenchmarkSpec, configs: Configs, runs: Path) -> Iterator[Part]:
-    """Yield the folds through images: every strip once, then the repeats with the next seeds."""
+    """Yield the folds through images: every strip once, then the repeats with the next
+    seeds.
+    """
     firsts = [(strip, policy, 0) for strip in spec.strips for policy in spec.policies]
     repeats = [
-        (spec.repeated, policy, k) for policy in spec.policies for k in range(1, spec.repeats)
+        (spec.repeated, policy, k)
+        for policy in spec.policies
+        for k in range(1, spec.repeats)
     ]
     for name, policy, repeat in (*firsts, *repeats):
         cell = configs.cell()
         strip = configs.strip(name)
         seed = spec.seed + repeat
-        inputs = (cell.model_dump_json(), strip.model_dump_json(), weights_digest(policy))
+        inputs = (
+            cell.model_dump_json(),
+            strip.model_dump_json(),
+            weights_digest(policy),
+        )
         request = Request(cell, strip, policy, runs, trial=Trial(seed=seed))
         key = f"fold {strip.name} by {policy}, seed {seed}"
-        yield Part(key, digest(code(), *inputs), IMAGES_COST, fold_images, arguments=(request,))
+        yield Part(
+            key, digest(code(), *inputs), IMAGES_COST, fold_images, arguments=(request,)
+        )
 
 
 def fold_images(request: Request) -> ImageFold:
     """Fold a strip through images by `request`; its page is not written."""
     result = fold(request, calibration_of(request.cell))
-    stated = {name: getattr(request.strip, name) for name in ("bending_length", "retardation_time")}
+    stated = {
+        name: getattr(request.strip, name)
+        for name in ("bending_length", "retardation_time")
+    }
     measured = ImageFold.model_fields.keys() - {"kind", *stated}
     return ImageFold(**stated, **{name: getattr(result, name) for name in measured})
 
 
 def fold_range(policy: str, engine: EngineName, side: int, speed: float) -> RangeFolds:
-    """Fold a logarithmic grid of side x side strips in `engine` by `policy` at `speed` [m/s].
+    """Fold a logarithmic grid of side x side strips in `engine` by `policy` at `speed`
+    [m/s].
 
     A policy that uses images gets late and noisy observations, as in training.
     """
     strips = grid(side)
     rng = np.random.default_rng(0)
-    folds = _fold_known(policy, strips, strips, stepper(engine), Rollout(speed=speed), rng)
+    folds = _fold_known(
+        policy, strips, strips, stepper(engine), Rollout(speed=speed), rng
+    )
     return RangeFolds(
         policy=policy,
         engine=engine,
@@ -127,7 +162,8 @@ def fold_range(policy: str, engine: EngineName, side: int, speed: float) -> Rang
 
 
 def fold_effect(policy: str, name: str, count: int, speed: float) -> EffectFolds:
-    """Fold `count` random strips in the rod by `policy`, which does not know their effect `name`.
+    """Fold `count` random strips in the rod by `policy`, which does not know their
+    effect `name`.
 
     Every policy folds the same strips at `speed` [m/s], observed as through images.
     """
@@ -136,7 +172,9 @@ def fold_effect(policy: str, name: str, count: int, speed: float) -> EffectFolds
     known = [strip.model_copy(update={"effects": {}}) for strip in strips]
     settings = Rollout(speed=speed, sensing=IMAGE_SENSING)
     folds = _fold_known(policy, known, strips, stepper("rod"), settings, rng)
-    return EffectFolds(policy=policy, effect=name, displacement=finite_or_none(folds.displacement))
+    return EffectFolds(
+        policy=policy, effect=name, displacement=finite_or_none(folds.displacement)
+    )
 
 
 def _fold_known(
@@ -147,8 +185,12 @@ def _fold_known(
     settings: Rollout,
     rng: np.random.Generator,
 ) -> Folds:
-    """Fold `strips` side by side in `engine` by `policy`, which takes them for the `known` ones."""
-    decide = Planned(known) if policy == Planned.name else make_policy(policy, in_rod=True)
+    """Fold `strips` side by side in `engine` by `policy`, which takes them for the
+    `known` ones.
+    """
+    decide = (
+        Planned(known) if policy == Planned.name else make_policy(policy, in_rod=True)
+    )
     models = [describe(strip) for strip in strips]
     return roll_out(decide, engine, known[0], models, settings=settings, rng=rng)
 
@@ -158,11 +200,18 @@ def _strip_with(name: str, rng: np.random.Generator) -> StripFile:
     if name == FRICTION_EFFECT:
         return plain_strip(rng, bending_hysteresis=draw_friction(rng, *YIELD_RANGE))
     bare = plain_strip(rng)
-    return bare.model_copy(update={"effects": {name: draw_effect(name, rng)}}) if name else bare
+    return (
+        bare.model_copy(update={"effects": {name: draw_effect(name, rng)}})
+        if name
+        else bare
+    )
 
 
-def benchmark(spec: BenchmarkSpec, configs: Configs, runs: Path, measure: Measure) -> Results:
-    """Results of the benchmark `spec`, its parts measured by `measure`, their folds in `runs`.
+def benchmark(
+    spec: BenchmarkSpec, configs: Configs, runs: Path, measure: Measure
+) -> Results:
+    """Results of the benchmark `spec`, its parts measured by `measure`, their folds in
+    `runs`.
 
     Raises ConfigurationError for an invalid configuration.
     """

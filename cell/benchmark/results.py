@@ -18,7 +18,8 @@ QUICK_FABRICS = ("blanket", "denim", "rib-knit")  # stiff, middling, soft and sl
 
 
 class Size(Settings):
-    """Sizes of simulations: sides of the strip `grid` in the rod and the `chain`, `hidden` folds.
+    """Sizes of simulations: sides of the strip `grid` in the rod and the `chain`,
+    `hidden` folds.
 
     The last is the number of strips on which each effect is hidden.
     """
@@ -32,7 +33,9 @@ QUICK = Size(grid=4, chain=2, hidden=4)
 
 
 class BenchmarkSpec(Settings):
-    """Scope of a benchmark: policies and strips by name, `repeats` of one strip, seed and size."""
+    """Scope of a benchmark: policies and strips by name, `repeats` of one strip, seed
+    and size.
+    """
 
     policies: tuple[str, ...]
     strips: tuple[str, ...]
@@ -51,14 +54,19 @@ class BenchmarkSpec(Settings):
         *,
         quick: bool,
     ) -> Self:
-        """Specification by options of the command line; no names stand for all known ones.
+        """Specification by options of the command line; no names stand for all known
+        ones.
 
         Raises ConfigurationError for an unknown name.
         """
         known = configs.strip_names()
-        usual = tuple(name for name in QUICK_FABRICS if name in known) if quick else known
+        usual = (
+            tuple(name for name in QUICK_FABRICS if name in known) if quick else known
+        )
         return cls(
-            policies=_check_names(policies or policy_names(), policy_names(), "policies"),
+            policies=_check_names(
+                policies or policy_names(), policy_names(), "policies"
+            ),
             strips=_check_names(strips or usual or known, known, "strips"),
             repeats=repeats or (2 if quick else 5),
             seed=seed,
@@ -71,8 +79,12 @@ class BenchmarkSpec(Settings):
         return FAVOURITE if FAVOURITE in self.strips else self.strips[0]
 
 
-def _check_names(names: tuple[str, ...], known: tuple[str, ...], option: str) -> tuple[str, ...]:
-    """`names` without repetitions; ConfigurationError, with `option`, for a name not `known`."""
+def _check_names(
+    names: tuple[str, ...], known: tuple[str, ...], option: str
+) -> tuple[str, ...]:
+    """`names` without repetitions; ConfigurationError, with `option`, for a name not
+    `known`.
+    """
     wanted = tuple(dict.fromkeys(names))
     for name in wanted:
         check_known(f"--{option}", name, known)
@@ -92,8 +104,9 @@ def finite_or_none(values: Array) -> tuple[float | None, ...]:
 class ImageFold(Settings):
     """Result of one fold through images on the twin, recorded in the folder `run`.
 
-    `displacement` as the camera saw it and the true one are in m, None without a touch, as is
-    `edge_offset_true` between the laid edges and `bending_length`; times are in s.
+    `displacement` as the camera saw it and the true one are in m, None without a touch,
+    as is `edge_offset_true` between the laid edges and `bending_length`; times are in
+    s.
     """
 
     kind: Literal["fold"] = "fold"
@@ -118,10 +131,11 @@ def displacements(folds: Sequence[ImageFold]) -> Array:
 
 
 class RangeFolds(Settings):
-    """Results of a policy over a logarithmic grid of side x side strips, stiffness outermost.
+    """Results of a policy over a logarithmic grid of side x side strips, stiffness
+    outermost.
 
-    `displacement` [m] is None without a touch, `force` [N] the mean one that holds the fixed edge
-    from the take-over on. Observations are simulated.
+    `displacement` [m] is None without a touch, `force` [N] the mean one that holds the
+    fixed edge from the take-over on. Observations are simulated.
     """
 
     kind: Literal["range"] = "range"
@@ -133,12 +147,18 @@ class RangeFolds(Settings):
 
     @property
     def displacement_grid(self) -> Array:
-        """Displacements (side, side) [m], by stiffness and damping; NaN without a touch."""
-        return np.array(self.displacement, dtype=np.float64).reshape(self.side, self.side)
+        """Displacements (side, side) [m], by stiffness and damping; NaN without a
+        touch.
+        """
+        return np.array(self.displacement, dtype=np.float64).reshape(
+            self.side, self.side
+        )
 
 
 class EffectFolds(Settings):
-    """Displacements [m] of `policy` in the rod with `effect` hidden; None where no layers touch."""
+    """Displacements [m] of `policy` in the rod with `effect` hidden; None where no
+    layers touch.
+    """
 
     kind: Literal["effect"] = "effect"
     policy: str
@@ -170,21 +190,29 @@ class Results(Settings):
 
     def folds(self, policy: str) -> tuple[ImageFold, ...]:
         """First fold of each strip by `policy`, in the requested order."""
-        found = {f.strip: f for f in self._of(ImageFold, policy) if f.seed == self.asked.seed}
+        found = {
+            f.strip: f for f in self._of(ImageFold, policy) if f.seed == self.asked.seed
+        }
         return tuple(found[strip] for strip in self.asked.strips if strip in found)
 
     def repeats(self, policy: str) -> tuple[ImageFold, ...]:
         """All folds of the repeated strip by `policy`."""
-        folds = [f for f in self._of(ImageFold, policy) if f.strip == self.asked.repeated]
+        folds = [
+            f for f in self._of(ImageFold, policy) if f.strip == self.asked.repeated
+        ]
         return tuple(sorted(folds, key=lambda fold: fold.seed))
 
     def over_range(self, policy: str, engine: str) -> RangeFolds | None:
-        """Folds of `policy` over the grid of stiffness and damping; None if not measured."""
+        """Folds of `policy` over the grid of stiffness and damping; None if not
+        measured.
+        """
         found = self._of(RangeFolds, policy)
         return next((folds for folds in found if folds.engine == engine), None)
 
     def hidden_folds(self, policy: str) -> tuple[EffectFolds, ...]:
-        """Folds of `policy` on strips with hidden effects, in the order of measurement."""
+        """Folds of `policy` on strips with hidden effects, in the order of
+        measurement.
+        """
         return tuple(self._of(EffectFolds, policy))
 
     def _of(self, kind: type[PolicyResult], policy: str) -> list[PolicyResult]:

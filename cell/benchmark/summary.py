@@ -1,4 +1,6 @@
-"""Summary of a benchmark: statistics of each policy, and the published claims beside them."""
+"""Summary of a benchmark: statistics of each policy, and the published claims beside
+them.
+"""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
@@ -19,9 +21,11 @@ from policies.rollout import Misses
 Table = tuple[Sequence[str], Sequence[Sequence[str]], str]
 PAPER_MEANS = {"triangular": -0.0368, "circular": 0.0627}  # m, over ten materials
 PAPER_WORST = {"feedback": 0.020}  # m, on every material
-KNOWN_STRIP_BOUND = 0.010  # m, methods that know the strip stay under it on the same materials
+# m, methods that know the strip stay under it on the same materials
+KNOWN_STRIP_BOUND = 0.010
 REPEATABILITY = 0.001  # m, largest difference among five folds of one strip
-SPREAD_ROUNDING = 5e-5  # m, by which a spread may exceed a limit stated in whole millimetres
+# m, by which a spread may exceed a limit stated in whole millimetres
+SPREAD_ROUNDING = 5e-5
 PAPER_POLICIES = ("triangular", "circular", "feedback")
 NAN = float("nan")
 
@@ -33,7 +37,9 @@ def numeral(value: float, *, signed: bool = False) -> str:
 
 @dataclass(frozen=True, slots=True)
 class StripNumbers:
-    """Statistics of folds through images: measured d, true |offset| of laid edges [m], or NaN."""
+    """Statistics of folds through images: measured d, true |offset| of laid edges [m],
+    or NaN.
+    """
 
     folded: int
     of: int
@@ -55,7 +61,9 @@ class StripNumbers:
         d = displacements(touched)
         true = np.array([fold.displacement_true for fold in touched], dtype=np.float64)
         worst = int(np.argmax(np.abs(d)))
-        apart = [abs(f.edge_offset_true) for f in touched if f.edge_offset_true is not None]
+        apart = [
+            abs(f.edge_offset_true) for f in touched if f.edge_offset_true is not None
+        ]
         return cls(
             folded=len(touched),
             of=asked,
@@ -72,7 +80,9 @@ class StripNumbers:
 
 @dataclass(frozen=True, slots=True)
 class RangeNumbers(Misses):
-    """Statistics of |d| [m] over the grid of strips, with the mean pull on the fixed edge [N]."""
+    """Statistics of |d| [m] over the grid of strips, with the mean pull on the fixed
+    edge [N].
+    """
 
     force: float
 
@@ -89,7 +99,9 @@ class RangeNumbers(Misses):
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """Statistics of one policy [m]: over strips, the range in both engines, and repeats."""
+    """Statistics of one policy [m]: over strips, the range in both engines, and
+    repeats.
+    """
 
     policy: str
     strips: StripNumbers
@@ -99,7 +111,9 @@ class Row:
     spread: float
 
     def strip_cells(self) -> tuple[str, ...]:
-        """Cells of a row in the table of strips: policy, count, then statistics of d [mm]."""
+        """Cells of a row in the table of strips: policy, count, then statistics of d
+        [mm].
+        """
         s = self.strips
         return (
             self.policy,
@@ -112,7 +126,9 @@ class Row:
         )
 
     def range_cells(self) -> tuple[str, ...]:
-        """Cells of the table of ranges: |d| [mm] in the rod and on the chain, the pull [N]."""
+        """Cells of the table of ranges: |d| [mm] in the rod and on the chain, the pull
+        [N].
+        """
         rod = self.rod
         return (
             self.policy,
@@ -128,7 +144,9 @@ def rows(results: Results) -> tuple[Row, ...]:
     return tuple(
         Row(
             policy=policy,
-            strips=StripNumbers.of_folds(results.folds(policy), len(results.asked.strips)),
+            strips=StripNumbers.of_folds(
+                results.folds(policy), len(results.asked.strips)
+            ),
             rod=RangeNumbers.of_folds(results.over_range(policy, "rod")),
             chain=RangeNumbers.of_folds(results.over_range(policy, "chain")),
             repeats=len(results.repeats(policy)),
@@ -139,14 +157,18 @@ def rows(results: Results) -> tuple[Row, ...]:
 
 
 def spread(folds: tuple[ImageFold, ...]) -> float:
-    """Largest difference [m] among the displacements of `folds`; NaN of fewer than two."""
+    """Largest difference [m] among the displacements of `folds`; NaN of fewer than
+    two.
+    """
     d = displacements(folds)
     d = d[np.isfinite(d)]
     return float(np.ptp(d)) if d.size > 1 else NAN
 
 
 def misses_text(folds: EffectFolds) -> str:
-    """|d| of `folds` as text [mm]: mean, 95 % and worst, and the number without a touch."""
+    """|d| of `folds` as text [mm]: mean, 95 % and worst, and the number without a
+    touch.
+    """
     found = Misses.from_displacements(np.array(folds.displacement, dtype=np.float64))
     if np.isnan(found.mean):
         return NO_VALUE
@@ -164,11 +186,15 @@ class Claim:
 
 
 def claims(results: Results) -> Iterator[Claim]:
-    """Yield the published claims that `results` can decide, tested, the main claim first."""
+    """Yield the published claims that `results` can decide, tested, the main claim
+    first.
+    """
     folds = {p: found for p in results.asked.policies if (found := results.folds(p))}
     count = len(results.asked.strips)
     if "feedback" in folds:
-        yield _limit_claim(folds["feedback"], count, "feedback", PAPER_WORST["feedback"])
+        yield _limit_claim(
+            folds["feedback"], count, "feedback", PAPER_WORST["feedback"]
+        )
     for policy in filter(folds.__contains__, PAPER_MEANS):
         yield _sign_claim(folds[policy], count, policy)
     if folds.keys() >= set(PAPER_POLICIES):
@@ -181,7 +207,9 @@ def claims(results: Results) -> Iterator[Claim]:
         yield _repeatability_claim(repeats)
 
 
-def _limit_claim(folds: tuple[ImageFold, ...], count: int, who: str, limit: float) -> Claim:
+def _limit_claim(
+    folds: tuple[ImageFold, ...], count: int, who: str, limit: float
+) -> Claim:
     """Claim that |d| stays under `limit` [m] on each of `count` strips."""
     d = np.abs(displacements(folds))
     untouched = count - int(np.isfinite(d).sum())
@@ -196,15 +224,19 @@ def _limit_claim(folds: tuple[ImageFold, ...], count: int, who: str, limit: floa
 
 
 def _sign_claim(folds: tuple[ImageFold, ...], count: int, policy: str) -> Claim:
-    """Claim that d has the sign of its published mean for `policy` on each of `count` strips."""
+    """Claim that d has the sign of its published mean for `policy` on each of `count`
+    strips.
+    """
     d = displacements(folds)
     stated = PAPER_MEANS[policy]
     word = "positive" if stated > 0 else "negative"
     agreeing = int(np.sum(stated * d > 0))
     mean = float(np.nanmean(d)) if np.isfinite(d).any() else None
     return Claim(
-        f"{policy}: {word} on every strip, {millimetres(stated, signed=True)} in the mean",
-        f"{word} on {agreeing} of {count}, {millimetres(mean, signed=True)} in the mean",
+        f"{policy}: {word} on every strip, {millimetres(stated, signed=True)} in the"
+        " mean",
+        f"{word} on {agreeing} of {count}, {millimetres(mean, signed=True)} in the"
+        " mean",
         agreeing == count,
     )
 
@@ -212,20 +244,27 @@ def _sign_claim(folds: tuple[ImageFold, ...], count: int, policy: str) -> Claim:
 def _smallest_mean_claim(folds: dict[str, tuple[ImageFold, ...]]) -> Claim:
     """Claim that `feedback` has the smallest mean |d| of the published policies."""
     sizes = {p: np.abs(displacements(folds[p])) for p in PAPER_POLICIES}
-    means = {p: float(np.nan_to_num(size, nan=np.inf).mean()) for p, size in sizes.items()}
+    means = {
+        p: float(np.nan_to_num(size, nan=np.inf).mean()) for p, size in sizes.items()
+    }
     values = ", ".join(f"{p} {millimetres(mean)}" for p, mean in means.items())
     least = min(means.values())
     held = means["feedback"] == least and np.isfinite(least)
-    return Claim("feedback outperforms triangular and circular", f"mean |d| {values}", bool(held))
+    return Claim(
+        "feedback outperforms triangular and circular", f"mean |d| {values}", bool(held)
+    )
 
 
 def _repeatability_claim(repeats: dict[str, tuple[ImageFold, ...]]) -> Claim:
     """Claim that repeated folds of one strip differ by at most REPEATABILITY."""
     spreads = {policy: spread(folds) for policy, folds in repeats.items()}
-    values = ", ".join(f"{policy} {millimetres(value)}" for policy, value in spreads.items())
+    values = ", ".join(
+        f"{policy} {millimetres(value)}" for policy, value in spreads.items()
+    )
     limit = REPEATABILITY
     return Claim(
-        f"five folds of one strip differ by at most {1e3 * limit:.0f} mm by each method",
+        f"five folds of one strip differ by at most {1e3 * limit:.0f} mm by each"
+        " method",
         f"{max(len(f) for f in repeats.values())} folds: {values}",
         all(value <= limit + SPREAD_ROUNDING for value in spreads.values()),
     )
@@ -234,26 +273,44 @@ def _repeatability_claim(repeats: dict[str, tuple[ImageFold, ...]]) -> Claim:
 def claim_lines(results: Results) -> Iterator[str]:
     """Yield lines of text on the published claims, and on parts that are missing."""
     for claim in claims(results):
-        yield f"{'held' if claim.held else 'not held':9}{claim.says}\n           {claim.here}"
+        yield (
+            f"{'held' if claim.held else 'not held':9}{claim.says}\n          "
+            f" {claim.here}"
+        )
     for result in results.results:
         if isinstance(result, MissingPart):
             yield f"missing  {result.part}: {result.reason}"
 
 
 def tables(results: Results) -> Iterator[Table]:
-    """Tables of folds through images and over the grid of strips, as (columns, rows, title)."""
+    """Tables of folds through images and over the grid of strips, as (columns, rows,
+    title).
+    """
     summary = rows(results)
     strips = plural(len(results.asked.strips), "strip")
     yield (
         ("policy", "folds", "mean", "from", "to", "worst", "on", "error", "differ"),
         [row.strip_cells() for row in summary],
-        f"{strips}, folded through images: displacement in mm "
-        "(error: seen − true, at most; differ: folds of one strip, most among them)",
+        (
+            f"{strips}, folded through images: displacement in mm "
+            "(error: seen − true, at most; differ: folds of one strip, most among them)"
+        ),
     )
     size = results.asked.extent
     yield (
-        ("policy", "mean", "95 %", "worst", "no touch", "chain", "its worst", "force N"),
+        (
+            "policy",
+            "mean",
+            "95 %",
+            "worst",
+            "no touch",
+            "chain",
+            "its worst",
+            "force N",
+        ),
         [row.range_cells() for row in summary],
-        f"The paper's range, state-based: |d| in mm, {size.grid} x {size.grid} in the rod, "
-        f"{size.chain} x {size.chain} on the chain",
+        (
+            f"The paper's range, state-based: |d| in mm, {size.grid} x {size.grid} in"
+            f" the rod, {size.chain} x {size.chain} on the chain"
+        ),
     )

@@ -1,7 +1,9 @@
-"""Wizard that calibrates a cell's camera, its lens and homography, and checks a calibration.
+"""Wizard that calibrates a cell's camera, its lens and homography, and checks a
+calibration.
 
-A session is a folder: what was measured is written at once, it can go on after an interruption, and
-its verdict is solved from what the folder holds, at its end as at any later time.
+A session is a folder: what was measured is written at once, it can go on after an
+interruption, and its verdict is solved from what the folder holds, at its end as at any
+later time.
 """
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
@@ -21,7 +23,12 @@ from calibration.wizard.board_views import BoardViews
 from calibration.wizard.coverage import WantedView
 from calibration.wizard.lens_verdict import LensVerdict
 from calibration.wizard.progress import Mark, Observer, draw_picture, ignore
-from calibration.wizard.touch_verdict import CheckVerdict, MapVerdict, check_verdict, map_verdict
+from calibration.wizard.touch_verdict import (
+    CheckVerdict,
+    MapVerdict,
+    check_verdict,
+    map_verdict,
+)
 from calibration.wizard.touched_points import TouchedPoints
 from calibration.wizard.touches import check_plan
 from calibration.wizard.verdict import Verdict
@@ -30,7 +37,13 @@ from cell.devices.devices import CalibrationAids, Devices, Trial
 from cell.devices.open import NO_STRIP, open_cell
 from cell.orchestrator.calibration_phase import CALIBRATION_PHASES
 from cell.orchestrator.context import CalibrationContext
-from cell.orchestrator.operator import Answer, Interrupted, Operator, Question, Unattended
+from cell.orchestrator.operator import (
+    Answer,
+    Interrupted,
+    Operator,
+    Question,
+    Unattended,
+)
 from cell.orchestrator.recorder import Recorder
 from cell.orchestrator.run import Run
 from drivers.errors import CellError, ConfigurationError, Fault
@@ -51,11 +64,13 @@ Interruption = Callable[[], bool]
 
 @dataclass(frozen=True, slots=True)
 class Wizard:
-    """Wizard that calibrates the camera among the `devices` of a cell, guiding an `operator`.
+    """Wizard that calibrates the camera among the `devices` of a cell, guiding an
+    `operator`.
 
-    `watch` is told the progress. Every method raises Interrupted when the operator stops it, and
-    Fault where a monitor stops the arm or the camera delivers nothing; what was measured until then
-    stays in the session's folder, from which another call goes on.
+    `watch` is told the progress. Every method raises Interrupted when the operator
+    stops it, and Fault where a monitor stops the arm or the camera delivers nothing;
+    what was measured until then stays in the session's folder, from which another call
+    goes on.
     """
 
     settings: CellFile
@@ -67,8 +82,9 @@ class Wizard:
     def calibrate_lens(self, folder: Path, length: float | None) -> LensVerdict:
         """Fit the lens to views of the board, requested until enough are accepted.
 
-        The session is kept in `folder`. `length` [m] is the ruler's length of the board's squares;
-        on the twin they are as configured, and a session that goes on knows it.
+        The session is kept in `folder`. `length` [m] is the ruler's length of the
+        board's squares; on the twin they are as configured, and a session that goes on
+        knows it.
         """
         devices = self.devices
         boards = self.settings.boards
@@ -82,7 +98,9 @@ class Wizard:
                 length = boards.width
             size = (first.image.shape[1], first.image.shape[0])
             views = BoardViews(boards, size, patient=aids is None)
-            keep = self._open_session("camera", folder, views, size, length=length, boards=boards)
+            keep = self._open_session(
+                "camera", folder, views, size, length=length, boards=boards
+            )
             show_board(views, source, self.operator, keep, self.interrupted)
         return solve_lens(folder, (), folder)
 
@@ -94,7 +112,8 @@ class Wizard:
         *,
         accept_anyway: bool = False,
     ) -> MapVerdict:
-        """Touch the poses of a `plan`, by default a grid, and fit homography and latency.
+        """Touch the poses of a `plan`, by default a grid, and fit homography and
+        latency.
 
         The session is stored in `folder`.
         """
@@ -116,19 +135,34 @@ class Wizard:
             poses = [[pose.x, pose.z, pose.pitch] for pose in points.plan]
             session.write_yaml(folder / session.POSES_FILE, {"poses": poses})
             context = CalibrationContext(
-                settings.controller, points, self.operator, keep, self.devices.aids, remembers=True
+                settings.controller,
+                points,
+                self.operator,
+                keep,
+                self.devices.aids,
+                remembers=True,
             )
             run_calibration(self.devices, context, self.interrupted)
         if context.landmarks is not None:
-            session.write_yaml(folder / LANDMARKS_FILE, context.landmarks.model_dump(mode="json"))
+            session.write_yaml(
+                folder / LANDMARKS_FILE, context.landmarks.model_dump(mode="json")
+            )
         return solve_homography(folder, (), folder, accept_anyway=accept_anyway)
 
     def check(self, calibration: Calibration) -> CheckVerdict:
-        """Judge a `calibration` by a few touches, which move the arm, and close the devices."""
+        """Judge a `calibration` by a few touches, which move the arm, and close the
+        devices.
+        """
         touches = self.settings.touches
-        points = TouchedPoints(calibration.lens, touches, check_plan(touches), fitted=False)
+        points = TouchedPoints(
+            calibration.lens, touches, check_plan(touches), fitted=False
+        )
         context = CalibrationContext(
-            self.settings.controller, points, self.operator, self.watch, self.devices.aids
+            self.settings.controller,
+            points,
+            self.operator,
+            self.watch,
+            self.devices.aids,
         )
         with closing(self.devices):
             run_calibration(self.devices, context, self.interrupted)
@@ -142,7 +176,8 @@ class Wizard:
         size: tuple[int, int],
         **facts: Any,
     ) -> session.SessionFolder:
-        """Begin a session of images of width and height `size` [px] in `folder`, or resume its own.
+        """Begin a session of images of width and height `size` [px] in `folder`, or
+        resume its own.
 
         What it has taken before is given to the `task`.
         """
@@ -163,8 +198,8 @@ class Wizard:
 def solve_lens(folder: Path, without: Collection[int], out: Path | None) -> LensVerdict:
     """Fit the lens to the session in `folder`, `without` some images.
 
-    Boards are detected in the saved images; verdict and passed lens are written to `out`, if given.
-    Raises ConfigurationError for broken files.
+    Boards are detected in the saved images; verdict and passed lens are written to
+    `out`, if given. Raises ConfigurationError for broken files.
     """
     cv2.setNumThreads(1)  # in several threads the last digits differ from time to time
     stored = session.read_session(folder, "camera")
@@ -188,8 +223,9 @@ def solve_homography(
 ) -> MapVerdict:
     """Fit homography and latency to the session in `folder`, `without` some points.
 
-    The pointer is detected in the saved images; verdict and accepted calibration are written to
-    `out`, if given. Raises ConfigurationError for broken files or a session without a lens.
+    The pointer is detected in the saved images; verdict and accepted calibration are
+    written to `out`, if given. Raises ConfigurationError for broken files or a session
+    without a lens.
     """
     cv2.setNumThreads(1)  # in several threads the last digits differ from time to time
     stored = session.read_session(folder, "homography")
@@ -214,8 +250,12 @@ def solve_homography(
     return verdict
 
 
-def _keep(folder: Path, verdict: Verdict, image: Image | None, marks: Iterable[Mark]) -> None:
-    """Write `verdict` to `folder`, and a picture of the `image` (h, w, 3) with `marks`, if any."""
+def _keep(
+    folder: Path, verdict: Verdict, image: Image | None, marks: Iterable[Mark]
+) -> None:
+    """Write `verdict` to `folder`, and a picture of the `image` (h, w, 3) with `marks`,
+    if any.
+    """
     session.write_yaml(folder / session.VERDICT_FILE, verdict.facts())
     if image is not None:
         session.write_image(folder / session.PICTURE_FILE, draw_picture(image, marks))
@@ -224,8 +264,8 @@ def _keep(folder: Path, verdict: Verdict, image: Image | None, marks: Iterable[M
 def calibrate_twin(settings: CellFile, interrupted: Interruption) -> Calibration:
     """Calibrate lens and homography of the twin's camera without operator or session.
 
-    Raises CellError when they are not good enough, Fault when a monitor stopped the arm, and
-    Interrupted when the operator did.
+    Raises CellError when they are not good enough, Fault when a monitor stopped the
+    arm, and Interrupted when the operator did.
     """
     twin = settings.with_drivers("twin", "twin")
     devices = open_cell(twin, NO_STRIP, Trial(), calibrating=True)
@@ -237,14 +277,18 @@ def calibrate_twin(settings: CellFile, interrupted: Interruption) -> Calibration
     with closing(devices):
         run_calibration(devices, context, interrupted)
     camera = devices.camera_identity
-    verdict = map_verdict(points.verdict(), context.steps, lens, settings.latency, camera=camera)
+    verdict = map_verdict(
+        points.verdict(), context.steps, lens, settings.latency, camera=camera
+    )
     if verdict.calibration is None:
         raise CellError("homography failed: " + "; ".join(verdict.reasons))
     return verdict.calibration
 
 
 def lens_from_boards(settings: CellFile, aids: CalibrationAids) -> Lens:
-    """Fit the lens to as many board views as are needed; raises CellError for a poor fit."""
+    """Fit the lens to as many board views as are needed; raises CellError for a poor
+    fit.
+    """
     camera = settings.twin.camera
     views = BoardViews(settings.boards, (camera.width, camera.height))
     show_board(views, aids.show_board, Unattended(), ignore)
@@ -257,7 +301,9 @@ def lens_from_boards(settings: CellFile, aids: CalibrationAids) -> Lens:
 def run_calibration(
     devices: Devices, context: CalibrationContext, interrupted: Interruption
 ) -> None:
-    """Run the calibration of `context`; raises Interrupted or Fault where it was stopped."""
+    """Run the calibration of `context`; raises Interrupted or Fault where it was
+    stopped.
+    """
     devices.connect()
     run = Run(devices, context, CALIBRATION_PHASES, Recorder(), interrupted=interrupted)
     outcome = run.execute()
@@ -274,7 +320,9 @@ def show_board(
     watch: Observer,
     interrupted: Interruption = lambda: False,
 ) -> None:
-    """Request views of the board until enough are accepted; raises Interrupted if stopped."""
+    """Request views of the board until enough are accepted; raises Interrupted if
+    stopped.
+    """
     while (wanted := views.ask()) is not None:
         progress = views.progress()
         watch(progress)
@@ -295,14 +343,18 @@ def show_board(
 
 
 def _live_images(devices: Devices) -> Iterator[Frame]:
-    """Yield live images, PERIOD apart, while a person holds the board; Fault if none comes."""
+    """Yield live images, PERIOD apart, while a person holds the board; Fault if none
+    comes.
+    """
     newest = -1.0
     while True:
         start = devices.clock.now()
         frame = None
         while frame is None:
             if devices.clock.now() >= start + STALL_TIMEOUT:
-                reason = f"no image in {STALL_TIMEOUT:.0f} s; look at the camera's cable"
+                reason = (
+                    f"no image in {STALL_TIMEOUT:.0f} s; look at the camera's cable"
+                )
                 raise Fault("camera_stalled", reason)
             devices.clock.wait_until(devices.clock.now() + PERIOD)
             frame = devices.camera.read(newest, timeout=0.0)
@@ -311,18 +363,24 @@ def _live_images(devices: Devices) -> Iterator[Frame]:
 
 
 class PosesFile(Settings):
-    """Contents of poses.yaml: x, z [m] and pitch [rad] of each touch, to be edited and replayed."""
+    """Contents of poses.yaml: x, z [m] and pitch [rad] of each touch, to be edited and
+    replayed.
+    """
 
     poses: tuple[tuple[float, float, float], ...]
 
 
 def read_poses(path: Path) -> tuple[Pose, ...]:
-    """Read the pose of each touch from a poses.yaml; ConfigurationError for a broken file."""
+    """Read the pose of each touch from a poses.yaml; ConfigurationError for a broken
+    file.
+    """
     return tuple(Pose(x, z, pitch) for x, z, pitch in load(path, PosesFile).poses)
 
 
 def session_lens(folder: Path) -> Lens:
-    """Lens of the homography session in `folder`; raises ConfigurationError where it has none."""
+    """Lens of the homography session in `folder`; raises ConfigurationError where it
+    has none.
+    """
     stored = session.read_session(folder, "homography")
     if stored.lens is None:
         raise ConfigurationError(f"{folder}: session.yaml: lens: is missing; add it")
@@ -330,11 +388,13 @@ def session_lens(folder: Path) -> Lens:
 
 
 def newest_lens(folder: Path, camera: str) -> Path:
-    """Path of the newest lens file of `camera` in `folder`; raises ConfigurationError if none."""
+    """Path of the newest lens file of `camera` in `folder`; raises ConfigurationError
+    if none.
+    """
     for path in sorted(folder.glob(f"*/{ROS}"), reverse=True):
         if f"camera_name: {camera}\n" in read_text(path):
             return path
     raise ConfigurationError(
-        f"--lens: {folder} holds no lens of camera {camera}; run `cell calibrate camera` first, "
-        "or name a file of ROS or OpenCV"
+        f"--lens: {folder} holds no lens of camera {camera}; run `cell calibrate"
+        " camera` first, or name a file of ROS or OpenCV"
     )

@@ -1,4 +1,6 @@
-"""Terminal interface of the calibration wizard: live panel, keys as answers, and Ctrl-C."""
+"""Terminal interface of the calibration wizard: live panel, keys as answers, and
+Ctrl-C.
+"""
 
 import os
 import select
@@ -37,18 +39,25 @@ from cell.orchestrator.operator import (
 from cell.report.words import plural
 from drivers.files import lock_folders, writing
 
-STYLES = {Level.GOOD: "green", Level.FAIR: "yellow", Level.BAD: "bold red", Level.PLAIN: ""}
+STYLES = {
+    Level.GOOD: "green",
+    Level.FAIR: "yellow",
+    Level.BAD: "bold red",
+    Level.PLAIN: "",
+}
 MARKS = {Level.GOOD: "+", Level.FAIR: "~", Level.BAD: "!", Level.PLAIN: " "}
 BAR = 6  # characters
 SKETCH = (32, 9)  # characters of the board's picture, 16:9 like an image
-DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])  # of a braille character
+# of a braille character
+DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])
 BRAILLE = 0x2800
 SKETCH_STYLES = ("dim", "dim", "bold yellow", "green")  # nothing, frame, wanted, seen
 RECENT = 4  # answers that stay in sight
 POINT_STYLES = {"o": "green", "h": "blue", "x": "yellow", ">": "bold cyan", ".": "dim"}
 MARK_LEGEND = "o fitted   h held out   x twice touched   > wanted   . to come"
 FAR_OUTSIDE = 999  # dots, to which corners outside the sketch are clipped
-CTRL_D = "\x04"  # Ctrl-D, which a terminal that sends single keys passes on as a character
+# Ctrl-D, which a terminal that sends single keys passes on as a character
+CTRL_D = "\x04"
 ENTER = "\n"
 KEY_HELP = "Enter go on | s leave out | r the last one again | a go on alone"
 POLL_INTERVAL = 0.1  # s between looks at Ctrl-C
@@ -57,11 +66,15 @@ ANSWERS = {ENTER: Answer.GO, ALONE: Answer.GO, "s": Answer.SKIP, "r": Answer.AGA
 
 
 class WizardPanel:
-    """Live view of a calibration in a terminal; without a terminal, one line for each result."""
+    """Live view of a calibration in a terminal; without a terminal, one line for each
+    result.
+    """
 
     def __init__(self, console: Console) -> None:
         self._console = console
-        self._live = Live(console=console, auto_refresh=False) if console.is_terminal else None
+        self._live = (
+            Live(console=console, auto_refresh=False) if console.is_terminal else None
+        )
         self._answers: list[str] = []
         self._question = ""
         self._news: Progress | None = None
@@ -73,7 +86,9 @@ class WizardPanel:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """End the wizard's live view; its last state stays visible, without a question."""
+        """End the wizard's live view; its last state stays visible, without a
+        question.
+        """
         if self._live is not None:
             self.ask("")
             self._live.stop()
@@ -83,18 +98,23 @@ class WizardPanel:
         answer = "" if progress.result is None else progress.result.answer
         self._news = progress
         if answer:
-            text = answer.partition(": ")[2]  # an answer replaces an earlier one of this text
+            # an answer replaces an earlier one of this text
+            text = answer.partition(": ")[2]
             others = [line for line in self._answers if line.partition(": ")[2] != text]
             self._answers = [*others[1 - RECENT :], answer]
         self._show(answer)
 
     def ask(self, words: str) -> None:
-        """Show the question `words` in the panel until another or an empty text replaces it."""
+        """Show the question `words` in the panel until another or an empty text
+        replaces it.
+        """
         self._question = words
         self._show(words)
 
     def _show(self, line: str) -> None:
-        """Refresh the live view of the wizard; without a terminal, print `line`, if any."""
+        """Refresh the live view of the wizard; without a terminal, print `line`, if
+        any.
+        """
         if self._live is not None:
             view = Text(line) if self._news is None else self.draw(self._news)
             self._live.update(view, refresh=True)
@@ -102,7 +122,9 @@ class WizardPanel:
             self._console.print(line, markup=False, highlight=False, soft_wrap=True)
 
     def draw(self, progress: Progress) -> RenderableType:
-        """Render the wizard's panel, no higher than the terminal, which could not redraw it."""
+        """Render the wizard's panel, no higher than the terminal, which could not
+        redraw it.
+        """
         body = points_map(progress.plan) if progress.plan else views_table(progress)
         rows = (("next", progress.request, "bold"), ("why ", progress.why, ""))
         head = [
@@ -121,7 +143,9 @@ class WizardPanel:
 
 
 def views_table(progress: Progress) -> Table:
-    """Table of the criteria of a lens calibration, beside a sketch of the requested board view."""
+    """Table of the criteria of a lens calibration, beside a sketch of the requested
+    board view.
+    """
     table = Table.grid(padding=(0, 2))
     sketch = [] if progress.sketch is None else [sketch_text(progress.sketch)]
     table.add_row(gates_table(progress.coverage), *sketch)
@@ -129,7 +153,9 @@ def views_table(progress: Progress) -> Table:
 
 
 def sketch_text(sketch: Sketch) -> Text:
-    """Sketch of the board in the image's frame: yellow as requested, green as detected."""
+    """Sketch of the board in the image's frame: yellow as requested, green as
+    detected.
+    """
     columns, rows = SKETCH
     picture = np.zeros((4 * rows, 2 * columns), np.uint8)
     size = np.array([2 * columns, 4 * rows])
@@ -137,7 +163,9 @@ def sketch_text(sketch: Sketch) -> Text:
     frame = (size - 1) / scale * [(0, 0), (1, 0), (1, 1), (0, 1)]
     for layer, corners in enumerate((frame, sketch.wanted, sketch.seen), start=1):
         if corners is not None:
-            points = np.clip(np.rint(corners * scale), -FAR_OUTSIDE, FAR_OUTSIDE).astype(np.int32)
+            points = np.clip(
+                np.rint(corners * scale), -FAR_OUTSIDE, FAR_OUTSIDE
+            ).astype(np.int32)
             cv2.polylines(picture, [points], isClosed=True, color=layer)
     text = Text(no_wrap=True)
     for row in picture.reshape(rows, 4, columns, 2).swapaxes(1, 2):
@@ -149,7 +177,9 @@ def sketch_text(sketch: Sketch) -> Text:
 
 
 def gates_table(gates: Sequence[Gate]) -> Table:
-    """Table of the criteria that board views must meet: name, bar and ratio of each criterion."""
+    """Table of the criteria that board views must meet: name, bar and ratio of each
+    criterion.
+    """
     table = Table.grid(padding=(0, 1))
     for _ in range(3):
         table.add_column(no_wrap=True, overflow="ellipsis")
@@ -162,7 +192,9 @@ def gates_table(gates: Sequence[Gate]) -> Table:
 
 
 def points_map(plan: Sequence[tuple[float, float, str]]) -> RenderableType:
-    """Map of planned poses x, z [m], each with its state: a character that MARK_LEGEND explains."""
+    """Map of planned poses x, z [m], each with its state: a character that MARK_LEGEND
+    explains.
+    """
     table = Table.grid(padding=(0, 2))
     for height in sorted({round(z, 3) for _, z, _ in plan}, reverse=True):
         row = sorted((x, state) for x, z, state in plan if round(z, 3) == height)
@@ -173,36 +205,48 @@ def points_map(plan: Sequence[tuple[float, float, str]]) -> RenderableType:
 
 def print_verdict(lines: Iterable[Line]) -> None:
     """Print the `lines` of a verdict, in colour where the terminal supports it."""
-    parts = [(f"{MARKS[line.level]} {line.text}\n", STYLES[line.level]) for line in lines]
+    parts = [
+        (f"{MARKS[line.level]} {line.text}\n", STYLES[line.level]) for line in lines
+    ]
     Console(highlight=False, soft_wrap=True).print(Text.assemble(*parts), end="")
 
 
 class Keys:
-    """Reader of keys from `stream`: single keys within `single_keys`, otherwise lines."""
+    """Reader of keys from `stream`: single keys within `single_keys`, otherwise
+    lines.
+    """
 
     def __init__(self, stream: TextIO) -> None:
         self._number = _descriptor(stream)
         self._line = b""
 
     def read(self, seconds: float) -> str | None:
-        """Next typed key in lower case, ENTER, CTRL_D at the end; None if none in `seconds`."""
+        """Next typed key in lower case, ENTER, CTRL_D at the end; None if none in
+        `seconds`.
+        """
         number = self._number
         if number is None:
             return CTRL_D
         while select.select([number], [], [], seconds)[0]:
             byte = os.read(number, 1)
             self._line += byte
-            single = os.isatty(number) and not termios.tcgetattr(number)[3] & termios.ICANON
+            single = (
+                os.isatty(number) and not termios.tcgetattr(number)[3] & termios.ICANON
+            )
             if single or byte in {b"", b"\n"}:
                 typed = self._line.decode(errors="replace")
                 self._line = b""
-                return CTRL_D if typed in {"", CTRL_D} else typed.strip().lower() or ENTER
+                return (
+                    CTRL_D if typed in {"", CTRL_D} else typed.strip().lower() or ENTER
+                )
         return None
 
 
 @contextmanager
 def single_keys(stream: TextIO) -> Iterator[None]:
-    """Within the block, a terminal at `stream` passes on each key as soon as it is typed."""
+    """Within the block, a terminal at `stream` passes on each key as soon as it is
+    typed.
+    """
     number = _descriptor(stream)
     if number is None or not os.isatty(number):
         yield
@@ -224,11 +268,12 @@ def _descriptor(stream: TextIO) -> int | None:
 
 
 class Keyboard:
-    """Operator at a terminal: Enter continues, s skips, r repeats, a continues without questions.
+    """Operator at a terminal: Enter continues, s skips, r repeats, a continues without
+    questions.
 
-    Questions on the pointer are asked even then: only a person knows that no hand is in the way.
-    On the twin, whose time stands still, it `waits` for a key until `interrupted`; on hardware it
-    polls, and the arm stays monitored.
+    Questions on the pointer are asked even then: only a person knows that no hand is in
+    the way. On the twin, whose time stands still, it `waits` for a key until
+    `interrupted`; on hardware it polls, and the arm stays monitored.
     """
 
     def __init__(
@@ -247,7 +292,9 @@ class Keyboard:
         self._alone = False
 
     def answer(self, question: Question) -> Answer | None:
-        """Answer by the operator's key, None until then; raises Interrupted at the end of input."""
+        """Answer by the operator's key, None until then; raises Interrupted at the end
+        of input.
+        """
         if self._alone and not question.reaches:
             return Answer.GO
         if question != self._asked:
@@ -278,11 +325,13 @@ def wizard_at_terminal(
     session: tuple[Path, str] | None = None,
     viz: str = "off",
 ) -> Iterator[Wizard]:
-    """Within the block, a wizard for `devices` with its panel, keys and Ctrl-C at this terminal.
+    """Within the block, a wizard for `devices` with its panel, keys and Ctrl-C at this
+    terminal.
 
-    On the twin its operator is asked only if `interactive`. The folder of its `session`, which is
-    of that kind, is locked against another wizard, and holds wizard.rrd unless `viz` is off.
-    Raises Interrupted with what is in the folder, after one Ctrl-C as after two.
+    On the twin its operator is asked only if `interactive`. The folder of its
+    `session`, which is of that kind, is locked against another wizard, and holds
+    wizard.rrd unless `viz` is off. Raises Interrupted with what is in the folder, after
+    one Ctrl-C as after two.
     """
     panel = WizardPanel(Console(stderr=True))
     observers: list[Observer] = [panel]
@@ -299,7 +348,9 @@ def wizard_at_terminal(
                 operator = Keyboard(
                     Keys(sys.stdin), panel.ask, waits=on_twin, interrupted=interrupted
                 )
-            yield Wizard(settings, devices, operator, partial(_tell, observers), interrupted)
+            yield Wizard(
+                settings, devices, operator, partial(_tell, observers), interrupted
+            )
     except (Interrupted, KeyboardInterrupt):
         if session is None:
             raise
@@ -307,7 +358,9 @@ def wizard_at_terminal(
 
 
 def _recordings(stack: ExitStack, folder: Path, viz: str) -> list[Observer]:
-    """Lock a session's `folder`, and open its recording for Rerun unless `viz` is off."""
+    """Lock a session's `folder`, and open its recording for Rerun unless `viz` is
+    off.
+    """
     with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
     stack.enter_context(lock_folders([folder]))
@@ -330,6 +383,7 @@ def _resume_hint(folder: Path, kind: str) -> str:
     if taken == 0:
         return f"interrupted; nothing was taken yet; {folder} may be deleted"
     return (
-        f"interrupted; {plural(taken, 'image')} kept in {folder}: `cell calibrate {kind} --resume "
-        f"{folder}` goes on, `cell calibrate {kind} --from {folder}` solves them"
+        f"interrupted; {plural(taken, 'image')} kept in {folder}: `cell calibrate"
+        f" {kind} --resume {folder}` goes on, `cell calibrate {kind} --from {folder}`"
+        " solves them"
     )

@@ -1,1 +1,3 @@
-"""Campaigns of independent computations (parts) in processes or on Dask, kept in a journal."""
+"""Campaigns of independent computations (parts) in processes or on Dask, kept in a
+journal.
+"""

@@ -1,10 +1,11 @@
-"""Engine that measures a campaign's parts on a Dask cluster; the journal holds the results.
+"""Engine that measures a campaign's parts on a Dask cluster; the journal holds the
+results.
 
-Known traps and what is done here: a part runs in a process of its own beside the Dask worker, so
-that a part that holds the interpreter cannot look like a dead worker (distributed#6324), and one
-that kills its process is known by name; a worker has one part at a time, so that there is nothing
-to steal (distributed#7523); outcomes are files, so that a worker's death repeats nothing that was
-finished (distributed#7870).
+Known traps and what is done here: a part runs in a process of its own beside the Dask
+worker, so that a part that holds the interpreter cannot look like a dead worker
+(distributed#6324), and one that kills its process is known by name; a worker has one
+part at a time, so that there is nothing to steal (distributed#7523); outcomes are
+files, so that a worker's death repeats nothing that was finished (distributed#7870).
 """
 
 import gc
@@ -36,21 +37,25 @@ if TYPE_CHECKING:
 CONNECT_TIMEOUT = 20.0  # s in which scheduler and first worker must answer at the start
 ABSENCE = 300.0  # s that a cluster may be gone in the middle, to be started again
 POLL_INTERVAL = 2.0  # s between looks at whether scheduler and workers are there
-TRIES = 3  # times that Dask may give up: a part, after several deaths of workers; its event loop
+# times that Dask may give up: a part, after several deaths of workers; its event loop
+TRIES = 3
 
 
 @dataclass(frozen=True, slots=True)
 class Cluster:
-    """Engine on the Dask cluster at `address` (tcp://HOST:PORT); a part may take `limit` [s]."""
+    """Engine on the Dask cluster at `address` (tcp://HOST:PORT); a part may take
+    `limit` [s].
+    """
 
     address: str
     limit: float | None = None
 
     def measure(self, parts: Sequence[Part], folder: Path) -> Iterator[Record]:
-        """Yield the records of `parts` as they finish, despite deaths of workers and scheduler.
+        """Yield the records of `parts` as they finish, despite deaths of workers and
+        scheduler.
 
-        Raises ConfigurationError for an address without a usable cluster or a worker of other
-        versions, WorkersLost where the cluster stays away.
+        Raises ConfigurationError for an address without a usable cluster or a worker of
+        other versions, WorkersLost where the cluster stays away.
         """
         unfinished = {(part.key, part.of): part for part in parts}
         patience = CONNECT_TIMEOUT
@@ -64,10 +69,11 @@ class Cluster:
 
     @contextmanager
     def calls(self) -> Iterator[Calls]:
-        """Open what carries out calls on the cluster; another worker does those of a dead one.
+        """Open what carries out calls on the cluster; another worker does those of a
+        dead one.
 
-        Raises ConfigurationError for an address without a usable cluster, WorkersLost when the
-        cluster is gone.
+        Raises ConfigurationError for an address without a usable cluster, WorkersLost
+        when the cluster is gone.
         """
         with _silence_dask(), connect(self.address, CONNECT_TIMEOUT) as client:
             from distributed import KilledWorker
@@ -77,8 +83,12 @@ class Cluster:
             def carry_out(
                 function: Callable[..., Any], calls: Arguments
             ) -> Iterator[tuple[int, Any]]:
-                waiting = {executor.submit(function, *each): i for i, each in enumerate(calls)}
-                return ((waiting[done], done.result()) for done in as_completed(waiting))
+                waiting = {
+                    executor.submit(function, *each): i for i, each in enumerate(calls)
+                }
+                return (
+                    (waiting[done], done.result()) for done in as_completed(waiting)
+                )
 
             try:
                 yield carry_out
@@ -91,9 +101,11 @@ class Cluster:
 
 @contextmanager
 def connect(address: str, patience: float) -> Iterator["Client"]:
-    """Connect a client to the cluster at `address`, which must answer within `patience` [s].
+    """Connect a client to the cluster at `address`, which must answer within `patience`
+    [s].
 
-    Raises ConfigurationError where it does not, or has no workers, or workers of other versions.
+    Raises ConfigurationError where it does not, or has no workers, or workers of other
+    versions.
     """
     require_library("distributed")
     from distributed import Client
@@ -103,13 +115,15 @@ def connect(address: str, patience: float) -> Iterator["Client"]:
         reason = ""
         try:
             client = Client(address, timeout=patience, set_as_default=False, loop=loop)
-        except (OSError, ValueError, TypeError) as error:  # TypeError: tls:// without certificates
+        # TypeError: tls:// without certificates
+        except (OSError, ValueError, TypeError) as error:
             reason = str(error).splitlines()[0]
         if client is None:
-            gc.collect()  # of the client that failed: at the end of the process it would wait 40 s
+            # of the client that failed: at the end of the process it would wait 40 s
+            gc.collect()
             raise ConfigurationError(
-                f"--cluster: {address}: no scheduler answers ({reason:.80}); "
-                "start one with `dask scheduler`, and workers with `dask worker ADDRESS`"
+                f"--cluster: {address}: no scheduler answers ({reason:.80}); start one"
+                " with `dask scheduler`, and workers with `dask worker ADDRESS`"
             )
         try:
             _check(client, address, patience)
@@ -121,10 +135,11 @@ def connect(address: str, patience: float) -> Iterator["Client"]:
 
 @contextmanager
 def event_loop() -> Iterator["IOLoop"]:
-    """Run an event loop in a thread until the block ends, for a client or cluster of Dask.
+    """Run an event loop in a thread until the block ends, for a client or cluster of
+    Dask.
 
-    Dask asserts that it begins within 10 s, which no setting changes: a machine that stands still
-    for longer is given another try.
+    Dask asserts that it begins within 10 s, which no setting changes: a machine that
+    stands still for longer is given another try.
     """
     from distributed.utils import LoopRunner
 
@@ -146,7 +161,9 @@ def event_loop() -> Iterator["IOLoop"]:
 def _run_until_lost(
     client: "Client", parts: list[Part], folder: Path, limit: float | None
 ) -> Iterator[Record]:
-    """Yield records until all parts are done or the scheduler is gone, one part per thread."""
+    """Yield records until all parts are done or the scheduler is gone, one part per
+    thread.
+    """
     from distributed import wait
 
     waiting = parts[::-1]  # popped from the end: in the order of parts
@@ -210,14 +227,18 @@ def _store_record(
     return record
 
 
-def remote(part: Part, folder: str, expected: Mapping[str, str], limit: float | None) -> str:
+def remote(
+    part: Part, folder: str, expected: Mapping[str, str], limit: float | None
+) -> str:
     """Measure `part` on a worker, in a process beside it; returns the record as JSON.
 
     Raises ConfigurationError where this worker has other versions than the client.
     """
     difference = _different_versions(expected, versions())
     if difference:
-        raise ConfigurationError(f"--cluster: a worker {difference}; install the same there")
+        raise ConfigurationError(
+            f"--cluster: a worker {difference}; install the same there"
+        )
     place = Path(folder) if Path(folder).is_dir() else _local_folder()
     pools = _idle_pools()
     pool = ProcessPool(1, compile_rod) if pools.empty() else pools.get()
@@ -234,37 +255,54 @@ def _idle_pools() -> "SimpleQueue[ProcessPool]":
 
 @cache
 def _local_folder() -> Path:
-    """Journal folder of this worker alone, used where the client's folder is not reachable."""
+    """Journal folder of this worker alone, used where the client's folder is not
+    reachable.
+    """
     return Path(mkdtemp(prefix="campaign-"))
 
 
 def _check(client: "Client", address: str, patience: float) -> None:
-    """Raise ConfigurationError for a cluster without workers or with other library versions."""
+    """Raise ConfigurationError for a cluster without workers or with other library
+    versions.
+    """
     try:
         client.wait_for_workers(1, timeout=patience)
     except TimeoutError:
         raise ConfigurationError(
-            f"--cluster: {address}: has no workers; start some with `dask worker {address}`"
+            f"--cluster: {address}: has no workers; start some with `dask worker"
+            f" {address}`"
         ) from None
     expected = versions()
     for worker, found in client.run(versions, on_error="return").items():
         if found != expected:
             difference = _different_versions(expected, found)
-            raise ConfigurationError(f"--cluster: {worker}: {difference}; install the same there")
+            raise ConfigurationError(
+                f"--cluster: {worker}: {difference}; install the same there"
+            )
 
 
 def _different_versions(expected: Mapping[str, str], found: object) -> str:
-    """Text on how versions `found` on a worker differ from `expected`; empty where they agree."""
+    """Text on how versions `found` on a worker differ from `expected`; empty where they
+    agree.
+    """
     if not isinstance(found, Mapping):
         return f"cannot run the cell ({found})"
-    other = [f"{n} {found.get(n)}, here {v}" for n, v in expected.items() if found.get(n) != v]
+    other = [
+        f"{n} {found.get(n)}, here {v}"
+        for n, v in expected.items()
+        if found.get(n) != v
+    ]
     return f"has {', '.join(other)}" if other else ""
 
 
 @contextmanager
 def _silence_dask() -> Iterator[None]:
-    """Silence Dask's log of lost workers and connections, which the command reports itself."""
-    loggers = [logging.getLogger(name) for name in ("distributed", "distributed.client")]
+    """Silence Dask's log of lost workers and connections, which the command reports
+    itself.
+    """
+    loggers = [
+        logging.getLogger(name) for name in ("distributed", "distributed.client")
+    ]
     before = [logger.level for logger in loggers]
     for logger in loggers:
         logger.setLevel(logging.CRITICAL)

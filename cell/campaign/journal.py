@@ -1,7 +1,8 @@
-"""Journal of a campaign: a folder with a JSON file for each measured part, written atomically.
+"""Journal of a campaign: a folder with a JSON file for each measured part, written
+atomically.
 
-A part that has a file is done, so that a campaign resumes wherever it stopped, and the journals of
-several machines merge by copying their files together.
+A part that has a file is done, so that a campaign resumes wherever it stopped, and the
+journals of several machines merge by copying their files together.
 """
 
 import hashlib
@@ -21,7 +22,9 @@ State = Literal["measured", "failed", "set_aside"]
 
 
 class Cost(BaseModel):
-    """Time of one part [s]: `wall`, and `processor` with that of its child processes."""
+    """Time of one part [s]: `wall`, and `processor` with that of its child
+    processes.
+    """
 
     model_config = ConfigDict(frozen=True)
 
@@ -32,9 +35,9 @@ class Cost(BaseModel):
 class Record(BaseModel):
     """Result of one part: its `outcome` where it was measured, else the `reason`.
 
-    `key` names the part, `of` is the digest of its code and inputs. `failed` parts are tried again
-    at the next start; `set_aside` ones killed their process or ran out of time, and stay. Unknown
-    keys are ignored: another version may have written the file.
+    `key` names the part, `of` is the digest of its code and inputs. `failed` parts are
+    tried again at the next start; `set_aside` ones killed their process or ran out of
+    time, and stay. Unknown keys are ignored: another version may have written the file.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -62,17 +65,25 @@ class Journal:
         self.folder = folder
 
     def path(self, key: str, of: str) -> Path:
-        """Path of the record of part `key` with digest `of`, the same on every machine."""
+        """Path of the record of part `key` with digest `of`, the same on every
+        machine.
+        """
         name = re.sub(r"[^\w.+-]+", "-", key)[:80]
         return self.folder / f"{name}.{digest(key, of)}.json"
 
     def get(self, key: str, of: str) -> Record | None:
         """Read the record of a part; None where none exists that can be read."""
         record = _read(self.path(key, of))
-        return record if record is not None and (record.key, record.of) == (key, of) else None
+        return (
+            record
+            if record is not None and (record.key, record.of) == (key, of)
+            else None
+        )
 
     def put(self, record: Record) -> None:
-        """Store `record`; it is on disk on return. Raises ConfigurationError where it cannot be."""
+        """Store `record`; it is on disk on return. Raises ConfigurationError where it
+        cannot be.
+        """
         path = self.path(record.key, record.of)
         with writing(path, "make room and run the command again"):
             self.folder.mkdir(parents=True, exist_ok=True)

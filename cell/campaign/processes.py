@@ -1,4 +1,5 @@
-"""Pools of worker processes on this machine, whose calls may be stopped, die or take too long.
+"""Pools of worker processes on this machine, whose calls may be stopped, die or take
+too long.
 
 Processes, not threads: a third of the work holds the GIL.
 """
@@ -21,13 +22,16 @@ from drivers.errors import CellError, WorkersLost
 from drivers.types import Arguments, Calls
 
 POLL_INTERVAL = 0.2  # s between looks at the time that calls take
-Waiting = deque[tuple[Any, Callable[..., Any], tuple[Any, ...]]]  # key, function, arguments
+# key, function, arguments
+Waiting = deque[tuple[Any, Callable[..., Any], tuple[Any, ...]]]
 TERMINATION_TIMEOUT = 60.0  # s for a call to end once its pool is closed
 
 
 @dataclass(frozen=True, slots=True)
 class Call:
-    """Message to a process: call `function(*arguments)`, with a StopSignal last if `stoppable`."""
+    """Message to a process: call `function(*arguments)`, with a StopSignal last if
+    `stoppable`.
+    """
 
     function: Callable[..., Any]
     arguments: tuple[Any, ...]
@@ -35,7 +39,8 @@ class Call:
 
 
 class Signal(StrEnum):
-    """Messages between pool and process: STOP for a call, READY once the process is prepared.
+    """Messages between pool and process: STOP for a call, READY once the process is
+    prepared.
 
     A second STOP ends a stoppable call at once.
     """
@@ -46,24 +51,31 @@ class Signal(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """Message of a process whose call has ended: what it returned, or the CellError it raised."""
+    """Message of a process whose call has ended: what it returned, or the CellError it
+    raised.
+    """
 
     value: Any
 
 
 class StopSignal:
-    """Request to stop a call, received through `pipe`, or implied by the parent's end."""
+    """Request to stop a call, received through `pipe`, or implied by the parent's
+    end.
+    """
 
     def __init__(self, pipe: Connection) -> None:
         self._pipe = pipe
         self._requests = 0
 
     def __call__(self) -> bool:
-        """Whether this call is to stop; raises KeyboardInterrupt from the second request on."""
+        """Whether this call is to stop; raises KeyboardInterrupt from the second
+        request on.
+        """
         while self._pipe.poll():
             try:
                 self._pipe.recv()
-            except (EOFError, OSError):  # the latter where an answer to the parent was never read
+            # the latter where an answer to the parent was never read
+            except (EOFError, OSError):
                 return True
             self._requests += 1
             if self._requests > 1:
@@ -71,8 +83,12 @@ class StopSignal:
         return self._requests > 0
 
 
-def work(pipe: Connection, prepare: Callable[[], None] | None, dies_with_parent: bool) -> None:
-    """Main function of a worker process: prepare, then carry out calls until the pipe closes."""
+def work(
+    pipe: Connection, prepare: Callable[[], None] | None, dies_with_parent: bool
+) -> None:
+    """Main function of a worker process: prepare, then carry out calls until the pipe
+    closes.
+    """
     if dies_with_parent:
         end_with_parent(pipe)
     if prepare is not None:
@@ -80,7 +96,8 @@ def work(pipe: Connection, prepare: Callable[[], None] | None, dies_with_parent:
     with suppress(OSError):  # the parent is gone
         pipe.send(Signal.READY)
         call = _next_call(pipe)
-        gc.freeze()  # the libraries' half a million objects, which no collection has to look at
+        # the libraries' half a million objects, which no collection has to look at
+        gc.freeze()
         while True:
             stop = (StopSignal(pipe),) if call.stoppable else ()
             result: Any
@@ -93,7 +110,9 @@ def work(pipe: Connection, prepare: Callable[[], None] | None, dies_with_parent:
 
 
 def _next_call(pipe: Connection) -> Call:
-    """Wait for the next call to this worker process; stop requests between calls are ignored."""
+    """Wait for the next call to this worker process; stop requests between calls are
+    ignored.
+    """
     while not isinstance(request := pipe.recv(), Call):
         pass
     return request
@@ -101,7 +120,9 @@ def _next_call(pipe: Connection) -> Call:
 
 @dataclass(slots=True)
 class _Running:
-    """Call under way in a process, since `started_at` [s], None while the process starts."""
+    """Call under way in a process, since `started_at` [s], None while the process
+    starts.
+    """
 
     key: Any
     process: Child
@@ -109,14 +130,19 @@ class _Running:
 
 
 class ProcessPool:
-    """Pool of up to `size` processes, started when they are needed and kept for later calls.
+    """Pool of up to `size` processes, started when they are needed and kept for later
+    calls.
 
-    Each runs `prepare`, a function known by its name, before its first call. Processes that do not
-    die with their parent leave it to a stoppable call to see its end.
+    Each runs `prepare`, a function known by its name, before its first call. Processes
+    that do not die with their parent leave it to a stoppable call to see its end.
     """
 
     def __init__(
-        self, size: int, prepare: Callable[[], None] | None = None, *, dies_with_parent: bool = True
+        self,
+        size: int,
+        prepare: Callable[[], None] | None = None,
+        *,
+        dies_with_parent: bool = True,
     ) -> None:
         self._size = size
         self._prepare = prepare
@@ -135,9 +161,15 @@ class ProcessPool:
         return len(self._running) < self._size
 
     def begin(
-        self, key: object, function: Callable[..., Any], *arguments: Any, stoppable: bool = False
+        self,
+        key: object,
+        function: Callable[..., Any],
+        *arguments: Any,
+        stoppable: bool = False,
     ) -> None:
-        """Start `function(*arguments)` in a process; `ended` later yields its result with `key`."""
+        """Start `function(*arguments)` in a process; `ended` later yields its result
+        with `key`.
+        """
         if self._idle:
             running = _Running(key, self._idle.pop(), time.monotonic())
         else:
@@ -146,7 +178,9 @@ class ProcessPool:
         self._running.append(running)
         running.process.send(Call(function, arguments, stoppable))
 
-    def carry_out(self, waiting: Waiting, limit: float | None = None) -> Iterator[tuple[Any, Any]]:
+    def carry_out(
+        self, waiting: Waiting, limit: float | None = None
+    ) -> Iterator[tuple[Any, Any]]:
         """Make the calls `waiting`, and those added to it; yields as `ended` does."""
         while waiting or self._running:
             while waiting and self.has_room:
@@ -154,11 +188,15 @@ class ProcessPool:
                 self.begin(key, function, *arguments)
             yield from self.ended(POLL_INTERVAL, limit)
 
-    def ended(self, timeout: float, limit: float | None = None) -> Iterator[tuple[Any, Any]]:
-        """Wait up to `timeout` [s] and yield (key, result) of the calls that have ended.
+    def ended(
+        self, timeout: float, limit: float | None = None
+    ) -> Iterator[tuple[Any, Any]]:
+        """Wait up to `timeout` [s] and yield (key, result) of the calls that have
+        ended.
 
-        The result is what was returned, the CellError that was raised, ChildDied of a process that
-        died, or TimeoutError of a call that took longer than `limit` [s] and was killed.
+        The result is what was returned, the CellError that was raised, ChildDied of a
+        process that died, or TimeoutError of a call that took longer than `limit` [s]
+        and was killed.
         """
         ready = wait([running.process.pipe for running in self._running], timeout)
         for running in list(self._running):
@@ -179,7 +217,9 @@ class ProcessPool:
             running.process.send(Signal.STOP)
 
     def close(self) -> None:
-        """Let all processes end: stoppable calls stop under control, others may finish in time."""
+        """Let all processes end: stoppable calls stop under control, others may finish
+        in time.
+        """
         processes = self._forget_all()
         for process in processes:
             process.pipe.close()
@@ -192,7 +232,9 @@ class ProcessPool:
             process.kill()
 
     def _receive(self, running: _Running) -> Iterator[tuple[Any, Any]]:
-        """Yield key and result of an ended call; nothing for a process that is ready now."""
+        """Yield key and result of an ended call; nothing for a process that is ready
+        now.
+        """
         try:
             message = running.process.receive()
         except ChildDied as died:

@@ -1,4 +1,6 @@
-"""Parts of a campaign, measured by an engine here or on other machines, and kept in a journal."""
+"""Parts of a campaign, measured by an engine here or on other machines, and kept in a
+journal.
+"""
 
 import os
 import time
@@ -22,17 +24,19 @@ from drivers.errors import CellError, Unexpected
 from drivers.files import writing
 from drivers.types import Calls
 
-TRIES = 2  # of a part that kills its process: the first may have been the machine's fault
+# of a part that kills its process: the first may have been the machine's fault
+TRIES = 2
 Outcome = Mapping[str, Any] | BaseModel  # of a part, of values that JSON can hold
 
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """Part of a campaign: a call of the importable `function` that another process can make.
+    """Part of a campaign: a call of the importable `function` that another process can
+    make.
 
-    `key` is unique among the parts, `of` the digest of the code and files that the outcome depends
-    on, `cost` the estimated time on one core [s]. Equal parts give equal outcomes; the function
-    raises CellError where there is none.
+    `key` is unique among the parts, `of` the digest of the code and files that the
+    outcome depends on, `cost` the estimated time on one core [s]. Equal parts give
+    equal outcomes; the function raises CellError where there is none.
     """
 
     key: str
@@ -43,10 +47,11 @@ class Part:
 
 
 def measure(part: Part, folder: Path) -> Record:
-    """Measure `part` and store its record in the journal at `folder`; reuses a finished record.
+    """Measure `part` and store its record in the journal at `folder`; reuses a finished
+    record.
 
-    A part that raises is `failed`, with the reason. Raises ConfigurationError where the journal
-    cannot be written.
+    A part that raises is `failed`, with the reason. Raises ConfigurationError where the
+    journal cannot be written.
     """
     journal = Journal(folder)
     record = journal.get(part.key, part.of)
@@ -62,16 +67,19 @@ def measure(part: Part, folder: Path) -> Record:
         reason = str(error)
     except Exception as error:  # noqa: BLE001  an edge: the other parts go on
         reason = str(Unexpected(error))
-    processor = sum(os.times()[:4]) - processor_start  # s, with that of children that ended
+    # s, with that of children that ended
+    processor = sum(os.times()[:4]) - processor_start
     cost = Cost(wall=time.perf_counter() - start, processor=processor)
     state: State = "failed" if outcome is None else "measured"
     return store_record(part, folder, state, outcome=outcome, reason=reason, cost=cost)
 
 
 def store_record(part: Part, folder: Path, state: State, **facts: Any) -> Record:
-    """Store and return the record of `part` with `facts`, host and versions of this process.
+    """Store and return the record of `part` with `facts`, host and versions of this
+    process.
 
-    One in the `state` set_aside, with a `reason`, is of a part that gave no record itself.
+    One in the `state` set_aside, with a `reason`, is of a part that gave no record
+    itself.
     """
     where: dict[str, Any] = {"versions": versions(), "host": os.uname().nodename}
     record = Record(schema=1, key=part.key, of=part.of, state=state, **facts, **where)
@@ -80,7 +88,9 @@ def store_record(part: Part, folder: Path, state: State, **facts: Any) -> Record
 
 
 def compile_rod() -> None:
-    """Compile the rod simulation, or load its cache, so that no part is charged for that time."""
+    """Compile the rod simulation, or load its cache, so that no part is charged for
+    that time.
+    """
     from drivers.strip.describe import describe
     from drivers.strip.file import paper_strip
     from drivers.strip.rod.engine import Rod
@@ -94,21 +104,29 @@ class Engine(Protocol):
     """Protocol of an engine that measures parts, here or on other machines."""
 
     def measure(self, parts: Sequence[Part], folder: Path) -> Iterator[Record]:
-        """Yield the records of `parts` as they finish, each stored in the journal at `folder`."""
+        """Yield the records of `parts` as they finish, each stored in the journal at
+        `folder`.
+        """
 
     def calls(self) -> AbstractContextManager[Calls]:
-        """Open what carries out calls on the engine, for a search with a journal of its own."""
+        """Open what carries out calls on the engine, for a search with a journal of its
+        own.
+        """
 
 
 @dataclass(frozen=True, slots=True)
 class Local:
-    """Engine of `jobs` local processes; `limit` [s] bounds the wall time of a part, unless None."""
+    """Engine of `jobs` local processes; `limit` [s] bounds the wall time of a part,
+    unless None.
+    """
 
     jobs: int = 1
     limit: float | None = None
 
     def measure(self, parts: Sequence[Part], folder: Path) -> Iterator[Record]:
-        """Yield the records of `parts` as they finish; raises CellError if one cannot be stored."""
+        """Yield the records of `parts` as they finish; raises CellError if one cannot
+        be stored.
+        """
         pool = ProcessPool(min(self.jobs, len(parts)), compile_rod)
         try:
             yield from measure_in(pool, parts, folder, self.limit)
@@ -116,17 +134,20 @@ class Local:
             pool.kill()
 
     def calls(self) -> AbstractContextManager[Calls]:
-        """Open what carries out calls in the processes; WorkersLost when one of them dies."""
+        """Open what carries out calls in the processes; WorkersLost when one of them
+        dies.
+        """
         return workers(self.jobs)
 
 
 def measure_in(
     pool: ProcessPool, parts: Sequence[Part], folder: Path, limit: float | None
 ) -> Iterator[Record]:
-    """Measure `parts` in the processes of `pool`, and yield their records as they finish.
+    """Measure `parts` in the processes of `pool`, and yield their records as they
+    finish.
 
-    A part that outlives its `limit` [s], or kills its process twice, is set aside. Raises CellError
-    where a record cannot be stored.
+    A part that outlives its `limit` [s], or kills its process twice, is set aside.
+    Raises CellError where a record cannot be stored.
     """
     waiting = deque((part, measure, (part, folder)) for part in parts)
     deaths = Counter[str]()
@@ -147,22 +168,32 @@ def measure_in(
 
 
 def carry_out(
-    parts: Sequence[Part], folder: Path, engine: Engine, meter: Meter, *, again: bool = False
+    parts: Sequence[Part],
+    folder: Path,
+    engine: Engine,
+    meter: Meter,
+    *,
+    again: bool = False,
 ) -> Iterator[Record]:
-    """Yield the record of every part, finished ones first, then the others as they finish.
+    """Yield the record of every part, finished ones first, then the others as they
+    finish.
 
-    The journal at `folder` keeps the records; `again` measures all parts anew. Raises CellError
-    where the journal cannot be written or the workers are gone, KeyboardInterrupt from the
-    keyboard; finished parts are kept in either case.
+    The journal at `folder` keeps the records; `again` measures all parts anew. Raises
+    CellError where the journal cannot be written or the workers are gone,
+    KeyboardInterrupt from the keyboard; finished parts are kept in either case.
     """
     journal = Journal(folder)
     by_name = {(part.key, part.of): part for part in parts}
     if again:
         journal.forget(by_name)
     stored = {name: journal.get(*name) for name in by_name}
-    finished = {name: record for name, record in stored.items() if record and record.done}
+    finished = {
+        name: record for name, record in stored.items() if record and record.done
+    }
     finished_cost = sum(by_name[name].cost for name in finished)
-    meter.begin(len(parts), len(finished), sum(part.cost for part in parts), finished_cost)
+    meter.begin(
+        len(parts), len(finished), sum(part.cost for part in parts), finished_cost
+    )
     yield from finished.values()
     unfinished = [part for name, part in by_name.items() if name not in finished]
     if not unfinished:
@@ -174,6 +205,8 @@ def carry_out(
 
 
 def make_folder(folder: Path) -> None:
-    """Make `folder`, which workers must find; raises ConfigurationError where that fails."""
+    """Make `folder`, which workers must find; raises ConfigurationError where that
+    fails.
+    """
     with writing(f"--out: {folder}", "name another folder"):
         folder.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,6 @@
-"""Versions on which a campaign's numbers depend: those of libraries, digests of code and data."""
+"""Versions on which a campaign's numbers depend: those of libraries, digests of code
+and data.
+"""
 
 import hashlib
 from collections.abc import Sequence
@@ -32,7 +34,9 @@ def verdicts() -> str:
 
 
 def versions() -> dict[str, str]:
-    """Local versions of libraries that affect the numbers, and the digest of code and data."""
+    """Local versions of libraries that affect the numbers, and the digest of code and
+    data.
+    """
     here = {package: version(package) for package in PACKAGES}
     return {**here, "code": f"{code()}-{data()}"}
 
@@ -42,10 +46,14 @@ def sources(
     patterns: Sequence[str] = ("*.py", "*.yaml"),
     without: tuple[str, ...] = (),
 ) -> str:
-    """Digest, 16 digits, of the files at and below `places`, except those named by `without`."""
+    """Digest, 16 digits, of the files at and below `places`, except those named by
+    `without`.
+    """
     digest = hashlib.sha256()
     for pattern in patterns:
-        for path in sorted(p for place in places for p in _files(ROOT / place, pattern)):
+        for path in sorted(
+            p for place in places for p in _files(ROOT / place, pattern)
+        ):
             name = path.relative_to(ROOT).as_posix()
             if not name.startswith(without):
                 digest.update(name.encode() + b"\0" + path.read_bytes())

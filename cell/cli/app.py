@@ -1,4 +1,6 @@
-"""Assembly of the command line `cell`; commands import heavy modules only when they run."""
+"""Assembly of the command line `cell`; commands import heavy modules only when they
+run.
+"""
 
 import sys
 from typing import Annotated, Any
@@ -20,17 +22,30 @@ from cell.cli.strips import strips
 COMMANDS: dict[str, dict[str, Any]] = {
     "Folds": {"fold": fold, "runs": runs, "report": report, "note": note, "viz": viz},
     "What a model lacks": {
-        "gap": gap, "import": import_runs, "export": export_runs, "observe": observe,
+        "gap": gap,
+        "import": import_runs,
+        "export": export_runs,
+        "observe": observe,
     },
     "The cell": {
-        "doctor": doctor, "calibrate": calibrate, "camera": camera, "strips": strips,
-        "learn": learn, "home": home, "park": park, "jog": jog, "open": open_hand,
+        "doctor": doctor,
+        "calibrate": calibrate,
+        "camera": camera,
+        "strips": strips,
+        "learn": learn,
+        "home": home,
+        "park": park,
+        "jog": jog,
+        "open": open_hand,
         "register": register,
     },
     "Policies and simulation": {
-        "train": train, "benchmark": benchmark, "replay": replay, "twin": twin,
+        "train": train,
+        "benchmark": benchmark,
+        "replay": replay,
+        "twin": twin,
     },
-}  # fmt: skip
+}
 
 
 class Grouped(TyperGroup):
@@ -40,7 +55,9 @@ class Grouped(TyperGroup):
         """Write the commands under each heading as a section of the help text."""
         room = formatter.width - 6 - max(map(len, self.commands))
         for heading, named in COMMANDS.items():
-            shown = [(name, self.commands[name].get_short_help_str(room)) for name in named]
+            shown = [
+                (name, self.commands[name].get_short_help_str(room)) for name in named
+            ]
             with formatter.section(heading):
                 formatter.write_dl(shown)
 
@@ -48,7 +65,10 @@ class Grouped(TyperGroup):
 app = typer.Typer(
     name="cell",
     cls=Grouped,
-    help="Fold fabric strips with feedback from a camera, on hardware or on the digital twin.",
+    help=(
+        "Fold fabric strips with feedback from a camera, on hardware or on the digital"
+        " twin."
+    ),
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
@@ -73,8 +93,13 @@ def main(
     version: Annotated[
         bool,
         typer.Option(
-            "--version", callback=_print_version, is_eager=True, help="Print the version."
+            "--version",
+            callback=_print_version,
+            is_eager=True,
+            help="Print the version.",
         ),
     ] = False,
 ) -> None:
-    """Fold fabric strips with feedback from a camera, on hardware or on the digital twin."""
+    """Fold fabric strips with feedback from a camera, on hardware or on the digital
+    twin.
+    """

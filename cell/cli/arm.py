@@ -1,4 +1,6 @@
-"""Commands on the arm apart from folds: `cell home`, `park`, `jog`, `open` and `register`."""
+"""Commands on the arm apart from folds: `cell home`, `park`, `jog`, `open` and
+`register`.
+"""
 
 import sys
 from math import radians
@@ -31,13 +33,16 @@ def home(
     reset_tool: Annotated[
         bool,
         typer.Option(
-            "--reset-tool", help="Give the robot the Franka Hand without load as its tool."
+            "--reset-tool",
+            help="Give the robot the Franka Hand without load as its tool.",
         ),
     ] = False,
     full_speed: FullSpeed = False,
     configs: Configs = None,
 ) -> None:
-    """Move the gripper over the strip's edge, into the arm posture that can follow a fold."""
+    """Move the gripper over the strip's edge, into the arm posture that can follow a
+    fold.
+    """
     check_names(configs, strip)
     from cell.arm import manual_motion
 
@@ -47,7 +52,9 @@ def home(
     if settings.robot_address is None:
         _move(settings, trial, manual_motion.to_home(settings, lying))
     joints = manual_motion.home_joints(settings, lying)
-    _go_to(joints, settings, full_speed=full_speed, recover=recover, reset_tool=reset_tool)
+    _go_to(
+        joints, settings, full_speed=full_speed, recover=recover, reset_tool=reset_tool
+    )
     _print_result("the arm is home", settings)
 
 
@@ -57,7 +64,9 @@ def park(
     full_speed: FullSpeed = False,
     configs: Configs = None,
 ) -> None:
-    """Move the robot upright, out of the way; the cell's own twin moves to its home instead."""
+    """Move the robot upright, out of the way; the cell's own twin moves to its home
+    instead.
+    """
     from cell.arm import manual_motion
     from cell.devices.open import NO_STRIP
     from drivers.franka.kinematics import HOME
@@ -71,14 +80,18 @@ def park(
 
 
 def jog(
-    x: Annotated[float, length_option("--x", "Along the strip, as 20mm [mm].", "mm")] = 0.0,
+    x: Annotated[
+        float, length_option("--x", "Along the strip, as 20mm [mm].", "mm")
+    ] = 0.0,
     z: Annotated[float, length_option("--z", "Up, as 20mm [mm].", "mm")] = 0.0,
     pitch: Annotated[float, typer.Option(help="Turn [deg].")] = 0.0,
     arm: Arm = None,
     full_speed: FullSpeed = False,
     configs: Configs = None,
 ) -> None:
-    """Move the gripper a little from its present pose: along the strip, up, or in pitch."""
+    """Move the gripper a little from its present pose: along the strip, up, or in
+    pitch.
+    """
     if not (x or z or pitch):
         raise ConfigurationError("--x, --z, --pitch: give one at least, as --z 20mm")
     from cell.arm import manual_motion
@@ -91,12 +104,16 @@ def open_hand(arm: Arm = None, configs: Configs = None) -> None:
     """Open the fingers of the hand."""
     from cell.orchestrator import steps
 
-    settings, trial = _agree_to_motion(find_configs(configs).cell(), arm, full_speed=False)
+    settings, trial = _agree_to_motion(
+        find_configs(configs).cell(), arm, full_speed=False
+    )
     _move(settings, trial, lambda _: steps.open_hand(), "the fingers are open")
 
 
 def register(strip: Strip = "denim", configs: Configs = None) -> None:
-    """Locate desk and fixed edge for the robot: touch three points with its closed fingers."""
+    """Locate desk and fixed edge for the robot: touch three points with its closed
+    fingers.
+    """
     check_names(configs, strip)
     import numpy as np
 
@@ -110,12 +127,19 @@ def register(strip: Strip = "denim", configs: Configs = None) -> None:
 
     touched = []
     for number, point in enumerate(TOUCH_POINTS, start=1):
-        if not ask(f"{number} of 3: guide the finger tips to {point}, then press Enter: "):
-            raise ConfigurationError("the input ended before Enter was pressed; nothing is changed")
-        touched.append(hand_pose(robot)[12:15])  # the translation of a transform by columns
+        if not ask(
+            f"{number} of 3: guide the finger tips to {point}, then press Enter: "
+        ):
+            raise ConfigurationError(
+                "the input ended before Enter was pressed; nothing is changed"
+            )
+        # the translation of a transform by columns
+        touched.append(hand_pose(robot)[12:15])
     mounting = mounting_from_points(np.array(touched), length)
     path = write_mounting(found, mounting)
-    sys.stdout.write(f"registered: {mounting}\n  {path}; its last line has the old mounting\n")
+    sys.stdout.write(
+        f"registered: {mounting}\n  {path}; its last line has the old mounting\n"
+    )
 
 
 def _agree_to_motion(
@@ -123,7 +147,8 @@ def _agree_to_motion(
 ) -> "tuple[CellFile, Trial]":
     """Have the operator agree to a robot's motion; returns the settings and the trial.
 
-    The doctor checks the robot first, except to `recover`, which must always be possible.
+    The doctor checks the robot first, except to `recover`, which must always be
+    possible.
     """
     from cell.arm.run_settings import agree_to_slow_motion
 
@@ -139,7 +164,9 @@ def _go_to(
     recover: bool,
     reset_tool: bool = False,
 ) -> None:
-    """Bring the robot to `joints` (7,) [rad], at the speed of a first run unless `full_speed`."""
+    """Bring the robot to `joints` (7,) [rad], at the speed of a first run unless
+    `full_speed`.
+    """
     from cell.arm.manual_motion import robot_task
     from cell.arm.run_settings import FIRST_RUN_SPEED
     from drivers.arm.joint_requests import GoTo, go_to
@@ -155,7 +182,9 @@ def _move(
     motion: "Callable[[Snapshot], Motion]",
     done: str = "",
 ) -> NoReturn:
-    """Carry out one `motion`, print `done` or the outcome, and exit with the outcome's code."""
+    """Carry out one `motion`, print `done` or the outcome, and exit with the outcome's
+    code.
+    """
     from cell.arm.manual_motion import move_manually
     from cell.orchestrator.operator import Interrupt
 

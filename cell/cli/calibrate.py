@@ -22,29 +22,40 @@ if TYPE_CHECKING:
 
 SHORTEST_BOARD = 1e-3  # m
 SESSIONS = Path("calibrations")
-FIRST_LINE = "Calibrate the camera: `camera` its lens, `homography` its place; `check` touches it."
+FIRST_LINE = (
+    "Calibrate the camera: `camera` its lens, `homography` its place; `check`"
+    " touches it."
+)
 
 Out = Annotated[
     Path | None,
-    typer.Option(help="Folder of this session, new [default: calibrations/TIME-CELL-KIND]."),
+    typer.Option(
+        help="Folder of this session, new [default: calibrations/TIME-CELL-KIND]."
+    ),
 ]
 From = Annotated[
-    Path | None, typer.Option("--from", help="Solve the session in this folder again instead.")
+    Path | None,
+    typer.Option("--from", help="Solve the session in this folder again instead."),
 ]
 Resume = Annotated[
     Path | None,
-    typer.Option(help="Go on with the interrupted session in this folder; it keeps its settings."),
+    typer.Option(
+        help="Go on with the interrupted session in this folder; it keeps its settings."
+    ),
 ]
 Without = Annotated[
     list[int] | None,
-    typer.Option(help="With --from: leave the image or point with this number out; repeatable."),
+    typer.Option(
+        help="With --from: leave the image or point with this number out; repeatable."
+    ),
 ]
 Interactive = Annotated[
     bool, typer.Option("--interactive", help="Ask before each step on the twin too.")
 ]
 
 PrintTo = Annotated[
-    Path | None, typer.Option("--print", help="Only write the board as a PDF of true size.")
+    Path | None,
+    typer.Option("--print", help="Only write the board as a PDF of true size."),
 ]
 BoardLength = Annotated[
     float | None,
@@ -62,10 +73,14 @@ calibrate = typer.Typer(help=FIRST_LINE)
 @calibrate.callback(invoke_without_command=True)
 def calibrate_twin_camera(
     context: typer.Context,
-    out: Annotated[Path | None, typer.Option(help="Also write the calibration here.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Also write the calibration here.")
+    ] = None,
     configs: options.Configs = None,
 ) -> None:
-    """Without a further command: calibrate the twin's camera anew, for all later folds."""
+    """Without a further command: calibrate the twin's camera anew, for all later
+    folds.
+    """
     if (command := context.invoked_subcommand) is not None:
         if out is not None or configs is not None:
             raise ConfigurationError(f"cell calibrate: give options after `{command}`")
@@ -83,7 +98,8 @@ def calibrate_twin_camera(
     if out is not None:
         save_calibration(made, out)
     sys.stdout.write(
-        f"calibrated: {made.residual_mm:.2f} mm rms at points not used in the fit\n  {path}\n"
+        f"calibrated: {made.residual_mm:.2f} mm rms at points not used in the fit\n "
+        f" {path}\n"
     )
 
 
@@ -101,7 +117,9 @@ def calibrate_camera(
     configs: options.Configs = None,
     as_json: options.Json = False,
 ) -> None:
-    """Find the camera's lens from views of a ChArUco board; says which view is next, and why."""
+    """Find the camera's lens from views of a ChArUco board; says which view is next,
+    and why.
+    """
     from cell.calibrate.wizard import ROS, solve_lens
     from cell.calibrate.wizard_panel import wizard_at_terminal
 
@@ -117,8 +135,9 @@ def calibrate_camera(
         settings, devices = _open_devices(settings, "twin", camera)  # no arm is needed
         if measured is None and devices.aids is None and resume is None:
             raise ConfigurationError(
-                f"--measured: lay a ruler along {settings.boards.columns} squares of the board, "
-                f"and state their length; {1e3 * settings.boards.width:.1f}mm are configured"
+                f"--measured: lay a ruler along {settings.boards.columns} squares of"
+                " the board, and state their length;"
+                f" {1e3 * settings.boards.width:.1f}mm are configured"
             )
         session = (folder, "camera")
         with wizard_at_terminal(
@@ -127,7 +146,9 @@ def calibrate_camera(
             verdict = wizard.calibrate_lens(folder, measured)
     _print_session(verdict, folder, as_json=as_json)
     if folder is not None and verdict.passed and not as_json:
-        sys.stdout.write(f"next: cell calibrate homography --lens {quote(str(folder / ROS))}\n")
+        sys.stdout.write(
+            f"next: cell calibrate homography --lens {quote(str(folder / ROS))}\n"
+        )
     sys.exit(0 if verdict.passed else 1)
 
 
@@ -137,14 +158,20 @@ class HomographyOptions:
 
     lens: Annotated[
         Path | None,
-        typer.Option(help="Lens file of ROS or OpenCV [default: the newest in calibrations/]."),
+        typer.Option(
+            help="Lens file of ROS or OpenCV [default: the newest in calibrations/]."
+        ),
     ] = None
     poses: Annotated[
-        Path | None, typer.Option(help="Touch the poses of this file, an edited poses.yaml.")
+        Path | None,
+        typer.Option(help="Touch the poses of this file, an edited poses.yaml."),
     ] = None
     accept_anyway: Annotated[
         bool,
-        typer.Option("--accept-anyway", help="Take a refused calibration; every run then says so."),
+        typer.Option(
+            "--accept-anyway",
+            help="Take a refused calibration; every run then says so.",
+        ),
     ] = False
     arm: options.Arm = None
     full_speed: options.FullSpeed = False
@@ -155,7 +182,9 @@ class HomographyOptions:
     resume: Resume = None
     use: Annotated[
         bool,
-        typer.Option("--use", help="Name an accepted calibration in cell.yaml, for every fold."),
+        typer.Option(
+            "--use", help="Name an accepted calibration in cell.yaml, for every fold."
+        ),
     ] = False
     interactive: Interactive = False
     viz: options.VizOption = "save"
@@ -166,7 +195,9 @@ class HomographyOptions:
 @calibrate.command(name="homography")
 @options.taking(HomographyOptions)
 def calibrate_homography(given: HomographyOptions) -> None:
-    """Find the camera's map to the strip's plane, and its latency, by touches of the gripper."""
+    """Find the camera's map to the strip's plane, and its latency, by touches of the
+    gripper.
+    """
     settings = find_configs(given.configs).cell()
     if given.use:
         options.writable(given.configs)
@@ -178,7 +209,9 @@ def calibrate_homography(given: HomographyOptions) -> None:
         from cell.calibrate.wizard import solve_homography
 
         excluded = given.without or ()
-        verdict = solve_homography(given.again, excluded, folder, accept_anyway=given.accept_anyway)
+        verdict = solve_homography(
+            given.again, excluded, folder, accept_anyway=given.accept_anyway
+        )
     made, in_use = verdict.calibration, None
     if given.use and made is not None:
         in_use = _use_calibration(given.configs, made, folder or given.again)
@@ -188,8 +221,12 @@ def calibrate_homography(given: HomographyOptions) -> None:
     sys.exit(0 if verdict.passed else 1)
 
 
-def _touch(given: HomographyOptions, settings: "CellFile", folder: Path) -> "MapVerdict":
-    """Let the gripper touch points, as `given`, in a session in `folder`; returns its verdict."""
+def _touch(
+    given: HomographyOptions, settings: "CellFile", folder: Path
+) -> "MapVerdict":
+    """Let the gripper touch points, as `given`, in a session in `folder`; returns its
+    verdict.
+    """
     from calibration.lens import read_lens
     from cell.calibrate.wizard import newest_lens, read_poses, session_lens
     from cell.calibrate.wizard_panel import wizard_at_terminal
@@ -206,14 +243,18 @@ def _touch(given: HomographyOptions, settings: "CellFile", folder: Path) -> "Map
     with wizard_at_terminal(
         settings, devices, interactive=given.interactive, session=session, viz=given.viz
     ) as wizard:
-        return wizard.calibrate_homography(lens, folder, plan, accept_anyway=given.accept_anyway)
+        return wizard.calibrate_homography(
+            lens, folder, plan, accept_anyway=given.accept_anyway
+        )
 
 
 @calibrate.command(name="check")
 def calibrate_check(
     file: Annotated[
         Path | None,
-        typer.Argument(metavar="FILE", help="calibration.yaml [default: the one that folds use]."),
+        typer.Argument(
+            metavar="FILE", help="calibration.yaml [default: the one that folds use]."
+        ),
     ] = None,
     arm: options.Arm = None,
     full_speed: options.FullSpeed = False,
@@ -241,8 +282,12 @@ def calibrate_check(
     sys.exit(0 if verdict.passed else 1)
 
 
-def _session_folder(out: Path | None, resume: Path | None, cell: str, kind: str) -> Path:
-    """Folder of a wizard's session: of --resume, of --out if it is new, or one named by time."""
+def _session_folder(
+    out: Path | None, resume: Path | None, cell: str, kind: str
+) -> Path:
+    """Folder of a wizard's session: of --resume, of --out if it is new, or one named by
+    time.
+    """
     from datetime import UTC, datetime
 
     from calibration.wizard.session import SESSION_FILE
@@ -251,7 +296,9 @@ def _session_folder(out: Path | None, resume: Path | None, cell: str, kind: str)
         raise ConfigurationError("--resume: goes on in its own folder; remove --out")
     if resume is not None:
         if not (resume / SESSION_FILE).is_file():
-            raise ConfigurationError(f"--resume: {resume} holds no session: no {SESSION_FILE}")
+            raise ConfigurationError(
+                f"--resume: {resume} holds no session: no {SESSION_FILE}"
+            )
         return resume
     if out is None:
         return SESSIONS / f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{cell}-{kind}"
@@ -262,26 +309,39 @@ def _session_folder(out: Path | None, resume: Path | None, cell: str, kind: str)
 
 
 def _open_devices(
-    settings: "CellFile", arm: str | None, camera: str | None, *, full_speed: bool = False
+    settings: "CellFile",
+    arm: str | None,
+    camera: str | None,
+    *,
+    full_speed: bool = False,
 ) -> "tuple[CellFile, Devices]":
-    """Open the cell without a strip, once doctor and operator agree; returns settings, devices."""
+    """Open the cell without a strip, once doctor and operator agree; returns settings,
+    devices.
+    """
     from cell.arm.run_settings import agree_to_slow_motion
     from cell.devices.open import NO_STRIP, open_cell
 
     settings, trial = agree_to_slow_motion(
-        settings.with_drivers(arm, camera), options.ask, full_speed=full_speed, camera=True
+        settings.with_drivers(arm, camera),
+        options.ask,
+        full_speed=full_speed,
+        camera=True,
     )
     return settings, open_cell(settings, NO_STRIP, trial, calibrating=True)
 
 
-def _use_calibration(configs: Path | None, made: "Calibration", place: Path | None) -> Path:
+def _use_calibration(
+    configs: Path | None, made: "Calibration", place: Path | None
+) -> Path:
     """Name the file of calibration `made`, kept in the folder `place`, in cell.yaml."""
     from calibration.calibration import load_calibration
     from cell.calibrate.calibration_in_use import use_calibration
 
     file = Path() if place is None else place / "calibration.yaml"
     if not file.is_file() or load_calibration(file).id != made.id:
-        raise ConfigurationError("--use: keep this calibration in a folder first, by --out")
+        raise ConfigurationError(
+            "--use: keep this calibration in a folder first, by --out"
+        )
     cell_file = find_configs(configs).folder / "cell.yaml"
     use_calibration(cell_file, file)
     return cell_file
@@ -293,30 +353,41 @@ def _print_board(settings: "CellFile", path: Path) -> None:
 
     sheet = print_board(settings.boards, path)
     sys.stdout.write(
-        f"{path}: print it on {sheet} at 100 %, glue it on something flat; all "
-        f"{settings.boards.columns} squares must measure {1e3 * settings.boards.width:.1f} mm\n"
+        f"{path}: print it on {sheet} at 100 %, glue it on something flat; all"
+        f" {settings.boards.columns} squares must measure"
+        f" {1e3 * settings.boards.width:.1f} mm\n"
     )
 
 
 def _print_session(
     verdict: "LensVerdict | MapVerdict", folder: Path | None, *, as_json: bool
 ) -> None:
-    """Print the verdict of a session, and the page that is written into its `folder`, if any."""
+    """Print the verdict of a session, and the page that is written into its `folder`,
+    if any.
+    """
     from cell.calibrate.wizard_panel import print_verdict
     from cell.report.calibration_page import write_session_page
 
     page = None if folder is None else write_session_page(folder)
     if as_json:
-        print_json(verdict.facts() | {"folder": None if folder is None else str(folder)})
+        print_json(
+            verdict.facts() | {"folder": None if folder is None else str(folder)}
+        )
         return
     print_verdict(verdict.lines())
     sys.stdout.write("" if page is None else f"  {page}\n")
 
 
-def _print_use(made: "Calibration | None", folder: Path | None, in_use: Path | None) -> None:
-    """Print how to use the calibration `made` in `folder`, or that the file `in_use` names it."""
+def _print_use(
+    made: "Calibration | None", folder: Path | None, in_use: Path | None
+) -> None:
+    """Print how to use the calibration `made` in `folder`, or that the file `in_use`
+    names it.
+    """
     if made is None:
-        sys.stdout.write("not accepted; --accept-anyway takes it, and every run will say so\n")
+        sys.stdout.write(
+            "not accepted; --accept-anyway takes it, and every run will say so\n"
+        )
     elif in_use is not None:
         sys.stdout.write(f"in use: {in_use} names it\n")
     elif folder is None:

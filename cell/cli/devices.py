@@ -23,7 +23,10 @@ def doctor(
     runs: Runs = Path("runs"),
     configs: Configs = None,
     seconds: Annotated[
-        float, typer.Option(min=1, max=3600, help="How long the network to the robot is tested.")
+        float,
+        typer.Option(
+            min=1, max=3600, help="How long the network to the robot is tested."
+        ),
     ] = 60.0,
     as_json: Json = False,
 ) -> None:
@@ -44,25 +47,35 @@ def doctor(
 def camera(
     device: Annotated[
         str | None,
-        typer.Option(help="Camera by its link, /dev/v4l/by-id/... [default: that of cell.yaml]."),
+        typer.Option(
+            help="Camera by its link, /dev/v4l/by-id/... [default: that of cell.yaml]."
+        ),
     ] = None,
-    grab: Annotated[Path | None, typer.Option(help="Take a picture into this PNG file.")] = None,
+    grab: Annotated[
+        Path | None, typer.Option(help="Take a picture into this PNG file.")
+    ] = None,
     configs: Configs = None,
     as_json: Json = False,
 ) -> None:
-    """List cameras with their formats and controls, or take a picture with one of them."""
+    """List cameras with their formats and controls, or take a picture with one of
+    them.
+    """
     if grab is not None:
         _grab(_settings(device, configs), grab, as_json=as_json)
         return
     from drivers.camera.camera import list_cameras, report
     from drivers.camera.device import Kernel
 
-    found = list_cameras(Kernel()) if device is None else iter([report(Kernel(), device)])
+    found = (
+        list_cameras(Kernel()) if device is None else iter([report(Kernel(), device)])
+    )
     _print_cameras(found, as_json=as_json)
 
 
 def _settings(device: str | None, configs: Path | None) -> "V4l2Settings":
-    """Settings of the camera in cell.yaml, or suitable ones for another camera `device`."""
+    """Settings of the camera in cell.yaml, or suitable ones for another camera
+    `device`.
+    """
     from cell.devices.real_camera import suggest_settings
     from drivers.camera.camera import report
     from drivers.camera.device import Kernel
@@ -88,25 +101,33 @@ def _grab(settings: "V4l2Settings", path: Path, *, as_json: bool) -> None:
     taken = grab(settings)
     write_image(path, taken.frame.image)
     if as_json:
-        facts = {"measured_rate": taken.rate, "age": taken.age, "counts": asdict(taken.counts)}
-        facts |= {"stamp_source": taken.frame.stamp_source, "locks": dict(taken.setup.locks)}
+        facts = {
+            "measured_rate": taken.rate,
+            "age": taken.age,
+            "counts": asdict(taken.counts),
+        }
+        facts |= {
+            "stamp_source": taken.frame.stamp_source,
+            "locks": dict(taken.setup.locks),
+        }
         print_json({"file": path, **asdict(taken.setup.picture), **facts})
         return
     counts = taken.counts
     picture = taken.setup.picture
     locks = ", ".join(f"{name} {value}" for name, value in taken.setup.locks.items())
     sys.stdout.write(
-        f"{path}: {picture.format} {picture.width}x{picture.height} of {settings.device}\n"
-        f"  {taken.rate:.1f} Hz by the stamps, {picture.rate:g} agreed; known "
-        f"{1e3 * taken.age:.0f} ms after the middle of the exposure, stamped by the "
-        f"{taken.frame.stamp_source}\n"
-        f"  {counts.arrived} frames, {counts.missing} missing, {counts.corrupt} corrupt, "
-        f"{counts.restamped} without a stamp to trust\n"
-        f"  locked: {locks or 'nothing'}\n"
+        f"{path}: {picture.format} {picture.width}x{picture.height} of"
+        f" {settings.device}\n  {taken.rate:.1f} Hz by the stamps, {picture.rate:g}"
+        f" agreed; known {1e3 * taken.age:.0f} ms after the middle of the exposure,"
+        f" stamped by the {taken.frame.stamp_source}\n  {counts.arrived} frames,"
+        f" {counts.missing} missing, {counts.corrupt} corrupt, {counts.restamped}"
+        f" without a stamp to trust\n  locked: {locks or 'nothing'}\n"
     )
 
 
-def _print_cameras(found: "Iterator[CameraReport | UnusableDevice]", *, as_json: bool) -> None:
+def _print_cameras(
+    found: "Iterator[CameraReport | UnusableDevice]", *, as_json: bool
+) -> None:
     """Print cameras with their formats and controls."""
     from drivers.camera.camera import UnusableDevice
 
@@ -127,7 +148,9 @@ def _print_cameras(found: "Iterator[CameraReport | UnusableDevice]", *, as_json:
 
 
 def _mode_facts(entry: "CameraReport") -> dict[str, Any] | None:
-    """Section `camera` of cell.yaml that suits a camera; None without a format that can be read."""
+    """Section `camera` of cell.yaml that suits a camera; None without a format that can
+    be read.
+    """
     from cell.devices.real_camera import suggest_settings
 
     settings = suggest_settings(entry)
@@ -141,8 +164,12 @@ def _camera_lines(entry: "CameraReport") -> Iterator[str]:
     identity = entry.identity
     yield f"{entry.device}: {identity.card} ({identity.driver}, {identity.bus})"
     yield "  formats"
-    yield from (f"    {mode} Hz" for mode in entry.modes if mode.format in READABLE_FORMATS)
-    others = {mode.format: None for mode in entry.modes if mode.format not in READABLE_FORMATS}
+    yield from (
+        f"    {mode} Hz" for mode in entry.modes if mode.format in READABLE_FORMATS
+    )
+    others = {
+        mode.format: None for mode in entry.modes if mode.format not in READABLE_FORMATS
+    }
     if others:
         yield f"    not read by this driver: {', '.join(others)}"
     yield "  controls"

@@ -58,56 +58,81 @@ class FoldOptions:
     ] = None
     thickness: Annotated[
         float | None,
-        options.length_option("--thickness", "Its thickness, where calipers are at hand [m]."),
+        options.length_option(
+            "--thickness", "Its thickness, where calipers are at hand [m]."
+        ),
     ] = None
-    checkpoint: Annotated[Path | None, typer.Option(help="Weights of a learned policy.")] = None
+    checkpoint: Annotated[
+        Path | None, typer.Option(help="Weights of a learned policy.")
+    ] = None
     plant: Annotated[
-        list[str] | None, typer.Option(help=f"{options.PLANT_HELP}; repeatable.", metavar="PLANT")
+        list[str] | None,
+        typer.Option(help=f"{options.PLANT_HELP}; repeatable.", metavar="PLANT"),
     ] = None
     arm: options.Arm = None
     camera: options.Camera = None
     repeat: Annotated[int, typer.Option(min=1, help="Folds of each plant.")] = 1
-    seed: Annotated[int, typer.Option(min=0, help="Seed of fold 0; fold i uses seed + i.")] = 0
+    seed: Annotated[
+        int, typer.Option(min=0, help="Seed of fold 0; fold i uses seed + i.")
+    ] = 0
     jobs: Annotated[int, typer.Option(min=1, help="Folds side by side.")] = 1
     runs: options.Runs = Path("runs")
     configs: options.Configs = None
     frames: Annotated[
         Literal["all", "key", "none"] | None, typer.Option(help="Which images to keep.")
     ] = None
-    film: Annotated[Film | None, typer.Option(help="Encoder of the film of all images.")] = None
+    film: Annotated[
+        Film | None, typer.Option(help="Encoder of the film of all images.")
+    ] = None
     viz: options.VizOption = "save"
     dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Predict the fold and check its limits; move nothing.")
+        bool,
+        typer.Option(
+            "--dry-run", help="Predict the fold and check its limits; move nothing."
+        ),
     ] = False
     rehearse: Annotated[
-        bool, typer.Option("--rehearse", help="The fold in the air, 20 cm higher, without fabric.")
+        bool,
+        typer.Option(
+            "--rehearse", help="The fold in the air, 20 cm higher, without fabric."
+        ),
     ] = False
     no_truth: Annotated[
-        bool, typer.Option("--no-truth", help="Keep the twin's truth out of the record.")
+        bool,
+        typer.Option("--no-truth", help="Keep the twin's truth out of the record."),
     ] = False
     full_speed: options.FullSpeed = False
     specimen: Annotated[
-        str | None, typer.Option(help="Name of this piece of fabric, for what the cell learns.")
+        str | None,
+        typer.Option(help="Name of this piece of fabric, for what the cell learns."),
     ] = None
     learning: Annotated[
         str | None,
-        typer.Option(help="Learn from the fold: on, off, auto, or a length to correct by."),
+        typer.Option(
+            help="Learn from the fold: on, off, auto, or a length to correct by."
+        ),
     ] = None
     until: Annotated[
         str | None,
-        typer.Option(help="Edges as close as this end --repeat; each fold corrects the next."),
+        typer.Option(
+            help="Edges as close as this end --repeat; each fold corrects the next."
+        ),
     ] = None
     as_json: options.Json = False
 
     def strip_name(self) -> str:
-        """Name of the strip; an unmeasured strip is named by its length and thickness."""
+        """Name of the strip; an unmeasured strip is named by its length and
+        thickness.
+        """
         if (self.strip == "unknown") != (self.length is not None):
             raise ConfigurationError(
-                "--length: goes with `--strip unknown`, which needs it; other strips have a file"
+                "--length: goes with `--strip unknown`, which needs it; other strips"
+                " have a file"
             )
         if self.thickness is not None and self.length is None:
             raise ConfigurationError(
-                "--thickness: goes with `--strip unknown`; other strips have a file that states it"
+                "--thickness: goes with `--strip unknown`; other strips have a file"
+                " that states it"
             )
         if self.length is None:
             return self.strip
@@ -116,15 +141,19 @@ class FoldOptions:
         return unmeasured_name(self.length, self.thickness)
 
     def close_edges(self) -> float | None:
-        """Offset [m] of the edges at which `--until` ends a series of folds; None unless given.
+        """Offset [m] of the edges at which `--until` ends a series of folds; None
+        unless given.
 
-        Raises ConfigurationError beside options with which no fold corrects the next one.
+        Raises ConfigurationError beside options with which no fold corrects the next
+        one.
         """
         if self.until is None:
             return None
         offset = metres("--until", self.until, LARGEST_OFFSET)
         if self.rehearse:
-            raise ConfigurationError("--until: folds on the desk; leave it or --rehearse out")
+            raise ConfigurationError(
+                "--until: folds on the desk; leave it or --rehearse out"
+            )
         if self.learning not in {None, "on", "auto"}:
             raise ConfigurationError(
                 "--until: corrects each fold by those before; use --learning on"
@@ -132,7 +161,9 @@ class FoldOptions:
         return offset
 
     def request(self, configurations: Configs, strip: str) -> "Request":
-        """Request of the first fold, of the strip called `strip`, with its learned correction."""
+        """Request of the first fold, of the strip called `strip`, with its learned
+        correction.
+        """
         from cell.devices.devices import Trial
         from cell.folding.request import Learning, Recording, Request, with_correction
 
@@ -156,21 +187,29 @@ class FoldOptions:
 
 @options.taking(FoldOptions)
 def fold(given: FoldOptions) -> None:
-    """Fold a strip in half, record the run, and print how well its edges are aligned."""
+    """Fold a strip in half, record the run, and print how well its edges are
+    aligned.
+    """
     options.check_names(given.configs, given.strip, given.policy)
     name = given.strip_name()
     close_edges = given.close_edges()
     configurations = find_configs(given.configs)
-    plant_files = [configurations.plant_path(name_or_path) for name_or_path in given.plant or []]
+    plant_files = [
+        configurations.plant_path(name_or_path) for name_or_path in given.plant or []
+    ]
     if given.checkpoint is not None:
-        options.check_readable(given.checkpoint, "; name another checkpoint or train one")
+        options.check_readable(
+            given.checkpoint, "; name another checkpoint or train one"
+        )
     if not (given.dry_run or given.rehearse):
         check_recordable(given.runs)
     from cell.folding.request import check_request, doubts_about, repetitions
     from drivers.strip.describe import load_plant
 
     base = given.request(configurations, name)
-    requests = repetitions(base, [load_plant(path) for path in plant_files], given.repeat)
+    requests = repetitions(
+        base, [load_plant(path) for path in plant_files], given.repeat
+    )
     check_request(requests[0])
     for doubt in doubts_about(requests):
         notice(doubt)
@@ -187,8 +226,8 @@ def _fold_all(
 ) -> int:
     """Carry out folds and print each result; returns the exit code.
 
-    That is the largest of the folds', or with `until` [m] that of the last one, 1 where no edges
-    lie as close.
+    That is the largest of the folds', or with `until` [m] that of the last one, 1 where
+    no edges lie as close.
     """
     from cell.folding.batch import agreed, fold_all
     from cell.folding.request import with_correction
@@ -198,14 +237,19 @@ def _fold_all(
     exit_code = 0
     try:
         results = fold_all(requests, jobs, until, callbacks)
-        for request, result in zip(requests, results, strict=False):  # an interrupt ends them
+        # an interrupt ends them
+        for request, result in zip(requests, results, strict=False):
             if as_json:
                 print_json(result.line())
                 sys.stdout.flush()
                 if result.warning:
                     notice(result.warning)
                 if result.exit_code != 0:
-                    notice(": ".join(filter(None, (result.run, result.outcome, result.reason))))
+                    notice(
+                        ": ".join(
+                            filter(None, (result.run, result.outcome, result.reason))
+                        )
+                    )
             elif not result.run:  # a recorded fold was told as soon as it was known
                 notice(result.reason)
             exit_code = max(exit_code, result.exit_code)
@@ -221,7 +265,9 @@ def _fold_all(
 
 
 def _callbacks(robot: str, *, as_json: bool) -> "Callbacks":
-    """Callbacks to the operator in a batch of folds; `robot` is a remark on an emulated robot."""
+    """Callbacks to the operator in a batch of folds; `robot` is a remark on an emulated
+    robot.
+    """
     from cell.arm.run_settings import await_strip
     from cell.folding.batch import Callbacks
 
@@ -250,7 +296,11 @@ def _rehearse(request: "Request", *, as_json: bool) -> int:
     (request,) = agreed([request], options.ask)
     with Interrupt() as interrupted:
         outcome = rehearse(request, interrupted)
-    facts = {"outcome": outcome.name, "reason": outcome.reason, "exit_code": outcome.exit_code}
+    facts = {
+        "outcome": outcome.name,
+        "reason": outcome.reason,
+        "exit_code": outcome.exit_code,
+    }
     lines = (f"{outcome.name}: {outcome.reason}", request.cell.emulation)
     say(facts, "\n  ".join(filter(None, lines)), as_json=as_json)
     return outcome.exit_code
@@ -274,7 +324,9 @@ class _ProgressLine:
         self._count = 0
 
     def handle_tick(self, snapshot: "Snapshot") -> None:
-        """Show the state, time, gripper and desk contact of each TICKS_SHOWN-th tick."""
+        """Show the state, time, gripper and desk contact of each TICKS_SHOWN-th
+        tick.
+        """
         self._count += 1
         if self._count % TICKS_SHOWN:
             return
@@ -287,14 +339,18 @@ class _ProgressLine:
         self._show(text)
 
     def handle_event(self, time: float, kind: str, facts: dict[str, object]) -> None:
-        """Print a fault on a line of its own, which stays visible; ignore other events."""
+        """Print a fault on a line of its own, which stays visible; ignore other
+        events.
+        """
         if kind == "fault":
             sys.stderr.write(f"{time:.2f} s  {facts['name']}: {facts['reason']}\n")
 
 
 @contextmanager
 def _progress(strip: str) -> "Iterator[tuple[Observer, ...]]":
-    """Observers that show the progress of a fold of `strip`; none without a terminal."""
+    """Observers that show the progress of a fold of `strip`; none without a
+    terminal.
+    """
     if not sys.stderr.isatty():
         yield ()
         return

@@ -1,4 +1,6 @@
-"""Commands `cell gap`: where simulation and measurements disagree, and which effect is missing."""
+"""Commands `cell gap`: where simulation and measurements disagree, and which effect is
+missing.
+"""
 
 import json
 import os
@@ -39,7 +41,10 @@ if TYPE_CHECKING:
 COPY_TIMEOUT = 3600.0  # s of a copy in which an effect is hidden
 
 gap = typer.Typer(
-    help="Find where simulation and measured data disagree, name the missing effect, add it.",
+    help=(
+        "Find where simulation and measured data disagree, name the missing effect,"
+        " add it."
+    ),
     no_args_is_help=True,
 )
 
@@ -48,20 +53,27 @@ StripFileName = Annotated[
     typer.Option("--strip", help="Strip by name, or a path to its file."),
 ]
 Model = Annotated[
-    Path | None, typer.Option("--model", help="The mechanism file, in place of a strip.")
+    Path | None,
+    typer.Option("--model", help="The mechanism file, in place of a strip."),
 ]
 Subject = Annotated[
     str | None,
-    typer.Option("--subject", help="A mechanism of the configuration by name: the cell's `arm`."),
+    typer.Option(
+        "--subject", help="A mechanism of the configuration by name: the cell's `arm`."
+    ),
 ]
 Jobs = Annotated[
-    int | None, typer.Option(min=1, help="Simulations side by side; all cores if not given.")
+    int | None,
+    typer.Option(min=1, help="Simulations side by side; all cores if not given."),
 ]
-Fitted = Annotated[Path, typer.Argument(metavar="DIR", help="The folder that a fit wrote.")]
+Fitted = Annotated[
+    Path, typer.Argument(metavar="DIR", help="The folder that a fit wrote.")
+]
 
 Plant = Annotated[str | None, typer.Option(help=f"{PLANT_HELP}.", metavar="PLANT")]
 PlanFolder = Annotated[
-    Path | None, typer.Option("--runs", help="New folder of these runs [runs/NAME-plan].")
+    Path | None,
+    typer.Option("--runs", help="New folder of these runs [runs/NAME-plan]."),
 ]
 NoTruth = Annotated[
     bool, typer.Option("--no-truth", help="Keep the twin's truth out of the records.")
@@ -76,40 +88,52 @@ def plan(
     strip: Strip,
     plant: Plant = None,
     runs: PlanFolder = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of run 0; run i uses seed + i.")] = 0,
+    seed: Annotated[
+        int, typer.Option(min=0, help="Seed of run 0; run i uses seed + i.")
+    ] = 0,
     jobs: Annotated[int, typer.Option(min=1, help="Runs side by side.")] = 1,
     configs: Configs = None,
     no_truth: NoTruth = False,
     dry_run: DryRun = False,
     as_json: Json = False,
 ) -> None:
-    """Fold the standard runs, by which `cell gap fit` identifies what a strip's model lacks."""
+    """Fold the standard runs, by which `cell gap fit` identifies what a strip's model
+    lacks.
+    """
     check_names(configs, strip)
     from cell.record.files import runs_in
 
     folder = runs or Path("runs") / f"{Path(strip).stem}-plan"
     if runs_in(folder):
         raise ConfigurationError(
-            f"--runs: {folder} holds runs already; name a new folder, so that the standard runs "
-            "stay together"
+            f"--runs: {folder} holds runs already; name a new folder, so that the"
+            " standard runs stay together"
         )
     if not dry_run:
         check_recordable(folder)
-    requests = _standard_runs(find_configs(configs), strip, plant, folder, seed, truth=not no_truth)
+    requests = _standard_runs(
+        find_configs(configs), strip, plant, folder, seed, truth=not no_truth
+    )
     if dry_run:
         from cell.folding.request import standard_run
 
         for i, request in enumerate(requests):
             name, shows = standard_run(request)
             if as_json:
-                print_json({"run": i, "name": name, "speed": request.speed, "shows": shows})
+                print_json(
+                    {"run": i, "name": name, "speed": request.speed, "shows": shows}
+                )
             else:
-                sys.stdout.write(f"{i:2d}  {name:15s} {request.speed:.2f} m/s  shows {shows}\n")
+                sys.stdout.write(
+                    f"{i:2d}  {name:15s} {request.speed:.2f} m/s  shows {shows}\n"
+                )
         return
     file = _subject_file(strip, None, configs, None)
     words = ("cell", "gap", "fit", folder, "--strip", file, "--out", f"{folder}-fit")
     next_step = f"next: {shlex.join(map(str, words))}\n"
-    with resumable(folder, f"fit two or more, or plan all with another --runs\n{next_step}"):
+    with resumable(
+        folder, f"fit two or more, or plan all with another --runs\n{next_step}"
+    ):
         code = _fold_all(requests, jobs, as_json=as_json)
         if code == INTERRUPTED_CODE:
             raise KeyboardInterrupt
@@ -119,9 +143,17 @@ def plan(
 
 
 def _standard_runs(
-    found: Configurations, strip: str, plant: str | None, folder: Path, seed: int, *, truth: bool
+    found: Configurations,
+    strip: str,
+    plant: str | None,
+    folder: Path,
+    seed: int,
+    *,
+    truth: bool,
 ) -> "Sequence[Request]":
-    """Requests of the standard runs of `strip` into `folder`, the `plant` on the desk if given."""
+    """Requests of the standard runs of `strip` into `folder`, the `plant` on the desk
+    if given.
+    """
     plant_file = None if plant is None else found.plant_path(plant)
     from cell.devices.devices import Trial
     from cell.folding.request import Recording, Request, standard_requests
@@ -135,7 +167,9 @@ def _standard_runs(
 
 
 def _fold_all(requests: "Sequence[Request]", jobs: int, *, as_json: bool) -> int:
-    """Fold the standard runs and print each result; returns the largest exit code of all."""
+    """Fold the standard runs and print each result; returns the largest exit code of
+    all.
+    """
     from cell.arm.run_settings import await_strip
     from cell.folding.batch import Callbacks, agreed, fold_all
     from cell.folding.request import standard_run
@@ -144,7 +178,9 @@ def _fold_all(requests: "Sequence[Request]", jobs: int, *, as_json: bool) -> int
     code = 0
     callbacks = Callbacks(lay_again=lambda: await_strip(ask))
     results = while_busy("folding", fold_all(requests, jobs, callbacks=callbacks))
-    for i, (request, result) in enumerate(zip(requests, results, strict=False), start=1):
+    for i, (request, result) in enumerate(
+        zip(requests, results, strict=False), start=1
+    ):
         if not result.run:
             notice(result.reason)
             return result.exit_code
@@ -153,7 +189,9 @@ def _fold_all(requests: "Sequence[Request]", jobs: int, *, as_json: bool) -> int
         else:
             name, reveals = standard_run(request)
             d = result.displacement
-            outcome = result.outcome + ("" if d is None else f", displacement {1e3 * d:.1f} mm")
+            outcome = result.outcome + (
+                "" if d is None else f", displacement {1e3 * d:.1f} mm"
+            )
             text = f"{name:15s} {outcome:32s} shows {reveals}  {result.run}"
             sys.stdout.write(f"{i}/{len(requests)}  {text}\n")
         sys.stdout.flush()
@@ -171,7 +209,8 @@ def rehearse(
     configs: Configs = None,
     as_json: Json = False,
 ) -> None:
-    """Hide each effect in turn in simulated copies of these runs: would a fit name the effect?
+    """Hide each effect in turn in simulated copies of these runs: would a fit name the
+    effect?
 
     Finished copies are kept in OUT: run the command again to resume.
     """
@@ -182,7 +221,9 @@ def rehearse(
 
     threads = _threads(jobs)
     chosen = engine(threads, cluster, COPY_TIMEOUT)
-    planned = rehearsal.rehearsal_plan(runs, _subject_file(strip, None, configs, None), threads)
+    planned = rehearsal.rehearsal_plan(
+        runs, _subject_file(strip, None, configs, None), threads
+    )
     console = None if as_json else Console(stderr=True)
     with resumable(out), Meter(console, rehearsal.progress_line) as meter:
         records = rehearsal.rehearse(planned, out, chosen, meter)
@@ -196,7 +237,9 @@ def rehearse(
 @gap.command()
 def fit(
     runs: RunFolders,
-    out: Annotated[Path, typer.Option("--out", help="Folder for verdict, report and patches.")],
+    out: Annotated[
+        Path, typer.Option("--out", help="Folder for verdict, report and patches.")
+    ],
     strip: StripFileName = None,
     model: Model = None,
     subject: Subject = None,
@@ -204,16 +247,22 @@ def fit(
         list[str] | None, typer.Option(help="A run that only judges; repeatable.")
     ] = None,
     without: Annotated[
-        list[str] | None, typer.Option(help="An effect withheld from the library; repeatable.")
+        list[str] | None,
+        typer.Option(help="An effect withheld from the library; repeatable."),
     ] = None,
     unchecked: Annotated[
-        bool, typer.Option("--unchecked", help="Fit recordings that `cell gap check` refuses.")
+        bool,
+        typer.Option(
+            "--unchecked", help="Fit recordings that `cell gap check` refuses."
+        ),
     ] = False,
     jobs: Jobs = None,
     configs: Configs = None,
     as_json: Json = False,
 ) -> None:
-    """Name the effects that a model lacks in measured runs; says so where runs cannot decide."""
+    """Name the effects that a model lacks in measured runs; says so where runs cannot
+    decide.
+    """
     file = _subject_file(strip, model, configs, subject)
     from cell.gap.fit import FitOptions, fit as fit_runs
     from cell.gap.open_subject import option_for
@@ -237,7 +286,9 @@ def fit(
 @gap.command()
 def check(
     runs: RunFolders,
-    out: Annotated[Path, typer.Option("--out", help="Folder for check.json and check.html.")],
+    out: Annotated[
+        Path, typer.Option("--out", help="Folder for check.json and check.html.")
+    ],
     strip: StripFileName = None,
     model: Model = None,
     subject: Subject = None,
@@ -245,7 +296,8 @@ def check(
     configs: Configs = None,
     as_json: Json = False,
 ) -> None:
-    """Check recordings before a fit: samples, clocks, duplicates, and what the runs can show.
+    """Check recordings before a fit: samples, clocks, duplicates, and what the runs can
+    show.
 
     Exit code 2 where `cell gap fit` refuses them.
     """
@@ -271,22 +323,32 @@ def accept(
     model: Model = None,
     subject: Subject = None,
     law: Annotated[
-        bool, typer.Option("--law", help="Accept the law that describes what nothing explains.")
+        bool,
+        typer.Option(
+            "--law", help="Accept the law that describes what nothing explains."
+        ),
     ] = False,
     force: Annotated[
-        bool, typer.Option("--force", help="Accept what is suspected, where nothing is named.")
+        bool,
+        typer.Option(
+            "--force", help="Accept what is suspected, where nothing is named."
+        ),
     ] = False,
     configs: Configs = None,
     as_json: Json = False,
 ) -> None:
-    """Write the named effects into the strip's file, or into cell.yaml if they are the cell's.
+    """Write the named effects into the strip's file, or into cell.yaml if they are the
+    cell's.
 
-    For a mechanism: into an MJCF file beside its model; what MJCF cannot state, into its file.
+    For a mechanism: into an MJCF file beside its model; what MJCF cannot state, into
+    its file.
     """
     from cell.gap.verdict.accept import accept as apply_patch
 
     file = _subject_file(strip, model, configs, subject)
-    changed = apply_patch(fitted, file, _cell_file(model, configs), law=law, force=force)
+    changed = apply_patch(
+        fitted, file, _cell_file(model, configs), law=law, force=force
+    )
     _print_changed("accepted", changed, as_json=as_json)
 
 
@@ -308,8 +370,12 @@ def undo(
 
 
 def _print_changed(what: str, changed: "AcceptResult", *, as_json: bool) -> None:
-    """Print which effects `changed`, accepted or undone as `what` says, and in which files."""
-    text = "\n  ".join([f"{what}: {', '.join(changed.effects)}", *map(str, changed.files)])
+    """Print which effects `changed`, accepted or undone as `what` says, and in which
+    files.
+    """
+    text = "\n  ".join(
+        [f"{what}: {', '.join(changed.effects)}", *map(str, changed.files)]
+    )
     say({what: changed.effects, "files": changed.files}, text, as_json=as_json)
 
 
@@ -338,11 +404,13 @@ def advise(fitted: Fitted, as_json: Json = False) -> None:
 def _subject_file(
     strip: str | None, model: Path | None, configs: Path | None, subject: str | None
 ) -> Path:
-    """File that --strip, --model or --subject names; ConfigurationError unless one is given."""
+    """File that --strip, --model or --subject names; ConfigurationError unless one is
+    given.
+    """
     if sum(given is not None for given in (strip, model, subject)) != 1:
         raise ConfigurationError(
-            "--strip, --model, --subject: give exactly one: a strip by name or file, the file of a "
-            "mechanism, or the name of a mechanism of the configuration"
+            "--strip, --model, --subject: give exactly one: a strip by name or file,"
+            " the file of a mechanism, or the name of a mechanism of the configuration"
         )
     if strip is not None:
         return _relative(find_configs(configs).strip_path(strip))
@@ -375,11 +443,15 @@ def _next_command(verdict: "Verdict", out: Path, option: str, *, law: bool) -> s
         return f"cell gap accept {place} {option} --law   (a description, no name)"
     if verdict.verdict == "unexplained":
         return f"open {out / 'report.html'}: where it sits, and what stands beside it"
-    return f"cell fold {option}" if option.startswith("--strip") else "nothing to accept"
+    return (
+        f"cell fold {option}" if option.startswith("--strip") else "nothing to accept"
+    )
 
 
 def _cell_file(model: Path | None, configs: Path | None) -> Path | None:
-    """Path of cell.yaml, None with a mechanism's `model`; ConfigurationError if unreadable."""
+    """Path of cell.yaml, None with a mechanism's `model`; ConfigurationError if
+    unreadable.
+    """
     if model is not None:
         return None
     found = find_configs(configs)
@@ -389,7 +461,9 @@ def _cell_file(model: Path | None, configs: Path | None) -> Path | None:
 
 @contextmanager
 def _progress() -> Iterator[Callable[[str, float], None]]:
-    """Yield a callback that shows stage and share of the work, off a terminal line by line."""
+    """Yield a callback that shows stage and share of the work, off a terminal line by
+    line.
+    """
     with busy("reading") as show:
         tell = show if sys.stderr.isatty() else notice
         yield lambda stage, share: tell(f"{100 * share:3.0f} % {stage}")

@@ -24,12 +24,15 @@ LONGEST_EDGES = 0.1  # m, of an offset by a ruler
 What = Annotated[
     str,
     typer.Argument(
-        metavar="WHAT", help="show, list, forget, off, on, or a run that was measured by a ruler."
+        metavar="WHAT",
+        help="show, list, forget, off, on, or a run that was measured by a ruler.",
     ),
 ]
 ForgottenRun = Annotated[
     Path | None,
-    typer.Argument(metavar="RUN", parser=run_folder, help="With forget: the one run to forget."),
+    typer.Argument(
+        metavar="RUN", parser=run_folder, help="With forget: the one run to forget."
+    ),
 ]
 
 
@@ -37,18 +40,27 @@ def learn(
     what: What = "show",
     run: ForgottenRun = None,
     edges: Annotated[
-        str | None, typer.Option(help="Offset of the run's laid edges by a ruler, as 3.5mm.")
+        str | None,
+        typer.Option(help="Offset of the run's laid edges by a ruler, as 3.5mm."),
     ] = None,
     sure: Annotated[
-        bool, typer.Option("--sure", help="Believe the ruler, however far from the camera it is.")
+        bool,
+        typer.Option(
+            "--sure", help="Believe the ruler, however far from the camera it is."
+        ),
     ] = False,
     twin: Annotated[
-        bool, typer.Option("--twin", help="What folds of the twin taught, not of the real cell.")
+        bool,
+        typer.Option(
+            "--twin", help="What folds of the twin taught, not of the real cell."
+        ),
     ] = False,
     configs: Configs = None,
     as_json: Json = False,
 ) -> None:
-    """Show or change what the cell has learned from folds, or enter a ruler's measurement."""
+    """Show or change what the cell has learned from folds, or enter a ruler's
+    measurement.
+    """
     _check_arguments(what, run, edges)
     from cell.learning.experience import Memory
 
@@ -73,27 +85,38 @@ def learn(
 
 
 def _check_arguments(what: str, run: Path | None, edges: str | None) -> None:
-    """Raise ConfigurationError for arguments of `cell learn` that contradict each other."""
+    """Raise ConfigurationError for arguments of `cell learn` that contradict each
+    other.
+    """
     if what not in WORDS and edges is None:
         raise ConfigurationError(
-            f"{what!r}{suggestion(what, WORDS)} is neither show, list, forget, off nor on; a run "
-            "goes with --edges, the offset of its laid edges by a ruler, as `--edges 3.5mm`"
+            f"{what!r}{suggestion(what, WORDS)} is neither show, list, forget, off nor"
+            " on; a run goes with --edges, the offset of its laid edges by a ruler, as"
+            " `--edges 3.5mm`"
         )
     if what in WORDS and edges is not None:
-        raise ConfigurationError("--edges: goes with a run, as `cell learn runs/RUN --edges 3.5mm`")
+        raise ConfigurationError(
+            "--edges: goes with a run, as `cell learn runs/RUN --edges 3.5mm`"
+        )
     if run is not None and what != "forget":
-        raise ConfigurationError(f"{run}: goes with forget alone, as `cell learn forget {run}`")
+        raise ConfigurationError(
+            f"{run}: goes with forget alone, as `cell learn forget {run}`"
+        )
 
 
 def _memory_of(settings: "CellFile", run: Path) -> "Memory":
-    """Memory that holds the fold `run`: the one of the twin or that of the real cell."""
+    """Memory that holds the fold `run`: the one of the twin or that of the real
+    cell.
+    """
     from cell.learning.experience import Memory
 
     twin = Memory(settings.name, twin=True)
     return twin if twin.find(run) else Memory(settings.name)
 
 
-def _learn_from_ruler(settings: "CellFile", run: Path, edges: str, *, sure: bool) -> None:
+def _learn_from_ruler(
+    settings: "CellFile", run: Path, edges: str, *, sure: bool
+) -> None:
     """Learn from the ruler's offset `edges` of the laid edges of `run`."""
     from cell.learning.bias import check_ruler
     from cell.learning.experience import experience_by_ruler
@@ -105,7 +128,8 @@ def _learn_from_ruler(settings: "CellFile", run: Path, edges: str, *, sure: bool
         check_ruler(offset, experience.rig)
     memory.add(experience)
     sys.stdout.write(
-        f"{run.name}: the ruler shows {1e3 * experience.rig:+.1f} mm more than the camera\n"
+        f"{run.name}: the ruler shows {1e3 * experience.rig:+.1f} mm more than the"
+        " camera\n"
     )
 
 
@@ -120,7 +144,8 @@ def _forget(settings: "CellFile", memory: "Memory", run: Path | None) -> None:
         sys.stdout.write("nothing was learned yet\n")
     else:
         raise ConfigurationError(
-            f"{run}: nothing was learned from this run; `cell learn list` names those that taught"
+            f"{run}: nothing was learned from this run; `cell learn list` names those"
+            " that taught"
         )
 
 

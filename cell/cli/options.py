@@ -28,21 +28,26 @@ INTERRUPTED_CODE = 130  # exit code
 
 
 def taking(options: type[T]) -> "Callable[[Callable[[T], None]], Callable[..., None]]":
-    """Decorator of a command whose many options arrive as one dataclass of the type `options`."""
+    """Decorator of a command whose many options arrive as one dataclass of the type
+    `options`.
+    """
 
     def decorate(command: "Callable[[T], None]") -> "Callable[..., None]":
         @wraps(command)
         def take(**given: Any) -> None:
             command(options(**given))
 
-        vars(take)["__signature__"] = signature(options)  # by which Typer knows the options
+        # by which Typer knows the options
+        vars(take)["__signature__"] = signature(options)
         return take
 
     return decorate
 
 
 def length_option(option: str, says: str, bare: str = "m", least: float = -inf) -> Any:
-    """Option that takes a length of `least` [m] or more with a unit, in metres for the command."""
+    """Option that takes a length of `least` [m] or more with a unit, in metres for the
+    command.
+    """
 
     def parse(text: str) -> float:
         return metres(option, str(text), bare=bare, least=least)
@@ -51,7 +56,9 @@ def length_option(option: str, says: str, bare: str = "m", least: float = -inf) 
 
 
 def policy_names() -> list[str]:
-    """Names of all policies; plug-ins are not imported, which would slow `--help` down."""
+    """Names of all policies; plug-ins are not imported, which would slow `--help`
+    down.
+    """
     from policies.registry import OWN_POLICIES
 
     return sorted({*OWN_POLICIES, *plugin_names("policies")})
@@ -68,7 +75,8 @@ def strip_names(context: typer.Context) -> list[str]:
 def check_names(configs: Path | None, strip: str, policy: str | None = None) -> None:
     """Raise ConfigurationError for the name of a strip or policy that does not exist.
 
-    Reads no file and imports nothing heavy, so that a misspelt name is answered at once.
+    Reads no file and imports nothing heavy, so that a misspelt name is answered at
+    once.
     """
     if strip.partition(":")[0] != "unknown":
         find_configs(configs).strip_path(strip)
@@ -77,11 +85,14 @@ def check_names(configs: Path | None, strip: str, policy: str | None = None) -> 
 
 
 def writable(configs: Path | None) -> Found:
-    """Folder of configuration; raises ConfigurationError for the package's own folder."""
+    """Folder of configuration; raises ConfigurationError for the package's own
+    folder.
+    """
     found = find_configs(configs)
     if found.folder == PACKAGED:
         raise ConfigurationError(
-            f"--configs: {found.folder} belongs to the package; copy it and name the copy"
+            f"--configs: {found.folder} belongs to the package; copy it and name the"
+            " copy"
         )
     return found
 
@@ -91,7 +102,9 @@ def check_readable(path: Path, remedy: str = "") -> None:
     try:
         os.close(os.open(path, os.O_RDONLY | os.O_NONBLOCK))  # a pipe is not waited for
     except OSError as error:
-        raise ConfigurationError(f"{path}: cannot be read: {error.strerror}{remedy}") from None
+        raise ConfigurationError(
+            f"{path}: cannot be read: {error.strerror}{remedy}"
+        ) from None
 
 
 def _driver_option(kind: Kind) -> Any:
@@ -100,42 +113,59 @@ def _driver_option(kind: Kind) -> Any:
 
     def check(value: str) -> str:
         if value not in names:
-            raise typer.BadParameter(f"{value!r} is not one of {', '.join(map(repr, names))}.")
+            raise typer.BadParameter(
+                f"{value!r} is not one of {', '.join(map(repr, names))}."
+            )
         return value
 
     device = kind.removesuffix("s").capitalize()
-    return typer.Option(help=f"{device} driver.", parser=check, metavar=f"<{'|'.join(names)}>")
+    return typer.Option(
+        help=f"{device} driver.", parser=check, metavar=f"<{'|'.join(names)}>"
+    )
 
 
 Strip = Annotated[
     str,
     typer.Option(
-        "--strip", help="Strip by name, or a path to its .yaml file.", autocompletion=strip_names
+        "--strip",
+        help="Strip by name, or a path to its .yaml file.",
+        autocompletion=strip_names,
     ),
 ]
-PLANT_HELP = "Strip on the twin's desk: a name in configs/plants, or a path to a .yaml file"
+PLANT_HELP = (
+    "Strip on the twin's desk: a name in configs/plants, or a path to a .yaml file"
+)
 Arm = Annotated[str | None, _driver_option("arms")]
 Camera = Annotated[str | None, _driver_option("cameras")]
 Run = Annotated[
-    Path, typer.Argument(metavar="RUN", parser=run_folder, help="A run folder, or last.")
+    Path,
+    typer.Argument(metavar="RUN", parser=run_folder, help="A run folder, or last."),
 ]
 RunFolders = Annotated[
     list[Path], typer.Argument(metavar="RUN", parser=run_folder, help="Run folders.")
 ]
-Runs = Annotated[Path, typer.Option("--runs", help="Folder in which runs are recorded.")]
+Runs = Annotated[
+    Path, typer.Option("--runs", help="Folder in which runs are recorded.")
+]
 Configs = Annotated[
     Path | None,
-    typer.Option("--configs", help="Folder with cell.yaml and strips/ [./configs or packaged]."),
+    typer.Option(
+        "--configs", help="Folder with cell.yaml and strips/ [./configs or packaged]."
+    ),
 ]
 Viz = Literal["save", "live", "off"]
-VizOption = Annotated[Viz, typer.Option(help="Rerun: save a recording, show it live too, off.")]
+VizOption = Annotated[
+    Viz, typer.Option(help="Rerun: save a recording, show it live too, off.")
+]
 FullSpeed = Annotated[
     bool, typer.Option("--full-speed", help="A real robot not slowed to a tenth.")
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object a line.")]
 Cluster = Annotated[
     str | None,
-    typer.Option("--cluster", help="Measure on the Dask cluster at this address instead."),
+    typer.Option(
+        "--cluster", help="Measure on the Dask cluster at this address instead."
+    ),
 ]
 
 
@@ -147,8 +177,12 @@ def ask(question: str) -> str:
 
 
 @contextmanager
-def resumable(folder: Path, way_on: str = "run the command again to resume\n") -> "Iterator[None]":
-    """Within the block, answer Ctrl-C by printing the `way_on`, and exit with code 130."""
+def resumable(
+    folder: Path, way_on: str = "run the command again to resume\n"
+) -> "Iterator[None]":
+    """Within the block, answer Ctrl-C by printing the `way_on`, and exit with code
+    130.
+    """
     from cell.orchestrator.operator import Interrupted
 
     try:
@@ -161,14 +195,17 @@ def resumable(folder: Path, way_on: str = "run the command again to resume\n") -
 def engine(jobs: int, address: str | None, limit: float | None) -> "Engine":
     """Engine of a campaign: `jobs` processes here, or a Dask cluster at `address`.
 
-    A part may take `limit` [s]. Raises ConfigurationError for an address with several jobs.
+    A part may take `limit` [s]. Raises ConfigurationError for an address with several
+    jobs.
     """
     from cell.campaign.run import Local
 
     if address is None:
         return Local(jobs, limit)
     if jobs > 1:
-        raise ConfigurationError("--jobs: a cluster has its own workers; leave --jobs out")
+        raise ConfigurationError(
+            "--jobs: a cluster has its own workers; leave --jobs out"
+        )
     from cell.campaign.cluster import Cluster
 
     return Cluster(address, limit)

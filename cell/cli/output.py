@@ -19,7 +19,8 @@ GONE_ERRNOS = {errno.EPIPE, errno.EBADF, errno.EIO}  # the reader is gone
 
 
 class Outlet(io.FileIO):
-    """Output stream that accepts every byte; `failure` is the first error of writing, or None.
+    """Output stream that accepts every byte; `failure` is the first error of writing,
+    or None.
 
     A fold does not end because the reader of its output has gone.
     """
@@ -27,13 +28,16 @@ class Outlet(io.FileIO):
     failure: OSError | None = None
 
     def write(self, content: Any) -> int:
-        """Write what the system accepts, drop the rest after an error; reports all as written."""
+        """Write what the system accepts, drop the rest after an error; reports all as
+        written.
+        """
         block = memoryview(content)
         rest = block.cast("B")
         while self.failure is None and rest.nbytes:
             try:
                 written = super().write(rest)
-                if written is None:  # the pipe would block: wait until its reader makes room
+                # the pipe would block: wait until its reader makes room
+                if written is None:
                     select.select([], [self], [])
                     continue
                 rest = rest[written:]
@@ -43,12 +47,14 @@ class Outlet(io.FileIO):
 
 
 def guard_streams() -> Outlet | None:
-    """Replace sys.stdout and sys.stderr by streams that never fail; returns that of stdout.
+    """Replace sys.stdout and sys.stderr by streams that never fail; returns that of
+    stdout.
 
     None where a calling program has replaced them already.
 
-    Text that the encoding does not hold is escaped. A descriptor that was closed leads to
-    nowhere from now on: else the next file to be opened, a record, would get what is printed.
+    Text that the encoding does not hold is escaped. A descriptor that was closed leads
+    to nowhere from now on: else the next file to be opened, a record, would get what is
+    printed.
     """
     if sys.stdout is not sys.__stdout__ or sys.stderr is not sys.__stderr__:
         return None
@@ -76,21 +82,27 @@ def _text_stream(outlet: Outlet, before: TextIO | None) -> io.TextIOWrapper:
 
 
 def why_lost(outlet: Outlet | None) -> str:
-    """Reason why printed text was lost; empty where it arrived, or nobody was reading."""
+    """Reason why printed text was lost; empty where it arrived, or nobody was
+    reading.
+    """
     if outlet is None or outlet.failure is None or outlet.failure.errno in GONE_ERRNOS:
         return ""
     return outlet.failure.strerror or "no reason given"
 
 
 def print_json(*objects: Mapping[str, Any]) -> None:
-    """Print each of `objects` as one line of JSON, with null for a number that is not finite."""
+    """Print each of `objects` as one line of JSON, with null for a number that is not
+    finite.
+    """
     from cell.record.documents import plain
 
     sys.stdout.writelines(json.dumps(plain(facts)) + "\n" for facts in objects)
 
 
 def say(facts: Mapping[str, Any], text: str, *, as_json: bool) -> None:
-    """Print the result of a command: `facts` as one line of JSON, or else the `text`."""
+    """Print the result of a command: `facts` as one line of JSON, or else the
+    `text`.
+    """
     if as_json:
         print_json(facts)
     else:
@@ -104,7 +116,9 @@ def notice(text: str) -> None:
 
 @contextmanager
 def busy(text: str) -> Iterator[Callable[[str], None]]:
-    """Show `text` on a terminal within the block; yields a function that changes the text."""
+    """Show `text` on a terminal within the block; yields a function that changes the
+    text.
+    """
     if not sys.stderr.isatty():
         yield lambda _text: None
         return
@@ -115,7 +129,9 @@ def busy(text: str) -> Iterator[Callable[[str], None]]:
 
 
 def while_busy(text: str, items: Iterable[T]) -> Iterator[T]:
-    """Yield the `items`, and show `text` on a terminal while the next one is computed."""
+    """Yield the `items`, and show `text` on a terminal while the next one is
+    computed.
+    """
     source = iter(items)
     while True:
         with busy(text):
@@ -127,12 +143,15 @@ def while_busy(text: str, items: Iterable[T]) -> Iterator[T]:
 
 
 def print_table(
-    columns: Sequence[str], rows: Sequence[Sequence[str]], title: str = "", text: int = 1
+    columns: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    title: str = "",
+    text: int = 1,
 ) -> None:
     """Print a table of `rows` below `columns`, of which the first `text` hold words.
 
-    Where the terminal is too narrow for the table each row becomes lines of its own: the first
-    column, then the others with their names, as many a line as go in.
+    Where the terminal is too narrow for the table each row becomes lines of its own:
+    the first column, then the others with their names, as many a line as go in.
     """
     from rich.box import HORIZONTALS
     from rich.console import Console
@@ -140,29 +159,47 @@ def print_table(
     from rich.text import Text
 
     shown = [[printable(cell) for cell in row] for row in rows]
-    table = Table(box=HORIZONTALS, show_edge=False, pad_edge=False, collapse_padding=True)
+    table = Table(
+        box=HORIZONTALS, show_edge=False, pad_edge=False, collapse_padding=True
+    )
     for number, column in enumerate(columns):
-        table.add_column(column, justify="left" if number < text else "right", no_wrap=True)
+        table.add_column(
+            column, justify="left" if number < text else "right", no_wrap=True
+        )
     for row in shown:
         table.add_row(*map(Text, row))
     console = Console(file=sys.stdout, highlight=False, soft_wrap=False)
     sys.stdout.write(f"{title}\n" if title else "")
-    if console.measure(table, options=console.options.update(width=WIDEST)).maximum > console.width:
+    if (
+        console.measure(table, options=console.options.update(width=WIDEST)).maximum
+        > console.width
+    ):
         for row in shown:
-            sys.stdout.writelines(f"{line}\n" for line in _lines(columns, row, console.width))
+            sys.stdout.writelines(
+                f"{line}\n" for line in _lines(columns, row, console.width)
+            )
     else:
         console.print(table)
 
 
 def printable(text: str) -> str:
     """Copy of `text` with control characters of the terminal escaped."""
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+    return "".join(
+        c if c.isprintable() else c.encode("unicode_escape").decode() for c in text
+    )
 
 
 def _lines(columns: Sequence[str], row: Sequence[str], width: int) -> list[str]:
-    """Lines for a table row on a narrow terminal: first cell, then named cells, wrapped."""
+    """Lines for a table row on a narrow terminal: first cell, then named cells,
+    wrapped.
+    """
     pairs = zip(columns[1:], row[1:], strict=True)
-    facts = ", ".join(f"{name} {cell}".replace(" ", NO_BREAK) for name, cell in pairs if cell)
+    facts = ", ".join(
+        f"{name} {cell}".replace(" ", NO_BREAK) for name, cell in pairs if cell
+    )
     room = max(width - len(INDENT), 1)
     wrapped = wrap(facts, room, break_long_words=False, break_on_hyphens=False)
-    return [row[0], *(INDENT + line.rstrip(",").replace(NO_BREAK, " ") for line in wrapped)]
+    return [
+        row[0],
+        *(INDENT + line.rstrip(",").replace(NO_BREAK, " ") for line in wrapped),
+    ]

@@ -1,4 +1,6 @@
-"""Commands `cell train` and `cell benchmark` of policies, and `cell twin serve` of the arm."""
+"""Commands `cell train` and `cell benchmark` of policies, and `cell twin serve` of the
+arm.
+"""
 
 import sys
 from collections.abc import Mapping
@@ -29,30 +31,47 @@ TrainedPolicy = Literal["feedback", "adaptive"]
 class TrainOptions:
     """Options of the command `cell train`."""
 
-    policy: Annotated[TrainedPolicy, typer.Option(help="Which policy to train.")] = "feedback"
+    policy: Annotated[TrainedPolicy, typer.Option(help="Which policy to train.")] = (
+        "feedback"
+    )
     out: Annotated[
-        Path | None, typer.Option(help="Folder of the training [default: runs/training/seed-SEED].")
+        Path | None,
+        typer.Option(help="Folder of the training [default: runs/training/seed-SEED]."),
     ] = None
-    seed: Annotated[int, typer.Option(min=0, help="Same seed and settings, same weights.")] = 0
-    generations: Annotated[int, typer.Option(min=1, help="Generations of CMA-ES.")] = 300
-    population: Annotated[int, typer.Option(min=4, help="Candidates a generation.")] = 48
+    seed: Annotated[
+        int, typer.Option(min=0, help="Same seed and settings, same weights.")
+    ] = 0
+    generations: Annotated[int, typer.Option(min=1, help="Generations of CMA-ES.")] = (
+        300
+    )
+    population: Annotated[int, typer.Option(min=4, help="Candidates a generation.")] = (
+        48
+    )
     strips: Annotated[
-        int, typer.Option(min=1, help="Strips a side of the paper's range that each folds.")
+        int,
+        typer.Option(min=1, help="Strips a side of the paper's range that each folds."),
     ] = 4
     jobs: Annotated[
-        int | None, typer.Option(min=1, help="Processes side by side [default: all cores].")
+        int | None,
+        typer.Option(min=1, help="Processes side by side [default: all cores]."),
     ] = None
     cluster: Annotated[
-        str | None, typer.Option(help="Fold on the Dask cluster at this address instead.")
+        str | None,
+        typer.Option(help="Fold on the Dask cluster at this address instead."),
     ] = None
     grid: Annotated[
-        int, typer.Option(min=2, help="Strips a side of the grid of the final evaluation.")
+        int,
+        typer.Option(min=2, help="Strips a side of the grid of the final evaluation."),
     ] = 12
     folds: Annotated[
-        int, typer.Option(min=24, help="Folds through images that end the training of `adaptive`.")
+        int,
+        typer.Option(
+            min=24, help="Folds through images that end the training of `adaptive`."
+        ),
     ] = 96
     checkpoint: Annotated[
-        Path | None, typer.Option(help="Trained weights of `adaptive`: only its folds are made.")
+        Path | None,
+        typer.Option(help="Trained weights of `adaptive`: only its folds are made."),
     ] = None
     as_json: Json = False
 
@@ -78,11 +97,13 @@ class TrainOptions:
 
 @taking(TrainOptions)
 def train(given: TrainOptions) -> None:
-    """Train a policy in the rod simulation; evaluate it in the rod and the chain simulation.
+    """Train a policy in the rod simulation; evaluate it in the rod and the chain
+    simulation.
 
-    Generations, population and strips are those of `feedback`; `adaptive` has rounds of its own,
-    and ends with folds of the chain through images, which correct what it learned in the rod. After
-    an interruption run the command again to resume; the weights are the same.
+    Generations, population and strips are those of `feedback`; `adaptive` has rounds of
+    its own, and ends with folds of the chain through images, which correct what it
+    learned in the rod. After an interruption run the command again to resume; the
+    weights are the same.
     """
     is_adaptive = given.policy == "adaptive"
     checkpoint = given.checkpoint
@@ -111,7 +132,9 @@ def train(given: TrainOptions) -> None:
             checkpoint = trained.checkpoint
         if is_adaptive:
             with Meter(console) as meter:
-                corrected = transfer(checkpoint, folder, given.seed, given.folds, workers, meter)
+                corrected = transfer(
+                    checkpoint, folder, given.seed, given.folds, workers, meter
+                )
     if given.as_json:
         line = {"schema": 1} if trained is None else trained.record()
         print_json(line | corrected)
@@ -119,8 +142,12 @@ def train(given: TrainOptions) -> None:
         _print_training(given.policy, trained, corrected)
 
 
-def _print_training(policy: str, trained: "Trained | None", corrected: Mapping[str, Any]) -> None:
-    """Print the evaluation of the `trained` weights, if any, and of their correction, if any."""
+def _print_training(
+    policy: str, trained: "Trained | None", corrected: Mapping[str, Any]
+) -> None:
+    """Print the evaluation of the `trained` weights, if any, and of their correction,
+    if any.
+    """
     from cell.train.evaluation import tables
 
     if trained is not None:
@@ -129,8 +156,9 @@ def _print_training(policy: str, trained: "Trained | None", corrected: Mapping[s
     if corrected:
         held_out = corrected["left_out"]
         sys.stdout.write(
-            f"{held_out['folds']} folds through images; of folds left out the displacement is "
-            f"{1e3 * held_out['rms']:.2f} mm rms off the prediction; {corrected['checkpoint']}\n"
+            f"{held_out['folds']} folds through images; of folds left out the"
+            f" displacement is {1e3 * held_out['rms']:.2f} mm rms off the prediction;"
+            f" {corrected['checkpoint']}\n"
         )
     if trained is not None:
         sys.stdout.write(
@@ -143,27 +171,35 @@ def _print_training(policy: str, trained: "Trained | None", corrected: Mapping[s
 class BenchmarkOptions:
     """Options of the command `cell benchmark`."""
 
-    policies: Annotated[str | None, typer.Option(help="Policies, with commas [default: all].")] = (
-        None
-    )
-    strips: Annotated[str | None, typer.Option(help="Strips, with commas [default: all].")] = None
-    repeat: Annotated[
-        int | None, typer.Option(min=1, help="Folds of one strip by each policy [default: 5].")
+    policies: Annotated[
+        str | None, typer.Option(help="Policies, with commas [default: all].")
     ] = None
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the noise; repeats use the next.")] = 0
+    strips: Annotated[
+        str | None, typer.Option(help="Strips, with commas [default: all].")
+    ] = None
+    repeat: Annotated[
+        int | None,
+        typer.Option(min=1, help="Folds of one strip by each policy [default: 5]."),
+    ] = None
+    seed: Annotated[
+        int, typer.Option(min=0, help="Seed of the noise; repeats use the next.")
+    ] = 0
     jobs: Annotated[int, typer.Option(min=1, help="Parts measured side by side.")] = 1
     cluster: Cluster = None
-    out: Annotated[Path, typer.Option(help="Folder of the results.")] = Path("runs/benchmark")
+    out: Annotated[Path, typer.Option(help="Folder of the results.")] = Path(
+        "runs/benchmark"
+    )
     runs: Annotated[
-        Path | None, typer.Option(help="Folder in which folds are recorded [default: OUT/runs].")
+        Path | None,
+        typer.Option(help="Folder in which folds are recorded [default: OUT/runs]."),
     ] = None
     configs: Configs = None
     quick: Annotated[
         bool, typer.Option("--quick", help="Three strips, two repeats, coarse grids.")
     ] = False
-    again: Annotated[bool, typer.Option("--again", help="Measure anew what OUT already holds.")] = (
-        False
-    )
+    again: Annotated[
+        bool, typer.Option("--again", help="Measure anew what OUT already holds.")
+    ] = False
     picture: Annotated[
         Path | None, typer.Option(help="Write the main picture there too, as PNG.")
     ] = None
@@ -172,9 +208,11 @@ class BenchmarkOptions:
 
 @taking(BenchmarkOptions)
 def benchmark(given: BenchmarkOptions) -> None:
-    """Fold all strips by all policies, and compare the results with the paper's numbers.
+    """Fold all strips by all policies, and compare the results with the paper's
+    numbers.
 
-    Finished parts are kept in OUT: after an interruption run the command again to resume.
+    Finished parts are kept in OUT: after an interruption run the command again to
+    resume.
     """
     from rich.console import Console
 
@@ -187,11 +225,17 @@ def benchmark(given: BenchmarkOptions) -> None:
 
     found = find_configs(given.configs)
     names = (split(given.policies), split(given.strips))
-    spec = BenchmarkSpec.build(found, *names, given.repeat, given.seed, quick=given.quick)
+    spec = BenchmarkSpec.build(
+        found, *names, given.repeat, given.seed, quick=given.quick
+    )
     workers = engine(given.jobs, given.cluster, PART_TIMEOUT)
     with resumable(given.out), Meter(Console(stderr=True), summarise) as meter:
         measure = partial(
-            carry_out, folder=given.out / JOURNAL, engine=workers, meter=meter, again=given.again
+            carry_out,
+            folder=given.out / JOURNAL,
+            engine=workers,
+            meter=meter,
+            again=given.again,
         )
         results = measured(spec, found, given.runs or given.out / "runs", measure)
     page = write_results(results, given.out)
@@ -221,21 +265,29 @@ def the_twin() -> None:
 def serve(
     address: Annotated[
         str | None,
-        typer.Option(help="IPv4 address to listen at [default: a free one on the loopback]."),
+        typer.Option(
+            help="IPv4 address to listen at [default: a free one on the loopback]."
+        ),
     ] = None,
     lock_step: Annotated[
         bool,
         typer.Option(
             "--lock-step/--wall-clock",
-            help="A motion advances with its client's commands, or by the clock at 1 kHz.",
+            help=(
+                "A motion advances with its client's commands, or by the clock at 1"
+                " kHz."
+            ),
         ),
     ] = True,
     faults: Annotated[
-        Path | None, typer.Option(help="File with faults that strike at scripted ticks.")
+        Path | None,
+        typer.Option(help="File with faults that strike at scripted ticks."),
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Emulate arm (port 1337) and hand (port 1338) until interrupted; no strip is simulated."""
+    """Emulate arm (port 1337) and hand (port 1338) until interrupted; no strip is
+    simulated.
+    """
     from drivers.fci_server.faults import load_faults
     from drivers.fci_server.server import RobotServer, ServerSettings
     from drivers.settings import parse
@@ -248,7 +300,9 @@ def serve(
     facts = {"address": host, "arm": 1337, "hand": 1338, "clock": clock}
     say(facts, f"arm at {host}:1337, hand at {host}:1338, {clock}", as_json=as_json)
     if not ip_address(host).is_loopback:
-        sys.stderr.write(f"{host} is no loopback address: others on the network can connect\n")
+        sys.stderr.write(
+            f"{host} is no loopback address: others on the network can connect\n"
+        )
     sys.stdout.flush()
     try:
         server.serve()

@@ -1,4 +1,6 @@
-"""Commands on records: `cell runs`, `report` (pages), `note` (tags), `viz` (Rerun), `replay`."""
+"""Commands on records: `cell runs`, `report` (pages), `note` (tags), `viz` (Rerun),
+`replay`.
+"""
 
 import csv
 import re
@@ -28,26 +30,41 @@ TAG = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 def runs(
     folder: Runs = Path("runs"),
     where: Annotated[
-        str, typer.Option(help='Only runs for which this SQL holds, as "abs(displacement) > 0.01".')
+        str,
+        typer.Option(
+            help='Only runs for which this SQL holds, as "abs(displacement) > 0.01".'
+        ),
     ] = "",
     sort: Annotated[
         str, typer.Option(help="Column to sort by, as edge_offset; -COLUMN downwards.")
     ] = "",
-    as_csv: Annotated[bool, typer.Option("--csv", help="All columns as CSV, in SI units.")] = False,
+    as_csv: Annotated[
+        bool, typer.Option("--csv", help="All columns as CSV, in SI units.")
+    ] = False,
     html: Annotated[
-        Path | None, typer.Option(help="Write the list there as one page with thumbnails.")
+        Path | None,
+        typer.Option(help="Write the list there as one page with thumbnails."),
     ] = None,
-    keep: Annotated[int | None, typer.Option(min=0, help="Keep only the newest this many.")] = None,
+    keep: Annotated[
+        int | None, typer.Option(min=0, help="Keep only the newest this many.")
+    ] = None,
     older_than: Annotated[
         float | None,
-        typer.Option(min=0, max=36500, help="Keep only runs of this many days or less."),
+        typer.Option(
+            min=0, max=36500, help="Keep only runs of this many days or less."
+        ),
     ] = None,
     delete: Annotated[
-        bool, typer.Option("--delete", help="Really delete what --keep or --older-than name.")
+        bool,
+        typer.Option(
+            "--delete", help="Really delete what --keep or --older-than name."
+        ),
     ] = False,
     as_json: Json = False,
 ) -> None:
-    """List the runs in a folder; with --keep or --older-than, the runs that --delete removes."""
+    """List the runs in a folder; with --keep or --older-than, the runs that --delete
+    removes.
+    """
     from cell.record.listing import COLUMNS, list_runs, remove, to_prune, values_of
 
     pruning = keep is not None or older_than is not None or delete
@@ -60,7 +77,9 @@ def runs(
     if html is not None:
         from cell.report.runs_page import write_runs_page
 
-        sys.stdout.write(f"{plural(len(rows), 'run')}\n  {write_runs_page(rows, html)}\n")
+        sys.stdout.write(
+            f"{plural(len(rows), 'run')}\n  {write_runs_page(rows, html)}\n"
+        )
         return
     if as_csv:
         writer = csv.writer(sys.stdout, lineterminator="\n")
@@ -72,21 +91,37 @@ def runs(
         _print_table(rows)
     if pruning and delete:
         freed = remove(rows)
-        sys.stderr.write(f"deleted {plural(len(rows), 'run')}, {freed / MEGABYTE:.1f} MB\n")
+        sys.stderr.write(
+            f"deleted {plural(len(rows), 'run')}, {freed / MEGABYTE:.1f} MB\n"
+        )
     elif pruning:
-        sys.stderr.write(f"{plural(len(rows), 'run')} may go; nothing was deleted, add --delete\n")
+        sys.stderr.write(
+            f"{plural(len(rows), 'run')} may go; nothing was deleted, add --delete\n"
+        )
 
 
 def _age(days: float | None) -> timedelta | None:
-    """Age that --older-than states in `days`, None if not given; ConfigurationError for nan."""
+    """Age that --older-than states in `days`, None if not given; ConfigurationError for
+    nan.
+    """
     if days is not None and isnan(days):
         raise ConfigurationError("--older-than: is nan; give a number of days")
     return None if days is None else timedelta(days=days)
 
 
 def _row_facts(row: "RunRow") -> dict[str, Any]:
-    """JSON object of a listed run: lengths [m], duration [s], size [bytes], tags if any."""
-    keys = ("strip", "policy", "outcome", "displacement", "edge_offset", "duration", "size")
+    """JSON object of a listed run: lengths [m], duration [s], size [bytes], tags if
+    any.
+    """
+    keys = (
+        "strip",
+        "policy",
+        "outcome",
+        "displacement",
+        "edge_offset",
+        "duration",
+        "size",
+    )
     facts: dict[str, Any] = {"run": str(row.folder), "began": row.began.isoformat()}
     facts |= {key: getattr(row, key) for key in keys}
     if row.tags or row.note:
@@ -111,36 +146,54 @@ def report(
         typer.Argument(
             metavar="RUN",
             parser=run_folder,
-            help="Run folders, the ends of their names, or last; or the file of a calibration.",
+            help=(
+                "Run folders, the ends of their names, or last; or the file of a"
+                " calibration."
+            ),
         ),
     ],
     out: Annotated[
         Path | None,
-        typer.Option(help="Page that compares several runs [default: compare.html beside them]."),
+        typer.Option(
+            help="Page that compares several runs [default: compare.html beside them]."
+        ),
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Write the HTML page of a run, finished or not; several runs are compared on one page.
+    """Write the HTML page of a run, finished or not; several runs are compared on one
+    page.
 
     For the file of a calibration, write its page beside it.
     """
     if len(runs) > 1:
         _report_comparison(runs, out, as_json=as_json)
     elif out is not None:
-        raise ConfigurationError("--out: goes with several runs; one has its page in its folder")
-    elif runs[0].is_file() and (runs[0].name == CALIBRATION or not is_run(runs[0].parent)):
+        raise ConfigurationError(
+            "--out: goes with several runs; one has its page in its folder"
+        )
+    elif runs[0].is_file() and (
+        runs[0].name == CALIBRATION or not is_run(runs[0].parent)
+    ):
         _report_calibration(runs[0], as_json=as_json)
     else:
         _report_run(runs[0], as_json=as_json)
 
 
-def _report_comparison(runs: Sequence[Path], out: Path | None, *, as_json: bool) -> None:
-    """Write the page that compares `runs` to `out`, by default beside them, and print its path."""
+def _report_comparison(
+    runs: Sequence[Path], out: Path | None, *, as_json: bool
+) -> None:
+    """Write the page that compares `runs` to `out`, by default beside them, and print
+    its path.
+    """
     from cell.report.runs_page import write_comparison
 
     with busy("comparing the runs"):
         page = write_comparison(runs, out or runs[0].resolve().parent / "compare.html")
-    say({"runs": runs, "report": page}, f"{len(runs)} runs compared\n  {page}", as_json=as_json)
+    say(
+        {"runs": runs, "report": page},
+        f"{len(runs)} runs compared\n  {page}",
+        as_json=as_json,
+    )
 
 
 def _report_run(folder: Path, *, as_json: bool) -> None:
@@ -163,7 +216,8 @@ def _report_calibration(path: Path, *, as_json: bool) -> None:
 
     if path.suffix not in (".yaml", ".yml"):
         raise ConfigurationError(
-            f"{path}: is neither a run's folder nor a calibration's YAML file; see `cell runs`"
+            f"{path}: is neither a run's folder nor a calibration's YAML file; see"
+            " `cell runs`"
         )
     page = write_calibration_report(path)
     say({"calibration": path, "report": page}, str(page), as_json=as_json)
@@ -171,19 +225,29 @@ def _report_calibration(path: Path, *, as_json: bool) -> None:
 
 def note(
     runs: RunFolders,
-    tag: Annotated[list[str] | None, typer.Option(help="A tag to add; repeatable.")] = None,
-    untag: Annotated[list[str] | None, typer.Option(help="A tag to remove; repeatable.")] = None,
-    text: Annotated[str | None, typer.Option(help="The note, in place of an earlier one.")] = None,
+    tag: Annotated[
+        list[str] | None, typer.Option(help="A tag to add; repeatable.")
+    ] = None,
+    untag: Annotated[
+        list[str] | None, typer.Option(help="A tag to remove; repeatable.")
+    ] = None,
+    text: Annotated[
+        str | None, typer.Option(help="The note, in place of an earlier one.")
+    ] = None,
 ) -> None:
     """Tag runs, or write a note on them; `cell runs` lists tags and notes."""
     from cell.record.documents import annotate
     from cell.record.files import check_run
 
     if not tag and not untag and text is None:
-        raise ConfigurationError("--tag, --untag, --text: give one at least, as --tag good")
+        raise ConfigurationError(
+            "--tag, --untag, --text: give one at least, as --tag good"
+        )
     for word in (*(tag or ()), *(untag or ())):
         if TAG.fullmatch(word) is None:
-            raise ConfigurationError(f"--tag: {word!r} is no tag; use letters, digits, . - and _")
+            raise ConfigurationError(
+                f"--tag: {word!r} is no tag; use letters, digits, . - and _"
+            )
     for run in runs:
         check_run(run)
     for run in runs:
@@ -204,7 +268,9 @@ def viz(run: Run) -> None:
 
 
 def replay(run: Run, as_json: Json = False) -> None:
-    """Repeat a run's perception and decisions from its record; exit code 1 if one differs."""
+    """Repeat a run's perception and decisions from its record; exit code 1 if one
+    differs.
+    """
     with busy("repeating perception and decisions from the record"):
         from cell.folding.replay import replay as decide_again
 
@@ -214,6 +280,8 @@ def replay(run: Run, as_json: Json = False) -> None:
         print_json({**facts, "differences": result.differences})
     else:
         text = "the same" if result.same else f"{len(result.differences)} differences"
-        sys.stdout.write(f"{result.images} images, {result.decisions} decisions: {text}\n")
+        sys.stdout.write(
+            f"{result.images} images, {result.decisions} decisions: {text}\n"
+        )
         sys.stdout.writelines(f"  {line}\n" for line in result.differences)
     sys.exit(0 if result.same else 1)

@@ -26,8 +26,12 @@ strips = typer.Typer(
 
 
 @strips.callback()
-def list_strips(context: typer.Context, configs: Configs = None, as_json: Json = False) -> None:
-    """List the strips that this cell knows; further commands measure one or make a new one."""
+def list_strips(
+    context: typer.Context, configs: Configs = None, as_json: Json = False
+) -> None:
+    """List the strips that this cell knows; further commands measure one or make a new
+    one.
+    """
     if context.invoked_subcommand is not None:
         return
     configurations = find_configs(configs)
@@ -38,18 +42,25 @@ def list_strips(context: typer.Context, configs: Configs = None, as_json: Json =
         except ConfigurationError as error:  # the others are listed all the same
             notice(str(error))
     if as_json:
-        print_json(*(strip.model_dump(mode="json", by_alias=True) for strip in all_strips))
+        print_json(
+            *(strip.model_dump(mode="json", by_alias=True) for strip in all_strips)
+        )
         return
     columns = ("strip", "length mm", "width mm", "g/m²", "bending mm", "retardation ms")
     keys = ("length", "width", "areal_density", "bending_length", "retardation_time")
-    rows = [(s.name, *(f"{1e3 * getattr(s, key):.4g}" for key in keys)) for s in all_strips]
+    rows = [
+        (s.name, *(f"{1e3 * getattr(s, key):.4g}" for key in keys)) for s in all_strips
+    ]
     print_table(columns, rows, f"Strips in {configurations.folder / 'strips'}")
 
 
 @strips.command()
 def measure(
     strip: Annotated[
-        str, typer.Argument(metavar="NAME", help="Strip, by name.", autocompletion=strip_names)
+        str,
+        typer.Argument(
+            metavar="NAME", help="Strip, by name.", autocompletion=strip_names
+        ),
     ],
     photo: Annotated[
         list[Path] | None,
@@ -57,13 +68,17 @@ def measure(
     ] = None,
     overhang: Annotated[
         list[float] | None,
-        length_option("--overhang", "Its length from ledge to tip [m]; one for each --photo."),
+        length_option(
+            "--overhang", "Its length from ledge to tip [m]; one for each --photo."
+        ),
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(help="Folder for pictures and numbers [default: measured/NAME].")
+        Path | None,
+        typer.Option(help="Folder for pictures and numbers [default: measured/NAME]."),
     ] = None,
     write: Annotated[
-        bool, typer.Option("--write", help="Put the bending length into the strip's file.")
+        bool,
+        typer.Option("--write", help="Put the bending length into the strip's file."),
     ] = False,
     configs: Configs = None,
     as_json: Json = False,
@@ -97,24 +112,35 @@ def measure(
 class NewStripOptions:
     """Options of the command `cell strips new`."""
 
-    strip: Annotated[str, typer.Argument(metavar="NAME", help="What to call the strip.")]
+    strip: Annotated[
+        str, typer.Argument(metavar="NAME", help="What to call the strip.")
+    ]
     length: Annotated[
-        float, length_option("--length", "Fixed edge to grasped edge, as 600mm or 0.6 [m].")
+        float,
+        length_option("--length", "Fixed edge to grasped edge, as 600mm or 0.6 [m]."),
     ]
     width: Annotated[float, length_option("--width", "Width [m].")]
-    areal_density: Annotated[float | None, typer.Option(help="Mass per area [kg/m^2].")] = None
+    areal_density: Annotated[
+        float | None, typer.Option(help="Mass per area [kg/m^2].")
+    ] = None
     bending_length: Annotated[
         float | None, length_option("--bending-length", "Bending length [m].")
     ] = None
-    retardation_time: Annotated[float | None, typer.Option(help="Retardation time [s].")] = None
-    thickness: Annotated[float | None, length_option("--thickness", "Thickness [m].")] = None
+    retardation_time: Annotated[
+        float | None, typer.Option(help="Retardation time [s].")
+    ] = None
+    thickness: Annotated[
+        float | None, length_option("--thickness", "Thickness [m].")
+    ] = None
     colour: Annotated[
         tuple[int, int, int] | None,
         typer.Option(metavar="R G B", help="Red, green, blue, 0 to 255."),
     ] = None
     source: Annotated[
         list[str] | None,
-        typer.Option(help="KEY=TEXT, where a value comes from; repeatable [default: measured]."),
+        typer.Option(
+            help="KEY=TEXT, where a value comes from; repeatable [default: measured]."
+        ),
     ] = None
     configs: Configs = None
 
@@ -122,7 +148,9 @@ class NewStripOptions:
 @strips.command()
 @taking(NewStripOptions)
 def new(given: NewStripOptions) -> None:
-    """Write the file of a new strip; values that are not given are assumed, and marked so."""
+    """Write the file of a new strip; values that are not given are assumed, and marked
+    so.
+    """
     from cell.strips.edit import SOURCED, new_strip
 
     _check_name(given.strip)
@@ -139,5 +167,6 @@ def _check_name(strip: str) -> None:
     """Raise ConfigurationError for a name that no file of a strip can have."""
     if NAME_PATTERN.fullmatch(strip) is None:
         raise ConfigurationError(
-            f"{strip!r}: is not a name of a strip; use letters, digits, - and _, not `unknown`"
+            f"{strip!r}: is not a name of a strip; use letters, digits, - and _, not"
+            " `unknown`"
         )

@@ -12,4 +12,6 @@ class CellFile(CellSettings):
     @property
     def controller(self) -> CellSettings:
         """Settings that the controller may use: all but those of the twin."""
-        return CellSettings.model_validate(self.model_dump(by_alias=True, exclude={"twin"}))
+        return CellSettings.model_validate(
+            self.model_dump(by_alias=True, exclude={"twin"})
+        )

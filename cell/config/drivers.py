@@ -1,4 +1,6 @@
-"""Registry of the drivers of arms and cameras by the names of operators, plug-ins included."""
+"""Registry of the drivers of arms and cameras by the names of operators, plug-ins
+included.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,13 +14,15 @@ from drivers.plugins import plugin_names, plugins
 
 @dataclass(frozen=True, slots=True)
 class Driver:
-    """Entry of the registry: how to open the driver of an arm or a camera, and what it needs.
+    """Entry of the registry: how to open the driver of an arm or a camera, and what it
+    needs.
 
-    `opener` names, as `module:function`, what opens it: for an arm what makes the Devices, as
-    `fci_devices` does, with `open_camera` where nothing is simulated; for a real camera what makes
-    a `RealCamera` of its own `settings`, a class named likewise, and the clock. `library` is the
-    optional library that it needs. What is `real` is no part of the twin: an arm with joints and
-    limits of its own, a camera before which nobody knows the truth.
+    `opener` names, as `module:function`, what opens it: for an arm what makes the
+    Devices, as `fci_devices` does, with `open_camera` where nothing is simulated; for a
+    real camera what makes a `RealCamera` of its own `settings`, a class named likewise,
+    and the clock. `library` is the optional library that it needs. What is `real` is no
+    part of the twin: an arm with joints and limits of its own, a camera before which
+    nobody knows the truth.
     """
 
     opener: str
@@ -28,7 +32,9 @@ class Driver:
 
     @property
     def is_franka(self) -> bool:
-        """Whether it drives a Franka arm, real or emulated, whose joints and limits are known."""
+        """Whether it drives a Franka arm, real or emulated, whose joints and limits are
+        known.
+        """
         return self == DRIVERS["arms"]["fci"]
 
     def load(self, part: Literal["opener", "settings"] = "opener") -> Any:
@@ -53,7 +59,9 @@ DRIVERS: Mapping[Kind, Mapping[str, Driver]] = MappingProxyType(
 
 @cache
 def all_drivers(kind: Kind) -> Mapping[str, Driver]:
-    """Drivers of this `kind`, with those of plug-ins, by the name that operators use."""
+    """Drivers of this `kind`, with those of plug-ins, by the name that operators
+    use.
+    """
     return {**DRIVERS[kind], **plugins(kind, Driver, DRIVERS[kind])}
 
 

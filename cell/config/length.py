@@ -10,12 +10,18 @@ LENGTH_UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 
 
 def metres(
-    option: str, text: str, largest: float = inf, *, bare: str = "m", least: float = -inf
+    option: str,
+    text: str,
+    largest: float = inf,
+    *,
+    bare: str = "m",
+    least: float = -inf,
 ) -> float:
-    """Length [m] that `text` states, such as `600mm`, `60cm`, `0.6m`, or a number in `bare`.
+    """Length [m] that `text` states, such as `600mm`, `60cm`, `0.6m`, or a number in
+    `bare`.
 
-    Raises ConfigurationError naming `option` for other text, and for a length below `least` [m] or
-    of more than `largest` [m] to either side.
+    Raises ConfigurationError naming `option` for other text, and for a length below
+    `least` [m] or of more than `largest` [m] to either side.
     """
     found = LENGTH.fullmatch(text)
     value = float(found[1]) * LENGTH_UNITS[found[2] or bare] if found else nan

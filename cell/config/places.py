@@ -1,4 +1,6 @@
-"""Folders of configuration, runs and cache: `--configs`, ./configs, or the package's own."""
+"""Folders of configuration, runs and cache: `--configs`, ./configs, or the package's
+own.
+"""
 
 import os
 from dataclasses import dataclass
@@ -8,7 +10,8 @@ from typing import TYPE_CHECKING
 
 from drivers.errors import ConfigurationError, suggestion
 
-if TYPE_CHECKING:  # names are found before the libraries that read the files are imported
+# names are found before the libraries that read the files are imported
+if TYPE_CHECKING:
     from cell.config.cell import CellFile
     from drivers.strip.file import StripFile
 
@@ -18,12 +21,16 @@ CHECKOUT_CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 
 @dataclass(frozen=True, slots=True)
 class Configs:
-    """Folder of configuration: cell.yaml, strips/NAME.yaml, plants/NAME.yaml, mechanisms."""
+    """Folder of configuration: cell.yaml, strips/NAME.yaml, plants/NAME.yaml,
+    mechanisms.
+    """
 
     folder: Path
 
     def cell(self) -> "CellFile":
-        """Contents of cell.yaml, its effects checked and the path of its calibration resolved."""
+        """Contents of cell.yaml, its effects checked and the path of its calibration
+        resolved.
+        """
         from cell.config.cell import CellFile
         from drivers.settings import load
         from drivers.strip.effects import check_effects
@@ -33,25 +40,36 @@ class Configs:
         check_effects(cell.effects, origin=str(path), of=["cell"])
         if cell.calibration is None:
             return cell
-        return cell.model_copy(update={"calibration": str(self.folder / cell.calibration)})
+        return cell.model_copy(
+            update={"calibration": str(self.folder / cell.calibration)}
+        )
 
     def strip_path(self, name: str) -> Path:
-        """Path of the strip file `name`, or of one at a path in .yaml; or ConfigurationError."""
+        """Path of the strip file `name`, or of one at a path in .yaml; or
+        ConfigurationError.
+        """
         remedy = "make one with `cell strips new`, or give a path to a .yaml file"
         return self._file("strip", name, remedy)
 
     def plant_path(self, name: str) -> Path:
-        """Path of the plant file `name`, or of one at a path in .yaml; or ConfigurationError."""
-        remedy = "name one, or give the path to a strip file that lies on the twin's desk"
+        """Path of the plant file `name`, or of one at a path in .yaml; or
+        ConfigurationError.
+        """
+        remedy = (
+            "name one, or give the path to a strip file that lies on the twin's desk"
+        )
         return self._file("plant", name, remedy)
 
     def mechanism_path(self, name: str) -> Path:
-        """Path of the file of the mechanism `name`; ConfigurationError for an unknown name."""
+        """Path of the file of the mechanism `name`; ConfigurationError for an unknown
+        name.
+        """
         remedy = "name one, or give the path to any by --model"
         return self._file("mechanism", name, remedy, "*/mechanism.yaml")
 
     def _file(self, kind: str, name: str, remedy: str, pattern: str = "*.yaml") -> Path:
-        """Path of the file of the strip, plant or mechanism (`kind`) with this `name` or path.
+        """Path of the file of the strip, plant or mechanism (`kind`) with this `name`
+        or path.
 
         Raises ConfigurationError for an unknown name.
         """
@@ -59,16 +77,22 @@ class Configs:
             return Path(name)
         folder = self.folder / f"{kind}s"
         paths = sorted(folder.glob(pattern))
-        known = {path.relative_to(folder).parts[0].removesuffix(".yaml"): path for path in paths}
+        known = {
+            path.relative_to(folder).parts[0].removesuffix(".yaml"): path
+            for path in paths
+        }
         if name not in known:
             raise ConfigurationError(
-                f"{name}: is neither a {kind} in {folder} nor a file"
-                f"{suggestion(name, list(known))}; known: {', '.join(known) or 'none'}; {remedy}"
+                f"{name}: is neither a {kind} in {folder} nor a"
+                f" file{suggestion(name, list(known))}; known:"
+                f" {', '.join(known) or 'none'}; {remedy}"
             )
         return known[name]
 
     def strip(self, name: str) -> "StripFile":
-        """Read and check the strip called `name`; `unknown:LENGTH` is one without a file."""
+        """Read and check the strip called `name`; `unknown:LENGTH` is one without a
+        file.
+        """
         from cell.config.unmeasured_strip import MARK, unmeasured_strip
         from drivers.strip.describe import load_strip
 
@@ -78,7 +102,9 @@ class Configs:
 
     def strip_names(self) -> tuple[str, ...]:
         """Names of all strips of this configuration, sorted."""
-        return tuple(sorted(path.stem for path in (self.folder / "strips").glob("*.yaml")))
+        return tuple(
+            sorted(path.stem for path in (self.folder / "strips").glob("*.yaml"))
+        )
 
 
 def find_configs(given: str | Path | None) -> Configs:
@@ -89,18 +115,23 @@ def find_configs(given: str | Path | None) -> Configs:
     if given is not None:
         if not (Path(given) / "cell.yaml").is_file():
             raise ConfigurationError(
-                f"{given}: holds no cell.yaml; name a folder of configuration that holds one"
+                f"{given}: holds no cell.yaml; name a folder of configuration that"
+                " holds one"
             )
         return Configs(Path(given))
     for folder in (Path("configs"), PACKAGED, CHECKOUT_CONFIGS):
         if (folder / "cell.yaml").is_file():
             return Configs(folder)
-    raise ConfigurationError("no folder of configuration was found; name one that holds cell.yaml")
+    raise ConfigurationError(
+        "no folder of configuration was found; name one that holds cell.yaml"
+    )
 
 
 def check_recordable(runs: Path) -> None:
     """Raise ConfigurationError where the folder `runs` cannot be made or written."""
-    place = next(path for path in (runs, *runs.absolute().parents) if os.access(path, os.F_OK))
+    place = next(
+        path for path in (runs, *runs.absolute().parents) if os.access(path, os.F_OK)
+    )
     try:
         with TemporaryFile(dir=place):
             pass
@@ -113,4 +144,7 @@ def check_recordable(runs: Path) -> None:
 
 def cache_folder() -> Path:
     """Path of the user's folder for files that can be computed again."""
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "folding-cell"
+    return (
+        Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+        / "folding-cell"
+    )

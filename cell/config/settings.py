@@ -1,4 +1,6 @@
-"""Settings of the controller in cell.yaml: drivers, installation, speeds, limits, learning."""
+"""Settings of the controller in cell.yaml: drivers, installation, speeds, limits,
+learning.
+"""
 
 from functools import partial
 from ipaddress import ip_address
@@ -22,20 +24,28 @@ from policies.path import TAKEOVER_HEIGHT
 
 
 def _check_driver(kind: Kind, name: str, *, plugin: bool = False) -> str:
-    """Return `name` if a driver, or a `plugin`, of this `kind` has it; raises ValueError if not."""
+    """Return `name` if a driver, or a `plugin`, of this `kind` has it; raises
+    ValueError if not.
+    """
     known = plugin_names(kind) if plugin else driver_names(kind)
     if name not in known:
-        raise ValueError(f"must be one of {', '.join(known) or 'the plug-ins, none is installed'}")
+        raise ValueError(
+            f"must be one of {', '.join(known) or 'the plug-ins, none is installed'}"
+        )
     return name
 
 
 ArmName = Annotated[str, AfterValidator(partial(_check_driver, "arms"))]
 CameraName = Annotated[str, AfterValidator(partial(_check_driver, "cameras"))]
-PluginCamera = Annotated[str, AfterValidator(partial(_check_driver, "cameras", plugin=True))]
+PluginCamera = Annotated[
+    str, AfterValidator(partial(_check_driver, "cameras", plugin=True))
+]
 
 
 class DriverChoice(Settings):
-    """Drivers of arm and camera that `cell` uses unless the command line selects others."""
+    """Drivers of arm and camera that `cell` uses unless the command line selects
+    others.
+    """
 
     arm: ArmName = "twin"
     camera: CameraName = "twin"
@@ -49,10 +59,11 @@ class RecordSettings(Settings):
 
 
 class SigmaSettings(Settings):
-    """Measurement noise of this cell, one sigma: lengths [m], `touch_time` [s], `force` [N].
+    """Measurement noise of this cell, one sigma: lengths [m], `touch_time` [s], `force`
+    [N].
 
-    Measured on the twin, see runbooks. `force` is that of the arm's external wrench: without it
-    recorded forces carry no weight.
+    Measured on the twin, see runbooks. `force` is that of the arm's external wrench:
+    without it recorded forces carry no weight.
     """
 
     contact_x: Metres = Field(gt=0, le=0.1)
@@ -60,25 +71,35 @@ class SigmaSettings(Settings):
     gripper: Metres = Field(gt=0, le=0.1)
     displacement: Metres = Field(gt=0, le=0.1)
     touch_time: Seconds = Field(gt=0, le=1.0)
-    edge_offset: Metres = Field(0.00055, gt=0, le=0.1)  # rms by folds; laid_fold.yaml has 0.44 mm
-    force: float | None = Field(None, gt=0, le=10.0, exclude_if=lambda force: force is None)
+    # rms by folds; laid_fold.yaml has 0.44 mm
+    edge_offset: Metres = Field(0.00055, gt=0, le=0.1)
+    force: float | None = Field(
+        None, gt=0, le=10.0, exclude_if=lambda force: force is None
+    )
 
 
 class FoldSettings(Settings):
     """Parameters of a fold; lengths [m], speeds [m/s], times [s]."""
 
-    control_rate: float = Field(100.0, ge=100, le=200)  # Hz; records promise 100 rows a second
+    # Hz; records promise 100 rows a second
+    control_rate: float = Field(100.0, ge=100, le=200)
     speed: Speed = Field(
         0.10, ge=0.005, le=0.16
     )  # on the path; faster, the lift out-turns the hand
     lay_speed: Speed = Field(0.10, ge=0.005, le=0.16)
     lay_height: Metres = Field(0.025, ge=0.005, le=0.06)  # of the edge above its place
-    lay_beyond: Metres = Field(0.008, ge=0, le=0.02)  # past a taut edge; folds roll 6 mm
-    takeover_height: Metres = Field(TAKEOVER_HEIGHT, ge=0.03, le=0.2)  # where the policy takes over
-    start: Literal["flat", "hanging"] | None = None  # of measured time; None: by the arm
-    longest_rest: Seconds = Field(4.0, ge=0.5, le=20.0)  # that a hanging strip is waited for
-    approach: Metres = Field(0.05, ge=0.02, le=0.2)  # free way before the edge is grasped
-    clear_height: Metres = Field(0.25, ge=0.1, le=0.4)  # of the gripper while the strip is judged
+    # past a taut edge; folds roll 6 mm
+    lay_beyond: Metres = Field(0.008, ge=0, le=0.02)
+    # where the policy takes over
+    takeover_height: Metres = Field(TAKEOVER_HEIGHT, ge=0.03, le=0.2)
+    # of measured time; None: by the arm
+    start: Literal["flat", "hanging"] | None = None
+    # that a hanging strip is waited for
+    longest_rest: Seconds = Field(4.0, ge=0.5, le=20.0)
+    # free way before the edge is grasped
+    approach: Metres = Field(0.05, ge=0.02, le=0.2)
+    # of the gripper while the strip is judged
+    clear_height: Metres = Field(0.25, ge=0.1, le=0.4)
     stop_timeout: Seconds = Field(1.0, ge=0.2, le=5.0)  # to come to rest after a fault
 
 
@@ -87,28 +108,35 @@ class MonitorLimits(Settings):
 
     arm_age: float = Field(0.05, gt=0, le=0.5)  # s
     hand_age: float = Field(0.5, gt=0, le=2.0)  # s
-    image_age: float = Field(0.25, gt=0, le=1.0)  # s, from which on the arm stands and waits
+    # s, from which on the arm stands and waits
+    image_age: float = Field(0.25, gt=0, le=1.0)
     image_wait: float = Field(0.15, gt=0, le=1.0)  # s that it waits for a younger image
     reading: float = Field(0.25, gt=0, le=1.0)  # s beside the loop, of one image
-    identical_images: int = Field(3, ge=2, le=30)  # one that a camera sends twice is none
+    # one that a camera sends twice is none
+    identical_images: int = Field(3, ge=2, le=30)
     confidence: float = Field(0.3, gt=0, lt=1)
     doubt: float = Field(0.4, gt=0, le=2.0)  # s of low confidence before the arm stops
-    camera_shift: float = Field(0.001, gt=0, le=0.01)  # m by which the scene may seem moved
+    # m by which the scene may seem moved
+    camera_shift: float = Field(0.001, gt=0, le=0.01)
     overspeed: float = Field(1.25, ge=1.0, le=2.0)  # measured over allowed speed
     speed: float = Field(0.25, gt=0, le=1.0)  # m/s
     tracking_error: float = Field(0.015, gt=0, le=0.1)  # m, measured from commanded
-    border: float = Field(0.005, gt=0, le=0.02)  # m that a measured pose may lie out of the box
+    # m that a measured pose may lie out of the box
+    border: float = Field(0.005, gt=0, le=0.02)
     force: float = Field(20.0, gt=0, le=60.0)  # N on the gripper
     duration: float = Field(120.0, gt=0, le=900.0)  # s of a whole run
     state_duration: float = Field(60.0, gt=0, le=300.0)  # s in one state
-    turn: float = Field(300.0, gt=0, le=3600)  # s of a lock-step cycle; 1 s on the wall clock
-    calibration: float = Field(1800.0, gt=0, le=14400.0)  # s of CALIBRATE, which waits for people
+    # s of a lock-step cycle; 1 s on the wall clock
+    turn: float = Field(300.0, gt=0, le=3600)
+    # s of CALIBRATE, which waits for people
+    calibration: float = Field(1800.0, gt=0, le=14400.0)
 
 
 class LearningSettings(Settings):
     """Settings of learning: whether the cell learns.
 
-    `auto` learns with a real arm or camera and leaves folds of the twin repeatable by their seed.
+    `auto` learns with a real arm or camera and leaves folds of the twin repeatable by
+    their seed.
     """
 
     use: Literal["auto", "on", "off"] = "auto"
@@ -120,7 +148,8 @@ class CellSettings(Settings):
     schema_: Literal[1] = Field(1, alias="schema")
     name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")
     drivers: DriverChoice = DriverChoice()
-    calibration: str | None = None  # file, relative to this one; None: the one of `cell calibrate`
+    # file, relative to this one; None: the one of `cell calibrate`
+    calibration: str | None = None
     camera: V4l2Settings | None = None  # the real one; None: this cell has none
     cameras: dict[PluginCamera, dict[str, Any]] = Field(  # their own settings, by name
         default_factory=dict, exclude_if=lambda cameras: not cameras
@@ -134,15 +163,23 @@ class CellSettings(Settings):
     latency: LatencySettings = LatencySettings()
     landmarks: LandmarkSettings = LandmarkSettings()
     learning: LearningSettings = LearningSettings()
-    calibration_days: float = Field(30.0, gt=0, le=3650)  # after which hardware calibrates anew
+    # after which hardware calibrates anew
+    calibration_days: float = Field(30.0, gt=0, le=3650)
     record: RecordSettings = RecordSettings()
     sigma: SigmaSettings
     effects: dict[str, dict[str, float]] = Field(default_factory=dict)
 
     def with_drivers(self, arm: str | None = None, camera: str | None = None) -> Self:
-        """Copy with the drivers of these names; ConfigurationError for an unknown one."""
-        named = {"arm": arm or self.drivers.arm, "camera": camera or self.drivers.camera}
-        return self.model_copy(update={"drivers": parse(named, DriverChoice, "drivers")})
+        """Copy with the drivers of these names; ConfigurationError for an unknown
+        one.
+        """
+        named = {
+            "arm": arm or self.drivers.arm,
+            "camera": camera or self.drivers.camera,
+        }
+        return self.model_copy(
+            update={"drivers": parse(named, DriverChoice, "drivers")}
+        )
 
     @property
     def arm_driver(self) -> Driver:
@@ -161,7 +198,9 @@ class CellSettings(Settings):
 
     @property
     def has_real_arm(self) -> bool:
-        """Whether the arm is a physical robot, not simulated or emulated on this machine."""
+        """Whether the arm is a physical robot, not simulated or emulated on this
+        machine.
+        """
         arm = self.arm_driver
         address = self.robot_address
         if address is None:
@@ -178,7 +217,9 @@ class CellSettings(Settings):
 
     @property
     def emulation(self) -> str:
-        """Text for the operator where the robot is emulated; empty for any other arm."""
+        """Text for the operator where the robot is emulated; empty for any other
+        arm.
+        """
         if not self.arm_driver.real or self.has_real_arm:
             return ""
         if self.fci.address is None:

@@ -1,4 +1,6 @@
-"""Strips without a file, of which only length and perhaps thickness are known, the rest assumed."""
+"""Strips without a file, of which only length and perhaps thickness are known, the rest
+assumed.
+"""
 
 from typing import Any
 
@@ -18,18 +20,27 @@ CALIPERS = {"key": "thickness", "source": "measured", "note": "stated by the ope
 
 
 def unmeasured_name(length: float, thickness: float | None) -> str:
-    """Name of a strip without a file, given by its `length` and maybe `thickness` [m]."""
-    return f"{MARK}{length:g}" if thickness is None else f"{MARK}{length:g}:{thickness:g}"
+    """Name of a strip without a file, given by its `length` and maybe `thickness`
+    [m].
+    """
+    return (
+        f"{MARK}{length:g}" if thickness is None else f"{MARK}{length:g}:{thickness:g}"
+    )
 
 
 def unmeasured_strip(known: str) -> StripFile:
-    """Strip of which only length, and perhaps thickness [m], are `known`: "0.6" or "0.6:0.001".
+    """Strip of which only length, and perhaps thickness [m], are `known`: "0.6" or
+    "0.6:0.001".
 
-    The rest is assumed, in the middle of its range. Raises ConfigurationError for other text.
+    The rest is assumed, in the middle of its range. Raises ConfigurationError for other
+    text.
     """
     length, _, thickness = known.partition(":")
     (c_low, c_high), (t_low, t_high) = BENDING_LENGTH, RETARDATION_TIME
-    spread = {"bending_length": list(BENDING_LENGTH), "retardation_time": list(RETARDATION_TIME)}
+    spread = {
+        "bending_length": list(BENDING_LENGTH),
+        "retardation_time": list(RETARDATION_TIME),
+    }
     content: dict[str, Any] = {
         "name": UNKNOWN_NAME,
         "length": metres("length", length),

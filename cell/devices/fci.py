@@ -1,4 +1,6 @@
-"""Devices of a cell with a Franka arm, real or emulated, whose poses the twin's strip follows."""
+"""Devices of a cell with a Franka arm, real or emulated, whose poses the twin's strip
+follows.
+"""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -39,12 +41,14 @@ CATCHING_UP = 0.02  # s per tick for strip and camera to catch up with a robot's
 def fci_devices(
     settings: CellFile, strip: StripFile, trial: Trial, *, calibrating: bool = False
 ) -> Devices:
-    """Devices of a cell whose arm is the robot at `fci.address`, else one emulated in this process.
+    """Devices of a cell whose arm is the robot at `fci.address`, else one emulated in
+    this process.
 
-    The emulated one runs in lock-step; an arm at an address runs on its own time, and strip and
-    camera keep up with it. While `calibrating` the desk is bare, and the twin provides the
-    calibration aids. Where the camera is real, too, nothing is simulated beside a robot on its own
-    time. Raises ConfigurationError for an effect of the rig that this arm cannot simulate.
+    The emulated one runs in lock-step; an arm at an address runs on its own time, and
+    strip and camera keep up with it. While `calibrating` the desk is bare, and the twin
+    provides the calibration aids. Where the camera is real, too, nothing is simulated
+    beside a robot on its own time. Raises ConfigurationError for an effect of the rig
+    that this arm cannot simulate.
     """
     address = settings.fci.address
     lock_step = settings.fci.in_lock_step
@@ -53,7 +57,9 @@ def fci_devices(
         alone = WallClock()
         camera = open_camera(settings, alone)
         return replace(
-            _robot_devices(alone, *fci_arm(gripping, alone, address), camera, camera.identity),
+            _robot_devices(
+                alone, *fci_arm(gripping, alone, address), camera, camera.identity
+            ),
             camera_locks=lambda: camera.locks,
         )
     world = TwinClock()
@@ -84,7 +90,9 @@ def _robot_devices(
     identity: str,
     servers: Sequence[RobotServer] = (),
 ) -> Devices:
-    """Devices of a robot and a `camera`; `servers` that emulate the robot are closed with them."""
+    """Devices of a robot and a `camera`; `servers` that emulate the robot are closed
+    with them.
+    """
     return Devices(
         clock=clock,
         arm=arm,
@@ -100,8 +108,12 @@ def _robot_devices(
     )
 
 
-def fci_arm(settings: CellFile, clock: CellClock, address: str) -> tuple[FciArm, FciHand]:
-    """Drivers of the arm and hand of the robot at `address`, which keep the time of `clock`."""
+def fci_arm(
+    settings: CellFile, clock: CellClock, address: str
+) -> tuple[FciArm, FciHand]:
+    """Drivers of the arm and hand of the robot at `address`, which keep the time of
+    `clock`.
+    """
     installation = settings.fci.limit(settings.installation)
     realtime = "ignore" if settings.fci.in_lock_step else settings.fci.realtime
     fci = settings.fci.model_copy(update={"realtime": realtime})
@@ -118,13 +130,15 @@ def fci_arm(settings: CellFile, clock: CellClock, address: str) -> tuple[FciArm,
 def start_joints(
     installation: Installation, fold: FoldSettings, length: float
 ) -> tuple[float, ...]:
-    """Start joints (7,) [rad] with most margin in a plain fold; ConfigurationError without any."""
+    """Start joints (7,) [rad] with most margin in a plain fold; ConfigurationError
+    without any.
+    """
     path, speeds = whole_path(length, installation, fold, triangle(length))
     reach = plan_reach(installation, path, speeds)
     if not reach.allowed:
         raise ConfigurationError(
-            f"installation.mounting: the arm cannot follow a fold: {reach.problems[0]}; "
-            "move robot or strip, see `cell fold --dry-run --arm fci`"
+            f"installation.mounting: the arm cannot follow a fold: {reach.problems[0]};"
+            " move robot or strip, see `cell fold --dry-run --arm fci`"
         )
     joints: list[float] = reach.start.tolist()
     return tuple(joints)
@@ -136,7 +150,9 @@ def _start_robot(settings: CellFile, strip: StripFile, desk: Desk) -> RobotServe
     frame = installation.mounting.transform()
     start = start_joints(installation, settings.fold, strip.length)
     twin = settings.twin.arm
-    mechanics = ServerSettings(delay=twin.robot_delay, lag=twin.robot_lag, plant=twin.robot_plant)
+    mechanics = ServerSettings(
+        delay=twin.robot_delay, lag=twin.robot_lag, plant=twin.robot_plant
+    )
     server = RobotServer(
         mechanics,
         start=frozen(start),
@@ -153,7 +169,11 @@ def _start_robot(settings: CellFile, strip: StripFile, desk: Desk) -> RobotServe
 
 
 def _expect_thickness(settings: CellFile, strip: StripFile) -> CellFile:
-    """Settings of the cell whose hand counts an object as thick as `strip` as grasped."""
+    """Settings of the cell whose hand counts an object as thick as `strip` as
+    grasped.
+    """
     low, high = strip.spread.get("thickness", (strip.thickness, strip.thickness))
     hand = settings.fci.hand.for_thickness(low, high)
-    return settings.model_copy(update={"fci": settings.fci.model_copy(update={"hand": hand})})
+    return settings.model_copy(
+        update={"fci": settings.fci.model_copy(update={"hand": hand})}
+    )

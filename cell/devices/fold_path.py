@@ -1,4 +1,6 @@
-"""Waypoints of the gripper in a fold, from its home to the retreat, and the path through them."""
+"""Waypoints of the gripper in a fold, from its home to the retreat, and the path
+through them.
+"""
 
 from itertools import pairwise
 
@@ -18,9 +20,11 @@ LAY_POINTS = 20  # points of a lay, in which the hand turns
 NEAR_EDGE = 0.05  # m beside and above the other edge, where a plain fold ends
 LEG_POINTS = 30  # points of either leg of a plain fold
 POINT_SPACING = 0.01  # m between points of a carried strip's path that are kept
-CORNER = 0.05  # m of a path over which an arm may round a corner: 9 mm inside a right angle
+# m of a path over which an arm may round a corner: 9 mm inside a right angle
+CORNER = 0.05
 TURNING = 2.4  # rad/s, rotation of the hand in a fold, a little below an arm's limit
-LEAST_NEED = 1e-9  # least derivative of a path counted, so that no limit is divided by 0
+# least derivative of a path counted, so that no limit is divided by 0
+LEAST_NEED = 1e-9
 
 
 def whole_path(
@@ -30,11 +34,12 @@ def whole_path(
     carry: Array,
     touch: Touch | None = None,
 ) -> tuple[Array, Array]:
-    """Poses (n, 3) x, z [m], pitch [rad] of a fold, and speeds (n,) [m/s] of the moves to each.
+    """Poses (n, 3) x, z [m], pitch [rad] of a fold, and speeds (n,) [m/s] of the moves
+    to each.
 
-    From the home over the edge of a strip of `length` [m]; `carry` (k, 2) leads from the grasped
-    edge to where the layers touch. Lay and retreat follow, after this `touch` of the layers, or
-    without one as where the strip hangs straight down.
+    From the home over the edge of a strip of `length` [m]; `carry` (k, 2) leads from
+    the grasped edge to where the layers touch. Lay and retreat follow, after this
+    `touch` of the layers, or without one as where the strip hangs straight down.
     """
     carry = _thin_out(carry)
     x, z = carry[-1].tolist()
@@ -43,7 +48,10 @@ def whole_path(
     lay = lay_path(Pose(x, z, HANGING), taut, LAID_HEIGHT, end, fold)
     travel = np.union1d(lay.travel, np.linspace(0.0, lay.length, LAY_POINTS))[1:]
     lowered = np.column_stack([lay.at(travel), lay_pitch(travel / lay.length)])
-    home, laid = Pose(length, installation.home_height, 0.0), Pose(end, LAID_HEIGHT, np.pi)
+    home, laid = (
+        Pose(length, installation.home_height, 0.0),
+        Pose(end, LAID_HEIGHT, np.pi),
+    )
     approach = [pose.as_array() for pose in (home, *approach_poses(length, fold))]
     retreat = [pose.as_array() for pose in (laid, *retreat_poses(laid, fold))]
     carried = np.column_stack([carry, lift_pitch(arc_lengths(carry))])[1:]
@@ -54,10 +62,11 @@ def whole_path(
 
 
 def approach_poses(length: float, fold: FoldSettings) -> tuple[Pose, ...]:
-    """Poses of the gripper from beside a strip of `length` [m], where it is looked at, to its edge.
+    """Poses of the gripper from beside a strip of `length` [m], where it is looked at,
+    to its edge.
 
-    The first one leaves the strip free to be judged; from beyond its edge the open fingers go down
-    and over it.
+    The first one leaves the strip free to be judged; from beyond its edge the open
+    fingers go down and over it.
     """
     beside = length + fold.approach
     return (
@@ -69,30 +78,38 @@ def approach_poses(length: float, fold: FoldSettings) -> tuple[Pose, ...]:
 
 
 def taut_edge(touch: Touch) -> float:
-    """Position x [m] that the grasped edge would have if the upper layer lay taut after `touch`."""
+    """Position x [m] that the grasped edge would have if the upper layer lay taut after
+    `touch`.
+    """
     return touch.x - touch.to_grasped
 
 
 def edge_place(taut: float, place: float = 0.0) -> float:
-    """Target x [m] of the grasped edge: `place`, within PULL of the `taut` upper layer's end [m].
+    """Target x [m] of the grasped edge: `place`, within PULL of the `taut` upper
+    layer's end [m].
 
-    `place` is 0, on the fixed edge, unless a learned correction of the camera's bias moves it.
+    `place` is 0, on the fixed edge, unless a learned correction of the camera's bias
+    moves it.
     """
     return min(max(place, taut - PULL), taut + PULL)
 
 
-def lay_path(gripper: Pose, taut: float, rest: float, end: float, fold: FoldSettings) -> Path:
-    """Path of the gripper that lowers the grasped edge past that of a `taut` upper layer, x [m].
+def lay_path(
+    gripper: Pose, taut: float, rest: float, end: float, fold: FoldSettings
+) -> Path:
+    """Path of the gripper that lowers the grasped edge past that of a `taut` upper
+    layer, x [m].
 
-    Straight to `lay_height` above `end` [m], unless the gripper is below that, and down to `rest`
-    [m] above the desk, `lay_beyond` past that edge, from where it is pushed to `end`.
+    Straight to `lay_height` above `end` [m], unless the gripper is below that, and down
+    to `rest` [m] above the desk, `lay_beyond` past that edge, from where it is pushed
+    to `end`.
 
-    From that height the upper layer comes down as a lid, in part lifted, where friction does not
-    hold it. One that the fold has rolled along is too long: lowered at its end it keeps a hump at
-    the grip, which yields to a push, and springs beyond the edge on release. Lowered past its
-    end it lies flat, and a flat layer passes a push on to the fold, which rolls back. No circle
-    about the touch: that starts sideways, pulls the contact along and rolls soft folds by 15 to
-    40 mm.
+    From that height the upper layer comes down as a lid, in part lifted, where friction
+    does not hold it. One that the fold has rolled along is too long: lowered at its end
+    it keeps a hump at the grip, which yields to a push, and springs beyond the edge on
+    release. Lowered past its end it lies flat, and a flat layer passes a push on to the
+    fold, which rolls back. No circle about the touch: that starts sideways, pulls the
+    contact along and rolls soft folds by 15 to 40 mm.
     """
     down = min(end, taut - fold.lay_beyond)
     above = [(end, fold.lay_height)] if gripper.z > fold.lay_height else []
@@ -100,7 +117,8 @@ def lay_path(gripper: Pose, taut: float, rest: float, end: float, fold: FoldSett
 
 
 def lay_pitch(share: Array | float) -> Array:
-    """Pitch (...,) [rad] after a `share` (...,) of the lay path: most of the turn is at its end.
+    """Pitch (...,) [rad] after a `share` (...,) of the lay path: most of the turn is at
+    its end.
 
     An edge that lies back early pushes what hangs from it.
     """
@@ -108,38 +126,52 @@ def lay_pitch(share: Array | float) -> Array:
 
 
 def retreat_poses(laid: Pose, fold: FoldSettings) -> tuple[Pose, Pose]:
-    """Poses of the gripper away from an edge let go at `laid`: backward off it, then up."""
+    """Poses of the gripper away from an edge let go at `laid`: backward off it, then
+    up.
+    """
     back = Pose(laid.x - fold.approach, laid.z, laid.pitch)
     return back, Pose(back.x, back.z + 2 * fold.approach, back.pitch)
 
 
 def triangle(length: float) -> Array:
-    """Path (k, 2) [m] of a plain fold: up over the strip's middle, down to its other edge."""
-    corners = np.array([(length, 0.0), (length / 2, length / 2), (NEAR_EDGE, NEAR_EDGE)])
+    """Path (k, 2) [m] of a plain fold: up over the strip's middle, down to its other
+    edge.
+    """
+    corners = np.array(
+        [(length, 0.0), (length / 2, length / 2), (NEAR_EDGE, NEAR_EDGE)]
+    )
     shares = np.linspace(0.0, 1.0, LEG_POINTS)[:, None]
     up, down = (start + shares * (stop - start) for start, stop in pairwise(corners))
     return np.concatenate([up, down[1:]])
 
 
 def largest_speed(points: Array, limits: MotionLimits) -> float:
-    """Largest speed [m/s] at which an arm within `limits` follows the path `points` (n, 2) [m].
+    """Largest speed [m/s] at which an arm within `limits` follows the path `points` (n,
+    2) [m].
 
-    At a constant speed v, the first, second and third derivative of the path by its length, times
-    v, v^2 and v^3, are the velocity, acceleration and jerk that it asks of each axis; here as
-    differences over steps of CORNER. Of the pitch only the velocity counts, where an arm does not
-    allow TURNING.
+    At a constant speed v, the first, second and third derivative of the path by its
+    length, times v, v^2 and v^3, are the velocity, acceleration and jerk that it asks
+    of each axis; here as differences over steps of CORNER. Of the pitch only the
+    velocity counts, where an arm does not allow TURNING.
     """
     path = Path.through(points)
     turning = limits.pitch.velocity
     poses = path.poses(np.arange(0.0, path.length, CORNER))
     allowed = [
-        [limits.x.velocity, limits.z.velocity, turning if turning < TURNING else np.inf],
+        [
+            limits.x.velocity,
+            limits.z.velocity,
+            turning if turning < TURNING else np.inf,
+        ],
         [axis.acceleration for axis in limits.axes[:2]],
         [axis.jerk for axis in limits.axes[:2]],
     ]
     speeds = []
     for order, most in enumerate(allowed, 1):
-        needed = np.abs(np.diff(poses, order, axis=0)).max(axis=0, initial=0.0) / CORNER**order
+        needed = (
+            np.abs(np.diff(poses, order, axis=0)).max(axis=0, initial=0.0)
+            / CORNER**order
+        )
         shares = np.array(most) / np.maximum(needed[: len(most)], LEAST_NEED)
         speeds.append(float(shares.min()) ** (1.0 / order))
     return float(min(speeds))

@@ -1,4 +1,6 @@
-"""Real camera of a cell: opening it, settings proposed for cell.yaml, a test picture."""
+"""Real camera of a cell: opening it, settings proposed for cell.yaml, a test
+picture.
+"""
 
 from dataclasses import dataclass, replace
 
@@ -19,7 +21,8 @@ from drivers.twin.clock import RealTimeClock, TwinClock
 
 BEST_MODE = 1280, 720, 30.0  # px, px, Hz; larger modes are not proposed
 RATE_MARGIN = 0.5  # Hz by which a camera's rate may miss a round number
-PREFERRED = ("YUYV", "GREY", "RGGB", "GRBG", "BA81", "GBRG", "MJPG")  # the less work the better
+# the less work the better
+PREFERRED = ("YUYV", "GREY", "RGGB", "GRBG", "BA81", "GBRG", "MJPG")
 WORTH_LOCKING = (  # controls that change what is measured
     "exposure_time_absolute",
     "gain",
@@ -32,20 +35,24 @@ FIRST_FRAME_TIMEOUT = 5.0  # s that the first frame may take
 
 
 def camera_settings(settings: CellFile) -> Settings:
-    """Settings in cell.yaml of the cell's real camera; ConfigurationError for missing or wrong.
+    """Settings in cell.yaml of the cell's real camera; ConfigurationError for missing
+    or wrong.
 
-    They are the section `camera` for V4L2, and `cameras: NAME` for the camera NAME of a plug-in.
+    They are the section `camera` for V4L2, and `cameras: NAME` for the camera NAME of a
+    plug-in.
     """
     driver = settings.camera_driver
     if driver != DRIVERS["cameras"]["v4l2"]:
         name = settings.drivers.camera
         with guarded("cameras", name):
             kind: type[Settings] = driver.load("settings")
-        return parse(settings.cameras.get(name, {}), kind, f"cell.yaml: cameras: {name}")
+        return parse(
+            settings.cameras.get(name, {}), kind, f"cell.yaml: cameras: {name}"
+        )
     if settings.camera is None:
         raise ConfigurationError(
-            "cell.yaml: camera: is missing, camera v4l2 needs it; `cell camera` lists what is "
-            "there and the section to add"
+            "cell.yaml: camera: is missing, camera v4l2 needs it; `cell camera` lists"
+            " what is there and the section to add"
         )
     return settings.camera
 
@@ -83,7 +90,8 @@ def with_real_camera(devices: Devices, settings: CellFile) -> Devices:
 class Grab:
     """Test picture of a camera, its setup, and statistics of the frames before it.
 
-    `rate` [Hz] is measured by the stamps, `age` [s] from the middle of the exposure to arrival.
+    `rate` [Hz] is measured by the stamps, `age` [s] from the middle of the exposure to
+    arrival.
     """
 
     frame: CameraFrame
@@ -94,12 +102,18 @@ class Grab:
 
 
 def suggest_settings(camera: CameraReport) -> V4l2Settings | None:
-    """Settings for `camera`, controls locked at their values; None where no mode can be decoded."""
-    modes = [mode for mode in camera.modes if mode.format in PREFERRED and not mode.steps]
+    """Settings for `camera`, controls locked at their values; None where no mode can be
+    decoded.
+    """
+    modes = [
+        mode for mode in camera.modes if mode.format in PREFERRED and not mode.steps
+    ]
     if not modes:
         return None
     mode = max(modes, key=_suitability)
-    rates = [rate for rate in mode.rates if rate <= BEST_MODE[2] + RATE_MARGIN] or list(mode.rates)
+    rates = [rate for rate in mode.rates if rate <= BEST_MODE[2] + RATE_MARGIN] or list(
+        mode.rates
+    )
     values = {c.name: c.value for c in camera.controls if c.value is not None}
     locks = {name: value for name, value in values.items() if name in WORTH_LOCKING}
     content = {
@@ -114,7 +128,9 @@ def suggest_settings(camera: CameraReport) -> V4l2Settings | None:
 
 
 def grab(settings: V4l2Settings) -> Grab:
-    """Newest frame of a test of WATCHED seconds, with its statistics; CellError without frames."""
+    """Newest frame of a test of WATCHED seconds, with its statistics; CellError without
+    frames.
+    """
     camera = V4l2Camera(settings, WallClock())
     try:
         camera.connect()
@@ -127,11 +143,15 @@ def grab(settings: V4l2Settings) -> Grab:
     if setup is None:
         raise CellError(f"{settings.device}: was not set up")
     rate = (last.sequence - first.sequence) / (last.stamp - first.stamp)
-    return Grab(frame=last, setup=setup, counts=counts, rate=rate, age=last.arrival - last.stamp)
+    return Grab(
+        frame=last, setup=setup, counts=counts, rate=rate, age=last.arrival - last.stamp
+    )
 
 
 def _next_frame(camera: V4l2Camera, after: float) -> CameraFrame:
-    """Next frame later than the stamp `after` [s]; raises CellError where none comes."""
+    """Next frame later than the stamp `after` [s]; raises CellError where none
+    comes.
+    """
     frame = camera.read(after, FIRST_FRAME_TIMEOUT)
     if frame is None:
         raise CellError(f"no picture in {FIRST_FRAME_TIMEOUT:g} s")
@@ -139,7 +159,9 @@ def _next_frame(camera: V4l2Camera, after: float) -> CameraFrame:
 
 
 def _suitability(mode: Mode) -> tuple[bool, bool, int, int]:
-    """Sort key of a camera mode, best last: fast, within BEST_MODE, near to it, easy to decode."""
+    """Sort key of a camera mode, best last: fast, within BEST_MODE, near to it, easy to
+    decode.
+    """
     width, height, rate = BEST_MODE
     fits = mode.width <= width and mode.height <= height
     fast = max(mode.rates, default=rate) >= rate - RATE_MARGIN

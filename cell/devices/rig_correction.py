@@ -1,4 +1,6 @@
-"""Compensation of the rig's known errors, such as a desk off its height or a tool offset."""
+"""Compensation of the rig's known errors, such as a desk off its height or a tool
+offset.
+"""
 
 from dataclasses import replace
 
@@ -27,9 +29,9 @@ def corrected_calibration(
 ) -> Calibration:
     """Copy of `calibration` that compensates the camera and desk effects of cell.yaml.
 
-    Points lie on the true desk, stamps are true times. Without such effects the same object
-    is returned; with some, a calibration with an id of its own and without landmarks, which are
-    valid only for the uncorrected one.
+    Points lie on the true desk, stamps are true times. Without such effects the same
+    object is returned; with some, a calibration with an id of its own and without
+    landmarks, which are valid only for the uncorrected one.
     """
     model = describe(strip, settings.effects)
     observation = model.observation
@@ -48,13 +50,19 @@ def corrected_calibration(
 
 
 def _measured_to_true(model: StripModel) -> Array:
-    """Matrix (3, 3) from measured to true points x, z [m] of the plane, homogeneous coordinates."""
+    """Matrix (3, 3) from measured to true points x, z [m] of the plane, homogeneous
+    coordinates.
+    """
     origin, x, z = true_points(model, np.array([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)]))
     return np.array([[*(x - origin), 0.0], [*(z - origin), 0.0], [*origin, 1.0]]).T
 
 
-def corrected_devices(devices: Devices, settings: CellFile, strip: StripFile) -> Devices:
-    """Copy of `devices` whose arm reports true poses, the rig effects of cell.yaml compensated."""
+def corrected_devices(
+    devices: Devices, settings: CellFile, strip: StripFile
+) -> Devices:
+    """Copy of `devices` whose arm reports true poses, the rig effects of cell.yaml
+    compensated.
+    """
     rig = describe(strip, settings.effects).rig
     if rig == Rig():
         return devices
@@ -64,8 +72,9 @@ def corrected_devices(devices: Devices, settings: CellFile, strip: StripFile) ->
 class CorrectedArm:
     """Arm that wraps another arm and compensates the known errors `rig` of its poses.
 
-    States give the gripper's true pose over the true desk at their stamp; commanded poses are true
-    ones. As in `drivers.strip.observation`, offsets grow from where `hand` first holds the strip.
+    States give the gripper's true pose over the true desk at their stamp; commanded
+    poses are true ones. As in `drivers.strip.observation`, offsets grow from where
+    `hand` first holds the strip.
     """
 
     def __init__(self, arm: Arm, hand: Hand, rig: Rig) -> None:
@@ -88,7 +97,9 @@ class CorrectedArm:
             measured,
             pose=Pose.from_array(true_pose),
             velocity=_sum(measured.velocity, self._offset_velocity(measured.velocity)),
-            commanded=Pose.from_array(self._offsets.true(measured.commanded.as_array())),
+            commanded=Pose.from_array(
+                self._offsets.true(measured.commanded.as_array())
+            ),
         )
 
     def move_to(self, pose: Pose) -> None:
@@ -109,7 +120,9 @@ class CorrectedArm:
         self._arm.close()
 
     def _advance_offsets(self, measured: ArmState) -> Array:
-        """True pose (3,) [m, m, rad] of a `measured` state; offsets grow from the grasp on."""
+        """True pose (3,) [m, m, rad] of a `measured` state; offsets grow from the grasp
+        on.
+        """
         self._reports.add(measured)
         self._reported = self._at_stamp(measured)
         if self._offsets.start is None and self._hand.state().grasped:
@@ -117,10 +130,11 @@ class CorrectedArm:
         return self._offsets.advance(self._reported)
 
     def _at_stamp(self, measured: ArmState) -> Array:
-        """Reported pose (3,) [m, m, rad] at the stamp of `measured`, less the delay of reports.
+        """Reported pose (3,) [m, m, rad] at the stamp of `measured`, less the delay of
+        reports.
 
-        What the arm reports at t was true at t - delay. The future is extrapolated at the measured
-        velocity.
+        What the arm reports at t was true at t - delay. The future is extrapolated at
+        the measured velocity.
         """
         ahead = self._rig.delay
         if ahead == 0:
@@ -132,7 +146,9 @@ class CorrectedArm:
         return self._reports.pose_at(measured.stamp + ahead).as_array()
 
     def _offset_velocity(self, rate: Velocity) -> Array:
-        """Velocity (3,) [m/s, m/s, rad/s] of the rig's offsets as the arm moves at `rate`."""
+        """Velocity (3,) [m/s, m/s, rad/s] of the rig's offsets as the arm moves at
+        `rate`.
+        """
         if self._offsets.start is None or not 0 < self._offsets.share < 1:
             return np.zeros(3)
         path = (self._reported - self._offsets.start)[:2]

@@ -1,4 +1,6 @@
-"""Devices of the simulated cell (twin), its calibration aids, and its truth for scoring."""
+"""Devices of the simulated cell (twin), its calibration aids, and its truth for
+scoring.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,7 +17,9 @@ from drivers.types import Frame
 
 
 class TwinCalibrationAids:
-    """Calibration aids on the twin: a board held before its camera, a pointer between fingers."""
+    """Calibration aids on the twin: a board held before its camera, a pointer between
+    fingers.
+    """
 
     def __init__(self, twin: Twin | Desk, settings: CellFile, seed: int) -> None:
         self.twin = twin
@@ -43,7 +47,9 @@ class TwinPlant:
     plant: StripFile
 
     def truth(self, origin: float) -> Mapping[str, Any]:
-        """True time [s] since `origin` and lengths [m] of the touch, edge offset [m], plant."""
+        """True time [s] since `origin` and lengths [m] of the touch, edge offset [m],
+        plant.
+        """
         touch = self.twin.world.touch
         return {
             "plant": self.plant.model_dump(mode="json", by_alias=True),
@@ -58,7 +64,8 @@ class TwinPlant:
 def simulated(
     settings: CellFile, strip: StripFile, trial: Trial, *, calibrating: bool
 ) -> tuple[TwinSettings, StripFile]:
-    """Settings of the twin and the plant on its desk: of `trial`, else `strip` in this cell.
+    """Settings of the twin and the plant on its desk: of `trial`, else `strip` in this
+    cell.
 
     The plant has the effects of strip and rig. While `calibrating` the desk is bare.
     """
@@ -66,7 +73,9 @@ def simulated(
     plant = trial.plant or strip
     if calibrating:
         bare = twin.world.model_copy(update={"strip": False})
-        return twin.model_copy(update={"world": bare}), plant.model_copy(update={"effects": {}})
+        return twin.model_copy(update={"world": bare}), plant.model_copy(
+            update={"effects": {}}
+        )
     effects = plant.effects if trial.plant else {**strip.effects, **settings.effects}
     return twin, plant.model_copy(update={"effects": effects})
 
@@ -79,13 +88,16 @@ def twin_devices(
     calibrating: bool,
     staging: PlantOptions = DEFAULT_PLANT,
 ) -> Devices:
-    """Devices of the twin, with the plant on its desk; no rig effects while `calibrating`.
+    """Devices of the twin, with the plant on its desk; no rig effects while
+    `calibrating`.
 
     Without a plant file the twin equals the controller's model of strip and rig.
     """
     index = 0 if calibrating else trial.index
     simulation, plant = simulated(settings, strip, trial, calibrating=calibrating)
-    twin = open_twin(simulation, plant, trial.seed, index, settings.installation, staging)
+    twin = open_twin(
+        simulation, plant, trial.seed, index, settings.installation, staging
+    )
     return Devices(
         clock=twin.clock,
         arm=twin.arm,

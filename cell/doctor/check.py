@@ -8,7 +8,9 @@ DETAIL = " " * 14  # before each line of a check's details
 
 
 class Grade(StrEnum):
-    """Grade of a check of `cell doctor`; a single FAIL keeps a real robot from moving."""
+    """Grade of a check of `cell doctor`; a single FAIL keeps a real robot from
+    moving.
+    """
 
     PASS = "pass"  # noqa: S105  no password
     WARN = "warn"
@@ -18,7 +20,9 @@ class Grade(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """Result of a check: what was `found`, `why` it matters, and a `remedy`, empty where none."""
+    """Result of a check: what was `found`, `why` it matters, and a `remedy`, empty
+    where none.
+    """
 
     name: str
     state: Grade

@@ -1,4 +1,6 @@
-"""Checks of a cell's devices before a motion: robot, protocol, network, camera, calibration."""
+"""Checks of a cell's devices before a motion: robot, protocol, network, camera,
+calibration.
+"""
 
 import time
 from dataclasses import dataclass
@@ -24,7 +26,8 @@ from drivers.types import Array
 EXPIRING = 0.8  # of the days that a calibration is believed
 STARTING = 30.0  # s that the measuring process may need beyond its measurement
 BUFFERED = 0.25  # s at the start of a measurement
-LOST_SHARE, TOO_MANY = 0.01, 0.10  # shares of lost states, for a warning and for a failure
+# shares of lost states, for a warning and for a failure
+LOST_SHARE, TOO_MANY = 0.01, 0.10
 IN_A_ROW = 20  # lost states after which the robot itself stops
 LARGEST_DELAY_MS = 2.0  # ms between two states, 99.9 % of them
 NETWORK_WHY = "a robot that misses 20 commands in a row stops with a reflex"
@@ -40,24 +43,37 @@ def library() -> Check:
 
 
 def robot(address: str) -> Check:
-    """Check whether a robot answers at `address` in the library's version of the protocol."""
+    """Check whether a robot answers at `address` in the library's version of the
+    protocol.
+    """
     from drivers.arm.checks import LIBRARY_VERSION, robot_version
 
     why = "robot and library must speak one version; a mismatch is refused at connect"
     spoken = robot_version(address)
     if spoken is None:
-        remedy = "switch the robot on, unlock its brakes, activate FCI in Desk; check fci.address"
+        remedy = (
+            "switch the robot on, unlock its brakes, activate FCI in Desk; check"
+            " fci.address"
+        )
         return Check("robot", Grade.FAIL, f"no robot answers at {address}", why, remedy)
     found = f"{address} speaks version {spoken}, the library {LIBRARY_VERSION}"
     state = Grade.PASS if spoken == LIBRARY_VERSION else Grade.FAIL
-    return Check("robot", state, found, why, "install the library that fits the robot's system")
+    return Check(
+        "robot", state, found, why, "install the library that fits the robot's system"
+    )
 
 
 def camera(settings: CellFile) -> Check:
-    """Check whether the configured camera is connected, with its controls locked as configured."""
-    why = "a picture by other settings is measured by a calibration that does not fit it"
+    """Check whether the configured camera is connected, with its controls locked as
+    configured.
+    """
+    why = (
+        "a picture by other settings is measured by a calibration that does not fit it"
+    )
     if settings.camera_driver != DRIVERS["cameras"]["v4l2"]:
-        return Check("camera", Grade.SKIPPED, "a plug-in's", "only its package can check it")
+        return Check(
+            "camera", Grade.SKIPPED, "a plug-in's", "only its package can check it"
+        )
     stated = settings.camera
     if stated is None:
         remedy = "run `cell camera` and put what it prints into cell.yaml"
@@ -65,7 +81,9 @@ def camera(settings: CellFile) -> Check:
     try:
         found = report(Kernel(), stated.device)
     except CellError as error:
-        return Check("camera", Grade.FAIL, str(error), why, "connect it, close other programs")
+        return Check(
+            "camera", Grade.FAIL, str(error), why, "connect it, close other programs"
+        )
     values = {control.name: control.value for control in found.controls}
     other = [
         f"{name} is {values.get(name, 'absent')}, configured {wanted}"
@@ -73,16 +91,22 @@ def camera(settings: CellFile) -> Check:
         if values.get(name) != wanted
     ]
     if other:
-        remedy = "close the program that changes it; a fold sets it again when it connects"
+        remedy = (
+            "close the program that changes it; a fold sets it again when it connects"
+        )
         return Check("camera", Grade.WARN, "; ".join(other), why, remedy)
     count = len(stated.controls)
-    return Check("camera", Grade.PASS, f"{stated.device}, {count} controls as configured", why)
+    return Check(
+        "camera", Grade.PASS, f"{stated.device}, {count} controls as configured", why
+    )
 
 
 def calibration(settings: CellFile, *, on_twin: bool) -> Check:
     """Check whether the calibration exists and is plausible and recent enough."""
     why = "everything that the camera sees is measured by it"
-    remedy = "run `cell calibrate camera` and `cell calibrate homography`, name the file"
+    remedy = (
+        "run `cell calibrate camera` and `cell calibrate homography`, name the file"
+    )
     if settings.calibration is None:
         state = Grade.PASS if on_twin else Grade.FAIL
         found = "the twin makes its own" if on_twin else "cell.yaml names none"
@@ -96,7 +120,13 @@ def calibration(settings: CellFile, *, on_twin: bool) -> Check:
     age = age_days(made, now)
     found = f"{made.id}, {age:.0f} of {settings.calibration_days:.0f} days old"
     if made.accepted_anyway:
-        return Check("calibration", Grade.WARN, f"{found}, accepted although refused", why, remedy)
+        return Check(
+            "calibration",
+            Grade.WARN,
+            f"{found}, accepted although refused",
+            why,
+            remedy,
+        )
     old = not on_twin and age > EXPIRING * settings.calibration_days
     return Check("calibration", Grade.WARN if old else Grade.PASS, found, why, remedy)
 
@@ -105,8 +135,8 @@ def calibration(settings: CellFile, *, on_twin: bool) -> Check:
 class Link:
     """Statistics of a robot's network link over `seconds`: states, losses, times [ms].
 
-    `in_a_row` is the most states lost in a row; `late_ms` the 99.9th percentile of the times
-    between two arrivals, `worst_ms` the longest.
+    `in_a_row` is the most states lost in a row; `late_ms` the 99.9th percentile of the
+    times between two arrivals, `worst_ms` the longest.
     """
 
     seconds: float
@@ -123,7 +153,9 @@ class Link:
 
 
 def network(address: str, seconds: float) -> Check:
-    """Check whether the states of the robot at `address` arrive in time, over `seconds`."""
+    """Check whether the states of the robot at `address` arrive in time, over
+    `seconds`.
+    """
     try:
         return judge_link(measure_link(address, seconds))
     except CellError as error:
@@ -134,13 +166,13 @@ def network(address: str, seconds: float) -> Check:
 def judge_link(link: Link) -> Check:
     """Check whether a measured network `link` loses few states, and none for long."""
     remedy = (
-        "connect the robot to a network card of its own, without a switch; switch off power saving "
-        "of processor and card; close busy programs"
+        "connect the robot to a network card of its own, without a switch; switch off"
+        " power saving of processor and card; close busy programs"
     )
     found = (
-        f"{link.states} states in {link.seconds:.0f} s, {100 * link.lost_share:.2f} % lost, at "
-        f"most {link.in_a_row} in a row; 99.9 % within {link.late_ms:.1f} ms, worst "
-        f"{link.worst_ms:.1f} ms"
+        f"{link.states} states in {link.seconds:.0f} s, {100 * link.lost_share:.2f} %"
+        f" lost, at most {link.in_a_row} in a row; 99.9 % within {link.late_ms:.1f} ms,"
+        f" worst {link.worst_ms:.1f} ms"
     )
     state = Grade.PASS
     if link.lost_share > LOST_SHARE or link.late_ms > LARGEST_DELAY_MS:
@@ -153,8 +185,8 @@ def judge_link(link: Link) -> Check:
 def measure_link(address: str, seconds: float) -> Link:
     """Measure the network link to the robot at `address`; CellError if unreachable.
 
-    In a process of its own: reading blocks, and the client library changes the scheduler of the
-    process that connects.
+    In a process of its own: reading blocks, and the client library changes the
+    scheduler of the process that connects.
     """
     child = Child(read_states, address, seconds)
     try:
@@ -170,7 +202,9 @@ def measure_link(address: str, seconds: float) -> Link:
 
 
 def read_states(pipe: Connection, address: str, seconds: float) -> None:
-    """Main function of the measuring process: read states for `seconds`, send statistics."""
+    """Main function of the measuring process: read states for `seconds`, send
+    statistics.
+    """
     import pylibfranka as franka
 
     robot = franka.Robot(address, franka.RealtimeConfig.kIgnore)
@@ -185,9 +219,11 @@ def read_states(pipe: Connection, address: str, seconds: float) -> None:
 
 
 def link_of(times: NDArray[np.int64], arrivals: Array) -> Link:
-    """Statistics of a link from `times` (n,) [ms] of the robot's states and `arrivals` (n,) [s].
+    """Statistics of a link from `times` (n,) [ms] of the robot's states and `arrivals`
+    (n,) [s].
 
-    The time BUFFERED at the start does not count: what waits in a buffer arrives at once.
+    The time BUFFERED at the start does not count: what waits in a buffer arrives at
+    once.
     """
     kept = arrivals > arrivals[0] + BUFFERED
     times, arrivals = times[kept], arrivals[kept]

@@ -1,4 +1,6 @@
-"""Checks that `cell doctor` and each motion of a real robot make, and refusal where one fails."""
+"""Checks that `cell doctor` and each motion of a real robot make, and refusal where one
+fails.
+"""
 
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -9,11 +11,14 @@ from cell.doctor import devices, machine
 from cell.doctor.check import Check, Grade
 from drivers.errors import CellError, PreflightRefused
 
-ASKED, BRIEF = 60.0, 2.0  # s of the network's test: by the doctor, and before each real session
+# s of the network's test: by the doctor, and before each real session
+ASKED, BRIEF = 60.0, 2.0
 
 
 def checks(configs: Configs, runs: Path, seconds: float = ASKED) -> Iterator[Check]:
-    """Yield the checks of a cell's software and hardware; that of the network takes `seconds`."""
+    """Yield the checks of a cell's software and hardware; that of the network takes
+    `seconds`.
+    """
     yield machine.versions()
     yield machine.extras()
     why = "nothing is done by a file that cannot be read"
@@ -23,7 +28,9 @@ def checks(configs: Configs, runs: Path, seconds: float = ASKED) -> Iterator[Che
         for name in names:
             configs.strip(name)
     except CellError as error:
-        yield Check("configuration", Grade.FAIL, str(error), why, "mend the file that is named")
+        yield Check(
+            "configuration", Grade.FAIL, str(error), why, "mend the file that is named"
+        )
         return
     found = f"{settings.name}, {len(names)} strips in {configs.folder}"
     yield Check("configuration", Grade.PASS, found, why)
@@ -31,7 +38,9 @@ def checks(configs: Configs, runs: Path, seconds: float = ASKED) -> Iterator[Che
 
 
 def hardware_checks(settings: CellFile, runs: Path, seconds: float) -> Iterator[Check]:
-    """Yield the checks of machine, calibration, robot, camera; the network's takes `seconds`."""
+    """Yield the checks of machine, calibration, robot, camera; the network's takes
+    `seconds`.
+    """
     yield machine.disk(runs)
     yield machine.cores()
     has_real_camera = settings.camera_driver.real
@@ -40,14 +49,20 @@ def hardware_checks(settings: CellFile, runs: Path, seconds: float) -> Iterator[
     if has_real_camera:
         yield devices.camera(settings)
     else:
-        yield Check("camera", Grade.SKIPPED, "the twin's", "there is nothing to connect")
+        yield Check(
+            "camera", Grade.SKIPPED, "the twin's", "there is nothing to connect"
+        )
 
 
 def _robot_checks(settings: CellFile, seconds: float) -> Iterator[Check]:
-    """Yield checks of library, kernel of a real arm, robot and network; the last need the first."""
+    """Yield checks of library, kernel of a real arm, robot and network; the last need
+    the first.
+    """
     address = settings.robot_address
     if address is None:
-        yield Check("robot", Grade.SKIPPED, "none at fci.address", "there is nothing to connect")
+        yield Check(
+            "robot", Grade.SKIPPED, "none at fci.address", "there is nothing to connect"
+        )
         return
     installed = devices.library()
     yield installed
@@ -63,7 +78,8 @@ def _robot_checks(settings: CellFile, seconds: float) -> Iterator[Check]:
 
 
 def motion_checks(settings: CellFile, *, camera: bool = False) -> Iterator[Check]:
-    """Yield each check that a motion of a real robot by hand needs; none for another arm.
+    """Yield each check that a motion of a real robot by hand needs; none for another
+    arm.
 
     With `camera` a real camera is checked, too.
     """
@@ -80,5 +96,7 @@ def refuse_failed(found: Iterable[Check]) -> None:
     """Raise PreflightRefused where one of the checks `found` has failed."""
     red = [check for check in found if check.state is Grade.FAIL]
     if red:
-        lines = "\n".join(f"{check.name}: {check.found}; {check.remedy}" for check in red)
+        lines = "\n".join(
+            f"{check.name}: {check.found}; {check.remedy}" for check in red
+        )
         raise PreflightRefused(f"{lines}\nnothing has moved; `cell doctor` says more")

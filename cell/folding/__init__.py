@@ -1,1 +1,3 @@
-"""Folds of strips: single ones and batches, prediction, rehearsal, replay, measurement of films."""
+"""Folds of strips: single ones and batches, prediction, rehearsal, replay, measurement
+of films.
+"""

@@ -1,4 +1,6 @@
-"""Batches of folds: in sequence, in parallel processes, or until one has its edges aligned."""
+"""Batches of folds: in sequence, in parallel processes, or until one has its edges
+aligned.
+"""
 
 from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
@@ -26,17 +28,21 @@ ObserverContext = AbstractContextManager[tuple[Observer, ...]]
 
 def _nobody_lays() -> None:
     """Raise PreflightRefused, as nobody is there to lay the strip again."""
-    raise PreflightRefused("nobody lays the strip again for the next fold of a real robot")
+    raise PreflightRefused(
+        "nobody lays the strip again for the next fold of a real robot"
+    )
 
 
 @dataclass(frozen=True, slots=True)
 class Callbacks:
-    """Callbacks to the person at the cell during a batch of folds; by default nobody is there.
+    """Callbacks to the person at the cell during a batch of folds; by default nobody is
+    there.
 
-    `interrupt` makes a context that asks for a controlled stop, `report` takes a remark,
-    `lay_again` waits until the strip lies for the next fold of a real robot, `observe` makes a
-    context of the observers of a strip's fold, and `tell` takes a result as soon as it is known,
-    before its page is written, and again where that fails.
+    `interrupt` makes a context that asks for a controlled stop, `report` takes a
+    remark, `lay_again` waits until the strip lies for the next fold of a real robot,
+    `observe` makes a context of the observers of a strip's fold, and `tell` takes a
+    result as soon as it is known, before its page is written, and again where that
+    fails.
     """
 
     interrupt: Callable[[], AbstractContextManager[Callable[[], bool]]] = Interrupt
@@ -52,16 +58,19 @@ def fold_all(
     until: float | None = None,
     callbacks: Callbacks = Callbacks(),
 ) -> Iterator[FoldResult]:
-    """Carry out the folds of `requests`, `jobs` at a time, and yield their results in order.
+    """Carry out the folds of `requests`, `jobs` at a time, and yield their results in
+    order.
 
-    One that cannot begin has a result without a `run`, and the others follow. With `until` each is
-    corrected by those before it, and the first one whose edges lie as close [m] is the last, as is
-    one that was stopped. A real robot folds in sequence. The first Ctrl-C brakes the running folds
-    and starts no other; raises Interrupted where no fold ended by it, and Interrupted or
-    KeyboardInterrupt on the second.
+    One that cannot begin has a result without a `run`, and the others follow. With
+    `until` each is corrected by those before it, and the first one whose edges lie as
+    close [m] is the last, as is one that was stopped. A real robot folds in sequence.
+    The first Ctrl-C brakes the running folds and starts no other; raises Interrupted
+    where no fold ended by it, and Interrupted or KeyboardInterrupt on the second.
     """
     if until is not None:
-        results = _fold_in_sequence((with_correction(r, "on") for r in requests), callbacks)
+        results = _fold_in_sequence(
+            (with_correction(r, "on") for r in requests), callbacks
+        )
     elif jobs > 1 and len(requests) > 1 and not requests[0].trial.agreed:
         results = _fold_in_parallel(requests, jobs, callbacks)
     else:
@@ -80,7 +89,9 @@ def fold_all(
 def _fold_in_parallel(
     requests: Sequence[Request], jobs: int, callbacks: Callbacks
 ) -> Generator[FoldResult, None, None]:
-    """Fold in `jobs` processes side by side; results are yielded in the order of `requests`."""
+    """Fold in `jobs` processes side by side; results are yielded in the order of
+    `requests`.
+    """
     folds = ParallelFolds(requests, jobs, callbacks.report)
     with callbacks.interrupt() as interrupted, closing(folds):
         for result in folds.results(interrupted):
@@ -89,10 +100,14 @@ def _fold_in_parallel(
             yield result
 
 
-def agreed(requests: Sequence[Request], ask: Callable[[str], str]) -> tuple[Request, ...]:
-    """Copies of `requests` with the operator's consent to a real robot's motion, if one moves.
+def agreed(
+    requests: Sequence[Request], ask: Callable[[str], str]
+) -> tuple[Request, ...]:
+    """Copies of `requests` with the operator's consent to a real robot's motion, if one
+    moves.
 
-    Raises PreflightRefused where the consent is not typed, or a check of the hardware fails.
+    Raises PreflightRefused where the consent is not typed, or a check of the hardware
+    fails.
     """
     cell = requests[0].cell
     checks = list[Check]()
@@ -105,14 +120,18 @@ def agreed(requests: Sequence[Request], ask: Callable[[str], str]) -> tuple[Requ
 def _fold_in_sequence(
     requests: Iterator[Request] | Sequence[Request], callbacks: Callbacks
 ) -> Generator[FoldResult, None, None]:
-    """Fold in sequence, with the strip laid again in between; a page follows each fold."""
+    """Fold in sequence, with the strip laid again in between; a page follows each
+    fold.
+    """
     for number, request in enumerate(requests):
         if request.trial.agreed and number > 0:
             callbacks.lay_again()
         with callbacks.interrupt() as interrupted:
             try:
                 with callbacks.observe(request.strip.name) as observers:
-                    calibration = calibration_of(request.cell, callbacks.report, interrupted)
+                    calibration = calibration_of(
+                        request.cell, callbacks.report, interrupted
+                    )
                     recorded = fold(request, calibration, observers, interrupted)
                 callbacks.tell(recorded)
                 result = write_pages(request, recorded)
@@ -126,7 +145,9 @@ def _fold_in_sequence(
 
 
 class ParallelFolds:
-    """Folds carried out by a pool of processes, their results in the order of the requests."""
+    """Folds carried out by a pool of processes, their results in the order of the
+    requests.
+    """
 
     def __init__(
         self, requests: Sequence[Request], jobs: int, report: Callable[[str], None]
@@ -139,10 +160,11 @@ class ParallelFolds:
         self._stops = 0
 
     def results(self, interrupted: Callable[[], bool]) -> Iterator[FoldResult]:
-        """Yield the folds' results in the order of the requests, up to the last one started.
+        """Yield the folds' results in the order of the requests, up to the last one
+        started.
 
-        Once `interrupted`, the folds under way stop under control and no other begins; after a
-        KeyboardInterrupt they stop at once, and a second one is raised.
+        Once `interrupted`, the folds under way stop under control and no other begins;
+        after a KeyboardInterrupt they stop at once, and a second one is raised.
         """
         for number in range(len(self._requests)):
             while number not in self._done:
@@ -158,16 +180,20 @@ class ParallelFolds:
                         raise
                     self._stop()
             end, request = self._done.pop(number), self._requests[number]
-            yield FoldResult.refusal(request, end) if isinstance(end, CellError) else end
+            yield (
+                FoldResult.refusal(request, end) if isinstance(end, CellError) else end
+            )
 
     def close(self) -> None:
         """End all processes; a fold under way is first stopped under control."""
         self._pool.close()
 
     def _begin(self, interrupted: Callable[[], bool]) -> None:
-        """Start folds while there is room; a fold without calibration ends with an error.
+        """Start folds while there is room; a fold without calibration ends with an
+        error.
 
-        A fold leaves the queue after its calibration, so that Ctrl-C meanwhile does not lose it.
+        A fold leaves the queue after its calibration, so that Ctrl-C meanwhile does not
+        lose it.
         """
         while self._waiting and self._pool.has_room:
             number, request = self._waiting[0]
@@ -178,7 +204,9 @@ class ParallelFolds:
                 self._done[number] = error
                 continue
             self._waiting.popleft()
-            self._pool.begin(number, _fold_in_process, request, calibration, stoppable=True)
+            self._pool.begin(
+                number, _fold_in_process, request, calibration, stoppable=True
+            )
 
     def _collect(self) -> None:
         """Collect results of folds that have ended, waiting briefly for them."""
@@ -197,7 +225,9 @@ class ParallelFolds:
 def _fold_in_process(
     request: Request, calibration: Calibration, stop: StopSignal
 ) -> FoldResult | CellError:
-    """Fold and write the page, as a process of the pool does; errors are returned as results."""
+    """Fold and write the page, as a process of the pool does; errors are returned as
+    results.
+    """
     try:
         return write_pages(request, fold(request, calibration, (), stop))
     except KeyboardInterrupt:

@@ -30,9 +30,11 @@ PACKAGES = ("folding-cell", "mujoco", "opencv-python-headless", "numpy", "ruckig
 def run_header(
     request: Request, settings: CellFile, calibration: Calibration, camera_rate: float
 ) -> dict[str, Any]:
-    """Content of run.yaml for a fold: settings, strip, versions, and a hash of the plant.
+    """Content of run.yaml for a fold: settings, strip, versions, and a hash of the
+    plant.
 
-    `settings` are those that the run uses, `camera_rate` is that of the open camera [Hz].
+    `settings` are those that the run uses, `camera_rate` is that of the open camera
+    [Hz].
     """
     trial = request.trial
     strip = request.strip
@@ -86,7 +88,9 @@ def _hash(plant: StripFile) -> str:
 
 
 def _replaced_weights(checkpoint: Path | None) -> dict[str, Any]:
-    """Entry of run.yaml about a checkpoint in place of the committed weights; empty for None."""
+    """Entry of run.yaml about a checkpoint in place of the committed weights; empty for
+    None.
+    """
     if checkpoint is None:
         return {}
     digest = hashlib.sha256(read_bytes(checkpoint, CHECKPOINT_BYTES)).hexdigest()
@@ -94,7 +98,9 @@ def _replaced_weights(checkpoint: Path | None) -> dict[str, Any]:
 
 
 def _learned_strip(strip: StripFile, predicted: FoldPrediction, run: str) -> StripFile:
-    """Copy of `strip` with the parameters that a fold estimated, each with interval and source."""
+    """Copy of `strip` with the parameters that a fold estimated, each with interval and
+    source.
+    """
     length = predicted.bending_length
     time = predicted.retardation_time
     friction = predicted.yield_curvature
@@ -127,7 +133,8 @@ def _learned_strip(strip: StripFile, predicted: FoldPrediction, run: str) -> Str
 
 
 def offer_strip(folder: Path, strip: StripFile, predicted: FoldPrediction) -> Path:
-    """Write a strip file with the parameters estimated in the run `folder`; returns its path.
+    """Write a strip file with the parameters estimated in the run `folder`; returns its
+    path.
 
     Raises ConfigurationError where it cannot be written.
     """

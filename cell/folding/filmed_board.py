@@ -1,6 +1,8 @@
-"""Calibration of a film's camera by a printed board that first stands in the strip's plane.
+"""Calibration of a film's camera by a printed board that first stands in the strip's
+plane.
 
-The board gives lens and plane; the strip's own ends and its line on the desk give its place.
+The board gives lens and plane; the strip's own ends and its line on the desk give its
+place.
 """
 
 from collections.abc import Iterator
@@ -27,38 +29,44 @@ PERIOD = 0.09  # s between images that are searched for the board
 PATIENCE = 4.0  # s within which the board must appear, and the scene be still after it
 SAME_PLACE = 1.0  # px by which a standing board may seem to move
 FEWEST_STANDING, FEWEST_TILTED = 4, 2  # views of the board
-STILL_LEVEL, STILL_SHARE = 14, 0.002  # grey levels, and share of pixels that may differ by more
+# grey levels, and share of pixels that may differ by more
+STILL_LEVEL, STILL_SHARE = 14, 0.002
 NEVER_STILL = (
-    f"the scene is never still within {PATIENCE:g} s after the board is last seen; take it away, "
-    "wait a second there with the clip held still, then fold"
+    f"the scene is never still within {PATIENCE:g} s after the board is last seen; take"
+    " it away, wait a second there with the clip held still, then fold"
 )
 NO_BOARD = (
-    f"the printed board is not seen in the first {PATIENCE:g} s, at least {{}} of its corners must "
-    "be; stand it upright in the plane of the strip's edge, in full view, in light that does not "
-    "mirror in it"
+    f"the printed board is not seen in the first {PATIENCE:g} s, at least {{}} of its"
+    " corners must be; stand it upright in the plane of the strip's edge, in full"
+    " view, in light that does not mirror in it"
 )
 SMALL = (480, 270)  # px at which images are compared
 FIXED = cv2.CALIB_FIX_PRINCIPAL_POINT | cv2.CALIB_ZERO_TANGENT_DIST
-FIXED |= cv2.CALIB_FIX_K2 | cv2.CALIB_FIX_K3  # few views of a phone's lens do not tell these
+# few views of a phone's lens do not tell these
+FIXED |= cv2.CALIB_FIX_K2 | cv2.CALIB_FIX_K3
 RASTER = 0.001  # m, at which the strip is searched in the plane
-LIMITS = (3.0, 6.0, 12.0)  # standard deviations of its colour, tried one after the other
+# standard deviations of its colour, tried one after the other
+LIMITS = (3.0, 6.0, 12.0)
 ALIKE = 0.1  # share of the stated length by which a piece of its colour may differ
 SLIM = 0.2  # of its length, apparent height of a strip at most
-PLANE_ERROR = 0.001  # m, rms of curves in a plane by a board (python -m tests.lab measure-phone)
+# m, rms of curves in a plane by a board (python -m tests.lab measure-phone)
+PLANE_ERROR = 0.001
 PRINTED = 0.02  # allowed relative difference of the strip's length by the board
 ROUNDS = 3  # iterations of finding the ends and correcting the map
 PROBE = 0.008  # m, search range about the lower border
-NEAR_END = 0.35  # share of the length beside an end in which its border counts: lenses bend it
+# share of the length beside an end in which its border counts: lenses bend it
+NEAR_END = 0.35
 WITHIN, BEYOND = 0.06, 0.04  # m: search range about an end, inwards and outwards
 
 
 def calibrate_film(
     film: Path, frames: Iterator[Frame], boards: BoardSettings, strip: StripFile
 ) -> tuple[Calibration, float]:
-    """Calibrate a film's camera by a board in its first images; also returns when [s] all is still.
+    """Calibrate a film's camera by a board in its first images; also returns when [s]
+    all is still.
 
-    Raises ConfigurationError that names what the film at `film` does not show: the board, a still
-    scene after it, the strip, its ends.
+    Raises ConfigurationError that names what the film at `film` does not show: the
+    board, a still scene after it, the strip, its ends.
     """
     views, first = _views_until_still(film, frames, boards)
     calibration = _calibrate_by_board(film, views, boards, first.image.shape)
@@ -68,7 +76,9 @@ def calibrate_film(
 def _views_until_still(
     film: Path, frames: Iterator[Frame], boards: BoardSettings
 ) -> tuple[list[BoardView], Frame]:
-    """Views of the board, and the first image after the board in which nothing moves."""
+    """Views of the board, and the first image after the board in which nothing
+    moves.
+    """
     board = boards.board()
     detector = cv2.aruco.CharucoDetector(board)
     views = list[BoardView]()
@@ -90,7 +100,9 @@ def _views_until_still(
         if frame.stamp > last_seen + PATIENCE:
             break
         before = small
-    raise ConfigurationError(f"{film}: {NEVER_STILL if views else NO_BOARD.format(boards.corners)}")
+    raise ConfigurationError(
+        f"{film}: {NEVER_STILL if views else NO_BOARD.format(boards.corners)}"
+    )
 
 
 def _is_still(before: Image, after: Image) -> bool:
@@ -102,14 +114,17 @@ def _is_still(before: Image, after: Image) -> bool:
 def _calibrate_by_board(
     film: Path, views: list[BoardView], boards: BoardSettings, shape: tuple[int, ...]
 ) -> Calibration:
-    """Calibration to the standing board's plane: x right and z up from its upper left corner."""
+    """Calibration to the standing board's plane: x right and z up from its upper left
+    corner.
+    """
     standing = [view for view in views if view.distance(views[0]) < SAME_PLACE]
     tilted = [view for view in views if view.distance(views[0]) >= SAME_PLACE]
     if len(standing) < FEWEST_STANDING or len(tilted) < FEWEST_TILTED:
         raise ConfigurationError(
-            f"{film}: the board stands still in {len(standing)} images and moves in {len(tilted)}, "
-            f"at least {FEWEST_STANDING} and {FEWEST_TILTED} are needed; let it stand for a second "
-            "as the film begins, then tilt it slowly as you take it away"
+            f"{film}: the board stands still in {len(standing)} images and moves in"
+            f" {len(tilted)}, at least {FEWEST_STANDING} and {FEWEST_TILTED} are"
+            " needed; let it stand for a second as the film begins, then tilt it"
+            " slowly as you take it away"
         )
     board = np.vstack([view.board for view in standing])
     image = np.vstack([view.image for view in standing])
@@ -119,8 +134,9 @@ def _calibrate_by_board(
     deviation = fit.focal_deviation / fit.lens.matrix[0, 0]
     if not deviation <= boards.focal:
         raise ConfigurationError(
-            f"{film}: the board gives the focal length within {1e2 * deviation:.1f} %, "
-            f"{1e2 * boards.focal:g} % are needed; tilt it further as you take it away, slowly"
+            f"{film}: the board gives the focal length within {1e2 * deviation:.1f} %,"
+            f" {1e2 * boards.focal:g} % are needed; tilt it further as you take it"
+            " away, slowly"
         )
     upright = board[:, :2] * (1, -1)  # the board's y is down
     pixels = fit.lens.undistort(image)
@@ -128,10 +144,14 @@ def _calibrate_by_board(
     misses = np.hypot(*(plane.to_plane(pixels) - upright).T)  # m
     residual = PLANE_ERROR + float(misses.mean())
     camera = f"film {film.name}"
-    return make_calibration(fit.lens, plane, residual_mm=1e3 * residual, date="", camera=camera)
+    return make_calibration(
+        fit.lens, plane, residual_mm=1e3 * residual, date="", camera=camera
+    )
 
 
-def _aligned(film: Path, image: Image, calibration: Calibration, strip: StripFile) -> Calibration:
+def _aligned(
+    film: Path, image: Image, calibration: Calibration, strip: StripFile
+) -> Calibration:
     """Calibration moved and turned so that the strip lies from x = 0 to its length.
 
     Clamp and clip hide about as much of one end as of the other: the middle is kept.
@@ -143,16 +163,19 @@ def _aligned(film: Path, image: Image, calibration: Calibration, strip: StripFil
     length = seen.length
     if not abs(length / strip.length - 1) <= PRINTED:
         raise ConfigurationError(
-            f"{film}: the strip is {1e3 * length:.0f} mm long by the board, its file says "
-            f"{1e3 * strip.length:.0f} mm, allowed within {1e2 * PRINTED:g} %; print the board "
-            "at 100 %, stand it in the plane of the strip's edge, and measure the strip from "
-            "its clamp to its clip, both of which need colours of their own"
+            f"{film}: the strip is {1e3 * length:.0f} mm long by the board, its file"
+            f" says {1e3 * strip.length:.0f} mm, allowed within {1e2 * PRINTED:g} %;"
+            " print the board at 100 %, stand it in the plane of the strip's edge, and"
+            " measure the strip from its clamp to its clip, both of which need colours"
+            " of their own"
         )
     return _with_axis(calibration, seen, strip.length)
 
 
 class _SeenStrip(NamedTuple):
-    """Strip in the board's plane: its left and right end (2,) [m], its colour (3,) in the image."""
+    """Strip in the board's plane: its left and right end (2,) [m], its colour (3,) in
+    the image.
+    """
 
     left: Array
     right: Array
@@ -164,8 +187,12 @@ class _SeenStrip(NamedTuple):
         return float(np.hypot(*(self.right - self.left)))
 
 
-def _with_axis(calibration: Calibration, seen: _SeenStrip, length: float) -> Calibration:
-    """Calibration whose x axis runs along the `seen` strip, with its middle at `length` / 2 [m]."""
+def _with_axis(
+    calibration: Calibration, seen: _SeenStrip, length: float
+) -> Calibration:
+    """Calibration whose x axis runs along the `seen` strip, with its middle at `length`
+    / 2 [m].
+    """
     along = (seen.right - seen.left) / seen.length
     turn = np.array([(along[0], along[1]), (-along[1], along[0])])
     move = np.eye(3)
@@ -175,10 +202,16 @@ def _with_axis(calibration: Calibration, seen: _SeenStrip, length: float) -> Cal
     return change_calibration(calibration, homography=homography)
 
 
-def _find_strip(film: Path, image: Image, calibration: Calibration, strip: StripFile) -> _SeenStrip:
-    """Find the strip roughly: the piece of its colour that is nearest to the stated length."""
+def _find_strip(
+    film: Path, image: Image, calibration: Calibration, strip: StripFile
+) -> _SeenStrip:
+    """Find the strip roughly: the piece of its colour that is nearest to the stated
+    length.
+    """
     height, width = image.shape[:2]
-    rim = calibration.to_plane(np.array([(0, 0), (1, 0), (0, 1), (1, 1)]) * (width - 1, height - 1))
+    rim = calibration.to_plane(
+        np.array([(0, 0), (1, 0), (0, 1), (1, 1)]) * (width - 1, height - 1)
+    )
     low = rim.min(axis=0)
     high = rim.max(axis=0)
     x = np.arange(low[0], high[0], RASTER)
@@ -192,12 +225,15 @@ def _find_strip(film: Path, image: Image, calibration: Calibration, strip: Strip
         if abs(lengths[best] / strip.length - 1) < ALIKE:
             v, u = np.nonzero(labels == best)
             line = np.polynomial.Polynomial.fit(x[u], z[v], 1)
-            left, right = (np.array([end, line(end)]) for end in (x[u.min()], x[u.max()]))
+            left, right = (
+                np.array([end, line(end)]) for end in (x[u.min()], x[u.max()])
+            )
             return _SeenStrip(left, right, np.median(plane[v, u], axis=0))
     raise ConfigurationError(
-        f"{film}: no strip of {1e3 * strip.length:.0f} mm and of the colour {list(strip.colour)} "
-        f"lies in the plane of the board, the nearest piece is {1e3 * lengths[best]:.0f} mm; lay "
-        "it straight with both ends in view, or correct `length` or `colour` in the strip's file"
+        f"{film}: no strip of {1e3 * strip.length:.0f} mm and of the colour"
+        f" {list(strip.colour)} lies in the plane of the board, the nearest piece is"
+        f" {1e3 * lengths[best]:.0f} mm; lay it straight with both ends in view, or"
+        " correct `length` or `colour` in the strip's file"
     )
 
 
@@ -218,12 +254,15 @@ def _find_ends(
 ) -> _SeenStrip:
     """Refine the ends of a resting strip that was `seen` to lie along x from 0 on.
 
-    Its lower border is sampled, then its ends are searched. `thickness` [m] is that of the strip.
+    Its lower border is sampled, then its ends are searched. `thickness` [m] is that of
+    the strip.
     """
     length = seen.length
     x = np.linspace(0.06, 0.94, 120) * length
     down = np.arange(PROBE, -PROBE, -FINE)
-    rows = sample_plane(image, calibration, np.stack(np.broadcast_arrays(x[:, None], down), -1))
+    rows = sample_plane(
+        image, calibration, np.stack(np.broadcast_arrays(x[:, None], down), -1)
+    )
     border = PROBE - FINE * np.array([colour_edge(row, seen.colour) for row in rows])
     ends = []
     for end, outward in ((0.0, -1.0), (length, 1.0)):
@@ -232,7 +271,8 @@ def _find_ends(
         if near.any():
             slope, start, *_ = theilslopes(border[near], x[near])
         along = end + outward * np.arange(-WITHIN, BEYOND, FINE)
-        line = np.column_stack([along, start + slope * along + thickness / 2])  # the midline
+        # the midline
+        line = np.column_stack([along, start + slope * along + thickness / 2])
         place = find_end(image, calibration, thickness, line)
         x_end = end if np.isnan(place) else along[0] + outward * place
         ends.append(np.array([x_end, start + slope * x_end + thickness / 2]))

@@ -1,4 +1,6 @@
-"""Single fold of a strip: devices are opened, the fold is checked, carried out and recorded."""
+"""Single fold of a strip: devices are opened, the fold is checked, carried out and
+recorded.
+"""
 
 import gc
 import os
@@ -17,7 +19,12 @@ from cell.config.unmeasured_strip import UNKNOWN_NAME as UNKNOWN
 from cell.devices.devices import Devices
 from cell.devices.open import open_cell
 from cell.devices.rig_correction import corrected_calibration
-from cell.folding.documents import CHECKPOINT_BYTES, offer_strip, result_content, run_header
+from cell.folding.documents import (
+    CHECKPOINT_BYTES,
+    offer_strip,
+    result_content,
+    run_header,
+)
 from cell.folding.feasibility import check_feasible
 from cell.folding.fold_trace import FoldTrace
 from cell.folding.request import Request, memory_of
@@ -30,7 +37,13 @@ from cell.orchestrator.phases import FOLD_PHASES
 from cell.orchestrator.recorder import FileRecorder, Recorder
 from cell.orchestrator.run import Observer, Run
 from cell.orchestrator.safe_stop import run_suppressed
-from cell.perception.image_reader import InlineReader, Measurer, ProcessReader, Reader, StripInputs
+from cell.perception.image_reader import (
+    InlineReader,
+    Measurer,
+    ProcessReader,
+    Reader,
+    StripInputs,
+)
 from cell.perception.length_checks import disagreements
 from cell.record.documents import json_line
 from cell.record.events import NOT_LEARNED
@@ -47,8 +60,10 @@ from drivers.readers import read_bytes
 from policies.policy import Policy
 from policies.registry import make_policy
 
-PRIORITY = 20  # of 1 to 99, of the loop's thread: far below the process that owns the robot
-SWITCH_INTERVAL = 0.0005  # s after which a thread that computes hands the interpreter on
+# of 1 to 99, of the loop's thread: far below the process that owns the robot
+PRIORITY = 20
+# s after which a thread that computes hands the interpreter on
+SWITCH_INTERVAL = 0.0005
 Truth = Mapping[str, Any]
 
 
@@ -61,11 +76,12 @@ def fold(
     devices: Devices | None = None,
     policy: Policy | None = None,
 ) -> FoldResult:
-    """Fold one strip, measured through `calibration`, and record the run in a new folder.
+    """Fold one strip, measured through `calibration`, and record the run in a new
+    folder.
 
-    Other `devices` or another `policy` than the request names may be given; the devices are closed
-    at the end. `write_pages` then draws the record. Raises CellError for errors before the run;
-    errors during the run are its outcome.
+    Other `devices` or another `policy` than the request names may be given; the devices
+    are closed at the end. `write_pages` then draws the record. Raises CellError for
+    errors before the run; errors during the run are its outcome.
     """
     settings, strip, trial = request.settings, request.strip, request.trial
     policy = policy or make_policy(request.policy, request.checkpoint)
@@ -92,7 +108,9 @@ def fold(
                 place=0.0 if correction is None else correction.place,
                 desk=desk_end(settings.installation, strip.length) if arm.real else 0.0,
             )
-            outcome, truth = _record_fold(request, context, devices, writer, observers, interrupted)
+            outcome, truth = _record_fold(
+                request, context, devices, writer, observers, interrupted
+            )
         learns = correction is not None and request.learning.learns
         not_learned = _learn(request, outcome, writer.folder) if learns else ""
         return replace(
@@ -105,7 +123,10 @@ def fold(
 
 
 def _new_run(
-    request: Request, calibration: Calibration, devices: Devices, correction: Correction | None
+    request: Request,
+    calibration: Calibration,
+    devices: Devices,
+    correction: Correction | None,
 ) -> RunWriter:
     """Create the folder of a run by `request`, with its header; returns its writer.
 
@@ -117,12 +138,16 @@ def _new_run(
         header["learning"] = correction.facts()
     keep = request.record.frames or settings.record.frames
     on_twin = devices.plant is not None
-    return RunWriter(request.runs, header, keep, patient=on_twin, film=request.record.film)
+    return RunWriter(
+        request.runs, header, keep, patient=on_twin, film=request.record.film
+    )
 
 
 @contextmanager
 def _reader(inputs: StripInputs, *, real_time: bool) -> Iterator[Reader]:
-    """Reader of images within the block: a separate process where the run is in `real_time`."""
+    """Reader of images within the block: a separate process where the run is in
+    `real_time`.
+    """
     if not real_time:
         yield InlineReader(Measurer(inputs), inputs.calibration.latency)
         return
@@ -138,18 +163,23 @@ def _record_fold(
     observers: Sequence[Observer],
     interrupted: Callable[[], bool],
 ) -> tuple[Outcome, Truth]:
-    """Fold, record and complete the run's folder; returns the outcome and the plant's truth."""
+    """Fold, record and complete the run's folder; returns the outcome and the plant's
+    truth.
+    """
     strip = context.strip
     folder = writer.folder
     save_calibration(context.calibration, folder / CALIBRATION)
     if request.checkpoint is not None:
-        replace_file(folder / CHECKPOINT, read_bytes(request.checkpoint, CHECKPOINT_BYTES))
+        replace_file(
+            folder / CHECKPOINT, read_bytes(request.checkpoint, CHECKPOINT_BYTES)
+        )
     hanging = context.settings.fold.start == "hanging"
     recorder = FileRecorder(writer, hanging=hanging)
     trace = FoldTrace(strip)
     live = request.record.viz == "live"
     with watching(folder, strip, live=live, hanging=hanging) as live_views:
-        blind = replace(devices, plant=None, aids=None)  # the controller cannot read the truth
+        # the controller cannot read the truth
+        blind = replace(devices, plant=None, aids=None)
         watches = (trace, *observers, *live_views)
         run = Run(blind, context, FOLD_PHASES, recorder, watches, interrupted)
         outcome = run_and_record(run, devices, recorder, trace.review)
@@ -158,13 +188,19 @@ def _record_fold(
     truth = {} if devices.plant is None else devices.plant.truth(recorder.origin)
     if truth and request.record.truth:
         outcome = _write_truth(folder, truth, outcome)
-    if strip.name == UNKNOWN and outcome.touch is not None and outcome.predicted is not None:
+    if (
+        strip.name == UNKNOWN
+        and outcome.touch is not None
+        and outcome.predicted is not None
+    ):
         offer_strip(folder, strip, outcome.predicted)
     return outcome, truth
 
 
 def _write_truth(folder: Path, truth: Truth, outcome: Outcome) -> Outcome:
-    """Write `truth` into the run `folder`; returns `outcome`, or a fault where that fails."""
+    """Write `truth` into the run `folder`; returns `outcome`, or a fault where that
+    fails.
+    """
     try:
         write_truth(folder, truth)
     except OSError as error:
@@ -176,14 +212,18 @@ def _write_truth(folder: Path, truth: Truth, outcome: Outcome) -> Outcome:
 def _learn(request: Request, outcome: Outcome, folder: Path) -> str:
     """Store the fold's deviation from its prediction in the memory of its cell.
 
-    Returns the reason why it cannot be stored, which the record keeps too; an empty text where it
-    is stored, or where the fold is not usable.
+    Returns the reason why it cannot be stored, which the record keeps too; an empty
+    text where it is stored, or where the fold is not usable.
     """
     learning = request.learning
-    subject = subject_of(request.policy, request.checkpoint, request.strip.name, learning.specimen)
+    subject = subject_of(
+        request.policy, request.checkpoint, request.strip.name, learning.specimen
+    )
     try:
         key = run_key(folder)
-        experience = experience_of(folder.name, subject, outcome, learning.correction, key)
+        experience = experience_of(
+            folder.name, subject, outcome, learning.correction, key
+        )
         if experience is not None:
             memory_of(request).add(experience)
     except ConfigurationError as error:
@@ -201,7 +241,9 @@ def run_and_record(
     recorder: FileRecorder,
     review: Callable[[Outcome, Recorder], Outcome] = lambda outcome, _: outcome,
 ) -> Outcome:
-    """Execute `run`, close the devices, `review` the outcome, record it, whatever errors occur."""
+    """Execute `run`, close the devices, `review` the outcome, record it, whatever
+    errors occur.
+    """
     try:
         devices.connect()
         with realtime_thread(devices.real_time):
@@ -220,9 +262,13 @@ def run_and_record(
 
 
 def _review_and_finish(
-    outcome: Outcome, recorder: FileRecorder, review: Callable[[Outcome, Recorder], Outcome]
+    outcome: Outcome,
+    recorder: FileRecorder,
+    review: Callable[[Outcome, Recorder], Outcome],
 ) -> Outcome:
-    """Review the outcome, write it as the run's result, and close the record in any case."""
+    """Review the outcome, write it as the run's result, and close the record in any
+    case.
+    """
     content = result_content(outcome)  # for a review that is interrupted
     try:
         outcome = review(outcome, recorder)
@@ -240,12 +286,13 @@ def _review_and_finish(
 
 @contextmanager
 def realtime_thread(real_time: bool) -> Iterator[None]:
-    """Within the block, keep the control loop's thread on time, if the run is in `real_time`.
+    """Within the block, keep the control loop's thread on time, if the run is in
+    `real_time`.
 
-    It takes precedence over threads that record or show: by real-time priority where this user may
-    have it, else by short slices of processor time. Memory is locked, and objects made before are
-    excluded from garbage collection: to look at half a million of the libraries takes longer than
-    an arm follows a velocity target.
+    It takes precedence over threads that record or show: by real-time priority where
+    this user may have it, else by short slices of processor time. Memory is locked, and
+    objects made before are excluded from garbage collection: to look at half a million
+    of the libraries takes longer than an arm follows a velocity target.
     """
     if not real_time:
         yield
@@ -267,10 +314,11 @@ def realtime_thread(real_time: bool) -> Iterator[None]:
 
 
 def write_pages(request: Request, result: FoldResult) -> FoldResult:
-    """Write the page of a recorded fold and, if its request says so, its recording for Rerun.
+    """Write the page of a recorded fold and, if its request says so, its recording for
+    Rerun.
 
-    The record is complete before, so that a result can be told first. Returns the result, with a
-    failure to write.
+    The record is complete before, so that a result can be told first. Returns the
+    result, with a failure to write.
     """
     folder = Path(result.run)
     try:
@@ -286,7 +334,9 @@ def write_pages(request: Request, result: FoldResult) -> FoldResult:
 
 
 def _warning(outcome: Outcome, *others: str) -> str | None:
-    """Text on disagreeing lengths, on a strip unlike its model, and `others`; None without any."""
+    """Text on disagreeing lengths, on a strip unlike its model, and `others`; None
+    without any.
+    """
     lines = [check.sentence() for check in disagreements(outcome.witnesses)]
     if outcome.agreement is not None and not outcome.agreement.like_model:
         lines.append(outcome.agreement.sentence())

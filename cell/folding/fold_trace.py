@@ -1,4 +1,6 @@
-"""Trace of a fold, gripper path and strip profiles, to compare the strip with its model."""
+"""Trace of a fold, gripper path and strip profiles, to compare the strip with its
+model.
+"""
 
 from dataclasses import asdict, replace
 
@@ -18,7 +20,9 @@ UNLIKE_REASON = "unlike_model"
 
 
 class FoldTrace:
-    """Observer of a fold that stores gripper poses from the lift on, and measured profiles."""
+    """Observer of a fold that stores gripper poses from the lift on, and measured
+    profiles.
+    """
 
     def __init__(self, strip: StripFile) -> None:
         """Trace a fold of `strip`, which is described as the controller sees it."""
@@ -36,13 +40,17 @@ class FoldTrace:
         self._path.append((snapshot.arm.stamp, pose.x, pose.z, pose.pitch))
         if snapshot.state is State.FOLD and snapshot.view.read and seen is not None:
             self._stamps.append(seen.stamp)
-            self._profiles.append(image_profile(seen.profile, seen.contact_x, seen.gripper)[0])
+            self._profiles.append(
+                image_profile(seen.profile, seen.contact_x, seen.gripper)[0]
+            )
 
     def handle_event(self, time: float, kind: str, facts: dict[str, object]) -> None:
         """Ignore an event of the run, as the trace needs none."""
 
     def review(self, outcome: Outcome, record: Recorder) -> Outcome:
-        """Add the agreement of strip and model to `outcome`, which fails if it is poor."""
+        """Add the agreement of strip and model to `outcome`, which fails if it is
+        poor.
+        """
         agreed = self._agreement(outcome, record.origin)
         outcome = replace(outcome, agreement=agreed)
         if agreed is None or agreed.like_model:

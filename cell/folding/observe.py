@@ -35,17 +35,20 @@ ROW_PERIOD = 0.01  # s between rows of ticks, as the contract of a run asks for
 SMOOTHED = 5  # images over which the held end is smoothed
 FEWEST_IMAGES = 10  # images in which the held end must be found
 SIGMA_FLOORS = {"gripper": 0.002, "contact_x": 0.001, "displacement": 0.004}
-"""One sigma [m] at least of what a film without an arm shows: compression smooths the edges, and
-the held end is where the strip's length ends (tests/end_to_end/test_observe.py).
+"""One sigma [m] at least of what a film without an arm shows: compression smooths the
+edges, and the held end is where the strip's length ends
+(tests/end_to_end/test_observe.py).
 """
-FLAT_LENGTH = 0.01  # m of strip at its end that may be off the desk where it counts as flat
+# m of strip at its end that may be off the desk where it counts as flat
+FLAT_LENGTH = 0.01
 PROPORTIONS = 0.02  # share by which those of film and calibration may differ
 Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True, slots=True)
 class FilmMeasurement:
-    """Result of measuring a film: number of `images` up to the `touch`, and of confident ones.
+    """Result of measuring a film: number of `images` up to the `touch`, and of
+    confident ones.
 
     `read` counts the latter. The run begins `begin` [s] after the film.
     """
@@ -65,13 +68,14 @@ def observe(
     configs: str | Path | None = None,
     progress: Progress = lambda _time: None,
 ) -> FilmMeasurement:
-    """Measure the fold on the film at `film`; writes the run `folder` with an overlay film.
+    """Measure the fold on the film at `film`; writes the run `folder` with an overlay
+    film.
 
-    The film begins with the strip lying flat and still; without a `calibration`, with the printed
-    board that stands in the plane of its edge, and the strip lies still after that, held by a clip.
-    `progress` is called with the time [s] of each image. Raises ConfigurationError for a film that
-    cannot be read, shows no such strip, board or clip, or is of another camera than the
-    calibration, and leaves no folder then.
+    The film begins with the strip lying flat and still; without a `calibration`, with
+    the printed board that stands in the plane of its edge, and the strip lies still
+    after that, held by a clip. `progress` is called with the time [s] of each image.
+    Raises ConfigurationError for a film that cannot be read, shows no such strip, board
+    or clip, or is of another camera than the calibration, and leaves no folder then.
     """
     configurations = find_configs(configs)
     cell = configurations.cell()
@@ -82,7 +86,9 @@ def observe(
     begin = 0.0
     by_board = calibration is None
     if calibration is None:
-        calibration, begin = calibrate_film(film, Film(film).frames(), cell.boards, strip)
+        calibration, begin = calibrate_film(
+            film, Film(film).frames(), cell.boards, strip
+        )
     frames = _frames(film, calibration, begin)
     first = next(frames, None)
     if first is None:
@@ -94,15 +100,22 @@ def observe(
         with FilmWriter(new_run / OVERLAY) as overlay:
             overlay.add(first.stamp, first.image)
             layers = LayerTouch(strip)
-            measured, touch = _measure(frames, held_end, layers, calibration, overlay, progress)
+            measured, touch = _measure(
+                frames, held_end, layers, calibration, overlay, progress
+            )
         _check_enough(measured, film)
-        _write(new_run, measured, _held_path(measured, strip), strip, calibration, touch)
+        _write(
+            new_run, measured, _held_path(measured, strip), strip, calibration, touch
+        )
         write_document(new_run / RUN, _header(cell, strip, calibration, measured))
-    return FilmMeasurement(folder, begin, len(measured), sum(map(_is_confident, measured)), touch)
+    return FilmMeasurement(
+        folder, begin, len(measured), sum(map(_is_confident, measured)), touch
+    )
 
 
 def _frames(film: Path, calibration: Calibration, begin: float) -> Iterator[Frame]:
-    """Yield a film's images at the calibration's size, from `begin` [s] on, with stamps since then.
+    """Yield a film's images at the calibration's size, from `begin` [s] on, with stamps
+    since then.
 
     Raises ConfigurationError for unlike images.
     """
@@ -118,30 +131,47 @@ def _frames(film: Path, calibration: Calibration, begin: float) -> Iterator[Fram
             )
         image = frame.image
         if (width, height) != (lens.width, lens.height):
-            image = cv2.resize(image, (lens.width, lens.height), interpolation=cv2.INTER_AREA)
+            image = cv2.resize(
+                image, (lens.width, lens.height), interpolation=cv2.INTER_AREA
+            )
         stamp = frame.stamp - begin
         yield Frame(stamp, stamp, frame.source, frame.sequence, image)
 
 
 def _appearance(
-    first: Frame, film: Path, calibration: Calibration, strip: StripFile, *, by_board: bool
+    first: Frame,
+    film: Path,
+    calibration: Calibration,
+    strip: StripFile,
+    *,
+    by_board: bool,
 ) -> Appearance:
-    """Appearance of the strip in the `first` image; ConfigurationError where a check fails."""
+    """Appearance of the strip in the `first` image; ConfigurationError where a check
+    fails.
+    """
     checked = inspect(first, calibration, strip)
     failed = next((check for check in checked.checks if not check.passed), None)
-    if checked.appearance is not None and (by_board or failed is None):  # a board checks length
+    # a board checks length
+    if checked.appearance is not None and (by_board or failed is None):
         return checked.appearance
-    problem = "no strip is seen" if failed is None else f"{failed.reason}; {failed.remedy}"
-    raise ConfigurationError(f"{film}: its first image must show the strip lying flat: {problem}")
+    problem = (
+        "no strip is seen" if failed is None else f"{failed.reason}; {failed.remedy}"
+    )
+    raise ConfigurationError(
+        f"{film}: its first image must show the strip lying flat: {problem}"
+    )
 
 
 def _clip(first: Frame, film: Path, calibration: Calibration, strip: StripFile) -> Clip:
-    """Clip at the strip's end in the `first` image; raises ConfigurationError without one."""
+    """Clip at the strip's end in the `first` image; raises ConfigurationError without
+    one.
+    """
     clip = Clip.learn(first.image, calibration, strip)
     if clip is None:
         raise ConfigurationError(
-            f"{film}: no clip is seen at the strip's end; hold the end by a flat clip of one "
-            "colour, unlike strip, desk and hand, that shows more length than height"
+            f"{film}: no clip is seen at the strip's end; hold the end by a flat clip"
+            " of one colour, unlike strip, desk and hand, that shows more length than"
+            " height"
         )
     return clip
 
@@ -154,7 +184,9 @@ def _measure(
     overlay: FilmWriter,
     progress: Progress,
 ) -> tuple[list[HeldMeasurement], SeenTouch | None]:
-    """Measure the images up to the layer touch; returns the measurements, and the touch or None."""
+    """Measure the images up to the layer touch; returns the measurements, and the touch
+    or None.
+    """
     measured: list[HeldMeasurement] = []
     touch: SeenTouch | None = None
     for frame in frames:
@@ -170,8 +202,12 @@ def _measure(
     return measured, touch
 
 
-def _draw_measurement(image: Image, held: HeldMeasurement, calibration: Calibration) -> Image:
-    """Copy of `image` (h, w, 3) with its measurement drawn, and a cross at the held end."""
+def _draw_measurement(
+    image: Image, held: HeldMeasurement, calibration: Calibration
+) -> Image:
+    """Copy of `image` (h, w, 3) with its measurement drawn, and a cross at the held
+    end.
+    """
     strip = held.measurement
     curve = strip.profile if _is_confident(held) else np.empty((0, 2))
     drawn = draw_sight(image, calibration, curve, strip.contact_x, np.array(strip.tip))
@@ -192,9 +228,9 @@ def _check_enough(measured: Sequence[HeldMeasurement], film: Path) -> None:
     count = sum(map(_is_confident, measured))
     if count < FEWEST_IMAGES:
         raise ConfigurationError(
-            f"{film}: the lifted strip was found in {count} of {len(measured)} images, at least "
-            f"{FEWEST_IMAGES} are needed; light it evenly, hold the camera still, or calibrate it "
-            "again"
+            f"{film}: the lifted strip was found in {count} of {len(measured)} images,"
+            f" at least {FEWEST_IMAGES} are needed; light it evenly, hold the camera"
+            " still, or calibrate it again"
         )
 
 
@@ -206,11 +242,14 @@ def _write(
     calibration: Calibration,
     touch: SeenTouch | None,
 ) -> None:
-    """Write tables, calibration and result of the run: t = 0 is the film's first image."""
+    """Write tables, calibration and result of the run: t = 0 is the film's first
+    image.
+    """
     rows = [sight_row(held.measurement) for held in measured if _is_confident(held)]
     sights = pa.Table.from_pylist(rows, SIGHT_ROWS)
     stamps, contacts = np.asarray(sights["stamp"]), np.asarray(sights["contact_x"])
-    contacts = np.where(contacts > strip.length - FLAT_LENGTH, np.nan, contacts)  # the clip's place
+    # the clip's place
+    contacts = np.where(contacts > strip.length - FLAT_LENGTH, np.nan, contacts)
     contact_x, contact_t = place_contacts(path["t"], stamps, contacts)
     ticks = {**path, "contact_x": contact_x, "contact_t": contact_t}
     write_tables(folder, sight_tables(sights) | {TICKS: pa.table(ticks)})
@@ -222,15 +261,22 @@ def _write(
 
 
 def _header(
-    cell: CellFile, strip: StripFile, calibration: Calibration, measured: Sequence[HeldMeasurement]
+    cell: CellFile,
+    strip: StripFile,
+    calibration: Calibration,
+    measured: Sequence[HeldMeasurement],
 ) -> dict[str, object]:
-    """Content of run.yaml for a film: noise of its measurements, and the calibration."""
+    """Content of run.yaml for a film: noise of its measurements, and the
+    calibration.
+    """
     period = float(np.median(np.diff([held.measurement.stamp for held in measured])))
     floors = SIGMA_FLOORS | {"touch_time": period}
     return {
         "schema": 1,
         "strip": strip.name,
-        "sigma": {k: max(v, floors.get(k, 0.0)) for k, v in cell.sigma.model_dump().items()},
+        "sigma": {
+            k: max(v, floors.get(k, 0.0)) for k, v in cell.sigma.model_dump().items()
+        },
         "start": "flat",
         "contact_height": CONTACT_HEIGHT,
         "seen_by": "cell",
@@ -238,19 +284,28 @@ def _header(
     }
 
 
-def _held_path(measured: Sequence[HeldMeasurement], strip: StripFile) -> dict[str, Array]:
-    """Path of the held end from the flat strip on: columns (n,) t [s], x, z [m], pitch [rad]."""
-    ends = [(held.measurement.stamp, held.end) for held in measured if held.end is not None]
+def _held_path(
+    measured: Sequence[HeldMeasurement], strip: StripFile
+) -> dict[str, Array]:
+    """Path of the held end from the flat strip on: columns (n,) t [s], x, z [m], pitch
+    [rad].
+    """
+    ends = [
+        (held.measurement.stamp, held.end) for held in measured if held.end is not None
+    ]
     lift = ends[0][0]
     lying = Pose(strip.length, 0.0, 0.0)
     before = [held.measurement for held in measured if held.measurement.stamp < lift]
-    flat = [image.stamp for image in before if image.contact_x > strip.length - FLAT_LENGTH]
+    flat = [
+        image.stamp for image in before if image.contact_x > strip.length - FLAT_LENGTH
+    ]
     resting = [(stamp, lying) for stamp in sorted({0.0, *flat[-1:]}) if stamp < lift]
     rows = [(stamp, pose.x, pose.z, pose.pitch) for stamp, pose in [*resting, *ends]]
     stamps, x, z, pitch = np.array(rows).T
     t = np.arange(stamps[0], stamps[-1], ROW_PERIOD)
     path = np.stack([x, z, np.unwrap(pitch)])
-    if len(stamps) >= SMOOTHED:  # each image by a parabola through it and its neighbours
+    # each image by a parabola through it and its neighbours
+    if len(stamps) >= SMOOTHED:
         path = savgol_filter(path, SMOOTHED, 2)
     columns = (PchipInterpolator(stamps, values)(t) for values in path)
     return dict(zip(("t", "x", "z", "pitch"), (t, *columns), strict=True))

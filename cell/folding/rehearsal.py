@@ -25,22 +25,28 @@ HOVER_HEIGHT = 0.2  # m above the fold
 GAIN = 3.0  # 1/s, how fast the gripper returns to its path
 EASE = 1.5  # duration of the path over that at its speeds without acceleration
 RAMP = 0.3  # s to accelerate and to brake: without, the gripper overshoots by 9 mm
-CORNER = 0.7  # cosine of the angle by which the path turns, below which the gripper rests there
-FIRST_USED = 2  # point of the fold's path with which it begins; those before avoid a lying strip
+# cosine of the angle by which the path turns, below which the gripper rests there
+CORNER = 0.7
+# point of the fold's path with which it begins; those before avoid a lying strip
+FIRST_USED = 2
 GRASP = 2  # point of its own path at which the edge is grasped in the fold
 LOOKAHEAD = 0.02  # s over which the path's velocity is taken
 
 
 @dataclass(frozen=True, slots=True)
 class Rehearsal:
-    """Raised path of a rehearsal: poses (n, 3) of x, z [m] and pitch [rad], `speeds` (n,) [m/s]."""
+    """Raised path of a rehearsal: poses (n, 3) of x, z [m] and pitch [rad], `speeds`
+    (n,) [m/s].
+    """
 
     path: Array
     speeds: Array
     limits: MotionLimits
 
     def motion(self, _: Snapshot) -> Motion:
-        """Move through approach, grasp, fold, lay, release and retreat, without a strip."""
+        """Move through approach, grasp, fold, lay, release and retreat, without a
+        strip.
+        """
         last = len(self.path) - 1
         release = last - 1
         yield from move(Pose.from_array(self.path[0]))
@@ -52,21 +58,29 @@ class Rehearsal:
         return (yield from self._follow(release, last))
 
     def _follow(self, first: int, last: int) -> Motion:
-        """Move along the path's points `first` to `last`, with a stop at each sharp corner."""
+        """Move along the path's points `first` to `last`, with a stop at each sharp
+        corner.
+        """
         stops = [first, *self._corners(first, last), last]
         for begin, end in pairwise(stops[:-1]):
             yield from self._follow_part(begin, end)
         return (yield from self._follow_part(*stops[-2:]))
 
     def _corners(self, first: int, last: int) -> list[int]:
-        """Indices of the points between `first` and `last` at which the path turns sharply."""
+        """Indices of the points between `first` and `last` at which the path turns
+        sharply.
+        """
         legs = np.diff(self.path[first : last + 1, :2], axis=0)
         lengths = np.linalg.norm(legs, axis=1)
-        straight = (legs[1:] * legs[:-1]).sum(axis=1) >= CORNER * lengths[1:] * lengths[:-1]
+        straight = (legs[1:] * legs[:-1]).sum(axis=1) >= CORNER * lengths[1:] * lengths[
+            :-1
+        ]
         return (first + 1 + np.flatnonzero(~straight)).tolist()
 
     def _follow_part(self, first: int, last: int) -> Motion:
-        """Drive along the path between two corners, speeding up and slowing down smoothly."""
+        """Drive along the path between two corners, speeding up and slowing down
+        smoothly.
+        """
         part = slice(first, last + 1)
         poses, times = densify(self.path[part], self.speeds[part])
         due = EASE * np.concatenate([[0.0], np.cumsum(times[1:])])
@@ -77,19 +91,26 @@ class Rehearsal:
             eased = [_eased_time(time, due[-1]), _eased_time(time + LOOKAHEAD, due[-1])]
             target, ahead = interpolate_columns(np.array(eased), due, poses)
             error = target - snapshot.arm.commanded.as_array()
-            rate = np.clip((ahead - target) / LOOKAHEAD + GAIN * error, -fastest, fastest)
+            rate = np.clip(
+                (ahead - target) / LOOKAHEAD + GAIN * error, -fastest, fastest
+            )
             snapshot = yield Drive(Velocity(*rate.tolist()))
         return (yield from move(Pose.from_array(poses[-1])))
 
 
 def rehearsal(
-    settings: CellFile, strip: StripFile, path: Array, speeds: Array, elbow: float | None = None
+    settings: CellFile,
+    strip: StripFile,
+    path: Array,
+    speeds: Array,
+    elbow: float | None = None,
 ) -> Rehearsal:
-    """Rehearsal of a fold along `path` (n, 3) x, z [m], pitch [rad], raised by HOVER_HEIGHT.
+    """Rehearsal of a fold along `path` (n, 3) x, z [m], pitch [rad], raised by
+    HOVER_HEIGHT.
 
-    `speeds` (n,) [m/s] are those of the fold. Parts that only avoid a lying strip are left out.
-    With an `elbow` [rad] a Franka arm must reach the path. Raises ConfigurationError where the
-    workspace or the arm ends below the fold.
+    `speeds` (n,) [m/s] are those of the fold. Parts that only avoid a lying strip are
+    left out. With an `elbow` [rad] a Franka arm must reach the path. Raises
+    ConfigurationError where the workspace or the arm ends below the fold.
     """
     used = slice(FIRST_USED, -1)
     raised = path[used] + (0.0, HOVER_HEIGHT, 0.0)
@@ -98,21 +119,26 @@ def rehearsal(
     ceiling = settings.installation.workspace.z[1]
     if top > ceiling:
         raise ConfigurationError(
-            f"--rehearse: the fold of {strip.name} in the air reaches z {top:.2f} m, the workspace "
-            f"ends at {ceiling:.2f} m; raise installation.workspace.z in cell.yaml"
+            f"--rehearse: the fold of {strip.name} in the air reaches z {top:.2f} m,"
+            f" the workspace ends at {ceiling:.2f} m; raise installation.workspace.z in"
+            " cell.yaml"
         )
     if elbow is not None:
         reach = plan_reach(settings.installation, raised, speeds, (elbow,))
         if not reach.allowed:
             raise ConfigurationError(
-                f"--rehearse: the arm cannot follow the fold in the air: {reach.problems[0]}; see "
-                "`cell fold --dry-run --arm fci`"
+                "--rehearse: the arm cannot follow the fold in the air:"
+                f" {reach.problems[0]}; see `cell fold --dry-run --arm fci`"
             )
     return Rehearsal(raised, speeds, settings.installation.limits)
 
 
-def rehearse(request: Request, interrupted: Callable[[], bool] = lambda: False) -> Outcome:
-    """Carry out the motion of the fold of `request` in the air, without strip or grasp."""
+def rehearse(
+    request: Request, interrupted: Callable[[], bool] = lambda: False
+) -> Outcome:
+    """Carry out the motion of the fold of `request` in the air, without strip or
+    grasp.
+    """
     settings = request.settings
     strip = request.strip
     path, speeds = planned_path(request)
@@ -124,7 +150,9 @@ def rehearse(request: Request, interrupted: Callable[[], bool] = lambda: False) 
 
 
 def _eased_time(time: float, duration: float) -> float:
-    """Time [s] along a motion of `duration` [s], slowed down within RAMP of both ends."""
+    """Time [s] along a motion of `duration` [s], slowed down within RAMP of both
+    ends.
+    """
     ramp = min(RAMP, duration)
     left = max(duration + ramp - time, 0.0)
     if time < ramp:

@@ -1,4 +1,6 @@
-"""Replay of a run: perception and decisions repeated on its stored images and measurements."""
+"""Replay of a run: perception and decisions repeated on its stored images and
+measurements.
+"""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -26,12 +28,15 @@ from drivers.types import Frame, Pose
 from policies.registry import make_policy
 
 Measured = dict[int, StripMeasurement]  # by the sequence number of the image
-POSE_ROUNDING = 1e-9  # m, rad: effect of rounding, as times are shifted by the run's origin
+# m, rad: effect of rounding, as times are shifted by the run's origin
+POSE_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
 class Replay:
-    """Result of a replay: numbers of repeated images and decisions, and texts of `differences`."""
+    """Result of a replay: numbers of repeated images and decisions, and texts of
+    `differences`.
+    """
 
     images: int
     decisions: int
@@ -39,22 +44,29 @@ class Replay:
 
     @property
     def same(self) -> bool:
-        """Whether every image and decision repeated in the replay equals the recorded one."""
+        """Whether every image and decision repeated in the replay equals the recorded
+        one.
+        """
         return not self.differences and self.decisions > 0
 
 
 def replay(folder: Path) -> Replay:
-    """Repeat perception on every stored image of the run in `folder`, and every decision.
+    """Repeat perception on every stored image of the run in `folder`, and every
+    decision.
 
-    For a run without images, only the decisions. Raises ConfigurationError for a run that lacks the
-    data: a laboratory's run, or one that ended before any decision.
+    For a run without images, only the decisions. Raises ConfigurationError for a run
+    that lacks the data: a laboratory's run, or one that ended before any decision.
     """
     run = read_run(folder)
     settings = _header_entry(run, "config", CellFile)
     strip = _header_entry(run, "strip_file", StripFile)
-    decided = [_decision(event, run) for event in run.events() if event.kind == "decision"]
+    decided = [
+        _decision(event, run) for event in run.events() if event.kind == "decision"
+    ]
     if not decided:
-        raise ConfigurationError(f"{folder}: nothing was decided in this run, nothing to replay")
+        raise ConfigurationError(
+            f"{folder}: nothing was decided in this run, nothing to replay"
+        )
     if run.ticks.t.size == 0:
         raise ConfigurationError(f"{folder}: {TICKS}: holds no row, nothing to replay")
     measured = {seen.sequence: seen for seen in run.measurements()}
@@ -89,16 +101,24 @@ def _decision(event: Event, run: Run) -> _Decision:
         ) from None
 
 
-def _repeat_perception(run: Run, strip: StripFile, measured: Measured) -> tuple[int, list[str]]:
-    """Measure the stored images again; returns their number, and differences from the record."""
+def _repeat_perception(
+    run: Run, strip: StripFile, measured: Measured
+) -> tuple[int, list[str]]:
+    """Measure the stored images again; returns their number, and differences from the
+    record.
+    """
     frames = run.frames()
     first = next(frames, None)
     if first is None and run.frame_index():
         return 0, []
     if first is None:
-        raise ConfigurationError(f"{run.folder / INDEX}: lists no image; it belongs to the run")
+        raise ConfigurationError(
+            f"{run.folder / INDEX}: lists no image; it belongs to the run"
+        )
     if first.stamp >= 0:
-        raise ConfigurationError(f"{run.folder}: the picture before the grasp was not kept")
+        raise ConfigurationError(
+            f"{run.folder}: the picture before the grasp was not kept"
+        )
     calibration = load_calibration(run.folder / CALIBRATION)
     appearance = inspect(first, calibration, strip).appearance
     if appearance is None:
@@ -117,34 +137,52 @@ def _repeat_perception(run: Run, strip: StripFile, measured: Measured) -> tuple[
 
 
 def _check_size(run: Run, frame: Frame, calibration: Calibration) -> None:
-    """Raise ConfigurationError for a stored image of another size than the calibration."""
+    """Raise ConfigurationError for a stored image of another size than the
+    calibration.
+    """
     height, width, _ = frame.image.shape
     lens = calibration.lens
     if (height, width) != (lens.height, lens.width):
         raise ConfigurationError(
-            f"{frame_file(run.folder, frame.sequence)}: is {width} x {height} pixels, the "
-            f"calibration is for {lens.width} x {lens.height}; it was changed after the run"
+            f"{frame_file(run.folder, frame.sequence)}: is {width} x {height} pixels,"
+            f" the calibration is for {lens.width} x {lens.height}; it was changed"
+            " after the run"
         )
 
 
 def _differences(now: StripMeasurement, then: StripMeasurement) -> Iterator[str]:
-    """Yield a text for each value that is measured differently `now` than it was `then`."""
+    """Yield a text for each value that is measured differently `now` than it was
+    `then`.
+    """
     recorded = _lengths(then)
     for name, value in _lengths(now).items():
-        if not np.isclose(value, recorded[name], rtol=0, atol=POSE_ROUNDING, equal_nan=True):
-            yield f"image {now.sequence}: {name} was {recorded[name]:.6f}, is {value:.6f} m"
+        if not np.isclose(
+            value, recorded[name], rtol=0, atol=POSE_ROUNDING, equal_nan=True
+        ):
+            yield (
+                f"image {now.sequence}: {name} was {recorded[name]:.6f}, is"
+                f" {value:.6f} m"
+            )
 
 
 def _lengths(seen: StripMeasurement) -> dict[str, float]:
     """Measured lengths [m] by their column in the record."""
     names = ("contact_x", "tip_x", "tip_z", "gap", "gap_x")
-    return dict(zip(names, (seen.contact_x, *seen.tip, seen.gap, seen.gap_x), strict=True))
+    return dict(
+        zip(names, (seen.contact_x, *seen.tip, seen.gap, seen.gap_x), strict=True)
+    )
 
 
 def _other_decisions(
-    run: Run, settings: CellFile, strip: StripFile, decided: list[_Decision], measured: Measured
+    run: Run,
+    settings: CellFile,
+    strip: StripFile,
+    decided: list[_Decision],
+    measured: Measured,
 ) -> Iterator[str]:
-    """Decide again on the recorded measurements; yields decisions that differ from the record."""
+    """Decide again on the recorded measurements; yields decisions that differ from the
+    record.
+    """
     weights = None if run.header.checkpoint is None else run.folder / CHECKPOINT
     policy = make_policy(str(_header_value(run, "policy")), weights)
     correction_of(run.header.learning).apply(policy)
@@ -152,24 +190,41 @@ def _other_decisions(
     for then in decided:
         seen = measured.get(then.sequence)
         if seen is None:
-            yield f"image {then.sequence}: was decided on, but its sight is not in the record"
+            yield (
+                f"image {then.sequence}: was decided on, but its sight is not in the"
+                " record"
+            )
             continue
         held = run.ticks.pose_at(seen.stamp)
         seen = replace(seen, gripper=(held.x, held.z))
-        decision = policy.decide(observation(then.time, Pose(then.x, then.z, 0.0), seen))
+        decision = policy.decide(
+            observation(then.time, Pose(then.x, then.z, 0.0), seen)
+        )
         now = float(decision.direction[0])
-        if not abs(now - then.direction) <= POSE_ROUNDING or bool(decision.done[0]) != then.done:
-            yield f"image {then.sequence}: direction was {then.direction:.6f}, is {now:.6f} rad"
+        if (
+            not abs(now - then.direction) <= POSE_ROUNDING
+            or bool(decision.done[0]) != then.done
+        ):
+            yield (
+                f"image {then.sequence}: direction was {then.direction:.6f}, is"
+                f" {now:.6f} rad"
+            )
 
 
 def _header_entry(run: Run, key: str, model: type[Any]) -> Any:
     """Parse the entry `key` of the run's header as a `model`."""
-    return parse(_header_value(run, key), model, f"{run.folder}/run.yaml: {key}", extra="ignore")
+    return parse(
+        _header_value(run, key), model, f"{run.folder}/run.yaml: {key}", extra="ignore"
+    )
 
 
 def _header_value(run: Run, key: str) -> Any:
-    """Value of `key` in the run's header; raises ConfigurationError where it is missing."""
+    """Value of `key` in the run's header; raises ConfigurationError where it is
+    missing.
+    """
     fact = getattr(run.header, key)
     if fact is None:
-        raise ConfigurationError(f"{run.folder}/run.yaml: {key}: is missing; not a run of a cell")
+        raise ConfigurationError(
+            f"{run.folder}/run.yaml: {key}: is missing; not a run of a cell"
+        )
     return fact

@@ -1,4 +1,6 @@
-"""Requests of folds, and the refusal of impossible requests before anything is compiled."""
+"""Requests of folds, and the refusal of impossible requests before anything is
+compiled.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -28,7 +30,9 @@ UNCORRECTED = Correction()
 
 @dataclass(frozen=True, slots=True)
 class Recording:
-    """Options of a fold's record beside its tables: images, film, truth, recording for Rerun."""
+    """Options of a fold's record beside its tables: images, film, truth, recording for
+    Rerun.
+    """
 
     frames: Keep | None = None
     film: Encoder | None = None
@@ -38,7 +42,8 @@ class Recording:
 
 @dataclass(frozen=True, slots=True)
 class Learning:
-    """Correction of a fold by the cell's learned bias; the cell `learns` from the fold or not.
+    """Correction of a fold by the cell's learned bias; the cell `learns` from the fold
+    or not.
 
     `specimen` names the piece of fabric; `memory` is a folder instead of the user's.
     """
@@ -51,10 +56,11 @@ class Learning:
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """Request of one fold: cell, strip, policy and options, as values that a process can be sent.
+    """Request of one fold: cell, strip, policy and options, as values that a process
+    can be sent.
 
-    `runs` is the folder for its record, `speed` [m/s] on the path replaces the cell's own, and a
-    real robot is slowed down unless at `full_speed`.
+    `runs` is the folder for its record, `speed` [m/s] on the path replaces the cell's
+    own, and a real robot is slowed down unless at `full_speed`.
     """
 
     cell: CellFile
@@ -70,15 +76,21 @@ class Request:
 
     @property
     def settings(self) -> CellFile:
-        """Settings of the cell for this fold, with its speed and the limits of its arm."""
+        """Settings of the cell for this fold, with its speed and the limits of its
+        arm.
+        """
         settings = at_speed(self.cell, self.speed)
         if settings.has_real_arm and not self.full_speed:
             settings = slow_down(settings)
         return limit_to_arm(settings)
 
 
-def repetitions(base: Request, plants: Sequence[StripFile], repeat: int = 1) -> tuple[Request, ...]:
-    """Requests of a batch: `repeat` folds on each of `plants`; fold number i has seed S + i."""
+def repetitions(
+    base: Request, plants: Sequence[StripFile], repeat: int = 1
+) -> tuple[Request, ...]:
+    """Requests of a batch: `repeat` folds on each of `plants`; fold number i has seed S
+    + i.
+    """
     on_desk: Sequence[StripFile | None] = plants or [None]
     folds = [(plant, index) for plant in on_desk for index in range(repeat)]
     first_seed = base.trial.seed
@@ -90,7 +102,9 @@ def repetitions(base: Request, plants: Sequence[StripFile], repeat: int = 1) -> 
 
 
 def standard_requests(base: Request) -> tuple[Request, ...]:
-    """Requests of the standard runs, shuffled by `base`'s seed S; number i has seed S + i."""
+    """Requests of the standard runs, shuffled by `base`'s seed S; number i has seed S +
+    i.
+    """
     order = standard_order(np.random.default_rng(base.trial.seed))
     return tuple(
         replace(
@@ -104,30 +118,37 @@ def standard_requests(base: Request) -> tuple[Request, ...]:
 
 
 def standard_run(request: Request) -> tuple[str, str]:
-    """Name of the standard run that `request` carries out, and the effects that it reveals."""
+    """Name of the standard run that `request` carries out, and the effects that it
+    reveals.
+    """
     name = request.policy.removeprefix(MOTION)
     return name, STANDARD[name].reveals
 
 
 def check_request(request: Request) -> None:
-    """Raise ConfigurationError for devices, calibration or policy that cannot be used."""
+    """Raise ConfigurationError for devices, calibration or policy that cannot be
+    used.
+    """
     check_drivers(request.cell)
     check_calibrated(request.cell)
     make_policy(request.policy, request.checkpoint)
 
 
 def doubts_about(requests: Sequence[Request]) -> tuple[str, ...]:
-    """Warnings about strips and plants outside the range for which an engine was validated."""
+    """Warnings about strips and plants outside the range for which an engine was
+    validated.
+    """
     plants = [r.trial.plant for r in requests if r.trial.plant is not None]
     strips = (requests[0].strip, *plants)
     return tuple(dict.fromkeys(doubt for strip in strips for doubt in doubts(strip)))
 
 
 def with_correction(request: Request, learning: str | None) -> Request:
-    """Copy of `request` with the correction of its aim that the option `learning` asks for.
+    """Copy of `request` with the correction of its aim that the option `learning` asks
+    for.
 
-    `learning` is `auto`, `on`, `off`, a length to correct by without learning, or None for the
-    cell's own setting. Raises ConfigurationError for other text.
+    `learning` is `auto`, `on`, `off`, a length to correct by without learning, or None
+    for the cell's own setting. Raises ConfigurationError for other text.
     """
     memory = memory_of(request)
     learns = False
@@ -136,7 +157,9 @@ def with_correction(request: Request, learning: str | None) -> Request:
         correction = Correction(metres("--learning", learning, LIMIT))
     elif _should_learn(request, learning, memory):
         specimen = request.learning.specimen
-        subject = subject_of(request.policy, request.checkpoint, request.strip.name, specimen)
+        subject = subject_of(
+            request.policy, request.checkpoint, request.strip.name, specimen
+        )
         learns = True
         correction = learned_correction(memory, subject)
     changed = replace(request.learning, correction=correction, learns=learns)
@@ -144,12 +167,18 @@ def with_correction(request: Request, learning: str | None) -> Request:
 
 
 def memory_of(request: Request) -> Memory:
-    """Memory of learned biases that a fold uses and updates: of the cell, or of its twin."""
-    return Memory(request.cell.name, request.learning.memory, twin=not request.cell.is_physical)
+    """Memory of learned biases that a fold uses and updates: of the cell, or of its
+    twin.
+    """
+    return Memory(
+        request.cell.name, request.learning.memory, twin=not request.cell.is_physical
+    )
 
 
 def _should_learn(request: Request, learning: str | None, memory: Memory) -> bool:
-    """Whether the fold is corrected and learned from, by option, memory and settings."""
+    """Whether the fold is corrected and learned from, by option, memory and
+    settings.
+    """
     use = request.cell.learning.use
     if learning in {"on", "off"}:
         return learning == "on"

@@ -14,11 +14,21 @@ from cell.perception.length_checks import LengthCheck
 from cell.record.header import LAID, NOT_FOLDED
 from drivers.errors import CellError
 
-LINE_COLUMNS = ["run", "strip", "policy", "seed", "outcome", "displacement", "displacement_true"]
+LINE_COLUMNS = [
+    "run",
+    "strip",
+    "policy",
+    "seed",
+    "outcome",
+    "displacement",
+    "displacement_true",
+]
 LINE_COLUMNS += ["layer_touch", "edge_offset", "edge_offset_true", "like_model"]
 LINE_COLUMNS += ["duration", "wall", "calibration", "exit_code", "witnesses"]
 # m
-LINE_DIGITS = {name: 6 for name in LINE_COLUMNS if name.startswith(("displacement", "edge_offset"))}
+LINE_DIGITS = {
+    name: 6 for name in LINE_COLUMNS if name.startswith(("displacement", "edge_offset"))
+}
 LINE_DIGITS |= {"layer_touch": 4, "duration": 4, "wall": 2}  # s
 
 
@@ -26,11 +36,12 @@ LINE_DIGITS |= {"layer_touch": 4, "duration": 4, "wall": 2}  # s
 class FoldResult:
     """Result of one fold: lengths [m], times [s]; None where not available.
 
-    `displacement` is as measured by the camera, `edge_offset` the offset between the laid edges
-    with the sign of d; values named true come from the twin only. `predicted` is the policy's
-    prediction as text, `like_model` whether the strip behaved like the model (None where nothing
-    judged it), `witnesses` what was compared, and `warning` what of this disagrees, or what the
-    preflight found; `correction` says by how much the aim was corrected.
+    `displacement` is as measured by the camera, `edge_offset` the offset between the
+    laid edges with the sign of d; values named true come from the twin only.
+    `predicted` is the policy's prediction as text, `like_model` whether the strip
+    behaved like the model (None where nothing judged it), `witnesses` what was
+    compared, and `warning` what of this disagrees, or what the preflight found;
+    `correction` says by how much the aim was corrected.
     """
 
     run: str
@@ -56,14 +67,20 @@ class FoldResult:
 
     @classmethod
     def refusal(cls, request: Request, error: CellError) -> Self:
-        """Result of a fold that did not begin because of `error`; raises an Interrupted one."""
+        """Result of a fold that did not begin because of `error`; raises an Interrupted
+        one.
+        """
         if isinstance(error, Interrupted):
             raise error
         return cls.from_outcome(request, Outcome.from_error(error), {})
 
     @classmethod
-    def from_outcome(cls, request: Request, outcome: Outcome, truth: Mapping[str, Any]) -> Self:
-        """Result of a fold of `request` by `outcome` and the twin's `truth`; its `run` is empty."""
+    def from_outcome(
+        cls, request: Request, outcome: Outcome, truth: Mapping[str, Any]
+    ) -> Self:
+        """Result of a fold of `request` by `outcome` and the twin's `truth`; its `run`
+        is empty.
+        """
         touch = outcome.touch
         return cls(
             run="",
@@ -79,15 +96,21 @@ class FoldResult:
             edge_offset_true=truth.get("edge_offset"),
             duration=outcome.duration,
             exit_code=outcome.exit_code,
-            predicted=None if outcome.predicted is None else outcome.predicted.sentence(),
-            like_model=None if outcome.agreement is None else outcome.agreement.like_model,
+            predicted=None
+            if outcome.predicted is None
+            else outcome.predicted.sentence(),
+            like_model=None
+            if outcome.agreement is None
+            else outcome.agreement.like_model,
             correction=request.learning.correction.sentence(),
             witnesses=outcome.witnesses,
         )
 
     @property
     def offset(self) -> float:
-        """Size [m] of the edges' offset or, if unknown, of the displacement, or infinity."""
+        """Size [m] of the edges' offset or, if unknown, of the displacement, or
+        infinity.
+        """
         offset = self.displacement if self.edge_offset is None else self.edge_offset
         return inf if offset is None else abs(offset)
 
@@ -99,8 +122,8 @@ class FoldResult:
     def went_as_planned(self) -> bool:
         """Whether a standard run is complete enough to be used for a fit.
 
-        A lift there and back ends without a touch, and how the strip lies afterwards is not
-        compared with anything.
+        A lift there and back ends without a touch, and how the strip lies afterwards is
+        not compared with anything.
         """
         return self.outcome in NOT_FOLDED | {"layer_touch", "path_done"}
 
@@ -119,7 +142,9 @@ class FoldResult:
         if self.displacement is None:
             lines = [f"{self.strip}: {self.outcome}: {self.reason}", self.warning]
             return "\n  ".join(filter(None, lines))
-        folded = "folded" if self.exit_code == 0 or self.outcome in LAID else "not folded"
+        folded = (
+            "folded" if self.exit_code == 0 or self.outcome in LAID else "not folded"
+        )
         if self.exit_code != 0:
             folded += f" ({self.outcome})"
         text = f"{self.strip}: {folded}, displacement {1e3 * self.displacement:+.1f} mm"
@@ -143,5 +168,7 @@ class FoldResult:
 
 
 def _edge_words(offset: float) -> str:
-    """Text of the `offset` [m] of the upper layer's laid edge: beyond or before the lower one."""
+    """Text of the `offset` [m] of the upper layer's laid edge: beyond or before the
+    lower one.
+    """
     return f"{1e3 * abs(offset):.1f} mm {'beyond' if offset > 0 else 'before'}"

@@ -1,1 +1,3 @@
-"""Finds and names effects that the simulation lacks, adds them, and shows that the gap shrinks."""
+"""Finds and names effects that the simulation lacks, adds them, and shows that the gap
+shrinks.
+"""

@@ -1,4 +1,6 @@
-"""Checks of `cell gap check`: whether recordings can be fitted, and what they can identify."""
+"""Checks of `cell gap check`: whether recordings can be fitted, and what they can
+identify.
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import reduce
@@ -9,7 +11,11 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from cell.gap.fitting.base_fit import effect_responses, stated_estimate, undetermined_values
+from cell.gap.fitting.base_fit import (
+    effect_responses,
+    stated_estimate,
+    undetermined_values,
+)
 from cell.gap.fitting.projection import projection
 from cell.gap.forward_selection import Progress, quiet
 from cell.gap.open_subject import open_subject
@@ -32,8 +38,10 @@ from drivers.types import Array
 
 SPARSE_COLUMNS = frozenset({"t", "contact_x", "contact_t", "pitch", "f_x", "f_z"})
 """Columns that hold numbers in some rows alone, or need not be there (formats.md)."""
-PROBE_SIGMA = 3.0  # that the largest probe of an effect must show, beyond what the base absorbs
-LARGEST_CORRELATION = 0.995  # of two responses: beyond it runs cannot separate the effects
+# that the largest probe of an effect must show, beyond what the base absorbs
+PROBE_SIGMA = 3.0
+# of two responses: beyond it runs cannot separate the effects
+LARGEST_CORRELATION = 0.995
 IDENTIFIABLE = "not identifiable"
 Level = Literal["bad", "fair", "good"]
 HEADLINES: dict[Level, str] = {  # from the best to the worst level
@@ -43,21 +51,24 @@ HEADLINES: dict[Level, str] = {  # from the best to the worst level
 }
 
 
-# Thresholds of complaints about a recording. Assumed: no fault was measured; runs of the twin and
-# recordings of real pendulums stay within. Pairs are (worth a remark, not to be fitted).
+# Thresholds of complaints about a recording. Assumed: no fault was measured; runs of
+# the twin and recordings of real pendulums stay within. Pairs are (worth a remark, not
+# to be fitted).
 LOST_ROWS = (0.02, 0.3)  # share that is missing or holds no number
 LOST_IMAGES = (0.1, 0.6)  # share that is missing
 STUCK = 0.2  # s that a reading stands still while its command changes by MOVED
 MOVED = 0.01  # m or rad
 CLIPPED = 0.05  # s that readings keep a largest or smallest value, more than once
-UNEVEN = 0.5  # share of the median step of the clock by which the middle half of the steps differ
+# share of the median step of the clock by which the middle half of the steps differ
+UNEVEN = 0.5
 
 
 class Finding(Entry):
-    """Problem of recordings, of a `level`: `bad` ones forbid a fit, `fair` ones cost accuracy.
+    """Problem of recordings, of a `level`: `bad` ones forbid a fit, `fair` ones cost
+    accuracy.
 
-    `run` is the name of a run, empty where the finding concerns all of them; `what` is the check,
-    `words` say what is seen where, `remedy` what to do, if anything.
+    `run` is the name of a run, empty where the finding concerns all of them; `what` is
+    the check, `words` say what is seen where, `remedy` what to do, if anything.
     """
 
     level: Level = "fair"
@@ -77,8 +88,10 @@ def clock(t: Array) -> Iterator[Finding]:
         worst = int(np.argmax(steps))
         yield Finding(
             what="lost samples",
-            words=f"{100 * lost:.0f} % of the rows are missing, the longest gap "
-            f"{steps[worst]:.2g} s at {t[worst]:.2f} s",
+            words=(
+                f"{100 * lost:.0f} % of the rows are missing, the longest gap "
+                f"{steps[worst]:.2g} s at {t[worst]:.2f} s"
+            ),
             remedy="record on a machine that keeps up, or leave the run out",
             level="bad" if lost > LOST_ROWS[1] else "fair",
         )
@@ -86,14 +99,17 @@ def clock(t: Array) -> Iterator[Finding]:
     if high - low > UNEVEN * float(np.median(steps)):
         yield Finding(
             what="clock",
-            words=f"half of the steps between rows lie between {1e3 * low:.2g} and "
-            f"{1e3 * high:.2g} ms, the others beyond",
+            words=(
+                f"half of the steps between rows lie between {1e3 * low:.2g} and "
+                f"{1e3 * high:.2g} ms, the others beyond"
+            ),
             remedy="stamp a reading when it is made, not when it arrives",
         )
 
 
 def images(t: Array) -> Iterator[Finding]:
-    """Finding that images are missing, by gaps in the image times `t` (n,) [s] of profile points.
+    """Finding that images are missing, by gaps in the image times `t` (n,) [s] of
+    profile points.
 
     A stamp may repeat: each point of a profile bears that of its image.
     """
@@ -102,20 +118,27 @@ def images(t: Array) -> Iterator[Finding]:
         yield Finding(
             what="lost images",
             words=f"{100 * lost:.0f} % of the images are missing",
-            remedy="look at light and segmentation where they are, or leave the run out",
+            remedy=(
+                "look at light and segmentation where they are, or leave the run out"
+            ),
             level="bad" if lost > LOST_IMAGES[1] else "fair",
         )
 
 
 def _missing(t: Array) -> float:
-    """Share of rows missing between times (n,) [s]: a step of k median steps lacks k - 1 rows."""
+    """Share of rows missing between times (n,) [s]: a step of k median steps lacks k -
+    1 rows.
+    """
     steps = np.diff(t)
     missing = np.round(np.maximum(steps / np.median(steps) - 1.0, 0.0)).sum()
     return float(missing / (missing + len(t)))
 
 
-def values(name: str, t: Array, value: Array, command: Array | None = None) -> Iterator[Finding]:
-    """Findings on a column `value` (n,) at times `t` (n,) [s]: gaps, stuck and clipped readings.
+def values(
+    name: str, t: Array, value: Array, command: Array | None = None
+) -> Iterator[Finding]:
+    """Findings on a column `value` (n,) at times `t` (n,) [s]: gaps, stuck and clipped
+    readings.
 
     A reading is stuck that stands still while its `command` (n,) changes.
     """
@@ -139,25 +162,35 @@ def _stall(name: str, t: Array, value: Array, command: Array) -> Iterator[Findin
         if t[last] - t[first] > STUCK and change > MOVED:
             yield Finding(
                 what="stuck reading",
-                words=f"{name} stands still at {value[first]:.4g} from {t[first]:.2f} to "
-                f"{t[last]:.2f} s while its command moves by {change:.2g}",
+                words=(
+                    f"{name} stands still at {value[first]:.4g} from {t[first]:.2f} to "
+                    f"{t[last]:.2f} s while its command moves by {change:.2g}"
+                ),
                 remedy="mend the reading; leave the run out",
                 level="bad",
             )
 
 
-def _saturation(name: str, t: Array, value: Array, command: Array | None) -> Iterator[Finding]:
-    """Findings on a reading that stays at an end of its range, though any `command` moves on."""
+def _saturation(
+    name: str, t: Array, value: Array, command: Array | None
+) -> Iterator[Finding]:
+    """Findings on a reading that stays at an end of its range, though any `command`
+    moves on.
+    """
     inner = [(a, b) for a, b in _still(value) if a > 0 and b < len(t) - 1]
     if command is not None:
         inner = [(a, b) for a, b in inner if np.ptp(command[a : b + 1]) > MOVED]
     for limit, word in ((np.nanmax(value), "largest"), (np.nanmin(value), "smallest")):
-        long = [t[b] - t[a] for a, b in inner if value[a] == limit and t[b] - t[a] > CLIPPED]
+        long = [
+            t[b] - t[a] for a, b in inner if value[a] == limit and t[b] - t[a] > CLIPPED
+        ]
         if len(long) > 1:
             yield Finding(
                 what="saturation",
-                words=f"{name} stands {len(long)} times at its {word} value {limit:.4g}, for "
-                f"{max(long):.2g} s at most",
+                words=(
+                    f"{name} stands {len(long)} times at its {word} value {limit:.4g},"
+                    f" for {max(long):.2g} s at most"
+                ),
                 remedy="widen the range, or move less",
             )
 
@@ -171,7 +204,9 @@ def _still(value: Array) -> Iterator[tuple[int, int]]:
 
 
 def complaints(tables: Mapping[str, Mapping[str, Array]]) -> Iterator[Finding]:
-    """Findings on the recorded tables of one run, given by file name as columns (n,) by name."""
+    """Findings on the recorded tables of one run, given by file name as columns (n,) by
+    name.
+    """
     for file, columns in tables.items():
         t = columns.get("t")
         if t is None or len(t) < 3:
@@ -187,7 +222,9 @@ def complaints(tables: Mapping[str, Mapping[str, Array]]) -> Iterator[Finding]:
 
 
 class Check(Entry):
-    """Content of check.json: the names of the runs that were checked, and findings on them."""
+    """Content of check.json: the names of the runs that were checked, and findings on
+    them.
+    """
 
     schema_: Annotated[int, Field(alias="schema")] = 1
     runs: list[str]
@@ -196,11 +233,16 @@ class Check(Entry):
     @property
     def level(self) -> Level:
         """Worst level among the findings; `good` where there are none."""
-        return max((f.level for f in self.findings), key=[*HEADLINES].index, default="good")
+        return max(
+            (f.level for f in self.findings), key=[*HEADLINES].index, default="good"
+        )
 
     def __str__(self) -> str:
         """Text of the check: its level, then a line for each finding."""
-        lines = (f"\n  {f.level}  {f.run or 'all'}: {f.what}: {f.words}" for f in self.findings)
+        lines = (
+            f"\n  {f.level}  {f.run or 'all'}: {f.what}: {f.words}"
+            for f in self.findings
+        )
         return f"{self.level}{''.join(lines)}"
 
     __repr__ = __str__
@@ -220,32 +262,45 @@ def recordings(runs: Sequence[RunFolder]) -> list[Finding]:
                 tables[name] = read_table(run.path / name)
             except ConfigurationError:
                 continue
-        findings += [finding.model_copy(update={"run": run.name}) for finding in complaints(tables)]
+        findings += [
+            finding.model_copy(update={"run": run.name})
+            for finding in complaints(tables)
+        ]
     return findings
 
 
 def refuse(runs: Sequence[RunFolder]) -> None:
-    """Raise ConfigurationError where the recordings of `runs` have a finding that forbids a fit."""
+    """Raise ConfigurationError where the recordings of `runs` have a finding that
+    forbids a fit.
+    """
     bad = [f for f in recordings(runs) if f.level == "bad"]
     if bad:
         more = f" (and {len(bad) - 1} more)" if len(bad) > 1 else ""
         raise ConfigurationError(
-            f"{bad[0].run}: {bad[0].what}: {bad[0].words}; {bad[0].remedy}{more}; `cell gap check` "
-            "lists all, --unchecked fits them all the same"
+            f"{bad[0].run}: {bad[0].what}: {bad[0].words}; {bad[0].remedy}{more}; `cell"
+            " gap check` lists all, --unchecked fits them all the same"
         )
 
 
-def check(paths: Sequence[Path], file: Path, jobs: int = 1, shown: Progress = quiet) -> Check:
-    """Check the runs at `paths` of the subject that `file` describes, without fitting anything.
+def check(
+    paths: Sequence[Path], file: Path, jobs: int = 1, shown: Progress = quiet
+) -> Check:
+    """Check the runs at `paths` of the subject that `file` describes, without fitting
+    anything.
 
-    Raises ConfigurationError for fewer than two runs, or a `file` that is not YAML; what else
-    cannot be read is a finding.
+    Raises ConfigurationError for fewer than two runs, or a `file` that is not YAML;
+    what else cannot be read is a finding.
     """
     read_yaml(file)
     runs, copies = without_copies(find_runs(paths))
     shown(f"read {plural(len(runs), 'run')}", 0.0)
     findings = [
-        Finding(what="copy", run=copy, words=copy_note(copy, first), remedy="measure it again")
+        Finding(
+            what="copy",
+            run=copy,
+            words=copy_note(copy, first),
+            remedy="measure it again",
+        )
         for copy, first in copies.items()
     ]
     findings += recordings(runs)
@@ -253,23 +308,33 @@ def check(paths: Sequence[Path], file: Path, jobs: int = 1, shown: Progress = qu
         subject = open_subject(file, runs, jobs)
     except ConfigurationError as error:
         line = str(error).splitlines()[0]
-        findings.append(Finding(what="unreadable", words=line, remedy="mend it", level="bad"))
+        findings.append(
+            Finding(what="unreadable", words=line, remedy="mend it", level="bad")
+        )
     else:
-        findings += [Finding(what="run", words=words, remedy="") for words in subject.notes]
+        findings += [
+            Finding(what="run", words=words, remedy="") for words in subject.notes
+        ]
         shown("try each effect at its largest", 0.2)
         findings += unidentifiable(subject)
     return Check(runs=[run.name for run in runs], findings=findings)
 
 
 def unidentifiable(subject: Subject) -> Iterator[Finding]:
-    """Findings on values and effects that the runs do not identify, by responses at the base."""
+    """Findings on values and effects that the runs do not identify, by responses at the
+    base.
+    """
     stated = stated_estimate(subject, subject.simulate)
     for p, s in undetermined_values(stated):
         words = f"{p.name}: known to {p.spread:.2g} {p.unit}, by these runs to {s:.2g}"
-        yield Finding(what=IDENTIFIABLE, words=words, remedy="move faster, higher or longer")
+        yield Finding(
+            what=IDENTIFIABLE, words=words, remedy="move faster, higher or longer"
+        )
     directions: dict[str, Array] = {}
     largest = [(c, _largest_probe(c)) for c in subject.scope.candidates]
-    responses = effect_responses(subject.simulate, stated, [(c, [*p]) for c, p in largest])
+    responses = effect_responses(
+        subject.simulate, stated, [(c, [*p]) for c, p in largest]
+    )
     unabsorbed = projection(stated, robustly=False).unabsorbed(responses)
     for (candidate, probe), response in zip(largest, unabsorbed.T, strict=True):
         sigma = float(np.linalg.norm(response))
@@ -278,21 +343,34 @@ def unidentifiable(subject: Subject) -> Iterator[Finding]:
             continue
         k, *others = np.flatnonzero(probe != candidate.null)
         p, more = candidate.parameters[k], " and so on" if others else ""
-        size = f"{p.name} {p.stated_value(float(probe[k])):.3g} {p.unit}".removesuffix(" 1")
-        words = f"{candidate.name}: {size}{more} changes the runs by only {sigma:.1f} sigma"
+        size = f"{p.name} {p.stated_value(float(probe[k])):.3g} {p.unit}".removesuffix(
+            " 1"
+        )
+        words = (
+            f"{candidate.name}: {size}{more} changes the runs by only {sigma:.1f} sigma"
+        )
         yield Finding(what=IDENTIFIABLE, words=words, remedy=candidate.revealed_by)
     for (first, a), (second, b) in combinations(directions.items(), 2):
         if abs(float(a @ b)) > LARGEST_CORRELATION:
-            words = f"{first} and {second} change these runs alike: they cannot be separated"
-            yield Finding(what=IDENTIFIABLE, words=words, remedy="fit, then `cell gap advise`")
+            words = (
+                f"{first} and {second} change these runs alike: they cannot be"
+                " separated"
+            )
+            yield Finding(
+                what=IDENTIFIABLE, words=words, remedy="fit, then `cell gap advise`"
+            )
 
 
 def _largest_probe(candidate: Candidate) -> Array:
-    """Largest probe (k,) of a candidate, in all its parameters; of places the one in the middle."""
+    """Largest probe (k,) of a candidate, in all its parameters; of places the one in
+    the middle.
+    """
     amounts = [abs(group[0][0] - candidate.null[0]) for group in candidate.probes]
     largest = [i for i, amount in enumerate(amounts) if amount == max(amounts)]
     members = map(np.array, candidate.probes[largest[len(largest) // 2]])
-    return reduce(lambda mixed, probe: np.where(probe == candidate.null, mixed, probe), members)
+    return reduce(
+        lambda mixed, probe: np.where(probe == candidate.null, mixed, probe), members
+    )
 
 
 def check_page(check: Check, subject: str) -> str:
@@ -300,9 +378,15 @@ def check_page(check: Check, subject: str) -> str:
     bad = sum(f.level == "bad" for f in check.findings)
     count = f"{plural(len(check.findings), 'finding')}, {bad} of them against a fit."
     groups = {
-        "Mend before anything is fitted": [f for f in check.findings if f.level == "bad"],
-        "Recordings": [f for f in check.findings if f.level == "fair" and f.what != IDENTIFIABLE],
-        "What these runs cannot say": [f for f in check.findings if f.what == IDENTIFIABLE],
+        "Mend before anything is fitted": [
+            f for f in check.findings if f.level == "bad"
+        ],
+        "Recordings": [
+            f for f in check.findings if f.level == "fair" and f.what != IDENTIFIABLE
+        ],
+        "What these runs cannot say": [
+            f for f in check.findings if f.what == IDENTIFIABLE
+        ],
     }
     return page(
         "gap/report/check.html",

@@ -1,4 +1,6 @@
-"""Effect sizes: how large a hidden effect must be to leave a given residual after a refit."""
+"""Effect sizes: how large a hidden effect must be to leave a given residual after a
+refit.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -23,7 +25,8 @@ from drivers.strip.file import StripFile
 from drivers.strip.rod.engine import GripperPath
 from drivers.types import Array
 
-LADDER = np.geomspace(1e-2, 1.0, 12)  # shares of the way from null to the largest believable
+# shares of the way from null to the largest believable
+LADDER = np.geomspace(1e-2, 1.0, 12)
 ROUNDS = 3  # of the search for a share: the ladder, then finer ones between its steps
 STEPS = 6  # of a finer ladder
 BELIEVABLE = 3.0  # times the largest size that laboratories report
@@ -35,14 +38,18 @@ RATIOS = (5.0, 12.0)  # of pre-sliding over bending stiffness
 
 @dataclass(frozen=True, slots=True)
 class Strengths:
-    """Range of sizes of an effect: its first parameter from null to `largest`, `others` fixed."""
+    """Range of sizes of an effect: its first parameter from null to `largest`, `others`
+    fixed.
+    """
 
     effect: Effect
     others: dict[str, float]
     largest: float
 
     def at(self, share: float) -> dict[str, float]:
-        """Parameter values by name at the fraction `share`, in (0, 1], of the largest size."""
+        """Parameter values by name at the fraction `share`, in (0, 1], of the largest
+        size.
+        """
         p = self.effect.parameters[0]
         if p.inverse:
             value = self.largest / share
@@ -53,8 +60,11 @@ class Strengths:
         return {p.name: float(np.clip(value, *p.stated_range)), **self.others}
 
 
-def draw_strengths(effect: Effect, strip: StripFile, rng: np.random.Generator) -> Strengths:
-    """Draw sign and shape parameters (place, width, time, ratio) of an effect at random.
+def draw_strengths(
+    effect: Effect, strip: StripFile, rng: np.random.Generator
+) -> Strengths:
+    """Draw sign and shape parameters (place, width, time, ratio) of an effect at
+    random.
 
     Its sizes go up to the largest believable on `strip`.
     """
@@ -63,15 +73,21 @@ def draw_strengths(effect: Effect, strip: StripFile, rng: np.random.Generator) -
     p = effect.parameters[0]
     sizes = effect.sizes(strip)
     if p.inverse:
-        return Strengths(effect, others, max(p.stated_range[0], min(sizes) / BELIEVABLE))
+        return Strengths(
+            effect, others, max(p.stated_range[0], min(sizes) / BELIEVABLE)
+        )
     if p.start > 0.0:
         return Strengths(effect, others, max(sizes) ** sign)
     largest = BELIEVABLE * max(map(abs, sizes)) * (1.0 if p.low >= 0.0 else sign)
     return Strengths(effect, others, float(np.clip(largest, p.low, p.high)))
 
 
-def _draw_shape(effect: Effect, strip: StripFile, rng: np.random.Generator) -> dict[str, float]:
-    """Draw place [m], width [m], time [s], ratio of an effect; further amounts are at null."""
+def _draw_shape(
+    effect: Effect, strip: StripFile, rng: np.random.Generator
+) -> dict[str, float]:
+    """Draw place [m], width [m], time [s], ratio of an effect; further amounts are at
+    null.
+    """
     others: dict[str, float] = {}
     for p in effect.parameters[1:]:
         if p.role == "place":
@@ -88,64 +104,99 @@ def _draw_shape(effect: Effect, strip: StripFile, rng: np.random.Generator) -> d
 
 
 def indistinguishable_from(name: str) -> frozenset[str]:
-    """Names of the effects that change every fold as `name` does; none for unknown names."""
+    """Names of the effects that change every fold as `name` does; none for unknown
+    names.
+    """
     return registry()[name].looks_like if name in registry() else frozenset()
 
 
 class GapModel:
-    """Predicts the excess residual that hidden effects leave on simulated runs of a strip.
+    """Predicts the excess residual that hidden effects leave on simulated runs of a
+    strip.
 
-    The runs `made` are of the strip `plant`; the residual is in units of noise, after a refit.
+    The runs `made` are of the strip `plant`; the residual is in units of noise, after a
+    refit.
     """
 
     def __init__(self, plant: StripFile, made: Sequence[MeasuredRun]) -> None:
-        runs = [replace(run, name=f"{i:02d}-{run.name}", index=i) for i, run in enumerate(made)]
+        runs = [
+            replace(run, name=f"{i:02d}-{run.name}", index=i)
+            for i, run in enumerate(made)
+        ]
         self._subject = StripSubject(plant, runs, scatter=SLACK_EFFECTS)
         self._estimate = stated_estimate(self._subject, self._subject.simulate)
         self._about = projection(self._estimate)
 
     @classmethod
-    def along(cls, plant: StripFile, paths: Sequence[GripperPath], sigma: Sigma) -> Self:
-        """Gap model of `plant` folded along the gripper `paths`, with measurement noise `sigma`."""
+    def along(
+        cls, plant: StripFile, paths: Sequence[GripperPath], sigma: Sigma
+    ) -> Self:
+        """Gap model of `plant` folded along the gripper `paths`, with measurement noise
+        `sigma`.
+        """
         by_name = {f"own-{i}": path for i, path in enumerate(paths)}
         return cls(plant, measured_along(by_name, plant, sigma, 0))
 
     def excess(self, hidden: Sequence[NamedValues]) -> Array:
-        """Excess residuals (k,) [noise] that k sets of hidden effects leave after a refit."""
-        return np.array([self.excess_of(response) for response in self.responses(hidden)])
+        """Excess residuals (k,) [noise] that k sets of hidden effects leave after a
+        refit.
+        """
+        return np.array(
+            [self.excess_of(response) for response in self.responses(hidden)]
+        )
 
     def responses(self, hidden: Sequence[NamedValues]) -> list[Array]:
-        """Changes (N,) [noise] of residuals that each set of effects leaves after a refit."""
+        """Changes (N,) [noise] of residuals that each set of effects leaves after a
+        refit.
+        """
         estimate = self._estimate
         runs = list(zip(estimate.evidence.runs, estimate.point.local, strict=True))
         requests = []
         for effects in hidden:
-            values = {name: engine_values(name, stated) for name, stated in effects.items()}
-            requests += [Request(run, estimate.shared, values, local) for run, local in runs]
+            values = {
+                name: engine_values(name, stated) for name, stated in effects.items()
+            }
+            requests += [
+                Request(run, estimate.shared, values, local) for run, local in runs
+            ]
         results = self._subject.simulate(requests)
         count = len(runs)
-        return [self._left_by_base(results[k * count :][:count]) for k in range(len(hidden))]
+        return [
+            self._left_by_base(results[k * count :][:count]) for k in range(len(hidden))
+        ]
 
     def _left_by_base(self, results: Sequence[Residuals]) -> Array:
-        """Change (N,) [noise] of residuals, stated to `results`, that a base refit leaves."""
-        runs = zip(results, self._estimate.raw, self._estimate.evidence.scales, strict=True)
+        """Change (N,) [noise] of residuals, stated to `results`, that a base refit
+        leaves.
+        """
+        runs = zip(
+            results, self._estimate.raw, self._estimate.evidence.scales, strict=True
+        )
         moved = [response(result, base, scale) for result, base, scale in runs]
         return self._about.unabsorbed(np.concatenate(moved))
 
     def excess_of(self, response: Array) -> float:
-        """Excess residual [noise] of runs that differ from their model by a `response` (N,)."""
+        """Excess residual [noise] of runs that differ from their model by a `response`
+        (N,).
+        """
         evidence = self._estimate.evidence
         by_run = self._estimate.by_run(response)
         noisy = [
             np.sqrt(r**2 + (run.samples.noise / scale) ** 2)
-            for r, run, scale in zip(by_run, evidence.runs, evidence.scales, strict=True)
+            for r, run, scale in zip(
+                by_run, evidence.runs, evidence.scales, strict=True
+            )
         ]
         return held_out_gap.excess_of(replace(self._estimate, residuals=tuple(noisy)))
 
-    def share(self, strengths: Strengths, target: float, most: float = np.inf) -> float | None:
-        """Smallest share of `strengths` on a grid that leaves `target` [noise] of excess residual.
+    def share(
+        self, strengths: Strengths, target: float, most: float = np.inf
+    ) -> float | None:
+        """Smallest share of `strengths` on a grid that leaves `target` [noise] of
+        excess residual.
 
-        None where no share does, or where the gap jumps past `most`, as that of a slip may.
+        None where no share does, or where the gap jumps past `most`, as that of a slip
+        may.
         """
         shares = LADDER
         try:
@@ -166,7 +217,9 @@ class GapModel:
 
 
 def engine_values(name: str, values: Mapping[str, float]) -> Array:
-    """Parameters (p,) of the effect `name` in the engine's units, from a strip file's `values`."""
+    """Parameters (p,) of the effect `name` in the engine's units, from a strip file's
+    `values`.
+    """
     effect = registry()[name]
     complete = effect.complete(values)
     used = [p for p in effect.parameters if p.role != "shape" or p.name in values]

@@ -1,4 +1,6 @@
-"""Implements `cell gap fit`: from measured runs and a subject's file to verdict and patches."""
+"""Implements `cell gap fit`: from measured runs and a subject's file to verdict and
+patches.
+"""
 
 import itertools
 import os
@@ -30,10 +32,11 @@ from drivers.yaml_text import dump_yaml
 
 @dataclass(frozen=True, slots=True)
 class FitOptions:
-    """Options of a fit: names of runs to `hold_out`, and of effects that the library is `without`.
+    """Options of a fit: names of runs to `hold_out`, and of effects that the library is
+    `without`.
 
-    `unchecked` recordings are fitted even where `cell gap check` refuses them; `jobs` simulations
-    run at once.
+    `unchecked` recordings are fitted even where `cell gap check` refuses them; `jobs`
+    simulations run at once.
     """
 
     hold_out: Sequence[str] = ()
@@ -50,7 +53,8 @@ def fit(
     progress: Progress = quiet,
     overlay: Callable[[Findings, Verdict, Path], None] | None = None,
 ) -> Verdict:
-    """Fit the runs of the subject in `file`; returns the verdict, which it writes into `out`.
+    """Fit the runs of the subject in `file`; returns the verdict, which it writes into
+    `out`.
 
     `overlay` writes a recording of measured and simulated runs to a path. Raises
     ConfigurationError, and leaves no verdict, for bad input.
@@ -67,11 +71,16 @@ def fit(
     with writing(f"{out}", "give a folder that can be written"):
         out.mkdir(parents=True, exist_ok=True)
     simulate = CountedSimulation(subject.simulate)
-    with threadpool_limits(1, "blas"):  # matrices are small: threads only wait for each other
-        held = hold.held_out(subject, simulate, [copies.get(n, n) for n in options.hold_out])
+    # matrices are small: threads only wait for each other
+    with threadpool_limits(1, "blas"):
+        held = hold.held_out(
+            subject, simulate, [copies.get(n, n) for n in options.hold_out]
+        )
         findings = investigate(subject, held, simulate, progress)
     verdict = compose(findings, time.monotonic() - began, simulate.total)
-    verdict = _with_remarks(verdict, subject, itertools.starmap(copy_note, copies.items()))
+    verdict = _with_remarks(
+        verdict, subject, itertools.starmap(copy_note, copies.items())
+    )
     progress("write", 0.97)
     _write(findings, verdict, file, out)
     if overlay is not None:
@@ -82,7 +91,9 @@ def fit(
 
 
 def _with_remarks(verdict: Verdict, subject: Subject, copies: Iterable[str]) -> Verdict:
-    """`verdict` with remarks on `copies` and `subject`, and values that deviate from its file."""
+    """`verdict` with remarks on `copies` and `subject`, and values that deviate from
+    its file.
+    """
     consequences = subject.consequences(*verdict.values_with(verdict.effects))
     notes = [*verdict.notes, *copies, *subject.notes, *consequences]
     deviates = deviations(subject.scope.base, verdict.base)
@@ -90,7 +101,9 @@ def _with_remarks(verdict: Verdict, subject: Subject, copies: Iterable[str]) -> 
 
 
 def _write(findings: Findings, verdict: Verdict, file: Path, out: Path) -> None:
-    """Write the record, the report and the patches of a fit; its verdict is written last."""
+    """Write the record, the report and the patches of a fit; its verdict is written
+    last.
+    """
     record = accept.FitRecord(
         file_sha256=accept.sha256(file),
         effects=tuple(e.name for e in verdict.effects or verdict.suspected),
@@ -102,7 +115,9 @@ def _write(findings: Findings, verdict: Verdict, file: Path, out: Path) -> None:
     write_file(out / "report.html", page(findings, verdict, out))
     if (law := findings.law) is not None:
         terms = {name: {"amount": value} for name, value in law.terms.items()}
-        _write_patch(findings, out, accept.LAW_PATCH, accept.LAW_MODEL_PATCH, (law.base, terms))
+        _write_patch(
+            findings, out, accept.LAW_PATCH, accept.LAW_MODEL_PATCH, (law.base, terms)
+        )
     if (name := _patch_name(findings, verdict)) is not None:
         values = verdict.values_with(verdict.effects or verdict.suspected)
         cell_patch = _write_patch(findings, out, name, accept.MODEL_PATCH, values)
@@ -111,7 +126,9 @@ def _write(findings: Findings, verdict: Verdict, file: Path, out: Path) -> None:
 
 
 def _patch_name(findings: Findings, verdict: Verdict) -> str | None:
-    """File name of the patch of effects or values to offer; None where there are none."""
+    """File name of the patch of effects or values to offer; None where there are
+    none.
+    """
     if verdict.effects:
         return accept.PATCH
     if verdict.suspected:
@@ -123,7 +140,9 @@ def _patch_name(findings: Findings, verdict: Verdict) -> str | None:
 def _write_patch(
     findings: Findings, out: Path, name: str, model: str, values: Values
 ) -> dict[str, object] | None:
-    """Write the patch `name` and the `model` file, if there is one; returns the cell's patch."""
+    """Write the patch `name` and the `model` file, if there is one; returns the cell's
+    patch.
+    """
     patch, cell_patch = findings.subject.patch(*values, f"cell gap fit, {out.name}")
     write_file(out / name, dump_yaml(patch))
     text = findings.subject.model_text(*values)
@@ -133,12 +152,21 @@ def _write_patch(
 
 
 def _clear(out: Path) -> None:
-    """Delete the results of an earlier fit; ConfigurationError where none could be written."""
+    """Delete the results of an earlier fit; ConfigurationError where none could be
+    written.
+    """
     first = next(p for p in (out.absolute(), *out.absolute().parents) if p.exists())
     if not first.is_dir() or not os.access(first, os.W_OK | os.X_OK):
         what = "cannot be written to" if first.is_dir() else "is a file"
-        raise ConfigurationError(f"{out}: {first} {what}; give a folder that can be written")
-    patches = (*accept.PATCHES, accept.CELL_PATCH, accept.MODEL_PATCH, accept.LAW_MODEL_PATCH)
+        raise ConfigurationError(
+            f"{out}: {first} {what}; give a folder that can be written"
+        )
+    patches = (
+        *accept.PATCHES,
+        accept.CELL_PATCH,
+        accept.MODEL_PATCH,
+        accept.LAW_MODEL_PATCH,
+    )
     pages = (accept.RECORD, "report.html", "overlay.rrd")
     for name in ("verdict.json", *pages, *patches, accept.ACCEPTED):
         (out / name).unlink(missing_ok=True)

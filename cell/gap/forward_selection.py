@@ -1,4 +1,5 @@
-"""Forward selection of models: single effects first, then pairs and triples of the best.
+"""Forward selection of models: single effects first, then pairs and triples of the
+best.
 
 The models that lead the base revise it, and are fitted again beside the revised base.
 """
@@ -39,7 +40,9 @@ def quiet(stage: str, share: float) -> None:
 
 
 class Models(NamedTuple):
-    """Fitted models: the base, the screen of effects near it, and `fits` of all models so far."""
+    """Fitted models: the base, the screen of effects near it, and `fits` of all models
+    so far.
+    """
 
     base_fit: BaseFit
     screen: Screen
@@ -47,7 +50,9 @@ class Models(NamedTuple):
 
 
 class BaseStart(NamedTuple):
-    """Runs to fit the base to, values to start from, and run-to-run spreads of the runs."""
+    """Runs to fit the base to, values to start from, and run-to-run spreads of the
+    runs.
+    """
 
     runs: Evidence
     point: Point
@@ -57,10 +62,12 @@ class BaseStart(NamedTuple):
 def revised_base(
     simulate: Simulate, fits: Fits, scatter: Sequence[Spread], complete: Evidence
 ) -> BaseStart | None:
-    """Runs, start and spreads for a new base fit, from models that beat the base; else None.
+    """Runs, start and spreads for a new base fit, from models that beat the base; else
+    None.
 
-    `complete` are the runs with all unknowns. A base that lacks an effect takes a part of it for
-    scatter, or does not see the scatter for it, and may have stopped in a local minimum.
+    `complete` are the runs with all unknowns. A base that lacks an effect takes a part
+    of it for scatter, or does not see the scatter for it, and may have stopped in a
+    local minimum.
     """
     leading = leading_models(fits)
     if not leading:
@@ -68,7 +75,9 @@ def revised_base(
     spreads = estimate_spreads(simulate, leading[0].estimate, complete)
     better = better_base(simulate, fits, leading)
     current = {s.name: s.value for s in scatter}
-    if better is None and not clearly_differ(current, {s.name: s.value for s in spreads}):
+    if better is None and not clearly_differ(
+        current, {s.name: s.value for s in spreads}
+    ):
         return None
     start = better or fits.base.estimate
     return BaseStart(*with_unknowns(start, with_spreads(complete, spreads)), spreads)
@@ -87,7 +96,8 @@ def leading_models(fits: Fits) -> list[CrossValidatedFit]:
 def better_base(
     simulate: Simulate, fits: Fits, leading: Sequence[CrossValidatedFit]
 ) -> Estimate | None:
-    """Base refitted from its values in the `leading` models; None unless clearly better.
+    """Base refitted from its values in the `leading` models; None unless clearly
+    better.
 
     A base that stopped in a local minimum leaves a gap that is none.
     """
@@ -96,11 +106,17 @@ def better_base(
     for fit in (m.estimate for m in leading):
         values, _ = fit.model.split(fit.shared)
         start = Point(values, fit.point.local)
-        tasks.append(refit(base.model, base.evidence, start, None, ROUGH_GAIN, BUDGET.short_steps))
+        tasks.append(
+            refit(
+                base.model, base.evidence, start, None, ROUGH_GAIN, BUDGET.short_steps
+            )
+        )
     started = best([base, *run_all(simulate, tasks)])
     if started is base:
         return None
-    refitted = run_one(simulate, refit(base.model, base.evidence, started.point, started.jacobians))
+    refitted = run_one(
+        simulate, refit(base.model, base.evidence, started.point, started.jacobians)
+    )
     scale = min(base.scale, refitted.scale)
     is_better = refitted.objective_at(scale) < base.objective_at(scale) - MIN_GAIN
     return refitted if is_better else None
@@ -113,10 +129,11 @@ def refit_on_base(
     spreads: Sequence[Spread],
     complete: Evidence,
 ) -> Fits:
-    """Models of `fits` refitted with the values of a new `base` and with run-to-run `spreads`.
+    """Models of `fits` refitted with the values of a new `base` and with run-to-run
+    `spreads`.
 
-    `complete` are the runs with all unknowns. Models that cannot come up to the best one are
-    left out. Beside another base the other sign of an effect may fit better.
+    `complete` are the runs with all unknowns. Models that cannot come up to the best
+    one are left out. Beside another base the other sign of an effect may fit better.
     """
     new_evidence = base.estimate.evidence
     tasks = []
@@ -129,12 +146,15 @@ def refit_on_base(
     estimates = run_all(search.simulate, tasks)
     refitted = run_all(search.simulate, list(map(validate, estimates)))
     fits = replace(fits, models=(base, *refitted))
-    in_reach = [m for m in fits.models if gain(fits.best, m, fits.likelihood) <= BUDGET.reach]
+    in_reach = [
+        m for m in fits.models if gain(fits.best, m, fits.likelihood) <= BUDGET.reach
+    ]
     return search.other_signs(fits, in_reach)
 
 
 def _secants(fit: Estimate, evidence: Evidence) -> tuple[Array, ...] | None:
-    """Whitened Jacobians (n, shared + local) of each run at `fit`, for the scales of `evidence`.
+    """Whitened Jacobians (n, shared + local) of each run at `fit`, for the scales of
+    `evidence`.
 
     None where the runs of `evidence` have other unknowns of their own.
     """
@@ -146,7 +166,9 @@ def _secants(fit: Estimate, evidence: Evidence) -> tuple[Array, ...] | None:
 
 
 def refit_singles(search: Search, models: Models, progress: Progress) -> Fits:
-    """Copy of the fits with the best single effects fitted, if any of them can be accepted."""
+    """Copy of the fits with the best single effects fitted, if any of them can be
+    accepted.
+    """
     progress("refit the best", 0.25)
     fits = models.fits
     least = MIN_GAIN * fits.likelihood.inefficiency
@@ -158,9 +180,11 @@ def refit_singles(search: Search, models: Models, progress: Progress) -> Fits:
 
 
 def refit_further(search: Search, models: Models, progress: Progress) -> Fits:
-    """Copy of the fits with pairs and triples of effects fitted, and their alternatives.
+    """Copy of the fits with pairs and triples of effects fitted, and their
+    alternatives.
 
-    Shape parameters come first: what the law of one effect gets wrong is no second effect.
+    Shape parameters come first: what the law of one effect gets wrong is no second
+    effect.
     """
     fits = models.fits
     if len(fits.models) == 1:
@@ -183,16 +207,20 @@ def _refit_pairs(search: Search, screen: Screen, fits: Fits) -> Fits:
     scores = [s for s in screen.singles if fits.of(frozenset(s.names)) is None]
     scores = scores[: BUDGET.probed - BUDGET.singles]
     scores += ranked_pairs(screen.equations, BUDGET.screened_pairs)
-    scores = search.shortlist(fits.base.estimate, scores, search.candidates, BUDGET.additions)
+    scores = search.shortlist(
+        fits.base.estimate, scores, search.candidates, BUDGET.additions
+    )
     fits = search.fit_scored_models(fits, scores)
     return search.extend(fits, fits.near_best(1)[: BUDGET.beam])
 
 
 def _refit_alternatives(search: Search, fits: Fits) -> Fits:
-    """Fit variants of an accepted pair or triple: without each effect, or with another one.
+    """Fit variants of an accepted pair or triple: without each effect, or with another
+    one.
 
-    Repeats while another set is accepted than before, since each has alternatives of its own.
-    Shape parameters are free in each: beside another effect they matter that did not alone.
+    Repeats while another set is accepted than before, since each has alternatives of
+    its own. Shape parameters are free in each: beside another effect they matter that
+    did not alone.
     """
     tried: set[frozenset[str]] = set()
     while len(_accept(fits).model.effects) > 1:
@@ -210,12 +238,18 @@ def _refit_alternatives(search: Search, fits: Fits) -> Fits:
 
 
 def _accept(fits: Fits) -> CrossValidatedFit:
-    """Model to accept among `fits`, by the posterior probabilities of their sets of effects."""
+    """Model to accept among `fits`, by the posterior probabilities of their sets of
+    effects.
+    """
     return choose(fits, posterior(fits, fits.likelihood))
 
 
 def _leaves_more(fits: Fits) -> bool:
-    """Whether the best fitting model leaves more than noise, overall or in a bin of samples."""
-    best = min(fits.models, key=lambda m: (m.estimate.scale, m.estimate.objective)).estimate
+    """Whether the best fitting model leaves more than noise, overall or in a bin of
+    samples.
+    """
+    best = min(
+        fits.models, key=lambda m: (m.estimate.scale, m.estimate.objective)
+    ).estimate
     test = ResidualTest.of(best, np.random.default_rng(1))
     return test.misfit() < ALPHA or any(place.p < ALPHA for place in test.test_bins())

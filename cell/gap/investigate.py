@@ -14,7 +14,12 @@ from cell.gap.fitting.crossvalidation import CrossValidatedFit, validate
 from cell.gap.fitting.gauss_newton import Estimate, refit
 from cell.gap.fitting.model import Evidence, Model, Point, evidence
 from cell.gap.fitting.projection import projection
-from cell.gap.fitting.reml import estimate_spreads, reml_spreads, with_spreads, with_unknowns
+from cell.gap.fitting.reml import (
+    estimate_spreads,
+    reml_spreads,
+    with_spreads,
+    with_unknowns,
+)
 from cell.gap.fitting.tasks import Simulate, run_all, run_one
 from cell.gap.forward_selection import (
     BaseStart,
@@ -27,7 +32,12 @@ from cell.gap.forward_selection import (
 )
 from cell.gap.selection.choice import choose, join_overlapping, rivals
 from cell.gap.selection.likelihood import ALPHA, Fits, holm, likelihood_scale
-from cell.gap.selection.posterior import Posterior, floor_responses, posterior, spike_responses
+from cell.gap.selection.posterior import (
+    Posterior,
+    floor_responses,
+    posterior,
+    spike_responses,
+)
 from cell.gap.selection.screening import (
     ProbeResponses,
     detection_limits,
@@ -44,14 +54,22 @@ from drivers.types import Array
 
 
 def investigate(
-    subject: Subject, held_out: Sequence[str], simulate: Simulate, progress: Progress, seed: int = 0
+    subject: Subject,
+    held_out: Sequence[str],
+    simulate: Simulate,
+    progress: Progress,
+    seed: int = 0,
 ) -> Findings:
-    """Find which effects the model of `subject` lacks, and test them on the runs `held_out`."""
+    """Find which effects the model of `subject` lacks, and test them on the runs
+    `held_out`.
+    """
     fitted, unseen = (
         evidence([run for run in subject.runs if (run.name in held_out) is held])
         for held in (False, True)
     )
-    stages = Investigation(subject, simulate, progress, fitted, np.random.default_rng(seed))
+    stages = Investigation(
+        subject, simulate, progress, fitted, np.random.default_rng(seed)
+    )
     models = stages.extend(stages.begin(), refit_singles, 0.4)
     models = stages.extend(models, refit_further, 0.75)
     findings = stages.judge(models, unseen, held_out)
@@ -64,7 +82,9 @@ def investigate(
 
 @dataclass(frozen=True, slots=True)
 class Investigation:
-    """Stages of the investigation of `subject`; `fitted` are its runs with all random unknowns."""
+    """Stages of the investigation of `subject`; `fitted` are its runs with all random
+    unknowns.
+    """
 
     subject: Subject
     simulate: Simulate
@@ -77,25 +97,37 @@ class Investigation:
         self.progress("refit the base", 0.02)
         rough = refit_base(self.simulate, Model(self.subject.scope.base), self.fitted)
         scatter = reml_spreads(rough)
-        start = BaseStart(*with_unknowns(rough, with_spreads(self.fitted, scatter)), scatter)
+        start = BaseStart(
+            *with_unknowns(rough, with_spreads(self.fitted, scatter)), scatter
+        )
         base_fit = self.judge_base(start)
         self.progress("screen the candidates", 0.12)
-        probes = [run_probes(base_fit.base.estimate, c) for c in self.subject.scope.candidates]
+        probes = [
+            run_probes(base_fit.base.estimate, c) for c in self.subject.scope.candidates
+        ]
         screen = self.score_candidates(base_fit, run_all(self.simulate, probes))
         return Models(base_fit, screen, Fits((base_fit.base,), screen.library))
 
     def extend(
-        self, models: Models, add_models: Callable[[Search, Models, Progress], Fits], share: float
+        self,
+        models: Models,
+        add_models: Callable[[Search, Models, Progress], Fits],
+        share: float,
     ) -> Models:
-        """Models with more fits by `add_models`; all are refitted where the best revises the base.
+        """Models with more fits by `add_models`; all are refitted where the best
+        revises the base.
 
         `share` of the whole investigation is done by then.
         """
-        search = Search(self.simulate, self.subject.scope.candidates, models.screen.probed)
+        search = Search(
+            self.simulate, self.subject.scope.candidates, models.screen.probed
+        )
         fits = add_models(search, models, self.progress)
         if fits.best is models.fits.best:
             return models._replace(fits=fits)
-        revised = revised_base(self.simulate, fits, models.base_fit.scatter, self.fitted)
+        revised = revised_base(
+            self.simulate, fits, models.base_fit.scatter, self.fitted
+        )
         if revised is None:
             return models._replace(fits=fits)
         self.progress("refit the base beside the best", share)
@@ -105,9 +137,11 @@ class Investigation:
         return Models(base_fit, screen, replace(fits, library=screen.library))
 
     def judge_base(self, start: BaseStart) -> BaseFit:
-        """Fit the model without effects from `start`, and test the residuals of the fit.
+        """Fit the model without effects from `start`, and test the residuals of the
+        fit.
 
-        They are corrected for the coarse simulation, and tested against noise, repeats and priors.
+        They are corrected for the coarse simulation, and tested against noise, repeats
+        and priors.
         """
         model = Model(self.subject.scope.base)
         base = refit_fine(self.subject, self.simulate, model, start.runs, start.point)
@@ -121,8 +155,11 @@ class Investigation:
             strained=self.subject.scope.believed and _is_strained(base),
         )
 
-    def score_candidates(self, fitted: BaseFit, probed: Sequence[ProbeResponses]) -> Screen:
-        """Predict what each of the `probed` candidate effects gains, by the linear screen.
+    def score_candidates(
+        self, fitted: BaseFit, probed: Sequence[ProbeResponses]
+    ) -> Screen:
+        """Predict what each of the `probed` candidate effects gains, by the linear
+        screen.
 
         Like the posterior it gives every absent effect of the library its spike prior.
         """
@@ -146,8 +183,12 @@ class Investigation:
             library=library,
         )
 
-    def judge(self, models: Models, unseen: Evidence, held_out: Sequence[str]) -> Findings:
-        """Choose a model, test it, and fit it to the runs `unseen`, whose names are `held_out`."""
+    def judge(
+        self, models: Models, unseen: Evidence, held_out: Sequence[str]
+    ) -> Findings:
+        """Choose a model, test it, and fit it to the runs `unseen`, whose names are
+        `held_out`.
+        """
         self.progress("judge", 0.8)
         sets = posterior(models.fits, models.fits.likelihood)
         accepted, fits = self.choose(models.fits, sets)
@@ -167,32 +208,43 @@ class Investigation:
             posterior=sets,
             model_tests=tests,
             held_out_fits=held_out_fits,
-            experiments=self.advise(models.screen, accepted, fits, tests) if is_gap else (),
+            experiments=self.advise(models.screen, accepted, fits, tests)
+            if is_gap
+            else (),
         )
 
     def choose(self, fits: Fits, sets: Posterior) -> tuple[CrossValidatedFit, Fits]:
-        """Model to accept, refitted by the finest simulation, and a copy of `fits` with this.
+        """Model to accept, refitted by the finest simulation, and a copy of `fits` with
+        this.
 
-        Its probability in `sets` stays: those compare all models by the same, coarser simulation.
+        Its probability in `sets` stays: those compare all models by the same, coarser
+        simulation.
         """
         rough = choose(fits, sets)
         if not rough.model.effects:
             return rough, fits
         fit = rough.estimate
-        fine = refit_fine(self.subject, self.simulate, fit.model, fit.evidence, fit.point)
+        fine = refit_fine(
+            self.subject, self.simulate, fit.model, fit.evidence, fit.point
+        )
         refined = run_one(self.simulate, validate(fine))
         models = tuple(refined if m is rough else m for m in fits.models)
         return refined, replace(fits, models=models)
 
-    def test_model(self, accepted: CrossValidatedFit, fits: Fits, sets: Posterior) -> ModelTests:
-        """Test the `accepted` model for lack of fit, and against its rivals among `fits`.
+    def test_model(
+        self, accepted: CrossValidatedFit, fits: Fits, sets: Posterior
+    ) -> ModelTests:
+        """Test the `accepted` model for lack of fit, and against its rivals among
+        `fits`.
 
         `sets` are the probabilities of all fitted models.
         """
         best = accepted.estimate
         residual_test = ResidualTest.of(best, self.rng)
         close = rivals(accepted, fits, sets) if best.model.effects else []
-        exchanged = [sorted(accepted.model.names ^ rival.model.names) for rival in close]
+        exchanged = [
+            sorted(accepted.model.names ^ rival.model.names) for rival in close
+        ]
         doubtful = doubtful_values(accepted, fits, self.subject)
         alike = join_overlapping([*exchanged, *doubtful])
         scatter = estimate_spreads(self.simulate, best, self.fitted)
@@ -207,39 +259,60 @@ class Investigation:
             places=self._matching_places(accepted, fits),
         )
 
-    def _matching_places(self, accepted: CrossValidatedFit, fits: Fits) -> tuple[Bin, ...]:
-        """Bins where residuals of the base match the accepted effects; empty without effects."""
+    def _matching_places(
+        self, accepted: CrossValidatedFit, fits: Fits
+    ) -> tuple[Bin, ...]:
+        """Bins where residuals of the base match the accepted effects; empty without
+        effects.
+        """
         if not accepted.model.effects:
             return ()
-        others = [m.estimate for m in fits.models if m.model.effects and m is not accepted]
+        others = [
+            m.estimate for m in fits.models if m.model.effects and m is not accepted
+        ]
         test = ResidualTest.of(fits.base.estimate, self.rng)
         return tuple(test.matching(accepted.estimate, others))
 
     def refit_held_out(
         self, base: CrossValidatedFit, accepted: CrossValidatedFit, unseen: Evidence
     ) -> HeldOutFits:
-        """Fit base and accepted model to the runs `unseen`, with their shared parameters fixed."""
+        """Fit base and accepted model to the runs `unseen`, with their shared
+        parameters fixed.
+        """
 
         def refine_for(fit: Estimate) -> Evidence:
-            return refine(self.subject, fit.model, Point(fit.shared, unseen.start()), unseen)
+            return refine(
+                self.subject, fit.model, Point(fit.shared, unseen.start()), unseen
+            )
 
         base_evidence = refine_for(base.estimate)
         if not accepted.model.effects:
-            before = after = held_out_gap.fit_held_out(self.simulate, base.estimate, base_evidence)
+            before = after = held_out_gap.fit_held_out(
+                self.simulate, base.estimate, base_evidence
+            )
         else:
             accepted_evidence = refine_for(accepted.estimate)
             # both gaps in the same units, with the floors of either simulation
-            scales = tuple(map(np.maximum, base_evidence.scales, accepted_evidence.scales))
+            scales = tuple(
+                map(np.maximum, base_evidence.scales, accepted_evidence.scales)
+            )
             before, after = (
-                held_out_gap.fit_held_out(self.simulate, fit.estimate, replace(runs, scales=scales))
+                held_out_gap.fit_held_out(
+                    self.simulate, fit.estimate, replace(runs, scales=scales)
+                )
                 for fit, runs in ((base, base_evidence), (accepted, accepted_evidence))
             )
         return HeldOutFits(before, after, held_out_gap.shrink(before, after, self.rng))
 
     def advise(
-        self, screened: Screen, accepted: CrossValidatedFit, fits: Fits, tests: ModelTests
+        self,
+        screened: Screen,
+        accepted: CrossValidatedFit,
+        fits: Fits,
+        tests: ModelTests,
     ) -> tuple[Recommendation, ...]:
-        """Experiments that would separate the accepted model from a rival, the best first.
+        """Experiments that would separate the accepted model from a rival, the best
+        first.
 
         Planned runs scatter in the quantities that scatter in the runs so far.
         """
@@ -252,11 +325,15 @@ class Investigation:
             replace(e, run=with_spreads(evidence([e.run]), tests.scatter).runs[0])
             for e in self.subject.experiments()
         ]
-        return tuple(run_one(self.simulate, advise(first, second, experiments, likelihood)))
+        return tuple(
+            run_one(self.simulate, advise(first, second, experiments, likelihood))
+        )
 
 
 def _is_strained(base: Estimate) -> bool:
-    """Whether fitted base values contradict their priors, jointly or a single one (chi^2 tests)."""
+    """Whether fitted base values contradict their priors, jointly or a single one
+    (chi^2 tests).
+    """
     squares = np.square(list(strains(base).values()))
     if not len(squares):
         return False
@@ -267,14 +344,19 @@ def _is_strained(base: Estimate) -> bool:
 def _alternative(
     screened: Screen, accepted: CrossValidatedFit, fits: Fits, tests: ModelTests
 ) -> tuple[Model, Array] | None:
-    """Model to separate from `accepted`, the closest rival, with its shared values (P,)."""
+    """Model to separate from `accepted`, the closest rival, with its shared values
+    (P,).
+    """
     size = len(accepted.model.effects) or 1
     others = [m for m in fits.of_size(size) if m is not accepted]
     closest = next(iter(tests.rivals or others), None)
     if closest is not None:
         return closest.model, closest.estimate.shared
-    alive = [p.candidate for p in screened.probed
-             if not p.dead and p.candidate.name not in accepted.model.names]  # fmt: skip
+    alive = [
+        p.candidate
+        for p in screened.probed
+        if not p.dead and p.candidate.name not in accepted.model.names
+    ]
     if not alive:
         return None
     candidate = alive[0]

@@ -1,4 +1,6 @@
-"""Opens the subject, strip or mechanism, that a file describes, with its measured runs."""
+"""Opens the subject, strip or mechanism, that a file describes, with its measured
+runs.
+"""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,9 +19,11 @@ if TYPE_CHECKING:
 def open_subject(
     file: Path, runs: Sequence[RunFolder], jobs: int, without: Sequence[str] = ()
 ) -> Subject:
-    """Strip or mechanism of `file` with its measured runs; `without` names withheld effects.
+    """Strip or mechanism of `file` with its measured runs; `without` names withheld
+    effects.
 
-    Raises ConfigurationError for a file of another kind, or an effect that cannot be withheld.
+    Raises ConfigurationError for a file of another kind, or an effect that cannot be
+    withheld.
     """
     kind = read_yaml(file).get("kind", "strip")
     if kind == "strip":
@@ -29,7 +33,9 @@ def open_subject(
     elif kind == "mechanism":
         subject = open_mechanism(file, runs, jobs, without)
     else:
-        allowed = "strip, mechanism (a pendulum is one of mode planar: configs/mechanisms)"
+        allowed = (
+            "strip, mechanism (a pendulum is one of mode planar: configs/mechanisms)"
+        )
         raise ConfigurationError(f"{file}: kind: is {kind!r}; allowed: {allowed}")
     subject.option = option_for(file)
     return subject
@@ -38,9 +44,11 @@ def open_subject(
 def open_mechanism(
     path: Path, folders: Sequence[RunFolder], jobs: int = 1, without: Sequence[str] = ()
 ) -> "MechanismSubject":
-    """Mechanism of the file at `path` with its measured runs; `without` names withheld effects.
+    """Mechanism of the file at `path` with its measured runs; `without` names withheld
+    effects.
 
-    Raises ConfigurationError for bad input, and where the stated model itself cannot be simulated.
+    Raises ConfigurationError for bad input, and where the stated model itself cannot be
+    simulated.
     """
     from cell.gap.subject.mechanism.cell_arm import CellArm
     from cell.gap.subject.mechanism.forward_dynamics import ForwardDynamics
@@ -56,8 +64,13 @@ def open_mechanism(
 
 
 def option_for(file: Path) -> str:
-    """Command-line option that names the strip or mechanism in `file`, with its value."""
+    """Command-line option that names the strip or mechanism in `file`, with its
+    value.
+    """
     content = read_yaml(file)
     if content.get("cell"):  # the cell's own, whose effects may belong into its file
         return f"--subject {quote(file.parent.name)}"
-    return f"--{'strip' if content.get('kind', 'strip') == 'strip' else 'model'} {quote(str(file))}"
+    return (
+        f"--{'strip' if content.get('kind', 'strip') == 'strip' else 'model'}"
+        f" {quote(str(file))}"
+    )

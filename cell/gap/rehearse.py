@@ -1,8 +1,9 @@
-"""Rehearsal of a fit: each effect is hidden in turn in simulated copies of measured runs.
+"""Rehearsal of a fit: each effect is hidden in turn in simulated copies of measured
+runs.
 
-A copy has the paths, the noise and the scatter of the runs and the strip as they were fitted; one
-effect is hidden in it, as large as it must be to matter, or none. What the workflow says of the
-copies is what it could have said of the runs.
+A copy has the paths, the noise and the scatter of the runs and the strip as they were
+fitted; one effect is hidden in it, as large as it must be to matter, or none. What the
+workflow says of the copies is what it could have said of the runs.
 """
 
 import hashlib
@@ -52,7 +53,9 @@ ROW_PERIOD = 0.01  # s between the rows of that stay
 
 
 class HiddenCopy(Settings):
-    """One simulated copy of the runs: its hidden `effect` with `values`, and its random `seed`."""
+    """One simulated copy of the runs: its hidden `effect` with `values`, and its random
+    `seed`.
+    """
 
     key: str
     effect: str
@@ -61,7 +64,8 @@ class HiddenCopy(Settings):
 
 
 class Plan(Settings):
-    """Plan of a rehearsal: the refitted strip, its run-to-run spreads, the copies to simulate.
+    """Plan of a rehearsal: the refitted strip, its run-to-run spreads, the copies to
+    simulate.
 
     `unseen` are effects that leave no such gap at any believable size.
     """
@@ -77,14 +81,17 @@ class Plan(Settings):
 def rehearsal_plan(paths: Sequence[Path], file: Path, jobs: int) -> Plan:
     """Plan of a rehearsal of the runs at `paths`, by a refit of the strip in `file`.
 
-    It has every effect of the library at the size that leaves an excess gap of EXCESS, and
-    EMPTY_COPIES with nothing hidden. Raises ConfigurationError for what is no strip.
+    It has every effect of the library at the size that leaves an excess gap of EXCESS,
+    and EMPTY_COPIES with nothing hidden. Raises ConfigurationError for what is no
+    strip.
     """
     folders, _ = without_copies(find_runs(paths))
     strip = load_strip(file)
     measured = read_runs(folders, strip)
     subject = StripSubject(strip, measured, jobs)
-    base = refit_base(subject.simulate, Model(subject.scope.base), evidence(subject.runs))
+    base = refit_base(
+        subject.simulate, Model(subject.scope.base), evidence(subject.runs)
+    )
     pairs = zip(subject.scope.base, base.shared, strict=True)
     values = {p.name: p.stated_value(float(v)) for p, v in pairs}
     usable = [run for run in measured if run.usable]
@@ -104,11 +111,15 @@ def rehearsal_plan(paths: Sequence[Path], file: Path, jobs: int) -> Plan:
 
 
 def path_of_run(run: MeasuredRun) -> GripperPath:
-    """Measured gripper path of a run, with a standstill of DWELL_TIME added for a late touch."""
+    """Measured gripper path of a run, with a standstill of DWELL_TIME added for a late
+    touch.
+    """
     later = run.t[-1] + ROW_PERIOD * np.arange(1, round(DWELL_TIME / ROW_PERIOD) + 1)
     still = np.repeat(run.poses[-1:], len(later), axis=0)
     times = np.concatenate([run.t, later]) - run.t[0]
-    return GripperPath(frozen(times), frozen(np.vstack([run.poses, still])), run.hanging)
+    return GripperPath(
+        frozen(times), frozen(np.vstack([run.poses, still])), run.hanging
+    )
 
 
 def copies_with_each_effect(
@@ -116,8 +127,9 @@ def copies_with_each_effect(
 ) -> tuple[list[HiddenCopy], list[str]]:
     """Copies with one hidden effect each, just large enough to leave EXCESS [sigma].
 
-    Effects that the refitted `strip` has already are left out; the noise is that of the first run.
-    Second, the names of the effects that leave such a gap at no believable size.
+    Effects that the refitted `strip` has already are left out; the noise is that of the
+    first run. Second, the names of the effects that leave such a gap at no believable
+    size.
     """
     gap_model = GapModel.along(strip, [path_of_run(run) for run in runs], runs[0].sigma)
     copies, unseen = [], []
@@ -129,12 +141,16 @@ def copies_with_each_effect(
                 unseen.append(name)
             else:
                 values = strengths.at(share)
-                copies.append(HiddenCopy(key=name, effect=name, values=values, seed=seed))
+                copies.append(
+                    HiddenCopy(key=name, effect=name, values=values, seed=seed)
+                )
     return copies, unseen
 
 
 def diagnose_copy(plan: Plan, hidden: HiddenCopy) -> Mapping[str, Any]:
-    """Simulate a copy of the runs and fit it; returns hidden effect and verdict as plain values."""
+    """Simulate a copy of the runs and fit it; returns hidden effect and verdict as
+    plain values.
+    """
     file = Path(plan.file)
     with TemporaryDirectory(ignore_cleanup_errors=True) as name:
         folder = Path(name)
@@ -146,7 +162,9 @@ def diagnose_copy(plan: Plan, hidden: HiddenCopy) -> Mapping[str, Any]:
         "verdict": verdict.verdict,
         "named": [effect.name for effect in verdict.effects],
         "classes": verdict.ambiguous,
-        "confidence": min((effect.confidence for effect in verdict.effects), default=None),
+        "confidence": min(
+            (effect.confidence for effect in verdict.effects), default=None
+        ),
     }
 
 
@@ -154,21 +172,32 @@ def write_copy(plan: Plan, hidden: HiddenCopy, folder: Path) -> None:
     """Simulate a copy of the planned runs and write its run folders into `folder`."""
     strip = load_strip(Path(plan.file))
     rng = np.random.default_rng([hidden.seed, 1])
-    runs = [run for run in read_runs(find_runs([Path(p) for p in plan.runs]), strip) if run.usable]
+    runs = [
+        run
+        for run in read_runs(find_runs([Path(p) for p in plan.runs]), strip)
+        if run.usable
+    ]
     effects = {hidden.effect: hidden.values} if hidden.effect != NO_EFFECT else {}
     fitted = fitted_strip(strip, plan.base)
-    models = [with_scatter(describe(fitted, effects, run.index), plan.scatter, rng) for run in runs]
+    models = [
+        with_scatter(describe(fitted, effects, run.index), plan.scatter, rng)
+        for run in runs
+    ]
     folds = rod_folds(models, [path_of_run(run) for run in runs], SEGMENTS, STEP)
     for number, (run, fold) in enumerate(zip(runs, folds, strict=True)):
         copy = replace(fold, index=run.index, condition=run.condition)
-        noise = run.sigma if run.has_force else run.sigma.model_copy(update={"force": None})
+        noise = (
+            run.sigma if run.has_force else run.sigma.model_copy(update={"force": None})
+        )
         write_fold(folder / f"{number:02d}", strip.name, copy, noise, rng)
 
 
 def with_scatter(
     model: StripModel, scatter: Mapping[str, float], rng: np.random.Generator
 ) -> StripModel:
-    """Strip model of one run, with run-to-run differences drawn from the spreads `scatter`."""
+    """Strip model of one run, with run-to-run differences drawn from the spreads
+    `scatter`.
+    """
     for effect in KNOWN_EFFECTS:
         if effect.name in scatter:
             model = effect.apply(model, float(rng.normal(0.0, scatter[effect.name])))
@@ -176,8 +205,12 @@ def with_scatter(
 
 
 def rehearse(plan: Plan, folder: Path, engine: Engine, meter: Meter) -> list[Record]:
-    """Fit all copies of `plan`, resuming from the journal in `folder`; returns their records."""
-    version = hashlib.sha256(f"{plan.model_dump_json()}{verdicts()}".encode()).hexdigest()[:16]
+    """Fit all copies of `plan`, resuming from the journal in `folder`; returns their
+    records.
+    """
+    version = hashlib.sha256(
+        f"{plan.model_dump_json()}{verdicts()}".encode()
+    ).hexdigest()[:16]
     parts = [
         Part(hidden.key, version, COPY_COST, diagnose_copy, (plan, hidden))
         for hidden in plan.copies
@@ -186,7 +219,9 @@ def rehearse(plan: Plan, folder: Path, engine: Engine, meter: Meter) -> list[Rec
 
 
 def is_right(outcome: Mapping[str, Any]) -> bool:
-    """Whether a verdict names the hidden effect or its class; no gap if none is hidden."""
+    """Whether a verdict names the hidden effect or its class; no gap if none is
+    hidden.
+    """
     name = outcome["hidden"]
     if name == NO_EFFECT:
         return bool(outcome["verdict"] == "no_gap")
@@ -197,12 +232,18 @@ def is_right(outcome: Mapping[str, Any]) -> bool:
 
 
 def progress_line(record: Record) -> str:
-    """Short text of the verdict on a copy, or of its failure, for the progress report."""
-    return f": {_answer(record.outcome) if record.outcome else f'failed: {record.reason}'}"
+    """Short text of the verdict on a copy, or of its failure, for the progress
+    report.
+    """
+    return (
+        f": {_answer(record.outcome) if record.outcome else f'failed: {record.reason}'}"
+    )
 
 
 def _answer(outcome: Mapping[str, Any]) -> str:
-    """Names with confidence, classes of effects, or verdict on a copy, as short text."""
+    """Names with confidence, classes of effects, or verdict on a copy, as short
+    text.
+    """
     if not outcome["named"]:
         groups = "; ".join(" or ".join(group) for group in outcome["classes"])
         return groups or str(outcome["verdict"]).replace("_", " ")
@@ -210,36 +251,55 @@ def _answer(outcome: Mapping[str, Any]) -> str:
 
 
 def page(plan: Plan, records: Sequence[Record]) -> str:
-    """Markdown page of a rehearsal: which effects could be named, which names are false."""
+    """Markdown page of a rehearsal: which effects could be named, which names are
+    false.
+    """
     outcomes = [r.outcome for r in records if r.outcome is not None]
     hidden = [o for o in outcomes if o["hidden"] != NO_EFFECT]
     empty = [o for o in outcomes if o["hidden"] == NO_EFFECT]
-    sizes = [", ".join(f"{name} {v:.3g}" for name, v in o["values"].items()) for o in hidden]
-    rows = [(o["hidden"], size, _answer(o), "yes" if is_right(o) else "**no**")
-            for o, size in zip(hidden, sizes, strict=True)]  # fmt: skip
-    return "\n\n".join([f"# Rehearsal of {len(plan.runs)} runs", *_summary(plan, hidden, empty),
-                        table(("hidden", "size", "said", "right"), rows)]) + "\n"  # fmt: skip
+    sizes = [
+        ", ".join(f"{name} {v:.3g}" for name, v in o["values"].items()) for o in hidden
+    ]
+    rows = [
+        (o["hidden"], size, _answer(o), "yes" if is_right(o) else "**no**")
+        for o, size in zip(hidden, sizes, strict=True)
+    ]
+    return (
+        "\n\n".join(
+            [
+                f"# Rehearsal of {len(plan.runs)} runs",
+                *_summary(plan, hidden, empty),
+                table(("hidden", "size", "said", "right"), rows),
+            ]
+        )
+        + "\n"
+    )
 
 
 def _summary(
     plan: Plan, hidden: Sequence[Mapping[str, Any]], empty: Sequence[Mapping[str, Any]]
 ) -> Iterator[str]:
-    """Sentences on the numbers of hidden effects that would be named and of false names."""
+    """Sentences on the numbers of hidden effects that would be named and of false
+    names.
+    """
     good = sum(map(is_right, hidden))
     alarms = sum(bool(o["named"]) for o in empty)
     sure = [o["confidence"] for o in hidden if o["named"] and is_right(o)]
     yield (
-        f"Of {len(hidden)} effects, each hidden so large that it matters, {good} would have been "
-        f"named or held in a class" + (f", at a confidence of {mean(sure):.2f}" if sure else "")
+        f"Of {len(hidden)} effects, each hidden so large that it matters, {good} would"
+        " have been named or held in a class"
+        + (f", at a confidence of {mean(sure):.2f}" if sure else "")
         + f". With nothing hidden, {alarms} of {len(empty)} copies were given a name."
-    )  # fmt: skip
+    )
     if plan.unseen:
         yield f"At no believable size do these runs show: {', '.join(plan.unseen)}."
     yield "Of other runs it says nothing."
 
 
 def write_page(plan: Plan, records: Sequence[Record], folder: Path) -> Path:
-    """Write page and outcomes of a rehearsal into `folder`; returns the path of the page."""
+    """Write page and outcomes of a rehearsal into `folder`; returns the path of the
+    page.
+    """
     outcomes = [dict(r.outcome) for r in records if r.outcome is not None]
     replace_file(folder / "rehearsal.json", json.dumps(outcomes, indent=1).encode())
     replace_file(folder / PAGE, page(plan, records).encode())

@@ -1,13 +1,16 @@
-"""Hierarchical Gaussian model of the bias of folds: of cell, strip, specimen, and error of the rig.
+"""Hierarchical Gaussian model of the bias of folds: of cell, strip, specimen, and error
+of the rig.
 
-A fold's measured minus predicted displacement is y = c + s + p + noise with the bias c of the cell,
-s of the strip and p of the specimen, independent normal priors (a linear mixed model; Pinheiro and
-Bates, 2000, ch. 2). A ruler measures r, the rig's error, alone. c and r begin anew where two folds
-in a row show that the cell changed. A fold that deviates alone is an outlier, and left out.
+A fold's measured minus predicted displacement is y = c + s + p + noise with the bias c
+of the cell, s of the strip and p of the specimen, independent normal priors (a linear
+mixed model; Pinheiro and Bates, 2000, ch. 2). A ruler measures r, the rig's error,
+alone. c and r begin anew where two folds in a row show that the cell changed. A fold
+that deviates alone is an outlier, and left out.
 
-Most cells and specimens have no bias of their own: until the cell changes, each is the mean over
-two hypotheses, that something is off and that nothing is, weighted by their posterior probabilities
-(Bayesian model averaging; Hoeting et al., 1999, Statistical Science 14).
+Most cells and specimens have no bias of their own: until the cell changes, each is the
+mean over two hypotheses, that something is off and that nothing is, weighted by their
+posterior probabilities (Bayesian model averaging; Hoeting et al., 1999, Statistical
+Science 14).
 """
 
 from collections.abc import Sequence
@@ -25,9 +28,10 @@ OUTLIER_SIGMAS = 4.0
 # sigmas of two folds in a row, to the same side, that show a change: 8e-5 by chance
 CHANGE_SIGMAS = 2.5
 PLAUSIBLE_SIGMAS = 3.0  # of the difference between camera and ruler
-# One-sigma priors [m]. They are assumptions, about the accuracy of a careful set-up, and belong to
-# no cell; where one rests on a measurement, its comment says on which.
-PRIORS = {"cell": 0.001, "strip": 0.001, "specimen": 0.001, "rig": 0.003}  # rig: seen by no image
+# One-sigma priors [m]. They are assumptions, about the accuracy of a careful set-up,
+# and belong to no cell; where one rests on a measurement, its comment says on which.
+# rig: seen by no image
+PRIORS = {"cell": 0.001, "strip": 0.001, "specimen": 0.001, "rig": 0.003}
 CHANGED = 0.003  # of the cell after something moved
 REPEAT = 0.0003  # of a specimen's folds; 0.2 mm on the twin
 RULER = 0.0005  # of an edge offset read by eye
@@ -38,17 +42,19 @@ OFF = 0.2  # share of cells and specimens with something off
 LIMIT = 0.008  # m, of the correction
 
 Unknown = tuple[str, str | int]  # a level of the hierarchy and its member
-Row = tuple[tuple[Unknown, ...], float, float]  # unknowns, their measured sum, its sigma
+# unknowns, their measured sum, its sigma
+Row = tuple[tuple[Unknown, ...], float, float]
 Parts = tuple[float, float, float]  # m, of cell, strip and specimen
 
 
 @dataclass(frozen=True, slots=True)
 class Bias:
-    """Bias [m] of the next fold: mean `seen` by the camera with `sigma`, mean error of the `rig`.
+    """Bias [m] of the next fold: mean `seen` by the camera with `sigma`, mean error of
+    the `rig`.
 
     `laid` is the offset [m] at which the cell lays edges. `parts` [m] are the means of
-    cell, strip and specimen. `folds` counts the measured folds since the cell last changed, at the
-    run `since`; None without a detected change.
+    cell, strip and specimen. `folds` counts the measured folds since the cell last
+    changed, at the run `since`; None without a detected change.
     """
 
     seen: float
@@ -61,7 +67,9 @@ class Bias:
 
 
 def bias(experiences: Sequence[Experience], strip: str, specimen: str) -> Bias:
-    """Bias [m] of the next fold of `specimen` of `strip`, by `experiences` with one policy."""
+    """Bias [m] of the next fold of `specimen` of `strip`, by `experiences` with one
+    policy.
+    """
     learner = _Learner()
     for experience in experiences:
         learner.learn(experience)
@@ -73,18 +81,24 @@ def bias(experiences: Sequence[Experience], strip: str, specimen: str) -> Bias:
 
 
 class _Learner:
-    """Recursive estimator of the bias, in epochs within which the cell did not change."""
+    """Recursive estimator of the bias, in epochs within which the cell did not
+    change.
+    """
 
     def __init__(self) -> None:
         self._rows: list[Row] = []
         self._change_runs: list[str] = []  # names of the runs that began a new epoch
         self._epoch_rows: list[int] = []  # indices into `_rows` of this epoch's folds
-        self.epoch: list[Experience] = []  # this epoch's folds, in the order of `_epoch_rows`
-        # the last fold and its surprise [sigmas]; None before the first and after a change
+        # this epoch's folds, in the order of `_epoch_rows`
+        self.epoch: list[Experience] = []
+        # the last fold and its surprise [sigmas]; None before the first and after a
+        # change
         self._previous_fold: tuple[float, Experience] | None = None
 
     def learn(self, experience: Experience) -> None:
-        """Add the next fold; two in a row that deviate to the same side start a new epoch."""
+        """Add the next fold; two in a row that deviate to the same side start a new
+        epoch.
+        """
         if experience.kind == "ruler":
             self._rows.append(((self._rig,), experience.rig, RULER))
             return
@@ -103,7 +117,9 @@ class _Learner:
         self._add(experience)
 
     def _start_epoch(self, surprise: float, first: Experience) -> None:
-        """Start an epoch with the fold `first`, which deviated by `surprise` [sigmas]."""
+        """Start an epoch with the fold `first`, which deviated by `surprise`
+        [sigmas].
+        """
         if abs(surprise) <= OUTLIER_SIGMAS:
             self._rows.pop(self._epoch_rows[-1])
         self._change_runs.append(first.run)
@@ -112,10 +128,14 @@ class _Learner:
         self._add(first)
 
     def _surprise(self, experience: Experience) -> float:
-        """Deviation of a fold from the learned bias in sigmas; 0 for the first fold of an epoch."""
+        """Deviation of a fold from the learned bias in sigmas; 0 for the first fold of
+        an epoch.
+        """
         if not self._epoch_rows:
             return 0.0
-        mean, variance = self._predict(self._unknowns_of(experience.strip, experience.specimen))
+        mean, variance = self._predict(
+            self._unknowns_of(experience.strip, experience.specimen)
+        )
         sigma = np.hypot(np.sqrt(variance), REPEAT)
         return float((experience.displacement - mean) / sigma)
 
@@ -127,7 +147,9 @@ class _Learner:
         self._rows.append((unknowns, experience.displacement, REPEAT))
 
     def bias(self, strip: str, specimen: str) -> Bias:
-        """Expected measured minus predicted displacement of the next fold of a `specimen`."""
+        """Expected measured minus predicted displacement of the next fold of a
+        `specimen`.
+        """
         unknowns = self._unknowns_of(strip, specimen)
         mean, variance = self._predict(unknowns)
         rig, _ = self._predict((self._rig,))
@@ -162,7 +184,9 @@ class _Learner:
         return PRIORS[level]
 
     def _predict(self, unknowns: tuple[Unknown, ...]) -> tuple[float, float]:
-        """Mean [m] and variance [m^2] of the sum of `unknowns`, given the epoch's folds."""
+        """Mean [m] and variance [m^2] of the sum of `unknowns`, given the epoch's
+        folds.
+        """
         names = sorted({*unknowns}.union(*(used for used, *_ in self._rows)), key=str)
         place = {name: i for i, name in enumerate(names)}
         precision = np.diag([self._sigma(name) ** -2 for name in names])
@@ -186,10 +210,11 @@ def _indicator(unknowns: Sequence[Unknown], place: dict[Unknown, int]) -> Array:
 def averaged_parts(
     parts: Parts, experiences: Sequence[Experience], strip: str, specimen: str
 ) -> Parts:
-    """Biases of cell, strip and specimen [m], averaged over two hypotheses on their cause.
+    """Biases of cell, strip and specimen [m], averaged over two hypotheses on their
+    cause.
 
-    If nothing is off, cell and strip have no bias, a specimen has a USUAL one, and the camera
-    adds an error of its own to each specimen.
+    If nothing is off, cell and strip have no bias, a specimen has a USUAL one, and the
+    camera adds an error of its own to each specimen.
     """
     from scipy.special import expit, logit
 
@@ -209,12 +234,15 @@ def averaged_parts(
 
 
 def laid_offset(experiences: Sequence[Experience], rig: float) -> float:
-    """Posterior mean [m] of the laid edges' offset, images corrected by `rig` [m]; 0 without data.
+    """Posterior mean [m] of the laid edges' offset, images corrected by `rig` [m]; 0
+    without data.
 
-    Weighs two models with prior odds OFF: an offset of about CHANGED, or none and an error of the
-    camera of about LAID for each specimen.
+    Weighs two models with prior odds OFF: an offset of about CHANGED, or none and an
+    error of the camera of about LAID for each specimen.
     """
-    seen_edges = [e for e in experiences if e.edges is not None and abs(e.edges) < LIMIT]
+    seen_edges = [
+        e for e in experiences if e.edges is not None and abs(e.edges) < LIMIT
+    ]
     if not seen_edges:
         return 0.0
     from scipy.special import expit, logit
@@ -233,7 +261,8 @@ def laid_offset(experiences: Sequence[Experience], rig: float) -> float:
 
 
 def check_ruler(edges: float, rig: float) -> None:
-    """Check that a ruler's offset `edges` [m] of laid edges is plausibly near the camera's.
+    """Check that a ruler's offset `edges` [m] of laid edges is plausibly near the
+    camera's.
 
     It is `rig` [m] larger than the latter.
     Raises ConfigurationError beyond PLAUSIBLE_SIGMAS of what is known of both.
@@ -241,9 +270,9 @@ def check_ruler(edges: float, rig: float) -> None:
     most = PLAUSIBLE_SIGMAS * hypot(PRIORS["rig"], LAID, RULER)
     if abs(rig) > most:
         raise ConfigurationError(
-            f"--edges: is {1e3 * rig:+.1f} mm from the {1e3 * (edges - rig):+.1f} mm that the "
-            f"camera saw, both differ by {1e3 * most:.1f} mm at most; mind sign and unit, measure "
-            "again, and add --sure if it is so"
+            f"--edges: is {1e3 * rig:+.1f} mm from the {1e3 * (edges - rig):+.1f} mm"
+            f" that the camera saw, both differ by {1e3 * most:.1f} mm at most; mind"
+            " sign and unit, measure again, and add --sure if it is so"
         )
 
 
@@ -253,6 +282,8 @@ def _specimens(experiences: Sequence[Experience]) -> Array:
 
 
 def _log_density(y: Array, covariance: Array) -> float:
-    """Log density of y (n,), normal about 0 with `covariance` (n, n), up to a constant."""
+    """Log density of y (n,), normal about 0 with `covariance` (n, n), up to a
+    constant.
+    """
     spread = np.linalg.slogdet(covariance)[1]
     return float(-0.5 * (y @ np.linalg.solve(covariance, y) + spread))

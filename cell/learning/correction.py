@@ -1,4 +1,6 @@
-"""Correction of a fold's aim by the learned bias, and the deviation measured in the fold."""
+"""Correction of a fold's aim by the learned bias, and the deviation measured in the
+fold.
+"""
 
 import hashlib
 from collections.abc import Mapping
@@ -27,7 +29,9 @@ class Correctable(Protocol):
     """Protocol of a policy that steers by a model, whose aim can be corrected."""
 
     def correct(self, bias: float) -> None:
-        """Aim at the opposite of `bias` [m], as the camera sees it, from the next `reset` on."""
+        """Aim at the opposite of `bias` [m], as the camera sees it, from the next
+        `reset` on.
+        """
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,9 +47,9 @@ class Subject:
 class Correction:
     """Bias [m] `seen` by the camera, by which a fold's aim is corrected.
 
-    `place` [m] is where the grasped edge is laid so that it ends at x = 0. `learned` is the source
-    of the correction, None for a value that the user gave. A ruler measures laid edges but no
-    touch, so that of the aim only what is seen is learned.
+    `place` [m] is where the grasped edge is laid so that it ends at x = 0. `learned` is
+    the source of the correction, None for a value that the user gave. A ruler measures
+    laid edges but no touch, so that of the aim only what is seen is learned.
     """
 
     seen: float = 0.0
@@ -53,14 +57,18 @@ class Correction:
     place: float = 0.0
 
     def apply(self, policy: Policy) -> "Correction | None":
-        """Correct the aim of `policy` and return this; None for a policy without a model."""
+        """Correct the aim of `policy` and return this; None for a policy without a
+        model.
+        """
         if not isinstance(policy, Correctable):
             return None
         policy.correct(self.seen)
         return self
 
     def facts(self) -> dict[str, Any]:
-        """Entry `learning` of run.yaml: the amounts [m] of this correction and its bias."""
+        """Entry `learning` of run.yaml: the amounts [m] of this correction and its
+        bias.
+        """
         return asdict(self)
 
     def sentence(self) -> str | None:
@@ -69,7 +77,9 @@ class Correction:
         if abs(self.seen) >= WORTH_SAYING:
             parts.append(f"aimed {-1e3 * self.seen:+.1f} mm, the opposite of the bias")
         if abs(self.place) >= WORTH_SAYING:
-            parts.append(f"laid the edge {-1e3 * self.place:+.1f} mm, the opposite of its offset")
+            parts.append(
+                f"laid the edge {-1e3 * self.place:+.1f} mm, the opposite of its offset"
+            )
         if not parts:
             return None
         if self.learned is None:
@@ -78,24 +88,37 @@ class Correction:
         text = f"{'; '.join(parts)} learned from {folds} of this cell"
         if self.learned.since is None:
             return text
-        return f"{text}; since run {self.learned.since} something moved: check the calibration"
+        return (
+            f"{text}; since run {self.learned.since} something moved: check the"
+            " calibration"
+        )
 
 
-def subject_of(policy: str, checkpoint: Path | None, strip: str, specimen: str | None) -> Subject:
-    """Subject of a fold's bias: the policy with its weights, the fabric, the `specimen`.
+def subject_of(
+    policy: str, checkpoint: Path | None, strip: str, specimen: str | None
+) -> Subject:
+    """Subject of a fold's bias: the policy with its weights, the fabric, the
+    `specimen`.
 
-    Without a `specimen`, a fabric with a file counts as one; each fold of another fabric is another
-    piece.
+    Without a `specimen`, a fabric with a file counts as one; each fold of another
+    fabric is another piece.
     """
-    files = (checkpoint, *(WEIGHTS_FOLDER / f"{policy}{end}" for end in (".npz", ".json")))
-    weights = next((path for path in files if path is not None and path.is_file()), None)
+    files = (
+        checkpoint,
+        *(WEIGHTS_FOLDER / f"{policy}{end}" for end in (".npz", ".json")),
+    )
+    weights = next(
+        (path for path in files if path is not None and path.is_file()), None
+    )
     if weights is not None:
         policy = f"{policy}@{hashlib.sha256(weights.read_bytes()).hexdigest()[:12]}"
     return Subject(policy, strip, specimen or ("" if strip == UNKNOWN else strip))
 
 
 def learned_correction(memory: Memory, subject: Subject) -> Correction:
-    """Correction learned for `subject`, within the limit; ConfigurationError for broken memory."""
+    """Correction learned for `subject`, within the limit; ConfigurationError for broken
+    memory.
+    """
     mine = [one for one in memory.experiences() if one.policy == subject.policy]
     learned = bias(mine, subject.strip, subject.specimen)
     seen, place = np.clip([learned.seen, learned.laid], -LIMIT, LIMIT).tolist()
@@ -103,13 +126,18 @@ def learned_correction(memory: Memory, subject: Subject) -> Correction:
 
 
 def experience_of(
-    run: str, subject: Subject, outcome: "Outcome", correction: Correction, key: str = ""
+    run: str,
+    subject: Subject,
+    outcome: "Outcome",
+    correction: Correction,
+    key: str = "",
 ) -> Experience | None:
-    """Deviation of a measured fold from its prediction, to learn from; None for an unusable fold.
+    """Deviation of a measured fold from its prediction, to learn from; None for an
+    unusable fold.
 
-    `run` and `key` name the run, as in `Experience`. Unusable are folds without a touch or laid
-    edges, stopped ones, and those predicted blind. A strip that is unlike the model teaches too: it
-    comes out the same way again.
+    `run` and `key` name the run, as in `Experience`. Unusable are folds without a touch
+    or laid edges, stopped ones, and those predicted blind. A strip that is unlike the
+    model teaches too: it comes out the same way again.
     """
     touch, predicted = outcome.touch, outcome.predicted
     is_blind = predicted is not None and predicted.blind

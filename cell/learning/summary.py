@@ -8,7 +8,9 @@ from cell.learning.experience import Experience, Memory
 
 
 def summary_rows(experiences: Sequence[Experience]) -> list[dict[str, Any]]:
-    """Rows, one for each policy, strip and specimen: bias and sigma [m], folds, last change."""
+    """Rows, one for each policy, strip and specimen: bias and sigma [m], folds, last
+    change.
+    """
     rows = []
     for policy, strip, specimen in dict.fromkeys(
         (e.policy, e.strip, e.specimen) for e in experiences
@@ -31,14 +33,17 @@ def summary_text(rows: Sequence[dict[str, Any]]) -> str:
     if not rows:
         return "nothing was learned yet\n"
     lines = [
-        f"  {row['strip']}, {row['specimen']}, {row['policy']}: bias {_mm(row['bias'])} +- "
-        f"{1e3 * row['sigma']:.1f} mm after {row['folds']} folds (cell {_mm(row['cell'])}, strip "
-        f"{_mm(row['of_strip'])}, specimen {_mm(row['of_specimen'])}); unseen by the camera "
-        f"{_mm(row['unseen'])} mm; edges laid {_mm(row['laid'])} mm off"
+        f"  {row['strip']}, {row['specimen']}, {row['policy']}: bias {_mm(row['bias'])}"
+        f" +- {1e3 * row['sigma']:.1f} mm after {row['folds']} folds (cell"
+        f" {_mm(row['cell'])}, strip {_mm(row['of_strip'])}, specimen"
+        f" {_mm(row['of_specimen'])}); unseen by the camera {_mm(row['unseen'])} mm;"
+        f" edges laid {_mm(row['laid'])} mm off"
         for row in rows
     ]
     changes = dict.fromkeys(row["since"] for row in rows if row["since"])
-    lines += [f"  since run {run} something moved: check the calibration" for run in changes]
+    lines += [
+        f"  since run {run} something moved: check the calibration" for run in changes
+    ]
     return "\n".join(lines) + "\n"
 
 
@@ -46,14 +51,17 @@ def largest_text(memory: Memory) -> str:
     """Text of the largest corrections that any fold was made with, below LIMIT."""
     aim, place = memory.largest_corrections()
     return (
-        f"  largest corrections so far: aimed {_mm(aim)} mm, laid the edge {_mm(place)} mm; "
-        f"at most {1e3 * LIMIT:g} mm each\n"
+        f"  largest corrections so far: aimed {_mm(aim)} mm, laid the edge {_mm(place)}"
+        f" mm; at most {1e3 * LIMIT:g} mm each\n"
     )
 
 
 def experience_lines(experiences: Sequence[Experience]) -> str:
     """Text with a line for each learned experience, oldest first."""
-    return "".join(f"  {_line(one)}\n" for one in experiences) or "nothing was learned yet\n"
+    return (
+        "".join(f"  {_line(one)}\n" for one in experiences)
+        or "nothing was learned yet\n"
+    )
 
 
 def _line(one: Experience) -> str:
@@ -62,7 +70,9 @@ def _line(one: Experience) -> str:
     if one.kind == "ruler":
         return f"{fold}: the ruler shows {_mm(one.rig)} mm more than the camera"
     edges = "" if one.edges is None else f", edges laid {_mm(one.edges)} mm off"
-    return f"{fold}: displacement {_mm(one.displacement)} mm beyond the predicted{edges}"
+    return (
+        f"{fold}: displacement {_mm(one.displacement)} mm beyond the predicted{edges}"
+    )
 
 
 def _mm(length: float) -> str:

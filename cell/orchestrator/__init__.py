@@ -1,1 +1,3 @@
-"""Orchestration of a run: control loop, monitors, and a generator of commands per state."""
+"""Orchestration of a run: control loop, monitors, and a generator of commands per
+state.
+"""

@@ -1,4 +1,6 @@
-"""Phase of a run that calibrates the camera's homography: touches, latency steps, landmarks."""
+"""Phase of a run that calibrates the camera's homography: touches, latency steps,
+landmarks.
+"""
 
 from collections.abc import Generator
 from dataclasses import replace
@@ -21,20 +23,30 @@ from drivers.types import Pose
 Doing = Generator[Command, Snapshot, None]
 Answering = Generator[Command, Snapshot, Answer]
 
-POINTER_IN = Question("put the pointer between the fingers, its disc to the camera", reaches=True)
-STEPS_QUESTION = Question("the arm now steps to and fro to measure the camera's latency")
+POINTER_IN = Question(
+    "put the pointer between the fingers, its disc to the camera", reaches=True
+)
+STEPS_QUESTION = Question(
+    "the arm now steps to and fro to measure the camera's latency"
+)
 POINTER_OUT = Question("take the pointer out and keep clear of the hand", reaches=True)
 STEP_REST = 0.3  # s at rest after a step of the latency measurement
 
 
-def begin_calibration(_context: CalibrationContext, _: Recorder, _begin: Snapshot) -> steps.Phase:
+def begin_calibration(
+    _context: CalibrationContext, _: Recorder, _begin: Snapshot
+) -> steps.Phase:
     """Start the calibration at once, as there is no strip to check beforehand."""
     yield from steps.pause(0.0)
     return Event.NEEDS_CALIBRATION
 
 
-def calibrate(context: CalibrationContext, record: Recorder, begin: Snapshot) -> steps.Phase:
-    """Touch all points; where a homography is fitted, measure latency and landmarks too."""
+def calibrate(
+    context: CalibrationContext, record: Recorder, begin: Snapshot
+) -> steps.Phase:
+    """Touch all points; where a homography is fitted, measure latency and landmarks
+    too.
+    """
     points = context.points
     first = replace(begin.arm.commanded, pitch=points.plan[0].pitch)
     require_clear([begin.arm.commanded, first, *points.plan], context.desk)
@@ -53,7 +65,9 @@ def calibrate(context: CalibrationContext, record: Recorder, begin: Snapshot) ->
 
 
 def _hand_over(context: CalibrationContext, question: Question) -> Doing:
-    """Open the hand, and wait until the pointer is in it or out, as the `question` asks."""
+    """Open the hand, and wait until the pointer is in it or out, as the `question`
+    asks.
+    """
     yield from steps.open_hand()
     yield from _wait_for_answer(context, question)
     if context.aids is not None:
@@ -61,7 +75,9 @@ def _hand_over(context: CalibrationContext, question: Question) -> Doing:
 
 
 def _touch_all(context: CalibrationContext, record: Recorder) -> Doing:
-    """Touch every requested pose, and once more each point that disagrees with the others."""
+    """Touch every requested pose, and once more each point that disagrees with the
+    others.
+    """
     points = context.points
     while (pose := points.ask()) is not None:
         progress = points.progress()
@@ -94,7 +110,9 @@ def _measure_point(context: CalibrationContext, record: Recorder) -> Doing:
 
 
 def _measure_latency(context: CalibrationContext) -> Doing:
-    """Step the arm back and forth, and keep its states and the images for the latency."""
+    """Step the arm back and forth, and keep its states and the images for the
+    latency.
+    """
     yield from _wait_for_answer(context, STEPS_QUESTION)
     poses = step_poses(context.settings.latency)
     for done, pose in enumerate(poses):
@@ -104,14 +122,22 @@ def _measure_latency(context: CalibrationContext) -> Doing:
     context.watch(replace(context.points.progress(), steps=context.steps))
 
 
-def _announced(context: CalibrationContext, stage: str, pose: Pose, why: str) -> Progress:
-    """Message that the arm goes to `pose` after all touches, at which `stage` and `why`."""
+def _announced(
+    context: CalibrationContext, stage: str, pose: Pose, why: str
+) -> Progress:
+    """Message that the arm goes to `pose` after all touches, at which `stage` and
+    `why`.
+    """
     progress = context.points.progress()
-    return replace(progress, title=f"{TITLE}: {stage}", request=request_text(pose), why=why)
+    return replace(
+        progress, title=f"{TITLE}: {stage}", request=request_text(pose), why=why
+    )
 
 
 def _step(latency_steps: LatencySteps, pose: Pose) -> Doing:
-    """Move to `pose` and rest there briefly; `latency_steps` gets every arm state and image."""
+    """Move to `pose` and rest there briefly; `latency_steps` gets every arm state and
+    image.
+    """
     arrived: float | None = None
     snapshot = yield MoveTo(pose)
     while arrived is None or snapshot.time < arrived + STEP_REST:
@@ -124,7 +150,9 @@ def _step(latency_steps: LatencySteps, pose: Pose) -> Doing:
 
 
 def _take_landmarks(context: CalibrationContext, homography: Homography) -> Doing:
-    """Store landmarks from an image of the empty hand; none where no finger tip is visible."""
+    """Store landmarks from an image of the empty hand; none where no finger tip is
+    visible.
+    """
     pose = context.settings.landmarks.pose
     why = "the empty hand here shows later whether the camera moved"
     context.watch(_announced(context, "remember", pose, why))

@@ -28,7 +28,9 @@ from policies.prediction import FoldPrediction
 
 @dataclass
 class Context(ABC):
-    """Base class of one run's inputs and results: settings, and measurements, empty at first."""
+    """Base class of one run's inputs and results: settings, and measurements, empty at
+    first.
+    """
 
     settings: CellSettings
     _: KW_ONLY
@@ -40,25 +42,31 @@ class Context(ABC):
 
     @property
     def desk(self) -> float:
-        """Position x [m] of the desk's end: as configured, else the end of the workspace."""
+        """Position x [m] of the desk's end: as configured, else the end of the
+        workspace.
+        """
         return desk_end(self.settings.installation)
 
     @abstractmethod
     def completion(self) -> Outcome:
-        """Outcome of a run without a fault or an interruption, its measurements empty."""
+        """Outcome of a run without a fault or an interruption, its measurements
+        empty.
+        """
 
 
 @dataclass
 class FoldContext(Context):
-    """Inputs and results of a fold: strip, policy and calibration, and what was measured.
+    """Inputs and results of a fold: strip, policy and calibration, and what was
+    measured.
 
-    `reader` checks the image of the strip before the grasp, and measures images from then on.
-    `seen_touch` is the layer_touch once it is seen, `edge_offset` [m] that of the laid edges as
-    the camera sees it once the strip was `released`, `predicted` the policy's latest prediction,
-    `expected` the displacement and its standard deviation [m] by the model before the fold;
-    `witnesses` are what was compared. The grasped edge is laid at `place` [m]. The plant is not
-    part of it. `desk` is x [m] of the desk's end, 0 for an arm without a hand. A `warning` of the
-    preflight is for the operator.
+    `reader` checks the image of the strip before the grasp, and measures images from
+    then on. `seen_touch` is the layer_touch once it is seen, `edge_offset` [m] that of
+    the laid edges as the camera sees it once the strip was `released`, `predicted` the
+    policy's latest prediction, `expected` the displacement and its standard deviation
+    [m] by the model before the fold; `witnesses` are what was compared. The grasped
+    edge is laid at `place` [m]. The plant is not part of it. `desk` is x [m] of the
+    desk's end, 0 for an arm without a hand. A `warning` of the preflight is for the
+    operator.
     """
 
     strip: StripFile
@@ -72,7 +80,9 @@ class FoldContext(Context):
     warning: str = ""
 
     def check_displacement(self, touch: SeenTouch) -> None:
-        """Compare the displacement at `touch` with that predicted by the policy, else the model."""
+        """Compare the displacement at `touch` with that predicted by the policy, else
+        the model.
+        """
         predicted = self.predicted
         expected = self.expected
         if predicted is not None:
@@ -81,17 +91,21 @@ class FoldContext(Context):
         if expected is not None and not blind:
             displacement, sigma = expected
             difference = touch.displacement - displacement
-            self.witnesses.append(LengthCheck("displacement", difference, {"prediction": sigma}))
+            self.witnesses.append(
+                LengthCheck("displacement", difference, {"prediction": sigma})
+            )
 
     def completion(self) -> Outcome:
-        """Outcome of the fold, exit code 0 where the layers touched and lengths agree."""
+        """Outcome of the fold, exit code 0 where the layers touched and lengths
+        agree.
+        """
         if self.seen_touch is None:
             return Outcome("path_done", "the path ended and no touch was seen", 1)
         if self.released and self.edge_offset is None:
             return Outcome(
                 "edges_not_seen",
-                "the layers touched, but the camera sees no fold where it was laid: the strip "
-                "sprang open or is hidden; look at it, and lay it again",
+                "the layers touched, but the camera sees no fold where it was laid: the"
+                " strip sprang open or is hidden; look at it, and lay it again",
                 1,
             )
         refuted = next((w for w in disagreements(self.witnesses) if w.refuted), None)
@@ -102,11 +116,12 @@ class FoldContext(Context):
 
 @dataclass
 class CalibrationContext(Context):
-    """Inputs and results of a homography calibration: `points`, touched, and `steps` of the arm.
+    """Inputs and results of a homography calibration: `points`, touched, and `steps` of
+    the arm.
 
-    The `operator` is asked before the arm moves, `watch` receives its progress; on the twin its
-    `aids` hold the pointer. Only a run that `remembers` leaves `landmarks`. Where `points` only
-    check a calibration, the arm does not step. No strip is read.
+    The `operator` is asked before the arm moves, `watch` receives its progress; on the
+    twin its `aids` hold the pointer. Only a run that `remembers` leaves `landmarks`.
+    Where `points` only check a calibration, the arm does not step. No strip is read.
     """
 
     points: TouchedPoints
@@ -124,7 +139,9 @@ class CalibrationContext(Context):
 
 @dataclass
 class ManualContext(Context):
-    """Inputs and results of a manual motion: generator `motion` of commands, final pose `end`."""
+    """Inputs and results of a manual motion: generator `motion` of commands, final pose
+    `end`.
+    """
 
     motion: Callable[[Snapshot], Motion]
     end: Pose | None = None
@@ -135,4 +152,6 @@ class ManualContext(Context):
             return Outcome("moved", "", 0)
         x, z = round(1e3 * self.end.x), round(1e3 * self.end.z)
         pitch = round(degrees(self.end.pitch))
-        return Outcome("moved", f"the gripper is at x {x}, z {z} mm, pitch {pitch} deg", 0)
+        return Outcome(
+            "moved", f"the gripper is at x {x}, z {z} mm, pitch {pitch} deg", 0
+        )

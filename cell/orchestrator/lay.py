@@ -1,4 +1,6 @@
-"""Lay motion, the end of a fold: lowers the grasped edge to the desk, pushes it to its target."""
+"""Lay motion, the end of a fold: lowers the grasped edge to the desk, pushes it to its
+target.
+"""
 
 from math import sqrt
 
@@ -14,15 +16,18 @@ from policies.path import Path
 TURN_GAIN = 10.0  # 1/s, how fast an error of pitch is taken out
 BRAKING = 0.5  # m/s^2, less than any arm's limit, towards the end of the path
 LAY_TURNING = 2.0  # rad/s of the hand in a lay at most: a short lay is a slow one
-CREEP = 0.005  # m/s, least speed, so that braking by the distance left reaches the path's end
+# m/s, least speed, so that braking by the distance left reaches the path's end
+CREEP = 0.005
 CLEARANCE = 0.0005  # m over the lower layer: an edge that presses on it drags it along
 
 
 def follow_lay(path: Path, speed: float, begin: Snapshot) -> Motion:
-    """Follow the lay path at `speed` [m/s], the pitch turning from hanging to lying backward.
+    """Follow the lay path at `speed` [m/s], the pitch turning from hanging to lying
+    backward.
 
-    Most of the turn comes at the end: an edge that lies back early pushes what hangs from it. The
-    gripper slows down in time: one that brakes at the end of the path only meets the desk.
+    Most of the turn comes at the end: an edge that lies back early pushes what hangs
+    from it. The gripper slows down in time: one that brakes at the end of the path only
+    meets the desk.
     """
     follower = Follower(path, 1)
     pace = speed

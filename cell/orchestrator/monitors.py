@@ -1,4 +1,6 @@
-"""Monitors of each control cycle: slow an arm down as images age, or stop it with a reason."""
+"""Monitors of each control cycle: slow an arm down as images age, or stop it with a
+reason.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -22,7 +24,9 @@ USUAL_AGE = 0.7  # share of the allowed image age below which the speed is not r
 
 @dataclass(frozen=True, slots=True)
 class Rules:
-    """Limits that the monitors enforce; `desk` is x [m] of the desk's end, 0 without a hand."""
+    """Limits that the monitors enforce; `desk` is x [m] of the desk's end, 0 without a
+    hand.
+    """
 
     limits: MonitorLimits
     workspace: Workspace
@@ -33,8 +37,8 @@ class Rules:
     def tracking_turn(self) -> float:
         """Allowed tracking error of the pitch [rad], derived from that of the position.
 
-        The rotation of the hand at full rate while it moves by the allowed position error at full
-        speed, at most that of a lift over the same distance.
+        The rotation of the hand at full rate while it moves by the allowed position
+        error at full speed, at most that of a lift over the same distance.
         """
         axes = self.motion
         ratio = axes.pitch.velocity / max(axes.x.velocity, axes.z.velocity)
@@ -46,7 +50,9 @@ Check = Callable[[Snapshot, Rules], str | None]
 
 @dataclass(frozen=True, slots=True)
 class Monitor:
-    """Named safety check, active in `states`, that returns a reason to stop the arm, or None."""
+    """Named safety check, active in `states`, that returns a reason to stop the arm, or
+    None.
+    """
 
     name: str
     states: frozenset[State]
@@ -54,15 +60,21 @@ class Monitor:
 
 
 def _stale(what: str, age: float, limit: float, consequence: str = "") -> str | None:
-    """Reason to stop where the `age` [s] of `what` exceeds `limit` [s], with its `consequence`."""
+    """Reason to stop where the `age` [s] of `what` exceeds `limit` [s], with its
+    `consequence`.
+    """
     if abs(age) <= limit:  # a stamp of the future would hide how old all later ones are
         return None
-    return f"{what} is {1e3 * age:.0f} ms old, allowed {1e3 * limit:.0f} ms{consequence}"
+    return (
+        f"{what} is {1e3 * age:.0f} ms old, allowed {1e3 * limit:.0f} ms{consequence}"
+    )
 
 
 def _arm_stale(snapshot: Snapshot, rules: Rules) -> str | None:
     """Reason to stop where the arm's newest state is too old."""
-    return _stale("the arm's state", snapshot.time - snapshot.arm.stamp, rules.limits.arm_age)
+    return _stale(
+        "the arm's state", snapshot.time - snapshot.arm.stamp, rules.limits.arm_age
+    )
 
 
 def _hand_stale(snapshot: Snapshot, rules: Rules) -> str | None:
@@ -87,7 +99,9 @@ def _not_finite(snapshot: Snapshot, _: Rules) -> str | None:
 
 
 def _image_stale(snapshot: Snapshot, rules: Rules) -> str | None:
-    """Reason to stop where the newest image is still too old after the arm waited for another."""
+    """Reason to stop where the newest image is still too old after the arm waited for
+    another.
+    """
     limits = rules.limits
     view = snapshot.view
     if view.frame is None:
@@ -99,8 +113,9 @@ def _image_stale(snapshot: Snapshot, rules: Rules) -> str | None:
     if waiting <= limits.image_wait and age >= -limits.image_age:
         return None
     return (
-        f"the newest image is {1e3 * age:.0f} ms old, allowed {1e3 * limits.image_age:.0f} ms, "
-        f"and the arm waited {1e3 * waiting:.0f} ms for a younger one"
+        f"the newest image is {1e3 * age:.0f} ms old, allowed"
+        f" {1e3 * limits.image_age:.0f} ms, and the arm waited {1e3 * waiting:.0f} ms"
+        " for a younger one"
     )
 
 
@@ -109,7 +124,9 @@ def _image_frozen(snapshot: Snapshot, rules: Rules) -> str | None:
     limits = rules.limits
     if snapshot.view.identical < limits.identical_images:
         return None
-    return f"{snapshot.view.identical} images in a row are identical: the camera is frozen"
+    return (
+        f"{snapshot.view.identical} images in a row are identical: the camera is frozen"
+    )
 
 
 def _reader_dead(snapshot: Snapshot, _: Rules) -> str | None:
@@ -130,10 +147,15 @@ def _reading_overdue(snapshot: Snapshot, rules: Rules) -> str | None:
 
 
 def _low_confidence(snapshot: Snapshot, rules: Rules) -> str | None:
-    """Reason to stop where the measurement's confidence was below its limit for too long."""
+    """Reason to stop where the measurement's confidence was below its limit for too
+    long.
+    """
     limits = rules.limits
     view = snapshot.view
-    if view.doubtful_since is None or snapshot.time - view.doubtful_since <= limits.doubt:
+    if (
+        view.doubtful_since is None
+        or snapshot.time - view.doubtful_since <= limits.doubt
+    ):
         return None
     confidence = 0.0 if view.measurement is None else view.measurement.confidence
     return (
@@ -143,13 +165,16 @@ def _low_confidence(snapshot: Snapshot, rules: Rules) -> str | None:
 
 
 def _too_thick(snapshot: Snapshot, _: Rules) -> str | None:
-    """Reason to stop where the layers rest with a gap, as of a strip thicker than stated."""
+    """Reason to stop where the layers rest with a gap, as of a strip thicker than
+    stated.
+    """
     resting = snapshot.view.resting
     if not resting > 0:
         return None
     return (
-        f"the layers rest {1e3 * resting:.1f} mm apart and do not touch: the strip is thicker than "
-        "stated; correct its `thickness`, or look what lies between its layers"
+        f"the layers rest {1e3 * resting:.1f} mm apart and do not touch: the strip is"
+        " thicker than stated; correct its `thickness`, or look what lies between its"
+        " layers"
     )
 
 
@@ -159,9 +184,9 @@ def _camera_moved(snapshot: Snapshot, rules: Rules) -> str | None:
     if view.moved < MOVED_IMAGES:
         return None
     return (
-        f"the scene appears moved by {1e3 * view.shift:.1f} mm since the preflight, allowed "
-        f"{1e3 * rules.limits.camera_shift:.1f} mm: the camera was touched; fasten it and "
-        "calibrate again"
+        f"the scene appears moved by {1e3 * view.shift:.1f} mm since the preflight,"
+        f" allowed {1e3 * rules.limits.camera_shift:.1f} mm: the camera was touched;"
+        " fasten it and calibrate again"
     )
 
 
@@ -170,9 +195,12 @@ def _overspeed(snapshot: Snapshot, rules: Rules) -> str | None:
     limits = rules.limits
     velocity = snapshot.arm.velocity
     allowed = limits.speed * limits.overspeed
-    # here and in `_tracking_error` `not a <= b` instead of `a > b`: NaN must stop the arm, too
+    # here and in `_tracking_error` `not a <= b` instead of `a > b`: NaN must stop the
+    # arm, too
     if not velocity.speed <= allowed:
-        return f"the gripper moves at {velocity.speed:.3f} m/s, allowed {allowed:.3f} m/s"
+        return (
+            f"the gripper moves at {velocity.speed:.3f} m/s, allowed {allowed:.3f} m/s"
+        )
     rate = abs(velocity.pitch_rate)
     allowed = rules.motion.pitch.velocity * limits.overspeed
     if not rate <= allowed:
@@ -193,14 +221,16 @@ def _tracking_error(snapshot: Snapshot, rules: Rules) -> str | None:
     turn = abs(measured.pitch - commanded.pitch)
     if not turn <= rules.tracking_turn:
         return (
-            f"the gripper is turned by {degrees(turn):.1f} deg from where it was commanded, "
-            f"allowed {degrees(rules.tracking_turn):.1f} deg"
+            f"the gripper is turned by {degrees(turn):.1f} deg from where it was"
+            f" commanded, allowed {degrees(rules.tracking_turn):.1f} deg"
         )
     return None
 
 
 def _outside_workspace(snapshot: Snapshot, rules: Rules) -> str | None:
-    """Reason to stop where the gripper is outside the workspace by more than the border [m]."""
+    """Reason to stop where the gripper is outside the workspace by more than the border
+    [m].
+    """
     pose = snapshot.arm.pose
     border = rules.limits.border
     x_low, x_high = rules.workspace.x
@@ -230,7 +260,11 @@ def _grip_lost(snapshot: Snapshot, _: Rules) -> str | None:
 
 def _too_long(what: str, duration: float, limit: float) -> str | None:
     """Reason to stop where `what` has lasted longer than `limit` [s]."""
-    return f"{what} lasts {duration:.0f} s, allowed {limit:.0f} s" if duration > limit else None
+    return (
+        f"{what} lasts {duration:.0f} s, allowed {limit:.0f} s"
+        if duration > limit
+        else None
+    )
 
 
 def _state_overtime(snapshot: Snapshot, rules: Rules) -> str | None:
@@ -280,22 +314,33 @@ MONITORS: tuple[Monitor, ...] = (
 
 
 def is_outcome(name: str) -> bool:
-    """Whether `name` is an outcome: that of a run that ended by itself, or a fault's name."""
-    return name in OUTCOMES or name.startswith(DEVICES) or name in {m.name for m in MONITORS}
+    """Whether `name` is an outcome: that of a run that ended by itself, or a fault's
+    name.
+    """
+    return (
+        name in OUTCOMES
+        or name.startswith(DEVICES)
+        or name in {m.name for m in MONITORS}
+    )
 
 
-def slow_for_images(command: Command, snapshot: Snapshot, limits: MonitorLimits) -> Command:
-    """Command with its speed reduced in proportion to the excess age of the newest image.
+def slow_for_images(
+    command: Command, snapshot: Snapshot, limits: MonitorLimits
+) -> Command:
+    """Command with its speed reduced in proportion to the excess age of the newest
+    image.
 
-    At the allowed age, or where the newest image repeats the one before, a driven arm stands, and a
-    move to a pose is held until a newer image arrives. Images of low confidence do not stop the
-    arm: a bad view caused by the strip's pose ends as it moves on.
+    At the allowed age, or where the newest image repeats the one before, a driven arm
+    stands, and a move to a pose is held until a newer image arrives. Images of low
+    confidence do not stop the arm: a bad view caused by the strip's pose ends as it
+    moves on.
     """
     frame = snapshot.view.frame
     if frame is None or snapshot.state not in SEEING:
         return command
     age = snapshot.time - frame.stamp
-    share = (limits.image_age - age) / (1.0 - USUAL_AGE) / limits.image_age  # of the speed
+    # of the speed
+    share = (limits.image_age - age) / (1.0 - USUAL_AGE) / limits.image_age
     if snapshot.view.identical > 1:
         share = -1.0
     if isinstance(command, MoveTo) and share < 0.0:
@@ -303,12 +348,16 @@ def slow_for_images(command: Command, snapshot: Snapshot, limits: MonitorLimits)
     if isinstance(command, Drive) and share < 1.0:
         share = max(share, 0.0)
         rate = command.velocity
-        return Drive(Velocity(share * rate.vx, share * rate.vz, share * rate.pitch_rate))
+        return Drive(
+            Velocity(share * rate.vx, share * rate.vz, share * rate.pitch_rate)
+        )
     return command
 
 
 def check_all(snapshot: Snapshot, command: Command, rules: Rules) -> None:
-    """Raise Fault for the first monitor that trips, or for a `command` beyond its limits."""
+    """Raise Fault for the first monitor that trips, or for a `command` beyond its
+    limits.
+    """
     for monitor in MONITORS:
         if snapshot.state in monitor.states:
             reason = monitor.check(snapshot, rules)
@@ -318,9 +367,11 @@ def check_all(snapshot: Snapshot, command: Command, rules: Rules) -> None:
 
 
 def _check_command(snapshot: Snapshot, command: Command, rules: Rules) -> None:
-    """Raise Fault for a commanded pose out of the workspace or in the desk, or too large a speed.
+    """Raise Fault for a commanded pose out of the workspace or in the desk, or too
+    large a speed.
 
-    The pitch rate and the path of a velocity are limited by the arm side and by the monitors.
+    The pitch rate and the path of a velocity are limited by the arm side and by the
+    monitors.
     """
     if isinstance(command, MoveTo):
         rules.workspace.check(command.pose)
@@ -328,7 +379,9 @@ def _check_command(snapshot: Snapshot, command: Command, rules: Rules) -> None:
     if isinstance(command, Drive):
         rate = command.velocity
         if not np.isfinite([rate.vx, rate.vz, rate.pitch_rate]).all():
-            raise Fault("command_refused", "a velocity that is not a number was asked for")
+            raise Fault(
+                "command_refused", "a velocity that is not a number was asked for"
+            )
         if rate.speed > rules.limits.speed:
             raise Fault(
                 "command_refused",

@@ -1,4 +1,6 @@
-"""Operator at the cell: questions that a run asks, their answers, interruption by Ctrl-C."""
+"""Operator at the cell: questions that a run asks, their answers, interruption by
+Ctrl-C.
+"""
 
 import signal
 from dataclasses import dataclass
@@ -12,7 +14,9 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class Answer(StrEnum):
-    """Answers of the operator to a question: continue, skip, repeat the previous step."""
+    """Answers of the operator to a question: continue, skip, repeat the previous
+    step.
+    """
 
     GO = "go"
     SKIP = "skip"
@@ -21,14 +25,18 @@ class Answer(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """Question to the operator: its text, and whether a person `reaches` into the gripper."""
+    """Question to the operator: its text, and whether a person `reaches` into the
+    gripper.
+    """
 
     words: str
     reaches: bool = False
 
 
 class Operator(Protocol):
-    """Protocol of an operator, whom a run asks on each tick while its monitors stay active."""
+    """Protocol of an operator, whom a run asks on each tick while its monitors stay
+    active.
+    """
 
     def answer(self, question: Question) -> Answer | None:
         """Answer to `question`; None while the operator has not answered."""
@@ -49,7 +57,9 @@ class Interrupted(CellError):
 
 
 class Interrupt:
-    """Context manager: the first signal of SIGNALS requests a stop, a later one interrupts."""
+    """Context manager: the first signal of SIGNALS requests a stop, a later one
+    interrupts.
+    """
 
     def __init__(self) -> None:
         self._requested = False
@@ -61,7 +71,9 @@ class Interrupt:
 
     def __enter__(self) -> Self:
         """Install the handlers of the stop signals."""
-        self._before = {number: signal.signal(number, self._count_signal) for number in SIGNALS}
+        self._before = {
+            number: signal.signal(number, self._count_signal) for number in SIGNALS
+        }
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -70,7 +82,9 @@ class Interrupt:
             signal.signal(number, before)
 
     def _count_signal(self, _number: int, _frame: FrameType | None) -> None:
-        """Request a stop at the first signal; raise KeyboardInterrupt at a later one."""
+        """Request a stop at the first signal; raise KeyboardInterrupt at a later
+        one.
+        """
         if self._requested:
             raise KeyboardInterrupt
         self._requested = True

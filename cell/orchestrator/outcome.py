@@ -15,13 +15,14 @@ NAMES = {PreflightRefused: "preflight_refused", Interrupted: "interrupted"}
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """End of a run: its name, reason and exit code of the command line, and what was measured.
+    """End of a run: its name, reason and exit code of the command line, and what was
+    measured.
 
-    `name` is layer_touch, path_done, calibrated or the name of a fault. Times are from the lift
-    [s]; `touch` is the measured one, `edge_offset` the offset of the laid edges [m], `duration` the
-    whole run on the cell's clock [s], `predicted` by the policy, `witnesses` what was compared of
-    camera, arm and prediction, `agreement` whether the strip behaved like the model, where that was
-    found out.
+    `name` is layer_touch, path_done, calibrated or the name of a fault. Times are from
+    the lift [s]; `touch` is the measured one, `edge_offset` the offset of the laid
+    edges [m], `duration` the whole run on the cell's clock [s], `predicted` by the
+    policy, `witnesses` what was compared of camera, arm and prediction, `agreement`
+    whether the strip behaved like the model, where that was found out.
     """
 
     name: str
@@ -36,15 +37,21 @@ class Outcome:
 
     @classmethod
     def from_error(cls, error: Exception) -> Self:
-        """Outcome, without a measurement, of an exception; unexpected ones are `internal_error`."""
+        """Outcome, without a measurement, of an exception; unexpected ones are
+        `internal_error`.
+        """
         if isinstance(error, Fault):
             return cls(error.name, error.reason, error.exit_code)
         if isinstance(error, CellError):
             return cls(NAMES.get(type(error), "error"), str(error), error.exit_code)
-        return cls("internal_error", f"{type(error).__name__}: {error}", Fault.exit_code)
+        return cls(
+            "internal_error", f"{type(error).__name__}: {error}", Fault.exit_code
+        )
 
     def overridden_by(self, later: "Outcome") -> Self:
-        """Outcome with name and reason of the failure `later`, and the higher exit code."""
+        """Outcome with name and reason of the failure `later`, and the higher exit
+        code.
+        """
         if self.name == later.name:
             return self
         code = max(self.exit_code, later.exit_code)
@@ -52,4 +59,6 @@ class Outcome:
 
 
 INTERRUPTED = Outcome("interrupted", "stopped by Ctrl-C or a signal", 130)
-INTERRUPTED_AT_ONCE = Outcome("interrupted", "stopped at once by Ctrl-C or a signal", 130)
+INTERRUPTED_AT_ONCE = Outcome(
+    "interrupted", "stopped at once by Ctrl-C or a signal", 130
+)

@@ -1,4 +1,6 @@
-"""Phases of a run: for each state one generator that receives snapshots and yields commands."""
+"""Phases of a run: for each state one generator that receives snapshots and yields
+commands.
+"""
 
 from collections import deque
 from collections.abc import Generator
@@ -31,7 +33,8 @@ from policies.policy import Decision, Observation
 from policies.prediction import Predictor
 from policies.profile import image_profile
 
-BRAKING_SHARE = 0.7  # of the arm's pitch acceleration, to stop the rotation at the lift's end
+# of the arm's pitch acceleration, to stop the rotation at the lift's end
+BRAKING_SHARE = 0.7
 SLOPE_TRAVEL = 0.01  # m of the lift over which its rotation per metre is measured
 COMPARED_TIME = 0.5  # s of images over which a hanging strip's motion is measured
 FEWEST_IMAGES = 5  # that must lie in COMPARED_TIME
@@ -42,7 +45,9 @@ REST_TRAVEL = 0.0005  # m that the profile's mean travels, below which a strip r
 def preflight(context: FoldContext, record: Recorder, _: Snapshot) -> steps.Phase:
     """Check the image of the strip before it is grasped; raises PreflightRefused."""
     camera_checks = yield from _camera_checks(context)
-    yield from steps.move(fold_path.approach_poses(context.strip.length, context.settings.fold)[0])
+    yield from steps.move(
+        fold_path.approach_poses(context.strip.length, context.settings.fold)[0]
+    )
     picture = yield from steps.still_picture()
     strip_checks = yield from _inspect(context.reader, picture)
     record.frame(picture.frame)
@@ -51,7 +56,9 @@ def preflight(context: FoldContext, record: Recorder, _: Snapshot) -> steps.Phas
     stamp = picture.frame.stamp
     record.event(stamp, "preflight", checks=facts)
     record.describe(preflight=facts)
-    context.witnesses += [check.witness for check in checks if check.witness is not None]
+    context.witnesses += [
+        check.witness for check in checks if check.witness is not None
+    ]
     refused = [check.sentence() for check in checks if not check.passed]
     if refused:
         raise PreflightRefused("\n".join(refused))
@@ -65,7 +72,9 @@ def preflight(context: FoldContext, record: Recorder, _: Snapshot) -> steps.Phas
 def _inspect(
     reader: Reader, picture: steps.StillPicture
 ) -> Generator[Command, Snapshot, tuple[PreflightCheck, ...]]:
-    """Checks of the image before the grasp; Fault `image_reader_dead` where the reader failed."""
+    """Checks of the image before the grasp; Fault `image_reader_dead` where the reader
+    failed.
+    """
     reader.submit(ImageTask(picture.frame), picture.time)
     while not isinstance(checks := reader.result(), tuple):
         if reader.failure:
@@ -75,19 +84,26 @@ def _inspect(
 
 
 def grasp(context: FoldContext, _record: Recorder, _begin: Snapshot) -> steps.Phase:
-    """Approach the free edge from beyond and grasp it; raises Fault where the fingers miss it."""
+    """Approach the free edge from beyond and grasp it; raises Fault where the fingers
+    miss it.
+    """
     yield from steps.open_hand()
-    for pose in fold_path.approach_poses(context.strip.length, context.settings.fold)[1:]:
+    for pose in fold_path.approach_poses(context.strip.length, context.settings.fold)[
+        1:
+    ]:
         yield from steps.move(pose)
     snapshot = yield from steps.close_hand()
     if not snapshot.hand.grasped:
-        raise Fault("grasp_missed", "the fingers closed on nothing; lay the edge at x = L")
+        raise Fault(
+            "grasp_missed", "the fingers closed on nothing; lay the edge at x = L"
+        )
     yield from steps.pause(steps.SETTLE)
     return Event.GRASPED
 
 
 def lift(context: FoldContext, record: Recorder, _begin: Snapshot) -> steps.Phase:
-    """Lift the grasped edge along the policy's path, pitching the gripper until it is upright.
+    """Lift the grasped edge along the policy's path, pitching the gripper until it is
+    upright.
 
     In a run that starts hanging the strip then comes to rest, and measured time begins.
     """
@@ -105,15 +121,19 @@ def lift(context: FoldContext, record: Recorder, _begin: Snapshot) -> steps.Phas
         rate = _lift_pitch_rate(travel, speed, pose.pitch, acceleration)
         snapshot = yield steps.drive(decision, rate)
     if context.settings.fold.start == "hanging":
-        snapshot = yield from wait_until_still(context.settings.fold.longest_rest, record)
+        snapshot = yield from wait_until_still(
+            context.settings.fold.longest_rest, record
+        )
         record.begin(snapshot.time)
     return Event.LIFTED
 
 
 def wait_until_still(longest: float, record: Recorder) -> steps.Motion:
-    """Bring the gripper to rest, upright, and wait at most `longest` [s] until the strip rests.
+    """Bring the gripper to rest, upright, and wait at most `longest` [s] until the
+    strip rests.
 
-    The event `hanging` says whether the strip came to rest, and how far it still moved [m].
+    The event `hanging` says whether the strip came to rest, and how far it still moved
+    [m].
     """
     snapshot = yield from steps.wait_for(lambda now: not now.arm.moving)
     place = snapshot.arm.commanded
@@ -123,13 +143,19 @@ def wait_until_still(longest: float, record: Recorder) -> steps.Motion:
     while not swing.still and snapshot.time - start < longest:
         snapshot = yield Hold()
         swing.add(snapshot, start)
-    facts = {"waited": snapshot.time - start, "still": swing.still, "moved": swing.moved}
+    facts = {
+        "waited": snapshot.time - start,
+        "still": swing.still,
+        "moved": swing.moved,
+    }
     record.event(snapshot.time, "hanging", **facts)
     return snapshot
 
 
 class Swing:
-    """Motion of a hanging strip: distance [m] that its profile's mean moves in COMPARED_TIME."""
+    """Motion of a hanging strip: distance [m] that its profile's mean moves in
+    COMPARED_TIME.
+    """
 
     def __init__(self) -> None:
         self.moved = float("nan")
@@ -137,39 +163,56 @@ class Swing:
 
     @property
     def still(self) -> bool:
-        """Whether the hanging strip has moved less than REST_TRAVEL over enough images."""
+        """Whether the hanging strip has moved less than REST_TRAVEL over enough
+        images.
+        """
         return self.moved < REST_TRAVEL
 
     def add(self, snapshot: Snapshot, since: float) -> None:
-        """Add the strip's profile in `snapshot`, if new and imaged after `since` [s]."""
+        """Add the strip's profile in `snapshot`, if new and imaged after `since`
+        [s].
+        """
         measurement = snapshot.view.measurement
         if not snapshot.view.read or measurement is None or measurement.stamp < since:
             return
-        seen = image_profile(measurement.profile, measurement.contact_x, measurement.gripper)
+        seen = image_profile(
+            measurement.profile, measurement.contact_x, measurement.gripper
+        )
         mean = seen[0].mean(axis=0)
         if not np.isfinite(mean).all():
             return
         self._means.append((measurement.stamp, mean))
         while self._means[0][0] < measurement.stamp - COMPARED_TIME:
             self._means.popleft()
-        enough = measurement.stamp - since >= COMPARED_TIME and len(self._means) >= FEWEST_IMAGES
+        enough = (
+            measurement.stamp - since >= COMPARED_TIME
+            and len(self._means) >= FEWEST_IMAGES
+        )
         self.moved = self._travel() if enough else float("nan")
 
     def _travel(self) -> float:
-        """Largest distance [m] of the profile's running mean from its mean over the kept images."""
+        """Largest distance [m] of the profile's running mean from its mean over the
+        kept images.
+        """
         means = np.array([mean for _, mean in self._means])
         offsets = moving_average(means, AVERAGED_IMAGES) - means.mean(axis=0)
         return float(np.linalg.norm(offsets, axis=1).max())
 
 
 def fold(context: FoldContext, record: Recorder, begin: Snapshot) -> steps.Phase:
-    """Command the policy's decision on each image, until the layers touch or the path ends."""
+    """Command the policy's decision on each image, until the layers touch or the path
+    ends.
+    """
     command = Drive(begin.velocity)
     offsets: list[float] = []
     while True:
         snapshot = yield command
         measurement = snapshot.view.measurement
-        if not snapshot.view.read or measurement is None or measurement.stamp < record.origin:
+        if (
+            not snapshot.view.read
+            or measurement is None
+            or measurement.stamp < record.origin
+        ):
             continue
         offsets.append(held_end_offset(measurement))
         if snapshot.view.touch is not None:
@@ -177,28 +220,41 @@ def fold(context: FoldContext, record: Recorder, begin: Snapshot) -> steps.Phase
             context.witnesses += compare_grip(offsets, context.calibration.residual)
             context.check_displacement(snapshot.view.touch)
             return Event.LAYER_TOUCH
-        decision = context.policy.decide(observation(snapshot.time, snapshot.arm.pose, measurement))
+        decision = context.policy.decide(
+            observation(snapshot.time, snapshot.arm.pose, measurement)
+        )
         _record_decision(record, snapshot, measurement, decision)
         _record_prediction(context, record, snapshot)
         if decision.done[0]:
             return Event.PATH_DONE
-        # rad/s that takes out the error of pitch, by which the gripper no longer hangs upright
+        # rad/s that takes out the error of pitch, by which the gripper no longer hangs
+        # upright
         upright = TURN_GAIN * (fold_path.HANGING - snapshot.arm.pose.pitch)
         command = steps.drive(decision, upright)
 
 
 def _record_decision(
-    record: Recorder, snapshot: Snapshot, measurement: StripMeasurement, decision: Decision
+    record: Recorder,
+    snapshot: Snapshot,
+    measurement: StripMeasurement,
+    decision: Decision,
 ) -> None:
     """Record the policy's `decision` on the newest `measurement`, for `cell replay`."""
     pose = snapshot.arm.pose
     facts = {"sequence": measurement.sequence, "x": pose.x, "z": pose.z}
-    facts |= {"time": snapshot.time - record.origin, "direction": float(decision.direction[0])}
+    facts |= {
+        "time": snapshot.time - record.origin,
+        "direction": float(decision.direction[0]),
+    }
     record.event(snapshot.time, "decision", **facts, done=bool(decision.done[0]))
 
 
-def _record_prediction(context: FoldContext, record: Recorder, snapshot: Snapshot) -> None:
-    """Record the policy's prediction, and an event where it loses or regains its images."""
+def _record_prediction(
+    context: FoldContext, record: Recorder, snapshot: Snapshot
+) -> None:
+    """Record the policy's prediction, and an event where it loses or regains its
+    images.
+    """
     if not isinstance(context.policy, Predictor):
         return
     was_blind = context.predicted is not None and context.predicted.blind
@@ -212,15 +268,21 @@ def _record_prediction(context: FoldContext, record: Recorder, snapshot: Snapsho
         record.event(snapshot.time, "policy_sees", path="its own")
 
 
-def continue_to_lay(_context: FoldContext, record: Recorder, begin: Snapshot) -> steps.Phase:
-    """Record the layers' touch and begin the lay motion at once: a pause would shift the loop."""
+def continue_to_lay(
+    _context: FoldContext, record: Recorder, begin: Snapshot
+) -> steps.Phase:
+    """Record the layers' touch and begin the lay motion at once: a pause would shift
+    the loop.
+    """
     yield from ()
     record.event(begin.time, "touch_seen", x=begin.arm.pose.x, z=begin.arm.pose.z)
     return Event.SETTLED
 
 
 def lay(context: FoldContext, record: Recorder, begin: Snapshot) -> steps.Phase:
-    """Lower the grasped edge to the desk and push it to its target; Fault without a touch."""
+    """Lower the grasped edge to the desk and push it to its target; Fault without a
+    touch.
+    """
     touch = context.seen_touch
     settings = context.settings.fold
     if touch is None:
@@ -255,16 +317,27 @@ def release(context: FoldContext, record: Recorder, _: Snapshot) -> steps.Phase:
 
 
 def _compare_edges(context: FoldContext, loop: Loop, gripper: Pose) -> None:
-    """Compare the edges' offset by the image's `loop` with that by the `gripper` at the release."""
-    context.edge_offset = edge_offset(context.strip.length, context.strip.thickness, loop)
-    spreads = {"map, twice": 2.0 * context.calibration.residual, "loop": LaidWeights.shipped().rms}
-    context.witnesses.append(LengthCheck("edges", context.edge_offset + gripper.x, spreads))
+    """Compare the edges' offset by the image's `loop` with that by the `gripper` at the
+    release.
+    """
+    context.edge_offset = edge_offset(
+        context.strip.length, context.strip.thickness, loop
+    )
+    spreads = {
+        "map, twice": 2.0 * context.calibration.residual,
+        "loop": LaidWeights.shipped().rms,
+    }
+    context.witnesses.append(
+        LengthCheck("edges", context.edge_offset + gripper.x, spreads)
+    )
 
 
 def _laid_strip(
     context: FoldContext, frame: Frame, edge: Pose
 ) -> Generator[Command, Snapshot, StripMeasurement | None]:
-    """Measure the laid strip in `frame`, whose grasped edge was released near `edge`."""
+    """Measure the laid strip in `frame`, whose grasped edge was released near
+    `edge`.
+    """
     context.reader.submit(ImageTask(frame, edge), frame.arrival)
     result = context.reader.result()
     if isinstance(result, ImageResult):
@@ -272,7 +345,9 @@ def _laid_strip(
     return (yield from steps.wait_for(lambda now: now.view.read)).view.measurement
 
 
-def _visible_loop(context: FoldContext, measurement: StripMeasurement | None) -> Loop | None:
+def _visible_loop(
+    context: FoldContext, measurement: StripMeasurement | None
+) -> Loop | None:
     """Loop of the laid strip; None where no fold of the strip's length is visible."""
     if measurement is None:
         return None
@@ -282,7 +357,9 @@ def _visible_loop(context: FoldContext, measurement: StripMeasurement | None) ->
     return Loop.seen_in(measurement)
 
 
-def move_manually(context: ManualContext, _: Recorder, snapshot: Snapshot) -> steps.Phase:
+def move_manually(
+    context: ManualContext, _: Recorder, snapshot: Snapshot
+) -> steps.Phase:
     """Carry out the motion that a manual run asks for."""
     context.end = (yield from context.motion(snapshot)).arm.pose
     return Event.MOVED
@@ -301,7 +378,9 @@ MANUAL_PHASES = {State.PREFLIGHT: move_manually}
 
 
 def observation(time: float, gripper: Pose, seen: StripMeasurement) -> Observation:
-    """Observation for the policy at `time` [s], of the `gripper` and the strip as last `seen`."""
+    """Observation for the policy at `time` [s], of the `gripper` and the strip as last
+    `seen`.
+    """
     return Observation(
         time=np.array([time]),
         x=np.array([gripper.x]),
@@ -315,21 +394,30 @@ def observation(time: float, gripper: Pose, seen: StripMeasurement) -> Observati
     )
 
 
-def _lift_pitch_rate(travel: float, speed: float, pitch: float, acceleration: float) -> float:
-    """Pitch rate [rad/s] that follows the lift's pitch over `travel` [m] and comes to rest upright.
+def _lift_pitch_rate(
+    travel: float, speed: float, pitch: float, acceleration: float
+) -> float:
+    """Pitch rate [rad/s] that follows the lift's pitch over `travel` [m] and comes to
+    rest upright.
 
-    It brakes in time for an arm whose pitch accelerates at `acceleration` [rad/s^2] at most.
+    It brakes in time for an arm whose pitch accelerates at `acceleration` [rad/s^2] at
+    most.
     """
     target = float(lift_pitch(travel))
     slope = (float(lift_pitch(travel + SLOPE_TRAVEL)) - target) / SLOPE_TRAVEL  # rad/m
     rate = slope * speed + TURN_GAIN * (target - pitch)
-    return min(rate, sqrt(2.0 * BRAKING_SHARE * acceleration * max(fold_path.HANGING - pitch, 0.0)))
+    return min(
+        rate,
+        sqrt(2.0 * BRAKING_SHARE * acceleration * max(fold_path.HANGING - pitch, 0.0)),
+    )
 
 
 def _camera_checks(
     context: FoldContext,
 ) -> Generator[Command, Snapshot, tuple[PreflightCheck, ...]]:
-    """Check that the camera has not moved since its calibration, where landmarks are known."""
+    """Check that the camera has not moved since its calibration, where landmarks are
+    known.
+    """
     calibration = context.calibration
     landmarks = calibration.landmarks
     if landmarks is None:

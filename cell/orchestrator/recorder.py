@@ -1,4 +1,6 @@
-"""Recorders of a run, whose measured time begins with the lift, or once the strip hangs still."""
+"""Recorders of a run, whose measured time begins with the lift, or once the strip hangs
+still.
+"""
 
 from dataclasses import replace
 from typing import Any
@@ -11,7 +13,9 @@ from drivers.types import Array, Frame
 
 
 class Recorder:
-    """Base class of a run's recorders, which itself stores nothing; clock times in [s]."""
+    """Base class of a run's recorders, which itself stores nothing; clock times in
+    [s].
+    """
 
     @property
     def origin(self) -> float:
@@ -22,7 +26,9 @@ class Recorder:
         """Add `facts` to the run's header that were not known at its start."""
 
     def begin(self, clock: float) -> None:
-        """Start measured time at the clock time `clock` [s]; a second call restarts it."""
+        """Start measured time at the clock time `clock` [s]; a second call restarts
+        it.
+        """
 
     def tick(self, snapshot: Snapshot) -> None:
         """Record the `snapshot` of a control cycle."""
@@ -38,16 +44,19 @@ class Recorder:
 
 
 class FileRecorder(Recorder):
-    """Recorder that writes the folder of a run; t = 0 is the lift, or where the strip hangs still.
+    """Recorder that writes the folder of a run; t = 0 is the lift, or where the strip
+    hangs still.
 
-    Ticks and measurements are recorded from the lift on. Earlier images are kept until then and get
-    negative times; events carry the cell's clock, and the event `origin` states where t = 0 is. A
-    run that starts `hanging` counts the time of its streams from the event `lift`, and its tables
-    hold what came after `origin`.
+    Ticks and measurements are recorded from the lift on. Earlier images are kept until
+    then and get negative times; events carry the cell's clock, and the event `origin`
+    states where t = 0 is. A run that starts `hanging` counts the time of its streams
+    from the event `lift`, and its tables hold what came after `origin`.
     """
 
     def __init__(self, writer: RunWriter, *, hanging: bool = False) -> None:
-        """Record a run with `writer`; if `hanging`, the lift is not part of the measured time."""
+        """Record a run with `writer`; if `hanging`, the lift is not part of the
+        measured time.
+        """
         self._writer = writer
         self._hanging = hanging
         self._lift: float | None = None
@@ -64,7 +73,9 @@ class FileRecorder(Recorder):
         self._writer.describe(**facts)
 
     def begin(self, clock: float) -> None:
-        """Start measured time at the lift, `clock` [s], or once a `hanging` strip is still."""
+        """Start measured time at the lift, `clock` [s], or once a `hanging` strip is
+        still.
+        """
         if self._lift is None:
             self._lift = clock
             self._flush_early()
@@ -83,10 +94,14 @@ class FileRecorder(Recorder):
     def sight(self, measurement: StripMeasurement) -> None:
         """Record the measurement of the strip in one image; ignored before the lift."""
         if self._lift is not None and measurement.stamp >= self._lift:
-            self._writer.sight(replace(measurement, stamp=measurement.stamp - self._lift))
+            self._writer.sight(
+                replace(measurement, stamp=measurement.stamp - self._lift)
+            )
 
     def frame(self, frame: Frame) -> None:
-        """Record a measured image; images from before the lift are written once t = 0 is known."""
+        """Record a measured image; images from before the lift are written once t = 0
+        is known.
+        """
         if self._lift is None:
             self._early.append(frame)
         else:
@@ -97,12 +112,16 @@ class FileRecorder(Recorder):
         self._writer.event(clock, kind, **facts)
 
     def joints(self, rows: Array) -> None:
-        """Record the robot's joints at each of its ticks: `rows` (n, 29) on the cell's clock."""
+        """Record the robot's joints at each of its ticks: `rows` (n, 29) on the cell's
+        clock.
+        """
         if rows.size:
             self._writer.joints(rows, self.origin)
 
     def finish(self, result: dict[str, Any]) -> None:
-        """Complete the run's folder with `result`, written as result.yaml; allowed twice."""
+        """Complete the run's folder with `result`, written as result.yaml; allowed
+        twice.
+        """
         self._flush_early()
         self._writer.finish(result)
 

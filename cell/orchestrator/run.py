@@ -1,4 +1,6 @@
-"""Control loop of a run: sense, decide, check, command and record at the control rate."""
+"""Control loop of a run: sense, decide, check, command and record at the control
+rate.
+"""
 
 import signal
 import threading
@@ -15,7 +17,15 @@ from cell.orchestrator.monitors import Rules, check_all, slow_for_images
 from cell.orchestrator.outcome import INTERRUPTED, Outcome
 from cell.orchestrator.recorder import Recorder
 from cell.orchestrator.safe_stop import SafeStop, run_suppressed
-from cell.orchestrator.snapshot import CloseHand, Command, Drive, Hold, MoveTo, OpenHand, Snapshot
+from cell.orchestrator.snapshot import (
+    CloseHand,
+    Command,
+    Drive,
+    Hold,
+    MoveTo,
+    OpenHand,
+    Snapshot,
+)
 from cell.orchestrator.states import Event, Machine, State
 from cell.orchestrator.steps import Phase
 from cell.orchestrator.vision import MEASURED_STATES, RECORDED, View, Vision
@@ -23,21 +33,28 @@ from drivers.errors import Fault
 from drivers.types import ZERO_VELOCITY
 
 C = TypeVar("C", bound=Context)
-CYCLE_LIMIT = 1.0  # s of computing for a control cycle on the wall clock; the setting may be lower
+# s of computing for a control cycle on the wall clock; the setting may be lower
+CYCLE_LIMIT = 1.0
 
 
 class Observer(Protocol):
-    """Protocol of an observer of a run, such as the live view; it must not block or fail."""
+    """Protocol of an observer of a run, such as the live view; it must not block or
+    fail.
+    """
 
     def handle_tick(self, snapshot: Snapshot) -> None:
         """Receive the state of the cell at a tick; called on every tick."""
 
     def handle_event(self, time: float, kind: str, facts: dict[str, object]) -> None:
-        """Receive an event at `time` [s] of the cell's clock; called for every event."""
+        """Receive an event at `time` [s] of the cell's clock; called for every
+        event.
+        """
 
 
 class Run:
-    """Control loop of one run, which drives the devices through its states and records it."""
+    """Control loop of one run, which drives the devices through its states and records
+    it.
+    """
 
     def __init__(
         self,
@@ -48,10 +65,14 @@ class Run:
         observers: tuple[Observer, ...] = (),
         interrupted: Callable[[], bool] = lambda: False,
     ) -> None:
-        """Drive `devices` by `phases` of the `context`, functions by state, until the end."""
+        """Drive `devices` by `phases` of the `context`, functions by state, until the
+        end.
+        """
         self._devices = devices
         self._context = context
-        self._phases = {state: partial(phase, context) for state, phase in phases.items()}
+        self._phases = {
+            state: partial(phase, context) for state, phase in phases.items()
+        }
         self._recorder = recorder
         self._observers = observers
         self._interrupted = interrupted
@@ -76,7 +97,9 @@ class Run:
         self._velocity = ZERO_VELOCITY
 
     def execute(self) -> Outcome:
-        """Run once until the arm rests; errors are the outcome, Ctrl-C and failed braking raise."""
+        """Run once until the arm rests; errors are the outcome, Ctrl-C and failed
+        braking raise.
+        """
         clock = self._devices.clock
         period = 1.0 / self._context.settings.fold.control_rate
         start = clock.now()
@@ -138,7 +161,9 @@ class Run:
         self._notify(lambda observer: observer.handle_tick(snapshot))
 
     def _decide(self, snapshot: Snapshot) -> Command | None:
-        """Command of the present phase or of its successor; None once the run is over."""
+        """Command of the present phase or of its successor; None once the run is
+        over.
+        """
         try:
             if self._phase is not None:
                 return self._phase.send(snapshot)
@@ -149,7 +174,9 @@ class Run:
         return None if self._machine.over else self._decide(snapshot)
 
     def _brake(self, due: float) -> None:
-        """Execute a full cycle of braking, even when late; recorded and shown if possible."""
+        """Execute a full cycle of braking, even when late; recorded and shown if
+        possible.
+        """
         now = self._devices.clock.now()
         if now >= due:
             due = now + 1.0 / self._context.settings.fold.control_rate
@@ -157,16 +184,24 @@ class Run:
         if arm is not None and self._snapshot is not None:
             view = replace(self._snapshot.view, fresh=False, read=False)
             self._snapshot = snapshot = replace(
-                self._snapshot, time=arm.arrival, state=self._machine.state, arm=arm, view=view
+                self._snapshot,
+                time=arm.arrival,
+                state=self._machine.state,
+                arm=arm,
+                view=view,
             )
             run_suppressed(lambda: self._recorder.tick(snapshot))
             self._notify(lambda observer: observer.handle_tick(snapshot))
         self._rests = self._safe_stop.has_ended(arm)
         if self._rests and not self._machine.over:
-            run_suppressed(lambda: self._apply_event(Event.STOPPED, self._devices.clock.now()))
+            run_suppressed(
+                lambda: self._apply_event(Event.STOPPED, self._devices.clock.now())
+            )
 
     def _apply_event(self, event: Event, now: float) -> None:
-        """Apply an event to the state machine and record it; the lift starts measured time."""
+        """Apply an event to the state machine and record it; the lift starts measured
+        time.
+        """
         state = self._machine.apply(event)
         self._entered = now
         if state is State.LIFT:
@@ -175,7 +210,9 @@ class Run:
         self._phase = None
 
     def _stop(self, stopped: Outcome) -> None:
-        """Brake and enter STOPPING for the reason `stopped`; a run that is over keeps its state."""
+        """Brake and enter STOPPING for the reason `stopped`; a run that is over keeps
+        its state.
+        """
         self._stop_devices()
         self._stopped = stopped
         if not self._machine.over:
@@ -183,11 +220,17 @@ class Run:
             state = self._machine.apply(Event.STOP)
             facts = {"name": stopped.name, "reason": stopped.reason}
             run_suppressed(lambda: self._record_event(now, "fault", **facts))
-            run_suppressed(lambda: self._record_event(now, "state", state=state, event=Event.STOP))
+            run_suppressed(
+                lambda: self._record_event(now, "state", state=state, event=Event.STOP)
+            )
 
     def _stop_devices(self) -> None:
-        """Stop the arm, and fingers that move or were sent a command since their last state."""
-        seen = None if isinstance(self._command, OpenHand | CloseHand) else self._snapshot
+        """Stop the arm, and fingers that move or were sent a command since their last
+        state.
+        """
+        seen = (
+            None if isinstance(self._command, OpenHand | CloseHand) else self._snapshot
+        )
         self._safe_stop.apply(None if seen is None else seen.hand)
 
     def _record_event(self, now: float, kind: str, **facts: object) -> None:
@@ -196,7 +239,11 @@ class Run:
 
     def _notify(self, call: Callable[[Observer], None]) -> None:
         """Call `call` for all observers; one that raises is not called again."""
-        self._observers = tuple(o for o in self._observers if run_suppressed(lambda: call(o)))  # noqa: B023
+        self._observers = tuple(
+            o
+            for o in self._observers
+            if run_suppressed(lambda: call(o))  # noqa: B023
+        )
 
     def _sense(self) -> Snapshot:
         """Read arm, camera and hand, and record a new image with its measurement."""
@@ -263,16 +310,20 @@ class Run:
 
 @contextmanager
 def time_limit(limit: float) -> Iterator[None]:
-    """Raise Fault `turn_overtime` within the block once it takes longer than `limit` [s].
+    """Raise Fault `turn_overtime` within the block once it takes longer than `limit`
+    [s].
 
-    Uses SIGALRM, so it has no effect outside the main thread, and does not end code that never
-    returns to the interpreter; there the arm's driver brakes, for want of the cell's heartbeat.
+    Uses SIGALRM, so it has no effect outside the main thread, and does not end code
+    that never returns to the interpreter; there the arm's driver brakes, for want of
+    the cell's heartbeat.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
 
-    overtime = Fault("turn_overtime", f"a turn of the control loop takes longer than {limit:g} s")
+    overtime = Fault(
+        "turn_overtime", f"a turn of the control loop takes longer than {limit:g} s"
+    )
     expired = threading.Event()
 
     def expire(_number: int, _frame: FrameType | None) -> None:
@@ -286,5 +337,6 @@ def time_limit(limit: float) -> Iterator[None]:
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, before)
-    if expired.is_set():  # what was called, such as an observer or a plug-in, has suppressed it
+    # what was called, such as an observer or a plug-in, has suppressed it
+    if expired.is_set():
         raise overtime

@@ -19,7 +19,9 @@ def run_suppressed(action: Callable[[], object]) -> bool:
 
 
 class SafeStop:
-    """Emergency stop that repeats its command until the arm confirms it; uses no other device."""
+    """Emergency stop that repeats its command until the arm confirms it; uses no other
+    device.
+    """
 
     def __init__(self, devices: Devices, cycles: int) -> None:
         """Prepare to stop the arm of `devices` within `cycles` of the control loop."""
@@ -34,7 +36,9 @@ class SafeStop:
             run_suppressed(self._devices.hand.stop)
 
     def brake_one_cycle(self, due: float) -> ArmState | None:
-        """Brake for one cycle, at `due` [s]; returns the arm's state, None where it is silent."""
+        """Brake for one cycle, at `due` [s]; returns the arm's state, None where it is
+        silent.
+        """
         self._cycles_left -= 1
         run_suppressed(lambda: self._devices.clock.wait_until(due))
         states: list[ArmState] = []
@@ -44,7 +48,9 @@ class SafeStop:
         return states[0] if states else None
 
     def has_ended(self, arm: ArmState | None) -> bool:
-        """Whether the arm is at rest (it may still creep to its pose), or no cycle is left."""
+        """Whether the arm is at rest (it may still creep to its pose), or no cycle is
+        left.
+        """
         if self._cycles_left <= 0:
             return True
         if arm is None or arm.moving or not self._stop_sent:

@@ -1,4 +1,6 @@
-"""State of the cell at one tick of the control loop, and the commands to arm and hand."""
+"""State of the cell at one tick of the control loop, and the commands to arm and
+hand.
+"""
 
 from dataclasses import dataclass
 
@@ -10,10 +12,11 @@ from policies.prediction import FoldPrediction
 
 @dataclass(frozen=True, slots=True)
 class Snapshot:
-    """State of the cell at one tick of the control loop; times in seconds of the cell's clock.
+    """State of the cell at one tick of the control loop; times in seconds of the cell's
+    clock.
 
-    `entered` is when the state was entered, `velocity` the last commanded one, `predicted` the
-    policy's newest prediction.
+    `entered` is when the state was entered, `velocity` the last commanded one,
+    `predicted` the policy's newest prediction.
     """
 
     time: float
@@ -28,7 +31,9 @@ class Snapshot:
 
 @dataclass(frozen=True, slots=True)
 class MoveTo:
-    """Command to the arm: move to rest at `pose`; repeated on every tick of the move."""
+    """Command to the arm: move to rest at `pose`; repeated on every tick of the
+    move.
+    """
 
     pose: Pose
 

@@ -74,13 +74,16 @@ class Machine:
         self.state = State.IDLE
 
     def apply(self, event: Event) -> State:
-        """Apply `event`, return the new state; raises Fault for an event that is not allowed."""
+        """Apply `event`, return the new state; raises Fault for an event that is not
+        allowed.
+        """
         try:
             self.state = TRANSITIONS[self.state, event]
         except KeyError:
             allowed = ", ".join(e for s, e in TRANSITIONS if s is self.state) or "none"
             raise Fault(
-                "illegal_event", f"{event} in state {self.state}; allowed here: {allowed}"
+                "illegal_event",
+                f"{event} in state {self.state}; allowed here: {allowed}",
             ) from None
         return self.state
 

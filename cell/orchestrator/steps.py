@@ -1,7 +1,7 @@
 """Motions and waits of which phases consist: generators from snapshots to commands.
 
-Returning an event ends the state. A phase waits by yielding, so that one loop with its monitors and
-its record serves every motion.
+Returning an event ends the state. A phase waits by yielding, so that one loop with its
+monitors and its record serves every motion.
 """
 
 from collections.abc import Callable, Generator
@@ -11,7 +11,15 @@ from math import cos, sin
 import numpy as np
 
 from cell.devices.fold_path import TURNING
-from cell.orchestrator.snapshot import CloseHand, Command, Drive, Hold, MoveTo, OpenHand, Snapshot
+from cell.orchestrator.snapshot import (
+    CloseHand,
+    Command,
+    Drive,
+    Hold,
+    MoveTo,
+    OpenHand,
+    Snapshot,
+)
 from cell.orchestrator.states import Event
 from drivers.types import Frame, Pose, Velocity
 from policies.policy import Decision
@@ -25,7 +33,9 @@ POSE_TOLERANCE = 0.002  # m, rad: how near a finished move must have come
 
 @dataclass(frozen=True, slots=True)
 class StillPicture:
-    """Image `frame` taken at rest, when it arrived, `time` [s], and the gripper's pose."""
+    """Image `frame` taken at rest, when it arrived, `time` [s], and the gripper's
+    pose.
+    """
 
     time: float
     frame: Frame
@@ -33,7 +43,9 @@ class StillPicture:
 
 
 def wait_for(condition: Callable[[Snapshot], bool]) -> Motion:
-    """Keep the arm at rest until `condition` holds; returns the snapshot that satisfied it."""
+    """Keep the arm at rest until `condition` holds; returns the snapshot that satisfied
+    it.
+    """
     snapshot = yield Hold()
     while not condition(snapshot):
         snapshot = yield Hold()
@@ -56,7 +68,9 @@ def move(pose: Pose) -> Motion:
     return snapshot
 
 
-def still_picture(settling: float = SETTLE) -> Generator[Command, Snapshot, StillPicture]:
+def still_picture(
+    settling: float = SETTLE,
+) -> Generator[Command, Snapshot, StillPicture]:
     """First image taken once the arm has rested for `settling` [s]."""
     at_rest = yield from pause(settling)
     while True:
@@ -86,7 +100,8 @@ def _move_fingers(command: OpenHand | CloseHand) -> Motion:
 def rotate_hand(pitch: float) -> Generator[Command, Snapshot, Pose]:
     """Rotate the hand to `pitch` [rad] in place; returns the gripper's earlier pose.
 
-    An arm that turns its hand while it reaches far can run into the limits of its joints.
+    An arm that turns its hand while it reaches far can run into the limits of its
+    joints.
     """
     start = (yield Hold()).arm.commanded
     yield from move(Pose(start.x, start.z, pitch))
@@ -100,10 +115,11 @@ def is_at(snapshot: Snapshot, pose: Pose) -> bool:
 
 
 def drive(decision: Decision, pitch_rate: float) -> Drive:
-    """Velocity command for a `decision` on one strip, with a rotation at `pitch_rate` [rad/s].
+    """Velocity command for a `decision` on one strip, with a rotation at `pitch_rate`
+    [rad/s].
 
-    The rate is bounded: after a late tick the correction of the pitch may ask for more than an arm
-    gives.
+    The rate is bounded: after a late tick the correction of the pitch may ask for more
+    than an arm gives.
     """
     rate = min(max(pitch_rate, -TURNING), TURNING)
     direction = float(decision.direction[0])

@@ -1,4 +1,6 @@
-"""Vision of a run: strip measurement, layer touch and warnings from the newest camera image."""
+"""Vision of a run: strip measurement, layer touch and warnings from the newest camera
+image.
+"""
 
 from dataclasses import dataclass, replace
 from math import nan
@@ -19,16 +21,18 @@ IDLE_IMAGE_PERIOD = 0.1  # s between images where nothing is measured in them
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """Newest image and strip measurement of a run; times in seconds of the cell's clock.
+    """Newest image and strip measurement of a run; times in seconds of the cell's
+    clock.
 
-    `frame` is the newest image and `fresh` whether it arrived on this tick; `identical` counts the
-    successive images that equal it byte for byte although the gripper moved. `measurement` is the
-    last one, and `read` whether it is new on this tick; `touch` is the detected layer_touch,
-    `doubtful_since` when confidence fell below its limit, None while it is good. `reading_since` is
-    when the measurement in progress began, `reader_failure` why no image is measured any more.
-    `shift` [m] is the apparent motion of the camera since the preflight, `moved` the number of
-    successive images with one. `stale_since` is when the newest image became too old to move by,
-    else None. `resting` [m] is the distance between layers that rest without a touch.
+    `frame` is the newest image and `fresh` whether it arrived on this tick; `identical`
+    counts the successive images that equal it byte for byte although the gripper moved.
+    `measurement` is the last one, and `read` whether it is new on this tick; `touch` is
+    the detected layer_touch, `doubtful_since` when confidence fell below its limit,
+    None while it is good. `reading_since` is when the measurement in progress began,
+    `reader_failure` why no image is measured any more. `shift` [m] is the apparent
+    motion of the camera since the preflight, `moved` the number of successive images
+    with one. `stale_since` is when the newest image became too old to move by, else
+    None. `resting` [m] is the distance between layers that rest without a touch.
     """
 
     frame: Frame | None = None
@@ -47,10 +51,15 @@ class View:
 
 
 class Vision:
-    """Reader of the camera in each tick; in a fold it has the strip measured in the images."""
+    """Reader of the camera in each tick; in a fold it has the strip measured in the
+    images.
+    """
 
-    def __init__(self, camera: Camera, limits: MonitorLimits, reader: Reader | None) -> None:
-        """Read images from `camera`; `limits` hold for confidence, camera shift and image age.
+    def __init__(
+        self, camera: Camera, limits: MonitorLimits, reader: Reader | None
+    ) -> None:
+        """Read images from `camera`; `limits` hold for confidence, camera shift and
+        image age.
 
         The `reader` measures the images; without one they are only watched.
         """
@@ -62,14 +71,19 @@ class Vision:
         self._waiting: Frame | None = None  # the newest frame to be measured
 
     def update(self, state: State, now: float, arm: ArmHistory) -> View:
-        """Take a new image, have it measured in MEASURED_STATES; returns the view at `now` [s]."""
+        """Take a new image, have it measured in MEASURED_STATES; returns the view at
+        `now` [s].
+        """
         fresh = self._take_frame(state, arm)
         self._view = replace(self._view, fresh=fresh, read=False)
         reader = self._reader
-        if reader is not None and state is not State.PREFLIGHT:  # which reads its checks itself
+        # which reads its checks itself
+        if reader is not None and state is not State.PREFLIGHT:
             self._measure(state, now, arm, reader)
             self._view = replace(
-                self._view, reading_since=reader.busy_since, reader_failure=reader.failure
+                self._view,
+                reading_since=reader.busy_since,
+                reader_failure=reader.failure,
             )
         frame = self._view.frame
         stale = frame is not None and now - frame.stamp > self._limits.image_age
@@ -90,14 +104,20 @@ class Vision:
         self._view = replace(self._view, frame=frame, identical=identical)
         return True
 
-    def _measure(self, state: State, now: float, arm: ArmHistory, reader: Reader) -> None:
-        """Collect the finished measurement, if any, and begin that of the newest frame."""
+    def _measure(
+        self, state: State, now: float, arm: ArmHistory, reader: Reader
+    ) -> None:
+        """Collect the finished measurement, if any, and begin that of the newest
+        frame.
+        """
         while not reader.failure:
             if self._waiting is not None and reader.busy_since is None:
                 frame = self._waiting.restamp(-reader.latency)
                 self._waiting = None
                 may_touch = state is not State.LIFT
-                reader.submit(ImageTask(frame, arm.pose_at(frame.stamp), may_touch), now)
+                reader.submit(
+                    ImageTask(frame, arm.pose_at(frame.stamp), may_touch), now
+                )
             result = reader.result()
             if not isinstance(result, ImageResult):
                 return

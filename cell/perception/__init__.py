@@ -1,1 +1,3 @@
-"""Measurement from camera images: strip, layer touch, laid edges, motion of the camera."""
+"""Measurement from camera images: strip, layer touch, laid edges, motion of the
+camera.
+"""

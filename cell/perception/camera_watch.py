@@ -21,10 +21,12 @@ STRIDE = 64  # rows from one to the next that are compared first
 
 
 class FrozenImages:
-    """Detects a camera that repeats one image, by comparing every frame with the one before.
+    """Detects a camera that repeats one image, by comparing every frame with the one
+    before.
 
-    A camera is frozen when it repeats the same image, byte for byte, although the gripper has
-    moved. Equal images of a scene at rest prove nothing: a camera without noise delivers them.
+    A camera is frozen when it repeats the same image, byte for byte, although the
+    gripper has moved. Equal images of a scene at rest prove nothing: a camera without
+    noise delivers them.
     """
 
     def __init__(self) -> None:
@@ -33,7 +35,8 @@ class FrozenImages:
         self._identical = 0
 
     def count(self, frame: Frame, gripper: Pose) -> int:
-        """Number of equal images in a row, up to `frame`, between which the gripper moved.
+        """Number of equal images in a row, up to `frame`, between which the gripper
+        moved.
 
         `gripper` is the measured pose at the frame's stamp; 1 for a new image.
         """
@@ -48,13 +51,17 @@ class FrozenImages:
 
 
 def _equal(one: Image, other: Image) -> bool:
-    """Whether two images are equal; a few rows are compared first, which mostly suffices."""
+    """Whether two images are equal; a few rows are compared first, which mostly
+    suffices.
+    """
     first = slice(None, None, STRIDE)
     return np.array_equal(one[first], other[first]) and np.array_equal(one, other)
 
 
 def _distance(one: Pose, other: Pose) -> float:
-    """Larger of the gripper's displacement [m] between poses and the arc [m] of its finger tips."""
+    """Larger of the gripper's displacement [m] between poses and the arc [m] of its
+    finger tips.
+    """
     turn = FINGER_LENGTH * abs(one.pitch - other.pitch)
     return max(hypot(one.x - other.x, one.z - other.z), turn)
 
@@ -64,7 +71,8 @@ SEARCH_RADIUS = 12  # px about a patch's place in which it is searched
 MOST_PATCHES = 16  # patches that are kept
 FEWEST_PATCHES = 2  # patches that must be found to state a shift
 ALONG = 1.0  # px within which the shifts of most patches must agree
-PATCH_SIGMA = 0.3  # px, standard deviation of a patch's place by its structure and the noise
+# px, standard deviation of a patch's place by its structure and the noise
+PATCH_SIGMA = 0.3
 NOISE_WINDOW = 1.5  # px over which noise is averaged
 CAMERA_WATCHED = "camera is watched"  # name of the check
 UNWATCHED = "camera is not watched"  # its name where too few patches are known
@@ -72,11 +80,13 @@ UNWATCHED = "camera is not watched"  # its name where too few patches are known
 
 @dataclass(frozen=True, slots=True)
 class CameraWatch:
-    """Image patches of the still surroundings, by which motion of the camera is detected.
+    """Image patches of the still surroundings, by which motion of the camera is
+    detected.
 
-    They lie on the desk and about it, where nothing hides them for long: `corners` (n, 2), column
-    and row [px] of their first pixels, `patches`, their grey levels (PATCH_SIZE, PATCH_SIZE), and
-    `weights` (n,), the inverse variances [1/px^2] of their places.
+    They lie on the desk and about it, where nothing hides them for long: `corners` (n,
+    2), column and row [px] of their first pixels, `patches`, their grey levels
+    (PATCH_SIZE, PATCH_SIZE), and `weights` (n,), the inverse variances [1/px^2] of
+    their places.
     """
 
     corners: Array
@@ -85,8 +95,12 @@ class CameraWatch:
     calibration: Calibration
 
     @classmethod
-    def choose(cls, appearance: Appearance, calibration: Calibration, strip: StripFile) -> Self:
-        """Choose the patches whose shift is measured best, away from strip and waiting hand."""
+    def choose(
+        cls, appearance: Appearance, calibration: Calibration, strip: StripFile
+    ) -> Self:
+        """Choose the patches whose shift is measured best, away from strip and waiting
+        hand.
+        """
         grey = grey_of(appearance.scene.background.image)
         sigma = _place_deviation(grey, appearance.scene.sensor)
         hidden = strip_zone(calibration, strip.length)
@@ -98,12 +112,16 @@ class CameraWatch:
         sigma[~watched | (hidden > 0)] = np.inf
         corners, weights = _choose_patches(sigma)
         soft = _denoised(grey)
-        patches = tuple(soft[v : v + PATCH_SIZE, u : u + PATCH_SIZE].copy() for u, v in corners)
+        patches = tuple(
+            soft[v : v + PATCH_SIZE, u : u + PATCH_SIZE].copy() for u, v in corners
+        )
         places = np.array(corners, dtype=np.float64).reshape(-1, 2)
         return cls(places, patches, np.array(weights), calibration)
 
     def check(self) -> PreflightCheck:
-        """Passing check that states whether enough patches are known to notice camera motion."""
+        """Passing check that states whether enough patches are known to notice camera
+        motion.
+        """
         count = len(self.patches)
         name = CAMERA_WATCHED
         reason = f"{count} static patches are visible, {FEWEST_PATCHES} are needed"
@@ -114,16 +132,19 @@ class CameraWatch:
             name=name,
             passed=True,
             reason=reason,
-            remedy="put something with a pattern where the strip does not hide it, or light it "
-            "better",
+            remedy=(
+                "put something with a pattern where the strip does not hide it, or"
+                " light it better"
+            ),
         )
 
     def shift(self, image: Image, gripper: Pose) -> float:
-        """Apparent shift [m] of the scene in `image` (h, w, 3) since the preflight image.
+        """Apparent shift [m] of the scene in `image` (h, w, 3) since the preflight
+        image.
 
-        The weighted median over the patches, where most of them agree, so that shadows on some do
-        not count; brightness does not either. NaN where too few patches are found. `gripper` is the
-        measured pose at the image's stamp.
+        The weighted median over the patches, where most of them agree, so that shadows
+        on some do not count; brightness does not either. NaN where too few patches are
+        found. `gripper` is the measured pose at the image's stamp.
         """
         shifts = self._find_all(image, gripper)
         visible = np.isfinite(shifts[:, 0])
@@ -131,16 +152,23 @@ class CameraWatch:
             return nan
         shifts = shifts[visible]
         weights = self.weights[visible]
-        common = np.quantile(shifts, 0.5, axis=0, weights=weights, method="inverted_cdf")
+        common = np.quantile(
+            shifts, 0.5, axis=0, weights=weights, method="inverted_cdf"
+        )
         alike = np.hypot(*(shifts - common).T) <= ALONG
-        if np.count_nonzero(alike) < FEWEST_PATCHES or 2 * weights[alike].sum() <= weights.sum():
+        if (
+            np.count_nonzero(alike) < FEWEST_PATCHES
+            or 2 * weights[alike].sum() <= weights.sum()
+        ):
             return nan
         corner = self.corners[visible][:1]
         to_plane = self.calibration.to_plane
         return float(np.hypot(*(to_plane(corner + common) - to_plane(corner))[0]))
 
     def _find_all(self, image: Image, gripper: Pose) -> Array:
-        """Shifts (n, 2) [px] of the patches in `image`, NaN of those hidden or not found."""
+        """Shifts (n, 2) [px] of the patches in `image`, NaN of those hidden or not
+        found.
+        """
         clear = without_hand(Region.whole(image), self.calibration, gripper)
         moved = np.full(self.corners.shape, nan)
         for i, (u, v) in enumerate(self.corners.astype(int).tolist()):
@@ -154,7 +182,9 @@ class CameraWatch:
 
 
 def _choose_patches(sigma: Array) -> tuple[list[tuple[int, int]], list[float]]:
-    """Corners (column, row) [px] and weights of the best patches; overwrites `sigma` (h, w)."""
+    """Corners (column, row) [px] and weights of the best patches; overwrites `sigma`
+    (h, w).
+    """
     corners: list[tuple[int, int]] = []
     weights: list[float] = []
     while len(corners) < MOST_PATCHES and sigma.min() <= PATCH_SIGMA:
@@ -168,7 +198,8 @@ def _choose_patches(sigma: Array) -> tuple[list[tuple[int, int]], list[float]]:
 
 
 def _place_deviation(grey: Image, noise: float) -> Array:
-    """Standard deviation (h, w) [px] of the measured shift of a patch centred at each pixel.
+    """Standard deviation (h, w) [px] of the measured shift of a patch centred at each
+    pixel.
 
     In its less sure direction; `noise` [grey levels] is that of two pixels' difference.
     """
@@ -185,7 +216,8 @@ def _place_deviation(grey: Image, noise: float) -> Array:
 
 
 def _find_shift(window: Image, patch: Image) -> Array:
-    """Shift (2,) [px] of `patch` (n, n) in a `window` SEARCH_RADIUS wider, NaN where not found.
+    """Shift (2,) [px] of `patch` (n, n) in a `window` SEARCH_RADIUS wider, NaN where
+    not found.
 
     A patch at the window's border may lie outside of it.
     """

@@ -1,4 +1,6 @@
-"""Tracking of a strip's held end in images alone, for films without the poses of an arm."""
+"""Tracking of a strip's held end in images alone, for films without the poses of an
+arm.
+"""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -24,9 +26,12 @@ END_LENGTH = 0.04  # m at the profile's end from which it is extrapolated
 MOST_STEPS = 5.0  # times the last motion of the end, by which it is extrapolated
 UPRIGHT_HEIGHT = 0.1  # m of lift after which the end hangs upright
 LIFTS = (0.03, 0.045, 0.06, 0.08)  # m, heights at which a newly lifted end is searched
-FACE = ((0.004, 0.011), (0.0, 0.003))  # m along and above the strip's end: pixels of the clip
-ALIKE = 4.0  # standard deviations: colour distance up to which a pixel belongs to the clip
-APART = 8.0  # standard deviations of a clip's colour from those of strip and desk, at least
+# m along and above the strip's end: pixels of the clip
+FACE = ((0.004, 0.011), (0.0, 0.003))
+# standard deviations: colour distance up to which a pixel belongs to the clip
+ALIKE = 4.0
+# standard deviations of a clip's colour from those of strip and desk, at least
+APART = 8.0
 FRONT = 0.05  # quantile of the face along its axis at which its front lies
 FARTHEST = 0.02  # m from the strip's end to the clip's front at most
 WINDOW = 0.08  # m about the end's last place in which the clip is searched
@@ -39,14 +44,17 @@ BESIDE = 0.001  # m to either side, where a line may miss a clip's narrow mouth
 EDGE_ON = 0.002  # m, apparent width of a strip's face up to which it is seen edge on
 SURE = 0.004  # m of foreign colour that end the strip
 UNLIKE = 4.0  # standard deviations: colour distance from which a colour is foreign
-SEARCH_STEPS = (-0.03, -0.015, 0.015, 0.03)  # m about the expected end, where it is not found
+# m about the expected end, where it is not found
+SEARCH_STEPS = (-0.03, -0.015, 0.015, 0.03)
 
 
 @dataclass(frozen=True, slots=True)
 class Face:
-    """Visible face of the clip that holds a strip: `area` [px], `front` (2,) [m], `axis` [rad].
+    """Visible face of the clip that holds a strip: `area` [px], `front` (2,) [m],
+    `axis` [rad].
 
-    The front is where its axis enters it from the strip: fingers hide a part of the other end.
+    The front is where its axis enters it from the strip: fingers hide a part of the
+    other end.
     """
 
     area: float
@@ -56,7 +64,9 @@ class Face:
 
     @classmethod
     def from_places(cls, places: Array, pitch: float) -> Self:
-        """Face whose pixels lie at `places` (n, 2) [m], its axis within pi/2 of `pitch` [rad]."""
+        """Face whose pixels lie at `places` (n, 2) [m], its axis within pi/2 of `pitch`
+        [rad].
+        """
         middle = places.mean(axis=0)
         variances, axes = np.linalg.eigh(np.cov((places - middle).T))
         axis = axes[:, 1]
@@ -64,19 +74,27 @@ class Face:
             axis = -axis
         front = middle + np.quantile((places - middle) @ axis, FRONT) * axis
         slenderness = float(np.sqrt(variances[1] / max(variances[0], 1e-12)))
-        return cls(float(len(places)), front, float(np.arctan2(axis[1], axis[0])), slenderness)
+        return cls(
+            float(len(places)), front, float(np.arctan2(axis[1], axis[0])), slenderness
+        )
 
 
 @dataclass(frozen=True, slots=True)
 class Clip:
-    """Clip that holds a strip: `colour` (3,) BGR, `face` at rest, front from the strip's end."""
+    """Clip that holds a strip: `colour` (3,) BGR, `face` at rest, front from the
+    strip's end.
+    """
 
     colour: Array
     face: Face
 
     @classmethod
-    def learn(cls, image: Image, calibration: Calibration, strip: StripFile) -> Self | None:
-        """Learn the clip at the end of `strip` from `image` (h, w, 3) at rest; None without one."""
+    def learn(
+        cls, image: Image, calibration: Calibration, strip: StripFile
+    ) -> Self | None:
+        """Learn the clip at the end of `strip` from `image` (h, w, 3) at rest; None
+        without one.
+        """
         (begin, stop), height = FACE
         span = (strip.length + begin, strip.length + stop)
         colour = np.median(sample_rectangle(image, calibration, span, height), axis=0)
@@ -92,17 +110,23 @@ class Clip:
         return cls(colour, replace(face, front=offset)) if is_at_end else None
 
     def find(self, image: Image, calibration: Calibration, last: Pose) -> Pose | None:
-        """Pose of the strip's end by its clip in `image` (h, w, 3), near `last`; None if hidden."""
+        """Pose of the strip's end by its clip in `image` (h, w, 3), near `last`; None
+        if hidden.
+        """
         face = _face(image, calibration, self.colour, last)
         if face is None or not SMALLEST < face.area / self.face.area < LARGEST:
             return None
         pitch = face.axis - self.face.axis
         cosine, sine = np.cos(pitch), np.sin(pitch)
-        x, z = face.front - np.array([(cosine, -sine), (sine, cosine)]) @ self.face.front
+        x, z = (
+            face.front - np.array([(cosine, -sine), (sine, cosine)]) @ self.face.front
+        )
         return Pose(float(x), float(z), float(pitch))
 
 
-def _face(image: Image, calibration: Calibration, colour: Array, last: Pose) -> Face | None:
+def _face(
+    image: Image, calibration: Calibration, colour: Array, last: Pose
+) -> Face | None:
     """Largest region of a `colour` (3,) BGR near the `last` end; None without one."""
     corners = np.array([(-1, -1), (-1, 1), (1, -1), (1, 1)]) * WINDOW + (last.x, last.z)
     size = (calibration.lens.width, calibration.lens.height)
@@ -112,15 +136,21 @@ def _face(image: Image, calibration: Calibration, colour: Array, last: Pose) -> 
     region = _largest_region(image[top:bottom, left:right], colour)
     if region is None:
         return None
-    return Face.from_places(calibration.to_plane(region + np.array([left, top])), last.pitch)
+    return Face.from_places(
+        calibration.to_plane(region + np.array([left, top])), last.pitch
+    )
 
 
 def _largest_region(image: Image, colour: Array) -> Array | None:
-    """Columns and rows (n, 2) of the largest region of a `colour` in `image`; None without one."""
+    """Columns and rows (n, 2) of the largest region of a `colour` in `image`; None
+    without one.
+    """
     if image.size == 0:
         return None
     alike = colour_distances(image.astype(np.float64), colour[None])[..., 0] < ALIKE
-    mask = cv2.morphologyEx(alike.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    mask = cv2.morphologyEx(
+        alike.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)
+    )
     _, labels, pieces, _ = cv2.connectedComponentsWithStats(mask)
     if len(pieces) < 2:
         return None
@@ -131,7 +161,9 @@ def _largest_region(image: Image, colour: Array) -> Array | None:
 
 @dataclass(frozen=True, slots=True)
 class HeldMeasurement:
-    """Strip measured in one image, and the pose of its held `end`, None where it is hidden."""
+    """Strip measured in one image, and the pose of its held `end`, None where it is
+    hidden.
+    """
 
     measurement: StripMeasurement
     end: Pose | None
@@ -140,9 +172,9 @@ class HeldMeasurement:
 class HeldEnd:
     """Tracks the pose of a strip's held end from image to image of a film.
 
-    The end is the point at the strip's full length along the extrapolated profile. Its place in
-    turn limits where the profile is measured, so both are iterated from the expected end. Where a
-    clip that holds the end is visible, the end is in its mouth.
+    The end is the point at the strip's full length along the extrapolated profile. Its
+    place in turn limits where the profile is measured, so both are iterated from the
+    expected end. Where a clip that holds the end is visible, the end is in its mouth.
     """
 
     def __init__(
@@ -156,11 +188,14 @@ class HeldEnd:
         self._clip = clip
         self._perception = Perception(calibration, strip, appearance)
         self._strip = strip
-        self._to_mouth = np.zeros(2)  # m, from where the clip's face says that the mouth is
+        # m, from where the clip's face says that the mouth is
+        self._to_mouth = np.zeros(2)
         self._past: list[tuple[float, Pose]] = []
 
     def measure(self, frame: Frame) -> HeldMeasurement:
-        """Measure the strip and its held end in `frame`, which is later than all before it."""
+        """Measure the strip and its held end in `frame`, which is later than all before
+        it.
+        """
         last = self._past[-1][1] if self._past else Pose(self._strip.length, 0.0, 0.0)
         clip = self._clip
         face = None if clip is None else clip.find(frame.image, self._calibration, last)
@@ -174,34 +209,52 @@ class HeldEnd:
         return best if sure else replace(best, end=None)
 
     def _at_mouth(self, frame: Frame, clip: Clip, face: Pose) -> HeldMeasurement:
-        """Measure up to the mouth of the `clip`, near the pose `face` of its visible face.
+        """Measure up to the mouth of the `clip`, near the pose `face` of its visible
+        face.
 
-        The clip's depth moves its face by parallax; the mouth is where the strip's near edge ends.
-        It stays where it was in the face while the strip is seen edge on, and the clip before it.
+        The clip's depth moves its face by parallax; the mouth is where the strip's near
+        edge ends. It stays where it was in the face while the strip is seen edge on,
+        and the clip before it.
         """
-        rough = replace(face, x=face.x + self._to_mouth[0], z=face.z + self._to_mouth[1])
+        rough = replace(
+            face, x=face.x + self._to_mouth[0], z=face.z + self._to_mouth[1]
+        )
         measurement = self._perception.measure(frame, rough)
         view = self._calibration.viewpoint
-        over = (view.foot() - (face.x, face.z)) @ (-np.sin(face.pitch), np.cos(face.pitch))
+        over = (view.foot() - (face.x, face.z)) @ (
+            -np.sin(face.pitch),
+            np.cos(face.pitch),
+        )
         face_width = view.sweep(self._strip.width) * abs(over)
         if len(measurement.profile) > 2 and face_width > EDGE_ON:
             distances = np.arange(-AROUND[0], AROUND[1], FINE)
             line, _ = _extrapolate(measurement.profile, distances)
             place = find_end(
-                frame.image, self._calibration, self._strip.thickness, line.T, clip.colour
+                frame.image,
+                self._calibration,
+                self._strip.thickness,
+                line.T,
+                clip.colour,
             )
             mouth = interpolate_columns(place, distances + AROUND[0], line.T)
             if np.hypot(*(mouth - (face.x, face.z))) < FARTHEST:  # not where it is NaN
                 self._to_mouth = mouth - (face.x, face.z)
         x, z = (float(value) for value in np.array([face.x, face.z]) + self._to_mouth)
-        return HeldMeasurement(replace(measurement, gripper=(x, z)), replace(face, x=x, z=z))
+        return HeldMeasurement(
+            replace(measurement, gripper=(x, z)), replace(face, x=x, z=z)
+        )
 
     def _search(self, frame: Frame) -> HeldMeasurement:
-        """Measure from guesses of the held end's pose, until confidence in a profile suffices."""
+        """Measure from guesses of the held end's pose, until confidence in a profile
+        suffices.
+        """
         first, *guesses = self._guesses(frame.stamp)
         best = self._iterate(frame, first)
         for guess in guesses:
-            if best.end is not None and best.measurement.confidence >= PROFILE_CONFIDENCE:
+            if (
+                best.end is not None
+                and best.measurement.confidence >= PROFILE_CONFIDENCE
+            ):
                 break
             measured = self._iterate(frame, guess)
             if measured.measurement.confidence > best.measurement.confidence:
@@ -209,7 +262,9 @@ class HeldEnd:
         return best
 
     def _guesses(self, stamp: float) -> Iterator[Pose]:
-        """Guesses of the held end's pose: extrapolated, last, nearby; at first, lifted slightly."""
+        """Guesses of the held end's pose: extrapolated, last, nearby; at first, lifted
+        slightly.
+        """
         if not self._past:
             length = self._strip.length
             yield Pose(length, 0.0, 0.0)
@@ -235,7 +290,9 @@ class HeldEnd:
         return Pose(float(ahead[0]), max(float(ahead[1]), 0.0), last.pitch)
 
     def _iterate(self, frame: Frame, guess: Pose) -> HeldMeasurement:
-        """Measure by fixed-point iteration from `guess`; no end where it does not converge."""
+        """Measure by fixed-point iteration from `guess`; no end where it does not
+        converge.
+        """
         for _ in range(ROUNDS):
             measurement = self._perception.measure(frame, guess)
             end = self._end_pose(measurement)
@@ -244,11 +301,15 @@ class HeldEnd:
             moved = float(np.hypot(end.x - guess.x, end.z - guess.z))
             guess = end
             if moved < CLOSE:
-                return HeldMeasurement(replace(measurement, gripper=(end.x, end.z)), end)
+                return HeldMeasurement(
+                    replace(measurement, gripper=(end.x, end.z)), end
+                )
         return HeldMeasurement(measurement, None)
 
     def _end_pose(self, measurement: StripMeasurement) -> Pose | None:
-        """Pose at the strip's full length along the extrapolated profile; None without profile."""
+        """Pose at the strip's full length along the extrapolated profile; None without
+        profile.
+        """
         curve = measurement.profile
         if len(curve) < 2:
             return None
@@ -256,47 +317,66 @@ class HeldEnd:
         within = curve[along <= self._strip.length]
         if len(within) < 2:
             return None
-        (x, z), slope = _extrapolate(within, self._strip.length - float(along[len(within) - 1]))
+        (x, z), slope = _extrapolate(
+            within, self._strip.length - float(along[len(within) - 1])
+        )
         return Pose(float(x), float(z), float(np.arctan2(slope[1], slope[0])))
 
 
 def _extrapolate(curve: Array, distance: float | Array) -> tuple[Array, Array]:
-    """Places (2, ...) and slopes (2, ...) at a `distance` (...) [m] beyond a curve (n, 2) [m].
+    """Places (2, ...) and slopes (2, ...) at a `distance` (...) [m] beyond a curve (n,
+    2) [m].
 
     By a parabola of its end.
     """
     along = arc_lengths(curve)
     back = along - along[-1]
     last = back >= max(-END_LENGTH, float(back[0]))
-    fit = np.polynomial.polynomial.polyfit(back[last], curve[last], min(2, last.sum() - 1))
+    fit = np.polynomial.polynomial.polyfit(
+        back[last], curve[last], min(2, last.sum() - 1)
+    )
     place = np.polynomial.polynomial.polyval(distance, fit)
-    slope = np.polynomial.polynomial.polyval(distance, np.polynomial.polynomial.polyder(fit))
+    slope = np.polynomial.polynomial.polyval(
+        distance, np.polynomial.polynomial.polyder(fit)
+    )
     return np.asarray(place), np.asarray(slope)
 
 
 def find_end(
-    image: Image, calibration: Calibration, thickness: float, line: Array, clip: Array | None = None
+    image: Image,
+    calibration: Calibration,
+    thickness: float,
+    line: Array,
+    clip: Array | None = None,
 ) -> float:
-    """Distance [m] along a `line` (n, 2) at which the near edge of a strip ends; NaN where unseen.
+    """Distance [m] along a `line` (n, 2) at which the near edge of a strip ends; NaN
+    where unseen.
 
-    The line, points FINE apart, begins on the strip's midline and leads on past its end, where
-    another colour is, or that of the `clip` (3,). The rows searched show the strip's thickness: its
-    face ends elsewhere in the image, the further back the more.
+    The line, points FINE apart, begins on the strip's midline and leads on past its
+    end, where another colour is, or that of the `clip` (3,). The rows searched show the
+    strip's thickness: its face ends elsewhere in the image, the further back the more.
     """
     ahead = np.gradient(line, axis=0)
     aside = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1) / np.hypot(*ahead.T)[:, None]
     offsets = np.linspace(-1.0, 1.0, ROWS) * (thickness / 4 if clip is None else BESIDE)
     rows = sample_plane(image, calibration, line + offsets[:, None, None] * aside)
     starts = np.median(rows[:, : len(line) // 4], axis=1)
-    edges = np.array([colour_edge(*pair, clip) for pair in zip(rows, starts, strict=True)])
-    return FINE * float(np.median(edges[np.isfinite(edges)])) if np.isfinite(edges).any() else nan
+    edges = np.array(
+        [colour_edge(*pair, clip) for pair in zip(rows, starts, strict=True)]
+    )
+    return (
+        FINE * float(np.median(edges[np.isfinite(edges)]))
+        if np.isfinite(edges).any()
+        else nan
+    )
 
 
 def colour_edge(row: Array, colour: Array, beyond: Array | None = None) -> float:
-    """Index of the sample at which `row` (m, 3) of BGR changes from `colour` (3,) to another.
+    """Index of the sample at which `row` (m, 3) of BGR changes from `colour` (3,) to
+    another.
 
-    The other, nearer to `beyond` (3,) where that is given, lasts for SURE; the edge lies at half
-    the change. NaN without an edge.
+    The other, nearer to `beyond` (3,) where that is given, lasts for SURE; the edge
+    lies at half the change. NaN without an edge.
     """
     length = round(SURE / FINE)
     away = colour_distances(row, colour[None])[:, 0]
@@ -304,11 +384,14 @@ def colour_edge(row: Array, colour: Array, beyond: Array | None = None) -> float
     if beyond is not None:
         foreign &= colour_distances(row, beyond[None])[:, 0] < away
     start = int(np.argmin(foreign))  # a row may begin in a shadow
-    lasting = np.flatnonzero(np.convolve(foreign[start:], np.ones(length), "valid") == length)
+    lasting = np.flatnonzero(
+        np.convolve(foreign[start:], np.ones(length), "valid") == length
+    )
     if foreign[start] or len(lasting) == 0:
         return nan
     end = start + lasting[0] + length
     change = np.median(row[end - length // 2 : end], axis=0) - colour
     progress = (row[start:end] - colour) @ change / (change @ change)  # from 0 to 1
-    last = int(np.max(np.flatnonzero(progress[:-1] < 0.5), initial=0))  # before half the change
+    # before half the change
+    last = int(np.max(np.flatnonzero(progress[:-1] < 0.5), initial=0))
     return float(start + last + np.interp(0.5, progress[last : last + 2], (0.0, 1.0)))

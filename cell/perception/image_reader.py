@@ -1,4 +1,6 @@
-"""Measurement of a strip image by image, in the control loop or in a separate process."""
+"""Measurement of a strip image by image, in the control loop or in a separate
+process.
+"""
 
 import gc
 import os
@@ -24,14 +26,18 @@ from drivers.types import Frame, Pose
 
 START_TIMEOUT = 60.0  # s for the process to start, its libraries included
 ENDED = "the process for images has ended"
-NO_IMAGE = np.empty((0, 0, 3), np.uint8)  # of a frame in a message: its image is in shared memory
-# above recording and display, where permitted; never real-time, since it computes all the time
+# of a frame in a message: its image is in shared memory
+NO_IMAGE = np.empty((0, 0, 3), np.uint8)
+# above recording and display, where permitted; never real-time, since it computes all
+# the time
 NICE = -10
 
 
 @dataclass(frozen=True, slots=True)
 class ImageResult:
-    """Measurement of one image, layers' `touch` if certain, camera `shift` [m], gap at rest [m]."""
+    """Measurement of one image, layers' `touch` if certain, camera `shift` [m], gap at
+    rest [m].
+    """
 
     measurement: StripMeasurement
     touch: SeenTouch | None
@@ -60,7 +66,9 @@ class Measurer:
         self._touch = LayerTouch(inputs.strip)
 
     def inspect(self, frame: Frame) -> tuple[PreflightCheck, ...]:
-        """Check the image taken before the grasp, and learn the strip's colours from it."""
+        """Check the image taken before the grasp, and learn the strip's colours from
+        it.
+        """
         calibration, strip = self._inputs.calibration, self._inputs.strip
         inspection = inspect(frame, calibration, strip)
         appearance = inspection.appearance
@@ -71,17 +79,23 @@ class Measurer:
         return *inspection.checks, self._camera.check()
 
     def measure(self, frame: Frame, gripper: Pose, *, touches: bool) -> ImageResult:
-        """Measure the strip in `frame`, taken at `gripper`; if `touches`, detect layer touch.
+        """Measure the strip in `frame`, taken at `gripper`; if `touches`, detect layer
+        touch.
 
         Raises Fault `no_perception` before an accepted image.
         """
         if self._perception is None or self._camera is None:
-            raise Fault("no_perception", "a frame came before the preflight image was accepted")
+            raise Fault(
+                "no_perception", "a frame came before the preflight image was accepted"
+            )
         measurement = self._perception.measure(frame, gripper)
         touch = self._touch.update(measurement, gripper) if touches else None
         shift = self._camera.shift(frame.image, gripper)
         return ImageResult(
-            measurement=measurement, touch=touch, shift=shift, resting=self._touch.resting()
+            measurement=measurement,
+            touch=touch,
+            shift=shift,
+            resting=self._touch.resting(),
         )
 
 
@@ -90,14 +104,18 @@ Maker = Callable[[StripInputs], Measurer]
 
 @dataclass(frozen=True, slots=True)
 class ImageTask:
-    """Image `frame` to check, before the grasp (`gripper` None), or to measure, with `touches`."""
+    """Image `frame` to check, before the grasp (`gripper` None), or to measure, with
+    `touches`.
+    """
 
     frame: Frame
     gripper: Pose | None = None
     touches: bool = False
 
     def answer(self, measurer: Measurer) -> Answer:
-        """Measurement of the image by `measurer`, or preflight checks if taken before the grasp."""
+        """Measurement of the image by `measurer`, or preflight checks if taken before
+        the grasp.
+        """
         if self.gripper is None:
             return measurer.inspect(self.frame)
         return measurer.measure(self.frame, self.gripper, touches=self.touches)
@@ -106,8 +124,8 @@ class ImageTask:
 class InlineReader:
     """Measures images within a cycle of the control loop, for runs on a virtual clock.
 
-    `latency` [s] is how much earlier than its stamp an image shows the world. It is never busy and
-    never fails.
+    `latency` [s] is how much earlier than its stamp an image shows the world. It is
+    never busy and never fails.
     """
 
     busy_since: float | None = None
@@ -132,13 +150,16 @@ class InlineReader:
 class ProcessReader:
     """Measures images in a separate process, for runs on the wall clock.
 
-    The process is given one image at a time, in shared memory. Nothing waits for it: one that hangs
-    keeps its answer, and one that dies states its `failure`. `busy_since` is the time [s] at which
-    the image being measured was submitted, None while idle; `latency` is as of `InlineReader`.
+    The process is given one image at a time, in shared memory. Nothing waits for it:
+    one that hangs keeps its answer, and one that dies states its `failure`.
+    `busy_since` is the time [s] at which the image being measured was submitted, None
+    while idle; `latency` is as of `InlineReader`.
     """
 
     def __init__(self, inputs: StripInputs, maker: Maker = Measurer) -> None:
-        """Start the measuring process; Fault `image_reader_dead` if it does not start in time."""
+        """Start the measuring process; Fault `image_reader_dead` if it does not start
+        in time.
+        """
         lens = inputs.calibration.lens
         self._shape = lens.height, lens.width, 3
         self.latency = inputs.calibration.latency
@@ -152,23 +173,32 @@ class ProcessReader:
             reason = str(died)
         if reason:
             self.close()
-            raise Fault("image_reader_dead", f"the process for images did not start: {reason}")
+            raise Fault(
+                "image_reader_dead", f"the process for images did not start: {reason}"
+            )
 
     def submit(self, request: ImageTask, now: float) -> None:
-        """Send the image of `request` to the process; Fault `image_size` for another size."""
+        """Send the image of `request` to the process; Fault `image_size` for another
+        size.
+        """
         image = request.frame.image
         if image.shape != self._shape:
             h, w, _ = self._shape
-            raise Fault("image_size", f"an image of {image.shape[:2]} pixels, not {h} x {w}")
+            raise Fault(
+                "image_size", f"an image of {image.shape[:2]} pixels, not {h} x {w}"
+            )
         self._image.write(image)
         self.busy_since = now
         self._child.send(replace(request, frame=replace(request.frame, image=NO_IMAGE)))
 
     def result(self) -> Answer | None:
-        """Measurement or checks of the last image, once; None until ready or after a failure."""
+        """Measurement or checks of the last image, once; None until ready or after a
+        failure.
+        """
         if self.failure:
             return None
-        ends = self._child.ends  # read first, so that its last message is still received
+        # read first, so that its last message is still received
+        ends = self._child.ends
         try:
             answer: Answer | None = self._child.receive(0.0)
         except ChildDied as died:
@@ -190,9 +220,15 @@ Reader = InlineReader | ProcessReader
 
 
 def read_images(
-    pipe: Connection, inputs: StripInputs, maker: Maker, shape: tuple[int, ...], image: SharedImage
+    pipe: Connection,
+    inputs: StripInputs,
+    maker: Maker,
+    shape: tuple[int, ...],
+    image: SharedImage,
 ) -> None:
-    """Main function of the measuring process: answers each image until `pipe` is closed."""
+    """Main function of the measuring process: answers each image until `pipe` is
+    closed.
+    """
     _raise_priority()
     cv2.setNumThreads(1)
     measurer = maker(inputs)
@@ -207,9 +243,10 @@ def read_images(
 def _raise_priority() -> None:
     """Raise the priority of this process among ordinary processes, not to real time.
 
-    A process that computes without a pause must not have real-time priority: it would use up what
-    the kernel leaves to all such processes, and for 50 ms in a second none of them runs, the
-    robot's included (sched_rt_runtime_us in the kernel's documentation).
+    A process that computes without a pause must not have real-time priority: it would
+    use up what the kernel leaves to all such processes, and for 50 ms in a second none
+    of them runs, the robot's included (sched_rt_runtime_us in the kernel's
+    documentation).
     """
     with suppress(PermissionError):
         os.setpriority(os.PRIO_PROCESS, 0, NICE)

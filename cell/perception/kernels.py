@@ -1,4 +1,6 @@
-"""Compiled loops over pixels: changed cells, share of strip in each pixel, mask of the strip."""
+"""Compiled loops over pixels: changed cells, share of strip in each pixel, mask of the
+strip.
+"""
 
 from typing import Any, NamedTuple
 
@@ -19,14 +21,17 @@ def smooth_matte(levels: Image) -> Image:
 
 
 def strip_share(levels: Array | Image) -> Array:
-    """Convert matte grey levels (...,) to shares of strip (...,), 0 to 1 and slightly beyond."""
+    """Convert matte grey levels (...,) to shares of strip (...,), 0 to 1 and slightly
+    beyond.
+    """
     return np.asarray((np.asarray(levels, dtype=np.float64) - ZERO_LEVEL) / LEVEL_SPAN)
 
 
 CELL_PX = 8  # px, side of a cell, by which change is detected
 FIRST_ROW, ROW_STEP = 1, 4  # px, the rows of a cell that are compared
 PATCH_PX = 2 * CELL_PX  # px, side of a patch, by which light is read
-LIT_PX = (PATCH_PX // 2 - 3, PATCH_PX // 2 + 1)  # px, rows and columns of a patch that are read
+# px, rows and columns of a patch that are read
+LIT_PX = (PATCH_PX // 2 - 3, PATCH_PX // 2 + 1)
 EVEN_LIGHT = 120  # level of light as bright as at preflight
 SHADE = 0.15  # relative change of the strip's brightness as it bends
 # separation below which a colour cannot be distinguished from the background
@@ -37,11 +42,12 @@ Offsets = NDArray[np.int64]
 
 
 class Picture(NamedTuple):
-    """Image of the cell with the learnt background, its shade, and the present brightness.
+    """Image of the cell with the learnt background, its shade, and the present
+    brightness.
 
-    `image`, `background` (height, width, 3) BGR and the background's `shade` (height, width) are
-    whole. `light` (n + 2, m + 2) is that of n by m cells and of a border of one; the first cell
-    inside begins at `corner`, column and row [px].
+    `image`, `background` (height, width, 3) BGR and the background's `shade` (height,
+    width) are whole. `light` (n + 2, m + 2) is that of n by m cells and of a border of
+    one; the first cell inside begins at `corner`, column and row [px].
     """
 
     image: Image
@@ -54,10 +60,11 @@ class Picture(NamedTuple):
 def _fisher(
     strip_scene: Any, strip_strip: Any, scene_scene: Any, shade: Any, variance: Any
 ) -> tuple[Any, Any, Any]:
-    """Factors a, b, det of Fisher's discriminant w = (a c + b s) / det of colours c and s.
+    """Factors a, b, det of Fisher's discriminant w = (a c + b s) / det of colours c and
+    s.
 
-    Of a strip's colour c and a scene's colour s, w = S^-1 (c - s), with the scatter
-    S = variance I + SHADE^2 c c' + shade^2 s s' of sensor, strip and scene. The first three
+    Of a strip's colour c and a scene's colour s, w = S^-1 (c - s), with the scatter S =
+    variance I + SHADE^2 c c' + shade^2 s s' of sensor, strip and scene. The first three
     arguments are the products c's, c'c and s's.
     """
     strip_shade = np.float32(SHADE * SHADE)
@@ -75,25 +82,30 @@ _compiled_fisher = kernel(_fisher)
 def discriminants(
     colour: Floats, scene: Floats, shade: Floats, variance: float
 ) -> tuple[Floats, Floats]:
-    """Squared separation (n,) [sigma^2] of a strip's colour from those of the background.
+    """Squared separation (n,) [sigma^2] of a strip's colour from those of the
+    background.
 
-    Of `colour` (3,) from `scene` (n, 3), whose brightness may differ by the share `shade` (n,);
-    `variance` is the sensor's [grey levels squared]. Also returns the length (n,) [1/grey level] of
-    Fisher's discriminant w of `_fisher`.
+    Of `colour` (3,) from `scene` (n, 3), whose brightness may differ by the share
+    `shade` (n,); `variance` is the sensor's [grey levels squared]. Also returns the
+    length (n,) [1/grey level] of Fisher's discriminant w of `_fisher`.
     """
     strip_scene = (scene * colour).sum(axis=1)
     strip_strip = (colour * colour).sum()
     scene_scene = (scene * scene).sum(axis=1)
     products = (strip_scene, strip_strip, scene_scene)
     of_strip, of_scene, det = _fisher(*products, shade, np.float32(variance))
-    apart = of_strip * (strip_strip - strip_scene) + of_scene * (strip_scene - scene_scene)
+    apart = of_strip * (strip_strip - strip_scene) + of_scene * (
+        strip_scene - scene_scene
+    )
     w = (of_strip / det)[:, None] * colour + (of_scene / det)[:, None] * scene
     return np.maximum(apart / det, 0), np.sqrt((w * w).sum(axis=1))
 
 
 @kernel
 def _patch_brightness(image: Image, row: int, column: int) -> Any:
-    """Mean of the pixels LIT_PX of the patch at `row`, `column` [px], summed over the channels."""
+    """Mean of the pixels LIT_PX of the patch at `row`, `column` [px], summed over the
+    channels.
+    """
     total = np.int32(0)
     for down in LIT_PX:
         v = min(row + down, image.shape[0] - 1)
@@ -105,8 +117,11 @@ def _patch_brightness(image: Image, row: int, column: int) -> Any:
 
 
 @entry
-def patch_brightness(image: Image, corner: tuple[int, int], shape: tuple[int, int]) -> Floats:
-    """Brightness (rows, columns) = `shape` of patches of `image` (h, w, 3), summed over channels.
+def patch_brightness(
+    image: Image, corner: tuple[int, int], shape: tuple[int, int]
+) -> Floats:
+    """Brightness (rows, columns) = `shape` of patches of `image` (h, w, 3), summed over
+    channels.
 
     The first patch begins at `corner`, column and row [px].
     """
@@ -119,10 +134,14 @@ def patch_brightness(image: Image, corner: tuple[int, int], shape: tuple[int, in
 
 
 @kernel
-def _add_differences(pixels: Image, scene: Image, light: Image, differences: Any) -> None:
-    """Add how far m cells in one row of `pixels` (3 w,) are from `scene` to `differences` (m,).
+def _add_differences(
+    pixels: Image, scene: Image, light: Image, differences: Any
+) -> None:
+    """Add how far m cells in one row of `pixels` (3 w,) are from `scene` to
+    `differences` (m,).
 
-    Summed over CELL_PX pixels and three channels, EVEN_LIGHT times as large, at the cells' `light`.
+    Summed over CELL_PX pixels and three channels, EVEN_LIGHT times as large, at the
+    cells' `light`.
     """
     for j in range(len(differences)):
         level = np.int32(light[j])
@@ -139,9 +158,10 @@ def changed_cells(
 ) -> Image:
     """Mask (n, m) of cells that differ from the background: 1 where changed, else 0.
 
-    Images (h, 3 w) are B, G, R in turn; `light` (n, m) is the cells', the first of which begins at
-    `corner`, column and row [px]. Changed is one whose mean over every ROW_STEP-th row differs by
-    more than `limit` [grey levels] per channel; one that the right border cuts never is.
+    Images (h, 3 w) are B, G, R in turn; `light` (n, m) is the cells', the first of
+    which begins at `corner`, column and row [px]. Changed is one whose mean over every
+    ROW_STEP-th row differs by more than `limit` [grey levels] per channel; one that the
+    right border cuts never is.
     """
     rows, columns = light.shape
     left, top = corner
@@ -149,7 +169,9 @@ def changed_cells(
     whole_columns = min(columns, (image.shape[1] // 3 - left) // CELL_PX)
     for i in range(rows):
         begin = top + CELL_PX * i
-        compared_rows = range(begin + FIRST_ROW, min(begin + CELL_PX, image.shape[0]), ROW_STEP)
+        compared_rows = range(
+            begin + FIRST_ROW, min(begin + CELL_PX, image.shape[0]), ROW_STEP
+        )
         differences = np.zeros(whole_columns, np.int32)
         for v in compared_rows:
             pixels, scene = image[v, 3 * left :], background[v, 3 * left :]
@@ -161,7 +183,8 @@ def changed_cells(
 
 @kernel
 def _light_at(light: Floats, v: int, u: int) -> Any:
-    """Light at row `v`, column `u` [px] of all cells, bilinear between the centres of cells.
+    """Light at row `v`, column `u` [px] of all cells, bilinear between the centres of
+    cells.
 
     `light` (n + 2, m + 2) is that of the cells and a border of one.
     """
@@ -176,10 +199,11 @@ def _light_at(light: Floats, v: int, u: int) -> Any:
 
 @kernel
 def _load_cell(picture: Any, row: int, column: int, pixels: Floats) -> None:
-    """Write seven features of each pixel of the cell at `row`, `column` to `pixels` (7, CELL_PX^2).
+    """Write seven features of each pixel of the cell at `row`, `column` to `pixels` (7,
+    CELL_PX^2).
 
-    0 to 2: B, G, R at even light minus the background's; 3 to 5: the background's; 6: its shade.
-    Pixels past the image repeat its border.
+    0 to 2: B, G, R at even light minus the background's; 3 to 5: the background's; 6:
+    its shade. Pixels past the image repeat its border.
     """
     height, width = picture.shade.shape
     for n in range(CELL_PX * CELL_PX):
@@ -199,9 +223,10 @@ def _load_cell(picture: Any, row: int, column: int, pixels: Floats) -> None:
 def _shares(pixels: Floats, colours: Floats, variance: Any, shares: Floats) -> None:
     """Write the share of strip in each of `pixels` (7, n) to `shares` (n,).
 
-    With p a pixel's colour it is w'(p - s) / w'(c - s), w the discriminant of `_fisher`: the
-    largest over the strip's `colours` (k, 3), of those that the scene does not resemble. Without
-    branches in the inner loop, so that it is compiled to vectors of pixels.
+    With p a pixel's colour it is w'(p - s) / w'(c - s), w the discriminant of
+    `_fisher`: the largest over the strip's `colours` (k, 3), of those that the scene
+    does not resemble. Without branches in the inner loop, so that it is compiled to
+    vectors of pixels.
     """
     over_b, over_g, over_r = pixels[0], pixels[1], pixels[2]
     back_b, back_g, back_r = pixels[3], pixels[4], pixels[5]
@@ -211,14 +236,20 @@ def _shares(pixels: Floats, colours: Floats, variance: Any, shares: Floats) -> N
         b, g, r = colours[k, 0], colours[k, 1], colours[k, 2]
         strip_strip = b * b + g * g + r * r
         for n in range(CELL_PX * CELL_PX):
-            scene_scene = back_b[n] * back_b[n] + back_g[n] * back_g[n] + back_r[n] * back_r[n]
-            over_scene = over_b[n] * back_b[n] + over_g[n] * back_g[n] + over_r[n] * back_r[n]
+            scene_scene = (
+                back_b[n] * back_b[n] + back_g[n] * back_g[n] + back_r[n] * back_r[n]
+            )
+            over_scene = (
+                over_b[n] * back_b[n] + over_g[n] * back_g[n] + over_r[n] * back_r[n]
+            )
             strip_scene = back_b[n] * b + back_g[n] * g + back_r[n] * r
             over_strip = over_b[n] * b + over_g[n] * g + over_r[n] * r
             of_strip, of_scene, det = _compiled_fisher(
                 strip_scene, strip_strip, scene_scene, shade[n], variance
             )
-            apart = of_strip * (strip_strip - strip_scene) + of_scene * (strip_scene - scene_scene)
+            apart = of_strip * (strip_strip - strip_scene) + of_scene * (
+                strip_scene - scene_scene
+            )
             share = (of_strip * over_strip + of_scene * over_scene) / apart
             distinct = apart > np.float32(LEAST_SEPARATION * LEAST_SEPARATION) * det
             shares[n] = share if distinct & (share > shares[n]) else shares[n]
@@ -226,10 +257,11 @@ def _shares(pixels: Floats, colours: Floats, variance: Any, shares: Floats) -> N
 
 @entry
 def segment(picture: Picture, cells: Image, colours: Floats, variance: float) -> Image:
-    """Matte levels (CELL_PX n, CELL_PX m) of the strip in those `cells` (n, m) that are not 0.
+    """Matte levels (CELL_PX n, CELL_PX m) of the strip in those `cells` (n, m) that are
+    not 0.
 
-    Other cells have ZERO_LEVEL. Of the strip's `colours` (k, 3) the one counts that a pixel shows
-    most of; `variance` [grey levels squared] is the sensor's.
+    Other cells have ZERO_LEVEL. Of the strip's `colours` (k, 3) the one counts that a
+    pixel shows most of; `variance` [grey levels squared] is the sensor's.
     """
     rows, columns = cells.shape
     levels = np.full((rows * CELL_PX, columns * CELL_PX), ZERO_LEVEL, np.uint8)
@@ -244,13 +276,16 @@ def segment(picture: Picture, cells: Image, colours: Floats, variance: float) ->
             for n in range(CELL_PX * CELL_PX):
                 level = np.float32(ZERO_LEVEL) + np.float32(LEVEL_SPAN) * shares[n]
                 level = min(level + np.float32(0.5), np.float32(255))
-                levels[CELL_PX * i + n // CELL_PX, CELL_PX * j + n % CELL_PX] = np.uint8(level)
+                levels[CELL_PX * i + n // CELL_PX, CELL_PX * j + n % CELL_PX] = (
+                    np.uint8(level)
+                )
     return levels
 
 
 @kernel
 def _lies_on_line(levels: Any, pixel: int, steps: Offsets, faint: int) -> bool:
-    """Whether flat `levels` exceed `faint` in the mean over one of the lines about `pixel`.
+    """Whether flat `levels` exceed `faint` in the mean over one of the lines about
+    `pixel`.
 
     A line is a row of `steps` (k, n) from the pixel.
     """
@@ -269,16 +304,17 @@ def silhouette_of(
 ) -> Image:
     """Mask (h, w) of the strip, 255 inside, from matte `levels` (h + n - 1, w + n - 1).
 
-    In the zone `strip` where the levels exceed `solid`, in its part `lifted` also where their mean
-    exceeds `faint` along one of `lines` (k, n, 2) of rows and columns. The levels have a border
-    that is as wide as the lines reach.
+    In the zone `strip` where the levels exceed `solid`, in its part `lifted` also where
+    their mean exceeds `faint` along one of `lines` (k, n, 2) of rows and columns. The
+    levels have a border that is as wide as the lines reach.
     """
     height, width = strip.shape
     reach = lines.shape[1] // 2
     stride = levels.shape[1]
     flat_levels = levels.reshape(-1)
     flat_steps = lines[:, :, 0] * stride + lines[:, :, 1]
-    least_level = ZERO_LEVEL + (faint - ZERO_LEVEL) // 2  # of a pixel, whatever lies around it
+    # of a pixel, whatever lies around it
+    least_level = ZERO_LEVEL + (faint - ZERO_LEVEL) // 2
     mask = np.zeros((height, width), np.uint8)
     for v in range(height):
         row = levels[v + reach, reach : reach + width]
@@ -287,7 +323,8 @@ def silhouette_of(
                 continue
             pixel = (v + reach) * stride + u + reach
             if row[u] > solid or (
-                lifted[v, u] != 0 and _lies_on_line(flat_levels, pixel, flat_steps, faint)
+                lifted[v, u] != 0
+                and _lies_on_line(flat_levels, pixel, flat_steps, faint)
             ):
                 mask[v, u] = 255
     return mask

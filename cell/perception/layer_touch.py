@@ -1,4 +1,6 @@
-"""Detection of the layers' touch in an image sequence: the gap closes, the fold stops falling."""
+"""Detection of the layers' touch in an image sequence: the gap closes, the fold stops
+falling.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,20 +16,25 @@ MARGIN = 0.0006  # m over the touching distance: noise
 STOP_SHARE = 0.3  # of the closing speed: slower has stopped
 AGREEMENT = 0.05  # s by which the two signals may differ
 FALLS_KEPT = 40  # measurements that are remembered
-LARGEST_RATIO = 4.0  # times AGREEMENT, from where on the two signals show different events
+# times AGREEMENT, from where on the two signals show different events
+LARGEST_RATIO = 4.0
 THINNEST = 0.001  # m, distance at which layers of a thin strip count as touching
 FEWEST_FALLS = 6  # measurements of the fall, before which nothing is decided
 RECENT_FALLS = 3  # last measurements that must show closed layers
-RISE_SHARE = 0.25  # of the fall between two images, by which a gap is still above that at rest
+# of the fall between two images, by which a gap is still above that at rest
+RISE_SHARE = 0.25
 RESTING_FALLS = 20  # in a row at one distance, of layers that rest
-UNEVEN = 0.5  # of the strip's length that the layers may differ by, where anyone speaks of a fold
+# of the strip's length that the layers may differ by, where anyone speaks of a fold
+UNEVEN = 0.5
 
 
 @dataclass(frozen=True, slots=True)
 class Fall:
-    """Falling fold in one image at `time` [s]: `gap` [m] between the layers, at the place `x` [m].
+    """Falling fold in one image at `time` [s]: `gap` [m] between the layers, at the
+    place `x` [m].
 
-    `to_grasped` [m] is the arc length from there along the upper layer to the gripper point.
+    `to_grasped` [m] is the arc length from there along the upper layer to the gripper
+    point.
     """
 
     time: float
@@ -37,12 +44,14 @@ class Fall:
 
 
 class LayerTouch:
-    """Detects the touch of the layers in a sequence of measurements, where two signals agree.
+    """Detects the touch of the layers in a sequence of measurements, where two signals
+    agree.
 
-    The first signal is the gap: within MARGIN of the touching distance. The second is the
-    fall: its speed drops to STOP_SHARE of what it was while the gap closed. The time of the touch
-    is where the closing gap, extrapolated from before the stop, reaches the touching distance. That
-    is the strip's thickness; where the file states a spread of it, the gap that stays.
+    The first signal is the gap: within MARGIN of the touching distance. The second is
+    the fall: its speed drops to STOP_SHARE of what it was while the gap closed. The
+    time of the touch is where the closing gap, extrapolated from before the stop,
+    reaches the touching distance. That is the strip's thickness; where the file states
+    a spread of it, the gap that stays.
     """
 
     def __init__(self, strip: StripFile) -> None:
@@ -54,20 +63,28 @@ class LayerTouch:
         self._touch: SeenTouch | None = None
 
     def update(self, measurement: StripMeasurement, gripper: Pose) -> SeenTouch | None:
-        """Add a measurement; returns the layers' touch once it is certain, until then None.
+        """Add a measurement; returns the layers' touch once it is certain, until then
+        None.
 
-        `gripper` is the measured pose at the measurement's stamp. The touch's own time is earlier.
+        `gripper` is the measured pose at the measurement's stamp. The touch's own time
+        is earlier.
         """
         if self._touch is None:
             fall = _fall(measurement, gripper)
             last = self._falls[-1].time if self._falls else -np.inf
-            if fall is not None and fall.time > last and fall.x + fall.to_grasped < self._most:
+            if (
+                fall is not None
+                and fall.time > last
+                and fall.x + fall.to_grasped < self._most
+            ):
                 self._falls = [*self._falls, fall][-FALLS_KEPT:]
                 self._touch = self._find_touch()
         return self._touch
 
     def resting(self) -> float:
-        """Distance [m] at which layers rest without a touch; NaN while they fall or touch."""
+        """Distance [m] at which layers rest without a touch; NaN while they fall or
+        touch.
+        """
         recent = [fall.gap for fall in self._falls[-RESTING_FALLS:]]
         rests = len(recent) == RESTING_FALLS and max(recent) - min(recent) < MARGIN
         if self._touch is not None or not rests:
@@ -76,7 +93,9 @@ class LayerTouch:
         return distance if distance > self._distances[1] + MARGIN else float("nan")
 
     def _find_touch(self) -> SeenTouch | None:
-        """Layers' touch in the recorded falls; None while the two signals do not agree."""
+        """Layers' touch in the recorded falls; None while the two signals do not
+        agree.
+        """
         t = np.array([fall.time for fall in self._falls])
         gap = np.array([fall.gap for fall in self._falls])
         recent = gap[-RECENT_FALLS:]
@@ -96,46 +115,64 @@ class LayerTouch:
         x, displacement = self._place_at(time, t)
         confidence = float(np.exp(-apart))
         to_grasped = x + displacement
-        touch = SeenTouch(time, x, to_grasped, x, confidence=confidence, distance=distance)
+        touch = SeenTouch(
+            time, x, to_grasped, x, confidence=confidence, distance=distance
+        )
         return touch if self._is_a_fold(touch) else None
 
     def _place_at(self, time: float, t: Array) -> tuple[float, float]:
-        """Position x [m] and displacement [m] of the fold at `time`, by falls at `t` (n,) [s].
+        """Position x [m] and displacement [m] of the fold at `time`, by falls at `t`
+        (n,) [s].
 
         Both lengths err alike where the place is misread: their difference is filtered.
         """
         places = _without_spikes([fall.x for fall in self._falls])
-        differences = _without_spikes([fall.to_grasped - fall.x for fall in self._falls])
+        differences = _without_spikes(
+            [fall.to_grasped - fall.x for fall in self._falls]
+        )
         return float(np.interp(time, t, places)), float(np.interp(time, t, differences))
 
     def _is_a_fold(self, touch: SeenTouch) -> bool:
-        """Whether a touch has plausible lengths; touches near the strip's end are misread."""
+        """Whether a touch has plausible lengths; touches near the strip's end are
+        misread.
+        """
         return touch.to_fixed > 0 and abs(touch.displacement) <= UNEVEN * self._length
 
 
 def _fall(measurement: StripMeasurement, gripper: Pose) -> Fall | None:
-    """Falling fold in one measurement; None where no gap between the layers is visible."""
+    """Falling fold in one measurement; None where no gap between the layers is
+    visible.
+    """
     if not np.isfinite(measurement.gap) or len(measurement.profile) < 4:
         return None
     points = np.vstack([measurement.profile, [(gripper.x, gripper.z)]])
     steps = np.hypot(*np.diff(points, axis=0).T)
-    remaining = np.concatenate([np.cumsum(steps[::-1])[::-1], [0.0]])  # m to the gripper
+    # m to the gripper
+    remaining = np.concatenate([np.cumsum(steps[::-1])[::-1], [0.0]])
     tip = int(np.argmax(points[:, 0]))
-    past_gap = np.flatnonzero(points[tip:, 0] <= measurement.gap_x)  # in the upper layer
+    # in the upper layer
+    past_gap = np.flatnonzero(points[tip:, 0] <= measurement.gap_x)
     if len(past_gap) == 0 or past_gap[0] == 0:
         return None
     after = tip + int(past_gap[0])
     before = after - 1
-    share = (points[before, 0] - measurement.gap_x) / (points[before, 0] - points[after, 0])
+    share = (points[before, 0] - measurement.gap_x) / (
+        points[before, 0] - points[after, 0]
+    )
     to_grasped = remaining[before] + share * (remaining[after] - remaining[before])
-    return Fall(measurement.stamp, measurement.gap, measurement.gap_x, float(to_grasped))
+    return Fall(
+        measurement.stamp, measurement.gap, measurement.gap_x, float(to_grasped)
+    )
 
 
-def _closing_time(t: Array, gap: Array, level: float, end: float) -> tuple[float, float] | None:
-    """Time [s] at which the gap closed to `end` [m], and its speed [m/s]; None if it stays open.
+def _closing_time(
+    t: Array, gap: Array, level: float, end: float
+) -> tuple[float, float] | None:
+    """Time [s] at which the gap closed to `end` [m], and its speed [m/s]; None if it
+    stays open.
 
-    The line through the last three gaps above `level` is extrapolated to `end`: later ones may be
-    at rest already.
+    The line through the last three gaps above `level` is extrapolated to `end`: later
+    ones may be at rest already.
     """
     crossings = np.flatnonzero((gap[:-1] > level) & (gap[1:] <= level))
     if len(crossings) == 0 or crossings[-1] == 0:
@@ -150,7 +187,9 @@ def _closing_time(t: Array, gap: Array, level: float, end: float) -> tuple[float
 
 
 def _falls_slower(t: Array, gap: Array, time: float, speed: float) -> bool:
-    """Whether the gap (n,) closes at most at `speed` [m/s] from `time` [s]; False for few rows."""
+    """Whether the gap (n,) closes at most at `speed` [m/s] from `time` [s]; False for
+    few rows.
+    """
     after = t >= time
     if after.sum() < RECENT_FALLS:
         return False
@@ -161,7 +200,8 @@ def _end_of_fall(t: Array, gap: Array, time: float, speed: float) -> float:
     """Time [s] at which the fall ended: where its fitted line meets the gap at rest."""
     rest = float(np.median(gap[t >= time]))
     moving = gap > rest + RISE_SHARE * speed * float(np.median(np.diff(t)))
-    last = int(np.argmin(moving)) - 1  # noise at rest may rise again: the first stop counts
+    # noise at rest may rise again: the first stop counts
+    last = int(np.argmin(moving)) - 1
     return float(t[last]) + (float(gap[last]) - rest) / speed
 
 

@@ -1,4 +1,6 @@
-"""Consistency checks of lengths that camera, arm and prediction measure independently."""
+"""Consistency checks of lengths that camera, arm and prediction measure
+independently.
+"""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -16,7 +18,10 @@ SEEN_END = 0.01  # m from the gripper where the profile of a held strip still en
 KINDS = {
     "free_edge": (
         "camera and stated length",
-        "lay the edges on their lines; if they lie there, check the length, calibrate the camera",
+        (
+            "lay the edges on their lines; if they lie there, check the length,"
+            " calibrate the camera"
+        ),
     ),
     "grip": (
         "camera and arm",
@@ -24,13 +29,18 @@ KINDS = {
     ),
     "displacement": (
         "camera and prediction",
-        "something has changed since the strip was described or the cell calibrated: check the "
-        "calibration with `cell calibrate check`, then `cell gap plan`",
+        (
+            "something has changed since the strip was described or the cell"
+            " calibrated: check the calibration with `cell calibrate check`, then `cell"
+            " gap plan`"
+        ),
     ),
     "edges": (
         "camera and arm",
-        "the strip slipped, stretched or sprang open, or the camera's map is off: look at the "
-        "strip; if it lies as it was laid, calibrate the camera",
+        (
+            "the strip slipped, stretched or sprang open, or the camera's map is off:"
+            " look at the strip; if it lies as it was laid, calibrate the camera"
+        ),
     ),
 }
 """Who states each length, and what to look at where they disagree."""
@@ -40,7 +50,8 @@ KINDS = {
 class LengthCheck:
     """Difference [m] between two independent measurements of a length, `name`.
 
-    `parts` are the standard deviations [m] that the difference usually has, by their origin.
+    `parts` are the standard deviations [m] that the difference usually has, by their
+    origin.
     """
 
     name: str
@@ -49,7 +60,9 @@ class LengthCheck:
 
     @property
     def spread(self) -> float:
-        """Standard deviation [m] that the difference of the two measurements usually has."""
+        """Standard deviation [m] that the difference of the two measurements usually
+        has.
+        """
         return hypot(*self.parts.values())
 
     @property
@@ -59,17 +72,21 @@ class LengthCheck:
 
     @property
     def refuted(self) -> bool:
-        """Whether the two lengths differ so much that the measurement is not trustworthy."""
+        """Whether the two lengths differ so much that the measurement is not
+        trustworthy.
+        """
         return self.ratio > REFUTED
 
     def sentence(self) -> str:
         """Text for the operator: which lengths disagree, by how much, what to check."""
         sources, remedy = KINDS[self.name]
-        parts = " and ".join(f"{what} {1e3 * sigma:.2f} mm" for what, sigma in self.parts.items())
+        parts = " and ".join(
+            f"{what} {1e3 * sigma:.2f} mm" for what, sigma in self.parts.items()
+        )
         return (
-            f"{self.name.replace('_', ' ')}: {sources} differ by {1e3 * self.difference:+.1f} mm, "
-            f"{self.ratio:.0f} sigma; one sigma is {1e3 * self.spread:.1f} mm, from {parts}; "
-            f"{remedy}"
+            f"{self.name.replace('_', ' ')}: {sources} differ by"
+            f" {1e3 * self.difference:+.1f} mm, {self.ratio:.0f} sigma; one sigma is"
+            f" {1e3 * self.spread:.1f} mm, from {parts}; {remedy}"
         )
 
     def facts(self) -> dict[str, str | float]:
@@ -82,13 +99,17 @@ class LengthCheck:
 
 
 def disagreements(witnesses: Iterable[LengthCheck]) -> tuple[LengthCheck, ...]:
-    """Checks whose lengths differ by more than DOUBTED standard deviations, the worst first."""
+    """Checks whose lengths differ by more than DOUBTED standard deviations, the worst
+    first.
+    """
     doubted = (witness for witness in witnesses if witness.ratio > DOUBTED)
     return tuple(sorted(doubted, key=lambda witness: -witness.ratio))
 
 
 def held_end_offset(seen: StripMeasurement) -> float:
-    """Offset x [m] of an upright strip's visible end from the gripper; NaN where hidden."""
+    """Offset x [m] of an upright strip's visible end from the gripper; NaN where
+    hidden.
+    """
     if len(seen.profile) == 0:
         return float("nan")
     dx, dz = seen.profile[-1] - seen.gripper
@@ -96,8 +117,14 @@ def held_end_offset(seen: StripMeasurement) -> float:
 
 
 def compare_grip(offsets: Sequence[float], residual: float) -> tuple[LengthCheck, ...]:
-    """Compare camera and arm by the held end's `offsets` [m]; empty for too few images."""
+    """Compare camera and arm by the held end's `offsets` [m]; empty for too few
+    images.
+    """
     known = np.array(offsets)[np.isfinite(offsets)]
     if len(known) < FEWEST_IMAGES:
         return ()
-    return (LengthCheck("grip", float(np.median(known)), {"map": residual, "held point": BY_TOOL}),)
+    return (
+        LengthCheck(
+            "grip", float(np.median(known)), {"map": residual, "held point": BY_TOOL}
+        ),
+    )

@@ -1,4 +1,6 @@
-"""Agreement of a strip with its model: fits a simulated rod to profiles measured in images."""
+"""Agreement of a strip with its model: fits a simulated rod to profiles measured in
+images.
+"""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,10 +25,11 @@ TOUCH_MARGIN = 0.03  # s before the touch without images: the layers hide each o
 
 
 class MeasuredFold(NamedTuple):
-    """Gripper path and strip profiles of one fold, measured from the rest to the layers' touch.
+    """Gripper path and strip profiles of one fold, measured from the rest to the
+    layers' touch.
 
-    Gripper `poses` (m, 3) at times `t` (m,) [s]; `profile` (k, POINTS, 2) [m] at the stamps `stamp`
-    (k,) [s], from the take-over to just before the touch.
+    Gripper `poses` (m, 3) at times `t` (m,) [s]; `profile` (k, POINTS, 2) [m] at the
+    stamps `stamp` (k,) [s], from the take-over to just before the touch.
     """
 
     t: Array
@@ -35,17 +38,22 @@ class MeasuredFold(NamedTuple):
     profile: Array
 
     @classmethod
-    def until(cls, touch: float, t: Array, poses: Array, stamp: Array, profile: Array) -> Self:
-        """Measured fold of the poses (m, 3) and profiles (k, POINTS, 2) before `touch` [s]."""
+    def until(
+        cls, touch: float, t: Array, poses: Array, stamp: Array, profile: Array
+    ) -> Self:
+        """Measured fold of the poses (m, 3) and profiles (k, POINTS, 2) before `touch`
+        [s].
+        """
         usable = (stamp < touch - TOUCH_MARGIN) & np.isfinite(profile).all(axis=(1, 2))
         before = t <= touch
         return cls(t[before], poses[before], stamp[usable], profile[usable])
 
     def bin_curves(self, curves: Array) -> Array:
-        """Robust mean (BINS, POINTS, 2) of `curves` (k, POINTS, 2) in each time bin; NaN where few.
+        """Robust mean (BINS, POINTS, 2) of `curves` (k, POINTS, 2) in each time bin;
+        NaN where few.
 
-        A linear motion is removed before the median, which would otherwise rest on the few images
-        in the bin's middle.
+        A linear motion is removed before the median, which would otherwise rest on the
+        few images in the bin's middle.
         """
         share = (self.stamp - self.stamp[0]) / max(self.stamp[-1] - self.stamp[0], 1e-9)
         place = np.minimum((BINS * share).astype(np.intp), BINS - 1)
@@ -60,10 +68,14 @@ class MeasuredFold(NamedTuple):
 
     @property
     def noise(self) -> float:
-        """Noise [m] of a point of a binned profile: root mean square of x and z together."""
+        """Noise [m] of a point of a binned profile: root mean square of x and z
+        together.
+        """
         steps = np.abs(np.diff(self.profile, n=2, axis=0))  # removes a uniform motion
-        sigma = MAD * np.median(steps, axis=0) / np.sqrt(6.0)  # variances of 1, -2, 1 add to 6
-        variance_share = 0.5 * np.pi * BINS / len(self.stamp)  # of a median of a bin's images
+        # variances of 1, -2, 1 add to 6
+        sigma = MAD * np.median(steps, axis=0) / np.sqrt(6.0)
+        # of a median of a bin's images
+        variance_share = 0.5 * np.pi * BINS / len(self.stamp)
         return float(np.sqrt(variance_share * (sigma**2).sum(axis=-1).mean()))
 
     @property
@@ -87,9 +99,11 @@ IMAGE_SIGMAS = np.array([BIAS_SIGMA, BIAS_SIGMA, BIAS_SIGMA, STAMP_SIGMA])
 
 
 class AgreementLimits(StudyResult):
-    """Largest `residual` [m] and `yield_curvature` [1/m] of a strip that behaves like its model.
+    """Largest `residual` [m] and `yield_curvature` [1/m] of a strip that behaves like
+    its model.
 
-    Written by `python -m tests.lab study agreement`: a `share` of such folds stays below.
+    Written by `python -m tests.lab study agreement`: a `share` of such folds stays
+    below.
     """
 
     FILE = Path(__file__).with_suffix(".yaml")
@@ -101,24 +115,35 @@ class AgreementLimits(StudyResult):
 
 @dataclass(frozen=True, slots=True)
 class Agreement:
-    """Fit of a rod to a fold: rms `residual` [m] beyond noise, fitted `yield_curvature` [1/m]."""
+    """Fit of a rod to a fold: rms `residual` [m] beyond noise, fitted `yield_curvature`
+    [1/m].
+    """
 
     residual: float
     yield_curvature: float
 
     @property
     def like_model(self) -> bool:
-        """Whether residual and yield curvature are within limits, so that the model applies."""
+        """Whether residual and yield curvature are within limits, so that the model
+        applies.
+        """
         limits = AgreementLimits.shipped()
-        return self.residual <= limits.residual and self.yield_curvature <= limits.yield_curvature
+        return (
+            self.residual <= limits.residual
+            and self.yield_curvature <= limits.yield_curvature
+        )
 
     def sentence(self) -> str:
-        """Text for the operator: whether the strip behaves like its model, and what to do."""
+        """Text for the operator: whether the strip behaves like its model, and what to
+        do.
+        """
         if self.like_model:
-            return f"the strip behaves like the model, within {1e3 * self.residual:.1f} mm"
+            return (
+                f"the strip behaves like the model, within {1e3 * self.residual:.1f} mm"
+            )
         return (
-            f"this strip does not behave like the model: {self._reason()}; find out what it does "
-            "with `cell gap plan` and `cell gap fit`"
+            f"this strip does not behave like the model: {self._reason()}; find out"
+            " what it does with `cell gap plan` and `cell gap fit`"
         )
 
     def _reason(self) -> str:
@@ -131,12 +156,15 @@ class Agreement:
         return f"its yarns rub as {self.yield_curvature:.0f} 1/m, {usual}"
 
 
-def agreement(strip: StripFile, predicted: FoldPrediction, fold: MeasuredFold) -> Agreement | None:
-    """Fit a rod like `strip` to a measured `fold`, from the policy's `predicted` parameters.
+def agreement(
+    strip: StripFile, predicted: FoldPrediction, fold: MeasuredFold
+) -> Agreement | None:
+    """Fit a rod like `strip` to a measured `fold`, from the policy's `predicted`
+    parameters.
 
-    The parameters stay near their predicted intervals; a constant bias of the images and an error
-    of their stamps are fitted too, by Gauss-Newton. None where too little was measured, or where
-    the rod cannot follow.
+    The parameters stay near their predicted intervals; a constant bias of the images
+    and an error of their stamps are fitted too, by Gauss-Newton. None where too little
+    was measured, or where the rod cannot follow.
     """
     if len(fold.t) < 2 or len(fold.stamp) < BINS * FEWEST_IMAGES:
         return None
@@ -145,42 +173,63 @@ def agreement(strip: StripFile, predicted: FoldPrediction, fold: MeasuredFold) -
     unknowns = prior
     residual = np.nan
     for _ in range(PASSES):
-        changed = unknowns + np.diag(GRADIENT_STEPS)  # (3, 3): each one changed by its step
-        simulated = [_simulate_profile(_model(strip, each), fold) for each in (unknowns, *changed)]
+        # (3, 3): each one changed by its step
+        changed = unknowns + np.diag(GRADIENT_STEPS)
+        simulated = [
+            _simulate_profile(_model(strip, each), fold)
+            for each in (unknowns, *changed)
+        ]
         if any(curve is None for curve in simulated):
             return None
         curves = np.array(simulated)
         design = _design(curves, fold.spacing)
         errors = measured - curves[0]
-        valid = np.isfinite(errors).all(axis=(1, 2)) & np.isfinite(design).all(axis=(1, 2, 3))
+        valid = np.isfinite(errors).all(axis=(1, 2)) & np.isfinite(design).all(
+            axis=(1, 2, 3)
+        )
         if not valid.any():
             return None
-        change, remaining = _solve(design[valid], errors[valid], unknowns - prior, sigma)
-        residual = float(np.sqrt(max((remaining**2).sum(axis=-1).mean() - fold.noise**2, 0.0)))
+        change, remaining = _solve(
+            design[valid], errors[valid], unknowns - prior, sigma
+        )
+        residual = float(
+            np.sqrt(max((remaining**2).sum(axis=-1).mean() - fold.noise**2, 0.0))
+        )
         unknowns = unknowns + np.clip(change, -3.0 * sigma, 3.0 * sigma)
         unknowns[2] = max(unknowns[2], 0.0)  # friction is not negative
     return Agreement(residual, YIELD_UNIT * float(np.expm1(unknowns[2])))
 
 
 def _prior(predicted: FoldPrediction) -> tuple[Array, Array]:
-    """Mean and standard deviation (3,) of the fit's unknowns, as a policy has predicted them."""
-    estimates = (predicted.bending_length, predicted.retardation_time, predicted.yield_curvature)
+    """Mean and standard deviation (3,) of the fit's unknowns, as a policy has predicted
+    them.
+    """
+    estimates = (
+        predicted.bending_length,
+        predicted.retardation_time,
+        predicted.yield_curvature,
+    )
     low = _unknowns(*(estimate.low for estimate in estimates))
     high = _unknowns(*(estimate.high for estimate in estimates))
-    sigma = np.maximum(0.5 * (high - low), SMALLEST_SIGMA)  # half of each predicted interval
+    # half of each predicted interval
+    sigma = np.maximum(0.5 * (high - low), SMALLEST_SIGMA)
     return _unknowns(*(estimate.value for estimate in estimates)), sigma
 
 
 def _simulate_profile(model: StripModel, fold: MeasuredFold) -> Array | None:
-    """Binned profile (BINS, POINTS, 2) [m] of a rod simulated by `model`; None on failure."""
+    """Binned profile (BINS, POINTS, 2) [m] of a rod simulated by `model`; None on
+    failure.
+    """
     times = np.arange(fold.t[0] + DT, fold.t[-1] + 0.5 * DT, DT)
     path = interpolate_columns(times, fold.t, fold.poses)
-    rod = Rod(SEGMENTS, strict=False)  # a batch of one, as the preflight has compiled it
+    # a batch of one, as the preflight has compiled it
+    rod = Rod(SEGMENTS, strict=False)
     rod.reset([model])
     motion = rod.trace(path[:, None], DT, SHAPE_STRIDE)
     if rod.failed.any():
         return None
-    with_shape = slice(SHAPE_STRIDE - 1, None, SHAPE_STRIDE)  # the steps of which there are shapes
+    # the steps of which there are shapes
+    with_shape = slice(SHAPE_STRIDE - 1, None, SHAPE_STRIDE)
     times = times[with_shape]
     arcs = np.broadcast_to(rod.arc(), (len(times), rod.arc().shape[1]))
     contact = motion.contact_x[with_shape, 0]
@@ -188,19 +237,22 @@ def _simulate_profile(model: StripModel, fold: MeasuredFold) -> Array | None:
     # linear between the shapes before and after each image
     before = np.clip(np.searchsorted(times, fold.stamp) - 1, 0, len(times) - 2)
     after = before + 1
-    share = ((fold.stamp - times[before]) / (times[after] - times[before]))[:, None, None]
+    share = ((fold.stamp - times[before]) / (times[after] - times[before]))[
+        :, None, None
+    ]
     return fold.bin_curves((1.0 - share) * curves[before] + share * curves[after])
 
 
 def _design(curves: Array, spacing: float) -> Array:
     """Jacobian (BINS, POINTS, 2, 7) of a binned profile with respect to seven unknowns.
 
-    These are the strip's three parameters, shifts of the points along x and z and of the contact
-    along x, and a delay.
+    These are the strip's three parameters, shifts of the points along x and z and of
+    the contact along x, and a delay.
     """
     base = curves[0]
     by_strip = [
-        (curve - base) / step for curve, step in zip(curves[1:], GRADIENT_STEPS, strict=True)
+        (curve - base) / step
+        for curve, step in zip(curves[1:], GRADIENT_STEPS, strict=True)
     ]
     shifts = np.zeros((3, *base.shape))
     # the last point is the gripper's, which the arm measures without the images' bias
@@ -208,11 +260,14 @@ def _design(curves: Array, spacing: float) -> Array:
     return np.stack([*by_strip, *shifts, np.gradient(base, spacing, axis=0)], axis=-1)
 
 
-def _solve(design: Array, off: Array, moved: Array, sigma: Array) -> tuple[Array, Array]:
-    """Least-squares change (3,) of the parameters, and the residuals (b, POINTS, 2) that remain.
+def _solve(
+    design: Array, off: Array, moved: Array, sigma: Array
+) -> tuple[Array, Array]:
+    """Least-squares change (3,) of the parameters, and the residuals (b, POINTS, 2)
+    that remain.
 
-    `off` (b, POINTS, 2) are the residuals before it, `moved` (3,) is the parameters' distance from
-    their prior so far, `sigma` (3,) the prior's standard deviation.
+    `off` (b, POINTS, 2) are the residuals before it, `moved` (3,) is the parameters'
+    distance from their prior so far, `sigma` (3,) the prior's standard deviation.
     """
     prior = np.concatenate([sigma, IMAGE_SIGMAS])
     a = design.reshape(-1, len(prior))
@@ -225,7 +280,9 @@ def _solve(design: Array, off: Array, moved: Array, sigma: Array) -> tuple[Array
 
 
 def _model(strip: StripFile, unknowns: Array) -> StripModel:
-    """Model of `strip` with the fitted (3,) bending length, retardation time and friction."""
+    """Model of `strip` with the fitted (3,) bending length, retardation time and
+    friction.
+    """
     ln_length, ln_time, ln_friction = unknowns.tolist()
     effects = dict(strip.effects)
     effects.pop("bending_hysteresis", None)
@@ -241,5 +298,7 @@ def _model(strip: StripFile, unknowns: Array) -> StripModel:
 
 
 def _unknowns(length: float, time: float, friction: float) -> Array:
-    """ln length [m], ln time [s], ln(1 + friction [1/m] / YIELD_UNIT): unknowns (3,) of the fit."""
+    """ln length [m], ln time [s], ln(1 + friction [1/m] / YIELD_UNIT): unknowns (3,) of
+    the fit.
+    """
     return np.array([np.log(length), np.log(time), np.log1p(friction / YIELD_UNIT)])

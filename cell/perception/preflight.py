@@ -1,4 +1,6 @@
-"""Checks of the image before the grasp: the right strip lies there, flat and well visible."""
+"""Checks of the image before the grasp: the right strip lies there, flat and well
+visible.
+"""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -15,14 +17,17 @@ from cell.perception.region import Region, motion_mask
 from drivers.strip.file import StripFile
 from drivers.types import Array, Frame, Image, frozen
 
-MOSTLY = 0.5  # share of the background above which a match is the background, not the strip
-WIDTH_RANGE = (0.005, 0.20)  # m, both ends folded through images, within 1 mm of the truth
+# share of the background above which a match is the background, not the strip
+MOSTLY = 0.5
+# m, both ends folded through images, within 1 mm of the truth
+WIDTH_RANGE = (0.005, 0.20)
 THICKNESS_RANGE = (0.0, 0.004)  # m
 WHITE_LEVEL, BLACK_LEVEL = 252.0, 12.0  # grey levels from which a pixel has no colour
 BURNT = 0.1  # share of pixels that may be so
 SOLID = 0.5  # matte level that every part of the strip reaches
 ALIKE_SHARE = 0.04  # share of the background that may look like the strip
-SEPARATION = 3.0  # standard deviations, separation of the strip's colour from the background
+# standard deviations, separation of the strip's colour from the background
+SEPARATION = 3.0
 DESK_SEPARATION = 4.0  # likewise, from the desk
 DESK_CONTRAST = 30.0  # grey levels between strip and desk
 FLATNESS = 0.003  # m, worst height of a flat strip
@@ -35,7 +40,9 @@ BLOT_SIZE = 61  # px, window in which pixels like the strip are counted
 
 @dataclass(frozen=True, slots=True)
 class PreflightCheck:
-    """Result of one check before the grasp: `reason` is its finding, `remedy` is for a failure."""
+    """Result of one check before the grasp: `reason` is its finding, `remedy` is for a
+    failure.
+    """
 
     name: str
     passed: bool
@@ -54,21 +61,30 @@ def _check_size(image: Image, calibration: Calibration) -> PreflightCheck:
     return PreflightCheck(
         name="picture fits calibration",
         passed=image.shape[:2] == (lens.height, lens.width),
-        reason=f"the picture is {image.shape[1]} x {image.shape[0]} pixels, "
-        f"the calibration is for {lens.width} x {lens.height}",
+        reason=(
+            f"the picture is {image.shape[1]} x {image.shape[0]} pixels, "
+            f"the calibration is for {lens.width} x {lens.height}"
+        ),
         remedy="set the camera to the calibrated size, or calibrate again",
     )
 
 
 def check_scope(strip: StripFile) -> tuple[PreflightCheck, ...]:
-    """Check whether perception is validated for a strip as wide and as thick as `strip`."""
+    """Check whether perception is validated for a strip as wide and as thick as
+    `strip`.
+    """
     return tuple(
         PreflightCheck(
             name=key,
             passed=low <= value <= high,
-            reason=f"is {1e3 * value:g} mm, images are read of strips of {1e3 * low:g} to "
-            f"{1e3 * high:g} mm",
-            remedy=f"fold another cut of the fabric, or correct `{key}` in the strip's file",
+            reason=(
+                f"is {1e3 * value:g} mm, images are read of strips of {1e3 * low:g} to "
+                f"{1e3 * high:g} mm"
+            ),
+            remedy=(
+                f"fold another cut of the fabric, or correct `{key}` in the strip's"
+                " file"
+            ),
         )
         for key, value, (low, high) in (
             ("width", strip.width, WIDTH_RANGE),
@@ -78,7 +94,9 @@ def check_scope(strip: StripFile) -> tuple[PreflightCheck, ...]:
 
 
 def _check_desk(segmenter: scene.Segmenter, desk: Array) -> PreflightCheck:
-    """Check whether each of the strip's colours differs from the desk (3,), lit or in shadow."""
+    """Check whether each of the strip's colours differs from the desk (3,), lit or in
+    shadow.
+    """
     apart = min(float(np.linalg.norm(colour - desk)) for colour in segmenter.colours)
     shade = np.array([scene.DESK_SHADE], dtype=np.float32)
     away = min(
@@ -89,35 +107,49 @@ def _check_desk(segmenter: scene.Segmenter, desk: Array) -> PreflightCheck:
     return PreflightCheck(
         name="contrast",
         passed=apart >= DESK_CONTRAST and away >= DESK_SEPARATION,
-        reason=f"strip and desk differ by {apart:.0f} grey levels{mostly}, {DESK_CONTRAST:.0f} "
-        f"are needed; their separation is {away:.1f}, {DESK_SEPARATION:.1f} is needed",
-        remedy="check that a strip lies there; lay a mat under it that has another colour, not "
-        "only another brightness",
+        reason=(
+            f"strip and desk differ by {apart:.0f} grey levels{mostly},"
+            f" {DESK_CONTRAST:.0f} are needed; their separation is {away:.1f},"
+            f" {DESK_SEPARATION:.1f} is needed"
+        ),
+        remedy=(
+            "check that a strip lies there; lay a mat under it that has another colour,"
+            " not only another brightness"
+        ),
     )
 
 
 def _check_solid(
     levels: Image, calibration: Calibration, strip: StripFile, rise: float
 ) -> PreflightCheck:
-    """Check whether every part of the strip stands out from the desk in the matte (h, w).
+    """Check whether every part of the strip stands out from the desk in the matte (h,
+    w).
 
     The strip's midline rests at a height `rise` [m].
     """
-    least = float(np.quantile(resting_strip.strip_shares(levels, calibration, strip, rise), 0.05))
+    least = float(
+        np.quantile(resting_strip.strip_shares(levels, calibration, strip, rise), 0.05)
+    )
     return PreflightCheck(
         name="solid",
         passed=least >= SOLID,
-        reason=f"where it shows least, {100 * max(least, 0.0):.0f} % of the strip stands out from "
-        f"the desk, {100 * SOLID:.0f} % are needed",
-        remedy="part of its pattern looks like the desk: lay a mat under it that differs from each "
-        "of its colours",
+        reason=(
+            f"where it shows least, {100 * max(least, 0.0):.0f} % of the strip stands"
+            f" out from the desk, {100 * SOLID:.0f} % are needed"
+        ),
+        remedy=(
+            "part of its pattern looks like the desk: lay a mat under it that differs"
+            " from each of its colours"
+        ),
     )
 
 
 def _check_background(
     segmenter: scene.Segmenter, calibration: Calibration, strip: StripFile
 ) -> PreflightCheck:
-    """Check whether the background along the strip's motion differs from the strip's colours."""
+    """Check whether the background along the strip's motion differs from the strip's
+    colours.
+    """
     mask = motion_mask(calibration, strip.length)
     alike = (segmenter.separation(mask) < SEPARATION).mean(axis=0)
     share = float(alike.mean())
@@ -128,18 +160,27 @@ def _check_background(
         return PreflightCheck(
             name="contrast",
             passed=False,
-            reason=f"what lies in the strip's place looks like {100 * share:.0f} % of the "
-            "background",
-            remedy="check that a strip lies there, its side on the marked line; if it does, hang a "
-            "cloth of another colour behind the desk",
+            reason=(
+                f"what lies in the strip's place looks like {100 * share:.0f} % of the "
+                "background"
+            ),
+            remedy=(
+                "check that a strip lies there, its side on the marked line; if it"
+                " does, hang a cloth of another colour behind the desk"
+            ),
         )
     return PreflightCheck(
         name="background",
         passed=share <= ALIKE_SHARE,
-        reason=f"{100 * share:.0f} % of what is behind the strip's way has its colour, allowed "
-        f"{100 * ALIKE_SHARE:.0f} %; most of it at x = {1e3 * x:.0f} mm, z = {1e3 * z:.0f} mm",
-        remedy="take away or cover what stands there, or hang a cloth of another colour behind the "
-        "desk",
+        reason=(
+            f"{100 * share:.0f} % of what is behind the strip's way has its colour,"
+            f" allowed {100 * ALIKE_SHARE:.0f} %; most of it at x = {1e3 * x:.0f} mm, z"
+            f" = {1e3 * z:.0f} mm"
+        ),
+        remedy=(
+            "take away or cover what stands there, or hang a cloth of another colour"
+            " behind the desk"
+        ),
     )
 
 
@@ -151,51 +192,73 @@ def _check_exposure(samples: resting_strip.Samples) -> PreflightCheck:
     return PreflightCheck(
         name="exposure",
         passed=max(white, black) <= BURNT,
-        reason=f"{100 * white:.0f} % of the picture is burnt out and {100 * black:.0f} % black, "
-        f"allowed {100 * BURNT:.0f} % of each",
-        remedy="expose shorter where it is burnt out, longer or with more light where it is black",
+        reason=(
+            f"{100 * white:.0f} % of the picture is burnt out and {100 * black:.0f} %"
+            f" black, allowed {100 * BURNT:.0f} % of each"
+        ),
+        remedy=(
+            "expose shorter where it is burnt out, longer or with more light where it"
+            " is black"
+        ),
     )
 
 
-def _check_place(edge: resting_strip.Underside, strip: StripFile, *, clear: bool) -> PreflightCheck:
-    """Check whether the strip is visible along its expected place; `clear` marks visible parts."""
+def _check_place(
+    edge: resting_strip.Underside, strip: StripFile, *, clear: bool
+) -> PreflightCheck:
+    """Check whether the strip is visible along its expected place; `clear` marks
+    visible parts.
+    """
     share = float(edge.present[edge.x < strip.length - END_LENGTH].mean())
     return PreflightCheck(
         name="strip lies there",
         passed=clear and share > PRESENT_SHARE,
         reason=f"seen along {100 * share:.0f} % of its place",
-        remedy="lay the strip along the x-axis, its fixed edge at x = 0, its side on the marked "
-        "line",
+        remedy=(
+            "lay the strip along the x-axis, its fixed edge at x = 0, its side on the"
+            " marked line"
+        ),
     )
 
 
-def _check_flat(edge: resting_strip.Underside, appearance: scene.Appearance) -> PreflightCheck:
+def _check_flat(
+    edge: resting_strip.Underside, appearance: scene.Appearance
+) -> PreflightCheck:
     """Check whether the strip's edge leaves its smooth line by at most FLATNESS."""
     bump = float(np.abs(edge.z - appearance.rest_height(edge.x))[edge.present].max())
     return PreflightCheck(
         name="flat and straight",
         passed=bump <= FLATNESS,
-        reason=f"its edge leaves a smooth line by {1e3 * bump:.1f} mm, allowed "
-        f"{1e3 * FLATNESS:.1f} mm",
+        reason=(
+            f"its edge leaves a smooth line by {1e3 * bump:.1f} mm, allowed "
+            f"{1e3 * FLATNESS:.1f} mm"
+        ),
         remedy="smooth the strip out, lay it straight along the line",
     )
 
 
-def _check_level(edge: resting_strip.Underside, appearance: scene.Appearance) -> PreflightCheck:
+def _check_level(
+    edge: resting_strip.Underside, appearance: scene.Appearance
+) -> PreflightCheck:
     """Check whether the strip's edge lies at most LEVEL off the desk's plane z = 0."""
     off = float(np.abs(appearance.rest_height(edge.x[edge.present])).max())
     return PreflightCheck(
         name="on the desk plane",
         passed=off <= LEVEL,
-        reason=f"its edge lies {1e3 * off:.1f} mm off z = 0, allowed {1e3 * LEVEL:.1f} mm",
-        remedy="lay the near edge on the marked line; if it is, calibrate the camera again",
+        reason=(
+            f"its edge lies {1e3 * off:.1f} mm off z = 0, allowed {1e3 * LEVEL:.1f} mm"
+        ),
+        remedy=(
+            "lay the near edge on the marked line; if it is, calibrate the camera again"
+        ),
     )
 
 
 def _check_length(
     edge: resting_strip.Underside, strip: StripFile, residual: float
 ) -> PreflightCheck:
-    """Check whether the free edge lies within LENGTH_TOLERANCE of the strip's stated length.
+    """Check whether the free edge lies within LENGTH_TOLERANCE of the strip's stated
+    length.
 
     `residual` [m] is the error of the calibration's map.
     """
@@ -203,10 +266,15 @@ def _check_length(
     return PreflightCheck(
         name="length",
         passed=abs(error) <= LENGTH_TOLERANCE,
-        reason=f"its free edge is at x = {1e3 * edge.end:.0f} mm, stated length "
-        f"{1e3 * strip.length:.0f} mm, allowed within {1e3 * LENGTH_TOLERANCE:.0f} mm",
+        reason=(
+            f"its free edge is at x = {1e3 * edge.end:.0f} mm, stated length"
+            f" {1e3 * strip.length:.0f} mm, allowed within"
+            f" {1e3 * LENGTH_TOLERANCE:.0f} mm"
+        ),
         remedy="push the fixed edge to x = 0, or state the strip's own length",
-        witness=LengthCheck("free_edge", error, {"map": residual, "laid by hand": BY_HAND}),
+        witness=LengthCheck(
+            "free_edge", error, {"map": residual, "laid by hand": BY_HAND}
+        ),
     )
 
 
@@ -222,33 +290,44 @@ def camera_check(shift: CameraShift, settings: LandmarkSettings) -> PreflightChe
     seen = np.isfinite([shift.x, shift.z]).all()
     reason = "the gripper is not seen there"
     if seen:
-        desk = f", the desk's line by {shift.desk:+.1f} mm" if np.isfinite(shift.desk) else ""
+        desk = (
+            f", the desk's line by {shift.desk:+.1f} mm"
+            if np.isfinite(shift.desk)
+            else ""
+        )
         reason = (
-            f"the gripper appears moved by x {shift.x:+.1f}, z {shift.z:+.1f} mm{desk}, "
-            f"allowed {settings.moved_mm:.1f} mm"
+            f"the gripper appears moved by x {shift.x:+.1f}, z {shift.z:+.1f} mm{desk},"
+            f" allowed {settings.moved_mm:.1f} mm"
         )
     return PreflightCheck(
         name="camera stands where it was calibrated",
         passed=bool(seen and shift.distance <= settings.moved_mm),
         reason=reason,
-        remedy="look whether camera, zoom, focus or robot were touched; fasten them, calibrate "
-        "again",
+        remedy=(
+            "look whether camera, zoom, focus or robot were touched; fasten them,"
+            " calibrate again"
+        ),
     )
 
 
-MARGINS = (0.005, 0.002)  # m about the resting strip: before its height is known, then its blur
+# m about the resting strip: before its height is known, then its blur
+MARGINS = (0.005, 0.002)
 
 
 @dataclass(frozen=True, slots=True)
 class Preflight:
-    """Checks of one image, and the `appearance` learnt from it; None where no strip is visible."""
+    """Checks of one image, and the `appearance` learnt from it; None where no strip is
+    visible.
+    """
 
     checks: tuple[PreflightCheck, ...]
     appearance: scene.Appearance | None
 
 
 def inspect(frame: Frame, calibration: Calibration, strip: StripFile) -> Preflight:
-    """Check the image `frame` of a strip that lies flat on the desk, not yet grasped."""
+    """Check the image `frame` of a strip that lies flat on the desk, not yet
+    grasped.
+    """
     image = frame.image
     required = (_check_size(image, calibration), *check_scope(strip))
     refused = tuple(check for check in required if not check.passed)
@@ -266,7 +345,9 @@ def inspect(frame: Frame, calibration: Calibration, strip: StripFile) -> Preflig
     presence = _check_place(edge, strip, clear=all(check.passed for check in distinct))
     if not presence.passed:
         return Preflight((*distinct, presence), None)
-    appearance = scene.Appearance(learnt.segmenter, frozen(resting_strip.resting_line(edge)))
+    appearance = scene.Appearance(
+        learnt.segmenter, frozen(resting_strip.resting_line(edge))
+    )
     rests = (
         _check_flat(edge, appearance),
         _check_level(edge, appearance),
@@ -276,10 +357,11 @@ def inspect(frame: Frame, calibration: Calibration, strip: StripFile) -> Preflig
 
 
 class LearntScene(NamedTuple):
-    """Segmenter learnt from an image of a strip at rest, and the strip's place in that image.
+    """Segmenter learnt from an image of a strip at rest, and the strip's place in that
+    image.
 
-    `levels` (h, w) are the smoothed matte; `edge` the strip's near edge along its underside, and
-    `rise` [m] the edge's median height.
+    `levels` (h, w) are the smoothed matte; `edge` the strip's near edge along its
+    underside, and `rise` [m] the edge's median height.
     """
 
     segmenter: scene.Segmenter
@@ -288,8 +370,11 @@ class LearntScene(NamedTuple):
     rise: float
 
 
-def _learn_scene(image: Image, calibration: Calibration, strip: StripFile) -> LearntScene:
-    """Learn the background of `image` (h, w, 3) pixel by pixel, and the strip's colours.
+def _learn_scene(
+    image: Image, calibration: Calibration, strip: StripFile
+) -> LearntScene:
+    """Learn the background of `image` (h, w, 3) pixel by pixel, and the strip's
+    colours.
 
     Twice, since where the strip rests follows from the first time.
     """
@@ -306,8 +391,12 @@ def _learn_scene(image: Image, calibration: Calibration, strip: StripFile) -> Le
 
 
 def _matte_of(segmenter: scene.Segmenter, image: Image) -> Image:
-    """Matte levels (h, w) of the full `image` (h, w, 3), where no hand hides the strip."""
+    """Matte levels (h, w) of the full `image` (h, w, 3), where no hand hides the
+    strip.
+    """
     levels = np.full(image.shape[:2], ZERO_LEVEL, np.uint8)
-    part, region = segmenter.levels(image, Region.whole(image), np.full_like(levels, 255))
+    part, region = segmenter.levels(
+        image, Region.whole(image), np.full_like(levels, 255)
+    )
     region.crop(levels)[:] = part
     return levels

@@ -1,4 +1,6 @@
-"""Midline of the lifted strip, in the plane of its near edge, from its borders in an image."""
+"""Midline of the lifted strip, in the plane of its near edge, from its borders in an
+image.
+"""
 
 from dataclasses import dataclass
 from typing import NamedTuple, Self
@@ -17,8 +19,10 @@ from drivers.types import Array, Image
 PLATEAU = (0.55, 1.3)  # matte levels of the strip as its brightness varies
 OUTLINE_ERROR = 2  # px by which the outline may lie outside the border
 FAR_ROOM = 4.0  # px of a line beyond the widest band, where it falls off
-PEAK_REACH, MASS_REACH = 1.0, 3.0  # px about a band, within which its peak and its mass lie
-OUTSIDE, STEP = 4.0, 0.5  # px before the outline from where a line starts; between its samples
+# px about a band, within which its peak and its mass lie
+PEAK_REACH, MASS_REACH = 1.0, 3.0
+# px before the outline from where a line starts; between its samples
+OUTSIDE, STEP = 4.0, 0.5
 THIN = (2.5, 4.5)  # px: narrower bands are read by their centre of mass
 AGREE = 2.5  # px by which a band's width may differ from the geometry
 CLOSE = (0.6, 1.2)  # px: an inner border this near to its place is the near edge
@@ -31,11 +35,13 @@ Samples = NDArray[np.int64]  # numbers of samples on lines across the outline
 
 @dataclass(frozen=True, slots=True)
 class Crossings:
-    """Borders of the strip on n lines across it, as offsets (n,) [px] along the inward normal.
+    """Borders of the strip on n lines across it, as offsets (n,) [px] along the inward
+    normal.
 
-    Offsets count from the outline's point. `outer` is the border that faces the outside, `inner`
-    the far side of the same band (NaN where it runs into another layer), `middle` its centre of
-    mass, `strength` (n,) the share of strip at its strongest.
+    Offsets count from the outline's point. `outer` is the border that faces the
+    outside, `inner` the far side of the same band (NaN where it runs into another
+    layer), `middle` its centre of mass, `strength` (n,) the share of strip at its
+    strongest.
     """
 
     outer: Array
@@ -45,10 +51,11 @@ class Crossings:
 
 
 def crossings(levels: Image, side: Side, band: Array, sizes: Sizes) -> Crossings:
-    """Find both borders of the strip on a line across each point of `side`, its outline.
+    """Find both borders of the strip on a line across each point of `side`, its
+    outline.
 
-    `band` (n,) [px] is how wide geometry says the band is there. A border lies where the share
-    passes half of the strongest one within the band, kept within PLATEAU.
+    `band` (n,) [px] is how wide geometry says the band is there. A border lies where
+    the share passes half of the strongest one within the band, kept within PLATEAU.
     """
     offsets = np.arange(-OUTSIDE, sizes.deep + STEP / 2, STEP)
     across = _shares_across(levels, side, offsets)
@@ -64,43 +71,63 @@ def crossings(levels: Image, side: Side, band: Array, sizes: Sizes) -> Crossings
     outer = _level_crossing(across, offsets, rise, level)
     inner = _level_crossing(across, offsets, fall - 1, level)
     inner = np.where(fall < len(offsets), inner, np.nan)
-    mass = np.where(_near_band(offsets, width, MASS_REACH), np.maximum(across, 0.0), 0.0)
+    mass = np.where(
+        _near_band(offsets, width, MASS_REACH), np.maximum(across, 0.0), 0.0
+    )
     middle = (mass * offsets).sum(axis=1) / np.maximum(mass.sum(axis=1), 1e-6)
     return Crossings(outer, inner, middle, strength)
 
 
 def _shares_across(levels: Image, side: Side, offsets: Array) -> Array:
-    """Shares of strip (n, m) at `offsets` (m,) [px] inwards from the n points of `side`."""
+    """Shares of strip (n, m) at `offsets` (m,) [px] inwards from the n points of
+    `side`.
+    """
     at = side.points[:, None] - offsets[None, :, None] * side.normals[:, None]
     at = at.astype(np.float32)
-    sampled = cv2.remap(levels, at[..., 0], at[..., 1], cv2.INTER_LINEAR, borderValue=ZERO_LEVEL)
+    sampled = cv2.remap(
+        levels, at[..., 0], at[..., 1], cv2.INTER_LINEAR, borderValue=ZERO_LEVEL
+    )
     return strip_share(sampled)
 
 
 def _last_before(mask: NDArray[np.bool_], end: Samples) -> Samples:
-    """Last true column (n,) before `end` (n,) in each row of `mask` (n, m); 0 for none."""
+    """Last true column (n,) before `end` (n,) in each row of `mask` (n, m); 0 for
+    none.
+    """
     column = np.arange(mask.shape[1])
     return np.asarray(np.where(mask & (column < end[:, None]), column, 0).max(axis=1))
 
 
 def _first_after(mask: NDArray[np.bool_], start: Samples) -> Samples:
-    """First true column (n,) after `start` (n,) in each row of `mask` (n, m); m for none."""
+    """First true column (n,) after `start` (n,) in each row of `mask` (n, m); m for
+    none.
+    """
     column = np.arange(mask.shape[1])
-    return np.asarray(np.where(mask & (column > start[:, None]), column, len(column)).min(axis=1))
+    return np.asarray(
+        np.where(mask & (column > start[:, None]), column, len(column)).min(axis=1)
+    )
 
 
 def _near_band(offsets: Array, width: Array, reach: float) -> NDArray[np.bool_]:
-    """Mask (n, m) of the samples at `offsets` (m,) within `reach` of a band of `width` (n,)."""
+    """Mask (n, m) of the samples at `offsets` (m,) within `reach` of a band of `width`
+    (n,).
+    """
     return (offsets >= -reach) & (offsets <= width[:, None] + reach)
 
 
-def _level_crossing(across: Array, offsets: Array, left: Samples, level: Array) -> Array:
-    """Offsets (n,) at which lines cross `level` (n,) between samples `left` (n,) and the next."""
+def _level_crossing(
+    across: Array, offsets: Array, left: Samples, level: Array
+) -> Array:
+    """Offsets (n,) at which lines cross `level` (n,) between samples `left` (n,) and
+    the next.
+    """
     rows = np.arange(len(across))
     before = across[rows, left]
     change = across[rows, np.minimum(left + 1, len(offsets) - 1)] - before
     part = (level - before) / np.where(np.abs(change) >= 1e-6, change, 1e-6)
-    return np.asarray(offsets[left] + (offsets[1] - offsets[0]) * np.clip(part, 0.0, 1.0))
+    return np.asarray(
+        offsets[left] + (offsets[1] - offsets[0]) * np.clip(part, 0.0, 1.0)
+    )
 
 
 KERNEL = np.array([-3.0, 12.0, 17.0, 12.0, -3.0]) / 35  # parabola through five points
@@ -108,7 +135,9 @@ KERNEL = np.array([-3.0, 12.0, 17.0, 12.0, -3.0]) / 35  # parabola through five 
 
 @dataclass(frozen=True, slots=True)
 class Geometry:
-    """Imaging geometry of a strip: thickness, width [m], and `origin` (2,) [px] of the window."""
+    """Imaging geometry of a strip: thickness, width [m], and `origin` (2,) [px] of the
+    window.
+    """
 
     calibration: Calibration
     thickness: float
@@ -117,12 +146,16 @@ class Geometry:
     sizes: Sizes
 
     def plane(self, pixels: Array) -> Array:
-        """Convert window pixels (n, 2) to points (n, 2) x, z [m] in the plane of the near edge."""
+        """Convert window pixels (n, 2) to points (n, 2) x, z [m] in the plane of the
+        near edge.
+        """
         return self.calibration.to_plane(pixels + self.origin)
 
     @property
     def sweep(self) -> float:
-        """Ratio of the far edge's apparent shift to its distance from the camera's foot point."""
+        """Ratio of the far edge's apparent shift to its distance from the camera's foot
+        point.
+        """
         return self.calibration.viewpoint.sweep(self.width)
 
 
@@ -130,9 +163,9 @@ class Geometry:
 class OuterSide:
     """Outer side of the strip at n points, seen in the plane of its near edge.
 
-    `place` (n, 2) [m], unit normals `out` (n, 2) of the strip, `lever` (n,) [m] along them from the
-    camera's foot point: positive where the side is the near edge, else it is the far edge, which
-    appears `swept` (n,) [m] nearer to the foot; `scale` [m/px].
+    `place` (n, 2) [m], unit normals `out` (n, 2) of the strip, `lever` (n,) [m] along
+    them from the camera's foot point: positive where the side is the near edge, else it
+    is the far edge, which appears `swept` (n,) [m] nearer to the foot; `scale` [m/px].
     """
 
     place: Array
@@ -154,14 +187,18 @@ class OuterSide:
 
 
 class SeenMidline(NamedTuple):
-    """Midline `points` (m, 2) [m], and its share `visible` that is as wide as geometry says."""
+    """Midline `points` (m, 2) [m], and its share `visible` that is as wide as geometry
+    says.
+    """
 
     points: Array
     visible: float
 
 
 def midline_points(levels: Image, side: Side, geometry: Geometry) -> SeenMidline:
-    """Midline of the lifted strip, SPACING apart, from its outer `side` in the matte (h, w)."""
+    """Midline of the lifted strip, SPACING apart, from its outer `side` in the matte
+    (h, w).
+    """
     outer = OuterSide.from_image(side, geometry)
     expected = outer.swept + geometry.thickness  # m, width of the band
     borders = crossings(levels, side, expected / outer.scale, geometry.sizes)
@@ -169,31 +206,44 @@ def midline_points(levels: Image, side: Side, geometry: Geometry) -> SeenMidline
     tangents = np.stack([-outer.out[:, 1], outer.out[:, 0]], axis=1)
     width = (borders.inner - borders.outer) * outer.scale
     good = (borders.strength > 0.2) & ~(width < expected - AGREE * outer.scale)
-    return SeenMidline(_average_in_order(points[good], tangents[good]), float(good.mean()))
+    return SeenMidline(
+        _average_in_order(points[good], tangents[good]), float(good.mean())
+    )
 
 
 def _midline(outer: OuterSide, borders: Crossings, thickness: float) -> Array:
-    """Midline points (n, 2) [m], from the borders of wide bands and the centres of narrow bands."""
-    by_near_edge = -borders.outer * outer.scale - thickness / 2  # [m] along `out`, as all below
+    """Midline points (n, 2) [m], from the borders of wide bands and the centres of
+    narrow bands.
+    """
+    # [m] along `out`, as all below
+    by_near_edge = -borders.outer * outer.scale - thickness / 2
     by_far_edge = _by_far_edge(by_near_edge - outer.swept, outer, borders, thickness)
     by_border = np.where(outer.lever > 0, by_near_edge, by_far_edge)
     by_mass = -borders.middle * outer.scale + np.sign(outer.lever) * outer.swept / 2
     band = (outer.swept + thickness) / outer.scale  # px
     trust = np.clip((band - THIN[0]) / (THIN[1] - THIN[0]), 0.0, 1.0)
-    alone = np.isfinite(borders.inner) & ((borders.inner - borders.outer) < band + AGREE)
+    alone = np.isfinite(borders.inner) & (
+        (borders.inner - borders.outer) < band + AGREE
+    )
     trust = np.where(alone, trust, 1.0)
     shift = trust * by_border + (1 - trust) * by_mass
     return np.asarray(outer.place + shift[:, None] * outer.out)
 
 
-def _by_far_edge(predicted: Array, outer: OuterSide, borders: Crossings, thickness: float) -> Array:
-    """Midline offset (n,) [m] along the normals where the outer side is the strip's far edge.
+def _by_far_edge(
+    predicted: Array, outer: OuterSide, borders: Crossings, thickness: float
+) -> Array:
+    """Midline offset (n,) [m] along the normals where the outer side is the strip's far
+    edge.
 
-    It is `predicted` (n,) by the far edge; where the near edge is visible behind it, by that.
+    It is `predicted` (n,) by the far edge; where the near edge is visible behind it, by
+    that.
     """
     scale = outer.scale
     behind = -borders.inner * scale + thickness / 2
-    predicted = predicted + _far_offset((behind - predicted)[outer.lever < 0], AGREE * scale)
+    predicted = predicted + _far_offset(
+        (behind - predicted)[outer.lever < 0], AGREE * scale
+    )
     off = np.abs(behind - predicted) / scale
     visible = np.clip((CLOSE[1] - off) / (CLOSE[1] - CLOSE[0]), 0.0, 1.0)
     mixed = visible * behind + (1 - visible) * predicted
@@ -201,7 +251,8 @@ def _by_far_edge(predicted: Array, outer: OuterSide, borders: Crossings, thickne
 
 
 def _far_offset(differences: Array, limit: float) -> float:
-    """Median [m] of `differences` (n,) between a midline by the near edge and the predicted one.
+    """Median [m] of `differences` (n,) between a midline by the near edge and the
+    predicted one.
 
     Only those under `limit` [m] count; errors of stated width and thickness cause it.
     """
@@ -210,15 +261,19 @@ def _far_offset(differences: Array, limit: float) -> float:
 
 
 def _average_in_order(points: Array, tangents: Array) -> Array:
-    """Order `points` (n, 2) with unit `tangents` by arc length and average them over SPACING.
+    """Order `points` (n, 2) with unit `tangents` by arc length and average them over
+    SPACING.
 
-    Where the outer side changes from near to far edge, its points repeat a section of the midline.
+    Where the outer side changes from near to far edge, its points repeat a section of
+    the midline.
     """
     if len(points) < FEWEST_POINTS:
         return np.empty((0, 2))
     mean = tangents[1:] + tangents[:-1]
     mean /= np.maximum(np.hypot(*mean.T), 1e-9)[:, None]
-    travel = np.concatenate([[0.0], np.cumsum((np.diff(points, axis=0) * mean).sum(axis=1))])
+    travel = np.concatenate(
+        [[0.0], np.cumsum((np.diff(points, axis=0) * mean).sum(axis=1))]
+    )
     bins = np.floor((travel - travel.min()) / SPACING).astype(int)
     count = np.bincount(bins)
     filled = count > 0
@@ -227,7 +282,9 @@ def _average_in_order(points: Array, tangents: Array) -> Array:
 
 
 def resample(points: Array) -> Array:
-    """Resample a polyline (n, 2) to PROFILE_POINTS at equal steps, smoothed by local parabolas."""
+    """Resample a polyline (n, 2) to PROFILE_POINTS at equal steps, smoothed by local
+    parabolas.
+    """
     even = even_points(points, PROFILE_POINTS)
     smooth = even.copy()
     for c in range(2):

@@ -22,10 +22,13 @@ PROBE_DEPTH = 0.014
 
 @dataclass(frozen=True, slots=True)
 class Sizes:
-    """Sizes [px] of windows and gaps on the strip, for a camera that resolves `scale` [m/px]."""
+    """Sizes [px] of windows and gaps on the strip, for a camera that resolves `scale`
+    [m/px].
+    """
 
     scale: float  # m/px
-    light: int  # patches (odd) over whose median light is read: a strip covers less than half
+    # patches (odd) over whose median light is read: a strip covers less than half
+    light: int
     hanging: int  # px (odd) over which an edge-on strip is averaged along its way
     bridge: float  # px, longest break of an edge-on strip that is bridged
     aside: float  # px about the gripper point within which the fingers end the strip
@@ -33,9 +36,11 @@ class Sizes:
 
     @classmethod
     def of_camera(cls, calibration: Calibration) -> Self:
-        """Sizes [px] for the camera of `calibration`, by its resolution at the image centre.
+        """Sizes [px] for the camera of `calibration`, by its resolution at the image
+        centre.
 
-        Windows are at least what a strip of two pixels needs, however coarse the camera is.
+        Windows are at least what a strip of two pixels needs, however coarse the camera
+        is.
         """
         lens = calibration.lens
         u, v = lens.width / 2, lens.height / 2
@@ -65,7 +70,8 @@ FOLD = 0.09  # m of height that is always searched
 FINGER_SIZE = (0.045, 0.020)  # m: length along the approach, half width
 LOW_HEIGHT = 0.012  # m of height: free of the resting strip
 HIGH_HEIGHT = 0.09  # below the waiting hand
-SWEPT = (0.3, 0.85, 1.02, 0.5)  # of its length: where a strip moves, from, free of hand, to, up to
+# of its length: where a strip moves, from, free of hand, to, up to
+SWEPT = (0.3, 0.85, 1.02, 0.5)
 HAND_SIZE = (0.60, 0.100)  # m: hand and wrist
 
 
@@ -99,10 +105,11 @@ class Region:
 
 
 def strip_region(calibration: Calibration, length: float, gripper: Pose) -> Region:
-    """Region of the image in which a strip of `length` [m], held at `gripper`, can appear.
+    """Region of the image in which a strip of `length` [m], held at `gripper`, can
+    appear.
 
-    It covers whole cells of CELL_PX. The strip is fixed at x = 0: the region ends on the right
-    half way between its length and the gripper.
+    It covers whole cells of CELL_PX. The strip is fixed at x = 0: the region ends on
+    the right half way between its length and the gripper.
     """
     top = max(gripper.z + ABOVE_GRIPPER, FOLD)
     right = float(np.clip((length + gripper.x) / 2, length / 2, length)) + BEYOND
@@ -112,12 +119,14 @@ def strip_region(calibration: Calibration, length: float, gripper: Pose) -> Regi
     size = np.array([lens.width, lens.height])
     first = np.clip(pixels.min(axis=0), 0, size - 2).astype(int) // CELL_PX * CELL_PX
     last = np.clip(np.ceil(pixels.max(axis=0)) + 1, 2, size).astype(int)
-    right_bottom = np.minimum(-(-last // CELL_PX) * CELL_PX, size)  # rounded up to whole cells
+    # rounded up to whole cells
+    right_bottom = np.minimum(-(-last // CELL_PX) * CELL_PX, size)
     return Region(*first.tolist(), *right_bottom.tolist())
 
 
 def motion_mask(calibration: Calibration, length: float) -> Image:
-    """Mask (height, width), 255 where a strip of `length` [m] will move before the background.
+    """Mask (height, width), 255 where a strip of `length` [m] will move before the
+    background.
 
     Only above the desk, and below the hand that waits for the grasp.
     """
@@ -128,9 +137,16 @@ def motion_mask(calibration: Calibration, length: float) -> Image:
 
 
 def strip_zone(calibration: Calibration, length: float, low: float = -BELOW) -> Image:
-    """Mask (height, width), 255 where a strip of `length` [m] can lie, or hang above `low` [m]."""
+    """Mask (height, width), 255 where a strip of `length` [m] can lie, or hang above
+    `low` [m].
+    """
     right, ceiling = length + BEYOND, length
-    corners = [(STRIP_START, low), (right, low), (right, ceiling), (STRIP_START, ceiling)]
+    corners = [
+        (STRIP_START, low),
+        (right, low),
+        (right, ceiling),
+        (STRIP_START, ceiling),
+    ]
     return _fill(calibration, np.array(corners))
 
 
@@ -143,7 +159,9 @@ def _fill(calibration: Calibration, corners: Array) -> Image:
 
 
 def without_hand(region: Region, calibration: Calibration, gripper: Pose) -> Image:
-    """Mask (h, w) of `region`, 0 where the hand at `gripper` may hide the strip, else 255."""
+    """Mask (h, w) of `region`, 0 where the hand at `gripper` may hide the strip, else
+    255.
+    """
     along = np.array([np.cos(gripper.pitch), np.sin(gripper.pitch)])
     across = np.array([-along[1], along[0]])
     finger, slim = FINGER_SIZE
@@ -152,6 +170,8 @@ def without_hand(region: Region, calibration: Calibration, gripper: Pose) -> Ima
     outline = np.concatenate([side, side[::-1] * (1, -1)])
     corners = outline @ np.stack([along, across]) + (gripper.x, gripper.z)
     pixels = np.rint(calibration.homography.to_image(corners) - region.origin)
-    mask = np.full((region.bottom - region.top, region.right - region.left), 255, dtype=np.uint8)
+    mask = np.full(
+        (region.bottom - region.top, region.right - region.left), 255, dtype=np.uint8
+    )
     cv2.fillPoly(mask, [np.clip(pixels, -20000, 20000).astype(np.int32)], 0)
     return mask

@@ -13,7 +13,8 @@ from drivers.strip.file import StripFile
 from drivers.types import Array, Image
 
 FRONT_HEIGHTS = (-0.008, -0.003)  # m of height where the desk shows before a thin strip
-THIN = 0.002  # m of thickness up to which it does; before a thicker one it shows lower down
+# m of thickness up to which it does; before a thicker one it shows lower down
+THIN = 0.002
 BACKDROP_HEIGHTS = (0.06, 0.25)  # m of height where the backdrop shows
 SEARCH = 0.008  # m above and below rest in which the underside is searched
 FACE = 0.7  # share of the strip's face, from the near edge on, that shows its colour
@@ -24,7 +25,8 @@ PAST_END = 0.06  # m past its stated length up to which the strip is searched
 
 @dataclass(frozen=True, slots=True)
 class Underside:
-    """Underside of the resting strip: heights `z` (n,) [m] of its midline at `x` (n,) [m].
+    """Underside of the resting strip: heights `z` (n,) [m] of its midline at `x` (n,)
+    [m].
 
     `z` is NaN where no strip is seen; `end` [m] is x of the strip's free edge.
     """
@@ -41,7 +43,9 @@ class Underside:
 
 @dataclass(frozen=True, slots=True)
 class Samples:
-    """Sampled pixels (n, 3) BGR of the resting strip, the desk before it, the backdrop above it."""
+    """Sampled pixels (n, 3) BGR of the resting strip, the desk before it, the backdrop
+    above it.
+    """
 
     strip: Array
     desk: Array
@@ -54,7 +58,9 @@ class Samples:
 
 
 def sample_scene(image: Image, calibration: Calibration, strip: StripFile) -> Samples:
-    """Sample pixels of `image` (h, w, 3) where strip, desk and backdrop are expected."""
+    """Sample pixels of `image` (h, w, 3) where strip, desk and backdrop are
+    expected.
+    """
     lower = max(strip.thickness - THIN, 0.0) / 2
     front = (FRONT_HEIGHTS[0] - lower, FRONT_HEIGHTS[1] - lower)
     face = face_height(calibration, strip)
@@ -65,36 +71,53 @@ def sample_scene(image: Image, calibration: Calibration, strip: StripFile) -> Sa
     )
 
 
-def inner_pixels(image: Image, calibration: Calibration, strip: StripFile, rise: float) -> Array:
-    """Pixels (n, 3) BGR well inside the strip's face; its near edge appears at z = `rise` [m]."""
+def inner_pixels(
+    image: Image, calibration: Calibration, strip: StripFile, rise: float
+) -> Array:
+    """Pixels (n, 3) BGR well inside the strip's face; its near edge appears at z =
+    `rise` [m].
+    """
     face = face_height(calibration, strip)
     height = (rise + INNER[0] * face, rise + INNER[1] * face)
     return sample_rectangle(image, calibration, _span(strip, 0.0), height)
 
 
 def face_height(calibration: Calibration, strip: StripFile) -> float:
-    """Height [m] at which the resting strip's far edge appears in the plane of its near edge."""
+    """Height [m] at which the resting strip's far edge appears in the plane of its near
+    edge.
+    """
     return calibration.viewpoint.sweep(strip.width) * calibration.viewpoint.z
 
 
 def _span(strip: StripFile, margin: float) -> tuple[float, float]:
-    """Range of x [m] over the strip without its ends: a `margin` [m] and 1 cm are left out."""
+    """Range of x [m] over the strip without its ends: a `margin` [m] and 1 cm are left
+    out.
+    """
     return margin + 0.01, strip.length - margin - 0.01
 
 
 def sample_rectangle(
-    image: Image, calibration: Calibration, span: tuple[float, float], height: tuple[float, float]
+    image: Image,
+    calibration: Calibration,
+    span: tuple[float, float],
+    height: tuple[float, float],
 ) -> Array:
-    """Pixels (n, 3) BGR over a rectangle, `span` of x and `height` of z [m], of the edge plane."""
+    """Pixels (n, 3) BGR over a rectangle, `span` of x and `height` of z [m], of the
+    edge plane.
+    """
     grid = _grid(np.linspace(*span, 250), np.linspace(*height, 12))
     return sample_plane(image, calibration, grid).reshape(-1, 3)
 
 
 def sample_plane(image: Image, calibration: Calibration, points: Array) -> Array:
-    """Values of `image` at `points` (n, m, 2) [m] of the plane of the near edge: (n, m, ...)."""
+    """Values of `image` at `points` (n, m, 2) [m] of the plane of the near edge: (n, m,
+    ...).
+    """
     pixels = calibration.to_image(points.reshape(-1, 2)).reshape(points.shape)
     at = pixels.astype(np.float32)
-    sampled = cv2.remap(image, at[..., 0], at[..., 1], cv2.INTER_LINEAR, None, cv2.BORDER_REPLICATE)
+    sampled = cv2.remap(
+        image, at[..., 0], at[..., 1], cv2.INTER_LINEAR, None, cv2.BORDER_REPLICATE
+    )
     return np.asarray(sampled, dtype=np.float64)
 
 
@@ -103,18 +126,26 @@ def _grid(x: Array, z: Array) -> Array:
     return np.stack(np.meshgrid(x, z, indexing="ij"), axis=-1)
 
 
-def strip_shares(levels: Image, calibration: Calibration, strip: StripFile, rise: float) -> Array:
+def strip_shares(
+    levels: Image, calibration: Calibration, strip: StripFile, rise: float
+) -> Array:
     """Shares of strip (n,), 0 to 1, at each mm along the near side of a strip at rest.
 
     From the smoothed matte `levels` (h, w); the midline rests at a height `rise` [m].
     """
     x = np.arange(*_span(strip, 0.0), 0.001)
-    z = rise + np.linspace(-strip.thickness / 4, INNER[0] * face_height(calibration, strip), 5)
-    return np.asarray(strip_share(sample_plane(levels, calibration, _grid(x, z))).mean(axis=1))
+    z = rise + np.linspace(
+        -strip.thickness / 4, INNER[0] * face_height(calibration, strip), 5
+    )
+    return np.asarray(
+        strip_share(sample_plane(levels, calibration, _grid(x, z))).mean(axis=1)
+    )
 
 
 def underside(levels: Image, calibration: Calibration, strip: StripFile) -> Underside:
-    """Locate the resting strip's underside in the smoothed matte `levels` (h, w) of an image."""
+    """Locate the resting strip's underside in the smoothed matte `levels` (h, w) of an
+    image.
+    """
     x = np.arange(0.005, strip.length + PAST_END, 0.002)
     z = np.arange(-SEARCH, SEARCH, 0.0001)
     across = strip_share(sample_plane(levels, calibration, _grid(x, z)))
@@ -130,21 +161,29 @@ def underside(levels: Image, calibration: Calibration, strip: StripFile) -> Unde
 
 
 def _free_edge(levels: Image, calibration: Calibration, strip: StripFile) -> float:
-    """Position x [m] of the strip's free edge along its near edge; NaN where none is visible."""
+    """Position x [m] of the strip's free edge along its near edge; NaN where none is
+    visible.
+    """
     x = np.arange(0.1, strip.length + PAST_END, 0.0003)
     heights = np.array([0.0, 0.0005, 0.001])
-    along = strip_share(sample_plane(levels, calibration, _grid(x, heights)).max(axis=1))
+    along = strip_share(
+        sample_plane(levels, calibration, _grid(x, heights)).max(axis=1)
+    )
     inside = np.flatnonzero(along > 0.5)
     return float(x[inside[-1]]) if len(inside) else nan
 
 
 def resting_line(seen: Underside) -> Array:
-    """Fit the resting midline's height [m] by a polynomial (DEGREE + 1,) of x, robust to a bump."""
+    """Fit the resting midline's height [m] by a polynomial (DEGREE + 1,) of x, robust
+    to a bump.
+    """
     x, z = seen.x[seen.present], seen.z[seen.present]
     kept = np.ones(len(x), dtype=bool)
     fit: Array = np.zeros(DEGREE + 1)
     for _ in range(3):
-        fit = np.asarray(np.polynomial.polynomial.polyfit(x[kept], z[kept], DEGREE), np.float64)
+        fit = np.asarray(
+            np.polynomial.polynomial.polyfit(x[kept], z[kept], DEGREE), np.float64
+        )
         off = np.abs(z - np.polynomial.polynomial.polyval(x, fit))
         kept = off <= max(3.0 * float(np.median(off)), 1e-4)
     return fit

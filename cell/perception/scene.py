@@ -1,4 +1,6 @@
-"""Appearance learnt before a fold: colours of the strip, background, separation of both."""
+"""Appearance learnt before a fold: colours of the strip, background, separation of
+both.
+"""
 
 from dataclasses import dataclass
 from typing import Any
@@ -26,34 +28,43 @@ Indices = NDArray[np.signedinteger[Any]]
 
 
 def palette(samples: Array) -> Array:
-    """Smallest set of colours (k, 3), most frequent first, that explains `samples` (n, 3).
+    """Smallest set of colours (k, 3), most frequent first, that explains `samples` (n,
+    3).
 
-    At most MOST_COLOURS. Samples between two colours, as at the border of a stripe, may stay
-    unexplained.
+    At most MOST_COLOURS. Samples between two colours, as at the border of a stripe, may
+    stay unexplained.
     """
     colours = np.median(samples, axis=0)[None]
     while len(colours) < MOST_COLOURS:
         unlike_all = colour_distances(samples, colours).min(axis=1) > OTHER_COLOUR
         if unlike_all.mean() <= BLENDS:
             break
-        colours = _refine(samples, np.vstack([colours, _worst_explained(samples, colours)]))
+        colours = _refine(
+            samples, np.vstack([colours, _worst_explained(samples, colours)])
+        )
     nearest = colour_distances(samples, colours).argmin(axis=1)
     frequent = np.argsort(-np.bincount(nearest, minlength=len(colours)), kind="stable")
     return frozen(colours[frequent])
 
 
 def colour_distances(samples: Array, colours: Array) -> Array:
-    """Distances (..., k) [sigma] of samples (..., 3) from colours (k, 3), less for brightness."""
+    """Distances (..., k) [sigma] of samples (..., 3) from colours (k, 3), less for
+    brightness.
+    """
     away = samples[..., None, :] - colours
     bright = colours / np.maximum(np.linalg.norm(colours, axis=1), 1.0)[:, None]
     along = (away * bright).sum(axis=-1)
     aside = (away**2).sum(axis=-1) - along**2
     stretch = COLOUR_SPREAD**2 + SHADE**2 * (colours**2).sum(axis=1)
-    return np.asarray(np.sqrt(np.maximum(aside, 0.0) / COLOUR_SPREAD**2 + along**2 / stretch))
+    return np.asarray(
+        np.sqrt(np.maximum(aside, 0.0) / COLOUR_SPREAD**2 + along**2 / stretch)
+    )
 
 
 def _worst_explained(samples: Array, colours: Array) -> Array:
-    """Median colour (3,) of the twentieth of `samples` around the one worst explained."""
+    """Median colour (3,) of the twentieth of `samples` around the one worst
+    explained.
+    """
     distance = colour_distances(samples, colours).min(axis=1)
     worst = samples[int(np.argmax(distance))]
     near = np.argsort(np.linalg.norm(samples - worst, axis=1), kind="stable")
@@ -61,7 +72,9 @@ def _worst_explained(samples: Array, colours: Array) -> Array:
 
 
 def _refine(samples: Array, colours: Array) -> Array:
-    """Move each colour (k, 3) to the median of its nearest samples, until convergence."""
+    """Move each colour (k, 3) to the median of its nearest samples, until
+    convergence.
+    """
     for _ in range(ROUNDS):
         nearest: Indices = colour_distances(samples, colours).argmin(axis=1)
         medians = colours.copy()
@@ -75,18 +88,21 @@ def _refine(samples: Array, colours: Array) -> Array:
 
 EDGE = 3  # rows of desk that are averaged to either side of the strip
 END_MARGIN = 0.012  # m past the strip's free edge that are replaced too
-DARKEST = 3.0  # summed grey levels, to which darker patches are raised: their ratio is noise
-LIFTED_SHADE = 0.06  # share of brightness by which evened light may be off above the desk
+# summed grey levels, to which darker patches are raised: their ratio is noise
+DARKEST = 3.0
+# share of brightness by which evened light may be off above the desk
+LIFTED_SHADE = 0.06
 DESK_SHADE = 0.15  # and on it, where the strip throws its own shadow
 
 
 @dataclass(frozen=True, slots=True)
 class Background:
-    """Image of the scene without the strip: `image` (height, width, 3) BGR of the whole picture.
+    """Image of the scene without the strip: `image` (height, width, 3) BGR of the whole
+    picture.
 
-    `shade` (height, width) is the share of brightness by which the light may still differ after
-    it was evened out: more on the desk, where the strip throws its own shadow. Light is the median
-    over `about` (odd) by `about` patches.
+    `shade` (height, width) is the share of brightness by which the light may still
+    differ after it was evened out: more on the desk, where the strip throws its own
+    shadow. Light is the median over `about` (odd) by `about` patches.
     """
 
     image: Image
@@ -94,11 +110,12 @@ class Background:
     about: int
 
     def light(self, image: Image, region: Region, visible: Image) -> Floats:
-        """Relative brightness (n + 2, m + 2) of the cells of `region`, with a border of one cell.
+        """Relative brightness (n + 2, m + 2) of the cells of `region`, with a border of
+        one cell.
 
-        EVEN_LIGHT where unchanged since preflight. Shadow and flicker are smooth, a strip is thin:
-        the median over a neighbourhood is light only. Pixels where `visible` (h, w) is 0, such as
-        the hand, are not used.
+        EVEN_LIGHT where unchanged since preflight. Shadow and flicker are smooth, a
+        strip is thin: the median over a neighbourhood is light only. Pixels where
+        `visible` (h, w) is 0, such as the hand, are not used.
         """
         shape = region.cells(PATCH_PX)
         corner = (region.left, region.top)
@@ -111,20 +128,28 @@ class Background:
         height, width = (PATCH_PX // CELL_PX * patches for patches in shape)
         cells = cv2.resize(smooth, (width, height))
         n, m = region.cells(CELL_PX)
-        return np.asarray(cv2.copyMakeBorder(cells[:n, :m], 1, 1, 1, 1, cv2.BORDER_REPLICATE))
+        return np.asarray(
+            cv2.copyMakeBorder(cells[:n, :m], 1, 1, 1, 1, cv2.BORDER_REPLICATE)
+        )
 
     def _fill_holes(self, values: Floats, known: Floats) -> Floats:
-        """Replace unknown `values` (n, m) by the mean of known neighbours, or by 1 without any."""
+        """Replace unknown `values` (n, m) by the mean of known neighbours, or by 1
+        without any.
+        """
         if known.all():
             return values
         size = (3 * self.about, 3 * self.about)
         weight = cv2.blur(known, size)
         mean = cv2.blur(values * known, size) / np.maximum(weight, 1e-6)
-        return np.where(known > 0, values, np.where(weight > 1e-4, mean, 1)).astype(np.float32)
+        return np.where(known > 0, values, np.where(weight > 1e-4, mean, 1)).astype(
+            np.float32
+        )
 
 
 def _patches_in_view(visible: Image, shape: tuple[int, int]) -> Floats:
-    """Mask of `shape` (rows, columns): 0 for patches whose middle `visible` (h, w) hides, or 1."""
+    """Mask of `shape` (rows, columns): 0 for patches whose middle `visible` (h, w)
+    hides, or 1.
+    """
     middles = slice(PATCH_PX // 2, None, PATCH_PX)
     clear = visible[middles, middles] > 0
     in_view = np.ones(shape, np.float32)
@@ -136,8 +161,8 @@ def _patches_in_view(visible: Image, shape: tuple[int, int]) -> Floats:
 class RestingPlace:
     """Rectangle [m], in the plane of the near edge, in which the resting strip appears.
 
-    From x = 0 to `length`, between the heights `low` and `high`, its blur and shadow included; its
-    midline lies `rise` over the desk's.
+    From x = 0 to `length`, between the heights `low` and `high`, its blur and shadow
+    included; its midline lies `rise` over the desk's.
     """
 
     length: float
@@ -146,19 +171,27 @@ class RestingPlace:
     high: float
 
 
-def learn_background(image: Image, calibration: Calibration, place: RestingPlace) -> Background:
-    """Background of `image` (height, width, 3), interpolated where the strip lies at `place`."""
+def learn_background(
+    image: Image, calibration: Calibration, place: RestingPlace
+) -> Background:
+    """Background of `image` (height, width, 3), interpolated where the strip lies at
+    `place`.
+    """
     x = np.linspace(0.0, place.length + END_MARGIN, 60)
     left, right = calibration.to_image(np.column_stack([x[[0, -1]], [0.0, 0.0]]))[:, 0]
     columns = np.arange(max(int(left), 0), min(int(right) + 1, image.shape[1] - 1))
     bottom, top = (
-        np.interp(columns, *calibration.to_image(np.column_stack([x, np.full_like(x, z)])).T)
+        np.interp(
+            columns, *calibration.to_image(np.column_stack([x, np.full_like(x, z)])).T
+        )
         for z in (place.low, place.high)
     )
     empty = image.copy()
     begins = np.maximum(np.floor(top).astype(int), EDGE)
     ends = np.minimum(np.ceil(bottom).astype(int), image.shape[0] - EDGE - 1) + 1
-    for column, begin, end in zip(columns.tolist(), begins.tolist(), ends.tolist(), strict=True):
+    for column, begin, end in zip(
+        columns.tolist(), begins.tolist(), ends.tolist(), strict=True
+    ):
         _bridge(empty[:, column], begin, end)
     edge = np.interp(np.arange(image.shape[1]), columns, top) - EDGE
     on_desk = np.arange(image.shape[0])[:, None] >= edge[None]
@@ -167,7 +200,9 @@ def learn_background(image: Image, calibration: Calibration, place: RestingPlace
 
 
 def _bridge(column: Image, begin: int, end: int) -> None:
-    """Replace rows `begin` to before `end` of `column` (h, 3), by a line between those beside."""
+    """Replace rows `begin` to before `end` of `column` (h, 3), by a line between those
+    beside.
+    """
     if begin + 1 < end:
         above = column[begin - EDGE : begin].mean(axis=0)
         below = column[end : end + EDGE].mean(axis=0)
@@ -175,9 +210,11 @@ def _bridge(column: Image, begin: int, end: int) -> None:
         column[begin:end] = np.rint(above + share * (below - above))
 
 
-LEAST_NOISE = 2.5  # grey levels, assumed of any camera: weave, demosaicing and rounding add to it
+# grey levels, assumed of any camera: weave, demosaicing and rounding add to it
+LEAST_NOISE = 2.5
 GAUSSIAN = (2 / np.pi) ** 0.5  # mean absolute value over standard deviation
-CHANGE_RATIO = 1.2  # times the noise's mean difference in a cell, from which the cell changed
+# times the noise's mean difference in a cell, from which the cell changed
+CHANGE_RATIO = 1.2
 DIFFERENCE = 2**0.5  # of two noisy pictures: the background is one too
 NOISE_SHARE = 0.5  # of its noise is left in a picture after `smooth_matte`
 AVERAGING_WINDOW = 5  # px over which a picture is averaged to leave its noise
@@ -188,8 +225,9 @@ SCALE_ENDS = (20, 235)  # grey levels beyond which a camera clips its noise
 class Segmenter:
     """Segments the strip from its background, by `colours` (k, 3) BGR of the strip.
 
-    `sensor` [grey levels] is the standard deviation of a pixel's difference from the background,
-    `smooth` the same after smoothing, `noise` that of a pixel's share of strip.
+    `sensor` [grey levels] is the standard deviation of a pixel's difference from the
+    background, `smooth` the same after smoothing, `noise` that of a pixel's share of
+    strip.
     """
 
     colours: Array
@@ -198,12 +236,16 @@ class Segmenter:
     smooth: float
     noise: float
 
-    def levels(self, image: Image, region: Region, visible: Image) -> tuple[Image, Region]:
-        """Matte levels (h, w) of the strip in `image` (height, width, 3), and their region.
+    def levels(
+        self, image: Image, region: Region, visible: Image
+    ) -> tuple[Image, Region]:
+        """Matte levels (h, w) of the strip in `image` (height, width, 3), and their
+        region.
 
-        That is the part of `region`, in whole cells, that holds all but background. Only cells
-        that differ from the background in this light, and their neighbours, are compared with the
-        strip's colours. Pixels masked out by `visible`, of the region's size, are background.
+        That is the part of `region`, in whole cells, that holds all but background.
+        Only cells that differ from the background in this light, and their neighbours,
+        are compared with the strip's colours. Pixels masked out by `visible`, of the
+        region's size, are background.
         """
         image = np.ascontiguousarray(image)
         light = self.background.light(image, region, visible)
@@ -220,17 +262,28 @@ class Segmenter:
             image=image,
             background=self.background.image,
             shade=self.background.shade,
-            light=np.ascontiguousarray(light[row : row + rows + 2, column : column + columns + 2]),
+            light=np.ascontiguousarray(
+                light[row : row + rows + 2, column : column + columns + 2]
+            ),
             corner=(part.left, part.top),
         )
-        part_cells = np.ascontiguousarray(cells[row : row + rows, column : column + columns])
-        levels = kernels.segment(picture, part_cells, _floats(self.colours), self.smooth**2)
+        part_cells = np.ascontiguousarray(
+            cells[row : row + rows, column : column + columns]
+        )
+        levels = kernels.segment(
+            picture, part_cells, _floats(self.colours), self.smooth**2
+        )
         height, width = part.bottom - part.top, part.right - part.left
         clear = visible[top : top + height, left : left + width]
-        return cv2.max(cv2.min(levels[:height, :width], clear), kernels.ZERO_LEVEL), part
+        return (
+            cv2.max(cv2.min(levels[:height, :width], clear), kernels.ZERO_LEVEL),
+            part,
+        )
 
     def _changed_cells(self, image: Image, light: Floats, region: Region) -> Image:
-        """Mask (n, m) of the cells that differ from the background, and of their neighbours."""
+        """Mask (n, m) of the cells that differ from the background, and of their
+        neighbours.
+        """
         height = image.shape[0]
         cells = kernels.changed_cells(
             image.reshape(height, -1),
@@ -247,18 +300,31 @@ class Segmenter:
         """Separation (k, n) [sigma] of the k strip colours from the mask's n pixels."""
         scene = self.background.image[where > 0]
         shade = self.background.shade[where > 0]
-        return np.stack([separation(c, scene, shade, self.smooth) for c in self.colours])
+        return np.stack(
+            [separation(c, scene, shade, self.smooth) for c in self.colours]
+        )
 
 
-def separation(colour: Array, scene: Array | Image, shade: Floats, sensor: float) -> Floats:
-    """Separation (n,) [sigma] of `colour` (3,) from the background colours `scene` (n, 3)."""
-    return np.sqrt(kernels.discriminants(_floats(colour), _floats(scene), shade, sensor**2)[0])
+def separation(
+    colour: Array, scene: Array | Image, shade: Floats, sensor: float
+) -> Floats:
+    """Separation (n,) [sigma] of `colour` (3,) from the background colours `scene` (n,
+    3).
+    """
+    return np.sqrt(
+        kernels.discriminants(_floats(colour), _floats(scene), shade, sensor**2)[0]
+    )
 
 
 def learn_segmenter(
-    image: Image, noise: float, calibration: Calibration, strip: StripFile, place: RestingPlace
+    image: Image,
+    noise: float,
+    calibration: Calibration,
+    strip: StripFile,
+    place: RestingPlace,
 ) -> Segmenter:
-    """Learn to segment the strip, from an `image` (h, w, 3) in which it lies at `place`.
+    """Learn to segment the strip, from an `image` (h, w, 3) in which it lies at
+    `place`.
 
     `noise` [grey levels] is that of the image.
     """
@@ -274,7 +340,9 @@ def learn_segmenter(
 def resting_place(
     calibration: Calibration, strip: StripFile, rise: float, margin: float
 ) -> RestingPlace:
-    """Rectangle of `strip` at rest `rise` [m] above the desk, with a `margin` [m] around it."""
+    """Rectangle of `strip` at rest `rise` [m] above the desk, with a `margin` [m]
+    around it.
+    """
     half = strip.thickness / 2
     top = half + face_height(calibration, strip)
     return RestingPlace(strip.length, rise, rise - half - margin, rise + top + margin)
@@ -283,8 +351,8 @@ def resting_place(
 def sensor_noise(image: Image) -> float:
     """Standard deviation [grey levels] of the sensor noise in `image` (h, w, 3).
 
-    The median over cells of the deviation from a moving average. Cells at either end of the scale
-    are left out, since they show none.
+    The median over cells of the deviation from a moving average. Cells at either end of
+    the scale are left out, since they show none.
     """
     pixels = image.astype(np.float32)
     noise = pixels - cv2.blur(pixels, (AVERAGING_WINDOW, AVERAGING_WINDOW))
@@ -292,11 +360,16 @@ def sensor_noise(image: Image) -> float:
     power = cv2.resize(noise * noise, size, interpolation=cv2.INTER_AREA)
     level = cv2.resize(pixels, size, interpolation=cv2.INTER_AREA)
     inside = power[(level > SCALE_ENDS[0]) & (level < SCALE_ENDS[1])]
-    return float(np.sqrt(np.median(inside) / (1 - AVERAGING_WINDOW**-2))) if len(inside) else 0.0
+    return (
+        float(np.sqrt(np.median(inside) / (1 - AVERAGING_WINDOW**-2)))
+        if len(inside)
+        else 0.0
+    )
 
 
 def _share_noise(colours: Array, background: Image, smooth: float) -> float:
-    """Noise of a pixel's share of strip per grey level of sensor noise, for the worst colour.
+    """Noise of a pixel's share of strip per grey level of sensor noise, for the worst
+    colour.
 
     `colours` (k, 3) are the strip's, `background` (n, 3) those of the scene.
     """
@@ -318,10 +391,11 @@ def _floats(values: Array | Image | Floats) -> Floats:
 
 @dataclass(frozen=True, slots=True)
 class Appearance:
-    """Appearance learnt before a fold: segmentation of the `scene`, height of the resting strip.
+    """Appearance learnt before a fold: segmentation of the `scene`, height of the
+    resting strip.
 
-    `rest` (k,) are polynomial coefficients, constant first, of the resting midline's height [m]
-    over x [m] as the homography maps it.
+    `rest` (k,) are polynomial coefficients, constant first, of the resting midline's
+    height [m] over x [m] as the homography maps it.
     """
 
     scene: Segmenter

@@ -1,4 +1,6 @@
-"""Mask of the strip in an image, and its outer side in order from desk contact to gripper."""
+"""Mask of the strip in an image, and its outer side in order from desk contact to
+gripper.
+"""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -29,7 +31,8 @@ Outline = NDArray[np.int32]
 
 @dataclass(frozen=True, slots=True)
 class Side:
-    """Outer side of the strip in the image window, in order from desk contact to gripper.
+    """Outer side of the strip in the image window, in order from desk contact to
+    gripper.
 
     `points` (n, 2) [px], unit `normals` (n, 2) out of the strip.
     """
@@ -42,8 +45,8 @@ class Side:
 class Grip:
     """Part of the image window that the fingers cover, in which no outline is used.
 
-    The gripper point (2,) [px], its unit `approach` (2,), and how far the part reaches in front of
-    the point, `clearance` [px], and `aside` of it [px].
+    The gripper point (2,) [px], its unit `approach` (2,), and how far the part reaches
+    in front of the point, `clearance` [px], and `aside` of it [px].
     """
 
     point: Array
@@ -52,40 +55,54 @@ class Grip:
     aside: float
 
     def cuts(self, outline: Array) -> NDArray[np.bool_]:
-        """Mask (n,) of the points of an `outline` (n, 2) [px] that the fingers cover."""
+        """Mask (n,) of the points of an `outline` (n, 2) [px] that the fingers
+        cover.
+        """
         away = outline - self.point
         along = away @ self.approach
         aside = np.abs(away @ np.array([-self.approach[1], self.approach[0]]))
-        return np.asarray((along > -self.clearance) & (np.maximum(aside, along) < self.aside))
+        return np.asarray(
+            (along > -self.clearance) & (np.maximum(aside, along) < self.aside)
+        )
 
 
-def silhouette(levels: Image, faint: float, strip: Image, lifted: Image, length: int) -> Image:
+def silhouette(
+    levels: Image, faint: float, strip: Image, lifted: Image, length: int
+) -> Image:
     """Mask (h, w) of the strip, 255 inside, from smoothed matte `levels` (h, w).
 
-    The share of strip is SOLID in the zone `strip`, `faint` in its part `lifted`: on the backdrop
-    there is no shadow, and an edge-on strip is fainter than its colour. Averaging over `length`
-    [px] along the way on which it hangs raises it above the noise.
+    The share of strip is SOLID in the zone `strip`, `faint` in its part `lifted`: on
+    the backdrop there is no shadow, and an edge-on strip is fainter than its colour.
+    Averaging over `length` [px] along the way on which it hangs raises it above the
+    noise.
     """
     solid_level = round(ZERO_LEVEL + LEVEL_SPAN * SOLID)
     faint_level = round(ZERO_LEVEL + LEVEL_SPAN * faint)
     reach = length // 2
     wide = cv2.copyMakeBorder(levels, reach, reach, reach, reach, cv2.BORDER_REPLICATE)
-    return silhouette_of(wide, strip, lifted, line_offsets(length), solid_level, faint_level)
+    return silhouette_of(
+        wide, strip, lifted, line_offsets(length), solid_level, faint_level
+    )
 
 
 @lru_cache
 def line_offsets(length: int) -> Offsets:
-    """Offsets (k, n, 2), row and column [px], of the n = `length` points on lines at SLANTS."""
+    """Offsets (k, n, 2), row and column [px], of the n = `length` points on lines at
+    SLANTS.
+    """
     steps = np.arange(length) - length // 2
     directions = [(np.cos(angle), np.sin(angle)) for angle in np.radians(SLANTS)]
-    return np.rint(steps[None, :, None] * np.array(directions)[:, None]).astype(np.int64)
+    return np.rint(steps[None, :, None] * np.array(directions)[:, None]).astype(
+        np.int64
+    )
 
 
 def outer_side(mask: Image, contact: Array, grip: Grip, sizes: Sizes) -> Side | None:
     """Outer side of the strip in `mask` (h, w), from `contact` (2,) [px] to the grip.
 
-    A point every OUTLINE_STEP. With the strip on its left the outline runs from under the contact
-    around the fold, up to the fingers. None where no region of strip is seen at the contact.
+    A point every OUTLINE_STEP. With the strip on its left the outline runs from under
+    the contact around the fold, up to the fingers. None where no region of strip is
+    seen at the contact.
     """
     outline = _body(mask, contact, grip.point, sizes)
     if outline is None:
@@ -93,7 +110,11 @@ def outer_side(mask: Image, contact: Array, grip: Grip, sizes: Sizes) -> Side | 
     start = int(np.argmin(np.hypot(*(outline - contact).T)))
     ring = np.roll(outline, -start, axis=0)
     cut = grip.cuts(ring)
-    end = int(np.argmax(cut)) if cut.any() else int(np.argmin(np.hypot(*(ring - grip.point).T)))
+    end = (
+        int(np.argmax(cut))
+        if cut.any()
+        else int(np.argmin(np.hypot(*(ring - grip.point).T)))
+    )
     if end < 3 * OUTLINE_STEP:
         return None
     wrapped = np.vstack([ring[-AVERAGE:], ring, ring[:AVERAGE]])
@@ -101,7 +122,8 @@ def outer_side(mask: Image, contact: Array, grip: Grip, sizes: Sizes) -> Side | 
     tangent = np.roll(smooth, -2, axis=0) - np.roll(smooth, 2, axis=0)
     speed = np.hypot(*tangent.T)
     rows = np.arange(0, end + 1, OUTLINE_STEP)
-    rows = rows[speed[rows] > 0.5]  # where the outline turns back on itself it has no side
+    # where the outline turns back on itself it has no side
+    rows = rows[speed[rows] > 0.5]
     tangent /= np.maximum(speed, 1e-9)[:, None]
     normals = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
     return Side(smooth[rows], normals[rows])
@@ -110,8 +132,8 @@ def outer_side(mask: Image, contact: Array, grip: Grip, sizes: Sizes) -> Side | 
 def _body(mask: Image, contact: Array, gripper: Array, sizes: Sizes) -> Array | None:
     """Outline (n, 2) [px] of the strip at the contact, counter-clockwise as seen.
 
-    Breaks are bridged in `mask` (h, w): between regions, and in one whose parts are connected
-    elsewhere, as touching layers are. None where no region is large enough.
+    Breaks are bridged in `mask` (h, w): between regions, and in one whose parts are
+    connected elsewhere, as touching layers are. None where no region is large enough.
     """
     outlines = _outlines(mask)
     if not outlines:
@@ -132,7 +154,8 @@ def _body(mask: Image, contact: Array, gripper: Array, sizes: Sizes) -> Array | 
 def _bridge_regions(
     mask: Image, body: Outline, outlines: list[Outline], gripper: Array, longest: float
 ) -> bool:
-    """Join `body` in `mask` to its next regions by lines, until one reaches the gripper.
+    """Join `body` in `mask` to its next regions by lines, until one reaches the
+    gripper.
 
     Returns whether a line was drawn; none is drawn over more than `longest` [px].
     """
@@ -152,31 +175,43 @@ def _bridge_regions(
 
 
 def _outlines(mask: Image) -> list[Outline]:
-    """Outlines (n, 2) [px] of the regions of `mask` (h, w), of SHORTEST_OUTLINE points at least."""
+    """Outlines (n, 2) [px] of the regions of `mask` (h, w), of SHORTEST_OUTLINE points
+    at least.
+    """
     outlines, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-    return [outline.reshape(-1, 2) for outline in outlines if len(outline) >= SHORTEST_OUTLINE]
+    return [
+        outline.reshape(-1, 2)
+        for outline in outlines
+        if len(outline) >= SHORTEST_OUTLINE
+    ]
 
 
 def _nearest(outlines: list[Outline], point: Array) -> Outline:
     """Outline among `outlines` that comes nearest to `point` (2,) [px]."""
-    return min(outlines, key=lambda outline: float(np.hypot(*(outline - point).T).min()))
+    return min(
+        outlines, key=lambda outline: float(np.hypot(*(outline - point).T).min())
+    )
 
 
 def _facing_tips(outline: Outline, longest: float) -> list[tuple[Outline, Outline]]:
-    """Pairs of an outline's tips (2,) [px] that face each other over less than `longest` [px]."""
+    """Pairs of an outline's tips (2,) [px] that face each other over less than
+    `longest` [px].
+    """
     tips, directions = _tips(outline)
     pairs = []
     for i, j in combinations(range(len(tips)), 2):
         across = (tips[j] - tips[i]).astype(np.float64)
         length = float(np.hypot(*across))
-        aligned = min(directions[i] @ across, -(directions[j] @ across))  # px, cosine times length
+        # px, cosine times length
+        aligned = min(directions[i] @ across, -(directions[j] @ across))
         if 0.0 < length < longest and aligned > FACING * length:
             pairs.append((tips[i], tips[j]))
     return pairs
 
 
 def _tips(outline: Outline) -> tuple[Outline, Array]:
-    """Tips (k, 2) [px] where an outline turns back on itself, and unit directions (k, 2) outwards.
+    """Tips (k, 2) [px] where an outline turns back on itself, and unit directions (k,
+    2) outwards.
 
     There its points TIP_ARM before and after are less than TIP_WIDTH apart.
     """
@@ -187,14 +222,17 @@ def _tips(outline: Outline) -> tuple[Outline, Array]:
     turns = (np.hypot(*(after - before).T) < TIP_WIDTH) & (length > 0.6 * TIP_ARM)
     first = np.flatnonzero(turns & ~np.roll(turns, 1))
     last = np.flatnonzero(turns & ~np.roll(turns, -1))
-    if len(first) and first[0] > last[0]:  # the last run ends after the outline's first point
+    # the last run ends after the outline's first point
+    if len(first) and first[0] > last[0]:
         last = np.append(last[1:], last[0] + len(turns))
     middle = ((first + last) // 2) % len(turns)
     return outline[middle], outwards[middle] / length[middle, None]
 
 
 def _closest(one: Outline, other: Outline) -> tuple[Outline, Outline]:
-    """Nearest points (2,) [px] of two outlines, one of each, among every second point."""
+    """Nearest points (2,) [px] of two outlines, one of each, among every second
+    point.
+    """
     a, b = one[::2], other[::2]
     distance = np.hypot(*(a[:, None] - b[None]).transpose(2, 0, 1))
     i, j = np.unravel_index(int(np.argmin(distance)), distance.shape)

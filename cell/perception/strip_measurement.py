@@ -8,12 +8,13 @@ from drivers.types import Array
 
 @dataclass(frozen=True, slots=True)
 class StripMeasurement:
-    """Strip measured in one image: lengths [m], NaN where hidden; confidences from 0 to 1.
+    """Strip measured in one image: lengths [m], NaN where hidden; confidences from 0 to
+    1.
 
-    `profile` (m, 2) is the visible midline from the desk contact to the gripper; `tip` the fold's
-    rightmost point; `gap` the smallest visible vertical distance between the layers' midlines and
-    `gap_x` its place, NaN before the upper layer begins to fall; `gripper` the arm's measured pose
-    at the image's stamp.
+    `profile` (m, 2) is the visible midline from the desk contact to the gripper; `tip`
+    the fold's rightmost point; `gap` the smallest visible vertical distance between the
+    layers' midlines and `gap_x` its place, NaN before the upper layer begins to fall;
+    `gripper` the arm's measured pose at the image's stamp.
     """
 
     stamp: float
@@ -37,8 +38,9 @@ class StripMeasurement:
 class SeenTouch(Touch):
     """Layers' touch as measured in images, which do not show its `extension`.
 
-    `confidence` is the agreement of its two signals, the closing gap and the stopping fold;
-    `distance` [m] that of the midlines, the strip's thickness where it is not below 1 mm.
+    `confidence` is the agreement of its two signals, the closing gap and the stopping
+    fold; `distance` [m] that of the midlines, the strip's thickness where it is not
+    below 1 mm.
     """
 
     _: KW_ONLY
@@ -46,6 +48,12 @@ class SeenTouch(Touch):
     distance: float
 
     def facts(self) -> dict[str, float]:
-        """Entries of result.yaml about the layers' touch: time [s], lengths [m], confidence."""
-        lengths = {"displacement": self.displacement, "l1": self.to_grasped, "l2": self.to_fixed}
+        """Entries of result.yaml about the layers' touch: time [s], lengths [m],
+        confidence.
+        """
+        lengths = {
+            "displacement": self.displacement,
+            "l1": self.to_grasped,
+            "l2": self.to_fixed,
+        }
         return {"t_layer_touch": self.time, **lengths, "confidence": self.confidence}

@@ -1,4 +1,6 @@
-"""Streams of a run: what each column holds, in which units and limits, and its checked arrays."""
+"""Streams of a run: what each column holds, in which units and limits, and its checked
+arrays.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -19,15 +21,18 @@ FORCES = {"N": 1.0, "mN": 1e-3, "cN": 1e-2}
 COUNTS = {"1": 1.0}  # without a unit
 FARTHEST_HAND = 5.0  # m, further from the fixed edge nothing of a cell can be
 FULL_TURN = 2 * np.pi
-FARTHEST_POINT = 100.0  # m, further than any camera of a cell sees, however wrong a point may be
+# m, further than any camera of a cell sees, however wrong a point may be
+FARTHEST_POINT = 100.0
 LONGEST_TIME = 1e5  # s, longer than a day
 LARGEST_VALUE = 1e9  # nothing of a cell is as large in any unit
 
 
 class Quantity(NamedTuple):
-    """Quantity of a column: its units with their factors to SI, the SI unit first; `largest` size.
+    """Quantity of a column: its units with their factors to SI, the SI unit first;
+    `largest` size.
 
-    A column that is not `needed` may be missing, one that is `whole` holds no NaN where it is.
+    A column that is not `needed` may be missing, one that is `whole` holds no NaN where
+    it is.
     """
 
     units: Mapping[str, float]
@@ -62,12 +67,15 @@ class Columns:
 
     @classmethod
     def parse(cls, table: pa.Table, origin: str) -> Self:
-        """Check `table` and return its columns; ConfigurationError names `origin` and column."""
+        """Check `table` and return its columns; ConfigurationError names `origin` and
+        column.
+        """
         return cls(**cls.read(table, origin))
 
     @classmethod
     def read(cls, table: pa.Table, origin: str) -> dict[str, Array]:
-        """Checked columns (n,) of `table` by name, NaN for an optional one that is missing.
+        """Checked columns (n,) of `table` by name, NaN for an optional one that is
+        missing.
 
         Raises ConfigurationError that names `origin` and the column.
         """
@@ -86,7 +94,11 @@ class Columns:
 def quantities(columns: type[Columns]) -> Mapping[str, Quantity]:
     """Quantity of each column of numbers by its name, in order."""
     hints = get_type_hints(columns, include_extras=True)
-    return {n: hint.__metadata__[0] for n, hint in hints.items() if hasattr(hint, "__metadata__")}
+    return {
+        n: hint.__metadata__[0]
+        for n, hint in hints.items()
+        if hasattr(hint, "__metadata__")
+    }
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,14 +123,20 @@ class Ticks(Columns):
 
     @classmethod
     def parse(cls, table: pa.Table, origin: str) -> Self:
-        """Check `table`, return its ticks; ConfigurationError names `origin` and the column."""
+        """Check `table`, return its ticks; ConfigurationError names `origin` and the
+        column.
+        """
         values = cls.read(table, origin)
         _check_order(values["t"], origin, strictly=True)
-        state = table["state"].to_pylist() if table.column_names.count("state") == 1 else []
+        state = (
+            table["state"].to_pylist() if table.column_names.count("state") == 1 else []
+        )
         return cls(**values, state=tuple(str(name) for name in state))
 
     def contacts(self) -> tuple[Array, Array]:
-        """Times (k,) [s] and places x (k,) [m] of the contacts; the row's time if unstamped."""
+        """Times (k,) [s] and places x (k,) [m] of the contacts; the row's time if
+        unstamped.
+        """
         seen = np.isfinite(self.contact_x)
         stamps = np.where(np.isfinite(self.contact_t), self.contact_t, self.t)
         return frozen(stamps[seen]), frozen(self.contact_x[seen])
@@ -131,7 +149,9 @@ class Ticks(Columns):
 
 @dataclass(frozen=True, slots=True)
 class Profile(Columns):
-    """Columns of profile.parquet, arrays (n,): stamp `t` [s], order `i`, points `x`, `z` [m]."""
+    """Columns of profile.parquet, arrays (n,): stamp `t` [s], order `i`, points `x`,
+    `z` [m].
+    """
 
     t: Time
     i: Number
@@ -140,7 +160,9 @@ class Profile(Columns):
 
     @classmethod
     def parse(cls, table: pa.Table, origin: str) -> Self:
-        """Check `table`, return its profile; ConfigurationError names `origin` and the column."""
+        """Check `table`, return its profile; ConfigurationError names `origin` and the
+        column.
+        """
         for name in ("x", "z"):
             _check_median(_numbers(table, name, origin), name, origin)
         values = cls.read(table, origin)
@@ -148,19 +170,27 @@ class Profile(Columns):
         return cls(**values)
 
     def curves(self) -> list[tuple[float, Array]]:
-        """Strip midlines in order of time, each as stamp [s] and points (m, 2) x, z [m]."""
+        """Strip midlines in order of time, each as stamp [s] and points (m, 2) x, z
+        [m].
+        """
         points = np.stack([self.x, self.z], axis=1)
-        # rows at which an image begins, and the end: a difference to NaN counts as nonzero
+        # rows at which an image begins, and the end: a difference to NaN counts as
+        # nonzero
         edges = np.flatnonzero(np.diff(self.t, prepend=np.nan, append=np.nan))
         return [
-            (float(self.t[start]), points[start:end][np.argsort(self.i[start:end], kind="stable")])
+            (
+                float(self.t[start]),
+                points[start:end][np.argsort(self.i[start:end], kind="stable")],
+            )
             for start, end in pairwise(edges)
         ]
 
 
 @dataclass(frozen=True, slots=True)
 class Sights(Columns):
-    """Columns of sights.parquet as arrays (n,): measurement of the strip in every image."""
+    """Columns of sights.parquet as arrays (n,): measurement of the strip in every
+    image.
+    """
 
     stamp: Stamp
     sequence: Annotated[Array, Quantity(COUNTS)]
@@ -174,14 +204,20 @@ class Sights(Columns):
 
 
 def _numbers(table: pa.Table, name: str, origin: str) -> Array:
-    """Column `name` as numbers (n,); ConfigurationError where it is missing or not numeric."""
+    """Column `name` as numbers (n,); ConfigurationError where it is missing or not
+    numeric.
+    """
     if name not in table.column_names:
         raise ConfigurationError(f"{origin}: {name}: the column is missing; add it")
     if table.column_names.count(name) > 1:
-        raise ConfigurationError(f"{origin}: {name}: there are two such columns; keep one")
+        raise ConfigurationError(
+            f"{origin}: {name}: there are two such columns; keep one"
+        )
     column = table[name]
     if not (pa.types.is_floating(column.type) or pa.types.is_integer(column.type)):
-        raise ConfigurationError(f"{origin}: {name}: holds {column.type}, must hold numbers")
+        raise ConfigurationError(
+            f"{origin}: {name}: holds {column.type}, must hold numbers"
+        )
     try:
         return frozen(column.cast(pa.float64(), safe=False).to_numpy())
     except pa.ArrowException as error:
@@ -193,24 +229,29 @@ def _check_finite(values: Array, name: str, origin: str) -> None:
     wrong = np.flatnonzero(~np.isfinite(values))
     if wrong.size:
         raise ConfigurationError(
-            f"{origin}: {name}: row {wrong[0]} is {values[wrong[0]]}, must be a finite number; "
-            "leave rows out that were not measured"
+            f"{origin}: {name}: row {wrong[0]} is {values[wrong[0]]}, must be a finite"
+            " number; leave rows out that were not measured"
         )
 
 
 def _check_order(t: Array, origin: str, strictly: bool) -> None:
-    """Raise ConfigurationError where times `t` (n,) [s] decrease, or stay if `strictly`."""
+    """Raise ConfigurationError where times `t` (n,) [s] decrease, or stay if
+    `strictly`.
+    """
     steps = np.diff(t)
     wrong = np.flatnonzero(steps <= 0 if strictly else steps < 0)
     if wrong.size:
         row = int(wrong[0]) + 1
         raise ConfigurationError(
-            f"{origin}: t: row {row} is {t[row]:g} s after {t[row - 1]:g} s, times must increase"
+            f"{origin}: t: row {row} is {t[row]:g} s after {t[row - 1]:g} s, times must"
+            " increase"
         )
 
 
 def _check_median(values: Array, name: str, origin: str) -> None:
-    """Raise ConfigurationError for lengths in a wrong unit, by their median, robust to outliers."""
+    """Raise ConfigurationError for lengths in a wrong unit, by their median, robust to
+    outliers.
+    """
     middle = float(np.median(np.abs(values))) if values.size else 0.0
     if middle > FARTHEST_HAND:
         raise ConfigurationError(
@@ -220,11 +261,13 @@ def _check_median(values: Array, name: str, origin: str) -> None:
 
 
 def _check_range(values: Array, name: str, origin: str, quantity: Quantity) -> None:
-    """Raise ConfigurationError where a value exceeds the largest one of its `quantity`."""
+    """Raise ConfigurationError where a value exceeds the largest one of its
+    `quantity`.
+    """
     largest = float(np.max(np.abs(values[~np.isnan(values)]), initial=0.0))
     unit = next(iter(quantity.units))
     if largest > quantity.largest:
         raise ConfigurationError(
-            f"{origin}: {name}: reaches {largest:.6g}, must stay within {quantity.largest:.3g} "
-            f"{unit}; give it in {unit}"
+            f"{origin}: {name}: reaches {largest:.6g}, must stay within"
+            f" {quantity.largest:.3g} {unit}; give it in {unit}"
         )

@@ -1,4 +1,6 @@
-"""Writing of a run's YAML documents and lines of JSON, and of an operator's notes on it."""
+"""Writing of a run's YAML documents and lines of JSON, and of an operator's notes on
+it.
+"""
 
 import json
 from collections.abc import Iterable, Mapping
@@ -48,20 +50,28 @@ class Notes(Recorded):
 
 
 def annotate(
-    run: Path, add: Iterable[str] = (), remove: Iterable[str] = (), text: str | None = None
+    run: Path,
+    add: Iterable[str] = (),
+    remove: Iterable[str] = (),
+    text: str | None = None,
 ) -> str:
-    """Add tags to the run in the folder `run` and remove others; `text` becomes its note.
+    """Add tags to the run in the folder `run` and remove others; `text` becomes its
+    note.
 
-    Returns the tags, separated by spaces. Raises ConfigurationError, and changes nothing, where
-    the notes cannot be read or written.
+    Returns the tags, separated by spaces. Raises ConfigurationError, and changes
+    nothing, where the notes cannot be read or written.
     """
     path = run / NOTES
     change_file(path, partial(_annotated, path, {*add}, {*remove}, text))
     return load(path, Notes).tags
 
 
-def _annotated(path: Path, add: set[str], remove: set[str], note: str | None, text: str) -> str:
-    """Copy of the notes' `text` with tags added and removed, and another `note` if given."""
+def _annotated(
+    path: Path, add: set[str], remove: set[str], note: str | None, text: str
+) -> str:
+    """Copy of the notes' `text` with tags added and removed, and another `note` if
+    given.
+    """
     content = parse_yaml(text, str(path)) if text else {}
     notes = parse(content, Notes, str(path))
     tags = " ".join(sorted({*notes.tags.split(), *add} - remove))

@@ -1,4 +1,6 @@
-"""Events of a run as recorded: changes of state, start of measured time, policy's predictions."""
+"""Events of a run as recorded: changes of state, start of measured time, policy's
+predictions.
+"""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -23,8 +25,9 @@ BELIEFS = ("bending_length", "retardation_time", "yield_curvature")
 COLUMN_NAMES = tuple(
     name + end for name in ("displacement", *BELIEFS) for end in ("", "_low", "_high")
 )
-"""Columns of a row: displacement [m] with one sigma about it, then bending length [m], retardation
-time [s] and yield curvature [1/m] with their intervals."""
+"""Columns of a row: displacement [m] with one sigma about it, then bending length [m],
+retardation time [s] and yield curvature [1/m] with their intervals.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,10 +40,13 @@ class Event:
 
 
 def read_events(folder: Path) -> tuple[Event, ...]:
-    """Events of the run in `folder` in the order of writing, `t` on the cell's clock."""
+    """Events of the run in `folder` in the order of writing, `t` on the cell's
+    clock.
+    """
     lines = read_json_lines(folder / EVENTS)
     return tuple(
-        Event(_number(line.pop("t", None), 0.0), str(line.pop("kind", "")), line) for line in lines
+        Event(_number(line.pop("t", None), 0.0), str(line.pop("kind", "")), line)
+        for line in lines
     )
 
 
@@ -67,17 +73,25 @@ def lift_time(folder: Path) -> float:
 
 
 class Outlook(NamedTuple):
-    """Policy's predictions during a fold: `rows` (k, len(COLUMN_NAMES)) at times `t` (k,) [s]."""
+    """Policy's predictions during a fold: `rows` (k, len(COLUMN_NAMES)) at times `t`
+    (k,) [s].
+    """
 
     t: Array
     rows: Array
 
     @classmethod
     def from_events(cls, events: Iterable[Event]) -> Self:
-        """Collect the policy's predictions in `events`; NaN for values that cannot be read."""
-        stated = sorted((e for e in events if e.kind == PREDICTED), key=lambda event: event.t)
+        """Collect the policy's predictions in `events`; NaN for values that cannot be
+        read.
+        """
+        stated = sorted(
+            (e for e in events if e.kind == PREDICTED), key=lambda event: event.t
+        )
         rows = np.array([row_of(event.facts) for event in stated])
-        return cls(np.array([event.t for event in stated]), rows.reshape(-1, len(COLUMN_NAMES)))
+        return cls(
+            np.array([event.t for event in stated]), rows.reshape(-1, len(COLUMN_NAMES))
+        )
 
     def column(self, name: str) -> Array:
         """Predicted values (k,) of the quantity `name`."""
@@ -85,8 +99,12 @@ class Outlook(NamedTuple):
 
 
 def row_of(facts: Mapping[str, object]) -> Array:
-    """Values (k,) of one prediction, one for each of the k COLUMN_NAMES, from its event's facts."""
-    displacement, sigma = (_number(facts.get(name)) for name in ("displacement", "sigma"))
+    """Values (k,) of one prediction, one for each of the k COLUMN_NAMES, from its
+    event's facts.
+    """
+    displacement, sigma = (
+        _number(facts.get(name)) for name in ("displacement", "sigma")
+    )
     row = [displacement, displacement - sigma, displacement + sigma]
     for name in BELIEFS:
         stated = facts.get(name)
@@ -96,7 +114,9 @@ def row_of(facts: Mapping[str, object]) -> Array:
 
 
 def _number(value: object, otherwise: float = nan) -> float:
-    """`value` as a float, or `otherwise` where it is no number or exceeds LARGEST_VALUE."""
+    """`value` as a float, or `otherwise` where it is no number or exceeds
+    LARGEST_VALUE.
+    """
     if isinstance(value, bool) or not isinstance(value, int | float):
         return otherwise
     return float(value) if abs(value) <= LARGEST_VALUE else otherwise

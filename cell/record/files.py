@@ -13,7 +13,8 @@ SIGNALS, ANGLES = "signals.parquet", "angles.parquet"  # of a mechanism, of a pe
 JOINTS = "joints.parquet"  # of a robot, tick by tick, from before the lift on
 TICK_STREAM, SIGHT_STREAM = "ticks.arrows", "sights.arrows"
 CALIBRATION, RECORDING, REPORT = "calibration.yaml", "run.rrd", "report.html"
-FILM = "film.mp4"  # of the camera, for eyes; frames/index.jsonl states the time of each image
+# of the camera, for eyes; frames/index.jsonl states the time of each image
+FILM = "film.mp4"
 OVERLAY = "overlay.mp4"  # of a film that was observed
 CHECKPOINT = "checkpoint.json"
 NOTES = "notes.yaml"  # tags and a note by the operator
@@ -22,44 +23,67 @@ Keep = Literal["all", "key", "none"]  # which images of a run are kept
 
 
 def is_run(folder: Path) -> bool:
-    """Whether `folder` holds a run, complete or not; False where it cannot be looked into."""
+    """Whether `folder` holds a run, complete or not; False where it cannot be looked
+    into.
+    """
     return os.path.isfile(folder / RUN)  # noqa: PTH113  which raises nothing
 
 
 def runs_in(folder: Path) -> list[Path]:
-    """Run folders at or in `folder`, sorted by name; empty for a folder without runs."""
-    return [folder] if is_run(folder) else sorted(path for path in folder.glob("*") if is_run(path))
+    """Run folders at or in `folder`, sorted by name; empty for a folder without
+    runs.
+    """
+    return (
+        [folder]
+        if is_run(folder)
+        else sorted(path for path in folder.glob("*") if is_run(path))
+    )
 
 
 def run_folder(text: str) -> Path:
-    """Folder of the run that `text` names: by its path, by the end of its name, or as `last`.
+    """Folder of the run that `text` names: by its path, by the end of its name, or as
+    `last`.
 
-    The latter two are looked for in each folder here and in ./runs, the newest of several is meant;
-    what is not found there stays a path.
+    The latter two are looked for in each folder here and in ./runs, the newest of
+    several is meant; what is not found there stays a path.
     """
     place = Path(text)
     if place.exists() or len(place.parts) != 1 or not text.isalnum():
         return place
     name = f"[0-9]*Z-*{'' if text == 'last' else text}/{RUN}"
-    found = [file.parent for places in ("*", "runs/*") for file in Path().glob(f"{places}/{name}")]
+    found = [
+        file.parent
+        for places in ("*", "runs/*")
+        for file in Path().glob(f"{places}/{name}")
+    ]
     return max(found, key=lambda run: run.name, default=place)
 
 
 def check_run(folder: Path) -> None:
-    """Raise ConfigurationError where `folder` is no run; the error suggests one inside."""
+    """Raise ConfigurationError where `folder` is no run; the error suggests one
+    inside.
+    """
     if is_run(folder):
         return
     if not folder.exists():
-        raise ConfigurationError(f"{folder}: is not there; see `cell runs`, or give its path")
+        raise ConfigurationError(
+            f"{folder}: is not there; see `cell runs`, or give its path"
+        )
     if not folder.is_dir():
         parent = f", {folder.parent}" if is_run(folder.parent) else ""
-        raise ConfigurationError(f"{folder}: is a file, a run is a folder; give the folder{parent}")
-    hint = "".join(f"; name one of those in it, as {inner}" for inner in runs_in(folder)[-1:])
+        raise ConfigurationError(
+            f"{folder}: is a file, a run is a folder; give the folder{parent}"
+        )
+    hint = "".join(
+        f"; name one of those in it, as {inner}" for inner in runs_in(folder)[-1:]
+    )
     raise ConfigurationError(f"{folder}: is not a run: it holds no {RUN}{hint}")
 
 
 def is_under_way(folder: Path) -> bool:
-    """Whether a living process is writing the run in `folder`, by its lock on the events' file."""
+    """Whether a living process is writing the run in `folder`, by its lock on the
+    events' file.
+    """
     if not (folder / EVENTS).is_file():  # a pipe would be waited for
         return False
     try:

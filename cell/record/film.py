@@ -1,4 +1,6 @@
-"""Video files with a time stamp for each image: reading, writing, and encoding during a run."""
+"""Video files with a time stamp for each image: reading, writing, and encoding during a
+run.
+"""
 
 import os
 from collections.abc import Iterator
@@ -24,12 +26,20 @@ PERIOD = 0.02  # s, the least between images of a run's film: an eye sees no mor
 KEYFRAME_INTERVAL = 60  # images between two from which decoding can start
 QUALITY = {
     "libx264": {"crf": "28", "preset": "ultrafast", "bf": "0", "tune": "zerolatency"},
-    "libx265": {"crf": "24", "preset": "veryfast", "x265-params": "bframes=0:log-level=error"},
+    "libx265": {
+        "crf": "24",
+        "preset": "veryfast",
+        "x265-params": "bframes=0:log-level=error",
+    },
 }
 # Of an .mp4: every image is on its way to the disk once the next one is encoded.
-FRAGMENTS = {"movflags": "frag_every_frame+empty_moov+default_base_moof", "flush_packets": "1"}
+FRAGMENTS = {
+    "movflags": "frag_every_frame+empty_moov+default_base_moof",
+    "flush_packets": "1",
+}
 POLITE = 10  # nice value of the encoder
-ENCODER_TIMEOUT = 20.0  # s to encode an image, or to complete the film: then the encoder hangs
+# s to encode an image, or to complete the film: then the encoder hangs
+ENCODER_TIMEOUT = 20.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,10 +49,11 @@ class Film:
     path: Path
 
     def frames(self, after: float = 0.0) -> Iterator[Frame]:
-        """Yield the images (h, w, 3) of the film with stamps [s], 0 for the first image.
+        """Yield the images (h, w, 3) of the film with stamps [s], 0 for the first
+        image.
 
-        They begin with one at or shortly before `after` [s], in a film whose own stamps begin at 0.
-        Raises ConfigurationError for a file that is missing or no film.
+        They begin with one at or shortly before `after` [s], in a film whose own stamps
+        begin at 0. Raises ConfigurationError for a file that is missing or no film.
         """
         import av
 
@@ -59,7 +70,9 @@ class Film:
                 yield Frame(stamp - begin, stamp - begin, self.path.name, number, image)
 
     def packets(self) -> Iterator[bytes]:
-        """Yield encoded images of an H.264 film, Annex B; ConfigurationError for others."""
+        """Yield encoded images of an H.264 film, Annex B; ConfigurationError for
+        others.
+        """
         import av
 
         with _open_film(self.path) as container:
@@ -71,7 +84,9 @@ class Film:
 
 @contextmanager
 def _open_film(path: Path) -> Iterator[Any]:
-    """Context with the container of the film at `path`; ConfigurationError for another file."""
+    """Context with the container of the film at `path`; ConfigurationError for another
+    file.
+    """
     import av
 
     if not path.is_file():
@@ -96,28 +111,35 @@ def _upright(picture: Any, path: Path) -> Image:
     quarter_turns, remainder = divmod(picture.rotation, 90)
     if remainder:
         raise ConfigurationError(
-            f"{path}: is to be shown turned by {picture.rotation} deg; write it again upright"
+            f"{path}: is to be shown turned by {picture.rotation} deg; write it again"
+            " upright"
         )
-    return np.ascontiguousarray(np.rot90(picture.to_ndarray(format="bgr24"), quarter_turns))
+    return np.ascontiguousarray(
+        np.rot90(picture.to_ndarray(format="bgr24"), quarter_turns)
+    )
 
 
 def _stamp(picture: Any, path: Path) -> float:
     """Stamp [s] of a decoded `picture`; raises ConfigurationError where it has none."""
     if picture.pts is None or picture.time_base is None:
         raise ConfigurationError(
-            f"{path}: its images carry no time; write it again with a program that keeps them"
+            f"{path}: its images carry no time; write it again with a program that"
+            " keeps them"
         )
     return float(picture.pts * picture.time_base)
 
 
 class FilmWriter(AbstractContextManager["FilmWriter"]):
-    """Writer of images of one size to a video file, of which a kill loses the last image only.
+    """Writer of images of one size to a video file, of which a kill loses the last
+    image only.
 
     The film has no B-frames; a stamp is kept to 1/90,000 s.
     """
 
     def __init__(self, path: Path, encoder: str = ENCODER) -> None:
-        """Create the film at `path` (.mkv or .mp4), encoded by FFmpeg's encoder `encoder`."""
+        """Create the film at `path` (.mkv or .mp4), encoded by FFmpeg's encoder
+        `encoder`.
+        """
         import av
 
         options = FRAGMENTS if path.suffix == ".mp4" else {}
@@ -130,14 +152,17 @@ class FilmWriter(AbstractContextManager["FilmWriter"]):
         self._stream: Any = None
 
     def add(self, stamp: float, image: Image) -> None:
-        """Add an `image` (h, w, 3) of even sides, with `stamp` [s] later than the last one."""
+        """Add an `image` (h, w, 3) of even sides, with `stamp` [s] later than the last
+        one.
+        """
         import av
         import cv2
 
         if self._stream is None:
             self._begin = stamp
             self._stream = self._open_stream(image)
-        planes = cv2.cvtColor(image, cv2.COLOR_BGR2YUV_I420)  # three times as fast as FFmpeg
+        # three times as fast as FFmpeg
+        planes = cv2.cvtColor(image, cv2.COLOR_BGR2YUV_I420)
         picture = av.VideoFrame.from_ndarray(planes, format="yuv420p")
         picture.time_base = TIME_BASE
         picture.pts = round((stamp - self._begin) / TIME_BASE)
@@ -165,7 +190,9 @@ class FilmWriter(AbstractContextManager["FilmWriter"]):
 
 
 def index_film(path: Path) -> None:
-    """Index the .mp4 at `path`, so that players can seek; ConfigurationError for another file."""
+    """Index the .mp4 at `path`, so that players can seek; ConfigurationError for
+    another file.
+    """
     import av
 
     if path.suffix != ".mp4":
@@ -181,11 +208,13 @@ def index_film(path: Path) -> None:
 
 
 class RunFilm:
-    """Film of a run's images, at most one per PERIOD; `failure` says why it breaks off, if it does.
+    """Film of a run's images, at most one per PERIOD; `failure` says why it breaks off,
+    if it does.
 
-    Beside a control loop on the wall clock its encoder has a process of its own: a thread that lost
-    its core while it held the interpreter would hold up the loop. Where the clock is virtual,
-    `patient`, the caller encodes. No run ends for the sake of a film, which is for eyes.
+    Beside a control loop on the wall clock its encoder has a process of its own: a
+    thread that lost its core while it held the interpreter would hold up the loop.
+    Where the clock is virtual, `patient`, the caller encodes. No run ends for the sake
+    of a film, which is for eyes.
     """
 
     def __init__(self, path: Path, encoder: str, patient: bool) -> None:
@@ -194,10 +223,14 @@ class RunFilm:
         self._next_stamp = -inf
         with self._unless_it_fails():
             self._film: FilmWriter | FilmProcess
-            self._film = FilmWriter(path, encoder) if patient else FilmProcess(path, encoder)
+            self._film = (
+                FilmWriter(path, encoder) if patient else FilmProcess(path, encoder)
+            )
 
     def put(self, stamp: float, image: Image) -> int | None:
-        """Add `image` (h, w, 3) at `stamp` [s]; returns its number, None where it is left out."""
+        """Add `image` (h, w, 3) at `stamp` [s]; returns its number, None where it is
+        left out.
+        """
         if self.failure or stamp < self._next_stamp:
             return None
         number = None
@@ -215,7 +248,9 @@ class RunFilm:
 
     @contextmanager
     def _unless_it_fails(self) -> Iterator[None]:
-        """Suppress an error in the block; the first one is the reason why the film breaks off."""
+        """Suppress an error in the block; the first one is the reason why the film
+        breaks off.
+        """
         try:
             yield
         except Exception as error:  # noqa: BLE001  no run ends for its sake
@@ -223,10 +258,14 @@ class RunFilm:
 
 
 class FilmProcess(AbstractContextManager["FilmProcess"]):
-    """Writer of a video file in a process of its own, which completes it if this process dies."""
+    """Writer of a video file in a process of its own, which completes it if this
+    process dies.
+    """
 
     def __init__(self, path: Path, encoder: str) -> None:
-        """Start the film's encoder process; ChildDied if it cannot open the film at `path`."""
+        """Start the film's encoder process; ChildDied if it cannot open the film at
+        `path`.
+        """
         self._image = SharedImage()
         self._child = Child(encode, path, encoder, self._image)
         try:
@@ -236,13 +275,17 @@ class FilmProcess(AbstractContextManager["FilmProcess"]):
             raise
 
     def add(self, stamp: float, image: Image) -> None:
-        """Add `image` (h, w, 3) at a later `stamp` [s]; ChildDied, OSError where it broke off."""
+        """Add `image` (h, w, 3) at a later `stamp` [s]; ChildDied, OSError where it
+        broke off.
+        """
         self._image.write(image)
         self._child.send((stamp, image.shape))
         self._await_answer()
 
     def __exit__(self, *_: object) -> None:
-        """Wait until the film is complete; raises ChildDied or OSError where it broke off."""
+        """Wait until the film is complete; raises ChildDied or OSError where it broke
+        off.
+        """
         try:
             self._child.send(None)  # no image follows
             self._await_answer()
@@ -255,23 +298,27 @@ class FilmProcess(AbstractContextManager["FilmProcess"]):
         self._image.close()
 
     def _await_answer(self) -> None:
-        """Wait for an answer of the process; ChildDied where it ended, OSError where it stalled."""
+        """Wait for an answer of the process; ChildDied where it ended, OSError where it
+        stalled.
+        """
         if self._child.receive(ENCODER_TIMEOUT) is None:
             self._child.kill()
             raise OSError("its encoder hangs")
 
 
 def encode(pipe: Connection, path: Path, encoder: str, image: SharedImage) -> None:
-    """Main function of the encoder's process: encode the shared image of each message in `pipe`.
+    """Main function of the encoder's process: encode the shared image of each message
+    in `pipe`.
 
-    A message is its stamp [s] and shape (h, w, 3), or None for the end of the film. The answer is
-    True once the film is open, has the image, and is complete.
+    A message is its stamp [s] and shape (h, w, 3), or None for the end of the film. The
+    answer is True once the film is open, has the image, and is complete.
     """
     os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
     with FilmWriter(path, encoder) as film:
         pipe.send(True)
         os.setpriority(os.PRIO_PROCESS, 0, POLITE)
-        with suppress(EOFError, ConnectionResetError):  # the parent has ended: so has the film
+        # the parent has ended: so has the film
+        with suppress(EOFError, ConnectionResetError):
             while (message := pipe.recv()) is not None:
                 stamp, shape = message
                 film.add(stamp, image.read(shape))

@@ -1,4 +1,6 @@
-"""Images of a run: choice of those stored, files, index with hashes, writing in a thread."""
+"""Images of a run: choice of those stored, files, index with hashes, writing in a
+thread.
+"""
 
 import hashlib
 import queue
@@ -25,7 +27,8 @@ FOLDER = "frames"
 INDEX = "frames/index.jsonl"
 LARGEST_SIDE = 4096  # px of a side
 QUEUE = 32  # images of 2.8 MB: at most 90 MB wait for the disk
-LAGS = QUEUE // 2  # waiting images, from which the film goes without, so that files keep theirs
+# waiting images, from which the film goes without, so that files keep theirs
+LAGS = QUEUE // 2
 STRIDE = 64  # images from one key image to the next
 MOST_SPREAD = 32  # key images in that distance
 MOST_MARKED = 8  # key images because of an event
@@ -33,10 +36,11 @@ MOST_MARKED = 8  # key images because of an event
 
 @dataclass(frozen=True, slots=True)
 class FrameNote:
-    """Index entry of an image: stamp and arrival [s], and if stored its file and SHA-256 of pixels.
+    """Index entry of an image: stamp and arrival [s], and if stored its file and
+    SHA-256 of pixels.
 
-    `sha256` is empty for an image that was not stored. `film` is its number in the film of the run,
-    None for one that is not in it.
+    `sha256` is empty for an image that was not stored. `film` is its number in the film
+    of the run, None for one that is not in it.
     """
 
     sequence: int
@@ -61,12 +65,17 @@ def frame_file(folder: Path, sequence: int) -> Path:
 def encode(image: Image) -> bytes:
     """Encode `image` (h, w) or (h, w, 3) as lossless PNG; OSError where that fails.
 
-    On camera noise Huffman coding of differences is the fastest, and within a tenth of the
-    smallest.
+    On camera noise Huffman coding of differences is the fastest, and within a tenth of
+    the smallest.
     """
     import cv2
 
-    options = [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_SUB]
+    options = [
+        cv2.IMWRITE_PNG_COMPRESSION,
+        1,
+        cv2.IMWRITE_PNG_FILTER,
+        cv2.IMWRITE_PNG_FILTER_SUB,
+    ]
     options += [cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_HUFFMAN_ONLY]
     done, content = cv2.imencode(".png", image, options)
     if not done:
@@ -81,7 +90,9 @@ def read_index(folder: Path) -> tuple[FrameNote, ...]:
     """
     try:
         lift = lift_time(folder)
-        notes = [_read_note(folder, line, lift) for line in read_json_lines(folder / INDEX)]
+        notes = [
+            _read_note(folder, line, lift) for line in read_json_lines(folder / INDEX)
+        ]
         return tuple({note.sequence: note for note in notes}.values())
     except (KeyError, TypeError, ValueError, OverflowError):
         raise ConfigurationError(
@@ -91,7 +102,9 @@ def read_index(folder: Path) -> tuple[FrameNote, ...]:
 
 
 def read_frame(note: FrameNote) -> Frame | None:
-    """Read the image (h, w, 3) of an entry, None if not stored; ConfigurationError if changed."""
+    """Read the image (h, w, 3) of an entry, None if not stored; ConfigurationError if
+    changed.
+    """
     if note.file is None:
         return None
     image = read_picture(note.file, LARGEST_SIDE)
@@ -101,7 +114,9 @@ def read_frame(note: FrameNote) -> Frame | None:
 
 
 def _read_note(folder: Path, line: dict[str, Any], lift: float) -> FrameNote:
-    """Index entry from a `line`, times after `lift` [s] if finite; ValueError without a number."""
+    """Index entry from a `line`, times after `lift` [s] if finite; ValueError without a
+    number.
+    """
     sequence = index(line["sequence"])
     zero = lift if isfinite(lift) else 0.0
     stamp = float(line["stamp"]) - zero
@@ -122,13 +137,17 @@ def _read_note(folder: Path, line: dict[str, Any], lift: float) -> FrameNote:
 
 
 class FrameWriter:
-    """Writer of a run's images in a thread beside the caller, which learns of errors later.
+    """Writer of a run's images in a thread beside the caller, which learns of errors
+    later.
 
-    `patient` makes `put` wait for room: right where the clock is virtual and waiting costs the run
-    nothing, wrong on hardware, where an image without room only keeps its place in the index.
+    `patient` makes `put` wait for room: right where the clock is virtual and waiting
+    costs the run nothing, wrong on hardware, where an image without room only keeps its
+    place in the index.
     """
 
-    def __init__(self, folder: Path, keep: Keep, patient: bool, encoder: Encoder | None) -> None:
+    def __init__(
+        self, folder: Path, keep: Keep, patient: bool, encoder: Encoder | None
+    ) -> None:
         """Write a run's images into `folder` and, with an `encoder`, also as a film."""
         self._film = encoder and RunFilm(folder / FILM, encoder, patient)
         self._failure: OSError | None = None
@@ -138,11 +157,14 @@ class FrameWriter:
         self._patient = patient
         self._count = 0
         self._marks_left = MOST_MARKED
-        self._last: tuple[Frame, int | None] | None = None  # if not stored; its place in the film
+        # if not stored; its place in the film
+        self._last: tuple[Frame, int | None] | None = None
         self._waiting: queue.Queue[tuple[Frame, bool] | None] = queue.Queue(QUEUE)
         (folder / FOLDER).mkdir()
         self._index = new_file(folder / INDEX)
-        self._thread = threading.Thread(target=self._write_queue, name="frames", daemon=True)
+        self._thread = threading.Thread(
+            target=self._write_queue, name="frames", daemon=True
+        )
         self._thread.start()
 
     def put(self, frame: Frame, mark: bool) -> None:
@@ -153,7 +175,9 @@ class FrameWriter:
             self._note(frame)
 
     def close(self) -> None:
-        """Wait until all images are written; allowed twice. The last one is a key frame."""
+        """Wait until all images are written; allowed twice. The last one is a key
+        frame.
+        """
         if self._index.closed:
             return
         self._waiting.put(None)
@@ -168,7 +192,9 @@ class FrameWriter:
         return self._film.failure if self._film else ""
 
     def take_failure(self) -> OSError | None:
-        """Error of writing since the last call, or None; after an error no image is written."""
+        """Error of writing since the last call, or None; after an error no image is
+        written.
+        """
         failure = self._failure
         self._failure = None
         return failure
@@ -181,7 +207,9 @@ class FrameWriter:
             self._attempt(self._store, *self._last)
 
     def _attempt(self, write: Callable[..., None], *arguments: Any) -> None:
-        """Call `write`, unless an earlier one failed; its error is kept for `take_failure`."""
+        """Call `write`, unless an earlier one failed; its error is kept for
+        `take_failure`.
+        """
         if self._given_up:
             return
         try:
@@ -193,7 +221,11 @@ class FrameWriter:
     def _record(self, frame: Frame, mark: bool) -> None:
         """Film `frame`, store it if it is selected, and enter it into the index."""
         keeps_up = self._patient or self._waiting.qsize() < LAGS
-        place = self._film.put(frame.stamp, frame.image) if self._film and keeps_up else None
+        place = (
+            self._film.put(frame.stamp, frame.image)
+            if self._film and keeps_up
+            else None
+        )
         if self._is_kept(mark):
             self._store(frame, place)
             self._last = None
@@ -202,7 +234,9 @@ class FrameWriter:
             self._last = (frame, place)
 
     def _is_kept(self, mark: bool) -> bool:
-        """Whether to store the next image; of key ones about ten, with a `mark` or spread."""
+        """Whether to store the next image; of key ones about ten, with a `mark` or
+        spread.
+        """
         number = self._count
         self._count += 1
         if self._keep == "key" and mark and self._marks_left > 0:
@@ -216,8 +250,12 @@ class FrameWriter:
         replace_file(frame_file(self._folder, frame.sequence), encode(frame.image))
         self._note(frame, sha256=digest(frame.image), film=film)
 
-    def _note(self, frame: Frame, sha256: str | None = None, film: int | None = None) -> None:
-        """Enter `frame` into the index: its `sha256` if it is stored, its number in the `film`."""
+    def _note(
+        self, frame: Frame, sha256: str | None = None, film: int | None = None
+    ) -> None:
+        """Enter `frame` into the index: its `sha256` if it is stored, its number in the
+        `film`.
+        """
         note: dict[str, Any] = {"sequence": frame.sequence}
         note |= {"stamp": frame.stamp, "arrival": frame.arrival, "source": frame.source}
         note |= {"sha256": sha256}

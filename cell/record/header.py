@@ -1,4 +1,6 @@
-"""Schemas of a run's header run.yaml and of its result.yaml, and the names of outcomes."""
+"""Schemas of a run's header run.yaml and of its result.yaml, and the names of
+outcomes.
+"""
 
 from typing import Annotated, Any, Literal, Self
 
@@ -8,27 +10,51 @@ from drivers.settings import Metres, Settings, Unit
 
 Positive = Annotated[float, Field(gt=0)]
 Accuracy = Annotated[
-    Metres, Field(gt=0, description="its accuracy, one sigma in m: 0.0001 where it is 0.1 mm")
+    Metres,
+    Field(gt=0, description="its accuracy, one sigma in m: 0.0001 where it is 0.1 mm"),
 ]
 Number = Annotated[float, Field(ge=-1e9, le=1e9)]  # in any unit, mistaken ones included
 UNMEASURED = 1.0  # m, an error beside which nothing of a cell matters
-LAID = frozenset({"unlike_model", "grip_apart", "displacement_apart", "free_edge_apart"})
+LAID = frozenset(
+    {"unlike_model", "grip_apart", "displacement_apart", "free_edge_apart"}
+)
 """The strip lies folded, and yet not as the cell was told or saw it."""
 NOT_FOLDED = LAID | {"edges_not_seen", "edges_apart"}
-"""The layers touched, which was measured, and yet nobody may call the fold a success."""
+"""The layers touched, which was measured, and yet nobody may call the fold a success.
+"""
 OUTCOMES = NOT_FOLDED.union(
     ("layer_touch", "path_done", "calibrated"),  # goals
-    ("interrupted", "preflight_refused", "error", "internal_error", "record", "exam"),  # stops
-    ("command_refused", "motion_refused", "velocity_refused", "outside_workspace", "turn_overtime"),
-    ("illegal_event", "no_perception", "process_died", "world_unknown", "unexpected"),  # the cell's
+    # stops
+    ("interrupted", "preflight_refused", "error", "internal_error", "record", "exam"),
+    (
+        "command_refused",
+        "motion_refused",
+        "velocity_refused",
+        "outside_workspace",
+        "turn_overtime",
+    ),
+    # the cell's
+    ("illegal_event", "no_perception", "process_died", "world_unknown", "unexpected"),
     ("no_aids", "no_latency"),
 )
-DEVICES = ("arm_", "hand_", "grasp_", "camera_", "image_", "simulation_", "strip_", "robot_")
-"""Each device names its own faults after itself; other faults are named by a monitor."""
+DEVICES = (
+    "arm_",
+    "hand_",
+    "grasp_",
+    "camera_",
+    "image_",
+    "simulation_",
+    "strip_",
+    "robot_",
+)
+"""Each device names its own faults after itself; other faults are named by a monitor.
+"""
 
 
 class Part(Settings):
-    """Base class of an entry of run.yaml or result.yaml, which may hold further keys."""
+    """Base class of an entry of run.yaml or result.yaml, which may hold further
+    keys.
+    """
 
     model_config = ConfigDict(extra="allow")
 
@@ -40,7 +66,8 @@ class Recorded(Part):
 
 
 class Sigma(Part):
-    """Measurement noise of a run, one sigma: lengths [m], `touch_time` [s], `force` [N].
+    """Measurement noise of a run, one sigma: lengths [m], `touch_time` [s], `force`
+    [N].
 
     `edge_offset` [m] is the error of the camera's view of the laid edges.
     What is not stated was not measured: rows of it, if there are any, carry no weight.
@@ -70,16 +97,19 @@ class CalibrationNote(Part):
 
 
 class ArmTiming(Part):
-    """Longest time [ms] between two states that a real arm sent; their histogram is not read."""
+    """Longest time [ms] between two states that a real arm sent; their histogram is not
+    read.
+    """
 
     longest_ms: float
 
 
 class Header(Recorded):
-    """Contents of run.yaml of a fold: what every reader needs, and how the cell made the run.
+    """Contents of run.yaml of a fold: what every reader needs, and how the cell made
+    the run.
 
-    The fields from `policy` on are absent in a laboratory's file. `strip_file` and `config` are the
-    resolved contents of those files.
+    The fields from `policy` on are absent in a laboratory's file. `strip_file` and
+    `config` are the resolved contents of those files.
     """
 
     strip: str = Field(min_length=1)
@@ -89,7 +119,8 @@ class Header(Recorded):
     condition: str | None = None
     speed: float | None = Field(None, gt=0, le=10.0)  # m/s, beyond any arm
     camera_hz: float | None = Field(None, gt=0, le=100_000.0)  # beyond any camera
-    contact_height: float = Field(0.001, gt=0, le=0.05)  # m, a fold stands hardly higher
+    # m, a fold stands hardly higher
+    contact_height: float = Field(0.001, gt=0, le=0.05)
     policy: str | None = None
     checkpoint: dict[str, Any] | None = None
     seed: int | None = None
@@ -111,7 +142,9 @@ class Header(Recorded):
 
 
 class Load(Part):
-    """Load of a mechanism in a run: `body` that carries it, `mass` [kg], `com` (3,) [m]."""
+    """Load of a mechanism in a run: `body` that carries it, `mass` [kg], `com` (3,)
+    [m].
+    """
 
     body: str
     mass: float
@@ -125,7 +158,8 @@ class AngleNoise(Part):
 
 
 class MechanismRun(Recorded):
-    """Contents of run.yaml of a mechanism, or of a pendulum, which states its own noise `sigma`.
+    """Contents of run.yaml of a mechanism, or of a pendulum, which states its own noise
+    `sigma`.
 
     `index` is that in its series, `origin` the recording that contains the run.
     """
@@ -140,7 +174,9 @@ class MechanismRun(Recorded):
 
 
 class Interval(Part):
-    """Value that a policy estimated for a strip's parameter, with its 68 % interval, in SI."""
+    """Value that a policy estimated for a strip's parameter, with its 68 % interval, in
+    SI.
+    """
 
     value: Number
     low: Number
@@ -148,7 +184,9 @@ class Interval(Part):
 
 
 class PredictionNote(Part):
-    """Last prediction of a policy: displacement with one sigma [m], estimated parameters in SI."""
+    """Last prediction of a policy: displacement with one sigma [m], estimated
+    parameters in SI.
+    """
 
     displacement: Number
     sigma: Number
@@ -158,7 +196,9 @@ class PredictionNote(Part):
 
 
 class AgreementNote(Part):
-    """Agreement of a strip with its model: `residual` [m] of profiles, yield curvature [1/m]."""
+    """Agreement of a strip with its model: `residual` [m] of profiles, yield curvature
+    [1/m].
+    """
 
     like_model: bool
     residual: Number
@@ -167,7 +207,9 @@ class AgreementNote(Part):
 
 
 class WitnessNote(Part):
-    """Difference [m] between two measurements of a length, its `spread` [m], `reason` to doubt."""
+    """Difference [m] between two measurements of a length, its `spread` [m], `reason`
+    to doubt.
+    """
 
     name: str
     difference: Number
@@ -176,11 +218,12 @@ class WitnessNote(Part):
 
 
 class Result(Recorded):
-    """Contents of result.yaml: outcome, time [s] of the layers' touch, lengths [m] at the touch.
+    """Contents of result.yaml: outcome, time [s] of the layers' touch, lengths [m] at
+    the touch.
 
-    A run of the cell adds the reason of its end, its `duration` [s], the `confidence` in the touch,
-    `edge_offset` [m] of the laid edges, the `witnesses` that were compared, and of a policy that
-    predicts, `foretold` and `agreement`.
+    A run of the cell adds the reason of its end, its `duration` [s], the `confidence`
+    in the touch, `edge_offset` [m] of the laid edges, the `witnesses` that were
+    compared, and of a policy that predicts, `foretold` and `agreement`.
     """
 
     outcome: str = Field(min_length=1)
@@ -197,9 +240,13 @@ class Result(Recorded):
     witnesses: tuple[WitnessNote, ...] = ()
 
     def __str__(self) -> str:
-        """Outcome, and of a fold its displacement and the offset of its laid edges, in a line."""
+        """Outcome, and of a fold its displacement and the offset of its laid edges, in
+        a line.
+        """
         lengths = {"displacement": self.displacement, "edges": self.edge_offset}
-        known = (f"{name} {1e3 * v:+.1f} mm" for name, v in lengths.items() if v is not None)
+        known = (
+            f"{name} {1e3 * v:+.1f} mm" for name, v in lengths.items() if v is not None
+        )
         return ", ".join([self.outcome.replace("_", " "), *known])
 
     @model_validator(mode="after")

@@ -28,7 +28,11 @@ LARGEST_INTEGER = 2**63 - 1  # of SQLite
 
 
 def _number(value: object) -> float | None:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
+    if (
+        isinstance(value, bool)
+        or not isinstance(value, int | float)
+        or not isfinite(value)
+    ):
         return None
     return float(value)
 
@@ -42,20 +46,25 @@ def _text(value: object) -> str:
 Number = Annotated[float | None, PlainValidator(_number)]
 Text = Annotated[str, PlainValidator(_text)]
 Whole = Annotated[int | None, PlainValidator(lambda v: v if type(v) is int else None)]
-YesOrNo = Annotated[bool | None, PlainValidator(lambda v: v if isinstance(v, bool) else None)]
+YesOrNo = Annotated[
+    bool | None, PlainValidator(lambda v: v if isinstance(v, bool) else None)
+]
 
 
 def _of(document: str, *keys: str) -> Any:
     """Field of a row that a run's `document` states under these `keys`, if it does."""
-    return Field(None, validation_alias=AliasPath(document, *keys), validate_default=True)
+    return Field(
+        None, validation_alias=AliasPath(document, *keys), validate_default=True
+    )
 
 
 class RunRow(BaseModel):
     """Row of a list of runs: lengths [m], times [s], `speed` [m/s]; None where unknown.
 
-    `outcome` is that recorded, or `under way`, `died`, `broken`, or `measured` of a mechanism;
-    `size` is that on disk [bytes]; `tags` are separated by spaces. `touch` is the time of the layer
-    touch, `predicted` the displacement that the policy expected.
+    `outcome` is that recorded, or `under way`, `died`, `broken`, or `measured` of a
+    mechanism; `size` is that on disk [bytes]; `tags` are separated by spaces. `touch`
+    is the time of the layer touch, `predicted` the displacement that the policy
+    expected.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -75,7 +84,9 @@ class RunRow(BaseModel):
     reason: Text = _of("result", "reason")
     seed: Whole = _of("header", "seed")
     speed: Number = _of("header", "speed")
-    start: Annotated[str, PlainValidator(lambda v: _text(v) or "flat")] = _of("header", "start")
+    start: Annotated[str, PlainValidator(lambda v: _text(v) or "flat")] = _of(
+        "header", "start"
+    )
     condition: Text = _of("header", "condition")
     arm: Text = _of("header", "drivers", "arm")
     camera: Text = _of("header", "drivers", "camera")
@@ -90,7 +101,9 @@ class RunRow(BaseModel):
 
     @property
     def short(self) -> str:
-        """Name of the run for tables: the last four characters and the time, if it has them."""
+        """Name of the run for tables: the last four characters and the time, if it has
+        them.
+        """
         if BEGAN.match(self.name) is None:
             return self.name
         return f"{self.name[-4:]}  {self.began:%Y-%m-%d %H:%M}"
@@ -99,12 +112,19 @@ class RunRow(BaseModel):
     def offsets(self) -> tuple[str, ...]:
         """Displacement and offset of the edges [mm] as text; empty where unknown."""
         lengths = (self.displacement, self.edge_offset)
-        return tuple("" if length is None else f"{1e3 * length:+.1f}" for length in lengths)
+        return tuple(
+            "" if length is None else f"{1e3 * length:+.1f}" for length in lengths
+        )
 
     def __repr__(self) -> str:
-        """Name, strip, policy, outcome, displacement and offset of the edges in a line."""
+        """Name, strip, policy, outcome, displacement and offset of the edges in a
+        line.
+        """
         displacement, edges = self.offsets
-        lengths = (displacement and f"d {displacement} mm", edges and f"edges {edges} mm")
+        lengths = (
+            displacement and f"d {displacement} mm",
+            edges and f"edges {edges} mm",
+        )
         facts = filter(None, (self.strip, self.policy, self.outcome, *lengths))
         return f"<{self.short}: {', '.join(facts)}>"
 
@@ -115,11 +135,12 @@ COLUMNS = ("run", *list(RunRow.model_fields)[1:])  # the folder by its name
 
 
 def list_runs(root: Path, where: str = "", sort: str = "") -> tuple[RunRow, ...]:
-    """Runs directly below `root` for which the SQL expression `where` holds, oldest first.
+    """Runs directly below `root` for which the SQL expression `where` holds, oldest
+    first.
 
-    `sort` is the column to sort by instead, downwards with a leading `-`; runs without a value come
-    last. Raises ConfigurationError for a `root` that is no folder or a run itself, and for what is
-    no such expression or column.
+    `sort` is the column to sort by instead, downwards with a leading `-`; runs without
+    a value come last. Raises ConfigurationError for a `root` that is no folder or a run
+    itself, and for what is no such expression or column.
     """
     if not root.is_dir():
         raise ConfigurationError(f"{root}: is not a folder; name one with --runs")
@@ -131,7 +152,9 @@ def list_runs(root: Path, where: str = "", sort: str = "") -> tuple[RunRow, ...]
     try:
         rows = [read_row(folder) for folder in root.iterdir() if is_run(folder)]
     except OSError as error:
-        raise ConfigurationError(f"{root}: cannot be listed: {error.strerror}") from None
+        raise ConfigurationError(
+            f"{root}: cannot be listed: {error.strerror}"
+        ) from None
     rows.sort(key=lambda row: (row.began, row.name))
     return _select(rows, where, sort) if where or sort else tuple(rows)
 
@@ -149,7 +172,10 @@ def _select(rows: Sequence[RunRow], where: str, sort: str) -> tuple[RunRow, ...]
         marks = ", ".join("?" * (1 + len(COLUMNS)))
         base.executemany(
             f"INSERT INTO runs VALUES ({marks})",  # noqa: S608
-            ((place, *map(_storable, values_of(row))) for place, row in enumerate(rows)),
+            (
+                (place, *map(_storable, values_of(row)))
+                for place, row in enumerate(rows)
+            ),
         )
         try:
             selected = base.execute(
@@ -163,8 +189,14 @@ def _select(rows: Sequence[RunRow], where: str, sort: str) -> tuple[RunRow, ...]
 
 
 def _storable(value: Any) -> Any:
-    """Value that SQLite can store: `value`, or a float for an integer of more than 63 bits."""
-    return float(value) if isinstance(value, int) and abs(value) > LARGEST_INTEGER else value
+    """Value that SQLite can store: `value`, or a float for an integer of more than 63
+    bits.
+    """
+    return (
+        float(value)
+        if isinstance(value, int) and abs(value) > LARGEST_INTEGER
+        else value
+    )
 
 
 def values_of(row: RunRow) -> tuple[Any, ...]:
@@ -179,10 +211,11 @@ def to_prune(
     keep: int | None = None,
     older_than: timedelta | None = None,
 ) -> tuple[RunRow, ...]:
-    """Runs to delete, oldest first: all but the newest `keep`, or those older than `older_than`.
+    """Runs to delete, oldest first: all but the newest `keep`, or those older than
+    `older_than`.
 
-    With both, a run must satisfy both. A run under way stays, and so does a link: what it leads to
-    belongs elsewhere. Raises ConfigurationError when neither is given.
+    With both, a run must satisfy both. A run under way stays, and so does a link: what
+    it leads to belongs elsewhere. Raises ConfigurationError when neither is given.
     """
     if keep is None and older_than is None:
         raise ConfigurationError("--keep, --older-than: give one")
@@ -193,15 +226,22 @@ def to_prune(
 
 
 def remove(rows: Sequence[RunRow]) -> int:
-    """Delete the folders of `rows`, each locked and read again first; returns the bytes freed.
+    """Delete the folders of `rows`, each locked and read again first; returns the bytes
+    freed.
 
-    Raises ConfigurationError for a folder that is not a run, is one under way, or a link to one;
-    and, once all others are gone, for those that changed since `rows` were read or could not be
-    removed.
+    Raises ConfigurationError for a folder that is not a run, is one under way, or a
+    link to one; and, once all others are gone, for those that changed since `rows` were
+    read or could not be removed.
     """
     for row in rows:
-        if row.folder.is_symlink() or not is_run(row.folder) or is_under_way(row.folder):
-            raise ConfigurationError(f"{row.folder}: is not a finished run; it was left alone")
+        if (
+            row.folder.is_symlink()
+            or not is_run(row.folder)
+            or is_under_way(row.folder)
+        ):
+            raise ConfigurationError(
+                f"{row.folder}: is not a finished run; it was left alone"
+            )
     failures = []
     for row in rows:
         try:
@@ -209,7 +249,9 @@ def remove(rows: Sequence[RunRow]) -> int:
                 if read_row(row.folder) == row:
                     shutil.rmtree(row.folder)
                 else:
-                    failures.append(f"{row.folder}: has just been changed; it was left alone")
+                    failures.append(
+                        f"{row.folder}: has just been changed; it was left alone"
+                    )
         except OSError as error:
             failures.append(f"{row.folder}: cannot be removed: {error.strerror}")
         except ConfigurationError as error:
@@ -220,7 +262,9 @@ def remove(rows: Sequence[RunRow]) -> int:
 
 
 def read_row(folder: Path) -> RunRow:
-    """Read the run in `folder` from its YAML files for a list; unreadable values are empty."""
+    """Read the run in `folder` from its YAML files for a list; unreadable values are
+    empty.
+    """
     header = _document(folder / RUN, HEADER_KEYS)
     result = _document(folder / RESULT)
     facts = {"folder": folder, "began": _start_time(folder), "size": _size(folder)}
@@ -231,32 +275,44 @@ def read_row(folder: Path) -> RunRow:
 def _outcome(
     folder: Path, header: Mapping[str, Any] | None, result: Mapping[str, Any] | None
 ) -> str:
-    """Outcome of a run for the list; BROKEN, UNDER_WAY, DIED, or MEASURED if it is of no strip."""
+    """Outcome of a run for the list; BROKEN, UNDER_WAY, DIED, or MEASURED if it is of
+    no strip.
+    """
     if header is None:
         return BROKEN
     if is_under_way(folder):
         return UNDER_WAY
     if result is None:
-        return BROKEN if (folder / RESULT).exists() else DIED if "strip" in header else MEASURED
+        return (
+            BROKEN
+            if (folder / RESULT).exists()
+            else DIED
+            if "strip" in header
+            else MEASURED
+        )
     return _text(result.get("outcome")) or BROKEN
 
 
 def _document(path: Path, keys: Collection[str] = ()) -> dict[str, Any] | None:
     """Mapping in the YAML file at `path`, or None if it cannot be read.
 
-    With `keys` only those of the outermost level, where each begins a line: of a run's header that
-    is a tenth, and the rest is what takes the time.
+    With `keys` only those of the outermost level, where each begins a line: of a run's
+    header that is a tenth, and the rest is what takes the time.
     """
     try:
         text = read_text(path)
-        blocks = [b for b in re.split(r"(?m)^(?=\w)", text) if b.partition(":")[0] in keys]
+        blocks = [
+            b for b in re.split(r"(?m)^(?=\w)", text) if b.partition(":")[0] in keys
+        ]
         return parse_yaml("".join(blocks) or text, str(path))
     except ConfigurationError:
         return None
 
 
 def _size(folder: Path) -> int:
-    """Size [bytes] of all files below `folder`; files deleted meanwhile do not count."""
+    """Size [bytes] of all files below `folder`; files deleted meanwhile do not
+    count.
+    """
     total = 0
     for place, _, names in os.walk(folder):
         for name in names:

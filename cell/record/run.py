@@ -1,4 +1,6 @@
-"""Reading of a recorded run: complete, interrupted, damaged, or written by another program."""
+"""Reading of a recorded run: complete, interrupted, damaged, or written by another
+program.
+"""
 
 import base64
 from collections.abc import Callable, Iterator, Mapping
@@ -26,7 +28,8 @@ from drivers.readers import read_parquet
 from drivers.settings import load
 from drivers.types import Array, Frame
 
-MOTION = ("t", "x", "z", "pitch", "x_cmd", "z_cmd", "f_x", "f_z")  # what an arm measures
+# what an arm measures
+MOTION = ("t", "x", "z", "pitch", "x_cmd", "z_cmd", "f_x", "f_z")
 TOUCH = ("t_layer_touch", "l1", "l2", "displacement")  # of a result
 Part = TypeVar("Part")
 Columns = Mapping[str, Array]
@@ -44,7 +47,9 @@ class PartReader:
     problems: list[str] = field(default_factory=list)
 
     def read(self, part: Callable[[], Part], empty: Part) -> Part:
-        """Result of reading a run's `part`; a broken one is `empty` if lenient, else an error."""
+        """Result of reading a run's `part`; a broken one is `empty` if lenient, else an
+        error.
+        """
         try:
             return part()
         except ConfigurationError as error:
@@ -54,8 +59,11 @@ class PartReader:
             return empty
 
 
-def _cached_part(empty: object) -> Callable[[Callable[["Run"], Part]], Callable[["Run"], Part]]:
-    """Decorator of a method that reads a part of a run, so that it is read once and then kept.
+def _cached_part(
+    empty: object,
+) -> Callable[[Callable[["Run"], Part]], Callable[["Run"], Part]]:
+    """Decorator of a method that reads a part of a run, so that it is read once and
+    then kept.
 
     A lenient run has `empty`, which cannot be changed, for a broken part.
     """
@@ -65,7 +73,9 @@ def _cached_part(empty: object) -> Callable[[Callable[["Run"], Part]], Callable[
         def cached(run: "Run") -> Part:
             name = read.__name__
             if name not in run.parts:
-                run.parts[name] = run.reader.read(lambda: read(run), cast("Part", empty))
+                run.parts[name] = run.reader.read(
+                    lambda: read(run), cast("Part", empty)
+                )
             return cast("Part", run.parts[name])
 
         return cached
@@ -75,9 +85,11 @@ def _cached_part(empty: object) -> Callable[[Callable[["Run"], Part]], Callable[
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """Recorded run: header, columns and result, None where the process died before it wrote one.
+    """Recorded run: header, columns and result, None where the process died before it
+    wrote one.
 
-    Its `reader` says whether broken parts are errors or empty; `parts` are those read so far.
+    Its `reader` says whether broken parts are errors or empty; `parts` are those read
+    so far.
     """
 
     folder: Path
@@ -107,7 +119,10 @@ class Run:
             return text
         content = base64.b64encode(picture.read_bytes()).decode()
         if picture.name == files.FILM:
-            return f'{text}<br><video controls width="640" src="data:video/mp4;base64,{content}">'
+            return (
+                f'{text}<br><video controls width="640"'
+                f' src="data:video/mp4;base64,{content}">'
+            )
         return f'{text}<br><img width="640" src="data:image/png;base64,{content}">'
 
     @property
@@ -122,10 +137,11 @@ class Run:
 
     @_cached_part(())
     def events(self) -> tuple[Event, ...]:
-        """Events of the run in the order of writing; none where another program recorded it.
+        """Events of the run in the order of writing; none where another program
+        recorded it.
 
-        Events are written on the cell's clock, before the start of measured time is known; the
-        event `origin` states it, and times here are relative to it.
+        Events are written on the cell's clock, before the start of measured time is
+        known; the event `origin` states it, and times here are relative to it.
         """
         events = read_events(self.folder)
         origin = origin_of(events)
@@ -133,67 +149,80 @@ class Run:
 
     @_cached_part(0.0)
     def origin(self) -> float:
-        """Time [s] of the cell's clock at t = 0 of the run; 0 where it is not stated."""
+        """Time [s] of the cell's clock at t = 0 of the run; 0 where it is not
+        stated.
+        """
         return origin_of(read_events(self.folder))
 
     @_cached_part(Sights.none())
     def sights(self) -> Sights:
-        """Measurements of the strip in all images, as columns; empty where none are recorded."""
+        """Measurements of the strip in all images, as columns; empty where none are
+        recorded.
+        """
         path = self.folder / files.SIGHTS
         if path.exists():
             return Sights.parse(read_parquet(path), str(path))
         if (self.folder / files.SIGHT_STREAM).exists():
             return Sights.parse(
-                assemble(self.folder)[files.SIGHTS], str(self.folder / files.SIGHT_STREAM)
+                assemble(self.folder)[files.SIGHTS],
+                str(self.folder / files.SIGHT_STREAM),
             )
         return Sights.none()
 
     def measurements(self) -> list[StripMeasurement]:
-        """Measurements of the strip, one per image; profiles alone where no others are recorded."""
+        """Measurements of the strip, one per image; profiles alone where no others are
+        recorded.
+        """
         sights, curves = self.sights(), dict(self.profile.curves())
         if sights.stamp.size == 0:
             return [
                 StripMeasurement(stamp, 0, nan, 0.0, points, 1.0, (nan, nan), nan, nan)
                 for stamp, points in curves.items()
             ]
-        rows = zip(*(getattr(sights, name).tolist() for name in Sights.__slots__), strict=True)
+        columns = {name: getattr(sights, name).tolist() for name in Sights.__slots__}
+        rows = zip(*columns.values(), strict=True)
         return [
-            StripMeasurement(
-                stamp, int(sequence), contact_x, contact_confidence,
-                curves.get(stamp, np.empty((0, 2))), profile_confidence, (tip_x, tip_z), gap, gap_x,
-            )
-            for stamp, sequence, contact_x, contact_confidence, profile_confidence,
-                tip_x, tip_z, gap, gap_x in rows
-        ]  # fmt: skip
+            _measurement(dict(zip(columns, row, strict=True)), curves) for row in rows
+        ]
 
     @_cached_part(None)
     def calibration(self) -> Calibration | None:
-        """Calibration of the run's camera; None where it was not stored with the run."""
+        """Calibration of the run's camera; None where it was not stored with the
+        run.
+        """
         path = self.folder / files.CALIBRATION
         return load_calibration(path) if path.exists() else None
 
     @_cached_part(())
     def frame_index(self) -> tuple[FrameNote, ...]:
-        """Index entries of all measured images, in order; none where no index was recorded."""
+        """Index entries of all measured images, in order; none where no index was
+        recorded.
+        """
         return read_index(self.folder)
 
     @_cached_part(NO_TABLES)
     def tables(self) -> Mapping[str, Columns]:
         """Measurements as plain tables of columns (n,) in SI units, for another format.
 
-        They are `ticks`, and where measured `contact`, `profile` and `result`, without columns that
-        hold no number.
+        They are `ticks`, and where measured `contact`, `profile` and `result`, without
+        columns that hold no number.
         """
         motion = {name: getattr(self.ticks, name) for name in MOTION}
-        tables = {"ticks": {name: v for name, v in motion.items() if np.isfinite(v).any()}}
+        tables = {
+            "ticks": {name: v for name, v in motion.items() if np.isfinite(v).any()}
+        }
         stamps, contact_x = self.ticks.contacts()
         if len(stamps):
             tables["contact"] = {"t": stamps, "contact_x": contact_x}
         if len(self.profile.t):
-            tables["profile"] = {name: getattr(self.profile, name) for name in Profile.__slots__}
+            tables["profile"] = {
+                name: getattr(self.profile, name) for name in Profile.__slots__
+            }
         touch = {name: getattr(self.result, name, None) for name in TOUCH}
         if None not in touch.values():
-            tables["result"] = {name: np.array([value]) for name, value in touch.items()}
+            tables["result"] = {
+                name: np.array([value]) for name, value in touch.items()
+            }
         return tables
 
     def kept_images(self) -> list[FrameNote]:
@@ -201,30 +230,48 @@ class Run:
         return [note for note in self.frame_index() if note.file is not None]
 
     def film_stamps(self) -> dict[int, float]:
-        """Stamps [s] of the images in the run's film, by their number; none without a film."""
+        """Stamps [s] of the images in the run's film, by their number; none without a
+        film.
+        """
         notes = self.frame_index() if (self.folder / files.FILM).is_file() else ()
         return {note.film: note.stamp for note in notes if note.film is not None}
 
     def frames(self) -> Iterator[Frame]:
-        """Yield the stored images; one that fails its hash raises an error unless lenient."""
-        image_reader = PartReader(self.reader.lenient)  # the run's problems do not list images
+        """Yield the stored images; one that fails its hash raises an error unless
+        lenient.
+        """
+        # the run's problems do not list images
+        image_reader = PartReader(self.reader.lenient)
         for note in self.kept_images():
             frame = image_reader.read(partial(read_frame, note), None)
             if frame is not None:
                 yield frame
 
 
+def _measurement(
+    sight: dict[str, Any], curves: Mapping[float, Array]
+) -> StripMeasurement:
+    """Measurement of one image from its row of sights and the profile of its stamp."""
+    tip = (sight.pop("tip_x"), sight.pop("tip_z"))
+    profile = curves.get(sight["stamp"], np.empty((0, 2)))
+    sight["sequence"] = int(sight["sequence"])
+    return StripMeasurement(**sight, profile=profile, tip=tip)
+
+
 def read_run(folder: Path) -> Run:
-    """Read the run in `folder`: run.yaml, its ticks, profiles and result; further parts on use.
+    """Read the run in `folder`: run.yaml, its ticks, profiles and result; further parts
+    on use.
 
     A run that died before its tables were written is read from its streams. Raises
-    ConfigurationError for files that are missing, broken, or written by a newer version.
+    ConfigurationError for files that are missing, broken, or written by a newer
+    version.
     """
     return _read(folder, lenient=False)
 
 
 def read_broken_run(folder: Path) -> Run:
-    """Read the intact parts of the run in `folder`; ConfigurationError where run.yaml is broken.
+    """Read the intact parts of the run in `folder`; ConfigurationError where run.yaml
+    is broken.
 
     A broken table is made again from the streams, if they are intact.
     """
@@ -236,13 +283,17 @@ def read_broken_run(folder: Path) -> Run:
 
 
 def read_result(folder: Path) -> Result | None:
-    """Result of the run in `folder`, None if there is none; ConfigurationError if broken."""
+    """Result of the run in `folder`, None if there is none; ConfigurationError if
+    broken.
+    """
     path = folder / files.RESULT
     return load(path, Result, bare=True) if path.exists() else None
 
 
 def _read(folder: Path, *, lenient: bool) -> Run:
-    """Read the run in `folder`; its broken parts are empty if `lenient`, else errors."""
+    """Read the run in `folder`; its broken parts are empty if `lenient`, else
+    errors.
+    """
     files.check_run(folder)
     header = load(folder / files.RUN, Header)
     reader = PartReader(lenient)
@@ -253,8 +304,8 @@ def _read(folder: Path, *, lenient: bool) -> Run:
     def table(name: str) -> tuple[pa.Table, str]:
         """Table in the Parquet file `name`, and the path of its source for errors.
 
-        One that is missing from an incomplete run, or broken in a lenient one, is made from the
-        streams, which a run of the cell that died at its start need not have.
+        One that is missing from an incomplete run, or broken in a lenient one, is made
+        from the streams, which a run of the cell that died at its start need not have.
         """
         path = folder / name
         stream = folder / files.TICK_STREAM
@@ -267,7 +318,8 @@ def _read(folder: Path, *, lenient: bool) -> Run:
             reader.problems.append(f"{error}; read from {files.TICK_STREAM} instead")
         if not begun and header.config is None:
             raise ConfigurationError(
-                f"{folder}: {name}: is missing, and there is no {files.TICK_STREAM} to make it from"
+                f"{folder}: {name}: is missing, and there is no {files.TICK_STREAM} to"
+                " make it from"
             )
         return tables_of_streams()[name], str(stream)
 

@@ -1,6 +1,8 @@
-"""Streams of rows written during a run, and the Parquet tables made from them at its end.
+"""Streams of rows written during a run, and the Parquet tables made from them at its
+end.
 
-A stream (Arrow IPC) has one row per message: rows written before a crash can be read after it.
+A stream (Arrow IPC) has one row per message: rows written before a crash can be read
+after it.
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,7 +26,8 @@ from drivers.readers import MEGABYTE, SCHEMA, read_bytes
 from drivers.types import Array
 
 TIME_ROUNDING = 1e-9  # s
-TIME_MARGIN = 1.0  # s, no image or touch is so long before the first or after the last row
+# s, no image or touch is so long before the first or after the last row
+TIME_MARGIN = 1.0
 END_OF_STREAM = b"\xff\xff\xff\xff\x00\x00\x00\x00"
 LARGEST_STREAM = 128 * MEGABYTE  # a fold of two minutes writes ten
 NUMBER = pa.float64()
@@ -32,16 +35,22 @@ POINTS_TYPE = pa.list_(pa.float64())
 
 PLACED = ("contact_x", "contact_t")  # columns of ticks that come from the images
 TICK_ROWS = pa.schema(
-    [(name, NUMBER) for name in quantities(Ticks) if name not in PLACED] + [("state", pa.string())]
+    [(name, NUMBER) for name in quantities(Ticks) if name not in PLACED]
+    + [("state", pa.string())]
 )
 SIGHT_ROWS = pa.schema(
-    [(name, pa.int64() if name == "sequence" else NUMBER) for name in quantities(Sights)]
+    [
+        (name, pa.int64() if name == "sequence" else NUMBER)
+        for name in quantities(Sights)
+    ]
     + [("profile_x", POINTS_TYPE), ("profile_z", POINTS_TYPE)]
 )
 
 
 class StreamFile:
-    """Writer of an Arrow stream, row by row, so that a crash of the process loses no row."""
+    """Writer of an Arrow stream, row by row, so that a crash of the process loses no
+    row.
+    """
 
     def __init__(self, path: Path, schema: pa.Schema) -> None:
         self._row = pa.struct(list(schema))
@@ -68,12 +77,13 @@ class StreamFile:
 def read_stream(path: Path, schema: pa.Schema) -> pa.Table:
     """Read all complete rows of the stream at `path`, with the columns of `schema`.
 
-    Empty without a file, or with one truncated inside its header. Raises ConfigurationError for a
-    stream without these columns.
+    Empty without a file, or with one truncated inside its header. Raises
+    ConfigurationError for a stream without these columns.
     """
     batches, stored = list[pa.RecordBatch](), schema
     content = read_bytes(path, LARGEST_STREAM) if path.exists() else b""
-    with suppress(StopIteration, pa.ArrowException, OSError):  # the end, or the first broken row
+    # the end, or the first broken row
+    with suppress(StopIteration, pa.ArrowException, OSError):
         reader = pa.ipc.open_stream(pa.py_buffer(content))
         stored = reader.schema
         while True:
@@ -84,11 +94,15 @@ def read_stream(path: Path, schema: pa.Schema) -> pa.Table:
         rows = pa.Table.from_batches(batches, stored).select(schema.names)
         return rows.cast(schema).combine_chunks()
     except (KeyError, ValueError, pa.ArrowException) as error:
-        raise ConfigurationError(f"{path}: {error}; it was changed after the run") from None
+        raise ConfigurationError(
+            f"{path}: {error}; it was changed after the run"
+        ) from None
 
 
 Tables = dict[str, pa.Table]
-"""Tables of a run by their files: sights (a row per image), profile (points of midlines), ticks."""
+"""Tables of a run by their files: sights (a row per image), profile (points of
+midlines), ticks.
+"""
 
 
 def assemble(folder: Path) -> Tables:
@@ -100,67 +114,91 @@ def assemble(folder: Path) -> Tables:
     ticks = _from_time(begin, read_stream(folder / TICK_STREAM, TICK_ROWS), "t")
     sights = _from_time(begin, read_stream(folder / SIGHT_STREAM, SIGHT_ROWS), "stamp")
     _check_profiles(sights, folder / SIGHT_STREAM)
-    with np.errstate(all="ignore"):  # readers of the tables refuse values that are not finite
+    # readers of the tables refuse values that are not finite
+    with np.errstate(all="ignore"):
         return sight_tables(sights) | {TICKS: tick_table(ticks, sights)}
 
 
 def _check_profiles(sights: pa.Table, path: Path) -> None:
-    """Raise ConfigurationError for rows without a profile, or with one of unequal coordinates."""
+    """Raise ConfigurationError for rows without a profile, or with one of unequal
+    coordinates.
+    """
     x, z = (pc.list_value_length(sights[name]) for name in ("profile_x", "profile_z"))
     if x.null_count or z.null_count or not x.equals(z):
         raise ConfigurationError(
-            f"{path}: rows do not fit each other: a profile has no or unequal coordinates; it was "
-            "changed after the run"
+            f"{path}: rows do not fit each other: a profile has no or unequal"
+            " coordinates; it was changed after the run"
         )
 
 
 def _from_time(begin: float, rows: pa.Table, time: str) -> pa.Table:
-    """Rows from `begin` [s] on, with the column `time` counted from there; all rows for 0."""
+    """Rows from `begin` [s] on, with the column `time` counted from there; all rows for
+    0.
+    """
     if begin == 0.0:
         return rows
     t = _numbers(rows, time) - begin
     is_after = t >= -TIME_ROUNDING
     rows = rows.filter(pa.array(is_after))
     place = rows.column_names.index(time)
-    return rows.set_column(place, rows.schema.field(place), pa.array(t[is_after], pa.float64()))
+    return rows.set_column(
+        place, rows.schema.field(place), pa.array(t[is_after], pa.float64())
+    )
 
 
 def tick_table(ticks: pa.Table, sights: pa.Table) -> pa.Table:
     """Table of ticks, with each desk contact in the row nearest to its image's stamp.
 
-    A row whose stamp did not advance contains no new measurement and is left out, and so are one
-    of an arm that reported no number, which no reader takes.
+    A row whose stamp did not advance contains no new measurement and is left out, and
+    so are one of an arm that reported no number, which no reader takes.
     """
     t = _numbers(ticks, "t")
-    latest = np.maximum.accumulate(np.concatenate([[-np.inf], t]))[:-1]  # stamp before each row
-    finite = np.isfinite([_numbers(ticks, name) for name in ("x", "z", "pitch")]).all(axis=0)
+    # stamp before each row
+    latest = np.maximum.accumulate(np.concatenate([[-np.inf], t]))[:-1]
+    finite = np.isfinite([_numbers(ticks, name) for name in ("x", "z", "pitch")]).all(
+        axis=0
+    )
     ticks = ticks.filter(pa.array((t > latest) & finite))
     t = _numbers(ticks, "t")
-    contacts = place_contacts(t, _numbers(sights, "stamp"), _numbers(sights, "contact_x"))
+    contacts = place_contacts(
+        t, _numbers(sights, "stamp"), _numbers(sights, "contact_x")
+    )
     placed = dict(zip(PLACED, map(pa.array, contacts), strict=True))
-    return pa.table({n: placed[n] if n in placed else ticks[n] for n in Ticks.__slots__})
+    return pa.table(
+        {n: placed[n] if n in placed else ticks[n] for n in Ticks.__slots__}
+    )
 
 
-def check_clock(stamps: Array, t: Array, origin: str, before: float = TIME_MARGIN) -> None:
-    """Raise ConfigurationError for `stamps` (k,) [s] outside the gripper's times `t` (m,) [s].
+def check_clock(
+    stamps: Array, t: Array, origin: str, before: float = TIME_MARGIN
+) -> None:
+    """Raise ConfigurationError for `stamps` (k,) [s] outside the gripper's times `t`
+    (m,) [s].
 
-    They may lie less than `before` [s] before the first row, and TIME_MARGIN after the last one.
+    They may lie less than `before` [s] before the first row, and TIME_MARGIN after the
+    last one.
     """
     if not t.size:
         return
-    early, late = (float(np.nanmax(by, initial=-np.inf)) for by in (t[0] - stamps, stamps - t[-1]))
+    early, late = (
+        float(np.nanmax(by, initial=-np.inf)) for by in (t[0] - stamps, stamps - t[-1])
+    )
     if early >= before or late > TIME_MARGIN:
-        where = "before the gripper's first" if early > late else "after the gripper's last"
+        where = (
+            "before the gripper's first" if early > late else "after the gripper's last"
+        )
         raise ConfigurationError(
-            f"{origin}: is {max(early, late):.6g} s {where} row; give all times of a run in s on "
-            "one clock"
+            f"{origin}: is {max(early, late):.6g} s {where} row; give all times of a"
+            " run in s on one clock"
         )
 
 
 def place_contacts(t: Array, stamp: Array, contact_x: Array) -> tuple[Array, Array]:
-    """Columns (n,) of desk contacts [m] and their stamps [s], in the nearest rows of `t` (n,) [s].
+    """Columns (n,) of desk contacts [m] and their stamps [s], in the nearest rows of
+    `t` (n,) [s].
 
-    NaN without an image; of two nearest to one row the nearer is used; others are dropped.
+    NaN without an image; of two nearest to one row the nearer is used; others are
+    dropped.
     """
     placed_x, placed_t = np.full((2, t.size), np.nan)
     if t.size < 2:
@@ -171,20 +209,25 @@ def place_contacts(t: Array, stamp: Array, contact_x: Array) -> tuple[Array, Arr
     contact_x = contact_x[keep]
     row = place_rows(t, stamp)
     nearest_last = np.argsort(-np.abs(t[row] - stamp), kind="stable")
-    placed_x[row[nearest_last]] = contact_x[nearest_last]  # the last assignment to a row stays
+    # the last assignment to a row stays
+    placed_x[row[nearest_last]] = contact_x[nearest_last]
     placed_t[row[nearest_last]] = stamp[nearest_last]
     return placed_x, placed_t
 
 
 def place_rows(t: Array, stamps: Array) -> NDArray[np.intp]:
-    """Rows (k,) of the increasing times `t` (n,), n at least 2, nearest to `stamps` (k,)."""
+    """Rows (k,) of the increasing times `t` (n,), n at least 2, nearest to `stamps`
+    (k,).
+    """
     after = np.clip(np.searchsorted(t, stamps), 1, t.size - 1)
     nearer = stamps - t[after - 1] <= t[after] - stamps
     return np.asarray(np.where(nearer, after - 1, after), dtype=np.intp)
 
 
 def sight_tables(sights: pa.Table) -> Tables:
-    """`sights` without the lists profile_x and profile_z, and a table of these: t, i, x, z."""
+    """`sights` without the lists profile_x and profile_z, and a table of these: t, i,
+    x, z.
+    """
     counts = pc.list_value_length(sights["profile_x"]).to_numpy()
     points = {
         "t": pa.array(np.repeat(_numbers(sights, "stamp"), counts), pa.float64()),
@@ -192,13 +235,17 @@ def sight_tables(sights: pa.Table) -> Tables:
         "x": sights["profile_x"].combine_chunks().flatten(),
         "z": sights["profile_z"].combine_chunks().flatten(),
     }
-    return {SIGHTS: sights.drop_columns(["profile_x", "profile_z"]), PROFILE: pa.table(points)}
+    return {
+        SIGHTS: sights.drop_columns(["profile_x", "profile_z"]),
+        PROFILE: pa.table(points),
+    }
 
 
 def joint_table(rows: Array, origin: float) -> pa.Table:
     """Table of a robot's joints: `t` relative to `origin` [s], and `q_1` to `tau_J_7`.
 
-    Its `rows` (n, 29) hold t [s] on the cell's clock, then q, dq, q_d and tau_J of seven joints.
+    Its `rows` (n, 29) hold t [s] on the cell's clock, then q, dq, q_d and tau_J of
+    seven joints.
     """
     names = [f"{field}_{joint}" for field in JOINT_FIELDS for joint in range(1, 8)]
     joints = zip(names, rows[:, 1:].T.astype(np.float32), strict=True)
@@ -206,13 +253,15 @@ def joint_table(rows: Array, origin: float) -> pa.Table:
 
 
 def write_parquet(path: Path, table: pa.Table) -> None:
-    """Write `table` as Parquet that replaces the file at `path` at once, when it is complete.
+    """Write `table` as Parquet that replaces the file at `path` at once, when it is
+    complete.
 
     The table's metadata get as `schema` the version of the cell's files.
     """
     about = {**(table.schema.metadata or {}), "schema": str(SCHEMA)}
     marked = table.replace_schema_metadata(about)
-    # an open file, as the library takes only names in UTF-8 and a folder's may be in any bytes
+    # an open file, as the library takes only names in UTF-8 and a folder's may be in
+    # any bytes
     with replacing(path) as scratch, scratch.open("wb") as file:
         pq.write_table(marked, file, compression="zstd", row_group_size=1 << 20)
 
@@ -228,21 +277,32 @@ def _numbers(table: pa.Table, column: str) -> Array:
 
 
 def unnest(table: pa.Table, names: Mapping[str, object] | None = None) -> pa.Table:
-    """Copy of a table with a column a field of a struct, `pose.x`, and a number of a vector, `q.0`.
+    """Copy of a table with a column a field of a struct, `pose.x`, and a number of a
+    vector, `q.0`.
 
-    `names` are those of the numbers of a vector, by its column, as a LeRobot data set states them.
+    `names` are those of the numbers of a vector, by its column, as a LeRobot data set
+    states them.
     """
     found = list[tuple[str, pa.ChunkedArray]]()
     for name, column in zip(table.column_names, table.columns, strict=True):
         kind, stated = column.type, (names or {}).get(name)
         parts = dict.fromkeys(_axes(stated, 1), column)
         if pa.types.is_struct(kind):
-            parts = {kind[i].name: pc.struct_field(column, [i]) for i in range(kind.num_fields)}
+            parts = {
+                kind[i].name: pc.struct_field(column, [i])
+                for i in range(kind.num_fields)
+            }
         elif pa.types.is_list(kind) or pa.types.is_fixed_size_list(kind):
             sizes = pc.list_value_length(column).unique().to_pylist()
-            size = (sizes[0] or 0) if len(sizes) == 1 else 0  # a list of several sizes stays one
-            parts = {a: pc.list_element(column, i) for i, a in enumerate(_axes(stated, size))}
-        named = [(name if axis is None else f"{name}.{axis}", part) for axis, part in parts.items()]
+            # a list of several sizes stays one
+            size = (sizes[0] or 0) if len(sizes) == 1 else 0
+            parts = {
+                a: pc.list_element(column, i) for i, a in enumerate(_axes(stated, size))
+            }
+        named = [
+            (name if axis is None else f"{name}.{axis}", part)
+            for axis, part in parts.items()
+        ]
         if named and pa.types.is_nested(kind):
             inner = unnest(pa.table(dict(named)))
             named = [*zip(inner.column_names, inner.columns, strict=True)]
@@ -251,10 +311,14 @@ def unnest(table: pa.Table, names: Mapping[str, object] | None = None) -> pa.Tab
 
 
 def _axes(stated: object, size: int) -> Sequence[object]:
-    """Names of the `size` components of a feature: as stated, numbered, or None for a scalar."""
+    """Names of the `size` components of a feature: as stated, numbered, or None for a
+    scalar.
+    """
     if isinstance(stated, dict):
         kinds = list(stated.values())
-        stated = kinds[0] if len(kinds) == 1 and isinstance(kinds[0], list) else list(stated)
+        stated = (
+            kinds[0] if len(kinds) == 1 and isinstance(kinds[0], list) else list(stated)
+        )
     if isinstance(stated, list) and len(stated) == size:
         return [*map(str, stated)]
     return [None] if size == 1 else range(size)

@@ -1,4 +1,6 @@
-"""Reading and writing of truth.yaml, the true motion of a simulated strip, for reports alone."""
+"""Reading and writing of truth.yaml, the true motion of a simulated strip, for reports
+alone.
+"""
 
 from collections.abc import Mapping
 from pathlib import Path

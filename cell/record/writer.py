@@ -1,4 +1,6 @@
-"""Writer of a run's folder: header, streams, events and images, then tables and result."""
+"""Writer of a run's folder: header, streams, events and images, then tables and
+result.
+"""
 
 import fcntl
 import os
@@ -12,7 +14,15 @@ from typing import Any
 from cell.perception.strip_measurement import StripMeasurement
 from cell.record import tables
 from cell.record.documents import json_line, write_document
-from cell.record.files import EVENTS, JOINTS, RESULT, RUN, SIGHT_STREAM, TICK_STREAM, Keep
+from cell.record.files import (
+    EVENTS,
+    JOINTS,
+    RESULT,
+    RUN,
+    SIGHT_STREAM,
+    TICK_STREAM,
+    Keep,
+)
 from cell.record.film import Encoder
 from cell.record.frames import FrameWriter
 from cell.record.header import Header, Result
@@ -26,9 +36,9 @@ from drivers.types import ArmState, Array, Frame
 class RunWriter:
     """Writer of one run's folder, safe against a crash of the process at any moment.
 
-    run.yaml is on disk before anything moves, rows and events are passed to the operating system
-    one by one, tables follow at the end, and result.yaml comes last. A disk that refuses while the
-    run is under way raises Fault `record`.
+    run.yaml is on disk before anything moves, rows and events are passed to the
+    operating system one by one, tables follow at the end, and result.yaml comes last. A
+    disk that refuses while the run is under way raises Fault `record`.
     """
 
     def __init__(
@@ -42,9 +52,9 @@ class RunWriter:
     ) -> None:
         """Create a run's folder below `root`, named by time, strip and chance.
 
-        `patient` lets `frame` wait for the disk and belongs where the clock is virtual; `film`
-        names the encoder of a film of all images. Raises ConfigurationError for a header that
-        readers would refuse or a folder that cannot be written.
+        `patient` lets `frame` wait for the disk and belongs where the clock is virtual;
+        `film` names the encoder of a film of all images. Raises ConfigurationError for
+        a header that readers would refuse or a folder that cannot be written.
         """
         self._newest = float("nan")
         self._mark = False
@@ -81,10 +91,22 @@ class RunWriter:
         self._header |= facts
 
     def tick(self, arm: ArmState, state: str) -> None:
-        """Write the row of one control cycle: the measured `arm`, in a `state` of the run."""
+        """Write the row of one control cycle: the measured `arm`, in a `state` of the
+        run.
+        """
         f_x, f_z = arm.force
-        row = {"t": arm.stamp, "x": arm.pose.x, "z": arm.pose.z, "pitch": arm.pose.pitch}
-        row |= {"x_cmd": arm.commanded.x, "z_cmd": arm.commanded.z, "f_x": f_x, "f_z": f_z}
+        row = {
+            "t": arm.stamp,
+            "x": arm.pose.x,
+            "z": arm.pose.z,
+            "pitch": arm.pose.pitch,
+        }
+        row |= {
+            "x_cmd": arm.commanded.x,
+            "z_cmd": arm.commanded.z,
+            "f_x": f_x,
+            "f_z": f_z,
+        }
         row |= {"image_age": arm.stamp - self._newest}
         with self._recording():
             self._ticks.append({**row, "state": state})
@@ -102,15 +124,19 @@ class RunWriter:
         self._mark = False
 
     def event(self, t: float, kind: str, **facts: Any) -> None:
-        """Write an event at `t` [s]; after a change of state the next image is stored."""
+        """Write an event at `t` [s]; after a change of state the next image is
+        stored.
+        """
         self._mark = self._mark or kind == "state"
         with self._recording():
             write_all(self._events, json_line({"t": t, "kind": kind, **facts}))
 
     def joints(self, rows: Array, origin: float) -> None:
-        """Write a robot's joints at each of its ticks, `rows` (n, 29), t = 0 at `origin` [s].
+        """Write a robot's joints at each of its ticks, `rows` (n, 29), t = 0 at
+        `origin` [s].
 
-        Columns are t [s], then q, dq, q_d, tau_J of seven joints [rad, rad/s, rad, N m].
+        Columns are t [s], then q, dq, q_d, tau_J of seven joints [rad, rad/s, rad, N
+        m].
         """
         with self._recording():
             tables.write_parquet(self.folder / JOINTS, tables.joint_table(rows, origin))
@@ -123,7 +149,11 @@ class RunWriter:
         if self._finished:
             return
         content = {"schema": SCHEMA, **result}
-        parse({key: value for key, value in content.items() if value is not None}, Result, RESULT)
+        parse(
+            {key: value for key, value in content.items() if value is not None},
+            Result,
+            RESULT,
+        )
         with self._recording():
             self._close_streams()
         if self._frames.film_failure:
@@ -137,9 +167,11 @@ class RunWriter:
 
     @contextmanager
     def under_way(self) -> Iterator[None]:
-        """Keep the run marked as under way within the block, even after `finish` and `close`.
+        """Keep the run marked as under way within the block, even after `finish` and
+        `close`.
 
-        A second handle of the locked file: nobody deletes or reads half of it, unless we die.
+        A second handle of the locked file: nobody deletes or reads half of it, unless
+        we die.
         """
         handle = os.dup(self._events.fileno())
         try:
@@ -164,7 +196,9 @@ class RunWriter:
 
     @contextmanager
     def _recording(self) -> Iterator[None]:
-        """Raise Fault `record` where writing within the block fails, or failed in the thread."""
+        """Raise Fault `record` where writing within the block fails, or failed in the
+        thread.
+        """
         try:
             yield
             failure = self._frames.take_failure()
@@ -172,15 +206,23 @@ class RunWriter:
             failure = error
         if failure is not None:
             reason = failure.strerror or str(failure)
-            raise Fault("record", f"{self.folder}: {reason}; the run cannot be recorded any more")
+            raise Fault(
+                "record",
+                f"{self.folder}: {reason}; the run cannot be recorded any more",
+            )
 
 
 def sight_row(measurement: StripMeasurement) -> dict[str, Any]:
-    """Row of the stream sights.arrows, by column, for the measurement of the strip in one image."""
+    """Row of the stream sights.arrows, by column, for the measurement of the strip in
+    one image.
+    """
     names = ("stamp", "sequence", "contact_x", "gap", "gap_x", "contact_confidence")
     row = {name: getattr(measurement, name) for name in (*names, "profile_confidence")}
     row |= {"tip_x": measurement.tip[0], "tip_z": measurement.tip[1]}
-    return row | {"profile_x": measurement.profile[:, 0], "profile_z": measurement.profile[:, 1]}
+    return row | {
+        "profile_x": measurement.profile[:, 0],
+        "profile_z": measurement.profile[:, 1],
+    }
 
 
 def _new_folder(root: Path, strip: str) -> Path:

@@ -1,1 +1,3 @@
-"""Self-contained HTML pages on runs and calibrations, and recordings for the viewer Rerun."""
+"""Self-contained HTML pages on runs and calibrations, and recordings for the viewer
+Rerun.
+"""

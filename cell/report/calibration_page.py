@@ -1,4 +1,6 @@
-"""HTML pages of a calibration and of a wizard's session: its error, the plane drawn in an image."""
+"""HTML pages of a calibration and of a wizard's session: its error, the plane drawn in
+an image.
+"""
 
 from pathlib import Path
 from typing import Any
@@ -25,8 +27,8 @@ LINE_POINTS = 60  # points of a line, which a lens bends
 WHITE = (255, 255, 255)  # BGR
 BESIDE_X, BESIDE_Z = (4, -4), (-56, -4)  # px from a line's start to its label
 LEGEND = (
-    "green: fitted; blue: kept back, to judge by; red cross: does not fit the others; arrows are "
-    f"errors, {ENLARGED:.0f} times as long"
+    "green: fitted; blue: kept back, to judge by; red cross: does not fit the others;"
+    f" arrows are errors, {ENLARGED:.0f} times as long"
 )
 FRACTION = 4  # bits of a pixel to which lines are drawn
 PICTURE_WIDTH = 1280  # px
@@ -34,7 +36,9 @@ SCALE_STEP = 1e-3  # m, over which the scale of the image is taken
 
 
 def write_calibration_report(path: Path) -> Path:
-    """Write the page of the calibration file at `path` beside it; ConfigurationError if none."""
+    """Write the page of the calibration file at `path` beside it; ConfigurationError if
+    none.
+    """
     calibration = load_calibration(path)
     good = calibration.residual_mm <= GOOD_RESIDUAL and not calibration.accepted_anyway
     said = PageVerdict(
@@ -51,20 +55,26 @@ def write_calibration_report(path: Path) -> Path:
         kicker="Calibration of a camera",
         name=path.name,
         said=said,
-        refused=[f"The wizard refused it: {reason}" for reason in calibration.accepted_anyway],
+        refused=[
+            f"The wizard refused it: {reason}" for reason in calibration.accepted_anyway
+        ],
     )
 
 
 def write_session_page(folder: Path) -> Path:
-    """Write the HTML page of a wizard's session into its `folder`; returns the page's path.
+    """Write the HTML page of a wizard's session into its `folder`; returns the page's
+    path.
 
-    Raises ConfigurationError for a folder without a verdict, or one that cannot be written.
+    Raises ConfigurationError for a folder without a verdict, or one that cannot be
+    written.
     """
     verdict = read_yaml(folder / VERDICT_FILE)
     passed = bool(verdict.get("passed", verdict.get("accepted")))
     lines = [str(line) for line in verdict.get("lines", ())]
     made = folder / CALIBRATION
-    said = PageVerdict("good" if passed else "bad", lines[-1] if lines else "Nothing was seen", ())
+    said = PageVerdict(
+        "good" if passed else "bad", lines[-1] if lines else "Nothing was seen", ()
+    )
     return _write(
         folder / REPORT,
         f"session {folder.name}",
@@ -77,7 +87,9 @@ def write_session_page(folder: Path) -> Path:
 
 
 def _pictures(folder: Path, calibration: Calibration | None) -> list[KeyPicture]:
-    """Image of the session or run in `folder`, the strip's plane drawn in; empty without one."""
+    """Image of the session or run in `folder`, the strip's plane drawn in; empty
+    without one.
+    """
     images = (folder / PICTURE_FILE, *sorted(folder.glob("frames/*.png")))
     path = next(filter(Path.is_file, images), None)
     if path is None:
@@ -94,15 +106,20 @@ def _pictures(folder: Path, calibration: Calibration | None) -> list[KeyPicture]
     return [KeyPicture(jpeg_text(image, PICTURE_WIDTH), caption, where)]
 
 
-def _write(path: Path, title: str, calibration: Calibration | None, **parts: Any) -> Path:
-    """Write the page at `path` on `calibration`, if any, with pictures of its folder and `parts`.
+def _write(
+    path: Path, title: str, calibration: Calibration | None, **parts: Any
+) -> Path:
+    """Write the page at `path` on `calibration`, if any, with pictures of its folder
+    and `parts`.
 
     Returns `path`.
     """
     facts: dict[str, Any] = {"numbers": (), "locks": (), "refused": (), "found": ()}
     if calibration is not None:
         facts["numbers"] = _numbers(calibration)
-        facts["locks"] = [(name, str(value)) for name, value in calibration.locks.items()]
+        facts["locks"] = [
+            (name, str(value)) for name, value in calibration.locks.items()
+        ]
     facts["pictures"] = _pictures(path.parent, calibration)
     write_file(path, page("report/templates/calibration.html", title, **facts | parts))
     return path
@@ -118,23 +135,37 @@ def _numbers(calibration: Calibration) -> list[tuple[str, str]]:
         ("image", f"{lens.width} × {lens.height} px"),
         ("one pixel, at x 300, z 100 mm", millimetres(SCALE_STEP / along)),
         ("images are stamped late by", milliseconds(calibration.latency)),
-        ("contact is seen too far by", millimetres(calibration.contact_bias, signed=True)),
+        (
+            "contact is seen too far by",
+            millimetres(calibration.contact_bias, signed=True),
+        ),
     ]
 
 
 def _draw_plane(image: Image, calibration: Calibration) -> None:
-    """Draw the plane of the strip into an `image` of the camera, as lines with their mm."""
-    for line in (*(_line(x, GRID_Z) for x in GRID_X), *(_line(GRID_X, z) for z in GRID_Z)):
+    """Draw the plane of the strip into an `image` of the camera, as lines with their
+    mm.
+    """
+    for line in (
+        *(_line(x, GRID_Z) for x in GRID_X),
+        *(_line(GRID_X, z) for z in GRID_Z),
+    ):
         pixels = np.rint(2**FRACTION * calibration.to_image(line)).astype(np.int32)
         cv2.polylines(image, [pixels], False, WHITE, 1, cv2.LINE_AA, FRACTION)
     labels = [(f"x {1e3 * x:.0f}", x, 0.0, BESIDE_X) for x in GRID_X]
     labels += [(f"z {1e3 * z:.0f}", 0.0, z, BESIDE_Z) for z in GRID_Z[1:]]
     for text, x, z, beside in labels:
-        place = np.rint(calibration.to_image(np.array([[x, z]]))[0]).astype(int) + beside
-        cv2.putText(image, text, place.tolist(), cv2.FONT_HERSHEY_SIMPLEX, 0.5, WHITE, 1)
+        place = (
+            np.rint(calibration.to_image(np.array([[x, z]]))[0]).astype(int) + beside
+        )
+        cv2.putText(
+            image, text, place.tolist(), cv2.FONT_HERSHEY_SIMPLEX, 0.5, WHITE, 1
+        )
 
 
 def _line(x: float | Array, z: float | Array) -> Array:
-    """Points (LINE_POINTS, 2) x, z [m] on a line between the extremes of `x` and `z` [m]."""
+    """Points (LINE_POINTS, 2) x, z [m] on a line between the extremes of `x` and `z`
+    [m].
+    """
     ends = [np.linspace(np.min(v), np.max(v), LINE_POINTS) for v in (x, z)]
     return np.stack(ends, axis=1)

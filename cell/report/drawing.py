@@ -1,8 +1,10 @@
-"""Matplotlib figures as SVG with the page's colours and fonts, and data for the page's script.
+"""Matplotlib figures as SVG with the page's colours and fonts, and data for the page's
+script.
 
-The figure stays the one drawing: Matplotlib's SVG, useful without a script, with text as text and
-colours by CSS. D3 (281 kB, inlined once) takes it over in the browser (`chart.js`), which reads
-values off the paths, so that no second copy of the data travels.
+The figure stays the one drawing: Matplotlib's SVG, useful without a script, with text
+as text and colours by CSS. D3 (281 kB, inlined once) takes it over in the browser
+(`chart.js`), which reads values off the paths, so that no second copy of the data
+travels.
 """
 
 import io
@@ -24,9 +26,16 @@ INK, MUTED, RULE, PAPER = "#1b1f24", "#6b7280", "#e3e5e8", "#fffffe"
 BLUE, ORANGE, GREEN, PURPLE, RED = "#2f6db5", "#cf6a1f", "#3a8a5c", "#8a5fb0", "#c2352b"
 METADATA = ("Creator", "Date", "Format", "Type")
 VARIABLES = {
-    INK: "--ink", MUTED: "--muted", RULE: "--rule", PAPER: "--paper",
-    BLUE: "--blue", ORANGE: "--orange", GREEN: "--green", PURPLE: "--purple", RED: "--bad",
-}  # fmt: skip
+    INK: "--ink",
+    MUTED: "--muted",
+    RULE: "--rule",
+    PAPER: "--paper",
+    BLUE: "--blue",
+    ORANGE: "--orange",
+    GREEN: "--green",
+    PURPLE: "--purple",
+    RED: "--bad",
+}
 """CSS variables of colours, which a page sets for light and for dark."""
 STYLE = Path(__file__).with_name("figures.mplstyle")
 POINTS_PER_INCH = 72
@@ -37,7 +46,9 @@ Facts = dict[str, Any]
 def canvas(
     width: float, height: float, layout: Literal["constrained"] | None = "constrained"
 ) -> Iterator[Any]:
-    """Matplotlib figure of `width` x `height` [inch] in the report's style, within the block."""
+    """Matplotlib figure of `width` x `height` [inch] in the report's style, within the
+    block.
+    """
     from matplotlib import rc_context, rc_params_from_file
     from matplotlib.figure import Figure
 
@@ -46,7 +57,9 @@ def canvas(
 
 
 def as_svg(figure: Any) -> str:
-    """Render a Matplotlib `figure` as an SVG element; the same figure gives the same text."""
+    """Render a Matplotlib `figure` as an SVG element; the same figure gives the same
+    text.
+    """
     from matplotlib import rc_context, rc_params_from_file
 
     text = io.StringIO()
@@ -54,7 +67,9 @@ def as_svg(figure: Any) -> str:
     with rc_context(rc_params_from_file(STYLE, use_default_template=False)):
         figure.savefig(text, format="svg", metadata=dict.fromkeys(METADATA))
     width = f'style="--width:{POINTS_PER_INCH * figure.get_size_inches()[0]:.0f}pt"'
-    return page_svg(text.getvalue()).replace("<svg", f"<svg {readings(figure)} {width}", 1)
+    return page_svg(text.getvalue()).replace(
+        "<svg", f"<svg {readings(figure)} {width}", 1
+    )
 
 
 def as_png(figure: Any, dpi: int) -> bytes:
@@ -65,24 +80,32 @@ def as_png(figure: Any, dpi: int) -> bytes:
 
 
 def page_svg(text: str) -> str:
-    """Convert an SVG document to an element that inherits width, fonts and colours of its page."""
+    """Convert an SVG document to an element that inherits width, fonts and colours of
+    its page.
+    """
     svg = text[text.index("<svg") :].strip()
     for side in ("width", "height"):
         svg = re.sub(rf'(<svg[^>]*?) {side}="[^"]*"', r"\1", svg, count=1)
-    svg = re.sub(r" ?font-family: [^;\"]*;?", "", svg)  # a style's fonts, to its `;` or last quote
+    # a style's fonts, to its `;` or last quote
+    svg = re.sub(r" ?font-family: [^;\"]*;?", "", svg)
     for colour, variable in VARIABLES.items():
         svg = svg.replace(colour, f"var({variable})")
     return svg
 
 
 def name_artists(figure: Any) -> None:
-    """Give axes, curves, bars and texts of a Matplotlib `figure` names that its SVG keeps.
+    """Give axes, curves, bars and texts of a Matplotlib `figure` names that its SVG
+    keeps.
 
     An artist is read under its gid where it has one, or else under its label.
     """
     for number, axes in enumerate(figure.axes):
         axes.set_gid(f"axes-{number}")
-        arrows = [text.arrow_patch for text in axes.texts if getattr(text, "arrow_patch", None)]
+        arrows = [
+            text.arrow_patch
+            for text in axes.texts
+            if getattr(text, "arrow_patch", None)
+        ]
         artists = [*axes.lines, *axes.collections, *axes.patches, *axes.texts, *arrows]
         for k, artist in enumerate(artists):
             artist.reading = artist.get_gid() or str(artist.get_label())
@@ -90,7 +113,9 @@ def name_artists(figure: Any) -> None:
 
 
 def readings(figure: Any) -> str:
-    """Attribute `data-chart` of a figure's SVG with axes, curves, cells as JSON; empty if none."""
+    """Attribute `data-chart` of a figure's SVG with axes, curves, cells as JSON; empty
+    if none.
+    """
     all_axes = [_axes(axes, figure) for axes in figure.axes]
     drawn = [facts for facts in all_axes if facts["curves"] or facts["cells"]]
     text = json.dumps(drawn, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
@@ -98,7 +123,9 @@ def readings(figure: Any) -> str:
 
 
 def _axes(axes: Any, figure: Any) -> Facts:
-    """Facts of one axes for the page's script: place, axis limits, curves, cells, texts."""
+    """Facts of one axes for the page's script: place, axis limits, curves, cells,
+    texts.
+    """
     shared = axes.get_shared_x_axes().get_siblings(axes)
     (left, bottom), (right, top) = axes.bbox.min, axes.bbox.max
     x = _axis(axes.xaxis, axes.get_xlim())
@@ -114,12 +141,16 @@ def _axes(axes: Any, figure: Any) -> Facts:
         "share": min(figure.axes.index(other) for other in shared),
         "curves": list(_curves(axes)),
         "cells": [cell for cell in cells if all(map(isfinite, cell[:4]))],
-        "texts": [text for text in _texts(axes, figure) if all(map(isfinite, text[1:]))],
+        "texts": [
+            text for text in _texts(axes, figure) if all(map(isfinite, text[1:]))
+        ],
     }
 
 
 def _axis(axis: Any, limits: tuple[float, float]) -> Facts:
-    """Facts of an axis: limits, scale, name, unit, and its tick labels where they are words."""
+    """Facts of an axis: limits, scale, name, unit, and its tick labels where they are
+    words.
+    """
     from matplotlib.ticker import FixedLocator
 
     label = axis.get_label_text()
@@ -127,15 +158,18 @@ def _axis(axis: Any, limits: tuple[float, float]) -> Facts:
     name, unit = with_unit.groups() if with_unit else (label, "")
     ticks = [tick.get_text() for tick in axis.get_majorticklabels()]
     is_fixed = isinstance(axis.get_major_locator(), FixedLocator)
-    has_words = is_fixed and re.search(r"[a-z]", f"{ticks}")  # a letter in any tick label
+    # a letter in any tick label
+    has_words = is_fixed and re.search(r"[a-z]", f"{ticks}")
     return {
         "limits": [float(value) for value in limits],
         "scale": axis.get_scale(),
         "name": " ".join(name.split()),
         "unit": unit,
-        "words": list(zip(map(float, axis.get_majorticklocs()), ticks, strict=False))
-        if has_words
-        else [],
+        "words": (
+            list(zip(map(float, axis.get_majorticklocs()), ticks, strict=False))
+            if has_words
+            else []
+        ),
     }
 
 
@@ -146,10 +180,16 @@ def _svg_point(figure: Any, x: float, y: float) -> list[float]:
 
 
 def _curves(axes: Any) -> Iterator[Facts]:
-    """Yield facts of each named line and area: id, name, label, whether values are read from it."""
+    """Yield facts of each named line and area: id, name, label, whether values are read
+    from it.
+    """
     from matplotlib.collections import FillBetweenPolyCollection
 
-    bars = {patch for container in axes.containers for patch in getattr(container, "patches", ())}
+    bars = {
+        patch
+        for container in axes.containers
+        for patch in getattr(container, "patches", ())
+    }
     bands = {a for a in axes.collections if isinstance(a, FillBetweenPolyCollection)}
     for artist in [*axes.lines, *axes.collections, *axes.patches]:
         if not artist.reading.startswith("_") and artist not in bars:
@@ -163,7 +203,9 @@ def _curves(axes: Any) -> Iterator[Facts]:
 
 
 def _bars(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
-    """Yield each bar's cell across the axes: two corners x, y [pt], and a label with its value."""
+    """Yield each bar's cell across the axes: two corners x, y [pt], and a label with
+    its value.
+    """
     axes_box = axes.bbox
     for container in axes.containers:
         label = container.get_label()
@@ -179,7 +221,9 @@ def _bars(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
             else:
                 corners = ((axes_box.x0, box.y1), (axes_box.x1, box.y0))
                 label = f"{_span_text(*along_y)}: {name}{_value_text(*along_x)}"
-            places = (value for corner in corners for value in _svg_point(figure, *corner))
+            places = (
+                value for corner in corners for value in _svg_point(figure, *corner)
+            )
             yield [*places, patch.reading if is_named else label]
 
 
@@ -190,9 +234,13 @@ def _value_text(axis: Facts, start: float, size: float) -> str:
 
 
 def _span_text(axis: Facts, start: float, size: float) -> str:
-    """Text on the span of an `axis` that a bar covers: the nearest tick's word, or both ends."""
+    """Text on the span of an `axis` that a bar covers: the nearest tick's word, or both
+    ends.
+    """
     if axis["words"]:
-        return str(min(axis["words"], key=lambda word: abs(word[0] - start - 0.5 * size))[1])
+        return str(
+            min(axis["words"], key=lambda word: abs(word[0] - start - 0.5 * size))[1]
+        )
     return f"{_number(start)} to {_number(start + size)} {axis['unit']}".strip()
 
 
@@ -202,18 +250,28 @@ def _number(value: float) -> str:
 
 
 def _image_fields(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
-    """Yield each cell of an image with named rows and columns: two corners x, y [pt], a label."""
+    """Yield each cell of an image with named rows and columns: two corners x, y [pt], a
+    label.
+    """
     for image in axes.images if x["words"] and y["words"] else ():
         for (i, j), value in np.ndenumerate(np.ma.filled(image.get_array(), np.nan)):
             if np.isfinite(value):
-                ends = axes.transData.transform([(j - 0.5, i - 0.5), (j + 0.5, i + 0.5)])
+                ends = axes.transData.transform(
+                    [(j - 0.5, i - 0.5), (j + 0.5, i + 0.5)]
+                )
                 (left, right), (low, high) = np.sort(ends, axis=0).T
                 label = f"{y['words'][i][1]} · {x['words'][j][1]}: {_number(value)}"
-                yield [*_svg_point(figure, left, high), *_svg_point(figure, right, low), label]
+                yield [
+                    *_svg_point(figure, left, high),
+                    *_svg_point(figure, right, low),
+                    label,
+                ]
 
 
 def _mesh_fields(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
-    """Yield each cell of a mesh that is no colour scale: two corners x, y [pt], and a label."""
+    """Yield each cell of a mesh that is no colour scale: two corners x, y [pt], and a
+    label.
+    """
     meshes = [mesh for mesh in axes.collections if hasattr(mesh, "get_coordinates")]
     for mesh in meshes if axes.get_label() != "<colorbar>" else ():
         corners = mesh.get_coordinates()
@@ -226,13 +284,28 @@ def _mesh_fields(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[An
                 f"{axis['name'] or 'y'} {v:.3g} {axis['unit']}".strip()
                 for axis, v in zip((x, y), middle, strict=True)
             )
-            label = f"{', '.join(coordinates)}: {_number(value) if np.isfinite(value) else 'none'}"
-            yield [*_svg_point(figure, left, high), *_svg_point(figure, right, low), label]
+            label = (
+                f"{', '.join(coordinates)}:"
+                f" {_number(value) if np.isfinite(value) else 'none'}"
+            )
+            yield [
+                *_svg_point(figure, left, high),
+                *_svg_point(figure, right, low),
+                label,
+            ]
 
 
 def _texts(axes: Any, figure: Any) -> Iterator[list[Any]]:
-    """Yield each text placed in data coordinates: its id and position x, y [pt] in the SVG."""
+    """Yield each text placed in data coordinates: its id and position x, y [pt] in the
+    SVG.
+    """
     for text in axes.texts:
         place = np.asarray(getattr(text, "xy", text.get_position()))
-        if getattr(text, "xycoords", None) == "data" or text.get_transform() == axes.transData:
-            yield [text.get_gid(), *_svg_point(figure, *axes.transData.transform(place))]
+        if (
+            getattr(text, "xycoords", None) == "data"
+            or text.get_transform() == axes.transData
+        ):
+            yield [
+                text.get_gid(),
+                *_svg_point(figure, *axes.transData.transform(place)),
+            ]

@@ -10,7 +10,18 @@ from cell.record.columns import FARTHEST_HAND, Sights, Ticks
 from cell.record.events import Outlook
 from cell.record.header import Result
 from cell.record.run import Run
-from cell.report.drawing import BLUE, GREEN, INK, MUTED, ORANGE, PAPER, PURPLE, RULE, as_svg, canvas
+from cell.report.drawing import (
+    BLUE,
+    GREEN,
+    INK,
+    MUTED,
+    ORANGE,
+    PAPER,
+    PURPLE,
+    RULE,
+    as_svg,
+    canvas,
+)
 from cell.report.overlay import Silhouette, evenly_chosen, fold_tips
 from cell.report.words import millimetres
 from drivers.types import Array
@@ -47,11 +58,14 @@ PANELS = {
     "retardation_time": ("retardation time  [ms]", 1e3, BLUE),
     "yield_curvature": ("yarn friction  [1/m]", 1.0, BLUE),
 }
-HALF_HEIGHT, MARGIN = 40.0, 1.0  # mm, displacements shown to either side of 0, and beyond them
+# mm, displacements shown to either side of 0, and beyond them
+HALF_HEIGHT, MARGIN = 40.0, 1.0
 
 
 def strip_figure(run: Run, outlines: Sequence[Silhouette] = ()) -> str:
-    """Figure (SVG) of a run in the strip's plane: profiles over time, gripper path, `outlines`."""
+    """Figure (SVG) of a run in the strip's plane: profiles over time, gripper path,
+    `outlines`.
+    """
     with canvas(8.4, 4.5, layout=None) as figure:
         axes = figure.add_axes((0.066, 0.1, 0.85, 0.885), aspect="equal", anchor="W")
         _draw_profiles(axes, evenly_chosen(run.profile.curves(), CURVES))
@@ -65,12 +79,19 @@ def strip_figure(run: Run, outlines: Sequence[Silhouette] = ()) -> str:
 
 
 def signals_figure(run: Run) -> str:
-    """Figure (SVG) of contact, fold tip, gripper and gap over time, above the run's states.
+    """Figure (SVG) of contact, fold tip, gripper and gap over time, above the run's
+    states.
 
     Its attributes state the times [s] at its edges, for a film beside it.
     """
     with canvas(8.4, 5.2, layout=None) as figure:
-        frame = {"left": LEFT, "right": RIGHT, "top": 0.995, "bottom": 0.085, "hspace": 0.28}
+        frame = {
+            "left": LEFT,
+            "right": RIGHT,
+            "top": 0.995,
+            "bottom": 0.085,
+            "hspace": 0.28,
+        }
         lanes, along, above = figure.subplots(
             3, 1, sharex=True, gridspec_kw={**frame, "height_ratios": [0.3, 2, 2]}
         )
@@ -82,7 +103,9 @@ def signals_figure(run: Run) -> str:
         above.set_ylabel("above the desk  [mm]")
         if run.result is not None and run.result.t_layer_touch is not None:
             for axes in (along, above):
-                axes.axvline(run.result.t_layer_touch, color=ORANGE, lw=1, ls=(0, (3, 2)))
+                axes.axvline(
+                    run.result.t_layer_touch, color=ORANGE, lw=1, ls=(0, (3, 2))
+                )
         above.set_xlabel("t  [s]")
         figure.align_ylabels([along, above])
         first, last = above.get_xlim()
@@ -117,7 +140,14 @@ def _draw_outlines(axes: Any, outlines: Sequence[Silhouette]) -> None:
         label = None if outline.state in drawn_states else outline.state
         drawn_states.add(outline.state)
         colour = GREEN if outline.state == "LAY" else PURPLE
-        axes.fill(*(1e3 * outline.plane).T, fc=colour, ec=colour, alpha=0.5, lw=0.8, label=label)
+        axes.fill(
+            *(1e3 * outline.plane).T,
+            fc=colour,
+            ec=colour,
+            alpha=0.5,
+            lw=0.8,
+            label=label,
+        )
     if drawn_states:
         axes.legend(loc="upper right", handlelength=1.2)
 
@@ -126,7 +156,9 @@ def _draw_desk(axes: Any, run: Run) -> None:
     """Draw the desk, the measured desk contacts and the fixed edge."""
     axes.axhline(0, color=MUTED, lw=0.8)
     contact = 1e3 * run.ticks.contacts()[1]
-    axes.plot(contact, np.full_like(contact, -6), "|", color=BLUE, ms=5, mew=0.5, alpha=0.5)
+    axes.plot(
+        contact, np.full_like(contact, -6), "|", color=BLUE, ms=5, mew=0.5, alpha=0.5
+    )
     axes.plot(0, 0, "s", color=INK, ms=4, clip_on=False)
     axes.annotate("fixed edge", (0, 0), (4, -14), **NOTE)
 
@@ -164,17 +196,25 @@ def _draw_lanes(axes: Any, ticks: Ticks) -> None:
         axes.barh(0, end - start, left=start, height=1, color=shade, lw=0, gid=state)
         if end - start > NAMED_SHARE * (ticks.t[-1] - ticks.t[0]):
             middle = 0.5 * (start + end)
-            axes.text(middle, 0, state, ha="center", va="center", fontsize=8, color="#20262d")
+            axes.text(
+                middle, 0, state, ha="center", va="center", fontsize=8, color="#20262d"
+            )
 
 
-def _draw_coordinate(axes: Any, ticks: Ticks, sights: Sights, axis: Literal["x", "z"]) -> None:
-    """Draw x of gripper, contact and fold tip over time, or z of both and the layers' gap."""
+def _draw_coordinate(
+    axes: Any, ticks: Ticks, sights: Sights, axis: Literal["x", "z"]
+) -> None:
+    """Draw x of gripper, contact and fold tip over time, or z of both and the layers'
+    gap.
+    """
     axes.plot(ticks.t, 1e3 * getattr(ticks, axis), color=INK, label=f"gripper {axis}")
     if axis == "x":
         visible = np.isfinite(ticks.contact_x)
         if visible.any():
             contact = 1e3 * ticks.contact_x[visible]
-            axes.plot(ticks.t[visible], contact, ".", color=BLUE, ms=2.2, label="contact x")
+            axes.plot(
+                ticks.t[visible], contact, ".", color=BLUE, ms=2.2, label="contact x"
+            )
     tips = 1e3 * fold_tips(sights, ticks)[:, "xz".index(axis)]
     lines = [(tips, GREEN, f"fold tip {axis}")]
     lines += [(1e3 * sights.gap, ORANGE, "gap of the layers")] if axis == "z" else []
@@ -185,7 +225,9 @@ def _draw_coordinate(axes: Any, ticks: Ticks, sights: Sights, axis: Literal["x",
 
 
 def image_ages(run: Run) -> Array:
-    """Ages (n,) [s] of the newest image in those control cycles of a `run` that use images."""
+    """Ages (n,) [s] of the newest image in those control cycles of a `run` that use
+    images.
+    """
     ticks = run.ticks
     reading = np.array([state in READING for state in ticks.state], dtype=bool)
     rows = reading if reading.any() else np.ones(ticks.t.size, dtype=bool)
@@ -193,11 +235,15 @@ def image_ages(run: Run) -> Array:
 
 
 def predictions(result: Result | None) -> list[tuple[str, str]]:
-    """Table rows on a run's last prediction and on the strip's agreement with its model."""
+    """Table rows on a run's last prediction and on the strip's agreement with its
+    model.
+    """
     if result is None or result.foretold is None:
         return []
     final = result.foretold
-    displacement = f"{millimetres(final.displacement, signed=True)} ± {millimetres(final.sigma)}"
+    displacement = (
+        f"{millimetres(final.displacement, signed=True)} ± {millimetres(final.sigma)}"
+    )
     rows = [("displacement", displacement)]
     if result.agreement is not None:
         agree = "agree" if result.agreement.like_model else "do not agree"
@@ -207,7 +253,9 @@ def predictions(result: Result | None) -> list[tuple[str, str]]:
 
 
 def outlook_figure(run: Run, outlook: Outlook) -> str:
-    """Figure (SVG) of the predicted displacement and strip parameters over time, with one sigma."""
+    """Figure (SVG) of the predicted displacement and strip parameters over time, with
+    one sigma.
+    """
     with canvas(8.4, 4.2, layout=None) as figure:
         frame = {"left": LEFT, "right": RIGHT, "top": 0.985, "bottom": 0.105}
         grid = figure.subplots(
@@ -218,22 +266,32 @@ def outlook_figure(run: Run, outlook: Outlook) -> str:
             _draw_prediction(axes, outlook, name)
         measured = None if run.result is None else run.result.displacement
         if measured is not None:
-            panels["displacement"].axhline(1e3 * measured, color=INK, lw=1, ls=(0, (1, 2)))
+            panels["displacement"].axhline(
+                1e3 * measured, color=INK, lw=1, ls=(0, (1, 2))
+            )
         for axes in grid[1]:
             axes.set_xlabel("t  [s]")
         return as_svg(figure)
 
 
 def _draw_prediction(axes: Any, outlook: Outlook, name: str) -> None:
-    """Draw the predicted quantity `name` of PANELS over time, with its band of one sigma."""
+    """Draw the predicted quantity `name` of PANELS over time, with its band of one
+    sigma.
+    """
     label, scale, colour = PANELS[name]
-    value, low, high = (scale * outlook.column(name + end) for end in ("", "_low", "_high"))
-    axes.fill_between(outlook.t, low, high, color=colour, alpha=0.22, lw=0, gid="one sigma")
+    value, low, high = (
+        scale * outlook.column(name + end) for end in ("", "_low", "_high")
+    )
+    axes.fill_between(
+        outlook.t, low, high, color=colour, alpha=0.22, lw=0, gid="one sigma"
+    )
     axes.plot(outlook.t, value, color=colour, lw=1.2, gid=label.partition("  [")[0])
     axes.set_ylabel(label)
     if name == "displacement":
         axes.axhline(0, color=MUTED, lw=0.6)
         ends = np.abs(np.concatenate([low, high]))
-        largest = float(np.nanmax(ends, initial=0.0)) if np.isfinite(ends).any() else 0.0
+        largest = (
+            float(np.nanmax(ends, initial=0.0)) if np.isfinite(ends).any() else 0.0
+        )
         limit = min(HALF_HEIGHT, largest) + MARGIN
         axes.set_ylim(-limit, limit)

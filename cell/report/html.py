@@ -1,4 +1,6 @@
-"""HTML pages from Jinja2 templates, with escaping and with all styles and scripts inlined."""
+"""HTML pages from Jinja2 templates, with escaping and with all styles and scripts
+inlined.
+"""
 
 import base64
 import os
@@ -28,10 +30,11 @@ class Link:
 
 
 def page(template: str, title: str, /, **facts: Any) -> str:
-    """Render `template`, a path in the package `cell`, with `facts` as a whole HTML document.
+    """Render `template`, a path in the package `cell`, with `facts` as a whole HTML
+    document.
 
-    The template has the `title` too. What both hold is escaped. Raises jinja2.UndefinedError for a
-    fact that the template uses and that is not there.
+    The template has the `title` too. What both hold is escaped. Raises
+    jinja2.UndefinedError for a fact that the template uses and that is not there.
     """
     from markupsafe import Markup
 
@@ -52,9 +55,11 @@ def jpeg_text(image: "Image", width: int = 640, quality: int = 82) -> str:
 
 @cache
 def _environment() -> "Environment":
-    """Jinja2 environment of the pages: the function `file`, the filters keep_units, with_code.
+    """Jinja2 environment of the pages: the function `file`, the filters keep_units,
+    with_code.
 
-    Its filter `urlencode` takes a path's bytes, which Jinja2's own one would replace by UTF-8.
+    Its filter `urlencode` takes a path's bytes, which Jinja2's own one would replace by
+    UTF-8.
     """
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
@@ -84,7 +89,9 @@ def _address(path: str) -> str:
 
 
 def _keep_units(text: str) -> "Markup":
-    """Mark up `text` so that no line breaks between a number and one of UNITS, or its sign."""
+    """Mark up `text` so that no line breaks between a number and one of UNITS, or its
+    sign.
+    """
     from markupsafe import Markup, escape
 
     signed = str(escape(text)).replace("± ", "±&nbsp;")

@@ -1,4 +1,6 @@
-"""Stored images of a run with measurements and outlines of the strip drawn into them."""
+"""Stored images of a run with measurements and outlines of the strip drawn into
+them.
+"""
 
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
@@ -28,8 +30,10 @@ Item = TypeVar("Item")
 SHOWN_IMAGES = 6
 WIDTH, CLOSE_WIDTH = 960, 1280  # px
 VIEW_MARGIN = 0.06  # m around the motion
-FOLDED = 0.005  # m by which a fold stands out beyond the gripper; before, the gripper is in front
-LAID_BEGIN, LAID_SHARE = -0.05, 0.7  # m along x, and share of the reach, between which a fold lies
+# m by which a fold stands out beyond the gripper; before, the gripper is in front
+FOLDED = 0.005
+# m along x, and share of the reach, between which a fold lies
+LAID_BEGIN, LAID_SHARE = -0.05, 0.7
 LAID_HEIGHTS = (-0.03, 0.09)  # m above the desk around a laid fold
 SMALLEST_WINDOW = 0.25  # share of the image's width and height
 EIGHTHS, SUBPIXEL_BITS = 8, 3  # of a pixel, the fixed-point unit in which OpenCV draws
@@ -40,7 +44,9 @@ SILHOUETTE_STATES = ("LAY", "RELEASE")
 
 @dataclass(frozen=True, slots=True)
 class Silhouette:
-    """Outline of the strip in image `sequence`: `pixels` (n, 2) [px], `plane` (n, 2) x, z [m]."""
+    """Outline of the strip in image `sequence`: `pixels` (n, 2) [px], `plane` (n, 2) x,
+    z [m].
+    """
 
     sequence: int
     state: str
@@ -50,15 +56,21 @@ class Silhouette:
 
 @dataclass(frozen=True, slots=True)
 class KeyPicture:
-    """Image of an HTML page: `jpeg` as base64 text, caption, path `whole` of the full image."""
+    """Image of an HTML page: `jpeg` as base64 text, caption, path `whole` of the full
+    image.
+    """
 
     jpeg: str
     caption: str
     whole: str
 
 
-def key_pictures(run: Run, outlines: Sequence[Silhouette] = ()) -> tuple[KeyPicture, ...]:
-    """Up to SHOWN_IMAGES readable images of a run, its measurements and `outlines` drawn in."""
+def key_pictures(
+    run: Run, outlines: Sequence[Silhouette] = ()
+) -> tuple[KeyPicture, ...]:
+    """Up to SHOWN_IMAGES readable images of a run, its measurements and `outlines`
+    drawn in.
+    """
     calibration = run.calibration()
     pictures = []
     for note, recorded in _readable(evenly_chosen(run.kept_images(), SHOWN_IMAGES)):
@@ -78,7 +90,9 @@ def evenly_chosen(items: Sequence[Item], count: int) -> list[Item]:
 
 
 def _readable(notes: Iterable[FrameNote]) -> Iterator[tuple[FrameNote, Image]]:
-    """Yield the index entries whose images can be read, each with its image (h, w, 3)."""
+    """Yield the index entries whose images can be read, each with its image (h, w,
+    3).
+    """
     for note in notes:
         with suppress(ConfigurationError):
             if note.file is not None:
@@ -86,13 +100,17 @@ def _readable(notes: Iterable[FrameNote]) -> Iterator[tuple[FrameNote, Image]]:
 
 
 def _key_picture(image: Image, width: int, caption: str, note: FrameNote) -> KeyPicture:
-    """Picture for a page from `image`, `width` [px] wide, that links to the file of its `note`."""
+    """Picture for a page from `image`, `width` [px] wide, that links to the file of its
+    `note`.
+    """
     whole = frame_file(Path(), note.sequence).as_posix()
     return KeyPicture(jpeg_text(image, width), caption, whole)
 
 
 def close_ups(run: Run) -> tuple[KeyPicture, ...]:
-    """Readable images at the layers' touch and at the end, cropped by the run's calibration."""
+    """Readable images at the layers' touch and at the end, cropped by the run's
+    calibration.
+    """
     notes = run.kept_images()
     calibration = run.calibration()
     if not notes or calibration is None:
@@ -114,7 +132,9 @@ def close_ups(run: Run) -> tuple[KeyPicture, ...]:
 
 
 def _laid_part(image: Image, calibration: Calibration, reach: float) -> Image:
-    """Crop of `image` (h, w, 3) to where a fold lies whose gripper reached x = `reach` [m]."""
+    """Crop of `image` (h, w, 3) to where a fold lies whose gripper reached x = `reach`
+    [m].
+    """
     corners = [(x, z) for x in (LAID_BEGIN, LAID_SHARE * reach) for z in LAID_HEIGHTS]
     pixels = calibration.to_image(np.array(corners))
     if not np.isfinite(pixels).all():
@@ -131,11 +151,15 @@ def poster(run: Run) -> str:
 
 
 def window_on(ticks: Ticks, calibration: Calibration) -> Region:
-    """Region of the image around the gripper's motion, with the image's aspect ratio."""
+    """Region of the image around the gripper's motion, with the image's aspect
+    ratio.
+    """
     whole = np.array([calibration.lens.width, calibration.lens.height])
     right = float(np.max(ticks.x, initial=0.0)) + VIEW_MARGIN
     top = float(np.max(ticks.z, initial=0.0)) + VIEW_MARGIN
-    corners = np.array([(x, z) for x in (-VIEW_MARGIN, right) for z in (-VIEW_MARGIN, top)])
+    corners = np.array(
+        [(x, z) for x in (-VIEW_MARGIN, right) for z in (-VIEW_MARGIN, top)]
+    )
     pixels = calibration.to_image(corners)
     if not np.isfinite(pixels).all():
         return Region(0, 0, *whole.tolist())
@@ -147,7 +171,9 @@ def window_on(ticks: Ticks, calibration: Calibration) -> Region:
 
 
 def fold_tips(sights: Sights, ticks: Ticks) -> Array:
-    """Fold tip (n, 2) x, z [m] in each image of a run; NaN while the strip is not folded."""
+    """Fold tip (n, 2) x, z [m] in each image of a run; NaN while the strip is not
+    folded.
+    """
     tips = np.stack([sights.tip_x, sights.tip_z], axis=1)
     if ticks.t.size == 0:
         return tips
@@ -158,23 +184,33 @@ def fold_tips(sights: Sights, ticks: Ticks) -> Array:
 def draw_sight(
     image: Image, calibration: Calibration, curve: Array, contact_x: float, tip: Array
 ) -> Image:
-    """Copy of `image` with the measured profile (m, 2), contact and fold tip (2,) [m] drawn."""
+    """Copy of `image` with the measured profile (m, 2), contact and fold tip (2,) [m]
+    drawn.
+    """
     import cv2
 
     drawn = image.copy()
     pixels = _pixels(curve, calibration)
     if len(pixels) > 1:
-        cv2.polylines(drawn, [pixels], False, PROFILE_BGR, 3, cv2.LINE_AA, shift=SUBPIXEL_BITS)
+        cv2.polylines(
+            drawn, [pixels], False, PROFILE_BGR, 3, cv2.LINE_AA, shift=SUBPIXEL_BITS
+        )
     for point, colour in ((np.array([contact_x, 0.0]), CONTACT_BGR), (tip, TIP_BGR)):
         for centre in _pixels(point[None], calibration):
             radius = EIGHTHS * MARK_RADIUS
-            cv2.circle(drawn, centre.tolist(), radius, colour, 4, cv2.LINE_AA, SUBPIXEL_BITS)
+            cv2.circle(
+                drawn, centre.tolist(), radius, colour, 4, cv2.LINE_AA, SUBPIXEL_BITS
+            )
     return drawn
 
 
 def _pixels(points: Array, calibration: Calibration) -> NDArray[np.int32]:
-    """Pixels (k, 2), in eighths, of those `points` (m, 2) x, z [m] that lie near the image."""
-    near = points[np.isfinite(points).all(axis=1) & (np.abs(points) < FARTHEST_HAND).all(axis=1)]
+    """Pixels (k, 2), in eighths, of those `points` (m, 2) x, z [m] that lie near the
+    image.
+    """
+    near = points[
+        np.isfinite(points).all(axis=1) & (np.abs(points) < FARTHEST_HAND).all(axis=1)
+    ]
     if len(near) == 0:
         return np.empty((0, 2), dtype=np.int32)
     pixels = calibration.to_image(near)
@@ -183,8 +219,12 @@ def _pixels(points: Array, calibration: Calibration) -> NDArray[np.int32]:
     return np.rint(EIGHTHS * pixels[inside]).astype(np.int32)
 
 
-def _with_sight(image: Image, note: FrameNote, run: Run, calibration: Calibration) -> Image:
-    """Copy of `image` (h, w, 3) with its measurement drawn in; `image` itself without one."""
+def _with_sight(
+    image: Image, note: FrameNote, run: Run, calibration: Calibration
+) -> Image:
+    """Copy of `image` (h, w, 3) with its measurement drawn in; `image` itself without
+    one.
+    """
     sights = run.sights()
     rows = np.flatnonzero(sights.sequence == note.sequence)
     if rows.size == 0:
@@ -196,11 +236,19 @@ def _with_sight(image: Image, note: FrameNote, run: Run, calibration: Calibratio
 
 
 def _with_outline(image: Image, sequence: int, outlines: Sequence[Silhouette]) -> Image:
-    """Copy of `image` (h, w, 3) with those `outlines` drawn that belong to number `sequence`."""
+    """Copy of `image` (h, w, 3) with those `outlines` drawn that belong to number
+    `sequence`.
+    """
     import cv2
 
-    rings = [np.rint(o.pixels).astype(np.int32) for o in outlines if o.sequence == sequence]
-    return cv2.polylines(image.copy(), rings, True, PROFILE_BGR, 2, cv2.LINE_AA) if rings else image
+    rings = [
+        np.rint(o.pixels).astype(np.int32) for o in outlines if o.sequence == sequence
+    ]
+    return (
+        cv2.polylines(image.copy(), rings, True, PROFILE_BGR, 2, cv2.LINE_AA)
+        if rings
+        else image
+    )
 
 
 def _caption(note: FrameNote, run: Run) -> str:
@@ -218,24 +266,34 @@ def _caption(note: FrameNote, run: Run) -> str:
 
 
 def silhouettes(run: Run) -> tuple[Silhouette, ...]:
-    """Outlines of the strip in the kept images that show it laid and released, in order of time.
+    """Outlines of the strip in the kept images that show it laid and released, in order
+    of time.
 
-    Empty where the picture before the grasp, calibration, strip or ticks are not in the record.
+    Empty where the picture before the grasp, calibration, strip or ticks are not in the
+    record.
     """
     try:
         return tuple(_outlines(run))
-    except ConfigurationError:  # an image or a setting that was changed: the page goes without
+    # an image or a setting that was changed: the page goes without
+    except ConfigurationError:
         return ()
 
 
 def _outlines(run: Run) -> Iterator[Silhouette]:
-    """Yield outlines of the strip, by the appearance learnt from the image before the grasp."""
+    """Yield outlines of the strip, by the appearance learnt from the image before the
+    grasp.
+    """
     notes = run.kept_images()
     laying = [note for note in notes if state_at(run, note.stamp) in SILHOUETTE_STATES]
     flat = next((note for note in notes if note.stamp < 0), None)
     before = None if flat is None else read_frame(flat)
     calibration = run.calibration()
-    if not laying or before is None or calibration is None or run.header.strip_file is None:
+    if (
+        not laying
+        or before is None
+        or calibration is None
+        or run.header.strip_file is None
+    ):
         return
     strip = parse(run.header.strip_file, StripFile, "run.yaml: strip_file")
     appearance = inspect(before, calibration, strip).appearance
@@ -246,11 +304,15 @@ def _outlines(run: Run) -> Iterator[Silhouette]:
         pixels = perception.outline(frame, run.ticks.pose_at(frame.stamp))
         if len(pixels):
             state = state_at(run, frame.stamp)
-            yield Silhouette(frame.sequence, state, pixels, calibration.to_plane(pixels))
+            yield Silhouette(
+                frame.sequence, state, pixels, calibration.to_plane(pixels)
+            )
 
 
 def state_at(run: Run, stamp: float) -> str:
-    """State of the run at `stamp` [s]; empty before the lift, or where states are not recorded."""
+    """State of the run at `stamp` [s]; empty before the lift, or where states are not
+    recorded.
+    """
     if stamp < 0 or not run.ticks.state:
         return ""
     place = int(np.searchsorted(run.ticks.t, stamp))

@@ -1,4 +1,6 @@
-"""HTML page of a run: verdict, figures, images, and tables of numbers, settings, checks, events."""
+"""HTML page of a run: verdict, figures, images, and tables of numbers, settings,
+checks, events.
+"""
 
 import base64
 from collections import Counter
@@ -19,7 +21,14 @@ from cell.report import figures
 from cell.report.html import Link, page
 from cell.report.overlay import close_ups, key_pictures, poster, silhouettes
 from cell.report.page_verdict import verdict_of
-from cell.report.words import MINUS, NO_VALUE, event_title, millimetres, milliseconds, seconds
+from cell.report.words import (
+    MINUS,
+    NO_VALUE,
+    event_title,
+    millimetres,
+    milliseconds,
+    seconds,
+)
 from drivers.errors import ConfigurationError
 from drivers.files import write_file
 from drivers.strip.effects import registry
@@ -28,7 +37,10 @@ FILES = (
     (files.RECORDING, "the fold in Rerun: rerun run.rrd"),
     (files.FILM, "the film of the camera, in step with frames/index.jsonl"),
     (files.OVERLAY, "the film with what was read in it"),
-    (files.CALIBRATION, "the camera's calibration; cell report calibration.yaml draws it"),
+    (
+        files.CALIBRATION,
+        "the camera's calibration; cell report calibration.yaml draws it",
+    ),
     (files.TICKS, "gripper, contact and force over time"),
     (files.PROFILE, "the strip in every image"),
     (files.RUN, "settings and versions"),
@@ -39,12 +51,28 @@ LISTED_EVENTS = 400
 LONGEST_TEXT, LONGEST_LIST = 160, 100  # characters of a value, and of a list
 HEIGHT_ON_DESK = 0.01  # m, above which a gripper has lifted the strip
 PREFLIGHT = "preflight"
-LEFT_OUT = frozenset({"config", "preflight", "schema", "provenance", "spread", "plant_sha256"})
+LEFT_OUT = frozenset(
+    {"config", "preflight", "schema", "provenance", "spread", "plant_sha256"}
+)
 SHOWN_ELSEWHERE = frozenset({PREFLIGHT, "origin"})
 SIGNED = frozenset({"displacement", "edge_offset"})
-LENGTH_NAMES = SIGNED | {"x", "z", "l1", "l2", "length", "width", "thickness", "bending_length"}
+LENGTH_NAMES = SIGNED | {
+    "x",
+    "z",
+    "l1",
+    "l2",
+    "length",
+    "width",
+    "thickness",
+    "bending_length",
+}
 LENGTH_NAMES |= {"contact_height", "contact_x", "error", "tip_x", "height"}
-SIGNAL_UNITS = {"speed": "m/s", "camera_hz": "Hz", "touch_time": "s", "retardation_time": "s"}
+SIGNAL_UNITS = {
+    "speed": "m/s",
+    "camera_hz": "Hz",
+    "touch_time": "s",
+    "retardation_time": "s",
+}
 SIGNAL_UNITS |= {"latency": "s", "areal_density": "kg/m²", "force": "N"}
 Rows = list[tuple[str, str]]
 
@@ -52,8 +80,9 @@ Rows = list[tuple[str, str]]
 def write_report(folder: Path) -> Path:
     """Write the HTML page of the run in `folder` into it, and return the page's path.
 
-    A run that died or is damaged is reported as far as it can be read. Raises ConfigurationError
-    for a folder without a readable run.yaml, or one that cannot be written.
+    A run that died or is damaged is reported as far as it can be read. Raises
+    ConfigurationError for a folder without a readable run.yaml, or one that cannot be
+    written.
     """
     return write_page(read_broken_run(folder))
 
@@ -98,7 +127,9 @@ def report(run: Run) -> str:
 
 
 def truth_of(run: Run) -> tuple[Mapping[str, Any] | None, list[str]]:
-    """Ground truth of a run on the twin, None where unreadable, and texts on all broken parts."""
+    """Ground truth of a run on the twin, None where unreadable, and texts on all broken
+    parts.
+    """
     spoilt = list(run.problems)
     try:
         return read_truth(run.folder), spoilt
@@ -107,9 +138,11 @@ def truth_of(run: Run) -> tuple[Mapping[str, Any] | None, list[str]]:
 
 
 def film_of(run: Run) -> dict[str, Any] | None:
-    """Film of a run: begin [s], source, poster, size, curves; None without a film of any image.
+    """Film of a run: begin [s], source, poster, size, curves; None without a film of
+    any image.
 
-    A page with the content can be mailed; a film of more than LARGEST_FILM stays beside it.
+    A page with the content can be mailed; a film of more than LARGEST_FILM stays beside
+    it.
     """
     path = run.folder / files.FILM
     begin = next((note.stamp for note in run.frame_index() if note.film == 0), None)
@@ -118,16 +151,26 @@ def film_of(run: Run) -> dict[str, Any] | None:
     source = files.FILM
     if path.stat().st_size <= LARGEST_FILM:
         source = f"data:video/mp4;base64,{base64.b64encode(path.read_bytes()).decode()}"
-    return {"begin": begin, "source": source, "poster": poster(run), **_measured_curves(run)}
+    return {
+        "begin": begin,
+        "source": source,
+        "poster": poster(run),
+        **_measured_curves(run),
+    }
 
 
 def _measured_curves(run: Run) -> dict[str, Any]:
-    """Strip profiles for the film: image `size` [px]; `curves`, pairs of time [s], flat pixels."""
+    """Strip profiles for the film: image `size` [px]; `curves`, pairs of time [s], flat
+    pixels.
+    """
     calibration = run.calibration()
     if calibration is None:
         return {"size": (), "curves": ()}
     curves = [
-        (round(t, 3), np.rint(calibration.to_image(points[::2])).astype(int).ravel().tolist())
+        (
+            round(t, 3),
+            np.rint(calibration.to_image(points[::2])).astype(int).ravel().tolist(),
+        )
         for t, points in run.profile.curves()
         if np.abs(points).max(initial=0.0) < FARTHEST_HAND
     ]
@@ -136,13 +179,17 @@ def _measured_curves(run: Run) -> dict[str, Any]:
 
 def measures(run: Run) -> Rows:
     """Table rows (name, text) of a run's main numbers."""
-    noticed = next((event.t for event in run.events() if event.kind == "touch_seen"), None)
+    noticed = next(
+        (event.t for event in run.events() if event.kind == "touch_seen"), None
+    )
     rows = Rows() if run.result is None else _result_rows(run.result, noticed)
     return [*rows, *_timing_rows(run)]
 
 
 def _result_rows(result: Result, noticed: float | None) -> Rows:
-    """Table rows (name, text) of a run's result; `noticed` is when its touch was known [s]."""
+    """Table rows (name, text) of a run's result; `noticed` is when its touch was known
+    [s].
+    """
     rows = Rows()
     if result.l1 is not None:
         rows.append(("upper layer l1", millimetres(result.l1)))
@@ -154,7 +201,10 @@ def _result_rows(result: Result, noticed: float | None) -> Rows:
         rows.append(("confidence in the touch", f"{100 * result.confidence:.0f} %"))
     for note in result.witnesses:
         apart = millimetres(note.difference, signed=True)
-        said = f"{KINDS.get(note.name, ('lengths',))[0]} differ: {note.name.replace('_', ' ')}"
+        said = (
+            f"{KINDS.get(note.name, ('lengths',))[0]} differ:"
+            f" {note.name.replace('_', ' ')}"
+        )
         rows.append((said, f"{apart} ± {millimetres(note.spread)}"))
     if result.duration is not None:
         rows.append(("duration", seconds(result.duration, 1)))
@@ -162,19 +212,26 @@ def _result_rows(result: Result, noticed: float | None) -> Rows:
 
 
 def stated_settings(run: Run) -> list[tuple[str, Any]]:
-    """Pairs (key, value) of the settings in run.yaml: keys joined by dots, no empty values."""
-    content = run.header.model_dump(by_alias=True, exclude_none=True, exclude_unset=True)
+    """Pairs (key, value) of the settings in run.yaml: keys joined by dots, no empty
+    values.
+    """
+    content = run.header.model_dump(
+        by_alias=True, exclude_none=True, exclude_unset=True
+    )
     unlearned = (0, None)  # values of a fold that nothing was corrected in
     return [
         (key, value)
         for key, value in flatten(content)
-        if value not in ("", []) and not (key.startswith("learning.") and value in unlearned)
+        if value not in ("", [])
+        and not (key.startswith("learning.") and value in unlearned)
     ]
 
 
 def checks(run: Run) -> list[tuple[str, str, str]]:
     """Table rows (name, result, reason) of the checks before a run's motion."""
-    listed = [event.facts.get("checks") for event in run.events() if event.kind == PREFLIGHT]
+    listed = [
+        event.facts.get("checks") for event in run.events() if event.kind == PREFLIGHT
+    ]
     return [
         _check(item)
         for items in listed
@@ -185,7 +242,9 @@ def checks(run: Run) -> list[tuple[str, str, str]]:
 
 
 def listed_events(run: Run) -> list[tuple[str, str, str]]:
-    """Table rows (time, kind, facts) of a run's events; frequent kinds are only counted."""
+    """Table rows (time, kind, facts) of a run's events; frequent kinds are only
+    counted.
+    """
     events = [event for event in run.events() if event.kind not in SHOWN_ELSEWHERE]
     counts = Counter(event.kind for event in events)
     rare = [event for event in events if counts[event.kind] <= FREQUENT]
@@ -194,7 +253,10 @@ def listed_events(run: Run) -> list[tuple[str, str, str]]:
         for e in rare[:LISTED_EVENTS]
     ]
     often = [(kind, n) for kind, n in counts.items() if n > FREQUENT]
-    return [*rows, *((NO_VALUE, event_title(kind), f"{n} times") for kind, n in sorted(often))]
+    return [
+        *rows,
+        *((NO_VALUE, event_title(kind), f"{n} times") for kind, n in sorted(often)),
+    ]
 
 
 def advice(run: Run) -> list[str]:
@@ -202,7 +264,10 @@ def advice(run: Run) -> list[str]:
     steps = [
         *_steps_at_the_arm(run),
         "A motion is never resumed: start a new run.",
-        "What was measured can be used: the gap workflow reads this folder as far as it goes.",
+        (
+            "What was measured can be used: the gap workflow reads this folder as far"
+            " as it goes."
+        ),
     ]
     errors = [e for e in run.events() if e.kind == "fault"]
     if errors:
@@ -218,14 +283,19 @@ def _steps_at_the_arm(run: Run) -> list[str]:
     lifted = run.ticks.t.size > 0 and float(run.ticks.z[-1]) > HEIGHT_ON_DESK
     hand = "Open the fingers with `cell open` and lift the hand with `cell home`."
     return [
-        "Make sure that the arm stands still; it brakes by itself when commands stop coming.",
+        (
+            "Make sure that the arm stands still; it brakes by itself when commands"
+            " stop coming."
+        ),
         *([hand] if lifted else []),
         "Lay the strip flat again.",
     ]
 
 
 def _check(item: Mapping[str, Any]) -> tuple[str, str, str]:
-    """Table row (name, result, reason) of one check, with a remedy if the check failed."""
+    """Table row (name, result, reason) of one check, with a remedy if the check
+    failed.
+    """
     name = str(item.get("name", ""))
     reason = str(item.get("reason", ""))
     if item.get("passed"):
@@ -234,7 +304,9 @@ def _check(item: Mapping[str, Any]) -> tuple[str, str, str]:
 
 
 def _timing_rows(run: Run) -> Rows:
-    """Table rows on the age of images, and on the longest time between states of a real arm."""
+    """Table rows on the age of images, and on the longest time between states of a real
+    arm.
+    """
     rows = Rows()
     ages = figures.image_ages(run)
     timing = run.header.arm_timing
@@ -249,7 +321,9 @@ def _timing_rows(run: Run) -> Rows:
 
 
 def flatten(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield nested settings as (key, value) with keys joined by dots, except LEFT_OUT."""
+    """Yield nested settings as (key, value) with keys joined by dots, except
+    LEFT_OUT.
+    """
     for key, value in content.items():
         if key in LEFT_OUT:
             continue
@@ -260,16 +334,25 @@ def flatten(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str,
 
 
 def setting_text(key: str, value: Any) -> str:
-    """Text of the setting `key`: known lengths in mm, effects with their unit, long lists counted.
+    """Text of the setting `key`: known lengths in mm, effects with their unit, long
+    lists counted.
 
     Values of any type have one: run.yaml may be damaged.
     """
     *groups, name = key.split(".")
     match groups:
-        case [*_, "effects", effect] if effect in registry() and isinstance(value, int | float):
-            units = {p.name: p.unit for p in registry()[effect].parameters if p.unit != "1"}
+        case [*_, "effects", effect] if effect in registry() and isinstance(
+            value, int | float
+        ):
+            units = {
+                p.name: p.unit for p in registry()[effect].parameters if p.unit != "1"
+            }
             return f"{value:g} {units.get(name, '')}".strip()
-    if key.startswith("sigma.") and name not in SIGNAL_UNITS and isinstance(value, float):
+    if (
+        key.startswith("sigma.")
+        and name not in SIGNAL_UNITS
+        and isinstance(value, float)
+    ):
         return millimetres(value)
     if isinstance(value, list | tuple):
         joined = ", ".join(str(item) for item in value)
@@ -280,16 +363,22 @@ def setting_text(key: str, value: Any) -> str:
 def _sentence(event: Event) -> str:
     """Text of an event's facts in one line."""
     if set(event.facts) == {"state", "event"}:
-        return f"{event.facts['state']}, after {str(event.facts['event']).replace('_', ' ')}"
+        return (
+            f"{event.facts['state']}, after"
+            f" {str(event.facts['event']).replace('_', ' ')}"
+        )
     return ", ".join(
-        f"{name.replace('_', ' ')} {_value(name, value)}" for name, value in event.facts.items()
+        f"{name.replace('_', ' ')} {_value(name, value)}"
+        for name, value in event.facts.items()
     )
 
 
 def _value(name: str, value: Any) -> str:
     """Text of the fact `name`: lengths in mm, other numbers with their unit."""
     if isinstance(value, dict):
-        return " ".join(f"{key.replace('_', ' ')} {_value(key, v)}" for key, v in value.items())
+        return " ".join(
+            f"{key.replace('_', ' ')} {_value(key, v)}" for key, v in value.items()
+        )
     if not isinstance(value, int | float) or isinstance(value, bool):
         text = str(value)
         return text if len(text) <= LONGEST_TEXT else f"{text[: LONGEST_TEXT - 3]}..."

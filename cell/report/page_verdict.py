@@ -12,13 +12,16 @@ from cell.report.html import Tone
 from cell.report.words import millimetres, outcome_title, seconds
 
 LINE_BREAK = "\n"
-WARNINGS = frozenset({"camera_unwatched", NOT_LEARNED})  # events that an operator should know of
-FOLDED_TOLERANCE = 0.020  # m of displacement to count as folded (Petrik and Kyrki, IROS 2019)
+# events that an operator should know of
+WARNINGS = frozenset({"camera_unwatched", NOT_LEARNED})
+# m of displacement to count as folded (Petrik and Kyrki, IROS 2019)
+FOLDED_TOLERANCE = 0.020
 
 
 @dataclass(frozen=True, slots=True)
 class PageVerdict:
-    """Verdict at the head of a page: `headline` states the outcome, `sentences` explain it.
+    """Verdict at the head of a page: `headline` states the outcome, `sentences` explain
+    it.
 
     `figure` and `error` are the displacement where there is one; `tone` is its colour.
     """
@@ -32,7 +35,9 @@ class PageVerdict:
 
 
 def _sigma_lines(run: Run, *, laid: bool) -> str:
-    """Text in two lines: sigma of displacement or `laid` edges, error of the calibration."""
+    """Text in two lines: sigma of displacement or `laid` edges, error of the
+    calibration.
+    """
     sigma = f"± {millimetres(run.header.sigma.displacement)} stated in run.yaml"
     if laid and run.header.sigma.edge_offset is not None:
         sigma = f"± {millimetres(run.header.sigma.edge_offset)} camera"
@@ -48,16 +53,27 @@ def _sigma_lines(run: Run, *, laid: bool) -> str:
 def verdict(run: Run) -> str:
     """Text of the verdict on `run` in one line, from its record without the truth."""
     found = verdict_of(run, None, is_under_way(run.folder))
-    figure = f": {found.figure} ({found.error.replace(LINE_BREAK, ', ')})" if found.figure else ""
+    figure = (
+        f": {found.figure} ({found.error.replace(LINE_BREAK, ', ')})"
+        if found.figure
+        else ""
+    )
     return f"{run.header.strip}: {found.headline}{figure}"
 
 
-def verdict_of(run: Run, truth: Mapping[str, Any] | None, under_way: bool = False) -> PageVerdict:
-    """Verdict on `run`; `truth`, where it is known, is the plant's motion on the twin."""
+def verdict_of(
+    run: Run, truth: Mapping[str, Any] | None, under_way: bool = False
+) -> PageVerdict:
+    """Verdict on `run`; `truth`, where it is known, is the plant's motion on the
+    twin.
+    """
     if under_way:
         return PageVerdict("fair", "Still under way", (_last_seen(run, "so far"),))
     if run.result is None and (run.folder / RESULT).exists():
-        sentences = (f"What {RESULT} holds cannot be read.", _last_seen(run, "at the last row"))
+        sentences = (
+            f"What {RESULT} holds cannot be read.",
+            _last_seen(run, "at the last row"),
+        )
         headline = "How the run ended cannot be read"
         return PageVerdict("bad", headline, tuple(filter(None, sentences)), spoilt=True)
     if run.result is None:
@@ -67,8 +83,12 @@ def verdict_of(run: Run, truth: Mapping[str, Any] | None, under_way: bool = Fals
     return _fold_verdict(run, run.result, run.result.displacement, truth or {})
 
 
-def _fold_verdict(run: Run, result: Result, d: float, truth: Mapping[str, Any]) -> PageVerdict:
-    """Verdict on a fold: how the edges lie where that was measured, or else how the layers met."""
+def _fold_verdict(
+    run: Run, result: Result, d: float, truth: Mapping[str, Any]
+) -> PageVerdict:
+    """Verdict on a fold: how the edges lie where that was measured, or else how the
+    layers met.
+    """
     edge = result.edge_offset
     sentences = [
         *_edges_sentences(edge, truth.get("edge_offset")),
@@ -96,7 +116,9 @@ def _fold_verdict(run: Run, result: Result, d: float, truth: Mapping[str, Any]) 
 
 
 def _fold_tone(result: Result, displacement: float) -> Tone:
-    """Tone of a fold: good within FOLDED_TOLERANCE, fair beyond it or if doubted, else bad."""
+    """Tone of a fold: good within FOLDED_TOLERANCE, fair beyond it or if doubted, else
+    bad.
+    """
     if result.outcome in LAID:
         return "fair"
     if result.outcome != "layer_touch":
@@ -115,7 +137,9 @@ def _fold_headline(result: Result) -> str:
 
 
 def _edges_sentences(offset: float | None, true: object) -> list[str]:
-    """Sentence on how the laid edges lie, as measured and in truth; none where not measured."""
+    """Sentence on how the laid edges lie, as measured and in truth; none where not
+    measured.
+    """
     if offset is None:
         return []
     known = [offset, true] if isinstance(true, int | float) else [offset]
@@ -126,14 +150,20 @@ def _edges_sentences(offset: float | None, true: object) -> list[str]:
 
 def _touch_sentence(result: Result, displacement: float, true: object) -> str:
     """Sentence on how the layers met, as measured and in truth."""
-    when = "" if result.t_layer_touch is None else f" after {seconds(result.t_layer_touch)}"
+    when = (
+        ""
+        if result.t_layer_touch is None
+        else f" after {seconds(result.t_layer_touch)}"
+    )
     longer = "longer" if displacement > 0 else "shorter"
     upper = f"the upper one was {longer} by {millimetres(abs(displacement))}"
     return f"Where the layers first touched{when}, {upper}{_true_words(true)}."
 
 
 def _true_words(true: object) -> str:
-    """Text of the `true` length [m] that only the twin knows; empty where it is unknown."""
+    """Text of the `true` length [m] that only the twin knows; empty where it is
+    unknown.
+    """
     if not isinstance(true, int | float):
         return ""
     return f" (true on the twin: {millimetres(true, signed=True)})"
@@ -151,7 +181,9 @@ def _without_displacement(run: Run, result: Result) -> PageVerdict:
             "and start a new run."
         )
     tone: Tone = "fair" if done else "bad"
-    return PageVerdict(tone, outcome_title(result.outcome), tuple(filter(None, sentences)))
+    return PageVerdict(
+        tone, outcome_title(result.outcome), tuple(filter(None, sentences))
+    )
 
 
 def _verdict_of_dead_run(run: Run) -> PageVerdict:
@@ -161,11 +193,15 @@ def _verdict_of_dead_run(run: Run) -> PageVerdict:
         return PageVerdict("bad", "The process died at the start", (sentence,))
     state = f" in state {run.ticks.state[-1]}" if run.ticks.state else ""
     headline = f"The process died at t = {seconds(float(run.ticks.t[-1]))}{state}"
-    return PageVerdict("bad", headline, (_last_seen(run, "then"), "There is no result."))
+    return PageVerdict(
+        "bad", headline, (_last_seen(run, "then"), "There is no result.")
+    )
 
 
 def _sentence(reason: str | None) -> str:
-    """Sentence made of a `reason`, with capital letter and full stop; empty for none."""
+    """Sentence made of a `reason`, with capital letter and full stop; empty for
+    none.
+    """
     return f"{reason[:1].upper()}{reason[1:].rstrip('.')}." if reason else ""
 
 

@@ -27,17 +27,31 @@ from drivers.readers import read_picture
 PICTURED = 300  # newest runs with a thumbnail; more would make the page heavy
 THUMBNAIL_WIDTH = 128  # px
 COLUMN_HEADINGS = ("run", "edges mm", "d mm", "outcome", "policy", "strip", "s", "note")
-COLOURS = ("#2f6db5", "#cf6a1f", "#3a8a5c", "#8a5fb0", "#c2352b", "#4a9aa8", "#8c7a2b", "#c05a94")
+COLOURS = (
+    "#2f6db5",
+    "#cf6a1f",
+    "#3a8a5c",
+    "#8a5fb0",
+    "#c2352b",
+    "#4a9aa8",
+    "#8c7a2b",
+    "#c05a94",
+)
 MOST_RUNS = 40  # runs in one comparison; more lines cannot be distinguished
-MOST_FILMS, MOST_COLUMNS = 4, 4  # runs of which films play side by side, and with a column each
+# runs of which films play side by side, and with a column each
+MOST_FILMS, MOST_COLUMNS = 4, 4
 NAMED = 4  # best runs that the verdict names
 SHAPES = 4  # times at which the strips are drawn
 # Keys that differ from run to run by themselves, or repeat another one.
-PER_RUN_KEYS = frozenset({"index", "condition", "calibration.age_days", "cell.fold.speed"})
+PER_RUN_KEYS = frozenset(
+    {"index", "condition", "calibration.age_days", "cell.fold.speed"}
+)
 
 
 def write_runs_page(rows: Sequence[RunRow], out: Path) -> Path:
-    """Write the HTML page that lists `rows`, oldest first; ConfigurationError where it cannot."""
+    """Write the HTML page that lists `rows`, oldest first; ConfigurationError where it
+    cannot.
+    """
     pictured = {row.name for row in rows[-PICTURED:]}
     text = page(
         "report/templates/runs.html",
@@ -63,7 +77,9 @@ def _cells(row: RunRow, place: Path) -> tuple[str | Link, ...]:
 
 
 def _thumbnail(row: RunRow) -> str:
-    """Last kept image of a run, small, as JPEG in text form; empty where none can be read."""
+    """Last kept image of a run, small, as JPEG in text form; empty where none can be
+    read.
+    """
     try:
         images = [note.file for note in read_index(row.folder) if note.file is not None]
         image = read_picture(images[-1]) if images else None
@@ -75,13 +91,13 @@ def _thumbnail(row: RunRow) -> str:
 def write_comparison(folders: Sequence[Path], out: Path) -> Path:
     """Write the HTML page that compares the runs in `folders` to `out`; returns `out`.
 
-    Raises ConfigurationError for a folder that is no run, more than `MOST_RUNS`, or a place that
-    cannot be written.
+    Raises ConfigurationError for a folder that is no run, more than `MOST_RUNS`, or a
+    place that cannot be written.
     """
     if len(folders) > MOST_RUNS:
         raise ConfigurationError(
-            f"{len(folders)} runs are too many for one page, at most {MOST_RUNS}; choose with "
-            "`cell runs --where`"
+            f"{len(folders)} runs are too many for one page, at most {MOST_RUNS};"
+            " choose with `cell runs --where`"
         )
     compared = [Compared.read(folder) for folder in folders]
     strips = sorted({one.run.header.strip for one in compared})
@@ -107,7 +123,9 @@ def write_comparison(folders: Sequence[Path], out: Path) -> Path:
 
 @dataclass(frozen=True, slots=True)
 class Compared:
-    """Run in a comparison: a short `name`, its record, its `row` in lists, its `truth` if known."""
+    """Run in a comparison: a short `name`, its record, its `row` in lists, its `truth`
+    if known.
+    """
 
     name: str
     run: Run
@@ -120,13 +138,19 @@ class Compared:
         run = read_broken_run(folder)
         row = read_row(run.folder)
         policy = row.policy.removeprefix("motion:")
-        return cls(f"{row.short.split()[0]} {policy}".strip(), run, row, truth_of(run)[0] or {})
+        return cls(
+            f"{row.short.split()[0]} {policy}".strip(), run, row, truth_of(run)[0] or {}
+        )
 
 
 def _verdict(compared: Sequence[Compared], differing: Sequence[str]) -> PageVerdict:
-    """Verdict that names the run nearest to a fold in half, and the settings that differ."""
+    """Verdict that names the run nearest to a fold in half, and the settings that
+    differ.
+    """
     rows = [one.row for one in compared]
-    laid = all(row.edge_offset is not None for row in rows if row.displacement is not None)
+    laid = all(
+        row.edge_offset is not None for row in rows if row.displacement is not None
+    )
     key = "edge_offset" if laid else "displacement"  # one length for all runs
     what = "Edges apart" if laid else "Displacement where the layers touch"
     measured = _nearest_first((one.name, getattr(one.row, key)) for one in compared)
@@ -139,29 +163,46 @@ def _verdict(compared: Sequence[Compared], differing: Sequence[str]) -> PageVerd
     if differing:
         sentences.append(f"They differ in {', '.join(differing)}.")
     least = millimetres(abs(measured[0][1]))
-    best = [name for name, offset in measured[:NAMED] if millimetres(abs(offset)) == least]
+    best = [
+        name for name, offset in measured[:NAMED] if millimetres(abs(offset)) == least
+    ]
     comes = "comes nearest to" if len(best) == 1 else "come equally near to"
-    return PageVerdict("good", f"{' and '.join(best)} {comes} a fold in half", tuple(sentences))
+    return PageVerdict(
+        "good", f"{' and '.join(best)} {comes} a fold in half", tuple(sentences)
+    )
 
 
-def _nearest_first(offsets: Iterable[tuple[str, float | None]]) -> list[tuple[str, float]]:
-    """Names of runs with their offsets [m], the smallest first; those without one are left out."""
+def _nearest_first(
+    offsets: Iterable[tuple[str, float | None]],
+) -> list[tuple[str, float]]:
+    """Names of runs with their offsets [m], the smallest first; those without one are
+    left out.
+    """
     known = [(name, offset) for name, offset in offsets if offset is not None]
     return sorted(known, key=lambda one: (abs(one[1]), one))
 
 
 def _listed(offsets: Sequence[tuple[str, float]]) -> str:
     """Text of the first NAMED of the `offsets` [m] by run."""
-    return ", ".join(f"{name}: {millimetres(d, signed=True)}" for name, d in offsets[:NAMED])
+    return ", ".join(
+        f"{name}: {millimetres(d, signed=True)}" for name, d in offsets[:NAMED]
+    )
 
 
 def _numbers(compared: Compared, place: Path) -> tuple[str | Link, ...]:
-    """Table cells of a run in the comparison: outcome, lengths as measured and in truth, touch."""
+    """Table cells of a run in the comparison: outcome, lengths as measured and in
+    truth, touch.
+    """
     row, truth = compared.row, compared.truth
     lengths = (row.displacement, truth.get("displacement"), row.edge_offset)
     texts = (millimetres(v, signed=True) for v in (*lengths, truth.get("edge_offset")))
     outcome = row.outcome.replace("_", " ")
-    return (_link(row, place, row.short.split()[0]), outcome, *texts, seconds(row.touch))
+    return (
+        _link(row, place, row.short.split()[0]),
+        outcome,
+        *texts,
+        seconds(row.touch),
+    )
 
 
 def _link(row: RunRow, place: Path, name: str) -> str | Link:
@@ -171,16 +212,21 @@ def _link(row: RunRow, place: Path, name: str) -> str | Link:
 
 
 def _differences(compared: Sequence[Compared]) -> list[tuple[str, ...]]:
-    """Heading and rows of the settings that differ: a row per setting, a column per run.
+    """Heading and rows of the settings that differ: a row per setting, a column per
+    run.
 
     The plant is stated by its values where these are known.
     """
     settings = []
     for one in compared:
-        contents = {"cell": one.run.header.config or {}, "plant": one.truth.get("plant", {})}
+        contents = {
+            "cell": one.run.header.config or {},
+            "plant": one.truth.get("plant", {}),
+        }
         settings.append(dict(stated_settings(one.run)) | dict(flatten(contents)))
     parts = [{key.partition(".")[0] for key in each} for each in settings]
-    shared = set.intersection(*parts)  # a run of others states no cell, policy or versions
+    # a run of others states no cell, policy or versions
+    shared = set.intersection(*parts)
     table = [("setting", *(one.name for one in compared))]
     for key in dict.fromkeys(chain(*settings)):
         differs = any(each.get(key) != settings[0].get(key) for each in settings)
@@ -191,13 +237,19 @@ def _differences(compared: Sequence[Compared]) -> list[tuple[str, ...]]:
 
 
 def distinct_texts(key: str, settings: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Texts of the setting `key` in each run; unrounded where rounded ones would be equal."""
-    texts = [setting_text(key, each[key]) if key in each else NO_VALUE for each in settings]
+    """Texts of the setting `key` in each run; unrounded where rounded ones would be
+    equal.
+    """
+    texts = [
+        setting_text(key, each[key]) if key in each else NO_VALUE for each in settings
+    ]
     return texts if len(set(texts)) > 1 else [str(each.get(key)) for each in settings]
 
 
 def _shapes(compared: Sequence[Compared]) -> str:
-    """Figure (SVG) of the lifted strips at equal times, and of the paths of the gripper."""
+    """Figure (SVG) of the lifted strips at equal times, and of the paths of the
+    gripper.
+    """
     with canvas(8.4, 4.0) as figure:
         axes = figure.add_subplot(aspect="equal", anchor="W")
         axes.axhline(0, color=MUTED, lw=0.8)
@@ -210,10 +262,17 @@ def _shapes(compared: Sequence[Compared]) -> str:
             for time in times if curves else ():
                 _, points = min(curves, key=lambda curve: abs(curve[0] - time))
                 near = points[(np.abs(points) < FARTHEST_HAND).all(axis=1)]
-                axes.plot(*(1e3 * near).T, **look, lw=0.7, gid=f"{one.name}, {time:.1f} s")
+                axes.plot(
+                    *(1e3 * near).T, **look, lw=0.7, gid=f"{one.name}, {time:.1f} s"
+                )
                 if number == 0 and len(near):
-                    axes.annotate(f"{time:.1f} s", 1e3 * near[-1], (3, 0), fontsize=8,
-                                  textcoords="offset points")  # fmt: skip
+                    axes.annotate(
+                        f"{time:.1f} s",
+                        1e3 * near[-1],
+                        (3, 0),
+                        fontsize=8,
+                        textcoords="offset points",
+                    )
         axes.set(xlabel="x  [mm]", ylabel="z  [mm]")
         figure.legend(loc="outside lower left", ncols=2)
         return as_svg(figure)

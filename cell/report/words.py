@@ -29,7 +29,9 @@ def plural(count: int, noun: str) -> str:
 
 
 def millimetres(value: float | None, signed: bool = False) -> str:
-    """Text of a length [m] in mm with one decimal; with two where one decimal shows zero."""
+    """Text of a length [m] in mm with one decimal; with two where one decimal shows
+    zero.
+    """
     if value is None or not math.isfinite(value):
         return NO_VALUE
     decimals = 2 if 5e-6 <= abs(value) < 5e-5 else 1
@@ -49,7 +51,8 @@ def milliseconds(value: float | None) -> str:
     """Text of a time `value` [s] in milliseconds."""
     if value is None or not math.isfinite(value):
         return NO_VALUE
-    return f"{round(1e3 * value, 1) + 0.0:.1f} ms".replace("-", MINUS)  # never minus nothing
+    # never minus nothing
+    return f"{round(1e3 * value, 1) + 0.0:.1f} ms".replace("-", MINUS)
 
 
 def event_title(kind: str) -> str:
@@ -58,5 +61,7 @@ def event_title(kind: str) -> str:
 
 
 def outcome_title(outcome: str) -> str:
-    """Text of an `outcome` as the start of a sentence; a fault is called by its name."""
+    """Text of an `outcome` as the start of a sentence; a fault is called by its
+    name.
+    """
     return OUTCOMES.get(outcome, f"Stopped by a fault: {outcome.replace('_', ' ')}")

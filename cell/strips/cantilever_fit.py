@@ -1,7 +1,7 @@
 """Bending length from one photograph: fit of the heavy elastica to a strip's midline.
 
-A least-squares problem: residuals, Jacobian and cost of the unknowns. The rest curvature of the
-strip has a prior of its own: none, constant, varying.
+A least-squares problem: residuals, Jacobian and cost of the unknowns. The rest
+curvature of the strip has a prior of its own: none, constant, varying.
 """
 
 from dataclasses import dataclass, replace
@@ -20,7 +20,8 @@ from drivers.types import Array
 LN_LENGTH, LEDGE, ROLL, CLAMP, X, Z, FIRST_FIELD = range(7)
 TYPICAL = 0.02  # m, bending length
 LN_SPREAD, MOST_LN_LENGTH = 1.5, 4.0  # of ln(bending length) around the typical one
-LEDGE_WIDTHS, LEDGE_SPREAD = 0.7, 0.002  # widths, or m, between picture's border and ledge
+# widths, or m, between picture's border and ledge
+LEDGE_WIDTHS, LEDGE_SPREAD = 0.7, 0.002
 ROLL_SPREAD = 0.02  # rad
 CLAMP_SPREAD = 0.02  # rad
 TIP = 0.3  # widths, one sigma of where the midline ends
@@ -35,7 +36,9 @@ COST_TOLERANCE = 1e-5  # of the cost
 
 
 class RestCurvature(StrEnum):
-    """Kinds of rest curvature: none, constant (a curl), varying along the strip (a set)."""
+    """Kinds of rest curvature: none, constant (a curl), varying along the strip (a
+    set).
+    """
 
     STRAIGHT = "straight"
     CURLED = "curled"
@@ -44,15 +47,19 @@ class RestCurvature(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class RestCurvaturePrior:
-    """Prior of a strip's rest curvature: its kind, and standard deviation `spread` [1/m]."""
+    """Prior of a strip's rest curvature: its kind, and standard deviation `spread`
+    [1/m].
+    """
 
     kind: RestCurvature
     spread: float = 0.0
 
     def fields(self, overhang: float, width: float) -> Array:
-        """Basis fields (hinges, m) [1/m] of the rest curvature, with standard normal coefficients.
+        """Basis fields (hinges, m) [1/m] of the rest curvature, with standard normal
+        coefficients.
 
-        A curl is one constant field. A set adds one at each knot, independent of the others.
+        A curl is one constant field. A set adds one at each knot, independent of the
+        others.
         """
         arc = hinges(overhang)
         if self.kind is RestCurvature.STRAIGHT:
@@ -68,10 +75,11 @@ class RestCurvaturePrior:
 
 @dataclass(frozen=True, slots=True)
 class TrialShape:
-    """Hanging strip for one set of unknowns (p,): its residuals from the midline, their slopes.
+    """Hanging strip for one set of unknowns (p,): its residuals from the midline, their
+    slopes.
 
-    `misses` (2 n,) from the midline, across and then along it, in sigmas, `slopes` (2 n, p) their
-    negative derivatives by the values.
+    `misses` (2 n,) from the midline, across and then along it, in sigmas, `slopes` (2
+    n, p) their negative derivatives by the values.
     """
 
     hanging: HangingStrip
@@ -80,11 +88,13 @@ class TrialShape:
 
 
 class Problem:
-    """Least-squares fit of a hanging strip to one photograph, with a prior of its rest curvature.
+    """Least-squares fit of a hanging strip to one photograph, with a prior of its rest
+    curvature.
 
-    The unknowns are ln(bending length / typical), the ledge's arc length behind the picture's
-    border, the camera's roll, the angle at which the strip leaves the ledge, the ledge's place, and
-    the deviates of the rest curvature. All but the place have a normal prior.
+    The unknowns are ln(bending length / typical), the ledge's arc length behind the
+    picture's border, the camera's roll, the angle at which the strip leaves the ledge,
+    the ledge's place, and the deviates of the rest curvature. All but the place have a
+    normal prior.
     """
 
     def __init__(self, photograph: Photograph, prior: RestCurvaturePrior) -> None:
@@ -101,7 +111,9 @@ class Problem:
         self._local_frames = _local_frames(photograph)
 
     def trial(self, values: Array) -> TrialShape:
-        """Compare the strip's shape for `values` (p,) with the midline; NoRest if there is none."""
+        """Compare the strip's shape for `values` (p,) with the midline; NoRest if there
+        is none.
+        """
         measured = self.photograph
         hanging = hanging_shape(
             measured.overhang,
@@ -110,15 +122,23 @@ class Problem:
             clamp_angle=float(values[CLAMP]),
         )
         scale = 1 - values[LEDGE] / measured.overhang
-        along = _Samples(hanging, (measured.arc - values[LEDGE]) / scale, float(values[CLAMP]))
+        along = _Samples(
+            hanging, (measured.arc - values[LEDGE]) / scale, float(values[CLAMP])
+        )
         turn = rotation(values[ROLL])
         curve = scale * along.points @ turn.T
-        motions = np.empty((len(curve), 2, self.size))  # of the strip's points, per unknown
+        # of the strip's points, per unknown
+        motions = np.empty((len(curve), 2, self.size))
         motions[..., LN_LENGTH] = scale * along.at(hanging.moved_by_bending_length())
-        slid = (measured.arc / measured.overhang - 1) / scale  # arc length per metre of the ledge
-        motions[..., LEDGE] = slid[:, None] * along.tangents - along.points / measured.overhang
+        # arc length per metre of the ledge
+        slid = (measured.arc / measured.overhang - 1) / scale
+        motions[..., LEDGE] = (
+            slid[:, None] * along.tangents - along.points / measured.overhang
+        )
         motions[..., CLAMP] = scale * along.moved_by_clamp_angle()
-        motions[..., FIRST_FIELD:] = scale * along.at(hanging.moved_by_rest_curvature(self._fields))
+        motions[..., FIRST_FIELD:] = scale * along.at(
+            hanging.moved_by_rest_curvature(self._fields)
+        )
         motions = np.einsum("ab,nbp->nap", turn, motions)
         motions[..., ROLL] = curve[:, ::-1] * (-1, 1)
         motions[..., [X, Z]] = np.eye(2)
@@ -126,7 +146,9 @@ class Problem:
         return TrialShape(hanging, misses, self._project_motion(motions))
 
     def residuals(self, values: Array) -> Array:
-        """Residuals (2 n + p,) [sigma] of midline and priors at `values` (p,); NaN without rest."""
+        """Residuals (2 n + p,) [sigma] of midline and priors at `values` (p,); NaN
+        without rest.
+        """
         try:
             misses = self.trial(values).misses
         except NoRest:
@@ -134,17 +156,22 @@ class Problem:
         return np.concatenate([misses, values * self._weights])
 
     def jacobian(self, values: Array) -> Array:
-        """Derivatives (2 n + p, p) [sigma] of the residuals by the unknowns, at `values` (p,)."""
+        """Derivatives (2 n + p, p) [sigma] of the residuals by the unknowns, at
+        `values` (p,).
+        """
         return np.concatenate([-self.trial(values).slopes, np.diag(self._weights)])
 
     def loss(self, squares: Array) -> Array:
-        """Loss (3, 2 n + p) of squared residuals and its slopes: Huber's, quadratic for priors."""
+        """Loss (3, 2 n + p) of squared residuals and its slopes: Huber's, quadratic for
+        priors.
+        """
         is_far = squares > ROBUST**2
         is_far[-self.size :] = False  # priors
         sigmas = np.sqrt(squares.clip(ROBUST**2))
         loss = np.where(is_far, 2 * ROBUST * sigmas - ROBUST**2, squares)
         weight = np.where(is_far, ROBUST / sigmas, 1.0)
-        return np.array([loss, weight, np.zeros_like(loss)])  # without curvature: reweighting
+        # without curvature: reweighting
+        return np.array([loss, weight, np.zeros_like(loss)])
 
     def precision(self, values: Array) -> Array:
         """Inverse covariance (p, p) of the unknowns at `values` (p,)."""
@@ -153,19 +180,25 @@ class Problem:
         return np.asarray(slopes.T @ (weight[:, None] * slopes))
 
     def _project_motion(self, motion: Array) -> Array:
-        """Components (2 n, ...) across and along the midline of a motion (n, 2, ...), in sigmas."""
+        """Components (2 n, ...) across and along the midline of a motion (n, 2, ...),
+        in sigmas.
+        """
         parts = np.einsum("knc,nc...->kn...", self._local_frames, motion)
         return np.asarray(parts.reshape(-1, *motion.shape[2:]))
 
 
 class _Samples:
-    """Samples of a hanging strip at arc lengths `arc` (n,) [m], straight before the ledge."""
+    """Samples of a hanging strip at arc lengths `arc` (n,) [m], straight before the
+    ledge.
+    """
 
     def __init__(self, hanging: HangingStrip, arc: Array, clamp_angle: float) -> None:
         spans = np.diff(hanging.arc)
         self._hanging = hanging
         self._index = np.clip(np.searchsorted(hanging.arc, arc) - 1, 0, len(spans) - 1)
-        self._share = np.clip((arc - hanging.arc[self._index]) / spans[self._index], 0.0, 1.0)
+        self._share = np.clip(
+            (arc - hanging.arc[self._index]) / spans[self._index], 0.0, 1.0
+        )
         self._before = np.minimum(arc, 0.0)[:, None]
         angles = np.where(arc < 0, clamp_angle, hanging.angles[self._index])
         straight = (np.cos(clamp_angle), np.sin(clamp_angle))
@@ -174,9 +207,13 @@ class _Samples:
         self._swing = self._before * (-straight[1], straight[0])
 
     def at(self, nodes: Array) -> Array:
-        """Values (n, ...) at the samples, interpolated between values at the nodes (m, ...)."""
+        """Values (n, ...) at the samples, interpolated between values at the nodes (m,
+        ...).
+        """
         share = self._share.reshape(-1, *[1] * (nodes.ndim - 1))
-        return np.asarray((1 - share) * nodes[self._index] + share * nodes[self._index + 1])
+        return np.asarray(
+            (1 - share) * nodes[self._index] + share * nodes[self._index + 1]
+        )
 
     def moved_by_clamp_angle(self) -> Array:
         """Motion (n, 2) [m] per radian of the clamp angle, before the ledge too."""
@@ -184,7 +221,8 @@ class _Samples:
 
 
 def _local_frames(photograph: Photograph) -> Array:
-    """Unit normals and tangents (2, n, 2) of the midline, each divided by its sigma [1/m].
+    """Unit normals and tangents (2, n, 2) of the midline, each divided by its sigma
+    [1/m].
 
     Along the midline all points shift together, by the uncertainty of its tip.
     """
@@ -207,8 +245,9 @@ STRAIGHT = RestCurvaturePrior(RestCurvature.STRAIGHT)
 class Fit:
     """Fit of a hanging strip: unknowns `values` (p,) and their `covariance` (p, p).
 
-    `misses` (n,) [m] are the residuals of the midline across the curve, `evidence` the log of the
-    probability of the midline under `prior` (up to a constant common to all priors).
+    `misses` (n,) [m] are the residuals of the midline across the curve, `evidence` the
+    log of the probability of the midline under `prior` (up to a constant common to all
+    priors).
     """
 
     photograph: Photograph
@@ -221,18 +260,24 @@ class Fit:
 
     @property
     def bending_length(self) -> float:
-        """Bending length [m]: the cube root of rigidity over weight per length (Peirce 1930)."""
+        """Bending length [m]: the cube root of rigidity over weight per length (Peirce
+        1930).
+        """
         return self.hanging.bending_length
 
     @property
     def sigma(self) -> float:
-        """Standard deviation of ln(bending length), errors of ruler and tip included."""
+        """Standard deviation of ln(bending length), errors of ruler and tip
+        included.
+        """
         end = np.hypot(RULER, TIP * self.photograph.width) / self.photograph.overhang
         return float(np.hypot(np.sqrt(self.covariance[LN_LENGTH, LN_LENGTH]), end))
 
     @property
     def ledge(self) -> float:
-        """Distance [m] along the strip to the ledge from the picture's border where it enters."""
+        """Distance [m] along the strip to the ledge from the picture's border where it
+        enters.
+        """
         return float(self.values[LEDGE])
 
     @property
@@ -242,9 +287,13 @@ class Fit:
 
     @property
     def rest_curvature(self) -> Array:
-        """Rest curvature (hinges,) [1/m] of the fitted strip; positive turns its free end up."""
+        """Rest curvature (hinges,) [1/m] of the fitted strip; positive turns its free
+        end up.
+        """
         width, overhang = self.photograph.width, self.photograph.overhang
-        return np.asarray(self.prior.fields(overhang, width) @ self.values[FIRST_FIELD:])
+        return np.asarray(
+            self.prior.fields(overhang, width) @ self.values[FIRST_FIELD:]
+        )
 
     @property
     def curl(self) -> tuple[float, float]:
@@ -255,27 +304,41 @@ class Fit:
         return float(mean @ self.values[FIRST_FIELD:]), float(np.sqrt(variance))
 
     def curve(self) -> Array:
-        """Points (n, 2) u, v [px] of the fitted strip in the picture, from the ledge to the tip."""
+        """Points (n, 2) u, v [px] of the fitted strip in the picture, from the ledge to
+        the tip.
+        """
         scale = 1 - self.values[LEDGE] / self.photograph.overhang
         points = scale * self.hanging.points @ rotation(self.values[ROLL]).T
-        return np.asarray((self.values[[X, Z]] + points) / self.photograph.pixel * (1, -1))
+        return np.asarray(
+            (self.values[[X, Z]] + points) / self.photograph.pixel * (1, -1)
+        )
 
 
-def fit(photograph: Photograph, prior: RestCurvaturePrior, start: Fit | None = None) -> Fit:
-    """Fit the most probable strip under `prior` to one photograph, starting from `start`."""
+def fit(
+    photograph: Photograph, prior: RestCurvaturePrior, start: Fit | None = None
+) -> Fit:
+    """Fit the most probable strip under `prior` to one photograph, starting from
+    `start`.
+    """
     if start is None:
         start = _fit_straight(photograph)
     problem = Problem(photograph, prior)
     values = np.zeros(problem.size)
     values[:FIRST_FIELD] = start.values[:FIRST_FIELD]
     if len(start.values) == len(values) > FIRST_FIELD:
-        values[FIRST_FIELD:] = start.values[FIRST_FIELD:] * start.prior.spread / prior.spread
+        values[FIRST_FIELD:] = (
+            start.values[FIRST_FIELD:] * start.prior.spread / prior.spread
+        )
     return _minimise(problem, values)
 
 
 def _fit_straight(photograph: Photograph) -> Fit:
-    """Fit a straight strip coarsely from several bending lengths; returns the best of them."""
-    problem = Problem(replace(photograph, sigma=FIRST_SIGMA * photograph.sigma), STRAIGHT)
+    """Fit a straight strip coarsely from several bending lengths; returns the best of
+    them.
+    """
+    problem = Problem(
+        replace(photograph, sigma=FIRST_SIGMA * photograph.sigma), STRAIGHT
+    )
     fits = []
     for start in START_LENGTHS:
         values = np.zeros(problem.size)
@@ -286,13 +349,21 @@ def _fit_straight(photograph: Photograph) -> Fit:
 
 
 def _minimise(problem: Problem, values: Array) -> Fit:
-    """Fit from `values` (p,): the mode of the posterior, with its normal approximation."""
+    """Fit from `values` (p,): the mode of the posterior, with its normal
+    approximation.
+    """
     bounds = np.full(problem.size, np.inf)
     bounds[LN_LENGTH] = MOST_LN_LENGTH
     solution = least_squares(
-        problem.residuals, values, problem.jacobian, (-bounds, bounds), x_scale="jac",
-        loss=problem.loss, ftol=COST_TOLERANCE, max_nfev=ITERATIONS,
-    )  # fmt: skip
+        problem.residuals,
+        values,
+        problem.jacobian,
+        (-bounds, bounds),
+        x_scale="jac",
+        loss=problem.loss,
+        ftol=COST_TOLERANCE,
+        max_nfev=ITERATIONS,
+    )
     best = problem.trial(solution.x)
     matrix = problem.precision(solution.x)
     return Fit(

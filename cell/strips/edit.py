@@ -1,4 +1,6 @@
-"""Writing of strip files: new ones, and a measured bending length put into an existing one."""
+"""Writing of strip files: new ones, and a measured bending length put into an existing
+one.
+"""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -27,11 +29,16 @@ ASSUMED_VALUES = {
 
 
 def new_strip(
-    path: Path, stated: Mapping[str, Any], colour: Sequence[int] | None, sources: Sequence[str]
+    path: Path,
+    stated: Mapping[str, Any],
+    colour: Sequence[int] | None,
+    sources: Sequence[str],
 ) -> None:
-    """Write a new strip file at `path` with the `stated` values; None stands for an assumed value.
+    """Write a new strip file at `path` with the `stated` values; None stands for an
+    assumed value.
 
-    `sources` read `key=where from`. Raises ConfigurationError for a source without its value.
+    `sources` read `key=where from`. Raises ConfigurationError for a source without its
+    value.
     """
     source_of = dict(_source(each) for each in sources)
     for key in source_of:
@@ -39,12 +46,18 @@ def new_strip(
             raise ConfigurationError(f"--source: {key}: give its value too")
     content: dict[str, Any] = {"schema": 1, "name": path.stem}
     content |= {
-        key: ASSUMED_VALUES[key] if value is None else value for key, value in stated.items()
+        key: ASSUMED_VALUES[key] if value is None else value
+        for key, value in stated.items()
     }
     if colour is not None:
         content["colour"] = list(colour)
     content["provenance"] = [
-        {"key": key, "source": source_of.get(key, "assumed" if stated[key] is None else "measured")}
+        {
+            "key": key,
+            "source": source_of.get(
+                key, "assumed" if stated[key] is None else "measured"
+            ),
+        }
         for key in SOURCED
     ]
     parse(content, StripFile, str(path))
@@ -52,14 +65,20 @@ def new_strip(
 
 
 def _text_of_new(path: Path, content: Mapping[str, Any], _: str) -> str:
-    """Text of a new strip file with `content`; ConfigurationError where `path` exists already."""
+    """Text of a new strip file with `content`; ConfigurationError where `path` exists
+    already.
+    """
     if path.exists():
-        raise ConfigurationError(f"{path}: is there already; choose another name or edit the file")
+        raise ConfigurationError(
+            f"{path}: is there already; choose another name or edit the file"
+        )
     return dump_yaml(content)
 
 
 def _source(text: str) -> tuple[str, str]:
-    """Key and source of a value in a text `KEY=TEXT`; ConfigurationError for another text."""
+    """Key and source of a value in a text `KEY=TEXT`; ConfigurationError for another
+    text.
+    """
     key, equals, source = text.partition("=")
     if not equals or key not in SOURCED or not source.strip():
         raise ConfigurationError(
@@ -69,7 +88,9 @@ def _source(text: str) -> tuple[str, str]:
 
 
 def save(measurement: Measurement, folder: Path) -> None:
-    """Write a figure of each photograph and measurement.json to `folder`; ConfigurationError."""
+    """Write a figure of each photograph and measurement.json to `folder`;
+    ConfigurationError.
+    """
     pairs = zip(measurement.bending.fits, measurement.bending.straight, strict=True)
     pictures = {
         f"{index:02d}-{fit.photograph.name}.png": fit_figure(fit, straight)
@@ -84,13 +105,16 @@ def save(measurement: Measurement, folder: Path) -> None:
 
 
 def put_into(path: Path, measurement: Measurement, today: date) -> None:
-    """Write the measured bending length and its provenance into the strip file at `path`."""
+    """Write the measured bending length and its provenance into the strip file at
+    `path`.
+    """
     pooled = measurement.bending_length
     overhangs = sorted({each.photograph.overhang for each in measurement.bending.fits})
     count = len(measurement.bending.fits)
     source = (
-        f"cantilever test, {count} photograph{'s' * (count > 1)} at overhangs of "
-        f"{', '.join(f'{each:g}' for each in overhangs)} m, measured {today.isoformat()}"
+        f"cantilever test, {count} photograph{'s' * (count > 1)} at overhangs of"
+        f" {', '.join(f'{each:g}' for each in overhangs)} m, measured"
+        f" {today.isoformat()}"
     )
     note = (
         f"95 % between {pooled.low:.4g} and {pooled.high:.4g} m; "
@@ -100,7 +124,9 @@ def put_into(path: Path, measurement: Measurement, today: date) -> None:
     change_file(path, partial(_with_measured, path, measurement.value, entry))
 
 
-def _with_measured(path: Path, value: float, entry: Mapping[str, str], text: str) -> str:
+def _with_measured(
+    path: Path, value: float, entry: Mapping[str, str], text: str
+) -> str:
     """Copy of a strip file's `text` with a measured `value` and its provenance `entry`.
 
     The old value goes into the note of its own entry.
@@ -110,7 +136,9 @@ def _with_measured(path: Path, value: float, entry: Mapping[str, str], text: str
     entries = [dict(old) for old in content.get("provenance") or ()]
     for old in entries:
         if old.get("key") == key:
-            old["note"] = f"until then {content[key]:g}; {old.get('note', '')}".strip("; ")
+            old["note"] = f"until then {content[key]:g}; {old.get('note', '')}".strip(
+                "; "
+            )
     content = {**content, key: value, "provenance": [dict(entry), *entries]}
     parse(content, StripFile, str(path))
     return edit_yaml(text, content)

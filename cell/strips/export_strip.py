@@ -28,18 +28,28 @@ EXPRESSED = {"newton": FRICTION, "mjcf": FRICTION | ALONG_STRIP | POWERS}
 def export_strips(
     strips: Sequence[StripFile], kind: Simulator, out: Path
 ) -> dict[Path, tuple[str, ...]]:
-    """Write `strips` into the new folder `out`; returns properties that the files cannot hold.
+    """Write `strips` into the new folder `out`; returns properties that the files
+    cannot hold.
 
-    `mjcf` is a chain along +x, clamped at its fixed edge; `newton` is JSON with arguments of
-    `ModelBuilder.add_rod`. Raises ConfigurationError where `out` is there already.
+    `mjcf` is a chain along +x, clamped at its fixed edge; `newton` is JSON with
+    arguments of `ModelBuilder.add_rod`. Raises ConfigurationError where `out` is there
+    already.
     """
     unsaid_of = {}
     with new_folder(out) as folder:
         for strip in strips:
             name = f"{strip.name}.{'xml' if kind == 'mjcf' else 'json'}"
-            missing = [key for key in registry() if key in strip.effects.keys() - EXPRESSED[kind]]
+            missing = [
+                key
+                for key in registry()
+                if key in strip.effects.keys() - EXPRESSED[kind]
+            ]
             law = (LAW_TERMS[key].sentence for key in strip.law)
-            unsaid = (OUT_OF_PLANE, *(registry()[key].sentence for key in missing), *law)
+            unsaid = (
+                OUT_OF_PLANE,
+                *(registry()[key].sentence for key in missing),
+                *law,
+            )
             write = _mjcf if kind == "mjcf" else _newton
             replace_file(folder / name, write(strip, unsaid).encode())
             unsaid_of[out / name] = unsaid
@@ -47,7 +57,8 @@ def export_strips(
 
 
 def _mjcf(strip: StripFile, unsaid: tuple[str, ...]) -> str:
-    """MJCF text of `strip` as a chain of LINKS hinges; comments name what it cannot express.
+    """MJCF text of `strip` as a chain of LINKS hinges; comments name what it cannot
+    express.
 
     Friction of yarns and powers of joints need MuJoCo 4.
     """
@@ -62,7 +73,10 @@ def _mjcf(strip: StripFile, unsaid: tuple[str, ...]) -> str:
     for i, span in enumerate(lumps.spans.tolist()):
         body = Xml.SubElement(body, "body", name=f"link{i}", pos=f"{place} 0 0")
         _add_hinge(body, tendons, lumps, i)
-        box = {"type": "box", "size": f"{span / 2} {strip.width / 2} {strip.thickness / 2}"}
+        box = {
+            "type": "box",
+            "size": f"{span / 2} {strip.width / 2} {strip.thickness / 2}",
+        }
         box["mass"] = f"{lumps.mass[i] / lumps.scale}"
         Xml.SubElement(body, "geom", box, pos=f"{span / 2} 0 0", contype="0")
         place = span
@@ -72,7 +86,9 @@ def _mjcf(strip: StripFile, unsaid: tuple[str, ...]) -> str:
 
 
 def _add_hinge(body: Xml.Element, tendons: Xml.Element, lumps: Lumps, i: int) -> None:
-    """Add hinge number `i` of the chain to `body`, and the friction of its yarns to `tendons`."""
+    """Add hinge number `i` of the chain to `body`, and the friction of its yarns to
+    `tendons`.
+    """
     hinges = lumps.hinges
     names = ("stiffness", "cubic", "damping", "quadratic", "presliding")
     law = {name: getattr(hinges, name)[i] / lumps.scale for name in names}
@@ -86,7 +102,8 @@ def _add_hinge(body: Xml.Element, tendons: Xml.Element, lumps: Lumps, i: int) ->
 
 
 def _newton(strip: StripFile, unsaid: tuple[str, ...]) -> str:
-    """JSON text of the arguments of Newton's rod for `strip`, means where they vary along it.
+    """JSON text of the arguments of Newton's rod for `strip`, means where they vary
+    along it.
 
     A rod has no friction: `friction` are springs beside its joints', which slip.
     """

@@ -1,4 +1,6 @@
-"""Midline of a thin bright object on a dark background, from the image border to its tip."""
+"""Midline of a thin bright object on a dark background, from the image border to its
+tip.
+"""
 
 from dataclasses import dataclass
 from typing import cast
@@ -13,7 +15,8 @@ from drivers.errors import ConfigurationError
 from drivers.geometry import even_points, moving_average
 from drivers.types import Array, Image
 
-WORKING_HEIGHT = 1200  # px; larger pictures are shrunk for tracing, then refined in full size
+# px; larger pictures are shrunk for tracing, then refined in full size
+WORKING_HEIGHT = 1200
 CONTRAST = 40  # grey levels between object and background
 FLUFF = 0.35  # of the width: threads thinner than this are not the object
 BORDER = 8  # px by which the object is continued over the left border
@@ -25,7 +28,9 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True)
 class Midline:
-    """Midline of an object in an image: `points` (n, 2) u, v [px]; `width` [px] of the object."""
+    """Midline of an object in an image: `points` (n, 2) u, v [px]; `width` [px] of the
+    object.
+    """
 
     points: Array
     width: float
@@ -37,13 +42,17 @@ class Midline:
 
 
 def extract_midline(image: Image, count: int = 200) -> Midline:
-    """Trace the midline of the object at the left border of `image` (h, w, 3) by `count` points.
+    """Trace the midline of the object at the left border of `image` (h, w, 3) by
+    `count` points.
 
-    Points are at equal steps from the border to the tip; fluff, specks and background gradients are
-    ignored. Raises ConfigurationError for an image without such an object.
+    Points are at equal steps from the border to the tip; fluff, specks and background
+    gradients are ignored. Raises ConfigurationError for an image without such an
+    object.
     """
     scale = max(1.0, image.shape[0] / WORKING_HEIGHT)
-    small = cv2.resize(image, None, fx=1 / scale, fy=1 / scale, interpolation=cv2.INTER_AREA)
+    small = cv2.resize(
+        image, None, fx=1 / scale, fy=1 / scale, interpolation=cv2.INTER_AREA
+    )
     mask, width = _find_object(_brightness(small))
     rough = _level_centres(mask, _geodesic_distance(mask), 0.5 * width)
     if len(rough) < FEWEST_LEVELS:
@@ -59,7 +68,9 @@ def _brightness(image: Image) -> Image:
 
 
 def _find_object(grey: Image) -> tuple[Mask, float]:
-    """Mask (h, w) of the bright region at the left border, without threads, and its width [px]."""
+    """Mask (h, w) of the bright region at the left border, without threads, and its
+    width [px].
+    """
     smooth = cv2.medianBlur(grey, 5)
     _, bright = cv2.threshold(smooth, 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
     uniform = bright.min() == bright.max()
@@ -79,7 +90,9 @@ def _find_object(grey: Image) -> tuple[Mask, float]:
 
 
 def _width(bright: Image) -> float:
-    """Width [px] of the objects in a mask (h, w): twice their depth along the middle."""
+    """Width [px] of the objects in a mask (h, w): twice their depth along the
+    middle.
+    """
     depth = cv2.distanceTransform(bright, cv2.DIST_L2, 5)
     ridge = depth[(depth > 1) & (depth >= cv2.dilate(depth, np.ones((3, 3))))]
     if not len(ridge):
@@ -88,12 +101,15 @@ def _width(bright: Image) -> float:
 
 
 def _geodesic_distance(mask: Mask) -> Array:
-    """Distance (h, w) [px] inside the mask from its entry at the left border, inf outside."""
+    """Distance (h, w) [px] inside the mask from its entry at the left border, inf
+    outside.
+    """
     index = np.full(mask.shape, -1)
     index[mask] = np.arange(mask.sum())
     height, width = mask.shape
     rows, columns, lengths = [], [], []
-    for dv, du in ((0, 1), (1, 0), (1, 1), (-1, 1)):  # half of a pixel's eight neighbours
+    # half of a pixel's eight neighbours
+    for dv, du in ((0, 1), (1, 0), (1, 1), (-1, 1)):
         pixel = index[max(0, -dv) : height - max(0, dv), : width - du]
         neighbour = index[max(0, dv) : height - max(0, -dv), du:]
         joined = (pixel >= 0) & (neighbour >= 0)
@@ -110,12 +126,16 @@ def _geodesic_distance(mask: Mask) -> Array:
 
 
 def _level_centres(mask: Mask, distance: Array, step: float) -> Array:
-    """Centroids (n, 2), u and v [px], of bands of the mask, each `step` [px] of `distance` wide."""
+    """Centroids (n, 2), u and v [px], of bands of the mask, each `step` [px] of
+    `distance` wide.
+    """
     reached = mask & np.isfinite(distance)
     v, u = np.nonzero(reached)
     band = (distance[reached] / step).astype(int)
     weight = np.maximum(np.bincount(band), 1)
-    centres = np.stack([np.bincount(band, u), np.bincount(band, v)], axis=1) / weight[:, None]
+    centres = (
+        np.stack([np.bincount(band, u), np.bincount(band, v)], axis=1) / weight[:, None]
+    )
     return centres[np.bincount(band) > 0]
 
 
@@ -126,13 +146,17 @@ def _smooth(points: Array, reach: int) -> Array:
 
 
 def _centre(grey: Image, points: Array, width: float) -> Array:
-    """Shift points (n, 2) along their normals to the centroid of brightness across the object."""
+    """Shift points (n, 2) along their normals to the centroid of brightness across the
+    object.
+    """
     tangent = np.gradient(_smooth(points, 3), axis=0)
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     normal = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
     offsets = np.linspace(-width, width, 2 * int(2 * width) + 1)
     at = (points[:, None] + offsets[:, None] * normal[:, None]).astype(np.float32)
-    across = cv2.remap(grey, at[..., 0], at[..., 1], cv2.INTER_LINEAR, None, cv2.BORDER_REPLICATE)
+    across = cv2.remap(
+        grey, at[..., 0], at[..., 1], cv2.INTER_LINEAR, None, cv2.BORDER_REPLICATE
+    )
     dark = np.percentile(across, 10, axis=1, keepdims=True)
     bright = np.percentile(across, 90, axis=1, keepdims=True)
     inside = np.clip((across - dark) / np.maximum(bright - dark, 1.0) - 0.5, 0.0, None)
@@ -142,7 +166,9 @@ def _centre(grey: Image, points: Array, width: float) -> Array:
 
 
 def _to_ends(mask: Mask, points: Array, width: float) -> Array:
-    """Extend a midline (n, 2) to the left border, and in a straight line to the object's tip."""
+    """Extend a midline (n, 2) to the left border, and in a straight line to the
+    object's tip.
+    """
     entry = np.array([0.0, np.flatnonzero(mask[:, 0]).mean()])
     clear = np.hypot(*(points - entry).T) > 0.8 * width
     traced = points[int(np.argmax(clear)) :]

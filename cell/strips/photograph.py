@@ -17,11 +17,13 @@ from drivers.types import Array, Image
 
 SHORTEST_OVERHANG, LONGEST_OVERHANG = 0.01, 2.0  # m of overhang
 ROUGH_POINTS = 200  # of a first midline, which gives width and length
-TRACE_SPACING = 0.15  # widths between points of the second, which smooths over seven of them
+# widths between points of the second, which smooths over seven of them
+TRACE_SPACING = 0.15
 THICKEST_SHARE = 0.15  # of its length
 FIT_SPACING = 0.5  # widths between the points that are fitted
 FEWEST_POINTS, MOST_POINTS, MOST_TRACED = 60, 400, 4000
-SMOOTHING_POINTS = 5  # points on either side of the parabola against which roughness is measured
+# points on either side of the parabola against which roughness is measured
+SMOOTHING_POINTS = 5
 PRECISION = 0.02  # widths; no midline is better, however smooth
 CORRELATION = 1.5  # sqrt of the number of neighbours whose errors go together
 UNSURE_END = 1.0  # widths at either end where a midline is less sure
@@ -30,10 +32,11 @@ END_SIGMA = 4.0  # times less
 
 @dataclass(frozen=True, slots=True)
 class Photograph:
-    """Midline of a hanging strip: `points` (n, 2) [m] at arc lengths `arc` (n,) [m] to the tip.
+    """Midline of a hanging strip: `points` (n, 2) [m] at arc lengths `arc` (n,) [m] to
+    the tip.
 
-    At a scale of `pixel` [m], as if the picture's border were the ledge. `sigma` (n,) [m]
-    across the midline, `width` of the strip [m], `overhang` [m].
+    At a scale of `pixel` [m], as if the picture's border were the ledge. `sigma` (n,)
+    [m] across the midline, `width` of the strip [m], `overhang` [m].
     """
 
     path: Path
@@ -51,33 +54,46 @@ class Photograph:
         return self.path.stem
 
 
-def read_photographs(paths: Sequence[Path], overhangs: Sequence[float]) -> list[Photograph]:
-    """Read pictures at `paths`, with overhangs [m]; ConfigurationError for an unfit picture."""
+def read_photographs(
+    paths: Sequence[Path], overhangs: Sequence[float]
+) -> list[Photograph]:
+    """Read pictures at `paths`, with overhangs [m]; ConfigurationError for an unfit
+    picture.
+    """
     if not paths:
-        raise ConfigurationError("--photo: is missing; give a photograph of the hanging strip")
+        raise ConfigurationError(
+            "--photo: is missing; give a photograph of the hanging strip"
+        )
     if len(paths) != len(overhangs):
         raise ConfigurationError(
-            f"--overhang: {len(overhangs)} given for {len(paths)} of --photo; give one for each, "
-            "in the same order"
+            f"--overhang: {len(overhangs)} given for {len(paths)} of --photo; give one"
+            " for each, in the same order"
         )
     for overhang in overhangs:
         if not SHORTEST_OVERHANG <= overhang <= LONGEST_OVERHANG:
             raise ConfigurationError(
-                f"--overhang: is {overhang:g} m, must be at least {SHORTEST_OVERHANG:g} m and at "
-                f"most {LONGEST_OVERHANG:g} m, from the ledge to the tip along the strip; if "
-                f"{overhang:g} is in mm, write {overhang:g}mm"
+                f"--overhang: is {overhang:g} m, must be at least {SHORTEST_OVERHANG:g}"
+                f" m and at most {LONGEST_OVERHANG:g} m, from the ledge to the tip"
+                f" along the strip; if {overhang:g} is in mm, write {overhang:g}mm"
             )
-    return [read_photograph(path, length) for path, length in zip(paths, overhangs, strict=True)]
+    return [
+        read_photograph(path, length)
+        for path, length in zip(paths, overhangs, strict=True)
+    ]
 
 
 def read_photograph(path: Path, overhang: float) -> Photograph:
-    """Read the picture at `path` of a strip with `overhang` [m]; ConfigurationError if unfit."""
+    """Read the picture at `path` of a strip with `overhang` [m]; ConfigurationError if
+    unfit.
+    """
     image = read_picture(path)
     midline = _trace_midline(path, image)
     traced = midline.points * (1, -1)
     travel = arc_lengths(traced)
     pixel = overhang / travel[-1]
-    count = int(np.clip(travel[-1] / (FIT_SPACING * midline.width), FEWEST_POINTS, MOST_POINTS))
+    count = int(
+        np.clip(travel[-1] / (FIT_SPACING * midline.width), FEWEST_POINTS, MOST_POINTS)
+    )
     arc = np.linspace(0.0, travel[-1], count)
     points = _average_points(traced, travel, arc)
     sigma = CORRELATION * max(roughness(points), PRECISION * midline.width)
@@ -95,7 +111,9 @@ def read_photograph(path: Path, overhang: float) -> Photograph:
 
 
 def _trace_midline(path: Path, image: Image) -> Midline:
-    """Midline of a bright, or else of a dark strip; of two failures the first is reported."""
+    """Midline of a bright, or else of a dark strip; of two failures the first is
+    reported.
+    """
     reasons = []
     for bright_strip in (image, cv2.bitwise_not(image)):
         try:
@@ -106,12 +124,16 @@ def _trace_midline(path: Path, image: Image) -> Midline:
 
 
 def _trace_bright(image: Image) -> Midline:
-    """Midline of a bright strip from the left border; ConfigurationError for a thick object."""
+    """Midline of a bright strip from the left border; ConfigurationError for a thick
+    object.
+    """
     rough = extract_midline(image, ROUGH_POINTS)
     if rough.width < THICKEST_SHARE * rough.length:
         count = rough.length / (TRACE_SPACING * rough.width)
         return extract_midline(image, int(np.clip(count, ROUGH_POINTS, MOST_TRACED)))
-    raise ConfigurationError("picture: what enters at its left border is too thick for a strip")
+    raise ConfigurationError(
+        "picture: what enters at its left border is too thick for a strip"
+    )
 
 
 def _average_points(traced: Array, travel: Array, arc: Array) -> Array:
@@ -125,11 +147,15 @@ def _average_points(traced: Array, travel: Array, arc: Array) -> Array:
 
 
 def roughness(points: Array) -> float:
-    """Robust deviation [px] of midline `points` (n, 2) [px] from parabolas through neighbours."""
+    """Robust deviation [px] of midline `points` (n, 2) [px] from parabolas through
+    neighbours.
+    """
     window = 2 * SMOOTHING_POINTS + 1
     inner = slice(SMOOTHING_POINTS, -SMOOTHING_POINTS)
     miss = (points - savgol_filter(points, window, 2, axis=0))[inner]
     along = np.gradient(points, axis=0)[inner]
     across = (along[:, 0] * miss[:, 1] - along[:, 1] * miss[:, 0]) / np.hypot(*along.T)
     # a point weighs in its own parabola, which takes that share of its variance away
-    return robust_sigma(across) / float(np.sqrt(1 - savgol_coeffs(window, 2)[SMOOTHING_POINTS]))
+    return robust_sigma(across) / float(
+        np.sqrt(1 - savgol_coeffs(window, 2)[SMOOTHING_POINTS])
+    )

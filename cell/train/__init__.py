@@ -1,1 +1,3 @@
-"""Training of policies here or on a cluster (`cell train`), and their evaluation in simulation."""
+"""Training of policies here or on a cluster (`cell train`), and their evaluation in
+simulation.
+"""

@@ -1,4 +1,6 @@
-"""Evaluation of a trained policy on strips not used in its training, in rod and chain."""
+"""Evaluation of a trained policy on strips not used in its training, in rod and
+chain.
+"""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
@@ -17,27 +19,38 @@ from drivers.twin.chain.engine import Chain
 from drivers.types import Array, Calls
 from policies.policy import Policy
 from policies.rollout import Misses, Rollout, roll_out
-from policies.strip_sampling import CONDITIONS, STRIP_LENGTH, grid, strip_under_condition
+from policies.strip_sampling import (
+    CONDITIONS,
+    STRIP_LENGTH,
+    grid,
+    strip_under_condition,
+)
 from policies.train.objective import JUDGING_SEGMENTS
 
 Key = TypeVar("Key")
 Table = tuple[Sequence[str], Sequence[Sequence[str]], str]
 EngineName = Literal["rod", "chain"]
-ENGINES: dict[EngineName, str] = {"rod": "rod (the model)", "chain": "chain (the plant)"}
+ENGINES: dict[EngineName, str] = {
+    "rod": "rod (the model)",
+    "chain": "chain (the plant)",
+}
 LINKS = 80  # of the chain that plays the plant; 60 are 3 mm off for the softest strips
 STRIPS_PER_EFFECT = 64  # folded for each effect
 EFFECTS_STREAM = 4  # of random numbers, apart from those of the training
 
 
 def stepper(name: EngineName) -> Stepper:
-    """Simulation engine called `name`: the rod used in training, or the independent chain."""
+    """Simulation engine called `name`: the rod used in training, or the independent
+    chain.
+    """
     return Rod(JUDGING_SEGMENTS, strict=False) if name == "rod" else Chain(LINKS)
 
 
 @dataclass(frozen=True, slots=True)
 class Evaluation:
-    """Displacements (side, side) [m] over a logarithmic grid of strips on one engine, NaN without a
-    touch; in `misses` a fold without a touch counts as off by half the strip's length.
+    """Displacements (side, side) [m] over a logarithmic grid of strips on one engine,
+    NaN without a touch; in `misses` a fold without a touch counts as off by half the
+    strip's length.
     """
 
     engine: EngineName
@@ -51,7 +64,10 @@ class Evaluation:
 
     def line(self) -> dict[str, object]:
         """JSON object of the evaluation, lengths in m."""
-        gone = [None if np.isnan(d) else round(float(d), 6) for d in self.displacement.ravel()]
+        gone = [
+            None if np.isnan(d) else round(float(d), 6)
+            for d in self.displacement.ravel()
+        ]
         return {
             "engine": self.engine,
             "side": len(self.displacement),
@@ -63,13 +79,17 @@ class Evaluation:
 
 @dataclass(frozen=True, slots=True)
 class EffectErrors:
-    """Displacements (n,) [m] of strips in which `effect` is hidden; NaN without a touch."""
+    """Displacements (n,) [m] of strips in which `effect` is hidden; NaN without a
+    touch.
+    """
 
     effect: str
     displacement: Array
 
     def facts(self) -> dict[str, float | int]:
-        """Bias, mean, 95 % quantile and largest |d| [m], and how many folds did not touch."""
+        """Bias, mean, 95 % quantile and largest |d| [m], and how many folds did not
+        touch.
+        """
         d = self.displacement
         return {
             "strips": len(d),
@@ -97,7 +117,9 @@ def evaluate(
     Engines get the same noise and delays, of random numbers by `seed` and row.
     """
     pieces = [(engine, row) for engine in reversed(ENGINES) for row in range(side)]
-    rows = _gather(calls, partial(_fold_row, policy, rollout, seed, side), pieces, meter)
+    rows = _gather(
+        calls, partial(_fold_row, policy, rollout, seed, side), pieces, meter
+    )
     half = 0.5 * grid(side)[0].length
     evaluations = []
     for engine in ENGINES:
@@ -110,11 +132,14 @@ def evaluate(
 def evaluate_effects(
     policy: Policy, rollout: Rollout, segments: int, calls: Calls, meter: Meter
 ) -> tuple[EffectErrors, ...]:
-    """Evaluate `policy` on random strips in the rod, with nothing and each effect hidden in turn.
+    """Evaluate `policy` on random strips in the rod, with nothing and each effect
+    hidden in turn.
 
     The strips are the same for every policy.
     """
-    found = _gather(calls, partial(_fold_with, policy, rollout, segments), CONDITIONS, meter)
+    found = _gather(
+        calls, partial(_fold_with, policy, rollout, segments), CONDITIONS, meter
+    )
     return tuple(EffectErrors(name, found[name]) for name in CONDITIONS)
 
 
@@ -132,7 +157,11 @@ def _gather(
 
 
 def _fold_row(
-    policy: Policy, rollout: Rollout, seed: Sequence[int], side: int, piece: tuple[EngineName, int]
+    policy: Policy,
+    rollout: Rollout,
+    seed: Sequence[int],
+    side: int,
+    piece: tuple[EngineName, int],
 ) -> Array:
     """Displacements (side,) [m] of one row of the grid on one engine."""
     engine, row = piece
@@ -144,7 +173,9 @@ def _fold_row(
 def _fold_with(policy: Policy, rollout: Rollout, segments: int, name: str) -> Array:
     """Displacements (n,) [m] of random strips with the effect `name`."""
     rng = np.random.default_rng([EFFECTS_STREAM, CONDITIONS.index(name)])
-    strips = [strip_under_condition(name, rng, STRIP_LENGTH) for _ in range(STRIPS_PER_EFFECT)]
+    strips = [
+        strip_under_condition(name, rng, STRIP_LENGTH) for _ in range(STRIPS_PER_EFFECT)
+    ]
     return _displacements(policy, rollout, Rod(segments, strict=False), strips, rng)
 
 
@@ -155,23 +186,35 @@ def _displacements(
     strips: Sequence[StripFile],
     rng: np.random.Generator,
 ) -> Array:
-    """Displacements (n,) [m] of `strips`, folded in `engine` by `policy`; NaN without a touch."""
+    """Displacements (n,) [m] of `strips`, folded in `engine` by `policy`; NaN without a
+    touch.
+    """
     models = [describe(strip) for strip in strips]
     with threadpool_limits(1, user_api="blas"):
         folds = roll_out(policy, engine, strips[0], models, settings=rollout, rng=rng)
     return folds.displacement
 
 
-def tables(evaluations: Sequence[Evaluation], errors: Sequence[EffectErrors]) -> Iterator[Table]:
-    """Columns, rows and title of the final evaluation, and of the errors by hidden effect."""
+def tables(
+    evaluations: Sequence[Evaluation], errors: Sequence[EffectErrors]
+) -> Iterator[Table]:
+    """Columns, rows and title of the final evaluation, and of the errors by hidden
+    effect.
+    """
     side = len(evaluations[0].displacement)
     rows = []
     for evaluation in evaluations:
         misses = evaluation.misses
-        sizes = (f"{1e3 * d:.1f}" for d in (misses.mean, misses.quantile_95, misses.worst))
+        sizes = (
+            f"{1e3 * d:.1f}" for d in (misses.mean, misses.quantile_95, misses.worst)
+        )
         rows.append((ENGINES[evaluation.engine], *sizes, str(evaluation.untouched)))
     columns = ("mean mm", "95 % mm", "worst mm", "without a touch")
-    yield ("folded on", *columns), rows, f"|d| over {side} x {side} strips of the paper's range"
+    yield (
+        ("folded on", *columns),
+        rows,
+        f"|d| over {side} x {side} strips of the paper's range",
+    )
     rows = []
     for error in errors:
         facts = error.facts()

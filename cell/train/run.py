@@ -22,12 +22,15 @@ if TYPE_CHECKING:
     from policies.train.search import Search
 
 EVALUATION = "evaluation.json"
-SUBSTEPS = 4  # between decisions of the evaluation: 4.2 ms, which the chain takes in one part
+# between decisions of the evaluation: 4.2 ms, which the chain takes in one part
+SUBSTEPS = 4
 
 
 @dataclass(frozen=True, slots=True)
 class Trained:
-    """Result of a training: checkpoint, settings, evaluations, errors by hidden effect, trial."""
+    """Result of a training: checkpoint, settings, evaluations, errors by hidden effect,
+    trial.
+    """
 
     checkpoint: Path
     settings: TrainingSettings | CriticSettings
@@ -57,11 +60,12 @@ def train(
     side: int,
     console: Console,
 ) -> Trained:
-    """Train the policy of these `settings` in `folder`; an interrupted training is resumed.
+    """Train the policy of these `settings` in `folder`; an interrupted training is
+    resumed.
 
-    The weights are evaluated on a grid of `side` x `side` strips, those of `adaptive` also with
-    each effect hidden. Raises ConfigurationError for a folder that cannot be used or holds a
-    training of other settings, WorkersLost when the workers are gone.
+    The weights are evaluated on a grid of `side` x `side` strips, those of `adaptive`
+    also with each effect hidden. Raises ConfigurationError for a folder that cannot be
+    used or holds a training of other settings, WorkersLost when the workers are gone.
     """
     make_folder(folder)
     with lock_folders([folder]):
@@ -84,7 +88,9 @@ def _evaluate(
     calls: Calls,
     console: Console,
 ) -> Trained:
-    """Evaluate the weights of `training` on other strips: a `side` x `side` grid, and by effect."""
+    """Evaluate the weights of `training` on other strips: a `side` x `side` grid, and
+    by effect.
+    """
     policy = training.policy
     effects = tuple[EffectErrors, ...]()
     if isinstance(settings, TrainingSettings):

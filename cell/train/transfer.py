@@ -1,4 +1,6 @@
-"""Last stage of training `adaptive`: correction of the critic's bias by folds through images."""
+"""Last stage of training `adaptive`: correction of the critic's bias by folds through
+images.
+"""
 
 import math
 from collections.abc import Mapping
@@ -33,7 +35,8 @@ COMPLETE_SHARE = 0.75  # share of the folds that must have come to their end
 
 
 def fold_drawn(number: int, seed: int, checkpoint: Path) -> Mapping[str, Any]:
-    """Fold strip `number` of those drawn by `seed` through images, with the critic `checkpoint`.
+    """Fold strip `number` of those drawn by `seed` through images, with the critic
+    `checkpoint`.
 
     Returns a row of `FoldedBatch`, empty where the fold failed.
     """
@@ -66,10 +69,12 @@ def fold_drawn(number: int, seed: int, checkpoint: Path) -> Mapping[str, Any]:
 def transfer(
     checkpoint: Path, folder: Path, seed: int, count: int, engine: Engine, meter: Meter
 ) -> dict[str, Any]:
-    """Correct the critic in `checkpoint` by a bias fitted to `count` folds, and save it.
+    """Correct the critic in `checkpoint` by a bias fitted to `count` folds, and save
+    it.
 
-    Returns facts on the new checkpoint in `folder`, which keeps the finished folds: with them the
-    same call resumes. Raises ConfigurationError where files cannot be used or most folds fail.
+    Returns facts on the new checkpoint in `folder`, which keeps the finished folds:
+    with them the same call resumes. Raises ConfigurationError where files cannot be
+    used or most folds fail.
     """
     facts = {k: v for k, v in about(checkpoint).items() if k != THROUGH_IMAGES}
     critic = load_critic(checkpoint)
@@ -77,24 +82,39 @@ def transfer(
     save_critic(folder / UNTRANSFERRED, critic, facts)
     bias, quality = fit_transfer(_fold_all(folder, seed, count, engine, meter))
     correction, left_out = {"bias": bias.model_dump()}, asdict(quality)
-    origin = {"transfer": correction, "seed": seed, "code": code(), "left_out": left_out}
+    origin = {
+        "transfer": correction,
+        "seed": seed,
+        "code": code(),
+        "left_out": left_out,
+    }
     save_critic(folder / TRAINED, critic, facts | {THROUGH_IMAGES: origin})
-    return {"checkpoint": str(folder / TRAINED), "transfer": correction, "left_out": left_out}
+    return {
+        "checkpoint": str(folder / TRAINED),
+        "transfer": correction,
+        "left_out": left_out,
+    }
 
 
-def _fold_all(folder: Path, seed: int, count: int, engine: Engine, meter: Meter) -> FoldedBatch:
-    """Folds of `count` strips by the critic in `folder`; ConfigurationError where most fail."""
+def _fold_all(
+    folder: Path, seed: int, count: int, engine: Engine, meter: Meter
+) -> FoldedBatch:
+    """Folds of `count` strips by the critic in `folder`; ConfigurationError where most
+    fail.
+    """
     bare = (folder / UNTRANSFERRED).resolve()
     of = digest(code(), sha256(bare.read_bytes()).hexdigest()[:12])
     parts = [
         Part(f"{seed}-{number:04d}", of, SECONDS, fold_drawn, (number, seed, bare))
         for number in range(count)
     ]
-    records = sorted(carry_out(parts, folder / JOURNAL, engine, meter), key=lambda r: r.key)
+    records = sorted(
+        carry_out(parts, folder / JOURNAL, engine, meter), key=lambda r: r.key
+    )
     rows = [record.outcome for record in records if record.outcome]
     if len(rows) < COMPLETE_SHARE * count:
         raise ConfigurationError(
-            f"{folder}: {len(rows)} of {count} folds came to their end, {COMPLETE_SHARE:.0%} are "
-            "needed; see the reasons in its journal"
+            f"{folder}: {len(rows)} of {count} folds came to their end,"
+            f" {COMPLETE_SHARE:.0%} are needed; see the reasons in its journal"
         )
     return FoldedBatch.from_rows(rows)

@@ -1,1 +1,3 @@
-"""Driver of a Franka arm and hand over the Franka Control Interface, its 1 kHz loop a process."""
+"""Driver of a Franka arm and hand over the Franka Control Interface, its 1 kHz loop a
+process.
+"""

@@ -1,7 +1,7 @@
 """Franka Hand driver with non-blocking commands and states.
 
-The library's client blocks its whole process while the fingers move and cannot be interrupted, so
-the cell speaks the hand's protocol itself.
+The library's client blocks its whole process while the fingers move and cannot be
+interrupted, so the cell speaks the hand's protocol itself.
 """
 
 import socket
@@ -50,7 +50,9 @@ class Reply:
 
 @dataclass(frozen=True, slots=True)
 class FingerState:
-    """State `number` of the hand: finger `width` and `widest` [m], and its flag `grasped`."""
+    """State `number` of the hand: finger `width` and `widest` [m], and its flag
+    `grasped`.
+    """
 
     number: int
     width: float
@@ -68,11 +70,12 @@ class Links(NamedTuple):
 class FciHand:
     """Driver of a Franka Hand by its network protocol; no call waits for the fingers.
 
-    Connects at first use, after `ready` was called: in lock-step the fingers move in the arm's
-    time. A new command stops the motion in progress and starts once the hand confirms its end; a
-    stop without an answer is repeated. `open` homes a hand that has not been homed. A strip counts
-    as held by the width at which the fingers rest, because the hand may miss thin objects
-    (libfranka#111), and by the hand's flag once that was set.
+    Connects at first use, after `ready` was called: in lock-step the fingers move in
+    the arm's time. A new command stops the motion in progress and starts once the hand
+    confirms its end; a stop without an answer is repeated. `open` homes a hand that has
+    not been homed. A strip counts as held by the width at which the fingers rest,
+    because the hand may miss thin objects (libfranka#111), and by the hand's flag once
+    that was set.
     """
 
     def __init__(
@@ -90,32 +93,40 @@ class FciHand:
         self._received = bytearray()
         self._number = 0
         self._motion: int | None = None
-        self._next: list[Motion] = []  # those that wait for the end of the one under way
-        self._ended: int | None = None  # state after which the last motion's end was received
+        # those that wait for the end of the one under way
+        self._next: list[Motion] = []
+        # state after which the last motion's end was received
+        self._ended: int | None = None
         self._stop_sent: float | None = None  # time, until the stopped motion has ended
         self._stops = 0
         self._homed = True  # until the hand reports otherwise
         self._closed = False  # whether the last motion was a grasp that ended
         self._flagged = False  # whether the hand has reported that grasp
-        self._fingers = FingerState(-1, settings.opening, settings.opening, grasped=False)
+        self._fingers = FingerState(
+            -1, settings.opening, settings.opening, grasped=False
+        )
         self._stamp = 0.0
 
     def open(self) -> None:
         """Start to open the fingers; a hand that has not been homed is homed first."""
         self._receive()
         motions: list[Motion] = [] if self._homed else [(HandCommand.HOMING, ())]
-        motions.append((HandCommand.MOVE, (self._settings.opening, self._settings.speed)))
+        motions.append(
+            (HandCommand.MOVE, (self._settings.opening, self._settings.speed))
+        )
         self._queue_motions(motions)
 
     def grasp(self) -> None:
-        """Start to close the fingers on the strip's edge; does nothing while they hold one.
+        """Start to close the fingers on the strip's edge; does nothing while they hold
+        one.
 
         Raises Fault `hand_not_homed` where the hand has not been homed.
         """
         self._receive()
         if not self._homed:
             raise Fault(
-                "hand_not_homed", "the hand does not know its width; `cell open` homes it, in air"
+                "hand_not_homed",
+                "the hand does not know its width; `cell open` homes it, in air",
             )
         if not self._holds:
             limits = self._settings
@@ -149,11 +160,17 @@ class FciHand:
 
     @property
     def _holds(self) -> bool:
-        """Whether the fingers rest on an object as thick as a strip since their last grasp."""
+        """Whether the fingers rest on an object as thick as a strip since their last
+        grasp.
+        """
         limits = self._settings
         fingers = self._fingers
         confirmed = fingers.grasped or not self._flagged
-        return self._closed and limits.thinnest <= fingers.width <= limits.thickest and confirmed
+        return (
+            self._closed
+            and limits.thinnest <= fingers.width <= limits.thickest
+            and confirmed
+        )
 
     def close(self) -> None:
         """Disconnect from the hand; allowed twice."""
@@ -163,7 +180,9 @@ class FciHand:
         self._received.clear()
 
     def _queue_motions(self, motions: list[Motion]) -> None:
-        """Start `motions` one after another, once the motion in progress has been stopped."""
+        """Start `motions` one after another, once the motion in progress has been
+        stopped.
+        """
         self._next = motions
         if self._motion is None:
             self._start_next()
@@ -176,14 +195,18 @@ class FciHand:
         self._motion = self._send(self._next.pop(0))
 
     def _interrupt(self) -> None:
-        """Request a stop of the motion in progress, unless one was already requested."""
+        """Request a stop of the motion in progress, unless one was already
+        requested.
+        """
         if self._motion is not None and self._stop_sent is None:
             self._send((HandCommand.STOP, ()))
             self._stop_sent = self._clock.now()
             self._stops += 1
 
     def _repeat_stop(self) -> None:
-        """Repeat an overdue stop; Fault `hand_not_stopped` after MOST_STOPS without effect."""
+        """Repeat an overdue stop; Fault `hand_not_stopped` after MOST_STOPS without
+        effect.
+        """
         if self._stop_sent is None or self._clock.now() - self._stop_sent < UNSTOPPED:
             return
         self._stop_sent = None
@@ -191,8 +214,8 @@ class FciHand:
             self._stops = 0
             raise Fault(
                 "hand_not_stopped",
-                f"the hand at {self._address} still moves after {MOST_STOPS} stops; check it and "
-                "Desk",
+                f"the hand at {self._address} still moves after {MOST_STOPS} stops;"
+                " check it and Desk",
             )
         self._interrupt()
 
@@ -208,7 +231,9 @@ class FciHand:
         return self._number
 
     def _receive(self) -> None:
-        """Read replies and states, repeat a stop without effect; Fault for a malformed reply."""
+        """Read replies and states, repeat a stop without effect; Fault for a malformed
+        reply.
+        """
         self._ready()
         links = self._open_links()
         with suppress(BlockingIOError):  # once none is left
@@ -225,7 +250,9 @@ class FciHand:
         self._repeat_stop()
 
     def _store_state(self, fingers: FingerState | None) -> None:
-        """Store a new state of the fingers; one with the last number is a repetition."""
+        """Store a new state of the fingers; one with the last number is a
+        repetition.
+        """
         if fingers is not None and fingers.number != self._fingers.number:
             self._fingers = fingers
             self._stamp = self._clock.now()
@@ -233,7 +260,9 @@ class FciHand:
             self._flagged |= self._closed and fingers.grasped
 
     def _finish_motion(self, reply: Reply) -> None:
-        """End the motion in progress by its reply and start the next; Fault where it failed."""
+        """End the motion in progress by its reply and start the next; Fault where it
+        failed.
+        """
         if reply.number != self._motion:
             return
         self._motion = None
@@ -242,17 +271,26 @@ class FciHand:
         self._stops = 0
         if reply.status == HandStatus.FAIL:
             self._next = []
-            raise Fault("hand_failed", "the hand could not do what it was asked; look at Desk")
-        if reply.command == HandCommand.HOMING and reply.status == HandStatus.UNSUCCESSFUL:
+            raise Fault(
+                "hand_failed", "the hand could not do what it was asked; look at Desk"
+            )
+        if (
+            reply.command == HandCommand.HOMING
+            and reply.status == HandStatus.UNSUCCESSFUL
+        ):
             self._next = []
-            raise Fault("hand_not_homed", "the hand could not be homed; free its fingers")
+            raise Fault(
+                "hand_not_homed", "the hand could not be homed; free its fingers"
+            )
         ended = reply.status in (HandStatus.SUCCESS, HandStatus.UNSUCCESSFUL)
         self._closed = ended and reply.command == HandCommand.GRASP
         if self._next:
             self._start_next()
 
     def _open_links(self) -> Links:
-        """Network connections to the hand, opened at the first call; Fault where that fails."""
+        """Network connections to the hand, opened at the first call; Fault where that
+        fails.
+        """
         if self._links is None:
             self._ready()
             try:
@@ -264,14 +302,20 @@ class FciHand:
 
 
 def _connect(address: str) -> tuple[Links, FingerState]:
-    """Connect to the hand at `address`; returns the connections and the hand's first state."""
+    """Connect to the hand at `address`; returns the connections and the hand's first
+    state.
+    """
     with ExitStack() as opened:  # which closes both if anything fails
         udp = opened.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
-        tcp = opened.enter_context(socket.create_connection((address, PORT), CONNECT_TIMEOUT))
+        tcp = opened.enter_context(
+            socket.create_connection((address, PORT), CONNECT_TIMEOUT)
+        )
         with suppress(OSError):
             tcp.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         udp.bind((tcp.getsockname()[0], 0))
-        tcp.sendall(_request(0, HandCommand.CONNECT, (PROTOCOL_VERSION, udp.getsockname()[1])))
+        tcp.sendall(
+            _request(0, HandCommand.CONNECT, (PROTOCOL_VERSION, udp.getsockname()[1]))
+        )
         received = bytearray()
         while not (answers := _take_replies(received)):
             received += _recv(tcp)
@@ -279,8 +323,9 @@ def _connect(address: str) -> tuple[Links, FingerState]:
         if answer.status != HandStatus.SUCCESS:
             raise Fault(
                 "hand_version",
-                f"the hand at {address} speaks version {answer.version} of its interface, "
-                f"the cell speaks {PROTOCOL_VERSION}; update the robot's system image or the cell",
+                f"the hand at {address} speaks version {answer.version} of its"
+                f" interface, the cell speaks {PROTOCOL_VERSION}; update the robot's"
+                " system image or the cell",
             )
         udp.settimeout(CONNECT_TIMEOUT)
         while (first := _parse_state(udp.recv(256))) is None:
@@ -292,7 +337,9 @@ def _connect(address: str) -> tuple[Links, FingerState]:
 
 
 def _recv(tcp: socket.socket) -> bytes:
-    """Next bytes from the hand, at least one; ConnectionResetError where it has disconnected."""
+    """Next bytes from the hand, at least one; ConnectionResetError where it has
+    disconnected.
+    """
     received = tcp.recv(4096)
     if not received:
         raise ConnectionResetError("it closed the connection")
@@ -301,12 +348,15 @@ def _recv(tcp: socket.socket) -> bytes:
 
 def _hand_lost(address: str, error: OSError) -> Fault:
     return Fault(
-        "hand_lost", f"the hand at {address} does not answer ({one_line(error)}); check it in Desk"
+        "hand_lost",
+        f"the hand at {address} does not answer ({one_line(error)}); check it in Desk",
     )
 
 
 def _request(number: int, command: HandCommand, values: tuple[float, ...]) -> bytes:
-    """Message of the hand's protocol: request `number` for `command` with its `values`."""
+    """Message of the hand's protocol: request `number` for `command` with its
+    `values`.
+    """
     payload = PAYLOAD[command].pack(*values)
     return HEADER.pack(command, number, HEADER.size + len(payload)) + payload
 
@@ -314,7 +364,8 @@ def _request(number: int, command: HandCommand, values: tuple[float, ...]) -> by
 def _take_replies(received: bytearray) -> list[Reply]:
     """Remove the complete replies from the front of `received` and return them.
 
-    Raises ConnectionError for a reply of invalid size, after which no other can be read.
+    Raises ConnectionError for a reply of invalid size, after which no other can be
+    read.
     """
     replies: list[Reply] = []
     version_at = HEADER.size + NUMBER.size  # offset [bytes], behind the status

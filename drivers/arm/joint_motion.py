@@ -1,7 +1,9 @@
-"""Joint motions of a robot that may miss commands: to given joints, or along poses of the hand.
+"""Joint motions of a robot that may miss commands: to given joints, or along poses of
+the hand.
 
-A robot that receives no command keeps its acceleration, and stops at a command that does not
-continue this motion. So each setpoint continues the motion that the robot reports.
+A robot that receives no command keeps its acceleration, and stops at a command that
+does not continue this motion. So each setpoint continues the motion that the robot
+reports.
 """
 
 from collections.abc import Callable
@@ -34,7 +36,9 @@ Numbers = list[float]
 
 
 class JointSetpoint(NamedTuple):
-    """Commanded angle (7,) [rad], rate [rad/s] and acceleration [rad/s^2] of joints in a tick."""
+    """Commanded angle (7,) [rad], rate [rad/s] and acceleration [rad/s^2] of joints in
+    a tick.
+    """
 
     position: Numbers
     rate: Numbers
@@ -46,21 +50,27 @@ class JointSetpoint(NamedTuple):
         return cls(list(state.q_d), list(state.dq_d), list(state.ddq_d))
 
     def after_a_tick(self) -> "JointSetpoint":
-        """Setpoint one tick later of a robot without a command, which keeps its acceleration."""
+        """Setpoint one tick later of a robot without a command, which keeps its
+        acceleration.
+        """
         position, rate, acceleration = (np.array(part) for part in self)
         rate = rate + TICK * acceleration
         position = position + TICK * rate
         return JointSetpoint(position.tolist(), rate.tolist(), self.acceleration)
 
     def followed_by(self, state: Any, sent: Numbers, ticks: int) -> "JointSetpoint":
-        """Setpoint in the robot's `state`, `ticks` after this one, free of the state's rounding.
+        """Setpoint in the robot's `state`, `ticks` after this one, free of the state's
+        rounding.
 
-        A robot that received its command was at the joints `sent` (7,) one tick later; otherwise
-        it keeps its acceleration.
+        A robot that received its command was at the joints `sent` (7,) one tick later;
+        otherwise it keeps its acceleration.
         """
         reported = JointSetpoint.from_state(state)
         position = self.position
-        if largest_difference(reported.acceleration, self.acceleration) > ACCELERATION_ROUNDING:
+        if (
+            largest_difference(reported.acceleration, self.acceleration)
+            > ACCELERATION_ROUNDING
+        ):
             position = sent
             ticks = max(ticks - 1, 0)
         for ago in range(ticks):
@@ -94,14 +104,17 @@ HARD = RateLimits(acceleration=8.0, jerk=2000.0, gain=30.0)
 class JointMotion:
     """Generator of joint setpoints (7,) [rad] on the way to a goal, one per tick.
 
-    It follows a time-optimal plan while every command arrives, and a proportional controller
-    afterwards. The plan reverses its acceleration at the last moment: a robot that misses commands
-    overshoots and oscillates about the goal. The controller's speed is proportional to the
-    remaining distance, with a time constant ten times longer than any such delay.
+    It follows a time-optimal plan while every command arrives, and a proportional
+    controller afterwards. The plan reverses its acceleration at the last moment: a
+    robot that misses commands overshoots and oscillates about the goal. The
+    controller's speed is proportional to the remaining distance, with a time constant
+    ten times longer than any such delay.
     """
 
     def __init__(self, state: Any, goal: Numbers, share: float) -> None:
-        """Plan from rest in `state` to rest at joints `goal` (7,) [rad], at `share` of speed."""
+        """Plan from rest in `state` to rest at joints `goal` (7,) [rad], at `share` of
+        speed.
+        """
         start = list(state.q_d)
         self._planner = ruckig.Ruckig(AXES, TICK)
         self._input = _planner_input(start, goal, share)
@@ -123,18 +136,27 @@ class JointMotion:
         resting = max(map(abs, self._setpoint.rate)) < REST_RATE
         if self._goal is None:
             return resting
-        return resting and largest_difference(self._setpoint.position, self._goal) < GOAL_TOLERANCE
+        return (
+            resting
+            and largest_difference(self._setpoint.position, self._goal) < GOAL_TOLERANCE
+        )
 
     def tick(self) -> Numbers:
-        """Next setpoint (7,) [rad] of all joints; ArmFault where no motion leads to the goal."""
-        self._sent = self._stepwise_setpoint() if self._missed else self._planned_setpoint()
+        """Next setpoint (7,) [rad] of all joints; ArmFault where no motion leads to the
+        goal.
+        """
+        self._sent = (
+            self._stepwise_setpoint() if self._missed else self._planned_setpoint()
+        )
         return self._sent
 
     def update(self, state: Any) -> None:
-        """Continue from the setpoint in the robot's `state` where it is not the one last sent.
+        """Continue from the setpoint in the robot's `state` where it is not the one
+        last sent.
 
-        The state is rounded: 1e-7 rad in one tick is 0.1 rad/s^2. The exact setpoint follows from
-        the last command that the robot received, as it keeps its acceleration without one.
+        The state is rounded: 1e-7 rad in one tick is 0.1 rad/s^2. The exact setpoint
+        follows from the last command that the robot received, as it keeps its
+        acceleration without one.
         """
         time = state.time.to_sec()
         ticks = round((time - self._time) / TICK)
@@ -163,20 +185,27 @@ class JointMotion:
         return setpoint
 
     def _stepwise_setpoint(self) -> Numbers:
-        """Next setpoint (7,) [rad] by proportional control: speeds proportional to the distance."""
+        """Next setpoint (7,) [rad] by proportional control: speeds proportional to the
+        distance.
+        """
         rates = [0.0] * AXES
         if self._goal is not None:
             away = np.subtract(self._goal, self._setpoint.position).tolist()
             fastest = APPROACH_GAIN * max(map(abs, away))
             gain = APPROACH_GAIN * min(1.0, self._speed / fastest) if fastest else 0.0
             rates = [gain * distance for distance in away]  # one gain for all: straight
-        return [self._next_position(*joint) for joint in zip(*self._setpoint, rates, strict=True)]
+        return [
+            self._next_position(*joint)
+            for joint in zip(*self._setpoint, rates, strict=True)
+        ]
 
     def _next_position(
         self, position: float, rate: float, acceleration: float, target_rate: float
     ) -> float:
         """Setpoint [rad] of one joint that approaches `target_rate` [rad/s]."""
-        target = _clip(self._limits.gain * (target_rate - rate), self._limits.acceleration)
+        target = _clip(
+            self._limits.gain * (target_rate - rate), self._limits.acceleration
+        )
         acceleration += _clip(target - acceleration, self._limits.jerk * TICK)
         return position + TICK * (rate + TICK * acceleration)
 
@@ -188,10 +217,11 @@ def follow_joints(
     guard: ForceGuard,
     until: Callable[[Any], bool],
 ) -> Numbers:
-    """Move `robot` to `joints` (7,) [rad] and return the joints (7,) at which it comes to rest.
+    """Move `robot` to `joints` (7,) [rad] and return the joints (7,) at which it comes
+    to rest.
 
-    At a `share` of full speed. It brakes earlier once `until(state)` is true. Raises ArmFault for a
-    force beyond the limits of `guard`, once the robot stands.
+    At a `share` of full speed. It brakes earlier once `until(state)` is true. Raises
+    ArmFault for a force beyond the limits of `guard`, once the robot stands.
     """
     motion = robot.start_joints()
     state = robot.read(motion)
@@ -214,9 +244,11 @@ def follow_joints(
 
 @dataclass(frozen=True)
 class CartesianState:
-    """The robot's `state` at robot time `seconds`, with the hand's commanded pose and derivatives.
+    """The robot's `state` at robot time `seconds`, with the hand's commanded pose and
+    derivatives.
 
-    Pose (16,) by columns, twist (6,) [m/s, rad/s] and its derivative; all else is of `state`.
+    Pose (16,) by columns, twist (6,) [m/s, rad/s] and its derivative; all else is of
+    `state`.
     """
 
     state: Any
@@ -230,21 +262,27 @@ class CartesianState:
 
 
 class CartesianMotion:
-    """Converter of hand poses to joints (7,) [rad], sent to a robot; the elbow, joint 3, stays.
+    """Converter of hand poses to joints (7,) [rad], sent to a robot; the elbow, joint
+    3, stays.
 
-    The client library's Cartesian commands carry no elbow: the robot's own inverse kinematics would
-    choose one (frankx#22), and over a fold it may wander into a joint's end.
+    The client library's Cartesian commands carry no elbow: the robot's own inverse
+    kinematics would choose one (frankx#22), and over a fold it may wander into a
+    joint's end.
 
-    Resynchronising after a missed command can take longer than a tick. On its `own_clock` the robot
-    is therefore predicted one tick ahead, as it keeps its acceleration; the command for that tick
-    is computed meanwhile and sent when the robot arrives there.
+    Resynchronising after a missed command can take longer than a tick. On its
+    `own_clock` the robot is therefore predicted one tick ahead, as it keeps its
+    acceleration; the command for that tick is computed meanwhile and sent when the
+    robot arrives there.
     """
 
     def __init__(self, robot: "Robot", *, own_clock: bool = False) -> None:
-        """Send joint commands to `robot`, a tick ahead if it runs on its `own_clock`."""
+        """Send joint commands to `robot`, a tick ahead if it runs on its
+        `own_clock`.
+        """
         self._robot = robot
         self._own_clock = own_clock
-        self._ahead = False  # whether `_setpoint` predicts the robot a tick after `_time`
+        # whether `_setpoint` predicts the robot a tick after `_time`
+        self._ahead = False
         self._setpoint: JointSetpoint | None = None
         self._sent: Numbers = []
         self._sent_pose: Array | None = None
@@ -254,14 +292,18 @@ class CartesianMotion:
         self._initial_elbow = self._elbow = self._elbow_rate = 0.0
 
     def start_poses(self) -> Any:
-        """Start a motion commanded by hand poses; the elbow (joint 3) keeps its present angle."""
+        """Start a motion commanded by hand poses; the elbow (joint 3) keeps its present
+        angle.
+        """
         self._setpoint = None
         self._sent_pose = None
         self._ahead = False
         return self._robot.start_joints()
 
     def read(self, motion: Any) -> CartesianState:
-        """Next state of the robot in `motion`, with the hand's setpoint from that of the joints."""
+        """Next state of the robot in `motion`, with the hand's setpoint from that of
+        the joints.
+        """
         state = self._robot.read(motion)
         time = state.time.to_sec()
         if self._setpoint is None:
@@ -285,7 +327,9 @@ class CartesianMotion:
         )
 
     def _advance(self, setpoint: JointSetpoint, ticks: int) -> None:
-        """Continue from `setpoint`, `ticks` after the last; predict a robot on its own clock."""
+        """Continue from `setpoint`, `ticks` after the last; predict a robot on its own
+        clock.
+        """
         off = largest_difference(setpoint.position, self._sent)
         if self._sent_pose is not None and ticks == 1 and off < ROUNDING:
             self._setpoint = setpoint
@@ -295,32 +339,46 @@ class CartesianMotion:
         self._resynchronise(setpoint.after_a_tick() if self._ahead else setpoint)
 
     def _resynchronise(self, setpoint: JointSetpoint) -> None:
-        """Set the joints' setpoint, the elbow's motion and past hand poses to `setpoint`."""
+        """Set the joints' setpoint, the elbow's motion and past hand poses to
+        `setpoint`.
+        """
         self._setpoint = setpoint
         self._elbow = setpoint.position[ELBOW_JOINT]
         self._elbow_rate = setpoint.rate[ELBOW_JOINT]
         self._past_poses = _past_poses(setpoint)
 
     def write_pose(self, motion: Any, pose: Numbers, *, last: bool = False) -> None:
-        """Command the joints that bring the hand to `pose`, a column-major 4x4 matrix (16,).
+        """Command the joints that bring the hand to `pose`, a column-major 4x4 matrix
+        (16,).
 
         Raises ArmFault before the first state.
         """
         if self._setpoint is None:
-            raise ArmFault(Cause.COMMAND, "a pose was sent before the first state was read")
+            raise ArmFault(
+                Cause.COMMAND, "a pose was sent before the first state was read"
+            )
         target = pose_from_columns(pose)
         joints = self._joints_at(target, self._setpoint)
-        if self._ahead and not self._await_prediction(motion, self._setpoint) and not last:
+        if (
+            self._ahead
+            and not self._await_prediction(motion, self._setpoint)
+            and not last
+        ):
             return
         self._sent = joints
         self._sent_pose = target
         self._robot.write_joints(motion, joints, last=last)
 
     def _joints_at(self, target: Array, setpoint: JointSetpoint) -> Numbers:
-        """Joints (7,) [rad] with the hand at `target` (4, 4), a tick after `setpoint`."""
-        near = np.array(setpoint.after_a_tick().position)  # one Newton step is exact there
+        """Joints (7,) [rad] with the hand at `target` (4, 4), a tick after
+        `setpoint`.
+        """
+        # one Newton step is exact there
+        near = np.array(setpoint.after_a_tick().position)
         # critically damped return of the elbow
-        restoring_rate = ELBOW_GAIN * (self._initial_elbow - self._elbow) - 2.0 * self._elbow_rate
+        restoring_rate = (
+            ELBOW_GAIN * (self._initial_elbow - self._elbow) - 2.0 * self._elbow_rate
+        )
         self._elbow_rate += TICK * ELBOW_GAIN * restoring_rate
         self._elbow += TICK * self._elbow_rate
         near_pose, jacobian = pose_and_jacobian(near)
@@ -328,7 +386,9 @@ class CartesianMotion:
         return list(joints.tolist())
 
     def _await_prediction(self, motion: Any, predicted: JointSetpoint) -> bool:
-        """Read the robot's next state; False, and continue from it, where it is not `predicted`."""
+        """Read the robot's next state; False, and continue from it, where it is not
+        `predicted`.
+        """
         state = self._robot.read_queued(motion)
         predicted_time = self._time + TICK
         self._time = state.time.to_sec()
@@ -343,7 +403,9 @@ class CartesianMotion:
 
 
 def largest_difference(first: Numbers, second: Numbers) -> float:
-    """Largest |a - b| over the entries a, b at the same place of two lists of one length."""
+    """Largest |a - b| over the entries a, b at the same place of two lists of one
+    length.
+    """
     return max(abs(a - b) for a, b in zip(first, second, strict=True))
 
 
@@ -357,18 +419,25 @@ def _past_poses(setpoint: JointSetpoint) -> list[Array]:
 
 
 def _twist(after: Array, before: Array) -> Array:
-    """Mean twist (6,) [m/s, rad/s] over one tick that takes pose `before` (4, 4) to `after`.
+    """Mean twist (6,) [m/s, rad/s] over one tick that takes pose `before` (4, 4) to
+    `after`.
 
-    The robot differentiates its setpoints in the same way. A twist by the Jacobian at the tick's
-    end is wrong by half of the Jacobian's change, an error that adds up with each lost command.
+    The robot differentiates its setpoints in the same way. A twist by the Jacobian at
+    the tick's end is wrong by half of the Jacobian's change, an error that adds up with
+    each lost command.
     """
     turn = after[:3, :3] @ before[:3, :3].T
     angle = [turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]
-    return np.concatenate([after[:3, 3] - before[:3, 3], np.multiply(0.5, angle)]) / TICK
+    return (
+        np.concatenate([after[:3, 3] - before[:3, 3], np.multiply(0.5, angle)]) / TICK
+    )
 
 
-def _planner_input(start: Numbers, goal: Numbers, share: float) -> ruckig.InputParameter:
-    """Ruckig's input from rest at `start` to rest at `goal` (7,) [rad], straight in joint space.
+def _planner_input(
+    start: Numbers, goal: Numbers, share: float
+) -> ruckig.InputParameter:
+    """Ruckig's input from rest at `start` to rest at `goal` (7,) [rad], straight in
+    joint space.
 
     Speed and acceleration are a `share` of the full ones; the jerk is not scaled.
     """

@@ -13,7 +13,12 @@ import numpy as np
 from drivers.arm.failure import ArmFault, Cause
 from drivers.arm.force import ForceGuard
 from drivers.arm.joint_motion import follow_joints
-from drivers.arm.obstacles import ARM_CLEARANCE, CLEARANCE_TOLERANCE, clear_path, solids_of
+from drivers.arm.obstacles import (
+    ARM_CLEARANCE,
+    CLEARANCE_TOLERANCE,
+    clear_path,
+    solids_of,
+)
 from drivers.arm.process import (
     END_PATIENCE,
     RobotAccess,
@@ -40,15 +45,17 @@ SPEED_SHARE = 0.05  # share of the joints' speed
 FREE = 0.3  # share of the allowed force at rest from which the arm counts as free
 JOINT_MARGIN = 0.03  # rad that each joint keeps from its ends
 LOOSENING = 2  # factor on the thresholds of the reflexes
-FORCE_CAP, MOMENT_CAP, TORQUE_CAP = 100.0, 100.0, 87.0  # N, N m, N m: most that settings allow
+# N, N m, N m: most that settings allow
+FORCE_CAP, MOMENT_CAP, TORQUE_CAP = 100.0, 100.0, 87.0
 
 
 @dataclass(frozen=True, slots=True)
 class GoTo:
-    """Request for a motion of the robot to `joints` (7,) [rad] at a `share` of full speed.
+    """Request for a motion of the robot to `joints` (7,) [rad] at a `share` of full
+    speed.
 
-    `recover` first resets a reflex and retreats from what presses on the gripper; `reset_tool` sets
-    the cell's tool and reads it back.
+    `recover` first resets a reflex and retreats from what presses on the gripper;
+    `reset_tool` sets the cell's tool and reads it back.
     """
 
     joints: list[float]
@@ -60,14 +67,15 @@ class GoTo:
 def go_to(access: RobotAccess, request: GoTo) -> None:
     """Move the robot as `request` states, and wait until it rests there; raises Fault.
 
-    The path goes around where a straight one in joint space meets the arm itself, desk, clamp or
-    floor. Interrupting this function ends the motion.
+    The path goes around where a straight one in joint space meets the arm itself, desk,
+    clamp or floor. Interrupting this function ends the motion.
     """
     _run_in_process(access, request)
 
 
 def hand_pose(access: RobotAccess) -> list[float]:
-    """Read the hand's pose in the robot's base, a column-major 4x4 matrix (16,); moves nothing.
+    """Read the hand's pose in the robot's base, a column-major 4x4 matrix (16,); moves
+    nothing.
 
     Raises Fault, also where the robot's tool is not the cell's.
     """
@@ -75,7 +83,9 @@ def hand_pose(access: RobotAccess) -> list[float]:
 
 
 def _run_in_process(access: RobotAccess, request: GoTo | None) -> list[float]:
-    """Run `carry_out` in a child process; returns its answer, a pose (16,) or joints (7,) [rad]."""
+    """Run `carry_out` in a child process; returns its answer, a pose (16,) or joints
+    (7,) [rad].
+    """
     child = Child(carry_out, access, request)
     try:
         answer: list[float] = receive(child, REQUEST_TIMEOUT)
@@ -85,7 +95,9 @@ def _run_in_process(access: RobotAccess, request: GoTo | None) -> list[float]:
 
 
 def carry_out(pipe: Connection, access: RobotAccess, request: GoTo | None) -> None:
-    """Send through `pipe` the robot's pose (16,), or its joints (7,) [rad] after `request`."""
+    """Send through `pipe` the robot's pose (16,), or its joints (7,) [rad] after
+    `request`.
+    """
     with connection(pipe, access) as robot:
         if request is None:
             robot.require_tool()
@@ -94,8 +106,12 @@ def carry_out(pipe: Connection, access: RobotAccess, request: GoTo | None) -> No
             send(pipe, _go(robot, access, request, pipe))
 
 
-def _go(robot: Any, access: RobotAccess, request: GoTo, pipe: Connection) -> list[float]:
-    """Prepare, check and move the robot as `request` states; returns joints (7,) [rad] reached."""
+def _go(
+    robot: Any, access: RobotAccess, request: GoTo, pipe: Connection
+) -> list[float]:
+    """Prepare, check and move the robot as `request` states; returns joints (7,) [rad]
+    reached.
+    """
     if request.recover:
         robot.recover()
     robot.require_ready()
@@ -129,18 +145,22 @@ def _go(robot: Any, access: RobotAccess, request: GoTo, pipe: Connection) -> lis
 def retreat(
     robot: Any, settings: FciSettings, interrupted: Callable[[], bool], solids: Solids
 ) -> None:
-    """Move a `robot` at rest along the force on its gripper, if that force is more than allowed.
+    """Move a `robot` at rest along the force on its gripper, if that force is more than
+    allowed.
 
-    The thresholds of the reflexes, which would stop it, are increased meanwhile. Raises ArmFault
-    where the force is NaN or rises during the motion, where the path leads towards one of the
-    `solids`, or does not free the arm within AWAY.
+    The thresholds of the reflexes, which would stop it, are increased meanwhile. Raises
+    ArmFault where the force is NaN or rises during the motion, where the path leads
+    towards one of the `solids`, or does not free the arm within AWAY.
     """
     state = robot.state()
     size = _force_on_gripper(state)
     if size <= settings.rest:
         return
     if not isfinite(size):
-        reason = "the robot reports a force that is no number; check its log before it moves again"
+        reason = (
+            "the robot reports a force that is no number; check its log before it moves"
+            " again"
+        )
         raise ArmFault(Cause.PRESSED, reason)
     path = _steps_away(np.array(state.q), np.array(state.O_F_ext_hat_K[:3]) / size)
     _require_room(path, solids)
@@ -153,13 +173,14 @@ def retreat(
     try:
         follow_joints(robot, path[-1].tolist(), SPEED_SHARE, guard, is_over)
     finally:
-        with suppress(ArmFault):  # of a robot that a reflex has stopped; motions set their own
+        # of a robot that a reflex has stopped; motions set their own
+        with suppress(ArmFault):
             robot.configure(settings.collision)
     after = _force_on_gripper(robot.state())
     if not after <= settings.rest:
         reason = (
-            f"the gripper still feels {after:.1f} N after a retreat of {1e3 * AWAY:.0f} mm from "
-            f"{size:.1f} N, allowed {settings.rest:.1f} N"
+            f"the gripper still feels {after:.1f} N after a retreat of {1e3 * AWAY:.0f}"
+            f" mm from {size:.1f} N, allowed {settings.rest:.1f} N"
         )
         raise ArmFault(Cause.PRESSED, reason)
 
@@ -170,32 +191,46 @@ def _force_on_gripper(state: Any) -> float:
 
 
 def _steps_away(joints: Array, direction: Array) -> Array:
-    """Joints (n, 7) [rad] that move the gripper by AWAY along `direction` (3,), without a turn."""
+    """Joints (n, 7) [rad] that move the gripper by AWAY along `direction` (3,), without
+    a turn.
+    """
     places = islice(straight(joints, PLACE_STEP * direction), round(AWAY / PLACE_STEP))
     path = np.array([joints, *places])
     if not limits.margins(path[-1]).min() >= JOINT_MARGIN:
-        words = "no way leads out of the contact: a joint is at its end; free the arm by hand"
+        words = (
+            "no way leads out of the contact: a joint is at its end; free the arm by"
+            " hand"
+        )
         raise ArmFault(Cause.PRESSED, words)
     return path
 
 
 def _require_room(path: Array, solids: Solids) -> None:
-    """Raise ArmFault where joints `path` (n, 7) [rad] lead closer to a solid than is allowed.
+    """Raise ArmFault where joints `path` (n, 7) [rad] lead closer to a solid than is
+    allowed.
 
-    Allowed is ARM_CLEARANCE, or the clearance at the start of the path where that is smaller.
+    Allowed is ARM_CLEARANCE, or the clearance at the start of the path where that is
+    smaller.
     """
     gaps = solids.clearance(path)
     allowed = np.minimum(gaps[0] - CLEARANCE_TOLERANCE, ARM_CLEARANCE)
     for box, gap, least in zip(solids.boxes, gaps.T, allowed, strict=True):
         if not gap.min() >= least:
-            words = f"the way out of the contact leads towards the {box.name}; free the arm by hand"
+            words = (
+                f"the way out of the contact leads towards the {box.name}; free the arm"
+                " by hand"
+            )
             raise ArmFault(Cause.PRESSED, words)
 
 
 def _raise_thresholds(collision: CollisionSettings, force: float) -> CollisionSettings:
-    """Copy of `collision` with upper thresholds that allow a retreat from a `force` [N]."""
+    """Copy of `collision` with upper thresholds that allow a retreat from a `force`
+    [N].
+    """
     upper = {
-        "force_upper": min(max(collision.force_upper, LOOSENING * force + FORCE_RISE), FORCE_CAP),
+        "force_upper": min(
+            max(collision.force_upper, LOOSENING * force + FORCE_RISE), FORCE_CAP
+        ),
         "moment_upper": min(LOOSENING * collision.moment_upper, MOMENT_CAP),
         "torque_upper": min(LOOSENING * collision.torque_upper, TORQUE_CAP),
     }

@@ -1,4 +1,6 @@
-"""Shared memory that holds the newest command to the robot's loop, or the loop's newest report."""
+"""Shared memory that holds the newest command to the robot's loop, or the loop's newest
+report.
+"""
 
 import os
 import struct
@@ -16,7 +18,9 @@ V = TypeVar("V", bound=NamedTuple)
 
 
 class CommandKind(IntEnum):
-    """Kinds of commands to the robot's loop: brake, move at a velocity, or move to a pose."""
+    """Kinds of commands to the robot's loop: brake, move at a velocity, or move to a
+    pose.
+    """
 
     HOLD = 0
     FOLLOW = 1
@@ -24,9 +28,11 @@ class CommandKind(IntEnum):
 
 
 class LoopCommand(NamedTuple):
-    """Command to the robot's loop: its `kind`, and `x`, `z`, `pitch` of a pose or a velocity.
+    """Command to the robot's loop: its `kind`, and `x`, `z`, `pitch` of a pose or a
+    velocity.
 
-    `number` rises with each command, which the loop executes once; `beat` counts heartbeats.
+    `number` rises with each command, which the loop executes once; `beat` counts
+    heartbeats.
     """
 
     number: int
@@ -38,11 +44,12 @@ class LoopCommand(NamedTuple):
 
 
 class Report(NamedTuple):
-    """State of the arm after `ticks` of its motion, which arrived at time `arrival` [s].
+    """State of the arm after `ticks` of its motion, which arrived at time `arrival`
+    [s].
 
-    Measured pose and velocity and commanded pose in the cell frame [m, rad, s]; `fx`, `fz` force on
-    the gripper less its tare [N]; `number` of the last command taken; flags `moving` and
-    `expired`, a velocity not renewed.
+    Measured pose and velocity and commanded pose in the cell frame [m, rad, s]; `fx`,
+    `fz` force on the gripper less its tare [N]; `number` of the last command taken;
+    flags `moving` and `expired`, a velocity not renewed.
     """
 
     ticks: int
@@ -64,18 +71,23 @@ class Report(NamedTuple):
 
 
 class Mailbox(SharedMemory, Generic[V]):
-    """Value in shared memory, written by one process and read by others without any locking.
+    """Value in shared memory, written by one process and read by others without any
+    locking.
 
-    The writer fills the hidden one of two slots, then publishes it. A reader retries only when the
-    writer has reused its slot meanwhile, so that a writer that dies during a write blocks no
-    reader. Relies on stores that become visible in order, as on x86-64, the only platform of the
-    robot's library.
+    The writer fills the hidden one of two slots, then publishes it. A reader retries
+    only when the writer has reused its slot meanwhile, so that a writer that dies
+    during a write blocks no reader. Relies on stores that become visible in order, as
+    on x86-64, the only platform of the robot's library.
     """
 
     def __init__(self, kind: type[V], descriptor: int | None = None) -> None:
-        """Mailbox for values of `kind`, a NamedTuple of int and float; by default in new memory."""
+        """Mailbox for values of `kind`, a NamedTuple of int and float; by default in
+        new memory.
+        """
         super().__init__(descriptor)
-        letters = ("d" if field is float else "q" for field in kind.__annotations__.values())
+        letters = (
+            "d" if field is float else "q" for field in kind.__annotations__.values()
+        )
         self._struct = struct.Struct("=" + "".join(letters))
         self._kind = kind
         end = WORD + 2 * self._struct.size
@@ -83,7 +95,10 @@ class Mailbox(SharedMemory, Generic[V]):
             os.ftruncate(self.descriptor, end)
         view = memoryview(mmap(self.descriptor, end))
         self._count = view[:WORD].cast("Q")
-        self._slots = (view[WORD : WORD + self._struct.size], view[WORD + self._struct.size : end])
+        self._slots = (
+            view[WORD : WORD + self._struct.size],
+            view[WORD + self._struct.size : end],
+        )
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Mailbox, (self._kind, self.descriptor)
@@ -100,7 +115,9 @@ class Mailbox(SharedMemory, Generic[V]):
         self._count[0] = after
 
     def read(self) -> V:
-        """Newest value, zeros before the first write; Fault `arm_memory` after TRIES attempts."""
+        """Newest value, zeros before the first write; Fault `arm_memory` after TRIES
+        attempts.
+        """
         for _ in range(TRIES):
             before = self._count[0]
             content = bytes(self._slots[before & 1])
@@ -110,7 +127,8 @@ class Mailbox(SharedMemory, Generic[V]):
 
 
 class CommandInbox:
-    """Reader of the cell's commands, each taken once, and of the time since its last heartbeat.
+    """Reader of the cell's commands, each taken once, and of the time since its last
+    heartbeat.
 
     `number` is that of the last command taken.
     """
@@ -122,7 +140,9 @@ class CommandInbox:
         self._heard_at = 0.0  # its robot time [s]
 
     def take(self, time: float) -> LoopCommand | None:
-        """Newest command by robot `time` [s]; None where that command was taken before."""
+        """Newest command by robot `time` [s]; None where that command was taken
+        before.
+        """
         command = self._commands.read()
         if command.beat != self._beat:
             self._beat = command.beat
@@ -133,5 +153,7 @@ class CommandInbox:
         return command
 
     def silence(self, time: float) -> float:
-        """Time [s] until robot `time` [s] without a heartbeat of the cell; 0 before the first."""
+        """Time [s] until robot `time` [s] without a heartbeat of the cell; 0 before the
+        first.
+        """
         return time - self._heard_at if self._beat else 0.0

@@ -1,4 +1,6 @@
-"""Parts of the processes that are connected to a robot; the robot stops when they end."""
+"""Parts of the processes that are connected to a robot; the robot stops when they
+end.
+"""
 
 import gc
 import signal
@@ -20,7 +22,9 @@ PRIORITY = 80  # of 1 to 99, above ordinary threads and below the kernel's
 
 @dataclass(frozen=True, slots=True)
 class RobotAccess:
-    """Robot to connect to: its `address`, its settings and the installation of its arm."""
+    """Robot to connect to: its `address`, its settings and the installation of its
+    arm.
+    """
 
     address: str
     settings: FciSettings
@@ -28,10 +32,11 @@ class RobotAccess:
 
 
 class TerminationFlag:
-    """Flag that SIGTERM or SIGHUP sets instead of ending this process, so that the arm can brake.
+    """Flag that SIGTERM or SIGHUP sets instead of ending this process, so that the arm
+    can brake.
 
-    A closed terminal or a shutdown signals every process. One that ended during a motion would
-    leave it to the robot to detect the missing commands.
+    A closed terminal or a shutdown signals every process. One that ended during a
+    motion would leave it to the robot to detect the missing commands.
     """
 
     def __init__(self) -> None:
@@ -40,7 +45,9 @@ class TerminationFlag:
             signal.signal(number, self._note_signal)
 
     def check(self) -> None:
-        """Raise ArmFault if a signal has asked this process to end; called once the arm rests."""
+        """Raise ArmFault if a signal has asked this process to end; called once the arm
+        rests.
+        """
         if self.is_set:
             raise ArmFault(Cause.ENDED, "the process of the arm was asked to end")
 
@@ -51,14 +58,17 @@ class TerminationFlag:
 def receive(child: Child, patience: float) -> Any:
     """Next message of a process that is connected to a robot, within `patience` [s].
 
-    Raises ArmFault where the message is one, where none arrives or where the process has died.
+    Raises ArmFault where the message is one, where none arrives or where the process
+    has died.
     """
     try:
         answer = child.receive(patience)
     except ChildDied as died:
         raise ArmFault(Cause.LOST, f"the process of the arm: {died}") from None
     if answer is None:
-        raise ArmFault(Cause.SILENT, f"the robot did not answer within {patience:.1f} s")
+        raise ArmFault(
+            Cause.SILENT, f"the robot did not answer within {patience:.1f} s"
+        )
     if isinstance(answer, ArmFault):
         raise answer
     return answer
@@ -66,7 +76,8 @@ def receive(child: Child, patience: float) -> Any:
 
 @contextmanager
 def connection(pipe: Connection, access: RobotAccess) -> Iterator[Any]:
-    """Context with a connected `drivers.arm.robot.Robot`, for use in the robot's process.
+    """Context with a connected `drivers.arm.robot.Robot`, for use in the robot's
+    process.
 
     Sends any exception that is raised in it through `pipe`, as an ArmFault.
     """
@@ -90,16 +101,20 @@ def send(pipe: Connection, message: object) -> None:
 
 
 def apply_realtime(mode: RealTime) -> None:
-    """Give this thread the real-time scheduling of `mode`; call it after connecting to the robot.
+    """Give this thread the real-time scheduling of `mode`; call it after connecting to
+    the robot.
 
-    enforce: memory is locked; the library has taken the priority. priority: memory is locked and
-    PRIORITY taken. ignore: only a short time slice is requested. Raises ArmFault where the user may
-    not have PRIORITY.
+    enforce: memory is locked; the library has taken the priority. priority: memory is
+    locked and PRIORITY taken. ignore: only a short time slice is requested. Raises
+    ArmFault where the user may not have PRIORITY.
     """
     if mode == "ignore":
         wake_promptly()
         return
-    lock_memory()  # best effort: an unlocked page may have to be read from disk within a tick
+    # best effort: an unlocked page may have to be read from disk within a tick
+    lock_memory()
     if mode == "priority" and not take_priority(PRIORITY):
-        reason = f"this user may not have real-time priority {PRIORITY}, see `ulimit -r`"
+        reason = (
+            f"this user may not have real-time priority {PRIORITY}, see `ulimit -r`"
+        )
         raise ArmFault(Cause.REALTIME, reason)

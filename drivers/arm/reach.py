@@ -1,4 +1,6 @@
-"""Whether the arm can follow a gripper path: before a motion, and ahead during every motion."""
+"""Whether the arm can follow a gripper path: before a motion, and ahead during every
+motion.
+"""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -32,21 +34,27 @@ PATH_ITERATIONS = 12  # Newton steps for one pose
 HANGING = np.pi / 2 - 1e-6  # rad of pitch, from the end of the lift on
 NO_POSTURE = "no posture of the arm brings the hand there"
 MOST_PROBLEMS = 5  # problems of one path, after which it is given up
-ELBOWS = (-1.2, -0.9, -0.6, -0.3, -0.15, 0.0, 0.15, 0.3, 0.6, 0.9, 1.2)  # rad of joint 3, tried
+# rad of joint 3, tried
+ELBOWS = (-1.2, -0.9, -0.6, -0.3, -0.15, 0.0, 0.15, 0.3, 0.6, 0.9, 1.2)
 
 # ahead in a motion
 JOINT_MARGIN = 0.03  # rad that each joint keeps from its ends
 ITERATIONS = 3  # Newton steps for one pose
 TOLERANCE = 1e-3  # rad, that the last of them may have
 REACTION = 0.015  # s until a braking is under way
-VELOCITY_SHARE = 0.95  # of a joint's velocity; the rest is for the beginning of a braking
-ACCELERATION_SHARE = 0.9  # of a joint's acceleration in a motion; the rest is for changes of it
-CHANGE_SHARE = 1.6  # of a joint's acceleration, for the worst simultaneous change of all axes
+# of a joint's velocity; the rest is for the beginning of a braking
+VELOCITY_SHARE = 0.95
+# of a joint's acceleration in a motion; the rest is for changes of it
+ACCELERATION_SHARE = 0.9
+# of a joint's acceleration, for the worst simultaneous change of all axes
+CHANGE_SHARE = 1.6
 
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """Gripper pose (x, z [m], pitch [rad]) that the arm cannot reach, and the reason."""
+    """Gripper pose (x, z [m], pitch [rad]) that the arm cannot reach, and the
+    reason.
+    """
 
     x: float
     z: float
@@ -61,10 +69,12 @@ class Problem:
 
 @dataclass(frozen=True, slots=True)
 class Reach:
-    """Result of tracking a gripper path from one start posture: margin, progress and problems.
+    """Result of tracking a gripper path from one start posture: margin, progress and
+    problems.
 
-    The hand `turned` or not, `start` joints (7,) [rad] at the first pose, smallest joint `margin`
-    [rad] and its `joint`, number of poses `followed`, and the first `problems` in path order.
+    The hand `turned` or not, `start` joints (7,) [rad] at the first pose, smallest
+    joint `margin` [rad] and its `joint`, number of poses `followed`, and the first
+    `problems` in path order.
     """
 
     turned: bool
@@ -81,40 +91,61 @@ class Reach:
 
 
 def plan_reach(
-    installation: Installation, path: Array, speeds: Array, elbows: tuple[float, ...] = ELBOWS
+    installation: Installation,
+    path: Array,
+    speeds: Array,
+    elbows: tuple[float, ...] = ELBOWS,
 ) -> Reach:
     """Choose the start posture with which the arm best follows a gripper path.
 
-    `path` (n, 3) is x, z [m] and pitch [rad], `speeds` (n,) [m/s] along it. Tries both hand
-    orientations and all `elbows` [rad], constant along the path. Prefers no problems, then the
-    longest part followed, then the largest joint margin. The driver's guard must not brake on the
-    path before the lay, which depends on where the layers touch.
+    `path` (n, 3) is x, z [m] and pitch [rad], `speeds` (n,) [m/s] along it. Tries both
+    hand orientations and all `elbows` [rad], constant along the path. Prefers no
+    problems, then the longest part followed, then the largest joint margin. The
+    driver's guard must not brake on the path before the lay, which depends on where the
+    layers touch.
     """
     poses, times = densify(path, speeds)
     frame = installation.mounting.transform()
     planes = [StripPlane(frame, turned=turned) for turned in (False, True)]
-    tracked = [reach for plane in planes for reach in _postures(plane, poses, times, elbows)]
+    tracked = [
+        reach for plane in planes for reach in _postures(plane, poses, times, elbows)
+    ]
     if not tracked:
         x, z, pitch = path[0].tolist()
         problem = Problem(x, z, pitch, NO_POSTURE)
-        return Reach(turned=False, start=HOME, margin=0.0, joint=1, followed=0, problems=(problem,))
-    tracked.sort(key=lambda reach: (reach.allowed, reach.followed, reach.margin), reverse=True)
+        return Reach(
+            turned=False,
+            start=HOME,
+            margin=0.0,
+            joint=1,
+            followed=0,
+            problems=(problem,),
+        )
+    tracked.sort(
+        key=lambda reach: (reach.allowed, reach.followed, reach.margin), reverse=True
+    )
     guarded = list[Reach]()  # those that the driver's guard would brake
     for reach in tracked:
         if reach.allowed:
-            guard = ReachGuard(planes[reach.turned], installation.limits, reach.start.tolist())
+            guard = ReachGuard(
+                planes[reach.turned], installation.limits, reach.start.tolist()
+            )
             braking = _first_braking(guard, poses, times)
             if braking is None:
                 return reach
             in_lift = braking.pitch <= HANGING
             guarded.append(replace(reach, problems=(braking,)) if in_lift else reach)
-    return max(guarded, key=lambda reach: (reach.allowed, reach.margin), default=tracked[0])
+    return max(
+        guarded, key=lambda reach: (reach.allowed, reach.margin), default=tracked[0]
+    )
 
 
 def _postures(
     plane: StripPlane, poses: Array, times: Array, elbows: tuple[float, ...]
 ) -> Iterator[Reach]:
-    """Yield the result of tracking `poses` from each start posture, one for each elbow angle."""
+    """Yield the result of tracking `poses` from each start posture, one for each elbow
+    angle.
+    """
     for elbow in elbows:
         seed = HOME + frozen([-elbow, 0, elbow, 0, 0, 0, 0])
         try:
@@ -127,7 +158,9 @@ def _postures(
 
 
 def _track_path(plane: StripPlane, poses: Array, times: Array, start: Array) -> Reach:
-    """Track the joints along `poses` (n, 3) from `start` (7,) [rad], up to MOST_PROBLEMS."""
+    """Track the joints along `poses` (n, 3) from `start` (7,) [rad], up to
+    MOST_PROBLEMS.
+    """
     joints = start
     elbow = float(start[ELBOW_JOINT])
     problems = list[Problem]()
@@ -158,17 +191,23 @@ def _track_path(plane: StripPlane, poses: Array, times: Array, start: Array) -> 
 
 
 def _first_braking(guard: "ReachGuard", poses: Array, times: Array) -> Problem | None:
-    """First of `poses` (n, 3) [m, m, rad], from the lift on, at which `guard` would brake."""
+    """First of `poses` (n, 3) [m, m, rad], from the lift on, at which `guard` would
+    brake.
+    """
     rates = np.diff(poses, axis=0) / times[1:, None]
     for (x, z, pitch), rate in zip(poses.tolist(), rates.tolist(), strict=False):
-        reason = guard.objection(PredictedMotion(Pose(x, z, pitch), Velocity(*rate), ZERO_VELOCITY))
+        reason = guard.objection(
+            PredictedMotion(Pose(x, z, pitch), Velocity(*rate), ZERO_VELOCITY)
+        )
         if reason and pitch > 0.0:
             return Problem(x, z, pitch, reason)
     return None
 
 
 def _step_objection(joints: Array, target: Array, time: float) -> str:
-    """Reason to refuse a step from `joints` to `target` (7,) in `time` [s]; empty for none."""
+    """Reason to refuse a step from `joints` to `target` (7,) in `time` [s]; empty for
+    none.
+    """
     margins = limits.margins(target)
     joint = int(margins.argmin())
     if margins[joint] < PATH_MARGIN:
@@ -184,14 +223,19 @@ def _step_objection(joints: Array, target: Array, time: float) -> str:
     )
     if used.max() > 1.0:
         worst = int(used.argmax())
-        return f"joint {worst + 1} would turn at {abs(rate[worst]):.2f} rad/s, more than it may"
+        return (
+            f"joint {worst + 1} would turn at {abs(rate[worst]):.2f} rad/s, more than"
+            " it may"
+        )
     if manipulability(pose_and_jacobian(target)[1]) < SINGULAR:
         return "the arm would be close to a singular posture, stretched or folded"
     return ""
 
 
 def densify(path: Array, speeds: Array) -> tuple[Array, Array]:
-    """Poses (m, 3) along `path` at most POSE_STEP apart, and times (m,) [s] from pose to pose."""
+    """Poses (m, 3) along `path` at most POSE_STEP apart, and times (m,) [s] from pose
+    to pose.
+    """
     poses = [path[:1]]
     times = [np.array([1.0])]  # s to the first pose: the arm stands there
     for first, second, speed in zip(path[:-1], path[1:], speeds[1:], strict=True):
@@ -205,16 +249,22 @@ def densify(path: Array, speeds: Array) -> tuple[Array, Array]:
 
 
 class ReachGuard:
-    """Check that joints keep limits at the pose REACTION [s] ahead and where braking from it ends.
+    """Check that joints keep limits at the pose REACTION [s] ahead and where braking
+    from it ends.
 
-    At both poses, with the elbow where the motion began, each joint must be away from its ends and
-    need at most VELOCITY_SHARE of its velocity, ACCELERATION_SHARE of its acceleration for the
-    motion (curvature included), its full acceleration for braking, and CHANGE_SHARE of it for the
-    worst simultaneous change of all axes. So the arm can brake whatever is commanded next.
+    At both poses, with the elbow where the motion began, each joint must be away from
+    its ends and need at most VELOCITY_SHARE of its velocity, ACCELERATION_SHARE of its
+    acceleration for the motion (curvature included), its full acceleration for braking,
+    and CHANGE_SHARE of it for the worst simultaneous change of all axes. So the arm can
+    brake whatever is commanded next.
     """
 
-    def __init__(self, plane: StripPlane, motion: MotionLimits, joints: list[float]) -> None:
-        """Guard a motion in `plane` that begins at `joints` (7,) [rad], with its axes' limits."""
+    def __init__(
+        self, plane: StripPlane, motion: MotionLimits, joints: list[float]
+    ) -> None:
+        """Guard a motion in `plane` that begins at `joints` (7,) [rad], with its axes'
+        limits.
+        """
         self._plane = plane
         self._elbow = float(joints[ELBOW_JOINT])
         self._ahead: Array = np.array(joints)
@@ -224,7 +274,9 @@ class ReachGuard:
         self._jerk = np.array([axis.jerk for axis in motion.axes])
 
     def objection(self, ahead: PredictedMotion) -> str:
-        """Reason to stop a motion predicted to be at `ahead`; empty while it may continue."""
+        """Reason to stop a motion predicted to be at `ahead`; empty while it may
+        continue.
+        """
         pose = ahead.pose.as_array()
         velocity, acceleration = (
             np.array([rate.vx, rate.vz, rate.pitch_rate])
@@ -248,8 +300,9 @@ class ReachGuard:
     ) -> Array:
         """Largest share (7,) of each joint's limits in a motion and in braking from it.
 
-        `rates` and `rest_rates` (7, 3) are joint rates per unit velocity of each axis: at the
-        motion with `velocity` and `acceleration` (3,), and where braking from it ends.
+        `rates` and `rest_rates` (7, 3) are joint rates per unit velocity of each axis:
+        at the motion with `velocity` and `acceleration` (3,), and where braking from it
+        ends.
         """
         peak = np.minimum(self._acceleration, np.sqrt(np.abs(velocity) * self._jerk))
         braking = -np.sign(velocity) * peak
@@ -261,19 +314,26 @@ class ReachGuard:
             [
                 # the motion: velocity, acceleration; braking now, and at its end
                 self._rate_shares(turning),
-                np.abs(rates @ acceleration + bending) / limits.ACCELERATION / ACCELERATION_SHARE,
+                np.abs(rates @ acceleration + bending)
+                / limits.ACCELERATION
+                / ACCELERATION_SHARE,
                 np.abs(rates @ braking + bending) / limits.ACCELERATION,
                 np.abs(rest_rates @ braking) / limits.ACCELERATION,
                 # a simultaneous change of all axes where the arm would rest
-                np.abs(rest_rates) @ self._acceleration / limits.ACCELERATION / CHANGE_SHARE,
+                np.abs(rest_rates)
+                @ self._acceleration
+                / limits.ACCELERATION
+                / CHANGE_SHARE,
             ]
         )
         return demand
 
     def _track(self, joints: Array, pose: Array) -> tuple[Array, Array | None]:
-        """Joints (7,) [rad] at `pose` (3,), and their rates (7, 3) per velocity of each axis.
+        """Joints (7,) [rad] at `pose` (3,), and their rates (7, 3) per velocity of each
+        axis.
 
-        Searched from near `joints` (7,); the rates are None where the pose is out of reach.
+        Searched from near `joints` (7,); the rates are None where the pose is out of
+        reach.
         """
         x, z, pitch = pose.tolist()
         target = self._plane.matrix(x, z, pitch)
@@ -286,14 +346,19 @@ class ReachGuard:
     def _rate_shares(self, rates: Array) -> Array:
         """Joint `rates` (7,) [rad/s] as shares of their limits; 1 is the limit."""
         low, high = limits.velocity_bounds(self._ahead)
-        return np.asarray(np.maximum(rates / high, rates / low) / VELOCITY_SHARE, dtype=np.float64)
+        return np.asarray(
+            np.maximum(rates / high, rates / low) / VELOCITY_SHARE, dtype=np.float64
+        )
 
 
 def _twists(plane: StripPlane) -> Array:
-    """Hand twist and elbow rate in the base, (7, 3) [m, rad], per unit velocity of x, z, pitch."""
+    """Hand twist and elbow rate in the base, (7, 3) [m, rad], per unit velocity of x,
+    z, pitch.
+    """
     origin = plane.matrix(0.0, 0.0, 0.0)
     small = 1e-6
-    turn = (plane.matrix(0.0, 0.0, small)[:3, :3] @ origin[:3, :3].T) / small  # per rad of pitch
+    # per rad of pitch
+    turn = (plane.matrix(0.0, 0.0, small)[:3, :3] @ origin[:3, :3].T) / small
     twists = np.zeros((7, 3))
     twists[:3, 0] = plane.matrix(1.0, 0.0, 0.0)[:3, 3] - origin[:3, 3]
     twists[:3, 1] = plane.matrix(0.0, 1.0, 0.0)[:3, 3] - origin[:3, 3]

@@ -1,4 +1,6 @@
-"""Connection to a Franka robot by libfranka's Python client: settings, one motion at a time."""
+"""Connection to a Franka robot by libfranka's Python client: settings, one motion at a
+time.
+"""
 
 import os
 from collections.abc import Callable, Iterator
@@ -22,7 +24,8 @@ from drivers.arm.force import ForceGuard, Tare
 from drivers.arm.settings import CollisionSettings, FciSettings, RealTime
 
 TARE_STATES = 50  # states, of which the force at rest is the mean
-AWAITED = 5e-5  # s at least to read a state that has yet to come; one at hand takes 2e-5
+# s at least to read a state that has yet to come; one at hand takes 2e-5
+AWAITED = 5e-5
 
 CAUSES: tuple[tuple[type[Exception], Cause], ...] = (
     (franka.ControlException, Cause.REFLEX),
@@ -40,10 +43,14 @@ ERROR_NAMES = tuple(name for name in dir(franka.Errors) if not name.startswith("
 
 
 class Robot:
-    """Connection to a robot by pylibfranka; every error of the library is raised as ArmFault."""
+    """Connection to a robot by pylibfranka; every error of the library is raised as
+    ArmFault.
+    """
 
     def __init__(self, address: str, settings: FciSettings) -> None:
-        """Connect to the robot at `address`; ArmFault if its joint limits are too narrow."""
+        """Connect to the robot at `address`; ArmFault if its joint limits are too
+        narrow.
+        """
         description = read_description(address)
         if description is not None:
             require_limits(description)
@@ -57,12 +64,16 @@ class Robot:
             return self._robot.read_once()
 
     def require_ready(self) -> None:
-        """Raise ArmFault for a robot that cannot move: stopped, not idle, or with errors."""
+        """Raise ArmFault for a robot that cannot move: stopped, not idle, or with
+        errors.
+        """
         state = self.state()
         failure = failure_in(state)
         if failure is None and state.robot_mode != franka.RobotMode.Idle:
             mode = state.robot_mode.name
-            failure = ArmFault(Cause.REFUSED, f"the robot is not at rest and free, but in {mode}")
+            failure = ArmFault(
+                Cause.REFUSED, f"the robot is not at rest and free, but in {mode}"
+            )
         if failure is None and bool(state.current_errors):
             failure = ArmFault(
                 Cause.REFLEX, "the robot reports errors", _flags(state.current_errors)
@@ -75,14 +86,18 @@ class Robot:
         require_tool(self.state(), self._settings.tool)
 
     def reset_tool(self) -> None:
-        """Set the robot's end effector and stiffness frame to the nominal ones, and no load."""
+        """Set the robot's end effector and stiffness frame to the nominal ones, and no
+        load.
+        """
         with _library_errors(self._stop_reason):
             self._robot.set_EE(IDENTITY)
             self._robot.set_K(IDENTITY)
             self._robot.set_load(0.0, [0.0] * 3, [0.0] * 9)
 
     def configure(self, collision: CollisionSettings) -> None:
-        """Set the robot's contact and collision thresholds, which a robot in motion refuses."""
+        """Set the robot's contact and collision thresholds, which a robot in motion
+        refuses.
+        """
         lower, upper = [collision.torque_lower] * 7, [collision.torque_upper] * 7
         soft = [collision.force_lower] * 3 + [collision.moment_lower] * 3
         hard = [collision.force_upper] * 3 + [collision.moment_upper] * 3
@@ -90,7 +105,9 @@ class Robot:
             self._robot.set_collision_behavior(lower, upper, soft, hard)
 
     def tared_guard(self) -> ForceGuard:
-        """Force guard with a tare taken now, at rest; ArmFault for too large a force."""
+        """Force guard with a tare taken now, at rest; ArmFault for too large a
+        force.
+        """
         states = [self.state() for _ in range(TARE_STATES)]
         settings = self._settings
         tare = Tare.from_states(states, settings.rest)
@@ -112,8 +129,8 @@ class Robot:
     def read(self, motion: Any) -> Any:
         """Next state of the robot in `motion`; on the robot's own clock a fresh one.
 
-        A state that is already queued is a tick old: answering it would be late, and a loop that
-        needs most of its tick would never catch up. It is dropped.
+        A state that is already queued is a tick old: answering it would be late, and a
+        loop that needs most of its tick would never catch up. It is dropped.
         """
         start = perf_counter()
         state = self.read_queued(motion)
@@ -126,21 +143,31 @@ class Robot:
         with _library_errors(self._stop_reason):
             return motion.readOnce()[0]
 
-    def write_joints(self, motion: Any, joints: list[float], *, last: bool = False) -> None:
-        """Command the joints (7,) [rad] of this tick of `motion`; `last` ends the motion."""
+    def write_joints(
+        self, motion: Any, joints: list[float], *, last: bool = False
+    ) -> None:
+        """Command the joints (7,) [rad] of this tick of `motion`; `last` ends the
+        motion.
+        """
         with _library_errors(self._stop_reason):
             command = franka.JointPositions(joints)
             command.motion_finished = last
             motion.writeOnce(command)
 
     def _stop_reason(self, cause: Cause) -> ArmFault | None:
-        """Reason for a stop, from the robot's own state, as an ArmFault; None without a reason."""
+        """Reason for a stop, from the robot's own state, as an ArmFault; None without a
+        reason.
+        """
         return None if cause is Cause.NETWORK else failure_in(self._robot.read_once())
 
 
 def failure_in(state: Any) -> ArmFault | None:
-    """ArmFault of a robot in `state` whose user stop is pressed or reflex is set; else None."""
-    flagged = state.current_errors if bool(state.current_errors) else state.last_motion_errors
+    """ArmFault of a robot in `state` whose user stop is pressed or reflex is set; else
+    None.
+    """
+    flagged = (
+        state.current_errors if bool(state.current_errors) else state.last_motion_errors
+    )
     errors = _flags(flagged)
     if state.robot_mode == franka.RobotMode.UserStopped:
         return ArmFault(Cause.USER_STOP, "the robot's user stop is pressed", errors)
@@ -156,7 +183,9 @@ def _flags(flagged: Any) -> tuple[str, ...]:
 
 @contextmanager
 def _library_errors(explain: Callable[[Cause], ArmFault | None]) -> Iterator[None]:
-    """Context that raises library errors as ArmFault, of `explain` or by the error's class."""
+    """Context that raises library errors as ArmFault, of `explain` or by the error's
+    class.
+    """
     try:
         yield
     except LIBRARY_ERRORS as error:
@@ -173,7 +202,9 @@ def _library_errors(explain: Callable[[Cause], ArmFault | None]) -> Iterator[Non
 
 
 def _connect(address: str, realtime: RealTime) -> Any:
-    """Connect the library to the robot at `address`, in the real-time mode of the settings."""
+    """Connect the library to the robot at `address`, in the real-time mode of the
+    settings.
+    """
     with _library_errors(lambda _: _mismatch(address)):
         if realtime == "enforce":
             return franka.Robot(address, franka.RealtimeConfig.kEnforce)
@@ -183,7 +214,9 @@ def _connect(address: str, realtime: RealTime) -> Any:
 
 @contextmanager
 def _scheduler_restored() -> Iterator[None]:
-    """Context that undoes the library's real-time priority, harmful without a real-time kernel."""
+    """Context that undoes the library's real-time priority, harmful without a real-time
+    kernel.
+    """
     policy, priority = os.sched_getscheduler(0), os.sched_getparam(0)
     try:
         yield
@@ -192,7 +225,9 @@ def _scheduler_restored() -> Iterator[None]:
 
 
 def _mismatch(address: str) -> ArmFault | None:
-    """ArmFault for a robot whose interface version is not the library's; None if they agree."""
+    """ArmFault for a robot whose interface version is not the library's; None if they
+    agree.
+    """
     spoken = robot_version(address)
     if spoken is None or spoken == LIBRARY_VERSION:
         return None

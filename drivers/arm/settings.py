@@ -17,9 +17,11 @@ Length = Annotated[float, Field(ge=-0.5, le=0.5)]
 
 
 class CollisionSettings(Settings):
-    """Thresholds of the robot's reflexes: contact is reported at `lower`, motion stops at `upper`.
+    """Thresholds of the robot's reflexes: contact is reported at `lower`, motion stops
+    at `upper`.
 
-    Torques [N m] hold for each joint, forces [N] for each axis, moments [N m] about each.
+    Torques [N m] hold for each joint, forces [N] for each axis, moments [N m] about
+    each.
     """
 
     torque_lower: float = Field(20.0, gt=0, le=87)
@@ -31,9 +33,11 @@ class CollisionSettings(Settings):
 
 
 class ToolSettings(Settings):
-    """Mass properties of the Franka Hand as set in Desk: `mass` [kg], `centre` of mass [m].
+    """Mass properties of the Franka Hand as set in Desk: `mass` [kg], `centre` of mass
+    [m].
 
-    `centre` is in the flange's frame. No load is set: a strip weighs less than the force error.
+    `centre` is in the flange's frame. No load is set: a strip weighs less than the
+    force error.
     """
 
     mass: float = Field(HAND_MASS, gt=0, le=3)
@@ -43,8 +47,8 @@ class ToolSettings(Settings):
 class HandLimits(Settings):
     """Settings of the Franka Hand: widths [m], speed [m/s], grasp force [N].
 
-    A strip counts as held from `thinnest` to `thickest`. The maker states that a grasp applies at
-    least 30 N (libfranka#111).
+    A strip counts as held from `thinnest` to `thickest`. The maker states that a grasp
+    applies at least 30 N (libfranka#111).
     """
 
     opening: float = Field(0.04, ge=0.01, le=0.08)
@@ -70,14 +74,16 @@ REACHABLE = MotionLimits(
 class FciSettings(Settings):
     """Address and control settings of a Franka robot; times [s].
 
-    Without an `address` the cell starts a twin that speaks the robot's protocol, in `lock_step`;
-    with one, only a twin that was started in lock-step can be driven so. `realtime` enforce
-    requires a real-time kernel, as the manufacturer does; priority only that the user may have
-    real-time priority, which the process that owns the loop takes; ignore neither. The arm brakes
-    at `guard` [N] on the gripper and at `guard_torque` [N m] at a joint, before the robot's own
-    reflex: beyond what it felt at rest before the motion, at most `rest` [N]. Where it rests again,
-    it may feel `drift` [N]. `limits` hold where they are lower than the cell's: the joints
-    accelerate at 10 rad/s^2 at most, which bounds the gripper most where the arm is stretched.
+    Without an `address` the cell starts a twin that speaks the robot's protocol, in
+    `lock_step`; with one, only a twin that was started in lock-step can be driven so.
+    `realtime` enforce requires a real-time kernel, as the manufacturer does; priority
+    only that the user may have real-time priority, which the process that owns the loop
+    takes; ignore neither. The arm brakes at `guard` [N] on the gripper and at
+    `guard_torque` [N m] at a joint, before the robot's own reflex: beyond what it felt
+    at rest before the motion, at most `rest` [N]. Where it rests again, it may feel
+    `drift` [N]. `limits` hold where they are lower than the cell's: the joints
+    accelerate at 10 rad/s^2 at most, which bounds the gripper most where the arm is
+    stretched.
     """
 
     address: str | None = Field(None, pattern=r"^[A-Za-z0-9.:-]+$")
@@ -88,8 +94,10 @@ class FciSettings(Settings):
     rest: Force = 10.0
     drift: Force = 8.0
     limits: MotionLimits = REACHABLE
-    silence: float = Field(0.25, ge=0.1, le=1.0)  # of the cell, after which the arm brakes
-    answer: float = Field(1.6, ge=1.2, le=1.8)  # of the robot, after which it is given up
+    # of the cell, after which the arm brakes
+    silence: float = Field(0.25, ge=0.1, le=1.0)
+    # of the robot, after which it is given up
+    answer: float = Field(1.6, ge=1.2, le=1.8)
     start: float = Field(30.0, ge=2.0, le=60.0)  # to connect, all in all
     collision: CollisionSettings = CollisionSettings()
     hand: HandLimits = HandLimits()
@@ -97,10 +105,14 @@ class FciSettings(Settings):
 
     @property
     def in_lock_step(self) -> bool:
-        """Whether the cell's clock drives the robot's time; possible with a twin only."""
+        """Whether the cell's clock drives the robot's time; possible with a twin
+        only.
+        """
         return self.address is None if self.lock_step is None else self.lock_step
 
     def limit(self, installation: Installation) -> Installation:
-        """Copy of `installation` whose motion limits are at most those of this robot."""
+        """Copy of `installation` whose motion limits are at most those of this
+        robot.
+        """
         limits = installation.limits.tighter(self.limits)
         return installation.model_copy(update={"limits": limits})

@@ -1,1 +1,3 @@
-"""Video4Linux2 camera driver by ioctl, mmap and poll, which tracks age and loss of frames."""
+"""Video4Linux2 camera driver by ioctl, mmap and poll, which tracks age and loss of
+frames.
+"""

@@ -1,13 +1,24 @@
 """Structures and request numbers of the kernel's V4L2 interface (linux/videodev2.h)."""
 
 import ctypes
-from ctypes import Structure, Union, c_char, c_int32, c_int64, c_long, c_uint8, c_uint32, c_ulong
+from ctypes import (
+    Structure,
+    Union,
+    c_char,
+    c_int32,
+    c_int64,
+    c_long,
+    c_uint8,
+    c_uint32,
+    c_ulong,
+)
 from enum import IntEnum, IntFlag
 
 CAPTURE = 1  # V4L2_BUF_TYPE_VIDEO_CAPTURE
 MMAP = 1  # V4L2_MEMORY_MMAP
 ANY_FIELD, PROGRESSIVE = 0, 1
-WITHOUT_BYTE_ORDER = 0x7FFFFFFF  # the highest bit of a pixel format marks big-endian pixels
+# the highest bit of a pixel format marks big-endian pixels
+WITHOUT_BYTE_ORDER = 0x7FFFFFFF
 
 
 def _u32(names: str) -> tuple[tuple[str, type[c_uint32]], ...]:
@@ -45,7 +56,9 @@ class Fraction(Structure):
 
 
 class FrameSize(Structure):
-    """struct v4l2_frmsizeenum: a size; `steps` are min, max, step of width, then of height."""
+    """struct v4l2_frmsizeenum: a size; `steps` are min, max, step of width, then of
+    height.
+    """
 
     _fields_ = (
         *_u32("index pixel_format type"),
@@ -78,7 +91,9 @@ class _AnyFormat(Union):
 
 
 class Format(Structure):
-    """struct v4l2_format: format of a stream; only the single-plane capture member is used."""
+    """struct v4l2_format: format of a stream; only the single-plane capture member is
+    used.
+    """
 
     _fields_ = (("type", c_uint32), ("fmt", _AnyFormat))
 
@@ -187,7 +202,9 @@ def _request(direction: int, number: int, argument: type) -> int:
 
 
 class Ioctl(IntEnum):
-    """Request numbers VIDIOC_* of V4L2 for ioctl, which contain the size of the argument."""
+    """Request numbers VIDIOC_* of V4L2 for ioctl, which contain the size of the
+    argument.
+    """
 
     QUERYCAP = _request(_IOC_READ, 0, Capability)
     ENUM_FMT = _request(_IOC_READ | _IOC_WRITE, 2, FormatDescription)
@@ -227,7 +244,9 @@ class BufferFlag(IntFlag):
 
 
 class ControlFlag(IntFlag):
-    """V4L2_CTRL_FLAG_*: states that forbid setting or reading a control; NEXT enumerates them."""
+    """V4L2_CTRL_FLAG_*: states that forbid setting or reading a control; NEXT
+    enumerates them.
+    """
 
     DISABLED = 0x0001
     GRABBED = 0x0002
@@ -238,7 +257,9 @@ class ControlFlag(IntFlag):
 
 
 class ControlType(IntEnum):
-    """V4L2_CTRL_TYPE_*: types of controls that hold one 32-bit number, as the driver supports."""
+    """V4L2_CTRL_TYPE_*: types of controls that hold one 32-bit number, as the driver
+    supports.
+    """
 
     INTEGER = 1
     BOOLEAN = 2
@@ -255,4 +276,6 @@ def fourcc(code: str) -> int:
 
 def letters(number: int) -> str:
     """Four letters of the pixel format with the V4L2 `number`, such as "YUYV"."""
-    return (number & WITHOUT_BYTE_ORDER).to_bytes(4, "little").decode("latin-1").rstrip()
+    return (
+        (number & WITHOUT_BYTE_ORDER).to_bytes(4, "little").decode("latin-1").rstrip()
+    )

@@ -25,7 +25,9 @@ DEVICE_LINKS_FOLDER = Path("/dev/v4l")
 
 @dataclass(frozen=True, slots=True)
 class StampedCapture:
-    """A captured, undecoded frame with its times `stamp` and `arrival` on the cell's clock [s]."""
+    """A captured, undecoded frame with its times `stamp` and `arrival` on the cell's
+    clock [s].
+    """
 
     capture: Capture
     picture: Picture
@@ -36,11 +38,12 @@ class StampedCapture:
 
 
 class NewestFrame:
-    """Thread that takes every frame of a camera, stores the newest, and recovers the device.
+    """Thread that takes every frame of a camera, stores the newest, and recovers the
+    device.
 
-    A failure is raised by the next `newest`, at least once, and until a frame has arrived after it.
-    A stalled or faulty stream is restarted; a lost device is reopened once its link exists again,
-    and configured as before.
+    A failure is raised by the next `newest`, at least once, and until a frame has
+    arrived after it. A stalled or faulty stream is restarted; a lost device is reopened
+    once its link exists again, and configured as before.
     """
 
     def __init__(
@@ -59,18 +62,23 @@ class NewestFrame:
         self._patience = FIRST_FRAME
         self._last_complete = self._last_any = kernel.monotonic()
         self._current: Session | None = None
-        self._thread = threading.Thread(target=self._run, args=(session,), name=SOURCE, daemon=True)
+        self._thread = threading.Thread(
+            target=self._run, args=(session,), name=SOURCE, daemon=True
+        )
         self._thread.start()
 
     def newest(self, after: float, timeout: float) -> StampedCapture | None:
-        """Newest frame with a stamp later than `after` [s]; None if none comes in `timeout` [s].
+        """Newest frame with a stamp later than `after` [s]; None if none comes in
+        `timeout` [s].
 
         Raises the device's error if it is failing or has failed since the last call.
         """
         with self._changed:
             self._changed.wait_for(lambda: self._trouble or self._fresh(after), timeout)
             if self._trouble is None and not self._thread.is_alive():
-                raise CameraFaulty(self._settings.device, "the thread that reads it has ended")
+                raise CameraFaulty(
+                    self._settings.device, "the thread that reads it has ended"
+                )
             if self._trouble is not None:
                 trouble = self._trouble
                 if self._recovered:
@@ -89,7 +97,9 @@ class NewestFrame:
         return self._newest is not None and self._newest.stamp > after
 
     def _run(self, session: Session) -> None:
-        """Main function of the thread: serve sessions, from `session` on, until closed."""
+        """Main function of the thread: serve sessions, from `session` on, until
+        closed.
+        """
         self._current = session
         try:
             while not self._closing:
@@ -98,7 +108,9 @@ class NewestFrame:
             self._release()
 
     def _serve_session(self) -> None:
-        """Take frames until a failure, report the failure, and restart or release the session."""
+        """Take frames until a failure, report the failure, and restart or release the
+        session.
+        """
         try:
             if self._current is None:
                 self._current = Session.open(self._kernel, self._settings)
@@ -118,7 +130,9 @@ class NewestFrame:
             self._kernel.sleep(RETRY_INTERVAL)
 
     def _check_flow(self) -> None:
-        """Raise CameraStalled after too long without frames, CameraFaulty without complete ones."""
+        """Raise CameraStalled after too long without frames, CameraFaulty without
+        complete ones.
+        """
         time = self._kernel.monotonic()
         silent = time - self._last_any  # s
         corrupt = time - self._last_complete  # s
@@ -126,7 +140,8 @@ class NewestFrame:
             raise CameraStalled(self._settings.device, silent)
         if corrupt > self._patience:
             raise CameraFaulty(
-                self._settings.device, f"every frame of the last {corrupt:.2f} s is corrupt"
+                self._settings.device,
+                f"every frame of the last {corrupt:.2f} s is corrupt",
             )
 
     def _publish(self, session: Session, capture: Capture) -> None:
@@ -149,14 +164,19 @@ class NewestFrame:
             self._changed.notify_all()
 
     def _on_cell_clock(self, session: Session, capture: Capture) -> StampedCapture:
-        """`capture` with times [s] on the cell's clock; stamps increase and precede arrivals."""
+        """`capture` with times [s] on the cell's clock; stamps increase and precede
+        arrivals.
+        """
         setup = session.setup
         last = self._newest
         earliest = -math.inf if last is None else last.stamp + LEAST_STEP
         monotonic = self._kernel.monotonic()
         arrival = self._clock.now()
-        ahead = monotonic - arrival  # of the kernel's clock, on which `capture` is stamped
-        middle, source = setup.shutter.middle(capture.stamp, capture.flags, capture.taken)
+        # of the kernel's clock, on which `capture` is stamped
+        ahead = monotonic - arrival
+        middle, source = setup.shutter.middle(
+            capture.stamp, capture.flags, capture.taken
+        )
         if middle - ahead < earliest:
             middle, source = capture.taken, StampSource.DEQUEUE
         return StampedCapture(
@@ -188,7 +208,9 @@ class NewestFrame:
             self._restart_counts()
 
     def _restart_counts(self) -> None:
-        """Estimate the frames lost before a restart, and count from the kernel's next number."""
+        """Estimate the frames lost before a restart, and count from the kernel's next
+        number.
+        """
         time = self._kernel.monotonic()
         missing = round((time - self._last_any) * self._settings.rate)
         self._sequence.restart(max(missing, 0))
@@ -206,11 +228,14 @@ class NewestFrame:
 class V4l2Camera:
     """Camera driver for a V4L2 device, whose frames a thread takes and `read` decodes.
 
-    Stamps are the middle of the exposure in the time of `clock`, which must run at wall-clock
-    speed. `kernel` makes the system calls. `setup`, from `connect` on, is what the camera accepted.
+    Stamps are the middle of the exposure in the time of `clock`, which must run at
+    wall-clock speed. `kernel` makes the system calls. `setup`, from `connect` on, is
+    what the camera accepted.
     """
 
-    def __init__(self, settings: V4l2Settings, clock: Clock, kernel: Kernel | None = None) -> None:
+    def __init__(
+        self, settings: V4l2Settings, clock: Clock, kernel: Kernel | None = None
+    ) -> None:
         self.identity = settings.identity
         self._settings = settings
         self._clock = clock
@@ -221,24 +246,31 @@ class V4l2Camera:
 
     @property
     def rate(self) -> float:
-        """Frame rate [Hz] that the device accepted or, before `connect`, that is requested."""
+        """Frame rate [Hz] that the device accepted or, before `connect`, that is
+        requested.
+        """
         return self._settings.rate if self.setup is None else self.setup.picture.rate
 
     @property
     def locks(self) -> Mapping[str, int]:
-        """Values to which its controls are locked: as read back, requested before `connect`."""
+        """Values to which its controls are locked: as read back, requested before
+        `connect`.
+        """
         return self._settings.controls if self.setup is None else self.setup.locks
 
     @property
     def counts(self) -> Counts:
-        """Counts of the camera's frames since `connect`: complete, missing, corrupt and others."""
+        """Counts of the camera's frames since `connect`: complete, missing, corrupt and
+        others.
+        """
         return Counts() if self._frames is None else self._frames.counts
 
     def connect(self) -> None:
-        """Open the camera, set format and controls, and start its stream; allowed twice.
+        """Open the camera, set format and controls, and start its stream; allowed
+        twice.
 
-        Raises CameraLost, CameraBusy, CameraFaulty, or CameraRefused for a setting that the camera
-        does not accept.
+        Raises CameraLost, CameraBusy, CameraFaulty, or CameraRefused for a setting that
+        the camera does not accept.
         """
         if self._frames is not None:
             return
@@ -248,13 +280,16 @@ class V4l2Camera:
         self._frames = NewestFrame(self._kernel, self._settings, self._clock, session)
 
     def read(self, after: float, timeout: float) -> CameraFrame | None:
-        """Newest complete frame stamped later than `after` [s]; None if none in `timeout` [s].
+        """Newest complete frame stamped later than `after` [s]; None if none in
+        `timeout` [s].
 
-        Raises CameraLost, CameraStalled, CameraBusy or CameraFaulty while the device is so, and
-        once after it has recovered.
+        Raises CameraLost, CameraStalled, CameraBusy or CameraFaulty while the device is
+        so, and once after it has recovered.
         """
         if self._frames is None:
-            raise Fault("camera_closed", "a frame was read before connect or after close")
+            raise Fault(
+                "camera_closed", "a frame was read before connect or after close"
+            )
         arrived = self._frames.newest(after, timeout)
         if arrived is None:
             return None
@@ -269,7 +304,9 @@ class V4l2Camera:
             self._frames = None
 
     def _decode(self, arrived: StampedCapture, counts: Counts) -> CameraFrame | None:
-        """Decode the frame `arrived`; None, counted as corrupt, where its bytes are no picture."""
+        """Decode the frame `arrived`; None, counted as corrupt, where its bytes are no
+        picture.
+        """
         image = arrived.picture.decode(arrived.capture.content)
         if image is None:
             counts.corrupt += 1
@@ -306,7 +343,9 @@ class UnusableDevice:
 def list_cameras(
     kernel: Kernel, links: Path = DEVICE_LINKS_FOLDER
 ) -> Iterator[CameraReport | UnusableDevice]:
-    """Yield a report on each video device with a udev link, or the reason why it is unusable."""
+    """Yield a report on each video device with a udev link, or the reason why it is
+    unusable.
+    """
     for link in device_links(links):
         try:
             yield report(kernel, link)

@@ -1,14 +1,23 @@
-"""Controls of a V4L2 camera: list them, switch automatics off, set values and read them back."""
+"""Controls of a V4L2 camera: list them, switch automatics off, set values and read them
+back.
+"""
 
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from drivers.camera.abi import Control, ControlFlag, ControlQuery, ControlType, Ioctl, MenuQuery
+from drivers.camera.abi import (
+    Control,
+    ControlFlag,
+    ControlQuery,
+    ControlType,
+    Ioctl,
+    MenuQuery,
+)
 from drivers.camera.device import CameraRefused, Device
 
-# Automatics that would change images between two measurements, each with its value for "off".
-# The dynamic frame rate is one of them: it halves the rate in the dark.
+# Automatics that would change images between two measurements, each with its value for
+# "off". The dynamic frame rate is one of them: it halves the rate in the dark.
 AUTOMATICS = {
     "auto_exposure": 1,  # V4L2_EXPOSURE_MANUAL
     "exposure_dynamic_framerate": 0,
@@ -35,7 +44,9 @@ LOCKED_OUT = {
 
 @dataclass(frozen=True, slots=True)
 class CameraControl:
-    """Control of a V4L2 camera; `entries` are menu texts by number, `value` None if unreadable."""
+    """Control of a V4L2 camera; `entries` are menu texts by number, `value` None if
+    unreadable.
+    """
 
     number: int
     name: str
@@ -51,18 +62,24 @@ class CameraControl:
     @property
     def obstacle(self) -> str | None:
         """Reason why the control cannot be set now; None where it can."""
-        return next((reason for flag, reason in LOCKED_OUT.items() if flag & self.flags), None)
+        return next(
+            (reason for flag, reason in LOCKED_OUT.items() if flag & self.flags), None
+        )
 
     @property
     def allowed(self) -> str:
         """Allowed values of the control, as text for the operator."""
         if self.entries:
-            return ", ".join(f"{number} ({text})" for number, text in self.entries.items())
+            return ", ".join(
+                f"{number} ({text})" for number, text in self.entries.items()
+            )
         return f"{self.low} to {self.high} in steps of {self.step}"
 
 
 def controls_of(device: Device) -> dict[str, CameraControl]:
-    """Supported, enabled controls of `device` by their names as v4l2-ctl spells them."""
+    """Supported, enabled controls of `device` by their names as v4l2-ctl spells
+    them.
+    """
     controls = dict[str, CameraControl]()
     query = ControlQuery(id=ControlFlag.NEXT)
     while device.supports(Ioctl.QUERYCTRL, query):
@@ -74,22 +91,30 @@ def controls_of(device: Device) -> dict[str, CameraControl]:
 
 
 def lock(device: Device, values: Mapping[str, int]) -> dict[str, int]:
-    """Switch automatic controls off, then set `values` by name; returns all values, read back.
+    """Switch automatic controls off, then set `values` by name; returns all values,
+    read back.
 
-    Raises CameraRefused for a control that the device lacks or a value that it does not take.
+    Raises CameraRefused for a control that the device lacks or a value that it does not
+    take.
     """
     present = controls_of(device)
     for name in values:
         if name not in present:
             names = ", ".join(sorted(present)) or "none"
-            raise CameraRefused(device.path, f"controls.{name}", f"unknown; allowed: {names}")
+            raise CameraRefused(
+                device.path, f"controls.{name}", f"unknown; allowed: {names}"
+            )
     settable = {name for name, control in present.items() if control.obstacle is None}
     locks = {name: value for name, value in AUTOMATICS.items() if name in settable}
     locks.update(values)
     # automatics first: while one is on, the values that it controls cannot be set
-    for name, value in sorted(locks.items(), key=lambda item: item[0] not in AUTOMATICS):
+    for name, value in sorted(
+        locks.items(), key=lambda item: item[0] not in AUTOMATICS
+    ):
         _set(device, present[name], value)
-    return {name: _read_back(device, present[name], value) for name, value in locks.items()}
+    return {
+        name: _read_back(device, present[name], value) for name, value in locks.items()
+    }
 
 
 def _control(device: Device, query: ControlQuery) -> CameraControl:
@@ -100,7 +125,9 @@ def _control(device: Device, query: ControlQuery) -> CameraControl:
     return CameraControl(
         number=query.id,
         # as v4l2-ctl spells it: "White Balance" is white_balance
-        name=re.sub(r"[^a-z0-9]+", "_", query.name.decode(errors="replace").lower()).strip("_"),
+        name=re.sub(
+            r"[^a-z0-9]+", "_", query.name.decode(errors="replace").lower()
+        ).strip("_"),
         kind=kind,
         low=query.minimum,
         high=query.maximum,
@@ -121,23 +148,30 @@ def _entries(device: Device, query: ControlQuery, kind: ControlType) -> dict[int
         reply = MenuQuery(id=query.id, index=index)
         if device.supports(Ioctl.QUERYMENU, reply):
             named = kind is ControlType.MENU
-            entries[index] = reply.entry.name.decode() if named else str(reply.entry.value)
+            entries[index] = (
+                reply.entry.name.decode() if named else str(reply.entry.value)
+            )
     return entries
 
 
 def _set(device: Device, control: CameraControl, value: int) -> None:
     """Set `control` to `value`; CameraRefused where the device does not accept it."""
-    obstacle = controls_of(device)[control.name].obstacle  # it may have gone with an automatic
+    # it may have gone with an automatic
+    obstacle = controls_of(device)[control.name].obstacle
     if obstacle is not None:
         raise CameraRefused(device.path, f"controls.{control.name}", obstacle)
     if not device.supports(Ioctl.S_CTRL, Control(id=control.number, value=value)):
         raise CameraRefused(
-            device.path, f"controls.{control.name}", f"{value}; allowed: {control.allowed}"
+            device.path,
+            f"controls.{control.name}",
+            f"{value}; allowed: {control.allowed}",
         )
 
 
 def _read_back(device: Device, control: CameraControl, value: int) -> int:
-    """Value of `control` after it was set to `value`; CameraRefused where they differ."""
+    """Value of `control` after it was set to `value`; CameraRefused where they
+    differ.
+    """
     accepted = _value(device, control.number)
     if accepted != value:
         problem = f"{value} became {accepted}; allowed: {control.allowed}"

@@ -1,4 +1,6 @@
-"""An open V4L2 device: system calls, ioctl requests, identity, and errors that state a remedy."""
+"""An open V4L2 device: system calls, ioctl requests, identity, and errors that state a
+remedy.
+"""
 
 import errno
 import fcntl
@@ -55,7 +57,9 @@ class Kernel:
         os.close(fd)
 
     def ioctl(self, fd: int, request: Ioctl, argument: Argument) -> None:
-        """Make the ioctl `request` with `argument`, repeated where a signal interrupts it."""
+        """Make the ioctl `request` with `argument`, repeated where a signal interrupts
+        it.
+        """
         while True:
             try:
                 fcntl.ioctl(fd, request, argument, True)
@@ -89,7 +93,8 @@ class CameraLost(Fault):
     def __init__(self, device: str, problem: str) -> None:
         super().__init__(
             "camera_lost",
-            f"{device}: {problem}; plug the camera in, `cell camera` lists what is there",
+            f"{device}: {problem}; plug the camera in, `cell camera` lists what is"
+            " there",
         )
 
 
@@ -108,38 +113,52 @@ class CameraBusy(Fault):
     """Fault of a camera from which another program streams."""
 
     def __init__(self, device: str, users: str) -> None:
-        super().__init__("camera_busy", f"{device}: is in use by {users}; close that program")
+        super().__init__(
+            "camera_busy", f"{device}: is in use by {users}; close that program"
+        )
 
 
 class CameraFaulty(Fault):
-    """Fault of a camera that is connected but fails, or delivers only corrupt frames."""
+    """Fault of a camera that is connected but fails, or delivers only corrupt
+    frames.
+    """
 
     def __init__(self, device: str, problem: str) -> None:
         super().__init__(
             "camera_faulty",
-            f"{device}: {problem}; the stream is started anew, if it stays so try another cable "
-            "or port",
+            f"{device}: {problem}; the stream is started anew, if it stays so try"
+            " another cable or port",
         )
 
 
 class CameraRefused(ConfigurationError):
-    """Error for a setting in the cell file that the camera does not accept exactly as it stands."""
+    """Error for a setting in the cell file that the camera does not accept exactly as
+    it stands.
+    """
 
     def __init__(self, device: str, key: str, problem: str) -> None:
         super().__init__(f"{device}: {key}: {problem}")
 
 
-def translate_error(error: OSError, device: str, doing: str, users: str) -> Fault | CameraRefused:
-    """Camera fault for an OSError that was raised while `doing` something to `device`."""
+def translate_error(
+    error: OSError, device: str, doing: str, users: str
+) -> Fault | CameraRefused:
+    """Camera fault for an OSError that was raised while `doing` something to
+    `device`.
+    """
     reason = error.strerror or str(error)
     if error.errno in GONE_ERRNOS:
         return CameraLost(device, f"{reason} while {doing}")
     if error.errno == errno.EBUSY:
         return CameraBusy(device, users)
     if error.errno in {errno.EACCES, errno.EPERM}:
-        return CameraRefused(device, "device", "may not be opened; join the group video")
+        return CameraRefused(
+            device, "device", "may not be opened; join the group video"
+        )
     if error.errno == errno.ENOTTY:
-        return CameraRefused(device, "device", f"{reason} while {doing}: it cannot do that")
+        return CameraRefused(
+            device, "device", f"{reason} while {doing}: it cannot do that"
+        )
     return CameraFaulty(device, f"{reason} while {doing}")
 
 
@@ -156,7 +175,9 @@ def users_of(device: str, processes: Path = Path("/proc")) -> str:
 
 def _holds(process: Path, node: str) -> bool:
     try:
-        return any(str(entry.readlink()) == node for entry in (process / "fd").iterdir())
+        return any(
+            str(entry.readlink()) == node for entry in (process / "fd").iterdir()
+        )
     except OSError:
         return False  # ended meanwhile, or not ours to look at
 
@@ -202,7 +223,8 @@ class Device:
     def call(self, request: Ioctl, argument: A, doing: str) -> A:
         """Make the ioctl `request` and return the `argument` that the kernel filled.
 
-        Raises CameraLost, CameraBusy, CameraRefused or CameraFaulty, naming what was `doing`.
+        Raises CameraLost, CameraBusy, CameraRefused or CameraFaulty, naming what was
+        `doing`.
         """
         try:
             self.kernel.ioctl(self.fd, request, argument)
@@ -214,18 +236,25 @@ class Device:
     def supports(self, request: Ioctl, argument: Argument) -> bool:
         """Make the ioctl `request`; returns False where the device does not support it.
 
-        Raises CameraLost, CameraBusy, CameraRefused or CameraFaulty for any other failure.
+        Raises CameraLost, CameraBusy, CameraRefused or CameraFaulty for any other
+        failure.
         """
         try:
             self.kernel.ioctl(self.fd, request, argument)
         except OSError as error:
             if error.errno in NO_MORE:
                 return False
-            raise translate_error(error, self.path, f"asking for {request.name}", "") from None
+            raise translate_error(
+                error, self.path, f"asking for {request.name}", ""
+            ) from None
         return True
 
-    def enumerate_entries(self, request: Ioctl, argument: Callable[[int], A]) -> Iterator[A]:
-        """Yield answers to `request` with `argument(index)` until the device has no more."""
+    def enumerate_entries(
+        self, request: Ioctl, argument: Callable[[int], A]
+    ) -> Iterator[A]:
+        """Yield answers to `request` with `argument(index)` until the device has no
+        more.
+        """
         for index in count():
             entry = argument(index)
             if not self.supports(request, entry):
@@ -253,12 +282,21 @@ def _identity(kernel: Kernel, path: str, fd: int) -> Identity:
     try:
         kernel.ioctl(fd, Ioctl.QUERYCAP, capability)
     except OSError as error:
-        raise translate_error(error, path, "asking what it is", users_of(path)) from None
+        raise translate_error(
+            error, path, "asking what it is", users_of(path)
+        ) from None
     abilities = capability.capabilities
     if abilities & CapabilityFlag.DEVICE_CAPS:
         abilities = capability.device_caps
-    if not (abilities & CapabilityFlag.VIDEO_CAPTURE and abilities & CapabilityFlag.STREAMING):
-        raise CameraRefused(path, "device", "does not stream video; name the camera's video node")
+    if not (
+        abilities & CapabilityFlag.VIDEO_CAPTURE
+        and abilities & CapabilityFlag.STREAMING
+    ):
+        raise CameraRefused(
+            path, "device", "does not stream video; name the camera's video node"
+        )
     return Identity(
-        capability.driver.decode(), capability.card.decode(), capability.bus_info.decode()
+        capability.driver.decode(),
+        capability.card.decode(),
+        capability.bus_info.decode(),
     )

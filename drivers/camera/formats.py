@@ -1,4 +1,6 @@
-"""Modes of a V4L2 device, and the picture format: negotiated, read back, decoded to BGR."""
+"""Modes of a V4L2 device, and the picture format: negotiated, read back, decoded to
+BGR.
+"""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -22,9 +24,11 @@ Decoder = Callable[[Image], Image]
 
 @dataclass(frozen=True, slots=True)
 class Mode:
-    """Mode of a camera: pixel format, size [px] and frame `rates` [Hz], fastest first, if listed.
+    """Mode of a camera: pixel format, size [px] and frame `rates` [Hz], fastest first,
+    if listed.
 
-    `steps` is set where sizes are a range, of which `width` and `height` are the largest.
+    `steps` is set where sizes are a range, of which `width` and `height` are the
+    largest.
     """
 
     format: str
@@ -36,7 +40,10 @@ class Mode:
 
     def __str__(self) -> str:
         rates = ", ".join(f"{rate:g}" for rate in self.rates) or "any rate"
-        return f"{self.format} {'up to ' * self.steps}{self.width}x{self.height} at {rates}"
+        return (
+            f"{self.format} {'up to ' * self.steps}{self.width}x{self.height} at"
+            f" {rates}"
+        )
 
 
 def modes_of(device: Device) -> Iterator[Mode]:
@@ -49,7 +56,8 @@ def modes_of(device: Device) -> Iterator[Mode]:
         by_index = partial(abi.FrameSize, pixel_format=number)
         for size in device.enumerate_entries(abi.Ioctl.ENUM_FRAMESIZES, by_index):
             steps = size.type != DISCRETE
-            # stepwise: min, max, step of the width, then of the height; discrete: width, height
+            # stepwise: min, max, step of the width, then of the height; discrete:
+            # width, height
             width = size.steps[1] if steps else size.steps[0]
             height = size.steps[4] if steps else size.steps[1]
             rates = _rates(device, number, width, height)
@@ -58,10 +66,14 @@ def modes_of(device: Device) -> Iterator[Mode]:
 
 
 def _rates(device: Device, number: int, width: int, height: int) -> tuple[float, ...]:
-    """Frame rates [Hz] of one pixel format and size, fastest first; of a range, both ends."""
+    """Frame rates [Hz] of one pixel format and size, fastest first; of a range, both
+    ends.
+    """
     intervals = device.enumerate_entries(
         abi.Ioctl.ENUM_FRAMEINTERVALS,
-        lambda i: abi.FrameInterval(index=i, pixel_format=number, width=width, height=height),
+        lambda i: abi.FrameInterval(
+            index=i, pixel_format=number, width=width, height=height
+        ),
     )
     rates = set()
     for interval in intervals:
@@ -78,7 +90,8 @@ def _convert(code: int) -> Decoder:
     return lambda pixels: np.asarray(cv2.cvtColor(pixels, code), np.uint8)
 
 
-# A Bayer pattern is named by its first row and the one below it: RGGB has red at (0, 0).
+# A Bayer pattern is named by its first row and the one below it: RGGB has red at (0,
+# 0).
 RAW: dict[str, tuple[int, Decoder]] = {
     "YUYV": (2, _convert(cv2.COLOR_YUV2BGR_YUYV)),
     "GREY": (1, _convert(cv2.COLOR_GRAY2BGR)),
@@ -101,17 +114,21 @@ class Picture:
     rate: float
 
     def is_complete(self, content: Image) -> bool:
-        """Whether the bytes `content` (n,) are a complete picture, by length or JPEG markers.
+        """Whether the bytes `content` (n,) are a complete picture, by length or JPEG
+        markers.
 
         A truncated JPEG decodes to a grey area without an error.
         """
         if self.format != "MJPG":
             return content.size >= self.line * self.height
-        picture = content.tobytes().rstrip(b"\0")  # some cameras fill their buffer with zeros
+        # some cameras fill their buffer with zeros
+        picture = content.tobytes().rstrip(b"\0")
         return picture.startswith(JPEG_BEGIN) and picture.endswith(JPEG_END)
 
     def decode(self, content: Image) -> Image | None:
-        """BGR image (height, width, 3) from the bytes `content` (n,); None if incomplete."""
+        """BGR image (height, width, 3) from the bytes `content` (n,); None if
+        incomplete.
+        """
         if not self.is_complete(content):
             return None
         if self.format == "MJPG":
@@ -128,8 +145,8 @@ class Picture:
 def negotiate(device: Device, settings: V4l2Settings) -> Picture:
     """Set pixel format, size and rate of `device`, and return them as read back.
 
-    Raises CameraRefused with the supported modes where they differ from `settings`; CameraBusy
-    while another program streams.
+    Raises CameraRefused with the supported modes where they differ from `settings`;
+    CameraBusy while another program streams.
     """
     request = abi.Format(type=abi.CAPTURE)
     pix = request.fmt.pix
@@ -144,23 +161,36 @@ def negotiate(device: Device, settings: V4l2Settings) -> Picture:
         problem = f"{requested} became {accepted}; allowed: {_offered_formats(device)}"
         raise CameraRefused(device.path, "format", problem)
     if pix.field != abi.PROGRESSIVE:
-        raise CameraRefused(device.path, "format", "is interlaced; use a progressive mode")
+        raise CameraRefused(
+            device.path, "format", "is interlaced; use a progressive mode"
+        )
     rate = _negotiate_rate(device, settings)
     return Picture(
-        format=name, width=pix.width, height=pix.height, line=pix.bytesperline, rate=rate
+        format=name,
+        width=pix.width,
+        height=pix.height,
+        line=pix.bytesperline,
+        rate=rate,
     )
 
 
 def _negotiate_rate(device: Device, settings: V4l2Settings) -> float:
-    """Set the frame rate and return it as read back [Hz]; CameraRefused where it differs."""
+    """Set the frame rate and return it as read back [Hz]; CameraRefused where it
+    differs.
+    """
     request = abi.StreamParameters(type=abi.CAPTURE)
-    request.parm.capture.timeperframe = abi.Fraction(PER_SECOND, round(PER_SECOND * settings.rate))
+    request.parm.capture.timeperframe = abi.Fraction(
+        PER_SECOND, round(PER_SECOND * settings.rate)
+    )
     device.call(abi.Ioctl.S_PARM, request, "setting the rate")
     parameters = abi.StreamParameters(type=abi.CAPTURE)
     reply = device.call(abi.Ioctl.G_PARM, parameters, "reading the rate")
     rate = _rate(reply.parm.capture.timeperframe)
     if abs(rate - settings.rate) > RATE_TOLERANCE * settings.rate:
-        problem = f"{settings.rate:g} Hz became {rate:g} Hz; allowed: {_offered_formats(device)}"
+        problem = (
+            f"{settings.rate:g} Hz became {rate:g} Hz; allowed:"
+            f" {_offered_formats(device)}"
+        )
         raise CameraRefused(device.path, "rate", problem)
     return rate
 

@@ -1,4 +1,6 @@
-"""Metadata of V4L2 frames: time of exposure, sequence number, and counts of lost frames."""
+"""Metadata of V4L2 frames: time of exposure, sequence number, and counts of lost
+frames.
+"""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -11,7 +13,9 @@ BITS = 1 << 32
 
 
 class StampSource(StrEnum):
-    """Time from which a frame's stamp is computed: the kernel's of the exposure, or of dequeue."""
+    """Time from which a frame's stamp is computed: the kernel's of the exposure, or of
+    dequeue.
+    """
 
     START = "start of exposure"
     END = "end of exposure"
@@ -20,17 +24,23 @@ class StampSource(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Shutter:
-    """Times of an image sensor [s]: frame period, exposure, readout from first to last line."""
+    """Times of an image sensor [s]: frame period, exposure, readout from first to last
+    line.
+    """
 
     period: float
     exposure: float
     readout: float
 
-    def middle(self, stamp: float, flags: int, taken: float) -> tuple[float, StampSource]:
-        """Middle of a frame's exposure [s] on the monotonic clock, and the source of that time.
+    def middle(
+        self, stamp: float, flags: int, taken: float
+    ) -> tuple[float, StampSource]:
+        """Middle of a frame's exposure [s] on the monotonic clock, and the source of
+        that time.
 
-        It is from the kernel's `stamp`, or from the time `taken` at which the buffer was dequeued
-        where the stamp is more than a period in the future, too old, or of another clock.
+        It is from the kernel's `stamp`, or from the time `taken` at which the buffer
+        was dequeued where the stamp is more than a period in the future, too old, or of
+        another clock.
         """
         monotonic = flags & BufferFlag.TIMESTAMP_MASK == BufferFlag.TIMESTAMP_MONOTONIC
         if not (monotonic and -self.period < taken - stamp < OLDEST):
@@ -45,7 +55,8 @@ class Shutter:
 
 @dataclass(slots=True)
 class Sequence:
-    """Increasing frame numbers from the kernel's 32-bit counter, which wraps and can repeat.
+    """Increasing frame numbers from the kernel's 32-bit counter, which wraps and can
+    repeat.
 
     `number` is the last frame's, -1 before the first.
     """
@@ -54,10 +65,11 @@ class Sequence:
     _counter: int | None = None
 
     def step_to(self, counter: int) -> int:
-        """Advance to the kernel's `counter`, and return the difference from the last: 1 normally.
+        """Advance to the kernel's `counter`, and return the difference from the last: 1
+        normally.
 
-        It is more where frames are missing, and less where the counter repeats or goes back; such
-        a frame is numbered as the next one.
+        It is more where frames are missing, and less where the counter repeats or goes
+        back; such a frame is numbered as the next one.
         """
         step = 1
         if self._counter is not None:  # its difference, wrapped into -2^31 to 2^31 - 1
@@ -67,14 +79,18 @@ class Sequence:
         return step
 
     def restart(self, missing: int) -> None:
-        """Continue after about `missing` lost frames with a kernel counter that starts anew."""
+        """Continue after about `missing` lost frames with a kernel counter that starts
+        anew.
+        """
         self.number += missing
         self._counter = None
 
 
 @dataclass(frozen=True, slots=True)
 class CameraFrame(Frame):
-    """Decoded frame of a V4L2 camera; `stamp_source` says from which time its stamp is computed."""
+    """Decoded frame of a V4L2 camera; `stamp_source` says from which time its stamp is
+    computed.
+    """
 
     stamp_source: StampSource
 
@@ -83,9 +99,9 @@ class CameraFrame(Frame):
 class Counts:
     """Counts of a camera's frames since it was connected.
 
-    `arrived` complete, `missing` by sequence number, `corrupt` by the kernel's flag or the bytes,
-    `repeated` numbers, `restamped` for a kernel stamp that cannot be right, `restarts` of the
-    stream or the device.
+    `arrived` complete, `missing` by sequence number, `corrupt` by the kernel's flag or
+    the bytes, `repeated` numbers, `restamped` for a kernel stamp that cannot be right,
+    `restarts` of the stream or the device.
     """
 
     arrived: int = 0

@@ -1,4 +1,6 @@
-"""A V4L2 camera that is open, configured from the cell file, and streams into mapped buffers."""
+"""A V4L2 camera that is open, configured from the cell file, and streams into mapped
+buffers.
+"""
 
 import errno
 from collections.abc import Mapping
@@ -6,7 +8,15 @@ from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from typing import Self
 
-from drivers.camera.abi import CAPTURE, MMAP, Buffer, BufferFlag, BufferRequest, Ioctl, Number
+from drivers.camera.abi import (
+    CAPTURE,
+    MMAP,
+    Buffer,
+    BufferFlag,
+    BufferRequest,
+    Ioctl,
+    Number,
+)
 from drivers.camera.controls import EXPOSURE, EXPOSURE_UNIT, controls_of, lock
 from drivers.camera.device import (
     CameraFaulty,
@@ -27,10 +37,11 @@ MICRO = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Capture:
-    """One captured frame: bytes (n,) and metadata of a buffer, copied before its requeueing.
+    """One captured frame: bytes (n,) and metadata of a buffer, copied before its
+    requeueing.
 
-    `counter` is the kernel's; `stamp` its time and `taken` the moment of dequeueing, both on the
-    monotonic clock [s].
+    `counter` is the kernel's; `stamp` its time and `taken` the moment of dequeueing,
+    both on the monotonic clock [s].
     """
 
     counter: int
@@ -55,10 +66,14 @@ class Setup:
 
 
 class Session:
-    """An open camera device with its `setup`, streaming into mapped buffers until `close`."""
+    """An open camera device with its `setup`, streaming into mapped buffers until
+    `close`.
+    """
 
     def __init__(self, device: Device, settings: V4l2Settings) -> None:
-        """Configure the open camera `device`; raises CameraRefused for a value that it refuses."""
+        """Configure the open camera `device`; raises CameraRefused for a value that it
+        refuses.
+        """
         self.setup = set_up(device, settings)
         self._device = device
         self._buffers = settings.buffers
@@ -81,8 +96,8 @@ class Session:
     def wait(self, seconds: float) -> Capture | None:
         """Next frame of the stream, or None where none arrives within `seconds`.
 
-        Raises CameraLost, or CameraFaulty where poll reports an event without a frame: polling
-        again at once would be a busy loop.
+        Raises CameraLost, or CameraFaulty where poll reports an event without a frame:
+        polling again at once would be a busy loop.
         """
         device = self._device
         events = device.kernel.wait(device.fd, seconds)
@@ -115,7 +130,9 @@ class Session:
             request = BufferRequest(count=self._buffers, type=CAPTURE, memory=MMAP)
             count = device.call(Ioctl.REQBUFS, request, "asking for buffers").count
             if count < FEWEST_BUFFERS:
-                raise CameraFaulty(device.path, f"gave {count} buffers of {self._buffers}")
+                raise CameraFaulty(
+                    device.path, f"gave {count} buffers of {self._buffers}"
+                )
             for index in range(count):
                 self._mappings.append(self._map_buffer(index))
                 self._requeue(index)
@@ -123,7 +140,9 @@ class Session:
             undo.pop_all()
 
     def _take(self) -> Capture | None:
-        """Copy and requeue the next filled buffer, or None; raises CameraLost, CameraFaulty."""
+        """Copy and requeue the next filled buffer, or None; raises CameraLost,
+        CameraFaulty.
+        """
         device = self._device
         buffer = Buffer(type=CAPTURE, memory=MMAP)
         try:
@@ -132,7 +151,9 @@ class Session:
             if error.errno == errno.EAGAIN:
                 return None
             if error.errno == errno.EINVAL:  # the queue has stopped by itself
-                raise CameraFaulty(device.path, "the kernel stopped the stream") from None
+                raise CameraFaulty(
+                    device.path, "the kernel stopped the stream"
+                ) from None
             raise translate_error(error, device.path, "taking a frame", "") from None
         capture = Capture(  # a copy: the buffer's return to the queue overwrites it
             counter=buffer.sequence,
@@ -145,9 +166,11 @@ class Session:
         return capture
 
     def _stop(self) -> None:
-        """Stop streaming, unmap and free the buffers; errors of an unplugged device are ignored.
+        """Stop streaming, unmap and free the buffers; errors of an unplugged device are
+        ignored.
 
-        Buffers are unmapped in any case: a remaining mapping keeps the node of an unplugged camera.
+        Buffers are unmapped in any case: a remaining mapping keeps the node of an
+        unplugged camera.
         """
         device = self._device
         with suppress(OSError):
@@ -159,7 +182,9 @@ class Session:
             device.kernel.ioctl(device.fd, Ioctl.REQBUFS, none)
 
     def _map_buffer(self, index: int) -> MappedBuffer:
-        """Map the device's buffer `index` into memory; raises the camera's fault where refused."""
+        """Map the device's buffer `index` into memory; raises the camera's fault where
+        refused.
+        """
         device = self._device
         request = Buffer(index=index, type=CAPTURE, memory=MMAP)
         reply = device.call(Ioctl.QUERYBUF, request, "asking for a buffer")
@@ -174,7 +199,9 @@ class Session:
 
 
 def set_up(device: Device, settings: V4l2Settings) -> Setup:
-    """Set format and controls of `device`; raises CameraRefused for a value that it refuses."""
+    """Set format and controls of `device`; raises CameraRefused for a value that it
+    refuses.
+    """
     picture = negotiate(device, settings)
     locks = lock(device, settings.controls)
     exposure = settings.exposure

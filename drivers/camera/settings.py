@@ -13,11 +13,11 @@ PixelFormat = Literal["YUYV", "GREY", "MJPG", "RGGB", "GRBG", "BA81", "GBRG"]
 class V4l2Settings(Settings):
     """Device, mode and fixed control values of the V4L2 camera.
 
-    `device` is a udev link to this camera or port; device numbers change between boots. Automatic
-    controls are switched off first, then `controls` are set; the values belong to the calibration,
-    because focus and zoom move the lens. Times [s]: `exposure` where the camera has no
-    exposure_time_absolute, `readout` from the first to the last line, `stall` without a frame until
-    the camera counts as stalled.
+    `device` is a udev link to this camera or port; device numbers change between boots.
+    Automatic controls are switched off first, then `controls` are set; the values
+    belong to the calibration, because focus and zoom move the lens. Times [s]:
+    `exposure` where the camera has no exposure_time_absolute, `readout` from the first
+    to the last line, `stall` without a frame until the camera counts as stalled.
     """
 
     device: str = Field(pattern=r"^/dev/v4l/by-(id|path)/[^/]+$")
@@ -33,6 +33,8 @@ class V4l2Settings(Settings):
 
     @property
     def identity(self) -> str:
-        """Hash of the camera's device, image size and controls, which a calibration must match."""
+        """Hash of the camera's device, image size and controls, which a calibration
+        must match.
+        """
         facts = self.model_dump_json(include={"device", "width", "height", "controls"})
         return hashlib.sha256(facts.encode()).hexdigest()[:16]

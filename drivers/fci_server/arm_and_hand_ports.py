@@ -1,4 +1,6 @@
-"""Network ports of the emulated robot's arm and hand: requests in, replies and states out."""
+"""Network ports of the emulated robot's arm and hand: requests in, replies and states
+out.
+"""
 
 import select
 
@@ -25,7 +27,9 @@ BURST = 256  # datagrams read per cycle, so that a flood does not delay other cl
 
 
 class ArmPort(Port[Command]):
-    """Network port of the emulated arm: answers requests, reads commands, sends states."""
+    """Network port of the emulated arm: answers requests, reads commands, sends
+    states.
+    """
 
     def __init__(self, address: str, poll: select.epoll, robot: EmulatedRobot) -> None:
         self._robot = robot
@@ -50,7 +54,8 @@ class ArmPort(Port[Command]):
         return None
 
     def publish(self, rate: float) -> None:
-        """Send the client the robot's state of this tick, then the replies due in this tick.
+        """Send the client the robot's state of this tick, then the replies due in this
+        tick.
 
         `rate` is the fraction of commands that arrived in time.
         """
@@ -59,18 +64,24 @@ class ArmPort(Port[Command]):
             self.client.send_datagram(self._datagram)
             for late in self._robot.late:
                 content = bytes((late.status,))
-                self.client.send(ARM_FRAMING.reply(late.command, late.command_id, content))
+                self.client.send(
+                    ARM_FRAMING.reply(late.command, late.command_id, content)
+                )
         self._robot.late.clear()
 
     def _abandon(self) -> None:
         self._robot.abandon()
 
     def _answer(self, request: Request[Command]) -> bytes:
-        """Content of the reply to `request`; empty for a reply that is due only later."""
+        """Content of the reply to `request`; empty for a reply that is due only
+        later.
+        """
         robot = self._robot
         match request.command:
             case Command.MOVE:
-                return bytes((robot.move(MoveRequest.read(request.payload), request.command_id),))
+                return bytes(
+                    (robot.move(MoveRequest.read(request.payload), request.command_id),)
+                )
             case Command.STOP_MOVE:
                 robot.stop(request.command_id)
                 return b""
@@ -97,7 +108,9 @@ class HandPort(Port[HandCommand]):
             self.client.receive_datagram()
 
     def answer(self) -> bool:
-        """Send the client the hand's replies that are due; returns whether there were any."""
+        """Send the client the hand's replies that are due; returns whether there were
+        any.
+        """
         ended = bool(self._hand.replies)
         for content in self._hand.replies:
             if self.client is not None:
@@ -111,7 +124,9 @@ class HandPort(Port[HandCommand]):
         self.repeat()
 
     def repeat(self) -> None:
-        """Send the hand's last state again, as a client waits for one even if time stands still."""
+        """Send the hand's last state again, as a client waits for one even if time
+        stands still.
+        """
         if self.client is not None:
             self.client.send_datagram(self._datagram or self._hand.state(0))
 

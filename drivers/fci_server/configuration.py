@@ -1,4 +1,6 @@
-"""Settings of the emulated robot that a client may change: thresholds, impedances, tool, load."""
+"""Settings of the emulated robot that a client may change: thresholds, impedances,
+tool, load.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -23,11 +25,12 @@ _LAST_ROW = frozen([0, 0, 0, 1])
 
 @dataclass(frozen=True, slots=True)
 class Thresholds:
-    """Thresholds of external torque and force: first row for contact, second row for collision.
+    """Thresholds of external torque and force: first row for contact, second row for
+    collision.
 
-    The state reports a contact; a collision triggers a reflex. `accelerating` holds while the
-    commanded velocity changes, `nominal` otherwise: (2, 7) [N m] at the joints, (2, 6) [N, N m] at
-    the tool.
+    The state reports a contact; a collision triggers a reflex. `accelerating` holds
+    while the commanded velocity changes, `nominal` otherwise: (2, 7) [N m] at the
+    joints, (2, 6) [N, N m] at the tool.
     """
 
     torque_accelerating: Array
@@ -37,23 +40,29 @@ class Thresholds:
 
 
 def _start_thresholds() -> Thresholds:
-    """Thresholds before a client sets others; assumed, as a robot's defaults are not published."""
+    """Thresholds before a client sets others; assumed, as a robot's defaults are not
+    published.
+    """
     torque, force = frozen(np.full((2, 7), 20.0)), frozen(np.full((2, 6), 20.0))
     return Thresholds(torque, torque, force, force)
 
 
 @dataclass(frozen=True, slots=True)
 class Configuration:
-    """Settings of the emulated robot that a client or Desk made; they outlast the client."""
+    """Settings of the emulated robot that a client or Desk made; they outlast the
+    client.
+    """
 
     thresholds: Thresholds = field(default_factory=_start_thresholds)
     flange_to_nominal: Array = field(default_factory=lambda: FLANGE_TO_TIP)
     nominal_to_tool: Array = field(default_factory=lambda: frozen(np.eye(4)))
     tool_to_stiffness: Array = field(default_factory=lambda: frozen(np.eye(4)))
     hand_mass: float = HAND_MASS  # kg, Franka Hand, as set in Desk
-    hand_centre: Array = field(default_factory=lambda: frozen(HAND_CENTRE))  # m in the flange
+    # m in the flange
+    hand_centre: Array = field(default_factory=lambda: frozen(HAND_CENTRE))
     load_mass: float = 0.0  # kg
-    load_centre: Array = field(default_factory=lambda: frozen(np.zeros(3)))  # m in the flange
+    # m in the flange
+    load_centre: Array = field(default_factory=lambda: frozen(np.zeros(3)))
     load_inertia: Array = field(default_factory=lambda: frozen(np.zeros(9)))  # kg m^2
 
     @property
@@ -65,7 +74,9 @@ class Configuration:
 def configure(
     configuration: Configuration, command: Command, payload: bytes
 ) -> tuple[Configuration, Status]:
-    """Configuration changed by a client's request `command`, and the status of the reply."""
+    """Configuration changed by a client's request `command`, and the status of the
+    reply.
+    """
     if command == Command.SET_GUIDING_MODE:
         allowed = all(flag in (0, 1) for flag in payload)
         return configuration, Status.SUCCESS if allowed else Status.INVALID_ARGUMENT
@@ -87,7 +98,9 @@ def rigid(matrix: Array) -> bool:
 
 
 def _collision(old: Configuration, numbers: Array) -> Configuration | None:
-    """Copy of `old` with thresholds `numbers` (52,); None if negative or lower above upper."""
+    """Copy of `old` with thresholds `numbers` (52,); None if negative or lower above
+    upper.
+    """
     joints, tool = numbers[:28].reshape(4, 7), numbers[28:].reshape(4, 6)
     pairs = [frozen(rows) for rows in (joints[:2], joints[2:], tool[:2], tool[2:])]
     if any((pair < 0).any() or (pair[0] > pair[1]).any() for pair in pairs):
@@ -100,7 +113,9 @@ def _joint_impedance(old: Configuration, numbers: Array) -> Configuration | None
 
 
 def _cartesian_impedance(old: Configuration, numbers: Array) -> Configuration | None:
-    fits = _within(numbers[:3], TRANSLATION_STIFFNESS) and _within(numbers[3:], ROTATION_STIFFNESS)
+    fits = _within(numbers[:3], TRANSLATION_STIFFNESS) and _within(
+        numbers[3:], ROTATION_STIFFNESS
+    )
     return old if fits else None
 
 
@@ -109,23 +124,33 @@ def _within(numbers: Array, span: tuple[float, float]) -> bool:
 
 
 def _frame(name: str, old: Configuration, numbers: Array) -> Configuration | None:
-    """Copy of `old` with the column-major matrix (16,) as its frame `name`; None if not rigid."""
+    """Copy of `old` with the column-major matrix (16,) as its frame `name`; None if not
+    rigid.
+    """
     matrix = numbers.reshape(4, 4).T
     changes: dict[str, Any] = {name: frozen(matrix)}
     return replace(old, **changes) if rigid(matrix) else None
 
 
 def _load(old: Configuration, numbers: Array) -> Configuration | None:
-    """Copy of `old` with mass, centre and inertia in `numbers` (13,); None if impossible."""
+    """Copy of `old` with mass, centre and inertia in `numbers` (13,); None if
+    impossible.
+    """
     mass = float(numbers[0])
     centre = numbers[1:4]
     inertia = numbers[4:].reshape(3, 3)
-    if not 0 <= mass <= LARGEST_LOAD or np.abs(inertia - inertia.T).max() > RIGID_TOLERANCE:
+    if (
+        not 0 <= mass <= LARGEST_LOAD
+        or np.abs(inertia - inertia.T).max() > RIGID_TOLERANCE
+    ):
         return None
     if np.linalg.eigvalsh(inertia)[0] < 0:
         return None
     return replace(
-        old, load_mass=mass, load_centre=frozen(centre), load_inertia=frozen(numbers[4:])
+        old,
+        load_mass=mass,
+        load_centre=frozen(centre),
+        load_inertia=frozen(numbers[4:]),
     )
 
 

@@ -16,7 +16,9 @@ INCOMPATIBLE = 1
 
 
 class Connection:
-    """TCP and UDP sockets of a client; no call blocks or raises once the client has gone."""
+    """TCP and UDP sockets of a client; no call blocks or raises once the client has
+    gone.
+    """
 
     def __init__(self, tcp: socket.socket) -> None:
         tcp.setblocking(False)
@@ -35,7 +37,9 @@ class Connection:
         return -1 if self._udp is None else self._udp.fileno()
 
     def read(self) -> bool:
-        """Append the TCP bytes that have arrived to `received`; False once the client has gone."""
+        """Append the TCP bytes that have arrived to `received`; False once the client
+        has gone.
+        """
         try:
             content = self._tcp.recv(4096)
         except BlockingIOError:
@@ -53,7 +57,9 @@ class Connection:
             return False
 
     def open_datagrams(self, address: str, port: int) -> bool:
-        """Open UDP between `address` and the client's `port`; False for an invalid port."""
+        """Open UDP between `address` and the client's `port`; False for an invalid
+        port.
+        """
         udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         udp.setblocking(False)
         try:
@@ -96,15 +102,22 @@ class Connection:
 class Port(ABC, Generic[K]):
     """Listening TCP port with pending connections and at most one client.
 
-    A connection without a request stays pending: it blocks nothing, and the oldest is dropped when
-    there are too many. A second client is refused by a reset, so that its library does not wait for
-    a reply. A malformed message ends the connection.
+    A connection without a request stays pending: it blocks nothing, and the oldest is
+    dropped when there are too many. A second client is refused by a reset, so that its
+    library does not wait for a reply. A malformed message ends the connection.
     """
 
     def __init__(
-        self, address: str, port: int, poll: select.epoll, framing: Framing[K], version: int
+        self,
+        address: str,
+        port: int,
+        poll: select.epoll,
+        framing: Framing[K],
+        version: int,
     ) -> None:
-        """Listen for clients at `address`, for requests in `framing`, of protocol `version`."""
+        """Listen for clients at `address`, for requests in `framing`, of protocol
+        `version`.
+        """
         self._poll = poll
         self._framing = framing
         self.address = address
@@ -125,7 +138,9 @@ class Port(ABC, Generic[K]):
 
     @abstractmethod
     def _answer(self, request: Request[K]) -> bytes:
-        """Content of the reply to a client's `request`; empty for one that is due later."""
+        """Content of the reply to a client's `request`; empty for one that is due
+        later.
+        """
 
     @abstractmethod
     def _abandon(self) -> None:
@@ -139,7 +154,11 @@ class Port(ABC, Generic[K]):
         elif descriptor in self._guests:
             self._greet(self._guests[descriptor])
         client = self.client
-        if client is not None and descriptor == client.fileno() and not self._serve(client):
+        if (
+            client is not None
+            and descriptor == client.fileno()
+            and not self._serve(client)
+        ):
             client.reset_on_close()
             self.drop()
 
@@ -162,7 +181,9 @@ class Port(ABC, Generic[K]):
         self._listener.close()
 
     def _serve(self, client: Connection) -> bool:
-        """Answer the client's requests that have arrived; False if it must be disconnected."""
+        """Answer the client's requests that have arrived; False if it must be
+        disconnected.
+        """
         if not client.read():
             return False
         try:
@@ -170,7 +191,9 @@ class Port(ABC, Generic[K]):
                 if request.command == 0:
                     raise Malformed("connected already")
                 content = self._answer(request)
-                reply = self._framing.reply(request.command, request.command_id, content)
+                reply = self._framing.reply(
+                    request.command, request.command_id, content
+                )
                 if content and not client.send(reply):
                     return False
         except Malformed:
@@ -185,7 +208,9 @@ class Port(ABC, Generic[K]):
             self.client = None
 
     def _accept(self) -> bool:
-        """Accept a waiting connection as a guest, which has sent no request; False for none."""
+        """Accept a waiting connection as a guest, which has sent no request; False for
+        none.
+        """
         try:
             connection, _ = self._listener.accept()
         except OSError:
@@ -198,7 +223,9 @@ class Port(ABC, Generic[K]):
         return True
 
     def _greet(self, guest: Connection) -> None:
-        """Read the connection request of a waiting `guest`, and admit or refuse the guest."""
+        """Read the connection request of a waiting `guest`, and admit or refuse the
+        guest.
+        """
         try:
             present = guest.read()
             request = self._framing.take(guest.received) if present else None

@@ -18,10 +18,14 @@ Sag = Callable[[Posture], Array]
 
 
 class Dynamics:
-    """Joint torques of an arm: published model with friction, load, sensor errors of a `plant`."""
+    """Joint torques of an arm: published model with friction, load, sensor errors of a
+    `plant`.
+    """
 
     def __init__(self, plant: ArmPlant) -> None:
-        """Build the arm's model with mass errors and tilt of `plant`, the hand's mass unchanged."""
+        """Build the arm's model with mass errors and tilt of `plant`, the hand's mass
+        unchanged.
+        """
         self._plant = plant
         model = mujoco.MjModel.from_xml_string(arm_mjcf())
         for number, error in enumerate(plant.mass_error, start=1):
@@ -47,18 +51,24 @@ class Dynamics:
         if plant.payload:
             torque += self._payload_torque(rates.velocity, rates.acceleration)
         torque += np.multiply(plant.friction, np.tanh(rates.velocity / FRICTION_WIDTH))
-        torque += np.multiply(plant.damping, rates.velocity) + np.multiply(plant.cable, q)
+        torque += np.multiply(plant.damping, rates.velocity) + np.multiply(
+            plant.cable, q
+        )
         return np.asarray(torque)
 
     def reading(self, posture: Posture, tick: int) -> Array:
-        """Torque sensor readings (7,) [N m] in `posture`, with noise that `tick` determines."""
+        """Torque sensor readings (7,) [N m] in `posture`, with noise that `tick`
+        determines.
+        """
         plant = self._plant
         noise = np.random.default_rng((plant.seed, tick)).standard_normal(7)
         felt = self.torque(posture) * (1.0 + np.array(plant.torque_scale))
         return np.asarray(felt + plant.torque_bias + plant.torque_noise * noise)
 
     def sag(self, posture: Posture) -> Array:
-        """Elastic deflection (7,) [rad] of the links from their motors, which are in `posture`."""
+        """Elastic deflection (7,) [rad] of the links from their motors, which are in
+        `posture`.
+        """
         return np.asarray(np.multiply(self._plant.compliance, self.torque(posture)))
 
     def _payload_torque(self, velocity: Array, acceleration: Array) -> Array:
@@ -74,13 +84,20 @@ class Dynamics:
 
 
 class LaggingArm:
-    """Arm whose `posture` lags the commands by a `delay` [s] and a first-order `lag` [s].
+    """Arm whose `posture` lags the commands by a `delay` [s] and a first-order `lag`
+    [s].
 
-    `sag` gives from the motors' posture the deflection (7,) [rad] to subtract from their joints.
+    `sag` gives from the motors' posture the deflection (7,) [rad] to subtract from
+    their joints.
     """
 
     def __init__(
-        self, posture: Posture, tool: Array, delay: float, lag: float, sag: Sag | None = None
+        self,
+        posture: Posture,
+        tool: Array,
+        delay: float,
+        lag: float,
+        sag: Sag | None = None,
     ) -> None:
         """Arm at rest in `posture` with `tool` (4, 4) in the flange's frame."""
         self._tool = tool
@@ -92,13 +109,17 @@ class LaggingArm:
             self.posture = Posture.resting(posture.q - sag(posture), tool)
 
     def tick(self, commanded: Array) -> None:
-        """Advance the arm by one tick, in which the joints `commanded` (7,) [rad] are sent."""
+        """Advance the arm by one tick, in which the joints `commanded` (7,) [rad] are
+        sent.
+        """
         self._delayed.append(commanded)
         self._delayed.popleft()
         motors = self._motors
         q = motors.q + self._lag_gain * (self._delayed[0] - motors.q)
         rates = self.posture.joints  # of the links, which come to rest after the motors
-        if np.array_equal(q, motors.q) and not np.any((rates.velocity, rates.acceleration)):
+        if np.array_equal(q, motors.q) and not np.any(
+            (rates.velocity, rates.acceleration)
+        ):
             return
         self._motors = self._step(motors, q)
         if self._sag is None:
@@ -113,6 +134,8 @@ class LaggingArm:
 
 
 def _tilt(gravity: float, x: float, y: float) -> Array:
-    """Vertical `gravity` as (3,) [m/s^2] in a base that leans by `x`, then `y` [rad] about x, y."""
+    """Vertical `gravity` as (3,) [m/s^2] in a base that leans by `x`, then `y` [rad]
+    about x, y.
+    """
     upright = gravity * np.cos(x)
     return np.array([upright * np.sin(y), -gravity * np.sin(x), upright * np.cos(y)])

@@ -1,4 +1,6 @@
-"""Faults of the emulated robot and its connection: as a script states them, and their execution."""
+"""Faults of the emulated robot and its connection: as a script states them, and their
+execution.
+"""
 
 from collections.abc import Callable, Iterable
 from math import inf, isfinite
@@ -18,7 +20,9 @@ REFLEX_NAMES = tuple(reflex.name.lower() for reflex in Reflex)
 
 def _check_name(name: str) -> str:
     if name not in REFLEX_NAMES:
-        raise ValueError(f"is no error of the robot; allowed: {', '.join(REFLEX_NAMES)}")
+        raise ValueError(
+            f"is no error of the robot; allowed: {', '.join(REFLEX_NAMES)}"
+        )
     return name
 
 
@@ -29,7 +33,9 @@ def _check_force(force: tuple[float, float, float]) -> tuple[float, float, float
 
 
 class Scripted(Settings):
-    """Fault of the emulated robot, due once it has executed `at` commands since its start."""
+    """Fault of the emulated robot, due once it has executed `at` commands since its
+    start.
+    """
 
     at: int = Field(ge=0)
 
@@ -42,7 +48,9 @@ class ReflexFault(Scripted):
 
 
 class UserStopFault(Scripted):
-    """Fault: the user stop is pressed, and released after `duration` [s] if that is finite."""
+    """Fault: the user stop is pressed, and released after `duration` [s] if that is
+    finite.
+    """
 
     kind: Literal["user_stop"]
     duration: float = Field(default=inf, gt=0, allow_inf_nan=True)
@@ -55,21 +63,27 @@ class DropFault(Scripted):
 
 
 class FreezeFault(Scripted):
-    """Fault: the robot neither sends nor answers for `duration` [s] of the wall clock."""
+    """Fault: the robot neither sends nor answers for `duration` [s] of the wall
+    clock.
+    """
 
     kind: Literal["freeze"]
     duration: float = Field(gt=0, le=60)
 
 
 class NanFault(Scripted):
-    """Fault: for `ticks` ticks the measured joints, pose and force in the robot's state are NaN."""
+    """Fault: for `ticks` ticks the measured joints, pose and force in the robot's state
+    are NaN.
+    """
 
     kind: Literal["nan"]
     ticks: int = Field(default=1, gt=0)
 
 
 class ContactFault(Scripted):
-    """Fault: a `force` (3,) [N] in the base acts on the tool for `duration` [s] of robot time."""
+    """Fault: a `force` (3,) [N] in the base acts on the tool for `duration` [s] of
+    robot time.
+    """
 
     kind: Literal["contact"]
     force: Annotated[tuple[float, float, float], AfterValidator(_check_force)]
@@ -77,26 +91,38 @@ class ContactFault(Scripted):
 
 
 class VersionFault(Scripted):
-    """Fault: from then on the robot speaks protocol `version` and refuses new connections."""
+    """Fault: from then on the robot speaks protocol `version` and refuses new
+    connections.
+    """
 
     kind: Literal["wrong_version"]
     version: int = Field(default=9, ge=0, le=65535)
 
 
 Fault = (
-    ReflexFault | UserStopFault | DropFault | FreezeFault | NanFault | ContactFault | VersionFault
+    ReflexFault
+    | UserStopFault
+    | DropFault
+    | FreezeFault
+    | NanFault
+    | ContactFault
+    | VersionFault
 )
 
 
 class FaultScript(Settings):
-    """Content of a fault script: version `schema` of the format, and the scheduled faults."""
+    """Content of a fault script: version `schema` of the format, and the scheduled
+    faults.
+    """
 
     schema_: Literal[1] = Field(default=1, alias="schema")
     faults: tuple[Annotated[Fault, Field(discriminator="kind")], ...]
 
 
 def load_faults(path: Path) -> tuple[Fault, ...]:
-    """Read the fault script at `path`, earliest fault first; ConfigurationError if invalid."""
+    """Read the fault script at `path`, earliest fault first; ConfigurationError if
+    invalid.
+    """
     return tuple(sorted(load(path, FaultScript).faults, key=lambda fault: fault.at))
 
 
@@ -106,12 +132,16 @@ Pause = Callable[[float], None]  # returns after a time [s]
 class Disturbance:
     """Faults of a script that are still to come, and end times of faults in effect.
 
-    They strike `robot`, or the connection to its client at `port`; `freeze` pauses both for some
-    time [s].
+    They strike `robot`, or the connection to its client at `port`; `freeze` pauses both
+    for some time [s].
     """
 
     def __init__(
-        self, script: Iterable[Fault], robot: EmulatedRobot, port: ArmPort, freeze: Pause
+        self,
+        script: Iterable[Fault],
+        robot: EmulatedRobot,
+        port: ArmPort,
+        freeze: Pause,
     ) -> None:
         self._waiting = sorted(script, key=lambda fault: fault.at)
         self._robot = robot

@@ -1,4 +1,6 @@
-"""Motion generators of the emulated robot: the next posture from a command, or a violation."""
+"""Motion generators of the emulated robot: the next posture from a command, or a
+violation.
+"""
 
 from collections.abc import Callable
 
@@ -26,10 +28,11 @@ Follow = Callable[[Posture, RobotCommand, Array], Posture]
 def follow(
     generator: Generator, old: Posture, command: RobotCommand, tool: Array, first: bool
 ) -> Posture:
-    """Posture one tick after `old` by a motion `command`, with `tool` (4, 4) in the flange's frame.
+    """Posture one tick after `old` by a motion `command`, with `tool` (4, 4) in the
+    flange's frame.
 
-    `first` marks the first command of a motion, whose pose must be the arm's own. Raises Violation
-    where the command breaks a limit of the robot.
+    `first` marks the first command of a motion, whose pose must be the arm's own.
+    Raises Violation where the command breaks a limit of the robot.
     """
     try:
         new = _FOLLOW[generator](old, command, tool)
@@ -38,19 +41,25 @@ def follow(
             raise Violation(_START[generator]) from None
         raise
     if command.finished:
-        cartesian = generator in (Generator.CARTESIAN_POSE, Generator.CARTESIAN_VELOCITY)
+        cartesian = generator in (
+            Generator.CARTESIAN_POSE,
+            Generator.CARTESIAN_VELOCITY,
+        )
         check_end(new.joints, CARTESIAN_JOINT if cartesian else JOINT)
     return new
 
 
 def readable(generator: Generator, command: RobotCommand) -> bool:
-    """Whether the numbers of `command` that `generator` reads are finite and not absurdly large."""
+    """Whether the numbers of `command` that `generator` reads are finite and not
+    absurdly large.
+    """
     fits = usable(_READ[generator](command))
     return fits and (command.elbow is None or usable(command.elbow))
 
 
 def extrapolate(old: Posture, message_id: int) -> RobotCommand:
-    """Command that continues the motion of `old` at constant acceleration, where none arrived.
+    """Command that continues the motion of `old` at constant acceleration, where none
+    arrived.
 
     Source: the client library's `rate_limiting.h` on lost packets.
     """
@@ -76,7 +85,9 @@ def _joint_velocity(old: Posture, command: RobotCommand, tool: Array) -> Posture
 
 
 def _joints(old: Posture, q: Array, velocity: Array, tool: Array) -> Posture:
-    """Posture a tick after `old` at joints `q` (7,) [rad]; Violation of a joint's limit."""
+    """Posture a tick after `old` at joints `q` (7,) [rad]; Violation of a joint's
+    limit.
+    """
     rates = old.joints.step(velocity)
     check_joints(q, old.joints, rates, JOINT)
     return old.move_on(q, tool, rates)
@@ -85,22 +96,30 @@ def _joints(old: Posture, q: Array, velocity: Array, tool: Array) -> Posture:
 def _cartesian_pose(old: Posture, command: RobotCommand, tool: Array) -> Posture:
     if not rigid(command.pose):
         raise Violation(Reflex.CARTESIAN_POSITION_MOTION_GENERATOR_INVALID_FRAME)
-    return _cartesian(old, command, command.pose, twist_of(old.pose, command.pose), tool)
+    return _cartesian(
+        old, command, command.pose, twist_of(old.pose, command.pose), tool
+    )
 
 
 def _cartesian_velocity(old: Posture, command: RobotCommand, tool: Array) -> Posture:
-    return _cartesian(old, command, _advance_pose(old.pose, command.twist), command.twist, tool)
+    return _cartesian(
+        old, command, _advance_pose(old.pose, command.twist), command.twist, tool
+    )
 
 
 def _cartesian(
     old: Posture, command: RobotCommand, pose: Array, twist: Array, tool: Array
 ) -> Posture:
-    """Posture a tick after `old` at tool `pose` (4, 4), `twist` (6,); Violation of a limit."""
+    """Posture a tick after `old` at tool `pose` (4, 4), `twist` (6,); Violation of a
+    limit.
+    """
     rates = old.tool.step(twist)
     check_tool_rates(old.tool, rates)
     swing = old.swing_to(_elbow(old, command))
     check_swing(old.swing, swing)
-    velocity = joint_step(old.q, old.reached, old.jacobian, pose, float(swing[0])) / TICK
+    velocity = (
+        joint_step(old.q, old.reached, old.jacobian, pose, float(swing[0])) / TICK
+    )
     q = old.q + TICK * velocity
     joints = old.joints.step(velocity)
     check_joints(q, old.joints, joints, CARTESIAN_JOINT)
@@ -137,10 +156,13 @@ _READ: dict[Generator, Callable[[RobotCommand], Array]] = {
     Generator.CARTESIAN_POSE: lambda command: command.pose,
     Generator.CARTESIAN_VELOCITY: lambda command: command.twist,
 }
-# errors of a first command that does not continue the arm's own posture, whatever limit it breaks
+# errors of a first command that does not continue the arm's own posture, whatever limit
+# it breaks
 _START = {
     Generator.JOINT_POSITION: Reflex.JOINT_POSITION_MOTION_GENERATOR_START_POSE_INVALID,
-    Generator.CARTESIAN_POSE: Reflex.CARTESIAN_POSITION_MOTION_GENERATOR_START_POSE_INVALID,
+    Generator.CARTESIAN_POSE: (
+        Reflex.CARTESIAN_POSITION_MOTION_GENERATOR_START_POSE_INVALID
+    ),
 }
 _NOT_START_ERRORS = {  # errors that a first command reports by their own name
     Reflex.CARTESIAN_POSITION_MOTION_GENERATOR_INVALID_FRAME,

@@ -18,7 +18,9 @@ HandRequest = Request[HandCommand]
 
 @dataclass(slots=True)
 class FingerMotion:
-    """Motion of the fingers by a request: `widths` [m] still to reach in turn, `speed` [m/s]."""
+    """Motion of the fingers by a request: `widths` [m] still to reach in turn, `speed`
+    [m/s].
+    """
 
     request: HandRequest
     widths: list[float]
@@ -26,13 +28,14 @@ class FingerMotion:
 
 
 class EmulatedHand:
-    """Emulated hand, stepped every 1 ms: width [m] between its fingers, and the object they hold.
+    """Emulated hand, stepped every 1 ms: width [m] between its fingers, and the object
+    they hold.
 
-    `between` gives the thickness [m] of the object between the fingers now, None for nothing.
-    Speeds above FASTEST_FINGER are limited to it; the real hand's answer in that case is not known.
-    Without `is_homed` it reports no width and refuses to move. It holds objects thinner than `felt`
-    [m] without reporting a grasp, and ignores the next `deaf` stops, as users report
-    (franka_ros#276, libfranka#111, #28).
+    `between` gives the thickness [m] of the object between the fingers now, None for
+    nothing. Speeds above FASTEST_FINGER are limited to it; the real hand's answer in
+    that case is not known. Without `is_homed` it reports no width and refuses to move.
+    It holds objects thinner than `felt` [m] without reporting a grasp, and ignores the
+    next `deaf` stops, as users report (franka_ros#276, libfranka#111, #28).
     """
 
     def __init__(self, between: Between) -> None:
@@ -54,7 +57,9 @@ class EmulatedHand:
         """Datagram of the hand's state at robot `time` [ms]."""
         width = self.width if self.is_homed else 0.0
         widest = WIDEST if self.is_homed else 0.0
-        return STATE_PACKET.pack(time & 0xFFFFFFFF, width, widest, self.is_grasped, TEMPERATURE)
+        return STATE_PACKET.pack(
+            time & 0xFFFFFFFF, width, widest, self.is_grasped, TEMPERATURE
+        )
 
     def begin(self, request: HandRequest) -> None:
         """Start the hand's command in `request` and abort the one in progress."""
@@ -64,7 +69,9 @@ class EmulatedHand:
         self.interrupt()
         if request.command is HandCommand.STOP:
             self._answer(request, HandStatus.SUCCESS)
-        elif not _valid(request) or not (self.is_homed or request.command is HandCommand.HOMING):
+        elif not _valid(request) or not (
+            self.is_homed or request.command is HandCommand.HOMING
+        ):
             self._answer(request, HandStatus.FAIL)
         else:
             self.is_grasped = False
@@ -95,7 +102,9 @@ class EmulatedHand:
             self._reach_width(motion)
 
     def _close_to(self, width: float) -> bool:
-        """Close to `width` [m] or onto an object in between; returns whether one was touched."""
+        """Close to `width` [m] or onto an object in between; returns whether one was
+        touched.
+        """
         thickness = self._between()
         if thickness is None or width > thickness:
             self.width = width
@@ -115,18 +124,25 @@ class EmulatedHand:
         self._answer(motion.request, status)
 
     def _reach_width(self, motion: FingerMotion) -> None:
-        """Let the fingers go on to the next width of `motion`, or end it after the last one."""
+        """Let the fingers go on to the next width of `motion`, or end it after the last
+        one.
+        """
         motion.widths.pop(0)
         if motion.widths:
             return
         self._motion = None
-        missed = motion.request.command is HandCommand.GRASP  # closed without touching anything
+        # closed without touching anything
+        missed = motion.request.command is HandCommand.GRASP
         self.is_homed = self.is_homed or motion.request.command is HandCommand.HOMING
-        self._answer(motion.request, HandStatus.UNSUCCESSFUL if missed else HandStatus.SUCCESS)
+        self._answer(
+            motion.request, HandStatus.UNSUCCESSFUL if missed else HandStatus.SUCCESS
+        )
 
     def _answer(self, request: HandRequest, status: HandStatus) -> None:
         content = HAND_FRAMING.status.pack(status)
-        self.replies.append(HAND_FRAMING.reply(request.command, request.command_id, content))
+        self.replies.append(
+            HAND_FRAMING.reply(request.command, request.command_id, content)
+        )
 
 
 def _finger_motion(request: HandRequest) -> FingerMotion:
@@ -154,5 +170,7 @@ def _valid(request: HandRequest) -> bool:
 
 
 def _values(request: HandRequest) -> tuple[float, ...]:
-    """Numbers of a hand's `request` in its command's order: widths [m], speed [m/s], force [N]."""
+    """Numbers of a hand's `request` in its command's order: widths [m], speed [m/s],
+    force [N].
+    """
     return PAYLOAD[request.command].unpack(request.payload)

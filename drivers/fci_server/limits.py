@@ -1,4 +1,6 @@
-"""Limits that the emulated robot enforces on commands: joints, tool, elbow, collisions."""
+"""Limits that the emulated robot enforces on commands: joints, tool, elbow,
+collisions.
+"""
 
 from dataclasses import dataclass
 from math import hypot
@@ -14,13 +16,16 @@ from drivers.types import Array, frozen
 
 # Clients limit their rates by the state, which the wire rounds.
 LIMIT_FACTOR = 1.01  # float32 of the state costs a few tenths of 1 %
-TOOL_LOW, TOOL_HIGH = frozen([-1.0, -1.0, -0.5]), frozen([1.0, 1.0, 1.4])  # m, of the tool's space
+# m, of the tool's space
+TOOL_LOW, TOOL_HIGH = frozen([-1.0, -1.0, -0.5]), frozen([1.0, 1.0, 1.4])
 LEVER = 1.3  # m at most by which a point of the arm moves per rad of any joint
 DEEPER = 1e-6  # m by which a touch must grow to count again: the arm may leave it
 
 
 class Violation(Exception):
-    """Raised for a command that breaks a limit of the robot; `reflex` is the error it reports."""
+    """Raised for a command that breaks a limit of the robot; `reflex` is the error it
+    reports.
+    """
 
     def __init__(self, reflex: Reflex) -> None:
         super().__init__(reflex.name.lower())
@@ -29,7 +34,9 @@ class Violation(Exception):
 
 @dataclass(frozen=True, slots=True)
 class JointReflexes:
-    """Errors that the robot reports for a joint beyond its limits, by the limit's kind."""
+    """Errors that the robot reports for a joint beyond its limits, by the limit's
+    kind.
+    """
 
     position: Reflex
     velocity: Reflex
@@ -58,7 +65,9 @@ TOOL_REFLEXES = (
 
 
 class BodyCheck:
-    """Collision check of the arm with itself and solids, skipped while little has moved."""
+    """Collision check of the arm with itself and solids, skipped while little has
+    moved.
+    """
 
     def __init__(self, solids: Solids | None = None) -> None:
         """Check the arm for collisions with `solids`, or with itself alone."""
@@ -68,7 +77,9 @@ class BodyCheck:
         self._gaps: dict[Reflex, float] = {}  # m, to itself and to the solids
 
     def check(self, q: Array) -> None:
-        """Raise Violation where joints `q` (7,) [rad] bring the arm into itself or a solid."""
+        """Raise Violation where joints `q` (7,) [rad] bring the arm into itself or a
+        solid.
+        """
         travel = LEVER * float(np.abs(q - self._checked_q).sum())
         if travel < self._room:
             return
@@ -88,7 +99,9 @@ class BodyCheck:
 
 
 def check_joints(q: Array, old: Rates, new: Rates, reflexes: JointReflexes) -> None:
-    """Raise Violation for joints `q` (7,) [rad] beyond a limit, or too fast to brake before one."""
+    """Raise Violation for joints `q` (7,) [rad] beyond a limit, or too fast to brake
+    before one.
+    """
     if _beyond(new.velocity, _JOINT_VELOCITY):
         raise Violation(reflexes.velocity)
     if _beyond(new.acceleration, _JOINT_ACCELERATION):
@@ -103,20 +116,30 @@ def check_joints(q: Array, old: Rates, new: Rates, reflexes: JointReflexes) -> N
 
 
 def check_place(pose: Array) -> None:
-    """Raise Violation for a tool pose (4, 4) in the base outside of TOOL_LOW to TOOL_HIGH."""
+    """Raise Violation for a tool pose (4, 4) in the base outside of TOOL_LOW to
+    TOOL_HIGH.
+    """
     place = pose[:3, 3]
     if np.minimum(place - TOOL_LOW, TOOL_HIGH - place).min() < 0:
         raise Violation(Reflex.CARTESIAN_POSITION_LIMITS_VIOLATION)
 
 
 def check_tool_rates(old: Rates, new: Rates) -> None:
-    """Raise Violation for a tool too fast, `new` (6,) being its rates one tick after `old` (6,).
+    """Raise Violation for a tool too fast, `new` (6,) being its rates one tick after
+    `old` (6,).
 
-    Velocity, acceleration and jerk are checked in turn: the norms of translation (first three) and
-    rotation, each with 1 % of tolerance. The Violation carries the reflex of the first to exceed.
+    Velocity, acceleration and jerk are checked in turn: the norms of translation (first
+    three) and rotation, each with 1 % of tolerance. The Violation carries the reflex of
+    the first to exceed.
     """
-    motions = (new.velocity, new.acceleration, (new.acceleration - old.acceleration) / TICK)
-    checks = zip(motions, limits.TRANSLATION, limits.ROTATION, TOOL_REFLEXES, strict=True)
+    motions = (
+        new.velocity,
+        new.acceleration,
+        (new.acceleration - old.acceleration) / TICK,
+    )
+    checks = zip(
+        motions, limits.TRANSLATION, limits.ROTATION, TOOL_REFLEXES, strict=True
+    )
     for rates, translation, rotation, reflex in checks:
         moves, turns = hypot(*rates[:3].tolist()), hypot(*rates[3:].tolist())
         if moves > LIMIT_FACTOR * translation or turns > LIMIT_FACTOR * rotation:
@@ -124,30 +147,39 @@ def check_tool_rates(old: Rates, new: Rates) -> None:
 
 
 def check_swing(old: Array, new: Array) -> None:
-    """Raise Violation where the elbow's angle, rate and acceleration (3,) break a rate limit."""
+    """Raise Violation where the elbow's angle, rate and acceleration (3,) break a rate
+    limit.
+    """
     rates = (*new[1:].tolist(), float(new[2] - old[2]) / TICK)
     if any(abs(rate) > limit for rate, limit in zip(rates, _ELBOW, strict=True)):
         raise Violation(Reflex.CARTESIAN_MOTION_GENERATOR_ELBOW_LIMIT_VIOLATION)
 
 
 def check_end(joints: Rates, reflexes: JointReflexes) -> None:
-    """Raise Violation for a motion that is declared finished while the arm still moves."""
+    """Raise Violation for a motion that is declared finished while the arm still
+    moves.
+    """
     if _beyond(joints.velocity, _JOINT_STANDSTILL):
         raise Violation(reflexes.acceleration)
 
 
 def _beyond(values: Array, limits: tuple[float, ...]) -> bool:
-    return any(abs(value) > limit for value, limit in zip(values.tolist(), limits, strict=True))
+    return any(
+        abs(value) > limit for value, limit in zip(values.tolist(), limits, strict=True)
+    )
 
 
 def _with_tolerance(limit: Array, time: float = 1.0) -> tuple[float, ...]:
-    """Limits (n,) per tick: published `limit` times `time` [s] and the tolerance LIMIT_FACTOR."""
+    """Limits (n,) per tick: published `limit` times `time` [s] and the tolerance
+    LIMIT_FACTOR.
+    """
     return tuple((LIMIT_FACTOR * time * limit).tolist())
 
 
 _ELBOW = _with_tolerance(np.array(limits.ELBOW))
 _JOINT_VELOCITY = _with_tolerance(limits.VELOCITY)
 _JOINT_ACCELERATION = _with_tolerance(limits.ACCELERATION)
-_JOINT_JERK = _with_tolerance(limits.JERK, TICK)  # as change of the acceleration in one tick
+# as change of the acceleration in one tick
+_JOINT_JERK = _with_tolerance(limits.JERK, TICK)
 _JOINT_STANDSTILL = _with_tolerance(limits.ACCELERATION, TICK)
 _BRAKING = max(_JOINT_STANDSTILL)  # rad/s, reduction by one tick of braking

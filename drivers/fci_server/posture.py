@@ -14,13 +14,17 @@ from drivers.types import Array
 
 @dataclass(slots=True)
 class Rates:
-    """Commanded velocity and acceleration of the joints (7,) or of the tool (6,), [m, rad, s]."""
+    """Commanded velocity and acceleration of the joints (7,) or of the tool (6,), [m,
+    rad, s].
+    """
 
     velocity: Array
     acceleration: Array
 
     def step(self, velocity: Array) -> "Rates":
-        """Rates one tick later with a new `velocity` (7,) or (6,), and the acceleration to it."""
+        """Rates one tick later with a new `velocity` (7,) or (6,), and the acceleration
+        to it.
+        """
         return Rates(velocity, (velocity - self.velocity) / TICK)
 
 
@@ -33,9 +37,10 @@ def zero_rates(axes: int) -> Rates:
 class Posture:
     """Joints, tool pose and commanded motion of the emulated arm at one tick.
 
-    At `q` (7,) [rad] with rates `joints` the tool is at `reached` (4, 4), with `jacobian` (6, 7).
-    Commanded are the tool's `pose` (4, 4) with rates `tool` (6,), from which `reached` differs by
-    one Newton step's residual, and the elbow's `swing` (3,): angle, rate, acceleration [rad, s].
+    At `q` (7,) [rad] with rates `joints` the tool is at `reached` (4, 4), with
+    `jacobian` (6, 7). Commanded are the tool's `pose` (4, 4) with rates `tool` (6,),
+    from which `reached` differs by one Newton step's residual, and the elbow's `swing`
+    (3,): angle, rate, acceleration [rad, s].
     """
 
     q: Array
@@ -48,14 +53,20 @@ class Posture:
 
     @classmethod
     def at_joints(cls, q: Array, tool: Array, joints: Rates) -> Self:
-        """Posture at joints `q` (7,) [rad], with the tool (4, 4) commanded to rest at its pose."""
+        """Posture at joints `q` (7,) [rad], with the tool (4, 4) commanded to rest at
+        its pose.
+        """
         reached, jacobian = pose_and_jacobian(q, tool)
         swing = np.array([q[ELBOW_JOINT], 0.0, 0.0])
-        return cls(q, joints, reached, jacobian, pose=reached, tool=zero_rates(6), swing=swing)
+        return cls(
+            q, joints, reached, jacobian, pose=reached, tool=zero_rates(6), swing=swing
+        )
 
     @classmethod
     def resting(cls, q: Array, tool: Array) -> Self:
-        """Posture at rest with joints `q` (7,) [rad] and `tool` (4, 4) in the flange's frame."""
+        """Posture at rest with joints `q` (7,) [rad] and `tool` (4, 4) in the flange's
+        frame.
+        """
         return cls.at_joints(q, tool, zero_rates(7))
 
     @property
@@ -74,24 +85,33 @@ class Posture:
         return not self.joints.velocity.any()
 
     def swing_to(self, elbow: float) -> Array:
-        """Elbow angle, rate and acceleration (3,) [rad, s] for angle `elbow` [rad] a tick later."""
+        """Elbow angle, rate and acceleration (3,) [rad, s] for angle `elbow` [rad] a
+        tick later.
+        """
         angle, rate, _ = self.swing.tolist()
         speed = (elbow - angle) / TICK
         return np.array([elbow, speed, (speed - rate) / TICK])
 
     def with_command(self, pose: Array, rates: Rates, swing: Array) -> Self:
-        """Copy with another commanded tool `pose` (4, 4), its `rates`, and elbow `swing` (3,)."""
+        """Copy with another commanded tool `pose` (4, 4), its `rates`, and elbow
+        `swing` (3,).
+        """
         return replace(self, pose=pose, tool=rates, swing=swing)
 
     def move_on(self, q: Array, tool: Array, joints: Rates) -> Self:
-        """Posture a tick later at joints `q` (7,) [rad]; the tool (4, 4) is commanded to follow."""
+        """Posture a tick later at joints `q` (7,) [rad]; the tool (4, 4) is commanded
+        to follow.
+        """
         new = self.at_joints(q, tool, joints)
         rates = self.tool.step(twist_of(self.pose, new.reached))
         return new.with_command(new.reached, rates, self.swing_to(q[ELBOW_JOINT]))
 
     def brake(self, tool: Array) -> Self:
-        """Posture after one tick of the hardest braking in which all joints stop together."""
-        time_left = float((np.abs(self.joints.velocity) / limits.ACCELERATION).max())  # s to rest
+        """Posture after one tick of the hardest braking in which all joints stop
+        together.
+        """
+        # s to rest
+        time_left = float((np.abs(self.joints.velocity) / limits.ACCELERATION).max())
         if time_left <= TICK:
             return self.resting(self.q, tool)
         rates = self.joints.step(self.joints.velocity * (1 - TICK / time_left))
@@ -99,5 +119,7 @@ class Posture:
 
 
 def twist_of(old: Array, new: Array) -> Array:
-    """Twist (6,) [m/s, rad/s] in the base that takes pose `old` (4, 4) to `new` in one tick."""
+    """Twist (6,) [m/s, rad/s] in the base that takes pose `old` (4, 4) to `new` in one
+    tick.
+    """
     return twist_between(old, new) / TICK

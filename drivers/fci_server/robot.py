@@ -1,7 +1,8 @@
-"""Emulated robot: modes, one motion at a time, reflexes, stops, recovery; no sockets, no time.
+"""Emulated robot: modes, one motion at a time, reflexes, stops, recovery; no sockets,
+no time.
 
-It is stepped in control periods of 1 ms. Its caller requests motions and settings, and collects the
-replies that are due only at the end of a motion.
+It is stepped in control periods of 1 ms. Its caller requests motions and settings, and
+collects the replies that are due only at the end of a motion.
 """
 
 from collections.abc import Callable
@@ -33,16 +34,19 @@ from drivers.franka.inverse_kinematics import manipulability
 from drivers.franka.kinematics import HOME
 from drivers.types import Array
 
-SINGULAR = 0.01  # smallest singular value of a Jacobian from which a Cartesian motion may start
+# smallest singular value of a Jacobian from which a Cartesian motion may start
+SINGULAR = 0.01
 MOST_MISSED_TICKS = 20  # ticks in a row without a command
 STEADY_ACCELERATION = 1e-3  # rad/s^2 and m/s^2, below which a motion counts as uniform
 
 
 @dataclass(frozen=True, slots=True)
 class Contact:
-    """Estimated external wrench (6,) [N, N m] on the tool in the base; its joint torques (7,).
+    """Estimated external wrench (6,) [N, N m] on the tool in the base; its joint
+    torques (7,).
 
-    Flags are 1 where a threshold is exceeded: first row for contact, second row for collision.
+    Flags are 1 where a threshold is exceeded: first row for contact, second row for
+    collision.
     """
 
     wrench: Array
@@ -51,8 +55,12 @@ class Contact:
     tool_flags: Array  # (2, 6)
 
     @classmethod
-    def of_force(cls, posture: Posture, configuration: Configuration, force: Array) -> Self:
-        """Contact by a `force` (3,) [N] in the robot's base on the tool's origin in `posture`."""
+    def of_force(
+        cls, posture: Posture, configuration: Configuration, force: Array
+    ) -> Self:
+        """Contact by a `force` (3,) [N] in the robot's base on the tool's origin in
+        `posture`.
+        """
         wrench = np.zeros(6)
         wrench[:3] = force
         lever = posture.reached[:3, :3] @ configuration.tool_to_stiffness[:3, 3]
@@ -64,11 +72,15 @@ class Contact:
         tool = thresholds.force_nominal if steady else thresholds.force_accelerating
         joint_flags = np.greater(np.abs(torque), joints).astype(np.float64)
         tool_flags = np.greater(np.abs(wrench), tool).astype(np.float64)
-        return cls(wrench=wrench, torque=torque, joint_flags=joint_flags, tool_flags=tool_flags)
+        return cls(
+            wrench=wrench, torque=torque, joint_flags=joint_flags, tool_flags=tool_flags
+        )
 
     @property
     def reflex(self) -> Reflex | None:
-        """Reflex that an exceeded collision threshold triggers; None where none is exceeded."""
+        """Reflex that an exceeded collision threshold triggers; None where none is
+        exceeded.
+        """
         if self.tool_flags[1].any():
             return Reflex.CARTESIAN_REFLEX
         return Reflex.JOINT_REFLEX if self.joint_flags[1].any() else None
@@ -104,7 +116,9 @@ class LateReply:
 
 @dataclass(slots=True)
 class EmulatedRobot:
-    """Emulated robot; `ticks` counts the commands that it has executed, `time` is in [ms]."""
+    """Emulated robot; `ticks` counts the commands that it has executed, `time` is in
+    [ms].
+    """
 
     posture: Posture
     push: Push | None = None
@@ -135,16 +149,34 @@ class EmulatedRobot:
         return self.posture if self.trailing is None else self.trailing.posture
 
     def move(self, request: MoveRequest, command_id: int) -> MoveStatus:
-        """Start the requested motion; returns MOTION_STARTED or the reason for a refusal."""
-        if self.mode is not Mode.IDLE or self.motion is not None or not self.posture.at_rest:
+        """Start the requested motion; returns MOTION_STARTED or the reason for a
+        refusal.
+        """
+        if (
+            self.mode is not Mode.IDLE
+            or self.motion is not None
+            or not self.posture.at_rest
+        ):
             return MoveStatus.NOT_POSSIBLE
         numbered = request.controller in range(3) and request.generator in range(5)
-        if not numbered or not all(isfinite(part) and part >= 0 for part in request.deviations):
+        if not numbered or not all(
+            isfinite(part) and part >= 0 for part in request.deviations
+        ):
             return MoveStatus.INVALID_ARGUMENT
-        controller, generator = Controller(request.controller), Generator(request.generator + 1)
-        if controller is Controller.EXTERNAL or generator is Generator.NONE or request.use_async:
+        controller, generator = (
+            Controller(request.controller),
+            Generator(request.generator + 1),
+        )
+        if (
+            controller is Controller.EXTERNAL
+            or generator is Generator.NONE
+            or request.use_async
+        ):
             return MoveStatus.NOT_POSSIBLE
-        cartesian = generator in (Generator.CARTESIAN_POSE, Generator.CARTESIAN_VELOCITY)
+        cartesian = generator in (
+            Generator.CARTESIAN_POSE,
+            Generator.CARTESIAN_VELOCITY,
+        )
         if cartesian and manipulability(self.posture.jacobian) < SINGULAR:
             return MoveStatus.SINGULAR_START
         self.motion = ActiveMotion(command_id, generator, controller)
@@ -153,13 +185,17 @@ class EmulatedRobot:
         return MoveStatus.MOTION_STARTED
 
     def stop(self, command_id: int) -> None:
-        """Brake the arm; the reply to request `command_id` is due once the arm is at rest."""
+        """Brake the arm; the reply to request `command_id` is due once the arm is at
+        rest.
+        """
         self.waiting.append(LateReply(Command.STOP_MOVE, command_id, Status.SUCCESS))
         if self.motion is not None:
             self.motion.stopping = True
 
     def set(self, request: Request[Command]) -> Status:
-        """Change the setting that `request` states, which only an idle robot accepts."""
+        """Change the setting that `request` states, which only an idle robot
+        accepts.
+        """
         if request.command not in SETTERS or self.mode is not Mode.IDLE:
             return Status.NOT_POSSIBLE
         old = self.configuration
@@ -169,17 +205,22 @@ class EmulatedRobot:
         return status
 
     def recover(self, command_id: int) -> Status | None:
-        """Recover from a reflex once the arm is at rest, when the reply is due: returns None.
+        """Recover from a reflex once the arm is at rest, when the reply is due: returns
+        None.
 
         Returns NOT_POSSIBLE in motion or while the user stop is pressed.
         """
         if self.mode not in (Mode.IDLE, Mode.REFLEX):
             return Status.NOT_POSSIBLE
-        self.waiting.append(LateReply(Command.AUTOMATIC_ERROR_RECOVERY, command_id, Status.SUCCESS))
+        self.waiting.append(
+            LateReply(Command.AUTOMATIC_ERROR_RECOVERY, command_id, Status.SUCCESS)
+        )
         return None
 
     def reflex(self, error: Reflex) -> None:
-        """Abort the motion with `error` and brake; the arm moves again only after recovery."""
+        """Abort the motion with `error` and brake; the arm moves again only after
+        recovery.
+        """
         if self.mode is Mode.USER_STOPPED:
             return
         self._finish(MoveStatus.REFLEX_ABORTED)
@@ -187,7 +228,9 @@ class EmulatedRobot:
         self.errors = self.reasons = frozenset({error})
 
     def press_user_stop(self) -> None:
-        """Abort the motion and brake; no motion starts until the user stop is released."""
+        """Abort the motion and brake; no motion starts until the user stop is
+        released.
+        """
         self._finish(MoveStatus.EMERGENCY_ABORTED)
         self.mode = Mode.USER_STOPPED
 
@@ -215,7 +258,9 @@ class EmulatedRobot:
         self.ticks += 1
         motion.missed = 0
         try:
-            posture = follow(motion.generator, self.posture, command, tool, not motion.started)
+            posture = follow(
+                motion.generator, self.posture, command, tool, not motion.started
+            )
             check_place(posture.reached)
             self.body.check(posture.q)
         except Violation as violation:
@@ -231,7 +276,9 @@ class EmulatedRobot:
             self._send_late_replies()
 
     def miss(self) -> None:
-        """Extrapolate the motion in a tick without a command; a reflex after MOST_MISSED_TICKS."""
+        """Extrapolate the motion in a tick without a command; a reflex after
+        MOST_MISSED_TICKS.
+        """
         motion = self.motion
         if motion is None or not motion.started:
             return
@@ -248,7 +295,9 @@ class EmulatedRobot:
             self.trailing.tick(self.posture.q)
 
     def rest(self) -> None:
-        """Pass one tick without a motion: brake a moving arm, end and reply once it is at rest."""
+        """Pass one tick without a motion: brake a moving arm, end and reply once it is
+        at rest.
+        """
         if not self.moving:
             self._brake()
         self._check_contact()
@@ -262,7 +311,9 @@ class EmulatedRobot:
             self.posture = self.posture.brake(self.configuration.tool)
 
     def _check_contact(self) -> None:
-        """Estimate the contact by all forces on the tool; stop by reflex beyond a threshold."""
+        """Estimate the contact by all forces on the tool; stop by reflex beyond a
+        threshold.
+        """
         force = self.pushed
         if self.push is not None:
             force = force + self.push(self.measured.reached, self.time / 1000)
@@ -274,15 +325,22 @@ class EmulatedRobot:
             self.reflex(self.contact.reflex)
 
     def _finish(self, status: MoveStatus) -> None:
-        """End the motion with `status`; its reply comes before others that are pending."""
+        """End the motion with `status`; its reply comes before others that are
+        pending.
+        """
         if self.motion is not None:
-            self.waiting.insert(0, LateReply(Command.MOVE, self.motion.command_id, status))
+            self.waiting.insert(
+                0, LateReply(Command.MOVE, self.motion.command_id, status)
+            )
             self.motion = None
             self.mode = Mode.IDLE
 
     def _send_late_replies(self) -> None:
         for late in self.waiting:
-            if late.command is Command.AUTOMATIC_ERROR_RECOVERY and self.mode is Mode.REFLEX:
+            if (
+                late.command is Command.AUTOMATIC_ERROR_RECOVERY
+                and self.mode is Mode.REFLEX
+            ):
                 self.mode = Mode.IDLE
                 self.errors = frozenset()
         self.late += self.waiting
@@ -292,11 +350,14 @@ class EmulatedRobot:
 def resting_robot(
     start: Array | None = None, push: Push | None = None, solids: Solids | None = None
 ) -> EmulatedRobot:
-    """Emulated robot at rest with joints `start` (7,) [rad], by default in its home posture.
+    """Emulated robot at rest with joints `start` (7,) [rad], by default in its home
+    posture.
 
     Its body may move between `solids`; `push` gives the force on its tool.
     """
     configuration = Configuration()
-    posture = Posture.resting(np.array(HOME if start is None else start), configuration.tool)
+    posture = Posture.resting(
+        np.array(HOME if start is None else start), configuration.tool
+    )
     body = BodyCheck(solids)
     return EmulatedRobot(posture, push=push, body=body, configuration=configuration)

@@ -26,11 +26,13 @@ from drivers.settings import Settings
 from drivers.types import Array
 
 HAND_PERIOD = 5  # ms, of the hand's states
-OFFER_HAND = 0.01  # s, after which a hand's state goes out while the arm's time is frozen
+# s, after which a hand's state goes out while the arm's time is frozen
+OFFER_HAND = 0.01
 MOST_LATE = 64  # commands for earlier ticks that are skipped in one go
 OFFER_ARM = 0.1  # s, after which the arm's last state is offered again
 COUNTED_TICKS = 100  # of a motion, over which the share of commands in time is taken
-LONGEST_CATCH_UP = 0.2 * TICK  # s at most by which a period is shortened to make up for a late one
+# s at most by which a period is shortened to make up for a late one
+LONGEST_CATCH_UP = 0.2 * TICK
 
 
 def _address(text: str) -> str:
@@ -40,10 +42,11 @@ def _address(text: str) -> str:
 class ServerSettings(Settings):
     """Settings of the emulated robot's server: address, clock, lag and mechanics.
 
-    Without an `address` it takes a free one on the loopback, because the clients fix the ports. In
-    `lock_step` a motion advances one control period for each command; otherwise it runs by the wall
-    clock, where a late command counts as missed. The arm follows its setpoint with a `delay` [s]
-    and a first-order `lag` [s]. Without a `plant` its only torques are those of gravity.
+    Without an `address` it takes a free one on the loopback, because the clients fix
+    the ports. In `lock_step` a motion advances one control period for each command;
+    otherwise it runs by the wall clock, where a late command counts as missed. The arm
+    follows its setpoint with a `delay` [s] and a first-order `lag` [s]. Without a
+    `plant` its only torques are those of gravity.
     """
 
     address: Annotated[str, AfterValidator(_address)] | None = None
@@ -54,20 +57,25 @@ class ServerSettings(Settings):
 
 
 class Pace:
-    """Timer of control periods of 1 ms by the wall clock, none of them shorter than 0.8 ms."""
+    """Timer of control periods of 1 ms by the wall clock, none of them shorter than 0.8
+    ms.
+    """
 
     def __init__(self) -> None:
         self._deadline = time.monotonic()
 
     def remaining(self) -> float:
-        """Time [s] until the next control period is due; zero or less once it is due."""
+        """Time [s] until the next control period is due; zero or less once it is
+        due.
+        """
         return self._deadline - time.monotonic()
 
     def begin_next(self) -> None:
         """Start the next control period on schedule.
 
-        Of a delay of this machine at most LONGEST_CATCH_UP is caught up; by the rest the robot's
-        time falls behind the wall clock, so that the client keeps most of a period to answer.
+        Of a delay of this machine at most LONGEST_CATCH_UP is caught up; by the rest
+        the robot's time falls behind the wall clock, so that the client keeps most of a
+        period to answer.
         """
         now = time.monotonic()
         self._deadline = max(self._deadline, now - LONGEST_CATCH_UP) + TICK
@@ -78,12 +86,13 @@ class Pace:
 
 
 class RobotServer:
-    """Server of an emulated robot, whose arm and hand serve one client each at `address`.
+    """Server of an emulated robot, whose arm and hand serve one client each at
+    `address`.
 
-    `start` (7,) [rad] are the initial joints, `solids` obstacles of the arm, `push` the force on
-    its tool, `between` the thickness of the object in the hand, `faults` scheduled faults. Listens
-    from its construction on; serves in a thread between `start` and `close`, or inside a `with`, or
-    in the caller's by `serve`.
+    `start` (7,) [rad] are the initial joints, `solids` obstacles of the arm, `push` the
+    force on its tool, `between` the thickness of the object in the hand, `faults`
+    scheduled faults. Listens from its construction on; serves in a thread between
+    `start` and `close`, or inside a `with`, or in the caller's by `serve`.
     """
 
     def __init__(
@@ -112,17 +121,22 @@ class RobotServer:
         self._bell.setblocking(False)
         self._poll.register(self._waker, select.EPOLLIN)
         self._pace = Pace()
-        self._offer_at = time.monotonic() + OFFER_ARM  # s, when a silent client gets a state again
+        # s, when a silent client gets a state again
+        self._offer_at = time.monotonic() + OFFER_ARM
         self._heard = False  # by the wall clock, whether this tick's command has come
-        self._in_time: deque[bool] = deque(maxlen=COUNTED_TICKS)  # by tick, if a command came
-        self._client_is_clock = False  # in lock-step, from a motion's first command to its end
+        # by tick, if a command came
+        self._in_time: deque[bool] = deque(maxlen=COUNTED_TICKS)
+        # in lock-step, from a motion's first command to its end
+        self._client_is_clock = False
         self._motion_begin = 0  # robot time [ms] at that command
         self._thread: Thread | None = None
         self._stopping = False
 
     def start(self) -> Self:
         """Serve clients in a thread of this process."""
-        self._thread = Thread(target=self.serve, name=f"twin {self.address}", daemon=True)
+        self._thread = Thread(
+            target=self.serve, name=f"twin {self.address}", daemon=True
+        )
         self._thread.start()
         return self
 
@@ -157,7 +171,8 @@ class RobotServer:
             self._disconnect()
 
     def _bind(self, address: str | None) -> tuple[ArmPort, HandPort]:
-        """Open both ports at `address`, or at the first loopback address where they are free.
+        """Open both ports at `address`, or at the first loopback address where they are
+        free.
 
         Raises ConfigurationError where they are in use.
         """
@@ -169,12 +184,15 @@ class RobotServer:
             except OSError as error:
                 reason = error.strerror or str(error)
         raise ConfigurationError(
-            f"address: ports 1337 and 1338 cannot be opened at {address or '127.77.x.y'}: "
-            f"{reason}; name another address of this machine"
+            "address: ports 1337 and 1338 cannot be opened at"
+            f" {address or '127.77.x.y'}: {reason}; name another address of this"
+            " machine"
         )
 
     def _open(self, address: str) -> tuple[ArmPort, HandPort]:
-        """Ports of arm and hand at `address`, both or none; OSError where one is in use."""
+        """Ports of arm and hand at `address`, both or none; OSError where one is in
+        use.
+        """
         arm = ArmPort(address, self._poll, self.robot)
         try:
             return arm, HandPort(address, self._poll, self.hand)
@@ -194,8 +212,9 @@ class RobotServer:
     def _run_once(self) -> None:
         """Run one pass of the server's event loop.
 
-        It waits for the next command while the client is the clock, for any request while no
-        client is connected and nothing moves, else until the control period has passed.
+        It waits for the next command while the client is the clock, for any request
+        while no client is connected and nothing moves, else until the control period
+        has passed.
         """
         moving = self._lock_step and self.robot.moving
         self._client_is_clock = self._client_is_clock and moving
@@ -223,14 +242,21 @@ class RobotServer:
                 self._offer_at = time.monotonic() + OFFER_ARM
         command = self._arm.command()
         if command is not None and self._arm.datagram_fileno not in events:
-            self._poll_sockets(0)  # requests that were sent before this command, and after the wait
-        if command is not None and command.message_id == self.robot.time and self.robot.moving:
+            # requests that were sent before this command, and after the wait
+            self._poll_sockets(0)
+        if (
+            command is not None
+            and command.message_id == self.robot.time
+            and self.robot.moving
+        ):
             self._follow(command)
             self._offer_at = time.monotonic() + OFFER_ARM
             self._pace.restart()
 
     def _wait_for_period(self) -> None:
-        """By the wall clock, wait for a command or for the end of the control period."""
+        """By the wall clock, wait for a command or for the end of the control
+        period.
+        """
         self._poll_sockets(max(self._pace.remaining(), 0.0))
         command = self._next_command()
         if command is not None and self._lock_step:
@@ -249,7 +275,9 @@ class RobotServer:
             self._pace.begin_next()
 
     def _next_command(self) -> RobotCommand | None:
-        """Next command for this tick of a motion, in lock-step for any; late ones are skipped."""
+        """Next command for this tick of a motion, in lock-step for any; late ones are
+        skipped.
+        """
         for _ in range(MOST_LATE):
             command = self._arm.command()
             if command is None:
@@ -290,16 +318,20 @@ class RobotServer:
         self._arm.publish(sum(self._in_time) / max(len(self._in_time), 1))
 
     def _freeze(self, duration: float) -> None:
-        """Neither send nor answer for `duration` [s]; `close` and `inject` cut it short."""
+        """Neither send nor answer for `duration` [s]; `close` and `inject` cut it
+        short.
+        """
         pause = select.poll()
         pause.register(self._waker, select.POLLIN)
         pause.poll(1000 * duration)
         self._pace.restart()
 
     def _poll_sockets(self, seconds: float | None) -> set[int]:
-        """Wait for `seconds` at most, then serve TCP; returns the readable file descriptors.
+        """Wait for `seconds` at most, then serve TCP; returns the readable file
+        descriptors.
 
-        The hand is served before the arm, so that a command for it counts from the same tick.
+        The hand is served before the arm, so that a command for it counts from the same
+        tick.
         """
         if seconds is not None and 0 < seconds < OFFER_HAND:
             select.select([self._poll], [], [], seconds)  # epoll counts in milliseconds

@@ -1,4 +1,6 @@
-"""State of the emulated arm as the UDP datagram (1377 bytes) that the robot sends each tick."""
+"""State of the emulated arm as the UDP datagram (1377 bytes) that the robot sends each
+tick.
+"""
 
 import numpy as np
 
@@ -60,25 +62,40 @@ PACKET = np.dtype(
         ("success_rate", "<f4"),
     ]
 )
-MEASURED_FIELDS = ("q", "dq", "O_T_EE", "O_F_ext_hat_K", "K_F_ext_hat_K", "tau_ext_hat_filtered")
-TURNED = 5e-3  # rad by which a joint turns before the torques of gravity are computed again
+MEASURED_FIELDS = (
+    "q",
+    "dq",
+    "O_T_EE",
+    "O_F_ext_hat_K",
+    "K_F_ext_hat_K",
+    "tau_ext_hat_filtered",
+)
+# rad by which a joint turns before the torques of gravity are computed again
+TURNED = 5e-3
 
 
 class Publisher:
-    """Serialiser of the emulated robot's state; gravity's torques are kept while joints rest."""
+    """Serialiser of the emulated robot's state; gravity's torques are kept while joints
+    rest.
+    """
 
     def __init__(self) -> None:
         self._packet = np.zeros(1, PACKET)
         # views into the packet, by name: (n,) each
-        self.fields = fields = {name: self._packet[name].reshape(-1) for name in PACKET.names or ()}
+        self.fields = fields = {
+            name: self._packet[name].reshape(-1) for name in PACKET.names or ()
+        }
         fields["I_ee"][:] = np.diag(HAND_INERTIA).ravel()
         fields["O_ddP_O"][:] = (0.0, 0.0, -GRAVITY)
-        # torques of gravity, and the configuration and joints for which they were computed
+        # torques of gravity, and the configuration and joints for which they were
+        # computed
         self._gravity, self._gravity_q = np.zeros(7), np.zeros(7)
         self._gravity_configuration: Configuration | None = None
 
     def datagram(self, robot: EmulatedRobot, rate: float = 0.0) -> bytes:
-        """Datagram of `robot` after its last tick; `rate` is the fraction of commands in time."""
+        """Datagram of `robot` after its last tick; `rate` is the fraction of commands
+        in time.
+        """
         self._put_configuration(robot.configuration)
         self._put_modes(robot)
         self._put_posture(robot)
@@ -108,11 +125,15 @@ class Publisher:
         fields["I_load"][:] = configuration.load_inertia
 
     def _put_modes(self, robot: EmulatedRobot) -> None:
-        """Write mode, generator, controller and error flags of `robot` into the state's fields."""
+        """Write mode, generator, controller and error flags of `robot` into the state's
+        fields.
+        """
         motion = robot.motion
         fields = self.fields
         fields["generator"][0] = Generator.IDLE if motion is None else motion.generator
-        fields["controller"][0] = Controller.OTHER if motion is None else motion.controller
+        fields["controller"][0] = (
+            Controller.OTHER if motion is None else motion.controller
+        )
         fields["mode"][0] = robot.mode
         for name, flags in (("errors", robot.errors), ("reasons", robot.reasons)):
             fields[name][:] = 0
@@ -141,7 +162,9 @@ class Publisher:
         fields["tau_J"][:] = self._torques(robot) - robot.contact.torque
 
     def _torques(self, robot: EmulatedRobot) -> Array:
-        """Joint torques (7,) [N m] without contact: of the plant, or else of gravity alone."""
+        """Joint torques (7,) [N m] without contact: of the plant, or else of gravity
+        alone.
+        """
         if robot.dynamics is not None:
             return robot.dynamics.reading(robot.measured, robot.ticks)
         tool = robot.configuration
@@ -150,17 +173,26 @@ class Publisher:
             self._gravity_q = np.array(robot.measured.q)
             self._gravity_configuration = tool
             mass = tool.hand_mass + tool.load_mass
-            moment = tool.hand_mass * tool.hand_centre + tool.load_mass * tool.load_centre
+            moment = (
+                tool.hand_mass * tool.hand_centre + tool.load_mass * tool.load_centre
+            )
             self._gravity = holding_torques(robot.measured.q, mass, moment / mass)
         return self._gravity
 
     def _put_contact(self, robot: EmulatedRobot) -> None:
-        """Write external wrench, torques and contact flags of `robot` into the state's fields."""
+        """Write external wrench, torques and contact flags of `robot` into the state's
+        fields.
+        """
         fields, contact = self.fields, robot.contact
         fields["tau_ext_hat_filtered"][:] = contact.torque
         fields["O_F_ext_hat_K"][:] = contact.wrench
-        turn = robot.posture.reached[:3, :3] @ robot.configuration.tool_to_stiffness[:3, :3]
+        turn = (
+            robot.posture.reached[:3, :3]
+            @ robot.configuration.tool_to_stiffness[:3, :3]
+        )
         fields["K_F_ext_hat_K"][:3] = turn.T @ contact.wrench[:3]
         fields["K_F_ext_hat_K"][3:] = turn.T @ contact.wrench[3:]
         fields["joint_contact"][:], fields["joint_collision"][:] = contact.joint_flags
-        fields["cartesian_contact"][:], fields["cartesian_collision"][:] = contact.tool_flags
+        fields["cartesian_contact"][:], fields["cartesian_collision"][:] = (
+            contact.tool_flags
+        )

@@ -1,4 +1,6 @@
-"""Messages of the robot's network protocols, as the emulated robot reads and writes them."""
+"""Messages of the robot's network protocols, as the emulated robot reads and writes
+them.
+"""
 
 from dataclasses import dataclass
 from enum import IntEnum
@@ -16,7 +18,8 @@ PORT = 1337
 MOVE = Struct("<II6dB7d")
 MESSAGE = Struct("<Q")
 COMMAND_NUMBERS = 38
-COMMAND = Struct(f"<Q{COMMAND_NUMBERS}dBB7dB")  # the state that it answers, numbers, flags
+# the state that it answers, numbers, flags
+COMMAND = Struct(f"<Q{COMMAND_NUMBERS}dBB7dB")
 FLAGS_OFFSET = MESSAGE.size + 8 * COMMAND_NUMBERS
 LARGEST_NUMBER = 1e6  # in any unit; no command is near it
 
@@ -49,7 +52,9 @@ class Status(IntEnum):
 
 
 class MoveStatus(IntEnum):
-    """Status in the replies to a request for a motion: MOTION_STARTED first, another at its end."""
+    """Status in the replies to a request for a motion: MOTION_STARTED first, another at
+    its end.
+    """
 
     SUCCESS = 0
     MOTION_STARTED = 1
@@ -64,7 +69,9 @@ class MoveStatus(IntEnum):
 
 
 class Generator(IntEnum):
-    """Motion generators, numbered as in the robot's state; in requests numbers are one lower."""
+    """Motion generators, numbered as in the robot's state; in requests numbers are one
+    lower.
+    """
 
     IDLE = 0
     JOINT_POSITION = 1
@@ -75,7 +82,9 @@ class Generator(IntEnum):
 
 
 class Controller(IntEnum):
-    """Controllers of the robot that follow its motion generators, as the protocol numbers them."""
+    """Controllers of the robot that follow its motion generators, as the protocol
+    numbers them.
+    """
 
     JOINT_IMPEDANCE = 0
     CARTESIAN_IMPEDANCE = 1
@@ -96,10 +105,11 @@ class Mode(IntEnum):
 
 
 class Reflex(IntEnum):
-    """Errors that the robot reports, by the index of their flag among the 41 in the state.
+    """Errors that the robot reports, by the index of their flag among the 41 in the
+    state.
 
-    The order is the one in which pylibfranka and franka-rs read the flags; it is not that of the
-    public header errors.h.
+    The order is the one in which pylibfranka and franka-rs read the flags; it is not
+    that of the public header errors.h.
     """
 
     JOINT_POSITION_LIMITS_VIOLATION = 0
@@ -146,12 +156,16 @@ class Reflex(IntEnum):
 
 
 class Malformed(Exception):
-    """Raised for bytes that are no message of the protocol; the server closes the connection."""
+    """Raised for bytes that are no message of the protocol; the server closes the
+    connection.
+    """
 
 
 @dataclass(frozen=True, slots=True)
 class Request(Generic[K]):
-    """Request of a client over TCP: command, its id, and a payload of the command's length."""
+    """Request of a client over TCP: command, its id, and a payload of the command's
+    length.
+    """
 
     command: K
     command_id: int
@@ -160,7 +174,9 @@ class Request(Generic[K]):
 
 @dataclass(frozen=True, slots=True)
 class Framing(Generic[K]):
-    """Layout of a protocol's TCP messages: header, status in replies, payload sizes [bytes]."""
+    """Layout of a protocol's TCP messages: header, status in replies, payload sizes
+    [bytes].
+    """
 
     commands: type[K]
     header: Struct  # command, command id, size with header
@@ -168,7 +184,8 @@ class Framing(Generic[K]):
     sizes: dict[K, int]  # bytes of the payload
 
     def take(self, buffer: bytearray) -> Request[K] | None:
-        """Remove the first complete request from `buffer` and return it; None if incomplete.
+        """Remove the first complete request from `buffer` and return it; None if
+        incomplete.
 
         Raises Malformed for an unknown command or a wrong size.
         """
@@ -187,16 +204,23 @@ class Framing(Generic[K]):
         return Request(command, command_id, payload)
 
     def reply(self, command: K, command_id: int, content: bytes) -> bytes:
-        """Bytes of a reply to request `command_id` over TCP; `content` starts with its status."""
-        return self.header.pack(command, command_id, self.header.size + len(content)) + content
+        """Bytes of a reply to request `command_id` over TCP; `content` starts with its
+        status.
+        """
+        return (
+            self.header.pack(command, command_id, self.header.size + len(content))
+            + content
+        )
 
 
 @dataclass(frozen=True, slots=True)
 class MoveRequest:
-    """Request for a motion by `controller` (a Controller) and `generator` (a Generator less 1).
+    """Request for a motion by `controller` (a Controller) and `generator` (a Generator
+    less 1).
 
-    `deviations` (6,) are allowed ones on the path, then at the goal: translation [m], rotation and
-    elbow [rad]. `use_async` asks for libfranka's asynchronous motion, which is not emulated.
+    `deviations` (6,) are allowed ones on the path, then at the goal: translation [m],
+    rotation and elbow [rad]. `use_async` asks for libfranka's asynchronous motion,
+    which is not emulated.
     """
 
     controller: int
@@ -213,7 +237,9 @@ class MoveRequest:
 
 @dataclass(frozen=True, slots=True)
 class RobotCommand:
-    """Motion command over UDP in answer to state `message_id`: joints, tool pose, or rates."""
+    """Motion command over UDP in answer to state `message_id`: joints, tool pose, or
+    rates.
+    """
 
     message_id: int
     q: Array  # (7,) rad
@@ -225,12 +251,16 @@ class RobotCommand:
 
     @classmethod
     def read(cls, packet: bytes) -> Self:
-        """Parse a command from the datagram `packet`; raises Malformed unless it has 371 bytes."""
+        """Parse a command from the datagram `packet`; raises Malformed unless it has
+        371 bytes.
+        """
         if len(packet) != COMMAND.size:
             raise Malformed(f"a command has {COMMAND.size} bytes, found {len(packet)}")
         (message_id,) = MESSAGE.unpack_from(packet)
         numbers = np.frombuffer(packet, "<f8", COMMAND_NUMBERS, MESSAGE.size)
-        elbow = (float(numbers[36]), float(numbers[37])) if packet[FLAGS_OFFSET] else None
+        elbow = (
+            (float(numbers[36]), float(numbers[37])) if packet[FLAGS_OFFSET] else None
+        )
         # on the wire: q_c 7, dq_c 7, O_T_EE_c 16 by columns, O_dP_EE_c 6, elbow_c 2
         return cls(
             message_id=message_id,
@@ -244,7 +274,9 @@ class RobotCommand:
 
 
 def usable(numbers: Array | tuple[float, ...]) -> bool:
-    """Whether `numbers`, of any shape, are finite and at most LARGEST_NUMBER in size."""
+    """Whether `numbers`, of any shape, are finite and at most LARGEST_NUMBER in
+    size.
+    """
     return bool(np.abs(numbers).max() < LARGEST_NUMBER)
 
 

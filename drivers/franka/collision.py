@@ -1,4 +1,6 @@
-"""Collision model of the Franka Research 3 with its hand: spheres, and distances from boxes."""
+"""Collision model of the Franka Research 3 with its hand: spheres, and distances from
+boxes.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,8 +11,8 @@ from drivers.franka.kinematics import FLANGE, FLANGE_TO_HAND, frames
 from drivers.types import Array, frozen
 
 # Frame (0 the base, 1 to 7 the joints, 8 the hand), ends of the axis [m], radius [m].
-# Source: franka_description, the capsules for collision of panda_arm.xacro and hand.xacro, without
-# their safety distance. Never measured on a robot.
+# Source: franka_description, the capsules for collision of panda_arm.xacro and
+# hand.xacro, without their safety distance. Never measured on a robot.
 CAPSULES = (
     (0, (-0.09, 0.0, 0.06), (-0.06, 0.0, 0.06), 0.06),
     (1, (0.0, 0.0, -0.333), (0.0, 0.0, -0.05), 0.06),
@@ -26,13 +28,16 @@ CAPSULES = (
     (8, (0.0, -0.05, 0.10), (0.0, 0.05, 0.10), 0.02),
 )
 SPHERE_SPACING = 0.02  # m at most between spheres along an axis
-LOW_LINKS, HIGH_LINKS = 3, 6  # links up to the first never touch links from the second on
+# links up to the first never touch links from the second on
+LOW_LINKS, HIGH_LINKS = 3, 6
 # first link that can meet what stands around the robot: those below turn on the spot
 FIRST_MOVABLE_LINK = 2
 
 
 def _spheres() -> tuple[Array, Array, Array]:
-    """Centres (m, 3) [m] in their link's frame, radii (m,) [m] and links (m,) of all spheres."""
+    """Centres (m, 3) [m] in their link's frame, radii (m,) [m] and links (m,) of all
+    spheres.
+    """
     rows = []
     for link, first, last, radius in CAPSULES:
         begin, end = np.array(first), np.array(last)
@@ -49,7 +54,8 @@ _MOVABLE = SPHERE_LINKS >= FIRST_MOVABLE_LINK
 
 
 def sphere_centres(q: Array) -> Array:
-    """Centres (..., m, 3) [m] of the collision spheres of arm and hand, in the robot's base.
+    """Centres (..., m, 3) [m] of the collision spheres of arm and hand, in the robot's
+    base.
 
     The joints `q` are (..., 7) [rad]; RADII (m,) [m] are the spheres' radii.
     """
@@ -61,14 +67,16 @@ def sphere_centres(q: Array) -> Array:
     base = np.broadcast_to(np.eye(4), (*shape, 4, 4))
     links = np.concatenate(
         [base[..., None, :, :], joints, hand[..., None, :, :]], axis=-3
-    )[..., SPHERE_LINKS, :, :]  # fmt: skip
+    )[..., SPHERE_LINKS, :, :]
     return np.asarray(
         np.einsum("...mij,mj->...mi", links[..., :3, :3], CENTRES) + links[..., :3, 3]
     )
 
 
 def self_clearance(q: Array) -> Array:
-    """Distance (...,) [m] of forearm and hand from the upper arm at joints (..., 7) [rad]."""
+    """Distance (...,) [m] of forearm and hand from the upper arm at joints (..., 7)
+    [rad].
+    """
     centres = sphere_centres(q)
     low, high = centres[..., _LOW, :], centres[..., _HIGH, :]
     between = np.linalg.norm(low[..., :, None, :] - high[..., None, :, :], axis=-1)
@@ -78,7 +86,9 @@ def self_clearance(q: Array) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Box:
-    """Box-shaped obstacle: its `name` and two corners (3,) [m] in the frame of its `Solids`."""
+    """Box-shaped obstacle: its `name` and two corners (3,) [m] in the frame of its
+    `Solids`.
+    """
 
     name: str
     low: tuple[float, float, float]
@@ -87,13 +97,16 @@ class Box:
 
 @dataclass(frozen=True, slots=True)
 class Solids:
-    """Box-shaped obstacles of the arm in a `frame` (4, 4), which is given in the robot's base."""
+    """Box-shaped obstacles of the arm in a `frame` (4, 4), which is given in the
+    robot's base.
+    """
 
     frame: Array
     boxes: Sequence[Box]
 
     def clearance(self, q: Array) -> Array:
-        """Distance (..., k) [m] of the arm at joints (..., 7) [rad] from k boxes; negative inside.
+        """Distance (..., k) [m] of the arm at joints (..., 7) [rad] from k boxes;
+        negative inside.
 
         Base and first link are left out, as part of the stand.
         """

@@ -1,4 +1,6 @@
-"""The Franka Hand's protocol, version 3, packed and little-endian: commands, layouts, numbers."""
+"""The Franka Hand's protocol, version 3, packed and little-endian: commands, layouts,
+numbers.
+"""
 
 from enum import IntEnum
 from struct import Struct
@@ -6,7 +8,8 @@ from struct import Struct
 PROTOCOL_VERSION = 3
 PORT = 1338
 HEADER = Struct("<HII")  # command, command id, size with header
-STATE_PACKET = Struct("<IddBH")  # time [ms], width [m], largest width [m], grasped, temperature [C]
+# time [ms], width [m], largest width [m], grasped, temperature [C]
+STATE_PACKET = Struct("<IddBH")
 
 
 class HandCommand(IntEnum):
@@ -22,7 +25,8 @@ class HandCommand(IntEnum):
 PAYLOAD = {
     HandCommand.CONNECT: Struct("<HH"),  # version, UDP port
     HandCommand.HOMING: Struct("<"),
-    HandCommand.GRASP: Struct("<5d"),  # width, epsilon inner, outer [m], speed [m/s], force [N]
+    # width, epsilon inner, outer [m], speed [m/s], force [N]
+    HandCommand.GRASP: Struct("<5d"),
     HandCommand.MOVE: Struct("<2d"),  # width [m], speed [m/s]
     HandCommand.STOP: Struct("<"),
 }

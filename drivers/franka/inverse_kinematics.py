@@ -1,4 +1,6 @@
-"""Inverse kinematics of the Franka Research 3: from any posture, tick by tick, and rotations."""
+"""Inverse kinematics of the Franka Research 3: from any posture, tick by tick, and
+rotations.
+"""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -20,9 +22,12 @@ from drivers.types import Array, frozen
 POSE_TOLERANCE = 1e-7  # m and rad
 ITERATIONS = 150
 LARGEST_STEP = 0.3  # rad, of one iteration
-CENTRING_SHARE = 0.15  # share of the way to mid-range that an iteration takes where the pose allows
-CENTRING_GAIN = 10  # 1/m and 1/rad: below an error of 0.1 the pull to mid-range fades out
-DAMPING_GAIN, LARGEST_DAMPING, LEAST_DAMPING = 0.1, 0.05, 1e-6  # per m or rad of error; bounds
+# share of the way to mid-range that an iteration takes where the pose allows
+CENTRING_SHARE = 0.15
+# 1/m and 1/rad: below an error of 0.1 the pull to mid-range fades out
+CENTRING_GAIN = 10
+# per m or rad of error; bounds
+DAMPING_GAIN, LARGEST_DAMPING, LEAST_DAMPING = 0.1, 0.05, 1e-6
 LINE_DAMPING = 0.02  # of the inverse along a straight line
 HAND_REACH = 0.2  # m, more than the flange is away from the middle of the wrist
 ELBOW_JOINT = 2  # its angle is the elbow's, as libfranka defines it
@@ -34,7 +39,9 @@ SHOULDER = frozen([0.0, 0.0, PARAMETERS[0, 1]])
 
 
 class Unreachable(CellError):
-    """Error for a pose that no posture within the joint limits reaches, for `reason`."""
+    """Error for a pose that no posture within the joint limits reaches, for
+    `reason`.
+    """
 
     def __init__(self, reason: str) -> None:
         super().__init__(f"pose out of reach: {reason}")
@@ -43,7 +50,9 @@ class Unreachable(CellError):
 
 @dataclass(frozen=True, slots=True)
 class Attempt:
-    """Result of one search for joints: `joints` (7,) [rad], error `distance` [m], `angle` [rad]."""
+    """Result of one search for joints: `joints` (7,) [rad], error `distance` [m],
+    `angle` [rad].
+    """
 
     joints: Array
     distance: float
@@ -56,11 +65,12 @@ class Attempt:
 
 
 def solve(pose: Array, seed: Array = HOME, tool: Array = FLANGE_TO_TIP) -> Array:
-    """Joints (7,) [rad] within their limits that bring the tool to `pose` (4, 4) in the base.
+    """Joints (7,) [rad] within their limits that bring the tool to `pose` (4, 4) in the
+    base.
 
-    Searches from `seed` (7,) first, so that neighbouring poses get neighbouring postures, then
-    from fixed other postures. Raises Unreachable. Damped least squares with nullspace: Siciliano
-    et al., Robotics, 3.5 and 3.7.
+    Searches from `seed` (7,) first, so that neighbouring poses get neighbouring
+    postures, then from fixed other postures. Raises Unreachable. Damped least squares
+    with nullspace: Siciliano et al., Robotics, 3.5 and 3.7.
     """
     if not np.isfinite(pose).all():
         raise Unreachable("it is not finite")
@@ -69,23 +79,31 @@ def solve(pose: Array, seed: Array = HOME, tool: Array = FLANGE_TO_TIP) -> Array
         attempt = _descend(pose, np.clip(start, POSITION_LOW, POSITION_HIGH), tool)
         if attempt.converged:
             return attempt.joints
-        if best is None or attempt.distance + attempt.angle < best.distance + best.angle:
+        if (
+            best is None
+            or attempt.distance + attempt.angle < best.distance + best.angle
+        ):
             best = attempt
     raise Unreachable(_failure_reason(pose, tool, best))
 
 
 def twist_between(start: Array, end: Array) -> Array:
-    """Displacement (6,) in the base that takes pose `start` (4, 4) to `end`: [m], then [rad]."""
+    """Displacement (6,) in the base that takes pose `start` (4, 4) to `end`: [m], then
+    [rad].
+    """
     turn = rotation_vector(end[:3, :3] @ start[:3, :3].T)
     return np.concatenate([end[:3, 3] - start[:3, 3], turn])
 
 
-def joint_step(q: Array, reached: Array, jac: Array, target: Array, elbow: float) -> Array:
-    """Newton step (7,) [rad] of joints `q` (7,) to tool pose `target` (4, 4) and angle `elbow`.
+def joint_step(
+    q: Array, reached: Array, jac: Array, target: Array, elbow: float
+) -> Array:
+    """Newton step (7,) [rad] of joints `q` (7,) to tool pose `target` (4, 4) and angle
+    `elbow`.
 
-    `reached` (4, 4) and `jac` (6, 7) are those of `q` by `pose_and_jacobian`. Exact up to the
-    square of the distance, so that the error after one tick is corrected in the next. Damped, and
-    so bounded, in singular postures.
+    `reached` (4, 4) and `jac` (6, 7) are those of `q` by `pose_and_jacobian`. Exact up
+    to the square of the distance, so that the error after one tick is corrected in the
+    next. Damped, and so bounded, in singular postures.
     """
     twist = np.append(twist_between(reached, target), elbow - q[ELBOW_JOINT])
     return joint_rates(jac, twist)
@@ -94,10 +112,11 @@ def joint_step(q: Array, reached: Array, jac: Array, target: Array, elbow: float
 def track(
     q: Array, pose: Array, elbow: float, iterations: int, tolerance: float = CONVERGED
 ) -> tuple[Array, Array] | None:
-    """Joints (7,) [rad] near `q` (7,) with the tool at `pose` (4, 4), and the Jacobian (6, 7).
+    """Joints (7,) [rad] near `q` (7,) with the tool at `pose` (4, 4), and the Jacobian
+    (6, 7).
 
-    The elbow's angle, joint 3, is `elbow` [rad]. None where the last of at most `iterations` Newton
-    steps is not below `tolerance` [rad].
+    The elbow's angle, joint 3, is `elbow` [rad]. None where the last of at most
+    `iterations` Newton steps is not below `tolerance` [rad].
     """
     for _ in range(iterations):
         reached, jac = pose_and_jacobian(q)
@@ -110,7 +129,9 @@ def track(
 
 
 def joint_rates(jac: Array, twist: Array) -> Array:
-    """Joint rates (7,) [rad/s] for `twist` (7,), tool then elbow; `jac` (6, 7) is the tool's."""
+    """Joint rates (7,) [rad/s] for `twist` (7,), tool then elbow; `jac` (6, 7) is the
+    tool's.
+    """
     with_elbow = np.zeros((7, 7))
     with_elbow[:6] = jac
     with_elbow[6, ELBOW_JOINT] = 1
@@ -120,7 +141,9 @@ def joint_rates(jac: Array, twist: Array) -> Array:
 
 
 def rotation_vector(turn: Array) -> Array:
-    """Rotation vector (3,) [rad], axis times angle, of a rotation matrix `turn` (3, 3)."""
+    """Rotation vector (3,) [rad], axis times angle, of a rotation matrix `turn` (3,
+    3).
+    """
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = turn.tolist()
     twice_sine = np.array([zy - yz, xz - zx, yx - xy])
     sine = hypot(zy - yz, xz - zx, yx - xy) / 2
@@ -136,29 +159,39 @@ def rotation_vector(turn: Array) -> Array:
 
 
 def rotation(vector: Array) -> Array:
-    """Rotation matrix (3, 3) of a rotation `vector` (3,) [rad], axis times angle (Rodrigues)."""
+    """Rotation matrix (3, 3) of a rotation `vector` (3,) [rad], axis times angle
+    (Rodrigues).
+    """
     x, y, z = vector.tolist()
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     angle = hypot(x, y, z)
     if angle < 1e-9:
         return np.asarray(np.eye(3) + cross, dtype=np.float64)
     square = cross @ cross
-    turned = np.eye(3) + sin(angle) / angle * cross + (1 - cos(angle)) / angle**2 * square
+    turned = (
+        np.eye(3) + sin(angle) / angle * cross + (1 - cos(angle)) / angle**2 * square
+    )
     return np.asarray(turned, dtype=np.float64)
 
 
 def damped_inverse(jac: Array, damping: float) -> Array:
-    """Damped pseudo-inverse (7, 6) of a Jacobian (6, 7), bounded near singular postures."""
+    """Damped pseudo-inverse (7, 6) of a Jacobian (6, 7), bounded near singular
+    postures.
+    """
     square = jac @ jac.T
     square[np.diag_indices(6)] += damping**2
     return np.asarray(np.linalg.solve(square, jac).T, dtype=np.float64)
 
 
 def straight(joints: Array, step: Array) -> Iterator[Array]:
-    """Yield joints (7,) [rad] endlessly, each a `step` (3,) [m] of the tip further; no checks."""
+    """Yield joints (7,) [rad] endlessly, each a `step` (3,) [m] of the tip further; no
+    checks.
+    """
     twist = np.concatenate([step, np.zeros(3)])
     while True:
-        joints = joints + damped_inverse(pose_and_jacobian(joints)[1], LINE_DAMPING) @ twist
+        joints = (
+            joints + damped_inverse(pose_and_jacobian(joints)[1], LINE_DAMPING) @ twist
+        )
         yield joints
 
 
@@ -168,7 +201,9 @@ def manipulability(jac: Array) -> float:
 
 
 def _descend(pose: Array, start: Array, tool: Array) -> Attempt:
-    """Damped least-squares search for joints from `start` (7,) [rad], drawn to mid-range."""
+    """Damped least-squares search for joints from `start` (7,) [rad], drawn to
+    mid-range.
+    """
     joints = np.array(start, dtype=np.float64)
     for _ in range(ITERATIONS):
         reached, jac = pose_and_jacobian(joints, tool)
@@ -184,32 +219,47 @@ def _descend(pose: Array, start: Array, tool: Array) -> Attempt:
         step *= min(1.0, LARGEST_STEP / max(float(np.abs(step).max()), LARGEST_STEP))
         joints = np.clip(joints + step, POSITION_LOW, POSITION_HIGH)
     error = twist_between(pose_and_jacobian(joints, tool)[0], pose)
-    return Attempt(joints, float(np.linalg.norm(error[:3])), float(np.linalg.norm(error[3:])))
+    return Attempt(
+        joints, float(np.linalg.norm(error[:3])), float(np.linalg.norm(error[3:]))
+    )
 
 
 def _step(jac: Array, error: Array, rest: Array, size: float) -> Array:
-    """Step (7,) [rad] that reduces the pose `error` (6,), and `rest` (7,) in the null space."""
-    inverse = damped_inverse(jac, min(DAMPING_GAIN * size, LARGEST_DAMPING) + LEAST_DAMPING)
+    """Step (7,) [rad] that reduces the pose `error` (6,), and `rest` (7,) in the null
+    space.
+    """
+    inverse = damped_inverse(
+        jac, min(DAMPING_GAIN * size, LARGEST_DAMPING) + LEAST_DAMPING
+    )
     step: Array = inverse @ error + rest - inverse @ (jac @ rest)
     return step
 
 
 def _failure_reason(pose: Array, tool: Array, best: Attempt | None) -> str:
-    """Reason, for the operator, why no search reached `pose` (4, 4); `best` came nearest."""
+    """Reason, for the operator, why no search reached `pose` (4, 4); `best` came
+    nearest.
+    """
     if best is None:
         return "no posture was tried"
     flange = pose @ np.linalg.inv(tool)
     distance = float(np.linalg.norm(flange[:3, 3] - SHOULDER))
     if distance > WRIST_REACH + HAND_REACH:
-        return f"the flange would be {distance:.2f} m from the shoulder; the arm ends before"
+        return (
+            f"the flange would be {distance:.2f} m from the shoulder; the arm ends"
+            " before"
+        )
     room = margins(best.joints)
     ended = [f"joint {joint + 1}" for joint in range(7) if room[joint] < AT_END]
-    missed = f"{1e3 * best.distance:.1f} mm and {np.degrees(best.angle):.1f} deg are missing"
+    missed = (
+        f"{1e3 * best.distance:.1f} mm and {np.degrees(best.angle):.1f} deg are missing"
+    )
     return f"{missed}" + (f" with {' and '.join(ended)} at the end" if ended else "")
 
 
 def _start_postures() -> tuple[Array, ...]:
-    """Joints (7,) [rad] from which a search begins anew: spread over the arm's postures."""
+    """Joints (7,) [rad] from which a search begins anew: spread over the arm's
+    postures.
+    """
     folded = frozen([0.0, 0.3, 0.0, -2.2, 0.0, 2.5, 0.8])
     sideways = [frozen(HOME + frozen([yaw, 0, 0, 0, 0, 0, 0])) for yaw in (-1.2, 1.2)]
     return (HOME, frozen(MIDDLE), folded, *sideways)

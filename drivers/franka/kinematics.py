@@ -21,19 +21,25 @@ PARAMETERS = frozen(
 )
 FLANGE = 0.107  # m, from the last joint along its axis
 WRIST_REACH = 0.855  # m, about the shoulder, to the middle of the wrist
-ELBOW_FLIP = -0.467002423653011  # rad of joint 4, beyond which the elbow is flexed the other way
+# rad of joint 4, beyond which the elbow is flexed the other way
+ELBOW_FLIP = -0.467002423653011
 HOME = frozen([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])  # rad
 
 _HALF = np.sqrt(0.5)
-FLANGE_TO_HAND = frozen([[_HALF, _HALF, 0, 0], [-_HALF, _HALF, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
+FLANGE_TO_HAND = frozen(
+    [[_HALF, _HALF, 0, 0], [-_HALF, _HALF, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
+)
 HAND_TO_TIP = frozen([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0.1034], [0, 0, 0, 1]])
-FLANGE_TO_TIP = frozen(FLANGE_TO_HAND @ HAND_TO_TIP)  # the robot's F_T_EE with the Franka Hand
+# the robot's F_T_EE with the Franka Hand
+FLANGE_TO_TIP = frozen(FLANGE_TO_HAND @ HAND_TO_TIP)
 
 _COS_ALPHA, _SIN_ALPHA = np.cos(PARAMETERS[:, 2]), np.sin(PARAMETERS[:, 2])
 
 
 def _fixed_parts() -> tuple[Array, Array, Array]:
-    """Matrices A, B, C (7, 4, 4) [m] of the joints' transforms cos(q) A + sin(q) B + C."""
+    """Matrices A, B, C (7, 4, 4) [m] of the joints' transforms cos(q) A + sin(q) B
+    + C.
+    """
     cosine, sine, fixed = np.zeros((3, 7, 4, 4))
     cosine[:, 0, 0] = 1
     cosine[:, 1, 1] = _COS_ALPHA
@@ -54,7 +60,9 @@ _COSINE, _SINE, _FIXED = _fixed_parts()
 
 
 def offset_in_frame(joint: int) -> tuple[float, float]:
-    """Offset d of joint number `joint` (from 0) as (y, z) [m] in the frame before this joint."""
+    """Offset d of joint number `joint` (from 0) as (y, z) [m] in the frame before this
+    joint.
+    """
     _, d, alpha = PARAMETERS[joint].tolist()
     if alpha == 0:
         return 0.0, d
@@ -62,7 +70,9 @@ def offset_in_frame(joint: int) -> tuple[float, float]:
 
 
 def frames(q: Array) -> Array:
-    """Poses (..., 7, 4, 4) of the seven joints' frames in the base for joints (..., 7) [rad]."""
+    """Poses (..., 7, 4, 4) of the seven joints' frames in the base for joints (..., 7)
+    [rad].
+    """
     angles = np.asarray(q, dtype=np.float64)[..., None, None]
     links: Array = np.cos(angles) * _COSINE + np.sin(angles) * _SINE + _FIXED
     for joint in range(1, 7):
@@ -73,13 +83,16 @@ def frames(q: Array) -> Array:
 def forward(q: Array, tool: Array = FLANGE_TO_TIP) -> Array:
     """Pose (..., 4, 4) of the tool in the robot's base for joints `q` (..., 7) [rad].
 
-    `tool` (4, 4) is the tool in the flange's frame; by default the tip of the Franka Hand.
+    `tool` (4, 4) is the tool in the flange's frame; by default the tip of the Franka
+    Hand.
     """
     return frames(q)[..., 6, :, :] @ from_last_joint(tool)
 
 
 def pose_and_jacobian(q: Array, tool: Array = FLANGE_TO_TIP) -> tuple[Array, Array]:
-    """Tool pose (..., 4, 4), Jacobian (..., 6, 7) [m/rad, then 1] in the base at `q` (..., 7)."""
+    """Tool pose (..., 4, 4), Jacobian (..., 6, 7) [m/rad, then 1] in the base at `q`
+    (..., 7).
+    """
     joints = frames(q)
     pose = joints[..., 6, :, :] @ from_last_joint(tool)
     axis = joints[..., :3, 2]
@@ -93,12 +106,16 @@ def pose_and_jacobian(q: Array, tool: Array = FLANGE_TO_TIP) -> tuple[Array, Arr
 
 
 def from_last_joint(tool: Array) -> Array:
-    """Pose (4, 4) [m] in the last joint's frame of a `tool` (4, 4) given in the flange's frame."""
+    """Pose (4, 4) [m] in the last joint's frame of a `tool` (4, 4) given in the
+    flange's frame.
+    """
     pose = np.array(tool, dtype=np.float64)
     pose[2, 3] += FLANGE
     return pose
 
 
 def pose_from_columns(columns: Sequence[float]) -> Array:
-    """Pose (4, 4) from its 16 numbers in column-major order, as the robot's state holds it."""
+    """Pose (4, 4) from its 16 numbers in column-major order, as the robot's state holds
+    it.
+    """
     return np.array(columns, dtype=np.float64).reshape(4, 4).T

@@ -1,15 +1,16 @@
 """Public limits of the Franka Research 3: joints, Cartesian motion, elbow.
 
-Sources: franka_description (fr3/joint_limits.yaml) for joints and torques, the user documentation
-"Robot and interface specifications" and libfranka's rate_limiting.h for rates. Never measured on
-a robot.
+Sources: franka_description (fr3/joint_limits.yaml) for joints and torques, the user
+documentation "Robot and interface specifications" and libfranka's rate_limiting.h for
+rates. Never measured on a robot.
 """
 
 import numpy as np
 
 from drivers.types import Array, frozen
 
-POSITION_LOW = frozen([-2.7437, -1.7837, -2.9007, -3.0421, -2.8065, 0.5445, -3.0159])  # rad
+# rad
+POSITION_LOW = frozen([-2.7437, -1.7837, -2.9007, -3.0421, -2.8065, 0.5445, -3.0159])
 POSITION_HIGH = frozen([2.7437, 1.7837, 2.9007, -0.1518, 2.8065, 4.5169, 3.0159])  # rad
 MIDDLE = frozen((POSITION_LOW + POSITION_HIGH) / 2)  # rad
 VELOCITY = frozen([2.62, 2.62, 2.62, 2.62, 5.26, 4.18, 5.26])  # rad/s
@@ -27,7 +28,8 @@ ELBOW = (1.5, 10.0, 5000.0)  # rad/s, rad/s^2, rad/s^3
 
 
 def margins(q: Array) -> Array:
-    """Distance (..., 7) [rad] of joints `q` (..., 7) from their nearer limit; negative beyond.
+    """Distance (..., 7) [rad] of joints `q` (..., 7) from their nearer limit; negative
+    beyond.
 
     User documentation, "limits depending on the joint position".
     """
@@ -35,7 +37,8 @@ def margins(q: Array) -> Array:
 
 
 def velocity_bounds(q: Array) -> tuple[Array, Array]:
-    """Lowest and highest joint velocity (..., 7) [rad/s] allowed at joints `q` (..., 7) [rad].
+    """Lowest and highest joint velocity (..., 7) [rad/s] allowed at joints `q` (..., 7)
+    [rad].
 
     User documentation, "limits depending on the joint position".
     """
@@ -43,7 +46,9 @@ def velocity_bounds(q: Array) -> tuple[Array, Array]:
 
 
 def _braking_speed(room: Array) -> Array:
-    """Speed (..., 7) [rad/s] from which a joint can brake within `room` (..., 7) [rad]."""
+    """Speed (..., 7) [rad/s] from which a joint can brake within `room` (..., 7)
+    [rad].
+    """
     speed = np.sqrt(2 * DECELERATION * np.maximum(room, 0)) - VELOCITY_OFFSET
     bounded: Array = np.minimum(np.maximum(speed, 0), VELOCITY)
     return bounded

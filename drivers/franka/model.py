@@ -1,4 +1,6 @@
-"""Mechanics of the Franka arm with its hand, from published numbers: MJCF, URDF, gravity."""
+"""Mechanics of the Franka arm with its hand, from published numbers: MJCF, URDF,
+gravity.
+"""
 
 from typing import Annotated
 
@@ -6,13 +8,20 @@ import numpy as np
 from pydantic import Field
 
 from drivers.franka import limits
-from drivers.franka.kinematics import FLANGE, FLANGE_TO_TIP, PARAMETERS, frames, offset_in_frame
+from drivers.franka.kinematics import (
+    FLANGE,
+    FLANGE_TO_TIP,
+    PARAMETERS,
+    frames,
+    offset_in_frame,
+)
 from drivers.settings import Settings
 from drivers.types import GRAVITY, Array, frozen
 
-# Masses [kg] and centres of mass [m] of links 1 to 7 in their joints' frames. Source: Gaz et al.,
-# Dynamic identification of the Franka Emika Panda robot with retrieval of feasible parameters,
-# RA-L 4(4), 2019. Of a Panda; those of a Research 3 differ a little.
+# Masses [kg] and centres of mass [m] of links 1 to 7 in their joints' frames. Source:
+# Gaz et al., Dynamic identification of the Franka Emika Panda robot with retrieval of
+# feasible parameters, RA-L 4(4), 2019. Of a Panda; those of a Research 3 differ a
+# little.
 MASSES = frozen([4.970684, 0.646926, 3.228604, 3.587895, 1.225946, 1.666555, 0.735522])
 CENTRES = frozen(
     [
@@ -26,8 +35,8 @@ CENTRES = frozen(
     ]
 )
 
-# Inertia of links 1 to 7 about their centres of mass [kg m^2]: xx, yy, zz, xy, xz, yz in their
-# joints' frames. Source: as the masses, Gaz et al., RA-L 4(4), 2019.
+# Inertia of links 1 to 7 about their centres of mass [kg m^2]: xx, yy, zz, xy, xz, yz
+# in their joints' frames. Source: as the masses, Gaz et al., RA-L 4(4), 2019.
 INERTIAS = frozen(
     [
         [0.70337, 0.70661, 0.009117, -0.000139, 0.006772, 0.019169],
@@ -49,14 +58,17 @@ Vector = tuple[float, float, float]
 
 
 class ArmPlant(Settings):
-    """Mechanics of an emulated arm beyond its published model; by default sensor noise alone.
+    """Mechanics of an emulated arm beyond its published model; by default sensor noise
+    alone.
 
-    By joint: dry `friction` [N m], viscous `damping` [N m s/rad], a `cable` that pulls towards
-    where joints are 0 [N m/rad], `torque_bias` [N m] and `torque_scale` of its sensors,
-    `encoder_bias` [rad], and `compliance` [rad/(N m)] between motor and link. A `payload` [kg]
-    at `payload_at` (3,) [m in the flange] that nobody stated, a base that leans by `tilt` (2,)
-    [rad] about x, then y, shares by which links are heavier (`mass_error`), `delay` [s] beyond what
-    the cell knows. `torque_noise` [N m] is one sigma of a reading, drawn from `seed`.
+    By joint: dry `friction` [N m], viscous `damping` [N m s/rad], a `cable` that pulls
+    towards where joints are 0 [N m/rad], `torque_bias` [N m] and `torque_scale` of its
+    sensors,
+    `encoder_bias` [rad], and `compliance` [rad/(N m)] between motor and link. A
+    `payload` [kg] at `payload_at` (3,) [m in the flange] that nobody stated, a base
+    that leans by `tilt` (2,) [rad] about x, then y, shares by which links are heavier
+    (`mass_error`), `delay` [s] beyond what the cell knows. `torque_noise` [N m] is one
+    sigma of a reading, drawn from `seed`.
     """
 
     friction: Seven = ZERO_JOINTS
@@ -76,9 +88,11 @@ class ArmPlant(Settings):
 
 
 def holding_torques(q: Array, mass: float, centre: Array) -> Array:
-    """Joint torques (7,) [N m] that hold the arm against gravity at joints `q` (7,) [rad].
+    """Joint torques (7,) [N m] that hold the arm against gravity at joints `q` (7,)
+    [rad].
 
-    `mass` [kg] with its `centre` (3,) [m] in the flange's frame is hand and load together.
+    `mass` [kg] with its `centre` (3,) [m] in the flange's frame is hand and load
+    together.
     """
     joints = frames(q)
     at_joint = np.array(centre, dtype=np.float64)
@@ -91,13 +105,17 @@ def holding_torques(q: Array, mass: float, centre: Array) -> Array:
     for joint in range(7):
         origin, axis = joints[joint, :3, 3], joints[joint, :3, 2]
         beyond = slice(joint, 8)  # links from the joint on, and the load
-        moment = np.cross(points[beyond] - origin, np.outer(weights[beyond], [0.0, 0.0, 1.0]))
+        moment = np.cross(
+            points[beyond] - origin, np.outer(weights[beyond], [0.0, 0.0, 1.0])
+        )
         torques[joint] = float(axis @ moment.sum(axis=0))
     return torques
 
 
 def arm_mjcf() -> str:
-    """MJCF text of the arm: `joint1` to `joint7` with motors, hand, sites `flange` and `tip`."""
+    """MJCF text of the arm: `joint1` to `joint7` with motors, hand, sites `flange` and
+    `tip`.
+    """
     links = "".join(_open_link(i) for i in range(7))
     ends = 7 * "</body>"
     motors = "".join(
@@ -113,20 +131,24 @@ def arm_mjcf() -> str:
 
 
 def _open_link(i: int) -> str:
-    """Opening tags of link `i`, counted from 0, with its inertia and joint; the next link nests."""
+    """Opening tags of link `i`, counted from 0, with its inertia and joint; the next
+    link nests.
+    """
     a, _, alpha = PARAMETERS[i]
     across, along = offset_in_frame(i)
     turn = np.cos(alpha / 2), np.sin(alpha / 2), 0.0, 0.0
     return (
-        f'<body name="link{i + 1}" pos="{_text((a, across, along))}" quat="{_text(turn)}">'
-        f'<inertial pos="{_text(CENTRES[i])}" mass="{MASSES[i]:.9g}" '
-        f'fullinertia="{_text(INERTIAS[i])}"/>'
-        f'<joint name="joint{i + 1}" axis="0 0 1"/>'
+        f'<body name="link{i + 1}" pos="{_text((a, across, along))}"'
+        f' quat="{_text(turn)}"><inertial pos="{_text(CENTRES[i])}"'
+        f' mass="{MASSES[i]:.9g}" fullinertia="{_text(INERTIAS[i])}"/><joint'
+        f' name="joint{i + 1}" axis="0 0 1"/>'
     )
 
 
 def _hand() -> str:
-    """MJCF of flange, tip and hand in the last link, whose frame lies FLANGE before the flange."""
+    """MJCF of flange, tip and hand in the last link, whose frame lies FLANGE before the
+    flange.
+    """
     tip = np.add(FLANGE_TO_TIP[:3, 3], (0.0, 0.0, FLANGE))
     centre = np.add(HAND_CENTRE, (0.0, 0.0, FLANGE))
     return (
@@ -140,12 +162,13 @@ def _hand() -> str:
 def arm_urdf() -> str:
     """URDF text of the arm: seven joints with their limits, and the flange as link8.
 
-    The clients read `limit` and `position_based_velocity_limits` of joint1 to joint7. Masses are
-    placeholders: the kinematic twin has none.
+    The clients read `limit` and `position_based_velocity_limits` of joint1 to joint7.
+    Masses are placeholders: the kinematic twin has none.
     """
     inertia = '<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/>'
     links = "".join(
-        f'<link name="link{number}"><inertial><mass value="1"/>{inertia}</inertial></link>\n'
+        f'<link name="link{number}"><inertial><mass'
+        f' value="1"/>{inertia}</inertial></link>\n'
         for number in range(9)
     )
     joints = "".join(_urdf_joint(number) for number in range(7))
@@ -153,25 +176,31 @@ def arm_urdf() -> str:
         '<joint name="joint8" type="fixed"><parent link="link7"/><child link="link8"/>'
         f'<origin xyz="0 0 {FLANGE}" rpy="0 0 0"/></joint>\n'
     )
-    return f'<?xml version="1.0"?>\n<robot name="fr3">\n{links}{joints}{flange}</robot>\n'
+    return (
+        f'<?xml version="1.0"?>\n<robot name="fr3">\n{links}{joints}{flange}</robot>\n'
+    )
 
 
 def _urdf_joint(index: int) -> str:
-    """URDF of the joint between link `index`, from 0, and the next one, with its limits."""
+    """URDF of the joint between link `index`, from 0, and the next one, with its
+    limits.
+    """
     a, _, alpha = PARAMETERS[index]
     across, along = offset_in_frame(index)
     span = (
-        f'<limit lower="{limits.POSITION_LOW[index]}" upper="{limits.POSITION_HIGH[index]}" '
-        f'velocity="{limits.VELOCITY[index]}" effort="{limits.LARGEST_TORQUE[index]}"/>'
+        f'<limit lower="{limits.POSITION_LOW[index]}"'
+        f' upper="{limits.POSITION_HIGH[index]}" velocity="{limits.VELOCITY[index]}"'
+        f' effort="{limits.LARGEST_TORQUE[index]}"/>'
     )
     braking = (
-        f'<position_based_velocity_limits velocity_offset="{limits.VELOCITY_OFFSET[index]}" '
-        f'deceleration_limit="{limits.DECELERATION[index]}"/>'
+        "<position_based_velocity_limits"
+        f' velocity_offset="{limits.VELOCITY_OFFSET[index]}"'
+        f' deceleration_limit="{limits.DECELERATION[index]}"/>'
     )
     return (
-        f'<joint name="joint{index + 1}" type="revolute"><parent link="link{index}"/>'
-        f'<child link="link{index + 1}"/><origin xyz="{a} {across} {along}" rpy="{alpha} 0 0"/>'
-        f'<axis xyz="0 0 1"/>{span}{braking}</joint>\n'
+        f'<joint name="joint{index + 1}" type="revolute"><parent'
+        f' link="link{index}"/><child link="link{index + 1}"/><origin xyz="{a} {across}'
+        f' {along}" rpy="{alpha} 0 0"/><axis xyz="0 0 1"/>{span}{braking}</joint>\n'
     )
 
 

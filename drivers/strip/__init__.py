@@ -1,1 +1,3 @@
-"""Model of the strip that controllers may use: file, description, effects, rod engine."""
+"""Model of the strip that controllers may use: file, description, effects, rod
+engine.
+"""

@@ -1,9 +1,11 @@
-"""Equilibrium of a strip that hangs over a ledge under its own weight: the heavy elastica.
+"""Equilibrium of a strip that hangs over a ledge under its own weight: the heavy
+elastica.
 
-EI (theta' - kappa0)' = w (L - s) cos(theta), theta(0) = clamp angle, theta'(L) = kappa0(L), with
-theta the tangent's angle above the horizontal and w the weight per length (Bickley 1934). The
-strip is a chain of straight segments, finer at the ledge; its energy is convex while it hangs,
-so Newton's method finds the one shape. Second order in the length of the segments.
+EI (theta' - kappa0)' = w (L - s) cos(theta), theta(0) = clamp angle, theta'(L) =
+kappa0(L), with theta the tangent's angle above the horizontal and w the weight per
+length (Bickley 1934). The strip is a chain of straight segments, finer at the ledge;
+its energy is convex while it hangs, so Newton's method finds the one shape. Second
+order in the length of the segments.
 """
 
 from dataclasses import dataclass
@@ -22,17 +24,20 @@ LARGEST_STEP = 0.8  # rad by which one step of Newton's method turns a segment
 
 
 class NoRest(CellError):
-    """Error for a hanging strip of which there is, or was found, no equilibrium shape."""
+    """Error for a hanging strip of which there is, or was found, no equilibrium
+    shape.
+    """
 
 
 @dataclass(frozen=True, slots=True)
 class HangingStrip:
-    """Equilibrium shape of a hanging strip, with the stiffness and loads for its derivatives.
+    """Equilibrium shape of a hanging strip, with the stiffness and loads for its
+    derivatives.
 
-    `points` (n + 1, 2) are x, z [m] from the ledge (0, 0), at arc lengths `arc` (n + 1,) [m];
-    `angles` (n,) [rad] are those of the segments between them, from the horizontal up; `stiffness`
-    (2, n) is the upper band of the energy's second derivative over EI [1/m], `pull` (n,) [1/m] the
-    moment of the weight over EI.
+    `points` (n + 1, 2) are x, z [m] from the ledge (0, 0), at arc lengths `arc` (n +
+    1,) [m]; `angles` (n,) [rad] are those of the segments between them, from the
+    horizontal up; `stiffness` (2, n) is the upper band of the energy's second
+    derivative over EI [1/m], `pull` (n,) [1/m] the moment of the weight over EI.
     """
 
     bending_length: float
@@ -54,7 +59,8 @@ class HangingStrip:
         return self._motion(solveh_banded(self.stiffness, load)[:, None])[..., 0]
 
     def moved_by_rest_curvature(self, fields: Array) -> Array:
-        """Derivatives (n + 1, 2, m) [m] of the strip's points by amounts of rest curvature.
+        """Derivatives (n + 1, 2, m) [m] of the strip's points by amounts of rest
+        curvature.
 
         `fields` (n, m) are m distributions of it over the `hinges`.
         """
@@ -63,20 +69,31 @@ class HangingStrip:
         return self._motion(solveh_banded(self.stiffness, load))
 
     def _motion(self, turn: Array) -> Array:
-        """Displacement (n + 1, 2, m) [m] of the points for `turn` (n, m) [rad] of the segments."""
+        """Displacement (n + 1, 2, m) [m] of the points for `turn` (n, m) [rad] of the
+        segments.
+        """
         lengths = np.diff(self.arc)
-        across = np.stack([-np.sin(self.angles), np.cos(self.angles)], axis=1) * lengths[:, None]
+        across = (
+            np.stack([-np.sin(self.angles), np.cos(self.angles)], axis=1)
+            * lengths[:, None]
+        )
         steps = across[:, :, None] * turn[:, None, :]
-        return np.concatenate([np.zeros((1, *steps.shape[1:])), np.cumsum(steps, axis=0)])
+        return np.concatenate(
+            [np.zeros((1, *steps.shape[1:])), np.cumsum(steps, axis=0)]
+        )
 
 
 def segments(overhang: float) -> Array:
-    """Arc lengths (n + 1,) [m] of a strip's nodes from ledge to tip, denser near the ledge."""
+    """Arc lengths (n + 1,) [m] of a strip's nodes from ledge to tip, denser near the
+    ledge.
+    """
     return np.asarray(overhang * np.linspace(0.0, 1.0, SEGMENTS + 1) ** GRADING)
 
 
 def hinges(overhang: float) -> Array:
-    """Arc lengths (n,) [m] of the hinges between segments, at which rest curvature is given."""
+    """Arc lengths (n,) [m] of the hinges between segments, at which rest curvature is
+    given.
+    """
     return segments(overhang)[:-1]
 
 
@@ -87,10 +104,12 @@ def hanging_shape(
     rest_curvature: Array | None = None,
     clamp_angle: float = 0.0,
 ) -> HangingStrip:
-    """Equilibrium of a strip of `bending_length` [m] that hangs over a ledge by `overhang` [m].
+    """Equilibrium of a strip of `bending_length` [m] that hangs over a ledge by
+    `overhang` [m].
 
-    `rest_curvature` (n,) [1/m] at the `hinges`, positive turns the free end up; `clamp_angle`
-    [rad] above the horizontal. Raises NoRest where no stable shape is found or a length is <= 0.
+    `rest_curvature` (n,) [1/m] at the `hinges`, positive turns the free end up;
+    `clamp_angle` [rad] above the horizontal. Raises NoRest where no stable shape is
+    found or a length is <= 0.
     """
     where = f"a strip of bending length {bending_length:.4g} m over {overhang:.4g} m"
     if min(overhang, bending_length) <= 0:
@@ -99,12 +118,15 @@ def hanging_shape(
     spans = _spans(arc)
     middle = 0.5 * (arc[1:] + arc[:-1])
     pull = np.diff(arc) * (overhang - middle) / bending_length**3
-    rest_turns = np.zeros(len(pull)) if rest_curvature is None else rest_curvature * spans
+    rest_turns = (
+        np.zeros(len(pull)) if rest_curvature is None else rest_curvature * spans
+    )
     angles = _start_angles(middle, overhang, bending_length) + clamp_angle
     angles, stiffness = _equilibrium(angles, rest_turns, spans, pull, clamp_angle)
     if stiffness is None:
         raise NoRest(
-            f"{where}: no shape at rest was found in {ITERATIONS} Newton steps; check both lengths"
+            f"{where}: no shape at rest was found in {ITERATIONS} Newton steps; check"
+            " both lengths"
         )
     chords = np.stack([np.cos(angles), np.sin(angles)], axis=1) * np.diff(arc)[:, None]
     points = np.concatenate([np.zeros((1, 2)), np.cumsum(chords, axis=0)])
@@ -114,28 +136,38 @@ def hanging_shape(
 def _equilibrium(
     angles: Array, rest_turns: Array, spans: Array, pull: Array, clamp_angle: float
 ) -> tuple[Array, Array | None]:
-    """Angles (n,) [rad] at rest by Newton's method, and stiffness (2, n); None if not found."""
+    """Angles (n,) [rad] at rest by Newton's method, and stiffness (2, n); None if not
+    found.
+    """
     for _ in range(ITERATIONS):
         gradient, stiffness = _derivatives(angles, rest_turns, spans, pull, clamp_angle)
         if not np.isfinite(gradient).all():
             break
         step = _newton_step(gradient, stiffness, pull * np.sin(angles))
         turn = float(np.abs(step).max())
-        angles = angles + step * min(1.0, LARGEST_STEP / max(turn, np.finfo(float).tiny))
+        angles = angles + step * min(
+            1.0, LARGEST_STEP / max(turn, np.finfo(float).tiny)
+        )
         if turn <= CONVERGED:
             return angles, stiffness if _stable(stiffness) else None
     return angles, None
 
 
 def _newton_step(gradient: Array, stiffness: Array, lifting: Array) -> Array:
-    """Newton step (n,) [rad]; `lifting` (n,) is added to an indefinite `stiffness` (2, n)."""
+    """Newton step (n,) [rad]; `lifting` (n,) is added to an indefinite `stiffness` (2,
+    n).
+    """
     if not _stable(stiffness):
-        stiffness = stiffness + np.stack([np.zeros(len(lifting)), np.maximum(lifting, 0.0)])
+        stiffness = stiffness + np.stack(
+            [np.zeros(len(lifting)), np.maximum(lifting, 0.0)]
+        )
     return np.asarray(-solveh_banded(stiffness, gradient))
 
 
 def _stable(stiffness: Array) -> bool:
-    """Whether the banded matrix `stiffness` (2, n) is positive definite, as at a stable shape."""
+    """Whether the banded matrix `stiffness` (2, n) is positive definite, as at a stable
+    shape.
+    """
     try:
         cholesky_banded(stiffness, check_finite=False)
     except LinAlgError:
@@ -144,13 +176,17 @@ def _stable(stiffness: Array) -> bool:
 
 
 def _spans(arc: Array) -> Array:
-    """Length (n,) [m] of strip lumped at each hinge, between the middles of its segments."""
+    """Length (n,) [m] of strip lumped at each hinge, between the middles of its
+    segments.
+    """
     lengths = np.diff(arc)
     return np.asarray(0.5 * (lengths + np.concatenate([[0.0], lengths[:-1]])))
 
 
 def _start_angles(arc: Array, overhang: float, bending_length: float) -> Array:
-    """Initial angles (n,) [rad] for Newton's method: a bend at the ledge, as the weight allows."""
+    """Initial angles (n,) [rad] for Newton's method: a bend at the ledge, as the weight
+    allows.
+    """
     reach = bending_length * min(1.0, (bending_length / overhang) ** 0.5)
     turned = -0.5 * np.pi * min(1.0, (overhang / bending_length) ** 3 / 8)
     return np.asarray(turned * (1 - np.exp(-arc / reach)))
@@ -159,7 +195,9 @@ def _start_angles(arc: Array, overhang: float, bending_length: float) -> Array:
 def _derivatives(
     angles: Array, rest_turns: Array, spans: Array, pull: Array, clamp_angle: float
 ) -> tuple[Array, Array]:
-    """Gradient (n,) and Hessian's upper band (2, n) of the energy over EI [1/m] by the angles."""
+    """Gradient (n,) and Hessian's upper band (2, n) of the energy over EI [1/m] by the
+    angles.
+    """
     moment = (np.diff(angles, prepend=clamp_angle) - rest_turns) / spans
     gradient = moment + pull * np.cos(angles)
     gradient[:-1] -= moment[1:]

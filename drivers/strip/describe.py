@@ -1,4 +1,6 @@
-"""Construction of a strip's physical model from a strip file, and validation of strip files."""
+"""Construction of a strip's physical model from a strip file, and validation of strip
+files.
+"""
 
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
@@ -16,8 +18,11 @@ from drivers.strip.model import CELLS, Effects, Mechanics, StripModel
 from drivers.types import frozen
 
 
-def describe(strip: StripFile, cell_effects: Effects | None = None, index: int = 0) -> StripModel:
-    """Build the physical model of `strip` with its effects and, over these, `cell_effects`.
+def describe(
+    strip: StripFile, cell_effects: Effects | None = None, index: int = 0
+) -> StripModel:
+    """Build the physical model of `strip` with its effects and, over these,
+    `cell_effects`.
 
     `index` is the number of runs that this specimen has already been through.
     """
@@ -37,15 +42,18 @@ def describe(strip: StripFile, cell_effects: Effects | None = None, index: int =
 
 
 def load_plant(path: Path) -> StripFile:
-    """Plant in the file at `path`: as `load_strip`, but effects may also be those of the cell."""
+    """Plant in the file at `path`: as `load_strip`, but effects may also be those of
+    the cell.
+    """
     return load_strip(path, ("strip", "cell"))
 
 
 def load_strip(path: Path, of: Collection[str] = ("strip",)) -> StripFile:
     """Strip in the file at `path`, with effects `of` strips.
 
-    Raises ConfigurationError for a bad file, for effects or a law out of range or beside the strip,
-    and for a strip that one engine refuses: the twin's chain and the rod must both simulate it.
+    Raises ConfigurationError for a bad file, for effects or a law out of range or
+    beside the strip, and for a strip that one engine refuses: the twin's chain and the
+    rod must both simulate it.
     """
     strip = load(path, StripFile)
     check_effects(strip.effects, str(path), of)
@@ -53,8 +61,9 @@ def load_strip(path: Path, of: Collection[str] = ("strip",)) -> StripFile:
     for bound in BOUNDS:
         if bound.value(strip) < bound.refused:
             raise ConfigurationError(
-                f"{path}: {bound.key}: is {bound.value(strip):.3g}, the {bound.engine} is refused "
-                f"below {bound.refused:g}: {bound.why}; take a shorter strip or a stiffer one"
+                f"{path}: {bound.key}: is {bound.value(strip):.3g}, the {bound.engine}"
+                f" is refused below {bound.refused:g}: {bound.why}; take a shorter"
+                " strip or a stiffer one"
             )
     try:
         describe(strip)
@@ -65,13 +74,15 @@ def load_strip(path: Path, of: Collection[str] = ("strip",)) -> StripFile:
 
 @dataclass(frozen=True, slots=True)
 class Bound:
-    """Range, `low` to `high`, of a strip's property `value` in which an `engine` is validated.
+    """Range, `low` to `high`, of a strip's property `value` in which an `engine` is
+    validated.
 
-    Below `refused` the engine gives no result at all; `why` is what happens outside. Measured by
-    `python -m tests.lab study validity`: folds of denim with one value changed, against the same
-    engine with half its step in space. Within the range that changes the displacement by at most 3
-    mm, and rod and chain agree to 3 mm. Width and areal density were measured too, from 2 mm to 1 m
-    and from 0.001 to 50 kg/m^2: without air they change nothing.
+    Below `refused` the engine gives no result at all; `why` is what happens outside.
+    Measured by `python -m tests.lab study validity`: folds of denim with one value
+    changed, against the same engine with half its step in space. Within the range that
+    changes the displacement by at most 3 mm, and rod and chain agree to 3 mm. Width and
+    areal density were measured too, from 2 mm to 1 m and from 0.001 to 50 kg/m^2:
+    without air they change nothing.
     """
 
     key: str
@@ -95,8 +106,10 @@ BOUNDS = (
         low=0.013,
         high=0.35,
         refused=0.0095,
-        why="its 80 links are too coarse for so soft a strip: d is off by 7 to 13 mm below 0.011, "
-        "and below 0.007 the simulation diverges",
+        why=(
+            "its 80 links are too coarse for so soft a strip: d is off by 7 to 13 mm"
+            " below 0.011, and below 0.007 the simulation diverges"
+        ),
     ),
     Bound(
         key="bending_length over length",
@@ -104,7 +117,10 @@ BOUNDS = (
         value=_softness,
         low=0.009,
         high=0.35,
-        why="its segments are too coarse for so soft a strip: d is off by 20 mm at 0.0085",
+        why=(
+            "its segments are too coarse for so soft a strip: d is off by 20 mm at"
+            " 0.0085"
+        ),
     ),
     Bound(
         key="retardation_time",
@@ -112,8 +128,10 @@ BOUNDS = (
         value=lambda strip: strip.retardation_time,
         low=0.0,
         high=3.0,
-        why="so sluggish a strip is still bending when the fold ends: rod and chain are 4 mm apart "
-        "at 10 s",
+        why=(
+            "so sluggish a strip is still bending when the fold ends: rod and chain are"
+            " 4 mm apart at 10 s"
+        ),
     ),
     *(
         Bound(
@@ -122,7 +140,10 @@ BOUNDS = (
             value=lambda strip: strip.thickness,
             low=0.0,
             high=0.004,
-            why="layers touch late or never at its midline: from 8 mm on no fold ends in a touch",
+            why=(
+                "layers touch late or never at its midline: from 8 mm on no fold ends"
+                " in a touch"
+            ),
         )
         for engine in ("chain (the twin)", "rod (the model)")
     ),
@@ -130,10 +151,13 @@ BOUNDS = (
 
 
 def doubts(strip: StripFile) -> tuple[str, ...]:
-    """Warnings, a sentence each, on properties of `strip` outside an engine's validated range."""
+    """Warnings, a sentence each, on properties of `strip` outside an engine's validated
+    range.
+    """
     return tuple(
-        f"{strip.name}: {bound.key}: is {bound.value(strip):.3g}, the {bound.engine} holds from "
-        f"{bound.low:g} to {bound.high:g}: {bound.why}; expect errors of the simulation"
+        f"{strip.name}: {bound.key}: is {bound.value(strip):.3g}, the {bound.engine}"
+        f" holds from {bound.low:g} to {bound.high:g}: {bound.why}; expect errors of"
+        " the simulation"
         for bound in BOUNDS
         if not bound.low <= bound.value(strip) <= bound.high
     )

@@ -1,4 +1,6 @@
-"""Protocol of a strip engine, which simulates a batch of strips, and the engine's results."""
+"""Protocol of a strip engine, which simulates a batch of strips, and the engine's
+results.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,10 +15,11 @@ from drivers.types import Array
 
 @dataclass(frozen=True, slots=True)
 class Touch:
-    """First touch of a fold's layers: `time` [s], `x` [m], arc lengths [m] to both edges.
+    """First touch of a fold's layers: `time` [s], `x` [m], arc lengths [m] to both
+    edges.
 
-    `extension` [m] is how much longer than `to_grasped` the upper layer is up to the grip, because
-    it is stretched or slid out of the grip.
+    `extension` [m] is how much longer than `to_grasped` the upper layer is up to the
+    grip, because it is stretched or slid out of the grip.
     """
 
     time: float
@@ -26,8 +29,12 @@ class Touch:
     extension: float = 0.0
 
     @classmethod
-    def in_shape(cls, time: float, x: float, s: float, arc: Array, midline: Array) -> Self:
-        """Touch at `x` and arc length `s` [m] of a `midline` (n, 2) with nodes at `arc` (n,)."""
+    def in_shape(
+        cls, time: float, x: float, s: float, arc: Array, midline: Array
+    ) -> Self:
+        """Touch at `x` and arc length `s` [m] of a `midline` (n, 2) with nodes at `arc`
+        (n,).
+        """
         along, at_rest = arc_lengths(midline), float(arc[-1]) - s
         extension = float(along[-1] - np.interp(s, arc, along)) - at_rest
         return cls(time, x, at_rest, x - float(midline[0, 0]), extension)
@@ -42,10 +49,10 @@ class Touch:
 class Observables:
     """Observable quantities of n strips after a step.
 
-    `contact_x` (n,) [m]; `tip` (n, 2) [m], the fold's rightmost point; `holding_force` (n,) [N],
-    the force along x that the fixed edge exerts on the strip, negative when taut; `grip_force`
-    (n, 2) [N] along x and z, that of the strip on the grip; `touch` of each strip, constant once
-    set.
+    `contact_x` (n,) [m]; `tip` (n, 2) [m], the fold's rightmost point; `holding_force`
+    (n,) [N], the force along x that the fixed edge exerts on the strip, negative when
+    taut; `grip_force` (n, 2) [N] along x and z, that of the strip on the grip; `touch`
+    of each strip, constant once set.
     """
 
     contact_x: Array
@@ -56,10 +63,13 @@ class Observables:
 
 
 class Stepper(Protocol):
-    """Protocol of an engine that simulates n strips at once, each held by its own gripper."""
+    """Protocol of an engine that simulates n strips at once, each held by its own
+    gripper.
+    """
 
     def reset(self, models: Sequence[StripModel]) -> None:
-        """Lay the strips flat and at rest, gripped at (stated length, 0) with pitch 0, at time 0.
+        """Lay the strips flat and at rest, gripped at (stated length, 0) with pitch 0,
+        at time 0.
 
         Raises Unsupported for a part of a model that the engine cannot represent.
         """
@@ -71,7 +81,9 @@ class Stepper(Protocol):
         """
 
     def shapes(self) -> Array:
-        """Midlines (n, nodes, 2) [m] of all strips, from the fixed to the grasped edge."""
+        """Midlines (n, nodes, 2) [m] of all strips, from the fixed to the grasped
+        edge.
+        """
 
     def arc(self) -> Array:
         """Unstretched arc lengths (n, nodes) [m] of the nodes from the fixed edge."""
@@ -79,11 +91,12 @@ class Stepper(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class StripMotion:
-    """Simulated motion of one strip: observables at k times, shapes and the layer touch, if any.
+    """Simulated motion of one strip: observables at k times, shapes and the layer
+    touch, if any.
 
-    Times (k,), gripper poses (k, 3), contact_x (k,), holding_force (k,), grip_force (k, 2), shapes
-    (k, nodes, 2) or (0, nodes, 2). Values are true, over the true desk; `observation` converts them
-    to measured ones.
+    Times (k,), gripper poses (k, 3), contact_x (k,), holding_force (k,), grip_force (k,
+    2), shapes (k, nodes, 2) or (0, nodes, 2). Values are true, over the true desk;
+    `observation` converts them to measured ones.
     """
 
     t: Array
@@ -96,11 +109,12 @@ class StripMotion:
 
 
 def graded_nodes(length: float, pieces: int, share: float, finest: float) -> Array:
-    """Arc lengths (pieces + 1,) [m] of a strip's nodes: equally spaced, but closer near the grip.
+    """Arc lengths (pieces + 1,) [m] of a strip's nodes: equally spaced, but closer near
+    the grip.
 
-    Over the last `share` of the segments their length shrinks to `finest` times the others'. Near
-    the grip a taut strip bends within sqrt(EI / T), a millimetre or two; where it leaves the desk
-    depends on the length of that bend.
+    Over the last `share` of the segments their length shrinks to `finest` times the
+    others'. Near the grip a taut strip bends within sqrt(EI / T), a millimetre or two;
+    where it leaves the desk depends on the length of that bend.
     """
     before_grip = (pieces - 0.5 - np.arange(pieces)) / pieces
     spans = np.minimum(1.0, finest ** (1.0 - before_grip / share))

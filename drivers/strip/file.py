@@ -16,7 +16,9 @@ Colour = tuple[Channel, Channel, Channel]  # sRGB
 
 
 class Provenance(Settings):
-    """Published source of one value in a strip file; `assumed` where none is published."""
+    """Published source of one value in a strip file; `assumed` where none is
+    published.
+    """
 
     key: str
     source: str
@@ -24,10 +26,11 @@ class Provenance(Settings):
 
 
 class StripFile(Settings):
-    """Contents of a strip file: size, mass, bending and effects of a fabric strip, in SI units.
+    """Contents of a strip file: size, mass, bending and effects of a fabric strip, in
+    SI units.
 
-    `law` holds amounts of generic laws that describe what no effect explains; written only where
-    not empty.
+    `law` holds amounts of generic laws that describe what no effect explains; written
+    only where not empty.
     """
 
     schema_: Literal[1] = Field(1, alias="schema")
@@ -35,7 +38,8 @@ class StripFile(Settings):
     name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")
     length: Metres = Field(ge=0.1, le=2.0)  # fixed edge to grasped edge
     width: Metres = Field(ge=0.001, le=1.0)
-    areal_density: ArealDensity = Field(ge=0.001, le=50.0)  # the paper's spheres make 33
+    # the paper's spheres make 33
+    areal_density: ArealDensity = Field(ge=0.001, le=50.0)
     bending_length: Metres = Field(ge=0.002, le=0.2)  # (B / areal weight)^(1/3)
     retardation_time: Seconds = Field(ge=0, le=10.0)  # Kelvin-Voigt
     thickness: Metres = Field(0.001, ge=1e-6, le=0.02)
@@ -50,11 +54,15 @@ class StripFile(Settings):
     def _check_spread(
         cls, spread: dict[str, tuple[float, float]]
     ) -> dict[str, tuple[float, float]]:
-        """Refuse a range of a key that has none, and bounds that are not 0 < low <= high."""
+        """Refuse a range of a key that has none, and bounds that are not 0 < low <=
+        high.
+        """
         known = {"bending_length", "retardation_time", "areal_density", "thickness"}
         for key, (low, high) in spread.items():
             if key not in known:
-                raise ValueError(f"{key} cannot be spread; allowed: {', '.join(sorted(known))}")
+                raise ValueError(
+                    f"{key} cannot be spread; allowed: {', '.join(sorted(known))}"
+                )
             if not 0 < low <= high:
                 raise ValueError(f"{key} needs 0 < low <= high, found [{low}, {high}]")
         return spread
@@ -81,7 +89,8 @@ class StripFile(Settings):
 
 
 def paper_strip(k: float, b: float, **changes: Any) -> StripFile:
-    """Strip of Petrik and Kyrki (2019) of joint stiffness `k` [N m/rad], damping `b` [N m s/rad].
+    """Strip of Petrik and Kyrki (2019) of joint stiffness `k` [N m/rad], damping `b` [N
+    m s/rad].
 
     Spheres of 3.3 g every 2 mm: c = (k ds / w)^(1/3), retardation time = b / k.
     """
@@ -91,12 +100,16 @@ def paper_strip(k: float, b: float, **changes: Any) -> StripFile:
         "length": 0.6,
         "width": 0.05,
         "areal_density": PAPER_LINEAR_DENSITY / 0.05,
-        "bending_length": (k * PAPER_SPACING / (PAPER_LINEAR_DENSITY * GRAVITY)) ** (1 / 3),
+        "bending_length": (
+            (k * PAPER_SPACING / (PAPER_LINEAR_DENSITY * GRAVITY)) ** (1 / 3)
+        ),
         "retardation_time": b / k,
     }
     return StripFile.model_validate(content | changes)
 
 
 def paper_damping_minimum(k: float) -> float:
-    """Smallest joint damping [N m s/rad] that Petrik and Kyrki (2019) use at stiffness `k`."""
+    """Smallest joint damping [N m s/rad] that Petrik and Kyrki (2019) use at stiffness
+    `k`.
+    """
     return 3e-3 * k + 3.5e-4

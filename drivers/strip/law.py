@@ -1,7 +1,8 @@
 """Generic terms of a strip's equations for residuals that no named effect explains.
 
-A term is a moment, a force or a measurement error as a function of a state variable. A strip file
-may hold amounts of terms under `law:`; every engine simulates them, as they change the model.
+A term is a moment, a force or a measurement error as a function of a state variable. A
+strip file may hold amounts of terms under `law:`; every engine simulates them, as they
+change the model.
 """
 
 from collections.abc import Callable, Mapping
@@ -15,27 +16,43 @@ from drivers.strip.effects.effect import Effect, Parameter, Stage
 from drivers.strip.model import SOFTEST, StripModel, scale_rigidity, with_field
 from drivers.types import Array, frozen
 
-TRIED = np.array([0.0, 0.5, 0.9])  # between a term's size and its maximum, on a logarithmic scale
+# between a term's size and its maximum, on a logarithmic scale
+TRIED = np.array([0.0, 0.5, 0.9])
 Apply = Callable[[StripModel, float], StripModel]
 
 
 def _term(
-    name: str, sentence: str, unit: str, size: float, least: float, most: float, apply: Apply
+    name: str,
+    sentence: str,
+    unit: str,
+    size: float,
+    least: float,
+    most: float,
+    apply: Apply,
 ) -> Effect:
-    """Generic term, of an amount from `least` to `most` of which `size` shows in ten runs.
+    """Generic term, of an amount from `least` to `most` of which `size` shows in ten
+    runs.
 
     `apply(model, amount)` is a copy of the model with the term.
     """
     amount = Parameter("amount", unit, 0.0, least, most, spread=most)
     sizes = tuple(size * (most / size) ** TRIED)
     return Effect(
-        name, sentence, "strip", Stage.OBSERVATION, (amount,), revealed_by="",
-        apply=lambda model, values: apply(model, values["amount"]), typical=lambda _: sizes,
-    )  # fmt: skip
+        name,
+        sentence,
+        "strip",
+        Stage.OBSERVATION,
+        (amount,),
+        revealed_by="",
+        apply=lambda model, values: apply(model, values["amount"]),
+        typical=lambda _: sizes,
+    )
 
 
 def adds_to(path: str) -> Apply:
-    """Function `apply` of a term that adds its amount to the model's field at a dotted `path`."""
+    """Function `apply` of a term that adds its amount to the model's field at a dotted
+    `path`.
+    """
     read = attrgetter(path)
     return lambda model, amount: with_field(model, path, read(model) + amount)
 
@@ -65,7 +82,8 @@ def _stiffen_towards_grip(model: StripModel, amount: float) -> StripModel:
 
 
 def _stiffen_middle(model: StripModel, amount: float) -> StripModel:
-    arch = 1.0 - 4.0 * _position(model) ** 2  # 1 in the middle of the strip, 0 at its ends
+    # 1 in the middle of the strip, 0 at its ends
+    arch = 1.0 - 4.0 * _position(model) ** 2
     return scale_rigidity(model, 1.0 + amount * arch)
 
 
@@ -74,61 +92,211 @@ def _stiffen_with_use(model: StripModel, amount: float) -> StripModel:
 
 
 def _position(model: StripModel) -> Array:
-    """Relative arc length (CELLS,) of the cells, from -1/2 at the fixed edge to 1/2 at the grip."""
+    """Relative arc length (CELLS,) of the cells, from -1/2 at the fixed edge to 1/2 at
+    the grip.
+    """
     return np.asarray(model.mechanics.cells / model.mechanics.length - 0.5)
 
 
 _TERMS = (
-    _term(name="term_curvature", sentence="moment over stiffness as curvature^3", unit="m^2",
-         size=2e-5, least=-5e-6, most=1e-3, apply=adds_to("mechanics.law.cubic")),
-    _term(name="term_rate", sentence="moment over stiffness as rate of curvature squared",
-         unit="m s^2", size=1e-4, least=0.0, most=0.01,
-         apply=adds_to("mechanics.law.quadratic_damping")),
-    _term(name="term_sign", sentence="moment over stiffness as the sign of the rate", unit="1/m",
-         size=0.5, least=0.0, most=100.0, apply=adds_to("mechanics.law.yield_curvature")),
-    _term(name="term_fading", sentence="share of the moment that fades within a second", unit="1",
-         size=0.03, least=0.0, most=0.8, apply=adds_to("mechanics.law.relaxing")),
-    _term(name="term_speed", sentence="force as normal speed squared", unit="1", size=0.5,
-         least=0.0, most=10.0, apply=adds_to("mechanics.drag.coefficient")),
-    _term(name="term_force", sentence="steady force along the desk per mass", unit="m/s^2",
-         size=0.05, least=-2.0, most=2.0, apply=_add_force),
-    _term(name="term_weight", sentence="weight growing towards the grip", unit="1", size=0.05,
-         least=-1.8, most=1.8, apply=_add_weight_gradient),
-    _term(name="term_place", sentence="stiffness growing towards the grip", unit="1", size=0.2,
-         least=-1.8, most=1.8, apply=_stiffen_towards_grip),
-    _term(name="term_middle", sentence="stiffness greater in the middle", unit="1", size=0.2,
-         least=-0.9, most=5.0, apply=_stiffen_middle),
-    _term(name="term_run", sentence="stiffness growing with the run", unit="1", size=0.005,
-         least=-0.3, most=0.3, apply=_stiffen_with_use),
-    _term(name="term_even", sentence="rest curvature everywhere", unit="1/m", size=0.5, least=-30.0,
-         most=30.0, apply=adds_to("mechanics.rest_curvature")),
-    _term(name="term_set", sentence="rest curvature growing towards the grip", unit="1/m", size=1.0,
-         least=-30.0, most=30.0, apply=_add_curl),
-    _term(name="term_length", sentence="strip longer than stated", unit="m", size=3e-4, least=-0.02,
-         most=0.02, apply=adds_to("mechanics.length")),
-    _term(name="term_give", sentence="strip longer by its pull", unit="1/N", size=0.01, least=0.0,
-         most=2.0, apply=_add_compliance),
-    _term(name="term_clock", sentence="images older than their stamps", unit="s", size=0.003,
-         least=-0.1, most=0.1, apply=adds_to("observation.camera_latency")),
-    _term(name="term_side", sentence="images shifted along the desk", unit="m", size=3e-4,
-         least=-0.03, most=0.03, apply=adds_to("observation.shift_x")),
-    _term(name="term_view", sentence="images shifted upwards", unit="m", size=3e-4, least=-0.03,
-         most=0.03, apply=adds_to("observation.shift_z")),
-    _term(name="term_contact", sentence="contacts seen farther along the desk", unit="m", size=5e-4,
-         least=-0.03, most=0.03, apply=adds_to("observation.contact_bias")),
-    _term(name="term_zoom", sentence="images magnified", unit="1", size=5e-4, least=-0.05,
-         most=0.05, apply=adds_to("observation.scale")),
-    _term(name="term_reach", sentence="grip farther along the desk than the arm reports", unit="m",
-         size=3e-4, least=-0.03, most=0.03, apply=adds_to("rig.grip_x")),
-    _term(name="term_lift", sentence="grip higher than the arm reports", unit="m", size=3e-4,
-         least=-0.03, most=0.03, apply=adds_to("rig.grip_z")),
-)  # fmt: skip
+    _term(
+        name="term_curvature",
+        sentence="moment over stiffness as curvature^3",
+        unit="m^2",
+        size=2e-5,
+        least=-5e-6,
+        most=1e-3,
+        apply=adds_to("mechanics.law.cubic"),
+    ),
+    _term(
+        name="term_rate",
+        sentence="moment over stiffness as rate of curvature squared",
+        unit="m s^2",
+        size=1e-4,
+        least=0.0,
+        most=0.01,
+        apply=adds_to("mechanics.law.quadratic_damping"),
+    ),
+    _term(
+        name="term_sign",
+        sentence="moment over stiffness as the sign of the rate",
+        unit="1/m",
+        size=0.5,
+        least=0.0,
+        most=100.0,
+        apply=adds_to("mechanics.law.yield_curvature"),
+    ),
+    _term(
+        name="term_fading",
+        sentence="share of the moment that fades within a second",
+        unit="1",
+        size=0.03,
+        least=0.0,
+        most=0.8,
+        apply=adds_to("mechanics.law.relaxing"),
+    ),
+    _term(
+        name="term_speed",
+        sentence="force as normal speed squared",
+        unit="1",
+        size=0.5,
+        least=0.0,
+        most=10.0,
+        apply=adds_to("mechanics.drag.coefficient"),
+    ),
+    _term(
+        name="term_force",
+        sentence="steady force along the desk per mass",
+        unit="m/s^2",
+        size=0.05,
+        least=-2.0,
+        most=2.0,
+        apply=_add_force,
+    ),
+    _term(
+        name="term_weight",
+        sentence="weight growing towards the grip",
+        unit="1",
+        size=0.05,
+        least=-1.8,
+        most=1.8,
+        apply=_add_weight_gradient,
+    ),
+    _term(
+        name="term_place",
+        sentence="stiffness growing towards the grip",
+        unit="1",
+        size=0.2,
+        least=-1.8,
+        most=1.8,
+        apply=_stiffen_towards_grip,
+    ),
+    _term(
+        name="term_middle",
+        sentence="stiffness greater in the middle",
+        unit="1",
+        size=0.2,
+        least=-0.9,
+        most=5.0,
+        apply=_stiffen_middle,
+    ),
+    _term(
+        name="term_run",
+        sentence="stiffness growing with the run",
+        unit="1",
+        size=0.005,
+        least=-0.3,
+        most=0.3,
+        apply=_stiffen_with_use,
+    ),
+    _term(
+        name="term_even",
+        sentence="rest curvature everywhere",
+        unit="1/m",
+        size=0.5,
+        least=-30.0,
+        most=30.0,
+        apply=adds_to("mechanics.rest_curvature"),
+    ),
+    _term(
+        name="term_set",
+        sentence="rest curvature growing towards the grip",
+        unit="1/m",
+        size=1.0,
+        least=-30.0,
+        most=30.0,
+        apply=_add_curl,
+    ),
+    _term(
+        name="term_length",
+        sentence="strip longer than stated",
+        unit="m",
+        size=3e-4,
+        least=-0.02,
+        most=0.02,
+        apply=adds_to("mechanics.length"),
+    ),
+    _term(
+        name="term_give",
+        sentence="strip longer by its pull",
+        unit="1/N",
+        size=0.01,
+        least=0.0,
+        most=2.0,
+        apply=_add_compliance,
+    ),
+    _term(
+        name="term_clock",
+        sentence="images older than their stamps",
+        unit="s",
+        size=0.003,
+        least=-0.1,
+        most=0.1,
+        apply=adds_to("observation.camera_latency"),
+    ),
+    _term(
+        name="term_side",
+        sentence="images shifted along the desk",
+        unit="m",
+        size=3e-4,
+        least=-0.03,
+        most=0.03,
+        apply=adds_to("observation.shift_x"),
+    ),
+    _term(
+        name="term_view",
+        sentence="images shifted upwards",
+        unit="m",
+        size=3e-4,
+        least=-0.03,
+        most=0.03,
+        apply=adds_to("observation.shift_z"),
+    ),
+    _term(
+        name="term_contact",
+        sentence="contacts seen farther along the desk",
+        unit="m",
+        size=5e-4,
+        least=-0.03,
+        most=0.03,
+        apply=adds_to("observation.contact_bias"),
+    ),
+    _term(
+        name="term_zoom",
+        sentence="images magnified",
+        unit="1",
+        size=5e-4,
+        least=-0.05,
+        most=0.05,
+        apply=adds_to("observation.scale"),
+    ),
+    _term(
+        name="term_reach",
+        sentence="grip farther along the desk than the arm reports",
+        unit="m",
+        size=3e-4,
+        least=-0.03,
+        most=0.03,
+        apply=adds_to("rig.grip_x"),
+    ),
+    _term(
+        name="term_lift",
+        sentence="grip higher than the arm reports",
+        unit="m",
+        size=3e-4,
+        least=-0.03,
+        most=0.03,
+        apply=adds_to("rig.grip_z"),
+    ),
+)
 LAW_TERMS: Mapping[str, Effect] = MappingProxyType({term.name: term for term in _TERMS})
 """The generic terms by name, in the order in which they apply."""
 
 
 def with_law(model: StripModel, amounts: Mapping[str, float]) -> StripModel:
-    """Copy of `model` with `amounts` of generic terms added, by name; unknown ones are ignored."""
+    """Copy of `model` with `amounts` of generic terms added, by name; unknown ones are
+    ignored.
+    """
     for name, term in LAW_TERMS.items():
         if name in amounts:
             model = term.apply_to(model, {"amount": amounts[name]})
@@ -136,7 +304,9 @@ def with_law(model: StripModel, amounts: Mapping[str, float]) -> StripModel:
 
 
 def check_law(amounts: Mapping[str, float], origin: str) -> None:
-    """Raise ConfigurationError for an unknown generic term or an amount outside its range."""
+    """Raise ConfigurationError for an unknown generic term or an amount outside its
+    range.
+    """
     for name, amount in amounts.items():
         if name not in LAW_TERMS:
             raise ConfigurationError(

@@ -1,8 +1,8 @@
 """Physical model of a strip and its cell, the common input of all simulation engines.
 
-A model comes from a strip file and the cell's effects. It is independent of any discretisation:
-fields along the strip are constant over `CELLS` equal cells, and an engine lumps them onto its own
-nodes with `Mechanics.mean` and `Mechanics.total`.
+A model comes from a strip file and the cell's effects. It is independent of any
+discretisation: fields along the strip are constant over `CELLS` equal cells, and an
+engine lumps them onto its own nodes with `Mechanics.mean` and `Mechanics.total`.
 """
 
 import math
@@ -29,15 +29,16 @@ CONTACT_HEIGHT = 0.001  # m above rest at which desk_contact is defined
 class BendingLaw:
     """Bending moment as a function of curvature, beyond the linear Kelvin-Voigt law.
 
-    A term whose amount is 0 is off. `cubic` [m^2] and `fifth`: M = EI kappa (1 + u + fifth u^2)
-    with u = cubic kappa^2, level past the crest where a softening law (`cubic` below 0) would fall.
-    `yield_curvature` [1/m]: friction moment over rigidity of an elasto-plastic element beside the
-    elastic one, whose stiffness before it slides is `stiffness_ratio` times EI; of both, the share
-    `gradual` belongs to an element without a yield point, dM/dkappa = K (1 - s M / M_c) with s the
-    sign of the curvature's rate (Dahl 1976, AIAA Journal 14(12), of exponent 1).
-    `quadratic_damping` [m s^2] times EI |dkappa/dt| dkappa/dt adds to the moment. Of the rigidity
-    the share `relaxing` carries its moment only for about `relaxation_time` [s] (a Maxwell element,
-    at rest when the motion begins).
+    A term whose amount is 0 is off. `cubic` [m^2] and `fifth`: M = EI kappa (1 + u +
+    fifth u^2) with u = cubic kappa^2, level past the crest where a softening law
+    (`cubic` below 0) would fall. `yield_curvature` [1/m]: friction moment over rigidity
+    of an elasto-plastic element beside the elastic one, whose stiffness before it
+    slides is `stiffness_ratio` times EI; of both, the share `gradual` belongs to an
+    element without a yield point, dM/dkappa = K (1 - s M / M_c) with s the sign of the
+    curvature's rate (Dahl 1976, AIAA Journal 14(12), of exponent 1).
+    `quadratic_damping` [m s^2] times EI |dkappa/dt| dkappa/dt adds to the moment. Of
+    the rigidity the share `relaxing` carries its moment only for about
+    `relaxation_time` [s] (a Maxwell element, at rest when the motion begins).
     """
 
     cubic: float = 0.0
@@ -51,20 +52,25 @@ class BendingLaw:
 
     @property
     def crest(self) -> float:
-        """Curvature [1/m] from which the elastic moment is constant; infinite if it never is."""
+        """Curvature [1/m] from which the elastic moment is constant; infinite if it
+        never is.
+        """
         if self.cubic >= 0 or 20.0 * self.fifth >= 9.0:
             return math.inf
-        # dM/dkappa = 0: the smaller root of 1 + 3 u + 5 fifth u^2, finite at fifth = 0 too
+        # dM/dkappa = 0: the smaller root of 1 + 3 u + 5 fifth u^2, finite at fifth = 0
+        # too
         u = -2.0 / (3.0 + math.sqrt(9.0 - 20.0 * self.fifth))
         return math.sqrt(u / self.cubic)
 
 
 @dataclass(frozen=True, slots=True)
 class Drag:
-    """Drag [N/m] of still air on a strip, 1/2 rho C_d width (u + slow) (v_n n + along v_t t).
+    """Drag [N/m] of still air on a strip, 1/2 rho C_d width (u + slow) (v_n n + along
+    v_t t).
 
-    C_d is `coefficient`, u^2 = v_n^2 + oblique v_t^2 of the speeds v_n across and v_t along the
-    strip. At `slow` [m/s] friction of the air resists as much as its pressure.
+    C_d is `coefficient`, u^2 = v_n^2 + oblique v_t^2 of the speeds v_n across and v_t
+    along the strip. At `slow` [m/s] friction of the air resists as much as its
+    pressure.
     """
 
     coefficient: float = 0.0
@@ -75,12 +81,14 @@ class Drag:
 
 @dataclass(frozen=True, slots=True)
 class Mechanics:
-    """Mechanical properties of a strip, as scalars and as arrays (CELLS,) over equal cells.
+    """Mechanical properties of a strip, as scalars and as arrays (CELLS,) over equal
+    cells.
 
-    Cell j spans [j, j + 1] length / CELLS. `rigidity` EI [N m^2], `viscosity` [N m^2 s] (moment per
-    rate of curvature), `rest_curvature` [1/m], `linear_density` [kg/m], all of the whole width.
-    `length` [m] is the true one, at rest. `stretch_stiffness` [N] is force per strain, `drag` that
-    of the air, `adhesion` [N/m] the force per length along the strip between layers that touch.
+    Cell j spans [j, j + 1] length / CELLS. `rigidity` EI [N m^2], `viscosity` [N m^2 s]
+    (moment per rate of curvature), `rest_curvature` [1/m], `linear_density` [kg/m], all
+    of the whole width. `length` [m] is the true one, at rest. `stretch_stiffness` [N]
+    is force per strain, `drag` that of the air, `adhesion` [N/m] the force per length
+    along the strip between layers that touch.
     """
 
     length: float
@@ -107,7 +115,9 @@ class Mechanics:
 
     @property
     def touch_gap(self) -> float:
-        """Vertical distance [m] of midlines at which layers touch: thickness, at least 1 mm."""
+        """Vertical distance [m] of midlines at which layers touch: thickness, at least
+        1 mm.
+        """
         return max(self.thickness, 0.001)
 
     @property
@@ -116,35 +126,49 @@ class Mechanics:
         return 0.5 * AIR_DENSITY * self.drag.coefficient * self.width
 
     def total(self, values: Array, edges: Array) -> Array:
-        """Integral (n,) of a per-cell field (CELLS,) over the spans of `edges` (n + 1,) [m]."""
+        """Integral (n,) of a per-cell field (CELLS,) over the spans of `edges` (n + 1,)
+        [m].
+        """
         borders = np.linspace(0.0, self.length, len(values) + 1)
-        up_to_border = np.concatenate([[0.0], np.cumsum(values) * (self.length / len(values))])
+        up_to_border = np.concatenate(
+            [[0.0], np.cumsum(values) * (self.length / len(values))]
+        )
         return np.diff(np.interp(edges, borders, up_to_border))
 
     def mean(self, values: Array, edges: Array) -> Array:
-        """Mean (n,) of a per-cell field (CELLS,) over the spans between `edges` (n + 1,) [m]."""
+        """Mean (n,) of a per-cell field (CELLS,) over the spans between `edges` (n +
+        1,) [m].
+        """
         return self.total(values, edges) / np.diff(edges)
 
     def series(self, values: Array, edges: Array) -> Array:
-        """Harmonic mean (n,) of a per-cell field (CELLS,) over spans of `edges` (n + 1,) [m]."""
+        """Harmonic mean (n,) of a per-cell field (CELLS,) over spans of `edges` (n +
+        1,) [m].
+        """
         return 1.0 / self.mean(1.0 / values, edges)
 
     def inside(self, position: float, width: float, softness: float = 0.0) -> Array:
-        """Fraction (CELLS,) of each cell inside a window of `width` [m] centred at `position` [m].
+        """Fraction (CELLS,) of each cell inside a window of `width` [m] centred at
+        `position` [m].
 
-        With `softness` the edges are smoothed by a Gaussian of deviation softness times width.
-        Raises ConfigurationError for a position outside the strip.
+        With `softness` the edges are smoothed by a Gaussian of deviation softness times
+        width. Raises ConfigurationError for a position outside the strip.
         """
         if not 0 <= position <= self.length:
             raise ConfigurationError(
-                f"position: {position:g} is not on the strip; allowed: 0 to {self.length:g} m"
+                f"position: {position:g} is not on the strip; allowed: 0 to"
+                f" {self.length:g} m"
             )
         if softness > 0:
             from scipy import special
 
-            ahead, behind = (self.cells - position + side * width / 2 for side in (1.0, -1.0))
+            ahead, behind = (
+                self.cells - position + side * width / 2 for side in (1.0, -1.0)
+            )
             spread = softness * width
-            return np.asarray(special.ndtr(ahead / spread) - special.ndtr(behind / spread))
+            return np.asarray(
+                special.ndtr(ahead / spread) - special.ndtr(behind / spread)
+            )
         cells = np.linspace(0.0, self.length, CELLS + 1)
         right = np.minimum(cells[1:], position + width / 2)
         left = np.maximum(cells[:-1], position - width / 2)
@@ -153,11 +177,13 @@ class Mechanics:
 
 @dataclass(frozen=True, slots=True)
 class Boundary:
-    """Boundary conditions and loads of a strip: `gravity` (g_x, g_z) [m/s^2] in the cell frame.
+    """Boundary conditions and loads of a strip: `gravity` (g_x, g_z) [m/s^2] in the
+    cell frame.
 
-    `edge_friction`: friction coefficient of the loose fixed edge and the part of the strip that
-    lies on the desk. `grip_force` [N]: pull along the strip at which it slides out of the grip.
-    `grip_compliance` [rad/(N m)]: turn of the grip under the strip's moment.
+    `edge_friction`: friction coefficient of the loose fixed edge and the part of the
+    strip that lies on the desk. `grip_force` [N]: pull along the strip at which it
+    slides out of the grip. `grip_compliance` [rad/(N m)]: turn of the grip under the
+    strip's moment.
     """
 
     gravity: tuple[float, float] = (0.0, -GRAVITY)
@@ -168,11 +194,12 @@ class Boundary:
 
 @dataclass(frozen=True, slots=True)
 class Rig:
-    """Errors of gripper pose and desk height, true minus reported, and delay of the arm's stamps.
+    """Errors of gripper pose and desk height, true minus reported, and delay of the
+    arm's stamps.
 
-    `grip_x`, `grip_z` [m] and `grip_tilt` [rad] of the gripper's pose, `desk_height` [m] of the
-    desk, `delay` [s] of the gripper's stamps. Applied in `observation`: engines get true poses over
-    the true desk.
+    `grip_x`, `grip_z` [m] and `grip_tilt` [rad] of the gripper's pose, `desk_height`
+    [m] of the desk, `delay` [s] of the gripper's stamps. Applied in `observation`:
+    engines get true poses over the true desk.
     """
 
     grip_x: float = 0.0
@@ -184,12 +211,14 @@ class Rig:
 
 @dataclass(frozen=True, slots=True)
 class Observation:
-    """Errors of camera and force sensor, measured minus true: places, delays and forces.
+    """Errors of camera and force sensor, measured minus true: places, delays and
+    forces.
 
     `contact_height` [m] is the height that defines desk_contact. Images show the world
-    `camera_latency` [s] before their stamps. Places in them are 1 + `scale` times true, offset by
-    `shift_x`, `shift_z` [m]; contact_x has the additional offset `contact_bias` [m]. Force is
-    reported `force_delay` [s] late, with the offsets `force_x`, `force_z` [N].
+    `camera_latency` [s] before their stamps. Places in them are 1 + `scale` times true,
+    offset by `shift_x`, `shift_z` [m]; contact_x has the additional offset
+    `contact_bias` [m]. Force is reported `force_delay` [s] late, with the offsets
+    `force_x`, `force_z` [N].
     """
 
     contact_height: float = CONTACT_HEIGHT
@@ -205,10 +234,11 @@ class Observation:
 
 @dataclass(frozen=True, slots=True)
 class StripModel:
-    """Physical model of a strip in a cell: mechanics, boundary conditions and the cell's errors.
+    """Physical model of a strip in a cell: mechanics, boundary conditions and the
+    cell's errors.
 
-    `stated_length` [m] is x = L, where the gripper grasps the edge; a strip of another length
-    starts slack or taut. `index` is the number of earlier runs of the specimen.
+    `stated_length` [m] is x = L, where the gripper grasps the edge; a strip of another
+    length starts slack or taut. `index` is the number of earlier runs of the specimen.
     """
 
     mechanics: Mechanics
@@ -220,7 +250,9 @@ class StripModel:
 
 
 def with_field(part: T, path: str, value: Any) -> T:
-    """Copy of `part`, a dataclass of a strip model, with `value` in the field at dotted `path`."""
+    """Copy of `part`, a dataclass of a strip model, with `value` in the field at dotted
+    `path`.
+    """
     name, _, inner = path.partition(".")
     if inner:
         value = with_field(getattr(part, name), inner, value)
@@ -228,10 +260,17 @@ def with_field(part: T, path: str, value: Any) -> T:
 
 
 def scale_rigidity(model: StripModel, factor: Array | float) -> StripModel:
-    """Copy of `model` with rigidity and viscosity times `factor`, a scalar or (CELLS,)."""
+    """Copy of `model` with rigidity and viscosity times `factor`, a scalar or
+    (CELLS,).
+    """
     mechanics = model.mechanics
-    rigidity, viscosity = frozen(mechanics.rigidity * factor), frozen(mechanics.viscosity * factor)
-    return replace(model, mechanics=replace(mechanics, rigidity=rigidity, viscosity=viscosity))
+    rigidity, viscosity = (
+        frozen(mechanics.rigidity * factor),
+        frozen(mechanics.viscosity * factor),
+    )
+    return replace(
+        model, mechanics=replace(mechanics, rigidity=rigidity, viscosity=viscosity)
+    )
 
 
 Effects = Mapping[str, Mapping[str, float]]

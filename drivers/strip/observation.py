@@ -1,11 +1,14 @@
-"""Conversion between true and measured values: gripper poses, image points, forces and times.
+"""Conversion between true and measured values: gripper poses, image points, forces and
+times.
 
-True poses and points are over the true desk, as engines have them; reported and measured ones are
-in the cell frame of the calibration. measured = (1 + scale) true + shift; times are stamps.
+True poses and points are over the true desk, as engines have them; reported and
+measured ones are in the cell frame of the calibration. measured = (1 + scale) true +
+shift; times are stamps.
 
-The strip is grasped as it lies on the desk, so offsets, tilt and desk height act from 0 upwards
-over the first `LIFT_TRAVEL` of the path, in proportion to the largest distance from its start. A
-strip that already hangs at the start of the path has the full offsets.
+The strip is grasped as it lies on the desk, so offsets, tilt and desk height act from 0
+upwards over the first `LIFT_TRAVEL` of the path, in proportion to the largest distance
+from its start. A strip that already hangs at the start of the path has the full
+offsets.
 """
 
 from dataclasses import replace
@@ -23,20 +26,26 @@ FORCE_WINDOW = 0.02  # s over which an arm averages a force; assumed
 SHORTEST_WINDOW = 1e-9  # s, keeps the mean of a path of one row finite
 
 
-def true_path(rig: Rig, t: Array, poses: Array, *, hanging: bool = False) -> tuple[Array, Array]:
-    """True times (m,) [s] and gripper poses (m, 3) [m, m, rad] for reported `t` and `poses`.
+def true_path(
+    rig: Rig, t: Array, poses: Array, *, hanging: bool = False
+) -> tuple[Array, Array]:
+    """True times (m,) [s] and gripper poses (m, 3) [m, m, rad] for reported `t` and
+    `poses`.
 
-    `hanging`: the strip hangs when the path begins. Without effects of the rig the arrays are
-    returned unchanged.
+    `hanging`: the strip hangs when the path begins. Without effects of the rig the
+    arrays are returned unchanged.
     """
     if rig == AS_REPORTED:
         return t, poses
     growth = np.maximum.accumulate(share_away(poses, poses[0]))
-    return t - rig.delay, true_poses(rig, poses, np.ones(len(poses)) if hanging else growth)
+    return t - rig.delay, true_poses(
+        rig, poses, np.ones(len(poses)) if hanging else growth
+    )
 
 
 def share_away(poses: Array, start: Array) -> Array:
-    """Fraction (...,), 0 to 1, of the rig's offsets at reported `poses` (..., 3) [m, m, rad].
+    """Fraction (...,), 0 to 1, of the rig's offsets at reported `poses` (..., 3) [m, m,
+    rad].
 
     It grows with the distance from `start` (3,), the pose of the grasp.
     """
@@ -45,15 +54,17 @@ def share_away(poses: Array, start: Array) -> Array:
 
 
 def true_poses(rig: Rig, reported: Array, share: Array | float) -> Array:
-    """True gripper poses (..., 3) [m, m, rad]: `reported` (..., 3) plus `share` of the offsets."""
+    """True gripper poses (..., 3) [m, m, rad]: `reported` (..., 3) plus `share` of the
+    offsets.
+    """
     return np.asarray(reported + _offset(rig) * np.asarray(share)[..., None])
 
 
 class GrowingOffsets:
     """Offsets of a `rig` that grow with the distance of a gripper from its grasp.
 
-    `start` (3,) is the reported pose of the grasp, None before it; `share` (0 to 1) is the fraction
-    of the offsets that acts.
+    `start` (3,) is the reported pose of the grasp, None before it; `share` (0 to 1) is
+    the fraction of the offsets that acts.
     """
 
     def __init__(self, rig: Rig) -> None:
@@ -62,23 +73,31 @@ class GrowingOffsets:
         self.share = 0.0
 
     def advance(self, reported: Array) -> Array:
-        """True pose (3,) [m, m, rad] of a gripper that has moved to the pose `reported` (3,)."""
+        """True pose (3,) [m, m, rad] of a gripper that has moved to the pose `reported`
+        (3,).
+        """
         if self.start is not None:
             self.share = max(self.share, float(share_away(reported, self.start)))
         return self.true(reported)
 
     def true(self, reported: Array) -> Array:
-        """True pose (3,) [m, m, rad] of a gripper at `reported` (3,), with the offsets so far."""
+        """True pose (3,) [m, m, rad] of a gripper at `reported` (3,), with the offsets
+        so far.
+        """
         return true_poses(self._rig, reported, self.share)
 
 
 def reported_poses(rig: Rig, true: Array, share: Array | float) -> Array:
-    """Reported gripper poses (..., 3) [m, m, rad]: `true` (..., 3) less `share` of the offsets."""
+    """Reported gripper poses (..., 3) [m, m, rad]: `true` (..., 3) less `share` of the
+    offsets.
+    """
     return np.asarray(true - _offset(rig) * np.asarray(share)[..., None])
 
 
 def _offset(rig: Rig) -> Array:
-    """Offset (3,) [m, m, rad] from the reported to the true gripper pose above the true desk."""
+    """Offset (3,) [m, m, rad] from the reported to the true gripper pose above the true
+    desk.
+    """
     return np.array([rig.grip_x, rig.grip_z - rig.desk_height, rig.grip_tilt])
 
 
@@ -93,48 +112,69 @@ def imaged_time(observation: Observation, stamp: Array | float) -> Array | float
 
 
 def measured_points(model: StripModel, points: Array) -> Array:
-    """Points (..., 2) [m] at which the camera measures true `points` (..., 2) [m] of a midline."""
+    """Points (..., 2) [m] at which the camera measures true `points` (..., 2) [m] of a
+    midline.
+    """
     raised = points + np.array([0.0, model.rig.desk_height])
-    return np.asarray((1 + model.observation.scale) * raised + _shift(model.observation))
+    return np.asarray(
+        (1 + model.observation.scale) * raised + _shift(model.observation)
+    )
 
 
 def true_points(model: StripModel, points: Array) -> Array:
-    """True points (..., 2) [m] of a midline that the camera measures at `points` (..., 2) [m]."""
+    """True points (..., 2) [m] of a midline that the camera measures at `points` (...,
+    2) [m].
+    """
     raised = (points - _shift(model.observation)) / (1 + model.observation.scale)
     return np.asarray(raised - np.array([0.0, model.rig.desk_height]))
 
 
 def measured_contact(observation: Observation, x: Array | float) -> Array | float:
-    """Contact_x (...,) [m] that the camera measures for a true desk contact at `x` (...,) [m]."""
-    return (1 + observation.scale) * x + (observation.shift_x + observation.contact_bias)
+    """Contact_x (...,) [m] that the camera measures for a true desk contact at `x`
+    (...,) [m].
+    """
+    return (1 + observation.scale) * x + (
+        observation.shift_x + observation.contact_bias
+    )
 
 
 def mean_force(t: Array, force: Array) -> Array:
-    """Moving average (k, 2) [N] over FORCE_WINDOW of `force` (k, 2) at times `t` (k,) [s].
+    """Moving average (k, 2) [N] over FORCE_WINDOW of `force` (k, 2) at times `t` (k,)
+    [s].
 
-    Between the rows of a recorded path a simulated gripper jerks, as a real arm does not.
+    Between the rows of a recorded path a simulated gripper jerks, as a real arm does
+    not.
     """
     from scipy.integrate import cumulative_trapezoid  # a second that no fold needs
 
     total = cumulative_trapezoid(force, t, axis=0, initial=0.0)
     ends = [np.clip(t + side * FORCE_WINDOW / 2, t[0], t[-1]) for side in (-1, 1)]
     first, last = (interpolate_columns(end, t, total) for end in ends)
-    return np.asarray((last - first) / np.maximum(ends[1] - ends[0], SHORTEST_WINDOW)[:, None])
+    return np.asarray(
+        (last - first) / np.maximum(ends[1] - ends[0], SHORTEST_WINDOW)[:, None]
+    )
 
 
-def reported_force(observation: Observation, t: Array, true_t: Array, force: Array) -> Array:
-    """Reported force (m, 2) [N] at `t` (m,) [s] for a true `force` (k, 2) at `true_t` (k,) [s]."""
+def reported_force(
+    observation: Observation, t: Array, true_t: Array, force: Array
+) -> Array:
+    """Reported force (m, 2) [N] at `t` (m,) [s] for a true `force` (k, 2) at `true_t`
+    (k,) [s].
+    """
     then = t - observation.force_delay
     reported = interpolate_columns(then, true_t, force)
     return np.asarray(reported + np.array([observation.force_x, observation.force_z]))
 
 
-def measured_touch(model: StripModel, touch: Touch, grip: Array, reported: Array) -> Touch:
+def measured_touch(
+    model: StripModel, touch: Touch, grip: Array, reported: Array
+) -> Touch:
     """Layer touch as the camera measures the true `touch`.
 
-    `grip` (3,) is the true gripper pose at the touch, `reported` (3,) the arm's at the image's
-    stamp. l1 is measured along the image of the upper layer to the reported grip point, along the
-    strip's end tangent; l2 to the stated position of the fixed edge, x = 0.
+    `grip` (3,) is the true gripper pose at the touch, `reported` (3,) the arm's at the
+    image's stamp. l1 is measured along the image of the upper layer to the reported
+    grip point, along the strip's end tangent; l2 to the stated position of the fixed
+    edge, x = 0.
     """
     x = float(measured_points(model, np.array([touch.x, 0.0]))[0])
     end = np.array([np.cos(grip[2]), np.sin(grip[2])])
@@ -143,7 +183,8 @@ def measured_touch(model: StripModel, touch: Touch, grip: Array, reported: Array
         touch,
         time=float(image_stamp(model.observation, touch.time)),
         x=x,
-        to_grasped=(1 + model.observation.scale) * (touch.to_grasped + touch.extension) + missed,
+        to_grasped=(1 + model.observation.scale) * (touch.to_grasped + touch.extension)
+        + missed,
         to_fixed=x,
         extension=0.0,
     )

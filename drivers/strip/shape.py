@@ -1,7 +1,9 @@
-"""Geometric features of a strip's shape: desk contact, fold tip, layer gap and layer touch.
+"""Geometric features of a strip's shape: desk contact, fold tip, layer gap and layer
+touch.
 
-Both engines, policies and perception use these definitions. A shape is the midline as nodes (n, 2)
-of x, z [m] in the cell frame at arc lengths s (n,) [m] from the fixed edge.
+Both engines, policies and perception use these definitions. A shape is the midline as
+nodes (n, 2) of x, z [m] in the cell frame at arc lengths s (n,) [m] from the fixed
+edge.
 """
 
 import math
@@ -13,11 +15,14 @@ from drivers.jit import entry, kernel
 from drivers.types import Array
 
 LYING_LENGTH = 0.05  # m of lying strip that ends the search for the desk contact
-SHORTEST_LAYERS = 2, 4  # nodes before the fold's rightmost one, and from it on: fewer are no fold
+# nodes before the fold's rightmost one, and from it on: fewer are no fold
+SHORTEST_LAYERS = 2, 4
 
 
 class Gap(NamedTuple):
-    """Smallest vertical gap `height` [m] of a fold's layers, at `x` [m] and arc length `s` [m]."""
+    """Smallest vertical gap `height` [m] of a fold's layers, at `x` [m] and arc length
+    `s` [m].
+    """
 
     height: float
     x: float
@@ -28,48 +33,60 @@ NO_GAP = Gap(math.inf, math.nan, math.nan)
 
 
 def desk_contact(points: Array, height: float) -> float:
-    """Desk contact x [m], where the midline `points` (n, 2) rises over `height` [m] to the fold.
+    """Desk contact x [m], where the midline `points` (n, 2) rises over `height` [m] to
+    the fold.
 
-    Searched from the fold's rightmost point back to where the strip lies for LYING_LENGTH, or to
-    the fixed edge. So neither ripples that friction leaves in the lying strip count, nor a dip
-    behind the buckle of a lift. For a strip that lies entirely it is the x of its grasped end.
+    Searched from the fold's rightmost point back to where the strip lies for
+    LYING_LENGTH, or to the fixed edge. So neither ripples that friction leaves in the
+    lying strip count, nor a dip behind the buckle of a lift. For a strip that lies
+    entirely it is the x of its grasped end.
     """
     return float(_features_of(points, height=height)[0])
 
 
 def fold_tip(points: Array) -> tuple[float, float]:
-    """Fold tip x, z [m]: the rightmost point of the midline `points` (n, 2), by a parabola."""
+    """Fold tip x, z [m]: the rightmost point of the midline `points` (n, 2), by a
+    parabola.
+    """
     _, x, z, *_ = _features_of(points)
     return float(x), float(z)
 
 
 def layer_gap(points: Array, s: Array, opening: float) -> Gap | None:
-    """Smallest vertical gap between upper and lower layer of a midline; None before a fold.
+    """Smallest vertical gap between upper and lower layer of a midline; None before a
+    fold.
 
-    `points` are (n, 2), `s` (n,) their arc lengths [m]. The upper layer runs from the fold's
-    rightmost point to the grasped edge. Near that point both layers meet by definition, so the gap
-    counts from where it first exceeds `opening` [m], and only once it has begun to close again: at
-    a node that is a local minimum.
+    `points` are (n, 2), `s` (n,) their arc lengths [m]. The upper layer runs from the
+    fold's rightmost point to the grasped edge. Near that point both layers meet by
+    definition, so the gap counts from where it first exceeds `opening` [m], and only
+    once it has begun to close again: at a node that is a local minimum.
     """
     *_, height, index = _features_of(points, opening=opening)
     if math.isinf(height):
         return None
     nodes = np.arange(len(s))
-    return Gap(height, *(float(np.interp(index, nodes, values)) for values in (points[:, 0], s)))
+    return Gap(
+        height,
+        *(float(np.interp(index, nodes, values)) for values in (points[:, 0], s)),
+    )
 
 
 def _features_of(points: Array, height: float = 0.0, opening: float = math.inf) -> Any:
-    """Desk contact, fold tip and layer gap of a midline `points` (n, 2) [m], as five numbers."""
+    """Desk contact, fold tip and layer gap of a midline `points` (n, 2) [m], as five
+    numbers.
+    """
     x, z = np.array(points.T, dtype=np.float64, order="C")
     return features(x, z, height, opening)
 
 
 @entry
 def features(x: Any, z: Any, height: float, opening: float) -> Any:
-    """Desk contact, fold tip and layer gap of the midline `x`, `z` (n,) [m], as five numbers.
+    """Desk contact, fold tip and layer gap of the midline `x`, `z` (n,) [m], as five
+    numbers.
 
-    x [m] of the desk contact at `height` [m]; x, z [m] of the fold's tip; height [m] and fractional
-    node index of the layer gap after it has exceeded `opening` [m], infinite without one.
+    x [m] of the desk contact at `height` [m]; x, z [m] of the fold's tip; height [m]
+    and fractional node index of the layer gap after it has exceeded `opening` [m],
+    infinite without one.
     """
     tip = _rightmost(x)
     tip_x, tip_z = _refine_tip(x, z, tip)
@@ -79,17 +96,23 @@ def features(x: Any, z: Any, height: float, opening: float) -> Any:
 
 @entry
 def layer_touch(before: Any, now: Any, limit: float) -> Any:
-    """Share of a time step at which layers touch, and x and arc length [m] of the touch.
+    """Share of a time step at which layers touch, and x and arc length [m] of the
+    touch.
 
-    `before` and `now` are height, x and arc length [m] of the layer gap at the beginning of the
-    step and at its end, where the height is at most `limit` [m]. Linear between both; at the end of
-    the step where the gap was not above the limit before.
+    `before` and `now` are height, x and arc length [m] of the layer gap at the
+    beginning of the step and at its end, where the height is at most `limit` [m].
+    Linear between both; at the end of the step where the gap was not above the limit
+    before.
     """
     height, x, s = now
     if not (math.isfinite(before[0]) and before[0] > limit):
         return 1.0, x, s
     share = (before[0] - limit) / (before[0] - height)
-    return share, before[1] + share * (x - before[1]), before[2] + share * (s - before[2])
+    return (
+        share,
+        before[1] + share * (x - before[1]),
+        before[2] + share * (s - before[2]),
+    )
 
 
 @kernel
@@ -101,7 +124,9 @@ def at_index(values: Any, index: float) -> Any:
 
 @kernel
 def _contact_before(x: Any, z: Any, tip: int, height: float) -> Any:
-    """x [m] where nodes x, z (n,) [m] rise over `height` [m] to the fold, rightmost at `tip`."""
+    """x [m] where nodes x, z (n,) [m] rise over `height` [m] to the fold, rightmost at
+    `tip`.
+    """
     last = len(x) - 1
     j = tip
     if z[tip] <= height:
@@ -123,7 +148,9 @@ def _contact_before(x: Any, z: Any, tip: int, height: float) -> Any:
 
 @kernel
 def _vertex(left: float, middle: float, right: float) -> float:
-    """Offset [nodes] from the middle, at most +-0.5, of a parabola's extremum by three values."""
+    """Offset [nodes] from the middle, at most +-0.5, of a parabola's extremum by three
+    values.
+    """
     bend = left - 2 * middle + right
     if bend == 0:
         return 0.0
@@ -153,7 +180,9 @@ def _refine_tip(x: Any, z: Any, j: int) -> Any:
 
 @kernel
 def _height_over_lower_layer(x: Any, z: Any, j: int, k: int) -> Any:
-    """Height [m] of node `j` over the lower layer, infinite for none below, and its segment."""
+    """Height [m] of node `j` over the lower layer, infinite for none below, and its
+    segment.
+    """
     if x[j] < x[0]:
         return math.inf, k
     while k > 0 and x[k] > x[j]:
@@ -165,7 +194,9 @@ def _height_over_lower_layer(x: Any, z: Any, j: int, k: int) -> Any:
 
 @kernel
 def _narrowest_gap(x: Any, z: Any, tip: int, opening: float) -> Any:
-    """Height [m], infinite for none, and fractional node index of the narrowest layer gap."""
+    """Height [m], infinite for none, and fractional node index of the narrowest layer
+    gap.
+    """
     last = len(x) - 1
     best, place = math.inf, 0.0
     if tip < SHORTEST_LAYERS[0] or last - tip + 1 < SHORTEST_LAYERS[1]:
@@ -184,7 +215,9 @@ def _narrowest_gap(x: Any, z: Any, tip: int, opening: float) -> Any:
 
 @kernel
 def _refine_minimum(before: float, middle: float, after: float, j: int) -> Any:
-    """Height [m] and node index of a minimum, by a parabola through gaps at j - 1, j and j + 1."""
+    """Height [m] and node index of a minimum, by a parabola through gaps at j - 1, j
+    and j + 1.
+    """
     if math.isinf(before) or math.isinf(after):
         return middle, float(j)
     offset = _vertex(before, middle, after)

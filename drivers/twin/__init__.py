@@ -1,1 +1,3 @@
-"""The digital twin: simulated arm, hand, camera and strip. No controller may import it."""
+"""The digital twin: simulated arm, hand, camera and strip. No controller may import
+it.
+"""

@@ -1,4 +1,6 @@
-"""Simulated arm, a servo with tracking lag and noise, and simulated hand of two fingers."""
+"""Simulated arm, a servo with tracking lag and noise, and simulated hand of two
+fingers.
+"""
 
 from collections import deque
 from functools import partial
@@ -21,10 +23,11 @@ FORCE_NOT_MEASURED = (float("nan"), float("nan"))
 
 
 class ExternalWrench:
-    """Sensor of the external force on the simulated arm: `reading` (f_x, f_z) [N], in the cell.
+    """Sensor of the external force on the simulated arm: `reading` (f_x, f_z) [N], in
+    the cell.
 
-    An arm estimates the force from the torques of its motors, averaged over some time; an error of
-    its tare stays for the session.
+    An arm estimates the force from the torques of its motors, averaged over some time;
+    an error of its tare stays for the session.
     """
 
     def __init__(self, settings: WrenchSettings, rng: np.random.Generator) -> None:
@@ -37,7 +40,9 @@ class ExternalWrench:
         self.reading = (0.0, 0.0)
 
     def tick(self, force: tuple[float, float]) -> None:
-        """Update the force reading from the true `force` (f_x, f_z) [N]: lag, offset, noise."""
+        """Update the force reading from the true `force` (f_x, f_z) [N]: lag, offset,
+        noise.
+        """
         self._average += self._lag_gain * (np.array(force) - self._average)
         noise = self._noise * self._rng.standard_normal(2)
         x, z = (self._average + self._offset + noise).tolist()
@@ -47,10 +52,11 @@ class ExternalWrench:
 class TwinArm:
     """Simulated arm, whose servo ticks at 1 kHz of simulated time.
 
-    Commands and measurements are converted to the robot's base and back, as on hardware. The servo
-    runs from construction and holds the arm still until it is connected. The arm reports a pose by
-    the delay of the world's rig late; with a negative delay the gripper arrives later than
-    reported. Force is reported where the settings say so.
+    Commands and measurements are converted to the robot's base and back, as on
+    hardware. The servo runs from construction and holds the arm still until it is
+    connected. The arm reports a pose by the delay of the world's rig late; with a
+    negative delay the gripper arrives later than reported. Force is reported where the
+    settings say so.
     """
 
     def __init__(
@@ -61,7 +67,9 @@ class TwinArm:
         installation: Installation,
         rng: np.random.Generator,
     ) -> None:
-        """Arm at rest at the gripper of `world`, its servo run by `clock`; noise from `rng`."""
+        """Arm at rest at the gripper of `world`, its servo run by `clock`; noise from
+        `rng`.
+        """
         start = world.gripper
         self._world = world
         self._clock = clock
@@ -69,7 +77,9 @@ class TwinArm:
         self._delay = world.model.rig.delay
         self._cell_in_robot = installation.mounting.transform()
         self._connected = self._closed = False
-        self._profile = MotionProfile(installation.limits, installation.workspace, start)
+        self._profile = MotionProfile(
+            installation.limits, installation.workspace, start
+        )
         self._lag_gain = lag_gain(settings.lag)
         self._position = [start.x, start.z, start.pitch]
         self._velocity = [0.0, 0.0, 0.0]
@@ -83,11 +93,15 @@ class TwinArm:
         self._noise = rng.standard_normal((NOISE_BLOCK, 4))
         wrench = settings.force
         # from a separate generator, so that other noise does not depend on it
-        self._wrench = None if wrench is None else ExternalWrench(wrench, rng.spawn(1)[0])
+        self._wrench = (
+            None if wrench is None else ExternalWrench(wrench, rng.spawn(1)[0])
+        )
         clock.every(TICK, self._tick, Rank.SERVO)
 
     def connect(self) -> None:
-        """Connect to the arm and hold it at rest; allowed twice, raises Fault once closed."""
+        """Connect to the arm and hold it at rest; allowed twice, raises Fault once
+        closed.
+        """
         self._require_open()
         self._connected = True
 
@@ -107,12 +121,16 @@ class TwinArm:
         )
 
     def move_to(self, pose: Pose) -> None:
-        """Start a motion to rest at `pose`; Fault `outside_workspace` for a pose outside of it."""
+        """Start a motion to rest at `pose`; Fault `outside_workspace` for a pose
+        outside of it.
+        """
         self._require_connection()
         self._profile.move_to(pose)
 
     def set_velocity(self, velocity: Velocity) -> None:
-        """Move the gripper at `velocity`; Fault `velocity_refused` for one above the limits."""
+        """Move the gripper at `velocity`; Fault `velocity_refused` for one above the
+        limits.
+        """
         self._require_connection()
         self._profile.set_velocity(velocity)
 
@@ -121,13 +139,17 @@ class TwinArm:
         self._profile.stop()
 
     def close(self) -> None:
-        """Brake the arm and disconnect; allowed twice. The servo finishes braking afterwards."""
+        """Brake the arm and disconnect; allowed twice. The servo finishes braking
+        afterwards.
+        """
         self._profile.stop()
         self._connected = False
         self._closed = True
 
     def _tick(self, time: float) -> None:
-        """Advance the servo by one tick, at time `time` [s], and give the world the new pose."""
+        """Advance the servo by one tick, at time `time` [s], and give the world the new
+        pose.
+        """
         self._stamp = time
         self._ticks += 1
         if self._ticks % NOISE_BLOCK == 0:
@@ -141,14 +163,22 @@ class TwinArm:
         self._world.add_pose(arrives, partial(self._in_cell, self._position))
 
     def _in_cell(self, position: list[float]) -> Pose:
-        """Pose at `position` (x, z, pitch), after conversion to the robot's base and back."""
-        return Pose(*self._cell_in_robot.to_cell(self._cell_in_robot.to_robot(*position)))
+        """Pose at `position` (x, z, pitch), after conversion to the robot's base and
+        back.
+        """
+        return Pose(
+            *self._cell_in_robot.to_cell(self._cell_in_robot.to_robot(*position))
+        )
 
     def _trail(self, command: list[float]) -> None:
-        """Move the arm's position towards `command` (x, z, pitch) with a first-order lag."""
+        """Move the arm's position towards `command` (x, z, pitch) with a first-order
+        lag.
+        """
         lags = zip(command, self._position, strict=True)
         step = [self._lag_gain * (goal - actual) for goal, actual in lags]
-        self._position = [actual + move for actual, move in zip(self._position, step, strict=True)]
+        self._position = [
+            actual + move for actual, move in zip(self._position, step, strict=True)
+        ]
         self._velocity = [move / TICK for move in step]
 
     def _report(self) -> list[float]:
@@ -157,7 +187,9 @@ class TwinArm:
         full_ticks = int(ticks)
         share = ticks - full_ticks
         newer, older = self._history[-1 - full_ticks], self._history[-2 - full_ticks]
-        return [new + share * (old - new) for new, old in zip(newer, older, strict=True)]
+        return [
+            new + share * (old - new) for new, old in zip(newer, older, strict=True)
+        ]
 
     @property
     def _settled(self) -> bool:
@@ -181,11 +213,15 @@ class TwinArm:
     def _require_connection(self) -> None:
         self._require_open()
         if not self._connected:
-            raise Fault("arm_not_connected", "the arm is not connected; connect it first")
+            raise Fault(
+                "arm_not_connected", "the arm is not connected; connect it first"
+            )
 
 
 class TwinHand:
-    """Simulated hand, whose grasp holds the strip if its edge lies between the fingers."""
+    """Simulated hand, whose grasp holds the strip if its edge lies between the
+    fingers.
+    """
 
     def __init__(self, world: World, clock: TwinClock, settings: HandSettings) -> None:
         """Open hand over the strip of `world`."""
@@ -204,7 +240,9 @@ class TwinHand:
         self._move(self._settings.opening)
 
     def grasp(self) -> None:
-        """Start to close the fingers on the strip's edge; does nothing while they hold it."""
+        """Start to close the fingers on the strip's edge; does nothing while they hold
+        it.
+        """
         if self._world.holds_strip:
             return
         self._move(0.0)
@@ -214,7 +252,9 @@ class TwinHand:
             self._closing = self._clock.at(time, self._meet_strip, Rank.HAND)
 
     def state(self) -> HandState:
-        """State of the fingers now: width, whether they hold the strip, whether they move."""
+        """State of the fingers now: width, whether they hold the strip, whether they
+        move.
+        """
         time = self._clock.now()
         return HandState(
             stamp=time,
@@ -240,7 +280,9 @@ class TwinHand:
         self._world.move_fingers(self._fingers)
 
     def _meet_strip(self, _: float) -> None:
-        """Grasp the strip if its edge lies between the fingers, which have closed to it."""
+        """Grasp the strip if its edge lies between the fingers, which have closed to
+        it.
+        """
         if self._world.edge_within(self._settings.reach, self._settings.lean):
             self._world.attach()
             self._move(self._world.model.mechanics.thickness)

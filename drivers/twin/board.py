@@ -22,16 +22,22 @@ DICTIONARY = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
 def board_pose(
     settings: CameraSettings, board: cv2.aruco.CharucoBoard, placement: BoardPlacement
 ) -> Array:
-    """Pose (4, 4) in the cell frame of `board`, held in front of the camera at `placement`.
+    """Pose (4, 4) in the cell frame of `board`, held in front of the camera at
+    `placement`.
 
-    The board's frame has its origin at the centre, x to the right, y down, z into the board.
+    The board's frame has its origin at the centre, x to the right, y down, z into the
+    board.
     """
     optics = Optics.from_settings(settings)
     distance = optics.focal * board.getChessboardSize()[0] * board.getSquareLength()
     distance /= placement.size * settings.width
-    uv = np.array([placement.x * settings.width, placement.y * settings.height], dtype=np.float32)
+    uv = np.array(
+        [placement.x * settings.width, placement.y * settings.height], dtype=np.float32
+    )
     ray = np.array([float(part[0]) for part in optics.rays(uv[:1], uv[1:])])
-    about_x, about_y, about_z = axis_rotations(placement.tilt, placement.turn, placement.roll)
+    about_x, about_y, about_z = axis_rotations(
+        placement.tilt, placement.turn, placement.roll
+    )
     pose = np.eye(4)
     pose[:3, :3] = optics.rotation.T @ (about_y.T @ about_x.T @ about_z)
     pose[:3, 3] = optics.centre + ray / float(ray @ optics.rotation[2]) * distance
@@ -47,8 +53,8 @@ def board_frame(
 ) -> Frame:
     """Render the camera's image of `board` at rest at `pose` (4, 4) in the cell frame.
 
-    Noise depends on `seed` and `sequence`. Raises ConfigurationError for a board that is behind
-    the camera.
+    Noise depends on `seed` and `sequence`. Raises ConfigurationError for a board that
+    is behind the camera.
     """
     optics = Optics.from_settings(settings)
     image = np.empty((settings.height, settings.width, 3), np.uint8)
@@ -59,12 +65,20 @@ def board_frame(
     pixels = noisy(blur(image, settings.lens_blur), settings.noise, rng)
     pixels.setflags(write=False)
     return Frame(
-        stamp=0.0, arrival=settings.transport_delay, source=SOURCE, sequence=sequence, image=pixels
+        stamp=0.0,
+        arrival=settings.transport_delay,
+        source=SOURCE,
+        sequence=sequence,
+        image=pixels,
     )
 
 
 def _draw_board(
-    image: Image, optics: Optics, board: cv2.aruco.CharucoBoard, pose: Array, glow: Pixels
+    image: Image,
+    optics: Optics,
+    board: cv2.aruco.CharucoBoard,
+    pose: Array,
+    glow: Pixels,
 ) -> None:
     """Draw `board` at `pose` (4, 4) into `image` (h, w, 3), in place."""
     square = board.getSquareLength()
@@ -73,11 +87,15 @@ def _draw_board(
     placed = np.column_stack([corners, np.zeros(4)]) @ pose[:3, :3].T + pose[:3, 3]
     depth = float(((placed - optics.centre) @ optics.rotation[2]).min())
     if depth <= 0:
-        raise ConfigurationError("board: pose: is behind the camera; hold the board before it")
+        raise ConfigurationError(
+            "board: pose: is behind the camera; hold the board before it"
+        )
     pixels = optics.project(placed)
     size = image.shape[1::-1]
     left, top = np.clip(np.floor(pixels.min(axis=0)).astype(int) - BORDER, 0, size)
-    right, bottom = np.clip(np.ceil(pixels.max(axis=0)).astype(int) + BORDER + 1, 0, size)
+    right, bottom = np.clip(
+        np.ceil(pixels.max(axis=0)).astype(int) + BORDER + 1, 0, size
+    )
     if left >= right or top >= bottom:
         return
     x, y = _on_board(optics, pose, (left, top, right, bottom))
@@ -88,12 +106,20 @@ def _draw_board(
     part[:] = np.minimum(part + share[..., None] * (paper - part) + 0.5, 255)
 
 
-def _on_board(optics: Optics, pose: Array, box: tuple[int, int, int, int]) -> tuple[Pixels, Pixels]:
-    """Points x, y (h, w) [m] from the board's centre, met by rays through the pixels of `box`."""
+def _on_board(
+    optics: Optics, pose: Array, box: tuple[int, int, int, int]
+) -> tuple[Pixels, Pixels]:
+    """Points x, y (h, w) [m] from the board's centre, met by rays through the pixels of
+    `box`.
+    """
     left, top, right, bottom = box
     u, v = np.meshgrid(
-        (np.arange((right - left) * SAMPLES_PER_PIXEL) + 0.5) / SAMPLES_PER_PIXEL - 0.5 + left,
-        (np.arange((bottom - top) * SAMPLES_PER_PIXEL) + 0.5) / SAMPLES_PER_PIXEL - 0.5 + top,
+        (np.arange((right - left) * SAMPLES_PER_PIXEL) + 0.5) / SAMPLES_PER_PIXEL
+        - 0.5
+        + left,
+        (np.arange((bottom - top) * SAMPLES_PER_PIXEL) + 0.5) / SAMPLES_PER_PIXEL
+        - 0.5
+        + top,
     )
     rays = np.stack(optics.rays(u.astype(np.float32), v.astype(np.float32)), axis=-1)
     directions = rays @ pose[:3, :3].astype(np.float32)
@@ -106,7 +132,9 @@ def _on_board(optics: Optics, pose: Array, box: tuple[int, int, int, int]) -> tu
 def _sample_print(
     board: cv2.aruco.CharucoBoard, x: Pixels, y: Pixels, scale: int
 ) -> tuple[Pixels, Pixels]:
-    """Grey levels (h, w) of the print, and its shares of the pixels, at `x`, `y` [squares]."""
+    """Grey levels (h, w) of the print, and its shares of the pixels, at `x`, `y`
+    [squares].
+    """
     columns, rows = board.getChessboardSize()
     margin = round(QUIET_ZONE * scale)
     size = (columns * scale + 2 * margin, rows * scale + 2 * margin)

@@ -20,15 +20,17 @@ SLOW_PERIOD = 0.1  # s, image period above which drawing and reading fit into on
 
 
 ScenesOverTime = Callable[[float], Scene]
-"""Function from a time [s of the run] to the scene of the cell that a camera sees then."""
+"""Function from a time [s of the run] to the scene of the cell that a camera sees then.
+"""
 
 
 class TwinCamera:
     """Simulated camera, which renders the scenes of its `view`.
 
-    Frame k is exposed about k / rate, its stamp, and delivered `transport_delay` later, but for a
-    share `lost` of the frames, chosen by `seed`. Only frames that are read are rendered. They show
-    the world `latency` [s] before their stamps, and a negative latency delays them.
+    Frame k is exposed about k / rate, its stamp, and delivered `transport_delay` later,
+    but for a share `lost` of the frames, chosen by `seed`. Only frames that are read
+    are rendered. They show the world `latency` [s] before their stamps, and a negative
+    latency delays them.
     """
 
     def __init__(
@@ -40,7 +42,9 @@ class TwinCamera:
         seed: int,
         latency: float = 0.0,
     ) -> None:
-        """Camera of `settings` whose images `renderer` draws of the scenes of `view`."""
+        """Camera of `settings` whose images `renderer` draws of the scenes of
+        `view`.
+        """
         self._view = view
         self._clock = clock
         self._settings = settings
@@ -61,13 +65,16 @@ class TwinCamera:
         self._connected = True
 
     def read(self, after: float, timeout: float) -> Frame | None:  # noqa: ARG002
-        """Newest frame that has arrived with a stamp later than `after` [s]; None for none.
+        """Newest frame that has arrived with a stamp later than `after` [s]; None for
+        none.
 
-        Never waits, whatever `timeout` is: the caller waits on the clock. Raises Fault where the
-        camera is not connected.
+        Never waits, whatever `timeout` is: the caller waits on the clock. Raises Fault
+        where the camera is not connected.
         """
         if not self._connected:
-            raise Fault("camera_closed", "a frame was read before connect or after close")
+            raise Fault(
+                "camera_closed", "a frame was read before connect or after close"
+            )
         sequence = self._last_arrived()
         if sequence < 0 or self._stamp(sequence) <= after:
             return None
@@ -84,13 +91,18 @@ class TwinCamera:
         """Sequence number of the newest frame that has arrived; -1 before the first."""
         now = self._clock.now()
         sequence = floor((now - self._delay) * self._settings.rate) + 1
-        while sequence >= 0 and (self._arrival(sequence) > now or self._is_lost(sequence)):
+        while sequence >= 0 and (
+            self._arrival(sequence) > now or self._is_lost(sequence)
+        ):
             sequence -= 1
         return max(sequence, -1)
 
     def _is_lost(self, sequence: int) -> bool:
         share = self._settings.lost
-        return share > 0 and np.random.default_rng([self._seed, sequence]).uniform() < share
+        return (
+            share > 0
+            and np.random.default_rng([self._seed, sequence]).uniform() < share
+        )
 
     def _stamp(self, sequence: int) -> float:
         return round(sequence / self._settings.rate, CLOCK_DIGITS)
@@ -106,8 +118,12 @@ class TwinCamera:
         return Frame(stamp, self._arrival(sequence), SOURCE, sequence, image)
 
     def _exposure(self, middle: float) -> list[Scene]:
-        """Scenes at the middles of equal parts of the exposure around `middle` [s], from 0 s on."""
-        offsets = (np.arange(self._settings.sub_shapes) + 0.5) / self._settings.sub_shapes - 0.5
+        """Scenes at the middles of equal parts of the exposure around `middle` [s],
+        from 0 s on.
+        """
+        offsets = (
+            np.arange(self._settings.sub_shapes) + 0.5
+        ) / self._settings.sub_shapes - 0.5
         moments = middle + offsets * self._settings.exposure
         return [self._view(max(float(moment), 0.0)) for moment in moments]
 
@@ -117,9 +133,9 @@ def displaced_optics(
 ) -> Optics:
     """Camera model of `settings`, displaced by the calibration errors in `observation`.
 
-    These are hidden from the controller, as is a desk that is `desk_height` [m] higher than at the
-    calibration. A point p (2,) x, z [m] of the strip's plane appears where (1 + scale) (p + (0,
-    desk_height)) + shift would appear without.
+    These are hidden from the controller, as is a desk that is `desk_height` [m] higher
+    than at the calibration. A point p (2,) x, z [m] of the strip's plane appears where
+    (1 + scale) (p + (0, desk_height)) + shift would appear without.
     """
     shift = (observation.shift_x, observation.shift_z)
     optics = Optics.from_settings(settings).displace(observation.scale, shift)
@@ -127,14 +143,17 @@ def displaced_optics(
 
 
 class PacedCamera:
-    """Wrapper of a simulated camera that renders a frame in one control tick, for the next one.
+    """Wrapper of a simulated camera that renders a frame in one control tick, for the
+    next one.
 
-    To render a frame and to measure the strip in it within one tick of the control loop would take
-    twice as long as either. The stamp still is the time of the exposure.
+    To render a frame and to measure the strip in it within one tick of the control loop
+    would take twice as long as either. The stamp still is the time of the exposure.
     """
 
     def __init__(self, camera: Camera) -> None:
-        """Deliver the frames of the simulated `camera`, one tick after they are rendered."""
+        """Deliver the frames of the simulated `camera`, one tick after they are
+        rendered.
+        """
         self._camera = camera
         self._drawn: Frame | None = None
         self._last = -inf
@@ -149,10 +168,11 @@ class PacedCamera:
         self._camera.connect()
 
     def read(self, after: float, timeout: float) -> Frame | None:
-        """Frame that the last call rendered, if its stamp is later than `after` [s]; else None.
+        """Frame that the last call rendered, if its stamp is later than `after` [s];
+        else None.
 
-        Without such a frame, one that has arrived since is rendered for the next call; a caller
-        that comes late or seldom gets it at once.
+        Without such a frame, one that has arrived since is rendered for the next call;
+        a caller that comes late or seldom gets it at once.
         """
         drawn = self._drawn
         self._drawn = None

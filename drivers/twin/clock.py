@@ -1,4 +1,6 @@
-"""Clocks of the twin: a simulated one, which advances its world, and one by the wall clock."""
+"""Clocks of the twin: a simulated one, which advances its world, and one by the wall
+clock.
+"""
 
 import heapq
 import math
@@ -45,16 +47,19 @@ class TimedCall:
         self.cancelled = True
 
     def due(self) -> int:
-        """Time [ns] of the next call: start plus `count` periods, so that it cannot drift."""
+        """Time [ns] of the next call: start plus `count` periods, so that it cannot
+        drift.
+        """
         return nanoseconds(self.start + self.count * (self.period or 0.0))
 
 
 class TwinClock:
-    """Simulated clock, advanced only by `wait_until` through an ordered queue of events.
+    """Simulated clock, advanced only by `wait_until` through an ordered queue of
+    events.
 
-    Instants are whole nanoseconds, so that a servo tick, a strip step and a frame at the same
-    moment are equal; they run by `Rank`, and within a rank in the order in which
-    they were scheduled.
+    Instants are whole nanoseconds, so that a servo tick, a strip step and a frame at
+    the same moment are equal; they run by `Rank`, and within a rank in the order in
+    which they were scheduled.
     """
 
     def __init__(self) -> None:
@@ -68,21 +73,32 @@ class TwinClock:
         return self._now / NANOSECONDS
 
     def every(self, period: float, action: Action, rank: Rank) -> TimedCall:
-        """Schedule `action(now)` every `period` [s] from now on, at least a nanosecond."""
-        return self._push(TimedCall(action, rank, next(self._numbers), self.now(), period))
+        """Schedule `action(now)` every `period` [s] from now on, at least a
+        nanosecond.
+        """
+        return self._push(
+            TimedCall(action, rank, next(self._numbers), self.now(), period)
+        )
 
     def at(self, time: float, action: Action, rank: Rank) -> TimedCall:
-        """Schedule `action(now)` once at `time` [s], or for the next `wait_until` if past."""
-        return self._push(TimedCall(action, rank, next(self._numbers), max(time, self.now()), None))
+        """Schedule `action(now)` once at `time` [s], or for the next `wait_until` if
+        past.
+        """
+        return self._push(
+            TimedCall(action, rank, next(self._numbers), max(time, self.now()), None)
+        )
 
     def wait_until(self, time: float) -> None:
-        """Run every event up to and including `time` [s]; returns at once if `time` is past.
+        """Run every event up to and including `time` [s]; returns at once if `time` is
+        past.
 
-        An exception of an event is raised here with the clock at that event's time. Raises
-        CellError when called by an event.
+        An exception of an event is raised here with the clock at that event's time.
+        Raises CellError when called by an event.
         """
         if self._running:
-            raise CellError("clock: an event cannot wait; it can only ask for a later event")
+            raise CellError(
+                "clock: an event cannot wait; it can only ask for a later event"
+            )
         end = nanoseconds(time)
         self._running = True
         try:
@@ -93,13 +109,17 @@ class TwinClock:
         self._now = max(self._now, end)
 
     def _run_next(self) -> None:
-        """Run the first event of the queue and schedule its next call; drop a cancelled one."""
+        """Run the first event of the queue and schedule its next call; drop a cancelled
+        one.
+        """
         time, _, _, event = self._queue[0]
         if event.cancelled or event.period is None:
             heapq.heappop(self._queue)
         else:
             event.count += 1
-            heapq.heapreplace(self._queue, (event.due(), event.rank, event.number, event))
+            heapq.heapreplace(
+                self._queue, (event.due(), event.rank, event.number, event)
+            )
         if not event.cancelled:
             self._now = max(self._now, time)
             event.action(self._now / NANOSECONDS)
@@ -117,14 +137,14 @@ def nanoseconds(time: float) -> int:
 class RealTimeClock:
     """Clock that runs by the wall clock and advances the twin's world to the present.
 
-    Its readers may be threads; the twin's devices read the simulated clock `twin`, so that their
-    stamps say how far the world has come. The wall clock starts at the first use, so that
-    construction does not count. A late caller finds the world at the present, as with a real arm. A
-    world that is slower than the wall clock falls behind `now`, and so do the arm's stamps, which a
-    monitor checks.
+    Its readers may be threads; the twin's devices read the simulated clock `twin`, so
+    that their stamps say how far the world has come. The wall clock starts at the first
+    use, so that construction does not count. A late caller finds the world at the
+    present, as with a real arm. A world that is slower than the wall clock falls behind
+    `now`, and so do the arm's stamps, which a monitor checks.
 
-    With `patience` [s] no call takes longer than that, and the world catches up when there is time:
-    for a real robot, whose commands must not wait for the simulation.
+    With `patience` [s] no call takes longer than that, and the world catches up when
+    there is time: for a real robot, whose commands must not wait for the simulation.
     """
 
     def __init__(self, twin: TwinClock, patience: float = math.inf) -> None:
@@ -144,7 +164,9 @@ class RealTimeClock:
         return self._start + self._running().now()
 
     def wait_until(self, time: float) -> None:
-        """Sleep until this clock is at `time` [s], then advance the twin's world to the present."""
+        """Sleep until this clock is at `time` [s], then advance the twin's world to the
+        present.
+        """
         if self._patience < math.inf:
             self._catch_up(time)
             self._running().wait_until(time - self._start)
@@ -154,13 +176,16 @@ class RealTimeClock:
         self._twin.wait_until(time)
         last_lag = math.inf
         lag = self.now() - self._twin.now()
-        while LATE_AT_MOST < lag < last_lag:  # catching up takes time in which the wall goes on
+        # catching up takes time in which the wall goes on
+        while LATE_AT_MOST < lag < last_lag:
             self._twin.wait_until(self.now())
             last_lag = lag
             lag = self.now() - self._twin.now()
 
     def _catch_up(self, end: float) -> None:
-        """Advance the world by small pieces to the present, at most until wall time `end` [s]."""
+        """Advance the world by small pieces to the present, at most until wall time
+        `end` [s].
+        """
         while (now := self.now()) < end and now - self._twin.now() > LATE_AT_MOST:
             self._twin.wait_until(min(self._twin.now() + PIECE_TIME, now))
 

@@ -1,4 +1,6 @@
-"""Construction of the simulated cell, completely, or as a desk with strip for another arm."""
+"""Construction of the simulated cell, completely, or as a desk with strip for another
+arm.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -24,7 +26,8 @@ from drivers.types import Array, Pose
 
 DEFAULT_INSTALLATION = Installation()
 PERIOD = 0.005  # s between two poses that are read from an external arm
-BEHIND = 0.005  # s that a measured pose may be old before the gripper counts as resting there
+# s that a measured pose may be old before the gripper counts as resting there
+BEHIND = 0.005
 
 MeasuredPose = Callable[[], tuple[float, Pose] | None]
 
@@ -33,7 +36,8 @@ MeasuredPose = Callable[[], tuple[float, Pose] | None]
 class PlantOptions:
     """Parts of a twin that can be replaced: the strip's engine, and the camera's view.
 
-    `engine` makes the plant for a number of links; `view` makes what the camera sees of a world.
+    `engine` makes the plant for a number of links; `view` makes what the camera sees of
+    a world.
     """
 
     engine: Callable[[int], Plant] = Chain
@@ -45,7 +49,9 @@ DEFAULT_PLANT = PlantOptions()
 
 @dataclass(frozen=True, slots=True)
 class Desk:
-    """Simulated desk, the twin without arm and hand: clock, world, camera, `home` pose to start."""
+    """Simulated desk, the twin without arm and hand: clock, world, camera, `home` pose
+    to start.
+    """
 
     clock: TwinClock
     world: World
@@ -70,10 +76,11 @@ def open_twin(
     installation: Installation = DEFAULT_INSTALLATION,
     staging: PlantOptions = DEFAULT_PLANT,
 ) -> Twin:
-    """Create a twin at rest, the strip `plant` on its desk, the hand open above the grasped edge.
+    """Create a twin at rest, the strip `plant` on its desk, the hand open above the
+    grasped edge.
 
-    The `plant` may also have effects of the rig. The same `seed` gives the same bytes. `index` is
-    the number of runs that this specimen has already been through.
+    The `plant` may also have effects of the rig. The same `seed` gives the same bytes.
+    `index` is the number of runs that this specimen has already been through.
     """
     desk = open_desk(TwinClock(), settings, plant, seed, index, installation, staging)
     (arm_seed,) = np.random.SeedSequence(seed).spawn(1)
@@ -92,7 +99,9 @@ def open_desk(
     installation: Installation = DEFAULT_INSTALLATION,
     staging: PlantOptions = DEFAULT_PLANT,
 ) -> Desk:
-    """Create a desk with strip and camera on `clock`, whose gripper an external arm moves."""
+    """Create a desk with strip and camera on `clock`, whose gripper an external arm
+    moves.
+    """
     model = describe(plant, index=index)
     home = Pose(model.stated_length, installation.home_height, 0.0)
     plant_engine = staging.engine(settings.world.links)
@@ -101,29 +110,43 @@ def open_desk(
     fabric = StripLook.from_file(plant, look.pattern)
     observation = model.observation
     optics = displaced_optics(settings.camera, observation, model.rig.desk_height)
-    renderer = Renderer(settings.camera, fabric, seed, optics, observation.contact_bias, look)
+    renderer = Renderer(
+        settings.camera, fabric, seed, optics, observation.contact_bias, look
+    )
     latency = observation.camera_latency
-    camera = TwinCamera(staging.view(world), clock, settings.camera, renderer, seed, latency)
+    camera = TwinCamera(
+        staging.view(world), clock, settings.camera, renderer, seed, latency
+    )
     clock.every(settings.world.step, world.advance, Rank.WORLD)
     return Desk(clock=clock, world=world, camera=camera, model=model, home=home)
 
 
 def thickness_between_fingers(desk: Desk, settings: HandSettings) -> float | None:
-    """Thickness [m] of the strip between the fingers of an external hand; None for no strip."""
+    """Thickness [m] of the strip between the fingers of an external hand; None for no
+    strip.
+    """
     if desk.world.holds_strip or desk.world.edge_within(settings.reach, settings.lean):
         return desk.model.mechanics.thickness
     return None
 
 
 def weight_on_gripper(desk: Desk, frame: CellInRobot) -> Array:
-    """Weight (3,) [N] of the lifted strip on the gripper, along the axes of the robot's base."""
-    return np.asarray(frame.matrix[:3, :3] @ (0.0, 0.0, -desk.world.load), dtype=np.float64)
+    """Weight (3,) [N] of the lifted strip on the gripper, along the axes of the robot's
+    base.
+    """
+    return np.asarray(
+        frame.matrix[:3, :3] @ (0.0, 0.0, -desk.world.load), dtype=np.float64
+    )
 
 
-def follow_arm(desk: Desk, settings: HandSettings, measured: MeasuredPose, hand: Hand) -> None:
-    """Let an arm and a `hand` that are not parts of the twin move the gripper over `desk`.
+def follow_arm(
+    desk: Desk, settings: HandSettings, measured: MeasuredPose, hand: Hand
+) -> None:
+    """Let an arm and a `hand` that are not parts of the twin move the gripper over
+    `desk`.
 
-    `measured` gives the arm's newest stamp [s] and pose, None while it is not connected.
+    `measured` gives the arm's newest stamp [s] and pose, None while it is not
+    connected.
     """
     world = desk.world
     last = desk.home

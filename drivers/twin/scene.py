@@ -1,4 +1,6 @@
-"""Scenes: states of the simulated world that the twin's camera renders, and their history."""
+"""Scenes: states of the simulated world that the twin's camera renders, and their
+history.
+"""
 
 from collections import deque
 from dataclasses import dataclass, replace
@@ -12,10 +14,11 @@ from drivers.types import Array, Pose, frozen
 class Scene:
     """State of the simulated world at `stamp` [s of the run], in the cell frame.
 
-    `points` (n, 2) midline (x, z) [m] from the fixed edge on, `arc` (n,) its arc length [m];
-    `gripper` the true pose of the fingers, `finger_width` the distance between them [m],
-    `holds_strip` whether they hold the strip's edge, `pointer` whether they hold the pin of the
-    calibration instead, `strip` whether a strip lies in the cell at all.
+    `points` (n, 2) midline (x, z) [m] from the fixed edge on, `arc` (n,) its arc length
+    [m]; `gripper` the true pose of the fingers, `finger_width` the distance between
+    them [m], `holds_strip` whether they hold the strip's edge, `pointer` whether they
+    hold the pin of the calibration instead, `strip` whether a strip lies in the cell at
+    all.
     """
 
     stamp: float
@@ -29,7 +32,9 @@ class Scene:
 
 
 class History:
-    """Buffer of the newest scenes, at regular steps, with linear interpolation between them."""
+    """Buffer of the newest scenes, at regular steps, with linear interpolation between
+    them.
+    """
 
     def __init__(self, step: float, memory: float) -> None:
         """Buffer for scenes at every `step` [s] of the last `memory` [s]."""
@@ -70,4 +75,6 @@ def interpolate(earlier: Scene, later: Scene, stamp: float) -> Scene:
         points = frozen(points + share * (later.points - points))
     gripper = Pose.from_array(start + share * (end - start))
     width = earlier.finger_width + share * (later.finger_width - earlier.finger_width)
-    return replace(earlier, stamp=stamp, points=points, gripper=gripper, finger_width=width)
+    return replace(
+        earlier, stamp=stamp, points=points, gripper=gripper, finger_width=width
+    )

@@ -11,7 +11,8 @@ from drivers.settings import Settings
 from drivers.strip.file import Colour
 from drivers.twin.renderer.looks import DEFAULT_LOOK, check_look
 
-HIGHEST_ELEVATION = radians(5.0)  # from higher up the lower layer's face hides the closing gap
+# from higher up the lower layer's face hides the closing gap
+HIGHEST_ELEVATION = radians(5.0)
 
 Offset = Annotated[float, Field(ge=-0.05, le=0.05)]
 
@@ -19,9 +20,9 @@ Offset = Annotated[float, Field(ge=-0.05, le=0.05)]
 class Surroundings(Settings):
     """Colours (sRGB) of the cell around the strip, and extent [m] in y of the desk.
 
-    The strip's near edge lies at y = 0. A bright green mat before a green backdrop, as for chroma
-    keying: white, black, grey, brown, red, blue and teal fabrics all differ from it, in colour
-    where they do not in brightness.
+    The strip's near edge lies at y = 0. A bright green mat before a green backdrop, as
+    for chroma keying: white, black, grey, brown, red, blue and teal fabrics all differ
+    from it, in colour where they do not in brightness.
     """
 
     desk: Colour = (106, 196, 72)
@@ -36,13 +37,14 @@ class Surroundings(Settings):
 class CameraSettings(Settings):
     """Settings of the simulated camera, which looks along +y at the plane y = 0.
 
-    It stands `distance` [m] before the plane. Angles [rad]: `elevation` above the desk seen from
-    the near edge, at most 5 degrees; `yaw`, `tilt` and `roll` are mounting errors. The optical axis
-    aims at (`aim_x`, `aim_z`) and the image is `view_width` [m] wide there. `principal` is the
-    principal point's offset from the centre and `lens_blur` the sigma of the lens [px];
-    `distortion` the radial k1, k2. Times [s]: `exposure`, and `transport_delay` from its middle
-    until the frame arrives. The share `lost` of the frames never arrives. `noise` is the sensor's
-    sigma in grey levels; the rest are fractions of brightness.
+    It stands `distance` [m] before the plane. Angles [rad]: `elevation` above the desk
+    seen from the near edge, at most 5 degrees; `yaw`, `tilt` and `roll` are mounting
+    errors. The optical axis aims at (`aim_x`, `aim_z`) and the image is `view_width`
+    [m] wide there. `principal` is the principal point's offset from the centre and
+    `lens_blur` the sigma of the lens [px]; `distortion` the radial k1, k2. Times [s]:
+    `exposure`, and `transport_delay` from its middle until the frame arrives. The share
+    `lost` of the frames never arrives. `noise` is the sensor's sigma in grey levels;
+    the rest are fractions of brightness.
     """
 
     width: int = Field(1280, ge=320, le=4096)
@@ -76,7 +78,8 @@ class CameraSettings(Settings):
         """Refuse an exposure that is longer than a frame."""
         if self.exposure * self.rate > 1:
             raise ValueError(
-                f"exposure {self.exposure} s is longer than a frame of {1 / self.rate:.4f} s"
+                f"exposure {self.exposure} s is longer than a frame of"
+                f" {1 / self.rate:.4f} s"
             )
         return self
 
@@ -92,12 +95,14 @@ class CameraSettings(Settings):
 
 
 class WrenchSettings(Settings):
-    """Noise and bias [N, one sigma] and lag [s] of the force that the twin's arm reports.
+    """Noise and bias [N, one sigma] and lag [s] of the force that the twin's arm
+    reports.
 
-    Each reading has the `noise`, each session a `bias`, the error of its tare; readings are
-    averaged over `lag`. Source: assumed. A user's Franka at rest reports forces that scatter by 10
-    mN and are 1 to 2 N off, depending on its posture (franka_ros#404): it needs a tare near where
-    the strip is folded, and real sensors have errors beyond this model.
+    Each reading has the `noise`, each session a `bias`, the error of its tare; readings
+    are averaged over `lag`. Source: assumed. A user's Franka at rest reports forces
+    that scatter by 10 mN and are 1 to 2 N off, depending on its posture
+    (franka_ros#404): it needs a tare near where the strip is folded, and real sensors
+    have errors beyond this model.
     """
 
     noise: float = Field(0.01, gt=0, le=5.0)
@@ -108,10 +113,10 @@ class WrenchSettings(Settings):
 class ArmSettings(Settings):
     """Settings of the twin's arm: lengths [m], angles [rad], times [s].
 
-    It lags its commands by `lag` and measures its pose with `noise` and `pitch_noise` (one sigma).
-    The emulated robot of arm fci lags by `robot_delay` and `robot_lag` instead; with a
-    `robot_plant` it reports torques of a moving arm with those mechanics. It reports no force
-    without `force`.
+    It lags its commands by `lag` and measures its pose with `noise` and `pitch_noise`
+    (one sigma). The emulated robot of arm fci lags by `robot_delay` and `robot_lag`
+    instead; with a `robot_plant` it reports torques of a moving arm with those
+    mechanics. It reports no force without `force`.
     """
 
     lag: float = Field(0.004, ge=0, le=0.1)
@@ -147,7 +152,8 @@ class TwinSettings(Settings):
     `look` names the surroundings of the strip, their light and the print on the strip.
     """
 
-    # The plain look is left out of files: nothing that is kept of a cell changes by its name.
+    # The plain look is left out of files: nothing that is kept of a cell changes by its
+    # name.
     look: Annotated[str, AfterValidator(check_look)] = Field(
         DEFAULT_LOOK, exclude_if=lambda name: name == DEFAULT_LOOK
     )
@@ -162,7 +168,8 @@ class TwinSettings(Settings):
         earliest = self.camera.exposure / 2 + self.world.step
         if self.camera.transport_delay < earliest:
             raise ValueError(
-                f"camera.transport_delay {self.camera.transport_delay} s is over before the strip "
-                f"has been simulated; allowed: at least exposure / 2 + world.step, {earliest} s"
+                f"camera.transport_delay {self.camera.transport_delay} s is over before"
+                " the strip has been simulated; allowed: at least exposure / 2 +"
+                f" world.step, {earliest} s"
             )
         return self

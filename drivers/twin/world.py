@@ -1,4 +1,6 @@
-"""Simulated world of the twin: a strip on the desk and the hand over it, with their history."""
+"""Simulated world of the twin: a strip on the desk and the hand over it, with their
+history.
+"""
 
 from collections import deque
 from collections.abc import Callable
@@ -20,7 +22,9 @@ from drivers.types import GRAVITY, Pose, frozen
 
 @dataclass(frozen=True, slots=True)
 class Fingers:
-    """Motion of the fingers from `width` [m] at `start` [s] to `target` [m] at `speed` [m/s]."""
+    """Motion of the fingers from `width` [m] at `start` [s] to `target` [m] at `speed`
+    [m/s].
+    """
 
     width: float
     target: float
@@ -40,7 +44,9 @@ class Fingers:
 
 @dataclass(frozen=True, slots=True)
 class Grasp:
-    """Rigid grasp: position `along`, `across` [m] and `turn` [rad] of the edge in the hand."""
+    """Rigid grasp: position `along`, `across` [m] and `turn` [rad] of the edge in the
+    hand.
+    """
 
     along: float
     across: float
@@ -73,21 +79,30 @@ class Plant(Stepper, Protocol):
 class World:
     """Simulated strip on a desk, moved by the reported gripper poses of an arm.
 
-    The gripper's true pose follows from the reported one and the rig of `model`. The strip lies
-    flat and still until it is grasped, then starts as the plant does: its edge at x = L. It moves
-    in steps of `settings.step`, as far as the gripper's poses are known. The world has no clock:
-    its caller calls `advance`.
+    The gripper's true pose follows from the reported one and the rig of `model`. The
+    strip lies flat and still until it is grasped, then starts as the plant does: its
+    edge at x = L. It moves in steps of `settings.step`, as far as the gripper's poses
+    are known. The world has no clock: its caller calls `advance`.
     """
 
     def __init__(
-        self, model: StripModel, plant: Plant, settings: WorldSettings, start: Pose, opening: float
+        self,
+        model: StripModel,
+        plant: Plant,
+        settings: WorldSettings,
+        start: Pose,
+        opening: float,
     ) -> None:
-        """World with the strip of `model` in `plant`; gripper at `start`, `opening` [m] wide."""
+        """World with the strip of `model` in `plant`; gripper at `start`, `opening` [m]
+        wide.
+        """
         self.model = model
         self._plant = plant
         self._settings = settings
         self._steps = 0
-        self._path: deque[tuple[float, Callable[[], Pose]]] = deque([(0.0, lambda: start)])
+        self._path: deque[tuple[float, Callable[[], Pose]]] = deque(
+            [(0.0, lambda: start)]
+        )
         self._fingers = Fingers(opening, opening, start=0.0, speed=1.0)
         self._pointer = False
         self._offsets = GrowingOffsets(model.rig)
@@ -96,7 +111,8 @@ class World:
         plant.reset([model])
         self._arc = frozen(plant.arc()[0])
         self._points = frozen(np.stack([self._arc, np.zeros_like(self._arc)], axis=1))
-        self._observed: Observables | None = None  # after the newest step of a grasped strip
+        # after the newest step of a grasped strip
+        self._observed: Observables | None = None
         self._history = History(settings.step, settings.memory)
         self._history.add(self._scene(0.0, start))
 
@@ -111,16 +127,19 @@ class World:
         return Pose.from_array(self._offsets.true(self._path[-1][1]().as_array()))
 
     def add_pose(self, stamp: float, compute: Callable[[], Pose]) -> None:
-        """Add the pose that the arm reports at `stamp` [s]; ignored if `stamp` is not newer.
+        """Add the pose that the arm reports at `stamp` [s]; ignored if `stamp` is not
+        newer.
 
-        `compute` is called if a step of the strip needs the pose: an arm reports each millisecond,
-        the strip steps each five.
+        `compute` is called if a step of the strip needs the pose: an arm reports each
+        millisecond, the strip steps each five.
         """
         if stamp > self._path[-1][0]:
             self._path.append((stamp, compute))
 
     def advance(self, time: float) -> None:
-        """Simulate the strip up to `time` [s], or as far as the gripper's poses are known."""
+        """Simulate the strip up to `time` [s], or as far as the gripper's poses are
+        known.
+        """
         end = nanoseconds(min(time, self._path[-1][0]))
         while nanoseconds((self._steps + 1) * self._settings.step) <= end:
             self._steps += 1
@@ -131,7 +150,9 @@ class World:
             self._history.add(self._scene(self.time, hand))
 
     def scene(self, stamp: float) -> Scene:
-        """Scene at `stamp` [s]; Fault `world_unknown` where the history does not reach it."""
+        """Scene at `stamp` [s]; Fault `world_unknown` where the history does not reach
+        it.
+        """
         return self._history.at(stamp)
 
     def move_fingers(self, fingers: Fingers) -> None:
@@ -143,7 +164,9 @@ class World:
         self._pointer = held
 
     def edge_within(self, reach: float, lean: float) -> bool:
-        """Whether the strip's edge lies within `reach` [m] and `lean` [rad] of the gripper."""
+        """Whether the strip's edge lies within `reach` [m] and `lean` [rad] of the
+        gripper.
+        """
         if not self._settings.strip or self._pointer:
             return False
         edge = self._edge()
@@ -153,7 +176,9 @@ class World:
         return distance <= reach and abs(edge.pitch - hand.pitch) <= lean
 
     def attach(self) -> None:
-        """Grasp the strip's edge as it lies between the fingers; raises Fault the second time."""
+        """Grasp the strip's edge as it lies between the fingers; raises Fault the
+        second time.
+        """
         if self._grasped_at is not None:
             raise Fault(
                 "grasp_not_simulated",
@@ -186,7 +211,9 @@ class World:
 
     @property
     def grip_force(self) -> tuple[float, float]:
-        """Force [N] of the strip on the gripper along the cell's x and z; 0 without a strip."""
+        """Force [N] of the strip on the gripper along the cell's x and z; 0 without a
+        strip.
+        """
         if not self.holds_strip or self._observed is None:
             return 0.0, 0.0
         f_x, f_z = self._observed.grip_force[0].tolist()
@@ -194,7 +221,9 @@ class World:
 
     @property
     def touch(self) -> Touch | None:
-        """First touch of the strip's layers, with the run's time [s]; None before the touch."""
+        """First touch of the strip's layers, with the run's time [s]; None before the
+        touch.
+        """
         touch = None if self._observed is None else self._observed.touch[0]
         if touch is None or self._grasped_at is None:
             return None
@@ -202,7 +231,9 @@ class World:
 
     @property
     def edge_offset(self) -> float:
-        """Signed distance [m] along x by which the grasped edge lies beyond the fixed one."""
+        """Signed distance [m] along x by which the grasped edge lies beyond the fixed
+        one.
+        """
         return float(self._points[0, 0] - self._points[-1, 0])
 
     def _step_strip(self, hand: Pose) -> None:
@@ -212,13 +243,17 @@ class World:
         self._points = frozen(self._plant.shapes()[0])
 
     def _edge(self) -> Pose:
-        """Pose of the strip's grasped edge: its last node, with the last segment's angle."""
+        """Pose of the strip's grasped edge: its last node, with the last segment's
+        angle.
+        """
         dx, dz = self._points[-1] - self._points[-2]
         x, z = self._points[-1].tolist()
         return Pose(x, z, float(np.arctan2(dz, dx)))
 
     def _hand_at(self, time: float) -> Pose:
-        """Reported pose at `time` [s], linear between poses; older ones are forgotten."""
+        """Reported pose at `time` [s], linear between poses; older ones are
+        forgotten.
+        """
         path = self._path
         while len(path) > 1 and path[1][0] <= time:
             path.popleft()
@@ -227,10 +262,14 @@ class World:
             return earlier()
         after, later = path[1]
         share = (time - before) / (after - before)
-        return Pose.from_array(earlier().as_array() * (1 - share) + later().as_array() * share)
+        return Pose.from_array(
+            earlier().as_array() * (1 - share) + later().as_array() * share
+        )
 
     def _scene(self, time: float, hand: Pose) -> Scene:
-        """State of the world at `time` [s] with the hand at its true pose `hand`, as rendered."""
+        """State of the world at `time` [s] with the hand at its true pose `hand`, as
+        rendered.
+        """
         return Scene(
             stamp=time,
             points=self._points,

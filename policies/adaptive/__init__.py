@@ -1,1 +1,3 @@
-"""Folding of unmeasured strips: a network predicts the displacement, and the path corrects it."""
+"""Folding of unmeasured strips: a network predicts the displacement, and the path
+corrects it.
+"""

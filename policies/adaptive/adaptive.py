@@ -1,4 +1,6 @@
-"""The policy `adaptive`: shifts the path until its network, the critic, predicts displacement 0."""
+"""The policy `adaptive`: shifts the path until its network, the critic, predicts
+displacement 0.
+"""
 
 import math
 from collections import deque
@@ -10,7 +12,12 @@ from drivers.errors import ConfigurationError
 from drivers.strip.file import StripFile
 from drivers.types import Array
 from policies.adaptive.bias import CriticBias
-from policies.adaptive.critic import Critic, CriticPrediction, FoldMemory, median_prediction
+from policies.adaptive.critic import (
+    Critic,
+    CriticPrediction,
+    FoldMemory,
+    median_prediction,
+)
 from policies.adaptive.features import REFERENCE_LENGTH, Features
 from policies.follower import LEAD, LOOK_AHEAD
 from policies.path import Path, vertical_lift
@@ -22,7 +29,8 @@ BLIND_TIME = 0.2  # s without a reliable image, after which predictions are not 
 RECENT_PREDICTIONS = 5  # newest predictions, whose median is reported
 LENGTH_RANGE = (0.45, 0.75)  # m, of strips that the critic was trained on
 SPEED, SPEED_TOLERANCE = 0.1, 0.015  # m/s, of folds that the critic was trained on
-BLIND_RISE = 0.07  # of the length, rise without any prediction: that of the policy `shifted`
+# of the length, rise without any prediction: that of the policy `shifted`
+BLIND_RISE = 0.07
 HIGHEST = 1 / 6  # of the length, largest rise
 LEVELLING_HEIGHT = 0.02  # m of height, under which the gripper goes level
 PAST = -0.15  # x over the length, at which a fold has ended
@@ -30,7 +38,9 @@ UP_DIRECTION, DOWN_DIRECTION, LEVEL_DIRECTION = 0.75 * math.pi, 1.25 * math.pi, 
 
 
 class Steering:
-    """Steering of n grippers along raised triangles, up and then down, never up again."""
+    """Steering of n grippers along raised triangles, up and then down, never up
+    again.
+    """
 
     def __init__(self, length: float, speed: float, count: int) -> None:
         """Steer `count` grippers over strips of `length` [m] at `speed` [m/s]."""
@@ -44,13 +54,17 @@ class Steering:
         return HIGHEST * self._length
 
     def decide(self, x: Array, z: Array, rise: Array) -> Decision:
-        """Command grippers at `x`, `z` (n,) [m]: up to z = x + `rise` (n,) [m], down that line."""
+        """Command grippers at `x`, `z` (n,) [m]: up to z = x + `rise` (n,) [m], down
+        that line.
+        """
         above = (z - x - rise) / math.sqrt(2.0)
         self.descending = self.descending | (above > -self._speed * LEAD)
         turn = np.arctan2(above, LOOK_AHEAD)
         down = DOWN_DIRECTION + np.clip(turn, -math.pi / 4, math.pi / 4)
         direction = np.where(self.descending, down, UP_DIRECTION)
-        direction = np.where(self.descending & (z < LEVELLING_HEIGHT), LEVEL_DIRECTION, direction)
+        direction = np.where(
+            self.descending & (z < LEVELLING_HEIGHT), LEVEL_DIRECTION, direction
+        )
         done = x < PAST * self._length
         speed = np.where(done, 0.0, self._speed)
         return Decision(direction, speed, done)
@@ -59,14 +73,17 @@ class Steering:
 class Adaptive:
     """Policy that descends on lines z = x + rise whose predicted displacement is zero.
 
-    `rise` (n,) [m] are those of the n grippers' lines. After BLIND_TIME without an image of
-    sufficient confidence, `blind` is set and the rise goes to that of the policy `shifted`.
+    `rise` (n,) [m] are those of the n grippers' lines. After BLIND_TIME without an
+    image of sufficient confidence, `blind` is set and the rise goes to that of the
+    policy `shifted`.
     """
 
     name = "adaptive"
 
     def __init__(self, critic: Critic, bias: CriticBias | None = None) -> None:
-        """Policy with `critic`; `bias` corrects its predictions, None in simulated folds."""
+        """Policy with `critic`; `bias` corrects its predictions, None in simulated
+        folds.
+        """
         self.critic = critic
         self.bias = bias or CriticBias()
         self._seen = 0.0
@@ -80,9 +97,11 @@ class Adaptive:
         self._seen = bias
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:
-        """Forget the last fold; prepare for `count` strips as long as `strip` at `speed` [m/s].
+        """Forget the last fold; prepare for `count` strips as long as `strip` at
+        `speed` [m/s].
 
-        Raises ConfigurationError for a length or speed that the critic was not trained for.
+        Raises ConfigurationError for a length or speed that the critic was not trained
+        for.
         """
         _check_range(strip.length, speed)
         self._recent.clear()
@@ -90,20 +109,27 @@ class Adaptive:
         self._begin(strip.length, speed, count)
 
     def _begin(self, length: float, speed: float, count: int) -> None:
-        """Begin `count` folds of strips of `length` [m] at `speed` [m/s], before any image."""
+        """Begin `count` folds of strips of `length` [m] at `speed` [m/s], before any
+        image.
+        """
         self._length = length
         self._steering = Steering(length, speed, count)
         self._features = Features(length, count)
         self._memory = FoldMemory(count, self.critic.memory)
         self.rise: Array = np.full(count, BLIND_RISE * length)
-        self._decided: Array = np.full(count, np.nan)  # times (n,) [s] of the last decision
+        # times (n,) [s] of the last decision
+        self._decided: Array = np.full(count, np.nan)
 
     def lift(self) -> Path:
-        """Path of the lift: vertical at first, so that the strip is not pushed along the desk."""
+        """Path of the lift: vertical at first, so that the strip is not pushed along
+        the desk.
+        """
         return vertical_lift(self._length)
 
     def prediction(self) -> FoldPrediction | None:
-        """Predicted displacement and strip of the batch's first fold; None before a decision."""
+        """Predicted displacement and strip of the batch's first fold; None before a
+        decision.
+        """
         if not self._recent:
             return None
         predicted = median_prediction(self._recent)
@@ -116,9 +142,13 @@ class Adaptive:
         )
 
     def decide(self, observation: Observation) -> Decision:
-        """Command to descend on the line z = x + rise whose predicted displacement is zero."""
+        """Command to descend on the line z = x + rise whose predicted displacement is
+        zero.
+        """
         fresh = self._features.add(observation)
-        inputs = self._features.inputs(observation, self.rise, self._steering.descending)
+        inputs = self._features.inputs(
+            observation, self.rise, self._steering.descending
+        )
         prediction = self._predict(inputs, fresh)
         self.blind = observation.time - self._features.newest > BLIND_TIME
         self.rise = self._smooth_rise(prediction, observation.time)
@@ -126,7 +156,9 @@ class Adaptive:
         return self._steering.decide(observation.x, observation.z, self.rise)
 
     def _predict(self, inputs: Array, fresh: NDArray[np.bool_]) -> CriticPrediction:
-        """Prediction from `inputs` (n, COUNT); inputs of `fresh` images (n,) enter the memory."""
+        """Prediction from `inputs` (n, COUNT); inputs of `fresh` images (n,) enter the
+        memory.
+        """
         whitened = self.critic.whiten(inputs)
         memory = self._memory.add(self.critic.memorise(whitened), fresh)
         prediction = self.critic.predict(whitened, memory)
@@ -134,7 +166,9 @@ class Adaptive:
         return prediction
 
     def _smooth_rise(self, prediction: CriticPrediction, time: Array) -> Array:
-        """Rises (n,) [m], low-pass filtered, for which a displacement of 0 is predicted."""
+        """Rises (n,) [m], low-pass filtered, for which a displacement of 0 is
+        predicted.
+        """
         bias = self.bias.estimate(prediction.belief, self._thickness)
         correction = bias - self._seen - prediction.displacement
         target = self.rise + correction / prediction.slope
@@ -147,15 +181,17 @@ class Adaptive:
 
 
 def _check_range(length: float, speed: float) -> None:
-    """Raise ConfigurationError for a `length` [m] or `speed` [m/s] outside the training's range."""
+    """Raise ConfigurationError for a `length` [m] or `speed` [m/s] outside the
+    training's range.
+    """
     low, high = LENGTH_RANGE
     if not low <= length <= high:
         raise ConfigurationError(
-            f"adaptive: the strip is {length:g} m long, the policy knows {low:g} to {high:g} m; "
-            "use another policy, as --policy feedback"
+            f"adaptive: the strip is {length:g} m long, the policy knows {low:g} to"
+            f" {high:g} m; use another policy, as --policy feedback"
         )
     if abs(speed - SPEED) > SPEED_TOLERANCE:
         raise ConfigurationError(
-            f"adaptive: the cell folds at {speed:g} m/s, the policy knows {SPEED:g} m/s; set "
-            "fold.speed, or use another policy, as --policy feedback"
+            f"adaptive: the cell folds at {speed:g} m/s, the policy knows {SPEED:g}"
+            " m/s; set fold.speed, or use another policy, as --policy feedback"
         )

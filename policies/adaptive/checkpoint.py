@@ -1,4 +1,6 @@
-"""Checkpoint files of the critic: arrays, correction and origin, read without pickles."""
+"""Checkpoint files of the critic: arrays, correction and origin, read without
+pickles.
+"""
 
 import json
 import zipfile
@@ -17,7 +19,8 @@ from policies.adaptive.critic import ARRAY_NAMES, Critic, array_shapes
 from policies.adaptive.features import COUNT
 
 COMMITTED = FilePath(__file__).parents[1] / "weights" / "adaptive.npz"
-THROUGH_IMAGES = "through_images"  # key of the origin: the correction, and how it was fitted
+# key of the origin: the correction, and how it was fitted
+THROUGH_IMAGES = "through_images"
 ABOUT = "about"  # array of JSON: schema, policy, how the weights were trained
 LARGEST_FILE = 50_000_000  # bytes, above which a file is not opened
 SCHEMA = 1
@@ -32,16 +35,19 @@ def load_critic(path: FilePath | None = None) -> Critic:
 
 
 def about(path: FilePath | None = None) -> dict[str, Any]:
-    """Origin of the critic in the checkpoint at `path`: settings and results of its training."""
+    """Origin of the critic in the checkpoint at `path`: settings and results of its
+    training.
+    """
     return _read_facts(_read_arrays(path or COMMITTED), path or COMMITTED)
 
 
 def load_bias(path: FilePath | None = None) -> CriticBias:
-    """Read the critic's correction in the checkpoint at `path`, or in the committed one.
+    """Read the critic's correction in the checkpoint at `path`, or in the committed
+    one.
 
-    A checkpoint without folds through images has no correction, which reads as no bias. The
-    spread `untrained` is that of this version's data file. Raises ConfigurationError for a file
-    that is missing, broken, or of another policy.
+    A checkpoint without folds through images has no correction, which reads as no bias.
+    The spread `untrained` is that of this version's data file. Raises
+    ConfigurationError for a file that is missing, broken, or of another policy.
     """
     place = path or COMMITTED
     found = about(place).get(THROUGH_IMAGES)
@@ -55,7 +61,9 @@ def load_bias(path: FilePath | None = None) -> CriticBias:
 
 
 def save_critic(path: FilePath, critic: Critic, facts: dict[str, Any]) -> None:
-    """Write `critic` and `facts` about its training to `path`; ConfigurationError if impossible."""
+    """Write `critic` and `facts` about its training to `path`; ConfigurationError if
+    impossible.
+    """
     origin = json.dumps({"schema": SCHEMA, "policy": "adaptive", **facts})
     arrays = {name: array.astype(np.float32) for name, array in critic.weights.items()}
     content = BytesIO()
@@ -69,16 +77,28 @@ def _read_arrays(path: FilePath) -> dict[str, Any]:
     try:
         content = read_bytes(path, LARGEST_FILE)
     except ConfigurationError as error:
-        raise ConfigurationError(f"{error}; name another checkpoint or train one") from None
+        raise ConfigurationError(
+            f"{error}; name another checkpoint or train one"
+        ) from None
     try:
         with np.load(BytesIO(content), allow_pickle=False) as held:
             return {name: held[name] for name in held.files}
-    except (OSError, ValueError, KeyError, EOFError, AttributeError, zipfile.BadZipFile, TypeError):
+    except (
+        OSError,
+        ValueError,
+        KeyError,
+        EOFError,
+        AttributeError,
+        zipfile.BadZipFile,
+        TypeError,
+    ):
         raise _broken(path, "not a file of arrays") from None
 
 
 def _read_facts(arrays: dict[str, Any], path: FilePath) -> dict[str, Any]:
-    """Origin in the `arrays` of the checkpoint at `path`; ConfigurationError for other files."""
+    """Origin in the `arrays` of the checkpoint at `path`; ConfigurationError for other
+    files.
+    """
     try:
         about = json.loads(str(arrays[ABOUT]))
     except (KeyError, json.JSONDecodeError):
@@ -86,12 +106,16 @@ def _read_facts(arrays: dict[str, Any], path: FilePath) -> dict[str, Any]:
     if not isinstance(about, dict) or about.get("policy") != "adaptive":
         raise _broken(path, "is not of the policy adaptive")
     if about.get("schema") != SCHEMA:
-        raise _broken(path, f"has schema {about.get('schema')}, this version reads {SCHEMA}")
+        raise _broken(
+            path, f"has schema {about.get('schema')}, this version reads {SCHEMA}"
+        )
     return about
 
 
 def _read_weights(path: FilePath) -> dict[str, Array]:
-    """Arrays of the critic at `path`, by name; ConfigurationError for missing ones or NaN."""
+    """Arrays of the critic at `path`, by name; ConfigurationError for missing ones or
+    NaN.
+    """
     arrays = _read_arrays(path)
     _read_facts(arrays, path)
     missing = [name for name in ARRAY_NAMES if name not in arrays]

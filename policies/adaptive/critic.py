@@ -1,4 +1,6 @@
-"""The critic, a network that predicts a fold's displacement and estimates the strip's stiffness."""
+"""The critic, a network that predicts a fold's displacement and estimates the strip's
+stiffness.
+"""
 
 from collections.abc import Sequence
 from typing import NamedTuple, Self
@@ -14,15 +16,21 @@ DISPLACEMENT, SLOPE, SPREAD = range(3)
 STRIP = 3  # first of the outputs about the strip: (mean, log sigma) each
 OUTPUTS = STRIP + 6
 STRIP_MEANS, STRIP_LOG_SIGMAS = slice(STRIP, OUTPUTS, 2), slice(STRIP + 1, OUTPUTS, 2)
-LOG_SIGMAS = [SPREAD, *range(OUTPUTS)[STRIP_LOG_SIGMAS]]  # outputs, of displacement and strip
-LOG_SIGMA_RANGE = (-8.0, 4.0)  # to which they are clipped, against overflow of the exponential
+# outputs, of displacement and strip
+LOG_SIGMAS = [SPREAD, *range(OUTPUTS)[STRIP_LOG_SIGMAS]]
+# to which they are clipped, against overflow of the exponential
+LOG_SIGMA_RANGE = (-8.0, 4.0)
 INPUT_LIMIT = 8.0  # standard deviations from the mean to which inputs are clipped
 UNIT = 0.01  # m, of displacement in the outputs
 YIELD_UNIT = 10.0  # 1/m, yarn friction that makes one unit of its output
 
 
-def array_shapes(inputs: int, memory: int, first: int, second: int) -> dict[str, tuple[int, ...]]:
-    """Shapes of the critic's arrays by name, from numbers of inputs, memory and hidden units."""
+def array_shapes(
+    inputs: int, memory: int, first: int, second: int
+) -> dict[str, tuple[int, ...]]:
+    """Shapes of the critic's arrays by name, from numbers of inputs, memory and hidden
+    units.
+    """
     return {
         "mean": (inputs,),
         "whiten": (inputs, inputs),
@@ -44,8 +52,8 @@ ARRAY_NAMES = tuple(array_shapes(1, 1, 1, 1))
 class Belief(NamedTuple):
     """Estimated properties of n strips, each as mean and standard deviation (n, 2).
 
-    `log_bending_length` [ln m], `log_retardation_time` [ln s] and `friction`, ln(1 + yield
-    curvature / YIELD_UNIT).
+    `log_bending_length` [ln m], `log_retardation_time` [ln s] and `friction`, ln(1 +
+    yield curvature / YIELD_UNIT).
     """
 
     log_bending_length: Array
@@ -53,14 +61,19 @@ class Belief(NamedTuple):
     friction: Array
 
     def first(self) -> dict[str, Estimate]:
-        """Estimated bending length [m], retardation time [s], yield curvature [1/m] of strip 0."""
+        """Estimated bending length [m], retardation time [s], yield curvature [1/m] of
+        strip 0.
+        """
         friction = _exponential(self.friction[0])
         intervals = {
             "bending_length": _exponential(self.log_bending_length[0]),
             "retardation_time": _exponential(self.log_retardation_time[0]),
             "yield_curvature": YIELD_UNIT * np.maximum(friction - 1.0, 0.0),
         }
-        return {name: Estimate(*map(float, interval)) for name, interval in intervals.items()}
+        return {
+            name: Estimate(*map(float, interval))
+            for name, interval in intervals.items()
+        }
 
 
 def _exponential(logarithm: Array) -> Array:
@@ -72,8 +85,8 @@ def _exponential(logarithm: Array) -> Array:
 class CriticPrediction(NamedTuple):
     """Prediction of the critic for n folds in progress.
 
-    `displacement` (n,) [m] if the rise stays, its derivative `slope` (n,) by the rise, its standard
-    deviation `sigma` (n,) [m], and the `belief` about the strips.
+    `displacement` (n,) [m] if the rise stays, its derivative `slope` (n,) by the rise,
+    its standard deviation `sigma` (n,) [m], and the `belief` about the strips.
     """
 
     displacement: Array
@@ -86,12 +99,16 @@ def median_prediction(predictions: Sequence[CriticPrediction]) -> CriticPredicti
     """Element-wise median of `predictions`, at least one, for the same folds."""
     *numbers, beliefs = zip(*predictions, strict=True)
     displacement, slope, sigma = (np.median(values, axis=0) for values in numbers)
-    belief = Belief(*(np.median(values, axis=0) for values in zip(*beliefs, strict=True)))
+    belief = Belief(
+        *(np.median(values, axis=0) for values in zip(*beliefs, strict=True))
+    )
     return CriticPrediction(displacement, slope, sigma, belief)
 
 
 class FoldMemory:
-    """Memory of n folds in progress: the mean of the critic's memory units over their images."""
+    """Memory of n folds in progress: the mean of the critic's memory units over their
+    images.
+    """
 
     def __init__(self, count: int, units: int) -> None:
         """Empty memory of `count` folds, with `units` values each."""
@@ -99,21 +116,27 @@ class FoldMemory:
         self._images = np.zeros((count, 1))
 
     def add(self, units: Array, reached: NDArray[np.bool_]) -> Array:
-        """Add an image's `units` (n, units) to the folds of mask `reached`; returns the means."""
+        """Add an image's `units` (n, units) to the folds of mask `reached`; returns the
+        means.
+        """
         self._sums = self._sums + reached[:, None] * units
         self._images = self._images + reached[:, None]
         return self._sums / np.maximum(self._images, 1)
 
 
 class Critic:
-    """Network with two hidden layers over whitened inputs and the mean of its memory units.
+    """Network with two hidden layers over whitened inputs and the mean of its memory
+    units.
 
-    The layer `recall` turns inputs (n, k) into (n, memory) units, whose mean over a fold's images
-    is the fold's memory; `predict` reads both. `weights` are the arrays called ARRAY_NAMES.
+    The layer `recall` turns inputs (n, k) into (n, memory) units, whose mean over a
+    fold's images is the fold's memory; `predict` reads both. `weights` are the arrays
+    called ARRAY_NAMES.
     """
 
     def __init__(self, weights: dict[str, Array]) -> None:
-        self.weights = {name: np.asarray(weights[name], dtype=np.float64) for name in ARRAY_NAMES}
+        self.weights = {
+            name: np.asarray(weights[name], dtype=np.float64) for name in ARRAY_NAMES
+        }
 
     @property
     def memory(self) -> int:
@@ -121,17 +144,25 @@ class Critic:
         return int(self.weights["recall"].shape[1])
 
     def whiten(self, inputs: Array) -> Array:
-        """Decorrelate `inputs` (n, k), scale them to unit variance, clip them to +-INPUT_LIMIT."""
+        """Decorrelate `inputs` (n, k), scale them to unit variance, clip them to
+        +-INPUT_LIMIT.
+        """
         return np.clip(
-            (inputs - self.weights["mean"]) @ self.weights["whiten"], -INPUT_LIMIT, INPUT_LIMIT
+            (inputs - self.weights["mean"]) @ self.weights["whiten"],
+            -INPUT_LIMIT,
+            INPUT_LIMIT,
         )
 
     def memorise(self, whitened: Array) -> Array:
-        """Activations (n, memory) of memory units by the `whitened` inputs (n, k) of n images."""
+        """Activations (n, memory) of memory units by the `whitened` inputs (n, k) of n
+        images.
+        """
         return np.tanh(whitened @ self.weights["recall"] + self.weights["recall_bias"])
 
     def predict(self, whitened: Array, memory: Array) -> CriticPrediction:
-        """Prediction from `whitened` inputs (n, k) and mean memory units (n, memory)."""
+        """Prediction from `whitened` inputs (n, k) and mean memory units (n,
+        memory).
+        """
         w = self.weights
         inputs = np.concatenate([whitened, memory], axis=1)
         hidden = np.tanh(inputs @ w["first"] + w["first_bias"])
@@ -147,5 +178,7 @@ class Critic:
         )
 
     def with_stretch(self, stretch: Array) -> Self:
-        """Copy of the critic with its four standard deviations multiplied by `stretch` (4,)."""
+        """Copy of the critic with its four standard deviations multiplied by `stretch`
+        (4,).
+        """
         return type(self)(self.weights | {"stretch": self.weights["stretch"] * stretch})

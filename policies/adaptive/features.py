@@ -1,4 +1,6 @@
-"""Inputs of the critic: gripper position, line of descent, trends of the last 0.12 s of images."""
+"""Inputs of the critic: gripper position, line of descent, trends of the last 0.12 s of
+images.
+"""
 
 from typing import NamedTuple
 
@@ -24,15 +26,16 @@ WINDOW_TIME = 0.12  # s of images that count
 FRAME_COUNT = 12  # frames kept, enough for cameras up to 100 Hz
 # s^2, ridge on the slope: variance of the noise over that of the rates that occur
 RATE_NOISE = 1.6e-5
-OUTLIER_DEVIATION = 1.5e-3  # over the length: deviations from the line that begin to count less
+# over the length: deviations from the line that begin to count less
+OUTLIER_DEVIATION = 1.5e-3
 PASSES = 2  # of reweighting
 
 
 class Trend(NamedTuple):
     """Lines fitted over time to the images of n strips, for each channel.
 
-    `value` and `rate` [1/s] (n, channels) at the newest image, and `spread` (n, channels), the rms
-    deviation of the images from the line.
+    `value` and `rate` [1/s] (n, channels) at the newest image, and `spread` (n,
+    channels), the rms deviation of the images from the line.
     """
 
     value: Array
@@ -41,7 +44,9 @@ class Trend(NamedTuple):
 
 
 class RecentImages:
-    """Buffer of the measurements in the newest FRAME_COUNT images of each of n strips."""
+    """Buffer of the measurements in the newest FRAME_COUNT images of each of n
+    strips.
+    """
 
     def __init__(self, count: int, channels: int) -> None:
         """Buffer of images for `count` strips, with `channels` values per image."""
@@ -53,8 +58,12 @@ class RecentImages:
         """Stamps (n,) [s] of the strips' newest images, -inf before the first."""
         return self._stamps[:, 0]
 
-    def add(self, stamp: Array, values: Array, reliable: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Add reliable `values` (n, channels) of a later `stamp` [s]; mask (n,) of those added."""
+    def add(
+        self, stamp: Array, values: Array, reliable: NDArray[np.bool_]
+    ) -> NDArray[np.bool_]:
+        """Add reliable `values` (n, channels) of a later `stamp` [s]; mask (n,) of
+        those added.
+        """
         new = reliable & (stamp > self.newest)
         if new.any():
             self._stamps[new, 1:] = self._stamps[new, :-1]
@@ -64,7 +73,9 @@ class RecentImages:
         return new
 
     def trend(self) -> Trend:
-        """Lines fitted to the images of the last WINDOW_TIME, outliers weighted down (Cauchy)."""
+        """Lines fitted to the images of the last WINDOW_TIME, outliers weighted down
+        (Cauchy).
+        """
         with np.errstate(invalid="ignore"):
             since_newest = self._stamps - self.newest[:, None]  # s, negative
         counts = (np.nan_to_num(since_newest, nan=-np.inf) >= -WINDOW_TIME)[..., None]
@@ -75,13 +86,17 @@ class RecentImages:
             deviation = self._values - value[:, None] - rate[:, None] * t
             weight = counts / (1.0 + (deviation / OUTLIER_DEVIATION) ** 2)
         value, rate = _fit_line(t, self._values, weight)
-        deviation = np.where(counts, self._values - value[:, None] - rate[:, None] * t, 0.0)
+        deviation = np.where(
+            counts, self._values - value[:, None] - rate[:, None] * t, 0.0
+        )
         spread = np.sqrt((deviation**2).sum(axis=1) / np.maximum(counts.sum(axis=1), 1))
         return Trend(value, rate, spread)
 
 
 def _fit_line(t: Array, values: Array, weight: Array) -> tuple[Array, Array]:
-    """Values at t = 0 and slopes (n, channels) of weighted lines, with a ridge on the slopes."""
+    """Values at t = 0 and slopes (n, channels) of weighted lines, with a ridge on the
+    slopes.
+    """
     # moments of the normal equations: sums of w t^k, and of w t^k y
     s0 = weight.sum(axis=1) + 1e-12
     s1, s2 = (weight * t).sum(axis=1), (weight * t * t).sum(axis=1) + RATE_NOISE
@@ -91,7 +106,9 @@ def _fit_line(t: Array, values: Array, weight: Array) -> tuple[Array, Array]:
 
 
 class Features:
-    """Converter of observations to the critic's inputs; lengths are divided by the strip's."""
+    """Converter of observations to the critic's inputs; lengths are divided by the
+    strip's.
+    """
 
     def __init__(self, length: float, count: int) -> None:
         self._length = length
@@ -99,24 +116,38 @@ class Features:
 
     @property
     def newest(self) -> Array:
-        """Stamps (n,) [s] of the newest images of sufficient confidence, -inf before the first."""
+        """Stamps (n,) [s] of the newest images of sufficient confidence, -inf before
+        the first.
+        """
         return self._window.newest
 
     def add(self, observation: Observation) -> NDArray[np.bool_]:
-        """Add an observation; returns the mask (n,) of strips with a new reliable image."""
+        """Add an observation; returns the mask (n,) of strips with a new reliable
+        image.
+        """
         count = len(observation.x)
         flat = observation.profile.reshape(count, -1)
         values = np.column_stack([observation.contact_x, observation.tip_x, flat])
-        good = np.isfinite(values).all(axis=1) & (observation.profile_confidence >= CONFIDENT)
+        good = np.isfinite(values).all(axis=1) & (
+            observation.profile_confidence >= CONFIDENT
+        )
         return self._window.add(observation.stamp, values / self._length, good)
 
-    def inputs(self, observation: Observation, rise: Array, descending: NDArray[np.bool_]) -> Array:
-        """Inputs (n, COUNT) of the critic from observation, rises (n,) [m], mask of descents."""
+    def inputs(
+        self, observation: Observation, rise: Array, descending: NDArray[np.bool_]
+    ) -> Array:
+        """Inputs (n, COUNT) of the critic from observation, rises (n,) [m], mask of
+        descents.
+        """
         trend = self._window.trend()
-        x, z, r = (lengths / self._length for lengths in (observation.x, observation.z, rise))
+        x, z, r = (
+            lengths / self._length for lengths in (observation.x, observation.z, rise)
+        )
         age = np.clip(observation.time - self.newest, 0.0, LARGEST_AGE)
         profile_noise = trend.spread[:, PROFILE_CHANNELS].mean(axis=1)
         noise = np.stack([trend.spread[:, CONTACT_CHANNEL], profile_noise], axis=1)
         length = np.full(len(x), self._length / REFERENCE_LENGTH)
         state = np.stack([x, z, r, z - x - r, descending, age, length], axis=1)
-        return np.concatenate([state, NOISE_SCALE * noise, trend.value, RATE * trend.rate], axis=1)
+        return np.concatenate(
+            [state, NOISE_SCALE * noise, trend.value, RATE * trend.rate], axis=1
+        )

@@ -1,1 +1,3 @@
-"""Predefined motions: standard experiments, motions by hand, and a policy that executes them."""
+"""Predefined motions: standard experiments, motions by hand, and a policy that executes
+them.
+"""

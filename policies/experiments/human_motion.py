@@ -1,4 +1,6 @@
-"""Random gripper motions, as of a person who guides the gripper over the strip by hand."""
+"""Random gripper motions, as of a person who guides the gripper over the strip by
+hand.
+"""
 
 import numpy as np
 from scipy.interpolate import CubicSpline, PchipInterpolator
@@ -30,7 +32,9 @@ def generator(seed: int, number: int) -> np.random.Generator:
 
 
 def human_motion(length: float, seed: int, number: int) -> Motion:
-    """Motion `number` of the simulated person `seed` over a strip of `length` [m], no tremor."""
+    """Motion `number` of the simulated person `seed` over a strip of `length` [m], no
+    tremor.
+    """
     line, travel = hand_path(length, generator(seed, number))
     samples = np.linspace(0.0, line.x[-1], PATH_SAMPLES)
     times: Array = STEP * np.arange(len(travel), dtype=float)
@@ -38,20 +42,24 @@ def human_motion(length: float, seed: int, number: int) -> Motion:
 
 
 def hand_path(length: float, rng: np.random.Generator) -> tuple[CubicSpline, Array]:
-    """Draw a path by hand: spline x, z [m] over distance [m], and distance (n,) [m] every STEP.
+    """Draw a path by hand: spline x, z [m] over distance [m], and distance (n,) [m]
+    every STEP.
 
-    From the grasped edge of a strip of `length` [m] up, then over to its fixed edge, with pauses
-    and returns.
+    From the grasped edge of a strip of `length` [m] up, then over to its fixed edge,
+    with pauses and returns.
     """
     apex = (rng.uniform(0.42, 0.58), rng.uniform(0.40, 0.55))
-    places = np.array([  # x, z over the strip's length, from the grasped edge to the fixed one
-        (1.0, 0.0),
-        (1.0 - rng.uniform(0.002, 0.008), rng.uniform(0.05, 0.07)),
-        (rng.uniform(0.84, 0.90), rng.uniform(0.20, 0.26)),
-        apex,
-        (rng.uniform(0.18, 0.26), rng.uniform(0.24, 0.32)),
-        (rng.uniform(0.0, 0.03), rng.uniform(0.04, 0.06)),
-    ])  # fmt: skip
+    # x, z over the strip's length, from the grasped edge to the fixed one
+    places = np.array(
+        [
+            (1.0, 0.0),
+            (1.0 - rng.uniform(0.002, 0.008), rng.uniform(0.05, 0.07)),
+            (rng.uniform(0.84, 0.90), rng.uniform(0.20, 0.26)),
+            apex,
+            (rng.uniform(0.18, 0.26), rng.uniform(0.24, 0.32)),
+            (rng.uniform(0.0, 0.03), rng.uniform(0.04, 0.06)),
+        ]
+    )
     chords = arc_lengths(places)
     samples = np.linspace(0.0, chords[-1], CURVE_SAMPLES)
     points = PchipInterpolator(chords, length * places)(samples)
@@ -60,7 +68,9 @@ def hand_path(length: float, rng: np.random.Generator) -> tuple[CubicSpline, Arr
 
 
 def _travel(length: float, rng: np.random.Generator) -> Array:
-    """Distance (n,) [m] along a path of `length` every STEP, in strokes from rest, with pauses."""
+    """Distance (n,) [m] along a path of `length` every STEP, in strokes from rest, with
+    pauses.
+    """
     stops = [*np.sort(rng.uniform(*STOP_RANGE, rng.integers(MOST_STOPS + 1))), 1.0]
     if rng.uniform() < RETURN_SHARE and len(stops) > 1:
         stops.insert(1, stops[0] - rng.uniform(*RETURN_RANGE))
@@ -76,7 +86,9 @@ def _travel(length: float, rng: np.random.Generator) -> Array:
 
 
 def _stroke(begin: float, end: float, speed: float, rng: np.random.Generator) -> Array:
-    """Distances (n,) along the path from `begin` to `end` [m] at about `speed`, rest to rest."""
+    """Distances (n,) along the path from `begin` to `end` [m] at about `speed`, rest to
+    rest.
+    """
     t = np.arange(0.0, abs(end - begin) / speed + STARTING, STEP)
     pace = np.exp(HASTE * wavering(t, WAVER, rng))
     ramp = np.clip(np.minimum(t, t[-1] - t) / STARTING, 0.0, 1.0)
@@ -85,7 +97,9 @@ def _stroke(begin: float, end: float, speed: float, rng: np.random.Generator) ->
 
 
 def wavering(t: Array, band: tuple[float, float], rng: np.random.Generator) -> Array:
-    """Draw a smooth signal (n,) at times `t` (n,) [s], of unit variance, frequencies in `band`."""
+    """Draw a smooth signal (n,) at times `t` (n,) [s], of unit variance, frequencies in
+    `band`.
+    """
     frequency = rng.uniform(*band, WAVES)
     phase = rng.uniform(0.0, 2.0 * np.pi, WAVES)
     waves = np.sin(2.0 * np.pi * np.outer(t, frequency) + phase)

@@ -11,7 +11,9 @@ from policies.path import Path
 
 @dataclass(frozen=True, slots=True)
 class Go:
-    """Part of a motion: move along the path, forward or back, to the fraction `to` of it."""
+    """Part of a motion: move along the path, forward or back, to the fraction `to` of
+    it.
+    """
 
     to: float
 
@@ -25,7 +27,9 @@ class Rest:
 
 @dataclass(frozen=True, slots=True)
 class Shake:
-    """Part of a motion: swing along x by `amplitude` [m] at `frequency` [Hz] for `cycles`."""
+    """Part of a motion: swing along x by `amplitude` [m] at `frequency` [Hz] for
+    `cycles`.
+    """
 
     amplitude: float
     frequency: float
@@ -37,10 +41,14 @@ class Shake:
         return self.cycles / self.frequency
 
     def offset(self, time: Array) -> Array:
-        """Displacement (...,) [m] along x at `time` (...,) [s] after the start, with both fades."""
+        """Displacement (...,) [m] along x at `time` (...,) [s] after the start, with
+        both fades.
+        """
         to_nearer_end = np.minimum(time, self.duration - time)
         swell = np.clip(2.0 * to_nearer_end * self.frequency, 0.0, 1.0)
-        return np.asarray(self.amplitude * swell * np.sin(2 * np.pi * self.frequency * time))
+        return np.asarray(
+            self.amplitude * swell * np.sin(2 * np.pi * self.frequency * time)
+        )
 
 
 Part = Go | Rest | Shake
@@ -50,8 +58,8 @@ Part = Go | Rest | Shake
 class Motion:
     """Planned gripper motion along `path`, over the time since its start.
 
-    `times` (k,) [s] and `travels` (k,) [m] are the corners of the distance along the path over
-    time; `shakes` are paired with the times [s] at which they begin.
+    `times` (k,) [s] and `travels` (k,) [m] are the corners of the distance along the
+    path over time; `shakes` are paired with the times [s] at which they begin.
     """
 
     path: Path
@@ -80,7 +88,9 @@ class Motion:
     def passing(self, travel: float) -> float:
         """Time [s] at which the motion first reaches `travel` [m] along the path."""
         k = max(1, int(np.argmax(self.travels >= travel)))
-        return float(np.interp(travel, self.travels[k - 1 : k + 1], self.times[k - 1 : k + 1]))
+        return float(
+            np.interp(travel, self.travels[k - 1 : k + 1], self.times[k - 1 : k + 1])
+        )
 
 
 def motion(path: Path, parts: Sequence[Part], speed: float) -> Motion:

@@ -10,8 +10,8 @@ from policies.experiments.motion import Motion
 from policies.path import Path
 from policies.policy import Decision, Observation
 
-# s to either side over which the velocity of the motion is averaged: a gripper turns no sharp
-# corner; cut off at both ends of the motion, where the speed fades in and out
+# s to either side over which the velocity of the motion is averaged: a gripper turns no
+# sharp corner; cut off at both ends of the motion, where the speed fades in and out
 HALF_SPAN = 0.03
 GAIN = 4.0  # 1/s, of the feedback of the position error
 FASTEST_COMMAND = 0.19  # m/s, limit of the commanded speed
@@ -19,10 +19,11 @@ SEARCH_SAMPLES = 2001  # points of a path among which the nearest is searched
 
 
 class Scripted:
-    """Policy that executes the motion `draw(length, speed)` of a strip's length and a speed.
+    """Policy that executes the motion `draw(length, speed)` of a strip's length and a
+    speed.
 
-    The lift is along the motion's path; at the first decision the motion's clock is set to the
-    gripper's position on it.
+    The lift is along the motion's path; at the first decision the motion's clock is set
+    to the gripper's position on it.
     """
 
     def __init__(self, name: str, draw: Callable[[float, float], Motion]) -> None:
@@ -30,23 +31,30 @@ class Scripted:
         self._draw = draw
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:
-        """Create the motion for `strip` at `speed` [m/s], for `count` grippers at its start."""
+        """Create the motion for `strip` at `speed` [m/s], for `count` grippers at its
+        start.
+        """
         self._motion = self._draw(strip.length, speed)
-        self._start_times: Array = np.full(count, np.nan)  # NaN before the first decision
+        # NaN before the first decision
+        self._start_times: Array = np.full(count, np.nan)
 
     def lift(self) -> Path:
         """Path of the lift: that of the motion."""
         return self._motion.path
 
     def decide(self, observation: Observation) -> Decision:
-        """Command the motion's velocity with position feedback; done at the motion's end."""
+        """Command the motion's velocity with position feedback; done at the motion's
+        end.
+        """
         motion = self._motion
         points = np.stack([observation.x, observation.z], axis=-1)
         if np.isnan(self._start_times).any():
             travel = np.linspace(0.0, motion.path.length, SEARCH_SAMPLES)
             gaps = np.linalg.norm(motion.path.at(travel)[:, None] - points, axis=-1)
             nearest = travel[np.argmin(gaps, axis=0)]
-            self._start_times = observation.time - np.array([motion.passing(s) for s in nearest])
+            self._start_times = observation.time - np.array(
+                [motion.passing(s) for s in nearest]
+            )
         elapsed = observation.time - self._start_times
         target = motion.at(np.clip(elapsed, 0.0, motion.duration))
         before = motion.at(np.clip(elapsed - HALF_SPAN, 0.0, motion.duration))

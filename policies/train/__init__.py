@@ -1,1 +1,3 @@
-"""Training of the feedback policy: CMA-ES over folds in the rod, with domain randomisation."""
+"""Training of the feedback policy: CMA-ES over folds in the rod, with domain
+randomisation.
+"""

@@ -1,8 +1,9 @@
-"""Journal of a training: its settings and results, from which an interrupted training resumes.
+"""Journal of a training: its settings and results, from which an interrupted training
+resumes.
 
-A search is a deterministic function of its seed and its costs. So its journal holds the costs, and
-resuming replays them: same state, same result, no pickle. A line is on disk before the next step
-begins; a truncated last line is dropped.
+A search is a deterministic function of its seed and its costs. So its journal holds the
+costs, and resuming replays them: same state, same result, no pickle. A line is on disk
+before the next step begins; a truncated last line is dropped.
 """
 
 import json
@@ -20,14 +21,17 @@ OTHER_FOLDER = "name another output folder"
 
 
 class TrainingJournal:
-    """Journal of a training: file of JSON lines, first its `settings`, then lines with `keys`.
+    """Journal of a training: file of JSON lines, first its `settings`, then lines with
+    `keys`.
 
-    A larger number of `generations` than before extends a training, and the first line records it.
-    Raises ConfigurationError for a journal of other settings, for another file, and for a folder
-    that cannot be written.
+    A larger number of `generations` than before extends a training, and the first line
+    records it. Raises ConfigurationError for a journal of other settings, for another
+    file, and for a folder that cannot be written.
     """
 
-    def __init__(self, path: FilePath, settings: Settings, keys: frozenset[str]) -> None:
+    def __init__(
+        self, path: FilePath, settings: Settings, keys: frozenset[str]
+    ) -> None:
         """Open the training's journal at `path`, or begin one with `settings`."""
         self.path = path
         with writing(path, OTHER_FOLDER):
@@ -38,7 +42,9 @@ class TrainingJournal:
         if isinstance(begun, dict) and all(line.keys() >= keys for line in self.lines):
             self._check(begun, asked)
         elif path.exists():
-            raise ConfigurationError(f"{path}: is not a training journal; {OTHER_FOLDER}")
+            raise ConfigurationError(
+                f"{path}: is not a training journal; {OTHER_FOLDER}"
+            )
         header = {"schema": 1, "settings": asked}
         write_file(path, "".join(map(_line, [header, *self.lines])), OTHER_FOLDER)
 
@@ -51,17 +57,20 @@ class TrainingJournal:
     def _check(self, begun: dict[str, Any], asked: dict[str, Any]) -> None:
         """Refuse a journal of other settings; more generations are allowed."""
         differ = [
-            f"{key} is {begun.get(key, 'not stated')} there, {asked.get(key, 'not stated')} here"
+            f"{key} is {begun.get(key, 'not stated')} there,"
+            f" {asked.get(key, 'not stated')} here"
             for key in dict.fromkeys([*asked, *begun])
             if begun.get(key) != asked.get(key) and key != "generations"
         ]
         done = len(self.lines)
         if asked.get("generations", done) < done:
-            differ.append(f"{done} generations are done there, {asked['generations']} asked here")
+            differ.append(
+                f"{done} generations are done there, {asked['generations']} asked here"
+            )
         if differ:
             raise ConfigurationError(
-                f"{self.path}: was begun with other settings ({'; '.join(differ)}); use those, or "
-                "another output folder"
+                f"{self.path}: was begun with other settings ({'; '.join(differ)}); use"
+                " those, or another output folder"
             )
 
 

@@ -1,4 +1,6 @@
-"""Objective of a training: the paper's reward as a cost, over simulated folds of random strips."""
+"""Objective of a training: the paper's reward as a cost, over simulated folds of random
+strips.
+"""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -17,7 +19,8 @@ from policies.rollout import Folds, Rollout, roll_out
 from policies.sensing import Sensing
 from policies.strip_sampling import grid, sample
 
-PIECE = 12  # candidates per piece; fixed, so that no result depends on the number of workers
+# candidates per piece; fixed, so that no result depends on the number of workers
+PIECE = 12
 JUDGING_SEGMENTS = 100  # segments of the rod in a validation
 VALIDATION = 8  # strips along each side of the grid that a validation folds
 
@@ -25,9 +28,9 @@ VALIDATION = 8  # strips along each side of the grid that a validation folds
 class TrainingSettings(Settings):
     """Settings of a training by CMA-ES, and of the folds that evaluate its candidates.
 
-    The same settings and seed give the same weights. `strips` squared strips a generation, one from
-    each cell of the paper's range; `force_weight` a [m] scales the mean holding force over the
-    strip's weight.
+    The same settings and seed give the same weights. `strips` squared strips a
+    generation, one from each cell of the paper's range; `force_weight` a [m] scales the
+    mean holding force over the strip's weight.
     """
 
     seed: int = Field(0, ge=0)
@@ -51,17 +54,23 @@ class TrainingSettings(Settings):
 
     @property
     def rollout(self) -> Rollout:
-        """Settings of the training's folds: late and noisy observations, coarse steps."""
+        """Settings of the training's folds: late and noisy observations, coarse
+        steps.
+        """
         sensing = Sensing(
             contact_sigma=self.contact_sigma,
             contact_bias=self.contact_bias,
             delay=(0.0, self.delay),
         )
-        return Rollout(speed=self.speed, substeps=self.substeps, sensing=sensing, profile=False)
+        return Rollout(
+            speed=self.speed, substeps=self.substeps, sensing=sensing, profile=False
+        )
 
 
 class Scores(NamedTuple):
-    """Scores of p candidate weights: mean `cost` (p,) [m] and mean |d| `miss` (p,) [m]."""
+    """Scores of p candidate weights: mean `cost` (p,) [m] and mean |d| `miss` (p,)
+    [m].
+    """
 
     cost: Array
     miss: Array
@@ -70,19 +79,31 @@ class Scores(NamedTuple):
 def evaluate(
     settings: TrainingSettings, candidates: Array, generation: int, calls: Calls
 ) -> Scores:
-    """Evaluate `candidates` (p, WEIGHT_COUNT) in `generation`, in equal pieces by `calls`."""
+    """Evaluate `candidates` (p, WEIGHT_COUNT) in `generation`, in equal pieces by
+    `calls`.
+    """
     pieces = [candidates[i : i + PIECE] for i in range(0, len(candidates), PIECE)]
-    found = dict(calls(evaluate_piece, [(settings, piece, generation) for piece in pieces]))
+    found = dict(
+        calls(evaluate_piece, [(settings, piece, generation) for piece in pieces])
+    )
     scores = [found[number] for number in range(len(pieces))]
     return Scores(*(np.concatenate(parts) for parts in zip(*scores, strict=True)))
 
 
-def evaluate_piece(settings: TrainingSettings, candidates: Array, generation: int) -> Scores:
-    """Evaluate `candidates` (p, WEIGHT_COUNT) on the same strips and noise: a pure function."""
-    strips = sample(settings.strips, np.random.default_rng([settings.seed, generation, 0]))
+def evaluate_piece(
+    settings: TrainingSettings, candidates: Array, generation: int
+) -> Scores:
+    """Evaluate `candidates` (p, WEIGHT_COUNT) on the same strips and noise: a pure
+    function.
+    """
+    strips = sample(
+        settings.strips, np.random.default_rng([settings.seed, generation, 0])
+    )
     rng = np.random.default_rng([settings.seed, generation, 1])
     folds = fold_all(settings.segments, candidates, strips, settings.rollout, rng)
-    weight = np.tile([s.linear_density * s.length * GRAVITY for s in strips], len(candidates))
+    weight = np.tile(
+        [s.linear_density * s.length * GRAVITY for s in strips], len(candidates)
+    )
     length = strips[0].length
     cost = fold_cost(folds, weight, length, settings.force_weight)
     shape = (len(candidates), -1)
@@ -105,10 +126,12 @@ def validate(settings: TrainingSettings, weights: Array) -> float:
 
 
 def fold_cost(folds: Folds, weight: Array, length: float, force_weight: float) -> Array:
-    """Costs (n,) [m] of n folds: |d| at the touch + `force_weight` |f_x| / `weight` (n,) [N].
+    """Costs (n,) [m] of n folds: |d| at the touch + `force_weight` |f_x| / `weight`
+    (n,) [N].
 
-    Without a touch, the strip's length plus the remaining distance of the gripper from the fixed
-    edge: worse than any touch, and less so the nearer (paper, reward shaping).
+    Without a touch, the strip's length plus the remaining distance of the gripper from
+    the fixed edge: worse than any touch, and less so the nearer (paper, reward
+    shaping).
     """
     to_edge = np.abs(folds.trace[-1][:, 0])
     end = np.where(folds.touched, np.abs(folds.displacement), length + to_edge)
@@ -116,7 +139,9 @@ def fold_cost(folds: Folds, weight: Array, length: float, force_weight: float) -
 
 
 def misses(folds: Folds, length: float) -> Array:
-    """Sizes |d| (n,) [m] of n folds' displacements; half the strip's `length` without a touch."""
+    """Sizes |d| (n,) [m] of n folds' displacements; half the strip's `length` without a
+    touch.
+    """
     return np.asarray(np.where(folds.touched, np.abs(folds.displacement), 0.5 * length))
 
 
@@ -127,9 +152,13 @@ def fold_all(
     rollout: Rollout,
     rng: np.random.Generator,
 ) -> Folds:
-    """Fold all `strips` with each of `candidates` (p, WEIGHT_COUNT): p len(strips) folds."""
+    """Fold all `strips` with each of `candidates` (p, WEIGHT_COUNT): p len(strips)
+    folds.
+    """
     groups = len(candidates)
     policy = Feedback(candidates)
     engine = Rod(segments, strict=False)
     models = [describe(strip) for strip in strips] * groups
-    return roll_out(policy, engine, strips[0], models, settings=rollout, rng=rng, groups=groups)
+    return roll_out(
+        policy, engine, strips[0], models, settings=rollout, rng=rng, groups=groups
+    )

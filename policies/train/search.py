@@ -1,4 +1,6 @@
-"""Training of the policy `feedback`: CMA-ES over the weights of its network, in a folder."""
+"""Training of the policy `feedback`: CMA-ES over the weights of its network, in a
+folder.
+"""
 
 import hashlib
 import time
@@ -34,28 +36,32 @@ RISING, FALLING = 0.73, 1.25  # headings of the two legs, over pi
 def initial_weights(rng: np.random.Generator) -> Array:
     """Initial weights (WEIGHT_COUNT,) of a network that folds along two straight legs.
 
-    One hidden unit turns the heading phi = pi (1 + y / 2) where the gripper's x over the strip's
-    length passes APEX: y = (FALLING + RISING - 2) - (FALLING - RISING) tanh((x - APEX) /
-    TURN_LENGTH). The others have random inputs and no output.
+    One hidden unit turns the heading phi = pi (1 + y / 2) where the gripper's x over
+    the strip's length passes APEX: y = (FALLING + RISING - 2) - (FALLING - RISING)
+    tanh((x - APEX) / TURN_LENGTH). The others have random inputs and no output.
     """
     input_weights = rng.normal(size=(HIDDEN_UNITS, INPUTS))
     hidden_biases = rng.normal(size=HIDDEN_UNITS)
-    # the network whitens its inputs, so that x is the first row of the spread plus the centre
+    # the network whitens its inputs, so that x is the first row of the spread plus the
+    # centre
     input_weights[0] = np.array(INPUT_SPREAD[0]) / TURN_LENGTH
     hidden_biases[0] = (INPUT_CENTRE[0] - APEX) / TURN_LENGTH
     output_weights = np.zeros(HIDDEN_UNITS)
     output_weights[0] = -(FALLING - RISING)
     output_bias = [FALLING + RISING - 2.0]
-    return np.concatenate([input_weights.ravel(), hidden_biases, output_weights, output_bias])
+    return np.concatenate(
+        [input_weights.ravel(), hidden_biases, output_weights, output_bias]
+    )
 
 
 class Search:
-    """Training of the policy `feedback` by CMA-ES in a folder, resumed if its settings agree.
+    """Training of the policy `feedback` by CMA-ES in a folder, resumed if its settings
+    agree.
 
-    `weights` (WEIGHT_COUNT,) are the optimiser's mean at its best validation so far. The
-    optimiser's linear algebra is limited to one thread: its rounding depends on their number, and a
-    training may be resumed on another machine. Raises ConfigurationError for a folder that cannot
-    be written or holds something else.
+    `weights` (WEIGHT_COUNT,) are the optimiser's mean at its best validation so far.
+    The optimiser's linear algebra is limited to one thread: its rounding depends on
+    their number, and a training may be resumed on another machine. Raises
+    ConfigurationError for a folder that cannot be written or holds something else.
     """
 
     trial = None  # of left-out folds; its validations stand in the journal
@@ -93,8 +99,8 @@ class Search:
     def run(self, calls: Calls) -> Iterator[str]:
         """Run the remaining generations, with folds by `calls`; yields a text on each.
 
-        Those in the journal are replayed. A checkpoint is saved whenever a generation validates
-        better than all before, and at the end.
+        Those in the journal are replayed. A checkpoint is saved whenever a generation
+        validates better than all before, and at the end.
         """
         for line in list(self._journal.lines):
             self._replay(line)
@@ -103,7 +109,9 @@ class Search:
         self._save_checkpoint()
 
     def _generation(self, calls: Calls) -> str:
-        """Run one generation: ask, evaluate, update, validate if due, write to the journal."""
+        """Run one generation: ask, evaluate, update, validate if due, write to the
+        journal.
+        """
         number = self._optimiser.generation
         start = time.monotonic()
         candidates = self._ask()
@@ -116,9 +124,16 @@ class Search:
         best, mean = float(scores.miss.min()), float(scores.miss.mean())
         seconds = round(time.monotonic() - start, 3)
         self._journal.append(
-            {"asked": _digest(candidates), "costs": scores.cost.tolist(), "generation": number,
-             "best": best, "mean": mean, "validated": validated, "seconds": seconds}
-        )  # fmt: skip
+            {
+                "asked": _digest(candidates),
+                "costs": scores.cost.tolist(),
+                "generation": number,
+                "best": best,
+                "mean": mean,
+                "validated": validated,
+                "seconds": seconds,
+            }
+        )
         if validated is not None and self._keep_best(validated):
             self._save_checkpoint()
         return (
@@ -132,28 +147,38 @@ class Search:
         return last or (number + 1) % self.settings.validate_every == 0
 
     def _replay(self, line: Line) -> None:
-        """Repeat the generation in `line` of the journal, with its costs instead of folds."""
+        """Repeat the generation in `line` of the journal, with its costs instead of
+        folds.
+        """
         number = self._optimiser.generation
         candidates = self._ask()
         if _digest(candidates) != line["asked"]:
             raise ConfigurationError(
-                f"{self._journal.path}: was written by other numerical libraries or another kind "
-                "of processor; go on there, or begin again in another output folder"
+                f"{self._journal.path}: was written by other numerical libraries or"
+                " another kind of processor; go on there, or begin again in another"
+                " output folder"
             )
         self._tell(candidates, np.array(line["costs"]))
-        if line["validated"] is not None and self._is_validated(number):  # skips a former last one
+        # skips a former last one
+        if line["validated"] is not None and self._is_validated(number):
             self._keep_best(line["validated"])
 
     def _ask(self) -> Array:
         with self._blas.limit(limits=1, user_api="blas"):
-            return np.array([self._optimiser.ask() for _ in range(self.settings.population)])
+            return np.array(
+                [self._optimiser.ask() for _ in range(self.settings.population)]
+            )
 
     def _tell(self, candidates: Array, costs: Array) -> None:
         with self._blas.limit(limits=1, user_api="blas"):
-            self._optimiser.tell([(x, float(c)) for x, c in zip(candidates, costs, strict=True)])
+            self._optimiser.tell(
+                [(x, float(c)) for x, c in zip(candidates, costs, strict=True)]
+            )
 
     def _keep_best(self, validated: float) -> bool:
-        """Keep the optimiser's mean if it `validated` [m] best so far; returns whether it did."""
+        """Keep the optimiser's mean if it `validated` [m] best so far; returns whether
+        it did.
+        """
         if not validated < self.validated:
             return False
         self.validated = validated
@@ -161,14 +186,18 @@ class Search:
         return True
 
     def _save_checkpoint(self) -> None:
-        """Write the checkpoint of the best weights so far, and what they were trained on."""
+        """Write the checkpoint of the best weights so far, and what they were trained
+        on.
+        """
         training = Training(
             seed=self.settings.seed,
             generations=self._optimiser.generation,
             folds=self._optimiser.generation * self.settings.folds_per_generation,
         )
         weights = tuple(float(w) for w in self.weights)
-        checkpoint = Checkpoint(schema=1, policy="feedback", weights=weights, training=training)
+        checkpoint = Checkpoint(
+            schema=1, policy="feedback", weights=weights, training=training
+        )
         save_checkpoint(self.checkpoint, checkpoint)
 
 

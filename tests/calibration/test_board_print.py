@@ -9,7 +9,13 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from calibration.board import BoardSettings, board_figures, find_board, print_board, smallest_sheet
+from calibration.board import (
+    BoardSettings,
+    board_figures,
+    find_board,
+    print_board,
+    smallest_sheet,
+)
 from calibration.pointer import find_pointer
 from drivers.errors import ConfigurationError
 from drivers.types import Image
@@ -52,7 +58,8 @@ def test_sheet_of_the_file_is_the_paper_that_is_named(tmp_path: Path) -> None:
 def test_printed_pointer_is_found_as_the_pointer() -> None:
     page = _drawn(board_figures(SETTINGS)[1])
     centre = find_pointer(page[: page.shape[0] // 2, : page.shape[1] // 3])
-    assert centre is None  # its paper is as bright as its disc: the plate must be cut out
+    # its paper is as bright as its disc: the plate must be cut out
+    assert centre is None
     cut = page.copy()
     mask = np.zeros(page.shape[:2], np.uint8)
     cv2.circle(mask, (300, 300), 69, 255, -1)

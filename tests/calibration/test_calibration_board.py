@@ -30,12 +30,16 @@ def _frame(placement: Placement, sequence: int = 0) -> Frame:
 def _shown(views: BoardViews, placement: Placement, sequence: int = 0) -> str | None:
     """What comes of two images in a row of a board at rest."""
     told = views.tell(_frame(placement, sequence))
-    return views.tell(_frame(placement, sequence)).refused if told.waits else told.refused
+    return (
+        views.tell(_frame(placement, sequence)).refused if told.waits else told.refused
+    )
 
 
 def test_shaken_board_gives_no_view() -> None:
     views = BoardViews(SETTINGS, SIZE)
-    answers = [views.tell(_frame(Placement(0.5 + 0.004 * (k % 2), 0.5, 0.4))) for k in range(6)]
+    answers = [
+        views.tell(_frame(Placement(0.5 + 0.004 * (k % 2), 0.5, 0.4))) for k in range(6)
+    ]
     assert not any(told.taken for told in answers)
     assert "the board moved by 5." in str(answers[1].refused)
     assert "hold it still" in str(answers[1].refused)
@@ -44,7 +48,11 @@ def test_shaken_board_gives_no_view() -> None:
 @pytest.mark.parametrize(
     ("before", "shown", "remedy"),
     [
-        (Placement(0.5, 0.5, 0.4), Placement(0.505, 0.5, 0.4), "taken before; move the board"),
+        (
+            Placement(0.5, 0.5, 0.4),
+            Placement(0.505, 0.5, 0.4),
+            "taken before; move the board",
+        ),
         (None, Placement(0.5, 0.5, 0.125), "come nearer"),
         (None, Placement(0.5, 0.5, 1.6), "too close"),
     ],

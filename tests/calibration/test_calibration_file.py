@@ -23,7 +23,9 @@ def calibration() -> Calibration:
     )
 
 
-def test_saved_calibration_loads_equal(calibration: Calibration, tmp_path: Path) -> None:
+def test_saved_calibration_loads_equal(
+    calibration: Calibration, tmp_path: Path
+) -> None:
     path = tmp_path / "deep" / "calibration.yaml"
     save_calibration(calibration, path)
     read = load_calibration(path)

@@ -12,11 +12,15 @@ from drivers.types import Array, frozen
 MATRIX = frozen([[3400.0, 0, 645.0], [0, 3400.0, 355.0], [0, 0, 1]])
 LENS = Lens(1280, 720, MATRIX, frozen(np.zeros(5)))
 CENTRE = np.array([0.31, -2.0, 0.105])
-POINTS = np.array([(x, z) for x in np.linspace(0, 0.6, 5) for z in np.linspace(0.02, 0.32, 4)])
+POINTS = np.array(
+    [(x, z) for x in np.linspace(0, 0.6, 5) for z in np.linspace(0.02, 0.32, 4)]
+)
 
 
 def _seen(points: Array) -> Array:
-    """Pixels of points in the plane y = 0, from a camera that looks along +y, a bit turned."""
+    """Pixels of points in the plane y = 0, from a camera that looks along +y, a bit
+    turned.
+    """
     turn = cv2.Rodrigues(np.array([0.02, -0.015, 0.01]))[0]
     look = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
     world = np.column_stack([points[:, 0], np.zeros(len(points)), points[:, 1]])
@@ -64,7 +68,9 @@ def test_singular_matrix_is_refused() -> None:
 
 def test_camera_centre_follows_from_lens_and_map() -> None:
     rng = np.random.default_rng(2)
-    homography, _ = fit_homography(_seen(POINTS) + 0.05 * rng.normal(size=(len(POINTS), 2)), POINTS)
+    homography, _ = fit_homography(
+        _seen(POINTS) + 0.05 * rng.normal(size=(len(POINTS), 2)), POINTS
+    )
     where = viewpoint(LENS, homography)
     assert np.abs(where.foot() - CENTRE[[0, 2]]).max() < 0.01
     assert abs(where.distance - 2.0) < 0.01

@@ -30,8 +30,12 @@ def _renderer() -> Renderer:
 Loose = dict[int, Array]
 
 
-def _touched(loose: Loose | None = None, loose_again: Loose | None = None) -> TouchVerdict:
-    """All points touched; those in `loose` seen away from where the arm says, at first or again."""
+def _touched(
+    loose: Loose | None = None, loose_again: Loose | None = None
+) -> TouchVerdict:
+    """All points touched; those in `loose` seen away from where the arm says, at first
+    or again.
+    """
     touched, sequence = TouchedPoints(true_lens(), TouchSettings()), 0
     while (pose := touched.ask()) is not None:
         number = touched.number
@@ -46,11 +50,15 @@ def _touched(loose: Loose | None = None, loose_again: Loose | None = None) -> To
 def test_pointer_is_found_within_a_tenth_of_a_pixel() -> None:
     optics = Optics.from_settings(CAMERA)
     for k, (x, z) in enumerate([(0.05, 0.02), (0.3, 0.15), (0.58, 0.29)]):
-        centre = find_pointer(pointer_frame(_renderer(), Pose(x, z, np.pi / 2), k).image)
+        centre = find_pointer(
+            pointer_frame(_renderer(), Pose(x, z, np.pi / 2), k).image
+        )
         assert centre is not None
         assert np.hypot(*(centre - optics.plane(np.array([x, z])))) < 0.1
     for radius in (4, 28):
-        image = cv2.circle(np.zeros((200, 200, 3), np.uint8), (90, 110), radius, (255,) * 3, -1)
+        image = cv2.circle(
+            np.zeros((200, 200, 3), np.uint8), (90, 110), radius, (255,) * 3, -1
+        )
         assert find_pointer(image) == pytest.approx((90, 110), abs=0.1)
 
 
@@ -74,7 +82,9 @@ def test_touched_points_give_the_plane_to_a_tenth_of_a_millimetre() -> None:
     assert verdict.held_out >= 3
     assert verdict.residual_mm < 0.1
     assert verdict.homography is not None
-    grid = np.array([(x, z) for x in np.linspace(0, 0.6, 9) for z in np.linspace(0, 0.33, 6)])
+    grid = np.array(
+        [(x, z) for x in np.linspace(0, 0.6, 9) for z in np.linspace(0, 0.33, 6)]
+    )
     pixels = true_lens().undistort(Optics.from_settings(CAMERA).plane(grid))
     seen = verdict.homography.to_plane(pixels)
     assert np.hypot(*(seen - grid).T).max() < 1e-4
@@ -94,7 +104,9 @@ def test_slipped_touch_is_repeated_and_named() -> None:
 
 
 @pytest.mark.parametrize(("number", "held_out"), [(5, 6), (6, 5)])
-def test_point_that_is_wild_twice_is_left_out_and_does_not_decide(number, held_out) -> None:
+def test_point_that_is_wild_twice_is_left_out_and_does_not_decide(
+    number, held_out
+) -> None:
     verdict = _touched({number: SLIP}, {number: -2 * SLIP})
     assert verdict.passed
     assert not verdict.clean
@@ -107,14 +119,18 @@ def test_held_out_point_off_in_the_same_way_twice_refuses_the_verdict() -> None:
     assert not verdict.passed
     assert verdict.worst_mm == pytest.approx(5.0, abs=0.2)
     assert "check that the pointer is tight" in verdict.reasons[0]
-    assert any("points 6 are off in the same way when touched again" in r for r in verdict.reasons)
+    assert any(
+        "points 6 are off in the same way when touched again" in r
+        for r in verdict.reasons
+    )
 
 
 def test_pointer_that_slips_at_every_third_touch_is_refused() -> None:
     verdict = _touched({k: (1 + k % 4) * SLIP for k in range(0, 24, 3)})
     assert not verdict.passed
     assert any(
-        "8 of 24 first touches were wild; the pointer is loose" in r for r in verdict.reasons
+        "8 of 24 first touches were wild; the pointer is loose" in r
+        for r in verdict.reasons
     )
 
 
@@ -122,7 +138,11 @@ def test_pointer_that_slips_at_every_third_touch_is_refused() -> None:
     ("pointer", "arm", "reason"),
     [
         (0.002, 0.0, "the pointer moved by 3."),
-        (0.0, 0.001, "the arm moved by 1.0 mm between two images; wait until it is still"),
+        (
+            0.0,
+            0.001,
+            "the arm moved by 1.0 mm between two images; wait until it is still",
+        ),
     ],
 )
 def test_what_moves_is_not_sampled(pointer: float, arm: float, reason: str) -> None:
@@ -153,7 +173,9 @@ def test_unseen_pointer_is_given_up_after_patience_and_too_few_points_refused() 
 def test_image_of_another_size_than_the_lens_is_refused() -> None:
     touched = TouchedPoints(true_lens(), TouchSettings())
     turned = Frame(0.0, 0.0, "test", 0, np.zeros((1280, 720, 3), np.uint8))
-    with pytest.raises(ConfigurationError, match="720 x 1280 px, the lens was found with 1280 x"):
+    with pytest.raises(
+        ConfigurationError, match="720 x 1280 px, the lens was found with 1280 x"
+    ):
         touched.tell(turned, Pose(0.0, 0.0, 0.0))
 
 
@@ -173,7 +195,9 @@ def test_own_poses_are_touched_instead_of_the_grid() -> None:
     plan = [Pose(0.05 * k, 0.02 + 0.07 * (k % 4), np.pi / 2) for k in range(16)]
     touched = TouchedPoints(true_lens(), TouchSettings(), plan)
     assert touched.ask() == plan[0]
-    with pytest.raises(ConfigurationError, match="10 points with every 4th held out leave 8"):
+    with pytest.raises(
+        ConfigurationError, match="10 points with every 4th held out leave 8"
+    ):
         TouchedPoints(true_lens(), TouchSettings(), plan[:10])
     with pytest.raises(ConfigurationError, match="at least 12 are fitted"):
         TouchedPoints(true_lens(), TouchSettings(columns=4, rows=3))

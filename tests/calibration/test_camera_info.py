@@ -1,4 +1,6 @@
-"""A lens and its files: ROS's and OpenCV's are written and read; broken ones refused in a line."""
+"""A lens and its files: ROS's and OpenCV's are written and read; broken ones refused in
+a line.
+"""
 
 from pathlib import Path
 
@@ -69,14 +71,30 @@ def test_old_and_new_headers_of_opencv_are_read(tmp_path: Path, header: str) -> 
         ("xi", 1.2, "xi: is 1.2, another model"),
         ("xi", np.array([[1.2]]), "xi: is stated, another model"),
         ("distortion_model", "equidistant", "distortion_model: is equidistant"),
-        ("distortion_coefficients", np.zeros((1, 8)), "are 8 numbers, allowed are 4 or 5"),
+        (
+            "distortion_coefficients",
+            np.zeros((1, 8)),
+            "are 8 numbers, allowed are 4 or 5",
+        ),
         ("image_width", 0, "image_width: must be a positive whole number of pixels"),
-        ("image_height", 640.7, "image_height: must be a positive whole number of pixels"),
-        ("image_width", np.inf, "image_width: must be a positive whole number of pixels"),
+        (
+            "image_height",
+            640.7,
+            "image_height: must be a positive whole number of pixels",
+        ),
+        (
+            "image_width",
+            np.inf,
+            "image_width: must be a positive whole number of pixels",
+        ),
         ("camera_matrix", np.array(MATRIX) + np.eye(3, k=1), "has no skew"),
         ("camera_matrix", np.eye(2), "camera_matrix: must be 3 x 3 numbers"),
         ("camera_matrix", np.diag([40.0, 40.0, 1.0]), "focal lengths are 40 and 40 px"),
-        ("camera_matrix", np.array(MATRIX) + OFF_CENTRE, "the centre is u 645, v 5355 px"),
+        (
+            "camera_matrix",
+            np.array(MATRIX) + OFF_CENTRE,
+            "the centre is u 645, v 5355 px",
+        ),
         ("fisheye_model", 0, None),
         ("distortion_model", "plumb_bob", None),
     ],
@@ -86,7 +104,11 @@ def test_opencv_file_of_another_lens_model_is_refused_by_its_name(
 ) -> None:
     path = tmp_path / "camera.yaml"
     store = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
-    stated = {"image_width": 1280, "image_height": 720, "camera_matrix": np.array(MATRIX)}
+    stated = {
+        "image_width": 1280,
+        "image_height": 720,
+        "camera_matrix": np.array(MATRIX),
+    }
     stated |= {"distortion_coefficients": np.zeros((1, 4)), key: value}
     for name, content in stated.items():
         store.write(name, content)

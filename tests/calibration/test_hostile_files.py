@@ -1,4 +1,6 @@
-"""A lens, a session or a picture as nobody should write it is refused in one line, and at once."""
+"""A lens, a session or a picture as nobody should write it is refused in one line, and
+at once.
+"""
 
 import os
 import struct
@@ -45,19 +47,29 @@ def test_spoilt_files_are_refused_in_one_line_or_hold_nothing(spoilt: Path) -> N
     with pytest.raises(ConfigurationError) as latency:
         read_steps(spoilt)
     assert "\n" not in f"{lens.value}{latency.value}"
-    with suppress(ConfigurationError):  # a truncated last line is no row, the rest is refused
+    # a truncated last line is no row, the rest is refused
+    with suppress(ConfigurationError):
         assert list(read_rows(spoilt)) == []
 
 
-def test_picture_of_sixty_thousand_pixels_is_refused_before_it_is_decoded(tmp_path: Path) -> None:
+def test_picture_of_sixty_thousand_pixels_is_refused_before_it_is_decoded(
+    tmp_path: Path,
+) -> None:
     head = struct.pack(">4sII5B", b"IHDR", 60_000, 60_000, 8, 2, 0, 0, 0)
-    png = b"\x89PNG\r\n\x1a\n" + struct.pack(">I", 13) + head + struct.pack(">I", crc32(head))
+    png = (
+        b"\x89PNG\r\n\x1a\n"
+        + struct.pack(">I", 13)
+        + head
+        + struct.pack(">I", crc32(head))
+    )
     (tmp_path / "p.png").write_bytes(png + struct.pack(">I4s40x", 40, b"IDAT"))
     with pytest.raises(ConfigurationError, match="60000 x 60000 px"):
         read_picture(tmp_path / "p.png")
 
 
-def test_chunk_of_gigabytes_is_refused_before_memory_is_set_aside(tmp_path: Path) -> None:
+def test_chunk_of_gigabytes_is_refused_before_memory_is_set_aside(
+    tmp_path: Path,
+) -> None:
     whole = cv2.imencode(".png", np.zeros((4, 144, 3), np.uint8))[1].tobytes()
     at = whole.index(b"IDAT") - 4
     content = whole[:at] + b"\x93" + whole[at + 1 :]  # 2.5 GB, by one byte

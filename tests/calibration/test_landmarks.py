@@ -35,14 +35,20 @@ LENS = true_lens()
 
 @lru_cache
 def _homography() -> Homography:
-    grid = np.array([(x, z) for x in np.linspace(0, 0.6, 5) for z in np.linspace(0, 0.3, 4)])
+    grid = np.array(
+        [(x, z) for x in np.linspace(0, 0.6, 5) for z in np.linspace(0, 0.3, 4)]
+    )
     matrix, _ = cv2.findHomography(LENS.undistort(OPTICS.plane(grid)), grid, 0)
     return Homography.from_matrix(matrix)
 
 
 def _frame(shift: tuple[float, float] = (0.0, 0.0), seed: int = 0) -> Frame:
-    """The empty hand where it is remembered, the camera nudged by `shift` [m] in x, z."""
-    moved = displaced_optics(CAMERA, Observation(shift_x=shift[0], shift_z=shift[1]), 0.0)
+    """The empty hand where it is remembered, the camera nudged by `shift` [m] in x,
+    z.
+    """
+    moved = displaced_optics(
+        CAMERA, Observation(shift_x=shift[0], shift_z=shift[1]), 0.0
+    )
     renderer = Renderer(CAMERA, NO_STRIP, seed, moved)
     arc = np.linspace(0, 0.6, 7)
     points = np.column_stack([arc, 0 * arc])
@@ -65,10 +71,16 @@ def test_camera_that_stayed_is_where_it_was_within_a_tenth_of_a_millimetre() -> 
     assert camera_check(shift, SETTINGS).passed
 
 
-@pytest.mark.parametrize("nudge", [(0.005, 0.0), (-0.005, 0.0), (0.0, 0.005), (0.003, -0.004)])
-def test_camera_nudged_by_five_millimetres_is_noticed(nudge: tuple[float, float]) -> None:
+@pytest.mark.parametrize(
+    "nudge", [(0.005, 0.0), (-0.005, 0.0), (0.0, 0.005), (0.003, -0.004)]
+)
+def test_camera_nudged_by_five_millimetres_is_noticed(
+    nudge: tuple[float, float],
+) -> None:
     shift = _shift(_frame(nudge, seed=7))
-    assert (shift.x, shift.z) == pytest.approx((1e3 * nudge[0], 1e3 * nudge[1]), abs=0.4)
+    assert (shift.x, shift.z) == pytest.approx(
+        (1e3 * nudge[0], 1e3 * nudge[1]), abs=0.4
+    )
     assert shift.desk == pytest.approx(1e3 * nudge[1], abs=1.0)
     check = camera_check(shift, SETTINGS)
     assert not check.passed
@@ -78,7 +90,8 @@ def test_camera_nudged_by_five_millimetres_is_noticed(nudge: tuple[float, float]
 
 def test_hand_that_is_not_seen_again_is_refused() -> None:
     dark = np.full((720, 1280, 3), 30, np.uint8)
-    assert find_patch(dark[..., 0], dark[:40, :40, 0]) is None  # nor anything without contrast
+    # nor anything without contrast
+    assert find_patch(dark[..., 0], dark[:40, :40, 0]) is None
     shift = _shift(Frame(0.0, 0.0, "test", 0, dark))
     assert np.isnan(shift.x)
     check = camera_check(shift, SETTINGS)
@@ -90,11 +103,15 @@ def test_desk_at_the_border_or_without_an_edge_is_no_landmark() -> None:
     lower = _homography().matrix @ [[1, 0, 0], [0, 1, -90], [0, 0, 1]]  # by 90 px
     at_border = np.roll(_frame().image, 90, axis=0), Homography.from_matrix(lower)
     for image, map_ in (at_border, (np.full_like(at_border[0], 90), _homography())):
-        found = take_landmarks(Frame(0.0, 0.0, "test", 0, image), SETTINGS.pose, LENS, map_)
+        found = take_landmarks(
+            Frame(0.0, 0.0, "test", 0, image), SETTINGS.pose, LENS, map_
+        )
         assert [mark.kind for mark in found.marks] == ["tip"]
 
 
 def test_broken_landmark_is_refused_in_one_line() -> None:
     for content in ("not base64!", "aGVsbG8="):
-        with pytest.raises(ConfigurationError, match="png: is not a PNG image; calibrate again"):
+        with pytest.raises(
+            ConfigurationError, match="png: is not a PNG image; calibrate again"
+        ):
             Landmark(kind="tip", left=0, top=0, png=content).patch()

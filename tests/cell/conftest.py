@@ -33,7 +33,12 @@ RESULT = {
 }
 HEADER: dict[str, Any] = {
     "strip": "denim",
-    "sigma": {"contact_x": 0.0012, "profile": 0.0008, "gripper": 0.0001, "displacement": 0.001},
+    "sigma": {
+        "contact_x": 0.0012,
+        "profile": 0.0008,
+        "gripper": 0.0001,
+        "displacement": 0.001,
+    },
     "start": "flat",
     "speed": SPEED,
     "camera_hz": 60.0,
@@ -64,11 +69,15 @@ def calibration() -> Calibration:
 def straight_camera(**facts: object) -> Calibration:
     """The same outside of a test, with other `facts`."""
     scale = 1250.0 / 1.5
-    to_image = np.array([[scale, 0, 640 - 0.35 * scale], [0, -scale, 400 + 0.1 * scale], [0, 0, 1]])
+    to_image = np.array(
+        [[scale, 0, 640 - 0.35 * scale], [0, -scale, 400 + 0.1 * scale], [0, 0, 1]]
+    )
     matrix = np.array([[1250.0, 0, 640], [0, 1250.0, 400], [0, 0, 1]])
     known = {"residual_mm": 0.31, "date": "2026-01-01", "camera": "made"} | facts
     lens = Lens(1280, 720, matrix, np.zeros(5))
-    return make_calibration(lens, Homography.from_matrix(np.linalg.inv(to_image)), **known)
+    return make_calibration(
+        lens, Homography.from_matrix(np.linalg.inv(to_image)), **known
+    )
 
 
 def profile(x: float, z: float, travel: float) -> Array:
@@ -83,7 +92,11 @@ def profile(x: float, z: float, travel: float) -> Array:
 def picture(calibration: Calibration, curve: Array, rng: np.random.Generator) -> Image:
     """The strip before a grey wall."""
     image = np.full((720, 1280, 3), (196, 200, 204), np.uint8)
-    image[int(calibration.to_image(np.array([[0.0, -0.004]]))[0, 1]) :] = (118, 128, 138)
+    image[int(calibration.to_image(np.array([[0.0, -0.004]]))[0, 1]) :] = (
+        118,
+        128,
+        138,
+    )
     flat = np.array([[0.0, 0.0], *curve[:1]])
     for part in (flat, curve):
         pixels = np.rint(calibration.to_image(part)).astype(np.int32)
@@ -98,7 +111,11 @@ class MadeFold:
     """Writes a fold turn by turn into `writer`."""
 
     def __init__(
-        self, writer: RunWriter, calibration: Calibration, seed: int = 0, pictures: bool = True
+        self,
+        writer: RunWriter,
+        calibration: Calibration,
+        seed: int = 0,
+        pictures: bool = True,
     ) -> None:
         self.writer = writer
         self._pictures = pictures
@@ -124,7 +141,9 @@ class MadeFold:
         x, z, pitch = self._path.poses(travel)
         shake = self._rng.normal(0, 1e-4, 2)
         measured = Pose(x + shake[0], z + shake[1], float(pitch))
-        self.writer.tick(replace(ARM, stamp=t, pose=measured, commanded=Pose(x, z, 0.0)), state)
+        self.writer.tick(
+            replace(ARM, stamp=t, pose=measured, commanded=Pose(x, z, 0.0)), state
+        )
 
     def image(self, t: float) -> None:
         x, z = self._path.at(min(t * SPEED, 0.752))
@@ -154,12 +173,16 @@ Make = Callable[..., Path]
 def make_run(calibration: Calibration) -> Make:
     """Writes a whole made-up run and returns its folder."""
 
-    def make(root: Path, *, frames: Keep = "none", seed: int = 0, **result: Any) -> Path:
+    def make(
+        root: Path, *, frames: Keep = "none", seed: int = 0, **result: Any
+    ) -> Path:
         writer = RunWriter(root, HEADER, frames, patient=True)
         save_calibration(calibration, writer.folder / CALIBRATION)
         MadeFold(writer, calibration, seed, pictures=frames != "none").run(9.4)
         writer.finish({**RESULT, **result})
-        write_truth(writer.folder, {"displacement": -0.0351, "t_layer_touch": 7.49, "plant": {}})
+        write_truth(
+            writer.folder, {"displacement": -0.0351, "t_layer_touch": 7.49, "plant": {}}
+        )
         return writer.folder
 
     return make
@@ -173,7 +196,9 @@ def finished(make_run: Make, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def killed(calibration: Calibration, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A run that was left without a result in the middle of the fold; not to be changed."""
+    """A run that was left without a result in the middle of the fold; not to be
+    changed.
+    """
     root = tmp_path_factory.mktemp("killed")
     writer = RunWriter(root, HEADER, "key", patient=True)
     save_calibration(calibration, writer.folder / CALIBRATION)

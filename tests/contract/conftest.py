@@ -1,4 +1,6 @@
-"""The implementations that the contracts run over: a new driver is one more entry here."""
+"""The implementations that the contracts run over: a new driver is one more entry
+here.
+"""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -30,7 +32,8 @@ DENIM = Path(__file__).parents[2] / "configs" / "strips" / "denim.yaml"
 class Bench:
     """Devices on a clock, the arm connected where it is only needed to move the hand.
 
-    `edge` is where the hand finds a strip; `accuracy` [m, rad] is how well the arm measures.
+    `edge` is where the hand finds a strip; `accuracy` [m, rad] is how well the arm
+    measures.
     """
 
     clock: Clock
@@ -88,7 +91,9 @@ def _fci_bench() -> Bench:
     )
     devices = open_cell(settings, load_strip(DENIM), Trial(), calibrating=False)
     edge = Pose(0.6, 0.0, 0.0)
-    bench = Bench(devices.clock, devices.arm, devices.hand, devices.camera, edge, accuracy=1e-5)
+    bench = Bench(
+        devices.clock, devices.arm, devices.hand, devices.camera, edge, accuracy=1e-5
+    )
     return replace(bench, close=devices.close)
 
 
@@ -133,7 +138,10 @@ def _v4l2_camera() -> CameraBench:
     return CameraBench(kernel, V4l2Camera(settings, kernel, kernel))
 
 
-CAMERAS: dict[str, Callable[[], CameraBench]] = {"twin": _twin_camera, "v4l2": _v4l2_camera}
+CAMERAS: dict[str, Callable[[], CameraBench]] = {
+    "twin": _twin_camera,
+    "v4l2": _v4l2_camera,
+}
 
 
 @pytest.fixture(params=sorted(CAMERAS))

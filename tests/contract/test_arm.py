@@ -96,7 +96,13 @@ def test_move_to_where_the_arm_is_ends_at_once(bench, arm) -> None:
 
 
 @pytest.mark.parametrize(
-    "bad", [Pose(9.0, 0.1, 0.0), Pose(0.3, -5.0, 0.0), Pose(0.3, 0.1, 40.0), Pose(math.nan, 0, 0)]
+    "bad",
+    [
+        Pose(9.0, 0.1, 0.0),
+        Pose(0.3, -5.0, 0.0),
+        Pose(0.3, 0.1, 40.0),
+        Pose(math.nan, 0, 0),
+    ],
 )
 def test_pose_out_of_reach_is_refused_and_nothing_moves(bench, arm, bad) -> None:
     before = arm.state().commanded
@@ -108,9 +114,13 @@ def test_pose_out_of_reach_is_refused_and_nothing_moves(bench, arm, bad) -> None
 
 @pytest.mark.parametrize("axis", range(3))
 @pytest.mark.parametrize("rate", [50.0, -50.0, math.nan])
-def test_velocity_over_the_limit_is_refused_and_nothing_moves(bench, arm, axis, rate) -> None:
+def test_velocity_over_the_limit_is_refused_and_nothing_moves(
+    bench, arm, axis, rate
+) -> None:
     with pytest.raises(Fault, match="allowed"):
-        arm.set_velocity(Velocity(*(rate if here == axis else 0.0 for here in range(3))))
+        arm.set_velocity(
+            Velocity(*(rate if here == axis else 0.0 for here in range(3)))
+        )
     assert not wait(bench, 0.1).moving
 
 
@@ -131,11 +141,15 @@ def test_refreshed_velocity_is_followed(bench, arm) -> None:
     assert not after.expired
     elapsed = after.stamp - before.stamp
     rates = (after.pose.as_array() - before.pose.as_array()) / elapsed
-    assert rates == pytest.approx([-0.05, 0.02, 0.1], abs=2 * bench.accuracy / elapsed + 1e-3)
+    assert rates == pytest.approx(
+        [-0.05, 0.02, 0.1], abs=2 * bench.accuracy / elapsed + 1e-3
+    )
     assert after.velocity.vx == pytest.approx(-0.05, abs=5e-3)
 
 
-def test_velocity_holds_for_100_ms_and_then_the_arm_brakes_by_itself(bench, arm) -> None:
+def test_velocity_holds_for_100_ms_and_then_the_arm_brakes_by_itself(
+    bench, arm
+) -> None:
     drive(bench, Velocity(-0.05, 0.0, 0.0), 0.3)
     arm.set_velocity(Velocity(-0.05, 0.0, 0.0))
     held = wait(bench, 0.09)
@@ -197,7 +211,8 @@ def test_stop_is_allowed_before_connecting_and_after_closing(bench) -> None:
 
 
 def test_velocity_out_of_the_workspace_comes_to_rest_by_itself(bench, arm) -> None:
-    state = drive(bench, Velocity(0.0, -0.1, 0.0), 4.0)  # to its floor: not all reach its top
+    # to its floor: not all reach its top
+    state = drive(bench, Velocity(0.0, -0.1, 0.0), 4.0)
     assert abs(state.velocity.vz) < 1e-3
     assert -0.02 < state.commanded.z < 0.02
     back = drive(bench, Velocity(0.0, 0.1, 0.0), 0.5)

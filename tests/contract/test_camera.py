@@ -84,7 +84,9 @@ def test_looking_takes_no_time(bench, camera) -> None:
 def test_reading_twice_gives_the_same_picture(bench, camera) -> None:
     watch(bench, camera, 0.1)
     first, second = camera.read(ALWAYS, 0.0), camera.read(ALWAYS, 0.0)
-    assert first.sequence != second.sequence or np.array_equal(first.image, second.image)
+    assert first.sequence != second.sequence or np.array_equal(
+        first.image, second.image
+    )
 
 
 def test_two_frames_of_a_still_scene_differ_by_noise(bench, camera) -> None:

@@ -1,5 +1,5 @@
-"""A child that answers, fails, dies, hangs or loses its parent: its parent hears of it, and no
-process is left.
+"""A child that answers, fails, dies, hangs or loses its parent: its parent hears of it,
+and no process is left.
 """
 
 import os
@@ -134,7 +134,11 @@ from tests.drivers.test_child import computing, echo
 print(Child({main}).pid, flush=True)
 time.sleep(600)
 """
-    with subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE) as parent:
+    with subprocess.Popen(
+        [sys.executable, "-c", script], stdout=subprocess.PIPE
+    ) as parent:
         pid = int(parent.stdout.readline())
         parent.kill()
-    assert holds(lambda: is_gone(pid) or "zombie" in Path(f"/proc/{pid}/status").read_text())
+    assert holds(
+        lambda: is_gone(pid) or "zombie" in Path(f"/proc/{pid}/status").read_text()
+    )

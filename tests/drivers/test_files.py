@@ -1,4 +1,6 @@
-"""The door by which files come in: what is not a file of ordinary size is refused at once."""
+"""The door by which files come in: what is not a file of ordinary size is refused at
+once.
+"""
 
 import os
 import socket
@@ -11,21 +13,28 @@ from drivers.readers import read_bytes, read_yaml
 from drivers.settings import Settings, load
 
 BOMB = "a: &a [x, x]\n" + "".join(
-    f"{chr(98 + i)}: &{chr(98 + i)} [*{chr(97 + i)}, *{chr(97 + i)}]\n" for i in range(24)
+    f"{chr(98 + i)}: &{chr(98 + i)} [*{chr(97 + i)}, *{chr(97 + i)}]\n"
+    for i in range(24)
 )
 BOUNDED = {
     "aliases of aliases": (BOMB, "line 12: holds more than 10000 values"),
     "an alias within what it names": ("a: &a [*a]", "stands within what it names"),
     "lists in lists": ("a: " + "[" * 100_000, "nested more than 32 deep"),
     "mappings in mappings": ("a: " + "{a: " * 1000, "nested more than 32 deep"),
-    "values without end": ("a: [" + "1, " * 20_000 + "1]", "holds more than 10000 values"),
+    "values without end": (
+        "a: [" + "1, " * 20_000 + "1]",
+        "holds more than 10000 values",
+    ),
     "a number to the base 60": ("a: " + "1:" * 60_000 + "1", "digits, at most 64"),
     "a hexadecimal number": ("a: 0x" + "f" * 9000, "digits, at most 64"),
     "a date that is none": ("a: !!timestamp x", "not what its !! tag says"),
     "an empty number": ('a: !!int ""', "not what its !! tag says"),
     "a truth value that is none": ("a: !!bool x", "not what its !! tag says"),
     "a date for a key": ("2001-01-01: 1", "a key must be a word"),
-    "an object": ("a: !!python/object/apply:os.getcwd []", "could not determine a constructor"),
+    "an object": (
+        "a: !!python/object/apply:os.getcwd []",
+        "could not determine a constructor",
+    ),
     "megabytes": ("# " + "x" * 300_000, "larger than 0.2 MB"),
 }
 
@@ -55,7 +64,10 @@ def _socket(path: Path) -> None:
     [
         (_pipe, "is a pipe, must be a regular file"),
         (_socket, "is a socket, must be a regular file"),
-        (lambda path: path.symlink_to("/dev/zero"), "is a device, must be a regular file"),
+        (
+            lambda path: path.symlink_to("/dev/zero"),
+            "is a device, must be a regular file",
+        ),
         (lambda path: path.symlink_to(path), "cannot be read"),
         (Path.mkdir, "Is a directory"),
         (lambda path: None, "No such file"),

@@ -1,4 +1,6 @@
-"""Whatever is written goes through one door: whole or not at all, and never along a link."""
+"""Whatever is written goes through one door: whole or not at all, and never along a
+link.
+"""
 
 import ast
 import os
@@ -19,7 +21,14 @@ from drivers.files import (
 
 ROOT = Path(__file__).parents[2]
 DOOR = "drivers/files.py"
-WRITES = {"write_text", "write_bytes", "imwrite", "FileSink", "mkstemp", "NamedTemporaryFile"}
+WRITES = {
+    "write_text",
+    "write_bytes",
+    "imwrite",
+    "FileSink",
+    "mkstemp",
+    "NamedTemporaryFile",
+}
 ELSEWHERE = {
     # scratch folders that a program made for itself a moment ago, and its own cache
     "cell/gap/fitting/tasks.py",
@@ -41,7 +50,9 @@ def writes(path: Path) -> list[str]:
         method = isinstance(node.func, ast.Attribute)
         name = node.func.attr if method else getattr(node.func, "id", "")
         given = [a.value for a in node.args if isinstance(a, ast.Constant)]
-        mode = next((m for m in given if isinstance(m, str) and set(m) & set("wax")), "")
+        mode = next(
+            (m for m in given if isinstance(m, str) and set(m) & set("wax")), ""
+        )
         if name in WRITES or (name == "open" and set(mode) <= set("wxab+") and mode):
             found.append(f"{path.relative_to(ROOT)}:{node.lineno}: {name}")
     return found
@@ -49,9 +60,14 @@ def writes(path: Path) -> list[str]:
 
 def test_nothing_in_the_project_opens_a_file_for_writing_by_itself() -> None:
     allowed = ELSEWHERE | MADE_BY_THE_DOOR | {DOOR}
-    files = [p for room in ("cell", "drivers", "calibration", "policies")
-             for p in sorted((ROOT / room).rglob("*.py"))]  # fmt: skip
-    found = [w for p in files if str(p.relative_to(ROOT)) not in allowed for w in writes(p)]
+    files = [
+        p
+        for room in ("cell", "drivers", "calibration", "policies")
+        for p in sorted((ROOT / room).rglob("*.py"))
+    ]
+    found = [
+        w for p in files if str(p.relative_to(ROOT)) not in allowed for w in writes(p)
+    ]
     assert found == []
 
 
@@ -63,7 +79,9 @@ def outside(tmp_path: Path) -> Path:
     return path
 
 
-def test_replacing_a_link_leaves_alone_where_it_leads(tmp_path: Path, outside: Path) -> None:
+def test_replacing_a_link_leaves_alone_where_it_leads(
+    tmp_path: Path, outside: Path
+) -> None:
     place = tmp_path / "file"
     for name in ("file", "file.part", ".file.part"):
         (tmp_path / name).symlink_to(outside)
@@ -72,7 +90,9 @@ def test_replacing_a_link_leaves_alone_where_it_leads(tmp_path: Path, outside: P
     assert not place.is_symlink()
 
 
-def test_a_line_is_not_added_along_a_link_nor_to_a_pipe(tmp_path: Path, outside: Path) -> None:
+def test_a_line_is_not_added_along_a_link_nor_to_a_pipe(
+    tmp_path: Path, outside: Path
+) -> None:
     (tmp_path / "link").symlink_to(outside)
     os.mkfifo(tmp_path / "pipe")
     for name in ("link", "pipe"):
@@ -83,7 +103,9 @@ def test_a_line_is_not_added_along_a_link_nor_to_a_pipe(tmp_path: Path, outside:
     assert outside.read_text() == "mine"
 
 
-def test_what_fails_on_the_way_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> None:
+def test_what_fails_on_the_way_leaves_the_old_file_and_nothing_else(
+    tmp_path: Path,
+) -> None:
     place = tmp_path / "file"
     place.write_text("old")
     with pytest.raises(FileNotFoundError), replacing(place) as scratch:
@@ -93,7 +115,9 @@ def test_what_fails_on_the_way_leaves_the_old_file_and_nothing_else(tmp_path: Pa
 
 
 @pytest.mark.parametrize("end", [KeyboardInterrupt, ConfigurationError])
-def test_folder_that_ends_early_leaves_nothing_and_blocks_nothing(tmp_path: Path, end) -> None:
+def test_folder_that_ends_early_leaves_nothing_and_blocks_nothing(
+    tmp_path: Path, end
+) -> None:
     place = tmp_path / "runs" / "made"
 
     def fail(folder: Path) -> None:

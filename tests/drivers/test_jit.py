@@ -1,4 +1,6 @@
-"""Machine code of kernels is kept by content: in which checkout they lie does not matter."""
+"""Machine code of kernels is kept by content: in which checkout they lie does not
+matter.
+"""
 
 import os
 import shutil
@@ -25,19 +27,31 @@ def _copy_of_sources(at: Path) -> Path:
 
 def _largest_and_hits(sources: Path, cache: Path) -> tuple[str, ...]:
     """What the kernel of `sources` finds, and how many of its codes were in `cache`."""
-    environment = {**os.environ, "PYTHONPATH": str(sources), "NUMBA_CACHE_DIR": str(cache)}
+    environment = {
+        **os.environ,
+        "PYTHONPATH": str(sources),
+        "NUMBA_CACHE_DIR": str(cache),
+    }
     command = [sys.executable, "-P", "-c", SCRIPT]
-    told = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    told = subprocess.run(
+        command, env=environment, capture_output=True, text=True, check=True
+    )
     return tuple(told.stdout.split())
 
 
 @pytest.mark.slow
-def test_second_checkout_compiles_nothing_and_changed_sources_anew(tmp_path: Path) -> None:
-    first, second = _copy_of_sources(tmp_path / "first"), _copy_of_sources(tmp_path / "second")
+def test_second_checkout_compiles_nothing_and_changed_sources_anew(
+    tmp_path: Path,
+) -> None:
+    first, second = (
+        _copy_of_sources(tmp_path / "first"),
+        _copy_of_sources(tmp_path / "second"),
+    )
     cache = tmp_path / "cache"
     assert _largest_and_hits(first, cache) == ("3.0", "0")
     assert _largest_and_hits(second, cache) == ("3.0", "1")
-    for size, fill in ((0, b""), (500, b""), (0, bytes(500))):  # as a power cut may leave it
+    # as a power cut may leave it
+    for size, fill in ((0, b""), (500, b""), (0, bytes(500))):
         for kept in cache.rglob("*.nbc"):
             kept.write_bytes(kept.read_bytes()[:size] + fill)
         assert _largest_and_hits(second, cache) == ("3.0", "0")

@@ -36,7 +36,9 @@ def state(profile: MotionProfile) -> np.ndarray:
     )
 
 
-def ticks(profile: MotionProfile, count: int, wish: Velocity | None = None) -> np.ndarray:
+def ticks(
+    profile: MotionProfile, count: int, wish: Velocity | None = None
+) -> np.ndarray:
     """States (count, 3, 3) of the next ticks, with `wish` refreshed at 100 Hz."""
     states = []
     for tick in range(count):
@@ -57,7 +59,9 @@ def assert_within_limits(before: np.ndarray, states: np.ndarray) -> None:
     assert np.diff(whole[:, 0], axis=0) / TICK == pytest.approx(mean_rate, abs=2e-4)
 
 
-rates = st.tuples(*(st.floats(-top, top) for top in FASTEST)).map(lambda r: Velocity(*r))
+rates = st.tuples(*(st.floats(-top, top) for top in FASTEST)).map(
+    lambda r: Velocity(*r)
+)
 places = st.tuples(*(st.floats(a, b) for a, b in zip(BOX.low, BOX.high, strict=True)))
 orders = st.one_of(rates, rates, places.map(lambda p: Pose(*p)), st.just(None))
 
@@ -94,7 +98,7 @@ def test_move_from_rest_is_a_straight_line_that_ends_exactly_at_rest() -> None:
     assert not profile.moving
 
 
-def test_lift_at_the_speed_of_a_fold_stays_on_its_line_and_a_move_ahead_does_not_stop_it() -> None:
+def test_lift_at_the_speed_of_a_fold_stays_on_its_line_and_a_move_ahead_does_not_stop_it():
     profile = profile_at(Pose(0.5, 0.1, 0.1))
     states = ticks(profile, 400, Velocity(-0.08, 0.06, np.pi / 2))
     way = states[:, 0] - [0.5, 0.1, 0.1]
@@ -106,7 +110,9 @@ def test_lift_at_the_speed_of_a_fold_stays_on_its_line_and_a_move_ahead_does_not
 
 
 @pytest.mark.parametrize(("axis", "sign"), [(a, s) for a in range(3) for s in (-1, 1)])
-def test_velocity_out_of_the_workspace_is_braked_before_the_border(axis: int, sign: int) -> None:
+def test_velocity_out_of_the_workspace_is_braked_before_the_border(
+    axis: int, sign: int
+) -> None:
     rate = np.zeros(3)
     rate[axis] = sign * FASTEST[axis]
     states = ticks(profile_at(), 3000, Velocity(*rate))
@@ -146,12 +152,17 @@ def test_move_that_would_swing_out_is_braked_first() -> None:
 
 
 @pytest.mark.parametrize(
-    ("off", "rate", "corrected"), [(1e-5, 0.0, False), (1e-3, 0.0, True), (0.0, 0.02, True)]
+    ("off", "rate", "corrected"),
+    [(1e-5, 0.0, False), (1e-3, 0.0, True), (0.0, 0.02, True)],
 )
-def test_what_lost_ticks_leave_is_corrected_unless_it_is_tiny(off, rate, corrected) -> None:
+def test_what_lost_ticks_leave_is_corrected_unless_it_is_tiny(
+    off, rate, corrected
+) -> None:
     profile, motion = profile_at(), Velocity(rate, 0.0, 0.0)
     profile.move_to(MIDDLE)
-    profile.resume(Pose(MIDDLE.x + off, MIDDLE.z, MIDDLE.pitch), motion, ZERO_VELOCITY, 1)
+    profile.resume(
+        Pose(MIDDLE.x + off, MIDDLE.z, MIDDLE.pitch), motion, ZERO_VELOCITY, 1
+    )
     ticks(profile, 2000)
     assert (profile.pose == MIDDLE) is corrected
 

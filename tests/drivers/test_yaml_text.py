@@ -1,4 +1,6 @@
-"""YAML is read within bounds, its numbers in every notation; an edit keeps what people wrote."""
+"""YAML is read within bounds, its numbers in every notation; an edit keeps what people
+wrote.
+"""
 
 from pathlib import Path
 
@@ -40,7 +42,9 @@ def test_what_does_not_change_stays_as_it_is_written() -> None:
 def test_an_entry_put_before_others_leaves_them() -> None:
     content = yaml.safe_load(COMMENTED)
     measured = {"key": "length", "source": "ruler"}
-    new = edit_yaml(COMMENTED, content | {"provenance": [measured, *content["provenance"]]})
+    new = edit_yaml(
+        COMMENTED, content | {"provenance": [measured, *content["provenance"]]}
+    )
     assert yaml.safe_load(new)["provenance"][0] == measured
     assert "source: 'calipers'" in new
     assert "      balance, ten\n      pieces" in new
@@ -54,12 +58,18 @@ def test_an_entry_put_before_others_leaves_them() -> None:
 def test_files_of_the_cell_are_written_as_they_are(path: Path) -> None:
     text = path.read_text(encoding="utf-8")
     changed = edit_yaml(text, yaml.safe_load(text) | {"bending_length": 0.02})
-    other = [a for a, b in zip(text.splitlines(), changed.splitlines(), strict=True) if a != b]
+    other = [
+        a
+        for a, b in zip(text.splitlines(), changed.splitlines(), strict=True)
+        if a != b
+    ]
     assert [line.partition(":")[0] for line in other] == ["bending_length"]
 
 
 def test_cell_file_keeps_its_comments_beside_a_new_effect() -> None:
     text = (CHECKOUT_CONFIGS / "cell.yaml").read_text(encoding="utf-8")
-    new = edit_yaml(text, yaml.safe_load(text) | {"effects": {"desk_tilt": {"angle": 0.004}}})
+    new = edit_yaml(
+        text, yaml.safe_load(text) | {"effects": {"desk_tilt": {"angle": 0.004}}}
+    )
     assert {*text.splitlines()} - {*new.splitlines()} == {"effects: {}"}
     assert yaml.safe_load(new)["effects"] == {"desk_tilt": {"angle": 0.004}}

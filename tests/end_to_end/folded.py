@@ -1,4 +1,6 @@
-"""Folds of the whole cell, through images, on the twin: made once, read by many claims."""
+"""Folds of the whole cell, through images, on the twin: made once, read by many
+claims.
+"""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -47,5 +49,7 @@ def fold_and_keep(request: Request) -> Folded:
         patch.setattr(cell.folding.fold, "open_cell", keeping)
         result = fold(request, calibration_of(request.cell))
     run = read_run(Path(result.run))
-    begun = next(event for event in run.events() if event.facts.get("state") == "PREFLIGHT")
+    begun = next(
+        event for event in run.events() if event.facts.get("state") == "PREFLIGHT"
+    )
     return Folded(result, run, kept[-1].truth(), origin=-begun.t)

@@ -38,7 +38,8 @@ OUTCOMES = {
     "robot: driver killed": ("arm_driver_lost",),
 }
 LONG = ("robot: user stop", "robot: silent 0.7 s", "robot: silent 1.5 s")
-STATES = ("PREFLIGHT", "GRASP", "LIFT", "FOLD", "LAY")  # in which the arm follows commands
+# in which the arm follows commands
+STATES = ("PREFLIGHT", "GRASP", "LIFT", "FOLD", "LAY")
 
 
 BLOWS = [
@@ -50,7 +51,9 @@ BLOWS = [
 
 
 @pytest.mark.parametrize(("fault", "state"), BLOWS)
-def test_fault_is_named_the_arm_rests_and_the_record_is_whole(fault, state, tmp_path) -> None:
+def test_fault_is_named_the_arm_rests_and_the_record_is_whole(
+    fault, state, tmp_path
+) -> None:
     came = strike(Blow(fault, state, 3), tmp_path, cached_calibration())
     assert came["outcome"] in OUTCOMES[fault]
     assert came["resting"]
@@ -70,7 +73,9 @@ def test_robot_of_another_version_is_named_with_both_versions() -> None:
     with server(settings) as robot:
         robot.inject(VersionFault(kind="wrong_version", at=0))
         with pytest.raises(Fault, match=r"9.*10|10.*9") as refused:
-            FciArm(RobotAccess(robot.address, fci, settings.installation), TwinClock()).connect()
+            FciArm(
+                RobotAccess(robot.address, fci, settings.installation), TwinClock()
+            ).connect()
     assert refused.value.name == "arm_version"
 
 
@@ -80,7 +85,9 @@ def test_arm_rests_when_its_cell_is_killed(tmp_path) -> None:
     with server(settings) as robot:
         robot.hand.width = settings.fci.hand.opening
         command = [sys.executable, "-m", __name__, robot.address, str(tmp_path)]
-        victim = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        victim = subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+        )
         folder = wait_for_state("LIFT", tmp_path, victim)
         victim.kill()
         end = time.monotonic() + 3

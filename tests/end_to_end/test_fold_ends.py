@@ -71,7 +71,10 @@ def test_devices_that_refuse_are_an_outcome(recorder: FileRecorder) -> None:
 def test_the_second_ctrl_c_is_recorded(recorder: FileRecorder) -> None:
     devices = Devices()
     outcome = run_and_record(running(KeyboardInterrupt()), devices, recorder)
-    assert (outcome.reason, outcome.exit_code) == ("stopped at once by Ctrl-C or a signal", 130)
+    assert (outcome.reason, outcome.exit_code) == (
+        "stopped at once by Ctrl-C or a signal",
+        130,
+    )
     assert devices.closed == 1
     assert read_run(recorder.folder).result.outcome == "interrupted"
 
@@ -116,7 +119,9 @@ def test_what_controls_a_fold_has_no_way_to_the_plant(tmp_path, monkeypatch) -> 
 
     monkeypatch.setattr(cell.folding.fold, "Run", blind)
     record = Recording("none")
-    request = request_for("denim", "triangular", tmp_path, CHECKOUT_CONFIGS, record=record)
+    request = request_for(
+        "denim", "triangular", tmp_path, CHECKOUT_CONFIGS, record=record
+    )
     result = fold(request, straight_camera(camera=CameraSettings().identity))
     assert (result.outcome, result.exit_code) == ("path_done", 1)
     assert seen[0].plant is None

@@ -29,7 +29,9 @@ slow = pytest.mark.slow
         ("camera: frozen", "FOLD", "image_frozen", 0.15, 0.5),
         # it stands, and waits for an image, before it is named
         pytest.param("camera: silent", "FOLD", "image_stale", 0.5, 0.35, marks=slow),
-        pytest.param("camera: half of it noise", "FOLD", "low_confidence", 0.55, 0.9, marks=slow),
+        pytest.param(
+            "camera: half of it noise", "FOLD", "low_confidence", 0.55, 0.9, marks=slow
+        ),
         ("twin: diverges", "FOLD", "simulation_not_finite", 0.05, 0.35),
         ("hand: width 0", "GRASP", "grasp_missed", 3.0, 3.0),
     ],
@@ -45,16 +47,29 @@ def test_fault_stops_the_arm_in_time_and_is_named(
     assert came["whole"]
 
 
-def test_no_strip_on_the_desk_is_refused_before_the_grasp(monkeypatch, tmp_path) -> None:
+def test_no_strip_on_the_desk_is_refused_before_the_grasp(
+    monkeypatch, tmp_path
+) -> None:
     scene = World.scene
-    monkeypatch.setattr(World, "scene", lambda world, t: replace(scene(world, t), strip=False))
+    monkeypatch.setattr(
+        World, "scene", lambda world, t: replace(scene(world, t), strip=False)
+    )
     result = fold(request_for("denim", "triangular", tmp_path), cached_calibration())
     assert (result.outcome, result.exit_code) == ("preflight_refused", 3)
     assert len(read_run(Path(result.run)).ticks.t) == 0
 
 
 def start(runs: Path, *words: str) -> subprocess.Popen:
-    command = [sys.executable, "-m", "cell", "fold", "--strip", "denim", "--policy", "triangular"]
+    command = [
+        sys.executable,
+        "-m",
+        "cell",
+        "fold",
+        "--strip",
+        "denim",
+        "--policy",
+        "triangular",
+    ]
     return subprocess.Popen(
         [*command, "--runs", str(runs), "--json", *words],
         stdout=subprocess.PIPE,

@@ -1,4 +1,6 @@
-"""A robot's fold is measured from the strip that hangs, and every reader of runs takes it so."""
+"""A robot's fold is measured from the strip that hangs, and every reader of runs takes
+it so.
+"""
 
 from importlib.util import find_spec
 from pathlib import Path
@@ -19,14 +21,19 @@ from tests.support.requests import request_for
 
 pytestmark = [
     pytest.mark.slow,
-    pytest.mark.skipif(find_spec("pylibfranka") is None, reason="pylibfranka is not installed"),
+    pytest.mark.skipif(
+        find_spec("pylibfranka") is None, reason="pylibfranka is not installed"
+    ),
 ]
 
 
 @pytest.fixture(scope="module")
 def fold(tmp_path_factory: pytest.TempPathFactory) -> Folded:
     """A fold of denim through the robot's library, in lock-step."""
-    runs, robot = tmp_path_factory.mktemp("hanging"), find_configs(None).cell().with_drivers("fci")
+    runs, robot = (
+        tmp_path_factory.mktemp("hanging"),
+        find_configs(None).cell().with_drivers("fci"),
+    )
     return fold_and_keep(request_for("denim", "feedback", runs, cell=robot))
 
 

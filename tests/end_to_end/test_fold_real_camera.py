@@ -1,4 +1,6 @@
-"""A fold with the real camera's driver, on a kernel whose time passes in sleeps alone."""
+"""A fold with the real camera's driver, on a kernel whose time passes in sleeps
+alone.
+"""
 
 import json
 import time
@@ -27,7 +29,8 @@ class KernelTime:
         return self.kernel.now()
 
     def sleep(self, seconds: float) -> None:
-        time.sleep(seconds)  # images are read by a process, which lives by the wall clock
+        # images are read by a process, which lives by the wall clock
+        time.sleep(seconds)
         self.kernel.wait_until(self.kernel.now() + seconds)
         if self.kernel.plugged and self.kernel.now() > self.when:
             self.kernel.unplug()
@@ -40,17 +43,27 @@ def folded(
     kernel = FakeKernel(640, 360, 30.0)
     monkeypatch.setattr(drivers.camera.camera, "Kernel", lambda: kernel)
     monkeypatch.setattr(drivers.clock, "time", KernelTime(kernel, unplugged))
-    monkeypatch.setattr("cell.arm.run_settings.refuse_failed", lambda _: None)  # tested apart
+    # tested apart
+    monkeypatch.setattr("cell.arm.run_settings.refuse_failed", lambda _: None)
     configure(tmp_path, V4l2Settings(device=LINK, width=640, height=360, rate=30.0))
     options = ["--arm", "twin", "--camera", "v4l2", "--policy", "triangular", "--json"]
-    places = ["--configs", str(tmp_path), "--runs", str(tmp_path / "runs"), "--viz", "off"]
+    places = [
+        "--configs",
+        str(tmp_path),
+        "--runs",
+        str(tmp_path / "runs"),
+        "--viz",
+        "off",
+    ]
     done = CliRunner().invoke(app, ["fold", "--strip", "denim", *options, *places])
     assert kernel.opened == set()
     assert kernel.mapped == 0
     return done
 
 
-def test_picture_without_a_strip_is_refused_with_the_reasons(tmp_path, monkeypatch) -> None:
+def test_picture_without_a_strip_is_refused_with_the_reasons(
+    tmp_path, monkeypatch
+) -> None:
     done = folded(tmp_path, monkeypatch)
     assert done.exit_code == 3
     line = json.loads(done.stdout)

@@ -1,4 +1,6 @@
-"""Whole folds through images: what is measured agrees with the truth, also on a rig that is off."""
+"""Whole folds through images: what is measured agrees with the truth, also on a rig
+that is off.
+"""
 
 import shutil
 import struct
@@ -11,7 +13,11 @@ import pyarrow.parquet as pq
 import pytest
 import yaml
 
-from calibration.calibration import change_calibration, load_calibration, save_calibration
+from calibration.calibration import (
+    change_calibration,
+    load_calibration,
+    save_calibration,
+)
 from cell.config.places import find_configs
 from cell.devices.devices import Trial
 from cell.folding.batch import fold_all
@@ -41,16 +47,22 @@ def test_the_triangle_ends_short_of_the_fixed_edge(denim: Folded) -> None:
 def test_displacement_and_touch_are_seen_as_they_were(denim: Folded) -> None:
     truth = denim.truth.touch
     assert denim.result.displacement == pytest.approx(truth.displacement, abs=0.003)
-    assert denim.result.layer_touch == pytest.approx(truth.time - denim.origin, abs=0.05)
+    assert denim.result.layer_touch == pytest.approx(
+        truth.time - denim.origin, abs=0.05
+    )
 
 
 def test_desk_contact_is_seen_within_its_bar(denim: Folded) -> None:
     sights, ticks = denim.run.sights(), denim.run.ticks
-    travel = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(ticks.x), np.diff(ticks.z)))])
+    travel = np.concatenate(
+        [[0.0], np.cumsum(np.hypot(np.diff(ticks.x), np.diff(ticks.z)))]
+    )
     begin = float(np.interp(MASKED, travel, ticks.t))
     end = denim.result.layer_touch - 0.15
     inside = (sights.stamp > begin) & (sights.stamp < end)
-    true = np.interp(sights.stamp[inside] + denim.origin, denim.truth.t, denim.truth.contact_x)
+    true = np.interp(
+        sights.stamp[inside] + denim.origin, denim.truth.t, denim.truth.contact_x
+    )
     errors = sights.contact_x[inside] - true
     assert inside.sum() > 100
     assert np.isfinite(errors).all()
@@ -68,7 +80,9 @@ def test_profile_is_seen_within_its_bar(denim: Folded) -> None:
 
 
 def across(denim: Folded, curve: np.ndarray) -> list[np.ndarray]:
-    """A `curve` (n, 2) of the strip as it appears at depths from its near edge to its far one."""
+    """A `curve` (n, 2) of the strip as it appears at depths from its near edge to its
+    far one.
+    """
     view = denim.run.calibration().viewpoint
     shares = np.linspace(0.0, view.sweep(denim.run.header.strip_file["width"]), 8)
     return [curve + share * (view.foot() - curve) for share in shares]
@@ -81,7 +95,9 @@ def test_page_shows_the_strip_where_it_was_laid(denim: Folded) -> None:
     stamps = {note.sequence: note.stamp for note in denim.run.frame_index()}
     for outline in seen:
         true = denim.true_shape(stamps[outline.sequence])
-        off = np.min([distances(outline.plane, curve) for curve in across(denim, true)], axis=0)
+        off = np.min(
+            [distances(outline.plane, curve) for curve in across(denim, true)], axis=0
+        )
         assert np.percentile(off, 95) < 0.002
         clear = true[true[:, 0] > 0.1][:-4]  # the hand covers the ends
         assert distances(clear, outline.plane).max() < 0.006
@@ -116,10 +132,13 @@ def test_replay_notices_another_calibration(denim: Folded, tmp_path: Path) -> No
     copy = shutil.copytree(denim.result.run, tmp_path / "run", ignore=most_images)
     path = copy / "run.yaml"
     header = yaml.safe_load(path.read_text())
-    header["config"]["perception"] = {"contact_height": 0.002}  # as in runs of other versions
+    # as in runs of other versions
+    header["config"]["perception"] = {"contact_height": 0.002}
     path.write_text(yaml.safe_dump(header))
     path = copy / CALIBRATION
-    save_calibration(change_calibration(load_calibration(path), contact_bias=0.001), path)
+    save_calibration(
+        change_calibration(load_calibration(path), contact_bias=0.001), path
+    )
     assert replay(copy).differences
 
 
@@ -143,7 +162,9 @@ def test_replay_without_images_decides_again_on_what_was_seen(
 
 @pytest.fixture(scope="module")
 def secret(tmp_path_factory: pytest.TempPathFactory) -> Folded:
-    """Another strip lies there than the controller believes, and the weights are not our own."""
+    """Another strip lies there than the controller believes, and the weights are not
+    our own.
+    """
     place = tmp_path_factory.mktemp("secret")
     changes = {"name": "zebrafish", "bending_length": 0.0213}
     plant = find_configs(None).strip("denim").model_copy(update=changes)
@@ -175,7 +196,9 @@ def test_a_run_holds_nothing_of_the_plant_but_its_hash(secret: Folded) -> None:
     assert folded.result.displacement == pytest.approx(stiffer, abs=0.003)
 
 
-def test_replay_decides_with_the_weights_of_the_run(secret: Folded, tmp_path: Path) -> None:
+def test_replay_decides_with_the_weights_of_the_run(
+    secret: Folded, tmp_path: Path
+) -> None:
     folder = Path(secret.result.run)
     assert replay(folder).same
     copy = shutil.copytree(folder, tmp_path / "run")
@@ -206,10 +229,14 @@ def test_same_seed_same_bytes_whatever_the_jobs(denim: Folded, tmp_path: Path) -
 def test_record_keeps_the_contract(denim: Folded) -> None:
     folder = Path(denim.result.run)
     ticks = pq.read_table(folder / "ticks.parquet")
-    assert {"t", "x", "z", "pitch", "x_cmd", "z_cmd", "contact_x"} <= set(ticks.column_names)
+    assert {"t", "x", "z", "pitch", "x_cmd", "z_cmd", "contact_x"} <= set(
+        ticks.column_names
+    )
     assert ticks.schema.metadata[b"schema"] == b"1"
     result = yaml.safe_load((folder / "result.yaml").read_text())
-    assert result["displacement"] == pytest.approx(result["l1"] - result["l2"], abs=1e-12)
+    assert result["displacement"] == pytest.approx(
+        result["l1"] - result["l2"], abs=1e-12
+    )
     header = yaml.safe_load((folder / "run.yaml").read_text())
     assert header["strip"] == "denim"
     assert set(header["sigma"]) >= {"contact_x", "profile", "gripper", "displacement"}
@@ -221,7 +248,9 @@ def test_record_keeps_the_contract(denim: Folded) -> None:
 def test_camera_arm_and_prediction_agree(denim: Folded) -> None:
     known = {each["name"]: each for each in denim.result.line()["witnesses"]}
     assert list(known) == ["free_edge", "grip", "displacement", "edges"]
-    assert all(abs(each["difference"]) < 3.0 * each["spread"] for each in known.values())
+    assert all(
+        abs(each["difference"]) < 3.0 * each["spread"] for each in known.values()
+    )
 
 
 def test_hand_lays_the_edge_down_without_pressing_into_the_desk(denim: Folded) -> None:
@@ -245,12 +274,16 @@ RIG: dict[str, dict[str, float]] = {
 
 
 def affected(effects: Effects, folder: Path, *, accepted: bool) -> Folded:
-    """A fold of denim on a rig with `effects`; where the cell file states them, images are kept."""
+    """A fold of denim on a rig with `effects`; where the cell file states them, images
+    are kept.
+    """
     configs, record = folder / "configs", Recording("all" if accepted else "none")
     shutil.copytree(CONFIGS, configs)
     if accepted:
         written(configs / "cell.yaml", effects)
-    request = request_for("denim", "triangular", folder / "runs", configs, record=record)
+    request = request_for(
+        "denim", "triangular", folder / "runs", configs, record=record
+    )
     plant = request.strip.model_copy(update={"effects": dict(effects)})
     return fold_and_keep(replace(request, trial=Trial(seed=3, plant=plant)))
 
@@ -276,8 +309,13 @@ def test_rig_that_is_off_in_every_known_way_measures_like_one_that_is_not(
     result = folded.result
     assert result.outcome == "layer_touch"
     assert result.displacement == pytest.approx(result.displacement_true, abs=1e-3)
-    assert result.displacement_true == pytest.approx(denim.result.displacement_true, abs=1.5e-3)
-    assert np.abs(contact_errors(folded)).mean() < np.abs(contact_errors(denim)).mean() + 3e-4
+    assert result.displacement_true == pytest.approx(
+        denim.result.displacement_true, abs=1.5e-3
+    )
+    assert (
+        np.abs(contact_errors(folded)).mean()
+        < np.abs(contact_errors(denim)).mean() + 3e-4
+    )
     assert replay(Path(folded.result.run)).same
 
 
@@ -285,6 +323,9 @@ def test_rig_that_is_off_in_every_known_way_measures_like_one_that_is_not(
 def test_hidden_effect_shows(name: str, denim: Folded, tmp_path: Path) -> None:
     folded = affected({name: RIG[name]}, tmp_path, accepted=False)
     assert name != "homography_shift" or folded.result.outcome == "edges_apart"
-    off = np.abs(contact_errors(folded)).mean() > np.abs(contact_errors(denim)).mean() + 1e-3
+    off = (
+        np.abs(contact_errors(folded)).mean()
+        > np.abs(contact_errors(denim)).mean() + 1e-3
+    )
     missed = abs(folded.result.displacement - folded.result.displacement_true) > 2e-3
     assert off or missed

@@ -1,4 +1,6 @@
-"""The circle closes: a strip that folds badly is explored, its model mended, and it folds well."""
+"""The circle closes: a strip that folds badly is explored, its model mended, and it
+folds well.
+"""
 
 import numpy as np
 import pytest
@@ -12,9 +14,19 @@ YARNS, TOOL, *_ = HIDDEN_VALUES
 
 def closed(hidden: str) -> dict:
     """What was named, and displacements [mm] before and after."""
-    case = {"strip": "denim", "hidden": hidden, "scatter": "none", "folds": 2, "noise": 0}
+    case = {
+        "strip": "denim",
+        "hidden": hidden,
+        "scatter": "none",
+        "folds": 2,
+        "noise": 0,
+    }
     found = measure(case)
-    return {k: v if k == "named" else 1e3 * np.abs(v) for k, v in found.items() if k != "learned"}
+    return {
+        k: v if k == "named" else 1e3 * np.abs(v)
+        for k, v in found.items()
+        if k != "learned"
+    }
 
 
 def test_friction_of_denim_is_learned_and_the_planned_fold_lies_even() -> None:
@@ -28,5 +40,6 @@ def test_tool_longer_than_stated_is_learned_and_the_arm_makes_up_for_it() -> Non
     found = closed(TOOL)
     assert found["named"] == ["tcp_offset"]
     assert found["before_true"].min() > 6.0
-    assert found["before_seen"].max() < 4.0  # the camera trusts the arm, and is deceived with it
+    # the camera trusts the arm, and is deceived with it
+    assert found["before_seen"].max() < 4.0
     assert max(found["after_seen"].max(), found["after_true"].max()) < 3.0

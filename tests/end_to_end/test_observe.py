@@ -1,4 +1,6 @@
-"""A film of a fold gives what the cell itself saw, without the arm, by another encoder."""
+"""A film of a fold gives what the cell itself saw, without the arm, by another
+encoder.
+"""
 
 from pathlib import Path
 
@@ -31,7 +33,9 @@ def off(seen: Run, own: Run, begin: float) -> np.ndarray:
 
 
 @pytest.mark.long
-def test_a_film_by_another_encoder_gives_the_profiles_of_the_cell(tmp_path: Path) -> None:
+def test_a_film_by_another_encoder_gives_the_profiles_of_the_cell(
+    tmp_path: Path,
+) -> None:
     own, film, begin = filmed("denim", "triangular", tmp_path)
     again = encoded_again(film, "libx265")
 
@@ -39,8 +43,12 @@ def test_a_film_by_another_encoder_gives_the_profiles_of_the_cell(tmp_path: Path
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        observe(again, own.folder / CALIBRATION, "denim", tmp_path / "seen", None, interrupt)
-    with pytest.raises(ConfigurationError, match=r"free edge is at x = .*, stated length 500 mm"):
+        observe(
+            again, own.folder / CALIBRATION, "denim", tmp_path / "seen", None, interrupt
+        )
+    with pytest.raises(
+        ConfigurationError, match=r"free edge is at x = .*, stated length 500 mm"
+    ):
         observe(again, own.folder / CALIBRATION, "unknown:0.5", tmp_path / "seen")
     found = observe(again, own.folder / CALIBRATION, "denim", tmp_path / "seen")
     seen = read_run(found.folder)

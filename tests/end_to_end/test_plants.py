@@ -1,4 +1,6 @@
-"""Plants that come with the cell: fabrics as laboratories measured them, beside what it knows."""
+"""Plants that come with the cell: fabrics as laboratories measured them, beside what it
+knows.
+"""
 
 import re
 from pathlib import Path
@@ -23,7 +25,9 @@ def loaded(path: Path) -> tuple[StripFile, StripFile]:
 
 
 @pytest.mark.parametrize("path", PLANTS, ids=lambda path: path.stem)
-def test_a_plant_differs_from_its_strip_by_effects_unknown_to_the_file(path: Path) -> None:
+def test_a_plant_differs_from_its_strip_by_effects_unknown_to_the_file(
+    path: Path,
+) -> None:
     plant, strip = loaded(path)
     assert path.stem == plant.name
     assert not strip.effects
@@ -33,7 +37,9 @@ def test_a_plant_differs_from_its_strip_by_effects_unknown_to_the_file(path: Pat
 
 
 @pytest.mark.parametrize("path", PLANTS, ids=lambda path: path.stem)
-def test_friction_is_half_the_published_loop_over_the_published_rigidity(path: Path) -> None:
+def test_friction_is_half_the_published_loop_over_the_published_rigidity(
+    path: Path,
+) -> None:
     plant, _ = loaded(path)
     (entry,) = (entry for entry in plant.provenance if entry.key == YIELD)
     pairs = np.array([[float(x) for x in pair] for pair in PAIR.findall(entry.note)])

@@ -15,15 +15,35 @@ ROOT = Path(__file__).resolve().parents[2]
 
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The bin folder of a fresh environment that holds the wheel; its dependencies are ours."""
+    """The bin folder of a fresh environment that holds the wheel; its dependencies are
+    ours.
+    """
     folder = tmp_path_factory.mktemp("wheel")
-    command = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)]
+    command = [
+        sys.executable,
+        "-m",
+        "hatchling",
+        "build",
+        "-t",
+        "wheel",
+        "-d",
+        str(folder),
+    ]
     subprocess.run(command, cwd=ROOT, check=True, capture_output=True)
     (wheel,) = folder.glob("*.whl")
     home = folder / "env"
     venv.create(home, with_pip=False)
     python = home / "bin" / "python"
-    install = ["-m", "pip", "--python", str(python), "install", "--no-deps", "-q", str(wheel)]
+    install = [
+        "-m",
+        "pip",
+        "--python",
+        str(python),
+        "install",
+        "--no-deps",
+        "-q",
+        str(wheel),
+    ]
     subprocess.run([sys.executable, *install], check=True, capture_output=True)
     version = f"python{sys.version_info.major}.{sys.version_info.minor}"
     ours = sysconfig.get_paths()["purelib"]

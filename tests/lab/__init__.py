@@ -1,1 +1,3 @@
-"""Laboratory: measurements of the cell by its makers, as `python -m tests.lab COMMAND`."""
+"""Laboratory: measurements of the cell by its makers, as `python -m tests.lab
+COMMAND`.
+"""

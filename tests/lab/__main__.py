@@ -1,4 +1,6 @@
-"""Command line of the laboratory, `python -m tests.lab COMMAND`, with `--help` for each."""
+"""Command line of the laboratory, `python -m tests.lab COMMAND`, with `--help` for
+each.
+"""
 
 import ast
 import sys
@@ -13,14 +15,21 @@ from tests.lab.study_command import study
 
 HERE = Path(__file__).parent
 SCRIPTS = {
-    **{name: f"tests.lab.{name.replace('-', '_')}" for name in ("fuzz-readers", "fuzz-packets")},
+    **{
+        name: f"tests.lab.{name.replace('-', '_')}"
+        for name in ("fuzz-readers", "fuzz-packets")
+    },
     "mutants": "tests.lab.mutants",
     **{
         path.stem.replace("_", "-"): f"tests.lab.benchmarks.{path.stem}"
         for path in sorted((HERE / "benchmarks").glob("[!_]*.py"))
     },
 }
-PASS_ON = {"allow_extra_args": True, "ignore_unknown_options": True, "help_option_names": []}
+PASS_ON = {
+    "allow_extra_args": True,
+    "ignore_unknown_options": True,
+    "help_option_names": [],
+}
 
 app = typer.Typer(
     name="python -m tests.lab",
@@ -38,7 +47,9 @@ def script(given: typer.Context) -> None:
     module = import_module(SCRIPTS[str(given.info_name)])
     command = typer.Typer(add_completion=False, rich_markup_mode=None)
     command.command()(module.main)
-    sys.exit(command(given.args, standalone_mode=False, prog_name=given.command_path) or 0)
+    sys.exit(
+        command(given.args, standalone_mode=False, prog_name=given.command_path) or 0
+    )
 
 
 def _sentence(module: str) -> str:

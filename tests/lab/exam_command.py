@@ -16,18 +16,24 @@ CASE_TIMEOUT = 7200.0  # s of a case, runs through images included
 OUT_HELP = "Folder of keys, runs, verdicts, ledger [default: runs/exam-TIER-SEED]."
 
 Count = Annotated[
-    int | None, typer.Option(min=1, help="Cases [default: 300, 90 through images, 6 small].")
+    int | None,
+    typer.Option(min=1, help="Cases [default: 300, 90 through images, 6 small]."),
 ]
 Hidden = Annotated[
     Literal["nothing", "single", "pair", "outside"] | None,
-    typer.Option(help="Only cases that hide this [default: all kinds, in their shares]."),
+    typer.Option(
+        help="Only cases that hide this [default: all kinds, in their shares]."
+    ),
 ]
 Force = Annotated[
     float | None,
     typer.Option(
         min=0.0001,
         max=5.0,
-        help="Noise [N] of the strip's force, with as much left by each tare [default: no force].",
+        help=(
+            "Noise [N] of the strip's force, with as much left by each tare [default:"
+            " no force]."
+        ),
     ),
 ]
 
@@ -36,12 +42,17 @@ def exam(
     out: Annotated[Path | None, typer.Option(help=OUT_HELP)] = None,
     tier: Annotated[
         Literal["state", "images", "small"],
-        typer.Option(help="From the state, through images, or six cases from the state."),
+        typer.Option(
+            help="From the state, through images, or six cases from the state."
+        ),
     ] = "small",
     cases: Count = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the cases.")] = 0,
     repeats: Annotated[
-        int, typer.Option(min=1, max=8, help="Times that each motion is made, from the state.")
+        int,
+        typer.Option(
+            min=1, max=8, help="Times that each motion is made, from the state."
+        ),
     ] = 1,
     kind: Hidden = None,
     force: Force = None,
@@ -51,18 +62,23 @@ def exam(
         bool, typer.Option("--only-make", help="Make the runs; judge nothing.")
     ] = False,
     only_judge: Annotated[
-        bool, typer.Option("--only-judge", help="Judge the runs that OUT holds; make none.")
+        bool,
+        typer.Option("--only-judge", help="Judge the runs that OUT holds; make none."),
     ] = False,
     again: Annotated[
-        bool, typer.Option("--again", help="Judge anew what OUT already holds; runs are kept.")
+        bool,
+        typer.Option(
+            "--again", help="Judge anew what OUT already holds; runs are kept."
+        ),
     ] = False,
 ) -> None:
-    """Hide causes in plants, let the workflow find them, and hold its verdicts against the key.
+    """Hide causes in plants, let the workflow find them, and hold its verdicts against
+    the key.
 
-    What is finished is kept in OUT, with the report exam.md: an exam that was interrupted goes on
-    where it stopped, on another machine if its ledger.jsonl goes with it. Of the small exam, the
-    exit code is 1 for a name where nothing is hidden, and where more than one case in six is not
-    right.
+    What is finished is kept in OUT, with the report exam.md: an exam that was
+    interrupted goes on where it stopped, on another machine if its ledger.jsonl goes
+    with it. Of the small exam, the exit code is 1 for a name where nothing is hidden,
+    and where more than one case in six is not right.
     """
     from rich.console import Console
 
@@ -72,12 +88,19 @@ def exam(
     from tests.lab.exam.run import run_exam, summarise
 
     steps, console = _steps(make=only_make, judge=only_judge), Console(stderr=True)
-    out, wide = out or Path("runs") / f"exam-{tier}-{seed}", min(jobs, os.cpu_count() or 1)
+    out, wide = (
+        out or Path("runs") / f"exam-{tier}-{seed}",
+        min(jobs, os.cpu_count() or 1),
+    )
     chosen = engine(wide, cluster, CASE_TIMEOUT)
     _check_place(out, made=only_judge)
     with resumable(out), Meter(console, summarise) as meter:
-        wanted = load_or_draw(out, tier, cases, seed, repeats, kind, force, _print_progress, wide)
-        entries = run_exam(wanted, out, engine=chosen, meter=meter, steps=steps, again=again)
+        wanted = load_or_draw(
+            out, tier, cases, seed, repeats, kind, force, _print_progress, wide
+        )
+        entries = run_exam(
+            wanted, out, engine=chosen, meter=meter, steps=steps, again=again
+        )
     if only_make:
         failed = sum(e.state == "failed" for e in entries)
         sys.stdout.write(f"{len(wanted)} cases, {failed} failed; next: --only-judge\n")
@@ -88,16 +111,24 @@ def exam(
     results = [e.outcome.result if e.outcome else "failed" for e in entries]
     failed, wrong = results.count("failed"), sum(r not in GOOD_RESULTS for r in results)
     words = f"{len(results) - wrong} of {len(results)} right"
-    sys.stdout.write(f"{words}{f', {failed} without a verdict' if failed else ''}: {page}\n")
-    sys.exit(int(tier == "small" and (6 * wrong > len(results) or "false_alarm" in results)))
+    sys.stdout.write(
+        f"{words}{f', {failed} without a verdict' if failed else ''}: {page}\n"
+    )
+    sys.exit(
+        int(tier == "small" and (6 * wrong > len(results) or "false_alarm" in results))
+    )
 
 
 def _steps(*, make: bool, judge: bool) -> "Steps":
-    """Steps of the exam that the options request; ConfigurationError for both options at once."""
+    """Steps of the exam that the options request; ConfigurationError for both options
+    at once.
+    """
     from drivers.errors import ConfigurationError
 
     if make and judge:
-        raise ConfigurationError("--only-make, --only-judge: exclude each other; give one")
+        raise ConfigurationError(
+            "--only-make, --only-judge: exclude each other; give one"
+        )
     if make:
         return "make"
     return "judge" if judge else "all"
@@ -106,7 +137,8 @@ def _steps(*, make: bool, judge: bool) -> "Steps":
 def _check_place(out: Path, *, made: bool) -> None:
     """Check the folder `out` before an exam, which takes hours.
 
-    Raises ConfigurationError for a file, or where runs must be `made` before and it holds none.
+    Raises ConfigurationError for a file, or where runs must be `made` before and it
+    holds none.
     """
     from drivers.errors import ConfigurationError
     from tests.lab.exam.cases import KEYS_FOLDER
@@ -116,18 +148,26 @@ def _check_place(out: Path, *, made: bool) -> None:
         raise ConfigurationError(f"--out: {out} is a file; name a folder")
     if made and not any((out / name).exists() for name in (KEYS_FOLDER, LEDGER)):
         raise ConfigurationError(
-            f"--only-judge: {out} holds no runs of an exam; make them first, with --only-make"
+            f"--only-judge: {out} holds no runs of an exam; make them first, with"
+            " --only-make"
         )
 
 
 def _repeat_command(
-    tier: str, count: int, seed: int, repeats: int, kind: str | None, force: float | None
+    tier: str,
+    count: int,
+    seed: int,
+    repeats: int,
+    kind: str | None,
+    force: float | None,
 ) -> str:
     """Command line that repeats the same exam."""
     again = f" --repeats {repeats}" if repeats > 1 else ""
     again += f" --kind {kind}" if kind else ""
     again += f" --force {force:g}" if force else ""
-    return f"python -m tests.lab exam --tier {tier} --cases {count} --seed {seed}{again}"
+    return (
+        f"python -m tests.lab exam --tier {tier} --cases {count} --seed {seed}{again}"
+    )
 
 
 def _print_progress(done: int, total: int, text: str) -> None:

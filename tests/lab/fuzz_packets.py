@@ -1,7 +1,8 @@
 """Sends random packets to every port of the emulated robot, which must keep serving.
 
-`python -m tests.lab fuzz-packets [--packets N] [--seed S]` sends what the server is sent in
-CI, ten times as much. A server that no longer serves ends it with an AssertionError.
+`python -m tests.lab fuzz-packets [--packets N] [--seed S]` sends what the server is
+sent in CI, ten times as much. A server that no longer serves ends it with an
+AssertionError.
 """
 
 import time
@@ -30,15 +31,19 @@ def main(packets: int = 1_000_000, seed: int = 0) -> None:
     """Send `packets` random packets to the robot server's ports."""
     times, random = packets / SHARE, np.random.default_rng(seed)
     parts: dict[str, Callable[[RobotServer], None]] = {
-        "datagrams": lambda s: fuzz.test_datagrams_of_garbage_in_a_motion_change_nothing(s, random),
-        "streams to the arm": lambda s: fuzz.test_streams_of_garbage_end_and_hold_nobody_up(
-            s, random, 1337
+        "datagrams": lambda s: (
+            fuzz.test_datagrams_of_garbage_in_a_motion_change_nothing(s, random)
         ),
-        "streams to the hand": lambda s: fuzz.test_streams_of_garbage_end_and_hold_nobody_up(
-            s, random, 1338
+        "streams to the arm": lambda s: (
+            fuzz.test_streams_of_garbage_end_and_hold_nobody_up(s, random, 1337)
+        ),
+        "streams to the hand": lambda s: (
+            fuzz.test_streams_of_garbage_end_and_hold_nobody_up(s, random, 1338)
         ),
         "requests": lambda s: (
-            fuzz.test_requests_of_garbage_from_a_connected_client_are_answered_or_end_it(s, random)
+            fuzz.test_requests_of_garbage_from_a_connected_client_are_answered_or_end_it(
+                s, random
+            )
         ),
     }
     many = {name: max(fuzz.BATCH, int(times * getattr(fuzz, name))) for name in SCALED}

@@ -1,8 +1,8 @@
 """Feeds malformed documents and run folders to all readers of files.
 
-`python -m tests.lab fuzz-readers [--documents N] [--folders N] [--seed S]`: any error that
-is not one of the cell's own, more than 2 s of processor time for one input, or more than 1 GB of
-memory ends it with exit code 1 and the input that did it.
+`python -m tests.lab fuzz-readers [--documents N] [--folders N] [--seed S]`: any error
+that is not one of the cell's own, more than 2 s of processor time for one input, or
+more than 1 GB of memory ends it with exit code 1 and the input that did it.
 """
 
 import faulthandler
@@ -58,10 +58,10 @@ class TooLong(Exception):
 def tried(read: Callable[[], object], longest: float = LONGEST) -> str:
     """How a reader took its input: `read` or `refused`; anything else is raised.
 
-    Raises TooLong for more than `longest` [s] of processor time, also in a second try: a slow input
-    is slow again, a slowed machine is not. Who waits longer than PATIENCE ends this process, and
-    leaves its input in the folder of temporary files. What other inputs have left is not collected
-    meanwhile: that may take longer.
+    Raises TooLong for more than `longest` [s] of processor time, also in a second try:
+    a slow input is slow again, a slowed machine is not. Who waits longer than PATIENCE
+    ends this process, and leaves its input in the folder of temporary files. What other
+    inputs have left is not collected meanwhile: that may take longer.
     """
     for _ in range(2):
         gc.disable()
@@ -93,7 +93,9 @@ def document_readers() -> dict[str, tuple[dict[str, Any], Reader]]:
     """By name: a valid document, and the function that reads such files."""
     configs = find_configs(None)
     strip = yaml.safe_load(configs.strip_path("denim").read_text())
-    strip["effects"] = {"bending_hysteresis": {"yield_curvature": 20.0, "stiffness_ratio": 8.0}}
+    strip["effects"] = {
+        "bending_hysteresis": {"yield_curvature": 20.0, "stiffness_ratio": 8.0}
+    }
     strip["spread"] = {"bending_length": [0.015, 0.019]}
     arm = yaml.safe_load((configs.folder / "mechanisms/arm/mechanism.yaml").read_text())
     cell = yaml.safe_load((configs.folder / "cell.yaml").read_text())
@@ -124,24 +126,43 @@ def _camera_file() -> dict[str, Any]:
 
 GAP = {key: {"excess": 1.0} for key in ("before", "after", "floor")}
 VERDICT: dict[str, Any] = {
-    "schema": 1, "verdict": "no_gap", "effects": [], "ambiguous": [["a", "b"]],
+    "schema": 1,
+    "verdict": "no_gap",
+    "effects": [],
+    "ambiguous": [["a", "b"]],
     "unexplained": {"description": "d", "law": "l", "stable": True},
-    "base": {"bending_length": {"value": 0.02, "low": 0.01, "high": None}}, "where": [],
-    "gap": {**GAP, "shrink": 0.0, "shrink_low": 0.0, "shrink_high": 0.0}, "candidates": [],
-    "advice": [{"experiment": "e", "separates": ["a", "b"], "expected_sigma": 1.0, "minutes": 1.0}],
-    "detectable": {"seam": 1.0}, "held_out": ["r"], "runtime": 1.0, "simulations": 3,
-}  # fmt: skip
+    "base": {"bending_length": {"value": 0.02, "low": 0.01, "high": None}},
+    "where": [],
+    "gap": {**GAP, "shrink": 0.0, "shrink_low": 0.0, "shrink_high": 0.0},
+    "candidates": [],
+    "advice": [
+        {
+            "experiment": "e",
+            "separates": ["a", "b"],
+            "expected_sigma": 1.0,
+            "minutes": 1.0,
+        }
+    ],
+    "detectable": {"seam": 1.0},
+    "held_out": ["r"],
+    "runtime": 1.0,
+    "simulations": 3,
+}
 
 
 def fuzz_documents(count: int, start: int, folder: Path) -> Counter[str]:
-    """Counts of documents read or refused by each reader, `count` malformed ones in all."""
+    """Counts of documents read or refused by each reader, `count` malformed ones in
+    all.
+    """
     took: Counter[str] = Counter()
     readers = document_readers()
     for name, (whole, read) in readers.items():
         as_json = name in ("checkpoint", "verdict")
         path = folder / f"{name}.{'json' if as_json else 'yaml'}"
 
-        def check(content: bytes, path: Path = path, read: Reader = read, name: str = name) -> None:
+        def check(
+            content: bytes, path: Path = path, read: Reader = read, name: str = name
+        ) -> None:
             path.write_bytes(content)
             took[f"{name} {tried(lambda: read(path))}"] += 1
 
@@ -151,13 +172,23 @@ def fuzz_documents(count: int, start: int, folder: Path) -> Counter[str]:
 
 def made_run(root: Path) -> Path:
     """Folder of a short, complete run of the cell."""
-    header = {**HEADER, "config": find_configs(None).cell().model_dump(mode="json", by_alias=True)}
+    header = {
+        **HEADER,
+        "config": find_configs(None).cell().model_dump(mode="json", by_alias=True),
+    }
     writer = RunWriter(root, header, "key", patient=True)
     camera = straight_camera()
     save_calibration(camera, writer.folder / "calibration.yaml")
     writer.event(0.0, "origin")
     MadeFold(writer, camera, pictures=False).run(0.9)
-    facts = {"sequence": 3, "x": 0.6, "z": 0.01, "time": 0.3, "direction": 1.5, "done": False}
+    facts = {
+        "sequence": 3,
+        "x": 0.6,
+        "z": 0.01,
+        "time": 0.3,
+        "direction": 1.5,
+        "done": False,
+    }
     writer.event(0.3, "decision", **facts)
     writer.finish({**RESULT, "t_layer_touch": 0.8})
     write_truth(writer.folder, {"displacement": -0.0351, "plant": {}})
@@ -165,7 +196,9 @@ def made_run(root: Path) -> Path:
 
 
 def read_everything(folder: Path, longest: float, *, pages: bool) -> Counter[str]:
-    """Counts of readers that read or refuse a run folder; `pages` adds report and recording."""
+    """Counts of readers that read or refuse a run folder; `pages` adds report and
+    recording.
+    """
     strip = load_strip(find_configs(None).strip_path("denim"))
     readers: dict[str, Reader] = {
         "list": lambda f: list_runs(f.parent),
@@ -177,18 +210,25 @@ def read_everything(folder: Path, longest: float, *, pages: bool) -> Counter[str
     }
     if pages:
         readers |= {"report": write_report, "viz": viz_from_run}
-    return Counter(f"{name} {tried(lambda: r(folder), longest)}" for name, r in readers.items())  # noqa: B023
+    return Counter(
+        f"{name} {tried(lambda: r(folder), longest)}"  # noqa: B023
+        for name, r in readers.items()
+    )
 
 
 def longest_here(whole: Path) -> float:
-    """Allowed processor time [s] for a run folder, scaled by that of a valid one's page."""
+    """Allowed processor time [s] for a run folder, scaled by that of a valid one's
+    page.
+    """
     begun = time.process_time()
     write_report(whole)
     return LONGEST * max(1.0, (time.process_time() - begun) / PAGE)
 
 
 def fuzz_folders(count: int, start: int, root: Path, pages: int = 4) -> Counter[str]:
-    """Counts of reads and refusals of `count` malformed run folders; some are also drawn."""
+    """Counts of reads and refusals of `count` malformed run folders; some are also
+    drawn.
+    """
     took: Counter[str] = Counter()
     whole = made_run(root / "whole")
     first = copied(whole, root / "first" / whole.name)
@@ -201,7 +241,9 @@ def fuzz_folders(count: int, start: int, root: Path, pages: int = 4) -> Counter[
         (beside / "run.yaml").write_text(text.replace("seed: 7", f"seed: {seed_of}"))
 
     def check(changes: tuple[Spoiled, ...]) -> None:
-        folder = copied(whole, root / "runs" / "20261121T000000Z-denim-fold-0000", *changes)
+        folder = copied(
+            whole, root / "runs" / "20261121T000000Z-denim-fold-0000", *changes
+        )
         drawn = took["folders"] % pages == 0
         try:
             took.update(read_everything(folder, usual, pages=drawn))
@@ -222,14 +264,20 @@ def fuzz_folders(count: int, start: int, root: Path, pages: int = 4) -> Counter[
 
 
 def fuzz_acceptance(count: int, start: int, root: Path) -> Counter[str]:
-    """Counts of reads and refusals by accept and undo of `count` malformed fit folders."""
+    """Counts of reads and refusals by accept and undo of `count` malformed fit
+    folders.
+    """
     took: Counter[str] = Counter()
     root.mkdir(parents=True, exist_ok=True)
     source = find_configs(None).strip_path("denim")
     strip = yaml.safe_load(source.read_text())
     parts = {
         "fit.json": {"schema": 1, "file_sha256": "0" * 64, "effects": ["seam"]},
-        "accepted.json": {"schema": 1, "before": {str(root / "s.yaml"): "x"}, "after": {}},
+        "accepted.json": {
+            "schema": 1,
+            "before": {str(root / "s.yaml"): "x"},
+            "after": {},
+        },
         "patch.yaml": strip,
         "cell-patch.yaml": {"schema": 1, "effects": {"desk_tilt": {"angle": 0.01}}},
     }
@@ -269,7 +317,9 @@ def _drawn(strategy: Any, check: Callable[[Any], None], count: int, start: int) 
 
 
 def main(documents: int = 10_000, folders: int = 1_000, seed: int = 0) -> int:
-    """Fuzz documents, fits and folders; prints the counts, returns 1 for too much memory."""
+    """Fuzz documents, fits and folders; prints the counts, returns 1 for too much
+    memory.
+    """
     with tempfile.TemporaryDirectory() as name:
         root, began = Path(name), time.process_time()
         took = fuzz_documents(documents, seed, root)
@@ -278,5 +328,7 @@ def main(documents: int = 10_000, folders: int = 1_000, seed: int = 0) -> int:
     for what, times in sorted(took.items()):
         sys.stdout.write(f"{what:24s} {times:6d}\n")
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1000
-    sys.stdout.write(f"{time.process_time() - began:.0f} s of processor time, {peak:.0f} MB\n")
+    sys.stdout.write(
+        f"{time.process_time() - began:.0f} s of processor time, {peak:.0f} MB\n"
+    )
     return 0 if peak < MEMORY else 1

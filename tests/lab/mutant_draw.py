@@ -11,15 +11,32 @@ from pathlib import Path
 import yaml
 
 from tests.lab.mutants import ROOT, Mutant
-from tests.support.rooms import imports, lines, modules
+from tests.support.rooms import imports, modules
 
 # Modules that decide whether, where and how fast the arm moves, and what is believed.
 ROOMS = (
-    *("cell/orchestrator", "cell/learning", "cell/calibrate", "cell/folding/feasibility.py"),
+    *(
+        "cell/orchestrator",
+        "cell/learning",
+        "cell/calibrate",
+        "cell/folding/feasibility.py",
+    ),
     *("drivers/arm", "drivers/franka/limits.py", "drivers/motion.py", "calibration"),
-    *("cell/perception/model_agreement", "cell/perception/camera_watch", "cell/perception/contact"),
-    *("cell/perception/held_end", "cell/perception/laid_fold", "cell/perception/layer_touch"),
-    *("cell/perception/preflight", "cell/perception/resting_strip", "cell/perception/image_reader"),
+    *(
+        "cell/perception/model_agreement",
+        "cell/perception/camera_watch",
+        "cell/perception/contact",
+    ),
+    *(
+        "cell/perception/held_end",
+        "cell/perception/laid_fold",
+        "cell/perception/layer_touch",
+    ),
+    *(
+        "cell/perception/preflight",
+        "cell/perception/resting_strip",
+        "cell/perception/image_reader",
+    ),
 )
 IMMATERIAL = Path(__file__).with_name("mutants_immaterial.yaml")
 PLACE = re.compile(r":\d+:\d+")  # in a mutant's name
@@ -30,7 +47,8 @@ OPPOSITES = """
     And Or, Or And, min max, max min, any all, all any, minimum maximum, maximum minimum
 """
 PAIRS = [pair.split() for pair in OPPOSITES.split(",")]
-SILENT = (ast.JoinedStr, ast.Raise, ast.Assert)  # texts for persons, and places a parser misstates
+# texts for persons, and places a parser misstates
+SILENT = (ast.JoinedStr, ast.Raise, ast.Assert)
 
 
 def changes(node: ast.AST) -> Iterator[ast.AST]:
@@ -54,7 +72,9 @@ def changes(node: ast.AST) -> Iterator[ast.AST]:
             yield alone
         case ast.Name(id=name) | ast.Attribute(attr=name):
             field = "id" if isinstance(node, ast.Name) else "attr"
-            yield from (_with(node, **{field: other}) for one, other in PAIRS if one == name)
+            yield from (
+                _with(node, **{field: other}) for one, other in PAIRS if one == name
+            )
         case ast.Expr(value=ast.Call()) | ast.Raise():
             yield ast.Pass()
         case ast.Return(value=value) if value and ast.unparse(value) != "None":
@@ -62,7 +82,9 @@ def changes(node: ast.AST) -> Iterator[ast.AST]:
 
 
 def _opposites(operator: ast.AST) -> list[ast.AST]:
-    return [getattr(ast, other)() for one, other in PAIRS if one == type(operator).__name__]
+    return [
+        getattr(ast, other)() for one, other in PAIRS if one == type(operator).__name__
+    ]
 
 
 def _with(node: ast.AST, **fields: object) -> ast.AST:
@@ -73,7 +95,9 @@ def _with(node: ast.AST, **fields: object) -> ast.AST:
 
 
 def _nodes(node: ast.AST, scope: str = "") -> Iterator[tuple[str, ast.AST, ast.AST]]:
-    """Function or class, node and what stands in its place, for every change below a node."""
+    """Function or class, node and what stands in its place, for every change below a
+    node.
+    """
     yield from ((scope, node, other) for other in changes(node))
     if isinstance(node, ast.If | ast.While):
         yield scope, node.test, ast.UnaryOp(ast.Not(), node.test)
@@ -85,12 +109,16 @@ def _nodes(node: ast.AST, scope: str = "") -> Iterator[tuple[str, ast.AST, ast.A
         for child in value if isinstance(value, list) else [value]:
             if isinstance(child, ast.AST):
                 named = isinstance(child, ast.FunctionDef | ast.ClassDef)
-                yield from _nodes(child, f"{scope}.{child.name}".lstrip(".") if named else scope)
+                yield from _nodes(
+                    child, f"{scope}.{child.name}".lstrip(".") if named else scope
+                )
 
 
 @cache
 def mutants(root: Path, file: str, tests: tuple[str, ...] = ()) -> list[Mutant]:
-    """All mutants of `file` below `root`, which `tests` judge, in the order of its text."""
+    """All mutants of `file` below `root`, which `tests` judge, in the order of its
+    text.
+    """
     text = (root / file).read_text("utf-8")
     starts, found, data = [0], [], text.encode()
     for line in text.splitlines(keepends=True):
@@ -107,21 +135,29 @@ def mutants(root: Path, file: str, tests: tuple[str, ...] = ()) -> list[Mutant]:
 
 
 def drawn(count: int, seed: int) -> tuple[Mutant, ...]:
-    """`count` mutants of the rooms, from each file in proportion to its mutants and at least one.
+    """`count` mutants of the rooms, from each file in proportion to its mutants and at
+    least one.
 
-    A larger `count` by the same `seed` holds the smaller one. Those that IMMATERIAL lists are out.
+    A larger `count` by the same `seed` holds the smaller one. Those that IMMATERIAL
+    lists are out.
     """
     judged = yaml.safe_load(IMMATERIAL.read_text("utf-8"))
     known = {name for names in judged.values() for name in names}
     every = []
     for name, path in modules():
         file = str(path.relative_to(ROOT))
-        if file.startswith(ROOMS) and lines(path) > 1:
+        if file.startswith(ROOMS) and _lines(path) > 1:
             found = mutants(ROOT, file, judges(name))
             material = [m for m in found if PLACE.sub("", m.name, 1) not in known]
             every.append(sorted(material, key=lambda m: _digest(f"{seed} {m.name}")))
     share = count / max(1, sum(map(len, every)))
-    return tuple(mutant for here in every for mutant in here[: max(1, round(share * len(here)))])
+    return tuple(
+        mutant for here in every for mutant in here[: max(1, round(share * len(here)))]
+    )
+
+
+def _lines(path: Path) -> int:
+    return len(path.read_text("utf-8").splitlines())
 
 
 def _digest(text: str) -> bytes:
@@ -130,7 +166,9 @@ def _digest(text: str) -> bytes:
 
 @cache
 def judges(module: str) -> tuple[str, ...]:
-    """Test files that import a module most directly, at most NEAREST, the smallest first."""
+    """Test files that import a module most directly, at most NEAREST, the smallest
+    first.
+    """
     found, known = dict[str, None](), {module}
     for _ in range(len(modules())):
         found |= {file: None for file, path in _tests() if known & imports(path)}
@@ -143,5 +181,7 @@ def judges(module: str) -> tuple[str, ...]:
 
 @cache
 def _tests() -> list[tuple[str, Path]]:
-    paths = sorted((ROOT / "tests").rglob("test_*.py"), key=lambda path: (lines(path), path))
+    paths = sorted(
+        (ROOT / "tests").rglob("test_*.py"), key=lambda path: (_lines(path), path)
+    )
     return [(str(path.relative_to(ROOT)), path) for path in paths]

@@ -1,12 +1,14 @@
-"""Mutation testing: defects put into a copy of the tree, one by one, that tests must find.
+"""Mutation testing: defects put into a copy of the tree, one by one, that tests must
+find.
 
     python -m tests.lab mutants [PART OF A NAME ...] [--work FOLDER] [--least PERCENT]
     python -m tests.lab mutants --drawn 300 --seed 1
 
-Those of `mutants.yaml`, or as many small changes drawn from the modules that decide, which the
-nearest tests judge. What was judged before is not run again unless the mutant, its file or its
-tests have changed. Prints the score of each file and the survivors; the exit code is 1 with fewer
-than the least share killed, 2 for a mutant that does not apply or tests that fail without one.
+Those of `mutants.yaml`, or as many small changes drawn from the modules that decide,
+which the nearest tests judge. What was judged before is not run again unless the
+mutant, its file or its tests have changed. Prints the score of each file and the
+survivors; the exit code is 1 with fewer than the least share killed, 2 for a mutant
+that does not apply or tests that fail without one.
 """
 
 import hashlib
@@ -38,10 +40,19 @@ LIST = Path(__file__).with_suffix(".yaml")
 WORK = Path(tempfile.gettempdir()) / "folding-cell-mutants"
 LONGEST = 600  # s for the tests of one mutant; longer is a hang, which somebody notices
 LIBRARIES = (
-    *("numpy", "cv2", "yaml", "pydantic", "ruckig", "scipy.optimize", "scipy.spatial.transform"),
+    *(
+        "numpy",
+        "cv2",
+        "yaml",
+        "pydantic",
+        "ruckig",
+        "scipy.optimize",
+        "scipy.spatial.transform",
+    ),
     *("numba", "pyarrow", "pylibfranka"),
 )
-OWN = {"tests", "cell", "drivers", "calibration", "policies"}  # read anew, from the copy
+# read anew, from the copy
+OWN = {"tests", "cell", "drivers", "calibration", "policies"}
 BROKEN = 99  # exit code of a process in which pytest itself failed
 HUNG = "killed by time"
 
@@ -52,7 +63,9 @@ class Unusable(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Mutant:
-    """Defect: `new` text for `old`, once in `file` or at character `at`, and its `tests`."""
+    """Defect: `new` text for `old`, once in `file` or at character `at`, and its
+    `tests`.
+    """
 
     name: str
     file: str
@@ -67,12 +80,15 @@ class Mutant:
             return text[: self.at] + self.new + text[self.at + len(self.old) :]
         if text.count(self.old) != 1:
             raise Unusable(
-                f"{self.name}: its text occurs {text.count(self.old)} times in {self.file}"
+                f"{self.name}: its text occurs {text.count(self.old)} times in"
+                f" {self.file}"
             )
         return text.replace(self.old, self.new)
 
     def key(self, root: Path) -> str:
-        """Digest of all that the outcome depends on: the defect, its file, its tests."""
+        """Digest of all that the outcome depends on: the defect, its file, its
+        tests.
+        """
         names = [self.file, *(test.partition("::")[0] for test in self.tests)]
         texts = [(root / name).read_text("utf-8") for name in names]
         parts = [self.old, self.new, str(self.at), *self.tests, *texts]
@@ -82,11 +98,15 @@ class Mutant:
 def listed() -> tuple[Mutant, ...]:
     """Mutants of the list, in its order."""
     entries = yaml.safe_load(LIST.read_text("utf-8"))
-    return tuple(Mutant(**{**entry, "tests": tuple(entry["tests"])}) for entry in entries)
+    return tuple(
+        Mutant(**{**entry, "tests": tuple(entry["tests"])}) for entry in entries
+    )
 
 
 def copied(work: Path) -> Path:
-    """A copy of the working tree under `work`, in which unchanged files keep their times."""
+    """A copy of the working tree under `work`, in which unchanged files keep their
+    times.
+    """
     names = subprocess.check_output(
         ["git", "ls-files", "-co", "--exclude-standard"], cwd=ROOT, text=True
     ).splitlines()
@@ -107,7 +127,9 @@ def changed(source: Path, target: Path) -> bool:
 
 
 def tested(tree: Path, tests: Iterable[str]) -> str:
-    """Outcome of `tests` in the `tree`, in a process of their own; killed where they fail."""
+    """Outcome of `tests` in the `tree`, in a process of their own; killed where they
+    fail.
+    """
     process = get_context("fork").Process(target=_run, args=(tree, tuple(tests)))
     process.start()
     process.join(LONGEST)
@@ -115,7 +137,11 @@ def tested(tree: Path, tests: Iterable[str]) -> str:
         os.killpg(process.pid, signal.SIGKILL)
         process.join()
         return HUNG
-    return "survived" if process.exitcode in {0, pytest.ExitCode.NO_TESTS_COLLECTED} else "killed"
+    return (
+        "survived"
+        if process.exitcode in {0, pytest.ExitCode.NO_TESTS_COLLECTED}
+        else "killed"
+    )
 
 
 def _run(tree: Path, tests: tuple[str, ...]) -> None:
@@ -125,19 +151,28 @@ def _run(tree: Path, tests: tuple[str, ...]) -> None:
     os.environ |= {"PYTHONPATH": str(tree), "OMP_NUM_THREADS": "1"}
     for name in [name for name in sys.modules if name.partition(".")[0] in OWN]:
         del sys.modules[name]
-    sys.path[:] = [str(tree), *(path for path in sys.path if path not in ("", str(ROOT)))]
+    sys.path[:] = [
+        str(tree),
+        *(path for path in sys.path if path not in ("", str(ROOT))),
+    ]
     nowhere = os.open(os.devnull, os.O_WRONLY)
     for stream in (1, 2):
         os.dup2(nowhere, stream)
     code = BROKEN
     try:
-        code = int(pytest.main(["-x", "-q", "-m", "not long", "-p", "no:cacheprovider", *tests]))
+        code = int(
+            pytest.main(
+                ["-x", "-q", "-m", "not long", "-p", "no:cacheprovider", *tests]
+            )
+        )
     finally:
         os._exit(code)
 
 
 def preload() -> None:
-    """Load the libraries that tests spend most of their time loading; never the cell's own code."""
+    """Load the libraries that tests spend most of their time loading; never the cell's
+    own code.
+    """
     for name in LIBRARIES:
         if find_spec(name) is not None:
             import_module(name)
@@ -158,7 +193,8 @@ def judged(mutant: Mutant, tree: Path) -> str:
 def judge_all(mutants: tuple[Mutant, ...], work: Path) -> dict[str, str]:
     """Outcome of each mutant by its name; Unusable where tests fail without any bug.
 
-    A line of the journal in `work` keeps each, so that an interrupted run goes on where it was.
+    A line of the journal in `work` keeps each, so that an interrupted run goes on where
+    it was.
     """
     work.mkdir(parents=True, exist_ok=True)
     preload()
@@ -180,7 +216,9 @@ def judge_all(mutants: tuple[Mutant, ...], work: Path) -> dict[str, str]:
         if key not in known:
             keep(key, test, tested(tree, [test]))
         if known[key] != "survived":
-            raise Unusable(f"{test} is {known[key]} without any bug; mend it, or remove its line")
+            raise Unusable(
+                f"{test} is {known[key]} without any bug; mend it, or remove its line"
+            )
     for mutant in mutants:
         key, begun = mutant.key(tree), time.perf_counter()
         if key not in known:
@@ -193,7 +231,8 @@ def judge_all(mutants: tuple[Mutant, ...], work: Path) -> dict[str, str]:
 
 def main(
     names: Annotated[
-        list[str] | None, typer.Argument(help="Only mutants whose name contains one of these.")
+        list[str] | None,
+        typer.Argument(help="Only mutants whose name contains one of these."),
     ] = None,
     work: Path = WORK,
     least: Annotated[float, typer.Option(help="Percent that must be killed.")] = 95.0,
@@ -215,7 +254,9 @@ def main(
     survivors = [name for name, outcome in outcomes.items() if outcome == "survived"]
     for file in sorted({mutant.file for mutant in mutants}):
         here = [outcomes[mutant.name] for mutant in mutants if mutant.file == file]
-        print(f"{len(here) - here.count('survived'):4d} of {len(here):3d} killed  {file}")
+        print(
+            f"{len(here) - here.count('survived'):4d} of {len(here):3d} killed  {file}"
+        )
     killed = 100 * (1 - len(survivors) / max(len(outcomes), 1))
     print(f"{len(outcomes) - len(survivors)} of {len(outcomes)} killed, {killed:.1f} %")
     for name in survivors:

@@ -16,31 +16,42 @@ if TYPE_CHECKING:
 
 
 def study(
-    name: Annotated[str | None, typer.Argument(help="Which study; without, all are listed.")] = (
-        None
-    ),
+    name: Annotated[
+        str | None, typer.Argument(help="Which study; without, all are listed.")
+    ] = (None),
     seed: Annotated[int, typer.Option(min=0, help="Seed of the cases.")] = 0,
-    count: Annotated[int | None, typer.Option(min=1, help="Cases [default: the usual].")] = None,
+    count: Annotated[
+        int | None, typer.Option(min=1, help="Cases [default: the usual].")
+    ] = None,
     jobs: Annotated[int, typer.Option(min=1, help="Cases side by side.")] = 1,
     out: Annotated[
-        Path | None, typer.Option(help="Folder of the study [default: runs/studies/NAME-SEED].")
+        Path | None,
+        typer.Option(help="Folder of the study [default: runs/studies/NAME-SEED]."),
     ] = None,
     shard: Annotated[
-        str | None, typer.Option(help="Measure share i of n alone, as 3/40; OUT can be merged.")
+        str | None,
+        typer.Option(help="Measure share i of n alone, as 3/40; OUT can be merged."),
     ] = None,
     cluster: Cluster = None,
     show: Annotated[
-        bool, typer.Option("--show", help="Print the table of what OUT holds; measure nothing.")
+        bool,
+        typer.Option(
+            "--show", help="Print the table of what OUT holds; measure nothing."
+        ),
     ] = False,
     quick: Annotated[
         bool,
         typer.Option(
             "--quick",
-            help="The smallest size, no bar judged; without NAME, every study of seconds.",
+            help=(
+                "The smallest size, no bar judged; without NAME, every study of"
+                " seconds."
+            ),
         ),
     ] = False,
     models: Annotated[
-        Path | None, typer.Option(help="Folder of models that others wrote, for `mechanisms`.")
+        Path | None,
+        typer.Option(help="Folder of models that others wrote, for `mechanisms`."),
     ] = None,
     again: Annotated[
         bool, typer.Option("--again", help="Measure anew what OUT already holds.")
@@ -48,18 +59,22 @@ def study(
 ) -> None:
     """Measure something of the cell over many cases: with a table and intervals.
 
-    A case that OUT holds, by the same code, is done: the same command goes on where it stopped.
+    A case that OUT holds, by the same code, is done: the same command goes on where it
+    stopped.
     """
     from drivers.errors import ConfigurationError
     from tests.lab.studies.campaign import StudyRequest
     from tests.lab.studies.catalogue import studies, study_of
 
     if models is not None:
-        os.environ["STUDY_MODELS"] = str(models.resolve())  # processes of the study inherit it
+        # processes of the study inherit it
+        os.environ["STUDY_MODELS"] = str(models.resolve())
     if name is None and not quick:
         _print_studies()
         return
-    chosen = [s for s in studies().values() if s.quick] if name is None else [study_of(name)]
+    chosen = (
+        [s for s in studies().values() if s.quick] if name is None else [study_of(name)]
+    )
     kept = True
     for each in chosen:
         size = count or (max(each.quick, 1) if quick else each.usual)
@@ -67,7 +82,8 @@ def study(
         asked = StudyRequest(each, seed, size, folder)
         if show and not asked.journal.is_dir():
             raise ConfigurationError(
-                f"--show: {folder} holds no case of {each.name}; measure some first, without it"
+                f"--show: {folder} holds no case of {each.name}; measure some first,"
+                " without it"
             )
         if not show:
             _measure(asked, engine(jobs, cluster, each.limit), _shard(shard), again)
@@ -77,7 +93,9 @@ def study(
 
 
 def _study_folder(out: Path | None, own: str, *, alone: bool) -> Path:
-    """Folder of a study: OUT itself for one that runs alone, or else the folder `own` in it."""
+    """Folder of a study: OUT itself for one that runs alone, or else the folder `own`
+    in it.
+    """
     if out is not None and alone:
         return out
     return (out or Path("runs/studies")) / own
@@ -97,11 +115,15 @@ def _shard(given: str | None) -> tuple[int, int]:
     found = re.fullmatch(r"(\d+)/(\d+)", given or "1/1")
     number, count = map(int, found.groups()) if found else (0, 0)
     if not 1 <= number <= count:
-        raise ConfigurationError(f"--shard: {given!r}; give i/n with i from 1 to n, like 3/40")
+        raise ConfigurationError(
+            f"--shard: {given!r}; give i/n with i from 1 to n, like 3/40"
+        )
     return number, count
 
 
-def _measure(asked: "StudyRequest", by: "Engine", shard: tuple[int, int], again: bool) -> None:
+def _measure(
+    asked: "StudyRequest", by: "Engine", shard: tuple[int, int], again: bool
+) -> None:
     from rich.console import Console
 
     from cell.campaign.progress import Meter
@@ -112,12 +134,16 @@ def _measure(asked: "StudyRequest", by: "Engine", shard: tuple[int, int], again:
 
 
 def _print_study(asked: "StudyRequest") -> tuple[bool, bool]:
-    """Print a study and write its table; returns whether bars are kept and cases failed."""
+    """Print a study and write its table; returns whether bars are kept and cases
+    failed.
+    """
     from tests.lab.studies.campaign import read_study
     from tests.lab.studies.table import keeps_bars, markdown, rows, write_table
 
     found = read_study(asked)
     written = write_table(found)
     page = "" if asked.study.ledger is None else asked.study.ledger.of(found.outcomes)
-    sys.stdout.write(f"{asked.study.question}\n\n{markdown(found)}  {written}\n{page}\n")
+    sys.stdout.write(
+        f"{asked.study.question}\n\n{markdown(found)}  {written}\n{page}\n"
+    )
     return keeps_bars(rows(found)), bool(found.lost)

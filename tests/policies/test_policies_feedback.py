@@ -1,4 +1,6 @@
-"""The feedback policy: the paper's network, its checkpoint, and what it may never do."""
+"""The feedback policy: the paper's network, its checkpoint, and what it may never
+do.
+"""
 
 import json
 from pathlib import Path
@@ -30,7 +32,9 @@ def observation(x: Array, z: Array, contact: Array) -> Observation:
 
 def checkpoint(weights: Array) -> Checkpoint:
     training = Training(seed=0, generations=1, folds=1)
-    return Checkpoint(schema=1, policy="feedback", weights=tuple(weights), training=training)
+    return Checkpoint(
+        schema=1, policy="feedback", weights=tuple(weights), training=training
+    )
 
 
 def test_fold_ends_once_the_gripper_has_gone_by_the_fixed_edge() -> None:

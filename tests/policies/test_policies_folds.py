@@ -1,4 +1,6 @@
-"""What the policies reach in the rod: the paper's signs and numbers, and the committed weights."""
+"""What the policies reach in the rod: the paper's signs and numbers, and the committed
+weights.
+"""
 
 import json
 from pathlib import Path
@@ -23,7 +25,9 @@ CONFIGS = Path(__file__).parents[2] / "configs" / "strips"
 STRIPS = [load_strip(path) for path in sorted(CONFIGS.glob("*.yaml"))]
 
 
-def fold(name: str, strips: list[StripFile], seed: int = 0, engine: Stepper | None = None) -> Folds:
+def fold(
+    name: str, strips: list[StripFile], seed: int = 0, engine: Stepper | None = None
+) -> Folds:
     models = [describe(strip) for strip in strips]
     rng = np.random.default_rng(seed)
     policy, judge = make_policy(name), engine or Rod()
@@ -41,7 +45,7 @@ def test_ten_fabrics_lie_in_the_papers_range_and_say_where_they_come_from() -> N
         assert sources["retardation_time"] == "assumed"
 
 
-def test_triangle_falls_short_and_circle_reaches_past_on_every_fabric_as_in_the_paper() -> None:
+def test_triangle_falls_short_and_circle_reaches_past_on_every_fabric_as_in_the_paper():
     short = fold("triangular", STRIPS).displacement
     past = fold("circular", STRIPS).displacement
     assert np.all(short < 0)
@@ -67,7 +71,9 @@ def test_feedback_trained_in_the_rod_folds_every_fabric_on_the_chain() -> None:
 
 def test_committed_weights_come_with_the_journal_of_their_training() -> None:
     training = load_checkpoint(COMMITTED).training
-    header, *lines = map(json.loads, COMMITTED.with_suffix(".jsonl").read_text().splitlines())
+    header, *lines = map(
+        json.loads, COMMITTED.with_suffix(".jsonl").read_text().splitlines()
+    )
     settings = TrainingSettings(**header["settings"])
     assert len(lines) == training.generations == settings.generations
     assert training.folds == training.generations * settings.folds_per_generation

@@ -22,12 +22,22 @@ def observe(time: float, points: Array) -> Observation:
     n = len(points)
     blank = np.full(n, np.nan)
     return Observation(
-        np.full(n, time), points[:, 0], points[:, 1], np.full(n, time), blank, blank, blank
+        np.full(n, time),
+        points[:, 0],
+        points[:, 1],
+        np.full(n, time),
+        blank,
+        blank,
+        blank,
     )
 
 
-def follow(policy: Policy, start: Array, acceleration: float = 2.0) -> tuple[Array, Array]:
-    """Trace (k, n, 2) of grippers whose velocity answers within `acceleration`, and done (n,)."""
+def follow(
+    policy: Policy, start: Array, acceleration: float = 2.0
+) -> tuple[Array, Array]:
+    """Trace (k, n, 2) of grippers whose velocity answers within `acceleration`, and
+    done (n,).
+    """
     policy.reset(STRIP, SPEED, len(start))
     points, velocity = start.copy(), np.zeros_like(start)
     trace = [points.copy()]
@@ -40,7 +50,9 @@ def follow(policy: Policy, start: Array, acceleration: float = 2.0) -> tuple[Arr
         heading = np.stack([np.cos(decision.direction), np.sin(decision.direction)], -1)
         change = decision.speed[:, None] * heading - velocity
         size = np.linalg.norm(change, axis=-1, keepdims=True)
-        velocity += change * np.minimum(1.0, acceleration * PERIOD / np.maximum(size, 1e-12))
+        velocity += change * np.minimum(
+            1.0, acceleration * PERIOD / np.maximum(size, 1e-12)
+        )
         points = points + velocity * PERIOD
         trace.append(points.copy())
     return np.array(trace), done
@@ -58,13 +70,17 @@ def takeover(path: Path) -> Array:
 
 
 @pytest.mark.parametrize("name", ["triangular", "circular", "shifted"])
-def test_gripper_stays_within_a_millimetre_of_the_path_but_at_the_apex(name: str) -> None:
+def test_gripper_stays_within_a_millimetre_of_the_path_but_at_the_apex(
+    name: str,
+) -> None:
     policy = make_policy(name)
     policy.reset(STRIP, SPEED, 1)
     path = policy.lift()
     trace, done = follow(policy, takeover(path))
     away = distance_to(path, trace[:-1, 0])
-    apex = path.at(path.length / 2) if name != "circular" else np.array([np.inf, np.inf])
+    apex = (
+        path.at(path.length / 2) if name != "circular" else np.array([np.inf, np.inf])
+    )
     near_apex = np.linalg.norm(trace[:-1, 0] - apex, axis=-1) < 0.03
     assert done.all()
     assert away[~near_apex].max() < 1e-3
@@ -73,7 +89,9 @@ def test_gripper_stays_within_a_millimetre_of_the_path_but_at_the_apex(name: str
 
 
 def test_batch_of_grippers_moves_like_each_alone() -> None:
-    starts = takeover(triangular(0.6)) + np.array([[0.0, 0.0], [0.002, 0.0], [-0.02, 0.02]])
+    starts = takeover(triangular(0.6)) + np.array(
+        [[0.0, 0.0], [0.002, 0.0], [-0.02, 0.02]]
+    )
     together, _ = follow(make_policy("triangular"), starts)
     for j, start in enumerate(starts):
         alone, _ = follow(make_policy("triangular"), start[None])
@@ -91,10 +109,14 @@ def test_lift_that_does_not_push_bends_no_strip_sharply(bending_length: float) -
 def sharpest(path: Path, strip: StripFile) -> float:
     """Largest curvature [1/m] on the way to the take-over."""
     t = np.arange(0.0, 1.6, 0.005)
-    shapes = simulate(Rod(80), describe(strip), t, path.poses(0.1 * t), shapes=True).shapes
+    shapes = simulate(
+        Rod(80), describe(strip), t, path.poses(0.1 * t), shapes=True
+    ).shapes
     lifted = shapes[shapes[:, -1, 1] < 0.1]
     steps = np.diff(lifted, axis=1)
-    turned = np.diff(np.unwrap(np.arctan2(steps[..., 1], steps[..., 0]), axis=1), axis=1)
+    turned = np.diff(
+        np.unwrap(np.arctan2(steps[..., 1], steps[..., 0]), axis=1), axis=1
+    )
     return float(np.abs(turned).max() / (strip.length / 80))
 
 

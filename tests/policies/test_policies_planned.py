@@ -21,7 +21,9 @@ STIFF_YARN = {"bending_hysteresis": {"yield_curvature": 12.0}}
 def displacements(policy: Planned, strips: list[StripFile], engine: object) -> Array:
     models = [describe(strip) for strip in strips]
     rng = np.random.default_rng(0)
-    return roll_out(policy, engine, strips[0], models, settings=Rollout(), rng=rng).displacement
+    return roll_out(
+        policy, engine, strips[0], models, settings=Rollout(), rng=rng
+    ).displacement
 
 
 def test_known_strips_fold_within_a_millimetre_in_the_rod() -> None:
@@ -32,7 +34,9 @@ def test_known_strips_fold_within_a_millimetre_in_the_rod() -> None:
 
 
 def test_plan_made_in_the_rod_holds_on_the_chain() -> None:
-    strips = [strip_at(u, v) for u, v in ((0.0, 0.0), (0.2, 0.9), (0.6, 0.4), (1.0, 1.0))]
+    strips = [
+        strip_at(u, v) for u, v in ((0.0, 0.0), (0.2, 0.9), (0.6, 0.4), (1.0, 1.0))
+    ]
     d = displacements(Planned(strips), strips, Chain(60))
     assert np.abs(d).mean() < 0.002
     assert np.abs(d).max() < 0.006

@@ -21,7 +21,9 @@ ARC = np.linspace(0.0, 0.6, 13)
 
 
 class Ideal:
-    """An engine whose contact is the gripper's x, touching once a gripper comes to `touch_at`."""
+    """An engine whose contact is the gripper's x, touching once a gripper comes to
+    `touch_at`.
+    """
 
     def __init__(self, touch_at: float) -> None:
         self.touch_at = touch_at
@@ -37,7 +39,9 @@ class Ideal:
         self.poses.append(poses.copy())
         for j, pose in enumerate(poses):
             if self.touch[j] is None and pose[0] < self.touch_at:
-                self.touch[j] = Touch(self._time, 0.3, to_grasped=0.31 + 0.001 * j, to_fixed=0.3)
+                self.touch[j] = Touch(
+                    self._time, 0.3, to_grasped=0.31 + 0.001 * j, to_fixed=0.3
+                )
         ones = np.ones(len(poses))
         tip = poses[:, :2]
         return Observables(poses[:, 0], tip, 2.0 * ones, tip, tuple(self.touch))
@@ -74,7 +78,9 @@ class Watcher:
 def fold(policy: object, engine: Ideal, count: int = 2, **settings: object) -> object:
     models = [describe(STRIP)] * count
     chosen = Rollout(**{"sensing": EXACT_SENSING, **settings})
-    return roll_out(policy, engine, STRIP, models, settings=chosen, rng=np.random.default_rng(0))
+    return roll_out(
+        policy, engine, STRIP, models, settings=chosen, rng=np.random.default_rng(0)
+    )
 
 
 def test_touch_is_scored_and_force_is_its_mean() -> None:

@@ -38,7 +38,9 @@ def in_bowl(compute, calls):
     return enumerate(shape(*asked) for _settings, *asked in calls)
 
 
-def train(folder: Path, generations: int, settings: TrainingSettings = SETTINGS) -> Search:
+def train(
+    folder: Path, generations: int, settings: TrainingSettings = SETTINGS
+) -> Search:
     search = Search(settings, folder)
     run = search.run(in_bowl)
     for _ in range(generations):
@@ -47,23 +49,31 @@ def train(folder: Path, generations: int, settings: TrainingSettings = SETTINGS)
     return search
 
 
-def test_run_killed_twice_ends_with_the_weights_of_one_left_alone(tmp_path: Path) -> None:
+def test_run_killed_twice_ends_with_the_weights_of_one_left_alone(
+    tmp_path: Path,
+) -> None:
     alone = train(tmp_path / "alone", 99)
     train(tmp_path / "killed", 3)
     train(tmp_path / "killed", 5)
     again = train(tmp_path / "killed", 99)
     np.testing.assert_array_equal(alone.weights, again.weights)
     paths = [tmp_path / name / "feedback.jsonl" for name in ("alone", "killed")]
-    assert [len(TrainingJournal(path, SETTINGS, frozenset()).lines) for path in paths] == [12, 12]
+    assert [
+        len(TrainingJournal(path, SETTINGS, frozenset()).lines) for path in paths
+    ] == [12, 12]
 
 
 def test_journal_of_other_settings_is_refused_and_says_which(tmp_path: Path) -> None:
     train(tmp_path, 2)
     other = SETTINGS.model_copy(update={"seed": 1})
-    with pytest.raises(ConfigurationError, match=r"other settings \(seed is 0 there, 1 here\)"):
+    with pytest.raises(
+        ConfigurationError, match=r"other settings \(seed is 0 there, 1 here\)"
+    ):
         train(tmp_path, 1, other)
     fewer = SETTINGS.model_copy(update={"generations": 1})
-    with pytest.raises(ConfigurationError, match="2 generations are done there, 1 asked here"):
+    with pytest.raises(
+        ConfigurationError, match="2 generations are done there, 1 asked here"
+    ):
         train(tmp_path, 1, fewer)
 
 
@@ -94,7 +104,9 @@ def test_cost_is_the_papers_reward_and_no_touch_is_the_worst() -> None:
         b'{"schema": 1}\n{"a": 1}\n',
     ],
 )
-def test_file_that_is_no_journal_is_refused_and_kept(tmp_path: Path, content: bytes) -> None:
+def test_file_that_is_no_journal_is_refused_and_kept(
+    tmp_path: Path, content: bytes
+) -> None:
     path = tmp_path / "feedback.jsonl"
     path.write_bytes(content)
     with pytest.raises(ConfigurationError, match=r"feedback\.jsonl: ") as refused:

@@ -16,11 +16,14 @@ SEEN = 0.91  # m that the image shows in x, of a camera that looks straight at t
 
 
 def configure(folder: Path, camera: V4l2Settings) -> None:
-    """Copy the packaged configuration to `folder`, with `camera` and an assumed calibration."""
+    """Copy the packaged configuration to `folder`, with `camera` and an assumed
+    calibration.
+    """
     plain = yaml.safe_load((CONFIGS / "cell.yaml").read_text())
     plain["camera"] = camera.model_dump(exclude_defaults=True)
     plain["calibration"] = "assumed.yaml"
-    plain["monitors"] = {"arm_age": 0.5, "image_age": 1.0}  # s; an emulated processor is slow
+    # s; an emulated processor is slow
+    plain["monitors"] = {"arm_age": 0.5, "image_age": 1.0}
     plain["twin"]["world"] |= {"strip": False}  # no camera sees it
     (folder / "cell.yaml").write_text(yaml.safe_dump(plain))
     (folder / "strips").symlink_to(CONFIGS / "strips")
@@ -35,5 +38,9 @@ def _assumed(camera: V4l2Settings) -> Calibration:
     upright = np.array([[metre, 0, -0.1], [0, -metre, 0.4], [0, 0, 1]])
     today = datetime.now(UTC).isoformat(timespec="seconds")
     return make_calibration(
-        lens, Homography.from_matrix(upright), residual_mm=0.3, date=today, camera=camera.identity
+        lens,
+        Homography.from_matrix(upright),
+        residual_mm=0.3,
+        date=today,
+        camera=camera.identity,
     )

@@ -24,7 +24,8 @@ def projected(
     noise: float = 0.05,
     bow: float = 0.0,
 ) -> BoardView:
-    """Board view `wanted` projected by `lens`, corners with `noise` [px]; outside ones are missing.
+    """Board view `wanted` projected by `lens`, corners with `noise` [px]; outside ones
+    are missing.
 
     `bow` [m] is by how much the ends of the board bend away from its middle.
     """
@@ -34,7 +35,9 @@ def projected(
     lean = Rotation.from_euler("YXZ", (-wanted.turn, -wanted.tilt, wanted.roll))
     turned = lean.apply(centred)
     depth = float(lens.matrix[0, 0]) * settings.width / (wanted.size * lens.width)
-    middle = np.array([wanted.x * lens.width, wanted.y * lens.height]) - lens.matrix[:2, 2]
+    middle = (
+        np.array([wanted.x * lens.width, wanted.y * lens.height]) - lens.matrix[:2, 2]
+    )
     seen = turned + np.append(middle / lens.matrix[0, 0] * depth, depth)
     ideal = seen[:, :2] / seen[:, 2:] * lens.matrix[0, 0] + lens.matrix[:2, 2]
     image = lens.distort(ideal) + noise * rng.standard_normal((len(board), 2))
@@ -43,41 +46,67 @@ def projected(
 
 
 def session(
-    settings: BoardSettings, *, lean: float | None = None, noise: float = 0.05, seed: int = 0
+    settings: BoardSettings,
+    *,
+    lean: float | None = None,
+    noise: float = 0.05,
+    seed: int = 0,
 ) -> dict[int, BoardView]:
-    """All wanted views by number, with the largest tilt `lean` [rad] or the settings' own."""
+    """All wanted views by number, with the largest tilt `lean` [rad] or the settings'
+    own.
+    """
     rng = np.random.default_rng(seed)
     leaning = settings.lean if lean is None else lean
     views = wanted_views(leaning, settings.sizes)
-    return {k: projected(view, rng, settings, noise=noise) for k, view in enumerate(views)}
+    return {
+        k: projected(view, rng, settings, noise=noise) for k, view in enumerate(views)
+    }
 
 
-def bent_session(settings: BoardSettings, bow: float, seed: int) -> dict[int, BoardView]:
-    """All wanted views of a board bent by `bow` [m], through a camera drawn at random."""
+def bent_session(
+    settings: BoardSettings, bow: float, seed: int
+) -> dict[int, BoardView]:
+    """All wanted views of a board bent by `bow` [m], through a camera drawn at
+    random.
+    """
     rng = np.random.default_rng(seed)
-    focal, noise, off = rng.uniform(2200, 4500), rng.uniform(0.03, 0.15), rng.uniform(-15, 15, 2)
+    focal, noise, off = (
+        rng.uniform(2200, 4500),
+        rng.uniform(0.03, 0.15),
+        rng.uniform(-15, 15, 2),
+    )
     matrix = [[focal, 0, 640 + off[0]], [0, focal, 360 + off[1]], [0, 0, 1]]
     distortion = [rng.uniform(-0.3, 0.05), rng.uniform(-0.1, 0.2), 0.0, 0.0, 0.0]
     lens = Lens(1280, 720, frozen(matrix), frozen(distortion))
     views = wanted_views(settings.lean, settings.sizes)
-    return {k: projected(view, rng, settings, lens, noise, bow) for k, view in enumerate(views)}
+    return {
+        k: projected(view, rng, settings, lens, noise, bow)
+        for k, view in enumerate(views)
+    }
 
 
 def arm_steps(rng: np.random.Generator) -> Array:
     """Positions (1000,) [m] along x of smooth steps within 10 s, at 100 Hz."""
     t = np.arange(0.0, 10.0, 0.01)
-    x = 0.25 + 0.06 * (1 - np.cos(2 * np.pi * t / 1.5)) + 2e-5 * rng.standard_normal(len(t))
+    x = (
+        0.25
+        + 0.06 * (1 - np.cos(2 * np.pi * t / 1.5))
+        + 2e-5 * rng.standard_normal(len(t))
+    )
     return np.column_stack([t, x, np.full(len(t), 0.15)])
 
 
 def steps_seen(
     arm: Array, stamps: Array, shown: Array, noise: float, rng: np.random.Generator
 ) -> LatencySteps:
-    """Steps of the `arm` (n, 3) in images with `stamps` [s], each of the moment `shown` [s].
+    """Steps of the `arm` (n, 3) in images with `stamps` [s], each of the moment `shown`
+    [s].
 
     The pointer's centre has `noise` [px].
     """
     x = np.interp(shown, arm[:, 0], arm[:, 1])
     pixels = LENS.distort(MAP.to_image(np.column_stack([x, np.full(len(x), 0.15)])))
     pixels = pixels + noise * rng.standard_normal(pixels.shape)
-    return LatencySteps(arm=arm.tolist(), seen=np.column_stack([stamps, pixels]).tolist())
+    return LatencySteps(
+        arm=arm.tolist(), seen=np.column_stack([stamps, pixels]).tolist()
+    )

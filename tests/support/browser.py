@@ -15,9 +15,16 @@ from websockets.sync.client import ClientConnection, connect
 
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 FOUND = next(filter(None, map(shutil.which, NAMES)), None)
-FLAGS = ("--headless=new", "--no-sandbox", "--disable-gpu", "--hide-scrollbars",
-         "--disable-dev-shm-usage", "--no-first-run", "--disable-background-networking",
-         "--remote-debugging-port=0")  # fmt: skip
+FLAGS = (
+    "--headless=new",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--hide-scrollbars",
+    "--disable-dev-shm-usage",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--remote-debugging-port=0",
+)
 AUDIT = (Path(__file__).parent / "page_audit.js").read_text(encoding="utf-8")
 
 
@@ -58,7 +65,8 @@ class Browser:
         if answer.get("method") == "Runtime.exceptionThrown":
             details = answer["params"]["exceptionDetails"]
             self.complaints.append(
-                f"{details['text']} {details.get('exception', {}).get('description', '')}"
+                f"{details['text']}"
+                f" {details.get('exception', {}).get('description', '')}"
             )
         entry = answer.get("params", {}).get("entry", {})
         if answer.get("method") == "Log.entryAdded" and entry.get("level") == "error":
@@ -66,9 +74,16 @@ class Browser:
         return answer
 
     def problems(self, page: Path, look: Look) -> list[str]:
-        """Faults of `page`: errors, broken images, overflow, too small or faint text."""
+        """Faults of `page`: errors, broken images, overflow, too small or faint
+        text.
+        """
         self.complaints = []
-        size = {"width": look.width, "height": 900, "deviceScaleFactor": 1, "mobile": False}
+        size = {
+            "width": look.width,
+            "height": 900,
+            "deviceScaleFactor": 1,
+            "mobile": False,
+        }
         self.ask("Emulation.setDeviceMetricsOverride", **size)
         media = [{"name": "prefers-color-scheme", "value": look.scheme}]
         self.ask("Emulation.setEmulatedMedia", features=media)
@@ -80,7 +95,9 @@ class Browser:
         return [*self.complaints, *self.evaluate(AUDIT)]
 
     def evaluate(self, expression: str) -> Any:
-        """Value of a JavaScript `expression` in the page; RuntimeError where it throws."""
+        """Value of a JavaScript `expression` in the page; RuntimeError where it
+        throws.
+        """
         wanted = {"expression": expression, "returnByValue": True, "awaitPromise": True}
         found = self.ask("Runtime.evaluate", **wanted)
         if "exceptionDetails" in found:
@@ -88,7 +105,9 @@ class Browser:
         return found["result"].get("value")
 
     def point(self, x: float, y: float, *kinds: str, **more: Any) -> None:
-        """Send mouse events `kinds`, such as mousePressed, at a place of the window [px]."""
+        """Send mouse events `kinds`, such as mousePressed, at a place of the window
+        [px].
+        """
         for kind in kinds:
             self.ask("Input.dispatchMouseEvent", type=kind, x=x, y=y, **more)
 
@@ -120,4 +139,6 @@ def _first_tab(tabs: str) -> str:
 
     with urlopen(f"{tabs}/json/list") as answer:  # noqa: S310  of our own browser
         listed = json.load(answer)
-    return next(str(tab["webSocketDebuggerUrl"]) for tab in listed if tab["type"] == "page")
+    return next(
+        str(tab["webSocketDebuggerUrl"]) for tab in listed if tab["type"] == "page"
+    )

@@ -12,12 +12,19 @@ from drivers.errors import ConfigurationError
 
 
 def length_of_key(key: str, marks: Path | None, seconds: float) -> Mapping[str, Any]:
-    """Length of `key` as a measurement; appends a line to the file `marks` each time."""
+    """Length of `key` as a measurement; appends a line to the file `marks` each
+    time.
+    """
     time.sleep(seconds)
     if marks is not None:
         with marks.open("a") as stream:
             stream.write(key + "\n")
-    return {"kind": "effect", "policy": key, "effect": "", "displacement": (0.01 * len(key),)}
+    return {
+        "kind": "effect",
+        "policy": key,
+        "effect": "",
+        "displacement": (0.01 * len(key),),
+    }
 
 
 def refuse(*_: object) -> Mapping[str, Any]:

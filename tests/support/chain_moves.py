@@ -17,7 +17,9 @@ LENGTH = 0.6  # m
 
 def middling(**changes: object) -> StripFile:
     """Strip in the middle of the paper's parameter range."""
-    return paper_strip(0.0775, 7 * paper_damping_minimum(0.0775)).model_copy(update=changes)
+    return paper_strip(0.0775, 7 * paper_damping_minimum(0.0775)).model_copy(
+        update=changes
+    )
 
 
 def fold(strip: StripFile, path: Path, links: int = 60, dt: float = H) -> StripMotion:
@@ -43,7 +45,9 @@ def carry(chain: Chain, travel: float, path: Path) -> Array:
 
 
 def settle(chain: Chain, pose: Array, seconds: float) -> Array:
-    """Step with the gripper at rest for `seconds`; returns the final midline (nodes, 2) [m]."""
+    """Step with the gripper at rest for `seconds`; returns the final midline (nodes, 2)
+    [m].
+    """
     for _ in range(round(seconds / H)):
         chain.step(pose[None], H)
     return chain.shapes()[0]

@@ -1,4 +1,6 @@
-"""Child processes of the test process, found by `ps`, and folds in processes of their own."""
+"""Child processes of the test process, found by `ps`, and folds in processes of their
+own.
+"""
 
 import os
 import subprocess
@@ -8,11 +10,16 @@ from pathlib import Path
 
 
 def children(name: str) -> list[int]:
-    """IDs of the `drivers.child` processes of this one whose main function's name has `name`."""
+    """IDs of the `drivers.child` processes of this one whose main function's name has
+    `name`.
+    """
     found = []
     for folder in Path("/proc").glob("[0-9]*"):
         try:
-            stat, command = (folder / "stat").read_text(), (folder / "cmdline").read_text()
+            stat, command = (
+                (folder / "stat").read_text(),
+                (folder / "cmdline").read_text(),
+            )
         except OSError:
             continue
         parent = int(stat.rpartition(")")[2].split()[1])

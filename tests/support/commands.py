@@ -8,7 +8,8 @@ from cell.__main__ import main
 def run(monkeypatch: pytest.MonkeyPatch, *words: object) -> int:
     """Exit code of `cell` called with `words` as arguments."""
     monkeypatch.setattr("sys.argv", ["cell", *map(str, words)])
-    monkeypatch.setattr("__main__.__package__", None)  # else `python -m pytest` is named
+    # else `python -m pytest` is named
+    monkeypatch.setattr("__main__.__package__", None)
     with pytest.raises(SystemExit) as ended:
         main()
     return int(ended.value.code or 0)

@@ -55,7 +55,9 @@ def candidate(name: str, signed: bool) -> Candidate:
 
 @dataclass
 class Curves(Subject):
-    """Subject y = offset + slope t + effects + a shift of each run; `truth` is hidden."""
+    """Subject y = offset + slope t + effects + a shift of each run; `truth` is
+    hidden.
+    """
 
     truth: Law
     names: Sequence[str] = ("bump", "wave", "dead")
@@ -72,7 +74,12 @@ class Curves(Subject):
         rng = np.random.default_rng(self.seed)
         for index in range(self.repeats * len(SPEEDS)):
             condition = list(SPEEDS)[index % len(SPEEDS)]
-            y = 0.2 + 0.5 * T + 0.03 * rng.standard_normal() + self.noise * rng.standard_normal(60)
+            y = (
+                0.2
+                + 0.5 * T
+                + 0.03 * rng.standard_normal()
+                + self.noise * rng.standard_normal(60)
+            )
             y = y + self.scatter * rng.standard_normal() * T**2
             self.runs.append(
                 self.run(index, condition, y + self.truth(T, SPEEDS[condition], index))
@@ -82,9 +89,16 @@ class Curves(Subject):
         words = np.full(60, "angle")
         phase = np.where(T < 0.5, "lift", "fall")
         samples = Samples(
-            words, phase, np.full(60, "middle"), words, T, np.full(60, self.noise),
-            np.full(60, self.noise), np.zeros(60), np.zeros(60, dtype=np.int64),
-        )  # fmt: skip
+            words,
+            phase,
+            np.full(60, "middle"),
+            words,
+            T,
+            np.full(60, self.noise),
+            np.full(60, self.noise),
+            np.zeros(60),
+            np.zeros(60, dtype=np.int64),
+        )
         shift = Parameter("shift", "m", 0.0, -np.inf, np.inf, 1e-4, 0.1)
         return Run(f"r{index}", condition, samples, (shift,), (condition, y), index)
 
@@ -96,7 +110,9 @@ class Curves(Subject):
         )
         quantity = Quantity("angle_mrad", 1e3, "mrad")
         return Scope(
-            base, tuple(candidate(name, self.signed) for name in self.names), {"angle": quantity}
+            base,
+            tuple(candidate(name, self.signed) for name in self.names),
+            {"angle": quantity},
         )
 
     def simulate(self, requests: Sequence[Request]) -> list[Residuals]:
@@ -114,10 +130,17 @@ class Curves(Subject):
         return values[0] * LAWS[name](T, speed, 0)
 
     def experiments(self) -> Sequence[Experiment]:
-        return [Experiment("fast", "make it fast", 1.0, self.run(99, "faster", np.zeros(60)))]
+        return [
+            Experiment(
+                "fast", "make it fast", 1.0, self.run(99, "faster", np.zeros(60))
+            )
+        ]
 
     def patch(
-        self, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]], source: str
+        self,
+        base: Mapping[str, float],
+        effects: Mapping[str, Mapping[str, float]],
+        source: str,
     ) -> tuple[dict[str, object], None]:
         return {"base": dict(base), "effects": dict(effects), "source": source}, None
 

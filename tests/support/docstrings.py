@@ -1,4 +1,6 @@
-"""Public functions whose docstrings leave out the shape of an array or an error that they raise."""
+"""Public functions whose docstrings leave out the shape of an array or an error that
+they raise.
+"""
 
 import ast
 import re
@@ -15,7 +17,9 @@ Function = ast.FunctionDef | ast.AsyncFunctionDef
 
 @dataclass(frozen=True)
 class Public:
-    """Public function or method: its place, syntax node, and the docstrings about it."""
+    """Public function or method: its place, syntax node, and the docstrings about
+    it.
+    """
 
     place: str
     node: Function
@@ -26,13 +30,17 @@ class Public:
         """Whether an argument or the result is an array."""
         a = self.node.args
         annotated = [x.annotation for x in (*a.posonlyargs, *a.args, *a.kwonlyargs)]
-        hints = [ast.unparse(h) for h in (*annotated, self.node.returns) if h is not None]
+        hints = [
+            ast.unparse(h) for h in (*annotated, self.node.returns) if h is not None
+        ]
         return any(ARRAYS.search(hint) and "Callable" not in hint for hint in hints)
 
     @property
     def raises(self) -> bool:
         """Whether the function's own body raises a new error."""
-        return any(isinstance(n, ast.Raise) and n.exc is not None for n in ast.walk(self.node))
+        return any(
+            isinstance(n, ast.Raise) and n.exc is not None for n in ast.walk(self.node)
+        )
 
 
 def public_functions() -> Iterator[Public]:
@@ -58,10 +66,14 @@ def _methods(owner: ast.ClassDef, place: str) -> Iterator[Public]:
 
 def shapeless() -> list[str]:
     """Places of functions with arrays that name no shape."""
-    return [p.place for p in public_functions() if p.has_arrays and not SHAPE.search(p.said)]
+    return [
+        p.place for p in public_functions() if p.has_arrays and not SHAPE.search(p.said)
+    ]
 
 
 def silent() -> list[str]:
-    """Places of functions that raise and do not say so; a command's errors become its lines."""
+    """Places of functions that raise and do not say so; a command's errors become its
+    lines.
+    """
     found = [p for p in public_functions() if not p.place.startswith("cell/cli/")]
     return [p.place for p in found if p.raises and not RAISES.search(p.said)]

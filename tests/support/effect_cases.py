@@ -22,20 +22,40 @@ EVERY = 20  # steps between shapes
 PATHS = {"triangular": triangular(LENGTH), "circular": circular(LENGTH)}
 # Values that the tests of today were written for; others follow from the role.
 USUAL = {
-    "factor": 5.0, "position": 0.3, "width": 0.03, "ratio": 0.3, "time": 0.5, "angle": 0.1,
-    "mass": 1e-3, "x": 0.003, "z": 0.003, "stiffness_ratio": 8.0, "yield_curvature": 12.0,
-    "cubic": 3e-5, "coefficient": 2.0, "fifth": 0.3, "slow": 0.03, "oblique": 0.3, "along": 0.1,
-    "softness": 0.3, "set": 0.4,
-}  # fmt: skip
+    "factor": 5.0,
+    "position": 0.3,
+    "width": 0.03,
+    "ratio": 0.3,
+    "time": 0.5,
+    "angle": 0.1,
+    "mass": 1e-3,
+    "x": 0.003,
+    "z": 0.003,
+    "stiffness_ratio": 8.0,
+    "yield_curvature": 12.0,
+    "cubic": 3e-5,
+    "coefficient": 2.0,
+    "fifth": 0.3,
+    "slow": 0.03,
+    "oblique": 0.3,
+    "along": 0.1,
+    "softness": 0.3,
+    "set": 0.4,
+}
 INDEX = 2  # runs that the specimen has been through before
 
 
 def denim(**changes: Any) -> StripFile:
     """Strip of 0.6 m, about as heavy and stiff as denim."""
     content = {
-        "schema": 1, "name": "denim", "length": LENGTH, "width": 0.05, "areal_density": 0.4,
-        "bending_length": 0.017, "retardation_time": 0.03,
-    }  # fmt: skip
+        "schema": 1,
+        "name": "denim",
+        "length": LENGTH,
+        "width": 0.05,
+        "areal_density": 0.4,
+        "bending_length": 0.017,
+        "retardation_time": 0.03,
+    }
     return StripFile.model_validate(content | changes)
 
 
@@ -69,8 +89,12 @@ def levels(effect: Effect) -> list[dict[str, float]]:
         low, high = parameter.stated_range
         high = min(high, LENGTH) if parameter.name == "position" else high
         middle = np.sqrt(low * high) if low > 0 else (low + high) / 2
-        rest = {p.name: usual(effect, p) for p in effect.parameters if p is not parameter}
-        cases += [{**rest, parameter.name: float(value)} for value in (low, middle, high)]
+        rest = {
+            p.name: usual(effect, p) for p in effect.parameters if p is not parameter
+        }
+        cases += [
+            {**rest, parameter.name: float(value)} for value in (low, middle, high)
+        ]
     return cases
 
 
@@ -83,7 +107,10 @@ def way(path: Path, speed: float = SPEED) -> GripperPath:
 
 
 def folds(
-    models: list[StripModel], path: str = "triangular", segments: int = 60, dt: float = 0.005
+    models: list[StripModel],
+    path: str = "triangular",
+    segments: int = 60,
+    dt: float = 0.005,
 ) -> list[StripMotion]:
     """Simulated folds of the models along one path, in one batch of the rod."""
     ways = [way(PATHS[path])] * len(models)
@@ -99,11 +126,15 @@ def simulate(
     dt: float = 0.005,
     shapes: bool = False,
 ) -> StripMotion:
-    """Simulate one strip along reported times `t` (m,) [s] and `poses` (m, 3), to its touch."""
+    """Simulate one strip along reported times `t` (m,) [s] and `poses` (m, 3), to its
+    touch.
+    """
     t, poses = true_path(model.rig, t, poses)
     engine.reset([model])
     elapsed = np.arange(dt, t[-1] - t[0] + 0.5 * dt, dt)
-    path = np.stack([np.interp(elapsed + t[0], t, column) for column in poses.T], axis=1)
+    path = np.stack(
+        [np.interp(elapsed + t[0], t, column) for column in poses.T], axis=1
+    )
     seen, curves = [], []
     for pose in path:
         seen.append(engine.step(pose[None], dt))
@@ -115,7 +146,10 @@ def simulate(
         poses=path[: len(seen)],
         shapes=np.array(curves),
         touch=seen[-1].touch[0],
-        **{name: np.array([getattr(step, name)[0] for step in seen]) for name in OBSERVED},
+        **{
+            name: np.array([getattr(step, name)[0] for step in seen])
+            for name in OBSERVED
+        },
     )
 
 

@@ -11,9 +11,16 @@ from tests.support.gap_strip_cases import folds, written
 Numbers = tuple[float, float | None, float | None]
 
 
-def case(name: str, kind: Any, effects: dict[str, dict[str, float]], **changes: Any) -> Case:
+def case(
+    name: str, kind: Any, effects: dict[str, dict[str, float]], **changes: Any
+) -> Case:
     """Exam case of denim whose `effects` are the answer."""
-    facts: dict[str, Any] = {"tier": "state", "strip": "denim", "seed": 1, "answer": (*effects,)}
+    facts: dict[str, Any] = {
+        "tier": "state",
+        "strip": "denim",
+        "seed": 1,
+        "answer": (*effects,),
+    }
     return Case(name=name, kind=kind, effects=effects, **{**facts, **changes})
 
 
@@ -31,14 +38,28 @@ def verdict(
         for name, (v, low, high) in (base or {}).items()
     }
     gap = Gap(
-        before={"excess": 2.5}, after={"excess": 0.1}, floor={"excess": 0.0},
-        shrink=shrink, shrink_low=shrink, shrink_high=shrink,
-    )  # fmt: skip
+        before={"excess": 2.5},
+        after={"excess": 0.1},
+        floor={"excess": 0.0},
+        shrink=shrink,
+        shrink_low=shrink,
+        shrink_high=shrink,
+    )
     return Verdict(
-        verdict=said, effects=list(effects), ambiguous=list(classes), unexplained=None,
-        base=scaled, where=[], gap=gap, candidates=[], advice=[], detectable={}, held_out=["a"],
-        runtime=12.0, simulations=100,
-    )  # fmt: skip
+        verdict=said,
+        effects=list(effects),
+        ambiguous=list(classes),
+        unexplained=None,
+        base=scaled,
+        where=[],
+        gap=gap,
+        candidates=[],
+        advice=[],
+        detectable={},
+        held_out=["a"],
+        runtime=12.0,
+        simulations=100,
+    )
 
 
 def named(
@@ -50,7 +71,8 @@ def named(
         for key, (v, low, high) in (parameters or {}).items()
     }
     effects = [
-        NamedEffect(name=n, of="strip", parameters=values, confidence=confidence) for n in names
+        NamedEffect(name=n, of="strip", parameters=values, confidence=confidence)
+        for n in names
     ]
     return verdict("named", effects, shrink=0.95)
 

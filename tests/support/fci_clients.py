@@ -9,16 +9,24 @@ from pathlib import Path
 import pytest
 
 CLIENTS = Path(__file__).parents[1] / "drivers" / "fci_server" / "clients"
-PACKAGES = {"pylibfranka": "pylibfranka", "franky": "franky-control", "franka": "franka-rs"}
+PACKAGES = {
+    "pylibfranka": "pylibfranka",
+    "franky": "franky-control",
+    "franka": "franka-rs",
+}
 PATIENCE = 60  # s, for a client on a busy machine
 
 
-def told_by(script: str, module: str, address: str, *arguments: str) -> dict[str, object]:
+def told_by(
+    script: str, module: str, address: str, *arguments: str
+) -> dict[str, object]:
     """JSON that a client script prints at its end, run in a process of its own."""
     if find_spec(module) is None:
         pytest.skip(f"{PACKAGES[module]} is not installed: no wheel for this platform")
     command = [sys.executable, str(CLIENTS / script), address, *arguments]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, check=False)
+    done = subprocess.run(
+        command, capture_output=True, text=True, timeout=PATIENCE, check=False
+    )
     assert done.returncode == 0, done.stderr
     answer: dict[str, object] = json.loads(done.stdout.splitlines()[-1])
     return answer

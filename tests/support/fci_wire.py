@@ -1,6 +1,8 @@
-"""Client of the arm's protocol that packs bytes by the published numbers of the protocol.
+"""Client of the arm's protocol that packs bytes by the published numbers of the
+protocol.
 
-It shares no code with the server: offsets, sizes and numbers stand here as they are described.
+It shares no code with the server: offsets, sizes and numbers stand here as they are
+described.
 """
 
 import socket
@@ -76,8 +78,12 @@ def robot_command(
 
 
 def move_request(generator: int, controller: int = 0) -> bytes:
-    """113 bytes: controller, generator, two deviations, async flag, largest velocities."""
-    return struct.pack("<II6dB7d", controller, generator, *[10.0, 3.12, 6.28] * 2, 0, *[0.0] * 7)
+    """113 bytes: controller, generator, two deviations, async flag, largest
+    velocities.
+    """
+    return struct.pack(
+        "<II6dB7d", controller, generator, *[10.0, 3.12, 6.28] * 2, 0, *[0.0] * 7
+    )
 
 
 @dataclass
@@ -118,7 +124,9 @@ class RawArm:
     def request(self, number: int, payload: bytes = b"") -> int:
         """Send a request; returns its identifier."""
         self._ids += 1
-        self.tcp.sendall(struct.pack("<III", number, self._ids, 12 + len(payload)) + payload)
+        self.tcp.sendall(
+            struct.pack("<III", number, self._ids, 12 + len(payload)) + payload
+        )
         return self._ids
 
     def reply(self) -> tuple[int, int, bytes]:

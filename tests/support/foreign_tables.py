@@ -52,21 +52,36 @@ def table(path: Path, head: list[str], columns: list[object], **style: str) -> N
 def foreign(place: Path, clock: float = 1700.0) -> Path:
     """Write a run with x reversed, another clock, and images 20 ms late."""
     place.mkdir(parents=True)
-    columns = [1e3 * (T + clock), 1e3 * (1.2 - X), 1e2 * (Z + 0.05), 1e3 * 0.2 * np.sin(T)]
-    table(place / "tip.csv", ["time", "along", "height", "Fx"], columns, delimiter=";", decimal=",")
+    columns = [
+        1e3 * (T + clock),
+        1e3 * (1.2 - X),
+        1e2 * (Z + 0.05),
+        1e3 * 0.2 * np.sin(T),
+    ]
+    table(
+        place / "tip.csv",
+        ["time", "along", "height", "Fx"],
+        columns,
+        delimiter=";",
+        decimal=",",
+    )
     t = np.repeat(STAMPS + clock + 0.02, len(POINTS))
     x = np.concatenate([np.interp(s, T, X) + 0.3 * (POINTS - 1.0) for s in STAMPS])
     z = np.concatenate([np.interp(s, T, Z) * POINTS**2 for s in STAMPS])
     points = [{"x": a, "z": [b]} for a, b in zip(x, z, strict=True)]
     pq.write_table(pa.table({"t": t, "p": points}), place / "points.parquet")
     table(place / "contact.csv", ["t", "c"], [STAMPS + clock + 0.02, 1e3 * CONTACT])
-    table(place / "touch.csv", ["t", "upper", "lower"], [[clock + 2.8], [299.0], [301.5]])
+    table(
+        place / "touch.csv", ["t", "upper", "lower"], [[clock + 2.8], [299.0], [301.5]]
+    )
     return place
 
 
 def mapping(place: Path, **changes: object) -> Path:
     path = place / "mapping.yaml"
-    content = {key: value for key, value in (MAPPING | changes).items() if value is not None}
+    content = {
+        key: value for key, value in (MAPPING | changes).items() if value is not None
+    }
     path.write_text(yaml.safe_dump(content))
     return path
 
@@ -81,7 +96,14 @@ def plain(place: Path, head: str = "t,x,z", rows: object = None, **how: str) -> 
 
 
 def in_metres(place: Path, **changes: object) -> Path:
-    """Write a mapping in metres for the tables of `plain` and the touch of `foreign`."""
-    columns = {n: {"column": n, "unit": unit} for n, unit in {"t": "s", "x": "m", "z": "m"}.items()}
+    """Write a mapping in metres for the tables of `plain` and the touch of
+    `foreign`.
+    """
+    columns = {
+        n: {"column": n, "unit": unit}
+        for n, unit in {"t": "s", "x": "m", "z": "m"}.items()
+    }
     ticks = {"file": "tip.csv", "columns": columns}
-    return mapping(place, **{"ticks": ticks, "profile": None, "contact": None} | changes)
+    return mapping(
+        place, **{"ticks": ticks, "profile": None, "contact": None} | changes
+    )

@@ -1,4 +1,6 @@
-"""Measured folds of denim, simulated by the rod with noise, to test the strip subject."""
+"""Measured folds of denim, simulated by the rod with noise, to test the strip
+subject.
+"""
 
 import hashlib
 import json
@@ -12,7 +14,13 @@ import yaml
 
 from cell.config.places import find_configs
 from cell.gap.subject.strip.subject import StripSubject, patch_file
-from cell.gap.subject.strip.synthetic import BENCH, Fold, reported_path, rod_folds, write_fold
+from cell.gap.subject.strip.synthetic import (
+    BENCH,
+    Fold,
+    reported_path,
+    rod_folds,
+    write_fold,
+)
 from cell.gap.subject.subject import Residuals
 from cell.record.header import Sigma
 from drivers.strip.describe import describe, load_strip
@@ -31,13 +39,18 @@ def denim() -> StripFile:
     return load_strip(STRIP)
 
 
-def folds(names: Sequence[str], effects: Effects | None = None, **changes: float) -> list[Fold]:
+def folds(
+    names: Sequence[str], effects: Effects | None = None, **changes: float
+) -> list[Fold]:
     """Simulated standard motions of a denim with `effects` and changed fields."""
     plant = denim().model_copy(update=changes)
     models = [describe(plant, effects or {}, i) for i in range(len(names))]
-    made = rod_folds(models, [reported_path(STANDARD[n].over(0.6)) for n in names], SEGMENTS, STEP)
+    made = rod_folds(
+        models, [reported_path(STANDARD[n].over(0.6)) for n in names], SEGMENTS, STEP
+    )
     return [
-        replace(f, index=i, condition=n) for i, (f, n) in enumerate(zip(made, names, strict=True))
+        replace(f, index=i, condition=n)
+        for i, (f, n) in enumerate(zip(made, names, strict=True))
     ]
 
 
@@ -47,19 +60,27 @@ def written(
     """Folders of the folds `made`, written with noise, in their order."""
     rng = np.random.default_rng(seed)
     for fold in made:
-        write_fold(root / f"{fold.index:02d}-{fold.condition}", "denim", fold, by, rng, **flaws)
+        write_fold(
+            root / f"{fold.index:02d}-{fold.condition}", "denim", fold, by, rng, **flaws
+        )
     return sorted(root.iterdir())
 
 
-def residuals(strip: StripSubject, effects: dict[str, Array] | None = None) -> list[Residuals]:
+def residuals(
+    strip: StripSubject, effects: dict[str, Array] | None = None
+) -> list[Residuals]:
     """Residuals of every run at the stated base, corrected for the coarse rod there."""
     asked = [strip.stated(run, effects) for run in strip.runs]
     refined = strip.refine(asked)
-    return strip.simulate([replace(q, run=run) for q, run in zip(asked, refined, strict=True)])
+    return strip.simulate(
+        [replace(q, run=run) for q, run in zip(asked, refined, strict=True)]
+    )
 
 
 def in_noise(strip: StripSubject, found: Sequence[Residuals], channel: str) -> float:
-    """Root mean square residual of a channel, in standard deviations of its noise alone."""
+    """Root mean square residual of a channel, in standard deviations of its noise
+    alone.
+    """
     rows = [
         (r.mean / run.samples.noise)[run.samples.channel == channel]
         for run, r in zip(strip.runs, found, strict=True)
@@ -83,12 +104,18 @@ class Fitted:
     """Folder of a finished fit, with its strip file and cell file."""
 
     def __init__(self, root: Path) -> None:
-        self.out, self.file, self.cell = root / "out", root / "denim.yaml", root / "cell.yaml"
+        self.out, self.file, self.cell = (
+            root / "out",
+            root / "denim.yaml",
+            root / "cell.yaml",
+        )
         self.out.mkdir()
         shutil.copy(find_configs(None).strip_path("denim"), self.file)
         shutil.copy(find_configs(None).folder / "cell.yaml", self.cell)
         digest = hashlib.sha256(self.file.read_bytes()).hexdigest()
         record = {"schema": 1, "file_sha256": digest, "effects": ["bending_hysteresis"]}
         (self.out / "fit.json").write_text(json.dumps(record))
-        patch, _ = patch_file(load_strip(self.file), {"bending_length": 0.0168}, EFFECT, "fit")
+        patch, _ = patch_file(
+            load_strip(self.file), {"bending_length": 0.0168}, EFFECT, "fit"
+        )
         (self.out / "patch.yaml").write_text(yaml.safe_dump(patch))

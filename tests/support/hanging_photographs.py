@@ -1,4 +1,6 @@
-"""Synthetic photographs of hanging strips with known truth: fuzzy yarn on a dark ground."""
+"""Synthetic photographs of hanging strips with known truth: fuzzy yarn on a dark
+ground.
+"""
 
 from dataclasses import dataclass
 
@@ -15,7 +17,8 @@ FINER = 4
 class Scene:
     """Strip at a ledge [m] and its photograph; `height` of the picture in px.
 
-    `cropped` is the arc that lies outside of the picture, negative: so much lies on the ledge.
+    `cropped` is the arc that lies outside of the picture, negative: so much lies on the
+    ledge.
     """
 
     overhang: float
@@ -43,22 +46,34 @@ def photograph(scene: Scene, seed: int) -> Image:
     rng = np.random.default_rng(seed)
     hanging = shape(scene)
     turn = np.array(
-        [[np.cos(scene.roll), -np.sin(scene.roll)], [np.sin(scene.roll), np.cos(scene.roll)]]
+        [
+            [np.cos(scene.roll), -np.sin(scene.roll)],
+            [np.sin(scene.roll), np.cos(scene.roll)],
+        ]
     )
     ledge = np.array([[-0.2 * scene.overhang, 0.0]])
-    drawn = hanging.arc < scene.overhang - 0.5 * scene.thickness  # the rounded end adds the rest
+    # the rounded end adds the rest
+    drawn = hanging.arc < scene.overhang - 0.5 * scene.thickness
     curve = np.concatenate([ledge, hanging.points[drawn]]) @ turn.T
     margin = 4 * scene.thickness
     scale = scene.height / (np.ptp(hanging.points[:, 1]) + 2 * margin)
     arc = np.concatenate([[-0.2 * scene.overhang], hanging.arc[drawn]])
     left = float(np.interp(scene.cropped, arc, curve[:, 0]))
-    pixels = np.stack([(curve[:, 0] - left) * scale - 0.5, (margin - curve[:, 1]) * scale], axis=1)
+    pixels = np.stack(
+        [(curve[:, 0] - left) * scale - 0.5, (margin - curve[:, 1]) * scale], axis=1
+    )
     width = int((curve[:, 0].max() - left + 2 * margin) * scale)
-    return _sensor(_yarn(pixels, scene.thickness * scale, (scene.height, width), scene, rng), rng)
+    return _sensor(
+        _yarn(pixels, scene.thickness * scale, (scene.height, width), scene, rng), rng
+    )
 
 
 def _yarn(
-    pixels: Array, thickness: float, size: tuple[int, int], scene: Scene, rng: np.random.Generator
+    pixels: Array,
+    thickness: float,
+    size: tuple[int, int],
+    scene: Scene,
+    rng: np.random.Generator,
 ) -> Array:
     """Brightness of the yarn with its strands and its fuzz."""
     image = np.full(size, 22.0, dtype=np.float32)
@@ -73,7 +88,9 @@ def _yarn(
     cover = _cover(pixels, thickness, size)
     image += cover * (215.0 - image)
     strands = np.arange(0.5 * thickness, travel[-1], 0.6 * thickness)
-    centres = np.stack([np.interp(strands, travel, pixels[:, c]) for c in range(2)], axis=1)
+    centres = np.stack(
+        [np.interp(strands, travel, pixels[:, c]) for c in range(2)], axis=1
+    )
     for centre in centres:
         shade = centre + rng.normal(0.0, 0.05 * thickness, 2)
         _line(image, np.stack([shade, shade + 0.25 * thickness]), 185.0, 2)
@@ -83,10 +100,15 @@ def _yarn(
 def _cover(pixels: Array, thickness: float, size: tuple[int, int]) -> Array:
     """Share (height, width) of each pixel that a line of `thickness` [px] covers."""
     big = np.zeros((FINER * size[0], FINER * size[1]), dtype=np.uint8)
-    fixed = np.rint(((pixels + 0.5) * FINER - 0.5) * 16).astype(np.int32).reshape(-1, 1, 2)
+    fixed = (
+        np.rint(((pixels + 0.5) * FINER - 0.5) * 16).astype(np.int32).reshape(-1, 1, 2)
+    )
     odd = 2 * round((thickness * FINER - 1) / 2) + 1  # an even line is half a pixel off
     cv2.polylines(big, [fixed], False, 255, odd, cv2.LINE_8, 4)
-    return cv2.resize(big, size[::-1], interpolation=cv2.INTER_AREA).astype(np.float32) / 255
+    return (
+        cv2.resize(big, size[::-1], interpolation=cv2.INTER_AREA).astype(np.float32)
+        / 255
+    )
 
 
 def _line(image: Array, points: Array, level: float, thickness: int) -> None:

@@ -15,7 +15,22 @@ import pyarrow.parquet as pq
 import yaml
 from hypothesis import strategies as st
 
-NUMBERS = [0, -1, 1, 1e-300, 1e300, -1e300, 10**20, -5, math.inf, math.nan, 0.5, 1e9, 3, 2**63]
+NUMBERS = [
+    0,
+    -1,
+    1,
+    1e-300,
+    1e300,
+    -1e300,
+    10**20,
+    -5,
+    math.inf,
+    math.nan,
+    0.5,
+    1e9,
+    3,
+    2**63,
+]
 WORDS = [
     "",
     "x",
@@ -36,8 +51,10 @@ RAW = [
     b"\x00" * 40,
     b"[" * 5000,
     b"{" * 100_000,
-    b"a: &a [x, x]\n" + b"".join(b"%c: &%c [*%c, *%c]\n" % (98 + i, 98 + i, 97 + i, 97 + i)
-                                  for i in range(20)),
+    b"a: &a [x, x]\n"
+    + b"".join(
+        b"%c: &%c [*%c, *%c]\n" % (98 + i, 98 + i, 97 + i, 97 + i) for i in range(20)
+    ),
     b"a: &a [*a]\n",
     b"a: " + b"1:" * 60_000 + b"1\n",
     b"a: 0x" + b"f" * 9000,
@@ -51,7 +68,7 @@ RAW = [
     b"- 1\n",
     b"PAR1" + b"\x15" * 60 + b"PAR1",
     b"\x89PNG\r\n\x1a\n" + b"\x00" * 8 + b"\xff" * 30,
-]  # fmt: skip
+]
 LINES = [
     b'{"t": 1e400, "kind": "state"}',
     b'{"t": ' + b"9" * 400 + b', "kind": "origin"}',
@@ -75,7 +92,9 @@ PLACES = st.integers(0, 2**31)
 def _paths(content: Any, here: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
     inner = list(content.items()) if isinstance(content, dict) else []
     inner = list(enumerate(content)) if isinstance(content, list) else inner
-    return [p for key, value in inner for p in [(*here, key), *_paths(value, (*here, key))]]
+    return [
+        p for key, value in inner for p in [(*here, key), *_paths(value, (*here, key))]
+    ]
 
 
 @st.composite
@@ -96,8 +115,11 @@ def documents(draw: st.DrawFn, whole: dict[str, Any]) -> bytes:
             del inner[last]
         else:
             odd = draw(st.sampled_from(ODD) | st.floats() | st.text(max_size=5))
-            inner[last] = deepcopy(odd)  # what is changed inside it must not be odd for ever
-    text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True).encode(errors="replace")
+            # what is changed inside it must not be odd for ever
+            inner[last] = deepcopy(odd)
+    text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True).encode(
+        errors="replace"
+    )
     cut = draw(st.integers(0, 9))
     return text[: draw(PLACES) % (len(text) + 1)] if cut == 0 else text
 
@@ -171,7 +193,9 @@ def _lines(draw: st.DrawFn, name: Path, content: bytes) -> Spoiled:
 def _table(draw: st.DrawFn, name: Path, content: bytes) -> Spoiled:
     table = pq.read_table(pa.BufferReader(content))
     how = draw(
-        st.sampled_from(["value", "unit", "drop", "type", "rows", "shuffle", "schema", "null"])
+        st.sampled_from(
+            ["value", "unit", "drop", "type", "rows", "shuffle", "schema", "null"]
+        )
     )
     at = draw(PLACES) % table.num_columns
     column = table.column_names[at]
@@ -185,17 +209,25 @@ def _table(draw: st.DrawFn, name: Path, content: bytes) -> Spoiled:
         values[draw(PLACES) % len(values)] = None
         table = _replaced(table, at, values)
     elif how == "unit" and values:
-        table = _replaced(table, at, [v if isinstance(v, str | None) else 1e3 * v for v in values])
+        table = _replaced(
+            table, at, [v if isinstance(v, str | None) else 1e3 * v for v in values]
+        )
     elif how == "shuffle":
         table = _replaced(table, at, values[::-1])
     elif how == "drop":
         table = table.drop_columns([column])
     elif how == "type":
-        other = draw(st.sampled_from([pa.string(), pa.bool_(), pa.int64(), pa.list_(pa.int8())]))
+        other = draw(
+            st.sampled_from([pa.string(), pa.bool_(), pa.int64(), pa.list_(pa.int8())])
+        )
         table = table.set_column(at, column, pa.nulls(table.num_rows, other))
     elif how == "rows":
         table = table.slice(0, draw(st.sampled_from([0, 1, 2])))
-    schema = draw(st.sampled_from(["²", "2", "", "9" * 5000, "x"])) if how == "schema" else "1"
+    schema = (
+        draw(st.sampled_from(["²", "2", "", "9" * 5000, "x"]))
+        if how == "schema"
+        else "1"
+    )
     marked = table.replace_schema_metadata({"schema": schema})
 
     def write(folder: Path) -> None:

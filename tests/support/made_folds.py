@@ -17,9 +17,14 @@ from policies.profile import profiles
 from tests.support.effect_cases import simulate
 
 STRIP = StripFile(
-    name="unknown", length=0.6, width=0.05, areal_density=0.3, bending_length=0.019,
-    retardation_time=0.06, thickness=0.001,
-)  # fmt: skip
+    name="unknown",
+    length=0.6,
+    width=0.05,
+    areal_density=0.3,
+    bending_length=0.019,
+    retardation_time=0.06,
+    thickness=0.001,
+)
 
 
 BELIEF = FoldPrediction(
@@ -51,7 +56,9 @@ def measured(**effects: tuple[tuple[str, float], ...]) -> MeasuredFold:
     )
 
 
-TOUCH = SeenTouch(time=5.0, x=0.3, to_grasped=0.3, to_fixed=0.301, confidence=1.0, distance=0.001)
+TOUCH = SeenTouch(
+    time=5.0, x=0.3, to_grasped=0.3, to_fixed=0.301, confidence=1.0, distance=0.001
+)
 OUTCOME = Outcome("layer_touch", "the layers touch", 0, TOUCH, -0.002, 14.0, BELIEF)
 
 

@@ -29,10 +29,14 @@ DONE = FoldResult(
     calibration="0123456789ab",
     exit_code=0,
 )
-STOPPED = replace(DONE, outcome="interrupted", displacement=None, layer_touch=None, exit_code=130)
+STOPPED = replace(
+    DONE, outcome="interrupted", displacement=None, layer_touch=None, exit_code=130
+)
 
 
-def fold_by(monkeypatch: pytest.MonkeyPatch, fold: Callable, **others: Callable) -> None:
+def fold_by(
+    monkeypatch: pytest.MonkeyPatch, fold: Callable, **others: Callable
+) -> None:
     """Replace the fold of batches by `fold`, without calibration and pages."""
     plain = {"calibration_of": lambda *_: None, "write_pages": lambda _, result: result}
     for name, function in ({"fold": fold} | plain | others).items():
@@ -46,7 +50,9 @@ USUAL = {"triangular": -0.040, "circular": 0.060, "shifted": 0.005, "planned": -
 USUAL |= {"feedback": 0.004}
 
 
-def asked(*policies: str, strips: tuple[str, ...] = (), quick: bool = True) -> BenchmarkSpec:
+def asked(
+    *policies: str, strips: tuple[str, ...] = (), quick: bool = True
+) -> BenchmarkSpec:
     return BenchmarkSpec.build(CONFIGS, policies, strips, None, 0, quick=quick)
 
 
@@ -68,7 +74,9 @@ def image_fold(policy: str, strip: str, d: float | None, seed: int = 0) -> Image
 
 
 def measured(**changed: float | None) -> Results:
-    """Complete benchmark result; `changed` are displacements [m] by feedback per strip."""
+    """Complete benchmark result; `changed` are displacements [m] by feedback per
+    strip.
+    """
     rng = np.random.default_rng(0)
     folds = [
         image_fold(p, s, changed.get(s, USUAL[p]) if p == "feedback" else USUAL[p])

@@ -36,16 +36,25 @@ ARM = """<mujoco model="arm">
 </mujoco>
 """
 FORWARD: dict[str, Any] = {
-    "schema": 1, "kind": "mechanism", "name": "arm", "model": "arm.xml", "mode": "forward",
-    "step": 0.002, "hold": 0.01,
-    "signals": {"shoulder": {"joint": "shoulder", "is": "position", "sigma": 3e-4},
-                "elbow": {"joint": "elbow", "is": "position", "sigma": 3e-4},
-                "a2_torque": {"actuator": "a2", "is": "torque", "sigma": 0.02}},
+    "schema": 1,
+    "kind": "mechanism",
+    "name": "arm",
+    "model": "arm.xml",
+    "mode": "forward",
+    "step": 0.002,
+    "hold": 0.01,
+    "signals": {
+        "shoulder": {"joint": "shoulder", "is": "position", "sigma": 3e-4},
+        "elbow": {"joint": "elbow", "is": "position", "sigma": 3e-4},
+        "a2_torque": {"actuator": "a2", "is": "torque", "sigma": 0.02},
+    },
     "inputs": {"a1": "ctrl", "a2": "ctrl"},
     "start": {"position": "measured", "velocity": 0.0, "spread": 2e-3},
-    "uncertain": [{"joint": "*", "field": "damping", "spread": "50%"},
-                  {"body": "lower", "field": "mass", "spread": "1%"}],
-}  # fmt: skip
+    "uncertain": [
+        {"joint": "*", "field": "damping", "spread": "50%"},
+        {"body": "lower", "field": "mass", "spread": "1%"},
+    ],
+}
 PRESCRIBED: dict[str, Any] = {
     **FORWARD, "mode": "prescribed",
     "signals": {"t1": {"actuator": "a1", "is": "torque", "sigma": 0.02},
@@ -56,9 +65,15 @@ NOISE = {"shoulder": 3e-4, "elbow": 3e-4, "t1": 0.02, "t2": 0.02, "a2_torque": 0
 Hidden = Callable[[Any], None]
 
 
-def write_run(out: Path, columns: Mapping[str, Array], head: Mapping[str, Any],
-              table: str = "signals.parquet") -> None:  # fmt: skip
-    """A run folder `out` with columns (m,) by name in a `table`, and the header `head`."""
+def write_run(
+    out: Path,
+    columns: Mapping[str, Array],
+    head: Mapping[str, Any],
+    table: str = "signals.parquet",
+) -> None:
+    """A run folder `out` with columns (m,) by name in a `table`, and the header
+    `head`.
+    """
     out.mkdir(parents=True, exist_ok=True)
     pq.write_table(pa.table(dict(columns)), out / table)
     (out / "run.yaml").write_text(yaml.safe_dump({"schema": 1, **head}))
@@ -73,7 +88,9 @@ def make_arm(
     stated: str = ARM,
     plant: str = "",
 ) -> tuple[Path, Path]:
-    """The arm's file and folder of runs; `hidden` edits the plant, as `stated`, that makes them."""
+    """The arm's file and folder of runs; `hidden` edits the plant, as `stated`, that
+    makes them.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "arm.xml").write_text(stated)
     file = folder / "arm.yaml"
@@ -97,13 +114,17 @@ def left(subject: MechanismSubject, **effects: Any) -> float:
     """Rms residual [noise] that the stated model with `effects` leaves in all runs."""
     known = {name: np.array(values) for name, values in effects.items()}
     asked = [subject.stated(run, known) for run in subject.runs]
-    found = [f.mean / r.samples.noise
-             for r, f in zip(subject.runs, subject.simulate(asked), strict=True)]  # fmt: skip
+    found = [
+        f.mean / r.samples.noise
+        for r, f in zip(subject.runs, subject.simulate(asked), strict=True)
+    ]
     return float(np.sqrt(np.mean(np.concatenate(found) ** 2)))
 
 
 def moved(model: Any, rate: float, span: float, every: int = 10) -> dict[str, Array]:
-    """Columns (m,) of a motion under commands that go there and back, faster by `rate`."""
+    """Columns (m,) of a motion under commands that go there and back, faster by
+    `rate`.
+    """
     data, rows = mujoco.MjData(model), []
     for k in range(round(span / model.opt.timestep)):
         held = np.floor(data.time / 0.01 + 1e-6) * 0.01
@@ -114,7 +135,8 @@ def moved(model: Any, rate: float, span: float, every: int = 10) -> dict[str, Ar
         )
         if k % every == 0:
             mujoco.mj_forward(model, data)
-            force = data.actuator_force.copy()  # a command that steps is read as its mean
+            # a command that steps is read as its mean
+            force = data.actuator_force.copy()
             mean = 0.5 * (before + force)
             rows.append([data.time, *data.qpos[-2:], *data.ctrl, *mean, force[1]])
         mujoco.mj_step(model, data)

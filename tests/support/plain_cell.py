@@ -13,7 +13,14 @@ from cell.orchestrator.context import FoldContext
 from cell.orchestrator.outcome import Outcome
 from cell.orchestrator.recorder import Recorder
 from cell.orchestrator.run import Run
-from cell.orchestrator.snapshot import CloseHand, Drive, Hold, MoveTo, OpenHand, Snapshot
+from cell.orchestrator.snapshot import (
+    CloseHand,
+    Drive,
+    Hold,
+    MoveTo,
+    OpenHand,
+    Snapshot,
+)
 from cell.orchestrator.states import Event, State
 from cell.orchestrator.vision import View
 from cell.perception.image_reader import ImageResult, InlineReader
@@ -84,7 +91,9 @@ class PlainHand:
 
     def state(self) -> HandState:
         now = self._clock.now()
-        return HandState(now, now, "plain", width=0.001, grasped=True, moving=self.moving)
+        return HandState(
+            now, now, "plain", width=0.001, grasped=True, moving=self.moving
+        )
 
     def stop(self) -> None:
         self.stopped += 1
@@ -132,7 +141,9 @@ class Bench:
         reader = self.reader or InlineReader(SimpleNamespace(measure=result_of), 0.0)
         policy = make_policy("triangular")
         context = FoldContext(settings.controller, strip, policy, None, reader=reader)
-        devices = Devices(self.clock, self.arm, self.hand, self.camera, "none", None, None)
+        devices = Devices(
+            self.clock, self.arm, self.hand, self.camera, "none", None, None
+        )
         watched = self.record, self.observers, self.interrupted
         return Run(devices, context, self.phases or phases(), *watched).execute()
 
@@ -144,7 +155,15 @@ class Bench:
 def result_of(frame: Frame, gripper: Pose, *, touches: bool) -> ImageResult:
     points = np.zeros((3, 2))
     measurement = StripMeasurement(
-        frame.stamp, frame.sequence, 0.3, 1.0, points, 1.0, (0.5, 0.0), math.nan, math.nan
+        frame.stamp,
+        frame.sequence,
+        0.3,
+        1.0,
+        points,
+        1.0,
+        (0.5, 0.0),
+        math.nan,
+        math.nan,
     )
     return ImageResult(measurement, None)
 
@@ -182,10 +201,14 @@ def phases(**special) -> dict:
 
 
 POSE = Pose(0.4, 0.2, math.pi / 2)
-ARM = ArmState(10.0, 10.0, "test", POSE, ZERO_VELOCITY, POSE, moving=True, expired=False)
+ARM = ArmState(
+    10.0, 10.0, "test", POSE, ZERO_VELOCITY, POSE, moving=True, expired=False
+)
 HAND = HandState(10.0, 10.0, "test", width=0.001, grasped=True, moving=False)
 FRAME = Frame(9.97, 9.99, "test", 7, np.zeros((2, 2, 3), np.uint8))
-SIGHT = StripMeasurement(9.97, 7, 0.3, 1.0, np.zeros((3, 2)), 1.0, (0.5, 0.02), math.nan, math.nan)
+SIGHT = StripMeasurement(
+    9.97, 7, 0.3, 1.0, np.zeros((3, 2)), 1.0, (0.5, 0.02), math.nan, math.nan
+)
 GOOD = Snapshot(
     time=10.0,
     state=State.FOLD,

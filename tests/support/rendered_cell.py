@@ -10,13 +10,18 @@ KNOTS: dict[str, tuple[list[float], list[float]]] = {
     "flat": ([0.0, 0.6], [0.0, 0.0]),
     "lifted": ([0.0, 0.35, 0.6], [0.0, 0.0, 1.55]),
     "high": ([0.0, 0.12, 0.24, 0.36, 0.48, 0.6], [0.0, 0.0, 0.9, 1.4, 1.5, 1.57]),
-    "closing": ([0.0, 0.29, 0.335, 0.36, 0.46, 0.52, 0.6], [0.0, 0.0, 2.6, 3.25, 3.3, 2.7, 1.7]),
+    "closing": (
+        [0.0, 0.29, 0.335, 0.36, 0.46, 0.52, 0.6],
+        [0.0, 0.0, 2.6, 3.25, 3.3, 2.7, 1.7],
+    ),
     "laid": ([0.0, 0.285, 0.32, 0.34, 0.37, 0.6], [0.0, 0.0, 2.6, 3.4, 3.15, 3.1416]),
 }
 
 
 def midline(kind: str, nodes: int = 601) -> tuple[Array, Array]:
-    """Nodes (n, 2) [m] and their arc lengths (n,) of a strip whose tangent angle is given."""
+    """Nodes (n, 2) [m] and their arc lengths (n,) of a strip whose tangent angle is
+    given.
+    """
     step = LENGTH / (nodes - 1)
     s = (np.arange(nodes - 1) + 0.5) * step
     angle = np.interp(s, *KNOTS[kind])
@@ -25,8 +30,12 @@ def midline(kind: str, nodes: int = 601) -> tuple[Array, Array]:
     return points, np.arange(nodes) * step
 
 
-def scene(kind: str, stamp: float = 0.0, shift: tuple[float, float] = (0.0, 0.0)) -> Scene:
-    """Scene of a held strip of a `kind` of shape, its grasped edge moved by `shift` [m]."""
+def scene(
+    kind: str, stamp: float = 0.0, shift: tuple[float, float] = (0.0, 0.0)
+) -> Scene:
+    """Scene of a held strip of a `kind` of shape, its grasped edge moved by `shift`
+    [m].
+    """
     points, arc = midline(kind)
     points = points + (arc / LENGTH)[:, None] * np.array(shift)
     dx, dz = points[-1] - points[-2]
@@ -38,4 +47,6 @@ def empty(x: float, z: float, *, pointer: bool = False) -> Scene:
     """Scene without a strip, with the hand pointing down at (x, z) [m]."""
     points, arc = midline("flat", nodes=7)
     pose = Pose(x, z, np.pi / 2)
-    return Scene(0.0, points, arc, pose, 0.0, holds_strip=False, pointer=pointer, strip=False)
+    return Scene(
+        0.0, points, arc, pose, 0.0, holds_strip=False, pointer=pointer, strip=False
+    )

@@ -19,8 +19,12 @@ DAMPING = np.geomspace(1.0, 50.0, 5)
 Effects = dict[str, dict[str, float]]
 
 
-def paper_model(k: float, times_minimum: float = 1.0, effects: Effects | None = None) -> StripModel:
-    """Model of the paper's strip with joint stiffness k and `times_minimum` its damping."""
+def paper_model(
+    k: float, times_minimum: float = 1.0, effects: Effects | None = None
+) -> StripModel:
+    """Model of the paper's strip with joint stiffness k and `times_minimum` its
+    damping.
+    """
     damping = times_minimum * paper_damping_minimum(k)
     return describe(paper_strip(k, damping, effects=effects or {}))
 
@@ -42,7 +46,8 @@ def for_all(poses: Array, count: int) -> Array:
 
 
 def overhang(models: Sequence[StripModel], segments: int = 100) -> Array:
-    """Midlines (n, nodes, 2) [m] of strips clamped flat at x = 0 that hang free from there.
+    """Midlines (n, nodes, 2) [m] of strips clamped flat at x = 0 that hang free from
+    there.
 
     The cantilever of ASTM D1388 and of heavy-elastica theory; there is no desk.
     """

@@ -1,4 +1,6 @@
-"""Rooms (packages) of the product and imports between them, read from its source text."""
+"""Rooms (packages) of the product and imports between them, read from its source
+text.
+"""
 
 import ast
 from functools import cache
@@ -27,7 +29,7 @@ def _dotted(path: Path) -> str:
 
 def tree(path: Path) -> ast.Module:
     """The syntax tree of a module."""
-    return ast.parse(path.read_text(encoding="utf-8"))
+    return ast.parse(text(path))
 
 
 @cache
@@ -51,8 +53,8 @@ def house_room(name: str) -> str:
 
 
 def inner_room(name: str) -> str:
-    """The room of a module to depth two, to depth three within `cell.gap`, where the mechanism is a
-    room beside the other subjects.
+    """The room of a module to depth two, to depth three within `cell.gap`, where the
+    mechanism is a room beside the other subjects.
 
     A module that lies loose in a package belongs to the package.
     """
@@ -71,9 +73,9 @@ def floor_room(name: str) -> str:
     return name if room in {"calibration", "cell.gap", "drivers", "policies"} else room
 
 
-def lines(path: Path) -> int:
-    """Lines of a file."""
-    return len(path.read_text(encoding="utf-8").splitlines())
+def text(path: Path) -> str:
+    """The text of a file."""
+    return path.read_text(encoding="utf-8")
 
 
 def edges(room) -> Edges:

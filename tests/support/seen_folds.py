@@ -17,8 +17,9 @@ SPEED = 0.1  # m/s
 
 @dataclass(frozen=True)
 class Agreement:
-    """Errors against the truth [m] per frame: `t` (k,), `contact` (k,), `profile` (k,) rms normal
-    to the true curve, `gap` (k,); the touch as seen and how much later it was told [s].
+    """Errors against the truth [m] per frame: `t` (k,), `contact` (k,), `profile` (k,)
+    rms normal to the true curve, `gap` (k,); the touch as seen and how much later it
+    was told [s].
     """
 
     t: Array
@@ -55,7 +56,9 @@ def distances(points: Array, curve: Array) -> Array:
 def agreement(
     fold: TwinFold, camera: FoldCamera, calibration: Calibration, *, every: int = 1
 ) -> Agreement:
-    """Errors of perception over the frames of a fold, `every`-th one far from the touch."""
+    """Errors of perception over the frames of a fold, `every`-th one far from the
+    touch.
+    """
     assert fold.touch is not None
     rows, touch, told = [], None, float("nan")
     for sight in sights(fold, every, camera, calibration):
@@ -63,7 +66,9 @@ def agreement(
         if sight.touch is not None:
             touch, told = sight.touch, stamp - fold.touch.time
             break
-        off = distances(points, fold.shape(stamp)) if len(points) else np.array([np.nan])
+        off = (
+            distances(points, fold.shape(stamp)) if len(points) else np.array([np.nan])
+        )
         rows.append((stamp, sight.contact, float(np.sqrt(np.mean(off**2)))))
     t, contact, profile = np.array(rows).T
     return Agreement(t, contact, profile, touch, told, fold)

@@ -16,12 +16,16 @@ PENDULUM = Path(__file__).parent / "pendulum"
 """Folder of the file and the model of a pendulum of one link, called `made`."""
 
 Law = Callable[[Array, Array, int], Array]
-"""Torques (n,) that oppose the joints, of their bend from hanging, their rate, the run's index."""
+"""Torques (n,) that oppose the joints, of their bend from hanging, their rate, the
+run's index.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class Made:
-    """Simulated run: times (m,) [s], noisy angles from upright (n, m) [rad], and its label."""
+    """Simulated run: times (m,) [s], noisy angles from upright (n, m) [rad], and its
+    label.
+    """
 
     t: Array
     angles: Array
@@ -37,7 +41,9 @@ def make_swings(
     span: float = 2.5,
     rate: float = 100.0,
 ) -> list[Made]:
-    """Swings of the model in `file`, released from rest with links `lifts` (n,) [rad] lifted."""
+    """Swings of the model in `file`, released from rest with links `lifts` (n,) [rad]
+    lifted.
+    """
     model = mujoco.MjModel.from_xml_path(str(file))
     model.opt.timestep, model.opt.integrator = STEP, mujoco.mjtIntegrator.mjINT_RK4
     labels = [f"lift {' '.join(f'{v:.1f}' for v in lift)}" for lift in lifts]
@@ -50,20 +56,31 @@ def make_swings(
 
 
 def write_swings(folder: Path, runs: Sequence[Made], sigma: float) -> tuple[Path, Path]:
-    """Write the pendulum's file, its model and the run folders; returns paths of file and runs."""
+    """Write the pendulum's file, its model and the run folders; returns paths of file
+    and runs.
+    """
     copytree(PENDULUM, folder, dirs_exist_ok=True)
     for index, made in enumerate(runs):
         head = {"pendulum": "made", "index": index, "condition": made.condition}
-        columns = {"t": made.t} | {f"theta_{i + 1}": a for i, a in enumerate(made.angles)}
+        columns = {"t": made.t} | {
+            f"theta_{i + 1}": a for i, a in enumerate(made.angles)
+        }
         run = folder / "runs" / f"{index:02d}"
         write_run(run, columns, {**head, "sigma": {"angle": sigma}}, "angles.parquet")
     return folder / "pendulum.yaml", folder / "runs"
 
 
 def _released(
-    model: mujoco.MjModel, lift: Array, law: Law | None, index: int, span: float, rate: float
+    model: mujoco.MjModel,
+    lift: Array,
+    law: Law | None,
+    index: int,
+    span: float,
+    rate: float,
 ) -> tuple[Array, Array]:
-    """Times (m,) [s] and absolute angles (n, m) [rad] of one release from `lift` (n,)."""
+    """Times (m,) [s] and absolute angles (n, m) [rad] of one release from `lift`
+    (n,).
+    """
     data = mujoco.MjData(model)
     data.qpos[:] = np.diff(lift, prepend=0.0)
     every = round(1.0 / (rate * STEP))

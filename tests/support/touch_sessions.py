@@ -6,18 +6,27 @@ from dataclasses import dataclass
 import numpy as np
 
 from calibration.lens import Lens
-from calibration.wizard.touches import Touch, TouchSettings, held_out, suspects, touch_plan
+from calibration.wizard.touches import (
+    Touch,
+    TouchSettings,
+    held_out,
+    suspects,
+    touch_plan,
+)
 from drivers.types import Array, frozen
 
 SETTINGS = TouchSettings()
 ARM, DISC = 1e-4, 0.1  # m, px: noise of the arm's place and of the disc's centre
-WILD, FAR = 0.1, (0.004, 0.04)  # share of touches with a loose pointer, and by how much [m]
+# share of touches with a loose pointer, and by how much [m]
+WILD, FAR = 0.1, (0.004, 0.04)
 LAST = 10_000
 
 
 @dataclass(frozen=True)
 class Camera:
-    """A camera of `lens` at `centre` (3,) [m], turned by `turn` (3, 3) from world to camera."""
+    """A camera of `lens` at `centre` (3,) [m], turned by `turn` (3, 3) from world to
+    camera.
+    """
 
     lens: Lens
     centre: Array
@@ -29,19 +38,23 @@ class Camera:
         distance, width = rng.uniform(1.4, 2.6), rng.uniform(0.72, 0.86)
         aim = np.array([rng.uniform(0.28, 0.34), 0.0, rng.uniform(0.14, 0.18)])
         up = np.radians(rng.uniform(1.5, 4.9))
-        centre = aim + distance * np.array([rng.uniform(-0.03, 0.03), -np.cos(up), np.sin(up)])
+        centre = aim + distance * np.array(
+            [rng.uniform(-0.03, 0.03), -np.cos(up), np.sin(up)]
+        )
         ahead = (aim - centre) / np.linalg.norm(aim - centre)
         right = np.cross(ahead, (0.0, 0.0, 1.0))
         right /= np.linalg.norm(right)
         focal = 1280 * distance / width
         middle = np.array([640.0, 360.0]) + rng.uniform(-15, 15, 2)
         matrix = [[focal, 0, middle[0]], [0, focal, middle[1]], [0, 0, 1]]
-        lens = Lens(1280, 720, frozen(matrix), frozen([rng.uniform(-0.3, 0.05), 0.1, 0, 0, 0]))
+        lens = Lens(
+            1280, 720, frozen(matrix), frozen([rng.uniform(-0.3, 0.05), 0.1, 0, 0, 0])
+        )
         return cls(lens, centre, np.array([right, np.cross(ahead, right), ahead]))
 
     def pixels(self, places: Array, nudge: Array | None = None) -> Array:
-        """(n, 2) pixels of places (n, 2) x, z in the plane, `nudge` (3,) [rad] a turn about the
-        camera's own axes.
+        """(n, 2) pixels of places (n, 2) x, z in the plane, `nudge` (3,) [rad] a turn
+        about the camera's own axes.
         """
         points = np.column_stack([places[:, 0], np.zeros(len(places)), places[:, 1]])
         turned = (points - self.centre) @ self.turn.T
@@ -60,8 +73,9 @@ def touched(
     mirrored: bool = False,
     wild: float = 0.0,
 ) -> Sequence[Touch]:
-    """All touches of a session with second ones; `nudge` of the camera once `after` touches are
-    made, places of an arm whose x runs the other way where `mirrored`, a share `wild` loose.
+    """All touches of a session with second ones; `nudge` of the camera once `after`
+    touches are made, places of an arm whose x runs the other way where `mirrored`, a
+    share `wild` loose.
     """
     made: list[Touch] = []
 
@@ -71,7 +85,9 @@ def touched(
         angle, slips = rng.uniform(0, 2 * np.pi), rng.random() < wild
         off = slips * rng.uniform(*FAR) * np.array([np.cos(angle), np.sin(angle)])
         moved = nudge if len(made) >= after else None
-        pixel = camera.pixels((place + off)[None], moved)[0] + DISC * rng.standard_normal(2)
+        pixel = camera.pixels((place + off)[None], moved)[
+            0
+        ] + DISC * rng.standard_normal(2)
         said = place + ARM * rng.standard_normal(2)
         said = said * (-1, 1) + (0.62, 0) if mirrored else said
         made.append(Touch(number, said, pixel, held_out(number, SETTINGS), again=again))

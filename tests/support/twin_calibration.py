@@ -1,6 +1,7 @@
 """Calibration of the twin's camera from its own images of boards and touched points.
 
-`python -m tests.support.twin_calibration` writes the one that comes with the shipped settings.
+`python -m tests.support.twin_calibration` writes the one that comes with the shipped
+settings.
 """
 
 from functools import lru_cache
@@ -40,11 +41,18 @@ NO_STRIP = StripLook((40, 60, 110), 0.001, 0.05)
 def true_lens(camera: CameraSettings = CameraSettings()) -> Lens:  # noqa: B008  frozen
     """Lens that the twin renders with."""
     optics = Optics.from_settings(camera)
-    matrix = [[optics.focal, 0, optics.principal[0]], [0, optics.focal, optics.principal[1]]]
-    return Lens(1280, 720, frozen([*matrix, [0, 0, 1]]), frozen([*optics.distortion, 0, 0, 0]))
+    matrix = [
+        [optics.focal, 0, optics.principal[0]],
+        [0, optics.focal, optics.principal[1]],
+    ]
+    return Lens(
+        1280, 720, frozen([*matrix, [0, 0, 1]]), frozen([*optics.distortion, 0, 0, 0])
+    )
 
 
-def show_boards(camera: CameraSettings, settings: BoardSettings, seed: int = 1) -> LensVerdict:
+def show_boards(
+    camera: CameraSettings, settings: BoardSettings, seed: int = 1
+) -> LensVerdict:
     """Lens estimate from all wanted board views, rendered by the twin's camera."""
     views = BoardViews(settings, (camera.width, camera.height))
     sequence = 0
@@ -59,11 +67,15 @@ def pointer_frame(renderer: Renderer, pose: Pose, sequence: int) -> Frame:
     """Frame of the pointer at `pose` in an empty cell."""
     arc = np.linspace(0, 0.6, 7)
     points = np.column_stack([arc, 0 * arc])
-    scene = Scene(0.0, points, arc, pose, 0.0, holds_strip=False, pointer=True, strip=False)
+    scene = Scene(
+        0.0, points, arc, pose, 0.0, holds_strip=False, pointer=True, strip=False
+    )
     return Frame(0.0, 0.02, "test", sequence, renderer.render([scene], sequence))
 
 
-def touch_points(camera: CameraSettings, lens: Lens, settings: TouchSettings) -> TouchVerdict:
+def touch_points(
+    camera: CameraSettings, lens: Lens, settings: TouchSettings
+) -> TouchVerdict:
     """Homography estimate from all wanted points, touched before the twin's camera."""
     renderer = Renderer(camera, NO_STRIP, 0)
     touched = TouchedPoints(lens, settings)

@@ -17,7 +17,9 @@ DENIM = load_strip(Path(__file__).parents[2] / "configs" / "strips" / "denim.yam
 
 
 class Steps:
-    """Steps of a world's strip from now on: times, edge's poses, midlines and desk contacts."""
+    """Steps of a world's strip from now on: times, edge's poses, midlines and desk
+    contacts.
+    """
 
     def __init__(self, world: World) -> None:
         self._world, self._plant = world, world._plant
@@ -34,10 +36,14 @@ class Steps:
         return observed
 
     def truth(self) -> SimpleNamespace:
-        """Times (k,), edge's poses (k, 3), midlines (k, n, 2), contacts (k,), and the touch."""
+        """Times (k,), edge's poses (k, 3), midlines (k, n, 2), contacts (k,), and the
+        touch.
+        """
         t, edge, shapes, contact_x = map(np.array, zip(*self._rows, strict=True))
         touch = self._world.touch
-        return SimpleNamespace(t=t, edge=edge, shapes=shapes, contact_x=contact_x, touch=touch)
+        return SimpleNamespace(
+            t=t, edge=edge, shapes=shapes, contact_x=contact_x, touch=touch
+        )
 
 
 def wait(twin: Twin, seconds: float) -> None:

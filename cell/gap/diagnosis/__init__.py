@@ -1,1 +1,3 @@
-"""Diagnosis of a fit: where the model misses the runs, how much, and what to measure next."""
+"""Diagnosis of a fit: where the model misses the runs, how much, and what to measure
+next.
+"""

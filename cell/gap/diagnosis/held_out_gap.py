@@ -18,28 +18,38 @@ DRAWS = 2000  # of runs, for the interval of the shrink; set by hand
 
 @dataclass(frozen=True, slots=True)
 class Shrink:
-    """Share by which a model reduces the excess residual of held-out runs, with 95 % interval."""
+    """Share by which a model reduces the excess residual of held-out runs, with 95 %
+    interval.
+    """
 
     value: float
     low: float
     high: float
 
 
-def fit_held_out(simulate: Simulate, estimate: Estimate, evidence: Evidence) -> Estimate:
-    """Fit `estimate` to other runs: shared values stay fixed, the runs' own unknowns are free."""
+def fit_held_out(
+    simulate: Simulate, estimate: Estimate, evidence: Evidence
+) -> Estimate:
+    """Fit `estimate` to other runs: shared values stay fixed, the runs' own unknowns
+    are free.
+    """
     model = estimate.model.holding(estimate.shared)
     start = Point(np.zeros(0), evidence.start())
     return run_one(simulate, refit(model, evidence, start))
 
 
 def floor(evidence: Evidence, quantities: Mapping[str, Quantity]) -> dict[str, float]:
-    """Root mean square noise by displayed quantity: the residual that a perfect model leaves."""
+    """Root mean square noise by displayed quantity: the residual that a perfect model
+    leaves.
+    """
     readings = [run.samples.reading**2 for run in evidence.runs]
     return _display_gaps(evidence, readings, quantities)
 
 
 def _mean_by_word(words: Words, square: Array) -> dict[str, float]:
-    """Mean of the finite values of `square` (n,), by the word of `words` (n,) that marks them."""
+    """Mean of the finite values of `square` (n,), by the word of `words` (n,) that
+    marks them.
+    """
     means = {}
     for name in np.unique(words):
         values = square[words == name]
@@ -50,9 +60,13 @@ def _mean_by_word(words: Words, square: Array) -> dict[str, float]:
 
 
 def _display_gaps(
-    evidence: Evidence, squares_by_run: Sequence[Array], quantities: Mapping[str, Quantity]
+    evidence: Evidence,
+    squares_by_run: Sequence[Array],
+    quantities: Mapping[str, Quantity],
 ) -> dict[str, float]:
-    """Rms residual by key of each displayed quantity, in its unit, of each run's (n,) [SI^2]."""
+    """Rms residual by key of each displayed quantity, in its unit, of each run's (n,)
+    [SI^2].
+    """
     squares: dict[str, list[float]] = defaultdict(list)
     for run, square in zip(evidence.runs, squares_by_run, strict=True):
         for name, mean in _mean_by_word(run.samples.quantity, square).items():
@@ -65,58 +79,85 @@ def _display_gaps(
 
 
 def run_squares(estimate: Estimate) -> Array:
-    """Mean square whitened residual (R,) of each run, with equal weight for each channel."""
+    """Mean square whitened residual (R,) of each run, with equal weight for each
+    channel.
+    """
     pairs = zip(estimate.evidence.runs, estimate.residuals, strict=True)
     channels = [_mean_by_word(run.samples.channel, r**2) for run, r in pairs]
     return np.array([np.mean(list(squares.values())) for squares in channels])
 
 
 def excess(squares: Array) -> Array:
-    """Excess residual (...) [noise], sqrt(max(mean - 1, 0)) of `squares` (..., R) of R runs."""
+    """Excess residual (...) [noise], sqrt(max(mean - 1, 0)) of `squares` (..., R) of R
+    runs.
+    """
     return np.asarray(np.sqrt(np.maximum(squares.mean(axis=-1) - 1.0, 0.0)))
 
 
 def excess_of(estimate: Estimate) -> float:
-    """Excess residual [noise] of a fit over all its runs: sqrt(max(mean square - 1, 0))."""
+    """Excess residual [noise] of a fit over all its runs: sqrt(max(mean square - 1,
+    0)).
+    """
     return float(excess(run_squares(estimate)))
 
 
-def excess_by_quantity(estimate: Estimate, quantities: Mapping[str, Quantity]) -> dict[str, float]:
+def excess_by_quantity(
+    estimate: Estimate, quantities: Mapping[str, Quantity]
+) -> dict[str, float]:
     """Excess residual [noise] of a fit in each displayed quantity, by its key."""
-    shown = _display_gaps(estimate.evidence, [r**2 for r in estimate.residuals], quantities)
+    shown = _display_gaps(
+        estimate.evidence, [r**2 for r in estimate.residuals], quantities
+    )
     units = {q.key: q.factor for q in quantities.values()}
-    return {key: max((rms / units[key]) ** 2 - 1.0, 0.0) ** 0.5 for key, rms in shown.items()}
+    return {
+        key: max((rms / units[key]) ** 2 - 1.0, 0.0) ** 0.5
+        for key, rms in shown.items()
+    }
 
 
 def bounded_excess(estimate: Estimate) -> float:
-    """Excess residual [noise] of a fit, with outliers clipped at multiples of its dispersion."""
+    """Excess residual [noise] of a fit, with outliers clipped at multiples of its
+    dispersion.
+    """
     scale = robust.scale(estimate.stacked_residuals)
     clipped = tuple(robust.bound(r, scale) for r in estimate.residuals)
     return excess_of(replace(estimate, residuals=clipped))
 
 
 def sizes(estimate: Estimate, quantities: Mapping[str, Quantity]) -> dict[str, float]:
-    """Root mean square residuals of a fit by displayed quantity, and its `excess` [noise]."""
-    rms = _display_gaps(estimate.evidence, [raw.square for raw in estimate.raw], quantities)
+    """Root mean square residuals of a fit by displayed quantity, and its `excess`
+    [noise].
+    """
+    rms = _display_gaps(
+        estimate.evidence, [raw.square for raw in estimate.raw], quantities
+    )
     return {**rms, "excess": excess_of(estimate)}
 
 
 def rms_by_run(estimate: Estimate, quantities: Mapping[str, Quantity]) -> list[float]:
-    """Root mean square residual of each run, in units of noise, model error and tolerance.
+    """Root mean square residual of each run, in units of noise, model error and
+    tolerance.
 
-    A true model leaves about 1 in these units, by which outliers are bounded. Channels weigh alike.
+    A true model leaves about 1 in these units, by which outliers are bounded. Channels
+    weigh alike.
     """
     evidence = estimate.evidence
     bounded = []
-    for run, r, scale in zip(evidence.runs, estimate.residuals, evidence.scales, strict=True):
-        tolerance = np.array([quantities[str(name)].tolerance for name in run.samples.quantity])
+    for run, r, scale in zip(
+        evidence.runs, estimate.residuals, evidence.scales, strict=True
+    ):
+        tolerance = np.array(
+            [quantities[str(name)].tolerance for name in run.samples.quantity]
+        )
         bounded.append(robust.bound(r * scale / np.hypot(scale, tolerance)))
     squares = run_squares(replace(estimate, residuals=tuple(bounded)))
     return [float(np.sqrt(square)) for square in squares]
 
 
 def shrink(before: Estimate, after: Estimate, rng: np.random.Generator) -> Shrink:
-    """Share of the excess residual removed, 1 - after / before, by bootstrap (Efron 1979)."""
+    """Share of the excess residual removed, 1 - after / before, by bootstrap (Efron
+    1979).
+    """
     squares_before, squares_after = run_squares(before), run_squares(after)
     drawn = rng.integers(0, len(squares_before), (DRAWS, len(squares_before)))
     value = float(_share_closed(squares_before, squares_after))
@@ -126,6 +167,8 @@ def shrink(before: Estimate, after: Estimate, rng: np.random.Generator) -> Shrin
 
 
 def _share_closed(before: Array, after: Array) -> Array:
-    """Share (...) of excess removed from squares `before` (..., R) to `after`; 0 without excess."""
+    """Share (...) of excess removed from squares `before` (..., R) to `after`; 0
+    without excess.
+    """
     gap = excess(before)
     return np.where(gap > 0.0, 1.0 - excess(after) / np.where(gap > 0.0, gap, 1.0), 0.0)

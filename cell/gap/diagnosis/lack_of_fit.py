@@ -1,4 +1,5 @@
-"""Lack of fit: whether residuals exceed noise, between repeats, overall, and in which places.
+"""Lack of fit: whether residuals exceed noise, between repeats, overall, and in which
+places.
 
 N is the number of samples of all runs, stacked run by run.
 """
@@ -24,7 +25,8 @@ Place = tuple[str, str, str, str]
 """Channel, phase, zone and condition of a sample."""
 FEWEST_SAMPLES = 4  # samples that make a bin; set by hand
 UNSTEADY = 3.0  # times the stated noise by which repeats may differ; set by hand
-BIN_TIME = 0.3  # s of a bin in which repeats are compared: as long as the samples of a strip
+# s of a bin in which repeats are compared: as long as the samples of a strip
+BIN_TIME = 0.3
 DRAWS = 400  # of the noise; set by hand
 
 
@@ -32,9 +34,10 @@ DRAWS = 400  # of the noise; set by hand
 class Repeats:
     """Scatter between repeats of a condition, by channel, in units of the stated noise.
 
-    `scatter` between repeats, and `inflation` of the noise once a drift of the base with the index
-    of the run is taken out. `drift` says in words which parameter drifts most surely, `p` is the
-    p-value of no drift; empty and 1 where no condition was repeated.
+    `scatter` between repeats, and `inflation` of the noise once a drift of the base
+    with the index of the run is taken out. `drift` says in words which parameter drifts
+    most surely, `p` is the p-value of no drift; empty and 1 where no condition was
+    repeated.
     """
 
     scatter: dict[str, float]
@@ -44,11 +47,13 @@ class Repeats:
 
     @classmethod
     def of(cls, estimate: Estimate) -> Self:
-        """Compare the repeats among the runs of `estimate`, and test them for a drift of the base.
+        """Compare the repeats among the runs of `estimate`, and test them for a drift
+        of the base.
 
-        Likelihood ratio (Wilks 1938) of each parameter linear in the index, all at once, in units
-        of the scatter between repeats that is left then. Only repeats are held against each other:
-        what the model gets wrong of a condition is the same in all of them.
+        Likelihood ratio (Wilks 1938) of each parameter linear in the index, all at
+        once, in units of the scatter between repeats that is left then. Only repeats
+        are held against each other: what the model gets wrong of a condition is the
+        same in all of them.
         """
         runs = estimate.evidence.runs
         scatter = pure_error(estimate, estimate.residuals)
@@ -58,7 +63,9 @@ class Repeats:
         about = projection(estimate)
         count = len(estimate.shared)
         owner = np.repeat(np.arange(len(runs)), [len(r) for r in estimate.residuals])
-        columns = about.weigh(estimate.stacked_jacobian[:, :count] * later[owner][:, None])
+        columns = about.weigh(
+            estimate.stacked_jacobian[:, :count] * later[owner][:, None]
+        )
         form = about.form(columns)
         free = np.full(count, np.inf)
         rates = form.bounded_step(-free, free)
@@ -70,38 +77,53 @@ class Repeats:
 
     @property
     def differ(self) -> bool:
-        """Whether repeats differ by more than UNSTEADY times the stated noise, without drift."""
+        """Whether repeats differ by more than UNSTEADY times the stated noise, without
+        drift.
+        """
         return max(self.inflation.values(), default=1.0) > UNSTEADY
 
     @property
     def drifts(self) -> bool:
-        """Whether repeats differ beyond noise, by base parameters that drift from run to run."""
+        """Whether repeats differ beyond noise, by base parameters that drift from run
+        to run.
+        """
         return self.p < ALPHA and max(self.scatter.values(), default=1.0) > 1.0
 
 
-def pure_error(estimate: Estimate, residuals: Sequence[Array], spent: int = 0) -> dict[str, float]:
-    """Factor (>= 1) on the noise of each channel that explains the scatter between repeats.
+def pure_error(
+    estimate: Estimate, residuals: Sequence[Array], spent: int = 0
+) -> dict[str, float]:
+    """Factor (>= 1) on the noise of each channel that explains the scatter between
+    repeats.
 
-    `residuals` (n,) by run of the runs of `estimate`; `spent` degrees of freedom went into them.
-    Variance of bin means between runs of one condition over what the noise explains, accepted
-    where its chi-square probability is below ALPHA (Draper and Smith, Applied Regression
-    Analysis, lack of fit and pure error).
+    `residuals` (n,) by run of the runs of `estimate`; `spent` degrees of freedom went
+    into them. Variance of bin means between runs of one condition over what the noise
+    explains, accepted where its chi-square probability is below ALPHA (Draper and
+    Smith, Applied Regression Analysis, lack of fit and pure error).
     """
     squares: dict[str, float] = defaultdict(float)
     freedom: dict[str, int] = defaultdict(int)
     for channel, (mean, count) in _repeated_bins(estimate, residuals):
-        squares[channel] += float((count * (mean - np.average(mean, weights=count)) ** 2).sum())
+        squares[channel] += float(
+            (count * (mean - np.average(mean, weights=count)) ** 2).sum()
+        )
         freedom[channel] += len(mean) - 1
     factors = {}
     for channel, dof in freedom.items():
         left = max(1, dof - spent)
         excess = special.chdtrc(left, squares[channel]) < ALPHA
-        factors[channel] = max(1.0, float(np.sqrt(squares[channel] / left))) if excess else 1.0
+        factors[channel] = (
+            max(1.0, float(np.sqrt(squares[channel] / left))) if excess else 1.0
+        )
     return factors
 
 
-def _repeated_bins(estimate: Estimate, residuals: Sequence[Array]) -> Iterator[tuple[str, Array]]:
-    """Yield channel, and mean residuals and counts (2, k), of time bins in k > 1 repeats."""
+def _repeated_bins(
+    estimate: Estimate, residuals: Sequence[Array]
+) -> Iterator[tuple[str, Array]]:
+    """Yield channel, and mean residuals and counts (2, k), of time bins in k > 1
+    repeats.
+    """
     bins: dict[tuple[Place, int], list[tuple[float, int]]] = defaultdict(list)
     for run, r in zip(estimate.evidence.runs, residuals, strict=True):
         times = (run.samples.t / BIN_TIME).astype(int)
@@ -113,14 +135,20 @@ def _repeated_bins(estimate: Estimate, residuals: Sequence[Array]) -> Iterator[t
 
 
 def _relative_index(runs: Sequence[Run]) -> Array:
-    """Index (R,) of each run in the order of measurement, less the mean over its repeats."""
+    """Index (R,) of each run in the order of measurement, less the mean over its
+    repeats.
+    """
     index = np.array([run.index for run in runs], dtype=float)
     condition = np.array([run.condition for run in runs])
-    return np.asarray(index - np.array([index[condition == own].mean() for own in condition]))
+    return np.asarray(
+        index - np.array([index[condition == own].mean() for own in condition])
+    )
 
 
 def _drift_words(estimate: Estimate, form: NormalEquations) -> str:
-    """Text on the parameter whose linear drift explains most, and its change per run."""
+    """Text on the parameter whose linear drift explains most, and its change per
+    run.
+    """
     information = np.maximum(np.diag(form.curvature), 1e-300)
     i = int(np.argmax(form.gradient**2 / information))
     rate = -form.gradient[i] / information[i]
@@ -148,7 +176,8 @@ def _rows_by(keys: Iterable[K]) -> dict[K, list[int]]:
 
 @dataclass(frozen=True, slots=True)
 class Bin:
-    """Test of the residuals in a bin of samples: statistic `z` [sigma], family-wise p-value `p`.
+    """Test of the residuals in a bin of samples: statistic `z` [sigma], family-wise
+    p-value `p`.
 
     `z` is the stronger of the signed mean (with its sign) and the energy.
     """
@@ -168,11 +197,13 @@ class Bin:
 
 @dataclass(frozen=True, slots=True)
 class ResidualTest:
-    """Test of a fit's residuals against those that noise and run-to-run variation would leave.
+    """Test of a fit's residuals against those that noise and run-to-run variation would
+    leave.
 
-    `noise` (N, draws) are draws of these; the residuals are divided by what is `allowed` (N,)
-    first, the factor on the noise of a sample's channel that its `repeats` demand. In probabilities
-    an outlier counts as much as the fit lets it count.
+    `noise` (N, draws) are draws of these; the residuals are divided by what is
+    `allowed` (N,) first, the factor on the noise of a sample's channel that its
+    `repeats` demand. In probabilities an outlier counts as much as the fit lets it
+    count.
     """
 
     estimate: Estimate
@@ -184,15 +215,25 @@ class ResidualTest:
     def of(cls, estimate: Estimate, rng: np.random.Generator) -> Self:
         """Test of the residuals of `estimate`, with noise drawn from `rng`."""
         repeats = Repeats.of(estimate)
-        channels = [str(c) for run in estimate.evidence.runs for c in run.samples.channel]
-        allowed = np.array([repeats.inflation.get(channel, 1.0) for channel in channels])
+        channels = [
+            str(c) for run in estimate.evidence.runs for c in run.samples.channel
+        ]
+        allowed = np.array(
+            [repeats.inflation.get(channel, 1.0) for channel in channels]
+        )
         return cls(estimate, repeats, draw_residuals(estimate, rng), allowed)
 
     @property
     def bins(self) -> dict[Place, list[int]]:
-        """Row numbers of the samples in each bin, by its place; small bins are left out."""
-        rows = _rows_by(place for run in self.estimate.evidence.runs for place in _places(run))
-        return {place: some for place, some in rows.items() if len(some) >= FEWEST_SAMPLES}
+        """Row numbers of the samples in each bin, by its place; small bins are left
+        out.
+        """
+        rows = _rows_by(
+            place for run in self.estimate.evidence.runs for place in _places(run)
+        )
+        return {
+            place: some for place, some in rows.items() if len(some) >= FEWEST_SAMPLES
+        }
 
     def misfit(self) -> float:
         """p-value of the largest mean square residual over channels and conditions.
@@ -200,20 +241,25 @@ class ResidualTest:
         Mean squares are standardised by those of the noise draws.
         """
         clipped = robust.clip_residuals(self.estimate.stacked_residuals / self.allowed)
-        places = (place for run in self.estimate.evidence.runs for place in _places(run))
-        rows = _rows_by((channel, condition) for channel, _, _, condition in places).values()
+        places = (
+            place for run in self.estimate.evidence.runs for place in _places(run)
+        )
+        rows = _rows_by(
+            (channel, condition) for channel, _, _, condition in places
+        ).values()
         observed = np.array([np.mean(clipped[i] ** 2) for i in rows])
         drawn = np.array([np.mean(self.noise[i] ** 2, axis=0) for i in rows])
         largest_drawn = _standardise(drawn.T, drawn).max(axis=1)
         return _tail(largest_drawn, float(_standardise(observed, drawn).max()))
 
     def test_bins(self) -> list[Bin]:
-        """Test each bin for residuals beyond noise; returns all bins, the strongest first.
+        """Test each bin for residuals beyond noise; returns all bins, the strongest
+        first.
 
-        Signed mean and energy of each bin, the latter as sqrt(2 chi^2), which is nearly normal
-        (Fisher 1925), both standardised by the noise draws. `z` is of the residuals as they are,
-        `p` of residuals clipped as in the fit, by the largest statistic of all bins in each draw
-        (Westfall and Young 1993, single-step max-T).
+        Signed mean and energy of each bin, the latter as sqrt(2 chi^2), which is nearly
+        normal (Fisher 1925), both standardised by the noise draws. `z` is of the
+        residuals as they are, `p` of residuals clipped as in the fit, by the largest
+        statistic of all bins in each draw (Westfall and Young 1993, single-step max-T).
         """
         residuals = self.estimate.stacked_residuals / self.allowed
         bins = self.bins
@@ -230,24 +276,31 @@ class ResidualTest:
         clipped = strongest(robust.clip_residuals(residuals))
         tested = [
             Bin(*place, float(z), _tail(null, abs(z_clipped)))
-            for place, z, z_clipped in zip(bins, strongest(residuals), clipped, strict=True)
+            for place, z, z_clipped in zip(
+                bins, strongest(residuals), clipped, strict=True
+            )
         ]
         return sorted(tested, key=lambda each: -abs(each.z))
 
     def matching(self, fitted: Estimate, others: Sequence[Estimate]) -> list[Bin]:
-        """Test in each bin how well residuals match the effects of model `fitted`; surest first.
+        """Test in each bin how well residuals match the effects of model `fitted`;
+        surest first.
 
-        Each sample counts by what that model predicts otherwise than this one (matched filter). It
-        was chosen in sight of the residuals, so that a draw counts by its strongest bin under the
-        response of any of the models tried, it and `others`, with either sign (Westfall and Young
-        1993).
+        Each sample counts by what that model predicts otherwise than this one (matched
+        filter). It was chosen in sight of the residuals, so that a draw counts by its
+        strongest bin under the response of any of the models tried, it and `others`,
+        with either sign (Westfall and Young 1993).
         """
         r = self.estimate.stacked_residuals
         clipped = robust.clip_residuals(r / self.allowed)
         bins = self.bins
         rows = list(bins.values())
-        responses = [(r - model.stacked_residuals) / self.allowed for model in (fitted, *others)]
-        sums = [_match_sums(clipped, response, rows, self.noise) for response in responses]
+        responses = [
+            (r - model.stacked_residuals) / self.allowed for model in (fitted, *others)
+        ]
+        sums = [
+            _match_sums(clipped, response, rows, self.noise) for response in responses
+        ]
         largest = np.max([np.abs(drawn).max(axis=0) for _, drawn in sums], axis=0)
         matched = []
         for (place, samples), z in zip(bins.items(), sums[0][0], strict=True):
@@ -257,25 +310,32 @@ class ResidualTest:
 
 
 def draw_residuals(estimate: Estimate, rng: np.random.Generator) -> Array:
-    """Random whitened residuals (N, DRAWS) [noise] as a fit of the true model would leave them.
+    """Random whitened residuals (N, DRAWS) [noise] as a fit of the true model would
+    leave them.
 
-    Noise and run-to-run scatter, less what the fit absorbs of them: parametric bootstrap of the
-    linearised model (Davison and Hinkley 1997, section 6.3).
+    Noise and run-to-run scatter, less what the fit absorbs of them: parametric
+    bootstrap of the linearised model (Davison and Hinkley 1997, section 6.3).
     """
     linearised = projection(estimate, robustly=False)
     noise = rng.standard_normal((len(linearised.residual), DRAWS))
     if linearised.scatter.shape[1]:
-        noise += linearised.scatter @ rng.standard_normal((linearised.scatter.shape[1], DRAWS))
+        noise += linearised.scatter @ rng.standard_normal(
+            (linearised.scatter.shape[1], DRAWS)
+        )
     return linearised.unabsorbed(noise)
 
 
 def _tail(drawn: Array, observed: float) -> float:
-    """p-value: share of draws (draws,) of a statistic that are at least as large as `observed`."""
+    """p-value: share of draws (draws,) of a statistic that are at least as large as
+    `observed`.
+    """
     return (1.0 + float((drawn >= observed).sum())) / (1.0 + len(drawn))
 
 
 def _sum_and_energy(residuals: Array, rows: Sequence[list[int]]) -> tuple[Array, Array]:
-    """Sums (k, ...) over bins, and sqrt(2 sum of squares) (k, ...), of residuals (N, ...)."""
+    """Sums (k, ...) over bins, and sqrt(2 sum of squares) (k, ...), of residuals (N,
+    ...).
+    """
     sums = np.array([residuals[i].sum(axis=0) for i in rows])
     roots = np.sqrt([2.0 * (residuals[i] ** 2).sum(axis=0) for i in rows])
     return sums, roots
@@ -291,12 +351,16 @@ def _match_sums(
 
 
 def _standardise(values: Array, drawn: Array) -> Array:
-    """Statistics (..., k) in standard deviations of draws (k, draws) of them, about their mean."""
+    """Statistics (..., k) in standard deviations of draws (k, draws) of them, about
+    their mean.
+    """
     return np.asarray((values - drawn.mean(axis=1)) / (drawn.std(axis=1) + 1e-12))
 
 
 def stronger_of_two(by_itself: Sequence[Bin], by_effect: Sequence[Bin]) -> list[Bin]:
-    """Bins with the smaller p-value of two tests, doubled for that choice; strongest first."""
+    """Bins with the smaller p-value of two tests, doubled for that choice; strongest
+    first.
+    """
     if not by_effect:
         return list(by_itself)
     other = {b.place: b for b in by_effect}

@@ -17,7 +17,9 @@ from drivers.types import Array
 
 @dataclass(frozen=True, slots=True)
 class Recommendation:
-    """Recommended experiment: models that it separates, expected sigma, duration [min]."""
+    """Recommended experiment: models that it separates, expected sigma, duration
+    [min].
+    """
 
     experiment: str
     separates: tuple[str, str]
@@ -31,11 +33,12 @@ def advise(
     experiments: Sequence[Experiment],
     likelihood: LikelihoodScale,
 ) -> Task[list[Recommendation]]:
-    """Rank `experiments` by how well they separate two models per minute; yields requests.
+    """Rank `experiments` by how well they separate two models per minute; yields
+    requests.
 
-    `second` is a model with its shared values (P,). What the first explanation's parameters may
-    still move, given the runs so far, is projected out (design for discrimination: Box and Hill
-    1967).
+    `second` is a model with its shared values (P,). What the first explanation's
+    parameters may still move, given the runs so far, is projected out (design for
+    discrimination: Box and Hill 1967).
     """
     if not experiments:
         return []
@@ -50,8 +53,13 @@ def advise(
     for i, experiment in enumerate(experiments):
         difference = np.nan_to_num((other[i].mean - raw[i].mean) / planned.scales[i])
         own = np.diag([p.spread**-2 for p in planned.runs[i].local])
-        square = _unabsorbed_square(difference, jacobians[i], block_diag(information, own))
-        sigma = float(np.sqrt(max(0.0, square) / likelihood.inefficiency)) / likelihood.scale
+        square = _unabsorbed_square(
+            difference, jacobians[i], block_diag(information, own)
+        )
+        sigma = (
+            float(np.sqrt(max(0.0, square) / likelihood.inefficiency))
+            / likelihood.scale
+        )
         words = f"{experiment.name}: {experiment.instruction}"
         separates = (first.model.name, model.name)
         rated.append(Recommendation(words, separates, sigma, experiment.minutes))

@@ -13,37 +13,52 @@ from cell.gap.subject.subject import Candidate, Subject
 from drivers.strip.effects.effect import Parameter
 from drivers.types import Array
 
-WEAK = 0.5  # of the prior spread of a value: runs that leave more do not determine it; set by hand
+# of the prior spread of a value: runs that leave more do not determine it; set by hand
+WEAK = 0.5
 
 
 def refit_base(simulate: Simulate, model: Model, evidence: Evidence) -> Estimate:
-    """Fit of the base parameters of `model`, from stated values, to the runs of `evidence`."""
+    """Fit of the base parameters of `model`, from stated values, to the runs of
+    `evidence`.
+    """
     stated = Point(np.array([p.start for p in model.parameters]), evidence.start())
     return run_one(simulate, refit(model, evidence, stated))
 
 
 def undetermined_values(estimate: Estimate) -> list[tuple[Parameter, float]]:
-    """Base parameters whose uncertainty the runs hardly reduce, with standard deviations."""
+    """Base parameters whose uncertainty the runs hardly reduce, with standard
+    deviations.
+    """
     sigma = np.sqrt(np.diag(covariance(estimate.normal().curvature)))
     pairs = zip(estimate.model.base, map(float, sigma), strict=False)
     return [(p, s) for p, s in pairs if s > WEAK * p.spread]
 
 
 def strains(estimate: Estimate) -> dict[str, float]:
-    """Deviations of fitted base values from the stated ones, in prior standard deviations."""
+    """Deviations of fitted base values from the stated ones, in prior standard
+    deviations.
+    """
     pairs = zip(estimate.model.base, estimate.shared, strict=False)
-    return {p.name: (float(v) - p.start) / p.spread for p, v in pairs if np.isfinite(p.spread)}
+    return {
+        p.name: (float(v) - p.start) / p.spread
+        for p, v in pairs
+        if np.isfinite(p.spread)
+    }
 
 
 def refit_fine(
     subject: Subject, simulate: Simulate, model: Model, coarse: Evidence, start: Point
 ) -> Estimate:
-    """Fit `model`, from `start`, to `coarse` runs corrected for coarse time steps and grids."""
+    """Fit `model`, from `start`, to `coarse` runs corrected for coarse time steps and
+    grids.
+    """
     return run_one(simulate, refit(model, refine(subject, model, start, coarse), start))
 
 
 def refine(subject: Subject, model: Model, point: Point, coarse: Evidence) -> Evidence:
-    """Runs corrected for the coarse simulation at `point`, with floors for remaining errors."""
+    """Runs corrected for the coarse simulation at `point`, with floors for remaining
+    errors.
+    """
     return evidence(subject.refine(requests(model, coarse.runs, point)))
 
 
@@ -58,9 +73,13 @@ def stated_estimate(subject: Subject, simulate: Simulate) -> Estimate:
 
 
 def effect_responses(
-    simulate: Simulate, base: Estimate, effects: Sequence[tuple[Candidate, Sequence[float]]]
+    simulate: Simulate,
+    base: Estimate,
+    effects: Sequence[tuple[Candidate, Sequence[float]]],
 ) -> Array:
-    """Whitened responses (N, k) of all runs to k effects, each alone with its given values."""
+    """Whitened responses (N, k) of all runs to k effects, each alone with its given
+    values.
+    """
     models = [(base.model, base.shared)]
     for effect, values in effects:
         shared = np.append(base.shared, effect.complete(np.array(values)))

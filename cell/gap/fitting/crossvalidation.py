@@ -1,8 +1,10 @@
-"""Cross-validation: how well a fitted model predicts conditions that it was not fitted to.
+"""Cross-validation: how well a fitted model predicts conditions that it was not fitted
+to.
 
-Each fold leaves out whole conditions; frames of one run are never split. The fit without a fold
-is taken to be one Newton step from the fit with it (Giordano et al. 2019, A Swiss Army
-infinitesimal jackknife). The runs left out then adapt their own unknowns.
+Each fold leaves out whole conditions; frames of one run are never split. The fit
+without a fold is taken to be one Newton step from the fit with it (Giordano et al.
+2019, A Swiss Army infinitesimal jackknife). The runs left out then adapt their own
+unknowns.
 """
 
 from collections.abc import Sequence
@@ -22,22 +24,27 @@ from drivers.types import Array
 REWEIGHTED = 3  # times that robust weights are renewed; set by hand
 MOST_FOLDS = 8  # set by hand
 SILENT = 10.0
-"""Times its variance under all runs, beyond which that under some of them says that they do not
-determine a value: they hold a tenth of the information. Set by hand."""
+"""Times its variance under all runs, beyond which that under some of them says that
+they do not determine a value: they hold a tenth of the information. Set by hand.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class NormalDensity:
-    """Multivariate normal density of k amounts: their `mean` (k,) and `precision` (k, k)."""
+    """Multivariate normal density of k amounts: their `mean` (k,) and `precision` (k,
+    k).
+    """
 
     mean: Array
     precision: Array
 
     def condition(self, r: Array, responses: Array) -> tuple[Self, float]:
-        """Posterior density given residuals `r` (n,) of a run, and minus its log density [nats].
+        """Posterior density given residuals `r` (n,) of a run, and minus its log
+        density [nats].
 
-        Residuals change by `responses` (n, k) with the amounts. Both are by Laplace's approximation
-        under the robust loss; the loss leaves out the constant of unit noise.
+        Residuals change by `responses` (n, k) with the amounts. Both are by Laplace's
+        approximation under the robust loss; the loss leaves out the constant of unit
+        noise.
         """
         mean: Array = self.mean
         curvature = self.precision
@@ -49,17 +56,21 @@ class NormalDensity:
         moved = mean - self.mean
         loss = float(robust.bounded_loss(r + responses @ mean).sum())
         loss += 0.5 * float(moved @ self.precision @ moved)
-        loss += 0.5 * float(np.linalg.slogdet(curvature)[1] - np.linalg.slogdet(self.precision)[1])
+        loss += 0.5 * float(
+            np.linalg.slogdet(curvature)[1] - np.linalg.slogdet(self.precision)[1]
+        )
         return type(self)(mean, curvature), loss
 
 
 @dataclass(frozen=True, slots=True)
 class CrossValidatedFit:
-    """A fitted model, and the whitened residuals (n,) of each run predicted without that run.
+    """A fitted model, and the whitened residuals (n,) of each run predicted without
+    that run.
 
-    `uncertain` (n, k) by run are its responses to one standard deviation of the shared values under
-    the other folds. `charged` (R,) [nats] is added to the loss of each run: for values that only
-    this run determines, and for how unlikely its own random unknowns are.
+    `uncertain` (n, k) by run are its responses to one standard deviation of the shared
+    values under the other folds. `charged` (R,) [nats] is added to the loss of each
+    run: for values that only this run determines, and for how unlikely its own random
+    unknowns are.
     """
 
     estimate: Estimate
@@ -73,23 +84,27 @@ class CrossValidatedFit:
         return self.estimate.model
 
     def losses(self, scale: float) -> Array:
-        """Negative log predictive density (R,) [nats] of each run, at the dispersion `scale`.
+        """Negative log predictive density (R,) [nats] of each run, at the dispersion
+        `scale`.
 
-        That of a run given the other folds, with the shared values as uncertain as those leave them
-        (Laplace's approximation); runs of one fold follow one another.
+        That of a run given the other folds, with the shared values as uncertain as
+        those leave them (Laplace's approximation); runs of one fold follow one another.
         """
         losses = self.charged.copy()
         for fold in folds(self.estimate.evidence.runs):
             size = self.uncertain[fold[0]].shape[1]
             values = NormalDensity(np.zeros(size), np.eye(size))
             for i in fold:
-                values, loss = values.condition(self.left_out[i] / scale, self.uncertain[i] / scale)
+                values, loss = values.condition(
+                    self.left_out[i] / scale, self.uncertain[i] / scale
+                )
                 losses[i] += loss
         return losses
 
 
 def folds(runs: Sequence[Run], most: int = MOST_FOLDS) -> list[list[int]]:
-    """Numbers of the runs in each cross-validation fold: runs of one condition share a fold.
+    """Numbers of the runs in each cross-validation fold: runs of one condition share a
+    fold.
 
     Conditions are dealt in turn; where all runs share one condition, single runs are.
     """
@@ -103,7 +118,9 @@ def folds(runs: Sequence[Run], most: int = MOST_FOLDS) -> list[list[int]]:
 
 @dataclass(frozen=True, slots=True)
 class _Prediction:
-    """Prediction of a left-out run: `residuals` (n,), `uncertain` (n, k), `penalty` [nats]."""
+    """Prediction of a left-out run: `residuals` (n,), `uncertain` (n, k), `penalty`
+    [nats].
+    """
 
     residuals: Array
     uncertain: Array
@@ -111,11 +128,16 @@ class _Prediction:
 
 
 def validate(estimate: Estimate) -> Task[CrossValidatedFit]:
-    """Predict each run of `estimate` from a fit to the other folds; yields simulation requests."""
+    """Predict each run of `estimate` from a fit to the other folds; yields simulation
+    requests.
+    """
     dealt = folds(estimate.evidence.runs)
     parts = yield from side_by_side([_predict_fold(estimate, fold) for fold in dealt])
-    by_run = {i: run for fold, part in zip(dealt, parts, strict=True)
-              for i, run in zip(fold, part, strict=True)}  # fmt: skip
+    by_run = {
+        i: run
+        for fold, part in zip(dealt, parts, strict=True)
+        for i, run in zip(fold, part, strict=True)
+    }
     predictions = [by_run[i] for i in sorted(by_run)]
     return CrossValidatedFit(
         estimate=estimate,
@@ -126,67 +148,91 @@ def validate(estimate: Estimate) -> Task[CrossValidatedFit]:
 
 
 def _predict_fold(estimate: Estimate, fold: Sequence[int]) -> Task[list[_Prediction]]:
-    """Predict the runs of `fold` by a fit to all other runs; yields simulation requests.
+    """Predict the runs of `fold` by a fit to all other runs; yields simulation
+    requests.
 
-    Penalised by the number of shared values that only the fold determines, at its first run, and by
-    the losses of the runs' random unknowns.
+    Penalised by the number of shared values that only the fold determines, at its first
+    run, and by the losses of the runs' random unknowns.
     """
-    keep = [i for i in range(len(estimate.evidence.runs)) if i not in fold] or list(fold)
+    keep = [i for i in range(len(estimate.evidence.runs)) if i not in fold] or list(
+        fold
+    )
     shared, undetermined = on_runs(estimate, keep)
     unseen = estimate.on(fold).evidence
     moved, local = shared - estimate.shared, estimate.point.local
-    own = Point(np.zeros(0), tuple(local[i] + _own_response(estimate, i) @ moved for i in fold))
+    own = Point(
+        np.zeros(0), tuple(local[i] + _own_response(estimate, i) @ moved for i in fold)
+    )
     raw = yield requests(estimate.model.holding(shared), unseen.runs, own)
-    penalty = np.array([_random_loss(r, v) for r, v in zip(unseen.runs, own.local, strict=True)])
+    penalty = np.array(
+        [_random_loss(r, v) for r, v in zip(unseen.runs, own.local, strict=True)]
+    )
     penalty[0] += undetermined.sum()
     deviations = _deviations(estimate.on(keep), shared, undetermined)
     uncertain = [_settled_response(estimate, i) @ deviations for i in fold]
-    return list(map(_Prediction, residuals(raw, unseen), uncertain, map(float, penalty)))
+    return list(
+        map(_Prediction, residuals(raw, unseen), uncertain, map(float, penalty))
+    )
 
 
 def on_runs(estimate: Estimate, keep: Sequence[int]) -> tuple[Array, Mask]:
-    """Shared values (P,) fitted to the runs `keep` only, and mask (P,) of undetermined ones.
+    """Shared values (P,) fitted to the runs `keep` only, and mask (P,) of undetermined
+    ones.
 
-    One Newton step from the fit to all runs; a value stays where the runs do not determine it.
+    One Newton step from the fit to all runs; a value stays where the runs do not
+    determine it.
     """
     undetermined = _undetermined_values(estimate, keep)
     return _newton_step(estimate.on(keep), undetermined), undetermined
 
 
 def _random_loss(run: Run, local: Array) -> float:
-    """Negative log prior density [nats] of a run's random unknowns (k,), up to a constant."""
+    """Negative log prior density [nats] of a run's random unknowns (k,), up to a
+    constant.
+    """
     pairs = zip(run.local, local, strict=True)
-    return 0.5 * sum(((float(v) - p.start) / p.spread) ** 2 for p, v in pairs if p.random)
+    return 0.5 * sum(
+        ((float(v) - p.start) / p.spread) ** 2 for p, v in pairs if p.random
+    )
 
 
 def _undetermined_values(estimate: Estimate, keep: Sequence[int]) -> Mask:
     """Mask (P,) of the parameters of effects that the runs `keep` do not determine.
 
-    An effect that lives in one condition cannot be predicted from the others; it keeps its
-    value, and is charged with the nat by which a fit flatters itself (Akaike 1974).
+    An effect that lives in one condition cannot be predicted from the others; it keeps
+    its value, and is charged with the nat by which a fit flatters itself (Akaike 1974).
     """
     count = len(estimate.shared)
     base = len(estimate.model.base)
     of_all, of_kept = (
-        np.diag(covariance(e.normal().curvature))[:count] for e in (estimate, estimate.on(keep))
+        np.diag(covariance(e.normal().curvature))[:count]
+        for e in (estimate, estimate.on(keep))
     )
     return np.asarray((of_kept > SILENT * of_all) & (np.arange(count) >= base))
 
 
 def _newton_step(estimate: Estimate, held: Mask) -> Array:
-    """Shared values (P,) after a bounded Newton step of `estimate`, those of mask `held` fixed."""
+    """Shared values (P,) after a bounded Newton step of `estimate`, those of mask
+    `held` fixed.
+    """
     unknowns, z = estimate.unknowns, estimate.z
     fixed = np.concatenate([held, np.zeros(len(z) - len(held), dtype=bool)])
-    low, high = (np.where(fixed, 0.0, bound - z) for bound in (unknowns.low, unknowns.high))
+    low, high = (
+        np.where(fixed, 0.0, bound - z) for bound in (unknowns.low, unknowns.high)
+    )
     return (z + estimate.normal().bounded_step(low, high))[: len(held)]
 
 
 def _deviations(kept: Estimate, shared: Array, undetermined: Mask) -> Array:
-    """Deviations (P, k) of the shared values under the runs `kept`, of unit variance each.
+    """Deviations (P, k) of the shared values under the runs `kept`, of unit variance
+    each.
 
-    Values that are `undetermined` (P,), or of `shared` (P,) those on a bound, are taken as known.
+    Values that are `undetermined` (P,), or of `shared` (P,) those on a bound, are taken
+    as known.
     """
-    low, high = (bound[: len(shared)] for bound in (kept.unknowns.low, kept.unknowns.high))
+    low, high = (
+        bound[: len(shared)] for bound in (kept.unknowns.low, kept.unknowns.high)
+    )
     free = (shared > low) & (shared < high) & ~undetermined
     every = np.concatenate([free, np.ones(len(kept.z) - len(free), dtype=bool)])
     curvature = kept.normal().curvature[np.ix_(every, every)]
@@ -212,7 +258,11 @@ def _own_response(estimate: Estimate, i: int) -> Array:
 
 
 def _settled_response(estimate: Estimate, i: int) -> Array:
-    """Derivative (n, P) of run `i`'s residuals by shared values, its own unknowns refitted."""
+    """Derivative (n, P) of run `i`'s residuals by shared values, its own unknowns
+    refitted.
+    """
     jacobian = estimate.jacobians[i]
     count = len(estimate.shared)
-    return np.asarray(jacobian[:, :count] + jacobian[:, count:] @ _own_response(estimate, i))
+    return np.asarray(
+        jacobian[:, :count] + jacobian[:, count:] @ _own_response(estimate, i)
+    )

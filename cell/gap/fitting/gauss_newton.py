@@ -1,9 +1,10 @@
 """Robust Gauss-Newton fit of a model to runs, with Jacobians by finite differences.
 
-Shared parameters and each run's own unknowns are estimated jointly. Simulations are expensive and
-responses nearly linear, so that a Jacobian is kept while it predicts the decrease well. The error
-of a simulation must be small beside what one finite-difference step changes: a secant across
-a jump is no slope, and counts as information that is none.
+Shared parameters and each run's own unknowns are estimated jointly. Simulations are
+expensive and responses nearly linear, so that a Jacobian is kept while it predicts the
+decrease well. The error of a simulation must be small beside what one finite-difference
+step changes: a secant across a jump is no slope, and counts as information that is
+none.
 """
 
 from collections.abc import Sequence
@@ -14,7 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cell.gap.fitting import robust
-from cell.gap.fitting.model import Evidence, Model, Point, request, requests, response, whiten
+from cell.gap.fitting.model import (
+    Evidence,
+    Model,
+    Point,
+    request,
+    requests,
+    response,
+    whiten,
+)
 from cell.gap.fitting.normal_equations import NormalEquations, Unknowns
 from cell.gap.fitting.tasks import Task, side_by_side
 from cell.gap.subject.subject import Candidate, Request, Residuals, Run
@@ -24,14 +33,20 @@ from drivers.types import Array
 JacobianUse = Literal["new", "kept", "mended"]
 Linearised = tuple[Sequence[Residuals], tuple[Array, ...]]
 T = TypeVar("T")
-# nats that a further step must promise: in the end, to compare; set by hand, small beside MIN_GAIN
+# nats that a further step must promise: in the end, to compare; set by hand, small
+# beside MIN_GAIN
 FINAL_GAIN, ROUGH_GAIN = 0.05, 2.0
 
 
 def linearise(model: Model, evidence: Evidence, point: Point) -> Task[Linearised]:
-    """Residuals and whitened Jacobian (n, shared + local) of each run; yields requests."""
+    """Residuals and whitened Jacobian (n, shared + local) of each run; yields
+    requests.
+    """
     runs = zip(evidence.runs, evidence.scales, point.local, strict=True)
-    tasks = [_linearise_run(model, run, scale, point.shared, local) for run, scale, local in runs]
+    tasks = [
+        _linearise_run(model, run, scale, point.shared, local)
+        for run, scale, local in runs
+    ]
     by_run = yield from side_by_side(tasks)
     return [raw for raw, _ in by_run], tuple(jacobian for _, jacobian in by_run)
 
@@ -39,7 +54,9 @@ def linearise(model: Model, evidence: Evidence, point: Point) -> Task[Linearised
 def _linearise_run(
     model: Model, run: Run, scale: Array, shared: Array, local: Array
 ) -> Task[tuple[Residuals, Array]]:
-    """Residuals and Jacobian (n, shared + local) of a run, over `scale` (n,); yields requests."""
+    """Residuals and Jacobian (n, shared + local) of a run, over `scale` (n,); yields
+    requests.
+    """
     batch, steps = _secant_requests(model, run, shared, local)
     answers = yield batch
     at_point, *stepped = answers[1:] if run.replicate else answers
@@ -49,12 +66,16 @@ def _linearise_run(
 def secant_jacobian(
     at_point: Residuals, stepped: Sequence[Residuals], scale: Array, steps: Array
 ) -> Array:
-    """Whitened Jacobian (n, k) by finite differences over `steps` (k,); 0 where residuals are NaN.
+    """Whitened Jacobian (n, k) by finite differences over `steps` (k,); 0 where
+    residuals are NaN.
 
-    It is that of residuals `at_point`, from those `stepped` in each of k unknowns; `scale` (n,) is
-    the noise.
+    It is that of residuals `at_point`, from those `stepped` in each of k unknowns;
+    `scale` (n,) is the noise.
     """
-    columns = [(m.mean - at_point.mean) / scale / h for m, h in zip(stepped, steps, strict=True)]
+    columns = [
+        (m.mean - at_point.mean) / scale / h
+        for m, h in zip(stepped, steps, strict=True)
+    ]
     matrix = np.array(columns).reshape(len(columns), len(scale)).T
     return np.asarray(np.nan_to_num(matrix, nan=0.0, posinf=0.0, neginf=0.0))
 
@@ -64,7 +85,8 @@ def _secant_requests(
 ) -> tuple[list[Request], Array]:
     """Requests at the point and one step off in each unknown, and the steps (k,).
 
-    For a replicate the first, at the values, comes once more as a response to compare with.
+    For a replicate the first, at the values, comes once more as a response to compare
+    with.
     """
     at_point = request(model, run, shared, local)
     steps = []
@@ -77,7 +99,9 @@ def _secant_requests(
         step = _step_within_bounds(p, local[i])
         points.append((shared, _step_one(local, i, step)))
         steps.append(step)
-    batch = [replace(request(model, run, *point), response=run.replicate) for point in points]
+    batch = [
+        replace(request(model, run, *point), response=run.replicate) for point in points
+    ]
     return ([at_point, *batch] if run.replicate else batch), np.array(steps)
 
 
@@ -94,10 +118,11 @@ def _step_one(values: Array, i: int, h: float) -> Array:
 
 
 MOST_STEPS = 20  # of a fit
-# Shares of the decrease that a step predicted, set by hand. In TRUSTED a Jacobian is kept; in
-# MENDABLE Broyden's update corrects it, once.
+# Shares of the decrease that a step predicted, set by hand. In TRUSTED a Jacobian is
+# kept; in MENDABLE Broyden's update corrects it, once.
 TRUSTED, MENDABLE = (0.7, 1.4), (0.3, 2.5)
-PARABOLA = (1.0, 0.5, 0.25, 0.1, 0.02)  # shares of a step too long that are tried; set by hand
+# shares of a step too long that are tried; set by hand
+PARABOLA = (1.0, 0.5, 0.25, 0.1, 0.02)
 DAMPING = 1e-3  # of the bend of that parabola, relative to the curvature; set by hand
 
 
@@ -105,8 +130,8 @@ DAMPING = 1e-3  # of the bend of that parabola, relative to the curvature; set b
 class Estimate:
     """Values of all unknowns of a model, with its residuals and Jacobians there.
 
-    Per run: `residuals` (n,) whitened, `raw` in physical units, `jacobians` (n, shared + local)
-    of the whitened residuals. `scale` is their dispersion.
+    Per run: `residuals` (n,) whitened, `raw` in physical units, `jacobians` (n, shared
+    + local) of the whitened residuals. `scale` is their dispersion.
     """
 
     model: Model
@@ -126,7 +151,9 @@ class Estimate:
         raw: Sequence[Residuals],
         jacobians: tuple[Array, ...],
     ) -> Self:
-        """Estimate at `point`: simulated residuals `raw`, whitened `jacobians` (n, size) by run."""
+        """Estimate at `point`: simulated residuals `raw`, whitened `jacobians` (n,
+        size) by run.
+        """
         r = residuals(raw, evidence)
         return cls(
             model=model,
@@ -140,14 +167,22 @@ class Estimate:
 
     @property
     def shared(self) -> Array:
-        """Values (P,) of the parameters that all runs share: of the base, then of the effects."""
+        """Values (P,) of the parameters that all runs share: of the base, then of the
+        effects.
+        """
         return self.point.shared
 
     @property
     def proxies(self) -> list[Candidate]:
-        """Effects whose fitted law is not their own: they stand in for what the library lacks."""
+        """Effects whose fitted law is not their own: they stand in for what the library
+        lacks.
+        """
         values = self.model.split(self.shared)[1]
-        return [effect for effect in self.model.effects if not effect.is_own(values[effect.name])]
+        return [
+            effect
+            for effect in self.model.effects
+            if not effect.is_own(values[effect.name])
+        ]
 
     @property
     def unknowns(self) -> Unknowns:
@@ -156,7 +191,9 @@ class Estimate:
 
     @property
     def z(self) -> Array:
-        """Values (size,) of all unknowns in one vector: shared ones, then those of each run."""
+        """Values (size,) of all unknowns in one vector: shared ones, then those of each
+        run.
+        """
         return np.concatenate([self.point.shared, *self.point.local])
 
     @property
@@ -177,36 +214,50 @@ class Estimate:
 
     @property
     def changes(self) -> Array:
-        """Whitened changes (P, N) of all runs by each shared value's distance from its start."""
+        """Whitened changes (P, N) of all runs by each shared value's distance from its
+        start.
+        """
         moved = self.shared - np.array([p.start for p in self.model.parameters])
         return np.transpose(self.stacked_jacobian[:, : len(moved)] * moved)
 
     def by_run(self, stacked: NDArray[Any]) -> list[NDArray[Any]]:
-        """Split an array `stacked` (N, ...) of all samples into the rows (n, ...) of each run."""
+        """Split an array `stacked` (N, ...) of all samples into the rows (n, ...) of
+        each run.
+        """
         return np.split(stacked, np.cumsum([len(r) for r in self.residuals])[:-1])
 
     @property
     def objective(self) -> float:
-        """Robust loss of the residuals at their own dispersion plus that of the priors [nats]."""
+        """Robust loss of the residuals at their own dispersion plus that of the priors
+        [nats].
+        """
         return self.objective_at(self.scale)
 
     def objective_at(self, scale: float) -> float:
-        """Robust loss of the residuals at the dispersion `scale` plus that of the priors [nats]."""
+        """Robust loss of the residuals at the dispersion `scale` plus that of the
+        priors [nats].
+        """
         unknowns = self.unknowns
         data = sum(float(robust.loss(r / scale).sum()) for r in self.residuals)
         return data + 0.5 * float(unknowns.precision @ (self.z - unknowns.mean) ** 2)
 
     def normal(self) -> NormalEquations:
-        """Robustly weighted normal equations of data and priors at the estimate's dispersion."""
+        """Robustly weighted normal equations of data and priors at the estimate's
+        dispersion.
+        """
         unknowns, z, s = self.unknowns, self.z, self.scale
         gradient, curvature = np.zeros(len(z)), np.zeros((len(z), len(z)))
-        for i, (r, jacobian) in enumerate(zip(self.residuals, self.jacobians, strict=True)):
+        for i, (r, jacobian) in enumerate(
+            zip(self.residuals, self.jacobians, strict=True)
+        ):
             weighted = jacobian * (robust.weights(r / s) / s**2)[:, None]
             columns = unknowns.columns(i)
             gradient[columns] += weighted.T @ r
             curvature[np.ix_(columns, columns)] += weighted.T @ jacobian
         prior = unknowns.precision
-        return NormalEquations(gradient + prior * (z - unknowns.mean), curvature + np.diag(prior))
+        return NormalEquations(
+            gradient + prior * (z - unknowns.mean), curvature + np.diag(prior)
+        )
 
     def on(self, indices: Sequence[int]) -> Self:
         """Copy of the estimate restricted to the runs with the numbers `indices`."""
@@ -227,10 +278,11 @@ class Estimate:
 def responses_to(
     at: Estimate, models: Sequence[tuple[Model, Array]]
 ) -> Task[list[tuple[Array, ...]]]:
-    """Changes (n,) of each run's whitened residuals from the first model to each other one.
+    """Changes (n,) of each run's whitened residuals from the first model to each other
+    one.
 
-    Each model comes with its shared values (P,); the unknowns of the runs are those of the fit
-    `at`. A task that yields requests.
+    Each model comes with its shared values (P,); the unknowns of the runs are those of
+    the fit `at`. A task that yields requests.
     """
     runs, scales = at.evidence.runs, at.evidence.scales
     answers = yield [
@@ -238,7 +290,9 @@ def responses_to(
         for model, shared in models
         for run, unknowns in zip(runs, at.point.local, strict=True)
     ]
-    first, *others = (answers[k : k + len(runs)] for k in range(0, len(answers), len(runs)))
+    first, *others = (
+        answers[k : k + len(runs)] for k in range(0, len(answers), len(runs))
+    )
     return [tuple(map(response, other, first, scales)) for other in others]
 
 
@@ -258,9 +312,9 @@ def refit(
 ) -> Task[Estimate]:
     """Fit `model` to the runs of `evidence`, from the values `start`; yields requests.
 
-    `jacobians` (n, shared + local) by run of a fit nearby spare the first secants; the fit ends
-    when a further step promises less than `enough` nats, or gains less with a new Jacobian, or
-    after so many `steps`.
+    `jacobians` (n, shared + local) by run of a fit nearby spare the first secants; the
+    fit ends when a further step promises less than `enough` nats, or gains less with a
+    new Jacobian, or after so many `steps`.
     """
     unknowns = Unknowns.of(model, evidence)
     point = unknowns.point(np.concatenate([start.shared, *start.local]))
@@ -277,7 +331,9 @@ def refit(
         ended = use == "new" and gain < enough
         use = _next_use(gain / promised, use)
         if use == "mended":
-            trial = replace(trial, jacobians=_broyden_update(fit, trial, equations.curvature))
+            trial = replace(
+                trial, jacobians=_broyden_update(fit, trial, equations.curvature)
+            )
         fit = trial if gain > 0.0 else replace(fit, jacobians=trial.jacobians)
         if ended:
             break
@@ -287,9 +343,14 @@ def refit(
 
 
 def _estimate_at(
-    model: Model, evidence: Evidence, point: Point, jacobians: tuple[Array, ...] | None = None
+    model: Model,
+    evidence: Evidence,
+    point: Point,
+    jacobians: tuple[Array, ...] | None = None,
 ) -> Task[Estimate]:
-    """Estimate at values `point`, with `jacobians` or new ones by secants; yields requests."""
+    """Estimate at values `point`, with `jacobians` or new ones by secants; yields
+    requests.
+    """
     if jacobians is None:
         raw, jacobians = yield from linearise(model, evidence, point)
     else:
@@ -298,7 +359,8 @@ def _estimate_at(
 
 
 def _next_use(share: float, use: JacobianUse) -> JacobianUse:
-    """Whether to keep, correct or renew the Jacobian by the `share` of predicted gain achieved.
+    """Whether to keep, correct or renew the Jacobian by the `share` of predicted gain
+    achieved.
 
     Of a Jacobian in `use` that was mended already, a further correction is not tried.
     """
@@ -313,7 +375,9 @@ def residuals(raw: Sequence[Residuals], evidence: Evidence) -> tuple[Array, ...]
 
 
 def _line_search(fit: Estimate, curvature: Array, step: Array) -> Task[Estimate]:
-    """Estimate after the full step or, where that gains nothing, the best along a parabola."""
+    """Estimate after the full step or, where that gains nothing, the best along a
+    parabola.
+    """
     full = (yield from _evaluate(fit, [fit.z + step]))[0]
     if full.objective_at(fit.scale) < fit.objective:
         return full
@@ -323,11 +387,14 @@ def _line_search(fit: Estimate, curvature: Array, step: Array) -> Task[Estimate]
     return min(trials, key=lambda trial: trial.objective_at(fit.scale))
 
 
-def _second_order_step(fit: Estimate, full: Estimate, curvature: Array, step: Array) -> Array:
-    """Second-order part (size,) of the path to the minimum (geodesic acceleration, Transtrum 2012).
+def _second_order_step(
+    fit: Estimate, full: Estimate, curvature: Array, step: Array
+) -> Array:
+    """Second-order part (size,) of the path to the minimum (geodesic acceleration,
+    Transtrum 2012).
 
-    What the residuals did beyond the linear promise in the `full` step is answered by the same
-    linear model; weak directions, along which that was too bold, are damped.
+    What the residuals did beyond the linear promise in the `full` step is answered by
+    the same linear model; weak directions, along which that was too bold, are damped.
     """
     unknowns = fit.unknowns
     gradient = np.zeros_like(step)
@@ -341,11 +408,14 @@ def _second_order_step(fit: Estimate, full: Estimate, curvature: Array, step: Ar
     return equations.bounded_step(unknowns.low - full.z, unknowns.high - full.z)
 
 
-def _broyden_update(fit: Estimate, trial: Estimate, curvature: Array) -> tuple[Array, ...]:
-    """Jacobians (n, shared + local) by run after the step to `trial`, by Broyden (1965).
+def _broyden_update(
+    fit: Estimate, trial: Estimate, curvature: Array
+) -> tuple[Array, ...]:
+    """Jacobians (n, shared + local) by run after the step to `trial`, by Broyden
+    (1965).
 
-    They give the change of the residuals that was seen, at least change in units of what each
-    unknown does; samples that either side lost change nothing.
+    They give the change of the residuals that was seen, at least change in units of
+    what each unknown does; samples that either side lost change nothing.
     """
     unknowns = fit.unknowns
     change = trial.z - fit.z
@@ -363,7 +433,9 @@ def _broyden_update(fit: Estimate, trial: Estimate, curvature: Array) -> tuple[A
 
 
 def _evaluate(fit: Estimate, points: Sequence[Array]) -> Task[list[Estimate]]:
-    """Estimates at `points` (size,) within bounds, with `fit`'s Jacobians; yields requests."""
+    """Estimates at `points` (size,) within bounds, with `fit`'s Jacobians; yields
+    requests.
+    """
     runs = fit.evidence.runs
     inside = list(map(fit.unknowns.point, points))
     answers = yield [q for p in inside for q in requests(fit.model, runs, p)]

@@ -9,14 +9,16 @@ from cell.gap.subject.subject import Candidate, Request, Residuals, Run
 from drivers.strip.effects.effect import Parameter
 from drivers.types import Array
 
-LOST_RESIDUAL = 10.0  # whitened residual of a sample that the model cannot show; set by hand
+# whitened residual of a sample that the model cannot show; set by hand
+LOST_RESIDUAL = 10.0
 
 
 @dataclass(frozen=True, slots=True)
 class Model:
     """Model to fit: its base parameters, and the effects that are added to it.
 
-    With `held` the shared parameters have these values and only runs' own unknowns are free.
+    With `held` the shared parameters have these values and only runs' own unknowns are
+    free.
     """
 
     base: tuple[Parameter, ...]
@@ -25,7 +27,9 @@ class Model:
 
     @property
     def name(self) -> str:
-        """Names of the model's effects, joined by ` + `, or `base` where it has none."""
+        """Names of the model's effects, joined by ` + `, or `base` where it has
+        none.
+        """
         return " + ".join(e.name for e in self.effects) or "base"
 
     @property
@@ -35,17 +39,23 @@ class Model:
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Parameters that all runs share: of the base, then of each effect; none if fixed."""
+        """Parameters that all runs share: of the base, then of each effect; none if
+        fixed.
+        """
         if self.held is not None:
             return ()
         return self.base + tuple(p for e in self.effects for p in e.parameters)
 
     def holding(self, shared: Array) -> "Model":
-        """Copy of the model whose shared parameters are fixed at the values `shared` (P,)."""
+        """Copy of the model whose shared parameters are fixed at the values `shared`
+        (P,).
+        """
         return replace(self, held=tuple(map(float, shared)))
 
     def split(self, shared: Array) -> tuple[Array, dict[str, Array]]:
-        """Split shared values (P,) into those of the base, and those of each effect by its name."""
+        """Split shared values (P,) into those of the base, and those of each effect by
+        its name.
+        """
         shared = shared if self.held is None else np.array(self.held)
         effects = {}
         first = len(self.base)
@@ -55,14 +65,18 @@ class Model:
         return shared[: len(self.base)], effects
 
     def join(self, base: Array, effects: dict[str, Array]) -> Array:
-        """Shared values (P,) from those of base and `effects` by name, missing ones at null."""
+        """Shared values (P,) from those of base and `effects` by name, missing ones at
+        null.
+        """
         parts = [e.complete(effects.get(e.name, e.null)) for e in self.effects]
         return np.concatenate([base, *parts])
 
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """Values of all unknowns of a fit: `shared` (P,) parameters, and `local` ones (k,) by run."""
+    """Values of all unknowns of a fit: `shared` (P,) parameters, and `local` ones (k,)
+    by run.
+    """
 
     shared: Array
     local: tuple[Array, ...]
@@ -70,7 +84,9 @@ class Point:
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """Runs that a model is fitted to, with the standard deviations (n,) of each run's samples."""
+    """Runs that a model is fitted to, with the standard deviations (n,) of each run's
+    samples.
+    """
 
     runs: tuple[Run, ...]
     scales: tuple[Array, ...]
@@ -81,29 +97,43 @@ class Evidence:
 
 
 def evidence(runs: Sequence[Run]) -> Evidence:
-    """Evidence of `runs`, whose scales are sample noise and model-error floor in quadrature."""
+    """Evidence of `runs`, whose scales are sample noise and model-error floor in
+    quadrature.
+    """
     scales = [np.hypot(run.samples.noise, run.samples.floor) for run in runs]
     return Evidence(tuple(runs), tuple(scales))
 
 
 def request(model: Model, run: Run, shared: Array, local: Array) -> Request:
-    """Request to simulate `run` by `model` at shared values (P,) and values (k,) of the run."""
+    """Request to simulate `run` by `model` at shared values (P,) and values (k,) of the
+    run.
+    """
     base, effects = model.split(shared)
     return Request(run, base, effects, local)
 
 
 def requests(model: Model, runs: Sequence[Run], point: Point) -> list[Request]:
     """Requests to simulate each of `runs` by `model` at the values `point`."""
-    return [request(model, r, point.shared, v) for r, v in zip(runs, point.local, strict=True)]
+    return [
+        request(model, r, point.shared, v)
+        for r, v in zip(runs, point.local, strict=True)
+    ]
 
 
 def whiten(residuals: Residuals, scale: Array) -> Array:
-    """Residuals (n,) divided by `scale` (n,); those that are not finite become LOST_RESIDUAL."""
+    """Residuals (n,) divided by `scale` (n,); those that are not finite become
+    LOST_RESIDUAL.
+    """
     return np.nan_to_num(
-        residuals.mean / scale, nan=LOST_RESIDUAL, posinf=LOST_RESIDUAL, neginf=-LOST_RESIDUAL
+        residuals.mean / scale,
+        nan=LOST_RESIDUAL,
+        posinf=LOST_RESIDUAL,
+        neginf=-LOST_RESIDUAL,
     )
 
 
 def response(moved: Residuals, start: Residuals, scale: Array) -> Array:
-    """Change (n,) of the whitened residuals from `start` to `moved`, divided by `scale` (n,)."""
+    """Change (n,) of the whitened residuals from `start` to `moved`, divided by `scale`
+    (n,).
+    """
     return whiten(moved, scale) - whiten(start, scale)

@@ -1,4 +1,6 @@
-"""Local quadratic model of a fit: its unknowns, normal equations, and steps within bounds."""
+"""Local quadratic model of a fit: its unknowns, normal equations, and steps within
+bounds.
+"""
 
 from dataclasses import dataclass
 from typing import Self
@@ -11,15 +13,16 @@ from drivers.strip.effects.effect import Parameter
 from drivers.types import Array
 
 Mask = NDArray[np.bool_]
-RIDGE = 1e-9  # of the diagonal: holds directions that nothing determines; above rounding
+# of the diagonal: holds directions that nothing determines; above rounding
+RIDGE = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
 class Unknowns:
     """Unknowns of a fit in one vector (size,): P shared ones, then those of each run.
 
-    `shared` is P, `local` the number of unknowns of each run; by unknown (size,): its bounds `low`
-    and `high`, its prior `mean` and `precision`, the inverse variance.
+    `shared` is P, `local` the number of unknowns of each run; by unknown (size,): its
+    bounds `low` and `high`, its prior `mean` and `precision`, the inverse variance.
     """
 
     parameters: tuple[Parameter, ...]
@@ -45,12 +48,18 @@ class Unknowns:
         )
 
     def columns(self, run: int) -> NDArray[np.int64]:
-        """Positions (P + k,) of the shared unknowns, and of the k unknowns of run number `run`."""
+        """Positions (P + k,) of the shared unknowns, and of the k unknowns of run
+        number `run`.
+        """
         first = self.shared + sum(self.local[:run])
-        return np.concatenate([np.arange(self.shared), first + np.arange(self.local[run])])
+        return np.concatenate(
+            [np.arange(self.shared), first + np.arange(self.local[run])]
+        )
 
     def point(self, z: Array) -> Point:
-        """Values `z` (size,), clipped to the bounds, as shared ones and those of each run."""
+        """Values `z` (size,), clipped to the bounds, as shared ones and those of each
+        run.
+        """
         edges = np.cumsum([self.shared, *self.local])
         shared, *local = np.split(np.clip(z, self.low, self.high), edges[:-1])
         return Point(shared, tuple(local))
@@ -58,20 +67,26 @@ class Unknowns:
 
 @dataclass(frozen=True, slots=True)
 class NormalEquations:
-    """Quadratic model of an objective [nats]: its `gradient` (n,) and `curvature` (n, n)."""
+    """Quadratic model of an objective [nats]: its `gradient` (n,) and `curvature` (n,
+    n).
+    """
 
     gradient: Array
     curvature: Array
 
     def decrease(self, step: Array) -> float:
-        """Decrease of the objective [nats] that the quadratic model predicts for `step` (n,)."""
+        """Decrease of the objective [nats] that the quadratic model predicts for `step`
+        (n,).
+        """
         return float(-self.gradient @ step - 0.5 * step @ self.curvature @ step)
 
     def bounded_step(self, low: Array, high: Array) -> Array:
-        """Step (n,) to the minimum between the bounds `low` (n,) and `high` (n,), by active set.
+        """Step (n,) to the minimum between the bounds `low` (n,) and `high` (n,), by
+        active set.
 
-        Unknowns that the step would carry over a bound are put on it and leave the system; they
-        come back while the gradient there pulls them inside (Lawson and Hanson 1974, chapter 23).
+        Unknowns that the step would carry over a bound are put on it and leave the
+        system; they come back while the gradient there pulls them inside (Lawson and
+        Hanson 1974, chapter 23).
         """
         diagonal = np.diag(self.curvature)
         ridge = np.diag(RIDGE * diagonal + 1e-300)
@@ -85,22 +100,32 @@ class NormalEquations:
             value = 0.5 * float(step @ (self.gradient + slope))
             if value < least:
                 best, least = step, value
-            back = ~free & (diagonal > 0.0) & (low < high) & ~_pushed_out(slope, step, low, high)
+            back = (
+                ~free
+                & (diagonal > 0.0)
+                & (low < high)
+                & ~_pushed_out(slope, step, low, high)
+            )
             if not back.any():
                 break
             pull = np.where(back, np.abs(slope) / np.sqrt(diagonal + 1e-300), -1.0)
             free[int(np.argmax(pull))] = True
         return best
 
-    def minimise_free(self, step: Array, free: Mask, low: Array, high: Array) -> tuple[Array, Mask]:
-        """Step (n,) to the minimum over `free` (n,) unknowns, and a mask (n,) of those still free.
+    def minimise_free(
+        self, step: Array, free: Mask, low: Array, high: Array
+    ) -> tuple[Array, Mask]:
+        """Step (n,) to the minimum over `free` (n,) unknowns, and a mask (n,) of those
+        still free.
 
-        Unknowns that leave their bounds `low` (n,) and `high` (n,) are held on them; the others
-        stay at `step` (n,).
+        Unknowns that leave their bounds `low` (n,) and `high` (n,) are held on them;
+        the others stay at `step` (n,).
         """
         step, free = step.copy(), free.copy()
         while free.any():
-            right = self.gradient[free] + self.curvature[np.ix_(free, ~free)] @ step[~free]
+            right = (
+                self.gradient[free] + self.curvature[np.ix_(free, ~free)] @ step[~free]
+            )
             step[free] = -_solve(self.curvature[np.ix_(free, free)], right)
             over = free & ((step < low) | (step > high))
             if not over.any():
@@ -116,14 +141,18 @@ def _pushed_out(slope: Array, step: Array, low: Array, high: Array) -> Mask:
 
 
 def _solve(matrix: Array, right: Array) -> Array:
-    """Solution (n,) of a symmetric positive definite system, scaled to a unit diagonal first."""
+    """Solution (n,) of a symmetric positive definite system, scaled to a unit diagonal
+    first.
+    """
     d = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     scaled = matrix * d[:, None] * d[None] + 1e-12 * np.eye(len(d))
     return np.asarray(d * np.linalg.solve(scaled, d * right))
 
 
 def covariance(curvature: Array) -> Array:
-    """Inverse (size, size) of a `curvature` matrix, large but finite where that is singular."""
+    """Inverse (size, size) of a `curvature` matrix, large but finite where that is
+    singular.
+    """
     d = 1.0 / np.sqrt(np.maximum(np.diag(curvature), 1e-280))
     values, vectors = np.linalg.eigh(curvature * d[:, None] * d[None])
     inverse = (vectors / np.maximum(values, 1e-12)) @ vectors.T

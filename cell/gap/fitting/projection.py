@@ -13,12 +13,13 @@ from drivers.types import Array
 
 @dataclass(frozen=True, slots=True)
 class Projection:
-    """Linear map that removes from responses the part that a refit of all unknowns absorbs.
+    """Linear map that removes from responses the part that a refit of all unknowns
+    absorbs.
 
-    `residual` (N,) of all runs, the last small step of the fit taken, `jacobian` (N, u) of the
-    free unknowns and of nuisance responses, `inverse` (u, u) of their curvature with priors,
-    `weight` (N,) that brings whitened residuals to these units. `scatter` (N, q) are the responses
-    to the runs' random unknowns, each by its spread.
+    `residual` (N,) of all runs, the last small step of the fit taken, `jacobian` (N, u)
+    of the free unknowns and of nuisance responses, `inverse` (u, u) of their curvature
+    with priors, `weight` (N,) that brings whitened residuals to these units. `scatter`
+    (N, q) are the responses to the runs' random unknowns, each by its spread.
     """
 
     residual: Array
@@ -28,19 +29,25 @@ class Projection:
     scatter: Array
 
     def unabsorbed(self, response: Array) -> Array:
-        """Part of `response` (N, ...) that a refit of the unknowns leaves, in weighted units."""
+        """Part of `response` (N, ...) that a refit of the unknowns leaves, in weighted
+        units.
+        """
         back = self.inverse @ (self.jacobian.T @ response)
         return np.asarray(response - self.jacobian @ back)
 
     def weigh(self, whitened: Array) -> Array:
-        """Whitened response (N, k) times the square roots of the samples' robust weights."""
+        """Whitened response (N, k) times the square roots of the samples' robust
+        weights.
+        """
         return np.asarray(whitened * self.weight[:, None])
 
     def form(self, responses: Array) -> NormalEquations:
-        """Normal equations in the amounts of `responses` (N, k), all other unknowns refitted.
+        """Normal equations in the amounts of `responses` (N, k), all other unknowns
+        refitted.
 
-        At the estimate the unknowns' own gradient vanishes, so that responses D in the amounts a
-        change the minimum by a' D' r + a' D' (I - H) D a / 2, H the hat matrix with priors.
+        At the estimate the unknowns' own gradient vanishes, so that responses D in the
+        amounts a change the minimum by a' D' r + a' D' (I - H) D a / 2, H the hat
+        matrix with priors.
         """
         left = self.unabsorbed(responses)
         return NormalEquations(responses.T @ self.residual, responses.T @ left)
@@ -51,7 +58,8 @@ def projection(
 ) -> Projection:
     """Projection about `estimate`, in which unknowns on a bound are fixed.
 
-    Whitened responses `nuisance` (N, k) may be there by unknown amounts of one standard deviation.
+    Whitened responses `nuisance` (N, k) may be there by unknown amounts of one standard
+    deviation.
     """
     unknowns, z = estimate.unknowns, estimate.z
     r = estimate.stacked_residuals
@@ -68,5 +76,9 @@ def projection(
     spread = np.array([p.spread if p.random else 0.0 for p in unknowns.parameters])
     scatter = (whole * (weight[:, None] * spread))[:, spread > 0.0]
     return Projection(
-        residual=settled, jacobian=jacobian, inverse=inverse, weight=weight, scatter=scatter
+        residual=settled,
+        jacobian=jacobian,
+        inverse=inverse,
+        weight=weight,
+        scatter=scatter,
     )

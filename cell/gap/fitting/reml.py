@@ -1,19 +1,22 @@
-"""Run-to-run spreads by restricted maximum likelihood (REML), and uncertainty of fitted values.
+"""Run-to-run spreads by restricted maximum likelihood (REML), and uncertainty of fitted
+values.
 
-Random unknowns u of a run, such as where a strip is grasped, are drawn anew in each run with mean
-zero and a standard deviation s_q that all runs share. With all other unknowns integrated out, the
-linearised fit is quadratic in u: curvature C, gradient -g, about u = 0. Then, up to a constant,
+Random unknowns u of a run, such as where a strip is grasped, are drawn anew in each run
+with mean zero and a standard deviation s_q that all runs share. With all other unknowns
+integrated out, the linearised fit is quadratic in u: curvature C, gradient -g, about u
+= 0. Then, up to a constant,
 
     -log p(data | s) = 1/2 log |C + S^-2| + sum_i log s_q(i) - 1/2 g' (C + S^-2)^-1 g
 
-with S = diag(s_q(i)) (Patterson and Thompson 1971, Biometrika 58, 545; Pinheiro and Bates 2000,
-Mixed-effects models in S and S-PLUS, section 2.2). Spreads are shares of the usual one, each with a
-half-normal prior of unit width, which stands in where runs are few.
+with S = diag(s_q(i)) (Patterson and Thompson 1971, Biometrika 58, 545; Pinheiro and
+Bates 2000, Mixed-effects models in S and S-PLUS, section 2.2). Spreads are shares of
+the usual one, each with a half-normal prior of unit width, which stands in where runs
+are few.
 
-Noise and what differs from run to run average out over runs; an error that all runs share does not.
-It is no unknown of the fit, which would take it for an effect: its spread, as measured beforehand,
-is carried through the fit to the values (a considered parameter: Schmidt 1966, Application of
-state-space methods to navigation problems).
+Noise and what differs from run to run average out over runs; an error that all runs
+share does not. It is no unknown of the fit, which would take it for an effect: its
+spread, as measured beforehand, is carried through the fit to the values (a considered
+parameter: Schmidt 1966, Application of state-space methods to navigation problems).
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -31,18 +34,21 @@ from cell.gap.fitting.tasks import Simulate, run_one
 from drivers.strip.effects.effect import Parameter
 from drivers.types import Array
 
-# Set by hand, and tried on true spreads. Spreads are in units of each quantity's usual one.
-SMALLEST, LARGEST, FIRST = 0.03, 5.0, 0.5  # between which they are sought, and from where
-SHARED = 10.0  # times as wide is the prior of the constant part of a quantity, the same in all runs
+# Set by hand, and tried on true spreads. Spreads are in units of each quantity's usual
+# one. between which they are sought, and from where
+SMALLEST, LARGEST, FIRST = 0.03, 5.0, 0.5
+# times as wide is the prior of the constant part of a quantity, the same in all runs
+SHARED = 10.0
 LEAST_NOISE = 0.1  # share of its stated variance that noise has at least
 COMMON = 0.9  # prior probability with which a common quantity scatters
 LEAST_GAIN = 3.0  # nats that another quantity must gain
 TIE = 2.0  # nats from the best within which the first quantity is added
-LOG_STEP = 0.1  # of a spread's logarithm, over which the loss or a variance is differentiated
+# of a spread's logarithm, over which the loss or a variance is differentiated
+LOG_STEP = 0.1
 LEAST_CURVATURE = 0.1  # of the loss
 DIFFER = 0.7  # ratio of two spreads below which they clearly differ
-# Degrees of freedom of a variance, set by hand: a spread's prior holds as much information as six
-# runs, and the most stand for infinitely many.
+# Degrees of freedom of a variance, set by hand: a spread's prior holds as much
+# information as six runs, and the most stand for infinitely many.
 LEAST_FREEDOM, MOST_FREEDOM = 5.0, 1e6
 SPREAD_GRID = np.geomspace(SMALLEST, LARGEST, 41)
 """Shares of the usual spread at which its posterior is evaluated."""
@@ -51,7 +57,9 @@ CENTRAL_95 = 1.96  # standard deviations of a normal, within which 95 % lie
 
 @dataclass(frozen=True, slots=True)
 class Spread:
-    """Standard deviation of a quantity from run to run, with its 95 % interval `low` to `high`."""
+    """Standard deviation of a quantity from run to run, with its 95 % interval `low` to
+    `high`.
+    """
 
     name: str
     unit: str
@@ -68,11 +76,14 @@ class Spread:
 def reml_spreads(estimate: Estimate) -> tuple[Spread, ...]:
     """REML estimates of the run-to-run spreads of the random unknowns of `estimate`.
 
-    Common ones scatter in most laboratories: each takes its posterior mean, which allows for no
-    scatter, and is left out where that is below `SMALLEST`. The others are added one by one
-    while each gains enough beside those: scatter of the slack and of the grip look alike.
+    Common ones scatter in most laboratories: each takes its posterior mean, which
+    allows for no scatter, and is left out where that is below `SMALLEST`. The others
+    are added one by one while each gains enough beside those: scatter of the slack and
+    of the grip look alike.
     """
-    varying = {p.name: p for run in estimate.evidence.runs for p in run.local if p.random}
+    varying = {
+        p.name: p for run in estimate.evidence.runs for p in run.local if p.random
+    }
     if not varying or len(estimate.evidence.runs) < 2:
         return ()
     likelihood = Likelihood.of(estimate, varying)
@@ -80,14 +91,18 @@ def reml_spreads(estimate: Estimate) -> tuple[Spread, ...]:
     fit = SpreadFit.of(likelihood, [k for k, p in enumerate(parameters) if p.common])
     fit = _add_uncommon(fit, len(varying))
     chosen = [parameters[k] for k in fit.active]
-    shares = np.array([fit.mean_share(i, common=p.common) for i, p in enumerate(chosen)])
+    shares = np.array(
+        [fit.mean_share(i, common=p.common) for i, p in enumerate(chosen)]
+    )
     errors = likelihood.errors(fit.active, np.maximum(shares, SMALLEST))
     rows = zip(chosen, shares, errors, strict=True)
     return tuple(_spread(p, s, error) for p, s, error in rows if s >= SMALLEST)
 
 
 def _spread(p: Parameter, share: float, error: float) -> Spread:
-    """Spread of `p`: its prior spread times `share`, and an interval by the `error` of its log."""
+    """Spread of `p`: its prior spread times `share`, and an interval by the `error` of
+    its log.
+    """
     value = share * p.spread
     factor = float(np.exp(CENTRAL_95 * error))
     low = value * float(np.exp(-CENTRAL_95 * error))
@@ -98,9 +113,9 @@ def _spread(p: Parameter, share: float, error: float) -> Spread:
 class Likelihood:
     """Restricted likelihood of the run-to-run spreads of q random quantities.
 
-    `curvature` (u, u) and minus the gradient, `descent` (u,), of the u random unknowns are C and g
-    of the module's equation, in units of the `usual` (q,) spreads; `owner` (u,) is the index of an
-    unknown's quantity.
+    `curvature` (u, u) and minus the gradient, `descent` (u,), of the u random unknowns
+    are C and g of the module's equation, in units of the `usual` (q,) spreads; `owner`
+    (u,) is the index of an unknown's quantity.
     """
 
     curvature: Array
@@ -110,10 +125,11 @@ class Likelihood:
 
     @classmethod
     def of(cls, estimate: Estimate, varying: dict[str, Parameter]) -> Self:
-        """Likelihood of the spreads of `varying`, random unknowns by name, in the fit `estimate`.
+        """Likelihood of the spreads of `varying`, random unknowns by name, in the fit
+        `estimate`.
 
-        All other unknowns are integrated out of the linearised fit, and so is the constant part of
-        each quantity: a constant error of the rig is no scatter.
+        All other unknowns are integrated out of the linearised fit, and so is the
+        constant part of each quantity: a constant error of the rig is no scatter.
         """
         parameters = estimate.unknowns.parameters
         order = list(varying)
@@ -123,8 +139,13 @@ class Likelihood:
         random = np.flatnonzero(owner >= 0)
         fixed = np.setdiff1d(np.arange(len(curvature)), random)
         unit = usual[owner[random]]
-        across = np.linalg.solve(curvature[np.ix_(fixed, fixed)], curvature[np.ix_(fixed, random)])
-        left = curvature[np.ix_(random, random)] - curvature[np.ix_(random, fixed)] @ across
+        across = np.linalg.solve(
+            curvature[np.ix_(fixed, fixed)], curvature[np.ix_(fixed, random)]
+        )
+        left = (
+            curvature[np.ix_(random, random)]
+            - curvature[np.ix_(random, fixed)] @ across
+        )
         return cls(
             0.5 * (left + left.T) * unit[:, None] * unit,
             (descent[random] - across.T @ descent[fixed]) * unit,
@@ -133,10 +154,11 @@ class Likelihood:
         )
 
     def loss(self, shares: Array, active: Sequence[int]) -> tuple[float, Array]:
-        """Negative log posterior [nats] of `shares` (k,), up to a constant, and its gradient (k,).
+        """Negative log posterior [nats] of `shares` (k,), up to a constant, and its
+        gradient (k,).
 
-        `shares` are the spreads of the quantities `active` over the usual ones, the gradient is in
-        their logarithms; the other quantities do not scatter.
+        `shares` are the spreads of the quantities `active` over the usual ones, the
+        gradient is in their logarithms; the other quantities do not scatter.
         """
         position = np.full(len(self.usual), -1)
         position[list(active)] = np.arange(len(active))
@@ -146,23 +168,31 @@ class Likelihood:
         precision = shares[owner] ** -2
         posterior = self.curvature[np.ix_(scattering, scattering)] + np.diag(precision)
         unit = 1.0 / np.sqrt(np.diag(posterior))  # scales the diagonal to one
-        lower = np.linalg.cholesky(posterior * unit[:, None] * unit + 1e-10 * np.eye(len(unit)))
+        lower = np.linalg.cholesky(
+            posterior * unit[:, None] * unit + 1e-10 * np.eye(len(unit))
+        )
         inverse = cho_solve((lower, True), np.eye(len(unit)))
         descent = self.descent[scattering]
         scaled = inverse @ (unit * descent)
-        mean, variance = unit * scaled, unit**2 * np.diag(inverse)  # of u, given the shares
+        # of u, given the shares
+        mean, variance = unit * scaled, unit**2 * np.diag(inverse)
         half_logdet = float(np.log(np.diag(lower) / unit * shares[owner]).sum())
         loss = half_logdet - 0.5 * float(descent @ mean) + 0.5 * float(shares @ shares)
-        slope = 1.0 - precision * (variance + mean**2)  # d / d log s of the module's equation
+        # d / d log s of the module's equation
+        slope = 1.0 - precision * (variance + mean**2)
         return loss, np.bincount(owner, slope, len(active)) + shares**2
 
     def errors(self, active: Sequence[int], shares: Array) -> Array:
-        """Standard errors (k,) of the logarithms of `shares` (k,), by the curvature of the loss."""
+        """Standard errors (k,) of the logarithms of `shares` (k,), by the curvature of
+        the loss.
+        """
         logs = np.log(shares)
         curvature = np.zeros(len(shares))
         for i in range(len(shares)):
             step = LOG_STEP * np.eye(len(shares))[i]
-            low, high = (self.loss(np.exp(logs + side * step), active)[0] for side in (-1.0, 1.0))
+            low, high = (
+                self.loss(np.exp(logs + side * step), active)[0] for side in (-1.0, 1.0)
+            )
             middle = self.loss(shares, active)[0]
             second = (low + high - 2.0 * middle) / LOG_STEP**2
             curvature[i] = max(second, LEAST_CURVATURE)
@@ -170,11 +200,16 @@ class Likelihood:
 
 
 def _equations(
-    estimate: Estimate, parameters: Sequence[Parameter], owner: Array, usual_spreads: Array
+    estimate: Estimate,
+    parameters: Sequence[Parameter],
+    owner: Array,
+    usual_spreads: Array,
 ) -> tuple[Array, Array]:
-    """Curvature (m, m) and minus gradient (m,) of a fit without priors on random unknowns.
+    """Curvature (m, m) and minus gradient (m,) of a fit without priors on random
+    unknowns.
 
-    The m unknowns are all those of the fit, then the constant part of each random quantity.
+    The m unknowns are all those of the fit, then the constant part of each random
+    quantity.
     """
     r = estimate.stacked_residuals
     variance = robust.long_run_variance(estimate.evidence.runs, estimate.residuals)
@@ -190,14 +225,17 @@ def _equations(
     common_prior = (SHARED * usual_spreads) ** -2
     weighted = np.concatenate([columns, common], axis=1) * weight[:, None]
     curvature = weighted.T @ weighted + np.diag(np.concatenate([prior, common_prior]))
-    curvature += np.diag(1e-9 * np.diag(curvature) + 1e-12)  # keeps it positive definite
+    # keeps it positive definite
+    curvature += np.diag(1e-9 * np.diag(curvature) + 1e-12)
     prior_pull = np.concatenate([prior_pull, np.zeros(len(common_prior))])
     return curvature, -(weighted.T @ (without_scatter * weight) + prior_pull)
 
 
 @dataclass(frozen=True, slots=True)
 class SpreadFit:
-    """Most likely spreads of the quantities `active`, as `shares` (k,) of their prior spreads."""
+    """Most likely spreads of the quantities `active`, as `shares` (k,) of their prior
+    spreads.
+    """
 
     likelihood: Likelihood
     active: tuple[int, ...]
@@ -205,12 +243,18 @@ class SpreadFit:
     loss: float
 
     @classmethod
-    def of(cls, likelihood: Likelihood, active: Sequence[int], start: Iterable[float] = ()) -> Self:
-        """Fit shares (k,) of the prior spreads of quantities `active`, from `start` (j,)."""
+    def of(
+        cls, likelihood: Likelihood, active: Sequence[int], start: Iterable[float] = ()
+    ) -> Self:
+        """Fit shares (k,) of the prior spreads of quantities `active`, from `start`
+        (j,).
+        """
         if not len(active):
             return cls(likelihood, (), np.zeros(0), likelihood.loss(np.zeros(0), [])[0])
         start_shares = list(start)
-        start_logs = np.log([*start_shares, *[FIRST] * (len(active) - len(start_shares))])
+        start_logs = np.log(
+            [*start_shares, *[FIRST] * (len(active) - len(start_shares))]
+        )
         limits = [(np.log(SMALLEST), np.log(LARGEST))] * len(active)
         optimum = optimize.minimize(
             lambda x: likelihood.loss(np.exp(x), active),
@@ -222,14 +266,18 @@ class SpreadFit:
         return cls(likelihood, tuple(active), np.exp(optimum.x), float(optimum.fun))
 
     def mean_share(self, i: int, *, common: bool) -> float:
-        """Posterior mean of the share of quantity `i`, at the others' most likely shares.
+        """Posterior mean of the share of quantity `i`, at the others' most likely
+        shares.
 
-        With few runs the likelihood of a spread has a long tail to large values, so that its peak
-        is mostly too small. For a `common` quantity the mean allows for no scatter at all, too.
+        With few runs the likelihood of a spread has a long tail to large values, so
+        that its peak is mostly too small. For a `common` quantity the mean allows for
+        no scatter at all, too.
         """
         trials = np.tile(self.shares, (len(SPREAD_GRID), 1))
         trials[:, i] = SPREAD_GRID
-        losses = np.array([self.likelihood.loss(each, self.active)[0] for each in trials])
+        losses = np.array(
+            [self.likelihood.loss(each, self.active)[0] for each in trials]
+        )
         likely = SPREAD_GRID * np.exp(losses.min() - losses)
         mean = float(likely @ SPREAD_GRID / likely.sum())
         if not common:
@@ -238,19 +286,26 @@ class SpreadFit:
         return mean * (odds / (1.0 + odds))
 
     def _bayes_factor(self, i: int, losses: Array) -> float:
-        """Bayes factor of scatter of active quantity `i` by its `losses` (41,) on SPREAD_GRID."""
+        """Bayes factor of scatter of active quantity `i` by its `losses` (41,) on
+        SPREAD_GRID.
+        """
         others = [k for j, k in enumerate(self.active) if j != i]
         none, _ = self.likelihood.loss(np.delete(self.shares, i), others)
         likelihood = np.exp(np.clip(none + 0.5 * SPREAD_GRID**2 - losses, -50.0, 50.0))
-        prior = SPREAD_GRID * np.exp(-0.5 * SPREAD_GRID**2)  # even steps of the logarithm
+        # even steps of the logarithm
+        prior = SPREAD_GRID * np.exp(-0.5 * SPREAD_GRID**2)
         return float(prior @ likelihood / prior.sum())
 
 
 def _add_uncommon(fit: SpreadFit, count: int) -> SpreadFit:
-    """Add quantities to `fit`, of `count` in all, whose scatter raises the likelihood."""
+    """Add quantities to `fit`, of `count` in all, whose scatter raises the
+    likelihood.
+    """
     while len(fit.active) < count:
         absent = [k for k in range(count) if k not in fit.active]
-        trials = [SpreadFit.of(fit.likelihood, [*fit.active, k], fit.shares) for k in absent]
+        trials = [
+            SpreadFit.of(fit.likelihood, [*fit.active, k], fit.shares) for k in absent
+        ]
         lowest = min(trial.loss for trial in trials)
         best = next(trial for trial in trials if trial.loss < lowest + TIE)
         if fit.loss - best.loss < LEAST_GAIN:
@@ -260,14 +315,18 @@ def _add_uncommon(fit: SpreadFit, count: int) -> SpreadFit:
 
 
 def clearly_differ(before: Mapping[str, float], now: Mapping[str, float]) -> bool:
-    """Whether two sets of spreads have other names, or a spread changes by more than DIFFER."""
+    """Whether two sets of spreads have other names, or a spread changes by more than
+    DIFFER.
+    """
     return bool(set(before) ^ set(now)) or any(
         not DIFFER < now[name] / value < 1.0 / DIFFER for name, value in before.items()
     )
 
 
 def with_spreads(evidence: Evidence, spreads: Sequence[Spread]) -> Evidence:
-    """Copy of `evidence` with `spreads` as priors of random unknowns; others are removed."""
+    """Copy of `evidence` with `spreads` as priors of random unknowns; others are
+    removed.
+    """
     spread_of = {s.name: s.value for s in spreads}
     runs = []
     for run in evidence.runs:
@@ -281,16 +340,23 @@ def with_spreads(evidence: Evidence, spreads: Sequence[Spread]) -> Evidence:
 
 
 def with_unknowns(estimate: Estimate, complete: Evidence) -> tuple[Evidence, Point]:
-    """Runs of `estimate` with all unknowns of `complete`, and values to start a fit from.
+    """Runs of `estimate` with all unknowns of `complete`, and values to start a fit
+    from.
 
     A fit can begin there; samples and their scales stay those of the estimate.
     """
     unknowns_of = {run.name: run.local for run in complete.runs}
     runs = []
     local = []
-    for run, local_values in zip(estimate.evidence.runs, estimate.point.local, strict=True):
-        value_of = {p.name: float(v) for p, v in zip(run.local, local_values, strict=True)}
-        local.append(np.array([value_of.get(p.name, p.start) for p in unknowns_of[run.name]]))
+    for run, local_values in zip(
+        estimate.evidence.runs, estimate.point.local, strict=True
+    ):
+        value_of = {
+            p.name: float(v) for p, v in zip(run.local, local_values, strict=True)
+        }
+        local.append(
+            np.array([value_of.get(p.name, p.start) for p in unknowns_of[run.name]])
+        )
         runs.append(replace(run, local=unknowns_of[run.name]))
     evidence = Evidence(tuple(runs), estimate.evidence.scales)
     return evidence, Point(estimate.shared, tuple(local))
@@ -299,10 +365,11 @@ def with_unknowns(estimate: Estimate, complete: Evidence) -> tuple[Evidence, Poi
 def estimate_spreads(
     simulate: Simulate, estimate: Estimate, complete: Evidence
 ) -> tuple[Spread, ...]:
-    """REML spreads of all random unknowns of the runs `complete`, by a refit of `estimate`.
+    """REML spreads of all random unknowns of the runs `complete`, by a refit of
+    `estimate`.
 
-    The estimate may hold some of the unknowns only: it is refitted with all of them first, so that
-    its residuals are noise.
+    The estimate may hold some of the unknowns only: it is refitted with all of them
+    first, so that its residuals are noise.
     """
     if not any(p.random for run in complete.runs for p in run.local):
         return ()
@@ -312,7 +379,9 @@ def estimate_spreads(
 
 
 def covariance(estimate: Estimate, inefficiency: float) -> Array:
-    """Covariance (k, k) of all k unknowns of a fit; `inefficiency` samples count as one."""
+    """Covariance (k, k) of all k unknowns of a fit; `inefficiency` samples count as
+    one.
+    """
     inverse = normal_equations.covariance(estimate.normal().curvature)
     errors = _common_error_responses(estimate)
     if not errors.shape[1]:
@@ -324,7 +393,9 @@ def covariance(estimate: Estimate, inefficiency: float) -> Array:
 
 
 def _common_error_responses(estimate: Estimate) -> Array:
-    """Whitened residuals (N, k) caused by one standard deviation of each common error."""
+    """Whitened residuals (N, k) caused by one standard deviation of each common
+    error.
+    """
     evidence = estimate.evidence
     names = list(dict.fromkeys(name for run in evidence.runs for name in run.common))
     parts = []
@@ -334,17 +405,23 @@ def _common_error_responses(estimate: Estimate) -> Array:
     return np.concatenate(parts)
 
 
-def degrees_of_freedom(estimate: Estimate, inefficiency: float, scatter: Sequence[Spread]) -> Array:
-    """Degrees of freedom (k,) of the variances of the k unknowns of a fit, for Student's t.
+def degrees_of_freedom(
+    estimate: Estimate, inefficiency: float, scatter: Sequence[Spread]
+) -> Array:
+    """Degrees of freedom (k,) of the variances of the k unknowns of a fit, for
+    Student's t.
 
-    2 V^2 / var V, where var V follows from the errors of the logarithms of the spreads `scatter`
-    (Satterthwaite 1946, An approximate distribution of estimates of variance components).
+    2 V^2 / var V, where var V follows from the errors of the logarithms of the spreads
+    `scatter` (Satterthwaite 1946, An approximate distribution of estimates of variance
+    components).
     """
     variance = _variance(estimate, inefficiency, {})
     uncertainty = np.zeros_like(variance)
     for spread in scatter:
         more, less = (
-            _variance(estimate, inefficiency, {spread.name: float(np.exp(side * LOG_STEP))})
+            _variance(
+                estimate, inefficiency, {spread.name: float(np.exp(side * LOG_STEP))}
+            )
             for side in (1.0, -1.0)
         )
         uncertainty += ((more - less) / (2.0 * LOG_STEP) * spread.error) ** 2
@@ -352,13 +429,17 @@ def degrees_of_freedom(estimate: Estimate, inefficiency: float, scatter: Sequenc
     return np.maximum(2.0 * variance**2 / np.maximum(uncertainty, least), LEAST_FREEDOM)
 
 
-def _variance(estimate: Estimate, inefficiency: float, factors: dict[str, float]) -> Array:
+def _variance(
+    estimate: Estimate, inefficiency: float, factors: dict[str, float]
+) -> Array:
     """Variance (k,) of all k unknowns, with spreads multiplied by `factors` by name."""
 
     def with_factor(p: Parameter) -> Parameter:
         return replace(p, spread=p.spread * factors.get(p.name, 1.0)) if p.random else p
 
     evidence = estimate.evidence
-    runs = tuple(replace(run, local=tuple(map(with_factor, run.local))) for run in evidence.runs)
+    runs = tuple(
+        replace(run, local=tuple(map(with_factor, run.local))) for run in evidence.runs
+    )
     scaled = replace(estimate, evidence=replace(evidence, runs=runs))
     return np.asarray(np.diag(covariance(scaled, inefficiency)))

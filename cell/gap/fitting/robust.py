@@ -1,4 +1,6 @@
-"""Robust likelihood of residuals: Huber's loss, their dispersion and autocorrelation."""
+"""Robust likelihood of residuals: Huber's loss, their dispersion and
+autocorrelation.
+"""
 
 from collections.abc import Sequence
 
@@ -8,15 +10,18 @@ from cell.gap.subject.subject import Run
 from drivers.robust import robust_sigma
 from drivers.types import Array
 
-# in units of the scale, where Huber's loss turns from square to linear; set by hand, for normal
-# residuals are beyond it once in 370
+# in units of the scale, where Huber's loss turns from square to linear; set by hand,
+# for normal residuals are beyond it once in 370
 HUBER_THRESHOLD = 3.0
-# in units of the scale: beyond it a sample shows that the strip went another way, not how far
+# in units of the scale: beyond it a sample shows that the strip went another way, not
+# how far
 OFF_TRACK = 5.0  # set by hand
 
 
 def loss(r: Array) -> Array:
-    """Huber's loss (n,) [nats] of whitened residuals (n,) (Huber 1964, Ann. Math. Stat. 35, 73)."""
+    """Huber's loss (n,) [nats] of whitened residuals (n,) (Huber 1964, Ann. Math. Stat.
+    35, 73).
+    """
     a = np.abs(r)
     return np.where(
         a <= HUBER_THRESHOLD, 0.5 * r * r, HUBER_THRESHOLD * (a - 0.5 * HUBER_THRESHOLD)
@@ -24,25 +29,33 @@ def loss(r: Array) -> Array:
 
 
 def bounded_loss(r: Array) -> Array:
-    """Huber's loss (n,) [nats] of whitened residuals `r` (n,), constant beyond OFF_TRACK.
+    """Huber's loss (n,) [nats] of whitened residuals `r` (n,), constant beyond
+    OFF_TRACK.
 
-    In comparisons no single sample may decide (Hampel et al. 1986, redescending estimators).
+    In comparisons no single sample may decide (Hampel et al. 1986, redescending
+    estimators).
     """
     return loss(bound(r))
 
 
 def bound(r: Array, scale: float = 1.0) -> Array:
-    """Residuals (n,) clipped at OFF_TRACK times `scale`, which bounds the weight of outliers."""
+    """Residuals (n,) clipped at OFF_TRACK times `scale`, which bounds the weight of
+    outliers.
+    """
     return np.clip(r, -OFF_TRACK * scale, OFF_TRACK * scale)
 
 
 def weights(r: Array) -> Array:
-    """Huber's weights psi(r) / r (n,) of residuals `r` (n,), for reweighted least squares."""
+    """Huber's weights psi(r) / r (n,) of residuals `r` (n,), for reweighted least
+    squares.
+    """
     return np.minimum(1.0, HUBER_THRESHOLD / np.maximum(np.abs(r), 1e-300))
 
 
 def clip_residuals(r: Array) -> Array:
-    """Whitened residuals (n,) clipped at Huber's threshold: their influence psi(r) on a fit."""
+    """Whitened residuals (n,) clipped at Huber's threshold: their influence psi(r) on a
+    fit.
+    """
     return np.clip(r, -HUBER_THRESHOLD, HUBER_THRESHOLD)
 
 
@@ -52,18 +65,22 @@ def scale(r: Array) -> float:
 
 
 def inefficiency(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
-    """Statistical inefficiency: number of correlated samples per independent one, at least 1.
+    """Statistical inefficiency: number of correlated samples per independent one, at
+    least 1.
 
-    1 + 2 times the sum of autocorrelations, pooled over all series of all runs, residuals (n,)
-    each, summed by pairs of lags while they stay positive (Geyer 1992, Practical Markov chain Monte
-    Carlo, initial positive sequence). Residuals that are smaller than their scale, as a generous
-    floor leaves them, count by their long-run variance.
+    1 + 2 times the sum of autocorrelations, pooled over all series of all runs,
+    residuals (n,) each, summed by pairs of lags while they stay positive (Geyer 1992,
+    Practical Markov chain Monte Carlo, initial positive sequence). Residuals that are
+    smaller than their scale, as a generous floor leaves them, count by their long-run
+    variance.
     """
     return max(1.0, long_run_variance(runs, residuals))
 
 
 def long_run_variance(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
-    """Long-run variance of residuals (n,), the variance of their sum over n, per scale^2."""
+    """Long-run variance of residuals (n,), the variance of their sum over n, per
+    scale^2.
+    """
     s = scale(np.concatenate(residuals)) if residuals else 1.0
     clipped = [np.clip(r, -HUBER_THRESHOLD * s, HUBER_THRESHOLD * s) for r in residuals]
     power, products = _autocovariance(runs, clipped)
@@ -81,7 +98,9 @@ def long_run_variance(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
 
 
 def correlation(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
-    """Lag-one autocorrelation of the residuals (n,) of `runs`, each clipped at OFF_TRACK."""
+    """Lag-one autocorrelation of the residuals (n,) of `runs`, each clipped at
+    OFF_TRACK.
+    """
     power, products = _autocovariance(runs, list(map(bound, residuals)), lags=1)
     return float(products[0]) / power if power > 0.0 else 0.0
 

@@ -1,7 +1,8 @@
-"""Runs many fits in lock-step, so that the simulations that they request are made together.
+"""Runs many fits in lock-step, so that the simulations that they request are made
+together.
 
-A task is a generator that yields requests and is sent their residuals; its result does not
-depend on what runs beside it.
+A task is a generator that yields requests and is sent their residuals; its result does
+not depend on what runs beside it.
 """
 
 from collections.abc import Callable, Generator, Sequence
@@ -15,7 +16,9 @@ Task = Generator[list[Request], Sequence[Residuals], T]
 
 
 def side_by_side(tasks: Sequence[Task[T]]) -> Task[list[T]]:
-    """Advance generators of requests in lock-step, with joint requests; returns all results."""
+    """Advance generators of requests in lock-step, with joint requests; returns all
+    results.
+    """
     results: dict[int, T] = {}
     waiting: dict[int, list[Request]] = {}
 
@@ -38,12 +41,16 @@ def side_by_side(tasks: Sequence[Task[T]]) -> Task[list[T]]:
 
 
 def run_one(simulate: Simulate, task: Task[T]) -> T:
-    """Run a fit, a generator of requests, to its end by `simulate`; returns its result."""
+    """Run a fit, a generator of requests, to its end by `simulate`; returns its
+    result.
+    """
     return run_all(simulate, [task])[0]
 
 
 def run_all(simulate: Simulate, tasks: Sequence[Task[T]]) -> list[T]:
-    """Run fits in lock-step, with one call of `simulate` for each round; returns their results."""
+    """Run fits in lock-step, with one call of `simulate` for each round; returns their
+    results.
+    """
     joint = side_by_side(tasks)
     answers: Sequence[Residuals] | None = None
     while True:
@@ -63,6 +70,8 @@ class CountedSimulation:
         self.total = 0
 
     def __call__(self, requests: Sequence[Request]) -> Sequence[Residuals]:
-        """Simulate `requests`, add their number to `total`, and return their residuals in order."""
+        """Simulate `requests`, add their number to `total`, and return their residuals
+        in order.
+        """
         self.total += len(requests)
         return self._simulate(requests)

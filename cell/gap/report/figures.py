@@ -25,9 +25,11 @@ HEAT_TICKS = (0, 1, 3, 10, 30, 100, 1000, 10000)  # sigma, on its logarithmic sc
 
 @dataclass(frozen=True, slots=True)
 class Replay:
-    """Run as measured and simulated: scenes by the keys `measured`, `before` and `after`.
+    """Run as measured and simulated: scenes by the keys `measured`, `before` and
+    `after`.
 
-    `after` is left out where no effect was accepted, and a simulation where it has no motion.
+    `after` is left out where no effect was accepted, and a simulation where it has no
+    motion.
     """
 
     name: str
@@ -41,7 +43,9 @@ class Replay:
 
 
 def folds(shapes: Mapping[str, Array]) -> str:
-    """Figure (SVG text) of folded strips at the touch of layers: midlines (n, 2) [m] by name."""
+    """Figure (SVG text) of folded strips at the touch of layers: midlines (n, 2) [m] by
+    name.
+    """
     with canvas(7.0, 2.2) as figure:
         axes = figure.add_subplot(aspect="equal", anchor="W")
         axes.axhline(0, color=MUTED, lw=0.8)
@@ -54,7 +58,9 @@ def folds(shapes: Mapping[str, Array]) -> str:
 
 
 def replay(findings: Findings) -> Iterator[Replay]:
-    """Simulate runs with the base and the accepted model for drawings, held-out runs first."""
+    """Simulate runs with the base and the accepted model for drawings, held-out runs
+    first.
+    """
     subject, accepted = findings.subject, findings.accepted
     fitted = {"before": findings.base.estimate}
     if accepted.model.effects:
@@ -74,11 +80,15 @@ def replay_runs(
     for i, run in enumerate(fits["before"].evidence.runs):
         simulated = {word: scenes[i] for word, scenes in drawn.items()}
         scenes = {"measured": subject.draw_measured(run), **simulated}
-        yield Replay(run.name, held_out, {word: s for word, s in scenes.items() if s is not None})
+        yield Replay(
+            run.name, held_out, {word: s for word, s in scenes.items() if s is not None}
+        )
 
 
 def heat_map(places: Sequence[Bin]) -> str:
-    """Figure (SVG text) of |z| [sigma] by bin: channel, zone, phase in rows, by conditions."""
+    """Figure (SVG text) of |z| [sigma] by bin: channel, zone, phase in rows, by
+    conditions.
+    """
     rows = sorted({(p.channel, p.zone, p.phase) for p in places})
     columns = sorted({p.condition for p in places})
     grid = np.full((len(rows), len(columns)), np.nan)
@@ -89,17 +99,28 @@ def heat_map(places: Sequence[Bin]) -> str:
         significant[cell] = p.p < 0.05
     highest = max(9.0, float(np.nanmax(grid)))
     scale = FuncNorm((np.log1p, np.expm1), 0.0, highest)
-    with canvas(max(5.0, 1.8 + COLUMN * len(columns)), max(2.0, 0.9 + 0.3 * len(rows))) as figure:
+    with canvas(
+        max(5.0, 1.8 + COLUMN * len(columns)), max(2.0, 0.9 + 0.3 * len(rows))
+    ) as figure:
         axis = figure.add_subplot()
         axis.grid(visible=False)
-        image = axis.imshow(np.ma.masked_invalid(grid), cmap="YlOrRd", aspect="auto", norm=scale)
+        image = axis.imshow(
+            np.ma.masked_invalid(grid), cmap="YlOrRd", aspect="auto", norm=scale
+        )
         axis.set_yticks(range(len(rows)), [" · ".join(row) for row in rows])
-        axis.set_xticks(range(len(columns)), [motion_name(condition) for condition in columns],
-                        rotation=40, ha="right", rotation_mode="anchor")  # fmt: skip
+        axis.set_xticks(
+            range(len(columns)),
+            [motion_name(condition) for condition in columns],
+            rotation=40,
+            ha="right",
+            rotation_mode="anchor",
+        )
         for i, j in zip(*np.nonzero(significant), strict=True):
             axis.plot(j, i, "o", ms=2.5, color=INK)
         ticks = [z for z in HEAT_TICKS if z <= highest]
-        figure.colorbar(image, ax=axis, pad=0.01, ticks=ticks, label="sigma beyond noise")
+        figure.colorbar(
+            image, ax=axis, pad=0.01, ticks=ticks, label="sigma beyond noise"
+        )
         axis.set_xlabel("condition")
         return as_svg(figure)
 
@@ -107,10 +128,16 @@ def heat_map(places: Sequence[Bin]) -> str:
 def residual_traces(
     fits: Mapping[str, Estimate], run: int, quantities: Mapping[str, Quantity]
 ) -> str:
-    """Figure (SVG text) of residuals over time in run number `run`, by key of `fits`."""
+    """Figure (SVG text) of residuals over time in run number `run`, by key of
+    `fits`.
+    """
     samples = fits["before"].evidence.runs[run].samples
-    by_series = [np.flatnonzero(samples.series == number) for number in np.unique(samples.series)]
-    by_series = [rows[np.argsort(samples.t[rows])] for rows in by_series if len(rows) > 1]
+    by_series = [
+        np.flatnonzero(samples.series == number) for number in np.unique(samples.series)
+    ]
+    by_series = [
+        rows[np.argsort(samples.t[rows])] for rows in by_series if len(rows) > 1
+    ]
     if not by_series:
         return ""
     means = {word: fit.raw[run].mean for word, fit in fits.items()}
@@ -132,14 +159,18 @@ def _residual_trace(
     means: Mapping[str, Array],
     quantities: Mapping[str, Quantity],
 ) -> None:
-    """Draw residual `means` (n,) [SI] by fit in one series over a band of 2 sigma noise."""
+    """Draw residual `means` (n,) [SI] by fit in one series over a band of 2 sigma
+    noise.
+    """
     quantity = quantities[str(samples.quantity[rows][0])]
     t = samples.t[rows]
     band = 2.0 * quantity.factor * samples.reading[rows]
     axis.fill_between(t, -band, band, color=RULE, lw=0, gid="2 sigma of the noise")
     zones = set(samples.zone[rows])
     name = f"{samples.channel[rows][0]}{f' {zones.pop()}' if len(zones) == 1 else ''}"
-    for (word, mean), colour in zip(means.items(), (COLOUR_BEFORE, COLOUR_AFTER), strict=False):
+    for (word, mean), colour in zip(
+        means.items(), (COLOUR_BEFORE, COLOUR_AFTER), strict=False
+    ):
         shown = quantity.factor * mean[rows]
         axis.plot(t, shown, color=colour, lw=1.2, label=word, gid=f"{name}, {word}")
     axis.set_ylabel(f"{name}\n[{quantity.unit}]")
@@ -147,7 +178,9 @@ def _residual_trace(
 
 
 def midlines(run: Replay) -> str:
-    """Figure (SVG text) of the curve of a run at four moments: measured, before and after."""
+    """Figure (SVG text) of the curve of a run at four moments: measured, before and
+    after.
+    """
     measured = run.measured.curve
     if measured is None or not len(measured.t):
         return ""
@@ -155,7 +188,9 @@ def midlines(run: Replay) -> str:
     last = max(0, int(np.searchsorted(measured.t, end)) - 1)
     chosen = np.unique(np.linspace(0, last, 5).round().astype(int)[1:])  # not the start
     with canvas(8.0, 6.2) as figure:
-        axes = figure.subplots((len(chosen) + 1) // 2, 2, squeeze=False).ravel().tolist()
+        axes = (
+            figure.subplots((len(chosen) + 1) // 2, 2, squeeze=False).ravel().tolist()
+        )
         for axis, k in zip(axes, chosen, strict=False):
             _midline(axis, run, int(k))
             axis.set_title(f"{measured.t[k]:.2f} s", fontsize=9)
@@ -167,17 +202,26 @@ def midlines(run: Replay) -> str:
 
 def _midline(axis: Axes, run: Replay, k: int) -> None:
     """Draw measured and simulated midlines of image number `k`."""
-    points = 1e3 * run.measured.curve.points[k] if run.measured.curve else np.zeros((1, 2))
+    points = (
+        1e3 * run.measured.curve.points[k] if run.measured.curve else np.zeros((1, 2))
+    )
     axis.plot(*points.T, "o", ms=3.5, color=INK, alpha=0.35, mew=0, label="measured")
     for word, colour in (("before", COLOUR_BEFORE), ("after", COLOUR_AFTER)):
         scene = run.scenes.get(word)
         if scene is not None and scene.curve is not None:
-            axis.plot(*(1e3 * scene.curve.points[k]).T, color=colour, lw=1.2, label=word)
+            axis.plot(
+                *(1e3 * scene.curve.points[k]).T, color=colour, lw=1.2, label=word
+            )
     low, high = points.min(axis=0), points.max(axis=0)
     x, z = 0.5 * (low + high)
     half = 0.55 * float((high - low).max()) + 5.0
-    axis.set(xlim=(x - 1.5 * half, x + 1.5 * half), ylim=(z - half, z + half), aspect="equal",
-             xlabel="x [mm]", ylabel="z [mm]")  # fmt: skip
+    axis.set(
+        xlim=(x - 1.5 * half, x + 1.5 * half),
+        ylim=(z - half, z + half),
+        aspect="equal",
+        xlabel="x [mm]",
+        ylabel="z [mm]",
+    )
 
 
 def _legend_above(figure: Figure, axis: Axes) -> None:
@@ -186,7 +230,9 @@ def _legend_above(figure: Figure, axis: Axes) -> None:
 
 
 def run_bars(names: Sequence[str], by_fit: Mapping[str, Array]) -> str:
-    """Figure (SVG text) of the excess residual (R,) [sigma] of each held-out run, by fit."""
+    """Figure (SVG text) of the excess residual (R,) [sigma] of each held-out run, by
+    fit.
+    """
     rows = np.arange(len(names))
     colours = (COLOUR_BEFORE, COLOUR_AFTER)
     with canvas(6.0, 1.2 + 0.4 * len(names)) as figure:
@@ -195,7 +241,9 @@ def run_bars(names: Sequence[str], by_fit: Mapping[str, Array]) -> str:
             axis.barh(rows + 0.4 * k, excess, 0.38, color=colours[k], label=word)
         axis.set_yticks(rows + 0.2 * (len(by_fit) - 1), names)
         axis.invert_yaxis()
-        axis.set_xlim(0.0, 1.05 * max(1e-9, *(e for excess in by_fit.values() for e in excess)))
+        axis.set_xlim(
+            0.0, 1.05 * max(1e-9, *(e for excess in by_fit.values() for e in excess))
+        )
         axis.set_xlabel("beyond noise [sigma]")
         _legend_above(figure, axis)
         return as_svg(figure)

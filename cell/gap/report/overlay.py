@@ -1,8 +1,8 @@
 """Rerun recording `overlay.rrd`: runs as measured, and as simulated before and after.
 
-Of run NAME: /NAME/curve, /NAME/tracks and /NAME/signals, each with `measured`, `before` (the
-refitted base) and `after` (the accepted model), on the run's own time `t`, and /NAME/events. The
-sentence of the verdict is in /verdict.
+Of run NAME: /NAME/curve, /NAME/tracks and /NAME/signals, each with `measured`, `before`
+(the refitted base) and `after` (the accepted model), on the run's own time `t`, and
+/NAME/events. The sentence of the verdict is in /verdict.
 """
 
 from collections.abc import Sequence
@@ -23,20 +23,27 @@ from drivers.errors import ConfigurationError
 from drivers.files import replacing
 from drivers.types import Array
 
-CURVE_COLOURS = {"measured": 0xFFAA32FF, "before": int(COLOUR_BEFORE[1:] + "ff", 16),
-           "after": int(COLOUR_AFTER[1:] + "ff", 16)}  # fmt: skip
+CURVE_COLOURS = {
+    "measured": 0xFFAA32FF,
+    "before": int(COLOUR_BEFORE[1:] + "ff", 16),
+    "after": int(COLOUR_AFTER[1:] + "ff", 16),
+}
 HAND_RGBA, DESK_RGBA = 0xC9CED6FF, 0x8A9099FF
 RADIUS_MM = 1.2  # mm
 
 
 def write_overlay(findings: Findings, verdict: Verdict, path: Path) -> None:
-    """Write the Rerun recording of a fit's runs at `path`; ConfigurationError on failure."""
+    """Write the Rerun recording of a fit's runs at `path`; ConfigurationError on
+    failure.
+    """
     words = f"{headline(verdict)}. {sentence(findings, verdict)}"
     write_recording(findings.subject.name, list(replay(findings)), path, words)
 
 
 def write_recording(name: str, runs: Sequence[Replay], path: Path, words: str) -> None:
-    """Write a Rerun recording of `runs` of the subject `name`; ConfigurationError on failure."""
+    """Write a Rerun recording of `runs` of the subject `name`; ConfigurationError on
+    failure.
+    """
     recording = rr.RecordingStream("cell gap", recording_id=f"gap-{name}")
     try:
         with replacing(path) as scratch, saving(recording, scratch):
@@ -49,7 +56,9 @@ def write_recording(name: str, runs: Sequence[Replay], path: Path, words: str) -
 
 
 def blueprint(runs: Sequence[Replay]) -> Any:
-    """Rerun layout with a tab for each run: curve and events if any, and plots of signals."""
+    """Rerun layout with a tab for each run: curve and events if any, and plots of
+    signals.
+    """
     tabs = [_run_tab(run) for run in runs]
     text_view = rrb.TextDocumentView(origin="/verdict", name="verdict")
     return rrb.Blueprint(
@@ -66,7 +75,9 @@ def _run_tab(run: Replay) -> Any:
     """Tab of one run: its curve and events on the left, its signals on the right."""
     name = f"{run.name} (held out)" if run.held_out else run.name
     root = _root(run.name)
-    titles = dict.fromkeys(s.title for scene in run.scenes.values() for s in scene.signals)
+    titles = dict.fromkeys(
+        s.title for scene in run.scenes.values() for s in scene.signals
+    )
     plots = [
         rrb.TimeSeriesView(
             origin=f"{root}/signals/{rr.escape_entity_path_part(title)}",
@@ -79,7 +90,12 @@ def _run_tab(run: Replay) -> Any:
         return rrb.Grid(*plots, grid_columns=2, name=name)
     side = rrb.Spatial2DView(
         origin=root,
-        contents=["$origin/curve/**", "$origin/tracks/**", "$origin/path", "$origin/desk"],
+        contents=[
+            "$origin/curve/**",
+            "$origin/tracks/**",
+            "$origin/path",
+            "$origin/desk",
+        ],
         name="strip [mm]: measured (amber), before (red), after (blue)",
     )
     log = rrb.TextLogView(origin=f"{root}/events", name="events")
@@ -100,14 +116,18 @@ def _log_run(recording: rr.RecordingStream, run: Replay) -> None:
             size = 4 * RADIUS_MM if word == "measured" else 3 * RADIUS_MM
             columns = rr.Points2D.columns(positions=_flat_points(track.places))
             look = rr.Points2D.from_fields(colors=colour, radii=size)
-            _send_columns(recording, f"{root}/tracks/{name}/{word}", track.t, columns, look)
+            _send_columns(
+                recording, f"{root}/tracks/{name}/{word}", track.t, columns, look
+            )
         for t, words in scene.events:
             recording.set_time("t", duration=t)
             recording.log(f"{root}/events/{word}", rr.TextLog(f"{word}: {words}"))
             recording.reset_time()
 
 
-def _log_surroundings(recording: rr.RecordingStream, root: str, measured: Scene) -> None:
+def _log_surroundings(
+    recording: rr.RecordingStream, root: str, measured: Scene
+) -> None:
     """Log the desk's surface and the gripper's path as lines."""
     grip = measured.tracks["gripper"].places
     desk = _flat_points(np.array([[-0.1, 0.0], [float(grip[:, 0].max()) + 0.15, 0.0]]))
@@ -117,14 +137,20 @@ def _log_surroundings(recording: rr.RecordingStream, root: str, measured: Scene)
         recording.log(f"{root}/{name}", line, static=True)
 
 
-def _log_signals(recording: rr.RecordingStream, root: str, word: str, scene: Scene) -> None:
+def _log_signals(
+    recording: rr.RecordingStream, root: str, word: str, scene: Scene
+) -> None:
     for signal in scene.signals:
         entity = f"{root}/signals/{rr.escape_entity_path_part(signal.title)}/{word}"
         look = rr.SeriesLines(colors=CURVE_COLOURS[word], names=word, widths=1.5)
-        _send_columns(recording, entity, signal.t, rr.Scalars.columns(scalars=signal.values), look)
+        _send_columns(
+            recording, entity, signal.t, rr.Scalars.columns(scalars=signal.values), look
+        )
 
 
-def _log_curve(recording: rr.RecordingStream, root: str, word: str, scene: Scene) -> None:
+def _log_curve(
+    recording: rr.RecordingStream, root: str, word: str, scene: Scene
+) -> None:
     """Log a measured curve as unconnected points, a simulated one as a line."""
     if scene.curve is None or not len(scene.curve.t):
         return
@@ -132,10 +158,14 @@ def _log_curve(recording: rr.RecordingStream, root: str, word: str, scene: Scene
     if word == "measured":
         columns = rr.Points2D.columns(positions=np.concatenate(curves))
         columns = columns.partition([len(points) for points in curves])
-        look: Any = rr.Points2D.from_fields(colors=CURVE_COLOURS[word], radii=1.4 * RADIUS_MM)
+        look: Any = rr.Points2D.from_fields(
+            colors=CURVE_COLOURS[word], radii=1.4 * RADIUS_MM
+        )
     else:
         columns = rr.LineStrips2D.columns(strips=curves)
-        look = rr.LineStrips2D.from_fields(colors=CURVE_COLOURS[word], radii=0.7 * RADIUS_MM)
+        look = rr.LineStrips2D.from_fields(
+            colors=CURVE_COLOURS[word], radii=0.7 * RADIUS_MM
+        )
     _send_columns(recording, f"{root}/curve/{word}", scene.curve.t, columns, look)
 
 
@@ -153,5 +183,7 @@ def _root(name: str) -> str:
 
 
 def _flat_points(points: Array) -> Array:
-    """Points (k, 2) of x, z [m] converted to view axes [mm], of which the second points down."""
+    """Points (k, 2) of x, z [m] converted to view axes [mm], of which the second points
+    down.
+    """
     return points * (1e3, -1e3)

@@ -50,17 +50,22 @@ TONES: dict[Kind, Tone] = {
 
 
 def place_values(findings: Findings) -> dict[str, str]:
-    """Template values on bins where the refitted base deviates beyond noise: `words`, `map`."""
+    """Template values on bins where the refitted base deviates beyond noise: `words`,
+    `map`.
+    """
     places = findings.places
     strong = [place for place in places if place.p < SIGNIFICANT]
     if not strong:
-        return {"words": "Nowhere beyond what noise does.", "map": figures.heat_map(places)}
+        return {
+            "words": "Nowhere beyond what noise does.",
+            "map": figures.heat_map(places),
+        }
     first = strong[0]
     words = (
-        f"Strongest in {first.channel}, {first.zone} zone, {first.phase} phase of "
-        f"{motion_name(first.condition)}: {abs(first.z):.0f} sigma. {len(strong)} of {len(places)} "
-        "places disagree beyond noise (dots; family-wise 5 %). Shown is the model after its base "
-        "parameters were refitted."
+        f"Strongest in {first.channel}, {first.zone} zone, {first.phase} phase of"
+        f" {motion_name(first.condition)}: {abs(first.z):.0f} sigma. {len(strong)} of"
+        f" {len(places)} places disagree beyond noise (dots; family-wise 5 %). Shown is"
+        " the model after its base parameters were refitted."
     )
     return {"words": words, "map": figures.heat_map(places)}
 
@@ -69,31 +74,40 @@ def candidate_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
     """Template values on all fitted models, with their gain [nats] on left-out runs."""
     accepted = findings.accepted.model.name
     note = (
-        "What each effect gains in predicting runs that the fit had not seen, in nats. Accepted is "
-        "the most probable set of effects that predicts better than each of its subsets, beyond "
-        f"errors of laws, and leads each by {MIN_GAIN:.0f} nats or more (55 times as probable)."
+        "What each effect gains in predicting runs that the fit had not seen, in nats."
+        " Accepted is the most probable set of effects that predicts better than each"
+        f" of its subsets, beyond errors of laws, and leads each by {MIN_GAIN:.0f} nats"
+        " or more (55 times as probable)."
     )
     return {
         "note": note,
         "found": bool(findings.accepted.model.effects),
         "dead": ", ".join(p.candidate.name for p in findings.screen.probed if p.dead),
-        "rows": [_candidate_row(row, row.name == accepted) for row in verdict.candidates],
+        "rows": [
+            _candidate_row(row, row.name == accepted) for row in verdict.candidates
+        ],
     }
 
 
 def _candidate_row(row: CandidateEntry, best: bool) -> dict[str, Any]:
-    """Template values on one candidate: name, gain, standard error, p-value, parameters."""
+    """Template values on one candidate: name, gain, standard error, p-value,
+    parameters.
+    """
     scatter = f"{row.se:.1f}" if row.se else NO_VALUE  # none where it was only screened
     return {
         "name": row.name,
         "best": best,
         "numbers": (f"{row.elpd_gain:.1f}", scatter, probability_text(row.p)),
-        "parameters": [f"{name} {interval_text(value)}" for name, value in row.parameters.items()],
+        "parameters": [
+            f"{name} {interval_text(value)}" for name, value in row.parameters.items()
+        ],
     }
 
 
 def base_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
-    """Template values on the base model: rows of stated and refitted parameters, and a note."""
+    """Template values on the base model: rows of stated and refitted parameters, and a
+    note.
+    """
     weak = ", ".join(p.name for p, _ in undetermined_values(findings.base.estimate))
     note = f"The runs add little to what was known before of: {weak}."
     rows = []
@@ -112,18 +126,24 @@ def base_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
 
 
 def held_out_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
-    """Template values on held-out runs, before and after: figures, a sentence, a table."""
+    """Template values on held-out runs, before and after: figures, a sentence, a
+    table.
+    """
     fits = findings.held_out_fits.by_key
     names = conditions(fits["before"].evidence.runs)
-    by_run = {word: held_out_gap.excess(held_out_gap.run_squares(fit)[:, None])
-              for word, fit in fits.items()}  # fmt: skip
+    by_run = {
+        word: held_out_gap.excess(held_out_gap.run_squares(fit)[:, None])
+        for word, fit in fits.items()
+    }
     typical = int(np.argsort(by_run["before"])[len(names) // 2])
     drawn = {word: fit.on([typical]) for word, fit in fits.items()}
     (run,) = figures.replay_runs(findings.subject, drawn, held_out=True)
     return {
         "typical": names[typical],
         "midlines": figures.midlines(run),
-        "traces": figures.residual_traces(fits, typical, findings.subject.scope.quantities),
+        "traces": figures.residual_traces(
+            fits, typical, findings.subject.scope.quantities
+        ),
         "head": ("rms", *fits, "noise", "sigma beyond"),
         "rows": list(_held_out_rows(findings, verdict.gap)),
         "leaves": any(excess.any() for excess in by_run.values()),
@@ -132,7 +152,9 @@ def held_out_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
 
 
 def _held_out_rows(findings: Findings, gap: Gap) -> Iterator[tuple[str, ...]]:
-    """Rows by quantity: rms of each fit to held-out runs, noise, excess of each fit [noise]."""
+    """Rows by quantity: rms of each fit to held-out runs, noise, excess of each fit
+    [noise].
+    """
     quantities = findings.subject.scope.quantities
     fits = findings.held_out_fits.by_key
     sides = [*(getattr(gap, word) for word in fits), gap.floor]
@@ -144,7 +166,9 @@ def _held_out_rows(findings: Findings, gap: Gap) -> Iterator[tuple[str, ...]]:
 
 
 def conditions(runs: Sequence[Run]) -> list[str]:
-    """Short names of `runs` by their motion, such as `fast`, with numbers for repeats."""
+    """Short names of `runs` by their motion, such as `fast`, with numbers for
+    repeats.
+    """
     short = [motion_name(run.condition) for run in runs]
     return [
         name if short.count(name) == 1 else f"{name} {short[: i + 1].count(name)}"
@@ -153,7 +177,9 @@ def conditions(runs: Sequence[Run]) -> list[str]:
 
 
 def remaining_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
-    """Template values on the residual that the accepted model leaves, and detection limits."""
+    """Template values on the residual that the accepted model leaves, and detection
+    limits.
+    """
     sentences = {each.name: each.sentence for each in findings.subject.scope.candidates}
     rest = verdict.unexplained
     is_open = verdict.verdict == "unexplained"  # then the card describes it
@@ -171,13 +197,17 @@ def remaining_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
 
 
 def page(findings: Findings, verdict: Verdict, out: Path) -> str:
-    """HTML text of a fit's report: the verdict card, figures, and below them all numbers."""
+    """HTML text of a fit's report: the verdict card, figures, and below them all
+    numbers.
+    """
     runs, held = len(findings.subject.runs), len(verdict.held_out)
     name = findings.subject.name
     return document(
         "gap/report/gap.html",
         f"{name}: simulation and measurement",
-        title=f"{name}: simulation against {runs} measured runs, {held} of them held out",
+        title=(
+            f"{name}: simulation against {runs} measured runs, {held} of them held out"
+        ),
         name=name,
         said=_verdict_card(findings, verdict),
         following=_next_commands(findings, verdict, out),
@@ -195,9 +225,11 @@ def page(findings: Findings, verdict: Verdict, out: Path) -> str:
 
 
 def _planned_folds(findings: Findings, verdict: Verdict) -> dict[str, Any]:
-    """Template values on folds of the accepted strip, planned without and with its patch.
+    """Template values on folds of the accepted strip, planned without and with its
+    patch.
 
-    Empty for mechanisms, where nothing was accepted, and where the rod cannot simulate the strip.
+    Empty for mechanisms, where nothing was accepted, and where the rod cannot simulate
+    the strip.
     """
     if findings.subject.kind != "strip" or not verdict.effects:
         return {"rows": [], "figure": ""}
@@ -212,14 +244,21 @@ def _planned_folds(findings: Findings, verdict: Verdict) -> dict[str, Any]:
     except CellError:
         return {"rows": [], "figure": ""}
     rows = [(name, millimetres(d, signed=True)) for name, (d, _) in drawn.items()]
-    return {"rows": rows, "figure": figures.folds({n: shape for n, (_, shape) in drawn.items()})}
+    return {
+        "rows": rows,
+        "figure": figures.folds({n: shape for n, (_, shape) in drawn.items()}),
+    }
 
 
 def _verdict_card(findings: Findings, verdict: Verdict) -> Card:
     """Verdict card: headline, sentences, tone, and the probability in large print."""
     least = min((effect.confidence for effect in verdict.effects), default=None)
     number = "" if least is None else percent(least)
-    below = "" if least is None else "probable; causes outside\nthe library count against it"
+    below = (
+        ""
+        if least is None
+        else "probable; causes outside\nthe library count against it"
+    )
     lines = [sentence(findings, verdict)]
     if findings.held_out_fits.changed:
         lines.append(capitalised(verdict.gap.sentence()) + ".")
@@ -231,47 +270,67 @@ def _verdict_card(findings: Findings, verdict: Verdict) -> Card:
 
 
 def _next_commands(findings: Findings, verdict: Verdict, out: Path) -> list[str]:
-    """Sentences on the commands to type next, for the folder where the fit was called."""
+    """Sentences on the commands to type next, for the folder where the fit was
+    called.
+    """
     fit = f"{quote(str(out))} {findings.subject.option}"
     todo = []
     if verdict.verdict == "named":
-        todo.append(f"`cell gap accept {fit}` puts it into the file; `cell gap undo {fit}` takes "
-                    "it back.")  # fmt: skip
+        todo.append(
+            f"`cell gap accept {fit}` puts it into the file; `cell gap undo {fit}`"
+            " takes it back."
+        )
     elif verdict.deviates and not findings.accepted.model.effects:
-        todo.append(f"`cell gap accept {fit}` puts the refitted values into the file, and `cell "
-                    f"gap undo {fit}` takes them back. If these runs are of another strip, name "
-                    "its file instead.")  # fmt: skip
+        todo.append(
+            f"`cell gap accept {fit}` puts the refitted values into the file, and `cell"
+            f" gap undo {fit}` takes them back. If these runs are of another strip,"
+            " name its file instead."
+        )
     if verdict.verdict == "ambiguous":
-        todo.append(f"`cell gap advise {quote(str(out))}` says which run would split them.")
+        todo.append(
+            f"`cell gap advise {quote(str(out))}` says which run would split them."
+        )
     if verdict.suspected:
         names = " + ".join(effect.name for effect in verdict.suspected)
-        todo.append(f"Suspected, but not named: {names}, "
-                    f"{percent(verdict.suspected[0].confidence)} probable. `cell gap accept {fit} "
-                    "--force` takes it all the same.")  # fmt: skip
+        todo.append(
+            f"Suspected, but not named: {names},"
+            f" {percent(verdict.suspected[0].confidence)} probable. `cell gap accept"
+            f" {fit} --force` takes it all the same."
+        )
     if findings.law is not None:
         law = findings.law
-        todo.append(f"No name, but a description: {law.words}. It closes {100 * law.shrink:.0f} % "
-                    f"of the gap on held-out runs; `cell gap accept {fit} --law` adds it, `cell "
-                    f"gap undo {fit}` takes it back.")  # fmt: skip
+        todo.append(
+            f"No name, but a description: {law.words}. It closes {100 * law.shrink:.0f}"
+            f" % of the gap on held-out runs; `cell gap accept {fit} --law` adds it,"
+            f" `cell gap undo {fit}` takes it back."
+        )
     return todo
 
 
 def _scatter_table(findings: Findings) -> list[tuple[str, ...]] | None:
-    """Rows on quantities that differ from run to run; None for a subject without any."""
+    """Rows on quantities that differ from run to run; None for a subject without
+    any.
+    """
     if not any(p.random for run in findings.subject.runs for p in run.local):
         return None
     return scatter_rows(findings.model_tests.scatter, findings.subject.scope.scatter)
 
 
 def _experiments_table(verdict: Verdict) -> list[tuple[str, ...]] | None:
-    """Rows (run, separated models, sigma, minutes) of advised runs; None where decided."""
+    """Rows (run, separated models, sigma, minutes) of advised runs; None where
+    decided.
+    """
     if verdict.verdict in ("named", "no_gap") and not verdict.ambiguous:
         return None
     return [
-        (advised.experiment, " from ".join(advised.separates),
-         f"{advised.expected_sigma:.1f}", f"{advised.minutes:.1f}")
+        (
+            advised.experiment,
+            " from ".join(advised.separates),
+            f"{advised.expected_sigma:.1f}",
+            f"{advised.minutes:.1f}",
+        )
         for advised in verdict.advice[:LISTED_EXPERIMENTS]
-    ]  # fmt: skip
+    ]
 
 
 def _provenance(findings: Findings, verdict: Verdict) -> str:

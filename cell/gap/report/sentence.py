@@ -9,7 +9,12 @@ from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import Deviation, ValueWithUnit, Verdict
 
 POWERS = {"^2": "²", "^3": "³", "^4": "⁴"}
-SMALL_UNITS = {"m": (1e3, "mm"), "rad": (1e3, "mrad"), "s": (1e3, "ms"), "kg": (1e3, "g")}
+SMALL_UNITS = {
+    "m": (1e3, "mm"),
+    "rad": (1e3, "mrad"),
+    "s": (1e3, "ms"),
+    "kg": (1e3, "g"),
+}
 """Units shown in thousandths, so that a page has one unit for each kind of quantity."""
 TITLES = {
     "ambiguous": "Something is missing, and these runs cannot tell what",
@@ -25,7 +30,9 @@ def in_small_unit(value: float, of: str) -> float:
 
 
 def shown_unit(text: str) -> str:
-    """Symbol of the unit in which pages show the unit `text`: mm for m, ms for s; empty for 1."""
+    """Symbol of the unit in which pages show the unit `text`: mm for m, ms for s; empty
+    for 1.
+    """
     text = SMALL_UNITS.get(text, (1.0, text))[1]
     for plain, raised in POWERS.items():
         text = text.replace(plain, raised)
@@ -33,7 +40,9 @@ def shown_unit(text: str) -> str:
 
 
 def number_text(value: float, digits: int = 3) -> str:
-    """Text of a number with `digits` significant ones, and its power of ten as superscript."""
+    """Text of a number with `digits` significant ones, and its power of ten as
+    superscript.
+    """
     text = f"{value:.{digits}g}"
     if "e" not in text:
         return text
@@ -63,13 +72,16 @@ def interval_text(value: ValueWithUnit) -> str:
     if value.low is None or value.high is None:
         return quantity_text(value.value, value.unit)
     low, middle, high = (
-        number_text(in_small_unit(v, value.unit)) for v in (value.low, value.value, value.high)
+        number_text(in_small_unit(v, value.unit))
+        for v in (value.low, value.value, value.high)
     )
     return f"{middle} [{low}, {high}] {shown_unit(value.unit)}".rstrip()
 
 
 def headline(verdict: Verdict) -> str:
-    """Headline of a verdict: deviations from the file, then effects, by a size that is not 0."""
+    """Headline of a verdict: deviations from the file, then effects, by a size that is
+    not 0.
+    """
     parts = []
     if verdict.deviates:
         names = ", ".join(d.parameter.replace("_", " ") for d in verdict.deviates)
@@ -78,8 +90,11 @@ def headline(verdict: Verdict) -> str:
         return "; ".join([*parts, TITLES[verdict.verdict]])
     for effect in verdict.effects:
         first, *others = effect.parameters.items()
-        sizes = [first, *(each for each in others if each[1].unit == first[1].unit)]  # by joint
-        name, value = next((s for s in sizes if (s[1].low or 0.0) * (s[1].high or 0.0) > 0), first)
+        # by joint
+        sizes = [first, *(each for each in others if each[1].unit == first[1].unit)]
+        name, value = next(
+            (s for s in sizes if (s[1].low or 0.0) * (s[1].high or 0.0) > 0), first
+        )
         parts.append(f"{effect.name}: {name.replace('_', ' ')} {interval_text(value)}")
     return "; ".join(parts)
 
@@ -105,20 +120,34 @@ def _name_effects(findings: Findings, verdict: Verdict) -> str:
     )
     text = f"{effects}."
     if ends := parameters_on_bounds(findings):
-        text += f" At the end of the range that is tried, and perhaps beyond: {', '.join(ends)}."
+        text += (
+            " At the end of the range that is tried, and perhaps beyond:"
+            f" {', '.join(ends)}."
+        )
     if verdict.ambiguous:
         either = "; ".join(" or ".join(group) for group in verdict.ambiguous)
-        text += f" Beside it something is missing that these runs cannot tell apart: {either}"
+        text += (
+            " Beside it something is missing that these runs cannot tell apart:"
+            f" {either}"
+        )
         shown = findings.accepted.model.names - {e.name for e in findings.separable}
         text += f" (the numbers are with {' and '.join(sorted(shown))})."
     return capitalised(text)
 
 
 def _ambiguity(findings: Findings, verdict: Verdict) -> str:
-    """Sentence on effects that the runs cannot tell apart, and what would separate them."""
-    sentences = {c.name: f"{c.sentence} ({c.name})" for c in findings.subject.scope.candidates}
-    sentences |= {p.name: f"the file is wrong about {p.name}" for p in findings.subject.scope.base}
-    groups = [[sentences.get(name, name) for name in group] for group in verdict.ambiguous]
+    """Sentence on effects that the runs cannot tell apart, and what would separate
+    them.
+    """
+    sentences = {
+        c.name: f"{c.sentence} ({c.name})" for c in findings.subject.scope.candidates
+    }
+    sentences |= {
+        p.name: f"the file is wrong about {p.name}" for p in findings.subject.scope.base
+    }
+    groups = [
+        [sentences.get(name, name) for name in group] for group in verdict.ambiguous
+    ]
     either = "; ".join(", or ".join(group) for group in groups)
     split = "No planned experiment would split them"
     if verdict.advice:
@@ -127,9 +156,15 @@ def _ambiguity(findings: Findings, verdict: Verdict) -> str:
 
 
 def _no_gap(_: Findings, verdict: Verdict) -> str:
-    """Sentence that the model explains the runs, with the number of detectable effects."""
+    """Sentence that the model explains the runs, with the number of detectable
+    effects.
+    """
     many = len(verdict.detectable)
-    sizes = f" {many} effects would have shown, from the sizes listed below on." if many else ""
+    sizes = (
+        f" {many} effects would have shown, from the sizes listed below on."
+        if many
+        else ""
+    )
     return f"The model explains the fitted runs down to their noise.{sizes}"
 
 
@@ -140,7 +175,9 @@ def _describe_rest(findings: Findings, verdict: Verdict) -> str:
     accepted = findings.accepted.estimate
     part = accepted.model.effects and not accepted.proxies
     tried = f"; {accepted.model.name} explains a part but not all of it" if part else ""
-    return capitalised(f"{description}: no effect of the library accounts for it{tried}.")
+    return capitalised(
+        f"{description}: no effect of the library accounts for it{tried}."
+    )
 
 
 def parameters_on_bounds(findings: Findings) -> list[str]:
@@ -159,7 +196,10 @@ def deviation_text(deviates: Sequence[Deviation]) -> str:
     """Text on the fitted values that deviate from the subject's file."""
     parts = []
     for d in deviates:
-        ends = (quantity_text(end, d.unit) if end is not None else "any" for end in d.tolerated)
+        ends = (
+            quantity_text(end, d.unit) if end is not None else "any"
+            for end in d.tolerated
+        )
         parts.append(
             f"{d.parameter.replace('_', ' ')} {interval_text(d)}, the file states "
             f"{quantity_text(d.stated, d.unit)} and tolerates {' to '.join(ends)}"
@@ -176,16 +216,21 @@ def _parameter_values(parameters: dict[str, ValueWithUnit]) -> str:
 
 def undetectable_effects(findings: Findings) -> list[str]:
     """Names of effects that no possible size would make detectable in these runs."""
-    limits = findings.screen.detectable | {e.name: 0.0 for e in findings.accepted.model.effects}
+    limits = findings.screen.detectable | {
+        e.name: 0.0 for e in findings.accepted.model.effects
+    }
     return sorted(name for name, size in limits.items() if size is None)
 
 
 def detection_limit(findings: Findings, name: str, value: float) -> str:
-    """Text of a detection limit; for parameters whose null is infinite, an upper limit."""
+    """Text of a detection limit; for parameters whose null is infinite, an upper
+    limit.
+    """
     candidate = next(c for c in findings.subject.scope.candidates if c.name == name)
     first = candidate.parameters[0]
     label = f"{first.name} " if first.unit == "1" else ""
-    return f"{label}{'at most ' if first.inverse else ''}{quantity_text(abs(value), first.unit)}"
+    bound = "at most " if first.inverse else ""
+    return f"{label}{bound}{quantity_text(abs(value), first.unit)}"
 
 
 def quantity_label(of: Quantity) -> str:
@@ -207,18 +252,29 @@ def capitalised(text: str) -> str:
 def scatter_rows(
     spreads: Iterable[Spread], sources: Sequence[ScatterSource]
 ) -> list[tuple[str, ...]]:
-    """Table rows on quantities that differ from run to run: name, spread, interval, remedy."""
+    """Table rows on quantities that differ from run to run: name, spread, interval,
+    remedy.
+    """
     known = {source.name: source for source in sources}
     rows: list[tuple[str, ...]] = []
     for s in (each for each in spreads if each.name in known):
         factor, shown = SPREAD_UNITS.get(s.unit, (1.0, s.unit))
-        value, low, high = (number_text(factor * v, 2) for v in (s.value, s.low, s.high))
+        value, low, high = (
+            number_text(factor * v, 2) for v in (s.value, s.low, s.high)
+        )
         of = known[s.name]
-        rows.append((of.sentence, f"{value} {shown}", f"{low} to {high} {shown}", of.remedy))
+        rows.append(
+            (of.sentence, f"{value} {shown}", f"{low} to {high} {shown}", of.remedy)
+        )
     return rows
 
 
 def remedy_lines(scatter: Iterable[Spread]) -> Iterator[str]:
-    """Lines on quantities that differ from fold to fold of a strip, each with its remedy."""
+    """Lines on quantities that differ from fold to fold of a strip, each with its
+    remedy.
+    """
     for what, size, _, remedy in scatter_rows(scatter, KNOWN_EFFECTS):
-        yield f"{what} differs by {size} from run to run; {remedy}, or make each motion four times"
+        yield (
+            f"{what} differs by {size} from run to run; {remedy}, or make each motion"
+            " four times"
+        )

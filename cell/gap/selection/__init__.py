@@ -1,1 +1,3 @@
-"""Selection of the effects that a model needs: screening, search, cross-validated comparison."""
+"""Selection of the effects that a model needs: screening, search, cross-validated
+comparison.
+"""

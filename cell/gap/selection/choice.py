@@ -14,16 +14,19 @@ from drivers.types import Array
 
 
 def choose(fits: Fits, sets: Posterior) -> CrossValidatedFit:
-    """Most probable model of `fits` in which each effect is needed; the base if none is."""
+    """Most probable model of `fits` in which each effect is needed; the base if none
+    is.
+    """
     return next(needed_models(fits, sets), fits.base)
 
 
 def needed_models(fits: Fits, sets: Posterior) -> Iterator[CrossValidatedFit]:
-    """Models of `fits` in which each effect is needed, in the order of their probability by `sets`.
+    """Models of `fits` in which each effect is needed, in the order of their
+    probability by `sets`.
 
-    A model clearly leads each fitted part of it, the base too, and predicts runs left out better:
-    what a fit gains in its own runs, others may not confirm. Beside other effects it predicts them
-    clearly better than errors of their laws allow.
+    A model clearly leads each fitted part of it, the base too, and predicts runs left
+    out better: what a fit gains in its own runs, others may not confirm. Beside other
+    effects it predicts them clearly better than errors of their laws allow.
     """
     likelihood = fits.likelihood
 
@@ -31,7 +34,9 @@ def needed_models(fits: Fits, sets: Posterior) -> Iterator[CrossValidatedFit]:
         lead = sets.lead(model.model.names) - sets.lead(part.model.names)
         by_run = gains(model, part, likelihood)
         beyond = by_run - np.clip(by_run, 0.0, _model_error(part, fits, likelihood))
-        return lead > MIN_GAIN and beyond.sum() > (MIN_GAIN if part.model.effects else 0.0)
+        return lead > MIN_GAIN and beyond.sum() > (
+            MIN_GAIN if part.model.effects else 0.0
+        )
 
     for names in (m.names for m in sets.models if m.names):
         model = fits.of(names)
@@ -40,10 +45,14 @@ def needed_models(fits: Fits, sets: Posterior) -> Iterator[CrossValidatedFit]:
             yield model
 
 
-def _model_error(model: CrossValidatedFit, fits: Fits, likelihood: LikelihoodScale) -> Array:
-    """Log likelihood (R,) [nats] that each run may lose to errors of the laws in `model`.
+def _model_error(
+    model: CrossValidatedFit, fits: Fits, likelihood: LikelihoodScale
+) -> Array:
+    """Log likelihood (R,) [nats] that each run may lose to errors of the laws in
+    `model`.
 
-    What a law gets wrong of what it explains in a run, another effect would absorb there.
+    What a law gets wrong of what it explains in a run, another effect would absorb
+    there.
     """
     wrong = np.zeros(len(model.left_out))
     for effect in model.model.effects:
@@ -53,12 +62,16 @@ def _model_error(model: CrossValidatedFit, fits: Fits, likelihood: LikelihoodSca
     return wrong
 
 
-def rivals(accepted: CrossValidatedFit, fits: Fits, sets: Posterior) -> list[CrossValidatedFit]:
-    """Models of as many effects as `accepted` that the runs do not exclude, most probable first.
+def rivals(
+    accepted: CrossValidatedFit, fits: Fits, sets: Posterior
+) -> list[CrossValidatedFit]:
+    """Models of as many effects as `accepted` that the runs do not exclude, most
+    probable first.
 
-    Excluded is what is less than ALPHA times as probable, even if the laws of the accepted model
-    were without their errors, and clearly predicts runs left out worse: by MIN_GAIN, and by more
-    than a standard error. Priors alone exclude nothing. What stands in for another is no rival.
+    Excluded is what is less than ALPHA times as probable, even if the laws of the
+    accepted model were without their errors, and clearly predicts runs left out worse:
+    by MIN_GAIN, and by more than a standard error. Priors alone exclude nothing. What
+    stands in for another is no rival.
     """
     least = np.log(ALPHA) - float(_model_error(accepted, fits, fits.likelihood).sum())
 
@@ -68,7 +81,9 @@ def rivals(accepted: CrossValidatedFit, fits: Fits, sets: Posterior) -> list[Cro
         clear = max(MIN_GAIN, np.sqrt(len(by_run)) * by_run.std())
         return lead > least or bool(by_run.sum() < clear)
 
-    others = [m for m in fits.of_size(len(accepted.model.names)) if not m.estimate.proxies]
+    others = [
+        m for m in fits.of_size(len(accepted.model.names)) if not m.estimate.proxies
+    ]
     return sorted(
         (m for m in others if m is not accepted and is_open(m)),
         key=lambda m: -sets.lead(m.model.names),

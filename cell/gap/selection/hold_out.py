@@ -1,4 +1,6 @@
-"""Choice of the held-out runs: one condition in four, and repeats of indispensable ones."""
+"""Choice of the held-out runs: one condition in four, and repeats of indispensable
+ones.
+"""
 
 from collections.abc import Callable, Sequence
 
@@ -14,18 +16,22 @@ from drivers.types import Array
 
 # Thresholds by which runs are held out, set by hand.
 PERIOD = 4  # one condition in so many, unless the others cannot spare it
-NEEDED = 0.5  # share of the information on an effect that is lost without a condition they need
+# share of the information on an effect that is lost without a condition they need
+NEEDED = 0.5
 ALONE = 0.9  # the same share, of a condition that alone shows an effect
 LEAST_INFORMATION = 1.0  # nats in all runs, of an effect that counts
 Loss = Callable[[Sequence[int]], float]
 
 
-def held_out(subject: Subject, simulate: Simulate, requested: Sequence[str] = ()) -> list[str]:
+def held_out(
+    subject: Subject, simulate: Simulate, requested: Sequence[str] = ()
+) -> list[str]:
     """Names of the runs to hold out: those `requested`, or else one condition in four.
 
-    A condition that holds most of the information on some effect is fitted: held out, it would
-    hide that effect. Where it alone shows one, the last of its repeats is held out; where nothing
-    can be spared, the second condition all the same. How well the model fits does not matter.
+    A condition that holds most of the information on some effect is fitted: held out,
+    it would hide that effect. Where it alone shows one, the last of its repeats is held
+    out; where nothing can be spared, the second condition all the same. How well the
+    model fits does not matter.
     """
     names = [run.name for run in subject.runs]
     check(names, requested)
@@ -44,7 +50,9 @@ def held_out(subject: Subject, simulate: Simulate, requested: Sequence[str] = ()
 
 
 def _dispensable_runs(conditions: Sequence[list[int]], loss: Loss) -> list[int]:
-    """Numbers of the runs to hold out: one condition in PERIOD, of small information loss."""
+    """Numbers of the runs to hold out: one condition in PERIOD, of small information
+    loss.
+    """
     indices: list[int] = []
     for first in range(1, len(conditions), PERIOD):
         for condition in (*conditions[first:], *conditions[:first]):
@@ -56,19 +64,25 @@ def _dispensable_runs(conditions: Sequence[list[int]], loss: Loss) -> list[int]:
 
 
 def check(names: Sequence[str], requested: Sequence[str]) -> None:
-    """Raise ConfigurationError where runs `requested` are not among `names`, or are all of them."""
+    """Raise ConfigurationError where runs `requested` are not among `names`, or are all
+    of them.
+    """
     unknown = [name for name in requested if name not in names]
     if unknown:
-        raise ConfigurationError(f"hold out {unknown[0]}: no such run; allowed: {', '.join(names)}")
+        raise ConfigurationError(
+            f"hold out {unknown[0]}: no such run; allowed: {', '.join(names)}"
+        )
     if len(set(requested)) == len(names):
         raise ConfigurationError("all runs are held out; leave some to fit")
 
 
 def _information_loss(subject: Subject, simulate: Simulate) -> Loss:
-    """Function from run numbers to the largest share of information on an effect in these runs.
+    """Function from run numbers to the largest share of information on an effect in
+    these runs.
 
-    Information is in nats by which a fit would gain from an effect of a size that laboratories
-    report, at the stated values of the base, once this has moved to absorb what it can.
+    Information is in nats by which a fit would gain from an effect of a size that
+    laboratories report, at the stated values of the base, once this has moved to absorb
+    what it can.
     """
     stated = stated_estimate(subject, simulate)
     middle = [(c, c.probes[len(c.probes) // 2][0]) for c in subject.scope.candidates]

@@ -11,8 +11,10 @@ from cell.gap.fitting.crossvalidation import CrossValidatedFit
 from cell.gap.fitting.gauss_newton import best
 from drivers.types import Array
 
-MIN_GAIN = 4.0  # nats, 55 times as likely: "strong" (Kass and Raftery 1995, J. Am. Stat. Assoc. 90)
-GAIN_SHARE = 0.5  # of the best model's gain, below which a model is left out; set by hand
+# nats, 55 times as likely: "strong" (Kass and Raftery 1995, J. Am. Stat. Assoc. 90)
+MIN_GAIN = 4.0
+# of the best model's gain, below which a model is left out; set by hand
+GAIN_SHARE = 0.5
 ALPHA = 0.01  # probability of a false alarm, family-wise; customary
 
 
@@ -20,8 +22,9 @@ ALPHA = 0.01  # probability of a false alarm, family-wise; customary
 class LikelihoodScale:
     """Dispersion and statistical inefficiency by which all log-likelihoods are divided.
 
-    Where even the best model leaves more than noise, or leaves it correlated, log-likelihoods
-    shrink by as much (quasi-likelihood: McCullagh and Nelder 1989, chapter 9).
+    Where even the best model leaves more than noise, or leaves it correlated,
+    log-likelihoods shrink by as much (quasi-likelihood: McCullagh and Nelder 1989,
+    chapter 9).
     """
 
     scale: float
@@ -29,27 +32,39 @@ class LikelihoodScale:
 
 
 def likelihood_scale(models: Sequence[CrossValidatedFit]) -> LikelihoodScale:
-    """Dispersion and inefficiency of the residuals of that one of `models` that fits best."""
+    """Dispersion and inefficiency of the residuals of that one of `models` that fits
+    best.
+    """
     fit = min((m.estimate for m in models), key=lambda fit: (fit.scale, fit.objective))
-    return LikelihoodScale(fit.scale, robust.inefficiency(fit.evidence.runs, fit.residuals))
+    return LikelihoodScale(
+        fit.scale, robust.inefficiency(fit.evidence.runs, fit.residuals)
+    )
 
 
-def gains(model: CrossValidatedFit, other: CrossValidatedFit, likelihood: LikelihoodScale) -> Array:
-    """Log predictive likelihood ratios (R,) [nats] of `model` to `other`, nested or not, by run."""
+def gains(
+    model: CrossValidatedFit, other: CrossValidatedFit, likelihood: LikelihoodScale
+) -> Array:
+    """Log predictive likelihood ratios (R,) [nats] of `model` to `other`, nested or
+    not, by run.
+    """
     ahead = other.losses(likelihood.scale) - model.losses(likelihood.scale)
     return ahead / likelihood.inefficiency
 
 
-def gain(model: CrossValidatedFit, other: CrossValidatedFit, likelihood: LikelihoodScale) -> float:
+def gain(
+    model: CrossValidatedFit, other: CrossValidatedFit, likelihood: LikelihoodScale
+) -> float:
     """Log predictive likelihood ratio [nats] of `model` to `other` over all runs."""
     return float(gains(model, other, likelihood).sum())
 
 
 @dataclass(frozen=True, slots=True)
 class Fits:
-    """Fitted models of the same runs, one for each set of effects, the empty set included.
+    """Fitted models of the same runs, one for each set of effects, the empty set
+    included.
 
-    `library` has for each effect the whitened response (N, k) to the amount that fills its floor.
+    `library` has for each effect the whitened response (N, k) to the amount that fills
+    its floor.
     """
 
     models: tuple[CrossValidatedFit, ...]
@@ -62,20 +77,28 @@ class Fits:
 
     @property
     def likelihood(self) -> LikelihoodScale:
-        """Likelihood scale of these fits: dispersion and inefficiency of the best fitting one."""
+        """Likelihood scale of these fits: dispersion and inefficiency of the best
+        fitting one.
+        """
         return likelihood_scale(self.models)
 
     def of_size(self, size: int) -> list[CrossValidatedFit]:
         """Models of `size` effects, the one that predicts best first."""
-        return by_loss([m for m in self.models if len(m.model.effects) == size], self.likelihood)
+        return by_loss(
+            [m for m in self.models if len(m.model.effects) == size], self.likelihood
+        )
 
     def of(self, names: frozenset[str]) -> CrossValidatedFit | None:
-        """Fitted model with exactly the effects `names`; None where there is no such model."""
+        """Fitted model with exactly the effects `names`; None where there is no such
+        model.
+        """
         return next((m for m in self.models if m.model.names == names), None)
 
     @property
     def best(self) -> CrossValidatedFit:
-        """The model that predicts runs left out best, whatever its number of effects."""
+        """The model that predicts runs left out best, whatever its number of
+        effects.
+        """
         return by_loss(self.models, self.likelihood)[0]
 
     def near_best(self, size: int) -> list[CrossValidatedFit]:
@@ -84,10 +107,14 @@ class Fits:
             return []
         models = self.of_size(size)
         nats = [gain(m, self.base, self.likelihood) for m in models]
-        return [m for m, n in zip(models, nats, strict=True) if n > GAIN_SHARE * nats[0]]
+        return [
+            m for m, n in zip(models, nats, strict=True) if n > GAIN_SHARE * nats[0]
+        ]
 
     def merge(self, more: Sequence[CrossValidatedFit]) -> "Fits":
-        """Copy with the models `more` added; of two with equal effects the better fit is kept."""
+        """Copy with the models `more` added; of two with equal effects the better fit
+        is kept.
+        """
         merged = {m.model.names: m for m in self.models}
         for m in more:
             earlier = merged.get(m.model.names)
@@ -100,24 +127,37 @@ def by_loss(
     models: Sequence[CrossValidatedFit], likelihood: LikelihoodScale
 ) -> list[CrossValidatedFit]:
     """`models` sorted by predictive loss at the scale `likelihood`, the best first."""
-    return sorted(models, key=lambda m: (float(m.losses(likelihood.scale).sum()), m.model.name))
+    return sorted(
+        models, key=lambda m: (float(m.losses(likelihood.scale).sum()), m.model.name)
+    )
 
 
 def likelihood_ratio_p(
     model: CrossValidatedFit, part: CrossValidatedFit, likelihood: LikelihoodScale
 ) -> float:
-    """p-value of the likelihood-ratio test of `model` against `part`, nested in it (Wilks 1938).
+    """p-value of the likelihood-ratio test of `model` against `part`, nested in it
+    (Wilks 1938).
 
     It is conservative where the sign of a parameter is fixed.
     """
-    loss = sum(float(robust.loss(r / likelihood.scale).sum()) for r in model.estimate.residuals)
-    nested = sum(float(robust.loss(r / likelihood.scale).sum()) for r in part.estimate.residuals)
+    loss = sum(
+        float(robust.loss(r / likelihood.scale).sum()) for r in model.estimate.residuals
+    )
+    nested = sum(
+        float(robust.loss(r / likelihood.scale).sum()) for r in part.estimate.residuals
+    )
     freedom = len(model.model.parameters) - len(part.model.parameters)
-    return float(special.chdtrc(freedom, max(0.0, 2.0 * (nested - loss) / likelihood.inefficiency)))
+    return float(
+        special.chdtrc(
+            freedom, max(0.0, 2.0 * (nested - loss) / likelihood.inefficiency)
+        )
+    )
 
 
 def holm(p: Mapping[str, float]) -> dict[str, float]:
-    """Family-wise p-values by name, from single ones `p`, by Holm's step-down method (1979)."""
+    """Family-wise p-values by name, from single ones `p`, by Holm's step-down method
+    (1979).
+    """
     order = sorted(p, key=lambda name: p[name])
     steps = np.arange(len(p), 0, -1) * np.array([p[name] for name in order])
     adjusted = np.minimum(1.0, np.maximum.accumulate(steps))

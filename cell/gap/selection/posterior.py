@@ -1,13 +1,14 @@
 """Prior of effects, and posterior of sets of them by the evidence of linearised fits.
 
-An absent effect is expected at an amount that does not matter, by the floor of the samples;
-`python -m tests.lab study beliefs` fits the numbers of the prior.
+An absent effect is expected at an amount that does not matter, by the floor of the
+samples; `python -m tests.lab study beliefs` fits the numbers of the prior.
 
-Residuals at the prior mean are normal. Their covariance is that of noise and floor, of the
-unknowns under their priors (`Parameter.spread`), of the spike prior of every absent effect of the
-library (George and McCulloch 1993, J. Am. Stat. Assoc. 88, 881), and of a relative model error of
-each law, smooth in time (Kennedy and O'Hagan 2001, J. R. Stat. Soc. B 63, 425). The integral over
-the unknowns is Laplace's (MacKay 2003, Information Theory, chapter 28).
+Residuals at the prior mean are normal. Their covariance is that of noise and floor, of
+the unknowns under their priors (`Parameter.spread`), of the spike prior of every absent
+effect of the library (George and McCulloch 1993, J. Am. Stat. Assoc. 88, 881), and of a
+relative model error of each law, smooth in time (Kennedy and O'Hagan 2001, J. R. Stat.
+Soc. B 63, 425). The integral over the unknowns is Laplace's (MacKay 2003, Information
+Theory, chapter 28).
 """
 
 import itertools
@@ -32,16 +33,20 @@ from drivers.strip.effects.effect import Parameter
 from drivers.types import Array
 
 LEAST_NORM = 1e-6  # of a whitened response; a smaller one is rounding
-EQUAL = 0.025  # relative difference (one sigma) of two displacements by one cause; set by hand
-CANCELLED = 0.05  # share (one sigma) that is left of two changes by one cause; set by hand
+# relative difference (one sigma) of two displacements by one cause; set by hand
+EQUAL = 0.025
+# share (one sigma) that is left of two changes by one cause; set by hand
+CANCELLED = 0.05
 
 
 class Beliefs(StudyResult):
-    """Prior of the effects as beliefs.yaml states it: expected number, sizes, errors of laws.
+    """Prior of the effects as beliefs.yaml states it: expected number, sizes, errors of
+    laws.
 
-    Of the library `expected` effects are present. The spike prior of an absent one has a response
-    of this share (one sigma, `immaterial`) of what the floor allows. The relative model error of a
-    law is half-normal of sigma `wrong`, summed over `shares`, with a correlation time `memory` [s].
+    Of the library `expected` effects are present. The spike prior of an absent one has
+    a response of this share (one sigma, `immaterial`) of what the floor allows. The
+    relative model error of a law is half-normal of sigma `wrong`, summed over `shares`,
+    with a correlation time `memory` [s].
     """
 
     FILE = Path(__file__).with_name("beliefs.yaml")
@@ -56,16 +61,20 @@ class Beliefs(StudyResult):
 def floor_responses(
     base: Estimate, probed: Sequence[ProbeResponses], *, believed: bool
 ) -> dict[str, Array]:
-    """Whitened responses (N, k) by effect, scaled to the same energy as the model-error floor.
+    """Whitened responses (N, k) by effect, scaled to the same energy as the model-error
+    floor.
 
-    A column for each group of its probes that the refitted base cannot absorb, scaled (least
-    squares over the runs) to the energy of the floor, so that an effect of one run alone may fill
-    the floor of that run alone. Where spreads of the base are `believed`, its changes against its
-    priors count like residuals: an effect that only they separate from the base has a column.
+    A column for each group of its probes that the refitted base cannot absorb, scaled
+    (least squares over the runs) to the energy of the floor, so that an effect of one
+    run alone may fill the floor of that run alone. Where spreads of the base are
+    `believed`, its changes against its priors count like residuals: an effect that only
+    they separate from the base has a column.
     """
     about = projection(base, robustly=False)
     evidence = base.evidence
-    runs = [r.samples.floor / s for r, s in zip(evidence.runs, evidence.scales, strict=True)]
+    runs = [
+        r.samples.floor / s for r, s in zip(evidence.runs, evidence.scales, strict=True)
+    ]
     floor = np.array([allowed @ allowed for allowed in runs])
     starts = np.cumsum([0, *map(len, runs[:-1])])
     by_effect: dict[str, Array] = {}
@@ -83,7 +92,8 @@ def floor_responses(
 
 
 def spike_responses(library: Mapping[str, Array]) -> list[Array]:
-    """Whitened responses (N, k) to absent effects at one standard deviation of their spike prior.
+    """Whitened responses (N, k) to absent effects at one standard deviation of their
+    spike prior.
 
     `library` has the responses of the floor's energy.
     """
@@ -92,10 +102,12 @@ def spike_responses(library: Mapping[str, Array]) -> list[Array]:
 
 @dataclass(frozen=True, slots=True)
 class SetProbability:
-    """A set of effects with its probability `p`, and its log evidence plus log prior, `nats`.
+    """A set of effects with its probability `p`, and its log evidence plus log prior,
+    `nats`.
 
-    `shared` are its pairs of effects, each with the log-odds [nats] that one cause outside the
-    library makes both, as a camera and a gripper seem displaced together where the desk is.
+    `shared` are its pairs of effects, each with the log-odds [nats] that one cause
+    outside the library makes both, as a camera and a gripper seem displaced together
+    where the desk is.
     """
 
     names: frozenset[str]
@@ -106,30 +118,42 @@ class SetProbability:
 
 @dataclass(frozen=True, slots=True)
 class Posterior:
-    """Posterior probabilities of the fitted sets of effects, the most probable set first."""
+    """Posterior probabilities of the fitted sets of effects, the most probable set
+    first.
+    """
 
     models: tuple[SetProbability, ...]
 
     @property
     def inclusion(self) -> dict[str, float]:
-        """Probability that each effect is present, by its name, the most probable first."""
+        """Probability that each effect is present, by its name, the most probable
+        first.
+        """
         names = {name for model in self.models for name in model.names}
-        shares = {name: sum(m.p for m in self.models if name in m.names) for name in names}
+        shares = {
+            name: sum(m.p for m in self.models if name in m.names) for name in names
+        }
         return dict(sorted(shares.items(), key=lambda each: (-each[1], each[0])))
 
     def log_odds(self, holds: Callable[[frozenset[str]], bool]) -> float:
-        """Log-odds [nats] that the true set of effects satisfies `holds`; infinite if all do.
+        """Log-odds [nats] that the true set of effects satisfies `holds`; infinite if
+        all do.
 
-        A set that does counts against it where one cause in place of two effects would not.
+        A set that does counts against it where one cause in place of two effects would
+        not.
         """
         held = [m for m in self.models if holds(m.names)]
         against = [m.nats for m in self.models if m not in held]
-        against += [m.nats + n for m in held for two, n in m.shared if not holds(m.names - two)]
+        against += [
+            m.nats + n for m in held for two, n in m.shared if not holds(m.names - two)
+        ]
         if not against:
             return float("inf")
         if not held:
             return float("-inf")
-        return float(special.logsumexp([m.nats for m in held]) - special.logsumexp(against))
+        return float(
+            special.logsumexp([m.nats for m in held]) - special.logsumexp(against)
+        )
 
     def lead(self, names: frozenset[str]) -> float:
         """Log posterior odds [nats] of the set `names` against no effect."""
@@ -137,51 +161,76 @@ class Posterior:
         return nats[names] - nats[frozenset()]
 
 
-def posterior(fits: Fits, likelihood: LikelihoodScale, prior: Beliefs | None = None) -> Posterior:
-    """Posterior probabilities of the sets of effects in `fits`, by the shipped prior by default."""
+def posterior(
+    fits: Fits, likelihood: LikelihoodScale, prior: Beliefs | None = None
+) -> Posterior:
+    """Posterior probabilities of the sets of effects in `fits`, by the shipped prior by
+    default.
+    """
     prior = prior or Beliefs.shipped()
     common = _SharedTerms.of(fits, likelihood, prior)
     chance = prior.expected / max(len(fits.library), 2.0 * prior.expected)
     odds = float(special.logit(chance))
-    nats = [common.evidence(m.estimate) + odds * len(m.model.effects) for m in fits.models]
+    nats = [
+        common.evidence(m.estimate) + odds * len(m.model.effects) for m in fits.models
+    ]
     shares = special.softmax(nats)
     rows = zip(fits.models, nats, shares, strict=True)
     models = [
-        SetProbability(m.model.names, float(n), float(p), shared_causes(m.estimate, odds))
+        SetProbability(
+            m.model.names, float(n), float(p), shared_causes(m.estimate, odds)
+        )
         for m, n, p in rows
     ]
     return Posterior(tuple(sorted(models, key=lambda w: (-w.nats, sorted(w.names)))))
 
 
-def shared_causes(fit: Estimate, odds: float) -> tuple[tuple[frozenset[str], float], ...]:
-    """Pairs of effects in `fit`, with the log-odds [nats] that one other cause makes both.
+def shared_causes(
+    fit: Estimate, odds: float
+) -> tuple[tuple[frozenset[str], float], ...]:
+    """Pairs of effects in `fit`, with the log-odds [nats] that one other cause makes
+    both.
 
-    Runs show relative places alone: two things that are displaced by the same distance may be one
-    other thing that is. And what two effects change hardly ever cancels: the little that is left
-    of both may be what one other changes. One cause is an effect less, of prior log-odds `odds`.
+    Runs show relative places alone: two things that are displaced by the same distance
+    may be one other thing that is. And what two effects change hardly ever cancels: the
+    little that is left of both may be what one other changes. One cause is an effect
+    less, of prior log-odds `odds`.
     """
     _, values = fit.model.split(fit.shared)
     _, changes = fit.model.split(fit.changes)
     pairs = []
     for two in itertools.combinations(fit.model.effects, 2):
-        low, high = sorted(_displacement(e.parameters, values[e.name] - e.null) for e in two)
+        low, high = sorted(
+            _displacement(e.parameters, values[e.name] - e.null) for e in two
+        )
         parts = [changes[effect.name].sum(axis=0) for effect in two]
-        left = np.linalg.norm(sum(parts)) / max(sum(map(np.linalg.norm, parts)), LEAST_NORM)
-        for apart, within in ((1.0 - low / (high or 1.0), EQUAL), (float(left), CANCELLED)):
-            density = -0.5 * (apart / within) ** 2 - math.log(within * math.sqrt(0.5 * math.pi))
+        left = np.linalg.norm(sum(parts)) / max(
+            sum(map(np.linalg.norm, parts)), LEAST_NORM
+        )
+        for apart, within in (
+            (1.0 - low / (high or 1.0), EQUAL),
+            (float(left), CANCELLED),
+        ):
+            density = -0.5 * (apart / within) ** 2 - math.log(
+                within * math.sqrt(0.5 * math.pi)
+            )
             pairs.append((frozenset(e.name for e in two), density - odds))
     return tuple(pairs)
 
 
 def _displacement(parameters: Sequence[Parameter], amounts: Array) -> float:
-    """Distance [m] by which `amounts` (k,) of an effect's `parameters` displace something."""
+    """Distance [m] by which `amounts` (k,) of an effect's `parameters` displace
+    something.
+    """
     lengths = [p.unit == "m" and p.is_amount for p in parameters]
     return float(np.linalg.norm(amounts[lengths]))
 
 
 @dataclass(frozen=True, slots=True)
 class _SharedTerms:
-    """Inputs to the evidence of every set: base fit, weights (N,) of samples, spikes (N, k)."""
+    """Inputs to the evidence of every set: base fit, weights (N,) of samples, spikes
+    (N, k).
+    """
 
     base: Estimate
     weight: Array
@@ -189,11 +238,13 @@ class _SharedTerms:
     prior: Beliefs
 
     @classmethod
-    def of(cls, fits: Fits, likelihood: LikelihoodScale, prior: Beliefs) -> "_SharedTerms":
+    def of(
+        cls, fits: Fits, likelihood: LikelihoodScale, prior: Beliefs
+    ) -> "_SharedTerms":
         """Weights of samples and spikes that the evidence of all sets in `fits` shares.
 
-        Wild samples are those of the best fit: at its own, a bad model would call wild what it does
-        not explain.
+        Wild samples are those of the best fit: at its own, a bad model would call wild
+        what it does not explain.
         """
         base = fits.base.estimate
         best = min(fits.models, key=lambda m: m.estimate.objective)
@@ -203,14 +254,18 @@ class _SharedTerms:
         return cls(base, weight, spikes, prior)
 
     def evidence(self, fit: Estimate) -> float:
-        """Log evidence [nats] of a fit, averaged over the relative model errors of its laws."""
+        """Log evidence [nats] of a fit, averaged over the relative model errors of its
+        laws.
+        """
         shares = self.prior.shares if fit.model.effects else (0.0,)
         mass = np.exp(-0.5 * np.square(np.array(shares) / self.prior.wrong))
         nats = [self._evidence_at(fit, share) for share in shares]
         return float(special.logsumexp(nats, b=mass / mass.sum()))
 
     def _evidence_at(self, fit: Estimate, share: float) -> float:
-        """Log evidence [nats] of a fit whose laws have the relative model error `share`."""
+        """Log evidence [nats] of a fit whose laws have the relative model error
+        `share`.
+        """
         residual, jacobian = _in_units_of(self.base, fit)
         spikes = [s for name, s in self.spikes.items() if name not in fit.model.names]
         columns = np.concatenate([residual[:, None], jacobian, *spikes], axis=1)
@@ -220,19 +275,28 @@ class _SharedTerms:
         laws = slice(len(fit.model.base), len(fit.model.parameters))
         limits = _with_proper_priors(fit.unknowns, laws)
         z = fit.z
-        precision = np.concatenate([limits.precision, np.ones(responses.shape[1] - len(z))])
+        precision = np.concatenate(
+            [limits.precision, np.ones(responses.shape[1] - len(z))]
+        )
         deviation = np.concatenate([z - limits.mean, np.zeros(len(precision) - len(z))])
         curvature = responses.T @ responses + np.diag(precision)
         gradient = responses.T @ r + precision * deviation
         inverse, half_logdet = _invert(curvature)
         step = -inverse @ gradient
-        nats = -0.5 * float(r @ r + precision @ deviation**2 + gradient @ step) - 0.5 * logdet
+        nats = (
+            -0.5 * float(r @ r + precision @ deviation**2 + gradient @ step)
+            - 0.5 * logdet
+        )
         nats -= half_logdet
         nats += 0.5 * float(np.log(limits.precision[laws]).sum())
-        return nats + _truncation(limits, z + step[: len(z)], np.diag(inverse)[: len(z)], laws)
+        return nats + _truncation(
+            limits, z + step[: len(z)], np.diag(inverse)[: len(z)], laws
+        )
 
     def _whiten(self, columns: Array, law_error: Array) -> tuple[Array, float]:
-        """Columns (N, k) whitened by noise and `law_error` (N,), and the log determinant."""
+        """Columns (N, k) whitened by noise and `law_error` (N,), and the log
+        determinant.
+        """
         weighed = columns * self.weight[:, None]
         error = law_error * self.weight
         if not error.any():
@@ -243,7 +307,9 @@ class _SharedTerms:
             for number in np.unique(run.samples.series):
                 rows = first + np.flatnonzero(run.samples.series == number)
                 t = run.samples.t[rows - first]
-                lower = np.linalg.cholesky(_error_covariance(t, error[rows], self.prior.memory))
+                lower = np.linalg.cholesky(
+                    _error_covariance(t, error[rows], self.prior.memory)
+                )
                 weighed[rows] = solve_triangular(lower, weighed[rows], lower=True)
                 logdet += 2.0 * float(np.log(np.diag(lower)).sum())
             first += len(run.samples)
@@ -251,9 +317,13 @@ class _SharedTerms:
 
 
 def _invert(curvature: Array) -> tuple[Array, float]:
-    """Inverse (size, size) of `curvature`, and half the log determinant of `curvature`."""
+    """Inverse (size, size) of `curvature`, and half the log determinant of
+    `curvature`.
+    """
     unit = 1.0 / np.sqrt(np.maximum(np.diag(curvature), 1e-300))
-    lower = np.linalg.cholesky(curvature * unit[:, None] * unit + 1e-10 * np.eye(len(unit)))
+    lower = np.linalg.cholesky(
+        curvature * unit[:, None] * unit + 1e-10 * np.eye(len(unit))
+    )
     inverse = cho_solve((lower, True), np.eye(len(unit))) * unit[:, None] * unit
     return inverse, float(np.log(np.diag(lower) / unit).sum())
 
@@ -261,7 +331,8 @@ def _invert(curvature: Array) -> tuple[Array, float]:
 def _error_covariance(t: Array, error: Array, memory: float) -> Array:
     """Covariance (n, n) of unit noise and an error that is smooth over `memory` [s].
 
-    The error is as large as `error` (n,) in the mean square near each of the times `t` (n,) [s].
+    The error is as large as `error` (n,) in the mean square near each of the times `t`
+    (n,) [s].
     """
     near = np.exp(-0.5 * ((t[:, None] - t) / memory) ** 2)
     local = np.sqrt((near @ error**2) / near.sum(axis=1))
@@ -269,14 +340,17 @@ def _error_covariance(t: Array, error: Array, memory: float) -> Array:
 
 
 def _in_units_of(base: Estimate, fit: Estimate) -> tuple[Array, Array]:
-    """Residual (N,) and Jacobian (N, size) of `fit`, whitened by the scales of `base`."""
+    """Residual (N,) and Jacobian (N, size) of `fit`, whitened by the scales of
+    `base`.
+    """
     scales = zip(fit.evidence.scales, base.evidence.scales, strict=True)
     unit = np.concatenate([own_scale / base_scale for own_scale, base_scale in scales])
     return fit.stacked_residuals * unit, fit.stacked_jacobian * unit[:, None]
 
 
 def _with_proper_priors(limits: Unknowns, laws: slice) -> Unknowns:
-    """Copy of `limits` in which effect parameters, the slice `laws`, all have a normal prior.
+    """Copy of `limits` in which effect parameters, the slice `laws`, all have a normal
+    prior.
 
     Those without one get a standard deviation of a quarter of their range.
     """
@@ -287,7 +361,9 @@ def _with_proper_priors(limits: Unknowns, laws: slice) -> Unknowns:
 
 
 def _truncation(limits: Unknowns, mean: Array, variance: Array, laws: slice) -> float:
-    """Log ratio [nats] of posterior to prior mass within bounds, summed over parameters `laws`."""
+    """Log ratio [nats] of posterior to prior mass within bounds, summed over parameters
+    `laws`.
+    """
 
     def log_mass(middle: Array, deviation: Array) -> Array:
         low = (limits.low[laws] - middle) / deviation

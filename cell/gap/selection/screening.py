@@ -1,4 +1,6 @@
-"""Linear screening: predicts what candidate effects gain, from simulations near the base fit."""
+"""Linear screening: predicts what candidate effects gain, from simulations near the
+base fit.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -18,7 +20,9 @@ from cell.gap.subject.subject import Candidate
 from drivers.types import Array
 
 Start = tuple[Point, tuple[Array, ...] | None]
-"""Where a fit begins, and the whitened secants (n, shared + local) of each run there, if known."""
+"""Where a fit begins, and the whitened secants (n, shared + local) of each run there,
+if known.
+"""
 Columns = NDArray[np.int64]
 DETECTED_SIGMA = 8.0  # at which cross-validation, too, accepts an effect; set by hand
 LEAST_POWER = 1e-12  # squared norm of a whitened response; a smaller one is rounding
@@ -26,19 +30,22 @@ DEAD = 1e-6  # largest whitened response of an effect that changes nothing
 # Limits of linear extrapolation from probes, set by hand.
 FARTHEST = 3.0  # times a stated probe, to which it is scaled
 LEAST_SHARE = 0.3  # of the gain of the best mix, of an unscaled probe that is a start
-STEEP = 0.3  # times the response per amount farther off, below which an effect has a threshold
+# times the response per amount farther off, below which an effect has a threshold
+STEEP = 0.3
 
 
 @dataclass(frozen=True, slots=True)
 class Score:
-    """Predicted gain [nats] of effects that are added together, and values to start their fit from.
+    """Predicted gain [nats] of effects that are added together, and values to start
+    their fit from.
 
-    The gain is that at the values `start`, by effect. Where these are `linear`, they follow from
-    the secants at null, and a fit from null finds them by itself. `probe_starts` are unscaled
-    probes, for effects that do nothing below a threshold, so that a scaled probe may be no start.
-    `opposite_sign` is a start for an effect with a place: elsewhere the other sign may leave the
-    same response. `origin` is the fit to extend, the base if None. `secants` (N, parameters) by
-    effect are whitened, at null.
+    The gain is that at the values `start`, by effect. Where these are `linear`, they
+    follow from the secants at null, and a fit from null finds them by itself.
+    `probe_starts` are unscaled probes, for effects that do nothing below a threshold,
+    so that a scaled probe may be no start. `opposite_sign` is a start for an effect
+    with a place: elsewhere the other sign may leave the same response. `origin` is the
+    fit to extend, the base if None. `secants` (N, parameters) by effect are whitened,
+    at null.
     """
 
     names: tuple[str, ...]
@@ -52,7 +59,9 @@ class Score:
 
     @property
     def starts(self) -> list[dict[str, Array]]:
-        """Start values (k,) by effect for each fit to try; effects without one start at null."""
+        """Start values (k,) by effect for each fit to try; effects without one start at
+        null.
+        """
         starts: list[dict[str, Array]] = [{}]
         if not self.linear:
             starts.append(self.start)
@@ -62,13 +71,17 @@ class Score:
         return [{**self._origin_values, **values} for values in starts]
 
     def joined_to(self, fit: Estimate) -> "Score":
-        """Copy that adds the effects to those of `fit`, and starts from the values of that fit."""
+        """Copy that adds the effects to those of `fit`, and starts from the values of
+        that fit.
+        """
         names = tuple(sorted({*fit.model.names, *self.names}))
         return replace(self, names=names, origin=fit)
 
     @property
     def _origin_values(self) -> dict[str, Array]:
-        """Values (k,), by effect of this score, that the fit `origin` has; empty without one."""
+        """Values (k,), by effect of this score, that the fit `origin` has; empty
+        without one.
+        """
         if self.origin is None:
             return {}
         _, effects = self.origin.model.split(self.origin.shared)
@@ -78,11 +91,12 @@ class Score:
 def fit_starts(
     base: Estimate, score: Score, candidates: Sequence[Candidate]
 ) -> tuple[Model, list[Start]]:
-    """Model with the effects of `score`, and starts of its fits: first with new effects at null.
+    """Model with the effects of `score`, and starts of its fits: first with new effects
+    at null.
 
-    Shape parameters that are free in the fit that is extended stay so. Only the first start has a
-    Jacobian: that of this fit and, for new effects, the one of the screen. A fit computes it anew
-    where it does not predict the decrease.
+    Shape parameters that are free in the fit that is extended stay so. Only the first
+    start has a Jacobian: that of this fit and, for new effects, the one of the screen.
+    A fit computes it anew where it does not predict the decrease.
     """
     origin = score.origin or base
     held = {effect.name: effect for effect in origin.model.effects}
@@ -90,18 +104,27 @@ def fit_starts(
     freest = [max(both, key=lambda effect: len(effect.parameters)) for both in versions]
     model = with_effects(base.model, score.names, freest)
     shared, _ = origin.model.split(origin.shared)
-    origin_point, *others = (Point(model.join(shared, v), origin.point.local) for v in score.starts)
-    secants = _secants(origin, model, score) if origin.evidence is base.evidence else None
+    origin_point, *others = (
+        Point(model.join(shared, v), origin.point.local) for v in score.starts
+    )
+    secants = (
+        _secants(origin, model, score) if origin.evidence is base.evidence else None
+    )
     return model, [(origin_point, secants), *((p, None) for p in others)]
 
 
-def with_effects(model: Model, names: Sequence[str], candidates: Sequence[Candidate]) -> Model:
-    """Model of the base of `model` and those of `candidates` that have `names`, in their order."""
+def with_effects(
+    model: Model, names: Sequence[str], candidates: Sequence[Candidate]
+) -> Model:
+    """Model of the base of `model` and those of `candidates` that have `names`, in
+    their order.
+    """
     return Model(model.base, tuple(c for c in candidates if c.name in names))
 
 
 def _secants(origin: Estimate, model: Model, score: Score) -> tuple[Array, ...] | None:
-    """Jacobians (n, shared + local) of each run for `model`, from `origin` with fewer effects.
+    """Jacobians (n, shared + local) of each run for `model`, from `origin` with fewer
+    effects.
 
     None where one of the effects was not screened there.
     """
@@ -120,16 +143,19 @@ def _secants(origin: Estimate, model: Model, score: Score) -> tuple[Array, ...] 
     edges = np.cumsum([len(jacobian) for jacobian in origin.jacobians])[:-1]
     return tuple(
         np.concatenate([rows, jacobian[:, count:]], axis=1)
-        for rows, jacobian in zip(np.split(shared, edges), origin.jacobians, strict=True)
+        for rows, jacobian in zip(
+            np.split(shared, edges), origin.jacobians, strict=True
+        )
     )
 
 
 @dataclass(frozen=True, slots=True)
 class ProbeResponses:
-    """Whitened responses (N, probes) of all samples to each group of a candidate effect's probes.
+    """Whitened responses (N, probes) of all samples to each group of a candidate
+    effect's probes.
 
-    The first group holds steps from null, one parameter at a time; the others are the candidate's
-    stated probes.
+    The first group holds steps from null, one parameter at a time; the others are the
+    candidate's stated probes.
     """
 
     candidate: Candidate
@@ -138,7 +164,9 @@ class ProbeResponses:
 
     @property
     def secants(self) -> Array:
-        """Derivatives (N, parameters) of the whitened residuals at the null of the effect."""
+        """Derivatives (N, parameters) of the whitened residuals at the null of the
+        effect.
+        """
         moved = np.array([v - self.candidate.null for v in self.groups[0]])
         return np.asarray(self.responses[0] / np.diag(moved))
 
@@ -149,14 +177,17 @@ class ProbeResponses:
 
     @property
     def has_threshold(self) -> bool:
-        """Whether the effect responds far less, per amount, to its smallest probe than to others.
+        """Whether the effect responds far less, per amount, to its smallest probe than
+        to others.
 
-        By the first probe of each group. False for a two-sided effect with a place: its response
-        may be larger at another place.
+        By the first probe of each group. False for a two-sided effect with a place: its
+        response may be larger at another place.
         """
         if self.candidate.two_sided and _shape_mask(self.candidate).any():
             return False
-        amounts = [abs(float(group[0][0] - self.candidate.null[0])) for group in self.groups]
+        amounts = [
+            abs(float(group[0][0] - self.candidate.null[0])) for group in self.groups
+        ]
         smallest, *larger = (
             float(np.linalg.norm(response[:, 0])) / amount if amount else 0.0
             for amount, response in zip(amounts, self.responses, strict=True)
@@ -165,19 +196,27 @@ class ProbeResponses:
 
 
 def run_probes(base: Estimate, candidate: Candidate) -> Task[ProbeResponses]:
-    """Simulate an effect's probes at the fit `base` and return the responses; yields requests."""
+    """Simulate an effect's probes at the fit `base` and return the responses; yields
+    requests.
+    """
     model = Model(base.model.base, (*base.model.effects, candidate))
-    probes = tuple(tuple(candidate.complete(np.array(v)) for v in g) for g in candidate.probes)
+    probes = tuple(
+        tuple(candidate.complete(np.array(v)) for v in g) for g in candidate.probes
+    )
     groups = (_steps_from_null(candidate), *probes)
     vectors = [candidate.null, *(v for group in groups for v in group)]
-    by_run = yield from responses_to(base, [(model, np.append(base.shared, v)) for v in vectors])
+    by_run = yield from responses_to(
+        base, [(model, np.append(base.shared, v)) for v in vectors]
+    )
     columns = iter([np.concatenate(each) for each in by_run])
     stacked = [np.array(list(islice(columns, len(group)))).T for group in groups]
     return ProbeResponses(candidate, groups, tuple(stacked))
 
 
 def _steps_from_null(candidate: Candidate) -> tuple[Array, ...]:
-    """Parameter vectors (k,) of an effect, each a step from its null in one parameter."""
+    """Parameter vectors (k,) of an effect, each a step from its null in one
+    parameter.
+    """
     moved = []
     for i, p in enumerate(candidate.parameters):
         vector = candidate.null
@@ -188,7 +227,8 @@ def _steps_from_null(candidate: Candidate) -> tuple[Array, ...]:
 
 @dataclass(frozen=True, slots=True)
 class ProbeEquations:
-    """Normal equations for the amounts of the probes of all candidate effects, the base refitted.
+    """Normal equations for the amounts of the probes of all candidate effects, the base
+    refitted.
 
     `columns` by candidate and group are the positions of its probes in `form`.
     """
@@ -198,31 +238,46 @@ class ProbeEquations:
     columns: dict[tuple[str, int], Columns]
 
 
-def probe_equations(projection: Projection, probed: Sequence[ProbeResponses]) -> ProbeEquations:
-    """Normal equations for the amounts of the probes of each candidate that changes something."""
+def probe_equations(
+    projection: Projection, probed: Sequence[ProbeResponses]
+) -> ProbeEquations:
+    """Normal equations for the amounts of the probes of each candidate that changes
+    something.
+    """
     alive = tuple(p for p in probed if not p.dead)
     columns: dict[tuple[str, int], Columns] = {}
     column = 0
     for p in alive:
         for group, responses in enumerate(p.responses):
-            columns[p.candidate.name, group] = np.arange(column, column + responses.shape[1])
+            columns[p.candidate.name, group] = np.arange(
+                column, column + responses.shape[1]
+            )
             column += responses.shape[1]
     parts = [projection.weigh(response) for p in alive for response in p.responses]
-    stacked = np.concatenate(parts, axis=1) if parts else np.zeros((len(projection.residual), 0))
+    stacked = (
+        np.concatenate(parts, axis=1)
+        if parts
+        else np.zeros((len(projection.residual), 0))
+    )
     return ProbeEquations(alive, projection.form(stacked), columns)
 
 
 def ranked_singles(equations: ProbeEquations) -> list[Score]:
-    """Scores of the single effects that change the runs at all, the largest gain first."""
+    """Scores of the single effects that change the runs at all, the largest gain
+    first.
+    """
     scores = [_score(equations, (p,)) for p in equations.probed]
     return sorted(scores, key=lambda s: (-s.gain, s.names))
 
 
-def ranked_pairs(equations: ProbeEquations, among: int, least: float = 0.0) -> list[Score]:
-    """Scores of the best `among` pairs of effects that gain over `least` [nats], best first.
+def ranked_pairs(
+    equations: ProbeEquations, among: int, least: float = 0.0
+) -> list[Score]:
+    """Scores of the best `among` pairs of effects that gain over `least` [nats], best
+    first.
 
-    Two effects whose responses nearly cancel gain little alone and much together, so that all
-    pairs compete, not those of the best single ones.
+    Two effects whose responses nearly cancel gain little alone and much together, so
+    that all pairs compete, not those of the best single ones.
     """
     scores = [_score(equations, pair) for pair in combinations(equations.probed, 2)]
     scores.sort(key=lambda s: (-s.gain, s.names))
@@ -230,7 +285,8 @@ def ranked_pairs(equations: ProbeEquations, among: int, least: float = 0.0) -> l
 
 
 def _score(equations: ProbeEquations, members: Sequence[ProbeResponses]) -> Score:
-    """Score of the candidates `members` together, by the best mix of one group of probes of each.
+    """Score of the candidates `members` together, by the best mix of one group of
+    probes of each.
 
     The amounts solve a quadratic programme, one-sided where physics fixes the sign.
     """
@@ -242,14 +298,17 @@ def _score(equations: ProbeEquations, members: Sequence[ProbeResponses]) -> Scor
         mix, gain, values = _best_mix(equations, members, choice)
         if mix.gain > best.gain:
             best, values_at_best = mix, values
-        if gain > probe_gain and all(choice):  # group 0 holds steps, which are no probes
+        # group 0 holds steps, which are no probes
+        if gain > probe_gain and all(choice):
             probe_gain, best_probe = gain, values
     if probe_gain <= LEAST_SHARE * best.gain:
         best_probe = values_at_best if any(p.has_threshold for p in members) else {}
     return replace(
         best,
         probe_starts=_probes_to_fit(members, best_probe),
-        opposite_sign=_opposite_sign(equations, members[0], best) if len(members) == 1 else None,
+        opposite_sign=(
+            _opposite_sign(equations, members[0], best) if len(members) == 1 else None
+        ),
         secants={p.candidate.name: p.secants for p in members},
     )
 
@@ -257,10 +316,11 @@ def _score(equations: ProbeEquations, members: Sequence[ProbeResponses]) -> Scor
 def _probes_to_fit(
     members: Sequence[ProbeResponses], unscaled: dict[str, Array]
 ) -> tuple[dict[str, Array], ...]:
-    """Further starts (k,) by effect: all probes of a threshold effect, else the mix `unscaled`.
+    """Further starts (k,) by effect: all probes of a threshold effect, else the mix
+    `unscaled`.
 
-    Beyond a threshold the response is not linear: from the probe that the screen prefers, no step
-    of a fit may lead to the best value.
+    Beyond a threshold the response is not linear: from the probe that the screen
+    prefers, no step of a fit may lead to the best value.
     """
     if len(members) == 1 and members[0].has_threshold:
         name = members[0].candidate.name
@@ -272,46 +332,66 @@ def _probes_to_fit(
 def _opposite_sign(
     equations: ProbeEquations, p: ProbeResponses, best: Score
 ) -> dict[str, Array] | None:
-    """Parameter values (k,) by effect that gain most with the sign opposite to `best`; or None.
+    """Parameter values (k,) by effect that gain most with the sign opposite to `best`;
+    or None.
 
     None where it has no place, or gains with one sign only.
     """
     name, null = p.candidate.name, p.candidate.null[0]
     if name not in best.start or not _shape_mask(p.candidate).any():
         return None
-    mixes = [_best_mix(equations, (p,), (group,))[0] for group in range(1, len(p.groups))]
+    mixes = [
+        _best_mix(equations, (p,), (group,))[0] for group in range(1, len(p.groups))
+    ]
     sign = np.sign(best.start[name][0] - null)
     others = [score for score in mixes if sign * (score.start[name][0] - null) < 0.0]
     return max(others, key=lambda score: score.gain).start if others else None
 
 
 def _best_mix(
-    equations: ProbeEquations, members: Sequence[ProbeResponses], choice: tuple[int, ...]
+    equations: ProbeEquations,
+    members: Sequence[ProbeResponses],
+    choice: tuple[int, ...],
 ) -> tuple[Score, float, dict[str, Array]]:
-    """Score of the best mix of probe groups `choice`; gain and values (k,) at amounts 1 or -1."""
+    """Score of the best mix of probe groups `choice`; gain and values (k,) at amounts 1
+    or -1.
+    """
     names = tuple(p.candidate.name for p in members)
     chosen = list(zip(members, choice, strict=True))
-    columns = np.concatenate([equations.columns[p.candidate.name, group] for p, group in chosen])
+    columns = np.concatenate(
+        [equations.columns[p.candidate.name, group] for p, group in chosen]
+    )
     reach = [
         _largest_multiple(p.candidate, vector) if group == 0 else FARTHEST
         for p, group in chosen
         for vector in p.groups[group]
     ]
-    signed = [_allows_both_signs(p.candidate, v) for p, group in chosen for v in p.groups[group]]
+    signed = [
+        _allows_both_signs(p.candidate, v)
+        for p, group in chosen
+        for v in p.groups[group]
+    ]
     high = np.array(reach)
     gradient, curvature = equations.form.gradient, equations.form.curvature
     form = NormalEquations(gradient[columns], curvature[np.ix_(columns, columns)])
     amounts = form.bounded_step(np.where(signed, -high, 0.0), high)
     unscaled = np.where(amounts < 0.0, -1.0, 1.0)
     return (
-        Score(names, form.decrease(amounts), _mixed_values(chosen, amounts), not any(choice)),
+        Score(
+            names,
+            form.decrease(amounts),
+            _mixed_values(chosen, amounts),
+            not any(choice),
+        ),
         form.decrease(unscaled),
         _mixed_values(chosen, unscaled),
     )
 
 
 def _largest_multiple(candidate: Candidate, vector: Array) -> float:
-    """Largest factor on the step from null to `vector` (k,) that stays within the bounds."""
+    """Largest factor on the step from null to `vector` (k,) that stays within the
+    bounds.
+    """
     moved = vector - candidate.null
     ends = [
         abs((p.high if d > 0 else p.low) - p.start) / abs(d)
@@ -322,14 +402,18 @@ def _largest_multiple(candidate: Candidate, vector: Array) -> float:
 
 
 def _allows_both_signs(candidate: Candidate, vector: Array) -> bool:
-    """Whether the probe `vector` (k,) with its sign reversed is within the parameters' bounds."""
+    """Whether the probe `vector` (k,) with its sign reversed is within the parameters'
+    bounds.
+    """
     mirrored = np.where(_shape_mask(candidate), vector, 2.0 * candidate.null - vector)
     low, high = _bounds(candidate)
     return bool(((mirrored >= low) & (mirrored <= high)).all())
 
 
 def _shape_mask(candidate: Candidate) -> NDArray[np.bool_]:
-    """Mask (k,) of the parameters of shape, such as a place or a width, that no amount scales."""
+    """Mask (k,) of the parameters of shape, such as a place or a width, that no amount
+    scales.
+    """
     return np.array([not p.is_amount for p in candidate.parameters])
 
 
@@ -339,8 +423,12 @@ def _bounds(candidate: Candidate) -> tuple[Array, Array]:
     return np.array([p.low for p in parameters]), np.array([p.high for p in parameters])
 
 
-def _mixed_values(chosen: Sequence[tuple[ProbeResponses, int]], amounts: Array) -> dict[str, Array]:
-    """Parameter values (k,) by effect: null plus each of the probes `chosen` times its amount."""
+def _mixed_values(
+    chosen: Sequence[tuple[ProbeResponses, int]], amounts: Array
+) -> dict[str, Array]:
+    """Parameter values (k,) by effect: null plus each of the probes `chosen` times its
+    amount.
+    """
     values = {}
     k = 0
     for p, group in chosen:
@@ -355,14 +443,20 @@ def _mixed_values(chosen: Sequence[tuple[ProbeResponses, int]], amounts: Array) 
 
 
 def detection_limits(
-    projection: Projection, probed: Sequence[ProbeResponses], likelihood: LikelihoodScale
+    projection: Projection,
+    probed: Sequence[ProbeResponses],
+    likelihood: LikelihoodScale,
 ) -> dict[str, float | None]:
-    """Smallest detectable amount of each effect by name, in its first parameter's unit, or None.
+    """Smallest detectable amount of each effect by name, in its first parameter's unit,
+    or None.
 
-    It is the value at which its response would have DETECTED_SIGMA once the base is refitted.
+    It is the value at which its response would have DETECTED_SIGMA once the base is
+    refitted.
     """
     return {
-        p.candidate.name: None if p.dead else _detection_limit(projection, p, likelihood)
+        p.candidate.name: (
+            None if p.dead else _detection_limit(projection, p, likelihood)
+        )
         for p in probed
     }
 
@@ -370,18 +464,23 @@ def detection_limits(
 def _detection_limit(
     projection: Projection, probed: ProbeResponses, likelihood: LikelihoodScale
 ) -> float | None:
-    """Smallest detectable amount of one effect, scaled linearly from its most detectable probe.
+    """Smallest detectable amount of one effect, scaled linearly from its most
+    detectable probe.
 
-    Probes of parameters in another unit than the first one's do not count. None where the limit
-    lies beyond a bound, or no probe changes anything.
+    Probes of parameters in another unit than the first one's do not count. None where
+    the limit lies beyond a bound, or no probe changes anything.
     """
     main = probed.candidate.parameters[0]
-    limits: list[tuple[float, float | None]] = []  # each with the logarithm of its scaling
+    # each with the logarithm of its scaling
+    limits: list[tuple[float, float | None]] = []
     for vectors, responses in zip(probed.groups, probed.responses, strict=True):
         powers = np.diag(projection.form(projection.weigh(responses)).curvature)
-        for vector, power in zip(vectors, powers / likelihood.inefficiency, strict=True):
+        for vector, power in zip(
+            vectors, powers / likelihood.inefficiency, strict=True
+        ):
             values = zip(probed.candidate.parameters, vector.tolist(), strict=True)
-            p, value = next((p, v) for p, v in values if v != p.start)  # moved by this probe
+            # moved by this probe
+            p, value = next((p, v) for p, v in values if v != p.start)
             if power > LEAST_POWER and p.unit == main.unit:
                 factor = DETECTED_SIGMA / float(np.sqrt(power))
                 limit = float(p.start + (value - p.start) * factor)

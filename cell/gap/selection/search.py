@@ -1,4 +1,6 @@
-"""Search over models of up to three effects: which are fitted, and from which values."""
+"""Search over models of up to three effects: which are fitted, and from which
+values.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -33,7 +35,9 @@ from cell.gap.subject.subject import Candidate
 
 @dataclass(frozen=True, slots=True)
 class Budget:
-    """Effort of the search, set by hand: numbers of models and steps, and limits of gains."""
+    """Effort of the search, set by hand: numbers of models and steps, and limits of
+    gains.
+    """
 
     singles: int = 5  # models of one effect that are refitted
     screened_pairs: int = 8  # pairs that are looked at more closely
@@ -42,9 +46,11 @@ class Budget:
     additions: int = 4  # effects of these that are added to a model of the beam
     first_steps: int = 2  # of a fit from each start
     short_steps: int = 4  # of a fit from the best starts
-    reach: float = 20.0  # nats by which a fit that is not finished may be behind the best
+    # nats by which a fit that is not finished may be behind the best
+    reach: float = 20.0
     share: float = 0.5  # of the best gain that such a fit may have instead
-    shape_start: float = 1 / 3  # of its prior spread, where a shape parameter begins too
+    # of its prior spread, where a shape parameter begins too
+    shape_start: float = 1 / 3
     shape_gain: float = 0.5  # of the gain asked of an effect, asked of shape parameters
 
 
@@ -52,13 +58,17 @@ BUDGET = Budget()
 
 
 def within_reach(gain: float, most: float) -> bool:
-    """Whether an unfinished fit of `gain` [nats] may still reach the gain `most` [nats]."""
+    """Whether an unfinished fit of `gain` [nats] may still reach the gain `most`
+    [nats].
+    """
     return gain >= min(BUDGET.share * most, most - BUDGET.reach)
 
 
 @dataclass(frozen=True, slots=True)
 class Search:
-    """Search that fits models of `candidates`, whose responses at the base are `probed`."""
+    """Search that fits models of `candidates`, whose responses at the base are
+    `probed`.
+    """
 
     simulate: Simulate
     candidates: Sequence[Candidate]
@@ -67,9 +77,10 @@ class Search:
     def fit_scored_models(self, fits: Fits, scores: Sequence[Score]) -> Fits:
         """Copy of `fits` with the models of `scores`, each fitted along with the base.
 
-        Each fit starts at null and at the values of the screen; it replaces a fit of the same model
-        only if it gains more. Models that gain far less than the best after a few steps are not
-        refined: the verdict may list them, but no model extends them.
+        Each fit starts at null and at the values of the screen; it replaces a fit of
+        the same model only if it gains more. Models that gain far less than the best
+        after a few steps are not refined: the verdict may list them, but no model
+        extends them.
         """
         tasks = []
         base = fits.base.estimate
@@ -77,7 +88,9 @@ class Search:
         for score in scores:
             earlier = fits.of(frozenset(score.names))
             incumbent = earlier.estimate if earlier else None
-            tasks.append(_best_short_fit(base, *fit_starts(base, score, candidates), incumbent))
+            tasks.append(
+                _best_short_fit(base, *fit_starts(base, score, candidates), incumbent)
+            )
         started = [e for e in run_all(self.simulate, tasks) if e is not None]
         estimates = [*(m.estimate for m in fits.models), *started]
         dispersion = min(e.scale for e in estimates)
@@ -91,10 +104,12 @@ class Search:
         return fits.merge(run_all(self.simulate, [validate(e) for e in finished]))
 
     def extend(self, fits: Fits, models: Sequence[CrossValidatedFit]) -> Fits:
-        """Copy of `fits` with one more effect added to `models`, chosen by a linear screen.
+        """Copy of `fits` with one more effect added to `models`, chosen by a linear
+        screen.
 
-        Along one response a test is sharper than over all residuals (score test: Rao 1948, Proc.
-        Camb. Phil. Soc. 44, 50): runs without a gap as a whole may still hold a small effect.
+        Along one response a test is sharper than over all residuals (score test: Rao
+        1948, Proc. Camb. Phil. Soc. 44, 50): runs without a gap as a whole may still
+        hold a small effect.
         """
         likelihood = fits.likelihood
         expected: dict[tuple[str, ...], tuple[float, Score]] = {}
@@ -117,12 +132,16 @@ class Search:
         return self.fit_scored_models(fits, scores)
 
     def shortlist(
-        self, base: Estimate, scores: Sequence[Score], candidates: Sequence[Candidate], most: int
+        self,
+        base: Estimate,
+        scores: Sequence[Score],
+        candidates: Sequence[Candidate],
+        most: int,
     ) -> list[Score]:
         """The `most` scores whose models gain most in a few steps of their fit.
 
-        The linear screen misjudges a pair where one effect changes the response to the other. The
-        scores returned start from these short fits.
+        The linear screen misjudges a pair where one effect changes the response to the
+        other. The scores returned start from these short fits.
         """
         tasks = []
         for score in scores:
@@ -132,18 +151,26 @@ class Search:
         dispersion = min((e.scale for e in estimates), default=1.0)
         pairs = zip(scores, estimates, strict=True)
         order = sorted(pairs, key=lambda each: each[1].objective_at(dispersion))
-        return [Score(s.names, s.gain, {}, origin=estimate) for s, estimate in order[:most]]
+        return [
+            Score(s.names, s.gain, {}, origin=estimate) for s, estimate in order[:most]
+        ]
 
     def other_signs(self, fits: Fits, models: Sequence[CrossValidatedFit]) -> Fits:
-        """Copy of `fits` with `models` refitted by other signs of two-sided effects with a place.
+        """Copy of `fits` with `models` refitted by other signs of two-sided effects
+        with a place.
 
-        A stiff seam here resembles a soft one next to it, on another base or beside another effect.
+        A stiff seam here resembles a soft one next to it, on another base or beside
+        another effect.
         """
         tasks = []
         for m in models:
             for effect in m.model.effects:
                 beside = fits.of(m.model.names - {effect.name})
-                if effect.two_sided and not all(p.is_amount for p in effect.parameters) and beside:
+                if (
+                    effect.two_sided
+                    and not all(p.is_amount for p in effect.parameters)
+                    and beside
+                ):
                     tasks.append(_with_other_sign(m.estimate, effect, beside.estimate))
         finished = [e for e in run_all(self.simulate, tasks) if e is not None]
         return fits.merge(run_all(self.simulate, [validate(e) for e in finished]))
@@ -151,31 +178,39 @@ class Search:
     def free_shapes(self, fits: Fits) -> list[CrossValidatedFit]:
         """Best models refitted with free shape parameters, if that gains significantly.
 
-        These fits go on to the end: a rough one stops short of the gain that is asked of them.
+        These fits go on to the end: a rough one stops short of the gain that is asked
+        of them.
         """
         near_best = fits.near_best(len(fits.best.model.effects))
-        plain = [m for m in near_best if any(e.shape_parameters for e in m.model.effects)]
+        plain = [
+            m for m in near_best if any(e.shape_parameters for e in m.model.effects)
+        ]
         ends = run_all(self.simulate, [_with_free_shape(m.estimate) for m in plain])
         validated = run_all(self.simulate, [validate(e) for e in ends])
         pairs = zip(validated, plain, strict=True)
         least = BUDGET.shape_gain * MIN_GAIN
         return [
-            free for free, fixed in pairs
+            free
+            for free, fixed in pairs
             if gain(free, fixed, fits.likelihood) > least
             and likelihood_ratio_p(free, fixed, fits.likelihood) < ALPHA
-        ]  # fmt: skip
+        ]
 
     def _with_shape_parameters(self, fits: Fits) -> list[Candidate]:
-        """Candidate effects, with free shape parameters if a model of one effect was fitted so."""
+        """Candidate effects, with free shape parameters if a model of one effect was
+        fitted so.
+        """
         fitted = {e.name: e for m in fits.of_size(1) for e in m.model.effects}
         return [fitted.get(c.name, c) for c in self.candidates]
 
     def _screen_further(self, fits: Fits, fit: Estimate) -> list[Score]:
-        """Scores of the effects to add to `fit`, probed at its values, the largest gain first.
+        """Scores of the effects to add to `fit`, probed at its values, the largest gain
+        first.
 
-        Responses at the base mean little beside a strong effect: by them, the most promising
-        effects are chosen, and the values at which each is probed. Those with a threshold, which
-        lies elsewhere beside another effect, are probed and begun at all stated values.
+        Responses at the base mean little beside a strong effect: by them, the most
+        promising effects are chosen, and the values at which each is probed. Those with
+        a threshold, which lies elsewhere beside another effect, are probed and begun at
+        all stated values.
         """
         beside = projection(fit, nuisance=spike_responses(fits.library))
         others = [p for p in self.probed if p.candidate.name not in fit.model.names]
@@ -188,11 +223,18 @@ class Search:
                 probes = c.probes if c.name in thresholds else _probe_at_start(c, score)
                 tasks.append(run_probes(fit, replace(c, probes=probes)))
         scores = ranked_singles(probe_equations(beside, run_all(self.simulate, tasks)))
-        return [s if s.names[0] in thresholds else replace(s, probe_starts=()) for s in scores]
+        return [
+            s if s.names[0] in thresholds else replace(s, probe_starts=())
+            for s in scores
+        ]
 
 
-def _few_steps(model: Model, evidence: Evidence, points: Sequence[Start]) -> Task[list[Estimate]]:
-    """Estimates after the first few steps from each of `points`; yields simulation requests."""
+def _few_steps(
+    model: Model, evidence: Evidence, points: Sequence[Start]
+) -> Task[list[Estimate]]:
+    """Estimates after the first few steps from each of `points`; yields simulation
+    requests.
+    """
     steps = BUDGET.first_steps
     return side_by_side([refit(model, evidence, *p, ROUGH_GAIN, steps) for p in points])
 
@@ -203,18 +245,26 @@ def _gain_over(base: Estimate, estimate: Estimate, scale: float) -> float:
 
 
 def _finish(first: Estimate, *, promising: bool) -> Task[Estimate]:
-    """Continue the fit `first` to its end if it is `promising`; returns the better of the two."""
+    """Continue the fit `first` to its end if it is `promising`; returns the better of
+    the two.
+    """
     if not promising:
         return first
     evidence = first.evidence
-    finished = yield from refit(first.model, evidence, first.point, first.jacobians, ROUGH_GAIN)
+    finished = yield from refit(
+        first.model, evidence, first.point, first.jacobians, ROUGH_GAIN
+    )
     return best([first, finished])
 
 
 def _best_short_fit(
-    base: Estimate, model: Model, points: Sequence[Start], incumbent: Estimate | None = None
+    base: Estimate,
+    model: Model,
+    points: Sequence[Start],
+    incumbent: Estimate | None = None,
 ) -> Task[Estimate | None]:
-    """Best fit of `model` after a few steps from each start; yields simulation requests.
+    """Best fit of `model` after a few steps from each start; yields simulation
+    requests.
 
     None where it is no better than `incumbent`, an earlier fit of the same model.
     """
@@ -228,7 +278,10 @@ def _best_short_fit(
     if incumbent is not None or len(promising) > 1:
         more = BUDGET.short_steps - BUDGET.first_steps
         continued = yield from side_by_side(
-            [refit(model, evidence, e.point, e.jacobians, ROUGH_GAIN, more) for e in promising]
+            [
+                refit(model, evidence, e.point, e.jacobians, ROUGH_GAIN, more)
+                for e in promising
+            ]
         )
         promising = [*promising, *continued]
     if incumbent is not None and best([incumbent, *promising]) is incumbent:
@@ -236,8 +289,12 @@ def _best_short_fit(
     return best(promising)
 
 
-def _nearly_best(base: Estimate, begun: Sequence[Estimate], reference: Estimate) -> list[Estimate]:
-    """Unfinished fits `begun` that gain nearly most over `base`, `reference` included."""
+def _nearly_best(
+    base: Estimate, begun: Sequence[Estimate], reference: Estimate
+) -> list[Estimate]:
+    """Unfinished fits `begun` that gain nearly most over `base`, `reference`
+    included.
+    """
     estimates = [*begun, reference]
     dispersion = min(e.scale for e in estimates)
     gains = [_gain_over(base, e, dispersion) for e in estimates]
@@ -248,7 +305,9 @@ def _nearly_best(base: Estimate, begun: Sequence[Estimate], reference: Estimate)
 def _probe_at_start(
     candidate: Candidate, score: Score
 ) -> tuple[tuple[tuple[float, ...], ...], ...]:
-    """Probe of `candidate` where `score` would start a fit; none where it has no effect there."""
+    """Probe of `candidate` where `score` would start a fit; none where it has no effect
+    there.
+    """
     values = candidate.complete(score.start.get(candidate.name, candidate.null))
     if np.array_equal(values, candidate.null):
         return ()
@@ -256,7 +315,8 @@ def _probe_at_start(
 
 
 def without_each(accepted: CrossValidatedFit) -> list[Score]:
-    """Scores of the models that lack one effect of `accepted`, to be fitted from its values.
+    """Scores of the models that lack one effect of `accepted`, to be fitted from its
+    values.
 
     Beside another effect a fit may have left a local minimum.
     """
@@ -265,14 +325,18 @@ def without_each(accepted: CrossValidatedFit) -> list[Score]:
     return [Score(subset, 0.0, {}, origin=accepted.estimate) for subset in subsets]
 
 
-def _with_other_sign(fit: Estimate, effect: Candidate, beside: Estimate) -> Task[Estimate | None]:
+def _with_other_sign(
+    fit: Estimate, effect: Candidate, beside: Estimate
+) -> Task[Estimate | None]:
     """Fit with the other sign of `effect` than `fit`, started where that gains most.
 
-    It gains that `beside` the other effects, as fitted without it. None without such a place, or
-    where the fit comes no farther; yields simulations.
+    It gains that `beside` the other effects, as fitted without it. None without such a
+    place, or where the fit comes no farther; yields simulations.
     """
     probed = yield from run_probes(beside, effect)
-    score = next(iter(ranked_singles(probe_equations(projection(beside), [probed]))), None)
+    score = next(
+        iter(ranked_singles(probe_equations(projection(beside), [probed]))), None
+    )
     shared, others = beside.model.split(beside.shared)
     fitted = fit.model.split(fit.shared)[1][effect.name]
     starts: list[Start] = []
@@ -290,7 +354,8 @@ def _with_other_sign(fit: Estimate, effect: Candidate, beside: Estimate) -> Task
 def _with_free_shape(fit: Estimate) -> Task[Estimate]:
     """Fit of the model of `fit` with free shape parameters; yields simulation requests.
 
-    They begin off their start by a share of their prior spread: at it some do nothing yet.
+    They begin off their start by a share of their prior spread: at it some do nothing
+    yet.
     """
     model = replace(fit.model, effects=tuple(e.with_shape() for e in fit.model.effects))
     shared, fixed = fit.model.split(fit.shared)

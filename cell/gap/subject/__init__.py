@@ -1,1 +1,3 @@
-"""Subjects of the gap engine, strips and mechanisms: their runs and their simulation."""
+"""Subjects of the gap engine, strips and mechanisms: their runs and their
+simulation.
+"""

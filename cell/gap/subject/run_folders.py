@@ -13,44 +13,56 @@ from drivers.types import Array
 
 TABLES = (TICKS, PROFILE, ANGLES, SIGNALS, JOINTS)
 
-ROUNDING = 1e-5  # m, rad, N by which copies of one number differ that was written in other units
+# m, rad, N by which copies of one number differ that was written in other units
+ROUNDING = 1e-5
 TIME_ROUNDING = 1e-3  # s
 Numbers = Mapping[tuple[str, str], Array]
 
 
 @dataclass(frozen=True, slots=True)
 class RunFolder:
-    """Folder of a measured run, with a name that is unique among the runs found together."""
+    """Folder of a measured run, with a name that is unique among the runs found
+    together.
+    """
 
     path: Path
     name: str
 
 
 def find_runs(paths: Sequence[Path]) -> tuple[RunFolder, ...]:
-    """Run folders at or in `paths`: each is a run folder, or a folder that holds run folders.
+    """Run folders at or in `paths`: each is a run folder, or a folder that holds run
+    folders.
 
-    Raises ConfigurationError for a single run, for a folder without runs, and for measurements that
-    lie beside no run.yaml.
+    Raises ConfigurationError for a single run, for a folder without runs, and for
+    measurements that lie beside no run.yaml.
     """
     unique = _unique(paths)
     if len(unique) < 2:
         raise ConfigurationError(
-            f"{unique[0] if unique else 'runs'}: one run cannot be both fitted and held out; "
-            "give at least two, better ten"
+            f"{unique[0] if unique else 'runs'}: one run cannot be both fitted and held"
+            " out; give at least two, better ten"
         )
     return tuple(RunFolder(p, n) for p, n in zip(unique, _names(unique), strict=True))
 
 
 def _unique(paths: Sequence[Path]) -> list[Path]:
-    """Distinct run folders at or in `paths`; ConfigurationError for a path without runs."""
+    """Distinct run folders at or in `paths`; ConfigurationError for a path without
+    runs.
+    """
     found: list[Path] = []
     for path in paths:
         _check_heads([path, *path.glob("*")])
         inner = runs_in(path)
         if not inner:
-            what = f"holds no run, a run folder holds a {RUN}" if path.is_dir() else "is a file"
+            what = (
+                f"holds no run, a run folder holds a {RUN}"
+                if path.is_dir()
+                else "is a file"
+            )
             what = what if path.exists() else "no such folder"
-            raise ConfigurationError(f"{path}: {what}; give run folders, or a folder of them")
+            raise ConfigurationError(
+                f"{path}: {what}; give run folders, or a folder of them"
+            )
         found += inner
     return list(dict.fromkeys(p.resolve() for p in found))
 
@@ -61,12 +73,15 @@ def _check_heads(folders: Sequence[Path]) -> None:
         tables = [name for name in TABLES if (folder / name).is_file()]
         if tables and not (folder / RUN).is_file():
             raise ConfigurationError(
-                f"{folder}: {RUN}: is missing beside {tables[0]}; add it, or take the folder away"
+                f"{folder}: {RUN}: is missing beside {tables[0]}; add it, or take the"
+                " folder away"
             )
 
 
 def _names(folders: Sequence[Path]) -> list[str]:
-    """Unique names of run folders, in UTF-8: all with a parent's name if two would be equal."""
+    """Unique names of run folders, in UTF-8: all with a parent's name if two would be
+    equal.
+    """
     short = [_utf8(f.name) for f in folders]
     if len(set(short)) == len(short):
         return short
@@ -75,7 +90,8 @@ def _names(folders: Sequence[Path]) -> list[str]:
     for i, name in enumerate(long):
         if name in long[:i]:
             raise ConfigurationError(
-                f"{folders[i]}: has the name of {folders[long.index(name)]}; rename one of them"
+                f"{folders[i]}: has the name of {folders[long.index(name)]}; rename one"
+                " of them"
             )
     return long
 
@@ -86,9 +102,11 @@ def _utf8(name: str) -> str:
 
 
 def check_indices(folders: Sequence[Path], stated: Sequence[int | None]) -> None:
-    """Raise ConfigurationError where two runs state the same index in the order of measurement.
+    """Raise ConfigurationError where two runs state the same index in the order of
+    measurement.
 
-    An index that is equal in all runs, as single folds write it, states no order and is allowed.
+    An index that is equal in all runs, as single folds write it, states no order and is
+    allowed.
     """
     first: dict[int, Path] = {}
     same = len({index for index in stated if index is not None}) == 1
@@ -97,15 +115,17 @@ def check_indices(folders: Sequence[Path], stated: Sequence[int | None]) -> None
             continue
         if index in first:
             raise ConfigurationError(
-                f"{folder / RUN}: index: is {index}, as in {first[index].name}; give each "
-                "run of a specimen its own, in the order in which they were taken, or none; of an "
-                "imported run `runs` in the mapping states it"
+                f"{folder / RUN}: index: is {index}, as in {first[index].name}; give"
+                " each run of a specimen its own, in the order in which they were"
+                " taken, or none; of an imported run `runs` in the mapping states it"
             )
         first[index] = folder
 
 
 def read_table(path: Path) -> dict[str, Array]:
-    """Numeric columns (n,) of a Parquet file, NaN if infinite; ConfigurationError if broken."""
+    """Numeric columns (n,) of a Parquet file, NaN if infinite; ConfigurationError if
+    broken.
+    """
     table = read_parquet(path)
     columns = {}
     for name in table.column_names:
@@ -120,10 +140,13 @@ def read_table(path: Path) -> dict[str, Array]:
 def column(table: dict[str, Array], name: str, path: Path) -> Array:
     """Column `name` (n,) of a table read from `path`, which must be finite throughout.
 
-    Raises ConfigurationError where the column is missing or holds a value that is not finite.
+    Raises ConfigurationError where the column is missing or holds a value that is not
+    finite.
     """
     if name not in table:
-        raise ConfigurationError(f"{path}: {name}: this column is missing (or not numbers); add it")
+        raise ConfigurationError(
+            f"{path}: {name}: this column is missing (or not numbers); add it"
+        )
     values = table[name]
     if not np.isfinite(values).all():
         row = int(np.argmin(np.isfinite(values)))
@@ -134,20 +157,27 @@ def column(table: dict[str, Array], name: str, path: Path) -> Array:
 
 
 def check_time(t: Array, path: Path, least: int) -> None:
-    """Refuse times `t` (n,) [s] that do not increase, or that are fewer than `least` rows."""
+    """Refuse times `t` (n,) [s] that do not increase, or that are fewer than `least`
+    rows.
+    """
     if len(t) < least:
-        raise ConfigurationError(f"{path}: t: has {len(t)} rows; at least {least} are needed")
+        raise ConfigurationError(
+            f"{path}: t: has {len(t)} rows; at least {least} are needed"
+        )
     back = np.diff(t) <= 0.0
     if back.any():
         row = int(np.argmax(back)) + 1
         raise ConfigurationError(
-            f"{path}: t: does not increase at row {row} ({t[row - 1]:g} then {t[row]:g} s); sort "
-            "the rows, one for each time"
+            f"{path}: t: does not increase at row {row} ({t[row - 1]:g} then {t[row]:g}"
+            " s); sort the rows, one for each time"
         )
 
 
-def without_copies(runs: Sequence[RunFolder]) -> tuple[tuple[RunFolder, ...], Mapping[str, str]]:
-    """Runs without copies, and a mapping from the name of each copy to that of its original.
+def without_copies(
+    runs: Sequence[RunFolder],
+) -> tuple[tuple[RunFolder, ...], Mapping[str, str]]:
+    """Runs without copies, and a mapping from the name of each copy to that of its
+    original.
 
     Noise makes no two runs alike in every number, however well they repeat. Raises
     ConfigurationError where of several a single one is left.
@@ -156,8 +186,9 @@ def without_copies(runs: Sequence[RunFolder]) -> tuple[tuple[RunFolder, ...], Ma
     first = tuple(run for run in runs if run.name not in copies)
     if len(first) == 1 < len(runs):
         raise ConfigurationError(
-            f"{runs[0].path}: {len(runs)} runs hold the same measurement; a single run cannot be "
-            "fitted and checked; give at least two that were measured, better ten"
+            f"{runs[0].path}: {len(runs)} runs hold the same measurement; a single run"
+            " cannot be fitted and checked; give at least two that were measured,"
+            " better ten"
         )
     return first, copies
 
@@ -168,7 +199,9 @@ def _find_copies(runs: Sequence[RunFolder]) -> dict[str, str]:
     copies = dict[str, str]()
     for run in runs:
         numbers = _numbers(run)
-        known = next((other for other, its in first.items() if _are_same(numbers, its)), None)
+        known = next(
+            (other for other, its in first.items() if _are_same(numbers, its)), None
+        )
         if known is None:
             first[run] = numbers
         else:
@@ -182,25 +215,34 @@ def copy_note(copy: str, first: str) -> str:
 
 
 def _numbers(run: RunFolder) -> Numbers:
-    """Measured numbers of a run by table and column, whatever the encoding of its files.
+    """Measured numbers of a run by table and column, whatever the encoding of its
+    files.
 
-    Empty for a run that cannot be read: no other equals it, and where it is read the error is said.
+    Empty for a run that cannot be read: no other equals it, and where it is read the
+    error is said.
     """
     try:
-        tables = {n: read_table(run.path / n) for n in TABLES if (run.path / n).is_file()}
+        tables = {
+            n: read_table(run.path / n) for n in TABLES if (run.path / n).is_file()
+        }
     except ConfigurationError:
         return {}
     found = {
-        (n, key): values[np.isfinite(values)] for n in tables for key, values in tables[n].items()
+        (n, key): values[np.isfinite(values)]
+        for n in tables
+        for key, values in tables[n].items()
     }
     return {key: values for key, values in found.items() if len(values)}
 
 
 def _are_same(one: Numbers, other: Numbers) -> bool:
-    """Whether all columns that two runs share agree within the rounding of units and decimals."""
+    """Whether all columns that two runs share agree within the rounding of units and
+    decimals.
+    """
     shared = one.keys() & other.keys()
     return any(key != "t" for _, key in shared) and all(
         len(one[key]) == len(other[key])
-        and np.abs(one[key] - other[key]).max() <= (TIME_ROUNDING if key[1] == "t" else ROUNDING)
+        and np.abs(one[key] - other[key]).max()
+        <= (TIME_ROUNDING if key[1] == "t" else ROUNDING)
         for key in shared
     )

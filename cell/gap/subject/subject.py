@@ -1,4 +1,6 @@
-"""Interface of subjects, strips and mechanisms, to the gap engine: their runs and simulation."""
+"""Interface of subjects, strips and mechanisms, to the gap engine: their runs and
+simulation.
+"""
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping, Sequence
@@ -18,21 +20,27 @@ NamedValues = Mapping[str, Mapping[str, float]]
 FARTHEST = 8.0  # times its usual spread, the bound of a quantity in any run
 
 
-def note_of(key: str, old: float | None, source: str, remark: str = "") -> dict[str, str]:
-    """Entry of a file's provenance for the changed `key`, which keeps its `old` value."""
+def note_of(
+    key: str, old: float | None, source: str, remark: str = ""
+) -> dict[str, str]:
+    """Entry of a file's provenance for the changed `key`, which keeps its `old`
+    value.
+    """
     was = "was absent" if old is None else f"was {old:.9g}"
     return {"key": key, "source": source, "note": was + remark}
 
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """Effect that a model may lack: its parameters, and the values at which it is screened.
+    """Effect that a model may lack: its parameters, and the values at which it is
+    screened.
 
-    `probes` are groups of whole parameter vectors at which it is screened, small to large; the
-    members of a group may be mixed (one parameter each), groups may not (another place). Bounds
-    that start at the null say that physics fixes the sign. `sentence` is for a technician.
-    `model_error` is the relative error of its response, that of its law. Shape parameters fit the
-    law to a specimen: they stay at their start until it leaves more than noise.
+    `probes` are groups of whole parameter vectors at which it is screened, small to
+    large; the members of a group may be mixed (one parameter each), groups may not
+    (another place). Bounds that start at the null say that physics fixes the sign.
+    `sentence` is for a technician. `model_error` is the relative error of its response,
+    that of its law. Shape parameters fit the law to a specimen: they stay at their
+    start until it leaves more than noise.
     """
 
     name: str
@@ -45,12 +53,16 @@ class Candidate:
     shape_parameters: tuple[Parameter, ...] = ()
 
     def with_shape(self) -> "Candidate":
-        """Copy of the effect whose shape parameters are fitted along with the others."""
+        """Copy of the effect whose shape parameters are fitted along with the
+        others.
+        """
         whole = self.parameters + self.shape_parameters
         return replace(self, parameters=whole, shape_parameters=())
 
     def complete(self, values: Array) -> Array:
-        """Parameter vector (n,): `values` (k,) for the first ones, start values for the others."""
+        """Parameter vector (n,): `values` (k,) for the first ones, start values for the
+        others.
+        """
         return np.concatenate([values, self.null[len(values) :]])
 
     @property
@@ -59,26 +71,32 @@ class Candidate:
         return np.array([p.start for p in self.parameters])
 
     def is_own(self, values: Array) -> bool:
-        """Whether most shapes among parameter `values` (k,) are this effect's, not another's."""
+        """Whether most shapes among parameter `values` (k,) are this effect's, not
+        another's.
+        """
         pairs = zip(self.parameters, values, strict=True)
         below = [value < p.own_from for p, value in pairs if np.isfinite(p.own_from)]
         return not below or 2 * sum(below) < len(below)
 
     @property
     def two_sided(self) -> bool:
-        """Whether the effect's amount, its first parameter, may lie on either side of its null."""
+        """Whether the effect's amount, its first parameter, may lie on either side of
+        its null.
+        """
         amount = self.parameters[0]
         return amount.low < amount.start < amount.high
 
 
 @dataclass(frozen=True, slots=True)
 class Samples:
-    """Samples (n,) of a run, averages of readings: channel, zone, time [s], noise, floor.
+    """Samples (n,) of a run, averages of readings: channel, zone, time [s], noise,
+    floor.
 
-    Words (n,): `channel`, `phase`, `zone`, and `quantity`, by which gaps are shown. Numbers
-    (n,): time `t` [s], one-sigma `noise` of the sample, `reading` of a single reading in it, and
-    `floor`, the error that every model of this subject has, all in SI. `series` (n,) numbers the
-    time series that a sample belongs to.
+    Words (n,): `channel`, `phase`, `zone`, and `quantity`, by which gaps are shown.
+    Numbers (n,): time `t` [s], one-sigma `noise` of the sample, `reading` of a single
+    reading in it, and
+    `floor`, the error that every model of this subject has, all in SI. `series` (n,)
+    numbers the time series that a sample belongs to.
     """
 
     channel: Words
@@ -93,7 +111,8 @@ class Samples:
 
     @classmethod
     def stack(cls, series: Sequence[Mapping[str, Any]]) -> "Samples":
-        """Samples of several time series one after another, from `series` of columns by field.
+        """Samples of several time series one after another, from `series` of columns by
+        field.
 
         A column is an array with an entry per sample, or one value for all of them.
         """
@@ -101,11 +120,15 @@ class Samples:
 
         def stacked(name: str) -> Any:
             pairs = zip(series, counts, strict=True)
-            return np.concatenate([np.broadcast_to(columns[name], n) for columns, n in pairs])
+            return np.concatenate(
+                [np.broadcast_to(columns[name], n) for columns, n in pairs]
+            )
 
         names = [f.name for f in fields(cls) if f.name != "series"]
-        return cls(**{name: stacked(name) for name in names},
-                   series=np.repeat(np.arange(len(series)), counts))  # fmt: skip
+        return cls(
+            **{name: stacked(name) for name in names},
+            series=np.repeat(np.arange(len(series)), counts),
+        )
 
     def __len__(self) -> int:
         return len(self.t)
@@ -113,12 +136,14 @@ class Samples:
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """Measured or planned run: its samples, and its unknowns `local`, such as its initial state.
+    """Measured or planned run: its samples, and its unknowns `local`, such as its
+    initial state.
 
-    `condition` is shared by repeats, `index` counts in the order in which runs were taken;
-    `content` belongs to the subject. `common` are errors of measuring that are alike in all runs:
-    by name, the residuals (n,) [SI] that one standard deviation of it makes. A `replicate` repeats
-    the motion of another run, along which its responses may be simulated.
+    `condition` is shared by repeats, `index` counts in the order in which runs were
+    taken; `content` belongs to the subject. `common` are errors of measuring that are
+    alike in all runs: by name, the residuals (n,) [SI] that one standard deviation of
+    it makes. A `replicate` repeats the motion of another run, along which its responses
+    may be simulated.
     """
 
     name: str
@@ -133,10 +158,11 @@ class Run:
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """Inputs of one simulation: run, base values, effect values, and the run's own unknowns.
+    """Inputs of one simulation: run, base values, effect values, and the run's own
+    unknowns.
 
-    One of a `response` is compared with other such ones only: for all repeats of a motion, a
-    subject may simulate one.
+    One of a `response` is compared with other such ones only: for all repeats of a
+    motion, a subject may simulate one.
     """
 
     run: Run
@@ -148,9 +174,11 @@ class Request:
 
 @dataclass(frozen=True, slots=True)
 class Residuals:
-    """Measured minus simulated `mean` (n,) of each sample [SI], NaN where nothing is simulated.
+    """Measured minus simulated `mean` (n,) of each sample [SI], NaN where nothing is
+    simulated.
 
-    `square` (n,) is the mean square within the sample where it averages several readings.
+    `square` (n,) is the mean square within the sample where it averages several
+    readings.
     """
 
     mean: Array
@@ -163,8 +191,8 @@ class Quantity:
 
     Without a key it is fitted like any other, and its gap is part of the excess only.
 
-    `tolerance` [SI] is the rms that is not held against a named effect: what a model of this
-    subject is not trusted below.
+    `tolerance` [SI] is the rms that is not held against a named effect: what a model of
+    this subject is not trusted below.
     """
 
     key: str
@@ -175,7 +203,9 @@ class Quantity:
 
 @dataclass(frozen=True, slots=True)
 class Experiment:
-    """Run that could be made next, with an instruction for the operator and its duration [min]."""
+    """Run that could be made next, with an instruction for the operator and its
+    duration [min].
+    """
 
     name: str
     instruction: str
@@ -185,10 +215,12 @@ class Experiment:
 
 @dataclass(frozen=True, slots=True)
 class ScatterSource:
-    """Quantity that differs from run to run, with its `usual` standard deviation in a laboratory.
+    """Quantity that differs from run to run, with its `usual` standard deviation in a
+    laboratory.
 
-    `sentence` names it for a technician, `remedy` is what makes it smaller. `step` is the change of
-    its finite differences; a `common` quantity is expected to differ in any laboratory.
+    `sentence` names it for a technician, `remedy` is what makes it smaller. `step` is
+    the change of its finite differences; a `common` quantity is expected to differ in
+    any laboratory.
     """
 
     name: str
@@ -201,19 +233,31 @@ class ScatterSource:
 
     @property
     def parameter(self) -> Parameter:
-        """Random unknown of a run for this quantity, with the `usual` spread as its prior."""
+        """Random unknown of a run for this quantity, with the `usual` spread as its
+        prior.
+        """
         most = FARTHEST * self.usual
-        return Parameter(self.name, self.unit, 0.0, -most, most, self.step, self.usual,
-                         random=True, common=self.common)  # fmt: skip
+        return Parameter(
+            self.name,
+            self.unit,
+            0.0,
+            -most,
+            most,
+            self.step,
+            self.usual,
+            random=True,
+            common=self.common,
+        )
 
 
 @dataclass(frozen=True, slots=True)
 class Scope:
-    """Fit problem of a subject: base parameters, candidate effects, and displayed quantities.
+    """Fit problem of a subject: base parameters, candidate effects, and displayed
+    quantities.
 
-    `terms` are never causes: they describe what stays unexplained. `scatter` names the random
-    unknowns of runs. Where spreads of the base are `believed`, a base that fits by values far
-    beyond them is doubted as one that leaves a gap.
+    `terms` are never causes: they describe what stays unexplained. `scatter` names the
+    random unknowns of runs. Where spreads of the base are `believed`, a base that fits
+    by values far beyond them is doubted as one that leaves a gap.
     """
 
     base: tuple[Parameter, ...]
@@ -224,23 +268,31 @@ class Scope:
     believed: bool = False
 
     def withhold(self, names: Sequence[str], known: Collection[str]) -> "Scope":
-        """Copy without the candidate effects `names`, all of which must be `known` effects.
+        """Copy without the candidate effects `names`, all of which must be `known`
+        effects.
 
-        Raises ConfigurationError for another name, and where no candidate would be left.
+        Raises ConfigurationError for another name, and where no candidate would be
+        left.
         """
         for name in names:
             if name not in known:
                 allowed = ", ".join(sorted(known))
-                raise ConfigurationError(f"without {name}: is no effect; allowed: {allowed}")
+                raise ConfigurationError(
+                    f"without {name}: is no effect; allowed: {allowed}"
+                )
         kept = tuple(c for c in self.candidates if c.name not in names)
         if names and not kept:
-            raise ConfigurationError("every effect is withheld; leave at least one in the library")
+            raise ConfigurationError(
+                "every effect is withheld; leave at least one in the library"
+            )
         return replace(self, candidates=kept)
 
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """Moving curve: at each of the times `t` (m,) [s] its `points` (k, 2) in x and z [m]."""
+    """Moving curve: at each of the times `t` (m,) [s] its `points` (k, 2) in x and z
+    [m].
+    """
 
     t: Array
     points: tuple[Array, ...]
@@ -248,7 +300,9 @@ class Curve:
 
 @dataclass(frozen=True, slots=True)
 class Track:
-    """Moving point: its positions `places` (m, 2) in x and z [m] at the times `t` (m,) [s]."""
+    """Moving point: its positions `places` (m, 2) in x and z [m] at the times `t` (m,)
+    [s].
+    """
 
     t: Array
     places: Array
@@ -256,7 +310,9 @@ class Track:
 
 @dataclass(frozen=True, slots=True)
 class TimeSeries:
-    """Time series to plot: `values` (m,) at times `t` (m,) [s]; equal titles share a plot."""
+    """Time series to plot: `values` (m,) at times `t` (m,) [s]; equal titles share a
+    plot.
+    """
 
     title: str
     t: Array
@@ -279,10 +335,10 @@ class Scene:
 class Subject(ABC):
     """Measured strip or mechanism: its runs, library of effects, simulation and files.
 
-    `name` is its own, `runs` are in the order in which they were taken, `notes` are remarks for the
-    operator on them. `scope` holds base parameters, candidate effects, quantities and descriptive
-    terms. `option` names its file on the command line; probabilities of verdicts are calibrated on
-    subjects of the same `kind`.
+    `name` is its own, `runs` are in the order in which they were taken, `notes` are
+    remarks for the operator on them. `scope` holds base parameters, candidate effects,
+    quantities and descriptive terms. `option` names its file on the command line;
+    probabilities of verdicts are calibrated on subjects of the same `kind`.
     """
 
     name: str
@@ -300,27 +356,39 @@ class Subject(ABC):
     def patch(
         self, base: Mapping[str, float], effects: NamedValues, source: str
     ) -> tuple[dict[str, object], dict[str, object] | None]:
-        """Patched content of the subject's file, and of the cell's where effects belong to it."""
+        """Patched content of the subject's file, and of the cell's where effects belong
+        to it.
+        """
 
     def stated(self, run: Run, effects: Mapping[str, Array] | None = None) -> Request:
         """Request to simulate `run` at stated values, with `effects` (k,) by name."""
-        base, local = (np.array([p.start for p in each]) for each in (self.scope.base, run.local))
+        base, local = (
+            np.array([p.start for p in each]) for each in (self.scope.base, run.local)
+        )
         return Request(run, base, effects or {}, local)
 
     def refine(self, requests: Sequence[Request]) -> Sequence[Run]:
-        """Runs of `requests` with residuals corrected for coarse simulation, and error floors."""
+        """Runs of `requests` with residuals corrected for coarse simulation, and error
+        floors.
+        """
         return [request.run for request in requests]
 
     def experiments(self) -> Sequence[Experiment]:
         """Runs that could be made next, simulated for the stated subject."""
         return ()
 
-    def consequences(self, base: Mapping[str, float], effects: NamedValues) -> Sequence[str]:  # noqa: ARG002
+    def consequences(
+        self,
+        base: Mapping[str, float],  # noqa: ARG002
+        effects: NamedValues,  # noqa: ARG002
+    ) -> Sequence[str]:
         """Sentences for the operator on what the named effects change."""
         return ()
 
     def model_text(self, base: Mapping[str, float], effects: NamedValues) -> str | None:  # noqa: ARG002
-        """Text of a model file with these `base` values and `effects`; None without such a file."""
+        """Text of a model file with these `base` values and `effects`; None without
+        such a file.
+        """
         return None
 
     def draw_measured(self, run: Run) -> Scene:  # noqa: ARG002
@@ -328,5 +396,7 @@ class Subject(ABC):
         return Scene(())
 
     def draw_simulated(self, requests: Sequence[Request]) -> Sequence[Scene | None]:
-        """Drawings of the simulations `requests`; None where a simulation has no motion."""
+        """Drawings of the simulations `requests`; None where a simulation has no
+        motion.
+        """
         return [None] * len(requests)

@@ -27,7 +27,8 @@ STORED = 4 * MEGABYTE
 RECORD, ACCEPTED = "fit.json", "accepted.json"
 PATCH, CELL_PATCH, LAW_PATCH = "patch.yaml", "cell-patch.yaml", "law-patch.yaml"
 SUSPECT_PATCH = "suspect-patch.yaml"  # effects that were accepted and are not named
-BASE_PATCH = "base-patch.yaml"  # values alone: no effect, but base values other than stated
+# values alone: no effect, but base values other than stated
+BASE_PATCH = "base-patch.yaml"
 MODEL_PATCH, LAW_MODEL_PATCH = "model-patch.xml", "law-model-patch.xml"
 PATCHES = (PATCH, SUSPECT_PATCH, BASE_PATCH, LAW_PATCH)
 ABSENT = ""  # text of a file that an acceptance makes
@@ -35,16 +36,19 @@ LARGEST_MODEL = 20 * MEGABYTE
 
 
 class StoredLaw(Recorded):
-    """Empirical law of residuals that a fit offered: amounts by the name of its terms."""
+    """Empirical law of residuals that a fit offered: amounts by the name of its
+    terms.
+    """
 
     terms: dict[str, float]
 
 
 class FitRecord(Recorded):
-    """Content of fit.json: the hash of the file that was fitted, and the effects of its patch.
+    """Content of fit.json: the hash of the file that was fitted, and the effects of its
+    patch.
 
-    `values` of the base are outside what the file tolerates; `scatter` are quantities that differ
-    from run to run; `law` describes what nothing explains.
+    `values` of the base are outside what the file tolerates; `scatter` are quantities
+    that differ from run to run; `law` describes what nothing explains.
     """
 
     file_sha256: str
@@ -60,13 +64,17 @@ class FitRecord(Recorded):
 
 
 class Acceptance(Recorded):
-    """Content of accepted.json: by path, the text before an acceptance and the hash after it."""
+    """Content of accepted.json: by path, the text before an acceptance and the hash
+    after it.
+    """
 
     before: dict[str, str]
     after: dict[str, str]
 
     def state(self, name: str, path: Path) -> Literal["before", "after", "changed"]:
-        """Whether the file at `path` has its text from before or after the acceptance, or other."""
+        """Whether the file at `path` has its text from before or after the acceptance,
+        or other.
+        """
         current = sha256(path) if path.exists() else _hash(ABSENT)
         if current == self.after.get(name):
             return "after"
@@ -88,13 +96,17 @@ S = TypeVar("S", bound=BaseModel)
 
 
 def read_stored(path: Path, model: type[S]) -> S:
-    """Content of the JSON file at `path` as `model`; ConfigurationError where it is broken."""
+    """Content of the JSON file at `path` as `model`; ConfigurationError where it is
+    broken.
+    """
     return parse(read_json(path, STORED), model, str(path))
 
 
 @dataclass(frozen=True, slots=True)
 class AcceptResult:
-    """Files that an acceptance or undo has written, and the effects or values concerned."""
+    """Files that an acceptance or undo has written, and the effects or values
+    concerned.
+    """
 
     files: tuple[Path, ...]
     effects: tuple[str, ...]
@@ -106,14 +118,21 @@ def sha256(path: Path) -> str:
 
 
 def accept(
-    out: Path, file: Path, cell_file: Path | None = None, *, law: bool = False, force: bool = False
+    out: Path,
+    file: Path,
+    cell_file: Path | None = None,
+    *,
+    law: bool = False,
+    force: bool = False,
 ) -> AcceptResult:
-    """Apply the patch of the fit in `out` to the subject's `file` and, if needed, to the cell file.
+    """Apply the patch of the fit in `out` to the subject's `file` and, if needed, to
+    the cell file.
 
-    With `law`, the patch of the law that describes what no effect explains; with `force`, that of
-    effects that are suspected, where none is named. Files of an interrupted acceptance are restored
-    first. Raises ConfigurationError where `file` is not the fitted one or has changed since, where
-    there is nothing to accept, or where a patch is incomplete.
+    With `law`, the patch of the law that describes what no effect explains; with
+    `force`, that of effects that are suspected, where none is named. Files of an
+    interrupted acceptance are restored first. Raises ConfigurationError where `file` is
+    not the fitted one or has changed since, where there is nothing to accept, or where
+    a patch is incomplete.
     """
     with lock_folders([fit_folder(out), *_folders(file, cell_file)]):
         record = _read_fit_record(out)
@@ -123,7 +142,8 @@ def accept(
             raise ConfigurationError(f"{out}: {_nothing_to_accept(out, law=law)}")
         if sha256(file) != record.file_sha256:
             raise ConfigurationError(
-                f"{file}: has changed since it was fitted (or is another file); fit again"
+                f"{file}: has changed since it was fitted (or is another file); fit"
+                " again"
             )
         _check_patch(patch)
         changes = _changes(out, patch, file, cell_file, law=law)
@@ -134,11 +154,15 @@ def accept(
             with suppress(ConfigurationError):  # the next command tries again
                 _restore_interrupted(out, file, cell_file)
             raise
-    return AcceptResult(tuple(changes), record.laws if law else record.effects or record.values)
+    return AcceptResult(
+        tuple(changes), record.laws if law else record.effects or record.values
+    )
 
 
 def _store_undo(out: Path, changes: Mapping[Path, str]) -> None:
-    """Store in `out`, before any file changes, the texts that `changes` will replace."""
+    """Store in `out`, before any file changes, the texts that `changes` will
+    replace.
+    """
     _check_writable(changes)
     before = {_name(p): read_text(p) if p.exists() else ABSENT for p in changes}
     after = {_name(p): _hash(text) for p, text in changes.items()}
@@ -149,13 +173,16 @@ def _store_undo(out: Path, changes: Mapping[Path, str]) -> None:
 def _changes(
     out: Path, patch: Path, file: Path, cell_file: Path | None, *, law: bool
 ) -> dict[Path, str]:
-    """New text of each file by path: of a model, of the subject's `file`, of the cell file."""
+    """New text of each file by path: of a model, of the subject's `file`, of the cell
+    file.
+    """
     changes = {file: edit_yaml(read_text(file), read_yaml(patch))}
     cell_patch = out / CELL_PATCH
     if cell_patch.exists() and not law:
         if cell_file is None:
             raise ConfigurationError(
-                f"{cell_patch}: holds effects of the cell; name the cell file to put them in"
+                f"{cell_patch}: holds effects of the cell; name the cell file to put"
+                " them in"
             )
         changes[cell_file] = _with_cell(cell_file, cell_patch)
     model = out / (LAW_MODEL_PATCH if law else MODEL_PATCH)
@@ -166,7 +193,9 @@ def _changes(
 
 
 def _patch(out: Path, *, law: bool, force: bool) -> Path:
-    """Path of the patch to accept: a law, named or suspected effects, or else base values."""
+    """Path of the patch to accept: a law, named or suspected effects, or else base
+    values.
+    """
     if law:
         return out / LAW_PATCH
     if force and (out / SUSPECT_PATCH).exists():
@@ -188,12 +217,15 @@ def _nothing_to_accept(out: Path, *, law: bool) -> str:
 def undo(out: Path, file: Path, cell_file: Path | None = None) -> AcceptResult:
     """Restore the files as they were before the fit in `out` was accepted.
 
-    Raises ConfigurationError when a file has changed since. An interrupted undo is finished.
+    Raises ConfigurationError when a file has changed since. An interrupted undo is
+    finished.
     """
     accepted = fit_folder(out) / ACCEPTED
     with lock_folders([out, *_folders(file, cell_file)]):
         if not accepted.exists():
-            raise ConfigurationError(f"{out}: was not accepted, so there is nothing to undo")
+            raise ConfigurationError(
+                f"{out}: was not accepted, so there is nothing to undo"
+            )
         stored = read_stored(accepted, Acceptance)
         record = _read_fit_record(out)
         paths = _files_by_name(stored, accepted, file, cell_file)
@@ -204,14 +236,17 @@ def undo(out: Path, file: Path, cell_file: Path | None = None) -> AcceptResult:
                 )
         _check_writable(paths.values())
         _restore(accepted, stored, paths)
-    return AcceptResult(tuple(paths.values()), record.effects or record.laws or record.values)
+    return AcceptResult(
+        tuple(paths.values()), record.effects or record.laws or record.values
+    )
 
 
 def _restore_interrupted(out: Path, file: Path, cell_file: Path | None) -> None:
-    """Restore the files of an acceptance or undo that was interrupted between two files.
+    """Restore the files of an acceptance or undo that was interrupted between two
+    files.
 
-    One that changed all of its files was complete, and files that somebody changed since are left
-    alone.
+    One that changed all of its files was complete, and files that somebody changed
+    since are left alone.
     """
     accepted = out / ACCEPTED
     stored = read_stored(accepted, Acceptance) if accepted.exists() else None
@@ -224,7 +259,9 @@ def _restore_interrupted(out: Path, file: Path, cell_file: Path | None) -> None:
 
 
 def _restore(accepted: Path, stored: Acceptance, paths: Mapping[str, Path]) -> None:
-    """Restore the files that the acceptance `stored` replaced, and delete its record `accepted`."""
+    """Restore the files that the acceptance `stored` replaced, and delete its record
+    `accepted`.
+    """
     _write({path: stored.before[name] for name, path in paths.items()})
     accepted.unlink()
 
@@ -234,26 +271,30 @@ def _files_by_name(
 ) -> dict[str, Path]:
     """Paths of the files of an acceptance, by their stored names.
 
-    Raises ConfigurationError for any but `file`, `cell_file` and the models beside it that the
-    patches in the folder of `accepted` name.
+    Raises ConfigurationError for any but `file`, `cell_file` and the models beside it
+    that the patches in the folder of `accepted` name.
     """
     paths = [accepted.parent / name for name in PATCHES]
     patches = [read_yaml(path) for path in paths if path.exists()]
-    models = [file.parent / str(p["model"]) for p in patches if p.get("kind") == "mechanism"]
+    models = [
+        file.parent / str(p["model"]) for p in patches if p.get("kind") == "mechanism"
+    ]
     given = {_name(p): p for p in (file, cell_file, *models) if p is not None}
     if _name(file) not in stored.before:
         raise ConfigurationError(f"{file}: is not the file that was accepted into")
     for name in stored.before:
         if name not in given:
             raise ConfigurationError(
-                f"{accepted}: names {name}, which is neither --strip nor the cell file; "
-                "name the same --configs as for accept"
+                f"{accepted}: names {name}, which is neither --strip nor the cell file;"
+                " name the same --configs as for accept"
             )
     return {name: given[name] for name in stored.before}
 
 
 def _write(changes: Mapping[Path, str]) -> None:
-    """Write the files of an acceptance one by one; delete those whose text is ABSENT."""
+    """Write the files of an acceptance one by one; delete those whose text is
+    ABSENT.
+    """
     for path, text in changes.items():
         if text == ABSENT:
             path.unlink(missing_ok=True)
@@ -262,7 +303,9 @@ def _write(changes: Mapping[Path, str]) -> None:
 
 
 def _folders(*files: Path | None) -> list[Path]:
-    """Existing folders of the given files; a missing file is refused only on reading."""
+    """Existing folders of the given files; a missing file is refused only on
+    reading.
+    """
     return [p.parent for p in files if p is not None and p.parent.is_dir()]
 
 
@@ -284,13 +327,17 @@ def _with_cell(path: Path, patch: Path) -> str:
     for key, parts in (("fci", added.fci), ("twin", added.twin)):
         if parts:
             old: dict[str, Any] = content.get(key) or {}
-            merged[key] = old | {k: (old.get(k) or {}) | part for k, part in parts.items()}
+            merged[key] = old | {
+                k: (old.get(k) or {}) | part for k, part in parts.items()
+            }
     _check_cell(merged, path)
     return edit_yaml(read_text(path), merged)
 
 
 def _check_cell(content: Mapping[str, object], path: Path) -> None:
-    """Refuse `content` that is no valid cell file; its section `twin` is not checked."""
+    """Refuse `content` that is no valid cell file; its section `twin` is not
+    checked.
+    """
     known = {key: value for key, value in content.items() if key != "twin"}
     parse(known, CellSettings, str(path))
 
@@ -301,7 +348,8 @@ def _check_writable(paths: Iterable[Path]) -> None:
         for place in (path, path.parent):
             if place.exists() and not os.access(place, os.W_OK):
                 raise ConfigurationError(
-                    f"{place}: cannot be written: permission denied; mend its permissions"
+                    f"{place}: cannot be written: permission denied; mend its"
+                    " permissions"
                 )
 
 

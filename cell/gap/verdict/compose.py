@@ -66,17 +66,28 @@ def verdict(findings: Findings, runtime: float, simulations: int) -> Verdict:
         effects=[e for e in effects if e.name in named],
         ambiguous=[] if verdict_kind == "no_gap" else list(map(list, tests.classes)),
         unexplained=_unexplained(findings, verdict_kind),
-        base={n: Interval(**v.model_dump(exclude={"unit"})) for n, v in values["base"].items()},
-        where=[place for place in findings.places if place.p < SIGNIFICANT][:MOST_PLACES],
+        base={
+            n: Interval(**v.model_dump(exclude={"unit"}))
+            for n, v in values["base"].items()
+        },
+        where=[place for place in findings.places if place.p < SIGNIFICANT][
+            :MOST_PLACES
+        ],
         gap=_gap(findings),
         candidates=_candidates(findings),
-        advice=[e for e in findings.experiments if e.expected_sigma >= LEAST_SEPARATION],
-        detectable={k: v for k, v in findings.screen.detectable.items() if v is not None},
+        advice=[
+            e for e in findings.experiments if e.expected_sigma >= LEAST_SEPARATION
+        ],
+        detectable={
+            k: v for k, v in findings.screen.detectable.items() if v is not None
+        },
         held_out=list(findings.held_out),
         runtime=runtime,
         simulations=simulations,
         posterior=_posterior(findings),
-        suspected=[e for e in effects if e.name not in named and verdict_kind != "no_gap"],
+        suspected=[
+            e for e in effects if e.name not in named and verdict_kind != "no_gap"
+        ],
         notes=_notes(findings, verdict_kind),
     )
 
@@ -84,10 +95,11 @@ def verdict(findings: Findings, runtime: float, simulations: int) -> Verdict:
 def intervals(
     estimate: Estimate, inefficiency: float, scatter: Sequence[Spread]
 ) -> dict[str, dict[str, ValueWithUnit]]:
-    """Estimates with 95 % intervals, by owner (`base` or an effect's name) and by parameter.
+    """Estimates with 95 % intervals, by owner (`base` or an effect's name) and by
+    parameter.
 
-    They cover noise, run-to-run scatter and measurement errors common to all runs; they are wider
-    where few runs show how large the scatter is.
+    They cover noise, run-to-run scatter and measurement errors common to all runs; they
+    are wider where few runs show how large the scatter is.
     """
     spread = np.sqrt(np.diag(covariance(estimate, inefficiency)))
     reach = special.stdtrit(degrees_of_freedom(estimate, inefficiency, scatter), 0.975)
@@ -101,7 +113,9 @@ def intervals(
 
 
 def _interval(p: Parameter, value: float, half: float) -> ValueWithUnit:
-    """Estimate of `p` with its interval of half-width `half`, cut at bounds, in file units."""
+    """Estimate of `p` with its interval of half-width `half`, cut at bounds, in file
+    units.
+    """
     ends = [max(p.low, value - half), min(p.high, value + half)]
     stated = sorted(p.stated_value(v) for v in ends)
     low, high = (v if np.isfinite(v) else None for v in stated)
@@ -112,13 +126,16 @@ def _interval(p: Parameter, value: float, half: float) -> ValueWithUnit:
 
 
 def _gap(findings: Findings) -> Gap:
-    """Residuals on held-out runs before and after, their floor, and by how much they shrink."""
+    """Residuals on held-out runs before and after, their floor, and by how much they
+    shrink.
+    """
     held_out = findings.held_out_fits
     quantities = findings.subject.scope.quantities
     before = held_out_gap.sizes(held_out.before, quantities)
     after = held_out_gap.sizes(held_out.after, quantities)
     floor = {**held_out_gap.floor(held_out.before.evidence, quantities), "excess": 0.0}
-    known = [key for key in floor if key in before and key in after]  # a touch in all, or in none
+    # a touch in all, or in none
+    known = [key for key in floor if key in before and key in after]
     return Gap(
         before={key: before[key] for key in known},
         after={key: after[key] for key in known},
@@ -130,8 +147,12 @@ def _gap(findings: Findings) -> Gap:
 
 
 def _unexplained(findings: Findings, which: Kind) -> Unexplained | None:
-    """Unexplained residual, alone or beside named effects, for the verdict; None without any."""
-    if which == "no_gap" or not (which == "unexplained" or findings.model_tests.remains):
+    """Unexplained residual, alone or beside named effects, for the verdict; None
+    without any.
+    """
+    if which == "no_gap" or not (
+        which == "unexplained" or findings.model_tests.remains
+    ):
         return None
     law = findings.law.words if findings.law is not None else "no sparse law found"
     return Unexplained(
@@ -140,11 +161,14 @@ def _unexplained(findings: Findings, which: Kind) -> Unexplained | None:
 
 
 def _posterior(findings: Findings) -> Probable:
-    """Posterior part of a verdict: probable sets of effects, and the evidence that decided."""
+    """Posterior part of a verdict: probable sets of effects, and the evidence that
+    decided.
+    """
     return Probable(
         **deciding_evidence(findings).model_dump(),
         models=[
-            ProbableSet(names=sorted(m.names), p=m.p) for m in findings.posterior.models[:MOST_SETS]
+            ProbableSet(names=sorted(m.names), p=m.p)
+            for m in findings.posterior.models[:MOST_SETS]
         ],
         inclusion=findings.posterior.inclusion,
         law=findings.law is not None,
@@ -152,13 +176,21 @@ def _posterior(findings: Findings) -> Probable:
 
 
 def _candidates(findings: Findings) -> list[CandidateEntry]:
-    """Candidate models by their gain, the best first: refitted ones, others as screened."""
+    """Candidate models by their gain, the best first: refitted ones, others as
+    screened.
+    """
     fits, scope = findings.fits, findings.subject.scope
-    raw = {m.model.name: likelihood_ratio_p(m, fits.base, findings.likelihood)
-           for m in fits.models if m.model.effects}  # fmt: skip
+    raw = {
+        m.model.name: likelihood_ratio_p(m, fits.base, findings.likelihood)
+        for m in fits.models
+        if m.model.effects
+    }
     p = raw | holm({c.name: raw.get(c.name, 1.0) for c in scope.candidates})
-    rows = [_compare_with_base(findings, m, p[m.model.name])
-            for m in fits.models if m.model.effects]  # fmt: skip
+    rows = [
+        _compare_with_base(findings, m, p[m.model.name])
+        for m in fits.models
+        if m.model.effects
+    ]
     scores = {score.names[0]: score for score in findings.screen.singles}
     rows += [
         _compare_by_screen(findings, each.candidate, scores.get(each.candidate.name))
@@ -168,8 +200,12 @@ def _candidates(findings: Findings) -> list[CandidateEntry]:
     return sorted(rows, key=lambda row: -row.elpd_gain)
 
 
-def _compare_with_base(findings: Findings, model: CrossValidatedFit, p: float) -> CandidateEntry:
-    """Row on a refitted `model`: its gain [nats] over the base, standard error, p and values."""
+def _compare_with_base(
+    findings: Findings, model: CrossValidatedFit, p: float
+) -> CandidateEntry:
+    """Row on a refitted `model`: its gain [nats] over the base, standard error, p and
+    values.
+    """
     likelihood, effects = findings.likelihood, model.model.effects
     by_run = gains(model, findings.fits.base, likelihood)
     error = np.sqrt(len(by_run)) * by_run.std(ddof=1) if len(by_run) > 1 else 0.0
@@ -193,9 +229,13 @@ def _compare_with_base(findings: Findings, model: CrossValidatedFit, p: float) -
 def _compare_by_screen(
     findings: Findings, candidate: Candidate, score: Score | None
 ) -> CandidateEntry:
-    """Row on a candidate that was not refitted, with its gain [nats] in the linear screen."""
+    """Row on a candidate that was not refitted, with its gain [nats] in the linear
+    screen.
+    """
     start = {} if score is None else score.start
-    values = zip(candidate.parameters, start.get(candidate.name, candidate.null), strict=True)
+    values = zip(
+        candidate.parameters, start.get(candidate.name, candidate.null), strict=True
+    )
     stated = [(p, p.stated_value(float(v))) for p, v in values]
     gain = 0.0 if score is None else score.gain
     return CandidateEntry(
@@ -217,13 +257,18 @@ def _notes(findings: Findings, which: Kind) -> list[str]:
         return []
     excess = held_out_gap.excess_of(findings.held_out_fits.before)
     return [
-        f"held-out runs ({', '.join(findings.held_out)}) lie {excess:.2g} sigma off beyond noise, "
-        "which the fitted runs do not: make these motions again, and fit all runs"
+        f"held-out runs ({', '.join(findings.held_out)}) lie {excess:.2g} sigma off"
+        " beyond noise, which the fitted runs do not: make these motions again, and"
+        " fit all runs"
     ]
 
 
-def deviations(base: Sequence[Parameter], fitted: Mapping[str, Interval]) -> list[Deviation]:
-    """Fitted base values whose 95 % interval lies outside the range that the file tolerates."""
+def deviations(
+    base: Sequence[Parameter], fitted: Mapping[str, Interval]
+) -> list[Deviation]:
+    """Fitted base values whose 95 % interval lies outside the range that the file
+    tolerates.
+    """
     rows = []
     for p in base:
         value = fitted.get(p.name)

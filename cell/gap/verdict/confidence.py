@@ -1,9 +1,11 @@
-"""Calibrated probability that a named verdict is right: a logistic function of evidence.
+"""Calibrated probability that a named verdict is right: a logistic function of
+evidence.
 
-The posterior holds for the library's laws as they are. How well unseen runs are predicted, and what
-no law accounts for, show whether to believe it; their weights were measured on verdicts whose truth
-is known, a part of them with the true effect withheld from the library (`python -m tests.lab study
-confidence`; Platt 1999, Probabilities for SV machines).
+The posterior holds for the library's laws as they are. How well unseen runs are
+predicted, and what no law accounts for, show whether to believe it; their weights were
+measured on verdicts whose truth is known, a part of them with the true effect withheld
+from the library (`python -m tests.lab study confidence`; Platt 1999, Probabilities for
+SV machines).
 """
 
 from functools import cache
@@ -22,7 +24,8 @@ FILES = {"strip": "confidence.yaml", "mechanism": "confidence-mechanism.yaml"}
 
 
 class Weight(Settings):
-    """Contribution of one kind of evidence to the log-odds: zero at `low`, `weight` at `high`.
+    """Contribution of one kind of evidence to the log-odds: zero at `low`, `weight` at
+    `high`.
 
     Between them in proportion to its value or, `by_order`, to log(1 + value).
     """
@@ -40,7 +43,8 @@ class Weight(Settings):
 
 
 class Calibration(Settings):
-    """Coefficients of the log-odds that a verdict is right: `intercept`, `weights` by evidence.
+    """Coefficients of the log-odds that a verdict is right: `intercept`, `weights` by
+    evidence.
 
     `source` names the verdicts that were used, `belongs_to` the place of the file.
     """
@@ -52,7 +56,10 @@ class Calibration(Settings):
 
     def probability(self, evidence: VerdictEvidence) -> float:
         """Probability that a verdict with this `evidence` names the right effects."""
-        parts = [w.weight * w.share(getattr(evidence, name)) for name, w in self.weights.items()]
+        parts = [
+            w.weight * w.share(getattr(evidence, name))
+            for name, w in self.weights.items()
+        ]
         return float(special.expit(self.intercept + sum(parts)))
 
 

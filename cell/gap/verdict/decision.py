@@ -1,17 +1,20 @@
 """Decides a verdict from four kinds of evidence, and says why.
 
-1. `log_odds`: the posterior's, that an accepted effect is present, or one that the runs do not
-   separate from it. One covariance holds noise, floor, what differs from run to run, errors of
-   laws, and immaterial amounts of absent effects (`selection.posterior`).
-2. `gain` and `worst`: how much better runs are predicted to which nothing was fitted: conditions
-   left out in turn, and held-out runs; in all, and in the run or quantity that gains least.
+1. `log_odds`: the posterior's, that an accepted effect is present, or one that the runs
+   do not separate from it. One covariance holds noise, floor, what differs from run to
+   run, errors of laws, and immaterial amounts of absent effects
+   (`selection.posterior`).
+2. `gain` and `worst`: how much better runs are predicted to which nothing was fitted:
+   conditions left out in turn, and held-out runs; in all, and in the run or quantity
+   that gains least.
 3. `left` and `correlation`: what no law accounts for in most runs, fitted and held-out.
 4. `strain`: how far the accepted effects carry the base from what the file states.
 
-The probability that a name is right is a calibrated function of them. An effect is named where that
-is LEAST or more, and unseen runs are predicted better, none of them clearly worse. What is named
-need not account for all: what is left is described beside it. An effect whose own response is that
-of a strained base, or that predicts runs no better than one, is in one class with a wrong file.
+The probability that a name is right is a calibrated function of them. An effect is
+named where that is LEAST or more, and unseen runs are predicted better, none of them
+clearly worse. What is named need not account for all: what is left is described beside
+it. An effect whose own response is that of a strained base, or that predicts runs no
+better than one, is in one class with a wrong file.
 """
 
 import math
@@ -32,14 +35,18 @@ from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import Kind, VerdictEvidence
 from drivers.types import Array
 
-GAP = 0.5  # excess on held-out runs, in units of the noise, that is a gap by itself; set by hand
+# excess on held-out runs, in units of the noise, that is a gap by itself; set by hand
+GAP = 0.5
 STRAINED = 4.0  # prior standard deviations: right names strain a base by 0.7 at most
-ASTRAY = 2.0  # times the median run's residual, above which a run is an outlier; set by hand
+# times the median run's residual, above which a run is an outlier; set by hand
+ASTRAY = 2.0
 ALIKE = 0.9  # cosine of two responses above which one cannot be told from the other
 
 
 def decide(findings: Findings) -> Kind:
-    """Kind of verdict that the findings support: named, ambiguous, unexplained or no gap."""
+    """Kind of verdict that the findings support: named, ambiguous, unexplained or no
+    gap.
+    """
     if not credible_effects(findings):
         stands_in = bool(findings.accepted.estimate.proxies)
         return "unexplained" if stands_in or gap_is_there(findings) else "no_gap"
@@ -53,17 +60,25 @@ def named_effects(findings: Findings) -> list[Candidate]:
 
 
 def credible_effects(findings: Findings) -> list[Candidate]:
-    """Accepted effects that are probable, where unseen runs are predicted better with them.
+    """Accepted effects that are probable, where unseen runs are predicted better with
+    them.
 
-    None beside one that stands in for another law: what that law is may change the others.
+    None beside one that stands in for another law: what that law is may change the
+    others.
     """
     if _failed_prediction(findings) or findings.accepted.estimate.proxies:
         return []
-    return [e for e in findings.accepted.model.effects if probability(findings, e.name) >= LEAST]
+    return [
+        e
+        for e in findings.accepted.model.effects
+        if probability(findings, e.name) >= LEAST
+    ]
 
 
 def _failed_prediction(findings: Findings) -> str:
-    """Clause on an accepted model that predicts unseen runs no better; empty if better."""
+    """Clause on an accepted model that predicts unseen runs no better; empty if
+    better.
+    """
     runs, quantities = _gains(findings)
     if sum(runs) <= 0.0:
         return "runs that the fit has not seen are predicted no better"
@@ -73,12 +88,17 @@ def _failed_prediction(findings: Findings) -> str:
 
 
 def probability(findings: Findings, effect: str) -> float:
-    """Calibrated probability that the accepted `effect`, or one of its class, is right."""
-    return calibration(findings.subject.kind).probability(evidence_for(findings, effect))
+    """Calibrated probability that the accepted `effect`, or one of its class, is
+    right.
+    """
+    return calibration(findings.subject.kind).probability(
+        evidence_for(findings, effect)
+    )
 
 
 def gap_is_there(findings: Findings) -> bool:
-    """Whether the refitted base leaves more than noise, in a bin of samples or on held-out runs.
+    """Whether the refitted base leaves more than noise, in a bin of samples or on
+    held-out runs.
 
     A misfit as a whole that no place shows, and no run that was held out, is no gap.
     """
@@ -94,17 +114,23 @@ def unseen_gap(findings: Findings) -> float:
 
 
 def evidence_for(findings: Findings, effect: str | None) -> VerdictEvidence:
-    """Evidence that sets the probability of the accepted `effect` or, with None, of the base."""
+    """Evidence that sets the probability of the accepted `effect` or, with None, of the
+    base.
+    """
     runs, quantities = _gains(findings)
     fits = (findings.accepted.estimate, findings.held_out_fits.after)
-    by_run = [held_out_gap.rms_by_run(fit, findings.subject.scope.quantities) for fit in fits]
+    by_run = [
+        held_out_gap.rms_by_run(fit, findings.subject.scope.quantities) for fit in fits
+    ]
     typical_rms = float(np.median([rms for of_fit in by_run for rms in of_fit]))
     classes = [group for group in findings.model_tests.classes if effect in group]
     alike = {effect, *(name for group in classes for name in group)}
     return VerdictEvidence(
-        log_odds=math.inf
-        if effect is None
-        else findings.posterior.log_odds(lambda names: not alike.isdisjoint(names)),
+        log_odds=(
+            math.inf
+            if effect is None
+            else findings.posterior.log_odds(lambda names: not alike.isdisjoint(names))
+        ),
         gain=sum(runs),
         worst=min([*runs, *quantities]),
         left=typical_rms,
@@ -117,20 +143,27 @@ def evidence_for(findings: Findings, effect: str | None) -> VerdictEvidence:
 
 
 def _correlation(fit: Estimate, together: Sequence[bool]) -> float:
-    """Lag-one autocorrelation of the residuals of those runs of `fit` that `together` marks."""
+    """Lag-one autocorrelation of the residuals of those runs of `fit` that `together`
+    marks.
+    """
     typical = fit.on([i for i, shares in enumerate(together) if shares])
     return robust.correlation(typical.evidence.runs, typical.residuals)
 
 
 def deciding_evidence(findings: Findings) -> VerdictEvidence:
-    """Evidence for the least probable named effect or, if none is named, accepted effect."""
+    """Evidence for the least probable named effect or, if none is named, accepted
+    effect.
+    """
     effects = named_effects(findings) or findings.accepted.model.effects
     by_effect = [evidence_for(findings, effect.name) for effect in effects]
-    return min(by_effect, key=lambda n: n.log_odds, default=evidence_for(findings, None))
+    return min(
+        by_effect, key=lambda n: n.log_odds, default=evidence_for(findings, None)
+    )
 
 
 def _gains(findings: Findings) -> tuple[list[float], list[float]]:
-    """Predictive gains [nats] of the accepted model over the base, by run and by quantity.
+    """Predictive gains [nats] of the accepted model over the base, by run and by
+    quantity.
 
     It is of runs left out in turn as predicted from the others, and of held-out ones.
     """
@@ -156,12 +189,15 @@ def _gains(findings: Findings) -> tuple[list[float], list[float]]:
     return by_run, list(by_quantity.values())
 
 
-def doubtful_values(accepted: CrossValidatedFit, fits: Fits, subject: Subject) -> list[list[str]]:
-    """Groups of an `accepted` effect and base values of the file, one of which may be wrong.
+def doubtful_values(
+    accepted: CrossValidatedFit, fits: Fits, subject: Subject
+) -> list[list[str]]:
+    """Groups of an `accepted` effect and base values of the file, one of which may be
+    wrong.
 
-    Either those values lie STRAINED standard deviations off or more without the effect, and runs
-    left out are then predicted as well; or they do beside it, and what that changes is what the
-    effect changes.
+    Either those values lie STRAINED standard deviations off or more without the effect,
+    and runs left out are then predicted as well; or they do beside it, and what that
+    changes is what the effect changes.
     """
     if not subject.scope.believed:
         return []
@@ -179,32 +215,43 @@ def doubtful_values(accepted: CrossValidatedFit, fits: Fits, subject: Subject) -
 
 
 def _strained(fit: Estimate) -> list[str]:
-    """Names of base values of `fit` that deviate from the file by STRAINED prior sigma or more."""
+    """Names of base values of `fit` that deviate from the file by STRAINED prior sigma
+    or more.
+    """
     return [name for name, strain in strains(fit).items() if abs(strain) > STRAINED]
 
 
 def _cosine(a: Array, b: Array) -> float:
     """Cosine of the angle between vectors (n,); 0 where one of them vanishes."""
-    return float(a @ b / max(float(np.linalg.norm(a) * np.linalg.norm(b)), np.finfo(float).tiny))
+    return float(
+        a @ b / max(float(np.linalg.norm(a) * np.linalg.norm(b)), np.finfo(float).tiny)
+    )
 
 
 def reasons(findings: Findings) -> list[str]:
-    """Sentences on why accepted effects are not named, or the residual stays unexplained."""
+    """Sentences on why accepted effects are not named, or the residual stays
+    unexplained.
+    """
     repeats = findings.model_tests.repeats
     fit = findings.accepted.estimate
     words = []
     for effect in fit.model.effects:
         p = probability(findings, effect.name)
         if p < LEAST:
-            words.append(f"{effect.name} is right with probability {p:.2f} (named from {LEAST:g})")
+            words.append(
+                f"{effect.name} is right with probability {p:.2f} (named from"
+                f" {LEAST:g})"
+            )
     words += [
-        f"{' and '.join(sorted(two))} displace equally or cancel, as if one other thing did both"
+        f"{' and '.join(sorted(two))} displace equally or cancel, as if one other thing"
+        " did both"
         for sets in findings.posterior.models
         for two, nats in sets.shared
         if sets.names == fit.model.names and nats > 0.0
     ]
     words += [
-        f"{effect.name} has a shape by which it stands in for another law" for effect in fit.proxies
+        f"{effect.name} has a shape by which it stands in for another law"
+        for effect in fit.proxies
     ]
     if fit.model.effects and (failed := _failed_prediction(findings)):
         words.append(failed)
@@ -216,20 +263,27 @@ def reasons(findings: Findings) -> list[str]:
         words.append(f"the specimen changes from run to run: {repeats.drift}")
     if repeats.differ:
         factor = max(repeats.inflation.values())
-        words.append(f"repeats of one condition differ by {factor:.1f} times the stated noise")
+        words.append(
+            f"repeats of one condition differ by {factor:.1f} times the stated noise"
+        )
     return words
 
 
 def describe_left(findings: Findings) -> str:
-    """Sentence on the residuals that the accepted model leaves on held-out runs, with reasons."""
+    """Sentence on the residuals that the accepted model leaves on held-out runs, with
+    reasons.
+    """
     quantities = findings.subject.scope.quantities
     after = held_out_gap.sizes(findings.held_out_fits.after, quantities)
     noise = held_out_gap.floor(findings.held_out_fits.before.evidence, quantities)
     sizes = ", ".join(
-        f"{after[q.key]:.3g} {q.unit} of {q.key.rsplit('_', 1)[0]} (noise {noise[q.key]:.2g})"
+        f"{after[q.key]:.3g} {q.unit} of {q.key.rsplit('_', 1)[0]} (noise"
+        f" {noise[q.key]:.2g})"
         for q in quantities.values()
         if q.key in after
     )
     accepted = findings.accepted.model
-    model = f"the model with {accepted.name}" if accepted.effects else "the refitted model"
+    model = (
+        f"the model with {accepted.name}" if accepted.effects else "the refitted model"
+    )
     return "; ".join([f"{model} leaves {sizes} on held-out runs", *reasons(findings)])

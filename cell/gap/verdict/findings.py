@@ -20,8 +20,9 @@ from drivers.types import Array
 class BaseFit:
     """Fit of the base parameters to the runs, and tests of its residuals.
 
-    `misfit` is the p-value of the residuals under noise; `scatter` are the quantities that differ
-    from run to run; `strained` where the fitted values contradict their priors.
+    `misfit` is the p-value of the residuals under noise; `scatter` are the quantities
+    that differ from run to run; `strained` where the fitted values contradict their
+    priors.
     """
 
     base: CrossValidatedFit
@@ -38,18 +39,22 @@ class BaseFit:
 
     @property
     def gap(self) -> bool:
-        """Whether the base leaves more than noise, in a bin, overall or between repeats."""
+        """Whether the base leaves more than noise, in a bin, overall or between
+        repeats.
+        """
         seen = self.misfit < ALPHA or any(place.p < ALPHA for place in self.places)
         return seen or self.repeats.drifts or self.repeats.differ
 
 
 @dataclass(frozen=True, slots=True)
 class Screen:
-    """Results of the linear screen: probe responses of candidate effects, predicted gains.
+    """Results of the linear screen: probe responses of candidate effects, predicted
+    gains.
 
-    `singles` are the scores of single effects, `p` their p-values by name; `detectable` are
-    detection limits by name, None where no possible size would show; `library` has the whitened
-    response (N, k) to the amount of each effect that fills the error floor.
+    `singles` are the scores of single effects, `p` their p-values by name; `detectable`
+    are detection limits by name, None where no possible size would show; `library` has
+    the whitened response (N, k) to the amount of each effect that fills the error
+    floor.
     """
 
     probed: tuple[ProbeResponses, ...]
@@ -64,10 +69,11 @@ class Screen:
 class ModelTests:
     """Tests that may cast doubt on the accepted model.
 
-    `misfit` is the p-value of its residuals under noise; `repeats` are compared in its residuals.
-    `classes` are effects that the runs do not separate, `scatter` the quantities that differ from
-    run to run beside it, `sized` the model fitted with these, from which sizes are estimated.
-    `places` are where the accepted effects show in the residuals of the base.
+    `misfit` is the p-value of its residuals under noise; `repeats` are compared in its
+    residuals. `classes` are effects that the runs do not separate, `scatter` the
+    quantities that differ from run to run beside it, `sized` the model fitted with
+    these, from which sizes are estimated. `places` are where the accepted effects show
+    in the residuals of the base.
     """
 
     misfit: float
@@ -86,7 +92,9 @@ class ModelTests:
 
 @dataclass(frozen=True, slots=True)
 class HeldOutFits:
-    """Base and accepted model as fitted to held-out runs, and how much the residual shrinks."""
+    """Base and accepted model as fitted to held-out runs, and how much the residual
+    shrinks.
+    """
 
     before: Estimate
     after: Estimate
@@ -99,7 +107,9 @@ class HeldOutFits:
 
     @property
     def by_key(self) -> dict[str, Estimate]:
-        """Fits to held-out runs by key: `before` and, where an effect was accepted, `after`."""
+        """Fits to held-out runs by key: `before` and, where an effect was accepted,
+        `after`.
+        """
         return {"before": self.before} | ({"after": self.after} if self.changed else {})
 
 
@@ -107,8 +117,8 @@ class HeldOutFits:
 class Findings:
     """All results of an investigation of a subject.
 
-    `accepted` is the model that was chosen among `fits`: the base where no effect was accepted.
-    `experiments` would separate it from another model, the best first.
+    `accepted` is the model that was chosen among `fits`: the base where no effect was
+    accepted. `experiments` would separate it from another model, the best first.
     """
 
     subject: Subject
@@ -130,12 +140,16 @@ class Findings:
 
     @property
     def places(self) -> tuple[Bin, ...]:
-        """Bins where residuals of the base exceed noise or match accepted effects, by strength."""
+        """Bins where residuals of the base exceed noise or match accepted effects, by
+        strength.
+        """
         return tuple(stronger_of_two(self.base_fit.places, self.model_tests.places))
 
     @property
     def likelihood(self) -> LikelihoodScale:
-        """Dispersion and inefficiency by which log-likelihoods of all models are divided."""
+        """Dispersion and inefficiency by which log-likelihoods of all models are
+        divided.
+        """
         return self.fits.likelihood
 
     @property

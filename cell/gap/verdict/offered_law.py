@@ -13,7 +13,12 @@ from cell.gap.fitting.tasks import Simulate, run_all
 from cell.gap.selection.choice import needed_models
 from cell.gap.selection.likelihood import Fits
 from cell.gap.selection.posterior import posterior
-from cell.gap.selection.screening import probe_equations, ranked_pairs, ranked_singles, run_probes
+from cell.gap.selection.screening import (
+    probe_equations,
+    ranked_pairs,
+    ranked_singles,
+    run_probes,
+)
 from cell.gap.selection.search import Search
 from cell.gap.subject.subject import Subject
 
@@ -27,10 +32,11 @@ STEADY = 0.7  # share of halves of the runs on which each term keeps its sign
 
 @dataclass(frozen=True, slots=True)
 class OfferedLaw:
-    """Empirical law of residuals: terms with fitted amounts, a description and no cause.
+    """Empirical law of residuals: terms with fitted amounts, a description and no
+    cause.
 
-    `base` and `terms` hold values by name; `shrink` is the share of the excess gap on held-out
-    runs that it closes.
+    `base` and `terms` hold values by name; `shrink` is the share of the excess gap on
+    held-out runs that it closes.
     """
 
     base: dict[str, float]
@@ -40,12 +46,17 @@ class OfferedLaw:
 
 
 def offered_law(
-    subject: Subject, simulate: Simulate, fits: Fits, before: Estimate, rng: np.random.Generator
+    subject: Subject,
+    simulate: Simulate,
+    fits: Fits,
+    before: Estimate,
+    rng: np.random.Generator,
 ) -> OfferedLaw | None:
-    """Most probable stable law of the residuals that the base leaves on held-out runs; or None.
+    """Most probable stable law of the residuals that the base leaves on held-out runs;
+    or None.
 
-    `before` is the base on runs that were held out. None where no term is clearly more probable
-    than none, no law is stable, or none shrinks the residuals of those runs.
+    `before` is the base on runs that were held out. None where no term is clearly more
+    probable than none, no law is stable, or none shrinks the residuals of those runs.
     """
     if held_out_gap.excess_of(before) < LEAST_EXCESS:
         return None
@@ -75,7 +86,9 @@ def _fit_laws(subject: Subject, simulate: Simulate, fits: Fits) -> Fits:
 
 
 def _stable(estimate: Estimate) -> bool:
-    """Whether each term keeps its sign on most halves of the runs (Meinshausen, Buehlmann 2010)."""
+    """Whether each term keeps its sign on most halves of the runs (Meinshausen,
+    Buehlmann 2010).
+    """
     first = len(estimate.model.base)
     runs = len(estimate.residuals)
     signs = np.sign(estimate.shared[first:])
@@ -85,11 +98,17 @@ def _stable(estimate: Estimate) -> bool:
 
 
 def _offer(fit: Estimate, shrink: float) -> OfferedLaw:
-    """Law of the fitted terms of `fit`, which remove the share `shrink` of the excess residual."""
+    """Law of the fitted terms of `fit`, which remove the share `shrink` of the excess
+    residual.
+    """
     values, terms = fit.model.split(fit.shared)
-    base = {p.name: p.stated_value(float(v)) for p, v in zip(fit.model.base, values, strict=True)}
+    base = {
+        p.name: p.stated_value(float(v))
+        for p, v in zip(fit.model.base, values, strict=True)
+    }
     amounts = {e.name: float(terms[e.name][0]) for e in fit.model.effects}
     words = " ".join(
-        f"{amounts[e.name]:+.3g} {e.parameters[0].unit} x {e.sentence}" for e in fit.model.effects
+        f"{amounts[e.name]:+.3g} {e.parameters[0].unit} x {e.sentence}"
+        for e in fit.model.effects
     )
     return OfferedLaw(base, amounts, words, shrink)

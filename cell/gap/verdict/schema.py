@@ -23,13 +23,17 @@ Values = tuple[Mapping[str, float], NamedValues]
 
 
 class Entry(BaseModel):
-    """Base of all parts of a verdict: frozen, filled by field name; unknown keys are ignored."""
+    """Base of all parts of a verdict: frozen, filled by field name; unknown keys are
+    ignored.
+    """
 
     model_config = ConfigDict(frozen=True, populate_by_name=True)
 
 
 class Interval(Entry):
-    """Estimate `value` with the ends of its 95 % interval, None where it is unbounded."""
+    """Estimate `value` with the ends of its 95 % interval, None where it is
+    unbounded.
+    """
 
     value: float
     low: float | None
@@ -44,11 +48,16 @@ class ValueWithUnit(Interval):
     def __str__(self) -> str:
         """Text of the value with its unit, if any, and its interval."""
         ends = ("any" if end is None else f"{end:.4g}" for end in (self.low, self.high))
-        return f"{f'{self.value:.4g} {self.unit}'.removesuffix(' 1')} ({' to '.join(ends)})"
+        return (
+            f"{f'{self.value:.4g} {self.unit}'.removesuffix(' 1')}"
+            f" ({' to '.join(ends)})"
+        )
 
 
 class Deviation(ValueWithUnit):
-    """Refitted base value outside the `tolerated` range, whose upper end is None for infinity."""
+    """Refitted base value outside the `tolerated` range, whose upper end is None for
+    infinity.
+    """
 
     parameter: str
     stated: float
@@ -56,7 +65,9 @@ class Deviation(ValueWithUnit):
 
 
 class NamedEffect(Entry):
-    """Effect that a patch adds, with the probability that all named effects are right."""
+    """Effect that a patch adds, with the probability that all named effects are
+    right.
+    """
 
     name: str
     of: Literal["strip", "cell", "model", "rig"]
@@ -65,7 +76,9 @@ class NamedEffect(Entry):
 
 
 class Unexplained(Entry):
-    """Residual that no effect of the library accounts for; `law` describes it and is no cause."""
+    """Residual that no effect of the library accounts for; `law` describes it and is no
+    cause.
+    """
 
     description: str
     law: str
@@ -73,7 +86,9 @@ class Unexplained(Entry):
 
 
 class Gap(Entry):
-    """Residuals on held-out runs, rms by quantity, and the share of their excess removed."""
+    """Residuals on held-out runs, rms by quantity, and the share of their excess
+    removed.
+    """
 
     before: dict[str, float]
     after: dict[str, float]
@@ -89,16 +104,20 @@ class Gap(Entry):
         """
         if not self.before["excess"]:
             return "held-out runs show no gap with the refitted file"
-        grown = [k for k, v in self.floor.items() if self.after[k] > max(v, self.before[k])]
+        grown = [
+            k for k, v in self.floor.items() if self.after[k] > max(v, self.before[k])
+        ]
         return (
-            f"beyond noise, held-out runs lie {self.before['excess']:.2g} sigma off with the "
-            f"refitted file, {self.after['excess']:.2g} sigma with what was found"
-            + (f"; but {', '.join(grown)} grow" if grown else "")
+            f"beyond noise, held-out runs lie {self.before['excess']:.2g} sigma off"
+            f" with the refitted file, {self.after['excess']:.2g} sigma with what was"
+            " found" + (f"; but {', '.join(grown)} grow" if grown else "")
         )
 
 
 class CandidateEntry(Entry):
-    """Candidate effect, or several joined by ` + `, with its gain [nats] over the base."""
+    """Candidate effect, or several joined by ` + `, with its gain [nats] over the
+    base.
+    """
 
     name: str
     elpd_gain: float
@@ -115,18 +134,22 @@ class ProbableSet(Entry):
     p: float
 
 
-LogOdds = Annotated[float, BeforeValidator(lambda value: math.inf if value is None else value)]
+LogOdds = Annotated[
+    float, BeforeValidator(lambda value: math.inf if value is None else value)
+]
 
 
 class VerdictEvidence(Entry):
-    """Evidence for or against an accepted effect: log-odds and gains [nats], residuals, strain.
+    """Evidence for or against an accepted effect: log-odds and gains [nats], residuals,
+    strain.
 
-    `log_odds` [nats] are the posterior's of the effect, or of its class, null in verdict.json where
-    they are infinite; `gain` [nats] is how much better unseen runs are predicted, `worst` that of
-    the run or quantity that gains least. `left` is the rms that no law accounts for in the middle
-    of the runs, in units of noise and floor, over channels that weigh alike; `correlation` that of
-    neighbours in time in it, in fitted or held-out runs, where it is larger. `strain` is the
-    largest deviation of the base from what the file states, in prior standard deviations.
+    `log_odds` [nats] are the posterior's of the effect, or of its class, null in
+    verdict.json where they are infinite; `gain` [nats] is how much better unseen runs
+    are predicted, `worst` that of the run or quantity that gains least. `left` is the
+    rms that no law accounts for in the middle of the runs, in units of noise and floor,
+    over channels that weigh alike; `correlation` that of neighbours in time in it, in
+    fitted or held-out runs, where it is larger. `strain` is the largest deviation of
+    the base from what the file states, in prior standard deviations.
     """
 
     log_odds: LogOdds = math.inf
@@ -138,7 +161,8 @@ class VerdictEvidence(Entry):
 
     @property
     def correlated(self) -> float:
-        """Rms [noise] of the autocorrelated part of the residuals that the model leaves.
+        """Rms [noise] of the autocorrelated part of the residuals that the model
+        leaves.
 
         The correlation itself is high, too, where hardly anything is left.
         """
@@ -146,7 +170,8 @@ class VerdictEvidence(Entry):
 
 
 class Probable(VerdictEvidence):
-    """Posterior over the fitted sets of effects, the most probable first, and deciding evidence.
+    """Posterior over the fitted sets of effects, the most probable first, and deciding
+    evidence.
 
     `law` is whether one is offered.
     """
@@ -157,7 +182,8 @@ class Probable(VerdictEvidence):
 
 
 class Verdict(Entry):
-    """Content of verdict.json: which effects are missing, how surely, and how residuals shrink.
+    """Content of verdict.json: which effects are missing, how surely, and how residuals
+    shrink.
 
     `suspected` are effects that were accepted and are not named.
     """
@@ -182,12 +208,18 @@ class Verdict(Entry):
     suspected: list[NamedEffect] = Field(default_factory=list)
 
     def values_with(self, effects: Sequence[NamedEffect]) -> Values:
-        """Fitted values for a patch: of the base by name, of each of `effects` by parameter."""
+        """Fitted values for a patch: of the base by name, of each of `effects` by
+        parameter.
+        """
         base = {name: v.value for name, v in self.base.items()}
-        return base, {e.name: {k: v.value for k, v in e.parameters.items()} for e in effects}
+        return base, {
+            e.name: {k: v.value for k, v in e.parameters.items()} for e in effects
+        }
 
     def __str__(self) -> str:
-        """Verdict and its effects in SI units, and how the gap shrinks, in a few lines."""
+        """Verdict and its effects in SI units, and how the gap shrinks, in a few
+        lines.
+        """
         return "\n  ".join(self._lines())
 
     __repr__ = __str__
@@ -195,8 +227,13 @@ class Verdict(Entry):
     def _lines(self) -> Iterator[str]:
         yield self.verdict.replace("_", " ")
         for effect in self.effects:
-            values = ", ".join(f"{name} {value}" for name, value in effect.parameters.items())
-            yield f"{effect.name}: {values}; right with probability {effect.confidence:.2f}"
+            values = ", ".join(
+                f"{name} {value}" for name, value in effect.parameters.items()
+            )
+            yield (
+                f"{effect.name}: {values}; right with probability"
+                f" {effect.confidence:.2f}"
+            )
         for names in self.ambiguous:
             yield f"alike in these runs: {', '.join(names)}"
         if self.unexplained is not None:
@@ -208,9 +245,12 @@ class Verdict(Entry):
             yield f"note: {note}"
 
     def _repr_html_(self) -> str:
-        """HTML for a notebook: what is missing, and bars of the held-out gap before and after."""
+        """HTML for a notebook: what is missing, and bars of the held-out gap before and
+        after.
+        """
         rows = "".join(
-            f"<tr><td>{escape(key.replace('_', ' '))}</td>{_meter(was, now)}{_meter(now, was)}"
+            f"<tr><td>{escape(key.replace('_', ' '))}</td>"
+            f"{_meter(was, now)}{_meter(now, was)}"
             f"<td>{self.gap.floor.get(key, 0.0):.3g}</td></tr>"
             for key, was in self.gap.before.items()
             for now in (self.gap.after[key],)
@@ -219,18 +259,27 @@ class Verdict(Entry):
         return f"<pre>{escape(str(self))}</pre><table>{head}{rows}</table>"
 
     def to_json(self) -> str:
-        """JSON text of verdict.json; `deviates` and `suspected` are left out where empty."""
+        """JSON text of verdict.json; `deviates` and `suspected` are left out where
+        empty.
+        """
         absent = {key for key in ("deviates", "suspected") if not getattr(self, key)}
         return self.model_dump_json(by_alias=True, indent=1, exclude=absent) + "\n"
 
 
 def _meter(value: float, other: float) -> str:
-    """Table cell with number and bar of a `value`, to the same scale as the `other` value."""
-    return f'<td>{value:.3g} <meter max="{max(value, other)}" value="{value}"></meter></td>'
+    """Table cell with number and bar of a `value`, to the same scale as the `other`
+    value.
+    """
+    return (
+        f'<td>{value:.3g} <meter max="{max(value, other)}"'
+        f' value="{value}"></meter></td>'
+    )
 
 
 def read_verdict(path: Path) -> Verdict:
-    """Verdict in the file at `path`; ConfigurationError where it is missing or broken."""
+    """Verdict in the file at `path`; ConfigurationError where it is missing or
+    broken.
+    """
     fit_folder(path.parent)
     if not path.exists():
         raise ConfigurationError(f"{path}: is missing; {NAME_FOLDER}")

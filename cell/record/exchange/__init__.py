@@ -1,1 +1,3 @@
-"""Exchange of runs with other programs: their tables are read and written as run folders."""
+"""Exchange of runs with other programs: their tables are read and written as run
+folders.
+"""

@@ -18,10 +18,11 @@ Format = Literal["csv", "lerobot", "mcap"]
 
 
 def export_runs(folders: Sequence[Path], kind: Format, out: Path) -> tuple[Path, ...]:
-    """Write the runs at or in `folders` into the new folder `out`; returns files or folders.
+    """Write the runs at or in `folders` into the new folder `out`; returns files or
+    folders.
 
-    All is written, or nothing. Raises ConfigurationError for runs that cannot be read or do not go
-    together, an `out` that is there already, or a library that is missing.
+    All is written, or nothing. Raises ConfigurationError for runs that cannot be read
+    or do not go together, an `out` that is there already, or a library that is missing.
     """
     check_free(out)
     if kind == "mcap":
@@ -32,14 +33,18 @@ def export_runs(folders: Sequence[Path], kind: Format, out: Path) -> tuple[Path,
             raise ConfigurationError(f"{run.folder}: holds no row; leave it out")
     names = [run.name for run in runs]
     if len(set(names)) < len(names):
-        raise ConfigurationError(f"two runs are named {max(names, key=names.count)}; rename one")
+        raise ConfigurationError(
+            f"two runs are named {max(names, key=names.count)}; rename one"
+        )
     with new_folder(out) as made:
         paths = _write(runs, kind, made)
     return tuple(out / path.relative_to(made) for path in paths)
 
 
 def _write(runs: Sequence[Run], kind: Format, out: Path) -> tuple[Path, ...]:
-    """Write `runs` in the format `kind` into the folder `out`; returns the files or folders."""
+    """Write `runs` in the format `kind` into the folder `out`; returns the files or
+    folders.
+    """
     if kind == "mcap":
         from cell.record.exchange.mcap_file import write_mcap
 
@@ -52,8 +57,8 @@ def _write(runs: Sequence[Run], kind: Format, out: Path) -> tuple[Path, ...]:
         alike = ("strip", "start", "sigma", "contact_height")
         if any(getattr(run.header, k) != getattr(runs[0].header, k) for k in alike):
             raise ConfigurationError(
-                f"{run.folder}: differs from {runs[0].folder} in strip, start or sigma; export "
-                "runs of one kind together, or as lerobot or mcap"
+                f"{run.folder}: differs from {runs[0].folder} in strip, start or sigma;"
+                " export runs of one kind together, or as lerobot or mcap"
             )
         (out / run.name).mkdir(parents=True)
         for name, columns in run.tables().items():

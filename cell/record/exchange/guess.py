@@ -1,4 +1,5 @@
-"""Proposal of a mapping of folds from the tables of one: by names, ranges and rates of columns.
+"""Proposal of a mapping of folds from the tables of one: by names, ranges and rates of
+columns.
 
 What cannot be told stays open, a null, which the import refuses by its name.
 """
@@ -15,16 +16,30 @@ import pyarrow as pa
 
 from cell.record.columns import LENGTHS, TIMES
 from cell.record.exchange.import_runs import sources_in
-from cell.record.exchange.mapping import FACTORS, Table, numbers_of, seconds_of, turn_of, units_of
+from cell.record.exchange.mapping import (
+    FACTORS,
+    Table,
+    numbers_of,
+    seconds_of,
+    turn_of,
+    units_of,
+)
 from drivers.strip.file import StripFile
 from drivers.types import Array
 
 WORD = re.compile(r"[A-Z]+(?![^\W\d_A-Z])\d*|[^\W\d_][^\W\d_A-Z]*\d*|°")
-WORDS = {  # of a column's name, by what it holds; the first say that it is none of these
-    "": "v vel velocity speed acc torque std error raw cmd command target desired action rotation",
+# of a column's name, by what it holds; the first say that it is none of these
+WORDS = {
+    "": (
+        "v vel velocity speed acc torque std error raw cmd command target desired"
+        " action rotation"
+    ),
     "pitch": "pitch angle tilt winkel neigung 角度",
     "f_": "f force kraft fx fz 力 荷重",
-    "t": "t time stamp timestamp zeit zeitstempel uhrzeit clock elapsed sec seconds 時刻 時間 时间",
+    "t": (
+        "t time stamp timestamp zeit zeitstempel uhrzeit clock elapsed sec seconds 時刻"
+        " 時間 时间"
+    ),
     "l1": "l1 upper oben obere",
     "l2": "l2 lower unten untere",
     "contact_x": "contact kontakt",
@@ -32,24 +47,30 @@ WORDS = {  # of a column's name, by what it holds; the first say that it is none
     "z": "z y height up vertical hoehe höhe 高さ 高度",
     "i": "i point punkt 番号",
 }
-SEEN = {"contact": ("t", "contact_x"), "result": ("t", "l1", "l2")}  # tables of what images show
-ERRORS = {"contact": "contact_x", "result": "displacement"}  # sigma, where not named as the section
+# tables of what images show
+SEEN = {"contact": ("t", "contact_x"), "result": ("t", "l1", "l2")}
+# sigma, where not named as the section
+ERRORS = {"contact": "contact_x", "result": "displacement"}
 SECOND = {"log", "y"}  # words of columns that are taken where there is no other
 UNITS = {unit.lower(): unit for unit in FACTORS}
 UNITS |= {"sec": "s", "seconds": "s", "秒": "s", "°": "deg", "grad": "deg", "度": "deg"}
 TYPICAL = {"t": 5e-3, "pitch": np.pi / 2, "x": 0.8, "z": 0.3, "f_x": 0.1, "f_z": 0.1}
 """Step [s], turn [rad], paths [lengths of the strip] and forces [N] of a gripper."""
 STRIP = 0.5  # m, typically
-MISTAKEN = 10.0  # factor from what is typical, beyond which no unit fits; of times its square
+# factor from what is typical, beyond which no unit fits; of times its square
+MISTAKEN = 10.0
 NEAR, NEAR_TURN, CLOSE = 0.03, 0.3, 0.05  # m, rad, m from where something must be
 PLACES = ("x", "z", "contact_x")  # whose path from their start tells the unit
-TURNED = 1.0  # rad that the gripper turns at least in the lift of a strip that lies flat
-BY_NAME, BY_CLOCK = "its name", "the clock of the gripper"  # reasons that leave no doubt
+# rad that the gripper turns at least in the lift of a strip that lies flat
+TURNED = 1.0
+# reasons that leave no doubt
+BY_NAME, BY_CLOCK = "its name", "the clock of the gripper"
 
 
 @dataclass(frozen=True, slots=True)
 class Guess:
-    """Guess at unit and zero of a foreign `column` with `values` (n,), and the `reason` for it.
+    """Guess at unit and zero of a foreign `column` with `values` (n,), and the `reason`
+    for it.
 
     A `unit` or `offset` [SI] of None is open: it cannot be told.
     """
@@ -62,23 +83,36 @@ class Guess:
     reason: str = BY_NAME
 
     def si(self) -> Array:
-        """Values (n,) in SI units and axes of the cell frame; NaN where unit or zero are open."""
+        """Values (n,) in SI units and axes of the cell frame; NaN where unit or zero
+        are open.
+        """
         if self.unit is None or self.offset is None:
             return np.full(len(self.values), np.nan)
         sign = -1.0 if self.reversed else 1.0
-        return np.asarray(sign * (self.values * FACTORS.get(self.unit, 1.0) - self.offset))
+        return np.asarray(
+            sign * (self.values * FACTORS.get(self.unit, 1.0) - self.offset)
+        )
 
     def line(self, quantity: str) -> str:
-        """Line of the mapping file for `quantity`, with a remark on how sure the guess is."""
+        """Line of the mapping file for `quantity`, with a remark on how sure the guess
+        is.
+        """
         stated: dict[str, object] = {"column": self.column, "unit": self.unit}
         stated |= {} if self.offset == 0.0 else {"offset": self.offset}
         stated |= {"reversed": True} if self.reversed else {}
-        keys = ", ".join(f"{k}: {json.dumps(v, ensure_ascii=False)}" for k, v in stated.items())
-        remark = f"{'' if self.reason in {BY_NAME, BY_CLOCK} else 'likely, '}by {self.reason}"
+        keys = ", ".join(
+            f"{k}: {json.dumps(v, ensure_ascii=False)}" for k, v in stated.items()
+        )
+        remark = (
+            f"{'' if self.reason in {BY_NAME, BY_CLOCK} else 'likely, '}by"
+            f" {self.reason}"
+        )
         if self.unit is None:
             remark = f"open, not told by {self.reason}: {', '.join(units_of(quantity))}"
         elif self.offset is None:
-            remark = f"open, not told by {self.reason}: your value [m] of the cell's zero"
+            remark = (
+                f"open, not told by {self.reason}: your value [m] of the cell's zero"
+            )
         return f"    {quantity}: {{{keys}}}  # {remark}"
 
 
@@ -86,17 +120,22 @@ Guesses = Mapping[str, Guess]  # of a table's columns, by the quantity that each
 
 
 def guess_mapping(places: Sequence[Path], strip: StripFile | None) -> str:
-    """Text of a mapping for folds of `strip`, guessed from the first in `places`, with remarks.
+    """Text of a mapping for folds of `strip`, guessed from the first in `places`, with
+    remarks.
 
-    Without a strip its name and the zero of x stay open, and so do columns of the gripper that no
-    name tells.
+    Without a strip its name and the zero of x stay open, and so do columns of the
+    gripper that no name tells.
     """
     source = next(each for place in places for each in sources_in(place))
     read = {f: source.table(Table[str](file=f, columns={})) for f in source.names}
     tables = {file: _columns(content) for file, content in read.items()}
-    paths = {file: table for file, table in tables.items() if {"t", "x", "z"} <= table.keys()}
+    paths = {
+        file: table for file, table in tables.items() if {"t", "x", "z"} <= table.keys()
+    }
     clocks = {file: table["t"].values for file, table in paths.items()}
-    series = [file for file, t in clocks.items() if len(t) > 1 and (np.diff(t) > 0).all()]
+    series = [
+        file for file, t in clocks.items() if len(t) > 1 and (np.diff(t) > 0).all()
+    ]
     file = max(series or {*read} - {*paths} or read, key=lambda name: len(read[name]))
     gripper = _guess_gripper(tables[file], strip)
     sections: dict[str, tuple[str, Guesses]] = {"ticks": (file, gripper)}
@@ -104,15 +143,21 @@ def guess_mapping(places: Sequence[Path], strip: StripFile | None) -> str:
     if points is not None:
         sections["profile"] = points, _guess_points(paths[points], gripper)
     for section, names in SEEN.items() if series else ():
-        seen = next((name for name, table in tables.items() if {*names} <= table.keys()), None)
+        seen = next(
+            (name for name, table in tables.items() if {*names} <= table.keys()), None
+        )
         if seen is not None:
             sections[section] = seen, _guess_seen(tables[seen], gripper, names)
     left = _not_taken(read, dict(sections.values()))
     return "\n".join((*_lines(sections, strip), *left, ""))
 
 
-def _lines(sections: Mapping[str, tuple[str, Guesses]], strip: StripFile | None) -> Iterator[str]:
-    """Lines of the mapping file: header, then each section with its file and columns."""
+def _lines(
+    sections: Mapping[str, tuple[str, Guesses]], strip: StripFile | None
+) -> Iterator[str]:
+    """Lines of the mapping file: header, then each section with its file and
+    columns.
+    """
     ticks = sections["ticks"][1]
     turn = float(np.ptp(ticks["pitch"].si())) if "pitch" in ticks else np.inf
     yield from ("schema: 1", f"strip: {json.dumps(strip and strip.name)}")
@@ -122,42 +167,75 @@ def _lines(sections: Mapping[str, tuple[str, Guesses]], strip: StripFile | None)
     for name in ("gripper", *(["force"] if has_force else []), *seen):
         yield f"  {name}: null  # open: one sigma of its error [m, N]"
     for section, (file, guesses) in sections.items():
-        yield from (f"{section}:", f"  file: {json.dumps(file, ensure_ascii=False)}", "  columns:")
+        yield from (
+            f"{section}:",
+            f"  file: {json.dumps(file, ensure_ascii=False)}",
+            "  columns:",
+        )
         time = {"t": "t_layer_touch"} if section == "result" else {}
         yield from (guess.line(time.get(name, name)) for name, guess in guesses.items())
-        for quantity in [name for name in "txz" if section == "ticks" and name not in guesses]:
-            yield f"    {quantity}: {{column: null, unit: null}}  # open: no name says so"
+        for quantity in [
+            name for name in "txz" if section == "ticks" and name not in guesses
+        ]:
+            yield (
+                f"    {quantity}: {{column: null, unit: null}}  # open: no name says so"
+            )
 
 
-def _not_taken(read: Mapping[str, pa.Table], taken: Mapping[str, Guesses]) -> Iterator[str]:
+def _not_taken(
+    read: Mapping[str, pa.Table], taken: Mapping[str, Guesses]
+) -> Iterator[str]:
     """Remarks on the columns of each file that the proposed mapping leaves out."""
     for file, content in read.items():
         stated = [guess.column for guess in taken.get(file, {}).values()]
         used = {name.replace("*", axis) for name in stated for axis in "xyzw"}
         of = zip(content.column_names, content.schema.types, strict=True)
-        left = [f"{n}{' (words)' * pa.types.is_string(kind)}" for n, kind in of if n not in used]
+        left = [
+            f"{n}{' (words)' * pa.types.is_string(kind)}"
+            for n, kind in of
+            if n not in used
+        ]
         if left:
-            name, why = json.dumps(file, ensure_ascii=False), "no numbers, or no name says more"
-            if any(file not in taken and content.schema == read[other].schema for other in taken):
+            name, why = (
+                json.dumps(file, ensure_ascii=False),
+                "no numbers, or no name says more",
+            )
+            if any(
+                file not in taken and content.schema == read[other].schema
+                for other in taken
+            ):
                 why = "is it of another run? give the files themselves"
             yield f"# not taken of {name}: {', '.join(left)}; {why}"
 
 
 def _columns(content: pa.Table) -> dict[str, Guess]:
-    """Guesses at the numeric columns whose names tell a quantity; ISO times become seconds."""
+    """Guesses at the numeric columns whose names tell a quantity; ISO times become
+    seconds.
+    """
     found = dict[str, Guess]()
-    names = [name for name in content.column_names if content.column_names.count(name) == 1]
+    names = [
+        name for name in content.column_names if content.column_names.count(name) == 1
+    ]
     for stem in [name[:-1] for name in names if name.endswith("w")]:
         parts = {axis: f"{stem}{axis}" for axis in "xyzw"}
-        numbers = [numbers_of(content[name]) for name in parts.values() if name in names]
+        numbers = [
+            numbers_of(content[name]) for name in parts.values() if name in names
+        ]
         if len(whole := [part for part in numbers if part is not None]) == len(parts):
             names = [name for name in names if name not in parts.values()]
-            if np.ptp(turn := turn_of(*whole)) > TURNED:  # or the tool does not turn with the strip
+            # or the tool does not turn with the strip
+            if np.ptp(turn := turn_of(*whole)) > TURNED:
                 found["pitch"] = Guess(f"{stem}*", turn, "quaternion")
-    for name in sorted(names, key=lambda n: (not SECOND.isdisjoint(_words(n)), len(_words(n)))):
+    for name in sorted(
+        names, key=lambda n: (not SECOND.isdisjoint(_words(n)), len(_words(n)))
+    ):
         values = numbers_of(content[name])
         values = seconds_of(content[name]) if values is None else values
-        if values is not None and np.isfinite(values).any() and (held := _quantity(_words(name))):
+        if (
+            values is not None
+            and np.isfinite(values).any()
+            and (held := _quantity(_words(name)))
+        ):
             found.setdefault(held, Guess(name, values, "1" if held == "i" else None))
     return found
 
@@ -167,18 +245,27 @@ def _words(name: str) -> list[str]:
 
 
 def _quantity(words: Sequence[str]) -> str:
-    """Quantity that a column holds by the `words` of its name; empty where they do not say."""
-    held = next((key for key, known in WORDS.items() if {*words} & {*known.split()}), "")
+    """Quantity that a column holds by the `words` of its name; empty where they do not
+    say.
+    """
+    held = next(
+        (key for key, known in WORDS.items() if {*words} & {*known.split()}), ""
+    )
     axis = next((axis for axis in "xz" if {*words} & {axis, f"f{axis}"}), "")
     return held if held != "f_" else axis and f"f_{axis}"
 
 
 def _guess_gripper(columns: Guesses, strip: StripFile | None) -> Guesses:
-    """Guesses of the gripper's columns, with units and zeros that suit a fold of `strip`.
+    """Guesses of the gripper's columns, with units and zeros that suit a fold of
+    `strip`.
 
     The strip lies flat or hangs at first, which the pitch tells, and is lifted.
     """
-    length, hangs, found = STRIP if strip is None else strip.length, False, dict[str, Guess]()
+    length, hangs, found = (
+        STRIP if strip is None else strip.length,
+        False,
+        dict[str, Guess](),
+    )
     for quantity in [name for name in TYPICAL if name in columns]:
         typical = TYPICAL[quantity] * (length if quantity in "xz" else 1.0)
         guess = columns[quantity]
@@ -192,26 +279,38 @@ def _guess_gripper(columns: Guesses, strip: StripFile | None) -> Guesses:
 
 
 def _with_unit(guess: Guess, quantity: str, typical: float) -> Guess:
-    """Copy of a guess with a unit, by the column's name or by its `typical` size [SI] in a fold.
+    """Copy of a guess with a unit, by the column's name or by its `typical` size [SI]
+    in a fold.
 
-    That is the step of the clock, the path of a place from its start, or the largest value.
+    That is the step of the clock, the path of a place from its start, or the largest
+    value.
     """
     known, values = units_of(quantity), guess.values
     if quantity == "t":
         size = float(np.median(np.diff(values))) if len(values) > 1 else 0.0
     else:
-        size = float(np.nanmax(np.abs(values - (values[0] if quantity in PLACES else 0.0))))
+        size = float(
+            np.nanmax(np.abs(values - (values[0] if quantity in PLACES else 0.0)))
+        )
     hints = [u for word in _words(guess.column) if (u := UNITS.get(word, "")) in known]
-    off = {unit: abs(np.log(max(size * known[unit], 1e-12) / typical)) for unit in known}
+    off = {
+        unit: abs(np.log(max(size * known[unit], 1e-12) / typical)) for unit in known
+    }
     unit = min(hints or known, key=off.__getitem__)
     fits = off[unit] < np.log(MISTAKEN) * (2 if known is TIMES else 1)
-    return replace(guess, unit=unit if fits else None, reason=BY_NAME if hints else "its range")
+    return replace(
+        guess, unit=unit if fits else None, reason=BY_NAME if hints else "its range"
+    )
 
 
-def _with_zero(guess: Guess, quantity: str, strip: StripFile | None, *, hangs: bool) -> Guess:
-    """Copy of a guess of pitch, x or z with zero and sign, by the typical start and end of a fold.
+def _with_zero(
+    guess: Guess, quantity: str, strip: StripFile | None, *, hangs: bool
+) -> Guess:
+    """Copy of a guess of pitch, x or z with zero and sign, by the typical start and end
+    of a fold.
 
-    The zero is kept where the column begins as it must, and open where it cannot be told.
+    The zero is kept where the column begins as it must, and open where it cannot be
+    told.
     """
     length, si = STRIP if strip is None else strip.length, guess.si()
     first, moves_up = float(si[0]), _largest_move(si) > 0
@@ -227,7 +326,9 @@ def _with_zero(guess: Guess, quantity: str, strip: StripFile | None, *, hangs: b
         offset = 0.0 if 0.0 < sign * first < length else None
     elif quantity == "x" and strip is None:
         offset = None
-    if offset is not None and abs(offset) <= (NEAR_TURN if quantity == "pitch" else NEAR):
+    if offset is not None and abs(offset) <= (
+        NEAR_TURN if quantity == "pitch" else NEAR
+    ):
         return replace(guess, offset=0.0, reversed=turned)
     reason = f"{guess.reason}, zero by the start"
     return replace(guess, offset=offset, reversed=turned, reason=reason)
@@ -239,14 +340,17 @@ def _largest_move(values: Array) -> float:
 
 
 def _on_clock(times: Guess, gripper: Guesses) -> Guess:
-    """Copy of a guess of times, with the unit by which they fit the gripper's times, if any."""
+    """Copy of a guess of times, with the unit by which they fit the gripper's times, if
+    any.
+    """
     (begin, end), middle = gripper["t"].si()[[0, -1]], np.nanmedian(times.values)
     near = (u for u, factor in TIMES.items() if begin - 1 <= middle * factor <= end + 1)
     return replace(times, unit=next(near, None), reason=BY_CLOCK)
 
 
 def _guess_seen(columns: Guesses, gripper: Guesses, names: Sequence[str]) -> Guesses:
-    """Guesses of the columns `names` of contacts or of a touch, with the gripper's clock and zero.
+    """Guesses of the columns `names` of contacts or of a touch, with the gripper's
+    clock and zero.
 
     Their lengths are part of the gripper's way.
     """
@@ -254,18 +358,24 @@ def _guess_seen(columns: Guesses, gripper: Guesses, names: Sequence[str]) -> Gue
     for name in names[1:]:
         found[name] = _with_unit(columns[name], name, float(np.ptp(x.si())) / 2)
     if "contact_x" in found:
-        found["contact_x"] = replace(found["contact_x"], offset=x.offset, reversed=x.reversed)
+        found["contact_x"] = replace(
+            found["contact_x"], offset=x.offset, reversed=x.reversed
+        )
     return found
 
 
 def _guess_points(columns: Guesses, gripper: Guesses) -> Guesses:
-    """Guesses of the strip's point columns, with times and a grasped point that suit the gripper.
+    """Guesses of the strip's point columns, with times and a grasped point that suit
+    the gripper.
 
-    Their zeros are those of the gripper's columns, or the cell's; a unit that does not fit is open.
+    Their zeros are those of the gripper's columns, or the cell's; a unit that does not
+    fit is open.
     """
     points = {name: columns[name] for name in [*"tixz"] if name in columns}
     points["t"] = _on_clock(points["t"], gripper)
-    points |= {axis: replace(points[axis], reason="what fits the gripper") for axis in "xz"}
+    points |= {
+        axis: replace(points[axis], reason="what fits the gripper") for axis in "xz"
+    }
     choices = []
     for unit, zero in product(LENGTHS, (gripper, points)):
         choice = dict(points)

@@ -1,4 +1,6 @@
-"""Import of measured runs: foreign tables are checked, converted, written as run folders."""
+"""Import of measured runs: foreign tables are checked, converted, written as run
+folders.
+"""
 
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -55,14 +57,16 @@ def import_runs(
     kind: type[AnyMapping] = MappingFile,
     length: LengthOf | None = None,
 ) -> tuple[Path, ...]:
-    """Import the runs in `places`, in that order; returns their new folders below `out`.
+    """Import the runs in `places`, in that order; returns their new folders below
+    `out`.
 
-    A place is a folder of tables, a folder of such folders, a table, an MCAP file, or a LeRobot
-    data set; what `cell export` wrote brings its own mapping. All runs are written, or none.
-    `check` reads each of them; `kind` is that of the mapping, of folds or of a mechanism; `length`
-    [m] is that of a strip by its name, for the mending of a mapping. Raises ConfigurationError for
-    tables that are missing or do not hold what `mapping` says, values that no run can have, or a
-    run that is there already.
+    A place is a folder of tables, a folder of such folders, a table, an MCAP file, or a
+    LeRobot data set; what `cell export` wrote brings its own mapping. All runs are
+    written, or none. `check` reads each of them; `kind` is that of the mapping, of
+    folds or of a mechanism; `length` [m] is that of a strip by its name, for the
+    mending of a mapping. Raises ConfigurationError for tables that are missing or do
+    not hold what `mapping` says, values that no run can have, or a run that is there
+    already.
     """
     stated = None if mapping is None else load(mapping, kind)
     sources = chain.from_iterable(sources_in(place, mapping) for place in places)
@@ -80,7 +84,8 @@ def import_runs(
             try:
                 with writing(out):
                     _write_run(source, how, index, run)
-                    if stated is None and (run / RESULT).is_file():  # a fold's own documents
+                    # a fold's own documents
+                    if stated is None and (run / RESULT).is_file():
                         for name in source.documents.keys() & {RUN, RESULT}:
                             replace_file(run / name, source.documents[name])
                 check(run)
@@ -96,7 +101,9 @@ def import_runs(
 
 
 def _in_words_of_source(text: str, source: Source, how: AnyMapping, run: Path) -> str:
-    """The `text` of an error in the new `run`, with the files of the `source` for those of it."""
+    """The `text` of an error in the new `run`, with the files of the `source` for those
+    of it.
+    """
     for file, table in how.tables.items():
         mapped = ", as mapped" if file == SIGNALS else ""
         text = text.replace(str(run / file), f"{source.place(table)}{mapped}")
@@ -104,7 +111,9 @@ def _in_words_of_source(text: str, source: Source, how: AnyMapping, run: Path) -
 
 
 def _move_all(made: Sequence[Path], out: Path) -> tuple[Path, ...]:
-    """Move the runs `made` to the folder `out`, all or none; returns their folders there."""
+    """Move the runs `made` to the folder `out`, all or none; returns their folders
+    there.
+    """
     try:
         for run in made:
             move_folder(run, out / run.name)
@@ -119,21 +128,34 @@ def _move_all(made: Sequence[Path], out: Path) -> tuple[Path, ...]:
 def _remedy(
     source: Source, how: AnyMapping, check: Check, run: Path, length: LengthOf | None
 ) -> str:
-    """Text of the first change of a fold's mapping that mends its `run`, else of what to try."""
+    """Text of the first change of a fold's mapping that mends its `run`, else of what
+    to try.
+    """
     if not isinstance(how, MappingFile):
         return ""
     tried = list[object]()
-    for (change, quantities), tables in product(_changes(source, how, length), CHANGED_TOGETHER):
+    for (change, quantities), tables in product(
+        _changes(source, how, length), CHANGED_TOGETHER
+    ):
         mapping, changed = _with_change(how, change, quantities, tables)
         if not changed or (change, changed) in tried:
             continue
         tried.append((change, changed))
-        with suppress(ConfigurationError, ValueError), TemporaryDirectory(dir=run.parent) as place:
+        with (
+            suppress(ConfigurationError, ValueError),
+            TemporaryDirectory(dir=run.parent) as place,
+        ):
             mended = Path(place) / source.name
             _write_run(source, MappingFile.model_validate(mapping), 0, mended)
             check(mended)
-            remedy = ", ".join(dump_yaml(change).splitlines()) if change else "swapped columns"
-            parts = [" and ".join(dict.fromkeys(part)) for part in zip(*changed, strict=True)]
+            remedy = (
+                ", ".join(dump_yaml(change).splitlines())
+                if change
+                else "swapped columns"
+            )
+            parts = [
+                " and ".join(dict.fromkeys(part)) for part in zip(*changed, strict=True)
+            ]
             return f"; {remedy} for {' of '.join(parts)} in the mapping would mend it"
     return "; `cell import --guess` proposes a mapping" if (run / RUN).is_file() else ""
 
@@ -141,7 +163,9 @@ def _remedy(
 def _changes(
     source: Source, how: MappingFile, length: LengthOf | None
 ) -> Iterator[tuple[Content, tuple[str, ...]]]:
-    """Changes of axis, unit, zero to try, each with its quantities; an empty one swaps x and z."""
+    """Changes of axis, unit, zero to try, each with its quantities; an empty one swaps
+    x and z.
+    """
     x, z, pitch = ("x", "contact_x"), ("z",), ("pitch",)
     positions = (x, z, (*x, *z))
     yield from product([{"reversed": True}, {"reversed": False}], (*positions, pitch))
@@ -154,13 +178,17 @@ def _changes(
     with suppress(ConfigurationError, IndexError):  # no row
         starts: dict[TickColumn, float] = {"x": length(how.strip), "z": 0.0}
         for name, start in starts.items():
-            yield from product(_zeros(source, how, name, start), ((name, f"contact_{name}"),))
+            yield from product(
+                _zeros(source, how, name, start), ((name, f"contact_{name}"),)
+            )
 
 
 def _with_change(
     how: MappingFile, change: Content, quantities: Sequence[str], tables: Sequence[str]
 ) -> tuple[Content, list[tuple[str, str]]]:
-    """Mapping with the `change` in columns of `tables`, and each changed quantity and its table."""
+    """Mapping with the `change` in columns of `tables`, and each changed quantity and
+    its table.
+    """
     content = how.model_dump(by_alias=True, exclude_unset=True, exclude_none=True)
     changed = []
     for name in tables:
@@ -176,13 +204,21 @@ def _with_change(
     return content, changed
 
 
-def _zeros(source: Source, how: MappingFile, name: TickColumn, start: float) -> list[Content]:
-    """Mapping changes that let x or z (`name`) start at `start` [m], axis reversed or not."""
+def _zeros(
+    source: Source, how: MappingFile, name: TickColumn, start: float
+) -> list[Content]:
+    """Mapping changes that let x or z (`name`) start at `start` [m], axis reversed or
+    not.
+    """
     column = how.ticks.columns[name]
     first = float(read_columns(source, how.ticks)[name][0])
-    raw = column.offset + (-first if column.reversed else first)  # [m], of the foreign zero
+    # [m], of the foreign zero
+    raw = column.offset + (-first if column.reversed else first)
     zeros = ((True, raw + start), (False, raw - start))
-    return [{"reversed": turned, "offset": round(offset, 3) + 0.0} for turned, offset in zeros]
+    return [
+        {"reversed": turned, "offset": round(offset, 3) + 0.0}
+        for turned, offset in zeros
+    ]
 
 
 def sources_in(place: Path, mapping: Path | None = None) -> Iterator[Source]:
@@ -202,22 +238,29 @@ def sources_in(place: Path, mapping: Path | None = None) -> Iterator[Source]:
         has_tables = any(FILE.fullmatch(path.name) for path in content)
         folders = [place] if has_tables else [path for path in content if path.is_dir()]
         if not folders:
-            raise ConfigurationError(f"{place}: holds no tables; give a folder with CSV or Parquet")
+            raise ConfigurationError(
+                f"{place}: holds no tables; give a folder with CSV or Parquet"
+            )
         yield from map(TableFiles, folders)
     elif place.is_file() and FILE.fullmatch(place.name):
         yield TableFiles(place)
     elif not (place.is_file() and (place.name == MAPPING or place == mapping)):
         fault = "is none of what is read" if place.exists() else "is not there"
         raise ConfigurationError(
-            f"{place}: {fault}; give tables or folders with them, .mcap files or LeRobot data sets"
+            f"{place}: {fault}; give tables or folders with them, .mcap files or"
+            " LeRobot data sets"
         )
 
 
 def _exported_mapping(source: Source, kind: type[AnyMapping]) -> AnyMapping:
-    """The mapping that `cell export` put beside the tables; ConfigurationError without one."""
+    """The mapping that `cell export` put beside the tables; ConfigurationError without
+    one.
+    """
     content = source.documents.get(MAPPING)
     if content is None:
-        fault = "nothing says which column holds what; give --mapping: --guess proposes one"
+        fault = (
+            "nothing says which column holds what; give --mapping: --guess proposes one"
+        )
         if is_run(source.path):
             fault = "is a run already; `cell gap fit` takes it as it is"
         raise ConfigurationError(f"{source.path}: {fault}")
@@ -231,7 +274,9 @@ def _write_run(source: Source, how: AnyMapping, index: int, target: Path) -> Non
     common = {} if how.condition is None else {"condition": how.condition}
     place = {"index": index} | common | stated  # by default that of the call
     if isinstance(how, SignalMapping):
-        made: dict[str, Content] = {RUN: {"schema": 1, "mechanism": how.mechanism, **place}}
+        made: dict[str, Content] = {
+            RUN: {"schema": 1, "mechanism": how.mechanism, **place}
+        }
         made[SIGNALS] = read_columns(source, how.signals, OF_SIGNALS)
     else:
         made = _fold(source, how, place)
@@ -256,7 +301,11 @@ def _fold(source: Source, how: MappingFile, place: Content) -> dict[str, Content
         ticks |= dict(zip(("contact_x", "contact_t"), placed, strict=True))
     of_run = {"strip", "start", "contact_height", "sigma", "seen_by"}
     return {
-        RUN: {"schema": 1, **how.model_dump(include=of_run, exclude_unset=True), **place},
+        RUN: {
+            "schema": 1,
+            **how.model_dump(include=of_run, exclude_unset=True),
+            **place,
+        },
         TICKS: ticks,
         PROFILE: _profile(source, how, begin, ticks["t"]),
         RESULT: _result(source, how, begin, ticks["t"]),
@@ -264,7 +313,9 @@ def _fold(source: Source, how: MappingFile, place: Content) -> dict[str, Content
 
 
 def _write_film(source: Source, run: Path) -> None:
-    """Give the fold `run` the film of its `source`, if any, each image at the time of its row."""
+    """Give the fold `run` the film of its `source`, if any, each image at the time of
+    its row.
+    """
     images = iter(source.images())
     first = next(images, None)
     if first is None or not (run / TICKS).is_file():  # no image shows a mechanism
@@ -272,11 +323,17 @@ def _write_film(source: Source, run: Path) -> None:
     t = read_run(run).ticks.t.tolist()
     with closing(FrameWriter(run, "key", patient=True, encoder="libx264")) as writer:
         for row, frame in chain([first], images):
-            writer.put(replace(frame, stamp=t[row], arrival=t[row], sequence=row), mark=False)
+            writer.put(
+                replace(frame, stamp=t[row], arrival=t[row], sequence=row), mark=False
+            )
 
 
-def _profile(source: Source, how: MappingFile, begin: float, t: Array) -> dict[str, Array]:
-    """Columns (n,) of the strip's points: t [s], i, x, z [m]; empty where none were measured."""
+def _profile(
+    source: Source, how: MappingFile, begin: float, t: Array
+) -> dict[str, Array]:
+    """Columns (n,) of the strip's points: t [s], i, x, z [m]; empty where none were
+    measured.
+    """
     if how.profile is None:
         return {name: np.empty(0) for name in ("t", "i", "x", "z")}
     points = dict(read_columns(source, how.profile))
@@ -289,14 +346,21 @@ def _profile(source: Source, how: MappingFile, begin: float, t: Array) -> dict[s
     return points
 
 
-def _result(source: Source, how: MappingFile, begin: float, t: Array) -> dict[str, object]:
+def _result(
+    source: Source, how: MappingFile, begin: float, t: Array
+) -> dict[str, object]:
     """Content of result.yaml: the layers' touch, if any, at its time from `begin` [s].
 
-    Raises ConfigurationError for a missing file, where another's name is close to its name.
+    Raises ConfigurationError for a missing file, where another's name is close to its
+    name.
     """
     if how.result is None:
         return {"outcome": "path_done"}
-    used = {source.place(each).name for each in (how.ticks, how.profile, how.contact) if each}
+    used = {
+        source.place(each).name
+        for each in (how.ticks, how.profile, how.contact)
+        if each
+    }
     if (path := source.place(how.result)).exists():
         values = read_columns(source, how.result)
     elif suggestion(how.result.file, {*source.names} - used):
@@ -306,7 +370,9 @@ def _result(source: Source, how: MappingFile, begin: float, t: Array) -> dict[st
     if not (values and all(len(v) and np.isfinite(v).any() for v in values.values())):
         return {"outcome": "path_done"}
     if (rows := max(map(len, values.values()))) > 1:
-        raise ConfigurationError(f"{path}: holds {rows} rows, must hold one: the first touch")
+        raise ConfigurationError(
+            f"{path}: holds {rows} rows, must hold one: the first touch"
+        )
     found = {name: float(column[0]) for name, column in values.items()}
     found["t_layer_touch"] -= begin
     check_clock(np.array([found["t_layer_touch"]]), t, f"{path}: t_layer_touch")

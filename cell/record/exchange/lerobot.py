@@ -1,9 +1,11 @@
-"""Export of runs as a LeRobotDataset v3.0, a frame for each tick, and import of any such set.
+"""Export of runs as a LeRobotDataset v3.0, a frame for each tick, and import of any
+such set.
 
-The data set's clock is nominal, `frame_index / fps`; the exact stamps are the feature `stamp`, and
-those of the images `observation.contact_stamp` and `observation.profile_stamp`. What belongs to the
-frame nearest to its image is NaN in all others. Where all runs were filmed, a frame has the newest
-image, of `observation.camera_stamp`.
+The data set's clock is nominal, `frame_index / fps`; the exact stamps are the feature
+`stamp`, and those of the images `observation.contact_stamp` and
+`observation.profile_stamp`. What belongs to the frame nearest to its image is NaN in
+all others. Where all runs were filmed, a frame has the newest image, of
+`observation.camera_stamp`.
 """
 
 import json
@@ -18,7 +20,14 @@ from typing import Any, NamedTuple
 import numpy as np
 import pyarrow as pa
 
-from cell.record.exchange.mapping import MAPPING, TABLES, Source, Table, documents_of, mapping_of
+from cell.record.exchange.mapping import (
+    MAPPING,
+    TABLES,
+    Source,
+    Table,
+    documents_of,
+    mapping_of,
+)
 from cell.record.files import FILM
 from cell.record.film import Film, FilmWriter
 from cell.record.run import Run
@@ -49,7 +58,9 @@ POINTS_TABLE, POINTS_STAMP = "points", "observation.profile_stamp"
 
 
 class Feature(NamedTuple):
-    """Values (n,) or (n, m) of a quantity in the frames, and names of a vector's components."""
+    """Values (n,) or (n, m) of a quantity in the frames, and names of a vector's
+    components.
+    """
 
     values: Any
     names: list[str] | None = None
@@ -61,7 +72,11 @@ class Feature(NamedTuple):
 
     def stated(self) -> dict[str, Any]:
         """Description of the feature as meta/info.json holds it."""
-        return {"dtype": str(self.values.dtype), "shape": [self.size], "names": self.names}
+        return {
+            "dtype": str(self.values.dtype),
+            "shape": [self.size],
+            "names": self.names,
+        }
 
 
 def write_lerobot(runs: Sequence[Run], out: Path) -> tuple[Path, ...]:
@@ -69,7 +84,12 @@ def write_lerobot(runs: Sequence[Run], out: Path) -> tuple[Path, ...]:
 
     Raises ConfigurationError where their films have images of several sizes.
     """
-    begin, rows, frames, fps = 0, list[dict[str, Any]](), list[dict[str, Feature]](), _rate(runs)
+    begin, rows, frames, fps = (
+        0,
+        list[dict[str, Any]](),
+        list[dict[str, Feature]](),
+        _rate(runs),
+    )
     tasks = list(dict.fromkeys(TASK.format(run.header.strip) for run in runs))
     for i, run in enumerate(runs):
         count = len(run.ticks.t)
@@ -86,7 +106,8 @@ def write_lerobot(runs: Sequence[Run], out: Path) -> tuple[Path, ...]:
     _write(out / TASKS, _tasks(tasks))
     replace_file(out / STATS, json.dumps(stats).encode())
     replace_file(out / INFO, json.dumps(info).encode())
-    mapping = mapping_of(runs, _file_and_column, TABLES[:3])  # the touch is in the documents
+    # the touch is in the documents
+    mapping = mapping_of(runs, _file_and_column, TABLES[:3])
     replace_file(out / "meta" / MAPPING, mapping)
     return (out,)
 
@@ -94,12 +115,17 @@ def write_lerobot(runs: Sequence[Run], out: Path) -> tuple[Path, ...]:
 def _write_films(
     runs: Sequence[Run], rows: Sequence[dict[str, Any]], out: Path, fps: int
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Write a film for each run, and enter its place into the run's row of meta/episodes.
+    """Write a film for each run, and enter its place into the run's row of
+    meta/episodes.
 
-    Returns the images as a feature of meta/info.json, and statistics of their pixels. Raises
-    ConfigurationError for films with images of several sizes.
+    Returns the images as a feature of meta/info.json, and statistics of their pixels.
+    Raises ConfigurationError for films with images of several sizes.
     """
-    samples, film, shape = list[Mapping[str, Feature]](), f"videos/{CAMERA}", tuple[int, ...]()
+    samples, film, shape = (
+        list[Mapping[str, Feature]](),
+        f"videos/{CAMERA}",
+        tuple[int, ...](),
+    )
     for i, (run, row) in enumerate(zip(runs, rows, strict=True)):
         path = out / _fill_pattern(VIDEO, *divmod(i, CHUNK), CAMERA)
         size, sample = _write_film(run, path, fps)
@@ -110,13 +136,20 @@ def _write_films(
             )
         shape = size
         samples.append({CAMERA: sample})
-        ends = {f"{film}/from_timestamp": 0.0, f"{film}/to_timestamp": row["length"] / fps}
+        ends = {
+            f"{film}/from_timestamp": 0.0,
+            f"{film}/to_timestamp": row["length"] / fps,
+        }
         row.update(_place(film, i) | ends)
     stats = {
         name: values if name == "count" else [[[value]] for value in values]
         for name, values in _stats(samples)[CAMERA].items()
     }
-    return {"dtype": "video", "shape": list(shape), "names": ["height", "width", "channels"]}, stats
+    return {
+        "dtype": "video",
+        "shape": list(shape),
+        "names": ["height", "width", "channels"],
+    }, stats
 
 
 def _file_and_column(table: str, column: str) -> tuple[str, str]:
@@ -133,14 +166,18 @@ def _file_and_column(table: str, column: str) -> tuple[str, str]:
 
 
 def _features(run: Run, runs: Sequence[Run]) -> dict[str, Feature]:
-    """Features of the frames by LeRobot's names; columns of motion only if all `runs` have them."""
+    """Features of the frames by LeRobot's names; columns of motion only if all `runs`
+    have them.
+    """
     found = dict[str, Feature]()
     ticks = run.tables()["ticks"]
     shared = set.intersection(*({*other.tables()["ticks"]} for other in runs))
     for name, columns in VECTORS.items():
         there = [column for column in columns if column in shared]
         if there:
-            found[name] = Feature(np.stack([ticks[column] for column in there], axis=1), there)
+            found[name] = Feature(
+                np.stack([ticks[column] for column in there], axis=1), there
+            )
     found["stamp"] = Feature(np.asarray(ticks["t"]))
     if any("contact" in other.tables() for other in runs):
         seen = run.tables().get("contact", {"t": np.empty(0), "contact_x": np.empty(0)})
@@ -148,33 +185,42 @@ def _features(run: Run, runs: Sequence[Run]) -> dict[str, Feature]:
         found["observation.contact_stamp"] = _at_frames(run, seen["t"], seen["t"])
     if all(other.film_stamps() for other in runs):
         stamps = run.film_stamps()
-        found[CAMERA_STAMP] = Feature(np.array([stamps[number] for number in _newest_images(run)]))
+        found[CAMERA_STAMP] = Feature(
+            np.array([stamps[number] for number in _newest_images(run)])
+        )
     curves = [curve for other in runs for _, curve in other.profile.curves()]
     points = max(map(len, curves), default=0)
     return found | (_curves(run, points) if points else {})
 
 
 def _curves(run: Run, points: int) -> dict[str, Feature]:
-    """Curves of up to `points` points in the frames nearest to their images, and their stamps."""
+    """Curves of up to `points` points in the frames nearest to their images, and their
+    stamps.
+    """
     curves = run.profile.curves()
     stamps = np.array([stamp for stamp, _ in curves])
     padded = np.full((len(curves), points, 2), np.nan)
     for row, (_, curve) in zip(padded, curves, strict=True):
         row[: len(curve)] = curve
     names = [str(i) for i in range(points)]
-    x, z = (_at_frames(run, stamps, padded[..., axis])._replace(names=names) for axis in (0, 1))
+    x, z = (
+        _at_frames(run, stamps, padded[..., axis])._replace(names=names)
+        for axis in (0, 1)
+    )
     found = {"observation.profile_x": x, "observation.profile_z": z}
     return {POINTS_STAMP: _at_frames(run, stamps, stamps)} | found
 
 
 def _at_frames(run: Run, stamps: Array, values: Array) -> Feature:
-    """Feature of `values` (k, ...) at the frames nearest to their `stamps` (k,), NaN at others."""
+    """Feature of `values` (k, ...) at the frames nearest to their `stamps` (k,), NaN at
+    others.
+    """
     t = run.ticks.t
     rows = place_rows(t, stamps)
     if len(np.unique(rows)) < len(rows):
         raise ConfigurationError(
-            f"{run.folder}: two images belong to one row of ticks.parquet; LeRobot keeps one "
-            "a frame: export it as mcap or csv"
+            f"{run.folder}: two images belong to one row of ticks.parquet; LeRobot"
+            " keeps one a frame: export it as mcap or csv"
         )
     found = np.full((len(t), *values.shape[1:]), np.nan)
     found[rows] = values
@@ -182,7 +228,9 @@ def _at_frames(run: Run, stamps: Array, values: Array) -> Feature:
 
 
 def _newest_images(run: Run) -> list[int]:
-    """Film number of the newest image at each row (n,) of ticks; before any, the first image's."""
+    """Film number of the newest image at each row (n,) of ticks; before any, the first
+    image's.
+    """
     stamps = run.film_stamps()
     newest = np.searchsorted(list(stamps.values()), run.ticks.t, side="right") - 1
     numbers = list(stamps)
@@ -195,7 +243,12 @@ def _write_film(run: Run, path: Path, fps: int) -> tuple[tuple[int, ...], Featur
     Raises ConfigurationError for a run whose film breaks off.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    counts, row, sample, shape = Counter(_newest_images(run)), 0, list[Array](), tuple[int, ...]()
+    counts, row, sample, shape = (
+        Counter(_newest_images(run)),
+        0,
+        list[Array](),
+        tuple[int, ...](),
+    )
     with FilmWriter(path) as film:
         for number, frame in enumerate(Film(run.folder / FILM).frames()):
             for _ in range(counts[number]):
@@ -203,21 +256,28 @@ def _write_film(run: Run, path: Path, fps: int) -> tuple[tuple[int, ...], Featur
                 row += 1
             if counts[number]:
                 shape = frame.image.shape
-                sample.append(frame.image[::SAMPLE, ::SAMPLE, ::-1].reshape(-1, 3) / 255)
+                sample.append(
+                    frame.image[::SAMPLE, ::SAMPLE, ::-1].reshape(-1, 3) / 255
+                )
     if row < counts.total():
         raise ConfigurationError(
-            f"{run.folder / FILM}: breaks off before the run's end; delete it to export "
-            "without a film"
+            f"{run.folder / FILM}: breaks off before the run's end; delete it to export"
+            " without a film"
         )
     return shape, Feature(np.concatenate(sample))
 
 
 def _place(kind: str, number: int) -> dict[str, int]:
     """Columns of meta/episodes that name the file of a `kind` by its `number`."""
-    return {f"{kind}/chunk_index": number // CHUNK, f"{kind}/file_index": number % CHUNK}
+    return {
+        f"{kind}/chunk_index": number // CHUNK,
+        f"{kind}/file_index": number % CHUNK,
+    }
 
 
-def _counters(episode: int, begin: int, count: int, fps: int, task: int) -> dict[str, Feature]:
+def _counters(
+    episode: int, begin: int, count: int, fps: int, task: int
+) -> dict[str, Feature]:
     frame = np.arange(count)
     found = {"timestamp": (frame / fps).astype(np.float32), "frame_index": frame}
     found |= {"episode_index": np.full(count, episode), "index": begin + frame}
@@ -226,10 +286,18 @@ def _counters(episode: int, begin: int, count: int, fps: int, task: int) -> dict
 
 
 def _table(features: Mapping[str, Feature]) -> pa.Table:
-    """Table of the frames: scalar columns for one component, else lists of fixed size."""
-    flat = {name: pa.array(feature.values.ravel()) for name, feature in features.items()}
-    sizes = {name: feature.size for name, feature in features.items() if feature.size > 1}
-    lists = {n: pa.FixedSizeListArray.from_arrays(flat[n], size) for n, size in sizes.items()}
+    """Table of the frames: scalar columns for one component, else lists of fixed
+    size.
+    """
+    flat = {
+        name: pa.array(feature.values.ravel()) for name, feature in features.items()
+    }
+    sizes = {
+        name: feature.size for name, feature in features.items() if feature.size > 1
+    }
+    lists = {
+        n: pa.FixedSizeListArray.from_arrays(flat[n], size) for n, size in sizes.items()
+    }
     return pa.table(flat | lists)
 
 
@@ -250,14 +318,26 @@ def _episode_row(run: Run, i: int, begin: int, count: int) -> dict[str, Any]:
 
 
 def _tasks(tasks: Sequence[str]) -> pa.Table:
-    """Table of task texts and their numbers, with the text as index of a pandas frame."""
+    """Table of task texts and their numbers, with the text as index of a pandas
+    frame.
+    """
     columns = [
-        {"name": name, "field_name": name, "pandas_type": pandas, "numpy_type": numpy,
-         "metadata": None}
-        for name, pandas, numpy in (("task_index", "int64", "int64"), ("task", "unicode", "object"))
-    ]  # fmt: skip
+        {
+            "name": name,
+            "field_name": name,
+            "pandas_type": pandas,
+            "numpy_type": numpy,
+            "metadata": None,
+        }
+        for name, pandas, numpy in (
+            ("task_index", "int64", "int64"),
+            ("task", "unicode", "object"),
+        )
+    ]
     stated = {"index_columns": ["task"], "column_indexes": [], "columns": columns}
-    table = pa.table({"task_index": pa.array(range(len(tasks)), pa.int64()), "task": tasks})
+    table = pa.table(
+        {"task_index": pa.array(range(len(tasks)), pa.int64()), "task": tasks}
+    )
     return table.replace_schema_metadata({"pandas": json.dumps(stated)})
 
 
@@ -276,7 +356,9 @@ def _stats(each: Sequence[Mapping[str, Feature]]) -> dict[str, Any]:
 def _info(
     runs: Sequence[Run], features: Mapping[str, Feature], frames: int, tasks: int
 ) -> dict[str, Any]:
-    """Contents of meta/info.json for `runs` with these `features`, numbers of frames and tasks."""
+    """Contents of meta/info.json for `runs` with these `features`, numbers of frames
+    and tasks.
+    """
     drivers = runs[0].header.drivers
     return {
         "codebase_version": FORMAT_VERSION,
@@ -302,7 +384,9 @@ def _rate(runs: Sequence[Run]) -> int:
 
 
 def _fill_pattern(pattern: str, chunk: int, file: int, camera: str = "") -> str:
-    """Path of a data file: the `pattern` of meta/info.json with its known fields filled in."""
+    """Path of a data file: the `pattern` of meta/info.json with its known fields filled
+    in.
+    """
     numbers = {"chunk_index": str(chunk), "file_index": str(file), "video_key": camera}
     return PLACE.sub(lambda found: numbers[found[1]].zfill(int(found[2] or 0)), pattern)
 
@@ -314,10 +398,12 @@ def _write(path: Path, table: pa.Table) -> None:
 
 @dataclass(frozen=True)
 class Episode(Source):
-    """An episode of a data set as a run: its table `episode`, and maybe `points` and a film.
+    """An episode of a data set as a run: its table `episode`, and maybe `points` and a
+    film.
 
-    The table `episode` holds the frames, with a column for each component of a vector; `points` are
-    those of the strip in an exported run. The episode begins at `begin` [s] of its `film`.
+    The table `episode` holds the frames, with a column for each component of a vector;
+    `points` are those of the strip in an exported run. The episode begins at `begin`
+    [s] of its `film`.
     """
 
     path: Path
@@ -330,7 +416,9 @@ class Episode(Source):
     info: Mapping[str, Any]
 
     def images(self) -> Iterator[tuple[int, Frame]]:
-        """Yield images (h, w, 3) of the film, each with its row of the frames, without repeats."""
+        """Yield images (h, w, 3) of the film, each with its row of the frames, without
+        repeats.
+        """
         rows = set(range(len(self.frames)))
         if CAMERA_STAMP in self.frames.column_names:
             taken = np.unique(self.frames[CAMERA_STAMP].to_numpy())
@@ -348,14 +436,20 @@ class Episode(Source):
             raise self.missing(how)
         if how.file == POINTS_TABLE:
             return self._points()
-        vectors = {name: feature.get("names") for name, feature in self.info["features"].items()}
+        vectors = {
+            name: feature.get("names")
+            for name, feature in self.info["features"].items()
+        }
         return unnest(self.frames, vectors)
 
     def _points(self) -> pa.Table:
-        """Table of the strip's measured points in the episode: t [s], i, x and z [m]."""
+        """Table of the strip's measured points in the episode: t [s], i, x and z
+        [m].
+        """
         names = (f"observation.profile_{axis}" for axis in "xz")
         x, z = (
-            np.array([*map(np.asarray, unnest(self.frames.select([n])).columns)]) for n in names
+            np.array([*map(np.asarray, unnest(self.frames.select([n])).columns)])
+            for n in names
         )
         row, i = np.nonzero(np.isfinite(x.T))
         stamp = self.frames[POINTS_STAMP].to_numpy()
@@ -365,30 +459,43 @@ class Episode(Source):
 def episodes(root: Path) -> Iterator[Episode]:
     """Yield the episodes of the data set at `root`, each with its own frames.
 
-    Raises ConfigurationError for a data set of another version, or one that is not whole.
+    Raises ConfigurationError for a data set of another version, or one that is not
+    whole.
     """
     info = read_json(root / INFO)
     if not str(info.get("codebase_version", "")).startswith("v3."):
         raise ConfigurationError(
-            f"{root / INFO}: codebase_version: is {info.get('codebase_version')!r}, must be v3.x; "
-            "convert it with LeRobot's own script"
+            f"{root / INFO}: codebase_version: is {info.get('codebase_version')!r},"
+            " must be v3.x; convert it with LeRobot's own script"
         )
     features = info.get("features")
-    if not (isinstance(features, dict) and all(isinstance(f, dict) for f in features.values())):
-        raise ConfigurationError(f"{root / INFO}: features: must map each name to a description")
+    if not (
+        isinstance(features, dict)
+        and all(isinstance(f, dict) for f in features.values())
+    ):
+        raise ConfigurationError(
+            f"{root / INFO}: features: must map each name to a description"
+        )
     read = lru_cache(maxsize=1)(read_parquet)  # a file holds many episodes
     for path in sorted((root / "meta" / "episodes").glob("*/*.parquet")):
         for row in read_parquet(path).to_pylist():
             try:
                 yield _read_episode(root, info, row, read)
             except (KeyError, TypeError, ValueError) as error:
-                raise ConfigurationError(f"{path}: a row is not whole: {error}") from None
+                raise ConfigurationError(
+                    f"{path}: a row is not whole: {error}"
+                ) from None
 
 
 def _read_episode(
-    root: Path, info: Mapping[str, Any], row: Mapping[str, Any], read: Callable[[Path], pa.Table]
+    root: Path,
+    info: Mapping[str, Any],
+    row: Mapping[str, Any],
+    read: Callable[[Path], pa.Table],
 ) -> Episode:
-    """Episode of a `row` of meta/episodes; KeyError, TypeError, ValueError for one not whole."""
+    """Episode of a `row` of meta/episodes; KeyError, TypeError, ValueError for one not
+    whole.
+    """
     path = _path_in_set(root, info.get("data_path") or DATA, "data", row)
     name = str(row.get("cell/name") or f"episode-{row['episode_index']:06d}")
     if name == ".." or Path(name).name != name:
@@ -399,8 +506,12 @@ def _read_episode(
     documents |= {key.removeprefix("cell/"): str(row[key]).encode() for key in ours}
     frames = read(path)
     points = [POINTS_TABLE] if POINTS_STAMP in frames.column_names else []
-    frames = frames.filter(pa.array(np.asarray(frames["episode_index"]) == row["episode_index"]))
-    videos = (name for name, each in info["features"].items() if each.get("dtype") == "video")
+    frames = frames.filter(
+        pa.array(np.asarray(frames["episode_index"]) == row["episode_index"])
+    )
+    videos = (
+        name for name, each in info["features"].items() if each.get("dtype") == "video"
+    )
     cameras = (f"videos/{name}" for name in videos)
     camera = next((place for place in cameras if f"{place}/file_index" in row), "")
     pattern = info.get("video_path") or VIDEO
@@ -410,11 +521,16 @@ def _read_episode(
 
 
 def _path_in_set(root: Path, pattern: str, place: str, row: Mapping[str, Any]) -> Path:
-    """Path of an episode's `data` or `videos/CAMERA`; ConfigurationError for one out of the set."""
+    """Path of an episode's `data` or `videos/CAMERA`; ConfigurationError for one out of
+    the set.
+    """
     kind, _, camera = place.partition("s/")
-    path = _fill_pattern(pattern, row[f"{place}/chunk_index"], row[f"{place}/file_index"], camera)
+    path = _fill_pattern(
+        pattern, row[f"{place}/chunk_index"], row[f"{place}/file_index"], camera
+    )
     if Path(path).is_absolute() or ".." in Path(path).parts:
         raise ConfigurationError(
-            f"{root / INFO}: {kind}_path: {path!r} leads out of the data set; give a path in it"
+            f"{root / INFO}: {kind}_path: {path!r} leads out of the data set; give a"
+            " path in it"
         )
     return root / path

@@ -1,8 +1,10 @@
-"""Export of runs as MCAP files with exact stamps, and import of any MCAP file, even truncated.
+"""Export of runs as MCAP files with exact stamps, and import of any MCAP file, even
+truncated.
 
-Numbers of a run are JSON: a message for each row, and for each curve of the profile; `t` is the
-exact stamp [s], the log time that of the file's nanoseconds. What Foxglove draws has its schemas:
-film and kept images, the strip as a line, the gripper as a transform, events as a log.
+Numbers of a run are JSON: a message for each row, and for each curve of the profile;
+`t` is the exact stamp [s], the log time that of the file's nanoseconds. What Foxglove
+draws has its schemas: film and kept images, the strip as a line, the gripper as a
+transform, events as a log.
 """
 
 import json
@@ -31,7 +33,13 @@ from mcap_ros2.decoder import DecoderFactory as Cdr
 from zstandard import ZstdError
 
 from cell.record.events import EVERY_FRAME, log_text
-from cell.record.exchange.mapping import MAPPING, Source, Table, documents_of, mapping_of
+from cell.record.exchange.mapping import (
+    MAPPING,
+    Source,
+    Table,
+    documents_of,
+    mapping_of,
+)
 from cell.record.files import FILM
 from cell.record.film import Film
 from cell.record.frames import encode
@@ -42,14 +50,18 @@ from drivers.readers import MEGABYTE, read_bytes
 
 LARGEST_FILE = 1024 * MEGABYTE
 NANOSECONDS = 1_000_000_000  # ns
-ATTACHMENT_TIME = 3600 * NANOSECONDS  # of log time at t = 0: an image from before has a time too
+# of log time at t = 0: an image from before has a time too
+ATTACHMENT_TIME = 3600 * NANOSECONDS
 LOG_TIME = "log_time"  # s, a column of every topic
-TIMES = ({"nanosec", "sec"}, {"nsec", "sec"}, {"nanos", "seconds"})  # ROS 2, JSON, protobuf
+# ROS 2, JSON, protobuf
+TIMES = ({"nanosec", "sec"}, {"nsec", "sec"}, {"nanos", "seconds"})
 Row = dict[str, Any]
 
 
 def write_mcap(runs: Sequence[Run], out: Path) -> tuple[Path, ...]:
-    """Write a file for each run into the folder `out`, documents and mapping as attachments."""
+    """Write a file for each run into the folder `out`, documents and mapping as
+    attachments.
+    """
     paths = tuple(out / f"{run.name}.mcap" for run in runs)
     for run, path in zip(runs, paths, strict=True):
         with replacing(path) as scratch, scratch.open("wb") as file:
@@ -67,12 +79,17 @@ def write_mcap(runs: Sequence[Run], out: Path) -> tuple[Path, ...]:
 
 
 def _write_numbers(writer: Writer, run: Run) -> None:
-    """Write each table of the run to its own topic, with a message per row or profile."""
+    """Write each table of the run to its own topic, with a message per row or
+    profile.
+    """
     for table, columns in run.tables().items():
         numbers: Row = {name: {"type": "number"} for name in columns}
         if table == "profile":
             point = {"type": "object", "properties": numbers}
-            numbers = {"t": numbers.pop("t"), "points": {"type": "array", "items": point}}
+            numbers = {
+                "t": numbers.pop("t"),
+                "points": {"type": "array", "items": point},
+            }
         text = json.dumps({"type": "object", "properties": numbers}).encode()
         schema = writer.register_schema(f"cell.{table}", "jsonschema", text)
         channel = writer.register_channel(f"/{table}", "json", schema)
@@ -89,7 +106,10 @@ def _write_numbers(writer: Writer, run: Run) -> None:
 def _curves(points: list[Row]) -> Iterator[Row]:
     """A message for each image of the profile, with all of its points."""
     for t, group in groupby(points, lambda point: point["t"]):
-        yield {"t": t, "points": [{k: v for k, v in point.items() if k != "t"} for point in group]}
+        yield {
+            "t": t,
+            "points": [{k: v for k, v in point.items() if k != "t"} for point in group],
+        }
 
 
 def _write_drawings(writer: Writer, run: Run) -> None:
@@ -106,25 +126,42 @@ def _write_drawings(writer: Writer, run: Run) -> None:
 
 
 def _drawings(run: Run) -> Iterator[tuple[str, float, Any]]:
-    """Topics, stamps [s] and messages of film, images, strip, gripper and events of a run."""
+    """Topics, stamps [s] and messages of film, images, strip, gripper and events of a
+    run.
+    """
     stamps = run.film_stamps()
     for number, data in enumerate(Film(run.folder / FILM).packets() if stamps else ()):
         if number in stamps:
             video = CompressedVideo(format="h264", data=data, frame_id="camera")
             yield "/camera/film", stamps[number], video
     for frame in run.frames():
-        image = CompressedImage(format="png", data=encode(frame.image), frame_id="camera")
+        image = CompressedImage(
+            format="png", data=encode(frame.image), frame_id="camera"
+        )
         yield "/camera/image", frame.stamp, image
     for stamp, curve in run.profile.curves():
         points = [{"x": x, "z": z} for x, z in curve.tolist()]
-        line = {"points": points, "thickness": 4, "scale_invariant": True, "color": {"a": 1}}
+        line = {
+            "points": points,
+            "thickness": 4,
+            "scale_invariant": True,
+            "color": {"a": 1},
+        }
         entity: Any = {"frame_id": "cell", "id": "strip", "lines": [line]}
         yield "/strip", stamp, SceneUpdate(entities=[entity])
     ticks = run.ticks
     half_turns = np.nan_to_num(ticks.pitch) / 2  # about y, from x along the strip down
-    for t, x, z, half in np.column_stack([ticks.t, ticks.x, ticks.z, half_turns]).tolist():
-        pose = Row(translation={"x": x, "z": z}, rotation={"y": sin(half), "w": cos(half)})
-        yield "/tf", t, FrameTransform(parent_frame_id="cell", child_frame_id="gripper", **pose)
+    for t, x, z, half in np.column_stack(
+        [ticks.t, ticks.x, ticks.z, half_turns]
+    ).tolist():
+        pose = Row(
+            translation={"x": x, "z": z}, rotation={"y": sin(half), "w": cos(half)}
+        )
+        yield (
+            "/tf",
+            t,
+            FrameTransform(parent_frame_id="cell", child_frame_id="gripper", **pose),
+        )
     for event in run.events():
         if event.kind not in EVERY_FRAME:
             level = Log.ERROR if event.kind == "fault" else Log.INFO
@@ -137,7 +174,9 @@ def _log_time(t: float) -> int:
 
 
 class McapFile(Source):
-    """A run in an MCAP file, a table per topic; a truncated file gives its whole chunks."""
+    """A run in an MCAP file, a table per topic; a truncated file gives its whole
+    chunks.
+    """
 
     def __init__(self, path: Path) -> None:
         """Read attachments and topic names of the MCAP file at `path`."""
@@ -149,9 +188,10 @@ class McapFile(Source):
     def table(self, how: Table[Any]) -> pa.Table:
         """Messages of a topic as rows in the order of their `log_time` [s].
 
-        Nested fields are joined by dots, numbers of a list have their index as name, and a list of
-        objects gives a row for each. Rows without any of the wanted columns are left out. Raises
-        ConfigurationError for a topic that is not there or cannot be decoded.
+        Nested fields are joined by dots, numbers of a list have their index as name,
+        and a list of objects gives a row for each. Rows without any of the wanted
+        columns are left out. Raises ConfigurationError for a topic that is not there or
+        cannot be decoded.
         """
         if (topic := how.file) not in self.names:
             raise self.missing(how)
@@ -160,25 +200,35 @@ class McapFile(Source):
         useful = [row for row in rows if wanted & row.keys()]
         if unread and not useful:
             raise ConfigurationError(
-                f"{self.path}: topic {topic!r}: its messages are {', '.join(sorted(unread))}; "
-                "JSON, protobuf, and CDR with a schema in ros2msg are read"
+                f"{self.path}: topic {topic!r}: its messages are"
+                f" {', '.join(sorted(unread))}; JSON, protobuf, and CDR with a schema"
+                " in ros2msg are read"
             )
         names = dict.fromkeys(name for row in useful or rows for name in row)
-        return pa.table({n: _column([row.get(n) for row in useful or rows]) for n in names})
+        return pa.table(
+            {n: _column([row.get(n) for row in useful or rows]) for n in names}
+        )
 
     def _rows(self, topic: str) -> tuple[list[Row], set[str]]:
-        """Rows of the messages of `topic`, and the encodings of those that cannot be decoded."""
+        """Rows of the messages of `topic`, and the encodings of those that cannot be
+        decoded.
+        """
         rows, unread, decoders = [], set[str](), (Protobuf(), Cdr())
         of_topic = (found for found in self._messages() if found[1].topic == topic)
-        for message, channel, schema in sorted(of_topic, key=lambda found: found[0].log_time):
+        for message, channel, schema in sorted(
+            of_topic, key=lambda found: found[0].log_time
+        ):
             encoding = channel.message_encoding
             try:
                 each = (factory.decoder_for(encoding, schema) for factory in decoders)
-                decode = json.loads if encoding == "json" else next(filter(None, each), None)
+                decode = (
+                    json.loads if encoding == "json" else next(filter(None, each), None)
+                )
                 parts = [] if decode is None else flat(decode(message.data))
             except Exception as error:  # noqa: BLE001  whatever a decoder raises for foreign bytes
                 raise ConfigurationError(
-                    f"{self.path}: topic {topic!r}: a message is not whole {encoding}: {error}"
+                    f"{self.path}: topic {topic!r}: a message is not whole {encoding}:"
+                    f" {error}"
                 ) from None
             if decode is None:
                 unread.add(f"{encoding} {schema.encoding if schema else ''}".strip())
@@ -186,7 +236,9 @@ class McapFile(Source):
         return rows, unread
 
     def _messages(self) -> Iterator[tuple[Message, Channel, Schema | None]]:
-        """Messages in the order of the file, with channel and schema; attachments are kept."""
+        """Messages in the order of the file, with channel and schema; attachments are
+        kept.
+        """
         schemas, channels = dict[int, Schema](), dict[int, Channel]()
         reader = StreamReader(BytesIO(self._content), record_size_limit=LARGEST_FILE)
         try:
@@ -209,19 +261,26 @@ class McapFile(Source):
 
 
 def flat(message: object) -> list[Row]:
-    """Flatten a decoded message to rows of scalars: one per object in its lists, else one."""
+    """Flatten a decoded message to rows of scalars: one per object in its lists, else
+    one.
+    """
     scalars, rows = Row(), list[Row]()
     for name, value in _fields(message).items():
         inner = _fields(value)
         if isinstance(value, Sequence) and not isinstance(value, str | bytes):
             objects = [(i, item) for i, item in enumerate(value) if _fields(item)]
             rows += [{"i": i, **row} for i, item in objects for row in flat(item)]
-            scalars |= {f"{name}.{i}": item for i, item in enumerate(value) if not _fields(item)}
+            scalars |= {
+                f"{name}.{i}": item for i, item in enumerate(value) if not _fields(item)
+            }
         elif inner.keys() in TIMES:
             nanoseconds, seconds = (inner[part] for part in sorted(inner))
             scalars[name] = seconds + 1e-9 * nanoseconds
         elif inner:
-            nested = [{f"{name}.{key}": part for key, part in row.items()} for row in flat(value)]
+            nested = [
+                {f"{name}.{key}": part for key, part in row.items()}
+                for row in flat(value)
+            ]
             if len(nested) == 1:
                 scalars |= nested[0]
             else:

@@ -1,1 +1,3 @@
-"""Recordings of runs and wizards for the viewer Rerun: live, saved, or from the record."""
+"""Recordings of runs and wizards for the viewer Rerun: live, saved, or from the
+record.
+"""

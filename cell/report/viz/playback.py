@@ -1,4 +1,6 @@
-"""Playback of a recorded run: its ticks and log lines in order of time, for a viewer."""
+"""Playback of a recorded run: its ticks and log lines in order of time, for a
+viewer.
+"""
 
 import heapq
 from collections.abc import Iterator
@@ -20,10 +22,11 @@ Item = TypeVar("Item")
 
 @dataclass(frozen=True, slots=True)
 class TickView:
-    """Tick of a run for display, with the measurement, image and prediction that are new at it.
+    """Tick of a run for display, with the measurement, image and prediction that are
+    new at it.
 
-    `clock` [s], `t` since the lift [s] (NaN before), gripper `pose` (3,); `outlook` is a row of
-    `cell.record.events`.
+    `clock` [s], `t` since the lift [s] (NaN before), gripper `pose` (3,); `outlook` is
+    a row of `cell.record.events`.
     """
 
     clock: float
@@ -50,7 +53,12 @@ def moments_of(run: Run) -> Iterator[TickView | LogLine]:
     """Yield ticks and log lines of a run in the order of time."""
     origin = run.origin()
     log: Iterator[TickView | LogLine] = (
-        LogLine(event.t + origin, log_text(event.kind, event.facts), event.kind == "fault", event.t)
+        LogLine(
+            event.t + origin,
+            log_text(event.kind, event.facts),
+            event.kind == "fault",
+            event.t,
+        )
         for event in sorted(run.events(), key=lambda event: event.t)
         if event.kind not in EVERY_FRAME
     )
@@ -59,12 +67,16 @@ def moments_of(run: Run) -> Iterator[TickView | LogLine]:
 
 
 def _ticks(run: Run, origin: float) -> Iterator[TickView]:
-    """Yield the run's ticks with what is new at each, first images from before t = 0."""
+    """Yield the run's ticks with what is new at each, first images from before t =
+    0.
+    """
     frames = iter(()) if (run.folder / FILM).is_file() else run.frames()
     frame = next(frames, None)
     while frame is not None and frame.stamp < 0:
         clock = frame.stamp + origin  # before t = 0, gripper and state are not recorded
-        yield TickView(clock, t=nan, tick=0, state="", pose=np.full(3, nan), image=frame.image)
+        yield TickView(
+            clock, t=nan, tick=0, state="", pose=np.full(3, nan), image=frame.image
+        )
         frame = next(frames, None)
     ticks = run.ticks
     outlook = Outlook.from_events(run.events())
@@ -89,8 +101,12 @@ def _ticks(run: Run, origin: float) -> Iterator[TickView]:
         )
 
 
-def _newest_at(times: Array, stamped: Iterator[tuple[float, Item]]) -> Iterator[Item | None]:
-    """Yield for each of `times` (n,) [s] the newest item stamped since the one before, or None."""
+def _newest_at(
+    times: Array, stamped: Iterator[tuple[float, Item]]
+) -> Iterator[Item | None]:
+    """Yield for each of `times` (n,) [s] the newest item stamped since the one before,
+    or None.
+    """
     following = next(stamped, None)
     for t in times:
         newest: Item | None = None

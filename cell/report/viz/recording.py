@@ -1,6 +1,7 @@
 """Recording of a run for the viewer Rerun, written during the run or from its record.
 
-A strip simulated by its model, driven by the measured gripper, is drawn beside the measured one.
+A strip simulated by its model, driven by the measured gripper, is drawn beside the
+measured one.
 """
 
 import math
@@ -48,36 +49,53 @@ TIP_RGBA = 0x6ED25AFF
 MM = 1e3  # per m: lengths are shown in mm
 TO_VIEW = np.array([MM, -MM])  # of a flat view, whose second axis points down
 HAND_SIGNALS = {"along/gripper_x": HAND_RGBA, "above/gripper_z": HAND_RGBA}
-SEEN_SIGNALS = {"along/contact_x": CONTACT_RGBA, "along/tip_x": TIP_RGBA, "above/tip_z": TIP_RGBA}
+SEEN_SIGNALS = {
+    "along/contact_x": CONTACT_RGBA,
+    "along/tip_x": TIP_RGBA,
+    "above/tip_z": TIP_RGBA,
+}
 SEEN_SIGNALS |= {"above/gap": SEEN_RGBA}
 OUTLOOK_SIGNALS = {f"outlook/{name}": MODEL_RGBA for name in COLUMN_NAMES}
 OUTLOOK_SIGNALS["outlook/displacement"] = SEEN_RGBA
 # units: mm, ms, 1/m
-SIGNAL_SCALES = {name: 1.0 if "yield_curvature" in name else MM for name in OUTLOOK_SIGNALS}
-STATE_COLOURS = {state: int(shade[1:] + "ff", 16) for state, shade in STATE_SHADES.items()}
+SIGNAL_SCALES = {
+    name: 1.0 if "yield_curvature" in name else MM for name in OUTLOOK_SIGNALS
+}
+STATE_COLOURS = {
+    state: int(shade[1:] + "ff", 16) for state, shade in STATE_SHADES.items()
+}
 STEP = 0.005  # s of the simulated rod
 TIME_ROUNDING = 1e-9  # s
 SEGMENTS = 60  # of the simulated rod
-LONGEST_START, LONGEST_GAP = 10.0, 1.0  # s without a measured gripper, where the model ends
+# s without a measured gripper, where the model ends
+LONGEST_START, LONGEST_GAP = 10.0, 1.0
 LIFTED_HEIGHT = 0.02  # m, above which a strip's first pose is one that hangs
 NO_SHAPE = np.empty((0, 2))
 
 
 def viz_from_run(folder: Path) -> Path:
-    """Write the Rerun recording of the run in `folder` from its record; returns its path.
+    """Write the Rerun recording of the run in `folder` from its record; returns its
+    path.
 
-    Broken parts of the record are left out. Raises ConfigurationError for a folder that cannot be
-    read as a run or cannot be written, and for a run under way.
+    Broken parts of the record are left out. Raises ConfigurationError for a folder that
+    cannot be read as a run or cannot be written, and for a run under way.
     """
     run = read_broken_run(folder)
     if is_under_way(folder):
         raise ConfigurationError(f"{folder}: is still under way; let it finish")
     path = folder / RECORDING
     stated = run.header.strip_file
-    strip = None if stated is None else parse(stated, StripFile, f"{folder / RUN}: strip_file")
+    strip = (
+        None
+        if stated is None
+        else parse(stated, StripFile, f"{folder / RUN}: strip_file")
+    )
     try:
         layout = blueprint(filmed=(folder / FILM).is_file())
-        with replacing(path) as scratch, open_recording("cell", scratch, layout) as recording:
+        with (
+            replacing(path) as scratch,
+            open_recording("cell", scratch, layout) as recording,
+        ):
             screen = Screen(recording, run.calibration(), strip)
             for item in moments_of(run):
                 screen.draw(item)
@@ -95,16 +113,21 @@ def viz_from_run(folder: Path) -> Path:
 def open_recording(
     application: str, path: Path, layout: rrb.Blueprint, *, live: bool = False
 ) -> Iterator[rr.RecordingStream]:
-    """Open a Rerun recording with a `layout` in the file at `path`; complete after the block.
+    """Open a Rerun recording with a `layout` in the file at `path`; complete after the
+    block.
 
-    `live` also serves it on loopback and starts Rerun's viewer there. Raises OSError, RuntimeError
-    or ValueError where the file cannot be written.
+    `live` also serves it on loopback and starts Rerun's viewer there. Raises OSError,
+    RuntimeError or ValueError where the file cannot be written.
     """
-    recording = rr.RecordingStream(application, recording_id=ascii(path.parent.name).strip("'"))
+    recording = rr.RecordingStream(
+        application, recording_id=ascii(path.parent.name).strip("'")
+    )
     servers = []
     if live:
         memory = SERVER_MEMORY
-        servers = [rr.GrpcServerSink("127.0.0.1", free_port(), server_memory_limit=memory)]
+        servers = [
+            rr.GrpcServerSink("127.0.0.1", free_port(), server_memory_limit=memory)
+        ]
     with saving(recording, path, *servers):
         for server in servers:
             with suppress(OSError):  # without a viewer the file is still written
@@ -114,9 +137,13 @@ def open_recording(
 
 
 def open_viewer(address: str) -> None:
-    """Start Rerun's viewer on `address` as an independent process that reports no usage."""
+    """Start Rerun's viewer on `address` as an independent process that reports no
+    usage.
+    """
     command = [sys.executable, "-m", "rerun_cli"]
-    quiet: dict[str, Any] = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
+    quiet: dict[str, Any] = dict.fromkeys(
+        ("stdin", "stdout", "stderr"), subprocess.DEVNULL
+    )
     quiet["env"] = {**os.environ, "XDG_CONFIG_HOME": str(cache_folder() / "viewer")}
     subprocess.run([*command, "analytics", "disable"], check=False, **quiet)  # noqa: S603  ours
     arguments = ("--connect", address, "--memory-limit", VIEWER_MEMORY)
@@ -124,7 +151,9 @@ def open_viewer(address: str) -> None:
 
 
 class Signals:
-    """Group of signals of a recording, buffered over ticks and sent to it in one piece."""
+    """Group of signals of a recording, buffered over ticks and sent to it in one
+    piece.
+    """
 
     def __init__(self, names: Iterable[str]) -> None:
         self._names = tuple(names)
@@ -157,7 +186,9 @@ class Signals:
 
 
 class Screen:
-    """Writer of ticks and log lines into a Rerun recording, which owns its entity paths."""
+    """Writer of ticks and log lines into a Rerun recording, which owns its entity
+    paths.
+    """
 
     def __init__(
         self,
@@ -165,7 +196,9 @@ class Screen:
         calibration: Calibration | None,
         strip: StripFile | None,
     ) -> None:
-        """Draw into `recording`: images with a `calibration`, a model with a `strip`."""
+        """Draw into `recording`: images with a `calibration`, a model with a
+        `strip`.
+        """
         self._to = recording
         self._calibration = calibration
         self._shadow = None if strip is None else Shadow(strip)
@@ -173,7 +206,8 @@ class Screen:
         self._seen = Signals(SEEN_SIGNALS)
         self._outlook = Signals(OUTLOOK_SIGNALS)
         self._track: list[Array] = []
-        self._drawn_state: tuple[str, bool] = ("", False)  # with whether measured time had begun
+        # with whether measured time had begun
+        self._drawn_state: tuple[str, bool] = ("", False)
         self._log_surroundings(1.0 if strip is None else strip.length)
 
     def draw(self, item: TickView | LogLine) -> None:
@@ -189,7 +223,9 @@ class Screen:
             self._draw_tick(item)
 
     def _draw_tick(self, tick: TickView) -> None:
-        """Draw what changed in a tick: state, image, measurement, prediction and motion."""
+        """Draw what changed in a tick: state, image, measurement, prediction and
+        motion.
+        """
         self._to.set_time("tick", sequence=tick.tick)
         has_begun = math.isfinite(tick.t)
         if tick.state and (tick.state, has_begun) != self._drawn_state:
@@ -226,27 +262,36 @@ class Screen:
         self._to.log("verdict", document, static=True)
 
     def log_film(self, folder: Path) -> None:
-        """Add the film of the run in `folder`, each image at its time; ValueError if no film."""
+        """Add the film of the run in `folder`, each image at its time; ValueError if no
+        film.
+        """
         path = folder / FILM
         notes = read_index(folder) if path.is_file() else ()
         if not any(note.film is not None for note in notes):
             return
         film = rr.AssetVideo(path=path)
         taken = film.read_frame_timestamps_nanos()
-        shown = [note for note in notes if note.film is not None and note.film < len(taken)]
+        shown = [
+            note for note in notes if note.film is not None and note.film < len(taken)
+        ]
         stamps = np.array([note.stamp for note in shown])
         clock = stamps + origin_of(read_events(folder))
         self._to.log("camera/film", film, static=True)
         self._to.send_columns(
             "camera/film",
-            [rr.TimeColumn("t", duration=stamps), rr.TimeColumn("clock", duration=clock)],
+            [
+                rr.TimeColumn("t", duration=stamps),
+                rr.TimeColumn("clock", duration=clock),
+            ],
             rr.VideoFrameReference.columns_nanos(taken[[note.film for note in shown]]),
         )
 
     def _log_surroundings(self, length: float) -> None:
         """Draw static parts: the desk, names and colours of states and signals."""
         desk = [MM * np.array([(-0.1, 0.0), (length + 0.15, 0.0)])]
-        self._to.log("desk", rr.LineStrips2D(desk, colors=0x8A9099FF, radii=1.0), static=True)
+        self._to.log(
+            "desk", rr.LineStrips2D(desk, colors=0x8A9099FF, radii=1.0), static=True
+        )
         lanes = rr.StateConfiguration(
             values=list(STATE_COLOURS), colors=list(STATE_COLOURS.values())
         )
@@ -256,11 +301,14 @@ class Screen:
             line = rr.SeriesLines(colors=colour, names=label, widths=1.5)
             self._to.log(f"signals/{name}", line, static=True)
 
-    def _draw_overlay(self, measurement: StripMeasurement, calibration: Calibration) -> None:
+    def _draw_overlay(
+        self, measurement: StripMeasurement, calibration: Calibration
+    ) -> None:
         """Draw profile, contact and fold tip over the camera's image."""
         pixels = calibration.to_image(measurement.profile)
         self._to.log(
-            "camera/overlay/profile", rr.LineStrips2D([pixels], colors=SEEN_RGBA, radii=1.5)
+            "camera/overlay/profile",
+            rr.LineStrips2D([pixels], colors=SEEN_RGBA, radii=1.5),
         )
         marks = np.array([(measurement.contact_x, 0.0), measurement.tip])
         seen = np.isfinite(marks).all(axis=1)
@@ -277,7 +325,9 @@ class Screen:
             shape = self._shadow.follow(moment.t, moment.pose)
         if moment.tick % TICKS_BETWEEN_POSES == 0:
             self._track.append(TO_VIEW * place)
-            self._to.log("gripper", rr.Points2D([TO_VIEW * place], colors=HAND_RGBA, radii=6.0))
+            self._to.log(
+                "gripper", rr.Points2D([TO_VIEW * place], colors=HAND_RGBA, radii=6.0)
+            )
             self._to.log("strip/twin", _curve(shape, MODEL_RGBA, 1.2))
         if len(self._hand) >= BATCH_TICKS:
             track = rr.LineStrips2D([self._track], colors=HAND_RGBA, radii=0.8)
@@ -305,7 +355,9 @@ def free_port() -> int:
 
 
 def blueprint(*, filmed: bool) -> Any:
-    """Layout of Rerun's viewer for a run: camera or film, side view, states, signals and log."""
+    """Layout of Rerun's viewer for a run: camera or film, side view, states, signals
+    and log.
+    """
     side = rrb.Spatial2DView(
         origin="/",
         contents=["/strip/**", "/gripper/**", "/desk/**"],
@@ -322,8 +374,12 @@ def blueprint(*, filmed: bool) -> Any:
     )
     drawn = "/camera/overlay/**"
     camera = rrb.Tabs(
-        rrb.Spatial2DView(origin="/camera", contents=["/camera/image", drawn], name="camera"),
-        rrb.Spatial2DView(origin="/camera", contents=["/camera/film", drawn], name="film"),
+        rrb.Spatial2DView(
+            origin="/camera", contents=["/camera/image", drawn], name="camera"
+        ),
+        rrb.Spatial2DView(
+            origin="/camera", contents=["/camera/film", drawn], name="film"
+        ),
         active_tab=int(filmed),
     )
     return rrb.Blueprint(
@@ -335,7 +391,9 @@ def blueprint(*, filmed: bool) -> Any:
 
 
 def _outlook() -> Any:
-    """Tabs of the policy's predictions: displacement and each parameter, with their intervals."""
+    """Tabs of the policy's predictions: displacement and each parameter, with their
+    intervals.
+    """
     views = [
         rrb.TimeSeriesView(
             origin="/signals/outlook",
@@ -353,7 +411,9 @@ def _plot(group: str, name: str, corner: rrb.Corner2D) -> Any:
 
 
 class Shadow:
-    """Rod simulation that follows the measured gripper of a run from t = 0, flat or hanging."""
+    """Rod simulation that follows the measured gripper of a run from t = 0, flat or
+    hanging.
+    """
 
     def __init__(self, strip: StripFile) -> None:
         self._rod = Rod(SEGMENTS)
@@ -367,10 +427,11 @@ class Shadow:
             self._lost = True
 
     def follow(self, t: float, pose: Array) -> Array:
-        """Midline (nodes, 2) [m] of the rod at time `t` [s], with the gripper at `pose` (3,).
+        """Midline (nodes, 2) [m] of the rod at time `t` [s], with the gripper at `pose`
+        (3,).
 
-        Empty once the model has diverged or the gripper was not measured for too long; the rest of
-        the view goes on without it.
+        Empty once the model has diverged or the gripper was not measured for too long;
+        the rest of the view goes on without it.
         """
         longest = LONGEST_START if self._last is None else LONGEST_GAP
         self._lost = self._lost or t > self._steps * STEP + longest
@@ -386,7 +447,9 @@ class Shadow:
         return np.asarray(self._rod.shapes()[0])
 
     def _step_to(self, t: float, pose: Array) -> None:
-        """Step the rod to `t` [s], the gripper moving linearly from its last pose to `pose`."""
+        """Step the rod to `t` [s], the gripper moving linearly from its last pose to
+        `pose`.
+        """
         last_t, last_pose = self._last or (t, pose)
         self._last = (t, pose)
         while (self._steps + 1) * STEP <= t + TIME_ROUNDING:

@@ -19,26 +19,34 @@ from drivers.strip.file import StripFile
 from drivers.types import Image
 from policies.prediction import FoldPrediction
 
-WAITING, IMAGES_WAITING = 1024, 16  # items and images in the queue: at most 45 MB of images
+# items and images in the queue: at most 45 MB of images
+WAITING, IMAGES_WAITING = 1024, 16
 IMAGE_PERIOD = 0.1  # s between images that are shown
 CLOSING_TIMEOUT = 30.0  # s to draw the queue after the run
 
 
 class LiveView:
-    """Observer of a run that shows it in Rerun without blocking it; drops old ticks when it lags.
+    """Observer of a run that shows it in Rerun without blocking it; drops old ticks
+    when it lags.
 
-    It writes run.rrd into the run's folder, serves it on loopback and opens a viewer there. The
-    viewer connects to us, so that one that hangs or dies cannot block anything.
-    `failure` is the reason why nothing is recorded any more, which the fold's warning states.
+    It writes run.rrd into the run's folder, serves it on loopback and opens a viewer
+    there. The viewer connects to us, so that one that hangs or dies cannot block
+    anything.
+    `failure` is the reason why nothing is recorded any more, which the fold's warning
+    states.
     """
 
-    def __init__(self, folder: Path, strip: StripFile, *, hanging: bool = False) -> None:
+    def __init__(
+        self, folder: Path, strip: StripFile, *, hanging: bool = False
+    ) -> None:
         """Show a run live; the calibration in its folder gives images their overlays.
 
-        Measured time begins with the lift, or with the fold in a run that starts `hanging`.
+        Measured time begins with the lift, or with the fold in a run that starts
+        `hanging`.
         """
         self.failure = ""
-        self._waiting: deque[TickView | LogLine] = deque(maxlen=WAITING)  # drops the oldest one
+        # drops the oldest one
+        self._waiting: deque[TickView | LogLine] = deque(maxlen=WAITING)
         self._news = threading.Event()
         self._over = threading.Event()
         self._first_measured = State.FOLD if hanging else State.LIFT
@@ -81,16 +89,22 @@ class LiveView:
         """Queue an event of the run for drawing, at `time` [s] of the cell's clock."""
         if kind == "state" and facts.get("state") == self._first_measured:
             self._origin = time
-        self._put(LogLine(time, log_text(kind, facts), kind == "fault", time - self._origin))
+        self._put(
+            LogLine(time, log_text(kind, facts), kind == "fault", time - self._origin)
+        )
 
     def close(self, timeout: float = CLOSING_TIMEOUT) -> None:
-        """Wait at most `timeout` [s] until all queued ticks are drawn; allowed twice."""
+        """Wait at most `timeout` [s] until all queued ticks are drawn; allowed
+        twice.
+        """
         self._over.set()
         self._news.set()
         self._thread.join(timeout)
 
     def _image(self, snapshot: Snapshot) -> Image | None:
-        """Newest image (h, w, 3) of `snapshot`, if one is due and drawing keeps up; else None."""
+        """Newest image (h, w, 3) of `snapshot`, if one is due and drawing keeps up;
+        else None.
+        """
         if (
             not snapshot.view.fresh
             or snapshot.view.frame is None
@@ -109,7 +123,9 @@ class LiveView:
             self._news.set()
 
     def _draw_queue(self, folder: Path, strip: StripFile) -> None:
-        """Draw the queue until the run is over; Rerun is imported here, during the run."""
+        """Draw the queue until the run is over; Rerun is imported here, during the
+        run.
+        """
         from cell.record.run import read_broken_run
         from cell.report.viz.recording import Screen, blueprint, open_recording
 
@@ -117,7 +133,9 @@ class LiveView:
         try:
             calibration = load_calibration(path) if path.exists() else None
             layout = blueprint(filmed=False)
-            with open_recording("cell", folder / RECORDING, layout, live=True) as recording:
+            with open_recording(
+                "cell", folder / RECORDING, layout, live=True
+            ) as recording:
                 screen = Screen(recording, calibration, strip)
                 while self._waiting or not self._over.is_set():
                     self._news.wait()
@@ -137,7 +155,9 @@ class LiveView:
 def watching(
     folder: Path, strip: StripFile, *, live: bool, hanging: bool = False
 ) -> Iterator[tuple[LiveView, ...]]:
-    """Observers that show the fold in `folder` in Rerun within the block; none unless `live`."""
+    """Observers that show the fold in `folder` in Rerun within the block; none unless
+    `live`.
+    """
     if not live:
         yield ()
         return

@@ -1,4 +1,6 @@
-"""Registry of a strip's and its cell's effects: built-in ones of this folder, and plug-ins."""
+"""Registry of a strip's and its cell's effects: built-in ones of this folder, and
+plug-ins.
+"""
 
 from collections.abc import Collection, Mapping
 from functools import cache
@@ -14,8 +16,12 @@ FAMILIES = (bending, mass, rig)
 
 @cache
 def registry() -> Mapping[str, Effect]:
-    """All known effects by name, in the order in which they apply: by stage, then by name."""
-    built_in = [e for family in FAMILIES for e in vars(family).values() if isinstance(e, Effect)]
+    """All known effects by name, in the order in which they apply: by stage, then by
+    name.
+    """
+    built_in = [
+        e for family in FAMILIES for e in vars(family).values() if isinstance(e, Effect)
+    ]
     effects = [
         *built_in,
         *plugins("effects", Effect, {effect.name for effect in built_in}).values(),
@@ -34,16 +40,25 @@ def apply_effects(model: StripModel, effects: Effects) -> StripModel:
 def _fit_to_strip(
     effect: Effect, values: Mapping[str, float], model: StripModel
 ) -> Mapping[str, float]:
-    """Copy of `values` with positions beyond the true end of a shorter strip moved to that end."""
+    """Copy of `values` with positions beyond the true end of a shorter strip moved to
+    that end.
+    """
     end = model.mechanics.length
-    places = [p.name for p in effect.parameters if p.role == "place" and p.name in values]
-    return {**values, **{p: end for p in places if end < values[p] <= model.stated_length}}
+    places = [
+        p.name for p in effect.parameters if p.role == "place" and p.name in values
+    ]
+    return {
+        **values,
+        **{p: end for p in places if end < values[p] <= model.stated_length},
+    }
 
 
 def check_effects(effects: Effects, origin: str, of: Collection[str]) -> None:
-    """Raise ConfigurationError for unknown effects or parameters, or values out of range.
+    """Raise ConfigurationError for unknown effects or parameters, or values out of
+    range.
 
-    Known are the effects `of` strips, of cells or of both; `origin` names the file in the error.
+    Known are the effects `of` strips, of cells or of both; `origin` names the file in
+    the error.
     """
     known = [e.name for e in registry().values() if e.of in of]
     kinds = " or ".join(of)

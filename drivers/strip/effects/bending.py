@@ -1,22 +1,35 @@
-"""Effects of bending: the law of the moment, its change along the strip, and rest curvature."""
+"""Effects of bending: the law of the moment, its change along the strip, and rest
+curvature.
+"""
 
 from collections.abc import Mapping
 
 import numpy as np
 
-from drivers.strip.effects.effect import PLACE_SPAN, Parameter, Span, law_effect, set_fields
+from drivers.strip.effects.effect import (
+    PLACE_SPAN,
+    Parameter,
+    Span,
+    law_effect,
+    set_fields,
+)
 from drivers.strip.model import SOFTEST, StripModel, scale_rigidity, with_field
 from drivers.types import GRAVITY, frozen
 
 HALF_WIDTH = 0.005  # m to each side over which a crease turns
-GRASP_BEND = 1.2  # bending lengths from the grip to where its first turn bends a lying strip
+# bending lengths from the grip to where its first turn bends a lying strip
+GRASP_BEND = 1.2
 
 
 def add_crease(model: StripModel, angle: float, position: float) -> StripModel:
-    """Copy of `model` with a crease: a rest angle `angle` [rad] at arc length `position` [m]."""
+    """Copy of `model` with a crease: a rest angle `angle` [rad] at arc length
+    `position` [m].
+    """
     mechanics = model.mechanics
     away = np.abs(mechanics.cells - position)
-    near = mechanics.inside(position, 2 * HALF_WIDTH) * np.clip(1.0 - away / HALF_WIDTH, 0.0, 1.0)
+    near = mechanics.inside(position, 2 * HALF_WIDTH) * np.clip(
+        1.0 - away / HALF_WIDTH, 0.0, 1.0
+    )
     curvature = angle * near / mechanics.total(near, mechanics.ends)
     return with_field(
         model, "mechanics.rest_curvature", frozen(mechanics.rest_curvature + curvature)
@@ -24,11 +37,12 @@ def add_crease(model: StripModel, angle: float, position: float) -> StripModel:
 
 
 def add_grasp_crease(model: StripModel, turn: float) -> StripModel:
-    """Copy of `model` with a crease of `turn` [rad] in front of the grip, as left by the grasp.
+    """Copy of `model` with a crease of `turn` [rad] in front of the grip, as left by
+    the grasp.
 
-    The grasp turns and pushes the lying strip before it is lifted. Where it bends then depends on
-    unknown slack, and the crease left in a strip with bending hysteresis depends on its history; so
-    the crease is a parameter.
+    The grasp turns and pushes the lying strip before it is lifted. Where it bends then
+    depends on unknown slack, and the crease left in a strip with bending hysteresis
+    depends on its history; so the crease is a parameter.
     """
     if not turn:
         return model
@@ -48,7 +62,9 @@ AGEING = law_effect(
     parameters=(Parameter("rate", "1", low=-0.5, high=0.5),),
     apply=_age,
     typical=lambda _: (0.003, 0.03),
-    revealed_by="the first run of a series repeated as the last, and runs in shuffled order",
+    revealed_by=(
+        "the first run of a series repeated as the last, and runs in shuffled order"
+    ),
 )
 
 
@@ -63,17 +79,24 @@ BENDING_HYSTERESIS = law_effect(
     sentence="the strip resists bending like dry friction",
     parameters=(
         Parameter("yield_curvature", "1/m", low=0.0, high=100.0),
-        Parameter("stiffness_ratio", "1", 8.0, 1.0, 100.0, step=0.16, spread=4.0, role="ratio"),
+        Parameter(
+            "stiffness_ratio", "1", 8.0, 1.0, 100.0, step=0.16, spread=4.0, role="ratio"
+        ),
         Parameter.shape("set", "rad", high=3.0, guess=0.3),
         Parameter.shape("gradual", "1", high=1.0, guess=0.3),
     ),
-    apply=lambda model, values: add_grasp_crease(_set_friction(model, values), values["set"]),
+    apply=lambda model, values: add_grasp_crease(
+        _set_friction(model, values), values["set"]
+    ),
     typical=lambda _: (1.0, 5.0, 20.0),
     textile={
         "yield_curvature": Span(2.0, 60.0, log=True),  # KES tables hold 20 to 60
         "stiffness_ratio": Span(5.0, 12.0),
     },
-    revealed_by="a slow fold there and back: the shapes on the two ways differ at the same place",
+    revealed_by=(
+        "a slow fold there and back: the shapes on the two ways differ at the same"
+        " place"
+    ),
 )
 
 CREASE = law_effect(
@@ -92,7 +115,8 @@ CREASE = law_effect(
 NONLINEAR_BENDING = law_effect(
     name="nonlinear_bending",
     sentence="the strip grows stiffer (or softer) the more sharply it is bent",
-    # Below -5e-6 the moment would fall again at curvatures that a fold reaches (258 1/m).
+    # Below -5e-6 the moment would fall again at curvatures that a fold reaches (258
+    # 1/m).
     parameters=(
         Parameter("cubic", "m^2", low=-5e-6, high=1e-3),
         Parameter.shape("fifth", "1", high=10.0, guess=0.3),
@@ -126,10 +150,14 @@ QUADRATIC_DAMPING = law_effect(
     apply=set_fields(coefficient="mechanics.law.quadratic_damping"),
     typical=lambda _: (1e-4, 1e-3),
     textile={"coefficient": Span(1e-4, 1e-3, log=True)},
-    revealed_by="a fast fold against a slow one, and a shake: only quick bending changes",
+    revealed_by=(
+        "a fast fold against a slow one, and a shake: only quick bending changes"
+    ),
 )
 
-_set_relaxation = set_fields(ratio="mechanics.law.relaxing", time="mechanics.law.relaxation_time")
+_set_relaxation = set_fields(
+    ratio="mechanics.law.relaxing", time="mechanics.law.relaxation_time"
+)
 
 RELAXATION = law_effect(
     name="relaxation",
@@ -139,7 +167,9 @@ RELAXATION = law_effect(
         Parameter.scale("time", "s", low=0.01, high=100.0, role="time"),
         Parameter.shape("set", "rad", high=3.0, guess=0.3),
     ),
-    apply=lambda model, values: add_grasp_crease(_set_relaxation(model, values), values["set"]),
+    apply=lambda model, values: add_grasp_crease(
+        _set_relaxation(model, values), values["set"]
+    ),
     typical=lambda _: (0.03, 0.2),
     textile={"ratio": Span(0.03, 0.2), "time": Span(0.1, 2.0, log=True)},
     revealed_by="a fold that stops and holds: the shape goes on sagging",
@@ -147,7 +177,9 @@ RELAXATION = law_effect(
 
 
 def _stiffen_seam(model: StripModel, values: Mapping[str, float]) -> StripModel:
-    covered = model.mechanics.inside(values["position"], values["width"], values["softness"])
+    covered = model.mechanics.inside(
+        values["position"], values["width"], values["softness"]
+    )
     return scale_rigidity(model, (1.0 - covered) + covered * values["factor"])
 
 
@@ -162,13 +194,23 @@ SEAM = law_effect(
     ),
     apply=_stiffen_seam,
     typical=lambda _: (1.8,),
-    textile={"position": PLACE_SPAN, "factor": Span(1.5, 5.0), "width": Span(0.01, 0.01)},
-    revealed_by="slow folds of other heights: the shape changes where the seam passes the bend",
+    textile={
+        "position": PLACE_SPAN,
+        "factor": Span(1.5, 5.0),
+        "width": Span(0.01, 0.01),
+    },
+    revealed_by=(
+        "slow folds of other heights: the shape changes where the seam passes the bend"
+    ),
 )
 
 
-def _stiffen_towards_one_end(model: StripModel, values: Mapping[str, float]) -> StripModel:
-    """Scale the rigidity linearly in the arc length, or with `central` steeper in the middle."""
+def _stiffen_towards_one_end(
+    model: StripModel, values: Mapping[str, float]
+) -> StripModel:
+    """Scale the rigidity linearly in the arc length, or with `central` steeper in the
+    middle.
+    """
     away = model.mechanics.cells / model.mechanics.length - 0.5
     rise = away * (1.0 + values["central"] * (1.0 - 4.0 * away**2))
     return scale_rigidity(model, 1.0 + values["slope"] * rise)

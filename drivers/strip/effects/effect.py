@@ -16,9 +16,11 @@ from drivers.strip.model import StripModel, with_field
 Apply = Callable[[StripModel, Mapping[str, float]], StripModel]
 Role = Literal["amount", "place", "width", "time", "ratio", "shape"]
 ASSUMED_SIZES = (0.01, 0.1)  # of its range, for an effect that states no typical sizes
-SECANT = 0.1  # of the smallest size of an amount or of a shape's guess: step of finite differences
+# of the smallest size of an amount or of a shape's guess: step of finite differences
+SECANT = 0.1
 FARTHEST = 3.0  # times the largest size or a shape's guess: prior spread
-SCALE_STEP, SCALE_SPREAD = 0.02, 4.0  # of a width's or time's start: its step and prior spread
+# of a width's or time's start: its step and prior spread
+SCALE_STEP, SCALE_SPREAD = 0.02, 4.0
 
 
 class Stage(IntEnum):
@@ -47,7 +49,11 @@ class Span:
         if self.log:
             value = float(np.exp(rng.uniform(np.log(self.low), np.log(self.high))))
         else:
-            value = self.low if self.low == self.high else float(rng.uniform(self.low, self.high))
+            value = (
+                self.low
+                if self.low == self.high
+                else float(rng.uniform(self.low, self.high))
+            )
         return value * length if self.of_length else value
 
 
@@ -56,19 +62,24 @@ PLACE_SPAN = Span(0.15, 0.95, of_length=True)  # along a strip, away from its fi
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """Number of an effect, of a model's base or of a run: unit, range, prior, difference step.
+    """Number of an effect, of a model's base or of a run: unit, range, prior,
+    difference step.
 
-    `start` is the stated value, of an effect's amount the null at which the effect vanishes.
-    `spread` is the standard deviation of what was known before (infinite: nothing). `inverse`
-    parameters are reciprocals of what files state, so that a null at infinity is a zero here.
-    `role` says what the number means: an amount, a place along the strip, a width, a time, a ratio
-    of stiffnesses, or a shape of the law. All but amounts say where or how an effect acts, not how
-    strongly: a probe keeps them whatever its amount. Ratios and shapes are `start` where a file
-    does not state them; a shape stays there until measurements of its effect require more.
-    An effect with half of its shapes below `own_from` has a law like another's, and is not named.
-    `random` unknowns of a run are drawn anew in each run; their `spread` is estimated from the
-    runs; `common` ones are expected to differ in any laboratory. `tolerated` is the range that the
-    file states for a value of the base; None where it states a `spread` alone.
+    `start` is the stated value, of an effect's amount the null at which the effect
+    vanishes.
+    `spread` is the standard deviation of what was known before (infinite: nothing).
+    `inverse` parameters are reciprocals of what files state, so that a null at infinity
+    is a zero here.
+    `role` says what the number means: an amount, a place along the strip, a width, a
+    time, a ratio of stiffnesses, or a shape of the law. All but amounts say where or
+    how an effect acts, not how strongly: a probe keeps them whatever its amount. Ratios
+    and shapes are `start` where a file does not state them; a shape stays there until
+    measurements of its effect require more. An effect with half of its shapes below
+    `own_from` has a law like another's, and is not named.
+    `random` unknowns of a run are drawn anew in each run; their `spread` is estimated
+    from the runs; `common` ones are expected to differ in any laboratory. `tolerated`
+    is the range that the file states for a value of the base; None where it states a
+    `spread` alone.
     """
 
     name: str
@@ -91,16 +102,30 @@ class Parameter:
         return cls(name, unit, 0.0, 1.0 / high, 1.0 / low, inverse=True)
 
     @classmethod
-    def scale(cls, name: str, unit: str, low: float, high: float, role: Role) -> "Parameter":
+    def scale(
+        cls, name: str, unit: str, low: float, high: float, role: Role
+    ) -> "Parameter":
         """Width or time of an effect, of which nothing but its range is known."""
         start = sqrt(low * high)
-        return cls(name, unit, start, low, high, SCALE_STEP * start, SCALE_SPREAD * start,
-                   role=role)  # fmt: skip
+        return cls(
+            name,
+            unit,
+            start,
+            low,
+            high,
+            SCALE_STEP * start,
+            SCALE_SPREAD * start,
+            role=role,
+        )
 
     @classmethod
     def shape(cls, name: str, unit: str, high: float, guess: float) -> "Parameter":
-        """Shape of an effect's law, from 0, where it usually is, to `high`; tried at `guess`."""
-        return cls(name, unit, 0.0, 0.0, high, SECANT * guess, FARTHEST * guess, role="shape")
+        """Shape of an effect's law, from 0, where it usually is, to `high`; tried at
+        `guess`.
+        """
+        return cls(
+            name, unit, 0.0, 0.0, high, SECANT * guess, FARTHEST * guess, role="shape"
+        )
 
     @property
     def is_amount(self) -> bool:
@@ -114,14 +139,18 @@ class Parameter:
         return low, high
 
     def stated_value(self, value: float) -> float:
-        """Fitted `value` as files state it, or the other way round: an `inverse`'s reciprocal."""
+        """Fitted `value` as files state it, or the other way round: an `inverse`'s
+        reciprocal.
+        """
         if not self.inverse:
             return value
         return 1.0 / value if value else inf
 
 
 def set_fields(**fields: str) -> Apply:
-    """Function `apply` of an effect that writes parameters into model fields at dotted paths."""
+    """Function `apply` of an effect that writes parameters into model fields at dotted
+    paths.
+    """
 
     def apply(model: StripModel, values: Mapping[str, float]) -> StripModel:
         for name, path in fields.items():
@@ -133,13 +162,15 @@ def set_fields(**fields: str) -> Apply:
 
 @dataclass(frozen=True, slots=True)
 class Effect:
-    """Physical or measurement phenomenon, as a pure function from strip model to strip model.
+    """Physical or measurement phenomenon, as a pure function from strip model to strip
+    model.
 
-    `sentence` describes it to a technician; `revealed_by` is the motion that shows it best;
-    `typical` gives, for a strip, values of the first parameter, from just visible in ten runs to as
-    large as laboratories report, with one of opposite sign where the signs act differently;
-    `textile` are the spans of its parameters over textiles, in the order in which to draw them;
-    `looks_like` names effects that folds cannot distinguish from this one.
+    `sentence` describes it to a technician; `revealed_by` is the motion that shows it
+    best; `typical` gives, for a strip, values of the first parameter, from just visible
+    in ten runs to as large as laboratories report, with one of opposite sign where the
+    signs act differently; `textile` are the spans of its parameters over textiles, in
+    the order in which to draw them; `looks_like` names effects that folds cannot
+    distinguish from this one.
     """
 
     name: str
@@ -154,9 +185,11 @@ class Effect:
     looks_like: frozenset[str] = frozenset()
 
     def sizes(self, strip: StripFile) -> tuple[float, ...]:
-        """Typical values of the effect's first parameter for `strip`, the weakest effect first.
+        """Typical values of the effect's first parameter for `strip`, the weakest
+        effect first.
 
-        They are clipped to its range; where none are stated, ASSUMED_SIZES of its upper end.
+        They are clipped to its range; where none are stated, ASSUMED_SIZES of its upper
+        end.
         """
         first = self.parameters[0]
         low, high = first.stated_range
@@ -170,11 +203,14 @@ class Effect:
 
     def complete(self, values: Mapping[str, float]) -> dict[str, float]:
         """Copy of `values` with the ratios and shapes that it lacks."""
-        usual = {p.name: p.start for p in self.parameters if p.role in {"ratio", "shape"}}
+        usual = {
+            p.name: p.start for p in self.parameters if p.role in {"ratio", "shape"}
+        }
         return {**usual, **values}
 
     def stated(self, values: Sequence[float]) -> dict[str, float] | None:
-        """Fitted `values` as files state them, by name; None where the effect is absent.
+        """Fitted `values` as files state them, by name; None where the effect is
+        absent.
 
         They may lack those of the shape, which come last.
         """
@@ -185,7 +221,8 @@ class Effect:
         return {p.name: p.stated_value(value) for p, value in pairs}
 
     def apply_to(self, model: StripModel, values: Mapping[str, float]) -> StripModel:
-        """Copy of `model` with this effect applied; `model` itself where the effect is at null.
+        """Copy of `model` with this effect applied; `model` itself where the effect is
+        at null.
 
         Raises ConfigurationError for values that do not fit the strip.
         """
@@ -202,15 +239,21 @@ class Effect:
         return all(p.stated_value(values[p.name]) == p.start for p in amounts)
 
     def check(self, values: Mapping[str, float], origin: str) -> None:
-        """Raise ConfigurationError for unknown, missing or out-of-range parameter `values`."""
+        """Raise ConfigurationError for unknown, missing or out-of-range parameter
+        `values`.
+        """
         check_values(self.complete(values), self.parameters, (), origin)
 
 
 def check_values(
-    values: Mapping[str, float], needed: Sequence[Parameter], optional: Sequence[Parameter],
+    values: Mapping[str, float],
+    needed: Sequence[Parameter],
+    optional: Sequence[Parameter],
     origin: str,
-) -> None:  # fmt: skip
-    """Raise ConfigurationError for unknown, missing or out-of-range `values` of parameters."""
+) -> None:
+    """Raise ConfigurationError for unknown, missing or out-of-range `values` of
+    parameters.
+    """
     known = {p.name: p for p in (*needed, *optional)}
     for name in values:
         if name not in known:

@@ -17,7 +17,8 @@ LENGTH_ERROR = law_effect(
     stage=Stage.SIZE,
     parameters=(Parameter("error", "m", low=-0.02, high=0.02),),
     apply=_change_length,
-    typical=lambda _: (0.0005, -0.002, 0.003),  # too short it is taut, too long it buckles
+    # too short it is taut, too long it buckles
+    typical=lambda _: (0.0005, -0.002, 0.003),
     textile={"error": Span(-0.001, 0.002)},
     revealed_by="a ruler; a taut lift: slack or pull before the strip hangs",
 )
@@ -27,7 +28,9 @@ def _add_mass(model: StripModel, values: Mapping[str, float]) -> StripModel:
     mechanics = model.mechanics
     covered = mechanics.inside(values["position"], values["width"])
     added = values["mass"] * covered / mechanics.total(covered, mechanics.ends)
-    return with_field(model, "mechanics.linear_density", frozen(mechanics.linear_density + added))
+    return with_field(
+        model, "mechanics.linear_density", frozen(mechanics.linear_density + added)
+    )
 
 
 HEM_MASS = law_effect(
@@ -53,7 +56,9 @@ STRETCH = law_effect(
     sentence="the strip stretches under its own weight and the pull of the gripper",
     parameters=(Parameter.limit("stiffness", "N", low=0.5, high=1e6),),
     apply=set_fields(stiffness="mechanics.stretch_stiffness"),
-    typical=lambda strip: tuple(strip.weight / strain for strain in (0.002, 0.006, 0.02)),
+    typical=lambda strip: tuple(
+        strip.weight / strain for strain in (0.002, 0.006, 0.02)
+    ),
     textile={"stiffness": Span(6.0, 39.0, log=True)},
     revealed_by="a taut lift and a high carry: the hanging part grows longer",
 )

@@ -1,4 +1,6 @@
-"""Effects of the cell: desk, fixed edge, grip, the arm's poses, and errors of the camera."""
+"""Effects of the cell: desk, fixed edge, grip, the arm's poses, and errors of the
+camera.
+"""
 
 import math
 from collections.abc import Mapping
@@ -32,7 +34,9 @@ DESK_HEIGHT = rig_effect(
 
 
 def _tilt_desk(model: StripModel, values: Mapping[str, float]) -> StripModel:
-    """Rotate gravity in the cell frame by the desk's slope `angle` [rad] along the strip."""
+    """Rotate gravity in the cell frame by the desk's slope `angle` [rad] along the
+    strip.
+    """
     weight = math.hypot(*model.boundary.gravity)
     pull = (weight * math.sin(values["angle"]), -weight * math.cos(values["angle"]))
     return with_field(model, "boundary.gravity", pull)
@@ -61,8 +65,12 @@ GRIP_SLIP = rig_effect(
     sentence="the strip slides in the grip",
     parameters=(Parameter.limit("force", "N", low=0.02, high=100.0),),
     apply=set_fields(force="boundary.grip_force"),
-    typical=lambda strip: tuple(strip.weight * n for n in (4.0, 2.4, 1.6, 1.2, 1.0, 0.8, 0.5)),
-    revealed_by="a taut lift, there and back: afterwards the strip is longer than before",
+    typical=lambda strip: tuple(
+        strip.weight * n for n in (4.0, 2.4, 1.6, 1.2, 1.0, 0.8, 0.5)
+    ),
+    revealed_by=(
+        "a taut lift, there and back: afterwards the strip is longer than before"
+    ),
 )
 
 GRIPPER_COMPLIANCE = rig_effect(
@@ -70,7 +78,9 @@ GRIPPER_COMPLIANCE = rig_effect(
     sentence="the grip turns under the moment of the strip",
     parameters=(Parameter("compliance", "rad/(N m)", low=0.0, high=1e4),),
     apply=set_fields(compliance="boundary.grip_compliance"),
-    typical=lambda strip: tuple(turn / (strip.rigidity * SHARP_CURVATURE) for turn in (0.01, 0.1)),
+    typical=lambda strip: tuple(
+        turn / (strip.rigidity * SHARP_CURVATURE) for turn in (0.01, 0.1)
+    ),
     revealed_by="a stiff strip folded beside a soft one",
 )
 
@@ -107,7 +117,9 @@ CAMERA_LATENCY = camera_effect(
 
 CONTACT_BIAS = camera_effect(
     name="contact_bias",
-    sentence="the camera sees the place where the strip leaves the desk too far out or in",
+    sentence=(
+        "the camera sees the place where the strip leaves the desk too far out or in"
+    ),
     parameters=(Parameter("bias", "m", low=-0.05, high=0.05),),
     apply=set_fields(bias="observation.contact_bias"),
     typical=lambda _: (0.001, 0.005),

@@ -1,1 +1,3 @@
-"""The rod engine: an implicit planar elastic rod, batched over strips; the model of controllers."""
+"""The rod engine: an implicit planar elastic rod, batched over strips; the model of
+controllers.
+"""

@@ -1,4 +1,6 @@
-"""Memory of a batch of simulated strips: creation, compaction as strips end, and read-out."""
+"""Memory of a batch of simulated strips: creation, compaction as strips end, and
+read-out.
+"""
 
 from collections.abc import Callable, Sequence
 from typing import TypeVar
@@ -18,12 +20,15 @@ CLOSING_SHARE = 0.75  # of the busy blocks that must suffice before a batch is c
 
 
 def flat_batch(models: Sequence[StripModel], segments: int) -> Batch:
-    """Batch of strips, one of each of `models`, flat and at rest along x, gripped at their ends."""
+    """Batch of strips, one of each of `models`, flat and at rest along x, gripped at
+    their ends.
+    """
     count = len(models)
     rows = segments + 3
     lanes = 1 if count < 2 else LANE_COUNT  # one strip is faster without SIMD
     slots = -(-count // lanes) * lanes
-    filled = [*models, *[models[-1]] * (slots - count)]  # spare lanes copy the last strip
+    # spare lanes copy the last strip
+    filled = [*models, *[models[-1]] * (slots - count)]
     rich = any(needs_terms(model) for model in models)
     natures = _for_each(filled, lambda model: lump(model, segments, rich=rich))
     arc = _for_each(models, lambda model: lattice(model.mechanics.length, segments))
@@ -44,7 +49,9 @@ def flat_batch(models: Sequence[StripModel], segments: int) -> Batch:
 
 
 def compact(batch: Batch) -> Batch:
-    """Copy of `batch` whose active strips fill the first blocks, where that saves time."""
+    """Copy of `batch` whose active strips fill the first blocks, where that saves
+    time.
+    """
     lanes = batch.strips.shape[1]
     alive = at.unpack(batch.alive, lanes)[:, 0, 0] > 0
     busy = int(alive.reshape(-1, lanes).any(axis=1).sum())
@@ -83,22 +90,30 @@ def midlines(batch: Batch) -> Array:
     return _by_strip(batch, rows[:, 1:-1, [at.X, at.Z]])
 
 
-def _for_each(models: Sequence[StripModel], compute: Callable[[StripModel], Array]) -> Array:
-    """Stack (n, ...) of `compute(model)`, computed once for models that are the same object."""
+def _for_each(
+    models: Sequence[StripModel], compute: Callable[[StripModel], Array]
+) -> Array:
+    """Stack (n, ...) of `compute(model)`, computed once for models that are the same
+    object.
+    """
     distinct = {id(model): model for model in models}
     values = {key: compute(model) for key, model in distinct.items()}
     return np.stack([values[id(model)] for model in models])
 
 
 def _by_strip(batch: Batch, slots: NDArray[T]) -> NDArray[T]:
-    """Values (n, ...) in the order of the strips, from those of the batch's lanes (slots, ...)."""
+    """Values (n, ...) in the order of the strips, from those of the batch's lanes
+    (slots, ...).
+    """
     ordered = np.empty_like(slots)
     ordered[batch.strips.ravel()] = slots
     return ordered[: len(batch.arc)]
 
 
 def _flat_states(natures: Array) -> Array:
-    """States (n, rows, fields) of strips with coefficients `natures`, flat and at rest."""
+    """States (n, rows, fields) of strips with coefficients `natures`, flat and at
+    rest.
+    """
     rich = natures.shape[2] == at.RICH_NATURE
     spans = natures[:, :, at.SPAN]
     states = np.zeros((*natures.shape[:2], at.RICH_STATE if rich else at.STATE_SIZE))
@@ -113,7 +128,9 @@ def _flat_states(natures: Array) -> Array:
 
 
 def _monitor(model: StripModel) -> Array:
-    """Monitor (MONITOR_SIZE,) of a flat strip: limits for contact and touch, results yet NaN."""
+    """Monitor (MONITOR_SIZE,) of a flat strip: limits for contact and touch, results
+    yet NaN.
+    """
     monitor = np.full(at.MONITOR_SIZE, np.nan)
     monitor[at.CONTACT_HEIGHT] = model.observation.contact_height
     monitor[at.OPENING] = 2 * model.mechanics.touch_gap

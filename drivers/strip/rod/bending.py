@@ -1,4 +1,6 @@
-"""Forces and tangent stiffness of a planar rod: bending at nodes, stretch along segments."""
+"""Forces and tangent stiffness of a planar rod: bending at nodes, stretch along
+segments.
+"""
 
 from typing import Any
 
@@ -20,11 +22,13 @@ def direction(state: Any, r: int) -> Any:
 
 @kernel
 def strain(a: Any, b: Any) -> Any:
-    """Bending strain 4 tan(theta / 4) between unit tangents `a` and `b`, and tan(theta / 4).
+    """Bending strain 4 tan(theta / 4) between unit tangents `a` and `b`, and tan(theta
+    / 4).
 
-    Of the measures theta + O(theta^3), theta^3 / 48 comes close to the theta^3 / 36 that cancels
-    the error of second differences where an elastica is bent most, and needs no arc tangent.
-    tan(theta / 4) = sine / (1 + cosine + sqrt(2 (1 + cosine))) of theta.
+    Of the measures theta + O(theta^3), theta^3 / 48 comes close to the theta^3 / 36
+    that cancels the error of second differences where an elastica is bent most, and
+    needs no arc tangent. tan(theta / 4) = sine / (1 + cosine + sqrt(2 (1 + cosine))) of
+    theta.
     """
     cosine = fma(a[0], b[0], a[1] * b[1])
     sine = fma(a[0], b[1], -(a[1] * b[0]))
@@ -35,10 +39,11 @@ def strain(a: Any, b: Any) -> Any:
 
 @kernel
 def friction_element(stick: Any, slip: Any, change: Any, before: Any) -> Any:
-    """Moment [N m] of an elasto-plastic element after a `change` of strain, and its tangent.
+    """Moment [N m] of an elasto-plastic element after a `change` of strain, and its
+    tangent.
 
-    By return mapping: `stick` is its stiffness, `slip` the moment at which it slides, `before` its
-    moment before the change.
+    By return mapping: `stick` is its stiffness, `slip` the moment at which it slides,
+    `before` its moment before the change.
     """
     moment = fma(stick, change, before)
     over, under = below(slip, moment), below(moment, -slip)
@@ -48,7 +53,9 @@ def friction_element(stick: Any, slip: Any, change: Any, before: Any) -> Any:
 
 @kernel
 def dry_friction(block: Any, r: int, eps: Any) -> Any:
-    """Moment [N m] of the friction element at row `r` at bending strain `eps`, and its tangent."""
+    """Moment [N m] of the friction element at row `r` at bending strain `eps`, and its
+    tangent.
+    """
     stick, slip = load(block.nature, r, at.STICK), load(block.nature, r, at.SLIP)
     change = eps - load(block.state, r, at.EPS)
     return friction_element(stick, slip, change, load(block.state, r, at.FRICTION))
@@ -56,7 +63,9 @@ def dry_friction(block: Any, r: int, eps: Any) -> Any:
 
 @kernel
 def elastic_moment(block: Any, r: int, e: Any) -> Any:
-    """Elastic moment K e (1 + u + fifth u^2) [N m], u = cubic e^2, at row `r`, and its tangent."""
+    """Elastic moment K e (1 + u + fifth u^2) [N m], u = cubic e^2, at row `r`, and its
+    tangent.
+    """
     stiffness, cubic = load(block.nature, r, at.BEND), load(block.nature, r, at.CUBIC)
     crest = load(block.nature, r, at.CREST)
     over, under = below(crest, e), below(e, -crest)
@@ -71,10 +80,12 @@ def elastic_moment(block: Any, r: int, e: Any) -> Any:
 def moment(block: Any, r: int, eps: Any, rate: Any) -> Any:
     """Bending moment M(eps) [N m] at row `r`, and its tangent dM/deps.
 
-    M = K e (1 + u + fifth u^2) + D deps/dt + friction with u = cubic e^2, e = eps - rest and
-    deps/dt = rate (eps - base).
+    M = K e (1 + u + fifth u^2) + D deps/dt + friction with u = cubic e^2, e = eps -
+    rest and deps/dt = rate (eps - base).
     """
-    elastic, elastic_slope = elastic_moment(block, r, eps - load(block.nature, r, at.REST))
+    elastic, elastic_slope = elastic_moment(
+        block, r, eps - load(block.nature, r, at.REST)
+    )
     dry, dry_slope = dry_friction(block, r, eps)
     damping = load(block.nature, r, at.DAMP) * rate
     change = eps - load(block.work, r, at.BASE_EPS)
@@ -90,10 +101,11 @@ def moment(block: Any, r: int, eps: Any, rate: Any) -> Any:
 
 @kernel
 def node_moment(block: Any, r: int, a: Any, b: Any, rate: Any) -> Any:
-    """Moment [N m] on the angle at row `r` between segments with unit tangents `a` and `b`.
+    """Moment [N m] on the angle at row `r` between segments with unit tangents `a` and
+    `b`.
 
-    With q = tan(theta / 4): deps/dtheta = 1 + q^2, d2eps/dtheta2 = q (1 + q^2) / 2. Leaves the
-    tangent d(moment)/dtheta in `work`.
+    With q = tan(theta / 4): deps/dtheta = 1 + q^2, d2eps/dtheta2 = q (1 + q^2) / 2.
+    Leaves the tangent d(moment)/dtheta in `work`.
     """
     eps, quarter = strain(a, b)
     value, slope = moment(block, r, eps, rate)
@@ -105,7 +117,9 @@ def node_moment(block: Any, r: int, a: Any, b: Any, rate: Any) -> Any:
 
 @kernel
 def segment_turn(work: Any, r: int, u: Any) -> Any:
-    """Turn (x, z) [rad/m] of segment `r` per motion of its end, written into `work` as well."""
+    """Turn (x, z) [rad/m] of segment `r` per motion of its end, written into `work` as
+    well.
+    """
     x, z = -(u[1] * u[2]), u[0] * u[2]
     store(work, r, at.TURN_X, x)
     store(work, r, at.TURN_Z, z)
@@ -114,13 +128,15 @@ def segment_turn(work: Any, r: int, u: Any) -> Any:
 
 @kernel
 def segment_force(block: Any, r: int, u: Any, couple: Any) -> None:
-    """Write the force [N] of segment `r` on its first node, and its 2 x 2 stiffness, into `work`.
+    """Write the force [N] of segment `r` on its first node, and its 2 x 2 stiffness,
+    into `work`.
 
     f = T t + V n with tension T = EA (l / l0 - 1) and shear V = couple / l, couple the
-    difference of the moments at its ends; df/de = EA/l0 t t' + T/l n n' + couple d2angle/de2.
-    The T of the stiffness is the one of the last linear solution, an unknown of its own: so an
-    almost inextensible segment turns without Newton mistaking the turn for tension. It counts
-    as no less than FLOOR, because a segment pressed harder buckles.
+    difference of the moments at its ends; df/de = EA/l0 t t' + T/l n n' + couple
+    d2angle/de2. The T of the stiffness is the one of the last linear solution, an
+    unknown of its own: so an almost inextensible segment turns without Newton mistaking
+    the turn for tension. It counts as no less than FLOOR, because a segment pressed
+    harder buckles.
     """
     work = block.work
     ux, uz, inverse, length = u
@@ -153,7 +169,9 @@ def extend_free_end(state: Any) -> None:
 
 @kernel
 def internal_forces(block: Any, rate: Any) -> None:
-    """Write forces and stiffness of all segments and bending tangents of nodes into `work`."""
+    """Write forces and stiffness of all segments and bending tangents of nodes into
+    `work`.
+    """
     end = block.state.shape[0] - 2
     if block.last == end:
         extend_free_end(block.state)

@@ -1,4 +1,6 @@
-"""Stepping of blocks of strips along their grippers' paths, until their layers touch."""
+"""Stepping of blocks of strips along their grippers' paths, until their layers
+touch.
+"""
 
 from typing import Any, NamedTuple
 
@@ -15,8 +17,8 @@ from drivers.strip.shape import at_index, features, layer_touch
 class Output(NamedTuple):
     """Arrays that `step_along` fills for n strips over k steps, without bounds checks.
 
-    `observed` (k, n, OBSERVABLE_COUNT), and `shapes` (k // every, n, nodes, 2) [m] at every
-    `every`th step; empty for none.
+    `observed` (k, n, OBSERVABLE_COUNT), and `shapes` (k // every, n, nodes, 2) [m] at
+    every `every`th step; empty for none.
     """
 
     observed: Any
@@ -34,7 +36,9 @@ class Moment(NamedTuple):
 
 @kernel
 def copy_midline(state: Any, lane: int, x: Any, z: Any) -> None:
-    """Copy the midline of the strip in lane `lane` of a block into `x` and `z` (nodes,) [m]."""
+    """Copy the midline of the strip in lane `lane` of a block into `x` and `z` (nodes,)
+    [m].
+    """
     for j in range(len(x)):
         x[j] = load_lane(state, j + 1, at.X, lane)
         z[j] = load_lane(state, j + 1, at.Z, lane)
@@ -44,7 +48,8 @@ def copy_midline(state: Any, lane: int, x: Any, z: Any) -> None:
 def finish_lanes(batch: Any, b: int, unsolved: Any, output: Any, moment: Any) -> None:
     """Write shapes and observables of the strips of block `b` at `moment`.
 
-    Ends those in the lanes `unsolved`, which failed to converge, and those that have touched.
+    Ends those in the lanes `unsolved`, which failed to converge, and those that have
+    touched.
     """
     nodes = batch.arc.shape[1]
     x, z = np.empty(nodes), np.empty(nodes)
@@ -83,7 +88,9 @@ def write_observables(batch: Any, b: int, lane: int, midline: Any, row: Any) -> 
 
 @kernel
 def watch_gap(monitor: Any, gap: Any, moment: Any) -> Any:
-    """Store the layer `gap`, as height, x, arc length [m]; whether it closed, and if so where."""
+    """Store the layer `gap`, as height, x, arc length [m]; whether it closed, and if so
+    where.
+    """
     touched = gap[0] <= monitor[at.TOUCH_GAP]
     if touched:
         before = monitor[at.GAP_HEIGHT], monitor[at.GAP_X], monitor[at.GAP_S]
@@ -96,7 +103,9 @@ def watch_gap(monitor: Any, gap: Any, moment: Any) -> Any:
 
 @kernel
 def retire(batch: Any, b: int, lane: int, observed: Any, k: int) -> None:
-    """End the strip in lane `lane` of block `b` after step `k`; its observables stay constant."""
+    """End the strip in lane `lane` of block `b` after step `k`; its observables stay
+    constant.
+    """
     store_lane(batch.alive[b], 0, 0, lane, 0.0)
     i = batch.strips[b, lane]
     for later in range(k + 1, len(observed)):
@@ -105,7 +114,9 @@ def retire(batch: Any, b: int, lane: int, observed: Any, k: int) -> None:
 
 @kernel
 def living_lanes(batch: Any, first: int, end: int) -> int:
-    """Number of lanes of the blocks from `first` to before `end` that are still simulated."""
+    """Number of lanes of the blocks from `first` to before `end` that are still
+    simulated.
+    """
     count = 0
     for b in range(first, end):
         for lane in range(batch.strips.shape[1]):
@@ -115,7 +126,9 @@ def living_lanes(batch: Any, first: int, end: int) -> int:
 
 @kernel
 def store_poses(batch: Any, b: int, poses: Any) -> None:
-    """Store `poses` (n, 3) [m, m, rad] as the last grip poses of the strips in block `b`."""
+    """Store `poses` (n, 3) [m, m, rad] as the last grip poses of the strips in block
+    `b`.
+    """
     for i in batch.strips[b]:
         if i < len(batch.held):
             batch.held[i] = poses[i]
@@ -123,7 +136,9 @@ def store_poses(batch: Any, b: int, poses: Any) -> None:
 
 @kernel
 def step_block(batch: Any, b: int, poses: Any, output: Any, pace: Any) -> None:
-    """Step the strips of block `b` along grip `poses` (k, n, 3), until none of them is left."""
+    """Step the strips of block `b` along grip `poses` (k, n, 3), until none of them is
+    left.
+    """
     nature, state = batch.nature[b], batch.state[b]
     block = Block(nature, state, batch.work, batch.band, batch.last, batch.terms)
     step_pace = pace

@@ -27,10 +27,11 @@ LARGEST_RATIO = 2.0  # of a step to the one before: BDF2 is stable up to 1 + sqr
 
 
 class Trace(NamedTuple):
-    """Observables of n simulated strips over k steps, and their midlines at m of these steps.
+    """Observables of n simulated strips over k steps, and their midlines at m of these
+    steps.
 
-    `contact_x` (k, n), `holding_force` (k, n), `grip_force` (k, n, 2), and `shapes` (m, n, nodes,
-    2), NaN after a strip's end.
+    `contact_x` (k, n), `holding_force` (k, n), `grip_force` (k, n, 2), and `shapes` (m,
+    n, nodes, 2), NaN after a strip's end.
     """
 
     contact_x: Array
@@ -40,13 +41,14 @@ class Trace(NamedTuple):
 
 
 class Rod:
-    """Strip engine of implicit planar elastic rods of `segments` segments, in one batch.
+    """Strip engine of implicit planar elastic rods of `segments` segments, in one
+    batch.
 
-    Strips occupy the lanes of SIMD vectors, and each moves bit for bit as it would in a batch of
-    one. A strip that touched, was retired or failed keeps its shape and soon costs nothing; `touch`
-    holds each strip's first touch of its layers or None. Where Newton's method fails, the engine
-    raises SimulationNotConverged or SimulationNotFinite; unless `strict`, the strip ends and
-    `failed` marks it.
+    Strips occupy the lanes of SIMD vectors, and each moves bit for bit as it would in a
+    batch of one. A strip that touched, was retired or failed keeps its shape and soon
+    costs nothing; `touch` holds each strip's first touch of its layers or None. Where
+    Newton's method fails, the engine raises SimulationNotConverged or
+    SimulationNotFinite; unless `strict`, the strip ends and `failed` marks it.
     """
 
     def __init__(self, segments: int = 100, *, strict: bool = True) -> None:
@@ -56,7 +58,8 @@ class Rod:
         self._strict = strict
 
     def reset(self, models: Sequence[StripModel], start: Array | None = None) -> None:
-        """Lay the strips flat and at rest, gripped at (stated length, 0) with pitch 0, at time 0.
+        """Lay the strips flat and at rest, gripped at (stated length, 0) with pitch 0,
+        at time 0.
 
         With `start` (n, 3) they hang at rest from grippers at these poses instead.
         Raises Unsupported for a part of a model that a rod cannot represent.
@@ -68,15 +71,21 @@ class Rod:
             self._fit_length(models)
             self._begin()
         elif start is not None:
-            settle(self._batch, lift_path(self._batch, np.asarray(start, dtype=np.float64)))
+            settle(
+                self._batch, lift_path(self._batch, np.asarray(start, dtype=np.float64))
+            )
             self._begin()
 
     def step(self, poses: Array, dt: float) -> Observables:
-        """Advance by `dt` [s] to gripper `poses` (n, 3) [m, m, rad] at the step's end."""
+        """Advance by `dt` [s] to gripper `poses` (n, 3) [m, m, rad] at the step's
+        end.
+        """
         return self.advance(poses[None], dt)
 
     def advance(self, poses: Array, dt: float) -> Observables:
-        """Step to each of `poses` (k, n, 3) [m, m, rad], `dt` [s] apart; returns the last state."""
+        """Step to each of `poses` (k, n, 3) [m, m, rad], `dt` [s] apart; returns the
+        last state.
+        """
         self._step_all(poses, dt, np.empty((0, 0, 0, 2)), 1)
         last = self._observed
         return Observables(
@@ -88,7 +97,8 @@ class Rod:
         )
 
     def trace(self, poses: Array, dt: float, every: int = 0) -> Trace:
-        """Step to each of `poses` (k, n, 3) [m, m, rad] in `dt` [s]; returns all observables.
+        """Step to each of `poses` (k, n, 3) [m, m, rad] in `dt` [s]; returns all
+        observables.
 
         Midlines are of every `every`th step, 0 for none.
         """
@@ -96,10 +106,14 @@ class Rod:
         shapes = np.full((count, *self._batch.arc.shape, 2), np.nan)
         observed = self._step_all(poses, dt, shapes, max(every, 1))
         grip = observed[:, :, at.GRIP_X : at.GRIP_Z + 1]
-        return Trace(observed[:, :, at.CONTACT_X], observed[:, :, at.HOLDING], grip, shapes)
+        return Trace(
+            observed[:, :, at.CONTACT_X], observed[:, :, at.HOLDING], grip, shapes
+        )
 
     def retire(self, retired: NDArray[np.bool_]) -> None:
-        """End the strips of mask `retired` (n,): they keep their shapes and cost no more time."""
+        """End the strips of mask `retired` (n,): they keep their shapes and cost no
+        more time.
+        """
         self._batch = compact(end_strips(self._batch, retired))
 
     @property
@@ -114,15 +128,21 @@ class Rod:
         return failed
 
     def shapes(self) -> Array:
-        """Midlines (n, nodes, 2) [m] of all strips, from the fixed to the grasped edge."""
+        """Midlines (n, nodes, 2) [m] of all strips, from the fixed to the grasped
+        edge.
+        """
         return midlines(self._batch)
 
     def arc(self) -> Array:
-        """Arc lengths (n, nodes) [m] of the nodes from the fixed edge, denser near the grip."""
+        """Arc lengths (n, nodes) [m] of the nodes from the fixed edge, denser near the
+        grip.
+        """
         return np.array(self._batch.arc)
 
     def _fit_length(self, models: Sequence[StripModel]) -> None:
-        """Move each gripped edge to the stated length; in smaller steps where the solver fails."""
+        """Move each gripped edge to the stated length; in smaller steps where the
+        solver fails.
+        """
         try:
             fit_length(self._batch, models)
         except SimulationNotConverged:
@@ -139,10 +159,14 @@ class Rod:
         self._observed = np.zeros((count, at.OBSERVABLE_COUNT))
 
     def _step_all(self, poses: Array, dt: float, shapes: Array, every: int) -> Array:
-        """Step along `poses` (k, n, 3) [m, m, rad]; observables (k, n, OBSERVABLE_COUNT)."""
+        """Step along `poses` (k, n, 3) [m, m, rad]; observables (k, n,
+        OBSERVABLE_COUNT).
+        """
         poses = np.ascontiguousarray(poses, dtype=np.float64)
         if poses.shape[1:] != self._batch.held.shape:
-            raise ValueError(f"poses {poses.shape}; expected (k, {len(self._batch.held)}, 3)")
+            raise ValueError(
+                f"poses {poses.shape}; expected (k, {len(self._batch.held)}, 3)"
+            )
         observed = np.empty((len(poses), *self._observed.shape))
         observed[:] = self._observed
         pace = Pace(self._time, dt, min(dt / self._last, LARGEST_RATIO), 1.0)
@@ -157,8 +181,12 @@ class Rod:
         return observed
 
     def _record_touches(self) -> None:
-        """Read the touches of layers; raises for a strip that failed where the engine is strict."""
-        strips = zip(self._batch.monitor, self._batch.arc, midlines(self._batch), strict=True)
+        """Read the touches of layers; raises for a strip that failed where the engine
+        is strict.
+        """
+        strips = zip(
+            self._batch.monitor, self._batch.arc, midlines(self._batch), strict=True
+        )
         self.touch = tuple(_touch(*strip) for strip in strips)
         if self._strict and self.failed.any():
             i = int(np.argmax(self.failed))
@@ -169,13 +197,17 @@ class Rod:
 
 
 def _touch(monitor: Array, arc: Array, midline: Array) -> Touch | None:
-    """Layer touch from a strip's `monitor` (MONITOR_SIZE,), if any, in its shape `midline`."""
+    """Layer touch from a strip's `monitor` (MONITOR_SIZE,), if any, in its shape
+    `midline`.
+    """
     time, x, s = monitor[[at.TOUCH_TIME, at.TOUCH_X, at.TOUCH_S]].tolist()
     return None if np.isnan(time) else Touch.in_shape(time, x, s, arc, midline)
 
 
 class GripperPath(NamedTuple):
-    """Reported gripper path: times `t` (m,) [s], `poses` (m, 3); `hanging` if it starts lifted."""
+    """Reported gripper path: times `t` (m,) [s], `poses` (m, 3); `hanging` if it starts
+    lifted.
+    """
 
     t: Array
     poses: Array
@@ -196,11 +228,12 @@ def simulate_all(
     every: int = 0,
     precision: type[np.floating] = np.float64,
 ) -> list[StripMotion]:
-    """Simulate each of `models` along its path of `paths`, all in one batch, in steps of `dt` [s].
+    """Simulate each of `models` along its path of `paths`, all in one batch, in steps
+    of `dt` [s].
 
-    True grip paths follow from the models' rigs. Every `every`th step keeps its shape, 0 for none;
-    `shapes` then has (k // every, nodes, 2), rounded to `precision`. A motion ends where its layers
-    touch or at the end of its path.
+    True grip paths follow from the models' rigs. Every `every`th step keeps its shape,
+    0 for none; `shapes` then has (k // every, nodes, 2), rounded to `precision`. A
+    motion ends where its layers touch or at the end of its path.
     """
     paths = [_true_path(model, path) for model, path in zip(models, paths, strict=True)]
     counts = [max(1, round(path.duration / dt)) for path in paths]
@@ -224,21 +257,27 @@ def simulate_all(
                 holding_force=trace.holding_force[:steps, i],
                 grip_force=trace.grip_force[:steps, i],
                 shapes=np.ascontiguousarray(trace.shapes[: steps // stride, i]),
-                touch=None if touch is None else replace(touch, time=begin + touch.time),
+                touch=(
+                    None if touch is None else replace(touch, time=begin + touch.time)
+                ),
             )
         )
     return motions
 
 
 def _end(touch: Touch | None, count: int, dt: float) -> tuple[int, Touch | None]:
-    """Steps of `dt` [s] up to the layers' `touch`, and that; `count` where it comes later."""
+    """Steps of `dt` [s] up to the layers' `touch`, and that; `count` where it comes
+    later.
+    """
     if touch is None or touch.time > count * dt:
         return count, None
     return min(count, int(np.ceil(touch.time / dt - ROUNDING))), touch
 
 
 def _starts(models: Sequence[StripModel], paths: Sequence[GripperPath]) -> Array | None:
-    """Gripper poses (n, 3) [m, m, rad] at which strips start to move; None where all lie flat."""
+    """Gripper poses (n, 3) [m, m, rad] at which strips start to move; None where all
+    lie flat.
+    """
     if not any(path.hanging for path in paths):
         return None
     flat = [(model.stated_length, 0.0, 0.0) for model in models]
@@ -249,9 +288,11 @@ def _starts(models: Sequence[StripModel], paths: Sequence[GripperPath]) -> Array
 def _trace_in_pieces(
     rod: Rod, poses: Array, counts: NDArray[np.int_], dt: float, every: int
 ) -> Iterator[Trace]:
-    """Yield traces of strips along `poses` (k, n, 3) [m, m, rad], PIECE_TIME each, until all end.
+    """Yield traces of strips along `poses` (k, n, 3) [m, m, rad], PIECE_TIME each,
+    until all end.
 
-    Strip i ends after `counts[i]` steps at the latest; `dt`, `every` are as in `Rod.trace`.
+    Strip i ends after `counts[i]` steps at the latest; `dt`, `every` are as in
+    `Rod.trace`.
     """
     stride = max(every, 1)
     piece = max(1, round(PIECE_TIME / dt) // stride) * stride
@@ -268,6 +309,8 @@ def _true_path(model: StripModel, path: GripperPath) -> GripperPath:
 
 
 def _sample(path: GripperPath, dt: float, count: int) -> Array:
-    """Poses (count, 3) [m, m, rad] of `path` at each `dt` [s]; its last pose repeats at the end."""
+    """Poses (count, 3) [m, m, rad] of `path` at each `dt` [s]; its last pose repeats at
+    the end.
+    """
     times = path.t[0] + dt * np.arange(1, count + 1)
     return interpolate_columns(times, path.t, path.poses)

@@ -1,9 +1,11 @@
-"""Numba type of a SIMD vector of eight doubles, one per strip, with arithmetic as of scalars.
+"""Numba type of a SIMD vector of eight doubles, one per strip, with arithmetic as of
+scalars.
 
-Compiled code may add, subtract, multiply and divide `Lanes` with each other and with floats. `load`
-of an array with a lane axis gives Lanes, without one a float: the same kernel simulates eight
-strips in one vector register or one strip in scalars, operation for operation, bit for bit. In
-batches lanes are 3.1 to 4.2 times as fast as scalars (with AVX2; 1.8 times with half of them idle).
+Compiled code may add, subtract, multiply and divide `Lanes` with each other and with
+floats. `load` of an array with a lane axis gives Lanes, without one a float: the same
+kernel simulates eight strips in one vector register or one strip in scalars, operation
+for operation, bit for bit. In batches lanes are 3.1 to 4.2 times as fast as scalars
+(with AVX2; 1.8 times with half of them idle).
 """
 
 import operator
@@ -42,7 +44,9 @@ class _LanesModel(models.PrimitiveModel):  # type: ignore[misc]
 
 
 def _number(array: Any) -> Any:
-    """Numba type of an element of `array` (rows, fields[, LANE_COUNT]): Lanes or float."""
+    """Numba type of an element of `array` (rows, fields[, LANE_COUNT]): Lanes or
+    float.
+    """
     return Lanes if array.ndim == 3 else types.float64
 
 
@@ -57,7 +61,9 @@ def _spread(builder: Any, value: Any) -> Any:
         return value
     blank = ir.Constant(VECTOR, ir.Undefined)
     first = builder.insert_element(blank, value, ir.Constant(ir.IntType(32), 0))
-    return builder.shuffle_vector(first, blank, ir.Constant(INDEX_VECTOR, [0] * LANE_COUNT))
+    return builder.shuffle_vector(
+        first, blank, ir.Constant(INDEX_VECTOR, [0] * LANE_COUNT)
+    )
 
 
 def _operands(builder: Any, number: Any, args: Any) -> list[Any]:
@@ -65,13 +71,19 @@ def _operands(builder: Any, number: Any, args: Any) -> list[Any]:
 
 
 def _arithmetic(op: Any, instruction: str) -> None:
-    """Let `op` of lanes, or of lanes and a scalar, be compiled to LLVM's `instruction`."""
+    """Let `op` of lanes, or of lanes and a scalar, be compiled to LLVM's
+    `instruction`.
+    """
 
     @infer_global(op)
     class _Template(AbstractTemplate):  # type: ignore[misc]
         def generic(self, args: Any, kws: Any) -> Any:
             allowed = all(a == Lanes or isinstance(a, types.Float) for a in args)
-            return signature(Lanes, *args) if len(args) == 2 and Lanes in args and allowed else None
+            return (
+                signature(Lanes, *args)
+                if len(args) == 2 and Lanes in args and allowed
+                else None
+            )
 
     def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         left, right = _operands(builder, Lanes, args)
@@ -118,7 +130,9 @@ def _native(name: str, count: int) -> Callable[..., Any]:
 
 
 def _inline(function: Callable[Concatenate[Any, P], Any]) -> Callable[P, Any]:
-    """Register `function`, which returns a signature and a code generator, as a numba intrinsic."""
+    """Register `function`, which returns a signature and a code generator, as a numba
+    intrinsic.
+    """
     code: Callable[P, Any] = intrinsic(function)
     return code
 
@@ -188,7 +202,9 @@ def _address(context: Any, builder: Any, kind: Any, array: Any, place: Any) -> A
 
 
 def _lane_address(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-    """LLVM pointer to the double at an array, row, column and lane, which are `args`."""
+    """LLVM pointer to the double at an array, row, column and lane, which are
+    `args`.
+    """
     place = _address(context, builder, sig.args[0], args[0], args[1:3])
     if sig.args[0].ndim == 2:
         return place
@@ -198,17 +214,23 @@ def _lane_address(context: Any, builder: Any, sig: Any, args: Any) -> Any:
 
 @_inline
 def load(typing: Any, array: Any, row: Any, column: Any) -> Any:
-    """Load an element of a contiguous `array` (rows, columns[, LANE_COUNT]); no bounds check."""
+    """Load an element of a contiguous `array` (rows, columns[, LANE_COUNT]); no bounds
+    check.
+    """
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return builder.load(_address(context, builder, sig.args[0], args[0], args[1:]), align=8)
+        return builder.load(
+            _address(context, builder, sig.args[0], args[0], args[1:]), align=8
+        )
 
     return _number(array)(array, types.intp, types.intp), generate
 
 
 @_inline
 def store(typing: Any, array: Any, row: Any, column: Any, value: Any) -> Any:
-    """Store `value` in a contiguous `array` (rows, columns[, LANE_COUNT]); no bounds check."""
+    """Store `value` in a contiguous `array` (rows, columns[, LANE_COUNT]); no bounds
+    check.
+    """
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         (number,) = _operands(builder, _number(sig.args[0]), args[3:])
@@ -230,14 +252,21 @@ def load_lane(typing: Any, array: Any, row: Any, column: Any, lane: Any) -> Any:
 
 
 @_inline
-def store_lane(typing: Any, array: Any, row: Any, column: Any, lane: Any, value: Any) -> Any:
-    """Store the float `value` in one `lane` of an element of `array`; no bounds check."""
+def store_lane(
+    typing: Any, array: Any, row: Any, column: Any, lane: Any, value: Any
+) -> Any:
+    """Store the float `value` in one `lane` of an element of `array`; no bounds
+    check.
+    """
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         builder.store(args[4], _lane_address(context, builder, sig, args))
         return context.get_dummy_value()
 
-    return types.void(array, types.intp, types.intp, types.intp, types.float64), generate
+    return (
+        types.void(array, types.intp, types.intp, types.intp, types.float64),
+        generate,
+    )
 
 
 @_inline

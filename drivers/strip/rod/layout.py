@@ -1,8 +1,9 @@
-"""Memory layout of the rod engine: names of array fields, blocks, packing of strips into lanes.
+"""Memory layout of the rod engine: names of array fields, blocks, packing of strips
+into lanes.
 
-Arrays are (rows, fields[, LANE_COUNT]). Row r is node r - 1: row 1 the fixed edge, row N + 1 the
-grasped edge; rows 0 and N + 2 are ghosts, one element beyond the ends, that hold the tangents.
-Segment r runs from row r to row r + 1.
+Arrays are (rows, fields[, LANE_COUNT]). Row r is node r - 1: row 1 the fixed edge, row
+N + 1 the grasped edge; rows 0 and N + 2 are ghosts, one element beyond the ends, that
+hold the tangents. Segment r runs from row r to row r + 1.
 """
 
 from typing import Any, NamedTuple
@@ -14,22 +15,26 @@ from drivers.types import Array
 FIRST_FREE_NODE = 2  # row of the first free node
 CACHE_LINE = 8  # doubles
 
-# State: position, velocity, strain of bending and friction moment now, and one step before.
+# State: position, velocity, strain of bending and friction moment now, and one step
+# before.
 X, Z, VX, VZ, EPS, FRICTION = range(6)
 X1, Z1, VX1, VZ1, EPS1, TENSION = range(6, 12)
 STATE_SIZE = 12
 # Of the ghost beyond the grip, which has no speed: the strip's pull on it [N].
 GRIP_FORCE_X, GRIP_FORCE_Z = VX, VZ
 
-# Nature: coefficients of a node (mass [kg], weight [N], bending) and of the segment that begins at
-# it.
-MASS, LOAD_X, LOAD_Z, DESK, BEND, CUBIC, FIFTH, CREST, DAMP, SLIP, STICK, REST = range(12)
+# Nature: coefficients of a node (mass [kg], weight [N], bending) and of the segment
+# that begins at it.
+MASS, LOAD_X, LOAD_Z, DESK, BEND, CUBIC, FIFTH, CREST, DAMP, SLIP, STICK, REST = range(
+    12
+)
 STRETCH, SPAN, SHARE, FLOOR = range(12, 16)
 NATURE = 16
 
-# More of both for `terms`: strain of a Maxwell element now and before, how far a segment has slid,
-# the pull at which its end slides, and which way it does, moment of friction without a yield
-# point; coefficients, of that friction its moment in full sliding [N m] and how soon it slides [1].
+# More of both for `terms`: strain of a Maxwell element now and before, how far a
+# segment has slid, the pull at which its end slides, and which way it does, moment of
+# friction without a yield point; coefficients, of that friction its moment in full
+# sliding [N m] and how soon it slides [1].
 MAXWELL, MAXWELL1, SLID, HELD, SLIP_SIGN, GRADUAL = range(STATE_SIZE, STATE_SIZE + 6)
 RICH_STATE = STATE_SIZE + 6
 QUADRATIC, BRANCH, FADE, GRIPPED, CLING = range(NATURE, NATURE + 5)
@@ -50,19 +55,21 @@ COLUMN_COUNT = 7
 CONTACT_X, TIP_X, TIP_Z, HOLDING, GRIP_X, GRIP_Z = range(6)
 OBSERVABLE_COUNT = 6
 
-# Monitor of a strip: its limits, its layer gap one step ago, its touch, and when it failed.
+# Monitor of a strip: its limits, its layer gap one step ago, its touch, and when it
+# failed.
 CONTACT_HEIGHT, OPENING, TOUCH_GAP, LENGTH = range(4)
 GAP_HEIGHT, GAP_X, GAP_S, TOUCH_TIME, TOUCH_X, TOUCH_S, FAILURE_TIME = range(4, 11)
 MONITOR_SIZE = 11
 
 
 class Batch(NamedTuple):
-    """Memory of n simulated strips: solver arrays in blocks of lanes, and values of each strip.
+    """Memory of n simulated strips: solver arrays in blocks of lanes, and values of
+    each strip.
 
-    `nature`, the coefficients, and `state` (blocks, rows, fields[, LANE_COUNT]); `work` and `band`,
-    which blocks share; `strips` and `alive`: which strip each lane holds and whether it is still
-    simulated; of each strip `monitor` (n, MONITOR_SIZE), `arc` (n, nodes) and `held` (n, 3), its
-    last grip pose; `last` and `terms` as in Block.
+    `nature`, the coefficients, and `state` (blocks, rows, fields[, LANE_COUNT]); `work`
+    and `band`, which blocks share; `strips` and `alive`: which strip each lane holds
+    and whether it is still simulated; of each strip `monitor` (n, MONITOR_SIZE), `arc`
+    (n, nodes) and `held` (n, 3), its last grip pose; `last` and `terms` as in Block.
     """
 
     nature: Any
@@ -79,11 +86,12 @@ class Batch(NamedTuple):
 
 
 class Block(NamedTuple):
-    """Strips that are solved together: their coefficients and state, and shared work arrays.
+    """Strips that are solved together: their coefficients and state, and shared work
+    arrays.
 
-    `nature` holds the coefficients. `last` is the row of the last free node; `terms` is None where
-    no strip of the batch needs the kernels of `terms`: then the compiled code does not contain
-    them.
+    `nature` holds the coefficients. `last` is the row of the last free node; `terms` is
+    None where no strip of the batch needs the kernels of `terms`: then the compiled
+    code does not contain them.
     """
 
     nature: Any
@@ -95,7 +103,9 @@ class Block(NamedTuple):
 
 
 def pack(values: Array, lanes: int) -> Array:
-    """Pack strips' `values` (n, rows, fields) into blocks (n / lanes, rows, fields[, lanes])."""
+    """Pack strips' `values` (n, rows, fields) into blocks (n / lanes, rows, fields[,
+    lanes]).
+    """
     if lanes == 1:
         return _aligned_copy(values)
     blocks = values.reshape(-1, lanes, *values.shape[1:])
@@ -103,7 +113,9 @@ def pack(values: Array, lanes: int) -> Array:
 
 
 def unpack(blocks: Array, lanes: int) -> Array:
-    """Unpack `blocks` (n / lanes, rows, fields[, lanes]) to strips' values (n, rows, fields)."""
+    """Unpack `blocks` (n / lanes, rows, fields[, lanes]) to strips' values (n, rows,
+    fields).
+    """
     if lanes == 1:
         return blocks
     return np.moveaxis(blocks, -1, 1).reshape(-1, *blocks.shape[1:-1])

@@ -16,7 +16,9 @@ INEXTENSIBLE = 1e6  # axial stiffness over weight: 1 ppm of strain under its own
 
 
 def lattice(length: float, segments: int) -> Array:
-    """Arc lengths (segments + 1,) [m] of a rod's nodes: equal segments, finer near the grip."""
+    """Arc lengths (segments + 1,) [m] of a rod's nodes: equal segments, finer near the
+    grip.
+    """
     return graded_nodes(length, segments, GRADED, FINEST)
 
 
@@ -29,9 +31,11 @@ def needs_terms(model: StripModel) -> bool:
 
 
 def lump(model: StripModel, segments: int, *, rich: bool = False) -> Array:
-    """Coefficients (segments + 3, NATURE) of the nodes and segments of a rod for strip `model`.
+    """Coefficients (segments + 3, NATURE) of the nodes and segments of a rod for strip
+    `model`.
 
-    If `rich`, RICH_NATURE of each: also of drag, sliding, relaxation and gradual friction.
+    If `rich`, RICH_NATURE of each: also of drag, sliding, relaxation and gradual
+    friction.
     """
     mechanics = model.mechanics
     arc = lattice(mechanics.length, segments)
@@ -46,7 +50,8 @@ def lump(model: StripModel, segments: int, *, rich: bool = False) -> Array:
     _combine_compliances(nodes[-1], model.boundary.grip_compliance)
     weight = float(mass.sum()) * float(np.hypot(*model.boundary.gravity))
     axial = min(INEXTENSIBLE * weight, mechanics.stretch_stiffness)
-    spans = np.pad(np.diff(arc), (1, 2), mode="edge")  # ghost segments equal those beside them
+    # ghost segments equal those beside them
+    spans = np.pad(np.diff(arc), (1, 2), mode="edge")
     rows[:, at.SPAN] = spans
     rows[:, at.SHARE] = spans / mechanics.length
     rows[:, at.STRETCH] = axial / spans
@@ -59,15 +64,17 @@ def lump(model: StripModel, segments: int, *, rich: bool = False) -> Array:
 def _lump_bending(inner: Array, mechanics: Mechanics, middles: Array) -> None:
     """Write the bending coefficients of each node, between the middles of its segments.
 
-    Compliances in series add up. The first and the last node stand for half a segment, so that
-    clamps are second-order accurate. Damping of unlike pieces under one moment: D = K^2
-    int(viscosity / EI^2) ds.
+    Compliances in series add up. The first and the last node stand for half a segment,
+    so that clamps are second-order accurate. Damping of unlike pieces under one moment:
+    D = K^2 int(viscosity / EI^2) ds.
     """
     reach = np.diff(middles)
     rigidity, law = mechanics.rigidity, mechanics.law
     stiffness = mechanics.series(rigidity, middles) / reach
     inner[:, at.BEND] = stiffness
-    inner[:, at.DAMP] = stiffness**2 * mechanics.total(mechanics.viscosity / rigidity**2, middles)
+    inner[:, at.DAMP] = stiffness**2 * mechanics.total(
+        mechanics.viscosity / rigidity**2, middles
+    )
     inner[:, at.CUBIC] = law.cubic / reach**2
     inner[:, at.FIFTH] = law.fifth
     inner[:, at.CREST] = reach * law.crest
@@ -77,10 +84,12 @@ def _lump_bending(inner: Array, mechanics: Mechanics, middles: Array) -> None:
 
 
 def _combine_compliances(grip: Array, compliance: float) -> None:
-    """Put the grip's `compliance` [rad/(N m)] in series with the strip's bending at the grip.
+    """Put the grip's `compliance` [rad/(N m)] in series with the strip's bending at the
+    grip.
 
-    Angles add under one moment: K' = K / (1 + C K); with s = K' / K the strip's share of the angle,
-    damping is s^2 D, the cubic term s^3 of itself, friction s F; while it sticks, s is smaller.
+    Angles add under one moment: K' = K / (1 + C K); with s = K' / K the strip's share
+    of the angle, damping is s^2 D, the cubic term s^3 of itself, friction s F; while it
+    sticks, s is smaller.
     """
     share = 1.0 / (1.0 + compliance * grip[at.BEND])
     stuck = 1.0 / (1.0 + compliance * (grip[at.BEND] + grip[at.STICK]))
@@ -93,12 +102,17 @@ def _combine_compliances(grip: Array, compliance: float) -> None:
 
 
 def _lump_terms(rows: Array, model: StripModel, reach: Array) -> None:
-    """Write drag, sliding, relaxation and gradual friction of nodes `reach` (n,) [m] long."""
+    """Write drag, sliding, relaxation and gradual friction of nodes `reach` (n,) [m]
+    long.
+    """
     law = model.mechanics.law
     boundary = model.boundary
     inner = rows[1:-1]
     inner[:, at.QUADRATIC] = inner[:, at.BEND] * law.quadratic_damping / reach
-    inner[-1, at.QUADRATIC] *= (1.0 - boundary.grip_compliance * inner[-1, at.BEND]) ** 2  # s^2
+    # s^2
+    inner[-1, at.QUADRATIC] *= (
+        1.0 - boundary.grip_compliance * inner[-1, at.BEND]
+    ) ** 2
     inner[:, at.BRANCH] = inner[:, at.BEND] * law.relaxing
     inner[:, at.BEND] -= inner[:, at.BRANCH]
     inner[:, at.FADE] = 1.0 / law.relaxation_time
@@ -106,9 +120,11 @@ def _lump_terms(rows: Array, model: StripModel, reach: Array) -> None:
     inner[:, at.DRAG] = model.mechanics.drag_per_length * reach
     inner[:, at.SLOW : at.ALONG + 1] = drag.slow, drag.oblique, drag.along
     rows[:, at.GRIPPED] = np.inf
-    rows[-3, at.GRIPPED] = boundary.grip_force  # the last segment, before the grip and its ghost
+    # the last segment, before the grip and its ghost
+    rows[-3, at.GRIPPED] = boundary.grip_force
     inner[:, at.CLING] = boundary.edge_friction
-    if law.gradual != 0 and law.yield_curvature != 0:  # an element without a yield point
+    # an element without a yield point
+    if law.gradual != 0 and law.yield_curvature != 0:
         inner[:, at.GRADUAL_PACE] = inner[:, at.STICK] / inner[:, at.SLIP]
         inner[:, at.GRADUAL_SLIP] = law.gradual * inner[:, at.SLIP]
         inner[:, [at.STICK, at.SLIP]] *= 1.0 - law.gradual
@@ -119,4 +135,6 @@ def check(models: Sequence[StripModel]) -> None:
     for model in models:
         gx, gz = model.boundary.gravity
         if gz >= 0:
-            raise Unsupported("rod", f"gravity ({gx:g}, {gz:g}), which does not press on the desk")
+            raise Unsupported(
+                "rod", f"gravity ({gx:g}, {gz:g}), which does not press on the desk"
+            )

@@ -1,8 +1,9 @@
 """Newton's method for one implicit step of a rod: assembly, elimination, correction.
 
-The tangent matrix is symmetric with half bandwidth 5 and is factorised in place into L D L^T. Row r
-of `band` (rows, 7[, LANE_COUNT]) holds 1/D(r) in column 0, L(r, r - j) in column j = 1..5 and the
-right-hand side, later the solution, in column 6. Rows before the first unknown are zero.
+The tangent matrix is symmetric with half bandwidth 5 and is factorised in place into L
+D L^T. Row r of `band` (rows, 7[, LANE_COUNT]) holds 1/D(r) in column 0, L(r, r - j) in
+column j = 1..5 and the right-hand side, later the solution, in column 6. Rows before
+the first unknown are zero.
 """
 
 from typing import Any
@@ -15,7 +16,8 @@ from drivers.strip.rod.terms import air_drag, settling_turn, update_stuck
 
 ITERATIONS = 10
 TURN_TOLERANCE = 1e-4  # rad, root mean square of the last turns of the segments
-LARGEST_TURN = 1.0  # rad^2, square of a turn in one correction, more than a step of a fold needs
+# rad^2, square of a turn in one correction, more than a step of a fold needs
+LARGEST_TURN = 1.0
 SINK = 2e-5  # m over which the desk takes up the weight
 PIVOT_COLUMN, SIDE_COLUMN = 0, 6
 
@@ -24,7 +26,8 @@ PIVOT_COLUMN, SIDE_COLUMN = 0, 6
 def desk_reaction(block: Any, r: int) -> Any:
     """Upward force [N] of the desk on the node at row `r`, and its stiffness [N/m].
 
-    A one-sided spring, quadratic, then linear; at z = 0 exactly the weight, which so lies at rest.
+    A one-sided spring, quadratic, then linear; at z = 0 exactly the weight, which so
+    lies at rest.
     """
     weight = load(block.nature, r, at.DESK)
     depth = 1.5 - load(block.state, r, at.Z) * (1.0 / SINK)
@@ -37,26 +40,45 @@ def desk_reaction(block: Any, r: int) -> Any:
 
 @kernel
 def residual(block: Any, r: int, inertia: Any, reaction: Any) -> Any:
-    """Residual force x, z [N] on node row `r`: inertia + internal forces - weight - desk."""
+    """Residual force x, z [N] on node row `r`: inertia + internal forces - weight -
+    desk.
+    """
     nature, state, work = block.nature, block.state, block.work
     x = inertia * (load(state, r, at.X) - load(work, r, at.HAT_X))
     z = inertia * (load(state, r, at.Z) - load(work, r, at.HAT_Z))
-    x = x + (load(work, r - 1, at.PULL_X) - load(work, r, at.PULL_X)) - load(nature, r, at.LOAD_X)
-    z = z + (load(work, r - 1, at.PULL_Z) - load(work, r, at.PULL_Z)) - load(nature, r, at.LOAD_Z)
+    x = (
+        x
+        + (load(work, r - 1, at.PULL_X) - load(work, r, at.PULL_X))
+        - load(nature, r, at.LOAD_X)
+    )
+    z = (
+        z
+        + (load(work, r - 1, at.PULL_Z) - load(work, r, at.PULL_Z))
+        - load(nature, r, at.LOAD_Z)
+    )
     return x, z - reaction
 
 
 @kernel
 def pair(work: Any, r: int, first: int) -> Any:
-    """Fields `first` and `first` + 1 of row `r` of `work`, such as the x and z of a vector."""
+    """Fields `first` and `first` + 1 of row `r` of `work`, such as the x and z of a
+    vector.
+    """
     return load(work, r, first), load(work, r, first + 1)
 
 
 @kernel
 def add_outer(a: Any, b: Any, matrix: Any) -> Any:
-    """Sum of `matrix`, as xx, xz, zx, zz, and the outer product a b' of two vectors x, z."""
+    """Sum of `matrix`, as xx, xz, zx, zz, and the outer product a b' of two vectors x,
+    z.
+    """
     xx, xz, zx, zz = matrix
-    return fma(a[0], b[0], xx), fma(a[0], b[1], xz), fma(a[1], b[0], zx), fma(a[1], b[1], zz)
+    return (
+        fma(a[0], b[0], xx),
+        fma(a[0], b[1], xz),
+        fma(a[1], b[0], zx),
+        fma(a[1], b[1], zz),
+    )
 
 
 @kernel
@@ -67,12 +89,14 @@ def scaled(factor: Any, vector: Any) -> Any:
 
 @kernel
 def tangent_blocks(work: Any, r: int, inertia: Any) -> Any:
-    """Blocks xx, xz, zx, zz of the tangent matrix A: of node row `r`, with r - 1, with r - 2.
+    """Blocks xx, xz, zx, zz of the tangent matrix A: of node row `r`, with r - 1, with
+    r - 2.
 
     A = sum_j k_j t_j t_j' + S + inertia over the angles j = r - 1, r, r + 1, with k_j =
-    d(moment)/d(angle), t_j the angle's turn per motion of the nodes, S the stiffness of the two
-    segments. With n(r) the turn of segment r, its normal over its length, angle r turns with n(r-1)
-    per motion of node r - 1, -(n(r-1) + n(r)) per that of node r, and n(r) per that of node r + 1.
+    d(moment)/d(angle), t_j the angle's turn per motion of the nodes, S the stiffness of
+    the two segments. With n(r) the turn of segment r, its normal over its length, angle
+    r turns with n(r-1) per motion of node r - 1, -(n(r-1) + n(r)) per that of node r,
+    and n(r) per that of node r + 1.
     """
     far = pair(work, r - 2, at.TURN_X)
     left = pair(work, r - 1, at.TURN_X)
@@ -97,7 +121,9 @@ def tangent_blocks(work: Any, r: int, inertia: Any) -> Any:
 
 @kernel
 def assemble(block: Any, r: int, rate: Any) -> None:
-    """Assemble and eliminate the x and z rows of the tangent matrix for node row `r`."""
+    """Assemble and eliminate the x and z rows of the tangent matrix for node row
+    `r`.
+    """
     inertia = load(block.nature, r, at.MASS) * rate * rate
     reaction, support = desk_reaction(block, r)
     force_x, force_z = residual(block, r, inertia, reaction)
@@ -115,7 +141,8 @@ def assemble(block: Any, r: int, rate: Any) -> None:
 
 @kernel
 def eliminate(band: Any, r: int, row: Any, diagonal: Any, side: Any) -> None:
-    """Factorise row `r` of the tangent matrix and substitute its right-hand `side` forward.
+    """Factorise row `r` of the tangent matrix and substitute its right-hand `side`
+    forward.
 
     The entries `row` are A(r, r - j), j = 4..1.
 
@@ -132,7 +159,11 @@ def eliminate(band: Any, r: int, row: Any, diagonal: Any, side: Any) -> None:
     l2 = v2 * load(band, r - 2, PIVOT_COLUMN)
     l1 = v1 * load(band, r - 1, PIVOT_COLUMN)
     pivot = fma(-v1, l1, fma(-v2, l2, fma(-v3, l3, fma(-v4, l4, diagonal))))
-    side = fma(-l4, load(band, r - 4, SIDE_COLUMN), fma(-l3, load(band, r - 3, SIDE_COLUMN), side))
+    side = fma(
+        -l4,
+        load(band, r - 4, SIDE_COLUMN),
+        fma(-l3, load(band, r - 3, SIDE_COLUMN), side),
+    )
     side = fma(-l2, load(band, r - 2, SIDE_COLUMN), side)
     side = fma(-l1, load(band, r - 1, SIDE_COLUMN), side)
     store(band, r, 1, l1)
@@ -145,7 +176,9 @@ def eliminate(band: Any, r: int, row: Any, diagonal: Any, side: Any) -> None:
 
 @kernel
 def eliminate_fifth(band: Any, r: int, row: Any, diagonal: Any, side: Any) -> None:
-    """Factorise row `r` as `eliminate` does, with five entries A(r, r - j), j = 5..1."""
+    """Factorise row `r` as `eliminate` does, with five entries A(r, r - j), j =
+    5..1.
+    """
     a5, a4, a3, a2, a1 = row
     l5 = a5 * load(band, r - 5, PIVOT_COLUMN)
     store(band, r, 5, l5)
@@ -163,8 +196,8 @@ def eliminate_fifth(band: Any, r: int, row: Any, diagonal: Any, side: Any) -> No
 def substitute(band: Any, first: int, last: int) -> None:
     """Solve the factorised rows `first` to `last` backwards, into column SIDE_COLUMN.
 
-    x_r = y_r / D(r) - sum_j L(r+j, r) x_{r+j}. Rows last + 1 .. last + 5 must exist; their columns
-    1..5 and SIDE_COLUMN are overwritten by zeros.
+    x_r = y_r / D(r) - sum_j L(r+j, r) x_{r+j}. Rows last + 1 .. last + 5 must exist;
+    their columns 1..5 and SIDE_COLUMN are overwritten by zeros.
     """
     zero = splat(band, 0.0)
     for r in range(last + 1, last + 6):
@@ -179,11 +212,12 @@ def substitute(band: Any, first: int, last: int) -> None:
 
 @kernel
 def apply_correction(block: Any, gate: Any) -> Any:
-    """Apply the solved Newton step to nodes and tensions in the lanes where `gate` is above 0.
+    """Apply the solved Newton step to nodes and tensions in the lanes where `gate` is
+    above 0.
 
-    Returns the mean and the largest squared turn [rad^2] of each lane's segments. T = EA (l / l0 -
-    1 + t de / l0) is the tension of the linearised segment, free of the stretch that a turn of a
-    straight piece feigns.
+    Returns the mean and the largest squared turn [rad^2] of each lane's segments. T =
+    EA (l / l0 - 1 + t de / l0) is the tension of the linearised segment, free of the
+    stretch that a turn of a straight piece feigns.
     """
     state, work, band = block.state, block.work, block.band
     turned, wildest = splat(state, 0.0), splat(state, 0.0)
@@ -204,19 +238,26 @@ def apply_correction(block: Any, gate: Any) -> Any:
         if block.terms is not None:
             turned = turned + settling_turn(block, r - 1, along)
             update_stuck(block, r - 1, along)
-        store(state, r - 1, at.TENSION, select(gate, tension, load(state, r - 1, at.TENSION)))
+        store(
+            state,
+            r - 1,
+            at.TENSION,
+            select(gate, tension, load(state, r - 1, at.TENSION)),
+        )
         dx_before, dz_before = dx, dz
     return turned, wildest
 
 
 @kernel
 def solve(block: Any, rate: Any, alive: Any) -> Any:
-    """Iterate Newton's method on the active lanes; returns the lanes that failed to converge.
+    """Iterate Newton's method on the active lanes; returns the lanes that failed to
+    converge.
 
-    It ends when segments turn by less than TURN_TOLERANCE, root mean square: by ten times that, a
-    motion jumps as its model varies, and no finite difference of it is a slope. A lane with a
-    segment that turns by more than LARGEST_TURN in one correction failed: Newton's method could
-    then converge to a kinked equilibrium that does not continue the motion.
+    It ends when segments turn by less than TURN_TOLERANCE, root mean square: by ten
+    times that, a motion jumps as its model varies, and no finite difference of it is a
+    slope. A lane with a segment that turns by more than LARGEST_TURN in one correction
+    failed: Newton's method could then converge to a kinked equilibrium that does not
+    continue the motion.
     """
     unsolved, failed = alive, 0.0 * alive
     for _ in range(ITERATIONS):
@@ -227,7 +268,9 @@ def solve(block: Any, rate: Any, alive: Any) -> Any:
         turned, wildest = apply_correction(block, unsolved)
         sane = below(turned, LARGEST_TURN) * below(wildest, LARGEST_TURN)
         failed = select(unsolved * (1.0 - sane), unsolved, failed)
-        unsolved = unsolved * sane * (1.0 - below(turned, TURN_TOLERANCE * TURN_TOLERANCE))
+        unsolved = (
+            unsolved * sane * (1.0 - below(turned, TURN_TOLERANCE * TURN_TOLERANCE))
+        )
         if not any_lane(unsolved):
             break
     return select(unsolved, unsolved, failed)

@@ -23,22 +23,27 @@ def slip_length(block: Any, r: int) -> Any:
 
 @kernel
 def slide_in_grip(block: Any, alive: Any) -> None:
-    """Lengthen the segment at the grip by the length that slid out of the grip in this step.
+    """Lengthen the segment at the grip by the length that slid out of the grip in this
+    step.
 
-    That piece is straight and massless, valid for a few per cent of the strip. Arc lengths end at
-    the edge that was grasped, so l1 does not grow by it.
+    That piece is straight and massless, valid for a few per cent of the strip. Arc
+    lengths end at the edge that was grasped, so l1 does not grow by it.
     """
     r = block.state.shape[0] - 3
     before = load(block.state, r, at.SLID)
-    store(block.state, r, at.SLID, select(alive, before + slip_length(block, r), before))
+    store(
+        block.state, r, at.SLID, select(alive, before + slip_length(block, r), before)
+    )
 
 
 @kernel
 def slide_edge(block: Any, alive: Any) -> None:
-    """Move a loose fixed edge by the distance it slid, and update the friction that holds it.
+    """Move a loose fixed edge by the distance it slid, and update the friction that
+    holds it.
 
-    All friction of the lying part acts at its edge: that part is straight and hardly stretches, so
-    it slides as a whole when the pull exceeds friction times the normal force of the desk.
+    All friction of the lying part acts at its edge: that part is straight and hardly
+    stretches, so it slides as a whole when the pull exceeds friction times the normal
+    force of the desk.
     """
     state = block.state
     away = slip_length(block, 1)

@@ -1,4 +1,6 @@
-"""Static equilibria of a batch of strips, reached by damped motion along gripper paths."""
+"""Static equilibria of a batch of strips, reached by damped motion along gripper
+paths.
+"""
 
 from collections.abc import Sequence
 
@@ -18,14 +20,16 @@ APPROACH_STEPS = 60  # steps from lying flat to where a strip hangs
 FINE_STEPS = 150  # likewise, after the solver failed to converge in APPROACH_STEPS
 APPROACH_HEIGHT = 0.7  # of the approach over the height that a slack strip allows
 PERIOD = 0.05  # s, Euler steps of the approach
-STILLING = tuple(PERIOD * 2**i for i in range(10))  # s, steps in which a strip comes to rest
+# s, steps in which a strip comes to rest
+STILLING = tuple(PERIOD * 2**i for i in range(10))
 
 
 def lift_path(batch: Batch, start: Array) -> Array:
-    """Gripper poses (k, n, 3) [m, m, rad] from flat strips to `start` (n, 3): up, then inwards.
+    """Gripper poses (k, n, 3) [m, m, rad] from flat strips to `start` (n, 3): up, then
+    inwards.
 
-    The height grows with the root of the inward distance, so that the edge stays within the strip's
-    reach.
+    The height grows with the root of the inward distance, so that the edge stays within
+    the strip's reach.
     """
     share = np.linspace(0.0, 1.0, APPROACH_STEPS + 1)[1:, None]
     path = batch.held + share[:, :, None] * (start - batch.held)
@@ -33,13 +37,16 @@ def lift_path(batch: Batch, start: Array) -> Array:
     return np.asarray(path)
 
 
-def fit_length(batch: Batch, models: Sequence[StripModel], steps: int = APPROACH_STEPS) -> None:
-    """Move the gripped edge of each strip of `batch` to x = its model's `stated_length`.
+def fit_length(
+    batch: Batch, models: Sequence[StripModel], steps: int = APPROACH_STEPS
+) -> None:
+    """Move the gripped edge of each strip of `batch` to x = its model's
+    `stated_length`.
 
-    A shorter strip is stretched evenly; a longer one, moved in `steps` steps, comes to rest with
-    its slack as a wave in front of the grip, as after a grip that came in from above. Until then
-    its ends do not slide and it is kept inextensible: fabric buckles, where a rod may stay straight
-    and compressed.
+    A shorter strip is stretched evenly; a longer one, moved in `steps` steps, comes to
+    rest with its slack as a wave in front of the grip, as after a grip that came in
+    from above. Until then its ends do not slide and it is kept inextensible: fabric
+    buckles, where a rod may stay straight and compressed.
     """
     slack = batch.arc[:, -1] - np.array([model.stated_length for model in models])
     is_short, is_long = slack < 0, slack > 0
@@ -54,9 +61,11 @@ def fit_length(batch: Batch, models: Sequence[StripModel], steps: int = APPROACH
 
 
 def _wave_path(batch: Batch, goal: Array, slack: Array, steps: int) -> Array:
-    """Grip poses (steps, n, 3) [m, m, rad] in an arc to `goal` (n, 3), below what slack allows.
+    """Grip poses (steps, n, 3) [m, m, rad] in an arc to `goal` (n, 3), below what slack
+    allows.
 
-    A strip of length L with `slack` (n,) [m] s can be lifted to sqrt(L s / 2) in its middle.
+    A strip of length L with `slack` (n,) [m] s can be lifted to sqrt(L s / 2) in its
+    middle.
     """
     share = np.linspace(0.0, 1.0, steps + 1)[1:, None]
     path = batch.held + share[:, :, None] * (goal - batch.held)
@@ -66,7 +75,9 @@ def _wave_path(batch: Batch, goal: Array, slack: Array, steps: int) -> Array:
 
 
 def _rigid_nature(batch: Batch, models: Sequence[StripModel]) -> Array:
-    """Coefficients, as `batch.nature`, of the same strips without stretch and sliding."""
+    """Coefficients, as `batch.nature`, of the same strips without stretch and
+    sliding.
+    """
     stiff = [with_field(m, "mechanics.stretch_stiffness", np.inf) for m in models]
     nature: Array = flat_batch(stiff, batch.arc.shape[1] - 1).nature
     if batch.terms:
@@ -80,29 +91,38 @@ def _stretch(batch: Batch, ratio: Array, stretched: NDArray[np.bool_]) -> None:
     for b, lane in np.ndindex(batch.strips.shape):
         i = batch.strips[b, lane]
         if i < len(ratio) and stretched[i]:
-            state = batch.state[b] if batch.state.ndim == 3 else batch.state[b, :, :, lane]
+            state = (
+                batch.state[b] if batch.state.ndim == 3 else batch.state[b, :, :, lane]
+            )
             state[ghost, at.X] -= (1.0 - ratio[i]) * state[ghost - 1, at.X]
             state[1:ghost, at.X] *= ratio[i]
             state[:, at.X1] = state[:, at.X]
 
 
 def settle(batch: Batch, path: Array) -> None:
-    """Move the grips along `path` (k, n, 3) [m, m, rad] by damped steps; let the strips rest."""
+    """Move the grips along `path` (k, n, 3) [m, m, rad] by damped steps; let the strips
+    rest.
+    """
     _follow_damped(batch, path, PERIOD)
     for longer in STILLING:
         _follow_damped(batch, path[-1:], longer)
 
 
 def _follow_damped(batch: Batch, poses: Array, dt: float) -> None:
-    """Step along `poses` (k, n, 3) [m, m, rad] by backward Euler; raises on failure or touch."""
+    """Step along `poses` (k, n, 3) [m, m, rad] by backward Euler; raises on failure or
+    touch.
+    """
     observed = np.zeros((len(poses), len(batch.held), at.OBSERVABLE_COUNT))
     output = Output(observed, np.empty((0, 0, 0, 2)), 1)
     step_along(batch, poses, output, Pace(0.0, dt, 0.0, 0.0))
     failed, touched = (
-        np.isfinite(batch.monitor[:, field]) for field in (at.FAILURE_TIME, at.TOUCH_TIME)
+        np.isfinite(batch.monitor[:, field])
+        for field in (at.FAILURE_TIME, at.TOUCH_TIME)
     )
     if failed.any():
         raise SimulationNotConverged("rod", int(np.argmax(failed)), 0.0)
     if touched.any():
         i = int(np.argmax(touched))
-        raise Unsupported("rod", f"a start of strip {i} at which its layers touch before it rests")
+        raise Unsupported(
+            "rod", f"a start of strip {i} at which its layers touch before it rests"
+        )

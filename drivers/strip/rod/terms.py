@@ -23,7 +23,8 @@ def magnitude(a: Any) -> Any:
 
 @kernel
 def maxwell_strain(block: Any, r: int, change: Any, rate: Any) -> Any:
-    """Strain q of the Maxwell element at row `r`, by dq/dt = deps/dt - q / time, and dq/deps.
+    """Strain q of the Maxwell element at row `r`, by dq/dt = deps/dt - q / time, and
+    dq/deps.
 
     `change` is eps - base, so deps/dt = rate change and dq/dt = rate (q - base of q).
     """
@@ -41,15 +42,19 @@ def lagging_moment(block: Any, r: int, change: Any, rate: Any) -> Any:
     speed = rate * change
     resistance = load(block.nature, r, at.QUADRATIC) * magnitude(speed)
     branch = load(block.nature, r, at.BRANCH)
-    return fma(resistance, speed, branch * q), fma(2.0 * resistance, rate, branch * share)
+    return fma(resistance, speed, branch * q), fma(
+        2.0 * resistance, rate, branch * share
+    )
 
 
 @kernel
 def gradual_element(slip: Any, pace: Any, change: Any, before: Any) -> Any:
-    """Moment [N m] of a friction element without yield point after a `change` of strain; tangent.
+    """Moment [N m] of a friction element without yield point after a `change` of
+    strain; tangent.
 
-    dM/deps = pace (slip - s M) with s the sign of the change: Dahl's law of exponent 1. Of x = pace
-    |change|, exp(-x) is taken as 1 / (1 + x + x^2 / 2 + x^3 / 6), which stays positive.
+    dM/deps = pace (slip - s M) with s the sign of the change: Dahl's law of exponent 1.
+    Of x = pace |change|, exp(-x) is taken as 1 / (1 + x + x^2 / 2 + x^3 / 6), which
+    stays positive.
     """
     back = below(change, 0.0)
     limit, x = select(back, -slip, slip), pace * select(back, -change, change)
@@ -61,8 +66,13 @@ def gradual_element(slip: Any, pace: Any, change: Any, before: Any) -> Any:
 
 @kernel
 def gradual_friction(block: Any, r: int, eps: Any) -> Any:
-    """Moment [N m] of the friction element without a yield point at row `r`, and its tangent."""
-    slip, pace = load(block.nature, r, at.GRADUAL_SLIP), load(block.nature, r, at.GRADUAL_PACE)
+    """Moment [N m] of the friction element without a yield point at row `r`, and its
+    tangent.
+    """
+    slip, pace = (
+        load(block.nature, r, at.GRADUAL_SLIP),
+        load(block.nature, r, at.GRADUAL_PACE),
+    )
     change = eps - load(block.state, r, at.EPS)
     return gradual_element(slip, pace, change, load(block.state, r, at.GRADUAL))
 
@@ -76,10 +86,11 @@ def slip_limit(block: Any, r: int) -> Any:
 
 @kernel
 def slip_direction(block: Any, r: int, taut: Any) -> Any:
-    """Direction in which an end slides whose segment `r` would bear tension `taut` [N] if it stuck.
+    """Direction in which an end slides whose segment `r` would bear tension `taut` [N]
+    if it stuck.
 
-    1 where it is pulled, -1 where pushed, 0 where it sticks. In the grip a pushed strip buckles
-    before it slides; a loose edge slides both ways.
+    1 where it is pulled, -1 where pushed, 0 where it sticks. In the grip a pushed strip
+    buckles before it slides; a loose edge slides both ways.
     """
     pushed = below(taut, -load(block.state, r, at.HELD))
     return below(slip_limit(block, r), taut) - pushed
@@ -89,12 +100,13 @@ def slip_direction(block: Any, r: int, taut: Any) -> Any:
 def stick_slip(block: Any, r: int, taut: Any, stretch: Any, span: Any) -> Any:
     """Tension [N] and stiffness [N/m] of segment `r`, whose end sticks or slides.
 
-    They are `taut` and `stretch` where it sticks, the constant slip limit and 0 where it slides.
-    Whether it slides follows from the tension that the last linear solution gives it if it sticks:
-    that of its positions is mostly the stretch that a turn of an almost inextensible piece feigns.
-    An end that slid in one direction in the last iteration sticks in this one before it may slide
-    in the other; otherwise Newton's method would alternate between the two. In the first iteration
-    of a step all ends stick: tensions of extrapolated positions are meaningless.
+    They are `taut` and `stretch` where it sticks, the constant slip limit and 0 where
+    it slides. Whether it slides follows from the tension that the last linear solution
+    gives it if it sticks: that of its positions is mostly the stretch that a turn of an
+    almost inextensible piece feigns. An end that slid in one direction in the last
+    iteration sticks in this one before it may slide in the other; otherwise Newton's
+    method would alternate between the two. In the first iteration of a step all ends
+    stick: tensions of extrapolated positions are meaningless.
     """
     taut = taut - stretch * load(block.state, r, at.SLID)
     sign = slip_direction(block, r, load(block.work, r, at.STUCK))
@@ -111,16 +123,20 @@ def stick_slip(block: Any, r: int, taut: Any, stretch: Any, span: Any) -> Any:
 
 @kernel
 def update_stuck(block: Any, r: int, along: Any) -> None:
-    """Update the tension of segment `r` if it stuck, after a correction `along` of its strain."""
+    """Update the tension of segment `r` if it stuck, after a correction `along` of its
+    strain.
+    """
     taut, growth = load(block.work, r, at.STUCK), load(block.work, r, at.STUCK_GROWTH)
     store(block.work, r, at.STUCK, fma(-growth, along, taut))
 
 
 @kernel
 def settling_turn(block: Any, r: int, along: Any) -> Any:
-    """Squared turn [rad^2] that stands for a strain correction `along` in Newton's criterion.
+    """Squared turn [rad^2] that stands for a strain correction `along` in Newton's
+    criterion.
 
-    A sliding strip moves without turning, so that turns alone would end Newton's method early.
+    A sliding strip moves without turning, so that turns alone would end Newton's method
+    early.
     """
     turn = CORRECTION_TURN * along
     square = turn * turn
@@ -132,14 +148,22 @@ def settling_turn(block: Any, r: int, along: Any) -> Any:
 def air_drag(block: Any, r: int, rate: Any) -> Any:
     """Air drag x, z [N] against the motion of node row `r`, and its tangent xx, xz, zz.
 
-    F = D v with D = 1/2 rho C_d width length (u + slow) (n n' + along t t') of the predicted
-    motion: of second order in the step, and symmetric.
+    F = D v with D = 1/2 rho C_d width length (u + slow) (n n' + along t t') of the
+    predicted motion: of second order in the step, and symmetric.
     """
     work = block.work
-    xx, xz, zz = (load(work, r, at.DRAG_XX), load(work, r, at.DRAG_XZ), load(work, r, at.DRAG_ZZ))
+    xx, xz, zz = (
+        load(work, r, at.DRAG_XX),
+        load(work, r, at.DRAG_XZ),
+        load(work, r, at.DRAG_ZZ),
+    )
     vx = rate * (load(block.state, r, at.X) - load(work, r, at.BASE_X))
     vz = rate * (load(block.state, r, at.Z) - load(work, r, at.BASE_Z))
-    return (fma(xx, vx, xz * vz), fma(xz, vx, zz * vz)), (rate * xx, rate * xz, rate * zz)
+    return (fma(xx, vx, xz * vz), fma(xz, vx, zz * vz)), (
+        rate * xx,
+        rate * xz,
+        rate * zz,
+    )
 
 
 @kernel
@@ -163,18 +187,24 @@ def store_drag(block: Any, r: int, rate: Any) -> None:
 
 @kernel
 def store_history(block: Any, r: int, eps: Any, rate: Any, alive: Any) -> None:
-    """Store Maxwell strain and gradual friction at row `r` after a step to bending strain `eps`."""
+    """Store Maxwell strain and gradual friction at row `r` after a step to bending
+    strain `eps`.
+    """
     q, _ = maxwell_strain(block, r, eps - load(block.work, r, at.BASE_EPS), rate)
     before, older = load(block.state, r, at.MAXWELL), load(block.state, r, at.MAXWELL1)
     store(block.state, r, at.MAXWELL1, select(alive, before, older))
     store(block.state, r, at.MAXWELL, select(alive, q, before))
     dry, _ = gradual_friction(block, r, eps)
-    store(block.state, r, at.GRADUAL, select(alive, dry, load(block.state, r, at.GRADUAL)))
+    store(
+        block.state, r, at.GRADUAL, select(alive, dry, load(block.state, r, at.GRADUAL))
+    )
 
 
 @kernel
 def predict_terms(block: Any, rate: Any, weights: Any) -> None:
-    """Write drag matrices and BDF2 bases of Maxwell strains for the coming step into `work`."""
+    """Write drag matrices and BDF2 bases of Maxwell strains for the coming step into
+    `work`.
+    """
     newest, older = weights
     for r in range(1, block.state.shape[0] - 1):
         store(block.state, r, at.SLIP_SIGN, UNTRIED)

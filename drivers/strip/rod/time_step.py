@@ -1,12 +1,12 @@
 """Implicit time step of a block of strips, in substeps where a lane fails to converge.
 
-Second-order backward difference (BDF2) with variable step, or backward Euler. With omega the step
-over the last one, a rate is gamma (value - base), gamma = (1 + 2 omega) / ((1 + omega) h), base =
-((1 + omega)^2 v - omega^2 v1) / (1 + 2 omega); omega = 0 is backward Euler and starts a motion from
-rest.
+Second-order backward difference (BDF2) with variable step, or backward Euler. With
+omega the step over the last one, a rate is gamma (value - base), gamma = (1 + 2 omega)
+/ ((1 + omega) h), base = ((1 + omega)^2 v - omega^2 v1) / (1 + 2 omega); omega = 0 is
+backward Euler and starts a motion from rest.
 
-Only abrupt events need substeps: a gripper that starts at full speed beside a straight strip makes
-it buckle within one step.
+Only abrupt events need substeps: a gripper that starts at full speed beside a straight
+strip makes it buckle within one step.
 """
 
 import math
@@ -17,7 +17,15 @@ import numpy as np
 from drivers.jit import kernel
 from drivers.strip.rod import layout as at
 from drivers.strip.rod.bending import direction, dry_friction, strain
-from drivers.strip.rod.lanes import any_lane, fma, load, load_lane, select, store, store_lane
+from drivers.strip.rod.lanes import (
+    any_lane,
+    fma,
+    load,
+    load_lane,
+    select,
+    store,
+    store_lane,
+)
 from drivers.strip.rod.newton import desk_reaction, pair, solve
 from drivers.strip.rod.sliding_ends import slide_ends
 from drivers.strip.rod.terms import air_drag, predict_terms, store_history
@@ -26,10 +34,12 @@ SUBSTEPS = (16, 256)  # of a failed step, in the first and in the second attempt
 
 
 class Grips(NamedTuple):
-    """Grip poses of all strips before and after a step, and the strips in one block's lanes.
+    """Grip poses of all strips before and after a step, and the strips in one block's
+    lanes.
 
-    `strips` (LANE_COUNT,) are the strips that the lanes hold, `alive` whether each is still
-    simulated; `held` (n, 3) are the poses before the step, `poses` (n, 3) those after it.
+    `strips` (LANE_COUNT,) are the strips that the lanes hold, `alive` whether each is
+    still simulated; `held` (n, 3) are the poses before the step, `poses` (n, 3) those
+    after it.
     """
 
     strips: Any
@@ -39,10 +49,11 @@ class Grips(NamedTuple):
 
 
 class Pace(NamedTuple):
-    """Time `start` [s] before the first step, size `h` [s] of steps, and their BDF2 step ratios.
+    """Time `start` [s] before the first step, size `h` [s] of steps, and their BDF2
+    step ratios.
 
-    `omega` is the ratio of the step to the last one, `next_omega` that of equal steps after it: 1,
-    or 0 for backward Euler.
+    `omega` is the ratio of the step to the last one, `next_omega` that of equal steps
+    after it: 1, or 0 for backward Euler.
     """
 
     start: float
@@ -53,13 +64,17 @@ class Pace(NamedTuple):
 
 @kernel
 def weights(omega: float) -> Any:
-    """BDF2 weights of the last and second last value, for a ratio `omega` of step to last step."""
+    """BDF2 weights of the last and second last value, for a ratio `omega` of step to
+    last step.
+    """
     return (1.0 + omega) ** 2 / (1.0 + 2.0 * omega), -(omega**2) / (1.0 + 2.0 * omega)
 
 
 @kernel
 def predict_motion(block: Any, h: float, omega: float, alive: Any) -> None:
-    """Extrapolate the free nodes over a step `h` [s], and store history and BDF2 bases."""
+    """Extrapolate the free nodes over a step `h` [s], and store history and BDF2
+    bases.
+    """
     state, work = block.state, block.work
     period = h * (1.0 + omega) / (1.0 + 2.0 * omega)
     newest, older = weights(omega)
@@ -70,7 +85,9 @@ def predict_motion(block: Any, h: float, omega: float, alive: Any) -> None:
             x1, v1 = load(state, r, at.X1 + axis), load(state, r, at.VX1 + axis)
             base = fma(newest, x, older * x1)
             store(work, r, at.BASE_X + axis, base)
-            store(work, r, at.HAT_X + axis, fma(fma(newest, v, older * v1), period, base))
+            store(
+                work, r, at.HAT_X + axis, fma(fma(newest, v, older * v1), period, base)
+            )
             store(state, r, at.X1 + axis, select(alive, x, x1))
             store(state, r, at.VX1 + axis, select(alive, v, v1))
             guess = x + fma(ahead, v, behind * v1)
@@ -88,24 +105,33 @@ def predict_strain(block: Any, omega: float) -> None:
 
 @kernel
 def store_velocity(block: Any, rate: float, alive: Any) -> None:
-    """Store v = rate (x - base) of the free nodes by `rate` [1/s], in the lanes `alive` > 0."""
+    """Store v = rate (x - base) of the free nodes by `rate` [1/s], in the lanes `alive`
+    > 0.
+    """
     state = block.state
     for r in range(at.FIRST_FREE_NODE, block.last + 1):
         for axis in range(2):
-            v = rate * (load(state, r, at.X + axis) - load(block.work, r, at.BASE_X + axis))
-            store(state, r, at.VX + axis, select(alive, v, load(state, r, at.VX + axis)))
+            v = rate * (
+                load(state, r, at.X + axis) - load(block.work, r, at.BASE_X + axis)
+            )
+            store(
+                state, r, at.VX + axis, select(alive, v, load(state, r, at.VX + axis))
+            )
 
 
 @kernel
 def store_strain(block: Any, rate: float, alive: Any) -> None:
-    """Store bending strains, friction and history by `rate` [1/s], in the lanes `alive` > 0."""
+    """Store bending strains, friction and history by `rate` [1/s], in the lanes `alive`
+    > 0.
+    """
     state = block.state
     last_tangent = direction(state, 0)
     for r in range(1, state.shape[0] - 1):
         tangent = direction(state, r)
         new, _ = strain(last_tangent, tangent)
         dry, _ = dry_friction(block, r, new)
-        eps = load(state, r, at.EPS)  # friction and history read it in `state`: `new` goes in last
+        # friction and history read it in `state`: `new` goes in last
+        eps = load(state, r, at.EPS)
         store(state, r, at.FRICTION, select(alive, dry, load(state, r, at.FRICTION)))
         if block.terms is not None:
             store_history(block, r, new, rate, alive)
@@ -116,19 +142,27 @@ def store_strain(block: Any, rate: float, alive: Any) -> None:
 
 @kernel
 def grip_force(block: Any, h: float, rate: Any, alive: Any) -> None:
-    """Store the strip's force [N] on its grip, from the balance of momentum of the free nodes.
+    """Store the strip's force [N] on its grip, from the balance of momentum of the free
+    nodes.
 
-    The shear of the last, short segments would contain what error Newton's method leaves.
+    The shear of the last, short segments would contain what error Newton's method
+    leaves.
     """
     state, nature, work = block.state, block.nature, block.work
     end, ghost = state.shape[0] - 2, state.shape[0] - 1
     ux, uz, _, _ = direction(state, 1)
-    (turn_x, turn_z), (pull_x, pull_z) = pair(work, 1, at.TURN_X), pair(work, 1, at.PULL_X)
+    (turn_x, turn_z), (pull_x, pull_z) = (
+        pair(work, 1, at.TURN_X),
+        pair(work, 1, at.PULL_X),
+    )
     tension = load(state, 1, at.TENSION)
     shear = fma(turn_x, pull_x, turn_z * pull_z) / fma(turn_x, turn_x, turn_z * turn_z)
     x, z = -fma(shear, turn_x, tension * ux), -fma(shear, turn_z, tension * uz)
     for r in range(at.FIRST_FREE_NODE, end + 1):
-        (weight_x, weight_z), (reaction, _) = pair(nature, r, at.LOAD_X), desk_reaction(block, r)
+        (weight_x, weight_z), (reaction, _) = (
+            pair(nature, r, at.LOAD_X),
+            desk_reaction(block, r),
+        )
         x, z = x + weight_x, z + (weight_z + reaction)
     for r in range(at.FIRST_FREE_NODE, end):
         push = load(nature, r, at.MASS) * (1.0 / h)
@@ -137,13 +171,25 @@ def grip_force(block: Any, h: float, rate: Any, alive: Any) -> None:
         if block.terms is not None:
             (drag_x, drag_z), _ = air_drag(block, r, rate)
             x, z = x - drag_x, z - drag_z
-    store(state, ghost, at.GRIP_FORCE_X, select(alive, x, load(state, ghost, at.GRIP_FORCE_X)))
-    store(state, ghost, at.GRIP_FORCE_Z, select(alive, z, load(state, ghost, at.GRIP_FORCE_Z)))
+    store(
+        state,
+        ghost,
+        at.GRIP_FORCE_X,
+        select(alive, x, load(state, ghost, at.GRIP_FORCE_X)),
+    )
+    store(
+        state,
+        ghost,
+        at.GRIP_FORCE_Z,
+        select(alive, z, load(state, ghost, at.GRIP_FORCE_Z)),
+    )
 
 
 @kernel
 def implicit_step(block: Any, h: float, omega: float, alive: Any) -> Any:
-    """Advance the active lanes by one implicit step; returns the lanes that failed to converge."""
+    """Advance the active lanes by one implicit step; returns the lanes that failed to
+    converge.
+    """
     rate = (1.0 + 2.0 * omega) / ((1.0 + omega) * h)
     predict_motion(block, h, omega, alive)
     predict_strain(block, omega)
@@ -162,7 +208,9 @@ def implicit_step(block: Any, h: float, omega: float, alive: Any) -> Any:
 
 @kernel
 def place_grip(block: Any, lane: int, pose: Any) -> None:
-    """Move the grasped edge in lane `lane` to `pose` (3,) [m, m, rad], with its ghost node."""
+    """Move the grasped edge in lane `lane` to `pose` (3,) [m, m, rad], with its ghost
+    node.
+    """
     row = block.state.shape[0] - 2
     span = load_lane(block.nature, row, at.SPAN, lane)
     store_lane(block.state, row, at.X, lane, pose[0])
@@ -188,19 +236,28 @@ def place_grips(block: Any, grips: Any, share: float) -> None:
 
 @kernel
 def rewind(block: Any, gate: Any) -> None:
-    """Restore positions and velocities before a failed step, without tension, where `gate` > 0."""
+    """Restore positions and velocities before a failed step, without tension, where
+    `gate` > 0.
+    """
     state = block.state
     for r in range(at.FIRST_FREE_NODE, block.last + 1):
         for field in range(at.EPS):
             current = load(state, r, at.X + field)
-            store(state, r, at.X + field, select(gate, load(state, r, at.X1 + field), current))
+            store(
+                state,
+                r,
+                at.X + field,
+                select(gate, load(state, r, at.X1 + field), current),
+            )
     for r in range(state.shape[0]):
         store(state, r, at.TENSION, select(gate, 0.0, load(state, r, at.TENSION)))
 
 
 @kernel
 def copy_fields(source: Any, fields: Any, target: Any, to: int, gate: Any) -> None:
-    """Copy fields (first, end) of `source` to `target` from field `to` on, in the lanes `gate`."""
+    """Copy fields (first, end) of `source` to `target` from field `to` on, in the lanes
+    `gate`.
+    """
     first, end = fields
     for r in range(target.shape[0]):
         for c in range(end - first):
@@ -210,7 +267,9 @@ def copy_fields(source: Any, fields: Any, target: Any, to: int, gate: Any) -> No
 
 @kernel
 def step_in_parts(block: Any, grips: Any, pace: Any, gate: Any, parts: int) -> Any:
-    """Step the lanes `gate` in `parts` equal substeps, the first by Euler; returns failed lanes."""
+    """Step the lanes `gate` in `parts` equal substeps, the first by Euler; returns
+    failed lanes.
+    """
     stepping = gate
     for part in range(parts):
         place_grips(block, grips, (part + 1) / parts)
@@ -223,10 +282,11 @@ def step_in_parts(block: Any, grips: Any, pace: Any, gate: Any, parts: int) -> A
 
 @kernel
 def step(block: Any, grips: Any, pace: Any) -> Any:
-    """Step a block to the next poses of its grips; returns the lanes that failed to converge.
+    """Step a block to the next poses of its grips; returns the lanes that failed to
+    converge.
 
-    A lane that moved in substeps continues with the history of one full step; one that failed is
-    left unchanged.
+    A lane that moved in substeps continues with the history of one full step; one that
+    failed is left unchanged.
     """
     place_grips(block, grips, 1.0)
     gate = implicit_step(block, pace.h, pace.omega, load(grips.alive, 0, 0))
@@ -241,7 +301,9 @@ def step(block: Any, grips: Any, pace: Any) -> Any:
         copy_fields(start, (at.X, at.EPS), block.state, at.X1, moved)
         copy_fields(start, (at.EPS, at.FRICTION), block.state, at.EPS1, moved)
         if block.terms is not None:
-            copy_fields(start, (at.MAXWELL, at.MAXWELL1), block.state, at.MAXWELL1, moved)
+            copy_fields(
+                start, (at.MAXWELL, at.MAXWELL1), block.state, at.MAXWELL1, moved
+            )
         gate = failed
         if not any_lane(gate):
             break

@@ -1,4 +1,6 @@
-"""Chain engine, the twin's plant: MuJoCo simulates strips as planar chains of hinged links."""
+"""Chain engine, the twin's plant: MuJoCo simulates strips as planar chains of hinged
+links.
+"""
 
 import math
 from collections.abc import Sequence
@@ -20,22 +22,27 @@ OPENING = 2.0  # touch gaps by which the layers must have opened before they can
 PULL = 2e-5  # m beyond a strip's reach: some three times its weight
 LOST_TURN = np.pi  # rad that a hinge turns in a step of a diverging chain; 0.9 is known
 STATE_SPEC = mujoco.mjtState.mjSTATE_INTEGRATION
-EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)  # arrays compare slowly with a member
+# arrays compare slowly with a member
+EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
 
 
 class ChainStrip:
-    """Simulation of one strip as a chain of `links` links, flat at time 0 and held at its end.
+    """Simulation of one strip as a chain of `links` links, flat at time 0 and held at
+    its end.
 
-    `points` (links + 1, 2) [m] are its nodes now, at arc lengths `arc` (links + 1,) [m] from the
-    fixed edge; `touch` is the first touch of its layers. `foreign` forces act on it in addition to
-    those of its model.
+    `points` (links + 1, 2) [m] are its nodes now, at arc lengths `arc` (links + 1,) [m]
+    from the fixed edge; `touch` is the first touch of its layers. `foreign` forces act
+    on it in addition to those of its model.
     """
 
-    def __init__(self, model: StripModel, links: int, foreign: Sequence[ExtraForce] = ()) -> None:
+    def __init__(
+        self, model: StripModel, links: int, foreign: Sequence[ExtraForce] = ()
+    ) -> None:
         self._description = model
         self._links = links
         self._lumps = Lumps.from_model(model, links)
-        # `_step` raises SimulationNotFinite: MuJoCo's warning would only add a line on stderr
+        # `_step` raises SimulationNotFinite: MuJoCo's warning would only add a line on
+        # stderr
         mujoco.set_mju_user_warning(lambda _: None)
         self._use_model(compile_chain(model, links))
         self._joints = Joints.from_model(self._model, self._lumps.spans)
@@ -60,7 +67,8 @@ class ChainStrip:
         self._data.eq_active[0] = 0
 
     def advance(self, pose: Array, dt: float, parts: int) -> None:
-        """Step to gripper `pose` (3,) [m, m, rad] in `dt` [s], in equal straight `parts`.
+        """Step to gripper `pose` (3,) [m, m, rad] in `dt` [s], in equal straight
+        `parts`.
 
         Raises SimulationNotFinite when the simulation diverges.
         """
@@ -86,7 +94,9 @@ class ChainStrip:
         return float(along) / self._lumps.scale
 
     def grip_force(self) -> Array:
-        """Force (2,) [N] along x and z of the strip on the gripper during the last step."""
+        """Force (2,) [N] along x and z of the strip on the gripper during the last
+        step.
+        """
         # the weld is the only one; its first rows are x, y, z
         rows = np.flatnonzero(self._data.efc_type == EQUALITY)[:3]
         if len(rows) < 3:
@@ -105,15 +115,21 @@ class ChainStrip:
         self._grip = Grip.at_rest(self._grip.pose)
 
     def _step_until_touch(self, grip: Grip, h: float) -> None:
-        """Advance by a step; if layers touch in it, repeat the step with solid layers."""
+        """Advance by a step; if layers touch in it, repeat the step with solid
+        layers.
+        """
         mujoco.mj_getState(self._model, self._data, self._state, STATE_SPEC)
         before = self._gap
         self._step(grip, h)
         strip = self._description.mechanics
-        self._gap = layer_gap(self.points, self.arc, OPENING * strip.touch_gap) or NO_GAP
+        self._gap = (
+            layer_gap(self.points, self.arc, OPENING * strip.touch_gap) or NO_GAP
+        )
         if self._gap.height <= strip.touch_gap:
             share, x, s = layer_touch(tuple(before), tuple(self._gap), strip.touch_gap)
-            self.touch = Touch.in_shape(self._time + share * h, x, s, self.arc, self.points)
+            self.touch = Touch.in_shape(
+                self._time + share * h, x, s, self.arc, self.points
+            )
             layers = Layers.from_angles(self._joints.angles(self._data.qpos)[:-1])
             self._use_model(compile_chain(self._description, self._links, layers))
             self._pace(h)
@@ -123,7 +139,9 @@ class ChainStrip:
             self._step(grip, h)
 
     def _step(self, grip: Grip, h: float) -> None:
-        """Step MuJoCo by `h` [s] with the tip welded to `grip`; raises SimulationNotFinite."""
+        """Step MuJoCo by `h` [s] with the tip welded to `grip`; raises
+        SimulationNotFinite.
+        """
         if self._held:
             x, z, pitch = self._within_reach(grip.target(self._grip, h))
             self._data.mocap_pos[0] = x, 0.0, z
@@ -136,9 +154,11 @@ class ChainStrip:
             raise SimulationNotFinite("chain", self._time + h)
 
     def _within_reach(self, target: Array) -> Array:
-        """Target (3,) [m, m, rad] of the grip's weld, at most PULL beyond a taut strip's reach.
+        """Target (3,) [m, m, rad] of the grip's weld, at most PULL beyond a taut
+        strip's reach.
 
-        A weld with a larger violation pulls so hard that the solver loses the weight in rounding.
+        A weld with a larger violation pulls so hard that the solver loses the weight in
+        rounding.
         """
         distance = math.hypot(target[0], target[1])
         reach = self.arc[-1] + PULL
@@ -147,10 +167,14 @@ class ChainStrip:
         return target * (reach / distance, reach / distance, 1.0)
 
     def _pace(self, h: float) -> None:
-        """Set the model's time step `h` [s], and the joints' damping for steps of that length."""
+        """Set the model's time step `h` [s], and the joints' damping for steps of that
+        length.
+        """
         if self._model.opt.timestep != h:
             self._model.opt.timestep = h
-            self._model.dof_damping[self._joints.hinges] = self._lumps.hinges.damping_at(h)
+            self._model.dof_damping[self._joints.hinges] = (
+                self._lumps.hinges.damping_at(h)
+            )
 
     def _use_model(self, model: mujoco.MjModel) -> None:
         """Continue the simulation with another `model`, in its initial state."""
@@ -159,12 +183,14 @@ class ChainStrip:
 
 
 class Chain:
-    """Strip engine of MuJoCo chains of `links` links, which are stepped one after the other.
+    """Strip engine of MuJoCo chains of `links` links, which are stepped one after the
+    other.
 
-    Steps longer than 5 ms are divided into equal parts along the straight line between poses. The
-    simulation continues after the touch: the layers rest on each other. The grip is compliant (10 N
-    pull it by 7 um on the paper's strip), so that a pose out of the strip's reach costs force and
-    is no fault. `foreign` forces act on the strips in addition to those of their models.
+    Steps longer than 5 ms are divided into equal parts along the straight line between
+    poses. The simulation continues after the touch: the layers rest on each other. The
+    grip is compliant (10 N pull it by 7 um on the paper's strip), so that a pose out of
+    the strip's reach costs force and is no fault. `foreign` forces act on the strips in
+    addition to those of their models.
     """
 
     def __init__(self, links: int = 60, foreign: Sequence[ExtraForce] = ()) -> None:
@@ -174,9 +200,13 @@ class Chain:
         self._models: tuple[StripModel, ...] = ()
 
     def reset(self, models: Sequence[StripModel]) -> None:
-        """Lay the strips flat and at rest, gripped at (stated length, 0), pitch 0, at time 0."""
+        """Lay the strips flat and at rest, gripped at (stated length, 0), pitch 0, at
+        time 0.
+        """
         self._models = tuple(models)
-        self._strips = [ChainStrip(model, self._links, self._foreign) for model in models]
+        self._strips = [
+            ChainStrip(model, self._links, self._foreign) for model in models
+        ]
 
     def step(self, poses: Array, dt: float) -> Observables:
         """Advance by `dt` [s] to gripper `poses` (n, 3) [m, m, rad] at the step's end.
@@ -189,12 +219,16 @@ class Chain:
         return self._observe()
 
     def release(self) -> None:
-        """Release all strips from their grippers: later gripper poses have no effect."""
+        """Release all strips from their grippers: later gripper poses have no
+        effect.
+        """
         for strip in self._strips:
             strip.release()
 
     def shapes(self) -> Array:
-        """Midlines (n, links + 1, 2) [m] of all strips, from the fixed to the grasped edge."""
+        """Midlines (n, links + 1, 2) [m] of all strips, from the fixed to the grasped
+        edge.
+        """
         return np.stack([strip.points for strip in self._strips])
 
     def arc(self) -> Array:
@@ -206,7 +240,9 @@ class Chain:
         heights = [model.observation.contact_height for model in self._models]
         pairs = list(zip(self._strips, heights, strict=True))
         return Observables(
-            contact_x=np.array([desk_contact(strip.points, height) for strip, height in pairs]),
+            contact_x=np.array(
+                [desk_contact(strip.points, height) for strip, height in pairs]
+            ),
             tip=np.array([fold_tip(strip.points) for strip in self._strips]),
             holding_force=np.array([strip.holding_force() for strip in self._strips]),
             grip_force=np.array([strip.grip_force() for strip in self._strips]),

@@ -1,4 +1,6 @@
-"""Forces on a chain that MuJoCo has no field for, and the interface for extra forces."""
+"""Forces on a chain that MuJoCo has no field for, and the interface for extra
+forces.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -13,10 +15,11 @@ from drivers.types import Array
 
 
 class Loads:
-    """Friction, relaxation and drag of one chain, computed before each step from its history.
+    """Friction, relaxation and drag of one chain, computed before each step from its
+    history.
 
-    A chain steps like leapfrog: a force at the angles of a step's beginning is second-order
-    accurate.
+    A chain steps like leapfrog: a force at the angles of a step's beginning is
+    second-order accurate.
     """
 
     def __init__(self, lumps: Lumps, joints: Joints) -> None:
@@ -30,7 +33,9 @@ class Loads:
         self._elapsed = 0.0
 
     def update(self, data: mujoco.MjData, h: float) -> None:
-        """Write friction, relaxation and drag for a step of `h` [s] into the state `data`."""
+        """Write friction, relaxation and drag for a step of `h` [s] into the state
+        `data`.
+        """
         if self._has_friction or self._relaxes:
             data.qfrc_applied[self._joints.hinges] = self._moments(data, h)
         if self._has_drag:
@@ -41,22 +46,27 @@ class Loads:
         """Moments (n + 1,) [N m] of friction and relaxation at the hinges."""
         moment = np.zeros(len(self._joints.hinges))
         if self._has_friction:
-            # The engine takes the yarns' moment where the step would end. That damps like h times
-            # their stiffness, even while they slide; its share at the present rate is taken back.
+            # The engine takes the yarns' moment where the step would end. That damps
+            # like h times their stiffness, even while they slide; its share at the
+            # present rate is taken back.
             moment += h * self._lumps.hinges.presliding * data.qvel[self._joints.hinges]
         if self._relaxes:
             moment += self._relax(data.qpos[self._joints.hinges], h)
         return moment
 
     def _relax(self, angle: Array, h: float) -> Array:
-        """Moments (n + 1,) [N m] that the relaxation of Maxwell elements takes off the springs.
+        """Moments (n + 1,) [N m] that the relaxation of Maxwell elements takes off the
+        springs.
 
-        Their strain obeys dq/dt = dangle/dt - q / time; exact for a uniform rate between calls.
+        Their strain obeys dq/dt = dangle/dt - q / time; exact for a uniform rate
+        between calls.
         """
         lumps = self._lumps.hinges
         periods = self._elapsed / lumps.fading_time
         retained = -np.expm1(-periods) / periods if periods > 0 else 1.0
-        self._strain = np.exp(-periods) * self._strain + retained * (angle - self._angle)
+        self._strain = np.exp(-periods) * self._strain + retained * (
+            angle - self._angle
+        )
         self._angle = angle.copy()
         self._elapsed = h
         return np.asarray(lumps.fading * (angle - lumps.rest - self._strain))
@@ -64,13 +74,15 @@ class Loads:
     def _drag(self, data: mujoco.MjData, h: float) -> Array:
         """Drag forces (n, 2) [N] along x and z on the links, against their motion.
 
-        Divided by what an implicit step of an isolated link would slow it down by, so that light
-        strips stay stable.
+        Divided by what an implicit step of an isolated link would slow it down by, so
+        that light strips stay stable.
         """
         air = self._lumps.air
         speed, tangents = self._joints.speeds(data.qpos, data.qvel)
         along, across = speed.T
-        resistance = self._lumps.drag * (np.sqrt(across**2 + air.oblique * along**2) + air.slow)
+        resistance = self._lumps.drag * (
+            np.sqrt(across**2 + air.oblique * along**2) + air.slow
+        )
         slowed = resistance / (1.0 + h * resistance / self._lumps.mass)
         normals = np.stack([-tangents[:, 1], tangents[:, 0]], axis=1)
         friction = (slowed * air.along * along)[:, None]
@@ -79,10 +91,12 @@ class Loads:
 
 
 class DahlFriction:
-    """Moment law of Dahl's friction elements of `limit` (n,) [N m] and `stiffness` (n,) [N m/rad].
+    """Moment law of Dahl's friction elements of `limit` (n,) [N m] and `stiffness` (n,)
+    [N m/rad].
 
-    dM/dangle = stiffness (1 - s M / limit)^exponent, where s is the sign of the rate. Source: Dahl,
-    Solid friction damping of mechanical vibrations, AIAA Journal 14(12), 1976.
+    dM/dangle = stiffness (1 - s M / limit)^exponent, where s is the sign of the rate.
+    Source: Dahl, Solid friction damping of mechanical vibrations, AIAA Journal 14(12),
+    1976.
     """
 
     def __init__(self, limit: Array, stiffness: Array, exponent: float) -> None:
@@ -93,12 +107,17 @@ class DahlFriction:
         self._angle = 0.0 * limit
 
     def __call__(self, angle: Array, rate: Array, h: float) -> tuple[Array, Array]:  # noqa: ARG002
-        """Moments (n,) [N m] of friction at hinge `angle` (n,) [rad], and slopes [N m/rad]."""
+        """Moments (n,) [N m] of friction at hinge `angle` (n,) [rad], and slopes [N
+        m/rad].
+        """
         turn = angle - self._angle
         sign = np.where(turn < 0, -1.0, 1.0)
-        reserve = 1.0 - sign * self._moment / self._limit  # 0 in full sliding, 2 at a reversal
+        # 0 in full sliding, 2 at a reversal
+        reserve = 1.0 - sign * self._moment / self._limit
         travel = self._stiffness * np.abs(turn) / self._limit
-        self._moment = sign * self._limit * (1.0 - _decay(reserve, travel, self._exponent))
+        self._moment = (
+            sign * self._limit * (1.0 - _decay(reserve, travel, self._exponent))
+        )
         self._angle = angle
         ahead = np.where(rate < 0, -1.0, 1.0)  # direction in which the hinge turns next
         reserve = np.clip(1.0 - ahead * self._moment / self._limit, 0.0, 2.0)
@@ -106,7 +125,9 @@ class DahlFriction:
 
 
 def _decay(start: Array, x: Array, exponent: float) -> Array:
-    """Solution u (n,) of du/dx = -u^exponent at `x` (n,), from u = `start` (n,) at 0."""
+    """Solution u (n,) of du/dx = -u^exponent at `x` (n,), from u = `start` (n,) at
+    0.
+    """
     start = np.maximum(start, 1e-12)  # a power below would divide by zero
     if exponent == 1:
         return np.asarray(start * np.exp(-x))
@@ -116,7 +137,9 @@ def _decay(start: Array, x: Array, exponent: float) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Parts:
-    """Properties of a chain that an extra force may read: strip model, lumps and joints."""
+    """Properties of a chain that an extra force may read: strip model, lumps and
+    joints.
+    """
 
     model: StripModel
     lumps: Lumps
@@ -126,21 +149,25 @@ class Parts:
 ForceFunction = Callable[[mujoco.MjModel, mujoco.MjData, float, float], None]
 """An extra force on one chain, called with model, data, time and h before each step.
 
-It adds to the applied forces and the damping of the step of h [s] that begins at time [s]:
-`data.qfrc_applied`, `data.xfrc_applied` and `model.dof_damping` hold what the chain has by
-itself, in the chain's own unit of mass. It may remember the past of its strip.
+It adds to the applied forces and the damping of the step of h [s] that begins at time
+[s]:
+`data.qfrc_applied`, `data.xfrc_applied` and `model.dof_damping` hold what the chain has
+by itself, in the chain's own unit of mass. It may remember the past of its strip.
 """
 
 
 ExtraForce = Callable[[Parts], ForceFunction | None]
-"""An extra force: attached to one chain that lies flat and at rest, it returns its function.
+"""An extra force: attached to one chain that lies flat and at rest, it returns its
+function.
 
 None where it exerts none.
 """
 
 
 class ExtraForces:
-    """Forces and damping of effects that MuJoCo lacks, added to one chain before each step."""
+    """Forces and damping of effects that MuJoCo lacks, added to one chain before each
+    step.
+    """
 
     def __init__(self, laws: Sequence[ExtraForce], parts: Parts) -> None:
         self._lumps = parts.lumps
@@ -150,13 +177,17 @@ class ExtraForces:
         self._damping: Array = np.zeros(0)
 
     def clear(self, model: mujoco.MjModel, data: mujoco.MjData, h: float) -> None:
-        """Reset the applied forces and the damping of the last step, if there are extra forces."""
+        """Reset the applied forces and the damping of the last step, if there are extra
+        forces.
+        """
         if self._forces:
             data.qfrc_applied[:] = 0.0
             data.xfrc_applied[:] = 0.0
             model.dof_damping[self._hinges] = self._lumps.hinges.damping_at(h)
 
-    def add(self, model: mujoco.MjModel, data: mujoco.MjData, time: float, h: float) -> None:
+    def add(
+        self, model: mujoco.MjModel, data: mujoco.MjData, time: float, h: float
+    ) -> None:
         """Add all extra forces to the step of `h` [s] that begins at `time` [s]."""
         for force in self._forces:
             force(model, data, time, h)
@@ -164,23 +195,29 @@ class ExtraForces:
             self._damping = model.dof_damping.copy()
 
     def restore_damping(self, model: mujoco.MjModel) -> None:
-        """Set the joints' damping of a recompiled `model` to that after the last `add`."""
+        """Set the joints' damping of a recompiled `model` to that after the last
+        `add`.
+        """
         if self._forces:
             model.dof_damping[:] = self._damping
 
 
 MomentLaw = Callable[[Array, Array, float], tuple[Array, Array]]
-"""A moment that resists bending: of hinge angles (n + 1,), their rates and the step h [s].
+"""A moment that resists bending: of hinge angles (n + 1,), their rates and the step h
+[s].
 
-Returns the moment (n + 1,) [N m] and its slope (n + 1,) [N m/rad]; it may remember the past.
+Returns the moment (n + 1,) [N m] and its slope (n + 1,) [N m/rad]; it may remember the
+past.
 """
 
 
 def resistance(parts: Parts, law: MomentLaw) -> ForceFunction:
-    """Extra force from a moment `law` at the hinges, with the damping that keeps steps stable.
+    """Extra force from a moment `law` at the hinges, with the damping that keeps steps
+    stable.
 
-    A step of h with the moment at its end is equivalent to a damper of h times the slope; its force
-    at the present rate is subtracted, so that in steady motion only the moment remains.
+    A step of h with the moment at its end is equivalent to a damper of h times the
+    slope; its force at the present rate is subtracted, so that in steady motion only
+    the moment remains.
     """
     hinges = parts.joints.hinges
 
@@ -208,11 +245,15 @@ def fifth_order(parts: Parts) -> ForceFunction:
 def gradual_friction(parts: Parts) -> ForceFunction:
     """Extra force of the yarns' friction without a yield point, by Dahl's law."""
     lumps = parts.lumps.hinges
-    return resistance(parts, DahlFriction(lumps.gradual_limit, lumps.gradual, exponent=1.0))
+    return resistance(
+        parts, DahlFriction(lumps.gradual_limit, lumps.gradual, exponent=1.0)
+    )
 
 
 def strip_laws(model: StripModel) -> Sequence[ExtraForce]:
-    """Extra forces for the terms of the strip's bending law that MuJoCo's joints lack."""
+    """Extra forces for the terms of the strip's bending law that MuJoCo's joints
+    lack.
+    """
     law = model.mechanics.law
     laws = list[ExtraForce]()
     if law.cubic != 0 and law.fifth != 0:

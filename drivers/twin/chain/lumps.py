@@ -19,14 +19,16 @@ RIGID = 3e3  # axial stiffness over weight from which a strip counts as inextens
 class HingeLumps:
     """Coefficients of bending of a strip on the n + 1 hinges of a chain, all (n + 1,).
 
-    A hinge stands for `reach` [m] of the strip, between the middles of its two links; the first and
-    the last one for half a link, so that both clamps are of second order in the links' lengths.
+    A hinge stands for `reach` [m] of the strip, between the middles of its two links;
+    the first and the last one for half a link, so that both clamps are of second order
+    in the links' lengths.
 
-    `stiffness` [N m/rad], `damping` [N m s/rad], `quadratic` [N m s^2/rad^2], `rest` [rad], `cubic`
-    [N m/rad^3], `fifth` [N m/rad^5]; of the element of friction beside them `presliding` [N m/rad]
-    and `slip` [rad], its deflection when it begins to slide; of friction without a yield point
-    `gradual` [N m/rad], its stiffness, and `gradual_limit` [N m], its moment in full sliding;
-    `fading` [N m/rad], what of the stiffness relaxes within `fading_time` [s].
+    `stiffness` [N m/rad], `damping` [N m s/rad], `quadratic` [N m s^2/rad^2], `rest`
+    [rad], `cubic` [N m/rad^3], `fifth` [N m/rad^5]; of the element of friction beside
+    them `presliding` [N m/rad] and `slip` [rad], its deflection when it begins to
+    slide; of friction without a yield point `gradual` [N m/rad], its stiffness, and
+    `gradual_limit` [N m], its moment in full sliding; `fading` [N m/rad], what of the
+    stiffness relaxes within `fading_time` [s].
     """
 
     reach: Array
@@ -45,14 +47,18 @@ class HingeLumps:
 
     @classmethod
     def from_model(cls, model: StripModel, nodes: Array, scale: float) -> Self:
-        """Coefficients of `model` at hinges at arc lengths `nodes` (n + 1,) [m], times `scale`.
+        """Coefficients of `model` at hinges at arc lengths `nodes` (n + 1,) [m], times
+        `scale`.
 
         The powers of `share` are those that `_strip_share` states.
         """
         strip, law = model.mechanics, model.mechanics.law
-        middles = np.concatenate([[0.0], 0.5 * (nodes[:-1] + nodes[1:]), [strip.length]])
+        middles = np.concatenate(
+            [[0.0], 0.5 * (nodes[:-1] + nodes[1:]), [strip.length]]
+        )
         reach = np.diff(middles)
-        bare = strip.series(strip.rigidity, middles) / reach  # without the grip's compliance
+        # without the grip's compliance
+        bare = strip.series(strip.rigidity, middles) / reach
         share = _strip_share(bare, model.boundary.grip_compliance)
         stiffness = bare * share * scale
         elastic = stiffness * (1.0 - law.relaxing)
@@ -82,19 +88,21 @@ class HingeLumps:
     def damping_at(self, h: float) -> Array:
         """Damping (n + 1,) [N m s/rad] of the hinges to simulate with steps of `h` [s].
 
-        An implicit step takes the spring's moment at its end, which damps like h times the
-        stiffness; the difference is what has to be added. This makes the displacement second-order
-        accurate in the step.
+        An implicit step takes the spring's moment at its end, which damps like h times
+        the stiffness; the difference is what has to be added. This makes the
+        displacement second-order accurate in the step.
         """
         return np.maximum(self.damping - h * self.stiffness, 0.0)
 
 
 def _strip_share(stiffness: Array, grip_compliance: float) -> Array:
-    """Share s (n + 1,) of each hinge's angle that is the strip's, below 1 at a compliant grip.
+    """Share s (n + 1,) of each hinge's angle that is the strip's, below 1 at a
+    compliant grip.
 
-    Under one moment angles add up, so that a hinge of `stiffness` K [N m/rad] in series with the
-    compliance C [rad/(N m)] has s K with s = 1 / (1 + C K); then the strip's damping counts s^2,
-    quadratic damping s^3, the cubic term against s K s^3, friction s; s is smaller while it sticks.
+    Under one moment angles add up, so that a hinge of `stiffness` K [N m/rad] in series
+    with the compliance C [rad/(N m)] has s K with s = 1 / (1 + C K); then the strip's
+    damping counts s^2, quadratic damping s^3, the cubic term against s K s^3, friction
+    s; s is smaller while it sticks.
     """
     share = np.ones_like(stiffness)
     share[-1] = 1.0 / (1.0 + grip_compliance * stiffness[-1])
@@ -103,15 +111,17 @@ def _strip_share(stiffness: Array, grip_compliance: float) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Lumps:
-    """Coefficients of a strip on the n links and the `hinges` of a chain, in a scaled unit of mass.
+    """Coefficients of a strip on the n links and the `hinges` of a chain, in a scaled
+    unit of mass.
 
-    Dynamics do not change when masses, stiffnesses and forces share a factor; solver tolerances
-    do. So every strip is built as heavy as the paper's: `scale` is that factor.
+    Dynamics do not change when masses, stiffnesses and forces share a factor; solver
+    tolerances do. So every strip is built as heavy as the paper's: `scale` is that
+    factor.
 
-    Of the links, all (n,): length `spans` [m], `mass` [kg] and `drag` [N s^2/m^2], force over the
-    square of the normal speed; `air` says what other speeds count. `cling` [N] holds a link to
-    another that it touches, `along` [N/m] is its stiffness along itself, `held` the largest that a
-    chain steps.
+    Of the links, all (n,): length `spans` [m], `mass` [kg] and `drag` [N s^2/m^2],
+    force over the square of the normal speed; `air` says what other speeds count.
+    `cling` [N] holds a link to another that it touches, `along` [N/m] is its stiffness
+    along itself, `held` the largest that a chain steps.
     """
 
     hinges: HingeLumps
@@ -147,14 +157,17 @@ class Lumps:
 
     @property
     def stretches(self) -> bool:
-        """Whether the strip is so soft along itself that a chain simulates its stretch."""
+        """Whether the strip is so soft along itself that a chain simulates its
+        stretch.
+        """
         return bool((self.along < self.held).any())
 
 
 def places(length: float, links: int) -> Array:
-    """Arc lengths (links + 1,) [m] of a chain's nodes: equal links, shorter near the grip.
+    """Arc lengths (links + 1,) [m] of a chain's nodes: equal links, shorter near the
+    grip.
 
-    For a blanket that slips in its grip, 200 equal links put the desk contact of a taut lift 29 mm
-    from the rod's; these put it 9 mm away.
+    For a blanket that slips in its grip, 200 equal links put the desk contact of a taut
+    lift 29 mm from the rod's; these put it 9 mm away.
     """
     return graded_nodes(length, links, GRADED, SHORTEST_LINK)

@@ -1,4 +1,6 @@
-"""MuJoCo model of a strip: a planar chain of hinges, with its layers, desk, grip and joints."""
+"""MuJoCo model of a strip: a planar chain of hinges, with its layers, desk, grip and
+joints.
+"""
 
 from dataclasses import dataclass
 from typing import Self
@@ -21,10 +23,12 @@ SOLIMP = np.array([CONSTRAINT_SHARE, CONSTRAINT_SHARE, 0.001, 0.5, 2.0])
 GRIP_WEIGHT = 30.0  # 1/kg: a pull of 10 N stretches the grip by 7 um
 TIP_MASS = 1e-3  # of a link's mass
 DESK = 1  # collision class
-THICK = 0.005  # m, how far one layer may fall through the other and is still pushed back
+# m, how far one layer may fall through the other and is still pushed back
+THICK = 0.005
 LAYER_FRICTION = 1.0  # of fabric on fabric, assumed; more than on a desk (paper, III-A)
 UPPER = 2  # collision class
-FLAT = np.sqrt(0.5)  # cosine of the angle to the desk at which the bend between layers begins
+# cosine of the angle to the desk at which the bend between layers begins
+FLAT = np.sqrt(0.5)
 CLING_REACH = 0.0005  # m, how far layers that cling may part before they let go
 
 Indices = NDArray[np.int_]
@@ -55,8 +59,9 @@ class Layers:
     def add(self, body: mujoco.MjsBody, node: int, lumps: Lumps, gap: float) -> None:
         """Add to `body` the contact shape of the link that begins at number `node`.
 
-        It keeps midlines `gap` [m] apart. It lies on the outer side of the fold and is thick,
-        because a falling layer moves by more than the thickness of fabric within a step.
+        It keeps midlines `gap` [m] apart. It lies on the outer side of the fold and is
+        thick, because a falling layer moves by more than the thickness of fabric within
+        a step.
         """
         link = min(node, len(lumps.spans) - 1)
         radius = max(THICK, gap)
@@ -80,10 +85,12 @@ class Layers:
 
 
 def build(model: StripModel, links: int, layers: Layers | None = None) -> mujoco.MjSpec:
-    """Build a MuJoCo spec of `model` as a chain of `links` links, flat along +x, held at its end.
+    """Build a MuJoCo spec of `model` as a chain of `links` links, flat along +x, held
+    at its end.
 
-    Body i + 1 has its origin at node i; the last one is the tip, welded to the gripper. Without
-    `layers` only the desk carries the strip, with them its layers rest on each other.
+    Body i + 1 has its origin at node i; the last one is the tip, welded to the gripper.
+    Without `layers` only the desk carries the strip, with them its layers rest on each
+    other.
     """
     lumps = Lumps.from_model(model, links)
     gap = model.mechanics.touch_gap
@@ -112,11 +119,15 @@ def build(model: StripModel, links: int, layers: Layers | None = None) -> mujoco
     return spec
 
 
-def compile_chain(model: StripModel, links: int, layers: Layers | None = None) -> mujoco.MjModel:
-    """Compile the MuJoCo model of a strip's chain, with the stiffness of its grip corrected.
+def compile_chain(
+    model: StripModel, links: int, layers: Layers | None = None
+) -> mujoco.MjModel:
+    """Compile the MuJoCo model of a strip's chain, with the stiffness of its grip
+    corrected.
 
-    MuJoCo softens a weld in proportion to how light the welded body is. The tip is nearly massless,
-    so with the default its grip would sag by millimetres, and more with more links.
+    MuJoCo softens a weld in proportion to how light the welded body is. The tip is
+    nearly massless, so with the default its grip would sag by millimetres, and more
+    with more links.
     """
     chain = build(model, links, layers).compile()
     turn = 1.0 / (LONGEST_STEP**2 * float(chain.jnt_stiffness[-1]))
@@ -149,8 +160,12 @@ def _add_desk(spec: mujoco.MjSpec, depth: float) -> None:
     )
 
 
-def _add_slide(body: mujoco.MjsBody, model: StripModel, lumps: Lumps, node: int) -> None:
-    """Let the body at `node` move along the link before it, or at node 0 along the desk."""
+def _add_slide(
+    body: mujoco.MjsBody, model: StripModel, lumps: Lumps, node: int
+) -> None:
+    """Let the body at `node` move along the link before it, or at node 0 along the
+    desk.
+    """
     if node == 0:
         moves = np.isfinite(model.boundary.edge_friction)
         stiffness = lumps.held[0]
@@ -167,15 +182,23 @@ def _add_slide(body: mujoco.MjsBody, model: StripModel, lumps: Lumps, node: int)
         )
 
 
-def _add_hinge(spec: mujoco.MjSpec, body: mujoco.MjsBody, lumps: Lumps, node: int) -> None:
-    """Add hinge `node` to `body` with its bending law, and a tendon for yarn friction."""
+def _add_hinge(
+    spec: mujoco.MjSpec, body: mujoco.MjsBody, lumps: Lumps, node: int
+) -> None:
+    """Add hinge `node` to `body` with its bending law, and a tendon for yarn
+    friction.
+    """
     name = f"{HINGE}{node}"
     body.add_joint(
         name=name,
         type=mujoco.mjtJoint.mjJNT_HINGE,
         axis=[0.0, -1.0, 0.0],
         stiffness=[lumps.hinges.stiffness[node], 0.0, lumps.hinges.cubic[node]],
-        damping=[lumps.hinges.damping_at(LONGEST_STEP)[node], lumps.hinges.quadratic[node], 0.0],
+        damping=[
+            lumps.hinges.damping_at(LONGEST_STEP)[node],
+            lumps.hinges.quadratic[node],
+            0.0,
+        ],
         springref=lumps.hinges.rest[node],
     )
     if lumps.hinges.slip[node] > 0 and lumps.hinges.presliding[node] > 0:
@@ -190,7 +213,9 @@ def _add_hinge(spec: mujoco.MjSpec, body: mujoco.MjsBody, lumps: Lumps, node: in
 
 
 def _add_mass(body: mujoco.MjsBody, lumps: Lumps, node: int) -> None:
-    """Set mass and inertia of the link that begins at `node`, or of the tip at the last node."""
+    """Set mass and inertia of the link that begins at `node`, or of the tip at the last
+    node.
+    """
     if node < len(lumps.mass):
         mass = lumps.mass[node]
         centre = 0.5 * lumps.spans[node]
@@ -221,17 +246,20 @@ def _add_grip(spec: mujoco.MjSpec, links: int, length: float) -> None:
 
 
 def sag(acceleration: float) -> float:
-    """Depth [m] to which a body at rest under `acceleration` [m/s^2] sinks into a contact.
+    """Depth [m] to which a body at rest under `acceleration` [m/s^2] sinks into a
+    contact.
 
-    Over it a strip starts at rest. Over a desk without it the strip would fall freely for a step,
-    to a kink of 0.1 mm at its fixed edge, and under the push of a lift the strip would buckle there
-    instead of at the grip.
+    Over it a strip starts at rest. Over a desk without it the strip would fall freely
+    for a step, to a kink of 0.1 mm at its fixed edge, and under the push of a lift the
+    strip would buckle there instead of at the grip.
     """
     return (1.0 - CONSTRAINT_SHARE) * acceleration * TIME_CONSTANT**2
 
 
 def solid(body: mujoco.MjsBody, contype: int, conaffinity: int) -> mujoco.MjsGeom:
-    """Add to `body` a massless, frictionless sphere whose stiffness determines its contacts."""
+    """Add to `body` a massless, frictionless sphere whose stiffness determines its
+    contacts.
+    """
     return body.add_geom(
         type=mujoco.mjtGeom.mjGEOM_SPHERE,
         contype=contype,
@@ -246,10 +274,12 @@ def solid(body: mujoco.MjsBody, contype: int, conaffinity: int) -> mujoco.MjsGeo
 
 @dataclass(frozen=True, slots=True)
 class Joints:
-    """Indices of the joints of a chain of n links, whose lengths at rest are `spans` (n,) [m].
+    """Indices of the joints of a chain of n links, whose lengths at rest are `spans`
+    (n,) [m].
 
-    `hinges` (n + 1,) are those of the nodes; `slides` those by which the links `lengthened` grow
-    longer; `edge` moves the fixed edge along the desk, `grip` the end of the last link.
+    `hinges` (n + 1,) are those of the nodes; `slides` those by which the links
+    `lengthened` grow longer; `edge` moves the fixed edge along the desk, `grip` the end
+    of the last link.
     """
 
     spans: Array
@@ -264,7 +294,11 @@ class Joints:
         """Joint indices of a compiled chain whose links are `spans` (n,) [m] long."""
         links = len(spans)
         numbers = {model.joint(j).name: j for j in range(model.njnt)}
-        slides = {k: numbers[f"{SLIDE}{k}"] for k in range(links + 1) if f"{SLIDE}{k}" in numbers}
+        slides = {
+            k: numbers[f"{SLIDE}{k}"]
+            for k in range(links + 1)
+            if f"{SLIDE}{k}" in numbers
+        }
         stretching = [node for node in slides if node > 0]
         return cls(
             spans=spans,
@@ -276,11 +310,15 @@ class Joints:
         )
 
     def angles(self, position: Array) -> Array:
-        """Angles (n + 1,) [rad] of links and tip from flat, at joint `position` (MuJoCo's qpos)."""
+        """Angles (n + 1,) [rad] of links and tip from flat, at joint `position`
+        (MuJoCo's qpos).
+        """
         return np.asarray(position[self.hinges].cumsum())
 
     def nodes(self, position: Array) -> Array:
-        """Positions (n + 1, 2) x, z [m] of the nodes, at joint `position` (MuJoCo's qpos)."""
+        """Positions (n + 1, 2) x, z [m] of the nodes, at joint `position` (MuJoCo's
+        qpos).
+        """
         angles = self.angles(position)[:-1]
         nodes = np.zeros((len(self.hinges), 2))
         nodes[1:, 0] = np.cos(angles)
@@ -291,7 +329,9 @@ class Joints:
         return np.asarray(nodes.cumsum(axis=0))
 
     def speeds(self, position: Array, rate: Array) -> tuple[Array, Array]:
-        """Speeds (n, 2) [m/s] of links' middles along and across them, and directions (n, 2)."""
+        """Speeds (n, 2) [m/s] of links' middles along and across them, and directions
+        (n, 2).
+        """
         angles = self.angles(position)[:-1]
         along = np.stack([np.cos(angles), np.sin(angles)], axis=1)
         normals = np.stack([-along[:, 1], along[:, 0]], axis=1)

@@ -1,1 +1,3 @@
-"""Rendered images of the cell, drawn with OpenCV through a pinhole with radial distortion."""
+"""Rendered images of the cell, drawn with OpenCV through a pinhole with radial
+distortion.
+"""

@@ -1,4 +1,6 @@
-"""Drawing of the simulated hand: two fingers about the strip's edge, or the calibration pin."""
+"""Drawing of the simulated hand: two fingers about the strip's edge, or the calibration
+pin.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -24,7 +26,9 @@ DISC_LEVELS = np.array([236.0, 240.0, 240.0])
 
 @dataclass(frozen=True, slots=True)
 class Outline:
-    """Prism of the hand: convex `corners` (m, 2) of x, z [m], from `front` to `back` in y [m]."""
+    """Prism of the hand: convex `corners` (m, 2) of x, z [m], from `front` to `back` in
+    y [m].
+    """
 
     corners: Array
     front: float
@@ -33,9 +37,14 @@ class Outline:
 
 
 def outlines(scene: Scene, middle: float, floor: float) -> list[Outline]:
-    """Prisms of wrist, hand, fingers in drawing order, about y = `middle` and above `floor` [m]."""
+    """Prisms of wrist, hand, fingers in drawing order, about y = `middle` and above
+    `floor` [m].
+    """
     gap = 0.0 if scene.pointer else scene.finger_width / 2
-    parts = [(_block(WRIST_SIZE), HAND_DEPTH, PALE), (_block(HAND_SIZE), HAND_DEPTH, 1.0)]
+    parts = [
+        (_block(WRIST_SIZE), HAND_DEPTH, PALE),
+        (_block(HAND_SIZE), HAND_DEPTH, 1.0),
+    ]
     parts += [(_finger(side * gap, side), FINGER_DEPTH, 1.0) for side in (-1.0, 1.0)]
     pose = scene.gripper
     along = np.array([np.cos(pose.pitch), np.sin(pose.pitch)])
@@ -44,7 +53,9 @@ def outlines(scene: Scene, middle: float, floor: float) -> list[Outline]:
     for corners, depth, shade in parts:
         outline = clip_above(corners @ axes + (pose.x, pose.z), floor)
         if len(outline) > 2:
-            placed.append(Outline(outline, middle - depth / 2, middle + depth / 2, shade))
+            placed.append(
+                Outline(outline, middle - depth / 2, middle + depth / 2, shade)
+            )
     return placed
 
 
@@ -63,9 +74,11 @@ def draw_hand(
     origin: tuple[int, int],
     colour: Array,
 ) -> None:
-    """Draw prisms of the hand, darker at the sides than in front, into `image` (h, w, 3).
+    """Draw prisms of the hand, darker at the sides than in front, into `image` (h, w,
+    3).
 
-    `faces` are in pixels of a larger image, in which this one begins at `origin` (u, v).
+    `faces` are in pixels of a larger image, in which this one begins at `origin` (u,
+    v).
     """
     for part, face in zip(parts, faces, strict=True):
         near, far = (corners - origin for corners in face)
@@ -75,16 +88,25 @@ def draw_hand(
 
 
 def draw_pointer(image: Image, scene: Scene, optics: Optics, colour: Array) -> None:
-    """Draw the pin, a dark plate with a bright disc at the grip point, into `image` (h, w, 3)."""
+    """Draw the pin, a dark plate with a bright disc at the grip point, into `image` (h,
+    w, 3).
+    """
     centre = np.array([scene.gripper.x, scene.gripper.z])
     _disc(image, centre, PLATE, optics, colour * 0.5)
     _disc(image, centre, DISC, optics, DISC_LEVELS)
 
 
-def _disc(image: Image, centre: Array, radius: float, optics: Optics, colour: Array) -> None:
-    """Draw a disc of `radius` [m] in the plane y = 0, in place, with an antialiased border."""
-    middle, beside, above = optics.plane(centre + radius * np.array([(0, 0), (1, 0), (0, 1)]))
-    axes = np.stack([beside, above]) - middle  # (2, 2) px, conjugate radii of the ellipse seen
+def _disc(
+    image: Image, centre: Array, radius: float, optics: Optics, colour: Array
+) -> None:
+    """Draw a disc of `radius` [m] in the plane y = 0, in place, with an antialiased
+    border.
+    """
+    middle, beside, above = optics.plane(
+        centre + radius * np.array([(0, 0), (1, 0), (0, 1)])
+    )
+    # (2, 2) px, conjugate radii of the ellipse seen
+    axes = np.stack([beside, above]) - middle
     reach = int(np.abs(axes).sum(axis=0).max()) + 2
     left, top = (max(round(float(p)) - reach, 0) for p in middle)
     part = image[top : top + 2 * reach + 1, left : left + 2 * reach + 1]
@@ -92,7 +114,8 @@ def _disc(image: Image, centre: Array, radius: float, optics: Optics, colour: Ar
         return
     rows, columns = np.mgrid[top : top + part.shape[0], left : left + part.shape[1]]
     in_radii = (np.stack([columns, rows], axis=-1) - middle) @ np.linalg.inv(axes)
-    from_border = 1 - np.hypot(in_radii[..., 0], in_radii[..., 1])  # of a radius, inwards
+    # of a radius, inwards
+    from_border = 1 - np.hypot(in_radii[..., 0], in_radii[..., 1])
     cover = np.clip(from_border * np.hypot(*axes[0]) + 0.5, 0, 1)[..., None]
     part[:] = part + cover * (colour - part) + 0.5
 
@@ -100,17 +123,25 @@ def _disc(image: Image, centre: Array, radius: float, optics: Optics, colour: Ar
 def extent(
     faces: Sequence[tuple[Array, Array]], scene: Scene, optics: Optics
 ) -> tuple[Array, Array]:
-    """Columns and rows (k,) [px] of points that bound the hand's `faces` and the pin it holds."""
+    """Columns and rows (k,) [px] of points that bound the hand's `faces` and the pin it
+    holds.
+    """
     sides = [corners for face in faces for corners in face]
     if scene.pointer:
         centre = np.array([scene.gripper.x, scene.gripper.z])
-        sides.append(optics.plane(centre + PLATE * np.array([(-1, -1), (1, 1), (1, -1), (-1, 1)])))
+        sides.append(
+            optics.plane(
+                centre + PLATE * np.array([(-1, -1), (1, 1), (1, -1), (-1, 1)])
+            )
+        )
     bounds = np.concatenate(sides) if sides else np.empty((0, 2))
     return bounds[:, 0], bounds[:, 1]
 
 
 def clip_above(outline: Array, floor: float) -> Array:
-    """Part (m, 2) of a convex `outline` (n, 2) of x, z [m] that lies above `floor` [m]."""
+    """Part (m, 2) of a convex `outline` (n, 2) of x, z [m] that lies above `floor`
+    [m].
+    """
     if (outline[:, 1] >= floor).all():
         return outline
     corners: list[Array] = []
@@ -118,7 +149,9 @@ def clip_above(outline: Array, floor: float) -> Array:
         if start[1] >= floor:
             corners.append(start)
         if (start[1] >= floor) != (end[1] >= floor):
-            corners.append(start + (floor - start[1]) / (end[1] - start[1]) * (end - start))
+            corners.append(
+                start + (floor - start[1]) / (end[1] - start[1]) * (end - start)
+            )
     return np.array(corners)
 
 

@@ -1,4 +1,6 @@
-"""Compiled loops of the renderer: curve of a midline, sampling of its surface, splatting."""
+"""Compiled loops of the renderer: curve of a midline, sampling of its surface,
+splatting.
+"""
 
 from typing import NamedTuple
 
@@ -11,12 +13,16 @@ from drivers.types import Array, Image
 Indices = NDArray[np.int64]
 
 FULL = 0.96  # coverage from which a pixel counts as filled, as samples leave gaps
-PLANE_SEQUENCE = (0.7548776662466927, 0.5698402909980532)  # a plane sequence of low discrepancy
+# a plane sequence of low discrepancy
+PLANE_SEQUENCE = (0.7548776662466927, 0.5698402909980532)
 
 
 @entry
-def interpolate(nodes: Array, slopes: Array, arc: Array, s: Array) -> tuple[Array, Array]:
-    """Points (m, 2) [m], derivatives (m, 2), of a Hermite curve at rising arc lengths `s` (m,).
+def interpolate(
+    nodes: Array, slopes: Array, arc: Array, s: Array
+) -> tuple[Array, Array]:
+    """Points (m, 2) [m], derivatives (m, 2), of a Hermite curve at rising arc lengths
+    `s` (m,).
 
     It passes through `nodes` (n, 2) with `slopes` (n, 2) at arc lengths `arc` (n,).
     """
@@ -32,17 +38,21 @@ def interpolate(nodes: Array, slopes: Array, arc: Array, s: Array) -> tuple[Arra
             linear, end = slopes[i, axis], slopes[i + 1, axis]
             quadratic = 3 * chord - 2 * linear - end
             cubic = linear + end - 2 * chord
-            points[k, axis] = nodes[i, axis] + piece * t * (linear + t * (quadratic + t * cubic))
+            points[k, axis] = nodes[i, axis] + piece * t * (
+                linear + t * (quadratic + t * cubic)
+            )
             derivatives[k, axis] = linear + t * (2 * quadratic + 3 * t * cubic)
     return points, derivatives
 
 
 class Rows(NamedTuple):
-    """Rows of material points, one across a strip's surface at each of m samples of its curve.
+    """Rows of material points, one across a strip's surface at each of m samples of its
+    curve.
 
-    The `counts` (m,) points of a row lie evenly from `start` (m, 2) [px] on over `across` (m, 2),
-    at arc length `s` (m,) [m]; each has an `area` (m,) [px^2] and the brightness `shade` (m,). Over
-    the exposure they move by `motion` (m, 2) [px], empty at rest.
+    The `counts` (m,) points of a row lie evenly from `start` (m, 2) [px] on over
+    `across` (m, 2), at arc length `s` (m,) [m]; each has an `area` (m,) [px^2] and the
+    brightness `shade` (m,). Over the exposure they move by `motion` (m, 2) [px], empty
+    at rest.
     """
 
     start: Array
@@ -56,12 +66,13 @@ class Rows(NamedTuple):
 
 @entry
 def sample_surface(rows: Rows, weave: Array, grid: tuple[float, float]) -> Array:
-    """Material points (6, n): u and v [px], area [px^2], brightness, arc length and depth [m].
+    """Material points (6, n): u and v [px], area [px^2], brightness, arc length and
+    depth [m].
 
-    Their brightness is that of their row times the `weave`, whose rows and columns are powers of
-    two. `grid` is the number of those per metre, and the width [m] that `rows.across` stands for; 0
-    for an edge, to either side of `rows.start`. Neighbours are shown at different instants of the
-    exposure, which together blur.
+    Their brightness is that of their row times the `weave`, whose rows and columns are
+    powers of two. `grid` is the number of those per metre, and the width [m] that
+    `rows.across` stands for; 0 for an edge, to either side of `rows.start`. Neighbours
+    are shown at different instants of the exposure, which together blur.
     """
     points = np.empty((6, rows.counts.sum()))
     cells, width = grid
@@ -84,7 +95,9 @@ def sample_surface(rows: Rows, weave: Array, grid: tuple[float, float]) -> Array
             points[0, n] = u
             points[1, n] = v
             points[2, n] = rows.area[i]
-            points[3, n] = rows.shade[i] * weave[along, int(y * cells) & (weave.shape[1] - 1)]
+            points[3, n] = (
+                rows.shade[i] * weave[along, int(y * cells) & (weave.shape[1] - 1)]
+            )
             points[4, n] = rows.s[i]
             points[5, n] = y
             n += 1
@@ -92,11 +105,12 @@ def sample_surface(rows: Rows, weave: Array, grid: tuple[float, float]) -> Array
 
 
 class Sums(NamedTuple):
-    """Sums over the material in pixels of a window, for the pixels that any material reaches.
+    """Sums over the material in pixels of a window, for the pixels that any material
+    reaches.
 
-    `values` (n, channels) are coverage, brightness and tints times brightness, numbered from 1;
-    `pixels` (n,) their flat pixel indices, `places` (rows, columns) the number of each pixel's sum,
-    0 for none.
+    `values` (n, channels) are coverage, brightness and tints times brightness, numbered
+    from 1; `pixels` (n,) their flat pixel indices, `places` (rows, columns) the number
+    of each pixel's sum, 0 for none.
     """
 
     values: Array
@@ -106,7 +120,9 @@ class Sums(NamedTuple):
 
 @kernel
 def _share(area: float, a: float, b: float, corner: tuple[int, int]) -> float:
-    """Bilinear share of `area` in a `corner` of 2 x 2 pixels, by fractions `a` right, `b` down."""
+    """Bilinear share of `area` in a `corner` of 2 x 2 pixels, by fractions `a` right,
+    `b` down.
+    """
     share = area * a
     if corner[1] == 0:
         share = area - share
@@ -122,9 +138,11 @@ def _gather(
     origin: tuple[int, int],
     corner: tuple[int, int],
 ) -> int:
-    """Add to `sums` each point's share in one `corner` of the 2 x 2 pixels around the point.
+    """Add to `sums` each point's share in one `corner` of the 2 x 2 pixels around the
+    point.
 
-    The first pixel of the window is `origin` (u, v). Returns how many sums are `count` by then.
+    The first pixel of the window is `origin` (u, v). Returns how many sums are `count`
+    by then.
     """
     rows, columns = sums.places.shape
     for k in range(points.shape[1]):
@@ -150,12 +168,16 @@ def _gather(
 
 @kernel
 def _blend(pixel: Image, sums: Array, colour: Array, light: float) -> None:
-    """Blend material with `sums` of coverage, brightness and tints into a `pixel` (3,) BGR."""
+    """Blend material with `sums` of coverage, brightness and tints into a `pixel` (3,)
+    BGR.
+    """
     coverage, glow = sums[0], sums[1]
     alpha = min(coverage / FULL, 1.0)
     ink = glow / max(coverage, 1e-12) * light * alpha
     for channel in range(3):
-        mixed = colour[channel] if len(sums) == 2 else sums[2 + channel] / max(glow, 1e-12)
+        mixed = (
+            colour[channel] if len(sums) == 2 else sums[2 + channel] / max(glow, 1e-12)
+        )
         level = pixel[channel] * (1 - alpha) + ink * mixed + 0.5
         pixel[channel] = np.uint8(min(level, 255.0))
 
@@ -169,11 +191,13 @@ def splat(
     light: NDArray[np.float32],
     origin: tuple[int, int],
 ) -> None:
-    """Draw material `points` (6, n) over `image`, a window of the frame from `origin` (u, v) on.
+    """Draw material `points` (6, n) over `image`, a window of the frame from `origin`
+    (u, v) on.
 
-    A point spreads its area bilinearly over the four nearest pixels, which preserves its first
-    moment; the sum in a pixel is its coverage. The ink is `colour` (3,) BGR, or the mean of `tint`
-    (n, 3) by brightness where that is not empty, under the `light` of the frame.
+    A point spreads its area bilinearly over the four nearest pixels, which preserves
+    its first moment; the sum in a pixel is its coverage. The ink is `colour` (3,) BGR,
+    or the mean of `tint` (n, 3) by brightness where that is not empty, under the
+    `light` of the frame.
     """
     largest_count = 4 * points.shape[1] + 1
     columns = image.shape[1]

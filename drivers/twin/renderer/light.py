@@ -15,14 +15,17 @@ from drivers.twin.renderer.stage import BACKDROP_DISTANCE
 from drivers.twin.settings import CameraSettings
 from drivers.types import Array, Image
 
-TABLE_RANGE = (-0.2, 1.2)  # m of x that the table of the shadow covers: more than any strip
+# m of x that the table of the shadow covers: more than any strip
+TABLE_RANGE = (-0.2, 1.2)
 BINS = 1400
-IMAGE_MARGIN = 50  # px beside the image, up to which desk counts for the rows of the shadow
+# px beside the image, up to which desk counts for the rows of the shadow
+IMAGE_MARGIN = 50
 FADE_HEIGHT = 0.03  # m of height over which the shadow fades
 SOFT_BORDER = 0.004  # m, half of its soft border in y
 SHADOW_GRID = 4  # px: the grid on which a shadow is drawn
 FRACTION_BITS = 4  # of the corners, which OpenCV takes as integers
-FARTHEST = 2**20  # of such corners: an outline that reaches farther out is cut off there
+# of such corners: an outline that reaches farther out is cut off there
+FARTHEST = 2**20
 BELOW_LAMP = 0.05  # m below the lamp at least, to cast a shadow on the desk
 WALL_EDGE = -0.03  # m of height under which the desk hides the wall
 Gain = NDArray[np.float32]
@@ -32,8 +35,8 @@ Gain = NDArray[np.float32]
 class ShadowBand:
     """Image rows, from `top` on, in which the desk under the strip appears.
 
-    `bins` (rows, width) are the pixels' places along x, `weight` (rows, width) their shares of the
-    shadow.
+    `bins` (rows, width) are the pixels' places along x, `weight` (rows, width) their
+    shares of the shadow.
     """
 
     top: int
@@ -41,24 +44,38 @@ class ShadowBand:
     weight: NDArray[np.float32]
 
     def cast(self, image: Image, origin: tuple[int, int], profile: Array) -> None:
-        """Darken the desk in `image`, whose first pixel is `origin` (u, v), in place."""
+        """Darken the desk in `image`, whose first pixel is `origin` (u, v), in
+        place.
+        """
         u, v = origin
-        first, last = max(self.top, v), min(self.top + len(self.bins), v + image.shape[0])
+        first, last = (
+            max(self.top, v),
+            min(self.top + len(self.bins), v + image.shape[0]),
+        )
         if first >= last:
             return
         rows = slice(first - self.top, last - self.top)
         columns = slice(u, u + image.shape[1])
-        dark = 1 - self.weight[rows, columns] * profile.astype(np.float32)[self.bins[rows, columns]]
+        dark = (
+            1
+            - self.weight[rows, columns]
+            * profile.astype(np.float32)[self.bins[rows, columns]]
+        )
         part = image[first - v : last - v]
         part[:] = part * dark[..., None]
 
 
-def shadow_band(settings: CameraSettings, optics: Optics, look: StripLook) -> ShadowBand:
-    """Image rows in which the camera sees the desk at the depths y of a strip of this `look`."""
+def shadow_band(
+    settings: CameraSettings, optics: Optics, look: StripLook
+) -> ShadowBand:
+    """Image rows in which the camera sees the desk at the depths y of a strip of this
+    `look`.
+    """
     floor = -look.thickness / 2
     top, bottom = _band_rows(settings, optics, look.width, floor)
     u, v = np.meshgrid(
-        np.arange(settings.width, dtype=np.float32), np.arange(top, bottom, dtype=np.float32)
+        np.arange(settings.width, dtype=np.float32),
+        np.arange(top, bottom, dtype=np.float32),
     )
     at_x, at_y = optics.on_level(optics.rays(u, v), floor)
     bins = np.clip(
@@ -72,18 +89,28 @@ def shadow_band(settings: CameraSettings, optics: Optics, look: StripLook) -> Sh
 def _band_rows(
     settings: CameraSettings, optics: Optics, width: float, floor: float
 ) -> tuple[int, int]:
-    """First and last row (exclusive) of the shadow of a strip of `width` [m] on the `floor` [m]."""
+    """First and last row (exclusive) of the shadow of a strip of `width` [m] on the
+    `floor` [m].
+    """
     x = np.linspace(*TABLE_RANGE, 15)
     depths = (-2 * SOFT_BORDER, width + 2 * SOFT_BORDER)
-    pixels = np.concatenate([optics.plane(np.stack([x, 0 * x + floor], -1), y) for y in depths])
-    pixels = pixels[(pixels[:, 0] > -IMAGE_MARGIN) & (pixels[:, 0] < settings.width + IMAGE_MARGIN)]
+    pixels = np.concatenate(
+        [optics.plane(np.stack([x, 0 * x + floor], -1), y) for y in depths]
+    )
+    pixels = pixels[
+        (pixels[:, 0] > -IMAGE_MARGIN) & (pixels[:, 0] < settings.width + IMAGE_MARGIN)
+    ]
     top = int(np.clip(pixels[:, 1].min() - 1, 0, settings.height - 1))
     return top, int(np.clip(pixels[:, 1].max() + 2, top + 1, settings.height))
 
 
 def shadow_profile(curve: Curve) -> Array:
-    """Darkness (BINS,) of the strip's shadow along x, 0 to 1: the darker, the lower it hangs."""
-    place = (curve.points[:, 0] - TABLE_RANGE[0]) / (TABLE_RANGE[1] - TABLE_RANGE[0]) * BINS
+    """Darkness (BINS,) of the strip's shadow along x, 0 to 1: the darker, the lower it
+    hangs.
+    """
+    place = (
+        (curve.points[:, 0] - TABLE_RANGE[0]) / (TABLE_RANGE[1] - TABLE_RANGE[0]) * BINS
+    )
     bins = np.clip(place, 0, BINS - 1).astype(np.int64)
     depth = np.exp(-np.maximum(curve.points[:, 1], 0) / FADE_HEIGHT)
     darkness = np.zeros(BINS)
@@ -100,8 +127,8 @@ def scale_brightness(image: Image, gain: Gain) -> Image:
 def flicker(light: Flicker, height: int, stamp: float, exposure: float) -> Gain:
     """Brightness (height, 1) of the rows of a frame that is exposed about `stamp` [s].
 
-    The lamp's power falls to zero twice a mains period; the average over an `exposure` [s] follows
-    the sinc of its fraction of that period.
+    The lamp's power falls to zero twice a mains period; the average over an `exposure`
+    [s] follows the sinc of its fraction of that period.
     """
     rate = 2 * light.mains
     rows = stamp + light.readout * (np.arange(height) / height - 0.5)
@@ -110,12 +137,17 @@ def flicker(light: Flicker, height: int, stamp: float, exposure: float) -> Gain:
 
 
 def arm_shadow(
-    lamp: Lamp, parts: Sequence[Outline], optics: Optics, size: tuple[int, int], floor: float
+    lamp: Lamp,
+    parts: Sequence[Outline],
+    optics: Optics,
+    size: tuple[int, int],
+    floor: float,
 ) -> Gain:
-    """Brightness (height, width) of a frame under the shadow of the arm on wall and desk.
+    """Brightness (height, width) of a frame under the shadow of the arm on wall and
+    desk.
 
-    `size` is (width, height). The desk is at z = `floor` [m]. Objects between desk and wall are
-    shaded like the wall.
+    `size` is (width, height). The desk is at z = `floor` [m]. Objects between desk and
+    wall are shaded like the wall.
     """
     width, height = size[0] // SHADOW_GRID, size[1] // SHADOW_GRID
     dark = np.zeros((height, width), dtype=np.uint8)
@@ -124,7 +156,9 @@ def arm_shadow(
         points = np.insert(part.corners, 1, middle, axis=1)
         for shadow in (_cast_on_wall(points, lamp), _cast_on_desk(points, lamp, floor)):
             if len(shadow) > 2:
-                corners = np.rint(optics.project(shadow) / SHADOW_GRID * 2**FRACTION_BITS)
+                corners = np.rint(
+                    optics.project(shadow) / SHADOW_GRID * 2**FRACTION_BITS
+                )
                 outline = np.clip(corners, -FARTHEST, FARTHEST).astype(np.int32)
                 cv2.fillPoly(dark, [outline], 255, cv2.LINE_AA, FRACTION_BITS)
     # sigma [px] of the shadow's border on the wall, from the lamp's size
@@ -132,11 +166,14 @@ def arm_shadow(
     border = lamp.size * BACKDROP_DISTANCE / (reach - BACKDROP_DISTANCE)
     sigma = border * optics.focal / (BACKDROP_DISTANCE - optics.centre[1]) / SHADOW_GRID
     soft = cv2.GaussianBlur(dark.astype(np.float32) / 255, (0, 0), sigma)
-    return np.asarray(cv2.resize(1 - np.float32(lamp.share) * soft, size), dtype=np.float32)
+    return np.asarray(
+        cv2.resize(1 - np.float32(lamp.share) * soft, size), dtype=np.float32
+    )
 
 
 def _cast_on_wall(points: Array, lamp: Lamp) -> Array:
-    """Shadows (n, 3) [m] that `points` (n, 3), behind the lamp, cast on the visible wall.
+    """Shadows (n, 3) [m] that `points` (n, 3), behind the lamp, cast on the visible
+    wall.
 
     Those below the wall's visible edge are raised to it.
     """
@@ -148,7 +185,9 @@ def _cast_on_wall(points: Array, lamp: Lamp) -> Array:
 
 
 def _cast_on_desk(points: Array, lamp: Lamp, floor: float) -> Array:
-    """Shadows (m, 3) [m] on the desk of those `points` (n, 3) [m] that are below the lamp."""
+    """Shadows (m, 3) [m] on the desk of those `points` (n, 3) [m] that are below the
+    lamp.
+    """
     source = np.array(lamp.place)
     low = points[points[:, 2] < source[2] - BELOW_LAMP]
     ratio = (source[2] - floor) / (source[2] - low[:, 2])

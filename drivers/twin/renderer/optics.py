@@ -1,4 +1,5 @@
-"""True model of the twin's camera: a pinhole with radial distortion, and its sensor's noise.
+"""True model of the twin's camera: a pinhole with radial distortion, and its sensor's
+noise.
 
 Private to the twin: calibration uses only images.
 """
@@ -20,10 +21,11 @@ FIELD = 0.6  # of the image's diagonal, the radius up to which the lens is inver
 
 
 class Optics(NamedTuple):
-    """Pinhole camera: `centre` (3,) [m], `rotation` (3, 3), focal length and principal point [px].
+    """Pinhole camera: `centre` (3,) [m], `rotation` (3, 3), focal length and principal
+    point [px].
 
-    `inverse` (5,) are coefficients of the undistorting factor in powers of the squared distorted
-    radius.
+    `inverse` (5,) are coefficients of the undistorting factor in powers of the squared
+    distorted radius.
     """
 
     centre: Array
@@ -35,7 +37,9 @@ class Optics(NamedTuple):
 
     @classmethod
     def from_settings(cls, settings: CameraSettings) -> Self:
-        """Pinhole camera in the place and with the lens and mounting errors of `settings`."""
+        """Pinhole camera in the place and with the lens and mounting errors of
+        `settings`.
+        """
         height = settings.distance * np.tan(settings.elevation)
         centre = np.array([settings.aim_x, -settings.distance, height])
         aim = np.array([settings.aim_x, 0.0, settings.aim_z]) - centre
@@ -43,7 +47,9 @@ class Optics(NamedTuple):
         right = np.cross(forward, [0.0, 0.0, 1.0])
         right /= np.linalg.norm(right)
         looking = np.stack([right, np.cross(forward, right), forward])
-        about_x, about_y, about_z = axis_rotations(settings.tilt, settings.yaw, settings.roll)
+        about_x, about_y, about_z = axis_rotations(
+            settings.tilt, settings.yaw, settings.roll
+        )
         diagonal = float(np.hypot(settings.width, settings.height))
         principal = (
             (settings.width - 1) / 2 + settings.principal[0],
@@ -59,22 +65,28 @@ class Optics(NamedTuple):
         )
 
     def displace(self, scale: float, shift: tuple[float, float]) -> Self:
-        """Camera moved so that a point p appears where (1 + scale) p + `shift` appeared before.
+        """Camera moved so that a point p appears where (1 + scale) p + `shift` appeared
+        before.
 
-        `shift` is of x, z [m]. All rays turn about the centre, so this holds at every depth.
+        `shift` is of x, z [m]. All rays turn about the centre, so this holds at every
+        depth.
         """
         centre = (self.centre - (shift[0], 0.0, shift[1])) / (1.0 + scale)
         return self._replace(centre=np.asarray(centre))
 
     def project(self, points: Array) -> Array:
         """Pixels (..., 2) of `points` (..., 3) [m] of the cell frame."""
-        right, down, forward = np.moveaxis((points - self.centre) @ self.rotation.T, -1, 0)
+        right, down, forward = np.moveaxis(
+            (points - self.centre) @ self.rotation.T, -1, 0
+        )
         inverse = 1 / forward
         a, b = right * inverse, down * inverse
         k1, k2 = self.distortion
         r2 = a * a + b * b
         scale = (1 + r2 * (k1 + k2 * r2)) * self.focal
-        return np.stack([a * scale + self.principal[0], b * scale + self.principal[1]], axis=-1)
+        return np.stack(
+            [a * scale + self.principal[0], b * scale + self.principal[1]], axis=-1
+        )
 
     def plane(self, points: Array, y: float = 0.0) -> Array:
         """Pixels (..., 2) of `points` (..., 2) of x, z [m] in the plane at `y` [m]."""
@@ -87,9 +99,11 @@ class Optics(NamedTuple):
         return self._replace(principal=(u - origin[0], v - origin[1]))
 
     def rays(self, u: Pixels, v: Pixels) -> tuple[Pixels, Pixels, Pixels]:
-        """Directions x, y, z (...,) in the cell frame of rays through pixels `u`, `v` (...,) [px].
+        """Directions x, y, z (...,) in the cell frame of rays through pixels `u`, `v`
+        (...,) [px].
 
-        The lens's distortion is undone. Of length 1 along the optical axis, so not unit vectors.
+        The lens's distortion is undone. Of length 1 along the optical axis, so not unit
+        vectors.
         """
         right = (u - np.float32(self.principal[0])) / np.float32(self.focal)
         down = (v - np.float32(self.principal[1])) / np.float32(self.focal)
@@ -99,13 +113,22 @@ class Optics(NamedTuple):
             undistorting = undistorting * squared_radius + np.float32(coefficient)
         right, down = right * undistorting, down * undistorting
         axes = self.rotation.astype(np.float32)
-        x, y, z = (right * axes[0, j] + down * axes[1, j] + axes[2, j] for j in range(3))
+        x, y, z = (
+            right * axes[0, j] + down * axes[1, j] + axes[2, j] for j in range(3)
+        )
         return x, y, z
 
-    def on_level(self, rays: tuple[Pixels, Pixels, Pixels], z: float) -> tuple[Pixels, Pixels]:
-        """Points x, y (...,) [m] where downward `rays` meet level `z` [m]; others end far away."""
+    def on_level(
+        self, rays: tuple[Pixels, Pixels, Pixels], z: float
+    ) -> tuple[Pixels, Pixels]:
+        """Points x, y (...,) [m] where downward `rays` meet level `z` [m]; others end
+        far away.
+        """
         reach = np.float32(z - self.centre[2]) / np.minimum(rays[2], np.float32(-1e-4))
-        x, y = (np.asarray(self.centre[j] + reach * rays[j], dtype=np.float32) for j in range(2))
+        x, y = (
+            np.asarray(self.centre[j] + reach * rays[j], dtype=np.float32)
+            for j in range(2)
+        )
         return x, y
 
 
@@ -131,7 +154,9 @@ def _project_plane_points(points: Array, y: float, camera: Optics) -> Array:
 
 
 def axis_rotations(x: float, y: float, z: float) -> tuple[Array, Array, Array]:
-    """Rotation matrices (3, 3) by `x` about the x-axis, `y` about the y-axis, `z` about z [rad]."""
+    """Rotation matrices (3, 3) by `x` about the x-axis, `y` about the y-axis, `z` about
+    z [rad].
+    """
     cx, cy, cz = np.cos([x, y, z])
     sx, sy, sz = np.sin([x, y, z])
     return (
@@ -142,11 +167,15 @@ def axis_rotations(x: float, y: float, z: float) -> tuple[Array, Array, Array]:
 
 
 def _inverse(distortion: tuple[float, float], field: float) -> Array:
-    """Coefficients (5,) of the undistorting factor in powers of the squared distorted radius."""
+    """Coefficients (5,) of the undistorting factor in powers of the squared distorted
+    radius.
+    """
     k1, k2 = distortion
     radius = np.linspace(0.0, field, 400)
     factor = 1 + radius**2 * (k1 + k2 * radius**2)
-    return np.asarray(np.polynomial.polynomial.polyfit((radius * factor) ** 2, 1 / factor, 4))
+    return np.asarray(
+        np.polynomial.polynomial.polyfit((radius * factor) ** 2, 1 / factor, 4)
+    )
 
 
 def blur(image: Image, sigma: float) -> Image:
@@ -163,21 +192,27 @@ def kernel_size(sigma: float) -> int:
 
 
 def noisy(image: Image, sigma: float, rng: np.random.Generator) -> Image:
-    """Copy of `image` (h, w, 3) with Gaussian noise of `sigma` grey levels from `rng`."""
+    """Copy of `image` (h, w, 3) with Gaussian noise of `sigma` grey levels from
+    `rng`.
+    """
     noise = rng.standard_normal(image.shape, dtype=np.float32) * np.float32(sigma)
     return np.asarray(np.clip(np.rint(image + noise), 0, 255), dtype=np.uint8)
 
 
 @dataclass(frozen=True, slots=True)
 class NoiseBank:
-    """Noise tile (height, width, 3) larger than a frame, as positive part and negative part."""
+    """Noise tile (height, width, 3) larger than a frame, as positive part and negative
+    part.
+    """
 
     seed: int
     adds: Image
     takes: Image
 
     def apply(self, image: Image, sequence: int) -> None:
-        """Add the noise of frame `sequence` to `image` (h, w, 3), by seed and sequence alone."""
+        """Add the noise of frame `sequence` to `image` (h, w, 3), by seed and sequence
+        alone.
+        """
         rng = np.random.default_rng((self.seed, sequence))
         y, x = rng.integers(TILE_SHIFTS, size=2)
         window = (slice(y, y + image.shape[0]), slice(x, x + image.shape[1]))
@@ -186,9 +221,13 @@ class NoiseBank:
 
 
 def noise_bank(width: int, height: int, sigma: float, seed: int) -> NoiseBank:
-    """Draw a noise tile of `sigma` grey levels, correlated in space as after demosaicing."""
+    """Draw a noise tile of `sigma` grey levels, correlated in space as after
+    demosaicing.
+    """
     rng = np.random.default_rng((seed, 0x5E))
-    tile = rng.standard_normal((height + TILE_SHIFTS, width + TILE_SHIFTS, 3), dtype=np.float32)
+    tile = rng.standard_normal(
+        (height + TILE_SHIFTS, width + TILE_SHIFTS, 3), dtype=np.float32
+    )
     tile = cv2.GaussianBlur(tile, (3, 3), 0.5)
     tile *= sigma / tile.std()
     return NoiseBank(

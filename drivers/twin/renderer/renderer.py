@@ -28,7 +28,8 @@ from drivers.twin.settings import CameraSettings
 from drivers.types import Array, Image, Pose, frozen
 
 T = TypeVar("T", bound=np.generic)
-# m by which an abrupt end looks further along (lint) or back (glare) than one that lifts evenly.
+# m by which an abrupt end looks further along (lint) or back (glare) than one that
+# lifts evenly.
 ABRUPT_LINT, ABRUPT_GLARE = 0.0003, 0.0008
 PILE = 0.0009  # m that it reaches over the lowest strip, more than lens and pixels blur
 _SPECK = Scene(
@@ -43,7 +44,8 @@ _SPECK = Scene(
 
 @dataclass(frozen=True, slots=True)
 class Window:
-    """Window [px] of an image of `size` (width, height): `left`, `top` to before `right`, `bottom`.
+    """Window [px] of an image of `size` (width, height): `left`, `top` to before
+    `right`, `bottom`.
 
     Its outer `margin` [px] serves the blur alone and is not copied back.
     """
@@ -59,7 +61,9 @@ class Window:
     def around(
         cls, extents: Sequence[tuple[Array, Array]], size: tuple[int, int], margin: int
     ) -> Self | None:
-        """Window with twice `margin` around points u, v [px]; None without any in the image."""
+        """Window with twice `margin` around points u, v [px]; None without any in the
+        image.
+        """
         u, v = (np.concatenate(axis) for axis in zip(*extents, strict=True))
         if u.size == 0:
             return None
@@ -80,7 +84,9 @@ class Window:
         return image[self.top : self.bottom, self.left : self.right]
 
     def put(self, part: Image, image: Image) -> None:
-        """Copy `part`, a window's content (h, w, 3), into `image`, without the inner margins."""
+        """Copy `part`, a window's content (h, w, 3), into `image`, without the inner
+        margins.
+        """
         width, height = self.size
         top = self.top + self.margin * (self.top > 0)
         left = self.left + self.margin * (self.left > 0)
@@ -92,10 +98,11 @@ class Window:
 
 
 class Renderer:
-    """Renderer of scenes with a strip of one appearance, for one camera, random by `seed` alone.
+    """Renderer of scenes with a strip of one appearance, for one camera, random by
+    `seed` alone.
 
-    The static background is drawn once at construction. `render` is a pure function of its
-    arguments.
+    The static background is drawn once at construction. `render` is a pure function of
+    its arguments.
     """
 
     def __init__(
@@ -110,7 +117,8 @@ class Renderer:
         """Draw the background; `optics` are those of `settings` unless given.
 
         `contact_bias` [m] shifts the apparent desk contact, see `_shift_contact`.
-        `surround` is the look of the cell about the strip, its colours over those of `settings`.
+        `surround` is the look of the cell about the strip, its colours over those of
+        `settings`.
         """
         around = settings.surroundings.model_copy(update=dict(surround.colours))
         settings = settings.model_copy(update={"surroundings": around})
@@ -132,7 +140,9 @@ class Renderer:
         self.render([_SPECK], 0)  # compiles now, outside the control loop
 
     def render(self, scenes: Sequence[Scene], sequence: int) -> Image:
-        """Frame `sequence` (height, width, 3) BGR, exposed to `scenes`, equally spaced in time."""
+        """Frame `sequence` (height, width, 3) BGR, exposed to `scenes`, equally spaced
+        in time.
+        """
         middle = scenes[len(scenes) // 2]
         curve = ribbon.expose(scenes, self._spacing) if middle.strip else None
         hand = gripper.outlines(middle, self._look.width / 2, -self._look.thickness / 2)
@@ -145,11 +155,16 @@ class Renderer:
     def _draw_moving(
         self, image: Image, scene: Scene, curve: Curve | None, hand: Sequence[Outline]
     ) -> None:
-        """Redraw the part of `image` (h, w, 3) in which strip and hand appear, in place."""
+        """Redraw the part of `image` (h, w, 3) in which strip and hand appear, in
+        place.
+        """
         clouds = [] if curve is None else self._material(curve)
         hand_faces = gripper.faces_of(hand, self._optics)
         window = Window.around(
-            [*(cloud.pixels for cloud in clouds), gripper.extent(hand_faces, scene, self._optics)],
+            [
+                *(cloud.pixels for cloud in clouds),
+                gripper.extent(hand_faces, scene, self._optics),
+            ],
             (self._settings.width, self._settings.height),
             kernel_size(self._settings.lens_blur),
         )
@@ -160,25 +175,32 @@ class Renderer:
             self._shadow.cast(part, window.origin, shadow_profile(curve))
         gripper.draw_hand(part, hand, hand_faces, window.origin, self._gripper)
         for cloud in clouds:
-            splat(part, cloud.points, cloud.tint, self._colour, self._light, window.origin)
+            splat(
+                part, cloud.points, cloud.tint, self._colour, self._light, window.origin
+            )
         if scene.pointer:
-            gripper.draw_pointer(part, scene, self._optics.seen_from(window.origin), self._gripper)
+            gripper.draw_pointer(
+                part, scene, self._optics.seen_from(window.origin), self._gripper
+            )
         if curve is not None and self._contact_bias:
             self._shift_contact(part, window, scene)
         window.put(blur(part, self._settings.lens_blur), image)
 
     def _shift_contact(self, part: Image, window: Window, scene: Scene) -> None:
-        """Draw lint or glare in `part` (h, w, 3) that shifts the apparent contact along x.
+        """Draw lint or glare in `part` (h, w, 3) that shifts the apparent contact along
+        x.
 
-        Lint of the strip's colour in front of its near edge closes the wedge between strip and
-        desk, so that the strip seems to leave it later. Glare of the desk hides the foot of the
-        edge, so that it seems to leave it earlier. The upper outline stays unchanged.
+        Lint of the strip's colour in front of its near edge closes the wedge between
+        strip and desk, so that the strip seems to leave it later. Glare of the desk
+        hides the foot of the edge, so that it seems to leave it earlier. The upper
+        outline stays unchanged.
         """
         if not (scene.points[:, 1] > CONTACT_HEIGHT).any():
             return
         contact = desk_contact(scene.points, CONTACT_HEIGHT)
         bias = self._contact_bias
-        left, right = contact - PILE, contact + max(bias - ABRUPT_LINT, 0.0)  # m, of lint
+        # m, of lint
+        left, right = contact - PILE, contact + max(bias - ABRUPT_LINT, 0.0)
         if bias < 0:
             left, right = contact + min(bias + ABRUPT_GLARE, 0.0), contact + PILE
         low = -self._look.thickness / 2
@@ -195,7 +217,9 @@ class Renderer:
         part[:] = share * window.crop(self._sharp) + (1.0 - share) * part + 0.5
 
     def _material(self, curve: Curve) -> list[Cloud]:
-        """Material points of a strip along `curve`: of its visible side, then of its near edge."""
+        """Material points of a strip along `curve`: of its visible side, then of its
+        near edge.
+        """
         picture = ribbon.project(curve, self._optics, self._look)
         return [
             ribbon.sample_face(curve, picture, self._optics, self._look, self._weave),
@@ -203,7 +227,9 @@ class Renderer:
         ]
 
     def _lit(self, image: Image, scene: Scene, hand: Sequence[Outline]) -> Image:
-        """Copy of `image` (h, w, 3) with the arm's shadow and flicker, where the look has them."""
+        """Copy of `image` (h, w, 3) with the arm's shadow and flicker, where the look
+        has them.
+        """
         surround = self._surround
         settings = self._settings
         if surround.lamp is not None:
@@ -212,6 +238,8 @@ class Renderer:
             gain = arm_shadow(surround.lamp, hand, self._optics, size, floor)
             image = scale_brightness(image, gain)
         if surround.flicker is not None:
-            gain = flicker(surround.flicker, settings.height, scene.stamp, settings.exposure)
+            gain = flicker(
+                surround.flicker, settings.height, scene.stamp, settings.exposure
+            )
             image = scale_brightness(image, gain)
         return image

@@ -1,4 +1,6 @@
-"""Midline of the strip during an exposure, and material points of its surface in the image."""
+"""Midline of the strip during an exposure, and material points of its surface in the
+image.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,7 +18,8 @@ GRAIN = 0.0005  # m, grid of the weave
 WEAVE_ROWS, WEAVE_COLUMNS = 2048, 128  # cells of the grid after which the weave repeats
 PITCH = 0.5  # px between points of material along the strip
 DEPTH_PITCH = 0.65  # px between points of material across its faces
-EDGE_RADIUS = 0.001  # m of half a thickness by which the corners of a cut edge are rounded off
+# m of half a thickness by which the corners of a cut edge are rounded off
+EDGE_RADIUS = 0.001
 LENS_PROBE = 0.001  # m, over which the lens counts as linear
 LIGHT_DIRECTION = np.array([-0.35, 0.94])  # where the light comes from, in the plane
 AMBIENT = 0.62
@@ -26,9 +29,11 @@ BACK_BRIGHTNESS = 0.93  # brightness of the side that lies on the desk
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """Midline of a strip at arc lengths `s` (m,) [m]: `points` (m, 2) [m], unit `tangents` (m, 2).
+    """Midline of a strip at arc lengths `s` (m,) [m]: `points` (m, 2) [m], unit
+    `tangents` (m, 2).
 
-    `motion` (m, 2) [m] is how far the points move during the exposure, None for a strip at rest.
+    `motion` (m, 2) [m] is how far the points move during the exposure, None for a strip
+    at rest.
     """
 
     s: Array
@@ -43,15 +48,18 @@ class Curve:
 
     @property
     def normals(self) -> Array:
-        """Unit normals (m, 2) of the curve, to the left: up for a strip lying along +x."""
+        """Unit normals (m, 2) of the curve, to the left: up for a strip lying along
+        +x.
+        """
         return np.stack([-self.tangents[:, 1], self.tangents[:, 0]], axis=-1)
 
 
 def expose(scenes: Sequence[Scene], spacing: float) -> Curve:
-    """Midline of the strip in `scenes`, sampled about every `spacing` [m], during an exposure.
+    """Midline of the strip in `scenes`, sampled about every `spacing` [m], during an
+    exposure.
 
-    The scenes are at the middles of equal parts of the exposure; the middle one gives the shape,
-    the first and the last the motion, which is assumed uniform.
+    The scenes are at the middles of equal parts of the exposure; the middle one gives
+    the shape, the first and the last the motion, which is assumed uniform.
     """
     first = scenes[0]
     middle = scenes[len(scenes) // 2]
@@ -60,8 +68,12 @@ def expose(scenes: Sequence[Scene], spacing: float) -> Curve:
     count = max(int(np.ceil(length / spacing)), 8)
     s = np.asarray((np.arange(count) + 0.5) * (length / count), dtype=np.float64)
     nodes = smooth(middle.points, middle.arc)
-    slopes = np.gradient(nodes, middle.arc, axis=0, edge_order=2 if len(nodes) > 2 else 1)
-    points, derivatives = interpolate(nodes, np.ascontiguousarray(slopes), middle.arc.copy(), s)
+    slopes = np.gradient(
+        nodes, middle.arc, axis=0, edge_order=2 if len(nodes) > 2 else 1
+    )
+    points, derivatives = interpolate(
+        nodes, np.ascontiguousarray(slopes), middle.arc.copy(), s
+    )
     size = np.sqrt(derivatives[:, 0] ** 2 + derivatives[:, 1] ** 2)
     motion = None
     if first.points is not last.points:
@@ -71,49 +83,62 @@ def expose(scenes: Sequence[Scene], spacing: float) -> Curve:
 
 
 def smooth(points: Array, arc: Array) -> Array:
-    """Nodes (n, 2) [m] of a smooth curve through straight links between `points`, nearest to them.
+    """Nodes (n, 2) [m] of a smooth curve through straight links between `points`,
+    nearest to them.
 
-    A curve through the ends of straight links lies outside them by kappa h^2 / 12 on average.
-    Moving the nodes in by as much, a twelfth of their second difference where the links are equal,
-    removes that bias, so that contact and profile measured along the links are those of the
-    picture.
+    A curve through the ends of straight links lies outside them by kappa h^2 / 12 on
+    average. Moving the nodes in by as much, a twelfth of their second difference where
+    the links are equal, removes that bias, so that contact and profile measured along
+    the links are those of the picture.
     """
     spans = np.diff(arc)
     bend = np.diff(np.diff(points, axis=0) / spans[:, None], axis=0)
     nodes = points.copy()
-    nodes[1:-1] += bend * (spans[:-1] * spans[1:] / (6 * (spans[:-1] + spans[1:])))[:, None]
+    nodes[1:-1] += (
+        bend * (spans[:-1] * spans[1:] / (6 * (spans[:-1] + spans[1:])))[:, None]
+    )
     return nodes
 
 
 @dataclass(frozen=True, slots=True)
 class Weave:
-    """Brightness of a fabric: `face` (i, j) by arc length and depth, `cut` (i, 1) by arc length."""
+    """Brightness of a fabric: `face` (i, j) by arc length and depth, `cut` (i, 1) by
+    arc length.
+    """
 
     face: Array
     cut: Array
 
 
 def random_weave(depth: float, rng: np.random.Generator) -> Weave:
-    """Draw a random twill of yarns whose brightness varies by the share `depth` about 1."""
+    """Draw a random twill of yarns whose brightness varies by the share `depth` about
+    1.
+    """
     i, j = np.arange(WEAVE_ROWS)[:, None], np.arange(WEAVE_COLUMNS)[None, :]
     twill = np.sin(2 * np.pi * (i / 4 + j / 5))
     warp = rng.normal(size=(1, WEAVE_COLUMNS))
     weft = rng.normal(size=(WEAVE_ROWS, 1))
     slubs = (
-        rng.normal(size=(WEAVE_ROWS // 4, WEAVE_COLUMNS // 4)).repeat(4, axis=0).repeat(4, axis=1)
+        rng.normal(size=(WEAVE_ROWS // 4, WEAVE_COLUMNS // 4))
+        .repeat(4, axis=0)
+        .repeat(4, axis=1)
     )
     face = 1 + depth * (0.5 * twill + 0.5 * warp + 0.6 * weft + 0.7 * slubs)
-    yarns = rng.normal(size=WEAVE_ROWS // 2).repeat(2) + rng.normal(size=WEAVE_ROWS // 8).repeat(8)
+    yarns = rng.normal(size=WEAVE_ROWS // 2).repeat(2) + rng.normal(
+        size=WEAVE_ROWS // 8
+    ).repeat(8)
     cut = 1 + depth * yarns[:, None]
     return Weave(face=np.clip(face, 0.3, 1.7), cut=np.clip(cut, 0.3, 1.7))
 
 
 @dataclass(frozen=True, slots=True)
 class Projection:
-    """Midline of a strip in an image: points `near` (m, 2) [px], and vectors (m, 2) [px] at them.
+    """Midline of a strip in an image: points `near` (m, 2) [px], and vectors (m, 2)
+    [px] at them.
 
-    `along` (m, 2) [px] is the curve from a point to the next, `half` (m, 2) half of the strip's
-    thickness along the normal, `motion` (m, 2) the path during the exposure, empty at rest.
+    `along` (m, 2) [px] is the curve from a point to the next, `half` (m, 2) half of the
+    strip's thickness along the normal, `motion` (m, 2) the path during the exposure,
+    empty at rest.
     """
 
     near: Array
@@ -139,7 +164,8 @@ def project(curve: Curve, optics: Optics, look: StripLook) -> Projection:
 
 @dataclass(frozen=True, slots=True)
 class Cloud:
-    """Material points (6, n): u, v [px], area [px^2], brightness, arc length and depth [m].
+    """Material points (6, n): u, v [px], area [px^2], brightness, arc length and depth
+    [m].
 
     `tint` (n, 3) BGR are the points' colours; empty where all have the strip's.
     """
@@ -156,7 +182,9 @@ class Cloud:
 def sample_face(
     curve: Curve, picture: Projection, optics: Optics, look: StripLook, material: Weave
 ) -> Cloud:
-    """Material points of the strip's visible side in the image, from the near to the far edge."""
+    """Material points of the strip's visible side in the image, from the near to the
+    far edge.
+    """
     across = optics.plane(curve.points, look.width) - picture.near
     area = _area(picture.along, across)
     rows = np.ceil(area / np.hypot(*picture.along.T) / DEPTH_PITCH).astype(np.int64)
@@ -174,8 +202,12 @@ def sample_face(
     return _cloud(sample_surface(surface, material.face, (1 / GRAIN, look.width)), look)
 
 
-def sample_edge(curve: Curve, picture: Projection, look: StripLook, material: Weave) -> Cloud:
-    """Material points of the strip's near edge, half a thickness to either side of the midline."""
+def sample_edge(
+    curve: Curve, picture: Projection, look: StripLook, material: Weave
+) -> Cloud:
+    """Material points of the strip's near edge, half a thickness to either side of the
+    midline.
+    """
     thickness = 2 * float(np.hypot(*picture.half.T).max())
     rows = np.full(len(curve.s), max(int(np.ceil(thickness / PITCH)), 2))
     surface = Rows(
@@ -196,12 +228,16 @@ def _cloud(points: Array, look: StripLook) -> Cloud:
 
 
 def _area(along: Array, across: Array) -> Array:
-    """Areas (m,) [px^2] of the parallelograms between `along` and `across` (m, 2) [px]."""
+    """Areas (m,) [px^2] of the parallelograms between `along` and `across` (m, 2)
+    [px].
+    """
     return np.abs(along[:, 0] * across[:, 1] - along[:, 1] * across[:, 0])
 
 
 def _facing(curve: Curve, optics: Optics) -> Array:
-    """Signs (m,): 1 where the camera sees the side that the normal points to, else -1."""
+    """Signs (m,): 1 where the camera sees the side that the normal points to, else
+    -1.
+    """
     outside = ((optics.centre[[0, 2]] - curve.points) * curve.normals).sum(axis=-1)
     return np.where(outside >= 0, 1.0, -1.0)
 

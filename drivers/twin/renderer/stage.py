@@ -1,4 +1,6 @@
-"""Drawing of the empty cell: desk, backdrop, clamp, light, and static objects on the desk."""
+"""Drawing of the empty cell: desk, backdrop, clamp, light, and static objects on the
+desk.
+"""
 
 from collections.abc import Sequence
 
@@ -15,8 +17,10 @@ from drivers.types import Array, Image
 
 Field = NDArray[np.float32]
 BACKDROP_DISTANCE = 1.2  # m behind the near edge
-CLAMP = (-0.030, -0.001, 0.008)  # m: from x, to x, height of the bar that holds the fixed edge
-CLAMP_FRONT, CLAMP_BACK = -0.004, 0.02  # m: its front's depth, and how far it is behind the strip
+# m: from x, to x, height of the bar that holds the fixed edge
+CLAMP = (-0.030, -0.001, 0.008)
+# m: its front's depth, and how far it is behind the strip
+CLAMP_FRONT, CLAMP_BACK = -0.004, 0.02
 CLAMP_SHADES = (1.1, 0.72)  # brightness of its top and of its front
 SIDE_BRIGHTNESS = 0.82  # brightness of a box's sides over that of its front
 THING_TEXTURE = 0.05  # variation of a thing's brightness, a share
@@ -37,8 +41,8 @@ def stage(
 ) -> Image:
     """Draw the empty cell (height, width, 3) BGR, before the lens blurs it.
 
-    The desk is half a thickness of the strip below its midline; `things` stand on the desk and
-    behind it.
+    The desk is half a thickness of the strip below its midline; `things` stand on the
+    desk and behind it.
     """
     around = settings.surroundings
     floor = -look.thickness / 2
@@ -69,33 +73,48 @@ def light(settings: CameraSettings) -> Field:
 
 
 def _row(optics: Optics, width: int, y: float, z: float) -> Array:
-    """Row (width,) [px] at each column of the image of a line along x at `y`, `z` [m]."""
+    """Row (width,) [px] at each column of the image of a line along x at `y`, `z`
+    [m].
+    """
     x = np.linspace(-3.0, 4.0, 1401)
-    x = x[np.abs(x - optics.centre[0]) < y - optics.centre[1]]  # beyond, the lens's law turns back
-    line = optics.project(np.stack([x, np.full_like(x, y), np.full_like(x, z)], axis=-1))
+    # beyond, the lens's law turns back
+    x = x[np.abs(x - optics.centre[0]) < y - optics.centre[1]]
+    line = optics.project(
+        np.stack([x, np.full_like(x, y), np.full_like(x, z)], axis=-1)
+    )
     return np.interp(np.arange(width), line[:, 0], line[:, 1])
 
 
 def _cover(canvas: Field, over: Field, row: Array) -> None:
-    """Cover `canvas` with `over` below `row` (width,) [px], in place, with an antialiased edge."""
+    """Cover `canvas` with `over` below `row` (width,) [px], in place, with an
+    antialiased edge.
+    """
     v = np.arange(canvas.shape[0])[:, None]
     share = np.clip(v - row[None, :] + 0.5, 0.0, 1.0).astype(np.float32)[..., None]
     canvas += share * (over - canvas)
 
 
 def _cloth(
-    rays: tuple[Pixels, Pixels, Pixels], settings: CameraSettings, rng: np.random.Generator
+    rays: tuple[Pixels, Pixels, Pixels],
+    settings: CameraSettings,
+    rng: np.random.Generator,
 ) -> Field:
-    """Brightness (height, width, 1) of a hanging cloth: broad folds and a fine weave."""
+    """Brightness (height, width, 1) of a hanging cloth: broad folds and a fine
+    weave.
+    """
     x, y, z = rays
     across = x / y * np.float32(BACKDROP_DISTANCE + settings.distance)
     phases = rng.uniform(0, 2 * np.pi, 4)
     folds = sum(
-        np.sin(across * np.float32(k) + np.float32(phase) + z / y * np.float32(2.5 * k / 9))
+        np.sin(
+            across * np.float32(k) + np.float32(phase) + z / y * np.float32(2.5 * k / 9)
+        )
         for k, phase in zip((9.0, 17.0, 29.0, 53.0), phases, strict=True)
     )
     fine = rng.standard_normal(x.shape, dtype=np.float32)
-    shade = 1 + np.float32(settings.texture) * (np.float32(0.45) * folds + np.float32(0.25) * fine)
+    shade = 1 + np.float32(settings.texture) * (
+        np.float32(0.45) * folds + np.float32(0.25) * fine
+    )
     return np.asarray(shade[..., None], dtype=np.float32)
 
 
@@ -108,15 +127,21 @@ def _desk(
 ) -> Field:
     """Colours (height, width, 3) of the desk where rays meet it, ignoring occlusion."""
     x, y = optics.on_level(rays, floor)
-    grain = cv2.GaussianBlur(rng.standard_normal((256, 1024), dtype=np.float32), (0, 0), 1.2)
+    grain = cv2.GaussianBlur(
+        rng.standard_normal((256, 1024), dtype=np.float32), (0, 0), 1.2
+    )
     grain /= grain.std()
-    mottle = cv2.remap(grain, x * 700, y * 60, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP)
+    mottle = cv2.remap(
+        grain, x * 700, y * 60, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP
+    )
     shade = 1 + np.float32(0.5 * settings.texture) * mottle
     colour = bgr(settings.surroundings.desk).astype(np.float32)
     return np.asarray(colour * shade[..., None], dtype=np.float32)
 
 
-def _draw_clamp(image: Image, settings: CameraSettings, optics: Optics, look: StripLook) -> None:
+def _draw_clamp(
+    image: Image, settings: CameraSettings, optics: Optics, look: StripLook
+) -> None:
     """Draw the bar that clamps the fixed edge, beyond the strip's end, into `image`."""
     left, right, height = CLAMP
     top_shade, front_shade = CLAMP_SHADES
@@ -131,7 +156,9 @@ def _draw_clamp(image: Image, settings: CameraSettings, optics: Optics, look: St
 
 
 def fill(image: Image, outline: Array, colour: Array) -> None:
-    """Fill a convex polygon (m, 2) [px] with sub-pixel corners and smooth sides, in place."""
+    """Fill a convex polygon (m, 2) [px] with sub-pixel corners and smooth sides, in
+    place.
+    """
     corners = np.rint(outline * 256).astype(np.int32)
     ink = tuple(float(c) for c in np.minimum(colour, 255))
     cv2.fillConvexPoly(image, corners, ink, cv2.LINE_AA, 8)
@@ -147,9 +174,13 @@ def depth(thing: Thing) -> float:
 def draw_things(
     canvas: Field, things: Sequence[Thing], optics: Optics, rng: np.random.Generator
 ) -> None:
-    """Draw `things` on the unlit `canvas` (height, width, 3) BGR in place, far ones first."""
+    """Draw `things` on the unlit `canvas` (height, width, 3) BGR in place, far ones
+    first.
+    """
     for thing in sorted(things, key=depth, reverse=True):
-        grain = rng.standard_normal((canvas.shape[0] // 8, canvas.shape[1] // 8), np.float32)
+        grain = rng.standard_normal(
+            (canvas.shape[0] // 8, canvas.shape[1] // 8), np.float32
+        )
         shade = 1 + np.float32(THING_TEXTURE) * cv2.resize(grain, canvas.shape[1::-1])
         colour = bgr(thing.colour).astype(np.float32)
         for cover, brightness in _covers(thing, optics, canvas.shape[:2]):
@@ -160,7 +191,9 @@ def draw_things(
 def _covers(
     thing: Thing, optics: Optics, size: tuple[int, ...]
 ) -> list[tuple[NDArray[np.uint8], float]]:
-    """Mask (height, width) and brightness of each visible part of a thing, in drawing order."""
+    """Mask (height, width) and brightness of each visible part of a thing, in drawing
+    order.
+    """
     if isinstance(thing, Cable):
         return [(_line(thing, optics, size), 1.0)]
     (x0, y0, z0), (x1, y1, z1) = thing.low, thing.high
@@ -177,12 +210,16 @@ def _mask(outline: Array, size: tuple[int, ...]) -> NDArray[np.uint8]:
 
 
 def _line(cable: Cable, optics: Optics, size: tuple[int, ...]) -> NDArray[np.uint8]:
-    """Mask (height, width), 255 inside, of a `cable` in an image of `size` (height, width)."""
+    """Mask (height, width), 255 inside, of a `cable` in an image of `size` (height,
+    width).
+    """
     knots = np.array(cable.points)
     numbers = np.arange(len(knots))
     places = np.linspace(0, len(knots) - 1, CABLE_PIECES * (len(knots) - 1) + 1)
     fits = [polyfit(numbers, column, min(len(knots) - 1, 3)) for column in knots.T]
-    smooth = np.asarray(np.stack([polyval(places, fit) for fit in fits], axis=-1), np.float64)
+    smooth = np.asarray(
+        np.stack([polyval(places, fit) for fit in fits], axis=-1), np.float64
+    )
     pixels = optics.project(smooth)
     distance = float(np.linalg.norm(smooth.mean(axis=0) - optics.centre))
     thickness = max(round(cable.thickness * optics.focal / distance), 1)

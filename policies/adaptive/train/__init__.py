@@ -1,1 +1,3 @@
-"""Training of the critic: simulated folds whose rise changes at random, and regression."""
+"""Training of the critic: simulated folds whose rise changes at random, and
+regression.
+"""

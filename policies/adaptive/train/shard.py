@@ -1,4 +1,6 @@
-"""Shards of training data: some hundred simulated folds, with the critic's inputs in each."""
+"""Shards of training data: some hundred simulated folds, with the critic's inputs in
+each.
+"""
 
 from pathlib import Path as FilePath
 from typing import NamedTuple, Self
@@ -43,11 +45,12 @@ class NullCritic(Critic):
 
 
 class Explorer(Adaptive):
-    """Policy that explores: each fold's rise is switched once, at random, and then stays.
+    """Policy that explores: each fold's rise is switched once, at random, and then
+    stays.
 
-    Until then rises are the critic's, or random without a critic. `kept` are inputs (n, COUNT) at
-    every INPUT_STRIDE-th decision, `rises` (n,) the rises from then on, `times` (n,) [s]; `switch`
-    (n,) counts such decisions before the switch.
+    Until then rises are the critic's, or random without a critic. `kept` are inputs (n,
+    COUNT) at every INPUT_STRIDE-th decision, `rises` (n,) the rises from then on,
+    `times` (n,) [s]; `switch` (n,) counts such decisions before the switch.
     """
 
     def __init__(
@@ -59,7 +62,9 @@ class Explorer(Adaptive):
         *,
         switches: bool = True,
     ) -> None:
-        """Explore: switch rises once by `perturbation` [m] if `switches`; decide at `rate` [Hz]."""
+        """Explore: switch rises once by `perturbation` [m] if `switches`; decide at
+        `rate` [Hz].
+        """
         super().__init__(critic or NullCritic())
         self._random_rises = critic is None
         self._switches = switches
@@ -68,7 +73,8 @@ class Explorer(Adaptive):
         self._latest = int(LATEST * rate) // INPUT_STRIDE
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:
-        """Clear all state; draw for each of `count` folds the decision that changes its line.
+        """Clear all state; draw for each of `count` folds the decision that changes its
+        line.
 
         That is the line z = x + rise on which the gripper descends, its rise in m.
         """
@@ -82,12 +88,15 @@ class Explorer(Adaptive):
         self.switch = rng.integers(0, self._latest, count)
         if not self._switches:
             self.switch = np.full(count, NEVER)
-        self._rise_after: Array = np.full(count, np.nan)  # NaN until it is drawn at the switch
+        # NaN until it is drawn at the switch
+        self._rise_after: Array = np.full(count, np.nan)
         if self._random_rises:
             self.rise = rng.uniform(0.0, highest, count)
             stays = rng.uniform(size=count) < UNSWITCHED
             self.switch = np.where(stays, 0, self.switch)
-            self._rise_after = np.where(stays, self.rise, rng.uniform(0.0, highest, count))
+            self._rise_after = np.where(
+                stays, self.rise, rng.uniform(0.0, highest, count)
+            )
 
     def _predict(self, inputs: Array, fresh: Flags) -> CriticPrediction:
         if self._count % INPUT_STRIDE == 0:
@@ -95,12 +104,15 @@ class Explorer(Adaptive):
         return super()._predict(inputs, fresh)
 
     def _smooth_rise(self, prediction: CriticPrediction, time: Array) -> Array:
-        """Rises (n,) [m] of the lines z = x + rise along which the grippers of n folds descend.
+        """Rises (n,) [m] of the lines z = x + rise along which the grippers of n folds
+        descend.
 
-        Before a fold's switch it is the critic's or a random one; then it is perturbed once and
-        held. Those of every INPUT_STRIDE-th call are recorded.
+        Before a fold's switch it is the critic's or a random one; then it is perturbed
+        once and held. Those of every INPUT_STRIDE-th call are recorded.
         """
-        before = self.rise if self._random_rises else super()._smooth_rise(prediction, time)
+        before = (
+            self.rise if self._random_rises else super()._smooth_rise(prediction, time)
+        )
         switched = self._count / INPUT_STRIDE >= self.switch
         just_switched = np.isnan(self._rise_after) & switched
         if just_switched.any():
@@ -116,12 +128,14 @@ class Explorer(Adaptive):
 
 
 class CriticSettings(Settings):
-    """Settings of a critic's training: rounds of simulated folds, followed by a regression each.
+    """Settings of a critic's training: rounds of simulated folds, followed by a
+    regression each.
 
-    In the first round rises are drawn at random; in later ones the critic steers, until at a
-    random moment the rise is moved by `perturbation` [m] (one sigma) and kept. Every second shard
-    folds strips of 0.6 m, the others one length within `adaptive.LENGTH_RANGE`. A last round of
-    `trials` shards folds without perturbation and as images are, to set the sigmas.
+    In the first round rises are drawn at random; in later ones the critic steers, until
+    at a random moment the rise is moved by `perturbation` [m] (one sigma) and kept.
+    Every second shard folds strips of 0.6 m, the others one length within
+    `adaptive.LENGTH_RANGE`. A last round of `trials` shards folds without perturbation
+    and as images are, to set the sigmas.
     """
 
     seed: int = Field(0, ge=0)
@@ -144,9 +158,10 @@ class CriticSettings(Settings):
 class Shard(NamedTuple):
     """Training data of n folds at k decisions.
 
-    `inputs` (n, k, COUNT) of the critic; `moved` (n, k) [m], the rise from then on minus the one in
-    the inputs; `alive` (n, k), before the touch; `predicted` (n, k), at or after the switch;
-    `displacement` (n,) [m]; `strip` (n, 3), the true values that the critic estimates.
+    `inputs` (n, k, COUNT) of the critic; `moved` (n, k) [m], the rise from then on
+    minus the one in the inputs; `alive` (n, k), before the touch; `predicted` (n, k),
+    at or after the switch; `displacement` (n,) [m]; `strip` (n, 3), the true values
+    that the critic estimates.
     """
 
     inputs: Array
@@ -163,16 +178,20 @@ class Shard(NamedTuple):
 
     @classmethod
     def load(cls, path: FilePath) -> Self:
-        """Read the shard at `path`; OSError or ValueError where it is missing or incomplete."""
+        """Read the shard at `path`; OSError or ValueError where it is missing or
+        incomplete.
+        """
         with np.load(path, allow_pickle=False) as held:
             return cls(**{name: held[name] for name in cls._fields})
 
 
-def simulate(settings: CriticSettings, turn: int, number: int, critic: Critic | None) -> Shard:
+def simulate(
+    settings: CriticSettings, turn: int, number: int, critic: Critic | None
+) -> Shard:
     """Simulate shard `number` of training round `turn` with `critic`: a pure function.
 
-    Strips that need the rod's optional terms fold in a separate batch. Linear algebra runs in one
-    thread, as its rounding depends on the number of threads.
+    Strips that need the rod's optional terms fold in a separate batch. Linear algebra
+    runs in one thread, as its rounding depends on the number of threads.
     """
     rng = np.random.default_rng([settings.seed, turn, number])
     length = STRIP_LENGTH if number % 2 == 0 else float(rng.uniform(*LENGTH_RANGE))
@@ -182,23 +201,31 @@ def simulate(settings: CriticSettings, turn: int, number: int, critic: Critic | 
         for strip in strips:
             batches[needs_terms(describe(strip))].append(strip)
         filled = filter(None, batches.values())
-        return concatenate([_fold_strips(settings, batch, turn, critic, rng) for batch in filled])
+        return concatenate(
+            [_fold_strips(settings, batch, turn, critic, rng) for batch in filled]
+        )
 
 
 def concatenate(shards: list[Shard]) -> Shard:
-    """Shard with the folds of all `shards`, padded to the largest number of decisions."""
+    """Shard with the folds of all `shards`, padded to the largest number of
+    decisions.
+    """
     longest = max(shard.moved.shape[1] for shard in shards)
     padded = [_pad(shard, longest) for shard in shards]
     return Shard(*(np.concatenate(field) for field in zip(*padded, strict=True)))
 
 
 def _pad(shard: Shard, length: int) -> Shard:
-    """Copy of `shard` padded to `length` decisions; the added ones are marked as not alive."""
+    """Copy of `shard` padded to `length` decisions; the added ones are marked as not
+    alive.
+    """
     missing = length - shard.moved.shape[1]
     parts = shard._asdict()
     for name in ("inputs", "moved", "alive", "predicted"):
         values = parts[name]
-        parts[name] = np.pad(values, [(0, 0), (0, missing), *[(0, 0)] * (values.ndim - 2)])
+        parts[name] = np.pad(
+            values, [(0, 0), (0, missing), *[(0, 0)] * (values.ndim - 2)]
+        )
     return Shard(**parts)
 
 
@@ -222,13 +249,19 @@ def _fold_strips(
     return _shard_of(explorer, folds, strips, trial=trial)
 
 
-def _shard_of(explorer: Explorer, folds: Folds, strips: list[StripFile], *, trial: bool) -> Shard:
-    """Training data from `folds` and inputs of `explorer`; a `trial` predicts at all moments."""
+def _shard_of(
+    explorer: Explorer, folds: Folds, strips: list[StripFile], *, trial: bool
+) -> Shard:
+    """Training data from `folds` and inputs of `explorer`; a `trial` predicts at all
+    moments.
+    """
     times = np.array(explorer.times).T
     rises = np.array(explorer.rises).T
     inputs = np.moveaxis(np.array(explorer.kept), 0, 1)
     rises_seen = inputs[..., RISE_AT] * strips[0].length
-    touch_times = np.array([np.inf if touch is None else touch.time for touch in folds.touch])
+    touch_times = np.array(
+        [np.inf if touch is None else touch.time for touch in folds.touch]
+    )
     steps = np.arange(times.shape[1])
     return Shard(
         inputs=inputs,
@@ -243,8 +276,11 @@ def _shard_of(explorer: Explorer, folds: Folds, strips: list[StripFile], *, tria
 def true_belief(strip: StripFile) -> tuple[float, float, float]:
     """True ln bending length [m], ln retardation time [s] and friction of `strip`.
 
-    These are what the critic estimates; friction is ln(1 + yield curvature / YIELD_UNIT).
+    These are what the critic estimates; friction is ln(1 + yield curvature /
+    YIELD_UNIT).
     """
     curvature = strip.effects.get("bending_hysteresis", {}).get("yield_curvature", 0.0)
-    logs = np.log([strip.bending_length, strip.retardation_time, 1.0 + curvature / YIELD_UNIT])
+    logs = np.log(
+        [strip.bending_length, strip.retardation_time, 1.0 + curvature / YIELD_UNIT]
+    )
     return float(logs[0]), float(logs[1]), float(logs[2])

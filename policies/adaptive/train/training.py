@@ -1,4 +1,5 @@
-"""Training of the critic in a folder: folds, critic of each round, final weights and their trial.
+"""Training of the critic in a folder: folds, critic of each round, final weights and
+their trial.
 
 It resumes with the shards and critics that are in the folder.
 """
@@ -23,14 +24,16 @@ from policies.train.journal import TrainingJournal
 SETTINGS, CHECKPOINT = "adaptive.json", "adaptive.npz"
 LAST = 16  # kept decisions before the touch, about a second, on which sigmas are set
 ONE, TWO = 1.0, 1.96
-COVERAGES = ((0.68, ONE), (0.95, TWO))  # share of outcomes, and sigmas that are to hold it
+# share of outcomes, and sigmas that are to hold it
+COVERAGES = ((0.68, ONE), (0.95, TWO))
 
 
 class CriticTraining:
-    """Training of the critic in a folder, resumed where the folder holds the same settings.
+    """Training of the critic in a folder, resumed where the folder holds the same
+    settings.
 
-    At its end `trial` holds the results of the trial folds. Raises ConfigurationError for a folder
-    of other settings, or one that cannot be written.
+    At its end `trial` holds the results of the trial folds. Raises ConfigurationError
+    for a folder of other settings, or one that cannot be written.
     """
 
     known = 0  # steps done before: those in the folder are passed at once
@@ -53,7 +56,9 @@ class CriticTraining:
         return Adaptive(self._calibrated)
 
     def run(self, calls: Calls) -> Iterator[str]:
-        """Run the remaining steps, with folds by `calls`, and save the weights; yields texts."""
+        """Run the remaining steps, with folds by `calls`, and save the weights; yields
+        texts.
+        """
         for number, text in enumerate(self._steps(calls), 1):
             yield f"{number} of {self.total}: {text}"
         self._finish()
@@ -69,32 +74,48 @@ class CriticTraining:
             yield f"trial {shard}"
 
     def _pieces(self, turn: int, count: int, calls: Calls) -> Iterator[int]:
-        """Fold and store the missing shards of round `turn`; yields each shard's number."""
+        """Fold and store the missing shards of round `turn`; yields each shard's
+        number.
+        """
         missing = [n for n in range(count) if self._read(turn, n) is None]
         yield from sorted(set(range(count)) - set(missing))
-        for i, shard in calls(simulate, [(self.settings, turn, n, self._critic) for n in missing]):
+        for i, shard in calls(
+            simulate, [(self.settings, turn, n, self._critic) for n in missing]
+        ):
             with writing(self.folder, "make room and go on"):
                 shard.save(self._path(turn, missing[i]))
             yield missing[i]
 
     def _fit(self, turn: int) -> Critic:
-        """Critic of round `turn`: the one in the folder, else fitted to all shards so far."""
+        """Critic of round `turn`: the one in the folder, else fitted to all shards so
+        far.
+        """
         path = self._critic_path(turn)
         if path.exists():
             return load_critic(path)
-        stored = [(t, n) for t in range(turn + 1) for n in range(self.settings.pieces[t])]
+        stored = [
+            (t, n) for t in range(turn + 1) for n in range(self.settings.pieces[t])
+        ]
         data = concatenate([self._load(t, n) for t, n in stored])
         epochs = self.settings.epochs[turn]
         critic = fit(data, self.settings, epochs, self.settings.seed, self._critic)
         save_critic(path, critic, {"round": turn})
-        return load_critic(path)  # as stored in float32, so that a resumed training is equal
+        # as stored in float32, so that a resumed training is equal
+        return load_critic(path)
 
     def _finish(self) -> None:
-        """Scale the last critic's sigmas to its errors in the trial folds, and save the critic."""
-        shards = [self._load(self.settings.rounds, n) for n in range(self.settings.trials)]
+        """Scale the last critic's sigmas to its errors in the trial folds, and save the
+        critic.
+        """
+        shards = [
+            self._load(self.settings.rounds, n) for n in range(self.settings.trials)
+        ]
         last = load_critic(self._critic_path(self.settings.rounds - 1))
         self._calibrated, self.trial = calibrate_sigmas(last, concatenate(shards))
-        facts = {"settings": self.settings.model_dump(mode="json"), "trial": asdict(self.trial)}
+        facts = {
+            "settings": self.settings.model_dump(mode="json"),
+            "trial": asdict(self.trial),
+        }
         save_critic(self.checkpoint, self._calibrated, {"training": facts})
 
     def _critic_path(self, turn: int) -> FilePath:
@@ -110,18 +131,23 @@ class CriticTraining:
             return None
 
     def _load(self, turn: int, number: int) -> Shard:
-        """Stored shard `number` of round `turn`; ConfigurationError where it is broken."""
+        """Stored shard `number` of round `turn`; ConfigurationError where it is
+        broken.
+        """
         shard = self._read(turn, number)
         if shard is None:
             raise ConfigurationError(
-                f"{self._path(turn, number)}: cannot be read again; run the command again"
+                f"{self._path(turn, number)}: cannot be read again; run the command"
+                " again"
             )
         return shard
 
 
 @dataclass(frozen=True, slots=True)
 class TrialResult:
-    """Displacements d of trial folds: mean, 95 %, worst |d| [m]; shares within 1, 1.96 sigma."""
+    """Displacements d of trial folds: mean, 95 %, worst |d| [m]; shares within 1, 1.96
+    sigma.
+    """
 
     folds: int
     untouched: int
@@ -132,10 +158,15 @@ class TrialResult:
 
 
 def calibrate_sigmas(critic: Critic, shard: Shard) -> tuple[Critic, TrialResult]:
-    """Copy of `critic` with sigmas scaled to its errors in trial folds; results of these folds."""
+    """Copy of `critic` with sigmas scaled to its errors in trial folds; results of
+    these folds.
+    """
     ratios = error_ratios(critic, shard)
-    # sigma's factors with which the shares within 1 and 1.96 sigma are nearest to normal
-    needed = [[np.quantile(r, share) / sigmas for share, sigmas in COVERAGES] for r in ratios]
+    # sigma's factors with which the shares within 1 and 1.96 sigma are nearest to
+    # normal
+    needed = [
+        [np.quantile(r, share) / sigmas for share, sigmas in COVERAGES] for r in ratios
+    ]
     critic = critic.with_stretch(np.sqrt(np.prod(needed, axis=1)))
     at_touch = error_ratios(critic, shard, last=1)[0]
     missed = Misses.from_displacements(shard.displacement)
@@ -150,18 +181,22 @@ def calibrate_sigmas(critic: Critic, shard: Shard) -> tuple[Critic, TrialResult]
 
 
 def error_ratios(critic: Critic, shard: Shard, last: int = LAST) -> list[Array]:
-    """Four arrays (m,) of the critic's |error| / sigma in the `last` decisions of the folds.
+    """Four arrays (m,) of the critic's |error| / sigma in the `last` decisions of the
+    folds.
 
     They are of the displacement and of the three properties of the strip.
     """
     ratios: list[list[Array]] = [[] for _ in range(4)]
     count = len(shard.displacement)
     memory = FoldMemory(count, critic.memory)
-    to_touch = shard.alive[:, ::-1].cumsum(axis=1)[:, ::-1]  # decisions from each to the touch
+    # decisions from each to the touch
+    to_touch = shard.alive[:, ::-1].cumsum(axis=1)[:, ::-1]
     for k in range(shard.alive.shape[1]):
         alive = shard.alive[:, k]
         whitened = critic.whiten(shard.inputs[:, k].astype(np.float64))
-        predicted = critic.predict(whitened, memory.add(critic.memorise(whitened), alive))
+        predicted = critic.predict(
+            whitened, memory.add(critic.memorise(whitened), alive)
+        )
         near = alive & (to_touch[:, k] <= last) & np.isfinite(shard.displacement)
         for collected, ratio in zip(ratios, _ratios(predicted, shard), strict=True):
             collected.append(ratio[near])
@@ -169,7 +204,9 @@ def error_ratios(critic: Critic, shard: Shard, last: int = LAST) -> list[Array]:
 
 
 def _ratios(predicted: CriticPrediction, shard: Shard) -> list[Array]:
-    """Ratios |error| / sigma (n,) of a prediction of n folds: displacement, then strip."""
+    """Ratios |error| / sigma (n,) of a prediction of n folds: displacement, then
+    strip.
+    """
     displacement = np.abs(shard.displacement - predicted.displacement) / predicted.sigma
     strip = [
         np.abs(true - estimate[:, 0]) / estimate[:, 1]

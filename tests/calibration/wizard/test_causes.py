@@ -1,4 +1,6 @@
-"""What goes wrong in a calibration is named for what it is, and clean sessions are not refused."""
+"""What goes wrong in a calibration is named for what it is, and clean sessions are not
+refused.
+"""
 
 import numpy as np
 import pytest
@@ -20,10 +22,18 @@ def board(seed: int, height: float = 0.0) -> tuple[str, ...]:
 
 
 def touches(seed: int, mrad: float = 0.0, *, mirrored: bool = False) -> tuple[str, ...]:
-    """Reasons against the map of a camera that turns by `mrad` somewhere among the touches."""
+    """Reasons against the map of a camera that turns by `mrad` somewhere among the
+    touches.
+    """
     rng = np.random.default_rng(seed)
-    camera, angle, after = Camera.drawn(rng), rng.uniform(0, 2 * np.pi), int(rng.integers(5, 20))
-    nudge = 1e-3 * mrad * np.array([np.sin(angle), np.cos(angle), 0.0]) if mrad else None
+    camera, angle, after = (
+        Camera.drawn(rng),
+        rng.uniform(0, 2 * np.pi),
+        int(rng.integers(5, 20)),
+    )
+    nudge = (
+        1e-3 * mrad * np.array([np.sin(angle), np.cos(angle), 0.0]) if mrad else None
+    )
     made = touched(camera, rng, nudge=nudge, after=after, mirrored=mirrored, wild=WILD)
     return touch_verdict(made, camera.lens, TOUCHES).reasons
 

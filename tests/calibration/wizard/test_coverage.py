@@ -16,9 +16,12 @@ def test_view_that_is_as_wanted_is_placed_so(wanted) -> None:
     view = projected(wanted, np.random.default_rng(0), SETTINGS, noise=0.0)
     found = placement(view, SETTINGS.outline(), LENS)
     assert (found.x, found.y) == pytest.approx((wanted.x, wanted.y), abs=0.02)
-    assert (found.tilt, found.turn) == pytest.approx((wanted.tilt, wanted.turn), abs=0.25)
+    assert (found.tilt, found.turn) == pytest.approx(
+        (wanted.tilt, wanted.turn), abs=0.25
+    )
     drawn = wanted.outline(SETTINGS.outline(), LENS)
-    assert np.abs(drawn - project_outline(view, SETTINGS.outline())).max() < 15.0  # px, undistorted
+    # px, undistorted
+    assert np.abs(drawn - project_outline(view, SETTINGS.outline())).max() < 15.0
     if not wanted.tilt and not wanted.turn:
         assert found.skew < 0.05
 

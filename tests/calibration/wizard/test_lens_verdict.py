@@ -31,14 +31,24 @@ def test_frontal_views_are_refused_though_their_rms_is_small() -> None:
     assert not verdict.passed
     assert verdict.fit is not None
     assert verdict.fit.rms < 0.1
-    for side in ("its top away", "its top nearer", "its right edge away", "its right edge nearer"):
-        assert any(reason.startswith(f"{side}: 0 of 2 views") for reason in verdict.reasons)
+    for side in (
+        "its top away",
+        "its top nearer",
+        "its right edge away",
+        "its right edge nearer",
+    ):
+        assert any(
+            reason.startswith(f"{side}: 0 of 2 views") for reason in verdict.reasons
+        )
 
 
 def test_square_two_percent_wrong_is_seen_by_the_ruler_alone() -> None:
     wrong = SETTINGS.model_copy(update={"square": 1.02 * SETTINGS.square})
     views = session(SETTINGS)
-    scaled = {k: type(view)(view.ids, 1.02 * view.board, view.image) for k, view in views.items()}
+    scaled = {
+        k: type(view)(view.ids, 1.02 * view.board, view.image)
+        for k, view in views.items()
+    }
     blind = lens_verdict(scaled, SIZE, wrong.width, wrong)
     assert blind.passed
     verdict = lens_verdict(scaled, SIZE, SETTINGS.width, wrong)
@@ -47,8 +57,10 @@ def test_square_two_percent_wrong_is_seen_by_the_ruler_alone() -> None:
     assert verdict.fit.rms == pytest.approx(blind.fit.rms, rel=1e-6)
     assert verdict.fit.rms < 0.1
     assert verdict.reasons == (
-        "9 squares measure 252.0 mm, configured are 257.0 mm, +2.0 %; state boards.square: "
-        "0.02800 or print the board at 100 %",
+        (
+            "9 squares measure 252.0 mm, configured are 257.0 mm, +2.0 %; state"
+            " boards.square: 0.02800 or print the board at 100 %"
+        ),
     )
 
 
@@ -58,12 +70,17 @@ def test_square_two_percent_wrong_is_seen_by_the_ruler_alone() -> None:
         ({"length": None}, "no length of the board was measured; lay a ruler"),
         ({"noise": 1.2}, "hold the board still and flat"),
         ({"lean": 0.2, "noise": 0.3}, "the focal length is known to"),
-        ({"size": SIZE[::-1]}, "outside of an image of 720 x 1280 px; state its width first"),
+        (
+            {"size": SIZE[::-1]},
+            "outside of an image of 720 x 1280 px; state its width first",
+        ),
         ({"count": 5}, "5 views, at least 6 are needed; show more"),
     ],
     ids=["no ruler", "shaken", "noise", "swapped size", "few"],
 )
-def test_poor_session_is_refused_with_the_reason(facts: dict[str, object], reason: str) -> None:
+def test_poor_session_is_refused_with_the_reason(
+    facts: dict[str, object], reason: str
+) -> None:
     verdict = _verdict(**facts)
     assert not verdict.passed
     assert any(reason in found for found in verdict.reasons)
@@ -78,7 +95,10 @@ def test_halves_of_two_cameras_are_refused() -> None:
         shrunk = centre + 0.95 * (view.image - centre)
         mixed[number] = type(view)(view.ids, view.board, shrunk)
     verdict = lens_verdict(mixed, SIZE, SETTINGS.width, SETTINGS)
-    assert any(reason.startswith("two halves of the views differ") for reason in verdict.reasons)
+    assert any(
+        reason.startswith("two halves of the views differ")
+        for reason in verdict.reasons
+    )
 
 
 def test_order_of_views_has_no_influence() -> None:

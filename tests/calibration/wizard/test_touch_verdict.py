@@ -16,12 +16,19 @@ CAMERA = CameraSettings(principal=(5.5, -4.5))
 OPTICS = Optics.from_settings(CAMERA)
 
 
-def _points(noise: float = 0.05, seed: int = 0, settings: TouchSettings = SETTINGS) -> list[Touch]:
+def _points(
+    noise: float = 0.05, seed: int = 0, settings: TouchSettings = SETTINGS
+) -> list[Touch]:
     """The grid, as the twin's optics show it, with noise [px]."""
     rng = np.random.default_rng(seed)
     places = [np.array([pose.x, pose.z]) for pose in touch_plan(settings)]
     return [
-        Touch(k, at, OPTICS.plane(at) + noise * rng.standard_normal(2), held_out(k, settings))
+        Touch(
+            k,
+            at,
+            OPTICS.plane(at) + noise * rng.standard_normal(2),
+            held_out(k, settings),
+        )
         for k, at in enumerate(places)
     ]
 
@@ -53,7 +60,9 @@ def test_two_points_that_decide_are_too_few_and_so_is_a_half_of_five() -> None:
 def test_map_whose_halves_differ_is_refused_though_its_held_out_points_agree() -> None:
     verdict = touch_verdict(_points(noise=0.6, seed=1), LENS, SETTINGS)
     (reason,) = verdict.reasons
-    assert reason.startswith("maps from two halves of the points differ by 1.66 mm, allowed 1.50")
+    assert reason.startswith(
+        "maps from two halves of the points differ by 1.66 mm, allowed 1.50"
+    )
     assert verdict.worst_mm < SETTINGS.worst_mm
 
 
@@ -63,22 +72,29 @@ def test_points_on_one_side_are_refused() -> None:
     verdict = touch_verdict(lying, LENS, many)
     assert not verdict.passed
     assert any(
-        "of the work area, at least 60 % are needed; touch its" in r for r in verdict.reasons
+        "of the work area, at least 60 % are needed; touch its" in r
+        for r in verdict.reasons
     )
 
 
 def test_wrong_lens_shows_in_the_held_out_points() -> None:
-    """Through a lens without distortion no plane fits: the worst point tells, not the rms."""
+    """Through a lens without distortion no plane fits: the worst point tells, not the
+    rms.
+    """
     straight = type(LENS)(LENS.width, LENS.height, LENS.matrix, np.zeros(5))
     bent = Optics.from_settings(CAMERA.model_copy(update={"distortion": (-0.6, 0.3)}))
-    points = [Touch(p.number, p.place, bent.plane(p.place), p.held_out) for p in _points()]
+    points = [
+        Touch(p.number, p.place, bent.plane(p.place), p.held_out) for p in _points()
+    ]
     verdict = touch_verdict(points, straight, SETTINGS)
     assert not verdict.passed
 
 
 def test_effect_on_the_displacement_is_twice_the_error_along_the_strip() -> None:
     points, off = _points(noise=0.0), np.array([4e-4, 0.0])
-    moved = [Touch(p.number, p.place + off * p.held_out, p.pixel, p.held_out) for p in points]
+    moved = [
+        Touch(p.number, p.place + off * p.held_out, p.pixel, p.held_out) for p in points
+    ]
     verdict = touch_verdict(moved, LENS, SETTINGS)
     assert verdict.residual_mm == pytest.approx(0.4, abs=0.05)
     assert verdict.displacement_mm == pytest.approx(0.8, abs=0.1)

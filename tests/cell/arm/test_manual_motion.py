@@ -36,7 +36,8 @@ def stating(desk: float | None):
     [
         (None, -0.1, -0.14, "hand_meets_desk"),
         (0.6, -0.1, -0.14, "hand_meets_desk"),
-        (None, 0.05, -0.12, "hand_meets_desk"),  # nobody said that the desk ends with the strip
+        # nobody said that the desk ends with the strip
+        (None, 0.05, -0.12, "hand_meets_desk"),
         (0.6, 0.05, -0.12, "moved"),
         (None, -0.1, -0.05, "moved"),
     ],
@@ -47,7 +48,9 @@ def test_jog_does_not_drive_the_hand_into_the_desk(desk, x, z, name) -> None:
     assert outcome.exit_code == (0 if name == "moved" else 4)
 
 
-def test_first_signal_asks_for_a_controlled_stop_of_a_motion_by_hand(monkeypatch) -> None:
+def test_first_signal_asks_for_a_controlled_stop_of_a_motion_by_hand(
+    monkeypatch,
+) -> None:
     def moving(_settings, _choice, _motion, interrupted) -> Outcome:
         signal.raise_signal(signal.SIGINT)
         return Outcome("asked", "to stop", 7 * interrupted())
@@ -63,9 +66,15 @@ def test_small_negative_pitch_is_stated_as_zero() -> None:
 
 @pytest.mark.parametrize(
     ("first", "last"),
-    [(UPRIGHT, UPRIGHT), (UPRIGHT, Pose(0.3, 0.02, 0.0)), (Pose(0.1, 0.2, 0.0), UPRIGHT)],
+    [
+        (UPRIGHT, UPRIGHT),
+        (UPRIGHT, Pose(0.3, 0.02, 0.0)),
+        (Pose(0.1, 0.2, 0.0), UPRIGHT),
+    ],
 )
-def test_plan_that_leads_into_the_desk_is_refused_before_anybody_is_asked(first, last) -> None:
+def test_plan_that_leads_into_the_desk_is_refused_before_anybody_is_asked(
+    first, last
+) -> None:
     lens = twin_calibration(SETTINGS.twin.camera).lens
     plan = (first, *(Pose(0.1 + 0.03 * i, 0.05, 1.57) for i in range(15)), last)
     points = TouchedPoints(lens, SETTINGS.touches, plan)
@@ -80,7 +89,9 @@ def test_plan_that_leads_into_the_desk_is_refused_before_anybody_is_asked(first,
 
 def test_monitors_know_the_limits_of_the_motion(monkeypatch) -> None:
     seen: list[Rules] = []
-    monkeypatch.setattr("cell.orchestrator.run.check_all", lambda *given: seen.append(given[2]))
+    monkeypatch.setattr(
+        "cell.orchestrator.run.check_all", lambda *given: seen.append(given[2])
+    )
     slow = slow_down(SETTINGS)
     move_manually(slow, Trial(), jog(0.0, 0.001, 0.0))
     assert {rules.motion for rules in seen} == {slow.installation.limits}

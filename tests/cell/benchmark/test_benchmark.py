@@ -22,9 +22,13 @@ TITLES = ("Displacement of the strips", "Repeatability", "Force that", "maps")
 
 
 def test_unknown_names_are_refused_with_those_that_exist() -> None:
-    with pytest.raises(ConfigurationError, match=r"--policies: unknown name 'squar'.*triangular"):
+    with pytest.raises(
+        ConfigurationError, match=r"--policies: unknown name 'squar'.*triangular"
+    ):
         asked("squar")
-    with pytest.raises(ConfigurationError, match=r"--strips: unknown name 'felt'.*denim"):
+    with pytest.raises(
+        ConfigurationError, match=r"--strips: unknown name 'felt'.*denim"
+    ):
         asked(strips=("felt",))
 
 
@@ -52,7 +56,9 @@ def test_claims_are_those_of_the_text_and_can_fail() -> None:
     assert [claim.held for claim in claims(measured())] == [True] * 6
     worse = claims(measured(blanket=0.2, denim=0.2))
     assert [claim.held for claim in worse] == [False, True, True, False, True, False]
-    fold = image_fold("feedback", "denim", 0.002).model_copy(update={"displacement_true": 0.0})
+    fold = image_fold("feedback", "denim", 0.002).model_copy(
+        update={"displacement_true": 0.0}
+    )
     assert StripNumbers.of_folds((fold,), 1).misread == 0.002
 
 

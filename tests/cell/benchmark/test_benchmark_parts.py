@@ -21,9 +21,12 @@ def test_circle_pulls_ten_times_as_hard_at_the_fixed_edge_as_the_triangle() -> N
 
 def test_unknown_friction_spoils_a_plan_and_hardly_the_feedback_of_adaptive() -> None:
     adaptive, planned = (
-        fold_effect(policy, FRICTION_EFFECT, 4, 0.1) for policy in ("adaptive", "planned")
+        fold_effect(policy, FRICTION_EFFECT, 4, 0.1)
+        for policy in ("adaptive", "planned")
     )
     assert np.abs(adaptive.displacement).max() < 0.006
     assert np.abs(planned.displacement).mean() > 0.008
     assert misses_text(adaptive).count("/") == 2
-    assert misses_text(adaptive.model_copy(update={"displacement": (None,)})) == NO_VALUE
+    assert (
+        misses_text(adaptive.model_copy(update={"displacement": (None,)})) == NO_VALUE
+    )

@@ -1,4 +1,6 @@
-"""A calibration in use: foreign and expired ones are refused, its facts go into the run."""
+"""A calibration in use: foreign and expired ones are refused, its facts go into the
+run.
+"""
 
 from datetime import UTC, datetime, timedelta
 from types import SimpleNamespace
@@ -26,7 +28,9 @@ def _hardware(camera: str = "one") -> Devices:
 
 def test_expired_calibration_is_refused_on_hardware_before_anything_moves() -> None:
     late = NOW + timedelta(days=29)
-    with pytest.raises(PreflightRefused, match="is 31 days old, allowed are 30") as caught:
+    with pytest.raises(
+        PreflightRefused, match="is 31 days old, allowed are 30"
+    ) as caught:
         check_usable(made(), _hardware(), 30, late)
     assert caught.value.exit_code == 3
     check_current(made(), 30, late, on_twin=True)  # whose camera nobody moves

@@ -1,4 +1,6 @@
-"""The twin's calibration comes with its settings, or is made once, kept, and of its camera."""
+"""The twin's calibration comes with its settings, or is made once, kept, and of its
+camera.
+"""
 
 import fcntl
 from pathlib import Path
@@ -66,7 +68,9 @@ def test_the_shipped_one_is_what_calibrating_gives(cache) -> None:
 
 
 @pytest.mark.parametrize("change", ["camera", "renderer"])
-def test_another_camera_or_renderer_is_calibrated_anew(cache, count, monkeypatch, change) -> None:
+def test_another_camera_or_renderer_is_calibrated_anew(
+    cache, count, monkeypatch, change
+) -> None:
     monkeypatch.setattr(calibration_in_use, "SHIPPED", SHIPPED)
     settings = SETTINGS
     if change == "camera":
@@ -74,7 +78,9 @@ def test_another_camera_or_renderer_is_calibrated_anew(cache, count, monkeypatch
         twin = settings.twin.model_copy(update={"camera": camera})
         settings = settings.model_copy(update={"twin": twin})
     else:
-        monkeypatch.setattr(calibration_in_use, "RENDERING", calibration_in_use.RENDERING + 1)
+        monkeypatch.setattr(
+            calibration_in_use, "RENDERING", calibration_in_use.RENDERING + 1
+        )
     calibration_of(settings)
     assert len(count) == 1
 
@@ -85,7 +91,9 @@ def test_it_is_made_once_and_then_kept(cache, count) -> None:
     assert first.id == second.id
 
 
-def test_calibration_that_cannot_be_kept_serves_once_with_a_remark(cache, count) -> None:
+def test_calibration_that_cannot_be_kept_serves_once_with_a_remark(
+    cache, count
+) -> None:
     cache.write_text("a file where a folder should be")
     remarks: list[str] = []
     assert calibration_of(SETTINGS, remarks.append).id == made().id

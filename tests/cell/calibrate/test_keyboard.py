@@ -46,7 +46,10 @@ def test_from_a_on_it_goes_on_alone_but_for_the_pointer() -> None:
 
 @pytest.mark.parametrize("waits", [True, False])
 def test_the_end_of_input_confirms_nothing(waits: bool) -> None:
-    with typing("", waits=waits) as keyboard, pytest.raises(Interrupted, match="input has ended"):
+    with (
+        typing("", waits=waits) as keyboard,
+        pytest.raises(Interrupted, match="input has ended"),
+    ):
         keyboard.answer(TOUCH)
 
 
@@ -84,9 +87,12 @@ class Typist:
         self.terminal, theirs = pty.openpty()
         self.modes = termios.tcgetattr(theirs)[3]
         self.process = subprocess.Popen(
-            [sys.executable, "-c", SITTING], stdin=theirs, stdout=theirs, stderr=theirs,
+            [sys.executable, "-c", SITTING],
+            stdin=theirs,
+            stdout=theirs,
+            stderr=theirs,
             start_new_session=True,
-        )  # fmt: skip
+        )
         self._theirs, self.screen = theirs, ""
 
     def type(self, keys: str) -> None:
@@ -95,7 +101,9 @@ class Typist:
     def wait_for(self, words: str) -> None:
         until = time.monotonic() + 20.0
         while words not in self.screen:
-            ready = select.select([self.terminal], [], [], max(until - time.monotonic(), 0.0))[0]
+            ready = select.select(
+                [self.terminal], [], [], max(until - time.monotonic(), 0.0)
+            )[0]
             assert ready, self.screen
             self.screen += os.read(self.terminal, 4096).decode()
 

@@ -1,4 +1,6 @@
-"""What the operator reads in the terminal: wanted and why, covered or not, and the verdict."""
+"""What the operator reads in the terminal: wanted and why, covered or not, and the
+verdict.
+"""
 
 import io
 
@@ -26,7 +28,10 @@ WANTED = "show the board high and left, 40 % of the image wide, top away by 16 d
 def test_board_panel_states_request_reason_and_missing_coverage() -> None:
     why = f"still missing: {GATES[0]}"
     shown = _terminal(Progress("the lens, from a board", WANTED, why, coverage=GATES))
-    assert "show the board high and left, 40 % of the image wide, top away by 16 deg" in shown
+    assert (
+        "show the board high and left, 40 % of the image wide, top away by 16 deg"
+        in shown
+    )
     assert "why   still missing: x: 0.20 of 0.50" in shown
     assert "0.20 of 0.50" in shown.split("why")[1].splitlines()[2]
     assert "show it far left and far right" in shown

@@ -1,4 +1,6 @@
-"""A wizard that was interrupted goes on where it was, and what was taken back stays out."""
+"""A wizard that was interrupted goes on where it was, and what was taken back stays
+out.
+"""
 
 import re
 from dataclasses import replace
@@ -52,10 +54,14 @@ class Hesitant:
 def gone_on(
     tmp_path_factory: pytest.TempPathFactory,
 ) -> tuple[LensVerdict, Path, int, list[Progress]]:
-    """A session that was interrupted, its folder, its images until then, the progress since."""
+    """A session that was interrupted, its folder, its images until then, the progress
+    since.
+    """
     folder, person = tmp_path_factory.mktemp("sessions") / "lens", Hesitant()
     with pytest.raises(Interrupted):
-        Wizard(SETTINGS, _devices(), person, interrupted=person.stops).calibrate_lens(folder, None)
+        Wizard(SETTINGS, _devices(), person, interrupted=person.stops).calibrate_lens(
+            folder, None
+        )
     with (folder / "told.jsonl").open("a") as file:
         file.write('{"number": 99, "ima')  # the process died while it wrote
     before = len([*(folder / "images").iterdir()])
@@ -77,13 +83,17 @@ def test_interrupted_session_goes_on_with_the_views_it_has(gone_on) -> None:
 def test_session_of_another_camera_does_not_go_on(gone_on) -> None:
     other = replace(_devices(), camera_identity="other camera")
     with pytest.raises(
-        ConfigurationError, match=r"--resume: .*camera: is .*, here it is other camera; set it back"
+        ConfigurationError,
+        match=r"--resume: .*camera: is .*, here it is other camera; set it back",
     ):
         Wizard(SETTINGS, other, Unattended()).calibrate_lens(gone_on[1], None)
 
 
 def test_touches_go_on_with_the_points_that_are_missing() -> None:
-    points, renderer = TouchedPoints(LENS, TouchSettings()), Renderer(CameraSettings(), NO_LOOK, 0)
+    points, renderer = (
+        TouchedPoints(LENS, TouchSettings()),
+        Renderer(CameraSettings(), NO_LOOK, 0),
+    )
     rows = [(k, points.plan[k]) for k in (0, 1, 4)]
     for k, p in rows:
         row = Row(number=k, pose=(p.x, p.z, p.pitch))
@@ -96,7 +106,9 @@ def test_touches_go_on_with_the_points_that_are_missing() -> None:
     assert asked == [2, 3, *range(5, 24)]
 
 
-def test_calibration_is_put_to_use_without_a_change_of_anything_else(tmp_path: Path) -> None:
+def test_calibration_is_put_to_use_without_a_change_of_anything_else(
+    tmp_path: Path,
+) -> None:
     path, cell_file = tmp_path / "calibration.yaml", tmp_path / "cell.yaml"
     save_calibration(straight_camera(), path)
     before = (CHECKOUT_CONFIGS / "cell.yaml").read_text()

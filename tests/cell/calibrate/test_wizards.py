@@ -1,4 +1,6 @@
-"""The wizards at the twin: unattended, kept, solved again from their folder to the last bit."""
+"""The wizards at the twin: unattended, kept, solved again from their folder to the last
+bit.
+"""
 
 from dataclasses import replace
 from pathlib import Path
@@ -53,7 +55,9 @@ class Person:
 
 
 @pytest.fixture(scope="module")
-def touched(tmp_path_factory: pytest.TempPathFactory) -> tuple[MapVerdict, Path, Person]:
+def touched(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> tuple[MapVerdict, Path, Person]:
     person = Person()
     folder = tmp_path_factory.mktemp("sessions") / "homography"
     wizard = Wizard(SETTINGS, _devices(), person)
@@ -61,7 +65,9 @@ def touched(tmp_path_factory: pytest.TempPathFactory) -> tuple[MapVerdict, Path,
 
 
 @pytest.fixture(scope="module")
-def shown(tmp_path_factory: pytest.TempPathFactory) -> tuple[LensVerdict, Path, list[Progress]]:
+def shown(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> tuple[LensVerdict, Path, list[Progress]]:
     told: list[Progress] = []
     folder = tmp_path_factory.mktemp("sessions") / "camera"
     wizard = Wizard(SETTINGS, _devices(), Unattended(), told.append)
@@ -106,10 +112,14 @@ def test_person_is_asked_before_every_motion_and_obeyed(touched) -> None:
         for row in read_rows(folder)
         if row.image is not None or row.dropped
     ]
-    assert rows[4:7] == [(5, True), (5, False), (5, True)], "taken, taken back, taken anew"
+    assert rows[4:7] == [(5, True), (5, False), (5, True)], (
+        "taken, taken back, taken anew"
+    )
 
 
-def test_touches_solved_again_from_their_folder_are_the_same_to_the_last_bit(touched) -> None:
+def test_touches_solved_again_from_their_folder_are_the_same_to_the_last_bit(
+    touched,
+) -> None:
     verdict, folder, _ = touched
     solved = solve_homography(folder, (), None)
     made = solved.calibration
@@ -119,7 +129,9 @@ def test_touches_solved_again_from_their_folder_are_the_same_to_the_last_bit(tou
     assert solved.latency == verdict.latency
 
 
-def test_point_is_left_out_by_its_number_and_what_comes_of_it_is_kept(touched, tmp_path) -> None:
+def test_point_is_left_out_by_its_number_and_what_comes_of_it_is_kept(
+    touched, tmp_path
+) -> None:
     verdict, folder, _ = touched
     solved = solve_homography(folder, (7,), tmp_path / "again")
     made = solved.calibration
@@ -131,7 +143,9 @@ def test_point_is_left_out_by_its_number_and_what_comes_of_it_is_kept(touched, t
 def test_too_few_points_are_refused_even_with_the_override(touched) -> None:
     _, folder, _ = touched
     many = tuple(range(6, 24))
-    with pytest.raises(ConfigurationError, match=r"--without: unknown name '24' .*allowed: 0, 1"):
+    with pytest.raises(
+        ConfigurationError, match=r"--without: unknown name '24' .*allowed: 0, 1"
+    ):
         solve_homography(folder, (24,), None)
     assert solve_homography(folder, many, None).calibration is None
     with_all = solve_homography(folder, many, None, accept_anyway=True)
@@ -152,14 +166,18 @@ def test_image_of_a_swapped_size_is_refused(touched, tmp_path) -> None:
     _, folder, _ = touched
     again = _without(folder, "session.yaml", tmp_path)
     _change(folder, again, image=[720, 1280])
-    with pytest.raises(ConfigurationError, match=r"is 1280 x 720 px, .* says image: \[720, 1280\]"):
+    with pytest.raises(
+        ConfigurationError, match=r"is 1280 x 720 px, .* says image: \[720, 1280\]"
+    ):
         solve_homography(again, (), None)
 
 
 def test_camera_wizard_keeps_a_lens_for_ros_and_for_opencv(shown) -> None:
     verdict, folder, told = shown
     assert verdict.passed, verdict.reasons
-    assert all(one.sketch.seen is not None for one in told if one.result and one.result.taken)
+    assert all(
+        one.sketch.seen is not None for one in told if one.result and one.result.taken
+    )
     assert verdict.fit is not None
     for name in ("camera_info.yaml", "opencv.yaml"):
         lens = read_lens(folder / name)
@@ -174,10 +192,17 @@ def test_fold_with_a_camera_that_moved_since_is_refused_before_the_strip_is_touc
 ) -> None:
     verdict = touched[0]
     shift = {"homography_shift": {"x": 0.005, "z": 0.0}}
-    plant = Configs(CHECKOUT_CONFIGS).strip("denim").model_copy(update={"effects": shift})
+    plant = (
+        Configs(CHECKOUT_CONFIGS).strip("denim").model_copy(update={"effects": shift})
+    )
     trial, record = Trial(plant=plant), Recording("none", truth=False)
     request = request_for(
-        "denim", "triangular", tmp_path / "runs", CHECKOUT_CONFIGS, trial=trial, record=record
+        "denim",
+        "triangular",
+        tmp_path / "runs",
+        CHECKOUT_CONFIGS,
+        trial=trial,
+        record=record,
     )
     result = fold(request, verdict.calibration)
     assert (result.outcome, result.exit_code) == ("preflight_refused", 3)
@@ -188,7 +213,9 @@ def test_fold_with_a_camera_that_moved_since_is_refused_before_the_strip_is_touc
 
 
 @pytest.mark.parametrize(("shift", "holds"), [(0.0, True), (0.0015, False)])
-def test_calibration_is_checked_by_touching_five_points(touched, shift: float, holds: bool) -> None:
+def test_calibration_is_checked_by_touching_five_points(
+    touched, shift: float, holds: bool
+) -> None:
     made = touched[0].calibration
     moved = np.array([[1, 0, shift], [0, 1, 0], [0, 0, 1]]) @ made.homography.matrix
     old = replace(made, homography=Homography.from_matrix(moved))
@@ -207,4 +234,7 @@ def test_misprinted_board_is_refused_by_the_ruler(shown, tmp_path) -> None:
     _change(folder, again, length=0.98 * SETTINGS.boards.width)
     verdict = solve_lens(again, (), None)
     assert not verdict.passed
-    assert "9 squares measure 247.0 mm, configured are 252.0 mm, +2.0 %" in verdict.reasons[0]
+    assert (
+        "9 squares measure 247.0 mm, configured are 252.0 mm, +2.0 %"
+        in verdict.reasons[0]
+    )

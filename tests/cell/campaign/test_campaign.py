@@ -26,17 +26,32 @@ def run(parts, folder: Path, jobs: int = 1, limit: float | None = None, **asked)
 
 
 def record(key: str, of: str = "first", **facts) -> Record:
-    return Record(schema=1, key=key, of=of, state="measured", **{"outcome": {"d": 0.1}, **facts})
+    return Record(
+        schema=1, key=key, of=of, state="measured", **{"outcome": {"d": 0.1}, **facts}
+    )
 
 
 @pytest.mark.slow
-def test_parts_that_fail_die_or_never_end_leave_the_others_measured(tmp_path: Path) -> None:
-    parts = [Fine("a"), Impossible("b"), Deadly("c"), Broken("d"), Endless("e"), Fine("f")]
+def test_parts_that_fail_die_or_never_end_leave_the_others_measured(
+    tmp_path: Path,
+) -> None:
+    parts = [
+        Fine("a"),
+        Impossible("b"),
+        Deadly("c"),
+        Broken("d"),
+        Endless("e"),
+        Fine("f"),
+    ]
     found = run(parts, tmp_path, jobs=2, limit=6.0)
     assert {key: record.state for key, record in found.items()} == {
-        "a": "measured", "b": "failed", "c": "set_aside", "d": "failed", "e": "set_aside",
+        "a": "measured",
+        "b": "failed",
+        "c": "set_aside",
+        "d": "failed",
+        "e": "set_aside",
         "f": "measured",
-    }  # fmt: skip
+    }
     assert found["b"].reason == "this strip cannot be folded"
     assert found["c"].reason == "its process died 2 times: it ended by itself, code 3"
     assert "ZeroDivisionError" in found["d"].reason
@@ -56,7 +71,9 @@ def test_journals_merge_by_copying(tmp_path: Path) -> None:
     assert Journal(tmp_path / "merged").records() == whole.records()
 
 
-def test_a_file_that_is_broken_or_of_a_newer_schema_is_no_record(tmp_path: Path) -> None:
+def test_a_file_that_is_broken_or_of_a_newer_schema_is_no_record(
+    tmp_path: Path,
+) -> None:
     journal = Journal(tmp_path)
     journal.put(record("a"))
     path = journal.path("a", "first")
@@ -89,14 +106,18 @@ for _ in carry_out(parts, Path(sys.argv[2]), Local(2), Meter()):
 
 
 @pytest.mark.slow
-def test_killed_at_any_moment_it_goes_on_and_ends_with_the_same_records(tmp_path: Path) -> None:
+def test_killed_at_any_moment_it_goes_on_and_ends_with_the_same_records(
+    tmp_path: Path,
+) -> None:
     marks, folder = tmp_path / "marks", tmp_path / "j"
     command = [sys.executable, "-c", KILLED, str(marks), str(folder)]
     kills = 0
     for after in (0.1, 1.0, 1.4):
         with subprocess.Popen(command, cwd=ROOT, start_new_session=True) as process:
             before = len(Journal(folder).records())
-            while process.poll() is None and len(Journal(folder).records()) < before + 3:
+            while (
+                process.poll() is None and len(Journal(folder).records()) < before + 3
+            ):
                 time.sleep(0.01)
             time.sleep(0.01 * after)
             kills += process.poll() is None

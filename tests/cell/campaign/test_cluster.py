@@ -39,11 +39,18 @@ class Grid:
         worker = ("worker", self.address, "--nthreads", "1", "--no-nanny")
         self.processes = [
             subprocess.Popen(
-                [sys.executable, "-m", f"distributed.cli.dask_{name}", *words, "--no-dashboard"],
-                cwd=ROOT, stderr=subprocess.DEVNULL,
+                [
+                    sys.executable,
+                    "-m",
+                    f"distributed.cli.dask_{name}",
+                    *words,
+                    "--no-dashboard",
+                ],
+                cwd=ROOT,
+                stderr=subprocess.DEVNULL,
             )
             for name, *words in (scheduler, worker, worker)
-        ]  # fmt: skip
+        ]
 
     def end(self) -> None:
         """Kill all."""

@@ -1,4 +1,6 @@
-"""`cell calibrate` and its wizards at the command line: refusals in a line, exit codes, JSON."""
+"""`cell calibrate` and its wizards at the command line: refusals in a line, exit codes,
+JSON.
+"""
 
 import json
 import os
@@ -24,9 +26,15 @@ CONFIGS = ("--configs", CHECKOUT_CONFIGS)
 def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A kept session of twenty-four touches and no steps, through rendered images."""
     folder = tmp_path_factory.mktemp("kept") / "homography"
-    facts = {"date": "2026-11-20T03:15:00+00:00", "camera": "kept", "image": (1280, 720)}
+    facts = {
+        "date": "2026-11-20T03:15:00+00:00",
+        "camera": "kept",
+        "image": (1280, 720),
+    }
     lens = CameraFile.from_lens(true_lens(), "kept")
-    keep = SessionFolder(folder, Session(schema=1, kind="homography", lens=lens, **facts))
+    keep = SessionFolder(
+        folder, Session(schema=1, kind="homography", lens=lens, **facts)
+    )
     renderer = Renderer(CameraSettings(), NO_STRIP, 0)
     for number, pose in enumerate(touch_plan(TouchSettings())):
         row = Row(number=number, pose=(pose.x, pose.z, pose.pitch))
@@ -42,7 +50,9 @@ def test_board_is_printed_with_what_to_measure(monkeypatch, capsys, tmp_path) ->
     assert path.read_bytes().startswith(b"%PDF")
 
 
-def test_homography_without_a_lens_says_what_to_run_first(monkeypatch, capsys, tmp_path) -> None:
+def test_homography_without_a_lens_says_what_to_run_first(
+    monkeypatch, capsys, tmp_path
+) -> None:
     monkeypatch.chdir(tmp_path)
     line = refused(monkeypatch, capsys, "calibrate", "homography", *CONFIGS)
     assert "run `cell calibrate camera` first" in line
@@ -60,12 +70,16 @@ def test_pipe_in_the_place_of_a_lens_is_refused_and_never_opened(
 
 
 @pytest.mark.parametrize("kind", ["camera", "homography"])
-def test_folder_that_is_no_session_is_refused(monkeypatch, capsys, tmp_path, kind) -> None:
+def test_folder_that_is_no_session_is_refused(
+    monkeypatch, capsys, tmp_path, kind
+) -> None:
     line = refused(monkeypatch, capsys, "calibrate", kind, "--from", tmp_path, *CONFIGS)
     assert "session.yaml: cannot be read" in line
 
 
-def test_refused_session_ends_with_one_and_its_reasons(monkeypatch, capsys, session) -> None:
+def test_refused_session_ends_with_one_and_its_reasons(
+    monkeypatch, capsys, session
+) -> None:
     words = ("calibrate", "homography", "--from", session, "--json", *CONFIGS)
     assert run(monkeypatch, *words) == 1
     line = json.loads(capsys.readouterr().out)

@@ -1,4 +1,6 @@
-"""What `cell camera` says, without a camera and with one that a stand-in for the kernel has."""
+"""What `cell camera` says, without a camera and with one that a stand-in for the kernel
+has.
+"""
 
 import json
 from pathlib import Path
@@ -20,7 +22,9 @@ REAL = find_configs(None).cell().with_drivers(camera="v4l2")
 
 @pytest.fixture
 def links(tmp_path: Path) -> Path:
-    """Links as udev keeps them: a camera by id and by path, another one by path alone."""
+    """Links as udev keeps them: a camera by id and by path, another one by path
+    alone.
+    """
     for name in ("video0", "video2"):
         (tmp_path / name).touch()
     for kind, name, node in (
@@ -53,10 +57,15 @@ def test_listing_names_formats_controls_and_the_section_to_add(
     done = CliRunner().invoke(app, ["camera", "--device", LINK])
     assert done.exit_code == 0
     assert "YUYV 64x48 at 60 Hz" in done.stdout
-    assert "exposure_time_absolute 157 (1 to 5000 in steps of 1; is inactive" in done.stdout
+    assert (
+        "exposure_time_absolute 157 (1 to 5000 in steps of 1; is inactive"
+        in done.stdout
+    )
     section = json.loads(done.stdout.rpartition("camera: ")[2])
     assert V4l2Settings.model_validate(section).device == LINK
-    line = json.loads(CliRunner().invoke(app, ["camera", "--device", LINK, "--json"]).stdout)
+    line = json.loads(
+        CliRunner().invoke(app, ["camera", "--device", LINK, "--json"]).stdout
+    )
     assert line["camera"] == section
 
 

@@ -53,7 +53,8 @@ def test_missing_calibration_is_refused(monkeypatch, capsys, configs, tmp_path) 
     words = ("fold", "--strip", "denim", "--configs", configs, "--runs", tmp_path / "r")
     line = refused(monkeypatch, capsys, *words)
     assert "gone.yaml: there is no" in line
-    assert "cell calibrate homography --use" in line  # which replaces the name in cell.yaml
+    # which replaces the name in cell.yaml
+    assert "cell calibrate homography --use" in line
     assert not (tmp_path / "r").exists()
 
 
@@ -72,19 +73,54 @@ except SystemExit as end:
     ("words", "script", "code", "heavy"),
     [
         ("--help", RUN, 0, HEAVY | {"cv2", "pyarrow", "numpy"}),
-        ("fold --strip denim --runs /proc/nope", RUN, 2, HEAVY | {"cv2", "pyarrow", "numpy"}),
+        (
+            "fold --strip denim --runs /proc/nope",
+            RUN,
+            2,
+            HEAVY | {"cv2", "pyarrow", "numpy"},
+        ),
         ("fold --strip demin", RUN, 2, HEAVY | {"cv2", "pyarrow", "numpy"}),
         ("gap fit runs --strip demin --out out", RUN, 2, HEAVY | {"cv2", "numpy"}),
         ("home --strip demin", RUN, 2, HEAVY | {"cv2", "numpy"}),
         ("fold --strip denim --until 3mx", RUN, 2, HEAVY | {"cv2", "pyarrow", "numpy"}),
-        ("fold --strip denim --until 3mm --rehearse", RUN, 2, HEAVY | {"cv2", "pyarrow", "numpy"}),
-        ("fold --strip denim --until 3mm --learning off", RUN, 2, HEAVY | {"cv2", "numpy"}),
-        ("fold --strip denim --plant gone.yaml", RUN, 2, HEAVY | {"cv2", "pyarrow", "numpy"}),
-        ("gap plan --strip denim --runs /proc/nope", RUN, 2, HEAVY | {"cv2", "pyarrow", "numpy"}),
+        (
+            "fold --strip denim --until 3mm --rehearse",
+            RUN,
+            2,
+            HEAVY | {"cv2", "pyarrow", "numpy"},
+        ),
+        (
+            "fold --strip denim --until 3mm --learning off",
+            RUN,
+            2,
+            HEAVY | {"cv2", "numpy"},
+        ),
+        (
+            "fold --strip denim --plant gone.yaml",
+            RUN,
+            2,
+            HEAVY | {"cv2", "pyarrow", "numpy"},
+        ),
+        (
+            "gap plan --strip denim --runs /proc/nope",
+            RUN,
+            2,
+            HEAVY | {"cv2", "pyarrow", "numpy"},
+        ),
         ("fold --strip denim --learning nope", RUN, 2, HEAVY),
         ("fold --strip denim --camera v4l2", RUN, 2, HEAVY),
-        ("", "import cell.folding.batch, cell.devices.twin\ncode = None", None, SOLVERS),
-        ("", "import cell.record.listing\ncode = None", None, HEAVY | {"cv2", "pyarrow", "numpy"}),
+        (
+            "",
+            "import cell.folding.batch, cell.devices.twin\ncode = None",
+            None,
+            SOLVERS,
+        ),
+        (
+            "",
+            "import cell.record.listing\ncode = None",
+            None,
+            HEAVY | {"cv2", "pyarrow", "numpy"},
+        ),
     ],
 )
 def test_what_is_refused_at_once_and_what_folds_import_nothing_heavy(
@@ -103,32 +139,71 @@ def test_what_is_refused_at_once_and_what_folds_import_nothing_heavy(
     [
         (("fold", "--strip", "silk"), "silk: is neither a strip"),
         (("fold", "--strip", "demin"), "did you mean 'denim'?"),
-        (("fold", "--strip", "denim", "--policy", "feedbak"), "did you mean 'feedback'?"),
+        (
+            ("fold", "--strip", "denim", "--policy", "feedbak"),
+            "did you mean 'feedback'?",
+        ),
         (("gap", "plan", "--strip", "demin"), "did you mean 'denim'?"),
-        (("gap", "fit", "runs", "--strip", "demin", "--out", "out"), "did you mean 'denim'?"),
+        (
+            ("gap", "fit", "runs", "--strip", "demin", "--out", "out"),
+            "did you mean 'denim'?",
+        ),
         (("home", "--strip", "demin"), "did you mean 'denim'?"),
         (("jog",), "--x, --z, --pitch: give one at least"),
         (("jog", "--zz", "1"), "no such option: --zz"),
-        (("jog", "--arm", "fcii"), "invalid value for '--arm': 'fcii' is not one of 'twin', 'fci'"),
+        (
+            ("jog", "--arm", "fcii"),
+            "invalid value for '--arm': 'fcii' is not one of 'twin', 'fci'",
+        ),
         (("note",), "missing argument 'RUN'; `cell note --help` lists what goes"),
-        (("runs", "one", "two"), "got unexpected extra argument(s) (one two); `cell runs --help`"),
+        (
+            ("runs", "one", "two"),
+            "got unexpected extra argument(s) (one two); `cell runs --help`",
+        ),
         (("runs", "place"), "lists what goes; a folder of runs goes after `--runs`"),
         (("gap", "fti"), "no such command 'fti'"),
-        (("calibrate", "camera", "--resume", "file"), "--resume: file holds no session"),
-        (("calibrate", "--out", "file", "camera"), "cell calibrate: give options after `camera`"),
+        (
+            ("calibrate", "camera", "--resume", "file"),
+            "--resume: file holds no session",
+        ),
+        (
+            ("calibrate", "--out", "file", "camera"),
+            "cell calibrate: give options after `camera`",
+        ),
         (("report", "gone"), "gone: is not there; see `cell runs`, or give its path"),
-        (("report", "runs"), "runs: is not a run: it holds no run.yaml; name one of those in it"),
+        (
+            ("report", "runs"),
+            "runs: is not a run: it holds no run.yaml; name one of those in it",
+        ),
         (("note", "file", "--tag", "good"), "file: is a file, a run is a folder"),
         (("report", "runs/one/run.yaml"), "is a folder; give the folder, runs/one"),
-        (("gap", "fit", "file", "--strip", "denim", "--out", "out"), "file: is a file; give run"),
-        (("report", "file"), "file: is neither a run's folder nor a calibration's YAML file"),
+        (
+            ("gap", "fit", "file", "--strip", "denim", "--out", "out"),
+            "file: is a file; give run",
+        ),
+        (
+            ("report", "file"),
+            "file: is neither a run's folder nor a calibration's YAML file",
+        ),
         (("note", "runs/one"), "--tag, --untag, --text: give one at least"),
-        (("runs", "--runs", "runs/one"), "runs/one: is a run; name the folder that it lies in"),
+        (
+            ("runs", "--runs", "runs/one"),
+            "runs/one: is a run; name the folder that it lies in",
+        ),
         (("import", "runs", "--out", "out"), "runs/one: is a run already"),
         (("import", "runs/one", "--out", "out"), "runs/one: holds no tables"),
-        (("import", "file", "--out", "out"), "file: is none of what is read; give tables"),
-        (("gap", "accept", "file", "--strip", "denim"), "file: is a file; name the folder that"),
-        (("gap", "advise", "runs"), "runs/verdict.json: is missing; name the folder that"),
+        (
+            ("import", "file", "--out", "out"),
+            "file: is none of what is read; give tables",
+        ),
+        (
+            ("gap", "accept", "file", "--strip", "denim"),
+            "file: is a file; name the folder that",
+        ),
+        (
+            ("gap", "advise", "runs"),
+            "runs/verdict.json: is missing; name the folder that",
+        ),
         (("runs", "--delete"), "--keep, --older-than: give one"),
         (("runs", "--keep", "1", "--delete", "--html", "page"), "go without --html"),
     ],
@@ -153,7 +228,10 @@ def test_packaged_configuration_is_not_changed_and_no_arm_moves_for_it(
 ) -> None:
     monkeypatch.setattr("cell.cli.options.PACKAGED", configs)
     monkeypatch.setattr(
-        "cell.cli.calibrate._open_devices", lambda *_: pytest.fail("a device was opened")
+        "cell.cli.calibrate._open_devices",
+        lambda *_: pytest.fail("a device was opened"),
     )
     words = ("calibrate", "homography", "--use", "--configs", configs)
-    assert refused(monkeypatch, capsys, *words).startswith(f"--configs: {configs} belongs")
+    assert refused(monkeypatch, capsys, *words).startswith(
+        f"--configs: {configs} belongs"
+    )

@@ -1,4 +1,6 @@
-"""Commands in the environment of README's first command, which holds no optional library."""
+"""Commands in the environment of README's first command, which holds no optional
+library.
+"""
 
 import ast
 import re
@@ -25,7 +27,11 @@ main()
 
 def run_bare(*words: str, at: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, "-c", BARE, *words], cwd=at, capture_output=True, text=True, check=False
+        [sys.executable, "-c", BARE, *words],
+        cwd=at,
+        capture_output=True,
+        text=True,
+        check=False,
     )
 
 
@@ -42,7 +48,9 @@ def run_bare(*words: str, at: Path) -> subprocess.CompletedProcess[str]:
     ],
     ids=lambda words: f"{words[0]} {words[-1]}",
 )
-def test_missing_library_is_named_with_a_command_that_installs_it(words, tmp_path: Path) -> None:
+def test_missing_library_is_named_with_a_command_that_installs_it(
+    words, tmp_path: Path
+) -> None:
     done = run_bare(*words, at=tmp_path)
     assert done.returncode == 2, done.stderr
     modules = {"--cluster": "distributed", "feedback": "cmaes", "adaptive": "torch"}
@@ -53,13 +61,19 @@ def test_missing_library_is_named_with_a_command_that_installs_it(words, tmp_pat
     assert f"'{module}" in line
 
 
-def test_learned_policies_decide_without_the_libraries_of_their_training(tmp_path: Path) -> None:
+def test_learned_policies_decide_without_the_libraries_of_their_training(
+    tmp_path: Path,
+) -> None:
     script = BARE.partition("from cell")[0] + (
         "from policies.registry import make_policy\n"
         "print(make_policy('feedback').name, make_policy('adaptive').name)\n"
     )
     done = subprocess.run(
-        [sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=True
+        [sys.executable, "-c", script],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=True,
     )
     assert done.stdout.split() == ["feedback", "adaptive"]
 
@@ -70,9 +84,13 @@ BROUGHT_BY_OTHERS = {"llvmlite", "protobuf", "markupsafe", "pydantic_core", "tor
 
 def test_every_library_that_the_product_imports_is_stated() -> None:
     root = Path(__file__).parents[3]
-    project = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    project = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))[
+        "project"
+    ]
     groups = [project["dependencies"], *project["optional-dependencies"].values()]
-    stated = {re.split(r"[^\w.-]", line)[0].lower() for group in groups for line in group}
+    stated = {
+        re.split(r"[^\w.-]", line)[0].lower() for group in groups for line in group
+    }
     found, ours = set(), {"cell", "drivers", "calibration", "policies"}
     for module in (path for room in ours for path in (root / room).rglob("*.py")):
         for node in ast.walk(ast.parse(module.read_text(encoding="utf-8"))):
@@ -82,5 +100,9 @@ def test_every_library_that_the_product_imports_is_stated() -> None:
                 found |= {name.name.partition(".")[0] for name in node.names}
     owners = packages_distributions()
     foreign = found - ours - set(sys.stdlib_module_names) - {"_typeshed"}
-    needed = {name: {owner.lower() for owner in owners.get(name, [name])} for name in foreign}
-    assert not {name for name, by in needed.items() if not by & (stated | BROUGHT_BY_OTHERS)}
+    needed = {
+        name: {owner.lower() for owner in owners.get(name, [name])} for name in foreign
+    }
+    assert not {
+        name for name, by in needed.items() if not by & (stated | BROUGHT_BY_OTHERS)
+    }

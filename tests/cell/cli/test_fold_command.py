@@ -17,8 +17,12 @@ from tests.support.made_results import DONE, STOPPED, fold_by
 
 
 @pytest.fixture
-def folds(monkeypatch, tmp_path) -> Callable[..., tuple[int, list[dict], list[Request]]]:
-    """Runs `cell fold` with folds that end as they are told; exit code, lines, what was folded."""
+def folds(
+    monkeypatch, tmp_path
+) -> Callable[..., tuple[int, list[dict], list[Request]]]:
+    """Runs `cell fold` with folds that end as they are told; exit code, lines, what was
+    folded.
+    """
 
     def command(capsys, ends: list[FoldResult | CellError], *words: object):
         asked: list[Request] = []
@@ -36,7 +40,10 @@ def folds(monkeypatch, tmp_path) -> Callable[..., tuple[int, list[dict], list[Re
         words = ("fold", "--strip", "denim", "--json", "--runs", tmp_path / "r", *words)
         code = run(monkeypatch, *words)
         told = capsys.readouterr()
-        lines = [json.loads(line, parse_constant=no_constant) for line in told.out.splitlines()]
+        lines = [
+            json.loads(line, parse_constant=no_constant)
+            for line in told.out.splitlines()
+        ]
         return code, lines, told.err.splitlines(), asked
 
     return command
@@ -51,7 +58,15 @@ def test_a_line_holds_what_programs_agreed_on_and_no_more(folds, capsys) -> None
     assert code == 0
     assert remarks == []
     assert list(line) == [
-        *("run", "strip", "policy", "seed", "outcome", "displacement", "displacement_true"),
+        *(
+            "run",
+            "strip",
+            "policy",
+            "seed",
+            "outcome",
+            "displacement",
+            "displacement_true",
+        ),
         *("layer_touch", "edge_offset", "edge_offset_true", "like_model"),
         *("duration", "wall", "calibration", "exit_code", "witnesses"),
     ]

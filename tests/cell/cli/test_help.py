@@ -37,7 +37,9 @@ def test_help_names_every_choice(capsys) -> None:
         ("cell fold --film lib", {"libx264"}),
     ],
 )
-def test_a_shell_completes_commands_names_and_choices(typed, offered, monkeypatch, capsys) -> None:
+def test_a_shell_completes_commands_names_and_choices(
+    typed, offered, monkeypatch, capsys
+) -> None:
     monkeypatch.setenv("_CELL_COMPLETE", "complete_bash")
     monkeypatch.setenv("COMP_WORDS", typed)
     monkeypatch.setenv("COMP_CWORD", str(len(typed.split()) - 1))

@@ -1,4 +1,6 @@
-"""`cell learn` shows what the cell has learned of its bias and of the edges that it lays."""
+"""`cell learn` shows what the cell has learned of its bias and of the edges that it
+lays.
+"""
 
 import json
 import shutil
@@ -20,7 +22,9 @@ def memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Memory:
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
     made = Memory(find_configs(None).cell().name)
     for run in ("r0", "r1"):
-        made.add(Experience(run, "adaptive", "denim", "a", "camera", 0.003, edges=-0.003))
+        made.add(
+            Experience(run, "adaptive", "denim", "a", "camera", 0.003, edges=-0.003)
+        )
     return made
 
 
@@ -30,7 +34,9 @@ def test_it_shows_the_bias_and_where_edges_are_laid(memory: Memory) -> None:
     assert "edges laid -2." in shown
     row = json.loads(call("--json"))
     assert row["folds"] == 2
-    assert row["bias"] == pytest.approx(row["cell"] + row["of_strip"] + row["of_specimen"])
+    assert row["bias"] == pytest.approx(
+        row["cell"] + row["of_strip"] + row["of_specimen"]
+    )
     assert row["laid"] == pytest.approx(-0.003, abs=5e-4)
 
 
@@ -43,13 +49,21 @@ def test_a_run_goes_with_a_rulers_word(memory: Memory) -> None:
 
 @pytest.fixture
 def run(memory: Memory, tmp_path: Path, finished: Path, monkeypatch) -> Path:
-    """A run under another name than the one that the cell learned from, as seen at +1 mm."""
+    """A run under another name than the one that the cell learned from, as seen at +1
+    mm.
+    """
     monkeypatch.chdir(tmp_path)
-    folder = shutil.copytree(finished, tmp_path / "runs/20261129T080000Z-denim-fold-2c41")
-    result = yaml.safe_load((folder / "result.yaml").read_text()) | {"edge_offset": 0.001}
+    folder = shutil.copytree(
+        finished, tmp_path / "runs/20261129T080000Z-denim-fold-2c41"
+    )
+    result = yaml.safe_load((folder / "result.yaml").read_text()) | {
+        "edge_offset": 0.001
+    }
     (folder / "result.yaml").write_text(yaml.safe_dump(result))
     key = run_key(folder)
-    memory.add(Experience("r2", "adaptive", "denim", "a", "camera", 0.003, key=key, aim=-0.002))
+    memory.add(
+        Experience("r2", "adaptive", "denim", "a", "camera", 0.003, key=key, aim=-0.002)
+    )
     return folder
 
 
@@ -63,7 +77,9 @@ def call(*words: object) -> str:
 def test_a_ruler_s_word_is_believed_within_bounds_and_a_later_one_replaces_it(
     memory: Memory, run: Path
 ) -> None:
-    with pytest.raises(ConfigurationError, match=r"34\.0 mm from the \+1\.0 .* add --sure"):
+    with pytest.raises(
+        ConfigurationError, match=r"34\.0 mm from the \+1\.0 .* add --sure"
+    ):
         call(run, "--edges", "35mm")
     assert len(memory.experiences()) == 3
     call(run, "--edges", "35mm", "--sure")
@@ -87,4 +103,6 @@ def test_a_misspelt_word_is_answered_once_and_with_the_right_one(
     memory: Memory, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     line = refused(monkeypatch, capsys, "learn", "shwo")
-    assert line.startswith("'shwo' (did you mean 'show'?) is neither show, list, forget")
+    assert line.startswith(
+        "'shwo' (did you mean 'show'?) is neither show, list, forget"
+    )

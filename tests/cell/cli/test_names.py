@@ -19,7 +19,9 @@ CONTENT = {
 
 
 def test_misspelt_keys_and_policies_name_what_was_meant(tmp_path: Path) -> None:
-    with pytest.raises(ConfigurationError, match=r"lenght: unknown key \(did you mean 'length'\?"):
+    with pytest.raises(
+        ConfigurationError, match=r"lenght: unknown key \(did you mean 'length'\?"
+    ):
         parse(CONTENT | {"lenght": 0.6}, StripFile, "a.yaml")
     path = tmp_path / "a.yaml"
     path.write_text(f"{DENIM.read_text()}effects: {{seem: {{}}}}\n")

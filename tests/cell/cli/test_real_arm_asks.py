@@ -1,4 +1,6 @@
-"""A real robot moves only once somebody has typed the cell's name, whatever the command."""
+"""A real robot moves only once somebody has typed the cell's name, whatever the
+command.
+"""
 
 import io
 import shutil
@@ -71,7 +73,9 @@ def test_nothing_moves_without_the_cell_s_name(
     assert connections == []
 
 
-@pytest.mark.parametrize("words", [words for words in COMMANDS if words[0] != "gap"], ids=" ".join)
+@pytest.mark.parametrize(
+    "words", [words for words in COMMANDS if words[0] != "gap"], ids=" ".join
+)
 def test_doctor_looks_at_a_real_robot_before_anybody_is_asked(
     words, configs, connections, monkeypatch, capsys, tmp_path
 ) -> None:
@@ -98,8 +102,16 @@ def test_recovery_is_possible_whatever_the_doctor_finds(
     ("arm", "address", "said"),
     [
         ("twin", None, "moved: the gripper is at x 600, z 160 mm, pitch 0 deg\n"),
-        ("fci", None, "pitch 0 deg (emulated robot: fci.address in cell.yaml is empty)\n"),
-        ("fci", "127.0.0.5", "pitch 0 deg (emulated robot at 127.0.0.5, on this machine)\n"),
+        (
+            "fci",
+            None,
+            "pitch 0 deg (emulated robot: fci.address in cell.yaml is empty)\n",
+        ),
+        (
+            "fci",
+            "127.0.0.5",
+            "pitch 0 deg (emulated robot at 127.0.0.5, on this machine)\n",
+        ),
     ],
 )
 def test_motion_of_an_emulated_robot_says_so(
@@ -111,11 +123,15 @@ def test_motion_of_an_emulated_robot_says_so(
     place = "the gripper is at x 600, z 160 mm, pitch 0 deg"
     came = Outcome("moved", place, 0, None, None, 1.0)
     monkeypatch.setattr("cell.arm.manual_motion.move_manually", lambda *_: came)
-    assert run(monkeypatch, "jog", "--z", "10mm", "--arm", arm, "--configs", configs) == 0
+    assert (
+        run(monkeypatch, "jog", "--z", "10mm", "--arm", arm, "--configs", configs) == 0
+    )
     assert capsys.readouterr().out.endswith(said)
 
 
-def test_way_home_and_fold_of_an_emulated_robot_say_so(configs, monkeypatch, capsys) -> None:
+def test_way_home_and_fold_of_an_emulated_robot_say_so(
+    configs, monkeypatch, capsys
+) -> None:
     file = configs / "cell.yaml"
     file.write_text(file.read_text().replace(NOWHERE, "127.0.0.5"))
     monkeypatch.setattr("drivers.arm.joint_requests.go_to", lambda *_, **__: None)
@@ -131,14 +147,19 @@ def test_way_home_and_fold_of_an_emulated_robot_say_so(configs, monkeypatch, cap
         assert (f"cell: {remark}" in said.err) != out
 
 
-def test_a_program_that_folds_does_not_move_it_either(configs, connections, tmp_path) -> None:
+def test_a_program_that_folds_does_not_move_it_either(
+    configs, connections, tmp_path
+) -> None:
     with pytest.raises(PreflightRefused, match="cell fold"):
         cell.fold("denim", "triangular", configs=configs, runs=tmp_path / "runs")
     assert connections == []
 
 
 def test_cell_opens_where_it_was_agreed_or_nothing_real_moves(configs) -> None:
-    settings, strip = find_configs(configs).cell(), load_strip(configs / "strips" / "denim.yaml")
+    settings, strip = (
+        find_configs(configs).cell(),
+        load_strip(configs / "strips" / "denim.yaml"),
+    )
     with pytest.raises(PreflightRefused, match=NOWHERE):
         open_cell(settings, strip, Trial(), calibrating=False)
     twin = settings.with_drivers("twin")
@@ -153,7 +174,9 @@ def test_robot_s_own_time_is_not_taken_in_lock_step(configs) -> None:
         check_drivers(settings.model_copy(update={"fci": driven}))
 
 
-def test_next_run_waits_until_somebody_laid_the_strip(configs, monkeypatch, tmp_path) -> None:
+def test_next_run_waits_until_somebody_laid_the_strip(
+    configs, monkeypatch, tmp_path
+) -> None:
     with pytest.raises(PreflightRefused, match="Enter"):
         await_strip(lambda _: "")
     await_strip(lambda _: "\n")

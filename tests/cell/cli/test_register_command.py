@@ -1,4 +1,6 @@
-"""`cell register` from guiding the hand to the line in cell.yaml, by the robot's own client."""
+"""`cell register` from guiding the hand to the line in cell.yaml, by the robot's own
+client.
+"""
 
 import shutil
 from collections.abc import Iterator
@@ -76,6 +78,8 @@ def test_three_touched_points_give_the_mounting_and_keep_the_old_one(
 
 def test_input_that_ended_is_no_touch(server: RobotServer, configs: Path) -> None:
     before = (configs / "cell.yaml").read_bytes()
-    result = CliRunner().invoke(app, ["register", "--configs", str(configs)], input="\n\n")
+    result = CliRunner().invoke(
+        app, ["register", "--configs", str(configs)], input="\n\n"
+    )
     assert "the input ended before Enter was pressed" in str(result.exception)
     assert (configs / "cell.yaml").read_bytes() == before

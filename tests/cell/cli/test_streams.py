@@ -1,4 +1,6 @@
-"""Whatever becomes of the terminal, a command does its work and ends with its own code."""
+"""Whatever becomes of the terminal, a command does its work and ends with its own
+code.
+"""
 
 import os
 import subprocess
@@ -29,7 +31,9 @@ main()
 """
 
 
-def shell(command: str, cwd: Path, **environment: str) -> subprocess.CompletedProcess[bytes]:
+def shell(
+    command: str, cwd: Path, **environment: str
+) -> subprocess.CompletedProcess[bytes]:
     tree = str(Path(__file__).parents[3])
     return subprocess.run(
         ["bash", "-o", "pipefail", "-c", command],
@@ -43,7 +47,9 @@ def shell(command: str, cwd: Path, **environment: str) -> subprocess.CompletedPr
 
 def clean(done: subprocess.CompletedProcess[bytes]) -> bool:
     said = done.stdout + done.stderr
-    return not any(word in said for word in (b"Traceback", b"defect", b"Exception ignored"))
+    return not any(
+        word in said for word in (b"Traceback", b"defect", b"Exception ignored")
+    )
 
 
 @pytest.mark.parametrize(
@@ -55,7 +61,9 @@ def clean(done: subprocess.CompletedProcess[bytes]) -> bool:
         ("$CELL runs --runs nope >&- 2>&- <&-", 2),
     ],
 )
-def test_output_that_goes_nowhere_changes_no_exit_code(tmp_path, redirect, code) -> None:
+def test_output_that_goes_nowhere_changes_no_exit_code(
+    tmp_path, redirect, code
+) -> None:
     done = shell(redirect, tmp_path)
     assert done.returncode == code
     assert clean(done)
@@ -64,7 +72,9 @@ def test_output_that_goes_nowhere_changes_no_exit_code(tmp_path, redirect, code)
 @pytest.mark.parametrize("redirect", ["| true", ">/dev/full"])
 def test_a_fold_is_recorded_and_ends_with_its_own_code(tmp_path, redirect) -> None:
     (tmp_path / "fold.py").write_text(FOLD)
-    done = shell(f"{sys.executable} fold.py fold --strip denim --viz off {redirect}", tmp_path)
+    done = shell(
+        f"{sys.executable} fold.py fold --strip denim --viz off {redirect}", tmp_path
+    )
     assert done.returncode == 1
     assert (tmp_path / "record").read_text() == "written"
     assert clean(done)
@@ -75,7 +85,11 @@ def test_a_fold_is_recorded_and_ends_with_its_own_code(tmp_path, redirect) -> No
 
 def test_names_that_are_not_utf8_are_reported_in_one_line(tmp_path) -> None:
     (tmp_path / os.fsdecode(b"\xff")).mkdir()
-    for command in ("report $'\\xff'", "fold --strip $'\\xff.yaml'", "gap advise $'\\xff'"):
+    for command in (
+        "report $'\\xff'",
+        "fold --strip $'\\xff.yaml'",
+        "gap advise $'\\xff'",
+    ):
         done = shell(f"$CELL {command}", tmp_path)
         assert done.returncode == 2
         assert done.stderr.startswith(rb"cell: \udcff")

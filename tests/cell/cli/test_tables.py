@@ -6,9 +6,15 @@ import pytest
 
 from cell.cli.output import print_table, printable
 
-NAMES = ["20261121T041512Z-jacket-knit-fold-7f3a", "20261121T041530Z-trouser-twill-fold-11c2"]
+NAMES = [
+    "20261121T041512Z-jacket-knit-fold-7f3a",
+    "20261121T041530Z-trouser-twill-fold-11c2",
+]
 COLUMNS = ("run", "strip", "policy", "outcome", "d mm", "s", "MB")
-ROWS = [(name, "jacket-knit", "triangular", "layer_touch", "-3.9", "21.4", "2.8") for name in NAMES]
+ROWS = [
+    (name, "jacket-knit", "triangular", "layer_touch", "-3.9", "21.4", "2.8")
+    for name in NAMES
+]
 
 
 @pytest.mark.parametrize("width", [1, 20, 40, 80, 100, 200])

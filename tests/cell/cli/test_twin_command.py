@@ -21,17 +21,30 @@ faults:
 
 @pytest.fixture
 def interruptible() -> Iterator[None]:
-    """Children heed an interrupt, even where a shell began the tests in its background."""
+    """Children heed an interrupt, even where a shell began the tests in its
+    background.
+    """
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)
 
 
 @pytest.mark.usefixtures("interruptible")
-def test_served_twin_says_where_it_is_obeys_its_script_and_ends_on_interrupt(tmp_path) -> None:
+def test_served_twin_says_where_it_is_obeys_its_script_and_ends_on_interrupt(
+    tmp_path,
+) -> None:
     script = tmp_path / "faults.yaml"
     script.write_text(FAULTS)
-    command = [sys.executable, "-m", "cell", "twin", "serve", "--json", "--faults", str(script)]
+    command = [
+        sys.executable,
+        "-m",
+        "cell",
+        "twin",
+        "serve",
+        "--json",
+        "--faults",
+        str(script),
+    ]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as served:
         assert served.stdout is not None
         told = json.loads(served.stdout.readline())
@@ -48,7 +61,10 @@ def test_served_twin_says_where_it_is_obeys_its_script_and_ends_on_interrupt(tmp
     [
         ("schema: 1\nfaults: [{at: 1, kind: fire}]\n", "kind"),
         ("schema: 1\nfaults: [{kind: tcp_drop}]\n", "at: is missing"),
-        ("schema: 1\nfaults: [{at: 1, kind: reflex, error: hunger}]\n", "no error of the robot"),
+        (
+            "schema: 1\nfaults: [{at: 1, kind: reflex, error: hunger}]\n",
+            "no error of the robot",
+        ),
         ("schema: 1\nfaults: [{at: 1, kind: contact, force: [0, 0, 0]}]\n", "not zero"),
         ("schema: 1\nfaults: [{at: 1, kind: freeze, duration: -1}]\n", "duration"),
         ("faults: 3\n", "faults"),
@@ -66,6 +82,8 @@ def test_fault_script_that_says_nothing_possible_is_refused(
 
 
 @pytest.mark.parametrize("address", ["robot", "127.0.0", "203.0.113.9"])
-def test_address_that_is_not_this_machines_is_refused(monkeypatch, capsys, address: str) -> None:
+def test_address_that_is_not_this_machines_is_refused(
+    monkeypatch, capsys, address: str
+) -> None:
     assert run(monkeypatch, "twin", "serve", "--address", address) == 2
     assert "address" in capsys.readouterr().err

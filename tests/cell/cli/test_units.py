@@ -1,4 +1,6 @@
-"""One convention of units: SI, or the unit that stands behind a number or at the end of a name."""
+"""One convention of units: SI, or the unit that stands behind a number or at the end of
+a name.
+"""
 
 import re
 import shutil
@@ -35,16 +37,31 @@ def test_every_option_that_takes_a_length_says_in_which_unit_a_bare_number_is() 
 
 @pytest.mark.parametrize(
     ("bare", "text"),
-    [("m", "0.6"), ("m", "600mm"), ("m", "60 cm"), ("m", "0.6m"), ("m", "6e-1"), ("mm", "600")],
+    [
+        ("m", "0.6"),
+        ("m", "600mm"),
+        ("m", "60 cm"),
+        ("m", "0.6m"),
+        ("m", "6e-1"),
+        ("mm", "600"),
+    ],
 )
-def test_length_may_carry_its_unit_and_else_has_that_of_the_option(bare: str, text: str) -> None:
+def test_length_may_carry_its_unit_and_else_has_that_of_the_option(
+    bare: str, text: str
+) -> None:
     assert metres("--length", text, bare=bare) == pytest.approx(0.6)
 
 
-def test_strip_is_made_from_lengths_as_a_ruler_shows_them(tmp_path, monkeypatch) -> None:
+def test_strip_is_made_from_lengths_as_a_ruler_shows_them(
+    tmp_path, monkeypatch
+) -> None:
     shutil.copytree(CHECKOUT_CONFIGS, tmp_path / "configs")
     monkeypatch.chdir(tmp_path)
     words = "strips new linen --length 600mm --width 5cm --thickness 0.4mm"
     run(monkeypatch, *words.split())
     made = yaml.safe_load((tmp_path / "configs/strips/linen.yaml").read_text())
-    assert [made[key] for key in ("length", "width", "thickness")] == [0.6, 0.05, 0.0004]
+    assert [made[key] for key in ("length", "width", "thickness")] == [
+        0.6,
+        0.05,
+        0.0004,
+    ]

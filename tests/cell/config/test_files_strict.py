@@ -67,6 +67,8 @@ def test_numbers_may_be_written_as_people_write_them(path: Path) -> None:
     assert (strip.length, strip.retardation_time) == (1.0, 0.03)
 
 
-def test_an_unknown_key_is_answered_with_the_known_ones_as_files_spell_them(path: Path) -> None:
+def test_an_unknown_key_is_answered_with_the_known_ones_as_files_spell_them(
+    path: Path,
+) -> None:
     with pytest.raises(ConfigurationError, match=r"allowed here: .*\bschema\b,"):
         load(path, TEXT + "colur: [1, 2, 3]\n")

@@ -2,7 +2,12 @@
 
 import pytest
 
-from cell.config.unmeasured_strip import MARK, THICKNESS_RANGE, unmeasured_name, unmeasured_strip
+from cell.config.unmeasured_strip import (
+    MARK,
+    THICKNESS_RANGE,
+    unmeasured_name,
+    unmeasured_strip,
+)
 from drivers.errors import ConfigurationError
 
 
@@ -20,9 +25,12 @@ def test_thickness_is_a_range_until_it_is_stated() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "option"), [("long", "length"), ("0.6:thin", "thickness"), ("0.6:-1", "thickness")]
+    ("text", "option"),
+    [("long", "length"), ("0.6:thin", "thickness"), ("0.6:-1", "thickness")],
 )
-def test_what_is_no_length_or_thickness_is_refused_in_a_line(text: str, option: str) -> None:
+def test_what_is_no_length_or_thickness_is_refused_in_a_line(
+    text: str, option: str
+) -> None:
     with pytest.raises(ConfigurationError, match=option) as refused:
         unmeasured_strip(text)
     assert "\n" not in str(refused.value)

@@ -8,7 +8,12 @@ import pytest
 from cell.devices.rig_correction import CorrectedArm
 from drivers.strip.describe import describe
 from drivers.twin.open import Twin, open_twin
-from drivers.twin.settings import ArmSettings, CameraSettings, TwinSettings, WorldSettings
+from drivers.twin.settings import (
+    ArmSettings,
+    CameraSettings,
+    TwinSettings,
+    WorldSettings,
+)
 from drivers.types import Pose, Velocity
 from tests.support.effect_cases import denim
 from tests.support.twin_moves import Steps
@@ -45,8 +50,12 @@ def _go(twin: Twin, arm: CorrectedArm, pose: Pose, time: float) -> None:
 
 
 @pytest.mark.parametrize(("name", "values"), FELT)
-def test_corrected_arm_reports_where_the_edge_truly_is(name: str, values: Values) -> None:
-    """To 0.15 mm and 2 mrad in steady motion; a late arm guesses 4 mm beside where it turns."""
+def test_corrected_arm_reports_where_the_edge_truly_is(
+    name: str, values: Values
+) -> None:
+    """To 0.15 mm and 2 mrad in steady motion; a late arm guesses 4 mm beside where it
+    turns.
+    """
     twin, arm = _affected(name, values)
     arm.move_to(Pose(0.6, 0.0, 0.0))
     twin.clock.wait_until(2.0)
@@ -82,5 +91,9 @@ def test_corrected_arm_goes_to_the_commanded_pose(name: str, values: Values) -> 
     again = Pose(0.4, 0.22, 1.4)
     _go(twin, arm, again, 12.0)
     assert not arm.state().moving
-    np.testing.assert_allclose(twin.world.gripper.as_array(), again.as_array(), atol=2e-4)
-    np.testing.assert_allclose(arm.state().commanded.as_array(), again.as_array(), atol=1e-9)
+    np.testing.assert_allclose(
+        twin.world.gripper.as_array(), again.as_array(), atol=2e-4
+    )
+    np.testing.assert_allclose(
+        arm.state().commanded.as_array(), again.as_array(), atol=1e-9
+    )

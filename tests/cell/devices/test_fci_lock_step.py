@@ -1,4 +1,6 @@
-"""The cell's time and the robot's in lock-step: what the wall clock does changes nothing."""
+"""The cell's time and the robot's in lock-step: what the wall clock does changes
+nothing.
+"""
 
 import pytest
 
@@ -13,8 +15,12 @@ pytest.importorskip("pylibfranka", reason="the robot's library is not installed"
 STEPS = 90  # of 7 ms: not a multiple of the hand's period
 
 
-def closing(monkeypatch: pytest.MonkeyPatch, waited: int) -> list[tuple[float, float, bool]]:
-    """Stamp, width and motion of a closing hand whose robot has `waited` [ms] for its client."""
+def closing(
+    monkeypatch: pytest.MonkeyPatch, waited: int
+) -> list[tuple[float, float, bool]]:
+    """Stamp, width and motion of a closing hand whose robot has `waited` [ms] for its
+    client.
+    """
 
     def resting(*arguments):
         robot = made(*arguments)
@@ -23,7 +29,9 @@ def closing(monkeypatch: pytest.MonkeyPatch, waited: int) -> list[tuple[float, f
 
     made = server.resting_robot
     cell, configs = find_configs(None).cell().with_drivers("fci"), find_configs(None)
-    twin = cell.twin.model_copy(update={"camera": CameraSettings(width=640, height=360)})
+    twin = cell.twin.model_copy(
+        update={"camera": CameraSettings(width=640, height=360)}
+    )
     settings = cell.model_copy(update={"twin": twin})
     with monkeypatch.context() as patch:
         patch.setattr(server, "resting_robot", resting)
@@ -44,7 +52,9 @@ def closing(monkeypatch: pytest.MonkeyPatch, waited: int) -> list[tuple[float, f
 
 
 @pytest.mark.slow
-def test_how_long_the_robot_waited_for_its_client_shifts_no_state_of_the_hand(monkeypatch) -> None:
+def test_how_long_the_robot_waited_for_its_client_shifts_no_state_of_the_hand(
+    monkeypatch,
+) -> None:
     once, later, latest = (closing(monkeypatch, waited) for waited in (0, 3, 1001))
     assert once == later == latest
     assert [moving for *_, moving in once][:: STEPS - 2] == [True, False]

@@ -1,4 +1,6 @@
-"""Robot and camera of a real cell: nothing is simulated beside them, and both are on one clock."""
+"""Robot and camera of a real cell: nothing is simulated beside them, and both are on
+one clock.
+"""
 
 import pytest
 
@@ -31,4 +33,7 @@ def test_beside_a_real_robot_and_camera_no_strip_is_simulated() -> None:
 def test_a_twin_waits_for_images_and_a_real_camera_does_not() -> None:
     for camera, real_time in (("twin", False), ("v4l2", True)):
         settings = SETTINGS.with_drivers("twin", camera)
-        assert open_cell(settings, STRIP, Trial(), calibrating=False).real_time is real_time
+        assert (
+            open_cell(settings, STRIP, Trial(), calibrating=False).real_time
+            is real_time
+        )

@@ -1,4 +1,6 @@
-"""The doctor finds what would hurt, says what to do, and no real fold begins while it is red."""
+"""The doctor finds what would hurt, says what to do, and no real fold begins while it
+is red.
+"""
 
 import json
 from datetime import UTC, datetime, timedelta
@@ -75,7 +77,9 @@ def test_calibration_that_has_expired_is_red(tmp_path: Path) -> None:
     assert (check.state, "400 days" in check.found) == (Grade.FAIL, True)
 
 
-def test_disk_without_room_is_red(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_disk_without_room_is_red(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     assert machine.disk(tmp_path / "runs").state is not Grade.FAIL
     monkeypatch.setattr(machine, "RUN_GB", 1e9)
     assert machine.disk(tmp_path / "runs").state is Grade.FAIL
@@ -83,7 +87,9 @@ def test_disk_without_room_is_red(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 
 def test_cell_of_the_twin_needs_no_hardware(tmp_path: Path) -> None:
     found = list(checks(find_configs(None), tmp_path))
-    assert [c.state for c in found if c.name in {"robot", "camera"}] == [Grade.SKIPPED] * 2
+    assert [c.state for c in found if c.name in {"robot", "camera"}] == [
+        Grade.SKIPPED
+    ] * 2
     refuse_failed([check for check in found if check.name != "cores"])
 
 
@@ -116,5 +122,15 @@ def test_fold_with_a_real_camera_refuses_while_a_check_is_red(tmp_path: Path) ->
     content["calibration"] = str(kept(tmp_path))
     (configs / "cell.yaml").write_text(yaml.safe_dump(content))
     with pytest.raises(PreflightRefused, match="cell doctor"):
-        app(["fold", "--strip", "denim", "--configs", str(configs), "--runs", str(tmp_path / "r")])
+        app(
+            [
+                "fold",
+                "--strip",
+                "denim",
+                "--configs",
+                str(configs),
+                "--runs",
+                str(tmp_path / "r"),
+            ]
+        )
     assert not (tmp_path / "r").exists()

@@ -1,4 +1,6 @@
-"""Runs exported to the formats of other programs come back as they were, to the last bit."""
+"""Runs exported to the formats of other programs come back as they were, to the last
+bit.
+"""
 
 import json
 import shutil
@@ -24,7 +26,18 @@ from drivers.types import Frame
 from tests.support.foreign_tables import STAMPS, foreign, mapping
 from tests.support.rooms import ROOT
 
-ARRAYS = ("t", "x", "z", "pitch", "x_cmd", "z_cmd", "contact_x", "contact_t", "f_x", "f_z")
+ARRAYS = (
+    "t",
+    "x",
+    "z",
+    "pitch",
+    "x_cmd",
+    "z_cmd",
+    "contact_x",
+    "contact_t",
+    "f_x",
+    "f_z",
+)
 
 
 @pytest.fixture(scope="module")
@@ -36,20 +49,31 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, ...]:
         (folder / EVENTS).write_text('{"t": 0.5, "kind": "fault", "name": "late"}\n')
         film = FrameWriter(folder, "key", patient=True, encoder="libx264")
         for i, stamp in enumerate(STAMPS.tolist()):
-            film.put(Frame(stamp, stamp, "camera", i, np.full((64, 96, 3), 3 * i, np.uint8)), False)
+            film.put(
+                Frame(stamp, stamp, "camera", i, np.full((64, 96, 3), 3 * i, np.uint8)),
+                False,
+            )
         film.close()
     return made
 
 
 @pytest.mark.parametrize("kind", ["csv", "lerobot", "mcap"])
-def test_exported_runs_come_back_bit_for_bit(runs, kind: Format, tmp_path: Path) -> None:
-    made = import_runs(export_runs(runs, kind, tmp_path / "out"), None, tmp_path / "back")
+def test_exported_runs_come_back_bit_for_bit(
+    runs, kind: Format, tmp_path: Path
+) -> None:
+    made = import_runs(
+        export_runs(runs, kind, tmp_path / "out"), None, tmp_path / "back"
+    )
     for was, now in zip(map(read_run, runs), map(read_run, made), strict=True):
         assert (now.name, now.header, now.result) == (was.name, was.header, was.result)
         for name in ARRAYS:
-            assert np.array_equal(getattr(now.ticks, name), getattr(was.ticks, name), True), name
+            assert np.array_equal(
+                getattr(now.ticks, name), getattr(was.ticks, name), True
+            ), name
         for name in ("t", "i", "x", "z"):
-            assert np.array_equal(getattr(now.profile, name), getattr(was.profile, name)), name
+            assert np.array_equal(
+                getattr(now.profile, name), getattr(was.profile, name)
+            ), name
         if kind == "lerobot":
             stamps = [list(run.film_stamps().values()) for run in (was, now)]
             assert np.allclose(*stamps, atol=0.0101)  # s, between two rows
@@ -60,17 +84,27 @@ def test_a_data_set_has_the_layout_that_lerobot_states(runs, tmp_path: Path) -> 
     info = json.loads((root / "meta/info.json").read_text())
     assert info["codebase_version"] == "v3.0"
     assert (info["total_episodes"], info["total_frames"], info["fps"]) == (2, 600, 100)
-    for row in pq.read_table(root / "meta/episodes/chunk-000/file-000.parquet").to_pylist():
+    for row in pq.read_table(
+        root / "meta/episodes/chunk-000/file-000.parquet"
+    ).to_pylist():
         place = {key: row[f"data/{key}"] for key in ("chunk_index", "file_index")}
         frames = pq.read_table(root / info["data_path"].format(**place))
-        assert {*frames.column_names, "observation.images.camera"} == set(info["features"])
+        assert {*frames.column_names, "observation.images.camera"} == set(
+            info["features"]
+        )
         indices = range(row["dataset_from_index"], row["dataset_to_index"])
         assert frames["index"].to_pylist() == list(indices)
         assert np.allclose(frames["timestamp"], np.arange(300) / 100)
     tasks = pq.read_table(root / "meta/tasks.parquet")
     assert json.loads(tasks.schema.metadata[b"pandas"])["index_columns"] == ["task"]
-    assert set(json.loads((root / "meta/stats.json").read_text())) == set(info["features"])
-    place = {"chunk_index": 0, "file_index": 0, "video_key": "observation.images.camera"}
+    assert set(json.loads((root / "meta/stats.json").read_text())) == set(
+        info["features"]
+    )
+    place = {
+        "chunk_index": 0,
+        "file_index": 0,
+        "video_key": "observation.images.camera",
+    }
     film = list(Film(root / info["video_path"].format(**place)).frames())
     assert np.allclose([frame.stamp for frame in film], frames["timestamp"], atol=1e-4)
     newest = np.maximum(np.searchsorted(STAMPS, frames["stamp"], side="right") - 1, 0)
@@ -79,7 +113,9 @@ def test_a_data_set_has_the_layout_that_lerobot_states(runs, tmp_path: Path) -> 
 
 
 @pytest.mark.long
-def test_a_data_set_opens_in_the_reference_loader_with_its_images(runs, tmp_path: Path) -> None:
+def test_a_data_set_opens_in_the_reference_loader_with_its_images(
+    runs, tmp_path: Path
+) -> None:
     [root] = export_runs(runs, "lerobot", tmp_path / "out")
     words = ["bash", ROOT / ".ci/loader", tmp_path / "loader", root, sys.executable]
     said = subprocess.run(words, check=True, capture_output=True, text=True).stdout
@@ -88,11 +124,15 @@ def test_a_data_set_opens_in_the_reference_loader_with_its_images(runs, tmp_path
     assert np.allclose(levels, 3 * newest, atol=6)
 
 
-def test_runs_of_two_strips_are_exported_where_each_states_its_own(runs, tmp_path) -> None:
+def test_runs_of_two_strips_are_exported_where_each_states_its_own(
+    runs, tmp_path
+) -> None:
     folders = [runs[0], shutil.copytree(runs[1], tmp_path / "other")]
     head = folders[1] / "run.yaml"
     head.write_text(head.read_text().replace("denim", "linen"))
-    made = import_runs(export_runs(folders, "lerobot", tmp_path / "out"), None, tmp_path / "back")
+    made = import_runs(
+        export_runs(folders, "lerobot", tmp_path / "out"), None, tmp_path / "back"
+    )
     assert [read_run(folder).header.strip for folder in made] == ["denim", "linen"]
     with pytest.raises(ConfigurationError, match="in strip, start or sigma"):
         export_runs(folders, "csv", tmp_path / "csv")
@@ -104,10 +144,18 @@ def test_runs_of_two_strips_are_exported_where_each_states_its_own(runs, tmp_pat
 
 
 def test_mcap_is_read_by_its_own_library(runs, tmp_path: Path) -> None:
-    """Numbers as JSON; film, strip, gripper and events by the schemas that Foxglove draws."""
-    made, run, drawn = export_runs(runs, "mcap", tmp_path / "out"), read_run(runs[0]), {}
+    """Numbers as JSON; film, strip, gripper and events by the schemas that Foxglove
+    draws.
+    """
+    made, run, drawn = (
+        export_runs(runs, "mcap", tmp_path / "out"),
+        read_run(runs[0]),
+        {},
+    )
     with made[0].open("rb") as file:
-        reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
+        reader = make_reader(
+            file, validate_crcs=True, decoder_factories=[DecoderFactory()]
+        )
         messages = [json.loads(m.data) for _, c, m in reader.iter_messages(["/ticks"])]
         for topic in ("/camera/film", "/strip", "/tf", "/log"):
             drawn[topic] = [each[3] for each in reader.iter_decoded_messages([topic])]
@@ -120,12 +168,16 @@ def test_mcap_is_read_by_its_own_library(runs, tmp_path: Path) -> None:
     film, decoder = drawn["/camera/film"], av.CodecContext.create("h264", "r")
     stamps = [m.timestamp.ToNanoseconds() / 1e9 - 3600 for m in film]
     assert np.allclose(stamps, STAMPS, atol=1e-6)
-    pictures = [p for m in film for p in decoder.decode(av.Packet(m.data))] + decoder.decode(None)
+    pictures = [
+        p for m in film for p in decoder.decode(av.Packet(m.data))
+    ] + decoder.decode(None)
     levels = [picture.to_ndarray(format="gray").mean() for picture in pictures]
     assert np.allclose(levels, 3 * np.arange(len(STAMPS)), atol=6)
 
 
-def test_a_file_whose_writer_was_killed_gives_its_whole_chunks(runs, tmp_path: Path) -> None:
+def test_a_file_whose_writer_was_killed_gives_its_whole_chunks(
+    runs, tmp_path: Path
+) -> None:
     [made, _] = export_runs(runs, "mcap", tmp_path / "out")
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(made.read_bytes()[:-4000])
@@ -134,7 +186,9 @@ def test_a_file_whose_writer_was_killed_gives_its_whole_chunks(runs, tmp_path: P
 
 
 @pytest.mark.parametrize("kind", ["lerobot", "mcap"])
-def test_a_spoilt_export_is_refused_in_one_line(runs, kind: Format, tmp_path: Path) -> None:
+def test_a_spoilt_export_is_refused_in_one_line(
+    runs, kind: Format, tmp_path: Path
+) -> None:
     made = export_runs(runs, kind, tmp_path / "out")
     path = made[0] if kind == "mcap" else made[0] / "data/chunk-000/file-000.parquet"
     content = bytearray(path.read_bytes())

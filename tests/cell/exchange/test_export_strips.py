@@ -1,4 +1,6 @@
-"""A strip as other simulators take it: it hangs there as here, and what is lost is told."""
+"""A strip as other simulators take it: it hangs there as here, and what is lost is
+told.
+"""
 
 import json
 from pathlib import Path
@@ -23,7 +25,9 @@ def strip(**changes: object) -> StripFile:
 
 
 def sag(made: StripFile, place: Path, lift: float = 0.0) -> float:
-    """Height [m] of the free edge, five seconds after it was let go bent up by `lift` [rad]."""
+    """Height [m] of the free edge, five seconds after it was let go bent up by `lift`
+    [rad].
+    """
     [path] = export_strips([made], "mjcf", place)
     model = mujoco.MjModel.from_xml_path(str(path))
     data = mujoco.MjData(model)
@@ -41,17 +45,27 @@ def test_a_chain_of_mujoco_hangs_like_the_strip(tmp_path: Path) -> None:
         assert abs(sag(made, tmp_path / f"{expected}") - expected) < 2e-4
 
 
-@pytest.mark.parametrize(("effects", "low", "high"), [(FRICTION, 0.01, 0.1), ({}, 0.0, 1e-3)])
+@pytest.mark.parametrize(
+    ("effects", "low", "high"), [(FRICTION, 0.01, 0.1), ({}, 0.0, 1e-3)]
+)
 def test_friction_keeps_a_chain_on_its_side(tmp_path: Path, effects, low, high) -> None:
     made = strip(retardation_time=1.0, effects=effects)
-    assert low <= sag(made, tmp_path / "up", 1.0) - sag(made, tmp_path / "down", -2.0) <= high
+    assert (
+        low
+        <= sag(made, tmp_path / "up", 1.0) - sag(made, tmp_path / "down", -2.0)
+        <= high
+    )
 
 
-def test_a_rod_of_newton_has_stiffness_mass_and_yield_angle_of_a_joint(tmp_path: Path) -> None:
+def test_a_rod_of_newton_has_stiffness_mass_and_yield_angle_of_a_joint(
+    tmp_path: Path,
+) -> None:
     path, out = tmp_path / "own.yaml", tmp_path / "out"
     made = strip(name="own", effects=FRICTION | {"air_drag": {"coefficient": 1.0}})
     write_document(path, made.model_dump(mode="json", by_alias=True))
-    done = CliRunner().invoke(app, ["export", str(path), "--format", "newton", "--out", str(out)])
+    done = CliRunner().invoke(
+        app, ["export", str(path), "--format", "newton", "--out", str(out)]
+    )
     assert "not said: the air slows the strip" in done.stdout, done.output
     found, span = json.loads((out / "own.json").read_text()), 0.2 / 60
     assert found["add_rod"]["bend_stiffness"] == pytest.approx(made.rigidity / span)

@@ -30,15 +30,21 @@ MICROMETRES = {"x": {"unit": "um"}, "z": {"unit": "um", "reversed": True}}
 
 
 def how(place: Path, file: str, names: tuple[str, ...], **change: Any) -> Path:
-    """A mapping for t, x and z by their `names`, of gripper and midline, with a `change`."""
+    """A mapping for t, x and z by their `names`, of gripper and midline, with a
+    `change`.
+    """
     named = zip("txz", names, "smm", strict=True)
-    columns = {k: {"column": name, "unit": u} | change.get(k, {}) for k, name, u in named}
+    columns = {
+        k: {"column": name, "unit": u} | change.get(k, {}) for k, name, u in named
+    }
     table = {"file": file, "columns": columns}
     return in_metres(place, ticks=table, profile=table, result=None)
 
 
 def off(files: list[Path], mapping: Path, out: Path) -> float:
-    """Largest difference of the imported run from the motion that was written [s, m]."""
+    """Largest difference of the imported run from the motion that was written [s,
+    m].
+    """
     ticks = read_run(*import_runs(files, mapping, out)).ticks
     return float(np.abs(np.subtract([ticks.t, ticks.x, ticks.z], [T, X, Z])).max())
 
@@ -53,7 +59,10 @@ def pose(at: int, x: float, z: float) -> PoseInFrame:
 
 def integers(at: int, x: float, z: float) -> UninterpretedOption:
     """Lengths as integers of 64 bits [um], with and without sign."""
-    lengths = {"positive_int_value": round(1e6 * x), "negative_int_value": round(-1e6 * z)}
+    lengths = {
+        "positive_int_value": round(1e6 * x),
+        "negative_int_value": round(-1e6 * z),
+    }
     return UninterpretedOption(double_value=at / 1e9, **lengths)
 
 
@@ -69,18 +78,26 @@ def protobuf(message: Callable[..., Any], file: BinaryIO) -> None:
 
 def ros(file: BinaryIO) -> None:
     writer = RosWriter(file)
-    schema = writer.register_msgdef("own/Tip", "builtin_interfaces/Time stamp\nfloat64[3] point")
+    schema = writer.register_msgdef(
+        "own/Tip", "builtin_interfaces/Time stamp\nfloat64[3] point"
+    )
     for at, x, z in ROWS:
         stamp = dict(zip(("sec", "nanosec"), divmod(at, 10**9), strict=True))
         writer.write_message("/tip", schema, {"stamp": stamp, "point": [x, 0.0, z]})
     writer.finish()
 
 
-def mixed(file: BinaryIO, encodings: tuple[str, ...] = ("json", "json", "cbor")) -> None:
-    """Lists of numbers, two of them swapped in the file; other messages on the same topic."""
+def mixed(
+    file: BinaryIO, encodings: tuple[str, ...] = ("json", "json", "cbor")
+) -> None:
+    """Lists of numbers, two of them swapped in the file; other messages on the same
+    topic.
+    """
     writer = Writer(file)
     writer.start()
-    first, *others = (writer.register_channel("/tip", encoding, 0) for encoding in encodings)
+    first, *others = (
+        writer.register_channel("/tip", encoding, 0) for encoding in encodings
+    )
     for at, x, z in (*ROWS[:5], ROWS[6], ROWS[5], *ROWS[7:]):
         writer.add_message(first, at, json.dumps({"q": [x, z]}).encode(), at)
         for other in others:
@@ -91,7 +108,11 @@ def mixed(file: BinaryIO, encodings: tuple[str, ...] = ("json", "json", "cbor"))
 @pytest.mark.parametrize(
     ("write", "names", "change"),
     [
-        (partial(protobuf, pose), ("timestamp", "pose.position.x", "pose.position.z"), {}),
+        (
+            partial(protobuf, pose),
+            ("timestamp", "pose.position.x", "pose.position.z"),
+            {},
+        ),
         (partial(protobuf, integers), INTEGERS, MICROMETRES),
         (ros, ("stamp", "point.0", "point.2"), {}),
         (mixed, ("log_time", "q.0", "q.1"), {}),
@@ -122,7 +143,9 @@ def test_paths_and_names_of_a_data_set_are_those_that_it_states(tmp_path: Path) 
     (root / "data/chunk-000/file-000.parquet").rename(root / "frames-0000-0.parquet")
     names = ("timestamp", *(f"observation.state.{motor}" for motor in motors))
     assert off([root], how(tmp_path, "episode", names), tmp_path / "back") < 1e-6
-    (root / "meta/info.json").write_text(json.dumps(info | {"data_path": "../{file_index}"}))
+    (root / "meta/info.json").write_text(
+        json.dumps(info | {"data_path": "../{file_index}"})
+    )
     with pytest.raises(ConfigurationError, match="leads out of the data set"):
         import_runs([root], how(tmp_path, "episode", names), tmp_path / "again")
     info["features"]["../../film"] = {"dtype": "video"}
@@ -158,9 +181,15 @@ def test_paths_and_names_of_a_data_set_are_those_that_it_states(tmp_path: Path) 
         ("% log\nt,x,z\n# in metres", "2026-01-31 12:00:{:06.3f},{:f},{:f}", "."),
     ],
 )
-def test_comments_separators_and_times_of_a_table_are_read(tmp_path, head, row, decimal) -> None:
-    rows = [row.format(*each).replace(".", decimal) for each in zip(T, X, Z, strict=True)]
-    folder = plain(tmp_path / "a", head.format(T[0], X[0], Z[0]), rows, encoding="cp1252")
+def test_comments_separators_and_times_of_a_table_are_read(
+    tmp_path, head, row, decimal
+) -> None:
+    rows = [
+        row.format(*each).replace(".", decimal) for each in zip(T, X, Z, strict=True)
+    ]
+    folder = plain(
+        tmp_path / "a", head.format(T[0], X[0], Z[0]), rows, encoding="cp1252"
+    )
     assert off([folder], in_metres(tmp_path), tmp_path / "runs") < 1e-6
 
 
@@ -168,15 +197,32 @@ def test_comments_separators_and_times_of_a_table_are_read(tmp_path, head, row, 
     ("change", "mending"),
     [
         ({"x": {"reversed": True}}, "; reversed: false for x of ticks and profile"),
-        ({"x": {"offset": 1.2}}, "; reversed: false, offset: 0.0 for x of ticks and profile"),
-        ({"x": {"unit": "cm"}, "z": {"unit": "mm"}}, "; unit: m for x and z of ticks and profile"),
-        ({"x": {"column": "z"}, "z": {"column": "x"}}, "; swapped columns for x and z of ticks"),
-        ({"z": {"offset": 0.05}}, "; reversed: false, offset: 0.0 for z of ticks and profile"),
-        ({"x": {"factor": 7.0}, "z": {"factor": 0.01}}, "edge; `cell import --guess` proposes"),
+        (
+            {"x": {"offset": 1.2}},
+            "; reversed: false, offset: 0.0 for x of ticks and profile",
+        ),
+        (
+            {"x": {"unit": "cm"}, "z": {"unit": "mm"}},
+            "; unit: m for x and z of ticks and profile",
+        ),
+        (
+            {"x": {"column": "z"}, "z": {"column": "x"}},
+            "; swapped columns for x and z of ticks",
+        ),
+        (
+            {"z": {"offset": 0.05}},
+            "; reversed: false, offset: 0.0 for z of ticks and profile",
+        ),
+        (
+            {"x": {"factor": 7.0}, "z": {"factor": 0.01}},
+            "edge; `cell import --guess` proposes",
+        ),
         ({"z": {"factor": 9.0}}, "edge; unit: cm for z of ticks and profile"),
     ],
 )
-def test_a_path_off_the_strip_is_refused_with_its_mending(tmp_path, change, mending) -> None:
+def test_a_path_off_the_strip_is_refused_with_its_mending(
+    tmp_path, change, mending
+) -> None:
     mapping = how(tmp_path, "tip.csv", "txz", **change)
     with pytest.raises(ConfigurationError, match=r"flat start|half lie") as error:
         cell.import_runs([plain(tmp_path / "a")], tmp_path / "runs", mapping)
@@ -188,9 +234,19 @@ def test_a_film_of_a_phone_held_the_other_way_stands_upright(tmp_path: Path) -> 
     image[:20, :30] = 255
     with FilmWriter(path) as film:
         film.add(0.0, image)
-    upright, turned = ((1, 0, 0, 0, 1, 0, 0, 0, 1 << 14), (0, 1, 0, -1, 0, 0, 0, 0, 1 << 14))
-    matrices = [(np.array(matrix) << 16).astype(">i4").tobytes() for matrix in (upright, turned)]
+    upright, turned = (
+        (1, 0, 0, 0, 1, 0, 0, 0, 1 << 14),
+        (0, 1, 0, -1, 0, 0, 0, 0, 1 << 14),
+    )
+    matrices = [
+        (np.array(matrix) << 16).astype(">i4").tobytes() for matrix in (upright, turned)
+    ]
     head, track, rest = path.read_bytes().partition(b"tkhd")
     path.write_bytes(head + track + rest.replace(*matrices, 1))
     [frame] = Film(path).frames()
-    assert np.abs(frame.image - cv2.rotate(image, cv2.ROTATE_90_CLOCKWISE).astype(float)).mean() < 8
+    assert (
+        np.abs(
+            frame.image - cv2.rotate(image, cv2.ROTATE_90_CLOCKWISE).astype(float)
+        ).mean()
+        < 8
+    )

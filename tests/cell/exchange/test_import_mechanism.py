@@ -1,4 +1,6 @@
-"""Logs of a mechanism come in by every door, with one kind of mapping, and are read by the fit."""
+"""Logs of a mechanism come in by every door, with one kind of mapping, and are read by
+the fit.
+"""
 
 import json
 from collections.abc import Mapping
@@ -20,7 +22,8 @@ from drivers.types import Array
 from tests.support.mechanisms import PRESCRIBED, make_arm
 
 DEGREES = 180 / np.pi
-FOREIGN = {  # by column of the runs: column of a table, part of a vector, factor and keys
+# by column of the runs: column of a table, part of a vector, factor and keys
+FOREIGN = {
     "t": ("ms", "ms", 1e3, {"unit": "ms"}),
     "shoulder": ("j1", "q.0", DEGREES, {"unit": "deg"}),
     "elbow": ("j2", "q.1", -DEGREES, {"unit": "deg", "reversed": True}),
@@ -30,9 +33,13 @@ FOREIGN = {  # by column of the runs: column of a table, part of a vector, facto
 
 
 def write(kind: str, logs: list[Mapping[str, Array]], place: Path) -> list[Path]:
-    """Write logs as other programs do: a file for each, or a data set with an episode for each."""
-    vectors = [(t, np.stack(q[:2], axis=1).tolist(), np.stack(q[2:], axis=1).tolist())
-               for t, *q in (log.values() for log in logs)]  # fmt: skip
+    """Write logs as other programs do: a file for each, or a data set with an episode
+    for each.
+    """
+    vectors = [
+        (t, np.stack(q[:2], axis=1).tolist(), np.stack(q[2:], axis=1).tolist())
+        for t, *q in (log.values() for log in logs)
+    ]
     paths = [place / f"{i:02d}.{kind}" for i in range(len(logs))]
     for path, log, (t, q, i) in zip(paths, logs, vectors, strict=True):
         if kind == "mcap":
@@ -46,45 +53,84 @@ def write(kind: str, logs: list[Mapping[str, Array]], place: Path) -> list[Path]
                 writer.finish()
         elif kind != "lerobot":
             write_table = pc.write_csv if kind == "csv" else pq.write_table
-            write_table(pa.table({FOREIGN[name][0]: log[name] for name in FOREIGN}), path)
+            write_table(
+                pa.table({FOREIGN[name][0]: log[name] for name in FOREIGN}), path
+            )
     if kind != "lerobot":
         return paths
-    frames = [pa.table({"episode_index": [n] * len(t), "ms": t, "q": q, "i": i})
-              for n, (t, q, i) in enumerate(vectors)]  # fmt: skip
+    frames = [
+        pa.table({"episode_index": [n] * len(t), "ms": t, "q": q, "i": i})
+        for n, (t, q, i) in enumerate(vectors)
+    ]
     episodes = pa.table({"episode_index": [0, 1], "data/chunk_index": [0, 0],
                          "data/file_index": [0, 0]})  # fmt: skip
-    for name, table in (("data", pa.concat_tables(frames)), ("meta/episodes", episodes)):
+    for name, table in (
+        ("data", pa.concat_tables(frames)),
+        ("meta/episodes", episodes),
+    ):
         (place / name / "chunk-000").mkdir(parents=True)
         pq.write_table(table, place / name / "chunk-000/file-000.parquet")
-    (place / "meta/info.json").write_text('{"codebase_version": "v3.0", "fps": 9, "features": {}}')
+    (place / "meta/info.json").write_text(
+        '{"codebase_version": "v3.0", "fps": 9, "features": {}}'
+    )
     return [place]
 
 
 @pytest.mark.parametrize(
     ("kind", "file"),
-    [("csv", "*.csv"), ("parquet", "*.parquet"), ("mcap", "/joints"), ("lerobot", "episode")],
+    [
+        ("csv", "*.csv"),
+        ("parquet", "*.parquet"),
+        ("mcap", "/joints"),
+        ("lerobot", "episode"),
+    ],
 )
-def test_logs_of_an_arm_become_runs_that_the_workflow_reads(tmp_path, kind, file) -> None:
+def test_logs_of_an_arm_become_runs_that_the_workflow_reads(
+    tmp_path, kind, file
+) -> None:
     model, runs = make_arm(tmp_path / "an arm", 2, content=PRESCRIBED)
-    known = [read_table(folder / "signals.parquet") for folder in sorted(runs.iterdir())]
-    logs = [{name: way[2] * each[name] for name, way in FOREIGN.items()} for each in known]
-    how = {name: {"column": way["*" not in file], **way[3]} for name, way in FOREIGN.items()}
+    known = [
+        read_table(folder / "signals.parquet") for folder in sorted(runs.iterdir())
+    ]
+    logs = [
+        {name: way[2] * each[name] for name, way in FOREIGN.items()} for each in known
+    ]
+    how = {
+        name: {"column": way["*" not in file], **way[3]}
+        for name, way in FOREIGN.items()
+    }
     place = {"load": {"body": "lower", "mass": 0.01}, "origin": "monday"}
-    content = {"schema": 1, "mechanism": "arm", "runs": {"01": place, "episode-000001": place}}
+    content = {
+        "schema": 1,
+        "mechanism": "arm",
+        "runs": {"01": place, "episode-000001": place},
+    }
     (tmp_path / "logs").mkdir()
     out, mapping = tmp_path / "own runs", tmp_path / "mapping.yaml"
-    words = ["import", *map(str, write(kind, logs, tmp_path / "logs")), "--model", str(model)]
+    words = [
+        "import",
+        *map(str, write(kind, logs, tmp_path / "logs")),
+        "--model",
+        str(model),
+    ]
     words += ["--mapping", str(mapping), "--out", str(out)]
     signals = {"file": file, "columns": how}
     for columns in ({"t2": how.pop("t2")}, {}):
         mapping.write_text(yaml.safe_dump({**content, "signals": signals}))
         done = CliRunner().invoke(app, words)
         how |= columns
-        assert bool(columns) == (", as mapped: t2: this column is missing" in str(done.exception))
+        assert bool(columns) == (
+            ", as mapped: t2: this column is missing" in str(done.exception)
+        )
     assert "3.00 s; 600 rows of elbow, shoulder, t1, t2" in done.stdout, done.exception
     for folder, was in zip(sorted(out.iterdir()), known, strict=True):
         now = read_table(folder / "signals.parquet")
         assert all(np.allclose(now[name], was[name], atol=1e-9) for name in FOREIGN)
     head = yaml.safe_load((folder / "run.yaml").read_text())
     assert (head["index"], head["origin"], head["load"]["mass"]) == (1, "monday", 0.01)
-    assert CliRunner().invoke(app, split(done.stdout.partition("next: cell ")[2])).exit_code == 0
+    assert (
+        CliRunner()
+        .invoke(app, split(done.stdout.partition("next: cell ")[2]))
+        .exit_code
+        == 0
+    )

@@ -1,4 +1,6 @@
-"""Runs of another laboratory: imported, they hold what was measured, in our units and frame."""
+"""Runs of another laboratory: imported, they hold what was measured, in our units and
+frame.
+"""
 
 from pathlib import Path
 
@@ -28,7 +30,9 @@ from tests.support.foreign_tables import (
 
 
 def test_imported_run_holds_what_was_measured(tmp_path: Path) -> None:
-    [made] = import_runs([foreign(tmp_path / "a")], mapping(tmp_path), tmp_path / "runs")
+    [made] = import_runs(
+        [foreign(tmp_path / "a")], mapping(tmp_path), tmp_path / "runs"
+    )
     run = read_run(made)
     assert (run.header.strip, run.header.condition) == ("denim", "slow")
     assert np.allclose([run.ticks.t, run.ticks.x, run.ticks.z], [T, X, Z], atol=1e-9)
@@ -47,7 +51,14 @@ def test_imported_run_holds_what_was_measured(tmp_path: Path) -> None:
 def test_command_imports_and_names_the_next_one(tmp_path: Path) -> None:
     folder, how = foreign(tmp_path / "a"), mapping(tmp_path)
     how.write_text(how.read_text().replace("offset: 1.2", "offset: 1.1875"))
-    words = ["import", str(folder), "--mapping", str(how), "--out", str(tmp_path / "runs")]
+    words = [
+        "import",
+        str(folder),
+        "--mapping",
+        str(how),
+        "--out",
+        str(tmp_path / "runs"),
+    ]
     done = CliRunner().invoke(app, words)
     assert done.exit_code == 0, done.output
     assert "a: 2.99 s; 72 images, touch at 2.80 s\n1 run in" in done.stdout
@@ -61,20 +72,67 @@ def test_command_imports_and_names_the_next_one(tmp_path: Path) -> None:
     [
         ("ticks", "t", {"unit": "mm"}, "t: unit 'mm' is not known"),
         ("ticks", "z", {"unit": "um", "offset": 0.0}, "z: rises less than 0.01 m"),
-        ("result", "t_layer_touch", {"unit": "ms"}, "unit: s for t_layer_touch of result (touch."),
+        (
+            "result",
+            "t_layer_touch",
+            {"unit": "ms"},
+            "unit: s for t_layer_touch of result (touch.",
+        ),
         ("profile", "x", {"column": "p.z"}, "half the midlines"),
-        ("ticks", "x_cmd", {"column": "height", "unit": "cm"}, "z_cmd: half lie off the gripper"),
-        ("profile", "t", {"offset": 0.9}, "points.parquet: x, z: half the midlines end off"),
-        ("profile", "t", {"offset": 0.09}, "a: t: the midlines lead the gripper by 0.09"),
-        ("profile", "z", {"offset": 0.012}, "a: z: half the midlines begin under the desk by 0.01"),
+        (
+            "ticks",
+            "x_cmd",
+            {"column": "height", "unit": "cm"},
+            "z_cmd: half lie off the gripper",
+        ),
+        (
+            "profile",
+            "t",
+            {"offset": 0.9},
+            "points.parquet: x, z: half the midlines end off",
+        ),
+        (
+            "profile",
+            "t",
+            {"offset": 0.09},
+            "a: t: the midlines lead the gripper by 0.09",
+        ),
+        (
+            "profile",
+            "z",
+            {"offset": 0.012},
+            "a: z: half the midlines begin under the desk by 0.01",
+        ),
         ("profile", "x", {"offset": 0.027}, "x, z: half the midlines end beside"),
-        ("ticks", "pitch", {"column": "Fx", "unit": "deg"}, "half the midlines leave its pitch"),
-        ("contact", "contact_x", {"offset": 0.6, "reversed": True}, "half the contacts lie off"),
-        ("result", "l1", {"factor": 0.1}, "touch.csv: l1: ends before the gripper by 0.2"),
-        ("result", "l1", {"factor": 2.0}, "touch.csv: l1, l2: are longer than the strip"),
+        (
+            "ticks",
+            "pitch",
+            {"column": "Fx", "unit": "deg"},
+            "half the midlines leave its pitch",
+        ),
+        (
+            "contact",
+            "contact_x",
+            {"offset": 0.6, "reversed": True},
+            "half the contacts lie off",
+        ),
+        (
+            "result",
+            "l1",
+            {"factor": 0.1},
+            "touch.csv: l1: ends before the gripper by 0.2",
+        ),
+        (
+            "result",
+            "l1",
+            {"factor": 2.0},
+            "touch.csv: l1, l2: are longer than the strip",
+        ),
     ],
 )
-def test_what_contradicts_a_held_strip_is_told(tmp_path, table, column, change, said) -> None:
+def test_what_contradicts_a_held_strip_is_told(
+    tmp_path, table, column, change, said
+) -> None:
     columns = dict(MAPPING[table]["columns"])
     columns[column] = columns.get(column, {}) | change
     how = mapping(tmp_path, **{table: MAPPING[table] | {"columns": columns}})
@@ -88,15 +146,42 @@ def test_what_contradicts_a_held_strip_is_told(tmp_path, table, column, change, 
     [
         ("tt,x,z", None, {}, "column 't' for t is not there (did you mean 'tt'?)"),
         ("t,x,z", [], {}, "t: has 0 rows; at least 30 are needed"),
-        ("t,x,z", ["0,0.6,0", '0,"1,234.5",0'], {}, "write 1234.5 for 1,234.5, or leave the row"),
-        ("t,x,z", ["0,NA,0", "1,off,0"], {}, "holds string ('off' in row 2), must hold numbers"),
+        (
+            "t,x,z",
+            ["0,0.6,0", '0,"1,234.5",0'],
+            {},
+            "write 1234.5 for 1,234.5, or leave the row",
+        ),
+        (
+            "t,x,z",
+            ["0,NA,0", "1,off,0"],
+            {},
+            "holds string ('off' in row 2), must hold numbers",
+        ),
         ("t,x,z", ["0,0.6,0"], {"encoding": "utf-16"}, "is not UTF-8 text; save it"),
-        ("t,x,z", ["0,0.6,0"] + [f"{t}0,.5,.2" for t in range(1, 50)], {}, "apart by 10, at most"),
-        ("t,x,z", ["0,0.6,0", "0.01,nan,0"], {}, "x: row 1 is nan, must be a finite number; leave"),
-        ("t,x,z", ["0,0.6,0", "0,0.6,0"], {}, "t: row 1 is 0 s after 0 s, times must increase"),
+        (
+            "t,x,z",
+            ["0,0.6,0"] + [f"{t}0,.5,.2" for t in range(1, 50)],
+            {},
+            "apart by 10, at most",
+        ),
+        (
+            "t,x,z",
+            ["0,0.6,0", "0.01,nan,0"],
+            {},
+            "x: row 1 is nan, must be a finite number; leave",
+        ),
+        (
+            "t,x,z",
+            ["0,0.6,0", "0,0.6,0"],
+            {},
+            "t: row 1 is 0 s after 0 s, times must increase",
+        ),
     ],
 )
-def test_unusable_table_is_refused_by_its_own_name(tmp_path, head, rows, how, said) -> None:
+def test_unusable_table_is_refused_by_its_own_name(
+    tmp_path, head, rows, how, said
+) -> None:
     folder = plain(tmp_path / "a", head, rows, **how)
     with pytest.raises(ConfigurationError) as error:
         cell.import_runs([folder], tmp_path / "runs", in_metres(tmp_path))
@@ -105,10 +190,20 @@ def test_unusable_table_is_refused_by_its_own_name(tmp_path, head, rows, how, sa
     assert not list((tmp_path / "runs").glob("*"))
 
 
-@pytest.mark.parametrize("fault", [KeyboardInterrupt, ConfigurationError, MemoryError, None])
-def test_import_that_ends_early_leaves_what_another_made(tmp_path, monkeypatch, fault) -> None:
-    """None of its own runs; without a fault, another import makes one of them meanwhile."""
-    folders, how, others = [plain(tmp_path / name) for name in "ab"], in_metres(tmp_path), []
+@pytest.mark.parametrize(
+    "fault", [KeyboardInterrupt, ConfigurationError, MemoryError, None]
+)
+def test_import_that_ends_early_leaves_what_another_made(
+    tmp_path, monkeypatch, fault
+) -> None:
+    """None of its own runs; without a fault, another import makes one of them
+    meanwhile.
+    """
+    folders, how, others = (
+        [plain(tmp_path / name) for name in "ab"],
+        in_metres(tmp_path),
+        [],
+    )
 
     def disturb(path: Path, content: object) -> None:
         if path.parent.name == "b":

@@ -33,7 +33,9 @@ from tests.support.requests import request_for
 
 
 def repeated(runs: Path, count: int) -> tuple[Request, ...]:
-    return repetitions(request_for("denim", "triangular", runs, trial=Trial()), [], count)
+    return repetitions(
+        request_for("denim", "triangular", runs, trial=Trial()), [], count
+    )
 
 
 @pytest.mark.parametrize(
@@ -81,11 +83,14 @@ def test_an_error_of_a_process_is_that_fold_s_alone_and_a_process_that_dies_is_a
 ) -> None:
     monkeypatch.setattr(batch, "calibration_of", lambda *_: None)
     short, dies = (
-        replace(r, policy=name) for r, name in zip(repeated(tmp_path, 2), "xy", strict=True)
+        replace(r, policy=name)
+        for r, name in zip(repeated(tmp_path, 2), "xy", strict=True)
     )
     monkeypatch.setattr(batch, "_fold_in_process", die_or_refuse)
     refused, died, again = fold_all([short, dies, short], jobs=2)
-    assert [(end.exit_code, end.reason) for end in (refused, again)] == [(2, "x: refused")] * 2
+    assert [(end.exit_code, end.reason) for end in (refused, again)] == [
+        (2, "x: refused")
+    ] * 2
     assert (died.outcome, died.exit_code) == ("process_died", 4)
     assert "-9" in died.reason
 
@@ -118,7 +123,9 @@ def test_a_fold_whose_master_died_stops() -> None:
 
 
 class Fake:
-    """A process whose folds end when they are looked for, in the order in which `ends` has them."""
+    """A process whose folds end when they are looked for, in the order in which `ends`
+    has them.
+    """
 
     ends: list[int]
     log: list[tuple[str, object]]
@@ -174,11 +181,14 @@ def test_ctrl_c_stops_the_folds_under_way_and_begins_no_other(fake, tmp_path) ->
     callbacks = attended(lambda: next(asked, True))
     assert [*fold_all(repeated(tmp_path, 5), 2, None, callbacks)] == [STOPPED, STOPPED]
     assert [number for word, number in fake.log if word == "begin"] == [0, 1]
-    with pytest.raises(Interrupted, match="before all folds had begun"):  # no success, 130
+    # no success, 130
+    with pytest.raises(Interrupted, match="before all folds had begun"):
         list(fold_all(repeated(tmp_path, 5), 2, None, attended(lambda: True)))
 
 
-def test_a_second_ctrl_c_is_passed_on_and_the_ends_are_still_waited_for(fake, tmp_path) -> None:
+def test_a_second_ctrl_c_is_passed_on_and_the_ends_are_still_waited_for(
+    fake, tmp_path
+) -> None:
     pressed = iter([False, True, None])
 
     def interrupted() -> bool:
@@ -207,10 +217,16 @@ def stubborn(stop: Callable) -> Callable:
     return slow
 
 
-def test_what_fails_in_one_fold_comes_in_its_turn_and_the_others_go_on(fake, tmp_path) -> None:
+def test_what_fails_in_one_fold_comes_in_its_turn_and_the_others_go_on(
+    fake, tmp_path
+) -> None:
     fake.made[1] = Fault("record", "the disk is full")
     first, second, *others = fold_all(repeated(tmp_path, 4), jobs=2)
-    assert (first.seed, second.outcome, second.reason) == (0, "record", "the disk is full")
+    assert (first.seed, second.outcome, second.reason) == (
+        0,
+        "record",
+        "the disk is full",
+    )
     assert [result.seed for result in others] == [2, 3]
 
 

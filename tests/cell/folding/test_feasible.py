@@ -1,4 +1,6 @@
-"""What the cell cannot see, reach or fold is refused before anything moves, and says why."""
+"""What the cell cannot see, reach or fold is refused before anything moves, and says
+why.
+"""
 
 import math
 import re
@@ -11,7 +13,12 @@ from calibration.calibration import Calibration
 from cell.arm.run_settings import limit_to_arm
 from cell.config.cell import CellFile
 from cell.config.places import find_configs
-from cell.folding.feasibility import check_feasible, corner_strips, path_problems, predict
+from cell.folding.feasibility import (
+    check_feasible,
+    corner_strips,
+    path_problems,
+    predict,
+)
 from cell.folding.fold import fold
 from drivers.errors import ConfigurationError, PreflightRefused
 from drivers.installation import AxisLimits, MotionLimits, Mounting
@@ -32,11 +39,15 @@ def cell_with(**installation) -> CellFile:
     return cell.model_copy(update={"installation": place})
 
 
-def refusal(seen_by: Calibration, policy: str = "triangular", place=None, **changes) -> str:
+def refusal(
+    seen_by: Calibration, policy: str = "triangular", place=None, **changes
+) -> str:
     """What is refused of a fold by the twin's arm, or by a robot in another `place`."""
     strip = find_configs(None).strip("denim").model_copy(update=changes)
     try:
-        chosen = cell_with(**(place or {})).with_drivers("twin" if place is None else "fci")
+        chosen = cell_with(**(place or {})).with_drivers(
+            "twin" if place is None else "fci"
+        )
         check_feasible(limit_to_arm(chosen), strip, make_policy(policy), seen_by)
     except PreflightRefused as refused:
         return str(refused)
@@ -53,14 +64,22 @@ def test_ordinary_strips_are_folded(seen_by, policy) -> None:
     [
         ({"width": 1.0}, "width: is 1000 mm"),
         ({"thickness": 0.02}, "thickness: is 20 mm"),
-        ({"length": 2.0, "bending_length": 0.05}, "workspace: the gripper would move from x"),
+        (
+            {"length": 2.0, "bending_length": 0.05},
+            "workspace: the gripper would move from x",
+        ),
         ({"length": 2.0, "bending_length": 0.05}, "from z = "),
-        ({"length": 2.0, "bending_length": 0.05, "place": {}}, "reach: the arm cannot follow"),
+        (
+            {"length": 2.0, "bending_length": 0.05, "place": {}},
+            "reach: the arm cannot follow",
+        ),
         ({"length": 0.75}, "view: the camera does not see the strip at x = 0.75"),
         ({"length": 0.15}, "length: a fold of 0.15 m rises to 0.07 m"),
     ],
 )
-def test_what_the_cell_cannot_do_is_refused_with_its_reason(seen_by, changes, says) -> None:
+def test_what_the_cell_cannot_do_is_refused_with_its_reason(
+    seen_by, changes, says
+) -> None:
     assert says in refusal(seen_by, **changes)
 
 
@@ -69,7 +88,10 @@ def test_what_the_cell_cannot_do_is_refused_with_its_reason(seen_by, changes, sa
     [
         ({"velocity": 0.05}, "speed: the path at 0.1 m/s is over the arm's limits"),
         ({"velocity": 0.05}, "allowed at most 0.06"),
-        ({"velocity": 0.05}, "lay_speed: 0.1 m/s is over the arm's limits, allowed at most 0.05"),
+        (
+            {"velocity": 0.05},
+            "lay_speed: 0.1 m/s is over the arm's limits, allowed at most 0.05",
+        ),
         ({"acceleration": 0.01}, "allowed at most 0.0"),
         ({"jerk": 0.01}, "allowed at most 0.0"),
     ],
@@ -77,7 +99,10 @@ def test_what_the_cell_cannot_do_is_refused_with_its_reason(seen_by, changes, sa
 def test_path_over_the_arm_s_limits_is_refused_with_the_speed_that_fits(
     seen_by, tmp_path, changed, says
 ) -> None:
-    strip, limits = find_configs(None).strip("denim"), find_configs(None).cell().installation.limits
+    strip, limits = (
+        find_configs(None).strip("denim"),
+        find_configs(None).cell().installation.limits,
+    )
     slow = limits.x.model_copy(update=changed)
     cell = cell_with(limits=limits.model_copy(update={"x": slow, "z": slow}))
     with pytest.raises(PreflightRefused) as refused:
@@ -88,23 +113,34 @@ def test_path_over_the_arm_s_limits_is_refused_with_the_speed_that_fits(
     assert says in str(dry_run.value)
 
 
-def test_dry_run_predicts_the_fold_that_is_made_at_the_speed_of_a_real_robot(seen_by, tmp_path):
+def test_dry_run_predicts_the_fold_that_is_made_at_the_speed_of_a_real_robot(
+    seen_by, tmp_path
+):
     cell = find_configs(None).cell()
-    real = cell.model_copy(update={"fci": cell.fci.model_copy(update={"address": "172.16.0.2"})})
+    real = cell.model_copy(
+        update={"fci": cell.fci.model_copy(update={"address": "172.16.0.2"})}
+    )
     asked = request_for("denim", "triangular", tmp_path, cell=real.with_drivers("fci"))
-    made = check_feasible(asked.settings, asked.strip, make_policy("triangular"), seen_by)
+    made = check_feasible(
+        asked.settings, asked.strip, make_policy("triangular"), seen_by
+    )
     assert made[0] == predict(asked).displacement > -0.025  # at full speed -0.033
 
 
 def test_speeds_that_a_refusal_states_are_followed_on_the_path_of_that_speed() -> None:
     def path(speed: float) -> Array:
-        return np.array([(0.6, 0.0), (0.3, 0.8 - 5 * speed), (0.0, 0.0)])  # slower is steeper
+        # slower is steeper
+        return np.array([(0.6, 0.0), (0.3, 0.8 - 5 * speed), (0.0, 0.0)])
 
     slow = AxisLimits(velocity=0.07, acceleration=4.0, jerk=100.0)
     cell, fast = cell_with(limits=MotionLimits(z=slow)).controller, path(0.1)
     said = "\n".join(path_problems(fast, fast, cell, path))
-    stated = dict(re.findall(r"^(\w*speed): .* at most ([.0-9]+) m/s", said, re.MULTILINE))
-    fold = cell.fold.model_copy(update={name: float(speed) for name, speed in stated.items()})
+    stated = dict(
+        re.findall(r"^(\w*speed): .* at most ([.0-9]+) m/s", said, re.MULTILINE)
+    )
+    fold = cell.fold.model_copy(
+        update={name: float(speed) for name, speed in stated.items()}
+    )
     slower, steep = cell.model_copy(update={"fold": fold}), path(fold.speed)
     assert [*path_problems(steep, steep, slower, path)] == []
     assert "workspace" in next(path_problems(math.nan * steep, steep, slower, path))
@@ -112,22 +148,35 @@ def test_speeds_that_a_refusal_states_are_followed_on_the_path_of_that_speed() -
 
 @pytest.mark.parametrize(("away", "refused"), [(0.40, False), (0.44, True)])
 @pytest.mark.parametrize("turn", [0.0, -0.4])
-def test_reach_is_that_of_the_joints_from_a_turned_base(seen_by, away, refused, turn) -> None:
-    """The strip lies crosswise in front of the robot, `away` from the axis of its base."""
+def test_reach_is_that_of_the_joints_from_a_turned_base(
+    seen_by, away, refused, turn
+) -> None:
+    """The strip lies crosswise in front of the robot, `away` from the axis of its
+    base.
+    """
     x, y = (
         away * math.cos(turn) + 0.3 * math.sin(turn),
         away * math.sin(turn) - 0.3 * math.cos(turn),
     )
-    said = refusal(seen_by, place={"mounting": Mounting(x=x, y=y, yaw=math.pi / 2 + turn)})
+    said = refusal(
+        seen_by, place={"mounting": Mounting(x=x, y=y, yaw=math.pi / 2 + turn)}
+    )
     assert said.startswith("reach: the arm cannot follow the fold: x 598 mm") == refused
     assert bool(said) == refused
 
 
 def test_what_no_file_states_of_a_strip_is_uncertain_by_a_tenth_and_a_half() -> None:
     strip = find_configs(None).strip("denim").model_copy(update={"spread": {}})
-    corners = [(each.bending_length, each.retardation_time) for each in corner_strips(strip)]
+    corners = [
+        (each.bending_length, each.retardation_time) for each in corner_strips(strip)
+    ]
     shares = np.divide(corners, (strip.bending_length, strip.retardation_time))
-    assert sorted(shares.round(6).tolist()) == [[0.9, 0.5], [0.9, 1.5], [1.1, 0.5], [1.1, 1.5]]
+    assert sorted(shares.round(6).tolist()) == [
+        [0.9, 0.5],
+        [0.9, 1.5],
+        [1.1, 0.5],
+        [1.1, 1.5],
+    ]
 
 
 @pytest.mark.parametrize(
@@ -140,12 +189,16 @@ def test_fold_whose_hand_would_meet_the_desk_is_refused(seen_by, desk, says) -> 
 
 
 @pytest.mark.parametrize(("arm", "refused"), [("fci", True), ("twin", False)])
-def test_fold_asks_for_the_hand_of_its_arm(seen_by, tmp_path, monkeypatch, arm, refused) -> None:
+def test_fold_asks_for_the_hand_of_its_arm(
+    seen_by, tmp_path, monkeypatch, arm, refused
+) -> None:
     cell = cell_with(desk=0.85).with_drivers(arm)
     request = request_for("denim", "triangular", tmp_path, cell=cell)
     monkeypatch.setattr("cell.folding.fold.check_usable", lambda *_: None)
     devices = SimpleNamespace(camera=SimpleNamespace(rate="opened"), close=lambda: None)
-    monkeypatch.setattr("cell.folding.fold.run_header", lambda *_: pytest.fail("got through"))
+    monkeypatch.setattr(
+        "cell.folding.fold.run_header", lambda *_: pytest.fail("got through")
+    )
     with pytest.raises(PreflightRefused if refused else pytest.fail.Exception) as ended:
         fold(request, seen_by, devices=devices)
     assert ("into the desk" in str(ended.value)) == refused

@@ -1,4 +1,6 @@
-"""A fold is compared with the model once it is over, and the operator is told what to do."""
+"""A fold is compared with the model once it is over, and the operator is told what to
+do.
+"""
 
 from dataclasses import replace
 
@@ -40,14 +42,32 @@ def traced(fold: MeasuredFold) -> FoldTrace:
             grip, nothing = (float(points[-1, 0]), float(points[-1, 1])), float("nan")
             contact = float(points[0, 0])
             seen = StripMeasurement(
-                stamp, new, contact, 1.0, points[1:-1], 1.0, (0.5, 0.1), nothing, nothing, grip
+                stamp,
+                new,
+                contact,
+                1.0,
+                points[1:-1],
+                1.0,
+                (0.5, 0.1),
+                nothing,
+                nothing,
+                grip,
             )
             new += 1
         pose = Pose(float(x), float(z), float(pitch))
-        arm = ArmState(float(time), float(time), "made", pose, ZERO_VELOCITY, pose, True, False)
+        arm = ArmState(
+            float(time), float(time), "made", pose, ZERO_VELOCITY, pose, True, False
+        )
         state, new_image = State.FOLD if time > 1.4 else State.LIFT, seen is not None
         trace.handle_tick(
-            Snapshot(time, state, 0.0, arm, hand, View(None, new_image, 0, seen, read=new_image))
+            Snapshot(
+                time,
+                state,
+                0.0,
+                arm,
+                hand,
+                View(None, new_image, 0, seen, read=new_image),
+            )
         )
     return trace
 
@@ -60,7 +80,16 @@ def ended(fold: MeasuredFold) -> Outcome:
 def finished(outcome: Outcome) -> FoldResult:
     warning = None if outcome.agreement is None else outcome.agreement.sentence()
     return FoldResult(
-        *("run", "unknown", "adaptive", 0, "layer_touch", "the layers touch", 0, -0.001),
+        *(
+            "run",
+            "unknown",
+            "adaptive",
+            0,
+            "layer_touch",
+            "the layers touch",
+            0,
+            -0.001,
+        ),
         predicted=BELIEF.sentence(),
         warning=warning,
     )
@@ -91,5 +120,9 @@ def test_fold_of_another_law_is_flagged_in_event_result_and_final_line() -> None
 
 def test_strip_that_lies_folded_is_not_called_unfolded() -> None:
     said = str(replace(DONE, outcome=UNLIKE_REASON, exit_code=1, displacement=0.0))
-    assert said.startswith("denim: folded (unlike_model), displacement +0.0 mm; laid down")
-    assert "not folded (edges_apart)" in str(replace(DONE, outcome="edges_apart", exit_code=1))
+    assert said.startswith(
+        "denim: folded (unlike_model), displacement +0.0 mm; laid down"
+    )
+    assert "not folded (edges_apart)" in str(
+        replace(DONE, outcome="edges_apart", exit_code=1)
+    )

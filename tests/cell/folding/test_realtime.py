@@ -1,4 +1,6 @@
-"""Collections of garbage in a run look at what the run itself has left, and at nothing else."""
+"""Collections of garbage in a run look at what the run itself has left, and at nothing
+else.
+"""
 
 import gc
 import os
@@ -18,8 +20,13 @@ def test_a_whole_collection_looks_at_no_object_from_before() -> None:
 
 
 @pytest.mark.parametrize("real_time", [False, True])
-def test_the_loop_goes_first_on_the_wall_clock_alone_and_not_afterwards(real_time) -> None:
-    before, frozen = (sys.getswitchinterval(), os.sched_getscheduler(0)), gc.get_freeze_count()
+def test_the_loop_goes_first_on_the_wall_clock_alone_and_not_afterwards(
+    real_time,
+) -> None:
+    before, frozen = (
+        (sys.getswitchinterval(), os.sched_getscheduler(0)),
+        gc.get_freeze_count(),
+    )
     with realtime_thread(real_time):
         assert (gc.get_freeze_count() > frozen) is real_time
         assert (sys.getswitchinterval() < before[0]) is real_time

@@ -1,4 +1,6 @@
-"""The fold in the air: raised, on its path, with fingers that hold nothing, nothing on the desk."""
+"""The fold in the air: raised, on its path, with fingers that hold nothing, nothing on
+the desk.
+"""
 
 import json
 import shutil
@@ -21,7 +23,9 @@ from drivers.types import Pose
 
 CONFIGS = find_configs(None)
 SETTINGS = CONFIGS.cell()
-FCI = SETTINGS.model_copy(update={"installation": SETTINGS.fci.limit(SETTINGS.installation)})
+FCI = SETTINGS.model_copy(
+    update={"installation": SETTINGS.fci.limit(SETTINGS.installation)}
+)
 STRIP = CONFIGS.strip("denim")
 PATH, SPEEDS = whole_path(0.6, FCI.installation, FCI.fold, triangle(0.6))
 
@@ -34,7 +38,9 @@ def elbow() -> float:
 
 def test_fold_that_does_not_fit_in_the_air_is_refused() -> None:
     higher = np.add(PATH, (0.0, 0.05, 0.0))
-    with pytest.raises(ConfigurationError, match=r"reaches z 0\.55 m, the workspace ends at 0\.50"):
+    with pytest.raises(
+        ConfigurationError, match=r"reaches z 0\.55 m, the workspace ends at 0\.50"
+    ):
         rehearsal(FCI, STRIP, higher, SPEEDS)
 
 
@@ -47,7 +53,10 @@ def test_arm_that_cannot_follow_in_the_air_is_refused(elbow) -> None:
 
 @pytest.mark.parametrize(
     "arm",
-    [pytest.param("twin", marks=pytest.mark.slow), pytest.param("fci", marks=pytest.mark.long)],
+    [
+        pytest.param("twin", marks=pytest.mark.slow),
+        pytest.param("fci", marks=pytest.mark.long),
+    ],
 )
 def test_rehearsal_stays_on_its_raised_path_and_closes_and_opens_the_hand(
     arm: str, elbow: float
@@ -70,9 +79,14 @@ def test_rehearsal_stays_on_its_raised_path_and_closes_and_opens_the_hand(
     assert outcome.exit_code == 0, outcome.reason
     places = np.array([(pose.x, pose.z) for pose, _ in seen])
     line = np.concatenate(
-        [np.linspace(a, b, 200) for a, b in zip(planned.path[:-1], planned.path[1:], strict=True)]
+        [
+            np.linspace(a, b, 200)
+            for a, b in zip(planned.path[:-1], planned.path[1:], strict=True)
+        ]
     )[:, :2]
-    begun = next(n for n, (pose, _) in enumerate(seen) if pose.z > planned.path[0, 1] - 0.002)
+    begun = next(
+        n for n, (pose, _) in enumerate(seen) if pose.z > planned.path[0, 1] - 0.002
+    )
     off = [np.hypot(*(line - place).T).min() for place in places[begun:]]
     assert max(off) < 0.005
     assert places[begun:, 1].min() > HOVER_HEIGHT - 0.005
@@ -82,12 +96,21 @@ def test_rehearsal_stays_on_its_raised_path_and_closes_and_opens_the_hand(
     assert widths[-1] > 0.03
 
 
-def test_command_reports_the_rehearsal_of_the_first_day(monkeypatch, tmp_path, capsys) -> None:
+def test_command_reports_the_rehearsal_of_the_first_day(
+    monkeypatch, tmp_path, capsys
+) -> None:
     monkeypatch.setattr(Rehearsal, "motion", lambda _, snapshot: _still(snapshot))
-    page = (CHECKOUT_CONFIGS.parent / "runbooks/first-day-with-a-real-arm.md").read_text("utf-8")
-    height = page.partition("`z: ")[2].partition("`")[0]  # with which the page's own command fits
-    content = (shutil.copytree(CHECKOUT_CONFIGS, tmp_path / "c") / "cell.yaml").read_text("utf-8")
-    (tmp_path / "c/cell.yaml").write_text(content.replace("z: [-0.01, 0.50]", f"z: {height}"))
+    page = (
+        CHECKOUT_CONFIGS.parent / "runbooks/first-day-with-a-real-arm.md"
+    ).read_text("utf-8")
+    # with which the page's own command fits
+    height = page.partition("`z: ")[2].partition("`")[0]
+    content = (
+        shutil.copytree(CHECKOUT_CONFIGS, tmp_path / "c") / "cell.yaml"
+    ).read_text("utf-8")
+    (tmp_path / "c/cell.yaml").write_text(
+        content.replace("z: [-0.01, 0.50]", f"z: {height}")
+    )
     words = ["fold", "--strip", "denim", "--policy", "planned", "--rehearse", "--json"]
     places = ["--runs", str(tmp_path / "runs"), "--configs", str(tmp_path / "c")]
     done = CliRunner().invoke(app, [*words, *places])

@@ -1,4 +1,6 @@
-"""A fabric without a file: named by its length, and offered as a file after the fold."""
+"""A fabric without a file: named by its length, and offered as a file after the
+fold.
+"""
 
 from pathlib import Path
 
@@ -32,14 +34,18 @@ def test_strip_without_a_file_is_the_middle_of_the_papers_range() -> None:
     assert {entry.source for entry in strip.provenance} == {"assumed"}
 
 
-def test_offered_file_is_a_strip_file_that_says_where_its_numbers_are_from(tmp_path: Path) -> None:
+def test_offered_file_is_a_strip_file_that_says_where_its_numbers_are_from(
+    tmp_path: Path,
+) -> None:
     strip = without_file("0.6")
     path = offer_strip(tmp_path, strip, PREDICTED)
     assert path == tmp_path / LEARNED
     learned = load_strip(path)
     assert learned.bending_length == pytest.approx(0.0219)
     assert learned.spread["retardation_time"] == pytest.approx((0.009, 0.018))
-    assert learned.effects["bending_hysteresis"]["yield_curvature"] == pytest.approx(32.0)
+    assert learned.effects["bending_hysteresis"]["yield_curvature"] == pytest.approx(
+        32.0
+    )
     told = {entry.key: entry.source for entry in learned.provenance}
     assert tmp_path.name in told["bending_length"]
     assert told["width"] == "assumed"

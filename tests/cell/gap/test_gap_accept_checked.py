@@ -33,16 +33,30 @@ def test_what_is_only_suspected_is_accepted_by_force_alone(fitted) -> None:
     (fitted.out / "patch.yaml").rename(fitted.out / "suspect-patch.yaml")
     with pytest.raises(ConfigurationError, match="effects are suspected"):
         accept(fitted.out, fitted.file, fitted.cell)
-    assert accept(fitted.out, fitted.file, fitted.cell, force=True).effects == tuple(EFFECT)
+    assert accept(fitted.out, fitted.file, fitted.cell, force=True).effects == tuple(
+        EFFECT
+    )
 
 
 BROKEN = {
     "a patch that is not UTF-8": ("patch.yaml", b"\xff\xfe"),
-    "a patch whose effects are no mapping": ("patch.yaml", b"schema: 1\nname: denim\neffects: 3\n"),
-    "a patch of unknown effects": ("patch.yaml", b"schema: 1\neffects: {magic: {a: 1.0}}\n"),
+    "a patch whose effects are no mapping": (
+        "patch.yaml",
+        b"schema: 1\nname: denim\neffects: 3\n",
+    ),
+    "a patch of unknown effects": (
+        "patch.yaml",
+        b"schema: 1\neffects: {magic: {a: 1.0}}\n",
+    ),
     "a patch of effects for the cell that is a list": ("cell-patch.yaml", b"- 1\n"),
-    "a patch of numbers for the cell": ("cell-patch.yaml", b"effects: {desk_tilt: 3}\n"),
-    "a patch of unknown effects for the cell": ("cell-patch.yaml", b"effects: {magic: {a: 1.0}}\n"),
+    "a patch of numbers for the cell": (
+        "cell-patch.yaml",
+        b"effects: {desk_tilt: 3}\n",
+    ),
+    "a patch of unknown effects for the cell": (
+        "cell-patch.yaml",
+        b"effects: {magic: {a: 1.0}}\n",
+    ),
     "an empty record of the fit": ("fit.json", b""),
     "a record of the fit that is a list": ("fit.json", b"[1]"),
     "a record of the fit nested without end": ("fit.json", b"[" * 100_000),
@@ -60,7 +74,15 @@ def test_a_broken_patch_changes_no_file(fitted, name) -> None:
 
 
 @pytest.mark.parametrize(
-    "content", [b"", b"{}", b"[]", b"\xff", b'{"before": [], "after": {}}', b'{"before": {"a": 1}}']
+    "content",
+    [
+        b"",
+        b"{}",
+        b"[]",
+        b"\xff",
+        b'{"before": [], "after": {}}',
+        b'{"before": {"a": 1}}',
+    ],
 )
 def test_undo_of_a_foreign_acceptance_is_refused(fitted, content) -> None:
     (fitted.out / "accepted.json").write_bytes(content)
@@ -73,7 +95,9 @@ def test_undo_writes_only_the_files_that_it_was_given(fitted, tmp_path) -> None:
     other.write_text("mine")
     digest = hashlib.sha256(b"mine").hexdigest()
     names = {str(fitted.file.resolve()): "x", str(other): "overwritten"}
-    after = {str(fitted.file.resolve()): hashlib.sha256(fitted.file.read_bytes()).hexdigest()}
+    after = {
+        str(fitted.file.resolve()): hashlib.sha256(fitted.file.read_bytes()).hexdigest()
+    }
     stored = {"before": names, "after": {**after, str(other): digest}}
     (fitted.out / "accepted.json").write_text(json.dumps(stored))
     with pytest.raises(ConfigurationError, match="neither --strip nor the cell file"):
@@ -81,7 +105,9 @@ def test_undo_writes_only_the_files_that_it_was_given(fitted, tmp_path) -> None:
     assert other.read_text() == "mine"
 
 
-@pytest.mark.parametrize("content", [None, b"", b"{}", b"[]", b"\xff", b'{"schema": 9}'])
+@pytest.mark.parametrize(
+    "content", [None, b"", b"{}", b"[]", b"\xff", b'{"schema": 9}']
+)
 def test_a_verdict_that_cannot_be_read_is_refused_in_own_words(fitted, content) -> None:
     path = fitted.out / "verdict.json"
     if content is not None:

@@ -1,4 +1,6 @@
-"""An acceptance that dies at any moment, or meets another, loses no file and claims nothing."""
+"""An acceptance that dies at any moment, or meets another, loses no file and claims
+nothing.
+"""
 
 import errno
 import json
@@ -29,7 +31,9 @@ def fitted_both(root: Path) -> Fitted:
 
 
 def in_child(action: Callable[[], object], *, dies_at: int | None = None) -> int:
-    """Exit code of `action` in a process of its own, killed before its system call `dies_at`."""
+    """Exit code of `action` in a process of its own, killed before its system call
+    `dies_at`.
+    """
     pid = os.fork()
     if pid == 0:
         code = 1
@@ -64,12 +68,22 @@ def count_down(left: int) -> None:
 
 def whole(fit: Fitted) -> tuple[str, str]:
     """Which state each file is in; a file that is neither fails the test."""
-    strip, cell = yaml.safe_load(fit.file.read_text()), yaml.safe_load(fit.cell.read_text())
-    return ("new" if strip.get("effects") else "old", "new" if cell.get("effects") else "old")
+    strip, cell = (
+        yaml.safe_load(fit.file.read_text()),
+        yaml.safe_load(fit.cell.read_text()),
+    )
+    return (
+        "new" if strip.get("effects") else "old",
+        "new" if cell.get("effects") else "old",
+    )
 
 
-def moments(root: Path, prepare: Callable[[Fitted], object], action: Callable[[Fitted], object]):
-    """Fits after `action` died at its first, second, ... call, until it no longer dies."""
+def moments(
+    root: Path, prepare: Callable[[Fitted], object], action: Callable[[Fitted], object]
+):
+    """Fits after `action` died at its first, second, ... call, until it no longer
+    dies.
+    """
     for moment in range(200):
         fit = fitted_both(root / str(moment))
         before = (fit.file.read_bytes(), fit.cell.read_bytes())
@@ -125,7 +139,9 @@ def test_two_acceptances_at_once_leave_one_whole_file(tmp_path: Path) -> None:
             if pid == 0:
                 os._exit(in_child(lambda fit=fit: accept(fit.out, fit.file, fit.cell)))
             children.append(pid)
-        codes = sorted(os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) for pid in children)
+        codes = sorted(
+            os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) for pid in children
+        )
         assert codes == [0, REFUSED]
         assert whole(fit) == ("new", "new")
         assert not list(tmp_path.rglob("*.part"))
@@ -142,7 +158,9 @@ def test_disk_that_fills_between_two_files_changes_nothing(
     def until_full(path: Path, text: str) -> None:
         written.append(path)
         if len(written) == full_at:
-            raise ConfigurationError(f"{path}: cannot be written: {os.strerror(errno.ENOSPC)}")
+            raise ConfigurationError(
+                f"{path}: cannot be written: {os.strerror(errno.ENOSPC)}"
+            )
         write(path, text)
 
     monkeypatch.setattr(acceptance, "write_file", until_full)

@@ -1,4 +1,6 @@
-"""Bad input to `cell gap fit`: one clear line, exit code 2, no verdict, and no simulation."""
+"""Bad input to `cell gap fit`: one clear line, exit code 2, no verdict, and no
+simulation.
+"""
 
 import shutil
 from collections.abc import Callable
@@ -30,7 +32,10 @@ class Bench:
 
     @property
     def file(self) -> dict[str, Path]:
-        return {"strip": self.root / "denim.yaml", "pendulum": self.root / "pendulum.yaml"}
+        return {
+            "strip": self.root / "denim.yaml",
+            "pendulum": self.root / "pendulum.yaml",
+        }
 
     def runs(self, of: str) -> Path:
         return self.root / of / "runs"
@@ -40,7 +45,16 @@ class Bench:
 
     def words(self, of: str, *more: object) -> Words:
         out = self.root / "out"
-        return ["gap", "fit", self.runs(of), "--strip", self.file[of], "--out", out, *more]
+        return [
+            "gap",
+            "fit",
+            self.runs(of),
+            "--strip",
+            self.file[of],
+            "--out",
+            out,
+            *more,
+        ]
 
 
 @pytest.fixture(scope="module")
@@ -115,52 +129,94 @@ def strip_sigma(**changes: float) -> Spoil:
 TICKS, CURVES, ANGLES = "ticks.parquet", "profile.parquet", "angles.parquet"
 SPOILT: dict[tuple[str, str], tuple[Spoil, tuple[str, ...]]] = {
     ("strip", "rows in ms"): (column(TICKS, "t", thousandfold), (TICKS, "t:", "in s")),
-    ("strip", "noise in mm"): (strip_sigma(contact_x=1.5), ("run.yaml", "sigma.contact_x", "in m")),
+    ("strip", "noise in mm"): (
+        strip_sigma(contact_x=1.5),
+        ("run.yaml", "sigma.contact_x", "in m"),
+    ),
     ("strip", "negative sigma"): (
-        strip_sigma(profile=-1e-3), ("run.yaml", "sigma.profile", "more than 0")),
+        strip_sigma(profile=-1e-3),
+        ("run.yaml", "sigma.profile", "more than 0"),
+    ),
     ("strip", "another strip"): (
-        head(strip="cotton"), ("run.yaml", "'cotton'", "'denim'", "one strip")),
+        head(strip="cotton"),
+        ("run.yaml", "'cotton'", "'denim'", "one strip"),
+    ),
     ("strip", "truncated"): (cut(TICKS), (TICKS, "Parquet")),
     ("strip", "index twice"): (
         lambda run: (edit_yaml(run / "run.yaml", index=1), again(run))[1],
-        ("run.yaml", "index: is 1", "its own")),
+        ("run.yaml", "index: is 1", "its own"),
+    ),
     ("strip", "displacement in mm"): (
         lambda run: edit_yaml(run / "result.yaml", displacement=-30.0),
-        ("result.yaml", "displacement", "l1 - l2")),
+        ("result.yaml", "displacement", "l1 - l2"),
+    ),
     ("strip", "noise not stated"): (
         head(sigma={"contact_x": 1e-3, "profile": 1e-3, "displacement": 3e-3}),
-        ("run.yaml: sigma.gripper: is missing",)),
+        ("run.yaml: sigma.gripper: is missing",),
+    ),
     ("strip", "noise of a picometre"): (
-        strip_sigma(contact_x=1e-12), ("run.yaml: sigma.contact_x", "at least")),
-    ("strip", "a point at 1e300 m"): (column(CURVES, "x", put(5, 1e300)), (CURVES, "x",)),
+        strip_sigma(contact_x=1e-12),
+        ("run.yaml: sigma.contact_x", "at least"),
+    ),
+    ("strip", "a point at 1e300 m"): (
+        column(CURVES, "x", put(5, 1e300)),
+        (
+            CURVES,
+            "x",
+        ),
+    ),
     ("strip", "a speed of 1e300 m/s"): (head(speed=1e300), ("run.yaml: speed",)),
     ("strip", "an index of 1e20"): (head(index=10**20), ("run.yaml: index",)),
     ("strip", "an outcome of nowhere"): (
-        lambda run: edit_yaml(run / "result.yaml", outcome="banana"), ("result.yaml: outcome",)),
+        lambda run: edit_yaml(run / "result.yaml", outcome="banana"),
+        ("result.yaml: outcome",),
+    ),
     ("strip", "a contact half a metre up"): (
-        head(contact_height=0.5), ("run.yaml: contact_height",)),
+        head(contact_height=0.5),
+        ("run.yaml: contact_height",),
+    ),
     ("strip", "a commanded path out of order"): (
-        column(TICKS, "x_cmd", shuffled), (TICKS, "x_cmd, z_cmd")),
+        column(TICKS, "x_cmd", shuffled),
+        (TICKS, "x_cmd, z_cmd"),
+    ),
     ("pendulum", "angles in degrees"): (
-        column(ANGLES, "theta_1", np.degrees), (ANGLES, "theta", "in rad")),
+        column(ANGLES, "theta_1", np.degrees),
+        (ANGLES, "theta", "in rad"),
+    ),
     ("pendulum", "noise in mrad"): (
-        head(sigma={"angle": 1.0}), ("run.yaml", "sigma.angle", "less than 0.3")),
+        head(sigma={"angle": 1.0}),
+        ("run.yaml", "sigma.angle", "less than 0.3"),
+    ),
     ("pendulum", "no sigma"): (head(sigma={}), ("run.yaml", "sigma.angle: is missing")),
     ("pendulum", "another pendulum"): (
-        head(pendulum="other"), ("run.yaml", "other", "made", "one pendulum")),
+        head(pendulum="other"),
+        ("run.yaml", "other", "made", "one pendulum"),
+    ),
     ("pendulum", "times in microseconds"): (
-        column(ANGLES, "t", lambda t: 1e-6 * t), (ANGLES, "t is in s")),
+        column(ANGLES, "t", lambda t: 1e-6 * t),
+        (ANGLES, "t is in s"),
+    ),
     ("pendulum", "times in milliseconds"): (
-        column(ANGLES, "t", lambda t: 1e3 * t), (ANGLES, "s apart", "t is in s")),
+        column(ANGLES, "t", lambda t: 1e3 * t),
+        (ANGLES, "s apart", "t is in s"),
+    ),
     ("pendulum", "rates in mrad/s"): (
-        with_column("omega_1", lambda rows: 1e3 * np.gradient(rows["theta_1"], rows["t"])),
-        (ANGLES, "rates in rad/s")),
+        with_column(
+            "omega_1", lambda rows: 1e3 * np.gradient(rows["theta_1"], rows["t"])
+        ),
+        (ANGLES, "rates in rad/s"),
+    ),
     ("pendulum", "a link too many"): (
-        with_column("theta_2", lambda rows: rows["theta_1"]), (ANGLES, "1 links only")),
+        with_column("theta_2", lambda rows: rows["theta_1"]),
+        (ANGLES, "1 links only"),
+    ),
     ("pendulum", "a few rows"): (
-        lambda run: pq.write_table(pq.read_table(run / ANGLES).slice(0, 5), run / ANGLES),
-        (ANGLES, "at least 30")),
-}  # fmt: skip
+        lambda run: pq.write_table(
+            pq.read_table(run / ANGLES).slice(0, 5), run / ANGLES
+        ),
+        (ANGLES, "at least 30"),
+    ),
+}
 
 
 def again(run: Path) -> None:
@@ -173,7 +229,10 @@ def again(run: Path) -> None:
 
 
 def told(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], bench: Bench, words: Words
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    bench: Bench,
+    words: Words,
 ) -> str:
     """The one line that refuses `words`; nothing is left of an earlier verdict."""
     out = Path(str(words[words.index("--out") + 1]))
@@ -235,16 +294,24 @@ def test_runs_of_one_name_are_refused(monkeypatch, capsys, bench, subject) -> No
 
 @pytest.mark.parametrize("subject", ["strip", "pendulum"])
 @pytest.mark.parametrize("every", [True, False])
-def test_held_out_runs_are_known_and_leave_some(monkeypatch, capsys, bench, subject, every) -> None:
+def test_held_out_runs_are_known_and_leave_some(
+    monkeypatch, capsys, bench, subject, every
+) -> None:
     names = sorted(run.name for run in bench.runs(subject).iterdir())
-    options = [word for name in (names if every else ["zz"]) for word in ("--hold-out", name)]
+    options = [
+        word for name in (names if every else ["zz"]) for word in ("--hold-out", name)
+    ]
     line = told(monkeypatch, capsys, bench, bench.words(subject, *options))
     said = ("held out", "leave some") if every else ("zz", bench.first(subject).name)
     assert all(word in line for word in said), line
 
 
-@pytest.mark.parametrize(("runs", "file"), [("strip", "pendulum"), ("pendulum", "strip")])
-def test_the_file_of_the_other_subject_is_refused(monkeypatch, capsys, bench, runs, file) -> None:
+@pytest.mark.parametrize(
+    ("runs", "file"), [("strip", "pendulum"), ("pendulum", "strip")]
+)
+def test_the_file_of_the_other_subject_is_refused(
+    monkeypatch, capsys, bench, runs, file
+) -> None:
     words = bench.words(runs)
     words[words.index("--strip") + 1] = bench.file[file]
     line = told(monkeypatch, capsys, bench, words)
@@ -252,12 +319,27 @@ def test_the_file_of_the_other_subject_is_refused(monkeypatch, capsys, bench, ru
     assert f"its {runs} file" in line
 
 
-def test_no_file_is_refused_and_one_with_spaces_quoted(monkeypatch, capsys, bench) -> None:
+def test_no_file_is_refused_and_one_with_spaces_quoted(
+    monkeypatch, capsys, bench
+) -> None:
     for file in (bench.root, bench.root / "nope.yaml"):
-        words = ("gap", "check", bench.runs("strip"), "--strip", file, "--out", bench.root / "out")
-        assert refused(monkeypatch, capsys, *words).startswith(f"{file}: is neither a strip")
+        words = (
+            "gap",
+            "check",
+            bench.runs("strip"),
+            "--strip",
+            file,
+            "--out",
+            bench.root / "out",
+        )
+        assert refused(monkeypatch, capsys, *words).startswith(
+            f"{file}: is neither a strip"
+        )
     (bench.root / "my strip.yaml").write_text("kind: strip")
-    assert option_for(bench.root / "my strip.yaml") == f"--strip '{bench.root}/my strip.yaml'"
+    assert (
+        option_for(bench.root / "my strip.yaml")
+        == f"--strip '{bench.root}/my strip.yaml'"
+    )
 
 
 def test_missing_runs_are_refused_and_leave_nothing_of_an_earlier_fit(

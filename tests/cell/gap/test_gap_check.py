@@ -28,7 +28,11 @@ def runs(tmp_path: Path) -> Path:
 
 @pytest.mark.parametrize(
     ("kept", "levels"),
-    [(slice(None), []), (np.r_[0:200, 230:400], ["fair"]), (np.r_[0:100, 300:400], ["bad"])],
+    [
+        (slice(None), []),
+        (np.r_[0:200, 230:400], ["fair"]),
+        (np.r_[0:100, 300:400], ["bad"]),
+    ],
 )
 def test_lost_rows_are_counted(kept: slice, levels: list[str]) -> None:
     assert [c.level for c in clock(T[kept])] == levels
@@ -57,11 +61,17 @@ def test_runs_of_the_cell_are_in_order(runs: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_fit_refuses_a_stuck_reading_unless_asked(runs: Path, tmp_path, monkeypatch) -> None:
+def test_a_fit_refuses_a_stuck_reading_unless_asked(
+    runs: Path, tmp_path, monkeypatch
+) -> None:
     ticks = runs / "00-normal" / "ticks.parquet"
-    edit_column(ticks, "x", lambda x: x[np.r_[:120, [120] * 80, 120:280:2, 280 : len(x)]])
+    edit_column(
+        ticks, "x", lambda x: x[np.r_[:120, [120] * 80, 120:280:2, 280 : len(x)]]
+    )
     edit_column(ticks, "x_cmd", lambda x: np.linspace(0.6, 0.0, len(x)))
-    with pytest.raises(ConfigurationError, match=r"00-normal: stuck reading: .*; mend the reading"):
+    with pytest.raises(
+        ConfigurationError, match=r"00-normal: stuck reading: .*; mend the reading"
+    ):
         fit([runs], STRIP, tmp_path / "out")
     assert not (tmp_path / "out" / "verdict.json").exists()
     (tmp_path / "denim").mkdir()  # where the command is called: no strip
@@ -84,8 +94,12 @@ def test_a_check_says_what_cannot_be_read(runs: Path) -> None:
     assert [f.what for f in broken.findings if f.level == "bad"] == ["unreadable"]
 
 
-def test_what_runs_cannot_say_is_listed_with_the_size_that_was_tried(tmp_path: Path) -> None:
-    found = [f.words for f in unidentifiable(Curves(nothing, names=("bump", "twin", "dead")))]
+def test_what_runs_cannot_say_is_listed_with_the_size_that_was_tried(
+    tmp_path: Path,
+) -> None:
+    found = [
+        f.words for f in unidentifiable(Curves(nothing, names=("bump", "twin", "dead")))
+    ]
     assert found == [
         "dead: size 0.1 m changes the runs by only 0.0 sigma",
         "bump and twin change these runs alike: they cannot be separated",

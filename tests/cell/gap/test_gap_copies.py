@@ -21,7 +21,9 @@ SINGLE = Path(__file__).resolve().parents[4] / "shared" / "data" / "pendulum" / 
 def a_run(folder: Path, seed: int, **changes: object) -> Path:
     """A run folder of any kind with numbers of its own."""
     folder.mkdir(parents=True)
-    (folder / "run.yaml").write_text(yaml.safe_dump({"schema": 1, "strip": "denim", **changes}))
+    (folder / "run.yaml").write_text(
+        yaml.safe_dump({"schema": 1, "strip": "denim", **changes})
+    )
     x = np.random.default_rng(seed).normal(size=50)
     x[::7] = np.nan
     pq.write_table(pa.table({"t": np.arange(50.0), "x": x}), folder / "ticks.parquet")
@@ -33,15 +35,25 @@ def names(root: Path) -> tuple[list[str], dict[str, str]]:
     return [run.name for run in kept], dict(copies)
 
 
-def test_copies_count_once_however_written_and_runs_with_another_number_all(tmp_path) -> None:
+def test_copies_count_once_however_written_and_runs_with_another_number_all(
+    tmp_path,
+) -> None:
     a_run(tmp_path / "a", 1)
     a_run(tmp_path / "b", 2)
     copy = a_run(tmp_path / "c", 1, index=7, condition="other")
     (copy / "result.yaml").write_text("schema: 1\n")
     table = pq.read_table(a_run(tmp_path / "d", 1) / "ticks.parquet")
-    pq.write_table(table.select(["x", "t"]), tmp_path / "d" / "ticks.parquet", compression="NONE")
-    edit_column(a_run(tmp_path / "e", 1) / "ticks.parquet", "x", lambda x: np.round(x, 5))
-    edit_column(a_run(tmp_path / "f", 1) / "ticks.parquet", "x", lambda x: x + 1e-4 * (x == x[3]))
+    pq.write_table(
+        table.select(["x", "t"]), tmp_path / "d" / "ticks.parquet", compression="NONE"
+    )
+    edit_column(
+        a_run(tmp_path / "e", 1) / "ticks.parquet", "x", lambda x: np.round(x, 5)
+    )
+    edit_column(
+        a_run(tmp_path / "f", 1) / "ticks.parquet",
+        "x",
+        lambda x: x + 1e-4 * (x == x[3]),
+    )
     assert names(tmp_path) == (["a", "b", "f"], {"c": "a", "d": "a", "e": "a"})
 
 

@@ -1,4 +1,6 @@
-"""The gap engine on a subject of plain curves: it knows nothing of strips or pendulums."""
+"""The gap engine on a subject of plain curves: it knows nothing of strips or
+pendulums.
+"""
 
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +16,17 @@ from cell.gap.report.sentence import sentence
 from cell.gap.selection.posterior import Posterior, SetProbability
 from cell.gap.verdict.compose import verdict as compose
 from drivers.strip.effects.effect import Parameter
-from tests.support.curves import Curves, Law, bump, fitted, hidden, judged, nothing, validated, wave
+from tests.support.curves import (
+    Curves,
+    Law,
+    bump,
+    fitted,
+    hidden,
+    judged,
+    nothing,
+    validated,
+    wave,
+)
 
 
 def test_hidden_effect_is_named_with_an_interval_that_covers_it_beside_one_that_does_nothing():
@@ -35,11 +47,17 @@ def test_hidden_effect_is_named_with_an_interval_that_covers_it_beside_one_that_
 
 def test_a_set_with_one_effect_more_does_not_speak_against_a_name() -> None:
     found, verdict = judged(Curves(hidden(bump, 0.05)))
-    sets = [(frozenset({"bump"}), 100.0), (frozenset({"bump", "wave"}), 101.0), (frozenset(), 0.0)]
+    sets = [
+        (frozenset({"bump"}), 100.0),
+        (frozenset({"bump", "wave"}), 101.0),
+        (frozenset(), 0.0),
+    ]
     doubtful = [*sets, (frozenset({"wave"}), 99.0)]
     for weighed, odds in ((sets, 101.3133), (doubtful, 2.3133)):
         models = tuple(SetProbability(names, nats, 0.25) for names, nats in weighed)
-        posterior = compose(replace(found, posterior=Posterior(models)), 0.0, 1).posterior
+        posterior = compose(
+            replace(found, posterior=Posterior(models)), 0.0, 1
+        ).posterior
         assert posterior is not None
         assert posterior.log_odds == pytest.approx(odds, abs=1e-4)
     assert verdict.posterior is not None
@@ -60,7 +78,10 @@ def test_a_gap_of_held_out_runs_alone_is_noted() -> None:
     _, verdict = judged(Curves(late))
     assert verdict.verdict == "no_gap"
     (note,) = verdict.notes
-    assert f"({', '.join(plain.held_out)}) lie {verdict.gap.before['excess']:.2g} sigma off" in note
+    assert (
+        f"({', '.join(plain.held_out)}) lie {verdict.gap.before['excess']:.2g}"
+        " sigma off" in note
+    )
     assert "make these motions again" in note
     # what the note asks for is not denied by the step that follows
     step = gap._next_command(verdict, Path("out"), "--model x", law=False)
@@ -73,7 +94,7 @@ def test_detectable_size_is_found_when_it_is_there() -> None:
     assert [[e.name for e in v.effects] for v in found].count(["bump"]) >= 4
 
 
-def test_a_small_effect_beside_a_strong_one_is_found_where_all_residuals_show_no_gap() -> None:
+def test_a_small_effect_beside_a_strong_one_is_found_where_all_residuals_show_no_gap():
     both: Law = lambda t, s, i: 0.2 * bump(t, s, i) - 0.006 * wave(t, s, i)  # noqa: E731
     for seed in range(3):
         _, verdict = judged(Curves(both, seed=seed))
@@ -87,7 +108,7 @@ def test_twins_are_ambiguous_and_nothing_is_patched() -> None:
     assert verdict.effects == []
 
 
-def test_what_no_other_stands_in_for_is_named_beside_twins_at_its_value_beside_them() -> None:
+def test_what_no_other_stands_in_for_is_named_beside_twins_at_its_value_beside_them():
     both: Law = lambda t, s, i: 0.2 * bump(t, s, i) - 0.03 * wave(t, s, i)  # noqa: E731
     found, verdict = judged(Curves(both, names=("bump", "twin", "wave")))
     assert verdict.verdict == "named"
@@ -96,7 +117,9 @@ def test_what_no_other_stands_in_for_is_named_beside_twins_at_its_value_beside_t
     size = effect.parameters["size"]
     assert effect.name == "wave"
     assert size.low < -0.03 < size.high
-    assert "cannot tell apart: bump or twin (the numbers are with " in sentence(found, verdict)
+    assert "cannot tell apart: bump or twin (the numbers are with " in sentence(
+        found, verdict
+    )
     assert verdict.gap.shrink > 0.9
 
 
@@ -109,11 +132,13 @@ def test_specimen_that_drifts_from_run_to_run_is_not_called_in_order() -> None:
 
 UNEXPLAINED = {
     "cause outside the library": Curves(
-        lambda t, s, i: 0.2 * np.exp(-(((t - 0.8) / 0.03) ** 2))),
+        lambda t, s, i: 0.2 * np.exp(-(((t - 0.8) / 0.03) ** 2))
+    ),
     "proxy whose amplitude drifts between conditions": Curves(
-        lambda t, s, i: 0.1 * bump(t, 1.0, i) * (1.0 if s < 1.5 else -1.0), repeats=3),
+        lambda t, s, i: 0.1 * bump(t, 1.0, i) * (1.0 if s < 1.5 else -1.0), repeats=3
+    ),
     "wrong sign of a one-sided effect": Curves(hidden(bump, -0.05), signed=False),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("what", UNEXPLAINED)
@@ -147,7 +172,7 @@ def test_conditions_are_never_split_between_folds() -> None:
         assert not inside & outside
 
 
-def test_value_that_the_runs_cannot_determine_is_named_and_a_run_that_diverged_predicted() -> None:
+def test_value_that_the_runs_cannot_determine_is_named_and_a_run_that_diverged_predicted():
     subject = Curves(nothing)
     for run in subject.runs:
         shift = Parameter("shift", "m", 0.0, -np.inf, np.inf, 1e-4)

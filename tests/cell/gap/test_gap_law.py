@@ -1,4 +1,6 @@
-"""A law that describes what no effect explains: offered where it closes a gap, and taken back."""
+"""A law that describes what no effect explains: offered where it closes a gap, and
+taken back.
+"""
 
 import json
 from dataclasses import replace
@@ -15,7 +17,17 @@ from drivers.strip.describe import describe, load_strip
 from drivers.strip.law import LAW_TERMS, with_law
 from drivers.types import Array
 from drivers.yaml_text import dump_yaml
-from tests.support.curves import LAWS, Curves, Law, bump, candidate, hidden, judged, nothing, wave
+from tests.support.curves import (
+    LAWS,
+    Curves,
+    Law,
+    bump,
+    candidate,
+    hidden,
+    judged,
+    nothing,
+    wave,
+)
 from tests.support.gap_strip_cases import STRIP, denim
 
 
@@ -63,7 +75,9 @@ def wide(t: Array, speed: float, _: int) -> Array:
     return np.asarray(speed * np.exp(-(((t - 0.5) / 0.14) ** 2)))
 
 
-def test_a_law_stands_beside_a_name_that_only_imitates(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_law_stands_beside_a_name_that_only_imitates(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setitem(LAWS, "wide", wide)  # type: ignore[misc]
     found, verdict = judged(Withheld(hidden(bump, 0.3), names=("wide", "dead")))
     assert [e.name for e in found.accepted.model.effects] == ["wide"]
@@ -99,7 +113,11 @@ def fitted(tmp_path: Path) -> tuple[Path, Path]:
     law = {"term_speed": {"amount": 0.7}}
     content, _ = patch_file(denim(), {"bending_length": 0.018}, law, "test")
     (out / LAW_PATCH).write_text(dump_yaml(content), encoding="utf-8")
-    record = {"file_sha256": sha256(file), "effects": [], "law": {"terms": {"term_speed": 0.7}}}
+    record = {
+        "file_sha256": sha256(file),
+        "effects": [],
+        "law": {"terms": {"term_speed": 0.7}},
+    }
     (out / RECORD).write_text(json.dumps(record), encoding="utf-8")
     return out, file
 
@@ -129,7 +147,9 @@ def test_a_law_on_top_of_one_adds_up() -> None:
 
 
 @pytest.mark.parametrize("law", [{"term_magic": 1.0}, {"term_clock": 5.0}])
-def test_a_law_that_no_engine_knows_or_no_strip_has_is_refused(law, tmp_path: Path) -> None:
+def test_a_law_that_no_engine_knows_or_no_strip_has_is_refused(
+    law, tmp_path: Path
+) -> None:
     content = {**denim().model_dump(mode="json", by_alias=True), "law": law}
     (tmp_path / "s.yaml").write_text(dump_yaml(content), encoding="utf-8")
     with pytest.raises(ConfigurationError, match="law"):

@@ -11,17 +11,30 @@ from tests.support.commands import run
 
 DATA = Path(__file__).parents[4] / "shared" / "data" / "pendulum"
 real = pytest.mark.skipif(not DATA.is_dir(), reason=f"no measured pendulums in {DATA}")
-TRIPLE, SINGLE = (CHECKOUT_CONFIGS / "mechanisms" / f"{count}-pendulum" / "mechanism.yaml"
-                  for count in ("triple", "single"))  # fmt: skip
-FALSE = ("frame_tilt", "encoder_bias", "wire_spring", "pivot_compliance", "quadratic_damping")
+TRIPLE, SINGLE = (
+    CHECKOUT_CONFIGS / "mechanisms" / f"{count}-pendulum" / "mechanism.yaml"
+    for count in ("triple", "single")
+)
+FALSE = (
+    "frame_tilt",
+    "encoder_bias",
+    "wire_spring",
+    "pivot_compliance",
+    "quadratic_damping",
+)
 
 
 @real
 @pytest.mark.slow
 def test_triple_pendulum_has_air_drag_and_dry_friction(tmp_path: Path) -> None:
     verdict = fit([DATA / "triple" / "runs"], TRIPLE, tmp_path / "out")
-    found = [(e.name, verdict.posterior.inclusion[e.name] > 0.999) for e in verdict.effects]
-    assert (verdict.verdict, dict(found)) == ("named", {"air_drag": True, "dry_friction": True})
+    found = [
+        (e.name, verdict.posterior.inclusion[e.name] > 0.999) for e in verdict.effects
+    ]
+    assert (verdict.verdict, dict(found)) == (
+        "named",
+        {"air_drag": True, "dry_friction": True},
+    )
     assert min(e.confidence for e in verdict.effects) > 0.8
     assert 1.5 < verdict.gap.before["angle_mrad"] < 3.0
     assert verdict.gap.after["angle_mrad"] <= 0.9
@@ -37,7 +50,11 @@ def test_single_pendulum_is_fitted_by_coulomb_and_quadratic_losses_and_names_no_
     tmp_path: Path,
 ) -> None:
     verdict = fit([DATA / "single" / "runs"], SINGLE, tmp_path / "out")
-    assert not {e.name for e in verdict.effects} & {"frame_tilt", "wire_spring", "pivot_compliance"}
+    assert not {e.name for e in verdict.effects} & {
+        "frame_tilt",
+        "wire_spring",
+        "pivot_compliance",
+    }
     pairs = {c.name: c.p for c in verdict.candidates if c.name.count(" + ") == 1}
     best = min(pairs, key=lambda name: pairs[name])
     assert best in ("air_drag + dry_friction", "dry_friction + quadratic_damping")

@@ -1,4 +1,6 @@
-"""What is named where laws have thresholds, places and shapes, and where runs went another way."""
+"""What is named where laws have thresholds, places and shapes, and where runs went
+another way.
+"""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -22,7 +24,9 @@ class Slipping(Curves):
     def scope(self) -> Scope:
         whole = super().scope
         size = Parameter("size", "m", 0.0, 0.0, 5.0, 1e-3, 1.0)
-        slip = Candidate("slip", "it slips", "strip", (size,), tuple(((p,),) for p in PROBES))
+        slip = Candidate(
+            "slip", "it slips", "strip", (size,), tuple(((p,),) for p in PROBES)
+        )
         return Scope(whole.base, (slip,), whole.quantities)
 
     def added(self, name: str, values: Array, speed: float) -> Array:
@@ -64,10 +68,16 @@ class Lumps(Curves):
 
 
 def two_sided(signed: bool = True, wave: float = 0.0) -> Lumps:
-    """Down at 0.56, and less up at 0.34: a lump up is a local optimum, beside a `wave` too."""
+    """Down at 0.56, and less up at 0.34: a lump up is a local optimum, beside a `wave`
+    too.
+    """
 
     def truth(t: Array, speed: float, index: int) -> Array:
-        return -0.3 * lump(t, 0.56) + 0.2 * lump(t, 0.34) + wave * LAWS["wave"](t, speed, index)
+        return (
+            -0.3 * lump(t, 0.56)
+            + 0.2 * lump(t, 0.34)
+            + wave * LAWS["wave"](t, speed, index)
+        )
 
     return Lumps(truth, names=("wave",), signed=signed)
 
@@ -83,17 +93,24 @@ class Bending(Curves):
     @property
     def scope(self) -> Scope:
         whole = super().scope
-        lean = Parameter("lean", "1", 0.0, 0.0, 5.0, 1e-3, 1.0, role="shape",
-                         own_from=self.own_from)  # fmt: skip
+        lean = Parameter(
+            "lean", "1", 0.0, 0.0, 5.0, 1e-3, 1.0, role="shape", own_from=self.own_from
+        )
         first, *others = whole.candidates
-        return replace(whole, candidates=(replace(first, shape_parameters=(lean,)), *others))
+        return replace(
+            whole, candidates=(replace(first, shape_parameters=(lean,)), *others)
+        )
 
     def simulate(self, requests: Sequence[Request]) -> list[Residuals]:
         found = super().simulate(requests)
         for q, residuals in zip(requests, found, strict=True):
             size, lean = (*q.effects.get("bump", (0.0,)), 0.0)[:2]
-            speed = {"slow": 0.5, "medium": 1.0, "fast": 2.0, "faster": 3.0}[q.run.condition]
-            residuals.mean[:] -= size * lean * leaning(np.linspace(0.0, 1.0, 60), speed, 0)
+            speed = {"slow": 0.5, "medium": 1.0, "fast": 2.0, "faster": 3.0}[
+                q.run.condition
+            ]
+            residuals.mean[:] -= (
+                size * lean * leaning(np.linspace(0.0, 1.0, 60), speed, 0)
+            )
         return found
 
 
@@ -108,7 +125,8 @@ class Touched(Curves):
     def scope(self) -> Scope:
         whole = super().scope
         return replace(
-            whole, quantities=dict.fromkeys(("angle", "touch"), whole.quantities["angle"])
+            whole,
+            quantities=dict.fromkeys(("angle", "touch"), whole.quantities["angle"]),
         )
 
     def run(self, index: int, condition: str, y: Array) -> Run:
@@ -131,7 +149,7 @@ def single(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("single")
-def test_one_run_that_went_another_way_is_told_and_does_not_hide_what_the_others_show() -> None:
+def test_one_run_that_went_another_way_is_told_and_does_not_hide_what_the_others_show():
     _, verdict = judged(Curves(astray(4), repeats=1))
     assert [e.name for e in verdict.effects] == ["bump"]
     assert verdict.unexplained is not None
@@ -145,7 +163,9 @@ def test_where_two_runs_go_another_way_the_cause_stays_open() -> None:
 
 
 @pytest.mark.parametrize(("off", "kind"), [(0.0, "named"), (0.3, "unexplained")])
-def test_a_touch_that_is_off_in_all_runs_is_not_lost_among_points(off: float, kind: str) -> None:
+def test_a_touch_that_is_off_in_all_runs_is_not_lost_among_points(
+    off: float, kind: str
+) -> None:
     law = hidden(bump, 0.3)
     _, verdict = judged(Touched(lambda t, s, i: law(t, s, i) + off * (t == 1.0)))
     assert verdict.verdict == kind
@@ -154,7 +174,9 @@ def test_a_touch_that_is_off_in_all_runs_is_not_lost_among_points(off: float, ki
 @pytest.mark.usefixtures("single")
 @pytest.mark.parametrize("shape", [bump, wave, lambda t, s, i: np.cos(25.0 * t)])
 def test_a_mishap_in_one_run_is_no_effect(shape: Law) -> None:
-    _, verdict = judged(Curves(lambda t, s, i: 0.3 * shape(t, s, i) * (i == 4), repeats=1))
+    _, verdict = judged(
+        Curves(lambda t, s, i: 0.3 * shape(t, s, i) * (i == 4), repeats=1)
+    )
     assert verdict.verdict == "unexplained"
 
 
@@ -168,7 +190,9 @@ def test_what_slips_a_little_beyond_its_threshold_is_found(size: float) -> None:
 @pytest.mark.parametrize("wave", [0.0, 0.1])
 def test_a_local_optimum_of_one_sign_is_left_for_the_other(wave: float) -> None:
     _, verdict = judged(two_sided(wave=wave))
-    (lump,) = (c for c in verdict.candidates if c.name == ("lump + wave" if wave else "lump"))
+    (lump,) = (
+        c for c in verdict.candidates if c.name == ("lump + wave" if wave else "lump")
+    )
     prefix = "lump." if wave else ""
     assert lump.parameters[f"{prefix}size"].value < -0.2
     assert lump.parameters[f"{prefix}place"].value == pytest.approx(0.56, abs=0.02)
@@ -176,7 +200,9 @@ def test_a_local_optimum_of_one_sign_is_left_for_the_other(wave: float) -> None:
 
 @pytest.mark.parametrize("lean", [0.0, 0.5])
 def test_a_law_is_bent_where_it_only_resembles_the_librarys(lean: float) -> None:
-    subject = Bending(lambda t, s, i: 0.2 * bump(t, s, i) + 0.2 * lean * leaning(t, s, i))
+    subject = Bending(
+        lambda t, s, i: 0.2 * bump(t, s, i) + 0.2 * lean * leaning(t, s, i)
+    )
     (effect,) = judged(subject)[1].effects
     found = [effect.parameters[key].value for key in effect.parameters]
     assert found == pytest.approx([0.2, lean][: 2 if lean else 1], abs=0.02)
@@ -184,7 +210,9 @@ def test_a_law_is_bent_where_it_only_resembles_the_librarys(lean: float) -> None
 
 def test_a_shape_that_shows_only_beside_a_stronger_effect_is_found() -> None:
     def both(t: Array, s: float, i: int) -> Array:
-        return 2.0 * LAWS["wave"](t, s, i) + 0.1 * bump(t, s, i) + 0.2 * leaning(t, s, i)
+        return (
+            2.0 * LAWS["wave"](t, s, i) + 0.1 * bump(t, s, i) + 0.2 * leaning(t, s, i)
+        )
 
     effects = {e.name: e.parameters for e in judged(Bending(both))[1].effects}
     assert effects["wave"]["size"].value == pytest.approx(2.0, abs=0.02)

@@ -1,4 +1,6 @@
-"""overlay.rrd: what was measured, before and after, as a reader of the recording finds it."""
+"""overlay.rrd: what was measured, before and after, as a reader of the recording finds
+it.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -40,7 +42,9 @@ def read(path: Path) -> dict[str, Rows]:
         times = np.array(batch["t"].cast("int64")) * 1e-9
         rows = found.setdefault(chunk.entity_path.replace("\\", ""), [])
         rows += zip(times.tolist(), batch[name].to_pylist(), strict=True)
-    ordered = {entity: sorted(rows, key=lambda row: row[0]) for entity, rows in found.items()}
+    ordered = {
+        entity: sorted(rows, key=lambda row: row[0]) for entity, rows in found.items()
+    }
     return {
         entity: Rows(np.array([t for t, _ in rows]), [value for _, value in rows])
         for entity, rows in ordered.items()
@@ -78,7 +82,9 @@ MM_UP = (1e3, -1e3)  # per m, of a flat view whose second axis points down
 def replays(strip: StripSubject) -> list[Replay]:
     """Before: a strip that is too soft; after: the right one."""
     before = simulated(strip, bending_length=SOFT * strip.file.bending_length)
-    drawn = zip(map(strip.draw_measured, strip.runs), before, simulated(strip), strict=True)
+    drawn = zip(
+        map(strip.draw_measured, strip.runs), before, simulated(strip), strict=True
+    )
     return [
         Replay(run.name, run.name == "00-normal", dict(zip(WORDS, scenes, strict=True)))
         for run, scenes in zip(strip.runs, drawn, strict=True)

@@ -1,4 +1,6 @@
-"""Where an effect shows: in its places though none stands out by itself, and not in noise."""
+"""Where an effect shows: in its places though none stands out by itself, and not in
+noise.
+"""
 
 import numpy as np
 
@@ -36,13 +38,17 @@ def test_the_best_of_many_models_of_noise_is_told_nowhere() -> None:
         r = rng.standard_normal(SIZE)
         tried = [_fitted(r, rng.standard_normal(SIZE)) for _ in range(12)]
         best, *others = sorted(tried, key=lambda e: float(np.sum(e.residuals[0] ** 2)))
-        told = ResidualTest(_estimate(r), Repeats({}, {}), noise, FLAT).matching(best, others)
+        told = ResidualTest(_estimate(r), Repeats({}, {}), noise, FLAT).matching(
+            best, others
+        )
         false += any(place.p < 0.05 for place in told)
     assert false <= 7
 
 
 def _fitted(r: Array, direction: Array) -> Estimate:
-    return _estimate(r - direction * float(direction @ r) / float(direction @ direction))
+    return _estimate(
+        r - direction * float(direction @ r) / float(direction @ direction)
+    )
 
 
 def _estimate(r: Array) -> Estimate:

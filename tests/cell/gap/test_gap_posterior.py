@@ -33,12 +33,20 @@ EXACT = Beliefs.shipped().model_copy(update={"immaterial": 0.0, "shares": (0.0,)
 def sets(subject: Curves, *names: tuple[str, ...], prior: Beliefs = EXACT) -> Posterior:
     models = tuple(validated(fitted(subject, n), subject) for n in ((), *names))
     base = models[0].estimate
-    probed = run_all(subject.simulate, [run_probes(base, c) for c in subject.scope.candidates])
-    return posterior(Fits(models, floor_responses(base, probed, believed=False)), PLAIN, prior)
+    probed = run_all(
+        subject.simulate, [run_probes(base, c) for c in subject.scope.candidates]
+    )
+    return posterior(
+        Fits(models, floor_responses(base, probed, believed=False)), PLAIN, prior
+    )
 
 
-def at_prior_mean(subject: Curves, names: tuple[str, ...]) -> tuple[Array, Array, Array]:
-    """Residual (N,), Jacobian (N, size) and prior spreads (size,) of a model that is linear."""
+def at_prior_mean(
+    subject: Curves, names: tuple[str, ...]
+) -> tuple[Array, Array, Array]:
+    """Residual (N,), Jacobian (N, size) and prior spreads (size,) of a model that is
+    linear.
+    """
     fit = fitted(subject, names)
     every, jacobian = fit.unknowns.parameters, fit.stacked_jacobian
     away = jacobian @ (np.array([p.start for p in every]) - fit.z)
@@ -62,7 +70,9 @@ def test_evidence_of_a_linear_model_is_the_density_of_its_runs() -> None:
     exact = density(subject, ("bump",)) - density(subject, ()) + chance
     assert nats(found, "bump") - nats(found) == pytest.approx(exact, abs=0.01)
     assert sum(m.p for m in found.models) == pytest.approx(1.0)
-    assert found.log_odds(lambda names: "bump" in names) == pytest.approx(exact, abs=0.01)
+    assert found.log_odds(lambda names: "bump" in names) == pytest.approx(
+        exact, abs=0.01
+    )
 
 
 @pytest.mark.parametrize("size", [0.003, -0.003])
@@ -74,10 +84,14 @@ def test_an_effect_of_one_sign_is_integrated_over_that_sign(size: float) -> None
     around = stats.multivariate_normal(cov=whole)
     base = float(around.logpdf(r))
     share, _ = integrate.quad(
-        lambda a: 2.0 * stats.norm.pdf(a) * np.exp(around.logpdf(r + own * a) - base), 0.0, 0.03
+        lambda a: 2.0 * stats.norm.pdf(a) * np.exp(around.logpdf(r + own * a) - base),
+        0.0,
+        0.03,
     )
     found = sets(subject, ("bump",))
-    assert nats(found, "bump") - nats(found) == pytest.approx(np.log(share / 2), abs=0.02)
+    assert nats(found, "bump") - nats(found) == pytest.approx(
+        np.log(share / 2), abs=0.02
+    )
 
 
 def test_twins_share_what_one_of_them_has() -> None:
@@ -123,11 +137,15 @@ def test_a_law_that_may_be_wrong_leaves_room_for_what_it_leaves() -> None:
 
 
 def test_what_an_error_of_a_law_may_explain_is_no_second_effect() -> None:
-    subject = Curves(lambda t, s, i: 0.3 * bump(t, s, i) + 0.004 * wave(t, s, i), seed=1)
+    subject = Curves(
+        lambda t, s, i: 0.3 * bump(t, s, i) + 0.004 * wave(t, s, i), seed=1
+    )
     exact = [fitted(subject, names) for names in ((), ("bump",), ("bump", "wave"))]
     for error, accepted in ((0.0, {"bump", "wave"}), (0.2, {"bump"})):
         erring = tuple(replace(c, model_error=error) for c in exact[2].model.effects)
-        models = (replace(f.model, effects=erring[: len(f.model.effects)]) for f in exact)
+        models = (
+            replace(f.model, effects=erring[: len(f.model.effects)]) for f in exact
+        )
         fits = [replace(f, model=m) for f, m in zip(exact, models, strict=True)]
         known = Fits(tuple(validated(fit, subject) for fit in fits))
         assert choose(known, posterior(known, PLAIN, EXACT)).model.names == accepted
@@ -149,5 +167,7 @@ def test_what_would_show_is_stated_in_the_unit_of_the_main_parameter() -> None:
     pair = tuple(Parameter(of, of, 0.0, 0.0, 9.0, step=1.0) for of in ("N m", "1"))
     candidate, steps = Candidate("e", "", "model", pair, ()), tuple(np.eye(2)[::-1])
     seen = ProbeResponses(candidate, (steps,), (np.diag([8.0, 4.0]),))
-    bare = SimpleNamespace(weigh=lambda r: r, form=lambda r: SimpleNamespace(curvature=r @ r.T))
+    bare = SimpleNamespace(
+        weigh=lambda r: r, form=lambda r: SimpleNamespace(curvature=r @ r.T)
+    )
     assert detection_limits(bare, [seen], PLAIN) == {"e": 2.0}

@@ -1,4 +1,6 @@
-"""Copies of measured runs in which effects are hidden: what could these runs have shown?"""
+"""Copies of measured runs in which effects are hidden: what could these runs have
+shown?
+"""
 
 from pathlib import Path
 
@@ -30,7 +32,9 @@ def made(runs: Path) -> Plan:
 
 
 @pytest.mark.slow
-def test_every_effect_is_hidden_in_its_size_or_said_to_be_beyond_these_runs(made: Plan) -> None:
+def test_every_effect_is_hidden_in_its_size_or_said_to_be_beyond_these_runs(
+    made: Plan,
+) -> None:
     effects = [copy.effect for copy in made.copies]
     assert effects.count("nothing") == 5
     assert not set(effects) & set(made.unseen)
@@ -45,9 +49,15 @@ def test_a_copy_follows_the_measured_paths_with_their_noise(
     made: Plan, runs: Path, tmp_path: Path
 ) -> None:
     still = made.model_copy(update={"scatter": {}})
-    write_copy(still, HiddenCopy(key="n", effect="nothing", values={}, seed=3), tmp_path / "copy")
+    write_copy(
+        still,
+        HiddenCopy(key="n", effect="nothing", values={}, seed=3),
+        tmp_path / "copy",
+    )
     strip = load_strip(STRIP)
-    before, after = (read_runs(find_runs([p]), strip) for p in (runs, tmp_path / "copy"))
+    before, after = (
+        read_runs(find_runs([p]), strip) for p in (runs, tmp_path / "copy")
+    )
     for real, copy in zip(before, after, strict=True):
         assert (copy.condition, copy.index) == (real.condition, real.index)
         assert copy.sigma == real.sigma
@@ -59,12 +69,18 @@ def test_a_copy_follows_the_measured_paths_with_their_noise(
         assert copy.touch.time == pytest.approx(real.touch.time, abs=0.15)
 
 
-def outcome(hidden: str, *named: str, classes: tuple[tuple[str, ...], ...] = ()) -> dict:
+def outcome(
+    hidden: str, *named: str, classes: tuple[tuple[str, ...], ...] = ()
+) -> dict:
     verdict = "named" if named else "ambiguous" if classes else "no_gap"
     return {
-        "hidden": hidden, "values": {"size": 1.0}, "verdict": verdict, "named": list(named),
-        "classes": [list(c) for c in classes], "confidence": 0.8 if named else None,
-    }  # fmt: skip
+        "hidden": hidden,
+        "values": {"size": 1.0},
+        "verdict": verdict,
+        "named": list(named),
+        "classes": [list(c) for c in classes],
+        "confidence": 0.8 if named else None,
+    }
 
 
 def test_a_copy_is_right_by_its_name_or_by_a_class_that_holds_it() -> None:

@@ -12,7 +12,16 @@ from cell.gap.fitting.crossvalidation import folds
 from cell.gap.subject.subject import Request, Run
 from cell.gap.verdict.decision import decide, describe_left, probability
 from drivers.types import Array
-from tests.support.curves import Curves, T, fitted, hidden, judged, nothing, validated, wave
+from tests.support.curves import (
+    Curves,
+    T,
+    fitted,
+    hidden,
+    judged,
+    nothing,
+    validated,
+    wave,
+)
 
 GRAIN = 0.1
 
@@ -49,29 +58,39 @@ def test_loss_of_runs_left_out_is_that_of_their_normal_density() -> None:
     rng = np.random.default_rng(0)
     left_out = tuple(rng.uniform(-0.5, 0.5, len(T)) for _ in runs)
     uncertain = tuple(rng.uniform(-0.1, 0.1, (len(T), 2)) for _ in runs)
-    model = replace(model, left_out=left_out, uncertain=uncertain, charged=np.zeros(len(runs)))
+    model = replace(
+        model, left_out=left_out, uncertain=uncertain, charged=np.zeros(len(runs))
+    )
     for fold in folds(runs):
-        r, b = (np.concatenate([part[i] for i in fold]) for part in (left_out, uncertain))
+        r, b = (
+            np.concatenate([part[i] for i in fold]) for part in (left_out, uncertain)
+        )
         whole = np.eye(len(r)) + b @ b.T
         exact = 0.5 * (r @ np.linalg.solve(whole, r) + np.linalg.slogdet(whole)[1])
         assert model.losses(1.0)[fold].sum() == pytest.approx(exact)
 
 
 class Grained(Curves):
-    """Curves whose simulation turns out coarse: no model gets them right below `GRAIN`."""
+    """Curves whose simulation turns out coarse: no model gets them right below
+    `GRAIN`.
+    """
 
     def refine(self, requests: Sequence[Request]) -> Sequence[Run]:
-        return [replace(q.run, samples=replace(q.run.samples, floor=np.full(len(T), GRAIN)))
-                for q in requests]  # fmt: skip
+        return [
+            replace(q.run, samples=replace(q.run.samples, floor=np.full(len(T), GRAIN)))
+            for q in requests
+        ]
 
 
-def test_what_the_grain_of_a_model_leaves_is_no_gap_and_it_is_fitted_by_its_own() -> None:
+def test_what_the_grain_of_a_model_leaves_is_no_gap_and_it_is_fitted_by_its_own():
     _, verdict = judged(Grained(hidden(wave, 0.01)))
     assert verdict.verdict == "no_gap"
     assert judged(Curves(hidden(wave, 0.01)))[1].verdict == "named"
     subject = Grained(hidden(wave, 0.3))
     for rough in (fitted(subject), fitted(subject, ("wave",))):
-        fine = refit_fine(subject, subject.simulate, rough.model, rough.evidence, rough.point)
+        fine = refit_fine(
+            subject, subject.simulate, rough.model, rough.evidence, rough.point
+        )
         assert fine.evidence.scales[0] == pytest.approx(np.hypot(subject.noise, GRAIN))
 
 
@@ -80,8 +99,10 @@ class GrainedBeside(Curves):
 
     def refine(self, requests: Sequence[Request]) -> Sequence[Run]:
         floor = [np.full(len(T), GRAIN if q.effects else 0.0) for q in requests]
-        return [replace(q.run, samples=replace(q.run.samples, floor=f))
-                for q, f in zip(requests, floor, strict=True)]  # fmt: skip
+        return [
+            replace(q.run, samples=replace(q.run.samples, floor=f))
+            for q, f in zip(requests, floor, strict=True)
+        ]
 
 
 def test_gaps_on_held_out_runs_are_compared_by_the_floors_of_both_models() -> None:
@@ -96,7 +117,9 @@ def test_a_model_that_leaves_more_of_unseen_runs_is_the_less_probable() -> None:
     found, verdict = judged(Curves(hidden(wave, 0.3)))
     assert verdict.verdict == "named"
     fits = found.held_out_fits
-    worse = replace(found, held_out_fits=replace(fits, before=fits.after, after=fits.before))
+    worse = replace(
+        found, held_out_fits=replace(fits, before=fits.after, after=fits.before)
+    )
     assert probability(worse, "wave") < verdict.effects[0].confidence
     assert decide(worse) == "unexplained"
     assert "has not seen is predicted worse" in describe_left(worse)

@@ -1,4 +1,6 @@
-"""What differs from run to run, and what all runs get wrong alike: claims count both."""
+"""What differs from run to run, and what all runs get wrong alike: claims count
+both.
+"""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -17,14 +19,23 @@ SLOPE, SIGMA = 0.5, 0.2  # m/s, of the curves and of a common error that grows w
 
 
 class Scattering(Curves):
-    """Curves each of which holds a wave of its own, of a size drawn anew in each run."""
+    """Curves each of which holds a wave of its own, of a size drawn anew in each
+    run.
+    """
 
-    def __init__(self, law: Law, spread: float, seed: int = 0, noise: float = 0.01) -> None:
+    def __init__(
+        self, law: Law, spread: float, seed: int = 0, noise: float = 0.01
+    ) -> None:
         self.drawn = drawn = np.random.default_rng([seed, 5]).normal(0.0, spread, 99)
         super().__init__(
-            lambda t, s, i: law(t, s, i) + drawn[i] * ripple(t), noise=noise, seed=seed, repeats=3
+            lambda t, s, i: law(t, s, i) + drawn[i] * ripple(t),
+            noise=noise,
+            seed=seed,
+            repeats=3,
         )
-        own = Parameter("ripple", "m", 0.0, -1.0, 1.0, 1e-3, USUAL, random=True, common=True)
+        own = Parameter(
+            "ripple", "m", 0.0, -1.0, 1.0, 1e-3, USUAL, random=True, common=True
+        )
         self.runs[:] = [replace(run, local=(*run.local, own)) for run in self.runs]
 
     def simulate(self, requests: Sequence[Request]) -> list[Residuals]:
@@ -51,7 +62,9 @@ def test_spread_is_estimated_within_its_interval(true: float) -> None:
 
 def test_what_the_runs_refute_is_switched_off_as_is_what_all_of_them_hold() -> None:
     constant: Law = lambda t, s, i: 0.3 * ripple(t)  # noqa: E731
-    assert [reml_spreads(fitted(Scattering(law, 0.0))) for law in (nothing, constant)] == [(), ()]
+    assert [
+        reml_spreads(fitted(Scattering(law, 0.0))) for law in (nothing, constant)
+    ] == [(), ()]
 
 
 def test_a_spread_that_coarse_runs_cannot_exclude_is_kept_small() -> None:
@@ -60,11 +73,13 @@ def test_a_spread_that_coarse_runs_cannot_exclude_is_kept_small() -> None:
 
 
 def test_scatter_alone_is_no_gap() -> None:
-    kinds = [judged(Scattering(nothing, 0.2, seed=seed))[1].verdict for seed in range(4)]
+    kinds = [
+        judged(Scattering(nothing, 0.2, seed=seed))[1].verdict for seed in range(4)
+    ]
     assert kinds == ["no_gap"] * 4
 
 
-def test_an_effect_is_named_beside_scatter_with_its_true_size_within_the_interval() -> None:
+def test_an_effect_is_named_beside_scatter_with_its_true_size_within_the_interval():
     found, verdict = judged(Scattering(hidden(bump, 0.1), 0.2))
     assert [e.name for e in verdict.effects] == ["bump"]
     size = verdict.effects[0].parameters["size"]
@@ -73,12 +88,16 @@ def test_an_effect_is_named_beside_scatter_with_its_true_size_within_the_interva
 
 
 def test_what_is_detectable_counts_the_scatter() -> None:
-    still, scattered = (judged(Scattering(nothing, s))[1].detectable["wave"] for s in (0.0, 0.2))
+    still, scattered = (
+        judged(Scattering(nothing, s))[1].detectable["wave"] for s in (0.0, 0.2)
+    )
     assert scattered >= still
 
 
 def biased(seed: int, *, told: bool) -> Curves:
-    """Curves whose instrument errs by the same slope in every run, and says so or not."""
+    """Curves whose instrument errs by the same slope in every run, and says so or
+    not.
+    """
     error = SIGMA * float(np.random.default_rng([seed, 5]).standard_normal())
     subject = Curves(lambda t, _, __: error * t, seed=seed)
     return telling(subject) if told else subject

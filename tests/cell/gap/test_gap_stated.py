@@ -1,4 +1,6 @@
-"""Refitted values that leave what the file states are a finding: said first, offered, accepted."""
+"""Refitted values that leave what the file states are a finding: said first, offered,
+accepted.
+"""
 
 import json
 from pathlib import Path
@@ -16,7 +18,9 @@ from drivers.strip.describe import load_strip
 from drivers.strip.effects.effect import Parameter
 from tests.support.gap_strip_cases import STRIP, Fitted, denim, folds, written
 
-LENGTH = Parameter("bending_length", "m", 0.017, 0.005, 0.05, 1e-5, 0.0085, tolerated=(0.015, 0.02))
+LENGTH = Parameter(
+    "bending_length", "m", 0.017, 0.005, 0.05, 1e-5, 0.0085, tolerated=(0.015, 0.02)
+)
 TIME = Parameter("retardation_time", "s", 0.03, 0.001, 1.0, 1e-4, 0.06)
 
 
@@ -24,7 +28,9 @@ def verdict_of(**changes: object) -> Verdict:
     """A verdict without a gap, and `changes`."""
     sizes = {"before": {"excess": 0.0}, "after": {}, "floor": {}}
     gap = sizes | {"shrink": 0.0, "shrink_low": 0.0, "shrink_high": 0.0}
-    lists = {key: [] for key in ("effects", "ambiguous", "where", "candidates", "advice")}
+    lists = {
+        key: [] for key in ("effects", "ambiguous", "where", "candidates", "advice")
+    }
     facts = lists | {"verdict": "no_gap", "unexplained": None, "base": {}, "gap": gap}
     facts |= {"detectable": {}, "held_out": [], "runtime": 1.0, "simulations": 1}
     return Verdict.model_validate(facts | changes)
@@ -37,21 +43,31 @@ def found(low: float | None, value: float, high: float | None) -> dict[str, Inte
 def test_a_value_whose_interval_leaves_what_is_tolerated_deviates() -> None:
     (far,) = deviations([LENGTH, TIME], found(0.0287, 0.0289, 0.0291))
     assert (far.parameter, far.stated, far.value, far.unit) == (
-        "bending_length", 0.017, 0.0289, "m",
-    )  # fmt: skip
+        "bending_length",
+        0.017,
+        0.0289,
+        "m",
+    )
     assert far.tolerated == (0.015, 0.02)
 
 
 @pytest.mark.parametrize(
     "interval",
-    [(0.0190, 0.0191, 0.0192), (0.019, 0.024, 0.029), (None, 0.0289, None), (0.0199, 0.03, None)],
+    [
+        (0.0190, 0.0191, 0.0192),
+        (0.019, 0.024, 0.029),
+        (None, 0.0289, None),
+        (0.0199, 0.03, None),
+    ],
 )
 def test_a_value_that_may_lie_within_the_tolerance_does_not_deviate(interval) -> None:
     assert not deviations([LENGTH, TIME], found(*interval))
 
 
 def test_without_a_stated_range_two_standard_deviations_are_tolerated() -> None:
-    wide, far = (Interval(value=v, low=v - 0.001, high=v + 0.001) for v in (0.149, 0.16))
+    wide, far = (
+        Interval(value=v, low=v - 0.001, high=v + 0.001) for v in (0.149, 0.16)
+    )
     assert not deviations([TIME], {"retardation_time": wide})
     assert deviations([TIME], {"retardation_time": far})
 
@@ -80,14 +96,29 @@ def test_what_deviates_is_said_before_the_verdict() -> None:
     assert "the file states 17" in deviation_text(FAR)
     said = str(verdict_of(deviates=FAR, notes=["03: died after 2.1 s"]))
     assert said == "no gap\n  note: 03: died after 2.1 s"
-    assert headline(verdict_of(deviates=FAR)).startswith("Not as the file states: bending length")
-    assert json.loads(verdict_of(deviates=FAR).to_json())["deviates"][0]["value"] == 0.0289
+    assert headline(verdict_of(deviates=FAR)).startswith(
+        "Not as the file states: bending length"
+    )
+    assert (
+        json.loads(verdict_of(deviates=FAR).to_json())["deviates"][0]["value"] == 0.0289
+    )
 
 
 def test_a_headline_shows_the_joint_at_which_an_effect_is_and_no_shape() -> None:
-    shown = (("torque_1", 0.05, "N m"), ("rate_1", 0.5, "rad/s"), ("torque_2", 0.6, "N m"))
-    values = {n: {"low": v - 0.1, "value": v, "high": v + 0.1, "unit": u} for n, v, u in shown}
-    effect = {"name": "dry_friction", "of": "model", "parameters": values, "confidence": 0.9}
+    shown = (
+        ("torque_1", 0.05, "N m"),
+        ("rate_1", 0.5, "rad/s"),
+        ("torque_2", 0.6, "N m"),
+    )
+    values = {
+        n: {"low": v - 0.1, "value": v, "high": v + 0.1, "unit": u} for n, v, u in shown
+    }
+    effect = {
+        "name": "dry_friction",
+        "of": "model",
+        "parameters": values,
+        "confidence": 0.9,
+    }
     said = headline(verdict_of(verdict="named", effects=[effect]))
     assert said.startswith("dry_friction: torque 2 0.6")
 
@@ -99,7 +130,9 @@ def test_values_are_accepted_where_nothing_is_named_and_come_back(tmp_path) -> N
     patch = yaml.safe_load(made.file.read_text()) | {"bending_length": 0.0289}
     (made.out / BASE_PATCH).write_text(yaml.safe_dump(patch))
     record = json.loads((made.out / "fit.json").read_text())
-    (made.out / "fit.json").write_text(json.dumps(record | {"effects": [], "values": ["b"]}))
+    (made.out / "fit.json").write_text(
+        json.dumps(record | {"effects": [], "values": ["b"]})
+    )
     assert accept(made.out, made.file, made.cell).effects == ("b",)
     assert load_strip(made.file).bending_length == 0.0289
     assert undo(made.out, made.file, made.cell).effects == ("b",)
@@ -107,7 +140,9 @@ def test_values_are_accepted_where_nothing_is_named_and_come_back(tmp_path) -> N
 
 
 @pytest.mark.long
-def test_runs_of_another_strip_are_a_finding_and_its_patch_is_accepted(tmp_path: Path) -> None:
+def test_runs_of_another_strip_are_a_finding_and_its_patch_is_accepted(
+    tmp_path: Path,
+) -> None:
     """Issue 36, item 7: bending length 28.9 mm under a header that says 17.0."""
     names = ("normal", "fast", "slow-low", "normal")
     written(tmp_path / "runs", folds(names, bending_length=0.0289))

@@ -24,7 +24,9 @@ def test_bounded_step_is_the_minimum_within_the_bounds() -> None:
 
 def test_holm_probabilities_are_the_textbook_ones() -> None:
     textbook = {"a": 0.03, "b": 0.06, "c": 0.06, "d": 0.02}
-    assert holm({"a": 0.01, "b": 0.04, "c": 0.03, "d": 0.005}) == pytest.approx(textbook)
+    assert holm({"a": 0.01, "b": 0.04, "c": 0.03, "d": 0.005}) == pytest.approx(
+        textbook
+    )
 
 
 def test_inefficiency_of_correlated_noise_is_that_of_its_process() -> None:
@@ -43,5 +45,14 @@ def test_inefficiency_of_correlated_noise_is_that_of_its_process() -> None:
 
 def _samples(n: int) -> Samples:
     words, ones = np.full(n, "angle"), np.ones(n)
-    return Samples(words, words, words, words, np.arange(n) * 1.0, ones, ones, 0.0 * ones,
-                   np.zeros(n, dtype=np.int64))  # fmt: skip
+    return Samples(
+        words,
+        words,
+        words,
+        words,
+        np.arange(n) * 1.0,
+        ones,
+        ones,
+        0.0 * ones,
+        np.zeros(n, dtype=np.int64),
+    )

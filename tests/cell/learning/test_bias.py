@@ -9,12 +9,18 @@ from cell.learning.experience import Experience
 REPEAT = 2e-4  # m, scatter of one specimen's folds
 
 
-def folded(number: int, error: float, specimen: str = "a", strip: str = "denim") -> Experience:
-    return Experience(f"run-{number}", "adaptive", strip, specimen, "camera", displacement=error)
+def folded(
+    number: int, error: float, specimen: str = "a", strip: str = "denim"
+) -> Experience:
+    return Experience(
+        f"run-{number}", "adaptive", strip, specimen, "camera", displacement=error
+    )
 
 
 def series(errors, specimen: str = "a") -> list[Experience]:
-    return [folded(number, float(error), specimen) for number, error in enumerate(errors)]
+    return [
+        folded(number, float(error), specimen) for number, error in enumerate(errors)
+    ]
 
 
 def test_a_cell_without_folds_has_no_bias() -> None:
@@ -99,7 +105,9 @@ def laid(*edges: float | None) -> list[Experience]:
 
 
 @pytest.mark.parametrize("offset", [-0.004, -0.003, 0.003, 0.004])
-def test_edges_that_a_cell_lays_off_are_laid_right_after_one_fold(offset: float) -> None:
+def test_edges_that_a_cell_lays_off_are_laid_right_after_one_fold(
+    offset: float,
+) -> None:
     assert abs(laid_offset(laid(offset), 0.0) - offset) < 5e-4
 
 

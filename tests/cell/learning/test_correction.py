@@ -29,13 +29,17 @@ NUMBER = Estimate(0.02, 0.019, 0.021)
 PREDICTED = FoldPrediction(-0.001, 0.0005, NUMBER, NUMBER, NUMBER, blind=False)
 
 
-def outcome(displacement: float, predicted: FoldPrediction | None = PREDICTED) -> Outcome:
+def outcome(
+    displacement: float, predicted: FoldPrediction | None = PREDICTED
+) -> Outcome:
     l1, l2 = 0.3 + displacement / 2, 0.3 - displacement / 2
     touch = SeenTouch(5.0, 0.3, l1, l2, confidence=1.0, distance=0.001)
     return Outcome("layer_touch", "the layers touch", 0, touch, -0.002, 14.0, predicted)
 
 
-def test_experiences_come_back_in_order_and_a_torn_line_is_skipped(tmp_path: Path) -> None:
+def test_experiences_come_back_in_order_and_a_torn_line_is_skipped(
+    tmp_path: Path,
+) -> None:
     memory = Memory("cell", tmp_path)
     first = Experience("r0", "adaptive", "denim", "a", "camera", displacement=0.001)
     second = replace(first, run="r1", kind="ruler", displacement=0.0, rig=0.002)
@@ -46,7 +50,9 @@ def test_experiences_come_back_in_order_and_a_torn_line_is_skipped(tmp_path: Pat
     assert memory.experiences() == (first, second)
 
 
-def test_forgetting_sets_aside_and_overwrites_nothing_that_was_set_aside(tmp_path: Path) -> None:
+def test_forgetting_sets_aside_and_overwrites_nothing_that_was_set_aside(
+    tmp_path: Path,
+) -> None:
     memory, kept = Memory("cell", tmp_path), {}
     assert memory.forget() is None
     for number in range(3):
@@ -64,7 +70,9 @@ def test_forgetting_sets_aside_and_overwrites_nothing_that_was_set_aside(tmp_pat
 
 def test_one_run_is_forgotten_and_all_others_are_kept(tmp_path: Path) -> None:
     memory = Memory("cell", tmp_path)
-    kept, gone = (Experience(name, "adaptive", "denim", "a", "camera") for name in ("r0", "r1"))
+    kept, gone = (
+        Experience(name, "adaptive", "denim", "a", "camera") for name in ("r0", "r1")
+    )
     for one in (kept, gone, replace(gone, kind="ruler", rig=0.001)):
         memory.add(one)
     aside = memory.forget(tmp_path / "r1")
@@ -82,14 +90,18 @@ def test_switched_off_stays_off_until_switched_on(tmp_path: Path) -> None:
     assert not Memory("cell", tmp_path).is_off
 
 
-@pytest.mark.parametrize("line", ['{"run": 1}', '{"run": "r", "displacement": 1e9}', "[]", "x"])
+@pytest.mark.parametrize(
+    "line", ['{"run": 1}', '{"run": "r", "displacement": 1e9}', "[]", "x"]
+)
 def test_a_line_that_holds_no_experience_is_skipped(tmp_path: Path, line: str) -> None:
     memory = Memory("cell", tmp_path)
     memory.path.write_text(line + "\n")
     assert memory.experiences() == ()
 
 
-def test_the_second_fold_aims_at_the_opposite_of_the_first_ones_bias(tmp_path: Path) -> None:
+def test_the_second_fold_aims_at_the_opposite_of_the_first_ones_bias(
+    tmp_path: Path,
+) -> None:
     memory = Memory("cell", tmp_path)
     first = experience_of("r0", SUBJECT, outcome(0.002), Correction())
     assert first is not None
@@ -103,17 +115,23 @@ def test_the_second_fold_aims_at_the_opposite_of_the_first_ones_bias(tmp_path: P
 def test_a_correction_is_never_larger_than_the_limit(tmp_path: Path) -> None:
     memory = Memory("cell", tmp_path)
     for number in range(5):
-        memory.add(Experience(f"r{number}", SUBJECT.policy, "denim", "a", "camera", 0.03))
+        memory.add(
+            Experience(f"r{number}", SUBJECT.policy, "denim", "a", "camera", 0.03)
+        )
     assert learned_correction(memory, SUBJECT).seen == pytest.approx(0.008)
 
 
 def test_experiences_of_other_weights_teach_nothing(tmp_path: Path) -> None:
     memory = Memory("cell", tmp_path)
-    memory.add(Experience("r0", "adaptive@2", "denim", "a", "camera", displacement=0.003))
+    memory.add(
+        Experience("r0", "adaptive@2", "denim", "a", "camera", displacement=0.003)
+    )
     assert learned_correction(memory, SUBJECT).seen == 0.0
 
 
-def test_folds_without_touch_or_blind_or_stopped_or_unread_teach_nothing(tmp_path: Path) -> None:
+def test_folds_without_touch_or_blind_or_stopped_or_unread_teach_nothing(
+    tmp_path: Path,
+) -> None:
     (tmp_path / TICKS).mkdir()
     assert "nothing was learned" in _learn(
         request_for("denim", "adaptive", tmp_path), outcome(0.0), tmp_path
@@ -127,7 +145,9 @@ def test_edges_are_learned_as_if_they_had_been_laid_without_a_correction() -> No
     taut = Correction()
     shifted = Correction(place=-0.002)
     plain = experience_of("r0", SUBJECT, outcome(0.0), taut)
-    again = experience_of("r0", SUBJECT, replace(outcome(0.0), edge_offset=0.0), shifted)
+    again = experience_of(
+        "r0", SUBJECT, replace(outcome(0.0), edge_offset=0.0), shifted
+    )
     assert plain is not None
     assert again is not None
     assert plain.edges == pytest.approx(-0.002)
@@ -148,7 +168,8 @@ def test_a_planned_fold_of_the_rod_comes_out_where_the_bias_is_corrected() -> No
     assert Correction(0.004).apply(corrected) is not None
     for policy in (plain, corrected):
         policy.reset(STRIP, 0.1, 1)
-    # A rise of one millimetre moves d by 0.95 mm (reference: the slope dd/dr of raised triangles).
+    # A rise of one millimetre moves d by 0.95 mm (reference: the slope dd/dr of raised
+    # triangles).
     moved = plain.rises - corrected.rises
     assert np.allclose(moved, 0.004 / 0.95, atol=1e-3)
 

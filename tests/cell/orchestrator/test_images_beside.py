@@ -1,4 +1,6 @@
-"""With images read beside the loop it keeps its rate, and a reader that fails stops the arm."""
+"""With images read beside the loop it keeps its rate, and a reader that fails stops the
+arm.
+"""
 
 from types import SimpleNamespace
 
@@ -53,7 +55,9 @@ def driving(ticks: int):
 
 def folding(bench: Bench, reader: LateReader, fold=None) -> list[Snapshot]:
     bench.reader, bench.phases, seen = reader, phases(FOLD=fold or driving(100)), []
-    bench.observers = (SimpleNamespace(handle_tick=seen.append, handle_event=lambda *_: None),)
+    bench.observers = (
+        SimpleNamespace(handle_tick=seen.append, handle_event=lambda *_: None),
+    )
     return seen
 
 
@@ -116,11 +120,14 @@ def test_a_turn_that_hangs_is_ended_and_stops_the_arm(bench, monkeypatch) -> Non
 def test_a_turn_in_time_leaves_no_alarm_behind() -> None:
     with time_limit(0.02):
         pass
-    with pytest.raises(Fault, match="longer than 0.02 s".replace(".", r"\.")), time_limit(0.02):
+    with (
+        pytest.raises(Fault, match="longer than 0.02 s".replace(".", r"\.")),
+        time_limit(0.02),
+    ):
         forever()
 
 
-def test_a_turn_that_took_too_long_stops_the_arm_though_the_alarm_was_suppressed() -> None:
+def test_a_turn_that_took_too_long_stops_the_arm_though_the_alarm_was_suppressed():
     with pytest.raises(Fault, match="takes longer than"), time_limit(0.02):
         assert not run_suppressed(forever)
 

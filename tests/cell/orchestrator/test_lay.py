@@ -39,7 +39,9 @@ def driven(start: tuple[float, float]) -> list[Velocity]:
 
 
 @pytest.mark.parametrize("start", [(0.2, 0.24), (0.038, 0.038)], ids=["long", "short"])
-def test_lay_ends_slowly_and_turns_no_faster_than_an_arm_may(start: tuple[float, float]) -> None:
+def test_lay_ends_slowly_and_turns_no_faster_than_an_arm_may(
+    start: tuple[float, float],
+) -> None:
     told = driven(start)
     speeds = [math.hypot(v.vx, v.vz) for v in told]
     assert max(speeds) <= SPEED + 1e-9
@@ -51,7 +53,9 @@ def test_lay_ends_slowly_and_turns_no_faster_than_an_arm_may(start: tuple[float,
 
 
 def touched(displacement: float) -> SeenTouch:
-    return SeenTouch(5.0, 0.25, 0.25 + displacement, 0.25, confidence=1.0, distance=0.001)
+    return SeenTouch(
+        5.0, 0.25, 0.25 + displacement, 0.25, confidence=1.0, distance=0.001
+    )
 
 
 @pytest.mark.parametrize(
@@ -84,8 +88,12 @@ def test_edge_is_laid_over_the_lower_layer_and_let_go_before_the_hand_leaves() -
     bench.hand.commands = commands = bench.arm.commands
     assert bench.run().name == "edges_not_seen"
     rest, aside = 0.003 + CLEARANCE, -FOLD.approach
-    *_, laid, opened, back, up = [c for c in commands if isinstance(c, MoveTo | OpenHand)]
+    *_, laid, opened, back, up = [
+        c for c in commands if isinstance(c, MoveTo | OpenHand)
+    ]
     assert opened == OpenHand()
     assert laid.pose.as_array() == pytest.approx([0.0, rest, np.pi])
     assert back.pose.as_array() == pytest.approx([aside, rest, np.pi], abs=1e-6)
-    assert up.pose.as_array() == pytest.approx([aside, rest - 2 * aside, np.pi], abs=1e-6)
+    assert up.pose.as_array() == pytest.approx(
+        [aside, rest - 2 * aside, np.pi], abs=1e-6
+    )

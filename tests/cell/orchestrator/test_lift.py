@@ -40,13 +40,19 @@ def lifted(
     late: range = range(0),
     watch: Callable[[MotionProfile], None] = lambda _: None,
 ) -> np.ndarray:
-    """Pitches (n,) [rad] of an arm with these limits on its way up and in the half second after.
+    """Pitches (n,) [rad] of an arm with these limits on its way up and in the half
+    second after.
 
-    The commands of the `late` periods do not arrive; `watch` sees the servo twice a period.
+    The commands of the `late` periods do not arrive; `watch` sees the servo twice a
+    period.
     """
     settings, strip = cell(limits, speed), find_configs(None).strip("denim")
-    context = FoldContext(settings, strip, make_policy(policy), SimpleNamespace(), reader=None)
-    profile = MotionProfile(limits, settings.installation.workspace, Pose(strip.length, 0.0, 0.0))
+    context = FoldContext(
+        settings, strip, make_policy(policy), SimpleNamespace(), reader=None
+    )
+    profile = MotionProfile(
+        limits, settings.installation.workspace, Pose(strip.length, 0.0, 0.0)
+    )
     motion, pitches, k = lift(context, Recorder(), snapshot(0, profile)), [], 0
     command = next(motion)
     with suppress(StopIteration):
@@ -68,14 +74,18 @@ def lifted(
 
 def cell(limits: MotionLimits, speed: float) -> CellSettings:
     settings = find_configs(None).cell().controller
-    installation = settings.installation.model_copy(update={"limits": limits, "home_height": 0.25})
+    installation = settings.installation.model_copy(
+        update={"limits": limits, "home_height": 0.25}
+    )
     fold = settings.fold.model_copy(update={"speed": speed, "start": "flat"})
     return settings.model_copy(update={"installation": installation, "fold": fold})
 
 
 def snapshot(k: int, profile: MotionProfile) -> Snapshot:
     now = k * PERIOD * TICK
-    arm = ArmState(now, now, "made", profile.pose, ZERO_VELOCITY, profile.pose, True, False)
+    arm = ArmState(
+        now, now, "made", profile.pose, ZERO_VELOCITY, profile.pose, True, False
+    )
     return Snapshot(now, State.LIFT, 0.0, arm, HAND, View())
 
 
@@ -112,21 +122,33 @@ def test_short_strips_begin_where_the_guard_lets_the_lift_pass(length: float) ->
     joints = start_joints(installation, settings, length)
     plane = plane_of(installation, forward(np.array(joints)).T.ravel().tolist())
     guard = ReachGuard(plane, REACHABLE, list(joints))
-    poses, times = densify(*whole_path(length, installation, settings, triangle(length)))
+    poses, times = densify(
+        *whole_path(length, installation, settings, triangle(length))
+    )
     objections = set[str]()
     for here, there, time in zip(poses[:-1], poses[1:], times[1:], strict=True):
-        soon = PredictedMotion(Pose(*here), Velocity(*((there - here) / time)), ZERO_VELOCITY)
+        soon = PredictedMotion(
+            Pose(*here), Velocity(*((there - here) / time)), ZERO_VELOCITY
+        )
         if here[2] < np.pi / 2:  # the guard follows the way there, too
-            objections |= {guard.objection(soon)} if here[2] > 0.0 else {guard.objection(soon)[:0]}
+            objections |= (
+                {guard.objection(soon)}
+                if here[2] > 0.0
+                else {guard.objection(soon)[:0]}
+            )
     assert objections == {""}
 
 
 def guarded() -> ReachGuard:
-    """The guard of a robot mounted as in cell.yaml whose hand holds the strip's edge."""
+    """The guard of a robot mounted as in cell.yaml whose hand holds the strip's
+    edge.
+    """
     installation = cell(REACHABLE, 0.1).installation
     above = np.array(start_joints(installation, FoldSettings(), 0.6))
     plane = plane_of(installation, forward(above).T.ravel().tolist())
     joints = above
     for height in np.linspace(installation.home_height, 0.0, 26):
-        joints, _ = track(joints, plane.matrix(0.6, height, 0.0), above[ELBOW_JOINT], 12)
+        joints, _ = track(
+            joints, plane.matrix(0.6, height, 0.0), above[ELBOW_JOINT], 12
+        )
     return ReachGuard(plane, REACHABLE, joints.tolist())

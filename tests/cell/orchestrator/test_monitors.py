@@ -21,13 +21,17 @@ def turned(by: float) -> Pose:
 LIMITS = MonitorLimits()
 RULES = Rules(LIMITS, Workspace())
 BROKEN = {
-    "arm_pose_not_finite": replace(GOOD, arm=replace(ARM, pose=Pose(math.nan, 0.2, 0.0))),
+    "arm_pose_not_finite": replace(
+        GOOD, arm=replace(ARM, pose=Pose(math.nan, 0.2, 0.0))
+    ),
     "arm_state_stale": replace(GOOD, arm=replace(ARM, stamp=9.9)),
     "hand_state_stale": replace(GOOD, hand=replace(HAND, stamp=9.4)),
     "setpoint_expired": replace(GOOD, arm=replace(ARM, expired=True)),
     "overspeed": replace(GOOD, arm=replace(ARM, velocity=Velocity(0.6, 0.0, 0.0))),
     "tracking_error": replace(GOOD, arm=replace(ARM, commanded=Pose(0.43, 0.2, 1.5))),
-    "workspace": replace(GOOD, arm=replace(ARM, pose=Pose(0.4, -0.02, 1.5), commanded=POSE)),
+    "workspace": replace(
+        GOOD, arm=replace(ARM, pose=Pose(0.4, -0.02, 1.5), commanded=POSE)
+    ),
     "force": replace(GOOD, arm=replace(ARM, force=(30.0, 1.0))),
     "grip_lost": replace(GOOD, hand=replace(HAND, grasped=False)),
     "image_stale": showing(frame=replace(FRAME, stamp=9.5), stale_since=9.8),
@@ -46,7 +50,9 @@ BROKEN = {
         view=replace(GOOD.view, frame=replace(FRAME, stamp=121.0)),
     ),
     "strip_too_thick": showing(resting=0.0025),
-    "calibration_overtime": replace(GOOD, state=State.CALIBRATE, entered=-LIMITS.calibration),
+    "calibration_overtime": replace(
+        GOOD, state=State.CALIBRATE, entered=-LIMITS.calibration
+    ),
 }
 
 
@@ -75,18 +81,36 @@ WATCHED = {
 
 
 def test_nothing_trips_on_a_good_tick() -> None:
-    assert not [reason for m in MONITORS if (reason := m.check(GOOD, RULES)) is not None]
+    assert not [
+        reason for m in MONITORS if (reason := m.check(GOOD, RULES)) is not None
+    ]
     check_all(GOOD, Drive(Velocity(-0.1, 0.0, 0.0)), RULES)
 
 
-@pytest.mark.parametrize(("x", "z"), [(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)])
-def test_arm_may_overshoot_its_workspace_by_the_border_alone(x: float, z: float) -> None:
-    box, check = RULES.workspace, next(m.check for m in MONITORS if m.name == "workspace")
+@pytest.mark.parametrize(
+    ("x", "z"), [(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)]
+)
+def test_arm_may_overshoot_its_workspace_by_the_border_alone(
+    x: float, z: float
+) -> None:
+    box, check = (
+        RULES.workspace,
+        next(m.check for m in MONITORS if m.name == "workspace"),
+    )
     for share in (0.9, 1.1):
-        pose = Pose(*(mid + s * (half + share * LIMITS.border) for mid, half, s in (
-            (np.mean(box.x), np.ptp(box.x) / 2, x), (np.mean(box.z), np.ptp(box.z) / 2, z)
-        )), 1.5)  # fmt: skip
-        assert (check(replace(GOOD, arm=replace(ARM, pose=pose)), RULES) is None) == (share < 1.0)
+        pose = Pose(
+            *(
+                mid + s * (half + share * LIMITS.border)
+                for mid, half, s in (
+                    (np.mean(box.x), np.ptp(box.x) / 2, x),
+                    (np.mean(box.z), np.ptp(box.z) / 2, z),
+                )
+            ),
+            1.5,
+        )
+        assert (check(replace(GOOD, arm=replace(ARM, pose=pose)), RULES) is None) == (
+            share < 1.0
+        )
 
 
 def test_every_monitor_has_a_case_here() -> None:
@@ -95,7 +119,11 @@ def test_every_monitor_has_a_case_here() -> None:
 
 @pytest.mark.parametrize("name", BROKEN)
 def test_monitor_stops_before_the_command(name: str) -> None:
-    loose = LIMITS.model_copy(update={"tracking_error": 1.0}) if name == "workspace" else LIMITS
+    loose = (
+        LIMITS.model_copy(update={"tracking_error": 1.0})
+        if name == "workspace"
+        else LIMITS
+    )
     rules = replace(RULES, limits=loose)
     with pytest.raises(Fault) as stopped:
         check_all(BROKEN[name], Hold(), rules)
@@ -105,18 +133,31 @@ def test_monitor_stops_before_the_command(name: str) -> None:
 @pytest.mark.parametrize(
     ("snapshot", "name"),
     [
-        (replace(GOOD, arm=replace(ARM, commanded=Pose(0.4, 0.24, 1.5))), "tracking_error"),
+        (
+            replace(GOOD, arm=replace(ARM, commanded=Pose(0.4, 0.24, 1.5))),
+            "tracking_error",
+        ),
         (replace(GOOD, arm=replace(ARM, force=(0.0, -30.0))), "force"),
-        (replace(GOOD, arm=replace(ARM, velocity=Velocity(0.0, -0.6, 0.0))), "overspeed"),
-        (replace(GOOD, arm=replace(ARM, velocity=Velocity(0.0, 0.0, -3.3))), "overspeed"),
-        (replace(GOOD, arm=replace(ARM, velocity=Velocity(0.0, 0.0, math.nan))), "overspeed"),
+        (
+            replace(GOOD, arm=replace(ARM, velocity=Velocity(0.0, -0.6, 0.0))),
+            "overspeed",
+        ),
+        (
+            replace(GOOD, arm=replace(ARM, velocity=Velocity(0.0, 0.0, -3.3))),
+            "overspeed",
+        ),
+        (
+            replace(GOOD, arm=replace(ARM, velocity=Velocity(0.0, 0.0, math.nan))),
+            "overspeed",
+        ),
         (replace(GOOD, arm=replace(ARM, commanded=turned(0.2))), "tracking_error"),
         (replace(GOOD, arm=replace(ARM, commanded=turned(-0.2))), "tracking_error"),
         *(
             (replace(GOOD, arm=replace(ARM, pose=pose, commanded=pose)), "workspace")
             for pose in (Pose(-0.2, 0.2, 1.5), Pose(0.9, 0.2, 1.5), Pose(0.4, 0.6, 1.5))
         ),
-        (replace(GOOD, hand=replace(HAND, stamp=11.0)), "hand_state_stale"),  # of the future
+        # of the future
+        (replace(GOOD, hand=replace(HAND, stamp=11.0)), "hand_state_stale"),
         (replace(GOOD, arm=replace(ARM, stamp=10.5)), "arm_state_stale"),
         (showing(frame=replace(FRAME, stamp=40.0)), "image_stale"),
     ],
@@ -141,7 +182,9 @@ def test_pitch_has_a_limit_of_the_arm_s_motion_however_slow_that_is() -> None:
 
 
 def test_each_monitor_watches_in_its_states() -> None:
-    """Those of the arm wherever it may move, those of images wherever they are relied on."""
+    """Those of the arm wherever it may move, those of images wherever they are relied
+    on.
+    """
     assert {monitor.name: set(monitor.states) for monitor in MONITORS} == WATCHED
 
 
@@ -153,7 +196,9 @@ def test_each_monitor_watches_in_its_states() -> None:
         (Drive(Velocity(math.nan, 0.0, 0.0)), "command_refused"),
     ],
 )
-def test_a_command_beyond_its_limits_is_refused(command: MoveTo | Drive, name: str) -> None:
+def test_a_command_beyond_its_limits_is_refused(
+    command: MoveTo | Drive, name: str
+) -> None:
     with pytest.raises(Fault) as refused:
         check_all(GOOD, command, RULES)
     assert refused.value.name == name
@@ -162,4 +207,6 @@ def test_a_command_beyond_its_limits_is_refused(command: MoveTo | Drive, name: s
 def test_no_limit_can_be_switched_off() -> None:
     for name, field in MonitorLimits.model_fields.items():
         assert field.default is not None, name
-        assert any(hasattr(rule, "le") or hasattr(rule, "lt") for rule in field.metadata), name
+        assert any(
+            hasattr(rule, "le") or hasattr(rule, "lt") for rule in field.metadata
+        ), name

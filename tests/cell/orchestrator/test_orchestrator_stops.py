@@ -9,7 +9,14 @@ from types import SimpleNamespace
 import pytest
 
 import cell.orchestrator.run as orchestrator
-from cell.orchestrator.snapshot import CloseHand, Drive, Hold, MoveTo, OpenHand, Snapshot
+from cell.orchestrator.snapshot import (
+    CloseHand,
+    Drive,
+    Hold,
+    MoveTo,
+    OpenHand,
+    Snapshot,
+)
 from cell.orchestrator.states import Event, State
 from cell.orchestrator.steps import close_hand, move, open_hand
 from drivers.errors import Fault
@@ -24,7 +31,9 @@ def bench() -> Bench:
     return plain_bench()
 
 
-def later(bench: Bench, act: Callable, *, until=math.inf, error=ZeroDivisionError) -> Callable:
+def later(
+    bench: Bench, act: Callable, *, until=math.inf, error=ZeroDivisionError
+) -> Callable:
     """`act`, but between BEGIN and `until` it fails in a way that nobody foresaw."""
 
     def failing(*arguments, **options):
@@ -40,7 +49,9 @@ def break_parts(bench: Bench, parts: Mapping[str, float]) -> None:
     for part, lasting in parts.items():
         device, _, method = part.partition(".")
         owner = getattr(bench, device)
-        setattr(owner, method, later(bench, getattr(owner, method), until=BEGIN + lasting))
+        setattr(
+            owner, method, later(bench, getattr(owner, method), until=BEGIN + lasting)
+        )
 
 
 def break_camera(bench: Bench) -> None:
@@ -64,7 +75,10 @@ def break_clock_for_a_while(bench: Bench) -> None:
         break_camera,
         partial(break_parts, parts={"hand.state": math.inf, "hand.stop": math.inf}),
         partial(break_parts, parts={"record.tick": math.inf}),
-        partial(break_parts, parts={f"record.{p}": math.inf for p in ("tick", "event", "frame")}),
+        partial(
+            break_parts,
+            parts={f"record.{p}": math.inf for p in ("tick", "event", "frame")},
+        ),
         partial(break_parts, parts={"camera.read": math.inf, "arm.stop": 0.2}),
         partial(break_parts, parts={"arm.state": 0.3}),
         break_clock_for_a_while,
@@ -72,7 +86,9 @@ def break_clock_for_a_while(bench: Bench) -> None:
 )
 def test_the_arm_rests_before_the_run_is_over_whatever_fails(bench, breaks) -> None:
     record = bench.record
-    bench.record = SimpleNamespace(**{n: getattr(record, n) for n in dir(record) if n[0] != "_"})
+    bench.record = SimpleNamespace(
+        **{n: getattr(record, n) for n in dir(record) if n[0] != "_"}
+    )
     breaks(bench)
     outcome = bench.run()
     assert outcome.name == "internal_error"
@@ -126,7 +142,9 @@ def test_a_velocity_that_no_arm_may_follow_stops_the_arm(bench, velocity) -> Non
     bench.phases = phases(FOLD=runaway)
     assert bench.run().name == "command_refused"
     assert bench.at_rest
-    driven = [command.velocity for command in bench.arm.commands if isinstance(command, Drive)]
+    driven = [
+        command.velocity for command in bench.arm.commands if isinstance(command, Drive)
+    ]
     assert set(driven) == {AWAY}
 
 
@@ -218,7 +236,9 @@ def test_every_command_is_checked_before_it_is_sent(bench, monkeypatch) -> None:
         (bench.hand, ("open", "grasp")),
     ):
         for name in names:
-            monkeypatch.setattr(device, name, sending(getattr(device, name), checked, sent))
+            monkeypatch.setattr(
+                device, name, sending(getattr(device, name), checked, sent)
+            )
     assert bench.run().name == "path_done"
     assert sent == ["open", "move_to", "grasp", *5 * ["set_velocity"]]
     first = dict(reversed(checked))
@@ -227,7 +247,12 @@ def test_every_command_is_checked_before_it_is_sent(bench, monkeypatch) -> None:
 
 
 def sending(act: Callable, checked: list, sent: list) -> Callable:
-    kinds = {"move_to": MoveTo, "set_velocity": Drive, "open": OpenHand, "grasp": CloseHand}
+    kinds = {
+        "move_to": MoveTo,
+        "set_velocity": Drive,
+        "open": OpenHand,
+        "grasp": CloseHand,
+    }
 
     def send(*arguments) -> None:
         assert isinstance(checked[-1][1], kinds[act.__name__])
@@ -241,10 +266,14 @@ def test_a_fault_is_never_resumed(bench) -> None:
     """The camera fails once and is well again: the run has ended all the same."""
     bench.camera.read = later(bench, bench.camera.read, until=BEGIN + 0.02)
     states, seen = list[str](), list[Snapshot]()
-    bench.observers = (SimpleNamespace(
-        handle_tick=seen.append,
-        handle_event=lambda time, kind, facts: states.append(str(facts.get("state", kind))),
-    ),)  # fmt: skip
+    bench.observers = (
+        SimpleNamespace(
+            handle_tick=seen.append,
+            handle_event=lambda time, kind, facts: states.append(
+                str(facts.get("state", kind))
+            ),
+        ),
+    )
     bench.run()
     assert states[-3:] == ["fault", "STOPPING", "FAULT"]
     braking = [shown.view for shown in seen if shown.state is State.STOPPING]

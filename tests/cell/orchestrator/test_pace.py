@@ -23,13 +23,16 @@ BRAKES = 0.1  # s in which an arm at 0.11 m/s rests
 
 
 def aged(age: float, state: State = State.FOLD):
-    return replace(GOOD, state=state, view=replace(GOOD.view, frame=replace(FRAME, stamp=10 - age)))
+    return replace(
+        GOOD, state=state, view=replace(GOOD.view, frame=replace(FRAME, stamp=10 - age))
+    )
 
 
 def test_usual_images_change_no_command() -> None:
     for command in (Drive(FAST), MoveTo(PLACE), Hold()):
         assert (
-            slow_for_images(command, aged(0.99 * USUAL_AGE * LIMITS.image_age), LIMITS) == command
+            slow_for_images(command, aged(0.99 * USUAL_AGE * LIMITS.image_age), LIMITS)
+            == command
         )
 
 
@@ -52,7 +55,9 @@ def test_move_is_held_at_the_limit_and_fingers_are_not() -> None:
 
 
 def test_where_no_image_is_needed_their_age_does_not_count() -> None:
-    assert slow_for_images(MoveTo(PLACE), aged(9.0, State.PREFLIGHT), LIMITS) == MoveTo(PLACE)
+    assert slow_for_images(MoveTo(PLACE), aged(9.0, State.PREFLIGHT), LIMITS) == MoveTo(
+        PLACE
+    )
 
 
 def drives(*_):
@@ -91,7 +96,9 @@ def test_gap_is_waited_for_at_rest_and_the_run_goes_on(bench, begin: float) -> N
     assert all(rested)
 
 
-def test_camera_that_is_gone_ends_the_run_with_an_arm_that_already_stands(bench) -> None:
+def test_camera_that_is_gone_ends_the_run_with_an_arm_that_already_stands(
+    bench,
+) -> None:
     rested: list[bool] = []
     lose_images(bench, DRIVEN, 60.0)
     bench.observers = (Watch(bench, rested),)
@@ -136,7 +143,9 @@ class Watch:
 
 def test_arm_waits_at_the_first_image_that_repeats_the_one_before() -> None:
     repeated = replace(GOOD, view=replace(GOOD.view, identical=2))
-    assert slow_for_images(Drive(FAST), repeated, LIMITS) == Drive(Velocity(0.0, 0.0, 0.0))
+    assert slow_for_images(Drive(FAST), repeated, LIMITS) == Drive(
+        Velocity(0.0, 0.0, 0.0)
+    )
     assert slow_for_images(MoveTo(PLACE), repeated, LIMITS) == Hold()
     assert slow_for_images(CloseHand(), repeated, LIMITS) == CloseHand()
 
@@ -160,7 +169,9 @@ def show(bench: Bench, content: Callable[[int], int]) -> None:
             return frame
         if shown and frame.stamp < shown[-1].stamp + 0.0499:
             return None
-        shown.append(replace(frame, image=np.full((2, 2, 3), content(len(shown)), np.uint8)))
+        shown.append(
+            replace(frame, image=np.full((2, 2, 3), content(len(shown)), np.uint8))
+        )
         return shown[-1]
 
     bench.camera.read = showing
@@ -175,5 +186,7 @@ def test_image_sent_twice_makes_the_arm_wait_and_ends_no_run(bench) -> None:
 def test_arm_of_a_frozen_camera_stands_before_the_fault_is_named(bench) -> None:
     show(bench, lambda number: min(number, 10))
     assert bench.run().name == "image_frozen"
-    last = [command for command in bench.arm.commands if isinstance(command, Drive)][-4:]
+    last = [command for command in bench.arm.commands if isinstance(command, Drive)][
+        -4:
+    ]
     assert last == [STANDS] * 4

@@ -41,9 +41,16 @@ def test_a_camera_that_nothing_watches_is_an_event_a_warning_and_in_the_list(
     found = PreflightCheck(name, True, "1 place, 2 are needed", "put something there")
     monkeypatch.setattr(phases, "_camera_checks", at_once(()))
     monkeypatch.setattr(phases.steps, "move", at_once(GOOD))
-    monkeypatch.setattr(phases.steps, "still_picture", at_once(StillPicture(1.0, FRAME, POSE)))
+    monkeypatch.setattr(
+        phases.steps, "still_picture", at_once(StillPicture(1.0, FRAME, POSE))
+    )
     monkeypatch.setattr(phases, "_inspect", at_once((found,)))
-    given = CONFIGS.cell().controller, CONFIGS.strip("denim"), make_policy("triangular"), None
+    given = (
+        CONFIGS.cell().controller,
+        CONFIGS.strip("denim"),
+        make_policy("triangular"),
+        None,
+    )
     context = FoldContext(*given, reader=None)
     record = Notes()
     with pytest.raises(StopIteration) as end:
@@ -65,16 +72,28 @@ def test_every_prediction_is_recorded_and_where_it_loses_sight_and_sees_again() 
     next(phase)
     for _ in range(4):
         phase.send(showing(read=True))
-    told = "decided decided foretold decided foretold policy_blind decided foretold policy_sees"
+    told = (
+        "decided decided foretold decided foretold policy_blind decided foretold"
+        " policy_sees"
+    )
     assert [k for k, _ in record.events] == told.replace("decided", "decision").split()
 
 
 @pytest.mark.parametrize("displacement", [None, 0.001])
 def test_warning_is_a_line_of_its_own_whatever_came_of_the_fold(displacement) -> None:
     result = FoldResult(
-        "", "denim", "adaptive", 0, "unlike_model", "it is stiff", 1, displacement,
+        "",
+        "denim",
+        "adaptive",
+        0,
+        "unlike_model",
+        "it is stiff",
+        1,
+        displacement,
         warning="it is stiff\n  the camera is not watched",
-    )  # fmt: skip
+    )
     lines = str(result).splitlines()
     assert lines[-1] == "  the camera is not watched"
-    assert sum("it is stiff" in line for line in lines) == (2 if displacement is None else 1)
+    assert sum("it is stiff" in line for line in lines) == (
+        2 if displacement is None else 1
+    )

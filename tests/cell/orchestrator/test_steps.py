@@ -13,7 +13,9 @@ from tests.support.plain_cell import ARM, GOOD, POSE
 
 
 @pytest.mark.parametrize("asked", [-9.0, -2.0, 0.0, 1.6, 2.7, 9.0])
-def test_no_correction_of_the_pitch_asks_for_more_than_an_arm_gives(asked: float) -> None:
+def test_no_correction_of_the_pitch_asks_for_more_than_an_arm_gives(
+    asked: float,
+) -> None:
     decision = Decision(np.array([0.5]), np.array([0.1]), np.array([False]))
     rate = drive(decision, asked).velocity.pitch_rate
     assert abs(rate) <= TURNING < Installation().limits.pitch.velocity

@@ -18,8 +18,11 @@ HAND = HandState(0.0, 0.0, "made", 0.001, True, False)
 BRAKES = 0.1  # s
 
 
-def paused(swing: float, decay: float, longest: float = 4.0, noise: float = 0.0) -> tuple[Any, ...]:
-    """How long [s] a strip that swings by `swing` [m] is waited for, its facts, the commands.
+def paused(
+    swing: float, decay: float, longest: float = 4.0, noise: float = 0.0
+) -> tuple[Any, ...]:
+    """How long [s] a strip that swings by `swing` [m] is waited for, its facts, the
+    commands.
 
     The swing halves every `decay` [s]; each point is read with `noise` [m].
     """
@@ -38,13 +41,20 @@ def paused(swing: float, decay: float, longest: float = 4.0, noise: float = 0.0)
 
 
 def snapshot(
-    k: int, pose: Pose, swing: float, decay: float, noise: float, rng: np.random.Generator
+    k: int,
+    pose: Pose,
+    swing: float,
+    decay: float,
+    noise: float,
+    rng: np.random.Generator,
 ) -> Snapshot:
     now = TICK * k
     arm = ArmState(now, now, "made", pose, ZERO_VELOCITY, pose, now < BRAKES, False)
     curve = np.linspace((0.4, 0.0), (pose.x, pose.z), 40)
     off = swing * 0.5 ** (now / decay) * np.cos(12.0 * now)
-    curve[:, 0] += off * np.sin(np.linspace(0.0, np.pi, 40)) + rng.normal(0.0, noise, 40)
+    curve[:, 0] += off * np.sin(np.linspace(0.0, np.pi, 40)) + rng.normal(
+        0.0, noise, 40
+    )
     frame = Frame(now, now, "made", k // FRAME, np.zeros((2, 2, 3), np.uint8))
     place, nothing = (pose.x, pose.z), float("nan")
     seen = StripMeasurement(

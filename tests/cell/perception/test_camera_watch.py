@@ -1,4 +1,6 @@
-"""A camera that moves in a fold is told from the scene, whatever its light; nothing else is."""
+"""A camera that moves in a fold is told from the scene, whatever its light; nothing
+else is.
+"""
 
 from dataclasses import replace
 
@@ -6,7 +8,12 @@ import cv2
 import numpy as np
 import pytest
 
-from cell.perception.camera_watch import CAMERA_WATCHED, FEWEST_PATCHES, UNWATCHED, CameraWatch
+from cell.perception.camera_watch import (
+    CAMERA_WATCHED,
+    FEWEST_PATCHES,
+    UNWATCHED,
+    CameraWatch,
+)
 from cell.perception.image_reader import Measurer, StripInputs
 from cell.perception.preflight import inspect
 from cell.perception.region import HIGH_HEIGHT
@@ -28,7 +35,9 @@ def picture(points: Array, gripper: Pose, seed: int) -> Image:
     arc = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
     scene = Scene(0.0, points, arc, gripper, 0.04, holds_strip=False, strip=True)
     image = Renderer(CAMERA, StripLook.from_file(DENIM), seed).render([scene], seed)
-    image[440:500, 1190:1250] //= 1 + np.indices((60, 60), np.uint8).sum(0)[..., None] // 8 % 2
+    image[440:500, 1190:1250] //= (
+        1 + np.indices((60, 60), np.uint8).sum(0)[..., None] // 8 % 2
+    )
     return image
 
 
@@ -48,14 +57,22 @@ def lifted() -> Image:
 
 
 def moved(image: Image, x: float, z: float) -> Image:
-    """`image` as of a camera that was moved so that all appears `x`, `z` [m] elsewhere."""
-    here, there = twin_calibration(CAMERA).to_image(np.array([(0.2, 0.0), (0.2 + x, z)]))
+    """`image` as of a camera that was moved so that all appears `x`, `z` [m]
+    elsewhere.
+    """
+    here, there = twin_calibration(CAMERA).to_image(
+        np.array([(0.2, 0.0), (0.2 + x, z)])
+    )
     warp = np.column_stack([np.eye(2), there - here])
     size = image.shape[1::-1]
-    return np.asarray(cv2.warpAffine(image, warp, size, borderMode=cv2.BORDER_REPLICATE))
+    return np.asarray(
+        cv2.warpAffine(image, warp, size, borderMode=cv2.BORDER_REPLICATE)
+    )
 
 
-def test_a_lifted_strip_and_other_light_move_nothing(watch: CameraWatch, lifted: Image) -> None:
+def test_a_lifted_strip_and_other_light_move_nothing(
+    watch: CameraWatch, lifted: Image
+) -> None:
     assert len(watch.patches) >= FEWEST_PATCHES
     assert watch.shift(lifted, ABOVE) < 3e-4
     assert watch.shift(lifted // 2, ABOVE) < 3e-4
@@ -64,28 +81,38 @@ def test_a_lifted_strip_and_other_light_move_nothing(watch: CameraWatch, lifted:
 def test_patches_lie_apart_and_below_the_waiting_hand(watch: CameraWatch) -> None:
     apart = np.abs(watch.corners[:, None] - watch.corners).max(axis=2)
     assert (apart >= len(watch.patches[0])).sum() == len(apart) * (len(apart) - 1)
-    hand = twin_calibration(CAMERA).to_image(np.array([[DENIM.length / 2, HIGH_HEIGHT]]))
+    hand = twin_calibration(CAMERA).to_image(
+        np.array([[DENIM.length / 2, HIGH_HEIGHT]])
+    )
     assert watch.corners[:, 1].min() > hand[0, 1]
 
 
 @pytest.mark.parametrize(("x", "z"), [(0.002, 0.0), (-0.0015, 0.001), (0.0, 0.004)])
-def test_a_moved_camera_is_told(watch: CameraWatch, lifted: Image, x: float, z: float) -> None:
+def test_a_moved_camera_is_told(
+    watch: CameraWatch, lifted: Image, x: float, z: float
+) -> None:
     shift = watch.shift(moved(lifted, x, z), ABOVE)
     assert shift == pytest.approx(np.hypot(x, z), abs=4e-4)
 
 
-def test_where_nothing_is_found_again_nothing_is_told(watch: CameraWatch, lifted: Image) -> None:
+def test_where_nothing_is_found_again_nothing_is_told(
+    watch: CameraWatch, lifted: Image
+) -> None:
     assert np.isnan(watch.shift(np.full_like(lifted, 255), ABOVE))
     assert np.isnan(watch.shift(moved(lifted, 0.03, 0.0), ABOVE))
 
 
-def test_what_stands_still_is_a_check_and_too_little_of_it_is_said(watch: CameraWatch) -> None:
+def test_what_stands_still_is_a_check_and_too_little_of_it_is_said(
+    watch: CameraWatch,
+) -> None:
     found = watch.check()
     assert (found.name, found.passed) == (CAMERA_WATCHED, True)
     one = replace(watch, corners=watch.corners[:1], patches=watch.patches[:1])
     found = one.check()
     assert (found.name, found.passed) == (UNWATCHED, True)
-    assert found.reason.startswith("1 static patches are visible, 2 are needed: a camera")
+    assert found.reason.startswith(
+        "1 static patches are visible, 2 are needed: a camera"
+    )
 
 
 def test_process_beside_the_loop_says_so_too() -> None:

@@ -34,12 +34,15 @@ def test_images_that_repeat_while_the_gripper_moves_are_counted() -> None:
     "poses",
     [
         [HERE] * 200,
-        [Pose(0.6 + x, 0.1 + z, pitch) for x, z, pitch in NOISE],  # as an arm measures it
+        # as an arm measures it
+        [Pose(0.6 + x, 0.1 + z, pitch) for x, z, pitch in NOISE],
         [HERE, *[Pose(0.5, 0.1, 0.0)] * 3],  # it moved before the image froze
     ],
     ids=["at rest", "noise", "before"],
 )
-def test_equal_images_of_a_scene_at_rest_are_no_frozen_camera(poses: list[Pose]) -> None:
+def test_equal_images_of_a_scene_at_rest_are_no_frozen_camera(
+    poses: list[Pose],
+) -> None:
     levels = [7] * len(poses) if len(poses) > 4 else [1, 7, 7, 7]
     assert _counts(poses, levels) == [1] * len(poses)
 

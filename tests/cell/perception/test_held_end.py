@@ -1,4 +1,6 @@
-"""Where no arm reports it, the held end follows from the strip's length and where it was."""
+"""Where no arm reports it, the held end follows from the strip's length and where it
+was.
+"""
 
 from types import SimpleNamespace
 
@@ -26,7 +28,9 @@ class Hanging:
         slope = np.array([np.cos(end.pitch), np.sin(end.pitch)])
         shares = np.linspace(LENGTH - CONTACT, NEAR, 100 if seen else 0)[:, None]
         curve = (end.x, end.z) - shares * slope
-        return StripMeasurement(end.stamp, 0, CONTACT, 1.0, curve, float(seen), (0, 0), 0.0, 0.0)
+        return StripMeasurement(
+            end.stamp, 0, CONTACT, 1.0, curve, float(seen), (0, 0), 0.0, 0.0
+        )
 
 
 @pytest.fixture

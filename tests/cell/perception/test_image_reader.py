@@ -1,4 +1,6 @@
-"""A process beside the loop measures images: what it sees comes back whole, and its end is seen."""
+"""A process beside the loop measures images: what it sees comes back whole, and its end
+is seen.
+"""
 
 import os
 import signal
@@ -59,8 +61,18 @@ def test_what_the_process_sees_is_what_the_loop_gets(process, touches) -> None:
     assert process.busy_since is None
     assert found.touch == here.touch
     np.testing.assert_array_equal(found.measurement.profile, here.measurement.profile)
-    for name in ("stamp", "sequence", "contact_x", "contact_confidence", "tip", "gap", "gripper"):
-        np.testing.assert_equal(getattr(found.measurement, name), getattr(here.measurement, name))
+    for name in (
+        "stamp",
+        "sequence",
+        "contact_x",
+        "contact_confidence",
+        "tip",
+        "gap",
+        "gripper",
+    ):
+        np.testing.assert_equal(
+            getattr(found.measurement, name), getattr(here.measurement, name)
+        )
 
 
 def test_an_answer_is_given_once_and_not_before_it_is_asked_for(process) -> None:
@@ -130,7 +142,8 @@ def test_a_fold_is_judged_and_then_read_by_the_process(process) -> None:
         return view if view.read else None
 
     view = first if first.read else awaited(look)
-    assert view.measurement.stamp == pytest.approx(1.4)  # the latency before the image's
+    # the latency before the image's
+    assert view.measurement.stamp == pytest.approx(1.4)
     assert view.touch is not None
     assert view.reading_since is None
 

@@ -1,4 +1,6 @@
-"""A laid fold: the offset of its edges from its loop, and whether it lies as it was laid."""
+"""A laid fold: the offset of its edges from its loop, and whether it lies as it was
+laid.
+"""
 
 from dataclasses import replace
 from pathlib import Path
@@ -42,7 +44,10 @@ def ending(seen: float, *more: LengthCheck) -> tuple[str, str, int]:
     settings = find_configs(None).cell().controller
     context = FoldContext(settings, *[SimpleNamespace()] * 3, reader=None)
     context.seen_touch, context.released, context.edge_offset = TOUCH, True, seen
-    context.witnesses = [LengthCheck("edges", seen, {"loop": LaidWeights.shipped().rms}), *more]
+    context.witnesses = [
+        LengthCheck("edges", seen, {"loop": LaidWeights.shipped().rms}),
+        *more,
+    ]
     end = context.completion()
     return end.name, end.reason, end.exit_code
 
@@ -66,9 +71,13 @@ def test_the_worst_of_the_witnesses_names_the_end() -> None:
 
 @pytest.mark.slow
 def test_strip_that_springs_open_is_not_folded(tmp_path: Path) -> None:
-    plant = find_configs(None).strip("denim").model_copy(update={"bending_length": 0.14})
+    plant = (
+        find_configs(None).strip("denim").model_copy(update={"bending_length": 0.14})
+    )
     trial = Trial(plant)
-    [result] = fold_all([request_for("denim", "adaptive", tmp_path / "runs", trial=trial)])
+    [result] = fold_all(
+        [request_for("denim", "adaptive", tmp_path / "runs", trial=trial)]
+    )
     assert result.exit_code == 1
     assert result.outcome == "edges_not_seen"
     assert result.edge_offset is None

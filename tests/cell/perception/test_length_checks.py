@@ -1,4 +1,6 @@
-"""Sources of one length that disagree are doubted or refuted by their spread, and said."""
+"""Sources of one length that disagree are doubted or refuted by their spread, and
+said.
+"""
 
 from dataclasses import replace
 from pathlib import Path
@@ -34,8 +36,10 @@ def test_what_differs_by_more_than_its_spread_allows_is_doubted_then_refuted() -
     assert [witness.refuted for witness in witnesses] == [False] * 4 + [True]
 
 
-def test_held_end_is_one_witness_by_the_images_that_show_it_close_to_the_gripper() -> None:
-    held = replace(SEEN, profile=np.array([(0.3, 0.1), (0.304, 0.2)]), gripper=(0.3, 0.204))
+def test_held_end_is_one_witness_by_the_images_that_show_it_close_to_the_gripper():
+    held = replace(
+        SEEN, profile=np.array([(0.3, 0.1), (0.304, 0.2)]), gripper=(0.3, 0.204)
+    )
     hidden = replace(held, gripper=(0.3, 0.23)), replace(held, profile=np.empty((0, 2)))
     offsets = [held_end_offset(seen) for seen in (held, *hidden)] + [0.004] * 8
     assert compare_grip(offsets, 0.0003) == ()
@@ -49,15 +53,22 @@ def test_a_disagreement_stands_on_the_terminal_in_json_in_the_record_and_on_the_
 ) -> None:
     late = LengthCheck("displacement", 0.0059, {"prediction": 0.001})
     outcome = replace(OUTCOME, agreement=None, witnesses=(late, off_by(1.0)))
-    said = "displacement: camera and prediction differ by +5.9 mm, 6 sigma; one sigma is 1.0 mm"
+    said = (
+        "displacement: camera and prediction differ by +5.9 mm, 6 sigma; one sigma is"
+        " 1.0 mm"
+    )
     result = replace(DONE, witnesses=outcome.witnesses, warning=_warning(outcome, ""))
     assert said in str(result)
     assert "grip" not in str(result)
     assert result.line()["witnesses"][0] == {
-        "name": "displacement", "difference": 0.0059, "spread": 0.001,
-    }  # fmt: skip
+        "name": "displacement",
+        "difference": 0.0059,
+        "spread": 0.001,
+    }
     content = {"schema": 1, **result_content(outcome)}
     run = replace(read_run(finished), result=Result.model_validate(content))
     sentences = verdict_of(run, None).sentences
-    assert any(sentence.startswith(said[0].upper() + said[1:]) for sentence in sentences)
+    assert any(
+        sentence.startswith(said[0].upper() + said[1:]) for sentence in sentences
+    )
     assert not any("grip" in sentence.lower() for sentence in sentences)

@@ -31,7 +31,9 @@ def test_noise_of_the_images_is_no_other_law() -> None:
         (0.0, 50.0, "rub as 112 1/m"),
     ],
 )
-def test_agreement_names_what_is_beyond_its_limit(residual, friction, says: str) -> None:
+def test_agreement_names_what_is_beyond_its_limit(
+    residual, friction, says: str
+) -> None:
     most = AgreementLimits.shipped()
     found = Agreement(most.residual + residual, most.yield_curvature + friction)
     assert found.like_model is not (residual + friction > 0.0)

@@ -24,19 +24,28 @@ CASES = [("denim", "triangular"), ("blanket", "circular"), ("tablecloth", "trian
 @lru_cache
 def _fold(name: str, kind: str) -> TwinFold:
     strip = load_strip(STRIPS / f"{name}.yaml")
-    path: Path = triangular(strip.length) if kind == "triangular" else circular(strip.length)
+    path: Path = (
+        triangular(strip.length) if kind == "triangular" else circular(strip.length)
+    )
     return simulate_fold(strip, path, SPEED)
 
 
 @lru_cache
 def _agreement(name: str, kind: str) -> Agreement:
     fold = _fold(name, kind)
-    return agreement(fold, FoldCamera(fold.strip, CAMERA), twin_calibration(CAMERA), every=6)
+    return agreement(
+        fold, FoldCamera(fold.strip, CAMERA), twin_calibration(CAMERA), every=6
+    )
 
 
 @pytest.mark.parametrize(("share", "confidence"), [(1.0, 1.0), (0.6, 0.6)])
-def test_drawn_end_is_found_between_samples_and_a_faint_one_is_unsure(share, confidence) -> None:
-    x, levels = np.arange(0.0, 0.3, SAMPLE_SPACING), np.full((20, 3000), ZERO_LEVEL, np.uint8)
+def test_drawn_end_is_found_between_samples_and_a_faint_one_is_unsure(
+    share, confidence
+) -> None:
+    x, levels = (
+        np.arange(0.0, 0.3, SAMPLE_SPACING),
+        np.full((20, 3000), ZERO_LEVEL, np.uint8),
+    )
     levels[5:, :1601] += np.uint8(share * LEVEL_SPAN)  # pixels of 0.1 mm
     line = SearchLine(x, np.column_stack([1e4 * x, 0 * x + 10]), np.zeros((1, 2)))
     found = find_contact(levels, line, np.zeros(2))
@@ -54,9 +63,13 @@ def test_drawn_end_is_found_between_samples_and_a_faint_one_is_unsure(share, con
     ],
     ids=["crooked", "near", "dim"],
 )
-def test_another_camera_place_or_light_keeps_the_agreement(camera: CameraSettings) -> None:
+def test_another_camera_place_or_light_keeps_the_agreement(
+    camera: CameraSettings,
+) -> None:
     fold = _fold("denim", "triangular")
-    found = agreement(fold, FoldCamera(fold.strip, camera), twin_calibration(camera), every=24)
+    found = agreement(
+        fold, FoldCamera(fold.strip, camera), twin_calibration(camera), every=24
+    )
     assert rms(found.contact) < 0.0015
     assert found.profile.max() < 0.001
     assert abs(found.lateness) < 0.05
@@ -83,9 +96,13 @@ def test_desk_contact_is_within_1_5_mm_rms(name: str, kind: str) -> None:
 def test_a_crease_is_no_desk_contact() -> None:
     """It read the crease in 25 of 33 images, 100 mm from the contact in the median."""
     crease = {"crease": {"angle": -0.549, "position": 0.2565}}
-    strip = load_strip(STRIPS / "tablecloth.yaml").model_copy(update={"effects": crease})
+    strip = load_strip(STRIPS / "tablecloth.yaml").model_copy(
+        update={"effects": crease}
+    )
     fold = simulate_fold(strip, triangular(strip.length), SPEED, links=120)
-    found = agreement(fold, FoldCamera(strip, CAMERA), twin_calibration(CAMERA), every=10)
+    found = agreement(
+        fold, FoldCamera(strip, CAMERA), twin_calibration(CAMERA), every=10
+    )
     assert np.median(np.abs(found.contact)) < 0.001
     assert fold.touch is not None
     before = found.t < fold.touch.time - 0.5
@@ -101,7 +118,9 @@ def test_profile_is_within_1_mm_rms_in_every_frame(name: str, kind: str) -> None
 
 
 @pytest.mark.parametrize(("name", "kind"), CASES)
-def test_layer_touch_is_within_50_ms_and_displacement_within_3_mm(name: str, kind: str) -> None:
+def test_layer_touch_is_within_50_ms_and_displacement_within_3_mm(
+    name: str, kind: str
+) -> None:
     found = _agreement(name, kind)
     assert abs(found.lateness) < 0.05
     assert abs(found.displacement) < 0.003
@@ -111,10 +130,14 @@ def test_layer_touch_is_within_50_ms_and_displacement_within_3_mm(name: str, kin
 
 
 @pytest.mark.parametrize("slid", [0.002, 0.006, 0.015])
-def test_edge_that_slid_on_the_desk_takes_neither_contact_nor_profile_away(slid: float) -> None:
+def test_edge_that_slid_on_the_desk_takes_neither_contact_nor_profile_away(
+    slid: float,
+) -> None:
     perception, camera, fold = _ready()
     away = np.array([slid, 0.0])
-    moved = replace(fold, shapes=fold.shapes + away, poses=fold.poses + np.array([slid, 0, 0]))
+    moved = replace(
+        fold, shapes=fold.shapes + away, poses=fold.poses + np.array([slid, 0, 0])
+    )
     sight = perception.measure(camera.frame(moved, 200), moved.pose(200 / 60))
     assert sight.contact_x == pytest.approx(fold.contact_x(200 / 60) + slid, abs=0.0015)
     assert sight.contact_confidence > 0.9

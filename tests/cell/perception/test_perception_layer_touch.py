@@ -18,11 +18,17 @@ GRIPPER = Pose(0.22, HEIGHT, np.pi / 2)
 
 
 def _profile(gap: float) -> Array:
-    """From the contact around the fold, down to `gap` over the desk at PLACE, up to the hand."""
+    """From the contact around the fold, down to `gap` over the desk at PLACE, up to the
+    hand.
+    """
     angle = np.linspace(-np.pi / 2, np.pi / 2, 30)
-    fold = np.stack([TIP - 0.008 + 0.008 * np.cos(angle), 0.008 + 0.008 * np.sin(angle)], 1)
+    fold = np.stack(
+        [TIP - 0.008 + 0.008 * np.cos(angle), 0.008 + 0.008 * np.sin(angle)], 1
+    )
     x = np.linspace(TIP - 0.01, GRIPPER.x, 120)
-    rise = gap + (0.016 - gap) * np.clip((x - PLACE) / (TIP - 0.01 - PLACE), 0, None) ** 2
+    rise = (
+        gap + (0.016 - gap) * np.clip((x - PLACE) / (TIP - 0.01 - PLACE), 0, None) ** 2
+    )
     rise += (HEIGHT - gap) * (np.clip(PLACE - x, 0, None) / (PLACE - GRIPPER.x)) ** 3
     return np.vstack([fold, np.stack([x, rise], axis=1)])
 
@@ -94,12 +100,18 @@ def test_touch_is_told_at_its_time_with_its_lengths(speed: float) -> None:
     ],
     ids=["rests above", "only dips", "jumps shut", "never apart", "never seen"],
 )
-def test_gap_that_does_not_close_and_stop_is_no_touch(gap: Callable[[float], float]) -> None:
+def test_gap_that_does_not_close_and_stop_is_no_touch(
+    gap: Callable[[float], float],
+) -> None:
     assert _watch(gap)[0] is None
 
 
-@pytest.mark.parametrize(("longer", "fold"), [(0.29, True), (0.31, False), (-0.31, False)])
-def test_layers_that_differ_by_half_the_strip_are_no_fold(longer: float, fold: bool) -> None:
+@pytest.mark.parametrize(
+    ("longer", "fold"), [(0.29, True), (0.31, False), (-0.31, False)]
+)
+def test_layers_that_differ_by_half_the_strip_are_no_fold(
+    longer: float, fold: bool
+) -> None:
     touch = SeenTouch(1.0, 0.3, 0.3 + longer, 0.3, confidence=1.0, distance=0.001)
     assert LayerTouch(DENIM)._is_a_fold(touch) is fold
 
@@ -138,6 +150,8 @@ def test_layers_that_rest_farther_apart_than_the_strip_is_thick_are_no_touch_and
         detector.update(_measured(k, 0.001 + 0.05 * (0.6 - k / 60)), GRIPPER)
     assert np.isnan(detector.resting())
     for k in range(30, 60):
-        touch = detector.update(_measured(k, _closing(0.05, 0.6, rest)(k / 60)), GRIPPER)
+        touch = detector.update(
+            _measured(k, _closing(0.05, 0.6, rest)(k / 60)), GRIPPER
+        )
     assert (touch is None) == rests
     assert np.isfinite(detector.resting()) == rests

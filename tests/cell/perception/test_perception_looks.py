@@ -1,4 +1,6 @@
-"""What preflight admits in any look of the cell agrees with the truth; the rest is refused."""
+"""What preflight admits in any look of the cell agrees with the truth; the rest is
+refused.
+"""
 
 from functools import lru_cache
 
@@ -35,7 +37,9 @@ def _fold(strip: str) -> TwinFold:
     return simulate_fold(stated, triangular(stated.length), 0.1)
 
 
-def _judged(look: Look, strip: StripFile, settings: CameraSettings = CAMERA) -> Preflight:
+def _judged(
+    look: Look, strip: StripFile, settings: CameraSettings = CAMERA
+) -> Preflight:
     flat = FoldCamera(strip, settings, look=look).flat(strip)
     return inspect(flat, twin_calibration(CAMERA), strip)
 
@@ -90,7 +94,10 @@ def test_thing_of_the_strips_colour_behind_its_way_is_refused_with_its_place() -
     box = Box((0.25, 0.15, 0.0), (0.40, 0.2, 0.2), (38, 58, 108))
     judged = _judged(Look(room, things=(box,)), _strip("denim"))
     reason = _refusals(judged)["background"]
-    x, z = (float(word.split(" = ")[1].split()[0]) for word in reason.split(" at ")[1].split(", "))
+    x, z = (
+        float(word.split(" = ")[1].split()[0])
+        for word in reason.split(" at ")[1].split(", ")
+    )
     assert 230 < x < 400
     assert 10 < z < 200
 

@@ -6,7 +6,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cell.perception.preflight import Preflight, _check_flat, _check_length, _check_level, inspect
+from cell.perception.preflight import (
+    Preflight,
+    _check_flat,
+    _check_length,
+    _check_level,
+    inspect,
+)
 from cell.perception.resting_strip import Underside, sample_scene
 from drivers.strip.describe import load_strip
 from drivers.strip.file import StripFile
@@ -39,7 +45,9 @@ def _judged(frame: Frame, strip: StripFile = DENIM) -> Preflight:
 
 
 @pytest.mark.parametrize("off", [0.006, -0.006])
-def test_line_of_the_edge_may_leave_neither_itself_nor_the_desk_to_any_side(off: float) -> None:
+def test_line_of_the_edge_may_leave_neither_itself_nor_the_desk_to_any_side(
+    off: float,
+) -> None:
     x = np.linspace(0.0, 0.6, 301)
     straight = SimpleNamespace(rest_height=lambda x: 0.0 * x)
     high = SimpleNamespace(rest_height=lambda x: 0.0 * x + 2 * off)
@@ -59,16 +67,23 @@ def _failed(judged: Preflight) -> list[str]:
     return [check.name for check in judged.checks if not check.passed]
 
 
-@pytest.mark.parametrize("path", sorted(STRIPS.glob("*.yaml")), ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path", sorted(STRIPS.glob("*.yaml")), ids=lambda path: path.stem
+)
 def test_every_strip_lying_flat_passes_and_its_colour_is_sampled(path: object) -> None:
     strip = load_strip(path)  # type: ignore[arg-type]
     picture = _picture(_flat(), StripLook.from_file(strip))
     judged = _judged(picture, strip)
     assert _failed(judged) == []
     seen = sample_scene(picture.image, twin_calibration(CAMERA), strip)
-    assert max(seen.strip.std(axis=0).max(), seen.desk.std(axis=0).max()) < 20, "of two surfaces"
+    assert max(seen.strip.std(axis=0).max(), seen.desk.std(axis=0).max()) < 20, (
+        "of two surfaces"
+    )
     assert judged.appearance is not None
-    assert np.abs(judged.appearance.scene.colours[0] - np.array(strip.colour[::-1])).max() < 30
+    assert (
+        np.abs(judged.appearance.scene.colours[0] - np.array(strip.colour[::-1])).max()
+        < 30
+    )
     x = np.linspace(0.02, 0.58, 20)
     assert np.abs(judged.appearance.rest_height(x)).max() < 0.0004
 
@@ -91,7 +106,13 @@ LOOK, MAT = StripLook.from_file(DENIM), StripLook(CAMERA.surroundings.desk, 0.00
         (_flat(), MAT, "contrast"),
         (_wrinkled(), LOOK, "strip lies there"),
     ],
-    ids=["short", "much shorter", "nearer to the camera", "colour of the mat", "wrinkled"],
+    ids=[
+        "short",
+        "much shorter",
+        "nearer to the camera",
+        "colour of the mat",
+        "wrinkled",
+    ],
 )
 def test_strip_that_does_not_lie_as_stated_is_refused(
     points: Array, look: StripLook, check: str
@@ -114,5 +135,7 @@ def test_short_strip_is_refused_with_its_length() -> None:
 
 
 def test_thicker_strip_than_a_fold_accepts_is_refused_by_its_picture_too() -> None:
-    judged = _judged(_picture(_flat(), LOOK), DENIM.model_copy(update={"thickness": 0.005}))
+    judged = _judged(
+        _picture(_flat(), LOOK), DENIM.model_copy(update={"thickness": 0.005})
+    )
     assert _failed(judged) == ["thickness"]

@@ -19,9 +19,14 @@ def columns(n: int = 50) -> dict[str, np.ndarray]:
     still = np.full(n, 0.1)
     contact = np.where(np.arange(n) % 5 == 0, 0.4, np.nan)
     return {
-        "t": t, "x": still, "z": still, "pitch": still, "x_cmd": still, "z_cmd": still,
+        "t": t,
+        "x": still,
+        "z": still,
+        "pitch": still,
+        "x_cmd": still,
+        "z_cmd": still,
         "contact_x": contact,
-    }  # fmt: skip
+    }
 
 
 @pytest.fixture
@@ -31,8 +36,12 @@ def laboratory(tmp_path: Path) -> Path:
     (tmp_path / "run.yaml").write_text(yaml.safe_dump(header))
     pq.write_table(pa.table(columns()), tmp_path / "ticks.parquet")
     points = {"t": [0.0, 0.0, 0.1, 0.1], "i": [0, 1, 1, 0], "x": [0.1, 0.2, 0.4, 0.3]}
-    pq.write_table(pa.table({**points, "z": [0.0, 0.1, 0.1, 0.0]}), tmp_path / "profile.parquet")
-    (tmp_path / "result.yaml").write_text(yaml.safe_dump({"outcome": "path_done", "mood": "good"}))
+    pq.write_table(
+        pa.table({**points, "z": [0.0, 0.1, 0.1, 0.0]}), tmp_path / "profile.parquet"
+    )
+    (tmp_path / "result.yaml").write_text(
+        yaml.safe_dump({"outcome": "path_done", "mood": "good"})
+    )
     return tmp_path
 
 
@@ -50,7 +59,10 @@ def change(folder: Path, file: str, **values: object) -> None:
 def test_run_written_by_hand_is_read(laboratory):
     change(laboratory, "ticks.parquet", mood=np.zeros(50))
     run = read_run(laboratory)
-    assert (run.header.model_extra["operator"], run.result.model_extra["mood"]) == ("Ada", "good")
+    assert (run.header.model_extra["operator"], run.result.model_extra["mood"]) == (
+        "Ada",
+        "good",
+    )
     assert run.header.strip == "denim"
     assert run.header.start == "flat"
     assert run.header.contact_height == 0.001

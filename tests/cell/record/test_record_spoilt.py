@@ -1,4 +1,6 @@
-"""A run folder in which something is not as it should be: nobody hangs, the rest is shown."""
+"""A run folder in which something is not as it should be: nobody hangs, the rest is
+shown.
+"""
 
 import os
 import shutil
@@ -36,7 +38,14 @@ def whole(calibration, tmp_path_factory) -> Path:
     writer = RunWriter(root, {**HEADER, "config": config}, "key", patient=True)
     save_calibration(calibration, writer.folder / "calibration.yaml")
     MadeFold(writer, calibration, pictures=False).run(0.6)
-    facts = {"sequence": 3, "x": 0.6, "z": 0.01, "time": 0.3, "direction": 1.5, "done": False}
+    facts = {
+        "sequence": 3,
+        "x": 0.6,
+        "z": 0.01,
+        "time": 0.3,
+        "direction": 1.5,
+        "done": False,
+    }
     writer.event(0.3, "decision", **facts)
     writer.finish({**RESULT, "t_layer_touch": 0.5})
     return writer.folder
@@ -85,15 +94,39 @@ SPOILT = {
     "duration in words": ("result.yaml", document(duration="x"), "duration: "),
     "touch beyond all numbers": ("result.yaml", document(l1=1e300), "l1: "),
     "events in a pipe": ("events.jsonl", pipe, "is a pipe"),
-    "index of no place": (INDEX, line('{"sequence": Infinity, "stamp": 1, "arrival": 2}'), INDEX),
-    "ticks that are a folder": ("ticks.parquet", directory, "read from ticks.arrows instead"),
+    "index of no place": (
+        INDEX,
+        line('{"sequence": Infinity, "stamp": 1, "arrival": 2}'),
+        INDEX,
+    ),
+    "ticks that are a folder": (
+        "ticks.parquet",
+        directory,
+        "read from ticks.arrows instead",
+    ),
     "ticks of another schema": ("ticks.parquet", schema("²"), "schema: is ²"),
-    "sight without time": ("sights.parquet", column("stamp", put(2, np.nan)), "stamp: row 2"),
+    "sight without time": (
+        "sights.parquet",
+        column("stamp", put(2, np.nan)),
+        "stamp: row 2",
+    ),
     "camera that stood still": ("ticks.parquet", column("image_age", put(9, 7.5)), ""),
-    "profile in mm": ("profile.parquet", column("x", lambda x: 1e3 * x), "give it in m"),
+    "profile in mm": (
+        "profile.parquet",
+        column("x", lambda x: 1e3 * x),
+        "give it in m",
+    ),
     "ticks without rows": ("ticks.parquet", table(lambda t: t.slice(0, 0)), ""),
-    "event nested deep": ("events.jsonl", line('{"a": ' + "[" * 900 + "]" * 900 + "}"), ""),
-    "truth that is a list": ("truth.yaml", lambda path: path.write_text("- 1"), "truth.yaml"),
+    "event nested deep": (
+        "events.jsonl",
+        line('{"a": ' + "[" * 900 + "]" * 900 + "}"),
+        "",
+    ),
+    "truth that is a list": (
+        "truth.yaml",
+        lambda path: path.write_text("- 1"),
+        "truth.yaml",
+    ),
 }
 
 
@@ -111,14 +144,18 @@ def test_report_shows_the_good_part_and_names_the_bad_one(folder, name) -> None:
     assert [row.strip for row in list_runs(folder.parent)] == ["denim"]
 
 
-@pytest.mark.parametrize("name", ["events in a pipe", "profile in mm", "index of no place"])
+@pytest.mark.parametrize(
+    "name", ["events in a pipe", "profile in mm", "index of no place"]
+)
 def test_recording_shows_the_good_part(folder, name) -> None:
     file, spoil, _ = SPOILT[name]
     spoil(folder / file)
     assert viz_from_run(folder).stat().st_size > 10_000
 
 
-@pytest.mark.parametrize("name", ["ticks without rows", "sight without time", "index of no place"])
+@pytest.mark.parametrize(
+    "name", ["ticks without rows", "sight without time", "index of no place"]
+)
 def test_replay_refuses_what_it_cannot_decide_on(folder, name) -> None:
     file, spoil, _ = SPOILT[name]
     spoil(folder / file)
@@ -155,7 +192,9 @@ def test_report_and_recording_replace_links(finished: Path, tmp_path: Path) -> N
     assert (linked / RECORDING).stat().st_size > 1000
 
 
-def test_linked_run_stays_and_does_not_keep_others(finished: Path, tmp_path: Path) -> None:
+def test_linked_run_stays_and_does_not_keep_others(
+    finished: Path, tmp_path: Path
+) -> None:
     elsewhere = shutil.copytree(finished, tmp_path / "elsewhere" / "run")
     runs = tmp_path / "runs"
     shutil.copytree(finished, runs / "20260101T000000Z-denim-fold-aaaa")
@@ -164,7 +203,9 @@ def test_linked_run_stays_and_does_not_keep_others(finished: Path, tmp_path: Pat
     assert len(rows) == 2
     gone = to_prune(rows, datetime.now(UTC), keep=0)
     remove(gone)
-    assert [path.name for path in runs.iterdir()] == ["20250101T000000Z-denim-fold-bbbb"]
+    assert [path.name for path in runs.iterdir()] == [
+        "20250101T000000Z-denim-fold-bbbb"
+    ]
     assert (Path(elsewhere) / "run.yaml").exists()
     with pytest.raises(ConfigurationError, match="left alone"):
         remove(rows[:1])

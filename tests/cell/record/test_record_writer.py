@@ -132,7 +132,9 @@ try:
 except Fault as fault:
     print(fault.name, k)
 """
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, check=False
+    )
     name, written = done.stdout.split()
     assert name == b"record"
     run = read_run(*tmp_path.iterdir())
@@ -140,7 +142,9 @@ except Fault as fault:
     assert run.ticks.t.size == int(written) > 10
 
 
-def test_two_runs_of_one_second_and_chance_get_folders_of_their_own(tmp_path, monkeypatch):
+def test_two_runs_of_one_second_and_chance_get_folders_of_their_own(
+    tmp_path, monkeypatch
+):
     drawn = iter(["aaaa", "aaaa", "aaaa", "bbbb"])
     monkeypatch.setattr("secrets.token_hex", lambda count: next(drawn))
     writers = [RunWriter(tmp_path, HEADER, "none") for _ in range(2)]
@@ -149,7 +153,9 @@ def test_two_runs_of_one_second_and_chance_get_folders_of_their_own(tmp_path, mo
         writer.close()
 
 
-def test_image_that_cannot_be_written_is_a_fault_once_and_never_blocks(tmp_path, monkeypatch):
+def test_image_that_cannot_be_written_is_a_fault_once_and_never_blocks(
+    tmp_path, monkeypatch
+):
     writer = RunWriter(tmp_path, HEADER, "all", patient=True)
 
     def refuse(image):
@@ -166,7 +172,13 @@ def test_image_that_cannot_be_written_is_a_fault_once_and_never_blocks(tmp_path,
 def test_every_image_is_kept_bit_for_bit_when_asked(tmp_path):
     rng = np.random.default_rng(3)
     frames = [
-        Frame(0.1 * k, 0.1 * k + 0.02, "made", k, rng.integers(0, 256, (36, 64, 3), np.uint8))
+        Frame(
+            0.1 * k,
+            0.1 * k + 0.02,
+            "made",
+            k,
+            rng.integers(0, 256, (36, 64, 3), np.uint8),
+        )
         for k in range(40)
     ]
     writer = RunWriter(tmp_path, HEADER, "all", patient=True)
@@ -175,7 +187,9 @@ def test_every_image_is_kept_bit_for_bit_when_asked(tmp_path):
     writer.finish({"outcome": "path_done"})
     back = list(read_run(writer.folder).frames())
     assert [frame.sequence for frame in back] == list(range(40))
-    assert all(np.array_equal(a.image, b.image) for a, b in zip(frames, back, strict=True))
+    assert all(
+        np.array_equal(a.image, b.image) for a, b in zip(frames, back, strict=True)
+    )
     assert [b.stamp for b in back] == [f.stamp for f in frames]
 
 

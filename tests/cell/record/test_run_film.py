@@ -1,4 +1,6 @@
-"""The film of a run: every image at its own time, whatever befalls process or encoder."""
+"""The film of a run: every image at its own time, whatever befalls process or
+encoder.
+"""
 
 import os
 import signal
@@ -43,8 +45,8 @@ def shown(root: Path) -> int:
 
 
 def filmed_well(root: Path) -> bool:
-    """Whether the run in `root` has all its images, and its film all but the last of those that
-    found room in it.
+    """Whether the run in `root` has all its images, and its film all but the last of
+    those that found room in it.
     """
     try:
         notes = [note for folder in root.iterdir() for note in read_index(folder)]
@@ -75,14 +77,19 @@ time.sleep(600)
     (folder,) = tmp_path.iterdir()
     run = read_run(folder)
     assert run.died
-    assert holds(lambda: filmed_well(tmp_path))  # a process of its own ends its film first
+    # a process of its own ends its film first
+    assert holds(lambda: filmed_well(tmp_path))
     if patient:
         assert all(note.film is not None for note in run.frame_index())
 
 
-def test_encoder_that_lags_loses_images_of_the_film_and_of_nothing_else(tmp_path, monkeypatch):
+def test_encoder_that_lags_loses_images_of_the_film_and_of_nothing_else(
+    tmp_path, monkeypatch
+):
     add, gate = FilmWriter.add, threading.Event()
-    monkeypatch.setattr(FilmWriter, "add", lambda *arguments: gate.wait() and add(*arguments))
+    monkeypatch.setattr(
+        FilmWriter, "add", lambda *arguments: gate.wait() and add(*arguments)
+    )
     monkeypatch.setattr("cell.record.film.FilmProcess", FilmWriter)
     writer = RunWriter(tmp_path, HEADER, "all", patient=False, film="libx264")
     for sequence in range(QUEUE):
@@ -142,7 +149,11 @@ def test_encoder_that_hangs_ends_the_film_and_not_the_run(tmp_path, monkeypatch)
 
 def test_what_is_no_film_is_refused_in_words(tmp_path):
     (tmp_path / "text.mp4").write_text("no film")
-    for name, said in (("", "is a folder"), ("gone.mp4", "is not there"), ("text.mp4", "Invalid")):
+    for name, said in (
+        ("", "is a folder"),
+        ("gone.mp4", "is not there"),
+        ("text.mp4", "Invalid"),
+    ):
         with pytest.raises(ConfigurationError, match=said) as refused:
             next(Film(tmp_path / name).frames())
         assert "Errno" not in str(refused.value)

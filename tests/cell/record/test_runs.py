@@ -16,7 +16,9 @@ from tests.cell.conftest import HEADER
 NOW = datetime(2026, 11, 20, 12, 0, 0, tzinfo=UTC)
 
 
-def lay(root: Path, days_ago: int, result: dict | None = None, header: str | None = None) -> Path:
+def lay(
+    root: Path, days_ago: int, result: dict | None = None, header: str | None = None
+) -> Path:
     moment = (NOW - timedelta(days=days_ago)).strftime("%Y%m%dT%H%M%SZ")
     folder = root / f"{moment}-denim-fold-{days_ago:04x}"
     folder.mkdir(parents=True)
@@ -30,7 +32,11 @@ def lay(root: Path, days_ago: int, result: dict | None = None, header: str | Non
 @pytest.fixture
 def four(tmp_path):
     lay(tmp_path, 1, {"outcome": "path_done", "duration": 9.0, "displacement": None})
-    lay(tmp_path, 2, {"outcome": "layer_touch", "displacement": -0.0363, "duration": 9.4})
+    lay(
+        tmp_path,
+        2,
+        {"outcome": "layer_touch", "displacement": -0.0363, "duration": 9.4},
+    )
     lay(tmp_path, 30)
     lay(tmp_path, 3, {"outcome": "stale_image"}, header="strip: [")
     (tmp_path / "notes").mkdir()
@@ -40,9 +46,16 @@ def four(tmp_path):
 def test_runs_are_listed_oldest_first_with_what_they_came_to(four):
     lay(four, 0, header="schema: 1\nmechanism: arm\n")
     rows = list_runs(four)
-    assert " ".join(row.outcome for row in rows) == "died broken layer_touch path_done measured"
+    assert (
+        " ".join(row.outcome for row in rows)
+        == "died broken layer_touch path_done measured"
+    )
     touched = rows[2]
-    assert (touched.strip, touched.policy, touched.duration) == ("denim", "triangular", 9.4)
+    assert (touched.strip, touched.policy, touched.duration) == (
+        "denim",
+        "triangular",
+        9.4,
+    )
     assert touched.displacement == -0.0363
     assert touched.size == sum(p.stat().st_size for p in touched.folder.iterdir())
     assert touched.began == NOW - timedelta(days=2)
@@ -50,9 +63,16 @@ def test_runs_are_listed_oldest_first_with_what_they_came_to(four):
 
 @pytest.mark.parametrize(
     ("keep", "days", "gone"),
-    [(4, None, []), (1, None, [30, 3, 2]), (0, None, [30, 3, 2, 1]), (None, 2.5, [30, 3]),
-     (2, 10, [30]), (3, 0.5, [30]), (9, None, [])],
-)  # fmt: skip
+    [
+        (4, None, []),
+        (1, None, [30, 3, 2]),
+        (0, None, [30, 3, 2, 1]),
+        (None, 2.5, [30, 3]),
+        (2, 10, [30]),
+        (3, 0.5, [30]),
+        (9, None, []),
+    ],
+)
 def test_prune_names_the_oldest_runs(four, keep, days, gone):
     older_than = None if days is None else timedelta(days=days)
     rows = to_prune(list_runs(four), NOW, keep=keep, older_than=older_than)
@@ -84,9 +104,12 @@ def thirty(tmp_path):
         outcome = "layer_touch" if number % 5 else "overspeed"
         folder = tmp_path / f"20261120T0000{number:02d}Z-denim-fold-{number:04x}"
         folder.mkdir()
-        (folder / "run.yaml").write_text(f"schema: 1\nstrip: s{number % 3}\nseed: {number}\n")
+        (folder / "run.yaml").write_text(
+            f"schema: 1\nstrip: s{number % 3}\nseed: {number}\n"
+        )
         (folder / "result.yaml").write_text(
-            f"outcome: {outcome}\ndisplacement: {number}e-4\nedge_offset: {-number * 1e-5}\n"
+            f"outcome: {outcome}\ndisplacement: {number}e-4\nedge_offset:"
+            f" {-number * 1e-5}\n"
         )
     return tmp_path
 
@@ -104,10 +127,19 @@ def test_runs_are_filtered_and_sorted(thirty, where, sort, seeds):
 
 
 @pytest.mark.parametrize(
-    "where", ["1); DELETE FROM runs; --", "nothing = 1", "(", "load_extension('x')", "seed = \0"]
+    "where",
+    [
+        "1); DELETE FROM runs; --",
+        "nothing = 1",
+        "(",
+        "load_extension('x')",
+        "seed = \0",
+    ],
 )
 def test_filter_that_is_no_expression_is_refused_with_the_columns(thirty, where):
-    with pytest.raises(ConfigurationError, match=r"where: .*columns of runs: run, began, strip"):
+    with pytest.raises(
+        ConfigurationError, match=r"where: .*columns of runs: run, began, strip"
+    ):
         list_runs(thirty, where)
     assert len(list_runs(thirty)) == 30
 
@@ -122,20 +154,26 @@ def test_command_lists_as_table_csv_and_json(thirty, monkeypatch):
     lines = [json.loads(line) for line in printed.splitlines()]
     assert [line["edge_offset"] for line in lines] == [0.0, -1e-5, -2e-5]
     content = CliRunner().invoke(app, [*some, "--csv"]).stdout.splitlines()
-    assert content[0].startswith("run,began,strip,policy,outcome,displacement,edge_offset")
+    assert content[0].startswith(
+        "run,began,strip,policy,outcome,displacement,edge_offset"
+    )
     assert len(content) == 4
 
 
 def test_run_that_changed_since_it_was_chosen_is_not_deleted(thirty):
     chosen = to_prune(list_runs(thirty), NOW, keep=28)
     (chosen[0].folder / "notes.yaml").write_text("schema: 1\ntags: keep\n")
-    with pytest.raises(ConfigurationError, match="has just been changed; it was left alone"):
+    with pytest.raises(
+        ConfigurationError, match="has just been changed; it was left alone"
+    ):
         remove(chosen)
     assert [row.folder.exists() for row in chosen] == [True, False]
 
 
 def test_one_bad_run_does_not_spoil_the_list(thirty):
-    digits, no_text = (Path(os.fsdecode(os.fsencode(thirty) + name)) for name in (b"/a", b"/\xff&"))
+    digits, no_text = (
+        Path(os.fsdecode(os.fsencode(thirty) + name)) for name in (b"/a", b"/\xff&")
+    )
     for folder, seed in ((digits, "9" * 20), (no_text, "1")):
         folder.mkdir()
         (folder / "run.yaml").write_text(f"schema: 1\nstrip: felt\nseed: {seed}\n")
@@ -143,7 +181,12 @@ def test_one_bad_run_does_not_spoil_the_list(thirty):
     first = min(thirty.glob("2*"))
     (first / "run.yaml").write_text("strip: " + "[" * 100_000)
     (first / "result.yaml").write_text("- " * 90_000)
-    for options in ((), ("--csv",), ("--json",), ("--where", "seed > 3", "--sort", "seed")):
+    for options in (
+        (),
+        ("--csv",),
+        ("--json",),
+        ("--where", "seed > 3", "--sort", "seed"),
+    ):
         done = CliRunner().invoke(app, ["runs", "--runs", str(thirty), *options])
         assert done.exit_code == 0, done.exception
         assert "felt" in done.stdout

@@ -1,4 +1,6 @@
-"""Pages in a reader's browser: on a phone and on a desk, by day and by night, nothing is wrong."""
+"""Pages in a reader's browser: on a phone and on a desk, by day and by night, nothing
+is wrong.
+"""
 
 import json
 import re
@@ -47,7 +49,9 @@ def filmed(tmp_path_factory: pytest.TempPathFactory) -> Path:
         stamp = k / 30 - 1.0
         image = np.full((72, 128, 3), 4 * k, np.uint8)
         writer.frame(Frame(stamp, stamp + 0.02, "made", k, image))
-        writer.tick(replace(ARM, stamp=k / 60, pose=Pose(0.6 - 0.01 * k, 0.1, 0.0)), "FOLD")
+        writer.tick(
+            replace(ARM, stamp=k / 60, pose=Pose(0.6 - 0.01 * k, 0.1, 0.0)), "FOLD"
+        )
     writer.finish({"outcome": "path_done"})
     return writer.folder
 
@@ -69,7 +73,13 @@ def pages(
         write_report(killed),
         write_report(filmed),
     ]
-    return [*made, gap, compared, listed, write_calibration_report(finished / "calibration.yaml")]
+    return [
+        *made,
+        gap,
+        compared,
+        listed,
+        write_calibration_report(finished / "calibration.yaml"),
+    ]
 
 
 @pytest.mark.parametrize("look", LOOKS, ids=lambda look: f"{look.width}-{look.scheme}")
@@ -95,37 +105,52 @@ def test_every_figure_is_read_and_zoomed_without_an_error(
     for page in pages:
         reader.problems(page, LOOKS[2])
         reader.evaluate(POKE)
-        still = "document.querySelectorAll('figure[role=img] svg:not([data-chart])').length"
+        still = (
+            "document.querySelectorAll('figure[role=img] svg:not([data-chart])').length"
+        )
         assert reader.evaluate(still) == 0, page.name
         assert not reader.complaints, page.name
 
 
 class Chart:
-    """The figure called `says` of a page that a reader looks at; `panel` of those it can read."""
+    """The figure called `says` of a page that a reader looks at; `panel` of those it
+    can read.
+    """
 
     def __init__(
         self, reader: Browser, page: Path, says: str, panel: int, look: Look = LOOKS[2]
     ) -> None:
         reader.problems(page, look)
-        self.reader, self.svg = reader, f"document.querySelector('[aria-label*=\"{says}\"] svg')"
+        self.reader, self.svg = (
+            reader,
+            f"document.querySelector('[aria-label*=\"{says}\"] svg')",
+        )
         self.pad = f"{self.svg}.querySelectorAll('.pad')[{panel}]"
         reader.evaluate(f"{self.pad}.scrollIntoView({{block: 'center'}})")
         drawn = "requestAnimationFrame(() => requestAnimationFrame(done))"
-        reader.evaluate(f"new Promise((done) => {drawn})")  # until scrolling was announced
+        # until scrolling was announced
+        reader.evaluate(f"new Promise((done) => {drawn})")
 
     def at(self, across: float, up: float, *kinds: str, **more: Any) -> str:
-        """Do `kinds` of things at a place of the panel (shares), and read what the card says."""
+        """Do `kinds` of things at a place of the panel (shares), and read what the card
+        says.
+        """
         box = self.reader.evaluate(f"{self.pad}.getBoundingClientRect().toJSON()")
         x, y = box["x"] + across * box["width"], box["y"] + (1 - up) * box["height"]
         self.reader.point(x, y, *kinds, **more)
-        card = "[...document.querySelectorAll('.reading:not([hidden]) p')].map(p => p.innerText)"
+        card = (
+            "[...document.querySelectorAll('.reading:not([hidden]) p')].map(p =>"
+            " p.innerText)"
+        )
         return str(self.reader.evaluate(f"{card}.join('; ').replace(/\\s+/g, ' ')"))
 
     def shape(self) -> str:
         """What the figure shows, without what only follows the pointer."""
         quiet = "querySelectorAll('.rule, .ticks').forEach(e => e.remove())"
         return str(
-            self.reader.evaluate(f"(c => (c.{quiet}, c.innerHTML))({self.svg}.cloneNode(1))")
+            self.reader.evaluate(
+                f"(c => (c.{quiet}, c.innerHTML))({self.svg}.cloneNode(1))"
+            )
         )
 
 
@@ -148,7 +173,9 @@ def test_pointer_reads_all_signals_of_a_moment_in_their_units(
     assert float(re.search(r"t (\S+) s", said)[1]) == pytest.approx(t, abs=0.03)
     for name, column in (("gripper x", ticks.x), ("gripper z", ticks.z)):
         wanted = 1e3 * float(np.interp(t, ticks.t, column))
-        assert float(re.search(rf"{name} (\S+) mm", said)[1]) == pytest.approx(wanted, abs=2.0)
+        assert float(re.search(rf"{name} (\S+) mm", said)[1]) == pytest.approx(
+            wanted, abs=2.0
+        )
     assert "FOLD" in said
 
 
@@ -157,11 +184,16 @@ def test_zoom_is_shared_keeps_values_and_is_taken_back(signals: Chart) -> None:
     zoomed = signals.at(0.3, 0.5, "mouseWheel", deltaX=0, deltaY=-400, modifiers=2)
     zoomed = signals.at(0.3, 0.5, "mouseMoved")
     assert signals.shape() != before
-    parts = "[...new Set([...document.querySelectorAll('.pad')].filter(p => p.closest('svg') ==="
+    parts = (
+        "[...new Set([...document.querySelectorAll('.pad')].filter(p =>"
+        " p.closest('svg') ==="
+    )
     parts = f"{parts} {signals.svg}).map(p => p.__zoom.toString()))].length"
     assert signals.reader.evaluate(parts) == 1
     for name in ("gripper x", "gripper z"):
-        was, now = (float(re.search(rf"{name} (\S+) mm", text)[1]) for text in (said, zoomed))
+        was, now = (
+            float(re.search(rf"{name} (\S+) mm", text)[1]) for text in (said, zoomed)
+        )
         assert now == pytest.approx(was, abs=1.0)
     signals.reader.evaluate(
         f"{signals.svg}.querySelector('.whole').dispatchEvent(new Event('click'))"
@@ -169,23 +201,36 @@ def test_zoom_is_shared_keeps_values_and_is_taken_back(signals: Chart) -> None:
     assert signals.shape() == before
 
 
-def test_click_on_the_curves_leads_the_film_also_when_zoomed(reader: Browser, filmed: Path) -> None:
+def test_click_on_the_curves_leads_the_film_also_when_zoomed(
+    reader: Browser, filmed: Path
+) -> None:
     chart = Chart(reader, write_report(filmed), "signals over time", 1)
     first, last = limits(filmed / "report.html", 1)[1]["x"]["limits"]
-    wait = "new Promise(r => film.readyState ? r() : film.addEventListener('loadedmetadata', r))"
+    wait = (
+        "new Promise(r => film.readyState ? r() :"
+        " film.addEventListener('loadedmetadata', r))"
+    )
     reader.evaluate(f"(film => {wait})(document.querySelector('video'))")
     for across in (0.25, 0.6):
-        chart.at(across, 0.5, "mousePressed", "mouseReleased", button="left", clickCount=1)
+        chart.at(
+            across, 0.5, "mousePressed", "mouseReleased", button="left", clickCount=1
+        )
         begun = reader.evaluate("document.querySelector('video').currentTime") - 1.0
         assert begun == pytest.approx(first + across * (last - first), abs=0.02)
         chart.at(across, 0.5, "mouseWheel", deltaX=0, deltaY=-400, modifiers=2)
-        line = reader.evaluate(f"{chart.svg}.querySelector('.now').getBoundingClientRect().x")
+        line = reader.evaluate(
+            f"{chart.svg}.querySelector('.now').getBoundingClientRect().x"
+        )
         pad = reader.evaluate(f"{chart.pad}.getBoundingClientRect().toJSON()")
         assert line == pytest.approx(pad["x"] + across * pad["width"], abs=3.0)
-        reader.evaluate(f"{chart.svg}.querySelector('.whole').dispatchEvent(new Event('click'))")
+        reader.evaluate(
+            f"{chart.svg}.querySelector('.whole').dispatchEvent(new Event('click'))"
+        )
 
 
-def test_figures_of_a_fold_fit_a_phone_without_scrolling(reader: Browser, finished: Path) -> None:
+def test_figures_of_a_fold_fit_a_phone_without_scrolling(
+    reader: Browser, finished: Path
+) -> None:
     assert not reader.problems(write_report(finished), LOOKS[0])
     figures = "[...document.querySelectorAll('figure[role=img]')]"
     assert reader.evaluate(f"{figures}.every(f => f.scrollWidth <= f.clientWidth)")
@@ -194,20 +239,31 @@ def test_figures_of_a_fold_fit_a_phone_without_scrolling(reader: Browser, finish
     said = chart.at(0.3, 0.5, "mouseMoved")
     t, ticks = first + 0.3 * (last - first), read_run(finished).ticks
     wanted = 1e3 * float(np.interp(t, ticks.t, ticks.x))
-    assert float(re.search(r"gripper x (\S+) mm", said)[1]) == pytest.approx(wanted, abs=4.0)
+    assert float(re.search(r"gripper x (\S+) mm", said)[1]) == pytest.approx(
+        wanted, abs=4.0
+    )
 
 
 def test_what_is_wrong_is_found(tmp_path: Path, reader: Browser) -> None:
     page = tmp_path / "bad.html"
     page.write_text(
-        "<p style='color:#999'>faint</p><p style='font-size:7px'>small</p>"
-        "<img src='none.png'><video src='none.mp4'></video>"
-        "<div style='width:3000px'>wide</div><script>nothing()</script>"
-        "<svg width=100 height=20><rect width=100 height=20 fill='#222'/>"
-        "<text y=14 fill='#111'>hidden</text></svg>"
-        "<table><td style='overflow-wrap:anywhere;width:1px'>one word below the other<td>x</table>"
+        "<p style='color:#999'>faint</p><p style='font-size:7px'>small</p><img"
+        " src='none.png'><video src='none.mp4'></video><div"
+        " style='width:3000px'>wide</div><script>nothing()</script><svg width=100"
+        " height=20><rect width=100 height=20 fill='#222'/><text y=14"
+        " fill='#111'>hidden</text></svg><table><td"
+        " style='overflow-wrap:anywhere;width:1px'>one word below the"
+        " other<td>x</table>"
     )
     found = " ".join(reader.problems(page, LOOKS[0]))
-    for word in ("faint text, contrast 2.8", "small text 7.0", "broken picture", "overflow: 3",
-                 "film that shows nothing", "Uncaught", "hidden", "squeezed cell"):  # fmt: skip
+    for word in (
+        "faint text, contrast 2.8",
+        "small text 7.0",
+        "broken picture",
+        "overflow: 3",
+        "film that shows nothing",
+        "Uncaught",
+        "hidden",
+        "squeezed cell",
+    ):
         assert word in found, word

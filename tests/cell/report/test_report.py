@@ -1,4 +1,6 @@
-"""The page of a run: verdict, figures, facts, predictions; and the page of a calibration."""
+"""The page of a run: verdict, figures, facts, predictions; and the page of a
+calibration.
+"""
 
 import base64
 import json
@@ -44,7 +46,9 @@ UNLIKE = {
     "like_model": False,
     "residual": 0.0031,
     "yield_curvature": 2.0,
-    "reason": "this strip does not behave like the model: find out with `cell gap plan`",
+    "reason": (
+        "this strip does not behave like the model: find out with `cell gap plan`"
+    ),
 }
 
 
@@ -58,7 +62,9 @@ class Outline(HTMLParser):
         self.crossed: list[str] = []
 
     def handle_starttag(self, tag, attrs):
-        self.addresses += [value for name, value in attrs if name in {"src", "href"} and value]
+        self.addresses += [
+            value for name, value in attrs if name in {"src", "href"} and value
+        ]
         if tag not in VOID:
             self.open.append(tag)
 
@@ -114,7 +120,9 @@ def test_film_of_a_run_plays_in_step_with_its_curves(tmp_path):
     text = write_report(writer.folder).read_text()
     assert outline(text).crossed == []
     assert 'data-begin="-0.070000" src="data:video/mp4;base64,' in text
-    first, last = (float(re.search(rf'data-{name}="(\S+)"', text)[1]) for name in ("first", "last"))
+    first, last = (
+        float(re.search(rf'data-{name}="(\S+)"', text)[1]) for name in ("first", "last")
+    )
     assert first <= 0.0
     assert last >= 0.11
     assert len(text) < 3_000_000
@@ -127,29 +135,45 @@ def test_verdict_stands_on_top_with_sign_error_and_truth(page):
     assert "Folded: the edges lie 31.0 mm apart" in top
     assert "−31.0 mm ± 1.0 mm stated in run.yaml ± 0.3 mm calibration" in top
     assert "the upper edge lies 31.0 mm before the lower one" in top
-    assert "after 7.52 s, the upper one was shorter by 36.3 mm (true on the twin: −35.1 mm)" in top
+    assert (
+        "after 7.52 s, the upper one was shorter by 36.3 mm (true on the twin:"
+        " −35.1 mm)" in top
+    )
 
 
 def test_page_shows_pictures_figures_events_and_facts(page):
     assert page.count("data:image/jpeg") == 7  # two are on top, large
     assert page.count("<svg") == 2
     text = words(page)
-    for claim in ("FOLD, after made", "contact 450 mm", "seed 7", "drivers.arm twin", "l1"):
+    for claim in (
+        "FOLD, after made",
+        "contact 450 mm",
+        "seed 7",
+        "drivers.arm twin",
+        "l1",
+    ):
         assert claim in text, claim
 
 
 def test_dead_run_is_explained(dead_page):
     text, ended = words(dead_page), "the twin's arm ended with its process"
-    for claim in ("The process died at t = 4.28 s in state FOLD", "There is no result.", ended):
+    for claim in (
+        "The process died at t = 4.28 s in state FOLD",
+        "There is no result.",
+        ended,
+    ):
         assert claim in text
-    assert "<dt>duration" not in dead_page  # counted from the preflight, known of an ended run only
+    # counted from the preflight, known of an ended run only
+    assert "<dt>duration" not in dead_page
     assert dead_page.count("<svg") == 2
 
 
 def test_after_death_at_a_real_arm_the_hand_is_opened_first(killed, tmp_path):
     folder = shutil.copytree(killed, tmp_path / killed.name)
     header = yaml.safe_load((folder / "run.yaml").read_text())
-    (folder / "run.yaml").write_text(yaml.safe_dump({**header, "drivers": {"arm": "fci"}}))
+    (folder / "run.yaml").write_text(
+        yaml.safe_dump({**header, "drivers": {"arm": "fci"}})
+    )
     steps = advice(read_run(folder))
     assert "cell open" in steps[1]
     assert "Lay the strip flat again." in steps
@@ -166,7 +190,9 @@ def test_fault_is_named_with_its_reason(finished):
     fault = type(run.result).model_validate(
         {"outcome": "stale_image", "reason": "the newest image is 0.31 s old"}
     )
-    said = verdict_of(type(run)(run.folder, run.header, run.ticks, run.profile, fault), None)
+    said = verdict_of(
+        type(run)(run.folder, run.header, run.ticks, run.profile, fault), None
+    )
     assert said.tone == "bad"
     assert said.headline == "Stopped by a fault: stale image"
     assert said.sentences[0] == "The newest image is 0.31 s old."
@@ -184,7 +210,13 @@ def test_report_can_be_written_again_with_the_same_bytes(make_run, tmp_path):
 
 def test_report_of_a_laboratorys_run_needs_only_the_four_files(make_run, tmp_path):
     folder = make_run(tmp_path)
-    for name in ("events.jsonl", "ticks.arrows", "sights.arrows", "sights.parquet", "truth.yaml"):
+    for name in (
+        "events.jsonl",
+        "ticks.arrows",
+        "sights.arrows",
+        "sights.parquet",
+        "truth.yaml",
+    ):
         (folder / name).unlink()
     (folder / "calibration.yaml").unlink()
     (folder / "frames/index.jsonl").unlink()
@@ -200,14 +232,25 @@ HOSTILE = "\"'><script>bad()</script>$_{[&"
 
 
 def test_text_from_a_run_cannot_become_markup(make_run, tmp_path):
-    unknown = [{"name": HOSTILE, "difference": 0.0, "spread": 0.0}]  # of another version
-    folder = make_run(tmp_path, reason=HOSTILE, outcome="edges_apart", witnesses=unknown)
+    # of another version
+    unknown = [{"name": HOSTILE, "difference": 0.0, "spread": 0.0}]
+    folder = make_run(
+        tmp_path, reason=HOSTILE, outcome="edges_apart", witnesses=unknown
+    )
     header = yaml.safe_load((folder / "run.yaml").read_text())
     hostile = {"strip": HOSTILE, "policy": HOSTILE, "provenance": {HOSTILE: HOSTILE}}
     (folder / "run.yaml").write_text(yaml.safe_dump(header | hostile))
     events = [{"t": 1.0, "kind": HOSTILE, "of": HOSTILE}]
-    events += [{"t": 0.0, "kind": "preflight", "checks": [{"name": HOSTILE, "reason": HOSTILE}]}]
-    (folder / "events.jsonl").write_text("".join(json.dumps(line) + "\n" for line in events))
+    events += [
+        {
+            "t": 0.0,
+            "kind": "preflight",
+            "checks": [{"name": HOSTILE, "reason": HOSTILE}],
+        }
+    ]
+    (folder / "events.jsonl").write_text(
+        "".join(json.dumps(line) + "\n" for line in events)
+    )
     compared = write_comparison([folder, folder], tmp_path / "compare.html")
     listed = write_runs_page([read_row(folder)], tmp_path / "runs.html")
     for made in (write_report(folder), compared, listed):
@@ -260,7 +303,9 @@ def test_page_shows_quality_scale_and_plane(calibration, tmp_path):
     text = write_calibration_report(path).read_text()
     assert "Lines every 100 mm" in text
     drawn = text.partition("data:image/jpeg;base64,")[2].partition('"')[0]
-    image = cv2.imdecode(np.frombuffer(base64.b64decode(drawn), np.uint8), cv2.IMREAD_GRAYSCALE)
+    image = cv2.imdecode(
+        np.frombuffer(base64.b64decode(drawn), np.uint8), cv2.IMREAD_GRAYSCALE
+    )
     for x, z in ((0.2, 0.1), (0.4, 0.25), (0.5, 0.0)):
         column, row = calibration.to_image([[x, z]])[0].round().astype(int)
         assert image[row - 2 : row + 3, column - 2 : column + 3].max() > 180

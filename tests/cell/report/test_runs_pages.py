@@ -20,13 +20,18 @@ from drivers.errors import ConfigurationError
 
 @pytest.fixture(scope="module")
 def written(finished: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder of three runs with pages; the second has another policy, the third died."""
+    """A folder of three runs with pages; the second has another policy, the third
+    died.
+    """
     runs, folders = tmp_path_factory.mktemp("written") / "runs", []
     for number in range(3):
         place = runs / f"2026112{number}T080000Z-denim-fold-000{number}"
         shutil.copytree(finished, place)
         folders.append(place)
-    head = yaml.safe_load((folders[1] / "run.yaml").read_text()) | {"policy": "circular", "seed": 3}
+    head = yaml.safe_load((folders[1] / "run.yaml").read_text()) | {
+        "policy": "circular",
+        "seed": 3,
+    }
     (folders[1] / "run.yaml").write_text(yaml.safe_dump(head))
     (folders[2] / "result.yaml").unlink()
     for folder in folders:
@@ -51,12 +56,21 @@ def links(page: Path) -> list[Path]:
     return [(page.parent / href).resolve() for href in found]
 
 
-def test_comparison_has_every_run_and_what_differs(three: list[Path], monkeypatch) -> None:
+def test_comparison_has_every_run_and_what_differs(
+    three: list[Path], monkeypatch
+) -> None:
     monkeypatch.chdir(three[0].parents[1])
     for folder in three:
-        (folder / "truth.yaml").write_text("{schema: 1, displacement: 0.0, edge_offset: 0.0}\n")
-    (three[0].parents[1] / "tables/20270101T080000Z-denim-fold-0001").mkdir(parents=True)  # no run
-    page = Path(json.loads(call("report", "0000", "0001", "last", "--json"))["report"]).resolve()
+        (folder / "truth.yaml").write_text(
+            "{schema: 1, displacement: 0.0, edge_offset: 0.0}\n"
+        )
+    # no run
+    (three[0].parents[1] / "tables/20270101T080000Z-denim-fold-0001").mkdir(
+        parents=True
+    )
+    page = Path(
+        json.loads(call("report", "0000", "0001", "last", "--json"))["report"]
+    ).resolve()
     assert page == three[0].parent / "compare.html"
     text = page.read_text("utf-8")
     (rows,) = re.findall(r"What was set otherwise.*?</table>", text, flags=re.S)
@@ -68,7 +82,9 @@ def test_comparison_has_every_run_and_what_differs(three: list[Path], monkeypatc
     assert all(path.is_file() for path in links(page))
 
 
-def test_list_page_has_thumbnails_and_working_links(three: list[Path], tmp_path: Path) -> None:
+def test_list_page_has_thumbnails_and_working_links(
+    three: list[Path], tmp_path: Path
+) -> None:
     out = tmp_path / "pages" / "runs.html"
     call("runs", "--runs", three[0].parent, "--html", out)
     text = out.read_text("utf-8")
@@ -79,17 +95,37 @@ def test_list_page_has_thumbnails_and_working_links(three: list[Path], tmp_path:
 
 
 def test_tags_and_notes_stay_in_the_run_and_are_found(three: list[Path]) -> None:
-    call("note", three[0], three[1], "--tag", "good", "--tag", "first-day", "--text", "dry air")
+    call(
+        "note",
+        three[0],
+        three[1],
+        "--tag",
+        "good",
+        "--tag",
+        "first-day",
+        "--text",
+        "dry air",
+    )
     call("note", three[0], "--untag", "good")
     assert read_row(three[0]).tags == "first-day"
     assert read_row(three[0]).note == "dry air"
-    found = call("runs", "--runs", three[0].parent, "--where", "tags LIKE '%good%'", "--json")
-    assert [json.loads(line)["tags"] for line in found.splitlines()] == [["first-day", "good"]]
-    assert [row.tags for row in list_runs(three[0].parent)] == ["first-day", "first-day good", ""]
+    found = call(
+        "runs", "--runs", three[0].parent, "--where", "tags LIKE '%good%'", "--json"
+    )
+    assert [json.loads(line)["tags"] for line in found.splitlines()] == [
+        ["first-day", "good"]
+    ]
+    assert [row.tags for row in list_runs(three[0].parent)] == [
+        "first-day",
+        "first-day good",
+        "",
+    ]
 
 
 @pytest.mark.parametrize("text", ["tags: [", "tags: {a: 1}", "- junk", "schema: 2"])
-def test_notes_that_cannot_be_read_are_left_as_they_are(three: list[Path], text: str) -> None:
+def test_notes_that_cannot_be_read_are_left_as_they_are(
+    three: list[Path], text: str
+) -> None:
     notes = three[0] / "notes.yaml"
     notes.write_text(text)
     done = CliRunner().invoke(app, ["note", str(three[0]), "--tag", "good"])
@@ -104,8 +140,12 @@ def test_four_tags_at_once_are_all_kept(three: list[Path]) -> None:
     assert read_row(three[0]).tags == "a b c d"
 
 
-def test_effects_of_any_text_and_differences_beyond_the_shown_digits_are_stated() -> None:
+def test_effects_of_any_text_and_differences_beyond_the_shown_digits_are_stated():
     key = "strip_file.effects.seam.factor"
-    assert [setting_text(key, value) for value in (2.0, "abc", [1, 2])] == ["2", "abc", "1, 2"]
+    assert [setting_text(key, value) for value in (2.0, "abc", [1, 2])] == [
+        "2",
+        "abc",
+        "1, 2",
+    ]
     densities = [{"areal_density": 0.3512}, {"areal_density": 0.3508}]
     assert distinct_texts("areal_density", densities) == ["0.3512", "0.3508"]

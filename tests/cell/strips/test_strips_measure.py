@@ -46,7 +46,9 @@ def test_rendered_hanging_gives_its_bending_length_within_five_per_cent(
 
 
 @pytest.mark.parametrize("curl", [-6.0, 6.0])
-def test_curl_is_named_and_does_not_spoil_the_bending_length(tmp_path: Path, curl: float) -> None:
+def test_curl_is_named_and_does_not_spoil_the_bending_length(
+    tmp_path: Path, curl: float
+) -> None:
     found = measured(tmp_path, [Scene(0.1, 0.025, 0.002, HEIGHT, curl=curl)])
     assert found.bending.prior.kind is RestCurvature.CURLED
     assert found.bending.curl.low < curl < found.bending.curl.high
@@ -64,11 +66,15 @@ def test_overhangs_given_to_the_wrong_photographs_are_noticed(tmp_path: Path) ->
         paths.append(tmp_path / f"{overhang}.png")
         cv2.imwrite(str(paths[-1]), photograph(Scene(overhang, 0.02, 0.002, HEIGHT), 1))
     found = measure("sample", read_photographs(paths, [0.12, 0.06]))
-    assert any("is each --overhang that of its --photo" in each for each in found.warnings)
+    assert any(
+        "is each --overhang that of its --photo" in each for each in found.warnings
+    )
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not PHOTOGRAPHS, reason="the photographs of yarn are not beside the checkout")
+@pytest.mark.skipif(
+    not PHOTOGRAPHS, reason="the photographs of yarn are not beside the checkout"
+)
 def test_real_yarn_has_one_bending_length_at_all_overhangs() -> None:
     overhangs = [float(path.stem.split("_")[2]) / 100 for path in PHOTOGRAPHS]
     found = measure("acrylic", read_photographs(PHOTOGRAPHS, overhangs))

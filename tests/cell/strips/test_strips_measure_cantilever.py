@@ -43,13 +43,17 @@ def test_hanging_strip_lies_on_the_heavy_elastica(
     overhang: float, bending_length: float, curvature: float, clamp: float
 ) -> None:
     born = np.full(SEGMENTS, curvature)
-    hanging = hanging_shape(overhang, bending_length, rest_curvature=born, clamp_angle=clamp)
+    hanging = hanging_shape(
+        overhang, bending_length, rest_curvature=born, clamp_angle=clamp
+    )
     expected = elastica(hanging, curvature, clamp)
     assert np.abs(hanging.points - expected).max() < 3e-6
 
 
 def test_textile_laboratory_reads_half_the_overhang_at_41_and_a_half_degrees() -> None:
-    """Peirce's test: the chord falls by 41.5 degrees when the overhang is two bending lengths."""
+    """Peirce's test: the chord falls by 41.5 degrees when the overhang is two bending
+    lengths.
+    """
     tip = hanging_shape(0.04, 0.02).points[-1]
     assert np.degrees(np.arctan2(-tip[1], tip[0])) == pytest.approx(41.5, abs=0.1)
 

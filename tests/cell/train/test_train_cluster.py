@@ -69,7 +69,8 @@ def test_worker_killed_in_mid_run_changes_nothing(local, tmp_path: Path) -> None
             killed.set()
 
         def stop() -> None:
-            # A stopped worker takes a piece and does not finish it, so that the kill cannot miss.
+            # A stopped worker takes a piece and does not finish it, so that the kill
+            # cannot miss.
             os.kill(pid, signal.SIGSTOP)
             Thread(target=kill_at_work, daemon=True).start()
 
@@ -79,7 +80,8 @@ def test_worker_killed_in_mid_run_changes_nothing(local, tmp_path: Path) -> None
         assert pid not in watcher.run(os.getpid).values()
     np.testing.assert_array_equal(alone, together)
     journals = [
-        (tmp_path / name / "feedback.jsonl").read_text().count("\n") for name in ("here", "there")
+        (tmp_path / name / "feedback.jsonl").read_text().count("\n")
+        for name in ("here", "there")
     ]
     assert journals == [1 + TINY.generations] * 2
 
@@ -103,7 +105,8 @@ def test_address_without_a_scheduler_is_one_line(monkeypatch, address: str) -> N
         pass
     assert "\n" not in str(told.value)
     clients = [each for each in gc.get_objects() if type(each) is library().Client]
-    assert all(client.status == "closed" for client in clients)  # another waits 40 s at the end
+    # another waits 40 s at the end
+    assert all(client.status == "closed" for client in clients)
 
 
 def certificate(folder: Path) -> tuple[str, str]:
@@ -111,15 +114,22 @@ def certificate(folder: Path) -> tuple[str, str]:
     cert, key = str(folder / "cell.pem"), str(folder / "cell-key.pem")
     made = ["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "1"]
     subprocess.run(
-        [*made, "-subj", "/CN=cell", "-keyout", key, "-out", cert], check=True, capture_output=True
+        [*made, "-subj", "/CN=cell", "-keyout", key, "-out", cert],
+        check=True,
+        capture_output=True,
     )
     return cert, key
 
 
 @pytest.mark.skipif(shutil.which("openssl") is None, reason="needs openssl")
-def test_cluster_with_tls_serves_who_has_the_certificate_alone(tmp_path: Path, monkeypatch) -> None:
+def test_cluster_with_tls_serves_who_has_the_certificate_alone(
+    tmp_path: Path, monkeypatch
+) -> None:
     cert, key = certificate(tmp_path)
-    known = {"distributed.comm.tls.ca-file": cert, "distributed.comm.require-encryption": True}
+    known = {
+        "distributed.comm.tls.ca-file": cert,
+        "distributed.comm.require-encryption": True,
+    }
     for role in ("scheduler", "worker", "client"):
         known |= {
             f"distributed.comm.tls.{role}.cert": cert,
@@ -128,9 +138,12 @@ def test_cluster_with_tls_serves_who_has_the_certificate_alone(tmp_path: Path, m
     security = library().Security(
         tls_ca_file=cert,
         require_encryption=True,
-        **{f"tls_{role}_{kind}": path for role in ("scheduler", "worker", "client")
-           for kind, path in (("cert", cert), ("key", key))},
-    )  # fmt: skip
+        **{
+            f"tls_{role}_{kind}": path
+            for role in ("scheduler", "worker", "client")
+            for kind, path in (("cert", cert), ("key", key))
+        },
+    )
     monkeypatch.setattr("cell.campaign.cluster.CONNECT_TIMEOUT", 400.0)
     with (
         event_loop() as loop,
@@ -151,5 +164,8 @@ def test_cluster_with_tls_serves_who_has_the_certificate_alone(tmp_path: Path, m
             Cluster(address).calls(),
         ):
             pass
-        with pytest.importorskip("dask").config.set(known), Cluster(address).calls() as calls:
+        with (
+            pytest.importorskip("dask").config.set(known),
+            Cluster(address).calls() as calls,
+        ):
             assert list(calls(max, [(1, 2)])) == [(0, 2)]

@@ -1,4 +1,6 @@
-"""`cell train`: the same weights however often it is killed, an honest judgement, clear errors."""
+"""`cell train`: the same weights however often it is killed, an honest judgement, clear
+errors.
+"""
 
 import fcntl
 import json
@@ -19,8 +21,20 @@ TINY = ["--generations", "6", "--population", "4", "--strips", "1", "--grid", "2
 
 
 def killed_after(folder: Path, generation: int) -> None:
-    """A training in a process of its own, killed as soon as it tells of `generation`."""
-    words = [sys.executable, "-m", "cell", "train", "--out", str(folder), "--jobs", "1", *TINY]
+    """A training in a process of its own, killed as soon as it tells of
+    `generation`.
+    """
+    words = [
+        sys.executable,
+        "-m",
+        "cell",
+        "train",
+        "--out",
+        str(folder),
+        "--jobs",
+        "1",
+        *TINY,
+    ]
     with subprocess.Popen(words, stderr=subprocess.PIPE, text=True) as training:
         for line in training.stderr:
             if line.startswith(f"generation {generation} of 6"):
@@ -43,7 +57,9 @@ def test_run_killed_twice_ends_with_the_weights_of_one_left_alone(
     told = capsys.readouterr()
     assert "resumed after 4 of 6" in told.err or "resumed after 5 of 6" in told.err
     assert "chain (the plant)" in told.out
-    assert (alone / "feedback.json").read_bytes() == (killed / "feedback.json").read_bytes()
+    assert (alone / "feedback.json").read_bytes() == (
+        killed / "feedback.json"
+    ).read_bytes()
     judged = [json.loads((f / "evaluation.json").read_text()) for f in (alone, killed)]
     assert judged[0] == line
     assert judged[0]["evaluations"] == judged[1]["evaluations"]
@@ -52,7 +68,10 @@ def test_run_killed_twice_ends_with_the_weights_of_one_left_alone(
 
 
 def test_worker_that_dies_ends_the_training_in_one_line() -> None:
-    with pytest.raises(WorkersLost, match="run the same command again"), workers(2) as calls:
+    with (
+        pytest.raises(WorkersLost, match="run the same command again"),
+        workers(2) as calls,
+    ):
         list(calls(os._exit, [(1,)]))
 
 
@@ -72,7 +91,9 @@ def test_workers_end_with_the_process_that_leads_them() -> None:
     assert int(told.stdout) > 0
 
 
-def test_second_training_in_the_same_folder_is_refused(monkeypatch, capsys, tmp_path) -> None:
+def test_second_training_in_the_same_folder_is_refused(
+    monkeypatch, capsys, tmp_path
+) -> None:
     monkeypatch.setattr("drivers.files.LOCK_TIMEOUT", 0.0)
     place = os.open(tmp_path, os.O_RDONLY)
     try:

@@ -1,4 +1,6 @@
-"""Robots that need no network, one that is served on loopback, and the loop that drives them."""
+"""Robots that need no network, one that is served on loopback, and the loop that drives
+them.
+"""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -40,7 +42,9 @@ COLLISION = CollisionSettings(
 
 
 class FakeRobot:
-    """Plays a robot that is at once where it is told to be, and keeps what it was told."""
+    """Plays a robot that is at once where it is told to be, and keeps what it was
+    told.
+    """
 
     def __init__(self, pose: list[float] | None = None) -> None:
         self.pose = columns(StripPlane(PLANE).matrix(*START)) if pose is None else pose
@@ -67,7 +71,9 @@ class FakeRobot:
             control_command_success_rate=1.0,
         )
 
-    def write_pose(self, motion: object, pose: list[float], *, last: bool = False) -> None:
+    def write_pose(
+        self, motion: object, pose: list[float], *, last: bool = False
+    ) -> None:
         self.written.append(pose)
         self.pose = pose
         self.ended = last
@@ -76,12 +82,14 @@ class FakeRobot:
 class LossyRobot:
     """Loses one command in ten, or what follows it, up to `worst` ticks at a time.
 
-    A lost command is continued by the robot itself, by the rules of its server, so every limit
-    holds that a robot would enforce. Fewer than MOST_MISSED_TICKS are lost in a row. States are
-    rounded as on the wire.
+    A lost command is continued by the robot itself, by the rules of its server, so
+    every limit holds that a robot would enforce. Fewer than MOST_MISSED_TICKS are lost
+    in a row. States are rounded as on the wire.
     """
 
-    def __init__(self, joints: Any, seed: int = 1, worst: int = 1, share: float = 0.0) -> None:
+    def __init__(
+        self, joints: Any, seed: int = 1, worst: int = 1, share: float = 0.0
+    ) -> None:
         self.robot = resting_robot(np.array(joints))
         self.lost, self.ended = 0, False
         self._rng = np.random.default_rng(seed)
@@ -93,7 +101,9 @@ class LossyRobot:
         self.robot.move(MoveRequest(1, JOINT_POSITION, (0.1,) * 6, False), 1)
         return self
 
-    def write_joints(self, motion: object, joints: list[float], *, last: bool = False) -> None:
+    def write_joints(
+        self, motion: object, joints: list[float], *, last: bool = False
+    ) -> None:
         self._command(np.array(joints), last)
 
     def read(self, motion: object) -> SimpleNamespace:
@@ -162,7 +172,9 @@ class Driven:
     def order(self, kind: CommandKind, *values: float) -> None:
         self.number += 1
         self.beats += 1
-        self.orders.write(LoopCommand(self.number, kind, self.beats, *(values or (0.0, 0.0, 0.0))))
+        self.orders.write(
+            LoopCommand(self.number, kind, self.beats, *(values or (0.0, 0.0, 0.0)))
+        )
 
     def steps(self, count: int) -> Report:
         for _ in range(count):
@@ -177,7 +189,10 @@ def begun(robot: Any = None, *, lock_step: bool = True, guard=None) -> Driven:
     robot = FakeRobot() if robot is None else robot
     boxes = Mailbox(LoopCommand), Mailbox(Report)
     settings = FciSettings(address="127.0.0.1", lock_step=lock_step)
-    access, guard = RobotAccess("", settings, INSTALLATION), guard or ForceGuard(settings.guard)
+    access, guard = (
+        RobotAccess("", settings, INSTALLATION),
+        guard or ForceGuard(settings.guard),
+    )
     return Driven(robot, ServoLoop(robot, access, *boxes, lambda: 0.0, guard), *boxes)
 
 

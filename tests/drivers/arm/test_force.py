@@ -98,11 +98,14 @@ def test_force_that_stays_at_rest_is_drift_and_one_in_motion_is_not() -> None:
     leaning = state((0.0, 9.0, 0.0))
     drift = DriftMonitor(TARED, 8.0, TICK)
     assert not any(drift.objection(leaning, moving=True) for _ in range(5000))
-    assert not any(drift.objection(leaning, moving=False) for _ in range(300))  # it settles
+    # it settles
+    assert not any(drift.objection(leaning, moving=False) for _ in range(300))
     found = [drift.objection(leaning, moving=False) for _ in range(3000)]
     assert "drifted to 8.0 N, allowed 8.0 N" in next(filter(None, found))
     still = DriftMonitor(TARED, 8.0, TICK)
-    assert not any(still.objection(state((0.0, 7.0, 0.0)), moving=False) for _ in range(5000))
+    assert not any(
+        still.objection(state((0.0, 7.0, 0.0)), moving=False) for _ in range(5000)
+    )
 
 
 def test_drift_at_rest_ends_the_motion() -> None:
@@ -132,7 +135,7 @@ def felt(server) -> None:
         server.robot.rest()
 
 
-def test_arm_that_is_pressed_does_not_go_home_by_itself_and_retreats_when_asked_to() -> None:
+def test_arm_that_is_pressed_does_not_go_home_by_itself_and_retreats_when_asked_to():
     with served(push=Wall().force) as server:
         felt(server)
         with pytest.raises(Fault, match=r"feels 20\.0 N at rest.*--recover") as fault:
@@ -146,7 +149,9 @@ def test_arm_that_is_pressed_does_not_go_home_by_itself_and_retreats_when_asked_
 
 
 class Pressed(LossyRobot):
-    """A robot that loses nothing, with a force on its gripper that depends on where that is."""
+    """A robot that loses nothing, with a force on its gripper that depends on where
+    that is.
+    """
 
     def __init__(self, push, joints=JOINTS) -> None:
         super().__init__(joints)
@@ -185,7 +190,9 @@ def test_retreat_leaves_a_contact_along_its_force_and_no_further() -> None:
 
 def test_retreat_that_frees_nothing_ends_after_its_way() -> None:
     robot = Pressed(lambda _: -20.0)  # somebody who follows
-    with pytest.raises(ArmFault, match=r"still feels 20\.0 N after a retreat of 30 mm") as failed:
+    with pytest.raises(
+        ArmFault, match=r"still feels 20\.0 N after a retreat of 30 mm"
+    ) as failed:
         retreat(robot, FciSettings(), lambda: False, SOLIDS)
     assert failed.value.cause is Cause.PRESSED
     assert robot.moved == pytest.approx([0.0, -0.03, 0.0], abs=2e-3)
@@ -201,7 +208,8 @@ def test_retreat_is_not_begun_where_a_joint_is_at_its_end() -> None:
 
 
 def test_retreat_ends_where_the_force_rises() -> None:
-    robot = Pressed(lambda y: -20.0 + 2 * STIFF * y)  # clamped: it grows along the way out
+    # clamped: it grows along the way out
+    robot = Pressed(lambda y: -20.0 + 2 * STIFF * y)
     with pytest.raises(ArmFault, match=r"met 28\.\d N, allowed 28\.0 N"):
         retreat(robot, FciSettings(), lambda: False, SOLIDS)
     assert -0.003 < robot.moved[1] < 0.0
@@ -221,7 +229,9 @@ def test_force_that_is_no_number_begins_no_retreat_and_ends_one() -> None:
     assert robot.moved[1] > -0.01
 
 
-@pytest.mark.parametrize(("room", "free"), [(0.1, True), (0.031, False), (-0.01, False)])
+@pytest.mark.parametrize(
+    ("room", "free"), [(0.1, True), (0.031, False), (-0.01, False)]
+)
 def test_retreat_does_not_lead_towards_obstacles(room: float, free: bool) -> None:
     """A wall beside the arm, `room` [m] from it: what comes nearer is not begun."""
     robot = Pressed(lambda y: -max(20.0 + STIFF * y, 0.0))

@@ -16,9 +16,11 @@ from drivers.fci_server.robot import MOST_MISSED_TICKS
 from drivers.fci_server.wire import RobotCommand
 from tests.drivers.arm.rig import JOINTS, LossyRobot, begun_losing, joint_command
 
-TICK, AT_HAND, ON_THE_WAY = 1e-3, 2e-5, 1e-4  # s: of the robot, to read a state, of each message
+# s: of the robot, to read a state, of each message
+TICK, AT_HAND, ON_THE_WAY = 1e-3, 2e-5, 1e-4
 RESUMED = 1.2e-3  # s to an answer after one that was lost: more than a tick
-ANSWER, AFTER = 0.6e-3, 0.39e-3  # s from a state to its answer, and for what comes after that
+# s from a state to its answer, and for what comes after that
+ANSWER, AFTER = 0.6e-3, 0.39e-3
 
 
 class Millisecond:
@@ -56,7 +58,9 @@ def most_lost(robot: Robot, motion: Millisecond, ticks: int) -> int:
     return longest
 
 
-@pytest.mark.parametrize(("lock_step", "lost"), [(False, range(1, 3)), (True, range(20, 1000))])
+@pytest.mark.parametrize(
+    ("lock_step", "lost"), [(False, range(1, 3)), (True, range(20, 1000))]
+)
 def test_a_loop_that_is_too_slow_loses_every_other_command_not_all(
     monkeypatch, lock_step: bool, lost: range
 ) -> None:
@@ -95,7 +99,9 @@ class Timed(LossyRobot):
 
     def _go_on(self) -> None:
         while self.robot.time < int(self.now / TICK + 1e-9):
-            counted = self._next is None and self.robot.motion and self.robot.motion.started
+            counted = (
+                self._next is None and self.robot.motion and self.robot.motion.started
+            )
             self.row = self.row + 1 if counted else 0
             self.longest = max(self.longest, self.row)
             if self._next is None:

@@ -1,4 +1,6 @@
-"""The guard of the joints: whatever the cell asks for, the robot never has to stop the arm."""
+"""The guard of the joints: whatever the cell asks for, the robot never has to stop the
+arm.
+"""
 
 import numpy as np
 import pytest
@@ -8,7 +10,14 @@ from drivers.arm.plane import StripPlane
 from drivers.arm.reach import PredictedMotion, ReachGuard, plan_reach
 from drivers.franka import limits
 from drivers.types import Pose, Velocity
-from tests.drivers.arm.rig import INSTALLATION, JOINTS, PLANE, START, LossyRobot, begun_losing
+from tests.drivers.arm.rig import (
+    INSTALLATION,
+    JOINTS,
+    PLANE,
+    START,
+    LossyRobot,
+    begun_losing,
+)
 
 FOLLOWED = np.array([-1.0, -1.0, 0.0, 0.5, 1.0])  # of the highest velocity of an axis
 HIGHEST = np.array([axis.velocity for axis in INSTALLATION.limits.axes])
@@ -16,8 +25,13 @@ STILL = Velocity(0.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_full_speed_reversals_at_any_place_stay_within_the_joints_limits(seed: int) -> None:
-    robot, rng = LossyRobot(JOINTS, seed, 1, share=0.0), np.random.default_rng(5000 + seed)
+def test_full_speed_reversals_at_any_place_stay_within_the_joints_limits(
+    seed: int,
+) -> None:
+    robot, rng = (
+        LossyRobot(JOINTS, seed, 1, share=0.0),
+        np.random.default_rng(5000 + seed),
+    )
     setup = begun_losing(robot)
     fastest = 0.0
     for _ in range(16):
@@ -50,7 +64,9 @@ def test_guard_objects_to_what_braking_could_not_stop() -> None:
 
 def test_guard_objects_to_joints_that_turn_too_fast_here(monkeypatch) -> None:
     slow = PredictedMotion(Pose(*START), Velocity(0.02, 0.0, 0.0), STILL)
-    assert ReachGuard(StripPlane(PLANE), INSTALLATION.limits, JOINTS).objection(slow) == ""
+    assert (
+        ReachGuard(StripPlane(PLANE), INSTALLATION.limits, JOINTS).objection(slow) == ""
+    )
     few = np.full(7, 1e-3)
     monkeypatch.setattr(limits, "velocity_bounds", lambda _: (-few, few))
     guard = ReachGuard(StripPlane(PLANE), INSTALLATION.limits, JOINTS)

@@ -1,4 +1,6 @@
-"""The hand as users report it: not homed, missing thin things, deaf to stops; never waited for."""
+"""The hand as users report it: not homed, missing thin things, deaf to stops; never
+waited for.
+"""
 
 import socket
 from collections.abc import Iterator
@@ -20,15 +22,22 @@ SLOW = DENIM.model_copy(update={"speed": 0.0001})  # minutes to close
 
 
 @contextmanager
-def driven(thickness: float | None, limits: HandLimits, **properties) -> Iterator[tuple]:
-    """A hand with something between its fingers, its driver, and what it is asked to do."""
+def driven(
+    thickness: float | None, limits: HandLimits, **properties
+) -> Iterator[tuple]:
+    """A hand with something between its fingers, its driver, and what it is asked to
+    do.
+    """
     with RobotServer(between=lambda: server.thickness) as server:
         server.thickness, server.hand.width = thickness, 0.02
         for name, value in properties.items():
             setattr(server.hand, name, value)
         heard: list[HandCommand] = []
         begin = server.hand.begin
-        server.hand.begin = lambda request: (heard.append(request.command), begin(request))[1]
+        server.hand.begin = lambda request: (
+            heard.append(request.command),
+            begin(request),
+        )[1]
         hand = FciHand(server.address, limits, WallClock())
         try:
             yield server, hand, heard
@@ -131,7 +140,14 @@ def test_hand_that_hears_no_stop_is_a_fault() -> None:
 
 def test_no_call_waits_for_the_fingers() -> None:
     with driven(None, SLOW, deaf=2) as (server, hand, _):
-        for call in (hand.state, hand.grasp, hand.state, hand.open, hand.stop, hand.state):
+        for call in (
+            hand.state,
+            hand.grasp,
+            hand.state,
+            hand.open,
+            hand.stop,
+            hand.state,
+        ):
             call()
         assert server.hand.width > 0.019  # a call that waited would return at 0
 
@@ -140,7 +156,9 @@ def test_window_follows_the_calipers() -> None:
     window = HandLimits().for_thickness(0.0008, 0.001)
     assert (window.thinnest, window.thickest) == pytest.approx((0.0004, 0.003))
     assert HandLimits().for_thickness(0.0002, 0.0002).thinnest == pytest.approx(0.0001)
-    assert HandLimits(thickest=0.002).for_thickness(0.001, 0.002).thickest == pytest.approx(0.002)
+    assert HandLimits(thickest=0.002).for_thickness(
+        0.001, 0.002
+    ).thickest == pytest.approx(0.002)
 
 
 def test_silent_hand_grows_old_though_it_last_said_that_it_holds() -> None:

@@ -114,7 +114,9 @@ def test_silent_cell_makes_the_arm_brake_for_good(setup) -> None:
     assert (after.x, after.z) == pytest.approx((rest.x, rest.z))
 
 
-def test_silence_before_the_first_command_is_no_failure_though_a_tick_is_lost(setup) -> None:
+def test_silence_before_the_first_command_is_no_failure_though_a_tick_is_lost(
+    setup,
+) -> None:
     setup.robot.twist[0] = 1e-3  # m/s, from which the motion is resumed
     for tick in range(1000):
         setup.robot.clock += tick == 600

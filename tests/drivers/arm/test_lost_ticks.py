@@ -1,4 +1,6 @@
-"""The 1 kHz loops on a network that loses commands: the robot goes on by itself meanwhile."""
+"""The 1 kHz loops on a network that loses commands: the robot goes on by itself
+meanwhile.
+"""
 
 from types import SimpleNamespace
 
@@ -12,7 +14,15 @@ from drivers.arm.mailbox import CommandKind
 from drivers.arm.plane import FADE_TICKS, Coordinates, FadingOffset, StripPlane
 from drivers.franka.kinematics import HOME
 from drivers.motion import TICK
-from tests.drivers.arm.rig import JOINTS, PLANE, START, LossyRobot, begun, begun_losing, columns
+from tests.drivers.arm.rig import (
+    JOINTS,
+    PLANE,
+    START,
+    LossyRobot,
+    begun,
+    begun_losing,
+    columns,
+)
 
 LOSSES = [(1, 0.1), (8, 0.1), (15, 0.1), (1, 0.5)]  # worst in a row, share of commands
 
@@ -23,8 +33,8 @@ LOSSES = [(1, 0.1), (8, 0.1), (15, 0.1), (1, 0.5)]  # worst in a row, share of c
 def test_lost_commands_stop_no_motion_move_no_goal_and_no_elbow(
     worst: int, share: float, own_clock: bool
 ) -> None:
-    # where half is lost, one seed in four ends in a reflex on the robot's own clock, and the arm
-    # is kept about its goal; it gets there once commands arrive again
+    # where half is lost, one seed in four ends in a reflex on the robot's own clock,
+    # and the arm is kept about its goal; it gets there once commands arrive again
     ticks, received = (1000, 0) if share < 0.5 else (1500, 400)
     robot = LossyRobot(JOINTS, worst if share < 0.5 else 2, worst, share)
     setup = begun_losing(robot, own_clock=own_clock)
@@ -53,7 +63,9 @@ def test_a_pose_before_the_first_state_is_refused() -> None:
 
 
 @pytest.mark.parametrize("further", [False, True])
-def test_an_answer_made_for_a_tick_is_sent_in_that_tick_only(monkeypatch, further: bool) -> None:
+def test_an_answer_made_for_a_tick_is_sent_in_that_tick_only(
+    monkeypatch, further: bool
+) -> None:
     robot, written = LossyRobot(JOINTS), []
     setup = begun_losing(robot, own_clock=True)
     setup.order(CommandKind.FOLLOW, -0.1, 0.05, 0.0)
@@ -62,7 +74,9 @@ def test_an_answer_made_for_a_tick_is_sent_in_that_tick_only(monkeypatch, furthe
     if further:
         robot.robot.miss()
         robot.robot.time += 1
-    monkeypatch.setattr(robot, "write_joints", lambda *given, **_: written.append(given))
+    monkeypatch.setattr(
+        robot, "write_joints", lambda *given, **_: written.append(given)
+    )
     setup.robot.write_pose(None, after_a_loss.O_T_EE_c)
     assert bool(written) is not further
 
@@ -95,7 +109,9 @@ def test_way_home_joint_by_joint_settles_whatever_is_lost(
 ) -> None:
     goal = (HOME + 0.2).tolist()
     robot = LossyRobot(HOME, seed, worst, share)
-    reached = follow_joints(robot, goal, 1.0, ForceGuard(20.0), lambda _: taken_too_long(robot))
+    reached = follow_joints(
+        robot, goal, 1.0, ForceGuard(20.0), lambda _: taken_too_long(robot)
+    )
     assert robot.lost > 50
     assert not robot.robot.errors
     assert reached == pytest.approx(goal, abs=1e-4)
@@ -108,10 +124,16 @@ def taken_too_long(robot: LossyRobot) -> bool:
 
 
 @pytest.mark.parametrize(("worst", "share"), [(8, 0.1), (1, 0.5)])
-def test_one_who_leaves_on_the_way_home_finds_the_robot_at_rest(worst: int, share: float) -> None:
+def test_one_who_leaves_on_the_way_home_finds_the_robot_at_rest(
+    worst: int, share: float
+) -> None:
     robot = LossyRobot(HOME, 3, worst, share)
     follow_joints(
-        robot, (HOME + 0.2).tolist(), 1.0, ForceGuard(20.0), lambda _: robot.robot.time > 200
+        robot,
+        (HOME + 0.2).tolist(),
+        1.0,
+        ForceGuard(20.0),
+        lambda _: robot.robot.time > 200,
     )
     assert robot.ended
     assert not robot.robot.errors
@@ -124,7 +146,9 @@ def test_velocity_is_measured_by_the_robot_s_time_not_by_counting_states() -> No
     for skipped in (0, 3, 0, 5, 0, 0, 2, 0, 9):
         robot.clock += skipped
         for _ in range(2):
-            robot.pose = columns(plane.matrix(START[0] - 0.1 * TICK * robot.clock, *START[1:]))
+            robot.pose = columns(
+                plane.matrix(START[0] - 0.1 * TICK * robot.clock, *START[1:])
+            )
             setup.loop._publish(robot.read(None))
     assert setup.reports.read().vx == pytest.approx(-0.1, rel=0.2)
 

@@ -26,7 +26,9 @@ from tests.drivers.arm.rig import INSTALLATION
 
 SOLIDS = solids_of(INSTALLATION)
 ABOVE_EDGE = Pose(0.6, 0.15, 0.0)
-START = np.array(home_joints(find_configs(None).cell(), find_configs(None).strip("denim")))
+START = np.array(
+    home_joints(find_configs(None).cell(), find_configs(None).strip("denim"))
+)
 
 
 def nearest(points: list[np.ndarray], solids: Solids = SOLIDS) -> float:
@@ -50,7 +52,9 @@ def test_straight_way_is_taken_where_it_is_free() -> None:
 
 
 def wall() -> Solids:
-    """What stands on the straight way from the parked posture to home, no higher than needed."""
+    """What stands on the straight way from the parked posture to home, no higher than
+    needed.
+    """
     middle = forward((HOME + START) / 2)[:3, 3]
     post = Box("post", tuple(middle - (0.04, 0.04, 0.34)), tuple(middle + 0.04))
     return Solids(np.eye(4), (post,))
@@ -90,9 +94,17 @@ def test_hand_is_clear_of_the_desk_where_it_points_down_or_lies_beside_it() -> N
 
 @pytest.mark.parametrize(
     ("stated", "length", "end"),
-    [(None, None, 0.85), (None, 0.6, 0.6), (0.7, None, 0.7), (0.7, 0.6, 0.7), (0.5, 0.6, 0.6)],
+    [
+        (None, None, 0.85),
+        (None, 0.6, 0.6),
+        (0.7, None, 0.7),
+        (0.7, 0.6, 0.7),
+        (0.5, 0.6, 0.6),
+    ],
 )
-def test_desk_ends_where_the_cell_says_else_with_workspace_or_strip(stated, length, end) -> None:
+def test_desk_ends_where_the_cell_says_else_with_workspace_or_strip(
+    stated, length, end
+) -> None:
     installation = Installation(desk=stated)
     assert desk_end(installation, length) == end
     if length is None:

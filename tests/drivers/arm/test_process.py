@@ -1,4 +1,6 @@
-"""The process that owns a robot: its scheduling, values that it shares, how evenly states came."""
+"""The process that owns a robot: its scheduling, values that it shares, how evenly
+states came.
+"""
 
 import os
 import subprocess
@@ -22,11 +24,15 @@ print(os.sched_getscheduler(0))
 
 
 def test_prompt_wake_up_leaves_the_ordinary_scheduler() -> None:
-    done = subprocess.run([sys.executable, "-c", PROMPT], check=True, capture_output=True)
+    done = subprocess.run(
+        [sys.executable, "-c", PROMPT], check=True, capture_output=True
+    )
     assert int(done.stdout) == os.SCHED_OTHER
 
 
-def test_real_time_priority_is_asked_for_this_process_and_not_its_children(monkeypatch) -> None:
+def test_real_time_priority_is_asked_for_this_process_and_not_its_children(
+    monkeypatch,
+) -> None:
     asked = []
     monkeypatch.setattr(os, "sched_setscheduler", lambda *given: asked.append(given))
     apply_realtime("enforce")  # the library has done it

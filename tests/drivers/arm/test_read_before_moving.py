@@ -1,4 +1,6 @@
-"""Nothing is believed that can be read: tool, load, limits, errors, before each motion."""
+"""Nothing is believed that can be read: tool, load, limits, errors, before each
+motion.
+"""
 
 from contextlib import closing
 from dataclasses import replace
@@ -50,7 +52,9 @@ def refused(server: RobotServer, act) -> Fault:
 
 
 def acts(server: RobotServer):
-    """Everything that connects: the plane's motions, the way home, the touched points."""
+    """Everything that connects: the plane's motions, the way home, the touched
+    points.
+    """
     return (
         FciArm(task(server), TwinClock()).connect,
         lambda: go_to(task(server), GoTo(near(), 1.0)),
@@ -58,7 +62,9 @@ def acts(server: RobotServer):
     )
 
 
-def test_tool_and_load_left_by_another_program_are_refused_with_both_values(left) -> None:
+def test_tool_and_load_left_by_another_program_are_refused_with_both_values(
+    left,
+) -> None:
     for act in acts(left):
         fault = refused(left, act)
         assert fault.name == "arm_tool_differs"
@@ -75,7 +81,9 @@ def test_tool_is_reset_where_that_is_asked_for_and_the_arm_then_goes_home(left) 
         arm.connect()
 
 
-LONGER = FLANGE_TO_TIP @ np.block([[np.eye(3), np.array([[0], [0], [0.05]])], [0, 0, 0, 1]])
+LONGER = FLANGE_TO_TIP @ np.block(
+    [[np.eye(3), np.array([[0], [0], [0.05]])], [0, 0, 0, 1]]
+)
 
 
 @pytest.mark.parametrize(
@@ -83,10 +91,16 @@ LONGER = FLANGE_TO_TIP @ np.block([[np.eye(3), np.array([[0], [0], [0.05]])], [0
     [
         ({"hand_mass": 0.9}, ("0.90 kg", "0.73 kg", "in Desk")),
         ({"hand_mass": float("nan")}, ("nan kg", "in Desk")),
-        ({"hand_centre": frozen([0.0, 0.0, 0.06])}, ("60.0) mm", "30.0) mm", "in Desk")),
+        (
+            {"hand_centre": frozen([0.0, 0.0, 0.06])},
+            ("60.0) mm", "30.0) mm", "in Desk"),
+        ),
         ({"flange_to_nominal": frozen(np.eye(4))}, ("0.0) mm", "103.4) mm", "in Desk")),
         ({"flange_to_nominal": frozen(LONGER)}, ("153.4) mm", "103.4) mm", "in Desk")),
-        ({"tool_to_stiffness": frozen(np.diag([1.0, -1, -1, 1]))}, ("180.0 deg", "0.0 deg")),
+        (
+            {"tool_to_stiffness": frozen(np.diag([1.0, -1, -1, 1]))},
+            ("180.0 deg", "0.0 deg"),
+        ),
         ({"load_mass": 0.1}, ("0.10 kg", "0.00 kg", "--reset-tool")),
     ],
 )
@@ -101,7 +115,9 @@ def test_each_property_of_the_tool_is_read(changes, words: tuple[str, ...]) -> N
 def test_reset_cannot_override_what_desk_states() -> None:
     with served() as server:
         server.robot.configuration = replace(server.robot.configuration, hand_mass=0.9)
-        fault = refused(server, lambda: go_to(task(server), GoTo(near(), 1.0, reset_tool=True)))
+        fault = refused(
+            server, lambda: go_to(task(server), GoTo(near(), 1.0, reset_tool=True))
+        )
         assert fault.name == "arm_tool_differs"
 
 
@@ -117,14 +133,18 @@ def test_errors_of_a_robot_that_seems_idle_are_read() -> None:
 def test_robot_in_guiding_mode_is_not_moved() -> None:
     with served() as server:
         server.robot.mode = Mode.GUIDING
-        assert "not at rest and free, but in Guiding" in refused(server, acts(server)[1]).reason
+        assert (
+            "not at rest and free, but in Guiding"
+            in refused(server, acts(server)[1]).reason
+        )
 
 
 def test_robot_gives_the_description_that_its_client_reads() -> None:
     with served() as server:
         assert read_description(server.address) == arm_urdf()
     require_limits(arm_urdf())
-    assert read_description("127.254.254.1") is None  # nobody is there; the library says so
+    # nobody is there; the library says so
+    assert read_description("127.254.254.1") is None
 
 
 @pytest.mark.parametrize("name", NARROWER)
@@ -134,13 +154,19 @@ def test_joint_that_allows_less_than_the_cell_plans_with_is_refused(name: str) -
     with pytest.raises(ArmFault, match=f"joint 1: {name} is") as failed:
         require_limits(arm_urdf().replace(old, new, 1))
     words = failed.value.words
-    assert all(value.split('"')[1].rstrip("0").rstrip(".") in words for value in (old, new))
+    assert all(
+        value.split('"')[1].rstrip("0").rstrip(".") in words for value in (old, new)
+    )
 
 
 def test_joints_that_allow_more_are_taken() -> None:
-    wider = arm_urdf().replace('upper="2.7437"', 'upper="2.9"').replace('="2.62"', '="3.0"')
+    wider = (
+        arm_urdf().replace('upper="2.7437"', 'upper="2.9"').replace('="2.62"', '="3.0"')
+    )
     assert wider != arm_urdf()
-    require_limits(wider.replace("</robot>", '<joint name="fr3_finger_joint1"/></robot>'))
+    require_limits(
+        wider.replace("</robot>", '<joint name="fr3_finger_joint1"/></robot>')
+    )
 
 
 @pytest.mark.parametrize(
@@ -154,7 +180,9 @@ def test_description_that_states_no_limits_is_refused(text: str) -> None:
 def test_narrower_robot_is_refused_before_anything_moves(monkeypatch) -> None:
     old, new = NARROWER["upper"]
     narrow = arm_urdf().replace(old, new, 1)
-    monkeypatch.setattr("drivers.fci_server.arm_and_hand_ports.arm_urdf", lambda: narrow)
+    monkeypatch.setattr(
+        "drivers.fci_server.arm_and_hand_ports.arm_urdf", lambda: narrow
+    )
     with served() as server:
         for act in acts(server):
             assert refused(server, act).name == "arm_limits_differ"

@@ -1,4 +1,6 @@
-"""What protects people and robot is set, read and obeyed: thresholds, guards, scheduler, forces."""
+"""What protects people and robot is set, read and obeyed: thresholds, guards,
+scheduler, forces.
+"""
 
 import os
 import signal
@@ -85,11 +87,14 @@ def test_guard_stops_the_way_home() -> None:
         assert fault.value.name == "arm_contact"
         assert server.robot.posture.q[0] < near(0.2)[0]
         assert server.robot.posture.at_rest
-        assert server.robot.mode is Mode.IDLE  # commanded to stand, not dropped in motion
+        # commanded to stand, not dropped in motion
+        assert server.robot.mode is Mode.IDLE
 
 
 @pytest.mark.parametrize(("rate", "tares"), [(0.002, 3), (0.05, 1)])
-def test_force_is_tared_at_rest_in_each_posture_of_the_way_home(monkeypatch, rate, tares) -> None:
+def test_force_is_tared_at_rest_in_each_posture_of_the_way_home(
+    monkeypatch, rate, tares
+) -> None:
     taken: list[float] = []
 
     class Still(LossyRobot):
@@ -115,10 +120,14 @@ def test_force_is_tared_at_rest_in_each_posture_of_the_way_home(monkeypatch, rat
         requests, "TerminationFlag", lambda: SimpleNamespace(is_set=False, check=bool)
     )
     request = GoTo(near(0.04), 1.0)
-    given = SimpleNamespace(address="", settings=FciSettings(), installation=INSTALLATION)
+    given = SimpleNamespace(
+        address="", settings=FciSettings(), installation=INSTALLATION
+    )
     pipe = SimpleNamespace(poll=lambda: False, send=lambda _: None)
     requests.carry_out(pipe, given, request)
-    assert taken == pytest.approx([JOINTS[0], JOINTS[0], near(0.02)[0]][:tares], abs=1e-4)
+    assert taken == pytest.approx(
+        [JOINTS[0], JOINTS[0], near(0.02)[0]][:tares], abs=1e-4
+    )
 
 
 def test_reported_force_points_as_the_cell_s_axes_do() -> None:
@@ -128,20 +137,28 @@ def test_reported_force_points_as_the_cell_s_axes_do() -> None:
     assert plane.force(up) == pytest.approx((0.0, 5.0))
 
 
-@pytest.mark.parametrize(("speed", "found"), [(-0.2, "joint 2 comes to its end"), (0.2, "")])
-def test_guard_looks_where_a_braking_arm_comes_to_rest(speed: float, found: str) -> None:
+@pytest.mark.parametrize(
+    ("speed", "found"), [(-0.2, "joint 2 comes to its end"), (0.2, "")]
+)
+def test_guard_looks_where_a_braking_arm_comes_to_rest(
+    speed: float, found: str
+) -> None:
     guard = ReachGuard(StripPlane(PLANE), INSTALLATION.limits, JOINTS)
     x, z, pitch = START
     while z > -0.155:  # 15 mm above where joint 2 is at its end; braking takes 25 mm
         assert guard.objection(PredictedMotion(Pose(x, z, pitch), STILL, STILL)) == ""
         z -= 0.005
     assert (
-        guard.objection(PredictedMotion(Pose(x, z, pitch), Velocity(0.0, speed, 0.0), STILL))
+        guard.objection(
+            PredictedMotion(Pose(x, z, pitch), Velocity(0.0, speed, 0.0), STILL)
+        )
         == found
     )
 
 
-@pytest.mark.parametrize(("realtime", "restored"), [("ignore", 1), ("priority", 1), ("enforce", 0)])
+@pytest.mark.parametrize(
+    ("realtime", "restored"), [("ignore", 1), ("priority", 1), ("enforce", 0)]
+)
 def test_library_s_scheduling_stays_only_where_it_is_enforced(
     monkeypatch, realtime: str, restored: int
 ) -> None:
@@ -155,7 +172,9 @@ def test_library_s_scheduling_stays_only_where_it_is_enforced(
     Robot("127.0.0.1", FciSettings(realtime=realtime))
     assert len(calls) == restored
     assert modes == [
-        library.RealtimeConfig.kEnforce if realtime == "enforce" else library.RealtimeConfig.kIgnore
+        library.RealtimeConfig.kEnforce
+        if realtime == "enforce"
+        else library.RealtimeConfig.kIgnore
     ]
 
 
@@ -170,20 +189,29 @@ def test_fingers_that_move_are_stopped_before_they_move_otherwise() -> None:
     with served() as server:
         heard: list[HandCommand] = []
         begin = server.hand.begin
-        server.hand.begin = lambda request: (heard.append(request.command), begin(request))[1]
+        server.hand.begin = lambda request: (
+            heard.append(request.command),
+            begin(request),
+        )[1]
         clock = WallClock()
         hand = FciHand(server.address, HandLimits(opening=0.08), clock)
         hand.open()
         hand.grasp()
         rested(hand, clock)
         hand.close()
-        assert list(dict.fromkeys(heard)) == [HandCommand.MOVE, HandCommand.STOP, HandCommand.GRASP]
+        assert list(dict.fromkeys(heard)) == [
+            HandCommand.MOVE,
+            HandCommand.STOP,
+            HandCommand.GRASP,
+        ]
 
 
 def test_failure_of_the_hand_is_named() -> None:
     with served() as server:
         clock = WallClock()
-        impossible = HandLimits.model_construct(**HandLimits().model_dump() | {"opening": 0.2})
+        impossible = HandLimits.model_construct(
+            **HandLimits().model_dump() | {"opening": 0.2}
+        )
         hand = FciHand(server.address, impossible, clock)
         hand.open()
         with pytest.raises(Fault, match="could not do"):
@@ -249,15 +277,23 @@ def test_share_of_the_speed_bounds_every_joint_on_the_way_home() -> None:
 def test_arm_that_is_only_held_for_its_camera_is_commanded_by_nobody() -> None:
     with served() as server, closing(FciArm(task(server), TwinClock())) as arm:
         arm.hold()
-        for command in (arm.state, lambda: arm.move_to(HERE), lambda: arm.set_velocity(STILL)):
+        for command in (
+            arm.state,
+            lambda: arm.move_to(HERE),
+            lambda: arm.set_velocity(STILL),
+        ):
             with pytest.raises(Fault, match="connect it first"):
                 command()
         arm.stop()
         assert arm._commands.count == 0
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP], ids=["terminate", "hang up"])
-def test_signal_to_all_processes_brakes_the_arm_and_does_not_drop_it(number: int) -> None:
+@pytest.mark.parametrize(
+    "number", [signal.SIGTERM, signal.SIGHUP], ids=["terminate", "hang up"]
+)
+def test_signal_to_all_processes_brakes_the_arm_and_does_not_drop_it(
+    number: int,
+) -> None:
     """A closed terminal or a shutdown sends it to the process of the arm, too."""
     clock = TwinClock()
     with served() as server, closing(FciArm(task(server), clock)) as arm:
@@ -290,9 +326,15 @@ def test_way_home_that_was_asked_to_end_says_that_it_did_not_arrive() -> None:
         assert server.robot.posture.at_rest
 
 
-@pytest.mark.parametrize(("aside", "halts"), [(0.01, False), (0.03, True), (-0.03, True)])
-def test_arm_that_is_pushed_out_of_the_strip_s_plane_brakes(aside: float, halts: bool) -> None:
-    """Along the plane the cell's monitor of tracking sees it, across it nobody else does."""
+@pytest.mark.parametrize(
+    ("aside", "halts"), [(0.01, False), (0.03, True), (-0.03, True)]
+)
+def test_arm_that_is_pushed_out_of_the_strip_s_plane_brakes(
+    aside: float, halts: bool
+) -> None:
+    """Along the plane the cell's monitor of tracking sees it, across it nobody else
+    does.
+    """
     setup = begun()
     setup.order(CommandKind.FOLLOW, -0.1, 0.0, 0.0)
     setup.steps(50)

@@ -23,7 +23,8 @@ CELL = find_configs(None).cell()
 INSTALLATION = CELL.fci.limit(CELL.installation)
 BOX = INSTALLATION.workspace
 SLACK = 1.0 + 1e-3
-ROUNDING = np.array([5e-6, 5e-3, 5.0])  # of velocity, acceleration, jerk: 1e-12 m over 1 ms ticks
+# of velocity, acceleration, jerk: 1e-12 m over 1 ms ticks
+ROUNDING = np.array([5e-6, 5e-3, 5.0])
 
 
 def within(span: tuple[float, float]) -> st.SearchStrategy:
@@ -54,7 +55,9 @@ class Told:
         self.arm.connect()
 
     def obey(self, orders) -> None:
-        """Give each order and let its time pass; stop where the arm has braked for good."""
+        """Give each order and let its time pass; stop where the arm has braked for
+        good.
+        """
         for order, wait in orders:
             match order:
                 case Pose():
@@ -104,4 +107,7 @@ def _check_course(poses: list[np.ndarray]) -> None:
     ]
     for order, limit in enumerate(allowed):
         seen = np.abs(np.diff(places, order + 1, axis=0)) / TICK ** (order + 1)
-        assert (seen <= SLACK * np.array(limit) + ROUNDING[order]).all(), (order, seen.max(0))
+        assert (seen <= SLACK * np.array(limit) + ROUNDING[order]).all(), (
+            order,
+            seen.max(0),
+        )

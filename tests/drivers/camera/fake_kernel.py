@@ -1,8 +1,9 @@
 """A kernel with one camera, whose time stands still until it is told to go on.
 
-Whoever lets time pass waits until the driver's thread has done all that it can at each moment, so
-that tests neither sleep nor race. It does what kernels do: rewrites a buffer that is given back,
-changes what was asked without an error, drops frames when it has no buffer.
+Whoever lets time pass waits until the driver's thread has done all that it can at each
+moment, so that tests neither sleep nor race. It does what kernels do: rewrites a buffer
+that is given back, changes what was asked without an error, drops frames when it has no
+buffer.
 """
 
 import errno
@@ -255,7 +256,9 @@ class FakeKernel:
         index = self._queued.popleft()
         size = self._paint(index) // (2 if number in self.faults.short else 1)
         flags = self.flags | (BufferFlag.ERROR if number in self.faults.corrupt else 0)
-        self._filled.append(Filled(index, number, stamp + self.faults.ahead, flags, size))
+        self._filled.append(
+            Filled(index, number, stamp + self.faults.ahead, flags, size)
+        )
 
     def _paint(self, index: int) -> int:
         if self.jpeg is not None:
@@ -276,7 +279,9 @@ class FakeKernel:
     def _querycap(self, fd: int, said: Capability) -> None:
         said.driver, said.card, said.bus_info = b"fake", b"Test Camera", b"usb-1"
         said.capabilities = (
-            CapabilityFlag.DEVICE_CAPS | CapabilityFlag.VIDEO_CAPTURE | CapabilityFlag.STREAMING
+            CapabilityFlag.DEVICE_CAPS
+            | CapabilityFlag.VIDEO_CAPTURE
+            | CapabilityFlag.STREAMING
         )
         said.device_caps = CapabilityFlag.VIDEO_CAPTURE | CapabilityFlag.STREAMING
 
@@ -284,7 +289,9 @@ class FakeKernel:
         if said.index > 2:
             raise _error(errno.EINVAL)
         said.pixelformat = fourcc(("YUYV", "GREY", "MJPG")[said.index])
-        said.description = (b"YUYV 4:2:2", b"8-bit Greyscale", b"Motion-JPEG")[said.index]
+        said.description = (b"YUYV 4:2:2", b"8-bit Greyscale", b"Motion-JPEG")[
+            said.index
+        ]
 
     def _enum_framesizes(self, fd: int, said: FrameSize) -> None:
         if said.index > 0:
@@ -353,7 +360,11 @@ class FakeKernel:
         if not self._filled:
             raise _error(errno.EAGAIN)
         filled = self._filled.popleft()
-        buffer.index, buffer.sequence, buffer.flags = filled.index, filled.sequence, filled.flags
+        buffer.index, buffer.sequence, buffer.flags = (
+            filled.index,
+            filled.sequence,
+            filled.flags,
+        )
         buffer.bytesused = filled.size
         buffer.timestamp.seconds = int(filled.stamp // 1)
         buffer.timestamp.microseconds = int(filled.stamp % 1 * 1e6)

@@ -1,9 +1,10 @@
-"""Runs a module of this checkout beside vivid: the kernel of this host, or an emulated machine.
+"""Runs a module of this checkout beside vivid: the kernel of this host, or an emulated
+machine.
 
-The host's files are the machine's root, read-only; there is no disk image and nothing runs as root
-here. Its clock counts instructions, a nanosecond each, and skips idle time: a busy host makes it
-slow and changes nothing that it measures. KVM is not used where it exists: it may not run a stock
-kernel.
+The host's files are the machine's root, read-only; there is no disk image and nothing
+runs as root here. Its clock counts instructions, a nanosecond each, and skips idle
+time: a busy host makes it slow and changes nothing that it measures. KVM is not used
+where it exists: it may not run a stock kernel.
 """
 
 import lzma
@@ -61,9 +62,13 @@ class KernelFiles:
 
 
 def find_kernel() -> KernelFiles | None:
-    """The newest kernel with vivid: where CELL_KERNEL points, in the cache, or of this host."""
+    """The newest kernel with vivid: where CELL_KERNEL points, in the cache, or of this
+    host.
+    """
     for root in (unpacked(), Path("/")):
-        for vivid in sorted(root.glob("lib/modules/*/kernel/drivers/media/**/vivid.ko*")):
+        for vivid in sorted(
+            root.glob("lib/modules/*/kernel/drivers/media/**/vivid.ko*")
+        ):
             modules = next(p for p in vivid.parents if p.parent.name == "modules")
             image = root / "boot" / f"vmlinuz-{modules.name}"
             if os.access(image, os.R_OK):
@@ -78,8 +83,12 @@ def unpacked() -> Path:
 
 
 def uncompressed(image: bytes) -> bytes:
-    """The ELF inside a bzImage packed with xz, which boots five times faster; else the image."""
-    start = (image[SETUP_SECTORS] + 1) * SECTOR + struct.unpack_from("<I", image, PAYLOAD_OFFSET)[0]
+    """The ELF inside a bzImage packed with xz, which boots five times faster; else the
+    image.
+    """
+    start = (image[SETUP_SECTORS] + 1) * SECTOR + struct.unpack_from(
+        "<I", image, PAYLOAD_OFFSET
+    )[0]
     length = struct.unpack_from("<I", image, PAYLOAD_LENGTH)[0]
     payload = image[start : start + length]
     return lzma.decompress(payload[:-4]) if payload.startswith(b"\xfd7zXZ") else image
@@ -110,7 +119,9 @@ def read_module(path: Path) -> bytes:
 
 
 def initial_file_system(busybox: Path, modules: list[Path], script: str) -> bytes:
-    """A cpio archive with busybox, the modules as /m/NN.ko in order, and `script` as /init."""
+    """A cpio archive with busybox, the modules as /m/NN.ko in order, and `script` as
+    /init.
+    """
     entries = [(name, DIRECTORY, b"", 0) for name in ("bin", "m", "dev", "root")]
     entries.append(("dev/console", DEVICE, b"", 5 << 8 | 1))
     entries.append(("bin/busybox", PROGRAM, busybox.read_bytes(), 0))
@@ -124,7 +135,12 @@ def initial_file_system(busybox: Path, modules: list[Path], script: str) -> byte
 def _entry(number: int, name: str, mode: int, content: bytes, device: int) -> bytes:
     fields = [number, mode, 0, 0, 1, 0, len(content), 0, 0, device >> 8, device & 0xFF]
     fields += [len(name) + 1, 0]
-    head = b"070701" + b"".join(b"%08X" % field for field in fields) + name.encode() + b"\0"
+    head = (
+        b"070701"
+        + b"".join(b"%08X" % field for field in fields)
+        + name.encode()
+        + b"\0"
+    )
     return _padded(head) + _padded(content)
 
 
@@ -150,18 +166,23 @@ class Machine:
     busybox: str
     kernel: KernelFiles
 
-    def run(self, folder: Path, command: Sequence[str], *, seconds: float) -> Iterator[str]:
-        """Boot, and give each line that `command` writes; raises OSError when there is no boot.
+    def run(
+        self, folder: Path, command: Sequence[str], *, seconds: float
+    ) -> Iterator[str]:
+        """Boot, and give each line that `command` writes; raises OSError when there is
+        no boot.
 
-        The boot files are made in `folder`. The command may write to /run alone. After `seconds`
-        the machine is switched off.
+        The boot files are made in `folder`. The command may write to /run alone. After
+        `seconds` the machine is switched off.
         """
         image, files = folder / "vmlinux", folder / "initrd"
         if not image.exists():
             image.write_bytes(uncompressed(self.kernel.image.read_bytes()))
         modules = module_order(self.kernel.modules)
         files.write_bytes(
-            initial_file_system(Path(self.busybox), modules, _script(command, len(modules)))
+            initial_file_system(
+                Path(self.busybox), modules, _script(command, len(modules))
+            )
         )
         asked = [
             self.emulator,
@@ -173,7 +194,10 @@ class Machine:
         ]
         asked += ["-append", "console=ttyS0 quiet panic=-1 mitigations=off"]
         with subprocess.Popen(
-            asked, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
+            asked,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
         ) as machine:
             watchdog = threading.Timer(seconds, machine.kill)
             watchdog.start()
@@ -203,12 +227,14 @@ def find_machine() -> Machine | str:
     kernel = find_kernel()
     if emulator is None or busybox is None:
         return (
-            f"no emulator: run .ci/devices, or apt-get install --no-install-recommends {PACKAGES}"
+            "no emulator: run .ci/devices, or apt-get install --no-install-recommends"
+            f" {PACKAGES}"
         )
     if kernel is None:
         return (
-            "no kernel with vivid: run .ci/devices, or download the package that "
-            f"linux-image-amd64 depends on and unpack it with `dpkg-deb -x FILE.deb {unpacked()}`"
+            "no kernel with vivid: run .ci/devices, or download the package that"
+            " linux-image-amd64 depends on and unpack it with `dpkg-deb -x FILE.deb"
+            f" {unpacked()}`"
         )
     return Machine(emulator, busybox, kernel)
 
@@ -226,7 +252,10 @@ def _hardware(console: Path) -> list[str]:
 
 def _script(command: Sequence[str], modules: int) -> str:
     inside = f"cd {shlex.quote(str(CHECKOUT))} && export HOME=/run TMPDIR=/run"
-    inside += f" PYTHONDONTWRITEBYTECODE=1 OPENBLAS_NUM_THREADS=1 && exec {shlex.join(command)}"
+    inside += (
+        " PYTHONDONTWRITEBYTECODE=1 OPENBLAS_NUM_THREADS=1 && exec"
+        f" {shlex.join(command)}"
+    )
     return SCRIPT.format(
         last=f"/m/{modules - 1:02}.ko",
         options=VIVID,
@@ -237,14 +266,21 @@ def _script(command: Sequence[str], modules: int) -> str:
 
 
 def beside_vivid(folder: Path, module: str, *, seconds: float) -> Iterator[str]:
-    """Lines that `module` writes; the test is skipped, or fails, where vivid cannot be had.
+    """Lines that `module` writes; the test is skipped, or fails, where vivid cannot be
+    had.
 
-    The host's own vivid is used where it is loaded and may be unbound; `folder` is for the boot.
+    The host's own vivid is used where it is loaded and may be unbound; `folder` is for
+    the boot.
     """
     command = [sys.executable, "-m", module]
     if os.access(DRIVER / "unbind", os.W_OK):
         done = subprocess.run(
-            command, cwd=CHECKOUT, stdout=subprocess.PIPE, text=True, timeout=seconds, check=False
+            command,
+            cwd=CHECKOUT,
+            stdout=subprocess.PIPE,
+            text=True,
+            timeout=seconds,
+            check=False,
         )
         yield from done.stdout.splitlines()
         return

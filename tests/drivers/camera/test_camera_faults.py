@@ -9,7 +9,13 @@ import pytest
 
 from drivers.camera.abi import Ioctl
 from drivers.camera.camera import V4l2Camera
-from drivers.camera.device import CameraBusy, CameraFaulty, CameraLost, CameraRefused, CameraStalled
+from drivers.camera.device import (
+    CameraBusy,
+    CameraFaulty,
+    CameraLost,
+    CameraRefused,
+    CameraStalled,
+)
 from drivers.camera.frame import StampSource
 from drivers.camera.settings import V4l2Settings
 from drivers.errors import CellError
@@ -52,7 +58,9 @@ def test_frames_dropped_by_the_kernel_are_counted_and_said(kernel, camera) -> No
     assert camera.counts.missing == 2
 
 
-def test_corrupt_and_short_frames_are_counted_and_never_delivered(kernel, camera) -> None:
+def test_corrupt_and_short_frames_are_counted_and_never_delivered(
+    kernel, camera
+) -> None:
     before = camera.read(ALWAYS, 0.0)
     kernel.faults.corrupt, kernel.faults.short = {kernel.counter}, {kernel.counter + 1}
     go_on(kernel, 2 / 60)
@@ -111,7 +119,9 @@ def test_poll_error_without_a_frame_does_not_spin(kernel, camera) -> None:
     kernel.faults.stuck = False
 
 
-def test_unplugged_camera_is_lost_at_once_and_nothing_stays_held(kernel, camera) -> None:
+def test_unplugged_camera_is_lost_at_once_and_nothing_stays_held(
+    kernel, camera
+) -> None:
     kernel.unplug()
     with pytest.raises(CameraLost, match="plug the camera in"):
         camera.read(ALWAYS, 5.0)
@@ -226,7 +236,11 @@ def test_broken_jpeg_is_counted_and_never_delivered(kernel) -> None:
     go_on(kernel, 0.1)
     assert np.abs(camera.read(ALWAYS, 0.0).image.astype(int) - image).max() < 12
     after = camera.read(ALWAYS, 0.0).stamp
-    for broken in (whole[: len(whole) // 2], b"\0" * len(whole), whole[:2] + whole[-2:]):
+    for broken in (
+        whole[: len(whole) // 2],
+        b"\0" * len(whole),
+        whole[:2] + whole[-2:],
+    ):
         kernel.jpeg = broken
         go_on(kernel, 1 / 60)
         assert camera.read(after, 0.0) is None

@@ -18,7 +18,9 @@ from tests.drivers.camera.fake_kernel import LINK, FakeKernel
 
 def connected(kernel: FakeKernel, **changed: object) -> V4l2Camera:
     usual = {"device": LINK, "width": 64, "height": 48, "rate": 60.0}
-    camera = V4l2Camera(V4l2Settings.model_validate({**usual, **changed}), kernel, kernel)
+    camera = V4l2Camera(
+        V4l2Settings.model_validate({**usual, **changed}), kernel, kernel
+    )
     camera.connect()
     return camera
 
@@ -58,11 +60,20 @@ def test_request_numbers_are_the_kernels() -> None:
 @pytest.mark.parametrize(
     ("changed", "said"),
     [
-        ({"width": 96}, "format: YUYV 96x48 became YUYV 64x48; allowed: YUYV 64x48 at 60"),
+        (
+            {"width": 96},
+            "format: YUYV 96x48 became YUYV 64x48; allowed: YUYV 64x48 at 60",
+        ),
         ({"format": "RGGB"}, "format: RGGB 64x48 became YUYV 64x48"),
         ({"rate": 30.0}, "rate: 30 Hz became 60 Hz; allowed: YUYV 64x48 at 60"),
-        ({"controls": {"brightness": 300}}, "brightness: 300 became 255; allowed: 0 to 255"),
-        ({"controls": {"zoom": 1}}, "controls.zoom: unknown; allowed: auto_exposure, brightness"),
+        (
+            {"controls": {"brightness": 300}},
+            "brightness: 300 became 255; allowed: 0 to 255",
+        ),
+        (
+            {"controls": {"zoom": 1}},
+            "controls.zoom: unknown; allowed: auto_exposure, brightness",
+        ),
     ],
 )
 def test_setting_that_the_camera_changes_is_refused(changed: dict, said: str) -> None:
@@ -72,7 +83,8 @@ def test_setting_that_the_camera_changes_is_refused(changed: dict, said: str) ->
     assert kernel.opened == set()
 
 
-@pytest.mark.parametrize("field", [2, 3, 4, 8, 9])  # one of two fields, both of them, alternating
+# one of two fields, both of them, alternating
+@pytest.mark.parametrize("field", [2, 3, 4, 8, 9])
 def test_interlaced_video_is_refused(field: int) -> None:
     kernel = FakeKernel()
     kernel.field = field
@@ -108,7 +120,9 @@ def test_device_by_number_is_refused() -> None:
 def test_identity_follows_size_and_locks() -> None:
     plain = V4l2Settings(device=LINK)
     assert plain.identity == V4l2Settings(device=LINK, stall=1.0).identity
-    assert plain.identity != plain.model_copy(update={"controls": {"focus": 3}}).identity
+    assert (
+        plain.identity != plain.model_copy(update={"controls": {"focus": 3}}).identity
+    )
 
 
 @pytest.mark.parametrize("name", ["RGGB", "GRBG", "BA81", "GBRG"])

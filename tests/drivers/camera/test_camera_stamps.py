@@ -13,7 +13,10 @@ END = BufferFlag.TIMESTAMP_MONOTONIC
 def test_start_and_end_stamps_give_the_same_middle() -> None:
     begun = 100.0
     end = begun + SHUTTER.exposure + SHUTTER.readout
-    assert SHUTTER.middle(begun, START, 100.05) == (pytest.approx(100.005), StampSource.START)
+    assert SHUTTER.middle(begun, START, 100.05) == (
+        pytest.approx(100.005),
+        StampSource.START,
+    )
     assert SHUTTER.middle(end, END, 100.05) == (pytest.approx(100.005), StampSource.END)
 
 

@@ -1,4 +1,6 @@
-"""The driver on a real kernel: on this host where vivid is loaded, else on an emulated machine."""
+"""The driver on a real kernel: on this host where vivid is loaded, else on an emulated
+machine.
+"""
 
 import json
 from collections.abc import Mapping
@@ -18,7 +20,9 @@ def told(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, Mapping[str, 
     """What each check said, by its name; other lines are shown beside a failure."""
     results = {}
     folder = tmp_path_factory.mktemp("machine")
-    for line in beside_vivid(folder, "tests.drivers.camera.vivid.checks", seconds=LIMIT):
+    for line in beside_vivid(
+        folder, "tests.drivers.camera.vivid.checks", seconds=LIMIT
+    ):
         if line.startswith("{"):
             result = json.loads(line)
             results[result["check"]] = result
@@ -28,6 +32,8 @@ def told(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, Mapping[str, 
 
 
 @pytest.mark.parametrize("name", sorted(CHECKS))
-def test_driver_on_the_kernels_vivid(told: Mapping[str, Mapping[str, Any]], name: str) -> None:
+def test_driver_on_the_kernels_vivid(
+    told: Mapping[str, Mapping[str, Any]], name: str
+) -> None:
     assert name in told, f"the run ended before this check; it said of {sorted(told)}"
     assert told[name]["problem"] is None, told[name]["problem"]

@@ -14,7 +14,8 @@ from drivers.types import frozen
 
 FLOOR = Solids(frozen(np.eye(4)), (Box("floor", (-5, -5, -5), (5, 5, 0.0)),))
 HAND = frozen([-0.01, 0.0, 0.03])
-FOLDED = frozen([1.06, -1.42, -2.7, -2.49, 2.44, 3.79, 2.07])  # the wrist in the shoulder
+# the wrist in the shoulder
+FOLDED = frozen([1.06, -1.42, -2.7, -2.49, 2.44, 3.79, 2.07])
 
 
 def test_state_holds_gravity_of_arm_hand_and_load() -> None:
@@ -37,12 +38,16 @@ def test_an_arm_folded_onto_itself_touches_itself() -> None:
 
 
 def lowered(depth: float) -> np.ndarray:
-    """Joints from HOME on with the shoulder bent forward until the hand is down by `depth` rad."""
+    """Joints from HOME on with the shoulder bent forward until the hand is down by
+    `depth` rad.
+    """
     return HOME + np.array([0, depth, 0, 0, 0, 0, 0])
 
 
 def test_floor_stops_the_arm_once_and_lets_it_leave() -> None:
-    heights = [float(FLOOR.clearance(lowered(d)).min()) for d in np.linspace(0, 1.5, 16)]
+    heights = [
+        float(FLOOR.clearance(lowered(d)).min()) for d in np.linspace(0, 1.5, 16)
+    ]
     assert heights[0] > 0.2
     assert min(heights) < 0.0
     check, low = BodyCheck(FLOOR), int(np.argmax(np.array(heights) < 0))

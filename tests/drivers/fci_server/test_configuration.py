@@ -14,7 +14,24 @@ from drivers.franka.kinematics import HOME, forward
 from tests.support.fci_wire import State
 
 UNIT = np.eye(4).T.ravel().tolist()
-TURNED = [0.0, 1.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.01, 0.02, 0.1, 1.0]
+TURNED = [
+    0.0,
+    1.0,
+    0.0,
+    0.0,
+    -1.0,
+    0.0,
+    0.0,
+    0.0,
+    0.0,
+    0.0,
+    1.0,
+    0.0,
+    0.01,
+    0.02,
+    0.1,
+    1.0,
+]
 MIRRORED = [-1.0, *UNIT[1:]]
 SOLID = [0.01, 0.0, 0.0, 0.0, 0.01, 0.0, 0.0, 0.0, 0.01]
 
@@ -32,26 +49,60 @@ def thresholds(torque: float = 20.0, force: float = 20.0, lower: float = 1.0) ->
     ("command", "payload", "status"),
     [
         (Command.SET_COLLISION_BEHAVIOR, thresholds(), Status.SUCCESS),
-        (Command.SET_COLLISION_BEHAVIOR, thresholds(force=0.5), Status.INVALID_ARGUMENT),
-        (Command.SET_COLLISION_BEHAVIOR, thresholds(lower=-1.0), Status.INVALID_ARGUMENT),
-        (Command.SET_COLLISION_BEHAVIOR, thresholds(torque=np.nan), Status.INVALID_ARGUMENT),
+        (
+            Command.SET_COLLISION_BEHAVIOR,
+            thresholds(force=0.5),
+            Status.INVALID_ARGUMENT,
+        ),
+        (
+            Command.SET_COLLISION_BEHAVIOR,
+            thresholds(lower=-1.0),
+            Status.INVALID_ARGUMENT,
+        ),
+        (
+            Command.SET_COLLISION_BEHAVIOR,
+            thresholds(torque=np.nan),
+            Status.INVALID_ARGUMENT,
+        ),
         (Command.SET_JOINT_IMPEDANCE, doubles(*[3000.0] * 7), Status.SUCCESS),
         (Command.SET_JOINT_IMPEDANCE, doubles(*[20000.0] * 7), Status.INVALID_ARGUMENT),
         (Command.SET_CARTESIAN_IMPEDANCE, doubles(*[300.0] * 6), Status.SUCCESS),
-        (Command.SET_CARTESIAN_IMPEDANCE, doubles(*[3000.0] * 6), Status.INVALID_ARGUMENT),
+        (
+            Command.SET_CARTESIAN_IMPEDANCE,
+            doubles(*[3000.0] * 6),
+            Status.INVALID_ARGUMENT,
+        ),
         (Command.SET_GUIDING_MODE, bytes((1, 0, 1, 0, 1, 0, 1)), Status.SUCCESS),
-        (Command.SET_GUIDING_MODE, bytes((2, 0, 1, 0, 1, 0, 1)), Status.INVALID_ARGUMENT),
+        (
+            Command.SET_GUIDING_MODE,
+            bytes((2, 0, 1, 0, 1, 0, 1)),
+            Status.INVALID_ARGUMENT,
+        ),
         (Command.SET_EE_TO_K, doubles(*TURNED), Status.SUCCESS),
         (Command.SET_EE_TO_K, doubles(*MIRRORED), Status.INVALID_ARGUMENT),
         (Command.SET_NE_TO_EE, doubles(*[2.0] * 16), Status.INVALID_ARGUMENT),
         (Command.SET_LOAD, doubles(0.5, 0.0, 0.0, 0.1, *SOLID), Status.SUCCESS),
-        (Command.SET_LOAD, doubles(-0.5, 0.0, 0.0, 0.1, *SOLID), Status.INVALID_ARGUMENT),
+        (
+            Command.SET_LOAD,
+            doubles(-0.5, 0.0, 0.0, 0.1, *SOLID),
+            Status.INVALID_ARGUMENT,
+        ),
         (Command.SET_LOAD, doubles(3.0, 0.0, 0.0, 0.1, *SOLID), Status.SUCCESS),
-        (Command.SET_LOAD, doubles(3.1, 0.0, 0.0, 0.1, *SOLID), Status.INVALID_ARGUMENT),
-        (Command.SET_LOAD, doubles(0.5, *[0.0] * 3, *[-1.0] * 9), Status.INVALID_ARGUMENT),
+        (
+            Command.SET_LOAD,
+            doubles(3.1, 0.0, 0.0, 0.1, *SOLID),
+            Status.INVALID_ARGUMENT,
+        ),
+        (
+            Command.SET_LOAD,
+            doubles(0.5, *[0.0] * 3, *[-1.0] * 9),
+            Status.INVALID_ARGUMENT,
+        ),
     ],
 )
-def test_setting_is_taken_within_its_range_and_refused_outside(command, payload, status) -> None:
+def test_setting_is_taken_within_its_range_and_refused_outside(
+    command, payload, status
+) -> None:
     old = Configuration()
     new, found = configure(old, command, payload)
     assert found is status
@@ -61,7 +112,9 @@ def test_setting_is_taken_within_its_range_and_refused_outside(command, payload,
 
 def test_tool_that_is_set_moves_the_reported_pose() -> None:
     robot = resting_robot()
-    assert robot.set(Request(Command.SET_NE_TO_EE, 1, doubles(*TURNED))) is Status.SUCCESS
+    assert (
+        robot.set(Request(Command.SET_NE_TO_EE, 1, doubles(*TURNED))) is Status.SUCCESS
+    )
     state = State(Publisher().datagram(robot))
     assert state.place == pytest.approx(
         forward(robot.posture.q, robot.configuration.tool)[:3, 3], abs=1e-6
@@ -79,7 +132,9 @@ def test_setting_is_refused_in_a_reflex() -> None:
 
 def felt(force, torque_limit: float, force_limit: float) -> Contact:
     payload = thresholds(torque_limit, force_limit)
-    configuration, _ = configure(Configuration(), Command.SET_COLLISION_BEHAVIOR, payload)
+    configuration, _ = configure(
+        Configuration(), Command.SET_COLLISION_BEHAVIOR, payload
+    )
     posture = resting_robot().posture
     return Contact.of_force(posture, configuration, np.array(force))
 
@@ -100,11 +155,15 @@ def test_force_beyond_a_threshold_calls_for_its_reflex(
 
 
 @pytest.mark.parametrize(("acceleration", "stops"), [(0.0, True), (0.5, False)])
-def test_accelerating_arm_has_the_thresholds_set_for_it(acceleration: float, stops: bool) -> None:
+def test_accelerating_arm_has_the_thresholds_set_for_it(
+    acceleration: float, stops: bool
+) -> None:
     torques = [100.0] * 28
     loose, tight = [50.0] * 12, [10.0] * 12
     payload = doubles(*torques, *loose, *tight)
-    configuration, _ = configure(Configuration(), Command.SET_COLLISION_BEHAVIOR, payload)
+    configuration, _ = configure(
+        Configuration(), Command.SET_COLLISION_BEHAVIOR, payload
+    )
     q = resting_robot().posture.q
     rates = Rates(np.zeros(7), np.full(7, acceleration))
     posture = Posture.at_joints(q, configuration.tool, rates)
@@ -114,14 +173,17 @@ def test_accelerating_arm_has_the_thresholds_set_for_it(acceleration: float, sto
 
 def test_wrench_in_the_stiffness_frame_is_that_of_the_base_turned_into_it() -> None:
     robot = resting_robot(HOME + np.linspace(0.1, 0.4, 7))  # turned about every axis
-    assert robot.set(Request(Command.SET_EE_TO_K, 1, doubles(*TURNED))) is Status.SUCCESS
+    assert (
+        robot.set(Request(Command.SET_EE_TO_K, 1, doubles(*TURNED))) is Status.SUCCESS
+    )
     robot.pushed = np.array([3.0, -2.0, 5.0])
     robot.rest()
     state = State(Publisher().datagram(robot))
     in_base, in_frame = np.array(state.floats(868, 6)), np.array(state.floats(892, 6))
     frame = np.reshape(TURNED, (4, 4)).T
     pose = forward(robot.posture.q) @ frame
-    arm = forward(robot.posture.q)[:3, 3] - pose[:3, 3]  # from the frame to where it is pushed
+    # from the frame to where it is pushed
+    arm = forward(robot.posture.q)[:3, 3] - pose[:3, 3]
     assert in_base[:3] == pytest.approx(robot.pushed)
     assert in_base[3:] == pytest.approx(np.cross(arm, robot.pushed), abs=1e-5)
     assert in_frame[:3] == pytest.approx(pose[:3, :3].T @ in_base[:3], abs=1e-5)

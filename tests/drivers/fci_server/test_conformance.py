@@ -1,4 +1,5 @@
-"""Clients that nobody here wrote drive the server, each in a process of its own, in lock-step.
+"""Clients that nobody here wrote drive the server, each in a process of its own, in
+lock-step.
 
 None of this was ever tried on a robot: it shows that server and client binaries agree.
 """
@@ -37,7 +38,9 @@ class Wall:
         ("franka_rs_client.py", "franka"),
     ],
 )
-def test_client_moves_meets_a_wall_recovers_retreats_and_stops(script: str, module: str) -> None:
+def test_client_moves_meets_a_wall_recovers_retreats_and_stops(
+    script: str, module: str
+) -> None:
     with RobotServer(push=Wall().force) as server:
         told = told_by(script, module, server.address)
         standing = server.robot.posture
@@ -66,7 +69,9 @@ class Flags:
     robot: EmulatedRobot
 
     def force(self, tip, time):
-        self.robot.errors = frozenset({Reflex(int(1000 * time + 0.5) // 10 % len(Reflex))})
+        self.robot.errors = frozenset(
+            {Reflex(int(1000 * time + 0.5) // 10 % len(Reflex))}
+        )
         return np.zeros(3)
 
 
@@ -78,7 +83,9 @@ def test_each_error_flag_has_the_name_that_clients_read(module: str) -> None:
         names = told_by("error_flags.py", module, server.address, module)["names"]
     expected = [[reflex.name.lower()] for reflex in Reflex]
     # franka-rs adds a word to one of them
-    assert [[name.removesuffix("_flag") for name in named] for named in names] == expected  # type: ignore[attr-defined]
+    assert [
+        [name.removesuffix("_flag") for name in named] for named in names
+    ] == expected  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize("module", PACKAGES)
@@ -102,8 +109,12 @@ def test_second_client_is_turned_away_at_once(module: str) -> None:
     assert said != "connected"
 
 
-@pytest.mark.parametrize(("seconds", "said"), [(0.7, {"finished"}), (1.5, {"NetworkException"})])
-def test_short_freeze_is_survived_and_a_long_one_named(seconds: float, said: set[str]) -> None:
+@pytest.mark.parametrize(
+    ("seconds", "said"), [(0.7, {"finished"}), (1.5, {"NetworkException"})]
+)
+def test_short_freeze_is_survived_and_a_long_one_named(
+    seconds: float, said: set[str]
+) -> None:
     fault = FreezeFault(at=100, kind="freeze", duration=seconds)
     with RobotServer(faults=[fault]) as server:
         told = told_by("long_drive.py", "pylibfranka", server.address, "300")
@@ -115,7 +126,10 @@ def test_short_freeze_is_survived_and_a_long_one_named(seconds: float, said: set
 @pytest.mark.parametrize(
     ("fault", "said"),
     [
-        (ReflexFault(at=50, kind="reflex", error="power_limit_violation"), "ControlException"),
+        (
+            ReflexFault(at=50, kind="reflex", error="power_limit_violation"),
+            "ControlException",
+        ),
         (UserStopFault(at=50, kind="user_stop"), "ControlException"),
         (DropFault(at=50, kind="tcp_drop"), "NetworkException"),
     ],
@@ -132,5 +146,6 @@ def test_wall_clock_follows_a_client_that_keeps_up() -> None:
     with RobotServer(ServerSettings(lock_step=False)) as server:
         told = told_by("long_drive.py", "pylibfranka", server.address, "300")
         assert server.robot.posture.at_rest
-    assert told["said"] in {"finished", "ControlException"}  # a busy machine loses packets
+    # a busy machine loses packets
+    assert told["said"] in {"finished", "ControlException"}
     assert int(str(told["ticks"])) > 0

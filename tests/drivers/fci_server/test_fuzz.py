@@ -11,7 +11,13 @@ from drivers.fci_server.robot import resting_robot
 from drivers.fci_server.server import RobotServer
 from drivers.fci_server.wire import MoveRequest, RobotCommand
 from drivers.franka.kinematics import HOME
-from tests.support.fci_wire import CARTESIAN_VELOCITY, IDLE, RawArm, move_request, robot_command
+from tests.support.fci_wire import (
+    CARTESIAN_VELOCITY,
+    IDLE,
+    RawArm,
+    move_request,
+    robot_command,
+)
 
 DATAGRAMS, BATCH = 70_000, 100
 STREAMS, IN_STREAM = 1_000, 20
@@ -71,7 +77,9 @@ def test_streams_of_garbage_end_and_hold_nobody_up(server, random, port: int) ->
 
 
 @pytest.mark.parametrize("generator", [1, 2, 3, 4])
-def test_commands_of_garbage_for_the_right_state_end_the_motion_and_no_more(generator, random):
+def test_commands_of_garbage_for_the_right_state_end_the_motion_and_no_more(
+    generator, random
+):
     robot = resting_robot()
     for _ in range(COMMANDS // 4):
         robot.move(MoveRequest.read(move_request(generator - 1)), 1)
@@ -91,19 +99,25 @@ def test_commands_of_garbage_for_the_right_state_end_the_motion_and_no_more(gene
 
 
 def welcomed(address: str) -> RawArm:
-    """A connection; the server resets those that come before it saw the last one end."""
+    """A connection; the server resets those that come before it saw the last one
+    end.
+    """
     for _ in range(TRIES):
         with contextlib.suppress(ConnectionResetError):
             return RawArm(address)
     pytest.fail(f"reset {TRIES} times")
 
 
-def test_requests_of_garbage_from_a_connected_client_are_answered_or_end_it(server, random) -> None:
+def test_requests_of_garbage_from_a_connected_client_are_answered_or_end_it(
+    server, random
+) -> None:
     for _ in range(REQUESTS // IN_SESSION):
         with welcomed(server.address) as arm, contextlib.suppress(OSError):
             for _ in range(IN_SESSION):
                 number = int(random.integers(1, 12))
-                size = {1: 113, 3: 416, 4: 56, 5: 48, 6: 7, 7: 128, 8: 128, 9: 104}.get(number, 0)
+                size = {1: 113, 3: 416, 4: 56, 5: 48, 6: 7, 7: 128, 8: 128, 9: 104}.get(
+                    number, 0
+                )
                 arm.request(number, noise(random, size))
             arm.tcp.settimeout(0.01)
             arm.tcp.recv(4096)

@@ -1,4 +1,6 @@
-"""The hand among its clients: it closes on what is there, can be stopped, keeps robot time."""
+"""The hand among its clients: it closes on what is there, can be stopped, keeps robot
+time.
+"""
 
 import socket
 import struct
@@ -80,7 +82,10 @@ def test_grasp_of_nothing_closes_and_is_unsuccessful() -> None:
 
 def test_what_is_lost_is_no_longer_held() -> None:
     between: list[float | None] = [0.01]
-    with RobotServer(between=lambda: between[0]) as server, RawHand(server.address) as hand:
+    with (
+        RobotServer(between=lambda: between[0]) as server,
+        RawHand(server.address) as hand,
+    ):
         hand.send(GRASP, grasp())
         assert hand.reply()[2] == OK
         assert hand.until(holds=True)
@@ -97,7 +102,8 @@ def test_stop_interrupts_a_motion_and_answers_both(hand) -> None:
 
 
 @pytest.mark.parametrize(
-    "numbers", [(0.5, 0.1), (-0.1, 0.1), (0.04, 0.0), (float("nan"), 0.1), (0.04, float("inf"))]
+    "numbers",
+    [(0.5, 0.1), (-0.1, 0.1), (0.04, 0.0), (float("nan"), 0.1), (0.04, float("inf"))],
 )
 def test_motion_that_cannot_be_fails(hand, numbers) -> None:
     hand.send(MOVE, struct.pack("<2d", *numbers))

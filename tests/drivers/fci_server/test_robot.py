@@ -5,7 +5,14 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from drivers.fci_server.robot import resting_robot
-from drivers.fci_server.wire import Generator, Mode, MoveRequest, MoveStatus, Reflex, RobotCommand
+from drivers.fci_server.wire import (
+    Generator,
+    Mode,
+    MoveRequest,
+    MoveStatus,
+    Reflex,
+    RobotCommand,
+)
 from drivers.franka import limits
 from drivers.franka.kinematics import HOME, forward
 
@@ -57,7 +64,9 @@ def errors(robot) -> set[Reflex]:
 def test_first_pose_must_be_the_arms_own() -> None:
     robot = moving(Generator.CARTESIAN_POSE)
     robot.step(command(robot, pose=shifted(robot.posture.pose, (0.001, 0, 0))))
-    assert errors(robot) == {Reflex.CARTESIAN_POSITION_MOTION_GENERATOR_START_POSE_INVALID}
+    assert errors(robot) == {
+        Reflex.CARTESIAN_POSITION_MOTION_GENERATOR_START_POSE_INVALID
+    }
 
 
 def test_first_joints_must_be_the_arms_own() -> None:
@@ -91,11 +100,26 @@ def test_pose_that_is_not_rigid_is_refused() -> None:
 @pytest.mark.parametrize(
     ("twist", "error"),
     [
-        ((0, 5.0, 0, 0, 0, 0), Reflex.CARTESIAN_MOTION_GENERATOR_VELOCITY_LIMITS_VIOLATION),
-        ((0, 0, 0, 0, 0, 4.0), Reflex.CARTESIAN_MOTION_GENERATOR_VELOCITY_LIMITS_VIOLATION),
-        ((0, 0.1, 0, 0, 0, 0), Reflex.CARTESIAN_MOTION_GENERATOR_VELOCITY_DISCONTINUITY),
-        ((0, 0.006, 0, 0, 0, 0), Reflex.CARTESIAN_MOTION_GENERATOR_ACCELERATION_DISCONTINUITY),
-        ((0, 0.004, 0, 0, 0, 0), Reflex.CARTESIAN_MOTION_GENERATOR_JOINT_VELOCITY_DISCONTINUITY),
+        (
+            (0, 5.0, 0, 0, 0, 0),
+            Reflex.CARTESIAN_MOTION_GENERATOR_VELOCITY_LIMITS_VIOLATION,
+        ),
+        (
+            (0, 0, 0, 0, 0, 4.0),
+            Reflex.CARTESIAN_MOTION_GENERATOR_VELOCITY_LIMITS_VIOLATION,
+        ),
+        (
+            (0, 0.1, 0, 0, 0, 0),
+            Reflex.CARTESIAN_MOTION_GENERATOR_VELOCITY_DISCONTINUITY,
+        ),
+        (
+            (0, 0.006, 0, 0, 0, 0),
+            Reflex.CARTESIAN_MOTION_GENERATOR_ACCELERATION_DISCONTINUITY,
+        ),
+        (
+            (0, 0.004, 0, 0, 0, 0),
+            Reflex.CARTESIAN_MOTION_GENERATOR_JOINT_VELOCITY_DISCONTINUITY,
+        ),
         (
             (0, 0.002, 0, 0, 0, 0),
             Reflex.CARTESIAN_MOTION_GENERATOR_JOINT_ACCELERATION_DISCONTINUITY,
@@ -117,7 +141,9 @@ def test_tool_that_starts_too_fast_names_the_limit(twist, error: Reflex) -> None
         (0.006, Reflex.JOINT_MOTION_GENERATOR_ACCELERATION_DISCONTINUITY),
     ],
 )
-def test_joint_that_starts_too_fast_names_the_limit(speed: float, error: Reflex) -> None:
+def test_joint_that_starts_too_fast_names_the_limit(
+    speed: float, error: Reflex
+) -> None:
     robot = moving(Generator.JOINT_VELOCITY)
     robot.step(command(robot, dq=[speed, 0, 0, 0, 0, 0, 0]))
     assert errors(robot) == {error}
@@ -202,7 +228,7 @@ def test_motion_that_the_twin_cannot_do_is_refused(asked: MoveRequest, status) -
     assert resting_robot().move(asked, 1) is status
 
 
-def test_cartesian_motion_is_refused_from_a_stretched_arm_and_a_joint_motion_is_not() -> None:
+def test_cartesian_motion_is_refused_from_a_stretched_arm_and_a_joint_motion_is_not():
     robot = resting_robot(STRETCHED)
     assert robot.move(request(Generator.CARTESIAN_POSE), 1) is MoveStatus.SINGULAR_START
     assert robot.move(request(Generator.JOINT_POSITION), 1) is MoveStatus.MOTION_STARTED
@@ -231,8 +257,12 @@ GENERATORS = st.sampled_from(
 
 
 @settings(max_examples=40, deadline=None, derandomize=True)
-@given(generator=GENERATORS, seed=st.integers(0, 2**32 - 1), boldness=st.floats(0.05, 1.5))
-def test_arm_never_moves_beyond_its_limits_whatever_is_commanded(generator, seed, boldness) -> None:
+@given(
+    generator=GENERATORS, seed=st.integers(0, 2**32 - 1), boldness=st.floats(0.05, 1.5)
+)
+def test_arm_never_moves_beyond_its_limits_whatever_is_commanded(
+    generator, seed, boldness
+) -> None:
     robot, random = resting_robot(), np.random.default_rng(seed)
     path, followed = [robot.posture.q], []
     twist, rate, pull = np.zeros(6), np.zeros(7), np.zeros(7)
@@ -258,7 +288,11 @@ def test_arm_never_moves_beyond_its_limits_whatever_is_commanded(generator, seed
     acceleration = np.diff(speed, axis=0) / TICK
     assert (np.abs(speed) <= SLACK * limits.VELOCITY).all()
     assert (np.abs(acceleration) <= SLACK * limits.ACCELERATION + 1e-6).all()
-    jerk = np.diff(acceleration, axis=0)[np.convolve(followed, [1, 1, 1], "valid") == 3] / TICK
-    assert (np.abs(jerk) <= SLACK * limits.JERK).all()  # braking in a reflex is the robot's own
+    jerk = (
+        np.diff(acceleration, axis=0)[np.convolve(followed, [1, 1, 1], "valid") == 3]
+        / TICK
+    )
+    # braking in a reflex is the robot's own
+    assert (np.abs(jerk) <= SLACK * limits.JERK).all()
     assert (np.array(path) >= limits.POSITION_LOW).all()
     assert (np.array(path) <= limits.POSITION_HIGH).all()

@@ -1,4 +1,6 @@
-"""The server among its clients: who is let in, whose clock it follows, how it ends motions."""
+"""The server among its clients: who is let in, whose clock it follows, how it ends
+motions.
+"""
 
 import socket
 import struct
@@ -6,7 +8,13 @@ import struct
 import pytest
 
 from drivers.errors import ConfigurationError
-from drivers.fci_server.faults import ContactFault, DropFault, NanFault, ReflexFault, UserStopFault
+from drivers.fci_server.faults import (
+    ContactFault,
+    DropFault,
+    NanFault,
+    ReflexFault,
+    UserStopFault,
+)
 from drivers.fci_server.server import RobotServer, ServerSettings
 from drivers.fci_server.wire import Reflex
 from tests.support.fci_wire import (
@@ -30,7 +38,8 @@ from tests.support.fci_wire import (
     robot_command,
 )
 
-AHEAD = (0.0, 0.001, 0.0, 0.0, 0.0, 0.0)  # m/s, from rest within every limit of one tick
+# m/s, from rest within every limit of one tick
+AHEAD = (0.0, 0.001, 0.0, 0.0, 0.0, 0.0)
 
 
 @pytest.fixture
@@ -162,12 +171,18 @@ def test_jump_is_a_reflex_that_only_recovery_ends(arm) -> None:
 @pytest.mark.parametrize(
     ("fault", "mode", "status"),
     [
-        (ReflexFault(at=30, kind="reflex", error="joint_reflex"), REFLEX, REFLEX_ABORTED),
+        (
+            ReflexFault(at=30, kind="reflex", error="joint_reflex"),
+            REFLEX,
+            REFLEX_ABORTED,
+        ),
         (UserStopFault(at=30, kind="user_stop"), USER_STOPPED, EMERGENCY_ABORTED),
         (ContactFault(at=30, kind="contact", force=(0, 0, 25)), REFLEX, REFLEX_ABORTED),
     ],
 )
-def test_scripted_fault_stops_the_arm_at_its_tick(fault, mode: int, status: int) -> None:
+def test_scripted_fault_stops_the_arm_at_its_tick(
+    fault, mode: int, status: int
+) -> None:
     with RobotServer(faults=[fault]) as server, RawArm(server.address) as arm:
         state = arm.start_still()
         while state.mode == MOVING:
@@ -204,7 +219,10 @@ def test_dropped_connection_brakes_the_arm() -> None:
 
 
 def test_robot_on_the_wall_clock_stops_by_itself_when_its_client_falls_silent() -> None:
-    with RobotServer(ServerSettings(lock_step=False)) as server, RawArm(server.address) as arm:
+    with (
+        RobotServer(ServerSettings(lock_step=False)) as server,
+        RawArm(server.address) as arm,
+    ):
         state = arm.begin(CARTESIAN_VELOCITY)
         for _ in range(30):
             arm.send(robot_command(state.message_id))

@@ -29,17 +29,20 @@ REQUESTS = [
 ]
 # Field, count, byte offset; each is where the one before it ends.
 FLOATS = (
-    "O_T_EE 16, O_T_EE_d 16, F_T_EE 16, EE_T_K 16, F_T_NE 16, NE_T_EE 16, m_ee 1, I_ee 9, "
-    "F_x_Cee 3, m_load 1, I_load 9, F_x_Cload 3, elbow 2, elbow_d 2, tau_J 7, tau_J_d 7, "
-    "dtau_J 7, q 7, q_d 7, dq 7, dq_d 7, ddq_d 7, joint_contact 7, cartesian_contact 6, "
-    "joint_collision 7, cartesian_collision 6, tau_ext_hat_filtered 7, O_F_ext_hat_K 6, "
-    "K_F_ext_hat_K 6, O_dP_EE_d 6, O_ddP_O 3, elbow_c 2, delbow_c 2, ddelbow_c 2, O_T_EE_c 16, "
-    "O_dP_EE_c 6, O_ddP_EE_c 6, theta 7, dtheta 7, accelerometers 36"
+    "O_T_EE 16, O_T_EE_d 16, F_T_EE 16, EE_T_K 16, F_T_NE 16, NE_T_EE 16, m_ee 1, I_ee"
+    " 9, F_x_Cee 3, m_load 1, I_load 9, F_x_Cload 3, elbow 2, elbow_d 2, tau_J 7,"
+    " tau_J_d 7, dtau_J 7, q 7, q_d 7, dq 7, dq_d 7, ddq_d 7, joint_contact 7,"
+    " cartesian_contact 6, joint_collision 7, cartesian_collision 6,"
+    " tau_ext_hat_filtered 7, O_F_ext_hat_K 6, K_F_ext_hat_K 6, O_dP_EE_d 6, O_ddP_O 3,"
+    " elbow_c 2, delbow_c 2, ddelbow_c 2, O_T_EE_c 16, O_dP_EE_c 6, O_ddP_EE_c 6, theta"
+    " 7, dtheta 7, accelerometers 36"
 )
 
 
 def frame(number: int, payload: bytes, command_id: int = 7) -> bytearray:
-    return bytearray(struct.pack("<III", number, command_id, 12 + len(payload)) + payload)
+    return bytearray(
+        struct.pack("<III", number, command_id, 12 + len(payload)) + payload
+    )
 
 
 @pytest.mark.parametrize(("number", "size"), REQUESTS)
@@ -47,7 +50,11 @@ def test_request_is_taken_at_its_size_and_at_no_other(number: int, size: int) ->
     buffer = frame(number, bytes(size)) + b"rest"
     request = ARM_FRAMING.take(buffer)
     assert request is not None
-    assert (request.command, request.command_id, len(request.payload)) == (number, 7, size)
+    assert (request.command, request.command_id, len(request.payload)) == (
+        number,
+        7,
+        size,
+    )
     assert buffer == b"rest"
     assert ARM_FRAMING.take(frame(number, bytes(size))[:-1]) is None
     with pytest.raises(Malformed):
@@ -69,7 +76,9 @@ def test_state_is_1377_bytes_with_every_field_in_its_place() -> None:
 
 def test_command_is_371_bytes_column_by_column() -> None:
     pose = (1.0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0.1, 0.2, 0.3, 1)
-    packet = robot_command(9, q=range(7), dq=range(7, 14), pose=pose, twist=range(6), finished=True)
+    packet = robot_command(
+        9, q=range(7), dq=range(7, 14), pose=pose, twist=range(6), finished=True
+    )
     assert len(packet) == 371
     command = wire.RobotCommand.read(packet)
     assert command.message_id == 9
@@ -85,7 +94,9 @@ HAND_REQUESTS = [(0, 4), (1, 0), (2, 40), (3, 16), (4, 0)]
 
 
 @pytest.mark.parametrize(("number", "size"), HAND_REQUESTS)
-def test_hand_takes_requests_under_a_header_of_ten_bytes(number: int, size: int) -> None:
+def test_hand_takes_requests_under_a_header_of_ten_bytes(
+    number: int, size: int
+) -> None:
     content = bytearray(struct.pack("<HII", number, 7, 10 + size) + bytes(size))
     request = HAND_FRAMING.take(content)
     assert request is not None
@@ -95,7 +106,10 @@ def test_hand_takes_requests_under_a_header_of_ten_bytes(number: int, size: int)
 
 def test_hand_state_is_23_bytes_and_replies_12() -> None:
     assert STATE_PACKET.pack(1, 0.04, 0.08, True, 30) == (
-        struct.pack("<I", 1) + struct.pack("<dd", 0.04, 0.08) + b"\x01" + struct.pack("<H", 30)
+        struct.pack("<I", 1)
+        + struct.pack("<dd", 0.04, 0.08)
+        + b"\x01"
+        + struct.pack("<H", 30)
     )
     assert STATE_PACKET.size == 23
     hand = EmulatedHand(lambda: None)

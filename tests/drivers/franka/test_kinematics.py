@@ -1,4 +1,6 @@
-"""Geometry and inverse kinematics of the arm against published postures and finite differences."""
+"""Geometry and inverse kinematics of the arm against published postures and finite
+differences.
+"""
 
 import numpy as np
 import pytest
@@ -21,7 +23,8 @@ def postures(count: int):
 
 
 def test_home_posture_points_down_where_the_maker_says() -> None:
-    # libfranka's documentation of the start posture: x 0.307 m, z 0.487 m with the Franka Hand
+    # libfranka's documentation of the start posture: x 0.307 m, z 0.487 m with the
+    # Franka Hand
     assert forward(HOME) == pytest.approx(down_at(0.3069, 0.0, 0.4869), abs=1e-4)
 
 

@@ -1,4 +1,6 @@
-"""The published limits, number by number: a wrong one moves unseen until a joint meets its end."""
+"""The published limits, number by number: a wrong one moves unseen until a joint meets
+its end.
+"""
 
 import numpy as np
 import pytest
@@ -20,7 +22,10 @@ def test_joints_have_the_published_ranges_and_speeds() -> None:
     assert limits.VELOCITY.tolist() == FASTEST
     assert limits.ACCELERATION.tolist() == [10.0] * 7
     assert limits.JERK.tolist() == [5000.0] * 7
-    assert (limits.TRANSLATION, limits.ROTATION) == ((3.0, 9.0, 4500.0), (2.5, 17.0, 8500.0))
+    assert (limits.TRANSLATION, limits.ROTATION) == (
+        (3.0, 9.0, 4500.0),
+        (2.5, 17.0, 8500.0),
+    )
     assert limits.ELBOW == (1.5, 10.0, 5000.0)
     assert limits.LARGEST_TORQUE.tolist() == [87.0] * 4 + [12.0] * 3
 

@@ -1,4 +1,6 @@
-"""Gripper positions at which the layers first touch in a level motion, as the paper maps them."""
+"""Gripper positions at which the layers first touch in a level motion, as the paper
+maps them.
+"""
 
 from itertools import product
 
@@ -14,15 +16,21 @@ from policies.strip_sampling import strip_at
 pytestmark = pytest.mark.slow
 
 STEP = 0.005  # s
-LIFT_SPEED, DWELL_TIME = 0.1, 3.0  # m/s of the lift before, s of rest: three retardation times
-SLOW_X = {0.06: (437, 310), 0.14: (352, 223), 0.22: (268, 140)}  # mm, softest and stiffest
+# m/s of the lift before, s of rest: three retardation times
+LIFT_SPEED, DWELL_TIME = 0.1, 3.0
+# mm, softest and stiffest
+SLOW_X = {0.06: (437, 310), 0.14: (352, 223), 0.22: (268, 140)}
 
 
 def touch_x(height: float, speed: float) -> Array:
-    """Gripper x (2, 2) [mm] at the touch, for the range's ends of stiffness and damping."""
+    """Gripper x (2, 2) [mm] at the touch, for the range's ends of stiffness and
+    damping.
+    """
     strips = [strip_at(*corner) for corner in product((0.0, 1.0), repeat=2)]
     length, rise = strips[0].length, np.sqrt(2) * height
-    path = Path.through(np.array([(length, 0.0), (length - height, height), (-0.15, height)]))
+    path = Path.through(
+        np.array([(length, 0.0), (length - height, height), (-0.15, height)])
+    )
     up = np.arange(STEP, rise / LIFT_SPEED, STEP) * LIFT_SPEED
     rest = np.full(round(DWELL_TIME / STEP), rise)
     along = rise + np.arange(STEP, (path.length - rise) / speed, STEP) * speed
@@ -35,7 +43,7 @@ def touch_x(height: float, speed: float) -> Array:
     return 1e3 * np.interp(ends, times, poses[:, 0]).reshape(2, 2)
 
 
-def test_critical_points_of_slow_strips_stand_where_two_other_simulations_put_them() -> None:
+def test_critical_points_of_slow_strips_stand_where_two_other_simulations_put_them():
     found = [touch_x(height, 0.02)[:, 0] for height in SLOW_X]
     np.testing.assert_allclose(found, list(SLOW_X.values()), atol=8.0)
 

@@ -16,20 +16,27 @@ from tests.support.effect_cases import affected, bare, fold, levels
 from tests.support.seen_folds import distances
 
 SEGMENTS, LINKS = 150, 100
-SETTLED, FALLING = 1.5, 0.15  # s: the first pull on a straight strip, and the snap, are chaotic
+# s: the first pull on a straight strip, and the snap, are chaotic
+SETTLED, FALLING = 1.5, 0.15
 Values = Mapping[str, float]
 
-# Engines are driven by true poses over the true desk: these come before them or after them.
+# Engines are driven by true poses over the true desk: these come before them or after
+# them.
 OUTSIDE = {"desk_height", "tcp_offset", "gripper_tilt", "control_delay"}
-# Of every other effect the middle of its range (upwards of null; by magnitude where null is none;
-# as much as makes sense for a strip of 12 g), and where that hardly shows a value that tells.
+# Of every other effect the middle of its range (upwards of null; by magnitude where
+# null is none; as much as makes sense for a strip of 12 g), and where that hardly shows
+# a value that tells.
 VALUES: dict[str, list[Values]] = {
     "bending_hysteresis": [
         {"yield_curvature": 50.0},
         {"yield_curvature": 12.0},
         {"yield_curvature": 30.0, "gradual": 0.6},
     ],
-    "nonlinear_bending": [{"cubic": 5e-4}, {"cubic": -1e-6}, {"cubic": 1e-4, "fifth": 1.0}],
+    "nonlinear_bending": [
+        {"cubic": 5e-4},
+        {"cubic": -1e-6},
+        {"cubic": 1e-4, "fifth": 1.0},
+    ],
     "quadratic_damping": [{"coefficient": 0.01}, {"coefficient": 3e-4}],
     "relaxation": [
         {"ratio": 0.45, "time": 1.0},
@@ -43,7 +50,11 @@ VALUES: dict[str, list[Values]] = {
     ],
     "pre_curl": [{"curvature": 30.0}],
     "crease": [{"angle": 1.0, "position": 0.2}, {"angle": -0.5, "position": 0.3}],
-    "stiffness_gradient": [{"slope": 0.9}, {"slope": -0.9}, {"slope": 0.9, "central": 0.6}],
+    "stiffness_gradient": [
+        {"slope": 0.9},
+        {"slope": -0.9},
+        {"slope": 0.9, "central": 0.6},
+    ],
     "seam": [
         {"factor": 1.6, "position": 0.3, "width": 0.02},
         {"factor": 5.0, "position": 0.3, "width": 0.03},
@@ -66,7 +77,9 @@ SIMULATED = {e.name: e for e in registry().values() if e.stage is not Stage.OBSE
 
 
 def values_of(name: str) -> list[Values]:
-    """Values to compare engines at; the middle level of each parameter where none are chosen."""
+    """Values to compare engines at; the middle level of each parameter where none are
+    chosen.
+    """
     return VALUES.get(name) or levels(SIMULATED[name])[1::3]
 
 
@@ -86,7 +99,9 @@ def apart(rod: StripMotion, chain: StripMotion) -> Array:
     return np.concatenate(found)
 
 
-CASES = [(name, v) for name in sorted(SIMULATED.keys() - OUTSIDE) for v in values_of(name)]
+CASES = [
+    (name, v) for name in sorted(SIMULATED.keys() - OUTSIDE) for v in values_of(name)
+]
 QUICK = {"bending_hysteresis": 1, "stretch": 1} | dict.fromkeys(
     ("relaxation", "air_drag", "length_error", "end_slip"), 0
 )  # by the number of the value

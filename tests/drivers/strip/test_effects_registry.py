@@ -65,7 +65,9 @@ def _middle(effect: Effect) -> dict[str, float]:
         strong = 0.1
     elif effect.name == "stretch":
         strong = 5.0
-    return {p.name: usual(effect, p) for p in effect.parameters[1:]} | {switch.name: float(strong)}
+    return {p.name: usual(effect, p) for p in effect.parameters[1:]} | {
+        switch.name: float(strong)
+    }
 
 
 def _nulls(effect: Effect) -> dict[str, float]:
@@ -75,7 +77,8 @@ def _nulls(effect: Effect) -> dict[str, float]:
 
 def test_registry_holds_the_names_and_parameters_of_the_contract() -> None:
     found = {
-        e.name: (e.of, " ".join(p.name for p in e.parameters if p.role != "shape")) for e in EFFECTS
+        e.name: (e.of, " ".join(p.name for p in e.parameters if p.role != "shape"))
+        for e in EFFECTS
     }
     assert {name: found[name] for name in CONTRACT} == CONTRACT
 
@@ -106,7 +109,9 @@ def test_effect_survives_a_file(effect: Effect, tmp_path: Path) -> None:
     if effect.of == "strip":
         assert load_strip(path) == plant
     else:
-        with pytest.raises(ConfigurationError, match=f"effects.{effect.name}: unknown effect"):
+        with pytest.raises(
+            ConfigurationError, match=f"effects.{effect.name}: unknown effect"
+        ):
             load_strip(path)
 
 
@@ -125,12 +130,16 @@ def test_effect_refuses_unknown_parameters(effect: Effect) -> None:
 
 
 @pytest.mark.parametrize("name", ["seam", "crease", "hem_mass"])
-def test_place_beside_the_strip_is_refused_by_file_and_key(name: str, tmp_path: Path) -> None:
+def test_place_beside_the_strip_is_refused_by_file_and_key(
+    name: str, tmp_path: Path
+) -> None:
     values = _middle(registry()[name]) | {"position": 0.7}
     path = tmp_path / "denim.yaml"
     content = denim(effects={name: values}).model_dump(mode="json", by_alias=True)
     path.write_text(yaml.safe_dump(content))
-    with pytest.raises(ConfigurationError, match=rf"denim.yaml: effects.{name}.position: 0.7"):
+    with pytest.raises(
+        ConfigurationError, match=rf"denim.yaml: effects.{name}.position: 0.7"
+    ):
         load_strip(path)
     with pytest.raises(ConfigurationError, match=rf"effects.{name}.position: 0.7"):
         describe(denim(effects={name: values}))

@@ -1,4 +1,6 @@
-"""What the rig reports and what is true: the grip's path, the camera's picture, and back."""
+"""What the rig reports and what is true: the grip's path, the camera's picture, and
+back.
+"""
 
 from dataclasses import replace
 
@@ -51,7 +53,9 @@ def test_perception_compensates_the_camera_errors(
     np.testing.assert_allclose(
         true_points(model, measured_points(model, points)), points, atol=1e-12
     )
-    assert imaged_time(observation, image_stamp(observation, 2.0)) == pytest.approx(2.0, abs=1e-12)
+    assert imaged_time(observation, image_stamp(observation, 2.0)) == pytest.approx(
+        2.0, abs=1e-12
+    )
 
 
 def test_camera_without_effects_sees_the_truth() -> None:
@@ -59,7 +63,9 @@ def test_camera_without_effects_sees_the_truth() -> None:
     touch = Touch(4.2, 0.26, 0.33, 0.26)
     grip = np.array([0.01, 0.02, np.pi / 2])
     np.testing.assert_array_equal(measured_points(model, points), points)
-    np.testing.assert_array_equal(measured_contact(model.observation, points[:, 0]), points[:, 0])
+    np.testing.assert_array_equal(
+        measured_contact(model.observation, points[:, 0]), points[:, 0]
+    )
     assert image_stamp(model.observation, 1.5) == 1.5
     assert measured_touch(model, touch, grip, grip) == touch
 

@@ -1,4 +1,6 @@
-"""Effects in the rod do what their laws say, as large as measured elsewhere, and converge."""
+"""Effects in the rod do what their laws say, as large as measured elsewhere, and
+converge.
+"""
 
 from collections.abc import Mapping
 
@@ -28,7 +30,10 @@ def _displacement(name: str, path: str = "triangular", **values: float) -> float
 
 
 def test_relaxed_strip_hangs_as_one_of_the_remaining_rigidity() -> None:
-    relaxed, straight = affected("relaxation", STIFF, ratio=0.4, time=0.5), describe(STIFF)
+    relaxed, straight = (
+        affected("relaxation", STIFF, ratio=0.4, time=0.5),
+        describe(STIFF),
+    )
     left = scale_rigidity(straight, 0.6)
     hung, expected, before = overhang([relaxed, left, straight])
     np.testing.assert_allclose(hung, expected, atol=1e-6)
@@ -113,7 +118,9 @@ def test_effect_is_as_large_as_measured_elsewhere(
 
 def test_crease_up_lifts_and_crease_down_presses() -> None:
     angles = (-0.3, 0.0, 0.3)
-    tips = overhang([affected("crease", STIFF, angle=a, position=0.1) for a in angles])[:, -1, 1]
+    tips = overhang([affected("crease", STIFF, angle=a, position=0.1) for a in angles])[
+        :, -1, 1
+    ]
     assert tips[0] + 0.01 < tips[1] < tips[2] - 0.01
 
 
@@ -137,7 +144,9 @@ def test_effects_converge_in_elements_and_step(path: str) -> None:
     for (name, _), one, two in zip(CONVERGING, coarse, fine, strict=True):
         assert one.touch is not None
         assert two.touch is not None
-        assert one.touch.displacement == pytest.approx(two.touch.displacement, abs=6e-4), name
+        assert one.touch.displacement == pytest.approx(
+            two.touch.displacement, abs=6e-4
+        ), name
         assert one.touch.time == pytest.approx(two.touch.time, abs=0.02), name
 
 
@@ -154,11 +163,17 @@ def test_compliant_grip_bends_in_series_with_friction_and_damping() -> None:
     soft = with_field(hard, "boundary.grip_compliance", 2000.0)
     names = [at.BEND, at.STICK, at.SLIP, at.QUADRATIC]
     rod = [lump(model, 100, rich=True)[-2, names] for model in (hard, soft)]
-    hinges = [HingeLumps.from_model(model, places(0.6, 100), 1.0) for model in (hard, soft)]
-    of = [(h.stiffness, h.presliding, h.presliding * h.slip, h.quadratic) for h in hinges]
+    hinges = [
+        HingeLumps.from_model(model, places(0.6, 100), 1.0) for model in (hard, soft)
+    ]
+    of = [
+        (h.stiffness, h.presliding, h.presliding * h.slip, h.quadratic) for h in hinges
+    ]
     chain = [np.array(each)[:, -1] for each in of]
     for (bend, stick, slip, quadratic), found in (rod, chain):
         share = found[0] / bend
         assert found[0] == pytest.approx(1.0 / (1.0 / bend + 2000.0))
-        assert found[0] + found[1] == pytest.approx(1.0 / (1.0 / (bend + stick) + 2000.0))
+        assert found[0] + found[1] == pytest.approx(
+            1.0 / (1.0 / (bend + stick) + 2000.0)
+        )
         assert found[2:] == pytest.approx([share * slip, share**3 * quadratic])

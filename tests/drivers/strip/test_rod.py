@@ -1,4 +1,6 @@
-"""The rod keeps the seam of every engine, and strips side by side do not know of each other."""
+"""The rod keeps the seam of every engine, and strips side by side do not know of each
+other.
+"""
 
 from dataclasses import replace
 
@@ -38,9 +40,14 @@ def test_start_in_which_the_layers_touch_is_refused() -> None:
 def test_gripper_that_jerks_wildly_finds_shapes_or_says_so() -> None:
     rng = np.random.default_rng(3)
     count, steps = 24, 800
-    models = [paper_model(*pair) for pair in zip(
-        np.exp(rng.uniform(np.log(0.02), np.log(0.3), count)),
-        np.exp(rng.uniform(0.0, np.log(50.0), count)), strict=True)]  # fmt: skip
+    models = [
+        paper_model(*pair)
+        for pair in zip(
+            np.exp(rng.uniform(np.log(0.02), np.log(0.3), count)),
+            np.exp(rng.uniform(0.0, np.log(50.0), count)),
+            strict=True,
+        )
+    ]
     turns = np.repeat(rng.normal(2.6, 1.2, (steps // 40, count)), 40, axis=0)
     speed = np.repeat(rng.uniform(0.02, 0.3, (steps // 40, count)), 40, axis=0)
     x = 0.55 + np.cumsum(speed * np.cos(turns), axis=0) * DT
@@ -91,7 +98,9 @@ def test_motions_in_a_batch_are_those_of_one_at_a_time() -> None:
     short = GripperPath(t[:500], full.poses[:500])
     hung = np.array([0.55, 0.10, np.pi / 2])
     lifted = GripperPath(
-        t, hung + np.linspace(0.0, 1.0, len(t))[:, None] * [-0.1, 0.1, 0.0], hanging=True
+        t,
+        hung + np.linspace(0.0, 1.0, len(t))[:, None] * [-0.1, 0.1, 0.0],
+        hanging=True,
     )
     ways = [full, short, lifted]
     motions = simulate_all(Rod(40), models, ways, dt=DT, every=10)
@@ -108,16 +117,21 @@ def test_motions_in_a_batch_are_those_of_one_at_a_time() -> None:
 
 
 STIFF_SLACK = StripFile(
-    name="stiff", length=0.5313326547824334, width=0.05, areal_density=0.28239819853426223,
-    bending_length=0.022245515947660416, retardation_time=0.066790626961165,
+    name="stiff",
+    length=0.5313326547824334,
+    width=0.05,
+    areal_density=0.28239819853426223,
+    bending_length=0.022245515947660416,
+    retardation_time=0.066790626961165,
     thickness=0.0005094110801311423,
     effects={
         "bending_hysteresis": {
-            "yield_curvature": 2.9846415176219834, "stiffness_ratio": 11.37539506008758
+            "yield_curvature": 2.9846415176219834,
+            "stiffness_ratio": 11.37539506008758,
         },
         "length_error": {"error": 0.0006367313215551434},
     },
-)  # fmt: skip
+)
 
 
 def test_slack_strip_that_the_solver_loses_is_laid_more_slowly() -> None:

@@ -1,4 +1,6 @@
-"""The rod against theory, against itself refined, and against the numbers of the paper's range."""
+"""The rod against theory, against itself refined, and against the numbers of the
+paper's range.
+"""
 
 import numpy as np
 import pytest
@@ -21,7 +23,9 @@ from tests.support.rod_cases import (
 BENDING_LENGTHS = (0.0135, 0.02, 0.0333)
 
 
-def _fabric(bending_length: float, length: float, retardation: float = 0.05) -> StripFile:
+def _fabric(
+    bending_length: float, length: float, retardation: float = 0.05
+) -> StripFile:
     return StripFile(
         name="fabric",
         length=length,
@@ -84,7 +88,9 @@ def test_displacements_are_those_of_the_paper_and_converged(
 
 
 def _swing(dt: float) -> tuple[Array, Array]:
-    """Energy [J] (k,) of a hanging strip pushed for 0.4 s, and what viscosity took, from 0.5 s."""
+    """Energy [J] (k,) of a hanging strip pushed for 0.4 s, and what viscosity took,
+    from 0.5 s.
+    """
     model, segments = describe(_fabric(0.0233, 0.6, 0.004)), 60
     hung = np.array([0.45, 0.25, np.pi / 2])
     rod = Rod(segments)
@@ -107,7 +113,9 @@ def _swing(dt: float) -> tuple[Array, Array]:
 def _strains(shapes: Array) -> Array:
     """4 tan(theta / 4) at every node (k, nodes), the ends clamped flat and upright."""
     edges = np.diff(shapes, axis=1)
-    flat, upright = (np.broadcast_to(u, (len(shapes), 1, 2)) for u in ([1.0, 0.0], [0.0, 1.0]))
+    flat, upright = (
+        np.broadcast_to(u, (len(shapes), 1, 2)) for u in ([1.0, 0.0], [0.0, 1.0])
+    )
     edges = np.concatenate([flat, edges, upright], axis=1)
     angle = np.unwrap(np.arctan2(edges[:, :, 1], edges[:, :, 0]), axis=1)
     return np.asarray(4 * np.tan(np.diff(angle, axis=1) / 4))

@@ -1,4 +1,6 @@
-"""The force of a strip on its gripper: in the rod, in the chain, as the twin's arm reports it."""
+"""The force of a strip on its gripper: in the rod, in the chain, as the twin's arm
+reports it.
+"""
 
 import numpy as np
 import pytest
@@ -23,7 +25,9 @@ HEIGHT, STILL = 0.25, 2.0  # m of the gripper, s at rest there
 
 def test_both_engines_feel_the_same_force_in_a_fold() -> None:
     path = reported_path(STANDARD["normal"].over(DENIM.length))
-    rod, chain = (simulate(e, describe(DENIM), path.t, path.poses) for e in ENGINES.values())
+    rod, chain = (
+        simulate(e, describe(DENIM), path.t, path.poses) for e in ENGINES.values()
+    )
     assert rod.touch is not None
     t = np.arange(1.5, rod.touch.time - 0.2, 0.01)
     first, second = (at(motion, t) for motion in (rod, chain))
@@ -55,8 +59,11 @@ def test_a_report_is_late_noisy_and_off_by_what_the_tare_left() -> None:
     assert np.std(left) == pytest.approx(0.05, rel=0.3)
 
 
-def test_the_arm_reports_force_only_where_it_is_said_to_and_nothing_else_changes() -> None:
-    plain, feeling = twin_with(3), twin_with(3, force=WrenchSettings(noise=0.001, bias=0.0))
+def test_the_arm_reports_force_only_where_it_is_said_to_and_nothing_else_changes():
+    plain, feeling = (
+        twin_with(3),
+        twin_with(3, force=WrenchSettings(noise=0.001, bias=0.0)),
+    )
     for twin in (plain, feeling):
         grasp(twin)
         lift(twin)

@@ -1,4 +1,6 @@
-"""The rendered cell: same seed, same bytes; noise, light, contrast and looks as they are set."""
+"""The rendered cell: same seed, same bytes; noise, light, contrast and looks as they
+are set.
+"""
 
 import numpy as np
 import pytest
@@ -25,11 +27,15 @@ def test_frame_depends_on_seed_scenes_and_sequence_alone(renderer: Renderer) -> 
     assert np.array_equal(first, renderer.render(exposure, 7))
     assert np.array_equal(first, Renderer(SETTINGS, DENIM, seed=3).render(exposure, 7))
     assert not np.array_equal(first, renderer.render(exposure, 9))
-    assert not np.array_equal(first, Renderer(SETTINGS, DENIM, seed=4).render(exposure, 7))
+    assert not np.array_equal(
+        first, Renderer(SETTINGS, DENIM, seed=4).render(exposure, 7)
+    )
 
 
 def test_noise_has_the_stated_sigma_and_no_bias(renderer: Renderer) -> None:
-    frames = np.stack([renderer.render([scene("flat")], k)[100:300, 200:900] for k in range(12)])
+    frames = np.stack(
+        [renderer.render([scene("flat")], k)[100:300, 200:900] for k in range(12)]
+    )
     frames = frames.astype(float)
     assert frames.std(axis=0, ddof=1).mean() == pytest.approx(SETTINGS.noise, rel=0.1)
     quiet = Renderer(QUIET, DENIM, seed=3)
@@ -39,7 +45,9 @@ def test_noise_has_the_stated_sigma_and_no_bias(renderer: Renderer) -> None:
 
 def test_what_does_not_move_looks_alike_in_every_frame() -> None:
     quiet = Renderer(QUIET, DENIM, seed=3)
-    one, other = (quiet.render([scene(kind)], 0).astype(int) for kind in ("flat", "closing"))
+    one, other = (
+        quiet.render([scene(kind)], 0).astype(int) for kind in ("flat", "closing")
+    )
     nowhere = quiet.render([empty(0.3, 5.0)], 0).astype(int)
     for image in (one, other):
         same = np.abs(image - nowhere).max(axis=-1) == 0

@@ -4,7 +4,16 @@ import numpy as np
 import pytest
 
 from drivers.types import Pose, Velocity
-from tests.support.twin_moves import DENIM, Steps, drive, grasp, lift, move, twin_with, wait
+from tests.support.twin_moves import (
+    DENIM,
+    Steps,
+    drive,
+    grasp,
+    lift,
+    move,
+    twin_with,
+    wait,
+)
 
 L = DENIM.length
 

@@ -1,4 +1,6 @@
-"""The twin's camera keeps the camera's times, shows the world at them, and draws between ticks."""
+"""The twin's camera keeps the camera's times, shows the world at them, and draws
+between ticks.
+"""
 
 from itertools import pairwise
 
@@ -33,7 +35,9 @@ class FixedClock:
 
 
 class RecordedWorld:
-    """A strip whose end rises at 0.1 m/s; remembers the moments that it was asked for."""
+    """A strip whose end rises at 0.1 m/s; remembers the moments that it was asked
+    for.
+    """
 
     def __init__(self) -> None:
         self.asked: list[float] = []
@@ -53,8 +57,12 @@ def world() -> RecordedWorld:
     return RecordedWorld()
 
 
-def connected(world: RecordedWorld, clock: FixedClock, latency: float = 0.0) -> TwinCamera:
-    camera = TwinCamera(world.scene, clock, SETTINGS, Renderer(SETTINGS, LOOK, 1), 1, latency)
+def connected(
+    world: RecordedWorld, clock: FixedClock, latency: float = 0.0
+) -> TwinCamera:
+    camera = TwinCamera(
+        world.scene, clock, SETTINGS, Renderer(SETTINGS, LOOK, 1), 1, latency
+    )
     camera.connect()
     return camera
 
@@ -68,7 +76,9 @@ def test_frame_is_known_a_transport_delay_after_its_stamp(world, clock) -> None:
     assert (frame.sequence, frame.stamp, frame.arrival) == (0, 0.0, 0.02)
 
 
-def test_stamps_are_multiples_of_the_period_however_late_one_reads(world, clock) -> None:
+def test_stamps_are_multiples_of_the_period_however_late_one_reads(
+    world, clock
+) -> None:
     camera = connected(world, clock)
     for k in range(1, 400, 7):
         clock.time = k / 60 + SETTINGS.transport_delay + 1e-6
@@ -78,7 +88,9 @@ def test_stamps_are_multiples_of_the_period_however_late_one_reads(world, clock)
         assert frame.arrival <= clock.now()
 
 
-def test_half_of_the_frames_never_arrive_and_those_that_do_are_whole(world, clock) -> None:
+def test_half_of_the_frames_never_arrive_and_those_that_do_are_whole(
+    world, clock
+) -> None:
     settings = SETTINGS.model_copy(update={"lost": 0.5})
     poor = TwinCamera(world.scene, clock, settings, Renderer(settings, LOOK, 1), 1)
     poor.connect()
@@ -135,7 +147,9 @@ class Drawing:
         if stamp <= after:
             return None
         self.drawn += 1
-        return Frame(stamp, stamp + 0.01, "made", self.calls // 2, np.zeros((2, 2, 3), np.uint8))
+        return Frame(
+            stamp, stamp + 0.01, "made", self.calls // 2, np.zeros((2, 2, 3), np.uint8)
+        )
 
     def close(self) -> None:
         self.open = False

@@ -1,4 +1,6 @@
-"""The twin's clocks: order, exactness, errors; and one that keeps step with the wall."""
+"""The twin's clocks: order, exactness, errors; and one that keeps step with the
+wall.
+"""
 
 import pytest
 

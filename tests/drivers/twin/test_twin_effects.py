@@ -8,7 +8,12 @@ from drivers.strip.file import StripFile
 from drivers.strip.observation import measured_points
 from drivers.twin.open import Twin, open_twin
 from drivers.twin.renderer.optics import Optics
-from drivers.twin.settings import ArmSettings, CameraSettings, TwinSettings, WorldSettings
+from drivers.twin.settings import (
+    ArmSettings,
+    CameraSettings,
+    TwinSettings,
+    WorldSettings,
+)
 from drivers.types import Pose, Velocity
 from tests.support.effect_cases import LENGTH, denim
 from tests.support.twin_moves import Steps, grasp, move, wait
@@ -29,7 +34,9 @@ def at_edge(strip: StripFile) -> Twin:
 
 
 @pytest.mark.parametrize("error", [0.004, -0.004])
-def test_strip_lies_at_its_own_length_and_is_taken_at_the_stated_one(error: float) -> None:
+def test_strip_lies_at_its_own_length_and_is_taken_at_the_stated_one(
+    error: float,
+) -> None:
     strip = denim(effects={"length_error": {"error": error}})
     twin = open_twin(QUIET, strip, seed=0)
     lying = twin.world.scene(0.0).points
@@ -48,7 +55,9 @@ def test_strip_lies_at_its_own_length_and_is_taken_at_the_stated_one(error: floa
         np.testing.assert_allclose(np.interp(t, truth.t, edge), place, atol=1e-4)
 
 
-@pytest.mark.parametrize(("error", "held"), [(-0.003, True), (-0.008, False), (0.02, True)])
+@pytest.mark.parametrize(
+    ("error", "held"), [(-0.003, True), (-0.008, False), (0.02, True)]
+)
 def test_fingers_hold_the_strip_where_there_is_one(error: float, held: bool) -> None:
     twin = at_edge(denim(effects={"length_error": {"error": error}}))
     twin.hand.grasp()
@@ -59,9 +68,13 @@ def test_fingers_hold_the_strip_where_there_is_one(error: float, held: bool) -> 
 def test_camera_moved_since_its_calibration_shows_places_scaled_and_shifted() -> None:
     calibrated = Optics.from_settings(CameraSettings())
     now = calibrated.displace(0.02, (0.004, -0.003))
-    points = np.random.default_rng(1).uniform((0.0, 0.0, 0.0), (0.6, 0.05, 0.3), (50, 3))
+    points = np.random.default_rng(1).uniform(
+        (0.0, 0.0, 0.0), (0.6, 0.05, 0.3), (50, 3)
+    )
     seen = 1.02 * points + (0.004, 0.0, -0.003)
     np.testing.assert_allclose(now.project(points), calibrated.project(seen), atol=1e-9)
     shift = {"scale": {"scale": 0.02}, "shift": {"x": 0.004, "z": -0.003}}
-    model = describe(denim(), {f"homography_{name}": values for name, values in shift.items()})
+    model = describe(
+        denim(), {f"homography_{name}": values for name, values in shift.items()}
+    )
     np.testing.assert_allclose(measured_points(model, points[:, ::2]), seen[:, ::2])

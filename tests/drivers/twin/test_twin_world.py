@@ -69,7 +69,9 @@ def carry(world: World, poses, start: float, dt: float = 0.001) -> None:
 
 
 def line(start: Pose, end: Pose, count: int) -> list[Pose]:
-    return [Pose(*p) for p in np.linspace(start.as_array(), end.as_array(), count + 1)[1:]]
+    return [
+        Pose(*p) for p in np.linspace(start.as_array(), end.as_array(), count + 1)[1:]
+    ]
 
 
 def test_second_grasp_is_refused_by_name() -> None:

@@ -1,7 +1,8 @@
 """Draws folds as one moving picture: `draw-folds RUN... OUT.webp`.
 
-The films of the runs play side by side from the lift on, cropped to the strip's motion, each with
-its name from `--names` and, at the end, the misalignment that the camera measured.
+The films of the runs play side by side from the lift on, cropped to the strip's motion,
+each with its name from `--names` and, at the end, the misalignment that the camera
+measured.
 """
 
 from itertools import zip_longest
@@ -21,11 +22,14 @@ from drivers.types import Image
 
 WHITE = (255, 255, 255)
 PERIOD, LAST = 0.1, 1.5  # s between two pictures, and for which the end stands
-WIDTH, BANNER, QUALITY = 480, 56, 55  # px of one fold and of its text; quality of the file
+# px of one fold and of its text; quality of the file
+WIDTH, BANNER, QUALITY = 480, 56, 55
 
 
 def play(folder: Path, name: str) -> list[Image]:
-    """Small images of a run's film, one per PERIOD from its lift on, labelled with its result."""
+    """Small images of a run's film, one per PERIOD from its lift on, labelled with its
+    result.
+    """
     run = read_run(folder)
     if (calibration := run.calibration()) is None:
         raise typer.BadParameter(f"{folder} has no calibration")
@@ -34,8 +38,12 @@ def play(folder: Path, name: str) -> list[Image]:
     stamps = np.array([f.stamp + begin for f in frames])
     window, images = window_on(run.ticks, calibration), []
     for t in np.arange(0.0, stamps[-1] + PERIOD, PERIOD):
-        image = window.crop(frames[max(int(np.searchsorted(stamps, t, side="right")) - 1, 0)].image)
-        image = cv2.resize(image, (WIDTH, round(image.shape[0] * WIDTH / image.shape[1])))
+        image = window.crop(
+            frames[max(int(np.searchsorted(stamps, t, side="right")) - 1, 0)].image
+        )
+        image = cv2.resize(
+            image, (WIDTH, round(image.shape[0] * WIDTH / image.shape[1]))
+        )
         image[:BANNER] //= 4
         d = run.result.displacement if run.result and t >= stamps[-1] else None
         words = "" if d is None else f"misaligned by {abs(1e3 * d):.1f} mm"
@@ -47,11 +55,14 @@ def play(folder: Path, name: str) -> list[Image]:
 
 
 def main(
-    runs: list[Path], out: Path, names: Annotated[list[str] | None, typer.Option()] = None
+    runs: list[Path],
+    out: Path,
+    names: Annotated[list[str] | None, typer.Option()] = None,
 ) -> None:
     """Write the moving picture of the folds in `runs` to `out`."""
     plays = [
-        play(run, name) for run, name in zip(runs, names or [r.name for r in runs], strict=True)
+        play(run, name)
+        for run, name in zip(runs, names or [r.name for r in runs], strict=True)
     ]
     rows = zip_longest(*plays)
     last = [images[-1] for images in plays]
@@ -59,8 +70,15 @@ def main(
         np.hstack([a if a is not None else b for a, b in zip(row, last, strict=True)])
         for row in rows
     ]
-    pictures = [Picture.fromarray(np.ascontiguousarray(image[..., ::-1])) for image in joined]
+    pictures = [
+        Picture.fromarray(np.ascontiguousarray(image[..., ::-1])) for image in joined
+    ]
     stays = [round(1e3 * PERIOD)] * (len(pictures) - 1) + [round(1e3 * LAST)]
-    more = {"append_images": pictures[1:], "duration": stays, "loop": 0, "quality": QUALITY}
+    more = {
+        "append_images": pictures[1:],
+        "duration": stays,
+        "loop": 0,
+        "quality": QUALITY,
+    }
     pictures[0].save(out, save_all=True, **more)
     print(f"{out}: {len(pictures)} pictures, {out.stat().st_size / 1e6:.2f} MB")

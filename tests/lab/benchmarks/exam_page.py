@@ -1,11 +1,12 @@
-"""Renews the sections of the exam's pages that come from ledgers; hand-written text stays.
+"""Renews the sections of the exam's pages that come from ledgers; hand-written text
+stays.
 
 python -m tests.lab exam-page LEDGER... [--page tests/lab/notes/exam.md]
     [--cases tests/lab/ledgers/cases.md]
 
-Of the tiers in the LEDGERs, taken together, the sections are made anew: on the page the table of
-the bars and that by kind of plant, among the cases all tables. The introductions and the sections
-of other tiers stay.
+Of the tiers in the LEDGERs, taken together, the sections are made anew: on the page the
+table of the bars and that by kind of plant, among the cases all tables. The
+introductions and the sections of other tiers stay.
 """
 
 import re
@@ -28,15 +29,20 @@ def main(
     pages = {path: path.read_text(encoding="utf-8") for path in (page, cases)}
     made = markdown(entries)
     for tier, mine in by_tier(entries):
-        pattern = rf"^## {re.escape(TIERS[tier])}\n.*?(?=^## |\Z)"  # a heading, up to the next
+        # a heading, up to the next
+        pattern = rf"^## {re.escape(TIERS[tier])}\n.*?(?=^## |\Z)"
         section = re.compile(pattern, re.DOTALL | re.MULTILINE)
         whole = section.search(made)[0].rstrip()
         brief = "\n### ".join(whole.split("\n### ")[:2])
         for path, text in {cases: whole, page: brief}.items():
             if not section.search(pages[path]):
-                sys.stderr.write(f"{path}: has no section '{TIERS[tier]}'; add its heading\n")
+                sys.stderr.write(
+                    f"{path}: has no section '{TIERS[tier]}'; add its heading\n"
+                )
                 return 1
-            pages[path] = section.sub(lambda _, text=text: text.rstrip() + "\n\n", pages[path])
+            pages[path] = section.sub(
+                lambda _, text=text: text.rstrip() + "\n\n", pages[path]
+            )
         sys.stdout.write(f"{TIERS[tier]}: {len(mine)} cases\n")
     for path, text in pages.items():
         replace_file(path, (text.rstrip() + "\n").encode())

@@ -1,13 +1,15 @@
 """Share of the robot's states answered in time on the wall clock, by a folding cell.
 
-python -m tests.lab measure-arm-timing [--seconds 120] [--strip denim] [--realtime ignore]
+python -m tests.lab measure-arm-timing [--seconds 120] [--strip denim] [--realtime
+ignore]
 
-An emulated robot runs by the wall clock in a process of its own, with real-time priority where this
-user may have it: a robot shares no processor with its client. In turn a bare loop of the client's
-library holds it still, and the cell folds a strip with it: renders, perceives, decides and records.
-Printed are the shares of states that were answered in time, by the robot's own count, and the
-intervals between states. Both run as `fci.realtime` says: with real-time priority (the default, no
-real-time kernel is asked for), or as ordinary processes with `ignore`.
+An emulated robot runs by the wall clock in a process of its own, with real-time
+priority where this user may have it: a robot shares no processor with its client. In
+turn a bare loop of the client's library holds it still, and the cell folds a strip with
+it: renders, perceives, decides and records. Printed are the shares of states that were
+answered in time, by the robot's own count, and the intervals between states. Both run
+as `fci.realtime` says: with real-time priority (the default, no real-time kernel is
+asked for), or as ordinary processes with `ignore`.
 """
 
 import json
@@ -45,7 +47,8 @@ PROCESSORS = sorted(os.sched_getaffinity(0))
 TRIES = 10
 BAR = 2.0  # points at most between the bare loop and the cell
 STILL = 10.0  # s of the bare loop at a time
-SPEED = 0.05  # m/s of the folds, half of the usual: late ticks turn the hand too far in the lift
+# m/s of the folds, half of the usual: late ticks turn the hand too far in the lift
+SPEED = 0.05
 RATE = 12.0  # Hz of the simulated camera: all of the twin is computed beside the loop
 BETWEEN = 0.0005  # m, always between the fingers: this robot knows no strip
 THIS = ("tests.lab", "measure-arm-timing")
@@ -53,7 +56,9 @@ THIS = ("tests.lab", "measure-arm-timing")
 
 @dataclass(slots=True)
 class Share:
-    """Time-weighted share of states answered in time, over `seconds` of a control loop."""
+    """Time-weighted share of states answered in time, over `seconds` of a control
+    loop.
+    """
 
     seconds: float = 0.0
     answered: float = 0.0
@@ -68,14 +73,14 @@ class Share:
         if not self.seconds:
             return "nothing"
         return (
-            f"{100 * self.answered / self.seconds:6.2f} % answered in {self.seconds:4.0f} s, "
-            f"longest {self.longest:.0f} ms"
+            f"{100 * self.answered / self.seconds:6.2f} % answered in"
+            f" {self.seconds:4.0f} s, longest {self.longest:.0f} ms"
         )
 
 
 def serve(joints: list[float]) -> None:
-    """Be the robot, by the wall clock, until killed: on the last processor, if there are several,
-    which its clients leave alone.
+    """Be the robot, by the wall clock, until killed: on the last processor, if there
+    are several, which its clients leave alone.
     """
     os.sched_setaffinity(0, PROCESSORS[-1:])
     with suppress(PermissionError):
@@ -118,8 +123,12 @@ def robot_at(joints: list[float]) -> Iterator[str]:
             server.kill()
 
 
-def measure(seconds: float, strip: str, realtime: RealTime) -> tuple[Share, Share, list[str]]:
-    """Shares of answered states of the bare loop and of the cell, and outcomes of the folds."""
+def measure(
+    seconds: float, strip: str, realtime: RealTime
+) -> tuple[Share, Share, list[str]]:
+    """Shares of answered states of the bare loop and of the cell, and outcomes of the
+    folds.
+    """
     bare, cell, ends = Share(), Share(), []
     settings = find_configs(None).cell()
     file = load_strip(find_configs(None).strip_path(strip))
@@ -131,13 +140,25 @@ def measure(seconds: float, strip: str, realtime: RealTime) -> tuple[Share, Shar
         robot = find_configs(configs).cell().with_drivers("fci")
         fci = robot.fci
         record = Recording("none", truth=False)
-        request = request_for(strip, "feedback", Path(place), configs, cell=robot, record=record)
+        request = request_for(
+            strip, "feedback", Path(place), configs, cell=robot, record=record
+        )
         calibration = calibration_of(robot)
         while cell.seconds < seconds:
             told = subprocess.run(
-                [sys.executable, "-m", *THIS, "--hold", address, "--realtime", realtime],
-                check=False, capture_output=True, text=True,
-            )  # fmt: skip
+                [
+                    sys.executable,
+                    "-m",
+                    *THIS,
+                    "--hold",
+                    address,
+                    "--realtime",
+                    realtime,
+                ],
+                check=False,
+                capture_output=True,
+                text=True,
+            )
             if told.returncode == 0:
                 bare.add(STILL, json.loads(told.stdout))
             else:
@@ -148,22 +169,30 @@ def measure(seconds: float, strip: str, realtime: RealTime) -> tuple[Share, Shar
             if header.arm_timing is not None:
                 cell.add(result.duration, header.arm_timing.model_dump())
             ends.append(result.outcome)
-            sys.stderr.write(f"{result.outcome}: {result.reason}\n  bare {bare}\n  cell {cell}\n")
+            sys.stderr.write(
+                f"{result.outcome}: {result.reason}\n  bare {bare}\n  cell {cell}\n"
+            )
             go_home(RobotAccess(address, fci, installation), joints)
     return bare, cell, ends
 
 
 def go_home(task: RobotAccess, joints: list[float]) -> None:
-    """Bring the robot to `joints`; a machine that loses packets may need several tries."""
+    """Bring the robot to `joints`; a machine that loses packets may need several
+    tries.
+    """
     for _ in range(TRIES):
         with suppress(Fault):
             go_to(task, GoTo(joints, 1.0, recover=True))
             return
-    raise SystemExit(f"the robot did not come home in {TRIES} tries: too many packets are lost")
+    raise SystemExit(
+        f"the robot did not come home in {TRIES} tries: too many packets are lost"
+    )
 
 
 def configured(folder: Path, address: str, realtime: RealTime) -> Path:
-    """Configurations whose arm is the robot at `address`, without a real-time kernel."""
+    """Configurations whose arm is the robot at `address`, without a real-time
+    kernel.
+    """
     shutil.copytree(find_configs(None).folder, folder)
     path = folder / "cell.yaml"
     content = yaml.safe_load(path.read_text())
@@ -181,7 +210,9 @@ def main(
     serve_at: str = "",
     hold: str = "",
 ) -> int:
-    """Compare a bare loop with the cell; or serve the robot at these joints, or hold an arm."""
+    """Compare a bare loop with the cell; or serve the robot at these joints, or hold an
+    arm.
+    """
     if serve_at:
         serve(json.loads(serve_at))
     if hold:
@@ -189,6 +220,9 @@ def main(
         return 0
     bare, cell, ends = measure(seconds, strip, realtime)
     behind = 100 * (bare.answered / bare.seconds - cell.answered / cell.seconds)
-    print(f"bare loop {bare}\nthe cell  {cell}\nbehind by {behind:.2f} points (bar {BAR:.0f})")
+    print(
+        f"bare loop {bare}\nthe cell  {cell}\nbehind by {behind:.2f} points (bar"
+        f" {BAR:.0f})"
+    )
     print(f"folds ended: {', '.join(ends)}")
     return 0 if behind <= BAR else 1

@@ -2,11 +2,11 @@
 
 python -m tests.lab measure-confidence LEDGER... [--fresh LEDGER]... [--fit FILE]
 
-Prints how many verdicts are right, and three reliability tables: what each verdict stated, what
-this version states of its signs, and what a calibration of all other cases states. --kind is strip
-or mechanism, by whose file the signs count. With --fresh the
-counts are of those other ledgers, with a fourth table: what the calibration of the first ones
-states of them. With --fit that calibration is written to FILE, as
+Prints how many verdicts are right, and three reliability tables: what each verdict
+stated, what this version states of its signs, and what a calibration of all other cases
+states. --kind is strip or mechanism, by whose file the signs count. With --fresh the
+counts are of those other ledgers, with a fourth table: what the calibration of the
+first ones states of them. With --fit that calibration is written to FILE, as
 cell/gap/verdict/confidence.yaml holds it.
 """
 
@@ -52,12 +52,17 @@ def main(
         )
         return 1
     known = [o.values for o in outcomes if o.values["is_named"] and o.values["signs"]]
-    stated = [(v["confidence"], v["is_right"]) for v in known if v["confidence"] is not None]
+    stated = [
+        (v["confidence"], v["is_right"]) for v in known if v["confidence"] is not None
+    ]
     by = calibration(kind)
     counts = shares(found, outside)
     tables = {
         "Stated then": (stated, None),
-        "Stated by this version": ([(by.probability(n.signs), n.right) for n in found], counts),
+        "Stated by this version": (
+            [(by.probability(n.signs), n.right) for n in found],
+            counts,
+        ),
         "Left out one by one": (leave_each_out(found, counts, kind), counts),
     }
     content = dict(calibrate(outcomes, kind))
@@ -81,15 +86,19 @@ def main(
 def verdicts_in(ledgers: Sequence[Path]) -> list[Outcome]:
     """Read the scored verdicts from `ledgers`, JSON lines of exams or of the study.
 
-    A case is named after its ledger too: seeds of one number may have drawn others there. Verdicts
-    from before one of today's signs was kept have none.
+    A case is named after its ledger too: seeds of one number may have drawn others
+    there. Verdicts from before one of today's signs was kept have none.
     """
     found: list[Outcome] = []
-    for path, line in ((p, each) for p in ledgers for each in read_json_lines(p, LARGEST_LEDGER)):
+    for path, line in (
+        (p, each) for p in ledgers for each in read_json_lines(p, LARGEST_LEDGER)
+    ):
         if "values" in line:  # of a study of mechanisms
             known = accepted(line["case"], line["values"])
             number = len(found)
-            found.append(Outcome(Case(number, 0, {}), {**known, "case": f"{path.stem}/{number}"}))
+            found.append(
+                Outcome(Case(number, 0, {}), {**known, "case": f"{path.stem}/{number}"})
+            )
             continue
         scored, without = line["outcome"], line.get("without", [])
         if scored is not None:

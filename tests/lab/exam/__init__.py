@@ -1,1 +1,3 @@
-"""Exam of `cell gap`: hides known causes in simulated strips and scores its diagnoses."""
+"""Exam of `cell gap`: hides known causes in simulated strips and scores its
+diagnoses.
+"""

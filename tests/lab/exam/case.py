@@ -1,4 +1,6 @@
-"""One case of the exam: the plant with its hidden cause, and the names that count as right."""
+"""One case of the exam: the plant with its hidden cause, and the names that count as
+right.
+"""
 
 from typing import Annotated, Literal
 
@@ -21,19 +23,21 @@ Values = dict[str, float]
 
 
 class Case(Settings):
-    """One case of the exam: a plant that differs from its strip file, and how its runs are made.
+    """One case of the exam: a plant that differs from its strip file, and how its runs
+    are made.
 
-    `strip` names a file of configs/strips, which is all that the workflow is given. The plant
-    has its bending length and retardation time times the factors, the library's `effects`
-    (exactly their laws) and the `causes` that only the makers know, by name and parameters.
-    `answer` are the names that are right: those of the effects, and of effects that a cause
-    resembles though its law is another one (`alike` false); empty where nothing or nothing of
-    the library is hidden. `scatter` says how much runs differ for no reason, `motions`
-    how the gripper moves. From the state, the plant is the `engine`: the rod that the model is
-    too, or a chain, which alone has `causes` in it; `repeats` says how often each motion is made;
-    by hand, where none is made twice, how many times as many there are. The arm reports the
-    strip's `force` with so much noise [N, one sigma], and as much that its tare left in each run;
-    None: it reports none.
+    `strip` names a file of configs/strips, which is all that the workflow is given. The
+    plant has its bending length and retardation time times the factors, the library's
+    `effects` (exactly their laws) and the `causes` that only the makers know, by name
+    and parameters.
+    `answer` are the names that are right: those of the effects, and of effects that a
+    cause resembles though its law is another one (`alike` false); empty where nothing
+    or nothing of the library is hidden. `scatter` says how much runs differ for no
+    reason, `motions` how the gripper moves. From the state, the plant is the `engine`:
+    the rod that the model is too, or a chain, which alone has `causes` in it; `repeats`
+    says how often each motion is made; by hand, where none is made twice, how many
+    times as many there are. The arm reports the strip's `force` with so much noise [N,
+    one sigma], and as much that its tare left in each run; None: it reports none.
     """
 
     name: str = Field(pattern=r"^[a-z0-9][a-z0-9-]*$")
@@ -51,11 +55,15 @@ class Case(Settings):
     scatter: ScatterLevel = "none"
     motions: Motions = "standard"
     repeats: int = Field(1, ge=1, le=8)
-    force: float | None = Field(None, gt=0, le=5.0, exclude_if=lambda force: force is None)
+    force: float | None = Field(
+        None, gt=0, le=5.0, exclude_if=lambda force: force is None
+    )
 
     @property
     def plant(self) -> Plant:
-        """Kind of the plant: the model's own engine, another engine, or one with other laws."""
+        """Kind of the plant: the model's own engine, another engine, or one with other
+        laws.
+        """
         if self.causes and self.answer:
             return "another law"
         own = self.tier == "state" and self.engine == "rod"
@@ -63,5 +71,7 @@ class Case(Settings):
 
     @property
     def alike(self) -> bool:
-        """Whether the plant follows the library's laws, so that parameters can be compared."""
+        """Whether the plant follows the library's laws, so that parameters can be
+        compared.
+        """
         return not self.causes

@@ -1,4 +1,6 @@
-"""Cases of an exam: drawn at random from its seed, scaled to a strength, and kept as its key."""
+"""Cases of an exam: drawn at random from its seed, scaled to a strength, and kept as
+its key.
+"""
 
 import hashlib
 import json
@@ -23,8 +25,21 @@ from drivers.strip.effects.effect import Effect
 from drivers.strip.file import StripFile
 from drivers.types import Array
 from policies.experiments.human_motion import human_motion
-from policies.experiments.standard import REFERENCE_RUN, REPEATED_RUN, STANDARD, standard_order
-from tests.lab.exam.case import STRENGTHS, Case, Kind, ScatterLevel, Strength, Tier, Values
+from policies.experiments.standard import (
+    REFERENCE_RUN,
+    REPEATED_RUN,
+    STANDARD,
+    standard_order,
+)
+from tests.lab.exam.case import (
+    STRENGTHS,
+    Case,
+    Kind,
+    ScatterLevel,
+    Strength,
+    Tier,
+    Values,
+)
 from tests.lab.exam.causes import causes
 from tests.lab.exam.from_state import MOTIONS, paths_by_hand, scale_strip
 from tests.lab.exam.through_images import refusal
@@ -44,12 +59,16 @@ def quiet(done: int, total: int, text: str) -> None:
 def case_hash(case: Case) -> str:
     """Digest of all fields of a case and of the names of its motions."""
     made = MOTIONS if case.tier == "state" else (*STANDARD, REPEATED_RUN, REFERENCE_RUN)
-    return hashlib.sha256((case.model_dump_json() + " ".join(made)).encode()).hexdigest()[:16]
+    return hashlib.sha256(
+        (case.model_dump_json() + " ".join(made)).encode()
+    ).hexdigest()[:16]
 
 
 @dataclass(frozen=True, slots=True)
 class Sources:
-    """Digests of the source code that makes verdicts (`engine`) and that scores them (`scorer`)."""
+    """Digests of the source code that makes verdicts (`engine`) and that scores them
+    (`scorer`).
+    """
 
     engine: str
     scorer: str
@@ -71,8 +90,10 @@ def sources() -> Sources:
 TRIES = 60  # draws of an effect until one can be as strong as asked
 PLACE_DRAWS = 4  # draws of an effect's place on each strip
 JUMP = 1.5  # times the asked gap, beyond which an effect is nearer to the next strength
-NEARLY = 0.9  # share of medium strength that each of two effects must keep beside the other
-FOREIGN = 2  # one state-based case in so many has a plant that is not the model: a chain
+# share of medium strength that each of two effects must keep beside the other
+NEARLY = 0.9
+# one state-based case in so many has a plant that is not the model: a chain
+FOREIGN = 2
 BY_HAND_PERIOD = 3  # one triple of levels in so many is moved by hand
 STIFFER, SLOWER = 1.15, 2.0  # factors by which a plant's base may differ from its file
 CASE_STRENGTHS: tuple[Strength, ...] = ("weak", "medium", "strong")
@@ -81,14 +102,17 @@ SHARES: dict[Tier, dict[Kind, float]] = {
     "state": {"nothing": 0.43, "single": 0.47, "pair": 0.10},
     "images": {"nothing": 0.25, "single": 0.40, "pair": 0.15, "outside": 0.20},
 }
-UNLIKE_PERIOD = 2  # one in so many triples of levels in a chain has laws that only resemble
+# one in so many triples of levels in a chain has laws that only resemble
+UNLIKE_PERIOD = 2
 CAUSE_NAMES = sorted(name for name, cause in causes().items() if cause.sizes)
 RESEMBLING = {cause.answers: name for name, cause in causes().items() if cause.answers}
 
 
 @dataclass(frozen=True, slots=True)
 class Draw:
-    """Request to draw case `i` of the exam with `seed`, the `number`-th case of its kind."""
+    """Request to draw case `i` of the exam with `seed`, the `number`-th case of its
+    kind.
+    """
 
     tier: Tier
     kind: Kind
@@ -112,11 +136,13 @@ def cases(
 ) -> list[Case]:
     """Draw `count` cases in `jobs` processes; equal seeds give equal cases.
 
-    All are of the kind `only`, or of every kind in the tier's shares. `progress` is called after
-    each tenth. Raises Fault where no effect can be as strong as required.
+    All are of the kind `only`, or of every kind in the tier's shares. `progress` is
+    called after each tenth. Raises Fault where no effect can be as strong as required.
     """
     kinds = [only] * count if only else _kinds(tier, count)
-    draws = [Draw(tier, kind, i, kinds[:i].count(kind), seed) for i, kind in enumerate(kinds)]
+    draws = [
+        Draw(tier, kind, i, kinds[:i].count(kind), seed) for i, kind in enumerate(kinds)
+    ]
     found: dict[int, Case] = {}
     with workers(jobs) as calls:
         for number, case in calls(Draw.case, [(draw,) for draw in draws]):
@@ -127,7 +153,9 @@ def cases(
 
 
 def _scatter_level(number: int) -> ScatterLevel:
-    """Run-to-run scatter of case `number` of a kind; cycles over strengths and motions as well."""
+    """Run-to-run scatter of case `number` of a kind; cycles over strengths and motions
+    as well.
+    """
     levels, triples = len(SCATTER), number // len(CASE_STRENGTHS)
     return SCATTER[(number + triples + triples // BY_HAND_PERIOD) % levels]
 
@@ -143,7 +171,9 @@ def _kinds(tier: Tier, count: int) -> list[Kind]:
 
 
 def _case(tier: Tier, kind: Kind, i: int, number: int, seed: int) -> Case:
-    """Draw a case of `kind`; repeats the draw while the cell's preflight refuses to fold it."""
+    """Draw a case of `kind`; repeats the draw while the cell's preflight refuses to
+    fold it.
+    """
     rng = np.random.default_rng([seed, i])
     bare = Case(
         name=f"{tier}-{seed}-{i:03d}",
@@ -154,18 +184,26 @@ def _case(tier: Tier, kind: Kind, i: int, number: int, seed: int) -> Case:
         engine="chain" if tier == "state" and i % FOREIGN == 0 else "rod",
         stiffness=float(STIFFER ** rng.uniform(-1, 1)),
         damping=float(SLOWER ** rng.uniform(-1, 1)),
-        motions="by_hand" if i // len(CASE_STRENGTHS) % BY_HAND_PERIOD == 1 else "standard",
+        motions="by_hand"
+        if i // len(CASE_STRENGTHS) % BY_HAND_PERIOD == 1
+        else "standard",
     )
     level = CASE_STRENGTHS[number % len(CASE_STRENGTHS)]
     for _ in range(TRIES):
         case = _hide(bare, number, level, seed, rng)
         if tier == "state" or kind not in ("single", "pair") or refusal(case) is None:
             return case
-    raise Fault("exam", f"{bare.name}: the cell folds no {kind} of {bare.strip} that is {level}")
+    raise Fault(
+        "exam", f"{bare.name}: the cell folds no {kind} of {bare.strip} that is {level}"
+    )
 
 
-def _hide(case: Case, number: int, level: Strength, seed: int, rng: np.random.Generator) -> Case:
-    """Hide in `case` what its kind demands: nothing, one effect, two, or a foreign cause."""
+def _hide(
+    case: Case, number: int, level: Strength, seed: int, rng: np.random.Generator
+) -> Case:
+    """Hide in `case` what its kind demands: nothing, one effect, two, or a foreign
+    cause.
+    """
     if case.kind == "single":
         return _with_one(case, number, level, rng)
     if case.kind == "pair":
@@ -173,8 +211,12 @@ def _hide(case: Case, number: int, level: Strength, seed: int, rng: np.random.Ge
     return _with_foreign(case, number, seed) if case.kind == "outside" else case
 
 
-def _with_one(case: Case, number: int, level: Strength, rng: np.random.Generator) -> Case:
-    """Hide one effect in `case`; every second round on the chain by a law unlike the library's."""
+def _with_one(
+    case: Case, number: int, level: Strength, rng: np.random.Generator
+) -> Case:
+    """Hide one effect in `case`; every second round on the chain by a law unlike the
+    library's.
+    """
     turn, place = divmod(number, len(CASE_STRENGTHS))
     on_rod = case.tier == "state" and case.engine == "rod"
     if on_rod or turn % UNLIKE_PERIOD == 0:
@@ -186,7 +228,9 @@ def _with_one(case: Case, number: int, level: Strength, rng: np.random.Generator
         if visible is not None:
             strip, values = visible
             cause = RESEMBLING[name]
-            known = {k: v for k, v in values.items() if k in causes()[cause].model_fields}
+            known = {
+                k: v for k, v in values.items() if k in causes()[cause].model_fields
+            }
             update = {"strip": strip, "causes": {cause: known}, "answer": (name,)}
             return case.model_copy(update={**update, "strength": level})
     raise Fault("exam", f"{case.name}: no law that resembles the library's is {level}")
@@ -195,7 +239,9 @@ def _with_one(case: Case, number: int, level: Strength, rng: np.random.Generator
 def _visible_effect(
     case: Case, effect: Effect, target: float, rng: np.random.Generator
 ) -> tuple[str, Values] | None:
-    """Find a strip on which `effect` leaves the gap `target`, and the effect's values, or None."""
+    """Find a strip on which `effect` leaves the gap `target`, and the effect's values,
+    or None.
+    """
     others = [str(name) for name in rng.permutation(find_configs(None).strip_names())]
     for strip in [case.strip, *others]:
         for _ in range(PLACE_DRAWS):
@@ -208,29 +254,38 @@ def _visible_effect(
 
 
 def _with_two(case: Case, level: Strength, rng: np.random.Generator) -> Case:
-    """Hide two effects in `case`, each of at least medium strength, alone and beside the other."""
+    """Hide two effects in `case`, each of at least medium strength, alone and beside
+    the other.
+    """
     strong: Strength = "strong" if level == "strong" else "medium"
     gap_model = gap_model_of(case)
     for _ in range(TRIES):
         both = draw_effects(case, 2, strong, rng)
         if excess_of_each(gap_model, both).min() >= STRENGTHS["medium"] * NEARLY:
             return _with_effects(case, strong, both)
-    raise Fault("exam", f"{case.name}: no two effects of {case.strip} show beside each other")
+    raise Fault(
+        "exam", f"{case.name}: no two effects of {case.strip} show beside each other"
+    )
 
 
 def excess_of_each(gap_model: GapModel, both: dict[str, Values]) -> Array:
-    """Excess residual (2,) [noise] of each of two effects, base and other amount refitted.
+    """Excess residual (2,) [noise] of each of two effects, base and other amount
+    refitted.
 
-    To first order: the part of the joint response that base and other effect do not span.
+    To first order: the part of the joint response that base and other effect do not
+    span.
     """
     alone = [{name: values} for name, values in both.items()]
     joint, *single = gap_model.responses([both, *alone])
     others = [response / np.linalg.norm(response) for response in reversed(single)]
-    return np.array([gap_model.excess_of(joint - other * (other @ joint)) for other in others])
+    return np.array(
+        [gap_model.excess_of(joint - other * (other @ joint)) for other in others]
+    )
 
 
 def _with_foreign(case: Case, number: int, seed: int) -> Case:
-    """Hide a cause that no effect of the library resembles, of medium or strong size, in `case`.
+    """Hide a cause that no effect of the library resembles, of medium or strong size,
+    in `case`.
 
     The order of the causes depends on the exam's `seed`.
     """
@@ -249,7 +304,8 @@ def _with_effects(case: Case, level: Strength, hidden: dict[str, Values]) -> Cas
 def draw_effects(
     case: Case, count: int, level: Strength, rng: np.random.Generator
 ) -> dict[str, Values]:
-    """Draw `count` effects with their values, each of strength `level` alone on the case's plant.
+    """Draw `count` effects with their values, each of strength `level` alone on the
+    case's plant.
 
     Raises Fault where no effect of that strip can be that strong.
     """
@@ -268,7 +324,9 @@ def draw_effects(
     raise Fault("exam", f"{case.name}: no effect of {case.strip} is {level}")
 
 
-def standard_gap_model(plant: StripFile, motions: Sequence[str], sigma: Sigma) -> GapModel:
+def standard_gap_model(
+    plant: StripFile, motions: Sequence[str], sigma: Sigma
+) -> GapModel:
     """Gap model for the standard motions called `motions`."""
     runs = {run.name: run for run in planned_runs(plant, sigma, 0)}
     return GapModel(plant, [runs[name] for name in motions])
@@ -277,17 +335,22 @@ def standard_gap_model(plant: StripFile, motions: Sequence[str], sigma: Sigma) -
 def gap_model_of(case: Case) -> GapModel:
     """Gap model of the case's plant without effects and the case's motions.
 
-    A slip begins at a threshold: on a strip only a little softer than the plant none might show.
+    A slip begins at a threshold: on a strip only a little softer than the plant none
+    might show.
     """
     hand_seed = case.seed if case.motions == "by_hand" else None
-    return _cached_gap_model(case.strip, case.stiffness, case.damping, case.tier, hand_seed)
+    return _cached_gap_model(
+        case.strip, case.stiffness, case.damping, case.tier, hand_seed
+    )
 
 
 @lru_cache(maxsize=2)
 def _cached_gap_model(
     name: str, stiffness: float, damping: float, tier: Tier, hand: int | None
 ) -> GapModel:
-    """Make the gap model of the strip called `name` with scaled base parameters; cached."""
+    """Make the gap model of the strip called `name` with scaled base parameters;
+    cached.
+    """
     plant = scale_strip(find_configs(None).strip(name), stiffness, damping)
     if tier == "images":
         return _gap_model_of_cell(plant, hand)
@@ -297,12 +360,16 @@ def _cached_gap_model(
 
 
 def _gap_model_of_cell(plant: StripFile, hand: int | None) -> GapModel:
-    """Gap model of `plant` on the cell's standard motions, or on those by a hand seeded `hand`."""
+    """Gap model of `plant` on the cell's standard motions, or on those by a hand seeded
+    `hand`.
+    """
     sigma = Sigma.model_validate(find_configs(None).cell().sigma.model_dump())
     order = standard_order(np.random.default_rng(0))
     if hand is None:
         return standard_gap_model(plant, order, sigma)
-    led = [reported_path(human_motion(plant.length, hand, i)) for i in range(len(order))]
+    led = [
+        reported_path(human_motion(plant.length, hand, i)) for i in range(len(order))
+    ]
     return GapModel.along(plant, led, sigma)
 
 
@@ -321,33 +388,47 @@ def load_or_draw(
     progress: Progress = quiet,
     jobs: int = 1,
 ) -> tuple[Case, ...]:
-    """Load the cases stored in `folder` for the same request, or draw them in `jobs` processes.
+    """Load the cases stored in `folder` for the same request, or draw them in `jobs`
+    processes.
 
-    From the state each motion is made `repeats` times; with a `kind` all cases are of that kind;
-    with a `force` [N] the arm reports the strip's force with that noise, all else being equal.
-    Raises ConfigurationError where the folder holds another exam or cannot be written, for repeats
-    through images and for causes outside the library without images.
+    From the state each motion is made `repeats` times; with a `kind` all cases are of
+    that kind; with a `force` [N] the arm reports the strip's force with that noise, all
+    else being equal. Raises ConfigurationError where the folder holds another exam or
+    cannot be written, for repeats through images and for causes outside the library
+    without images.
     """
     if repeats > 1 and tier == "images":
         raise ConfigurationError("--repeats: is for exams from the state; leave it out")
     if kind == "outside" and tier != "images":
-        raise ConfigurationError("--kind outside: is for exams through images; add --tier images")
+        raise ConfigurationError(
+            "--kind outside: is for exams through images; add --tier images"
+        )
     path = folder / KEYS_FOLDER / DRAWN_FILE
     wanted = count or CASE_COUNTS[tier]
-    options = {"repeats": repeats if repeats > 1 else None, "kind": kind, "force": force}
+    options = {
+        "repeats": repeats if repeats > 1 else None,
+        "kind": kind,
+        "force": force,
+    }
     asked: dict[str, object] = {"tier": tier, "count": wanted, "seed": seed}
     asked |= {option: value for option, value in options.items() if value}
     known = _read(path)
     if known is None:
         of: Tier = "images" if tier == "images" else "state"
         drawn = cases(of, wanted, seed, kind, progress, jobs)
-        found = tuple(c.model_copy(update={"repeats": repeats, "force": force}) for c in drawn)
-        _keep(path, {**asked, "cases": [case.model_dump(mode="json") for case in found]})
+        found = tuple(
+            c.model_copy(update={"repeats": repeats, "force": force}) for c in drawn
+        )
+        _keep(
+            path, {**asked, "cases": [case.model_dump(mode="json") for case in found]}
+        )
         return found
     held = {key: known.get(key) for key in asked}
     if held != asked:
         given = " ".join(f"{key} {value}" for key, value in held.items())
-        raise ConfigurationError(f"--out: {folder} holds another exam ({given}); name a new folder")
+        raise ConfigurationError(
+            f"--out: {folder} holds another exam ({given}); name a new folder"
+        )
     return _cases(path, known)
 
 
@@ -357,14 +438,18 @@ def _read(path: Path) -> dict[str, object] | None:
     except FileNotFoundError:
         return None
     except (OSError, ValueError) as error:
-        raise ConfigurationError(f"{path}: cannot be read: {error}; remove the folder") from None
+        raise ConfigurationError(
+            f"{path}: cannot be read: {error}; remove the folder"
+        ) from None
     return content if isinstance(content, dict) else {}
 
 
 def _cases(path: Path, known: dict[str, object]) -> tuple[Case, ...]:
     held = known.get("cases")
     try:
-        return tuple(Case.model_validate(c) for c in (held if isinstance(held, list) else []))
+        return tuple(
+            Case.model_validate(c) for c in (held if isinstance(held, list) else [])
+        )
     except ValidationError:
         raise ConfigurationError(
             f"{path}: was drawn by another version; name a new folder"

@@ -27,13 +27,23 @@ if TYPE_CHECKING:
 
 FILES = (RUN, TICKS, PROFILE, RESULT)
 VERDICT_FILE, NOTES, OUTPUT = "verdict.json", "exam.json", "output"
-TIME_LIMIT = 1800.0  # s; it ends what hangs: how long a fit may take has a bar of its own
-ENVIRONMENT = ("PATH", "HOME", "XDG_CACHE_HOME", "NUMBA_CACHE_DIR", "LANG", "SYSTEMROOT")
+# s; it ends what hangs: how long a fit may take has a bar of its own
+TIME_LIMIT = 1800.0
+ENVIRONMENT = (
+    "PATH",
+    "HOME",
+    "XDG_CACHE_HOME",
+    "NUMBA_CACHE_DIR",
+    "LANG",
+    "SYSTEMROOT",
+)
 ROOT = Path(__file__).resolve().parents[3]
 
 
 class NoVerdict(CellError):
-    """Error of a diagnosis without verdict: it ran too long, died or refused its input."""
+    """Error of a diagnosis without verdict: it ran too long, died or refused its
+    input.
+    """
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,8 +64,9 @@ def diagnose(
 ) -> Effort:
     """Diagnose the `runs` of `strip`; writes verdict.json and exam.json to `out`.
 
-    The runs are laid out in a new folder within `workdirs` (usually that of temporary files).
-    Raises NoVerdict after `limit` [s], and with the last line of output where the process failed.
+    The runs are laid out in a new folder within `workdirs` (usually that of temporary
+    files). Raises NoVerdict after `limit` [s], and with the last line of output where
+    the process failed.
     """
     with TemporaryDirectory(prefix="exam-", dir=workdirs) as name:
         workdir = Path(name).resolve()
@@ -71,7 +82,9 @@ def diagnose(
 
 
 def stage(workdir: Path, strip: Path, runs: Sequence[Path]) -> None:
-    """Copy the permitted files into `workdir`: the strip file and four files of each run."""
+    """Copy the permitted files into `workdir`: the strip file and four files of each
+    run.
+    """
     shutil.copyfile(strip, workdir / "strip.yaml")
     for run in runs:
         folder = workdir / "runs" / run.name
@@ -84,16 +97,27 @@ def stage(workdir: Path, strip: Path, runs: Sequence[Path]) -> None:
 def _run(workdir: Path, limit: float) -> None:
     """Run the process in `workdir`; its environment reveals nothing of the case."""
     environment = {key: os.environ[key] for key in ENVIRONMENT if key in os.environ}
-    environment |= {"PYTHONPATH": str(ROOT), "TMPDIR": str(workdir), **dict.fromkeys(THREADS, "1")}
+    environment |= {
+        "PYTHONPATH": str(ROOT),
+        "TMPDIR": str(workdir),
+        **dict.fromkeys(THREADS, "1"),
+    }
     with (workdir / OUTPUT).open("wb") as output:
         try:
             ended = subprocess.run(
                 [sys.executable, "-P", "-m", "tests.lab.exam.diagnosis"],
-                cwd=workdir, env=environment, timeout=limit, check=False,
-                stdin=subprocess.DEVNULL, stdout=output, stderr=output,
-            )  # fmt: skip
+                cwd=workdir,
+                env=environment,
+                timeout=limit,
+                check=False,
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=output,
+            )
         except subprocess.TimeoutExpired:
-            raise NoVerdict(f"no verdict after {limit:.0f} s; the process was ended") from None
+            raise NoVerdict(
+                f"no verdict after {limit:.0f} s; the process was ended"
+            ) from None
     if ended.returncode:
         text = (workdir / OUTPUT).read_text(encoding="utf-8", errors="replace")
         last = (text.strip().splitlines() or ["no output"])[-1]
@@ -101,7 +125,9 @@ def _run(workdir: Path, limit: float) -> None:
 
 
 def main() -> None:
-    """Diagnose the runs of this folder; a CellError is one line of output and an exit code."""
+    """Diagnose the runs of this folder; a CellError is one line of output and an exit
+    code.
+    """
     from cell.gap.fit import fit
 
     notes: dict[str, object] = {}
@@ -120,14 +146,18 @@ def main() -> None:
 
 
 def refitted_models(found: "Findings") -> list[dict[str, object]]:
-    """Facts on every refitted model: name, number of effects, in-sample mean square and loss."""
+    """Facts on every refitted model: name, number of effects, in-sample mean square and
+    loss.
+    """
     import numpy as np
 
     return [
         {
             "name": m.model.name,
             "effects": len(m.model.effects),
-            "mean_square": float(np.mean([np.mean(r**2) for r in m.estimate.residuals])),
+            "mean_square": float(
+                np.mean([np.mean(r**2) for r in m.estimate.residuals])
+            ),
             "objective": m.estimate.objective,
         }
         for m in found.fits.models
@@ -138,10 +168,14 @@ def peak_memory() -> float:
     """Largest resident memory of this process [MB]."""
     import resource
 
-    status = Path("/proc/self/status")  # `getrusage` counts what the parent held before as well
+    # `getrusage` counts what the parent held before as well
+    status = Path("/proc/self/status")
     text = status.read_text(encoding="utf-8") if status.is_file() else ""
     peak = re.search(r"^VmHWM:\s+(\d+) kB", text, re.MULTILINE)
-    return int(peak[1] if peak else resource.getrusage(resource.RUSAGE_SELF).ru_maxrss) / 1024
+    return (
+        int(peak[1] if peak else resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+        / 1024
+    )
 
 
 if __name__ == "__main__":

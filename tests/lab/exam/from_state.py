@@ -1,4 +1,6 @@
-"""Runs of a case from the state: the plant as rod or chain, how runs differ, motions by hand."""
+"""Runs of a case from the state: the plant as rod or chain, how runs differ, motions by
+hand.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -42,10 +44,12 @@ SCATTER_STREAM = 77  # of the case's generators, of this one
 
 @dataclass(frozen=True, slots=True)
 class Scatter:
-    """Run-to-run standard deviations: grip in x and in z [m], damping and stiffness (shares).
+    """Run-to-run standard deviations: grip in x and in z [m], damping and stiffness
+    (shares).
 
-    Source: grasping flat cloth by two fingers repeats to 0.1 to 0.5 mm; internal damping of
-    fabric follows humidity and rest by a few per cent, its stiffness by a tenth of that.
+    Source: grasping flat cloth by two fingers repeats to 0.1 to 0.5 mm; internal
+    damping of fabric follows humidity and rest by a few per cent, its stiffness by a
+    tenth of that.
     """
 
     grip: float
@@ -62,7 +66,9 @@ LEVELS: dict[ScatterLevel, Scatter] = {
 
 @dataclass(frozen=True, slots=True)
 class RunScatter:
-    """Scatter of one run: true minus reported grip (2,) [m], factors on damping and stiffness."""
+    """Scatter of one run: true minus reported grip (2,) [m], factors on damping and
+    stiffness.
+    """
 
     grip: Array
     damping: float
@@ -70,11 +76,15 @@ class RunScatter:
 
     @classmethod
     def draw(cls, level: ScatterLevel, seed: int, index: int) -> Self:
-        """Draw the scatter of run `index` of a case with `seed`; exactly zero at level `none`."""
+        """Draw the scatter of run `index` of a case with `seed`; exactly zero at level
+        `none`.
+        """
         sigma, rng = LEVELS[level], np.random.default_rng([seed, index, SCATTER_STREAM])
         grip = frozen(sigma.grip * rng.standard_normal(2))
         damping, stiffness = rng.standard_normal(2)
-        return cls(grip, 1.0 + sigma.damping * damping, 1.0 + sigma.stiffness * stiffness)
+        return cls(
+            grip, 1.0 + sigma.damping * damping, 1.0 + sigma.stiffness * stiffness
+        )
 
     def alter(self, model: StripModel) -> StripModel:
         """Strip model with the damping and stiffness of this run."""
@@ -87,7 +97,9 @@ class RunScatter:
         return replace(model, mechanics=mechanics)
 
     def in_rig(self, model: StripModel) -> StripModel:
-        """Strip model with the damping, the stiffness and, in its rig, the grip of this run."""
+        """Strip model with the damping, the stiffness and, in its rig, the grip of this
+        run.
+        """
         if not self.grip.any():
             return self.alter(model)
         rig, (x, z) = model.rig, self.grip.tolist()
@@ -95,20 +107,27 @@ class RunScatter:
         return replace(self.alter(model), rig=rig)
 
     def true_pose(self, pose: Array, time: float) -> Array:
-        """True pose (3,) of the edge at `time` [s] after the grasp, reported as `pose` (3,)."""
+        """True pose (3,) of the edge at `time` [s] after the grasp, reported as `pose`
+        (3,).
+        """
         share = min(time / GRASP, 1.0)
         return np.asarray(pose + share * np.array([*self.grip, 0.0]))
 
 
 class Specimen:
-    """Engine that simulates one strip under `causes`, random by `seed` and the run's index.
+    """Engine that simulates one strip under `causes`, random by `seed` and the run's
+    index.
 
-    Runs differ by `scatter` besides. Without causes and scatter it is a chain of `links` links,
-    bit for bit.
+    Runs differ by `scatter` besides. Without causes and scatter it is a chain of
+    `links` links, bit for bit.
     """
 
     def __init__(
-        self, links: int, causes: Sequence[Cause], seed: int, scatter: ScatterLevel = "none"
+        self,
+        links: int,
+        causes: Sequence[Cause],
+        seed: int,
+        scatter: ScatterLevel = "none",
     ) -> None:
         self._links, self._seed = links, seed
         self._causes = tuple(cause for cause in causes if cause.acts)
@@ -121,13 +140,16 @@ class Specimen:
         """Lay the one strip flat and still, altered by its causes as in run `index`."""
         (model,) = models
         rngs = [
-            np.random.default_rng([self._seed, model.index, k]) for k in range(len(self._causes))
+            np.random.default_rng([self._seed, model.index, k])
+            for k in range(len(self._causes))
         ]
         self._scatter = RunScatter.draw(self._level, self._seed, model.index)
         model = self._scatter.alter(model)
         for cause, rng in zip(self._causes, rngs, strict=True):
             model = cause.alter(model, rng)
-        laws = [partial(c.begin, rng=rng) for c, rng in zip(self._causes, rngs, strict=True)]
+        laws = [
+            partial(c.begin, rng=rng) for c, rng in zip(self._causes, rngs, strict=True)
+        ]
         self._time = 0.0
         self._chain = Chain(self._links, laws)
         self._chain.reset([model])
@@ -137,7 +159,9 @@ class Specimen:
         self._time += dt
         true = np.asarray(poses, dtype=np.float64)
         if self._level != "none":
-            true = np.stack([self._scatter.true_pose(pose, self._time) for pose in true])
+            true = np.stack(
+                [self._scatter.true_pose(pose, self._time) for pose in true]
+            )
         for cause in self._causes:
             true = np.stack([cause.true_pose(pose, self._time) for pose in true])
         return self._chain.step(true, dt)
@@ -156,14 +180,18 @@ class Specimen:
 
 
 class LaggedView:
-    """Scene source for a camera whose image stamps differ, by `causes`, from the true time."""
+    """Scene source for a camera whose image stamps differ, by `causes`, from the true
+    time.
+    """
 
     def __init__(self, view: ScenesOverTime, causes: Sequence[Cause]) -> None:
         self._view, self._causes = view, tuple(causes)
         self._grasped: float | None = None
 
     def __call__(self, stamp: float) -> Scene:
-        """Scene that an image stamped `stamp` [s] shows: the world at the image's true time."""
+        """Scene that an image stamped `stamp` [s] shows: the world at the image's true
+        time.
+        """
         if self._grasped is None:
             seen = self._view(stamp)
             if not seen.holds_strip:
@@ -180,7 +208,9 @@ SHIVER = (1.0, 5.0)  # Hz
 
 
 def paths_by_hand(length: float, seed: int, count: int) -> list[GripperPath]:
-    """Gripper paths of `count` motions by hand over a strip of `length` [m], set by `seed`."""
+    """Gripper paths of `count` motions by hand over a strip of `length` [m], set by
+    `seed`.
+    """
     return [_reported_path(length, generator(seed, i)) for i in range(count)]
 
 
@@ -188,7 +218,8 @@ def _reported_path(length: float, rng: np.random.Generator) -> GripperPath:
     line, travel = hand_path(length, rng)
     t: Array = STEP * np.arange(len(travel), dtype=float)
     share = travel / line.x[-1]
-    fading = (4.0 * share * (1.0 - share))[:, None]  # a gripper that grasps or is done stands still
+    # a gripper that grasps or is done stands still
+    fading = (4.0 * share * (1.0 - share))[:, None]
     tremor = np.stack([wavering(t, SHIVER, rng) for _ in range(2)], axis=1)
     places = line(travel) + TREMOR * np.clip(fading, 0.0, 1.0) * tremor
     poses = np.column_stack([places, lift_pitch(arc_lengths(places))])
@@ -202,7 +233,9 @@ TARE_STREAM = 78  # of the case's generators, of what tares left
 
 
 class CaseMotion(NamedTuple):
-    """One motion of a case: `name` and `condition` of its run, and the gripper's `path`."""
+    """One motion of a case: `name` and `condition` of its run, and the gripper's
+    `path`.
+    """
 
     name: str
     condition: str
@@ -211,17 +244,23 @@ class CaseMotion(NamedTuple):
 
 def plant_of(case: Case) -> StripFile:
     """True strip of a case with its scaled base parameters, without hidden effects."""
-    return scale_strip(find_configs(None).strip(case.strip), case.stiffness, case.damping)
+    return scale_strip(
+        find_configs(None).strip(case.strip), case.stiffness, case.damping
+    )
 
 
 def scale_strip(strip: StripFile, stiffness: float, damping: float) -> StripFile:
-    """Multiply the strip's bending length by `stiffness` and its retardation time by `damping`."""
+    """Multiply the strip's bending length by `stiffness` and its retardation time by
+    `damping`.
+    """
     length, time = stiffness * strip.bending_length, damping * strip.retardation_time
     return strip.model_copy(update={"bending_length": length, "retardation_time": time})
 
 
 def make_runs(case: Case, folder: Path) -> None:
-    """Simulate the runs of `case` and write a folder for each, with four files that a fit reads."""
+    """Simulate the runs of `case` and write a folder for each, with four files that a
+    fit reads.
+    """
     rng = np.random.default_rng([case.seed, 1])
     plant = plant_of(case)
     motions = motions_of(case, plant.length)
@@ -251,12 +290,17 @@ def after_tare(model: StripModel, case: Case, index: int) -> StripModel:
 
 
 def motions_of(case: Case, length: float) -> list[CaseMotion]:
-    """Gripper motions of `case` over a strip of `length` [m], in the order of its runs."""
+    """Gripper motions of `case` over a strip of `length` [m], in the order of its
+    runs.
+    """
     names = MOTIONS * case.repeats
     if case.motions == "standard":
         return [_standard_motion(name, length) for name in names]
     paths = paths_by_hand(length, case.seed, len(names))
-    return [CaseMotion("by-hand", f"by-hand-{i}", path) for i, path in enumerate(paths, start=1)]
+    return [
+        CaseMotion("by-hand", f"by-hand-{i}", path)
+        for i, path in enumerate(paths, start=1)
+    ]
 
 
 def _standard_motion(name: str, length: float) -> CaseMotion:
@@ -272,8 +316,12 @@ def _fold_on_chain(
     specimen = Specimen(LINKS, hidden, case.seed)
     folds = []
     for model, path in zip(models, paths, strict=True):
-        motion = simulate(specimen, model, path.t, path.poses, dt=CHAIN_STEP, shapes=True)
-        thinned = replace(motion, shapes=motion.shapes[SHAPE_STRIDE - 1 :: SHAPE_STRIDE])
+        motion = simulate(
+            specimen, model, path.t, path.poses, dt=CHAIN_STEP, shapes=True
+        )
+        thinned = replace(
+            motion, shapes=motion.shapes[SHAPE_STRIDE - 1 :: SHAPE_STRIDE]
+        )
         kept = motion.t[SHAPE_STRIDE - 1 :: SHAPE_STRIDE]
         folds.append(Fold(path, model, thinned, kept, specimen.arc()[0]))
     return folds

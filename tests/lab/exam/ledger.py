@@ -19,9 +19,9 @@ LARGEST_LEDGER = 512 * MEGABYTE
 class Entry(Settings):
     """Ledger entry of a case: its state, and its outcome or the `reason` why it failed.
 
-    `of` is the digest of case, engine and scorer; `made` if only its runs were asked for. `wall`
-    [s] and `memory` [MB, peak] are the diagnosis's; `oracle` is None where nothing of the
-    library is hidden; `spreads` are the estimated run-to-run spreads.
+    `of` is the digest of case, engine and scorer; `made` if only its runs were asked
+    for. `wall` [s] and `memory` [MB, peak] are the diagnosis's; `oracle` is None where
+    nothing of the library is hidden; `spreads` are the estimated run-to-run spreads.
     """
 
     case: Case
@@ -46,7 +46,9 @@ def read_ledger(path: Path) -> dict[str, Entry]:
 
 
 def write_ledger(path: Path, entries: Iterable[Entry]) -> None:
-    """Write `entries` to `path`, a line each; raises ConfigurationError where that fails."""
+    """Write `entries` to `path`, a line each; raises ConfigurationError where that
+    fails.
+    """
     with writing(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         lines = (json_line(entry.model_dump(mode="json")) for entry in entries)

@@ -1,7 +1,7 @@
 """Makes runs of modelled mechanisms with hidden causes and bases that are wrong.
 
-Models are those that others wrote, in a folder of their packages, and chains of motors on hinges
-beside this module, one of them on a cart.
+Models are those that others wrote, in a folder of their packages, and chains of motors
+on hinges beside this module, one of them on a cart.
 """
 
 import shutil
@@ -26,29 +26,39 @@ from tests.support.mechanisms import write_run
 HERE = Path(__file__).parent
 LISTS = read_yaml(Path(__file__).with_suffix(".yaml"))
 RUNS, SPAN, STEP, EVERY = 4, 4.0, 1e-3, 4  # number, s, s, steps per reading
-FINER = 16  # steps in a step where commands drive: a coarse one looks like the air's drag
-SETTLE = 1.0  # s before a record, in which the servo takes the mechanism to its first place
+# steps in a step where commands drive: a coarse one looks like the air's drag
+FINER = 16
+# s before a record, in which the servo takes the mechanism to its first place
+SETTLE = 1.0
 SERVO = 40.0  # 1/s of a servo: critically damped
-ANGLE, TORQUE = 1e-4, 0.02  # rad or m, share of a joint's torque: one sigma of a reading
-REACH, SLIDE, INSIDE = 0.5, 0.05, 0.35  # rad, m, share of a joint's range: the most of a motion
+# rad or m, share of a joint's torque: one sigma of a reading
+ANGLE, TORQUE = 1e-4, 0.02
+# rad, m, share of a joint's range: the most of a motion
+REACH, SLIDE, INSIDE = 0.5, 0.05, 0.35
 CLOSED = (4.0 * STEP, 1.0)  # s, damping ratio of the spring that closes loops
 HARD = 0.9999  # impedance of dry friction: joints do not creep where it holds them
-CREEP = 0.02  # rad/s or m/s of a wanted rate, above which a servo adds what friction takes
+# rad/s or m/s of a wanted rate, above which a servo adds what friction takes
+CREEP = 0.02
 LIGHT = 0.01  # of the moving mass; a body below it has no stated uncertainty
-TWIST, RIPPLE, TURN = 0.01, 0.15, 6.0  # rad under its torque; share of it; 1/rad where it has REACH
+# rad under its torque; share of it; 1/rad where it has REACH
+TWIST, RIPPLE, TURN = 0.01, 0.15, 6.0
 # causes at size one: s; shares of a joint's torque and of its motor's constant; rad
 DELAY, BIAS, CONSTANT_ERROR, ENCODER_BIAS = 0.006, 0.06, 0.15, 0.05
 PAYLOAD, TILT, BENT = 0.03, 0.06, 0.25  # share of the moving mass, rad, rad
-HEAVIER, SHIFT = 0.6, 0.03  # share of a link's mass, m: errors of a base, beyond its spread
-# rad/s of a base, its damping ratio, its inertia over that of what it carries, and its joint
+# share of a link's mass, m: errors of a base, beyond its spread
+HEAVIER, SHIFT = 0.6, 0.03
+# rad/s of a base, its damping ratio, its inertia over that of what it carries, and its
+# joint
 ROCKS, LOSS, HEAVY, ROCKING = 12.0, 0.05, 4.0, "rocking base"
 
 
 @dataclass(slots=True)
 class Rig:
-    """True mechanism with `driven` joints, whose typical torques are `weight` (driven,) [N m].
+    """True mechanism with `driven` joints, whose typical torques are `weight` (driven,)
+    [N m].
 
-    `gear` (driven,) [N m] is at a joint for a unit of its motor, `keys` are columns of all joints.
+    `gear` (driven,) [N m] is at a joint for a unit of its motor, `keys` are columns of
+    all joints.
     """
 
     model: Any
@@ -60,7 +70,9 @@ class Rig:
 
     @property
     def keys(self) -> list[str]:
-        """Columns of all joints, the driven ones called as by the causes of `READINGS`."""
+        """Columns of all joints, the driven ones called as by the causes of
+        `READINGS`.
+        """
         rows = {j: f"j{i + 1}" for i, j in enumerate(self.driven)}
         return [rows.get(j, f"passive {j}") for j in range(self.model.njnt)]
 
@@ -68,7 +80,11 @@ class Rig:
         """Bodies with a name and a mass that matters, which joints move."""
         m = self.model
         heavy = m.body_mass > LIGHT * m.body_mass[m.body_weldid > 0].sum()
-        return [i for i in range(1, m.nbody) if m.body_weldid[i] and heavy[i] and m.body(i).name]
+        return [
+            i
+            for i in range(1, m.nbody)
+            if m.body_weldid[i] and heavy[i] and m.body(i).name
+        ]
 
 
 Columns = dict[str, Array]
@@ -84,7 +100,10 @@ def _payload(rig: Rig, size: float, _: np.random.Generator) -> None:
 
 def _tilt(rig: Rig, size: float, _: np.random.Generator) -> None:
     angle, g = TILT * size, rig.model.opt.gravity
-    g[1:] = g[1] * np.cos(angle) - g[2] * np.sin(angle), g[1] * np.sin(angle) + g[2] * np.cos(angle)
+    g[1:] = (
+        g[1] * np.cos(angle) - g[2] * np.sin(angle),
+        g[1] * np.sin(angle) + g[2] * np.cos(angle),
+    )
 
 
 def _heavier(rig: Rig, size: float, rng: np.random.Generator) -> None:
@@ -94,7 +113,9 @@ def _heavier(rig: Rig, size: float, rng: np.random.Generator) -> None:
 
 
 def _shift(rig: Rig, size: float, rng: np.random.Generator, field: str) -> None:
-    """Wrong base: a joint's body, or a centre of mass, that lies elsewhere than the file says."""
+    """Wrong base: a joint's body, or a centre of mass, that lies elsewhere than the
+    file says.
+    """
     way, m = rng.standard_normal(3), rig.model
     # where a body fixed to another lies, a centre of mass does
     bodies = [b for b in rig.moving() if field == "body_ipos" or m.body_jntnum[b]]
@@ -102,7 +123,9 @@ def _shift(rig: Rig, size: float, rng: np.random.Generator, field: str) -> None:
 
 
 def _bend(rig: Rig, size: float, rng: np.random.Generator) -> None:
-    """Foreign cause: a skewed axis; the first joint's would tilt the base, a turn be its bias."""
+    """Foreign cause: a skewed axis; the first joint's would tilt the base, a turn be
+    its bias.
+    """
     joint = rng.choice(rig.driven[1:] or range(1, rig.model.njnt))
     turn, quat = np.zeros(4), rig.model.body_quat[rig.model.jnt_bodyid[joint]]
     across = np.cross(rig.model.jnt_axis[joint], rng.dirichlet(np.ones(3)) ** 0.5)
@@ -110,44 +133,65 @@ def _bend(rig: Rig, size: float, rng: np.random.Generator) -> None:
     mujoco.mju_mulQuat(quat, quat.copy(), turn)
 
 
-EDITS: dict[str, Edit] = {"payload": _payload, "base_tilt": _tilt, "bent_link": _bend,
-    "wrong_mass": _heavier, "wrong_com": partial(_shift, field="body_ipos"),
-    "wrong_geometry": partial(_shift, field="body_pos")}  # fmt: skip
+EDITS: dict[str, Edit] = {
+    "payload": _payload,
+    "base_tilt": _tilt,
+    "bent_link": _bend,
+    "wrong_mass": _heavier,
+    "wrong_com": partial(_shift, field="body_ipos"),
+    "wrong_geometry": partial(_shift, field="body_pos"),
+}
 FIELDS = {  # MuJoCo's field, and share of a joint's torque at size one
-    "dry_friction": ("dof_frictionloss", 0.06), "quadratic_damping": ("dof_dampingpoly", 0.03),
-    "cable_spring": ("jnt_stiffness", 0.15), "armature": ("dof_armature", 0.01),
-}  # fmt: skip
+    "dry_friction": ("dof_frictionloss", 0.06),
+    "quadratic_damping": ("dof_dampingpoly", 0.03),
+    "cable_spring": ("jnt_stiffness", 0.15),
+    "armature": ("dof_armature", 0.01),
+}
 
 
 def _constant(columns: Columns, rig: Rig, size: float, _: np.random.Generator) -> None:
-    """Hidden error of motor constants, larger than stated, which are known to 10 to 20 %."""
+    """Hidden error of motor constants, larger than stated, which are known to 10 to 20
+    %.
+    """
     for i in range(len(rig.driven)):
         columns[f"t{i + 1}"] /= 1.0 + CONSTANT_ERROR * size
 
 
-def _torque_bias(columns: Columns, rig: Rig, size: float, _: np.random.Generator) -> None:
+def _torque_bias(
+    columns: Columns, rig: Rig, size: float, _: np.random.Generator
+) -> None:
     for i in range(len(rig.driven)):
         columns[f"t{i + 1}"] += (-1) ** i * BIAS * size * rig.weight[i]
 
 
-def _encoder_bias(columns: Columns, rig: Rig, size: float, _: np.random.Generator) -> None:
+def _encoder_bias(
+    columns: Columns, rig: Rig, size: float, _: np.random.Generator
+) -> None:
     columns[f"j{len(rig.driven)}"] += ENCODER_BIAS * size
 
 
 def _bolt(columns: Columns, rig: Rig, size: float, _: np.random.Generator) -> None:
-    """Foreign cause: a loose bolt, a gap of the last joint that opens where its load is large."""
+    """Foreign cause: a loose bolt, a gap of the last joint that opens where its load is
+    large.
+    """
     load = columns[f"t{len(rig.driven)}"] / rig.weight[-1]
-    columns[f"j{len(rig.driven)}"] += 0.06 * size * np.sign(load) * (np.abs(load) > 0.25)
+    columns[f"j{len(rig.driven)}"] += (
+        0.06 * size * np.sign(load) * (np.abs(load) > 0.25)
+    )
 
 
 def _cable(columns: Columns, rig: Rig, size: float, _: np.random.Generator) -> None:
-    """Foreign cause: a cable that catches at one angle of the last joint, and pulls only there."""
+    """Foreign cause: a cable that catches at one angle of the last joint, and pulls
+    only there.
+    """
     near = np.exp(-(((columns[f"j{len(rig.driven)}"] - 0.2) / 0.08) ** 2))
     columns[f"t{len(rig.driven)}"] += 0.3 * size * rig.weight[-1] * near
 
 
 def _supply(columns: Columns, rig: Rig, size: float, rng: np.random.Generator) -> None:
-    """Foreign cause: a supply voltage that wanders, and torques estimated from currents with it."""
+    """Foreign cause: a supply voltage that wanders, and torques estimated from currents
+    with it.
+    """
     steps, t = rng.standard_normal(8), columns["t"]
     slow = np.interp(t, np.linspace(0.0, t[-1], 8), steps)
     for i in range(len(rig.driven)):
@@ -166,16 +210,26 @@ def _ripple(columns: Columns, rig: Rig, size: float, _: np.random.Generator) -> 
         columns[f"t{i + 1}"] += RIPPLE * size * weight * wave
 
 
-def _sensor_delay(columns: Columns, rig: Rig, size: float, _: np.random.Generator) -> None:
+def _sensor_delay(
+    columns: Columns, rig: Rig, size: float, _: np.random.Generator
+) -> None:
     for key in rig.keys:
-        columns[key] = np.interp(columns["t"] - DELAY * size, columns["t"], columns[key])
+        columns[key] = np.interp(
+            columns["t"] - DELAY * size, columns["t"], columns[key]
+        )
 
 
 READINGS: dict[str, Reading] = {
-    "torque_bias": _torque_bias, "torque_constant": _constant, "encoder_bias": _encoder_bias,
-    "loose_bolt": _bolt, "catching_cable": _cable, "wandering_supply": _supply,
-    "joint_elasticity": _twist, "torque_ripple": _ripple, "sensor_delay": _sensor_delay,
-}  # fmt: skip
+    "torque_bias": _torque_bias,
+    "torque_constant": _constant,
+    "encoder_bias": _encoder_bias,
+    "loose_bolt": _bolt,
+    "catching_cable": _cable,
+    "wandering_supply": _supply,
+    "joint_elasticity": _twist,
+    "torque_ripple": _ripple,
+    "sensor_delay": _sensor_delay,
+}
 
 
 def _rocking(spec: Any) -> Any:
@@ -189,17 +243,24 @@ def _rocking(spec: Any) -> Any:
 
 
 def _rock(rig: Rig, size: float, rng: np.random.Generator) -> None:
-    """Make the base rock about a random horizontal axis, at a rate that falls with `size`."""
+    """Make the base rock about a random horizontal axis, at a rate that falls with
+    `size`.
+    """
     m, along = rig.model, int(rng.integers(2))
     m.jnt_axis[0] = np.eye(3)[along]
     mujoco.mj_setConst(m, mujoco.MjData(m))
     inertia, rate = (1.0 + HEAVY) * m.dof_M0[0], ROCKS / np.sqrt(size)
     m.body_inertia[m.jnt_bodyid[0]] = HEAVY * m.dof_M0[0]
-    m.jnt_stiffness[0], m.dof_damping[0] = inertia * rate**2, 2.0 * LOSS * inertia * rate
+    m.jnt_stiffness[0], m.dof_damping[0] = (
+        inertia * rate**2,
+        2.0 * LOSS * inertia * rate,
+    )
 
 
 def _source(folder: Path, name: str) -> tuple[Path, dict[str, Any]]:
-    """Folder of the model `name` with its files, and its entry in the list of models."""
+    """Folder of the model `name` with its files, and its entry in the list of
+    models.
+    """
     if name in LISTS["chains"]:
         return HERE / "chains", {"folder": "chains", "file": f"{name}.xml"}
     known = LISTS["models"][name]
@@ -207,13 +268,16 @@ def _source(folder: Path, name: str) -> tuple[Path, dict[str, Any]]:
 
 
 def open_rig(folder: Path, name: str, *, rocks: bool = False) -> Rig:
-    """Mechanism `name` of `folder`, on a rocking base if `rocks`; ConfigurationError if absent."""
+    """Mechanism `name` of `folder`, on a rocking base if `rocks`; ConfigurationError if
+    absent.
+    """
     home, known = _source(folder, name)
     path = (home / known["file"]).resolve()
     if not path.is_file():
         raise ConfigurationError(
-            f"{name}: {known['folder']}/{known['file']} is not in {folder.name}; install its "
-            "package there (pip install --no-deps --target), and give the folder as --models"
+            f"{name}: {known['folder']}/{known['file']} is not in {folder.name};"
+            " install its package there (pip install --no-deps --target), and give the"
+            " folder as --models"
         )
     spec, off = read_source(path, path.parent).spec(), mujoco.mjtDisableBit
     m = _rocking(spec) if rocks else spec.compile()
@@ -226,15 +290,28 @@ def open_rig(folder: Path, name: str, *, rocks: bool = False) -> Rig:
     m.body_sameframe[:] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
     motors = np.flatnonzero(m.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT)
     pairs = {int(m.actuator_trnid[a, 0]): int(a) for a in motors}
-    bare = [m.joint(joint).id for joint in known.get("motors", ())] or range(rocks, m.njnt)
+    bare = [m.joint(joint).id for joint in known.get("motors", ())] or range(
+        rocks, m.njnt
+    )
     pairs = pairs or dict.fromkeys(bare, -1)
     gear = [m.actuator_gear[a, 0] if a >= 0 else 1.0 for a in pairs.values()]
-    return Rig(m, mode, list(pairs), list(pairs.values()), np.array(gear), np.ones(len(gear)))
+    return Rig(
+        m, mode, list(pairs), list(pairs.values()), np.array(gear), np.ones(len(gear))
+    )
 
 
-def make_runs(folder: Path, name: str, hidden: Sequence[str], size: float, seed: int,
-              out: Path, noise: float = 1.0) -> Path:  # fmt: skip
-    """Write model `name` of `folder`, and runs with `hidden` causes and `noise`, to `out`; file."""
+def make_runs(
+    folder: Path,
+    name: str,
+    hidden: Sequence[str],
+    size: float,
+    seed: int,
+    out: Path,
+    noise: float = 1.0,
+) -> Path:
+    """Write model `name` of `folder`, and runs with `hidden` causes and `noise`, to
+    `out`; file.
+    """
     rng, rig = np.random.default_rng(seed), open_rig(folder, name)
     rig.weight = weights(rig, seed)
     home, known = _source(folder, name)
@@ -258,43 +335,82 @@ def make_runs(folder: Path, name: str, hidden: Sequence[str], size: float, seed:
             if cause in READINGS:
                 READINGS[cause](columns, rig, size, rng)
         table = _measured(columns, rig, rng, noise)
-        write_run(out / "study-runs" / f"{k:02d}", table, {"mechanism": "study", "index": k})
+        write_run(
+            out / "study-runs" / f"{k:02d}", table, {"mechanism": "study", "index": k}
+        )
     return out / "study.yaml"
 
 
 def weights(rig: Rig, seed: int) -> Array:
-    """Typical torques (driven,) [N m] of the joints, twice their spread in a motion of `seed`."""
+    """Typical torques (driven,) [N m] of the joints, twice their spread in a motion of
+    `seed`.
+    """
     plain = _simulate(rig, _places(rig, np.random.default_rng(seed), 1.0))
     return 2.0 * np.array([plain[f"t{i + 1}"].std() for i in range(len(rig.driven))])
 
 
 def _content(rig: Rig, model: str) -> dict[str, Any]:
-    """Content of a mechanism file that trusts the model: uncertain values, signals, inputs."""
+    """Content of a mechanism file that trusts the model: uncertain values, signals,
+    inputs.
+    """
     m = rig.model
-    names, bodies = [m.joint(i).name for i in range(m.njnt)], [m.body(i).name for i in rig.moving()]
+    names, bodies = (
+        [m.joint(i).name for i in range(m.njnt)],
+        [m.body(i).name for i in rig.moving()],
+    )
     free = [{"body": n, "field": "mass", "spread": "2%"} for n in bodies]
     free.append({"joint": "*", "field": "damping", "spread": "50%"})
     if rig.mode == "prescribed":
         free += [{"body": n, "field": "com", "spread": 0.003} for n in bodies]
-    common = {"schema": 1, "kind": "mechanism", "name": "study", "model": model, "uncertain": free}
+    common = {
+        "schema": 1,
+        "kind": "mechanism",
+        "name": "study",
+        "model": model,
+        "uncertain": free,
+    }
     if rig.mode == "forward":
         at = [m.actuator(a).name for a in rig.actuators]
-        signals: Any = {f"q{i + 1}": {"joint": n, "is": "position", "sigma": ANGLE}
-                        for i, n in enumerate(names)}  # fmt: skip
+        signals: Any = {
+            f"q{i + 1}": {"joint": n, "is": "position", "sigma": ANGLE}
+            for i, n in enumerate(names)
+        }
         start = {"position": "measured", "velocity": "measured", "spread": 1e-3}
-        forward = {"mode": "forward", "step": 2.0 * STEP, "hold": EVERY * STEP, "start": start}
-        return {**common, **forward, "signals": signals, "inputs": dict.fromkeys(at, "ctrl")}
+        forward = {
+            "mode": "forward",
+            "step": 2.0 * STEP,
+            "hold": EVERY * STEP,
+            "start": start,
+        }
+        return {
+            **common,
+            **forward,
+            "signals": signals,
+            "inputs": dict.fromkeys(at, "ctrl"),
+        }
     given = [names[i] for i in rig.driven] if rig.mode == "loop" else names
     sigma = 0.5 * TORQUE * rig.weight / np.abs(rig.gear)
-    signals = {f"t{i + 1}": {"joint": names[j], "is": "torque", "side": "motor",
-                             "sigma": float(f"{sigma[i]:.4g}")}
-               for i, j in enumerate(rig.driven)}  # fmt: skip
-    return {**common, "mode": "prescribed", "signals": signals,
-            "inputs": dict.fromkeys(given, "position")}  # fmt: skip
+    signals = {
+        f"t{i + 1}": {
+            "joint": names[j],
+            "is": "torque",
+            "side": "motor",
+            "sigma": float(f"{sigma[i]:.4g}"),
+        }
+        for i, j in enumerate(rig.driven)
+    }
+    return {
+        **common,
+        "mode": "prescribed",
+        "signals": signals,
+        "inputs": dict.fromkeys(given, "position"),
+    }
 
 
 def _reach(rig: Rig) -> Array:
-    """Farthest way (driven,) [rad or m] from the middle of a motion, within the ranges."""
+    """Farthest way (driven,) [rad or m] from the middle of a motion, within the
+    ranges.
+    """
     m = rig.model
     slides = m.jnt_type[rig.driven] == mujoco.mjtJoint.mjJNT_SLIDE
     reach = np.where(slides, SLIDE, REACH)
@@ -303,7 +419,9 @@ def _reach(rig: Rig) -> Array:
 
 
 def _places(rig: Rig, rng: np.random.Generator, pace: float | None) -> Array:
-    """Wanted joint positions (k, driven) [rad or m] per step: a swing within the ranges."""
+    """Wanted joint positions (k, driven) [rad or m] per step: a swing within the
+    ranges.
+    """
     m, n, reach = rig.model, len(rig.driven), _reach(rig)
     low, high = m.jnt_range[rig.driven].T
     limited, start = m.jnt_limited[rig.driven] > 0, m.qpos0[m.jnt_qposadr[rig.driven]]
@@ -313,15 +431,19 @@ def _places(rig: Rig, rng: np.random.Generator, pace: float | None) -> Array:
     t = pace * (np.arange(round((SPAN + SETTLE) / STEP)) * STEP - SETTLE)[:, None]
     begin = np.clip(1.0 + t / SETTLE, 0.0, 1.0)
     smooth = begin**3 * (10 - 15 * begin + 6 * begin**2)
-    swing = np.sin(rates[0] * t + phases[0]) + 0.5 * np.sin(1.7 * rates[1] * t + phases[1])
+    swing = np.sin(rates[0] * t + phases[0]) + 0.5 * np.sin(
+        1.7 * rates[1] * t + phases[1]
+    )
     middle = np.where(limited, inside, start)
     return np.asarray(start + smooth * (middle + reach * swing / 1.5 - start))
 
 
 def _simulate(rig: Rig, wanted: Array, delay: float = 0.0) -> Columns:
-    """Columns (m,) of a motion to `wanted` places: joints, torques `t1` and on, commands `u0`.
+    """Columns (m,) of a motion to `wanted` places: joints, torques `t1` and on,
+    commands `u0`.
 
-    Torques are what a servo needs along the motion, or what commands give `delay` [s] late.
+    Torques are what a servo needs along the motion, or what commands give `delay` [s]
+    late.
     """
     m, data, forward = rig.model, mujoco.MjData(rig.model), rig.mode == "forward"
     at, dofs = m.jnt_qposadr[rig.driven], m.jnt_dofadr[rig.driven]
@@ -331,12 +453,19 @@ def _simulate(rig: Rig, wanted: Array, delay: float = 0.0) -> Columns:
         mujoco.mj_forward(m, data)
         data.qpos[0] -= data.qfrc_bias[0] / m.jnt_stiffness[0]
     rows, inertia, commands = [], np.zeros((m.nv, m.nv)), [np.zeros(m.nu)]
-    for k, (place, rate) in enumerate(zip(wanted, np.gradient(wanted, STEP, axis=0), strict=True)):
+    for k, (place, rate) in enumerate(
+        zip(wanted, np.gradient(wanted, STEP, axis=0), strict=True)
+    ):
         if k % EVERY == 0:
             mujoco.mj_fullM(m, data, inertia)
         if not forward or k % EVERY == 0:
-            error = SERVO**2 * (place - data.qpos[at]) + 2.0 * SERVO * (rate - data.qvel[dofs])
-            force = inertia[np.ix_(dofs, dofs)] @ error + (data.qfrc_bias - data.qfrc_passive)[dofs]
+            error = SERVO**2 * (place - data.qpos[at]) + 2.0 * SERVO * (
+                rate - data.qvel[dofs]
+            )
+            force = (
+                inertia[np.ix_(dofs, dofs)] @ error
+                + (data.qfrc_bias - data.qfrc_passive)[dofs]
+            )
             force += m.dof_frictionloss[dofs] * np.tanh(rate / CREEP)
         if forward and k % EVERY == 0:
             commands.append(_command(rig, place, force))
@@ -348,18 +477,26 @@ def _simulate(rig: Rig, wanted: Array, delay: float = 0.0) -> Columns:
         mujoco.mj_step1(m, data)
         if k % EVERY == 0:
             torque = data.qfrc_actuator[dofs] if forward else force
-            rows.append(np.concatenate([[k * STEP - begun], data.qpos, torque, commands[-1]]))
+            rows.append(
+                np.concatenate([[k * STEP - begun], data.qpos, torque, commands[-1]])
+            )
         mujoco.mj_step2(m, data)
         for _ in range(FINER - 1 if forward else 0):
             mujoco.mj_step(m, data)
     table = np.array([row for row in rows if row[0] >= 0.0]).T
-    keys = ["t", *rig.keys, *(f"t{i + 1}" for i in range(len(rig.driven))),
-            *(f"u{i}" for i in range(m.nu))]  # fmt: skip
+    keys = [
+        "t",
+        *rig.keys,
+        *(f"t{i + 1}" for i in range(len(rig.driven))),
+        *(f"u{i}" for i in range(m.nu)),
+    ]
     return dict(zip(keys, table, strict=True))
 
 
 def _command(rig: Rig, place: Array, force: Array) -> Array:
-    """Commands (actuators,) that take the driven joints to a `place`, or give a motor's `force`."""
+    """Commands (actuators,) that take the driven joints to a `place`, or give a motor's
+    `force`.
+    """
     m, u = rig.model, np.zeros(rig.model.nu)
     servo = m.actuator_biasprm[rig.actuators, 1] != 0.0
     unit = rig.gear * m.actuator_gainprm[rig.actuators, 0]
@@ -367,8 +504,12 @@ def _command(rig: Rig, place: Array, force: Array) -> Array:
     return np.where(m.actuator_ctrllimited > 0, np.clip(u, *m.actuator_ctrlrange.T), u)
 
 
-def _measured(columns: Columns, rig: Rig, rng: np.random.Generator, share: float) -> Columns:
-    """Columns (m,) as a data logger writes them, with the `share` of the stated noise."""
+def _measured(
+    columns: Columns, rig: Rig, rng: np.random.Generator, share: float
+) -> Columns:
+    """Columns (m,) as a data logger writes them, with the `share` of the stated
+    noise.
+    """
     m, n, forward = rig.model, len(columns["t"]), rig.mode == "forward"
     found = {"t": columns["t"]}
     for i, key in enumerate(rig.keys):
@@ -377,4 +518,7 @@ def _measured(columns: Columns, rig: Rig, rng: np.random.Generator, share: float
     for i, (weight, gear) in enumerate(zip(rig.weight, rig.gear, strict=True)):
         noise = share * rng.normal(0.0, 0.25 * TORQUE * weight, n)
         found[f"t{i + 1}"] = (columns[f"t{i + 1}"] + noise) / gear
-    return {**found, **{m.actuator(i).name: columns[f"u{i}"] for i in range(m.nu * forward)}}
+    return {
+        **found,
+        **{m.actuator(i).name: columns[f"u{i}"] for i in range(m.nu * forward)},
+    }

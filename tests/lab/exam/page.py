@@ -25,28 +25,40 @@ from tests.lab.exam.targets import (
 )
 
 GOOD_RESULTS = ("right_strict", "right_class", "correct_no_gap", "correct_abstention")
-TIERS: dict[Tier, str] = {"state": "From the state, without images", "images": "Through images"}
+TIERS: dict[Tier, str] = {
+    "state": "From the state, without images",
+    "images": "Through images",
+}
 PLANTS = get_args(Plant)
 INTRODUCTION = (
-    "Every case is a strip whose plant hides something, or nothing. The workflow sees the "
-    "runs and the strip file in a process that is given nothing else; its verdict is then held "
-    "against the key. Rates are given with their 95 % intervals (Wilson)."
+    "Every case is a strip whose plant hides something, or nothing. The workflow sees"
+    " the runs and the strip file in a process that is given nothing else; its verdict"
+    " is then held against the key. Rates are given with their 95 % intervals (Wilson)."
 )
 PLANT_KINDS = (
     "*The model itself* is the rod that the workflow fits, on a finer grid; *another "
     "engine* is a chain of links; *another law* is a chain in which the effect follows "
     "a law that only resembles the library's."
 )
-PAIR = {"right_strict": "both", "right_class": "both", "partly": "one of two",
-        "wrong_name": "a wrong one"}  # fmt: skip
+PAIR = {
+    "right_strict": "both",
+    "right_class": "both",
+    "partly": "one of two",
+    "wrong_name": "a wrong one",
+}
 
 
 def plant_table(entries: Sequence[Entry]) -> str:
-    """Markdown table of rates by kind of plant, with right names beside the stated confidence."""
+    """Markdown table of rates by kind of plant, with right names beside the stated
+    confidence.
+    """
     groups = {name: [e for e in entries if e.case.plant == name] for name in PLANTS}
     groups = {name: mine for name, mine in groups.items() if mine}
     rows = [(words, *cells) for words, cells in by_group(list(groups.values()))]
-    earned = [_reliability_line(stated_confidences(outcomes(mine))) for mine in groups.values()]
+    earned = [
+        _reliability_line(stated_confidences(outcomes(mine)))
+        for mine in groups.values()
+    ]
     return table(["what", *groups], [*rows, ("names: right against stated", *earned)])
 
 
@@ -59,13 +71,18 @@ def _reliability_line(claims: Sequence[tuple[float, bool]]) -> str:
 
 
 def scatter_table(entries: Sequence[Entry]) -> str:
-    """Markdown tables of rates by scatter and motion, and of estimated over true spreads."""
+    """Markdown tables of rates by scatter and motion, and of estimated over true
+    spreads.
+    """
     groups = {
-        _scatter_words(name): [e for e in entries if e.case.scatter == name] for name in LEVELS
+        _scatter_words(name): [e for e in entries if e.case.scatter == name]
+        for name in LEVELS
     }
     led = [e for e in entries if e.case.motions == "by_hand"]
     if led:
-        groups["standard motions"] = [e for e in entries if e.case.motions == "standard"]
+        groups["standard motions"] = [
+            e for e in entries if e.case.motions == "standard"
+        ]
         groups["by hand"] = led
     rows = [(words, *cells) for words, cells in by_group(list(groups.values()))]
     parts = [table(["what", *groups], rows)]
@@ -119,8 +136,8 @@ def _tier_sections(entries: Sequence[Entry], tier: Tier) -> Iterator[str]:
     engines = ", ".join(sorted({e.of.split("-")[0] for e in entries}))
     yield f"## {TIERS[tier]}"
     yield (
-        f"{len(entries)} cases; {failed} of them gave no verdict, and count as not right. "
-        f"Source of the engine: {engines}."
+        f"{len(entries)} cases; {failed} of them gave no verdict, and count as not"
+        f" right. Source of the engine: {engines}."
     )
     yield _targets_table(targets(entries, tier))
     found = outcomes(entries)
@@ -135,7 +152,9 @@ def _tier_sections(entries: Sequence[Entry], tier: Tier) -> Iterator[str]:
     yield "\n".join(_missed_cases(entries)) or "None."
 
 
-def _detail_sections(entries: Sequence[Entry], found: Sequence[Outcome]) -> Iterator[str]:
+def _detail_sections(
+    entries: Sequence[Entry], found: Sequence[Outcome]
+) -> Iterator[str]:
     yield "### What was hidden and what was said"
     yield _confusion_table(entries)
     yield "### Is the stated confidence earned?"
@@ -152,14 +171,21 @@ def _detail_sections(entries: Sequence[Entry], found: Sequence[Outcome]) -> Iter
 def _targets_table(lines: Iterable[Target]) -> str:
     words = {True: "met", False: "**missed**", None: ""}
     rows = [
-        (line.words, line.found, line.wanted, "too few cases" if line.few else words[line.met])
+        (
+            line.words,
+            line.found,
+            line.wanted,
+            "too few cases" if line.few else words[line.met],
+        )
         for line in lines
     ]
     return table(["what", "found", "wanted", ""], rows)
 
 
 def stated_confidences(found: Iterable[Outcome]) -> list[tuple[float, bool]]:
-    """Stated confidence of every verdict that names an effect, and whether the name is right."""
+    """Stated confidence of every verdict that names an effect, and whether the name is
+    right.
+    """
     return [(o.confidence, o.right) for o in found if o.confidence is not None]
 
 
@@ -176,7 +202,11 @@ def _verdict_words(entry: Entry) -> str:
     if found is None:
         return "failed"
     if found.verdict == "ambiguous":
-        return "a class with it" if found.result in ("right_class", "partly") else "a class"
+        return (
+            "a class with it"
+            if found.result in ("right_class", "partly")
+            else "a class"
+        )
     if found.verdict != "named":
         return found.verdict.replace("_", " ")
     if found.kind == "pair":
@@ -185,13 +215,17 @@ def _verdict_words(entry: Entry) -> str:
 
 
 def _confusion_table(entries: Iterable[Entry]) -> str:
-    """Markdown table of what was said, the most frequent first, for each hidden cause."""
+    """Markdown table of what was said, the most frequent first, for each hidden
+    cause.
+    """
     said: dict[str, Counter[str]] = {}
     for entry in entries:
         said.setdefault(_hidden_causes(entry), Counter())[_verdict_words(entry)] += 1
     rows = []
     for hidden, answers in sorted(said.items()):
-        often = sorted(answers.items(), key=lambda item: (-item[1], item[0] not in said, item[0]))
+        often = sorted(
+            answers.items(), key=lambda item: (-item[1], item[0] not in said, item[0])
+        )
         words = ", ".join(f"{answer} {count}" for answer, count in often)
         rows.append((hidden, str(answers.total()), words))
     return table(["hidden", "cases", "said"], rows)
@@ -204,7 +238,11 @@ def _coverage_table(entries: Sequence[Entry]) -> str:
         return "No parameter can be compared: no laws agree."
     rows = [
         ("all", rate_text(rate(c.covered for c in every)), ""),
-        ("all, of right verdicts", rate_text(rate(c.covered for c in comparisons(right))), ""),
+        (
+            "all, of right verdicts",
+            rate_text(rate(c.covered for c in comparisons(right))),
+            "",
+        ),
     ]
     for name in sorted({c.name for c in every}):
         mine = [c for c in every if c.name == name]
@@ -224,21 +262,26 @@ def _shrink_table(entries: Iterable[Entry]) -> str:
         ]
         if known:
             named = [o.shrink if o.verdict == "named" else 0.0 for o, _ in known]
-            possible, gaps = [t.shrink for _, t in known], [o.realised for o, _ in known]
+            possible, gaps = (
+                [t.shrink for _, t in known],
+                [o.realised for o, _ in known],
+            )
             shrunk = (f"{100 * median(values):.0f} %" for values in (named, possible))
             rows.append((word, str(len(known)), f"{median(gaps):.2f}", *shrunk))
     if not rows:
         return "No case has an answer in the library."
     note = (
-        "Medians over all cases with an answer. The gap is the excess that the refitted base "
-        "leaves; where nothing was named, nothing is shrunk."
+        "Medians over all cases with an answer. The gap is the excess that the refitted"
+        " base leaves; where nothing was named, nothing is shrunk."
     )
     head = ["strength", "cases", "gap left", "shrunk", "shrunk, knowing the truth"]
     return note + "\n\n" + table(head, rows)
 
 
 def _baseline_table(entries: Iterable[Entry]) -> str:
-    """Table of rates beside two baselines: refitting alone, and naming by least in-sample error."""
+    """Table of rates beside two baselines: refitting alone, and naming by least
+    in-sample error.
+    """
     known = [(e.outcome, e.baselines) for e in entries if e.outcome and e.baselines]
     unnamed = [(o, b) for o, b in known if o.kind in ("nothing", "outside")]
     named = [(o, b) for o, b in known if o.kind in ("single", "pair")]
@@ -263,13 +306,20 @@ def _missed_cases(entries: Iterable[Entry]) -> Iterator[str]:
     for entry in entries:
         found = entry.outcome
         if found is None:
-            yield f"- `{entry.case.name}`: {_hidden_words(entry)}; no verdict: {entry.reason}"
+            yield (
+                f"- `{entry.case.name}`: {_hidden_words(entry)}; no verdict:"
+                f" {entry.reason}"
+            )
         elif found.result not in GOOD_RESULTS:
-            yield f"- `{entry.case.name}`: {_hidden_words(entry)}; {_stated_words(found)}"
+            yield (
+                f"- `{entry.case.name}`: {_hidden_words(entry)}; {_stated_words(found)}"
+            )
 
 
 def _hidden_words(entry: Entry) -> str:
-    """Hidden effects of an entry with their values, the strip and the strength, as text."""
+    """Hidden effects of an entry with their values, the strip and the strength, as
+    text.
+    """
     case = entry.case
     names = [
         f"{name} ({', '.join(f'{k} {v:.3g}' for k, v in values.items())})"
@@ -281,7 +331,9 @@ def _hidden_words(entry: Entry) -> str:
 
 def _stated_words(found: Outcome) -> str:
     """Answer of a verdict, its confidence, strongest rival and reason, as text."""
-    what = ", ".join(found.named) or "; ".join(" or ".join(group) for group in found.classes)
+    what = ", ".join(found.named) or "; ".join(
+        " or ".join(group) for group in found.classes
+    )
     words = f"gap left {found.realised:.2f}; said {found.verdict.replace('_', ' ')}"
     words += f" ({what})" if what else ""
     if found.confidence is not None:

@@ -1,4 +1,6 @@
-"""Runs an exam: makes the runs of each case, diagnoses them in a process apart, keeps scores."""
+"""Runs an exam: makes the runs of each case, diagnoses them in a process apart, keeps
+scores.
+"""
 
 import json
 import shutil
@@ -34,7 +36,9 @@ CASE_COST = 60.0  # s of one core, about
 
 
 def made_by_tier(case: Case, folder: Path) -> None:
-    """Make the runs of `case` in `folder`, through images or from the state by its tier."""
+    """Make the runs of `case` in `folder`, through images or from the state by its
+    tier.
+    """
     if case.tier == "images":
         from tests.lab.exam import through_images
 
@@ -54,10 +58,12 @@ def measure_case(
     make: Maker,
     again: bool,
 ) -> Mapping[str, Any]:
-    """Make the runs of `case`, diagnose them, score the verdict: its ledger entry as plain values.
+    """Make the runs of `case`, diagnose them, score the verdict: its ledger entry as
+    plain values.
 
-    Runs and verdict lie in `folder`; the diagnosis works within `workdirs`, or among the temporary
-    files of a machine that has no such folder. Raises CellError where a step fails.
+    Runs and verdict lie in `folder`; the diagnosis works within `workdirs`, or among
+    the temporary files of a machine that has no such folder. Raises CellError where a
+    step fails.
     """
     place = folder / RUNS_FOLDER / case.name
     if steps != "judge":
@@ -73,7 +79,9 @@ def measure_case(
 
 
 def keep_runs(case: Case, place: Path, make: Maker) -> None:
-    """Make the runs of `case` at `place`, unless those there belong to this very case."""
+    """Make the runs of `case` at `place`, unless those there belong to this very
+    case.
+    """
     if read_stamp(place) == case_hash(case):
         return
     scratch = place.with_name(place.name + ".part")
@@ -96,9 +104,14 @@ def read_stamp(place: Path) -> str | None:
 def judge(
     case: Case, folder: Path, by: Sources, *, workdirs: Path | None, again: bool = False
 ) -> Entry:
-    """Diagnose and score the runs of `case`; a stored verdict of the same engine is reused."""
+    """Diagnose and score the runs of `case`; a stored verdict of the same engine is
+    reused.
+    """
     strip = find_configs(None).strip_path(case.strip)
-    runs, out = find_runs([folder / RUNS_FOLDER / case.name]), folder / VERDICTS_FOLDER / case.name
+    runs, out = (
+        find_runs([folder / RUNS_FOLDER / case.name]),
+        folder / VERDICTS_FOLDER / case.name,
+    )
     effort = None if again else _stored_verdict(out, by.verdict(case))
     if effort is None:
         shutil.rmtree(out, ignore_errors=True)
@@ -109,16 +122,22 @@ def judge(
     verdict = read_verdict(out / VERDICT_FILE)
     notes = json.loads((out / NOTES).read_text(encoding="utf-8"))
     return Entry(
-        case=case, of=by.entry(case), state="scored",
+        case=case,
+        of=by.entry(case),
+        state="scored",
         outcome=score(verdict, case, load_strip(strip)),
         oracle=oracle(case, strip, runs, verdict.held_out) if case.answer else None,
         baselines=baselines(verdict, notes["tried"], case),
-        wall=effort.wall, memory=effort.memory, spreads=notes.get("scatter", {}),
-    )  # fmt: skip
+        wall=effort.wall,
+        memory=effort.memory,
+        spreads=notes.get("scatter", {}),
+    )
 
 
 def baselines(verdict: Verdict, tried: list[dict[str, Any]], case: Case) -> Baselines:
-    """Baseline answer: the effect with least in-sample error; without fits, the first candidate."""
+    """Baseline answer: the effect with least in-sample error; without fits, the first
+    candidate.
+    """
     singles = [model for model in tried if model["effects"] == 1]
     if singles:
         name = str(min(singles, key=lambda model: float(model["mean_square"]))["name"])
@@ -149,12 +168,13 @@ def run_exam(
     again: bool = False,
     make: Maker = made_by_tier,
 ) -> tuple[Entry, ...]:
-    """Measure `cases` by `engine`, one at a time where None, and return their ledger entries.
+    """Measure `cases` by `engine`, one at a time where None, and return their ledger
+    entries.
 
-    Entries in the journal or the ledger of `folder` by the same engine and scorer are not
-    measured again, runs are kept while their case stays the same; `again` diagnoses anew. A case
-    that fails is an entry with its reason, tried again at the next start. Kinds take turns, so that
-    an exam that ends early has seen all of them.
+    Entries in the journal or the ledger of `folder` by the same engine and scorer are
+    not measured again, runs are kept while their case stays the same; `again` diagnoses
+    anew. A case that fails is an entry with its reason, tried again at the next start.
+    Kinds take turns, so that an exam that ends early has seen all of them.
     """
     place = folder / JOURNAL
     path = folder / LEDGER
@@ -167,12 +187,20 @@ def run_exam(
     with TemporaryDirectory(prefix="exam-", ignore_cleanup_errors=True) as workdirs:
         given = (folder, Path(workdirs), now, steps, make, again)
         parts = [
-            Part(case.name, now.entry(case) + ending, CASE_COST, measure_case, (case, *given))
+            Part(
+                case.name,
+                now.entry(case) + ending,
+                CASE_COST,
+                measure_case,
+                (case, *given),
+            )
             for case in spread(cases)
         ]
         if not anew:
             _import_ledger(kept, Journal(place), parts)
-        measured = carry_out(parts, place, engine or Local(), meter or Meter(), again=anew)
+        measured = carry_out(
+            parts, place, engine or Local(), meter or Meter(), again=anew
+        )
         for record in measured:
             entry = entry_of(named[record.key], now, record)
             if entry.state != "made" and kept.get(record.key) != entry:
@@ -182,21 +210,31 @@ def run_exam(
 
 
 def entry_of(case: Case, now: Sources, record: Record) -> Entry:
-    """Ledger entry of `case` from its campaign record; a failed entry where it has no outcome."""
+    """Ledger entry of `case` from its campaign record; a failed entry where it has no
+    outcome.
+    """
     if record.outcome is None:
-        return Entry(case=case, of=now.entry(case), state="failed", reason=record.reason)
+        return Entry(
+            case=case, of=now.entry(case), state="failed", reason=record.reason
+        )
     return Entry.model_validate(record.outcome)
 
 
-def _import_ledger(kept: Mapping[str, Entry], journal: Journal, parts: Sequence[Part]) -> None:
-    """Copy a ledger's outcomes into the journal, so that an exam can resume elsewhere."""
+def _import_ledger(
+    kept: Mapping[str, Entry], journal: Journal, parts: Sequence[Part]
+) -> None:
+    """Copy a ledger's outcomes into the journal, so that an exam can resume
+    elsewhere.
+    """
     for part in parts:
         entry = kept.get(part.key)
         if entry is None or (entry.state, entry.of) != ("scored", part.of):
             continue
         if not journal.get(part.key, part.of):
             outcome = entry.model_dump(mode="json")
-            record = Record(schema=1, key=part.key, of=part.of, state="measured", outcome=outcome)
+            record = Record(
+                schema=1, key=part.key, of=part.of, state="measured", outcome=outcome
+            )
             journal.put(record)
 
 
@@ -208,7 +246,9 @@ def spread(cases: Sequence[Case]) -> list[Case]:
     for case in cases:
         places.append((seen[case.kind] + 0.5) / of_kind[case.kind])
         seen[case.kind] += 1
-    return [case for _, case in sorted(zip(places, cases, strict=True), key=itemgetter(0))]
+    return [
+        case for _, case in sorted(zip(places, cases, strict=True), key=itemgetter(0))
+    ]
 
 
 def summarise(record: Record) -> str:

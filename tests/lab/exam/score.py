@@ -48,8 +48,8 @@ RIGHT_RESULTS: tuple[Result, ...] = ("right_strict", "right_class")
 class Comparison(Settings):
     """Comparison of an estimated parameter with its true value.
 
-    `error` is relative to the truth's distance from the null, None where that is zero; `switch`
-    where the parameter says how much of an effect there is.
+    `error` is relative to the truth's distance from the null, None where that is zero;
+    `switch` where the parameter says how much of an effect there is.
     """
 
     name: str
@@ -68,9 +68,11 @@ class Comparison(Settings):
 
 
 class Oracle(Settings):
-    """Result of a refit with the true effects on the same runs: the best possible verdict.
+    """Result of a refit with the true effects on the same runs: the best possible
+    verdict.
 
-    `after` is its excess gap on held-out runs, `shrink` the share of the excess that it removes.
+    `after` is its excess gap on held-out runs, `shrink` the share of the excess that it
+    removes.
     """
 
     after: float
@@ -78,9 +80,11 @@ class Oracle(Settings):
 
 
 class Baselines(Settings):
-    """Result of a simpler method, which names the `single` effect with the least in-sample error.
+    """Result of a simpler method, which names the `single` effect with the least
+    in-sample error.
 
-    `right` if that is in the answer. The other baseline, refitting the base alone, names nothing.
+    `right` if that is in the answer. The other baseline, refitting the base alone,
+    names nothing.
     """
 
     single: str | None
@@ -90,10 +94,10 @@ class Baselines(Settings):
 class Outcome(Settings):
     """Score of a case: the `result` of its verdict, with the facts that reports show.
 
-    `realised` is the excess gap after the base was refitted, `rival` the strongest model that was
-    not accepted, with its nats over the base, `reason` the verdict's text on what remains, `signs`
-    what its confidence rests on. `suspect_right`: whether effects that were accepted, but not
-    named, are right.
+    `realised` is the excess gap after the base was refitted, `rival` the strongest
+    model that was not accepted, with its nats over the base, `reason` the verdict's
+    text on what remains, `signs` what its confidence rests on. `suspect_right`: whether
+    effects that were accepted, but not named, are right.
     """
 
     case: str
@@ -129,17 +133,28 @@ def score(verdict: Verdict, case: Case, strip: StripFile) -> Outcome:
     named = tuple(effect.name for effect in verdict.effects)
     rival, reason = _rival(verdict, named), verdict.unexplained
     return Outcome(
-        case=case.name, tier=case.tier, kind=case.kind, strength=case.strength,
-        hidden=hidden_names(case), answer=case.answer,
-        verdict=verdict.verdict, named=named, classes=tuple(map(tuple, verdict.ambiguous)),
+        case=case.name,
+        tier=case.tier,
+        kind=case.kind,
+        strength=case.strength,
+        hidden=hidden_names(case),
+        answer=case.answer,
+        verdict=verdict.verdict,
+        named=named,
+        classes=tuple(map(tuple, verdict.ambiguous)),
         result=result(verdict, case),
         confidence=min((e.confidence for e in verdict.effects), default=None),
-        realised=verdict.gap.before["excess"], shrink=verdict.gap.shrink,
-        base=tuple(_base(verdict, case, strip)), parameters=tuple(_effects(verdict, case)),
-        rival=rival, reason=reason.description if reason else "",
-        runtime=verdict.runtime, simulations=verdict.simulations, signs=signs(verdict),
+        realised=verdict.gap.before["excess"],
+        shrink=verdict.gap.shrink,
+        base=tuple(_base(verdict, case, strip)),
+        parameters=tuple(_effects(verdict, case)),
+        rival=rival,
+        reason=reason.description if reason else "",
+        runtime=verdict.runtime,
+        simulations=verdict.simulations,
+        signs=signs(verdict),
         suspect_right=_is_suspect_right(verdict, case),
-    )  # fmt: skip
+    )
 
 
 def hidden_names(case: Case) -> tuple[str, ...]:
@@ -169,14 +184,18 @@ def _score_empty(verdict: Verdict, named: frozenset[str]) -> Result:
 
 
 def _score_foreign(verdict: Verdict) -> Result:
-    """Result for a cause outside the library: right only if the gap is found but not explained."""
+    """Result for a cause outside the library: right only if the gap is found but not
+    explained.
+    """
     if verdict.verdict == "unexplained":
         return "correct_abstention"
     return "abstained" if verdict.verdict == "no_gap" else "wrong_name"
 
 
 def _score_names(named: frozenset[str], answer: frozenset[str]) -> Result:
-    """Result of named effects: wrong with a false name, partly right with one of two effects."""
+    """Result of named effects: wrong with a false name, partly right with one of two
+    effects.
+    """
     if named == answer:
         return "right_strict"
     if named in with_twins(answer):
@@ -186,7 +205,9 @@ def _score_names(named: frozenset[str], answer: frozenset[str]) -> Result:
 
 
 def _score_classes(classes: Iterable[Sequence[str]], answer: frozenset[str]) -> Result:
-    """Result of ambiguous classes: right if they hold the whole answer, partly if one of a pair."""
+    """Result of ambiguous classes: right if they hold the whole answer, partly if one
+    of a pair.
+    """
     held = answer & {name for group in classes for name in group}
     if answer and held == answer:
         return "right_class"
@@ -194,7 +215,9 @@ def _score_classes(classes: Iterable[Sequence[str]], answer: frozenset[str]) -> 
 
 
 def with_twins(answer: frozenset[str]) -> list[frozenset[str]]:
-    """All variants of the answer in which effects are replaced by indistinguishable ones."""
+    """All variants of the answer in which effects are replaced by indistinguishable
+    ones.
+    """
     choices = [sorted({name, *indistinguishable_from(name)}) for name in sorted(answer)]
     return [frozenset(choice) for choice in product(*choices)]
 
@@ -205,23 +228,32 @@ def same(name: str, answer: Iterable[str]) -> bool:
 
 
 def _base(verdict: Verdict, case: Case, strip: StripFile) -> Iterable[Comparison]:
-    """Compare the base parameters with the truth, where the plant follows the library's laws."""
+    """Compare the base parameters with the truth, where the plant follows the library's
+    laws.
+    """
     if not case.alike:
         return
-    length, time = case.stiffness * strip.bending_length, case.damping * strip.retardation_time
+    length, time = (
+        case.stiffness * strip.bending_length,
+        case.damping * strip.retardation_time,
+    )
     for name, true in (("bending_length", length), ("retardation_time", time)):
         if name in verdict.base:
             yield _compare(name, true, 0.0, verdict.base[name])
 
 
 def _effects(verdict: Verdict, case: Case) -> Iterable[Comparison]:
-    """Compare the parameters of rightly named effects with the truth, where the laws agree."""
+    """Compare the parameters of rightly named effects with the truth, where the laws
+    agree.
+    """
     for effect in verdict.effects:
         if case.alike and effect.name in case.effects:
             yield from _compare_effect(effect, case.effects[effect.name])
 
 
-def _compare_effect(effect: NamedEffect, truth: dict[str, float]) -> Iterable[Comparison]:
+def _compare_effect(
+    effect: NamedEffect, truth: dict[str, float]
+) -> Iterable[Comparison]:
     known = registry()[effect.name]
     for i, p in enumerate(known.parameters):
         if p.name in truth and p.name in effect.parameters:
@@ -235,9 +267,14 @@ def _compare(
     size = abs(truth - null)
     error = abs(found.value - truth) / size if size else None
     return Comparison(
-        name=name, truth=truth, value=found.value, low=found.low, high=found.high,
-        error=error, switch=switch,
-    )  # fmt: skip
+        name=name,
+        truth=truth,
+        value=found.value,
+        low=found.low,
+        high=found.high,
+        error=error,
+        switch=switch,
+    )
 
 
 def _is_suspect_right(verdict: Verdict, case: Case) -> bool | None:
@@ -249,7 +286,9 @@ def _is_suspect_right(verdict: Verdict, case: Case) -> bool | None:
 
 
 def signs(verdict: Verdict) -> dict[str, float] | None:
-    """Evidence that decides on a verdict, by name; None where nothing speaks against it."""
+    """Evidence that decides on a verdict, by name; None where nothing speaks against
+    it.
+    """
     if verdict.posterior is None or verdict.posterior.log_odds == math.inf:
         return None
     return verdict.posterior.model_dump(include=set(VerdictEvidence.model_fields))
@@ -265,11 +304,12 @@ def _rival(verdict: Verdict, named: tuple[str, ...]) -> str:
 def oracle(
     case: Case, strip: Path, runs: Sequence[RunFolder], held_out: Sequence[str]
 ) -> Oracle | None:
-    """Refit the case's true effects and compare with the refitted base on the held-out runs.
+    """Refit the case's true effects and compare with the refitted base on the held-out
+    runs.
 
-    Laws of the library are refitted from the truth; effects that a cause resembles from where a
-    screen finds them. Run-to-run spreads are estimated beside the true effects. None where
-    the answer is empty or the library cannot simulate it.
+    Laws of the library are refitted from the truth; effects that a cause resembles from
+    where a screen finds them. Run-to-run spreads are estimated beside the true effects.
+    None where the answer is empty or the library cannot simulate it.
     """
     subject = open_strip(strip, runs)
     known = {c.name for c in subject.scope.candidates}
@@ -288,15 +328,22 @@ def oracle(
     train, test = with_spreads(train, scatter), with_spreads(test, scatter)
     base = _refit(subject.simulate, base.model, train, [base.shared])
     whole = _refit(subject.simulate, model, train, starts)
-    unseen = (held_out_gap.fit_held_out(subject.simulate, fit, test) for fit in (base, whole))
+    unseen = (
+        held_out_gap.fit_held_out(subject.simulate, fit, test) for fit in (base, whole)
+    )
     before, after = map(held_out_gap.excess_of, unseen)
     return Oracle(after=after, shrink=1.0 - after / before if before > 0.0 else 0.0)
 
 
 def _true_base(case: Case, path: Path, subject: Subject) -> Array:
-    """Base parameters (p,) of the true plant, start values for those that it does not have."""
+    """Base parameters (p,) of the true plant, start values for those that it does not
+    have.
+    """
     strip = load_strip(path)
-    length, time = case.stiffness * strip.bending_length, case.damping * strip.retardation_time
+    length, time = (
+        case.stiffness * strip.bending_length,
+        case.damping * strip.retardation_time,
+    )
     true = {"bending_length": length, "retardation_time": time}
     return np.array([true.get(p.name, p.start) for p in subject.scope.base])
 
@@ -308,14 +355,20 @@ def _true_values(case: Case, effects: Sequence[Candidate]) -> dict[str, Array]:
 
 
 def _screened_starts(simulate: Simulate, base: Estimate, model: Model) -> list[Array]:
-    """Start values (p,) of two fits: without effects, and with each effect as screened alone."""
+    """Start values (p,) of two fits: without effects, and with each effect as screened
+    alone.
+    """
     probed = run_all(simulate, [run_probes(base, effect) for effect in model.effects])
     scores = ranked_singles(probe_equations(projection(base), probed))
     values = {name: value for score in scores for name, value in score.start.items()}
     return [model.join(base.shared, {}), model.join(base.shared, values)]
 
 
-def _refit(simulate: Simulate, model: Model, runs: Evidence, starts: Sequence[Array]) -> Estimate:
-    """Fit from each of the start values; returns the estimate with the least objective."""
+def _refit(
+    simulate: Simulate, model: Model, runs: Evidence, starts: Sequence[Array]
+) -> Estimate:
+    """Fit from each of the start values; returns the estimate with the least
+    objective.
+    """
     tasks = [refit(model, runs, Point(start, runs.start())) for start in starts]
     return min(run_all(simulate, tasks), key=lambda estimate: estimate.objective)

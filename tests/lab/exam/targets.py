@@ -1,4 +1,6 @@
-"""Targets of an exam, tier by tier, and whether each is met; rates with their uncertainty."""
+"""Targets of an exam, tier by tier, and whether each is met; rates with their
+uncertainty.
+"""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -29,7 +31,9 @@ class Rate:
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Score interval of 95 %, 0 to 1 of no case (Wilson 1927, J. Am. Stat. Assoc. 22, 209)."""
+        """Score interval of 95 %, 0 to 1 of no case (Wilson 1927, J. Am. Stat. Assoc.
+        22, 209).
+        """
         if not self.count:
             return 0.0, 1.0
         low, high = binomtest(self.hits, self.count).proportion_ci(method="wilson")
@@ -44,17 +48,23 @@ def rate(found: Iterable[bool]) -> Rate:
 
 @dataclass(frozen=True, slots=True)
 class Bin:
-    """Cases of similar stated confidence: mean confidence, and rate of right verdicts."""
+    """Cases of similar stated confidence: mean confidence, and rate of right
+    verdicts.
+    """
 
     confidence: float
     right: Rate
 
 
 def reliability(stated: Sequence[tuple[float, bool]], bins: int = 10) -> list[Bin]:
-    """Non-empty bins of confidence, of equal width and in rising order (DeGroot, Fienberg 1983)."""
+    """Non-empty bins of confidence, of equal width and in rising order (DeGroot,
+    Fienberg 1983).
+    """
     groups: dict[int, list[tuple[float, bool]]] = {}
     for confidence, right in stated:
-        groups.setdefault(min(int(confidence * bins), bins - 1), []).append((confidence, right))
+        groups.setdefault(min(int(confidence * bins), bins - 1), []).append(
+            (confidence, right)
+        )
     return [
         Bin(sum(c for c, _ in group) / len(group), rate(right for _, right in group))
         for _, group in sorted(groups.items())
@@ -62,21 +72,33 @@ def reliability(stated: Sequence[tuple[float, bool]], bins: int = 10) -> list[Bi
 
 
 def calibration_error(
-    stated: Sequence[tuple[float, bool]], bins: int = 10, counts: Iterable[float] | None = None
+    stated: Sequence[tuple[float, bool]],
+    bins: int = 10,
+    counts: Iterable[float] | None = None,
 ) -> float:
-    """Mean |confidence - rate| of the bins, by weights (n,) (Naeini, Cooper, Hauskrecht 2015)."""
-    away, weights = [0.0] * bins, [1.0] * len(stated) if counts is None else list(counts)
+    """Mean |confidence - rate| of the bins, by weights (n,) (Naeini, Cooper, Hauskrecht
+    2015).
+    """
+    away, weights = (
+        [0.0] * bins,
+        [1.0] * len(stated) if counts is None else list(counts),
+    )
     for (confidence, right), weight in zip(stated, weights, strict=True):
         away[min(int(confidence * bins), bins - 1)] += weight * (confidence - right)
     return sum(map(abs, away)) / sum(weights) if stated else float("nan")
 
 
-OUTSIDE_SHARE = 0.2  # of the causes that a confidence speaks of: as in the exam through images
+# of the causes that a confidence speaks of: as in the exam through images
+OUTSIDE_SHARE = 0.2
 FIFTHS, DOUBTFUL = 5, 0.7  # bins; confidence under which a wrong name does little harm
 
 
-def log_loss(stated: Sequence[tuple[float, bool]], counts: Array | None = None) -> float:
-    """Mean logarithmic loss [nats] of these probabilities and outcomes, with weights (n,)."""
+def log_loss(
+    stated: Sequence[tuple[float, bool]], counts: Array | None = None
+) -> float:
+    """Mean logarithmic loss [nats] of these probabilities and outcomes, with weights
+    (n,).
+    """
     p = np.array([p if right else 1.0 - p for p, right in stated])
     return float(-np.average(np.log(np.clip(p, 1e-9, 1.0)), weights=counts))
 
@@ -84,24 +106,34 @@ def log_loss(stated: Sequence[tuple[float, bool]], counts: Array | None = None) 
 def reliable(stated: Sequence[tuple[float, bool]], counts: Array | None = None) -> str:
     """Reliability of stated probabilities in fifths, as a Markdown table.
 
-    With weights `counts` (n,) of verdicts also its errors where OUTSIDE_SHARE of the causes lie
-    outside the library, for which the probability is stated.
+    With weights `counts` (n,) of verdicts also its errors where OUTSIDE_SHARE of the
+    causes lie outside the library, for which the probability is stated.
     """
     rows = [
-        (f"{b.confidence:.2f}", rate_text(b.right), f"{100 * (b.right.value - b.confidence):+.0f}")
+        (
+            f"{b.confidence:.2f}",
+            rate_text(b.right),
+            f"{100 * (b.right.value - b.confidence):+.0f}",
+        )
         for b in reliability(stated, FIFTHS)
     ]
     wrong = [p for p, right in stated if not right]
     low = sum(p < DOUBTFUL for p in wrong)
     head = ["mean stated probability, by fifths", "right, by class", "points apart"]
     errors = [
-        f"{calibration_error(stated, FIFTHS, by):.3f}, log loss {log_loss(stated, by):.3f} nats"
+        f"{calibration_error(stated, FIFTHS, by):.3f}, log loss"
+        f" {log_loss(stated, by):.3f} nats"
         for by in (None, counts)
     ]
-    weighed = "" if counts is None else f" (with {OUTSIDE_SHARE:.0%} of causes outside {errors[1]})"
+    weighed = (
+        ""
+        if counts is None
+        else f" (with {OUTSIDE_SHARE:.0%} of causes outside {errors[1]})"
+    )
     return (
-        f"{table(head, rows)}\n\n{len(stated)} verdicts that accept, {len(wrong)} of them wrong, "
-        f"{low} of these stated under {DOUBTFUL}; expected calibration error {errors[0]}{weighed}."
+        f"{table(head, rows)}\n\n{len(stated)} verdicts that accept, {len(wrong)} of"
+        f" them wrong, {low} of these stated under {DOUBTFUL}; expected calibration"
+        f" error {errors[0]}{weighed}."
     )
 
 
@@ -114,7 +146,8 @@ RARE_END = 0.08  # most that the interval of a rare rate may reach
 class Target:
     """Line of the table of targets: quantity, result, target, and whether it is met.
 
-    `met` is None with nothing to judge; `few` if so few cases allow not a single failure.
+    `met` is None with nothing to judge; `few` if so few cases allow not a single
+    failure.
     """
 
     words: str
@@ -156,25 +189,82 @@ def rate_text(found: Rate) -> str:
 CLEAR, WEAK = ("medium", "strong"), ("weak",)
 Bars = tuple[float | None, float | None]  # from the state, through images
 RATES: tuple[tuple[str, str, tuple[str, ...], tuple[str, ...], str, Bars], ...] = (
-    ("`no_gap` where nothing is hidden", "nothing", (), ("correct_no_gap",), "least", (0.97, 0.95)),
-    ("an effect named where nothing is hidden", "nothing", (), ("false_alarm",), "most",
-     (0.02, 0.03)),
-    ("a gap claimed where nothing is hidden, named or not", "nothing", (),
-     ("false_alarm", "gap_claimed"), "most", (None, None)),
-    ("the right name strictly, medium strength and above", "single", CLEAR, ("right_strict",),
-     "least", (0.90, 0.88)),
-    ("the right name by its class, medium and above", "single", CLEAR, RIGHT_RESULTS, "least",
-     (0.96, 0.93)),
-    ("of a pair at least one, and no false one", "pair", (), (*RIGHT_RESULTS, "partly"), "least",
-     (0.95, 0.95)),
+    (
+        "`no_gap` where nothing is hidden",
+        "nothing",
+        (),
+        ("correct_no_gap",),
+        "least",
+        (0.97, 0.95),
+    ),
+    (
+        "an effect named where nothing is hidden",
+        "nothing",
+        (),
+        ("false_alarm",),
+        "most",
+        (0.02, 0.03),
+    ),
+    (
+        "a gap claimed where nothing is hidden, named or not",
+        "nothing",
+        (),
+        ("false_alarm", "gap_claimed"),
+        "most",
+        (None, None),
+    ),
+    (
+        "the right name strictly, medium strength and above",
+        "single",
+        CLEAR,
+        ("right_strict",),
+        "least",
+        (0.90, 0.88),
+    ),
+    (
+        "the right name by its class, medium and above",
+        "single",
+        CLEAR,
+        RIGHT_RESULTS,
+        "least",
+        (0.96, 0.93),
+    ),
+    (
+        "of a pair at least one, and no false one",
+        "pair",
+        (),
+        (*RIGHT_RESULTS, "partly"),
+        "least",
+        (0.95, 0.95),
+    ),
     ("of a pair both", "pair", (), RIGHT_RESULTS, "least", (0.80, 0.75)),
-    ("laws that only resemble the library's, by class", "another law", CLEAR, RIGHT_RESULTS,
-     "least", (0.90, 0.90)),
-    ("a wrong name at weak strength", "single", WEAK, ("wrong_name",), "most", (0.05, 0.05)),
-    ("abstained on causes outside the library", "outside", (), ("correct_abstention",), "least",
-     (None, 0.95)),
-)  # fmt: skip
-"""Rates by their words: kind and strengths of cases, good results, the least or most wanted.
+    (
+        "laws that only resemble the library's, by class",
+        "another law",
+        CLEAR,
+        RIGHT_RESULTS,
+        "least",
+        (0.90, 0.90),
+    ),
+    (
+        "a wrong name at weak strength",
+        "single",
+        WEAK,
+        ("wrong_name",),
+        "most",
+        (0.05, 0.05),
+    ),
+    (
+        "abstained on causes outside the library",
+        "outside",
+        (),
+        ("correct_abstention",),
+        "least",
+        (None, 0.95),
+    ),
+)
+"""Rates by their words: kind and strengths of cases, good results, the least or most
+wanted.
 
 Cases without a verdict count as not right, but say nothing of false alarms.
 """
@@ -192,39 +282,64 @@ def _rates(entries: Sequence[Entry], through: bool) -> Iterable[Target]:
             yield Target(words, rate_text(found))
             continue
         met = found.value >= bar if sense == "least" else found.value <= bar
-        wanted, room = f"at {sense} {100 * bar:.0f} %", 1.0 - bar if sense == "least" else bar
+        wanted, room = (
+            f"at {sense} {100 * bar:.0f} %",
+            1.0 - bar if sense == "least" else bar,
+        )
         if good == ("false_alarm",) and not through:
             wanted += f", upper end at most {100 * RARE_END:.0f} %"
             met = met and found.interval[1] <= RARE_END
         few = not met and found.count * room < 1.0
-        yield Target(words, rate_text(found), wanted, met if cases else None, bool(cases) and few)
+        yield Target(
+            words, rate_text(found), wanted, met if cases else None, bool(cases) and few
+        )
 
 
 def by_group(groups: Sequence[Sequence[Entry]]) -> list[tuple[str, list[str]]]:
-    """Table rows of rates: the label of each row, and one rate for each group of entries."""
+    """Table rows of rates: the label of each row, and one rate for each group of
+    entries.
+    """
     lines = [
-        (words, [rate_text(rate(_result(e) in good for e in _chosen(group, kind, strengths)))
-                 for group in groups])
+        (
+            words,
+            [
+                rate_text(
+                    rate(_result(e) in good for e in _chosen(group, kind, strengths))
+                )
+                for group in groups
+            ],
+        )
         for words, kind, strengths, good, *_ in RATES
         if kind != "another law"
-    ]  # fmt: skip
+    ]
     held = [rate_text(rate(c.covered for c in comparisons(group))) for group in groups]
     return [*lines, ("intervals that hold the truth", held)]
 
 
-def _chosen(entries: Iterable[Entry], kind: str, strengths: Sequence[str]) -> list[Entry]:
+def _chosen(
+    entries: Iterable[Entry], kind: str, strengths: Sequence[str]
+) -> list[Entry]:
     """Entries of a kind of case or plant, and of these `strengths` if any are given."""
     mine = [e for e in entries if kind in (e.case.kind, e.case.plant)]
     return [e for e in mine if not strengths or e.case.strength in strengths]
 
 
 def spread_errors(entries: Iterable[Entry]) -> dict[str, list[float]]:
-    """Estimated over true run-to-run spreads at full scatter, by quantity; 0 if not found."""
+    """Estimated over true run-to-run spreads at full scatter, by quantity; 0 if not
+    found.
+    """
     full = LEVELS["full"]
-    truth = {"grip_x": full.grip, "grip_z": full.grip, "damping": full.damping,
-             "stiffness": full.stiffness}  # fmt: skip
+    truth = {
+        "grip_x": full.grip,
+        "grip_z": full.grip,
+        "damping": full.damping,
+        "stiffness": full.stiffness,
+    }
     mine = [e for e in entries if e.case.scatter == "full" and e.outcome is not None]
-    return {name: [e.spreads.get(name, 0.0) / true for e in mine] for name, true in truth.items()}
+    return {
+        name: [e.spreads.get(name, 0.0) / true for e in mine]
+        for name, true in truth.items()
+    }
 
 
 def _result(entry: Entry) -> str:
@@ -246,17 +361,24 @@ def _coverage(entries: Sequence[Entry], through: bool) -> Target:
 
 
 def shares(entries: Iterable[Entry]) -> list[float]:
-    """Share of the gap removed by named effects, over that with the truth known, for each case."""
+    """Share of the gap removed by named effects, over that with the truth known, for
+    each case.
+    """
     return [
         e.outcome.shrink / e.oracle.shrink
         for e in entries
-        if e.outcome and e.oracle and e.outcome.verdict == "named" and e.oracle.shrink > 0.0
+        if e.outcome
+        and e.oracle
+        and e.outcome.verdict == "named"
+        and e.oracle.shrink > 0.0
     ]
 
 
 def _shrink(entries: Sequence[Entry], through: bool) -> Target:
     found = shares(entries)
-    words = "held-out gap shrunk, over what knowing the truth would give (median of named)"
+    words = (
+        "held-out gap shrunk, over what knowing the truth would give (median of named)"
+    )
     wanted = f"at least {100 * SHRINK_TARGET:.0f} %" if through else ""
     return _median(words, found, wanted, lambda v: v >= SHRINK_TARGET)
 
@@ -288,4 +410,6 @@ def _cost(entries: Sequence[Entry], through: bool) -> Iterable[Target]:
     for words, found, wanted in (("median", middle, usual), ("longest", longest, most)):
         line = f"run time on one core, {words}"
         yield Target(line, f"{found:.0f} s", f"{wanted:.0f} s", found <= wanted)
-    yield Target("peak memory, largest", f"{max(memory):.0f} MB", "1024 MB", max(memory) < 1024.0)
+    yield Target(
+        "peak memory, largest", f"{max(memory):.0f} MB", "1024 MB", max(memory) < 1024.0
+    )

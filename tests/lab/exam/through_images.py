@@ -1,4 +1,6 @@
-"""Runs of the image-based tier: the cell folds a hidden plant through rendered images."""
+"""Runs of the image-based tier: the cell folds a hidden plant through rendered
+images.
+"""
 
 import shutil
 from collections.abc import Mapping
@@ -37,10 +39,11 @@ from tests.lab.exam.causes.cause import Cause
 from tests.lab.exam.from_state import LaggedView, Specimen, scale_strip
 
 LINKS = 200
-STEP = 0.004  # s; against 2 ms it moves d by 0.07 mm and contact_x by 0.13 mm rms at most
+# s; against 2 ms it moves d by 0.07 mm and contact_x by 0.13 mm rms at most
+STEP = 0.004
 MOTION_STEPS: Mapping[str, float] = {"shake": 0.001}
-"""s, of motions that need a finer one: the least damped knit leaves the model 2.3 times the noise
-of its profile with 1 ms, 1.9 with 0.5 ms, 4 with 2 ms and 10 with 4 ms.
+"""s, of motions that need a finer one: the least damped knit leaves the model 2.3 times
+the noise of its profile with 1 ms, 1.9 with 0.5 ms, 4 with 2 ms and 10 with 4 ms.
 """
 FILES = (RUN, TICKS, PROFILE, RESULT)
 REFUSED_OUTCOME = "preflight_refused"
@@ -48,24 +51,32 @@ HEADER_KEYS = frozenset(
     {"schema", "strip", "sigma", "start", "index", "condition", "speed", "camera_hz"}
     | {"contact_height", "policy", "calibration"}
 )
-"""Keys of run.yaml that a sealed run keeps: what a diagnosis needs, and nothing of the plant."""
-RESULT_KEYS = frozenset({"schema", "outcome", "t_layer_touch", "displacement", "l1", "l2"})
+"""Keys of run.yaml that a sealed run keeps: what a diagnosis needs, and nothing of the
+plant.
+"""
+RESULT_KEYS = frozenset(
+    {"schema", "outcome", "t_layer_touch", "displacement", "l1", "l2"}
+)
 """Keys of result.yaml that a sealed run keeps."""
 
 
 def make_runs(case: Case, folder: Path, number: int | None = None) -> None:
-    """Fold the standard runs of `case`, or the first `number`, into folders NN-NAME of `folder`.
+    """Fold the standard runs of `case`, or the first `number`, into folders NN-NAME of
+    `folder`.
 
-    Each holds the four files of a measured run and nothing that gives the plant away. Runs that
-    are there already stay; one that was broken off is folded again. Raises ConfigurationError for
-    a case that cannot be folded, Fault for a run that was refused or left no record.
+    Each holds the four files of a measured run and nothing that gives the plant away.
+    Runs that are there already stay; one that was broken off is folded again. Raises
+    ConfigurationError for a case that cannot be folded, Fault for a run that was
+    refused or left no record.
     """
     configs = find_configs(None)
     settings = configs.cell()
     causes = [cause_of(name, values) for name, values in case.causes.items()]
     folder.mkdir(parents=True, exist_ok=True)
     wanted = _requests(case)[:number]
-    missing = [(name, request) for name, request in wanted if not (folder / name).is_dir()]
+    missing = [
+        (name, request) for name, request in wanted if not (folder / name).is_dir()
+    ]
     if not missing:
         return
     calibration = calibration_of(settings)
@@ -74,14 +85,18 @@ def make_runs(case: Case, folder: Path, number: int | None = None) -> None:
             placed = _with_plant(case, request, Path(place))
             result = _fold(placed, causes, case, calibration, State.LAY)
             if result.outcome == REFUSED_OUTCOME:
-                raise Fault(REFUSED_OUTCOME, f"{placed.policy} of {case.strip}: {result.reason}")
+                raise Fault(
+                    REFUSED_OUTCOME, f"{placed.policy} of {case.strip}: {result.reason}"
+                )
             _copy_sealed(Path(result.run), folder / name, request.strip)
 
 
 def refusal(case: Case) -> str | None:
-    """Reason why the cell's preflight refuses to fold the case's plant; None if it does not.
+    """Reason why the cell's preflight refuses to fold the case's plant; None if it does
+    not.
 
-    It does for a desk a few millimetres too high or an edge far from where the strip file puts it.
+    It does for a desk a few millimetres too high or an edge far from where the strip
+    file puts it.
     """
     causes = [cause_of(n, v) for n, v in case.causes.items()]
     _, request = _requests(case)[0]
@@ -102,7 +117,10 @@ def _requests(case: Case) -> list[tuple[str, Request]]:
         requests = tuple(
             replace(r, policy=f"{led}-{i}", speed=None) for i, r in enumerate(requests)
         )
-    return [(f"{i:02d}-{_motion_name(request)}", request) for i, request in enumerate(requests)]
+    return [
+        (f"{i:02d}-{_motion_name(request)}", request)
+        for i, request in enumerate(requests)
+    ]
 
 
 def _motion_name(request: Request) -> str:
@@ -119,9 +137,11 @@ def _with_plant(case: Case, request: Request, runs: Path) -> Request:
 
 
 def exam_cell(settings: CellFile, motion: str, force: float | None = None) -> CellFile:
-    """Cell settings with a plant that is simulated on a finer grid than any model of it.
+    """Cell settings with a plant that is simulated on a finer grid than any model of
+    it.
 
-    With a `force` [N] the arm reports the strip's force with that noise and that error of its tare.
+    With a `force` [N] the arm reports the strip's force with that noise and that error
+    of its tare.
     """
     changes = {"links": LINKS, "step": MOTION_STEPS.get(motion, STEP)}
     world = settings.twin.world.model_copy(update=changes)
@@ -135,33 +155,46 @@ def exam_cell(settings: CellFile, motion: str, force: float | None = None) -> Ce
 
 
 def plant_of(case: Case, strip: StripFile) -> StripFile:
-    """True strip of `case`: the strip file with scaled base parameters and hidden effects."""
+    """True strip of `case`: the strip file with scaled base parameters and hidden
+    effects.
+    """
     scaled = scale_strip(strip, case.stiffness, case.damping)
     return scaled.model_copy(update={"effects": case.effects, "provenance": ()})
 
 
 class ExamTwin:
-    """Device factory of a twin whose plant has hidden `causes` and run-to-run `scatter`.
+    """Device factory of a twin whose plant has hidden `causes` and run-to-run
+    `scatter`.
 
     All chance comes from `seed`.
     """
 
-    def __init__(self, causes: list[Cause], seed: int, scatter: ScatterLevel = "none") -> None:
+    def __init__(
+        self, causes: list[Cause], seed: int, scatter: ScatterLevel = "none"
+    ) -> None:
         self._causes, self._seed = causes, seed
         self._scatter: ScatterLevel = scatter
 
     def __call__(
         self, settings: CellFile, strip: StripFile, trial: Trial, *, calibrating: bool
     ) -> Devices:
-        """Open the twin's devices; the camera reports the identity of the calibrated one."""
+        """Open the twin's devices; the camera reports the identity of the calibrated
+        one.
+        """
         check_drivers(settings)
         cv2.setNumThreads(1)
         staging = PlantOptions(
-            engine=lambda links: Specimen(links, self._causes, self._seed, self._scatter),
+            engine=lambda links: Specimen(
+                links, self._causes, self._seed, self._scatter
+            ),
             view=lambda world: LaggedView(world.scene, self._causes),
         )
         devices = twin_devices(
-            self._change_lens(settings), strip, trial, calibrating=calibrating, staging=staging
+            self._change_lens(settings),
+            strip,
+            trial,
+            calibrating=calibrating,
+            staging=staging,
         )
         devices = replace(devices, camera_identity=settings.twin.camera.identity)
         return corrected_devices(devices, settings, strip)
@@ -187,7 +220,9 @@ class Until:
 
     def handle_event(self, time: float, kind: str, facts: dict[str, object]) -> None:
         """Remember whether an event says that the run enters the final state."""
-        self._reached = self._reached or (kind == "state" and facts.get("state") is self._state)
+        self._reached = self._reached or (
+            kind == "state" and facts.get("state") is self._state
+        )
 
     def __call__(self) -> bool:
         """Whether the run has entered the final state and may end."""
@@ -195,19 +230,29 @@ class Until:
 
 
 def _fold(
-    request: Request, causes: list[Cause], case: Case, calibration: Calibration, end: State
+    request: Request,
+    causes: list[Cause],
+    case: Case,
+    calibration: Calibration,
+    end: State,
 ) -> FoldResult:
-    """Fold the strip of `case` and interrupt the run where it enters the state `end`."""
+    """Fold the strip of `case` and interrupt the run where it enters the state
+    `end`.
+    """
     until, opened = Until(end), ExamTwin(causes, case.seed, case.scatter)
     devices = opened(request.settings, request.strip, request.trial, calibrating=False)
     return fold(request, calibration, (until,), until, devices=devices)
 
 
 def _copy_sealed(made: Path, final: Path, strip: StripFile) -> None:
-    """Copy a record's four files without traces of the plant to `final`, whole or not at all."""
+    """Copy a record's four files without traces of the plant to `final`, whole or not
+    at all.
+    """
     lacking = [name for name in FILES if not (made / name).is_file()]
     if lacking:
-        raise Fault("record", f"{final}: the fold of {strip.name} left no {', '.join(lacking)}")
+        raise Fault(
+            "record", f"{final}: the fold of {strip.name} left no {', '.join(lacking)}"
+        )
     part = final.with_name(final.name + ".part")
     shutil.rmtree(part, ignore_errors=True)
     part.mkdir()
@@ -220,17 +265,25 @@ def _copy_sealed(made: Path, final: Path, strip: StripFile) -> None:
 
 
 def _sealed_header(header: Mapping[str, Any]) -> dict[str, Any]:
-    """Content of run.yaml without keys that reveal the plant; motions by hand keep a number."""
+    """Content of run.yaml without keys that reveal the plant; motions by hand keep a
+    number.
+    """
     kept = {k: v for k, v in header.items() if k in HEADER_KEYS}
     if BY_HAND in str(kept.get("policy")):
-        kept |= dict.fromkeys(("policy", "condition"), f"{BY_HAND}{1 + int(kept['index'])}")
+        kept |= dict.fromkeys(
+            ("policy", "condition"), f"{BY_HAND}{1 + int(kept['index'])}"
+        )
     return kept
 
 
 def sealed_result(result: Mapping[str, Any]) -> dict[str, Any]:
-    """Content of result.yaml for a run that the exam interrupted after its touch was measured."""
+    """Content of result.yaml for a run that the exam interrupted after its touch was
+    measured.
+    """
     kept = {k: v for k, v in result.items() if k in RESULT_KEYS}
-    touched = all(kept.get(k) is not None for k in ("t_layer_touch", "displacement", "l1", "l2"))
+    touched = all(
+        kept.get(k) is not None for k in ("t_layer_touch", "displacement", "l1", "l2")
+    )
     if kept.get("outcome") == INTERRUPTED.name and touched:
         kept["outcome"] = "layer_touch"
     return kept

@@ -1,4 +1,6 @@
-"""Runs a fold with an injected fault of the campaign, and evaluates how the cell reacted."""
+"""Runs a fold with an injected fault of the campaign, and evaluates how the cell
+reacted.
+"""
 
 import resource
 from collections.abc import Callable, Iterator, Mapping
@@ -28,12 +30,22 @@ from policies.registry import make_policy
 from tests.lab.faults.failing import PERIOD, Failing, FailingPolicy
 from tests.lab.faults.faults import FAULTS, Scene
 
-FAULT_STATES = ("FOLD", "LAY", "TOUCHED", "RELEASE", "STOPPING", "LIFT", "GRASP", "PREFLIGHT")
+FAULT_STATES = (
+    "FOLD",
+    "LAY",
+    "TOUCHED",
+    "RELEASE",
+    "STOPPING",
+    "LIFT",
+    "GRASP",
+    "PREFLIGHT",
+)
 FAULT_DELAY = 0.25  # s in the state before the fault strikes
 REST_SPEED = 0.002  # m/s below which a gripper rests
 # m that a good fold's measurement may be off the truth: what a cell states as sigma
 DISPLACEMENT_TOLERANCE = 0.003
-RATE_SAMPLES = 5  # looks at the gripper over which its rate is judged: it follows a robot in steps
+# looks at the gripper over which its rate is judged: it follows a robot in steps
+RATE_SAMPLES = 5
 LIMIT_FACTOR = 1.02  # of a limit, for what sampling makes of it
 BOX_MARGIN = 0.005  # m about the workspace
 CAMERA_RATE = 20.0  # Hz: an image is the dearest part of a simulated fold
@@ -41,7 +53,9 @@ CAMERA_RATE = 20.0  # Hz: an image is the dearest part of a simulated fold
 
 @dataclass(frozen=True, slots=True)
 class Blow:
-    """Case of the fault campaign: `fault` injected in `state`, with the random `seed`."""
+    """Case of the fault campaign: `fault` injected in `state`, with the random
+    `seed`.
+    """
 
     fault: str
     state: str
@@ -49,10 +63,14 @@ class Blow:
 
 
 class Striker:
-    """Observer that injects the fault once, FAULT_DELAY after the start of its state."""
+    """Observer that injects the fault once, FAULT_DELAY after the start of its
+    state.
+    """
 
     def __init__(self, blow: Blow, scene: Callable[[], Scene]) -> None:
-        """Observe the fold that `scene` gives once it is opened; times are the world's [s]."""
+        """Observe the fold that `scene` gives once it is opened; times are the world's
+        [s].
+        """
         self._blow, self._scene = blow, scene
         self._begun: float | None = None
         self.at: float | None = None
@@ -60,7 +78,9 @@ class Striker:
 
     @property
     def stops(self) -> bool:
-        """Whether the operator stops the run now, for a fault that strikes during the stop."""
+        """Whether the operator stops the run now, for a fault that strikes during the
+        stop.
+        """
         return self._blow.state == "STOPPING" and self._begun is not None
 
     def handle_tick(self, snapshot: Snapshot) -> None:
@@ -90,10 +110,12 @@ class Striker:
 
 
 def strike(blow: Blow, folder: Path, calibration: Calibration) -> Mapping[str, Any]:
-    """Fold with the fault of `blow`, recorded in `folder`; returns the result in plain values.
+    """Fold with the fault of `blow`, recorded in `folder`; returns the result in plain
+    values.
 
-    `verdict` is stopped (by a named fault), harmless (the fold went through and its measurement is
-    right), not struck (the state never came), else undetected. Times in s, lengths in m.
+    `verdict` is stopped (by a named fault), harmless (the fold went through and its
+    measurement is right), not struck (the state never came), else undetected. Times in
+    s, lengths in m.
     """
     scenes: list[Scene] = []
     striker = Striker(blow, lambda: scenes[0])
@@ -103,12 +125,20 @@ def strike(blow: Blow, folder: Path, calibration: Calibration) -> Mapping[str, A
     with _free_disk(), Interrupt() as interrupted:
         try:
             policy = FailingPolicy(make_policy(request.policy))
-            devices = open_cell(request.settings, request.strip, request.trial, calibrating=False)
-            scenes.append(Scene(Failing(devices), policy, _pixels_of_two_mm(calibration)))
+            devices = open_cell(
+                request.settings, request.strip, request.trial, calibrating=False
+            )
+            scenes.append(
+                Scene(Failing(devices), policy, _pixels_of_two_mm(calibration))
+            )
             result = fold(
-                request, calibration, (striker,), lambda: interrupted() or striker.stops,
-                devices=scenes[0].cell.devices, policy=policy,
-            )  # fmt: skip
+                request,
+                calibration,
+                (striker,),
+                lambda: interrupted() or striker.stops,
+                devices=scenes[0].cell.devices,
+                policy=policy,
+            )
         except CellError as error:
             result = FoldResult.refusal(request, error)
     for scene in scenes:
@@ -153,12 +183,18 @@ def _verdict(striker: Striker, result: FoldResult) -> str:
     if result.exit_code > 1:
         return "stopped"
     seen, true = result.displacement, result.displacement_true
-    right = seen is not None and true is not None and abs(seen - true) <= DISPLACEMENT_TOLERANCE
+    right = (
+        seen is not None
+        and true is not None
+        and abs(seen - true) <= DISPLACEMENT_TOLERANCE
+    )
     return "harmless" if right or result.exit_code == 1 else "undetected"
 
 
 def _within_limits(motion: Array, place: Installation) -> bool:
-    """Whether the arm stayed within its speed limits and its workspace in `motion` (n, 4)."""
+    """Whether the arm stayed within its speed limits and its workspace in `motion` (n,
+    4).
+    """
     limits, box = place.limits, place.workspace
     rates = np.diff(motion[::RATE_SAMPLES, 1:], axis=0) / (RATE_SAMPLES * PERIOD)
     quick = all(
@@ -166,14 +202,17 @@ def _within_limits(motion: Array, place: Installation) -> bool:
         for i, axis in enumerate(limits.axes)
     )
     inside = all(
-        low - BOX_MARGIN <= motion[:, 1 + i].min() and motion[:, 1 + i].max() <= high + BOX_MARGIN
+        low - BOX_MARGIN <= motion[:, 1 + i].min()
+        and motion[:, 1 + i].max() <= high + BOX_MARGIN
         for i, (low, high) in enumerate((box.x, box.z))
     )
     return bool(quick and inside)
 
 
 def _record_is_whole(result: FoldResult, *, spares: bool) -> bool:
-    """Whether the record can be read and holds the outcome, unless the fault hits the record."""
+    """Whether the record can be read and holds the outcome, unless the fault hits the
+    record.
+    """
     try:
         run = read_run(Path(result.run)) if result.run else None
     except CellError:
@@ -185,7 +224,9 @@ def _record_is_whole(result: FoldResult, *, spares: bool) -> bool:
 
 
 def _request(blow: Blow, runs: Path) -> Request:
-    """A quick fold with the arm that can suffer the fault: a short strip, few images and links."""
+    """A quick fold with the arm that can suffer the fault: a short strip, few images
+    and links.
+    """
     usual = find_configs(None)
     content = usual.cell().model_dump(by_alias=True, exclude_unset=True)
     content["twin"] |= {"camera": {"rate": CAMERA_RATE}, "world": {"links": 60}}
@@ -205,7 +246,9 @@ def _pixels_of_two_mm(calibration: Calibration) -> tuple[float, float]:
 
 @contextmanager
 def _free_disk() -> Iterator[None]:
-    """Restore the file-size limit after the block, in which a fault may simulate a full disk."""
+    """Restore the file-size limit after the block, in which a fault may simulate a full
+    disk.
+    """
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     try:
         yield

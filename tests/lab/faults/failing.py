@@ -24,11 +24,15 @@ from policies.policy import Decision, Observation, Policy
 
 PERIOD = 0.002  # s between two looks at the gripper
 Spoil = Callable[[Frame, Frame], Frame | None]
-"""Function from a frame and the last good one to the frame delivered, None if it is lost."""
+"""Function from a frame and the last good one to the frame delivered, None if it is
+lost.
+"""
 
 
 class Delegate:
-    """Wrapper of a device or policy that forwards all that a subclass does not override."""
+    """Wrapper of a device or policy that forwards all that a subclass does not
+    override.
+    """
 
     def __init__(self, device: Any) -> None:
         self._device = device
@@ -136,7 +140,8 @@ class FailingPolicy(Delegate):
 
 
 class Failing:
-    """Fault switches on the devices of a twin, off at first, and the true gripper motion.
+    """Fault switches on the devices of a twin, off at first, and the true gripper
+    motion.
 
     `motion` holds rows of time [s], x, z [m], pitch [rad], one every `PERIOD`.
     """
@@ -144,7 +149,9 @@ class Failing:
     def __init__(self, devices: Devices) -> None:
         """Wrap the devices of a twin; raises ConfigurationError for other `devices`."""
         if not isinstance(devices.plant, TwinPlant):
-            raise ConfigurationError("faults: are injected into a twin only; use arm twin or fci")
+            raise ConfigurationError(
+                "faults: are injected into a twin only; use arm twin or fci"
+            )
         self._twin, self._others = devices.plant.twin, devices.others
         self._driver = devices.arm
         self.camera = FailingCamera(devices.camera)
@@ -153,8 +160,12 @@ class Failing:
         self.clock = FailingClock(devices.clock)
         self.motion: list[tuple[float, float, float, float]] = []
         self._twin.clock.every(PERIOD, self._record_pose, Rank.JOB)
-        wrapped: dict[str, Any] = {"camera": self.camera, "arm": self.arm, "hand": self.hand,
-                                   "clock": self.clock}  # fmt: skip
+        wrapped: dict[str, Any] = {
+            "camera": self.camera,
+            "arm": self.arm,
+            "hand": self.hand,
+            "clock": self.clock,
+        }
         self.devices = replace(devices, **wrapped)
 
     @property
@@ -163,8 +174,12 @@ class Failing:
         return self._twin.clock.now()
 
     def strike_robot(self, **facts: object) -> None:
-        """Make the emulated robot suffer a fault at its next tick; `facts` as in a fault script."""
-        script = parse({"schema": 1, "faults": [{"at": 0, **facts}]}, FaultScript, "faults")
+        """Make the emulated robot suffer a fault at its next tick; `facts` as in a
+        fault script.
+        """
+        script = parse(
+            {"schema": 1, "faults": [{"at": 0, **facts}]}, FaultScript, "faults"
+        )
         for other in self._others:
             if isinstance(other, RobotServer):
                 other.inject(script.faults[0])
@@ -188,7 +203,9 @@ class Failing:
         self._twin.clock.every(PERIOD, raises, Rank.WORLD)
 
     def look(self) -> None:
-        """Record the gripper's present pose, missed by the clock when an event interrupts it."""
+        """Record the gripper's present pose, missed by the clock when an event
+        interrupts it.
+        """
         if self.motion and self.now > self.motion[-1][0]:
             self._record_pose(self.now)
 
@@ -231,7 +248,9 @@ def corrupt(frame: Frame, kept: Frame) -> Frame:
     """Fault of the camera: the lower half of the image is noise."""
     image = kept.image.copy()
     half = image[len(image) // 2 :]
-    half[:] = np.random.default_rng(frame.sequence).integers(0, 256, half.shape, np.uint8)
+    half[:] = np.random.default_rng(frame.sequence).integers(
+        0, 256, half.shape, np.uint8
+    )
     return replace(frame, image=image)
 
 
@@ -241,14 +260,18 @@ def shift(by: tuple[float, float]) -> Spoil:
 
     def spoil(frame: Frame, _kept: Frame) -> Frame:
         h, w = frame.image.shape[:2]
-        image = cv2.warpAffine(frame.image, warp, (w, h), borderMode=cv2.BORDER_REPLICATE)
+        image = cv2.warpAffine(
+            frame.image, warp, (w, h), borderMode=cv2.BORDER_REPLICATE
+        )
         return replace(frame, image=np.asarray(image, np.uint8))
 
     return spoil
 
 
 def delay(by: float) -> Spoil:
-    """Fault of the camera: images arrive `by` [s] after their exposure; their stamps are right."""
+    """Fault of the camera: images arrive `by` [s] after their exposure; their stamps
+    are right.
+    """
     waiting: deque[Frame] = deque()
 
     def spoil(frame: Frame, _kept: Frame) -> Frame | None:
@@ -261,14 +284,17 @@ def delay(by: float) -> Spoil:
 
 
 def jpeg(*, holes: bool) -> Spoil:
-    """Fault of the camera: images are padded JPEG, with `holes` without a tenth of the bytes.
+    """Fault of the camera: images are padded JPEG, with `holes` without a tenth of the
+    bytes.
 
     The markers stay in place; the driver drops what is no picture.
     """
 
     def spoil(frame: Frame, _kept: Frame) -> Frame | None:
         h, w = frame.image.shape[:2]
-        content = cv2.imencode(".jpg", frame.image, [cv2.IMWRITE_JPEG_QUALITY, 95])[1].tobytes()
+        content = cv2.imencode(".jpg", frame.image, [cv2.IMWRITE_JPEG_QUALITY, 95])[
+            1
+        ].tobytes()
         if holes:
             middle = len(content) // 2
             content = content[:middle] + content[middle + len(content) // 10 :]

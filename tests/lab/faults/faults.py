@@ -1,4 +1,6 @@
-"""Faults of the campaign by name, each with the injection that changes a running cell."""
+"""Faults of the campaign by name, each with the injection that changes a running
+cell.
+"""
 
 import math
 import os
@@ -26,7 +28,9 @@ LONGEST_TICK = 0.02  # s between two velocities, of which a lagging arm takes ac
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """Devices and policy of one fold that can fail; `moved` [px] is the image shift of 2 mm."""
+    """Devices and policy of one fold that can fail; `moved` [px] is the image shift of
+    2 mm.
+    """
 
     cell: Failing
     policy: FailingPolicy
@@ -38,7 +42,9 @@ Strike = Callable[[Scene], None]
 
 @dataclass(frozen=True, slots=True)
 class Injection:
-    """Fault to `strike` with, the `arm` that can suffer it, and whether it `spares` the record."""
+    """Fault to `strike` with, the `arm` that can suffer it, and whether it `spares` the
+    record.
+    """
 
     strike: Strike
     arm: str = "twin"
@@ -46,7 +52,9 @@ class Injection:
 
 
 def switch(path: str, value: Any) -> Injection:
-    """Fault that sets the switch at `path` of the scene, as `cell.camera.spoil`, to `value`."""
+    """Fault that sets the switch at `path` of the scene, as `cell.camera.spoil`, to
+    `value`.
+    """
     owner, _, name = path.rpartition(".")
     return Injection(lambda scene: setattr(attrgetter(owner)(scene), name, value))
 
@@ -58,7 +66,9 @@ policy = partial(switch, "policy.otherwise")
 
 
 def repeats(path: str) -> Injection:
-    """Fault of a device that repeats for ever the next state that passes through `path`."""
+    """Fault of a device that repeats for ever the next state that passes through
+    `path`.
+    """
 
     def strike(scene: Scene) -> None:
         first: dict[str, Any] = {}
@@ -79,7 +89,9 @@ def late_camera(scene: Scene) -> None:
 
 @dataclass(slots=True)
 class _Lag:
-    """Arm that moves at half of each velocity, and reports the pose that was commanded."""
+    """Arm that moves at half of each velocity, and reports the pose that was
+    commanded.
+    """
 
     now: Callable[[], float]
     last: float = 0.0  # s, when a velocity last came
@@ -96,17 +108,23 @@ class _Lag:
 
     def report(self, state: ArmState) -> ArmState:
         due = state.commanded
-        return replace(state, commanded=replace(due, x=due.x + self.lost_x, z=due.z + self.lost_z))
+        return replace(
+            state, commanded=replace(due, x=due.x + self.lost_x, z=due.z + self.lost_z)
+        )
 
 
 def lagging(scene: Scene) -> None:
-    """Fault of the arm: it follows at half of each velocity, and reports the commanded pose."""
+    """Fault of the arm: it follows at half of each velocity, and reports the commanded
+    pose.
+    """
     lag = _Lag(scene.cell.clock.now)
     scene.cell.arm.follows, scene.cell.arm.reports = lag.follow, lag.report
 
 
 def beside(state: ArmState) -> ArmState:
-    """Fault of the arm: it reports a pose outside its workspace, measured and commanded."""
+    """Fault of the arm: it reports a pose outside its workspace, measured and
+    commanded.
+    """
     place = Pose(state.pose.x, -0.05, state.pose.pitch)
     return replace(state, pose=place, commanded=place)
 
@@ -135,7 +153,9 @@ def full_disk(_: Scene) -> None:
 
 
 def pause(scene: Scene, seconds: float) -> None:
-    """Fault of the record: a write to its disk takes `seconds` while the cell's clock goes on."""
+    """Fault of the record: a write to its disk takes `seconds` while the cell's clock
+    goes on.
+    """
     scene.cell.clock.wait_until(scene.cell.clock.now() + seconds)
 
 
@@ -167,7 +187,9 @@ FAULTS: Mapping[str, Injection] = {
     "camera: JPEG with padding": camera(failing.jpeg(holes=False)),
     "camera: JPEG with holes": camera(failing.jpeg(holes=True)),
     "arm: stale state": repeats("cell.arm.reports"),
-    "arm: no number": arm(lambda s: replace(s, pose=Pose(math.nan, math.nan, math.nan))),
+    "arm: no number": arm(
+        lambda s: replace(s, pose=Pose(math.nan, math.nan, math.nan))
+    ),
     "arm: lags": Injection(lagging),
     "arm: refuses": switch(
         "cell.arm.refusal", Fault("motion_refused", "the robot refuses the command")

@@ -1,1 +1,3 @@
-"""Studies of the cell: measurements over many cases, one module a study, here or on a cluster."""
+"""Studies of the cell: measurements over many cases, one module a study, here or on a
+cluster.
+"""

@@ -1,4 +1,6 @@
-"""Runs a study as a campaign, a part for each case, and reads its outcomes from the journal."""
+"""Runs a study as a campaign, a part for each case, and reads its outcomes from the
+journal.
+"""
 
 import hashlib
 from collections.abc import Mapping, Sequence
@@ -27,7 +29,8 @@ WORKING_PARTS = (
 def measure_case(name: str, case: Case, of: str) -> Mapping[str, Any]:
     """Measure a case of the study `name`; returns its values with those of its outcome.
 
-    Raises ConfigurationError where code or configuration are not those of the campaign, `of`.
+    Raises ConfigurationError where code or configuration are not those of the campaign,
+    `of`.
     """
     study = study_of(name)
     if inputs(study) != of:
@@ -55,10 +58,18 @@ class StudyRequest:
         return self.folder / JOURNAL
 
     def parts(self, shard: tuple[int, int] = (1, 1)) -> tuple[Part, ...]:
-        """Parts of all cases, or of every n-th from the i-th on for the shard i of n."""
+        """Parts of all cases, or of every n-th from the i-th on for the shard i of
+        n.
+        """
         made_of, study, (number, count) = inputs(self.study), self.study, shard
         return tuple(
-            Part(case.key, made_of, study.seconds, measure_case, (study.name, case, made_of))
+            Part(
+                case.key,
+                made_of,
+                study.seconds,
+                measure_case,
+                (study.name, case, made_of),
+            )
             for case in study.cases(self.seed, self.count)[number - 1 :: count]
         )
 
@@ -67,7 +78,8 @@ class StudyRequest:
 class StudyRecord:
     """Stored outcomes of the requested cases, by the version `of` the code.
 
-    `lost` are cases that failed or were set aside, `other` is the number of other versions' ones.
+    `lost` are cases that failed or were set aside, `other` is the number of other
+    versions' ones.
     """
 
     asked: StudyRequest
@@ -84,7 +96,12 @@ class StudyRecord:
 
 
 def measure(
-    asked: StudyRequest, engine: Engine, meter: Meter, shard: tuple[int, int], *, again: bool
+    asked: StudyRequest,
+    engine: Engine,
+    meter: Meter,
+    shard: tuple[int, int],
+    *,
+    again: bool,
 ) -> None:
     """Measure the cases that have no record in the journal; raises as `carry_out`."""
     parts = asked.parts(shard)
@@ -93,14 +110,18 @@ def measure(
 
 
 def read_study(asked: StudyRequest) -> StudyRecord:
-    """Read stored outcomes by the present code, or else by the version with the most outcomes."""
+    """Read stored outcomes by the present code, or else by the version with the most
+    outcomes.
+    """
     wanted = {case.key: case for case in asked.study.cases(asked.seed, asked.count)}
     found = [r for r in Journal(asked.journal).records() if r.key in wanted]
     of = _code_to_show(found, inputs(asked.study))
     mine = sorted((r for r in found if r.of == of), key=lambda r: r.key)
     failed, outcomes = asked.study.failed, []
     for r in mine:
-        values = failed(wanted[r.key].values) if r.outcome is None else r.outcome["values"]
+        values = (
+            failed(wanted[r.key].values) if r.outcome is None else r.outcome["values"]
+        )
         outcomes += [Outcome(wanted[r.key], values)] if values else []
     lost = tuple(record for record in mine if record.outcome is None)
     costs = tuple(record.cost for record in mine if record.outcome is not None)
@@ -108,12 +129,17 @@ def read_study(asked: StudyRequest) -> StudyRecord:
 
 
 def cost(kept: StudyRecord) -> list[tuple[str, str]]:
-    """Median, worst and total processor and wall time of the cases, as labelled texts."""
+    """Median, worst and total processor and wall time of the cases, as labelled
+    texts.
+    """
     if not kept.costs:
         return []
     processor = sorted(each.processor for each in kept.costs)
     return [
-        ("a case, processor", f"{median(processor):.1f} s, worst {processor[-1]:.1f} s"),
+        (
+            "a case, processor",
+            f"{median(processor):.1f} s, worst {processor[-1]:.1f} s",
+        ),
         ("a case, wall", f"{median(each.wall for each in kept.costs):.1f} s"),
         ("all, processor", duration_text(sum(processor))),
     ]
@@ -123,7 +149,9 @@ def _code_to_show(records: Sequence[Record], now: str) -> str:
     counts: dict[str, int] = {}
     for record in records:
         counts[record.of] = counts.get(record.of, 0) + (record.outcome is not None)
-    return now if counts.get(now) or not counts else max(counts, key=lambda of: counts[of])
+    return (
+        now if counts.get(now) or not counts else max(counts, key=lambda of: counts[of])
+    )
 
 
 def inputs(study: Study) -> str:

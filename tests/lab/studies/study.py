@@ -16,7 +16,9 @@ DRAWS = 1000  # of the bootstrap
 
 
 class Statistic(Enum):
-    """Statistics of many values (n,), each with its name in a table; `| |` is of their size."""
+    """Statistics of many values (n,), each with its name in a table; `| |` is of their
+    size.
+    """
 
     MEAN = "mean", np.mean
     MEDIAN = "median", np.median
@@ -39,10 +41,11 @@ EXACT_STATISTICS = (Statistic.WORST_SIZE, Statistic.COUNT)
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """Column of a table: the `statistic` of each outcome's `value`, one number or a list.
+    """Column of a table: the `statistic` of each outcome's `value`, one number or a
+    list.
 
-    Shown times `scale` in `unit`; the `bar` is the most that it may be, in that unit, or the least
-    where `floor`. `label` replaces the name.
+    Shown times `scale` in `unit`; the `bar` is the most that it may be, in that unit,
+    or the least where `floor`. `label` replaces the name.
     """
 
     value: str
@@ -60,13 +63,16 @@ class Quantity:
         name = self.label or self.value.replace("_", " ")
         if not self.label:
             text = self.statistic.value[0]
-            name = text.replace("| |", f"|{name}|") if "| |" in text else f"{text} {name}"
+            name = (
+                text.replace("| |", f"|{name}|") if "| |" in text else f"{text} {name}"
+            )
         return f"{name} [{self.unit}]" if self.unit else name
 
 
 @dataclass(frozen=True, slots=True)
 class Figure:
-    """Value of a quantity with its 95 % interval, NaN without one, and the `count` of its cases.
+    """Value of a quantity with its 95 % interval, NaN without one, and the `count` of
+    its cases.
 
     `held` states whether the value keeps its bar, None without a bar.
     """
@@ -92,8 +98,8 @@ class Figure:
 def figure(quantity: Quantity, samples: Sequence[Sequence[float]]) -> Figure:
     """Compute `quantity` over the `samples` of each case, which may be none.
 
-    The interval of a share is exact (Clopper and Pearson), the others' a bootstrap over cases,
-    since the samples of one case belong together.
+    The interval of a share is exact (Clopper and Pearson), the others' a bootstrap over
+    cases, since the samples of one case belong together.
     """
     cases = [np.asarray(each, dtype=np.float64) for each in samples]
     cases = [each[np.isfinite(each)] for each in cases]
@@ -107,18 +113,24 @@ def figure(quantity: Quantity, samples: Sequence[Sequence[float]]) -> Figure:
 
 
 def _keeps_bar(quantity: Quantity, value: float) -> bool | None:
-    """Whether `value` keeps the quantity's bar; None without a bar or without a number."""
+    """Whether `value` keeps the quantity's bar; None without a bar or without a
+    number.
+    """
     if quantity.bar is None or not np.isfinite(value):
         return None
     return value >= quantity.bar if quantity.floor else value <= quantity.bar
 
 
-def _interval(statistic: Statistic, cases: list[Array], values: Array) -> tuple[float, float]:
+def _interval(
+    statistic: Statistic, cases: list[Array], values: Array
+) -> tuple[float, float]:
     """95 % interval of a statistic: exact for shares, else by bootstrap over cases."""
     if len(cases) < 2 or statistic in EXACT_STATISTICS:
         return float("nan"), float("nan")
     if statistic is Statistic.SHARE and values.size == len(cases):
-        exact = binomtest(int(values.sum()), len(values)).proportion_ci(CONFIDENCE_LEVEL)
+        exact = binomtest(int(values.sum()), len(values)).proportion_ci(
+            CONFIDENCE_LEVEL
+        )
         return float(exact.low), float(exact.high)
     rng = np.random.default_rng(0)
     draws = rng.integers(len(cases), size=(DRAWS, len(cases)))
@@ -139,7 +151,9 @@ Draw = Callable[[int, np.random.Generator], Values]
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """Case `number` of a study with its values, plain JSON, and the seed that it was drawn from."""
+    """Case `number` of a study with its values, plain JSON, and the seed that it was
+    drawn from.
+    """
 
     number: int
     seed: int
@@ -161,9 +175,11 @@ class Outcome:
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """Data file of the package that a study writes to `path`, with content `of` all outcomes.
+    """Data file of the package that a study writes to `path`, with content `of` all
+    outcomes.
 
-    The path is in the checkout; to the content's `source`, if any, the number of cases is added.
+    The path is in the checkout; to the content's `source`, if any, the number of cases
+    is added.
     """
 
     path: str
@@ -182,12 +198,13 @@ class Ledger:
 class Study:
     """A study: how its cases are drawn and measured, and the columns of its table.
 
-    `draw` makes case number i from a generator of its own, seeded by (seed, i), so that a larger
-    study holds the smaller one. `measure` takes the values of a case to those of its outcome; both
-    are functions of a module, so that another process can call them. `usual` and `quick` are
-    numbers of cases, the latter 0 where one takes minutes; `seconds` is the processor time of one,
-    `limit` the wall time at which it is set aside [s]. Rows of the table are groups of cases with
-    equal values of `by`. Cases that fail, or are set aside, count with the values `failed`.
+    `draw` makes case number i from a generator of its own, seeded by (seed, i), so that
+    a larger study holds the smaller one. `measure` takes the values of a case to those
+    of its outcome; both are functions of a module, so that another process can call
+    them. `usual` and `quick` are numbers of cases, the latter 0 where one takes
+    minutes; `seconds` is the processor time of one, `limit` the wall time at which it
+    is set aside [s]. Rows of the table are groups of cases with equal values of `by`.
+    Cases that fail, or are set aside, count with the values `failed`.
     """
 
     name: str

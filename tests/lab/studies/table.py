@@ -1,4 +1,6 @@
-"""Table of a study: one row a group of cases, one column a quantity with its interval."""
+"""Table of a study: one row a group of cases, one column a quantity with its
+interval.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,7 +17,9 @@ ALL, TABLE_FILE = "all", "table.md"
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """Row of the table: a group of cases, the number of them measured, and their statistics."""
+    """Row of the table: a group of cases, the number of them measured, and their
+    statistics.
+    """
 
     group: str
     count: int
@@ -23,10 +27,11 @@ class Row:
 
 
 def write_table(kept: StudyRecord) -> Path:
-    """Write the ledger of a study and its table with costs and losses; returns the table's path.
+    """Write the ledger of a study and its table with costs and losses; returns the
+    table's path.
 
-    A whole study that fits something also writes its data files. Raises OSError where the folder
-    cannot be written.
+    A whole study that fits something also writes its data files. Raises OSError where
+    the folder cannot be written.
     """
     folder, study = kept.asked.folder, kept.asked.study
     folder.mkdir(parents=True, exist_ok=True)
@@ -45,12 +50,18 @@ def write_table(kept: StudyRecord) -> Path:
 
 
 def rows(kept: StudyRecord) -> tuple[Row, ...]:
-    """Rows of a study's table, one a group of cases, and of several groups a last one of all."""
+    """Rows of a study's table, one a group of cases, and of several groups a last one
+    of all.
+    """
     quantities, groups = kept.asked.study.quantities, group(kept)
     if len(groups) > 1:
         groups[ALL] = list(kept.outcomes)
     return tuple(
-        Row(name, len(some), tuple(figure(q, samples(some, q.value)) for q in quantities))
+        Row(
+            name,
+            len(some),
+            tuple(figure(q, samples(some, q.value)) for q in quantities),
+        )
         for name, some in groups.items()
     )
 
@@ -59,7 +70,10 @@ def group(kept: StudyRecord) -> dict[str, list[Outcome]]:
     """Group outcomes by the values of the study's `by`, in the order of their cases."""
     groups: dict[str, list[Outcome]] = {}
     for outcome in sorted(kept.outcomes, key=lambda o: o.case.number):
-        name = ", ".join(str(outcome.case.values[key]) for key in kept.asked.study.by) or ALL
+        name = (
+            ", ".join(str(outcome.case.values[key]) for key in kept.asked.study.by)
+            or ALL
+        )
         groups.setdefault(name, []).append(outcome)
     return groups
 
@@ -70,26 +84,40 @@ def keeps_bars(found: Sequence[Row]) -> bool:
 
 
 def markdown(kept: StudyRecord) -> str:
-    """Format the table in Markdown, with the share of cases measured and the command for it."""
+    """Format the table in Markdown, with the share of cases measured and the command
+    for it.
+    """
     study = kept.asked.study
     titles = (", ".join(study.by) or "cases", "n", *(q.title for q in study.quantities))
-    every = ((r.group, str(r.count), *(f.text() for f in r.figures)) for r in rows(kept))
-    head, *others = ([cell.replace("|", "\\|") for cell in line] for line in (titles, *every))
+    every = (
+        (r.group, str(r.count), *(f.text() for f in r.figures)) for r in rows(kept)
+    )
+    head, *others = (
+        [cell.replace("|", "\\|") for cell in line] for line in (titles, *every)
+    )
     return f"{table(head, others)}\n\n{progress(kept)}\n"
 
 
 def progress(kept: StudyRecord) -> str:
-    """Sentence on the number of measured cases, the version of the code, and missing cases."""
+    """Sentence on the number of measured cases, the version of the code, and missing
+    cases.
+    """
     asked, lost = kept.asked, kept.lost
     done = len(kept.outcomes)
     words = f"{done} of {asked.count} so far" if done < asked.count else f"{done} cases"
-    words += f"; 95 % intervals over cases; `python -m tests.lab study {asked.study.name} "
+    words += (
+        f"; 95 % intervals over cases; `python -m tests.lab study {asked.study.name} "
+    )
     words += f"--seed {asked.seed} --count {asked.count}`, code and inputs {kept.of}"
     words += "" if kept.present else ", which is other code than this"
     aside = sum(record.state == "set_aside" for record in lost)
     words += f"; {aside} set aside" if aside else ""
     words += f"; {len(lost) - aside} failed" if len(lost) > aside else ""
-    return words + (f"; {kept.other} records of other code left out" if kept.other else "") + "."
+    return (
+        words
+        + (f"; {kept.other} records of other code left out" if kept.other else "")
+        + "."
+    )
 
 
 def samples(outcomes: Sequence[Outcome], name: str) -> list[list[float]]:

@@ -4,13 +4,20 @@ from collections.abc import Callable
 from itertools import product
 
 from cell.gap.selection.posterior import Beliefs
-from tests.lab.studies.catalogue.beliefs import IMMATERIAL, STUDY, WRONG_SIGMAS, fit_beliefs
+from tests.lab.studies.catalogue.beliefs import (
+    IMMATERIAL,
+    STUDY,
+    WRONG_SIGMAS,
+    fit_beliefs,
+)
 from tests.lab.studies.study import Case as StudyCase, Outcome
 
 
 def outcome(nats: Callable[[float, float], float]) -> Outcome:
-    scores = [{"immaterial": i, "wrong": w, "nats": nats(i, w)}
-              for i, w in product(IMMATERIAL, WRONG_SIGMAS)]  # fmt: skip
+    scores = [
+        {"immaterial": i, "wrong": w, "nats": nats(i, w)}
+        for i, w in product(IMMATERIAL, WRONG_SIGMAS)
+    ]
     return Outcome(StudyCase(0, 0, {}), {"scores": scores})
 
 

@@ -1,4 +1,6 @@
-"""Hidden causes of the exam: nothing at their null, and in the chain what their laws say."""
+"""Hidden causes of the exam: nothing at their null, and in the chain what their laws
+say.
+"""
 
 import math
 from typing import Any
@@ -28,7 +30,9 @@ ALIKE: dict[str, dict[str, float]] = {
     "soft_seam": {"factor": 1.6, "position": 0.3, "width": 0.03},
     "log_creep": {"ratio": 0.3, "time": 0.7},
 }
-"""Values of the effect that each cause resembles; the first one is the cause's own as well."""
+"""Values of the effect that each cause resembles; the first one is the cause's own as
+well.
+"""
 LOADED: Effects = {
     "bending_hysteresis": {"yield_curvature": 2.0, "stiffness_ratio": 8.0},
     "relaxation": {"ratio": 0.2, "time": 0.5},
@@ -43,12 +47,18 @@ def described(effects: Effects | None = None, index: int = LATE) -> StripModel:
 def moved(plant: Any, model: StripModel, seconds: float = 20.0) -> StripMotion:
     steady = way(triangular(LENGTH))
     within = steady.t <= seconds
-    return simulate(plant, model, steady.t[within], steady.poses[within], dt=STEP, shapes=True)
+    return simulate(
+        plant, model, steady.t[within], steady.poses[within], dt=STEP, shapes=True
+    )
 
 
-def lifted(*causes: Cause, index: int = LATE, seed: int = 5, seconds: float = 3.0) -> Array:
+def lifted(
+    *causes: Cause, index: int = LATE, seed: int = 5, seconds: float = 3.0
+) -> Array:
     """The shape (n, 2) after a part of the fold."""
-    return moved(Specimen(LINKS, causes, seed), described(index=index), seconds).shapes[-1]
+    return moved(Specimen(LINKS, causes, seed), described(index=index), seconds).shapes[
+        -1
+    ]
 
 
 @pytest.fixture(scope="module")
@@ -66,7 +76,9 @@ def half_way() -> Array:
 def test_causes_at_null_leave_the_chain_bit_for_bit(effects: Effects) -> None:
     model = described(effects)
     expected = moved(Chain(LINKS), model, seconds=1.5)
-    null = [cause_of(name, {cause.amount: cause.null}) for name, cause in causes().items()]
+    null = [
+        cause_of(name, {cause.amount: cause.null}) for name, cause in causes().items()
+    ]
     found = moved(Specimen(LINKS, null, 1), model, seconds=1.5)
     assert np.array_equal(found.shapes, expected.shapes)
 
@@ -82,7 +94,9 @@ def test_cause_changes_a_fold_like_the_effect_that_it_resembles(
     changed = moved(Specimen(LINKS, [cause_of(name, own)], 5), described())
     library = moved(Chain(LINKS), described({effect: values}))
     last = min(len(m.t) for m in (bare, changed, library)) - 30
-    cause, known = ((m.contact_x[270:last] - bare.contact_x[270:last]) for m in (changed, library))
+    cause, known = (
+        (m.contact_x[270:last] - bare.contact_x[270:last]) for m in (changed, library)
+    )
     cosine = cause @ known / math.sqrt((cause @ cause) * (known @ known))
     assert cosine > 0.75
     assert 0.4 < np.linalg.norm(cause) / np.linalg.norm(known) < 2.5
@@ -91,7 +105,10 @@ def test_cause_changes_a_fold_like_the_effect_that_it_resembles(
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "name", sorted({n for n, cause in causes().items() if cause.sizes} - {"lens", "clock_drift"})
+    "name",
+    sorted(
+        {n for n, cause in causes().items() if cause.sizes} - {"lens", "clock_drift"}
+    ),
 )
 def test_a_strong_cause_moves_the_strip_and_the_same_seed_moves_it_alike(
     name: str, half_way: Array

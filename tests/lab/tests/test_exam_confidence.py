@@ -22,17 +22,26 @@ from tests.lab.studies.study import Case, Outcome
 LEDGERS = Path(__file__).parents[1] / "ledgers"
 
 
-def told(log_odds: float, left: float = 0.6, correlation: float = 0.0) -> VerdictEvidence:
+def told(
+    log_odds: float, left: float = 0.6, correlation: float = 0.0
+) -> VerdictEvidence:
     """VerdictEvidence of a verdict whose unseen runs are predicted 100 nats better."""
-    return VerdictEvidence(log_odds=log_odds, gain=100.0, left=left, correlation=correlation)
+    return VerdictEvidence(
+        log_odds=log_odds, gain=100.0, left=left, correlation=correlation
+    )
 
 
 def drawn(count: int, seed: int = 0) -> list[Name]:
-    """Names that are right the more often the farther they lead, whatever else is seen."""
+    """Names that are right the more often the farther they lead, whatever else is
+    seen.
+    """
     rng = np.random.default_rng(seed)
     found = []
     for i in range(count):
-        log_odds, left = float(np.exp(rng.uniform(0.0, 5.0))), float(rng.uniform(0.5, 2.0))
+        log_odds, left = (
+            float(np.exp(rng.uniform(0.0, 5.0))),
+            float(rng.uniform(0.5, 2.0)),
+        )
         right = bool(rng.uniform() < 0.3 + 0.13 * np.log1p(log_odds))
         found.append(Name(told(log_odds, left), right, False, str(i)))
     return found
@@ -44,16 +53,27 @@ def test_names_are_right_as_often_as_stated() -> None:
     stated = [(by.probability(name.signs), name.right) for name in fresh]
     high = [right for p, right in stated if p > 0.8]
     low = [right for p, right in stated if p < 0.6]
-    assert np.mean(high) == pytest.approx(np.mean([p for p, _ in stated if p > 0.8]), abs=0.05)
-    assert np.mean(low) == pytest.approx(np.mean([p for p, _ in stated if p < 0.6]), abs=0.07)
+    assert np.mean(high) == pytest.approx(
+        np.mean([p for p, _ in stated if p > 0.8]), abs=0.05
+    )
+    assert np.mean(low) == pytest.approx(
+        np.mean([p for p, _ in stated if p < 0.6]), abs=0.07
+    )
     assert log_loss(stated) < log_loss([(0.7, name.right) for name in fresh])
     assert "2000 verdicts that accept" in reliable(stated)
     assert "outside" not in reliable(stated)
-    assert f"{OUTSIDE_SHARE:.0%} of causes outside" in reliable(stated, shares(fresh, 0.4))
+    assert f"{OUTSIDE_SHARE:.0%} of causes outside" in reliable(
+        stated, shares(fresh, 0.4)
+    )
 
 
 def test_names_are_right_only_where_the_effect_is_in_the_library() -> None:
-    facts = {"case": "a", "signs": told(9.0).model_dump(), "is_named": True, "without": []}
+    facts = {
+        "case": "a",
+        "signs": told(9.0).model_dump(),
+        "is_named": True,
+        "without": [],
+    }
     facts |= {"hidden": ["seam"], "answer": ["seam"]}
     values = [
         {**facts, "is_right": True},
@@ -62,7 +82,13 @@ def test_names_are_right_only_where_the_effect_is_in_the_library() -> None:
         {**facts, "case": "b", "is_right": True},
         {**facts, "is_named": False, "suspect_right": True},
         {**facts, "is_named": False, "suspect_right": None, "hidden": [], "answer": []},
-        {**facts, "is_named": False, "suspect_right": None, "hidden": ["wobble"], "answer": []},
+        {
+            **facts,
+            "is_named": False,
+            "suspect_right": None,
+            "hidden": ["wobble"],
+            "answer": [],
+        },
     ]
     outcomes = [Outcome(Case(i, 0, {}), v) for i, v in enumerate(values)]
     found, outside = names(outcomes)
@@ -70,7 +96,9 @@ def test_names_are_right_only_where_the_effect_is_in_the_library() -> None:
     assert outside == 0.5
     content = calibrate(outcomes)
     assert "4 verdicts that accept, 1 of them wrong" in content["source"]
-    assert Calibration.model_validate({**content, "belongs_to": "confidence.yaml"}).weights
+    assert Calibration.model_validate(
+        {**content, "belongs_to": "confidence.yaml"}
+    ).weights
 
 
 @pytest.mark.slow

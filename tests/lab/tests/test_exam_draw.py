@@ -40,7 +40,8 @@ def test_a_slip_is_as_strong_as_asked_or_is_not_drawn(model: GapModel) -> None:
     effect = registry()["grip_slip"]
     strengths = draw_strengths(effect, denim(), np.random.default_rng(0))
     found = {
-        s: model.share(strengths, target, drawing.JUMP * target) for s, target in STRENGTHS.items()
+        s: model.share(strengths, target, drawing.JUMP * target)
+        for s, target in STRENGTHS.items()
     }
     drawn = {s: share for s, share in found.items() if share is not None}
     assert 1 <= len(drawn) < len(found)
@@ -64,7 +65,9 @@ def test_half_of_the_plants_from_the_state_are_not_the_model(
     plants = [case.plant for case in cases("state", 2, 5, "nothing")]
     assert plants == ["another engine", "the model itself"]
     values = {"coefficient": 1.0, "yield_curvature": 9.0, "slope": 0.5, "cubic": 1e-5}
-    monkeypatch.setattr(drawing, "_visible_effect", lambda case, *_: (case.strip, values))
+    monkeypatch.setattr(
+        drawing, "_visible_effect", lambda case, *_: (case.strip, values)
+    )
     lawful = Draw("state", "single", 0, 3, 5).case()
     assert lawful.plant == "another law"
     assert set(lawful.causes) == {"oblique_drag"}

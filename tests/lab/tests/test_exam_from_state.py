@@ -1,4 +1,6 @@
-"""Runs of an exam: by hand no two alike, and as different from one another as their level says."""
+"""Runs of an exam: by hand no two alike, and as different from one another as their
+level says.
+"""
 
 from pathlib import Path
 
@@ -16,11 +18,19 @@ LENGTH, MANY = 0.6, 40
 
 
 def test_a_sealed_run_by_hand_states_its_number_and_no_seed() -> None:
-    header = {"policy": "motion:by-hand-71-3", "condition": "motion:by-hand-71-3", "index": 3,
-              "strip": "denim", "plant_sha256": "0"}  # fmt: skip
+    header = {
+        "policy": "motion:by-hand-71-3",
+        "condition": "motion:by-hand-71-3",
+        "index": 3,
+        "strip": "denim",
+        "plant_sha256": "0",
+    }
     assert through_images._sealed_header(header) == {
-        "policy": "by-hand-4", "condition": "by-hand-4", "index": 3, "strip": "denim"
-    }  # fmt: skip
+        "policy": "by-hand-4",
+        "condition": "by-hand-4",
+        "index": 3,
+        "strip": "denim",
+    }
 
 
 @pytest.mark.parametrize("level", ["half", "full"])
@@ -42,7 +52,10 @@ def test_a_chain_from_the_state_follows_the_law_of_its_cause(
     lawful = plain.model_copy(update={"causes": {"dahl": {"yield_curvature": 40.0}}})
     for name, made in (("plain", plain), ("again", plain), ("lawful", lawful)):
         from_state.make_runs(made, tmp_path / name)
-    of = {n: (tmp_path / n / "00-fast" / TICKS).read_bytes() for n in ("plain", "again", "lawful")}
+    of = {
+        n: (tmp_path / n / "00-fast" / TICKS).read_bytes()
+        for n in ("plain", "again", "lawful")
+    }
     assert of["plain"] == of["again"]
     assert of["plain"] != of["lawful"]
 

@@ -1,4 +1,6 @@
-"""Runs of the exam through images: four files each, and nothing in them of the plant."""
+"""Runs of the exam through images: four files each, and nothing in them of the
+plant.
+"""
 
 from pathlib import Path
 from typing import Any
@@ -22,10 +24,16 @@ FOUR = ["profile.parquet", "result.yaml", "run.yaml", "ticks.parquet"]
 
 def case(**changes: Any) -> Case:
     facts: dict[str, Any] = {
-        "name": "a-case", "tier": "images", "kind": "outside", "strip": "denim", "seed": 11,
-        "stiffness": 1.1, "damping": 0.8, "effects": {"pre_curl": {"curvature": 0.2}},
+        "name": "a-case",
+        "tier": "images",
+        "kind": "outside",
+        "strip": "denim",
+        "seed": 11,
+        "stiffness": 1.1,
+        "damping": 0.8,
+        "effects": {"pre_curl": {"curvature": 0.2}},
         "causes": {"dahl": {"yield_curvature": 2.0}, "lens": {"k1": 0.02}},
-    }  # fmt: skip
+    }
     return Case.model_validate(facts | changes)
 
 
@@ -63,7 +71,15 @@ def test_a_run_says_nothing_of_its_plant(folded: Path) -> None:
     header = yaml.safe_load((folded / "00-normal" / "run.yaml").read_text())
     assert {"calibration"} <= set(header) <= through_images.HEADER_KEYS
     told = b"".join(path.read_bytes() for path in (folded / "00-normal").iterdir())
-    for word in (b"plant", b"seed", b"dahl", b"pre_curl", b"effects", b"bending_length", b"links"):
+    for word in (
+        b"plant",
+        b"seed",
+        b"dahl",
+        b"pre_curl",
+        b"effects",
+        b"bending_length",
+        b"links",
+    ):
         assert word not in told
 
 
@@ -87,8 +103,12 @@ def test_the_exam_changes_nothing_of_a_cell_but_its_plant() -> None:
 
 @pytest.mark.long
 def test_the_runs_of_a_fine_plant_are_made_and_read(tmp_path: Path) -> None:
-    made = case(causes={"clock_drift": {"drift": 0.003}, "static_cling": {"pressure": 1.0}})
+    made = case(
+        causes={"clock_drift": {"drift": 0.003}, "static_cling": {"pressure": 1.0}}
+    )
     make_runs(made, tmp_path)
-    runs = read_runs(find_runs([tmp_path]), load_strip(find_configs(None).strip_path("denim")))
+    runs = read_runs(
+        find_runs([tmp_path]), load_strip(find_configs(None).strip_path("denim"))
+    )
     assert [run.index for run in runs] == list(range(len(STANDARD) + 2))
     assert all(not run.notes for run in runs)

@@ -23,12 +23,15 @@ from tests.support.gap_strip_cases import denim
 
 def scored(hidden: Case, said: Verdict, known: float = 1.0) -> Entry:
     return Entry(
-        case=hidden, of="engine-case-scorer", state="scored",
+        case=hidden,
+        of="engine-case-scorer",
+        state="scored",
         outcome=score(said, hidden, denim()),
         oracle=Oracle(after=0.0, shrink=known) if hidden.answer else None,
         baselines=Baselines(single="seam", right="seam" in hidden.answer),
-        wall=30.0, memory=600.0,
-    )  # fmt: skip
+        wall=30.0,
+        memory=600.0,
+    )
 
 
 def single(name: str, strength: str, said: Verdict, **changes: str) -> Entry:
@@ -62,7 +65,9 @@ def test_a_case_without_a_verdict_is_not_right() -> None:
 
 
 def test_few_cases_without_an_alarm_do_not_show_that_there_are_few() -> None:
-    quiet = [scored(case(f"n{i}", "nothing", {}), verdict("no_gap")) for i in range(100)]
+    quiet = [
+        scored(case(f"n{i}", "nothing", {}), verdict("no_gap")) for i in range(100)
+    ]
     assert met(quiet[:20], "an effect named where nothing", "state") is False
     assert met(quiet, "an effect named where nothing", "state") is True
     assert met(quiet[:20], "an effect named where nothing") is True
@@ -70,7 +75,11 @@ def test_few_cases_without_an_alarm_do_not_show_that_there_are_few() -> None:
 
 def test_six_cases_of_six_are_no_miss_where_a_single_one_decides() -> None:
     quiet = [scored(case(f"n{i}", "nothing", {}), verdict("no_gap")) for i in range(6)]
-    rows = [line for line in markdown(quiet).splitlines() if "where nothing is hidden" in line]
+    rows = [
+        line
+        for line in markdown(quiet).splitlines()
+        if "where nothing is hidden" in line
+    ]
     assert any("too few cases" in row for row in rows)
     assert not any("missed" in row for row in rows)
     alarms = [scored(case(f"n{i}", "nothing", {}), named("seam")) for i in range(60)]
@@ -95,10 +104,19 @@ def entries() -> list[Entry]:
         scored(case("silent", "nothing", {}), verdict("no_gap")),
         single("tilt", "medium", tilted(0.012)),
         single("fooled", "strong", bad),
-        scored(case("air", "outside", {}, causes={"draught": {"speed": 0.3}}, tier="images"),
-               verdict("unexplained")),
-        Entry(case=lost, of="engine-case-scorer", state="failed", reason="no verdict after 600 s"),
-    ]  # fmt: skip
+        scored(
+            case(
+                "air", "outside", {}, causes={"draught": {"speed": 0.3}}, tier="images"
+            ),
+            verdict("unexplained"),
+        ),
+        Entry(
+            case=lost,
+            of="engine-case-scorer",
+            state="failed",
+            reason="no verdict after 600 s",
+        ),
+    ]
 
 
 def test_the_page_lists_every_miss_and_nothing_else_as_one() -> None:
@@ -123,12 +141,16 @@ def kept(tmp_path: Path) -> Path:
     asked = {"tier": "state", "count": 2, "seed": 7}
     (tmp_path / KEYS_FOLDER).mkdir()
     cases = {"cases": [e.case.model_dump(mode="json") for e in every]}
-    (tmp_path / KEYS_FOLDER / DRAWN_FILE).write_text(json.dumps(asked | cases), encoding="utf-8")
+    (tmp_path / KEYS_FOLDER / DRAWN_FILE).write_text(
+        json.dumps(asked | cases), encoding="utf-8"
+    )
     write_ledger(tmp_path / LEDGER, every)
     return tmp_path
 
 
-def test_an_exam_of_one_kind_is_another_one_and_outside_needs_images(kept: Path) -> None:
+def test_an_exam_of_one_kind_is_another_one_and_outside_needs_images(
+    kept: Path,
+) -> None:
     with pytest.raises(ConfigurationError, match="holds another exam"):
         load_or_draw(kept, "state", 2, 7, kind="single")
     with pytest.raises(ConfigurationError, match="--tier images"):
@@ -139,7 +161,17 @@ def test_an_exam_that_is_finished_is_only_reported(
     kept: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     by_these_sources(monkeypatch)
-    asked = ["exam", "--tier", "state", "--cases", "2", "--seed", "7", "--out", str(kept)]
+    asked = [
+        "exam",
+        "--tier",
+        "state",
+        "--cases",
+        "2",
+        "--seed",
+        "7",
+        "--out",
+        str(kept),
+    ]
     done = CliRunner().invoke(app, asked)
     assert done.exit_code == 0, done.output
     assert done.stdout == f"2 of 2 right: {kept / 'exam.md'}\n"

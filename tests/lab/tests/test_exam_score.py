@@ -32,7 +32,11 @@ def of(kind: str, *answer: str) -> Case:
         (named("seam", "desk_tilt"), of("pair", "desk_tilt", "seam"), "right_strict"),
         (named("seam"), of("pair", "desk_tilt", "seam"), "partly"),
         (named("seam", "air_drag"), of("pair", "desk_tilt", "seam"), "wrong_name"),
-        (named("contact_bias", "seam"), of("pair", "homography_shift", "seam"), "right_class"),
+        (
+            named("contact_bias", "seam"),
+            of("pair", "homography_shift", "seam"),
+            "right_class",
+        ),
         (named("contact_bias"), of("pair", "homography_shift", "seam"), "partly"),
         (named("desk_tilt"), of("nothing"), "false_alarm"),
         (verdict("unexplained"), of("nothing"), "gap_claimed"),
@@ -43,7 +47,9 @@ def of(kind: str, *answer: str) -> Case:
         (verdict("no_gap"), of("outside"), "abstained"),
     ],
 )
-def test_a_verdict_is_worth_what_was_hidden(said: Verdict, hidden: Case, right: str) -> None:
+def test_a_verdict_is_worth_what_was_hidden(
+    said: Verdict, hidden: Case, right: str
+) -> None:
     assert result(said, hidden) == right
 
 
@@ -53,7 +59,11 @@ def test_a_verdict_is_worth_what_was_hidden(said: Verdict, hidden: Case, right: 
         ([["desk_tilt", "air_drag"]], ("desk_tilt",), "right_class"),
         ([["seam", "air_drag"]], ("desk_tilt",), "abstained"),
         ([["seam", "air_drag"]], ("desk_tilt", "seam"), "partly"),
-        ([["seam", "air_drag"], ["desk_tilt", "crease"]], ("desk_tilt", "seam"), "right_class"),
+        (
+            [["seam", "air_drag"], ["desk_tilt", "crease"]],
+            ("desk_tilt", "seam"),
+            "right_class",
+        ),
     ],
 )
 def test_classes_are_right_where_they_hold_the_answer(
@@ -68,20 +78,27 @@ def scored(said: Verdict, hidden: Case) -> Outcome:
 
 
 def test_parameters_are_held_against_the_truth_of_equal_laws_only() -> None:
-    said = named("seam", parameters={"factor": (3.0, 2.0, 3.5), "position": (0.3, 0.29, 0.31)})
-    alike = case("a", "single", {"seam": {"factor": 2.5, "position": 0.4, "width": 0.02}})
+    said = named(
+        "seam", parameters={"factor": (3.0, 2.0, 3.5), "position": (0.3, 0.29, 0.31)}
+    )
+    alike = case(
+        "a", "single", {"seam": {"factor": 2.5, "position": 0.4, "width": 0.02}}
+    )
     unlike = case("b", "single", {}, causes={"plate": {"size": 1.0}}, answer=("seam",))
     factor, position = scored(said, alike).parameters
     assert factor.switch
     assert factor.covered
-    assert factor.error == pytest.approx(0.5 / 1.5)  # of the distance from no seam, factor 1
+    # of the distance from no seam, factor 1
+    assert factor.error == pytest.approx(0.5 / 1.5)
     assert not position.covered
     assert scored(said, unlike).result == "right_strict"
     assert scored(said, unlike).parameters == scored(said, unlike).base == ()
 
 
 def test_the_base_is_held_against_its_factors() -> None:
-    said = verdict("no_gap", base={"bending_length": (1.1, 1.0, 1.2)}, unit=denim().bending_length)
+    said = verdict(
+        "no_gap", base={"bending_length": (1.1, 1.0, 1.2)}, unit=denim().bending_length
+    )
     [length] = scored(said, case("a", "nothing", {}, stiffness=1.15)).base
     assert length.covered
     [length] = scored(said, case("a", "nothing", {}, stiffness=0.9)).base
@@ -97,13 +114,17 @@ def test_wilson_agrees_with_its_published_values() -> None:
 
 
 def entry(name: str, of: str = "1", **changes: Any) -> Entry:
-    return Entry(case=case(name, "nothing", {}), of=of, **{"state": "failed", **changes})
+    return Entry(
+        case=case(name, "nothing", {}), of=of, **{"state": "failed", **changes}
+    )
 
 
 def test_a_ledger_goes_on_after_a_line_that_was_cut_off(tmp_path: Path) -> None:
     path = tmp_path / "ledger.jsonl"
     outcome = scored(verdict("no_gap"), case("a", "nothing", {}))
-    write_ledger(path, [entry("a", state="scored", outcome=outcome), entry("b", state="scored")])
+    write_ledger(
+        path, [entry("a", state="scored", outcome=outcome), entry("b", state="scored")]
+    )
     path.write_bytes(path.read_bytes()[:-20])
     found = read_ledger(path)
     assert list(found) == ["a"]
@@ -121,10 +142,16 @@ def tilted(tmp_path_factory: pytest.TempPathFactory) -> Sequence[RunFolder]:
 @pytest.mark.slow
 def test_knowing_the_truth_closes_the_gap(tilted: Sequence[RunFolder]) -> None:
     equal = case("a", "single", {"desk_tilt": {"angle": 0.02}})
-    similar = case("b", "single", {}, causes={"slope": {"rise": 1.0}}, answer=("desk_tilt",))
-    beside = case("c", "single", {}, causes={"slope": {"rise": 1.0}}, answer=("contact_bias",))
+    similar = case(
+        "b", "single", {}, causes={"slope": {"rise": 1.0}}, answer=("desk_tilt",)
+    )
+    beside = case(
+        "c", "single", {}, causes={"slope": {"rise": 1.0}}, answer=("contact_bias",)
+    )
     held = [tilted[-1].name]
-    first, second, wrong = (oracle(c, STRIP, tilted, held) for c in (equal, similar, beside))
+    first, second, wrong = (
+        oracle(c, STRIP, tilted, held) for c in (equal, similar, beside)
+    )
     assert first is not None
     assert second is not None
     assert wrong is not None

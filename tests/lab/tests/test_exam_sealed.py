@@ -1,4 +1,6 @@
-"""A diagnosis sees the runs and the strip file, never the key; a case that fails ends no exam."""
+"""A diagnosis sees the runs and the strip file, never the key; a case that fails ends
+no exam.
+"""
 
 from collections import Counter
 from pathlib import Path
@@ -24,7 +26,9 @@ def desk(tmp_path: Path) -> Path:
     return folder
 
 
-def test_only_the_files_of_the_contract_are_laid_out(desk: Path, tmp_path: Path) -> None:
+def test_only_the_files_of_the_contract_are_laid_out(
+    desk: Path, tmp_path: Path
+) -> None:
     run = tmp_path / "runs" / "00-normal"
     run.mkdir(parents=True)
     for name in (*FILES, "truth.yaml", "report.html"):

@@ -17,7 +17,9 @@ def safe(force: float, near: bool, held: bool) -> bool:
 """
 
 
-@pytest.mark.parametrize("mutant", MUTANTS, ids=lambda mutant: mutant.name.replace(" ", "-"))
+@pytest.mark.parametrize(
+    "mutant", MUTANTS, ids=lambda mutant: mutant.name.replace(" ", "-")
+)
 def test_mutant_applies_once_and_is_still_a_program(mutant: Mutant) -> None:
     text = (ROOT / mutant.file).read_text("utf-8")
     assert mutant.old != mutant.new
@@ -61,4 +63,6 @@ def test_a_larger_draw_holds_the_smaller_one_and_every_mutant_is_a_program() -> 
 
 
 def test_the_tests_of_a_module_judge_its_mutants() -> None:
-    assert "tests/cell/orchestrator/test_monitors.py" in judges("cell.orchestrator.monitors")
+    assert "tests/cell/orchestrator/test_monitors.py" in judges(
+        "cell.orchestrator.monitors"
+    )

@@ -1,4 +1,6 @@
-"""Every study keeps the contract; tables, pages and the command say what a journal holds."""
+"""Every study keeps the contract; tables, pages and the command say what a journal
+holds.
+"""
 
 import json
 import pickle
@@ -24,7 +26,9 @@ def test_a_study_is_drawn_from_its_seed_and_travels(name: str) -> None:
     study = study_of(name)
     cases = study.cases(3, 5)
     assert study.cases(3, 2) == cases[:2]
-    assert len({case.key for case in study.cases(3, min(study.usual, 30))}) == min(study.usual, 30)
+    assert len({case.key for case in study.cases(3, min(study.usual, 30))}) == min(
+        study.usual, 30
+    )
     assert json.loads(json.dumps(cases[0].values, allow_nan=False)) == cases[0].values
     part = StudyRequest(study, 3, 5, Path("out")).parts()[0]
     assert pickle.loads(pickle.dumps(part)) == part  # noqa: S301  of our own
@@ -61,8 +65,15 @@ def filled(folder: Path, of: str | None = None, count: int = 4) -> StudyRequest:
 
 def test_a_whole_study_writes_its_data_file_with_its_source(tmp_path: Path) -> None:
     asked = StudyRequest(study_of("damping"), 0, 4, tmp_path)
-    for case, damping in zip(asked.study.cases(0, 4), (0.03, -0.04, 0.04, -0.03), strict=True):
-        facts = {"schema": 1, "key": case.key, "of": inputs(asked.study), "state": "measured"}
+    for case, damping in zip(
+        asked.study.cases(0, 4), (0.03, -0.04, 0.04, -0.03), strict=True
+    ):
+        facts = {
+            "schema": 1,
+            "key": case.key,
+            "of": inputs(asked.study),
+            "state": "measured",
+        }
         values = {"damping": damping, "length": 0.0}
         Journal(asked.journal).put(Record(**facts, outcome={"values": values}))
     write_table(read_study(asked))
@@ -84,7 +95,10 @@ def test_the_command_lists_shows_and_refuses(tmp_path: Path) -> None:
     assert "4 of 6 so far" in shown.output
     assert "no outcome after 600 s" in (tmp_path / "table.md").read_text()
     out = ["--out", str(tmp_path / "none")]
-    for words in (*(["--shard", wrong] for wrong in ("0/3", "4/3", "a")), ["--show", *out]):
+    for words in (
+        *(["--shard", wrong] for wrong in ("0/3", "4/3", "a")),
+        ["--show", *out],
+    ):
         refused = CliRunner().invoke(app, ["study", "validity", *words])
         assert isinstance(refused.exception, ConfigurationError)
     unknown = CliRunner().invoke(app, ["study", "unkown"])

@@ -1,4 +1,6 @@
-"""The study of folds in a row: its wrong cells exist, and it says what the cell noticed."""
+"""The study of folds in a row: its wrong cells exist, and it says what the cell
+noticed.
+"""
 
 import pytest
 

@@ -8,7 +8,9 @@ from tests.lab.studies.study import Case, Outcome
 
 
 @pytest.mark.parametrize("used", [0.0, 3e-4])
-def test_what_is_added_to_sigma_makes_it_right_whatever_was_added_before(used: float) -> None:
+def test_what_is_added_to_sigma_makes_it_right_whatever_was_added_before(
+    used: float,
+) -> None:
     rng = np.random.default_rng(0)
     trained = rng.uniform(2e-4, 6e-4, 400)
     surprise = np.hypot(trained, 5e-4) * rng.standard_normal(400)
@@ -17,7 +19,9 @@ def test_what_is_added_to_sigma_makes_it_right_whatever_was_added_before(used: f
         Outcome(Case(i, 0, {}), {"surprise": s, "sigma": g, "untrained": used})
         for i, (s, g) in enumerate(zip(surprise.tolist(), stated.tolist(), strict=True))
     ]
-    found = untrained_sigma([*outcomes, Outcome(Case(400, 0, {}), {"outcome": "force"})])
+    found = untrained_sigma(
+        [*outcomes, Outcome(Case(400, 0, {}), {"outcome": "force"})]
+    )
     assert found["added"] == pytest.approx(5e-4, rel=0.15)
     assert found["within_1"] == pytest.approx(0.68, abs=0.01)
     assert found["within_2"] == pytest.approx(0.95, abs=0.03)

@@ -1,4 +1,6 @@
-"""Bias of the critic in folds through images: its terms, its fit, and the checkpoint."""
+"""Bias of the critic in folds through images: its terms, its fit, and the
+checkpoint.
+"""
 
 from pathlib import Path
 
@@ -31,7 +33,9 @@ def folds(count: int, noise: float, wild: int = 0) -> FoldedBatch:
     length = np.log(0.02) + rng.uniform(-0.6, 0.6, count)
     thickness = rng.uniform(3e-4, 2e-3, count)
     displacement = rng.normal(0.0, 1e-3, count)
-    predicted = displacement + bias_terms(length, thickness - REFERENCE_THICKNESS) @ BIAS
+    predicted = (
+        displacement + bias_terms(length, thickness - REFERENCE_THICKNESS) @ BIAS
+    )
     predicted = predicted + noise * rng.standard_normal(count)
     predicted[:wild] += 0.02
     sigma = np.full(count, 5e-4)
@@ -64,9 +68,13 @@ def test_committed_weights_say_how_their_transfer_came_about() -> None:
         ["not", "a", "mapping"],
     ],
 )
-def test_transfer_that_is_none_is_refused_in_one_line(facts: object, tmp_path: Path) -> None:
+def test_transfer_that_is_none_is_refused_in_one_line(
+    facts: object, tmp_path: Path
+) -> None:
     path = tmp_path / "odd.npz"
     save_critic(path, load_critic(COMMITTED), {THROUGH_IMAGES: {"transfer": facts}})
-    with pytest.raises(ConfigurationError, match=r"odd\.npz: checkpoint is corrupt") as refused:
+    with pytest.raises(
+        ConfigurationError, match=r"odd\.npz: checkpoint is corrupt"
+    ) as refused:
         load_bias(path)
     assert "\n" not in str(refused.value)

@@ -21,9 +21,13 @@ pytestmark = pytest.mark.slow
 COUNT = 24
 
 
-def folded(policy: object, sensing: Sensing = IMAGE_SENSING, *, rough: bool = False) -> Folds:
+def folded(
+    policy: object, sensing: Sensing = IMAGE_SENSING, *, rough: bool = False
+) -> Folds:
     rng = np.random.default_rng(5)
-    rubs = [{"bending_hysteresis": draw_friction(rng, 20, 60)} for _ in range(COUNT * rough)]
+    rubs = [
+        {"bending_hysteresis": draw_friction(rng, 20, 60)} for _ in range(COUNT * rough)
+    ]
     strips = [plain_strip(rng, **effects) for effects in rubs or [{}] * COUNT]
     models = [describe(strip) for strip in strips]
     settings = Rollout(sensing=sensing)
@@ -41,7 +45,9 @@ def test_unknown_strips_end_within_two_millimetres_in_the_mean(rough: bool) -> N
 
 
 def test_half_the_images_dropped_or_three_millimetres_of_noise_end_no_fold() -> None:
-    loud = replace(IMAGE_SENSING, contact_sigma=0.003, tip_sigma=0.003, profile_sigma=0.003)
+    loud = replace(
+        IMAGE_SENSING, contact_sigma=0.003, tip_sigma=0.003, profile_sigma=0.003
+    )
     for sensing in (replace(IMAGE_SENSING, dropped=(0.5, 0.5)), loud):
         folds = folded(make_policy("adaptive", in_rod=True), sensing)
         assert folds.touched.all()
@@ -63,7 +69,7 @@ def observed(time: float, x: float, profile: Array) -> Observation:
     )
 
 
-def test_policy_that_sees_nothing_holds_its_line_and_then_takes_that_of_shifted() -> None:
+def test_policy_that_sees_nothing_holds_its_line_and_then_takes_that_of_shifted():
     policy = Adaptive(load_critic())
     strip = plain_strip(np.random.default_rng(0))
     policy.reset(strip, 0.1, 1)
@@ -85,9 +91,16 @@ def test_fold_of_a_batch_is_the_fold_of_one() -> None:
     strips = [plain_strip(rng) for _ in range(3)]
 
     def displaced(chosen: list) -> Array:
-        exact = replace(IMAGE_SENSING, contact_sigma=0, tip_sigma=0, profile_sigma=0, tip_z_sigma=0)
+        exact = replace(
+            IMAGE_SENSING, contact_sigma=0, tip_sigma=0, profile_sigma=0, tip_z_sigma=0
+        )
         still = replace(
-            exact, contact_bias=0, tip_bias=0, profile_bias=0, wild=0, delay=(0.03, 0.03)
+            exact,
+            contact_bias=0,
+            tip_bias=0,
+            profile_bias=0,
+            wild=0,
+            delay=(0.03, 0.03),
         )
         still = replace(still, delay_error=0)
         rod = Rod(60, strict=False)

@@ -1,4 +1,6 @@
-"""Parts of the policy `adaptive`: its window of images, its path, its weights on disk."""
+"""Parts of the policy `adaptive`: its window of images, its path, its weights on
+disk.
+"""
 
 from pathlib import Path
 
@@ -19,14 +21,17 @@ def test_weights_come_back_as_they_were_saved(tmp_path: Path) -> None:
     whitened = critic.whiten(inputs)
     memory = critic.memorise(whitened)
     np.testing.assert_array_equal(
-        critic.predict(whitened, memory).displacement, again.predict(whitened, memory).displacement
+        critic.predict(whitened, memory).displacement,
+        again.predict(whitened, memory).displacement,
     )
     assert about(tmp_path / "again.npz")["note"] == "copy"
 
 
 def spoilt(path: Path, how: str) -> None:
     """A file of weights that is broken in one way."""
-    with np.load(Path(make_policy.__code__.co_filename).parent / "weights/adaptive.npz") as held:
+    with np.load(
+        Path(make_policy.__code__.co_filename).parent / "weights/adaptive.npz"
+    ) as held:
         arrays = {name: held[name] for name in held.files}
     match how:
         case "text":
@@ -50,13 +55,17 @@ def spoilt(path: Path, how: str) -> None:
 def test_spoilt_weights_are_refused_with_one_line(tmp_path: Path, how: str) -> None:
     path = tmp_path / "weights.npz"
     spoilt(path, how)
-    with pytest.raises(ConfigurationError, match=r"weights\.npz: checkpoint") as refused:
+    with pytest.raises(
+        ConfigurationError, match=r"weights\.npz: checkpoint"
+    ) as refused:
         load_critic(path)
     assert "\n" not in str(refused.value)
 
 
 @pytest.mark.parametrize(("length", "speed"), [(0.3, 0.1), (1.0, 0.1), (0.6, 0.05)])
-def test_strip_or_speed_that_was_not_trained_is_refused(length: float, speed: float) -> None:
+def test_strip_or_speed_that_was_not_trained_is_refused(
+    length: float, speed: float
+) -> None:
     from drivers.strip.file import paper_strip
 
     policy = make_policy("adaptive")

@@ -20,8 +20,12 @@ TINY = CriticSettings(
 )
 
 
-def trained(folder: Path, settings: CriticSettings = TINY, stop_after: int = 99) -> Critic | None:
-    """The critic of a training in `folder`; None where it is left after so many steps."""
+def trained(
+    folder: Path, settings: CriticSettings = TINY, stop_after: int = 99
+) -> Critic | None:
+    """The critic of a training in `folder`; None where it is left after so many
+    steps.
+    """
     from policies.adaptive.train.training import CriticTraining  # and PyTorch
 
     training = CriticTraining(settings, folder)
@@ -33,7 +37,9 @@ def trained(folder: Path, settings: CriticSettings = TINY, stop_after: int = 99)
 
 
 @pytest.mark.slow  # three trainings
-def test_same_seed_gives_the_same_weights_and_so_does_a_resumed_training(tmp_path: Path) -> None:
+def test_same_seed_gives_the_same_weights_and_so_does_a_resumed_training(
+    tmp_path: Path,
+) -> None:
     whole = trained(tmp_path / "whole")
     assert trained(tmp_path / "broken", stop_after=1) is None
     again = trained(tmp_path / "broken")

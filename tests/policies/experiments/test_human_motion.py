@@ -11,7 +11,7 @@ from policies.registry import make_policy
 LENGTH, MANY = 0.6, 20
 
 
-def test_a_motion_goes_from_the_grasped_edge_over_the_fixed_one_and_rises_over_the_lift() -> None:
+def test_a_motion_goes_from_the_grasped_edge_over_the_fixed_one_and_rises_over_the_lift():
     for number in range(MANY):
         motion = human_motion(LENGTH, 3, number)
         np.testing.assert_allclose(motion.at(0.0), [LENGTH, 0.0], atol=1e-9)

@@ -1,4 +1,6 @@
-"""Motions written down, the standard ones among them, and the policy that makes them."""
+"""Motions written down, the standard ones among them, and the policy that makes
+them.
+"""
 
 import numpy as np
 import pytest
@@ -22,10 +24,14 @@ def test_a_motion_goes_there_and_back_and_waits() -> None:
     path = triangular(0.6)
     made = motion(path, (Go(0.5), Go(0.25), Rest(1.0), Go(1.0)), SPEED)
     half, quarter = 0.5 * path.length, 0.25 * path.length
-    assert made.duration == pytest.approx((half + quarter + 0.75 * path.length) / SPEED + 1.0)
+    assert made.duration == pytest.approx(
+        (half + quarter + 0.75 * path.length) / SPEED + 1.0
+    )
     np.testing.assert_allclose(made.at(half / SPEED), path.at(half))
     back = (half + quarter) / SPEED
-    np.testing.assert_allclose(made.at(np.array([back, back + 0.9])), path.at([quarter, quarter]))
+    np.testing.assert_allclose(
+        made.at(np.array([back, back + 0.9])), path.at([quarter, quarter])
+    )
     np.testing.assert_allclose(made.at(made.duration), path.points[-1])
 
 
@@ -37,9 +43,13 @@ def test_the_policy_makes_its_motion(name: str) -> None:
     assert policy.name == f"motion:{name}"
     settings = Rollout(speed=standard.speed, sensing=EXACT_SENSING, patience=4.0)
     made = roll_out(
-        policy, Rod(60), strip, [describe(strip)] * 2, settings=settings,
+        policy,
+        Rod(60),
+        strip,
+        [describe(strip)] * 2,
+        settings=settings,
         rng=np.random.default_rng(0),
-    )  # fmt: skip
+    )
     trace = made.trace[:, 0]
     planned = standard.over(strip.length).at(np.arange(0.0, 40.0, 0.005))
     away = np.linalg.norm(trace[:, None] - planned[None], axis=2).min(axis=1)

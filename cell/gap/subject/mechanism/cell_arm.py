@@ -1,4 +1,6 @@
-"""The cell's own arm: its effects move the gripper, and some have a place in cell.yaml."""
+"""The cell's own arm: its effects move the gripper, and some have a place in
+cell.yaml.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -16,21 +18,29 @@ from cell.gap.subject.subject import NamedValues, Run
 from drivers.geometry import interpolate_columns
 from drivers.types import Array
 
-# N m/rad of the robot's joint impedance. Source: setJointImpedance in libfranka's examples.
+# N m/rad of the robot's joint impedance. Source: setJointImpedance in libfranka's
+# examples.
 STIFFNESS = np.array([3000.0, 3000.0, 3000.0, 2500.0, 2500.0, 2000.0, 2000.0])
-FIELDS = {"payload": "fci.tool", "control_delay": "twin.arm.robot_delay"}  # of cell.yaml
+# of cell.yaml
+FIELDS = {"payload": "fci.tool", "control_delay": "twin.arm.robot_delay"}
 
 
 class CellArm(InverseDynamics):
-    """Cell's own arm as a mechanism, whose torques inverse dynamics predicts along its motion."""
+    """Cell's own arm as a mechanism, whose torques inverse dynamics predicts along its
+    motion.
+    """
 
     def patch(
         self, base: Mapping[str, float], effects: NamedValues, source: str
     ) -> tuple[dict[str, object], dict[str, object] | None]:
-        """Content of the arm's file, and the patch of cell.yaml: tool's load and arm's delay."""
+        """Content of the arm's file, and the patch of cell.yaml: tool's load and arm's
+        delay.
+        """
         content, _ = super().patch(base, effects, source)
         found: dict[str, object] = {}
-        delay = effects.get("control_delay", {}).get("time", base.get("control_delay.time"))
+        delay = effects.get("control_delay", {}).get(
+            "time", base.get("control_delay.time")
+        )
         if delay is not None:
             found["twin"] = {"arm": {"robot_delay": round(delay, 4)}}
         if "payload" in effects:
@@ -38,50 +48,84 @@ class CellArm(InverseDynamics):
         return content, {"effects": {}, **found} if found else None
 
     def _tool(self, mass: float) -> dict[str, object]:
-        """Mass [kg] and centre of mass [m, flange frame] of the hand with a load at its tip."""
+        """Mass [kg] and centre of mass [m, flange frame] of the hand with a load at its
+        tip.
+        """
         model = self.mechanism.model
         hand, (_, end) = model.body("hand").id, tip(model)
-        hand_mass, centre = float(model.body_mass[hand]), np.array(model.body_ipos[hand])
+        hand_mass, centre = (
+            float(model.body_mass[hand]),
+            np.array(model.body_ipos[hand]),
+        )
         moment = hand_mass * centre + mass * end
         both = moment / (hand_mass + mass) - model.site("flange").pos
-        return {"mass": round(hand_mass + mass, 4), "centre": [round(float(x), 5) for x in both]}
+        return {
+            "mass": round(hand_mass + mass, 4),
+            "centre": [round(float(x), 5) for x in both],
+        }
 
-    def consequences(self, base: Mapping[str, float], effects: NamedValues) -> Sequence[str]:
-        """Sentences on how far named effects move the gripper, and where `accept` puts them."""
+    def consequences(
+        self, base: Mapping[str, float], effects: NamedValues
+    ) -> Sequence[str]:
+        """Sentences on how far named effects move the gripper, and where `accept` puts
+        them.
+        """
         sentences = list[str]()
         for name, values in effects.items():
             ordered = ordered_values(library()[name], self.mechanism, values)
-            moved = np.concatenate([self._moved_by(name, ordered, run, base) for run in self.runs])
+            moved = np.concatenate(
+                [self._moved_by(name, ordered, run, base) for run in self.runs]
+            )
             where = f"`cell gap accept` puts it into cell.yaml, {FIELDS.get(name)}"
             if name not in FIELDS:
-                where = ("cell.yaml has no field for it: `cell gap accept` puts it into the arm's "
-                         "model only")  # fmt: skip
+                where = (
+                    "cell.yaml has no field for it: `cell gap accept` puts it into the"
+                    " arm's model only"
+                )
             rms = float(np.sqrt(np.mean(moved**2)))
-            moves = f"the gripper stands up to {1e3 * moved.max():.2f} mm (rms {1e3 * rms:.2f})"
-            sentences.append(f"{name}: {moves} from where the model has it, in these runs")
+            moves = (
+                f"the gripper stands up to {1e3 * moved.max():.2f} mm (rms"
+                f" {1e3 * rms:.2f})"
+            )
+            sentences.append(
+                f"{name}: {moves} from where the model has it, in these runs"
+            )
             sentences.append(f"{name}: {where}")
         return sentences
 
-    def _moved_by(self, name: str, values: Array, run: Run, base: Mapping[str, float]) -> Array:
-        """Distances (k,) [m] by which the effect `name` alone moves the gripper along a run.
+    def _moved_by(
+        self, name: str, values: Array, run: Run, base: Mapping[str, float]
+    ) -> Array:
+        """Distances (k,) [m] by which the effect `name` alone moves the gripper along a
+        run.
 
         A torque that the robot does not expect deflects a joint by torque / STIFFNESS.
         """
         about = np.array([base.get(p.name, p.start) for p in self.scope.base])
-        requests = [replace(self.stated(run, e), base=about) for e in ({name: values}, {})]
+        requests = [
+            replace(self.stated(run, e), base=about) for e in ({name: values}, {})
+        ]
         cases = [self._case(r) for r in requests]
         with_effect, without = self.predict(cases)
-        torque, tracking = np.split(with_effect - without, [len(self.mechanism.compared("torque"))])
+        torque, tracking = np.split(
+            with_effect - without, [len(self.mechanism.compared("torque"))]
+        )
         motion, t = cases[0].content.motion, cases[0].content.cut.t
         readings = replace(readings_of([(library()[name], values)]), delay=0.0)
         true, *_ = true_motion(motion, readings)
-        q, at = (interpolate_columns(t, motion.t, columns) for columns in (motion.q, true))
+        q, at = (
+            interpolate_columns(t, motion.t, columns) for columns in (motion.q, true)
+        )
         at = at - torque.T / STIFFNESS + tracking.T
         moved, stated = (case.edited(self.mechanism.model) for case in cases)
         return np.asarray(np.linalg.norm(_tips(stated, q) - _tips(moved, at), axis=1))
 
 
 def _tips(model: Any, q: Array) -> Array:
-    """Positions (k, 3) [m] of the tip of a `model` for joint angles `q` (k, 7) [rad]."""
-    places = [data.site("tip").xpos.copy() for data in poses(model, q, mujoco.mj_kinematics)]
+    """Positions (k, 3) [m] of the tip of a `model` for joint angles `q` (k, 7)
+    [rad].
+    """
+    places = [
+        data.site("tip").xpos.copy() for data in poses(model, q, mujoco.mj_kinematics)
+    ]
     return np.array(places)

@@ -1,8 +1,10 @@
-"""Closed kinematic loops: equality constraints by which joints depend on independent ones.
+"""Closed kinematic loops: equality constraints by which joints depend on independent
+ones.
 
-With the Jacobian J of the equalities and N, whose columns are the motions that J allows, the torque
-tau of motors with transmissions B follows from inverse dynamics f of the open tree without the
-forces in the loops: N^T B tau = N^T f. It depends on geometry alone.
+With the Jacobian J of the equalities and N, whose columns are the motions that J
+allows, the torque tau of motors with transmissions B follows from inverse dynamics f of
+the open tree without the forces in the loops: N^T B tau = N^T f. It depends on geometry
+alone.
 """
 
 import copy
@@ -16,27 +18,39 @@ from numpy.typing import NDArray
 from drivers.errors import ConfigurationError
 from drivers.types import Array
 
-RANK_TOLERANCE = 1e-6  # of the largest singular value; smaller rows of a Jacobian repeat others
-APPROACH_STEPS = 50  # from the stated pose, which closes the loops, to the first measured one
+# of the largest singular value; smaller rows of a Jacobian repeat others
+RANK_TOLERANCE = 1e-6
+# from the stated pose, which closes the loops, to the first measured one
+APPROACH_STEPS = 50
 NEWTON_STEPS, GAP_TOLERANCE = 20, 1e-10  # at most; m or rad, at which they end
-PERTURBATION = 0.01  # rad or m about the stated pose, where no Jacobian is singular by chance
-LARGEST_CONDITION = 100.0  # of N^T B; beyond, as at a dead centre, motors do not move the loop
+# rad or m about the stated pose, where no Jacobian is singular by chance
+PERTURBATION = 0.01
+# of N^T B; beyond, as at a dead centre, motors do not move the loop
+LARGEST_CONDITION = 100.0
 
 
 def transmissions(model: Any, data: Any) -> Array:
-    """Moment arms (actuators, dofs) of actuators in the pose of `data`, with positions computed."""
+    """Moment arms (actuators, dofs) of actuators in the pose of `data`, with positions
+    computed.
+    """
     dense = np.zeros((model.nu, model.nv))
-    mujoco.mju_sparse2dense(dense, data.actuator_moment, data.moment_rownnz, data.moment_rowadr,
-                            data.moment_colind)  # fmt: skip
+    mujoco.mju_sparse2dense(
+        dense,
+        data.actuator_moment,
+        data.moment_rownnz,
+        data.moment_rowadr,
+        data.moment_colind,
+    )
     return dense
 
 
 class ClosedLoops:
-    """Closed loops of a model: some joints are `independent`, equalities determine the others.
+    """Closed loops of a model: some joints are `independent`, equalities determine the
+    others.
 
-    The joints numbered `inputs` are measured. Raises ConfigurationError, with the mechanism's
-    `origin`, where the motors or the measured joints that they drive are not as many as the degrees
-    of freedom.
+    The joints numbered `inputs` are measured. Raises ConfigurationError, with the
+    mechanism's `origin`, where the motors or the measured joints that they drive are
+    not as many as the degrees of freedom.
     """
 
     def __init__(self, model: Any, inputs: Sequence[int], origin: str) -> None:
@@ -52,25 +66,37 @@ class ClosedLoops:
         count = int(model.nv - np.linalg.matrix_rank(jacobian, RANK_TOLERANCE))
         driven = np.asarray(transmissions(self._model, self._data).any(axis=0))
         # where all joints are measured, those with a motor lead
-        leading = [j for j in inputs if driven[j]] if len(inputs) == model.nv else list(inputs)
+        leading = (
+            [j for j in inputs if driven[j]]
+            if len(inputs) == model.nv
+            else list(inputs)
+        )
         if len(leading) != count or model.nu != count:
             raise ConfigurationError(
-                f"{origin}: model: its closed loops leave {count} degrees of freedom; as many "
-                f"motors and measured joints of motors are needed, found {model.nu} motors and "
-                f"{len(leading)} joints; add motors or `inputs: {{JOINT: position}}`"
+                f"{origin}: model: its closed loops leave {count} degrees of freedom;"
+                " as many motors and measured joints of motors are needed, found"
+                f" {model.nu} motors and {len(leading)} joints; add motors or `inputs:"
+                " {JOINT: position}`"
             )
         self.independent = np.array(leading)
         self._dependent = np.setdiff1d(np.arange(model.nv), self.independent)
 
     def _jacobian(self, q: Array) -> tuple[Array, Array]:
-        """Jacobian (rows, n) and gaps (rows,) of the equalities at positions `q` (n,)."""
+        """Jacobian (rows, n) and gaps (rows,) of the equalities at positions `q`
+        (n,).
+        """
         self._data.qpos[:] = q
         mujoco.mj_fwdPosition(self._model, self._data)
         rows = self._data.nefc
-        return self._data.efc_J[: rows * len(q)].reshape(rows, -1), self._data.efc_pos[:rows]
+        return (
+            self._data.efc_J[: rows * len(q)].reshape(rows, -1),
+            self._data.efc_pos[:rows],
+        )
 
     def close(self, angles: Array) -> Array:
-        """Positions (m, n) of all joints, loops closed, from independent ones at angles (m, k)."""
+        """Positions (m, n) of all joints, loops closed, from independent ones at angles
+        (m, k).
+        """
         q, found = np.array(self._model.qpos0), []
         approach = np.linspace(q[self.independent], angles[0], APPROACH_STEPS)
         for each in (*approach, *angles):
@@ -85,10 +111,12 @@ class ClosedLoops:
         return np.array(found[APPROACH_STEPS:])
 
     def maps(self, q: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """Linear maps between joints of open and closed loops along positions `q` (m, n).
+        """Linear maps between joints of open and closed loops along positions `q` (m,
+        n).
 
-        Forces of motors by torques of joints (m, actuators, n), motions of all joints by those of
-        the independent ones (m, n, k), and whether the motors move the loop there (m,).
+        Forces of motors by torques of joints (m, actuators, n), motions of all joints
+        by those of the independent ones (m, n, k), and whether the motors move the loop
+        there (m,).
         """
         forces, motions, movable = [], [], []
         for row in q:
@@ -105,5 +133,9 @@ class ClosedLoops:
         return np.array(forces), np.array(motions), np.array(movable)
 
     def gap(self, q: Array) -> float:
-        """Root mean square [m or rad] by which positions `q` (m, n) leave the loops open."""
-        return float(np.sqrt(np.mean([np.sum(self._jacobian(row)[1] ** 2) for row in q])))
+        """Root mean square [m or rad] by which positions `q` (m, n) leave the loops
+        open.
+        """
+        return float(
+            np.sqrt(np.mean([np.sum(self._jacobian(row)[1] ** 2) for row in q]))
+        )

@@ -1,4 +1,6 @@
-"""Effects of a mechanism: how each changes the model, a command, a reading or a torque."""
+"""Effects of a mechanism: how each changes the model, a command, a reading or a
+torque.
+"""
 
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -11,7 +13,8 @@ from cell.gap.subject.subject import Candidate
 from drivers.strip.effects.effect import Parameter, Role
 from drivers.types import Array
 
-# relative errors of laws of friction, springs, gears and bases that sway, and of all others
+# relative errors of laws of friction, springs, gears and bases that sway, and of all
+# others
 UNTRUE, EXACT = 0.2, 0.02
 SIZES_PER_SPREAD = 25.0  # typical sizes of a parameter in its prior spread
 STEPS_PER_SIZE = 1000.0  # steps of finite differences in a typical size
@@ -20,11 +23,12 @@ Parameters = Callable[[Mechanism], tuple[Parameter, ...]]
 
 @dataclass(frozen=True, slots=True)
 class Readings:
-    """Errors of sensors and commands: a reading of x(t) is (1 + scale) x(t - delay) + bias.
+    """Errors of sensors and commands: a reading of x(t) is (1 + scale) x(t - delay) +
+    bias.
 
-    `bias` and `scale` are those of encoders (encoders,), delays (1,) are in [s]. `command` delays
-    every command; `elastic` (joints,) [rad/(N m)] and `gap` (joints,) [rad] lie between a joint's
-    encoder and its link.
+    `bias` and `scale` are those of encoders (encoders,), delays (1,) are in [s].
+    `command` delays every command; `elastic` (joints,) [rad/(N m)] and `gap` (joints,)
+    [rad] lie between a joint's encoder and its link.
     """
 
     delay: Array | float = 0.0
@@ -37,22 +41,29 @@ class Readings:
 
 @dataclass(frozen=True, slots=True)
 class Effect:
-    """Effect in the library of mechanisms: its parameters, and functions by which it acts.
+    """Effect in the library of mechanisms: its parameters, and functions by which it
+    acts.
 
-    At the start values of its parameters it changes nothing. It acts by one or more of these:
+    At the start values of its parameters it changes nothing. It acts by one or more of
+    these:
 
-    - `law(q, v, load, p, at)`: torque [N m] on a joint at angle q and rate v whose gear bears a
-      load; compiled. Of the joint's numbers p, `keys` from `at` on are the effect's, and p[1] is
-      the rate within which signs are smooth. `of_drives`: on joints that a motor drives alone.
-    - `edit(mechanism, values, model)`: new values in fields of a MuJoCo model, which an MJCF can
-      state; beside a law, it stands for the law where the mode has effects as `fields`.
-    - `path(mechanism, values, t, q, v)`: torques (m, joints) that depend on the motion so far.
-    - `read`: the field of `Readings`, of what lies between mechanism and record, that it states.
+    - `law(q, v, load, p, at)`: torque [N m] on a joint at angle q and rate v whose gear
+      bears a load; compiled. Of the joint's numbers p, `keys` from `at` on are the
+      effect's, and p[1] is the rate within which signs are smooth. `of_drives`: on
+      joints that a motor drives alone.
+    - `edit(mechanism, values, model)`: new values in fields of a MuJoCo model, which an
+      MJCF can state; beside a law, it stands for the law where the mode has effects as
+      `fields`.
+    - `path(mechanism, values, t, q, v)`: torques (m, joints) that depend on the motion
+      so far.
+    - `read`: the field of `Readings`, of what lies between mechanism and record, that
+      it states.
 
-    `parameters` are those of one key, joint by joint, then of the next; `shape` are shapes of the
-    law. The effect is a candidate in `modes` of simulation where it is `possible`, unless the file
-    says how well the field `error_of` of the base is known. It is screened at `probes`, in typical
-    sizes, for each of a `grid` of values of its last parameter.
+    `parameters` are those of one key, joint by joint, then of the next; `shape` are
+    shapes of the law. The effect is a candidate in `modes` of simulation where it is
+    `possible`, unless the file says how well the field `error_of` of the base is known.
+    It is screened at `probes`, in typical sizes, for each of a `grid` of values of its
+    last parameter.
     """
 
     name: str
@@ -79,38 +90,64 @@ class Effect:
         return fits and bool(self.parameters(mechanism))
 
     def by_fields(self, mechanism: Mechanism) -> bool:
-        """Whether edited fields of the model of `mechanism` express the whole effect."""
+        """Whether edited fields of the model of `mechanism` express the whole
+        effect.
+        """
         is_edit = self.edit is not None and self.read is None
         return is_edit and (self.law is None or mechanism.mode.fields)
 
     def moves(self, mechanism: Mechanism) -> bool:
-        """Whether it changes what is computed once: a simulation, or torques of a true motion."""
-        falsifies = self.read in ("delay", "bias", "scale")  # is an error of reading a motion
-        return falsifies or self.by_fields(mechanism) if mechanism.mode.loads else not falsifies
+        """Whether it changes what is computed once: a simulation, or torques of a true
+        motion.
+        """
+        # is an error of reading a motion
+        falsifies = self.read in ("delay", "bias", "scale")
+        return (
+            falsifies or self.by_fields(mechanism)
+            if mechanism.mode.loads
+            else not falsifies
+        )
 
     def candidate(self, mechanism: Mechanism) -> Candidate:
-        """Candidate effect of `mechanism`, screened one parameter at a time from small to large."""
+        """Candidate effect of `mechanism`, screened one parameter at a time from small
+        to large.
+        """
         parameters = self.parameters(mechanism)
         null = np.array([p.start for p in parameters])
         sizes = np.diag([p.spread / SIZES_PER_SPREAD for p in parameters])
         amounts = [row for row, p in zip(sizes, parameters, strict=True) if p.is_amount]
         groups = tuple(
-            tuple(tuple((np.append(null[:-1], last) + factor * size).tolist()) for size in amounts)
-            for last in self.grid or null[-1:] for factor in self.probes
-        )  # fmt: skip
+            tuple(
+                tuple((np.append(null[:-1], last) + factor * size).tolist())
+                for size in amounts
+            )
+            for last in self.grid or null[-1:]
+            for factor in self.probes
+        )
         of_joint = self.law or self.read
         error = UNTRUE if self.path or (of_joint and self.of == "model") else EXACT
-        return Candidate(self.name, self.sentence, mechanism.mode.of or self.of, parameters, groups,
-                         self.revealed_by, error,
-                         self.with_shape(mechanism)[len(parameters) :])  # fmt: skip
+        return Candidate(
+            self.name,
+            self.sentence,
+            mechanism.mode.of or self.of,
+            parameters,
+            groups,
+            self.revealed_by,
+            error,
+            self.with_shape(mechanism)[len(parameters) :],
+        )
 
     def with_shape(self, mechanism: Mechanism) -> tuple[Parameter, ...]:
-        """Parameters of the effect in `mechanism`, then those that shape its law, if not fixed."""
+        """Parameters of the effect in `mechanism`, then those that shape its law, if
+        not fixed.
+        """
         shapes = self.shape(mechanism) if mechanism.mode.shapes else ()
         return (*self.parameters(mechanism), *shapes)
 
     def table(self, mechanism: Mechanism, values: Array) -> Array:
-        """Parameter table (keys, joints) from the first `values` (k,), others at their start."""
+        """Parameter table (keys, joints) from the first `values` (k,), others at their
+        start.
+        """
         missing = [p.start for p in self.with_shape(mechanism)[len(values) :]]
         acts = [j.actuator >= 0 or not self.of_drives for j in mechanism.joints]
         rows = np.concatenate([values, missing]).reshape(-1, sum(acts))
@@ -120,32 +157,63 @@ class Effect:
 
 
 def per_joint(
-    mechanism: Mechanism, key: str, unit: str, size: Array, *, signed: bool = False,
-    role: Role = "amount", high: float = 250.0,
-) -> tuple[Parameter, ...]:  # fmt: skip
-    """Parameters `key_JOINT` of all joints, of typical `size` (joints,), in N and m for slides."""
+    mechanism: Mechanism,
+    key: str,
+    unit: str,
+    size: Array,
+    *,
+    signed: bool = False,
+    role: Role = "amount",
+    high: float = 250.0,
+) -> tuple[Parameter, ...]:
+    """Parameters `key_JOINT` of all joints, of typical `size` (joints,), in N and m for
+    slides.
+    """
     slides = unit.replace("N m", "N").replace("rad", "m")
     return tuple(
-        replace(single_parameter(f"{key}_{joint.name}", unit if joint.hinge else slides, s,
-                                 signed=signed, high=high)[0], role=role)
+        replace(
+            single_parameter(
+                f"{key}_{joint.name}",
+                unit if joint.hinge else slides,
+                s,
+                signed=signed,
+                high=high,
+            )[0],
+            role=role,
+        )
         for joint, s in zip(mechanism.joints, size, strict=True)
-    )  # fmt: skip
+    )
 
 
 def single_parameter(
-    key: str, unit: str, size: float, *, signed: bool = False, high: float = 250.0,
-) -> tuple[Parameter, ...]:  # fmt: skip
+    key: str,
+    unit: str,
+    size: float,
+    *,
+    signed: bool = False,
+    high: float = 250.0,
+) -> tuple[Parameter, ...]:
     """One parameter `key` of typical `size` for the whole mechanism, as a tuple."""
     low = -high * size if signed else 0.0
     step, spread = size / STEPS_PER_SIZE, SIZES_PER_SPREAD * size
     return (Parameter(key, unit, 0.0, low, high * size, step=step, spread=spread),)
 
 
-def errors(key: str, unit: str, names: Iterable[str | int], low: float, high: float,
-           spread: float) -> tuple[Parameter, ...]:  # fmt: skip
-    """Parameters `key_NAME` from `low` to `high` about zero, one for each of `names`."""
-    return tuple(Parameter(f"{key}_{name}", unit, 0.0, low, high, step=1e-5, spread=spread)
-                 for name in names)  # fmt: skip
+def errors(
+    key: str,
+    unit: str,
+    names: Iterable[str | int],
+    low: float,
+    high: float,
+    spread: float,
+) -> tuple[Parameter, ...]:
+    """Parameters `key_NAME` from `low` to `high` about zero, one for each of
+    `names`.
+    """
+    return tuple(
+        Parameter(f"{key}_{name}", unit, 0.0, low, high, step=1e-5, spread=spread)
+        for name in names
+    )
 
 
 def add_to(field: str) -> Callable[[Mechanism, Array, Any], None]:
@@ -164,4 +232,6 @@ Known = Sequence[tuple[Effect, Array]]
 
 def readings_of(known: Known) -> Readings:
     """Errors of sensors and commands made by effects `known`."""
-    return Readings(**{effect.read: values for effect, values in known if effect.read is not None})
+    return Readings(
+        **{effect.read: values for effect, values in known if effect.read is not None}
+    )

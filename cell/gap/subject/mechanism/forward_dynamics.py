@@ -34,27 +34,39 @@ STIFFEST = 1e6  # N m/rad per kg m^2 of a joint's inertia, of a gear that does n
 LEAST_COMPLIANCE = 1e-12  # rad/(N m), against division by zero
 THIRD = 1.0 / 3.0  # of its noise, by which halving the time step may move a signal
 BODY = ("body_pos", "body_mass", "body_ipos", "body_iquat", "body_inertia")
-DOF = ("dof_damping", "dof_dampingpoly", "dof_armature", "dof_frictionloss", "dof_solimp")
+DOF = (
+    "dof_damping",
+    "dof_dampingpoly",
+    "dof_armature",
+    "dof_frictionloss",
+    "dof_solimp",
+)
 ACTUATOR = ("actuator_gainprm", "actuator_biasprm", "actuator_forcerange")
 
 
 @dataclass(frozen=True, slots=True)
 class Commands:
-    """Commands `u` (m, actuators) of a run, each held from its time in `t` (m,) [s] on."""
+    """Commands `u` (m, actuators) of a run, each held from its time in `t` (m,) [s]
+    on.
+    """
 
     t: Array
     u: Array
 
     def at_steps(self, step: float, steps: int, delay: Array | float) -> Array:
-        """Mean commands (steps, actuators) in each time step of `step` [s], `delay` [s] late."""
+        """Mean commands (steps, actuators) in each time step of `step` [s], `delay` [s]
+        late.
+        """
         if not self.u.shape[1]:
             return np.zeros((steps, 0))
         edges = np.asarray(np.arange(steps + 1) * step - delay, dtype=np.float64)
-        ends = np.append(self.t[1:], max(self.t[-1], edges[-1]) + 1.0)  # the last is held
+        # the last is held
+        ends = np.append(self.t[1:], max(self.t[-1], edges[-1]) + 1.0)
         held = np.cumsum(self.u * (ends - self.t)[:, None], axis=0)
         integral = np.concatenate([np.zeros((1, self.u.shape[1])), held])
         times = np.append(self.t, ends[-1])
-        before = np.minimum(edges - self.t[0], 0.0)[:, None] * self.u[0]  # the first is held, too
+        # the first is held, too
+        before = np.minimum(edges - self.t[0], 0.0)[:, None] * self.u[0]
         total = interpolate_columns(edges, times, integral) + before
         return np.asarray(np.diff(total, axis=0) / step)
 
@@ -63,7 +75,9 @@ def commands_of(mechanism: Mechanism, recording: Recording) -> Commands:
     """Commands of actuators in a recording, on a grid if a controller held them."""
     model, hold = mechanism.model, mechanism.file.hold
     t = recording.t if hold is None else np.arange(0.0, recording.t[-1] + hold, hold)
-    row = np.clip(np.searchsorted(recording.t, t + TIME_ROUNDING, side="right") - 1, 0, None)
+    row = np.clip(
+        np.searchsorted(recording.t, t + TIME_ROUNDING, side="right") - 1, 0, None
+    )
     u = np.zeros((len(t), model.nu))
     for i in range(model.nu):
         if (name := model.actuator(i).name) in mechanism.file.inputs:
@@ -74,26 +88,36 @@ def commands_of(mechanism: Mechanism, recording: Recording) -> Commands:
 
 
 class SplitModel:
-    """MuJoCo model of flexible joints: each is split in motor and link with a gear between.
+    """MuJoCo model of flexible joints: each is split in motor and link with a gear
+    between.
 
     `motor` (joints,) are the indices of the motors' degrees of freedom.
     """
 
     def __init__(self, mechanism: Mechanism) -> None:
         self._mechanism, model = mechanism, mechanism.model
-        self._model = compile_model(mechanism.source, mechanism.file.name, model.nuser_jnt,
-                                    model.opt.timestep, self._add_flexible_joints)  # fmt: skip
+        self._model = compile_model(
+            mechanism.source,
+            mechanism.file.name,
+            model.nuser_jnt,
+            model.opt.timestep,
+            self._add_flexible_joints,
+        )
         self._model.opt.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
         self.motor = np.array([self._model.joint(j.name).id for j in mechanism.joints])
         self._flex = np.setdiff1d(np.arange(self._model.njnt), self.motor)
         for field in ("dof_armature", "dof_frictionloss", "dof_dampingpoly"):
-            getattr(self._model, field)[self._flex] = 0.0  # whatever the model's defaults are
+            # whatever the model's defaults are
+            getattr(self._model, field)[self._flex] = 0.0
 
     def _add_flexible_joints(self, spec: Any) -> None:
-        """Add a second joint about the same axis to each joint of a specification's bodies."""
+        """Add a second joint about the same axis to each joint of a specification's
+        bodies.
+        """
         for joint in spec.joints:
             flex = joint.parent.add_joint(name=joint.name + FLEX, type=joint.type)
-            flex.axis, flex.pos, flex.armature = joint.axis, joint.pos, 1.0  # 0 once compiled
+            # 0 once compiled
+            flex.axis, flex.pos, flex.armature = joint.axis, joint.pos, 1.0
             flex.limited = mujoco.mjtLimited.mjLIMITED_FALSE
 
     def soft(self, edited: Any, readings: Readings) -> Any:
@@ -109,16 +133,20 @@ class SplitModel:
         return found
 
     def _inertias(self, found: Any) -> tuple[Array, Array]:
-        """Inertias of links, and of motors, to which an inertia is added where they have none."""
+        """Inertias of links, and of motors, to which an inertia is added where they
+        have none.
+        """
         links = self._mechanism.inertia
         motors = np.maximum(found.dof_armature[self.motor], SHARE * links)
         found.dof_armature[self.motor] = motors
         return links, motors
 
     def _set_gears(self, found: Any, edited: Any, readings: Readings) -> None:
-        """Set the gears of the split model `found`: stiffness [N m/rad], play [rad] and damping.
+        """Set the gears of the split model `found`: stiffness [N m/rad], play [rad] and
+        damping.
 
-        Springs and parameters of compiled torque laws are those of `edited`, which has no gears.
+        Springs and parameters of compiled torque laws are those of `edited`, which has
+        no gears.
         """
         links, motors = self._inertias(found)
         compliance, gap = np.maximum(readings.elastic, LEAST_COMPLIANCE), readings.gap
@@ -128,7 +156,9 @@ class SplitModel:
         if np.any(gap):
             has_play = np.asarray(gap > 0.0)
             stiffness = np.where(has_play, 0.0, stiffness)
-            found.jnt_range[self._flex] = 0.5 * np.outer(gap, (-1.0, 1.0)) * has_play[:, None]
+            found.jnt_range[self._flex] = (
+                0.5 * np.outer(gap, (-1.0, 1.0)) * has_play[:, None]
+            )
             found.jnt_limited[self._flex] = has_play
         found.jnt_stiffness[self._flex] = stiffness
         ringing = np.sqrt(np.maximum(stiffness, 1.0) * motors)
@@ -143,10 +173,18 @@ class PivotModel(SplitModel):
     """Model of a chain of hinges whose pivot slides sideways on a spring."""
 
     def _add_flexible_joints(self, spec: Any) -> None:
-        """Add a slide at the pivot before the first hinge, for joints move in their order."""
-        body, name, axis = spec.joints[0].parent, spec.joints[0].name, spec.joints[0].axis.copy()
+        """Add a slide at the pivot before the first hinge, for joints move in their
+        order.
+        """
+        body, name, axis = (
+            spec.joints[0].parent,
+            spec.joints[0].name,
+            spec.joints[0].axis.copy(),
+        )
         spec.delete(spec.joints[0])
-        body.add_joint(name=FLEX, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=(1.0, 0.0, 0.0))
+        body.add_joint(
+            name=FLEX, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=(1.0, 0.0, 0.0)
+        )
         body.add_joint(name=name, axis=axis)
 
     def _inertias(self, found: Any) -> tuple[Array, Array]:
@@ -156,38 +194,51 @@ class PivotModel(SplitModel):
 
 
 class ForwardDynamics(MechanismSubject):
-    """Predicts a mechanism's signals by a simulation that the recorded commands drive."""
+    """Predicts a mechanism's signals by a simulation that the recorded commands
+    drive.
+    """
 
-    def __init__(self, mechanism: Mechanism, jobs: int = 1, without: Sequence[str] = ()) -> None:
+    def __init__(
+        self, mechanism: Mechanism, jobs: int = 1, without: Sequence[str] = ()
+    ) -> None:
         super().__init__(mechanism, jobs, without)
         # `predict` says what diverges; MuJoCo would write a log beside the user's files
         mujoco.set_mju_user_warning(lambda _: None)
         self._laws = frozenset(  # which a simulation adds to MuJoCo's own forces
-            e.name for e in library().values()
+            e.name
+            for e in library().values()
             if e.law is not None and e.applies(mechanism) and not e.by_fields(mechanism)
-        )  # fmt: skip
-        self._settle = round((mechanism.file.start.settle or 0.0) / mechanism.model.opt.timestep)
+        )
+        self._settle = round(
+            (mechanism.file.start.settle or 0.0) / mechanism.model.opt.timestep
+        )
         self._split_model: SplitModel | None = None
         self._data = mujoco.MjData(mechanism.model)
         self.runs = tuple(map(self._run, mechanism.recordings))
 
     def check(self, origin: str) -> None:
-        """Refuse a bad model, or a time step whose half moves a run by a third of its noise."""
+        """Refuse a bad model, or a time step whose half moves a run by a third of its
+        noise.
+        """
         super().check(origin)
         m, model = self.mechanism, copy.copy(self.mechanism.model)
         model.opt.timestep = 0.5 * m.file.step
         halved = replace(m, model=model, recordings=m.recordings[:1])
         finer = ForwardDynamics(halved)._stated_residuals()
         run = self.runs[0]
-        change = float(np.nanmax(np.abs(self._stated_residuals() - finer) / run.samples.reading))
+        change = float(
+            np.nanmax(np.abs(self._stated_residuals() - finer) / run.samples.reading)
+        )
         if change > THIRD:
             raise ConfigurationError(
-                f"{origin}: step: half of it moves run {run.name} by {change:.2g} of its noise, at "
-                f"most {THIRD:.2f} is allowed; make it smaller"
+                f"{origin}: step: half of it moves run {run.name} by {change:.2g} of"
+                f" its noise, at most {THIRD:.2f} is allowed; make it smaller"
             )
 
     def not_honoured(self) -> Iterator[str]:
-        """Names of the parts of the model that torques along a simulation would ignore."""
+        """Names of the parts of the model that torques along a simulation would
+        ignore.
+        """
         model = self.mechanism.model
         plain = (model.actuator_dyntype == 0) & (model.actuator_gaintype == 0)
         plain &= model.actuator_biastype <= int(mujoco.mjtBias.mjBIAS_AFFINE)
@@ -195,7 +246,10 @@ class ForwardDynamics(MechanismSubject):
         for sensor in self.mechanism.compared("torque"):
             if not plain[sensor.actuator]:
                 name = model.actuator(sensor.actuator).name
-                yield f"torque {sensor.name} of {name}: its filter, delay, or law of force"
+                yield (
+                    f"torque {sensor.name} of {name}: its filter, delay, or law of"
+                    " force"
+                )
 
     def _content(self, recording: Recording, cut: Cut) -> Content:
         """Content of a run that is simulated forward: its commands, and its start."""
@@ -205,9 +259,13 @@ class ForwardDynamics(MechanismSubject):
         return Content(cut, speed, recording.load, commands=commands, start=start)
 
     def predict(self, cases: Sequence[Case]) -> list[Array | None]:
-        """Signals (signals, k) of each simulated case; None where its simulation diverges."""
+        """Signals (signals, k) of each simulated case; None where its simulation
+        diverges.
+        """
         by_motion: dict[Hashable, list[int]] = {}
-        for i in sorted(range(len(cases)), key=lambda i: float(cases[i].content.cut.t[-1])):
+        for i in sorted(
+            range(len(cases)), key=lambda i: float(cases[i].content.cut.t[-1])
+        ):
             by_motion.setdefault(cases[i].motion, []).append(i)
         groups = list(by_motion.values())
         found: dict[int, Array] = {}
@@ -215,11 +273,17 @@ class ForwardDynamics(MechanismSubject):
             found |= self._predict_together(cases, groups[begin : begin + TOGETHER])
         return [found.get(i) for i in range(len(cases))]
 
-    def _predict_together(self, cases: Sequence[Case],
-                          groups: Sequence[Sequence[int]]) -> dict[int, Array]:  # fmt: skip
-        """Signals (signals, k) by number of case, for `groups` that share a simulation."""
+    def _predict_together(
+        self, cases: Sequence[Case], groups: Sequence[Sequence[int]]
+    ) -> dict[int, Array]:
+        """Signals (signals, k) by number of case, for `groups` that share a
+        simulation.
+        """
         simulated, control, models = self._simulate([cases[i] for i, *_ in groups])
-        found, grid = {}, frozen(np.arange(simulated.shape[1]) * self.mechanism.model.opt.timestep)
+        found, grid = (
+            {},
+            frozen(np.arange(simulated.shape[1]) * self.mechanism.model.opt.timestep),
+        )
         for row, (group, states) in enumerate(zip(groups, simulated, strict=True)):
             if not np.abs(states).max() < POSITION_LIMIT:
                 continue
@@ -232,11 +296,15 @@ class ForwardDynamics(MechanismSubject):
         return found
 
     def _simulate(self, cases: Sequence[Case]) -> tuple[Array, Array, list[Any]]:
-        """States (n, steps + 1, 2, joints) of n cases, their commands, and their edited models."""
+        """States (n, steps + 1, 2, joints) of n cases, their commands, and their edited
+        models.
+        """
         step = self.mechanism.model.opt.timestep
         span = max(float(c.content.cut.t[-1]) for c in cases)
         steps = int(np.ceil(span / step)) + 2
-        commands = [c.content.commands.at_steps(step, steps, c.readings.command) for c in cases]
+        commands = [
+            c.content.commands.at_steps(step, steps, c.readings.command) for c in cases
+        ]
         settled = (self._settle, 0)  # steps in which the first command is held
         control = np.pad(commands, ((0, 0), settled, (0, 0)), mode="edge")
         models = [case.edited(self.mechanism.model) for case in cases]
@@ -250,9 +318,14 @@ class ForwardDynamics(MechanismSubject):
         return states, control, models
 
     def _roll_out(
-        self, models: Sequence[Any], cases: Sequence[Case], control: Array, into: Any = slice(None),
-    ) -> Array:  # fmt: skip
-        """Simulated states (n, steps + 1, 2, joints) of n cases: positions and rates of joints.
+        self,
+        models: Sequence[Any],
+        cases: Sequence[Case],
+        control: Array,
+        into: Any = slice(None),
+    ) -> Array:
+        """Simulated states (n, steps + 1, 2, joints) of n cases: positions and rates of
+        joints.
 
         Those of the mechanism's joints go `into` degrees of freedom of the models.
         """
@@ -271,8 +344,12 @@ class ForwardDynamics(MechanismSubject):
         states[batch.warning.reshape(len(cases), -1).any(axis=1)] = np.inf
         return states[:, self._settle :]
 
-    def _by_gears(self, models: Sequence[Any], cases: Sequence[Case], control: Array) -> Array:
-        """Deviation of the states of n cases by elasticity or play: split less rigid models."""
+    def _by_gears(
+        self, models: Sequence[Any], cases: Sequence[Case], control: Array
+    ) -> Array:
+        """Deviation of the states of n cases by elasticity or play: split less rigid
+        models.
+        """
         if self._split_model is None:
             make = PivotModel if self.mechanism.mode is PLANAR else SplitModel
             self._split_model = make(self.mechanism)
@@ -284,8 +361,12 @@ class ForwardDynamics(MechanismSubject):
         moved = self._roll_out(soft, cases, control, self._split_model.motor)
         return moved - self._roll_out(rigid, cases, control)
 
-    def _read(self, case: Case, t: Array, q: Array, v: Array, control: Array, model: Any) -> Array:
-        """Sensor readings (signals, k) at times t (k,) [s], from the states q, v (joints, k)."""
+    def _read(
+        self, case: Case, t: Array, q: Array, v: Array, control: Array, model: Any
+    ) -> Array:
+        """Sensor readings (signals, k) at times t (k,) [s], from the states q, v
+        (joints, k).
+        """
         signals, errors = self.mechanism.signals, case.readings
         rows = np.empty((len(signals), len(t)))
         sensed = {"site", "sensor"} & {s.kind for s in signals}
@@ -307,13 +388,22 @@ class ForwardDynamics(MechanismSubject):
     def _torque(
         self, signal: Signal, model: Any, q: Array, v: Array, control: Array, t: Array
     ) -> Array:
-        """Readings (k,) of a torque `signal` at times t (k,) [s], from states and commands."""
+        """Readings (k,) of a torque `signal` at times t (k,) [s], from states and
+        commands.
+        """
         actuator, joint = signal.actuator, signal.joint
         gain, bias, limits = (getattr(model, name)[actuator] for name in ACTUATOR)
         gear = model.actuator_gear[actuator, 0]
-        step = np.minimum((t / model.opt.timestep).astype(int), len(control) - 1 - self._settle)
+        step = np.minimum(
+            (t / model.opt.timestep).astype(int), len(control) - 1 - self._settle
+        )
         u = control[self._settle + step, actuator]
         if model.actuator_ctrllimited[actuator]:
             u = np.clip(u, *model.actuator_ctrlrange[actuator])
-        force = gain[0] * u + bias[0] + bias[1] * gear * q[joint] + bias[2] * gear * v[joint]
+        force = (
+            gain[0] * u
+            + bias[0]
+            + bias[1] * gear * q[joint]
+            + bias[2] * gear * v[joint]
+        )
         return np.asarray(np.clip(force, *limits) * gear / signal.gear)

@@ -1,4 +1,6 @@
-"""Predicts torques by inverse dynamics on the measured motion, to compare with measured ones."""
+"""Predicts torques by inverse dynamics on the measured motion, to compare with measured
+ones.
+"""
 
 import copy
 from collections.abc import Hashable, Iterator, Sequence
@@ -17,9 +19,20 @@ from cell.gap.subject.mechanism.closed_loops import ClosedLoops, transmissions
 from cell.gap.subject.mechanism.effects import torques
 from cell.gap.subject.mechanism.effects.friction import DRY_FRICTION, dry_law, dry_limit
 from cell.gap.subject.mechanism.model import Mechanism, poses
-from cell.gap.subject.mechanism.motion import Motion, cutoff_of, link_motion, motion_of, true_motion
+from cell.gap.subject.mechanism.motion import (
+    Motion,
+    cutoff_of,
+    link_motion,
+    motion_of,
+    true_motion,
+)
 from cell.gap.subject.mechanism.recordings import Cut, Recording, Signal, average
-from cell.gap.subject.mechanism.subject import Case, Content, MechanismSubject, content_of
+from cell.gap.subject.mechanism.subject import (
+    Case,
+    Content,
+    MechanismSubject,
+    content_of,
+)
 from cell.gap.subject.subject import Run
 from drivers.errors import ConfigurationError
 from drivers.geometry import interpolate_columns
@@ -31,31 +44,38 @@ NEAR = 0.005  # of a range, within which a joint is at its limit
 CHECK_EVERY = 50  # readings in one of which the closure of loops is checked
 LOOP_TOLERANCE = 1e-3  # m or rad by which measured joints may leave a loop open
 STANDS = 0.05  # of its usual rate, below which a joint may be held by friction
-PLAY_SMOOTHING = 0.05  # of a torque's standard deviation, over which a link crosses its play
+# of a torque's standard deviation, over which a link crosses its play
+PLAY_SMOOTHING = 0.05
 
 
 class InverseDynamics(MechanismSubject):
     """Predicts the torques of a mechanism's actuators along its measured motion."""
 
     notes: Sequence[str] = (
-        "torques of the measured motion are compared; the motion itself is not simulated",
+        (
+            "torques of the measured motion are compared; the motion itself is not"
+            " simulated"
+        ),
     )
 
-    def __init__(self, mechanism: Mechanism, jobs: int = 1, without: Sequence[str] = ()) -> None:
+    def __init__(
+        self, mechanism: Mechanism, jobs: int = 1, without: Sequence[str] = ()
+    ) -> None:
         super().__init__(mechanism, jobs, without)
         self._known: dict[Hashable, Array] = {}
         model, origin = mechanism.model, str(mechanism.path)
         self._model = copy.copy(model)
         self._model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
-        self._model.jnt_actgravcomp[:] = 0  # what motors are relieved of, they do not give
+        # what motors are relieved of, they do not give
+        self._model.jnt_actgravcomp[:] = 0
         inputs, joints = mechanism.file.inputs, mechanism.joints
         given = [i for i, j in enumerate(joints) if inputs.get(j.name) == "position"]
         self._loop = ClosedLoops(model, given, origin) if model.neq else None
         if self._loop is None and len(given) < model.njnt:
             missing = next(j.name for i, j in enumerate(joints) if i not in given)
             raise ConfigurationError(
-                f"{origin}: inputs.{missing}: is missing; in mode prescribed every joint's motion "
-                "is given: add it as position"
+                f"{origin}: inputs.{missing}: is missing; in mode prescribed every"
+                " joint's motion is given: add it as position"
             )
         independent = given if self._loop is None else self._loop.independent
         self._joints = [joints[i].name for i in independent]
@@ -64,7 +84,9 @@ class InverseDynamics(MechanismSubject):
         self.runs = tuple(map(self._run, mechanism.recordings))
 
     def _notes_on_model(self, given: Sequence[int]) -> Iterator[str]:
-        """Notes on torques that inverse dynamics leaves out, and on open kinematic loops."""
+        """Notes on torques that inverse dynamics leaves out, and on open kinematic
+        loops.
+        """
         model = self.mechanism.model
         if np.any(model.jnt_limited) or np.any(model.tendon_limited):
             yield "moments at the limits of joints and tendons are left out"
@@ -78,15 +100,18 @@ class InverseDynamics(MechanismSubject):
                     gap = max(gap, self._loop.gap(known))
         if gap >= LOOP_TOLERANCE:
             yield (
-                f"the loop does not close by {1e3 * gap:.2g} mm or mrad at the measured joints: an "
-                "encoder's zero or the geometry is off; driven joints alone are used"
+                f"the loop does not close by {1e3 * gap:.2g} mm or mrad at the measured"
+                " joints: an encoder's zero or the geometry is off; driven joints"
+                " alone are used"
             )
 
     def not_honoured(self) -> Iterator[str]:
         """Names of the parts of the model that inverse dynamics would ignore."""
         model = self.mechanism.model
-        yield from (f"tendon {model.tendon(i).name}: its frictionloss"
-                    for i in np.flatnonzero(model.tendon_frictionloss > 0.0))  # fmt: skip
+        yield from (
+            f"tendon {model.tendon(i).name}: its frictionloss"
+            for i in np.flatnonzero(model.tendon_frictionloss > 0.0)
+        )
         if model.npair:
             yield "contact pairs"
         (data,) = poses(model, [model.qpos0], mujoco.mj_forward)
@@ -95,10 +120,14 @@ class InverseDynamics(MechanismSubject):
             others = drives[:, sensor.joint]
             others[sensor.actuator] = False
             if others.any():
-                yield f"other motors on joint {self.mechanism.joints[sensor.joint].name}"
+                yield (
+                    f"other motors on joint {self.mechanism.joints[sensor.joint].name}"
+                )
 
     def _run(self, recording: Recording) -> Run:
-        """Run for the engine, with the noise that the measured motion adds to torques."""
+        """Run for the engine, with the noise that the measured motion adds to
+        torques.
+        """
         run = super()._run(recording)
         content, known = content_of(run), run.samples
         error = self._encoder_error(content.motion, content.cut.t)
@@ -108,28 +137,41 @@ class InverseDynamics(MechanismSubject):
         return replace(run, samples=replace(known, noise=noise, reading=reading))
 
     def _content(self, recording: Recording, cut: Cut) -> Content:
-        """Content of a run with its motion: filtered torques, without those near gaps."""
+        """Content of a run with its motion: filtered torques, without those near
+        gaps.
+        """
         names = [s.name for s in self.mechanism.signals]
-        motion = motion_of(recording, self._joints, names, self._cutoff, cut.width, self._loop,
-                           self._barred)  # fmt: skip
+        motion = motion_of(
+            recording,
+            self._joints,
+            names,
+            self._cutoff,
+            cut.width,
+            self._loop,
+            self._barred,
+        )
         filtered = motion.below_cutoff(motion.torques, cut.t)
         good = np.interp(cut.t, motion.t, motion.known) == 1.0
         if not good.any():
             raise ConfigurationError(
-                f"{recording.name}: no reading is left beside gaps, limits of joints and dead "
-                "centres; mend angles, zeros or ranges, or leave the run out"
+                f"{recording.name}: no reading is left beside gaps, limits of joints"
+                " and dead centres; mend angles, zeros or ranges, or leave the run out"
             )
         cut = replace(cut, values=filtered).keep(good)
         speed = np.interp(cut.t, motion.t, motion.v @ (1.0 / self.mechanism.rate))
         return Content(cut, speed, recording.load, motion=motion)
 
     def _barred(self, q: Array, measured: Array) -> NDArray[np.bool_]:
-        """Mask (m,) of positions at limits of joints or tendons, or of torques at their limits.
+        """Mask (m,) of positions at limits of joints or tendons, or of torques at their
+        limits.
 
-        `q` (m, joints) are positions, `measured` (signals, m) readings of which torques come first.
+        `q` (m, joints) are positions, `measured` (signals, m) readings of which torques
+        come first.
         """
         model = self.mechanism.model
-        at = np.hstack([q, [d.ten_length.copy() for d in poses(model, q, mujoco.mj_fwdPosition)]])
+        at = np.hstack(
+            [q, [d.ten_length.copy() for d in poses(model, q, mujoco.mj_fwdPosition)]]
+        )
         low, high = np.vstack([model.jnt_range, model.tendon_range]).T
         edge = np.append(model.jnt_margin, model.tendon_margin) + NEAR * (high - low)
         limited = np.append(model.jnt_limited, model.tendon_limited) > 0
@@ -149,7 +191,9 @@ class InverseDynamics(MechanismSubject):
         return found
 
     def _encoder_error(self, motion: Motion, t: Array) -> Array:
-        """Standard deviation (torques, k) of predictions at times t (k,) [s] by encoder noise."""
+        """Standard deviation (torques, k) of predictions at times t (k,) [s] by encoder
+        noise.
+        """
         model, q, v, a = self._model, motion.q, motion.v, motion.a
         plain = _inverse_dynamics(model, q, v, a)
         squares = np.zeros((len(self.mechanism.compared("torque")), len(q)))
@@ -161,42 +205,63 @@ class InverseDynamics(MechanismSubject):
         return np.array([np.interp(t, motion.t, row) for row in np.sqrt(squares)])
 
     def _signals(self, case: Case) -> Array:
-        """Signals (signals, k) of one case at its readings: torques, and trackings if compared."""
+        """Signals (signals, k) of one case at its readings: torques, and trackings if
+        compared.
+        """
         model = case.edited(self._model)
         motion: Motion = case.content.motion
         q, v, a = true_motion(motion, case.readings)
         inverse = self._known.get(case.motion)
         if inverse is None:
             inverse = self._known[case.motion] = _inverse_dynamics(model, q, v, a)
-        soft = ((np.multiply, case.readings.elastic), (_play_deflection, case.readings.gap))
+        soft = (
+            (np.multiply, case.readings.elastic),
+            (_play_deflection, case.readings.gap),
+        )
         gears = [(bend, values) for bend, values in soft if np.any(values)]
         if self.mechanism.compared("tracking"):  # measured positions are those of links
-            deflection = sum((bend(inverse, values) for bend, values in gears), np.zeros_like(q))
-            rows = [self._torques(model, case, q, v, inverse),
-                    self._tracking(motion, case, deflection)]  # fmt: skip
+            deflection = sum(
+                (bend(inverse, values) for bend, values in gears), np.zeros_like(q)
+            )
+            rows = [
+                self._torques(model, case, q, v, inverse),
+                self._tracking(motion, case, deflection),
+            ]
             return motion.below_cutoff(np.vstack(rows), case.content.cut.t)
         load = self._loads(motion, model, inverse) if gears else inverse
         for bend, values in gears:
             q, v, a = link_motion(motion, bend(load, values), q, v, a)
             inverse = _inverse_dynamics(model, q, v, a)
-        return motion.below_cutoff(self._torques(model, case, q, v, inverse), case.content.cut.t)
+        return motion.below_cutoff(
+            self._torques(model, case, q, v, inverse), case.content.cut.t
+        )
 
     def _loads(self, motion: Motion, model: Any, inverse: Array) -> Array:
-        """Torques (m, joints) that gears bear: measured ones, `inverse` dynamics for others.
+        """Torques (m, joints) that gears bear: measured ones, `inverse` dynamics for
+        others.
 
-        Those of the motors' own motion differ from them where links resonate on their gears.
+        Those of the motors' own motion differ from them where links resonate on their
+        gears.
         """
         loads = inverse.copy()
-        for sensor, reading in zip(self.mechanism.compared("torque"), motion.torques, strict=False):
+        for sensor, reading in zip(
+            self.mechanism.compared("torque"), motion.torques, strict=False
+        ):
             loads[:, sensor.joint] = self._torque_per_reading(model, sensor) * reading
         return loads
 
-    def _torques(self, model: Any, case: Case, q: Array, v: Array, inverse: Array) -> Array:
-        """Torque readings (torques, m): `inverse` dynamics (m, joints) less torques of effects."""
+    def _torques(
+        self, model: Any, case: Case, q: Array, v: Array, inverse: Array
+    ) -> Array:
+        """Torque readings (torques, m): `inverse` dynamics (m, joints) less torques of
+        effects.
+        """
         motion: Motion = case.content.motion
         forces, delay = motion.forces, case.readings.delay
         if forces is not None and delay:  # readings are stamped late
-            late = interpolate_columns(motion.t + delay, motion.t, forces.reshape(len(forces), -1))
+            late = interpolate_columns(
+                motion.t + delay, motion.t, forces.reshape(len(forces), -1)
+            )
             forces = late.reshape(forces.shape)
         user = np.array(model.jnt_user)
         user[:, torques().at[DRY_FRICTION.name]] += model.dof_frictionloss
@@ -207,16 +272,28 @@ class InverseDynamics(MechanismSubject):
         self._stick(applied, model, forces, motion.torques, q, v, inverse, user)
         return self._readings(model, forces, inverse - applied)
 
-    def _stick(self, applied: Array, model: Any, forces: Array | None, measured: Array, q: Array,
-               v: Array, inverse: Array, user: Array) -> None:  # fmt: skip
-        """Blend the torques `applied` (m, joints) into static friction where a joint stands.
+    def _stick(
+        self,
+        applied: Array,
+        model: Any,
+        forces: Array | None,
+        measured: Array,
+        q: Array,
+        v: Array,
+        inverse: Array,
+        user: Array,
+    ) -> None:
+        """Blend the torques `applied` (m, joints) into static friction where a joint
+        stands.
 
-        There it balances whatever the motor gives, by its readings `measured` (signals, m), up to a
-        limit, and no law of the rate says how much that is (Karnopp 1985, J. Dyn. Sys. Meas.
-        Control 107).
+        There it balances whatever the motor gives, by its readings `measured` (signals,
+        m), up to a limit, and no law of the rate says how much that is (Karnopp 1985,
+        J. Dyn. Sys. Meas. Control 107).
         """
         at = torques().at[DRY_FRICTION.name]
-        for sensor, reading in zip(self.mechanism.compared("torque"), measured, strict=False):
+        for sensor, reading in zip(
+            self.mechanism.compared("torque"), measured, strict=False
+        ):
             j = sensor.joint
             rate, p = v[:, j], user[j]
             standing = np.exp(-((rate / (STANDS * self.mechanism.joints[j].rate)) ** 2))
@@ -230,28 +307,43 @@ class InverseDynamics(MechanismSubject):
             applied[:, j] += standing * (static - sliding)
 
     def _torque_per_reading(self, model: Any, sensor: Signal) -> float:
-        """Torque [N m] at its joint per unit of the reading of `sensor`, by gains of `model`."""
-        gain, stated = (m.actuator_gainprm[sensor.actuator, 0] for m in (model, self._model))
+        """Torque [N m] at its joint per unit of the reading of `sensor`, by gains of
+        `model`.
+        """
+        gain, stated = (
+            m.actuator_gainprm[sensor.actuator, 0] for m in (model, self._model)
+        )
         return float(sensor.gear * (gain / stated))
 
-    def _joint_torque(self, forces: Array | None, sensor: Signal, required: Array) -> Array:
+    def _joint_torque(
+        self, forces: Array | None, sensor: Signal, required: Array
+    ) -> Array:
         """Motor torque (m,) [N m] at the joint of `sensor` for `required` (m, joints).
 
-        `forces` are those of `Motion`, of actuators along closed loops; None without loops.
+        `forces` are those of `Motion`, of actuators along closed loops; None without
+        loops.
         """
         if forces is None:
             return np.asarray(required[:, sensor.joint])
         gear = float(self._model.actuator_gear[sensor.actuator, 0])
-        return np.asarray(gear * np.einsum("mn,mn->m", forces[:, sensor.actuator], required))
+        return np.asarray(
+            gear * np.einsum("mn,mn->m", forces[:, sensor.actuator], required)
+        )
 
     def _readings(self, model: Any, forces: Array | None, required: Array) -> Array:
-        """Readings (torques, m) of all sensors where the torques `required` (m, joints) act."""
-        rows = [self._joint_torque(forces, s, required) / self._torque_per_reading(model, s)
-                for s in self.mechanism.compared("torque")]  # fmt: skip
+        """Readings (torques, m) of all sensors where the torques `required` (m, joints)
+        act.
+        """
+        rows = [
+            self._joint_torque(forces, s, required) / self._torque_per_reading(model, s)
+            for s in self.mechanism.compared("torque")
+        ]
         return np.array(rows)
 
     def _tracking(self, motion: Motion, case: Case, deflection: Array) -> Array:
-        """Measured minus commanded positions (trackings, m), by delay and `deflection` of gears."""
+        """Measured minus commanded positions (trackings, m), by delay and `deflection`
+        of gears.
+        """
         delay = case.readings.command
         joints = [s.joint for s in self.mechanism.compared("tracking")]
         commanded = motion.q + delay * motion.v + 0.5 * delay**2 * motion.a
@@ -260,16 +352,30 @@ class InverseDynamics(MechanismSubject):
 
 
 def _inverse_dynamics(model: Any, q: Array, v: Array, a: Array) -> Array:
-    """Torques (m, joints) of rigid bodies, springs, damping and air along a motion (m, joints)."""
+    """Torques (m, joints) of rigid bodies, springs, damping and air along a motion (m,
+    joints).
+    """
     data = mujoco.MjData(model)
     torque = np.empty_like(q)
-    _along(model._address, data._address, data.qpos, data.qvel, data.qacc,
-            data.qfrc_inverse, q, v, a, torque)  # fmt: skip
+    _along(
+        model._address,
+        data._address,
+        data.qpos,
+        data.qvel,
+        data.qacc,
+        data.qfrc_inverse,
+        q,
+        v,
+        a,
+        torque,
+    )
     return torque
 
 
 def _play_deflection(torque: Array, gap: Array | float) -> Array:
-    """Angles (m, joints) by which play of width `gap` (joints,) leaves links behind `torque`."""
+    """Angles (m, joints) by which play of width `gap` (joints,) leaves links behind
+    `torque`.
+    """
     crossing = PLAY_SMOOTHING * torque.std(axis=0) + 1e-12  # never zero
     return np.asarray(0.5 * gap * np.tanh(torque / crossing))
 
@@ -282,10 +388,20 @@ _inverse = types.ExternalFunction("mj_inverse", types.void(types.uintp, types.ui
 
 @entry
 def _along(  # type: ignore[no-untyped-def]
-    model, data, qpos: Array, qvel: Array, qacc: Array, torque: Array, q: Array, v: Array, a: Array,
+    model,
+    data,
+    qpos: Array,
+    qvel: Array,
+    qacc: Array,
+    torque: Array,
+    q: Array,
+    v: Array,
+    a: Array,
     out: Array,
-) -> None:  # fmt: skip
-    """Write inverse dynamics (m, joints) of each row of q, v, a (m, joints) to `out`."""
+) -> None:
+    """Write inverse dynamics (m, joints) of each row of q, v, a (m, joints) to
+    `out`.
+    """
     for k in range(q.shape[0]):
         qpos[:], qvel[:], qacc[:] = q[k], v[k], a[k]
         _inverse(model, data)

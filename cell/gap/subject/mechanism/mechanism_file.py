@@ -1,4 +1,6 @@
-"""Files of mechanisms: a MuJoCo model, what was commanded and measured, and what is uncertain."""
+"""Files of mechanisms: a MuJoCo model, what was commanded and measured, and what is
+uncertain.
+"""
 
 from typing import Annotated, Literal, Self
 
@@ -12,41 +14,64 @@ FIELDS = {"mass": ("body", "kg"), "com": ("body", "m"), "length": ("body", "m"),
           "inertia": ("body", "kg m^2"), "damping": ("joint", "N m s"),
           "armature": ("joint", "kg m^2"), "stiffness": ("joint", "N m/rad"),
           "gain": ("actuator", "1")}  # fmt: skip
-# by mode: a kind of signal, an input or a key that a file must have or must not, and why
+# by mode: a kind of signal, an input or a key that a file must have or must not, and
+# why
 RULES = {
-    "prescribed": ((True, "torque", "mode prescribed compares torques; no signal is: torque"),
-                   (True, "inputs: position",
-                    "mode prescribed needs inputs: {JOINT: position}, the given motion")),
-    "forward": ((False, "cell", "cell: the cell's own arm is compared in mode prescribed"),
-                (False, "tracking",
-                 "is: tracking is for mode prescribed; others compare positions"),
-                (False, "inputs: position",
-                 "inputs: position is for mode prescribed; others take ctrl, torque")),
-}  # fmt: skip
+    "prescribed": (
+        (True, "torque", "mode prescribed compares torques; no signal is: torque"),
+        (
+            True,
+            "inputs: position",
+            "mode prescribed needs inputs: {JOINT: position}, the given motion",
+        ),
+    ),
+    "forward": (
+        (False, "cell", "cell: the cell's own arm is compared in mode prescribed"),
+        (
+            False,
+            "tracking",
+            "is: tracking is for mode prescribed; others compare positions",
+        ),
+        (
+            False,
+            "inputs: position",
+            "inputs: position is for mode prescribed; others take ctrl, torque",
+        ),
+    ),
+}
 RULES["planar"] = RULES["forward"]  # of pendulums
 
 
 class SignalSpec(Settings):
-    """Signal in a column of the runs: measured quantity, its owner, standard deviation `sigma`.
+    """Signal in a column of the runs: measured quantity, its owner, standard deviation
+    `sigma`.
 
-    `sigma: repeats` takes it from repeated runs. `tracking` is a measured position minus the
-    commanded one. The `side` of the gear on which a torque is read is the motor's where a motor is
-    named, and the joint's where a joint is.
+    `sigma: repeats` takes it from repeated runs. `tracking` is a measured position
+    minus the commanded one. The `side` of the gear on which a torque is read is the
+    motor's where a motor is named, and the joint's where a joint is.
     """
 
     joint: str | None = None
     actuator: str | None = None
     site: str | None = None
     sensor: str | None = None
-    is_: Literal["position", "velocity", "torque", "tracking"] | None = Field(None, alias="is")
+    is_: Literal["position", "velocity", "torque", "tracking"] | None = Field(
+        None, alias="is"
+    )
     axis: Literal["x", "y", "z"] | None = None
     side: Literal["joint", "motor"] | None = None
     sigma: Positive | Literal["repeats"]
 
     @model_validator(mode="after")
     def _one(self) -> Self:
-        """Refuse a signal that names no or several owners, or a quantity that its owner lacks."""
-        named = [k for k in ("joint", "actuator", "site", "sensor") if getattr(self, k) is not None]
+        """Refuse a signal that names no or several owners, or a quantity that its owner
+        lacks.
+        """
+        named = [
+            k
+            for k in ("joint", "actuator", "site", "sensor")
+            if getattr(self, k) is not None
+        ]
         if len(named) != 1:
             raise ValueError("names one of joint, actuator, site and sensor")
         kinds = {
@@ -63,7 +88,9 @@ class SignalSpec(Settings):
 
 
 class StartSpec(Settings):
-    """Initial state of a simulation: as measured, as stated, or after settling for `settle` [s]."""
+    """Initial state of a simulation: as measured, as stated, or after settling for
+    `settle` [s].
+    """
 
     position: float | Literal["measured"] = "measured"
     velocity: float | Literal["measured"] = "measured"
@@ -72,16 +99,19 @@ class StartSpec(Settings):
 
 
 class UncertainSpec(Settings):
-    """Field of the model to be fitted, and its prior spread, as a share (`2%`) or absolute.
+    """Field of the model to be fitted, and its prior spread, as a share (`2%`) or
+    absolute.
 
-    A centre of mass is free along one `axis` of its body, or along all; a length is the distance of
-    a body's frame from its parent's.
+    A centre of mass is free along one `axis` of its body, or along all; a length is the
+    distance of a body's frame from its parent's.
     """
 
     body: str | None = None
     joint: str | None = None
     actuator: str | None = None
-    field: Literal["mass", "com", "length", "inertia", "damping", "armature", "stiffness", "gain"]
+    field: Literal[
+        "mass", "com", "length", "inertia", "damping", "armature", "stiffness", "gain"
+    ]
     axis: Literal["x", "y", "z"] | None = None
     spread: Positive | Annotated[str, Field(pattern=r"^[0-9]+(\.[0-9]+)?%$")]
     by_run: Annotated[str, Field(pattern=r"^[0-9]+(\.[0-9]+)?%$")] | None = None
@@ -90,20 +120,28 @@ class UncertainSpec(Settings):
     def _owner(self) -> Self:
         """Refuse an owner that does not have the field."""
         owner, _ = FIELDS[self.field]
-        if [k for k in ("body", "joint", "actuator") if getattr(self, k) is not None] != [owner]:
-            raise ValueError(f"field {self.field} belongs to a {owner}: name it, and nothing else")
+        if [
+            k for k in ("body", "joint", "actuator") if getattr(self, k) is not None
+        ] != [owner]:
+            raise ValueError(
+                f"field {self.field} belongs to a {owner}: name it, and nothing else"
+            )
         if self.axis is not None and self.field != "com":
             raise ValueError("axis: x, y or z, of a com alone")
         return self
 
     @property
     def owner(self) -> str:
-        """Name of the body, joint or actuator that has the field; `*` stands for each of them."""
+        """Name of the body, joint or actuator that has the field; `*` stands for each
+        of them.
+        """
         return self.body or self.joint or self.actuator or "*"
 
 
 class MechanismFile(Settings):
-    """Content of a mechanism file: the model, its signals and inputs, and its uncertain numbers."""
+    """Content of a mechanism file: the model, its signals and inputs, and its uncertain
+    numbers.
+    """
 
     schema_: Literal[1] = Field(1, alias="schema")
     kind: Literal["mechanism"]
@@ -113,7 +151,9 @@ class MechanismFile(Settings):
     step: Annotated[float, Field(gt=0, le=0.1)] = 0.002
     hold: Positive | None = None
     signals: dict[str, SignalSpec] = Field(min_length=1)
-    inputs: dict[str, Literal["ctrl", "torque", "position"]] = Field(default_factory=dict)
+    inputs: dict[str, Literal["ctrl", "torque", "position"]] = Field(
+        default_factory=dict
+    )
     start: StartSpec = StartSpec()
     uncertain: tuple[UncertainSpec, ...] = ()
     effects: dict[str, dict[str, float]] = Field(default_factory=dict)

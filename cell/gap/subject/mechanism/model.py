@@ -1,4 +1,6 @@
-"""Compiled model of a mechanism: its joints with typical sizes, and its editable fields."""
+"""Compiled model of a mechanism: its joints with typical sizes, and its editable
+fields.
+"""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -24,24 +26,29 @@ SMOOTHED = 0.02  # of a joint's typical rate: the same along measured motion
 
 @dataclass(frozen=True, slots=True)
 class Mode:
-    """Mode of prediction, such as forward or inverse: what it predicts, and possible effects.
+    """Mode of prediction, such as forward or inverse: what it predicts, and possible
+    effects.
 
-    In mode forward the model is integrated under the recorded commands, and so it is in mode
-    planar, that of pendulums; in mode prescribed inverse dynamics gives torques along the measured
-    motion. Of a mode:
+    In mode forward the model is integrated under the recorded commands, and so it is in
+    mode planar, that of pendulums; in mode prescribed inverse dynamics gives torques
+    along the measured motion. Of a mode:
 
-    - `smoothing(rates)` are rates (joints,) [rad/s] within which dry friction changes sign
-      gradually, for typical `rates` (joints,) of the joints.
-    - `encoders(mechanism)` are the names of readings that an error of an encoder can falsify.
-    - `splits(model)` is whether a gear may twist or have play between a motor and its link.
-    - `loads`: torques and trackings alone are compared, a file's other signals are not used. The
-      torque that a gear bears is known, so that friction in proportion to it is an amount to be
-      found, and not a shape of the law.
-    - `fields`: an effect is put into fields of the MuJoCo model where these can express it.
-    - `shapes`: parameters that shape a law are fitted, too, and the file's spreads of the base are
-      held against what fits.
+    - `smoothing(rates)` are rates (joints,) [rad/s] within which dry friction changes
+      sign gradually, for typical `rates` (joints,) of the joints.
+    - `encoders(mechanism)` are the names of readings that an error of an encoder can
+      falsify.
+    - `splits(model)` is whether a gear may twist or have play between a motor and its
+      link.
+    - `loads`: torques and trackings alone are compared, a file's other signals are not
+      used. The torque that a gear bears is known, so that friction in proportion to it
+      is an amount to be found, and not a shape of the law.
+    - `fields`: an effect is put into fields of the MuJoCo model where these can express
+      it.
+    - `shapes`: parameters that shape a law are fitted, too, and the file's spreads of
+      the base are held against what fits.
     - `drag` is the unit and the typical size of the coefficient of the air's drag.
-    - `of` is what verdicts say that every effect belongs to; None where each effect says so.
+    - `of` is what verdicts say that every effect belongs to; None where each effect
+      says so.
     - `group`: readings of joints are absolute angles, shown as one group of this name.
     """
 
@@ -88,11 +95,12 @@ MODES: Mapping[str, Mode] = {mode.name: mode for mode in (FORWARD, PRESCRIBED, P
 
 @dataclass(frozen=True, slots=True)
 class Joint:
-    """Hinge or slide of a model, with typical torque [N m], rate [rad/s], inertia [kg m^2].
+    """Hinge or slide of a model, with typical torque [N m], rate [rad/s], inertia [kg
+    m^2].
 
     Its number is that of its position, rate and degree of freedom, too.
-    `actuator` is the number of the motor that drives it, -1 where none does; `travel` [rad] is the
-    largest in a recording, a turn where nothing was measured.
+    `actuator` is the number of the motor that drives it, -1 where none does; `travel`
+    [rad] is the largest in a recording, a turn where nothing was measured.
     """
 
     name: str
@@ -118,10 +126,12 @@ class BaseParameter:
 
 @dataclass(frozen=True, slots=True)
 class Mechanism:
-    """Mechanism of a file: its compiled model with joints, compared signals and recordings.
+    """Mechanism of a file: its compiled model with joints, compared signals and
+    recordings.
 
-    `pace` [rad/s] is how fast the signals change, `base` are what the file lists as uncertain.
-    Where trackings are compared, positions are those of links, and motors follow commands.
+    `pace` [rad/s] is how fast the signals change, `base` are what the file lists as
+    uncertain. Where trackings are compared, positions are those of links, and motors
+    follow commands.
     """
 
     file: MechanismFile
@@ -140,7 +150,9 @@ class Mechanism:
         return MODES[self.file.mode]
 
     def compared(self, kind: str) -> tuple[Signal, ...]:
-        """Compared signals of a `kind`; in mode prescribed torques come first, then trackings."""
+        """Compared signals of a `kind`; in mode prescribed torques come first, then
+        trackings.
+        """
         return tuple(s for s in self.signals if s.kind == kind)
 
     @property
@@ -164,9 +176,14 @@ class Mechanism:
         return np.array([j.inertia for j in self.joints])
 
 
-def poses(model: Any, q: Iterable[Array], compute: Callable[[Any, Any], None],
-          v: Iterable[Array] | None = None) -> Iterator[Any]:  # fmt: skip
-    """MuJoCo's data of a `model`, as `compute` leaves it, at each of positions `q` (m, joints).
+def poses(
+    model: Any,
+    q: Iterable[Array],
+    compute: Callable[[Any, Any], None],
+    v: Iterable[Array] | None = None,
+) -> Iterator[Any]:
+    """MuJoCo's data of a `model`, as `compute` leaves it, at each of positions `q` (m,
+    joints).
 
     Rates `v` (m, joints) are zero where none are given.
     """
@@ -194,14 +211,17 @@ def scale_gain(edited: Any, actuator: int, factor: float) -> None:
 
 
 def add_point(edited: Any, mass: float, body: int, place: Array) -> None:
-    """Add a point `mass` [kg] at `place` (3,) [m] in a body's frame to its mass and inertia."""
+    """Add a point `mass` [kg] at `place` (3,) [m] in a body's frame to its mass and
+    inertia.
+    """
     stated, com = float(edited.body_mass[body]), np.array(edited.body_ipos[body])
     rotation = np.zeros(9)
     mujoco.mju_quat2Mat(rotation, np.array(edited.body_iquat[body]))
     axes = rotation.reshape(3, 3)
     inertia = axes @ np.diag(edited.body_inertia[body]) @ axes.T
     offset = np.asarray(place) - com
-    reduced = stated * mass / (stated + mass)  # parallel axes, about the common centre of mass
+    # parallel axes, about the common centre of mass
+    reduced = stated * mass / (stated + mass)
     inertia += reduced * (offset @ offset * np.eye(3) - np.outer(offset, offset))
     values, quat = np.zeros(3), np.zeros(4)
     mujoco.mju_eig3(values, rotation, quat, inertia.ravel())
@@ -217,7 +237,9 @@ def check_joints(model: Any, origin: str) -> None:
         name, kind = model.joint(i).name, int(model.jnt_type[i])
         body = model.body(int(model.jnt_bodyid[i])).name or int(model.jnt_bodyid[i])
         if not name:
-            raise ConfigurationError(f"{origin}: a joint of body {body} has no name; give it one")
+            raise ConfigurationError(
+                f"{origin}: a joint of body {body} has no name; give it one"
+            )
         if kind not in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE):
             raise ConfigurationError(
                 f"{origin}: joint {name}: is free or a ball; allowed: hinge and slide"
@@ -234,14 +256,20 @@ def actuator_on(model: Any, joint: int) -> int:
 
 
 def typical_loads(model: Any) -> tuple[Array, Array]:
-    """Largest torque of gravity and mean inertia (nv,) by degree of freedom, in random poses."""
+    """Largest torque of gravity and mean inertia (nv,) by degree of freedom, in random
+    poses.
+    """
     rng = np.random.default_rng(0)
     weight, inertia = np.zeros(model.nv), np.zeros(model.nv)
     full = np.zeros((model.nv, model.nv))
-    limited = model.jnt_limited.astype(bool) & (model.jnt_range[:, 1] > model.jnt_range[:, 0])
+    limited = model.jnt_limited.astype(bool) & (
+        model.jnt_range[:, 1] > model.jnt_range[:, 0]
+    )
     low = np.where(limited, model.jnt_range[:, 0], -np.pi)
     high = np.where(limited, model.jnt_range[:, 1], np.pi)
-    for data in poses(model, rng.uniform(low, high, (POSES, model.nv)), mujoco.mj_forward):
+    for data in poses(
+        model, rng.uniform(low, high, (POSES, model.nv)), mujoco.mj_forward
+    ):
         weight = np.maximum(weight, np.abs(data.qfrc_bias))
         mujoco.mj_fullM(model, data, full)
         inertia += np.diag(full) / POSES
@@ -249,11 +277,17 @@ def typical_loads(model: Any) -> tuple[Array, Array]:
 
 
 def number_of(model: Any, kind: str, name: str, origin: str, key: str) -> int:
-    """Number of the body, joint, ... called `name`; ConfigurationError lists those that exist."""
+    """Number of the body, joint, ... called `name`; ConfigurationError lists those that
+    exist.
+    """
     count = {"body": "nbody", "joint": "njnt", "actuator": "nu", "site": "nsite",
              "sensor": "nsensor"}[kind]  # fmt: skip
-    names: Sequence[str] = [getattr(model, kind)(i).name for i in range(getattr(model, count))]
+    names: Sequence[str] = [
+        getattr(model, kind)(i).name for i in range(getattr(model, count))
+    ]
     if name not in names:
         allowed = ", ".join(n for n in names if n) or "none"
-        raise ConfigurationError(f"{origin}: {key}: no {kind} {name!r}; allowed: {allowed}")
+        raise ConfigurationError(
+            f"{origin}: {key}: no {kind} {name!r}; allowed: {allowed}"
+        )
     return names.index(name)

@@ -1,4 +1,6 @@
-"""Reads MuJoCo models, MJCF or URDF, without foreign code or files outside their folder."""
+"""Reads MuJoCo models, MJCF or URDF, without foreign code or files outside their
+folder.
+"""
 
 import math
 import os
@@ -23,7 +25,8 @@ MOST_BYTES = 200 * MEGABYTE  # of a model's text, and of all files that it names
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """Text of a MuJoCo model; of the joints `motors`, those that nothing drives get a motor each.
+    """Text of a MuJoCo model; of the joints `motors`, those that nothing drives get a
+    motor each.
 
     Its paths count from `folder`, and stay `within` that of the mechanism's file.
     """
@@ -40,7 +43,9 @@ class Source:
         for body in spec.bodies[1:]:
             body.simple = False  # an edit may move its mass off its axes
         drives, on_joint = spec.actuators, mujoco.mjtTrn.mjTRN_JOINT
-        taken = {d.name for d in drives} | {d.target for d in drives if d.trntype == on_joint}
+        taken = {d.name for d in drives} | {
+            d.target for d in drives if d.trntype == on_joint
+        }
         bare = {joint.name for joint in spec.joints} - taken
         for joint in dict.fromkeys(name for name in self.motors if name in bare):
             spec.add_actuator(name=joint, target=joint, trntype=on_joint)
@@ -48,10 +53,11 @@ class Source:
 
 
 def read_source(path: Path, folder: Path) -> Source:
-    """Read the MJCF or URDF model at `path` with its included files, without foreign code.
+    """Read the MJCF or URDF model at `path` with its included files, without foreign
+    code.
 
-    Raises ConfigurationError for text that is no XML, plugins, files that are read while parsing,
-    and files outside `folder`.
+    Raises ConfigurationError for text that is no XML, plugins, files that are read
+    while parsing, and files outside `folder`.
     """
     text = read_text(path, MOST_BYTES)
     root = _root(text, path)
@@ -63,7 +69,8 @@ def read_source(path: Path, folder: Path) -> Source:
     for element in root.iter():
         if element.tag in ("plugin", "extension"):
             raise ConfigurationError(
-                f"{path}: <{element.tag}>: plugins run foreign code and are refused; remove it"
+                f"{path}: <{element.tag}>: plugins run foreign code and are refused;"
+                " remove it"
             )
         if element.get("file") is not None and element.tag not in ASSETS:
             raise ConfigurationError(
@@ -74,30 +81,39 @@ def read_source(path: Path, folder: Path) -> Source:
 
 
 def _root(text: str, path: Path) -> ET.Element:
-    """Root element of the XML `text`; ConfigurationError where it is invalid or has entities."""
+    """Root element of the XML `text`; ConfigurationError where it is invalid or has
+    entities.
+    """
     if "<!ENTITY" in text or "<!DOCTYPE" in text:
         raise ConfigurationError(f"{path}: declares XML entities; write them out")
-    builder, parser = ET.TreeBuilder(), expat.ParserCreate()  # prefixes may be undeclared in URDFs
+    # prefixes may be undeclared in URDFs
+    builder, parser = ET.TreeBuilder(), expat.ParserCreate()
     parser.StartElementHandler, parser.EndElementHandler = builder.start, builder.end
     parser.CharacterDataHandler = builder.data
     try:
         parser.Parse(text, True)
         return builder.close()
     except expat.ExpatError as error:
-        raise ConfigurationError(f"{path}: is not valid XML: {error}; mend it") from None
+        raise ConfigurationError(
+            f"{path}: is not valid XML: {error}; mend it"
+        ) from None
 
 
 def _include(root: ET.Element, path: Path, folder: Path, seen: set[Path]) -> bool:
-    """Replace `include` elements by the content of their files; returns whether any was found.
+    """Replace `include` elements by the content of their files; returns whether any was
+    found.
 
-    Paths count from the folder of the model, and a file is included once, as MuJoCo has it.
+    Paths count from the folder of the model, and a file is included once, as MuJoCo has
+    it.
     """
     found = False
     for parent in list(root.iter()):
         for element in parent.findall("include"):
             place = _inside(path, path.parent / element.get("file", ""), folder)
             if place in seen:
-                raise ConfigurationError(f"{path}: includes {place.name} twice; allowed: once")
+                raise ConfigurationError(
+                    f"{path}: includes {place.name} twice; allowed: once"
+                )
             seen.add(place)
             inner = _root(read_text(place, MOST_BYTES), place)
             _include(inner, path, folder, seen)
@@ -110,46 +126,67 @@ def _include(root: ET.Element, path: Path, folder: Path, seen: set[Path]) -> boo
 
 
 def _plain_urdf(root: ET.Element, folder: Path, place: Path) -> None:
-    """Remove elements of other programs from a URDF in `place`, and resolve its packages."""
+    """Remove elements of other programs from a URDF in `place`, and resolve its
+    packages.
+    """
     for parent in list(root.iter()):
         parent[:] = [e for e in parent if e.tag != "gazebo" and ":" not in e.tag]
         for key in [key for key in parent.attrib if ":" in key]:
             del parent.attrib[key]
     for mesh in root.iter("mesh"):
-        name, separator, file = mesh.get("filename", "").removeprefix("package://").partition("/")
+        name, separator, file = (
+            mesh.get("filename", "").removeprefix("package://").partition("/")
+        )
         if separator and mesh.get("filename", "").startswith("package://"):
             own = name == folder.name or not (folder / name).is_dir()
-            mesh.set("filename", os.path.relpath(folder / ("" if own else name) / file, place))
+            mesh.set(
+                "filename",
+                os.path.relpath(folder / ("" if own else name) / file, place),
+            )
 
 
 def _check_copies(root: ET.Element, path: Path, copies: int = 1) -> None:
     """Refuse elements such as `replicate` that multiply bodies beyond MOST_BODIES."""
     for element in root:
-        counts = re.findall(r"[0-9]+", element.get("count", "")) if element.tag in REPEATERS else ()
+        counts = (
+            re.findall(r"[0-9]+", element.get("count", ""))
+            if element.tag in REPEATERS
+            else ()
+        )
         inside = copies * math.prod(max(1, int(c)) for c in counts)
         if inside > MOST_BODIES:
             raise ConfigurationError(
-                f"{path}: <{element.tag}>: makes {inside} copies; allowed: {MOST_BODIES}"
+                f"{path}: <{element.tag}>: makes {inside} copies; allowed:"
+                f" {MOST_BODIES}"
             )
         _check_copies(element, path, inside)
 
 
 def _inside(origin: Path, place: Path, folder: Path) -> Path:
-    """Resolved path of a regular file `place` in `folder`; ConfigurationError for any other."""
+    """Resolved path of a regular file `place` in `folder`; ConfigurationError for any
+    other.
+    """
     whole, name = place.resolve(), os.path.relpath(place, folder)
     if not whole.is_relative_to(folder.resolve()):
         raise ConfigurationError(
-            f"{origin}: {name}: lies outside {folder}; paths of a model stay in its folder"
+            f"{origin}: {name}: lies outside {folder}; paths of a model stay in its"
+            " folder"
         )
     if not whole.is_file():
-        raise ConfigurationError(f"{origin}: {name}: there is no such file in {folder}; add it")
+        raise ConfigurationError(
+            f"{origin}: {name}: there is no such file in {folder}; add it"
+        )
     return whole
 
 
 def _check_spec(spec: Any, source: Source, origin: str) -> None:
-    """Refuse files that a parsed model names outside its folder, and models that are too large."""
+    """Refuse files that a parsed model names outside its folder, and models that are
+    too large.
+    """
     if len(spec.bodies) > MOST_BODIES:
-        raise ConfigurationError(f"{origin}: has {len(spec.bodies)} bodies; allowed: {MOST_BODIES}")
+        raise ConfigurationError(
+            f"{origin}: has {len(spec.bodies)} bodies; allowed: {MOST_BODIES}"
+        )
     named = [(spec.meshdir, x.file) for x in (*spec.meshes, *spec.hfields, *spec.skins)]
     textures = [name for x in spec.textures for name in (x.file, *x.cubefiles)]
     named += [(spec.texturedir, name) for name in textures]
@@ -160,17 +197,22 @@ def _check_spec(spec: Any, source: Source, origin: str) -> None:
             total += _inside(Path(origin), path, source.within).stat().st_size
         if total > MOST_BYTES:
             raise ConfigurationError(
-                f"{origin}: {file}: meshes and textures hold over {MOST_BYTES // MEGABYTE} MB; "
-                "thin them, or leave those of looks out"
+                f"{origin}: {file}: meshes and textures hold over"
+                f" {MOST_BYTES // MEGABYTE} MB; thin them, or leave those of looks out"
             )
 
 
-def compile_model(source: Source, origin: str, slots: int, step: float,
-                  edit: Callable[[Any], None] = lambda _: None) -> Any:  # fmt: skip
+def compile_model(
+    source: Source,
+    origin: str,
+    slots: int,
+    step: float,
+    edit: Callable[[Any], None] = lambda _: None,
+) -> Any:
     """Compile a model with `slots` user numbers per joint and the time step `step` [s].
 
-    `edit` changes its specification. RK4 replaces the Euler integrator. Raises ConfigurationError
-    for a model that does not load.
+    `edit` changes its specification. RK4 replaces the Euler integrator. Raises
+    ConfigurationError for a model that does not load.
     """
     try:
         spec = source.spec()
@@ -180,11 +222,17 @@ def compile_model(source: Source, origin: str, slots: int, step: float,
         spec.option.timestep = step
         if spec.option.integrator == mujoco.mjtIntegrator.mjINT_EULER:
             spec.option.integrator = mujoco.mjtIntegrator.mjINT_RK4
-        of_geoms = spec.compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
+        of_geoms = (
+            spec.compiler.inertiafromgeom
+            == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
+        )
         spec.compiler.discardvisual = not of_geoms  # each simulation copies the model
         model = spec.compile()
     except (ValueError, mujoco.FatalError) as error:
         reason = " ".join(str(error).split())
-        raise ConfigurationError(f"{origin}: does not load: {reason[:160]}; mend it") from None
-    model.body_sameframe[:] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE  # or edited frames are ignored
+        raise ConfigurationError(
+            f"{origin}: does not load: {reason[:160]}; mend it"
+        ) from None
+    # or edited frames are ignored
+    model.body_sameframe[:] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
     return model

@@ -1,4 +1,6 @@
-"""Measured motion of a run on an even grid, low-pass filtered, with rates and accelerations."""
+"""Measured motion of a run on an even grid, low-pass filtered, with rates and
+accelerations.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -15,12 +17,17 @@ from drivers.geometry import interpolate_columns
 from drivers.types import Array, frozen
 
 ORDER = 3  # of the Butterworth filter, run forth and back
-CUTOFF = 1.5  # of the frequency that holds most of the rate; Butterworth's passband is flat below
-MOST, FLOOR = 0.99, 10.0  # of the rate's power; times the encoder's noise above which power counts
+# of the frequency that holds most of the rate; Butterworth's passband is flat below
+CUTOFF = 1.5
+# of the rate's power; times the encoder's noise above which power counts
+MOST, FLOOR = 0.99, 10.0
 SLOWEST, FASTEST = 5.0, 25.0  # bounds of the cutoff, by the pace of the motion
-WIDER = 2.0  # times the cutoff, for motion: mechanics are not linear (3 and 5 do no better)
-SETTLED = 10.0  # 1/cutoff from an end or a gap at which its effect on the filter has decayed
-# 1/cutoff, and median steps of the clock, between readings that are bridged; beyond lies a gap
+# times the cutoff, for motion: mechanics are not linear (3 and 5 do no better)
+WIDER = 2.0
+# 1/cutoff from an end or a gap at which its effect on the filter has decayed
+SETTLED = 10.0
+# 1/cutoff, and median steps of the clock, between readings that are bridged; beyond
+# lies a gap
 BRIDGED, STEPS = 0.5, 2.5
 GRID = 4000  # places of a run at most at which torques are computed
 
@@ -29,12 +36,13 @@ GRID = 4000  # places of a run at most at which torques are computed
 class Motion:
     """Low-pass filtered motion and torques of a run, at even times `t` (m,) [s].
 
-    Positions, rates and accelerations `q`, `v`, `a` (m, joints) and the measured `torques`
-    (signals, m) pass one filter, at `WIDER` times the `cutoff` [rad/s] below which torques are
-    compared. `known` (m,) is false near gaps of the record. `shake` (2, encoders) is the
-    standard deviation of v and a that encoder noise makes in the means of samples, and `moves`
-    (m or 1, joints, encoders) how joints follow encoders. Along loops `forces` (m, actuators,
-    joints) are those of actuators by torque of the open joints.
+    Positions, rates and accelerations `q`, `v`, `a` (m, joints) and the measured
+    `torques` (signals, m) pass one filter, at `WIDER` times the `cutoff` [rad/s] below
+    which torques are compared. `known` (m,) is false near gaps of the record. `shake`
+    (2, encoders) is the standard deviation of v and a that encoder noise makes in the
+    means of samples, and `moves` (m or 1, joints, encoders) how joints follow encoders.
+    Along loops `forces` (m, actuators, joints) are those of actuators by torque of the
+    open joints.
     """
 
     t: Array
@@ -49,16 +57,21 @@ class Motion:
     forces: Array | None = None
 
     def below_cutoff(self, rows: Array, t: Array) -> Array:
-        """Values (n, k) at times t (k,) [s] of `rows` (n, m) along the grid, below the cutoff."""
+        """Values (n, k) at times t (k,) [s] of `rows` (n, m) along the grid, below the
+        cutoff.
+        """
         slow = _low_pass(rows, self.t[1] - self.t[0], self.cutoff)
         return np.array([np.interp(t, self.t, row) for row in slow])
 
 
-def cutoff_of(recordings: Sequence[Recording], joints: Sequence[str], pace: float) -> float:
+def cutoff_of(
+    recordings: Sequence[Recording], joints: Sequence[str], pace: float
+) -> float:
     """Angular frequency [rad/s] below which the joints' motion has most of its power.
 
-    It is the median of the `recordings`, in power of rates: what differs between them is noise.
-    Beyond it lies the encoders' noise, which in accelerations grows with the cutoff's power of 2.5.
+    It is the median of the `recordings`, in power of rates: what differs between them
+    is noise. Beyond it lies the encoders' noise, which in accelerations grows with the
+    cutoff's power of 2.5.
     """
     found = [_cutoff(recording, joints) for recording in recordings]
     return float(np.clip(np.median(found), SLOWEST * pace, FASTEST * pace))
@@ -84,12 +97,17 @@ def _grid(recording: Recording) -> Array:
 def _resample(recording: Recording, names: Sequence[str], grid: Array) -> Array:
     """Columns (k, m) interpolated at the times `grid` (m,) [s]."""
     t, columns = recording.t, [recording.columns[name] for name in names]
-    return np.array([np.interp(grid, t[np.isfinite(x)], x[np.isfinite(x)]) for x in columns])
+    return np.array(
+        [np.interp(grid, t[np.isfinite(x)], x[np.isfinite(x)]) for x in columns]
+    )
 
 
-def _gaps(recording: Recording, names: Sequence[str], grid: Array,
-          longest: float) -> NDArray[np.bool_]:  # fmt: skip
-    """Mask (m,) of times `grid` (m,) between readings of a column over `longest` [s] apart."""
+def _gaps(
+    recording: Recording, names: Sequence[str], grid: Array, longest: float
+) -> NDArray[np.bool_]:
+    """Mask (m,) of times `grid` (m,) between readings of a column over `longest` [s]
+    apart.
+    """
     gaps = np.zeros(len(grid), dtype=bool)
     for name in names:
         known = recording.t[np.isfinite(recording.columns[name])]
@@ -98,16 +116,24 @@ def _gaps(recording: Recording, names: Sequence[str], grid: Array,
     return gaps
 
 
-def motion_of(recording: Recording, joints: Sequence[str], torques: Sequence[str], cutoff: float,
-              width: float, loops: ClosedLoops | None,
-              barred: Callable[[Array, Array], NDArray[np.bool_]]) -> Motion:  # fmt: skip
-    """Motion and torques of a recording below `cutoff` [rad/s], for samples of `width` [s].
+def motion_of(
+    recording: Recording,
+    joints: Sequence[str],
+    torques: Sequence[str],
+    cutoff: float,
+    width: float,
+    loops: ClosedLoops | None,
+    barred: Callable[[Array, Array], NDArray[np.bool_]],
+) -> Motion:
+    """Motion and torques of a recording below `cutoff` [rad/s], for samples of `width`
+    [s].
 
-    `joints` are those that are measured; the others of closed `loops` follow them. Readings count
-    as gaps where positions (m, joints) and torques (signals, m) are `barred`. Both pass one filter
-    without phase (Butterworth, forth and back), and rates are those of the filtered positions: what
-    is linear in a mechanism holds as well after as before. What is not holds the better the wider
-    the filter; the narrow one follows the mechanics.
+    `joints` are those that are measured; the others of closed `loops` follow them.
+    Readings count as gaps where positions (m, joints) and torques (signals, m) are
+    `barred`. Both pass one filter without phase (Butterworth, forth and back), and
+    rates are those of the filtered positions: what is linear in a mechanism holds as
+    well after as before. What is not holds the better the wider the filter; the narrow
+    one follows the mechanics.
     """
     grid = _grid(recording)
     dt = grid[1] - grid[0]
@@ -118,39 +144,59 @@ def motion_of(recording: Recording, joints: Sequence[str], torques: Sequence[str
     filtered = _low_pass(raw, dt, wide)
     stride = max(1, int(1.0 / wide / dt))
     q = filtered.T if loops is None else loops.close(filtered.T)
-    excluded = _gaps(recording, [*joints, *torques], grid, longest) | barred(q, measured)
+    excluded = _gaps(recording, [*joints, *torques], grid, longest) | barred(
+        q, measured
+    )
     moves, forces = np.eye(len(joints))[None], None
     if loops is not None:
         forces, moves, movable = loops.maps(q[::stride])
         excluded |= np.repeat(~movable, stride)[: len(grid)]
     reach = min(round(SETTLED / cutoff / dt), len(grid) // 10)
     known = ~_near_gaps(excluded, reach)
-    # white noise of the encoders, of which the filter takes out the part above its cutoff
+    # white noise of the encoders, of which the filter takes out the part above its
+    # cutoff
     noise = (raw - filtered).std(axis=1) / np.sqrt(1.0 - wide * dt / np.pi)
     shake = np.outer(_noise_gain(dt, cutoff, width), noise)
     q, v, a = (frozen(x[::stride]) for x in _derivatives(grid, q))
     slow = frozen(_low_pass(measured, dt, wide)[:, ::stride])
-    return Motion(frozen(grid[::stride]), q, v, a, slow, known[::stride], cutoff, frozen(shake),
-                  moves, forces)  # fmt: skip
+    return Motion(
+        frozen(grid[::stride]),
+        q,
+        v,
+        a,
+        slow,
+        known[::stride],
+        cutoff,
+        frozen(shake),
+        moves,
+        forces,
+    )
 
 
 def _low_pass(x: Array, dt: float, cutoff: float) -> Array:
-    """Rows x (n, m) in steps of `dt` [s], filtered by a low pass at `cutoff` [rad/s]."""
+    """Rows x (n, m) in steps of `dt` [s], filtered by a low pass at `cutoff`
+    [rad/s].
+    """
     return np.asarray(filtfilt(*butter(ORDER, cutoff * dt / np.pi), x, axis=-1))
 
 
 def _derivatives(t: Array, x: Array) -> tuple[Array, Array, Array]:
-    """Columns x (m, n) over t (m,) [s], and their first and second derivatives (m, n)."""
+    """Columns x (m, n) over t (m,) [s], and their first and second derivatives (m,
+    n).
+    """
     spline = make_interp_spline(t, x, k=5)
     return x, spline(t, nu=1), spline(t, nu=2)
 
 
 def _noise_gain(dt: float, cutoff: float, width: float) -> Array:
-    """One-sigma errors (2,) of mean rate and acceleration over `width` [s] by unit white noise."""
+    """One-sigma errors (2,) of mean rate and acceleration over `width` [s] by unit
+    white noise.
+    """
     box = np.ones(max(1, round(width / dt)))
     half = len(box) + round(2.0 * SETTLED / cutoff / dt)
     begin = half - len(box) // 2
-    mean = np.zeros((1, 2 * half + 1))  # weights of a mean, in the middle of what the filter sees
+    # weights of a mean, in the middle of what the filter sees
+    mean = np.zeros((1, 2 * half + 1))
     mean[0, begin : begin + len(box)] = box / len(box)
     t = dt * np.arange(2.0 * half + 1.0)
     _, rate, acceleration = _derivatives(t, _low_pass(mean, dt, cutoff).T)
@@ -158,28 +204,36 @@ def _noise_gain(dt: float, cutoff: float, width: float) -> Array:
 
 
 def _near_gaps(gaps: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
-    """Mask (m,) of readings within `reach` readings of a gap in `gaps` (m,), or of an end."""
+    """Mask (m,) of readings within `reach` readings of a gap in `gaps` (m,), or of an
+    end.
+    """
     around = np.pad(gaps.astype(float), reach, constant_values=1.0)
     return np.convolve(around, np.ones(2 * reach + 1), "valid") > 0.5
 
 
 def true_motion(motion: Motion, errors: Readings) -> tuple[Array, Array, Array]:
-    """True positions, rates and accelerations (m, joints) of a motion read with `errors`.
+    """True positions, rates and accelerations (m, joints) of a motion read with
+    `errors`.
 
-    Readings stamped late show an earlier time, so that the motion at t is read at t + delay; in the
-    last `delay` seconds, where no reading follows, the last one is held.
+    Readings stamped late show an earlier time, so that the motion at t is read at t +
+    delay; in the last `delay` seconds, where no reading follows, the last one is held.
     """
     q, v, a = motion.q, motion.v, motion.a
     if errors.delay:
         stamps = motion.t + errors.delay
-        q, v, a = (interpolate_columns(stamps, motion.t, columns) for columns in (q, v, a))
+        q, v, a = (
+            interpolate_columns(stamps, motion.t, columns) for columns in (q, v, a)
+        )
     scale = 1.0 + errors.scale
     return (q - errors.bias) / scale, v / scale, a / scale
 
 
-def link_motion(motion: Motion, deflection: Array, q: Array, v: Array,
-                a: Array) -> tuple[Array, Array, Array]:  # fmt: skip
-    """Motion q, v, a (m, joints) of links that lag by `deflection` (m, joints) behind motors."""
+def link_motion(
+    motion: Motion, deflection: Array, q: Array, v: Array, a: Array
+) -> tuple[Array, Array, Array]:
+    """Motion q, v, a (m, joints) of links that lag by `deflection` (m, joints) behind
+    motors.
+    """
     behind = (q - deflection) - q  # as floating point has it: not quite -deflection
     smooth = _low_pass(behind.T, motion.t[1] - motion.t[0], motion.cutoff)
     offset, rate, acceleration = _derivatives(motion.t, smooth.T)

@@ -1,8 +1,8 @@
 """Joint torques for which MuJoCo has no field, compiled and called by its engine.
 
 All laws of the library are one compiled function of a joint; their parameters travel in
-`jnt_user`, so that each simulation of a batch has its own. The same laws serve columns of measured
-motion, uncompiled.
+`jnt_user`, so that each simulation of a batch has its own. The same laws serve columns
+of measured motion, uncompiled.
 """
 
 import ctypes
@@ -21,13 +21,16 @@ from drivers.jit import callback, kernel
 from drivers.types import Array
 
 HEAD = 2  # first user numbers of a joint: count of joints, its smoothing rate
-MOST_JOINTS = 1 << 12  # length of the view of an array of joints whose length is not known
+# length of the view of an array of joints whose length is not known
+MOST_JOINTS = 1 << 12
 STRUCT_WORDS = 1 << 17  # pointers of a MuJoCo struct that are searched
 _LOCK = threading.Lock()
 
 
 def chain_laws(laws: Sequence[tuple[Callable[..., Array], int, int]]) -> Any:
-    """Compile torque `laws` to the function `(q, v, load, p) -> torque` of their sum."""
+    """Compile torque `laws` to the function `(q, v, load, p) -> torque` of their
+    sum.
+    """
     if not laws:
         return kernel(lambda q, v, load, p: 0.0)  # noqa: ARG005
     law, at, keys = laws[0]
@@ -44,10 +47,14 @@ def chain_laws(laws: Sequence[tuple[Callable[..., Array], int, int]]) -> Any:
 
 
 class Torques:
-    """Joint-torque laws that MuJoCo lacks; `slots` user numbers of a joint hold their values."""
+    """Joint-torque laws that MuJoCo lacks; `slots` user numbers of a joint hold their
+    values.
+    """
 
     def __init__(self, laws: Sequence[tuple[str, Callable[..., Array], int]]) -> None:
-        """Assign user numbers of a joint to `laws`: name, torque function, number of values."""
+        """Assign user numbers of a joint to `laws`: name, torque function, number of
+        values.
+        """
         self._laws: dict[str, tuple[Callable[..., Array], int, int]] = {}
         self.slots = HEAD
         for name, law, count in laws:
@@ -57,7 +64,9 @@ class Torques:
         self._callbacks: dict[frozenset[str], Any] = {}
 
     def along(self, q: Array, v: Array, load: Array, user: Array) -> Array:
-        """Torques (m, joints) of all laws along a motion (m, joints), by `user` (joints, slots)."""
+        """Torques (m, joints) of all laws along a motion (m, joints), by `user`
+        (joints, slots).
+        """
         found = np.zeros_like(q)
         for j, p in enumerate(user):
             for law, at, keys in self._laws.values():
@@ -67,7 +76,8 @@ class Torques:
 
     @contextmanager
     def install(self, names: frozenset[str], model: Any) -> Iterator[None]:
-        """Context in which MuJoCo adds torques of the laws `names` to models such as `model`.
+        """Context in which MuJoCo adds torques of the laws `names` to models such as
+        `model`.
 
         Other threads wait.
         """
@@ -76,7 +86,8 @@ class Torques:
                 law = chain_laws([self._laws[name] for name in sorted(names)])
                 self._callbacks[names] = _callback(law, model, self.slots)
             mujoco.set_mjcb_passive(self._callbacks[names].ctypes)
-            mujoco.set_mjcb_time(_zero().ctypes)  # MuJoCo reads the clock a dozen times a step
+            # MuJoCo reads the clock a dozen times a step
+            mujoco.set_mjcb_time(_zero().ctypes)
             try:
                 yield
             finally:
@@ -87,8 +98,8 @@ class Torques:
 def _callback(law: Any, model: Any, slots: int) -> Any:
     """Compiled `mjcb_passive` of MuJoCo that adds the torque `law` of every joint.
 
-    Arrays are found by the address that each has in a `model`, for the layout of MuJoCo's structs
-    changes with its version.
+    Arrays are found by the address that each has in a `model`, for the layout of
+    MuJoCo's structs changes with its version.
     """
     data, pointers = mujoco.MjData(model), types.CPointer(types.CPointer(types.float64))
     user_at, qpos_at = _offset(model, model.jnt_user), _offset(data, data.qpos)
@@ -114,6 +125,9 @@ def _zero() -> Any:
 def _offset(struct: Any, array: Array) -> int:
     """Offset [pointers] in a MuJoCo struct of the pointer to `array` (n,)."""
     for at in range(STRUCT_WORDS):
-        if ctypes.c_uint64.from_address(struct._address + 8 * at).value == array.ctypes.data:
+        if (
+            ctypes.c_uint64.from_address(struct._address + 8 * at).value
+            == array.ctypes.data
+        ):
             return at
     raise RuntimeError("this MuJoCo keeps its arrays where they were not found")

@@ -1,4 +1,6 @@
-"""Writes an accepted mechanism: effects that MJCF can express to its model, others to its file."""
+"""Writes an accepted mechanism: effects that MJCF can express to its model, others to
+its file.
+"""
 
 import math
 import xml.etree.ElementTree as ET
@@ -15,15 +17,33 @@ from cell.gap.subject.mechanism.read_mechanism import LIMITLESS
 from cell.gap.subject.subject import NamedValues, note_of
 from drivers.types import Array
 
-KEPT_OF_ACTUATOR = ("name", "class", "group", "joint", "jointinparent", "tendon", "site", "refsite",
-                    "body", "ctrlrange", "ctrllimited", "forcerange", "forcelimited", "gear",
-                    "delay", "nsample", "interp", "user")  # fmt: skip
+KEPT_OF_ACTUATOR = (
+    "name",
+    "class",
+    "group",
+    "joint",
+    "jointinparent",
+    "tendon",
+    "site",
+    "refsite",
+    "body",
+    "ctrlrange",
+    "ctrllimited",
+    "forcerange",
+    "forcelimited",
+    "gear",
+    "delay",
+    "nsample",
+    "interp",
+    "user",
+)
 
 
 def accepted_content(
     m: Mechanism, base: Mapping[str, float], effects: NamedValues, source: str
 ) -> dict[str, Any]:
-    """Content of a file that names the accepted model, with the effects that this cannot express.
+    """Content of a file that names the accepted model, with the effects that this
+    cannot express.
 
     Provenance keeps the old values.
     """
@@ -39,16 +59,21 @@ def accepted_content(
     for name, values in effects.items():
         notes.append(note_of(f"effects.{name}", None, source))
         if not library()[name].by_fields(m):
-            (first, *_) = library()[name].parameters(m)  # a law's one value is `amount`
-            known[name] = {first.name if key == "amount" else key: v for key, v in values.items()}
+            first, *_ = library()[name].parameters(m)  # a law's one value is `amount`
+            known[name] = {
+                first.name if key == "amount" else key: v for key, v in values.items()
+            }
     content["model"] = str(Path(m.file.model).with_name(f"{m.file.name}-accepted.xml"))
     return content
 
 
 def accepted_xml(m: Mechanism, edited: Any) -> str:
-    """MJCF text of the model of `m` with what differs in the fields of the `edited` one."""
+    """MJCF text of the model of `m` with what differs in the fields of the `edited`
+    one.
+    """
     root = ET.fromstring(m.source.text)  # noqa: S314  checked when it was read
-    if root.tag != "mujoco" or m.model.nu > len(root.findall("actuator/*")):  # else as written
+    # else as written
+    if root.tag != "mujoco" or m.model.nu > len(root.findall("actuator/*")):
         root = ET.fromstring(m.source.spec().to_xml())  # noqa: S314
     _write_bodies(root, m, edited)
     _write_joints(root, m, edited)
@@ -61,19 +86,32 @@ def accepted_xml(m: Mechanism, edited: Any) -> str:
 
 def _text(values: Sequence[float] | Array) -> str:
     """Text of numbers (k,) in full precision, separated by spaces."""
-    return " ".join(repr(float(v)) for v in np.atleast_1d(np.asarray(values, dtype=np.float64)))
+    return " ".join(
+        repr(float(v)) for v in np.atleast_1d(np.asarray(values, dtype=np.float64))
+    )
 
 
 def _changed(mechanism: Mechanism, edited: Any, i: int, *names: str) -> str:
-    """Text of row `i` of the fields `names` of an edited model; empty where unchanged."""
-    old, new = (np.hstack([getattr(m, n)[i] for n in names]) for m in (mechanism.model, edited))
+    """Text of row `i` of the fields `names` of an edited model; empty where
+    unchanged.
+    """
+    old, new = (
+        np.hstack([getattr(m, n)[i] for n in names]) for m in (mechanism.model, edited)
+    )
     return "" if np.array_equal(old, new) else _text(new)
 
 
 def _write_contacts(root: ET.Element, m: Mechanism, edited: Any) -> None:
-    """Write changed friction of contact pairs, which a compiled model holds in another order."""
-    of_geoms = zip(m.model.pair_geom1.tolist(), m.model.pair_geom2.tolist(), strict=True)
-    rows = {frozenset(m.model.geom(g).name for g in two): i for i, two in enumerate(of_geoms)}
+    """Write changed friction of contact pairs, which a compiled model holds in another
+    order.
+    """
+    of_geoms = zip(
+        m.model.pair_geom1.tolist(), m.model.pair_geom2.tolist(), strict=True
+    )
+    rows = {
+        frozenset(m.model.geom(g).name for g in two): i
+        for i, two in enumerate(of_geoms)
+    }
     for element in root.findall("contact/pair"):
         i = rows[frozenset(element.get(key) for key in ("geom1", "geom2"))]
         if friction := _changed(m, edited, i, "pair_friction"):
@@ -85,32 +123,51 @@ def _write_bodies(root: ET.Element, m: Mechanism, edited: Any) -> None:
     for i in range(1, edited.nbody):
         if _changed(m, edited, i, "body_pos"):
             _body(root, m, i).set("pos", _place_in_frame(m, edited, i))
-        if not _changed(m, edited, i, "body_mass", "body_ipos", "body_iquat", "body_inertia"):
+        if not _changed(
+            m, edited, i, "body_mass", "body_ipos", "body_iquat", "body_inertia"
+        ):
             continue
         body = _body(root, m, i)
         for old in body.findall("inertial"):
             body.remove(old)
-        body.insert(0, ET.Element("inertial", {
-            "pos": _text(edited.body_ipos[i]), "quat": _text(edited.body_iquat[i]),
-            "mass": _text([edited.body_mass[i]]), "diaginertia": _text(edited.body_inertia[i]),
-        }))  # fmt: skip
+        body.insert(
+            0,
+            ET.Element(
+                "inertial",
+                {
+                    "pos": _text(edited.body_ipos[i]),
+                    "quat": _text(edited.body_iquat[i]),
+                    "mass": _text([edited.body_mass[i]]),
+                    "diaginertia": _text(edited.body_inertia[i]),
+                },
+            ),
+        )
         for compiler in root.findall("compiler"):
             compiler.attrib.pop("inertiafromgeom", None)
 
 
 def _body(root: ET.Element, m: Mechanism, i: int) -> ET.Element:
-    """Element of body number `i` in a document, by its name or that of its first joint."""
+    """Element of body number `i` in a document, by its name or that of its first
+    joint.
+    """
     if name := m.model.body(i).name:
         return next(e for e in root.iter("body") if e.get("name") == name)
     joint = m.model.joint(int(m.model.body_jntadr[i])).name
-    return next(e for e in root.iter("body") for j in e.findall("joint") if j.get("name") == joint)
+    return next(
+        e
+        for e in root.iter("body")
+        for j in e.findall("joint")
+        if j.get("name") == joint
+    )
 
 
 def _place_in_frame(m: Mechanism, edited: Any, i: int) -> str:
     """Text of the position of body number `i` in the frames about its element."""
     written = _body(ET.fromstring(m.source.spec().to_xml()), m, i)  # noqa: S314  with quaternions
-    place, own = (np.fromstring(written.get(key, of_none), sep=" ")
-                  for key, of_none in (("pos", "0 0 0"), ("quat", "1 0 0 0")))  # fmt: skip
+    place, own = (
+        np.fromstring(written.get(key, of_none), sep=" ")
+        for key, of_none in (("pos", "0 0 0"), ("quat", "1 0 0 0"))
+    )
     back, turn, step = np.zeros(4), np.zeros(4), np.zeros(3)
     mujoco.mju_negQuat(back, m.model.body_quat[i])
     mujoco.mju_mulQuat(turn, own, back)
@@ -124,9 +181,12 @@ def _write_joints(root: ET.Element, m: Mechanism, edited: Any) -> None:
     elements = {e.get("name"): e for e in root.iter("joint") if e.get("name")}
     for i, joint in enumerate(m.joints):
         element = elements[joint.name]
-        for key, *names in (("damping", "dof_damping", "dof_dampingpoly"),
-                            ("armature", "dof_armature"), ("stiffness", "jnt_stiffness"),
-                            ("frictionloss", "dof_frictionloss")):  # fmt: skip
+        for key, *names in (
+            ("damping", "dof_damping", "dof_dampingpoly"),
+            ("armature", "dof_armature"),
+            ("stiffness", "jnt_stiffness"),
+            ("frictionloss", "dof_frictionloss"),
+        ):
             if text := _changed(m, edited, i, *names):
                 element.set(key, text)
         if _changed(m, edited, i, "dof_frictionloss"):

@@ -46,18 +46,23 @@ from drivers.settings import load
 from drivers.strip.effects.effect import Parameter
 from drivers.types import Array
 
-SPARSEST, SMALL = 0.8, 1e-4  # rad of the fastest swing between two readings; rad of a small one
+# rad of the fastest swing between two readings; rad of a small one
+SPARSEST, SMALL = 0.8, 1e-4
 SMALLEST = 1e-9  # size of a number, in SI, to which a spread in percent refers at least
-# bounds of a number: times its start value, spreads above it; times the start if it cannot vanish
+# bounds of a number: times its start value, spreads above it; times the start if it
+# cannot vanish
 HIGHEST, FARTHEST, LOWEST = 5.0, 20.0, 0.2
 STEP = 1e-3  # of the spread, of finite differences
 PARALLEL = 1e-9  # by which the cosine of axes that count as parallel may be below 1
 FLOOR = 0.02  # of a torque's standard deviation: modelling error of rigid bodies
 FORWARD_FLOOR = 5e-5  # rad or m, error of integration
-SOFT = (0.9, 0.95, 0.001, 0.5, 2.0)  # MuJoCo's impedance of dry friction, which lets joints creep
-FIRM = 0.9999  # impedance of dry friction that holds a joint, where the model states none
+# MuJoCo's impedance of dry friction, which lets joints creep
+SOFT = (0.9, 0.95, 0.001, 0.5, 2.0)
+# impedance of dry friction that holds a joint, where the model states none
+FIRM = 0.9999
 LIMITLESS = 1e12  # N m or N, force range of an actuator that states none
-LEAST_TORQUE = 1e-9  # N m, typical torque of a joint that neither weight nor motion loads
+# N m, typical torque of a joint that neither weight nor motion loads
+LEAST_TORQUE = 1e-9
 LEAST_WEIGHT = 1e-12  # N m, weight by which a joint without gravity would swing
 TURN = 2.0 * np.pi  # rad
 LEAST = 8  # readings of which the rate at the start is taken
@@ -65,10 +70,15 @@ RATE_READINGS = 300  # of a recording, from which typical rates are taken
 
 
 def base_of(mechanism: Mechanism) -> tuple[BaseParameter, ...]:
-    """Base parameters that a file lists as `uncertain`; ConfigurationError for unknown names."""
+    """Base parameters that a file lists as `uncertain`; ConfigurationError for unknown
+    names.
+    """
     origin = f"{mechanism.path}: uncertain"
-    found = [b for i, spec in enumerate(mechanism.file.uncertain)
-             for b in _expand(spec, mechanism, f"{origin}.{i}")]  # fmt: skip
+    found = [
+        b
+        for i, spec in enumerate(mechanism.file.uncertain)
+        for b in _expand(spec, mechanism, f"{origin}.{i}")
+    ]
     names = [b.parameter.name for b in found]
     twice = next((n for n in names if names.count(n) > 1), None)
     if twice is not None:
@@ -76,8 +86,12 @@ def base_of(mechanism: Mechanism) -> tuple[BaseParameter, ...]:
     return tuple(found)
 
 
-def _expand(spec: UncertainSpec, mechanism: Mechanism, origin: str) -> Iterator[BaseParameter]:
-    """Base parameters of one entry of `uncertain`, one or more for each owner that `*` matches."""
+def _expand(
+    spec: UncertainSpec, mechanism: Mechanism, origin: str
+) -> Iterator[BaseParameter]:
+    """Base parameters of one entry of `uncertain`, one or more for each owner that `*`
+    matches.
+    """
     model = mechanism.model
     kind, _ = FIELDS[spec.field]
     numbers: Sequence[int] = range(model.njnt if kind == "joint" else model.nu)
@@ -88,14 +102,18 @@ def _expand(spec: UncertainSpec, mechanism: Mechanism, origin: str) -> Iterator[
     for number in numbers:
         name = getattr(model, kind)(number).name
         if not name:
-            raise ConfigurationError(f"{origin}: {kind} *: a {kind} has no name; give each one")
+            raise ConfigurationError(
+                f"{origin}: {kind} *: a {kind} has no name; give each one"
+            )
         axes = spec.axis or _free_axes(model, number) if spec.field == "com" else ("",)
         for axis in axes:
             yield _base_parameter(spec, mechanism, number, name, axis)
 
 
 def _free_axes(model: Any, body: int) -> Iterator[str]:
-    """Axes of a body on which its centre of mass affects motion: those not along all hinges."""
+    """Axes of a body on which its centre of mass affects motion: those not along all
+    hinges.
+    """
     (data,) = poses(model, [model.qpos0], mujoco.mj_kinematics)
     own = data.xmat[body].reshape(3, 3)
     hinges = bool((model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE).all())
@@ -108,7 +126,9 @@ def _free_axes(model: Any, body: int) -> Iterator[str]:
 def _base_parameter(
     spec: UncertainSpec, mechanism: Mechanism, number: int, name: str, axis: str
 ) -> BaseParameter:
-    """Base parameter for one field of one owner, with its bounds; `axis` of a centre of mass."""
+    """Base parameter for one field of one owner, with its bounds; `axis` of a centre of
+    mass.
+    """
     start, put, size = _access(spec.field, mechanism, number, axis)
     width = _spread_width(spec.spread, size)
     high = max(HIGHEST * start, start + FARTHEST * width)
@@ -117,11 +137,21 @@ def _base_parameter(
         low, high = -np.inf, np.inf
     key = "_".join(filter(None, (spec.field, axis, name)))
     (_, unit), step = FIELDS[spec.field], STEP * width
-    parameter, scatter = Parameter(key, unit, start, low, high, step=step, spread=width), None
+    parameter, scatter = (
+        Parameter(key, unit, start, low, high, step=step, spread=width),
+        None,
+    )
     if by_run := _spread_width(spec.by_run or 0.0, size):
         what = f"{spec.field} of {name}"
-        scatter = ScatterSource(f"{key}_run", what, f"keep the {what} steady", unit, by_run, step,
-                                common=True)  # fmt: skip
+        scatter = ScatterSource(
+            f"{key}_run",
+            what,
+            f"keep the {what} steady",
+            unit,
+            by_run,
+            step,
+            common=True,
+        )
     return BaseParameter(parameter, put, scatter)
 
 
@@ -135,14 +165,20 @@ def _spread_width(spread: float | str, size: float) -> float:
 def _access(
     field: str, mechanism: Mechanism, i: int, axis: str
 ) -> tuple[float, Callable[[Any, float], None], float]:
-    """Start value, setter and typical size (for percentages) of the `field` of owner `i`."""
+    """Start value, setter and typical size (for percentages) of the `field` of owner
+    `i`.
+    """
     model: Any = mechanism.model
     if field == "mass":
         start = float(model.body_mass[i])
         return start, lambda f, v: _set_mass(f, i, v), start
     if field == "inertia":
         start = float(model.body_inertia[i].max())
-        return start, lambda f, v: setitem(f.body_inertia, i, v / start * f.body_inertia[i]), start
+        return (
+            start,
+            lambda f, v: setitem(f.body_inertia, i, v / start * f.body_inertia[i]),
+            start,
+        )
     if field == "gain":
         return 1.0, lambda f, v: scale_gain(f, i, v), 1.0
     if field == "length":
@@ -172,16 +208,20 @@ def _set_mass(edited: Any, i: int, value: float) -> None:
 def open_file(path: Path) -> Mechanism:
     """Mechanism of the file at `path`, with compared signals whose noise is left open.
 
-    Joints and recordings are left open, too. Raises ConfigurationError for anything broken.
+    Joints and recordings are left open, too. Raises ConfigurationError for anything
+    broken.
     """
     file = load(path, MechanismFile)
     folder = path.resolve().parent
     place = (folder / file.model).resolve()
     if Path(file.model).is_absolute() or not place.is_relative_to(folder):
         raise ConfigurationError(
-            f"{path}: model: {file.model} lies outside {folder}; paths stay in the file's folder"
+            f"{path}: model: {file.model} lies outside {folder}; paths stay in the"
+            " file's folder"
         )
-    moved = [s.joint or s.actuator or "" for s in file.signals.values() if s.is_ == "torque"]
+    moved = [
+        s.joint or s.actuator or "" for s in file.signals.values() if s.is_ == "torque"
+    ]
     moved += [name for name, kind in file.inputs.items() if kind != "position"]
     source = replace(read_source(place, folder), motors=tuple(moved))  # a URDF has none
     model = compile_model(source, str(place), torques().slots, file.step)
@@ -192,21 +232,33 @@ def open_file(path: Path) -> Mechanism:
         kind = "joint" if is_ == "position" else "actuator"
         number_of(model, kind, name, str(path), f"inputs.{name}")
     if mode.loads:
-        signals = [s for kind in ("torque", "tracking") for s in signals if s.kind == kind]
+        signals = [
+            s for kind in ("torque", "tracking") for s in signals if s.kind == kind
+        ]
     return Mechanism(file, path, source, model, tuple(signals))
 
 
 def open_all(path: Path, folders: Sequence[RunFolder]) -> Mechanism:
-    """Mechanism at `path` with its measured runs; ConfigurationError for broken input."""
+    """Mechanism at `path` with its measured runs; ConfigurationError for broken
+    input.
+    """
     found = open_file(path)
     read = [read_checked(folder, found) for folder in folders]
     check_indices([f.path for f in folders], [r.index for r in read])
     file, recordings = found.file, tuple(sorted(read, key=lambda r: r.index or 0))
     moving = [n for n, kind in file.inputs.items() if kind == "position"]
-    moving += [n for n, s in file.signals.items() if s.is_ not in ("torque", "tracking")]
-    found = replace(found, recordings=recordings, pace=typical_frequency(recordings, moving),
-                    signals=tuple(_with_noise(s, file.signals[s.name], recordings, str(path))
-                                  for s in found.signals))  # fmt: skip
+    moving += [
+        n for n, s in file.signals.items() if s.is_ not in ("torque", "tracking")
+    ]
+    found = replace(
+        found,
+        recordings=recordings,
+        pace=typical_frequency(recordings, moving),
+        signals=tuple(
+            _with_noise(s, file.signals[s.name], recordings, str(path))
+            for s in found.signals
+        ),
+    )
     found = replace(found, joints=_measured_joints(found))
     _set_options(found)
     check_effects(found)
@@ -214,7 +266,9 @@ def open_all(path: Path, folders: Sequence[RunFolder]) -> Mechanism:
 
 
 def read_checked(folder: RunFolder, mechanism: Mechanism) -> Recording:
-    """Read the recording in `folder`; ConfigurationError where it contradicts file or model."""
+    """Read the recording in `folder`; ConfigurationError where it contradicts file or
+    model.
+    """
     model = mechanism.model
     is_hinge = model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE
     hinges = [model.joint(i).name for i in range(model.njnt) if is_hinge[i]]
@@ -222,41 +276,59 @@ def read_checked(folder: RunFolder, mechanism: Mechanism) -> Recording:
     apart = float(np.median(np.diff(recording.t)))
     if mechanism.mode is PLANAR and apart > (most := SPARSEST / _fastest_swing(model)):
         raise ConfigurationError(
-            f"{folder.path / ANGLES}: t: rows are {apart:g} s apart, at most {most:.2g} s shows "
-            "this pendulum's swings; t is in s"
+            f"{folder.path / ANGLES}: t: rows are {apart:g} s apart, at most {most:.2g}"
+            " s shows this pendulum's swings; t is in s"
         )
     if recording.load is not None:
-        number_of(model, "body", recording.load.body, f"{recording.name}: {RUN}: load", "body")
+        number_of(
+            model, "body", recording.load.body, f"{recording.name}: {RUN}: load", "body"
+        )
     return recording
 
 
 def _fastest_swing(model: Any) -> float:
-    """Angular frequency [rad/s] of the fastest small swing of a chain that hangs at zero."""
-    (rest,), mass = poses(model, [model.qpos0], mujoco.mj_forward), np.zeros((model.nv, model.nv))
+    """Angular frequency [rad/s] of the fastest small swing of a chain that hangs at
+    zero.
+    """
+    (rest,), mass = (
+        poses(model, [model.qpos0], mujoco.mj_forward),
+        np.zeros((model.nv, model.nv)),
+    )
     mujoco.mj_fullM(model, rest, mass)
     swung = poses(model, SMALL * np.eye(model.nv), mujoco.mj_forward)
     stiffness = [data.qfrc_bias / SMALL for data in swung]
-    return float(np.sqrt(np.linalg.eigvals(np.linalg.solve(mass, stiffness)).real.max()))
+    return float(
+        np.sqrt(np.linalg.eigvals(np.linalg.solve(mass, stiffness)).real.max())
+    )
 
 
 def _signal(name: str, spec: SignalSpec, mode: Mode, model: Any, origin: str) -> Signal:
     """Signal of the column `name` as the file states it, its noise still open.
 
     In a `mode` with a group, positions of joints are sums with those before.
-    Raises ConfigurationError for what the model lacks, and for a torque of no motor on a joint.
+    Raises ConfigurationError for what the model lacks, and for a torque of no motor on
+    a joint.
     """
     place = f"signals.{name}"
-    named = ((kind, getattr(spec, kind)) for kind in ("joint", "actuator", "site", "sensor"))
-    owner, number = next((kind, number_of(model, kind, value, origin, place))
-                         for kind, value in named if value is not None)  # fmt: skip
+    named = (
+        (kind, getattr(spec, kind)) for kind in ("joint", "actuator", "site", "sensor")
+    )
+    owner, number = next(
+        (kind, number_of(model, kind, value, origin, place))
+        for kind, value in named
+        if value is not None
+    )
     kind, joint, actuator, gear = spec.is_ or owner, -1, -1, 1.0
     weights = np.zeros(model.njnt)
     if kind == "torque":
         actuator = number if owner == "actuator" else actuator_on(model, number)
-        if actuator < 0 or model.actuator_trntype[actuator] != mujoco.mjtTrn.mjTRN_JOINT:
+        if (
+            actuator < 0
+            or model.actuator_trntype[actuator] != mujoco.mjtTrn.mjTRN_JOINT
+        ):
             raise ConfigurationError(
-                f"{origin}: {place}: {owner} {spec.actuator or spec.joint} drives no joint; "
-                "compare torques of motors on joints"
+                f"{origin}: {place}: {owner} {spec.actuator or spec.joint} drives no"
+                " joint; compare torques of motors on joints"
             )
         joint = int(model.actuator_trnid[actuator, 0])
         if (spec.side or ("joint" if owner == "joint" else "motor")) == "motor":
@@ -274,22 +346,43 @@ def _signal(name: str, spec: SignalSpec, mode: Mode, model: Any, origin: str) ->
             joint = 3 * model.nsite + int(model.sensor_adr[number])
     ends = {model.njnt - 1: "grasped", 0: "fixed"}  # of a chain
     zone = "grasped" if kind in ("site", "sensor") else ends.get(joint, "middle")
-    return Signal(name, mode.group or name, kind, 0.0, zone, joint, weights, FORWARD_FLOOR,
-                  actuator, gear)  # fmt: skip
+    return Signal(
+        name,
+        mode.group or name,
+        kind,
+        0.0,
+        zone,
+        joint,
+        weights,
+        FORWARD_FLOOR,
+        actuator,
+        gear,
+    )
 
 
-def _with_noise(signal: Signal, spec: SignalSpec, recordings: Sequence[Recording],
-                origin: str) -> Signal:  # fmt: skip
-    """Copy of `signal` with its noise, as stated or by repeats, and a torque's model error."""
+def _with_noise(
+    signal: Signal, spec: SignalSpec, recordings: Sequence[Recording], origin: str
+) -> Signal:
+    """Copy of `signal` with its noise, as stated or by repeats, and a torque's model
+    error.
+    """
     name, floor = signal.name, signal.floor
-    sigma = repeat_noise(recordings, name, origin) if spec.sigma == "repeats" else spec.sigma
+    sigma = (
+        repeat_noise(recordings, name, origin)
+        if spec.sigma == "repeats"
+        else spec.sigma
+    )
     if signal.kind == "torque":
-        floor = FLOOR * float(np.nanstd(np.concatenate([r.columns[name] for r in recordings])))
+        floor = FLOOR * float(
+            np.nanstd(np.concatenate([r.columns[name] for r in recordings]))
+        )
     return replace(signal, sigma=float(sigma), floor=floor)
 
 
 def _sum_of_joints(model: Any, number: int) -> Array:
-    """Weights (joints,) with which a sensor sums joint positions; zeros for any other sensor."""
+    """Weights (joints,) with which a sensor sums joint positions; zeros for any other
+    sensor.
+    """
     row, sensor = np.zeros(model.njnt), model.sensor(number)
     kind, number = int(sensor.type[0]), int(sensor.objid[0])
     if kind == int(mujoco.mjtSensor.mjSENS_JOINTPOS):
@@ -303,7 +396,8 @@ def _sum_of_joints(model: Any, number: int) -> Array:
 
 
 def _set_options(mechanism: Mechanism) -> None:
-    """Give all actuators a force range, and switch off contacts without pairs, and islands.
+    """Give all actuators a force range, and switch off contacts without pairs, and
+    islands.
 
     The first user numbers of joints are those that laws of torque need.
     """
@@ -323,13 +417,18 @@ def _set_options(mechanism: Mechanism) -> None:
 def _measured_joints(mechanism: Mechanism) -> tuple[Joint, ...]:
     """Joints of a model, with typical rates and torques as measured in the recordings.
 
-    Where nothing was measured, gravity and inertia in poses drawn at random are typical.
+    Where nothing was measured, gravity and inertia in poses drawn at random are
+    typical.
     """
     file, model, recordings = mechanism.file, mechanism.model, mechanism.recordings
-    columns = {s.joint: n for n, s in file.signals.items() if s.joint and s.is_ == "position"}
+    columns = {
+        s.joint: n for n, s in file.signals.items() if s.joint and s.is_ == "position"
+    }
     columns |= {n: n for n, kind in file.inputs.items() if kind == "position"}
-    squares = {s.joint: [np.nanmean((s.gear * r.columns[s.name]) ** 2) for r in recordings]
-               for s in mechanism.compared("torque")}  # fmt: skip
+    squares = {
+        s.joint: [np.nanmean((s.gear * r.columns[s.name]) ** 2) for r in recordings]
+        for s in mechanism.compared("torque")
+    }
     found = []
     for i, (weight, inertia) in enumerate(zip(*typical_loads(model), strict=True)):
         rate, acceleration, travel, name = 0.0, 0.0, TURN, model.joint(i).name
@@ -339,13 +438,24 @@ def _measured_joints(mechanism: Mechanism) -> tuple[Joint, ...]:
         torque = driven or max(weight, inertia * acceleration, LEAST_TORQUE)
         swing = np.sqrt(max(weight, LEAST_WEIGHT) / inertia)
         hinge = bool(model.jnt_type[i] == mujoco.mjtJoint.mjJNT_HINGE)
-        found.append(Joint(name, hinge, actuator_on(model, i), float(torque), float(rate or swing),
-                           float(inertia), travel))  # fmt: skip
+        found.append(
+            Joint(
+                name,
+                hinge,
+                actuator_on(model, i),
+                float(torque),
+                float(rate or swing),
+                float(inertia),
+                travel,
+            )
+        )
     return tuple(found)
 
 
 def _motion(recordings: Sequence[Recording], column: str) -> tuple[float, float, float]:
-    """Rms rate and acceleration of a position over all recordings, and its largest travel."""
+    """Rms rate and acceleration of a position over all recordings, and its largest
+    travel.
+    """
     rates, accelerations, travels = [], [], []
     for r in recordings:
         x, t = r.columns[column], r.t
@@ -361,10 +471,14 @@ def _motion(recordings: Sequence[Recording], column: str) -> tuple[float, float,
 
 
 def start_of(mechanism: Mechanism, recording: Recording) -> tuple[Array, Array]:
-    """Positions [rad or m] and rates (joints,) of the joints at the start of a recording."""
+    """Positions [rad or m] and rates (joints,) of the joints at the start of a
+    recording.
+    """
     spec, n = mechanism.file.start, len(mechanism.joints)
     compared = mechanism.compared("position")
-    inverse = np.linalg.pinv([s.weights for s in compared]) if compared else np.zeros((n, 0))
+    inverse = (
+        np.linalg.pinv([s.weights for s in compared]) if compared else np.zeros((n, 0))
+    )
     near = max(LEAST, int(np.searchsorted(recording.t, 0.5 / mechanism.pace)))
     places, slopes = [], []
     for signal in compared:
@@ -379,16 +493,27 @@ def start_of(mechanism: Mechanism, recording: Recording) -> tuple[Array, Array]:
     return q, v
 
 
-def initial_state(mechanism: Mechanism, start: Sequence[Array]) -> tuple[Parameter, ...]:
-    """Unknown start positions and rates (joints,) about `start`; none where the file fixes them."""
+def initial_state(
+    mechanism: Mechanism, start: Sequence[Array]
+) -> tuple[Parameter, ...]:
+    """Unknown start positions and rates (joints,) about `start`; none where the file
+    fixes them.
+    """
     spec, pace = mechanism.file.start, mechanism.pace
     if spec.spread == 0.0 or spec.settle:
         return ()
     wide = np.inf if spec.spread is None else spec.spread
     rows = (("angle", start[0], "rad", 1.0), ("rate", start[1], "rad/s", pace))
     return tuple(
-        Parameter(f"{name}_{joint.name}", unit, float(value), -np.inf, np.inf, step=1e-5 * times,
-                  spread=wide * times)
+        Parameter(
+            f"{name}_{joint.name}",
+            unit,
+            float(value),
+            -np.inf,
+            np.inf,
+            step=1e-5 * times,
+            spread=wide * times,
+        )
         for name, values, unit, times in rows
         for joint, value in zip(mechanism.joints, values, strict=True)
-    )  # fmt: skip
+    )

@@ -31,7 +31,9 @@ SLOWEST_CHECKED = 0.1  # rad/s of a swing below which stated rates are not check
 
 
 def average(values: Array, edges: NDArray[np.int64]) -> tuple[Array, Array]:
-    """Mean and mean square of `values` (n, k) within blocks, each flattened to (n b,)."""
+    """Mean and mean square of `values` (n, k) within blocks, each flattened to (n
+    b,).
+    """
     counts = np.diff(edges)
     mean = np.add.reduceat(values, edges[:-1], axis=1) / counts
     square = np.add.reduceat(values**2, edges[:-1], axis=1) / counts
@@ -40,10 +42,11 @@ def average(values: Array, edges: NDArray[np.int64]) -> tuple[Array, Array]:
 
 @dataclass(frozen=True, slots=True)
 class Recording:
-    """Measured columns (m,) of a run by name over `t` (m,) from 0 [s], NaN where absent.
+    """Measured columns (m,) of a run by name over `t` (m,) from 0 [s], NaN where
+    absent.
 
-    `sigma` is the noise of its readings, `rates` are those of the compared positions at its start,
-    where the run states them itself.
+    `sigma` is the noise of its readings, `rates` are those of the compared positions at
+    its start, where the run states them itself.
     """
 
     name: str
@@ -58,13 +61,15 @@ class Recording:
 
 @dataclass(frozen=True, slots=True)
 class Signal:
-    """Compared column of a run: `kind` of quantity, noise `sigma` [SI], its joint or sensor.
+    """Compared column of a run: `kind` of quantity, noise `sigma` [SI], its joint or
+    sensor.
 
-    A torque is read at an actuator, by number, and acts on a joint, with `gear` [N m] there for a
-    unit of the reading. A position or rate is the sum of the joints' with `weights` (joints,). Of a
-    site or sensor, `joint` is the number of its coordinate among all; -1 where there is none.
-    `zone` is where on the chain it is read, `floor` [SI] the error that every model has of it.
-    Residuals are grouped and shown by `channel`.
+    A torque is read at an actuator, by number, and acts on a joint, with `gear` [N m]
+    there for a unit of the reading. A position or rate is the sum of the joints' with
+    `weights` (joints,). Of a site or sensor, `joint` is the number of its coordinate
+    among all; -1 where there is none. `zone` is where on the chain it is read, `floor`
+    [SI] the error that every model has of it. Residuals are grouped and shown by
+    `channel`.
     """
 
     name: str
@@ -97,46 +102,72 @@ class Cut:
     width: float
 
     def keep(self, good: NDArray[np.bool_]) -> "Cut":
-        """Copy with the readings of the mask `good` (k,), without samples that become empty."""
+        """Copy with the readings of the mask `good` (k,), without samples that become
+        empty.
+        """
         block = np.repeat(np.arange(len(self.edges) - 1), np.diff(self.edges))[good]
         edges = np.append(np.flatnonzero(np.diff(block, prepend=-1)), len(block))
         return Cut(self.t[good], self.values[:, good], edges, self.width)
 
 
-def read_recording(folder: RunFolder, file: MechanismFile, hinges: Sequence[str]) -> Recording:
+def read_recording(
+    folder: RunFolder, file: MechanismFile, hinges: Sequence[str]
+) -> Recording:
     """Recording in a run folder; ConfigurationError, in one line, for a broken one."""
     path = folder.path / RUN
     head = load(path, MechanismRun)
     swings = file.mode == "planar"
-    kind, name = ("pendulum", head.pendulum) if swings else ("mechanism", head.mechanism)
+    kind, name = (
+        ("pendulum", head.pendulum) if swings else ("mechanism", head.mechanism)
+    )
     if name != file.name and not (file.cell and name is None):
         raise ConfigurationError(
-            f"{path}: {kind}: is {name!r}, but the file describes {file.name}; give runs of one "
-            f"{kind} and its file, or its strip file"
+            f"{path}: {kind}: is {name!r}, but the file describes {file.name}; give"
+            f" runs of one {kind} and its file, or its strip file"
         )
     if swings and head.sigma.angle is None:
-        raise ConfigurationError(f"{path}: sigma.angle: is missing; add the noise in rad")
-    table, rates = (_swing_table(folder.path / ANGLES, list(file.signals)) if swings
-                    else (_signal_table(folder.path, file, hinges), None))  # fmt: skip
-    # slices of one recording are no repeats of each other: they stay together as one condition
+        raise ConfigurationError(
+            f"{path}: sigma.angle: is missing; add the noise in rad"
+        )
+    table, rates = (
+        _swing_table(folder.path / ANGLES, list(file.signals))
+        if swings
+        else (_signal_table(folder.path, file, hinges), None)
+    )
+    # slices of one recording are no repeats of each other: they stay together as one
+    # condition
     condition = str(head.origin or head.condition or folder.name)
     columns = {name: frozen(values) for name, values in table.items() if name != "t"}
     t = frozen(table["t"] - table["t"][0])
-    return Recording(folder.name, condition, head.index, t, columns, head.load, head.sigma.angle,
-                     rates)  # fmt: skip
+    return Recording(
+        folder.name,
+        condition,
+        head.index,
+        t,
+        columns,
+        head.load,
+        head.sigma.angle,
+        rates,
+    )
 
 
-def _swing_table(path: Path, links: Sequence[str]) -> tuple[dict[str, Array], Array | None]:
-    """Angles (m,) [rad] of `links` from hanging, and their rates at the start where all are stated.
+def _swing_table(
+    path: Path, links: Sequence[str]
+) -> tuple[dict[str, Array], Array | None]:
+    """Angles (m,) [rad] of `links` from hanging, and their rates at the start where all
+    are stated.
 
-    The table at `path` holds absolute angles from upright; ConfigurationError for a broken one.
+    The table at `path` holds absolute angles from upright; ConfigurationError for a
+    broken one.
     """
     table = read_table(path)
     t = column(table, "t", path)
     check_time(t, path, least=30)
     angles = {name: column(table, f"theta_{name}", path) for name in links}
     if (after := f"theta_{len(links) + 1}") in table:
-        raise ConfigurationError(f"{path}: {after}: the pendulum has {len(links)} links only")
+        raise ConfigurationError(
+            f"{path}: {after}: the pendulum has {len(links)} links only"
+        )
     for name, angle in angles.items():
         check_angle(t, angle, path, f"theta_{name}")
     found = {"t": t, **{name: angle - np.pi for name, angle in angles.items()}}
@@ -148,19 +179,25 @@ def _swing_table(path: Path, links: Sequence[str]) -> tuple[dict[str, Array], Ar
 
 
 def _check_rates(slope: Array, rates: Array, path: Path) -> None:
-    """Refuse stated rates (n, m) [rad/s] unlike the measured angles' `slope` (n, m) [rad/s]."""
+    """Refuse stated rates (n, m) [rad/s] unlike the measured angles' `slope` (n, m)
+    [rad/s].
+    """
     if float(np.quantile(np.abs(slope), 0.99)) < SLOWEST_CHECKED:
         return
     ratio = float((rates * slope).sum() / (slope * slope).sum())
     if not 0.5 < ratio < 2.0:
         raise ConfigurationError(
-            f"{path}: omega: is {ratio:.3g} times the rate of theta; t is in s, angles in rad, "
-            "rates in rad/s"
+            f"{path}: omega: is {ratio:.3g} times the rate of theta; t is in s, angles"
+            " in rad, rates in rad/s"
         )
 
 
-def _signal_table(folder: Path, file: MechanismFile, hinges: Sequence[str]) -> dict[str, Array]:
-    """Columns (m,) of a run by name, checked: `t`, and all signals and inputs of the file."""
+def _signal_table(
+    folder: Path, file: MechanismFile, hinges: Sequence[str]
+) -> dict[str, Array]:
+    """Columns (m,) of a run by name, checked: `t`, and all signals and inputs of the
+    file.
+    """
     path = folder / SIGNALS
     if file.cell and not path.is_file():
         path = folder / JOINTS
@@ -172,30 +209,40 @@ def _signal_table(folder: Path, file: MechanismFile, hinges: Sequence[str]) -> d
         if name not in table:
             raise ConfigurationError(f"{path}: {name}: this column is missing; add it")
         if not np.isfinite(table[name]).any():
-            raise ConfigurationError(f"{path}: {name}: holds no number; leave the run out")
+            raise ConfigurationError(
+                f"{path}: {name}: holds no number; leave the run out"
+            )
     angles = [n for n in file.inputs if file.inputs[n] == "position" and n in hinges]
-    angles += [n for n, s in file.signals.items() if s.is_ == "position" and s.joint in hinges]
+    angles += [
+        n for n, s in file.signals.items() if s.is_ == "position" and s.joint in hinges
+    ]
     for name in angles:
         check_angle(table["t"], table[name], path, name)
     return table
 
 
 def _check_clock(t: Array, path: Path) -> None:
-    """Refuse times `t` (m,) [s] that are too many or too few, do not increase, or jump."""
+    """Refuse times `t` (m,) [s] that are too many or too few, do not increase, or
+    jump.
+    """
     if len(t) > ROWS:
-        raise ConfigurationError(f"{path}: has {len(t)} rows, at most {ROWS} are read; thin them")
+        raise ConfigurationError(
+            f"{path}: has {len(t)} rows, at most {ROWS} are read; thin them"
+        )
     check_time(t, path, least=20)
     steps = np.diff(t)
     if steps.max() > JUMP * np.median(steps):
         row = int(np.argmax(steps)) + 1
         raise ConfigurationError(
-            f"{path}: t: jumps by {steps.max():g} s at row {row} (steps of {np.median(steps):g} s);"
-            " the clock was set or rows are lost: cut the run there"
+            f"{path}: t: jumps by {steps.max():g} s at row {row} (steps of"
+            f" {np.median(steps):g} s); the clock was set or rows are lost: cut the run"
+            " there"
         )
 
 
 def arm_columns(path: Path) -> dict[str, Array]:
-    """Columns (m,) of a mechanism, by name, from the table of a robot's joints at `path`.
+    """Columns (m,) of a mechanism, by name, from the table of a robot's joints at
+    `path`.
 
     They are `joint1` [rad], `torque1` [N m], `tracking1` [rad], and so on. Raises
     ConfigurationError for a table that lacks one.
@@ -208,28 +255,37 @@ def arm_columns(path: Path) -> dict[str, Array]:
     found = {"t": column(table, "t", path)}
     for i in range(1, 8):
         q, commanded = column(table, f"q_{i}", path), column(table, f"q_d_{i}", path)
-        found |= {f"joint{i}": q, f"tracking{i}": q - commanded,
-                  f"torque{i}": column(table, f"tau_J_{i}", path)}  # fmt: skip
+        found |= {
+            f"joint{i}": q,
+            f"tracking{i}": q - commanded,
+            f"torque{i}": column(table, f"tau_J_{i}", path),
+        }
     return found
 
 
 def check_angle(t: Array, values: Array, path: Path, name: str) -> None:
-    """Refuse angles (m,) that seem to be in degrees, or at times `t` (m,) not in seconds."""
+    """Refuse angles (m,) that seem to be in degrees, or at times `t` (m,) not in
+    seconds.
+    """
     known = np.isfinite(values)
     x = values[known]
     if np.abs(x).max() > FAR:
         raise ConfigurationError(
-            f"{path}: {name}: reaches {np.abs(x).max():.0f}; angles are in rad (degrees / 57.3)"
+            f"{path}: {name}: reaches {np.abs(x).max():.0f}; angles are in rad (degrees"
+            " / 57.3)"
         )
     speed = float(np.quantile(np.abs(np.gradient(x, t[known])), 0.9))
     if speed > FAST:
         raise ConfigurationError(
-            f"{path}: {name}: changes by {speed:.0f} rad/s; angles are in rad, t is in s"
+            f"{path}: {name}: changes by {speed:.0f} rad/s; angles are in rad, t is"
+            " in s"
         )
 
 
 def repeat_noise(found: Sequence[Recording], column: str, origin: str) -> float:
-    """Standard deviation of a column's noise, by repeated runs; ConfigurationError without any."""
+    """Standard deviation of a column's noise, by repeated runs; ConfigurationError
+    without any.
+    """
     variances = []
     for a, b in combinations(found, 2):
         if a.condition == b.condition:
@@ -238,13 +294,16 @@ def repeat_noise(found: Sequence[Recording], column: str, origin: str) -> float:
             variances.append(np.nanmean(difference**2) / 2.0)  # of two equal errors
     if not variances:
         raise ConfigurationError(
-            f"{origin}: signals.{column}.sigma: repeats: no two runs share a condition; state it"
+            f"{origin}: signals.{column}.sigma: repeats: no two runs share a condition;"
+            " state it"
         )
     return float(max(np.sqrt(np.mean(variances)), SMALLEST_NOISE))
 
 
 def typical_frequency(found: Sequence[Recording], columns: Sequence[str]) -> float:
-    """Angular frequency [rad/s] of the fastest column: spread of its rate over that of itself."""
+    """Angular frequency [rad/s] of the fastest column: spread of its rate over that of
+    itself.
+    """
     frequencies = []
     for name in columns:
         spreads = [_spreads(r.t, r.columns[name]) for r in found]
@@ -254,7 +313,9 @@ def typical_frequency(found: Sequence[Recording], columns: Sequence[str]) -> flo
 
 
 def _spreads(t: Array, x: Array) -> tuple[float, float]:
-    """Standard deviations of block means of x (m,) at t (m,) [s], and of their rate; 0 in noise."""
+    """Standard deviations of block means of x (m,) at t (m,) [s], and of their rate; 0
+    in noise.
+    """
     known = np.isfinite(x)
     t, x = t[known], x[known]
     width = max(1, len(x) // PACE_READINGS)
@@ -269,33 +330,53 @@ def _spreads(t: Array, x: Array) -> tuple[float, float]:
 def cut_recording(recording: Recording, columns: Sequence[str], least: float) -> Cut:
     """Cut a run into samples of `least` [s], longer where it has too many readings.
 
-    Readings in which a column is absent are left out, and of a sample all but PER_BLOCK.
+    Readings in which a column is absent are left out, and of a sample all but
+    PER_BLOCK.
     """
     width = max(least, float(recording.t[-1]) * PER_BLOCK / MOST_READINGS)
     values = np.array([recording.columns[c] for c in columns])
     good = np.flatnonzero(np.isfinite(values).all(axis=0))
     starts = np.flatnonzero(np.diff(np.floor(recording.t[good] / width))) + 1
-    chosen = [inside if len(inside) <= PER_BLOCK
-              else inside[np.linspace(0, len(inside) - 1, PER_BLOCK).round().astype(int)]
-              for inside in np.split(good, starts)]  # fmt: skip
+    chosen = [
+        (
+            inside
+            if len(inside) <= PER_BLOCK
+            else inside[np.linspace(0, len(inside) - 1, PER_BLOCK).round().astype(int)]
+        )
+        for inside in np.split(good, starts)
+    ]
     edges, kept = np.cumsum([0, *map(len, chosen)]), np.concatenate(chosen)
     return Cut(frozen(recording.t[kept]), frozen(values[:, kept]), edges, width)
 
 
 def phases(speed: Array) -> Words:
-    """Phase (b,) of each sample by its signed `speed` (b,): `carry`, `return` or `hold`."""
+    """Phase (b,) of each sample by its signed `speed` (b,): `carry`, `return` or
+    `hold`.
+    """
     still = np.abs(speed) < STILL * np.sqrt(np.mean(speed**2) + 1e-300)
     return np.where(still, "hold", np.where(speed > 0.0, "carry", "return"))
 
 
 def samples(signals: Sequence[Signal], cut: Cut, phase: Words) -> Samples:
-    """Samples of all `signals` of a cut run, signal by signal, with phases `phase` (b,)."""
+    """Samples of all `signals` of a cut run, signal by signal, with phases `phase`
+    (b,).
+    """
     counts = np.diff(cut.edges)
     middle = np.add.reduceat(cut.t, cut.edges[:-1]) / counts
-    # the error of a torque is ripple, supply and constants, which a mean does not make smaller
-    return Samples.stack([
-        {"channel": s.channel, "quantity": s.channel, "phase": phase, "zone": s.zone, "t": middle,
-         "noise": s.sigma / (1.0 if s.kind == "torque" else np.sqrt(counts)),
-         "reading": s.sigma, "floor": s.floor}
-        for s in signals
-    ])  # fmt: skip
+    # the error of a torque is ripple, supply and constants, which a mean does not make
+    # smaller
+    return Samples.stack(
+        [
+            {
+                "channel": s.channel,
+                "quantity": s.channel,
+                "phase": phase,
+                "zone": s.zone,
+                "t": middle,
+                "noise": s.sigma / (1.0 if s.kind == "torque" else np.sqrt(counts)),
+                "reading": s.sigma,
+                "floor": s.floor,
+            }
+            for s in signals
+        ]
+    )

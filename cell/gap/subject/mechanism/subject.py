@@ -1,4 +1,6 @@
-"""Mechanism as a subject of the gap engine: measured signals compared with predicted ones."""
+"""Mechanism as a subject of the gap engine: measured signals compared with predicted
+ones.
+"""
 
 import copy
 from abc import abstractmethod
@@ -45,13 +47,21 @@ from drivers.errors import ConfigurationError
 from drivers.types import Array
 
 BLOCK = 0.4  # rad of the fastest signal in one sample
-# key, factor, and tolerated rms gap, of positions [rad, m] and rates; of torques a share of their
-# spread, for they follow from current or duty, with ripple and supply that no model states; assumed
-KINDS = {"position": ("mrad", 1e3, 1e-3), "velocity": ("mrads", 1e3, 1e-2),
-         "torque": ("Nm", 1.0, 0.05), "tracking": ("mrad", 1e3, 1e-4), "site": ("mm", 1e3, 1e-3),
-         "sensor": ("si", 1.0, 0.0)}  # fmt: skip
-UNITS = {"Nm": "N m", "mrads": "mrad/s"}  # of keys, which write them without space or slash
-# gears of which a side may be confused, and the factor within which their ratio is recognised
+# key, factor, and tolerated rms gap, of positions [rad, m] and rates; of torques a
+# share of their spread, for they follow from current or duty, with ripple and supply
+# that no model states; assumed
+KINDS = {
+    "position": ("mrad", 1e3, 1e-3),
+    "velocity": ("mrads", 1e3, 1e-2),
+    "torque": ("Nm", 1.0, 0.05),
+    "tracking": ("mrad", 1e3, 1e-4),
+    "site": ("mm", 1e3, 1e-3),
+    "sensor": ("si", 1.0, 0.0),
+}
+# of keys, which write them without space or slash
+UNITS = {"Nm": "N m", "mrads": "mrad/s"}
+# gears of which a side may be confused, and the factor within which their ratio is
+# recognised
 GEARED, TWICE = 3.0, 2.0
 TINY = 1e-30  # against division by zero
 
@@ -60,8 +70,8 @@ TINY = 1e-30  # against division by zero
 class Content:
     """Readings of a run, and inputs of its prediction: `load`, `motion` or `commands`.
 
-    Phases are by the `speed` (k,) at its readings; `start` are positions and rates (joints,) where
-    the run is simulated from them.
+    Phases are by the `speed` (k,) at its readings; `start` are positions and rates
+    (joints,) where the run is simulated from them.
     """
 
     cut: Cut
@@ -74,11 +84,12 @@ class Content:
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One prediction of a run's signals, with the base and the `known` effects of a request.
+    """One prediction of a run's signals, with the base and the `known` effects of a
+    request.
 
-    `edited` copies a MuJoCo model with the base and effects in its fields, `readings` are errors of
-    sensors and commands, `start` positions and rates (joints,). Cases of equal `motion` move alike;
-    their readings may differ.
+    `edited` copies a MuJoCo model with the base and effects in its fields, `readings`
+    are errors of sensors and commands, `start` positions and rates (joints,). Cases of
+    equal `motion` move alike; their readings may differ.
     """
 
     content: Content
@@ -95,23 +106,32 @@ class MechanismSubject(Subject):
     A subclass predicts the signals; at the end of its construction it sets `runs`.
     """
 
-    def __init__(self, mechanism: Mechanism, jobs: int = 1, without: Sequence[str] = ()) -> None:
+    def __init__(
+        self, mechanism: Mechanism, jobs: int = 1, without: Sequence[str] = ()
+    ) -> None:
         self.mechanism, self.name, self._jobs = mechanism, mechanism.file.name, jobs
         self._check_honoured()
-        self._scatter = {i: b.scatter for i, b in enumerate(mechanism.base) if b.scatter}
+        self._scatter = {
+            i: b.scatter for i, b in enumerate(mechanism.base) if b.scatter
+        }
         self.scope = self._scope_without(without)
 
     def _check_honoured(self) -> None:
-        """Note that contacts are off; refuse models with parts that the mode would ignore."""
+        """Note that contacts are off; refuse models with parts that the mode would
+        ignore.
+        """
         model = self.mechanism.model
         colliding = (model.geom_contype > 0) & (model.geom_conaffinity > 0)
         if not model.npair and len(set(model.geom_bodyid[colliding])) > 1:
-            self.notes = (*self.notes, "contacts are off: the model lists no pair of geoms")
+            self.notes = (
+                *self.notes,
+                "contacts are off: the model lists no pair of geoms",
+            )
         for left_out in self.not_honoured():
             raise ConfigurationError(
-                f"{self.mechanism.path}: model: {left_out}: would be left out in mode "
-                f"{self.mechanism.mode.name}; take it out of the model, or compare in the other "
-                "mode"
+                f"{self.mechanism.path}: model: {left_out}: would be left out in mode"
+                f" {self.mechanism.mode.name}; take it out of the model, or compare in"
+                " the other mode"
             )
 
     def not_honoured(self) -> Iterable[str]:
@@ -120,7 +140,8 @@ class MechanismSubject(Subject):
 
     @abstractmethod
     def predict(self, cases: Sequence[Case]) -> Sequence[Array | None]:
-        """Signals (signals, k) of each case at the k times of its readings, by simulation.
+        """Signals (signals, k) of each case at the k times of its readings, by
+        simulation.
 
         None where its simulation diverges.
         """
@@ -135,7 +156,9 @@ class MechanismSubject(Subject):
         whole = Scope(
             base=(*(b.parameter for b in m.base), *accepted_parameters(m)),
             candidates=candidates(m),
-            quantities={s.channel: self._quantity(s.channel, s.kind) for s in m.signals},
+            quantities={
+                s.channel: self._quantity(s.channel, s.kind) for s in m.signals
+            },
             terms=tuple(t.candidate(m) for t in TERMS if t.applies(m)),
             scatter=tuple(self._scatter.values()),
             believed=m.mode.shapes,
@@ -143,7 +166,9 @@ class MechanismSubject(Subject):
         return whole.withhold(without, [c.name for c in whole.candidates])
 
     def _quantity(self, channel: str, kind: str) -> Quantity:
-        """Display of a channel's residuals; torques have a tolerance by their spread."""
+        """Display of a channel's residuals; torques have a tolerance by their
+        spread.
+        """
         key, factor, tolerance = KINDS[kind]
         if kind == "torque":
             spread = [np.nanstd(r.columns[channel]) for r in self.mechanism.recordings]
@@ -153,7 +178,9 @@ class MechanismSubject(Subject):
     def _run(self, recording: Recording) -> Run:
         """Run for the engine: samples with their phases, and the run's own unknowns."""
         signals = self.mechanism.signals
-        cut = cut_recording(recording, [s.name for s in signals], BLOCK / self.mechanism.pace)
+        cut = cut_recording(
+            recording, [s.name for s in signals], BLOCK / self.mechanism.pace
+        )
         content = self._content(recording, cut)
         if recording.sigma is not None:
             signals = tuple(replace(s, sigma=recording.sigma) for s in signals)
@@ -161,11 +188,19 @@ class MechanismSubject(Subject):
         local += tuple(source.parameter for source in self._scatter.values())
         speed, _ = average(content.speed[None], content.cut.edges)
         known = samples(signals, content.cut, phases(speed))
-        return Run(recording.name, recording.condition, known, local, content,
-                   recording.index or 0)  # fmt: skip
+        return Run(
+            recording.name,
+            recording.condition,
+            known,
+            local,
+            content,
+            recording.index or 0,
+        )
 
     def simulate(self, requests: Sequence[Request]) -> list[Residuals]:
-        """Residuals of `requests`, measured minus simulated; NaN where a simulation diverges."""
+        """Residuals of `requests`, measured minus simulated; NaN where a simulation
+        diverges.
+        """
         predictions = self.predict([self._case(r) for r in requests])
         residuals = []
         for request, predicted in zip(requests, predictions, strict=True):
@@ -180,21 +215,31 @@ class MechanismSubject(Subject):
         content, count, n = content_of(request.run), len(m.base), len(m.joints)
         owners = np.array([p.name.partition(".")[0] for p in self.scope.base])
         accepted = {name: request.base[owners == name] for name in m.file.effects}
-        known = [(library()[n], values) for n, values in {**accepted, **request.effects}.items()]
-        unknowns = dict(zip((p.name for p in request.run.local), request.local, strict=True))
+        known = [
+            (library()[n], values)
+            for n, values in {**accepted, **request.effects}.items()
+        ]
+        unknowns = dict(
+            zip((p.name for p in request.run.local), request.local, strict=True)
+        )
         base = np.array(request.base[:count])
         for i, source in self._scatter.items():  # a fit leaves some of them out
             base[i] += unknowns.get(source.name, 0.0)
         start = content.start
-        if f"angle_{m.joints[0].name}" in unknowns:  # then `initial_state` made the first unknowns
+        # then `initial_state` made the first unknowns
+        if f"angle_{m.joints[0].name}" in unknowns:
             start = request.local[:n], request.local[n : 2 * n]
         edited = partial(self._edited, content.load, base, known)
         moving = [(e.name, v.tobytes()) for e, v in known if e.moves(m) and v.any()]
         motion = (request.run.name, *moving, *(x.tobytes() for x in (base, *start)))
         return Case(content, edited, readings_of(known), known, start, motion)
 
-    def _edited(self, load: Load | None, base: Array, effects: Known, model: Any) -> Any:
-        """Copy of a `model` with base (k,), load of a run and effects in its fields or laws."""
+    def _edited(
+        self, load: Load | None, base: Array, effects: Known, model: Any
+    ) -> Any:
+        """Copy of a `model` with base (k,), load of a run and effects in its fields or
+        laws.
+        """
         m, edited = self.mechanism, copy.copy(model)
         for b, value in zip(m.base, base, strict=True):
             b.put(edited, float(value))
@@ -217,13 +262,19 @@ class MechanismSubject(Subject):
         return Scene(tuple(TimeSeries(s.label, cut.t, row) for s, row in rows))
 
     def draw_simulated(self, requests: Sequence[Request]) -> list[Scene | None]:
-        """Drawings of simulated signals and their residuals; None where a simulation diverges."""
+        """Drawings of simulated signals and their residuals; None where a simulation
+        diverges.
+        """
         predicted = self.predict([self._case(r) for r in requests])
-        return [None if rows is None else self._scene(content_of(request.run).cut, rows)
-                for request, rows in zip(requests, predicted, strict=True)]  # fmt: skip
+        return [
+            None if rows is None else self._scene(content_of(request.run).cut, rows)
+            for request, rows in zip(requests, predicted, strict=True)
+        ]
 
     def _scene(self, cut: Cut, predicted: Array) -> Scene:
-        """Drawing of `predicted` signals (signals, k), and of the residuals to measured ones."""
+        """Drawing of `predicted` signals (signals, k), and of the residuals to measured
+        ones.
+        """
         drawn = []
         rows = zip(self.mechanism.signals, predicted, cut.values, strict=True)
         for signal, row, measured in rows:
@@ -236,23 +287,31 @@ class MechanismSubject(Subject):
     def patch(
         self, base: Mapping[str, float], effects: NamedValues, source: str
     ) -> tuple[dict[str, object], dict[str, object] | None]:
-        """Content of the refitted mechanism file; None for cell.yaml, which does not change."""
+        """Content of the refitted mechanism file; None for cell.yaml, which does not
+        change.
+        """
         return accepted_content(self.mechanism, base, effects, source), None
 
     def model_text(self, base: Mapping[str, float], effects: NamedValues) -> str | None:
         """MJCF text of the model with refitted base and named effects."""
         m = self.mechanism
-        known = [(library()[n], ordered_values(library()[n], m, v)) for n, v in effects.items()]
+        known = [
+            (library()[n], ordered_values(library()[n], m, v))
+            for n, v in effects.items()
+        ]
         stated = np.array([base[b.parameter.name] for b in m.base])
         return accepted_xml(m, self._edited(None, stated, known, m.model))
 
     def check(self, origin: str) -> None:
-        """Refuse stated models that cannot be simulated, and torques on a gear's wrong side."""
+        """Refuse stated models that cannot be simulated, and torques on a gear's wrong
+        side.
+        """
         residuals = self._stated_residuals()
         if not np.isfinite(residuals).all():
             raise ConfigurationError(
-                f"{origin}: model: run {self.runs[0].name} cannot be simulated, its motion "
-                "explodes; make step smaller, or mend masses, inertias and gains"
+                f"{origin}: model: run {self.runs[0].name} cannot be simulated, its"
+                " motion explodes; make step smaller, or mend masses, inertias and"
+                " gains"
             )
         self._check_sides(residuals, origin)
 
@@ -273,13 +332,18 @@ class MechanismSubject(Subject):
             predicted = measured[rows] - residuals[rows]
             ratio = measured[rows] @ predicted / (predicted @ predicted + TINY)
             gear = float(gears[sensor.actuator, 0])
-            side, other = ("motor", gear) if sensor.gear == gear else ("joint", 1.0 / gear)
-            if abs(np.log(abs(other))) > np.log(GEARED) and 1.0 / TWICE < ratio / other < TWICE:
+            side, other = (
+                ("motor", gear) if sensor.gear == gear else ("joint", 1.0 / gear)
+            )
+            if (
+                abs(np.log(abs(other))) > np.log(GEARED)
+                and 1.0 / TWICE < ratio / other < TWICE
+            ):
                 right = "joint" if side == "motor" else "motor"
                 raise ConfigurationError(
-                    f"{origin}: signals.{sensor.name}: is {ratio:.3g} times the model's torque at "
-                    f"the {side}, close to the gear ratio {gear:g}: it was probably measured at "
-                    f"the {right}; state side: {right}"
+                    f"{origin}: signals.{sensor.name}: is {ratio:.3g} times the model's"
+                    f" torque at the {side}, close to the gear ratio {gear:g}: it was"
+                    f" probably measured at the {right}; state side: {right}"
                 )
 
 

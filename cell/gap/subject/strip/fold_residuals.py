@@ -1,4 +1,6 @@
-"""Residuals of a fold: measured minus simulated samples, with the rig's measurement errors."""
+"""Residuals of a fold: measured minus simulated samples, with the rig's measurement
+errors.
+"""
 
 from dataclasses import dataclass
 
@@ -6,7 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cell.gap.subject.strip.layout import Layout, Part
-from cell.gap.subject.strip.midline_residuals import group_means, nearest_ends, signed_distances
+from cell.gap.subject.strip.midline_residuals import (
+    group_means,
+    nearest_ends,
+    signed_distances,
+)
 from cell.gap.subject.strip.runs import MeasuredRun
 from cell.gap.subject.strip.simulation import SimulatedMotion
 from cell.gap.subject.subject import Residuals
@@ -40,7 +46,9 @@ class FoldResiduals:
     bending_length: float
 
     def __call__(self, model: StripModel, motion: SimulatedMotion | None) -> Residuals:
-        """Residuals against the simulated `motion` of `model`; NaN where the motion is None."""
+        """Residuals against the simulated `motion` of `model`; NaN where the motion is
+        None.
+        """
         if motion is None:
             lost = np.full(len(self.layout.samples), np.nan)
             return Residuals(lost, lost.copy())
@@ -48,7 +56,10 @@ class FoldResiduals:
         channels = [
             average(self.distances(model, motion, profile.order), profile),
             self._contact_averages(model, motion),
-            *(average(force[p.order, axis], p) for axis, p in enumerate(self.layout.force)),
+            *(
+                average(force[p.order, axis], p)
+                for axis, p in enumerate(self.layout.force)
+            ),
             self._touch_residuals(model, motion),
         ]
         mean, square = (np.concatenate(rows) for rows in zip(*channels, strict=True))
@@ -62,7 +73,8 @@ class FoldResiduals:
     def distances(
         self, model: StripModel, motion: SimulatedMotion, points: NDArray[np.int64]
     ) -> Array:
-        """Distances (n,) [m] of measured `points` from the simulated midline, positive left of it.
+        """Distances (n,) [m] of measured `points` from the simulated midline, positive
+        left of it.
 
         `points` (n,) are their indices.
         """
@@ -71,43 +83,63 @@ class FoldResiduals:
         if len(points):
             places = np.ascontiguousarray(true_points(model, images.points[points]))
             signed_distances(
-                places, images.image[points], images.s[points],
-                self.shape_index(model, motion), motion.shapes,
-                motion.arc * self.length, distances,
-            )  # fmt: skip
+                places,
+                images.image[points],
+                images.s[points],
+                self.shape_index(model, motion),
+                motion.shapes,
+                motion.arc * self.length,
+                distances,
+            )
         return distances
 
-    def _contact_averages(self, model: StripModel, motion: SimulatedMotion) -> tuple[Array, Array]:
-        """Mean [m] and mean square [m^2] (k,) of contact residuals, NaN for two contacts.
+    def _contact_averages(
+        self, model: StripModel, motion: SimulatedMotion
+    ) -> tuple[Array, Array]:
+        """Mean [m] and mean square [m^2] (k,) of contact residuals, NaN for two
+        contacts.
 
-        A strip with a hump, as over a crease, leaves the desk there and at the fold; which of them
-        an image shows depends on the hump's height. So a contact far from the simulated one is
-        compared with the nearest place where the simulated strip leaves the desk.
+        A strip with a hump, as over a crease, leaves the desk there and at the fold;
+        which of them an image shows depends on the hump's height. So a contact far from
+        the simulated one is compared with the nearest place where the simulated strip
+        leaves the desk.
         """
         limit = CONTACT_LIMIT * self.bending_length
         measured = self.run.contact_x[self.layout.contact.order]
         observation = model.observation
-        time = np.asarray(imaged_time(observation, self.run.contact_t[self.layout.contact.order]))
+        time = np.asarray(
+            imaged_time(observation, self.run.contact_t[self.layout.contact.order])
+        )
         simulated = np.interp(time, motion.t, motion.contact_x)
         residuals = np.asarray(measured - measured_contact(observation, simulated))
         far = np.abs(residuals) >= limit
         ends = simulated[far]
         nearest_ends(
-            ends + residuals[far], motion.index_at(time[far]), motion.shapes,
-            self.run.contact_height, ends,
-        )  # fmt: skip
+            ends + residuals[far],
+            motion.index_at(time[far]),
+            motion.shapes,
+            self.run.contact_height,
+            ends,
+        )
         residuals[far] = measured[far] - measured_contact(observation, ends)
         mean, square = average(residuals, self.layout.contact)
         near = np.abs(mean) < limit
         return np.where(near, mean, np.nan), np.where(near, square, np.nan)
 
     def _force_residuals(self, model: StripModel, motion: SimulatedMotion) -> Array:
-        """Measured minus simulated force (f, 2) [N] along x and z, NaN where not measured."""
+        """Measured minus simulated force (f, 2) [N] along x and z, NaN where not
+        measured.
+        """
         t = self.run.force_t
-        return self.run.force - reported_force(model.observation, t, motion.t, motion.force)
+        return self.run.force - reported_force(
+            model.observation, t, motion.t, motion.force
+        )
 
-    def _touch_residuals(self, model: StripModel, motion: SimulatedMotion) -> tuple[Array, Array]:
-        """Residuals (3,) [s, m, m] of the touch and their squares, NaN where none is simulated.
+    def _touch_residuals(
+        self, model: StripModel, motion: SimulatedMotion
+    ) -> tuple[Array, Array]:
+        """Residuals (3,) [s, m, m] of the touch and their squares, NaN where none is
+        simulated.
 
         Both are empty (0,) where the run measured no touch.
         """
@@ -121,7 +153,9 @@ class FoldResiduals:
 
 
 def simulated_touch(
-    path: MeasuredRun | GripperPath, model: StripModel, motion: SimulatedMotion | StripMotion
+    path: MeasuredRun | GripperPath,
+    model: StripModel,
+    motion: SimulatedMotion | StripMotion,
 ) -> Touch | None:
     """Simulated touch of the layers as images would show it; None if there is none.
 
@@ -136,13 +170,17 @@ def simulated_touch(
 
 
 def _touch_values(touch: Touch) -> Array:
-    """Time [s], mean distance [m] to both edges, and displacement [m] of a touch, (3,)."""
+    """Time [s], mean distance [m] to both edges, and displacement [m] of a touch,
+    (3,).
+    """
     distance = 0.5 * (touch.to_grasped + touch.to_fixed)
     return np.array([touch.time, distance, touch.displacement])
 
 
 def average(values: Array, part: Part) -> tuple[Array, Array]:
-    """Mean and mean square (k,), in SI, of the readings (n,) of each sample, outliers clipped."""
+    """Mean and mean square (k,), in SI, of the readings (n,) of each sample, outliers
+    clipped.
+    """
     mean, square = np.empty(len(part)), np.empty(len(part))
     if len(part):
         group_means(np.ascontiguousarray(values), part.edges, part.sigma, mean, square)

@@ -1,4 +1,6 @@
-"""Errors of measuring a strip: those that differ from run to run, and those that runs share."""
+"""Errors of measuring a strip: those that differ from run to run, and those that runs
+share.
+"""
 
 from dataclasses import dataclass
 from operator import attrgetter
@@ -15,22 +17,27 @@ from drivers.types import Array, frozen
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunEffect(ScatterSource):
-    """Quantity of a strip or rig that differs from run to run, and the model field it changes.
+    """Quantity of a strip or rig that differs from run to run, and the model field it
+    changes.
 
-    `place` is the part and field of the model to which its value is added, as a share of the field
-    where the unit is 1.
+    `place` is the part and field of the model to which its value is added, as a share
+    of the field where the unit is 1.
     """
 
     place: str
 
     def apply(self, model: StripModel, value: float) -> StripModel:
-        """Copy of `model` with `value` added to the effect's field; relative if its unit is 1."""
+        """Copy of `model` with `value` added to the effect's field; relative if its
+        unit is 1.
+        """
         stated = attrgetter(self.place)(model)
         changed = frozen(stated * (1.0 + value)) if self.unit == "1" else stated + value
         return with_field(model, self.place, changed)
 
 
-GRIPPER_REMEDY = "a stop against which the strip's edge is laid, or a gripper with firmer fingers"
+GRIPPER_REMEDY = (
+    "a stop against which the strip's edge is laid, or a gripper with firmer fingers"
+)
 AIR_REMEDY = "longer rests between runs, and a steady temperature and humidity"
 RIG_REMEDY = "a stiffer desk and mount, and one clock for arm and camera"
 RUN_EFFECTS = (
@@ -51,7 +58,9 @@ RUN_EFFECTS = (
     RunEffect("clock_start", "the start of the camera's clock", RIG_REMEDY,
               "s", 0.002, 0.003, place="observation.camera_latency"),
 )  # fmt: skip
-"""Spreads: grasping by two fingers 0.3 mm, damping 5 %, stiffness 0.5 % of a well kept bench."""
+"""Spreads: grasping by two fingers 0.3 mm, damping 5 %, stiffness 0.5 % of a well kept
+bench.
+"""
 
 TARE = "a tare in the posture at rest right before the grasp"
 ONE_MESSAGE = "force and place from one message of the arm"
@@ -63,19 +72,25 @@ FORCE_EFFECTS = (
     RunEffect("force_delay", "how late the arm reports a force", ONE_MESSAGE,
               "s", 0.005, 0.0005, place="observation.force_delay"),
 )  # fmt: skip
-"""What runs that measure force differ by besides. Spreads: assumed, for an arm at its best."""
+"""What runs that measure force differ by besides. Spreads: assumed, for an arm at its
+best.
+"""
 
 KNOWN_EFFECTS = (*RUN_EFFECTS, *FORCE_EFFECTS)
 
 SLACK_EFFECTS = tuple(effect for effect in RUN_EFFECTS if effect.name == "slack")
-"""What is allowed for where no runs can say more: planned runs, and sizes of hidden effects."""
+"""What is allowed for where no runs can say more: planned runs, and sizes of hidden
+effects.
+"""
 
 
 class CameraBias(StudyResult):
-    """Standard deviations [m, s] of perception's mean error over half a run, by quantity.
+    """Standard deviations [m, s] of perception's mean error over half a run, by
+    quantity.
 
-    Written by `python -m tests.lab study perception`. `edge` is how far out the near edge is seen,
-    which moves the whole profile; the other errors are independent, that of the profile adds to it.
+    Written by `python -m tests.lab study perception`. `edge` is how far out the near
+    edge is seen, which moves the whole profile; the other errors are independent, that
+    of the profile adds to it.
     """
 
     FILE = Path(__file__).with_name("bias.yaml")
@@ -102,10 +117,11 @@ class ModelError(StudyResult):
 
 
 def common_errors(samples: Samples, past: NDArray[np.bool_]) -> dict[str, Array]:
-    """Residuals (n,) [m, s] that a standard deviation of each systematic error causes, by name.
+    """Residuals (n,) [m, s] that a standard deviation of each systematic error causes,
+    by name.
 
-    `past` (n,) says whether the gripper is past the middle of the strip: there a lifted strip shows
-    its near edge on the other side.
+    `past` (n,) says whether the gripper is past the middle of the strip: there a lifted
+    strip shows its near edge on the other side.
     """
     halves = np.where(past, "past", "before")
     sizes = CameraBias.shipped()
@@ -113,7 +129,9 @@ def common_errors(samples: Samples, past: NDArray[np.bool_]) -> dict[str, Array]
     errors = {"near edge": frozen(sizes.edge * profile * np.where(past, 1.0, -1.0))}
     one_group = np.full(len(halves), "")
     groups_of = {
-        "profile": np.array([f"{z} {h}" for z, h in zip(samples.zone, halves, strict=True)]),
+        "profile": np.array(
+            [f"{z} {h}" for z, h in zip(samples.zone, halves, strict=True)]
+        ),
         "contact_x": halves,
     }
     for quantity in ("profile", "contact_x", "touch_time", "touch_x", "displacement"):
@@ -122,5 +140,7 @@ def common_errors(samples: Samples, past: NDArray[np.bool_]) -> dict[str, Array]
         for group in dict.fromkeys(map(str, groups[measured])):
             members = measured & (groups == group)
             size = getattr(sizes, quantity)
-            errors[f"{quantity} {group}".strip()] = frozen(size * members.astype(np.float64))
+            errors[f"{quantity} {group}".strip()] = frozen(
+                size * members.astype(np.float64)
+            )
     return errors

@@ -1,4 +1,6 @@
-"""Residuals of measured points and contacts to a strip's moving midline, and their robust means."""
+"""Residuals of measured points and contacts to a strip's moving midline, and their
+robust means.
+"""
 
 import math
 from typing import Any
@@ -10,12 +12,15 @@ from drivers.robust import MAD
 
 SEARCH_SPAN = 0.08  # m of the strip on each side of where a point should lie
 STRIDE = 4  # nodes
-OUTLIER = 3.0  # robust standard deviations beyond which a value counts no more than that
+# robust standard deviations beyond which a value counts no more than that
+OUTLIER = 3.0
 
 
 @entry
 def interpolate_midlines(shapes: Any, places: Any) -> Any:
-    """Midlines (m, nodes, 2) at fractional indices `places` (m,) of `shapes` (k, nodes, 2)."""
+    """Midlines (m, nodes, 2) at fractional indices `places` (m,) of `shapes` (k, nodes,
+    2).
+    """
     curves = np.empty((len(places), shapes.shape[1], 2))
     for m in range(len(places)):
         place = min(max(places[m], 0.0), len(shapes) - 1.0)
@@ -27,7 +32,9 @@ def interpolate_midlines(shapes: Any, places: Any) -> Any:
 
 @kernel
 def chord(curve: Any, q: int) -> Any:
-    """Vector x, z [m] and length [m] of segment `q` of `curve` (nodes, 2), as one triple."""
+    """Vector x, z [m] and length [m] of segment `q` of `curve` (nodes, 2), as one
+    triple.
+    """
     x, z = curve[q + 1, 0] - curve[q, 0], curve[q + 1, 1] - curve[q, 1]
     return x, z, math.hypot(x, z)
 
@@ -40,8 +47,11 @@ def curvature(before: Any, after: Any) -> Any:
 
 
 @kernel
-def distances_to_segment(curve: Any, q: int, base: Any, bend: float, x: float, z: float) -> Any:
-    """Distance [m] of point x, z from segment `q`, and signed one (left positive) from its arc.
+def distances_to_segment(
+    curve: Any, q: int, base: Any, bend: float, x: float, z: float
+) -> Any:
+    """Distance [m] of point x, z from segment `q`, and signed one (left positive) from
+    its arc.
 
     The arc over the segment's chord `base` has the mean curvature `bend` [1/m].
     """
@@ -61,11 +71,14 @@ def distances_to_segment(curve: Any, q: int, base: Any, bend: float, x: float, z
 
 @kernel
 def signed_distance(curve: Any, q: int, x: float, z: float) -> Any:
-    """Signed distance [m], left positive, of point x, z from the nearer segment at node `q`."""
+    """Signed distance [m], left positive, of point x, z from the nearer segment at node
+    `q`.
+    """
     last = len(curve) - 1
     best, nearest = math.inf, 0.0
     base = chord(curve, max(q - 1, 0))
-    bend = curvature(chord(curve, q - 2), base) if q > 1 else 0.0  # straight at both ends
+    # straight at both ends
+    bend = curvature(chord(curve, q - 2), base) if q > 1 else 0.0
     for segment in range(max(q - 1, 0), min(q + 1, last)):
         ahead, bend_ahead = base, 0.0
         if segment + 1 < last:
@@ -81,7 +94,9 @@ def signed_distance(curve: Any, q: int, x: float, z: float) -> Any:
 
 @kernel
 def nearest_node(curve: Any, low: int, high: int, x: float, z: float) -> Any:
-    """Index in low..high of the node of `curve` nearest to x, z, by a coarse and a fine search."""
+    """Index in low..high of the node of `curve` nearest to x, z, by a coarse and a fine
+    search.
+    """
     best = nearest_among(curve, range(low, high + 1, STRIDE), x, z)
     close = range(max(best - STRIDE + 1, low), min(best + STRIDE, high + 1))
     return nearest_among(curve, close, x, z)
@@ -89,7 +104,9 @@ def nearest_node(curve: Any, low: int, high: int, x: float, z: float) -> Any:
 
 @kernel
 def nearest_among(curve: Any, nodes: Any, x: float, z: float) -> Any:
-    """Index, among the indices `nodes`, of the node of `curve` (n, 2) nearest to point x, z."""
+    """Index, among the indices `nodes`, of the node of `curve` (n, 2) nearest to point
+    x, z.
+    """
     best, least = 0, math.inf
     for q in nodes:
         square = (curve[q, 0] - x) ** 2 + (curve[q, 1] - z) ** 2
@@ -109,14 +126,20 @@ def search_window(arc: Any, s: float) -> Any:
 
 @entry
 def signed_distances(
-    points: Any, image: Any, near: Any, places: Any, shapes: Any, arc: Any, distances: Any
+    points: Any,
+    image: Any,
+    near: Any,
+    places: Any,
+    shapes: Any,
+    arc: Any,
+    distances: Any,
 ) -> None:
     """Write signed `distances` (n,) [m] of `points` (n, 2) from a moving midline.
 
-    Positive on the left as seen from the fixed edge. Point p belongs to image number `image[p]`,
-    taken at the fractional index `places[image[p]]` into `shapes` (k, nodes, 2), with nodes at
-    `arc` (nodes,) [m]; its foot is sought within SEARCH_SPAN of `near[p]` [m]. Segments count as
-    arcs.
+    Positive on the left as seen from the fixed edge. Point p belongs to image number
+    `image[p]`, taken at the fractional index `places[image[p]]` into `shapes` (k,
+    nodes, 2), with nodes at `arc` (nodes,) [m]; its foot is sought within SEARCH_SPAN
+    of `near[p]` [m]. Segments count as arcs.
     """
     curves = interpolate_midlines(shapes, places)
     for p in range(len(points)):
@@ -128,9 +151,12 @@ def signed_distances(
 
 @kernel
 def nearest_end(curve: Any, height: float, x: float, contact: float) -> Any:
-    """x [m] nearest to `x` where a lying strip rises above `height` [m], or `contact` if nearer."""
+    """x [m] nearest to `x` where a lying strip rises above `height` [m], or `contact`
+    if nearer.
+    """
     nearest, q = contact, 1
-    while q < len(curve) and curve[q, 0] >= curve[q - 1, 0]:  # up to the fold's rightmost point
+    # up to the fold's rightmost point
+    while q < len(curve) and curve[q, 0] >= curve[q - 1, 0]:
         low, high = curve[q - 1, 1], curve[q, 1]
         if low <= height < high:
             share = (height - low) / (high - low)
@@ -142,11 +168,15 @@ def nearest_end(curve: Any, height: float, x: float, contact: float) -> Any:
 
 
 @entry
-def nearest_ends(x: Any, places: Any, shapes: Any, height: float, contacts: Any) -> None:
-    """Replace desk contacts `contacts` (n,) [m] by the lift-off points nearest to `x` (n,) [m].
+def nearest_ends(
+    x: Any, places: Any, shapes: Any, height: float, contacts: Any
+) -> None:
+    """Replace desk contacts `contacts` (n,) [m] by the lift-off points nearest to `x`
+    (n,) [m].
 
-    A midline lifts off wherever it rises above `height` [m]: at the fold, and at each hump before
-    it. A contact stays if it is nearer. `places` (n,) and `shapes` are those of `signed_distances`.
+    A midline lifts off wherever it rises above `height` [m]: at the fold, and at each
+    hump before it. A contact stays if it is nearer. `places` (n,) and `shapes` are
+    those of `signed_distances`.
     """
     curves = interpolate_midlines(shapes, places)
     for m in range(len(x)):
@@ -155,10 +185,11 @@ def nearest_ends(x: Any, places: Any, shapes: Any, height: float, contacts: Any)
 
 @entry
 def group_means(values: Any, edges: Any, sigma: float, mean: Any, square: Any) -> None:
-    """Write into `mean` and `square` (g,) the mean and the mean square of each group of `values`.
+    """Write into `mean` and `square` (g,) the mean and the mean square of each group of
+    `values`.
 
-    Group g is values[edges[g]:edges[g + 1]]. Values are clipped at OUTLIER robust deviations (at
-    least `sigma`) from the group's median.
+    Group g is values[edges[g]:edges[g + 1]]. Values are clipped at OUTLIER robust
+    deviations (at least `sigma`) from the group's median.
     """
     for g in range(len(edges) - 1):
         group = values[edges[g] : edges[g + 1]]
@@ -166,7 +197,9 @@ def group_means(values: Any, edges: Any, sigma: float, mean: Any, square: Any) -
         spread = max(sigma, MAD * np.median(np.abs(group - middle)))
         total, power = 0.0, 0.0
         for value in group:
-            clipped = min(max(value, middle - OUTLIER * spread), middle + OUTLIER * spread)
+            clipped = min(
+                max(value, middle - OUTLIER * spread), middle + OUTLIER * spread
+            )
             total += clipped
             power += clipped * clipped
         mean[g], square[g] = total / len(group), power / len(group)

@@ -1,4 +1,6 @@
-"""Prepares measured folds for the gap engine: samples, and corrections for the coarse rod."""
+"""Prepares measured folds for the gap engine: samples, and corrections for the coarse
+rod.
+"""
 
 import struct
 from collections.abc import Mapping, Sequence
@@ -35,12 +37,15 @@ from drivers.strip.model import StripModel, with_field
 from drivers.strip.rod.engine import GripperPath
 from drivers.types import Array, frozen
 
-TRUSTED = 2.0  # times the change by a finer rod: how far off another engine or a strip may be
-# times the change by a smaller time step: how far off it may be for another model; hidden effects
-# change it by 0.2 to 0.4 of itself
+# times the change by a finer rod: how far off another engine or a strip may be
+TRUSTED = 2.0
+# times the change by a smaller time step: how far off it may be for another model;
+# hidden effects change it by 0.2 to 0.4 of itself
 STEP_TRUSTED = 0.5
-DOUBTED = 1.0  # floors rms over a fold that a finer rod changes: a still finer one decides
-LARGEST_CHANGE = 20.0  # floors: a larger change is no discretisation error but another fold
+# floors rms over a fold that a finer rod changes: a still finer one decides
+DOUBTED = 1.0
+# floors: a larger change is no discretisation error but another fold
+LARGEST_CHANGE = 20.0
 LEAVING_TRAVEL = 0.03  # m of travel in which a strip leaves the desk
 STEEP = 0.5  # of its height, by which a grip may be drawn in meanwhile and not push
 LATER = 0.6  # s after the measured touch in which the model may still touch
@@ -52,11 +57,12 @@ SAME_START = 1e-3  # s between the beginnings of two paths
 
 @dataclass(frozen=True, slots=True)
 class Linearisation:
-    """Derivatives of a fold's residuals (n,) near one model, and their errors by a coarse rod.
+    """Derivatives of a fold's residuals (n,) near one model, and their errors by a
+    coarse rod.
 
-    `grid_error` is the change from a finer rod to that of the fold, `doubt` how far off it may be
-    for another model or a real strip; `slopes` are the derivatives by each quantity that differs
-    from run to run; `length` [m] of the strip.
+    `grid_error` is the change from a finer rod to that of the fold, `doubt` how far off
+    it may be for another model or a real strip; `slopes` are the derivatives by each
+    quantity that differs from run to run; `length` [m] of the strip.
     """
 
     grid_error: Array
@@ -69,12 +75,13 @@ class Linearisation:
 class PreparedFold:
     """Measured fold: its residuals, and the paths along which it is simulated.
 
-    The rod has the fold's `resolution`; `linearisation` corrects its residuals. Of a replicate,
-    `leader` is the fold whose simulation serves for its responses.
+    The rod has the fold's `resolution`; `linearisation` corrects its residuals. Of a
+    replicate, `leader` is the fold whose simulation serves for its responses.
 
-    Pushed along the desk, the strip buckles; where it does is chaotic, because friction and grip
-    compliance are unknown. Only strips with bending hysteresis keep the shape; they are simulated
-    along `lifted_path`, which has no push. The standard runs lift first and never buckle.
+    Pushed along the desk, the strip buckles; where it does is chaotic, because friction
+    and grip compliance are unknown. Only strips with bending hysteresis keep the shape;
+    they are simulated along `lifted_path`, which has no push. The standard runs lift
+    first and never buckle.
     """
 
     path: Hashed[GripperPath]
@@ -85,7 +92,9 @@ class PreparedFold:
     leader: "PreparedFold | None" = None
 
     def job(self, hashed: Hashed[StripModel]) -> Job:
-        """Simulation of model `hashed` along the measured path, lifted in case of hysteresis."""
+        """Simulation of model `hashed` along the measured path, lifted in case of
+        hysteresis.
+        """
         has_hysteresis = hashed.value.mechanics.law.yield_curvature > 0.0
         path = self.lifted_path if has_hysteresis else self.path
         height = self.residuals.run.contact_height
@@ -94,18 +103,24 @@ class PreparedFold:
         return Job(model, path.value, self.resolution, digest)
 
     def correct(self, residuals: Residuals, run: Run, run_values: Array) -> Residuals:
-        """`residuals` of a coarse rod less grid error, moved linearly to `run_values` (k,)."""
+        """`residuals` of a coarse rod less grid error, moved linearly to `run_values`
+        (k,).
+        """
         mean = residuals.mean - self.linearisation.grid_error
         for p, value in zip(run.local, run_values, strict=True):
             mean = mean + value * self.linearisation.slopes[p.name]
-        return Residuals(mean, residuals.square + mean**2 - residuals.mean**2)  # E[(r + d)^2]
+        # E[(r + d)^2]
+        return Residuals(mean, residuals.square + mean**2 - residuals.mean**2)
 
 
 def prepare_runs(
-    runs: Sequence[MeasuredRun], strip: StripFile, simulate: Simulation,
+    runs: Sequence[MeasuredRun],
+    strip: StripFile,
+    simulate: Simulation,
     scatter: Sequence[RunEffect] = RUN_EFFECTS,
-) -> list[Run]:  # fmt: skip
-    """Convert measured folds to runs of the gap engine; folds without a sample are left out.
+) -> list[Run]:
+    """Convert measured folds to runs of the gap engine; folds without a sample are left
+    out.
 
     `scatter` are the quantities that may differ from run to run.
     """
@@ -116,21 +131,37 @@ def prepare_runs(
     nominal = [f.job(model) for f, model in zip(folds, stated, strict=True)]
     local = tuple(e.parameter for e in scatter)
     prepared = []
-    for fold, about in zip(folds, linearise_folds(folds, nominal, simulate, scatter), strict=True):
+    for fold, about in zip(
+        folds, linearise_folds(folds, nominal, simulate, scatter), strict=True
+    ):
         run, samples = fold.residuals.run, fold.residuals.layout.samples
-        bare = Run(run.name, run.condition, samples, local, fold, run.index,
-                   replicate=fold.leader is not None)  # fmt: skip
+        bare = Run(
+            run.name,
+            run.condition,
+            samples,
+            local,
+            fold,
+            run.index,
+            replicate=fold.leader is not None,
+        )
         prepared.append(relinearise(bare, about))
     return prepared
 
 
 def linearise_folds(
-    folds: Sequence[PreparedFold], jobs: Sequence[Job], simulate: Simulation,
+    folds: Sequence[PreparedFold],
+    jobs: Sequence[Job],
+    simulate: Simulation,
     scatter: Sequence[RunEffect],
-) -> list[Linearisation]:  # fmt: skip
-    """Linearisation of the residuals of each of `folds` about its simulation in `jobs`."""
-    moved = [f.job(hashed_model(effect.apply(job.model, effect.step)))
-             for f, job in zip(folds, jobs, strict=True) for effect in scatter]  # fmt: skip
+) -> list[Linearisation]:
+    """Linearisation of the residuals of each of `folds` about its simulation in
+    `jobs`.
+    """
+    moved = [
+        f.job(hashed_model(effect.apply(job.model, effect.step)))
+        for f, job in zip(folds, jobs, strict=True)
+        for effect in scatter
+    ]
     fold_of_moved = [fold for fold in folds for _ in scatter]
     found = _residuals([*folds, *fold_of_moved], [*jobs, *moved], simulate)
     nominal, perturbed = found[: len(folds)], iter(found[len(folds) :])
@@ -143,7 +174,9 @@ def linearise_folds(
         step_error = _drop_large(step_errors[i], limit)
         doubt = np.hypot(TRUSTED * (grid_error - step_error), STEP_TRUSTED * step_error)
         slopes = {
-            effect.name: frozen(_drop_large(next(perturbed) - nominal[i], limit) / effect.step)
+            effect.name: frozen(
+                _drop_large(next(perturbed) - nominal[i], limit) / effect.step
+            )
             for effect in scatter
         }
         length = job.model.mechanics.length
@@ -162,11 +195,17 @@ def _residuals(
 
 
 def _resolve(
-    folds: Sequence[PreparedFold], models: Sequence[Hashed[StripModel]], simulate: Simulation
+    folds: Sequence[PreparedFold],
+    models: Sequence[Hashed[StripModel]],
+    simulate: Simulation,
 ) -> list[PreparedFold]:
-    """Copies of `folds`, with a finer rod where the coarse one errs beyond model error."""
+    """Copies of `folds`, with a finer rod where the coarse one errs beyond model
+    error.
+    """
     jobs = [fold.job(model) for fold, model in zip(folds, models, strict=True)]
-    errors = _grid_errors(folds, jobs, _residuals(folds, jobs, simulate), simulate, (FINE,))
+    errors = _grid_errors(
+        folds, jobs, _residuals(folds, jobs, simulate), simulate, (FINE,)
+    )
     return [
         replace(fold, resolution=MEDIUM) if _is_doubted(fold, error) else fold
         for fold, error in zip(folds, errors, strict=True)
@@ -180,10 +219,11 @@ def _grid_errors(
     simulate: Simulation,
     finer: Sequence[Resolution] = (FINE, FINER),
 ) -> list[Array]:
-    """Residuals (n,) [SI] of each fold at its own resolution, less those at a `finer` one.
+    """Residuals (n,) [SI] of each fold at its own resolution, less those at a `finer`
+    one.
 
-    Where that is much, the next resolution decides: an end that slips, or a strip that is pushed,
-    may take another way at a single one.
+    Where that is much, the next resolution decides: an end that slips, or a strip that
+    is pushed, may take another way at a single one.
     """
     errors = [np.zeros_like(values) for values in residuals]
     doubted = list(range(len(folds)))
@@ -197,7 +237,9 @@ def _grid_errors(
 
 
 def _is_doubted(fold: PreparedFold, error: Array) -> bool:
-    """Whether a finer rod changes the residuals of `fold` by more than DOUBTED floors (rms)."""
+    """Whether a finer rod changes the residuals of `fold` by more than DOUBTED floors
+    (rms).
+    """
     floors = np.nan_to_num(error / fold.residuals.layout.samples.floor)
     rms = float(np.linalg.norm(floors) / np.sqrt(max(len(floors), 1)))
     return rms > DOUBTED
@@ -206,13 +248,17 @@ def _is_doubted(fold: PreparedFold, error: Array) -> bool:
 def _common_errors(
     run: MeasuredRun, samples: Samples, linearisation: Linearisation
 ) -> dict[str, Array]:
-    """Residuals (n,) [SI] per standard deviation of each error that all runs share, by name.
+    """Residuals (n,) [SI] per standard deviation of each error that all runs share, by
+    name.
 
-    They are those of the model in damping, and of perception where a camera saw the run.
+    They are those of the model in damping, and of perception where a camera saw the
+    run.
     """
     errors = {}
     if "damping" in linearisation.slopes:
-        errors["damping"] = frozen(ModelError.shipped().damping * linearisation.slopes["damping"])
+        errors["damping"] = frozen(
+            ModelError.shipped().damping * linearisation.slopes["damping"]
+        )
     if run.plane_error is not None:
         x = np.interp(samples.t, run.t, run.poses[:, 0])
         errors |= common_errors(samples, x < linearisation.length / 2)
@@ -220,7 +266,8 @@ def _common_errors(
 
 
 def relinearise(run: Run, about: Linearisation) -> Run:
-    """Copy of `run` with residuals linearised `about` a model, and floors for the grid error left.
+    """Copy of `run` with residuals linearised `about` a model, and floors for the grid
+    error left.
 
     A strip with less damping than stated keeps swinging, where grids differ.
     """
@@ -229,7 +276,9 @@ def relinearise(run: Run, about: Linearisation) -> Run:
     floor = np.maximum(run.samples.floor, np.hypot(stated, about.doubt))
     samples = replace(run.samples, floor=floor)
     common = _common_errors(fold.residuals.run, samples, about)
-    return replace(run, samples=samples, common=common, content=replace(fold, linearisation=about))
+    return replace(
+        run, samples=samples, common=common, content=replace(fold, linearisation=about)
+    )
 
 
 def _drop_large(change: Array, limit: Array) -> Array:
@@ -255,9 +304,11 @@ def _fold(run: MeasuredRun, strip: StripFile) -> PreparedFold:
 
 
 def _lifted_path(path: GripperPath, run: MeasuredRun) -> GripperPath:
-    """Copy of the measured `path` that rises before it moves in: no lying strip is pushed.
+    """Copy of the measured `path` that rises before it moves in: no lying strip is
+    pushed.
 
-    A strip lifted by z draws the grip in by about z^2: so does this one, until it joins `path`.
+    A strip lifted by z draws the grip in by about z^2: so does this one, until it joins
+    `path`.
     """
     travel = run.travel[: len(path.t)]
     share = travel / LEAVING_TRAVEL
@@ -268,7 +319,8 @@ def _lifted_path(path: GripperPath, run: MeasuredRun) -> GripperPath:
     if path.hanging or lying.all() or not pushes_strip:
         return path
     poses, start = path.poses.copy(), path.poses[0, 0]
-    drawn_in = share**2 + (1.0 - share) * share**8  # with the measured direction in the end
+    # with the measured direction in the end
+    drawn_in = share**2 + (1.0 - share) * share**8
     poses[lying, 0] = start + drawn_in[lying] * (poses[~lying, 0][0] - start)
     return GripperPath(path.t, poses)
 
@@ -276,7 +328,8 @@ def _lifted_path(path: GripperPath, run: MeasuredRun) -> GripperPath:
 def _with_leaders(folds: Sequence[PreparedFold]) -> list[PreparedFold]:
     """Copies of `folds` with their leaders.
 
-    An effect changes replicates alike, up to far less than the error of a rough time step.
+    An effect changes replicates alike, up to far less than the error of a rough time
+    step.
     """
     leaders: list[PreparedFold] = []
     leader_of = {}
@@ -289,16 +342,22 @@ def _with_leaders(folds: Sequence[PreparedFold]) -> list[PreparedFold]:
 
 
 def _is_replicate(longer: PreparedFold, fold: PreparedFold) -> bool:
-    """Whether the path of `longer` can be simulated in place of `fold`, which ends no later."""
+    """Whether the path of `longer` can be simulated in place of `fold`, which ends no
+    later.
+    """
     if longer.residuals.run.contact_height != fold.residuals.run.contact_height:
         return False
     first, second = longer.path.value, fold.path.value
     if first.hanging != second.hanging or abs(first.t[0] - second.t[0]) > SAME_START:
         return False
-    return _is_near(first, second) and _is_near(longer.lifted_path.value, fold.lifted_path.value)
+    return _is_near(first, second) and _is_near(
+        longer.lifted_path.value, fold.lifted_path.value
+    )
 
 
 def _is_near(longer: GripperPath, path: GripperPath) -> bool:
-    """Whether the poses of `path` are within PATH_TOLERANCE of those of `longer` at all times."""
+    """Whether the poses of `path` are within PATH_TOLERANCE of those of `longer` at all
+    times.
+    """
     expected = interpolate_columns(path.t, longer.t, longer.poses)
     return bool((np.abs(path.poses - expected) < PATH_TOLERANCE).all())

@@ -17,23 +17,31 @@ SMOOTHING_STEP = 0.005  # s between the points that are smoothed
 DRIVING_STEP = 0.0025  # s between the points that drive the model
 NARROWEST_HALF, WIDEST_HALF = 5, 20  # points on each side of the parabola that smooths
 QUIET_NOISE = 5e-5  # m of noise up to which the narrow parabola serves
-IMAGE_INTERVAL = 0.045  # s between images that are compared: nearer ones add no information
+# s between images that are compared: nearer ones add no information
+IMAGE_INTERVAL = 0.045
 CURVE_POINTS = 40  # of one image that are compared
 MEDIAN_WINDOW = 7  # points of the running median
-# standard deviations from the median, beyond the points' spacing, that make a point an outlier
+# standard deviations from the median, beyond the points' spacing, that make a point an
+# outlier
 OUTLIER_SIGMAS = 6.0
 FEWEST_POINTS = 5  # points of an image that is used
 
 
 def smooth_path(t: Array, poses: Array, sigma: float) -> tuple[Array, Array]:
-    """Smooth path measured at `t` (m,) [s] with noise `sigma` [m]: times (k,) and poses (k, 3).
+    """Smooth path measured at `t` (m,) [s] with noise `sigma` [m]: times (k,) and poses
+    (k, 3).
 
-    A parabola through the points near each moment (Savitzky and Golay 1964); the more noise, the
-    more points. A servo's limited jerk bends a path too little for the narrow one to blunt it.
+    A parabola through the points near each moment (Savitzky and Golay 1964); the more
+    noise, the more points. A servo's limited jerk bends a path too little for the
+    narrow one to blunt it.
     """
     even = np.arange(t[0], t[-1] + 0.5 * SMOOTHING_STEP, SMOOTHING_STEP)
     rough = interpolate_columns(even, t, poses)
-    half = int(np.clip(NARROWEST_HALF * (sigma / QUIET_NOISE) ** 0.4, NARROWEST_HALF, WIDEST_HALF))
+    half = int(
+        np.clip(
+            NARROWEST_HALF * (sigma / QUIET_NOISE) ** 0.4, NARROWEST_HALF, WIDEST_HALF
+        )
+    )
     half = min(half, (len(even) - 1) // 2)
     smooth = _parabolic_smoothing(rough, half) if half > 1 else rough
     fine = np.arange(even[0], even[-1] + 0.5 * DRIVING_STEP, DRIVING_STEP)
@@ -41,9 +49,11 @@ def smooth_path(t: Array, poses: Array, sigma: float) -> tuple[Array, Array]:
 
 
 def _parabolic_smoothing(values: Array, half: int) -> Array:
-    """Smooth columns (k, c) by local parabolas through `half` neighbours a side (Savitzky-Golay).
+    """Smooth columns (k, c) by local parabolas through `half` neighbours a side
+    (Savitzky-Golay).
 
-    The first and last parabolas serve the ends, too. Importing scipy.signal would take a second.
+    The first and last parabolas serve the ends, too. Importing scipy.signal would take
+    a second.
     """
     powers = np.vander(np.arange(-half, half + 1.0), 3, increasing=True)
     through = np.linalg.pinv(powers)
@@ -57,8 +67,9 @@ def _parabolic_smoothing(values: Array, half: int) -> Array:
 class Images:
     """Midline points of m images, at times `stamps` (m,) [s], one image after another.
 
-    Of each of the n points: `points` (n, 2) in x and z [m], `image` (n,) its image's index, `s`
-    (n,) [m] its approximate arc length from the fixed edge, counted back from the gripper.
+    Of each of the n points: `points` (n, 2) in x and z [m], `image` (n,) its image's
+    index, `s` (n,) [m] its approximate arc length from the fixed edge, counted back
+    from the gripper.
     """
 
     stamps: Array
@@ -67,12 +78,18 @@ class Images:
     s: Array
 
     @classmethod
-    def of(cls, stamps: Sequence[float], curves: Sequence[Array], places: Sequence[Array]) -> Self:
-        """Images at `stamps` (m,) [s] of curves (n, 2) [m] at arc lengths (n,) [m] by image."""
+    def of(
+        cls, stamps: Sequence[float], curves: Sequence[Array], places: Sequence[Array]
+    ) -> Self:
+        """Images at `stamps` (m,) [s] of curves (n, 2) [m] at arc lengths (n,) [m] by
+        image.
+        """
         counts = np.array([len(curve) for curve in curves], dtype=np.int64)
         image = np.repeat(np.arange(len(curves)), counts)
         points = np.concatenate([np.empty((0, 2)), *curves])
-        return cls(frozen(stamps), frozen(points), image, frozen(np.concatenate([[], *places])))
+        return cls(
+            frozen(stamps), frozen(points), image, frozen(np.concatenate([[], *places]))
+        )
 
 
 def images_of(profile: Profile, grip: Array, length: float, sigma: float) -> Images:
@@ -92,7 +109,9 @@ def images_of(profile: Profile, grip: Array, length: float, sigma: float) -> Ima
         inliers = curve[inlier_mask(curve, sigma)]
         if len(inliers) < FEWEST_POINTS:
             continue
-        to_gripper = np.hypot(*np.diff(np.concatenate([inliers, gripper[None]]), axis=0).T)
+        to_gripper = np.hypot(
+            *np.diff(np.concatenate([inliers, gripper[None]]), axis=0).T
+        )
         s = length - np.cumsum(to_gripper[::-1])[::-1]
         last = len(inliers) - 1
         chosen = np.unique(np.linspace(0, last, CURVE_POINTS).round().astype(np.int64))
@@ -104,7 +123,9 @@ def images_of(profile: Profile, grip: Array, length: float, sigma: float) -> Ima
 
 
 def inlier_mask(curve: Array, sigma: float) -> NDArray[np.bool_]:
-    """Mask (n,) of the points of a curve (n, 2) [m] near its running median: no outliers."""
+    """Mask (n,) of the points of a curve (n, 2) [m] near its running median: no
+    outliers.
+    """
     if len(curve) <= MEDIAN_WINDOW:
         return np.ones(len(curve), dtype=bool)
     off = np.hypot(*(curve - _running_median(curve)).T)
@@ -113,7 +134,9 @@ def inlier_mask(curve: Array, sigma: float) -> NDArray[np.bool_]:
 
 
 def _running_median(curve: Array) -> Array:
-    """Running median (n, 2) [m] of more than MEDIAN_WINDOW points, linear beyond both ends."""
+    """Running median (n, 2) [m] of more than MEDIAN_WINDOW points, linear beyond both
+    ends.
+    """
     half = MEDIAN_WINDOW // 2
     inner = np.median(sliding_window_view(curve, MEDIAN_WINDOW, axis=0), axis=-1)
     reach = min(half, len(inner) - 1)

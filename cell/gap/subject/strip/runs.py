@@ -1,4 +1,6 @@
-"""Reads measured folds, checks them, and reduces them to the quantities that are compared."""
+"""Reads measured folds, checks them, and reduces them to the quantities that are
+compared.
+"""
 
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -7,7 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from cell.gap.subject.run_folders import RunFolder, check_indices
-from cell.gap.subject.strip.preprocessing import FEWEST_POINTS, Images, images_of, smooth_path
+from cell.gap.subject.strip.preprocessing import (
+    FEWEST_POINTS,
+    Images,
+    images_of,
+    smooth_path,
+)
 from cell.orchestrator.monitors import is_outcome
 from cell.record.files import PROFILE, RESULT, RUN, TICKS, is_under_way
 from cell.record.header import NOT_FOLDED, Header, Sigma
@@ -27,13 +34,16 @@ LENGTHS = ("contact_x", "profile", "gripper", "displacement")  # with a noise in
 FASTEST_GRIPPER = 5.0  # m/s, faster than any arm
 FASTEST_TURN = 30.0  # rad/s, faster than any arm
 SHORTEST_INTERVAL = 0.01  # s, over shorter times noise looks like speed
-JUMP_SIGMAS = 10  # standard deviations of noise by which positions may differ without motion
-TOUCHED = NOT_FOLDED | {"layer_touch"}  # the touch is a measurement, whatever came after it
+# standard deviations of noise by which positions may differ without motion
+JUMP_SIGMAS = 10
+# the touch is a measurement, whatever came after it
+TOUCHED = NOT_FOLDED | {"layer_touch"}
 LEAST = 30  # rows of a usable run
 FEWEST_RUNS = 2  # that can be fitted and checked
 LEAST_RISE = 0.01  # m above the desk, of a gripper that folds
-# Limits in m, rad and s, beyond which what is off is noted and refused, or refused alone
-START = (0.006, 0.03)  # from where a run must start, as preflight allows a strip's length
+# Limits in m, rad and s, beyond which what is off is noted and refused, or refused
+# alone from where a run must start, as preflight allows a strip's length
+START = (0.006, 0.03)
 HANGING = (0.3,)  # of pitch from upright at a hanging start
 HELD = (0.03,)  # by which half of the places may contradict one strip held at its end
 TURN = (1.2,)  # from the gripper's pitch within which half of the midlines end
@@ -41,11 +51,13 @@ SHIFTS = (0.01, 0.015)  # by which midlines lie off gripper or desk
 DELAYS = (0.07, 0.2)  # by which midlines are late or early for the gripper's path
 SPREADS = np.array([0.06, 0.005])  # s, m: of delays and of shifts in x
 END_ERROR = 0.0006  # m of a run's midlines at their ends, in common
-ODD = (0.03, np.inf)  # by which l1 is not the way to the gripper, or a command not its place
+# by which l1 is not the way to the gripper, or a command not its place
+ODD = (0.03, np.inf)
 GAP = (0.2, np.inf)  # between two rows: the path in between is guessed
 PERIOD = (0.02,)  # between rows, slower than any servo; the contract asks for 0.01
 NOTICED = 0.1  # s by which a touch is usually noticed too early or late
-TOUCH_ROUNDING = 1e-3  # m by which displacement and l1 - l2 may differ as they are rounded
+# m by which displacement and l1 - l2 may differ as they are rounded
+TOUCH_ROUNDING = 1e-3
 DISPLACEMENT_SIGMAS = 5  # standard deviations by which they may differ besides
 Contradiction = tuple[str, str, Array | float, tuple[float, ...]]
 """File, what of it is off, by how much (n,) [m, rad, s], and the limits of that."""
@@ -62,13 +74,15 @@ def _check_noise(origin: Path, run: Recorded) -> None:
             continue
         limit = f"at most {worst:g}" if value > worst else f"at least {best:g}"
         raise ConfigurationError(
-            f"{origin}: sigma.{key}: is {value:g} {unit}, {limit} {unit} is believable; give it in "
-            f"{unit}, as repeated readings scatter"
+            f"{origin}: sigma.{key}: is {value:g} {unit}, {limit} {unit} is believable;"
+            f" give it in {unit}, as repeated readings scatter"
         )
 
 
 def _check_motion(origin: Path, run: Recorded) -> None:
-    """Refuse a run whose poses jump between rows, as they do where rows are not sorted by time."""
+    """Refuse a run whose poses jump between rows, as they do where rows are not sorted
+    by time.
+    """
     ticks = run.ticks
     if len(ticks.t) < 2:
         return
@@ -79,21 +93,24 @@ def _check_motion(origin: Path, run: Recorded) -> None:
         (("x_cmd", "z_cmd"), FASTEST_GRIPPER, noise, "m"),
         (("pitch",), FASTEST_TURN, 0.0, "rad"),
     ):
-        steps = np.linalg.norm([np.diff(getattr(ticks, name)) for name in names], axis=0)
+        steps = np.linalg.norm(
+            [np.diff(getattr(ticks, name)) for name in names], axis=0
+        )
         if len(jumps := np.flatnonzero(steps > fastest * span + apart)):
             row = int(jumps[0]) + 1
             raise ConfigurationError(
-                f"{origin}: {', '.join(names)}: {len(jumps)} rows jump, row {row} by "
-                f"{steps[row - 1]:.3g} {unit}, as no arm moves; sort all columns by t, or leave "
-                "wrong rows out"
+                f"{origin}: {', '.join(names)}: {len(jumps)} rows jump, row {row} by"
+                f" {steps[row - 1]:.3g} {unit}, as no arm moves; sort all columns by t,"
+                " or leave wrong rows out"
             )
 
 
 def _check_indices(folders: Sequence[RunFolder], heads: Sequence[Header]) -> None:
     """Raise ConfigurationError where two runs of a batch have the same index.
 
-    `cell fold --repeat` and `cell gap plan` number the folds of one specimen from 0, with seeds
-    that grow as the index does; several such batches of the twin are several specimens.
+    `cell fold --repeat` and `cell gap plan` number the folds of one specimen from 0,
+    with seeds that grow as the index does; several such batches of the twin are several
+    specimens.
     """
     batches: dict[str, list[tuple[Path, int | None]]] = {}
     for folder, header in zip(folders, heads, strict=True):
@@ -114,10 +131,11 @@ def _batch_key(header: Header) -> str:
 class MeasuredRun:
     """Measured fold: gripper path and measurements of the strip, in SI units.
 
-    `t` (m,), `poses` (m, 3) the gripper path, smoothed; `travel` (m,) along it. `contact_t`,
-    `contact_x` (k,). `force_t` (f,), `force` (f, 2) of the strip on the gripper along x and z, NaN
-    where it was not measured. `end` [s] is where comparison ends: the touch, or the last row.
-    `plane_error` [m] is that of the camera that measured the fold. `notes` are for the operator.
+    `t` (m,), `poses` (m, 3) the gripper path, smoothed; `travel` (m,) along it.
+    `contact_t`, `contact_x` (k,). `force_t` (f,), `force` (f, 2) of the strip on the
+    gripper along x and z, NaN where it was not measured. `end` [s] is where comparison
+    ends: the touch, or the last row. `plane_error` [m] is that of the camera that
+    measured the fold. `notes` are for the operator.
     """
 
     name: str
@@ -157,7 +175,8 @@ class MeasuredRun:
 
 
 def read_runs(folders: Sequence[RunFolder], strip: StripFile) -> list[MeasuredRun]:
-    """Measured folds in `folders`, sorted by time of measurement; some may not be `usable`.
+    """Measured folds in `folders`, sorted by time of measurement; some may not be
+    `usable`.
 
     Raises ConfigurationError, in one line, for input that is broken or too little.
     """
@@ -179,14 +198,17 @@ def _check_enough(runs: Sequence[MeasuredRun], origin: Path) -> None:
         )
     if sum(run.shows_strip for run in runs) < FEWEST_RUNS:
         raise ConfigurationError(
-            f"{origin}: the gripper's path alone says nothing of the strip; fold "
-            "until the layers touch (the motion `normal`) and note when and where (t_layer_touch, "
-            "l1, l2), or add profile, contact or force; see runbooks/own-runs.md"
+            f"{origin}: the gripper's path alone says nothing of the strip; fold until"
+            " the layers touch (the motion `normal`) and note when and where"
+            " (t_layer_touch, l1, l2), or add profile, contact or force; see"
+            " runbooks/own-runs.md"
         )
 
 
 def read_fold(folder: Path, name: str, strip: StripFile) -> tuple[Header, MeasuredRun]:
-    """Header and measured fold in `folder`; ConfigurationError where it contradicts its `strip`."""
+    """Header and measured fold in `folder`; ConfigurationError where it contradicts its
+    `strip`.
+    """
     try:
         recorded = _with_pitch(read_run(folder))
     except ConfigurationError as error:
@@ -196,22 +218,26 @@ def read_fold(folder: Path, name: str, strip: StripFile) -> tuple[Header, Measur
         raise ConfigurationError(f"{folder}: is still under way; let it finish")
     if recorded.header.strip != strip.name:
         raise ConfigurationError(
-            f"{folder / RUN}: strip: is {recorded.header.strip!r}, the strip file describes "
-            f"{strip.name!r}; give runs of one strip and its file"
+            f"{folder / RUN}: strip: is {recorded.header.strip!r}, the strip file"
+            f" describes {strip.name!r}; give runs of one strip and its file"
         )
     if recorded.result is not None and not is_outcome(recorded.result.outcome):
         raise ConfigurationError(
-            f"{folder / RESULT}: outcome: is {recorded.result.outcome!r}; allowed: layer_touch, "
-            "path_done, or the name of a fault as `cell fold` writes it"
+            f"{folder / RESULT}: outcome: is {recorded.result.outcome!r}; allowed:"
+            " layer_touch, path_done, or the name of a fault as `cell fold` writes it"
         )
     _check_noise(folder / RUN, recorded)
     _check_motion(folder / TICKS, recorded)
     touch = _touch(folder, recorded)
     if (n := len(recorded.ticks.t)) >= LEAST:
         notes = tuple(_notes(folder, name, recorded, touch, strip))
-        return recorded.header, replace(_measured_run(name, recorded, touch, strip), notes=notes)
+        return recorded.header, replace(
+            _measured_run(name, recorded, touch, strip), notes=notes
+        )
     if recorded.result is not None:
-        raise ConfigurationError(f"{folder / TICKS}: t: has {n} rows; at least {LEAST} are needed")
+        raise ConfigurationError(
+            f"{folder / TICKS}: t: has {n} rows; at least {LEAST} are needed"
+        )
     notes = (f"{name}: has {n} rows only and is left out",)
     return recorded.header, replace(_short_run(name, recorded), notes=notes)
 
@@ -219,18 +245,26 @@ def read_fold(folder: Path, name: str, strip: StripFile) -> tuple[Header, Measur
 def check_fold(
     known: Collection[str], load: Callable[[str], StripFile], folder: Path
 ) -> tuple[str, ...]:
-    """Remarks on the run in `folder`; ConfigurationError where it contradicts its strip.
+    """Remarks on the run in `folder`; ConfigurationError where it contradicts its
+    strip.
 
     `load` reads a strip by its name, if it is `known`.
     """
     strip = read_run(folder).header.strip
     if strip not in known:
-        return (f"{folder.name}: strip {strip!r} is not known{suggestion(strip, known)}: no check",)
+        return (
+            (
+                f"{folder.name}: strip {strip!r} is not"
+                f" known{suggestion(strip, known)}: no check"
+            ),
+        )
     return read_fold(folder, folder.name, load(strip))[1].notes
 
 
 def _with_pitch(run: Recorded) -> Recorded:
-    """Fill in an unrecorded gripper pitch: upright if hanging, else as in a lift from the desk."""
+    """Fill in an unrecorded gripper pitch: upright if hanging, else as in a lift from
+    the desk.
+    """
     ticks = run.ticks
     if not len(ticks.t) or np.isfinite(ticks.pitch).any():
         return run
@@ -250,7 +284,9 @@ def _check_kind(folder: Path) -> None:
         )
 
 
-def _measured_run(name: str, run: Recorded, touch: Touch | None, strip: StripFile) -> MeasuredRun:
+def _measured_run(
+    name: str, run: Recorded, touch: Touch | None, strip: StripFile
+) -> MeasuredRun:
     """Reduce a run's tables to the arrays with which simulations are compared."""
     ticks, header = run.ticks, run.header
     note = header.calibration if header.by_cell else None
@@ -261,67 +297,107 @@ def _measured_run(name: str, run: Recorded, touch: Touch | None, strip: StripFil
     force = np.stack([ticks.f_x, ticks.f_z], axis=1)
     reported = np.isfinite(force).any(axis=1)
     return MeasuredRun(
-        name, header.condition or name,
-        t=t, poses=smooth, travel=frozen(arc_lengths(smooth[:, :2])),
-        hanging=header.start == "hanging", index=header.index or 0,
-        contact_height=header.contact_height, sigma=header.sigma,
-        contact_t=contact_t, contact_x=contact_x,
+        name,
+        header.condition or name,
+        t=t,
+        poses=smooth,
+        travel=frozen(arc_lengths(smooth[:, :2])),
+        hanging=header.start == "hanging",
+        index=header.index or 0,
+        contact_height=header.contact_height,
+        sigma=header.sigma,
+        contact_t=contact_t,
+        contact_x=contact_x,
         images=images_of(run.profile, grip, strip.length, header.sigma.profile),
-        force_t=frozen(ticks.t[reported]), force=frozen(force[reported]), touch=touch,
+        force_t=frozen(ticks.t[reported]),
+        force=frozen(force[reported]),
+        touch=touch,
         end=float(ticks.t[-1]) if touch is None else touch.time,
         plane_error=None if note is None else note.error or 0.0,
-    )  # fmt: skip
+    )
 
 
 def _short_run(name: str, run: Recorded) -> MeasuredRun:
     """Measured run without measurements, for a run too short to be used."""
     none, pairs, header = frozen([]), np.empty((0, 2)), run.header
     return MeasuredRun(
-        name, header.condition or name, none, np.empty((0, 3)), none, False, header.index or 0,
-        header.contact_height, header.sigma, none, none,
-        Images.of([], [], []), none, pairs, None, 0.0,
-    )  # fmt: skip
+        name,
+        header.condition or name,
+        none,
+        np.empty((0, 3)),
+        none,
+        False,
+        header.index or 0,
+        header.contact_height,
+        header.sigma,
+        none,
+        none,
+        Images.of([], [], []),
+        none,
+        pairs,
+        None,
+        0.0,
+    )
 
 
 def _notes(
     folder: Path, name: str, run: Recorded, touch: Touch | None, strip: StripFile
 ) -> Iterator[str]:
-    """Remarks on data that contradict a strip held at its end, from the desk to the gripper.
+    """Remarks on data that contradict a strip held at its end, from the desk to the
+    gripper.
 
-    A run that ended without a touch is noted, too. Raises ConfigurationError where places
-    contradict such a strip, or stamps lie beside the gripper's rows.
+    A run that ended without a touch is noted, too. Raises ConfigurationError where
+    places contradict such a strip, or stamps lie beside the gripper's rows.
     """
     check_clock(run.ticks.contact_t, run.ticks.t, f"{folder / TICKS}: contact_t")
     check_clock(run.profile.t, run.ticks.t, f"{folder / PROFILE}: t")
-    for file, what, off, limits in (*_misses(run, touch, strip), *_misses_of_midlines(run)):
+    for file, what, off, limits in (
+        *_misses(run, touch, strip),
+        *_misses_of_midlines(run),
+    ):
         median = float(np.median(off)) if np.size(off) else -np.inf
         if median > limits[-1]:
             raise ConfigurationError(
-                f"{folder / file}: {what} {median:.2g}, at most {limits[-1]:g} is believable; "
-                "give m, rad and s, x along the strip from its fixed edge"
+                f"{folder / file}: {what} {median:.2g}, at most {limits[-1]:g} is"
+                " believable; give m, rad and s, x along the strip from its fixed edge"
             )
         if median > limits[0]:
             yield (
-                f"{name}: {what} {median:.2g}, at most {limits[0]:g} is usual; are columns "
-                "swapped, or `start`, `offset` or `late` of the mapping wrong?"
+                f"{name}: {what} {median:.2g}, at most {limits[0]:g} is usual; are"
+                " columns swapped, or `start`, `offset` or `late` of the mapping"
+                " wrong?"
             )
     if run.result is None:
-        yield f"{name}: died after {run.ticks.t[-1]:.1f} s and is used as far as it goes"
+        yield (
+            f"{name}: died after {run.ticks.t[-1]:.1f} s and is used as far as it goes"
+        )
     elif run.result.outcome not in TOUCHED | {"path_done"}:
         yield f"{name}: ended with {run.result.outcome} and is used as far as it goes"
 
 
-def _misses(run: Recorded, touch: Touch | None, strip: StripFile) -> Iterator[Contradiction]:
-    """Yield contradictions [m] of gripper, contacts and touch with a strip of the stated length."""
+def _misses(
+    run: Recorded, touch: Touch | None, strip: StripFile
+) -> Iterator[Contradiction]:
+    """Yield contradictions [m] of gripper, contacts and touch with a strip of the
+    stated length.
+    """
     t, x, z, contact = run.ticks.t, run.ticks.x, run.ticks.z, run.ticks.contact_x
     seen, at = np.isfinite(contact), f"start at x {x[0]:.3f}, z {z[0]:.3f} m is"
     yield TICKS, "t: in s, half the rows are apart by", np.diff(t), PERIOD
     gaps = np.diff(t)
-    yield TICKS, f"t: after {t[gaps.argmax()]:.2f} s two rows are apart by", gaps.max(), GAP
+    yield (
+        TICKS,
+        f"t: after {t[gaps.argmax()]:.2f} s two rows are apart by",
+        gaps.max(),
+        GAP,
+    )
     lag = np.hypot(*np.nan_to_num([run.ticks.x_cmd - x, run.ticks.z_cmd - z]))
     yield TICKS, "x_cmd, z_cmd: half lie off the gripper by", lag[z > HELD[0]], ODD
     if run.header.start == "hanging":
-        upright, far = abs(run.ticks.pitch[0] - np.pi / 2), np.hypot(x[0], z[0]) - strip.length
+        upright, far = (
+            abs(run.ticks.pitch[0] - np.pi / 2),
+            np.hypot(x[0], z[0]) - strip.length,
+        )
         yield TICKS, "pitch: a hanging start is off pi/2 by", upright, HANGING
         yield TICKS, f"x: a hanging {at} beyond the strip by", far, START
     else:
@@ -329,66 +405,130 @@ def _misses(run: Recorded, touch: Touch | None, strip: StripFile) -> Iterator[Co
         yield TICKS, f"x: a flat {at} off x {strip.length:g}, z 0 m by", apart, START
     yield TICKS, "z: half the path lies under the desk by", -z, START
     if run.result is not None:
-        yield TICKS, f"z: rises less than {LEAST_RISE:g} m, by", LEAST_RISE - z.max(), (0.0,)
-    yield TICKS, "x, z: half lie beyond the strip by", np.hypot(x, z) - strip.length, HELD
+        yield (
+            TICKS,
+            f"z: rises less than {LEAST_RISE:g} m, by",
+            LEAST_RISE - z.max(),
+            (0.0,),
+        )
+    yield (
+        TICKS,
+        "x, z: half lie beyond the strip by",
+        np.hypot(x, z) - strip.length,
+        HELD,
+    )
     lifted = (np.hypot(x - contact, z) - (strip.length - contact))[seen]
-    yield TICKS, "contact_x: half the contacts are too far from the gripper by", lifted, HELD
+    yield (
+        TICKS,
+        "contact_x: half the contacts are too far from the gripper by",
+        lifted,
+        HELD,
+    )
     if touch is None or run.result is None or run.result.displacement is None:
         return
     l1, l2, sigma = touch.to_grasped, touch.to_fixed, run.header.sigma.displacement
-    differs, allowed = abs(run.result.displacement - (l1 - l2)), DISPLACEMENT_SIGMAS * sigma
-    yield RESULT, "displacement: differs from l1 - l2 by", differs, (TOUCH_ROUNDING + allowed,)
+    differs, allowed = (
+        abs(run.result.displacement - (l1 - l2)),
+        DISPLACEMENT_SIGMAS * sigma,
+    )
+    yield (
+        RESULT,
+        "displacement: differs from l1 - l2 by",
+        differs,
+        (TOUCH_ROUNDING + allowed,),
+    )
     yield RESULT, "l1, l2: are longer than the strip by", l1 + l2 - strip.length, HELD
     late = TIME_MARGIN * np.linspace(-1, 1, 41)  # as a stopwatch
-    layer = np.hypot(np.interp(touch.time + late, t, x) - l2, np.interp(touch.time + late, t, z))
+    layer = np.hypot(
+        np.interp(touch.time + late, t, x) - l2, np.interp(touch.time + late, t, z)
+    )
     yield RESULT, "l1: ends before the gripper by", float(layer.min()) - l1, HELD
     apart = np.abs(layer - l1)[np.abs(late) < NOTICED].min()
-    yield RESULT, "l1: differs from the way from the touch to the gripper by", apart, ODD
+    yield (
+        RESULT,
+        "l1: differs from the way from the touch to the gripper by",
+        apart,
+        ODD,
+    )
 
 
 def _misses_of_midlines(run: Recorded) -> Iterator[Contradiction]:
-    """Contradictions of midlines [m, s, rad] with desk, gripper, its pitch and contacts.
+    """Contradictions of midlines [m, s, rad] with desk, gripper, its pitch and
+    contacts.
 
-    They begin on the desk, where they are seen to it, and end at the gripper or before it, as it
-    hides the strip, but not beside it: there a shift in x or a delay shows.
+    They begin on the desk, where they are seen to it, and end at the gripper or before
+    it, as it hides the strip, but not beside it: there a shift in x or a delay shows.
     """
     curves, ticks = {t: curve @ (1, 1j) for t, curve in run.profile.curves()}, run.ticks
     if not curves:
         return
     t, path = np.array([*curves]), ticks.x + 1j * ticks.z
-    off = np.array([curve[-1] for curve in curves.values()]) - np.interp(t, ticks.t, path)
+    off = np.array([curve[-1] for curve in curves.values()]) - np.interp(
+        t, ticks.t, path
+    )
     yield PROFILE, "x, z: half the midlines end off the gripper by", np.abs(off), HELD
     along = np.array([c[-1] - c[-1 - len(c) // FEWEST_POINTS] for c in curves.values()])
     turn = np.angle(along * np.exp(-1j * np.interp(t, ticks.t, ticks.pitch)))
-    yield PROFILE, "x, z: half the midlines leave its pitch by", np.abs(turn[along != 0]), TURN
+    yield (
+        PROFILE,
+        "x, z: half the midlines leave its pitch by",
+        np.abs(turn[along != 0]),
+        TURN,
+    )
     lifted = np.interp(t, ticks.t, ticks.z) > HELD[0]
     begins = np.array([curve[0].imag for curve in curves.values()])[lifted]
     up = float(np.median(begins)) - run.header.contact_height if len(begins) else 0.0
     up *= up < HELD[0]  # others see the upper part alone
     step = np.interp(t + 0.05, ticks.t, path) - np.interp(t - 0.05, ticks.t, path)
-    beside = np.stack([off - 1j * up, -step / 0.1, np.ones(len(t))]) * np.exp(-1j * np.angle(along))
+    beside = np.stack([off - 1j * up, -step / 0.1, np.ones(len(t))]) * np.exp(
+        -1j * np.angle(along)
+    )
     across = beside.imag.T
     apart = abs(float(np.median(across[:, 0])))
-    yield PROFILE, "x, z: half the midlines end beside the gripper by", apart, SHIFTS[1:]
+    yield (
+        PROFILE,
+        "x, z: half the midlines end beside the gripper by",
+        apart,
+        SHIFTS[1:],
+    )
     late, out = _delay_and_shift(across)
     for what, size, limits in (
-        (f"z: half the midlines begin {'above' if up > 0 else 'under'} the desk by", up, SHIFTS),
-        (f"x: the midlines end {'outside' if out > 0 else 'inside'} the path by", out, SHIFTS),
-        (f"t: the midlines {'lag behind' if late > 0 else 'lead'} the gripper by", late, DELAYS),
+        (
+            f"z: half the midlines begin {'above' if up > 0 else 'under'} the desk by",
+            up,
+            SHIFTS,
+        ),
+        (
+            f"x: the midlines end {'outside' if out > 0 else 'inside'} the path by",
+            out,
+            SHIFTS,
+        ),
+        (
+            f"t: the midlines {'lag behind' if late > 0 else 'lead'} the gripper by",
+            late,
+            DELAYS,
+        ),
     ):
         yield PROFILE, what, abs(size), limits
     stamps, places = ticks.contacts()
     if len(stamps):
         pairs = zip(curves.values(), np.interp(t, stamps, places), strict=True)
         low = [np.abs(c - contact).min() for c, contact in pairs if c[0].imag < HELD[0]]
-        yield TICKS, "contact_x: half the contacts lie off the midlines by", np.array(low), HELD
+        yield (
+            TICKS,
+            "contact_x: half the contacts lie off the midlines by",
+            np.array(low),
+            HELD,
+        )
 
 
 def _delay_and_shift(across: Array) -> tuple[float, float]:
-    """Delay [s] and shift in x [m] by which the ends of n midlines lie beside the gripper.
+    """Delay [s] and shift in x [m] by which the ends of n midlines lie beside the
+    gripper.
 
-    `across` (n, 3) are the ends' distances [m] across the strip, and these per delay and per shift.
-    Linear regression with a normal prior: min |(d - X b) / sigma|^2 + |b / SPREADS|^2.
+    `across` (n, 3) are the ends' distances [m] across the strip, and these per delay
+    and per shift. Linear regression with a normal prior: min |(d - X b) / sigma|^2 + |b
+    / SPREADS|^2.
     """
     near = across[np.abs(across[:, 0]) < HELD[0]] / (END_ERROR * np.sqrt(len(across)))
     rows = np.concatenate([near, np.column_stack([np.zeros(2), np.diag(1 / SPREADS)])])
@@ -406,5 +546,7 @@ def _touch(folder: Path, run: Recorded) -> Touch | None:
     if len(numbers) < len(stated):
         return None
     time, _, l1, l2 = numbers
-    check_clock(frozen([time]), run.ticks.t, f"{folder / RESULT}: t_layer_touch", before=0.0)
+    check_clock(
+        frozen([time]), run.ticks.t, f"{folder / RESULT}: t_layer_touch", before=0.0
+    )
     return Touch(time, x=l2, to_grasped=l1, to_fixed=l2)

@@ -17,7 +17,10 @@ from drivers.types import Array
 
 Index = NDArray[np.int64]
 DRAWN_STRIDE = 10  # rows of a run between drawn places of the gripper
-CONTACT_SIGNAL, DISTANCE_SIGNAL = "contact [mm]", "distance from the measured midline, rms [mm]"
+CONTACT_SIGNAL, DISTANCE_SIGNAL = (
+    "contact [mm]",
+    "distance from the measured midline, rms [mm]",
+)
 
 
 def measured_scene(run: MeasuredRun) -> Scene:
@@ -37,26 +40,33 @@ def measured_scene(run: MeasuredRun) -> Scene:
     )
 
 
-def simulated_scene(fold: PreparedFold, model: StripModel, motion: SimulatedMotion) -> Scene:
+def simulated_scene(
+    fold: PreparedFold, model: StripModel, motion: SimulatedMotion
+) -> Scene:
     """Drawing of `fold` as simulated with `model`.
 
-    Distances are of the images that are compared: not those of the first lift and of the snap.
+    Distances are of the images that are compared: not those of the first lift and of
+    the snap.
     """
     run = fold.residuals.run
     contact_t = run.contact_t[run.contact_t <= run.end]
-    true = np.interp(imaged_time(model.observation, contact_t), motion.t, motion.contact_x)
+    true = np.interp(
+        imaged_time(model.observation, contact_t), motion.t, motion.contact_x
+    )
     contact = np.asarray(measured_contact(model.observation, true))
     images = _images_before_end(run)
     places = fold.residuals.shape_index(model, motion)[images]
     shapes = interpolate_midlines(motion.shapes, places)
     compared, distance = _distances(fold, model, motion)
     return Scene(
-        signals=(TimeSeries(CONTACT_SIGNAL, contact_t, 1e3 * contact),
-                 TimeSeries(DISTANCE_SIGNAL, run.images.stamps[compared], 1e3 * distance)),
+        signals=(
+            TimeSeries(CONTACT_SIGNAL, contact_t, 1e3 * contact),
+            TimeSeries(DISTANCE_SIGNAL, run.images.stamps[compared], 1e3 * distance),
+        ),
         curve=Curve(run.images.stamps[images], tuple(measured_points(model, shapes))),
         tracks={"contact": _desk_track(contact_t, contact)},
         events=_touch_event(simulated_touch(run, model, motion)),
-    )  # fmt: skip
+    )
 
 
 def _images_before_end(run: MeasuredRun) -> Index:
@@ -67,10 +77,14 @@ def _images_before_end(run: MeasuredRun) -> Index:
 def _distances(
     fold: PreparedFold, model: StripModel, motion: SimulatedMotion
 ) -> tuple[Index, Array]:
-    """Indices of compared images, and rms distances (k,) [m] of their points from the model."""
+    """Indices of compared images, and rms distances (k,) [m] of their points from the
+    model.
+    """
     order = np.sort(fold.residuals.layout.profile.order)
     distances = fold.residuals.distances(model, motion, order)
-    compared, image = np.unique(fold.residuals.run.images.image[order], return_inverse=True)
+    compared, image = np.unique(
+        fold.residuals.run.images.image[order], return_inverse=True
+    )
     return compared, np.sqrt(np.bincount(image, distances**2) / np.bincount(image))
 
 
@@ -80,7 +94,11 @@ def _desk_track(t: Array, x: Array) -> Track:
 
 
 def _touch_event(touch: Touch | None) -> tuple[tuple[float, str], ...]:
-    """Pair of time [s] and text of the `touch`, with its displacement; empty without a touch."""
+    """Pair of time [s] and text of the `touch`, with its displacement; empty without a
+    touch.
+    """
     if touch is None:
         return ()
-    return ((touch.time, f"layer_touch, displacement {1e3 * touch.displacement:.1f} mm"),)
+    return (
+        (touch.time, f"layer_touch, displacement {1e3 * touch.displacement:.1f} mm"),
+    )

@@ -16,37 +16,46 @@ from drivers.strip.file import StripFile
 from drivers.strip.law import LAW_TERMS
 from drivers.strip.rod.lumping import check
 
-PLACE_SPACING = 0.9  # bending lengths between the places at which a local effect is screened
+# bending lengths between the places at which a local effect is screened
+PLACE_SPACING = 0.9
 TRIED_TIMES = (0.1, 0.5, 2.5)  # s, tried where an effect has a time of its own
 PLACE_STEP = 0.002  # m, of finite differences over the place of an effect
-UNTRUE = 0.2  # relative error of a law of cloth, which differs between fabrics: yarn friction 15 %
-SPECIMEN_SPREAD = 0.15  # relative, of the bending lengths of one fabric's specimens; assumed
+# relative error of a law of cloth, which differs between fabrics: yarn friction 15 %
+UNTRUE = 0.2
+# relative, of the bending lengths of one fabric's specimens; assumed
+SPECIMEN_SPREAD = 0.15
 PLACE_ERROR = 0.02  # relative error of lengths, offsets and delays
 WEIGHED = 0.05  # relative spread of an areal density by a laboratory's scale and ruler
 SHORTEST_RETARDATION = 0.005  # s, about which the fit of an undamped strip starts
 
 
 def _places(strip: StripFile, lifted: float) -> tuple[float, ...]:
-    """Positions [m] along the strip at which effects are screened, from `lifted` [m] on.
+    """Positions [m] along the strip at which effects are screened, from `lifted` [m]
+    on.
 
-    A bend shows a local effect while it passes, so that probes farther apart than about a bending
-    length miss what lies between them.
+    A bend shows a local effect while it passes, so that probes farther apart than about
+    a bending length miss what lies between them.
     """
     begin = max(0.0, lifted - PLACE_SPACING * strip.bending_length)
-    count = max(2, round((strip.length - begin) / (PLACE_SPACING * strip.bending_length)))
+    count = max(
+        2, round((strip.length - begin) / (PLACE_SPACING * strip.bending_length))
+    )
     return tuple(map(float, np.linspace(begin, strip.length, 2 * count + 1)[1::2]))
 
 
 def scope(strip: StripFile, lifted: float = 0.0, *, has_force: bool = False) -> Scope:
-    """Fit problem of `strip`: base parameters, candidate effects, and displayed quantities.
+    """Fit problem of `strip`: base parameters, candidate effects, and displayed
+    quantities.
 
-    The strip is lifted off the desk from `lifted` [m] on; its part before does not move. Where
-    force is measured (`has_force`), it weighs the strip.
+    The strip is lifted off the desk from `lifted` [m] on; its part before does not
+    move. Where force is measured (`has_force`), it weighs the strip.
     """
     fresh = [e for e in registry().values() if e.name not in strip.effects]
     return Scope(
         base=(*_base(strip, has_force=has_force), *_accepted_parameters(strip)),
-        candidates=tuple(candidate(e, strip, lifted) for e in fresh if _can_simulate(e, strip)),
+        candidates=tuple(
+            candidate(e, strip, lifted) for e in fresh if _can_simulate(e, strip)
+        ),
         terms=tuple(candidate(term, strip, lifted) for term in LAW_TERMS.values()),
         scatter=KNOWN_EFFECTS,
         quantities={
@@ -57,7 +66,7 @@ def scope(strip: StripFile, lifted: float = 0.0, *, has_force: bool = False) -> 
             "touch_time": Quantity("touch_ms", 1e3, "ms"),
             "force": Quantity("", 1e3, "mN"),
         },
-    )  # fmt: skip
+    )
 
 
 def _can_simulate(effect: Effect, strip: StripFile) -> bool:
@@ -71,37 +80,71 @@ def _can_simulate(effect: Effect, strip: StripFile) -> bool:
 
 
 def _base(strip: StripFile, *, has_force: bool) -> list[Parameter]:
-    """Base parameters of a strip: bending length, retardation time, and density with a force.
+    """Base parameters of a strip: bending length, retardation time, and density with a
+    force.
 
     At one bending length the areal density changes only force and air drag.
     """
     c, tau = strip.bending_length, max(strip.retardation_time, SHORTEST_RETARDATION)
-    m, near = strip.areal_density, ((1 - SPECIMEN_SPREAD) * c, (1 + SPECIMEN_SPREAD) * c)
+    m, near = (
+        strip.areal_density,
+        ((1 - SPECIMEN_SPREAD) * c, (1 + SPECIMEN_SPREAD) * c),
+    )
     parameters = [
-        Parameter("bending_length", "m", c, max(0.002, c / 3), min(0.2, 3 * c), step=0.003 * c,
-                  spread=0.5 * c, tolerated=strip.spread.get("bending_length", near)),
-        Parameter("retardation_time", "s", tau, 0.1 * tau, min(10.0, 30 * tau), step=0.02 * tau,
-                  spread=2 * tau, tolerated=strip.spread.get("retardation_time")),
-        Parameter("areal_density", "kg/m^2", m, m / 3, 3 * m, step=0.02 * m, spread=WEIGHED * m,
-                  tolerated=strip.spread.get("areal_density")),
-    ]  # fmt: skip
+        Parameter(
+            "bending_length",
+            "m",
+            c,
+            max(0.002, c / 3),
+            min(0.2, 3 * c),
+            step=0.003 * c,
+            spread=0.5 * c,
+            tolerated=strip.spread.get("bending_length", near),
+        ),
+        Parameter(
+            "retardation_time",
+            "s",
+            tau,
+            0.1 * tau,
+            min(10.0, 30 * tau),
+            step=0.02 * tau,
+            spread=2 * tau,
+            tolerated=strip.spread.get("retardation_time"),
+        ),
+        Parameter(
+            "areal_density",
+            "kg/m^2",
+            m,
+            m / 3,
+            3 * m,
+            step=0.02 * m,
+            spread=WEIGHED * m,
+            tolerated=strip.spread.get("areal_density"),
+        ),
+    ]
     return parameters if has_force else parameters[:-1]
 
 
 def _accepted_parameters(strip: StripFile) -> list[Parameter]:
-    """Base parameters for the effects in the strip file, which are refitted with the base."""
+    """Base parameters for the effects in the strip file, which are refitted with the
+    base.
+    """
     accepted = []
     for name, values in strip.effects.items():
         for p in _parameters(registry()[name], strip):
             if p.name in values:
                 start = p.stated_value(values[p.name])
                 spread = 0.5 * abs(start) + p.step
-                accepted.append(replace(p, name=f"{name}.{p.name}", start=start, spread=spread))
+                accepted.append(
+                    replace(p, name=f"{name}.{p.name}", start=start, spread=spread)
+                )
     return accepted
 
 
 def fitted_strip(strip: StripFile, values: Mapping[str, float]) -> StripFile:
-    """Copy of `strip` with refitted `values` of its base parameters, as files state them."""
+    """Copy of `strip` with refitted `values` of its base parameters, as files state
+    them.
+    """
     effects = {name: dict(stated) for name, stated in strip.effects.items()}
     for name, value in values.items():
         effect, _, key = name.rpartition(".")
@@ -112,39 +155,62 @@ def fitted_strip(strip: StripFile, values: Mapping[str, float]) -> StripFile:
 
 
 def candidate(effect: Effect, strip: StripFile, lifted: float) -> Candidate:
-    """Candidate effect of the library on `strip`, lifted off the desk from x = `lifted` [m] on."""
+    """Candidate effect of the library on `strip`, lifted off the desk from x = `lifted`
+    [m] on.
+    """
     parameters = _parameters(effect, strip)
     fitted = tuple(p for p in parameters if p.role != "shape")
     return Candidate(
-        effect.name, effect.sentence, effect.of, fitted, _probes(effect, fitted, strip, lifted),
-        effect.revealed_by, UNTRUE if effect.stage is Stage.LAW else PLACE_ERROR,
+        effect.name,
+        effect.sentence,
+        effect.of,
+        fitted,
+        _probes(effect, fitted, strip, lifted),
+        effect.revealed_by,
+        UNTRUE if effect.stage is Stage.LAW else PLACE_ERROR,
         tuple(p for p in parameters if p.role == "shape"),
-    )  # fmt: skip
+    )
 
 
 def _parameters(effect: Effect, strip: StripFile) -> list[Parameter]:
-    """Parameters of the effect as they are fitted to `strip`, amounts by its typical sizes."""
+    """Parameters of the effect as they are fitted to `strip`, amounts by its typical
+    sizes.
+    """
     amount = effect.parameters[0]
-    sizes = [abs(amount.stated_value(size) - amount.start) for size in effect.sizes(strip)]
+    sizes = [
+        abs(amount.stated_value(size) - amount.start) for size in effect.sizes(strip)
+    ]
     step, spread = SECANT * min(sizes), FARTHEST * max(sizes)
     return [_fitted(p, strip.length, step, spread) for p in effect.parameters]
 
 
 def _fitted(p: Parameter, length: float, step: float, spread: float) -> Parameter:
-    """Parameter as it is fitted to a strip of `length` [m]; an amount has `step` and `spread`."""
+    """Parameter as it is fitted to a strip of `length` [m]; an amount has `step` and
+    `spread`.
+    """
     if p.role == "place":
         low, high = max(p.low, 0.0), min(p.high, length)
-        return replace(p, start=0.5 * (low + high), low=low, high=high,
-                       step=PLACE_STEP, spread=high - low)  # fmt: skip
+        return replace(
+            p,
+            start=0.5 * (low + high),
+            low=low,
+            high=high,
+            step=PLACE_STEP,
+            spread=high - low,
+        )
     if p.is_amount:  # whose null may lie below its range
-        return replace(p, low=min(p.low, p.start), step=step, spread=min(p.spread, spread))
+        return replace(
+            p, low=min(p.low, p.start), step=step, spread=min(p.spread, spread)
+        )
     return p
 
 
 def _probes(
     effect: Effect, parameters: Sequence[Parameter], strip: StripFile, lifted: float
 ) -> tuple[tuple[tuple[float, ...], ...], ...]:
-    """Groups of parameter vectors to screen: a group per size and shape, a vector per amount."""
+    """Groups of parameter vectors to screen: a group per size and shape, a vector per
+    amount.
+    """
     tried = {"place": _places(strip, lifted), "time": TRIED_TIMES}
     shapes = [tried.get(p.role, (p.start,)) for p in parameters]
     amounts = [i for i, p in enumerate(parameters) if p.is_amount]

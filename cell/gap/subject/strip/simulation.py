@@ -36,14 +36,19 @@ class Resolution:
 
 
 COARSE, MEDIUM = Resolution(100, 0.01), Resolution(100, 0.005)
-"""Of fits: the medium one for folds in which the fine rod differs much from the coarse one."""
+"""Of fits: the medium one for folds in which the fine rod differs much from the coarse
+one.
+"""
 FINE, FINER = Resolution(200, 0.0025), Resolution(200, 0.00125)
-"""Of corrections: the finer one where the fine rod differs much from that of the fit."""
+"""Of corrections: the finer one where the fine rod differs much from that of the fit.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class Hashed(Generic[T]):
-    """Gripper path or model with a `digest` of its numbers, computed once for all simulations."""
+    """Gripper path or model with a `digest` of its numbers, computed once for all
+    simulations.
+    """
 
     value: T
     digest: bytes
@@ -56,7 +61,9 @@ class Hashed(Generic[T]):
 
 
 def hashed_model(model: StripModel) -> Hashed[StripModel]:
-    """`model` of strip and rig with a hash of all its numbers but those of observation."""
+    """`model` of strip and rig with a hash of all its numbers but those of
+    observation.
+    """
     return Hashed.of(model, replace(model, observation=Observation()))
 
 
@@ -82,9 +89,9 @@ class Job:
 class SimulatedMotion:
     """Simulated motion of gripper and strip, and the touch of its layers, if any.
 
-    At times `t` (k,) [s]: `poses` (k, 3), `contact_x` (k,) [m] and `force` (k, 2) [N] on the
-    gripper. From `begin` [s] on every SHAPE_PERIOD: `shapes` (m, nodes, 2) [m] in single precision,
-    with nodes at the shares `arc` (nodes,) of the strip's length.
+    At times `t` (k,) [s]: `poses` (k, 3), `contact_x` (k,) [m] and `force` (k, 2) [N]
+    on the gripper. From `begin` [s] on every SHAPE_PERIOD: `shapes` (m, nodes, 2) [m]
+    in single precision, with nodes at the shares `arc` (nodes,) of the strip's length.
     """
 
     t: Array
@@ -102,14 +109,17 @@ class SimulatedMotion:
         return int(self.shapes.nbytes + 7 * self.t.nbytes)
 
     def index_at(self, time: Array) -> Array:
-        """Fractional index (k,) of the shapes at times (k,) [s]; may lie beyond either end."""
+        """Fractional index (k,) of the shapes at times (k,) [s]; may lie beyond either
+        end.
+        """
         return (time - self.begin) / SHAPE_PERIOD
 
 
 class Simulation:
     """Simulates motions with the rod, on several `threads`, and caches the latest.
 
-    A motion does not depend on what is simulated beside it, nor on how many threads there are.
+    A motion does not depend on what is simulated beside it, nor on how many threads
+    there are.
     """
 
     def __init__(self, threads: int = 1) -> None:
@@ -118,21 +128,30 @@ class Simulation:
         self._size = 0
 
     def __call__(self, jobs: Sequence[Job]) -> list[SimulatedMotion | None]:
-        """Simulated motion of each of `jobs`; None where the rod cannot simulate one."""
+        """Simulated motion of each of `jobs`; None where the rod cannot simulate
+        one.
+        """
         by_key = {job.key: job for job in jobs}
         motions = {key: self._cache[key] for key in by_key if key in self._cache}
-        motions |= self._simulate_batches({k: j for k, j in by_key.items() if k not in motions})
+        motions |= self._simulate_batches(
+            {k: j for k, j in by_key.items() if k not in motions}
+        )
         for key in by_key:
             self._remember(key, motions[key])
         return [motions[job.key] for job in jobs]
 
-    def _simulate_batches(self, jobs: dict[bytes, Job]) -> dict[bytes, SimulatedMotion | None]:
-        """Simulate jobs by key in batches of one resolution and similar duration, by thread.
+    def _simulate_batches(
+        self, jobs: dict[bytes, Job]
+    ) -> dict[bytes, SimulatedMotion | None]:
+        """Simulate jobs by key in batches of one resolution and similar duration, by
+        thread.
 
-        Lanes of a vector then end together: one that takes more effort makes the others wait.
+        Lanes of a vector then end together: one that takes more effort makes the others
+        wait.
         """
         order = sorted(jobs, key=lambda k: -jobs[k].path.duration)
-        share_of_thread = LANE_COUNT * -(-len(order) // (LANE_COUNT * self._threads))  # whole lanes
+        # whole lanes
+        share_of_thread = LANE_COUNT * -(-len(order) // (LANE_COUNT * self._threads))
         size = max(LANE_COUNT, min(AT_ONCE, share_of_thread))
         batches = [
             kind[i : i + size]
@@ -148,32 +167,43 @@ class Simulation:
         return motions
 
     def _simulate_batch(self, jobs: Sequence[Job]) -> list[SimulatedMotion | None]:
-        """Simulate a batch together, or its jobs singly if one cannot start; None for these."""
+        """Simulate a batch together, or its jobs singly if one cannot start; None for
+        these.
+        """
         try:
             return self._simulate_together(jobs)
-        except (Fault, Unsupported):  # one strip finds no rest at the first pose of its gripper
+        # one strip finds no rest at the first pose of its gripper
+        except (Fault, Unsupported):
             if len(jobs) == 1:
                 return [None]
             return [motion for job in jobs for motion in self._simulate_batch([job])]
 
     def _simulate_together(self, jobs: Sequence[Job]) -> list[SimulatedMotion | None]:
-        """Simulate `jobs` of one resolution as one batch of the rod; None for those that failed.
+        """Simulate `jobs` of one resolution as one batch of the rod; None for those
+        that failed.
 
-        Raises Fault or Unsupported where one finds no rest at the first pose of its gripper.
+        Raises Fault or Unsupported where one finds no rest at the first pose of its
+        gripper.
         """
         resolution = jobs[0].resolution
         rod = Rod(resolution.segments, strict=False)
         motions = simulate_all(
-            rod, [job.model for job in jobs], [job.path for job in jobs], dt=resolution.dt,
-            every=max(1, round(SHAPE_PERIOD / resolution.dt)), precision=np.float32,
-        )  # fmt: skip
+            rod,
+            [job.model for job in jobs],
+            [job.path for job in jobs],
+            dt=resolution.dt,
+            every=max(1, round(SHAPE_PERIOD / resolution.dt)),
+            precision=np.float32,
+        )
         return [
             None if failed else _condense(motion, resolution)
             for motion, failed in zip(motions, rod.failed, strict=True)
         ]
 
     def _remember(self, key: bytes, motion: SimulatedMotion | None) -> None:
-        """Cache a `motion` by `key`, and forget the oldest ones beyond REMEMBERED bytes."""
+        """Cache a `motion` by `key`, and forget the oldest ones beyond REMEMBERED
+        bytes.
+        """
         if key not in self._cache:
             self._size += motion.size if motion else 0
         self._cache[key] = motion
@@ -184,7 +214,9 @@ class Simulation:
 
 
 def _condense(motion: StripMotion, resolution: Resolution) -> SimulatedMotion:
-    """Reduce a simulated motion to the compared quantities; without shapes the strip is flat."""
+    """Reduce a simulated motion to the compared quantities; without shapes the strip is
+    flat.
+    """
     arc = lattice(1.0, resolution.segments)
     shapes = motion.shapes.astype(np.float32, copy=False)
     if not len(shapes):
@@ -193,15 +225,24 @@ def _condense(motion: StripMotion, resolution: Resolution) -> SimulatedMotion:
     begin = float(motion.t[0]) - resolution.dt + SHAPE_PERIOD
     force = mean_force(motion.t, motion.grip_force)
     return SimulatedMotion(
-        motion.t, motion.poses, motion.contact_x, force, begin, shapes, arc, motion.touch
+        motion.t,
+        motion.poses,
+        motion.contact_x,
+        force,
+        begin,
+        shapes,
+        arc,
+        motion.touch,
     )
 
 
-def _split_by_kind(order: Sequence[bytes], jobs: Mapping[bytes, Job]) -> list[list[bytes]]:
+def _split_by_kind(
+    order: Sequence[bytes], jobs: Mapping[bytes, Job]
+) -> list[list[bytes]]:
     """Split the keys of jobs, in `order`, by resolution and by terms of the rod.
 
-    A batch in which one strip needs the rod's optional terms computes them for every strip. There
-    is no split by them where either part would not fill a vector.
+    A batch in which one strip needs the rod's optional terms computes them for every
+    strip. There is no split by them where either part would not fill a vector.
     """
     kinds: list[list[bytes]] = []
     for resolution in dict.fromkeys(jobs[key].resolution for key in order):

@@ -11,7 +11,11 @@ import numpy as np
 
 from cell.gap.subject.run_folders import RunFolder
 from cell.gap.subject.strip.fold_residuals import FoldResiduals
-from cell.gap.subject.strip.measurement_errors import FORCE_EFFECTS, RUN_EFFECTS, RunEffect
+from cell.gap.subject.strip.measurement_errors import (
+    FORCE_EFFECTS,
+    RUN_EFFECTS,
+    RunEffect,
+)
 from cell.gap.subject.strip.prepare import (
     PreparedFold,
     linearise_folds,
@@ -42,41 +46,63 @@ from drivers.strip.model import Observation, StripModel
 from drivers.types import Array
 
 DIGITS = 6  # significant digits of a fitted number
-QUANTILE = 0.02  # of the contacts of a run that may lie before its lift-off, as outliers
+# of the contacts of a run that may lie before its lift-off, as outliers
+QUANTILE = 0.02
 DESCRIBED = 256  # models that are kept
-SWAPPED, FARTHER = 5.0, 2.0  # sigma, and times those of the other way, of l1 and l2 swapped
+# sigma, and times those of the other way, of l1 and l2 swapped
+SWAPPED, FARTHER = 5.0, 2.0
 PORTION = 64  # motions that are held at once
 AGEING = frozenset({"ageing", "term_run"})
-"""Effects and terms that depend on the number of the run: all others share one description."""
+"""Effects and terms that depend on the number of the run: all others share one
+description.
+"""
 Values = tuple[float, ...]
 
 
 def patch_file(
-    strip: StripFile, base: Mapping[str, float], effects: NamedValues,
+    strip: StripFile,
+    base: Mapping[str, float],
+    effects: NamedValues,
     source: str,
-) -> tuple[dict[str, object], dict[str, object] | None]:  # fmt: skip
-    """Content of the strip file with refitted values and named effects, and the cell's effects."""
-    content: dict[str, Any] = strip.model_dump(mode="json", by_alias=True, exclude_unset=True)
+) -> tuple[dict[str, object], dict[str, object] | None]:
+    """Content of the strip file with refitted values and named effects, and the cell's
+    effects.
+    """
+    content: dict[str, Any] = strip.model_dump(
+        mode="json", by_alias=True, exclude_unset=True
+    )
     notes = list(content.pop("provenance", ()))
-    strip_effects = {name: dict(values) for name, values in content.get("effects", {}).items()}
+    strip_effects = {
+        name: dict(values) for name, values in content.get("effects", {}).items()
+    }
     for name, value in base.items():
         effect, _, key = name.rpartition(".")
         stated = strip_effects[effect] if effect else content
-        notes.append(note_of(f"effects.{name}" if effect else name, stated.get(key), source))
+        notes.append(
+            note_of(f"effects.{name}" if effect else name, stated.get(key), source)
+        )
         stated[key] = _round_off(value)
     of_cell: dict[str, object] = {}
     law = dict(content.pop("law", {}))
     for name, values in effects.items():
         rounded = {key: _round_off(value) for key, value in values.items()}
         if name in LAW_TERMS:
-            notes.append(note_of(f"law.{name}", law.get(name), source, "; a description, no cause"))
+            notes.append(
+                note_of(
+                    f"law.{name}", law.get(name), source, "; a description, no cause"
+                )
+            )
             law[name] = _round_off(law.get(name, 0.0) + values["amount"])
         elif registry()[name].of == "cell":
             of_cell[name] = rounded
         else:
             notes.append(note_of(f"effects.{name}", None, source))
             strip_effects[name] = rounded
-    content |= {"effects": strip_effects, **({"law": law} if law else {}), "provenance": notes}
+    content |= {
+        "effects": strip_effects,
+        **({"law": law} if law else {}),
+        "provenance": notes,
+    }
     return content, {"schema": 1, "effects": of_cell} if of_cell else None
 
 
@@ -86,7 +112,9 @@ def _round_off(value: float) -> float:
 
 
 class ResidualKey(NamedTuple):
-    """Key of cached residuals: the measured fold, the simulated motion, how it is observed."""
+    """Key of cached residuals: the measured fold, the simulated motion, how it is
+    observed.
+    """
 
     residuals: FoldResiduals
     motion: bytes
@@ -94,7 +122,8 @@ class ResidualKey(NamedTuple):
 
 
 class StripSubject(Subject):
-    """Measured folds of one strip, simulated by the rod along the measured gripper paths.
+    """Measured folds of one strip, simulated by the rod along the measured gripper
+    paths.
 
     `notes` warn the operator of incomplete runs.
     """
@@ -102,10 +131,15 @@ class StripSubject(Subject):
     kind = "strip"
 
     def __init__(
-        self, strip: StripFile, runs: Sequence[MeasuredRun], jobs: int = 1,
-        without: Sequence[str] = (), scatter: Sequence[RunEffect] = RUN_EFFECTS,
-    ) -> None:  # fmt: skip
-        """Prepare the measured folds `runs` for fits; effects `without` are no candidates.
+        self,
+        strip: StripFile,
+        runs: Sequence[MeasuredRun],
+        jobs: int = 1,
+        without: Sequence[str] = (),
+        scatter: Sequence[RunEffect] = RUN_EFFECTS,
+    ) -> None:
+        """Prepare the measured folds `runs` for fits; effects `without` are no
+        candidates.
 
         `scatter` are the quantities that may differ from run to run.
         """
@@ -118,23 +152,31 @@ class StripSubject(Subject):
         contacts = [run.contact_x for run in self._measured if len(run.contact_x)]
         # m, beyond which the strip lifts off the desk; 0 where no image shows it
         lifted = min((float(np.quantile(x, QUANTILE)) for x in contacts), default=0.0)
-        self.scope = scope(strip, lifted, has_force=has_force).withhold(without, registry())
+        self.scope = scope(strip, lifted, has_force=has_force).withhold(
+            without, registry()
+        )
         self._scatter = (*scatter, *(FORCE_EFFECTS if has_force else ()))
         self._ages = not AGEING.isdisjoint({*strip.effects, *strip.law})
         self._simulation = Simulation(jobs)
         self._residual_cache: dict[ResidualKey, Residuals] = {}
-        self._model_cache = lru_cache(DESCRIBED)(partial(_describe, strip, self.scope.base))
+        self._model_cache = lru_cache(DESCRIBED)(
+            partial(_describe, strip, self.scope.base)
+        )
         self.runs = prepare_runs(self._measured, strip, self._simulation, self._scatter)
 
     def simulate(self, requests: Sequence[Request]) -> list[Residuals]:
-        """Residuals of `requests`, measured minus simulated; each motion is simulated once."""
+        """Residuals of `requests`, measured minus simulated; each motion is simulated
+        once.
+        """
         folds, jobs = self._jobs_of(requests)
         keys = [
             ResidualKey(fold.residuals, job.key, job.model.observation)
             for fold, job in zip(folds, jobs, strict=True)
         ]
         cache = self._residual_cache
-        missing = {key: job for key, job in zip(keys, jobs, strict=True) if key not in cache}
+        missing = {
+            key: job for key, job in zip(keys, jobs, strict=True) if key not in cache
+        }
         cache.update(self._compare(missing))
         return [
             fold.correct(cache[key], request.run, request.local)
@@ -144,17 +186,21 @@ class StripSubject(Subject):
     def _compare(self, jobs: Mapping[ResidualKey, Job]) -> dict[ResidualKey, Residuals]:
         """Simulate and compare jobs, in portions of similar duration; residuals by key.
 
-        Keys of one motion stay together, in the order in which they are requested; motions are not
-        kept.
+        Keys of one motion stay together, in the order in which they are requested;
+        motions are not kept.
         """
         first = {key.motion: i for i, key in reversed(list(enumerate(jobs)))}
-        keys = iter(sorted(jobs, key=lambda k: (jobs[k].path.duration, first[k.motion])))
+        keys = iter(
+            sorted(jobs, key=lambda k: (jobs[k].path.duration, first[k.motion]))
+        )
         compared: dict[ResidualKey, Residuals] = {}
         with ThreadPoolExecutor(self._threads) as pool:
             while portion := list(islice(keys, PORTION)):
                 motions = self._simulation([jobs[key] for key in portion])
                 residuals = pool.map(
-                    lambda key, motion: key.residuals(jobs[key].model, motion), portion, motions
+                    lambda key, motion: key.residuals(jobs[key].model, motion),
+                    portion,
+                    motions,
                 )
                 compared.update(zip(portion, residuals, strict=True))
         return compared
@@ -164,15 +210,21 @@ class StripSubject(Subject):
         return measured_scene(cast(PreparedFold, run.content).residuals.run)
 
     def draw_simulated(self, requests: Sequence[Request]) -> list[Scene | None]:
-        """Drawings of the simulated folds, one for each request; None without a motion."""
+        """Drawings of the simulated folds, one for each request; None without a
+        motion.
+        """
         folds, jobs = self._jobs_of(requests)
         return [
             None if motion is None else simulated_scene(fold, job.model, motion)
-            for fold, job, motion in zip(folds, jobs, self._simulation(jobs), strict=True)
+            for fold, job, motion in zip(
+                folds, jobs, self._simulation(jobs), strict=True
+            )
         ]
 
     def refine(self, requests: Sequence[Request]) -> Sequence[Run]:
-        """Runs linearised about the models of `requests`, with corrections from a finer rod."""
+        """Runs linearised about the models of `requests`, with corrections from a finer
+        rod.
+        """
         folds, jobs = self._jobs_of(requests)
         linearised = linearise_folds(folds, jobs, self._simulation, self._scatter)
         return [
@@ -181,11 +233,15 @@ class StripSubject(Subject):
         ]
 
     def experiments(self) -> Sequence[Experiment]:
-        """Runs of the standard motions that could be made next, simulated for the stated strip."""
+        """Runs of the standard motions that could be made next, simulated for the
+        stated strip.
+        """
         next_index = 1 + max(run.index for run in self._measured)
         runs = planned_runs(self.file, self._measured[0].sigma, next_index)
         ready = prepare_runs(runs, self.file, self._simulation)
-        planned = [(run, cast(PreparedFold, run.content).residuals.run) for run in ready]
+        planned = [
+            (run, cast(PreparedFold, run.content).residuals.run) for run in ready
+        ]
         return [
             Experiment(run.name, instruction(fold), SET_UP + fold.end / 60.0, run)
             for run, fold in planned
@@ -194,10 +250,14 @@ class StripSubject(Subject):
     def patch(
         self, base: Mapping[str, float], effects: NamedValues, source: str
     ) -> tuple[dict[str, object], dict[str, object] | None]:
-        """Content of the strip file with refitted base and effects, and the cell file's patch."""
+        """Content of the strip file with refitted base and effects, and the cell file's
+        patch.
+        """
         return patch_file(self.file, base, effects, source)
 
-    def _jobs_of(self, requests: Sequence[Request]) -> tuple[list[PreparedFold], list[Job]]:
+    def _jobs_of(
+        self, requests: Sequence[Request]
+    ) -> tuple[list[PreparedFold], list[Job]]:
         """Measured folds of `requests`, and the simulations to run for them.
 
         For a response, one fold is simulated that stands for all its replicates.
@@ -210,33 +270,48 @@ class StripSubject(Subject):
         return folds, jobs
 
     def _model(self, request: Request) -> Hashed[StripModel]:
-        """Cached strip model of `request`; earlier runs count only if an effect ages the strip."""
-        effects = tuple((name, tuple(map(float, v))) for name, v in request.effects.items())
+        """Cached strip model of `request`; earlier runs count only if an effect ages
+        the strip.
+        """
+        effects = tuple(
+            (name, tuple(map(float, v))) for name, v in request.effects.items()
+        )
         ages = self._ages or not AGEING.isdisjoint(request.effects)
         index = request.run.index if ages else 0
         return self._model_cache(tuple(map(float, request.base)), effects, index)
 
 
 def _describe(
-    strip: StripFile, parameters: Sequence[Parameter], base: Values,
-    effects: tuple[tuple[str, Values], ...], index: int,
-) -> Hashed[StripModel]:  # fmt: skip
-    """Model of `strip` in run `index`, at values `base` of `parameters`, with added `effects`."""
+    strip: StripFile,
+    parameters: Sequence[Parameter],
+    base: Values,
+    effects: tuple[tuple[str, Values], ...],
+    index: int,
+) -> Hashed[StripModel]:
+    """Model of `strip` in run `index`, at values `base` of `parameters`, with added
+    `effects`.
+    """
     values = {p.name: p.stated_value(v) for p, v in zip(parameters, base, strict=True)}
-    stated = {name: registry()[name].stated(vector)
-              for name, vector in effects if name in registry()}  # fmt: skip
+    stated = {
+        name: registry()[name].stated(vector)
+        for name, vector in effects
+        if name in registry()
+    }
     present = {name: given for name, given in stated.items() if given is not None}
     model = describe(fitted_strip(strip, values), present, index)
-    amounts = {name: vector[0] for name, vector in effects}  # of law terms; others are ignored
+    # of law terms; others are ignored
+    amounts = {name: vector[0] for name, vector in effects}
     return hashed_model(with_law(model, amounts))
 
 
 def open_strip(
     path: Path, folders: Sequence[RunFolder], jobs: int = 1, without: Sequence[str] = ()
 ) -> StripSubject:
-    """Strip in the file at `path` with its measured runs; effects `without` are no candidates.
+    """Strip in the file at `path` with its measured runs; effects `without` are no
+    candidates.
 
-    Raises ConfigurationError for a broken file or run, or an effect that the library lacks.
+    Raises ConfigurationError for a broken file or run, or an effect that the library
+    lacks.
     """
     strip = load_strip(path)
     subject = StripSubject(strip, read_runs(folders, strip), jobs, without=without)
@@ -245,19 +320,30 @@ def open_strip(
 
 
 def _swap_notes(subject: StripSubject) -> tuple[str, ...]:
-    """Note that l1 and l2 seem swapped, where the strip predicts the opposite displacements."""
+    """Note that l1 and l2 seem swapped, where the strip predicts the opposite
+    displacements.
+    """
     off = list[Array]()
     simulated = subject.simulate([subject.stated(run) for run in subject.runs])
     for run, residuals in zip(subject.runs, simulated, strict=True):
         if (touch := cast(PreparedFold, run.content).residuals.run.touch) is not None:
-            both = np.stack([residuals.mean, residuals.mean - 2 * touch.displacement], axis=1)
+            both = np.stack(
+                [residuals.mean, residuals.mean - 2 * touch.displacement], axis=1
+            )
             sigma = np.hypot(run.samples.noise, run.samples.floor)[:, None]
-            rows = (run.samples.quantity == "displacement") & np.isfinite(residuals.mean)
+            rows = (run.samples.quantity == "displacement") & np.isfinite(
+                residuals.mean
+            )
             off.extend((both / sigma)[rows])
-    stated, swapped = np.linalg.norm(off, axis=0) / np.sqrt(len(off)) if off else (0.0, 0.0)
+    stated, swapped = (
+        np.linalg.norm(off, axis=0) / np.sqrt(len(off)) if off else (0.0, 0.0)
+    )
     if stated <= max(SWAPPED, FARTHER * swapped):
         return ()
     return (
-        f"l1 and l2 of the touches seem swapped: the stated strip is {stated:.0f} sigma off their "
-        f"displacements, and {swapped:.1f} if they are; are the columns the right way round?",
+        (
+            f"l1 and l2 of the touches seem swapped: the stated strip is {stated:.0f}"
+            f" sigma off their displacements, and {swapped:.1f} if they are; are the"
+            " columns the right way round?"
+        ),
     )

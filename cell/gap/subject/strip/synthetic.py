@@ -1,4 +1,6 @@
-"""Makes measured folds from simulated ones: planned runs, and run folders with noise."""
+"""Makes measured folds from simulated ones: planned runs, and run folders with
+noise.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -54,18 +56,28 @@ IMAGE_RATE = 30.0  # Hz of the images that are written
 MIDLINE_SPACING = 0.006  # m between points of such an image
 LOST = 0.02  # usual share of images that are lost
 WILD, FARTHEST = 0.005, 0.05  # usual share of points that are off, by up to so many m
-BENCH = Sigma(contact_x=0.0015, profile=0.001, gripper=0.00002, displacement=0.003, touch_time=0.03)
+BENCH = Sigma(
+    contact_x=0.0015,
+    profile=0.001,
+    gripper=0.00002,
+    displacement=0.003,
+    touch_time=0.03,
+)
 """Measurement noise of a usual cell, which measures no force."""
 
 
 def reported_path(motion: Motion) -> GripperPath:
-    """Gripper path that an arm reports for `motion`, from rest to rest, its corners rounded."""
+    """Gripper path that an arm reports for `motion`, from rest to rest, its corners
+    rounded.
+    """
     t = np.arange(0.0, motion.duration + 2 * CORNER_TIME + DWELL_TIME, STEP)
     half = round(CORNER_TIME / STEP)
     window = np.hanning(2 * half + 3)[1:-1]  # without the zeros at its ends
     points = motion.at(np.clip(t - CORNER_TIME, 0.0, motion.duration))
     held = np.pad(points, [(half, half), (0, 0)], mode="edge")  # at both ends
-    smooth = [np.convolve(column, window / window.sum(), mode="valid") for column in held.T]
+    smooth = [
+        np.convolve(column, window / window.sum(), mode="valid") for column in held.T
+    ]
     places = np.stack(smooth, axis=1)
     travel = arc_lengths(places)
     poses = np.column_stack([places, lift_pitch(travel)])
@@ -74,9 +86,11 @@ def reported_path(motion: Motion) -> GripperPath:
 
 @dataclass(frozen=True, slots=True)
 class Fold:
-    """Simulated fold: the reported `path`, the `model` of strip and rig, and the true motion.
+    """Simulated fold: the reported `path`, the `model` of strip and rig, and the true
+    motion.
 
-    `shape_t` (m,) [s] are the times of the motion's shapes, `arc` (nodes,) [m] their places.
+    `shape_t` (m,) [s] are the times of the motion's shapes, `arc` (nodes,) [m] their
+    places.
     """
 
     path: GripperPath
@@ -89,22 +103,36 @@ class Fold:
 
 
 def rod_folds(
-    models: Sequence[StripModel], paths: Sequence[GripperPath], segments: int = 200,
+    models: Sequence[StripModel],
+    paths: Sequence[GripperPath],
+    segments: int = 200,
     dt: float = 0.0025,
-) -> list[Fold]:  # fmt: skip
-    """Folds simulated by the rod, of each of `models` along the path of the same index."""
+) -> list[Fold]:
+    """Folds simulated by the rod, of each of `models` along the path of the same
+    index.
+    """
     every = max(1, round(SHAPE_INTERVAL / dt))
     motions = simulate_all(Rod(segments), models, paths, dt=dt, every=every)
     return [
-        Fold(path, model, motion, motion.t[every - 1 :: every][: len(motion.shapes)],
-             lattice(model.mechanics.length, segments))
+        Fold(
+            path,
+            model,
+            motion,
+            motion.t[every - 1 :: every][: len(motion.shapes)],
+            lattice(model.mechanics.length, segments),
+        )
         for path, model, motion in zip(paths, models, motions, strict=True)
-    ]  # fmt: skip
+    ]
 
 
 def planned_runs(strip: StripFile, sigma: Sigma, index: int) -> list[MeasuredRun]:
-    """Noise-free simulated runs of `strip`, one for each standard motion, numbered `index`."""
-    paths = {name: reported_path(motion.over(strip.length)) for name, motion in STANDARD.items()}
+    """Noise-free simulated runs of `strip`, one for each standard motion, numbered
+    `index`.
+    """
+    paths = {
+        name: reported_path(motion.over(strip.length))
+        for name, motion in STANDARD.items()
+    }
     runs = measured_along(paths, strip, sigma, index)
     return [replace(run, condition=MOTION + run.name) for run in runs]
 
@@ -115,7 +143,9 @@ def measured_along(
     """Noise-free simulated runs of `strip` along gripper `paths`, by the run's name."""
     models = [describe(strip, index=index)] * len(paths)
     folds = rod_folds(models, list(paths.values()), PLAN_SEGMENTS, PLAN_STEP)
-    return [_measure(n, fold, sigma, index) for n, fold in zip(paths, folds, strict=True)]
+    return [
+        _measure(n, fold, sigma, index) for n, fold in zip(paths, folds, strict=True)
+    ]
 
 
 def _measure(name: str, fold: Fold, sigma: Sigma, index: int) -> MeasuredRun:
@@ -124,21 +154,36 @@ def _measure(name: str, fold: Fold, sigma: Sigma, index: int) -> MeasuredRun:
     end = float(path.t[-1]) if fold.motion.touch is None else fold.motion.touch.time
     travel = arc_lengths(path.poses[:, :2])
     height = fold.model.observation.contact_height
-    following = np.searchsorted(fold.shape_t, np.arange(fold.shape_t[0], end, IMAGE_PERIOD))
+    following = np.searchsorted(
+        fold.shape_t, np.arange(fold.shape_t[0], end, IMAGE_PERIOD)
+    )
     chosen = np.unique(np.minimum(following, len(fold.shape_t) - 1))
     shapes, stamps = fold.motion.shapes[chosen], frozen(fold.shape_t[chosen])
     force_t = path.t[path.t <= end] if sigma.force is not None else np.empty(0)
     return MeasuredRun(
-        name, name, t=path.t, poses=path.poses, travel=frozen(travel), hanging=False, index=index,
-        contact_height=height, sigma=sigma, contact_t=stamps,
+        name,
+        name,
+        t=path.t,
+        poses=path.poses,
+        travel=frozen(travel),
+        hanging=False,
+        index=index,
+        contact_height=height,
+        sigma=sigma,
+        contact_t=stamps,
         contact_x=frozen([desk_contact(shape, height) for shape in shapes]),
         images=_images(stamps, shapes, fold.arc, height),
-        force_t=force_t, force=_reported_force(fold, force_t), touch=fold.motion.touch, end=end,
-    )  # fmt: skip
+        force_t=force_t,
+        force=_reported_force(fold, force_t),
+        touch=fold.motion.touch,
+        end=end,
+    )
 
 
 def _images(stamps: Array, shapes: Array, arc: Array, height: float) -> Images:
-    """Images of simulated `shapes` (m, nodes, 2): their midline from the desk contact on."""
+    """Images of simulated `shapes` (m, nodes, 2): their midline from the desk contact
+    on.
+    """
     s = np.arange(0.0, arc[-1], POINT_SPACING)
     points, places = [], []
     for shape in shapes:
@@ -150,22 +195,36 @@ def _images(stamps: Array, shapes: Array, arc: Array, height: float) -> Images:
 
 
 def instruction(run: MeasuredRun) -> str:
-    """Instruction for the operator to make a planned `run`, with the effects that it reveals."""
+    """Instruction for the operator to make a planned `run`, with the effects that it
+    reveals.
+    """
     standard = STANDARD[run.name]
     return f"fold once more with --policy {run.condition}; it shows {standard.reveals}"
 
 
 def write_fold(
-    folder: Path, strip: str, fold: Fold, noise: Sigma, rng: np.random.Generator, *,
-    wild: float = WILD, lost: float = LOST,
-) -> None:  # fmt: skip
-    """Write `fold` as a measured run of `strip`, with measurement `noise`, into `folder`.
+    folder: Path,
+    strip: str,
+    fold: Fold,
+    noise: Sigma,
+    rng: np.random.Generator,
+    *,
+    wild: float = WILD,
+    lost: float = LOST,
+) -> None:
+    """Write `fold` as a measured run of `strip`, with measurement `noise`, into
+    `folder`.
 
-    `wild` is the share of midline points that are off by up to FARTHEST, `lost` that of images.
+    `wild` is the share of midline points that are off by up to FARTHEST, `lost` that of
+    images.
     """
     folder.mkdir(parents=True)
     touch = _touch(fold, noise, rng)
-    end = fold.path.t[-1] if touch is None else min(touch.time + TIME_AFTER_TOUCH, fold.path.t[-1])
+    end = (
+        fold.path.t[-1]
+        if touch is None
+        else min(touch.time + TIME_AFTER_TOUCH, fold.path.t[-1])
+    )
     stamps = _stamps(end, lost, rng)
     points = [_curve(fold, stamp, noise.profile, wild, rng) for stamp in stamps]
     write_document(folder / RUN, _header(strip, fold, noise))
@@ -184,7 +243,9 @@ def _header(strip: str, fold: Fold, noise: Sigma) -> dict[str, Any]:
 
 
 def _result(touch: Touch | None) -> dict[str, Any]:
-    """Content of result.yaml: the measured `touch`, or the outcome `path_done` without one."""
+    """Content of result.yaml: the measured `touch`, or the outcome `path_done` without
+    one.
+    """
     if touch is None:
         return {"schema": SCHEMA, "outcome": "path_done"}
     event = {"t_layer_touch": touch.time, "displacement": touch.displacement}
@@ -199,12 +260,16 @@ def _stamps(end: float, lost: float, rng: np.random.Generator) -> Array:
 
 
 def _touch(fold: Fold, noise: Sigma, rng: np.random.Generator) -> Touch | None:
-    """Touch of a simulated fold as measured, with noise; None if the fold has no touch."""
+    """Touch of a simulated fold as measured, with noise; None if the fold has no
+    touch.
+    """
     measured = simulated_touch(fold.path, fold.model, fold.motion)
     if measured is None:
         return None
     # equal errors of l1 and l2 whose difference, the displacement, has its stated noise
-    l1, l2 = rng.normal([measured.to_grasped, measured.to_fixed], noise.displacement / np.sqrt(2))
+    l1, l2 = rng.normal(
+        [measured.to_grasped, measured.to_fixed], noise.displacement / np.sqrt(2)
+    )
     time = measured.time + rng.normal(0.0, noise.touch_time or TOUCH_TIME)
     return Touch(time=time, x=float(l2), to_grasped=float(l1), to_fixed=float(l2))
 
@@ -215,12 +280,20 @@ def _shape(fold: Fold, stamp: float) -> Array:
     times = fold.shape_t
     after = int(np.clip(np.searchsorted(times, time), 1, len(times) - 1))
     before = after - 1
-    share = float(np.clip((time - times[before]) / (times[after] - times[before]), 0.0, 1.0))
-    return np.asarray((1 - share) * fold.motion.shapes[before] + share * fold.motion.shapes[after])
+    share = float(
+        np.clip((time - times[before]) / (times[after] - times[before]), 0.0, 1.0)
+    )
+    return np.asarray(
+        (1 - share) * fold.motion.shapes[before] + share * fold.motion.shapes[after]
+    )
 
 
-def _curve(fold: Fold, stamp: float, sigma: float, wild: float, rng: np.random.Generator) -> Array:
-    """Measured points (n, 2) [m] of the visible midline, from the desk contact to the fingers."""
+def _curve(
+    fold: Fold, stamp: float, sigma: float, wild: float, rng: np.random.Generator
+) -> Array:
+    """Measured points (n, 2) [m] of the visible midline, from the desk contact to the
+    fingers.
+    """
     shape = _shape(fold, stamp)
     lifted = np.flatnonzero(shape[:, 1] > fold.model.observation.contact_height)
     begin = fold.arc[lifted[0]] if len(lifted) else fold.arc[-1]
@@ -230,15 +303,21 @@ def _curve(fold: Fold, stamp: float, sigma: float, wild: float, rng: np.random.G
     tangent /= np.maximum(np.hypot(*tangent.T), 1e-9)[:, None]
     across = rng.normal(0.0, sigma, len(s))
     points = measured_points(fold.model, curve(s))
-    points = points + across[:, None] * np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
+    points = points + across[:, None] * np.stack(
+        [-tangent[:, 1], tangent[:, 0]], axis=1
+    )
     off = rng.uniform(size=len(s)) < wild
-    return np.asarray(points + off[:, None] * rng.uniform(-FARTHEST, FARTHEST, (len(s), 2)))
+    return np.asarray(
+        points + off[:, None] * rng.uniform(-FARTHEST, FARTHEST, (len(s), 2))
+    )
 
 
 def _ticks(
     fold: Fold, end: float, stamps: Array, noise: Sigma, rng: np.random.Generator
 ) -> pa.Table:
-    """Table of control ticks up to `end` [s], with contacts at image times `stamps` (k,) [s]."""
+    """Table of control ticks up to `end` [s], with contacts at image times `stamps`
+    (k,) [s].
+    """
     t = fold.path.t[fold.path.t <= end]
     poses = fold.path.poses[: len(t)]
     height = fold.model.observation.contact_height
@@ -253,22 +332,31 @@ def _ticks(
     return pa.table(columns | {"contact_x": contact_x, "contact_t": contact_t})
 
 
-def _forces(fold: Fold, t: Array, sigma: float, rng: np.random.Generator) -> dict[str, Array]:
-    """Columns (m,) [N] of reported force at `t` (m,) [s], with noise from a separate generator."""
+def _forces(
+    fold: Fold, t: Array, sigma: float, rng: np.random.Generator
+) -> dict[str, Array]:
+    """Columns (m,) [N] of reported force at `t` (m,) [s], with noise from a separate
+    generator.
+    """
     force = _reported_force(fold, t)
-    noisy = force + rng.spawn(1)[0].normal(0.0, sigma, force.shape)  # leaves the run's draws alone
+    # leaves the run's draws alone
+    noisy = force + rng.spawn(1)[0].normal(0.0, sigma, force.shape)
     return {"f_x": noisy[:, 0], "f_z": noisy[:, 1]}
 
 
 def _reported_force(fold: Fold, t: Array) -> Array:
-    """Force (m, 2) [N] of the strip on the gripper that the arm reports at `t` (m,) [s]."""
+    """Force (m, 2) [N] of the strip on the gripper that the arm reports at `t` (m,)
+    [s].
+    """
     motion = fold.motion
     mean = mean_force(motion.t, motion.grip_force)
     return reported_force(fold.model.observation, t, motion.t, mean)
 
 
 def _profile(stamps: Array, curves: Sequence[Array]) -> pa.Table:
-    """Table of the midline points `curves` (n, 2) of images at times `stamps` (k,) [s]."""
+    """Table of the midline points `curves` (n, 2) of images at times `stamps` (k,)
+    [s].
+    """
     counts = [len(curve) for curve in curves]
     points = np.concatenate(curves) if curves else np.empty((0, 2))
     i = [k for count in counts for k in range(count)]

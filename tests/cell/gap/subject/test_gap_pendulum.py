@@ -24,8 +24,12 @@ SIGMA = 0.001
 TORQUES = np.array([1e-3, 5e-4, 2e-4])
 
 
-def subject_of(folder: Path, name: str, out: Path, t: Array, angles: Array) -> MechanismSubject:
-    """A pendulum, in steps of 2 ms, with a run of absolute angles (n, m) [rad] from rest."""
+def subject_of(
+    folder: Path, name: str, out: Path, t: Array, angles: Array
+) -> MechanismSubject:
+    """A pendulum, in steps of 2 ms, with a run of absolute angles (n, m) [rad] from
+    rest.
+    """
     shutil.copytree(folder, out, dirs_exist_ok=True)
     (file,) = out.glob("*.yaml")
     file.write_text(re.sub("step: .*", "step: 0.002", file.read_text()))
@@ -44,11 +48,16 @@ def residuals(subject: MechanismSubject, effects: dict[str, Array]) -> Array:
     ("effects", "law"),
     [
         ({}, None),
-        ({"dry_friction": [1e-3, 5e-4, 2e-4]}, lambda _, r, __: TORQUES * np.tanh(r / 0.02)),
+        (
+            {"dry_friction": [1e-3, 5e-4, 2e-4]},
+            lambda _, r, __: TORQUES * np.tanh(r / 0.02),
+        ),
     ],
     ids=["plain", "dry"],
 )
-def test_chain_moves_as_finer_steps_and_a_plain_law_say(tmp_path, effects, law: Any) -> None:
+def test_chain_moves_as_finer_steps_and_a_plain_law_say(
+    tmp_path, effects, law: Any
+) -> None:
     lift, rng = np.array([0.5, 0.65, -0.35]), np.random.default_rng(0)
     (made,) = make_swings(TRIPLE / "model.xml", [lift], 0.0, rng, law, span=1.0)
     subject = subject_of(TRIPLE, "triple-pendulum", tmp_path, made.t, made.angles)
@@ -57,7 +66,9 @@ def test_chain_moves_as_finer_steps_and_a_plain_law_say(tmp_path, effects, law: 
 
 
 def test_a_yielding_pivot_lengthens_the_swing(tmp_path) -> None:
-    """To first order as if the link had more inertia: its pull moves the pivot to and fro."""
+    """To first order as if the link had more inertia: its pull moves the pivot to and
+    fro.
+    """
     model = mujoco.MjModel.from_xml_path(str(PENDULUM / "model.xml"))
     t, compliance = np.arange(0.0, 1.5, 0.004), 5e-4
     moment = float(-model.body_ipos[1, 2] * model.body_mass[1])
@@ -71,4 +82,5 @@ def test_a_yielding_pivot_lengthens_the_swing(tmp_path) -> None:
     undamped = replace(stated, base=np.array([0.0, *stated.base[1:]]))
     soft = replace(undamped, effects={"pivot_compliance": np.array([compliance])})
     stiff, right = (np.abs(f.mean).max() for f in subject.simulate([undamped, soft]))
-    assert right < 0.25 * stiff  # what is left is a ring of the pivot, which starts at rest
+    # what is left is a ring of the pivot, which starts at rest
+    assert right < 0.25 * stiff

@@ -7,7 +7,14 @@ from numpy.typing import NDArray
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip.subject import StripSubject, open_strip
 from cell.gap.subject.strip.synthetic import BENCH
-from tests.support.gap_strip_cases import STRIP, folds, in_noise, residuals, whitened, written
+from tests.support.gap_strip_cases import (
+    STRIP,
+    folds,
+    in_noise,
+    residuals,
+    whitened,
+    written,
+)
 
 LATE = np.array([0.012])  # s
 FEELING = BENCH.model_copy(update={"force": 0.001})
@@ -17,7 +24,11 @@ FEELING = BENCH.model_copy(update={"force": 0.001})
 def late(tmp_path_factory: pytest.TempPathFactory) -> StripSubject:
     """Folds of an arm that reports its places late, and the force of the strip."""
     root = tmp_path_factory.mktemp("late") / "runs"
-    written(root, folds(["fast", "early-shake"], {"control_delay": {"time": LATE[0]}}), FEELING)
+    written(
+        root,
+        folds(["fast", "early-shake"], {"control_delay": {"time": LATE[0]}}),
+        FEELING,
+    )
     return open_strip(STRIP, find_runs([root]))
 
 
@@ -37,7 +48,9 @@ def test_where_force_is_measured_it_weighs_the_strip(late: StripSubject) -> None
     assert [p.name for p in late.scope.base][-1] == "areal_density"
     base = np.array([p.start for p in late.scope.base])
     heavier = base * [1.0, 1.0, 1.1]
-    stated, changed = ([r.mean for r in residuals_at(late, at)] for at in (base, heavier))
+    stated, changed = (
+        [r.mean for r in residuals_at(late, at)] for at in (base, heavier)
+    )
     force = [run.samples.channel == "force" for run in late.runs]
     for here, there, rows in zip(stated, changed, force, strict=True):
         assert np.abs(there - here)[rows].max() > 0.001
@@ -51,4 +64,6 @@ def force_rows(strip: StripSubject) -> NDArray[np.bool_]:
 def residuals_at(strip: StripSubject, base):
     from cell.gap.subject.subject import Request
 
-    return strip.simulate([Request(r, base, {}, np.zeros(len(r.local))) for r in strip.runs])
+    return strip.simulate(
+        [Request(r, base, {}, np.zeros(len(r.local))) for r in strip.runs]
+    )

@@ -22,10 +22,22 @@ def test_a_speed_beyond_the_limits_is_refused() -> None:
 
 
 def test_the_command_says_what_it_would_do(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "cell", "gap", "plan", "--strip", "denim", "--dry-run"]
+    command = [
+        sys.executable,
+        "-m",
+        "cell",
+        "gap",
+        "plan",
+        "--strip",
+        "denim",
+        "--dry-run",
+    ]
     command += ["--runs", str(tmp_path / "runs")]
     texts = (command, [*command, "--json"])
-    done = [subprocess.run(c, capture_output=True, text=True, check=True).stdout for c in texts]
+    done = [
+        subprocess.run(c, capture_output=True, text=True, check=True).stdout
+        for c in texts
+    ]
     lines, rows = done[0].splitlines(), list(map(json.loads, done[1].splitlines()))
     assert len(lines) == len(rows) == len(STANDARD) + 2
     assert lines[0].split()[1] == lines[-1].split()[1] == rows[-1]["name"] == "normal"

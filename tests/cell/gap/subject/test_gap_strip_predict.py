@@ -1,4 +1,6 @@
-"""What the model predicts of measured folds: white at the truth, and telling away from it."""
+"""What the model predicts of measured folds: white at the truth, and telling away from
+it.
+"""
 
 from dataclasses import replace
 from pathlib import Path
@@ -9,7 +11,14 @@ import pytest
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip import simulation, subject
 from cell.gap.subject.strip.subject import StripSubject, open_strip
-from tests.support.gap_strip_cases import STRIP, folds, in_noise, residuals, whitened, written
+from tests.support.gap_strip_cases import (
+    STRIP,
+    folds,
+    in_noise,
+    residuals,
+    whitened,
+    written,
+)
 
 NAMES = ("there-and-back", "fast", "early-shake", "taut-lift")
 
@@ -34,7 +43,9 @@ def test_every_term_shows_and_vanishes_with_its_amount(plain: StripSubject) -> N
     for term in plain.scope.terms:
         null = whitened(plain, residuals(plain, {term.name: np.zeros(1)}))
         np.testing.assert_array_equal(null, stated)
-        moved = whitened(plain, residuals(plain, {term.name: np.array(term.probes[0][0])}))
+        moved = whitened(
+            plain, residuals(plain, {term.name: np.array(term.probes[0][0])})
+        )
         assert np.abs(moved - stated).max() > 1e-3
 
 
@@ -42,7 +53,9 @@ def test_a_prediction_does_not_depend_on_company_threads_or_portions(
     plain: StripSubject, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     stated = [plain.stated(run) for run in plain.runs]
-    asked = [replace(r, base=r.base * factor) for factor in (1.0, 1.05, 0.97) for r in stated]
+    asked = [
+        replace(r, base=r.base * factor) for factor in (1.0, 1.05, 0.97) for r in stated
+    ]
     together = plain.simulate(asked)
     plain._simulation._cache.clear()
     alone = [plain.simulate([one])[0] for one in asked]
@@ -64,7 +77,9 @@ def test_a_strip_that_cannot_lie_as_its_run_begins_leaves_the_others_and_a_defec
     assert np.isfinite(kept.mean).all()
     monkeypatch.setattr(simulation, "SHAPE_PERIOD", np.nan)
     with pytest.raises(ValueError, match="NaN"):
-        plain.simulate([plain.stated(plain.runs[0], {"length_error": np.array([0.001])})])
+        plain.simulate(
+            [plain.stated(plain.runs[0], {"length_error": np.array([0.001])})]
+        )
 
 
 def test_wild_points_and_lost_images_do_no_harm(tmp_path: Path) -> None:

@@ -1,4 +1,6 @@
-"""Measured folds as `cell gap` reads them: whole ones, broken ones, and what is refused."""
+"""Measured folds as `cell gap` reads them: whole ones, broken ones, and what is
+refused.
+"""
 
 import shutil
 from pathlib import Path
@@ -30,7 +32,9 @@ def first(runs: Path) -> Path:
     return sorted(runs.iterdir())[0]
 
 
-def test_what_was_measured_comes_back_and_is_told_where_it_is_swapped(runs: Path) -> None:
+def test_what_was_measured_comes_back_and_is_told_where_it_is_swapped(
+    runs: Path,
+) -> None:
     fast, taut = read_runs(find_runs([runs]), denim())
     assert fast.touch is not None
     assert fast.end == fast.touch.time
@@ -40,7 +44,10 @@ def test_what_was_measured_comes_back_and_is_told_where_it_is_swapped(runs: Path
     assert fast.poses[-1, 2] == pytest.approx(np.pi / 2, abs=1e-6)
     l1, l2 = fast.touch.to_fixed, fast.touch.to_grasped
     edit_yaml(first(runs) / "result.yaml", l1=l1, l2=l2, displacement=l1 - l2)
-    assert "l1 and l2 of the touches seem swapped" in open_strip(STRIP, find_runs([runs])).notes[-1]
+    assert (
+        "l1 and l2 of the touches seem swapped"
+        in open_strip(STRIP, find_runs([runs])).notes[-1]
+    )
 
 
 def test_a_run_that_died_is_named_and_used(runs: Path) -> None:

@@ -32,7 +32,9 @@ def drag(_: Any, rate: Any, __: int) -> Any:
 
 def fitted(folder: Path, law: Law | None, seed: int) -> tuple[Verdict, Path, Path]:
     """Verdict, file and runs of swings made under a hidden law."""
-    made = make_swings(PENDULUM / "model.xml", LIFTS, SIGMA, np.random.default_rng(seed), law)
+    made = make_swings(
+        PENDULUM / "model.xml", LIFTS, SIGMA, np.random.default_rng(seed), law
+    )
     file, runs = write_swings(folder, made, SIGMA)
     return fit([runs], file, folder / "out"), file, runs
 
@@ -69,37 +71,83 @@ def test_hidden_dry_friction_is_named(rubbing: Path) -> None:
 
 def test_verdict_file_is_the_contract_and_holds_only_numbers(rubbing: Path) -> None:
     text = (rubbing / "out" / "verdict.json").read_text()
-    verdict = json.loads(text, parse_constant=lambda word: pytest.fail(f"{word} in verdict.json"))
+    verdict = json.loads(
+        text, parse_constant=lambda word: pytest.fail(f"{word} in verdict.json")
+    )
     assert list(verdict) == [
-        "schema", "verdict", "effects", "ambiguous", "unexplained", "base", "where", "gap",
-        "candidates", "advice", "detectable", "held_out", "runtime", "simulations", "posterior",
+        "schema",
+        "verdict",
+        "effects",
+        "ambiguous",
+        "unexplained",
+        "base",
+        "where",
+        "gap",
+        "candidates",
+        "advice",
+        "detectable",
+        "held_out",
+        "runtime",
+        "simulations",
+        "posterior",
         "notes",
-    ]  # fmt: skip
+    ]
     assert verdict["schema"] == 1
     assert list(verdict["effects"][0]) == ["name", "of", "parameters", "confidence"]
     assert verdict["effects"][0]["of"] == "strip"
-    assert set(verdict["effects"][0]["parameters"]["torque_1"]) == {"value", "low", "high", "unit"}
+    assert set(verdict["effects"][0]["parameters"]["torque_1"]) == {
+        "value",
+        "low",
+        "high",
+        "unit",
+    }
     assert set(verdict["base"]["damping_1"]) == {"value", "low", "high"}
-    assert list(verdict["where"][0]) == ["channel", "phase", "zone", "condition", "z", "p"]
+    assert list(verdict["where"][0]) == [
+        "channel",
+        "phase",
+        "zone",
+        "condition",
+        "z",
+        "p",
+    ]
     assert list(verdict["gap"]) == [
-        "before", "after", "floor", "shrink", "shrink_low", "shrink_high",
-    ]  # fmt: skip
+        "before",
+        "after",
+        "floor",
+        "shrink",
+        "shrink_low",
+        "shrink_high",
+    ]
     assert set(verdict["gap"]["before"]) == {"angle_mrad", "excess"}
     assert list(verdict["candidates"][0]) == [
-        "name", "elpd_gain", "se", "p", "invariance_p", "parameters",
-    ]  # fmt: skip
+        "name",
+        "elpd_gain",
+        "se",
+        "p",
+        "invariance_p",
+        "parameters",
+    ]
 
 
 @pytest.mark.slow
-def test_same_verdict_whatever_the_number_of_jobs(rubbing: Path, tmp_path: Path) -> None:
-    two = fit([rubbing / "runs"], rubbing / "pendulum.yaml", tmp_path / "out", FitOptions(jobs=2))
+def test_same_verdict_whatever_the_number_of_jobs(
+    rubbing: Path, tmp_path: Path
+) -> None:
+    two = fit(
+        [rubbing / "runs"],
+        rubbing / "pendulum.yaml",
+        tmp_path / "out",
+        FitOptions(jobs=2),
+    )
     one = read_verdict(rubbing / "out" / "verdict.json")
     texts = [v.model_copy(update={"runtime": 0.0}).to_json() for v in (one, two)]
     assert texts[0] == texts[1]
 
 
 @pytest.mark.slow
-def test_interrupted_fit_leaves_no_verdict_and_is_made_again(rubbing: Path, tmp_path: Path) -> None:
+def test_interrupted_fit_leaves_no_verdict_and_is_made_again(
+    rubbing: Path, tmp_path: Path
+) -> None:
     def interrupting(stage: str, share: float) -> None:
         if stage == "judge":
             raise KeyboardInterrupt
@@ -117,13 +165,22 @@ def test_report_is_one_page_that_needs_nothing_else(rubbing: Path) -> None:
     page = (rubbing / "out" / "report.html").read_text()
     assert "Joints rub like dry friction" in page
     assert page.count("<svg") >= 3
-    known = ("www.w3.org", "purl.org", "creativecommons.org", "matplotlib.org", "d3js.org")
+    known = (
+        "www.w3.org",
+        "purl.org",
+        "creativecommons.org",
+        "matplotlib.org",
+        "d3js.org",
+    )
     addresses = re.findall(r"https?://([a-z0-9.]+)", page)
-    assert all(address in known for address in addresses)  # names in figures, never fetched
+    # names in figures, never fetched
+    assert all(address in known for address in addresses)
     assert not re.findall(r"<(?:link|iframe|[a-z]+ [^<>]*\bsrc=)[^<>]*>", page)
 
 
-def test_accepted_effect_leaves_no_gap(rubbing: Path, copied: tuple[Path, Path]) -> None:
+def test_accepted_effect_leaves_no_gap(
+    rubbing: Path, copied: tuple[Path, Path]
+) -> None:
     file, out = copied
     accepted = accept(out, file)
     assert accepted.effects == ("dry_friction",)
@@ -162,10 +219,15 @@ def test_effects_of_the_cell_go_into_the_cell_file(copied: tuple[Path, Path]) ->
         accept(out, file)
     accept(out, file, cell)
     content = yaml.safe_load(cell.read_text())
-    assert content["effects"] == {"desk_tilt": {"angle": 0.001}, "camera_latency": {"time": 0.02}}
+    assert content["effects"] == {
+        "desk_tilt": {"angle": 0.001},
+        "camera_latency": {"time": 0.02},
+    }
     assert content["name"] == "here"
     undo(out, file, cell)
-    assert yaml.safe_load(cell.read_text())["effects"] == {"desk_tilt": {"angle": 0.001}}
+    assert yaml.safe_load(cell.read_text())["effects"] == {
+        "desk_tilt": {"angle": 0.001}
+    }
 
 
 def test_swings_with_nothing_hidden_show_no_gap(tmp_path: Path) -> None:

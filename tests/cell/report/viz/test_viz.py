@@ -34,7 +34,11 @@ def entities(path: Path) -> dict[str, int]:
 
 def timelines(path: Path, entity: str) -> set[str]:
     chunks = RrdReader(path).stream().to_chunks()
-    named = [set(c.timeline_names) for c in chunks if c.entity_path == entity and not c.is_static]
+    named = [
+        set(c.timeline_names)
+        for c in chunks
+        if c.entity_path == entity and not c.is_static
+    ]
     return set.union(*named)
 
 
@@ -45,7 +49,9 @@ def snapshot(k: int, state: State = State.FOLD, every: int = 2) -> Snapshot:
     arm = ArmState(time, time, "made", pose, ZERO_VELOCITY, pose, True, False)
     hand = HandState(time, time, "made", 0.0, True, False)
     sequence = k // every
-    frame = Frame(time, time, "made", sequence, np.full((72, 128, 3), k % 255, np.uint8))
+    frame = Frame(
+        time, time, "made", sequence, np.full((72, 128, 3), k % 255, np.uint8)
+    )
     curve = np.linspace((0.4, 0.0), (pose.x, pose.z), 20)
     measurement = StripMeasurement(
         time, sequence, 0.4, 1.0, curve, 1.0, (pose.x, pose.z), np.nan, np.nan
@@ -80,7 +86,9 @@ def test_stored_run_is_shown_again(rebuilt):
     assert rows["/strip/twin"] == 235
     assert rows["/log"] == 3
     assert rows["/signals/along/gripper_x"] == 940 + 1
-    assert {"/gripper", "/gripper/path", "/cell/state", "/signals/above/gap"} <= set(rows)
+    assert {"/gripper", "/gripper/path", "/cell/state", "/signals/above/gap"} <= set(
+        rows
+    )
     assert timelines(rebuilt, "/gripper") >= {"t", "tick"}
     assert timelines(rebuilt, "/signals/above/gripper_z") == {"t", "tick"}
 
@@ -113,7 +121,11 @@ def test_overlay_is_drawn_where_the_runs_calibration_puts_it(tmp_path, calibrati
     rows = entities(tmp_path / "run.rrd")
     assert rows["/camera/overlay/profile"] == 20
     assert rows["/camera/image"] == 4
-    changed = (tmp_path / "calibration.yaml").read_text().replace("camera: made", "camera: other")
+    changed = (
+        (tmp_path / "calibration.yaml")
+        .read_text()
+        .replace("camera: made", "camera: other")
+    )
     (tmp_path / "calibration.yaml").write_text(changed)
     viz = LiveView(tmp_path, STRIP)
     viz.close(60)
@@ -142,7 +154,9 @@ def test_thread_that_hangs_drops_the_oldest_and_holds_nothing_up(tmp_path, monke
 
 
 def test_machine_without_a_viewer_still_writes_the_file(tmp_path, monkeypatch):
-    monkeypatch.setattr(recording, "open_viewer", Mock(side_effect=FileNotFoundError("rerun")))
+    monkeypatch.setattr(
+        recording, "open_viewer", Mock(side_effect=FileNotFoundError("rerun"))
+    )
     viz = LiveView(tmp_path, STRIP)
     watch(viz, 20)
     viz.close(60)
@@ -174,7 +188,9 @@ def test_film_of_a_run_is_in_its_recording_at_the_cameras_own_times(tmp_path):
         writer.frame(Frame(stamp, stamp + 0.02, "made", k, image))
     writer.finish({"outcome": "path_done"})
     chunks = RrdReader(viz_from_run(writer.folder)).stream().to_chunks()
-    (found,) = (c for c in chunks if c.entity_path == "/camera/film" and not c.is_static)
+    (found,) = (
+        c for c in chunks if c.entity_path == "/camera/film" and not c.is_static
+    )
     table = found.to_record_batch()
     for name, offset in (("t", 0.0), ("clock", 5.0)):
         times = table.column(name).cast("int64").to_numpy() / 1e9

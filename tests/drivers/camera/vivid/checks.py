@@ -1,7 +1,8 @@
 """Checks of the camera driver on the kernel's vivid driver, run where it is loaded.
 
-`python -m tests.drivers.camera.vivid.checks` prints a line of JSON for each: no test framework,
-because it runs on an emulated machine. No latency is judged but the one of an unplug.
+`python -m tests.drivers.camera.vivid.checks` prints a line of JSON for each: no test
+framework, because it runs on an emulated machine. No latency is judged but the one of
+an unplug.
 """
 
 import json
@@ -38,7 +39,10 @@ def main(wanted: list[str]) -> None:
         except Exception:  # noqa: BLE001 - the next check is to run too
             problem = traceback.format_exc()
         seconds = round(time.monotonic() - begun, 2)
-        print(json.dumps({"check": name, "problem": problem, "seconds": seconds}), flush=True)
+        print(
+            json.dumps({"check": name, "problem": problem, "seconds": seconds}),
+            flush=True,
+        )
 
 
 if __name__ == "__main__":

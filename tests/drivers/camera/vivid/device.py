@@ -1,4 +1,6 @@
-"""The kernel's virtual camera with the faults that it can play, and the reading of its frames."""
+"""The kernel's virtual camera with the faults that it can play, and the reading of its
+frames.
+"""
 
 import math
 import time
@@ -23,7 +25,9 @@ PATIENCE = 4.0  # s until a frame must have come
 
 
 class Vivid:
-    """vivid behind a link of its own, as udev would make one. Controls return to their defaults."""
+    """vivid behind a link of its own, as udev would make one. Controls return to their
+    defaults.
+    """
 
     def __init__(self) -> None:
         self.link = LINKS / "usb-vivid-test-camera"
@@ -65,7 +69,9 @@ class Vivid:
 
     @contextmanager
     def having(self, **values: int) -> Iterator[None]:
-        """Controls at `values` meanwhile; they outlive every opening, so back in any case."""
+        """Controls at `values` meanwhile; they outlive every opening, so back in any
+        case.
+        """
         with self.device() as device:
             before = controls_of(device)
         self.set(**values)
@@ -82,7 +88,9 @@ class Vivid:
     def node(self) -> str:
         """vivid's node, whatever its number."""
         names = Path("/sys/class/video4linux").glob("video*/name")
-        return next(f"/dev/{name.parent.name}" for name in names if "vivid" in name.read_text())
+        return next(
+            f"/dev/{name.parent.name}" for name in names if "vivid" in name.read_text()
+        )
 
     def plug(self) -> None:
         """Make the link to the node."""

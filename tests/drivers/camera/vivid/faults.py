@@ -88,7 +88,10 @@ def check_unplug_in_mid_read_is_told_within_50_ms(vivid: Vivid) -> None:
 
 
 def check_replugged_camera_is_set_up_again_and_delivers(vivid: Vivid) -> None:
-    with vivid.having(brightness=128), vivid.camera(controls={"brightness": 99}) as camera:
+    with (
+        vivid.having(brightness=128),
+        vivid.camera(controls={"brightness": 99}) as camera,
+    ):
         last = frames(camera, 3)[-1]
         vivid.unplug()
         vivid.set(disconnect=1)
@@ -129,7 +132,10 @@ def check_second_user_is_named(vivid: Vivid) -> None:
     os.close(ready[1])
     assert os.read(ready[0], 1), "the other process has no camera"
     try:
-        with raising(CameraBusy, f"(process {child})", "close that program"), vivid.camera():
+        with (
+            raising(CameraBusy, f"(process {child})", "close that program"),
+            vivid.camera(),
+        ):
             pass
     finally:
         os.write(done[1], b"!")

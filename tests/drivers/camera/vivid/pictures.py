@@ -17,7 +17,9 @@ def check_every_format_shows_the_same_picture(vivid: Vivid) -> None:
     for name, image in pictures.items():
         assert image.shape == (360, 640, 3), f"{name}: {image.shape}"
         assert image.dtype == np.uint8
-    bars = {name: image[100:140, 40:600:80].mean(axis=0) for name, image in pictures.items()}
+    bars = {
+        name: image[100:140, 40:600:80].mean(axis=0) for name, image in pictures.items()
+    }
     assert np.ptp(bars["YUYV"], axis=0).min() > 150, "the bars have no colours"
     for name in BAYER:
         worst = np.abs(bars[name] - bars["YUYV"]).max()
@@ -39,12 +41,15 @@ def check_what_the_camera_lacks_is_refused_with_its_offer(vivid: Vivid) -> None:
 def check_rates_are_kept(vivid: Vivid) -> None:
     for width, height, rate in ((320, 180, 15.0), (640, 360, 15.0), (640, 360, 30.0)):
         with (
-            vivid.having(timestamp_source=START),  # else its stamps lie ahead of their arrival
+            # else its stamps lie ahead of their arrival
+            vivid.having(timestamp_source=START),
             vivid.camera(width=width, height=height, rate=rate) as camera,
         ):
             first, *_, last = frames(camera, int(rate))
         found = (last.sequence - first.sequence) / (last.stamp - first.stamp)
-        assert abs(found - rate) < 0.02 * rate, f"{width}x{height}: {found:.2f} for {rate} Hz"
+        assert abs(found - rate) < 0.02 * rate, (
+            f"{width}x{height}: {found:.2f} for {rate} Hz"
+        )
 
 
 def check_controls_are_locked_and_read_back(vivid: Vivid) -> None:

@@ -16,10 +16,14 @@ def check_gaps_are_counted_under_40_percent_drops(vivid: Vivid) -> None:
         seen = frames(camera, 36)
         counts = camera.counts
         share = counts.missing / (counts.missing + counts.arrived)
-    assert 0.2 < share < 0.6, f"{share:.2f} of the frames are counted as missing: {counts}"
+    assert 0.2 < share < 0.6, (
+        f"{share:.2f} of the frames are counted as missing: {counts}"
+    )
     for a, b in pairwise(seen):
         lost = round((b.stamp - a.stamp) * camera.rate) - 1
-        assert abs(lost - (b.sequence - a.sequence - 1)) <= 1, f"{a.sequence}, {b.sequence}: {lost}"
+        assert abs(lost - (b.sequence - a.sequence - 1)) <= 1, (
+            f"{a.sequence}, {b.sequence}: {lost}"
+        )
 
 
 def check_corrupt_frame_is_counted_and_never_delivered(vivid: Vivid) -> None:
@@ -56,7 +60,8 @@ def check_wrapped_time_is_replaced_by_the_dequeue_time(vivid: Vivid) -> None:
 def check_stamps_tell_start_from_end_of_exposure(vivid: Vivid) -> None:
     for number, source, exposure, readout, least in (
         (START, StampSource.START, 0.0, 0.0, 0.0),
-        (END, StampSource.END, 0.02, 0.06, 0.03),  # vivid's stamp lies up to 0.03 s ahead
+        # vivid's stamp lies up to 0.03 s ahead
+        (END, StampSource.END, 0.02, 0.06, 0.03),
     ):
         with (
             vivid.having(timestamp_source=number),

@@ -1,4 +1,6 @@
-"""Which name a client gives to each of the 41 error flags; the robot's time says which is set."""
+"""Which name a client gives to each of the 41 error flags; the robot's time says which
+is set.
+"""
 
 import json
 import sys

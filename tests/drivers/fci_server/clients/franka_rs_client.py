@@ -1,4 +1,6 @@
-"""franka-rs against the server: connect, configure, move, meet a wall, recover, retreat, stop."""
+"""franka-rs against the server: connect, configure, move, meet a wall, recover,
+retreat, stop.
+"""
 
 import json
 import os
@@ -17,7 +19,9 @@ def configure(robot: franka.Robot, force: float) -> None:
 
 def carry(robot: franka.Robot, distance: float) -> None:
     """Along y by `distance` [m]."""
-    with robot.cartesian_targets(backend="robot", controller_mode="joint_impedance") as targets:
+    with robot.cartesian_targets(
+        backend="robot", controller_mode="joint_impedance"
+    ) as targets:
         goal = targets.state().O_T_EE[1, 3] + distance
         targets.move_by([0.0, distance, 0.0])
         end = time.monotonic() + PATIENCE
@@ -32,7 +36,8 @@ def newest(robot: franka.Robot) -> franka.RobotState:
 
 
 robot = franka.Robot(sys.argv[1], realtime="ignore")
-# The library raises this thread to the highest real-time priority; the server needs the core too.
+# The library raises this thread to the highest real-time priority; the server needs the
+# core too.
 os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
 told: dict[str, object] = {"begun": robot.read_once().robot_mode}
 configure(robot, 20.0)
@@ -50,7 +55,9 @@ robot.automatic_error_recovery()
 configure(robot, 60.0)
 told["recovered"] = newest(robot).robot_mode
 carry(robot, RETREAT)
-with robot.cartesian_targets(backend="robot", controller_mode="joint_impedance") as targets:
+with robot.cartesian_targets(
+    backend="robot", controller_mode="joint_impedance"
+) as targets:
     robot.stop()
     try:
         targets.stop()

@@ -1,4 +1,6 @@
-"""franky against the server: connect, configure, move, meet a wall, recover, retreat, stop."""
+"""franky against the server: connect, configure, move, meet a wall, recover, retreat,
+stop.
+"""
 
 import json
 import os
@@ -14,7 +16,9 @@ def configure(robot: franky.Robot, force: float) -> None:
 
 
 def along(distance: float) -> franky.CartesianMotion:
-    """Along the base's y by `distance` [m]; the hand hangs with its y-axis the other way."""
+    """Along the base's y by `distance` [m]; the hand hangs with its y-axis the other
+    way.
+    """
     turned = franky.Affine([0.0, -distance, 0.0])
     return franky.CartesianMotion(turned, franky.ReferenceType.Relative)
 
@@ -32,7 +36,8 @@ def flags(errors: franky.Errors) -> list[str]:
 
 
 robot = franky.Robot(sys.argv[1], realtime_config=franky.RealtimeConfig.Ignore)
-# The library raises this thread to the highest real-time priority; the server needs the core too.
+# The library raises this thread to the highest real-time priority; the server needs the
+# core too.
 os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
 robot.relative_dynamics_factor = 0.1
 told: dict[str, object] = {"begun": name(robot)}

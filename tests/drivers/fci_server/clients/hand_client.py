@@ -1,4 +1,6 @@
-"""A client's hand: open, grasp what is there, say what it feels, be refused nonsense."""
+"""A client's hand: open, grasp what is there, say what it feels, be refused
+nonsense.
+"""
 
 import json
 import sys

@@ -1,4 +1,6 @@
-"""A program that works with a longer tool and 1 kg, and leaves both to whoever comes next."""
+"""A program that works with a longer tool and 1 kg, and leaves both to whoever comes
+next.
+"""
 
 import sys
 

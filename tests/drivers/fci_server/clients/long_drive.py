@@ -9,7 +9,8 @@ import pylibfranka as fci
 
 address, ticks = sys.argv[1], int(sys.argv[2])
 robot = fci.Robot(address, fci.RealtimeConfig.kIgnore)
-# The library raises this thread to the highest real-time priority; the server needs the core too.
+# The library raises this thread to the highest real-time priority; the server needs the
+# core too.
 os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
 control = robot.start_cartesian_velocity_control(fci.ControllerMode.JointImpedance)
 done, said, start = 0, "finished", time.monotonic()

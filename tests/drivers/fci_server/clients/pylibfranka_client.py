@@ -1,4 +1,6 @@
-"""pylibfranka against the server: connect, configure, move, meet a wall, recover, retreat, stop."""
+"""pylibfranka against the server: connect, configure, move, meet a wall, recover,
+retreat, stop.
+"""
 
 import json
 import os
@@ -21,7 +23,9 @@ def carry(robot: fci.Robot, distance: float) -> None:
     while elapsed < duration:
         _, period = control.readOnce()
         elapsed += period.to_sec()
-        speed = SPEED * np.sign(distance) * (1 - np.cos(2 * np.pi * elapsed / duration)) / 2
+        speed = (
+            SPEED * np.sign(distance) * (1 - np.cos(2 * np.pi * elapsed / duration)) / 2
+        )
         control.writeOnce(fci.CartesianVelocities([0.0, speed, 0.0, 0.0, 0.0, 0.0]))
     last = fci.CartesianVelocities([0.0] * 6)
     last.motion_finished = True
@@ -33,7 +37,8 @@ def named(errors: object) -> list[str]:
 
 
 robot = fci.Robot(sys.argv[1], fci.RealtimeConfig.kIgnore)
-# The library raises this thread to the highest real-time priority; the server needs the core too.
+# The library raises this thread to the highest real-time priority; the server needs the
+# core too.
 os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
 told: dict[str, object] = {"begun": robot.read_once().robot_mode.name}
 start = robot.read_once().O_T_EE[13]
@@ -48,7 +53,10 @@ try:
     carry(robot, UNTIL_WALL)
 except fci.ControlException:
     state = robot.read_once()
-    told["reflex"] = [robot.read_once().robot_mode.name, *named(state.last_motion_errors)]
+    told["reflex"] = [
+        robot.read_once().robot_mode.name,
+        *named(state.last_motion_errors),
+    ]
 robot.automatic_error_recovery()
 configure(robot, 60.0)
 robot.read_once()

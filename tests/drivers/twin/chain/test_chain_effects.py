@@ -16,12 +16,18 @@ LINKS = 40
 
 @pytest.mark.parametrize(
     ("yield_curvature", "path", "expected"),
-    [(3.0, "triangular", -0.0381), (12.0, "triangular", -0.0462), (12.0, "circular", 0.0693)],
+    [
+        (3.0, "triangular", -0.0381),
+        (12.0, "triangular", -0.0462),
+        (12.0, "circular", 0.0693),
+    ],
 )
 def test_yarn_friction_costs_no_small_steps(
     yield_curvature: float, path: str, expected: float
 ) -> None:
-    """Expected: the rod at 1 ms. Taken as a spring, yarns were 4 to 7 mm off at 5 ms."""
+    """Expected: the rod at 1 ms. Taken as a spring, yarns were 4 to 7 mm off at 5
+    ms.
+    """
     effects = {"bending_hysteresis": {"yield_curvature": yield_curvature}}
     model = describe(paper_strip(0.1, 3 * paper_damping_minimum(0.1), effects=effects))
     t = np.arange(0.0, PATHS[path].length / 0.1, H)
@@ -31,7 +37,9 @@ def test_yarn_friction_costs_no_small_steps(
 
 def test_lightest_strip_in_the_thickest_air_stays_stable() -> None:
     light = denim(areal_density=0.02, effects={"air_drag": {"coefficient": 10.0}})
-    assert np.isfinite(fold(Chain(LINKS), describe(light), "triangular").contact_x).all()
+    assert np.isfinite(
+        fold(Chain(LINKS), describe(light), "triangular").contact_x
+    ).all()
 
 
 def test_layers_that_cling_part_later() -> None:

@@ -33,7 +33,9 @@ class Laid:
         raise AssertionError("the layers never met")
 
     def _lay(self, pose: Array) -> Array:
-        """Lower the edge about the touch, along a circle that grows to the layer's length."""
+        """Lower the edge about the touch, along a circle that grows to the layer's
+        length.
+        """
         x, z = pose[:2] - (self.touch.x, self.model.mechanics.touch_gap)
         start, radius = np.arctan2(z, x), np.hypot(x, z)
         for share in np.linspace(0.0, 1.0, 600):

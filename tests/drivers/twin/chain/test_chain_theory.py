@@ -24,7 +24,9 @@ def test_clamped_strip_bends_as_the_heavy_elastica() -> None:
     chain.release()
     tip = settle(chain, np.zeros(3), 3.0)[-1]
     expected = heavy_elastica(strip.length, strip.bending_length)
-    assert np.hypot(*(tip - expected)) < 0.01 * np.hypot(*(expected - (strip.length, 0.0)))
+    assert np.hypot(*(tip - expected)) < 0.01 * np.hypot(
+        *(expected - (strip.length, 0.0))
+    )
 
 
 def heavy_elastica(length: float, bending_length: float) -> Array:
@@ -73,6 +75,8 @@ def bent_and_let_go(model: StripModel, curvature: float) -> Array:
 def test_yarn_friction_keeps_a_sharply_bent_strip_bent_at_its_yield_curvature() -> None:
     """EI kappa = friction moment = EI yield_curvature, once the friction slid back."""
     strip = paper_strip(3.0, 0.9, length=0.1)
-    rubbing = strip.model_copy(update={"effects": {"bending_hysteresis": {"yield_curvature": 5.0}}})
+    rubbing = strip.model_copy(
+        update={"effects": {"bending_hysteresis": {"yield_curvature": 5.0}}}
+    )
     np.testing.assert_allclose(bent_and_let_go(describe(strip), 20.0), 0.0, atol=0.05)
     np.testing.assert_allclose(bent_and_let_go(describe(rubbing), 20.0), 5.0, rtol=0.02)

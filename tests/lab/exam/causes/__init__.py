@@ -1,4 +1,5 @@
-"""Hidden causes of the exam: physical laws that differ from every effect of the library.
+"""Hidden causes of the exam: physical laws that differ from every effect of the
+library.
 
 They are listed by name here, and so is every plug-in of the kind `causes`.
 """
@@ -36,16 +37,24 @@ OWN_CAUSES: Mapping[str, type[Cause]] = {
 
 @cache
 def causes() -> Mapping[str, type[Cause]]:
-    """Classes of all causes by name; raises ConfigurationError for a plug-in of another class."""
+    """Classes of all causes by name; raises ConfigurationError for a plug-in of another
+    class.
+    """
     added = plugins("causes", type, OWN_CAUSES)
     wrong = [name for name, cause in added.items() if not issubclass(cause, Cause)]
     if wrong:
-        raise ConfigurationError(f"plug-in folding_cell.causes: {wrong[0]}: is no Cause")
+        raise ConfigurationError(
+            f"plug-in folding_cell.causes: {wrong[0]}: is no Cause"
+        )
     return {**OWN_CAUSES, **added}
 
 
 def cause_of(name: str, values: Mapping[str, float]) -> Cause:
-    """Make the cause `name` from its `values`; raises ConfigurationError if one is invalid."""
+    """Make the cause `name` from its `values`; raises ConfigurationError if one is
+    invalid.
+    """
     if name not in causes():
-        raise ConfigurationError(f"causes: {name}: is not known; known: {', '.join(causes())}")
+        raise ConfigurationError(
+            f"causes: {name}: is not known; known: {', '.join(causes())}"
+        )
     return parse(dict(values), causes()[name], f"causes: {name}")

@@ -11,19 +11,22 @@ from drivers.twin.chain.forces import ForceFunction, Parts
 from drivers.types import Array
 
 Sizes = Mapping[str, Mapping[str, float]]
-LINK_ROWS = slice(1, -2)  # of the chain's bodies: all but the world, the tip and the gripper
-FORCE_XZ, FORCE_Z = slice(0, 3, 2), 2  # columns of MuJoCo's applied force; moments follow
+# of the chain's bodies: all but the world, the tip and the gripper
+LINK_ROWS = slice(1, -2)
+# columns of MuJoCo's applied force; moments follow
+FORCE_XZ, FORCE_Z = slice(0, 3, 2), 2
 
 
 class Cause(Settings):
-    """Base class of hidden causes: properties of an exam plant that no strip file can describe.
+    """Base class of hidden causes: properties of an exam plant that no strip file can
+    describe.
 
-    `amount` names the setting of its size. `answers` names the effect of
-    the library that it resembles, whose own amount then has the same name and meaning; None where
-    there is none, and the right verdict is to abstain. `sizes` are values by strength that leave
-    a gap of about 2.5 (medium) and 6 (strong) on denim, for causes that the exam draws. Values
-    are SI; of the amount `null` there is no cause. All chance comes from the generators that it is
-    given.
+    `amount` names the setting of its size. `answers` names the effect of the library
+    that it resembles, whose own amount then has the same name and meaning; None where
+    there is none, and the right verdict is to abstain. `sizes` are values by strength
+    that leave a gap of about 2.5 (medium) and 6 (strong) on denim, for causes that the
+    exam draws. Values are SI; of the amount `null` there is no cause. All chance comes
+    from the generators that it is given.
     """
 
     amount: ClassVar[str]
@@ -37,7 +40,9 @@ class Cause(Settings):
         return bool(getattr(self, self.amount) != self.null)
 
     def alter(self, model: StripModel, rng: np.random.Generator) -> StripModel:
-        """Strip model as altered by the cause in run `model.index`; `rng` is the run's own."""
+        """Strip model as altered by the cause in run `model.index`; `rng` is the run's
+        own.
+        """
         return model
 
     def begin(self, parts: Parts, rng: np.random.Generator) -> ForceFunction | None:
@@ -45,13 +50,19 @@ class Cause(Settings):
         return None
 
     def true_pose(self, pose: Array, time: float) -> Array:
-        """True pose (3,) of the edge at `time` [s] after the grasp, reported as `pose` (3,)."""
+        """True pose (3,) of the edge at `time` [s] after the grasp, reported as `pose`
+        (3,).
+        """
         return pose
 
     def image_time(self, since: float) -> float:
-        """True time [s] after the grasp that an image stamped `since` [s] after the grasp shows."""
+        """True time [s] after the grasp that an image stamped `since` [s] after the
+        grasp shows.
+        """
         return since
 
     def distortion(self, distortion: tuple[float, float]) -> tuple[float, float]:
-        """True radial distortion k1, k2 of the lens, given the calibrated `distortion`."""
+        """True radial distortion k1, k2 of the lens, given the calibrated
+        `distortion`.
+        """
         return distortion

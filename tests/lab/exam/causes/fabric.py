@@ -1,4 +1,6 @@
-"""Hidden causes in the fabric: bending, damping, creep, what changes from run to run."""
+"""Hidden causes in the fabric: bending, damping, creep, what changes from run to
+run.
+"""
 
 from dataclasses import replace
 from typing import ClassVar
@@ -14,11 +16,13 @@ from tests.lab.exam.causes.cause import Cause, Sizes
 
 
 class Dahl(Cause):
-    """Dahl's friction in addition to the elastic moment, in place of elasto-plastic elements.
+    """Dahl's friction in addition to the elastic moment, in place of elasto-plastic
+    elements.
 
-    The friction moment M obeys dM/dkappa = ratio EI (1 - s M / M_c)^exponent, where s is the sign
-    of the curvature's rate and M_c = `yield_curvature` EI. Source: Dahl, Solid friction damping
-    of mechanical vibrations, AIAA Journal 14(12), 1976; `exponent` is his i.
+    The friction moment M obeys dM/dkappa = ratio EI (1 - s M / M_c)^exponent, where s
+    is the sign of the curvature's rate and M_c = `yield_curvature` EI. Source: Dahl,
+    Solid friction damping of mechanical vibrations, AIAA Journal 14(12), 1976;
+    `exponent` is his i.
     """
 
     amount: ClassVar[str] = "yield_curvature"
@@ -39,15 +43,17 @@ class Dahl(Cause):
         return resistance(parts, element)
 
 
-LINEAR_FROM = 6.0  # curvature in units of k_s from which on the nonlinear moment stays constant
+# curvature in units of k_s from which on the nonlinear moment stays constant
+LINEAR_FROM = 6.0
 
 
 class SinhBending(Cause):
     """Elastic moment M = EI k_s sinh(kappa / k_s), or tanh where `cubic` is negative.
 
     `cubic` [m^2] is the coefficient of the law's own series: 1 / (6 k_s^2) for sinh and
-    -1 / (3 k_s^2) for tanh. Source of the saturating law: friction couples of yarns, Grosberg,
-    The mechanical properties of woven fabrics II, Text. Res. J. 36, 1966; sinh is assumed.
+    -1 / (3 k_s^2) for tanh. Source of the saturating law: friction couples of yarns,
+    Grosberg, The mechanical properties of woven fabrics II, Text. Res. J. 36, 1966;
+    sinh is assumed.
     """
 
     amount: ClassVar[str] = "cubic"
@@ -64,24 +70,31 @@ class SinhBending(Cause):
 
 
 class Excess:
-    """Nonlinear part of a sinh or tanh bending law with the angle `scale` (n + 1,) [rad]."""
+    """Nonlinear part of a sinh or tanh bending law with the angle `scale` (n + 1,)
+    [rad].
+    """
 
     def __init__(self, stiffness: Array, scale: Array, *, hard: bool) -> None:
         self._stiffness, self._scale, self._hard = stiffness, scale, hard
 
     def __call__(self, angle: Array, rate: Array, h: float) -> tuple[Array, Array]:
-        """Nonlinear moment (n + 1,) [N m] and its slope [N m/rad] at `angle` (n + 1,) [rad]."""
+        """Nonlinear moment (n + 1,) [N m] and its slope [N m/rad] at `angle` (n + 1,)
+        [rad].
+        """
         x = np.clip(angle / self._scale, -LINEAR_FROM, LINEAR_FROM)
         value = np.sinh(x) if self._hard else np.tanh(x)
         slope = np.cosh(x) if self._hard else 1.0 / np.cosh(x) ** 2
-        return self._stiffness * self._scale * (value - x), self._stiffness * (slope - 1.0)
+        return self._stiffness * self._scale * (value - x), self._stiffness * (
+            slope - 1.0
+        )
 
 
 ELEMENTS = 4
 
 
 class LogCreep(Cause):
-    """A share `ratio` of the rigidity relaxes evenly in log time from `quick` to `slow` [s].
+    """A share `ratio` of the rigidity relaxes evenly in log time from `quick` to `slow`
+    [s].
 
     Four Maxwell elements whose times are spaced evenly in the logarithm. Source: stress
     relaxation of fibres is linear in log time over decades, Morton and Hearle, Physical
@@ -103,7 +116,9 @@ class LogCreep(Cause):
 
 
 class Fading:
-    """Maxwell elements of equal stiffness `share` (n + 1,) [N m/rad] and `times` (k,) [s]."""
+    """Maxwell elements of equal stiffness `share` (n + 1,) [N m/rad] and `times` (k,)
+    [s].
+    """
 
     def __init__(self, share: Array, rest: Array, times: Array) -> None:
         self._share, self._rest, self._times = share, rest, times[:, None]
@@ -112,7 +127,9 @@ class Fading:
         self._elapsed = 0.0
 
     def __call__(self, angle: Array, rate: Array, h: float) -> tuple[Array, Array]:
-        """Moments [N m] lost by relaxation, negative, and zero slopes; dq = da - q dt / T."""
+        """Moments [N m] lost by relaxation, negative, and zero slopes; dq = da - q dt /
+        T.
+        """
         past = self._elapsed / self._times
         kept = np.ones_like(past) if self._elapsed == 0 else -np.expm1(-past) / past
         self._strain = np.exp(-past) * self._strain + kept * (angle - self._angle)
@@ -122,10 +139,11 @@ class Fading:
 
 
 class PowerDamping(Cause):
-    """Adds a moment EI `coefficient` r^2 (|kappa'| / r)^exponent against the rate kappa'.
+    """Adds a moment EI `coefficient` r^2 (|kappa'| / r)^exponent against the rate
+    kappa'.
 
-    At the rate r it is that of the library's quadratic law. Source: the power law of Ostwald and
-    de Waele, here of a dashpot; the exponent is assumed.
+    At the rate r it is that of the library's quadratic law. Source: the power law of
+    Ostwald and de Waele, here of a dashpot; the exponent is assumed.
     """
 
     amount: ClassVar[str] = "coefficient"
@@ -142,7 +160,9 @@ class PowerDamping(Cause):
         # moment = K span c r^2 (|w| / (span r))^p = [K c r (|w| / (span r))^(p - 1)] w
         size = parts.lumps.hinges.stiffness * self.coefficient * self.rate
 
-        def act(model: mujoco.MjModel, data: mujoco.MjData, _: float, __: float) -> None:
+        def act(
+            model: mujoco.MjModel, data: mujoco.MjData, _: float, __: float
+        ) -> None:
             part = np.abs(data.qvel[hinges]) / (span * self.rate)
             model.dof_damping[hinges] += size * part ** (self.exponent - 1.0)
 
@@ -150,7 +170,8 @@ class PowerDamping(Cause):
 
 
 class SmoothGradient(Cause):
-    """Rigidity factor 1 + slope / 2 sin(pi (s / L - 1/2)), at both ends that of a linear gradient.
+    """Rigidity factor 1 + slope / 2 sin(pi (s / L - 1/2)), at both ends that of a
+    linear gradient.
 
     Source: assumed; finishes and dyes vary like that from selvedge to middle.
     """
@@ -168,10 +189,11 @@ class SmoothGradient(Cause):
 
 
 class SoftSeam(Cause):
-    """Rigidity factor 1 + (factor - 1) exp(-(s - position)^2 / (2 sigma^2)) along the strip.
+    """Rigidity factor 1 + (factor - 1) exp(-(s - position)^2 / (2 sigma^2)) along the
+    strip.
 
-    sigma = width / sqrt(2 pi), so that a seam of the library as wide and as stiff has the same
-    integral. Source: assumed; glue and overlocked edges fade out.
+    sigma = width / sqrt(2 pi), so that a seam of the library as wide and as stiff has
+    the same integral. Source: assumed; glue and overlocked edges fade out.
     """
 
     amount: ClassVar[str] = "factor"
@@ -186,13 +208,17 @@ class SoftSeam(Cause):
         """Strip model with the rigidity of the seam."""
         mechanics = model.mechanics
         away = (mechanics.cells - self.position) / self.width
-        return scale_rigidity(model, 1.0 + (self.factor - 1.0) * np.exp(-np.pi * away**2))
+        return scale_rigidity(
+            model, 1.0 + (self.factor - 1.0) * np.exp(-np.pi * away**2)
+        )
 
 
 class Softening(Cause):
-    """Multiplies the retardation time by 1 - loss (1 - exp(-index / runs)); the rigidity stays.
+    """Multiplies the retardation time by 1 - loss (1 - exp(-index / runs)); the
+    rigidity stays.
 
-    Source: assumed; handle tests of fabrics are conditioned by repeated bending for this reason.
+    Source: assumed; handle tests of fabrics are conditioned by repeated bending for
+    this reason.
     """
 
     amount: ClassVar[str] = "loss"
@@ -208,7 +234,8 @@ class Softening(Cause):
 
 
 class BrokenIn(Cause):
-    """Multiplies the rigidity by `factor` from run `first` on; the retardation time stays.
+    """Multiplies the rigidity by `factor` from run `first` on; the retardation time
+    stays.
 
     Source: assumed; a size or finish that cracks when it is first bent sharply.
     """
@@ -221,18 +248,21 @@ class BrokenIn(Cause):
     first: int = Field(5, ge=1, le=100)
 
     def alter(self, model: StripModel, rng: np.random.Generator) -> StripModel:
-        """Strip model of this run, its rigidity multiplied by `factor` from run `first` on."""
+        """Strip model of this run, its rigidity multiplied by `factor` from run `first`
+        on.
+        """
         if model.index < self.first:
             return model
         return scale_rigidity(model, self.factor)
 
 
 class Humidity(Cause):
-    """Multiplies the rigidity by exp(spread g), with a new standard normal g in each run.
+    """Multiplies the rigidity by exp(spread g), with a new standard normal g in each
+    run.
 
-    The retardation time falls with its square root. Source: the bending modulus of cotton falls by
-    some 2 % for each per cent of relative humidity (Morton and Hearle, Physical Properties of
-    Textile Fibres); the rest is assumed.
+    The retardation time falls with its square root. Source: the bending modulus of
+    cotton falls by some 2 % for each per cent of relative humidity (Morton and Hearle,
+    Physical Properties of Textile Fibres); the rest is assumed.
     """
 
     amount: ClassVar[str] = "spread"

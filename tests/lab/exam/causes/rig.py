@@ -21,38 +21,51 @@ class CreepingGrip(Cause):
     rate: float = Field(ge=0, le=0.01)
 
     def true_pose(self, pose: Array, time: float) -> Array:
-        """True pose (3,) of the edge at `time` [s] after the grasp, reported as `pose` (3,)."""
+        """True pose (3,) of the edge at `time` [s] after the grasp, reported as `pose`
+        (3,).
+        """
         slid = self.rate * time
-        return np.asarray(pose - slid * np.array([np.cos(pose[2]), np.sin(pose[2]), 0.0]))
+        return np.asarray(
+            pose - slid * np.array([np.cos(pose[2]), np.sin(pose[2]), 0.0])
+        )
 
 
 GROWTH = 0.5  # s after the grasp, over which the amplitude grows
 
 
 class Wobble(Cause):
-    """Adds amplitude sin(2 pi frequency t) [m] to the edge's height, and a share of it to its x.
+    """Adds amplitude sin(2 pi frequency t) [m] to the edge's height, and a share of it
+    to its x.
 
-    Source: assumed; a fan or a pump on a bench drives the fingers behind the last encoder.
+    Source: assumed; a fan or a pump on a bench drives the fingers behind the last
+    encoder.
     """
 
     amount: ClassVar[str] = "amplitude"
-    sizes: ClassVar[Sizes] = {"medium": {"amplitude": 0.003}, "strong": {"amplitude": 0.006}}
+    sizes: ClassVar[Sizes] = {
+        "medium": {"amplitude": 0.003},
+        "strong": {"amplitude": 0.006},
+    }
 
     amplitude: float = Field(ge=0, le=0.01)  # m
     frequency: float = Field(3.7, gt=0, le=50)  # Hz
     sideways: float = Field(0.5, ge=-1, le=1)  # share of the motion along x
 
     def true_pose(self, pose: Array, time: float) -> Array:
-        """True pose (3,) of the edge at `time` [s] after the grasp, reported as `pose` (3,)."""
+        """True pose (3,) of the edge at `time` [s] after the grasp, reported as `pose`
+        (3,).
+        """
         swing = self.amplitude * min(time / GROWTH, 1.0)
         swing *= np.sin(2 * np.pi * self.frequency * time)
         return np.asarray(pose + np.array([self.sideways * swing, swing, 0.0]))
 
 
 class ClockDrift(Cause):
-    """Image stamps run ahead of the arm's clock by the share `drift` of the time since the grasp.
+    """Image stamps run ahead of the arm's clock by the share `drift` of the time since
+    the grasp.
 
-    Clocks agree at the grasp. Source: assumed; stamps by counting frames of too slow a camera.
+    Clocks agree at the grasp. Source: assumed; stamps by counting frames of too slow a
+    camera.
     """
 
     amount: ClassVar[str] = "drift"
@@ -61,15 +74,19 @@ class ClockDrift(Cause):
     drift: float = Field(ge=0, le=0.05)
 
     def image_time(self, since: float) -> float:
-        """True time [s] after the grasp that an image stamped `since` [s] after the grasp shows."""
+        """True time [s] after the grasp that an image stamped `since` [s] after the
+        grasp shows.
+        """
         return since / (1.0 + self.drift)
 
 
 class LensTouched(Cause):
     """Adds `k1` and `k2` to the calibrated radial distortion of the lens.
 
-    The exam does not draw it: up to a k1 of 0.25 the refitted base leaves nothing of it, and from
-    0.3 on the preflight refuses to fold. At the edge of a picture r is about 0.19 here: k1 of
+    The exam does not draw it: up to a k1 of 0.25 the refitted base leaves nothing of
+    it, and from
+    0.3 on the preflight refuses to fold. At the edge of a picture r is about 0.19 here:
+    k1 of
     0.1 moves it by some 2 px there. Source: Brown, Close-range camera calibration,
     Photogrammetric Engineering 37(8), 1971.
     """
@@ -80,5 +97,7 @@ class LensTouched(Cause):
     k2: float = Field(0.0, ge=-5, le=5)
 
     def distortion(self, distortion: tuple[float, float]) -> tuple[float, float]:
-        """True radial distortion k1, k2 of the lens, given the calibrated `distortion`."""
+        """True radial distortion k1, k2 of the lens, given the calibrated
+        `distortion`.
+        """
         return distortion[0] + self.k1, distortion[1] + self.k2

@@ -17,8 +17,12 @@ TINY = 1e-6  # s, over which nodes are led on to see how fast they move
 LEAST_SPEED = 1e-9  # m/s, in place of a speed of zero where one divides by it
 
 
-def link_motion(joints: Joints, position: Array, rate: Array) -> tuple[Array, Array, Array]:
-    """Midpoints (n, 2) [m] of the links, their velocities (n, 2) [m/s] and directions (n, 2)."""
+def link_motion(
+    joints: Joints, position: Array, rate: Array
+) -> tuple[Array, Array, Array]:
+    """Midpoints (n, 2) [m] of the links, their velocities (n, 2) [m/s] and directions
+    (n, 2).
+    """
     nodes = joints.nodes(position)
     speed = (joints.nodes(position + TINY * rate) - nodes) / TINY
     along = np.diff(nodes, axis=0)
@@ -27,12 +31,14 @@ def link_motion(joints: Joints, position: Array, rate: Array) -> tuple[Array, Ar
 
 
 def drag_step(parts: Parts, force: Array, speed: Array, h: float) -> Array:
-    """Drag `force` (n, 2) at velocity `speed` (n, 2) [m/s], reduced as by an implicit step `h` [s].
+    """Drag `force` (n, 2) at velocity `speed` (n, 2) [m/s], reduced as by an implicit
+    step `h` [s].
 
     Each link is stepped alone. Without this light strips are thrown back and forth.
     """
     size = np.hypot(force[:, 0], force[:, 1])
-    slope = 2.0 * size / np.maximum(np.hypot(speed[:, 0], speed[:, 1]), LEAST_SPEED)  # of v^2
+    # of v^2
+    slope = 2.0 * size / np.maximum(np.hypot(speed[:, 0], speed[:, 1]), LEAST_SPEED)
     return np.asarray(force / (1.0 + h * slope / parts.lumps.mass)[:, None])
 
 
@@ -43,9 +49,11 @@ WIND_EXPONENT = 1 / 7  # of the wind's profile below that
 class Draught(Cause):
     """Drag of the strip in a gusty wind of mean `speed` [m/s] along +x.
 
-    Drag C_d normal to the links, gusts as an Ornstein-Uhlenbeck process of relative size
-    `gusts` and memory `memory` [s], a boundary layer z^(1/7) over the desk. Source: air-conditioned
-    rooms have 0.1 to 0.4 m/s with turbulence of 40 % (ISO 7730, draught rating).
+    Drag C_d normal to the links, gusts as an Ornstein-Uhlenbeck process of relative
+    size
+    `gusts` and memory `memory` [s], a boundary layer z^(1/7) over the desk. Source:
+    air-conditioned rooms have 0.1 to 0.4 m/s with turbulence of 40 % (ISO 7730, draught
+    rating).
     """
 
     amount: ClassVar[str] = "speed"
@@ -60,7 +68,12 @@ class Draught(Cause):
         """Drag of the wind on every link."""
         lumps = parts.lumps
         size = (
-            0.5 * AIR_DENSITY * self.drag * parts.model.mechanics.width * lumps.spans * lumps.scale
+            0.5
+            * AIR_DENSITY
+            * self.drag
+            * parts.model.mechanics.width
+            * lumps.spans
+            * lumps.scale
         )
         gusts = _Gusts(self.memory, rng)
 
@@ -72,7 +85,9 @@ class Draught(Cause):
             normals = np.stack([-along[:, 1], along[:, 0]], axis=1)
             across = (relative * normals).sum(axis=1)
             force = -(size * np.abs(across) * across)[:, None] * normals
-            data.xfrc_applied[LINK_ROWS, FORCE_XZ] += drag_step(parts, force, relative, h)
+            data.xfrc_applied[LINK_ROWS, FORCE_XZ] += drag_step(
+                parts, force, relative, h
+            )
 
         return act
 
@@ -95,9 +110,10 @@ class _Gusts:
 class ObliqueDrag(Cause):
     """Drag per length 1/2 rho C width v_0^2 (|v| / v_0)^exponent, against the motion.
 
-    Its part along the strip counts `along`. The coefficient is that of a plate in normal flow,
-    C_d, at the speed v_0. Sources: Hoerner, Fluid-Dynamic Drag, 1965, chapter 3 (plates between
-    laminar friction, exponent 1.5, and separated flow, 2); Taylor, Proc. R. Soc. A 214, 1952.
+    Its part along the strip counts `along`. The coefficient is that of a plate in
+    normal flow, C_d, at the speed v_0. Sources: Hoerner, Fluid-Dynamic Drag, 1965,
+    chapter 3 (plates between laminar friction, exponent 1.5, and separated flow, 2);
+    Taylor, Proc. R. Soc. A 214, 1952.
     """
 
     amount: ClassVar[str] = "coefficient"
@@ -116,20 +132,30 @@ class ObliqueDrag(Cause):
 
         def act(_: mujoco.MjModel, data: mujoco.MjData, __: float, h: float) -> None:
             _middles, velocity, along = link_motion(parts.joints, data.qpos, data.qvel)
-            speed = np.maximum(np.hypot(velocity[:, 0], velocity[:, 1]), LEAST_SPEED)[:, None]
+            speed = np.maximum(np.hypot(velocity[:, 0], velocity[:, 1]), LEAST_SPEED)[
+                :, None
+            ]
             tangential = (velocity * along).sum(axis=1)[:, None] * along
             way = (velocity - (1.0 - self.along) * tangential) / speed
-            force = -size * lumps.spans[:, None] * (speed / self.speed) ** self.exponent * way
-            data.xfrc_applied[LINK_ROWS, FORCE_XZ] += drag_step(parts, force, velocity, h)
+            force = (
+                -size
+                * lumps.spans[:, None]
+                * (speed / self.speed) ** self.exponent
+                * way
+            )
+            data.xfrc_applied[LINK_ROWS, FORCE_XZ] += drag_step(
+                parts, force, velocity, h
+            )
 
         return act
 
 
 class StaticCling(Cause):
-    """Pull of the strip's face towards the desk, `pressure` [N/m^2] exp(-height / `reach`).
+    """Pull of the strip's face towards the desk, `pressure` [N/m^2] exp(-height /
+    `reach`).
 
-    Source: charged textiles hold some uC/m^2, that is sigma^2 / (2 eps_0) of 0.05 to 5 N/m^2;
-    the reach, as for patches of charge of alternate sign, is assumed.
+    Source: charged textiles hold some uC/m^2, that is sigma^2 / (2 eps_0) of 0.05 to 5
+    N/m^2; the reach, as for patches of charge of alternate sign, is assumed.
     """
 
     amount: ClassVar[str] = "pressure"
@@ -146,21 +172,29 @@ class StaticCling(Cause):
         def act(_: mujoco.MjModel, data: mujoco.MjData, __: float, ___: float) -> None:
             nodes = joints.nodes(data.qpos)
             height = np.maximum(0.5 * (nodes[1:, 1] + nodes[:-1, 1]), 0.0)
-            facing = np.abs(np.diff(nodes[:, 0])) / lumps.spans  # share that faces the desk
-            data.xfrc_applied[LINK_ROWS, FORCE_Z] -= size * facing * np.exp(-height / self.reach)
+            # share that faces the desk
+            facing = np.abs(np.diff(nodes[:, 0])) / lumps.spans
+            data.xfrc_applied[LINK_ROWS, FORCE_Z] -= (
+                size * facing * np.exp(-height / self.reach)
+            )
 
         return act
 
 
 class StickyPatch(Cause):
-    """Pull of the strip towards the desk, up to `pressure` [N/m^2] within `reach` [m] of the patch.
+    """Pull of the strip towards the desk, up to `pressure` [N/m^2] within `reach` [m]
+    of the patch.
 
-    The patch lies about the share `position` of the strip's length, `size` [m] long. Source:
-    assumed; what is left of adhesive tape on a desk peels at 0.1 to 1 N per metre of width.
+    The patch lies about the share `position` of the strip's length, `size` [m] long.
+    Source: assumed; what is left of adhesive tape on a desk peels at 0.1 to 1 N per
+    metre of width.
     """
 
     amount: ClassVar[str] = "pressure"
-    sizes: ClassVar[Sizes] = {"medium": {"pressure": 50.0}, "strong": {"pressure": 300.0}}
+    sizes: ClassVar[Sizes] = {
+        "medium": {"pressure": 50.0},
+        "strong": {"pressure": 300.0},
+    }
 
     pressure: float = Field(ge=0, le=1000)
     position: float = Field(0.65, gt=0, lt=1)
@@ -184,14 +218,19 @@ class StickyPatch(Cause):
 
 
 class CaughtThread(Cause):
-    """Thread from the strip to the desk under it, which tears for good at a pull of `strength` [N].
+    """Thread from the strip to the desk under it, which tears for good at a pull of
+    `strength` [N].
 
-    It is slack for its `length`, then pulls by `stiffness` times what is drawn out of the weave.
-    Source: assumed; drawing one yarn out of a woven strip takes 0.01 to 0.1 N.
+    It is slack for its `length`, then pulls by `stiffness` times what is drawn out of
+    the weave. Source: assumed; drawing one yarn out of a woven strip takes 0.01 to 0.1
+    N.
     """
 
     amount: ClassVar[str] = "strength"
-    sizes: ClassVar[Sizes] = {"medium": {"strength": 0.012}, "strong": {"strength": 0.022}}
+    sizes: ClassVar[Sizes] = {
+        "medium": {"strength": 0.012},
+        "strong": {"strength": 0.022},
+    }
 
     strength: float = Field(ge=0, le=1)  # N
     position: float = Field(0.7, gt=0.05, lt=0.95)  # share of the strip's length
@@ -202,12 +241,16 @@ class CaughtThread(Cause):
         """Pull of the thread on the link that it is tied to."""
         ends = np.cumsum(parts.lumps.spans)
         place = self.position * ends[-1]
-        return _Thread(self, parts, int(np.searchsorted(ends, place)), np.array([place, 0.0]))
+        return _Thread(
+            self, parts, int(np.searchsorted(ends, place)), np.array([place, 0.0])
+        )
 
 
 @dataclass(slots=True)
 class _Thread:
-    """Force function of a thread from the middle of link `link` to its `foot` (2,) on the desk."""
+    """Force function of a thread from the middle of link `link` to its `foot` (2,) on
+    the desk.
+    """
 
     cause: CaughtThread
     parts: Parts
@@ -215,7 +258,9 @@ class _Thread:
     foot: Array
     whole: bool = True
 
-    def __call__(self, _: mujoco.MjModel, data: mujoco.MjData, __: float, ___: float) -> None:
+    def __call__(
+        self, _: mujoco.MjModel, data: mujoco.MjData, __: float, ___: float
+    ) -> None:
         """Pull the link towards the foot, or tear."""
         nodes = self.parts.joints.nodes(data.qpos)
         to_foot = self.foot - 0.5 * (nodes[self.link] + nodes[self.link + 1])

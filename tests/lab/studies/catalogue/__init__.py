@@ -13,7 +13,9 @@ from tests.lab.studies.study import Study
 def studies() -> Mapping[str, Study]:
     """Studies by name, sorted."""
     names = (name for _, name, _ in pkgutil.iter_modules(__path__, f"{__name__}."))
-    found = (m.STUDY for m in map(importlib.import_module, names) if hasattr(m, "STUDY"))
+    found = (
+        m.STUDY for m in map(importlib.import_module, names) if hasattr(m, "STUDY")
+    )
     return {study.name: study for study in sorted(found, key=lambda study: study.name)}
 
 

@@ -1,4 +1,6 @@
-"""Study of `adaptive` on unmeasured strips, each effect hidden in turn, from noisy states."""
+"""Study of `adaptive` on unmeasured strips, each effect hidden in turn, from noisy
+states.
+"""
 
 import numpy as np
 
@@ -16,16 +18,28 @@ from tests.lab.studies.kit.folds import SIGMAS_95
 from tests.lab.studies.kit.rollouts import Kept, rough, sensing_of, stretchy
 from tests.lab.studies.study import Quantity, Statistic, Study, Values
 
-STRANGE = {"friction 20-60": rough(20.0, 60.0), "friction 90": rough(90.0, 90.1),
-           "stretch 3 N": stretchy}  # fmt: skip
+STRANGE = {
+    "friction 20-60": rough(20.0, 60.0),
+    "friction 90": rough(90.0, 90.1),
+    "stretch 3 N": stretchy,
+}
 SUBSTEP_RATE = 180.0  # Hz, of the engine's steps at every rate of images
 ROLLS = 20  # draws of every condition on the rod
-SENSED = ("nothing", "30 Hz", "3 mm noise", "half dropped", "latency +-10 ms", "latency +-30 ms")
+SENSED = (
+    "nothing",
+    "30 Hz",
+    "3 mm noise",
+    "half dropped",
+    "latency +-10 ms",
+    "latency +-30 ms",
+)
 CONDITIONS = (*SENSED, *STRANGE, *EFFECTS)
 
 
 def draw(number: int, rng: np.random.Generator) -> Values:
-    """Draw a strip in the next condition, each ROLLS times for the rod, then for the chain."""
+    """Draw a strip in the next condition, each ROLLS times for the rod, then for the
+    chain.
+    """
     times, which = divmod(number, len(CONDITIONS))
     name = CONDITIONS[which]
     if name in STRANGE:
@@ -39,7 +53,9 @@ def draw(number: int, rng: np.random.Generator) -> Values:
 
 
 def measure(case: Values) -> Values:
-    """Displacements [m] by `adaptive` and by the shifted triangle, and errors of its estimates."""
+    """Displacements [m] by `adaptive` and by the shifted triangle, and errors of its
+    estimates.
+    """
     strip = StripFile.model_validate(case["strip"])
     rate = 30.0 if case["condition"] == "30 Hz" else 60.0
     sensing = sensing_of(case["condition"])
@@ -80,7 +96,9 @@ def _last_prediction(policy: Kept, folds: Folds) -> FoldPrediction:
 
 
 def _combine(a: Estimate, b: Estimate) -> tuple[float, float]:
-    """Mean and sigma of the product of two estimates of a logarithm, taken as independent."""
+    """Mean and sigma of the product of two estimates of a logarithm, taken as
+    independent.
+    """
     means = np.log([a.value, b.value])
     weights = np.log([a.high / a.low, b.high / b.low]) ** -2.0
     return float(means @ weights / weights.sum()), 0.5 / float(np.sqrt(weights.sum()))
@@ -92,7 +110,9 @@ def _contains(estimate: Estimate, log: float) -> bool:
 
 STUDY = Study(
     name="adaptive",
-    question="How far off is `adaptive` from noisy states, with each effect hidden in turn?",
+    question=(
+        "How far off is `adaptive` from noisy states, with each effect hidden in turn?"
+    ),
     draw=draw,
     measure=measure,
     by=("engine", "condition"),
@@ -102,13 +122,33 @@ STUDY = Study(
         Quantity("d", Statistic.WORST_SIZE, label="worst |d|"),
         Quantity("shifted", Statistic.MEAN_SIZE, label="mean |d|, shifted"),
         Quantity("touched", Statistic.SHARE, "%", 100.0, label="touched", digits=0),
-        Quantity("within_1", Statistic.SHARE, "%", 100.0, label="within 1 sigma", digits=0),
-        Quantity("within_2", Statistic.SHARE, "%", 100.0, label="within 1.96", digits=0),
+        Quantity(
+            "within_1", Statistic.SHARE, "%", 100.0, label="within 1 sigma", digits=0
+        ),
+        Quantity(
+            "within_2", Statistic.SHARE, "%", 100.0, label="within 1.96", digits=0
+        ),
         Quantity("length_off", Statistic.RMS, "%", 100.0, label="length off", digits=1),
         Quantity("time_off", Statistic.RMS, "%", 100.0, label="time off", digits=0),
-        Quantity("time_off_both", Statistic.RMS, "%", 100.0, label="by two folds", digits=0),
-        Quantity("time_within", Statistic.SHARE, "%", 100.0, label="time within sigma", digits=0),
-        Quantity("time_within_both", Statistic.SHARE, "%", 100.0, label="by two folds", digits=0),
+        Quantity(
+            "time_off_both", Statistic.RMS, "%", 100.0, label="by two folds", digits=0
+        ),
+        Quantity(
+            "time_within",
+            Statistic.SHARE,
+            "%",
+            100.0,
+            label="time within sigma",
+            digits=0,
+        ),
+        Quantity(
+            "time_within_both",
+            Statistic.SHARE,
+            "%",
+            100.0,
+            label="by two folds",
+            digits=0,
+        ),
     ),
     usual=ROLLS * len(CONDITIONS),
     quick=1,

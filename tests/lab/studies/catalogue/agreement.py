@@ -1,7 +1,8 @@
 """Study of how often `adaptive` reports a strip unlike its model, rightly and wrongly.
 
 Strips as they may come are compared with a rod of what the policy believed at the touch
-(`cell.perception.model_agreement`). Laws that no description of a strip has are causes of the exam.
+(`cell.perception.model_agreement`). Laws that no description of a strip has are causes
+of the exam.
 """
 
 from collections.abc import Callable, Sequence
@@ -22,8 +23,15 @@ from tests.lab.studies.kit.rollouts import Kept, Traced, rough, sensing_of, stre
 from tests.lab.studies.study import Fit, Outcome, Quantity, Statistic, Study, Values
 
 LINKS = 80
-UNFLAGGED_SHARE = 0.99  # of the folds that behave like the model are not flagged, by each limit
-TRAINED_CONDITIONS = ("as they come", "friction 20-60", "seam", "3 mm noise", "latency +-10 ms")
+# of the folds that behave like the model are not flagged, by each limit
+UNFLAGGED_SHARE = 0.99
+TRAINED_CONDITIONS = (
+    "as they come",
+    "friction 20-60",
+    "seam",
+    "3 mm noise",
+    "latency +-10 ms",
+)
 STRANGE_LAWS = {
     "draught 0.35 m/s": ("draught", {"speed": 0.35}),
     "draught 0.55 m/s": ("draught", {"speed": 0.55}),
@@ -58,7 +66,9 @@ def draw(number: int, rng: np.random.Generator) -> Values:
 
 
 def measure(case: Values) -> Values:
-    """Displacement d [m] of a fold, whether it was flagged, and the residual [m] of the rod."""
+    """Displacement d [m] of a fold, whether it was flagged, and the residual [m] of the
+    rod.
+    """
     strip = StripFile.model_validate(case["strip"])
     law = STRANGE_LAWS.get(case["condition"])
     causes = [] if law is None else [cause_of(*law)]
@@ -66,35 +76,50 @@ def measure(case: Values) -> Values:
     engine, policy = Traced(Chain(LINKS, forces)), Kept(load_critic())
     settings = Rollout(sensing=sensing_of(case["condition"]))
     rng = np.random.default_rng([case["noise"], 1])
-    folds = roll_out(policy, engine, strip, [describe(strip)], settings=settings, rng=rng)
+    folds = roll_out(
+        policy, engine, strip, [describe(strip)], settings=settings, rng=rng
+    )
     touch, d = folds.touch[0], float(folds.displacement[0])
     if touch is None:
         return {"d": None, "flagged": None, "residual": None}
     decisions = [seen for seen in policy.seen if seen[0].time[0] <= touch.time]
     stamps = np.array([observation.stamp[0] for observation, _ in decisions])
-    new = np.concatenate([[True], np.diff(stamps) > 0])  # decisions by an image not seen before
+    # decisions by an image not seen before
+    new = np.concatenate([[True], np.diff(stamps) > 0])
     curves = np.array([observation.profile[0] for observation, _ in decisions])
     path = np.array(engine.poses)[:, 0]
-    fold = MeasuredFold.until(touch.time, np.array(engine.times), path, stamps[new], curves[new])
+    fold = MeasuredFold.until(
+        touch.time, np.array(engine.times), path, stamps[new], curves[new]
+    )
     agreed = agreement(unmeasured_strip(str(STRIP_LENGTH)), decisions[-1][1], fold)
     if agreed is None:
         return {"d": d, "flagged": None, "residual": None}
-    return {"d": d, "flagged": not agreed.like_model, "residual": agreed.residual,
-            "yield_curvature": agreed.yield_curvature}  # fmt: skip
+    return {
+        "d": d,
+        "flagged": not agreed.like_model,
+        "residual": agreed.residual,
+        "yield_curvature": agreed.yield_curvature,
+    }
 
 
 def limits(outcomes: Sequence[Outcome]) -> Values:
-    """Limits of residual [m] and curvature [1/m] that UNFLAGGED_SHARE of ordinary folds keep."""
+    """Limits of residual [m] and curvature [1/m] that UNFLAGGED_SHARE of ordinary folds
+    keep.
+    """
     rows = [o.values for o in outcomes if o.case.values["kind"] == "as trained"]
     rows = [row for row in rows if row["residual"] is not None]
-    found = {name: float(np.quantile([row[name] for row in rows], UNFLAGGED_SHARE))
-             for name in ("residual", "yield_curvature")}  # fmt: skip
+    found = {
+        name: float(np.quantile([row[name] for row in rows], UNFLAGGED_SHARE))
+        for name in ("residual", "yield_curvature")
+    }
     return {"schema": 1, **found, "share": UNFLAGGED_SHARE, "folds": len(rows)}
 
 
 STUDY = Study(
     name="agreement",
-    question="How often is a strip said not to behave like the model, rightly and wrongly?",
+    question=(
+        "How often is a strip said not to behave like the model, rightly and wrongly?"
+    ),
     draw=draw,
     measure=measure,
     by=("kind", "condition"),

@@ -1,8 +1,10 @@
-"""Study of faults hidden in the cell's arm, found from the paths of folds through its library.
+"""Study of faults hidden in the cell's arm, found from the paths of folds through its
+library.
 
-Each fault in turn is hidden in a served robot, which the client library drives in lock-step along
-FOLDS paths of a fold, in the air; what `cell fold --arm fci` would have kept of its joints is
-fitted. Links are 1 % heavier or lighter than the model, by chance.
+Each fault in turn is hidden in a served robot, which the client library drives in
+lock-step along FOLDS paths of a fold, in the air; what `cell fold --arm fci` would have
+kept of its joints is fitted. Links are 1 % heavier or lighter than the model, by
+chance.
 """
 
 import time
@@ -46,8 +48,8 @@ FAULTS: Mapping[str, Mapping[str, Any]] = {
 
 
 def drive(plant: ArmPlant, length: float, speed: float) -> Array:
-    """Ticks of the joints (n, 29) along the path of a fold of a strip of `length` [m] in the air,
-    lifted by RAISED, at `speed` [m/s].
+    """Ticks of the joints (n, 29) along the path of a fold of a strip of `length` [m]
+    in the air, lifted by RAISED, at `speed` [m/s].
     """
     settings = find_configs(None).cell()
     patient = settings.fci.model_copy(update={"start": 60.0, "answer": 60.0})
@@ -65,10 +67,14 @@ def drive(plant: ArmPlant, length: float, speed: float) -> Array:
         arm.connect()
         try:
             for k in range(int((due[-1] + 0.5) / STEP)):
-                here, soon = (interpolate_columns((k + i) * STEP, due, poses) for i in range(2))
+                here, soon = (
+                    interpolate_columns((k + i) * STEP, due, poses) for i in range(2)
+                )
                 away = here - arm.state().commanded.as_array()
                 most = [axis.velocity for axis in installation.limits.axes]
-                rate = np.clip((soon - here) / STEP + GAIN * away, np.negative(most), most)
+                rate = np.clip(
+                    (soon - here) / STEP + GAIN * away, np.negative(most), most
+                )
                 arm.set_velocity(Velocity(*rate.tolist()))
                 clock.wait_until((k + 1) * STEP)
         finally:
@@ -97,18 +103,32 @@ def draw(number: int, _rng: np.random.Generator) -> Values:
 
 
 def measure(case: Values) -> Values:
-    """Score the verdict on a case, beside the effects that it names and its processor time [s]."""
+    """Score the verdict on a case, beside the effects that it names and its processor
+    time [s].
+    """
     hidden = case["hidden"]
     with TemporaryDirectory() as place:
-        make(Path(place) / "runs", hidden, 10 * case["noise"] + list(FAULTS).index(hidden))
+        make(
+            Path(place) / "runs",
+            hidden,
+            10 * case["noise"] + list(FAULTS).index(hidden),
+        )
         began = time.process_time()
         verdict = fit([Path(place) / "runs"], ARM, Path(place) / "verdict")
         cpu = time.process_time() - began
     kind, causes = ("nothing", []) if hidden == "nothing" else ("one effect", [hidden])
-    effects = {e.name: {k: [p.value, p.low, p.high] for k, p in e.parameters.items()}
-               for e in verdict.effects}  # fmt: skip
-    return {**mechanisms.score(kind, causes, verdict), "cpu": cpu, "verdict": verdict.verdict,
-            "effects": effects, "ambiguous": verdict.ambiguous, "notes": verdict.notes}  # fmt: skip
+    effects = {
+        e.name: {k: [p.value, p.low, p.high] for k, p in e.parameters.items()}
+        for e in verdict.effects
+    }
+    return {
+        **mechanisms.score(kind, causes, verdict),
+        "cpu": cpu,
+        "verdict": verdict.verdict,
+        "effects": effects,
+        "ambiguous": verdict.ambiguous,
+        "notes": verdict.notes,
+    }
 
 
 STUDY = Study(
@@ -118,7 +138,9 @@ STUDY = Study(
     measure=measure,
     by=("hidden",),
     quantities=(
-        Quantity("by_class", Statistic.SHARE, "%", 100.0, label="right by class", digits=0),
+        Quantity(
+            "by_class", Statistic.SHARE, "%", 100.0, label="right by class", digits=0
+        ),
         Quantity("false", Statistic.SHARE, "%", 100.0, label="named falsely", digits=0),
         Quantity("cpu", Statistic.MEDIAN, "s", 1.0, label="fit, median", digits=0),
     ),

@@ -1,9 +1,11 @@
-"""Study of the prior beliefs of `cell gap`: which of them make the hidden effects most probable.
+"""Study of the prior beliefs of `cell gap`: which of them make the hidden effects most
+probable.
 
-Cases from the state hide nothing, one effect of the library, or two, at all strengths of the exam.
-The posterior over the sets that an investigation fits, and over the most promising effects where it
-sees no reason to fit any, is taken anew for each choice of two numbers: the share of the floor that
-an immaterial effect fills, and that by which a law is wrong.
+Cases from the state hide nothing, one effect of the library, or two, at all strengths
+of the exam. The posterior over the sets that an investigation fits, and over the most
+promising effects where it sees no reason to fit any, is taken anew for each choice of
+two numbers: the share of the floor that an immaterial effect fills, and that by which a
+law is wrong.
 """
 
 from collections.abc import Sequence
@@ -38,7 +40,9 @@ TURN, PAIRS = 4, 4  # a turn hides nothing, then each strength; one in four hide
 
 
 def draw(number: int, rng: np.random.Generator) -> Values:
-    """Draw the kind of a case: nothing, one effect or two; its number gives their strength."""
+    """Draw the kind of a case: nothing, one effect or two; its number gives their
+    strength.
+    """
     turn, place = divmod(number, TURN)
     seed = int(rng.integers(2**31))
     if place == 0:
@@ -49,7 +53,9 @@ def draw(number: int, rng: np.random.Generator) -> Values:
 
 def measure(case: Values) -> Values:
     """Log score [nats] of the hidden effects under each choice of the beliefs."""
-    hidden = Draw("state", case["kind"], case["number"], case["number"], case["seed"]).case()
+    hidden = Draw(
+        "state", case["kind"], case["number"], case["number"], case["seed"]
+    ).case()
     strip = find_configs(None).strip_path(hidden.strip)
     with TemporaryDirectory() as name, threadpool_limits(1, "blas"):
         make_runs(hidden, Path(name))
@@ -72,27 +78,36 @@ def measure(case: Values) -> Values:
 
 
 def _fit_promising(found: Findings) -> Fits:
-    """Fits of an investigation, with those of the most promising single effects in any case.
+    """Fits of an investigation, with those of the most promising single effects in any
+    case.
 
-    Where nothing is hidden, the screen often leaves only the base, of which any beliefs are sure.
+    Where nothing is hidden, the screen often leaves only the base, of which any beliefs
+    are sure.
     """
     scope, fits = found.subject.scope, found.fits
-    missing = [s for s in found.screen.singles[: BUDGET.singles]
-               if fits.of(frozenset(s.names)) is None]  # fmt: skip
+    missing = [
+        s
+        for s in found.screen.singles[: BUDGET.singles]
+        if fits.of(frozenset(s.names)) is None
+    ]
     search = Search(found.subject.simulate, scope.candidates, ())
     return search.fit_scored_models(fits, missing)
 
 
 def _weigh(fits: Fits, immaterial: float, wrong: float) -> Posterior:
-    prior = Beliefs.shipped().model_copy(update={"immaterial": immaterial, "wrong": wrong})
+    prior = Beliefs.shipped().model_copy(
+        update={"immaterial": immaterial, "wrong": wrong}
+    )
     return posterior(fits, fits.likelihood, prior)
 
 
 def log_score(sets: Posterior, hidden: Case) -> float:
-    """Logarithm [nats] of the probability of the hidden effects; a twin counts as the effect.
+    """Logarithm [nats] of the probability of the hidden effects; a twin counts as the
+    effect.
 
-    The score is proper (Gneiting and Raftery 2007, J. Am. Stat. Assoc. 102, 359), but for the share
-    LAPSE, without which a case whose truth was never fitted would decide alone.
+    The score is proper (Gneiting and Raftery 2007, J. Am. Stat. Assoc. 102, 359), but
+    for the share LAPSE, without which a case whose truth was never fitted would decide
+    alone.
     """
     right = with_twins(frozenset(hidden.answer))
     p = sum(model.p for model in sets.models if model.names in right)
@@ -100,23 +115,33 @@ def log_score(sets: Posterior, hidden: Case) -> float:
 
 
 def fit_beliefs(outcomes: Sequence[Outcome]) -> Values:
-    """Beliefs of the highest mean log score; a number of which the cases say nothing is kept."""
+    """Beliefs of the highest mean log score; a number of which the cases say nothing is
+    kept.
+    """
     present = Beliefs.shipped()
 
     def mean(immaterial: float, wrong: float) -> float:
         return float(np.mean([_nats(o, immaterial, wrong) for o in outcomes]))
 
-    immaterial, wrong = max(product(IMMATERIAL, WRONG_SIGMAS), key=lambda each: mean(*each))
+    immaterial, wrong = max(
+        product(IMMATERIAL, WRONG_SIGMAS), key=lambda each: mean(*each)
+    )
     highest = mean(immaterial, wrong)
-    if present.wrong in WRONG_SIGMAS and mean(immaterial, present.wrong) > highest - SILENT:
+    if (
+        present.wrong in WRONG_SIGMAS
+        and mean(immaterial, present.wrong) > highest - SILENT
+    ):
         wrong = present.wrong
-    if present.immaterial in IMMATERIAL and mean(present.immaterial, wrong) > highest - SILENT:
+    if (
+        present.immaterial in IMMATERIAL
+        and mean(present.immaterial, wrong) > highest - SILENT
+    ):
         immaterial = present.immaterial
     tried = ", ".join(f"{i} {mean(i, wrong):.3f}" for i in IMMATERIAL)
     others = ", ".join(f"{w} {mean(immaterial, w):.3f}" for w in WRONG_SIGMAS)
     source = (
-        f"mean log score [nats] of what is hidden by immaterial: {tried}; by wrong: {others}; the "
-        "rest from a prototype on thirteen cases;"
+        f"mean log score [nats] of what is hidden by immaterial: {tried}; by wrong:"
+        f" {others}; the rest from a prototype on thirteen cases;"
     )
     fitted = {"immaterial": immaterial, "wrong": wrong, "source": source}
     return present.model_copy(update=fitted).model_dump(mode="json", by_alias=True)
@@ -138,7 +163,13 @@ STUDY = Study(
     by=("kind",),
     quantities=(
         Quantity("log_score", Statistic.MEAN, "nats", 1.0),
-        Quantity("best", Statistic.MEAN, "nats", 1.0, label="at the best beliefs of each case"),
+        Quantity(
+            "best",
+            Statistic.MEAN,
+            "nats",
+            1.0,
+            label="at the best beliefs of each case",
+        ),
     ),
     fits=(Fit("cell/gap/selection/beliefs.yaml", fit_beliefs),),
     usual=48,

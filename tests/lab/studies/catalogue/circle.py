@@ -1,7 +1,8 @@
-"""Study of the whole learning cycle: fold, find and accept the missing effect, fold again.
+"""Study of the whole learning cycle: fold, find and accept the missing effect, fold
+again.
 
-Folds by the path planned from the strip file, before and after the standard runs were compared with
-their simulation; configuration is a copy. No noise is seen twice.
+Folds by the path planned from the strip file, before and after the standard runs were
+compared with their simulation; configuration is a copy. No noise is seen twice.
 """
 
 import shutil
@@ -40,8 +41,8 @@ SCATTER: tuple[ScatterLevel, ...] = ("none", "full")
 class Circle:
     """Case of the learning cycle: known `strip`, true `plant`, and a folder `work`.
 
-    Runs differ from one another by `scatter` as in the exam: at `full` by 0.3 mm of the grip in x
-    and in z, 5 % of damping and 0.5 % of stiffness, one sigma each.
+    Runs differ from one another by `scatter` as in the exam: at `full` by 0.3 mm of the
+    grip in x and in z, 5 % of damping and 0.5 % of stiffness, one sigma each.
     """
 
     strip: str
@@ -51,17 +52,25 @@ class Circle:
 
     @property
     def configs(self) -> Path:
-        """Folder of the configuration's copy, into which accepted effects are written."""
+        """Folder of the configuration's copy, into which accepted effects are
+        written.
+        """
         return self.work / "configs"
 
     def fold(self, when: str, first: int, count: int) -> list[FoldResult]:
-        """Fold `count` times on the path planned from the strip file, with seeds from `first`."""
+        """Fold `count` times on the path planned from the strip file, with seeds from
+        `first`.
+        """
         wanted = [self._request("planned", when, first + i) for i in range(count)]
         return list(self._fold_each(wanted))
 
     def learn(self, first: int) -> list[str]:
-        """Fold the standard runs, fit, and accept the named effects; returns their names."""
-        for _ in self._fold_each(standard_requests(self._request("", "standard", first))):
+        """Fold the standard runs, fit, and accept the named effects; returns their
+        names.
+        """
+        for _ in self._fold_each(
+            standard_requests(self._request("", "standard", first))
+        ):
             pass
         file = self.configs / "strips" / f"{self.strip}.yaml"
         verdict = fit([self.work / "standard"], file, self.work / "fit")
@@ -71,7 +80,9 @@ class Circle:
 
     def _fold_each(self, wanted: Sequence[Request]) -> Iterator[FoldResult]:
         if self.scatter == "none":
-            yield from (fold(request, calibration_of(request.cell)) for request in wanted)
+            yield from (
+                fold(request, calibration_of(request.cell)) for request in wanted
+            )
             return
         for request in wanted:
             settings, strip, trial = request.settings, request.strip, request.trial
@@ -82,21 +93,40 @@ class Circle:
     def _request(self, policy: str, when: str, seed: int) -> Request:
         """Request by the files as they are now: accepted effects are in them."""
         configs, trial = Configs(self.configs), Trial(plant=self.plant, seed=seed)
-        known = configs.cell(), configs.strip(self.strip), policy, self.work / when, trial
+        known = (
+            configs.cell(),
+            configs.strip(self.strip),
+            policy,
+            self.work / when,
+            trial,
+        )
         return Request(*known)
 
 
 def draw(number: int, _rng: np.random.Generator) -> Values:
-    """Draw case `number`; cases go through the hidden effects, without scatter and then with it."""
+    """Draw case `number`; cases go through the hidden effects, without scatter and then
+    with it.
+    """
     number, which = divmod(number, len(HIDDEN_VALUES))
     turn, level = divmod(number, len(SCATTER))
-    return {"strip": "denim", "hidden": list(HIDDEN_VALUES)[which], "scatter": SCATTER[level],
-            "folds": 3, "noise": turn}  # fmt: skip
+    return {
+        "strip": "denim",
+        "hidden": list(HIDDEN_VALUES)[which],
+        "scatter": SCATTER[level],
+        "folds": 3,
+        "noise": turn,
+    }
 
 
 def measure(case: Values) -> Values:
-    """Seen and true displacements [m] before and after, and the effects accepted in between."""
-    configs, first, count = find_configs(None), SEEDS_NEXT * case["noise"], case["folds"]
+    """Seen and true displacements [m] before and after, and the effects accepted in
+    between.
+    """
+    configs, first, count = (
+        find_configs(None),
+        SEEDS_NEXT * case["noise"],
+        case["folds"],
+    )
     with TemporaryDirectory() as place:
         work = Path(place)
         shutil.copytree(configs.folder, work / "configs")
@@ -119,7 +149,9 @@ def measure(case: Values) -> Values:
 
 STUDY = Study(
     name="circle",
-    question="Does a strip fold better once what its model lacked was found and accepted?",
+    question=(
+        "Does a strip fold better once what its model lacked was found and accepted?"
+    ),
     draw=draw,
     measure=measure,
     by=("strip", "hidden", "scatter"),

@@ -1,7 +1,9 @@
-"""Study of the confidence that `cell gap` states, and its calibration: verdicts against the truth.
+"""Study of the confidence that `cell gap` states, and its calibration: verdicts against
+the truth.
 
-Cases from the state hide one effect, one in eight two. From two in five the effect is withheld from
-the library, with what looks like it: whatever is named is wrong, and a law may be offered instead.
+Cases from the state hide one effect, one in eight two. From two in five the effect is
+withheld from the library, with what looks like it: whatever is named is wrong, and a
+law may be offered instead.
 """
 
 import json
@@ -25,18 +27,42 @@ from tests.lab.exam.case import STRENGTHS, Case
 from tests.lab.exam.cases import Draw
 from tests.lab.exam.from_state import make_runs
 from tests.lab.exam.score import RIGHT_RESULTS, Comparison, score
-from tests.lab.exam.targets import OUTSIDE_SHARE, Rate, log_loss, rate, rate_text, reliable
-from tests.lab.studies.study import Fit, Ledger, Outcome, Quantity, Statistic, Study, Values
+from tests.lab.exam.targets import (
+    OUTSIDE_SHARE,
+    Rate,
+    log_loss,
+    rate,
+    rate_text,
+    reliable,
+)
+from tests.lab.studies.study import (
+    Fit,
+    Ledger,
+    Outcome,
+    Quantity,
+    Statistic,
+    Study,
+    Values,
+)
 
 PAIRS = 8  # one case in so many hides two
 LACKING = (1, 3)  # of five cases, those that lack the effect
-# prior weights of the signs; the values between which they count stand in the shipped calibration
-PRIORS = {"log_odds": 3.0, "gain": 1.0, "left": -2.0, "correlated": -2.0, "correlation": -2.0}
+# prior weights of the signs; the values between which they count stand in the shipped
+# calibration
+PRIORS = {
+    "log_odds": 3.0,
+    "gain": 1.0,
+    "left": -2.0,
+    "correlated": -2.0,
+    "correlation": -2.0,
+}
 FIRM = 2.0  # one sigma of what a sign weighs about that, in log-odds
 
 
 class Name(NamedTuple):
-    """Accepted effects of a verdict: evidence, whether right, whether the cause is outside."""
+    """Accepted effects of a verdict: evidence, whether right, whether the cause is
+    outside.
+    """
 
     signs: VerdictEvidence
     right: bool
@@ -45,27 +71,42 @@ class Name(NamedTuple):
 
 
 def draw(number: int, rng: np.random.Generator) -> Values:
-    """Draw the kind of a case: one effect or two, in the library or withheld from it."""
-    kind, of_kind = ("pair", number // PAIRS) if number % PAIRS == PAIRS - 1 else ("single", number)
+    """Draw the kind of a case: one effect or two, in the library or withheld from
+    it.
+    """
+    kind, of_kind = (
+        ("pair", number // PAIRS) if number % PAIRS == PAIRS - 1 else ("single", number)
+    )
     lacks = number % 5 in LACKING
-    return {"kind": kind, "number": number, "of_kind": of_kind, "seed": int(rng.integers(2**31)),
-            "library": "lacks the effect" if lacks else "whole"}  # fmt: skip
+    return {
+        "kind": kind,
+        "number": number,
+        "of_kind": of_kind,
+        "seed": int(rng.integers(2**31)),
+        "library": "lacks the effect" if lacks else "whole",
+    }
 
 
 def measure(case: Values) -> Values:
     """Score the verdict on a case; also returns whether a law is offered."""
-    hidden = Draw("state", case["kind"], case["number"], case["of_kind"], case["seed"]).case()
+    hidden = Draw(
+        "state", case["kind"], case["number"], case["of_kind"], case["seed"]
+    ).case()
     without = names_to_withhold(hidden) if case["library"] != "whole" else []
     configs = find_configs(None)
     with TemporaryDirectory() as name:
         place = Path(name)
         make_runs(hidden, place / "runs")
         strip = configs.strip_path(hidden.strip)
-        verdict = fit([place / "runs"], strip, place / "out", FitOptions(without=without))
+        verdict = fit(
+            [place / "runs"], strip, place / "out", FitOptions(without=without)
+        )
         law = json.loads((place / "out" / RECORD).read_text(encoding="utf-8"))["law"]
     scored = score(verdict, hidden, configs.strip(hidden.strip))
     named = scored.verdict == "named"
-    found: dict[str, Any] = scored.model_dump(mode="json", exclude={"tier", "kind", "runtime"})
+    found: dict[str, Any] = scored.model_dump(
+        mode="json", exclude={"tier", "kind", "runtime"}
+    )
     return found | {
         "without": without,
         "is_named": named,
@@ -81,7 +122,9 @@ def names_to_withhold(case: Case) -> list[str]:
 
 
 def names(outcomes: Sequence[Outcome]) -> tuple[list[Name], float]:
-    """Accepted effects, named or suspected, and the share of the causes that the library lacks."""
+    """Accepted effects, named or suspected, and the share of the causes that the
+    library lacks.
+    """
     found = [
         Name(VerdictEvidence(**v["signs"]), _is_right(v), _is_outside(v), v["case"])
         for v in (o.values for o in outcomes)
@@ -92,7 +135,9 @@ def names(outcomes: Sequence[Outcome]) -> tuple[list[Name], float]:
 
 
 def _is_right(values: Values) -> bool:
-    """Whether the accepted effects of a verdict are right; of a withheld cause none are."""
+    """Whether the accepted effects of a verdict are right; of a withheld cause none
+    are.
+    """
     right = values["is_right"] if values["is_named"] else values["suspect_right"]
     return bool(right) and not values["without"]
 
@@ -103,20 +148,26 @@ def _is_outside(values: Values) -> bool:
 
 
 def shares(found: Sequence[Name], outside: float) -> Array:
-    """Weights (n,) of verdicts that give causes outside the library the OUTSIDE_SHARE."""
+    """Weights (n,) of verdicts that give causes outside the library the
+    OUTSIDE_SHARE.
+    """
     lacking = OUTSIDE_SHARE / outside if outside else 1.0
     whole = (1.0 - OUTSIDE_SHARE) / (1.0 - outside or 1.0)  # all of them may be outside
     return np.array([lacking if name.outside else whole for name in found])
 
 
 def fit_calibration(found: Sequence[Name], counts: Array, kind: str) -> Calibration:
-    """Fit the weights of the signs of a `kind` of subject to verdicts with weights `counts` (n,).
+    """Fit the weights of the signs of a `kind` of subject to verdicts with weights
+    `counts` (n,).
 
-    Logistic regression with normal priors of what each sign weighs, for few verdicts are wrong; no
-    sign speaks against its sense.
+    Logistic regression with normal priors of what each sign weighs, for few verdicts
+    are wrong; no sign speaks against its sense.
     """
     known = calibration(kind)
-    rows = [[w.share(getattr(n.signs, sign)) for sign, w in known.weights.items()] for n in found]
+    rows = [
+        [w.share(getattr(n.signs, sign)) for sign, w in known.weights.items()]
+        for n in found
+    ]
     columns = np.reshape(rows, (len(found), len(known.weights)))
     right = np.array([name.right for name in found], dtype=float)
     prior = np.array([PRIORS[sign] for sign in known.weights])
@@ -128,7 +179,9 @@ def fit_calibration(found: Sequence[Name], counts: Array, kind: str) -> Calibrat
 
     bounds = [(0.0, None) if w > 0.0 else (None, 0.0) for w in prior]
     start = np.concatenate([[0.0], prior])
-    best = optimize.minimize(loss, start, method="L-BFGS-B", bounds=[(None, None), *bounds]).x
+    best = optimize.minimize(
+        loss, start, method="L-BFGS-B", bounds=[(None, None), *bounds]
+    ).x
     intercept, *weights = best
     fitted = {
         sign: w.model_copy(update={"weight": float(value)})
@@ -137,8 +190,12 @@ def fit_calibration(found: Sequence[Name], counts: Array, kind: str) -> Calibrat
     return known.model_copy(update={"intercept": float(intercept), "weights": fitted})
 
 
-def leave_each_out(found: Sequence[Name], counts: Array, kind: str) -> list[tuple[float, bool]]:
-    """Confidence in each verdict, fitted to other cases of weights (n,), and if it is right."""
+def leave_each_out(
+    found: Sequence[Name], counts: Array, kind: str
+) -> list[tuple[float, bool]]:
+    """Confidence in each verdict, fitted to other cases of weights (n,), and if it is
+    right.
+    """
     stated = []
     for name in found:
         kept = np.array([other.case != name.case for other in found])
@@ -149,19 +206,23 @@ def leave_each_out(found: Sequence[Name], counts: Array, kind: str) -> list[tupl
 
 
 def calibrate(outcomes: Sequence[Outcome], kind: str = "strip") -> Values:
-    """Fit a `kind`'s calibration to these verdicts; its source says the loss on those left out."""
+    """Fit a `kind`'s calibration to these verdicts; its source says the loss on those
+    left out.
+    """
     found, outside = names(outcomes)
     counts = shares(found, outside)
     source = (
-        f"{len(found)} verdicts that accept, {sum(not n.right for n in found)} of them wrong, "
-        f"{sum(n.outside for n in found)} of a cause that the library lacks, counted as if "
-        f"{100 * OUTSIDE_SHARE:.0f} % of all causes were such."
+        f"{len(found)} verdicts that accept, {sum(not n.right for n in found)} of them"
+        f" wrong, {sum(n.outside for n in found)} of a cause that the library lacks,"
+        f" counted as if {100 * OUTSIDE_SHARE:.0f} % of all causes were such."
     )
     if found:
         stated = leave_each_out(found, counts, kind)
         rate = float(np.average([name.right for name in found], weights=counts))
         plain = log_loss([(rate, name.right) for name in found], counts)
-        source += f" Left out one by one, log loss {log_loss(stated, counts):.3f} nats, "
+        source += (
+            f" Left out one by one, log loss {log_loss(stated, counts):.3f} nats, "
+        )
         source += f"of one probability for all {plain:.3f}."
     return {**fit_calibration(found, counts, kind).model_dump(), "source": source}
 
@@ -172,27 +233,47 @@ def count_verdicts(outcomes: Sequence[Outcome]) -> str:
     for o in outcomes:
         number = ("nothing", "one", "two")[len(o.values["answer"])]
         of_library = "no" if o.values["without"] else "yes"
-        groups.setdefault((of_library, number, o.values["strength"] or "-"), []).append(o.values)
-    order = sorted(groups, key=lambda g: (g[0] == "no", g[1], ("-", *STRENGTHS).index(g[2])))
-    head = ["in the library", "hidden", "strength", "right, by class", "strictly", "a wrong name",
-            "a law offered", "intervals that hold the truth"]  # fmt: skip
-    return table(head, [(*group, *map(rate_text, _rates(groups[group]))) for group in order])
+        groups.setdefault((of_library, number, o.values["strength"] or "-"), []).append(
+            o.values
+        )
+    order = sorted(
+        groups, key=lambda g: (g[0] == "no", g[1], ("-", *STRENGTHS).index(g[2]))
+    )
+    head = [
+        "in the library",
+        "hidden",
+        "strength",
+        "right, by class",
+        "strictly",
+        "a wrong name",
+        "a law offered",
+        "intervals that hold the truth",
+    ]
+    return table(
+        head, [(*group, *map(rate_text, _rates(groups[group]))) for group in order]
+    )
 
 
 def _rates(verdicts: Sequence[Values]) -> Iterator[Rate]:
-    """Rates of right verdicts, strictly right ones, wrong names, laws, and right intervals."""
+    """Rates of right verdicts, strictly right ones, wrong names, laws, and right
+    intervals.
+    """
     yield rate(v["result"] in RIGHT_RESULTS and not v["without"] for v in verdicts)
     yield rate(v["result"] == "right_strict" and not v["without"] for v in verdicts)
     yield rate(v["result"] == "wrong_name" for v in verdicts)
     yield rate(bool(v["offered"]) for v in verdicts)
     checked = [
-        Comparison.model_validate(c) for v in verdicts for c in (*v["base"], *v["parameters"])
+        Comparison.model_validate(c)
+        for v in verdicts
+        for c in (*v["base"], *v["parameters"])
     ]
     yield rate(c.covered for c in checked if c.low is not None or c.high is not None)
 
 
 def judge(outcomes: Sequence[Outcome]) -> str:
-    """Counts and reliability of verdicts, for effects in the library and withheld ones."""
+    """Counts and reliability of verdicts, for effects in the library and withheld
+    ones.
+    """
     (found, outside), by = names(outcomes), calibration()
     parts = [f"{count_verdicts(outcomes)}\n"]
     groups = {"All": (False, True), "None withheld": (False,), "Withheld": (True,)}
@@ -206,16 +287,25 @@ def judge(outcomes: Sequence[Outcome]) -> str:
 
 STUDY = Study(
     name="confidence",
-    question="Is what `cell gap` names right as often as it states, in and out of its library?",
+    question=(
+        "Is what `cell gap` names right as often as it states, in and out of its"
+        " library?"
+    ),
     draw=draw,
     measure=measure,
     by=("library",),
     quantities=(
         Quantity("is_named", Statistic.SHARE, "%", 100.0, label="named", digits=0),
-        Quantity("is_right", Statistic.SHARE, "%", 100.0, label="right of these", digits=0),
+        Quantity(
+            "is_right", Statistic.SHARE, "%", 100.0, label="right of these", digits=0
+        ),
         Quantity("confidence", Statistic.MEAN, "%", 100.0, label="stated", digits=0),
-        Quantity("offered", Statistic.SHARE, "%", 100.0, label="a law offered", digits=0),
-        Quantity("simulations", Statistic.MEDIAN, "", 1.0, label="simulations", digits=0),
+        Quantity(
+            "offered", Statistic.SHARE, "%", 100.0, label="a law offered", digits=0
+        ),
+        Quantity(
+            "simulations", Statistic.MEDIAN, "", 1.0, label="simulations", digits=0
+        ),
     ),
     fits=(Fit("cell/gap/verdict/confidence.yaml", calibrate),),
     ledger=Ledger("tests/lab/ledgers/confidence.md", judge),

@@ -1,9 +1,10 @@
-"""Study of the engines' difference in base parameters: the rod fitted to noise-free chain runs.
+"""Study of the engines' difference in base parameters: the rod fitted to noise-free
+chain runs.
 
-Their shapes are 17 um apart, and a percent of damping moves a shape by 2 um. A rod on a harder desk
-and a chain of more links come closer. Every second case is led by hand, where the rod takes more of
-the difference for damping. The gap workflow takes the root mean square over cases for the model's
-own error.
+Their shapes are 17 um apart, and a percent of damping moves a shape by 2 um. A rod on a
+harder desk and a chain of more links come closer. Every second case is led by hand,
+where the rod takes more of the difference for damping. The gap workflow takes the root
+mean square over cases for the model's own error.
 """
 
 from collections.abc import Sequence
@@ -30,7 +31,9 @@ MOTIONS = ("standard", "by hand")
 
 
 class Quiet(np.random.Generator):
-    """Random generator without noise: normal numbers equal their mean, others are drawn."""
+    """Random generator without noise: normal numbers equal their mean, others are
+    drawn.
+    """
 
     def normal(self, loc: Any = 0.0, scale: Any = 1.0, size: Any = None) -> Any:
         """The mean `loc` of a normal distribution, as an array of this size."""
@@ -38,14 +41,18 @@ class Quiet(np.random.Generator):
 
 
 def draw(number: int, _rng: np.random.Generator) -> Values:
-    """Draw the next strip of the cell and its motions, which are others in each round."""
+    """Draw the next strip of the cell and its motions, which are others in each
+    round.
+    """
     strips = find_configs(None).strip_names()
     turn, strip = divmod(number // 2, len(strips))
     return {"strip": strips[strip], "motions": MOTIONS[number % 2], "order": turn}
 
 
 def measure(case: Values) -> Values:
-    """Relative errors of bending length and retardation time of the rod fitted to the chain."""
+    """Relative errors of bending length and retardation time of the rod fitted to the
+    chain.
+    """
     configs = find_configs(None)
     strip = configs.strip(case["strip"])
     with TemporaryDirectory() as place:
@@ -64,10 +71,15 @@ def measure(case: Values) -> Values:
 
 
 def _paths(case: Values, length: float) -> list[tuple[str, GripperPath]]:
-    """Condition and gripper path of each motion of `case` over a strip of `length` [m]."""
+    """Condition and gripper path of each motion of `case` over a strip of `length`
+    [m].
+    """
     names = standard_order(np.random.default_rng(case["order"]))
     if case["motions"] == "standard":
-        return [(MOTION + name, reported_path(STANDARD[name].over(length))) for name in names]
+        return [
+            (MOTION + name, reported_path(STANDARD[name].over(length)))
+            for name in names
+        ]
     paths = paths_by_hand(length, case["order"], len(names))
     return [(f"by-hand-{i}", path) for i, path in enumerate(paths, start=1)]
 
@@ -77,8 +89,12 @@ def model_error(outcomes: Sequence[Outcome]) -> Values:
     found = [o.values["damping"] for o in outcomes]
     names = list(dict.fromkeys(o.case.values["strip"] for o in outcomes))
     source = f"root mean square over {', '.join(names)};"
-    return {"schema": 1, "damping": float(np.sqrt(np.mean(np.square(found)))),
-            "strips": len(names), "source": source}  # fmt: skip
+    return {
+        "schema": 1,
+        "damping": float(np.sqrt(np.mean(np.square(found)))),
+        "strips": len(names),
+        "source": source,
+    }
 
 
 STUDY = Study(

@@ -1,4 +1,6 @@
-"""Study of faults in every state of a fold: which monitor notices each, and how the fold ends."""
+"""Study of faults in every state of a fold: which monitor notices each, and how the
+fold ends.
+"""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,21 +19,27 @@ ACCEPTABLE_VERDICTS = ("stopped", "harmless")
 
 
 def draw(number: int, _rng: np.random.Generator) -> Values:
-    """Draw case `number`; cases go through all faults, then states, then seeds of the noise."""
+    """Draw case `number`; cases go through all faults, then states, then seeds of the
+    noise.
+    """
     number, fault = divmod(number, len(FAULTS))
     seed, state = divmod(number, len(FAULT_STATES))
     return {"fault": list(FAULTS)[fault], "state": FAULT_STATES[state], "noise": seed}
 
 
 def measure(case: Values) -> Values:
-    """Result of a fold with an injected fault: times [s], distances [m], and the verdict on it."""
+    """Result of a fold with an injected fault: times [s], distances [m], and the
+    verdict on it.
+    """
     blow = Blow(case["fault"], case["state"], case["noise"])
     with TemporaryDirectory() as place:
         came = dict(strike(blow, Path(place), cached_calibration()))
         for key in ("outcome", "message"):
             came[key] = str(came[key]).replace(place, "RUNS")
     struck = came["verdict"] != "not struck"
-    return came | {"noticed": came["verdict"] in ACCEPTABLE_VERDICTS if struck else None}
+    return came | {
+        "noticed": came["verdict"] in ACCEPTABLE_VERDICTS if struck else None
+    }
 
 
 def page(outcomes: Sequence[Outcome]) -> str:
@@ -51,12 +59,18 @@ def _fault_row(fault: str, cases: Sequence[Outcome]) -> tuple[str, ...]:
     """Table row of one fault: verdicts, outcomes, worst times and distance."""
 
     def states(verdict: str) -> str:
-        some = [str(o.case.values["state"]) for o in cases if o.values["verdict"] == verdict]
+        some = [
+            str(o.case.values["state"]) for o in cases if o.values["verdict"] == verdict
+        ]
         named = ", ".join(dict.fromkeys(some))
-        return f"{verdict} {len(some)}" + (f" ({named})" if verdict == "undetected" else "")
+        return f"{verdict} {len(some)}" + (
+            f" ({named})" if verdict == "undetected" else ""
+        )
 
     stopped = [o for o in cases if o.values["verdict"] == "stopped"]
-    verdicts = ", ".join(states(v) for v in dict.fromkeys(str(o.values["verdict"]) for o in cases))
+    verdicts = ", ".join(
+        states(v) for v in dict.fromkeys(str(o.values["verdict"]) for o in cases)
+    )
     outcomes = dict.fromkeys(str(o.values["outcome"]) for o in stopped)
     named = ", ".join(f"`{name}`" for name in outcomes) or "-"
     scales = {"stop": 1.0, "rest": 1.0, "distance": 1e3}
@@ -82,14 +96,23 @@ turn ends after 1 s. The study allows a state 20 s and a turn 15 s; a cell has 6
 
 STUDY = Study(
     name="faults",
-    question="Which faults are noticed, by which monitor, and does the arm always come to rest?",
+    question=(
+        "Which faults are noticed, by which monitor, and does the arm always come to"
+        " rest?"
+    ),
     draw=draw,
     measure=measure,
     by=("fault",),
     quantities=(
-        Quantity("noticed", Statistic.SHARE, "%", 100.0, bar=100.0, floor=True, digits=0),
-        Quantity("resting", Statistic.SHARE, "%", 100.0, bar=100.0, floor=True, digits=0),
-        Quantity("within", Statistic.SHARE, "%", 100.0, bar=100.0, floor=True, digits=0),
+        Quantity(
+            "noticed", Statistic.SHARE, "%", 100.0, bar=100.0, floor=True, digits=0
+        ),
+        Quantity(
+            "resting", Statistic.SHARE, "%", 100.0, bar=100.0, floor=True, digits=0
+        ),
+        Quantity(
+            "within", Statistic.SHARE, "%", 100.0, bar=100.0, floor=True, digits=0
+        ),
         Quantity("whole", Statistic.SHARE, "%", 100.0, bar=100.0, floor=True, digits=0),
         Quantity("stop", Statistic.WORST_SIZE, "s", 1.0, label="worst to the stop"),
         Quantity("rest", Statistic.WORST_SIZE, "s", 1.0, label="worst to rest"),

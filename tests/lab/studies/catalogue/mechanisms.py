@@ -1,8 +1,8 @@
 """Study of verdicts of `cell gap` on mechanisms, of the exam or of other makers.
 
-Without `--models` they are chains of two to seven joints and a pendulum on a cart. Its folder is
-that of `pip install --no-deps --target FOLDER dm_control gymnasium robosuite airo-models
-example-robot-data`, and `cases` in it are those of `../shared`.
+Without `--models` they are chains of two to seven joints and a pendulum on a cart. Its
+folder is that of `pip install --no-deps --target FOLDER dm_control gymnasium robosuite
+airo-models example-robot-data`, and `cases` in it are those of `../shared`.
 """
 
 import os
@@ -28,14 +28,23 @@ from tests.lab.studies.study import Ledger, Outcome, Quantity, Statistic, Study,
 
 KINDS = ("nothing", "one effect", "two effects", "outside", "wrong base")
 FOLDER = "STUDY_MODELS"  # variable of the environment that a study's processes share
-RIGHT = {"wrong_mass": {"link_inertia"}, "wrong_com": {"com_error"},  # of a wrong base
-         "wrong_geometry": {"link_geometry"}}  # fmt: skip
+RIGHT = {
+    "wrong_mass": {"link_inertia"},
+    "wrong_com": {"com_error"},  # of a wrong base
+    "wrong_geometry": {"link_geometry"},
+}
 WITHHELD = 0.5  # of causes outside the library, those that are withheld from it
 
 
 def draw(number: int, rng: np.random.Generator, drawn: int = 1) -> Values:
-    """Draw what is hidden, a fifth of each kind; one effect again until it shows in its runs."""
-    models = LISTS["models"] if FOLDER in os.environ else {name: {} for name in LISTS["chains"]}
+    """Draw what is hidden, a fifth of each kind; one effect again until it shows in its
+    runs.
+    """
+    models = (
+        LISTS["models"]
+        if FOLDER in os.environ
+        else {name: {} for name in LISTS["chains"]}
+    )
     kind = KINDS[number % len(KINDS)]
     name = str(rng.choice(list(models)))
     known = models[name]
@@ -47,9 +56,15 @@ def draw(number: int, rng: np.random.Generator, drawn: int = 1) -> Values:
     causes = library if withheld else others.get(kind, library)
     hidden = [str(c) for c in rng.choice(causes, count, replace=False)]
     twins = [twin for h in hidden for twin in LISTS["twins"][mode].get(h, ())]
-    case = {"kind": kind, "model": name, "hidden": hidden, "drawn": drawn,
-            "without": [*hidden, *twins] if withheld else [], "size": float(rng.uniform(0.8, 1.6)),
-            "seed": int(rng.integers(2**31))}  # fmt: skip
+    case = {
+        "kind": kind,
+        "model": name,
+        "hidden": hidden,
+        "drawn": drawn,
+        "without": [*hidden, *twins] if withheld else [],
+        "size": float(rng.uniform(0.8, 1.6)),
+        "seed": int(rng.integers(2**31)),
+    }
     shows = kind != "one effect" or power(case) >= DETECTED_SIGMA
     return case if shows else draw(number, rng, drawn + 1)
 
@@ -66,34 +81,44 @@ def measure(case: Values) -> Values:
     shows = power(case)
     right = names_that_are_right(case["kind"], case["hidden"])
     scored = score(case["kind"], case["hidden"], verdict, shows >= DETECTED_SIGMA)
-    return {**scored, case["kind"]: scored["by_class"], "power": shows, "cpu": cpu,
-            "verdict": verdict.verdict, "ambiguous": verdict.ambiguous,
-            "stated": [[e.name, e.confidence, e.name in right] for e in verdict.effects],
-            "signs": signs(verdict),
-            "deviates": [d.parameter for d in verdict.deviates],
-            "suspected": [e.name for e in verdict.suspected]}  # fmt: skip
+    return {
+        **scored,
+        case["kind"]: scored["by_class"],
+        "power": shows,
+        "cpu": cpu,
+        "verdict": verdict.verdict,
+        "ambiguous": verdict.ambiguous,
+        "stated": [[e.name, e.confidence, e.name in right] for e in verdict.effects],
+        "signs": signs(verdict),
+        "deviates": [d.parameter for d in verdict.deviates],
+        "suspected": [e.name for e in verdict.suspected],
+    }
 
 
 def runs_of(case: Values, out: Path, noise: float = 1.0) -> Path:
     """File of the mechanism of a case, and its runs beside it, written to `out`."""
     home = Path(os.environ.get(FOLDER, ""))
-    return make_runs(home, case["model"], case["hidden"], case["size"], case["seed"], out, noise)
+    return make_runs(
+        home, case["model"], case["hidden"], case["size"], case["seed"], out, noise
+    )
 
 
 def power(case: Values) -> float:
     """Distance [sigma] by which the hidden causes of a case move its noise-free runs.
 
-    It is beyond what its model leaves with nothing hidden, and counts from DETECTED_SIGMA on.
+    It is beyond what its model leaves with nothing hidden, and counts from
+    DETECTED_SIGMA on.
     """
     moved, left = _distance(case), _distance({**case, "hidden": []})
     return float(np.sqrt(max(moved**2 - left**2, 0.0)))
 
 
 def _distance(case: Values) -> float:
-    """Distance [sigma] of the noise-free runs of a case from its model with the file's values.
+    """Distance [sigma] of the noise-free runs of a case from its model with the file's
+    values.
 
-    What a refit of the base takes up is counted by how far that carries it from the file, as the
-    page counts what it calls detectable.
+    What a refit of the base takes up is counted by how far that carries it from the
+    file, as the page counts what it calls detectable.
     """
     with TemporaryDirectory() as place:
         file = runs_of(case, Path(place), noise=0.0)
@@ -104,17 +129,25 @@ def _distance(case: Values) -> float:
 
 
 def names_that_are_right(kind: str, hidden: Sequence[str]) -> set[str]:
-    """Names of effects that count as right for the hidden causes; none for an outside one."""
-    return set() if kind == "outside" else {*hidden}.union(*(RIGHT.get(h, ()) for h in hidden))
+    """Names of effects that count as right for the hidden causes; none for an outside
+    one.
+    """
+    return (
+        set()
+        if kind == "outside"
+        else {*hidden}.union(*(RIGHT.get(h, ()) for h in hidden))
+    )
 
 
 def score(
     kind: str, hidden: Sequence[str], verdict: Verdict, shown: bool = True
 ) -> dict[str, bool | None]:
-    """Whether a verdict on `hidden` causes is right by class, names falsely, and tells a base.
+    """Whether a verdict on `hidden` causes is right by class, names falsely, and tells
+    a base.
 
-    Right is no gap where nothing is hidden, unexplained where the library has no such cause, for a
-    wrong base that its gap is told without a cause, if it is `shown` to be detectable.
+    Right is no gap where nothing is hidden, unexplained where the library has no such
+    cause, for a wrong base that its gap is told without a cause, if it is `shown` to be
+    detectable.
     """
     named = {e.name for e in verdict.effects}
     every = named.union(*verdict.ambiguous)
@@ -133,14 +166,28 @@ def score(
 
 
 def accepted(case: Values, values: Values) -> Values:
-    """Facts on the effects that a verdict on a mechanism accepted, as for confidence."""
-    right, suspected = names_that_are_right(case["kind"], case["hidden"]), values["suspected"]
-    return {"is_named": values["verdict"] == "named", "is_right": not values["false"],
-            "hidden": case["hidden"], "answer": [] if case["kind"] == "outside" else case["hidden"],
-            "suspect_right": right.issuperset(suspected) if suspected else None,
-            "result": "wrong_name" if values["false"] else "right_class", "strength": None,
-            "without": case.get("without", []), "offered": False, "confidence": None,
-            "signs": values["signs"], "base": [], "parameters": []}  # fmt: skip
+    """Facts on the effects that a verdict on a mechanism accepted, as for
+    confidence.
+    """
+    right, suspected = (
+        names_that_are_right(case["kind"], case["hidden"]),
+        values["suspected"],
+    )
+    return {
+        "is_named": values["verdict"] == "named",
+        "is_right": not values["false"],
+        "hidden": case["hidden"],
+        "answer": [] if case["kind"] == "outside" else case["hidden"],
+        "suspect_right": right.issuperset(suspected) if suspected else None,
+        "result": "wrong_name" if values["false"] else "right_class",
+        "strength": None,
+        "without": case.get("without", []),
+        "offered": False,
+        "confidence": None,
+        "signs": values["signs"],
+        "base": [],
+        "parameters": [],
+    }
 
 
 def fail(case: Values) -> Values:
@@ -150,8 +197,12 @@ def fail(case: Values) -> Values:
 
 
 def judge(outcomes: Sequence[Outcome]) -> str:
-    """Reliability of stated names, in fifths, which may be 10 points apart from 15 names on."""
-    return reliable([(p, right) for o in outcomes for _, p, right in o.values.get("stated", ())])
+    """Reliability of stated names, in fifths, which may be 10 points apart from 15
+    names on.
+    """
+    return reliable(
+        [(p, right) for o in outcomes for _, p, right in o.values.get("stated", ())]
+    )
 
 
 STUDY = Study(
@@ -161,12 +212,24 @@ STUDY = Study(
     measure=measure,
     by=("kind",),
     quantities=(
-        Quantity("by_class", Statistic.SHARE, "%", 100.0, label="right by class", digits=0),
-        Quantity("nothing", Statistic.SHARE, "%", 100.0, 97.0, True, "no gap, least 97", 0),
-        Quantity("one effect", Statistic.SHARE, "%", 100.0, 90.0, True, "one, least 90", 0),
-        Quantity("false", Statistic.SHARE, "%", 100.0, 2.0, label="false, most 2", digits=0),
-        Quantity("base", Statistic.SHARE, "%", 100.0, 80.0, True, "base told, least 80", 0),
-        Quantity("cpu", Statistic.MEDIAN, "s", 1.0, 30.0, label="median, most 30", digits=0),
+        Quantity(
+            "by_class", Statistic.SHARE, "%", 100.0, label="right by class", digits=0
+        ),
+        Quantity(
+            "nothing", Statistic.SHARE, "%", 100.0, 97.0, True, "no gap, least 97", 0
+        ),
+        Quantity(
+            "one effect", Statistic.SHARE, "%", 100.0, 90.0, True, "one, least 90", 0
+        ),
+        Quantity(
+            "false", Statistic.SHARE, "%", 100.0, 2.0, label="false, most 2", digits=0
+        ),
+        Quantity(
+            "base", Statistic.SHARE, "%", 100.0, 80.0, True, "base told, least 80", 0
+        ),
+        Quantity(
+            "cpu", Statistic.MEDIAN, "s", 1.0, 30.0, label="median, most 30", digits=0
+        ),
     ),
     ledger=Ledger("tests/lab/ledgers/mechanisms.md", judge),
     failed=fail,

@@ -1,6 +1,7 @@
 """Study of consecutive folds of one specimen by a learning cell, both right and faulty.
 
-The controller does not know what is wrong. In a wrong cell a ruler measures the first fold, once.
+The controller does not know what is wrong. In a wrong cell a ruler measures the first
+fold, once.
 """
 
 from collections.abc import Mapping
@@ -32,7 +33,11 @@ WRONG_CELLS: Mapping[str, Mapping[str, Mapping[str, float]]] = {
     "stated 0.5 mm thicker": {},
 }
 THICKER = {"stated 0.5 mm thicker": 5e-4}  # m
-SHORT_SERIES, LONG_SERIES, CHANGED_SERIES = "two folds", "three folds", "wrong from fold 4 on"
+SHORT_SERIES, LONG_SERIES, CHANGED_SERIES = (
+    "two folds",
+    "three folds",
+    "wrong from fold 4 on",
+)
 SERIES_FOLDS = {SHORT_SERIES: 2, LONG_SERIES: 3, CHANGED_SERIES: 5}
 CONDITIONS = (
     (RIGHT_CELL, SHORT_SERIES),
@@ -48,13 +53,21 @@ def draw(number: int, rng: np.random.Generator) -> Values:
     """Draw a strip for the next cell and series; every second one has yarn friction."""
     turn, which = divmod(number, len(CONDITIONS))
     cell, series = CONDITIONS[which]
-    rubs = {"bending_hysteresis": draw_friction(rng, *FRICTION_RANGE)} if (turn + which) % 2 else {}
-    content = plain_strip(rng, STRIP_LENGTH, **rubs).model_dump(mode="json", by_alias=True)
+    rubs = (
+        {"bending_hysteresis": draw_friction(rng, *FRICTION_RANGE)}
+        if (turn + which) % 2
+        else {}
+    )
+    content = plain_strip(rng, STRIP_LENGTH, **rubs).model_dump(
+        mode="json", by_alias=True
+    )
     return {"cell": cell, "series": series, "strip": content, "noise": number}
 
 
 def measure(case: Values) -> Values:
-    """Facts of each fold, the biases that the cell learned, and whether it noticed a change."""
+    """Facts of each fold, the biases that the cell learned, and whether it noticed a
+    change.
+    """
     cell, series = case["cell"], case["series"]
     found: dict[str, object] = {}
     with TemporaryDirectory() as name:
@@ -63,13 +76,20 @@ def measure(case: Values) -> Values:
         for number in range(SERIES_FOLDS[series]):
             result = _fold(case, number, place, memory)
             runs.append(Path(result.run).name)
-            found |= {f"{key}_{number + 1}": value for key, value in _facts(case, result).items()}
+            found |= {
+                f"{key}_{number + 1}": value
+                for key, value in _facts(case, result).items()
+            }
             if series == LONG_SERIES and cell != RIGHT_CELL and number == 0:
                 _measure_by_ruler(result, memory)
         since = changed_since(StripFile.model_validate(case["strip"]), memory)
     noticed = since in runs[FOLDS_BEFORE:] if series == CHANGED_SERIES else None
-    return {**found, "worse": _growth(found), "noticed": noticed,
-            "alarm": since is not None and not noticed}  # fmt: skip
+    return {
+        **found,
+        "worse": _growth(found),
+        "noticed": noticed,
+        "alarm": since is not None and not noticed,
+    }
 
 
 def _fold(case: Values, number: int, place: Path, memory: Path) -> FoldResult:
@@ -80,14 +100,21 @@ def _fold(case: Values, number: int, place: Path, memory: Path) -> FoldResult:
     )
     effects = {**strip.effects, **(WRONG_CELLS[case["cell"]] if wrong else {})}
     thicker = THICKER.get(case["cell"], 0.0) if wrong else 0.0
-    plant, seed = strip.model_copy(update={"effects": effects}), 10 * case["noise"] + number
+    plant, seed = (
+        strip.model_copy(update={"effects": effects}),
+        10 * case["noise"] + number,
+    )
     return fold_unknown(plant, seed, place, memory=memory, thicker=thicker)
 
 
 def _facts(case: Values, result: FoldResult) -> Values:
-    """Facts of one fold: d by truth, the bias left in images, errors of the estimated strip [m]."""
+    """Facts of one fold: d by truth, the bias left in images, errors of the estimated
+    strip [m].
+    """
     known, learning = compare(result), read_run(Path(result.run)).header.learning or {}
-    facts = {k: known.get(k) for k in ("outcome", "true", "edges", "within_1", "within_2")}
+    facts = {
+        k: known.get(k) for k in ("outcome", "true", "edges", "within_1", "within_2")
+    }
     facts |= {"corrected": learning["seen"], "place": learning["place"]}
     facts |= {"seen": result.displacement, "edges_seen": result.edge_offset}
     if "predicted" in known and result.displacement is not None:
@@ -103,7 +130,9 @@ def _facts(case: Values, result: FoldResult) -> Values:
 
 
 def _measure_by_ruler(result: FoldResult, memory: Path) -> None:
-    """Teach the cell the edge offset read with a ruler, where the camera saw the edges too."""
+    """Teach the cell the edge offset read with a ruler, where the camera saw the edges
+    too.
+    """
     if result.edge_offset is not None and result.edge_offset_true is not None:
         edges = RULER_MARK * round(result.edge_offset_true / RULER_MARK)
         known = Memory(find_configs(None).cell().name, memory, twin=True)
@@ -111,17 +140,26 @@ def _measure_by_ruler(result: FoldResult, memory: Path) -> None:
 
 
 def _growth(found: Mapping[str, object]) -> float | None:
-    """Increase [m] of the mean |d| from the first fold to later ones; None if one is missing."""
+    """Increase [m] of the mean |d| from the first fold to later ones; None if one is
+    missing.
+    """
     first, *others = (
         found.get(f"true_{number + 1}") for number in range(max(SERIES_FOLDS.values()))
     )
     learned = [abs(one) for one in others if isinstance(one, float)]
-    return float(np.mean(learned)) - abs(first) if learned and isinstance(first, float) else None
+    return (
+        float(np.mean(learned)) - abs(first)
+        if learned and isinstance(first, float)
+        else None
+    )
 
 
 STUDY = Study(
     name="series",
-    question="Does the second fold of a specimen profit from the first, even in a wrong cell?",
+    question=(
+        "Does the second fold of a specimen profit from the first, even in a wrong"
+        " cell?"
+    ),
     draw=draw,
     measure=measure,
     by=("cell", "series"),
@@ -136,9 +174,13 @@ STUDY = Study(
             for name, n in product(("seen", "edges"), (1, 2, 3))
         ),
         Quantity("worse", Statistic.MEAN, label="worse by learning"),
-        Quantity("time_off_1", Statistic.RMS, "%", 100.0, label="time off, fold 1", digits=0),
+        Quantity(
+            "time_off_1", Statistic.RMS, "%", 100.0, label="time off, fold 1", digits=0
+        ),
         Quantity("time_off_2", Statistic.RMS, "%", 100.0, label="fold 2", digits=0),
-        Quantity("noticed", Statistic.SHARE, "%", 100.0, label="change noticed", digits=0),
+        Quantity(
+            "noticed", Statistic.SHARE, "%", 100.0, label="change noticed", digits=0
+        ),
         Quantity("alarm", Statistic.SHARE, "%", 100.0, label="false alarm", digits=0),
     ),
     usual=12 * len(CONDITIONS),

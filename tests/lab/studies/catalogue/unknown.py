@@ -1,4 +1,5 @@
-"""Study of unmeasured strips, drawn over the paper's range, folded by `adaptive` through images.
+"""Study of unmeasured strips, drawn over the paper's range, folded by `adaptive`
+through images.
 
 A cell that knows only their length folds them, with calipers also their thickness.
 """
@@ -16,8 +17,20 @@ from drivers.types import Array
 from policies.adaptive.bias import Untrained
 from policies.adaptive.train.shard import true_belief
 from policies.adaptive.train.transfer import COVERAGE
-from policies.strip_sampling import EFFECTS, STRIP_LENGTH, draw_effect, draw_friction, plain_strip
-from tests.lab.studies.kit.folds import QUANTITIES, SIGMAS_95, cell_with_twin, compare, fold_unknown
+from policies.strip_sampling import (
+    EFFECTS,
+    STRIP_LENGTH,
+    draw_effect,
+    draw_friction,
+    plain_strip,
+)
+from tests.lab.studies.kit.folds import (
+    QUANTITIES,
+    SIGMAS_95,
+    cell_with_twin,
+    compare,
+    fold_unknown,
+)
 from tests.lab.studies.study import Fit, Outcome, Quantity, Statistic, Study, Values
 
 FRICTION_RANGE = (20.0, 60.0)  # 1/m
@@ -25,14 +38,22 @@ DISPLACEMENT_SCALE = 1e-3  # m
 CROSS_FOLDS = 5  # of the cross-validation
 EFFECT_PAIRS = ("friction+seam", "seam+stretch", "friction+hem_mass")
 CONDITIONS = (
-    *(("calipers", hidden) for hidden in ("nothing", "friction", *EFFECTS, *EFFECT_PAIRS)),
-    *((known, hidden) for known in ("length alone", "half dropped") for hidden in
-      ("nothing", "friction")),
-)  # fmt: skip
+    *(
+        ("calipers", hidden)
+        for hidden in ("nothing", "friction", *EFFECTS, *EFFECT_PAIRS)
+    ),
+    *(
+        (known, hidden)
+        for known in ("length alone", "half dropped")
+        for hidden in ("nothing", "friction")
+    ),
+)
 
 
 def draw(number: int, rng: np.random.Generator) -> Values:
-    """Draw a strip in the next condition: what the cell knows or loses, and the hidden effect."""
+    """Draw a strip in the next condition: what the cell knows or loses, and the hidden
+    effect.
+    """
     known, hidden = CONDITIONS[number % len(CONDITIONS)]
     effects = {}
     for part in hidden.split("+"):
@@ -52,9 +73,12 @@ def measure(case: Values) -> Values:
         place = Path(name)
         lost = 0.5 if case["known"] == "half dropped" else 0.0
         result = fold_unknown(
-            strip, case["noise"], place, measured=case["known"] != "length alone",
+            strip,
+            case["noise"],
+            place,
+            measured=case["known"] != "length alone",
             cell=cell_with_twin(camera={"lost": lost}),
-        )  # fmt: skip
+        )
         found = dict(compare(result)) | {"untrained": Untrained.shipped().added}
         found |= _loop_size(Path(result.run), strip.length, result.edge_offset_true)
         found |= _held(Path(result.run), strip)
@@ -83,8 +107,12 @@ def _held(run: Path, strip: StripFile) -> Values:
 
 
 def _loop_size(run: Path, length: float, edges: float | None) -> Values:
-    """Height and width [m] of the laid fold's loop, and the extra length [m] that it holds."""
-    seen = [e.facts.get("loop") for e in read_run(run).events() if e.kind == "edges_seen"]
+    """Height and width [m] of the laid fold's loop, and the extra length [m] that it
+    holds.
+    """
+    seen = [
+        e.facts.get("loop") for e in read_run(run).events() if e.kind == "edges_seen"
+    ]
     if edges is None or not seen or not isinstance(loop := seen[0], dict):
         return {}
     held = edges - (length - 2.0 * loop["tip_x"])
@@ -92,45 +120,78 @@ def _loop_size(run: Path, length: float, edges: float | None) -> Values:
 
 
 def laid_weights(outcomes: Sequence[Outcome]) -> Values:
-    """Linear model of the loop's extra length, and its cross-validated rms error [m]."""
-    kept = [o for o in outcomes if "held" in o.values and o.case.values["known"] == "calipers"]
+    """Linear model of the loop's extra length, and its cross-validated rms error
+    [m].
+    """
+    kept = [
+        o
+        for o in outcomes
+        if "held" in o.values and o.case.values["known"] == "calipers"
+    ]
     thickness = [o.case.values["strip"]["thickness"] for o in kept]
     size = [(1.0, o.values["height"], o.values["width"]) for o in kept]
-    terms, held = np.column_stack([size, thickness]), np.array([o.values["held"] for o in kept])
+    terms, held = (
+        np.column_stack([size, thickness]),
+        np.array([o.values["held"] for o in kept]),
+    )
     fold = np.arange(len(kept)) % CROSS_FOLDS
-    errors = [held[fold == k] - terms[fold == k] @ _robust_fit(terms[fold != k], held[fold != k])
-              for k in range(CROSS_FOLDS)]  # fmt: skip
+    errors = [
+        held[fold == k]
+        - terms[fold == k] @ _robust_fit(terms[fold != k], held[fold != k])
+        for k in range(CROSS_FOLDS)
+    ]
     names = ("constant", "height", "width", "thickness")
     rms = float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
-    return {"schema": 1, **dict(zip(names, _robust_fit(terms, held).tolist(), strict=True)),
-            "rms": rms, "folds": len(kept)}  # fmt: skip
+    return {
+        "schema": 1,
+        **dict(zip(names, _robust_fit(terms, held).tolist(), strict=True)),
+        "rms": rms,
+        "folds": len(kept),
+    }
 
 
 def untrained_sigma(outcomes: Sequence[Outcome]) -> Values:
-    """Addition to the critic's sigma [m] with which 68 % of all displacements are within one."""
+    """Addition to the critic's sigma [m] with which 68 % of all displacements are
+    within one.
+    """
     known = [o.values for o in outcomes if "surprise" in o.values]
     surprise = np.array([values["surprise"] for values in known])
     used = [values.get("untrained", 0.0) for values in known]
     trained = np.square([values["sigma"] for values in known]) - np.square(used)
-    added = float(np.quantile(np.sqrt(np.maximum(surprise**2 - trained, 0.0)), COVERAGE))
+    added = float(
+        np.quantile(np.sqrt(np.maximum(surprise**2 - trained, 0.0)), COVERAGE)
+    )
     ratio = np.abs(surprise) / np.sqrt(trained + added**2)
     within = [float(np.mean(ratio < sigmas)) for sigmas in (1.0, SIGMAS_95)]
-    return {"schema": 1, "added": added, "within_1": within[0], "within_2": within[1],
-            "folds": len(known)}  # fmt: skip
+    return {
+        "schema": 1,
+        "added": added,
+        "within_1": within[0],
+        "within_2": within[1],
+        "folds": len(known),
+    }
 
 
 def _robust_fit(terms: Array, values: Array) -> Array:
-    """Fit `values` (n,) [m] by `terms` (n, k) with Cauchy's loss beyond DISPLACEMENT_SCALE."""
+    """Fit `values` (n,) [m] by `terms` (n, k) with Cauchy's loss beyond
+    DISPLACEMENT_SCALE.
+    """
     found = np.linalg.lstsq(terms, values, rcond=None)[0]
     fit = least_squares(
-        lambda x: (terms @ x - values) / DISPLACEMENT_SCALE, found, loss="cauchy", x_scale="jac"
+        lambda x: (terms @ x - values) / DISPLACEMENT_SCALE,
+        found,
+        loss="cauchy",
+        x_scale="jac",
     )
     return np.asarray(fit.x)
 
 
 STUDY = Study(
     name="unknown",
-    question="How far off does `adaptive` fold strips that nobody measured, and does it say so?",
+    question=(
+        "How far off does `adaptive` fold strips that nobody measured, and does it"
+        " say so?"
+    ),
     draw=draw,
     measure=measure,
     by=("known", "hidden"),
@@ -139,7 +200,14 @@ STUDY = Study(
         Quantity("length_off", Statistic.RMS, "%", 100.0, label="length off", digits=1),
         Quantity("time_off", Statistic.RMS, "%", 100.0, label="time off", digits=0),
         *(
-            Quantity(f"{name}_held", Statistic.SHARE, "%", 100.0, label=f"{name} held", digits=0)
+            Quantity(
+                f"{name}_held",
+                Statistic.SHARE,
+                "%",
+                100.0,
+                label=f"{name} held",
+                digits=0,
+            )
             for name in ("length", "time", "friction")
         ),
     ),

@@ -1,4 +1,5 @@
-"""Study of the range in which rod and chain are valid: strips ever further from ordinary fabric.
+"""Study of the range in which rod and chain are valid: strips ever further from
+ordinary fabric.
 
 The bounds in `drivers/strip/describe.py` are read off this table.
 """
@@ -19,14 +20,26 @@ from policies.rollout import Rollout, roll_out
 from tests.lab.studies.study import Quantity, Statistic, Study, Values
 
 SWEEPS = {
-    "bending_length": (0.0135, 0.002, 0.004, 0.006, 0.008, 0.010, 0.033, 0.045, 0.06, 0.08, 0.1,
-                       0.2),
+    "bending_length": (
+        0.0135,
+        0.002,
+        0.004,
+        0.006,
+        0.008,
+        0.010,
+        0.033,
+        0.045,
+        0.06,
+        0.08,
+        0.1,
+        0.2,
+    ),
     "length": (0.1, 0.15, 0.2, 0.3, 0.45, 0.9, 1.2, 2.0),
     "width": (0.002, 0.01, 0.2, 1.0),
     "thickness": (1e-5, 1e-4, 0.004, 0.008, 0.02),
     "areal_density": (0.001, 0.01, 0.05, 2.0, 10.0, 50.0),
     "retardation_time": (0.0, 1e-3, 4e-3, 0.2, 1.0, 3.0, 10.0),
-}  # fmt: skip
+}
 CHANGES = [(key, value) for key, values in SWEEPS.items() for value in values]
 ENGINES: dict[str, tuple[Callable[[], Stepper], Callable[[], Stepper]]] = {
     "rod": (lambda: Rod(100), lambda: Rod(200)),
@@ -42,8 +55,14 @@ def draw(number: int, _rng: np.random.Generator) -> Values:
 
 
 def measure(case: Values) -> Values:
-    """Displacement d [m] along a triangle in the engine as used, and its change in a finer one."""
-    strip = find_configs(None).strip("denim").model_copy(update={case["key"]: case["value"]})
+    """Displacement d [m] along a triangle in the engine as used, and its change in a
+    finer one.
+    """
+    strip = (
+        find_configs(None)
+        .strip("denim")
+        .model_copy(update={case["key"]: case["value"]})
+    )
     coarse, fine = (_fold(make(), strip) for make in ENGINES[case["engine"]])
     if isinstance(coarse, str) or isinstance(fine, str):
         reason = coarse if isinstance(coarse, str) else fine
@@ -56,7 +75,9 @@ def _fold(engine: Stepper, strip: StripFile) -> float | str:
     policy, rng = make_policy("triangular"), np.random.default_rng(0)
     try:
         settings = Rollout(substeps=4)
-        ended = roll_out(policy, engine, strip, [describe(strip)], settings=settings, rng=rng)
+        ended = roll_out(
+            policy, engine, strip, [describe(strip)], settings=settings, rng=rng
+        )
     except CellError as error:
         return str(error).partition(":")[0]
     return float(ended.displacement[0]) if ended.touched[0] else "no touch"
@@ -64,14 +85,18 @@ def _fold(engine: Stepper, strip: StripFile) -> float | str:
 
 STUDY = Study(
     name="validity",
-    question="Where can rod and chain be believed: does half their step in space change d?",
+    question=(
+        "Where can rod and chain be believed: does half their step in space change d?"
+    ),
     draw=draw,
     measure=measure,
     by=("engine", "key", "value"),
     quantities=(
         Quantity("d", Statistic.MEAN, label="d", digits=1),
         Quantity("apart", Statistic.WORST_SIZE, label="|finer - d|", digits=1),
-        Quantity("ended", Statistic.SHARE, "%", 100.0, label="ended in a touch", digits=0),
+        Quantity(
+            "ended", Statistic.SHARE, "%", 100.0, label="ended in a touch", digits=0
+        ),
     ),
     usual=2 * len(CHANGES),
     quick=1,

@@ -1,8 +1,9 @@
-"""Study of the calibration wizards' accuracy: cameras at random places, outliers, known latencies.
+"""Study of the calibration wizards' accuracy: cameras at random places, outliers, known
+latencies.
 
-Every camera is calibrated through rendered boards and rendered touches alone; a tenth of the
-touches is wild by 4 to 40 mm, the arm is uncertain by 0.1 mm. Errors are those of the map over a
-dense grid of the work area, against the true camera.
+Every camera is calibrated through rendered boards and rendered touches alone; a tenth
+of the touches is wild by 4 to 40 mm, the arm is uncertain by 0.1 mm. Errors are those
+of the map over a dense grid of the work area, against the true camera.
 """
 
 from dataclasses import replace
@@ -52,19 +53,28 @@ def draw(number: int, rng: np.random.Generator) -> Values:
 
 
 def measure(case: Values) -> Values:
-    """Median and worst error of the map [m], and the number of wild touches that were named."""
+    """Median and worst error of the map [m], and the number of wild touches that were
+    named.
+    """
     camera = CameraSettings.model_validate(case["camera"])
     rng = np.random.default_rng([case["noise"], 1])
     boards = show_boards(camera, BoardSettings(), case["noise"])
     if boards.fit is None:
-        return {"median": None, "worst": None, "refused": True, "reasons": list(boards.reasons)}
+        return {
+            "median": None,
+            "worst": None,
+            "refused": True,
+            "reasons": list(boards.reasons),
+        }
     lens = boards.fit.lens
     verdict, wild = _touch_points(camera, lens, rng)
     reasons = [*boards.reasons, *verdict.reasons]
     if verdict.homography is None:
         return {"median": None, "worst": None, "refused": True, "reasons": reasons}
     grid = _work_area_grid(25)
-    seen = verdict.homography.to_plane(lens.undistort(Optics.from_settings(camera).plane(grid)))
+    seen = verdict.homography.to_plane(
+        lens.undistort(Optics.from_settings(camera).plane(grid))
+    )
     errors = np.hypot(*(seen - grid).T)
     return {
         "median": float(np.median(errors)),
@@ -87,18 +97,27 @@ def _work_area_grid(count: int) -> Array:
 def _touch_points(
     camera: CameraSettings, lens: Lens, rng: np.random.Generator
 ) -> tuple[TouchVerdict, int]:
-    """Image-to-plane map by the wizard, from rendered touches, and the number of wild touches."""
+    """Image-to-plane map by the wizard, from rendered touches, and the number of wild
+    touches.
+    """
     renderer, sequence = Renderer(camera, NO_STRIP, int(rng.integers(1 << 30))), 0
     points, slip = TouchedPoints(lens, TOUCHES), np.zeros(2)
     count = round(OUTLIER_SHARE * len(points.plan))
     wild = set(rng.choice(len(points.plan), count, replace=False).tolist())
     touch: tuple[int | None, bool] = (None, False)
     while (pose := points.ask()) is not None:
-        if (points.number, points.again) != touch:  # the images of one touch share its slip
+        # the images of one touch share its slip
+        if (points.number, points.again) != touch:
             touch = (points.number, points.again)
-            slips = rng.random() < OUTLIER_SHARE if points.again else points.number in wild
+            slips = (
+                rng.random() < OUTLIER_SHARE if points.again else points.number in wild
+            )
             angle = rng.uniform(0, 2 * np.pi)
-            slip = slips * rng.uniform(*SLIP_RANGE) * np.array([np.cos(angle), np.sin(angle)])
+            slip = (
+                slips
+                * rng.uniform(*SLIP_RANGE)
+                * np.array([np.cos(angle), np.sin(angle)])
+            )
         seen = replace(pose, x=pose.x + slip[0], z=max(pose.z + slip[1], LOWEST_TOUCH))
         noise = ARM_NOISE * rng.normal(size=2)
         points.tell(
@@ -118,7 +137,9 @@ STUDY = Study(
         Quantity("median", Statistic.WORST_SIZE, label="largest median error", bar=0.5),
         Quantity("worst", Statistic.WORST_SIZE, label="worst error", bar=1.0),
         Quantity("stated", Statistic.MEDIAN, label="stated residual"),
-        Quantity("refused", Statistic.COUNT, "", 1.0, bar=0.0, label="refused", digits=0),
+        Quantity(
+            "refused", Statistic.COUNT, "", 1.0, bar=0.0, label="refused", digits=0
+        ),
     ),
     usual=20,
     quick=1,

@@ -1,4 +1,6 @@
-"""One fold through images on the twin, as a case of a study, and its prediction at the touch."""
+"""One fold through images on the twin, as a case of a study, and its prediction at the
+touch.
+"""
 
 import math
 from collections.abc import Mapping
@@ -48,8 +50,8 @@ def fold_strip(
 ) -> FoldResult:
     """Fold `strip` by `policy` on the twin of the configured or given `cell`.
 
-    The record in `folder` is without images and page. With a `memory` the cell learns from it
-    there, and all its folds are of one specimen.
+    The record in `folder` is without images and page. With a `memory` the cell learns
+    from it there, and all its folds are of one specimen.
     """
     request = _request(strip, policy, folder, memory, cell)
     request = replace(request, trial=Trial(plant=plant, seed=seed))
@@ -58,7 +60,11 @@ def fold_strip(
 
 
 def _request(
-    strip: str, policy: str, folder: Path, memory: Path | None, cell: CellFile | None = None
+    strip: str,
+    policy: str,
+    folder: Path,
+    memory: Path | None,
+    cell: CellFile | None = None,
 ) -> Request:
     configs, learning = find_configs(None), Learning(SPECIMEN_NAME, memory)
     known = cell or configs.cell(), configs.strip(strip), policy, folder / "runs"
@@ -76,7 +82,9 @@ def cell_with_twin(
 
 
 def changed_since(strip: StripFile, memory: Path) -> str | None:
-    """Run since which the cell reports a change in its folds of `strip`; None without a change."""
+    """Run since which the cell reports a change in its folds of `strip`; None without a
+    change.
+    """
     name = unmeasured_name(strip.length, strip.thickness)
     request = with_correction(_request(name, "adaptive", memory, memory), "on")
     learned = request.learning.correction.learned
@@ -93,16 +101,24 @@ def fold_unknown(
     thicker: float = 0.0,
     cell: CellFile | None = None,
 ) -> FoldResult:
-    """Fold `strip` by `adaptive`, which knows its length, and its thickness if `measured`.
+    """Fold `strip` by `adaptive`, which knows its length, and its thickness if
+    `measured`.
 
-    The thickness is stated `thicker` [m] than it is; `memory` and `cell` as in `fold_strip`.
+    The thickness is stated `thicker` [m] than it is; `memory` and `cell` as in
+    `fold_strip`.
     """
-    name = unmeasured_name(strip.length, strip.thickness + thicker if measured else None)
-    return fold_strip(name, "adaptive", seed, folder, plant=strip, memory=memory, cell=cell)
+    name = unmeasured_name(
+        strip.length, strip.thickness + thicker if measured else None
+    )
+    return fold_strip(
+        name, "adaptive", seed, folder, plant=strip, memory=memory, cell=cell
+    )
 
 
 def facts(result: FoldResult) -> Mapping[str, Any]:
-    """Facts of a result for a study [m, s]: without paths and wall times, so that they repeat."""
+    """Facts of a result for a study [m, s]: without paths and wall times, so that they
+    repeat.
+    """
     seen, true = result.displacement, result.displacement_true
     return {
         "outcome": result.outcome,

@@ -21,7 +21,9 @@ Draw = Callable[[np.random.Generator], StripFile]
 
 
 class Kept(Adaptive):
-    """Policy `adaptive` for one strip that keeps every observation and the prediction after it."""
+    """Policy `adaptive` for one strip that keeps every observation and the prediction
+    after it.
+    """
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:
         """Discard the observations of the last fold."""
@@ -32,14 +34,20 @@ class Kept(Adaptive):
         """Decide, and keep observation and prediction."""
         decision = super().decide(observation)
         judged = self._recent[-1]
-        d, sigma, belief = judged.displacement[0], judged.sigma[0], judged.belief.first()
+        d, sigma, belief = (
+            judged.displacement[0],
+            judged.sigma[0],
+            judged.belief.first(),
+        )
         prediction = FoldPrediction(float(d), float(sigma), **belief, blind=False)
         self.seen.append((observation, prediction))
         return decision
 
 
 class Traced:
-    """Engine wrapper that records the grippers' motion: `times` (k,) [s], `poses` (k, n, 3)."""
+    """Engine wrapper that records the grippers' motion: `times` (k,) [s], `poses` (k,
+    n, 3).
+    """
 
     def __init__(self, engine: Stepper) -> None:
         self._engine = engine
@@ -49,7 +57,10 @@ class Traced:
     def reset(self, models: Sequence[StripModel]) -> None:
         """Start a new recording."""
         self._engine.reset(models)
-        self.times, self.poses = [0.0], [np.tile((STRIP_LENGTH, 0.0, 0.0), (len(models), 1))]
+        self.times, self.poses = (
+            [0.0],
+            [np.tile((STRIP_LENGTH, 0.0, 0.0), (len(models), 1))],
+        )
 
     def step(self, poses: Array, dt: float) -> Observables:
         """Step the engine to `poses` (n, 3) in `dt` [s], and record that."""
@@ -67,8 +78,12 @@ class Traced:
 
 
 def rough(low: float, high: float) -> Draw:
-    """Make a draw function of strips with yarn friction, its yield curvature in a range [1/m]."""
-    return lambda rng: plain_strip(rng, bending_hysteresis=draw_friction(rng, low, high))
+    """Make a draw function of strips with yarn friction, its yield curvature in a range
+    [1/m].
+    """
+    return lambda rng: plain_strip(
+        rng, bending_hysteresis=draw_friction(rng, low, high)
+    )
 
 
 def stretchy(rng: np.random.Generator) -> StripFile:
@@ -77,8 +92,13 @@ def stretchy(rng: np.random.Generator) -> StripFile:
 
 
 def sensing_of(name: str) -> Sensing:
-    """Simulated sensing in the condition called `name`: as through images where not named."""
-    late = {f"latency +-{ms} ms": replace(IMAGE_SENSING, delay_error=1e-3 * ms) for ms in (10, 30)}
+    """Simulated sensing in the condition called `name`: as through images where not
+    named.
+    """
+    late = {
+        f"latency +-{ms} ms": replace(IMAGE_SENSING, delay_error=1e-3 * ms)
+        for ms in (10, 30)
+    }
     half = replace(IMAGE_SENSING, dropped=(0.5, 0.5))
     known: Mapping[str, Any] = {"3 mm noise": LOUD, "half dropped": half, **late}
     found: Sensing = known.get(name, IMAGE_SENSING)

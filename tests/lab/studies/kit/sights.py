@@ -24,7 +24,9 @@ BEFORE_TOUCH = 0.5  # s before the touch, from which on every image counts
 
 @dataclass(frozen=True, slots=True)
 class Sight:
-    """Measurement of one image of `fold`: stamp [s], gripper pose, strip, and touch if seen."""
+    """Measurement of one image of `fold`: stamp [s], gripper pose, strip, and touch if
+    seen.
+    """
 
     stamp: float
     pose: Pose
@@ -38,7 +40,9 @@ class Sight:
         return self.seen.contact_x - self.fold.contact_x(self.stamp)
 
     def profile(self) -> tuple[Array, Array]:
-        """Signed distances (n,) [m] of measured points to the true curve, and shares (n,)."""
+        """Signed distances (n,) [m] of measured points to the true curve, and shares
+        (n,).
+        """
         return signed_distances(self.seen.profile, self.fold.shape(self.stamp))
 
 
@@ -47,8 +51,12 @@ def fold_of(strip: str, path: Path, speed: float, links: int = 60) -> TwinFold:
     return simulate_fold(find_configs(None).strip(strip), path, speed, links=links)
 
 
-def perception_of(camera: FoldCamera, strip: StripFile, calibration: Calibration) -> Perception:
-    """Perception of `strip` as it lies flat before `camera`; raises PreflightRefused where not."""
+def perception_of(
+    camera: FoldCamera, strip: StripFile, calibration: Calibration
+) -> Perception:
+    """Perception of `strip` as it lies flat before `camera`; raises PreflightRefused
+    where not.
+    """
     found = inspect(camera.flat(strip), calibration, strip)
     if found.appearance is None:
         raise PreflightRefused(f"{strip.name}: the flat strip is not recognised")
@@ -61,10 +69,11 @@ def sights(
     twin: FoldCamera | None = None,
     calibration: Calibration | None = None,
 ) -> Iterator[Sight]:
-    """Measure every `every`-th image from the take-over on, and all images near the touch.
+    """Measure every `every`-th image from the take-over on, and all images near the
+    touch.
 
-    By the camera `twin`, or that of the configured cell. Ends once the touch is seen. Raises
-    PreflightRefused where the flat strip is not recognised.
+    By the camera `twin`, or that of the configured cell. Ends once the touch is seen.
+    Raises PreflightRefused where the flat strip is not recognised.
     """
     twin = twin or FoldCamera(fold.strip, find_configs(None).cell().twin.camera)
     camera = twin.settings
@@ -72,7 +81,9 @@ def sights(
     detector = LayerTouch(fold.strip)
     near_touch = np.inf if fold.touch is None else fold.touch.time - BEFORE_TOUCH
     taken_over = float(fold.t[np.argmax(fold.poses[:, 1] >= TAKE_OVER)])
-    for sequence in range(int(taken_over * camera.rate) + 1, int(fold.t[-1] * camera.rate)):
+    for sequence in range(
+        int(taken_over * camera.rate) + 1, int(fold.t[-1] * camera.rate)
+    ):
         stamp = sequence / camera.rate
         if stamp < near_touch and sequence % every:
             continue
@@ -85,9 +96,11 @@ def sights(
 
 
 def signed_distances(points: Array, curve: Array) -> tuple[Array, Array]:
-    """Distances (n,) of points (n, 2) from a polyline (m, 2), positive at its left, shares (n,).
+    """Distances (n,) of points (n, 2) from a polyline (m, 2), positive at its left,
+    shares (n,).
 
-    A share is the place of the nearest point of the curve, in segments over their number.
+    A share is the place of the nearest point of the curve, in segments over their
+    number.
     """
     if not len(points):
         return np.zeros(0), np.zeros(0)

@@ -1,4 +1,6 @@
-"""A simulated fold of the twin with its camera images and the truth, to measure perception on."""
+"""A simulated fold of the twin with its camera images and the truth, to measure
+perception on.
+"""
 
 from dataclasses import dataclass
 
@@ -26,7 +28,9 @@ HAND_ASIDE, HAND_HEIGHT = 0.05, 0.25  # m: where the hand waits while a strip is
 
 @dataclass(frozen=True)
 class TwinFold:
-    """A simulated fold: times (k,) [s], poses (k, 3), shapes (k, n, 2), arc (n,), true touch."""
+    """A simulated fold: times (k,) [s], poses (k, 3), shapes (k, n, 2), arc (n,), true
+    touch.
+    """
 
     strip: StripFile
     t: Array
@@ -37,13 +41,18 @@ class TwinFold:
 
     def shape(self, time: float) -> Array:
         """Midline (n, 2) [m] at `time` [s], interpolated linearly."""
-        place = np.clip(time / STEP, 0, len(self.t) - 1.001)  # so that another shape follows
+        # so that another shape follows
+        place = np.clip(time / STEP, 0, len(self.t) - 1.001)
         i, share = int(place), place - int(place)
-        return np.asarray(self.shapes[i] + share * (self.shapes[i + 1] - self.shapes[i]))
+        return np.asarray(
+            self.shapes[i] + share * (self.shapes[i + 1] - self.shapes[i])
+        )
 
     def pose(self, time: float) -> Pose:
         """Gripper pose at `time` [s], interpolated linearly."""
-        return Pose(*(float(np.interp(time, self.t, self.poses[:, c])) for c in range(3)))
+        return Pose(
+            *(float(np.interp(time, self.t, self.poses[:, c])) for c in range(3))
+        )
 
     def contact_x(self, time: float) -> float:
         """True x [m] of the desk contact at `time` [s]."""
@@ -52,40 +61,60 @@ class TwinFold:
     def scene(self, time: float) -> Scene:
         """Scene for the renderer at `time` [s]."""
         pose = self.pose(time)
-        return Scene(time, self.shape(time), self.arc, pose, GRIPPED_WIDTH, holds_strip=True)
+        return Scene(
+            time, self.shape(time), self.arc, pose, GRIPPED_WIDTH, holds_strip=True
+        )
 
 
-def simulate_fold(strip: StripFile, path: Path, speed: float, *, links: int = 60) -> TwinFold:
-    """Simulate the strip along `path` at `speed` [m/s] until TIME_AFTER_TOUCH, or its end."""
+def simulate_fold(
+    strip: StripFile, path: Path, speed: float, *, links: int = 60
+) -> TwinFold:
+    """Simulate the strip along `path` at `speed` [m/s] until TIME_AFTER_TOUCH, or its
+    end.
+    """
     chain = Chain(links)
     chain.reset([describe(strip)])
     t, poses, shapes = [0.0], [path.poses(0.0)], [chain.shapes()[0].copy()]
     touch: Touch | None = None
-    while t[-1] * speed < path.length and (touch is None or t[-1] < touch.time + TIME_AFTER_TOUCH):
+    while t[-1] * speed < path.length and (
+        touch is None or t[-1] < touch.time + TIME_AFTER_TOUCH
+    ):
         t.append(t[-1] + STEP)
         poses.append(path.poses(min(t[-1] * speed, path.length)))
         touch = chain.step(poses[-1][None], STEP).touch[0]
         shapes.append(chain.shapes()[0].copy())
-    return TwinFold(strip, np.array(t), np.array(poses), np.array(shapes), chain.arc()[0], touch)
+    return TwinFold(
+        strip, np.array(t), np.array(poses), np.array(shapes), chain.arc()[0], touch
+    )
 
 
 class FoldCamera:
-    """Renders frames of a fold at any time in a look of the cell; one renderer per strip."""
+    """Renders frames of a fold at any time in a look of the cell; one renderer per
+    strip.
+    """
 
     def __init__(
-        self, strip: StripFile, settings: CameraSettings, seed: int = 0, look: Look = PLAIN
+        self,
+        strip: StripFile,
+        settings: CameraSettings,
+        seed: int = 0,
+        look: Look = PLAIN,
     ) -> None:
         self.settings = settings
         fabric = StripLook.from_file(strip, look.pattern)
         self.renderer = Renderer(settings, fabric, seed, surround=look)
 
     def flat(self, strip: StripFile, sequence: int = 0) -> Frame:
-        """Frame of the strip flat and still before the grasp, with the hand where it waits."""
+        """Frame of the strip flat and still before the grasp, with the hand where it
+        waits.
+        """
         arc = np.linspace(0, strip.length, 61)
         points = np.column_stack([arc, np.zeros_like(arc)])
         away = Pose(strip.length + HAND_ASIDE, HAND_HEIGHT, 0.0)
         scene = Scene(0.0, points, arc, away, OPEN_WIDTH, holds_strip=False)
-        return Frame(0.0, TRANSPORT, "test", sequence, self.renderer.render([scene], sequence))
+        return Frame(
+            0.0, TRANSPORT, "test", sequence, self.renderer.render([scene], sequence)
+        )
 
     def frame(self, fold: TwinFold, sequence: int) -> Frame:
         """Frame number `sequence` of the fold."""

@@ -1,6 +1,7 @@
 """Library of effects of mechanisms, a family in each file, and checks of accepted ones.
 
-Further effects come from plug-ins, entry points in the group `folding_cell.mechanism_effects`.
+Further effects come from plug-ins, entry points in the group
+`folding_cell.mechanism_effects`.
 """
 
 from collections.abc import Callable, Collection, Iterator, Mapping
@@ -33,7 +34,9 @@ def _cubic_spring(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
 
 
 def _bent_viscous(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
-    """Torque (m,) [N m] -c |q| v of viscous friction that grows with the angle `q` (m,)."""
+    """Torque (m,) [N m] -c |q| v of viscous friction that grows with the angle `q`
+    (m,).
+    """
     return -p[at] * abs(q) * v
 
 
@@ -42,13 +45,24 @@ def _load_dry(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
     return -p[at] * abs(load) * v / (abs(v) + p[1])
 
 
-def _term(name: str, sentence: str, law: Callable[..., Array],
-          size: Callable[[Mechanism], Array],
-          modes: Collection[str] = MODES) -> Effect:  # fmt: skip
-    """Descriptive effect by a torque `law` of one parameter per joint, typically 0.01 `size`."""
-    return Effect(f"term_{name}", sentence,
-                  lambda m: per_joint(m, "torque", "N m", 0.01 * size(m), signed=True), "",
-                  law=law, modes=modes)  # fmt: skip
+def _term(
+    name: str,
+    sentence: str,
+    law: Callable[..., Array],
+    size: Callable[[Mechanism], Array],
+    modes: Collection[str] = MODES,
+) -> Effect:
+    """Descriptive effect by a torque `law` of one parameter per joint, typically 0.01
+    `size`.
+    """
+    return Effect(
+        f"term_{name}",
+        sentence,
+        lambda m: per_joint(m, "torque", "N m", 0.01 * size(m), signed=True),
+        "",
+        law=law,
+        modes=modes,
+    )
 
 
 TERMS = (
@@ -56,10 +70,17 @@ TERMS = (
     _term("cubic", "rate^3", _cubic, lambda m: m.torque / m.rate**3),
     _term("cubic_spring", "angle^3", _cubic_spring, lambda m: m.torque),
     _term("bent_viscous", "|angle| rate", _bent_viscous, lambda m: m.torque / m.rate),
-    _term("load_dry", "|load| sign(rate)", _load_dry, lambda m: m.torque / m.torque,
-          (PRESCRIBED.name,)),
-)  # fmt: skip
-"""Generic joint torques that describe unexplained residuals and are never named as causes."""
+    _term(
+        "load_dry",
+        "|load| sign(rate)",
+        _load_dry,
+        lambda m: m.torque / m.torque,
+        (PRESCRIBED.name,),
+    ),
+)
+"""Generic joint torques that describe unexplained residuals and are never named as
+causes.
+"""
 
 
 @cache
@@ -67,7 +88,9 @@ def registry() -> Mapping[str, Effect]:
     """Effects of mechanisms by name: those of the library, and those of plug-ins."""
     families = map(vars, (bodies, compliance, drives, friction))
     known = {e.name: e for f in families for e in f.values() if isinstance(e, Effect)}
-    return dict(sorted({**known, **plugins("mechanism_effects", Effect, known)}.items()))
+    return dict(
+        sorted({**known, **plugins("mechanism_effects", Effect, known)}.items())
+    )
 
 
 @cache
@@ -79,16 +102,24 @@ def library() -> Mapping[str, Effect]:
 @cache
 def torques() -> Torques:
     """Joint-torque laws of all effects and descriptive terms, compiled together."""
-    return Torques([(e.name, e.law, e.keys) for e in library().values() if e.law is not None])
+    return Torques(
+        [(e.name, e.law, e.keys) for e in library().values() if e.law is not None]
+    )
 
 
 def candidates(mechanism: Mechanism) -> tuple[Candidate, ...]:
-    """Candidate effects of `mechanism`, without accepted ones and errors of uncertain fields."""
+    """Candidate effects of `mechanism`, without accepted ones and errors of uncertain
+    fields.
+    """
     file = mechanism.file
     uncertain = {spec.field for spec in file.uncertain}
-    return tuple(e.candidate(mechanism) for name, e in registry().items()
-                 if name not in file.effects and e.error_of not in uncertain
-                 and e.applies(mechanism))  # fmt: skip
+    return tuple(
+        e.candidate(mechanism)
+        for name, e in registry().items()
+        if name not in file.effects
+        and e.error_of not in uncertain
+        and e.applies(mechanism)
+    )
 
 
 def accepted_parameters(mechanism: Mechanism) -> Iterator[Parameter]:
@@ -106,13 +137,25 @@ def check_effects(mechanism: Mechanism) -> None:
     for name, values in mechanism.file.effects.items():
         origin = f"{mechanism.path}: effects.{name}"
         if name not in known:
-            raise ConfigurationError(f"{origin}: unknown effect; allowed: {', '.join(known)}")
+            raise ConfigurationError(
+                f"{origin}: unknown effect; allowed: {', '.join(known)}"
+            )
         amounts = known[name].parameters(mechanism)
-        check_values(values, amounts, known[name].with_shape(mechanism)[len(amounts) :], origin)
+        check_values(
+            values, amounts, known[name].with_shape(mechanism)[len(amounts) :], origin
+        )
 
 
-def ordered_values(effect: Effect, mechanism: Mechanism, values: Mapping[str, float]) -> Array:
-    """Values (k,) of an effect's parameters in their order; start values where not given."""
+def ordered_values(
+    effect: Effect, mechanism: Mechanism, values: Mapping[str, float]
+) -> Array:
+    """Values (k,) of an effect's parameters in their order; start values where not
+    given.
+    """
     parameters = effect.with_shape(mechanism)
-    return np.array([p.stated_value(values[p.name]) if p.name in values else p.start
-                     for p in parameters])  # fmt: skip
+    return np.array(
+        [
+            p.stated_value(values[p.name]) if p.name in values else p.start
+            for p in parameters
+        ]
+    )

@@ -1,4 +1,5 @@
-"""Effects on bodies: their place, mass and its centre, drag of the air, gravity when tilted.
+"""Effects on bodies: their place, mass and its centre, drag of the air, gravity when
+tilted.
 
 Source of places: Mooring, Roth, Driels 1991, Fundamentals of Manipulator Calibration.
 """
@@ -8,19 +9,30 @@ from typing import Any
 
 import numpy as np
 
-from cell.gap.subject.mechanism.effect import Effect, add_to, errors, per_joint, single_parameter
+from cell.gap.subject.mechanism.effect import (
+    Effect,
+    add_to,
+    errors,
+    per_joint,
+    single_parameter,
+)
 from cell.gap.subject.mechanism.model import MODES, PLANAR, Mechanism, add_point, tip
 from drivers.strip.effects.effect import Parameter
 from drivers.types import Array
 
 AIR = 1.2  # kg/m^3
-LINK_ERROR, SHORTEST = 0.05, 0.01  # of the longest link, by which joints lie elsewhere; m of it
+# of the longest link, by which joints lie elsewhere; m of it
+LINK_ERROR, SHORTEST = 0.05, 0.01
 
 
 def _moving_bodies(mechanism: Mechanism) -> list[int]:
     """Numbers of the bodies with a mass that joints move."""
     model = mechanism.model
-    return [i for i in range(1, model.nbody) if model.body_weldid[i] and model.body_mass[i] > 0.0]
+    return [
+        i
+        for i in range(1, model.nbody)
+        if model.body_weldid[i] and model.body_mass[i] > 0.0
+    ]
 
 
 def _edit_inertia(mechanism: Mechanism, values: Array, edited: Any) -> None:
@@ -31,21 +43,35 @@ def _edit_inertia(mechanism: Mechanism, values: Array, edited: Any) -> None:
 
 
 def _carried_bodies(mechanism: Mechanism) -> list[int]:
-    """Numbers of the bodies with joints that other joints carry: where they lie, others move."""
+    """Numbers of the bodies with joints that other joints carry: where they lie, others
+    move.
+    """
     model, bodies = mechanism.model, np.unique(mechanism.model.jnt_bodyid)
     return [int(i) for i in bodies if model.body_weldid[model.body_parentid[i]]]
 
 
 def _place_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    """Offsets [m] of carried bodies along the axes of their parents, by the longest link."""
+    """Offsets [m] of carried bodies along the axes of their parents, by the longest
+    link.
+    """
     model, bodies = mechanism.model, _carried_bodies(mechanism)
-    longest = max((float(np.linalg.norm(model.body_pos[i])) for i in bodies), default=0.0)
+    longest = max(
+        (float(np.linalg.norm(model.body_pos[i])) for i in bodies), default=0.0
+    )
     spread = LINK_ERROR * max(longest, SHORTEST)
     return tuple(
-        Parameter(f"{axis}_{model.body(i).name or i}", "m", 0.0, -10.0 * spread, 10.0 * spread,
-                  step=1e-4 * spread, spread=spread)
-        for i in bodies for axis in "xyz"
-    )  # fmt: skip
+        Parameter(
+            f"{axis}_{model.body(i).name or i}",
+            "m",
+            0.0,
+            -10.0 * spread,
+            10.0 * spread,
+            step=1e-4 * spread,
+            spread=spread,
+        )
+        for i in bodies
+        for axis in "xyz"
+    )
 
 
 def _edit_places(mechanism: Mechanism, values: Array, edited: Any) -> None:
@@ -56,7 +82,9 @@ def _edit_places(mechanism: Mechanism, values: Array, edited: Any) -> None:
 def _com_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
     """Offsets of the last body's centre of mass along its axes [m]."""
     size = 0.01 * max(float(np.abs(mechanism.model.body_ipos).max()), 0.01)
-    return tuple(p for axis in "xyz" for p in single_parameter(axis, "m", size, signed=True))
+    return tuple(
+        p for axis in "xyz" for p in single_parameter(axis, "m", size, signed=True)
+    )
 
 
 def _edit_com(mechanism: Mechanism, values: Array, edited: Any) -> None:
@@ -70,7 +98,9 @@ def _edit_drag(mechanism: Mechanism, values: Array, edited: Any) -> None:
 
 
 def _lean(edited: Any, x: float, y: float) -> None:
-    """Rotate the gravity of a model by `x` [rad] about its x axis, then by `y` [rad] about y."""
+    """Rotate the gravity of a model by `x` [rad] about its x axis, then by `y` [rad]
+    about y.
+    """
     gx, gy, gz = (float(g) for g in edited.opt.gravity)
     gy, gz = gy * np.cos(x) - gz * np.sin(x), gy * np.sin(x) + gz * np.cos(x)
     gx, gz = gx * np.cos(y) + gz * np.sin(y), gz * np.cos(y) - gx * np.sin(y)
@@ -79,7 +109,8 @@ def _lean(edited: Any, x: float, y: float) -> None:
 
 ARMATURE = Effect(
     name="armature",
-    sentence="drives have rotor inertia that the model lacks",  # times the gear ratio squared
+    # times the gear ratio squared
+    sentence="drives have rotor inertia that the model lacks",
     parameters=lambda m: per_joint(m, "inertia", "kg m^2", 0.01 * m.inertia),
     edit=add_to("dof_armature"),
     revealed_by="fast starts and stops",
@@ -116,7 +147,9 @@ BASE_TILT = Effect(
     sentence="the base stands tilted",
     of="rig",
     parameters=lambda _: tuple(
-        p for axis in "xy" for p in single_parameter(axis, "rad", 0.002, signed=True, high=150.0)
+        p
+        for axis in "xy"
+        for p in single_parameter(axis, "rad", 0.002, signed=True, high=150.0)
     ),
     edit=lambda _, values, edited: _lean(edited, *map(float, values)),
     revealed_by="hold still in several poses, with a level on the base",
@@ -125,7 +158,9 @@ FRAME_TILT = replace(
     BASE_TILT,
     name="frame_tilt",
     sentence="the frame stands tilted",
-    parameters=lambda _: single_parameter("angle", "rad", 0.002, signed=True, high=100.0),
+    parameters=lambda _: single_parameter(
+        "angle", "rad", 0.002, signed=True, high=100.0
+    ),
     edit=lambda _, values, edited: _lean(edited, 0.0, -float(values[0])),
     modes=(PLANAR.name,),
     revealed_by="let it hang still and read the angle",
@@ -134,7 +169,12 @@ LINK_INERTIA = Effect(
     name="link_inertia",
     sentence="links are heavier or lighter than stated, with inertia in proportion",
     parameters=lambda m: errors(
-        "error", "1", [m.model.body(i).name or i for i in _moving_bodies(m)], -0.9, 20.0, 1.0
+        "error",
+        "1",
+        [m.model.body(i).name or i for i in _moving_bodies(m)],
+        -0.9,
+        20.0,
+        1.0,
     ),
     edit=_edit_inertia,
     probes=(0.3, 3.0, 30.0),
@@ -145,6 +185,7 @@ LINK_GEOMETRY = Effect(
     sentence="joints lie elsewhere on their links than stated",
     parameters=_place_parameters,
     edit=_edit_places,
-    possible=lambda m: not m.model.neq,  # maps along closed loops are those of stated places
+    # maps along closed loops are those of stated places
+    possible=lambda m: not m.model.neq,
     revealed_by="slow motion through many poses",
 )

@@ -1,7 +1,7 @@
 """Effects of elastic parts: gears, cables, wires, pivots and the base.
 
-Sources: Spong 1987, J. Dyn. Sys. Meas. Control 109 (gears that twist); Nordin and Gutman 2002,
-Automatica 38 (play).
+Sources: Spong 1987, J. Dyn. Sys. Meas. Control 109 (gears that twist); Nordin and
+Gutman 2002, Automatica 38 (play).
 """
 
 from dataclasses import replace
@@ -29,7 +29,9 @@ def _spring_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
 
 
 def _edit_spring(mechanism: Mechanism, values: Array, edited: Any) -> None:
-    """Add a spring in parallel to each joint's own, with a rest position common to both."""
+    """Add a spring in parallel to each joint's own, with a rest position common to
+    both.
+    """
     for i, (added, rest) in enumerate(CABLE_SPRING.table(mechanism, values).T):
         if added != 0.0:
             own, own_rest = edited.jnt_stiffness[i], edited.qpos_spring[i]
@@ -38,33 +40,60 @@ def _edit_spring(mechanism: Mechanism, values: Array, edited: Any) -> None:
 
 
 def _sway_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    """Compliances of the base along and about the axes of the world, and its frequency."""
-    mass, inertia = float(mechanism.model.body_mass.sum()), float(mechanism.inertia.max())
+    """Compliances of the base along and about the axes of the world, and its
+    frequency.
+    """
+    mass, inertia = (
+        float(mechanism.model.body_mass.sum()),
+        float(mechanism.inertia.max()),
+    )
     kinds = (("compliance", "m/N", mass), ("rocking", "rad/(N m)", inertia))
-    found = [p for key, unit, moved in kinds for axis in "xyz" for p in
-             single_parameter(f"{key}_{axis}", unit, 0.04 / (moved * SWAY**2))]  # fmt: skip
+    found = [
+        p
+        for key, unit, moved in kinds
+        for axis in "xyz"
+        for p in single_parameter(f"{key}_{axis}", unit, 0.04 / (moved * SWAY**2))
+    ]
     low, *_, high = SWAYS
-    return (*found, Parameter("frequency", "rad/s", SWAY, 0.5 * low, 2.0 * high, step=1e-3 * SWAY,
-                              spread=high, role="shape"))  # fmt: skip
+    return (
+        *found,
+        Parameter(
+            "frequency",
+            "rad/s",
+            SWAY,
+            0.5 * low,
+            2.0 * high,
+            step=1e-3 * SWAY,
+            spread=high,
+            role="shape",
+        ),
+    )
 
 
-def _sway_path(mechanism: Mechanism, values: Array, t: Array, q: Array, v: Array) -> Array:
+def _sway_path(
+    mechanism: Mechanism, values: Array, t: Array, q: Array, v: Array
+) -> Array:
     """Joint torques (m, joints) [N m or N] on a mechanism whose elastic base sways.
 
-    The motion is q, v (m, joints) over t (m,) [s]; `values` are six compliances c along [m/N] and
-    about [rad/(N m)] the base's axes, natural frequency f [rad/s] and damping ratio d. By momenta
-    P(q) v of all bodies along and about these axes, and moments w of their weight, its place y
-    obeys y'' / f^2 + 2 d y' / f + y = -c ((P v)' - w); joints bear P^T y'' - (dw/dq)^T y.
+    The motion is q, v (m, joints) over t (m,) [s]; `values` are six compliances c along
+    [m/N] and about [rad/(N m)] the base's axes, natural frequency f [rad/s] and damping
+    ratio d. By momenta P(q) v of all bodies along and about these axes, and moments w
+    of their weight, its place y obeys y'' / f^2 + 2 d y' / f + y = -c ((P v)' - w);
+    joints bear P^T y'' - (dw/dq)^T y.
     """
     *compliances, frequency, damping = np.append(values, DAMPING)[:8]
     torque = np.zeros_like(q)
     if not any(compliances):
         return torque
     momenta, weights, slopes = _momenta(mechanism.model, q.tobytes())
-    force = make_interp_spline(t, np.einsum("mkn,mn->mk", momenta, v), k=5)(t, nu=1) - weights
+    force = (
+        make_interp_spline(t, np.einsum("mkn,mn->mk", momenta, v), k=5)(t, nu=1)
+        - weights
+    )
     law = ([1.0], [frequency**-2, 2.0 * damping / frequency, 1.0])
     by, of, _ = cont2discrete(law, t[1] - t[0], "foh")
-    for k in np.flatnonzero(compliances):  # at the start it follows weights, and rests otherwise
+    # at the start it follows weights, and rests otherwise
+    for k in np.flatnonzero(compliances):
         ramp = force[0, k] - t * (slopes[0, k] @ v[0])
         place = compliances[k] * (lfilter(by[0], of, ramp - force[:, k]) - ramp)
         faster = make_interp_spline(t, place, k=5)(t, nu=2)
@@ -74,9 +103,14 @@ def _sway_path(mechanism: Mechanism, values: Array, t: Array, q: Array, v: Array
 
 @lru_cache(MOTIONS)
 def _momenta(model: Any, motion: bytes) -> tuple[Array, Array, Array]:
-    """Momentum Jacobians (m, 6, joints), moments of weight (m, 6), and slopes of these by joint."""
+    """Momentum Jacobians (m, 6, joints), moments of weight (m, 6), and slopes of these
+    by joint.
+    """
     q = np.frombuffer(motion).reshape(-1, model.nv)
-    mass, foot = model.body_mass.sum(), model.body_pos[model.body_rootid[model.jnt_bodyid[0]]]
+    mass, foot = (
+        model.body_mass.sum(),
+        model.body_pos[model.body_rootid[model.jnt_bodyid[0]]],
+    )
     arms, (linear, angular) = np.zeros((len(q), 3)), np.zeros((2, len(q), 3, model.nv))
     along = poses(model, q, mujoco.mj_kinematics)
     for data, *found, arm in zip(along, linear, angular, arms, strict=True):
@@ -96,16 +130,19 @@ JOINT_ELASTICITY = Effect(
     name="joint_elasticity",
     sentence="gears twist: links spring on their motors",
     # a typical one makes the link resonate at 300 times the rate
-    parameters=lambda m: per_joint(m, "compliance", "rad/(N m)",
-                                   0.01 / (m.inertia * (30.0 * m.rate) ** 2)),
+    parameters=lambda m: per_joint(
+        m, "compliance", "rad/(N m)", 0.01 / (m.inertia * (30.0 * m.rate) ** 2)
+    ),
     possible=lambda m: m.mode.splits(m.model),
     read="elastic",
     revealed_by="fast starts and stops: the link rings on",
-)  # fmt: skip
+)
 BACKLASH = Effect(
     name="backlash",
     sentence="gears have play",
-    parameters=lambda m: per_joint(m, "gap", "rad", 0.001 * np.ones(len(m.joints)), high=100.0),
+    parameters=lambda m: per_joint(
+        m, "gap", "rad", 0.001 * np.ones(len(m.joints)), high=100.0
+    ),
     possible=lambda m: m.mode.splits(m.model),
     read="gap",
     revealed_by="slow motion there and back through the load's turning point",
@@ -114,13 +151,20 @@ CABLE_SPRING = Effect(
     name="cable_spring",
     sentence="cables pull joints back like springs",
     parameters=lambda m: per_joint(m, "stiffness", "N m/rad", 0.01 * m.torque),
-    shape=lambda m: per_joint(m, "rest", "rad", 0.05 * np.ones(len(m.joints)), signed=True,
-                              role="shape", high=120.0),
+    shape=lambda m: per_joint(
+        m,
+        "rest",
+        "rad",
+        0.05 * np.ones(len(m.joints)),
+        signed=True,
+        role="shape",
+        high=120.0,
+    ),
     keys=2,
     law=_spring_law,
     edit=_edit_spring,
     revealed_by="slow motion over the whole range, there and back",
-)  # fmt: skip
+)
 WIRE_SPRING = replace(
     CABLE_SPRING,
     name="wire_spring",
@@ -143,7 +187,9 @@ BASE_COMPLIANCE = Effect(
     of="rig",
     parameters=_sway_parameters,
     shape=lambda _: (
-        Parameter("damping", "1", DAMPING, 1e-3, 1.0, step=1e-4, spread=0.1, role="shape"),
+        Parameter(
+            "damping", "1", DAMPING, 1e-3, 1.0, step=1e-4, spread=0.1, role="shape"
+        ),
     ),
     path=_sway_path,
     modes=(PRESCRIBED.name,),

@@ -1,10 +1,17 @@
-"""Effects of drives and sensors: torques, commands and readings that are not as stated."""
+"""Effects of drives and sensors: torques, commands and readings that are not as
+stated.
+"""
 
 from typing import Any
 
 import numpy as np
 
-from cell.gap.subject.mechanism.effect import Effect, errors, per_joint, single_parameter
+from cell.gap.subject.mechanism.effect import (
+    Effect,
+    errors,
+    per_joint,
+    single_parameter,
+)
 from cell.gap.subject.mechanism.model import FORWARD, MODES, Mechanism, scale_gain
 from drivers.strip.effects.effect import Parameter
 from drivers.types import Array
@@ -19,22 +26,51 @@ def _edit_constant(mechanism: Mechanism, values: Array, edited: Any) -> None:
 
 
 def bias_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
-    """Constant torque (m,) [N m] `p[at]` at angles `q` (m,), rates `v` and loads `load` (m,)."""
+    """Constant torque (m,) [N m] `p[at]` at angles `q` (m,), rates `v` and loads `load`
+    (m,).
+    """
     return p[at] + 0.0 * q
 
 
 def _ripple_shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    """Order and phase [rad] of cogging; less than 3/4 of a wave in the travel is like a spring."""
-    quarters = [float(np.clip(0.5 * np.pi / j.travel, 0.5, 33.0)) for j in mechanism.driven.joints]
-    orders = [Parameter(f"order_{j.name}", "1", max(ORDER, 3.0 * quarter), quarter, 200.0,
-                        step=0.01, spread=ORDER, role="shape", own_from=3.0 * quarter)
-              for j, quarter in zip(mechanism.driven.joints, quarters, strict=True)]  # fmt: skip
-    return (*orders, *per_joint(mechanism.driven, "phase", "rad", np.full(len(orders), 0.04),
-                                signed=True, role="shape", high=100.0))  # fmt: skip
+    """Order and phase [rad] of cogging; less than 3/4 of a wave in the travel is like a
+    spring.
+    """
+    quarters = [
+        float(np.clip(0.5 * np.pi / j.travel, 0.5, 33.0))
+        for j in mechanism.driven.joints
+    ]
+    orders = [
+        Parameter(
+            f"order_{j.name}",
+            "1",
+            max(ORDER, 3.0 * quarter),
+            quarter,
+            200.0,
+            step=0.01,
+            spread=ORDER,
+            role="shape",
+            own_from=3.0 * quarter,
+        )
+        for j, quarter in zip(mechanism.driven.joints, quarters, strict=True)
+    ]
+    return (
+        *orders,
+        *per_joint(
+            mechanism.driven,
+            "phase",
+            "rad",
+            np.full(len(orders), 0.04),
+            signed=True,
+            role="shape",
+            high=100.0,
+        ),
+    )
 
 
 def _ripple_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
-    """Torque (m,) [N m] A sin(order q + phase) of cogging, with an amplitude A of either sign.
+    """Torque (m,) [N m] A sin(order q + phase) of cogging, with an amplitude A of
+    either sign.
 
     Source: Holtz and Springob 1996, IEEE Trans. Ind. Electron. 43.
     """
@@ -44,10 +80,18 @@ def _ripple_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
 def _saturation_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
     """Reciprocals [1/(N m)] of the largest torque of each motor."""
     return tuple(
-        Parameter(f"torque_{j.name}", "N m", 0.0, 0.0, 20.0 / j.torque, step=1e-3 / j.torque,
-                  spread=1.0 / j.torque, inverse=True)
+        Parameter(
+            f"torque_{j.name}",
+            "N m",
+            0.0,
+            0.0,
+            20.0 / j.torque,
+            step=1e-3 / j.torque,
+            spread=1.0 / j.torque,
+            inverse=True,
+        )
         for j in mechanism.driven.joints
-    )  # fmt: skip
+    )
 
 
 def _edit_saturation(mechanism: Mechanism, values: Array, edited: Any) -> None:
@@ -56,14 +100,19 @@ def _edit_saturation(mechanism: Mechanism, values: Array, edited: Any) -> None:
         if inverse != 0.0:
             most = 1.0 / inverse
             low, high = edited.actuator_forcerange[joint.actuator]
-            edited.actuator_forcerange[joint.actuator] = (max(low, -most), min(high, most))
+            edited.actuator_forcerange[joint.actuator] = (
+                max(low, -most),
+                min(high, most),
+            )
 
 
 TORQUE_CONSTANT = Effect(
     name="torque_constant",
     sentence="motors give another torque for their current than stated",
     of="rig",
-    parameters=lambda m: errors("error", "1", [j.name for j in m.driven.joints], -0.9, 3.0, 0.25),
+    parameters=lambda m: errors(
+        "error", "1", [j.name for j in m.driven.joints], -0.9, 3.0, 0.25
+    ),
     edit=_edit_constant,
     revealed_by="a known weight on the tip",
     error_of="gain",
@@ -72,7 +121,9 @@ TORQUE_BIAS = Effect(
     name="torque_bias",
     sentence="a drive adds a constant torque, or its sensor reads one",
     of="rig",
-    parameters=lambda m: per_joint(m.driven, "torque", "N m", 0.01 * m.driven.torque, signed=True),
+    parameters=lambda m: per_joint(
+        m.driven, "torque", "N m", 0.01 * m.driven.torque, signed=True
+    ),
     law=bias_law,
     of_drives=True,
     revealed_by="hold still in several poses",
@@ -80,14 +131,15 @@ TORQUE_BIAS = Effect(
 TORQUE_RIPPLE = Effect(
     name="torque_ripple",
     sentence="a drive's torque ripples with its angle",
-    parameters=lambda m: per_joint(m.driven, "amplitude", "N m", 0.01 * m.driven.torque,
-                                   signed=True),
+    parameters=lambda m: per_joint(
+        m.driven, "amplitude", "N m", 0.01 * m.driven.torque, signed=True
+    ),
     shape=_ripple_shape,
     keys=3,
     law=_ripple_law,
     of_drives=True,
     revealed_by="slow turns at a constant rate",
-)  # fmt: skip
+)
 SATURATION = Effect(
     name="saturation",
     sentence="a drive gives no more than a largest torque",
@@ -128,8 +180,8 @@ ENCODER_SCALE = Effect(
     name="encoder_scale",
     sentence="encoders count too much or too little a turn",
     of="rig",
-    # discs and gears count exactly, potentiometers and belts are within half a percent; beyond 2 %
-    # lines or teeth would be miscounted, which any stop shows
+    # discs and gears count exactly, potentiometers and belts are within half a percent;
+    # beyond 2 % lines or teeth would be miscounted, which any stop shows
     parameters=lambda m: errors("scale", "1", m.mode.encoders(m), -0.02, 0.02, 0.005),
     read="scale",
     revealed_by="large motion to both stops",

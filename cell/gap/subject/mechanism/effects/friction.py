@@ -1,7 +1,8 @@
 """Effects of friction: dry, quadratic, presliding, and of contacts.
 
-Sources: Armstrong-Helouvry, Dupont, Canudas de Wit 1994, Automatica 30 (dry); arXiv 2410.08650 (its
-load); Dahl 1968, TOR-0158, and Prandtl's elastic, perfectly plastic element (presliding).
+Sources: Armstrong-Helouvry, Dupont, Canudas de Wit 1994, Automatica 30 (dry); arXiv
+2410.08650 (its load); Dahl 1968, TOR-0158, and Prandtl's elastic, perfectly plastic
+element (presliding).
 """
 
 from typing import Any
@@ -9,21 +10,28 @@ from typing import Any
 import numpy as np
 from numba.extending import register_jitable
 
-from cell.gap.subject.mechanism.effect import Effect, add_to, per_joint, single_parameter
+from cell.gap.subject.mechanism.effect import (
+    Effect,
+    add_to,
+    per_joint,
+    single_parameter,
+)
 from cell.gap.subject.mechanism.model import MODES, PRESCRIBED, Mechanism
 from drivers.jit import entry
 from drivers.strip.effects.effect import Parameter
 from drivers.types import Array
 
 STRIBECK = 0.1  # of the typical rate, where a Stribeck peak begins
-# rad or m within which a joint yields whatever its stiffness: beyond, it is a spring, no friction.
-# Source: Armstrong-Helouvry, Dupont, Canudas de Wit 1994, Automatica 30: motions of microns at the
-# teeth of a gear, of millimetres at the tip of an arm
+# rad or m within which a joint yields whatever its stiffness: beyond, it is a spring,
+# no friction. Source: Armstrong-Helouvry, Dupont, Canudas de Wit 1994, Automatica 30:
+# motions of microns at the teeth of a gear, of millimetres at the tip of an arm
 YIELD = 0.02
 
 
 def _dry_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    """Parameters of dry friction: torque [N m] of each joint, share of its gear's load if known."""
+    """Parameters of dry friction: torque [N m] of each joint, share of its gear's load
+    if known.
+    """
     torques = per_joint(mechanism, "torque", "N m", 0.01 * mechanism.torque)
     return torques + (_loads(mechanism) if mechanism.mode.loads else ())
 
@@ -35,30 +43,54 @@ def _loads(mechanism: Mechanism) -> tuple[Parameter, ...]:
 
 
 def _dry_shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    """Shape parameters of dry friction in each joint: load, asymmetry, Stribeck peak."""
+    """Shape parameters of dry friction in each joint: load, asymmetry, Stribeck
+    peak.
+    """
     ones = np.ones(len(mechanism.joints))
     rates = [
-        Parameter(f"stribeck_velocity_{j.name}", "rad/s" if j.hinge else "m/s",
-                  v, 0.1 * v, 10.0 * v, step=0.01 * v, spread=v, role="shape")
+        Parameter(
+            f"stribeck_velocity_{j.name}",
+            "rad/s" if j.hinge else "m/s",
+            v,
+            0.1 * v,
+            10.0 * v,
+            step=0.01 * v,
+            spread=v,
+            role="shape",
+        )
         for j, v in zip(mechanism.joints, STRIBECK * mechanism.rate, strict=True)
-    ]  # fmt: skip
+    ]
     return (
         *(() if mechanism.mode.loads else _loads(mechanism)),
-        *per_joint(mechanism, "asymmetry", "1", 0.02 * ones, signed=True, role="shape", high=45.0),
-        *per_joint(mechanism, "stribeck_torque", "N m", 0.01 * mechanism.torque, role="shape"),
+        *per_joint(
+            mechanism,
+            "asymmetry",
+            "1",
+            0.02 * ones,
+            signed=True,
+            role="shape",
+            high=45.0,
+        ),
+        *per_joint(
+            mechanism, "stribeck_torque", "N m", 0.01 * mechanism.torque, role="shape"
+        ),
         *rates,
     )
 
 
 def dry_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
-    """Torque (m,) [N m] -(c + k |load| + s exp(-(v/v_s)^2)) (w + a |w|) with w = tanh(v / v_0)."""
+    """Torque (m,) [N m] -(c + k |load| + s exp(-(v/v_s)^2)) (w + a |w|) with w = tanh(v
+    / v_0).
+    """
     sign = np.tanh(v / p[1])
     return -dry_limit(q, v, load, p, at) * (sign + p[at + 2] * abs(sign))
 
 
 @register_jitable  # type: ignore[untyped-decorator]
 def dry_limit(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
-    """Size of dry friction (m,) [N m], of a joint at rest the largest torque that it withstands."""
+    """Size of dry friction (m,) [N m], of a joint at rest the largest torque that it
+    withstands.
+    """
     peak = p[at + 3] * np.exp(-((v / p[at + 4]) ** 2)) if p[at + 3] else 0.0
     return p[at] + p[at + 1] * abs(load) + peak
 
@@ -71,20 +103,32 @@ def _quadratic_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
 def _presliding_shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
     """Torques [N m] at which the elastic contacts of each joint begin to slide."""
     return tuple(
-        Parameter(f"torque_{j.name}", "N m", 0.05 * j.torque, 0.001 * j.torque, j.torque,
-                  step=0.001 * j.torque, spread=0.1 * j.torque, role="shape")
+        Parameter(
+            f"torque_{j.name}",
+            "N m",
+            0.05 * j.torque,
+            0.001 * j.torque,
+            j.torque,
+            step=0.001 * j.torque,
+            spread=0.1 * j.torque,
+            role="shape",
+        )
         for j in mechanism.joints
-    )  # fmt: skip
+    )
 
 
-def _presliding_path(mechanism: Mechanism, values: Array, t: Array, q: Array, v: Array) -> Array:
+def _presliding_path(
+    mechanism: Mechanism, values: Array, t: Array, q: Array, v: Array
+) -> Array:
     stiffness, torque = PRESLIDING.table(mechanism, values)
     return np.asarray(_yielding(q, stiffness, np.minimum(torque, YIELD * stiffness)))
 
 
 @entry
 def _yielding(q: Array, stiffness: Array, most: Array) -> Array:
-    """Torques (m, joints) of elastic, perfectly plastic elements along a motion q (m, joints)."""
+    """Torques (m, joints) of elastic, perfectly plastic elements along a motion q (m,
+    joints).
+    """
     out = np.zeros_like(q)
     for j in range(q.shape[1]):
         if stiffness[j] == 0.0:
@@ -110,12 +154,16 @@ DRY_FRICTION = Effect(
     law=dry_law,
     edit=add_to("dof_frictionloss"),
     modes=MODES,
-    revealed_by="slow motion there and back: the torque jumps with the sign of the rate",
+    revealed_by=(
+        "slow motion there and back: the torque jumps with the sign of the rate"
+    ),
 )
 QUADRATIC_DAMPING = Effect(
     name="quadratic_damping",
     sentence="joints brake with the square of their rate",
-    parameters=lambda m: per_joint(m, "coefficient", "N m s^2", 0.01 * m.torque / m.rate**2),
+    parameters=lambda m: per_joint(
+        m, "coefficient", "N m s^2", 0.01 * m.torque / m.rate**2
+    ),
     law=_quadratic_law,
     edit=add_to("dof_dampingpoly"),
     modes=MODES,
@@ -124,7 +172,9 @@ QUADRATIC_DAMPING = Effect(
 PRESLIDING = Effect(
     name="presliding",
     sentence="joints yield like springs before they slide",
-    parameters=lambda m: per_joint(m, "stiffness", "N m/rad", 0.1 * m.torque, high=1000.0),
+    parameters=lambda m: per_joint(
+        m, "stiffness", "N m/rad", 0.1 * m.torque, high=1000.0
+    ),
     shape=_presliding_shape,
     path=_presliding_path,
     modes=(PRESCRIBED.name,),
@@ -133,7 +183,9 @@ PRESLIDING = Effect(
 CONTACT_FRICTION = Effect(
     name="contact_friction",
     sentence="contacts rub more or less than stated",
-    parameters=lambda _: single_parameter("coefficient", "1", 0.01, signed=True, high=50.0),
+    parameters=lambda _: single_parameter(
+        "coefficient", "1", 0.01, signed=True, high=50.0
+    ),
     possible=lambda m: bool(m.model.npair),
     edit=_edit_pairs,
     revealed_by="slide slowly along the contact",

@@ -1,4 +1,6 @@
-"""The cell's own arm as a mechanism: its file, its records, what is accepted into cell.yaml."""
+"""The cell's own arm as a mechanism: its file, its records, what is accepted into
+cell.yaml.
+"""
 
 import json
 import shutil
@@ -35,7 +37,9 @@ def record(folder: Path, plant: ArmPlant, phase: float) -> RunFolder:
     t = 1e-3 * np.arange(TICKS)
     swing = 0.25 * np.sin(np.outer(t, np.linspace(1.5, 4.0, 7)) + phase)
     begin = np.minimum(t / 0.5, 1.0)
-    commanded = HOME + swing * (begin**3 * (10.0 - 15.0 * begin + 6.0 * begin**2))[:, None]
+    commanded = (
+        HOME + swing * (begin**3 * (10.0 - 15.0 * begin + 6.0 * begin**2))[:, None]
+    )
     begun = Posture.at_joints(commanded[0], FLANGE_TO_TIP, zero_rates(7))
     arm = LaggingArm(begun, FLANGE_TO_TIP, plant.delay, 0.0, sag)
     rows = []
@@ -53,10 +57,14 @@ def record(folder: Path, plant: ArmPlant, phase: float) -> RunFolder:
 
 @pytest.fixture(scope="module")
 def soft(tmp_path_factory):
-    """Two runs of an arm that carries a load, twists and lags, as the subject opens them."""
+    """Two runs of an arm that carries a load, twists and lags, as the subject opens
+    them.
+    """
     folder = tmp_path_factory.mktemp("soft")
     plant = ArmPlant(payload=0.3, compliance=(SOFT,) * 7, delay=0.006, torque_noise=0.0)
-    return open_mechanism(FILE, [record(folder / f"{k}", plant, 0.1 * k) for k in range(2)])
+    return open_mechanism(
+        FILE, [record(folder / f"{k}", plant, 0.1 * k) for k in range(2)]
+    )
 
 
 def test_the_model_of_the_arm_is_the_published_one():
@@ -79,8 +87,11 @@ def left(subject, effects) -> dict[str, float]:
 
 
 def test_what_was_hidden_explains_torques_and_tracking(soft):
-    hidden = {"payload": np.array([0.3]), "control_delay": np.array([0.006]),
-              "joint_elasticity": np.full(7, SOFT)}  # fmt: skip
+    hidden = {
+        "payload": np.array([0.3]),
+        "control_delay": np.array([0.006]),
+        "joint_elasticity": np.full(7, SOFT),
+    }
     none, whole = left(soft, {}), left(soft, hidden)
     assert none["torque"] > 0.5
     assert whole["torque"] < 0.1 * none["torque"]  # the rest is what smoothing takes
@@ -94,7 +105,11 @@ def test_what_was_hidden_explains_torques_and_tracking(soft):
 def test_load_and_delay_are_accepted_into_the_cell(soft, tmp_path):
     shutil.copytree(FILE.parent, tmp_path / "arm")
     shutil.copy(CHECKOUT_CONFIGS / "cell.yaml", tmp_path / "cell.yaml")
-    file, out, cell = tmp_path / "arm" / "mechanism.yaml", tmp_path / "out", tmp_path / "cell.yaml"
+    file, out, cell = (
+        tmp_path / "arm" / "mechanism.yaml",
+        tmp_path / "out",
+        tmp_path / "cell.yaml",
+    )
     out.mkdir()
     base = {p.name: p.start for p in soft.scope.base}
     effects = {"payload": {"mass": 0.3}, "control_delay": {"time": 0.006}}
@@ -109,8 +124,9 @@ def test_load_and_delay_are_accepted_into_the_cell(soft, tmp_path):
     found = yaml.safe_load(cell.read_text())
     assert found["twin"]["arm"]["robot_delay"] == 0.006
     assert found["fci"]["tool"]["mass"] == pytest.approx(1.03)
-    assert found["fci"]["tool"]["centre"][2] == pytest.approx((0.73 * 0.03 + 0.3 * 0.1034) / 1.03,
-                                                              abs=1e-5)  # fmt: skip
+    assert found["fci"]["tool"]["centre"][2] == pytest.approx(
+        (0.73 * 0.03 + 0.3 * 0.1034) / 1.03, abs=1e-5
+    )
     assert found["twin"]["world"] == yaml.safe_load(before)["twin"]["world"]
     assert yaml.safe_load(file.read_text())["effects"]["control_delay"]["time"] == 0.006
     undo(out, file, cell)

@@ -1,4 +1,6 @@
-"""An accepted mechanism: an MJCF that anybody can load, and a file that holds the rest."""
+"""An accepted mechanism: an MJCF that anybody can load, and a file that holds the
+rest.
+"""
 
 import copy
 import json
@@ -40,7 +42,9 @@ BASE = {"damping_shoulder": 0.35, "damping_left.elbow": 0.08, "mass_lower": 0.51
 
 
 def opened(folder: Path) -> tuple[MechanismSubject, Path, Path]:
-    content = json.loads(json.dumps(FORWARD).replace('"joint": "elbow"', '"joint": "left.elbow"'))
+    content = json.loads(
+        json.dumps(FORWARD).replace('"joint": "elbow"', '"joint": "left.elbow"')
+    )
     stated = ARM.replace('"elbow"', '"left.elbow"')
     file, runs = make_arm(folder, 2, content=content, span=1.0, stated=stated)
     return open_mechanism(file, find_runs([runs])), file, runs
@@ -58,7 +62,9 @@ def written(arm: MechanismSubject, out: Path, file: Path) -> None:
 
 
 @pytest.mark.slow
-def test_accepted_mjcf_in_plain_mujoco_moves_as_the_accepted_model(tmp_path: Path) -> None:
+def test_accepted_mjcf_in_plain_mujoco_moves_as_the_accepted_model(
+    tmp_path: Path,
+) -> None:
     arm, file, _ = opened(tmp_path / "arm")
     written(arm, tmp_path / "out", file)
     accept(tmp_path / "out", file)
@@ -113,7 +119,9 @@ def test_undo_brings_the_file_back_and_takes_the_model_away(tmp_path: Path) -> N
 
 
 def test_friction_is_written_to_the_pair_whose_geoms_it_is_of() -> None:
-    """A compiled model orders pairs by its bodies, its document as they were written."""
+    """A compiled model orders pairs by its bodies, its document as they were
+    written.
+    """
     text = """<mujoco><worldbody><geom name="desk" type="plane" size="1 1 1"/>
         <body><joint name="x" type="slide"/><geom name="low" size=".1" mass="1"/>
         <body><joint name="y" type="slide"/><geom name="high" size=".1" mass="1"/></body></body>
@@ -124,8 +132,12 @@ def test_friction_is_written_to_the_pair_whose_geoms_it_is_of() -> None:
     spec.nuser_jnt = 16
     model = spec.compile()
     joints = tuple(Joint(name, False, -1, 1.0, 1.0, 1.0, 1.0) for name in "xy")
-    m = Mechanism(SimpleNamespace(mode="forward", step=0.002), Path(), source, model, (), joints)
+    m = Mechanism(
+        SimpleNamespace(mode="forward", step=0.002), Path(), source, model, (), joints
+    )
     edited = copy.copy(model)
     library()["contact_friction"].edit(m, np.array([0.05]), edited)
     new = mujoco.MjModel.from_xml_string(accepted_xml(m, edited))
-    np.testing.assert_allclose([new.pair(name).friction[0] for name in "ab"], [0.95, 0.25])
+    np.testing.assert_allclose(
+        [new.pair(name).friction[0] for name in "ab"], [0.95, 0.25]
+    )

@@ -17,13 +17,20 @@ from drivers.errors import ConfigurationError
 from tests.support.mechanisms import ARM, FORWARD, PRESCRIBED, make_arm
 
 
-def line(folder: Path, *, file: dict[str, Any] | None = None, xml: str | None = None,
-         columns: Callable[[dict[str, Any]], None] | None = None,
-         content: dict[str, Any] | None = None) -> str:  # fmt: skip
+def line(
+    folder: Path,
+    *,
+    file: dict[str, Any] | None = None,
+    xml: str | None = None,
+    columns: Callable[[dict[str, Any]], None] | None = None,
+    content: dict[str, Any] | None = None,
+) -> str:
     """The one line that refuses an arm, with something broken in it."""
     path, runs = make_arm(folder, 2, span=0.5, content=content or PRESCRIBED)
     if file is not None:
-        path.write_text(yaml.safe_dump({**(content or PRESCRIBED), **file}, sort_keys=False))
+        path.write_text(
+            yaml.safe_dump({**(content or PRESCRIBED), **file}, sort_keys=False)
+        )
     if xml is not None:
         (folder / "arm.xml").write_text(xml)
     if columns is not None:
@@ -49,69 +56,128 @@ MODELS = {
     "does not load": (ARM.replace('mass="1.0"', 'mass="-1.0"'), "does not load"),
     "plugin": (PLUGIN, "plugins run foreign code"),
     "outside": (OUTSIDE, "lies outside"),
-    "texture": (_with('<asset><texture type="cube" fileright="../x.png"/></asset><worldbody>'),
-                "lies outside"),
-    "missing": (_with('<asset><mesh file="x.stl"/></asset><worldbody>'),
-                "x.stl: there is no such file"),
-    "parsed file": (_with('<asset><model file="x.xml"/></asset><worldbody>'),
-                    "<model file>: is not read; write it into the model"),
-    "copies": (_with('<worldbody><replicate count="20"><replicate count="10000"><site/></replicate>'
-                     "</replicate>"), "makes 200000 copies"),
+    "texture": (
+        _with('<asset><texture type="cube" fileright="../x.png"/></asset><worldbody>'),
+        "lies outside",
+    ),
+    "missing": (
+        _with('<asset><mesh file="x.stl"/></asset><worldbody>'),
+        "x.stl: there is no such file",
+    ),
+    "parsed file": (
+        _with('<asset><model file="x.xml"/></asset><worldbody>'),
+        "<model file>: is not read; write it into the model",
+    ),
+    "copies": (
+        _with(
+            '<worldbody><replicate count="20"><replicate'
+            ' count="10000"><site/></replicate></replicate>'
+        ),
+        "makes 200000 copies",
+    ),
     "entity": ("<!DOCTYPE x [<!ENTITY a 'b'>]>" + ARM, "entities"),
-    "free joint": (ARM.replace('axis="0 1 0" damping="0.1" armature="0.01"', 'type="ball"'),
-                   "is free or a ball"),
-    "pairs": (ARM.replace("<actuator>", '<contact><pair geom1="upper" geom2="lower"/></contact>'
-                          "<actuator>"), "contact pairs: would be left out in mode prescribed"),
-    "tendon": (ARM.replace("<actuator>", '<tendon><fixed name="rope" frictionloss="1"><joint '
-                           'coef="1" joint="elbow"/></fixed></tendon><actuator>'),
-               "tendon rope: its frictionloss"),
-    "two motors": (ARM.replace("</actuator>", '<motor joint="elbow"/></actuator>'),
-                   "other motors on joint elbow"),
+    "free joint": (
+        ARM.replace('axis="0 1 0" damping="0.1" armature="0.01"', 'type="ball"'),
+        "is free or a ball",
+    ),
+    "pairs": (
+        ARM.replace(
+            "<actuator>",
+            '<contact><pair geom1="upper" geom2="lower"/></contact><actuator>',
+        ),
+        "contact pairs: would be left out in mode prescribed",
+    ),
+    "tendon": (
+        ARM.replace(
+            "<actuator>",
+            '<tendon><fixed name="rope" frictionloss="1"><joint '
+            'coef="1" joint="elbow"/></fixed></tendon><actuator>',
+        ),
+        "tendon rope: its frictionloss",
+    ),
+    "two motors": (
+        ARM.replace("</actuator>", '<motor joint="elbow"/></actuator>'),
+        "other motors on joint elbow",
+    ),
     "other root": ("<html/>", "give MJCF or URDF"),
-}  # fmt: skip
+}
 
 
 FILES: dict[str, tuple[dict[str, Any], str]] = {
     "unknown key": ({"colour": 1}, "colour: unknown key"),
     "path": ({"model": "../arm.xml"}, "lies outside"),
-    "joint": ({"inputs": {**PRESCRIBED["inputs"], "wrist": "position"}},
-              "no joint 'wrist'; allowed: shoulder, elbow"),
-    "effect": ({"effects": {"magic": {"x": 1.0}}}, "effects.magic: unknown effect; allowed:"),
+    "joint": (
+        {"inputs": {**PRESCRIBED["inputs"], "wrist": "position"}},
+        "no joint 'wrist'; allowed: shoulder, elbow",
+    ),
+    "effect": (
+        {"effects": {"magic": {"x": 1.0}}},
+        "effects.magic: unknown effect; allowed:",
+    ),
     "range": ({"effects": {"payload": {"mass": -1.0}}}, "out of range; allowed:"),
-    "field": ({"uncertain": [{"joint": "*", "field": "mass", "spread": "2%"}]},
-              "belongs to a body"),
+    "field": (
+        {"uncertain": [{"joint": "*", "field": "mass", "spread": "2%"}]},
+        "belongs to a body",
+    ),
     "schema": ({"schema": 2}, "this version reads 1"),
-    "repeats": ({"signals": {"t1": {"actuator": "a1", "is": "torque", "sigma": "repeats"}}},
-                "no two runs share a condition"),
-}  # fmt: skip
+    "repeats": (
+        {"signals": {"t1": {"actuator": "a1", "is": "torque", "sigma": "repeats"}}},
+        "no two runs share a condition",
+    ),
+}
 
 
 RUNS: dict[str, tuple[Any, str]] = {
-    "degrees": (lambda table: table.update(shoulder=20.0 * np.degrees(table["shoulder"])),
-                "angles are in rad"),
-    "jump": (lambda table: table.update(t=table["t"] + 3600.0 * (table["t"] > 0.1)), "jumps by"),
-    "back": (lambda table: table.update(t=table["t"][::-1].copy()), "one for each time"),
-    "no number": (lambda table: table.update(t=np.where(table["t"] > 0.1, np.nan, table["t"])),
-                  "t: row 20 is not a number"),
+    "degrees": (
+        lambda table: table.update(shoulder=20.0 * np.degrees(table["shoulder"])),
+        "angles are in rad",
+    ),
+    "jump": (
+        lambda table: table.update(t=table["t"] + 3600.0 * (table["t"] > 0.1)),
+        "jumps by",
+    ),
+    "back": (
+        lambda table: table.update(t=table["t"][::-1].copy()),
+        "one for each time",
+    ),
+    "no number": (
+        lambda table: table.update(t=np.where(table["t"] > 0.1, np.nan, table["t"])),
+        "t: row 20 is not a number",
+    ),
     "absent": (lambda table: table.pop("elbow"), "elbow: this column is missing"),
-}  # fmt: skip
-BROKEN: dict[str, dict[str, tuple[Any, str]]] = {"xml": MODELS, "file": FILES, "columns": RUNS}
+}
+BROKEN: dict[str, dict[str, tuple[Any, str]]] = {
+    "xml": MODELS,
+    "file": FILES,
+    "columns": RUNS,
+}
 
 
-@pytest.mark.parametrize(("what", "name"), [(w, n) for w, found in BROKEN.items() for n in found])
-def test_a_broken_model_file_or_table_is_refused(tmp_path: Path, what: str, name: str) -> None:
+@pytest.mark.parametrize(
+    ("what", "name"), [(w, n) for w, found in BROKEN.items() for n in found]
+)
+def test_a_broken_model_file_or_table_is_refused(
+    tmp_path: Path, what: str, name: str
+) -> None:
     change, words = BROKEN[what][name]
     text = line(tmp_path, **{what: change})
     assert words in text
     assert str(tmp_path) in text
 
 
-def test_a_torque_that_a_simulation_would_compute_wrongly_is_refused(tmp_path: Path) -> None:
+def test_a_torque_that_a_simulation_would_compute_wrongly_is_refused(
+    tmp_path: Path,
+) -> None:
     servo = '<position name="a2" joint="elbow" kp="30"/>'
-    for law in ('general dyntype="filter" dynprm="0.1"', 'general delay="0.02" nsample="4"',
-                'muscle lengthrange="0 1"'):  # fmt: skip
+    for law in (
+        'general dyntype="filter" dynprm="0.1"',
+        'general delay="0.02" nsample="4"',
+        'muscle lengthrange="0 1"',
+    ):
         xml = ARM.replace(servo, f'<{law} name="a2" joint="elbow"/>')
-        assert "torque a2_torque of a2: its filter" in line(tmp_path, xml=xml, content=FORWARD)
+        assert "torque a2_torque of a2: its filter" in line(
+            tmp_path, xml=xml, content=FORWARD
+        )
 
 
 def test_a_model_that_explodes_is_refused(tmp_path: Path, monkeypatch) -> None:

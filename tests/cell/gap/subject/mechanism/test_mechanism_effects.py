@@ -12,16 +12,36 @@ from drivers.types import Array
 from tests.support.mechanisms import FORWARD, PRESCRIBED, make_arm
 
 CONTRACT = {
-    "dry_friction", "quadratic_damping", "presliding", "cable_spring", "joint_elasticity",
-    "backlash", "armature", "payload", "com_error", "torque_constant", "torque_bias",
-    "torque_ripple", "saturation", "control_delay", "sensor_delay", "encoder_bias",
-    "encoder_scale", "base_tilt", "air_drag", "contact_friction", "link_inertia",
-    "base_compliance", "link_geometry",
-}  # fmt: skip
+    "dry_friction",
+    "quadratic_damping",
+    "presliding",
+    "cable_spring",
+    "joint_elasticity",
+    "backlash",
+    "armature",
+    "payload",
+    "com_error",
+    "torque_constant",
+    "torque_bias",
+    "torque_ripple",
+    "saturation",
+    "control_delay",
+    "sensor_delay",
+    "encoder_bias",
+    "encoder_scale",
+    "base_tilt",
+    "air_drag",
+    "contact_friction",
+    "link_inertia",
+    "base_compliance",
+    "link_geometry",
+}
 PENDULUMS = {"frame_tilt", "pivot_compliance", "wire_spring"}
 
 
-@pytest.fixture(scope="module", params=[FORWARD, PRESCRIBED], ids=["forward", "prescribed"])
+@pytest.fixture(
+    scope="module", params=[FORWARD, PRESCRIBED], ids=["forward", "prescribed"]
+)
 def arm(request, tmp_path_factory) -> MechanismSubject:
     folder = tmp_path_factory.mktemp(request.param["mode"])
     file, runs = make_arm(folder, 2, content=request.param, span=1.5)

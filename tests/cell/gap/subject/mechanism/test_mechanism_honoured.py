@@ -1,4 +1,6 @@
-"""What a model of others holds is part of its prediction: nothing is ignored in silence."""
+"""What a model of others holds is part of its prediction: nothing is ignored in
+silence.
+"""
 
 import shutil
 from pathlib import Path
@@ -19,14 +21,22 @@ cases = pytest.mark.skipif(not CASES.is_dir(), reason=f"no cases in {CASES}")
 ELBOW = 'name="elbow" axis="0 1 0"'
 MODELS = {
     "friction": ARM.replace(ELBOW, f'{ELBOW} frictionloss="0.5"'),
-    "compensated": ARM.replace(ELBOW, f'{ELBOW} actuatorgravcomp="true"').replace(
-        '<body name="lower"', '<body name="lower" gravcomp="1"'),
+    "compensated": (
+        ARM.replace(ELBOW, f'{ELBOW} actuatorgravcomp="true"').replace(
+            '<body name="lower"', '<body name="lower" gravcomp="1"'
+        )
+    ),
     "limit": ARM.replace(ELBOW, f'{ELBOW} limited="true" range="-0.6 0.6"'),
-    "rope": ARM.replace("<actuator>", '<tendon><fixed limited="true" range="-0.6 0.6"><joint '
-                                      'joint="elbow" coef="1"/></fixed></tendon><actuator>'),
-    "force": ARM.replace(ELBOW, f'{ELBOW} actuatorfrclimited="true" actuatorfrcrange="-1 1"'),
+    "rope": ARM.replace(
+        "<actuator>",
+        '<tendon><fixed limited="true" range="-0.6 0.6"><joint '
+        'joint="elbow" coef="1"/></fixed></tendon><actuator>',
+    ),
+    "force": ARM.replace(
+        ELBOW, f'{ELBOW} actuatorfrclimited="true" actuatorfrcrange="-1 1"'
+    ),
     "gear": ARM.replace('joint="elbow" kp="30"', 'joint="elbow" kp="1" gear="6"'),
-}  # fmt: skip
+}
 KNOWN = 0.5  # of the noise: what the filter and friction near a stop leave
 
 
@@ -45,11 +55,17 @@ def test_what_the_model_holds_is_predicted(tmp_path: Path, name: str) -> None:
     assert any("contacts are off" in note for note in subject.notes)
 
 
-def test_commands_beyond_their_range_give_no_more_torque_through_gears_either(tmp_path) -> None:
-    short = ARM.replace(' armature="0.01"', "").replace('kp="30"', 'kp="30" ctrlrange="-0.3 0.3"')
+def test_commands_beyond_their_range_give_no_more_torque_through_gears_either(
+    tmp_path,
+) -> None:
+    short = ARM.replace(' armature="0.01"', "").replace(
+        'kp="30"', 'kp="30" ctrlrange="-0.3 0.3"'
+    )
     soft = dict.fromkeys(("compliance_shoulder", "compliance_elbow"), 1e-5)
     accepted = FORWARD | {"effects": {"joint_elasticity": soft}}
-    rigid, geared = (left(opened(tmp_path, stated=short, content=c)) for c in (FORWARD, accepted))
+    rigid, geared = (
+        left(opened(tmp_path, stated=short, content=c)) for c in (FORWARD, accepted)
+    )
     assert rigid < 8.0 * KNOWN
     assert geared == pytest.approx(rigid, rel=0.1)
 
@@ -83,15 +99,22 @@ def test_a_heavier_link_is_its_effect(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("joint", "place", "rate", "stiffness"),
-    [('type="slide" axis="1 0 0"', 0, 28.3, 6000.0), ('type="hinge" axis="0 1 0"', 4, 27.2, 300.0)],
+    [
+        ('type="slide" axis="1 0 0"', 0, 28.3, 6000.0),
+        ('type="hinge" axis="0 1 0"', 4, 27.2, 300.0),
+    ],
 )
-def test_a_base_that_sways_is_its_effect(tmp_path: Path, joint: str, place: int, rate: float,
-                                         stiffness: float) -> None:  # fmt: skip
+def test_a_base_that_sways_is_its_effect(
+    tmp_path: Path, joint: str, place: int, rate: float, stiffness: float
+) -> None:
     table = (
-        f'<worldbody><body><joint {joint} stiffness="{stiffness}" damping="{stiffness / 500}"/>'
-        '<inertial pos="0 0 0" mass="6" diaginertia="0.3 0.3 0.3"/>'
+        f'<worldbody><body><joint {joint} stiffness="{stiffness}"'
+        f' damping="{stiffness / 500}"/><inertial pos="0 0 0" mass="6" diaginertia="0.3'
+        ' 0.3 0.3"/>'
     )
-    plant = ARM.replace("<worldbody>", table).replace("</worldbody>", "</body></worldbody>")
+    plant = ARM.replace("<worldbody>", table).replace(
+        "</worldbody>", "</body></worldbody>"
+    )
     subject = opened(tmp_path, plant=plant)
     values = [*np.eye(6)[place] / stiffness, rate, rate / 1000]
     assert left(subject, base_compliance=values) < 0.2 * left(subject)
@@ -107,14 +130,17 @@ def test_a_closed_loop_is_driven_through_its_equality(tmp_path: Path) -> None:
     content = yaml.safe_load(file.read_text())
     for run in (tmp_path / "case" / "runs").iterdir():
         table = read_table(run / "signals.parquet")
-        write_run(run, {**table, "coupler": table["coupler"] + 0.01}, {"mechanism": "fourbar"})
+        write_run(
+            run, {**table, "coupler": table["coupler"] + 0.01}, {"mechanism": "fourbar"}
+        )
     off = open_mechanism(file, find_runs([tmp_path / "case" / "runs"]))
     assert any("does not close by 3." in note for note in off.notes)
     assert left(off) == pytest.approx(left(whole))
     file.write_text(yaml.safe_dump({**content, "inputs": {"crank": "position"}}))
     assert left(open_mechanism(file, find_runs([tmp_path / "case" / "runs"]))) < 0.1
     rubbing = left(whole, dry_friction=[0.0, 0.0, 0.1] + 3 * [0.0])
-    assert rubbing > 5.0 * left(whole)  # friction of a passive joint acts through the loop
+    # friction of a passive joint acts through the loop
+    assert rubbing > 5.0 * left(whole)
     model = file.parent / "fourbar.xml"
     second = '<motor name="second" joint="rocker"/></actuator>'
     model.write_text(model.read_text().replace("</actuator>", second))

@@ -15,8 +15,12 @@ real = pytest.mark.skipif(not DATA.is_dir(), reason=f"no measured mechanisms in 
 
 
 @real
-def test_driven_pendulum_misses_what_its_authors_regression_misses(tmp_path: Path) -> None:
-    """Without friction their regression leaves 0.200 N m at the elbow; with Coulomb 0.131."""
+def test_driven_pendulum_misses_what_its_authors_regression_misses(
+    tmp_path: Path,
+) -> None:
+    """Without friction their regression leaves 0.200 N m at the elbow; with Coulomb
+    0.131.
+    """
     subject = open_mechanism(driven(DATA, tmp_path), find_runs([tmp_path / "runs"]))
     assert 1.0 < left(subject) < 2.5  # of 0.1 N m
     assert left(subject, dry_friction=[0.093, 0.078, 0.0, 0.0]) < 0.9 * left(subject)

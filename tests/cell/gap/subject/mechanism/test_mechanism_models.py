@@ -31,14 +31,17 @@ URDF = """<robot name="r"><gazebo><plugin/></gazebo><link name="base"/>
 
 def tetrahedron(size: float) -> str:
     corners = ((0, 0, 0), (size, 0, 0), (0, size, 0), (0, 0, size))
-    return "".join(f"v {x} {y} {z}\n" for x, y, z in corners) + (
-        "f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+    return (
+        "".join(f"v {x} {y} {z}\n" for x, y, z in corners)
+        + "f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
     )
 
 
 @pytest.fixture
 def robot(tmp_path: Path) -> Path:
-    """A robot's folder as it is shipped, with meshes of one name, and what must not be opened."""
+    """A robot's folder as it is shipped, with meshes of one name, and what must not be
+    opened.
+    """
     folder = tmp_path / "robot"
     for place, size in (("assets", 1.0), ("meshes", 2.0)):
         for k, kind in enumerate(("visual", "collision")):
@@ -46,7 +49,9 @@ def robot(tmp_path: Path) -> Path:
             (folder / place / kind / "link.obj").write_text(tetrahedron(size + k))
     (folder / "parts").mkdir()
     (folder / "parts" / "joints.xml").write_text(JOINTS)
-    (folder / "parts" / "option.xml").write_text('<mujoco><option gravity="0 0 -3"/></mujoco>')
+    (folder / "parts" / "option.xml").write_text(
+        '<mujoco><option gravity="0 0 -3"/></mujoco>'
+    )
     (folder / "model.xml").write_text(MESHED)
     os.mkfifo(folder / "film.mp4")  # whoever opened it would wait for ever
     return folder
@@ -62,10 +67,13 @@ def test_meshes_and_includes_are_those_that_mujoco_finds(robot: Path) -> None:
     for name in ("body_mass", "body_ipos", "body_inertia", "dof_damping"):
         np.testing.assert_array_equal(getattr(ours, name), getattr(theirs, name))
     assert ours.opt.gravity[2] == -3.0
-    assert ours.body_mass[2] > 7.0 * ours.body_mass[1]  # of another mesh with the same name
+    # of another mesh with the same name
+    assert ours.body_mass[2] > 7.0 * ours.body_mass[1]
 
 
-@pytest.mark.parametrize("package", ["package://robot/", "package://meshes_of_robot/", "../"])
+@pytest.mark.parametrize(
+    "package", ["package://robot/", "package://meshes_of_robot/", "../"]
+)
 def test_packages_of_a_urdf_are_the_folder_and_paths_count_from_its_own(
     robot: Path, package: str
 ) -> None:
@@ -78,13 +86,27 @@ def test_packages_of_a_urdf_are_the_folder_and_paths_count_from_its_own(
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda folder: (folder / "parts" / "option.xml").write_text(
-            '<mujoco><include file="model.xml"/></mujoco>'), "includes model.xml twice"),
-        (lambda folder: (folder / "parts" / "option.xml").symlink_to("/etc/hostname"), "outside"),
-        (lambda folder: os.truncate(folder / "assets" / "visual" / "link.obj", 1 << 32), "MB"),
+        (
+            lambda folder: (folder / "parts" / "option.xml").write_text(
+                '<mujoco><include file="model.xml"/></mujoco>'
+            ),
+            "includes model.xml twice",
+        ),
+        (
+            lambda folder: (folder / "parts" / "option.xml").symlink_to(
+                "/etc/hostname"
+            ),
+            "outside",
+        ),
+        (
+            lambda folder: os.truncate(
+                folder / "assets" / "visual" / "link.obj", 1 << 32
+            ),
+            "MB",
+        ),
     ],
     ids=["circle", "link", "size"],
-)  # fmt: skip
+)
 def test_files_that_are_not_read_are_refused(
     robot: Path, change: Callable[[Path], object], words: str
 ) -> None:
@@ -104,20 +126,32 @@ def test_changed_texts_find_the_same_meshes(robot: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.skipif(not CASES.is_dir(), reason=f"no cases in {CASES}")
-@pytest.mark.parametrize("case", ["closed-loop/model", "wrong-link-mass/model", "gear-side/model",
-                                  "menagerie-meshdir", "urdf-no-motors"])  # fmt: skip
+@pytest.mark.parametrize(
+    "case",
+    [
+        "closed-loop/model",
+        "wrong-link-mass/model",
+        "gear-side/model",
+        "menagerie-meshdir",
+        "urdf-no-motors",
+    ],
+)
 def test_robots_of_others_give_the_same_digits_from_any_folder(
     case: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     file = CASES / case / "robot.yaml"
-    runs = next(p for p in (file.parent / "runs", file.parent.parent / "runs") if p.is_dir())
+    runs = next(
+        p for p in (file.parent / "runs", file.parent.parent / "runs") if p.is_dir()
+    )
     found = []
     for place in (tmp_path, file.parent, Path("/")):
         monkeypatch.chdir(place)
         try:
             subject = open_mechanism(Path(os.path.relpath(file)), find_runs([runs]))
             asked = [subject.stated(run) for run in subject.runs]
-            found.append(np.concatenate([r.mean for r in subject.simulate(asked)]).tobytes())
+            found.append(
+                np.concatenate([r.mean for r in subject.simulate(asked)]).tobytes()
+            )
         except ConfigurationError as error:
             found.append(str(error).partition(": ")[2])
     assert found[0] == found[1] == found[2]

@@ -19,14 +19,21 @@ NOISE = 0.29  # of a run without a cause, in what its file states: a third more
 def truths(weight: np.ndarray) -> dict[str, Sequence[float] | np.ndarray]:
     """True values of the library by cause, for joints of typical torques (2,) [N m]."""
     shares = {cause: share * weight for cause, (_, share) in exam.FIELDS.items()}
-    return {**shares, "torque_bias": exam.BIAS * weight * (-1, 1),
-            "torque_constant": [exam.CONSTANT_ERROR] * 2, "joint_elasticity": exam.TWIST / weight,
-            "payload": [exam.PAYLOAD * 1.7], "sensor_delay": [exam.DELAY],
-            "encoder_bias": [0.0, exam.ENCODER_BIAS]}  # fmt: skip
+    return {
+        **shares,
+        "torque_bias": exam.BIAS * weight * (-1, 1),
+        "torque_constant": [exam.CONSTANT_ERROR] * 2,
+        "joint_elasticity": exam.TWIST / weight,
+        "payload": [exam.PAYLOAD * 1.7],
+        "sensor_delay": [exam.DELAY],
+        "encoder_bias": [0.0, exam.ENCODER_BIAS],
+    }
 
 
 @pytest.mark.parametrize("hidden", ["nothing", *truths(np.ones(2))])
-def test_hidden_effect_of_a_mechanism_has_the_librarys_values(tmp_path, monkeypatch, hidden):
+def test_hidden_effect_of_a_mechanism_has_the_librarys_values(
+    tmp_path, monkeypatch, hidden
+):
     monkeypatch.setattr(exam, "RUNS", 2)
     monkeypatch.setattr(exam, "SPAN", 2.0)
     causes = [] if hidden == "nothing" else [hidden]
@@ -43,13 +50,18 @@ def test_hidden_effect_of_a_mechanism_has_the_librarys_values(tmp_path, monkeypa
 def test_a_servo_that_yields_is_an_elastic_joint(tmp_path) -> None:
     """Its stiffness is the gear's, its command where the motor stands."""
     joints = ("shoulder", "elbow")
-    tracked = {f"e{i + 1}": {"joint": joint, "is": "tracking", "sigma": 3e-4}
-               for i, joint in enumerate(joints)}  # fmt: skip
+    tracked = {
+        f"e{i + 1}": {"joint": joint, "is": "tracking", "sigma": 3e-4}
+        for i, joint in enumerate(joints)
+    }
     content = {**PRESCRIBED, "signals": PRESCRIBED["signals"] | tracked}
     file, runs = make_arm(tmp_path, 2, content=content)
     for run in runs.iterdir():
         table = read_table(run / "signals.parquet")
-        errors = {f"e{i + 1}": table[joint] - table[f"a{i + 1}"] for i, joint in enumerate(joints)}
+        errors = {
+            f"e{i + 1}": table[joint] - table[f"a{i + 1}"]
+            for i, joint in enumerate(joints)
+        }
         write_run(run, {**table, **errors}, {"mechanism": "arm"})
     arm = open_mechanism(file, find_runs([runs]))
     right = left(arm, joint_elasticity=[1 / 60, 1 / 30])
@@ -63,8 +75,14 @@ def test_readings_are_bridged_over_a_moment_and_left_out_about_a_gap(tmp_path) -
     for run in find_runs([runs]):
         table = read_table(run.path / "signals.parquet")
         lost = (table["t"] > 1.4) & (table["t"] < 1.6)
-        table["shoulder"][1::2], table["t1"][::2], table["t2"][100] = np.nan, np.nan, np.inf
-        write_run(run.path, {n: x[~lost] for n, x in table.items()}, {"mechanism": "arm"})
+        table["shoulder"][1::2], table["t1"][::2], table["t2"][100] = (
+            np.nan,
+            np.nan,
+            np.inf,
+        )
+        write_run(
+            run.path, {n: x[~lost] for n, x in table.items()}, {"mechanism": "arm"}
+        )
     torn = open_mechanism(file, find_runs([runs]))
     assert left(torn) < 0.4
     for run, before in zip(torn.runs, whole, strict=True):
@@ -78,7 +96,9 @@ STANDING = """<mujoco><compiler angle="radian"/><option gravity="0 0 0"/><worldb
 
 @pytest.fixture
 def standing(tmp_path) -> MechanismSubject:
-    """A joint with friction of 0.5 N m that turns, stops, and stands under 0.3, 0 and 0.7 N m."""
+    """A joint with friction of 0.5 N m that turns, stops, and stands under 0.3, 0 and
+    0.7 N m.
+    """
     t = np.arange(0.0, 9.0, 0.004)
     phase = np.clip(t / 3.0, 0.0, 1.0)
     q = 1.5 * phase**4 * (35 - 84 * phase + 70 * phase**2 - 20 * phase**3)
@@ -89,16 +109,23 @@ def standing(tmp_path) -> MechanismSubject:
         head = {"mechanism": "one", "index": k}
         write_run(tmp_path / "runs" / f"{k}", {"t": t, "j": q, "tau": given}, head)
     (tmp_path / "one.xml").write_text(STANDING)
-    content = {**PRESCRIBED, "name": "one", "model": "one.xml", "inputs": {"j": "position"},
-               "signals": {"tau": {"actuator": "m", "is": "torque", "sigma": 0.01}},
-               "uncertain": [{"actuator": "m", "field": "gain", "spread": "5%"}]}  # fmt: skip
+    content = {
+        **PRESCRIBED,
+        "name": "one",
+        "model": "one.xml",
+        "inputs": {"j": "position"},
+        "signals": {"tau": {"actuator": "m", "is": "torque", "sigma": 0.01}},
+        "uncertain": [{"actuator": "m", "field": "gain", "spread": "5%"}],
+    }
     (tmp_path / "one.yaml").write_text(yaml.safe_dump(content))
     return open_mechanism(tmp_path / "one.yaml", find_runs([tmp_path / "runs"]))
 
 
 def test_friction_holds_a_joint_that_stands_up_to_its_limit(standing):
     run = standing.runs[0]
-    (found,) = standing.simulate([standing.stated(run, {"dry_friction": np.array([0.5, 0.0])})])
+    (found,) = standing.simulate(
+        [standing.stated(run, {"dry_friction": np.array([0.5, 0.0])})]
+    )
     t = run.samples.t
     assert np.abs(found.mean[(t > 3.5) & (t < 6.5)]).max() < 0.01
     assert found.mean[t > 7.5] == pytest.approx(0.2, abs=0.01)
