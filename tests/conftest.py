@@ -26,6 +26,7 @@ CACHE = (
 if CACHE.parent.name != "tests":  # else a worker, whose session has chosen
     os.environ.setdefault("NUMBA_CACHE_DIR", str(CACHE))
     os.environ.setdefault("CELL_KERNEL", str(CACHE / "kernel"))
+    os.environ.setdefault("CELL_FRANKY_SIM", str(CACHE / "franky-sim"))
     os.environ["XDG_CACHE_HOME"] = str(CACHE / "tests")
 
 
