@@ -236,10 +236,15 @@ def write_image(path: Path, image: Image) -> None:
     """Write `image` (height, width, 3) to `path` as PNG; ConfigurationError where that
     fails.
     """
+    write_file(path, as_png(image), MAKE_ROOM)
+
+
+def as_png(image: Image) -> bytes:
+    """Encode `image` (height, width, 3) as PNG; ConfigurationError where that fails."""
     made, content = cv2.imencode(".png", image, FAST_PNG)
     if not made:
-        raise ConfigurationError(f"{path}: the picture cannot be written as PNG")
-    write_file(path, content.tobytes(), MAKE_ROOM)
+        raise ConfigurationError("the picture cannot be written as PNG")
+    return content.tobytes()
 
 
 def write_yaml(path: Path, content: Mapping[str, Any]) -> None:

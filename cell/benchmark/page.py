@@ -22,6 +22,7 @@ from cell.report.html import Tone, page
 from cell.report.page_verdict import PageVerdict
 from cell.report.words import NO_VALUE, millimetres
 from drivers.files import write_file
+from drivers.outputs import write_output
 
 DPI = 160
 TITLE = "Feedback-based fabric strip folding, from simulation"
@@ -45,7 +46,7 @@ def write_main_picture(results: Results, path: Path) -> None:
     from matplotlib import rc_context
 
     with rc_context({"svg.fonttype": "path"}):
-        write_file(path, as_png(figures.main_picture(results), DPI))
+        write_output(path, as_png(figures.main_picture(results), DPI))
 
 
 def lines(results: Results) -> list[dict[str, Any]]:

@@ -95,11 +95,13 @@ def _settings(device: str | None, configs: Path | None) -> "V4l2Settings":
 
 def _grab(settings: "V4l2Settings", path: Path, *, as_json: bool) -> None:
     """Take a picture with the camera of `settings` into the PNG file at `path`."""
-    from calibration.wizard.session import write_image
+    from calibration.wizard.session import as_png
     from cell.devices.real_camera import grab
+    from drivers.outputs import check_output, write_output
 
+    check_output(path)
     taken = grab(settings)
-    write_image(path, taken.frame.image)
+    write_output(path, as_png(taken.frame.image))
     if as_json:
         facts = {
             "measured_rate": taken.rate,

@@ -303,7 +303,9 @@ def check(
     """
     from cell.gap.check import check as check_runs, check_page
     from drivers.files import write_file
+    from drivers.outputs import check_output_folder
 
+    check_output_folder(out, "check.json", "fit.json")
     file = _subject_file(strip, model, configs, subject)
     with _progress() as shown:
         checked = check_runs(runs, file, _threads(jobs), shown)

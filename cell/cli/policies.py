@@ -222,7 +222,10 @@ def benchmark(given: BenchmarkOptions) -> None:
     from cell.benchmark.summary import claim_lines, tables
     from cell.campaign.progress import Meter
     from cell.campaign.run import carry_out
+    from drivers.outputs import check_output
 
+    if given.picture is not None:
+        check_output(given.picture)
     found = find_configs(given.configs)
     names = (split(given.policies), split(given.strips))
     spec = BenchmarkSpec.build(

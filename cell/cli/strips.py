@@ -86,9 +86,10 @@ def measure(
     """Measure a strip's bending length on photographs of it hanging over a ledge."""
     from datetime import UTC, datetime
 
-    from cell.strips.edit import put_into, save
+    from cell.strips.edit import MEASUREMENT_FILE, put_into, save
     from cell.strips.measurement import measure as measure_strip
     from cell.strips.photograph import read_photographs
+    from drivers.outputs import check_output_folder
     from drivers.strip.describe import load_strip
 
     _check_name(strip)
@@ -96,8 +97,9 @@ def measure(
     if write:
         strip_file = writable(configs).strip_path(strip)
         load_strip(strip_file)
-    measurement = measure_strip(strip, read_photographs(photo or [], overhang or []))
     folder = out or Path("measured") / strip
+    check_output_folder(folder, MEASUREMENT_FILE)
+    measurement = measure_strip(strip, read_photographs(photo or [], overhang or []))
     save(measurement, folder)
     where = "add --write to put it into the strip's file"
     if strip_file is not None:

@@ -17,6 +17,7 @@ from cell.report.overlay import KeyPicture
 from cell.report.page_verdict import PageVerdict
 from cell.report.words import millimetres, milliseconds
 from drivers.files import write_file
+from drivers.outputs import write_output
 from drivers.readers import read_picture, read_yaml
 from drivers.types import Array, Image
 
@@ -48,8 +49,8 @@ def write_calibration_report(path: Path) -> Path:
         f"{calibration.residual_mm:.2f} mm",
         "rms at touched points that were not fitted",
     )
-    return _write(
-        path.with_suffix(".html"),
+    text = _page(
+        path.parent,
         f"calibration {calibration.id}",
         calibration,
         kicker="Calibration of a camera",
@@ -59,6 +60,9 @@ def write_calibration_report(path: Path) -> Path:
             f"The wizard refused it: {reason}" for reason in calibration.accepted_anyway
         ],
     )
+    out = path.with_suffix(".html")
+    write_output(out, text)
+    return out
 
 
 def write_session_page(folder: Path) -> Path:
@@ -75,8 +79,8 @@ def write_session_page(folder: Path) -> Path:
     said = PageVerdict(
         "good" if passed else "bad", lines[-1] if lines else "Nothing was seen", ()
     )
-    return _write(
-        folder / REPORT,
+    text = _page(
+        folder,
         f"session {folder.name}",
         load_calibration(made) if made.is_file() else None,
         kicker="Session of a calibration wizard",
@@ -84,6 +88,8 @@ def write_session_page(folder: Path) -> Path:
         said=said,
         found=lines[:-1],
     )
+    write_file(folder / REPORT, text)
+    return folder / REPORT
 
 
 def _pictures(folder: Path, calibration: Calibration | None) -> list[KeyPicture]:
@@ -106,23 +112,18 @@ def _pictures(folder: Path, calibration: Calibration | None) -> list[KeyPicture]
     return [KeyPicture(jpeg_text(image, PICTURE_WIDTH), caption, where)]
 
 
-def _write(
-    path: Path, title: str, calibration: Calibration | None, **parts: Any
-) -> Path:
-    """Write the page at `path` on `calibration`, if any, with pictures of its folder
-    and `parts`.
-
-    Returns `path`.
-    """
+def _page(
+    folder: Path, title: str, calibration: Calibration | None, **parts: Any
+) -> str:
+    """Page on `calibration`, if any, with the pictures of its `folder` and `parts`."""
     facts: dict[str, Any] = {"numbers": (), "locks": (), "refused": (), "found": ()}
     if calibration is not None:
         facts["numbers"] = _numbers(calibration)
         facts["locks"] = [
             (name, str(value)) for name, value in calibration.locks.items()
         ]
-    facts["pictures"] = _pictures(path.parent, calibration)
-    write_file(path, page("report/templates/calibration.html", title, **facts | parts))
-    return path
+    facts["pictures"] = _pictures(folder, calibration)
+    return page("report/templates/calibration.html", title, **facts | parts)
 
 
 def _numbers(calibration: Calibration) -> list[tuple[str, str]]:

@@ -21,7 +21,7 @@ from cell.report.page import film_of, flatten, setting_text, stated_settings, tr
 from cell.report.page_verdict import PageVerdict
 from cell.report.words import NO_VALUE, millimetres, plural, seconds
 from drivers.errors import ConfigurationError
-from drivers.files import write_file
+from drivers.outputs import write_output
 from drivers.readers import read_picture
 
 PICTURED = 300  # newest runs with a thumbnail; more would make the page heavy
@@ -63,7 +63,7 @@ def write_runs_page(rows: Sequence[RunRow], out: Path) -> Path:
             for row in rows
         ],
     )
-    write_file(out, text)
+    write_output(out, text)
     return out
 
 
@@ -117,7 +117,7 @@ def write_comparison(folders: Sequence[Path], out: Path) -> Path:
         differences=settings,
         shapes=_shapes(compared),
     )
-    write_file(out, text)
+    write_output(out, text)
     return out
 
 

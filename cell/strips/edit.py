@@ -99,9 +99,9 @@ def save(measurement: Measurement, folder: Path) -> None:
     numbers = json.dumps(plain(measurement.line()), indent=1, ensure_ascii=False) + "\n"
     with writing(f"--out: {folder}"):
         folder.mkdir(parents=True, exist_ok=True)
+        replace_file(folder / MEASUREMENT_FILE, numbers.encode())
         for name, content in pictures.items():
             replace_file(folder / name, content)
-        replace_file(folder / MEASUREMENT_FILE, numbers.encode())
 
 
 def put_into(path: Path, measurement: Measurement, today: date) -> None:

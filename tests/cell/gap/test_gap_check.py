@@ -76,10 +76,10 @@ def test_a_fit_refuses_a_stuck_reading_unless_asked(
     assert not (tmp_path / "out" / "verdict.json").exists()
     (tmp_path / "denim").mkdir()  # where the command is called: no strip
     monkeypatch.chdir(tmp_path)
-    options = ["--strip", "denim", "--out", str(tmp_path), "--json"]
+    options = ["--strip", "denim", "--out", str(tmp_path / "checked"), "--json"]
     found = CliRunner().invoke(app, ["gap", "check", str(runs), *options])
     assert found.exit_code == ConfigurationError.exit_code
-    written_check = json.loads((tmp_path / "check.json").read_text())
+    written_check = json.loads((tmp_path / "checked" / "check.json").read_text())
     assert [json.loads(line) for line in found.stdout.splitlines()] == [written_check]
     bad = [f["what"] for f in written_check["findings"] if f["level"] == "bad"]
     assert bad == ["stuck reading"]

@@ -94,6 +94,21 @@ def test_list_page_has_thumbnails_and_working_links(
     assert len(text) < 100_000
 
 
+@pytest.mark.parametrize("command", ["runs", "report"])
+def test_pages_are_never_written_over_a_file_of_the_operator(
+    three: list[Path], tmp_path: Path, command: str
+) -> None:
+    mine = tmp_path / "cell.yaml"
+    mine.write_text("name: cell\n")
+    said = {
+        "runs": ("runs", "--runs", three[0].parent, "--html", mine),
+        "report": ("report", *three, "--out", mine),
+    }
+    result = CliRunner().invoke(app, [*map(str, said[command])])
+    assert isinstance(result.exception, ConfigurationError)
+    assert mine.read_text() == "name: cell\n"
+
+
 def test_tags_and_notes_stay_in_the_run_and_are_found(three: list[Path]) -> None:
     call(
         "note",
