@@ -13,10 +13,10 @@ import numpy as np
 from pydantic import Field
 
 from calibration.lens import Lens
-from drivers.errors import ConfigurationError
-from drivers.files import new_file, write_all, writing
-from drivers.settings import Settings
-from drivers.types import Array, Image
+from drivers.base.errors import ConfigurationError
+from drivers.base.files import new_file, write_all, writing
+from drivers.base.settings import Settings
+from drivers.base.types import Array, Image
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -14,11 +14,11 @@ from pydantic import Field
 from calibration.homography import Homography, Viewpoint, viewpoint
 from calibration.landmarks import Landmarks
 from calibration.lens import CameraFile, Lens, MatrixFile
-from drivers.errors import ConfigurationError
-from drivers.files import write_file
-from drivers.settings import Settings, load
-from drivers.types import Array
-from drivers.yaml_text import dump_yaml
+from drivers.base.errors import ConfigurationError
+from drivers.base.files import write_file
+from drivers.base.settings import Settings, load
+from drivers.base.types import Array
+from drivers.base.yaml_text import dump_yaml
 
 NotNegative = Annotated[float, Field(ge=0)]
 OPTIONAL_KEYS = ("contact_bias", "locks", "landmarks", "accepted_anyway")

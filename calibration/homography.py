@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.lens import Lens
-from drivers.errors import ConfigurationError
-from drivers.types import Array, frozen
+from drivers.base.errors import ConfigurationError
+from drivers.base.types import Array, frozen
 
 MINIMUM_POINTS = 12
 MINIMUM_INLIERS = MINIMUM_POINTS * 3 // 4  # that a map must fit

@@ -14,10 +14,10 @@ from pydantic import Field
 
 from calibration.homography import Homography
 from calibration.lens import Lens
-from drivers.errors import ConfigurationError
-from drivers.readers import LARGEST_SIDE, picture_sides
-from drivers.settings import Settings
-from drivers.types import Array, Frame, Image, Pose
+from drivers.base.errors import ConfigurationError
+from drivers.base.readers import LARGEST_SIDE, picture_sides
+from drivers.base.settings import Settings
+from drivers.base.types import Array, Frame, Image, Pose
 
 TIP_SIDE, DESK_SIDE = 96, 28  # px, sides of the patches
 SEARCH_RADIUS = 40  # px around a landmark's old position in which it is searched

@@ -11,12 +11,12 @@ import cv2
 import numpy as np
 from pydantic import Field
 
-from drivers.errors import ConfigurationError
-from drivers.files import write_file
-from drivers.readers import read_text
-from drivers.settings import Settings, load
-from drivers.types import Array, Image, frozen
-from drivers.yaml_text import dump_yaml
+from drivers.base.errors import ConfigurationError
+from drivers.base.files import write_file
+from drivers.base.readers import read_text
+from drivers.base.settings import Settings, load
+from drivers.base.types import Array, Image, frozen
+from drivers.base.yaml_text import dump_yaml
 
 CRITERIA = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 40, 1e-9)
 MINIMUM_VIEWS = 3

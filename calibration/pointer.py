@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.types import Array, Image
+from drivers.base.types import Array, Image
 
 # grey levels of the darkest channel of a lit disc, and of one in shadow
 LIT_LEVELS = (170, 110)

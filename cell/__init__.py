@@ -1,17 +1,17 @@
 """Application of a cell that folds fabric strips: commands, Python API, records,
 reports.
 
-`import cell` offers the functions of `cell.api`; they are imported when one is used.
+`import cell` offers the functions of `cell.interface.api`; they are imported when one is used.
 """
 
 # ruff: noqa: F403, F405
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from drivers.errors import CellError
+from drivers.base.errors import CellError
 
 if TYPE_CHECKING:
-    from cell.api import *  # the names that __all__ lists
+    from cell.interface.api import *  # the names that __all__ lists
 
 __all__ = (
     "CellError",
@@ -36,12 +36,12 @@ __all__ = (
 
 
 def __getattr__(name: str) -> Any:
-    """Import a function of `cell.api` on first use; AttributeError for any other
+    """Import a function of `cell.interface.api` on first use; AttributeError for any other
     name.
     """
     if name not in __all__:
         raise AttributeError(f"module 'cell' has no attribute {name!r}")
-    return getattr(importlib.import_module("cell.api"), name)
+    return getattr(importlib.import_module("cell.interface.api"), name)
 
 
 def __dir__() -> list[str]:

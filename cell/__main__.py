@@ -8,7 +8,7 @@ import os
 import sys
 from typing import TYPE_CHECKING, Any
 
-from drivers.errors import CellError, ConfigurationError
+from drivers.base.errors import CellError, ConfigurationError
 
 if TYPE_CHECKING:
     from typer import Typer
@@ -35,7 +35,7 @@ def main(app: "Typer | None" = None) -> None:
     """Run the command line `app`; an error is printed in one line and sets the exit
     code.
     """
-    from cell.cli.output import guard_streams, why_lost
+    from cell.interface.cli.output import guard_streams, why_lost
 
     gc.set_threshold(YOUNG_OBJECTS)
     out = guard_streams()
@@ -49,7 +49,7 @@ def main(app: "Typer | None" = None) -> None:
 
 def _run(app: "Typer | None") -> int | str | None:
     """Run the command line; returns its exit code."""
-    from cell.cli.app import app as cell
+    from cell.interface.cli.app import app as cell
 
     try:
         code_of_exit = (app or cell)(standalone_mode=False)
@@ -94,8 +94,8 @@ def _cell_error(error: Exception) -> CellError:
     """Convert `error` to a CellError: a missing library, or a defect of this
     program.
     """
-    from cell.extras import FEATURES, missing_library
-    from drivers.errors import Unexpected
+    from drivers.base.errors import Unexpected
+    from drivers.base.extras import FEATURES, missing_library
 
     if isinstance(error, CellError):
         return error

@@ -10,12 +10,12 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import ConfigDict, Field
 
-from drivers.errors import ConfigurationError
-from drivers.files import write_file
-from drivers.readers import MEGABYTE, read_json
-from drivers.settings import Settings, parse
+from drivers.base.errors import ConfigurationError
+from drivers.base.files import write_file
+from drivers.base.readers import MEGABYTE, read_json
+from drivers.base.settings import Settings, parse
+from drivers.base.types import Array
 from drivers.strip.file import StripFile
-from drivers.types import Array
 from policies.path import Path, triangular
 from policies.policy import Decision, Observation
 

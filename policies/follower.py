@@ -4,8 +4,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from drivers.base.types import Array
 from drivers.strip.file import StripFile
-from drivers.types import Array
 from policies.path import Path
 from policies.policy import Decision, Observation
 

@@ -5,9 +5,9 @@ from typing import Self
 
 import numpy as np
 
-from drivers.geometry import arc_lengths, interpolate_columns
+from drivers.base.geometry import arc_lengths, interpolate_columns
+from drivers.base.types import Array, frozen
 from drivers.strip.observation import LIFT_TRAVEL
-from drivers.types import Array, frozen
 
 TAKEOVER_HEIGHT = 0.10  # m at which a policy takes over from the lift (paper)
 

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drivers.errors import ConfigurationError
+from drivers.base.errors import ConfigurationError
+from drivers.base.types import Array
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from drivers.strip.rod.engine import Rod
-from drivers.types import Array
 from policies.follower import Follower
 from policies.path import Path
 from policies.policy import Decision, Observation

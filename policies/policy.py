@@ -8,8 +8,8 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.base.types import Array
 from drivers.strip.file import StripFile
-from drivers.types import Array
 from policies.path import Path
 
 

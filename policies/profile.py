@@ -4,9 +4,9 @@ images.
 
 import numpy as np
 
-from drivers.geometry import even_points
+from drivers.base.geometry import even_points
+from drivers.base.types import Array
 from drivers.strip.model import CONTACT_HEIGHT
-from drivers.types import Array
 
 POINTS = 12  # of a profile that a policy reads, desk contact and gripper included
 

@@ -10,8 +10,8 @@ from functools import cache, partial
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
-from drivers.errors import ConfigurationError, check_known
-from drivers.plugins import guarded, plugins
+from drivers.base.errors import ConfigurationError, check_known
+from drivers.base.plugins import guarded, plugins
 
 if TYPE_CHECKING:
     from policies.policy import Policy

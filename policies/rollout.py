@@ -9,10 +9,10 @@ from typing import Protocol, Self, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.base.types import Array
 from drivers.strip.engine import Observables, Stepper, Touch
 from drivers.strip.file import StripFile
 from drivers.strip.model import StripModel
-from drivers.types import Array
 from policies.path import TAKEOVER_HEIGHT, Path
 from policies.policy import Decision, Policy
 from policies.sensing import Draws, Sensing, SimulatedCamera

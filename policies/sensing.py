@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from drivers.settings import StudyResult
+from drivers.base.settings import StudyResult
+from drivers.base.types import Array
 from drivers.strip.engine import Observables
-from drivers.types import Array
 from policies.policy import Observation
 from policies.profile import POINTS, profiles
 

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from drivers.base.types import Array
 from drivers.strip.effects import registry
 from drivers.strip.effects.effect import Span
 from drivers.strip.file import StripFile, paper_damping_minimum, paper_strip
-from drivers.types import Array
 
 STIFFNESS_RANGE = (0.02, 0.3)  # N m/rad (paper, appendix)
 # largest damping over the smallest at the same stiffness (paper, appendix)

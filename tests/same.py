@@ -27,7 +27,7 @@ import pyarrow.parquet as pq
 import typer
 import yaml
 
-from cell.cli.app import app
+from cell.interface.cli.app import app
 from tests.support.gap_strip_cases import folds, written
 from tests.support.mechanisms import PRESCRIBED, make_arm
 

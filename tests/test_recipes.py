@@ -11,24 +11,24 @@ import pytest
 
 import cell.gap.subject.mechanism.effects
 import drivers.strip.effects
-from cell.campaign.progress import Meter
-from cell.campaign.run import measure
-from cell.cli.options import policy_names as typed_policies
-from cell.config.cell import CellFile
-from cell.config.drivers import all_drivers
-from cell.config.places import CHECKOUT_CONFIGS, find_configs
-from cell.config.settings import DriverChoice
-from cell.devices.devices import Trial
-from cell.devices.open import check_calibrated, open_cell
+from cell.base.campaign.progress import Meter
+from cell.base.campaign.run import measure
+from cell.base.config.cell import CellFile
+from cell.base.config.drivers import all_drivers
+from cell.base.config.places import CHECKOUT_CONFIGS, find_configs
+from cell.base.config.settings import DriverChoice
+from cell.base.devices.devices import Trial
+from cell.base.devices.open import check_calibrated, open_cell
 from cell.gap.open_subject import open_mechanism
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip.scope import candidate
+from cell.interface.cli.options import policy_names as typed_policies
 from cell.orchestrator import monitors
 from cell.orchestrator.monitors import Monitor, Rules, check_all
 from cell.orchestrator.snapshot import Hold, Snapshot
 from cell.orchestrator.states import State
-from drivers.errors import ConfigurationError, Fault
-from drivers.settings import parse
+from drivers.base.errors import ConfigurationError, Fault
+from drivers.base.settings import parse
 from drivers.strip.describe import load_strip
 from drivers.strip.effects import registry
 from policies.registry import entries, make_policy, policy_names
@@ -330,8 +330,8 @@ def test_a_monitor_is_an_entry_of_the_list(monkeypatch: pytest.MonkeyPatch) -> N
 CAMERA = '''
 """A camera whose images never change."""
 
-from cell.config.drivers import Driver
-from drivers.settings import Settings
+from cell.base.config.drivers import Driver
+from drivers.base.settings import Settings
 
 class StuckSettings(Settings):
     serial: int

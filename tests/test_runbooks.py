@@ -15,7 +15,7 @@ import pytest
 import typer
 
 from cell.__main__ import main
-from cell.cli.app import app
+from cell.interface.cli.app import app
 from tests.lab.__main__ import app as lab
 
 ROOT = Path(__file__).parents[1]
@@ -63,20 +63,18 @@ PLAYED = {
 }
 ELSEWHERE = {  # what other tests run, with other files and numbers
     "cell gap": "tests/end_to_end/test_gap_circle.py",
-    "cell fold --strip denim --plant moved.yaml": (
-        "tests/cell/calibrate/test_wizards.py"
-    ),
+    "cell fold --strip denim --plant moved.yaml": ("tests/cell/setup/test_wizards.py"),
     "cell fold --strip denim --arm fci": "tests/end_to_end/test_arm_faults.py",
     "cell fold --strip denim --policy feedback": "tests/end_to_end/test_fold_whole.py",
-    "cell benchmark": "tests/cell/benchmark",
-    "cell train": "tests/cell/train",
-    "cell twin serve": "tests/cell/cli/test_twin_command.py",
-    "cell camera": "tests/cell/cli/test_camera_command.py",
+    "cell benchmark": "tests/cell/studies",
+    "cell train": "tests/cell/studies",
+    "cell twin serve": "tests/cell/interface/cli/test_twin_command.py",
+    "cell camera": "tests/cell/interface/cli/test_camera_command.py",
     "cell import": "tests/cell/exchange/test_import_runs.py",
     "cell observe": "tests/end_to_end/test_observe.py",
-    "cell strips measure": "tests/cell/strips/test_strips_measure_command.py",
+    "cell strips measure": "tests/cell/setup/strips/test_strips_measure_command.py",
     "python -m tests.lab study unknown --count 2000": (
-        "tests/cell/campaign/test_cluster.py"
+        "tests/cell/base/campaign/test_cluster.py"
     ),
 }
 

@@ -11,7 +11,7 @@ from calibration.wizard import coverage
 from calibration.wizard.coverage import Placement, Sketch, WantedView, guessed_lens
 from calibration.wizard.lens_verdict import LensVerdict, fit_views, lens_verdict
 from calibration.wizard.progress import Mark, Progress, Row
-from drivers.types import Frame, Image
+from drivers.base.types import Frame, Image
 
 # from which a lens is fitted, to compute the board's tilt
 FEWEST_VIEWS = max(4, MINIMUM_VIEWS)

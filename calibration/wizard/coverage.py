@@ -11,7 +11,7 @@ import numpy as np
 
 from calibration.board import BoardSettings, BoardView
 from calibration.lens import Lens
-from drivers.types import Array, BoardPlacement
+from drivers.base.types import Array, BoardPlacement
 
 MIDDLE_SHARE = 0.05  # share of the image within which a place is called the middle
 FLAT_ANGLE = 0.05  # rad under which a lean is not mentioned

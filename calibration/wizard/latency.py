@@ -12,8 +12,8 @@ from calibration.homography import Homography
 from calibration.lens import Lens
 from calibration.pointer import find_pointer
 from calibration.wizard.verdict import Verdict, grade_line, reasons
-from drivers.settings import Settings
-from drivers.types import ArmState, Array, Frame, Pose
+from drivers.base.settings import Settings
+from drivers.base.types import ArmState, Array, Frame, Pose
 
 # ms between two halves of the images, up to which good, then fair
 APART_GRADES = (2.0, 5.0)

@@ -13,8 +13,8 @@ from calibration.board import BoardSettings, BoardView
 from calibration.lens import MINIMUM_VIEWS, Lens, LensFit, fit_lens
 from calibration.wizard import coverage
 from calibration.wizard.verdict import Level, Line, Verdict, grade_line, reasons
-from drivers.errors import ConfigurationError
-from drivers.types import Array
+from drivers.base.errors import ConfigurationError
+from drivers.base.types import Array
 
 NORMAL_STEP = 1e-4  # m, difference for the derivative along the board's normal
 POSE_COLUMNS = 6  # of cv2.projectPoints' Jacobian

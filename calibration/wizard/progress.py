@@ -12,8 +12,8 @@ from pydantic import ConfigDict, Field
 
 from calibration.wizard.coverage import Gate, Sketch
 from calibration.wizard.latency import LatencySteps
-from drivers.settings import Settings
-from drivers.types import Array, Frame, Image
+from drivers.base.settings import Settings
+from drivers.base.types import Array, Frame, Image
 
 
 class Row(Settings):

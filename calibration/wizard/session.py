@@ -14,12 +14,12 @@ from calibration.wizard.latency import LatencySettings, LatencySteps
 from calibration.wizard.progress import Observer, Progress, Row, ignore
 from calibration.wizard.touched_points import TouchedPoints
 from calibration.wizard.touches import TouchSettings
-from drivers.errors import ConfigurationError, check_known
-from drivers.files import append_line, write_file, writing
-from drivers.readers import MEGABYTE, read_json, read_json_lines, read_picture
-from drivers.settings import Settings, load, parse
-from drivers.types import Image
-from drivers.yaml_text import dump_yaml
+from drivers.base.errors import ConfigurationError, check_known
+from drivers.base.files import append_line, write_file, writing
+from drivers.base.readers import MEGABYTE, read_json, read_json_lines, read_picture
+from drivers.base.settings import Settings, load, parse
+from drivers.base.types import Image
+from drivers.base.yaml_text import dump_yaml
 
 # of told.jsonl and latency.json; a session writes less than one
 LARGEST_LOG = 32 * MEGABYTE

@@ -23,8 +23,8 @@ from calibration.wizard.touches import (
     fit_touches,
 )
 from calibration.wizard.verdict import Level, Line, Verdict, grade_line, reasons
-from drivers.errors import ConfigurationError
-from drivers.types import Array
+from drivers.base.errors import ConfigurationError
+from drivers.base.types import Array
 
 # mm, up to which good, then fair: worst point, difference of halves, effect on the
 # displacement

@@ -18,8 +18,8 @@ from calibration.wizard.touches import (
     suspects,
     touch_plan,
 )
-from drivers.errors import ConfigurationError
-from drivers.types import Array, Frame, Image, Pose
+from drivers.base.errors import ConfigurationError
+from drivers.base.types import Array, Frame, Image, Pose
 
 TITLE = "the map to the plane"
 NOT_STILL = "between two images; wait until it is still"

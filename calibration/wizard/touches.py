@@ -13,10 +13,10 @@ from pydantic import Field
 
 from calibration.homography import MINIMUM_POINTS, Homography, fit_homography, transform
 from calibration.lens import Lens
-from drivers.errors import ConfigurationError
-from drivers.robust import robust_sigma
-from drivers.settings import Settings
-from drivers.types import Array, Pose
+from drivers.base.errors import ConfigurationError
+from drivers.base.robust import robust_sigma
+from drivers.base.settings import Settings
+from drivers.base.types import Array, Pose
 
 Count = Annotated[int, Field(ge=3, le=12)]
 

@@ -8,19 +8,19 @@ from contextlib import AbstractContextManager, closing, nullcontext
 from dataclasses import dataclass, replace
 
 from calibration.calibration import Calibration
-from cell.arm.run_settings import consent
-from cell.calibrate.calibration_in_use import calibration_of
-from cell.campaign.processes import ProcessPool, StopSignal
-from cell.doctor.check import Check
-from cell.doctor.doctor import BRIEF, hardware_checks
-from cell.doctor.machine import versions
+from cell.base.campaign.processes import ProcessPool, StopSignal
 from cell.folding.fold import fold, write_pages
 from cell.folding.request import Request, with_correction
 from cell.folding.result import FoldResult
 from cell.orchestrator.operator import Interrupt, Interrupted
 from cell.orchestrator.run import Observer
-from drivers.child import ChildDied
-from drivers.errors import CellError, Fault, PreflightRefused, Unexpected
+from cell.setup.arm.run_settings import consent
+from cell.setup.calibration_in_use import calibration_of
+from cell.setup.doctor.check import Check
+from cell.setup.doctor.doctor import BRIEF, hardware_checks
+from cell.setup.doctor.machine import versions
+from drivers.base.child import ChildDied
+from drivers.base.errors import CellError, Fault, PreflightRefused, Unexpected
 
 POLL_INTERVAL = 0.1  # s between looks at the keyboard
 ObserverContext = AbstractContextManager[tuple[Observer, ...]]

@@ -9,16 +9,16 @@ from pathlib import Path
 from typing import Any
 
 from calibration.calibration import Calibration
-from cell.calibrate.calibration_in_use import record_entry
-from cell.config.cell import CellFile
+from cell.base.config.cell import CellFile
 from cell.folding.request import Request
 from cell.orchestrator.outcome import Outcome
 from cell.perception.length_checks import disagreements
-from drivers.files import write_file
-from drivers.readers import MEGABYTE, read_bytes
+from cell.setup.calibration_in_use import record_entry
+from drivers.base.files import write_file
+from drivers.base.readers import MEGABYTE, read_bytes
+from drivers.base.yaml_text import dump_yaml
 from drivers.strip.file import Provenance, StripFile
 from drivers.strip.model import CONTACT_HEIGHT
-from drivers.yaml_text import dump_yaml
 from policies.prediction import FoldPrediction
 
 CHECKPOINT_BYTES = 50 * MEGABYTE

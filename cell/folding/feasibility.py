@@ -14,20 +14,20 @@ from typing import Any
 import numpy as np
 
 from calibration.calibration import Calibration, load_calibration
-from cell.arm.arm_prediction import ArmPrediction, predict_arm
-from cell.arm.run_settings import LEAST_SPEED, at_speed
-from cell.calibrate.calibration_in_use import check_current
-from cell.config.settings import CellSettings
-from cell.devices.fold_path import largest_speed, whole_path
+from cell.base.config.settings import CellSettings
+from cell.base.devices.fold_path import largest_speed, whole_path
 from cell.folding.request import Request
 from cell.perception.preflight import check_scope
-from drivers.arm.obstacles import desk_end, require_clear
-from drivers.errors import CellError, ConfigurationError, Fault, PreflightRefused
-from drivers.installation import Installation
+from cell.setup.arm.arm_prediction import ArmPrediction, predict_arm
+from cell.setup.arm.run_settings import LEAST_SPEED, at_speed
+from cell.setup.calibration_in_use import check_current
+from drivers.base.errors import CellError, ConfigurationError, Fault, PreflightRefused
+from drivers.base.installation import Installation
+from drivers.base.types import Array, Pose
+from drivers.franka.obstacles import desk_end, require_clear
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from drivers.strip.rod.engine import Rod
-from drivers.types import Array, Pose
 from policies.policy import Policy
 from policies.registry import make_policy
 from policies.rollout import Folds, Rollout, roll_out

@@ -21,9 +21,9 @@ from calibration.lens import fit_lens
 from cell.perception.held_end import FINE, colour_edge, find_end
 from cell.perception.resting_strip import sample_plane
 from cell.perception.scene import colour_distances
-from drivers.errors import ConfigurationError
+from drivers.base.errors import ConfigurationError
+from drivers.base.types import Array, Frame, Image
 from drivers.strip.file import StripFile
-from drivers.types import Array, Frame, Image
 
 PERIOD = 0.09  # s between images that are searched for the board
 PATIENCE = 4.0  # s within which the board must appear, and the scene be still after it

@@ -14,23 +14,22 @@ from pathlib import Path
 from typing import Any
 
 from calibration.calibration import Calibration, save_calibration
-from cell.calibrate.calibration_in_use import check_usable
-from cell.config.unmeasured_strip import UNKNOWN_NAME as UNKNOWN
-from cell.devices.devices import Devices
-from cell.devices.open import open_cell
-from cell.devices.rig_correction import corrected_calibration
+from cell.base.config.unmeasured_strip import UNKNOWN_NAME as UNKNOWN
+from cell.base.devices.devices import Devices
+from cell.base.devices.open import open_cell
+from cell.base.devices.rig_correction import corrected_calibration
+from cell.folding.correction import Correction, experience_of, subject_of
 from cell.folding.documents import (
     CHECKPOINT_BYTES,
     offer_strip,
     result_content,
     run_header,
 )
+from cell.folding.experience import run_key
 from cell.folding.feasibility import check_feasible
 from cell.folding.fold_trace import FoldTrace
 from cell.folding.request import Request, memory_of
 from cell.folding.result import FoldResult
-from cell.learning.correction import Correction, experience_of, subject_of
-from cell.learning.experience import run_key
 from cell.orchestrator.context import FoldContext
 from cell.orchestrator.outcome import INTERRUPTED_AT_ONCE, Outcome
 from cell.orchestrator.phases import FOLD_PHASES
@@ -52,11 +51,12 @@ from cell.record.truth import write_truth
 from cell.record.writer import RunWriter
 from cell.report.page import write_report
 from cell.report.viz.watch import watching
-from drivers.arm.obstacles import desk_end
-from drivers.clock import lock_memory, take_priority, wake_promptly
-from drivers.errors import CellError, ConfigurationError, Fault
-from drivers.files import append_line, replace_file
-from drivers.readers import read_bytes
+from cell.setup.calibration_in_use import check_usable
+from drivers.base.clock import lock_memory, take_priority, wake_promptly
+from drivers.base.errors import CellError, ConfigurationError, Fault
+from drivers.base.files import append_line, replace_file
+from drivers.base.readers import read_bytes
+from drivers.franka.obstacles import desk_end
 from policies.policy import Policy
 from policies.registry import make_policy
 

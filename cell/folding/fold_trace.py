@@ -12,7 +12,7 @@ from cell.orchestrator.snapshot import Snapshot
 from cell.orchestrator.states import State
 from cell.orchestrator.vision import MEASURED_STATES
 from cell.perception.model_agreement import Agreement, MeasuredFold, agreement
-from drivers.errors import CellError
+from drivers.base.errors import CellError
 from drivers.strip.file import StripFile
 from policies.profile import image_profile
 

@@ -11,8 +11,8 @@ from scipy.interpolate import PchipInterpolator
 from scipy.signal import savgol_filter
 
 from calibration.calibration import Calibration, load_calibration, save_calibration
-from cell.config.cell import CellFile
-from cell.config.places import find_configs
+from cell.base.config.cell import CellFile
+from cell.base.config.places import find_configs
 from cell.folding.filmed_board import calibrate_film
 from cell.perception.held_end import PROFILE_CONFIDENCE, Clip, HeldEnd, HeldMeasurement
 from cell.perception.layer_touch import LayerTouch
@@ -25,11 +25,11 @@ from cell.record.film import Film, FilmWriter
 from cell.record.tables import SIGHT_ROWS, place_contacts, sight_tables, write_tables
 from cell.record.writer import sight_row
 from cell.report.overlay import draw_sight
-from drivers.errors import ConfigurationError
-from drivers.files import check_free, new_folder
+from drivers.base.errors import ConfigurationError
+from drivers.base.files import check_free, new_folder
+from drivers.base.types import Array, Frame, Image, Pose
 from drivers.strip.file import StripFile
 from drivers.strip.model import CONTACT_HEIGHT
-from drivers.types import Array, Frame, Image, Pose
 
 ROW_PERIOD = 0.01  # s between rows of ticks, as the contract of a run asks for
 SMOOTHED = 5  # images over which the held end is smoothed

@@ -6,20 +6,20 @@ from itertools import pairwise
 
 import numpy as np
 
-from cell.arm.manual_motion import home_joints, move_manually
-from cell.config.cell import CellFile
+from cell.base.config.cell import CellFile
 from cell.folding.feasibility import planned_path
 from cell.folding.request import Request
 from cell.orchestrator.outcome import Outcome
 from cell.orchestrator.snapshot import Drive, Snapshot
 from cell.orchestrator.steps import Motion, close_hand, move, open_hand
-from drivers.arm.reach import densify, plan_reach
-from drivers.errors import ConfigurationError
+from cell.setup.arm.manual_motion import home_joints, move_manually
+from drivers.base.errors import ConfigurationError
+from drivers.base.geometry import interpolate_columns
+from drivers.base.installation import MotionLimits
+from drivers.base.types import Array, Pose, Velocity
 from drivers.franka.inverse_kinematics import ELBOW_JOINT
-from drivers.geometry import interpolate_columns
-from drivers.installation import MotionLimits
+from drivers.franka.reach import densify, plan_reach
 from drivers.strip.file import StripFile
-from drivers.types import Array, Pose, Velocity
 
 HOVER_HEIGHT = 0.2  # m above the fold
 GAIN = 3.0  # 1/s, how fast the gripper returns to its path

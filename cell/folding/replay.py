@@ -11,8 +11,8 @@ import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
 from calibration.calibration import Calibration, load_calibration
-from cell.config.cell import CellFile
-from cell.learning.correction import correction_of
+from cell.base.config.cell import CellFile
+from cell.folding.correction import correction_of
 from cell.orchestrator.phases import observation
 from cell.perception.perception import Perception
 from cell.perception.preflight import inspect
@@ -21,10 +21,10 @@ from cell.record.events import Event
 from cell.record.files import CALIBRATION, CHECKPOINT, EVENTS, TICKS
 from cell.record.frames import INDEX, frame_file
 from cell.record.run import Run, read_run
-from drivers.errors import ConfigurationError
-from drivers.settings import parse
+from drivers.base.errors import ConfigurationError
+from drivers.base.settings import parse
+from drivers.base.types import Frame, Pose
 from drivers.strip.file import StripFile
-from drivers.types import Frame, Pose
 from policies.registry import make_policy
 
 Measured = dict[int, StripMeasurement]  # by the sequence number of the image

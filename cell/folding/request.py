@@ -9,16 +9,16 @@ from typing import Literal
 
 import numpy as np
 
-from cell.arm.run_settings import at_speed, limit_to_arm, slow_down
-from cell.config.cell import CellFile
-from cell.config.length import metres
-from cell.devices.devices import Trial
-from cell.devices.open import check_calibrated, check_drivers
-from cell.learning.bias import LIMIT
-from cell.learning.correction import Correction, learned_correction, subject_of
-from cell.learning.experience import Memory
+from cell.base.config.cell import CellFile
+from cell.base.config.length import metres
+from cell.base.devices.devices import Trial
+from cell.base.devices.open import check_calibrated, check_drivers
+from cell.folding.bias import LIMIT
+from cell.folding.correction import Correction, learned_correction, subject_of
+from cell.folding.experience import Memory
 from cell.record.files import Keep
 from cell.record.film import Encoder
+from cell.setup.arm.run_settings import at_speed, limit_to_arm, slow_down
 from drivers.strip.describe import doubts
 from drivers.strip.file import StripFile
 from policies.experiments.standard import STANDARD, standard_order

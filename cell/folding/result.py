@@ -5,14 +5,14 @@ from dataclasses import dataclass
 from math import inf
 from typing import Any, Self
 
-from cell.config.unmeasured_strip import UNKNOWN_NAME as UNKNOWN
+from cell.base.config.unmeasured_strip import UNKNOWN_NAME as UNKNOWN
 from cell.folding.documents import LEARNED
 from cell.folding.request import Request
 from cell.orchestrator.operator import Interrupted
 from cell.orchestrator.outcome import Outcome
 from cell.perception.length_checks import LengthCheck
 from cell.record.header import LAID, NOT_FOLDED
-from drivers.errors import CellError
+from drivers.base.errors import CellError
 
 LINE_COLUMNS = [
     "run",

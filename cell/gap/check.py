@@ -32,9 +32,9 @@ from cell.gap.verdict.schema import Entry
 from cell.report.html import page
 from cell.report.page_verdict import PageVerdict
 from cell.report.words import plural
-from drivers.errors import ConfigurationError
-from drivers.readers import read_yaml
-from drivers.types import Array
+from drivers.base.errors import ConfigurationError
+from drivers.base.readers import read_yaml
+from drivers.base.types import Array
 
 SPARSE_COLUMNS = frozenset({"t", "contact_x", "contact_t", "pitch", "f_x", "f_z"})
 """Columns that hold numbers in some rows alone, or need not be there (formats.md)."""

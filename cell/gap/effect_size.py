@@ -18,12 +18,12 @@ from cell.gap.subject.strip.subject import StripSubject
 from cell.gap.subject.strip.synthetic import measured_along
 from cell.gap.subject.subject import NamedValues, Request, Residuals
 from cell.record.header import Sigma
-from drivers.errors import ConfigurationError
+from drivers.base.errors import ConfigurationError
+from drivers.base.types import Array
 from drivers.strip.effects import registry
 from drivers.strip.effects.effect import Effect
 from drivers.strip.file import StripFile
 from drivers.strip.rod.engine import GripperPath
-from drivers.types import Array
 
 # shares of the way from null to the largest believable
 LADDER = np.geomspace(1e-2, 1.0, 12)

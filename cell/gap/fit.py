@@ -25,9 +25,9 @@ from cell.gap.verdict.compose import deviations, verdict as compose
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import Values, Verdict
 from cell.report.words import plural
-from drivers.errors import ConfigurationError
-from drivers.files import write_file, writing
-from drivers.yaml_text import dump_yaml
+from drivers.base.errors import ConfigurationError
+from drivers.base.files import write_file, writing
+from drivers.base.yaml_text import dump_yaml
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,7 +29,7 @@ from cell.gap.selection.posterior import posterior
 from cell.gap.selection.screening import ranked_pairs
 from cell.gap.selection.search import BUDGET, Search, within_reach, without_each
 from cell.gap.verdict.findings import BaseFit, Screen
-from drivers.types import Array
+from drivers.base.types import Array
 
 Progress = Callable[[str, float], None]
 """Called with the name of a stage and the share of the whole that is done."""

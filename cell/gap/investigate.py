@@ -50,7 +50,7 @@ from cell.gap.subject.subject import Subject
 from cell.gap.verdict.decision import decide, doubtful_values
 from cell.gap.verdict.findings import BaseFit, Findings, HeldOutFits, ModelTests, Screen
 from cell.gap.verdict.offered_law import offered_law
-from drivers.types import Array
+from drivers.base.types import Array
 
 
 def investigate(

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 from cell.gap.subject.run_folders import RunFolder
 from cell.gap.subject.subject import Subject
-from drivers.errors import ConfigurationError
-from drivers.readers import read_yaml
+from drivers.base.errors import ConfigurationError
+from drivers.base.readers import read_yaml
 
 if TYPE_CHECKING:
     from cell.gap.subject.mechanism.subject import MechanismSubject

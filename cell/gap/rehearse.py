@@ -17,10 +17,10 @@ from typing import Any
 
 import numpy as np
 
-from cell.campaign.journal import Record
-from cell.campaign.progress import Meter
-from cell.campaign.run import Engine, Part, carry_out
-from cell.campaign.versions import verdicts
+from cell.base.campaign.journal import Record
+from cell.base.campaign.progress import Meter
+from cell.base.campaign.run import Engine, Part, carry_out
+from cell.base.campaign.versions import verdicts
 from cell.gap.effect_size import GapModel, draw_strengths, indistinguishable_from
 from cell.gap.fit import fit
 from cell.gap.fitting.base_fit import refit_base
@@ -32,14 +32,14 @@ from cell.gap.subject.strip.runs import MeasuredRun, read_runs
 from cell.gap.subject.strip.scope import fitted_strip
 from cell.gap.subject.strip.subject import StripSubject
 from cell.gap.subject.strip.synthetic import rod_folds, write_fold
-from drivers.files import replace_file
-from drivers.settings import Settings
+from drivers.base.files import replace_file
+from drivers.base.settings import Settings
+from drivers.base.types import frozen
 from drivers.strip.describe import describe, load_strip
 from drivers.strip.effects import registry
 from drivers.strip.file import StripFile
 from drivers.strip.model import StripModel
 from drivers.strip.rod.engine import GripperPath
-from drivers.types import frozen
 
 JOURNAL, PAGE = "journal", "rehearsal.md"
 NO_EFFECT = "nothing"

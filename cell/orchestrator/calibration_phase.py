@@ -16,9 +16,9 @@ from cell.orchestrator.operator import Answer, Question
 from cell.orchestrator.recorder import Recorder
 from cell.orchestrator.snapshot import Command, Hold, MoveTo, Snapshot
 from cell.orchestrator.states import Event, State
-from drivers.arm.obstacles import require_clear
-from drivers.errors import CellError
-from drivers.types import Pose
+from drivers.base.errors import CellError
+from drivers.base.types import Pose
+from drivers.franka.obstacles import require_clear
 
 Doing = Generator[Command, Snapshot, None]
 Answering = Generator[Command, Snapshot, Answer]

@@ -10,8 +10,8 @@ from calibration.landmarks import Landmarks
 from calibration.wizard.latency import LatencySteps
 from calibration.wizard.progress import Observer, ignore
 from calibration.wizard.touched_points import TouchedPoints
-from cell.config.settings import CellSettings
-from cell.devices.devices import CalibrationAids
+from cell.base.config.settings import CellSettings
+from cell.base.devices.devices import CalibrationAids
 from cell.orchestrator.operator import Operator, Unattended
 from cell.orchestrator.outcome import Outcome
 from cell.orchestrator.snapshot import Snapshot
@@ -19,9 +19,9 @@ from cell.orchestrator.steps import Motion
 from cell.perception.image_reader import Reader
 from cell.perception.length_checks import LengthCheck, disagreements
 from cell.perception.strip_measurement import SeenTouch
-from drivers.arm.obstacles import desk_end
+from drivers.base.types import Pose
+from drivers.franka.obstacles import desk_end
 from drivers.strip.file import StripFile
-from drivers.types import Pose
 from policies.policy import Policy
 from policies.prediction import FoldPrediction
 

@@ -6,10 +6,10 @@ from math import sqrt
 
 import numpy as np
 
-from cell.devices.fold_path import HANGING, lay_pitch
+from cell.base.devices.fold_path import HANGING, lay_pitch
 from cell.orchestrator.snapshot import Drive, Snapshot
 from cell.orchestrator.steps import Motion, drive, move
-from drivers.types import Pose
+from drivers.base.types import Pose
 from policies.follower import Follower
 from policies.path import Path
 

@@ -8,15 +8,15 @@ from math import degrees, pi
 
 import numpy as np
 
-from cell.config.settings import MonitorLimits
+from cell.base.config.settings import MonitorLimits
 from cell.orchestrator.snapshot import Command, Drive, Hold, MoveTo, Snapshot
 from cell.orchestrator.states import TERMINAL, State
 from cell.record.header import DEVICES, OUTCOMES
-from drivers.arm.obstacles import require_clear
-from drivers.errors import Fault
-from drivers.installation import MotionLimits, Workspace
+from drivers.base.errors import Fault
+from drivers.base.installation import MotionLimits, Workspace
+from drivers.base.types import Velocity
+from drivers.franka.obstacles import require_clear
 from drivers.strip.observation import LIFT_TRAVEL
-from drivers.types import Velocity
 
 MOVED_IMAGES = 2  # images in a row that show the scene shifted before the arm stops
 USUAL_AGE = 0.7  # share of the allowed image age below which the speed is not reduced

@@ -8,7 +8,7 @@ from enum import StrEnum
 from types import FrameType
 from typing import Any, Protocol, Self
 
-from drivers.errors import CellError
+from drivers.base.errors import CellError
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 

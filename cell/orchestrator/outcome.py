@@ -7,7 +7,7 @@ from cell.orchestrator.operator import Interrupted
 from cell.perception.length_checks import LengthCheck
 from cell.perception.model_agreement import Agreement
 from cell.perception.strip_measurement import SeenTouch
-from drivers.errors import CellError, Fault, PreflightRefused
+from drivers.base.errors import CellError, Fault, PreflightRefused
 from policies.prediction import FoldPrediction
 
 NAMES = {PreflightRefused: "preflight_refused", Interrupted: "interrupted"}

@@ -10,7 +10,7 @@ from math import sqrt
 import numpy as np
 
 from calibration.landmarks import camera_shift
-from cell.devices import fold_path
+from cell.base.devices import fold_path
 from cell.orchestrator import steps
 from cell.orchestrator.context import FoldContext, ManualContext
 from cell.orchestrator.lay import CLEARANCE, TURN_GAIN, follow_lay
@@ -24,9 +24,9 @@ from cell.perception.length_checks import LengthCheck, compare_grip, held_end_of
 from cell.perception.perception import LENGTH_ERROR
 from cell.perception.preflight import PreflightCheck, camera_check
 from cell.perception.strip_measurement import StripMeasurement
-from drivers.errors import Fault, PreflightRefused
-from drivers.geometry import moving_average
-from drivers.types import Array, Frame, Pose, Velocity
+from drivers.base.errors import Fault, PreflightRefused
+from drivers.base.geometry import moving_average
+from drivers.base.types import Array, Frame, Pose, Velocity
 from policies.follower import Follower
 from policies.path import lift_pitch
 from policies.policy import Decision, Observation

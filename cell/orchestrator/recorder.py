@@ -9,7 +9,7 @@ from cell.orchestrator.snapshot import Snapshot
 from cell.perception.strip_measurement import StripMeasurement
 from cell.record.events import LIFT, ORIGIN
 from cell.record.writer import RunWriter
-from drivers.types import Array, Frame
+from drivers.base.types import Array, Frame
 
 
 class Recorder:

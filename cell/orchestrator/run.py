@@ -11,7 +11,7 @@ from functools import partial
 from types import FrameType
 from typing import Protocol, TypeVar
 
-from cell.devices.devices import ArmHistory, Devices
+from cell.base.devices.devices import ArmHistory, Devices
 from cell.orchestrator.context import Context
 from cell.orchestrator.monitors import Rules, check_all, slow_for_images
 from cell.orchestrator.outcome import INTERRUPTED, Outcome
@@ -29,8 +29,8 @@ from cell.orchestrator.snapshot import (
 from cell.orchestrator.states import Event, Machine, State
 from cell.orchestrator.steps import Phase
 from cell.orchestrator.vision import MEASURED_STATES, RECORDED, View, Vision
-from drivers.errors import Fault
-from drivers.types import ZERO_VELOCITY
+from drivers.base.errors import Fault
+from drivers.base.types import ZERO_VELOCITY
 
 C = TypeVar("C", bound=Context)
 # s of computing for a control cycle on the wall clock; the setting may be lower

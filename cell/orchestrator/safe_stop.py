@@ -3,8 +3,8 @@
 from collections.abc import Callable
 from math import hypot
 
-from cell.devices.devices import Devices
-from drivers.types import ArmState, HandState
+from cell.base.devices.devices import Devices
+from drivers.base.types import ArmState, HandState
 
 REST_SPEED = 1e-3  # m/s of the gripper below which it rests
 

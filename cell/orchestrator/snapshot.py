@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from cell.orchestrator.states import State
 from cell.orchestrator.vision import View
-from drivers.types import ZERO_VELOCITY, ArmState, HandState, Pose, Velocity
+from drivers.base.types import ZERO_VELOCITY, ArmState, HandState, Pose, Velocity
 from policies.prediction import FoldPrediction
 
 

@@ -2,7 +2,7 @@
 
 from enum import StrEnum
 
-from drivers.errors import Fault
+from drivers.base.errors import Fault
 
 
 class State(StrEnum):

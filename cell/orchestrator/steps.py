@@ -10,7 +10,7 @@ from math import cos, sin
 
 import numpy as np
 
-from cell.devices.fold_path import TURNING
+from cell.base.devices.fold_path import TURNING
 from cell.orchestrator.snapshot import (
     CloseHand,
     Command,
@@ -21,7 +21,7 @@ from cell.orchestrator.snapshot import (
     Snapshot,
 )
 from cell.orchestrator.states import Event
-from drivers.types import Frame, Pose, Velocity
+from drivers.base.types import Frame, Pose, Velocity
 from policies.policy import Decision
 
 Phase = Generator[Command, Snapshot, Event]

@@ -5,14 +5,14 @@ image.
 from dataclasses import dataclass, replace
 from math import nan
 
-from cell.config.settings import MonitorLimits
-from cell.devices.devices import ArmHistory
+from cell.base.config.settings import MonitorLimits
+from cell.base.devices.devices import ArmHistory
 from cell.orchestrator.states import State
 from cell.perception.camera_watch import FrozenImages
 from cell.perception.image_reader import ImageResult, ImageTask, Reader
 from cell.perception.strip_measurement import SeenTouch, StripMeasurement
-from drivers.protocols import Camera
-from drivers.types import Frame
+from drivers.base.protocols import Camera
+from drivers.base.types import Frame
 
 MEASURED_STATES = frozenset({State.LIFT, State.FOLD, State.TOUCHED})
 RECORDED = MEASURED_STATES | {State.LAY, State.RELEASE}

@@ -12,8 +12,8 @@ from calibration.landmarks import find_patch, grey_of
 from cell.perception.preflight import PreflightCheck
 from cell.perception.region import HIGH_HEIGHT, Region, strip_zone, without_hand
 from cell.perception.scene import Appearance
+from drivers.base.types import Array, Frame, Image, Pose
 from drivers.strip.file import StripFile
-from drivers.types import Array, Frame, Image, Pose
 
 MOVED_DISTANCE = 0.002  # m of gripper motion after which an image must differ
 FINGER_LENGTH = 0.045  # m

@@ -12,10 +12,10 @@ from calibration.calibration import Calibration
 from cell.perception.kernels import LEVEL_SPAN, ZERO_LEVEL, strip_share
 from cell.perception.region import STRIP_START
 from cell.perception.scene import Appearance
+from drivers.base.types import Array, Image
 from drivers.strip.file import StripFile
 from drivers.strip.model import CONTACT_HEIGHT
 from drivers.strip.shape import LYING_LENGTH
-from drivers.types import Array, Image
 
 SAMPLE_SPACING = 0.0003  # m between samples along the line
 FRONT_HEIGHT = -0.005  # m of height where desk shows before the strip

@@ -15,9 +15,9 @@ from cell.perception.perception import Perception
 from cell.perception.resting_strip import sample_plane, sample_rectangle, sample_scene
 from cell.perception.scene import Appearance, colour_distances
 from cell.perception.strip_measurement import StripMeasurement
-from drivers.geometry import arc_lengths, interpolate_columns
+from drivers.base.geometry import arc_lengths, interpolate_columns
+from drivers.base.types import Array, Frame, Image, Pose
 from drivers.strip.file import StripFile
-from drivers.types import Array, Frame, Image, Pose
 
 PROFILE_CONFIDENCE = 0.5  # confidence in a profile from which the end is taken from it
 CLOSE = 0.001  # m, change of the end below which the iteration has converged

@@ -19,10 +19,10 @@ from cell.perception.layer_touch import LayerTouch
 from cell.perception.perception import Perception
 from cell.perception.preflight import PreflightCheck, inspect
 from cell.perception.strip_measurement import SeenTouch, StripMeasurement
-from drivers.child import Child, ChildDied, SharedImage
-from drivers.errors import Fault
+from drivers.base.child import Child, ChildDied, SharedImage
+from drivers.base.errors import Fault
+from drivers.base.types import Frame, Pose
 from drivers.strip.file import StripFile
-from drivers.types import Frame, Pose
 
 START_TIMEOUT = 60.0  # s for the process to start, its libraries included
 ENDED = "the process for images has ended"

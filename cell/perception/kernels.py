@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.jit import entry, kernel
-from drivers.types import Array, Image
+from drivers.base.jit import entry, kernel
+from drivers.base.types import Array, Image
 
 ZERO_LEVEL = 48  # grey level of all background
 LEVEL_SPAN = 160  # grey levels from there to all strip

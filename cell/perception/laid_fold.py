@@ -6,7 +6,7 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from cell.perception.strip_measurement import StripMeasurement
-from drivers.settings import StudyResult
+from drivers.base.settings import StudyResult
 
 PROFILE_STRIDE = 8  # points of the profile, some 2 cm
 TOP = 5  # points of the profile whose mean height is the loop's

@@ -9,8 +9,8 @@ import numpy as np
 
 from cell.perception.perception import LENGTH_ERROR
 from cell.perception.strip_measurement import SeenTouch, StripMeasurement
+from drivers.base.types import Array, Pose
 from drivers.strip.file import StripFile
-from drivers.types import Array, Pose
 
 MARGIN = 0.0006  # m over the touching distance: noise
 STOP_SHARE = 0.3  # of the closing speed: slower has stopped

@@ -8,14 +8,14 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from drivers.geometry import interpolate_columns
-from drivers.robust import MAD
-from drivers.settings import StudyResult
+from drivers.base.geometry import interpolate_columns
+from drivers.base.robust import MAD
+from drivers.base.settings import StudyResult
+from drivers.base.types import Array
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from drivers.strip.model import StripModel
 from drivers.strip.rod.engine import Rod
-from drivers.types import Array
 from policies.prediction import FoldPrediction
 from policies.profile import POINTS, profiles
 

@@ -23,10 +23,10 @@ from cell.perception.region import (
 from cell.perception.scene import Appearance
 from cell.perception.silhouette import Grip, outer_side, silhouette
 from cell.perception.strip_measurement import StripMeasurement
-from drivers.geometry import arc_lengths
+from drivers.base.geometry import arc_lengths
+from drivers.base.types import Array, Frame, Image, Pose
 from drivers.strip.file import StripFile
 from drivers.strip.shape import Gap, fold_tip, layer_gap
-from drivers.types import Array, Frame, Image, Pose
 
 HAND_DEPTH = 0.015  # m around the hand's front in which its side may be visible
 TANGENT_STEP = 0.01  # m between two points that show a direction in the image

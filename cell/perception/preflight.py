@@ -14,8 +14,8 @@ from cell.perception import resting_strip, scene
 from cell.perception.kernels import ZERO_LEVEL, Floats, smooth_matte
 from cell.perception.length_checks import BY_HAND, LengthCheck
 from cell.perception.region import Region, motion_mask
+from drivers.base.types import Array, Frame, Image, frozen
 from drivers.strip.file import StripFile
-from drivers.types import Array, Frame, Image, frozen
 
 # share of the background above which a match is the background, not the strip
 MOSTLY = 0.5

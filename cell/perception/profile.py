@@ -13,8 +13,8 @@ from calibration.calibration import Calibration
 from cell.perception.kernels import ZERO_LEVEL, strip_share
 from cell.perception.region import Sizes
 from cell.perception.silhouette import Side
-from drivers.geometry import even_points
-from drivers.types import Array, Image
+from drivers.base.geometry import even_points
+from drivers.base.types import Array, Image
 
 PLATEAU = (0.55, 1.3)  # matte levels of the strip as its brightness varies
 OUTLINE_ERROR = 2  # px by which the outline may lie outside the border

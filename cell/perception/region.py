@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from calibration.calibration import Calibration
 from cell.perception.kernels import CELL_PX, PATCH_PX
-from drivers.types import Array, Image, Pose
+from drivers.base.types import Array, Image, Pose
 
 # m: chosen on the twin's camera of 0.59 mm/px, which sees a pixel of blur
 LIGHT_WINDOW = 0.047

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from calibration.calibration import Calibration
 from cell.perception.kernels import strip_share
+from drivers.base.types import Array, Image
 from drivers.strip.file import StripFile
-from drivers.types import Array, Image
 
 FRONT_HEIGHTS = (-0.008, -0.003)  # m of height where the desk shows before a thin strip
 # m of thickness up to which it does; before a thicker one it shows lower down

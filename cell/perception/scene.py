@@ -14,8 +14,8 @@ from cell.perception import kernels
 from cell.perception.kernels import CELL_PX, PATCH_PX, Floats, Picture
 from cell.perception.region import Region, Sizes, motion_mask
 from cell.perception.resting_strip import face_height, inner_pixels
+from drivers.base.types import Array, Image, frozen
 from drivers.strip.file import StripFile
-from drivers.types import Array, Image, frozen
 
 MOST_COLOURS = 4  # colours that a strip may have
 COLOUR_SPREAD = 6.0  # grey levels by which weave and noise scatter one colour

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from cell.perception.kernels import LEVEL_SPAN, ZERO_LEVEL, Offsets, silhouette_of
 from cell.perception.region import Sizes
-from drivers.geometry import moving_average
-from drivers.types import Array, Image
+from drivers.base.geometry import moving_average
+from drivers.base.types import Array, Image
 
 SOLID = 0.35  # share of strip from which a pixel belongs to it, near the desk
 SLANTS = (0.0, -65.0, -45.0, -25.0, 25.0, 45.0, 65.0)  # degrees from the columns

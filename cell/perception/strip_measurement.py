@@ -2,8 +2,8 @@
 
 from dataclasses import KW_ONLY, dataclass
 
+from drivers.base.types import Array
 from drivers.strip.engine import Touch
-from drivers.types import Array
 
 
 @dataclass(frozen=True, slots=True)

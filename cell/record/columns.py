@@ -10,9 +10,9 @@ from typing import Annotated, NamedTuple, Self, get_type_hints
 import numpy as np
 import pyarrow as pa
 
-from drivers.errors import ConfigurationError
-from drivers.geometry import interpolate_columns
-from drivers.types import Array, Pose, frozen
+from drivers.base.errors import ConfigurationError
+from drivers.base.geometry import interpolate_columns
+from drivers.base.types import Array, Pose, frozen
 
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6}
 TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}

@@ -12,9 +12,9 @@ from pydantic_core import to_jsonable_python
 
 from cell.record.files import NOTES
 from cell.record.header import Recorded
-from drivers.files import change_file, replace_file
-from drivers.settings import load, parse
-from drivers.yaml_text import dump_yaml, parse_yaml
+from drivers.base.files import change_file, replace_file
+from drivers.base.settings import load, parse
+from drivers.base.yaml_text import dump_yaml, parse_yaml
 
 
 def plain(value: object) -> Any:

@@ -12,8 +12,8 @@ import numpy as np
 
 from cell.record.columns import LARGEST_VALUE
 from cell.record.files import EVENTS
-from drivers.readers import read_json_lines
-from drivers.types import Array
+from drivers.base.readers import read_json_lines
+from drivers.base.types import Array
 
 # kinds of events
 ORIGIN = "origin"  # at t = 0 of the run's tables

@@ -5,7 +5,7 @@ import os
 from pathlib import Path
 from typing import Literal
 
-from drivers.errors import ConfigurationError
+from drivers.base.errors import ConfigurationError
 
 RUN, RESULT, EVENTS, TRUTH = "run.yaml", "result.yaml", "events.jsonl", "truth.yaml"
 TICKS, PROFILE, SIGHTS = "ticks.parquet", "profile.parquet", "sights.parquet"

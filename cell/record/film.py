@@ -14,10 +14,10 @@ from typing import Any, Literal
 
 import numpy as np
 
-from drivers.child import Child, ChildDied, SharedImage
-from drivers.errors import ConfigurationError
-from drivers.files import check_writable, replacing, writing
-from drivers.types import Frame, Image
+from drivers.base.child import Child, ChildDied, SharedImage
+from drivers.base.errors import ConfigurationError
+from drivers.base.files import check_writable, replacing, writing
+from drivers.base.types import Frame, Image
 
 TIME_BASE = Fraction(1, 90_000)  # s, the time base of films that are written
 Encoder = Literal["libx264"]  # of a fold's film; SVT-AV1 hangs in one of some hundred

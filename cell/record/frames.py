@@ -18,10 +18,10 @@ from cell.record.documents import json_line
 from cell.record.events import lift_time
 from cell.record.files import FILM, Keep
 from cell.record.film import Encoder, RunFilm
-from drivers.errors import ConfigurationError
-from drivers.files import new_file, replace_file, write_all
-from drivers.readers import read_json_lines, read_picture
-from drivers.types import Frame, Image
+from drivers.base.errors import ConfigurationError
+from drivers.base.files import new_file, replace_file, write_all
+from drivers.base.readers import read_json_lines, read_picture
+from drivers.base.types import Frame, Image
 
 FOLDER = "frames"
 INDEX = "frames/index.jsonl"

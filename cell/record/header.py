@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import ConfigDict, Field, model_validator
 
-from drivers.settings import Metres, Settings, Unit
+from drivers.base.settings import Metres, Settings, Unit
 
 Positive = Annotated[float, Field(gt=0)]
 Accuracy = Annotated[

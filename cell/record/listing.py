@@ -14,10 +14,10 @@ from typing import Annotated, Any
 from pydantic import AliasPath, BaseModel, ConfigDict, Field, PlainValidator
 
 from cell.record.files import NOTES, RESULT, RUN, is_run, is_under_way
-from drivers.errors import ConfigurationError, check_known
-from drivers.files import lock_folders
-from drivers.readers import read_text
-from drivers.yaml_text import parse_yaml
+from drivers.base.errors import ConfigurationError, check_known
+from drivers.base.files import lock_folders
+from drivers.base.readers import read_text
+from drivers.base.yaml_text import parse_yaml
 
 BEGAN = re.compile(r"(\d{8}T\d{6}Z)-")
 UNDER_WAY, DIED, BROKEN, MEASURED = "under way", "died", "broken", "measured"

@@ -23,10 +23,10 @@ from cell.record.events import Event, origin_of, read_events
 from cell.record.frames import FrameNote, read_frame, read_index
 from cell.record.header import Header, Result
 from cell.record.tables import assemble
-from drivers.errors import ConfigurationError
-from drivers.readers import read_parquet
-from drivers.settings import load
-from drivers.types import Array, Frame
+from drivers.base.errors import ConfigurationError
+from drivers.base.readers import read_parquet
+from drivers.base.settings import load
+from drivers.base.types import Array, Frame
 
 # what an arm measures
 MOTION = ("t", "x", "z", "pitch", "x_cmd", "z_cmd", "f_x", "f_z")

@@ -19,11 +19,11 @@ from numpy.typing import NDArray
 from cell.record.columns import Sights, Ticks, quantities
 from cell.record.events import lift_time
 from cell.record.files import PROFILE, SIGHT_STREAM, SIGHTS, TICK_STREAM, TICKS
-from drivers.arm.joint_log import JOINT_FIELDS
-from drivers.errors import ConfigurationError
-from drivers.files import new_file, replacing, write_all
-from drivers.readers import MEGABYTE, SCHEMA, read_bytes
-from drivers.types import Array
+from drivers.base.errors import ConfigurationError
+from drivers.base.files import new_file, replacing, write_all
+from drivers.base.readers import MEGABYTE, SCHEMA, read_bytes
+from drivers.base.types import Array
+from drivers.franka.joint_log import JOINT_FIELDS
 
 TIME_ROUNDING = 1e-9  # s
 # s, no image or touch is so long before the first or after the last row

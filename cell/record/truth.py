@@ -8,7 +8,7 @@ from typing import Any
 
 from cell.record.documents import write_document
 from cell.record.files import TRUTH
-from drivers.readers import SCHEMA, read_yaml
+from drivers.base.readers import SCHEMA, read_yaml
 
 
 def write_truth(folder: Path, truth: Mapping[str, Any]) -> None:

@@ -26,11 +26,11 @@ from cell.record.files import (
 from cell.record.film import Encoder
 from cell.record.frames import FrameWriter
 from cell.record.header import Header, Result
-from drivers.errors import ConfigurationError, Fault
-from drivers.files import new_file, write_all
-from drivers.readers import SCHEMA
-from drivers.settings import parse
-from drivers.types import ArmState, Array, Frame
+from drivers.base.errors import ConfigurationError, Fault
+from drivers.base.files import new_file, write_all
+from drivers.base.readers import SCHEMA
+from drivers.base.settings import parse
+from drivers.base.types import ArmState, Array, Frame
 
 
 class RunWriter:

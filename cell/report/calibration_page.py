@@ -16,10 +16,10 @@ from cell.report.html import jpeg_text, page
 from cell.report.overlay import KeyPicture
 from cell.report.page_verdict import PageVerdict
 from cell.report.words import millimetres, milliseconds
-from drivers.files import write_file
-from drivers.outputs import write_output
-from drivers.readers import read_picture, read_yaml
-from drivers.types import Array, Image
+from drivers.base.files import write_file
+from drivers.base.outputs import write_output
+from drivers.base.readers import read_picture, read_yaml
+from drivers.base.types import Array, Image
 
 # mm, the error of a measured curve (`sigma.profile`) that a calibration must not exceed
 GOOD_RESIDUAL = 1.0

@@ -24,7 +24,7 @@ from cell.report.drawing import (
 )
 from cell.report.overlay import Silhouette, evenly_chosen, fold_tips
 from cell.report.words import millimetres
-from drivers.types import Array
+from drivers.base.types import Array
 
 CURVES = 26  # profiles that are drawn, of all that were measured
 NAMED_SHARE = 0.05  # of the run's time, from which on a state has room for its name

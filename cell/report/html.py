@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from jinja2 import Environment
     from markupsafe import Markup
 
-    from drivers.types import Image
+    from drivers.base.types import Image
 
 Tone = Literal["good", "fair", "bad"]
 UNITS = "(?:mm|m|ms|s|min|N|mN|g|kg|mrad|rad|deg|px|%|sigma)"  # regular expression

@@ -20,11 +20,11 @@ from cell.record.frames import FrameNote, frame_file, read_frame
 from cell.record.run import Run
 from cell.report.html import jpeg_text
 from cell.report.words import seconds
-from drivers.errors import ConfigurationError
-from drivers.readers import read_picture
-from drivers.settings import parse
+from drivers.base.errors import ConfigurationError
+from drivers.base.readers import read_picture
+from drivers.base.settings import parse
+from drivers.base.types import Array, Image
 from drivers.strip.file import StripFile
-from drivers.types import Array, Image
 
 Item = TypeVar("Item")
 SHOWN_IMAGES = 6

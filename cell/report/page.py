@@ -29,8 +29,8 @@ from cell.report.words import (
     milliseconds,
     seconds,
 )
-from drivers.errors import ConfigurationError
-from drivers.files import write_file
+from drivers.base.errors import ConfigurationError
+from drivers.base.files import write_file
 from drivers.strip.effects import registry
 
 FILES = (

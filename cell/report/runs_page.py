@@ -20,9 +20,9 @@ from cell.report.html import Link, jpeg_text, page
 from cell.report.page import film_of, flatten, setting_text, stated_settings, truth_of
 from cell.report.page_verdict import PageVerdict
 from cell.report.words import NO_VALUE, millimetres, plural, seconds
-from drivers.errors import ConfigurationError
-from drivers.outputs import write_output
-from drivers.readers import read_picture
+from drivers.base.errors import ConfigurationError
+from drivers.base.outputs import write_output
+from drivers.base.readers import read_picture
 
 PICTURED = 300  # newest runs with a thumbnail; more would make the page heavy
 THUMBNAIL_WIDTH = 128  # px

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from drivers.base.types import Array, frozen
 from drivers.franka.kinematics import FLANGE, FLANGE_TO_HAND, frames
-from drivers.types import Array, frozen
 
 # Frame (0 the base, 1 to 7 the joints, 8 the hand), ends of the axis [m], radius [m].
 # Source: franka_description, the capsules for collision of panda_arm.xacro and

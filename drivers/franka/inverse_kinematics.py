@@ -8,7 +8,8 @@ from math import atan2, cos, hypot, sin
 
 import numpy as np
 
-from drivers.errors import CellError
+from drivers.base.errors import CellError
+from drivers.base.types import Array, frozen
 from drivers.franka.kinematics import (
     FLANGE_TO_TIP,
     HOME,
@@ -17,7 +18,6 @@ from drivers.franka.kinematics import (
     pose_and_jacobian,
 )
 from drivers.franka.limits import MIDDLE, POSITION_HIGH, POSITION_LOW, margins
-from drivers.types import Array, frozen
 
 POSE_TOLERANCE = 1e-7  # m and rad
 ITERATIONS = 150

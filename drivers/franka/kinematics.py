@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drivers.types import Array, frozen
+from drivers.base.types import Array, frozen
 
 # Denavit-Hartenberg parameters after Craig, one row a joint: a [m], d [m], alpha [rad].
 # Source: the user documentation, "Denavit-Hartenberg parameters".

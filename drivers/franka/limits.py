@@ -7,7 +7,7 @@ rates. Never measured on a robot.
 
 import numpy as np
 
-from drivers.types import Array, frozen
+from drivers.base.types import Array, frozen
 
 # rad
 POSITION_LOW = frozen([-2.7437, -1.7837, -2.9007, -3.0421, -2.8065, 0.5445, -3.0159])

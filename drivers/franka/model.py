@@ -7,6 +7,8 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
+from drivers.base.settings import Settings
+from drivers.base.types import GRAVITY, Array, frozen
 from drivers.franka import limits
 from drivers.franka.kinematics import (
     FLANGE,
@@ -15,8 +17,6 @@ from drivers.franka.kinematics import (
     frames,
     offset_in_frame,
 )
-from drivers.settings import Settings
-from drivers.types import GRAVITY, Array, frozen
 
 # Masses [kg] and centres of mass [m] of links 1 to 7 in their joints' frames. Source:
 # Gaz et al., Dynamic identification of the Franka Emika Panda robot with retrieval of

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import LinAlgError, cholesky_banded, solveh_banded
 
-from drivers.errors import CellError
-from drivers.types import Array
+from drivers.base.errors import CellError
+from drivers.base.types import Array
 
 SEGMENTS = 320
 GRADING = 1.6  # arc = overhang t^GRADING at equal steps of t

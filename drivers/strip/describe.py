@@ -9,13 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
-from drivers.errors import ConfigurationError
-from drivers.settings import load
+from drivers.base.errors import ConfigurationError
+from drivers.base.settings import load
+from drivers.base.types import frozen
 from drivers.strip.effects import apply_effects, check_effects
 from drivers.strip.file import StripFile
 from drivers.strip.law import check_law, with_law
 from drivers.strip.model import CELLS, Effects, Mechanics, StripModel
-from drivers.types import frozen
 
 
 def describe(

@@ -8,9 +8,9 @@ from typing import Protocol, Self
 
 import numpy as np
 
-from drivers.geometry import arc_lengths
+from drivers.base.geometry import arc_lengths
+from drivers.base.types import Array
 from drivers.strip.model import StripModel
-from drivers.types import Array
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,8 +4,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator
 
-from drivers.settings import Metres, Seconds, Settings, Unit
-from drivers.types import GRAVITY
+from drivers.base.settings import Metres, Seconds, Settings, Unit
+from drivers.base.types import GRAVITY
 
 PAPER_LINEAR_DENSITY = 1.65  # kg/m, spheres of 3.3 g every 2 mm (paper, appendix)
 PAPER_SPACING = 0.002  # m

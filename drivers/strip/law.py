@@ -11,10 +11,10 @@ from types import MappingProxyType
 
 import numpy as np
 
-from drivers.errors import ConfigurationError
+from drivers.base.errors import ConfigurationError
+from drivers.base.types import Array, frozen
 from drivers.strip.effects.effect import Effect, Parameter, Stage
 from drivers.strip.model import SOFTEST, StripModel, scale_rigidity, with_field
-from drivers.types import Array, frozen
 
 # between a term's size and its maximum, on a logarithmic scale
 TRIED = np.array([0.0, 0.5, 0.9])

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from drivers.errors import ConfigurationError
-from drivers.types import GRAVITY, Array, frozen
+from drivers.base.errors import ConfigurationError
+from drivers.base.types import GRAVITY, Array, frozen
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance

@@ -15,10 +15,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from drivers.geometry import interpolate_columns
+from drivers.base.geometry import interpolate_columns
+from drivers.base.types import Array
 from drivers.strip.engine import Touch
 from drivers.strip.model import Observation, Rig, StripModel
-from drivers.types import Array
 
 LIFT_TRAVEL = 0.10  # m of path over which a lift turns the pitch from flat to hanging
 AS_REPORTED = Rig()

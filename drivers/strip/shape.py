@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from drivers.jit import entry, kernel
-from drivers.types import Array
+from drivers.base.jit import entry, kernel
+from drivers.base.types import Array
 
 LYING_LENGTH = 0.05  # m of lying strip that ends the search for the desk contact
 # nodes before the fold's rightmost one, and from it on: fewer are no fold

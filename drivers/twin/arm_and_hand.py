@@ -8,13 +8,13 @@ from math import hypot
 
 import numpy as np
 
-from drivers.errors import Fault
-from drivers.installation import Installation
-from drivers.motion import TICK, MotionProfile, lag_gain
+from drivers.base.errors import Fault
+from drivers.base.installation import Installation
+from drivers.base.motion import TICK, MotionProfile, lag_gain
+from drivers.base.types import ArmState, Array, HandState, Pose, Velocity
 from drivers.twin.clock import Rank, TimedCall, TwinClock
 from drivers.twin.settings import ArmSettings, HandSettings, WrenchSettings
 from drivers.twin.world import Fingers, World
-from drivers.types import ArmState, Array, HandState, Pose, Velocity
 
 ARM_SOURCE, HAND_SOURCE = "twin arm", "twin hand"
 SETTLED_DISTANCE = 1e-5  # m or rad behind the command at which a motion has ended

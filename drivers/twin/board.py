@@ -3,11 +3,11 @@
 import cv2
 import numpy as np
 
-from drivers.errors import ConfigurationError
+from drivers.base.errors import ConfigurationError
+from drivers.base.types import Array, BoardPlacement, Frame, Image
 from drivers.twin.renderer.optics import Optics, Pixels, axis_rotations, blur, noisy
 from drivers.twin.renderer.stage import bgr, light
 from drivers.twin.settings import CameraSettings
-from drivers.types import Array, BoardPlacement, Frame, Image
 
 SOURCE = "twin board"
 QUIET_ZONE = 0.5  # squares of white paper around the pattern

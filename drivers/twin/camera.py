@@ -5,14 +5,14 @@ from math import floor, inf
 
 import numpy as np
 
-from drivers.errors import Fault
-from drivers.protocols import Camera, Clock
+from drivers.base.errors import Fault
+from drivers.base.protocols import Camera, Clock
+from drivers.base.types import Frame
 from drivers.strip.model import Observation
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.scene import Scene
 from drivers.twin.settings import CameraSettings
-from drivers.types import Frame
 
 SOURCE = "twin camera"
 CLOCK_DIGITS = 9  # digits of a second that the clock knows

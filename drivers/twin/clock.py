@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from enum import IntEnum
 from itertools import count
 
-from drivers.clock import WallClock
-from drivers.errors import CellError
+from drivers.base.clock import WallClock
+from drivers.base.errors import CellError
 
 NANOSECONDS = 1_000_000_000
 

@@ -8,9 +8,10 @@ from operator import attrgetter
 
 import numpy as np
 
-from drivers.geometry import CellInRobot
-from drivers.installation import Installation
-from drivers.protocols import Hand
+from drivers.base.geometry import CellInRobot
+from drivers.base.installation import Installation
+from drivers.base.protocols import Hand
+from drivers.base.types import Array, Pose
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from drivers.strip.model import StripModel
@@ -22,7 +23,6 @@ from drivers.twin.renderer.looks import LOOKS, StripLook
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.settings import HandSettings, TwinSettings
 from drivers.twin.world import Fingers, Plant, World
-from drivers.types import Array, Pose
 
 DEFAULT_INSTALLATION = Installation()
 PERIOD = 0.005  # s between two poses that are read from an external arm

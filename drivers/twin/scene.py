@@ -5,9 +5,9 @@ history.
 from collections import deque
 from dataclasses import dataclass, replace
 
-from drivers.errors import Fault
+from drivers.base.errors import Fault
+from drivers.base.types import Array, Pose, frozen
 from drivers.twin.clock import NANOSECONDS, nanoseconds
-from drivers.types import Array, Pose, frozen
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,8 +6,8 @@ from typing import Annotated, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
+from drivers.base.settings import Settings
 from drivers.franka.model import ArmPlant
-from drivers.settings import Settings
 from drivers.strip.file import Colour
 from drivers.twin.renderer.looks import DEFAULT_LOOK, check_look
 

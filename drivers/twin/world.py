@@ -10,14 +10,14 @@ from typing import Protocol, Self
 
 import numpy as np
 
-from drivers.errors import Fault
+from drivers.base.errors import Fault
+from drivers.base.types import GRAVITY, Pose, frozen
 from drivers.strip.engine import Observables, Stepper, Touch
 from drivers.strip.model import StripModel
 from drivers.strip.observation import GrowingOffsets
 from drivers.twin.clock import NANOSECONDS, nanoseconds
 from drivers.twin.scene import History, Scene
 from drivers.twin.settings import WorldSettings
-from drivers.types import GRAVITY, Pose, frozen
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,9 +8,9 @@ from collections import deque
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.errors import ConfigurationError
+from drivers.base.errors import ConfigurationError
+from drivers.base.types import Array
 from drivers.strip.file import StripFile
-from drivers.types import Array
 from policies.adaptive.bias import CriticBias
 from policies.adaptive.critic import (
     Critic,

@@ -12,8 +12,8 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from drivers.settings import Settings, StudyResult
-from drivers.types import Array
+from drivers.base.settings import Settings, StudyResult
+from drivers.base.types import Array
 from policies.adaptive.critic import Belief
 
 # ln of m, bending length at which its term is zero

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from drivers.errors import ConfigurationError
-from drivers.files import replace_file, writing
-from drivers.readers import read_bytes
-from drivers.types import Array
+from drivers.base.errors import ConfigurationError
+from drivers.base.files import replace_file, writing
+from drivers.base.readers import read_bytes
+from drivers.base.types import Array
 from policies.adaptive.bias import CriticBias, Untrained
 from policies.adaptive.critic import ARRAY_NAMES, Critic, array_shapes
 from policies.adaptive.features import COUNT

@@ -8,7 +8,7 @@ from typing import NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.types import Array
+from drivers.base.types import Array
 from policies.prediction import Estimate
 
 LARGEST_SLOPE, SMALLEST_SLOPE = 2.0, 0.1  # to which predicted dd/dr are clipped

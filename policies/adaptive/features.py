@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.types import Array
+from drivers.base.types import Array
 from policies.policy import Observation
 from policies.profile import POINTS
 

@@ -5,8 +5,8 @@ hand.
 import numpy as np
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
-from drivers.geometry import arc_lengths
-from drivers.types import Array
+from drivers.base.geometry import arc_lengths
+from drivers.base.types import Array
 from policies.experiments.motion import Motion
 from policies.path import Path
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drivers.types import Array
+from drivers.base.types import Array
 from policies.path import Path
 
 

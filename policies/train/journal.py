@@ -10,10 +10,10 @@ import json
 from pathlib import Path as FilePath
 from typing import Any
 
-from drivers.errors import ConfigurationError
-from drivers.files import append_line, write_file, writing
-from drivers.readers import MEGABYTE, read_json_lines
-from drivers.settings import Settings
+from drivers.base.errors import ConfigurationError
+from drivers.base.files import append_line, write_file, writing
+from drivers.base.readers import MEGABYTE, read_json_lines
+from drivers.base.settings import Settings
 
 Line = dict[str, Any]
 LARGEST_JOURNAL = 512 * MEGABYTE  # of hundreds of thousands of generations

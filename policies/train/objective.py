@@ -9,11 +9,11 @@ from typing import NamedTuple
 import numpy as np
 from pydantic import Field
 
-from drivers.settings import Settings
+from drivers.base.settings import Settings
+from drivers.base.types import GRAVITY, Array, Calls
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from drivers.strip.rod.engine import Rod
-from drivers.types import GRAVITY, Array, Calls
 from policies.feedback import Feedback
 from policies.rollout import Folds, Rollout, roll_out
 from policies.sensing import Sensing

@@ -11,8 +11,8 @@ import numpy as np
 from cmaes import CMA
 from threadpoolctl import ThreadpoolController
 
-from drivers.errors import ConfigurationError
-from drivers.types import Array, Calls
+from drivers.base.errors import ConfigurationError
+from drivers.base.types import Array, Calls
 from policies.feedback import (
     HIDDEN_UNITS,
     INPUT_CENTRE,

@@ -17,8 +17,8 @@ from calibration.board import (
     smallest_sheet,
 )
 from calibration.pointer import find_pointer
-from drivers.errors import ConfigurationError
-from drivers.types import Image
+from drivers.base.errors import ConfigurationError
+from drivers.base.types import Image
 
 SETTINGS = BoardSettings()
 DOTS = 127  # per inch: five to a millimetre

@@ -7,9 +7,9 @@ import pytest
 
 from calibration.board import BoardSettings
 from calibration.wizard.board_views import BoardViews
+from drivers.base.types import BoardPlacement as Placement, Frame, Image
 from drivers.twin.board import board_frame, board_pose
 from drivers.twin.settings import CameraSettings
-from drivers.types import BoardPlacement as Placement, Frame, Image
 
 CAMERA = CameraSettings()
 SETTINGS, SIZE = BoardSettings(), (1280, 720)

@@ -12,7 +12,7 @@ from calibration.calibration import (
     load_calibration,
     save_calibration,
 )
-from drivers.errors import ConfigurationError
+from drivers.base.errors import ConfigurationError
 from tests.cell.conftest import straight_camera
 
 

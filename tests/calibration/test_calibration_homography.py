@@ -6,8 +6,8 @@ import pytest
 
 from calibration.homography import Homography, fit_homography, viewpoint
 from calibration.lens import Lens
-from drivers.errors import ConfigurationError
-from drivers.types import Array, frozen
+from drivers.base.errors import ConfigurationError
+from drivers.base.types import Array, frozen
 
 MATRIX = frozen([[3400.0, 0, 645.0], [0, 3400.0, 355.0], [0, 0, 1]])
 LENS = Lens(1280, 720, MATRIX, frozen(np.zeros(5)))

@@ -12,11 +12,11 @@ from calibration.wizard.progress import Row
 from calibration.wizard.touch_verdict import TouchVerdict
 from calibration.wizard.touched_points import TouchedPoints
 from calibration.wizard.touches import TouchSettings
-from drivers.errors import ConfigurationError
+from drivers.base.errors import ConfigurationError
+from drivers.base.types import Array, Frame, Pose
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.settings import CameraSettings
-from drivers.types import Array, Frame, Pose
 from tests.support.twin_calibration import NO_STRIP, pointer_frame, true_lens
 
 CAMERA = CameraSettings()

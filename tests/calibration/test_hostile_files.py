@@ -16,8 +16,8 @@ import pytest
 from calibration.landmarks import Landmark
 from calibration.lens import read_lens
 from calibration.wizard.session import read_rows, read_steps
-from drivers.errors import ConfigurationError
-from drivers.readers import picture_sides, read_picture
+from drivers.base.errors import ConfigurationError
+from drivers.base.readers import picture_sides, read_picture
 
 SPOILT = {
     "nul": b"\x00" * 40,

@@ -17,14 +17,14 @@ from calibration.landmarks import (
     take_landmarks,
 )
 from cell.perception.preflight import camera_check
-from drivers.errors import ConfigurationError
+from drivers.base.errors import ConfigurationError
+from drivers.base.types import Frame
 from drivers.strip.model import Observation
 from drivers.twin.camera import displaced_optics
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.scene import Scene
 from drivers.twin.settings import CameraSettings
-from drivers.types import Frame
 from tests.support.twin_calibration import NO_STRIP, true_lens
 
 CAMERA = CameraSettings()

@@ -16,7 +16,7 @@ from cell.perception.strip_measurement import StripMeasurement
 from cell.record.files import CALIBRATION, Keep
 from cell.record.truth import write_truth
 from cell.record.writer import RunWriter
-from drivers.types import Array, Frame, Image, Pose
+from drivers.base.types import Array, Frame, Image, Pose
 from policies.path import triangular
 from tests.support.plain_cell import ARM
 

@@ -8,22 +8,22 @@ from pathlib import Path
 
 import pytest
 
-import drivers.clock
-from cell.config.places import find_configs
-from cell.devices.devices import Trial
-from cell.devices.open import open_cell
-from cell.devices.rig_correction import CorrectedArm
-from drivers.camera.camera import V4l2Camera
-from drivers.camera.settings import V4l2Settings
-from drivers.clock import WallClock
-from drivers.protocols import Arm, Camera, Clock, Hand
+import drivers.base.clock
+from cell.base.config.places import find_configs
+from cell.base.devices.devices import Trial
+from cell.base.devices.open import open_cell
+from cell.base.devices.rig_correction import CorrectedArm
+from drivers.base.clock import WallClock
+from drivers.base.protocols import Arm, Camera, Clock, Hand
+from drivers.base.types import Pose
 from drivers.strip.describe import load_strip
 from drivers.strip.model import Rig
 from drivers.twin.clock import RealTimeClock, TwinClock
 from drivers.twin.open import Twin, open_twin
 from drivers.twin.settings import CameraSettings, TwinSettings
-from drivers.types import Pose
-from tests.drivers.camera.fake_kernel import LINK, FakeKernel
+from drivers.v4l2.camera import V4l2Camera
+from drivers.v4l2.settings import V4l2Settings
+from tests.drivers.v4l2.fake_kernel import LINK, FakeKernel
 
 DENIM = Path(__file__).parents[2] / "configs" / "strips" / "denim.yaml"
 
@@ -153,5 +153,5 @@ def camera_bench(request: pytest.FixtureRequest) -> Iterator[CameraBench]:
 
 @pytest.fixture(params=sorted(CLOCKS))
 def clock(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Clock:
-    monkeypatch.setattr(drivers.clock, "time", StillTime())
+    monkeypatch.setattr(drivers.base.clock, "time", StillTime())
     return CLOCKS[request.param]()

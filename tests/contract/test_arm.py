@@ -6,8 +6,8 @@ from itertools import pairwise
 
 import pytest
 
-from drivers.errors import Fault
-from drivers.types import ZERO_VELOCITY, ArmState, Pose, Velocity
+from drivers.base.errors import Fault
+from drivers.base.types import ZERO_VELOCITY, ArmState, Pose, Velocity
 
 CONTROL = 0.01  # s
 

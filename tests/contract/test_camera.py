@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from drivers.errors import Fault
+from drivers.base.errors import Fault
 
 LOOK = 0.005  # s
 ALWAYS = -math.inf

@@ -2,7 +2,7 @@
 
 import pytest
 
-from drivers.protocols import Clock
+from drivers.base.protocols import Clock
 
 
 def test_time_begins_at_zero(clock: Clock) -> None:

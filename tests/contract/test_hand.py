@@ -2,7 +2,7 @@
 
 import pytest
 
-from drivers.types import HandState, Pose
+from drivers.base.types import HandState, Pose
 
 
 def until_still(bench, limit: float = 5.0) -> HandState:

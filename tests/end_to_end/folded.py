@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 import cell.folding.fold
-from cell.calibrate.calibration_in_use import calibration_of
-from cell.devices.devices import Devices
+from cell.base.devices.devices import Devices
 from cell.folding.fold import fold
 from cell.folding.request import Request
 from cell.folding.result import FoldResult
 from cell.record.run import Run, read_run
+from cell.setup.calibration_in_use import calibration_of
 from tests.support.twin_moves import Steps
 
 

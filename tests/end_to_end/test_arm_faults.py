@@ -9,18 +9,18 @@ import pytest
 
 pytest.importorskip("pylibfranka", reason="the robot's library is not installed")
 
-from cell.config.places import find_configs
-from cell.devices.fci import start_joints
+from cell.base.config.places import find_configs
+from cell.base.devices.fci import start_joints
 from cell.folding.fold import fold
 from cell.folding.request import Recording
 from cell.record.run import read_run
-from drivers.arm.arm import FciArm
-from drivers.arm.process import RobotAccess
-from drivers.errors import Fault
-from drivers.fci_server.faults import VersionFault
-from drivers.fci_server.server import RobotServer, ServerSettings
+from drivers.base.errors import Fault
+from drivers.base.types import frozen
+from drivers.franka.arm import FciArm
+from drivers.franka.process import RobotAccess
 from drivers.twin.clock import TwinClock
-from drivers.types import frozen
+from drivers.twin.fci_server.faults import VersionFault
+from drivers.twin.fci_server.server import RobotServer, ServerSettings
 from tests.lab.faults.blow import Blow, strike
 from tests.lab.studies.kit.folds import cached_calibration
 from tests.support.children import wait_for_state

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 import cell.folding.fold
-from cell.config.places import CHECKOUT_CONFIGS
+from cell.base.config.places import CHECKOUT_CONFIGS
 from cell.folding.fold import fold, run_and_record
 from cell.folding.request import Recording
 from cell.orchestrator.outcome import Outcome
@@ -14,7 +14,7 @@ from cell.orchestrator.recorder import FileRecorder
 from cell.record.files import is_under_way
 from cell.record.run import read_run
 from cell.record.writer import RunWriter
-from drivers.errors import Fault
+from drivers.base.errors import Fault
 from drivers.twin.settings import CameraSettings
 from tests.cell.conftest import HEADER, straight_camera
 from tests.support.requests import request_for

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cell.config.places import find_configs
+from cell.base.config.places import find_configs
 from cell.folding.replay import replay
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip.subject import open_strip

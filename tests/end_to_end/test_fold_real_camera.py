@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner, Result
 
-import drivers.camera.camera
-import drivers.clock
-from cell.cli.app import app
-from drivers.camera.settings import V4l2Settings
-from tests.drivers.camera.fake_kernel import LINK, FakeKernel
+import drivers.base.clock
+import drivers.v4l2.camera
+from cell.interface.cli.app import app
+from drivers.v4l2.settings import V4l2Settings
+from tests.drivers.v4l2.fake_kernel import LINK, FakeKernel
 from tests.support.assumed_camera import configure
 
 pytestmark = pytest.mark.slow
@@ -41,10 +41,10 @@ def folded(
 ) -> Result:
     """`cell fold` with a camera that shows nothing but noise."""
     kernel = FakeKernel(640, 360, 30.0)
-    monkeypatch.setattr(drivers.camera.camera, "Kernel", lambda: kernel)
-    monkeypatch.setattr(drivers.clock, "time", KernelTime(kernel, unplugged))
+    monkeypatch.setattr(drivers.v4l2.camera, "Kernel", lambda: kernel)
+    monkeypatch.setattr(drivers.base.clock, "time", KernelTime(kernel, unplugged))
     # tested apart
-    monkeypatch.setattr("cell.arm.run_settings.refuse_failed", lambda _: None)
+    monkeypatch.setattr("cell.setup.arm.run_settings.refuse_failed", lambda _: None)
     configure(tmp_path, V4l2Settings(device=LINK, width=640, height=360, rate=30.0))
     options = ["--arm", "twin", "--camera", "v4l2", "--policy", "triangular", "--json"]
     places = [

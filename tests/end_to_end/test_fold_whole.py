@@ -18,8 +18,8 @@ from calibration.calibration import (
     load_calibration,
     save_calibration,
 )
-from cell.config.places import find_configs
-from cell.devices.devices import Trial
+from cell.base.config.places import find_configs
+from cell.base.devices.devices import Trial
 from cell.folding.batch import fold_all
 from cell.folding.fold import write_pages
 from cell.folding.replay import replay
@@ -27,7 +27,7 @@ from cell.folding.request import Recording
 from cell.record.files import CALIBRATION, EVENTS, RECORDING, TRUTH
 from cell.report.overlay import silhouettes
 from cell.report.page import report
-from drivers.errors import ConfigurationError
+from drivers.base.errors import ConfigurationError
 from policies.feedback import COMMITTED, load_checkpoint, save_checkpoint
 from tests.end_to_end.folded import Folded, fold_and_keep
 from tests.support.requests import request_for

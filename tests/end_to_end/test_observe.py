@@ -11,7 +11,7 @@ from cell.folding.observe import SIGMA_FLOORS, observe
 from cell.record.files import CALIBRATION, OVERLAY
 from cell.record.film import Film
 from cell.record.run import Run, read_run
-from drivers.errors import ConfigurationError
+from drivers.base.errors import ConfigurationError
 from tests.support.filmed_folds import encoded_again, filmed
 from tests.support.seen_folds import distances
 

@@ -5,11 +5,11 @@ from pathlib import Path
 import pytest
 
 from calibration.board import BoardSettings
-from cell.config.places import find_configs
+from cell.base.config.places import find_configs
 from cell.folding.filmed_board import calibrate_film
 from cell.folding.observe import observe
 from cell.record.film import Film
-from drivers.errors import ConfigurationError
+from drivers.base.errors import ConfigurationError
 from tests.lab.benchmarks.measure_phone import LEAVING, STANDING, errors, render
 from tests.support.commands import refused
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cell.config.places import find_configs
+from cell.base.config.places import find_configs
 from drivers.strip.describe import load_plant
 from drivers.strip.file import StripFile
 

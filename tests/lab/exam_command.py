@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from cell.cli.options import Cluster, engine, resumable
+from cell.interface.cli.options import Cluster, engine, resumable
 
 if TYPE_CHECKING:
     from tests.lab.exam.run import Steps
@@ -82,7 +82,7 @@ def exam(
     """
     from rich.console import Console
 
-    from cell.campaign.progress import Meter
+    from cell.base.campaign.progress import Meter
     from tests.lab.exam.cases import load_or_draw
     from tests.lab.exam.page import GOOD_RESULTS, write_report
     from tests.lab.exam.run import run_exam, summarise
@@ -123,7 +123,7 @@ def _steps(*, make: bool, judge: bool) -> "Steps":
     """Steps of the exam that the options request; ConfigurationError for both options
     at once.
     """
-    from drivers.errors import ConfigurationError
+    from drivers.base.errors import ConfigurationError
 
     if make and judge:
         raise ConfigurationError(
@@ -140,7 +140,7 @@ def _check_place(out: Path, *, made: bool) -> None:
     Raises ConfigurationError for a file, or where runs must be `made` before and it
     holds none.
     """
-    from drivers.errors import ConfigurationError
+    from drivers.base.errors import ConfigurationError
     from tests.lab.exam.cases import KEYS_FOLDER
     from tests.lab.exam.run import LEDGER
 

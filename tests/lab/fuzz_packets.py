@@ -12,8 +12,8 @@ from unittest import mock
 
 import numpy as np
 
-from drivers.fci_server.server import RobotServer
-from tests.drivers.fci_server import test_fuzz as fuzz
+from drivers.twin.fci_server.server import RobotServer
+from tests.drivers.twin.fci_server import test_fuzz as fuzz
 
 SHARE = fuzz.DATAGRAMS + fuzz.STREAMS * fuzz.IN_STREAM + fuzz.REQUESTS + fuzz.COMMANDS
 SCALED = ("DATAGRAMS", "STREAMS", "REQUESTS", "COMMANDS")

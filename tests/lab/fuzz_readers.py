@@ -22,8 +22,8 @@ import yaml
 from hypothesis import HealthCheck, Phase, given, seed, settings, strategies as st
 
 from calibration.calibration import load_calibration, save_calibration
-from cell.config.cell import CellFile
-from cell.config.places import find_configs
+from cell.base.config.cell import CellFile
+from cell.base.config.places import find_configs
 from cell.folding.replay import replay
 from cell.gap.subject.mechanism.mechanism_file import MechanismFile
 from cell.gap.subject.run_folders import find_runs
@@ -37,8 +37,8 @@ from cell.record.truth import read_truth, write_truth
 from cell.record.writer import RunWriter
 from cell.report.page import write_report
 from cell.report.viz.recording import viz_from_run
-from drivers.errors import CellError
-from drivers.settings import load
+from drivers.base.errors import CellError
+from drivers.base.settings import load
 from drivers.strip.describe import load_plant, load_strip
 from policies.feedback import load_checkpoint
 from tests.cell.conftest import HEADER, RESULT, MadeFold, straight_camera

@@ -17,11 +17,16 @@ from tests.support.rooms import imports, modules
 ROOMS = (
     *(
         "cell/orchestrator",
-        "cell/learning",
-        "cell/calibrate",
+        "cell/folding",
+        "cell/setup",
         "cell/folding/feasibility.py",
     ),
-    *("drivers/arm", "drivers/franka/limits.py", "drivers/motion.py", "calibration"),
+    *(
+        "drivers/franka",
+        "drivers/franka/limits.py",
+        "drivers/base/motion.py",
+        "calibration",
+    ),
     *(
         "cell/perception/model_agreement",
         "cell/perception/camera_watch",

@@ -32,8 +32,8 @@ import typer
 import yaml
 
 from cell.record.documents import json_line
-from drivers.files import append_line
-from drivers.readers import read_json_lines
+from drivers.base.files import append_line
+from drivers.base.readers import read_json_lines
 
 ROOT = Path(__file__).parents[2]
 LIST = Path(__file__).with_suffix(".yaml")

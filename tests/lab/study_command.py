@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cell.cli.options import Cluster, engine, resumable
+from cell.interface.cli.options import Cluster, engine, resumable
 
 if TYPE_CHECKING:
-    from cell.campaign.run import Engine
+    from cell.base.campaign.run import Engine
     from tests.lab.studies.campaign import StudyRequest
 
 
@@ -62,7 +62,7 @@ def study(
     A case that OUT holds, by the same code, is done: the same command goes on where it
     stopped.
     """
-    from drivers.errors import ConfigurationError
+    from drivers.base.errors import ConfigurationError
     from tests.lab.studies.campaign import StudyRequest
     from tests.lab.studies.catalogue import studies, study_of
 
@@ -110,7 +110,7 @@ def _print_studies() -> None:
 
 
 def _shard(given: str | None) -> tuple[int, int]:
-    from drivers.errors import ConfigurationError
+    from drivers.base.errors import ConfigurationError
 
     found = re.fullmatch(r"(\d+)/(\d+)", given or "1/1")
     number, count = map(int, found.groups()) if found else (0, 0)
@@ -126,7 +126,7 @@ def _measure(
 ) -> None:
     from rich.console import Console
 
-    from cell.campaign.progress import Meter
+    from cell.base.campaign.progress import Meter
     from tests.lab.studies.campaign import measure
 
     with resumable(asked.folder), Meter(Console(stderr=True)) as meter:

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers.errors import ConfigurationError
+from drivers.base.errors import ConfigurationError
+from drivers.base.types import Array
 from drivers.strip.file import paper_strip
-from drivers.types import Array
 from policies.feedback import (
     WEIGHT_COUNT,
     Checkpoint,

@@ -35,7 +35,7 @@ def fitted_literals(source: str) -> list[str]:
     "room",
     [
         "policies",
-        "cell/learning",
+        "cell/folding",
         "cell/perception/laid_fold.py",
         "cell/perception/model_agreement.py",
     ],

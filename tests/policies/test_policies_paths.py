@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from drivers.errors import ConfigurationError
+from drivers.base.errors import ConfigurationError
+from drivers.base.types import Array
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile, paper_strip
 from drivers.strip.rod.engine import Rod
-from drivers.types import Array
 from policies.path import Path, triangular, vertical_lift
 from policies.policy import Observation, Policy
 from policies.registry import make_policy, policy_names

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from drivers.errors import ConfigurationError
+from drivers.base.errors import ConfigurationError
+from drivers.base.types import Array
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from drivers.strip.rod.engine import Rod
 from drivers.twin.chain.engine import Chain
-from drivers.types import Array
 from policies.planned import Planned, plan
 from policies.rollout import Rollout, roll_out
 from policies.strip_sampling import grid, strip_at

@@ -5,11 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
+from drivers.base.types import Array
 from drivers.strip.describe import describe
 from drivers.strip.engine import Observables, Touch
 from drivers.strip.file import paper_strip
 from drivers.strip.model import StripModel
-from drivers.types import Array
 from policies.path import triangular
 from policies.policy import Decision, Observation
 from policies.registry import make_policy

@@ -9,7 +9,7 @@ import yaml
 from calibration.calibration import Calibration, make_calibration, save_calibration
 from calibration.homography import Homography
 from calibration.lens import Lens
-from drivers.camera.settings import V4l2Settings
+from drivers.v4l2.settings import V4l2Settings
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 SEEN = 0.91  # m that the image shows in x, of a camera that looks straight at the plane

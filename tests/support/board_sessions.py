@@ -8,7 +8,7 @@ from calibration.homography import Homography
 from calibration.lens import Lens
 from calibration.wizard.coverage import WantedView, wanted_views
 from calibration.wizard.latency import LatencySteps
-from drivers.types import Array, frozen
+from drivers.base.types import Array, frozen
 
 MATRIX = frozen([[3413.0, 0, 645.0], [0, 3413.0, 355.0], [0, 0, 1]])
 LENS = Lens(1280, 720, MATRIX, frozen([-0.18, 0.1, 0.0, 0.0, 0.0]))

@@ -7,8 +7,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from cell.campaign.run import Part
-from drivers.errors import ConfigurationError
+from cell.base.campaign.run import Part
+from drivers.base.errors import ConfigurationError
 
 
 def length_of_key(key: str, marks: Path | None, seconds: float) -> Mapping[str, Any]:

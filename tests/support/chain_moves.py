@@ -2,11 +2,11 @@
 
 import numpy as np
 
+from drivers.base.types import Array
 from drivers.strip.describe import describe
 from drivers.strip.engine import StripMotion
 from drivers.strip.file import StripFile, paper_damping_minimum, paper_strip
 from drivers.twin.chain.engine import Chain
-from drivers.types import Array
 from policies.path import Path
 from tests.support.effect_cases import simulate
 

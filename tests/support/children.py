@@ -10,7 +10,7 @@ from pathlib import Path
 
 
 def children(name: str) -> list[int]:
-    """IDs of the `drivers.child` processes of this one whose main function's name has
+    """IDs of the `drivers.base.child` processes of this one whose main function's name has
     `name`.
     """
     found = []
@@ -24,7 +24,11 @@ def children(name: str) -> list[int]:
             continue
         parent = int(stat.rpartition(")")[2].split()[1])
         words = command.split("\0")
-        if parent == os.getpid() and "drivers.child" in command and name in words[-2]:
+        if (
+            parent == os.getpid()
+            and "drivers.base.child" in command
+            and name in words[-2]
+        ):
             found.append(int(folder.name))
     return found
 

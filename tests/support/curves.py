@@ -25,8 +25,8 @@ from cell.gap.subject.subject import (
 from cell.gap.verdict.compose import verdict as compose
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import Verdict
+from drivers.base.types import Array
 from drivers.strip.effects.effect import Parameter
-from drivers.types import Array
 
 T = np.linspace(0.0, 1.0, 60)
 SPEEDS = {"slow": 0.5, "medium": 1.0, "fast": 2.0, "faster": 3.0}

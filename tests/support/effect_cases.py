@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from drivers.base.types import Array
 from drivers.strip.describe import describe
 from drivers.strip.effects import registry
 from drivers.strip.effects.effect import Effect, Parameter
@@ -12,7 +13,6 @@ from drivers.strip.file import StripFile
 from drivers.strip.model import StripModel
 from drivers.strip.observation import true_path
 from drivers.strip.rod.engine import GripperPath, Rod, simulate_all
-from drivers.types import Array
 from policies.path import Path, circular, triangular
 
 LENGTH = 0.6

@@ -2,11 +2,11 @@
 
 from pathlib import Path
 
-from cell.calibrate.calibration_in_use import calibration_of
 from cell.folding.fold import fold
 from cell.orchestrator.snapshot import Snapshot
 from cell.record.film import Film, FilmWriter
 from cell.record.run import Run, read_run
+from cell.setup.calibration_in_use import calibration_of
 from tests.support.requests import request_for
 
 

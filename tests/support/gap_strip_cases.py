@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from cell.config.places import find_configs
+from cell.base.config.places import find_configs
 from cell.gap.subject.strip.subject import StripSubject, patch_file
 from cell.gap.subject.strip.synthetic import (
     BENCH,
@@ -23,10 +23,10 @@ from cell.gap.subject.strip.synthetic import (
 )
 from cell.gap.subject.subject import Residuals
 from cell.record.header import Sigma
+from drivers.base.types import Array
 from drivers.strip.describe import describe, load_strip
 from drivers.strip.file import StripFile
 from drivers.strip.model import Effects
-from drivers.types import Array
 from policies.experiments.standard import STANDARD
 
 STRIP = Path("configs/strips/denim.yaml")

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from drivers.base.types import Array, Image
 from drivers.strip.cantilever import HangingStrip, hanging_shape, hinges
-from drivers.types import Array, Image
 
 FINER = 4
 

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cell.benchmark.results import BenchmarkSpec, ImageFold, RangeFolds, Results
-from cell.config.places import find_configs
+from cell.base.config.places import find_configs
 from cell.folding import batch
 from cell.folding.result import FoldResult
+from cell.studies.results import BenchmarkSpec, ImageFold, RangeFolds, Results
 
 DONE = FoldResult(
     run="runs/one",

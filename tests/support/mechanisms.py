@@ -11,7 +11,7 @@ import pyarrow.parquet as pq
 import yaml
 
 from cell.gap.subject.mechanism.subject import MechanismSubject
-from drivers.types import Array
+from drivers.base.types import Array
 
 ARM = """<mujoco model="arm">
   <compiler angle="radian"/>

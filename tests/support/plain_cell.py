@@ -7,8 +7,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from cell.config.places import CHECKOUT_CONFIGS, Configs
-from cell.devices.devices import Devices
+from cell.base.config.places import CHECKOUT_CONFIGS, Configs
+from cell.base.devices.devices import Devices
 from cell.orchestrator.context import FoldContext
 from cell.orchestrator.outcome import Outcome
 from cell.orchestrator.recorder import Recorder
@@ -25,10 +25,10 @@ from cell.orchestrator.states import Event, State
 from cell.orchestrator.vision import View
 from cell.perception.image_reader import ImageResult, InlineReader
 from cell.perception.strip_measurement import StripMeasurement
-from drivers.installation import Workspace
-from drivers.motion import TICK, MotionProfile
+from drivers.base.installation import Workspace
+from drivers.base.motion import TICK, MotionProfile
+from drivers.base.types import ZERO_VELOCITY, ArmState, Frame, HandState, Pose, Velocity
 from drivers.twin.clock import Rank, TwinClock
-from drivers.types import ZERO_VELOCITY, ArmState, Frame, HandState, Pose, Velocity
 from policies.registry import make_policy
 
 LIMITS = Configs(CHECKOUT_CONFIGS).cell().installation.limits

@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from drivers.base.types import Array, Pose
 from drivers.twin.scene import Scene
-from drivers.types import Array, Pose
 
 LENGTH = 0.6
 KNOTS: dict[str, tuple[list[float], list[float]]] = {

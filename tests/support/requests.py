@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from cell.config.places import find_configs
-from cell.devices.devices import Trial
+from cell.base.config.places import find_configs
+from cell.base.devices.devices import Trial
 from cell.folding.request import Request
 
 

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from drivers.base.types import Array
 from drivers.strip.describe import describe
 from drivers.strip.file import paper_damping_minimum, paper_strip
 from drivers.strip.model import StripModel
@@ -11,7 +12,6 @@ from drivers.strip.rod import layout as at
 from drivers.strip.rod.batch import flat_batch, midlines
 from drivers.strip.rod.lumping import check
 from drivers.strip.rod.static import settle
-from drivers.types import Array
 from policies.path import Path
 
 STIFFNESS = np.geomspace(0.02, 0.3, 5)

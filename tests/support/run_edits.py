@@ -8,7 +8,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import yaml
 
-from drivers.types import Array
+from drivers.base.types import Array
 
 
 def edit_yaml(path: Path, **changes: object) -> None:

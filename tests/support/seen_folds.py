@@ -7,7 +7,7 @@ import numpy as np
 
 from calibration.calibration import Calibration
 from cell.perception.strip_measurement import SeenTouch
-from drivers.types import Array
+from drivers.base.types import Array
 from tests.lab.studies.kit.sights import sights
 from tests.lab.studies.kit.twin_fold import FoldCamera, TwinFold
 

@@ -8,7 +8,7 @@ from shutil import copytree
 import mujoco
 import numpy as np
 
-from drivers.types import Array
+from drivers.base.types import Array
 from tests.support.mechanisms import write_run
 
 STEP = 0.0005  # s of the plant

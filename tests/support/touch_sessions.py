@@ -13,7 +13,7 @@ from calibration.wizard.touches import (
     suspects,
     touch_plan,
 )
-from drivers.types import Array, frozen
+from drivers.base.types import Array, frozen
 
 SETTINGS = TouchSettings()
 ARM, DISC = 1e-4, 0.1  # m, px: noise of the arm's place and of the disc's centre

@@ -21,17 +21,17 @@ from calibration.wizard.lens_verdict import LensVerdict
 from calibration.wizard.touch_verdict import TouchVerdict
 from calibration.wizard.touched_points import TouchedPoints
 from calibration.wizard.touches import TouchSettings
-from cell.calibrate.calibration_in_use import calibration_file
-from cell.calibrate.wizard import calibrate_twin
-from cell.config.places import CHECKOUT_CONFIGS, Configs
-from drivers.errors import Fault
+from cell.base.config.places import CHECKOUT_CONFIGS, Configs
+from cell.setup.calibration_in_use import calibration_file
+from cell.setup.wizard import calibrate_twin
+from drivers.base.errors import Fault
+from drivers.base.types import Frame, Pose, frozen
 from drivers.twin.board import board_frame, board_pose
 from drivers.twin.renderer.looks import StripLook
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.scene import Scene
 from drivers.twin.settings import CameraSettings
-from drivers.types import Frame, Pose, frozen
 
 SHIPPED = CHECKOUT_CONFIGS / "calibration"
 NO_STRIP = StripLook((40, 60, 110), 0.001, 0.05)

@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
+from drivers.base.types import Pose, Velocity
 from drivers.strip.describe import load_strip
 from drivers.strip.engine import Observables
 from drivers.twin.open import Twin, open_twin
 from drivers.twin.settings import ArmSettings, CameraSettings, TwinSettings
 from drivers.twin.world import World
-from drivers.types import Pose, Velocity
 
 DENIM = load_strip(Path(__file__).parents[2] / "configs" / "strips" / "denim.yaml")
 

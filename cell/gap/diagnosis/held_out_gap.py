@@ -11,7 +11,7 @@ from cell.gap.fitting.gauss_newton import Estimate, refit
 from cell.gap.fitting.model import Evidence, Point
 from cell.gap.fitting.tasks import Simulate, run_one
 from cell.gap.subject.subject import Quantity, Words
-from drivers.types import Array
+from drivers.base.types import Array
 
 DRAWS = 2000  # of runs, for the interval of the shrink; set by hand
 

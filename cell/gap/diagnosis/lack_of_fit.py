@@ -18,7 +18,7 @@ from cell.gap.fitting.normal_equations import NormalEquations
 from cell.gap.fitting.projection import projection
 from cell.gap.selection.likelihood import ALPHA
 from cell.gap.subject.subject import Run
-from drivers.types import Array
+from drivers.base.types import Array
 
 K = TypeVar("K", bound=Hashable)
 Place = tuple[str, str, str, str]

@@ -12,7 +12,7 @@ from cell.gap.fitting.normal_equations import covariance
 from cell.gap.fitting.tasks import Task
 from cell.gap.selection.likelihood import LikelihoodScale
 from cell.gap.subject.subject import Experiment
-from drivers.types import Array
+from drivers.base.types import Array
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,8 +10,8 @@ from cell.gap.fitting.model import Evidence, Model, Point, evidence, requests
 from cell.gap.fitting.normal_equations import covariance
 from cell.gap.fitting.tasks import Simulate, run_one
 from cell.gap.subject.subject import Candidate, Subject
+from drivers.base.types import Array
 from drivers.strip.effects.effect import Parameter
-from drivers.types import Array
 
 # of the prior spread of a value: runs that leave more do not determine it; set by hand
 WEAK = 0.5

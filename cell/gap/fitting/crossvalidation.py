@@ -19,7 +19,7 @@ from cell.gap.fitting.model import Model, Point, requests
 from cell.gap.fitting.normal_equations import Mask, covariance
 from cell.gap.fitting.tasks import Task, side_by_side
 from cell.gap.subject.subject import Run
-from drivers.types import Array
+from drivers.base.types import Array
 
 REWEIGHTED = 3  # times that robust weights are renewed; set by hand
 MOST_FOLDS = 8  # set by hand

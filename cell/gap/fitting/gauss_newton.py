@@ -27,8 +27,8 @@ from cell.gap.fitting.model import (
 from cell.gap.fitting.normal_equations import NormalEquations, Unknowns
 from cell.gap.fitting.tasks import Task, side_by_side
 from cell.gap.subject.subject import Candidate, Request, Residuals, Run
+from drivers.base.types import Array
 from drivers.strip.effects.effect import Parameter
-from drivers.types import Array
 
 JacobianUse = Literal["new", "kept", "mended"]
 Linearised = tuple[Sequence[Residuals], tuple[Array, ...]]

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cell.gap.subject.subject import Candidate, Request, Residuals, Run
+from drivers.base.types import Array
 from drivers.strip.effects.effect import Parameter
-from drivers.types import Array
 
 # whitened residual of a sample that the model cannot show; set by hand
 LOST_RESIDUAL = 10.0

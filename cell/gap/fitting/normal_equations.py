@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cell.gap.fitting.model import Evidence, Model, Point
+from drivers.base.types import Array
 from drivers.strip.effects.effect import Parameter
-from drivers.types import Array
 
 Mask = NDArray[np.bool_]
 # of the diagonal: holds directions that nothing determines; above rounding

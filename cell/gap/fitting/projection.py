@@ -8,7 +8,7 @@ import numpy as np
 from cell.gap.fitting import robust
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.normal_equations import NormalEquations, covariance
-from drivers.types import Array
+from drivers.base.types import Array
 
 
 @dataclass(frozen=True, slots=True)

@@ -31,8 +31,8 @@ from cell.gap.fitting import normal_equations, robust
 from cell.gap.fitting.gauss_newton import ROUGH_GAIN, Estimate, refit
 from cell.gap.fitting.model import Evidence, Point
 from cell.gap.fitting.tasks import Simulate, run_one
+from drivers.base.types import Array
 from drivers.strip.effects.effect import Parameter
-from drivers.types import Array
 
 # Set by hand, and tried on true spreads. Spreads are in units of each quantity's usual
 # one. between which they are sought, and from where

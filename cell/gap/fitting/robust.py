@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from cell.gap.subject.subject import Run
-from drivers.robust import robust_sigma
-from drivers.types import Array
+from drivers.base.robust import robust_sigma
+from drivers.base.types import Array
 
 # in units of the scale, where Huber's loss turns from square to linear; set by hand,
 # for normal residuals are beyond it once in 370

@@ -16,7 +16,7 @@ from cell.gap.report.sentence import motion_name
 from cell.gap.subject.subject import Quantity, Samples, Scene, Subject
 from cell.gap.verdict.findings import Findings
 from cell.report.drawing import BLUE, INK, MUTED, ORANGE, RULE, as_svg, canvas
-from drivers.types import Array
+from drivers.base.types import Array
 
 COLOUR_BEFORE, COLOUR_AFTER = ORANGE, BLUE
 COLUMN = 0.34  # inch, width of a column of the heat map

@@ -19,9 +19,9 @@ from cell.gap.subject.subject import Scene
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import Verdict
 from cell.report.viz.saving import saving, send_blueprint
-from drivers.errors import ConfigurationError
-from drivers.files import replacing
-from drivers.types import Array
+from drivers.base.errors import ConfigurationError
+from drivers.base.files import replacing
+from drivers.base.types import Array
 
 CURVE_COLOURS = {
     "measured": 0xFFAA32FF,

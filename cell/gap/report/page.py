@@ -35,8 +35,8 @@ from cell.gap.verdict.schema import CandidateEntry, Gap, Kind, Verdict
 from cell.report.html import Tone, page as document
 from cell.report.page_verdict import PageVerdict as Card
 from cell.report.words import NO_VALUE, millimetres
-from drivers.errors import CellError
-from drivers.settings import parse
+from drivers.base.errors import CellError
+from drivers.base.settings import parse
 from drivers.strip.file import StripFile
 from policies.planned import fold_by_plan
 

@@ -10,7 +10,7 @@ import numpy as np
 from cell.gap.fitting.crossvalidation import CrossValidatedFit
 from cell.gap.selection.likelihood import ALPHA, MIN_GAIN, Fits, LikelihoodScale, gains
 from cell.gap.selection.posterior import Posterior
-from drivers.types import Array
+from drivers.base.types import Array
 
 
 def choose(fits: Fits, sets: Posterior) -> CrossValidatedFit:

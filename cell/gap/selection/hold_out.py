@@ -11,8 +11,8 @@ from cell.gap.fitting.crossvalidation import folds
 from cell.gap.fitting.projection import projection
 from cell.gap.fitting.tasks import Simulate
 from cell.gap.subject.subject import Subject
-from drivers.errors import ConfigurationError
-from drivers.types import Array
+from drivers.base.errors import ConfigurationError
+from drivers.base.types import Array
 
 # Thresholds by which runs are held out, set by hand.
 PERIOD = 4  # one condition in so many, unless the others cannot spare it

@@ -9,7 +9,7 @@ from scipy import special
 from cell.gap.fitting import robust
 from cell.gap.fitting.crossvalidation import CrossValidatedFit
 from cell.gap.fitting.gauss_newton import best
-from drivers.types import Array
+from drivers.base.types import Array
 
 # nats, 55 times as likely: "strong" (Kass and Raftery 1995, J. Am. Stat. Assoc. 90)
 MIN_GAIN = 4.0

@@ -28,9 +28,9 @@ from cell.gap.fitting.normal_equations import Unknowns
 from cell.gap.fitting.projection import projection
 from cell.gap.selection.likelihood import Fits, LikelihoodScale
 from cell.gap.selection.screening import ProbeResponses
-from drivers.settings import Seconds, StudyResult
+from drivers.base.settings import Seconds, StudyResult
+from drivers.base.types import Array
 from drivers.strip.effects.effect import Parameter
-from drivers.types import Array
 
 LEAST_NORM = 1e-6  # of a whitened response; a smaller one is rounding
 # relative difference (one sigma) of two displacements by one cause; set by hand

@@ -17,7 +17,7 @@ from cell.gap.fitting.projection import Projection
 from cell.gap.fitting.tasks import Task
 from cell.gap.selection.likelihood import LikelihoodScale
 from cell.gap.subject.subject import Candidate
-from drivers.types import Array
+from drivers.base.types import Array
 
 Start = tuple[Point, tuple[Array, ...] | None]
 """Where a fit begins, and the whitened secants (n, shared + local) of each run there,

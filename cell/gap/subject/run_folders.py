@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from cell.record.files import ANGLES, JOINTS, PROFILE, RUN, SIGNALS, TICKS, runs_in
-from drivers.errors import ConfigurationError
-from drivers.readers import read_parquet
-from drivers.types import Array
+from drivers.base.errors import ConfigurationError
+from drivers.base.readers import read_parquet
+from drivers.base.types import Array
 
 TABLES = (TICKS, PROFILE, ANGLES, SIGNALS, JOINTS)
 

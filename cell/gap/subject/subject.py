@@ -10,9 +10,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.errors import ConfigurationError
+from drivers.base.errors import ConfigurationError
+from drivers.base.types import Array
 from drivers.strip.effects.effect import Parameter
-from drivers.types import Array
 
 Words = NDArray[np.str_]
 NamedValues = Mapping[str, Mapping[str, float]]

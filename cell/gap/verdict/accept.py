@@ -10,18 +10,18 @@ from typing import Any, Literal, TypeVar
 
 from pydantic import BaseModel, Field
 
-from cell.config.settings import CellSettings
+from cell.base.config.settings import CellSettings
 from cell.gap.fitting.reml import Spread
 from cell.gap.subject.mechanism.mechanism_file import MechanismFile
 from cell.gap.verdict.schema import fit_folder
 from cell.record.header import Recorded
-from drivers.errors import ConfigurationError
-from drivers.files import lock_folders, write_file
-from drivers.readers import MEGABYTE, read_bytes, read_json, read_text, read_yaml
-from drivers.settings import load, parse
+from drivers.base.errors import ConfigurationError
+from drivers.base.files import lock_folders, write_file
+from drivers.base.readers import MEGABYTE, read_bytes, read_json, read_text, read_yaml
+from drivers.base.settings import load, parse
+from drivers.base.yaml_text import edit_yaml
 from drivers.strip.describe import load_strip
 from drivers.strip.effects import check_effects
-from drivers.yaml_text import edit_yaml
 
 STORED = 4 * MEGABYTE
 RECORD, ACCEPTED = "fit.json", "accepted.json"

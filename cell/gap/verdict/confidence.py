@@ -16,7 +16,7 @@ from pydantic import Field
 from scipy import special
 
 from cell.gap.verdict.schema import VerdictEvidence
-from drivers.settings import Settings, load
+from drivers.base.settings import Settings, load
 
 LEAST = 0.5  # probability from which an effect is named: it is rather right than wrong
 FILES = {"strip": "confidence.yaml", "mechanism": "confidence-mechanism.yaml"}

@@ -33,7 +33,7 @@ from cell.gap.subject.subject import Candidate, Subject
 from cell.gap.verdict.confidence import LEAST, calibration
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import Kind, VerdictEvidence
-from drivers.types import Array
+from drivers.base.types import Array
 
 # excess on held-out runs, in units of the noise, that is a gap by itself; set by hand
 GAP = 0.5

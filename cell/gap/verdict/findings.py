@@ -13,7 +13,7 @@ from cell.gap.selection.posterior import Posterior
 from cell.gap.selection.screening import ProbeEquations, ProbeResponses, Score
 from cell.gap.subject.subject import Candidate, Subject
 from cell.gap.verdict.offered_law import OfferedLaw
-from drivers.types import Array
+from drivers.base.types import Array
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,9 +11,9 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 from cell.gap.diagnosis.lack_of_fit import Bin
 from cell.gap.diagnosis.next_experiment import Recommendation
 from cell.gap.subject.subject import NamedValues
-from drivers.errors import ConfigurationError
-from drivers.readers import MEGABYTE, read_json
-from drivers.settings import parse
+from drivers.base.errors import ConfigurationError
+from drivers.base.readers import MEGABYTE, read_json
+from drivers.base.settings import parse
 
 LARGEST_VERDICT = 8 * MEGABYTE
 NAME_FOLDER = "name the folder that `cell gap fit --out` wrote"

@@ -7,12 +7,12 @@ from typing import Literal
 import pyarrow as pa
 import pyarrow.csv as pc
 
-from cell.extras import require_library
 from cell.record.exchange.mapping import MAPPING, mapping_of
 from cell.record.files import runs_in
 from cell.record.run import Run, read_run
-from drivers.errors import ConfigurationError
-from drivers.files import check_free, new_folder, replace_file
+from drivers.base.errors import ConfigurationError
+from drivers.base.extras import require_library
+from drivers.base.files import check_free, new_folder, replace_file
 
 Format = Literal["csv", "lerobot", "mcap"]
 

@@ -24,8 +24,8 @@ from cell.record.exchange.mapping import (
     turn_of,
     units_of,
 )
+from drivers.base.types import Array
 from drivers.strip.file import StripFile
-from drivers.types import Array
 
 WORD = re.compile(r"[A-Z]+(?![^\W\d_A-Z])\d*|[^\W\d_][^\W\d_A-Z]*\d*|°")
 # of a column's name, by what it holds; the first say that it is none of these

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from cell.extras import require_library
 from cell.record.columns import ANGLES, LENGTHS, TIMES
 from cell.record.documents import write_document
 from cell.record.exchange.lerobot import INFO, episodes
@@ -35,11 +34,18 @@ from cell.record.files import PROFILE, RESULT, RUN, SIGNALS, TICKS, is_run
 from cell.record.frames import FrameWriter
 from cell.record.run import read_run
 from cell.record.tables import check_clock, place_contacts, write_parquet
-from drivers.errors import ConfigurationError, suggestion
-from drivers.files import check_free, move_folder, replace_file, scratch_folder, writing
-from drivers.settings import load, parse
-from drivers.types import Array
-from drivers.yaml_text import dump_yaml, parse_yaml
+from drivers.base.errors import ConfigurationError, suggestion
+from drivers.base.extras import require_library
+from drivers.base.files import (
+    check_free,
+    move_folder,
+    replace_file,
+    scratch_folder,
+    writing,
+)
+from drivers.base.settings import load, parse
+from drivers.base.types import Array
+from drivers.base.yaml_text import dump_yaml, parse_yaml
 
 AnyMapping = MappingFile | SignalMapping
 Content = Mapping[str, Any]

@@ -32,10 +32,10 @@ from cell.record.files import FILM
 from cell.record.film import Film, FilmWriter
 from cell.record.run import Run
 from cell.record.tables import place_rows, unnest, write_parquet
-from drivers.errors import ConfigurationError
-from drivers.files import replace_file
-from drivers.readers import MEGABYTE, read_bytes, read_json, read_parquet
-from drivers.types import Array, Frame
+from drivers.base.errors import ConfigurationError
+from drivers.base.files import replace_file
+from drivers.base.readers import MEGABYTE, read_bytes, read_json, read_parquet
+from drivers.base.types import Array, Frame
 
 TASKS, STATS = "meta/tasks.parquet", "meta/stats.json"
 TASK = "fold {} in half"

@@ -36,11 +36,11 @@ from cell.record.files import CALIBRATION, PROFILE, RESULT, RUN, SIGNALS, TICKS
 from cell.record.header import Load, Sigma
 from cell.record.run import Run
 from cell.record.tables import unnest
-from drivers.errors import ConfigurationError, suggestion
-from drivers.readers import MEGABYTE, read_bytes, read_parquet, read_text
-from drivers.settings import Metres, Seconds, Settings
-from drivers.types import Array, Frame, frozen
-from drivers.yaml_text import dump_yaml
+from drivers.base.errors import ConfigurationError, suggestion
+from drivers.base.readers import MEGABYTE, read_bytes, read_parquet, read_text
+from drivers.base.settings import Metres, Seconds, Settings
+from drivers.base.types import Array, Frame, frozen
+from drivers.base.yaml_text import dump_yaml
 
 PER_SECOND = {f"{unit}/s": factor for unit, factor in (LENGTHS | ANGLES).items()}
 TORQUES = {f"{unit} m": factor for unit, factor in FORCES.items()}

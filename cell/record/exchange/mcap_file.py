@@ -44,9 +44,9 @@ from cell.record.files import FILM
 from cell.record.film import Film
 from cell.record.frames import encode
 from cell.record.run import Run
-from drivers.errors import ConfigurationError
-from drivers.files import replacing
-from drivers.readers import MEGABYTE, read_bytes
+from drivers.base.errors import ConfigurationError
+from drivers.base.files import replacing
+from drivers.base.readers import MEGABYTE, read_bytes
 
 LARGEST_FILE = 1024 * MEGABYTE
 NANOSECONDS = 1_000_000_000  # ns

@@ -15,7 +15,7 @@ from cell.perception.strip_measurement import StripMeasurement
 from cell.record.events import EVERY_FRAME, Outlook, log_text
 from cell.record.files import FILM
 from cell.record.run import Run
-from drivers.types import Array, Image
+from drivers.base.types import Array, Image
 
 Item = TypeVar("Item")
 

@@ -20,7 +20,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from calibration.calibration import Calibration
-from cell.config.places import cache_folder
+from cell.base.config.places import cache_folder
 from cell.perception.strip_measurement import StripMeasurement
 from cell.record.events import COLUMN_NAMES, origin_of, read_events
 from cell.record.files import FILM, RECORDING, RESULT, RUN, is_under_way
@@ -30,13 +30,13 @@ from cell.report.figures import PANELS, STATE_SHADES
 from cell.report.page_verdict import LINE_BREAK, verdict_of
 from cell.report.viz.playback import LogLine, TickView, moments_of
 from cell.report.viz.saving import saving, send_blueprint
-from drivers.errors import ConfigurationError, Fault, Unsupported
-from drivers.files import replacing
-from drivers.settings import parse
+from drivers.base.errors import ConfigurationError, Fault, Unsupported
+from drivers.base.files import replacing
+from drivers.base.settings import parse
+from drivers.base.types import Array, Image
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from drivers.strip.rod.engine import Rod
-from drivers.types import Array, Image
 
 BATCH_TICKS = 20  # ticks that are sent together
 TICKS_BETWEEN_POSES = 4  # ticks between two poses of gripper and model

@@ -11,7 +11,7 @@ from typing import Any
 import rerun as rr
 from rerun import bindings
 
-from drivers.files import replace_file
+from drivers.base.files import replace_file
 
 
 @contextmanager

@@ -14,9 +14,9 @@ from cell.orchestrator.states import State
 from cell.record.events import log_text, row_of
 from cell.record.files import CALIBRATION, RECORDING, RESULT
 from cell.report.viz.playback import LogLine, TickView
-from drivers.errors import CellError
+from drivers.base.errors import CellError
+from drivers.base.types import Image
 from drivers.strip.file import StripFile
-from drivers.types import Image
 from policies.prediction import FoldPrediction
 
 # items and images in the queue: at most 45 MB of images

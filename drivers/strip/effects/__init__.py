@@ -5,8 +5,8 @@ plug-ins.
 from collections.abc import Collection, Mapping
 from functools import cache
 
-from drivers.errors import ConfigurationError, suggestion
-from drivers.plugins import plugins
+from drivers.base.errors import ConfigurationError, suggestion
+from drivers.base.plugins import plugins
 from drivers.strip.effects import bending, mass, rig
 from drivers.strip.effects.effect import Effect
 from drivers.strip.model import Effects, StripModel

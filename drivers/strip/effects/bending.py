@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from drivers.base.types import GRAVITY, frozen
 from drivers.strip.effects.effect import (
     PLACE_SPAN,
     Parameter,
@@ -14,7 +15,6 @@ from drivers.strip.effects.effect import (
     set_fields,
 )
 from drivers.strip.model import SOFTEST, StripModel, scale_rigidity, with_field
-from drivers.types import GRAVITY, frozen
 
 HALF_WIDTH = 0.005  # m to each side over which a crease turns
 # bending lengths from the grip to where its first turn bends a lying strip

@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from drivers.errors import ConfigurationError, suggestion
+from drivers.base.errors import ConfigurationError, suggestion
 from drivers.strip.file import StripFile
 from drivers.strip.model import StripModel, with_field
 

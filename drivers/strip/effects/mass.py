@@ -2,9 +2,9 @@
 
 from collections.abc import Mapping
 
+from drivers.base.types import frozen
 from drivers.strip.effects.effect import Parameter, Span, Stage, law_effect, set_fields
 from drivers.strip.model import Drag, StripModel, with_field
-from drivers.types import frozen
 
 
 def _change_length(model: StripModel, values: Mapping[str, float]) -> StripModel:

@@ -8,12 +8,12 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.base.types import Array
 from drivers.strip.model import StripModel
 from drivers.strip.rod import layout as at
 from drivers.strip.rod.lanes import LANE_COUNT
 from drivers.strip.rod.layout import Batch
 from drivers.strip.rod.lumping import lattice, lump, needs_terms
-from drivers.types import Array
 
 T = TypeVar("T", bound=np.generic)
 CLOSING_SHARE = 0.75  # of the busy blocks that must suffice before a batch is compacted

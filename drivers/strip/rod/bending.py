@@ -4,7 +4,7 @@ segments.
 
 from typing import Any
 
-from drivers.jit import kernel
+from drivers.base.jit import kernel
 from drivers.strip.rod import layout as at
 from drivers.strip.rod.lanes import below, fma, load, select, sqrt, store
 from drivers.strip.rod.terms import gradual_friction, lagging_moment, stick_slip

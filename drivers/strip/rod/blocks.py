@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from drivers.jit import entry, kernel
+from drivers.base.jit import entry, kernel
 from drivers.strip.rod import layout as at
 from drivers.strip.rod.lanes import lane_of, load_lane, store_lane
 from drivers.strip.rod.layout import Block

@@ -7,8 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.errors import SimulationNotConverged, SimulationNotFinite
-from drivers.geometry import interpolate_columns
+from drivers.base.errors import SimulationNotConverged, SimulationNotFinite
+from drivers.base.geometry import interpolate_columns
+from drivers.base.types import Array
 from drivers.strip.engine import Observables, StripMotion, Touch
 from drivers.strip.model import StripModel
 from drivers.strip.observation import true_path
@@ -18,7 +19,6 @@ from drivers.strip.rod.blocks import Output, step_along
 from drivers.strip.rod.lumping import check
 from drivers.strip.rod.static import FINE_STEPS, fit_length, lift_path, settle
 from drivers.strip.rod.time_step import Pace
-from drivers.types import Array
 
 PIECE_TIME = 0.5  # s of motion in one compiled call: a batch closes up between calls
 ROUNDING = 1e-9  # steps, by which a touch at the end of a step may seem to be after it

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from drivers.types import Array
+from drivers.base.types import Array
 
 FIRST_FREE_NODE = 2  # row of the first free node
 CACHE_LINE = 8  # doubles

@@ -4,11 +4,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drivers.errors import Unsupported
+from drivers.base.errors import Unsupported
+from drivers.base.types import Array
 from drivers.strip.engine import graded_nodes
 from drivers.strip.model import Mechanics, StripModel
 from drivers.strip.rod import layout as at
-from drivers.types import Array
 
 GRADED = 0.1  # share of the segments that grow finer towards the grip
 FINEST = 1 / 8  # length of the last of them over that of an equal one

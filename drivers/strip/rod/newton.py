@@ -8,7 +8,7 @@ the first unknown are zero.
 
 from typing import Any
 
-from drivers.jit import kernel
+from drivers.base.jit import kernel
 from drivers.strip.rod import layout as at
 from drivers.strip.rod.bending import internal_forces
 from drivers.strip.rod.lanes import any_lane, below, fma, load, select, splat, store

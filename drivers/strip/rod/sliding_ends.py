@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from drivers.jit import kernel
+from drivers.base.jit import kernel
 from drivers.strip.rod import layout as at
 from drivers.strip.rod.bending import direction
 from drivers.strip.rod.lanes import below, load, select, splat, store

@@ -7,14 +7,14 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.errors import SimulationNotConverged, Unsupported
+from drivers.base.errors import SimulationNotConverged, Unsupported
+from drivers.base.types import Array
 from drivers.strip.model import StripModel, with_field
 from drivers.strip.rod import layout as at
 from drivers.strip.rod.batch import end_strips, flat_batch
 from drivers.strip.rod.blocks import Output, step_along
 from drivers.strip.rod.layout import Batch
 from drivers.strip.rod.time_step import Pace
-from drivers.types import Array
 
 APPROACH_STEPS = 60  # steps from lying flat to where a strip hangs
 FINE_STEPS = 150  # likewise, after the solver failed to converge in APPROACH_STEPS

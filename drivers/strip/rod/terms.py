@@ -5,7 +5,7 @@ Only batches with a strip that needs them run this code; a null coefficient adds
 
 from typing import Any
 
-from drivers.jit import kernel
+from drivers.base.jit import kernel
 from drivers.strip.rod import layout as at
 from drivers.strip.rod.lanes import below, fma, load, select, sqrt, store
 

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from drivers.jit import kernel
+from drivers.base.jit import kernel
 from drivers.strip.rod import layout as at
 from drivers.strip.rod.bending import direction, dry_friction, strain
 from drivers.strip.rod.lanes import (

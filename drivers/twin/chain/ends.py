@@ -8,10 +8,10 @@ from typing import Self
 import mujoco
 import numpy as np
 
+from drivers.base.types import Array
 from drivers.strip.model import StripModel
 from drivers.twin.chain.lumps import Lumps
 from drivers.twin.chain.spec import CONSTRAINT_SHARE, TIME_CONSTANT, Joints
-from drivers.types import Array
 
 HOLD_DAMPING = 2 / (CONSTRAINT_SHARE * TIME_CONSTANT)  # 1/s
 HOLD_STIFFNESS = 1 / (CONSTRAINT_SHARE * TIME_CONSTANT**2)  # 1/s^2

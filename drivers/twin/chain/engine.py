@@ -8,7 +8,8 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from drivers.errors import SimulationNotFinite
+from drivers.base.errors import SimulationNotFinite
+from drivers.base.types import Array
 from drivers.strip.engine import Observables, Touch
 from drivers.strip.model import StripModel
 from drivers.strip.shape import NO_GAP, desk_contact, fold_tip, layer_gap, layer_touch
@@ -16,7 +17,6 @@ from drivers.twin.chain.ends import VELOCITY_DECAY, Ends, Grip, approach_poses
 from drivers.twin.chain.forces import ExtraForce, ExtraForces, Loads, Parts, strip_laws
 from drivers.twin.chain.lumps import Lumps
 from drivers.twin.chain.spec import LONGEST_STEP, Joints, Layers, compile_chain
-from drivers.types import Array
 
 OPENING = 2.0  # touch gaps by which the layers must have opened before they can touch
 PULL = 2e-5  # m beyond a strip's reach: some three times its weight

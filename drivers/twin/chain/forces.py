@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from drivers.base.types import Array
 from drivers.strip.model import StripModel
 from drivers.twin.chain.lumps import Lumps
 from drivers.twin.chain.spec import Joints
-from drivers.types import Array
 
 
 class Loads:

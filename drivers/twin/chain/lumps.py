@@ -5,10 +5,10 @@ from typing import Self
 
 import numpy as np
 
+from drivers.base.types import Array
 from drivers.strip.engine import graded_nodes
 from drivers.strip.file import PAPER_LINEAR_DENSITY
 from drivers.strip.model import Drag, StripModel
-from drivers.types import Array
 
 GRADED = 0.05  # share of the links that grow shorter towards the grip
 SHORTEST_LINK = 1 / 4  # length of the last of them over that of an equal one

@@ -9,9 +9,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.base.types import Array
 from drivers.strip.model import StripModel
 from drivers.twin.chain.lumps import Lumps
-from drivers.types import Array
 
 HINGE, SLIDE = "hinge", "slide"  # names of joints, before the number of their node
 LONGEST_STEP = 0.005  # s, the longest step of the chain

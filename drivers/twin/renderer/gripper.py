@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from drivers.base.types import Array, Image
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.renderer.stage import fill
 from drivers.twin.scene import Scene
-from drivers.types import Array, Image
 
 # m: along the finger, its thickness
 FINGER_PROFILE = ((0.0, 0.003), (0.012, 0.005), (0.045, 0.010))

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.jit import entry, kernel
-from drivers.types import Array, Image
+from drivers.base.jit import entry, kernel
+from drivers.base.types import Array, Image
 
 Indices = NDArray[np.int64]
 

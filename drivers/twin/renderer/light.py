@@ -7,13 +7,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.base.types import Array, Image
 from drivers.twin.renderer.gripper import Outline
 from drivers.twin.renderer.looks import Flicker, Lamp, StripLook
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.renderer.ribbon import Curve
 from drivers.twin.renderer.stage import BACKDROP_DISTANCE
 from drivers.twin.settings import CameraSettings
-from drivers.types import Array, Image
 
 # m of x that the table of the shadow covers: more than any strip
 TABLE_RANGE = (-0.2, 1.2)

@@ -8,8 +8,8 @@ from typing import Literal, Self
 
 import numpy as np
 
+from drivers.base.types import Array
 from drivers.strip.file import StripFile
-from drivers.types import Array
 
 Colour = tuple[int, int, int]
 Point = tuple[float, float, float]

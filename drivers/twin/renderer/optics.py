@@ -11,9 +11,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.jit import entry
+from drivers.base.jit import entry
+from drivers.base.types import Array, Image
 from drivers.twin.settings import CameraSettings
-from drivers.types import Array, Image
 
 Pixels = NDArray[np.float32]
 TILE_SHIFTS = 200  # px, so many by as many places of the noise tile under the image

@@ -7,6 +7,7 @@ from typing import Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.base.types import Array, Image, Pose, frozen
 from drivers.strip.model import CONTACT_HEIGHT
 from drivers.strip.shape import desk_contact
 from drivers.twin.renderer import gripper, ribbon
@@ -25,7 +26,6 @@ from drivers.twin.renderer.ribbon import Cloud, Curve
 from drivers.twin.renderer.stage import bgr, fill, light, stage
 from drivers.twin.scene import Scene
 from drivers.twin.settings import CameraSettings
-from drivers.types import Array, Image, Pose, frozen
 
 T = TypeVar("T", bound=np.generic)
 # m by which an abrupt end looks further along (lint) or back (glare) than one that

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.polynomial.polynomial import polyfit, polyval
 from numpy.typing import NDArray
 
+from drivers.base.types import Array, Image
 from drivers.strip.file import Colour
 from drivers.twin.renderer.looks import Box, Cable, StripLook, Thing
 from drivers.twin.renderer.optics import Optics, Pixels
 from drivers.twin.settings import CameraSettings
-from drivers.types import Array, Image
 
 Field = NDArray[np.float32]
 BACKDROP_DISTANCE = 1.2  # m behind the near edge

@@ -4,7 +4,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from drivers.types import Array
+from drivers.base.types import Array
 from policies.adaptive.critic import (
     ARRAY_NAMES,
     DISPLACEMENT,

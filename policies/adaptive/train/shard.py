@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from pydantic import Field
 from threadpoolctl import threadpool_limits
 
-from drivers.files import replacing
-from drivers.settings import Settings
+from drivers.base.files import replacing
+from drivers.base.settings import Settings
+from drivers.base.types import Array
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from drivers.strip.rod.engine import Rod
 from drivers.strip.rod.lumping import needs_terms
-from drivers.types import Array
 from policies.adaptive.adaptive import LENGTH_RANGE, Adaptive
 from policies.adaptive.critic import YIELD_UNIT, Critic, CriticPrediction, array_shapes
 from policies.adaptive.features import COUNT, RISE_AT

@@ -10,9 +10,9 @@ from pathlib import Path as FilePath
 
 import numpy as np
 
-from drivers.errors import ConfigurationError
-from drivers.files import writing
-from drivers.types import Array, Calls
+from drivers.base.errors import ConfigurationError
+from drivers.base.files import writing
+from drivers.base.types import Array, Calls
 from policies.adaptive.adaptive import Adaptive
 from policies.adaptive.checkpoint import load_critic, save_critic
 from policies.adaptive.critic import Critic, CriticPrediction, FoldMemory

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize
 
-from drivers.types import Array
+from drivers.base.types import Array
 from policies.adaptive.bias import REFERENCE_THICKNESS, CriticBias, bias_terms
 
 PRIOR = np.array([2e-3, 2e-3, 2.0])  # sigma of the bias: m, m, m/m

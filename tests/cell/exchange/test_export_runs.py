@@ -21,8 +21,8 @@ from cell.record.files import EVENTS
 from cell.record.film import Film, FilmWriter
 from cell.record.frames import FrameWriter
 from cell.record.run import read_run
-from drivers.errors import ConfigurationError
-from drivers.types import Frame
+from drivers.base.errors import ConfigurationError
+from drivers.base.types import Frame
 from tests.support.foreign_tables import STAMPS, foreign, mapping
 from tests.support.rooms import ROOT
 

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from cell.cli.app import app
+from cell.interface.cli.app import app
 from cell.record.documents import write_document
-from cell.strips.export_strip import export_strips
+from cell.setup.strips.export_strip import export_strips
 from drivers.strip.cantilever import hanging_shape, hinges
 from drivers.strip.file import StripFile, paper_strip
 

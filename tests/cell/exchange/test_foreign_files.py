@@ -21,7 +21,7 @@ from cell.record.exchange.export_runs import export_runs
 from cell.record.exchange.import_runs import import_runs
 from cell.record.film import Film, FilmWriter
 from cell.record.run import read_run
-from drivers.errors import ConfigurationError
+from drivers.base.errors import ConfigurationError
 from tests.support.foreign_tables import T, X, Z, in_metres, plain
 
 ROWS = [(round((t + 7.0) * 1e9), x, z) for t, x, z in zip(T, X, Z, strict=True)]

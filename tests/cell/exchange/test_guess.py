@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from cell.cli.app import app
+from cell.interface.cli.app import app
 from cell.record.run import read_run
-from drivers.types import Array
+from drivers.base.types import Array
 from tests.support.foreign_tables import LENGTH, STAMPS, T, X, Z
 
 PITCH = np.clip(T, 0.0, 1.0) * np.pi / 2

@@ -16,9 +16,9 @@ import yaml
 from mcap.writer import Writer
 from typer.testing import CliRunner
 
-from cell.cli.app import app
 from cell.gap.subject.run_folders import read_table
-from drivers.types import Array
+from cell.interface.cli.app import app
+from drivers.base.types import Array
 from tests.support.mechanisms import PRESCRIBED, make_arm
 
 DEGREES = 180 / np.pi

@@ -9,11 +9,11 @@ import pytest
 from typer.testing import CliRunner
 
 import cell
-from cell.cli.app import app
+from cell.interface.cli.app import app
 from cell.record.documents import write_document
 from cell.record.exchange.import_runs import import_runs
 from cell.record.run import read_run
-from drivers.errors import ConfigurationError
+from drivers.base.errors import ConfigurationError
 from tests.support.foreign_tables import (
     CONTACT,
     MAPPING,

@@ -11,15 +11,15 @@ from pathlib import Path
 
 import pytest
 
-from cell.campaign import processes
-from cell.campaign.processes import Call, Result, Signal, StopSignal
-from cell.devices.devices import Trial
+from cell.base.campaign import processes
+from cell.base.campaign.processes import Call, Result, Signal, StopSignal
+from cell.base.devices.devices import Trial
 from cell.folding import batch
 from cell.folding.batch import Callbacks, fold_all
 from cell.folding.request import Request, repetitions
 from cell.folding.result import FoldResult
 from cell.orchestrator.operator import Interrupted
-from drivers.errors import (
+from drivers.base.errors import (
     CellError,
     ConfigurationError,
     Fault,

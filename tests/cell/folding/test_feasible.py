@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from calibration.calibration import Calibration
-from cell.arm.run_settings import limit_to_arm
-from cell.config.cell import CellFile
-from cell.config.places import find_configs
+from cell.base.config.cell import CellFile
+from cell.base.config.places import find_configs
 from cell.folding.feasibility import (
     check_feasible,
     corner_strips,
@@ -20,9 +19,10 @@ from cell.folding.feasibility import (
     predict,
 )
 from cell.folding.fold import fold
-from drivers.errors import ConfigurationError, PreflightRefused
-from drivers.installation import AxisLimits, MotionLimits, Mounting
-from drivers.types import Array
+from cell.setup.arm.run_settings import limit_to_arm
+from drivers.base.errors import ConfigurationError, PreflightRefused
+from drivers.base.installation import AxisLimits, MotionLimits, Mounting
+from drivers.base.types import Array
 from policies.registry import make_policy
 from tests.support.requests import request_for
 from tests.support.twin_calibration import twin_calibration

@@ -18,7 +18,7 @@ from cell.orchestrator.vision import View
 from cell.perception.model_agreement import MeasuredFold
 from cell.perception.strip_measurement import StripMeasurement
 from cell.record.header import Result
-from drivers.types import ZERO_VELOCITY, ArmState, Array, HandState, Pose
+from drivers.base.types import ZERO_VELOCITY, ArmState, Array, HandState, Pose
 from tests.support.made_folds import BELIEF, OUTCOME, STRIP, TOUCH, Notes, measured
 from tests.support.made_results import DONE
 

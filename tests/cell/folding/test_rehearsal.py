@@ -11,15 +11,15 @@ from typer.testing import CliRunner
 
 pytest.importorskip("pylibfranka", reason="the robot's library is not installed")
 
-from cell.arm.manual_motion import home_joints, move_manually
-from cell.cli.app import app
-from cell.config.places import CHECKOUT_CONFIGS, find_configs
-from cell.devices.devices import Trial
-from cell.devices.fold_path import triangle, whole_path
+from cell.base.config.places import CHECKOUT_CONFIGS, find_configs
+from cell.base.devices.devices import Trial
+from cell.base.devices.fold_path import triangle, whole_path
 from cell.folding.rehearsal import HOVER_HEIGHT, Rehearsal, rehearsal
+from cell.interface.cli.app import app
 from cell.orchestrator.steps import pause
-from drivers.errors import ConfigurationError
-from drivers.types import Pose
+from cell.setup.arm.manual_motion import home_joints, move_manually
+from drivers.base.errors import ConfigurationError
+from drivers.base.types import Pose
 
 CONFIGS = find_configs(None)
 SETTINGS = CONFIGS.cell()

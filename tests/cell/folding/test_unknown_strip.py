@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from cell.config.places import CHECKOUT_CONFIGS, Configs
+from cell.base.config.places import CHECKOUT_CONFIGS, Configs
 from cell.folding.documents import LEARNED, offer_strip
 from drivers.strip.describe import load_strip
 from drivers.strip.file import StripFile

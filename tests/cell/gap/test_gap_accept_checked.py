@@ -7,7 +7,7 @@ import pytest
 
 from cell.gap.verdict.accept import accept, undo
 from cell.gap.verdict.schema import read_verdict
-from drivers.errors import ConfigurationError
+from drivers.base.errors import ConfigurationError
 from tests.support.gap_strip_cases import EFFECT, Fitted
 
 

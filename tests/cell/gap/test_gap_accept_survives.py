@@ -13,7 +13,7 @@ import yaml
 
 from cell.gap.verdict import accept as acceptance
 from cell.gap.verdict.accept import accept, undo
-from drivers.errors import ConfigurationError
+from drivers.base.errors import ConfigurationError
 from tests.support.gap_strip_cases import Fitted
 
 pytestmark = pytest.mark.slow
@@ -176,7 +176,7 @@ def test_another_command_that_changes_the_strip_is_waited_for_and_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     fit = fitted_both(tmp_path / "fit")
-    monkeypatch.setattr("drivers.files.LOCK_TIMEOUT", 0.05)
+    monkeypatch.setattr("drivers.base.files.LOCK_TIMEOUT", 0.05)
     with (
         acceptance.lock_folders([fit.file.parent]),
         pytest.raises(ConfigurationError, match="another command"),

@@ -15,7 +15,7 @@ import pytest
 from cell.gap.open_subject import option_for
 from cell.gap.subject.mechanism.subject import MechanismSubject
 from cell.gap.subject.strip.simulation import Simulation
-from drivers.types import Array
+from drivers.base.types import Array
 from tests.support.commands import refused
 from tests.support.gap_strip_cases import STRIP, folds, written
 from tests.support.run_edits import edit_column, edit_yaml, put

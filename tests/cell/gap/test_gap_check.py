@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from cell.cli.app import app
 from cell.gap.check import check, clock, recordings, unidentifiable, values
 from cell.gap.fit import fit
 from cell.gap.subject.run_folders import RunFolder, find_runs
-from drivers.errors import ConfigurationError
+from cell.interface.cli.app import app
+from drivers.base.errors import ConfigurationError
 from tests.support.curves import Curves, nothing
 from tests.support.gap_strip_cases import STRIP, folds, written
 from tests.support.mechanisms import PRESCRIBED, make_arm

@@ -9,7 +9,7 @@ import pyarrow.parquet as pq
 import pytest
 import yaml
 
-from cell.config.places import CHECKOUT_CONFIGS
+from cell.base.config.places import CHECKOUT_CONFIGS
 from cell.gap.fit import FitOptions, fit
 from cell.gap.subject.run_folders import find_runs, without_copies
 from tests.support.run_edits import edit_column

@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cell.cli import gap
 from cell.gap.diagnosis.lack_of_fit import Repeats
 from cell.gap.fitting.base_fit import undetermined_values
 from cell.gap.fitting.crossvalidation import folds
 from cell.gap.report.sentence import sentence
 from cell.gap.selection.posterior import Posterior, SetProbability
 from cell.gap.verdict.compose import verdict as compose
+from cell.interface.cli import gap
 from drivers.strip.effects.effect import Parameter
 from tests.support.curves import (
     Curves,

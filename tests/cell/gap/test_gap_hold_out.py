@@ -3,7 +3,7 @@
 import pytest
 
 from cell.gap.selection.hold_out import held_out
-from drivers.types import Array
+from drivers.base.types import Array
 from tests.support.curves import LAWS, Curves, bump, nothing
 
 

@@ -12,11 +12,11 @@ import pytest
 from cell.gap.subject.strip.subject import patch_file
 from cell.gap.subject.subject import Scope
 from cell.gap.verdict.accept import LAW_PATCH, RECORD, accept, sha256, undo
-from drivers.errors import ConfigurationError
+from drivers.base.errors import ConfigurationError
+from drivers.base.types import Array
+from drivers.base.yaml_text import dump_yaml
 from drivers.strip.describe import describe, load_strip
 from drivers.strip.law import LAW_TERMS, with_law
-from drivers.types import Array
-from drivers.yaml_text import dump_yaml
 from tests.support.curves import (
     LAWS,
     Curves,

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from cell.config.places import CHECKOUT_CONFIGS
+from cell.base.config.places import CHECKOUT_CONFIGS
 from cell.gap.fit import fit
 from tests.support.commands import run
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from cell.gap.subject.subject import Candidate, Request, Residuals, Run, Scope
+from drivers.base.types import Array
 from drivers.strip.effects.effect import Parameter
-from drivers.types import Array
 from tests.support import curves
 from tests.support.curves import LAWS, Curves, Law, T, bump, hidden, judged, wave
 

@@ -17,7 +17,7 @@ from cell.gap.subject.strip.scenes import DISTANCE_SIGNAL
 from cell.gap.subject.strip.subject import StripSubject, open_strip
 from cell.gap.subject.strip.synthetic import BENCH
 from cell.gap.subject.subject import Request, Scene
-from drivers.types import Array
+from drivers.base.types import Array
 from tests.support.gap_strip_cases import STRIP, folds, written
 
 SOFT = 0.85  # times the stated bending length

@@ -8,7 +8,7 @@ from cell.gap.diagnosis.lack_of_fit import Repeats, ResidualTest, stronger_of_tw
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.model import Evidence, Model, Point
 from cell.gap.subject.subject import Run, Samples
-from drivers.types import Array
+from drivers.base.types import Array
 
 PLACES, EACH, DRAWS = 20, 30, 400
 SIZE = PLACES * EACH

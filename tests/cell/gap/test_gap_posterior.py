@@ -22,8 +22,8 @@ from cell.gap.selection.posterior import (
 from cell.gap.selection.screening import ProbeResponses, detection_limits, run_probes
 from cell.gap.subject.subject import Candidate
 from cell.gap.verdict.confidence import calibration
+from drivers.base.types import Array
 from drivers.strip.effects.effect import Parameter
-from drivers.types import Array
 from tests.support.curves import Curves, bump, fitted, hidden, judged, validated, wave
 
 PLAIN = LikelihoodScale(1.0, 1.0)

@@ -11,7 +11,7 @@ from cell.gap.fitting.base_fit import refit_fine
 from cell.gap.fitting.crossvalidation import folds
 from cell.gap.subject.subject import Request, Run
 from cell.gap.verdict.decision import decide, describe_left, probability
-from drivers.types import Array
+from drivers.base.types import Array
 from tests.support.curves import (
     Curves,
     T,

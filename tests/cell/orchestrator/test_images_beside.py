@@ -12,8 +12,8 @@ from cell.orchestrator.safe_stop import run_suppressed
 from cell.orchestrator.snapshot import Drive, Snapshot
 from cell.orchestrator.states import Event, State
 from cell.perception.image_reader import ImageResult, ImageTask
-from drivers.errors import Fault
-from drivers.types import Pose, Velocity
+from drivers.base.errors import Fault
+from drivers.base.types import Pose, Velocity
 from tests.support.plain_cell import Bench, phases, plain_bench, result_of
 
 AWAY = Velocity(-0.1, 0.05, 0.0)

@@ -6,15 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.config.settings import FoldSettings
-from cell.devices.fold_path import PULL, edge_place, lay_path, taut_edge
+from cell.base.config.settings import FoldSettings
+from cell.base.devices.fold_path import PULL, edge_place, lay_path, taut_edge
 from cell.orchestrator.context import FoldContext
 from cell.orchestrator.lay import BRAKING, CLEARANCE, LAY_TURNING, follow_lay
 from cell.orchestrator.phases import FOLD_PHASES
 from cell.orchestrator.snapshot import Drive, Hold, MoveTo, OpenHand
 from cell.orchestrator.states import Event
 from cell.perception.strip_measurement import SeenTouch
-from drivers.types import Pose, Velocity
+from drivers.base.types import Pose, Velocity
 from policies.path import Path
 from tests.support.plain_cell import GOOD, phases, plain_bench
 

@@ -8,24 +8,24 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cell.config.places import find_configs
-from cell.config.settings import CellSettings, FoldSettings
-from cell.devices.fci import start_joints
-from cell.devices.fold_path import triangle, whole_path
+from cell.base.config.places import find_configs
+from cell.base.config.settings import CellSettings, FoldSettings
+from cell.base.devices.fci import start_joints
+from cell.base.devices.fold_path import triangle, whole_path
 from cell.orchestrator.context import FoldContext
 from cell.orchestrator.phases import lift
 from cell.orchestrator.recorder import Recorder
 from cell.orchestrator.snapshot import Drive, Snapshot
 from cell.orchestrator.states import State
 from cell.orchestrator.vision import View
-from drivers.arm.loop import plane_of
-from drivers.arm.reach import REACTION, PredictedMotion, ReachGuard, densify
-from drivers.arm.settings import REACHABLE
+from drivers.base.installation import MotionLimits
+from drivers.base.motion import TICK, MotionProfile
+from drivers.base.types import ZERO_VELOCITY, ArmState, HandState, Pose, Velocity
 from drivers.franka.inverse_kinematics import ELBOW_JOINT, track
 from drivers.franka.kinematics import forward
-from drivers.installation import MotionLimits
-from drivers.motion import TICK, MotionProfile
-from drivers.types import ZERO_VELOCITY, ArmState, HandState, Pose, Velocity
+from drivers.franka.loop import plane_of
+from drivers.franka.reach import REACTION, PredictedMotion, ReachGuard, densify
+from drivers.franka.settings import REACHABLE
 from policies.registry import make_policy
 
 HAND = HandState(0.0, 0.0, "made", 0.001, True, False)

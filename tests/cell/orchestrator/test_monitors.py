@@ -4,13 +4,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.config.settings import MonitorLimits
+from cell.base.config.settings import MonitorLimits
 from cell.orchestrator.monitors import MONITORS, Rules, check_all
 from cell.orchestrator.snapshot import Drive, Hold, MoveTo, Snapshot
 from cell.orchestrator.states import State
-from drivers.errors import Fault
-from drivers.installation import AxisLimits, MotionLimits, Workspace
-from drivers.types import Pose, Velocity
+from drivers.base.errors import Fault
+from drivers.base.installation import AxisLimits, MotionLimits, Workspace
+from drivers.base.types import Pose, Velocity
 from tests.support.plain_cell import ARM, FRAME, GOOD, HAND, POSE, showing
 
 

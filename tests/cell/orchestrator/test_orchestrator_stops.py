@@ -19,8 +19,8 @@ from cell.orchestrator.snapshot import (
 )
 from cell.orchestrator.states import Event, State
 from cell.orchestrator.steps import close_hand, move, open_hand
-from drivers.errors import Fault
-from drivers.types import ArmState, Frame, Pose, Velocity
+from drivers.base.errors import Fault
+from drivers.base.types import ArmState, Frame, Pose, Velocity
 from tests.support.plain_cell import AWAY, Bench, ending, phases, plain_bench
 
 BEGIN = 0.5  # s, from when on things go wrong

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.config.settings import MonitorLimits
+from cell.base.config.settings import MonitorLimits
 from cell.orchestrator.monitors import USUAL_AGE, slow_for_images
 from cell.orchestrator.snapshot import CloseHand, Drive, Hold, MoveTo
 from cell.orchestrator.states import Event, State
 from cell.orchestrator.steps import move
-from drivers.types import Frame, Pose, Velocity
+from drivers.base.types import Frame, Pose, Velocity
 from tests.support.plain_cell import FRAME, GOOD, Bench, phases, plain_bench
 
 LIMITS = MonitorLimits()

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cell.config.places import find_configs
+from cell.base.config.places import find_configs
 from cell.folding.result import FoldResult
 from cell.orchestrator import phases
 from cell.orchestrator.context import FoldContext
@@ -14,7 +14,7 @@ from cell.orchestrator.states import Event
 from cell.orchestrator.steps import StillPicture
 from cell.perception.camera_watch import CAMERA_WATCHED, UNWATCHED
 from cell.perception.preflight import PreflightCheck
-from drivers.types import Frame
+from drivers.base.types import Frame
 from policies.policy import Decision
 from policies.registry import make_policy
 from tests.support.made_folds import BELIEF, Notes

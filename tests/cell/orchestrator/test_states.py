@@ -1,7 +1,7 @@
 import pytest
 
 from cell.orchestrator.states import TERMINAL, TRANSITIONS, Event, Machine, State
-from drivers.errors import Fault
+from drivers.base.errors import Fault
 
 
 def test_every_state_can_be_stopped_and_no_stop_resumes() -> None:

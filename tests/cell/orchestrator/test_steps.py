@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from cell.orchestrator.steps import TURNING, drive, is_at
-from drivers.installation import Installation
-from drivers.types import Pose
+from drivers.base.installation import Installation
+from drivers.base.types import Pose
 from policies.policy import Decision
 from tests.support.plain_cell import ARM, GOOD, POSE
 

@@ -10,7 +10,7 @@ from cell.orchestrator.snapshot import MoveTo, Snapshot
 from cell.orchestrator.states import State
 from cell.orchestrator.vision import View
 from cell.perception.strip_measurement import StripMeasurement
-from drivers.types import ZERO_VELOCITY, ArmState, Frame, HandState, Pose
+from drivers.base.types import ZERO_VELOCITY, ArmState, Frame, HandState, Pose
 from tests.support.made_folds import Notes
 
 TICK, FRAME = 0.01, 2  # s, ticks from image to image

@@ -17,12 +17,12 @@ from cell.perception.camera_watch import (
 from cell.perception.image_reader import Measurer, StripInputs
 from cell.perception.preflight import inspect
 from cell.perception.region import HIGH_HEIGHT
+from drivers.base.types import Array, Frame, Image, Pose
 from drivers.strip.describe import load_strip
 from drivers.twin.renderer.looks import StripLook
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.scene import Scene
 from drivers.twin.settings import CameraSettings
-from drivers.types import Array, Frame, Image, Pose
 from tests.support.seen_folds import STRIPS
 from tests.support.twin_calibration import twin_calibration
 

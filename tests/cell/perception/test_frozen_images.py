@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cell.perception.camera_watch import FrozenImages
-from drivers.types import Frame, Pose
+from drivers.base.types import Frame, Pose
 
 HERE = Pose(0.6, 0.1, 0.0)
 NOISE = np.random.default_rng(0).normal(0, 2e-5, (200, 3))

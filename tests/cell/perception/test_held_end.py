@@ -10,7 +10,7 @@ import pytest
 from cell.perception import held_end
 from cell.perception.held_end import HeldEnd
 from cell.perception.strip_measurement import StripMeasurement
-from drivers.types import Pose
+from drivers.base.types import Pose
 
 LENGTH, CONTACT, NEAR = 0.6, 0.3, 0.02  # m; the fingers hide NEAR of the strip
 WAY = [(0.585, 0.03, 0.4), (0.565, 0.05, 0.8), (0.54, 0.07, 1.2), (0.515, 0.09, 1.5)]

@@ -11,14 +11,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cell.config.places import CHECKOUT_CONFIGS, Configs
-from cell.config.settings import MonitorLimits
-from cell.devices.devices import ArmHistory
+from cell.base.config.places import CHECKOUT_CONFIGS, Configs
+from cell.base.config.settings import MonitorLimits
+from cell.base.devices.devices import ArmHistory
 from cell.orchestrator.states import State
 from cell.orchestrator.vision import View, Vision
 from cell.perception.image_reader import ImageTask, ProcessReader, StripInputs
-from drivers.errors import Fault
-from drivers.types import ZERO_VELOCITY, ArmState, Frame, Pose
+from drivers.base.errors import Fault
+from drivers.base.types import ZERO_VELOCITY, ArmState, Frame, Pose
 from tests.support.sights import FAILS, HANGS, PlainSight
 
 POSE = Pose(0.5, 0.2, 1.5)

@@ -9,8 +9,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cell.config.places import find_configs
-from cell.devices.devices import Trial
+from cell.base.config.places import find_configs
+from cell.base.devices.devices import Trial
 from cell.folding.batch import fold_all
 from cell.orchestrator.context import FoldContext
 from cell.perception.laid_fold import TOP, LaidWeights, Loop

@@ -7,9 +7,9 @@ import pytest
 
 from cell.perception.layer_touch import LayerTouch
 from cell.perception.strip_measurement import SeenTouch, StripMeasurement
+from drivers.base.types import Array, Pose
 from drivers.strip.describe import load_strip
 from drivers.strip.file import StripFile
-from drivers.types import Array, Pose
 from tests.support.seen_folds import STRIPS
 
 DENIM = load_strip(STRIPS / "denim.yaml")

@@ -9,13 +9,13 @@ import pytest
 
 from calibration.pointer import find_pointer
 from cell.perception.preflight import Preflight, inspect
+from drivers.base.types import Pose
 from drivers.strip.describe import load_strip
 from drivers.strip.file import StripFile
 from drivers.twin.renderer.looks import LOOKS, Box, Look
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.settings import CameraSettings
-from drivers.types import Pose
 from policies.path import triangular
 from tests.lab.studies.kit.sights import perception_of
 from tests.lab.studies.kit.twin_fold import FoldCamera, TwinFold, simulate_fold

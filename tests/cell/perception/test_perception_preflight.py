@@ -14,13 +14,13 @@ from cell.perception.preflight import (
     inspect,
 )
 from cell.perception.resting_strip import Underside, sample_scene
+from drivers.base.types import Array, Frame, Pose
 from drivers.strip.describe import load_strip
 from drivers.strip.file import StripFile
 from drivers.twin.renderer.looks import StripLook
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.scene import Scene
 from drivers.twin.settings import CameraSettings
-from drivers.types import Array, Frame, Pose
 from tests.support.seen_folds import STRIPS
 from tests.support.twin_calibration import twin_calibration
 

@@ -9,7 +9,7 @@ import yaml
 
 from cell.record.run import read_run
 from cell.record.truth import read_truth
-from drivers.errors import ConfigurationError
+from drivers.base.errors import ConfigurationError
 
 SIGMA = {"contact_x": 1e-3, "profile": 1e-3, "gripper": 1e-4, "displacement": 1e-3}
 

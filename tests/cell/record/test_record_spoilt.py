@@ -14,7 +14,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from calibration.calibration import save_calibration
-from cell.config.places import find_configs
+from cell.base.config.places import find_configs
 from cell.folding.replay import replay
 from cell.record.documents import write_document
 from cell.record.files import RECORDING, REPORT
@@ -24,8 +24,8 @@ from cell.record.run import read_run
 from cell.record.writer import RunWriter
 from cell.report.page import write_report
 from cell.report.viz.recording import viz_from_run
-from drivers.errors import ConfigurationError
-from drivers.readers import read_parquet
+from drivers.base.errors import ConfigurationError
+from drivers.base.readers import read_parquet
 from tests.cell.conftest import HEADER, RESULT, MadeFold
 from tests.support.run_edits import edit_column, edit_yaml, put
 

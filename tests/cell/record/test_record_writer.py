@@ -12,8 +12,8 @@ from cell.record import frames
 from cell.record.files import EVENTS, PROFILE, SIGHTS, TICKS
 from cell.record.run import read_run
 from cell.record.writer import RunWriter
-from drivers.errors import ConfigurationError, Fault
-from drivers.types import Frame
+from drivers.base.errors import ConfigurationError, Fault
+from drivers.base.types import Frame
 from tests.cell.conftest import HEADER, RESULT
 from tests.support.plain_cell import ARM
 
@@ -122,7 +122,7 @@ import resource, signal
 from pathlib import Path
 from tests.support.plain_cell import ARM, replace
 from cell.record.writer import RunWriter
-from drivers.errors import Fault
+from drivers.base.errors import Fault
 writer = RunWriter(Path({str(tmp_path)!r}), {HEADER!r}, "none")
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (40_000, 40_000))

@@ -17,8 +17,8 @@ from cell.record.film import Film, FilmProcess, FilmWriter
 from cell.record.frames import QUEUE, read_index
 from cell.record.run import read_run
 from cell.record.writer import RunWriter
-from drivers.errors import ConfigurationError
-from drivers.types import Frame
+from drivers.base.errors import ConfigurationError
+from drivers.base.types import Frame
 from tests.cell.conftest import HEADER
 from tests.support.children import children, holds
 

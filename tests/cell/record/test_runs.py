@@ -7,10 +7,10 @@ import pytest
 import yaml
 from typer.testing import CliRunner
 
-from cell.cli.app import app
+from cell.interface.cli.app import app
 from cell.record.listing import list_runs, remove, to_prune
 from cell.record.writer import RunWriter
-from drivers.errors import ConfigurationError
+from drivers.base.errors import ConfigurationError
 from tests.cell.conftest import HEADER
 
 NOW = datetime(2026, 11, 20, 12, 0, 0, tzinfo=UTC)

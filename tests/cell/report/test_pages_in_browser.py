@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cell.benchmark.page import page_of
 from cell.gap.report.page import page as gap_page
 from cell.record.listing import list_runs
 from cell.record.run import read_run
@@ -21,7 +20,8 @@ from cell.record.writer import RunWriter
 from cell.report.calibration_page import write_calibration_report
 from cell.report.page import write_report
 from cell.report.runs_page import write_comparison, write_runs_page
-from drivers.types import Frame, Pose
+from cell.studies.page import page_of
+from drivers.base.types import Frame, Pose
 from tests.cell.conftest import HEADER
 from tests.support.browser import FOUND, LOOKS, Browser, Look, browser
 from tests.support.curves import Curves, bump, hidden, judged

@@ -17,7 +17,7 @@ import yaml
 from typer.testing import CliRunner
 
 from calibration.calibration import save_calibration
-from cell.cli.app import app
+from cell.interface.cli.app import app
 from cell.record.files import EVENTS
 from cell.record.listing import read_row
 from cell.record.run import read_run
@@ -26,7 +26,7 @@ from cell.report.calibration_page import write_calibration_report
 from cell.report.page import advice, report, write_report
 from cell.report.page_verdict import verdict_of
 from cell.report.runs_page import write_comparison, write_runs_page
-from drivers.types import Frame
+from drivers.base.types import Frame
 from policies.prediction import Estimate, FoldPrediction
 from tests.cell.conftest import HEADER
 from tests.support.plain_cell import ARM

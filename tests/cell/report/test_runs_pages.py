@@ -10,12 +10,12 @@ import pytest
 import yaml
 from typer.testing import CliRunner
 
-from cell.cli.app import app
+from cell.interface.cli.app import app
 from cell.record.documents import annotate
 from cell.record.listing import list_runs, read_row
 from cell.report.page import setting_text, write_report
 from cell.report.runs_page import distinct_texts
-from drivers.errors import ConfigurationError
+from drivers.base.errors import ConfigurationError
 
 
 @pytest.fixture(scope="module")

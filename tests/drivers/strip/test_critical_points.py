@@ -7,9 +7,9 @@ from itertools import product
 import numpy as np
 import pytest
 
+from drivers.base.types import Array
 from drivers.strip.describe import describe
 from drivers.strip.rod.engine import Rod
-from drivers.types import Array
 from policies.path import Path
 from policies.strip_sampling import strip_at
 

@@ -6,12 +6,12 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
+from drivers.base.types import Array
 from drivers.strip.effects import registry
 from drivers.strip.effects.effect import Stage
 from drivers.strip.engine import StripMotion
 from drivers.strip.rod.engine import Rod
 from drivers.twin.chain.engine import Chain
-from drivers.types import Array
 from tests.support.effect_cases import affected, bare, fold, levels
 from tests.support.seen_folds import distances
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import yaml
 
-from drivers.errors import ConfigurationError
+from drivers.base.errors import ConfigurationError
 from drivers.strip.describe import describe, load_plant, load_strip
 from drivers.strip.effects import apply_effects, check_effects, registry
 from drivers.strip.effects.effect import Effect

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
-from drivers.geometry import arc_lengths
+from drivers.base.geometry import arc_lengths
 from drivers.strip.describe import describe
 from drivers.strip.model import scale_rigidity, with_field
 from drivers.strip.rod import layout as at

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drivers.errors import SimulationNotConverged, SimulationNotFinite, Unsupported
+from drivers.base.errors import SimulationNotConverged, SimulationNotFinite, Unsupported
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from drivers.strip.model import Boundary

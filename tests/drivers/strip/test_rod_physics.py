@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_bvp
 
+from drivers.base.types import Array
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from drivers.strip.rod import layout as at
 from drivers.strip.rod.engine import Rod
 from drivers.strip.rod.lumping import lattice, lump
-from drivers.types import Array
 from policies.path import Path, circular, triangular
 from tests.support.rod_cases import (
     for_all,

@@ -5,8 +5,8 @@ holds.
 import pytest
 import yaml
 
-from cell.config.places import find_configs
-from drivers.errors import ConfigurationError
+from cell.base.config.places import find_configs
+from drivers.base.errors import ConfigurationError
 from drivers.strip.describe import BOUNDS, doubts, load_plant, load_strip
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from cell.gap.subject.strip.synthetic import reported_path
+from drivers.base.types import Array
 from drivers.strip.describe import describe
 from drivers.strip.engine import StripMotion
 from drivers.strip.observation import mean_force
@@ -14,7 +15,6 @@ from drivers.strip.shape import desk_contact
 from drivers.twin.arm_and_hand import ExternalWrench
 from drivers.twin.chain.engine import Chain
 from drivers.twin.settings import WrenchSettings
-from drivers.types import Array
 from policies.experiments.standard import STANDARD
 from tests.support.effect_cases import simulate
 from tests.support.twin_moves import DENIM, grasp, lift, twin_with, wait

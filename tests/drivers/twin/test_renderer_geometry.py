@@ -6,12 +6,12 @@ import cv2
 import numpy as np
 import pytest
 
+from drivers.base.types import BoardPlacement as Placement
 from drivers.twin.board import board_frame, board_pose
 from drivers.twin.renderer.looks import StripLook
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.settings import CameraSettings
-from drivers.types import BoardPlacement as Placement
 from tests.support.rendered_cell import empty, midline, scene
 
 CLEAN = CameraSettings(noise=0.0, texture=0.0, shadow=0.0)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drivers.types import Pose, Velocity
+from drivers.base.types import Pose, Velocity
 from tests.support.twin_moves import (
     DENIM,
     Steps,

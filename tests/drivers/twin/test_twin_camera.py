@@ -7,13 +7,13 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from drivers.errors import Fault
+from drivers.base.errors import Fault
+from drivers.base.types import Frame
 from drivers.twin.camera import PacedCamera, TwinCamera
 from drivers.twin.renderer.looks import StripLook
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.scene import Scene
 from drivers.twin.settings import CameraSettings
-from drivers.types import Frame
 from tests.support.rendered_cell import scene
 
 SETTINGS = CameraSettings(width=320, height=240)

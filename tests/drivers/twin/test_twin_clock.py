@@ -4,7 +4,7 @@ wall.
 
 import pytest
 
-import drivers.clock
+import drivers.base.clock
 from drivers.twin.clock import Rank, RealTimeClock, TwinClock
 
 
@@ -33,7 +33,7 @@ class Wall:
 @pytest.fixture
 def wall(monkeypatch: pytest.MonkeyPatch) -> Wall:
     wall = Wall()
-    monkeypatch.setattr(drivers.clock, "time", wall)
+    monkeypatch.setattr(drivers.base.clock, "time", wall)
     return wall
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from drivers.base.types import Pose, Velocity
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from drivers.strip.observation import measured_points
@@ -14,7 +15,6 @@ from drivers.twin.settings import (
     TwinSettings,
     WorldSettings,
 )
-from drivers.types import Pose, Velocity
 from tests.support.effect_cases import LENGTH, denim
 from tests.support.twin_moves import Steps, grasp, move, wait
 

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from drivers.errors import Fault
+from drivers.base.errors import Fault
+from drivers.base.types import Pose
 from drivers.strip.describe import describe
 from drivers.strip.engine import Observables, Touch
 from drivers.strip.file import StripFile
 from drivers.twin.settings import WorldSettings
 from drivers.twin.world import World
-from drivers.types import Pose
 from tests.support.twin_moves import Steps
 
 STRIP = StripFile.model_validate(

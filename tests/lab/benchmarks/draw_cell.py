@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from cell.config.places import find_configs
+from cell.base.config.places import find_configs
 from drivers.strip.describe import load_strip
 from drivers.twin.settings import CameraSettings
 from policies.path import triangular

@@ -18,7 +18,7 @@ from cell.record.files import FILM
 from cell.record.film import Film
 from cell.record.run import read_run
 from cell.report.overlay import window_on
-from drivers.types import Image
+from drivers.base.types import Image
 
 WHITE = (255, 255, 255)
 PERIOD, LAST = 0.1, 1.5  # s between two pictures, and for which the end stands

@@ -13,7 +13,7 @@ import re
 import sys
 from pathlib import Path
 
-from drivers.files import replace_file
+from drivers.base.files import replace_file
 from tests.lab.exam.ledger import read_ledger
 from tests.lab.exam.page import TIERS, by_tier, markdown
 

@@ -27,20 +27,20 @@ from typing import Any, Literal
 
 import yaml
 
-from cell.calibrate.calibration_in_use import calibration_of
-from cell.config.places import find_configs
-from cell.devices.fci import start_joints
+from cell.base.config.places import find_configs
+from cell.base.devices.fci import start_joints
 from cell.folding.fold import fold
 from cell.folding.request import Recording
 from cell.record.run import read_run
-from drivers.arm.joint_log import Timing
-from drivers.arm.joint_requests import GoTo, go_to
-from drivers.arm.process import PRIORITY, RobotAccess, apply_realtime
-from drivers.arm.settings import RealTime
-from drivers.errors import Fault
-from drivers.fci_server.server import RobotServer, ServerSettings
+from cell.setup.calibration_in_use import calibration_of
+from drivers.base.errors import Fault
+from drivers.base.types import frozen
+from drivers.franka.joint_log import Timing
+from drivers.franka.joint_requests import GoTo, go_to
+from drivers.franka.process import PRIORITY, RobotAccess, apply_realtime
+from drivers.franka.settings import RealTime
 from drivers.strip.describe import load_strip
-from drivers.types import frozen
+from drivers.twin.fci_server.server import RobotServer, ServerSettings
 from tests.support.requests import request_for
 
 PROCESSORS = sorted(os.sched_getaffinity(0))

@@ -19,9 +19,9 @@ import typer
 
 from cell.gap.verdict.confidence import Calibration, calibration
 from cell.gap.verdict.schema import VerdictEvidence
-from drivers.files import replace_file
-from drivers.readers import read_json_lines
-from drivers.yaml_text import dump_yaml
+from drivers.base.files import replace_file
+from drivers.base.readers import read_json_lines
+from drivers.base.yaml_text import dump_yaml
 from tests.lab.exam.ledger import LARGEST_LEDGER
 from tests.lab.exam.score import RIGHT_RESULTS
 from tests.lab.exam.targets import reliable

@@ -16,14 +16,15 @@ import cv2
 import numpy as np
 
 from calibration.board import BoardSettings
-from cell.config.places import find_configs
+from cell.base.config.places import find_configs
 from cell.folding.observe import FilmMeasurement, observe
 from cell.gap.fit import fit
 from cell.gap.rehearse import NO_EFFECT, is_right
 from cell.gap.subject.strip.synthetic import Fold, rod_folds
 from cell.record.film import FilmWriter
 from cell.record.run import read_run
-from drivers.errors import ConfigurationError
+from drivers.base.errors import ConfigurationError
+from drivers.base.types import Array, Image, Pose
 from drivers.strip.describe import describe
 from drivers.strip.effects import registry
 from drivers.strip.file import StripFile
@@ -37,7 +38,6 @@ from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.renderer.stage import bgr
 from drivers.twin.scene import History, Scene
 from drivers.twin.settings import CameraSettings
-from drivers.types import Array, Image, Pose
 from tests.lab.exam.case import Case, Values
 from tests.lab.exam.cases import draw_effects
 from tests.lab.exam.from_state import ROD_STEP, SEGMENTS, paths_by_hand

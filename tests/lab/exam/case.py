@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from drivers.settings import Settings
+from drivers.base.settings import Settings
 
 Tier = Literal["state", "images"]
 Kind = Literal["nothing", "single", "pair", "outside"]

@@ -12,18 +12,18 @@ from pathlib import Path
 import numpy as np
 from pydantic import ValidationError
 
-from cell.campaign import versions
-from cell.campaign.processes import workers
-from cell.config.places import find_configs
+from cell.base.campaign import versions
+from cell.base.campaign.processes import workers
+from cell.base.config.places import find_configs
 from cell.gap.effect_size import GapModel, draw_strengths
 from cell.gap.subject.strip.synthetic import BENCH, planned_runs, reported_path
 from cell.record.header import Sigma
-from drivers.errors import ConfigurationError, Fault
-from drivers.files import replace_file, writing
+from drivers.base.errors import ConfigurationError, Fault
+from drivers.base.files import replace_file, writing
+from drivers.base.types import Array
 from drivers.strip.effects import registry
 from drivers.strip.effects.effect import Effect
 from drivers.strip.file import StripFile
-from drivers.types import Array
 from policies.experiments.human_motion import human_motion
 from policies.experiments.standard import (
     REFERENCE_RUN,

@@ -18,8 +18,8 @@ from time import monotonic
 from typing import TYPE_CHECKING
 
 from cell.record.files import PROFILE, RESULT, RUN, TICKS
-from drivers.child import THREADS
-from drivers.errors import CellError
+from drivers.base.child import THREADS
+from drivers.base.errors import CellError
 
 if TYPE_CHECKING:
     from cell.gap.verdict.findings import Findings

@@ -10,7 +10,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from cell.config.places import find_configs
+from cell.base.config.places import find_configs
 from cell.gap.subject.strip.synthetic import (
     BENCH,
     ROW_STRIDE,
@@ -19,7 +19,8 @@ from cell.gap.subject.strip.synthetic import (
     rod_folds,
     write_fold,
 )
-from drivers.geometry import arc_lengths
+from drivers.base.geometry import arc_lengths
+from drivers.base.types import Array, frozen
 from drivers.strip.describe import describe
 from drivers.strip.engine import Observables
 from drivers.strip.file import StripFile
@@ -28,7 +29,6 @@ from drivers.strip.rod.engine import GripperPath
 from drivers.twin.camera import ScenesOverTime
 from drivers.twin.chain.engine import Chain
 from drivers.twin.scene import Scene
-from drivers.types import Array, frozen
 from policies.experiments.human_motion import STEP, generator, hand_path, wavering
 from policies.experiments.standard import STANDARD
 from policies.path import lift_pitch

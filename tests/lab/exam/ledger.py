@@ -7,9 +7,9 @@ from typing import Literal
 from pydantic import Field, ValidationError
 
 from cell.record.documents import json_line
-from drivers.files import replace_file, writing
-from drivers.readers import MEGABYTE, read_json_lines
-from drivers.settings import Settings
+from drivers.base.files import replace_file, writing
+from drivers.base.readers import MEGABYTE, read_json_lines
+from drivers.base.settings import Settings
 from tests.lab.exam.case import Case
 from tests.lab.exam.score import Baselines, Oracle, Outcome
 

@@ -16,11 +16,11 @@ import numpy as np
 
 from cell.gap.subject.mechanism.model import add_point, tip
 from cell.gap.subject.mechanism.model_source import read_source
-from drivers.errors import ConfigurationError
-from drivers.files import replace_file
-from drivers.readers import read_yaml
-from drivers.types import Array
-from drivers.yaml_text import dump_yaml
+from drivers.base.errors import ConfigurationError
+from drivers.base.files import replace_file
+from drivers.base.readers import read_yaml
+from drivers.base.types import Array
+from drivers.base.yaml_text import dump_yaml
 from tests.support.mechanisms import write_run
 
 HERE = Path(__file__).parent

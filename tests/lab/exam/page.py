@@ -7,7 +7,7 @@ from statistics import median
 from typing import get_args
 
 from cell.gap.rehearse import table
-from drivers.files import replace_file, writing
+from drivers.base.files import replace_file, writing
 from tests.lab.exam.case import Plant, ScatterLevel, Tier
 from tests.lab.exam.from_state import LEVELS
 from tests.lab.exam.ledger import Entry

@@ -12,14 +12,14 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Literal
 
-from cell.campaign.journal import Journal, Record
-from cell.campaign.progress import Meter
-from cell.campaign.run import Engine, Local, Part, carry_out
-from cell.config.places import find_configs
+from cell.base.campaign.journal import Journal, Record
+from cell.base.campaign.progress import Meter
+from cell.base.campaign.run import Engine, Local, Part, carry_out
+from cell.base.config.places import find_configs
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.verdict.schema import Verdict, read_verdict
-from drivers.errors import ConfigurationError
-from drivers.files import replace_file
+from drivers.base.errors import ConfigurationError
+from drivers.base.files import replace_file
 from drivers.strip.describe import load_strip
 from tests.lab.exam.case import Case, Kind
 from tests.lab.exam.cases import Sources, case_hash, sources

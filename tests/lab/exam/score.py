@@ -31,11 +31,11 @@ from cell.gap.verdict.schema import (
     Verdict,
     VerdictEvidence,
 )
-from drivers.settings import Settings
+from drivers.base.settings import Settings
+from drivers.base.types import Array
 from drivers.strip.describe import load_strip
 from drivers.strip.effects import registry
 from drivers.strip.file import StripFile
-from drivers.types import Array
 from tests.lab.exam.case import Case, Kind, Strength, Tier
 
 Result = Literal[

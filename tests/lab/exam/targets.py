@@ -10,7 +10,7 @@ import numpy as np
 from scipy.stats import binomtest
 
 from cell.gap.rehearse import table
-from drivers.types import Array
+from drivers.base.types import Array
 from tests.lab.exam.case import Kind, Tier
 from tests.lab.exam.from_state import LEVELS
 from tests.lab.exam.ledger import Entry

@@ -12,13 +12,12 @@ from typing import Any
 import cv2
 
 from calibration.calibration import Calibration
-from cell.calibrate.calibration_in_use import calibration_of
-from cell.config.cell import CellFile
-from cell.config.places import find_configs
-from cell.devices.devices import Devices, Trial
-from cell.devices.open import check_drivers
-from cell.devices.rig_correction import corrected_devices
-from cell.devices.twin import twin_devices
+from cell.base.config.cell import CellFile
+from cell.base.config.places import find_configs
+from cell.base.devices.devices import Devices, Trial
+from cell.base.devices.open import check_drivers
+from cell.base.devices.rig_correction import corrected_devices
+from cell.base.devices.twin import twin_devices
 from cell.folding.fold import fold
 from cell.folding.request import Recording, Request, standard_requests
 from cell.folding.result import FoldResult
@@ -27,8 +26,9 @@ from cell.orchestrator.snapshot import Snapshot
 from cell.orchestrator.states import State
 from cell.record.documents import write_document
 from cell.record.files import PROFILE, RESULT, RUN, TICKS
-from drivers.errors import Fault
-from drivers.readers import read_yaml
+from cell.setup.calibration_in_use import calibration_of
+from drivers.base.errors import Fault
+from drivers.base.readers import read_yaml
 from drivers.strip.file import StripFile
 from drivers.twin.open import PlantOptions
 from drivers.twin.settings import WrenchSettings

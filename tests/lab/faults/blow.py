@@ -12,20 +12,20 @@ from typing import Any
 import numpy as np
 
 from calibration.calibration import Calibration
-from cell.config.cell import CellFile
-from cell.config.places import find_configs
-from cell.devices.devices import Trial
-from cell.devices.open import open_cell
+from cell.base.config.cell import CellFile
+from cell.base.config.places import find_configs
+from cell.base.devices.devices import Trial
+from cell.base.devices.open import open_cell
 from cell.folding.fold import fold
 from cell.folding.request import Recording, Request
 from cell.folding.result import FoldResult
 from cell.orchestrator.operator import Interrupt
 from cell.orchestrator.snapshot import Snapshot
 from cell.record.run import read_run
-from drivers.errors import CellError
-from drivers.installation import Installation
-from drivers.settings import parse
-from drivers.types import Array
+from drivers.base.errors import CellError
+from drivers.base.installation import Installation
+from drivers.base.settings import parse
+from drivers.base.types import Array
 from policies.registry import make_policy
 from tests.lab.faults.failing import PERIOD, Failing, FailingPolicy
 from tests.lab.faults.faults import FAULTS, Scene

@@ -10,16 +10,16 @@ from typing import Any
 import cv2
 import numpy as np
 
-from cell.devices.devices import Devices
-from cell.devices.twin import TwinPlant
-from drivers.camera.formats import JPEG_END, Picture
-from drivers.errors import ConfigurationError, Fault, SimulationNotFinite
-from drivers.fci_server.faults import FaultScript
-from drivers.fci_server.server import RobotServer
-from drivers.protocols import Arm, Hand
-from drivers.settings import parse
+from cell.base.devices.devices import Devices
+from cell.base.devices.twin import TwinPlant
+from drivers.base.errors import ConfigurationError, Fault, SimulationNotFinite
+from drivers.base.protocols import Arm, Hand
+from drivers.base.settings import parse
+from drivers.base.types import ArmState, Frame, HandState, Pose, Velocity
 from drivers.twin.clock import Rank
-from drivers.types import ArmState, Frame, HandState, Pose, Velocity
+from drivers.twin.fci_server.faults import FaultScript
+from drivers.twin.fci_server.server import RobotServer
+from drivers.v4l2.formats import JPEG_END, Picture
 from policies.policy import Decision, Observation, Policy
 
 PERIOD = 0.002  # s between two looks at the gripper

@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from drivers.errors import Fault
-from drivers.types import ArmState, Pose, Velocity
+from drivers.base.errors import Fault
+from drivers.base.types import ArmState, Pose, Velocity
 from policies.policy import Decision
 from tests.lab.faults import failing
 from tests.lab.faults.failing import Failing, FailingPolicy

@@ -10,12 +10,12 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from cell.campaign.journal import Cost, Journal, Record, digest
-from cell.campaign.progress import Meter, duration_text
-from cell.campaign.run import Engine, Part, carry_out
-from cell.campaign.versions import code, data, sources
-from cell.config.places import find_configs
-from drivers.errors import ConfigurationError
+from cell.base.campaign.journal import Cost, Journal, Record, digest
+from cell.base.campaign.progress import Meter, duration_text
+from cell.base.campaign.run import Engine, Part, carry_out
+from cell.base.campaign.versions import code, data, sources
+from cell.base.config.places import find_configs
+from drivers.base.errors import ConfigurationError
 from tests.lab.studies.catalogue import study_of
 from tests.lab.studies.study import Case, Outcome, Study
 

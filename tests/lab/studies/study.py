@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from scipy.stats import binomtest
 
-from cell.campaign.journal import digest
-from drivers.types import Array
+from cell.base.campaign.journal import digest
+from drivers.base.types import Array
 
 CONFIDENCE_LEVEL = 0.95
 DRAWS = 1000  # of the bootstrap

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from cell.gap.rehearse import table
 from cell.record.documents import write_document
-from drivers.files import replace_file
+from drivers.base.files import replace_file
 from tests.lab.studies.campaign import StudyRecord, cost
 from tests.lab.studies.study import Figure, Outcome, figure
 

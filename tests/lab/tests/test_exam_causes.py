@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from drivers.base.types import Array
 from drivers.strip.describe import describe
 from drivers.strip.engine import StripMotion
 from drivers.strip.model import Effects, StripModel
 from drivers.twin.chain.engine import Chain
-from drivers.types import Array
 from policies.path import triangular
 from tests.lab.exam.causes import cause_of, causes
 from tests.lab.exam.causes.cause import Cause

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 import yaml
 
-from cell.config.places import find_configs
+from cell.base.config.places import find_configs
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip.runs import read_runs
 from cell.record.run import read_run

@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from cell.campaign.run import Local
+from cell.base.campaign.run import Local
 from cell.gap.verdict.schema import Verdict
-from drivers.errors import ConfigurationError
+from drivers.base.errors import ConfigurationError
 from tests.lab.__main__ import app
 from tests.lab.exam.case import Case
 from tests.lab.exam.cases import DRAWN_FILE, KEYS_FOLDER, Sources, load_or_draw

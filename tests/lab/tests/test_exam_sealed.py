@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from cell.campaign.journal import Record
-from cell.campaign.progress import Meter
+from cell.base.campaign.journal import Record
+from cell.base.campaign.progress import Meter
 from tests.lab.exam.case import Kind
 from tests.lab.exam.diagnosis import FILES, NoVerdict, diagnose, stage
 from tests.lab.exam.ledger import read_ledger

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from cell.campaign.journal import Journal, Record
+from cell.base.campaign.journal import Journal, Record
 from cell.gap.subject.strip.measurement_errors import ModelError
-from drivers.errors import ConfigurationError
-from drivers.settings import load
+from drivers.base.errors import ConfigurationError
+from drivers.base.settings import load
 from tests.lab.__main__ import app
 from tests.lab.studies.campaign import StudyRequest, inputs, read_study
 from tests.lab.studies.catalogue import studies, study_of

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers.errors import ConfigurationError
+from drivers.base.errors import ConfigurationError
 from policies.adaptive.bias import (
     REFERENCE_THICKNESS,
     CriticBias,

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from drivers.base.types import Array
 from drivers.strip.describe import describe
 from drivers.strip.rod.engine import Rod
-from drivers.types import Array
 from policies.adaptive.adaptive import BLIND_RISE, Adaptive
 from policies.adaptive.checkpoint import load_critic
 from policies.policy import Observation

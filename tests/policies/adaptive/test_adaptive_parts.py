@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers.errors import ConfigurationError
+from drivers.base.errors import ConfigurationError
 from policies.adaptive.checkpoint import about, load_critic, save_critic
 from policies.adaptive.features import COUNT
 from policies.registry import make_policy

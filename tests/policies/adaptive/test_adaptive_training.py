@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cell.campaign.processes import workers
-from drivers.errors import ConfigurationError
+from cell.base.campaign.processes import workers
+from drivers.base.errors import ConfigurationError
 from policies.adaptive.critic import ARRAY_NAMES, Critic
 from policies.adaptive.train.shard import CriticSettings
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drivers.errors import ConfigurationError
+from drivers.base.errors import ConfigurationError
 from policies.experiments.human_motion import human_motion
 from policies.path import TAKEOVER_HEIGHT
 from policies.registry import make_policy

@@ -5,7 +5,7 @@ them.
 import numpy as np
 import pytest
 
-from drivers.errors import ConfigurationError
+from drivers.base.errors import ConfigurationError
 from drivers.strip.describe import describe, load_strip
 from drivers.strip.rod.engine import Rod
 from policies.experiments.motion import Go, Rest, motion

@@ -15,8 +15,8 @@ from cell.gap.subject.mechanism.inverse_dynamics import InverseDynamics
 from cell.gap.subject.mechanism.model import poses, tip
 from cell.gap.subject.mechanism.motion import true_motion
 from cell.gap.subject.subject import NamedValues, Run
-from drivers.geometry import interpolate_columns
-from drivers.types import Array
+from drivers.base.geometry import interpolate_columns
+from drivers.base.types import Array
 
 # N m/rad of the robot's joint impedance. Source: setJointImpedance in libfranka's
 # examples.

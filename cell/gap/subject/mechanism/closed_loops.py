@@ -15,8 +15,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.errors import ConfigurationError
-from drivers.types import Array
+from drivers.base.errors import ConfigurationError
+from drivers.base.types import Array
 
 # of the largest singular value; smaller rows of a Jacobian repeat others
 RANK_TOLERANCE = 1e-6

@@ -10,8 +10,8 @@ import numpy as np
 
 from cell.gap.subject.mechanism.model import FORWARD, PRESCRIBED, Mechanism
 from cell.gap.subject.subject import Candidate
+from drivers.base.types import Array
 from drivers.strip.effects.effect import Parameter, Role
-from drivers.types import Array
 
 # relative errors of laws of friction, springs, gears and bases that sway, and of all
 # others

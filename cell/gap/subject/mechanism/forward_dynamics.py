@@ -20,9 +20,9 @@ from cell.gap.subject.mechanism.model_source import compile_model
 from cell.gap.subject.mechanism.read_mechanism import start_of
 from cell.gap.subject.mechanism.recordings import Cut, Recording, Signal
 from cell.gap.subject.mechanism.subject import Case, Content, MechanismSubject
-from drivers.errors import ConfigurationError
-from drivers.geometry import interpolate_columns
-from drivers.types import Array, frozen
+from drivers.base.errors import ConfigurationError
+from drivers.base.geometry import interpolate_columns
+from drivers.base.types import Array, frozen
 
 TOGETHER = 256  # simulations of a batch
 POSITION_LIMIT = 1e4  # rad or m that no mechanism reaches

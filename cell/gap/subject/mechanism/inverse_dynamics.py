@@ -34,10 +34,10 @@ from cell.gap.subject.mechanism.subject import (
     content_of,
 )
 from cell.gap.subject.subject import Run
-from drivers.errors import ConfigurationError
-from drivers.geometry import interpolate_columns
-from drivers.jit import entry
-from drivers.types import Array
+from drivers.base.errors import ConfigurationError
+from drivers.base.geometry import interpolate_columns
+from drivers.base.jit import entry
+from drivers.base.types import Array
 
 KEPT = 2048  # inverse dynamics that are cached
 NEAR = 0.005  # of a range, within which a joint is at its limit

@@ -6,7 +6,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from drivers.settings import Settings
+from drivers.base.settings import Settings
 from drivers.strip.file import Provenance
 
 Positive = Annotated[float, Field(gt=0)]

@@ -15,9 +15,9 @@ from cell.gap.subject.mechanism.mechanism_file import MechanismFile
 from cell.gap.subject.mechanism.model_source import Source
 from cell.gap.subject.mechanism.recordings import Recording, Signal
 from cell.gap.subject.subject import ScatterSource
-from drivers.errors import ConfigurationError
+from drivers.base.errors import ConfigurationError
+from drivers.base.types import Array
 from drivers.strip.effects.effect import Parameter
-from drivers.types import Array
 
 POSES = 24  # at which weights and inertias are taken
 SMOOTH = 0.02  # rad/s over which compiled dry friction changes sign in a simulation

@@ -14,8 +14,8 @@ from xml.parsers import expat
 
 import mujoco
 
-from drivers.errors import ConfigurationError
-from drivers.readers import MEGABYTE, read_text
+from drivers.base.errors import ConfigurationError
+from drivers.base.readers import MEGABYTE, read_text
 
 ASSETS = ("mesh", "hfield", "skin", "texture")  # with files that are read when compiled
 REPEATERS = ("replicate", "composite", "flexcomp")

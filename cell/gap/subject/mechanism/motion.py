@@ -13,8 +13,8 @@ from scipy.signal import butter, filtfilt, welch
 from cell.gap.subject.mechanism.closed_loops import ClosedLoops
 from cell.gap.subject.mechanism.effect import Readings
 from cell.gap.subject.mechanism.recordings import Recording
-from drivers.geometry import interpolate_columns
-from drivers.types import Array, frozen
+from drivers.base.geometry import interpolate_columns
+from drivers.base.types import Array, frozen
 
 ORDER = 3  # of the Butterworth filter, run forth and back
 # of the frequency that holds most of the rate; Butterworth's passband is flat below

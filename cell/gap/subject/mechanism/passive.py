@@ -17,8 +17,8 @@ import numba
 import numpy as np
 from numba import types
 
-from drivers.jit import callback, kernel
-from drivers.types import Array
+from drivers.base.jit import callback, kernel
+from drivers.base.types import Array
 
 HEAD = 2  # first user numbers of a joint: count of joints, its smoothing rate
 # length of the view of an array of joints whose length is not known

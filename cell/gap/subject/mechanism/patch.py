@@ -15,7 +15,7 @@ from cell.gap.subject.mechanism.effects import library
 from cell.gap.subject.mechanism.model import Mechanism
 from cell.gap.subject.mechanism.read_mechanism import LIMITLESS
 from cell.gap.subject.subject import NamedValues, note_of
-from drivers.types import Array
+from drivers.base.types import Array
 
 KEPT_OF_ACTUATOR = (
     "name",

@@ -41,10 +41,10 @@ from cell.gap.subject.mechanism.recordings import (
 from cell.gap.subject.run_folders import RunFolder, check_indices
 from cell.gap.subject.subject import ScatterSource
 from cell.record.files import ANGLES, RUN
-from drivers.errors import ConfigurationError
-from drivers.settings import load
+from drivers.base.errors import ConfigurationError
+from drivers.base.settings import load
+from drivers.base.types import Array
 from drivers.strip.effects.effect import Parameter
-from drivers.types import Array
 
 # rad of the fastest swing between two readings; rad of a small one
 SPARSEST, SMALL = 0.8, 1e-4

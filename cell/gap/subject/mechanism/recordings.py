@@ -13,9 +13,9 @@ from cell.gap.subject.run_folders import RunFolder, check_time, column, read_tab
 from cell.gap.subject.subject import Samples, Words
 from cell.record.files import ANGLES, JOINTS, RUN, SIGNALS
 from cell.record.header import Load, MechanismRun
-from drivers.errors import ConfigurationError
-from drivers.settings import load
-from drivers.types import Array, frozen
+from drivers.base.errors import ConfigurationError
+from drivers.base.settings import load
+from drivers.base.types import Array, frozen
 
 PER_BLOCK = 16  # readings used of a block at most
 ROWS = 5_000_000  # of a table; more is a mistake, or must be thinned

@@ -43,8 +43,8 @@ from cell.gap.subject.subject import (
     TimeSeries,
 )
 from cell.record.header import Load
-from drivers.errors import ConfigurationError
-from drivers.types import Array
+from drivers.base.errors import ConfigurationError
+from drivers.base.types import Array
 
 BLOCK = 0.4  # rad of the fastest signal in one sample
 # key, factor, and tolerated rms gap, of positions [rad, m] and rates; of torques a

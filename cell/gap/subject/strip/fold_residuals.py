@@ -16,7 +16,8 @@ from cell.gap.subject.strip.midline_residuals import (
 from cell.gap.subject.strip.runs import MeasuredRun
 from cell.gap.subject.strip.simulation import SimulatedMotion
 from cell.gap.subject.subject import Residuals
-from drivers.geometry import interpolate_columns
+from drivers.base.geometry import interpolate_columns
+from drivers.base.types import Array
 from drivers.strip.engine import StripMotion, Touch
 from drivers.strip.model import StripModel
 from drivers.strip.observation import (
@@ -28,7 +29,6 @@ from drivers.strip.observation import (
     true_points,
 )
 from drivers.strip.rod.engine import GripperPath
-from drivers.types import Array
 
 CONTACT_LIMIT = 1.0  # bending lengths between contacts that are still one and the same
 

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from cell.gap.subject.strip.runs import MeasuredRun
 from cell.gap.subject.subject import Samples, Words
-from drivers.geometry import interpolate_columns
-from drivers.types import Array
+from drivers.base.geometry import interpolate_columns
+from drivers.base.types import Array
 from policies.path import TAKEOVER_HEIGHT
 
 FALL = 1.0  # s before the touch in which the fold comes down

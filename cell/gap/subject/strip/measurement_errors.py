@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cell.gap.subject.subject import Samples, ScatterSource
-from drivers.settings import StudyResult
+from drivers.base.settings import StudyResult
+from drivers.base.types import Array, frozen
 from drivers.strip.model import StripModel, with_field
-from drivers.types import Array, frozen
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -30,12 +30,12 @@ from cell.gap.subject.strip.simulation import (
     hashed_model,
 )
 from cell.gap.subject.subject import Residuals, Run, Samples
-from drivers.geometry import interpolate_columns
+from drivers.base.geometry import interpolate_columns
+from drivers.base.types import Array, frozen
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from drivers.strip.model import StripModel, with_field
 from drivers.strip.rod.engine import GripperPath
-from drivers.types import Array, frozen
 
 # times the change by a finer rod: how far off another engine or a strip may be
 TRUSTED = 2.0

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from cell.record.columns import Profile
-from drivers.geometry import interpolate_columns
-from drivers.types import Array, frozen
+from drivers.base.geometry import interpolate_columns
+from drivers.base.types import Array, frozen
 
 SMOOTHING_STEP = 0.005  # s between the points that are smoothed
 DRIVING_STEP = 0.0025  # s between the points that drive the model

@@ -20,12 +20,12 @@ from cell.record.files import PROFILE, RESULT, RUN, TICKS, is_under_way
 from cell.record.header import NOT_FOLDED, Header, Sigma
 from cell.record.run import Run as Recorded, read_run
 from cell.record.tables import TIME_MARGIN, check_clock
-from drivers.errors import ConfigurationError, suggestion
-from drivers.geometry import arc_lengths, interpolate_columns
-from drivers.readers import read_yaml
+from drivers.base.errors import ConfigurationError, suggestion
+from drivers.base.geometry import arc_lengths, interpolate_columns
+from drivers.base.readers import read_yaml
+from drivers.base.types import Array, frozen
 from drivers.strip.engine import Touch
 from drivers.strip.file import StripFile
-from drivers.types import Array, frozen
 from policies.path import lift_pitch
 
 WORST_SIGMA, BEST_SIGMA = 0.05, 1e-7  # m, no instrument of a cell is worse or better

@@ -9,11 +9,11 @@ from cell.gap.subject.strip.prepare import PreparedFold
 from cell.gap.subject.strip.runs import MeasuredRun
 from cell.gap.subject.strip.simulation import SimulatedMotion
 from cell.gap.subject.subject import Curve, Scene, TimeSeries, Track
-from drivers.geometry import interpolate_columns
+from drivers.base.geometry import interpolate_columns
+from drivers.base.types import Array
 from drivers.strip.engine import Touch
 from drivers.strip.model import StripModel
 from drivers.strip.observation import imaged_time, measured_contact, measured_points
-from drivers.types import Array
 
 Index = NDArray[np.int64]
 DRAWN_STRIDE = 10  # rows of a run between drawn places of the gripper

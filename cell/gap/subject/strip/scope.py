@@ -8,7 +8,7 @@ import numpy as np
 
 from cell.gap.subject.strip.measurement_errors import KNOWN_EFFECTS
 from cell.gap.subject.subject import Candidate, Quantity, Scope
-from drivers.errors import Unsupported
+from drivers.base.errors import Unsupported
 from drivers.strip.describe import describe
 from drivers.strip.effects import registry
 from drivers.strip.effects.effect import FARTHEST, SECANT, Effect, Parameter, Stage

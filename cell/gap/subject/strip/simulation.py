@@ -12,13 +12,13 @@ from typing import Generic, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.errors import Fault, Unsupported
+from drivers.base.errors import Fault, Unsupported
+from drivers.base.types import Array
 from drivers.strip.engine import StripMotion, Touch
 from drivers.strip.model import Observation, StripModel
 from drivers.strip.observation import mean_force
 from drivers.strip.rod.engine import GripperPath, Rod, simulate_all
 from drivers.strip.rod.lumping import lattice, needs_terms
-from drivers.types import Array
 
 T = TypeVar("T")
 SHAPE_PERIOD = 0.01  # s between the shapes that are kept

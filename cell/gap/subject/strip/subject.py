@@ -37,13 +37,13 @@ from cell.gap.subject.subject import (
     Subject,
     note_of,
 )
+from drivers.base.types import Array
 from drivers.strip.describe import describe, load_strip
 from drivers.strip.effects import registry
 from drivers.strip.effects.effect import Parameter
 from drivers.strip.file import StripFile
 from drivers.strip.law import LAW_TERMS, with_law
 from drivers.strip.model import Observation, StripModel
-from drivers.types import Array
 
 DIGITS = 6  # significant digits of a fitted number
 # of the contacts of a run that may lie before its lift-off, as outliers

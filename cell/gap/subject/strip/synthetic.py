@@ -19,8 +19,9 @@ from cell.record.documents import write_document
 from cell.record.files import PROFILE, RESULT, RUN, TICKS
 from cell.record.header import Sigma
 from cell.record.tables import place_contacts, write_parquet
-from drivers.geometry import arc_lengths, interpolate_columns
-from drivers.readers import SCHEMA
+from drivers.base.geometry import arc_lengths, interpolate_columns
+from drivers.base.readers import SCHEMA
+from drivers.base.types import Array, frozen
 from drivers.strip.describe import describe
 from drivers.strip.engine import StripMotion, Touch
 from drivers.strip.file import StripFile
@@ -35,7 +36,6 @@ from drivers.strip.observation import (
 from drivers.strip.rod.engine import GripperPath, Rod, simulate_all
 from drivers.strip.rod.lumping import lattice
 from drivers.strip.shape import desk_contact
-from drivers.types import Array, frozen
 from policies.experiments.motion import Motion
 from policies.experiments.standard import STANDARD
 from policies.path import lift_pitch

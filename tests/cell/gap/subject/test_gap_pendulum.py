@@ -10,12 +10,12 @@ import mujoco
 import numpy as np
 import pytest
 
-from cell.config.places import CHECKOUT_CONFIGS
+from cell.base.config.places import CHECKOUT_CONFIGS
 from cell.gap.open_subject import open_mechanism
 from cell.gap.subject.mechanism.subject import MechanismSubject
 from cell.gap.subject.run_folders import RunFolder
 from cell.record.files import ANGLES
-from drivers.types import Array
+from drivers.base.types import Array
 from tests.support.mechanisms import write_run
 from tests.support.swings import PENDULUM, make_swings
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from cell.arm.run_settings import at_speed
-from cell.config.places import find_configs
-from drivers.errors import ConfigurationError
+from cell.base.config.places import find_configs
+from cell.setup.arm.run_settings import at_speed
+from drivers.base.errors import ConfigurationError
 from policies.experiments.standard import STANDARD
 
 

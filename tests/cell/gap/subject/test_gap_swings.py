@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 import yaml
 
-from cell.config.places import CHECKOUT_CONFIGS
+from cell.base.config.places import CHECKOUT_CONFIGS
 from cell.gap.fit import FitOptions, fit
 from cell.gap.subject.mechanism.mechanism_file import MechanismFile
 from cell.gap.verdict.accept import MODEL_PATCH, accept, undo
 from cell.gap.verdict.schema import Verdict, read_verdict
-from drivers.errors import ConfigurationError
-from drivers.settings import load
+from drivers.base.errors import ConfigurationError
+from drivers.base.settings import load
 from tests.support.swings import PENDULUM, Law, make_swings, write_swings
 
 SIGMA = 0.001

@@ -17,8 +17,8 @@ from cell.record.writer import RunWriter
 from cell.report.viz import recording
 from cell.report.viz.recording import Screen, Shadow, viz_from_run
 from cell.report.viz.watch import WAITING, LiveView
+from drivers.base.types import ZERO_VELOCITY, ArmState, Frame, HandState, Pose
 from drivers.strip.file import StripFile
-from drivers.types import ZERO_VELOCITY, ArmState, Frame, HandState, Pose
 from tests.cell.conftest import HEADER
 
 STRIP = StripFile.model_validate(HEADER["strip_file"])

@@ -5,7 +5,7 @@ from pathlib import Path as File
 import numpy as np
 import pytest
 
-from drivers.errors import SimulationNotFinite
+from drivers.base.errors import SimulationNotFinite
 from drivers.strip.describe import describe
 from drivers.strip.engine import StripMotion
 from drivers.strip.file import paper_damping_minimum, paper_strip

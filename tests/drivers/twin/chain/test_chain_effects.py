@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from drivers.base.types import Array
 from drivers.strip.describe import describe
 from drivers.strip.file import paper_damping_minimum, paper_strip
 from drivers.twin.chain.engine import Chain
-from drivers.types import Array
 from policies.path import triangular
 from tests.support.chain_moves import H, displacement
 from tests.support.effect_cases import PATHS, affected, denim, fold, simulate

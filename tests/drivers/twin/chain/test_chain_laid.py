@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from drivers.base.types import Array
 from drivers.strip.describe import describe
 from drivers.strip.engine import Touch
 from drivers.strip.file import paper_strip
 from drivers.twin.chain.engine import Chain
-from drivers.types import Array
 from policies.path import Path, triangular
 from tests.support.chain_moves import SPEED, H, settle
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_bvp
 
+from drivers.base.types import Array
 from drivers.strip.describe import describe
 from drivers.strip.file import paper_strip
 from drivers.strip.model import Boundary, StripModel
 from drivers.twin.chain.engine import Chain
-from drivers.types import Array
 from tests.support.chain_moves import LENGTH, H, middling, settle
 
 

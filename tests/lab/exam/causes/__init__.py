@@ -7,9 +7,9 @@ They are listed by name here, and so is every plug-in of the kind `causes`.
 from collections.abc import Mapping
 from functools import cache
 
-from drivers.errors import ConfigurationError
-from drivers.plugins import plugins
-from drivers.settings import parse
+from drivers.base.errors import ConfigurationError
+from drivers.base.plugins import plugins
+from drivers.base.settings import parse
 from tests.lab.exam.causes import fabric, rig, surroundings
 from tests.lab.exam.causes.cause import Cause
 

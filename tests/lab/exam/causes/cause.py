@@ -5,10 +5,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from drivers.settings import Settings
+from drivers.base.settings import Settings
+from drivers.base.types import Array
 from drivers.strip.model import StripModel
 from drivers.twin.chain.forces import ForceFunction, Parts
-from drivers.types import Array
 
 Sizes = Mapping[str, Mapping[str, float]]
 # of the chain's bodies: all but the world, the tip and the gripper

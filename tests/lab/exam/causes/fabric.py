@@ -9,9 +9,9 @@ import mujoco
 import numpy as np
 from pydantic import Field
 
+from drivers.base.types import Array, frozen
 from drivers.strip.model import StripModel, scale_rigidity, with_field
 from drivers.twin.chain.forces import DahlFriction, ForceFunction, Parts, resistance
-from drivers.types import Array, frozen
 from tests.lab.exam.causes.cause import Cause, Sizes
 
 

@@ -5,7 +5,7 @@ from typing import ClassVar
 import numpy as np
 from pydantic import Field
 
-from drivers.types import Array
+from drivers.base.types import Array
 from tests.lab.exam.causes.cause import Cause, Sizes
 
 

@@ -7,10 +7,10 @@ import mujoco
 import numpy as np
 from pydantic import Field
 
+from drivers.base.types import Array
 from drivers.strip.model import AIR_DENSITY
 from drivers.twin.chain.forces import ForceFunction, Parts
 from drivers.twin.chain.spec import Joints
-from drivers.types import Array
 from tests.lab.exam.causes.cause import FORCE_XZ, FORCE_Z, LINK_ROWS, Cause, Sizes
 
 TINY = 1e-6  # s, over which nodes are led on to see how fast they move

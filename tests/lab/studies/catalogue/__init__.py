@@ -5,7 +5,7 @@ import pkgutil
 from collections.abc import Mapping
 from functools import cache
 
-from drivers.errors import ConfigurationError, suggestion
+from drivers.base.errors import ConfigurationError, suggestion
 from tests.lab.studies.study import Study
 
 

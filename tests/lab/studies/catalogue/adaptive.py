@@ -4,7 +4,7 @@ states.
 
 import numpy as np
 
-from cell.train.evaluation import stepper
+from cell.studies.evaluation import stepper
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from policies.adaptive.checkpoint import load_critic

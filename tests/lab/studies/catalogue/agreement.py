@@ -10,7 +10,7 @@ from functools import partial
 
 import numpy as np
 
-from cell.config.unmeasured_strip import unmeasured_strip
+from cell.base.config.unmeasured_strip import unmeasured_strip
 from cell.perception.model_agreement import MeasuredFold, agreement
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile

@@ -16,18 +16,18 @@ from typing import Any
 import numpy as np
 import yaml
 
-from cell.config.places import CHECKOUT_CONFIGS, find_configs
-from cell.devices.fci import fci_arm, start_joints
-from cell.devices.fold_path import triangle, whole_path
+from cell.base.config.places import CHECKOUT_CONFIGS, find_configs
+from cell.base.devices.fci import fci_arm, start_joints
+from cell.base.devices.fold_path import triangle, whole_path
 from cell.gap.fit import fit
 from cell.record.files import JOINTS, RUN
 from cell.record.tables import joint_table, write_parquet
-from drivers.arm.reach import densify
-from drivers.fci_server.server import RobotServer, ServerSettings
+from drivers.base.geometry import interpolate_columns
+from drivers.base.types import Array, Velocity, frozen
 from drivers.franka.model import ArmPlant
-from drivers.geometry import interpolate_columns
+from drivers.franka.reach import densify
 from drivers.twin.clock import TwinClock
-from drivers.types import Array, Velocity, frozen
+from drivers.twin.fci_server.server import RobotServer, ServerSettings
 from tests.lab.studies.catalogue import mechanisms
 from tests.lab.studies.study import Quantity, Statistic, Study, Values
 

@@ -16,7 +16,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from cell.config.places import find_configs
+from cell.base.config.places import find_configs
 from cell.gap.forward_selection import quiet
 from cell.gap.investigate import investigate
 from cell.gap.open_subject import open_subject

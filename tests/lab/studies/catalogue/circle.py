@@ -13,14 +13,14 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from cell.calibrate.calibration_in_use import calibration_of
-from cell.config.places import Configs, find_configs
-from cell.devices.devices import Trial
+from cell.base.config.places import Configs, find_configs
+from cell.base.devices.devices import Trial
 from cell.folding.fold import fold
 from cell.folding.request import Request, standard_requests
 from cell.folding.result import FoldResult
 from cell.gap.fit import fit
 from cell.gap.verdict.accept import accept
+from cell.setup.calibration_in_use import calibration_of
 from drivers.strip.describe import load_plant
 from drivers.strip.file import StripFile
 from tests.lab.exam.case import ScatterLevel

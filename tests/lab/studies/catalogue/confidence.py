@@ -15,14 +15,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy import optimize
 
-from cell.config.places import find_configs
+from cell.base.config.places import find_configs
 from cell.gap.fit import FitOptions, fit
 from cell.gap.rehearse import table
 from cell.gap.verdict.accept import RECORD
 from cell.gap.verdict.confidence import Calibration, calibration
 from cell.gap.verdict.schema import VerdictEvidence
+from drivers.base.types import Array
 from drivers.strip.effects import registry
-from drivers.types import Array
 from tests.lab.exam.case import STRENGTHS, Case
 from tests.lab.exam.cases import Draw
 from tests.lab.exam.from_state import make_runs

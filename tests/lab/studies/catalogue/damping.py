@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from cell.config.places import find_configs
+from cell.base.config.places import find_configs
 from cell.gap.fit import fit
 from cell.gap.subject.strip.synthetic import BENCH, Fold, reported_path, write_fold
 from drivers.strip.describe import describe

@@ -7,7 +7,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from cell.config.places import find_configs
+from cell.base.config.places import find_configs
 from drivers.twin.renderer.looks import LOOKS
 from tests.lab.studies.kit.folds import (
     cached_calibration,

@@ -13,10 +13,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cell.config.places import find_configs
-from drivers.robust import robust_sigma
+from cell.base.config.places import find_configs
+from drivers.base.robust import robust_sigma
+from drivers.base.types import Array
 from drivers.strip.shape import fold_tip
-from drivers.types import Array
 from policies.experiments.standard import REFERENCE_RUN, STANDARD
 from policies.path import triangular
 from policies.profile import image_profile, profiles

@@ -7,7 +7,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from cell.config.places import find_configs
+from cell.base.config.places import find_configs
 from drivers.strip.describe import load_plant
 from tests.lab.studies.kit.folds import QUANTITIES, compare, fold_strip
 from tests.lab.studies.study import Study, Values

@@ -11,9 +11,9 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from cell.config.places import find_configs
+from cell.base.config.places import find_configs
+from cell.folding.experience import Memory, experience_by_ruler
 from cell.folding.result import FoldResult
-from cell.learning.experience import Memory, experience_by_ruler
 from cell.record.run import read_run
 from drivers.strip.file import StripFile
 from policies.adaptive.train.shard import true_belief

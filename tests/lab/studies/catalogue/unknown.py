@@ -12,8 +12,8 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from cell.record.run import read_run
+from drivers.base.types import Array
 from drivers.strip.file import StripFile
-from drivers.types import Array
 from policies.adaptive.bias import Untrained
 from policies.adaptive.train.shard import true_belief
 from policies.adaptive.train.transfer import COVERAGE

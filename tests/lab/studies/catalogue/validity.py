@@ -8,8 +8,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from cell.config.places import find_configs
-from drivers.errors import CellError
+from cell.base.config.places import find_configs
+from drivers.base.errors import CellError
 from drivers.strip.describe import describe
 from drivers.strip.engine import Stepper
 from drivers.strip.file import StripFile

@@ -15,10 +15,10 @@ from calibration.lens import Lens
 from calibration.wizard.touch_verdict import TouchVerdict
 from calibration.wizard.touched_points import TouchedPoints
 from calibration.wizard.touches import TouchSettings
+from drivers.base.types import Array
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.settings import CameraSettings
-from drivers.types import Array
 from tests.lab.studies.study import Quantity, Statistic, Study, Values
 from tests.support.twin_calibration import NO_STRIP, pointer_frame, show_boards
 

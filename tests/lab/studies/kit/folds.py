@@ -11,16 +11,16 @@ from types import MappingProxyType
 from typing import Any
 
 from calibration.calibration import Calibration
-from cell.calibrate.calibration_in_use import calibration_of
-from cell.config.cell import CellFile
-from cell.config.places import find_configs
-from cell.config.unmeasured_strip import unmeasured_name
-from cell.devices.devices import Trial
+from cell.base.config.cell import CellFile
+from cell.base.config.places import find_configs
+from cell.base.config.unmeasured_strip import unmeasured_name
+from cell.base.devices.devices import Trial
 from cell.folding.fold import fold
 from cell.folding.request import Learning, Recording, Request, with_correction
 from cell.folding.result import FoldResult
 from cell.record.run import read_run
-from drivers.settings import parse
+from cell.setup.calibration_in_use import calibration_of
+from drivers.base.settings import parse
 from drivers.strip.file import StripFile
 from drivers.twin.renderer.looks import DEFAULT_LOOK
 from drivers.twin.settings import TwinSettings

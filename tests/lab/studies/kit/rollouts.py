@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from drivers.base.types import Array
 from drivers.strip.engine import Observables, Stepper
 from drivers.strip.file import StripFile
 from drivers.strip.model import StripModel
-from drivers.types import Array
 from policies.adaptive.adaptive import Adaptive
 from policies.policy import Decision, Observation
 from policies.prediction import FoldPrediction

@@ -6,14 +6,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from calibration.calibration import Calibration
-from cell.config.places import find_configs
+from cell.base.config.places import find_configs
 from cell.perception.layer_touch import LayerTouch
 from cell.perception.perception import Perception
 from cell.perception.preflight import inspect
 from cell.perception.strip_measurement import SeenTouch, StripMeasurement
-from drivers.errors import PreflightRefused
+from drivers.base.errors import PreflightRefused
+from drivers.base.types import Array, Pose
 from drivers.strip.file import StripFile
-from drivers.types import Array, Pose
 from policies.path import Path
 from tests.lab.studies.kit.folds import cached_calibration
 from tests.lab.studies.kit.twin_fold import FoldCamera, TwinFold, simulate_fold

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from drivers.base.types import Array, Frame, Pose
 from drivers.strip.describe import describe
 from drivers.strip.engine import Touch
 from drivers.strip.file import StripFile
@@ -15,7 +16,6 @@ from drivers.twin.renderer.looks import PLAIN, Look, StripLook
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.scene import Scene
 from drivers.twin.settings import CameraSettings
-from drivers.types import Array, Frame, Pose
 from policies.path import Path
 
 STEP = 0.005  # s of the plant

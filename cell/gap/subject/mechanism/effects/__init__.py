@@ -17,10 +17,10 @@ from cell.gap.subject.mechanism.effects.drives import bias_law
 from cell.gap.subject.mechanism.model import MODES, PRESCRIBED, Mechanism
 from cell.gap.subject.mechanism.passive import Torques
 from cell.gap.subject.subject import Candidate
-from drivers.errors import ConfigurationError
-from drivers.plugins import plugins
+from drivers.base.errors import ConfigurationError
+from drivers.base.plugins import plugins
+from drivers.base.types import Array
 from drivers.strip.effects.effect import Parameter, check_values
-from drivers.types import Array
 
 
 def _cubic(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:

@@ -17,8 +17,8 @@ from cell.gap.subject.mechanism.effect import (
     single_parameter,
 )
 from cell.gap.subject.mechanism.model import MODES, PLANAR, Mechanism, add_point, tip
+from drivers.base.types import Array
 from drivers.strip.effects.effect import Parameter
-from drivers.types import Array
 
 AIR = 1.2  # kg/m^3
 # of the longest link, by which joints lie elsewhere; m of it

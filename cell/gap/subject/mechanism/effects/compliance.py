@@ -15,8 +15,8 @@ from scipy.signal import cont2discrete, lfilter
 
 from cell.gap.subject.mechanism.effect import Effect, per_joint, single_parameter
 from cell.gap.subject.mechanism.model import PLANAR, PRESCRIBED, Mechanism, poses
+from drivers.base.types import Array
 from drivers.strip.effects.effect import Parameter
-from drivers.types import Array
 
 # rad/s at which bases sway: of the prior's compliance, and of probes; damping ratio
 SWAY, SWAYS, DAMPING = 30.0, (12.0, 19.0, 30.0, 48.0, 77.0, 123.0), 0.05

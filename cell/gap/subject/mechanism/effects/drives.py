@@ -13,8 +13,8 @@ from cell.gap.subject.mechanism.effect import (
     single_parameter,
 )
 from cell.gap.subject.mechanism.model import FORWARD, MODES, Mechanism, scale_gain
+from drivers.base.types import Array
 from drivers.strip.effects.effect import Parameter
-from drivers.types import Array
 
 ORDER = 6.0  # periods of a torque ripple in a turn, where nothing says otherwise
 

@@ -17,9 +17,9 @@ from cell.gap.subject.mechanism.effect import (
     single_parameter,
 )
 from cell.gap.subject.mechanism.model import MODES, PRESCRIBED, Mechanism
-from drivers.jit import entry
+from drivers.base.jit import entry
+from drivers.base.types import Array
 from drivers.strip.effects.effect import Parameter
-from drivers.types import Array
 
 STRIBECK = 0.1  # of the typical rate, where a Stribeck peak begins
 # rad or m within which a joint yields whatever its stiffness: beyond, it is a spring,

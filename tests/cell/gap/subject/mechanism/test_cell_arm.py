@@ -11,17 +11,17 @@ import numpy as np
 import pytest
 import yaml
 
-from cell.config.places import CHECKOUT_CONFIGS, find_configs
+from cell.base.config.places import CHECKOUT_CONFIGS, find_configs
 from cell.gap.open_subject import open_mechanism
 from cell.gap.subject.run_folders import RunFolder
 from cell.gap.verdict.accept import accept, sha256, undo
 from cell.record.tables import joint_table, write_parquet
-from drivers.errors import ConfigurationError
-from drivers.fci_server.dynamics import Dynamics, LaggingArm
-from drivers.fci_server.posture import Posture, zero_rates
+from drivers.base.errors import ConfigurationError
+from drivers.base.yaml_text import dump_yaml
 from drivers.franka.kinematics import FLANGE_TO_TIP, HOME
 from drivers.franka.model import ArmPlant, arm_mjcf
-from drivers.yaml_text import dump_yaml
+from drivers.twin.fci_server.dynamics import Dynamics, LaggingArm
+from drivers.twin.fci_server.posture import Posture, zero_rates
 
 pytestmark = pytest.mark.slow
 

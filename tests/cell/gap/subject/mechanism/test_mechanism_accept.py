@@ -21,7 +21,7 @@ from cell.gap.subject.mechanism.patch import accepted_xml
 from cell.gap.subject.mechanism.subject import MechanismSubject
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.verdict.accept import MODEL_PATCH, PATCH, RECORD, accept, sha256, undo
-from drivers.yaml_text import dump_yaml
+from drivers.base.yaml_text import dump_yaml
 from tests.support.mechanisms import ARM, FORWARD, make_arm
 
 NAMED = {

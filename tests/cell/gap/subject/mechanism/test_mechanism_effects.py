@@ -8,7 +8,7 @@ from cell.gap.subject.mechanism.effects import registry
 from cell.gap.subject.mechanism.subject import MechanismSubject
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.subject import Residuals
-from drivers.types import Array
+from drivers.base.types import Array
 from tests.support.mechanisms import FORWARD, PRESCRIBED, make_arm
 
 CONTRACT = {

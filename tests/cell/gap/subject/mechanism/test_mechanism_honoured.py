@@ -13,7 +13,7 @@ import yaml
 from cell.gap.open_subject import open_mechanism
 from cell.gap.subject.mechanism.subject import MechanismSubject
 from cell.gap.subject.run_folders import find_runs, read_table
-from drivers.errors import ConfigurationError
+from drivers.base.errors import ConfigurationError
 from tests.support.mechanisms import ARM, FORWARD, PRESCRIBED, left, make_arm, write_run
 
 CASES = Path(__file__).parents[6] / "shared" / "cases"

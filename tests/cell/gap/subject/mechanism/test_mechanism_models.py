@@ -11,7 +11,7 @@ import pytest
 from cell.gap.open_subject import open_mechanism
 from cell.gap.subject.mechanism.model_source import Source, compile_model, read_source
 from cell.gap.subject.run_folders import find_runs
-from drivers.errors import ConfigurationError
+from drivers.base.errors import ConfigurationError
 
 CASES = Path(__file__).parents[6] / "shared" / "cases"
 MESHED = """<mujoco><compiler meshdir="assets" autolimits="true"/><include file="parts/joints.xml"/>

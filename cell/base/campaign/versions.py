@@ -1,0 +1,69 @@
+"""Versions on which a campaign's numbers depend: those of libraries, digests of code
+and data.
+"""
+
+import hashlib
+from collections.abc import Sequence
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+
+PACKAGES = ("folding-cell", "numpy", "numba", "mujoco", "opencv-python-headless")
+ROOTS = ("cell", "drivers", "policies", "calibration")
+NO_OUTCOME = (
+    "cell/interface/cli/",
+    "cell/report/viz/",
+    "cell/base/campaign/",
+    "cell/studies/",
+)
+"""Folders whose code changes no outcome of a part."""
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@cache
+def code() -> str:
+    """Digest of all source files on which the outcomes of a campaign depend."""
+    return sources(ROOTS, ("*.py",), NO_OUTCOME)[:12]
+
+
+@cache
+def data() -> str:
+    """Digest of all weights and tables that lie beside the sources."""
+    return sources(ROOTS, ("*.npz", "*.json", "*.yaml"), NO_OUTCOME)[:12]
+
+
+def verdicts() -> str:
+    """Digest of the source files on which verdicts of `cell gap` depend."""
+    return sources(("cell/gap", "cell/record", "drivers/strip"))
+
+
+def versions() -> dict[str, str]:
+    """Local versions of libraries that affect the numbers, and the digest of code and
+    data.
+    """
+    here = {package: version(package) for package in PACKAGES}
+    return {**here, "code": f"{code()}-{data()}"}
+
+
+def sources(
+    places: Sequence[str],
+    patterns: Sequence[str] = ("*.py", "*.yaml"),
+    without: tuple[str, ...] = (),
+) -> str:
+    """Digest, 16 digits, of the files at and below `places`, except those named by
+    `without`.
+    """
+    digest = hashlib.sha256()
+    for pattern in patterns:
+        for path in sorted(
+            p for place in places for p in _files(ROOT / place, pattern)
+        ):
+            name = path.relative_to(ROOT).as_posix()
+            if not name.startswith(without):
+                digest.update(name.encode() + b"\0" + path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def _files(place: Path, pattern: str) -> list[Path]:
+    return [place] if place.is_file() else list(place.rglob(pattern))

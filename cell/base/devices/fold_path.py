@@ -1,0 +1,186 @@
+"""Waypoints of the gripper in a fold, from its home to the retreat, and the path
+through them.
+"""
+
+from itertools import pairwise
+
+import numpy as np
+
+from cell.base.config.settings import FoldSettings
+from drivers.base.geometry import arc_lengths
+from drivers.base.installation import Installation, MotionLimits
+from drivers.base.types import Array, Pose
+from drivers.strip.engine import Touch
+from policies.path import Path, lift_pitch
+
+HANGING = np.pi / 2  # rad, pitch of a gripper from which the strip hangs straight down
+PULL = 0.01  # m by which an upper layer that is too short is pulled along at most
+LAID_HEIGHT = 0.001  # m, height of the gripper when the edge lies on the desk
+LAY_POINTS = 20  # points of a lay, in which the hand turns
+NEAR_EDGE = 0.05  # m beside and above the other edge, where a plain fold ends
+LEG_POINTS = 30  # points of either leg of a plain fold
+POINT_SPACING = 0.01  # m between points of a carried strip's path that are kept
+# m of a path over which an arm may round a corner: 9 mm inside a right angle
+CORNER = 0.05
+TURNING = 2.4  # rad/s, rotation of the hand in a fold, a little below an arm's limit
+# least derivative of a path counted, so that no limit is divided by 0
+LEAST_NEED = 1e-9
+
+
+def whole_path(
+    length: float,
+    installation: Installation,
+    fold: FoldSettings,
+    carry: Array,
+    touch: Touch | None = None,
+) -> tuple[Array, Array]:
+    """Poses (n, 3) x, z [m], pitch [rad] of a fold, and speeds (n,) [m/s] of the moves
+    to each.
+
+    From the home over the edge of a strip of `length` [m]; `carry` (k, 2) leads from
+    the grasped edge to where the layers touch. Lay and retreat follow, after this
+    `touch` of the layers, or without one as where the strip hangs straight down.
+    """
+    carry = _thin_out(carry)
+    x, z = carry[-1].tolist()
+    taut = max(x - z, 0.0) if touch is None else taut_edge(touch)
+    end = edge_place(taut)
+    lay = lay_path(Pose(x, z, HANGING), taut, LAID_HEIGHT, end, fold)
+    travel = np.union1d(lay.travel, np.linspace(0.0, lay.length, LAY_POINTS))[1:]
+    lowered = np.column_stack([lay.at(travel), lay_pitch(travel / lay.length)])
+    home, laid = (
+        Pose(length, installation.home_height, 0.0),
+        Pose(end, LAID_HEIGHT, np.pi),
+    )
+    approach = [pose.as_array() for pose in (home, *approach_poses(length, fold))]
+    retreat = [pose.as_array() for pose in (laid, *retreat_poses(laid, fold))]
+    carried = np.column_stack([carry, lift_pitch(arc_lengths(carry))])[1:]
+    parts = (approach, carried, lowered, retreat)
+    fastest = min(installation.limits.x.velocity, installation.limits.z.velocity)
+    speeds = (fastest, fold.speed, fold.lay_speed, fastest)
+    return np.concatenate(parts), np.repeat(speeds, [len(part) for part in parts])
+
+
+def approach_poses(length: float, fold: FoldSettings) -> tuple[Pose, ...]:
+    """Poses of the gripper from beside a strip of `length` [m], where it is looked at,
+    to its edge.
+
+    The first one leaves the strip free to be judged; from beyond its edge the open
+    fingers go down and over it.
+    """
+    beside = length + fold.approach
+    return (
+        Pose(beside, fold.clear_height, 0.0),
+        Pose(beside, 2 * fold.approach, 0.0),
+        Pose(beside, 0.0, 0.0),
+        Pose(length, 0.0, 0.0),
+    )
+
+
+def taut_edge(touch: Touch) -> float:
+    """Position x [m] that the grasped edge would have if the upper layer lay taut after
+    `touch`.
+    """
+    return touch.x - touch.to_grasped
+
+
+def edge_place(taut: float, place: float = 0.0) -> float:
+    """Target x [m] of the grasped edge: `place`, within PULL of the `taut` upper
+    layer's end [m].
+
+    `place` is 0, on the fixed edge, unless a learned correction of the camera's bias
+    moves it.
+    """
+    return min(max(place, taut - PULL), taut + PULL)
+
+
+def lay_path(
+    gripper: Pose, taut: float, rest: float, end: float, fold: FoldSettings
+) -> Path:
+    """Path of the gripper that lowers the grasped edge past that of a `taut` upper
+    layer, x [m].
+
+    Straight to `lay_height` above `end` [m], unless the gripper is below that, and down
+    to `rest` [m] above the desk, `lay_beyond` past that edge, from where it is pushed
+    to `end`.
+
+    From that height the upper layer comes down as a lid, in part lifted, where friction
+    does not hold it. One that the fold has rolled along is too long: lowered at its end
+    it keeps a hump at the grip, which yields to a push, and springs beyond the edge on
+    release. Lowered past its end it lies flat, and a flat layer passes a push on to the
+    fold, which rolls back. No circle about the touch: that starts sideways, pulls the
+    contact along and rolls soft folds by 15 to 40 mm.
+    """
+    down = min(end, taut - fold.lay_beyond)
+    above = [(end, fold.lay_height)] if gripper.z > fold.lay_height else []
+    return Path.through(np.array([(gripper.x, gripper.z), *above, (down, rest)]))
+
+
+def lay_pitch(share: Array | float) -> Array:
+    """Pitch (...,) [rad] after a `share` (...,) of the lay path: most of the turn is at
+    its end.
+
+    An edge that lies back early pushes what hangs from it.
+    """
+    return HANGING * (1.0 + np.asarray(share) ** 2)
+
+
+def retreat_poses(laid: Pose, fold: FoldSettings) -> tuple[Pose, Pose]:
+    """Poses of the gripper away from an edge let go at `laid`: backward off it, then
+    up.
+    """
+    back = Pose(laid.x - fold.approach, laid.z, laid.pitch)
+    return back, Pose(back.x, back.z + 2 * fold.approach, back.pitch)
+
+
+def triangle(length: float) -> Array:
+    """Path (k, 2) [m] of a plain fold: up over the strip's middle, down to its other
+    edge.
+    """
+    corners = np.array(
+        [(length, 0.0), (length / 2, length / 2), (NEAR_EDGE, NEAR_EDGE)]
+    )
+    shares = np.linspace(0.0, 1.0, LEG_POINTS)[:, None]
+    up, down = (start + shares * (stop - start) for start, stop in pairwise(corners))
+    return np.concatenate([up, down[1:]])
+
+
+def largest_speed(points: Array, limits: MotionLimits) -> float:
+    """Largest speed [m/s] at which an arm within `limits` follows the path `points` (n,
+    2) [m].
+
+    At a constant speed v, the first, second and third derivative of the path by its
+    length, times v, v^2 and v^3, are the velocity, acceleration and jerk that it asks
+    of each axis; here as differences over steps of CORNER. Of the pitch only the
+    velocity counts, where an arm does not allow TURNING.
+    """
+    path = Path.through(points)
+    turning = limits.pitch.velocity
+    poses = path.poses(np.arange(0.0, path.length, CORNER))
+    allowed = [
+        [
+            limits.x.velocity,
+            limits.z.velocity,
+            turning if turning < TURNING else np.inf,
+        ],
+        [axis.acceleration for axis in limits.axes[:2]],
+        [axis.jerk for axis in limits.axes[:2]],
+    ]
+    speeds = []
+    for order, most in enumerate(allowed, 1):
+        needed = (
+            np.abs(np.diff(poses, order, axis=0)).max(axis=0, initial=0.0)
+            / CORNER**order
+        )
+        shares = np.array(most) / np.maximum(needed[: len(most)], LEAST_NEED)
+        speeds.append(float(shares.min()) ** (1.0 / order))
+    return float(min(speeds))
+
+
+def _thin_out(points: Array) -> Array:
+    """Points of a path at least POINT_SPACING apart, the last one kept."""
+    kept = [points[0]]
+    for point in points[1:]:
+        if np.hypot(*(point - kept[-1])) >= POINT_SPACING:
+            kept.append(point)
+    return np.array([*kept, points[-1]])

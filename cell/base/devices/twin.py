@@ -1,0 +1,109 @@
+"""Devices of the simulated cell (twin), its calibration aids, and its truth for
+scoring.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from calibration.wizard.coverage import WantedView
+from cell.base.config.cell import CellFile
+from cell.base.devices.devices import Devices, Trial
+from drivers.base.types import Frame
+from drivers.strip.file import StripFile
+from drivers.twin.board import board_frame, board_pose
+from drivers.twin.open import DEFAULT_PLANT, Desk, PlantOptions, Twin, open_twin
+from drivers.twin.settings import TwinSettings
+
+
+class TwinCalibrationAids:
+    """Calibration aids on the twin: a board held before its camera, a pointer between
+    fingers.
+    """
+
+    def __init__(self, twin: Twin | Desk, settings: CellFile, seed: int) -> None:
+        self.twin = twin
+        self.settings = settings
+        self.seed = seed
+        self._shown = 0
+
+    def show_board(self, wanted: WantedView) -> Frame:
+        """Render an image of the calibration board held as `wanted`."""
+        camera, board = self.settings.twin.camera, self.settings.boards.board()
+        self._shown += 1
+        pose = board_pose(camera, board, wanted)
+        return board_frame(camera, board, pose, self.seed, sequence=self._shown)
+
+    def hold_pointer(self, held: bool) -> None:
+        """Put the pointer between the twin's fingers if `held`, else remove it."""
+        self.twin.world.hold_pointer(held)
+
+
+@dataclass(frozen=True, slots=True)
+class TwinPlant:
+    """Ground truth of the strip `plant` on the twin, for the score of a run."""
+
+    twin: Twin | Desk
+    plant: StripFile
+
+    def truth(self, origin: float) -> Mapping[str, Any]:
+        """True time [s] since `origin` and lengths [m] of the touch, edge offset [m],
+        plant.
+        """
+        touch = self.twin.world.touch
+        return {
+            "plant": self.plant.model_dump(mode="json", by_alias=True),
+            "displacement": None if touch is None else touch.displacement,
+            "t_layer_touch": None if touch is None else touch.time - origin,
+            "l1": None if touch is None else touch.to_grasped,
+            "l2": None if touch is None else touch.to_fixed,
+            "edge_offset": self.twin.world.edge_offset,
+        }
+
+
+def simulated(
+    settings: CellFile, strip: StripFile, trial: Trial, *, calibrating: bool
+) -> tuple[TwinSettings, StripFile]:
+    """Settings of the twin and the plant on its desk: of `trial`, else `strip` in this
+    cell.
+
+    The plant has the effects of strip and rig. While `calibrating` the desk is bare.
+    """
+    twin = settings.twin
+    plant = trial.plant or strip
+    if calibrating:
+        bare = twin.world.model_copy(update={"strip": False})
+        return twin.model_copy(update={"world": bare}), plant.model_copy(
+            update={"effects": {}}
+        )
+    effects = plant.effects if trial.plant else {**strip.effects, **settings.effects}
+    return twin, plant.model_copy(update={"effects": effects})
+
+
+def twin_devices(
+    settings: CellFile,
+    strip: StripFile,
+    trial: Trial,
+    *,
+    calibrating: bool,
+    staging: PlantOptions = DEFAULT_PLANT,
+) -> Devices:
+    """Devices of the twin, with the plant on its desk; no rig effects while
+    `calibrating`.
+
+    Without a plant file the twin equals the controller's model of strip and rig.
+    """
+    index = 0 if calibrating else trial.index
+    simulation, plant = simulated(settings, strip, trial, calibrating=calibrating)
+    twin = open_twin(
+        simulation, plant, trial.seed, index, settings.installation, staging
+    )
+    return Devices(
+        clock=twin.clock,
+        arm=twin.arm,
+        hand=twin.hand,
+        camera=twin.camera,
+        camera_identity=settings.twin.camera.identity,
+        aids=TwinCalibrationAids(twin, settings, trial.seed) if calibrating else None,
+        plant=TwinPlant(twin, trial.plant or strip),
+    )

@@ -1,3 +1,0 @@
-"""Calibration of a cell's camera by wizards or on the twin, and its check and
-validity.
-"""

@@ -1,0 +1,174 @@
+"""Correction of a fold's aim by the learned bias, and the deviation measured in the
+fold.
+"""
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+
+import numpy as np
+
+from cell.base.config.unmeasured_strip import UNKNOWN_NAME as UNKNOWN
+from cell.folding.bias import LIMIT, Bias, bias
+from cell.folding.experience import Experience, Memory
+from cell.report.words import plural
+from policies.policy import Policy
+
+if TYPE_CHECKING:  # spares a refused request the compilation of perception
+    from cell.orchestrator.outcome import Outcome
+
+WEIGHTS_FOLDER = Path(__file__).parents[2] / "policies" / "weights"
+TEACHING = {"layer_touch", "unlike_model"}  # outcomes of folds that were laid down
+WORTH_SAYING = 5e-5  # m, half of the last digit that is printed
+
+
+@runtime_checkable
+class Correctable(Protocol):
+    """Protocol of a policy that steers by a model, whose aim can be corrected."""
+
+    def correct(self, bias: float) -> None:
+        """Aim at the opposite of `bias` [m], as the camera sees it, from the next
+        `reset` on.
+        """
+
+
+@dataclass(frozen=True, slots=True)
+class Subject:
+    """Key of a learned bias: policy with its weights, fabric (`strip`) and specimen."""
+
+    policy: str
+    strip: str
+    specimen: str
+
+
+@dataclass(frozen=True, slots=True)
+class Correction:
+    """Bias [m] `seen` by the camera, by which a fold's aim is corrected.
+
+    `place` [m] is where the grasped edge is laid so that it ends at x = 0. `learned` is
+    the source of the correction, None for a value that the user gave. A ruler measures
+    laid edges but no touch, so that of the aim only what is seen is learned.
+    """
+
+    seen: float = 0.0
+    learned: Bias | None = None
+    place: float = 0.0
+
+    def apply(self, policy: Policy) -> "Correction | None":
+        """Correct the aim of `policy` and return this; None for a policy without a
+        model.
+        """
+        if not isinstance(policy, Correctable):
+            return None
+        policy.correct(self.seen)
+        return self
+
+    def facts(self) -> dict[str, Any]:
+        """Entry `learning` of run.yaml: the amounts [m] of this correction and its
+        bias.
+        """
+        return asdict(self)
+
+    def sentence(self) -> str | None:
+        """Text of the correction for the operator; None where nothing was corrected."""
+        parts = []
+        if abs(self.seen) >= WORTH_SAYING:
+            parts.append(f"aimed {-1e3 * self.seen:+.1f} mm, the opposite of the bias")
+        if abs(self.place) >= WORTH_SAYING:
+            parts.append(
+                f"laid the edge {-1e3 * self.place:+.1f} mm, the opposite of its offset"
+            )
+        if not parts:
+            return None
+        if self.learned is None:
+            return f"{'; '.join(parts)} that was given"
+        folds = plural(self.learned.folds, "fold")
+        text = f"{'; '.join(parts)} learned from {folds} of this cell"
+        if self.learned.since is None:
+            return text
+        return (
+            f"{text}; since run {self.learned.since} something moved: check the"
+            " calibration"
+        )
+
+
+def subject_of(
+    policy: str, checkpoint: Path | None, strip: str, specimen: str | None
+) -> Subject:
+    """Subject of a fold's bias: the policy with its weights, the fabric, the
+    `specimen`.
+
+    Without a `specimen`, a fabric with a file counts as one; each fold of another
+    fabric is another piece.
+    """
+    files = (
+        checkpoint,
+        *(WEIGHTS_FOLDER / f"{policy}{end}" for end in (".npz", ".json")),
+    )
+    weights = next(
+        (path for path in files if path is not None and path.is_file()), None
+    )
+    if weights is not None:
+        policy = f"{policy}@{hashlib.sha256(weights.read_bytes()).hexdigest()[:12]}"
+    return Subject(policy, strip, specimen or ("" if strip == UNKNOWN else strip))
+
+
+def learned_correction(memory: Memory, subject: Subject) -> Correction:
+    """Correction learned for `subject`, within the limit; ConfigurationError for broken
+    memory.
+    """
+    mine = [one for one in memory.experiences() if one.policy == subject.policy]
+    learned = bias(mine, subject.strip, subject.specimen)
+    seen, place = np.clip([learned.seen, learned.laid], -LIMIT, LIMIT).tolist()
+    return Correction(seen, learned, place)
+
+
+def experience_of(
+    run: str,
+    subject: Subject,
+    outcome: "Outcome",
+    correction: Correction,
+    key: str = "",
+) -> Experience | None:
+    """Deviation of a measured fold from its prediction, to learn from; None for an
+    unusable fold.
+
+    `run` and `key` name the run, as in `Experience`. Unusable are folds without a touch
+    or laid edges, stopped ones, and those predicted blind. A strip that is unlike the
+    model teaches too: it comes out the same way again.
+    """
+    touch, predicted = outcome.touch, outcome.predicted
+    is_blind = predicted is not None and predicted.blind
+    if touch is None or outcome.name not in TEACHING or is_blind:
+        return None
+    aimed_at = 0.0 if predicted is None else predicted.displacement
+    uncorrected_aim = aimed_at - correction.seen
+    edges = outcome.edge_offset
+    if edges is not None:
+        from cell.base.devices.fold_path import edge_place, taut_edge
+
+        edges += edge_place(taut_edge(touch), correction.place)
+    return Experience(
+        run=run,
+        policy=subject.policy,
+        strip=subject.strip,
+        specimen=subject.specimen or run,
+        kind="camera",
+        displacement=touch.displacement - uncorrected_aim,
+        edges=edges,
+        key=key,
+        aim=-correction.seen,
+        place=-correction.place,
+    )
+
+
+def correction_of(facts: Mapping[str, Any] | None) -> Correction:
+    """Correction stated by the `facts` of run.yaml; zero where none was made."""
+    facts = facts or {}
+    values = [facts.get(key, 0.0) for key in ("seen", "unseen", "place")]
+    if not all(isinstance(value, int | float) for value in values):
+        return Correction()
+    seen, unseen, place = map(float, values)  # `unseen` of older runs, of a known error
+    return Correction(seen + unseen, None, place)

@@ -1,0 +1,222 @@
+"""Deviations of measured folds from their predictions, stored in the user's data
+folder.
+"""
+
+import hashlib
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from itertools import count
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field, TypeAdapter, ValidationError
+
+from cell.record.documents import json_line
+from cell.record.files import TICKS
+from drivers.base.errors import ConfigurationError
+from drivers.base.files import append_line, lock_folders, replace_file, writing
+from drivers.base.readers import LARGEST_LINES, LARGEST_TABLE, read_bytes
+
+NEWEST = 200  # experiences that are kept in use
+Offset = Annotated[float, Field(ge=-1.0, le=1.0, allow_inf_nan=False)]  # m
+
+
+@dataclass(frozen=True, slots=True)
+class Experience:
+    """Deviations [m] of one measured fold from its prediction, as if nothing were
+    corrected.
+
+    `displacement` is measured minus predicted, `edges` the offset of the laid edges as
+    seen. `policy` names the policy with its weights. A `ruler` experience holds no
+    displacement but `rig` [m], the offset of the laid edges by the ruler minus that by
+    the camera. `key` is the run's `run_key`; `aim` and `place` [m] are the corrections
+    that were in use.
+    """
+
+    run: str
+    policy: str
+    strip: str
+    specimen: str
+    kind: Literal["camera", "ruler"]
+    displacement: Offset = 0.0
+    rig: Offset = 0.0
+    edges: Offset | None = None
+    key: str = ""
+    aim: Offset = 0.0
+    place: Offset = 0.0
+
+
+READER = TypeAdapter(Experience)
+
+
+def run_key(folder: Path) -> str:
+    """Digest that identifies the run in `folder` by its measurements; empty without
+    ticks.
+    """
+    path = folder / TICKS
+    return (
+        hashlib.sha256(read_bytes(path, LARGEST_TABLE)).hexdigest()[:16]
+        if path.exists()
+        else ""
+    )
+
+
+class Memory:
+    """Store of the experiences of one cell, oldest first, and of whether learning is
+    off.
+
+    Folds of the `twin` have a memory of their own: their bias is none of the real cell.
+    """
+
+    def __init__(
+        self, cell: str, folder: Path | None = None, *, twin: bool = False
+    ) -> None:
+        """Store the experiences of `cell` in `folder`, by default the user's data
+        folder.
+        """
+        self.folder = folder or data_folder() / "learning"
+        self.path = self.folder / f"{cell}{'.twin' if twin else ''}.jsonl"
+        self._off = self.folder / f"{cell}.off"
+
+    @property
+    def is_off(self) -> bool:
+        """Whether learning was switched off, for the cell and its twin."""
+        return self._off.exists()
+
+    def switch(self, *, on: bool) -> None:
+        """Switch learning on or off, keeping experiences; ConfigurationError where that
+        fails.
+        """
+        with self._file_lock():
+            if on:
+                self._off.unlink(missing_ok=True)
+            else:
+                replace_file(self._off, b"")
+
+    def experiences(self) -> tuple[Experience, ...]:
+        """Read the newest experiences, oldest first; broken lines are skipped.
+
+        A later experience of a run, by the same instrument, replaces the earlier one.
+        Raises ConfigurationError for a file that cannot be read.
+        """
+        return self._all()[-NEWEST:]
+
+    def largest_corrections(self) -> tuple[float, float]:
+        """Largest corrections [m] of aim and of place in any stored fold."""
+        experiences = self._all()
+        aim = max((one.aim for one in experiences), key=abs, default=0.0)
+        return aim, max((one.place for one in experiences), key=abs, default=0.0)
+
+    def find(self, run: Path) -> tuple[Experience, ...]:
+        """Experiences of the run in the folder `run` or, if that is gone, of its
+        name.
+        """
+        key = run_key(run)
+        return tuple(one for one in self._all() if _is_of(one, key, run.resolve().name))
+
+    def add(self, experience: Experience) -> None:
+        """Append `experience` to the memory's file; ConfigurationError where it is
+        refused.
+        """
+        with self._file_lock():
+            last = self._lines()[-1:]
+            # after a crash
+            mend = b"\n" if last and not last[0].endswith(b"\n") else b""
+            append_line(self.path, mend + json_line(asdict(experience)))
+
+    def forget(self, run: Path | None = None) -> Path | None:
+        """Move all experiences, or those of `run`, to a file and return its path; None
+        if none.
+        """
+        with self._file_lock():
+            lines = self._lines()
+            forgotten = set(lines) if run is None else self._lines_of(run)
+            if not forgotten:
+                return None
+            names = (f"{self.path.stem}.forgotten-{number}" for number in count(1))
+            aside = next(
+                p for p in map(self.path.with_name, names) if not os.path.lexists(p)
+            )
+            replace_file(aside, b"".join(line for line in lines if line in forgotten))
+            replace_file(
+                self.path, b"".join(line for line in lines if line not in forgotten)
+            )
+            return aside
+
+    def _lines_of(self, run: Path) -> set[bytes]:
+        """Lines of the memory that hold experiences of the run in the folder `run`."""
+        key, name = run_key(run), run.resolve().name
+        read = ((line, _experience(line)) for line in self._lines())
+        return {line for line, one in read if one and _is_of(one, key, name)}
+
+    def _lines(self) -> list[bytes]:
+        if not self.path.exists():
+            return []
+        return read_bytes(self.path, LARGEST_LINES).splitlines(keepends=True)
+
+    def _all(self) -> tuple[Experience, ...]:
+        """All experiences, oldest first: the latest of each run and instrument."""
+        latest: dict[tuple[str, str], Experience] = {}
+        for experience in filter(None, map(_experience, self._lines())):
+            latest[experience.key or experience.run, experience.kind] = experience
+        return tuple(latest.values())
+
+    @contextmanager
+    def _file_lock(self) -> Iterator[None]:
+        with writing(self.path, "the fold itself is recorded"):
+            self.folder.mkdir(parents=True, exist_ok=True)
+            with lock_folders([self.folder]):
+                yield
+
+
+def _experience(line: bytes) -> Experience | None:
+    """Experience in a `line` of the memory; None for an invalid line."""
+    try:
+        return READER.validate_json(line)
+    except ValidationError:
+        return None
+
+
+def _is_of(experience: Experience, key: str, name: str) -> bool:
+    """Whether an experience is of the run with this `key` or, where a key is missing,
+    `name`.
+    """
+    return experience.key == key if experience.key and key else experience.run == name
+
+
+def data_folder() -> Path:
+    """Path of the user's folder for data that cannot be recomputed."""
+    return (
+        Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local/share")
+        / "folding-cell"
+    )
+
+
+def experience_by_ruler(run: Path, edges: float, memory: Memory) -> Experience:
+    """Experience from a run whose laid edges lie `edges` [m] apart by a ruler.
+
+    Its policy, fabric and specimen are those under which `memory` holds the run. Raises
+    ConfigurationError for a run that is not in `memory`, or whose edges no camera saw.
+    """
+    from cell.record.run import read_run  # and the libraries of its tables
+
+    result = read_run(run).result
+    if result is None or result.edge_offset is None:
+        raise ConfigurationError(
+            f"{run}: result.yaml: edge_offset: is missing, the camera saw no laid"
+            " edges; measure a fold that was laid down"
+        )
+    by_camera = [one for one in memory.find(run) if one.kind == "camera"]
+    if not by_camera:
+        raise ConfigurationError(
+            f"{run}: this cell did not learn from the run; fold with `--learning on`"
+            " first"
+        )
+    newest = by_camera[-1]
+    facts = {
+        name: getattr(newest, name)
+        for name in ("run", "key", "policy", "strip", "specimen")
+    }
+    return Experience(**facts, kind="ruler", rig=edges - result.edge_offset)

@@ -1,0 +1,79 @@
+"""Summary of the biases that a cell has learned, for `cell learn`."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from cell.folding.bias import LIMIT, bias
+from cell.folding.experience import Experience, Memory
+
+
+def summary_rows(experiences: Sequence[Experience]) -> list[dict[str, Any]]:
+    """Rows, one for each policy, strip and specimen: bias and sigma [m], folds, last
+    change.
+    """
+    rows = []
+    for policy, strip, specimen in dict.fromkeys(
+        (e.policy, e.strip, e.specimen) for e in experiences
+    ):
+        mine = [one for one in experiences if one.policy == policy]
+        learned = bias(mine, strip, specimen)
+        folds = [one for one in mine if (one.strip, one.specimen) == (strip, specimen)]
+        of_cell, of_strip, of_specimen = learned.parts
+        row: dict[str, Any] = {"policy": policy, "strip": strip, "specimen": specimen}
+        row |= {"folds": sum(one.kind == "camera" for one in folds)}
+        row |= {"bias": learned.seen, "sigma": learned.sigma}
+        row |= {"cell": of_cell, "of_strip": of_strip, "of_specimen": of_specimen}
+        row |= {"unseen": learned.rig, "laid": learned.laid, "since": learned.since}
+        rows.append(row)
+    return rows
+
+
+def summary_text(rows: Sequence[dict[str, Any]]) -> str:
+    """Text of the `rows` of a summary [mm], with a line for each change of the cell."""
+    if not rows:
+        return "nothing was learned yet\n"
+    lines = [
+        f"  {row['strip']}, {row['specimen']}, {row['policy']}: bias {_mm(row['bias'])}"
+        f" +- {1e3 * row['sigma']:.1f} mm after {row['folds']} folds (cell"
+        f" {_mm(row['cell'])}, strip {_mm(row['of_strip'])}, specimen"
+        f" {_mm(row['of_specimen'])}); unseen by the camera {_mm(row['unseen'])} mm;"
+        f" edges laid {_mm(row['laid'])} mm off"
+        for row in rows
+    ]
+    changes = dict.fromkeys(row["since"] for row in rows if row["since"])
+    lines += [
+        f"  since run {run} something moved: check the calibration" for run in changes
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def largest_text(memory: Memory) -> str:
+    """Text of the largest corrections that any fold was made with, below LIMIT."""
+    aim, place = memory.largest_corrections()
+    return (
+        f"  largest corrections so far: aimed {_mm(aim)} mm, laid the edge {_mm(place)}"
+        f" mm; at most {1e3 * LIMIT:g} mm each\n"
+    )
+
+
+def experience_lines(experiences: Sequence[Experience]) -> str:
+    """Text with a line for each learned experience, oldest first."""
+    return (
+        "".join(f"  {_line(one)}\n" for one in experiences)
+        or "nothing was learned yet\n"
+    )
+
+
+def _line(one: Experience) -> str:
+    """Text of one learned experience for the operator."""
+    fold = f"{one.run}: {one.strip}, {one.specimen}, {one.policy}"
+    if one.kind == "ruler":
+        return f"{fold}: the ruler shows {_mm(one.rig)} mm more than the camera"
+    edges = "" if one.edges is None else f", edges laid {_mm(one.edges)} mm off"
+    return (
+        f"{fold}: displacement {_mm(one.displacement)} mm beyond the predicted{edges}"
+    )
+
+
+def _mm(length: float) -> str:
+    return f"{1e3 * length:+.1f}"

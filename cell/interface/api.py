@@ -1,0 +1,289 @@
+"""Python interface of the cell, `import cell`: functions like the commands, typed, in
+SI units.
+
+Every function raises CellError, of which ConfigurationError is one: `file: key:
+reason`, in one line. Paths may be text.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import get_args
+
+import pyarrow as pa
+
+from calibration.calibration import Calibration, load_calibration
+from cell.base.config.places import find_configs
+from cell.base.devices.devices import Trial
+from cell.folding.feasibility import Prediction, predict as predict_fold
+from cell.folding.fold import fold as fold_once, write_pages
+from cell.folding.observe import observe as observe_film
+from cell.folding.request import Recording, Request
+from cell.folding.result import FoldResult
+from cell.gap.check import Check, check as check_runs
+from cell.gap.fit import FitOptions, fit
+from cell.gap.forward_selection import quiet
+from cell.gap.report.overlay import write_overlay
+from cell.gap.subject.strip.runs import check_fold
+from cell.gap.verdict.accept import AcceptResult, accept as accept_fit, undo as undo_fit
+from cell.gap.verdict.schema import Verdict, read_verdict as read_verdict_file
+from cell.record.columns import Profile, Sights, Ticks
+from cell.record.exchange.export_runs import Format, export_runs as export_to
+from cell.record.exchange.import_runs import import_runs as import_from
+from cell.record.files import Keep, run_folder
+from cell.record.listing import RunRow, list_runs as find_runs
+from cell.record.run import Run, read_run as load_run
+from cell.report.runs_page import write_comparison
+from cell.setup.calibration_in_use import calibration_of
+from drivers.base.errors import ConfigurationError, check_known
+from drivers.strip.describe import load_plant
+from drivers.strip.effects import registry
+from drivers.strip.effects.effect import Effect
+from drivers.strip.file import StripFile
+
+Place = str | Path
+Places = Place | Sequence[Place]
+
+
+def fold(
+    strip: str,
+    policy: str = "adaptive",
+    *,
+    plant: Place | None = None,
+    arm: str | None = None,
+    camera: str | None = None,
+    seed: int = 0,
+    runs: Place = "runs",
+    configs: Place | None = None,
+    speed: float | None = None,
+    frames: Keep | None = None,
+    truth: bool = True,
+) -> FoldResult:
+    """Fold a strip once and record the run in a new folder below `runs`, as `cell fold`
+    does.
+
+    `strip` is a name, a path to a strip file, or `unknown:0.6` with a length [m];
+    `plant` the name or file of another strip on the twin's desk; `speed` [m/s] replaces
+    the cell's own. An error before the motion raises CellError; what happens during it
+    is the result's `outcome`.
+    """
+    config = find_configs(configs)
+    desk = None if plant is None else load_plant(config.plant_path(str(plant)))
+    if seed < 0:
+        raise ConfigurationError(f"seed: is {seed}, must be at least 0")
+    cell = config.cell().with_drivers(arm, camera)
+    check_known("frames", frames or "key", get_args(Keep))
+    record = Recording(frames, truth=truth)
+    request = Request(
+        cell,
+        config.strip(strip),
+        policy,
+        Path(runs),
+        Trial(desk, seed),
+        speed=speed,
+        record=record,
+    )
+    return write_pages(request, fold_once(request, calibration_of(request.cell)))
+
+
+def predict(
+    strip: str,
+    policy: str = "adaptive",
+    speed: float | None = None,
+    configs: Place | None = None,
+) -> Prediction:
+    """Predict a fold by simulation, as `cell fold --dry-run` does; nothing moves or is
+    written.
+    """
+    config = find_configs(configs)
+    request = Request(
+        config.cell(), config.strip(strip), policy, Path("runs"), speed=speed
+    )
+    return predict_fold(request)
+
+
+def compare(runs: Places, out: Place = "compare.html") -> Path:
+    """Write the HTML page that compares `runs`, as `cell report` does; returns the
+    page's path.
+    """
+    return write_comparison([run_folder(str(run)) for run in _listed(runs)], Path(out))
+
+
+def read_run(folder: Place) -> Run:
+    """Read the run in `folder`, a path, the end of its name or `last`; complete or
+    not.
+    """
+    return load_run(run_folder(str(folder)))
+
+
+def list_runs(
+    folder: Place = "runs", where: str = "", sort: str = ""
+) -> tuple[RunRow, ...]:
+    """List the runs in `folder` for which the SQL expression `where` holds, as `cell
+    runs` does.
+
+    Oldest first, or by the column `sort`, downwards with a leading `-`.
+    """
+    return find_runs(Path(folder), where, sort)
+
+
+def table(part: Ticks | Profile | Sights) -> pa.Table:
+    """Columns of a run as an Arrow table; `table(run.ticks).to_pandas()` is a data
+    frame.
+    """
+    columns = {name: getattr(part, name) for name in part.__slots__}
+    rows = max(map(len, columns.values()))
+    return pa.table(
+        {name: pa.array(v) for name, v in columns.items() if len(v) == rows}
+    )
+
+
+def import_runs(
+    places: Places,
+    out: Place,
+    mapping: Place | None = None,
+    configs: Place | None = None,
+) -> tuple[Path, ...]:
+    """Convert tables, MCAP files or LeRobot data sets to checked run folders; returns
+    these.
+    """
+    config = find_configs(configs)
+    check = partial(check_fold, config.strip_names(), config.strip)
+    return import_from(
+        _listed(places),
+        None if mapping is None else Path(mapping),
+        Path(out),
+        check,
+        length=lambda name: config.strip(name).length,
+    )
+
+
+def export_runs(runs: Places, kind: Format, out: Place) -> tuple[Path, ...]:
+    """Write `runs` in the format `kind` into the new folder `out`; returns the
+    files.
+    """
+    check_known("kind", kind, get_args(Format))
+    return export_to([run_folder(str(run)) for run in _listed(runs)], kind, Path(out))
+
+
+def observe(
+    film: Place,
+    calibration: Calibration | Place,
+    strip: str,
+    out: Place,
+    configs: Place | None = None,
+) -> Run:
+    """Measure the fold on a film, as `cell observe` does; returns the run, written to
+    `out`.
+
+    The camera stands still, `calibration` is its own, and the strip lies flat at the
+    beginning; no arm is needed. Profile, contact, tip and confidence are those of the
+    cell's perception.
+    """
+    if not isinstance(calibration, Calibration):
+        calibration = read_calibration(calibration)
+    observe_film(Path(film), calibration, strip, Path(out), configs)
+    return load_run(Path(out))
+
+
+def fit_gap(
+    runs: Places,
+    out: Place,
+    *,
+    strip: str | None = None,
+    model: Place | None = None,
+    hold_out: Sequence[str] = (),
+    without: Sequence[str] = (),
+    jobs: int = 1,
+    configs: Place | None = None,
+    progress: Callable[[str, float], None] = quiet,
+) -> Verdict:
+    """Identify the effects that the model of a strip or mechanism lacks in measured
+    `runs`.
+
+    `model` is the file of a mechanism. The verdict is written into the folder `out`
+    with report, overlay and patch, as `cell gap fit` does. Effects `without` are
+    withheld from the library. `progress` is called with a stage and its share. Raises
+    ConfigurationError for bad input.
+    """
+    if (strip is None) == (model is None):
+        raise ConfigurationError("give a strip or a model, one of the two")
+    file = _subject_file(model or strip or "", configs)
+    options = FitOptions(hold_out, without, jobs=jobs)
+    return fit(_listed(runs), file, Path(out), options, progress, write_overlay)
+
+
+def check(
+    runs: Places, subject: Place, jobs: int = 1, configs: Place | None = None
+) -> Check:
+    """Check recordings before a fit: sampling, clocks, duplicates, and what the runs
+    can show.
+
+    `subject` is a strip by name, or the file of a strip or mechanism.
+    """
+    return check_runs(_listed(runs), _subject_file(subject, configs), jobs)
+
+
+def accept(
+    out: Place,
+    subject: Place,
+    *,
+    law: bool = False,
+    force: bool = False,
+    configs: Place | None = None,
+) -> AcceptResult:
+    """Write the effects that the fit in `out` named into the `subject` file, or into
+    cell.yaml.
+
+    With `law`, the law that describes what nothing explains; with `force`, what is
+    suspected.
+    """
+    cell_file = find_configs(configs).folder / "cell.yaml"
+    return accept_fit(
+        Path(out), _subject_file(subject, configs), cell_file, law=law, force=force
+    )
+
+
+def undo(out: Place, subject: Place, configs: Place | None = None) -> AcceptResult:
+    """Restore the files as they were before `accept` of the fit in `out`."""
+    cell_file = find_configs(configs).folder / "cell.yaml"
+    return undo_fit(Path(out), _subject_file(subject, configs), cell_file)
+
+
+def _subject_file(subject: Place, configs: Place | None) -> Path:
+    """Path of the file of `subject`: a strip's name, or a path."""
+    return find_configs(configs).strip_path(str(subject))
+
+
+def read_verdict(out: Place) -> Verdict:
+    """Read the verdict that `fit_gap` wrote into the folder `out`."""
+    return read_verdict_file(Path(out) / "verdict.json")
+
+
+def read_strip(name: str, configs: Place | None = None) -> StripFile:
+    """Read and check the strip file called `name`, or the one at that path."""
+    return find_configs(configs).strip(name)
+
+
+def read_calibration(path: Place) -> Calibration:
+    """Read the calibration file at `path`, or that of the run in the folder `path`.
+
+    `to_image` maps points (n, 2) [m] of the strip's plane to pixels (n, 2), `to_plane`
+    back.
+    """
+    place = Path(path)
+    return load_calibration(place / "calibration.yaml" if place.is_dir() else place)
+
+
+def effects() -> Mapping[str, Effect]:
+    """Library of effects by name, with the effects of installed plug-ins."""
+    return registry()
+
+
+def _listed(places: Places) -> list[Path]:
+    """List of the paths `places`, given as a single path or several."""
+    return (
+        [Path(places)]
+        if isinstance(places, str | Path)
+        else [Path(each) for each in places]
+    )

@@ -1,0 +1,186 @@
+"""Commands `cell doctor`, which checks machine and devices, and `cell camera`."""
+
+import json
+import sys
+from collections.abc import Iterator
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from cell.base.config.places import find_configs
+from cell.interface.cli.options import Configs, Json, Runs
+from cell.interface.cli.output import notice, print_json, say, while_busy
+from drivers.base.errors import ConfigurationError, PreflightRefused
+
+if TYPE_CHECKING:
+    from drivers.v4l2.camera import CameraReport, UnusableDevice
+    from drivers.v4l2.settings import V4l2Settings
+
+
+def doctor(
+    runs: Runs = Path("runs"),
+    configs: Configs = None,
+    seconds: Annotated[
+        float,
+        typer.Option(
+            min=1, max=3600, help="How long the network to the robot is tested."
+        ),
+    ] = 60.0,
+    as_json: Json = False,
+) -> None:
+    """Check machine, files, robot and camera; prints findings, reasons and remedies."""
+    from cell.setup.doctor.check import Grade
+    from cell.setup.doctor.doctor import checks
+
+    has_failed = False
+    found = checks(find_configs(configs), runs, seconds)
+    for number, check in enumerate(while_busy("checking", found), start=1):
+        has_failed = has_failed or check.state is Grade.FAIL
+        say(check.line(number), check.text(number), as_json=as_json)
+        sys.stdout.flush()
+    if has_failed:
+        sys.exit(PreflightRefused.exit_code)
+
+
+def camera(
+    device: Annotated[
+        str | None,
+        typer.Option(
+            help="Camera by its link, /dev/v4l/by-id/... [default: that of cell.yaml]."
+        ),
+    ] = None,
+    grab: Annotated[
+        Path | None, typer.Option(help="Take a picture into this PNG file.")
+    ] = None,
+    configs: Configs = None,
+    as_json: Json = False,
+) -> None:
+    """List cameras with their formats and controls, or take a picture with one of
+    them.
+    """
+    if grab is not None:
+        _grab(_settings(device, configs), grab, as_json=as_json)
+        return
+    from drivers.v4l2.camera import list_cameras, report
+    from drivers.v4l2.device import Kernel
+
+    found = (
+        list_cameras(Kernel()) if device is None else iter([report(Kernel(), device)])
+    )
+    _print_cameras(found, as_json=as_json)
+
+
+def _settings(device: str | None, configs: Path | None) -> "V4l2Settings":
+    """Settings of the camera in cell.yaml, or suitable ones for another camera
+    `device`.
+    """
+    from cell.base.devices.real_camera import suggest_settings
+    from drivers.v4l2.camera import report
+    from drivers.v4l2.device import Kernel
+
+    own = find_configs(configs).cell().camera
+    if own is not None and device in {None, own.device}:
+        return own
+    if device is None:
+        raise ConfigurationError(
+            "--device: cell.yaml names no camera; name one that `cell camera` lists"
+        )
+    settings = suggest_settings(report(Kernel(), device))
+    if settings is None:
+        raise ConfigurationError(f"{device}: offers no format that this driver reads")
+    return settings
+
+
+def _grab(settings: "V4l2Settings", path: Path, *, as_json: bool) -> None:
+    """Take a picture with the camera of `settings` into the PNG file at `path`."""
+    from calibration.wizard.session import as_png
+    from cell.base.devices.real_camera import grab
+    from drivers.base.outputs import check_output, write_output
+
+    check_output(path)
+    taken = grab(settings)
+    write_output(path, as_png(taken.frame.image))
+    if as_json:
+        facts = {
+            "measured_rate": taken.rate,
+            "age": taken.age,
+            "counts": asdict(taken.counts),
+        }
+        facts |= {
+            "stamp_source": taken.frame.stamp_source,
+            "locks": dict(taken.setup.locks),
+        }
+        print_json({"file": path, **asdict(taken.setup.picture), **facts})
+        return
+    counts = taken.counts
+    picture = taken.setup.picture
+    locks = ", ".join(f"{name} {value}" for name, value in taken.setup.locks.items())
+    sys.stdout.write(
+        f"{path}: {picture.format} {picture.width}x{picture.height} of"
+        f" {settings.device}\n  {taken.rate:.1f} Hz by the stamps, {picture.rate:g}"
+        f" agreed; known {1e3 * taken.age:.0f} ms after the middle of the exposure,"
+        f" stamped by the {taken.frame.stamp_source}\n  {counts.arrived} frames,"
+        f" {counts.missing} missing, {counts.corrupt} corrupt, {counts.restamped}"
+        f" without a stamp to trust\n  locked: {locks or 'nothing'}\n"
+    )
+
+
+def _print_cameras(
+    found: "Iterator[CameraReport | UnusableDevice]", *, as_json: bool
+) -> None:
+    """Print cameras with their formats and controls."""
+    from drivers.v4l2.camera import UnusableDevice
+
+    count = 0
+    for entry in found:
+        count += 1
+        if as_json:
+            facts = asdict(entry)
+            if not isinstance(entry, UnusableDevice):
+                facts["camera"] = _mode_facts(entry)
+            print_json(facts)
+        elif isinstance(entry, UnusableDevice):
+            sys.stdout.write(f"{entry.problem}\n")
+        else:
+            sys.stdout.write("\n".join(_camera_lines(entry)) + "\n")
+    if not count:
+        notice("no camera has a link under /dev/v4l; plug one in")
+
+
+def _mode_facts(entry: "CameraReport") -> dict[str, Any] | None:
+    """Section `camera` of cell.yaml that suits a camera; None without a format that can
+    be read.
+    """
+    from cell.base.devices.real_camera import suggest_settings
+
+    settings = suggest_settings(entry)
+    return None if settings is None else settings.model_dump(exclude_defaults=True)
+
+
+def _camera_lines(entry: "CameraReport") -> Iterator[str]:
+    """Yield lines on one camera: formats, controls, and settings for cell.yaml."""
+    from drivers.v4l2.formats import READABLE_FORMATS
+
+    identity = entry.identity
+    yield f"{entry.device}: {identity.card} ({identity.driver}, {identity.bus})"
+    yield "  formats"
+    yield from (
+        f"    {mode} Hz" for mode in entry.modes if mode.format in READABLE_FORMATS
+    )
+    others = {
+        mode.format: None for mode in entry.modes if mode.format not in READABLE_FORMATS
+    }
+    if others:
+        yield f"    not read by this driver: {', '.join(others)}"
+    yield "  controls"
+    for control in entry.controls:
+        value = "-" if control.value is None else control.value
+        obstacle = "" if control.obstacle is None else f"; {control.obstacle}"
+        yield f"    {control.name} {value} ({control.allowed}{obstacle})"
+    section = _mode_facts(entry)
+    if section is None:
+        yield "  offers no format that this driver reads"
+    else:
+        yield f"  to use it, in cell.yaml\n    camera: {json.dumps(section)}"

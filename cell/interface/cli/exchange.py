@@ -1,0 +1,270 @@
+"""Commands `cell import` and `cell export` of runs, and `cell observe` of films."""
+
+import shlex
+import sys
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from cell.base.config.places import Configs as Found, find_configs
+from cell.interface.cli.options import Configs, Json, Strip, check_names
+from cell.interface.cli.output import busy, notice, print_json
+from cell.record.files import run_folder, runs_in
+from cell.report.words import plural
+from drivers.base.errors import ConfigurationError
+
+
+def import_runs(
+    places: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="PLACE",
+            help=(
+                "A table or a folder of a run's tables, an MCAP file, or a LeRobot data"
+                " set."
+            ),
+        ),
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Folder in which the runs are written; of --guess, a file."),
+    ] = None,
+    mapping: Annotated[
+        Path | None,
+        typer.Option(
+            help="File that says which column holds what; exported runs have their own."
+        ),
+    ] = None,
+    model: Annotated[
+        Path | None,
+        typer.Option(help="File of the mechanism whose runs these are, not folds."),
+    ] = None,
+    guess: Annotated[
+        bool,
+        typer.Option(
+            "--guess", help="Propose a mapping of folds, ./mapping.yaml, instead."
+        ),
+    ] = False,
+    strip: Annotated[
+        str | None,
+        typer.Option(help="Strip of a guess: its length tells units and zeros."),
+    ] = None,
+    configs: Configs = None,
+    as_json: Json = False,
+) -> None:
+    """Convert tables of other programs to run folders, checked and ready for `cell gap
+    fit`.
+    """
+    found = find_configs(configs)
+    if guess and model is not None:
+        raise ConfigurationError(
+            "--guess: proposes mappings of folds; leave --model out"
+        )
+    if guess:
+        _propose(places, out or Path("mapping.yaml"), strip, found)
+        return
+    if out is None:
+        raise ConfigurationError("--out: is missing; name the folder of the runs")
+    with busy("reading the tables"):
+        made = _convert(places, mapping, out, model, found)
+    if as_json:
+        print_json(*({"run": folder} for folder in made))
+        return
+    for folder in made:
+        sys.stdout.write(f"{folder.name}: {_summary(folder)}\n")
+    count = len(runs_in(out))
+    sys.stdout.write(f"{plural(count, 'run')} in {out}\n")
+    from cell.record.run import read_run
+
+    of = (
+        ("--strip", read_run(made[0]).header.strip)
+        if model is None
+        else ("--model", str(model))
+    )
+    advice = (
+        f"import a second run into {out}, better ten: a verdict needs some to test it"
+    )
+    if count > 1:
+        advice = shlex.join(
+            ["cell", "gap", "check", str(out), *of, "--out", f"{out}-check"]
+        )
+    sys.stdout.write(f"next: {advice}\n")
+
+
+def _propose(places: list[Path], target: Path, strip: str | None, found: Found) -> None:
+    """Write a mapping, guessed from the first of `places`, to the new file `target`;
+    print it.
+    """
+    from cell.record.exchange.guess import guess_mapping
+    from drivers.base.files import check_free, write_file
+
+    check_free(target)
+    text = guess_mapping(places, None if strip is None else found.strip(strip))
+    write_file(target, text)
+    sys.stdout.write(
+        f"{text}{target}: read it, and write what is open in place of null\n"
+    )
+    words = ("cell", "import", *places, "--mapping", target, "--out", "runs/own")
+    sys.stdout.write(f"next: {shlex.join(map(str, words))}\n")
+
+
+def _convert(
+    places: list[Path],
+    mapping: Path | None,
+    out: Path,
+    model: Path | None,
+    found: Found,
+) -> tuple[Path, ...]:
+    """Import the runs in `places` to `out`: folds, or runs of the mechanism in the file
+    `model`.
+    """
+    from cell.record.exchange.import_runs import import_runs as convert
+    from cell.record.exchange.mapping import SignalMapping
+
+    if model is not None:
+        from cell.gap.subject.mechanism.read_mechanism import open_file, read_checked
+        from cell.gap.subject.run_folders import RunFolder
+
+        mechanism = open_file(model)
+        return convert(
+            places,
+            mapping,
+            out,
+            lambda run: read_checked(RunFolder(run, run.name), mechanism),
+            SignalMapping,
+        )
+    from cell.gap.subject.strip.runs import check_fold
+
+    remarks = list[str]()
+    known = found.strip_names()
+    made = convert(
+        places,
+        mapping,
+        out,
+        lambda run: remarks.extend(check_fold(known, found.strip, run)),
+        length=lambda name: found.strip(name).length,
+    )
+    for remark in remarks:
+        notice(remark)
+    return made
+
+
+def _summary(folder: Path) -> str:
+    """Text on an imported run: duration [s], and rows and columns, or a fold's images
+    and touch.
+    """
+    from cell.gap.subject.run_folders import read_table
+    from cell.record.files import SIGNALS
+    from cell.record.run import read_run
+
+    if (folder / SIGNALS).is_file():
+        columns = read_table(folder / SIGNALS)
+        t = columns.pop("t")
+        return f"{t[-1] - t[0]:.2f} s; {len(t)} rows of {', '.join(columns)}"
+    run = read_run(folder)
+    touch = None if run.result is None else run.result.t_layer_touch
+    seen = "no touch" if touch is None else f"touch at {touch:.2f} s"
+    images = plural(len(set(run.profile.t.tolist())), "image")
+    return f"{run.ticks.t[-1]:.2f} s; {images}, {seen}"
+
+
+def export_runs(
+    runs: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="RUN", help="Runs, or folders of runs; for mjcf and newton strips."
+        ),
+    ],
+    out: Annotated[Path, typer.Option(help="New folder for the files.")],
+    kind: Annotated[
+        Literal["lerobot", "mcap", "csv", "mjcf", "newton"],
+        typer.Option(
+            "--format", help="Of runs a LeRobot set, MCAP, or CSV; of strips a model."
+        ),
+    ] = "lerobot",
+    configs: Configs = None,
+    as_json: Json = False,
+) -> None:
+    """Write runs for other programs, with exact time stamps, or strips as simulation
+    models.
+    """
+    from cell.record.exchange.export_runs import export_runs as convert
+    from cell.setup.strips.export_strip import export_strips
+
+    with busy("writing the files"):
+        match kind:
+            case "mjcf" | "newton":
+                strips = [find_configs(configs).strip(name) for name in runs]
+                made = export_strips(strips, kind, out)
+            case _:
+                made = dict.fromkeys(
+                    convert([run_folder(name) for name in runs], kind, out), ()
+                )
+    for path, unsaid in made.items():
+        if as_json:
+            print_json({"file": path} | ({"not_said": unsaid} if unsaid else {}))
+        else:
+            sys.stdout.writelines(
+                [f"{path}\n", *(f"  not said: {each}\n" for each in unsaid)]
+            )
+
+
+def observe(
+    film: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FILM", help="Film of a fold by a camera that stands still."
+        ),
+    ],
+    strip: Strip,
+    calibration: Annotated[
+        Path | None,
+        typer.Option(
+            help="Calibration of that camera at that place, from `cell calibrate`."
+        ),
+    ] = None,
+    board: Annotated[
+        bool,
+        typer.Option("--board", help="The film begins with the printed board instead."),
+    ] = False,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="New run folder [default: runs/NAME of the film]."),
+    ] = None,
+    configs: Configs = None,
+    as_json: Json = False,
+) -> None:
+    """Measure a fold on a film: writes a run folder, and the film with what was
+    measured.
+
+    The strip lies flat and still as the film begins. No arm need be in view.
+    """
+    check_names(configs, strip)
+    if board == (calibration is not None):
+        raise ConfigurationError("observe: give either --board or --calibration FILE")
+    from cell.folding.observe import observe as read
+    from cell.record.files import OVERLAY
+
+    folder = out or Path("runs") / film.stem
+    with busy("reading the film") as say:
+        found = read(
+            film,
+            calibration,
+            strip,
+            folder,
+            configs,
+            lambda time: say(f"reading the film: {time:.1f} s"),
+        )
+    d = None if found.touch is None else found.touch.displacement
+    if as_json:
+        line = {"run": folder, "images": found.images, "read": found.read}
+        print_json({**line, "displacement": None if d is None else round(d, 6)})
+        return
+    text = (
+        "no touch of the layers was seen"
+        if d is None
+        else f"displacement {1e3 * d:+.1f} mm"
+    )
+    sys.stdout.write(f"{film}: {found.read} of {found.images} images read; {text}\n")
+    sys.stdout.write(f"  {folder}\n  {folder / OVERLAY}\n")

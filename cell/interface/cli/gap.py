@@ -1,0 +1,475 @@
+"""Commands `cell gap`: where simulation and measurements disagree, and which effect is
+missing.
+"""
+
+import json
+import os
+import shlex
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cell.base.config.places import (
+    Configs as Configurations,
+    check_recordable,
+    find_configs,
+)
+from cell.interface.cli.options import (
+    INTERRUPTED_CODE,
+    PLANT_HELP,
+    Cluster,
+    Configs,
+    Json,
+    RunFolders,
+    Strip,
+    ask,
+    check_names,
+    engine,
+    resumable,
+)
+from cell.interface.cli.output import busy, notice, print_json, say, while_busy
+from drivers.base.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from cell.folding.request import Request
+    from cell.gap.verdict.accept import AcceptResult
+    from cell.gap.verdict.schema import Verdict
+
+COPY_TIMEOUT = 3600.0  # s of a copy in which an effect is hidden
+
+gap = typer.Typer(
+    help=(
+        "Find where simulation and measured data disagree, name the missing effect,"
+        " add it."
+    ),
+    no_args_is_help=True,
+)
+
+StripFileName = Annotated[
+    str | None,
+    typer.Option("--strip", help="Strip by name, or a path to its file."),
+]
+Model = Annotated[
+    Path | None,
+    typer.Option("--model", help="The mechanism file, in place of a strip."),
+]
+Subject = Annotated[
+    str | None,
+    typer.Option(
+        "--subject", help="A mechanism of the configuration by name: the cell's `arm`."
+    ),
+]
+Jobs = Annotated[
+    int | None,
+    typer.Option(min=1, help="Simulations side by side; all cores if not given."),
+]
+Fitted = Annotated[
+    Path, typer.Argument(metavar="DIR", help="The folder that a fit wrote.")
+]
+
+Plant = Annotated[str | None, typer.Option(help=f"{PLANT_HELP}.", metavar="PLANT")]
+PlanFolder = Annotated[
+    Path | None,
+    typer.Option("--runs", help="New folder of these runs [runs/NAME-plan]."),
+]
+NoTruth = Annotated[
+    bool, typer.Option("--no-truth", help="Keep the twin's truth out of the records.")
+]
+DryRun = Annotated[
+    bool, typer.Option("--dry-run", help="Say which runs would be made; move nothing.")
+]
+
+
+@gap.command()
+def plan(
+    strip: Strip,
+    plant: Plant = None,
+    runs: PlanFolder = None,
+    seed: Annotated[
+        int, typer.Option(min=0, help="Seed of run 0; run i uses seed + i.")
+    ] = 0,
+    jobs: Annotated[int, typer.Option(min=1, help="Runs side by side.")] = 1,
+    configs: Configs = None,
+    no_truth: NoTruth = False,
+    dry_run: DryRun = False,
+    as_json: Json = False,
+) -> None:
+    """Fold the standard runs, by which `cell gap fit` identifies what a strip's model
+    lacks.
+    """
+    check_names(configs, strip)
+    from cell.record.files import runs_in
+
+    folder = runs or Path("runs") / f"{Path(strip).stem}-plan"
+    if runs_in(folder):
+        raise ConfigurationError(
+            f"--runs: {folder} holds runs already; name a new folder, so that the"
+            " standard runs stay together"
+        )
+    if not dry_run:
+        check_recordable(folder)
+    requests = _standard_runs(
+        find_configs(configs), strip, plant, folder, seed, truth=not no_truth
+    )
+    if dry_run:
+        from cell.folding.request import standard_run
+
+        for i, request in enumerate(requests):
+            name, shows = standard_run(request)
+            if as_json:
+                print_json(
+                    {"run": i, "name": name, "speed": request.speed, "shows": shows}
+                )
+            else:
+                sys.stdout.write(
+                    f"{i:2d}  {name:15s} {request.speed:.2f} m/s  shows {shows}\n"
+                )
+        return
+    file = _subject_file(strip, None, configs, None)
+    words = ("cell", "gap", "fit", folder, "--strip", file, "--out", f"{folder}-fit")
+    next_step = f"next: {shlex.join(map(str, words))}\n"
+    with resumable(
+        folder, f"fit two or more, or plan all with another --runs\n{next_step}"
+    ):
+        code = _fold_all(requests, jobs, as_json=as_json)
+        if code == INTERRUPTED_CODE:
+            raise KeyboardInterrupt
+    if not as_json:
+        sys.stdout.write(next_step)
+    sys.exit(code)
+
+
+def _standard_runs(
+    found: Configurations,
+    strip: str,
+    plant: str | None,
+    folder: Path,
+    seed: int,
+    *,
+    truth: bool,
+) -> "Sequence[Request]":
+    """Requests of the standard runs of `strip` into `folder`, the `plant` on the desk
+    if given.
+    """
+    plant_file = None if plant is None else found.plant_path(plant)
+    from cell.base.devices.devices import Trial
+    from cell.folding.request import Recording, Request, standard_requests
+    from drivers.strip.describe import load_plant
+
+    desk = None if plant_file is None else load_plant(plant_file)
+    record = Recording(truth=truth)
+    trial = Trial(desk, seed)
+    base = Request(found.cell(), found.strip(strip), "", folder, trial, record=record)
+    return standard_requests(base)
+
+
+def _fold_all(requests: "Sequence[Request]", jobs: int, *, as_json: bool) -> int:
+    """Fold the standard runs and print each result; returns the largest exit code of
+    all.
+    """
+    from cell.folding.batch import Callbacks, agreed, fold_all
+    from cell.folding.request import standard_run
+    from cell.setup.arm.run_settings import await_strip
+
+    requests = agreed(requests, ask)
+    code = 0
+    callbacks = Callbacks(lay_again=lambda: await_strip(ask))
+    results = while_busy("folding", fold_all(requests, jobs, callbacks=callbacks))
+    for i, (request, result) in enumerate(
+        zip(requests, results, strict=False), start=1
+    ):
+        if not result.run:
+            notice(result.reason)
+            return result.exit_code
+        if as_json:
+            print_json(result.line())
+        else:
+            name, reveals = standard_run(request)
+            d = result.displacement
+            outcome = result.outcome + (
+                "" if d is None else f", displacement {1e3 * d:.1f} mm"
+            )
+            text = f"{name:15s} {outcome:32s} shows {reveals}  {result.run}"
+            sys.stdout.write(f"{i}/{len(requests)}  {text}\n")
+        sys.stdout.flush()
+        code = max(code, 0 if result.went_as_planned else result.exit_code)
+    return code
+
+
+@gap.command()
+def rehearse(
+    runs: RunFolders,
+    strip: Strip,
+    out: Annotated[Path, typer.Option("--out", help="Folder of outcomes and page.")],
+    jobs: Annotated[int, typer.Option(min=1, help="Copies side by side.")] = 1,
+    cluster: Cluster = None,
+    configs: Configs = None,
+    as_json: Json = False,
+) -> None:
+    """Hide each effect in turn in simulated copies of these runs: would a fit name the
+    effect?
+
+    Finished copies are kept in OUT: run the command again to resume.
+    """
+    from rich.console import Console
+
+    from cell.base.campaign.progress import Meter
+    from cell.gap import rehearse as rehearsal
+
+    threads = _threads(jobs)
+    chosen = engine(threads, cluster, COPY_TIMEOUT)
+    planned = rehearsal.rehearsal_plan(
+        runs, _subject_file(strip, None, configs, None), threads
+    )
+    console = None if as_json else Console(stderr=True)
+    with resumable(out), Meter(console, rehearsal.progress_line) as meter:
+        records = rehearsal.rehearse(planned, out, chosen, meter)
+    page = rehearsal.write_page(planned, records, out)
+    if as_json:
+        print_json(json.loads((out / "rehearsal.json").read_text(encoding="utf-8")))
+    else:
+        sys.stdout.write(page.read_text(encoding="utf-8"))
+
+
+@gap.command()
+def fit(
+    runs: RunFolders,
+    out: Annotated[
+        Path, typer.Option("--out", help="Folder for verdict, report and patches.")
+    ],
+    strip: StripFileName = None,
+    model: Model = None,
+    subject: Subject = None,
+    hold_out: Annotated[
+        list[str] | None, typer.Option(help="A run that only judges; repeatable.")
+    ] = None,
+    without: Annotated[
+        list[str] | None,
+        typer.Option(help="An effect withheld from the library; repeatable."),
+    ] = None,
+    unchecked: Annotated[
+        bool,
+        typer.Option(
+            "--unchecked", help="Fit recordings that `cell gap check` refuses."
+        ),
+    ] = False,
+    jobs: Jobs = None,
+    configs: Configs = None,
+    as_json: Json = False,
+) -> None:
+    """Name the effects that a model lacks in measured runs; says so where runs cannot
+    decide.
+    """
+    file = _subject_file(strip, model, configs, subject)
+    from cell.gap.fit import FitOptions, fit as fit_runs
+    from cell.gap.open_subject import option_for
+    from cell.gap.report.overlay import write_overlay
+    from cell.gap.report.sentence import deviation_text
+    from cell.gap.verdict.accept import LAW_PATCH
+
+    options = FitOptions(hold_out or (), without or (), unchecked, _threads(jobs))
+    with _progress() as shown:
+        verdict = fit_runs(runs, file, out, options, shown, write_overlay)
+    if as_json:
+        print_json(json.loads(verdict.to_json()))
+        return
+    files = [f"  {out / name}" for name in ("report.html", "overlay.rrd")]
+    law = (out / LAW_PATCH).is_file()
+    following = f"next: {_next_command(verdict, out, option_for(file), law=law)}"
+    deviations = [deviation_text(verdict.deviates)] if verdict.deviates else []
+    sys.stdout.write("\n".join([*deviations, str(verdict), *files, following]) + "\n")
+
+
+@gap.command()
+def check(
+    runs: RunFolders,
+    out: Annotated[
+        Path, typer.Option("--out", help="Folder for check.json and check.html.")
+    ],
+    strip: StripFileName = None,
+    model: Model = None,
+    subject: Subject = None,
+    jobs: Jobs = None,
+    configs: Configs = None,
+    as_json: Json = False,
+) -> None:
+    """Check recordings before a fit: samples, clocks, duplicates, and what the runs can
+    show.
+
+    Exit code 2 where `cell gap fit` refuses them.
+    """
+    from cell.gap.check import check as check_runs, check_page
+    from drivers.base.files import write_file
+    from drivers.base.outputs import check_output_folder
+
+    check_output_folder(out, "check.json", "fit.json")
+    file = _subject_file(strip, model, configs, subject)
+    with _progress() as shown:
+        checked = check_runs(runs, file, _threads(jobs), shown)
+    write_file(out / "check.json", checked.to_json())
+    write_file(out / "check.html", check_page(checked, file.stem))
+    if as_json:
+        print_json(json.loads(checked.to_json()))
+    else:
+        sys.stdout.write(f"{checked}\n  {out / 'check.html'}\n")
+    sys.exit(ConfigurationError.exit_code if checked.level == "bad" else 0)
+
+
+@gap.command()
+def accept(
+    fitted: Fitted,
+    strip: StripFileName = None,
+    model: Model = None,
+    subject: Subject = None,
+    law: Annotated[
+        bool,
+        typer.Option(
+            "--law", help="Accept the law that describes what nothing explains."
+        ),
+    ] = False,
+    force: Annotated[
+        bool,
+        typer.Option(
+            "--force", help="Accept what is suspected, where nothing is named."
+        ),
+    ] = False,
+    configs: Configs = None,
+    as_json: Json = False,
+) -> None:
+    """Write the named effects into the strip's file, or into cell.yaml if they are the
+    cell's.
+
+    For a mechanism: into an MJCF file beside its model; what MJCF cannot state, into
+    its file.
+    """
+    from cell.gap.verdict.accept import accept as apply_patch
+
+    file = _subject_file(strip, model, configs, subject)
+    changed = apply_patch(
+        fitted, file, _cell_file(model, configs), law=law, force=force
+    )
+    _print_changed("accepted", changed, as_json=as_json)
+
+
+@gap.command()
+def undo(
+    fitted: Fitted,
+    strip: StripFileName = None,
+    model: Model = None,
+    subject: Subject = None,
+    configs: Configs = None,
+    as_json: Json = False,
+) -> None:
+    """Restore the files to their state before `cell gap accept`."""
+    from cell.gap.verdict.accept import undo as restore
+
+    file = _subject_file(strip, model, configs, subject)
+    changed = restore(fitted, file, _cell_file(model, configs))
+    _print_changed("undone", changed, as_json=as_json)
+
+
+def _print_changed(what: str, changed: "AcceptResult", *, as_json: bool) -> None:
+    """Print which effects `changed`, accepted or undone as `what` says, and in which
+    files.
+    """
+    text = "\n  ".join(
+        [f"{what}: {', '.join(changed.effects)}", *map(str, changed.files)]
+    )
+    say({what: changed.effects, "files": changed.files}, text, as_json=as_json)
+
+
+@gap.command()
+def advise(fitted: Fitted, as_json: Json = False) -> None:
+    """Print the further runs that would best separate the remaining explanations."""
+    from cell.gap.report.sentence import remedy_lines
+    from cell.gap.verdict.accept import RECORD, FitRecord, read_stored
+    from cell.gap.verdict.schema import read_verdict
+
+    verdict = read_verdict(fitted / "verdict.json")
+    if as_json:
+        sys.stdout.write(json.dumps(list(map(asdict, verdict.advice))) + "\n")
+        return
+    for line in remedy_lines(read_stored(fitted / RECORD, FitRecord).scatter):
+        sys.stdout.write(f"{line}\n")
+    if not verdict.advice:
+        sys.stdout.write("no experiment is worth more than those that were made\n")
+    for item in verdict.advice:
+        sys.stdout.write(
+            f"{item.experiment}: separates {' from '.join(item.separates)} by "
+            f"{item.expected_sigma:.1f} sigma in {item.minutes:.1f} minutes\n"
+        )
+
+
+def _subject_file(
+    strip: str | None, model: Path | None, configs: Path | None, subject: str | None
+) -> Path:
+    """File that --strip, --model or --subject names; ConfigurationError unless one is
+    given.
+    """
+    if sum(given is not None for given in (strip, model, subject)) != 1:
+        raise ConfigurationError(
+            "--strip, --model, --subject: give exactly one: a strip by name or file,"
+            " the file of a mechanism, or the name of a mechanism of the configuration"
+        )
+    if strip is not None:
+        return _relative(find_configs(configs).strip_path(strip))
+    if model is not None:
+        return model
+    return _relative(find_configs(configs).mechanism_path(str(subject)))
+
+
+def _relative(file: Path) -> Path:
+    """Path of `file` relative to the working directory, if the file lies below."""
+    return file.relative_to(Path.cwd()) if file.is_relative_to(Path.cwd()) else file
+
+
+def _threads(jobs: int | None) -> int:
+    """Number of simulations side by side: `jobs`, but at most the number of cores."""
+    cores = os.cpu_count() or 1
+    return min(jobs or cores, cores)
+
+
+def _next_command(verdict: "Verdict", out: Path, option: str, *, law: bool) -> str:
+    """Command that the operator runs next, by the verdict of the fit in `out`."""
+    from cell.gap.verdict.accept import BASE_PATCH
+
+    place = shlex.quote(str(out))
+    if verdict.verdict == "named" or (out / BASE_PATCH).is_file():
+        return f"cell gap accept {place} {option}"
+    if verdict.verdict == "ambiguous":
+        return f"cell gap advise {place}"
+    if law and not verdict.suspected:
+        return f"cell gap accept {place} {option} --law   (a description, no name)"
+    if verdict.verdict == "unexplained":
+        return f"open {out / 'report.html'}: where it sits, and what stands beside it"
+    return (
+        f"cell fold {option}" if option.startswith("--strip") else "nothing to accept"
+    )
+
+
+def _cell_file(model: Path | None, configs: Path | None) -> Path | None:
+    """Path of cell.yaml, None with a mechanism's `model`; ConfigurationError if
+    unreadable.
+    """
+    if model is not None:
+        return None
+    found = find_configs(configs)
+    found.cell()  # refused here, in one line, before anything is written
+    return found.folder / "cell.yaml"
+
+
+@contextmanager
+def _progress() -> Iterator[Callable[[str, float], None]]:
+    """Yield a callback that shows stage and share of the work, off a terminal line by
+    line.
+    """
+    with busy("reading") as show:
+        tell = show if sys.stderr.isatty() else notice
+        yield lambda stage, share: tell(f"{100 * share:3.0f} % {stage}")

@@ -1,0 +1,287 @@
+"""Commands on records: `cell runs`, `report` (pages), `note` (tags), `viz` (Rerun),
+`replay`.
+"""
+
+import csv
+import re
+import sys
+from collections.abc import Sequence
+from datetime import UTC, datetime, timedelta
+from math import isnan
+from pathlib import Path
+from shlex import quote
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from cell.interface.cli.options import Json, Run, RunFolders, Runs
+from cell.interface.cli.output import busy, notice, print_json, print_table, say
+from cell.record.files import CALIBRATION, is_run, run_folder
+from cell.report.words import plural
+from drivers.base.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from cell.record.listing import RunRow
+
+MEGABYTE = 1e6
+TAG = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
+
+
+def runs(
+    folder: Runs = Path("runs"),
+    where: Annotated[
+        str,
+        typer.Option(
+            help='Only runs for which this SQL holds, as "abs(displacement) > 0.01".'
+        ),
+    ] = "",
+    sort: Annotated[
+        str, typer.Option(help="Column to sort by, as edge_offset; -COLUMN downwards.")
+    ] = "",
+    as_csv: Annotated[
+        bool, typer.Option("--csv", help="All columns as CSV, in SI units.")
+    ] = False,
+    html: Annotated[
+        Path | None,
+        typer.Option(help="Write the list there as one page with thumbnails."),
+    ] = None,
+    keep: Annotated[
+        int | None, typer.Option(min=0, help="Keep only the newest this many.")
+    ] = None,
+    older_than: Annotated[
+        float | None,
+        typer.Option(
+            min=0, max=36500, help="Keep only runs of this many days or less."
+        ),
+    ] = None,
+    delete: Annotated[
+        bool,
+        typer.Option(
+            "--delete", help="Really delete what --keep or --older-than name."
+        ),
+    ] = False,
+    as_json: Json = False,
+) -> None:
+    """List the runs in a folder; with --keep or --older-than, the runs that --delete
+    removes.
+    """
+    from cell.record.listing import COLUMNS, list_runs, remove, to_prune, values_of
+
+    pruning = keep is not None or older_than is not None or delete
+    if delete and html is not None:
+        raise ConfigurationError("--keep, --older-than, --delete: go without --html")
+    with busy("reading the runs"):
+        rows = list_runs(folder, where, sort)
+    if pruning:
+        rows = to_prune(rows, datetime.now(UTC), keep=keep, older_than=_age(older_than))
+    if html is not None:
+        from cell.report.runs_page import write_runs_page
+
+        sys.stdout.write(
+            f"{plural(len(rows), 'run')}\n  {write_runs_page(rows, html)}\n"
+        )
+        return
+    if as_csv:
+        writer = csv.writer(sys.stdout, lineterminator="\n")
+        writer.writerow(COLUMNS)
+        writer.writerows(map(values_of, rows))
+    elif as_json:
+        print_json(*map(_row_facts, rows))
+    else:
+        _print_table(rows)
+    if pruning and delete:
+        freed = remove(rows)
+        sys.stderr.write(
+            f"deleted {plural(len(rows), 'run')}, {freed / MEGABYTE:.1f} MB\n"
+        )
+    elif pruning:
+        sys.stderr.write(
+            f"{plural(len(rows), 'run')} may go; nothing was deleted, add --delete\n"
+        )
+
+
+def _age(days: float | None) -> timedelta | None:
+    """Age that --older-than states in `days`, None if not given; ConfigurationError for
+    nan.
+    """
+    if days is not None and isnan(days):
+        raise ConfigurationError("--older-than: is nan; give a number of days")
+    return None if days is None else timedelta(days=days)
+
+
+def _row_facts(row: "RunRow") -> dict[str, Any]:
+    """JSON object of a listed run: lengths [m], duration [s], size [bytes], tags if
+    any.
+    """
+    keys = (
+        "strip",
+        "policy",
+        "outcome",
+        "displacement",
+        "edge_offset",
+        "duration",
+        "size",
+    )
+    facts: dict[str, Any] = {"run": str(row.folder), "began": row.began.isoformat()}
+    facts |= {key: getattr(row, key) for key in keys}
+    if row.tags or row.note:
+        facts |= {"tags": row.tags.split(), "note": row.note}
+    return facts
+
+
+def _print_table(rows: "Sequence[RunRow]") -> None:
+    """Print the runs as a table; tags have a column where any run has one."""
+    tagged = any(row.tags for row in rows)
+    columns = ("run", "strip", "policy", "outcome", *(("tags",) if tagged else ()))
+    shown = []
+    for r in rows:
+        words = (r.short, r.strip, r.policy, r.outcome, *((r.tags,) if tagged else ()))
+        shown.append((*words, *r.offsets, f"{r.size / MEGABYTE:.1f}"))
+    print_table((*columns, "d mm", "edge mm", "MB"), shown, text=len(columns))
+
+
+def report(
+    runs: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="RUN",
+            parser=run_folder,
+            help=(
+                "Run folders, the ends of their names, or last; or the file of a"
+                " calibration."
+            ),
+        ),
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="Page that compares several runs [default: compare.html beside them]."
+        ),
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Write the HTML page of a run, finished or not; several runs are compared on one
+    page.
+
+    For the file of a calibration, write its page beside it.
+    """
+    if len(runs) > 1:
+        _report_comparison(runs, out, as_json=as_json)
+    elif out is not None:
+        raise ConfigurationError(
+            "--out: goes with several runs; one has its page in its folder"
+        )
+    elif runs[0].is_file() and (
+        runs[0].name == CALIBRATION or not is_run(runs[0].parent)
+    ):
+        _report_calibration(runs[0], as_json=as_json)
+    else:
+        _report_run(runs[0], as_json=as_json)
+
+
+def _report_comparison(
+    runs: Sequence[Path], out: Path | None, *, as_json: bool
+) -> None:
+    """Write the page that compares `runs` to `out`, by default beside them, and print
+    its path.
+    """
+    from cell.report.runs_page import write_comparison
+
+    with busy("comparing the runs"):
+        page = write_comparison(runs, out or runs[0].resolve().parent / "compare.html")
+    say(
+        {"runs": runs, "report": page},
+        f"{len(runs)} runs compared\n  {page}",
+        as_json=as_json,
+    )
+
+
+def _report_run(folder: Path, *, as_json: bool) -> None:
+    """Write the page of the run in `folder`, and print its verdict and path."""
+    from cell.record.run import read_broken_run
+    from cell.report.page import write_page
+    from cell.report.page_verdict import verdict
+
+    with busy("writing the page"):
+        run = read_broken_run(folder)
+        page = write_page(run)
+    for problem in run.problems:
+        notice(problem)
+    say({"run": folder, "report": page}, f"{verdict(run)}\n  {page}", as_json=as_json)
+
+
+def _report_calibration(path: Path, *, as_json: bool) -> None:
+    """Write the page of the calibration file at `path`, and print its path."""
+    from cell.report.calibration_page import write_calibration_report
+
+    if path.suffix not in (".yaml", ".yml"):
+        raise ConfigurationError(
+            f"{path}: is neither a run's folder nor a calibration's YAML file; see"
+            " `cell runs`"
+        )
+    page = write_calibration_report(path)
+    say({"calibration": path, "report": page}, str(page), as_json=as_json)
+
+
+def note(
+    runs: RunFolders,
+    tag: Annotated[
+        list[str] | None, typer.Option(help="A tag to add; repeatable.")
+    ] = None,
+    untag: Annotated[
+        list[str] | None, typer.Option(help="A tag to remove; repeatable.")
+    ] = None,
+    text: Annotated[
+        str | None, typer.Option(help="The note, in place of an earlier one.")
+    ] = None,
+) -> None:
+    """Tag runs, or write a note on them; `cell runs` lists tags and notes."""
+    from cell.record.documents import annotate
+    from cell.record.files import check_run
+
+    if not tag and not untag and text is None:
+        raise ConfigurationError(
+            "--tag, --untag, --text: give one at least, as --tag good"
+        )
+    for word in (*(tag or ()), *(untag or ())):
+        if TAG.fullmatch(word) is None:
+            raise ConfigurationError(
+                f"--tag: {word!r} is no tag; use letters, digits, . - and _"
+            )
+    for run in runs:
+        check_run(run)
+    for run in runs:
+        tags = annotate(run, tag or (), untag or (), text)
+        sys.stdout.write(f"{run}: {tags or 'no tags'}\n")
+
+
+def viz(run: Run) -> None:
+    """Write a run's recording for the viewer Rerun, and print how to open it."""
+    from cell.record.run import read_broken_run
+    from cell.report.viz.recording import viz_from_run
+
+    with busy("writing the recording"):
+        path = viz_from_run(run)
+    for problem in read_broken_run(run).problems:
+        notice(problem)
+    sys.stdout.write(f"{path}\n  open it with: rerun {quote(str(path))}\n")
+
+
+def replay(run: Run, as_json: Json = False) -> None:
+    """Repeat a run's perception and decisions from its record; exit code 1 if one
+    differs.
+    """
+    with busy("repeating perception and decisions from the record"):
+        from cell.folding.replay import replay as decide_again
+
+        result = decide_again(run)
+    if as_json:
+        facts = {"run": run, "images": result.images, "decisions": result.decisions}
+        print_json({**facts, "differences": result.differences})
+    else:
+        text = "the same" if result.same else f"{len(result.differences)} differences"
+        sys.stdout.write(
+            f"{result.images} images, {result.decisions} decisions: {text}\n"
+        )
+        sys.stdout.writelines(f"  {line}\n" for line in result.differences)
+    sys.exit(0 if result.same else 1)

@@ -1,0 +1,76 @@
+"""Prediction of a fold by a Franka arm: joints, margins and clearance along the
+path.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from drivers.base.installation import Installation
+from drivers.base.types import Array
+from drivers.franka.obstacles import RISE, desk_clearance, desk_end
+from drivers.franka.reach import Reach, densify, plan_reach
+
+
+@dataclass(frozen=True, slots=True)
+class ArmPrediction:
+    """Predicted motion of a Franka arm in a whole fold; `clearance` [m] of hand over
+    desk.
+    """
+
+    reach: Reach
+    clearance: float
+
+    @property
+    def allowed(self) -> bool:
+        """Whether the arm can follow the whole fold without touching the desk."""
+        return self.reach.allowed and self.clearance > 0
+
+    def line(self) -> dict[str, Any]:
+        """JSON object of the arm's prediction, a part of `cell fold --dry-run
+        --json`.
+        """
+        return {
+            "reachable": self.allowed,
+            "hand_turned": self.reach.turned,
+            "joint_margin": round(self.reach.margin, 4),
+            "narrowest_joint": self.reach.joint,
+            "start_joints": [round(q, 4) for q in self.reach.start.tolist()],
+            "clearance": (
+                round(self.clearance, 4) if np.isfinite(self.clearance) else None
+            ),
+            "problems": [str(problem) for problem in self.reach.problems],
+        }
+
+    def text(self) -> str:
+        """Text of the arm's predicted motion for the operator."""
+        reach = self.reach
+        if not reach.allowed:
+            problems = "\n    ".join(str(problem) for problem in reach.problems)
+            return f"the arm cannot follow it from this mounting:\n    {problems}"
+        side = "turned by half a turn" if reach.turned else "as mounted"
+        hand = f"the hand stays {1e3 * self.clearance:.0f} mm clear of the desk"
+        if self.clearance <= 0:
+            hand = (
+                f"but the hand would run {-1e3 * self.clearance:.0f} mm into the desk"
+            )
+        return (
+            "the arm can follow it, approach, lay and retreat included, the hand"
+            f" {side}; joint {reach.joint} comes nearest to its end, {reach.margin:.2f}"
+            f" rad\n  {hand}, which must end with the strip and stand {1e3 * RISE:.0f}"
+            " mm above what is beside it"
+        )
+
+
+def predict_arm(
+    installation: Installation, length: float, path: Array, speeds: Array
+) -> ArmPrediction:
+    """Predict the motion of the arm in a fold of a strip of `length` [m].
+
+    `path` (n, 3) x, z [m], pitch [rad] at `speeds` (n,) [m/s] is as of `whole_path`,
+    the limits of the `installation` are those of the arm.
+    """
+    desk = desk_end(installation, length)
+    clearance = float(desk_clearance(densify(path, speeds)[0], desk).min())
+    return ArmPrediction(plan_reach(installation, path, speeds), clearance)

@@ -1,0 +1,80 @@
+"""Registration of the cell frame in the robot's base, by three points that the fingers
+touch.
+"""
+
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+
+from cell.base.config.cell import CellFile
+from cell.base.config.places import Configs
+from drivers.base.errors import CellError
+from drivers.base.files import change_file
+from drivers.base.installation import Mounting
+from drivers.base.settings import parse
+from drivers.base.types import Array
+from drivers.base.yaml_text import edit_yaml, parse_yaml
+
+TOUCH_POINTS = (
+    "the middle of the strip's fixed edge, on the desk",
+    "the middle of the strip's other edge, on the desk",
+    "a point of the desk beside the strip, at least 0.1 m from it",
+)
+MOST_TILT = np.radians(0.5)  # rad that the desk may be tilted
+STRETCH = 0.005  # m, allowed difference of the touched length from the strip's
+OFF_LINE = 0.1  # m, at least, of the third point from the line of the first two
+
+
+def mounting_from_points(points: Array, length: float) -> Mounting:
+    """Mounting of the robot, from touched `points` (3, 3) [m] at TOUCH_POINTS in its
+    base.
+
+    Raises CellError for a strip of another `length` [m] or a desk that is not level.
+    """
+    fixed, other, beside = points
+    along = other - fixed
+    distance = float(np.linalg.norm(along))
+    if not abs(distance - length) <= STRETCH:  # true for NaN
+        raise CellError(
+            f"register: the edges are {1e3 * distance:.1f} mm apart, the strip is"
+            f" {1e3 * length:.1f} mm long; allowed: {1e3 * STRETCH:.0f} mm; touch both"
+            " edges again"
+        )
+    normal = np.cross(along, beside - fixed)
+    if not float(np.linalg.norm(normal)) >= OFF_LINE * distance:
+        raise CellError(
+            "register: the third point is too near the strip; allowed: at least"
+            f" {OFF_LINE:.1f} m beside it; touch it again"
+        )
+    tilt = float(np.arccos(np.clip(abs(normal[2]) / np.linalg.norm(normal), 0.0, 1.0)))
+    if not tilt <= MOST_TILT:
+        raise CellError(
+            f"register: the desk is tilted by {np.degrees(tilt):.2f} deg to the robot's"
+            f" base, allowed {np.degrees(MOST_TILT):.1f} deg; level the desk or the"
+            " robot"
+        )
+    x, y, z = fixed.tolist()
+    yaw = float(np.arctan2(along[1], along[0]))
+    return Mounting(x=round(x, 5), y=round(y, 5), z=round(z, 5), yaw=round(yaw, 5))
+
+
+def write_mounting(configs: Configs, mounting: Mounting) -> Path:
+    """Write `mounting` into cell.yaml, the old one as a comment at its end; returns the
+    path.
+    """
+    path = configs.folder / "cell.yaml"
+    change_file(path, lambda text: _with_mounting(text, mounting, path))
+    configs.cell()
+    return path
+
+
+def _with_mounting(text: str, mounting: Mounting, path: Path) -> str:
+    """Text of cell.yaml with `mounting`, and the old one as a comment at its end."""
+    content = parse_yaml(text, str(path))
+    old = parse(content, CellFile, str(path)).installation.mounting
+    installation = content.get("installation", {}) | {"mounting": mounting.model_dump()}
+    new = edit_yaml(text, content | {"installation": installation})
+    date = datetime.now(UTC).date().isoformat()
+    was = f"{{x: {old.x}, y: {old.y}, z: {old.z}, yaw: {old.yaw}}}"
+    return f"{new.rstrip()}\n# until {date}: installation: mounting: {was}\n"

@@ -1,0 +1,239 @@
+"""Checks of a cell's devices before a motion: robot, protocol, network, camera,
+calibration.
+"""
+
+import time
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib.util import find_spec
+from multiprocessing.connection import Connection
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.calibration import load_calibration
+from cell.base.config.cell import CellFile
+from cell.base.config.drivers import DRIVERS
+from cell.setup.calibration_in_use import age_days, check_current
+from cell.setup.doctor.check import Check, Grade
+from drivers.base.child import Child, ChildDied
+from drivers.base.errors import CellError
+from drivers.base.types import Array
+from drivers.v4l2.camera import report
+from drivers.v4l2.device import Kernel
+
+EXPIRING = 0.8  # of the days that a calibration is believed
+STARTING = 30.0  # s that the measuring process may need beyond its measurement
+BUFFERED = 0.25  # s at the start of a measurement
+# shares of lost states, for a warning and for a failure
+LOST_SHARE, TOO_MANY = 0.01, 0.10
+IN_A_ROW = 20  # lost states after which the robot itself stops
+LARGEST_DELAY_MS = 2.0  # ms between two states, 99.9 % of them
+NETWORK_WHY = "a robot that misses 20 commands in a row stops with a reflex"
+
+
+def library() -> Check:
+    """Check whether pylibfranka, the maker's client of the arm, is installed."""
+    why = "the arm speaks a protocol of its own"
+    if find_spec("pylibfranka") is not None:
+        return Check("robot library", Grade.PASS, "pylibfranka is installed", why)
+    remedy = "pip install 'folding-cell[fci]' on Linux x86_64, Python 3.11 or 3.12"
+    return Check("robot library", Grade.FAIL, "pylibfranka is missing", why, remedy)
+
+
+def robot(address: str) -> Check:
+    """Check whether a robot answers at `address` in the library's version of the
+    protocol.
+    """
+    from drivers.franka.checks import LIBRARY_VERSION, robot_version
+
+    why = "robot and library must speak one version; a mismatch is refused at connect"
+    spoken = robot_version(address)
+    if spoken is None:
+        remedy = (
+            "switch the robot on, unlock its brakes, activate FCI in Desk; check"
+            " fci.address"
+        )
+        return Check("robot", Grade.FAIL, f"no robot answers at {address}", why, remedy)
+    found = f"{address} speaks version {spoken}, the library {LIBRARY_VERSION}"
+    state = Grade.PASS if spoken == LIBRARY_VERSION else Grade.FAIL
+    return Check(
+        "robot", state, found, why, "install the library that fits the robot's system"
+    )
+
+
+def camera(settings: CellFile) -> Check:
+    """Check whether the configured camera is connected, with its controls locked as
+    configured.
+    """
+    why = (
+        "a picture by other settings is measured by a calibration that does not fit it"
+    )
+    if settings.camera_driver != DRIVERS["cameras"]["v4l2"]:
+        return Check(
+            "camera", Grade.SKIPPED, "a plug-in's", "only its package can check it"
+        )
+    stated = settings.camera
+    if stated is None:
+        remedy = "run `cell camera` and put what it prints into cell.yaml"
+        return Check("camera", Grade.FAIL, "cell.yaml states none", why, remedy)
+    try:
+        found = report(Kernel(), stated.device)
+    except CellError as error:
+        return Check(
+            "camera", Grade.FAIL, str(error), why, "connect it, close other programs"
+        )
+    values = {control.name: control.value for control in found.controls}
+    other = [
+        f"{name} is {values.get(name, 'absent')}, configured {wanted}"
+        for name, wanted in stated.controls.items()
+        if values.get(name) != wanted
+    ]
+    if other:
+        remedy = (
+            "close the program that changes it; a fold sets it again when it connects"
+        )
+        return Check("camera", Grade.WARN, "; ".join(other), why, remedy)
+    count = len(stated.controls)
+    return Check(
+        "camera", Grade.PASS, f"{stated.device}, {count} controls as configured", why
+    )
+
+
+def calibration(settings: CellFile, *, on_twin: bool) -> Check:
+    """Check whether the calibration exists and is plausible and recent enough."""
+    why = "everything that the camera sees is measured by it"
+    remedy = (
+        "run `cell calibrate camera` and `cell calibrate homography`, name the file"
+    )
+    if settings.calibration is None:
+        state = Grade.PASS if on_twin else Grade.FAIL
+        found = "the twin makes its own" if on_twin else "cell.yaml names none"
+        return Check("calibration", state, found, why, remedy)
+    try:
+        made = load_calibration(Path(settings.calibration))
+        now = datetime.now(UTC)
+        check_current(made, settings.calibration_days, now, on_twin=on_twin)
+    except CellError as error:
+        return Check("calibration", Grade.FAIL, str(error), why, remedy)
+    age = age_days(made, now)
+    found = f"{made.id}, {age:.0f} of {settings.calibration_days:.0f} days old"
+    if made.accepted_anyway:
+        return Check(
+            "calibration",
+            Grade.WARN,
+            f"{found}, accepted although refused",
+            why,
+            remedy,
+        )
+    old = not on_twin and age > EXPIRING * settings.calibration_days
+    return Check("calibration", Grade.WARN if old else Grade.PASS, found, why, remedy)
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """Statistics of a robot's network link over `seconds`: states, losses, times [ms].
+
+    `in_a_row` is the most states lost in a row; `late_ms` the 99.9th percentile of the
+    times between two arrivals, `worst_ms` the longest.
+    """
+
+    seconds: float
+    states: int
+    lost: int
+    in_a_row: int
+    late_ms: float
+    worst_ms: float
+
+    @property
+    def lost_share(self) -> float:
+        """Share of the robot's states that did not arrive."""
+        return self.lost / max(self.states + self.lost, 1)
+
+
+def network(address: str, seconds: float) -> Check:
+    """Check whether the states of the robot at `address` arrive in time, over
+    `seconds`.
+    """
+    try:
+        return judge_link(measure_link(address, seconds))
+    except CellError as error:
+        remedy = "close other programs that hold the robot; check cable and address"
+        return Check("network", Grade.FAIL, str(error), NETWORK_WHY, remedy)
+
+
+def judge_link(link: Link) -> Check:
+    """Check whether a measured network `link` loses few states, and none for long."""
+    remedy = (
+        "connect the robot to a network card of its own, without a switch; switch off"
+        " power saving of processor and card; close busy programs"
+    )
+    found = (
+        f"{link.states} states in {link.seconds:.0f} s, {100 * link.lost_share:.2f} %"
+        f" lost, at most {link.in_a_row} in a row; 99.9 % within {link.late_ms:.1f} ms,"
+        f" worst {link.worst_ms:.1f} ms"
+    )
+    state = Grade.PASS
+    if link.lost_share > LOST_SHARE or link.late_ms > LARGEST_DELAY_MS:
+        state = Grade.WARN
+    if link.lost_share > TOO_MANY or link.in_a_row >= IN_A_ROW:
+        state = Grade.FAIL
+    return Check("network", state, found, NETWORK_WHY, remedy)
+
+
+def measure_link(address: str, seconds: float) -> Link:
+    """Measure the network link to the robot at `address`; CellError if unreachable.
+
+    In a process of its own: reading blocks, and the client library changes the
+    scheduler of the process that connects.
+    """
+    child = Child(read_states, address, seconds)
+    try:
+        link: Link | None = child.receive(seconds + STARTING)
+    except ChildDied as died:
+        text = str(died) if died.failure is None else died.failure.text
+        raise CellError(f"{address}: {' '.join(text.split())[:200]}") from None
+    finally:
+        child.kill()
+    if link is None:
+        raise CellError(f"{address}: no answer within {seconds + STARTING:.0f} s")
+    return link
+
+
+def read_states(pipe: Connection, address: str, seconds: float) -> None:
+    """Main function of the measuring process: read states for `seconds`, send
+    statistics.
+    """
+    import pylibfranka as franka
+
+    robot = franka.Robot(address, franka.RealtimeConfig.kIgnore)
+    times = list[int]()
+    arrivals = list[float]()
+    until = time.monotonic() + seconds + BUFFERED
+    while not arrivals or arrivals[-1] < until:
+        state = robot.read_once()
+        arrivals.append(time.monotonic())
+        times.append(round(1e3 * state.time.to_sec()))
+    pipe.send(link_of(np.array(times), np.array(arrivals)))
+
+
+def link_of(times: NDArray[np.int64], arrivals: Array) -> Link:
+    """Statistics of a link from `times` (n,) [ms] of the robot's states and `arrivals`
+    (n,) [s].
+
+    The time BUFFERED at the start does not count: what waits in a buffer arrives at
+    once.
+    """
+    kept = arrivals > arrivals[0] + BUFFERED
+    times, arrivals = times[kept], arrivals[kept]
+    missing = np.maximum(np.diff(times) - 1, 0)
+    apart = 1e3 * np.diff(arrivals)
+    return Link(
+        seconds=float(arrivals[-1] - arrivals[0]),
+        states=len(times),
+        lost=int(missing.sum()),
+        in_a_row=int(missing.max(initial=0)),
+        late_ms=float(np.percentile(apart, 99.9)),
+        worst_ms=float(apart.max(initial=0.0)),
+    )

@@ -1,0 +1,102 @@
+"""Checks that `cell doctor` and each motion of a real robot make, and refusal where one
+fails.
+"""
+
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from cell.base.config.cell import CellFile
+from cell.base.config.places import Configs
+from cell.setup.doctor import devices, machine
+from cell.setup.doctor.check import Check, Grade
+from drivers.base.errors import CellError, PreflightRefused
+
+# s of the network's test: by the doctor, and before each real session
+ASKED, BRIEF = 60.0, 2.0
+
+
+def checks(configs: Configs, runs: Path, seconds: float = ASKED) -> Iterator[Check]:
+    """Yield the checks of a cell's software and hardware; that of the network takes
+    `seconds`.
+    """
+    yield machine.versions()
+    yield machine.extras()
+    why = "nothing is done by a file that cannot be read"
+    try:
+        settings = configs.cell()
+        names = configs.strip_names()
+        for name in names:
+            configs.strip(name)
+    except CellError as error:
+        yield Check(
+            "configuration", Grade.FAIL, str(error), why, "mend the file that is named"
+        )
+        return
+    found = f"{settings.name}, {len(names)} strips in {configs.folder}"
+    yield Check("configuration", Grade.PASS, found, why)
+    yield from hardware_checks(settings, runs, seconds)
+
+
+def hardware_checks(settings: CellFile, runs: Path, seconds: float) -> Iterator[Check]:
+    """Yield the checks of machine, calibration, robot, camera; the network's takes
+    `seconds`.
+    """
+    yield machine.disk(runs)
+    yield machine.cores()
+    has_real_camera = settings.camera_driver.real
+    yield devices.calibration(settings, on_twin=not has_real_camera)
+    yield from _robot_checks(settings, seconds)
+    if has_real_camera:
+        yield devices.camera(settings)
+    else:
+        yield Check(
+            "camera", Grade.SKIPPED, "the twin's", "there is nothing to connect"
+        )
+
+
+def _robot_checks(settings: CellFile, seconds: float) -> Iterator[Check]:
+    """Yield checks of library, kernel of a real arm, robot and network; the last need
+    the first.
+    """
+    address = settings.robot_address
+    if address is None:
+        yield Check(
+            "robot", Grade.SKIPPED, "none at fci.address", "there is nothing to connect"
+        )
+        return
+    installed = devices.library()
+    yield installed
+    if settings.has_real_arm:
+        yield machine.kernel(settings.fci.realtime)
+        yield machine.priority(settings.fci.realtime)
+        yield machine.throttling()
+    if installed.state is Grade.PASS:
+        answering = devices.robot(address)
+        yield answering
+        if answering.state is Grade.PASS:
+            yield devices.network(address, seconds)
+
+
+def motion_checks(settings: CellFile, *, camera: bool = False) -> Iterator[Check]:
+    """Yield each check that a motion of a real robot by hand needs; none for another
+    arm.
+
+    With `camera` a real camera is checked, too.
+    """
+    if not settings.has_real_arm:
+        return
+    yield machine.versions()
+    yield machine.cores()
+    yield from _robot_checks(settings, BRIEF)
+    if camera and settings.camera_driver.real:
+        yield devices.camera(settings)
+
+
+def refuse_failed(found: Iterable[Check]) -> None:
+    """Raise PreflightRefused where one of the checks `found` has failed."""
+    red = [check for check in found if check.state is Grade.FAIL]
+    if red:
+        lines = "\n".join(
+            f"{check.name}: {check.found}; {check.remedy}" for check in red
+        )
+        raise PreflightRefused(f"{lines}\nnothing has moved; `cell doctor` says more")

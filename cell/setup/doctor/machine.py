@@ -1,0 +1,168 @@
+"""Checks of the machine: versions, cores, disk, kernel, real-time priorities,
+libraries.
+"""
+
+import os
+import platform
+import resource
+import shutil
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+from cell.setup.doctor.check import Check, Grade
+from drivers.base.extras import missing_features, pip_line
+
+NEEDED_PACKAGES = ("mujoco", "numpy", "opencv-python-headless", "ruckig", "rerun-sdk")
+# GB below which nothing is recorded, and from which all is well
+RUN_GB, ROOM_GB = 1.0, 10.0
+# for loop and images, and for the recording and viewer beside them
+CORES, PLENTY = 2, 4
+TOP_PRIORITY = 99  # of real-time scheduling, sched(7)
+REALTIME = Path("/sys/kernel/realtime")
+THROTTLE = Path("/proc/sys/kernel/sched_rt_runtime_us")
+
+
+def versions() -> Check:
+    """Check whether all packages are installed, and state their versions."""
+    found = [f"Python {platform.python_version()}"]
+    missing = []
+    for package in NEEDED_PACKAGES:
+        try:
+            found.append(f"{package} {version(package)}")
+        except PackageNotFoundError:
+            missing.append(package)
+    why = "a cell with other versions computes other numbers"
+    if missing:
+        remedy = f"pip install {' '.join(missing)}"
+        return Check(
+            "versions", Grade.FAIL, f"missing: {', '.join(missing)}", why, remedy
+        )
+    return Check("versions", Grade.PASS, ", ".join(found), why)
+
+
+def cores() -> Check:
+    """Check whether this machine has a core for the control loop alone."""
+    count = len(os.sched_getaffinity(0))
+    why = (
+        "the control loop, images and the recording share the cores; a late tick stops"
+        " the arm"
+    )
+    remedy = f"give this process at least {PLENTY} cores (taskset, container limits)"
+    return Check("cores", _state(count, CORES, PLENTY), f"{count} usable", why, remedy)
+
+
+def _state(amount: float, needed: float, plenty: float) -> Grade:
+    if amount < needed:
+        return Grade.FAIL
+    return Grade.WARN if amount < plenty else Grade.PASS
+
+
+def disk(runs: Path) -> Check:
+    """Check whether runs can be recorded in the folder `runs`."""
+    why = "a run that cannot be recorded stops in the middle of the fold"
+    place = next(p for p in (runs.absolute(), *runs.absolute().parents) if p.exists())
+    if not place.is_dir():
+        remedy = "give a folder with --runs"
+        return Check("disk", Grade.FAIL, f"{place} is a file", why, remedy)
+    if not os.access(place, os.W_OK):
+        return Check(
+            "disk",
+            Grade.FAIL,
+            f"{place} cannot be written",
+            why,
+            "mend its permissions",
+        )
+    free = shutil.disk_usage(place).free / 1e9
+    remedy = f"make room: `cell runs --runs {runs} --keep 100 --delete`"
+    return Check(
+        "disk",
+        _state(free, RUN_GB, ROOM_GB),
+        f"{free:.1f} GB free for {runs}",
+        why,
+        remedy,
+    )
+
+
+def kernel(realtime: str) -> Check:
+    """Check whether the kernel supports the setting `fci.realtime`."""
+    real = REALTIME.exists() and REALTIME.read_text(encoding="ascii").strip() == "1"
+    found = f"{platform.release()}, {'real-time' if real else 'not real-time'}"
+    why = (
+        "the robot wants a command each millisecond; an ordinary kernel may be late by"
+        " many"
+    )
+    remedy = "boot a PREEMPT_RT kernel, or set fci.realtime: priority in cell.yaml"
+    if real:
+        return Check("kernel", Grade.PASS, found, why)
+    return Check(
+        "kernel",
+        Grade.FAIL if realtime == "enforce" else Grade.WARN,
+        found,
+        why,
+        remedy,
+    )
+
+
+def priority(realtime: str) -> Check:
+    """Check whether this user may have real-time priority and locked memory."""
+    allowed = resource.getrlimit(resource.RLIMIT_RTPRIO)[1]
+    locked = resource.getrlimit(resource.RLIMIT_MEMLOCK)[1]
+    root = os.geteuid() == 0
+    ready = root or allowed == resource.RLIM_INFINITY or allowed >= TOP_PRIORITY
+    memory = (
+        "any" if root or locked == resource.RLIM_INFINITY else f"{locked / 1e6:.0f} MB"
+    )
+    found = (
+        f"real-time priority {'allowed' if ready else f'up to {allowed}'}, memory"
+        f" {memory}"
+    )
+    why = (
+        "without priority another program delays the process that owns the robot's loop"
+    )
+    remedy = (
+        "add `@realtime - rtprio 99` and `@realtime - memlock 102400` to limits.conf,"
+        " join it"
+    )
+    if ready:
+        return Check("scheduler", Grade.PASS, found, why, remedy)
+    state = Grade.WARN if realtime == "ignore" else Grade.FAIL
+    return Check("scheduler", state, found, why, remedy)
+
+
+def throttling() -> Check:
+    """Check whether the kernel throttles real-time threads that fill a core
+    (sched(7)).
+    """
+    share = (
+        int(THROTTLE.read_text(encoding="ascii")) / 1e4 if THROTTLE.exists() else -1.0
+    )
+    limited = 0.0 <= share < 100.0
+    found = (
+        f"{share:g} % of each second of a core"
+        if limited
+        else "real-time threads may fill it"
+    )
+    why = (
+        "real-time threads that fill a core are all held up for the rest of the second;"
+        " a robot "
+    )
+    why += "stops after 20 ms without a command"
+    remedy = "run nothing else in real time on these cores, or `sysctl "
+    remedy += "kernel.sched_rt_runtime_us=-1`, from Linux 6.12 on also 0 in debugfs' "
+    remedy += "sched/fair_server/cpu*/runtime"
+    few = len(os.sched_getaffinity(0)) < PLENTY
+    return Check(
+        "throttling", Grade.WARN if limited and few else Grade.PASS, found, why, remedy
+    )
+
+
+def extras() -> Check:
+    """Check which optional libraries are missing, and which features need a missing
+    one.
+    """
+    lost = missing_features()
+    why = "only what stands in brackets needs it"
+    if not lost:
+        return Check("extras", Grade.PASS, "all optional libraries are installed", why)
+    found = ", ".join(f"{module} ({use})" for module, use in lost.items())
+    return Check("extras", Grade.WARN, f"missing: {found}", why, pip_line(lost))

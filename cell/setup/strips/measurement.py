@@ -1,0 +1,253 @@
+"""Bending measurement of a strip as JSON and text, with warnings about sources of
+error.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from operator import attrgetter
+from typing import Any
+
+import numpy as np
+
+from cell.setup.strips.bending import Bending, Pooled, measure_bending
+from cell.setup.strips.cantilever_fit import Fit, RestCurvature
+from cell.setup.strips.photograph import Photograph
+from drivers.base.errors import ConfigurationError
+
+VISIBLE = 0.1  # widths by which a straight-born strip misses the midline
+DISAGREEMENT_LEVEL = 0.05  # probability below which photographs disagree
+LARGEST_UNCERTAINTY = 0.10  # half width of the interval over the value
+# widths, or m; a sharper bend is hardly visible
+SHARP_WIDTHS, SHARP_RADIUS = 1.0, 0.002
+SMALLEST_WIDTH_RATIO = 1.5  # ratio of the strip's widths in two photographs
+OVERHANGS = (2, 5)  # bending lengths: range in which a photograph is most accurate
+KEPT_DIGITS = 4  # digits
+# of the overhang, rms of the midline; with more it is no hanging strip
+LARGEST_MISFIT = 0.02
+LEDGE_TOLERANCE = 0.25  # of the overhang, from the picture's border to the ledge
+LARGEST_SIGMA = 0.5  # of ln(bending length)
+# m, bending lengths of strips
+SHORTEST_BENDING_LENGTH, LONGEST_BENDING_LENGTH = 0.002, 0.2
+
+
+@dataclass(frozen=True, slots=True)
+class Measurement:
+    """Measured bending length of the strip called `strip`, with `warnings` about error
+    sources.
+    """
+
+    strip: str
+    bending: Bending
+    warnings: tuple[str, ...]
+
+    @property
+    def bending_length(self) -> Pooled:
+        """Bending length [m] of the strip, with its 95 % interval."""
+        return self.bending.bending_length
+
+    @property
+    def value(self) -> float:
+        """Bending length [m] of the strip, rounded to the precision of a strip file."""
+        return float(f"{self.bending_length.value:.{KEPT_DIGITS}g}")
+
+    def line(self) -> dict[str, Any]:
+        """JSON object of the measurement, lengths in m."""
+        bending = self.bending
+        return {
+            "strip": self.strip,
+            "bending_length": _interval(self.bending_length),
+            "born": bending.prior.kind.value,
+            "rest_curvature": {
+                "mean": _interval(bending.curl),
+                "spread": bending.prior.spread,
+            },
+            "scatter": self.bending_length.scatter,
+            "agreement": self.bending_length.agreement,
+            "by_overhang": [
+                {"overhang": overhang, **_interval(pooled)}
+                for overhang, pooled in bending.by_overhang
+            ],
+            "photographs": [
+                {
+                    "photo": str(fit.photograph.path),
+                    "overhang": fit.photograph.overhang,
+                    "bending_length": fit.bending_length,
+                    "sigma": fit.sigma * fit.bending_length,
+                    "miss": fit.rms,
+                    "straight": {
+                        "bending_length": straight.bending_length,
+                        "miss": straight.rms,
+                    },
+                }
+                for fit, straight in zip(bending.fits, bending.straight, strict=True)
+            ],
+            "warnings": list(self.warnings),
+        }
+
+    def text(self) -> str:
+        """Text of the measurement for the operator, lengths in mm."""
+        count = len(self.bending.fits)
+        lines = [
+            f"{self.strip}: bending length {_mm_text(self.bending_length)}"
+            f" from {count} photograph{'s' * (count > 1)}"
+        ]
+        for overhang, pooled in self.bending.by_overhang:
+            lines.append(f"  overhang {1e3 * overhang:.4g} mm: {_mm_text(pooled)}")
+        if count > 1 and self.bending_length.agreement > DISAGREEMENT_LEVEL:
+            lines.append("  the photographs agree within their own errors")
+        return "\n".join(lines + [f"warning: {warning}" for warning in self.warnings])
+
+
+def measure(strip: str, photographs: Sequence[Photograph]) -> Measurement:
+    """Measure the bending length of `strip` from photographs of it hanging over a
+    ledge.
+    """
+    bending = measure_bending(photographs)
+    for fit in bending.fits:
+        _require_hanging_strip(fit)
+        _require_plausible_length(fit)
+    warnings = (
+        _curvature_warning(bending),
+        _scatter_warning(bending),
+        _overhang_warning(bending),
+        _width_warning(bending),
+        _uncertainty_warning(bending),
+    )
+    return Measurement(strip, bending, tuple(filter(None, warnings)))
+
+
+def _require_hanging_strip(fitted: Fit) -> None:
+    """Raise ConfigurationError for a photograph whose fit shows no strip over a
+    ledge.
+    """
+    overhang = fitted.photograph.overhang
+    misfit = fitted.rms > LARGEST_MISFIT * overhang
+    ledge_elsewhere = abs(fitted.ledge) > LEDGE_TOLERANCE * overhang
+    if misfit or ledge_elsewhere or fitted.sigma > LARGEST_SIGMA:
+        raise ConfigurationError(
+            f"{fitted.photograph.path}: picture: this does not hang like a strip; crop"
+            " it at the ledge, upright, with the strip leaving the ledge at the left"
+            " border"
+        )
+
+
+def _require_plausible_length(fitted: Fit) -> None:
+    """Raise ConfigurationError for a fitted bending length that no fabric has."""
+    if not SHORTEST_BENDING_LENGTH <= fitted.bending_length <= LONGEST_BENDING_LENGTH:
+        raise ConfigurationError(
+            f"{fitted.photograph.path}: a bending length of"
+            f" {1e3 * fitted.bending_length:.3g} mm is out of range, allowed:"
+            f" {1e3 * SHORTEST_BENDING_LENGTH:g} to {1e3 * LONGEST_BENDING_LENGTH:g}"
+            " mm; let the strip hang over by 2 to 5 bending lengths, and give that"
+            " --overhang"
+        )
+
+
+def _curvature_warning(bending: Bending) -> str:
+    """Warning about a strip that is curved at rest; empty where no curvature is
+    visible.
+    """
+    misfit = max(fit.rms / fit.photograph.width for fit in bending.straight)
+    if bending.prior.kind is RestCurvature.STRAIGHT or misfit < VISIBLE:
+        return ""
+    lengths = 1e3 * np.array([fit.bending_length for fit in bending.straight])
+    seeming = f"{lengths.min():.1f}"
+    if len(lengths) > 1:
+        seeming += f" to {lengths.max():.1f}"
+    furthest = 1e3 * max(float(np.abs(fit.misses).max()) for fit in bending.straight)
+    if bending.prior.kind is RestCurvature.CURLED:
+        curl = bending.curl
+        shape = (
+            f"unloaded it curls by {curl.value:+.1f} 1/m ({curl.low:+.1f} to"
+            f" {curl.high:+.1f})"
+        )
+    else:
+        shape = (
+            f"it has a set of its own, of about {bending.prior.spread:.0f} 1/m,"
+            " along it"
+        )
+    return (
+        f"pre_curl: this is not the shape of a strip that was born straight: {shape}."
+        " The bending length allows for it; a straight-born strip would miss the"
+        f" photographs by up to {furthest:.1f} mm and seem to have {seeming} mm"
+    )
+
+
+def _scatter_warning(bending: Bending) -> str:
+    """Warning about photographs that give different bending lengths; empty where they
+    agree.
+    """
+    pooled = bending.bending_length
+    if pooled.agreement > DISAGREEMENT_LEVEL:
+        return ""
+    return (
+        f"the photographs disagree by {100 * pooled.scatter:.0f} % beyond their own"
+        " errors; the interval allows for it. Check the overhangs, that the ledge is"
+        " level, and that all pieces are of one fabric, cut the same way, with the"
+        " same side up"
+    )
+
+
+def _overhang_warning(bending: Bending) -> str:
+    """Warning about strips that bend too sharply or too little to be measured; else
+    empty.
+    """
+    length = bending.bending_length.value
+    sharp = list[str]()
+    stiff = list[str]()
+    for fit in bending.fits:
+        photograph = fit.photograph
+        # at the ledge of a limp strip
+        radius = np.sqrt(length**3 / (2 * photograph.overhang))
+        if radius < max(SHARP_WIDTHS * photograph.width, SHARP_RADIUS):
+            sharp.append(photograph.name)
+        if photograph.overhang < length and fit.sigma > LARGEST_UNCERTAINTY / 2:
+            stiff.append(photograph.name)
+    low, high = (1e3 * length * lengths for lengths in OVERHANGS)
+    best = f"an overhang of {low:.0f} to {high:.0f} mm shows most"
+    if sharp:
+        return (
+            f"{', '.join(sharp)}: bends too sharply at the ledge to be seen well;"
+            f" {best}"
+        )
+    if stiff:
+        return f"{', '.join(stiff)}: hardly bends; {best}"
+    return ""
+
+
+def _width_warning(bending: Bending) -> str:
+    """Warning about a strip that appears much wider in one overhang than in another."""
+    photographs = sorted(
+        (fit.photograph for fit in bending.fits), key=attrgetter("width")
+    )
+    thin = photographs[0]
+    thick = photographs[-1]
+    if thick.width < SMALLEST_WIDTH_RATIO * thin.width:
+        return ""
+    return (
+        f"by its overhang the strip is {1e3 * thick.width:.1f} mm thick in {thick.name}"
+        f" and {1e3 * thin.width:.1f} mm in {thin.name}: is each --overhang that of its"
+        " --photo?"
+    )
+
+
+def _uncertainty_warning(bending: Bending) -> str:
+    """Warning about a wide confidence interval of the bending length; else empty."""
+    half = 0.5 * np.log(bending.bending_length.high / bending.bending_length.low)
+    if half < LARGEST_UNCERTAINTY:
+        return ""
+    return (
+        f"the bending length is only known to {100 * half:.0f} %; photograph more"
+        " pieces"
+    )
+
+
+def _interval(pooled: Pooled) -> dict[str, float]:
+    return {"value": pooled.value, "low": pooled.low, "high": pooled.high}
+
+
+def _mm_text(pooled: Pooled) -> str:
+    return (
+        f"{1e3 * pooled.value:.1f} mm (95 %: {1e3 * pooled.low:.1f} to"
+        f" {1e3 * pooled.high:.1f})"
+    )

@@ -1,0 +1,400 @@
+"""Wizard that calibrates a cell's camera, its lens and homography, and checks a
+calibration.
+
+A session is a folder: what was measured is written at once, it can go on after an
+interruption, and its verdict is solved from what the folder holds, at its end as at any
+later time.
+"""
+
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from contextlib import closing
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import cv2
+
+from calibration.calibration import Calibration, save_calibration
+from calibration.landmarks import Landmarks
+from calibration.lens import CameraFile, Lens, write_camera_info, write_opencv
+from calibration.wizard import session
+from calibration.wizard.board_views import BoardViews
+from calibration.wizard.coverage import WantedView
+from calibration.wizard.lens_verdict import LensVerdict
+from calibration.wizard.progress import Mark, Observer, draw_picture, ignore
+from calibration.wizard.touch_verdict import (
+    CheckVerdict,
+    MapVerdict,
+    check_verdict,
+    map_verdict,
+)
+from calibration.wizard.touched_points import TouchedPoints
+from calibration.wizard.touches import check_plan
+from calibration.wizard.verdict import Verdict
+from cell.base.config.cell import CellFile
+from cell.base.devices.devices import CalibrationAids, Devices, Trial
+from cell.base.devices.open import NO_STRIP, open_cell
+from cell.orchestrator.calibration_phase import CALIBRATION_PHASES
+from cell.orchestrator.context import CalibrationContext
+from cell.orchestrator.operator import (
+    Answer,
+    Interrupted,
+    Operator,
+    Question,
+    Unattended,
+)
+from cell.orchestrator.recorder import Recorder
+from cell.orchestrator.run import Run
+from drivers.base.errors import CellError, ConfigurationError, Fault
+from drivers.base.readers import read_text
+from drivers.base.settings import Settings, load
+from drivers.base.types import Frame, Image, Pose
+
+PERIOD = 0.1  # s between processed images
+STALL_TIMEOUT = 2.0  # s without an image after which the camera counts as stalled
+ROS = "camera_info.yaml"
+OPENCV = "opencv.yaml"
+CALIBRATION_FILE = "calibration.yaml"
+LANDMARKS_FILE = "landmarks.yaml"
+
+Source = Callable[[WantedView], Frame]
+Interruption = Callable[[], bool]
+
+
+@dataclass(frozen=True, slots=True)
+class Wizard:
+    """Wizard that calibrates the camera among the `devices` of a cell, guiding an
+    `operator`.
+
+    `watch` is told the progress. Every method raises Interrupted when the operator
+    stops it, and Fault where a monitor stops the arm or the camera delivers nothing;
+    what was measured until then stays in the session's folder, from which another call
+    goes on.
+    """
+
+    settings: CellFile
+    devices: Devices
+    operator: Operator
+    watch: Observer = ignore
+    interrupted: Interruption = lambda: False
+
+    def calibrate_lens(self, folder: Path, length: float | None) -> LensVerdict:
+        """Fit the lens to views of the board, requested until enough are accepted.
+
+        The session is kept in `folder`. `length` [m] is the ruler's length of the
+        board's squares; on the twin they are as configured, and a session that goes on
+        knows it.
+        """
+        devices = self.devices
+        boards = self.settings.boards
+        aids = devices.aids
+        with closing(devices.camera):
+            devices.camera.connect()
+            live = _live_images(devices)
+            source: Source = (lambda _: next(live)) if aids is None else aids.show_board
+            first = source(WantedView(0.5, 0.5, boards.sizes[1]))
+            if length is None and aids is not None:
+                length = boards.width
+            size = (first.image.shape[1], first.image.shape[0])
+            views = BoardViews(boards, size, patient=aids is None)
+            keep = self._open_session(
+                "camera", folder, views, size, length=length, boards=boards
+            )
+            show_board(views, source, self.operator, keep, self.interrupted)
+        return solve_lens(folder, (), folder)
+
+    def calibrate_homography(
+        self,
+        lens: Lens,
+        folder: Path,
+        plan: Sequence[Pose] | None = None,
+        *,
+        accept_anyway: bool = False,
+    ) -> MapVerdict:
+        """Touch the poses of a `plan`, by default a grid, and fit homography and
+        latency.
+
+        The session is stored in `folder`.
+        """
+        settings = self.settings
+        if (folder / session.SESSION_FILE).exists():
+            plan = read_poses(folder / session.POSES_FILE)
+        points = TouchedPoints(lens, settings.touches, plan)
+        with closing(self.devices):
+            self.devices.camera.connect()  # which locks its controls
+            keep = self._open_session(
+                "homography",
+                folder,
+                points,
+                (lens.width, lens.height),
+                lens=CameraFile.from_lens(lens, self.devices.camera_identity),
+                touches=settings.touches,
+                latency=settings.latency,
+            )
+            poses = [[pose.x, pose.z, pose.pitch] for pose in points.plan]
+            session.write_yaml(folder / session.POSES_FILE, {"poses": poses})
+            context = CalibrationContext(
+                settings.controller,
+                points,
+                self.operator,
+                keep,
+                self.devices.aids,
+                remembers=True,
+            )
+            run_calibration(self.devices, context, self.interrupted)
+        if context.landmarks is not None:
+            session.write_yaml(
+                folder / LANDMARKS_FILE, context.landmarks.model_dump(mode="json")
+            )
+        return solve_homography(folder, (), folder, accept_anyway=accept_anyway)
+
+    def check(self, calibration: Calibration) -> CheckVerdict:
+        """Judge a `calibration` by a few touches, which move the arm, and close the
+        devices.
+        """
+        touches = self.settings.touches
+        points = TouchedPoints(
+            calibration.lens, touches, check_plan(touches), fitted=False
+        )
+        context = CalibrationContext(
+            self.settings.controller,
+            points,
+            self.operator,
+            self.watch,
+            self.devices.aids,
+        )
+        with closing(self.devices):
+            run_calibration(self.devices, context, self.interrupted)
+        return check_verdict(points.touches, calibration, touches)
+
+    def _open_session(
+        self,
+        kind: session.Kind,
+        folder: Path,
+        task: session.Task,
+        size: tuple[int, int],
+        **facts: Any,
+    ) -> session.SessionFolder:
+        """Begin a session of images of width and height `size` [px] in `folder`, or
+        resume its own.
+
+        What it has taken before is given to the `task`.
+        """
+        stated = session.Session(
+            schema=1,
+            kind=kind,
+            date=datetime.now(UTC).isoformat(timespec="seconds"),
+            camera=self.devices.camera_identity,
+            image=size,
+            locks=dict(self.devices.camera_locks()),
+            **facts,
+        )
+        keep = session.SessionFolder(folder, stated, self.watch)
+        session.restore(task, folder, keep.session)
+        return keep
+
+
+def solve_lens(folder: Path, without: Collection[int], out: Path | None) -> LensVerdict:
+    """Fit the lens to the session in `folder`, `without` some images.
+
+    Boards are detected in the saved images; verdict and passed lens are written to
+    `out`, if given. Raises ConfigurationError for broken files.
+    """
+    cv2.setNumThreads(1)  # in several threads the last digits differ from time to time
+    stored = session.read_session(folder, "camera")
+    views = BoardViews(stored.boards, stored.image)
+    image = session.restore(views, folder, stored, without)
+    verdict = views.verdict(stored.length)
+    if out is not None:
+        _keep(out, verdict, image, views.marks)
+        if verdict.fit is not None and verdict.passed:
+            write_camera_info(verdict.fit.lens, stored.camera, out / ROS)
+            write_opencv(verdict.fit.lens, out / OPENCV)
+    return verdict
+
+
+def solve_homography(
+    folder: Path,
+    without: Collection[int],
+    out: Path | None,
+    *,
+    accept_anyway: bool = False,
+) -> MapVerdict:
+    """Fit homography and latency to the session in `folder`, `without` some points.
+
+    The pointer is detected in the saved images; verdict and accepted calibration are
+    written to `out`, if given. Raises ConfigurationError for broken files or a session
+    without a lens.
+    """
+    cv2.setNumThreads(1)  # in several threads the last digits differ from time to time
+    stored = session.read_session(folder, "homography")
+    lens = session_lens(folder)
+    points = TouchedPoints(lens, stored.touches, (), fitted=False)
+    image = session.restore(points, folder, stored, without)
+    path = folder / LANDMARKS_FILE
+    verdict = map_verdict(
+        points.verdict(),
+        session.read_steps(folder),
+        lens,
+        stored.latency,
+        anyway=accept_anyway,
+        camera=stored.camera,
+        locks=stored.locks,
+        landmarks=load(path, Landmarks) if path.exists() else None,
+    )
+    if out is not None:
+        _keep(out, verdict, image, points.marks(verdict.touches))
+        if verdict.calibration is not None:
+            save_calibration(verdict.calibration, out / CALIBRATION_FILE)
+    return verdict
+
+
+def _keep(
+    folder: Path, verdict: Verdict, image: Image | None, marks: Iterable[Mark]
+) -> None:
+    """Write `verdict` to `folder`, and a picture of the `image` (h, w, 3) with `marks`,
+    if any.
+    """
+    session.write_yaml(folder / session.VERDICT_FILE, verdict.facts())
+    if image is not None:
+        session.write_image(folder / session.PICTURE_FILE, draw_picture(image, marks))
+
+
+def calibrate_twin(settings: CellFile, interrupted: Interruption) -> Calibration:
+    """Calibrate lens and homography of the twin's camera without operator or session.
+
+    Raises CellError when they are not good enough, Fault when a monitor stopped the
+    arm, and Interrupted when the operator did.
+    """
+    twin = settings.with_drivers("twin", "twin")
+    devices = open_cell(twin, NO_STRIP, Trial(), calibrating=True)
+    if devices.aids is None:
+        raise ConfigurationError("calibrate: nobody holds the board; use the wizard")
+    lens = lens_from_boards(settings, devices.aids)
+    points = TouchedPoints(lens, settings.touches)
+    context = CalibrationContext(settings.controller, points, aids=devices.aids)
+    with closing(devices):
+        run_calibration(devices, context, interrupted)
+    camera = devices.camera_identity
+    verdict = map_verdict(
+        points.verdict(), context.steps, lens, settings.latency, camera=camera
+    )
+    if verdict.calibration is None:
+        raise CellError("homography failed: " + "; ".join(verdict.reasons))
+    return verdict.calibration
+
+
+def lens_from_boards(settings: CellFile, aids: CalibrationAids) -> Lens:
+    """Fit the lens to as many board views as are needed; raises CellError for a poor
+    fit.
+    """
+    camera = settings.twin.camera
+    views = BoardViews(settings.boards, (camera.width, camera.height))
+    show_board(views, aids.show_board, Unattended(), ignore)
+    verdict = views.verdict(settings.boards.width)
+    if verdict.fit is None or not verdict.passed:
+        raise CellError("lens calibration failed: " + "; ".join(verdict.reasons))
+    return verdict.fit.lens
+
+
+def run_calibration(
+    devices: Devices, context: CalibrationContext, interrupted: Interruption
+) -> None:
+    """Run the calibration of `context`; raises Interrupted or Fault where it was
+    stopped.
+    """
+    devices.connect()
+    run = Run(devices, context, CALIBRATION_PHASES, Recorder(), interrupted=interrupted)
+    outcome = run.execute()
+    if outcome.exit_code == Interrupted.exit_code:
+        raise Interrupted(f"calibration was {outcome.name}: {outcome.reason}")
+    if outcome.exit_code != 0:
+        raise Fault(outcome.name, f"calibration was stopped: {outcome.reason}")
+
+
+def show_board(
+    views: BoardViews,
+    source: Source,
+    operator: Operator,
+    watch: Observer,
+    interrupted: Interruption = lambda: False,
+) -> None:
+    """Request views of the board until enough are accepted; raises Interrupted if
+    stopped.
+    """
+    while (wanted := views.ask()) is not None:
+        progress = views.progress()
+        watch(progress)
+        answer = operator.answer(Question(progress.request))
+        if interrupted():
+            raise Interrupted("the calibration was interrupted")
+        if answer is Answer.SKIP:
+            views.skip()
+        elif answer is Answer.AGAIN:
+            watch(replace(progress, result=views.take_back()))
+        else:
+            frame = source(wanted)
+            result = views.tell(frame)
+            if result.waits:  # the next image decides
+                frame = source(wanted)
+                result = views.tell(frame)
+            watch(views.progress(frame, result))
+
+
+def _live_images(devices: Devices) -> Iterator[Frame]:
+    """Yield live images, PERIOD apart, while a person holds the board; Fault if none
+    comes.
+    """
+    newest = -1.0
+    while True:
+        start = devices.clock.now()
+        frame = None
+        while frame is None:
+            if devices.clock.now() >= start + STALL_TIMEOUT:
+                reason = (
+                    f"no image in {STALL_TIMEOUT:.0f} s; look at the camera's cable"
+                )
+                raise Fault("camera_stalled", reason)
+            devices.clock.wait_until(devices.clock.now() + PERIOD)
+            frame = devices.camera.read(newest, timeout=0.0)
+        newest = frame.stamp
+        yield frame
+
+
+class PosesFile(Settings):
+    """Contents of poses.yaml: x, z [m] and pitch [rad] of each touch, to be edited and
+    replayed.
+    """
+
+    poses: tuple[tuple[float, float, float], ...]
+
+
+def read_poses(path: Path) -> tuple[Pose, ...]:
+    """Read the pose of each touch from a poses.yaml; ConfigurationError for a broken
+    file.
+    """
+    return tuple(Pose(x, z, pitch) for x, z, pitch in load(path, PosesFile).poses)
+
+
+def session_lens(folder: Path) -> Lens:
+    """Lens of the homography session in `folder`; raises ConfigurationError where it
+    has none.
+    """
+    stored = session.read_session(folder, "homography")
+    if stored.lens is None:
+        raise ConfigurationError(f"{folder}: session.yaml: lens: is missing; add it")
+    return stored.lens.lens(f"{folder}: lens")
+
+
+def newest_lens(folder: Path, camera: str) -> Path:
+    """Path of the newest lens file of `camera` in `folder`; raises ConfigurationError
+    if none.
+    """
+    for path in sorted(folder.glob(f"*/{ROS}"), reverse=True):
+        if f"camera_name: {camera}\n" in read_text(path):
+            return path
+    raise ConfigurationError(
+        f"--lens: {folder} holds no lens of camera {camera}; run `cell calibrate"
+        " camera` first, or name a file of ROS or OpenCV"
+    )

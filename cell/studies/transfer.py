@@ -1,0 +1,120 @@
+"""Last stage of training `adaptive`: correction of the critic's bias by folds through
+images.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict
+from hashlib import sha256
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from cell.base.campaign.journal import digest
+from cell.base.campaign.progress import Meter
+from cell.base.campaign.run import Engine, Part, carry_out, make_folder
+from cell.base.campaign.versions import code
+from cell.base.config.places import find_configs
+from cell.base.config.unmeasured_strip import unmeasured_name
+from cell.base.devices.devices import Trial
+from cell.folding.fold import fold
+from cell.folding.request import Recording, Request
+from cell.record.run import read_run
+from cell.setup.calibration_in_use import calibration_of
+from drivers.base.errors import ConfigurationError
+from policies.adaptive.checkpoint import THROUGH_IMAGES, about, load_critic, save_critic
+from policies.adaptive.train.transfer import FoldedBatch, fit_transfer
+from policies.strip_sampling import random_strip
+
+UNTRANSFERRED, TRAINED, JOURNAL = "untransferred.npz", "adaptive.npz", "transfer"
+SECONDS = 10.0  # of processor, a fold
+TIME_LIMIT = 900.0  # s of wall time, after which a fold is set aside
+COMPLETE_SHARE = 0.75  # share of the folds that must have come to their end
+
+
+def fold_drawn(number: int, seed: int, checkpoint: Path) -> Mapping[str, Any]:
+    """Fold strip `number` of those drawn by `seed` through images, with the critic
+    `checkpoint`.
+
+    Returns a row of `FoldedBatch`, empty where the fold failed.
+    """
+    strip = random_strip(np.random.default_rng([seed, number]))
+    with TemporaryDirectory() as name:
+        configs = find_configs(None)
+        request = Request(
+            cell=configs.cell(),
+            strip=configs.strip(unmeasured_name(strip.length, strip.thickness)),
+            policy="adaptive",
+            runs=Path(name),
+            trial=Trial(plant=strip, seed=number),
+            checkpoint=checkpoint,
+            record=Recording("none"),
+        )
+        result = fold(request, calibration_of(request.cell))
+        stored = read_run(Path(result.run)).result
+    predicted = None if stored is None else stored.foretold
+    if result.exit_code != 0 or predicted is None or result.displacement_true is None:
+        return {}
+    return {
+        "displacement": result.displacement_true,
+        "predicted": predicted.displacement,
+        "sigma": predicted.sigma,
+        "log_length": math.log(predicted.bending_length.value),
+        "thickness": strip.thickness,
+    }
+
+
+def transfer(
+    checkpoint: Path, folder: Path, seed: int, count: int, engine: Engine, meter: Meter
+) -> dict[str, Any]:
+    """Correct the critic in `checkpoint` by a bias fitted to `count` folds, and save
+    it.
+
+    Returns facts on the new checkpoint in `folder`, which keeps the finished folds:
+    with them the same call resumes. Raises ConfigurationError where files cannot be
+    used or most folds fail.
+    """
+    facts = {k: v for k, v in about(checkpoint).items() if k != THROUGH_IMAGES}
+    critic = load_critic(checkpoint)
+    make_folder(folder)
+    save_critic(folder / UNTRANSFERRED, critic, facts)
+    bias, quality = fit_transfer(_fold_all(folder, seed, count, engine, meter))
+    correction, left_out = {"bias": bias.model_dump()}, asdict(quality)
+    origin = {
+        "transfer": correction,
+        "seed": seed,
+        "code": code(),
+        "left_out": left_out,
+    }
+    save_critic(folder / TRAINED, critic, facts | {THROUGH_IMAGES: origin})
+    return {
+        "checkpoint": str(folder / TRAINED),
+        "transfer": correction,
+        "left_out": left_out,
+    }
+
+
+def _fold_all(
+    folder: Path, seed: int, count: int, engine: Engine, meter: Meter
+) -> FoldedBatch:
+    """Folds of `count` strips by the critic in `folder`; ConfigurationError where most
+    fail.
+    """
+    bare = (folder / UNTRANSFERRED).resolve()
+    of = digest(code(), sha256(bare.read_bytes()).hexdigest()[:12])
+    parts = [
+        Part(f"{seed}-{number:04d}", of, SECONDS, fold_drawn, (number, seed, bare))
+        for number in range(count)
+    ]
+    records = sorted(
+        carry_out(parts, folder / JOURNAL, engine, meter), key=lambda r: r.key
+    )
+    rows = [record.outcome for record in records if record.outcome]
+    if len(rows) < COMPLETE_SHARE * count:
+        raise ConfigurationError(
+            f"{folder}: {len(rows)} of {count} folds came to their end,"
+            f" {COMPLETE_SHARE:.0%} are needed; see the reasons in its journal"
+        )
+    return FoldedBatch.from_rows(rows)

@@ -1,3 +1,0 @@
-"""Training of policies here or on a cluster (`cell train`), and their evaluation in
-simulation.
-"""

@@ -1,3 +1,0 @@
-"""Driver of a Franka arm and hand over the Franka Control Interface, its 1 kHz loop a
-process.
-"""

@@ -1,0 +1,80 @@
+"""Lengths along polylines, and the transform between the cell frame and the robot's
+base frame.
+"""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from drivers.base.types import Array
+
+
+@dataclass(frozen=True, slots=True)
+class CellInRobot:
+    """Rigid transform from the cell frame (x along the strip, z up) to the robot
+    base.
+    """
+
+    matrix: Array
+
+    @classmethod
+    def from_yaw(cls, x: float, y: float, z: float, yaw: float) -> Self:
+        """Transform of a cell frame with origin (x, y, z) [m] and its x-axis at `yaw`
+        [rad].
+        """
+        c, s = np.cos(yaw), np.sin(yaw)
+        return cls(
+            np.array([[c, -s, 0, x], [s, c, 0, y], [0, 0, 1, z], [0, 0, 0, 1.0]])
+        )
+
+    def to_robot(self, x: float, z: float, pitch: float) -> Array:
+        """End-effector pose (4, 4) in the base for a gripper at x, z [m] and `pitch`
+        [rad].
+
+        The hand's approach axis is its z-axis; at pitch pi/2 it points straight down.
+        """
+        lean = pitch - np.pi / 2
+        c, s = np.cos(lean), np.sin(lean)
+        in_cell = np.array([[c, 0, s, x], [0, -1, 0, 0], [s, 0, -c, z], [0, 0, 0, 1.0]])
+        return np.asarray(self.matrix @ in_cell, dtype=np.float64)
+
+    def to_cell(self, pose: Array) -> tuple[float, float, float]:
+        """x, z [m], pitch [rad] in the cell frame of an end-effector `pose` (4, 4) in
+        the base.
+        """
+        in_cell = np.linalg.solve(self.matrix, pose)
+        pitch = np.pi / 2 + np.arctan2(in_cell[2, 0], in_cell[0, 0])
+        return float(in_cell[0, 3]), float(in_cell[2, 3]), float(pitch)
+
+
+def arc_lengths(points: Array) -> Array:
+    """Distances (n,) [m] of `points` (n, 2) [m] from the first, along the polyline."""
+    steps = np.hypot(*np.diff(points, axis=0).T)
+    return np.concatenate([[0.0], np.cumsum(steps)])
+
+
+def moving_average(points: Array, window: int) -> Array:
+    """Means (n - window + 1, 2) [m] of every `window` successive ones of `points` (n,
+    2) [m].
+    """
+    sums = np.cumsum(np.vstack([np.zeros((1, 2)), points]), axis=0)
+    return np.asarray((sums[window:] - sums[:-window]) / window)
+
+
+def even_points(points: Array, count: int) -> Array:
+    """Points (count, 2) [m] at equal arc lengths along the polyline through `points`
+    (n, 2) [m].
+    """
+    travel = arc_lengths(points)
+    places = np.linspace(0.0, travel[-1], count)
+    return interpolate_columns(places, travel, points)
+
+
+def interpolate_columns(at: Array | float, x: Array, columns: Array) -> Array:
+    """Values (..., k) of `columns` (n, k), given at increasing `x` (n,), at the places
+    `at` (...,).
+
+    Linear in between, held beyond the first and the last.
+    """
+    return np.stack([np.interp(at, x, column) for column in columns.T], axis=-1)

@@ -1,0 +1,141 @@
+"""Dynamics of an emulated arm: joint torques, deflection under load, delay and lag."""
+
+from collections import deque
+from collections.abc import Callable
+
+import mujoco
+import numpy as np
+
+from drivers.base.motion import TICK, lag_gain
+from drivers.base.types import Array
+from drivers.franka.kinematics import FLANGE
+from drivers.franka.model import ArmPlant, arm_mjcf
+from drivers.twin.fci_server.posture import Posture
+
+FRICTION_WIDTH = 0.005  # rad/s over which dry friction changes sign
+
+Sag = Callable[[Posture], Array]
+
+
+class Dynamics:
+    """Joint torques of an arm: published model with friction, load, sensor errors of a
+    `plant`.
+    """
+
+    def __init__(self, plant: ArmPlant) -> None:
+        """Build the arm's model with mass errors and tilt of `plant`, the hand's mass
+        unchanged.
+        """
+        self._plant = plant
+        model = mujoco.MjModel.from_xml_string(arm_mjcf())
+        for number, error in enumerate(plant.mass_error, start=1):
+            link = model.body(f"link{number}")
+            link.mass *= 1.0 + error
+            link.inertia *= 1.0 + error
+        model.opt.gravity[:] = _tilt(float(model.opt.gravity[2]), *plant.tilt)
+        self._model = model
+        self._data = mujoco.MjData(model)
+        self._payload_point = np.add(plant.payload_at, (0.0, 0.0, FLANGE))
+
+    def torque(self, posture: Posture) -> Array:
+        """Torques (7,) [N m] of the joints that move the arm as in `posture`."""
+        plant = self._plant
+        data = self._data
+        rates = posture.joints
+        q = posture.q - plant.encoder_bias
+        data.qpos[:] = q
+        data.qvel[:] = rates.velocity
+        data.qacc[:] = rates.acceleration
+        mujoco.mj_inverse(self._model, data)
+        torque = np.array(data.qfrc_inverse)
+        if plant.payload:
+            torque += self._payload_torque(rates.velocity, rates.acceleration)
+        torque += np.multiply(plant.friction, np.tanh(rates.velocity / FRICTION_WIDTH))
+        torque += np.multiply(plant.damping, rates.velocity) + np.multiply(
+            plant.cable, q
+        )
+        return np.asarray(torque)
+
+    def reading(self, posture: Posture, tick: int) -> Array:
+        """Torque sensor readings (7,) [N m] in `posture`, with noise that `tick`
+        determines.
+        """
+        plant = self._plant
+        noise = np.random.default_rng((plant.seed, tick)).standard_normal(7)
+        felt = self.torque(posture) * (1.0 + np.array(plant.torque_scale))
+        return np.asarray(felt + plant.torque_bias + plant.torque_noise * noise)
+
+    def sag(self, posture: Posture) -> Array:
+        """Elastic deflection (7,) [rad] of the links from their motors, which are in
+        `posture`.
+        """
+        return np.asarray(np.multiply(self._plant.compliance, self.torque(posture)))
+
+    def _payload_torque(self, velocity: Array, acceleration: Array) -> Array:
+        """Torques (7,) [N m] of the payload: J' m (J ddq + dJ dq - g) of a point."""
+        model, data = self._model, self._data
+        body = model.body("link7").id
+        point = data.xpos[body] + data.xmat[body].reshape(3, 3) @ self._payload_point
+        jacobian, rate = np.zeros((3, 7)), np.zeros((3, 7))
+        mujoco.mj_jac(model, data, jacobian, None, point, body)
+        mujoco.mj_jacDot(model, data, rate, None, point, body)
+        specific_force = jacobian @ acceleration + rate @ velocity - model.opt.gravity
+        return np.asarray(self._plant.payload * jacobian.T @ specific_force)
+
+
+class LaggingArm:
+    """Arm whose `posture` lags the commands by a `delay` [s] and a first-order `lag`
+    [s].
+
+    `sag` gives from the motors' posture the deflection (7,) [rad] to subtract from
+    their joints.
+    """
+
+    def __init__(
+        self,
+        posture: Posture,
+        tool: Array,
+        delay: float,
+        lag: float,
+        sag: Sag | None = None,
+    ) -> None:
+        """Arm at rest in `posture` with `tool` (4, 4) in the flange's frame."""
+        self._tool = tool
+        self._sag = sag
+        self._lag_gain = lag_gain(lag)
+        self._delayed = deque([posture.q] * (1 + round(delay / TICK)))
+        self._motors = self.posture = posture
+        if sag is not None:
+            self.posture = Posture.resting(posture.q - sag(posture), tool)
+
+    def tick(self, commanded: Array) -> None:
+        """Advance the arm by one tick, in which the joints `commanded` (7,) [rad] are
+        sent.
+        """
+        self._delayed.append(commanded)
+        self._delayed.popleft()
+        motors = self._motors
+        q = motors.q + self._lag_gain * (self._delayed[0] - motors.q)
+        rates = self.posture.joints  # of the links, which come to rest after the motors
+        if np.array_equal(q, motors.q) and not np.any(
+            (rates.velocity, rates.acceleration)
+        ):
+            return
+        self._motors = self._step(motors, q)
+        if self._sag is None:
+            self.posture = self._motors
+        else:
+            self.posture = self._step(self.posture, q - self._sag(self._motors))
+
+    def _step(self, before: Posture, q: Array) -> Posture:
+        """Posture with joints `q` (7,) [rad], one tick after `before`."""
+        rates = before.joints.step((q - before.q) / TICK)
+        return Posture.at_joints(q, self._tool, rates)
+
+
+def _tilt(gravity: float, x: float, y: float) -> Array:
+    """Vertical `gravity` as (3,) [m/s^2] in a base that leans by `x`, then `y` [rad]
+    about x, y.
+    """
+    upright = gravity * np.cos(x)
+    return np.array([upright * np.sin(y), -gravity * np.sin(x), upright * np.cos(y)])

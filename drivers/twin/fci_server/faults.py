@@ -1,0 +1,187 @@
+"""Faults of the emulated robot and its connection: as a script states them, and their
+execution.
+"""
+
+from collections.abc import Callable, Iterable
+from math import inf, isfinite
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import AfterValidator, Field
+
+from drivers.base.settings import Settings, load
+from drivers.twin.fci_server.arm_and_hand_ports import ArmPort
+from drivers.twin.fci_server.robot import EmulatedRobot
+from drivers.twin.fci_server.wire import Reflex
+
+REFLEX_NAMES = tuple(reflex.name.lower() for reflex in Reflex)
+
+
+def _check_name(name: str) -> str:
+    if name not in REFLEX_NAMES:
+        raise ValueError(
+            f"is no error of the robot; allowed: {', '.join(REFLEX_NAMES)}"
+        )
+    return name
+
+
+def _check_force(force: tuple[float, float, float]) -> tuple[float, float, float]:
+    if not all(isfinite(part) for part in force) or not any(force):
+        raise ValueError("needs three finite numbers [N], one of them not zero")
+    return force
+
+
+class Scripted(Settings):
+    """Fault of the emulated robot, due once it has executed `at` commands since its
+    start.
+    """
+
+    at: int = Field(ge=0)
+
+
+class ReflexFault(Scripted):
+    """Fault: the robot stops by a reflex and reports `error`."""
+
+    kind: Literal["reflex"]
+    error: Annotated[str, AfterValidator(_check_name)] = "cartesian_reflex"
+
+
+class UserStopFault(Scripted):
+    """Fault: the user stop is pressed, and released after `duration` [s] if that is
+    finite.
+    """
+
+    kind: Literal["user_stop"]
+    duration: float = Field(default=inf, gt=0, allow_inf_nan=True)
+
+
+class DropFault(Scripted):
+    """Fault: the robot closes the TCP connection of the arm's client."""
+
+    kind: Literal["tcp_drop"]
+
+
+class FreezeFault(Scripted):
+    """Fault: the robot neither sends nor answers for `duration` [s] of the wall
+    clock.
+    """
+
+    kind: Literal["freeze"]
+    duration: float = Field(gt=0, le=60)
+
+
+class NanFault(Scripted):
+    """Fault: for `ticks` ticks the measured joints, pose and force in the robot's state
+    are NaN.
+    """
+
+    kind: Literal["nan"]
+    ticks: int = Field(default=1, gt=0)
+
+
+class ContactFault(Scripted):
+    """Fault: a `force` (3,) [N] in the base acts on the tool for `duration` [s] of
+    robot time.
+    """
+
+    kind: Literal["contact"]
+    force: Annotated[tuple[float, float, float], AfterValidator(_check_force)]
+    duration: float = Field(default=inf, gt=0, allow_inf_nan=True)
+
+
+class VersionFault(Scripted):
+    """Fault: from then on the robot speaks protocol `version` and refuses new
+    connections.
+    """
+
+    kind: Literal["wrong_version"]
+    version: int = Field(default=9, ge=0, le=65535)
+
+
+Fault = (
+    ReflexFault
+    | UserStopFault
+    | DropFault
+    | FreezeFault
+    | NanFault
+    | ContactFault
+    | VersionFault
+)
+
+
+class FaultScript(Settings):
+    """Content of a fault script: version `schema` of the format, and the scheduled
+    faults.
+    """
+
+    schema_: Literal[1] = Field(default=1, alias="schema")
+    faults: tuple[Annotated[Fault, Field(discriminator="kind")], ...]
+
+
+def load_faults(path: Path) -> tuple[Fault, ...]:
+    """Read the fault script at `path`, earliest fault first; ConfigurationError if
+    invalid.
+    """
+    return tuple(sorted(load(path, FaultScript).faults, key=lambda fault: fault.at))
+
+
+Pause = Callable[[float], None]  # returns after a time [s]
+
+
+class Disturbance:
+    """Faults of a script that are still to come, and end times of faults in effect.
+
+    They strike `robot`, or the connection to its client at `port`; `freeze` pauses both
+    for some time [s].
+    """
+
+    def __init__(
+        self,
+        script: Iterable[Fault],
+        robot: EmulatedRobot,
+        port: ArmPort,
+        freeze: Pause,
+    ) -> None:
+        self._waiting = sorted(script, key=lambda fault: fault.at)
+        self._robot = robot
+        self._port = port
+        self._freeze = freeze
+        self._push_ends = inf
+        self._release = inf
+
+    def add(self, fault: Fault) -> None:
+        """Schedule another fault, which is due at once where its tick has passed."""
+        self._waiting = sorted([*self._waiting, fault], key=lambda waiting: waiting.at)
+
+    def strike(self) -> None:
+        """Apply the faults that are due by now, and end those whose time is over."""
+        if self._robot.time >= self._release:
+            self._robot.release_user_stop()
+            self._release = inf
+        if self._robot.time >= self._push_ends:
+            self._robot.pushed = np.zeros(3)
+            self._push_ends = inf
+        while self._waiting and self._waiting[0].at <= self._robot.ticks:
+            self._apply(self._waiting.pop(0))
+
+    def _apply(self, fault: Fault) -> None:
+        """Let the scripted `fault` begin."""
+        robot = self._robot
+        match fault:
+            case ReflexFault():
+                robot.reflex(Reflex[fault.error.upper()])
+            case UserStopFault():
+                robot.press_user_stop()
+                self._release = robot.time + 1000 * fault.duration
+            case NanFault():
+                robot.sensors_fail_until = robot.time + 1 + fault.ticks
+            case ContactFault():
+                robot.pushed = np.array(fault.force)
+                self._push_ends = robot.time + 1000 * fault.duration
+            case DropFault():
+                self._port.drop()
+            case VersionFault():
+                self._port.version = fault.version
+            case FreezeFault():
+                self._freeze(fault.duration)

@@ -1,0 +1,363 @@
+"""Emulated robot: modes, one motion at a time, reflexes, stops, recovery; no sockets,
+no time.
+
+It is stepped in control periods of 1 ms. Its caller requests motions and settings, and
+collects the replies that are due only at the end of a motion.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from math import isfinite
+from typing import Self
+
+import numpy as np
+
+from drivers.base.types import Array
+from drivers.franka.collision import Solids
+from drivers.franka.inverse_kinematics import manipulability
+from drivers.franka.kinematics import HOME
+from drivers.twin.fci_server.configuration import SETTERS, Configuration, configure
+from drivers.twin.fci_server.dynamics import Dynamics, LaggingArm
+from drivers.twin.fci_server.generators import extrapolate, follow, readable
+from drivers.twin.fci_server.limits import BodyCheck, Violation, check_place
+from drivers.twin.fci_server.posture import Posture
+from drivers.twin.fci_server.wire import (
+    Command,
+    Controller,
+    Generator,
+    Mode,
+    MoveRequest,
+    MoveStatus,
+    Reflex,
+    Request,
+    RobotCommand,
+    Status,
+)
+
+# smallest singular value of a Jacobian from which a Cartesian motion may start
+SINGULAR = 0.01
+MOST_MISSED_TICKS = 20  # ticks in a row without a command
+STEADY_ACCELERATION = 1e-3  # rad/s^2 and m/s^2, below which a motion counts as uniform
+
+
+@dataclass(frozen=True, slots=True)
+class Contact:
+    """Estimated external wrench (6,) [N, N m] on the tool in the base; its joint
+    torques (7,).
+
+    Flags are 1 where a threshold is exceeded: first row for contact, second row for
+    collision.
+    """
+
+    wrench: Array
+    torque: Array  # (7,) N m
+    joint_flags: Array  # (2, 7)
+    tool_flags: Array  # (2, 6)
+
+    @classmethod
+    def of_force(
+        cls, posture: Posture, configuration: Configuration, force: Array
+    ) -> Self:
+        """Contact by a `force` (3,) [N] in the robot's base on the tool's origin in
+        `posture`.
+        """
+        wrench = np.zeros(6)
+        wrench[:3] = force
+        lever = posture.reached[:3, :3] @ configuration.tool_to_stiffness[:3, 3]
+        wrench[3:] = np.cross(-lever, force)
+        torque = posture.jacobian[:3].T @ force
+        thresholds = configuration.thresholds
+        steady = bool((np.abs(posture.joints.acceleration) < STEADY_ACCELERATION).all())
+        joints = thresholds.torque_nominal if steady else thresholds.torque_accelerating
+        tool = thresholds.force_nominal if steady else thresholds.force_accelerating
+        joint_flags = np.greater(np.abs(torque), joints).astype(np.float64)
+        tool_flags = np.greater(np.abs(wrench), tool).astype(np.float64)
+        return cls(
+            wrench=wrench, torque=torque, joint_flags=joint_flags, tool_flags=tool_flags
+        )
+
+    @property
+    def reflex(self) -> Reflex | None:
+        """Reflex that an exceeded collision threshold triggers; None where none is
+        exceeded.
+        """
+        if self.tool_flags[1].any():
+            return Reflex.CARTESIAN_REFLEX
+        return Reflex.JOINT_REFLEX if self.joint_flags[1].any() else None
+
+
+NO_CONTACT = Contact(np.zeros(6), np.zeros(7), np.zeros((2, 7)), np.zeros((2, 6)))
+
+
+Push = Callable[[Array, float], Array]
+"""Force (3,) [N] in the base on the tool, from its pose (4, 4) and robot time [s]."""
+
+
+@dataclass(slots=True)
+class ActiveMotion:
+    """Motion in progress of the emulated robot; its last reply carries `command_id`."""
+
+    command_id: int
+    generator: Generator
+    controller: Controller
+    started: bool = False
+    stopping: bool = False
+    missed: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class LateReply:
+    """Reply to a client's request that is sent only at the end of a motion."""
+
+    command: Command
+    command_id: int
+    status: int
+
+
+@dataclass(slots=True)
+class EmulatedRobot:
+    """Emulated robot; `ticks` counts the commands that it has executed, `time` is in
+    [ms].
+    """
+
+    posture: Posture
+    push: Push | None = None
+    body: BodyCheck = field(default_factory=BodyCheck)
+    trailing: LaggingArm | None = None
+    dynamics: Dynamics | None = None
+    configuration: Configuration = field(default_factory=Configuration)
+    mode: Mode = Mode.IDLE
+    errors: frozenset[Reflex] = frozenset()
+    reasons: frozenset[Reflex] = frozenset()
+    motion: ActiveMotion | None = None
+    contact: Contact = NO_CONTACT
+    pushed: Array = field(default_factory=lambda: np.zeros(3))  # N, by the fault script
+    sensors_fail_until: float = 0.0  # ms, by the fault script: what they measure is NaN
+    time: int = 0
+    ticks: int = 0
+    late: list[LateReply] = field(default_factory=list)
+    waiting: list[LateReply] = field(default_factory=list)
+
+    @property
+    def moving(self) -> bool:
+        """Whether a motion accepts commands; False while the arm brakes."""
+        return self.motion is not None and not self.motion.stopping
+
+    @property
+    def measured(self) -> Posture:
+        """Posture of the arm itself, which may lag its setpoint."""
+        return self.posture if self.trailing is None else self.trailing.posture
+
+    def move(self, request: MoveRequest, command_id: int) -> MoveStatus:
+        """Start the requested motion; returns MOTION_STARTED or the reason for a
+        refusal.
+        """
+        if (
+            self.mode is not Mode.IDLE
+            or self.motion is not None
+            or not self.posture.at_rest
+        ):
+            return MoveStatus.NOT_POSSIBLE
+        numbered = request.controller in range(3) and request.generator in range(5)
+        if not numbered or not all(
+            isfinite(part) and part >= 0 for part in request.deviations
+        ):
+            return MoveStatus.INVALID_ARGUMENT
+        controller, generator = (
+            Controller(request.controller),
+            Generator(request.generator + 1),
+        )
+        if (
+            controller is Controller.EXTERNAL
+            or generator is Generator.NONE
+            or request.use_async
+        ):
+            return MoveStatus.NOT_POSSIBLE
+        cartesian = generator in (
+            Generator.CARTESIAN_POSE,
+            Generator.CARTESIAN_VELOCITY,
+        )
+        if cartesian and manipulability(self.posture.jacobian) < SINGULAR:
+            return MoveStatus.SINGULAR_START
+        self.motion = ActiveMotion(command_id, generator, controller)
+        self.mode = Mode.MOVE
+        self.reasons = frozenset()
+        return MoveStatus.MOTION_STARTED
+
+    def stop(self, command_id: int) -> None:
+        """Brake the arm; the reply to request `command_id` is due once the arm is at
+        rest.
+        """
+        self.waiting.append(LateReply(Command.STOP_MOVE, command_id, Status.SUCCESS))
+        if self.motion is not None:
+            self.motion.stopping = True
+
+    def set(self, request: Request[Command]) -> Status:
+        """Change the setting that `request` states, which only an idle robot
+        accepts.
+        """
+        if request.command not in SETTERS or self.mode is not Mode.IDLE:
+            return Status.NOT_POSSIBLE
+        old = self.configuration
+        self.configuration, status = configure(old, request.command, request.payload)
+        if request.command is Command.SET_NE_TO_EE:
+            self.posture = Posture.resting(self.posture.q, self.configuration.tool)
+        return status
+
+    def recover(self, command_id: int) -> Status | None:
+        """Recover from a reflex once the arm is at rest, when the reply is due: returns
+        None.
+
+        Returns NOT_POSSIBLE in motion or while the user stop is pressed.
+        """
+        if self.mode not in (Mode.IDLE, Mode.REFLEX):
+            return Status.NOT_POSSIBLE
+        self.waiting.append(
+            LateReply(Command.AUTOMATIC_ERROR_RECOVERY, command_id, Status.SUCCESS)
+        )
+        return None
+
+    def reflex(self, error: Reflex) -> None:
+        """Abort the motion with `error` and brake; the arm moves again only after
+        recovery.
+        """
+        if self.mode is Mode.USER_STOPPED:
+            return
+        self._finish(MoveStatus.REFLEX_ABORTED)
+        self.mode = Mode.REFLEX
+        self.errors = self.reasons = frozenset({error})
+
+    def press_user_stop(self) -> None:
+        """Abort the motion and brake; no motion starts until the user stop is
+        released.
+        """
+        self._finish(MoveStatus.EMERGENCY_ABORTED)
+        self.mode = Mode.USER_STOPPED
+
+    def release_user_stop(self) -> None:
+        """Release the user stop: the robot is idle again, or in its earlier reflex."""
+        if self.mode is Mode.USER_STOPPED:
+            self.mode = Mode.REFLEX if self.errors else Mode.IDLE
+
+    def abandon(self) -> None:
+        """Brake after the client has disconnected, and discard its pending replies."""
+        self._finish(MoveStatus.ABORTED)
+        self.late.clear()
+        self.waiting.clear()
+
+    def step(self, command: RobotCommand) -> None:
+        """Execute one motion `command`, or stop by a reflex where it breaks a limit."""
+        motion = self.motion
+        if motion is None or motion.stopping:
+            return
+        if not readable(motion.generator, command):
+            self._finish(MoveStatus.INPUT_ERROR_ABORTED)
+            self._brake()
+            return
+        tool = self.configuration.tool
+        self.ticks += 1
+        motion.missed = 0
+        try:
+            posture = follow(
+                motion.generator, self.posture, command, tool, not motion.started
+            )
+            check_place(posture.reached)
+            self.body.check(posture.q)
+        except Violation as violation:
+            self.reflex(violation.reflex)
+            self._brake()
+            return
+        self.posture = posture
+        motion.started = True
+        self._check_contact()
+        if self.motion is not None and command.finished:
+            self.posture = Posture.resting(self.posture.q, tool)
+            self._finish(MoveStatus.SUCCESS)
+            self._send_late_replies()
+
+    def miss(self) -> None:
+        """Extrapolate the motion in a tick without a command; a reflex after
+        MOST_MISSED_TICKS.
+        """
+        motion = self.motion
+        if motion is None or not motion.started:
+            return
+        missed = motion.missed + 1
+        self.step(extrapolate(self.posture, self.time))
+        motion.missed = missed
+        if missed > MOST_MISSED_TICKS and self.motion is not None:
+            self.reflex(Reflex.COMMUNICATION_CONSTRAINTS_VIOLATION)
+
+    def advance(self) -> None:
+        """Advance the robot's time by a tick, and an arm that lags its setpoint."""
+        self.time += 1
+        if self.trailing is not None:
+            self.trailing.tick(self.posture.q)
+
+    def rest(self) -> None:
+        """Pass one tick without a motion: brake a moving arm, end and reply once it is
+        at rest.
+        """
+        if not self.moving:
+            self._brake()
+        self._check_contact()
+        if self.motion is not None and self.motion.stopping and self.posture.at_rest:
+            self._finish(MoveStatus.PREEMPTED)
+        if self.motion is None and self.posture.at_rest:
+            self._send_late_replies()
+
+    def _brake(self) -> None:
+        if not self.posture.at_rest:
+            self.posture = self.posture.brake(self.configuration.tool)
+
+    def _check_contact(self) -> None:
+        """Estimate the contact by all forces on the tool; stop by reflex beyond a
+        threshold.
+        """
+        force = self.pushed
+        if self.push is not None:
+            force = force + self.push(self.measured.reached, self.time / 1000)
+        if not force.any():
+            self.contact = NO_CONTACT
+            return
+        self.contact = Contact.of_force(self.posture, self.configuration, force)
+        if self.motion is not None and self.contact.reflex is not None:
+            self.reflex(self.contact.reflex)
+
+    def _finish(self, status: MoveStatus) -> None:
+        """End the motion with `status`; its reply comes before others that are
+        pending.
+        """
+        if self.motion is not None:
+            self.waiting.insert(
+                0, LateReply(Command.MOVE, self.motion.command_id, status)
+            )
+            self.motion = None
+            self.mode = Mode.IDLE
+
+    def _send_late_replies(self) -> None:
+        for late in self.waiting:
+            if (
+                late.command is Command.AUTOMATIC_ERROR_RECOVERY
+                and self.mode is Mode.REFLEX
+            ):
+                self.mode = Mode.IDLE
+                self.errors = frozenset()
+        self.late += self.waiting
+        self.waiting.clear()
+
+
+def resting_robot(
+    start: Array | None = None, push: Push | None = None, solids: Solids | None = None
+) -> EmulatedRobot:
+    """Emulated robot at rest with joints `start` (7,) [rad], by default in its home
+    posture.
+
+    Its body may move between `solids`; `push` gives the force on its tool.
+    """
+    configuration = Configuration()
+    posture = Posture.resting(
+        np.array(HOME if start is None else start), configuration.tool
+    )
+    body = BodyCheck(solids)
+    return EmulatedRobot(posture, push=push, body=body, configuration=configuration)

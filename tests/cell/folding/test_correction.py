@@ -1,0 +1,179 @@
+"""Experiences are kept on disk, and correct the folds that come after."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cell.folding.correction import (
+    Correction,
+    Subject,
+    correction_of,
+    experience_of,
+    learned_correction,
+)
+from cell.folding.experience import Experience, Memory
+from cell.folding.fold import _learn
+from cell.orchestrator.outcome import Outcome
+from cell.perception.strip_measurement import SeenTouch
+from cell.record.files import TICKS
+from policies.planned import Planned
+from policies.prediction import Estimate, FoldPrediction
+from policies.registry import make_policy
+from tests.support.made_folds import STRIP
+from tests.support.requests import request_for
+
+SUBJECT = Subject("adaptive@1", "denim", "a")
+NUMBER = Estimate(0.02, 0.019, 0.021)
+PREDICTED = FoldPrediction(-0.001, 0.0005, NUMBER, NUMBER, NUMBER, blind=False)
+
+
+def outcome(
+    displacement: float, predicted: FoldPrediction | None = PREDICTED
+) -> Outcome:
+    l1, l2 = 0.3 + displacement / 2, 0.3 - displacement / 2
+    touch = SeenTouch(5.0, 0.3, l1, l2, confidence=1.0, distance=0.001)
+    return Outcome("layer_touch", "the layers touch", 0, touch, -0.002, 14.0, predicted)
+
+
+def test_experiences_come_back_in_order_and_a_torn_line_is_skipped(
+    tmp_path: Path,
+) -> None:
+    memory = Memory("cell", tmp_path)
+    first = Experience("r0", "adaptive", "denim", "a", "camera", displacement=0.001)
+    second = replace(first, run="r1", kind="ruler", displacement=0.0, rig=0.002)
+    memory.add(first)
+    with memory.path.open("ab") as file:
+        file.write(b'{"run": "r2", "policy"')
+    memory.add(second)
+    assert memory.experiences() == (first, second)
+
+
+def test_forgetting_sets_aside_and_overwrites_nothing_that_was_set_aside(
+    tmp_path: Path,
+) -> None:
+    memory, kept = Memory("cell", tmp_path), {}
+    assert memory.forget() is None
+    for number in range(3):
+        memory.add(Experience(f"r{number}", "adaptive", "denim", "a", "camera"))
+        content, aside = memory.path.read_bytes(), memory.forget()
+        assert aside is not None
+        assert memory.experiences() == ()
+        kept[aside] = content
+        if number == 1:
+            first = next(iter(kept))
+            first.unlink()  # the operator moves it elsewhere
+            del kept[first]
+    assert {path: path.read_bytes() for path in kept} == kept
+
+
+def test_one_run_is_forgotten_and_all_others_are_kept(tmp_path: Path) -> None:
+    memory = Memory("cell", tmp_path)
+    kept, gone = (
+        Experience(name, "adaptive", "denim", "a", "camera") for name in ("r0", "r1")
+    )
+    for one in (kept, gone, replace(gone, kind="ruler", rig=0.001)):
+        memory.add(one)
+    aside = memory.forget(tmp_path / "r1")
+    assert aside is not None
+    assert len(aside.read_bytes().splitlines()) == 2
+    assert memory.experiences() == (kept,)
+    assert memory.forget(tmp_path / "r1") is None
+
+
+def test_switched_off_stays_off_until_switched_on(tmp_path: Path) -> None:
+    memory = Memory("cell", tmp_path)
+    memory.switch(on=False)
+    assert Memory("cell", tmp_path).is_off
+    memory.switch(on=True)
+    assert not Memory("cell", tmp_path).is_off
+
+
+@pytest.mark.parametrize(
+    "line", ['{"run": 1}', '{"run": "r", "displacement": 1e9}', "[]", "x"]
+)
+def test_a_line_that_holds_no_experience_is_skipped(tmp_path: Path, line: str) -> None:
+    memory = Memory("cell", tmp_path)
+    memory.path.write_text(line + "\n")
+    assert memory.experiences() == ()
+
+
+def test_the_second_fold_aims_at_the_opposite_of_the_first_ones_bias(
+    tmp_path: Path,
+) -> None:
+    memory = Memory("cell", tmp_path)
+    first = experience_of("r0", SUBJECT, outcome(0.002), Correction())
+    assert first is not None
+    assert first.displacement == pytest.approx(0.003)  # measured +2 mm, predicted -1 mm
+    memory.add(first)
+    found = learned_correction(memory, SUBJECT)
+    assert found.seen == pytest.approx(0.003, rel=0.1)
+    assert str(found.sentence()).startswith("aimed -2.9 mm")
+
+
+def test_a_correction_is_never_larger_than_the_limit(tmp_path: Path) -> None:
+    memory = Memory("cell", tmp_path)
+    for number in range(5):
+        memory.add(
+            Experience(f"r{number}", SUBJECT.policy, "denim", "a", "camera", 0.03)
+        )
+    assert learned_correction(memory, SUBJECT).seen == pytest.approx(0.008)
+
+
+def test_experiences_of_other_weights_teach_nothing(tmp_path: Path) -> None:
+    memory = Memory("cell", tmp_path)
+    memory.add(
+        Experience("r0", "adaptive@2", "denim", "a", "camera", displacement=0.003)
+    )
+    assert learned_correction(memory, SUBJECT).seen == 0.0
+
+
+def test_folds_without_touch_or_blind_or_stopped_or_unread_teach_nothing(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / TICKS).mkdir()
+    assert "nothing was learned" in _learn(
+        request_for("denim", "adaptive", tmp_path), outcome(0.0), tmp_path
+    )
+    good, blind = outcome(0.0), outcome(0.001, replace(PREDICTED, blind=True))
+    for one in (blind, replace(good, name="force"), replace(good, touch=None)):
+        assert experience_of("r", SUBJECT, one, Correction()) is None
+
+
+def test_edges_are_learned_as_if_they_had_been_laid_without_a_correction() -> None:
+    taut = Correction()
+    shifted = Correction(place=-0.002)
+    plain = experience_of("r0", SUBJECT, outcome(0.0), taut)
+    again = experience_of(
+        "r0", SUBJECT, replace(outcome(0.0), edge_offset=0.0), shifted
+    )
+    assert plain is not None
+    assert again is not None
+    assert plain.edges == pytest.approx(-0.002)
+    assert again.edges == pytest.approx(plain.edges)
+    assert str(shifted.sentence()).startswith("laid the edge +2.0 mm")
+
+
+def test_a_record_states_the_correction_that_was_used() -> None:
+    used = Correction(0.001, None, 0.002)
+    again = correction_of(used.facts())
+    assert (again.seen, again.place) == (used.seen, used.place)
+    assert correction_of(None).seen == 0.0
+
+
+@pytest.mark.slow
+def test_a_planned_fold_of_the_rod_comes_out_where_the_bias_is_corrected() -> None:
+    plain, corrected = Planned(), Planned()
+    assert Correction(0.004).apply(corrected) is not None
+    for policy in (plain, corrected):
+        policy.reset(STRIP, 0.1, 1)
+    # A rise of one millimetre moves d by 0.95 mm (reference: the slope dd/dr of raised
+    # triangles).
+    moved = plain.rises - corrected.rises
+    assert np.allclose(moved, 0.004 / 0.95, atol=1e-3)
+
+
+def test_only_policies_that_steer_by_a_model_are_corrected() -> None:
+    assert Correction(0.001).apply(make_policy("triangular")) is None
+    assert Correction(0.001).apply(make_policy("adaptive")) is not None

@@ -1,0 +1,80 @@
+"""What `cell camera` says, without a camera and with one that a stand-in for the kernel
+has.
+"""
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+import drivers.v4l2.device
+from cell.base.config.places import find_configs
+from cell.base.devices.open import check_calibrated, check_drivers
+from cell.interface.cli.app import app
+from drivers.base.errors import ConfigurationError
+from drivers.v4l2.camera import UnusableDevice, list_cameras
+from drivers.v4l2.settings import V4l2Settings
+from tests.drivers.v4l2.fake_kernel import LINK, FakeKernel
+
+REAL = find_configs(None).cell().with_drivers(camera="v4l2")
+
+
+@pytest.fixture
+def links(tmp_path: Path) -> Path:
+    """Links as udev keeps them: a camera by id and by path, another one by path
+    alone.
+    """
+    for name in ("video0", "video2"):
+        (tmp_path / name).touch()
+    for kind, name, node in (
+        ("by-id", "usb-Test", "video0"),
+        ("by-path", "pci-usb-1", "video0"),
+        ("by-path", "pci-usb-2", "video2"),
+    ):
+        (tmp_path / kind).mkdir(exist_ok=True)
+        (tmp_path / kind / name).symlink_to(tmp_path / node)
+    return tmp_path
+
+
+def test_device_that_cannot_be_opened_is_listed_with_the_reason(links: Path) -> None:
+    first, _ = list_cameras(FakeKernel(), links)
+    assert isinstance(first, UnusableDevice)
+    assert "No such file" in first.problem
+
+
+def test_no_camera_is_reported_and_is_no_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("drivers.v4l2.camera.device_links", lambda *_: [])
+    done = CliRunner().invoke(app, ["camera"])
+    assert (done.exit_code, done.stdout) == (0, "")
+    assert "plug one in" in done.stderr
+
+
+def test_listing_names_formats_controls_and_the_section_to_add(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(drivers.v4l2.device, "Kernel", FakeKernel)
+    done = CliRunner().invoke(app, ["camera", "--device", LINK])
+    assert done.exit_code == 0
+    assert "YUYV 64x48 at 60 Hz" in done.stdout
+    assert (
+        "exposure_time_absolute 157 (1 to 5000 in steps of 1; is inactive"
+        in done.stdout
+    )
+    section = json.loads(done.stdout.rpartition("camera: ")[2])
+    assert V4l2Settings.model_validate(section).device == LINK
+    line = json.loads(
+        CliRunner().invoke(app, ["camera", "--device", LINK, "--json"]).stdout
+    )
+    assert line["camera"] == section
+
+
+def test_cell_without_a_camera_section_says_what_to_add() -> None:
+    with pytest.raises(ConfigurationError, match=r"camera: is missing.*cell camera"):
+        check_drivers(REAL)
+
+
+def test_real_camera_without_a_calibration_is_refused_before_anything_opens() -> None:
+    with pytest.raises(ConfigurationError, match=r"calibration: is missing"):
+        check_calibrated(REAL)
+    check_calibrated(find_configs(None).cell())

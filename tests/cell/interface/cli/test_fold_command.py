@@ -1,0 +1,139 @@
+"""`cell fold` as programs call it: its lines, its exit code, its refusals."""
+
+import json
+import os
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from cell.base.config.places import CHECKOUT_CONFIGS
+from cell.folding.request import Request
+from cell.folding.result import FoldResult
+from drivers.base.errors import CellError, ConfigurationError
+from tests.support.commands import run
+from tests.support.made_results import DONE, STOPPED, fold_by
+
+
+@pytest.fixture
+def folds(
+    monkeypatch, tmp_path
+) -> Callable[..., tuple[int, list[dict], list[Request]]]:
+    """Runs `cell fold` with folds that end as they are told; exit code, lines, what was
+    folded.
+    """
+
+    def command(capsys, ends: list[FoldResult | CellError], *words: object):
+        asked: list[Request] = []
+
+        def fold(request, calibration, shown, interrupted) -> FoldResult:
+            asked.append(request)
+            end = ends[len(asked) - 1]
+            if isinstance(end, CellError):
+                raise end
+            if end.exit_code == 130:
+                interrupted._requested = True
+            return end
+
+        fold_by(monkeypatch, fold)
+        words = ("fold", "--strip", "denim", "--json", "--runs", tmp_path / "r", *words)
+        code = run(monkeypatch, *words)
+        told = capsys.readouterr()
+        lines = [
+            json.loads(line, parse_constant=no_constant)
+            for line in told.out.splitlines()
+        ]
+        return code, lines, told.err.splitlines(), asked
+
+    return command
+
+
+def no_constant(name: str) -> None:
+    raise AssertionError(f"{name} is not JSON")
+
+
+def test_a_line_holds_what_programs_agreed_on_and_no_more(folds, capsys) -> None:
+    code, (line,), remarks, _ = folds(capsys, [DONE])
+    assert code == 0
+    assert remarks == []
+    assert list(line) == [
+        *(
+            "run",
+            "strip",
+            "policy",
+            "seed",
+            "outcome",
+            "displacement",
+            "displacement_true",
+        ),
+        *("layer_touch", "edge_offset", "edge_offset_true", "like_model"),
+        *("duration", "wall", "calibration", "exit_code", "witnesses"),
+    ]
+    assert line["displacement"] == -0.033765
+    assert line["displacement_true"] is None
+
+
+def test_the_exit_code_is_the_largest_of_the_folds(folds, capsys) -> None:
+    refused = replace(DONE, outcome="preflight_refused", displacement=None, exit_code=3)
+    missed = replace(DONE, outcome="path_done", displacement=None, exit_code=1)
+    code, lines, remarks, _ = folds(capsys, [missed, refused, DONE], "--repeat", 3)
+    assert code == 3
+    assert [line["exit_code"] for line in lines] == [1, 3, 0]
+    assert len(remarks) == 2
+
+
+def test_a_fold_that_cannot_begin_ends_no_batch(folds, capsys) -> None:
+    stopped = replace(DONE, outcome="force", exit_code=4)
+    ends = [stopped, ConfigurationError("runs: cannot be written"), DONE]
+    code, lines, remarks, asked = folds(capsys, ends, "--repeat", 3)
+    assert code == 4
+    assert [line["outcome"] for line in lines] == ["force", "error", DONE.outcome]
+    assert [line["exit_code"] for line in lines] == [4, 2, 0]
+    assert (lines[1]["run"], lines[1]["seed"]) == (None, 1)
+    assert remarks[-1] == "cell: error: runs: cannot be written"
+    assert len(asked) == 3
+
+
+def test_ctrl_c_ends_the_whole_batch(folds, capsys) -> None:
+    code, lines, _, asked = folds(capsys, [STOPPED, DONE, DONE], "--repeat", 3)
+    assert code == 130
+    assert [line["outcome"] for line in lines] == ["interrupted"]
+    assert len(asked) == 1
+
+
+@pytest.fixture
+def broken_plant(tmp_path) -> Path:
+    path = tmp_path / "broken.yaml"
+    path.write_text("schema: 1\nname: broken\n")
+    return path
+
+
+def test_a_plant_that_cannot_be_used_is_refused_before_the_first_fold(
+    folds, capsys, broken_plant, tmp_path
+) -> None:
+    good = tmp_path / "good.yaml"
+    good.write_text((CHECKOUT_CONFIGS / "strips" / "denim.yaml").read_text())
+    plants = ("--plant", good, "--plant", broken_plant)
+    code, lines, remarks, asked = folds(capsys, [DONE, DONE], *plants)
+    assert code == 2
+    assert asked == []
+    assert lines == []
+    assert all(remark.startswith(f"cell: {broken_plant}") for remark in remarks[:1])
+    os.mkfifo(tmp_path / "pipe.yaml")
+    for name in ("missing.yaml", "pipe.yaml"):
+        assert folds(capsys, [], "--plant", tmp_path / name, "--dry-run")[0] == 2
+
+
+def test_a_defect_of_the_program_is_one_line_and_no_traceback(
+    monkeypatch, capsys, tmp_path
+) -> None:
+    def defect(*_: object, **__: object) -> None:
+        raise ZeroDivisionError("nobody foresaw this")
+
+    monkeypatch.setattr("cell.record.listing.list_runs", defect)
+    assert run(monkeypatch, "runs", "--runs", tmp_path) == 1
+    told = capsys.readouterr()
+    assert told.err.count("\n") == 1
+    assert "ZeroDivisionError in test_fold_command.py" in told.err
+    assert "nobody foresaw this" in told.err

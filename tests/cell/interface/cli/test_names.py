@@ -1,0 +1,51 @@
+"""Names that somebody misspells: answered at once, with the name that was meant."""
+
+from pathlib import Path
+
+import pytest
+
+from drivers.base.errors import ConfigurationError
+from drivers.base.settings import parse
+from drivers.strip.describe import load_strip
+from drivers.strip.file import StripFile
+from policies.registry import make_policy
+
+ROOT = Path(__file__).resolve().parents[3]
+DENIM = ROOT / "configs" / "strips" / "denim.yaml"
+CONTENT = {
+    "schema": 1, "name": "a", "length": 0.6, "width": 0.05, "areal_density": 0.4,
+    "bending_length": 0.017, "retardation_time": 0.03,
+}  # fmt: skip
+
+
+def test_misspelt_keys_and_policies_name_what_was_meant(tmp_path: Path) -> None:
+    with pytest.raises(
+        ConfigurationError, match=r"lenght: unknown key \(did you mean 'length'\?"
+    ):
+        parse(CONTENT | {"lenght": 0.6}, StripFile, "a.yaml")
+    path = tmp_path / "a.yaml"
+    path.write_text(f"{DENIM.read_text()}effects: {{seem: {{}}}}\n")
+    with pytest.raises(ConfigurationError, match=r"did you mean 'seam'\?"):
+        load_strip(path)
+    path.write_text(f"{DENIM.read_text()}effects: {{seam: {{factr: 1.0}}}}\n")
+    with pytest.raises(ConfigurationError, match=r"did you mean 'factor'\?"):
+        load_strip(path)
+    with pytest.raises(ConfigurationError, match=r"did you mean 'circular'\?"):
+        make_policy("circlar")
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "said"),
+    [
+        ("length", 600.0, "is 600 m, must be at least 0.1 m and at most 2 m; "
+                          "if 600 is in mm, write 0.6"),
+        ("areal_density", 400.0, "if 400 is in g/m^2, write 0.4"),
+        ("retardation_time", 30.0, "if 30 is in ms, write 0.03"),
+        ("retardation_time", -1.0, "is -1 s, must be at least 0 s and at most 10 s"),
+        ("colour", [0, 0, 300], "colour.2: is 300, must be at most 255"),
+    ],
+)  # fmt: skip
+def test_number_out_of_range_is_given_with_its_unit(key, value, said) -> None:
+    with pytest.raises(ConfigurationError) as error:
+        parse(CONTENT | {key: value}, StripFile, "a.yaml")
+    assert said in str(error.value)

@@ -1,0 +1,136 @@
+"""The doctor finds what would hurt, says what to do, and no real fold begins while it
+is red.
+"""
+
+import json
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from calibration.calibration import save_calibration
+from cell.base.config.places import CHECKOUT_CONFIGS, Configs, find_configs
+from cell.interface.cli.app import app
+from cell.setup.doctor import devices, machine
+from cell.setup.doctor.check import Check, Grade
+from cell.setup.doctor.devices import Link, judge_link, link_of, measure_link
+from cell.setup.doctor.doctor import checks, refuse_failed
+from drivers.base.errors import CellError, PreflightRefused
+from drivers.twin.fci_server.server import RobotServer
+from tests.cell.conftest import straight_camera
+
+CELL = Configs(CHECKOUT_CONFIGS).cell()
+
+
+def kept(folder: Path, **facts: str) -> Path:
+    """A calibration's file in `folder`."""
+    save_calibration(straight_camera(**facts), folder / "calibration.yaml")
+    return folder / "calibration.yaml"
+
+
+def arrivals(lost: range = range(0), late: float = 0.0) -> Link:
+    """Two seconds of states, those in `lost` missing, every tenth one `late` [ms]."""
+    times = np.array([t for t in range(2000) if t not in lost])
+    return link_of(times, 1e-3 * times + 1e-3 * late * (times % 10 == 0))
+
+
+@pytest.mark.parametrize(
+    ("link", "state"),
+    [
+        (arrivals(), Grade.PASS),
+        (arrivals(lost=range(1000, 1015)), Grade.PASS),
+        (arrivals(lost=range(1000, 1020)), Grade.FAIL),
+        (arrivals(late=3.0), Grade.WARN),
+        (arrivals(lost=range(400, 2000, 8)), Grade.FAIL),
+    ],
+)
+def test_link_is_judged_by_what_the_robot_asks(link: Link, state: Grade) -> None:
+    check = judge_link(link)
+    assert check.state is state
+    assert check.remedy
+
+
+def test_states_of_the_served_robot_arrive_over_loopback() -> None:
+    pytest.importorskip("pylibfranka")
+    with RobotServer() as server:
+        link = measure_link(server.address, 1.0)
+    assert link.states > 100
+    assert link.seconds == pytest.approx(1.0, abs=0.3)
+
+
+def test_robot_that_is_not_there_is_one_line() -> None:
+    pytest.importorskip("pylibfranka")
+    with pytest.raises(CellError) as refused:
+        measure_link("127.0.0.99", 1.0)
+    assert "\n" not in str(refused.value)
+    check = devices.robot("127.0.0.99")
+    assert (check.state, "no robot answers" in check.found) == (Grade.FAIL, True)
+
+
+def test_calibration_that_has_expired_is_red(tmp_path: Path) -> None:
+    old = (datetime.now(UTC) - timedelta(days=400)).isoformat()
+    settings = CELL.model_copy(update={"calibration": str(kept(tmp_path, date=old))})
+    assert devices.calibration(settings, on_twin=True).state is Grade.PASS
+    check = devices.calibration(settings, on_twin=False)
+    assert (check.state, "400 days" in check.found) == (Grade.FAIL, True)
+
+
+def test_disk_without_room_is_red(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert machine.disk(tmp_path / "runs").state is not Grade.FAIL
+    monkeypatch.setattr(machine, "RUN_GB", 1e9)
+    assert machine.disk(tmp_path / "runs").state is Grade.FAIL
+
+
+def test_cell_of_the_twin_needs_no_hardware(tmp_path: Path) -> None:
+    found = list(checks(find_configs(None), tmp_path))
+    assert [c.state for c in found if c.name in {"robot", "camera"}] == [
+        Grade.SKIPPED
+    ] * 2
+    refuse_failed([check for check in found if check.name != "cores"])
+
+
+def test_red_check_refuses_with_its_remedy() -> None:
+    red = Check("camera", Grade.FAIL, "is gone", "it sees", "connect it")
+    with pytest.raises(PreflightRefused, match=r"camera: is gone; connect it"):
+        refuse_failed([red])
+
+
+def test_command_prints_an_object_a_line(tmp_path: Path, capsys) -> None:
+    with pytest.raises(SystemExit) as ended:
+        app(["doctor", "--json", "--runs", str(tmp_path)])
+    lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert [line["number"] for line in lines] == list(range(1, len(lines) + 1))
+    assert all(line["remedy"] for line in lines if line["state"] in ("warn", "fail"))
+    red = any(line["state"] == "fail" for line in lines)
+    assert (ended.value.code or 0) == (PreflightRefused.exit_code if red else 0)
+
+
+def test_fold_with_a_real_camera_refuses_while_a_check_is_red(tmp_path: Path) -> None:
+    configs = tmp_path / "configs"
+    (configs / "strips").mkdir(parents=True)
+    (configs / "strips" / "denim.yaml").write_bytes(
+        (CHECKOUT_CONFIGS / "strips" / "denim.yaml").read_bytes()
+    )
+    content = yaml.safe_load((CHECKOUT_CONFIGS / "cell.yaml").read_text())
+    content["drivers"] = {"arm": "twin", "camera": "v4l2"}
+    content["camera"] = {"device": "/dev/v4l/by-id/none", "format": "YUYV"}
+    content["camera"] |= {"width": 1280, "height": 720, "rate": 30.0}
+    content["calibration"] = str(kept(tmp_path))
+    (configs / "cell.yaml").write_text(yaml.safe_dump(content))
+    with pytest.raises(PreflightRefused, match="cell doctor"):
+        app(
+            [
+                "fold",
+                "--strip",
+                "denim",
+                "--configs",
+                str(configs),
+                "--runs",
+                str(tmp_path / "r"),
+            ]
+        )
+    assert not (tmp_path / "r").exists()

@@ -1,0 +1,263 @@
+"""Forces beyond what a real arm feels at rest: tare, guards, drift, retreat."""
+
+import time
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("pylibfranka", reason="the robot's library is not installed")
+
+from drivers.base.errors import Fault
+from drivers.base.motion import TICK
+from drivers.franka import limits
+from drivers.franka.collision import Box, Solids
+from drivers.franka.failure import ArmFault, Cause
+from drivers.franka.force import DriftMonitor, ForceGuard, Tare
+from drivers.franka.joint_requests import GoTo, go_to, retreat
+from drivers.franka.mailbox import CommandKind
+from drivers.franka.obstacles import solids_of
+from drivers.franka.settings import FciSettings
+from tests.drivers.franka.rig import (
+    COLLISION,
+    INSTALLATION,
+    JOINTS,
+    LossyRobot,
+    begun,
+    near,
+    served,
+    task,
+)
+
+OFFSET = [2.0, -3.0, 4.0, 0.5, 0.0, 0.1]  # N, N m, at rest and touching nothing
+TORQUES = [0.5, -1.0, 0.2, 0.0, 0.1, 0.0, 0.0]
+TARE = Tare(tuple(OFFSET), tuple(TORQUES))
+STIFF = 2000.0  # N/m
+SOLIDS = solids_of(INSTALLATION)
+
+
+def state(force=(0.0, 0.0, 0.0), torques=(0.0,) * 7) -> SimpleNamespace:
+    """What a robot with that offset reports under a force and torques."""
+    wrench = [a + b for a, b in zip(OFFSET, (*force, 0, 0, 0), strict=True)]
+    together = [a + b for a, b in zip(TORQUES, torques, strict=True)]
+    return SimpleNamespace(O_F_ext_hat_K=wrench, tau_ext_hat_filtered=together)
+
+
+def test_tare_is_the_mean_of_forces_at_rest() -> None:
+    tare = Tare.from_states([state((0.0, 0.0, 1.0)), state((0.0, 0.0, -1.0))], 10.0)
+    assert tare.wrench == pytest.approx(OFFSET)
+    assert tare.torques == pytest.approx(TORQUES)
+
+
+@pytest.mark.parametrize("force", [(0.0, 0.0, 20.0), (float("nan"), 0.0, 0.0)])
+def test_what_presses_at_rest_is_not_tared_away(force) -> None:
+    with pytest.raises(ArmFault) as failed:
+        Tare.from_states([state(force)] * 3, 10.0)
+    assert failed.value.cause is Cause.PRESSED
+
+
+def test_guards_hold_beyond_the_tare_and_in_every_direction() -> None:
+    guard = ForceGuard(15.0, 10.0, TARE)
+    assert guard.beyond_tare(state())[:3] == pytest.approx([0.0, 0.0, 0.0])
+    for axis in np.eye(3):
+        assert guard.objection(state(14.0 * axis)) == ""
+        assert guard.objection(state(-14.0 * axis)) == ""
+        assert "met 16.0 N, allowed 15.0 N" in guard.objection(state(16.0 * axis))
+        assert "met 16.0 N, allowed 15.0 N" in guard.objection(state(-16.0 * axis))
+
+
+@pytest.mark.parametrize("joint", range(7))
+def test_push_on_the_arm_itself_is_felt_by_its_joint(joint: int) -> None:
+    guard, push = ForceGuard(15.0, 10.0, TARE), np.zeros(7)
+    push[joint] = -11.0
+    assert f"joint {joint + 1} met 11.0 N m" in guard.objection(state(torques=push))
+    assert guard.objection(state(torques=0.8 * push)) == ""
+    push[joint] = np.nan
+    assert f"joint {joint + 1} met nan N m" in guard.objection(state(torques=push))
+    with pytest.raises(ArmFault, match="no numbers"):
+        Tare.from_states([state(torques=push)] * 3, 10.0)
+
+
+def test_loop_guards_and_reports_force_beyond_the_tare() -> None:
+    setup = begun(guard=TARED)
+    setup.robot.force, setup.robot.torques = OFFSET, TORQUES
+    setup.order(CommandKind.FOLLOW, -0.1, 0.0, 0.0)
+    report = setup.steps(50)
+    assert (report.fx, report.fz) == pytest.approx((0.0, 0.0), abs=1e-9)
+    setup.robot.torques = [*TORQUES[:3], 20.0, *TORQUES[4:]]
+    setup.steps(200)
+    assert setup.loop.halted is not None
+    assert setup.loop.halted.cause is Cause.CONTACT
+    assert "joint 4" in setup.loop.halted.words
+
+
+TARED = ForceGuard(15.0, 15.0, TARE)
+
+
+def test_force_that_stays_at_rest_is_drift_and_one_in_motion_is_not() -> None:
+    leaning = state((0.0, 9.0, 0.0))
+    drift = DriftMonitor(TARED, 8.0, TICK)
+    assert not any(drift.objection(leaning, moving=True) for _ in range(5000))
+    # it settles
+    assert not any(drift.objection(leaning, moving=False) for _ in range(300))
+    found = [drift.objection(leaning, moving=False) for _ in range(3000)]
+    assert "drifted to 8.0 N, allowed 8.0 N" in next(filter(None, found))
+    still = DriftMonitor(TARED, 8.0, TICK)
+    assert not any(
+        still.objection(state((0.0, 7.0, 0.0)), moving=False) for _ in range(5000)
+    )
+
+
+def test_drift_at_rest_ends_the_motion() -> None:
+    setup = begun()
+    setup.robot.force = [0.0, 0.0, -10.0, 0.0, 0.0, 0.0]
+    setup.steps(3000)
+    assert setup.loop.halted is not None
+    assert "drifted" in setup.loop.halted.words
+
+
+class Wall:
+    """A spring in which the gripper stands, 20 N deep."""
+
+    def __init__(self) -> None:
+        self.edge: float | None = None
+
+    def force(self, tip, time):
+        if self.edge is None:
+            self.edge = tip[1, 3] - 20.0 / STIFF
+        return np.array([0.0, -STIFF * max(tip[1, 3] - self.edge, 0.0), 0.0])
+
+
+def felt(server) -> None:
+    """Wait until the server's robot has felt what is around it."""
+    end = time.monotonic() + 30.0
+    while not server.robot.contact.wrench.any() and time.monotonic() < end:
+        server.robot.rest()
+
+
+def test_arm_that_is_pressed_does_not_go_home_by_itself_and_retreats_when_asked_to():
+    with served(push=Wall().force) as server:
+        felt(server)
+        with pytest.raises(Fault, match=r"feels 20\.0 N at rest.*--recover") as fault:
+            go_to(task(server), GoTo(near(-0.1), 1.0))
+        assert fault.value.name == "arm_pressed"
+        assert server.robot.ticks == 0
+        go_to(task(server), GoTo(near(-0.1), 1.0, recover=True))
+        assert server.robot.posture.q == pytest.approx(near(-0.1), abs=1e-3)
+        thresholds = server.robot.configuration.thresholds
+        assert thresholds.force_nominal[1, 0] == COLLISION.force_upper  # tight again
+
+
+class Pressed(LossyRobot):
+    """A robot that loses nothing, with a force on its gripper that depends on where
+    that is.
+    """
+
+    def __init__(self, push, joints=JOINTS) -> None:
+        super().__init__(joints)
+        self.push = push
+        self.begin = self.place
+        self.thresholds: list[float] = []
+
+    @property
+    def place(self) -> np.ndarray:
+        return self.robot.posture.reached[:3, 3].copy()
+
+    @property
+    def moved(self) -> np.ndarray:
+        return self.place - self.begin
+
+    def state(self) -> SimpleNamespace:
+        return self.read(None)
+
+    def read(self, motion: object) -> SimpleNamespace:
+        found = super().read(motion)
+        found.O_F_ext_hat_K = [0.0, self.push(self.moved[1]), 0.0, 9.0, 0.0, 0.0]
+        return found
+
+    def configure(self, collision) -> None:
+        self.thresholds.append(collision.force_upper)
+
+
+def test_retreat_leaves_a_contact_along_its_force_and_no_further() -> None:
+    robot = Pressed(lambda y: -max(20.0 + STIFF * y, 0.0))  # free 10 mm away
+    retreat(robot, FciSettings(), lambda: False, SOLIDS)
+    assert -0.02 < robot.moved[1] < -0.008
+    assert np.abs(robot.moved[[0, 2]]).max() < 1e-3
+    assert robot.ended
+    assert robot.thresholds[0] > 20.0 + 8.0
+
+
+def test_retreat_that_frees_nothing_ends_after_its_way() -> None:
+    robot = Pressed(lambda _: -20.0)  # somebody who follows
+    with pytest.raises(
+        ArmFault, match=r"still feels 20\.0 N after a retreat of 30 mm"
+    ) as failed:
+        retreat(robot, FciSettings(), lambda: False, SOLIDS)
+    assert failed.value.cause is Cause.PRESSED
+    assert robot.moved == pytest.approx([0.0, -0.03, 0.0], abs=2e-3)
+    assert robot.ended
+    assert robot.thresholds[-1] == FciSettings().collision.force_upper
+
+
+def test_retreat_is_not_begun_where_a_joint_is_at_its_end() -> None:
+    robot = Pressed(lambda _: -20.0, [*JOINTS[:6], limits.POSITION_HIGH[6] - 0.01])
+    with pytest.raises(ArmFault, match="a joint is at its end; free the arm by hand"):
+        retreat(robot, FciSettings(), lambda: False, SOLIDS)
+    assert robot.robot.ticks == 0
+
+
+def test_retreat_ends_where_the_force_rises() -> None:
+    # clamped: it grows along the way out
+    robot = Pressed(lambda y: -20.0 + 2 * STIFF * y)
+    with pytest.raises(ArmFault, match=r"met 28\.\d N, allowed 28\.0 N"):
+        retreat(robot, FciSettings(), lambda: False, SOLIDS)
+    assert -0.003 < robot.moved[1] < 0.0
+    assert robot.thresholds[-1] == FciSettings().collision.force_upper  # tight again
+
+
+def test_force_that_is_no_number_begins_no_retreat_and_ends_one() -> None:
+    robot = Pressed(lambda _: float("nan"))
+    with pytest.raises(ArmFault, match="a force that is no number") as failed:
+        retreat(robot, FciSettings(), lambda: False, SOLIDS)
+    assert failed.value.cause is Cause.PRESSED
+    assert not robot.thresholds
+    assert robot.robot.ticks == 0
+    robot = Pressed(lambda y: -20.0 if y > -0.005 else float("nan"))
+    with pytest.raises(ArmFault, match="met nan N"):
+        retreat(robot, FciSettings(), lambda: False, SOLIDS)
+    assert robot.moved[1] > -0.01
+
+
+@pytest.mark.parametrize(
+    ("room", "free"), [(0.1, True), (0.031, False), (-0.01, False)]
+)
+def test_retreat_does_not_lead_towards_obstacles(room: float, free: bool) -> None:
+    """A wall beside the arm, `room` [m] from it: what comes nearer is not begun."""
+    robot = Pressed(lambda y: -max(20.0 + STIFF * y, 0.0))
+    edge = robot.place[1] - 1.0
+    far = Solids(np.eye(4), (Box("wall", (-3.0, edge - 1.0, -3.0), (3.0, edge, 3.0)),))
+    edge += float(far.clearance(np.array(JOINTS))[0]) - room
+    wall = Solids(np.eye(4), (Box("wall", (-3.0, edge - 1.0, -3.0), (3.0, edge, 3.0)),))
+    if free:
+        retreat(robot, FciSettings(), lambda: False, wall)
+        assert robot.ended
+        return
+    with pytest.raises(ArmFault, match="leads towards the wall; free the arm by hand"):
+        retreat(robot, FciSettings(), lambda: False, wall)
+    assert robot.robot.ticks == 0
+
+
+def test_retreat_from_an_obstacle_may_begin_too_near() -> None:
+    robot = Pressed(lambda y: -max(20.0 + STIFF * y, 0.0))
+    edge = robot.place[1] - 0.02
+    wall = Solids(np.eye(4), (Box("wall", (-3.0, edge, -3.0), (3.0, edge + 1.0, 3.0)),))
+    retreat(robot, FciSettings(), lambda: False, wall)
+    assert robot.ended
+
+
+def test_arm_that_nothing_presses_does_not_retreat() -> None:
+    robot = Pressed(lambda _: 2.0)
+    retreat(robot, FciSettings(), lambda: False, SOLIDS)
+    assert not robot.thresholds
+    assert robot.robot.ticks == 0

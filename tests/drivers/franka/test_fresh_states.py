@@ -1,0 +1,127 @@
+"""A loop that fell behind a robot on its own clock answers what has just come."""
+
+from functools import partialmethod
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("pylibfranka", reason="the robot's library is not installed")
+
+import drivers.franka.robot
+from drivers.franka.mailbox import CommandKind
+from drivers.franka.robot import Robot
+from drivers.franka.settings import FciSettings
+from drivers.twin.fci_server.robot import MOST_MISSED_TICKS
+from drivers.twin.fci_server.wire import RobotCommand
+from tests.drivers.franka.rig import JOINTS, LossyRobot, begun_losing, joint_command
+
+# s: of the robot, to read a state, of each message
+TICK, AT_HAND, ON_THE_WAY = 1e-3, 2e-5, 1e-4
+RESUMED = 1.2e-3  # s to an answer after one that was lost: more than a tick
+# s from a state to its answer, and for what comes after that
+ANSWER, AFTER = 0.6e-3, 0.39e-3
+
+
+class Millisecond:
+    """A motion of a robot that makes a tick each millisecond, in simulated time."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+        self.read, self.heard = -1, set[int]()
+
+    def readOnce(self):  # noqa: N802
+        newest = int((self.now - ON_THE_WAY) / TICK)
+        if newest <= self.read:
+            newest = self.read + 1
+            self.now = newest * TICK + ON_THE_WAY
+        self.read = newest
+        self.now += AT_HAND
+        return SimpleNamespace(number=newest), None
+
+    def writeOnce(self, command) -> None:  # noqa: N802
+        if self.now + ON_THE_WAY < (command.number + 1) * TICK:
+            self.heard.add(command.number)
+
+
+def most_lost(robot: Robot, motion: Millisecond, ticks: int) -> int:
+    """Ticks in a row without an answer."""
+    while motion.read < ticks:
+        state = robot.read(motion)
+        motion.now += ANSWER
+        motion.writeOnce(state)
+        motion.now += AFTER
+    lost = longest = 0
+    for tick in range(ticks):
+        lost = 0 if tick in motion.heard else lost + 1
+        longest = max(longest, lost)
+    return longest
+
+
+@pytest.mark.parametrize(
+    ("lock_step", "lost"), [(False, range(1, 3)), (True, range(20, 1000))]
+)
+def test_a_loop_that_is_too_slow_loses_every_other_command_not_all(
+    monkeypatch, lock_step: bool, lost: range
+) -> None:
+    """In lock-step, where a state is never too old, each is taken as it comes."""
+    motion, robot = Millisecond(), Robot.__new__(Robot)
+    robot._settings = FciSettings(address="127.0.0.1", lock_step=lock_step)
+    monkeypatch.setattr(drivers.franka.robot, "perf_counter", lambda: motion.now)
+    assert most_lost(robot, motion, 1000) in lost
+
+
+class Timed(LossyRobot):
+    """A robot on its own clock in simulated time, before which answers take a while."""
+
+    def __init__(self) -> None:
+        super().__init__(JOINTS)
+        self.now, self.row, self.longest = 0.0, 0, 0
+        self._next: RobotCommand | None = None
+        self._seen = -1
+
+    def _taken(self, motion: object, *, fresh: bool) -> SimpleNamespace:
+        self._go_on()
+        if fresh or self.robot.time == self._seen:
+            self.now = (self.robot.time + 1) * TICK
+            self._go_on()
+        self._seen, self._answered = self.robot.time, True
+        self.now += (RESUMED if self.row else ANSWER) if fresh else AT_HAND
+        return super().read(motion)
+
+    read = partialmethod(_taken, fresh=True)
+    read_queued = partialmethod(_taken, fresh=False)
+
+    def _command(self, joints: np.ndarray, last: bool) -> None:
+        self._go_on()
+        if self._seen == self.robot.time:
+            self._next = joint_command(self._seen, joints, last)
+
+    def _go_on(self) -> None:
+        while self.robot.time < int(self.now / TICK + 1e-9):
+            counted = (
+                self._next is None and self.robot.motion and self.robot.motion.started
+            )
+            self.row = self.row + 1 if counted else 0
+            self.longest = max(self.longest, self.row)
+            if self._next is None:
+                self.robot.miss()
+            else:
+                self.robot.step(self._next)
+                self._heard = True
+            self.robot.time, self._next = self.robot.time + 1, None
+
+
+@pytest.mark.parametrize("own_clock", [False, True])
+def test_one_lost_command_does_not_lose_all_that_follow(own_clock: bool) -> None:
+    robot = Timed()
+    setup = begun_losing(robot, own_clock=own_clock)
+    setup.order(CommandKind.FOLLOW, -0.1, 0.05, 0.0)
+    setup.steps(60)
+    assert robot.longest <= 2
+    robot.now += 2 * TICK
+    setup.order(CommandKind.FOLLOW, -0.1, 0.05, 0.0)
+    setup.steps(60)
+    assert (robot.longest <= 5) is own_clock
+    assert (robot.longest <= MOST_MISSED_TICKS) is own_clock
+    assert bool(robot.robot.errors) is not own_clock

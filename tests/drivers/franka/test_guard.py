@@ -1,0 +1,92 @@
+"""The guard of the joints: whatever the cell asks for, the robot never has to stop the
+arm.
+"""
+
+import numpy as np
+import pytest
+
+from drivers.base.types import Pose, Velocity
+from drivers.franka import limits
+from drivers.franka.mailbox import CommandKind
+from drivers.franka.plane import StripPlane
+from drivers.franka.reach import PredictedMotion, ReachGuard, plan_reach
+from tests.drivers.franka.rig import (
+    INSTALLATION,
+    JOINTS,
+    PLANE,
+    START,
+    LossyRobot,
+    begun_losing,
+)
+
+FOLLOWED = np.array([-1.0, -1.0, 0.0, 0.5, 1.0])  # of the highest velocity of an axis
+HIGHEST = np.array([axis.velocity for axis in INSTALLATION.limits.axes])
+STILL = Velocity(0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_full_speed_reversals_at_any_place_stay_within_the_joints_limits(
+    seed: int,
+) -> None:
+    robot, rng = (
+        LossyRobot(JOINTS, seed, 1, share=0.0),
+        np.random.default_rng(5000 + seed),
+    )
+    setup = begun_losing(robot)
+    fastest = 0.0
+    for _ in range(16):
+        if rng.random() < 0.3:
+            place = rng.uniform((-0.1, 0.0, -0.1), (0.8, 0.45, 3.2))
+            setup.order(CommandKind.MOVE, *place)
+        else:
+            setup.order(CommandKind.FOLLOW, *(rng.choice(FOLLOWED, 3) * HIGHEST))
+        for _ in range(int(rng.integers(10, 95))):
+            setup.steps(1)
+            joints = robot.robot.posture.joints
+            share = np.abs(joints.acceleration) / limits.ACCELERATION
+            fastest = max(fastest, float(share.max()))
+        if setup.loop.halted is not None:
+            break
+    assert not robot.robot.errors
+    assert 0.3 < fastest < 1.0
+
+
+def test_guard_objects_to_what_braking_could_not_stop() -> None:
+    guard = ReachGuard(StripPlane(PLANE), INSTALLATION.limits, JOINTS)
+    calm = PredictedMotion(Pose(*START), STILL, STILL)
+    assert guard.objection(calm) == ""
+    fast = calm._replace(velocity=Velocity(0.0, 0.0, 20.0))
+    assert "could not follow" in guard.objection(fast) or "end" in guard.objection(fast)
+    hasty = calm._replace(acceleration=Velocity(0.0, 0.0, 40.0))
+    guard = ReachGuard(StripPlane(PLANE), INSTALLATION.limits, JOINTS)
+    assert "could not follow" in guard.objection(hasty)
+
+
+def test_guard_objects_to_joints_that_turn_too_fast_here(monkeypatch) -> None:
+    slow = PredictedMotion(Pose(*START), Velocity(0.02, 0.0, 0.0), STILL)
+    assert (
+        ReachGuard(StripPlane(PLANE), INSTALLATION.limits, JOINTS).objection(slow) == ""
+    )
+    few = np.full(7, 1e-3)
+    monkeypatch.setattr(limits, "velocity_bounds", lambda _: (-few, few))
+    guard = ReachGuard(StripPlane(PLANE), INSTALLATION.limits, JOINTS)
+    assert "could not follow" in guard.objection(slow)
+
+
+def test_path_through_a_singular_posture_is_refused_before_the_motion() -> None:
+    z = np.arange(0.67, 0.69, 0.0005)
+    path = np.column_stack([np.full(len(z), 0.3), z, np.full(len(z), np.pi / 2)])
+    reach = plan_reach(INSTALLATION, path, np.full(len(z), 1e-4), (0.0,))
+    assert "stretched or folded" in reach.problems[0].reason
+    assert 0.68 < reach.problems[0].z < 0.69
+
+
+def test_guard_objects_beyond_the_arm_s_reach() -> None:
+    guard = ReachGuard(StripPlane(PLANE), INSTALLATION.limits, JOINTS)
+    x, z, pitch = START
+    objections = [
+        guard.objection(PredictedMotion(Pose(x + 0.01 * step, z, pitch), STILL, STILL))
+        for step in range(60)
+    ]
+    assert objections[0] == ""
+    assert any(objections)

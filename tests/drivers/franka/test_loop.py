@@ -1,0 +1,142 @@
+"""The 1 kHz loop over a robot that goes where it is told."""
+
+import numpy as np
+import pytest
+
+from drivers.franka.failure import ArmFault, Cause
+from drivers.franka.inverse_kinematics import rotation
+from drivers.franka.mailbox import CommandKind
+from drivers.franka.plane import StripPlane
+from tests.drivers.franka.rig import (
+    JOINTS,
+    PLANE,
+    START,
+    Driven,
+    FakeRobot,
+    LossyRobot,
+    begun,
+    begun_losing,
+    columns,
+)
+
+
+@pytest.fixture
+def setup() -> Driven:
+    return begun()
+
+
+def test_first_command_is_the_pose_that_the_robot_commands_itself() -> None:
+    aside = StripPlane(PLANE).matrix(*START)
+    aside[:3, 3] += [0.002, -0.001, 0.001]
+    setup = begun(FakeRobot(columns(aside)))
+    assert setup.robot.written[0] == columns(aside)
+    setup.loop.step()
+    assert setup.robot.written[-1] == pytest.approx(columns(aside), abs=1e-15)
+
+
+def test_arm_out_of_the_strip_s_plane_is_not_taken_over() -> None:
+    aside = StripPlane(PLANE).matrix(*START)
+    aside[0, 3] += 0.02
+    with pytest.raises(ArmFault, match="beside the strip's plane") as failed:
+        begun(FakeRobot(columns(aside)))
+    assert failed.value.cause is Cause.PLACE
+
+
+@pytest.mark.parametrize("axis", [0, 2])
+def test_hand_that_leans_out_of_the_plane_is_not_taken_over(axis: int) -> None:
+    leaning = StripPlane(PLANE).matrix(*START)
+    leaning[:3, :3] = leaning[:3, :3] @ rotation(0.1 * np.eye(3)[axis])
+    with pytest.raises(ArmFault) as failed:
+        begun(FakeRobot(columns(leaning)))
+    assert failed.value.cause is Cause.PLACE
+
+
+def test_motion_ends_only_once_the_arm_rests() -> None:
+    robot = LossyRobot(JOINTS)
+    setup = begun_losing(robot)
+    setup.order(CommandKind.FOLLOW, -0.1, 0.1, 0.3)
+    setup.steps(60)
+    assert np.linalg.norm(robot.robot.posture.tool.velocity[:3]) > 0.05
+    setup.loop.end()
+    assert robot.ended
+    assert not robot.robot.errors
+
+
+def test_hand_that_is_turned_is_taken_over_turned() -> None:
+    turned = columns(StripPlane(PLANE, turned=True).matrix(*START))
+    setup = begun(FakeRobot(turned))
+    setup.loop.step()
+    assert setup.robot.written[0] == pytest.approx(turned, abs=1e-12)
+
+
+def test_loop_follows_orders_and_reports_what_it_measured(setup) -> None:
+    setup.order(CommandKind.MOVE, 0.5, 0.2, 0.4)
+    report = setup.steps(10)
+    assert report.moving
+    assert report.number == 1
+    report = setup.steps(2000)
+    assert not report.moving
+    assert (report.x, report.z, report.pitch) == pytest.approx((0.5, 0.2, 0.4))
+    assert report.ticks == 2010
+
+
+@pytest.mark.parametrize(("lock_step", "reported"), [(True, 0), (False, 1)])
+def test_on_the_robot_s_clock_the_answer_goes_out_before_the_report(
+    lock_step: bool, reported: int
+) -> None:
+    setup = begun(lock_step=lock_step)
+    seen: list[tuple[int, int]] = []  # reports at each write and at each read
+    before, write, read = setup.reports.count, setup.robot.write_pose, setup.robot.read
+
+    def written(*given, **named) -> None:
+        seen.append((setup.reports.count - before, 0))
+        write(*given, **named)
+
+    def asked(motion):
+        seen.append((setup.reports.count - before, 1))
+        return read(motion)
+
+    setup.robot.write_pose, setup.robot.read = written, asked
+    setup.loop.step()
+    assert seen == [(0, 0), (reported, 1)]
+    assert setup.reports.count - before == 1
+
+
+def test_silent_cell_makes_the_arm_brake_for_good(setup) -> None:
+    setup.order(CommandKind.MOVE, 0.2, 0.2, 0.0)
+    setup.steps(300)
+    for _ in range(600):
+        setup.loop.step()
+    assert setup.loop.halted.cause is Cause.CELL_SILENT
+    rest = setup.reports.read()
+    setup.order(CommandKind.MOVE, 0.6, 0.2, 0.0)
+    after = setup.steps(100)
+    assert (after.x, after.z) == pytest.approx((rest.x, rest.z))
+
+
+def test_silence_before_the_first_command_is_no_failure_though_a_tick_is_lost(
+    setup,
+) -> None:
+    setup.robot.twist[0] = 1e-3  # m/s, from which the motion is resumed
+    for tick in range(1000):
+        setup.robot.clock += tick == 600
+        setup.loop.step()
+    assert setup.loop.halted is None
+
+
+def test_end_brakes_to_rest_and_finishes_the_motion(setup) -> None:
+    setup.order(CommandKind.MOVE, 0.2, 0.2, 0.0)
+    before = setup.steps(300).x
+    setup.loop.end()
+    assert before - setup.reports.read().x < 0.05  # m: it does not go on to its goal
+    assert setup.robot.ended
+    assert setup.robot.written[-1] == pytest.approx(setup.robot.written[-2], abs=1e-9)
+
+
+def test_order_that_the_profile_refuses_is_a_failure_not_a_motion(setup) -> None:
+    setup.robot.written.clear()
+    setup.order(CommandKind.FOLLOW, float("nan"), 0.0, 0.0)
+    with pytest.raises(ArmFault) as failed:
+        setup.loop.step()
+    assert failed.value.cause is Cause.COMMAND
+    assert setup.robot.written == []

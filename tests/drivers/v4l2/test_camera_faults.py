@@ -1,0 +1,248 @@
+"""What the driver does when the camera fails, on a kernel that fails as it is told."""
+
+import errno
+import math
+from collections.abc import Iterator
+from contextlib import suppress
+
+import pytest
+
+from drivers.base.errors import CellError
+from drivers.v4l2.abi import Ioctl
+from drivers.v4l2.camera import V4l2Camera
+from drivers.v4l2.device import (
+    CameraBusy,
+    CameraFaulty,
+    CameraLost,
+    CameraRefused,
+    CameraStalled,
+)
+from drivers.v4l2.frame import StampSource
+from drivers.v4l2.settings import V4l2Settings
+from tests.drivers.v4l2.fake_kernel import LINK, FakeKernel
+
+ALWAYS = -math.inf
+
+
+def settings(**changed: object) -> V4l2Settings:
+    usual = {"device": LINK, "width": 64, "height": 48, "rate": 60.0}
+    return V4l2Settings.model_validate({**usual, **changed})
+
+
+@pytest.fixture
+def kernel() -> FakeKernel:
+    return FakeKernel()
+
+
+@pytest.fixture
+def camera(kernel: FakeKernel) -> Iterator[V4l2Camera]:
+    camera = V4l2Camera(settings(), kernel, kernel)
+    camera.connect()
+    kernel.wait_until(0.1)
+    yield camera
+    camera.close()
+    assert kernel.opened == set()
+    assert kernel.mapped == 0
+
+
+def go_on(kernel: FakeKernel, seconds: float) -> None:
+    kernel.wait_until(kernel.now() + seconds)
+
+
+def test_frames_dropped_by_the_kernel_are_counted_and_said(kernel, camera) -> None:
+    before = camera.read(ALWAYS, 0.0)
+    kernel.faults.drop = {kernel.counter, kernel.counter + 1}
+    go_on(kernel, 3 / 60)
+    frame = camera.read(ALWAYS, 0.0)
+    assert frame.sequence == before.sequence + 3
+    assert camera.counts.missing == 2
+
+
+def test_corrupt_and_short_frames_are_counted_and_never_delivered(
+    kernel, camera
+) -> None:
+    before = camera.read(ALWAYS, 0.0)
+    kernel.faults.corrupt, kernel.faults.short = {kernel.counter}, {kernel.counter + 1}
+    go_on(kernel, 2 / 60)
+    assert camera.read(before.stamp, 0.0) is None
+    go_on(kernel, 1 / 60)
+    assert camera.read(before.stamp, 0.0).sequence == before.sequence + 3
+    assert camera.counts.corrupt == 2
+
+
+def test_only_corrupt_frames_are_a_fault(kernel, camera) -> None:
+    kernel.faults.corrupt = set(range(1000))
+    go_on(kernel, 0.6)
+    with pytest.raises(CameraFaulty, match="corrupt"):
+        camera.read(ALWAYS, 0.0)
+
+
+def test_pause_of_the_reader_leaves_no_old_frame(kernel, camera) -> None:
+    go_on(kernel, 0.5)
+    assert kernel.now() - camera.read(ALWAYS, 0.0).stamp < 2 / 60
+    assert camera.counts.missing == 0
+
+
+def test_stall_is_reported_until_a_frame_arrives(kernel, camera) -> None:
+    kernel.faults.all_dropped = True
+    go_on(kernel, 0.4)
+    camera.read(ALWAYS, 0.0)
+    go_on(kernel, 0.2)
+    for _ in range(2):
+        with pytest.raises(CameraStalled, match=r"no frame for 0\.5"):
+            camera.read(ALWAYS, 0.0)
+    kernel.faults.all_dropped = False
+    go_on(kernel, 0.3)
+    with suppress(CameraStalled):
+        camera.read(ALWAYS, 0.0)
+    assert kernel.now() - camera.read(ALWAYS, 0.0).stamp < 2 / 60
+
+
+def test_io_error_restarts_the_stream_and_is_reported_once(kernel, camera) -> None:
+    before = camera.read(ALWAYS, 0.0)
+    kernel.fail(Ioctl.DQBUF, errno.EIO)
+    go_on(kernel, 0.3)
+    with pytest.raises(CameraFaulty, match="Input/output error"):
+        camera.read(ALWAYS, 0.0)
+    frame = camera.read(before.stamp, 0.0)
+    assert frame.sequence > before.sequence + 3
+    assert camera.counts.restarts == 1
+
+
+def test_poll_error_without_a_frame_does_not_spin(kernel, camera) -> None:
+    kernel.faults.stuck = True
+    waits = kernel.waits
+    go_on(kernel, 2.0)
+    with pytest.raises(CameraFaulty, match="poll"):
+        camera.read(ALWAYS, 0.0)
+    assert kernel.waits - waits < 150
+    kernel.faults.stuck = False
+
+
+def test_unplugged_camera_is_lost_at_once_and_nothing_stays_held(
+    kernel, camera
+) -> None:
+    kernel.unplug()
+    with pytest.raises(CameraLost, match="plug the camera in"):
+        camera.read(ALWAYS, 5.0)
+    go_on(kernel, 0.2)
+    assert kernel.opened == set()
+    assert kernel.mapped == 0
+
+
+def test_replugged_camera_is_locked_again_and_numbers_go_on(kernel) -> None:
+    camera = V4l2Camera(settings(controls={"brightness": 99}), kernel, kernel)
+    camera.connect()
+    go_on(kernel, 0.2)
+    before = camera.read(ALWAYS, 0.0)
+    kernel.unplug()
+    go_on(kernel, 1.0)
+    with pytest.raises(CameraLost, match="No such file"):
+        camera.read(ALWAYS, 0.0)
+    kernel.plug()
+    assert kernel.knobs["Brightness"].value == 128
+    go_on(kernel, 0.5)
+    with pytest.raises(CameraLost):
+        camera.read(ALWAYS, 0.0)
+    frame = camera.read(before.stamp, 0.0)
+    assert frame.sequence == pytest.approx(before.sequence + 90, abs=3)
+    assert kernel.knobs["Brightness"].value == 99
+    camera.close()
+
+
+def test_other_camera_at_the_link_is_refused_by_name(kernel, camera) -> None:
+    kernel.unplug()
+    kernel.size = (32, 24)
+    kernel.plug()
+    go_on(kernel, 0.5)
+    with pytest.raises(CameraRefused, match="became YUYV 32x24"):
+        camera.read(ALWAYS, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("request_", "number", "kind"),
+    [
+        (Ioctl.S_FMT, errno.EBUSY, CameraBusy),
+        (Ioctl.REQBUFS, errno.EBUSY, CameraBusy),
+        (Ioctl.REQBUFS, errno.ENOMEM, CameraFaulty),
+        (Ioctl.QUERYBUF, errno.EINVAL, CameraFaulty),
+        (Ioctl.QBUF, errno.EIO, CameraFaulty),
+        (Ioctl.STREAMON, errno.EIO, CameraFaulty),
+        (Ioctl.STREAMON, errno.ENODEV, CameraLost),
+        (Ioctl.QUERYCAP, errno.ENOTTY, CameraRefused),
+        (Ioctl.QUERYCAP, errno.ENXIO, CameraLost),
+        (Ioctl.S_CTRL, errno.EIO, CameraFaulty),
+    ],
+)
+def test_failed_connect_is_named_and_leaves_nothing_held(
+    kernel, request_: Ioctl, number: int, kind: type[CellError]
+) -> None:
+    camera = V4l2Camera(settings(), kernel, kernel)
+    kernel.fail(request_, number)
+    with pytest.raises(kind, match="Test_Camera"):
+        camera.connect()
+    assert kernel.opened == set()
+    assert kernel.mapped == 0
+    camera.connect()
+    go_on(kernel, 0.2)
+    assert camera.read(ALWAYS, 0.0) is not None
+    camera.close()
+
+
+def test_absent_camera_is_lost(kernel) -> None:
+    kernel.plugged = False
+    with pytest.raises(CameraLost, match="No such file or directory"):
+        V4l2Camera(settings(), kernel, kernel).connect()
+
+
+def test_stamps_of_another_time_are_replaced_and_said(kernel, camera) -> None:
+    for ahead in (0.5, -3.0, 4e9):
+        kernel.faults.ahead = ahead
+        go_on(kernel, 0.1)
+        frame = camera.read(ALWAYS, 0.0)
+        assert frame.stamp_source is StampSource.DEQUEUE
+        assert 0 < frame.arrival - frame.stamp < 0.02
+    assert camera.counts.restamped >= 15
+
+
+def test_counter_that_stands_still_loses_no_frame(kernel, camera) -> None:
+    first = camera.read(ALWAYS, 0.0)
+    kernel.faults.repeat = True
+    go_on(kernel, 0.2)
+    assert camera.read(ALWAYS, 0.0).sequence > first.sequence + 8
+    assert camera.counts.missing == 0
+    assert camera.counts.repeated >= 8
+
+
+def test_counter_that_wraps_counts_no_gap(kernel) -> None:
+    kernel.counter = 2**32 - 5
+    camera = V4l2Camera(settings(), kernel, kernel)
+    camera.connect()
+    go_on(kernel, 0.3)
+    assert camera.read(ALWAYS, 0.0).sequence < 20
+    assert camera.counts.missing == 0
+    camera.close()
+
+
+def test_broken_jpeg_is_counted_and_never_delivered(kernel) -> None:
+    import cv2
+    import numpy as np
+
+    image = np.full((48, 64, 3), (40, 120, 200), np.uint8)
+    whole = cv2.imencode(".jpg", image)[1].tobytes()
+    kernel.jpeg = whole
+    camera = V4l2Camera(settings(format="MJPG"), kernel, kernel)
+    camera.connect()
+    go_on(kernel, 0.1)
+    assert np.abs(camera.read(ALWAYS, 0.0).image.astype(int) - image).max() < 12
+    after = camera.read(ALWAYS, 0.0).stamp
+    for broken in (
+        whole[: len(whole) // 2],
+        b"\0" * len(whole),
+        whole[:2] + whole[-2:],
+    ):
+        kernel.jpeg = broken
+        go_on(kernel, 1 / 60)
+        assert camera.read(after, 0.0) is None
+    assert camera.counts.corrupt == 3
+    camera.close()

@@ -1,0 +1,165 @@
+"""What the driver asks of a camera and holds against its answer."""
+
+import ctypes
+
+import cv2
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from drivers.v4l2 import abi
+from drivers.v4l2.abi import Ioctl, fourcc, letters
+from drivers.v4l2.camera import V4l2Camera
+from drivers.v4l2.device import CameraRefused, users_of
+from drivers.v4l2.formats import Picture
+from drivers.v4l2.settings import V4l2Settings
+from tests.drivers.v4l2.fake_kernel import LINK, FakeKernel
+
+
+def connected(kernel: FakeKernel, **changed: object) -> V4l2Camera:
+    usual = {"device": LINK, "width": 64, "height": 48, "rate": 60.0}
+    camera = V4l2Camera(
+        V4l2Settings.model_validate({**usual, **changed}), kernel, kernel
+    )
+    camera.connect()
+    return camera
+
+
+def test_structures_are_as_long_as_the_kernels() -> None:
+    """Sizes by pahole of a 64-bit kernel."""
+    sizes = {
+        abi.Capability: 104,
+        abi.FormatDescription: 64,
+        abi.FrameSize: 44,
+        abi.FrameInterval: 52,
+        abi.PixFormat: 48,
+        abi.Format: 208,
+        abi.StreamParameters: 204,
+        abi.BufferRequest: 20,
+        abi.Buffer: 88,
+        abi.ControlQuery: 68,
+        abi.MenuQuery: 44,
+        abi.Control: 8,
+    }
+    assert {kind: ctypes.sizeof(kind) for kind in sizes} == sizes
+    assert (abi.Buffer.timestamp.offset, abi.Buffer.m.offset) == (24, 64)
+
+
+def test_request_numbers_are_the_kernels() -> None:
+    assert Ioctl.QUERYCAP == 0x80685600
+    assert Ioctl.S_FMT == 0xC0D05605
+    assert Ioctl.REQBUFS == 0xC0145608
+    assert Ioctl.DQBUF == 0xC0585611
+    assert Ioctl.STREAMON == 0x40045612
+    assert Ioctl.S_PARM == 0xC0CC5616
+    assert Ioctl.QUERYCTRL == 0xC0445624
+    assert Ioctl.ENUM_FRAMEINTERVALS == 0xC034564B
+    assert (fourcc("YUYV"), letters(0x56595559)) == (0x56595559, "YUYV")
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        (
+            {"width": 96},
+            "format: YUYV 96x48 became YUYV 64x48; allowed: YUYV 64x48 at 60",
+        ),
+        ({"format": "RGGB"}, "format: RGGB 64x48 became YUYV 64x48"),
+        ({"rate": 30.0}, "rate: 30 Hz became 60 Hz; allowed: YUYV 64x48 at 60"),
+        (
+            {"controls": {"brightness": 300}},
+            "brightness: 300 became 255; allowed: 0 to 255",
+        ),
+        (
+            {"controls": {"zoom": 1}},
+            "controls.zoom: unknown; allowed: auto_exposure, brightness",
+        ),
+    ],
+)
+def test_setting_that_the_camera_changes_is_refused(changed: dict, said: str) -> None:
+    kernel = FakeKernel()
+    with pytest.raises(CameraRefused, match=said):
+        connected(kernel, **changed)
+    assert kernel.opened == set()
+
+
+# one of two fields, both of them, alternating
+@pytest.mark.parametrize("field", [2, 3, 4, 8, 9])
+def test_interlaced_video_is_refused(field: int) -> None:
+    kernel = FakeKernel()
+    kernel.field = field
+    with pytest.raises(CameraRefused, match="interlaced"):
+        connected(kernel)
+    assert kernel.opened == set()
+
+
+def test_automatics_are_switched_off_before_their_controls_are_locked() -> None:
+    kernel = FakeKernel()
+    camera = connected(kernel, controls={"exposure_time_absolute": 40})
+    assert camera.setup.locks == {
+        "auto_exposure": 1,
+        "exposure_dynamic_framerate": 0,
+        "white_balance_automatic": 0,
+        "exposure_time_absolute": 40,
+    }
+    assert camera.setup.shutter.exposure == pytest.approx(0.004)
+    camera.close()
+
+
+def test_control_that_an_automatic_holds_is_refused() -> None:
+    wanted = {"auto_exposure": 3, "exposure_time_absolute": 40}
+    with pytest.raises(CameraRefused, match="exposure_time_absolute: is inactive"):
+        connected(FakeKernel(), controls=wanted)
+
+
+def test_device_by_number_is_refused() -> None:
+    with pytest.raises(ValidationError, match="device"):
+        V4l2Settings(device="/dev/video0")
+
+
+def test_identity_follows_size_and_locks() -> None:
+    plain = V4l2Settings(device=LINK)
+    assert plain.identity == V4l2Settings(device=LINK, stall=1.0).identity
+    assert (
+        plain.identity != plain.model_copy(update={"controls": {"focus": 3}}).identity
+    )
+
+
+@pytest.mark.parametrize("name", ["RGGB", "GRBG", "BA81", "GBRG"])
+def test_bayer_colours_stand_where_the_name_says(name: str) -> None:
+    blue, green, red = 30, 90, 200
+    level = {"R": red, "G": green, "B": blue}
+    pattern = {"BA81": "BGGR"}.get(name, name)
+    tile = np.array(
+        [[level[pattern[0]], level[pattern[1]]], [level[pattern[2]], level[pattern[3]]]]
+    )
+    mosaic = np.tile(tile, (8, 8)).astype(np.uint8)
+    image = Picture(name, 16, 16, 16, 30.0).decode(mosaic.ravel())
+    assert image[8, 8].tolist() == [blue, green, red]
+
+
+def test_lines_longer_than_the_picture_are_cut() -> None:
+    padded = np.zeros((4, 12), np.uint8)
+    padded[:, :8] = 77
+    image = Picture("GREY", 8, 4, 12, 30.0).decode(padded.ravel())
+    assert image.shape == (4, 8, 3)
+    assert (image == 77).all()
+
+
+def test_yuyv_keeps_colour() -> None:
+    bgr = np.full((4, 8, 3), (40, 120, 200), np.uint8)
+    yuv = cv2.cvtColor(bgr, cv2.COLOR_BGR2YUV_YUYV)
+    image = Picture("YUYV", 8, 4, 16, 30.0).decode(yuv.ravel())
+    assert np.abs(image.astype(int) - bgr).max() < 6
+
+
+def test_user_of_a_device_is_named(tmp_path) -> None:
+    device = tmp_path / "video0"
+    device.touch()
+    for number, name in ((41, "cheese"), (42, "sshd")):
+        descriptors = tmp_path / "proc" / str(number) / "fd"
+        descriptors.mkdir(parents=True)
+        (descriptors.parent / "comm").write_text(f"{name}\n")
+        (descriptors / "3").symlink_to(device if number == 41 else "/dev/null")
+    assert users_of(str(device), tmp_path / "proc") == "cheese (process 41)"
+    assert "hidden" in users_of(str(tmp_path / "other"), tmp_path / "proc")
