@@ -1,7 +1,8 @@
 """Application of a cell that folds fabric strips: commands, Python API, records,
 reports.
 
-`import cell` offers the functions of `cell.interface.api`; they are imported when one is used.
+`import cell` offers the functions of `cell.interface.api`; they are imported when one
+is used.
 """
 
 # ruff: noqa: F403, F405
@@ -36,8 +37,8 @@ __all__ = (
 
 
 def __getattr__(name: str) -> Any:
-    """Import a function of `cell.interface.api` on first use; AttributeError for any other
-    name.
+    """Import a function of `cell.interface.api` on first use; AttributeError for any
+    other name.
     """
     if name not in __all__:
         raise AttributeError(f"module 'cell' has no attribute {name!r}")

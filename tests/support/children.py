@@ -10,7 +10,8 @@ from pathlib import Path
 
 
 def children(name: str) -> list[int]:
-    """IDs of the `drivers.base.child` processes of this one whose main function's name has
+    """IDs of the `drivers.base.child` processes of this one whose main function's name
+    has
     `name`.
     """
     found = []

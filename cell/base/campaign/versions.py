@@ -18,7 +18,7 @@ NO_OUTCOME = (
 )
 """Folders whose code changes no outcome of a part."""
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 
 
 @cache

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from cell.base.config.cell import CellFile
     from drivers.strip.file import StripFile
 
-PACKAGED = Path(__file__).resolve().parent.parent / "_configs"
-CHECKOUT_CONFIGS = Path(__file__).resolve().parents[2] / "configs"
+PACKAGED = Path(__file__).resolve().parents[2] / "_configs"
+CHECKOUT_CONFIGS = Path(__file__).resolve().parents[3] / "configs"
 
 
 @dataclass(frozen=True, slots=True)

@@ -48,8 +48,8 @@ class Devices:
     are what else must be closed at the end. Once closed, `arm_timing` states how evenly
     the states of a free-running arm came, and `arm_joints` a robot's joints at every
     tick, rows (n, 29) as
-    `drivers.franka.joint_log` keeps them on the clock's time. In `real_time` the clock is
-    the wall's, and waits for nobody.
+    `drivers.franka.joint_log` keeps them on the clock's time. In `real_time` the clock
+    is the wall's, and waits for nobody.
     """
 
     clock: Clock

@@ -130,7 +130,7 @@ def test_child_ends_with_its_parent(main) -> None:
     script = f"""
 import time
 from drivers.base.child import Child, SharedImage
-from tests.drivers.test_child import computing, echo
+from tests.drivers.base.test_child import computing, echo
 print(Child({main}).pid, flush=True)
 time.sleep(600)
 """

@@ -19,7 +19,7 @@ from drivers.base.files import (
     replacing,
 )
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 DOOR = "drivers/base/files.py"
 WRITES = {
     "write_text",

@@ -17,7 +17,7 @@ from cell.base.campaign.run import Local, carry_out
 from drivers.base.errors import ConfigurationError
 from tests.support.campaign_parts import Broken, Deadly, Endless, Fine, Impossible
 
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[4]
 
 
 def run(parts, folder: Path, jobs: int = 1, limit: float | None = None, **asked):

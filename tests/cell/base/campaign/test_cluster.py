@@ -19,7 +19,7 @@ from tests.support.campaign_parts import Fine
 
 pytestmark = pytest.mark.long
 
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[4]
 
 
 class Grid:

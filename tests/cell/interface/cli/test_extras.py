@@ -83,7 +83,7 @@ BROUGHT_BY_OTHERS = {"llvmlite", "protobuf", "markupsafe", "pydantic_core", "tor
 
 
 def test_every_library_that_the_product_imports_is_stated() -> None:
-    root = Path(__file__).parents[3]
+    root = Path(__file__).parents[4]
     project = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))[
         "project"
     ]

@@ -10,7 +10,7 @@ from drivers.strip.describe import load_strip
 from drivers.strip.file import StripFile
 from policies.registry import make_policy
 
-ROOT = Path(__file__).resolve().parents[3]
+ROOT = Path(__file__).resolve().parents[4]
 DENIM = ROOT / "configs" / "strips" / "denim.yaml"
 CONTENT = {
     "schema": 1, "name": "a", "length": 0.6, "width": 0.05, "areal_density": 0.4,

@@ -34,7 +34,7 @@ main()
 def shell(
     command: str, cwd: Path, **environment: str
 ) -> subprocess.CompletedProcess[bytes]:
-    tree = str(Path(__file__).parents[3])
+    tree = str(Path(__file__).parents[4])
     return subprocess.run(
         ["bash", "-o", "pipefail", "-c", command],
         cwd=cwd,

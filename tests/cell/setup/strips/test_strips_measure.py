@@ -11,7 +11,7 @@ from cell.setup.strips.measurement import Measurement, measure
 from cell.setup.strips.photograph import read_photograph, read_photographs
 from tests.support.hanging_photographs import Scene, photograph
 
-YARN = Path(__file__).parents[4] / "shared" / "data" / "yarn"
+YARN = Path(__file__).parents[5] / "shared" / "data" / "yarn"
 PHOTOGRAPHS = sorted(YARN.glob("*.jpg"))
 HEIGHT = 1000
 

@@ -9,7 +9,7 @@ import pytest
 from cell.setup.strips.midline import extract_midline
 from drivers.base.errors import ConfigurationError
 
-YARN = Path(__file__).parents[4] / "shared" / "data" / "yarn"
+YARN = Path(__file__).parents[5] / "shared" / "data" / "yarn"
 PHOTOGRAPHS = sorted(YARN.glob("*.jpg"))
 
 

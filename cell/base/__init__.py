@@ -1,0 +1,1 @@
+"""Configuration of a cell, its opened devices, measurements spread over processes."""

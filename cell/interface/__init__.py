@@ -1,0 +1,1 @@
+"""Doors for people and programs: the commands, and what `import cell` offers."""

@@ -1,0 +1,1 @@
+"""The paper's study of all policies, and the training of policies."""

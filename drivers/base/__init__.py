@@ -1,0 +1,1 @@
+"""What all rooms rest on: types, errors, settings, files, the clock, and the seams."""
