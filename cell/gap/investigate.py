@@ -48,7 +48,14 @@ from cell.gap.selection.screening import (
 from cell.gap.selection.search import Search
 from cell.gap.subject.subject import Subject
 from cell.gap.verdict.decision import decide, doubtful_values
-from cell.gap.verdict.findings import BaseFit, Findings, HeldOutFits, ModelTests, Screen
+from cell.gap.verdict.findings import (
+    BaseFit,
+    Findings,
+    HeldOutFits,
+    ModelTests,
+    Results,
+    Screen,
+)
 from cell.gap.verdict.offered_law import offered_law
 from drivers.base.types import Array
 
@@ -73,7 +80,7 @@ def investigate(
     models = stages.extend(stages.begin(), refit_singles, 0.4)
     models = stages.extend(models, refit_further, 0.75)
     findings = stages.judge(models, unseen, held_out)
-    if decide(findings) != "unexplained":
+    if findings.decision.kind != "unexplained":
         return findings
     before = findings.held_out_fits.before
     law = offered_law(subject, simulate, findings.fits, before, stages.rng)
@@ -198,7 +205,7 @@ class Investigation:
         held_out_fits = self.refit_held_out(models.base_fit.base, accepted, unseen)
         self.progress("advise", 0.95)
         is_gap = bool(accepted.model.effects) or models.base_fit.gap
-        return Findings(
+        results = Results(
             subject=self.subject,
             held_out=tuple(held_out),
             base_fit=models.base_fit,
@@ -208,10 +215,9 @@ class Investigation:
             posterior=sets,
             model_tests=tests,
             held_out_fits=held_out_fits,
-            experiments=self.advise(models.screen, accepted, fits, tests)
-            if is_gap
-            else (),
         )
+        advised = self.advise(models.screen, accepted, fits, tests) if is_gap else ()
+        return Findings.of(results, decide(results), advised)
 
     def choose(self, fits: Fits, sets: Posterior) -> tuple[CrossValidatedFit, Fits]:
         """Model to accept, refitted by the finest simulation, and a copy of `fits` with

@@ -12,22 +12,13 @@ from cell.gap.fitting.reml import Spread, covariance, degrees_of_freedom
 from cell.gap.selection.likelihood import gains, holm, likelihood_ratio_p
 from cell.gap.selection.screening import Score
 from cell.gap.subject.subject import Candidate
-from cell.gap.verdict.decision import (
-    GAP,
-    decide,
-    deciding_evidence,
-    describe_left,
-    named_effects,
-    probability,
-    unseen_gap,
-)
+from cell.gap.verdict.decision import GAP, describe_left
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import (
     CandidateEntry,
     Deviation,
     Gap,
     Interval,
-    Kind,
     NamedEffect,
     Probable,
     ProbableSet,
@@ -47,25 +38,24 @@ HUGE = 1e12  # stands for an infinite value, which JSON cannot hold
 
 def verdict(findings: Findings, runtime: float, simulations: int) -> Verdict:
     """Verdict document of an investigation, from its findings."""
-    verdict_kind = decide(findings)
-    tests = findings.model_tests
+    decision, tests = findings.decision, findings.model_tests
     values = intervals(tests.sized, findings.likelihood.inefficiency, tests.scatter)
-    named = [e.name for e in named_effects(findings)]
     effects = [
         NamedEffect(
             name=e.name,
             of=e.of,
             parameters=values[e.name],
-            confidence=probability(findings, e.name),
+            confidence=decision.probabilities[e.name],
         )
         for e in findings.separable
         if e not in findings.accepted.estimate.proxies
     ]
+    is_sound = decision.kind == "no_gap"
     return Verdict(
-        verdict=verdict_kind,
-        effects=[e for e in effects if e.name in named],
-        ambiguous=[] if verdict_kind == "no_gap" else list(map(list, tests.classes)),
-        unexplained=_unexplained(findings, verdict_kind),
+        verdict=decision.kind,
+        effects=[e for e in effects if e.name in decision.named],
+        ambiguous=[] if is_sound else list(map(list, tests.classes)),
+        unexplained=_unexplained(findings),
         base={
             n: Interval(**v.model_dump(exclude={"unit"}))
             for n, v in values["base"].items()
@@ -86,9 +76,9 @@ def verdict(findings: Findings, runtime: float, simulations: int) -> Verdict:
         simulations=simulations,
         posterior=_posterior(findings),
         suspected=[
-            e for e in effects if e.name not in named and verdict_kind != "no_gap"
+            e for e in effects if e.name not in decision.named and not is_sound
         ],
-        notes=_notes(findings, verdict_kind),
+        notes=_notes(findings),
     )
 
 
@@ -146,10 +136,11 @@ def _gap(findings: Findings) -> Gap:
     )
 
 
-def _unexplained(findings: Findings, which: Kind) -> Unexplained | None:
+def _unexplained(findings: Findings) -> Unexplained | None:
     """Unexplained residual, alone or beside named effects, for the verdict; None
     without any.
     """
+    which = findings.decision.kind
     if which == "no_gap" or not (
         which == "unexplained" or findings.model_tests.remains
     ):
@@ -165,7 +156,7 @@ def _posterior(findings: Findings) -> Probable:
     decided.
     """
     return Probable(
-        **deciding_evidence(findings).model_dump(),
+        **findings.decision.evidence.model_dump(),
         models=[
             ProbableSet(names=sorted(m.names), p=m.p)
             for m in findings.posterior.models[:MOST_SETS]
@@ -251,9 +242,10 @@ def _compare_by_screen(
     )
 
 
-def _notes(findings: Findings, which: Kind) -> list[str]:
+def _notes(findings: Findings) -> list[str]:
     """Note on a gap that held-out runs show and fitted ones do not, if there is one."""
-    if which != "no_gap" or unseen_gap(findings) <= GAP:
+    decision = findings.decision
+    if decision.kind != "no_gap" or decision.unseen_gap <= GAP:
         return []
     excess = held_out_gap.excess_of(findings.held_out_fits.before)
     return [

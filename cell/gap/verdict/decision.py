@@ -17,9 +17,8 @@ it. An effect whose own response is that of a strained base, or that predicts ru
 better than one, is in one class with a wrong file.
 """
 
-import math
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -29,9 +28,9 @@ from cell.gap.fitting.base_fit import strains
 from cell.gap.fitting.crossvalidation import CrossValidatedFit
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.selection.likelihood import ALPHA, MIN_GAIN, Fits, gain
-from cell.gap.subject.subject import Candidate, Subject
+from cell.gap.subject.subject import Subject
 from cell.gap.verdict.confidence import LEAST, calibration
-from cell.gap.verdict.findings import Findings
+from cell.gap.verdict.findings import Decision, Findings, Results
 from cell.gap.verdict.schema import Kind, VerdictEvidence
 from drivers.base.types import Array
 
@@ -43,94 +42,115 @@ ASTRAY = 2.0
 ALIKE = 0.9  # cosine of two responses above which one cannot be told from the other
 
 
-def decide(findings: Findings) -> Kind:
-    """Kind of verdict that the findings support: named, ambiguous, unexplained or no
+def decide(results: Results) -> Decision:
+    """Decide which verdict the results support: named, ambiguous, unexplained or no
     gap.
     """
-    if not credible_effects(findings):
-        stands_in = bool(findings.accepted.estimate.proxies)
-        return "unexplained" if stands_in or gap_is_there(findings) else "no_gap"
-    return "named" if named_effects(findings) else "ambiguous"
+    common = common_evidence(results)
+    evidence = _evidence_by_effect(results, common)
+    probability = calibration(results.subject.kind).probability
+    probabilities = {name: probability(found) for name, found in evidence.items()}
+    failure = _failed_prediction(common) if evidence else ""
+
+    credible = [] if failure else _credible_effects(results, probabilities)
+    sure = {effect.name for effect in results.separable}
+    named = tuple(name for name in credible if name in sure)
+    deciding = [evidence[name] for name in named or evidence]
+
+    return Decision(
+        kind=_kind(results, is_credible=bool(credible), is_named=bool(named)),
+        named=named,
+        probabilities=probabilities,
+        evidence=min(deciding, key=lambda found: found.log_odds, default=common),
+        failure=failure,
+        unseen_gap=unseen_gap(results),
+    )
 
 
-def named_effects(findings: Findings) -> list[Candidate]:
-    """Credible effects that the runs tell apart from all others."""
-    sure = [effect.name for effect in findings.separable]
-    return [effect for effect in credible_effects(findings) if effect.name in sure]
+def _kind(results: Results, *, is_credible: bool, is_named: bool) -> Kind:
+    """Kind of verdict on an accepted model with or without credible and named
+    effects.
+    """
+    if is_credible:
+        return "named" if is_named else "ambiguous"
+    stands_in = bool(results.accepted.estimate.proxies)
+    return "unexplained" if stands_in or gap_is_there(results) else "no_gap"
 
 
-def credible_effects(findings: Findings) -> list[Candidate]:
-    """Accepted effects that are probable, where unseen runs are predicted better with
-    them.
+def _credible_effects(
+    results: Results, probabilities: Mapping[str, float]
+) -> list[str]:
+    """Names of accepted effects that are probable.
 
     None beside one that stands in for another law: what that law is may change the
     others.
     """
-    if _failed_prediction(findings) or findings.accepted.estimate.proxies:
+    if results.accepted.estimate.proxies:
         return []
-    return [
-        e
-        for e in findings.accepted.model.effects
-        if probability(findings, e.name) >= LEAST
-    ]
+    return [name for name, p in probabilities.items() if p >= LEAST]
 
 
-def _failed_prediction(findings: Findings) -> str:
+def _failed_prediction(evidence: VerdictEvidence) -> str:
     """Clause on an accepted model that predicts unseen runs no better; empty if
     better.
     """
-    runs, quantities = _gains(findings)
-    if sum(runs) <= 0.0:
+    if evidence.gain <= 0.0:
         return "runs that the fit has not seen are predicted no better"
-    if min([*runs, *quantities]) <= -MIN_GAIN:
+    if evidence.worst <= -MIN_GAIN:
         return "a run or a quantity that the fit has not seen is predicted worse"
     return ""
 
 
-def probability(findings: Findings, effect: str) -> float:
-    """Calibrated probability that the accepted `effect`, or one of its class, is
-    right.
-    """
-    return calibration(findings.subject.kind).probability(
-        evidence_for(findings, effect)
-    )
-
-
-def gap_is_there(findings: Findings) -> bool:
+def gap_is_there(results: Results) -> bool:
     """Whether the refitted base leaves more than noise, in a bin of samples or on
     held-out runs.
 
     A misfit as a whole that no place shows, and no run that was held out, is no gap.
     """
-    if not findings.base_fit.gap:
+    if not results.base_fit.gap:
         return False
-    shows = any(place.p < ALPHA for place in findings.base_fit.places)
-    return shows or unseen_gap(findings) > GAP
+    shows = any(place.p < ALPHA for place in results.base_fit.places)
+    return shows or unseen_gap(results) > GAP
 
 
-def unseen_gap(findings: Findings) -> float:
+def unseen_gap(results: Results) -> float:
     """Excess residual [noise] of the base on held-out runs, with outliers clipped."""
-    return held_out_gap.bounded_excess(findings.held_out_fits.before)
+    return held_out_gap.bounded_excess(results.held_out_fits.before)
 
 
-def evidence_for(findings: Findings, effect: str | None) -> VerdictEvidence:
-    """Evidence that sets the probability of the accepted `effect` or, with None, of the
-    base.
+def _evidence_by_effect(
+    results: Results, common: VerdictEvidence
+) -> dict[str, VerdictEvidence]:
+    """Evidence that sets the probability of each accepted effect, by its name.
+
+    It is the `common` one with the log-odds of the effect, or of its class.
     """
-    runs, quantities = _gains(findings)
-    fits = (findings.accepted.estimate, findings.held_out_fits.after)
+    return {
+        effect.name: common.model_copy(
+            update={"log_odds": _log_odds(results, effect.name)}
+        )
+        for effect in results.accepted.model.effects
+    }
+
+
+def _log_odds(results: Results, effect: str) -> float:
+    """Log-odds [nats] of the posterior that `effect`, or one of its class, is
+    present.
+    """
+    classes = [group for group in results.model_tests.classes if effect in group]
+    alike = {effect}.union(*classes)
+    return results.posterior.log_odds(lambda names: not alike.isdisjoint(names))
+
+
+def common_evidence(results: Results) -> VerdictEvidence:
+    """Evidence for or against the accepted model as a whole, of infinite log-odds."""
+    runs, quantities = _gains(results)
+    fits = (results.accepted.estimate, results.held_out_fits.after)
     by_run = [
-        held_out_gap.rms_by_run(fit, findings.subject.scope.quantities) for fit in fits
+        held_out_gap.rms_by_run(fit, results.subject.scope.quantities) for fit in fits
     ]
     typical_rms = float(np.median([rms for of_fit in by_run for rms in of_fit]))
-    classes = [group for group in findings.model_tests.classes if effect in group]
-    alike = {effect, *(name for group in classes for name in group)}
     return VerdictEvidence(
-        log_odds=(
-            math.inf
-            if effect is None
-            else findings.posterior.log_odds(lambda names: not alike.isdisjoint(names))
-        ),
         gain=sum(runs),
         worst=min([*runs, *quantities]),
         left=typical_rms,
@@ -138,7 +158,7 @@ def evidence_for(findings: Findings, effect: str | None) -> VerdictEvidence:
             _correlation(fit, [rms <= ASTRAY * typical_rms for rms in of_fit])
             for fit, of_fit in zip(fits, by_run, strict=True)
         ),
-        strain=max(map(abs, strains(findings.accepted.estimate).values()), default=0.0),
+        strain=max(map(abs, strains(results.accepted.estimate).values()), default=0.0),
     )
 
 
@@ -150,29 +170,18 @@ def _correlation(fit: Estimate, together: Sequence[bool]) -> float:
     return robust.correlation(typical.evidence.runs, typical.residuals)
 
 
-def deciding_evidence(findings: Findings) -> VerdictEvidence:
-    """Evidence for the least probable named effect or, if none is named, accepted
-    effect.
-    """
-    effects = named_effects(findings) or findings.accepted.model.effects
-    by_effect = [evidence_for(findings, effect.name) for effect in effects]
-    return min(
-        by_effect, key=lambda n: n.log_odds, default=evidence_for(findings, None)
-    )
-
-
-def _gains(findings: Findings) -> tuple[list[float], list[float]]:
+def _gains(results: Results) -> tuple[list[float], list[float]]:
     """Predictive gains [nats] of the accepted model over the base, by run and by
     quantity.
 
     It is of runs left out in turn as predicted from the others, and of held-out ones.
     """
-    base, accepted, unseen = findings.base, findings.accepted, findings.held_out_fits
+    base, accepted, unseen = results.base, results.accepted, results.held_out_fits
     pairs = [
         (base.estimate, base.left_out, accepted.estimate, accepted.left_out),
         (unseen.before, unseen.before.residuals, unseen.after, unseen.after.residuals),
     ]
-    likelihood = findings.likelihood
+    likelihood = results.likelihood
     by_run: list[float] = []
     by_quantity: dict[str, float] = defaultdict(float)
     for before, base_residuals, after, residuals in pairs:
@@ -236,7 +245,7 @@ def reasons(findings: Findings) -> list[str]:
     fit = findings.accepted.estimate
     words = []
     for effect in fit.model.effects:
-        p = probability(findings, effect.name)
+        p = findings.decision.probabilities[effect.name]
         if p < LEAST:
             words.append(
                 f"{effect.name} is right with probability {p:.2f} (named from"
@@ -253,8 +262,8 @@ def reasons(findings: Findings) -> list[str]:
         f"{effect.name} has a shape by which it stands in for another law"
         for effect in fit.proxies
     ]
-    if fit.model.effects and (failed := _failed_prediction(findings)):
-        words.append(failed)
+    if findings.decision.failure:
+        words.append(findings.decision.failure)
     by_run = held_out_gap.rms_by_run(fit, findings.subject.scope.quantities)
     rms, run = max(zip(by_run, (r.name for r in fit.evidence.runs), strict=True))
     if rms > ASTRAY * float(np.median(by_run)):

@@ -1,6 +1,8 @@
 """Results of an investigation, stage by stage."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Self
 
 from cell.gap.diagnosis import held_out_gap
 from cell.gap.diagnosis.lack_of_fit import Bin, Repeats, stronger_of_two
@@ -13,6 +15,7 @@ from cell.gap.selection.posterior import Posterior
 from cell.gap.selection.screening import ProbeEquations, ProbeResponses, Score
 from cell.gap.subject.subject import Candidate, Subject
 from cell.gap.verdict.offered_law import OfferedLaw
+from cell.gap.verdict.schema import Kind, VerdictEvidence
 from drivers.base.types import Array
 
 
@@ -114,11 +117,11 @@ class HeldOutFits:
 
 
 @dataclass(frozen=True, slots=True)
-class Findings:
-    """All results of an investigation of a subject.
+class Results:
+    """Fits and tests of an investigation, by which its verdict is decided.
 
     `accepted` is the model that was chosen among `fits`: the base where no effect was
-    accepted. `experiments` would separate it from another model, the best first.
+    accepted.
     """
 
     subject: Subject
@@ -130,8 +133,6 @@ class Findings:
     posterior: Posterior
     model_tests: ModelTests
     held_out_fits: HeldOutFits
-    experiments: tuple[Recommendation, ...]
-    law: OfferedLaw | None = None
 
     @property
     def base(self) -> CrossValidatedFit:
@@ -157,3 +158,46 @@ class Findings:
         """Accepted effects that the runs tell apart from all others."""
         doubtful = {name for group in self.model_tests.classes for name in group}
         return tuple(e for e in self.accepted.model.effects if e.name not in doubtful)
+
+
+@dataclass(frozen=True, slots=True)
+class Decision:
+    """Decided verdict on the accepted model, and what it rests on.
+
+    `named` are the credible effects that the runs tell apart from all others, and
+    `probabilities` are those of all accepted effects by name, calibrated. `evidence` is
+    that of the least probable named effect or, if none is named, accepted effect.
+    `failure` is a clause on a model that predicts unseen runs no better, else empty;
+    `unseen_gap` the excess residual [noise] of the base on held-out runs.
+    """
+
+    kind: Kind
+    named: tuple[str, ...]
+    probabilities: Mapping[str, float]
+    evidence: VerdictEvidence
+    failure: str
+    unseen_gap: float
+
+
+@dataclass(frozen=True, slots=True)
+class Findings(Results):
+    """All results of an investigation of a subject, with the decision on them.
+
+    `experiments` would separate the accepted model from another one, the best first;
+    `law` describes what no effect explains, if one is offered.
+    """
+
+    decision: Decision
+    experiments: tuple[Recommendation, ...]
+    law: OfferedLaw | None = None
+
+    @classmethod
+    def of(
+        cls,
+        results: Results,
+        decision: Decision,
+        experiments: tuple[Recommendation, ...],
+    ) -> Self:
+        """Findings with the `decision` on `results`, without a law."""
+        known = {field.name: getattr(results, field.name) for field in fields(results)}
+        return cls(**known, decision=decision, experiments=experiments)

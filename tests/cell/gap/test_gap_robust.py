@@ -10,7 +10,7 @@ from cell.gap.diagnosis.lack_of_fit import Repeats
 from cell.gap.fitting.base_fit import refit_fine
 from cell.gap.fitting.crossvalidation import folds
 from cell.gap.subject.subject import Request, Run
-from cell.gap.verdict.decision import decide, describe_left, probability
+from cell.gap.verdict.decision import decide, describe_left
 from drivers.base.types import Array
 from tests.support.curves import (
     Curves,
@@ -120,6 +120,8 @@ def test_a_model_that_leaves_more_of_unseen_runs_is_the_less_probable() -> None:
     worse = replace(
         found, held_out_fits=replace(fits, before=fits.after, after=fits.before)
     )
-    assert probability(worse, "wave") < verdict.effects[0].confidence
-    assert decide(worse) == "unexplained"
+    decision = decide(worse)
+    assert decision.probabilities["wave"] < verdict.effects[0].confidence
+    assert decision.kind == "unexplained"
+    worse = replace(worse, decision=decision)
     assert "has not seen is predicted worse" in describe_left(worse)
