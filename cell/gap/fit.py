@@ -22,6 +22,7 @@ from cell.gap.subject.run_folders import copy_note, find_runs, without_copies
 from cell.gap.subject.subject import Subject
 from cell.gap.verdict import accept
 from cell.gap.verdict.compose import deviations, verdict as compose
+from cell.gap.verdict.decision import next_steps
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import Values, Verdict
 from cell.report.words import plural
@@ -81,6 +82,8 @@ def fit(
     verdict = _with_remarks(
         verdict, subject, itertools.starmap(copy_note, copies.items())
     )
+    first, *others = next_steps(findings.decision, verdict, out, subject.option)
+    verdict = verdict.model_copy(update={"next": first, "alternatives": others})
     progress("write", 0.97)
     _write(findings, verdict, file, out)
     if overlay is not None:
@@ -112,7 +115,7 @@ def _write(findings: Findings, verdict: Verdict, file: Path, out: Path) -> None:
         law=findings.law and accept.StoredLaw(terms=findings.law.terms),
     )
     write_file(out / accept.RECORD, record.model_dump_json(by_alias=True, indent=1))
-    write_file(out / "report.html", page(findings, verdict, out))
+    write_file(out / "report.html", page(findings, verdict))
     if (law := findings.law) is not None:
         terms = {name: {"amount": value} for name, value in law.terms.items()}
         _write_patch(

@@ -1,8 +1,6 @@
 """Report page of a fit, `report.html`, self-contained and for a technician."""
 
 from collections.abc import Iterator, Sequence
-from pathlib import Path
-from shlex import quote
 from typing import Any
 
 import numpy as np
@@ -31,6 +29,7 @@ from cell.gap.selection.likelihood import MIN_GAIN
 from cell.gap.subject.subject import Run
 from cell.gap.verdict.compose import SIGNIFICANT
 from cell.gap.verdict.findings import Findings
+from cell.gap.verdict.offered_law import OfferedLaw
 from cell.gap.verdict.schema import CandidateEntry, Gap, Kind, Verdict
 from cell.report.html import Tone, page as document
 from cell.report.page_verdict import PageVerdict as Card
@@ -186,7 +185,7 @@ def remaining_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
     return {
         "open": is_open,
         "rest": capitalised(rest.description) if rest and not is_open else "",
-        "law": findings.law is not None,  # stated with the command that accepts it
+        "law": _law_text(findings.law) if findings.law is not None else "",
         "alike": "; ".join(" or ".join(group) for group in verdict.ambiguous),
         "silent": ", ".join(undetectable_effects(findings)),
         "detectable": [
@@ -196,7 +195,16 @@ def remaining_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
     }
 
 
-def page(findings: Findings, verdict: Verdict, out: Path) -> str:
+def _law_text(law: OfferedLaw) -> str:
+    """Sentence on the law that is offered, and the share of the gap that it closes."""
+    closed = percent(law.shrink)
+    return (
+        f"A law describes it, without a name: {law.words}. It closes {closed} of the"
+        " gap on held-out runs."
+    )
+
+
+def page(findings: Findings, verdict: Verdict) -> str:
     """HTML text of a fit's report: the verdict card, figures, and below them all
     numbers.
     """
@@ -210,7 +218,7 @@ def page(findings: Findings, verdict: Verdict, out: Path) -> str:
         ),
         name=name,
         said=_verdict_card(findings, verdict),
-        following=_next_commands(findings, verdict, out),
+        following=[step.sentence for step in verdict.steps],
         notes=verdict.notes,
         planned=_planned_folds(findings, verdict),
         held=held_out_values(findings, verdict),
@@ -267,44 +275,6 @@ def _verdict_card(findings: Findings, verdict: Verdict) -> Card:
         tone = "bad" if tone == "bad" else "fair"
         lines = [capitalised(deviation_text(verdict.deviates)) + ".", *lines]
     return Card(tone, headline(verdict), tuple(lines), number, below)
-
-
-def _next_commands(findings: Findings, verdict: Verdict, out: Path) -> list[str]:
-    """Sentences on the commands to type next, for the folder where the fit was
-    called.
-    """
-    fit = f"{quote(str(out))} {findings.subject.option}"
-    todo = []
-    if verdict.verdict == "named":
-        todo.append(
-            f"`cell gap accept {fit}` puts it into the file; `cell gap undo {fit}`"
-            " takes it back."
-        )
-    elif verdict.deviates and not findings.accepted.model.effects:
-        todo.append(
-            f"`cell gap accept {fit}` puts the refitted values into the file, and `cell"
-            f" gap undo {fit}` takes them back. If these runs are of another strip,"
-            " name its file instead."
-        )
-    if verdict.verdict == "ambiguous":
-        todo.append(
-            f"`cell gap advise {quote(str(out))}` says which run would split them."
-        )
-    if verdict.suspected:
-        names = " + ".join(effect.name for effect in verdict.suspected)
-        todo.append(
-            f"Suspected, but not named: {names},"
-            f" {percent(verdict.suspected[0].confidence)} probable. `cell gap accept"
-            f" {fit} --force` takes it all the same."
-        )
-    if findings.law is not None:
-        law = findings.law
-        todo.append(
-            f"No name, but a description: {law.words}. It closes {100 * law.shrink:.0f}"
-            f" % of the gap on held-out runs; `cell gap accept {fit} --law` adds it,"
-            f" `cell gap undo {fit}` takes it back."
-        )
-    return todo
 
 
 def _scatter_table(findings: Findings) -> list[tuple[str, ...]] | None:

@@ -75,9 +75,7 @@ def verdict(findings: Findings, runtime: float, simulations: int) -> Verdict:
         runtime=runtime,
         simulations=simulations,
         posterior=_posterior(findings),
-        suspected=[
-            e for e in effects if e.name not in decision.named and not is_sound
-        ],
+        suspected=[e for e in effects if e.name not in decision.named and not is_sound],
         notes=_notes(findings),
     )
 

@@ -19,6 +19,8 @@ better than one, is in one class with a wrong file.
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
+from pathlib import Path
+from shlex import quote
 
 import numpy as np
 
@@ -31,7 +33,7 @@ from cell.gap.selection.likelihood import ALPHA, MIN_GAIN, Fits, gain
 from cell.gap.subject.subject import Subject
 from cell.gap.verdict.confidence import LEAST, calibration
 from cell.gap.verdict.findings import Decision, Findings, Results
-from cell.gap.verdict.schema import Kind, VerdictEvidence
+from cell.gap.verdict.schema import Kind, Step, Verdict, VerdictEvidence
 from drivers.base.types import Array
 
 # excess on held-out runs, in units of the noise, that is a gap by itself; set by hand
@@ -196,6 +198,60 @@ def _gains(results: Results) -> tuple[list[float], list[float]]:
                 part = float(gain[run.samples.quantity == name].sum())
                 by_quantity[str(name)] += part / likelihood.inefficiency
     return by_run, list(by_quantity.values())
+
+
+def next_steps(
+    decision: Decision, verdict: Verdict, out: Path, option: str
+) -> list[Step]:
+    """What an operator may do after the `verdict`, the advised step first.
+
+    `out` is the folder of the fit, `option` names the subject's file on the command
+    line. A fit leaves a patch for each step that accepts something.
+    """
+    fit = f"{quote(str(out))} {option}"
+    accept, undo = f"cell gap accept {fit}", f"`cell gap undo {fit}` takes it back"
+    rest = verdict.unexplained
+    law = rest.law if rest is not None and rest.stable else ""
+    steps = []
+
+    if verdict.effects:
+        words = f"puts what was named into the file; {undo}"
+        steps.append(Step("accept", accept, words))
+    elif verdict.deviates and not decision.probabilities:
+        words = (
+            f"puts the refitted values into the file; {undo}. If these runs are of"
+            " another subject, name its file instead"
+        )
+        steps.append(Step("accept_values", accept, words))
+
+    if decision.kind == "ambiguous":
+        words = "says which run would split what is alike"
+        steps.append(Step("advise", f"cell gap advise {quote(str(out))}", words))
+    if decision.kind == "unexplained" and (verdict.suspected or not law):
+        words = f"{out / 'report.html'} shows where it sits, and what stands beside it"
+        steps.append(Step("look", "", words))
+
+    if verdict.suspected and not verdict.effects:
+        names = " + ".join(effect.name for effect in verdict.suspected)
+        probable = f"{100 * verdict.suspected[0].confidence:.0f} % probable"
+        words = f"takes all the same what is suspected, not named: {names}, {probable}"
+        steps.append(Step("accept_suspected", f"{accept} --force", words))
+    if law:
+        words = f"adds a description, no name: {law}; {undo}"
+        steps.append(Step("accept_law", f"{accept} --law", words))
+
+    return steps or [_step_without_gap(decision, option)]
+
+
+def _step_without_gap(decision: Decision, option: str) -> Step:
+    """What to do where the fitted runs show no gap: there is nothing to accept."""
+    if decision.unseen_gap > GAP:
+        words = "make the motions of the held-out runs again, and fit all runs"
+        return Step("repeat", "", words)
+    if option.startswith("--strip"):
+        words = "folds with the file as it is: there is nothing to accept"
+        return Step("fold", f"cell fold {option}", words)
+    return Step("none", "", "these runs show no gap: there is nothing to accept")
 
 
 def doubtful_values(

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 from typing import Annotated, Literal
@@ -18,6 +19,17 @@ from drivers.base.settings import parse
 LARGEST_VERDICT = 8 * MEGABYTE
 NAME_FOLDER = "name the folder that `cell gap fit --out` wrote"
 Kind = Literal["named", "ambiguous", "no_gap", "unexplained"]
+StepKind = Literal[
+    "accept",
+    "accept_values",
+    "accept_suspected",
+    "accept_law",
+    "advise",
+    "look",
+    "repeat",
+    "fold",
+    "none",
+]
 Values = tuple[Mapping[str, float], NamedValues]
 """Values of the base by name, and of effects by parameter."""
 
@@ -181,11 +193,34 @@ class Probable(VerdictEvidence):
     law: bool = False
 
 
+@dataclass(frozen=True, slots=True)
+class Step:
+    """What may be done after a fit: a `command` to type, empty where there is none.
+
+    `words` say what the command does or, without one, what to do.
+    """
+
+    kind: StepKind
+    command: str
+    words: str
+
+    @property
+    def sentence(self) -> str:
+        """Sentence on the step, its command in backticks."""
+        text = f"`{self.command}` {self.words}" if self.command else self.words
+        return f"{text[:1].upper()}{text[1:]}."
+
+    def __str__(self) -> str:
+        """Text of the step: its command, and below it what this does."""
+        return "\n  ".join(filter(None, (self.command, self.words)))
+
+
 class Verdict(Entry):
     """Content of verdict.json: which effects are missing, how surely, and how residuals
     shrink.
 
-    `suspected` are effects that were accepted and are not named.
+    `suspected` are effects that were accepted and are not named. `next` is what to do
+    now, `alternatives` what could be done in its place.
     """
 
     schema_: Annotated[int, Field(alias="schema")] = 1
@@ -206,6 +241,13 @@ class Verdict(Entry):
     notes: list[str] = Field(default_factory=list)
     deviates: list[Deviation] = Field(default_factory=list)
     suspected: list[NamedEffect] = Field(default_factory=list)
+    next: Step | None = None
+    alternatives: list[Step] = Field(default_factory=list)
+
+    @property
+    def steps(self) -> list[Step]:
+        """What may be done after the fit, the advised step first."""
+        return [*filter(None, [self.next]), *self.alternatives]
 
     def values_with(self, effects: Sequence[NamedEffect]) -> Values:
         """Fitted values for a patch: of the base by name, of each of `effects` by
@@ -259,10 +301,9 @@ class Verdict(Entry):
         return f"<pre>{escape(str(self))}</pre><table>{head}{rows}</table>"
 
     def to_json(self) -> str:
-        """JSON text of verdict.json; `deviates` and `suspected` are left out where
-        empty.
-        """
-        absent = {key for key in ("deviates", "suspected") if not getattr(self, key)}
+        """JSON text of verdict.json, without lists that only some verdicts have."""
+        at_times = ("deviates", "suspected", "alternatives")
+        absent = {key for key in at_times if not getattr(self, key)}
         return self.model_dump_json(by_alias=True, indent=1, exclude=absent) + "\n"
 
 

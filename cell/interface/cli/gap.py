@@ -40,7 +40,6 @@ if TYPE_CHECKING:
 
     from cell.folding.request import Request
     from cell.gap.verdict.accept import AcceptResult
-    from cell.gap.verdict.schema import Verdict
 
 COPY_TIMEOUT = 3600.0  # s of a copy in which an effect is hidden
 
@@ -269,10 +268,8 @@ def fit(
     """
     file = _subject_file(strip, model, configs, subject)
     from cell.gap.fit import FitOptions, fit as fit_runs
-    from cell.gap.open_subject import option_for
     from cell.gap.report.overlay import write_overlay
     from cell.gap.report.sentence import deviation_text
-    from cell.gap.verdict.accept import LAW_PATCH
 
     options = FitOptions(hold_out or (), without or (), unchecked, _threads(jobs))
     with _progress() as shown:
@@ -281,10 +278,10 @@ def fit(
         print_json(json.loads(verdict.to_json()))
         return
     files = [f"  {out / name}" for name in ("report.html", "overlay.rrd")]
-    law = (out / LAW_PATCH).is_file()
-    following = f"next: {_next_command(verdict, out, option_for(file), law=law)}"
     deviations = [deviation_text(verdict.deviates)] if verdict.deviates else []
-    sys.stdout.write("\n".join([*deviations, str(verdict), *files, following]) + "\n")
+    sys.stdout.write(
+        "\n".join([*deviations, str(verdict), *files, f"next: {verdict.next}"]) + "\n"
+    )
 
 
 @gap.command()
@@ -434,24 +431,6 @@ def _threads(jobs: int | None) -> int:
     """Number of simulations side by side: `jobs`, but at most the number of cores."""
     cores = os.cpu_count() or 1
     return min(jobs or cores, cores)
-
-
-def _next_command(verdict: "Verdict", out: Path, option: str, *, law: bool) -> str:
-    """Command that the operator runs next, by the verdict of the fit in `out`."""
-    from cell.gap.verdict.accept import BASE_PATCH
-
-    place = shlex.quote(str(out))
-    if verdict.verdict == "named" or (out / BASE_PATCH).is_file():
-        return f"cell gap accept {place} {option}"
-    if verdict.verdict == "ambiguous":
-        return f"cell gap advise {place}"
-    if law and not verdict.suspected:
-        return f"cell gap accept {place} {option} --law   (a description, no name)"
-    if verdict.verdict == "unexplained":
-        return f"open {out / 'report.html'}: where it sits, and what stands beside it"
-    return (
-        f"cell fold {option}" if option.startswith("--strip") else "nothing to accept"
-    )
 
 
 def _cell_file(model: Path | None, configs: Path | None) -> Path | None:

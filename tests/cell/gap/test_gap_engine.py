@@ -13,8 +13,7 @@ from cell.gap.fitting.base_fit import undetermined_values
 from cell.gap.fitting.crossvalidation import folds
 from cell.gap.report.sentence import sentence
 from cell.gap.selection.posterior import Posterior, SetProbability
-from cell.gap.verdict.compose import verdict as compose
-from cell.interface.cli import gap
+from cell.gap.verdict.decision import decide, next_steps
 from drivers.strip.effects.effect import Parameter
 from tests.support.curves import (
     Curves,
@@ -55,11 +54,8 @@ def test_a_set_with_one_effect_more_does_not_speak_against_a_name() -> None:
     doubtful = [*sets, (frozenset({"wave"}), 99.0)]
     for weighed, odds in ((sets, 101.3133), (doubtful, 2.3133)):
         models = tuple(SetProbability(names, nats, 0.25) for names, nats in weighed)
-        posterior = compose(
-            replace(found, posterior=Posterior(models)), 0.0, 1
-        ).posterior
-        assert posterior is not None
-        assert posterior.log_odds == pytest.approx(odds, abs=1e-4)
+        decision = decide(replace(found, posterior=Posterior(models)))
+        assert decision.evidence.log_odds == pytest.approx(odds, abs=1e-4)
     assert verdict.posterior is not None
     assert verdict.posterior.inclusion["bump"] > 0.99
 
@@ -75,7 +71,7 @@ def test_a_gap_of_held_out_runs_alone_is_noted() -> None:
     _, plain = judged(Curves(nothing))
     only = {int(name[1:]) for name in plain.held_out}
     late: Law = lambda t, s, i: 0.03 * bump(t, s, i) * (i in only)  # noqa: E731
-    _, verdict = judged(Curves(late))
+    found, verdict = judged(Curves(late))
     assert verdict.verdict == "no_gap"
     (note,) = verdict.notes
     assert (
@@ -84,8 +80,8 @@ def test_a_gap_of_held_out_runs_alone_is_noted() -> None:
     )
     assert "make these motions again" in note
     # what the note asks for is not denied by the step that follows
-    step = gap._next_command(verdict, Path("out"), "--model x", law=False)
-    assert step == "nothing to accept"
+    (step,) = next_steps(found.decision, verdict, Path("out"), "--strip x.yaml")
+    assert step.kind == "repeat"
 
 
 def test_detectable_size_is_found_when_it_is_there() -> None:
