@@ -1,21 +1,21 @@
-"""Feasibility and prediction of a fold in its cell, by simulation, before anything
-moves.
-"""
+"""Feasibility of a fold in its cell, foreseen by simulation before anything moves."""
 
+from bisect import bisect_left
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from functools import partial
 from itertools import product
-from math import hypot
-from pathlib import Path
-from typing import Any
+from math import ceil, floor, hypot, inf
+from typing import Any, Self
 
 import numpy as np
 
-from calibration.calibration import Calibration, load_calibration
+from calibration.calibration import Calibration
 from cell.base.config.settings import CellSettings
-from cell.base.devices.fold_path import largest_speed, whole_path
+from cell.base.config.unmeasured_strip import UNKNOWN_NAME as UNKNOWN
+from cell.base.devices.fold_path import largest_speed, triangle, whole_path
+from cell.base.devices.rig_correction import corrected_calibration
 from cell.folding.request import Request
 from cell.perception.preflight import check_scope
 from cell.setup.arm.arm_prediction import ArmPrediction, predict_arm
@@ -37,49 +37,151 @@ IMAGE_DELAY = Sensing(delay=(0.03, 0.03))  # s
 PATH_ERROR = 0.005  # m, error of the simulated path
 # relative, where no spread is stated
 UNKNOWN_SPREADS = {"bending_length": 0.1, "retardation_time": 0.5}
+# tried where a fold is refused; the paths of the paper miss by centimetres
+ALTERNATIVES = ("adaptive", "feedback", "shifted")
+GOOD_FOLD = 0.02  # m, largest |d| that the paper claims
+USUAL_LENGTH, LENGTH_STEP = 0.6, 0.02  # m, of a strip; of lengths that are tried
 
 
-def check_feasible(
-    settings: CellSettings,
-    strip: StripFile,
-    policy: Policy,
-    calibration: Calibration,
-    seed: int = 0,
-) -> tuple[float, float] | None:
-    """Check that the cell can fold `strip`; returns the predicted displacement and its
-    sigma [m].
+@dataclass(frozen=True, slots=True)
+class Feasibility:
+    """Fold of a `request` as the model foresees it, and what forbids it.
 
-    None where the layers do not touch in the model, whose images have noise by `seed`.
-    The policy is reset. Raises PreflightRefused for a strip that this cell cannot see
-    or fold within the limits of `settings`, or where the hand of a real arm would meet
-    the desk, or the joints of a Franka arm could not follow.
+    `path` (n, 3) x, z [m], pitch [rad] from home to retreat at `speeds` (n,) [m/s],
+    `reach` of the joints of a Franka arm along it. The simulated `folds` are those of
+    the strip and of its corner strips; None where the policy or the model refuses. Each
+    of the `problems` forbids the fold; `advice` names what was tried and is allowed.
     """
-    arm = settings.arm_driver
-    folds = _simulate(settings, strip, policy, seed)
-    carry = _carry(strip, policy, settings.fold.speed, folds)
-    touch = None if folds is None else folds.touch[0]
-    path, speeds = whole_path(
-        strip.length, settings.installation, settings.fold, carry, touch
+
+    request: Request
+    path: Array
+    speeds: Array
+    reach: ArmPrediction | None
+    folds: Folds | None
+    problems: tuple[str, ...] = ()
+    advice: tuple[str, ...] = ()
+
+    def require(self) -> Self:
+        """Return this; raises PreflightRefused, with the advice, for any problem."""
+        if self.problems:
+            raise PreflightRefused("\n".join((*self.problems, *self.advice)))
+        return self
+
+    @property
+    def expected(self) -> tuple[float, float] | None:
+        """Displacement [m] and its standard deviation by strip and repeats.
+
+        None where a simulated fold ends without a touch.
+        """
+        folds = self.folds
+        if folds is None or not folds.touched.all():
+            return None
+        corners = folds.displacement[1:]
+        spread = float(np.std(corners)) if len(corners) else 0.0
+        repeats = self.request.settings.sigma.displacement
+        return float(folds.displacement[0]), hypot(spread, repeats)
+
+    @property
+    def prediction(self) -> "Prediction":
+        """Prediction for the operator; raises PreflightRefused for any problem."""
+        folds = self.require().folds
+        if folds is None:
+            raise PreflightRefused("the model finds no prediction for this fold")
+        return Prediction.from_folds(self.request, folds, self.reach)
+
+
+def assess(request: Request, calibration: Calibration) -> Feasibility:
+    """Foresee the fold of `request` through the camera of `calibration`, before motion.
+
+    Its problems are limits of policy, perception, workspace, speed, view and, of a real
+    arm, desk and joints. Where there are some, other policies and lengths are tried for
+    advice. Raises ConfigurationError or PreflightRefused for an implausible or expired
+    calibration.
+    """
+    settings = request.settings
+    on_twin = not settings.camera_driver.real
+    check_current(
+        calibration, settings.calibration_days, datetime.now(UTC), on_twin=on_twin
     )
-    places = np.vstack([path[1:, :2], carry])  # from beside the strip on
+    foreseen = _foresee(request, calibration)
+    if not foreseen.problems:
+        return foreseen
+    advice = (
+        *_other_policies(foreseen, calibration),
+        *_nearest_length(foreseen, calibration),
+    )
+    return replace(foreseen, advice=advice)
+
+
+def _foresee(request: Request, calibration: Calibration) -> Feasibility:
+    """Feasibility of a fold, without advice."""
+    settings, strip = request.settings, request.strip
+    place, policy = settings.installation, _policy_in_rod(request)
+    refusal, lift = "", triangle(strip.length)
+    try:
+        folds, carry = _simulated_carry(settings, request, policy)
+        lift = policy.lift().points
+    except ConfigurationError as error:
+        refusal, folds, carry = str(error), None, lift
+
+    touch = None if folds is None else folds.touch[0]
+    path, speeds = whole_path(strip.length, place, settings.fold, carry, touch)
     # the workspace refuses any other path
-    joints = arm.is_franka and np.isfinite(path).all()
-    carry_at = partial(_carry_at, settings, strip, policy, seed)
-    problems = [
+    joints = settings.arm_driver.is_franka and np.isfinite(path).all()
+    reach = predict_arm(place, strip.length, path, speeds) if joints else None
+
+    passed = np.vstack([path[1:, :2], carry])  # from beside the strip on
+    seen_by = corrected_calibration(calibration, settings, strip)
+    unknown = () if folds is None else folds.trace.reshape(-1, 2)
+    carry_at = partial(_carry_at, settings, request, policy)
+    problems = (
+        *filter(None, [refusal]),
         *(check.sentence() for check in check_scope(strip) if not check.passed),
-        *_height_problems(settings, strip, policy),
-        *path_problems(places, carry, settings, carry_at),
-        *_view_problems(places, strip, calibration),
-        *(_desk_collisions(settings.installation, strip, path) if arm.real else ()),
-        *(
-            _reach_problems(settings.installation, strip, path, speeds)
-            if joints
-            else ()
-        ),
-    ]
-    if problems:
-        raise PreflightRefused("\n".join(problems))
-    return None if folds is None else _expected(folds, settings.sigma.displacement)
+        *_height_problems(settings, strip, lift),
+        *path_problems(np.vstack([passed, *unknown]), carry, settings, carry_at),
+        *_view_problems(passed, strip, seen_by),
+        *(_desk_collisions(place, strip, path) if settings.arm_driver.real else ()),
+        *_reach_problems(reach),
+    )
+    return Feasibility(request, path, speeds, reach, folds, problems)
+
+
+def _other_policies(refused: Feasibility, calibration: Calibration) -> Iterator[str]:
+    """Yield the policy of least misses by which a `refused` fold is allowed, if any."""
+    allowed = []
+    for name in ALTERNATIVES:
+        other = replace(refused.request, policy=name, checkpoint=None)
+        foreseen = _foresee(other, calibration)
+        if not foreseen.problems and foreseen.expected is not None:
+            allowed.append(foreseen.prediction)
+    if allowed:
+        best = min(allowed, key=lambda prediction: prediction.largest_miss)
+        yield f"allowed here is --policy {best.policy}: {best.expectation()}"
+
+
+def _nearest_length(refused: Feasibility, calibration: Calibration) -> Iterator[str]:
+    """Yield the nearest multiple of LENGTH_STEP at which a `refused` fold is allowed.
+
+    Between the usual length and that of the fold, which is too long or too short.
+    """
+    request = refused.request
+    usual, far = USUAL_LENGTH / LENGTH_STEP, request.strip.length / LENGTH_STEP
+    steps = (
+        range(round(usual), ceil(far))
+        if far > usual
+        else range(round(usual), floor(far), -1)
+    )
+
+    def is_refused(step: int) -> bool:
+        length = {"length": step * LENGTH_STEP}
+        cut = replace(request, strip=request.strip.model_copy(update=length))
+        return bool(_foresee(cut, calibration).problems)
+
+    allowed = steps[: bisect_left(steps, True, key=is_refused)]
+    if allowed:
+        length = f"{1e3 * LENGTH_STEP * allowed[-1]:.0f}mm"
+        what = "--length" if request.strip.name == UNKNOWN else "a strip of"
+        yield f"allowed here is {what} {length}, by --policy {request.policy}"
 
 
 def path_problems(
@@ -139,46 +241,41 @@ def _desk_collisions(
         yield f"desk: {fault}"
 
 
-def _reach_problems(
-    installation: Installation, strip: StripFile, path: Array, speeds: Array
-) -> Iterator[str]:
-    """Yield a text where the joints cannot follow `path` (n, 3) at `speeds` (n,)
-    [m/s].
-    """
-    arm = predict_arm(installation, strip.length, path, speeds)
-    if not arm.reach.allowed:
+def _reach_problems(arm: ArmPrediction | None) -> Iterator[str]:
+    """Yield a text where the joints of the `arm` cannot follow a fold."""
+    if arm is not None and not arm.reach.allowed:
         yield (
-            f"reach: the arm cannot follow the fold: {arm.reach.problems[0]}; fold a"
-            " shorter strip, by another policy, or move robot or strip"
-            " (installation.mounting in cell.yaml), see `cell fold --dry-run --arm"
-            " fci`"
+            f"reach: the arm cannot follow the fold: {arm.reach.problems[0]}; move"
+            " robot or strip (installation.mounting in cell.yaml)"
         )
 
 
-def _carry(
-    strip: StripFile, policy: Policy, speed: float, folds: Folds | None
-) -> Array:
-    """Gripper positions (n, 2) [m] of the first of `folds`, starting at the strip's
-    lying edge.
+def _simulated_carry(
+    settings: CellSettings, request: Request, policy: Policy
+) -> tuple[Folds | None, Array]:
+    """Simulated folds, and gripper positions (n, 2) [m] of the first one.
 
-    Where the simulation failed (None), the policy's lift at `speed` [m/s] takes its
-    place.
+    Where the simulation fails, no folds and the policy's lift. Raises
+    ConfigurationError for a strip or speed that the policy does not allow.
     """
-    if folds is None:
-        policy.reset(strip, speed, 1)
-    return from_edge(
-        strip, policy.lift().points if folds is None else folds.trace[:, 0]
-    )
+    strip = request.strip
+    try:
+        folds = simulate(settings, strip, policy, request.trial.seed)
+    except ConfigurationError:
+        raise
+    except CellError:
+        policy.reset(strip, settings.fold.speed, 1)
+        return None, from_edge(strip, policy.lift().points)
+    return folds, from_edge(strip, folds.trace[:, 0])
 
 
 def _carry_at(
-    settings: CellSettings, strip: StripFile, policy: Policy, seed: int, speed: float
+    settings: CellSettings, request: Request, policy: Policy, speed: float
 ) -> Array:
     """Gripper positions (n, 2) [m] of a fold at another `speed` [m/s] than that of
     `settings`.
     """
-    folds = _simulate(at_speed(settings, speed), strip, policy, seed)
-    return _carry(strip, policy, speed, folds)
+    return _simulated_carry(at_speed(settings, speed), request, policy)[1]
 
 
 def from_edge(strip: StripFile, fold: Array) -> Array:
@@ -186,18 +283,6 @@ def from_edge(strip: StripFile, fold: Array) -> Array:
     `fold`.
     """
     return np.vstack([(strip.length, 0.0), fold])
-
-
-def _simulate(
-    settings: CellSettings, strip: StripFile, policy: Policy, seed: int
-) -> Folds | None:
-    """Simulated folds of `strip` and its corner strips; None if the simulation
-    failed.
-    """
-    try:
-        return simulate(settings, strip, policy, seed)
-    except CellError:
-        return None
 
 
 def simulate(
@@ -217,19 +302,6 @@ def simulate(
     return roll_out(policy, Rod(), strip, models, settings=rollout, rng=rng)
 
 
-def _expected(folds: Folds, repeats: float) -> tuple[float, float] | None:
-    """Displacement [m] of the first of `folds`, and its standard deviation with
-    `repeats` [m].
-
-    That of repeated folds is `repeats`. None where a fold does not touch.
-    """
-    if not np.isfinite(folds.displacement).all():
-        return None
-    corners = folds.displacement[1:]
-    spread = float(np.std(corners)) if len(corners) else 0.0
-    return float(folds.displacement[0]), hypot(spread, repeats)
-
-
 def corner_strips(strip: StripFile) -> list[StripFile]:
     """Copies of `strip` with its uncertain parameters at all combinations of their
     bounds.
@@ -247,16 +319,15 @@ def corner_strips(strip: StripFile) -> list[StripFile]:
 
 
 def _height_problems(
-    settings: CellSettings, strip: StripFile, policy: Policy
+    settings: CellSettings, strip: StripFile, lift: Array
 ) -> Iterator[str]:
-    """Yield a text where the policy's path does not rise to the take-over height."""
-    top = float(policy.lift().points[:, 1].max())
+    """Yield a text where the path (n, 2) [m] of a `lift` ends under the take-over."""
+    top = float(lift[:, 1].max())
     takeover = settings.fold.takeover_height
     if top <= takeover:
         yield (
             f"length: a fold of {strip.length:g} m rises to {top:.2f} m, the policy"
-            f" takes over at {takeover:.2f} m; fold a longer strip, or lower"
-            " fold.takeover_height in cell.yaml"
+            f" takes over at {takeover:.2f} m; lower fold.takeover_height in cell.yaml"
         )
 
 
@@ -269,9 +340,8 @@ def _workspace_problems(path: Array, installation: Installation) -> Iterator[str
         if not (low - PATH_ERROR <= least and most <= high + PATH_ERROR):
             yield (
                 f"workspace: the gripper would move from {name} = {least:.2f} to"
-                f" {most:.2f} m, allowed {low:.2f} to {high:.2f} m; fold a shorter"
-                " strip, by another policy, or widen installation.workspace in"
-                " cell.yaml"
+                f" {most:.2f} m, allowed {low:.2f} to {high:.2f} m; widen"
+                " installation.workspace in cell.yaml"
             )
 
 
@@ -293,8 +363,7 @@ def _view_problems(
             x, z = points[int(np.argmin(seen))]
             yield (
                 f"view: the camera does not see {what} at x = {x:.2f}, z = {z:.2f} m;"
-                " fold a shorter strip, or set the camera further away and calibrate"
-                " again"
+                " set the camera further away and calibrate again"
             )
 
 
@@ -312,6 +381,32 @@ class Prediction:
     reach: tuple[float, float, float, float]
     arm: ArmPrediction | None = None
 
+    @classmethod
+    def from_folds(
+        cls, request: Request, folds: Folds, arm: ArmPrediction | None
+    ) -> Self:
+        """Prediction by simulated `folds` of the strip of `request` and its corners."""
+        places = folds.trace.reshape(-1, 2)
+        (x_min, z_min), (x_max, z_max) = places.min(axis=0), places.max(axis=0)
+        nominal = float(folds.displacement[0])
+        spread = folds.displacement[folds.touched]
+        return cls(
+            strip=request.strip.name,
+            policy=request.policy,
+            displacement=nominal if np.isfinite(nominal) else None,
+            low=float(spread.min()) if spread.size else None,
+            high=float(spread.max()) if spread.size else None,
+            reach=(float(x_min), float(x_max), float(z_min), float(z_max)),
+            arm=arm,
+        )
+
+    @property
+    def largest_miss(self) -> float:
+        """Largest size [m] of the displacement over what is unknown of the strip."""
+        if self.displacement is None or self.low is None or self.high is None:
+            return inf
+        return max(-self.low, self.high)
+
     def line(self) -> dict[str, Any]:
         """JSON object of the prediction, as `cell fold --dry-run --json` prints it."""
         x_min, x_max, z_min, z_max = self.reach
@@ -325,82 +420,34 @@ class Prediction:
             **({} if self.arm is None else {"arm": self.arm.line()}),
         }
 
-    def __str__(self) -> str:
-        """Text of the prediction for the operator."""
-        x_min, x_max, z_min, z_max = (1e3 * value for value in self.reach)
+    def expectation(self) -> str:
+        """Text of the expected displacement with its bounds."""
         expected = "no touch"
         if self.displacement is not None:
             expected = f"displacement {1e3 * self.displacement:+.1f} mm"
         if self.low is not None and self.high is not None:
             expected += f", between {1e3 * self.low:+.1f} and {1e3 * self.high:+.1f} mm"
-        return (
-            f"{self.strip} by {self.policy}: expected {expected} over what is unknown"
-            f" of the strip\n  the gripper stays within x {x_min:.0f} to {x_max:.0f}"
-            f" mm, z {z_min:.0f} to {z_max:.0f} mm: inside its limits; nothing was"
-            " moved" + ("" if self.arm is None else f"\n  {self.arm.text()}")
-        )
+        return f"expected {expected} over what is unknown of the strip"
+
+    def __str__(self) -> str:
+        """Text of the prediction for the operator."""
+        x_min, x_max, z_min, z_max = (1e3 * value for value in self.reach)
+        lines = [
+            f"{self.strip} by {self.policy}: {self.expectation()}",
+            f"the gripper stays within x {x_min:.0f} to {x_max:.0f} mm, z {z_min:.0f}"
+            f" to {z_max:.0f} mm: inside its limits; nothing was moved",
+        ]
+        if self.largest_miss > GOOD_FOLD:
+            lines.append(f"it may miss by more than {1e3 * GOOD_FOLD:.0f} mm")
+        if self.arm is not None:
+            lines.append(self.arm.text())
+        return "\n  ".join(lines)
 
     __repr__ = __str__
 
 
-def predict(request: Request) -> Prediction:
-    """Predict the fold of `request`; raises ConfigurationError for a path beyond its
-    limits.
-
-    The calibration that the cell file names is checked as a fold does.
-    """
-    settings = request.settings
-    strip = request.strip
-    if settings.calibration is not None:
-        calibration = load_calibration(Path(settings.calibration))
-        on_twin = not settings.camera_driver.real
-        check_current(
-            calibration, settings.calibration_days, datetime.now(UTC), on_twin=on_twin
-        )
-    policy, seed = _policy_in_rod(request), request.trial.seed
-    folds = simulate(settings, strip, policy, seed)
-    places = folds.trace.reshape(-1, 2)
-    carry = from_edge(strip, folds.trace[:, 0])
-    carry_at = partial(_carry_at, settings, strip, policy, seed)
-    problems = list(path_problems(places, carry, settings, carry_at))
-    if problems:
-        raise ConfigurationError("\n".join(problems))
-    x_min, z_min = places.min(axis=0).tolist()
-    x_max, z_max = places.max(axis=0).tolist()
-    nominal = folds.displacement[0]
-    spread = folds.displacement[folds.touched]
-    arm = None
-    if settings.arm_driver.is_franka:
-        place = settings.installation
-        path, speeds = whole_path(
-            strip.length, place, settings.fold, carry, folds.touch[0]
-        )
-        arm = predict_arm(place, strip.length, path, speeds)
-    return Prediction(
-        strip=strip.name,
-        policy=request.policy,
-        displacement=float(nominal) if np.isfinite(nominal) else None,
-        low=float(spread.min()) if spread.size else None,
-        high=float(spread.max()) if spread.size else None,
-        reach=(x_min, x_max, z_min, z_max),
-        arm=arm,
-    )
-
-
-def planned_path(request: Request) -> tuple[Array, Array]:
-    """Poses (n, 3) x, z [m], pitch [rad] and speeds (n,) [m/s] of the fold of
-    `request`.
-    """
-    settings, strip = request.settings, request.strip
-    folds = simulate(settings, strip, _policy_in_rod(request), request.trial.seed)
-    carry = from_edge(strip, folds.trace[:, 0])
-    return whole_path(
-        strip.length, settings.installation, settings.fold, carry, folds.touch[0]
-    )
-
-
 def _policy_in_rod(request: Request) -> Policy:
-    """Policy of `request`, made for the rod: without a bias of images or of the
-    cell.
-    """
-    return make_policy(request.policy, request.checkpoint, in_rod=True)
+    """Policy of `request` for the rod, without a bias of images, with its aim."""
+    policy = make_policy(request.policy, request.checkpoint, in_rod=True)
+    request.learning.correction.apply(policy)
+    return policy

@@ -9,7 +9,6 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import replace
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +25,7 @@ from cell.folding.documents import (
     run_header,
 )
 from cell.folding.experience import run_key
-from cell.folding.feasibility import check_feasible
+from cell.folding.feasibility import assess
 from cell.folding.fold_trace import FoldTrace
 from cell.folding.request import Request, memory_of
 from cell.folding.result import FoldResult
@@ -51,7 +50,7 @@ from cell.record.truth import write_truth
 from cell.record.writer import RunWriter
 from cell.report.page import write_report
 from cell.report.viz.watch import watching
-from cell.setup.calibration_in_use import check_usable
+from cell.setup.calibration_in_use import check_camera
 from drivers.base.clock import lock_memory, take_priority, wake_promptly
 from drivers.base.errors import CellError, ConfigurationError, Fault
 from drivers.base.files import append_line, replace_file
@@ -88,11 +87,10 @@ def fold(
     devices = devices or open_cell(settings, strip, trial, calibrating=False)
     with ExitStack() as opened:
         opened.callback(run_suppressed, devices.close)
+        check_camera(calibration, devices)
+        foreseen = assess(request, calibration).require()
         correction = request.learning.correction.apply(policy)
-        policy.reset(strip, settings.fold.speed, 1)
-        check_usable(calibration, devices, settings.calibration_days, datetime.now(UTC))
         calibration = corrected_calibration(calibration, settings, strip)
-        expected = check_feasible(settings, strip, policy, calibration, trial.seed)
         start = time.perf_counter()
         writer = _new_run(request, calibration, devices, correction)
         inputs = StripInputs(calibration, strip)
@@ -104,7 +102,7 @@ def fold(
                 policy=policy,
                 calibration=calibration,
                 reader=reader,
-                expected=expected,
+                expected=foreseen.expected,
                 place=0.0 if correction is None else correction.place,
                 desk=desk_end(settings.installation, strip.length) if arm.real else 0.0,
             )

@@ -7,8 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from cell.base.config.cell import CellFile
-from cell.folding.feasibility import planned_path
-from cell.folding.request import Request
+from cell.folding.feasibility import Feasibility
 from cell.orchestrator.outcome import Outcome
 from cell.orchestrator.snapshot import Drive, Snapshot
 from cell.orchestrator.steps import Motion, close_hand, move, open_hand
@@ -134,18 +133,18 @@ def rehearsal(
 
 
 def rehearse(
-    request: Request, interrupted: Callable[[], bool] = lambda: False
+    foreseen: Feasibility, interrupted: Callable[[], bool] = lambda: False
 ) -> Outcome:
-    """Carry out the motion of the fold of `request` in the air, without strip or
-    grasp.
+    """Carry out the motion of a `foreseen` fold in the air, without strip or grasp.
+
+    Raises PreflightRefused for a fold with problems.
     """
-    settings = request.settings
-    strip = request.strip
-    path, speeds = planned_path(request)
+    request = foreseen.require().request
+    settings, strip = request.settings, request.strip
     elbow = None
     if settings.arm_driver.is_franka:
         elbow = home_joints(settings, strip)[ELBOW_JOINT]
-    planned = rehearsal(settings, strip, path, speeds, elbow)
+    planned = rehearsal(settings, strip, foreseen.path, foreseen.speeds, elbow)
     return move_manually(settings, request.trial, planned.motion, interrupted, strip)
 
 

@@ -46,10 +46,13 @@ class Learning:
     or not.
 
     `specimen` names the piece of fabric; `memory` is a folder instead of the user's.
+    `use` is what was asked for: `auto`, `on`, `off`, a length to correct by without
+    learning, or None for the cell's own setting. `prepare` makes the rest of it.
     """
 
     specimen: str | None = None
     memory: Path | None = None
+    use: str | None = None
     correction: Correction = UNCORRECTED
     learns: bool = False
 
@@ -125,30 +128,40 @@ def standard_run(request: Request) -> tuple[str, str]:
     return name, STANDARD[name].reveals
 
 
-def check_request(request: Request) -> None:
-    """Raise ConfigurationError for devices, calibration or policy that cannot be
-    used.
+@dataclass(frozen=True, slots=True)
+class Prepared:
+    """Requests of a batch of folds, checked and corrected, and the `doubts` about them.
+
+    A doubt is a warning about a strip or plant outside the range for which an engine
+    was validated.
     """
-    check_drivers(request.cell)
-    check_calibrated(request.cell)
-    make_policy(request.policy, request.checkpoint)
+
+    requests: tuple[Request, ...]
+    doubts: tuple[str, ...]
 
 
-def doubts_about(requests: Sequence[Request]) -> tuple[str, ...]:
-    """Warnings about strips and plants outside the range for which an engine was
-    validated.
+def prepare(
+    base: Request, plants: Sequence[StripFile] = (), repeat: int = 1
+) -> Prepared:
+    """Prepare `repeat` folds on each of `plants` as `base` says, whoever asks for them.
+
+    Raises ConfigurationError for devices, calibration, policy or learning that cannot
+    be used.
     """
-    plants = [r.trial.plant for r in requests if r.trial.plant is not None]
-    strips = (requests[0].strip, *plants)
-    return tuple(dict.fromkeys(doubt for strip in strips for doubt in doubts(strip)))
+    check_drivers(base.cell)
+    check_calibrated(base.cell)
+    make_policy(base.policy, base.checkpoint)
+    corrected = with_correction(base, base.learning.use)
+    strips = (base.strip, *plants)
+    said = dict.fromkeys(doubt for strip in strips for doubt in doubts(strip))
+    return Prepared(repetitions(corrected, plants, repeat), tuple(said))
 
 
 def with_correction(request: Request, learning: str | None) -> Request:
     """Copy of `request` with the correction of its aim that the option `learning` asks
     for.
 
-    `learning` is `auto`, `on`, `off`, a length to correct by without learning, or None
-    for the cell's own setting. Raises ConfigurationError for other text.
+    `learning` is as `Learning.use`. Raises ConfigurationError for other text.
     """
     memory = memory_of(request)
     learns = False

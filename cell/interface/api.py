@@ -5,6 +5,7 @@ Every function raises CellError, of which ConfigurationError is one: `file: key:
 reason`, in one line. Paths may be text.
 """
 
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -15,10 +16,10 @@ import pyarrow as pa
 from calibration.calibration import Calibration, load_calibration
 from cell.base.config.places import find_configs
 from cell.base.devices.devices import Trial
-from cell.folding.feasibility import Prediction, predict as predict_fold
+from cell.folding.feasibility import Prediction, assess
 from cell.folding.fold import fold as fold_once, write_pages
 from cell.folding.observe import observe as observe_film
-from cell.folding.request import Recording, Request
+from cell.folding.request import Learning, Recording, Request, prepare
 from cell.folding.result import FoldResult
 from cell.gap.check import Check, check as check_runs
 from cell.gap.fit import FitOptions, fit
@@ -58,14 +59,18 @@ def fold(
     speed: float | None = None,
     frames: Keep | None = None,
     truth: bool = True,
+    specimen: str | None = None,
+    learning: str | None = None,
 ) -> FoldResult:
     """Fold a strip once and record the run in a new folder below `runs`, as `cell fold`
     does.
 
     `strip` is a name, a path to a strip file, or `unknown:0.6` with a length [m];
     `plant` the name or file of another strip on the twin's desk; `speed` [m/s] replaces
-    the cell's own. An error before the motion raises CellError; what happens during it
-    is the result's `outcome`.
+    the cell's own. The cell learns from the fold of a `specimen` and corrects it as
+    `learning` says: `on`, `off`, `auto`, a length, or None for the cell's own setting.
+    An error before the motion raises CellError; what happens during it is the result's
+    `outcome`. A strip outside an engine's validated range is a UserWarning.
     """
     config = find_configs(configs)
     desk = None if plant is None else load_plant(config.plant_path(str(plant)))
@@ -74,15 +79,17 @@ def fold(
     cell = config.cell().with_drivers(arm, camera)
     check_known("frames", frames or "key", get_args(Keep))
     record = Recording(frames, truth=truth)
-    request = Request(
+    asked = Request(
         cell,
         config.strip(strip),
         policy,
         Path(runs),
-        Trial(desk, seed),
+        Trial(seed=seed),
         speed=speed,
         record=record,
+        learning=Learning(specimen, use=learning),
     )
+    (request,) = _prepared(asked, [] if desk is None else [desk])
     return write_pages(request, fold_once(request, calibration_of(request.cell)))
 
 
@@ -92,14 +99,24 @@ def predict(
     speed: float | None = None,
     configs: Place | None = None,
 ) -> Prediction:
-    """Predict a fold by simulation, as `cell fold --dry-run` does; nothing moves or is
-    written.
+    """Predict a fold by simulation, as `cell fold --dry-run` does; nothing moves.
+
+    Raises PreflightRefused, with every problem, for one that `fold` would refuse.
     """
     config = find_configs(configs)
-    request = Request(
+    asked = Request(
         config.cell(), config.strip(strip), policy, Path("runs"), speed=speed
     )
-    return predict_fold(request)
+    (request,) = _prepared(asked)
+    return assess(request, calibration_of(request.cell)).prediction
+
+
+def _prepared(asked: Request, plants: Sequence[StripFile] = ()) -> tuple[Request, ...]:
+    """Requests of the folds that are `asked` for, as a command makes them."""
+    prepared = prepare(asked, plants)
+    for doubt in prepared.doubts:
+        warnings.warn(doubt, stacklevel=3)
+    return prepared.requests
 
 
 def compare(runs: Places, out: Place = "compare.html") -> Path:

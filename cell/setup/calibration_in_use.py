@@ -100,16 +100,6 @@ def age_days(calibration: Calibration, now: datetime) -> float:
     return (now - made).total_seconds() / DAY
 
 
-def check_usable(
-    calibration: Calibration, devices: Devices, allowed_days: float, now: datetime
-) -> None:
-    """Raise ConfigurationError or PreflightRefused for an old or another camera's
-    calibration.
-    """
-    check_camera(calibration, devices)
-    check_current(calibration, allowed_days, now, on_twin=devices.plant is not None)
-
-
 def check_camera(calibration: Calibration, devices: Devices) -> None:
     """Raise ConfigurationError for the calibration of another camera than that of
     `devices`.

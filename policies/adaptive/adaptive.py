@@ -188,10 +188,10 @@ def _check_range(length: float, speed: float) -> None:
     if not low <= length <= high:
         raise ConfigurationError(
             f"adaptive: the strip is {length:g} m long, the policy knows {low:g} to"
-            f" {high:g} m; use another policy, as --policy feedback"
+            f" {high:g} m"
         )
     if abs(speed - SPEED) > SPEED_TOLERANCE:
         raise ConfigurationError(
             f"adaptive: the cell folds at {speed:g} m/s, the policy knows {SPEED:g}"
-            " m/s; set fold.speed, or use another policy, as --policy feedback"
+            " m/s; set fold.speed in cell.yaml"
         )

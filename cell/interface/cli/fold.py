@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     from cell.folding.batch import Callbacks
+    from cell.folding.feasibility import Feasibility
     from cell.folding.request import Request
     from cell.folding.result import FoldResult
     from cell.orchestrator.run import Observer
@@ -53,7 +54,9 @@ class FoldOptions:
     length: Annotated[
         float | None,
         options.length_option(
-            "--length", "Length of a strip that has no file, as 600mm or 0.6 [m]."
+            "--length",
+            "Length of a strip without a file, as 600mm; the default policy and the"
+            " twin's camera allow 0.45 to 0.64 m.",
         ),
     ] = None
     thickness: Annotated[
@@ -161,16 +164,15 @@ class FoldOptions:
         return offset
 
     def request(self, configurations: Configs, strip: str) -> "Request":
-        """Request of the first fold, of the strip called `strip`, with its learned
-        correction.
-        """
+        """Request of the first fold, of the strip called `strip`."""
         from cell.base.devices.devices import Trial
-        from cell.folding.request import Learning, Recording, Request, with_correction
+        from cell.folding.request import Learning, Recording, Request
 
         settings = configurations.cell().with_drivers(self.arm, self.camera)
         encoder = self.film or settings.record.film
         film = None if encoder == "none" else encoder
-        request = Request(
+        until = None if self.until is None else "on"
+        return Request(
             cell=settings,
             strip=configurations.strip(strip),
             policy=self.policy,
@@ -179,10 +181,8 @@ class FoldOptions:
             checkpoint=self.checkpoint,
             full_speed=self.full_speed,
             record=Recording(self.frames, film, not self.no_truth, self.viz),
-            learning=Learning(self.specimen),
+            learning=Learning(self.specimen, use=self.learning or until),
         )
-        default_learning = None if self.until is None else "on"
-        return with_correction(request, self.learning or default_learning)
 
 
 @options.taking(FoldOptions)
@@ -203,20 +203,19 @@ def fold(given: FoldOptions) -> None:
         )
     if not (given.dry_run or given.rehearse):
         check_recordable(given.runs)
-    from cell.folding.request import check_request, doubts_about, repetitions
+    from cell.folding.request import prepare
     from drivers.strip.describe import load_plant
 
+    plants = [load_plant(path) for path in plant_files]
     base = given.request(configurations, name)
-    requests = repetitions(
-        base, [load_plant(path) for path in plant_files], given.repeat
-    )
-    check_request(requests[0])
-    for doubt in doubts_about(requests):
+    prepared = prepare(base, plants, given.repeat)
+    for doubt in prepared.doubts:
         notice(doubt)
+    requests = prepared.requests
     if given.dry_run:
-        _predict(base, as_json=given.as_json)
+        _predict(requests[0], as_json=given.as_json)
     elif given.rehearse:
-        sys.exit(_rehearse(base, as_json=given.as_json))
+        sys.exit(_rehearse(requests[0], as_json=given.as_json))
     else:
         sys.exit(_fold_all(requests, given.jobs, close_edges, as_json=given.as_json))
 
@@ -295,7 +294,7 @@ def _rehearse(request: "Request", *, as_json: bool) -> int:
 
     (request,) = agreed([request], options.ask)
     with Interrupt() as interrupted:
-        outcome = rehearse(request, interrupted)
+        outcome = rehearse(_assessed(request), interrupted)
     facts = {
         "outcome": outcome.name,
         "reason": outcome.reason,
@@ -309,10 +308,16 @@ def _rehearse(request: "Request", *, as_json: bool) -> int:
 def _predict(request: "Request", *, as_json: bool) -> None:
     """Predict the fold by simulation and print the prediction."""
     with busy("predicting the fold"):
-        from cell.folding.feasibility import predict
-
-        prediction = predict(request)
+        prediction = _assessed(request).prediction
     say(prediction.line(), str(prediction), as_json=as_json)
+
+
+def _assessed(request: "Request") -> "Feasibility":
+    """Feasibility of the fold of `request`, seen through the cell's camera."""
+    from cell.folding.feasibility import assess
+    from cell.setup.calibration_in_use import calibration_of
+
+    return assess(request, calibration_of(request.cell, notice))
 
 
 class _ProgressLine:

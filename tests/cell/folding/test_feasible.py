@@ -4,26 +4,27 @@ why.
 
 import math
 import re
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+import cell as python
 from calibration.calibration import Calibration
 from cell.base.config.cell import CellFile
-from cell.base.config.places import find_configs
-from cell.folding.feasibility import (
-    check_feasible,
-    corner_strips,
-    path_problems,
-    predict,
-)
+from cell.base.config.length import metres
+from cell.base.config.places import CHECKOUT_CONFIGS, find_configs
+from cell.folding.feasibility import assess, corner_strips, path_problems
 from cell.folding.fold import fold
-from cell.setup.arm.run_settings import limit_to_arm
-from drivers.base.errors import ConfigurationError, PreflightRefused
+from cell.interface.cli.app import app
+from drivers.base.errors import PreflightRefused
 from drivers.base.installation import AxisLimits, MotionLimits, Mounting
 from drivers.base.types import Array
-from policies.registry import make_policy
+from tests.support.commands import run
 from tests.support.requests import request_for
 from tests.support.twin_calibration import twin_calibration
 
@@ -43,15 +44,10 @@ def refusal(
     seen_by: Calibration, policy: str = "triangular", place=None, **changes
 ) -> str:
     """What is refused of a fold by the twin's arm, or by a robot in another `place`."""
-    strip = find_configs(None).strip("denim").model_copy(update=changes)
-    try:
-        chosen = cell_with(**(place or {})).with_drivers(
-            "twin" if place is None else "fci"
-        )
-        check_feasible(limit_to_arm(chosen), strip, make_policy(policy), seen_by)
-    except PreflightRefused as refused:
-        return str(refused)
-    return ""
+    cell = cell_with(**(place or {})).with_drivers("twin" if place is None else "fci")
+    asked = request_for("denim", policy, Path("runs"), cell=cell)
+    strip = asked.strip.model_copy(update=changes)
+    return "\n".join(assess(replace(asked, strip=strip), seen_by).problems)
 
 
 @pytest.mark.parametrize("policy", ["triangular", "circular", "shifted", "feedback"])
@@ -99,32 +95,23 @@ def test_what_the_cell_cannot_do_is_refused_with_its_reason(
 def test_path_over_the_arm_s_limits_is_refused_with_the_speed_that_fits(
     seen_by, tmp_path, changed, says
 ) -> None:
-    strip, limits = (
-        find_configs(None).strip("denim"),
-        find_configs(None).cell().installation.limits,
-    )
+    limits = find_configs(None).cell().installation.limits
     slow = limits.x.model_copy(update=changed)
     cell = cell_with(limits=limits.model_copy(update={"x": slow, "z": slow}))
-    with pytest.raises(PreflightRefused) as refused:
-        check_feasible(cell.controller, strip, make_policy("triangular"), seen_by)
-    assert says in str(refused.value)
-    with pytest.raises(ConfigurationError) as dry_run:
-        predict(request_for("denim", "triangular", tmp_path, cell=cell))
-    assert says in str(dry_run.value)
+    asked = request_for("denim", "triangular", tmp_path, cell=cell)
+    assert says in "\n".join(assess(asked, seen_by).problems)
 
 
-def test_dry_run_predicts_the_fold_that_is_made_at_the_speed_of_a_real_robot(
+def test_dry_run_predicts_the_fold_at_the_speed_of_a_real_robot(
     seen_by, tmp_path
-):
+) -> None:
     cell = find_configs(None).cell()
     real = cell.model_copy(
         update={"fci": cell.fci.model_copy(update={"address": "172.16.0.2"})}
     )
     asked = request_for("denim", "triangular", tmp_path, cell=real.with_drivers("fci"))
-    made = check_feasible(
-        asked.settings, asked.strip, make_policy("triangular"), seen_by
-    )
-    assert made[0] == predict(asked).displacement > -0.025  # at full speed -0.033
+    made = assess(asked, seen_by)
+    assert made.expected[0] == made.prediction.displacement > -0.025  # else -0.033
 
 
 def test_speeds_that_a_refusal_states_are_followed_on_the_path_of_that_speed() -> None:
@@ -194,7 +181,7 @@ def test_fold_asks_for_the_hand_of_its_arm(
 ) -> None:
     cell = cell_with(desk=0.85).with_drivers(arm)
     request = request_for("denim", "triangular", tmp_path, cell=cell)
-    monkeypatch.setattr("cell.folding.fold.check_usable", lambda *_: None)
+    monkeypatch.setattr("cell.folding.fold.check_camera", lambda *_: None)
     devices = SimpleNamespace(camera=SimpleNamespace(rate="opened"), close=lambda: None)
     monkeypatch.setattr(
         "cell.folding.fold.run_header", lambda *_: pytest.fail("got through")
@@ -202,3 +189,68 @@ def test_fold_asks_for_the_hand_of_its_arm(
     with pytest.raises(PreflightRefused if refused else pytest.fail.Exception) as ended:
         fold(request, seen_by, devices=devices)
     assert ("into the desk" in str(ended.value)) == refused
+
+
+LONG = ("720mm", "triangular", "view: the camera does not see the strip")
+LOW = ("200mm", "triangular", "length: a fold of 0.2 m rises")
+SHORT = ("300mm", "adaptive", "policy knows 0.45 to 0.75 m")
+FAR = ("900mm", "feedback", "workspace: the gripper would move")
+
+
+@pytest.mark.parametrize(("length", "policy", "says"), [LONG, LOW])
+def test_dry_run_rehearsal_fold_and_python_refuse_by_one_list_and_one_code(
+    monkeypatch, capsys, tmp_path, length, policy, says
+) -> None:
+    strip = ("--strip", "unknown", "--length", length)
+    words = ("fold", *strip, "--policy", policy, "--runs", tmp_path)
+    told = []
+    for way in (["--dry-run"], ["--rehearse"], []):
+        assert run(monkeypatch, *words, *way) == 3
+        told.append(capsys.readouterr().err.removeprefix("cell: ").strip())
+    name = f"unknown:{metres('--length', length):g}"
+    for door in (
+        partial(python.predict, name, policy),
+        partial(python.fold, name, policy),
+    ):
+        with pytest.raises(PreflightRefused) as refused:
+            door()
+        told.append(str(refused.value))
+    assert says in told[0]
+    assert set(told) == {told[0]}
+    assert not [*tmp_path.iterdir()]
+
+
+@pytest.mark.parametrize(("length", "policy", "says"), [SHORT, FAR])
+def test_advice_of_a_refusal_is_not_refused_in_its_turn(
+    monkeypatch, capsys, length, policy, says
+) -> None:
+    strip = ("--strip", "unknown", "--length", length)
+    words = ["fold", "--dry-run", *strip, "--policy", policy]
+    run(monkeypatch, *words)
+    told = capsys.readouterr().err
+    assert says in told
+    advised = re.findall(r"allowed here is (--\S+ \S+?)[,:]", told)
+    assert advised
+    for advice in advised:
+        option, value = advice.split()
+        at = words.index(option)
+        assert run(monkeypatch, *words[:at], option, value, *words[at + 2 :]) == 0
+
+
+def test_stated_lengths_are_the_shortest_and_the_longest_that_are_folded(
+    seen_by, tmp_path
+) -> None:
+    wide = {"COLUMNS": "300", "TERM": "dumb"}
+    texts = [CliRunner().invoke(app, ["fold", "--help"], env=wide).output]
+    texts.append((CHECKOUT_CONFIGS.parent / "README.md").read_text("utf-8"))
+    stated = {
+        re.search(r"(0.\d\d) to (0.\d\d) m", re.sub(r"[^\w.]+", " ", text)).groups()
+        for text in texts
+    }
+    shortest, longest = map(float, stated.pop())
+    assert not stated
+    allowed = []
+    for length in (shortest - 0.01, shortest, longest, longest + 0.02):
+        asked = request_for(f"unknown:{length:g}", "adaptive", tmp_path)
+        allowed.append(not assess(asked, seen_by).problems)
+    assert allowed == [False, True, True, False]

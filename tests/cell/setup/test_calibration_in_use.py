@@ -3,13 +3,11 @@ run.
 """
 
 from datetime import UTC, datetime, timedelta
-from types import SimpleNamespace
 
 import pytest
 
 from calibration.calibration import Calibration
-from cell.base.devices.devices import Devices
-from cell.setup.calibration_in_use import check_current, check_usable, record_entry
+from cell.setup.calibration_in_use import check_current, record_entry
 from drivers.base.errors import PreflightRefused
 from tests.cell.conftest import straight_camera
 
@@ -21,17 +19,12 @@ def made(**facts: object) -> Calibration:
     return straight_camera(**known | facts)
 
 
-def _hardware(camera: str = "one") -> Devices:
-    nothing = SimpleNamespace()
-    return Devices(nothing, nothing, nothing, nothing, camera, None, None)
-
-
 def test_expired_calibration_is_refused_on_hardware_before_anything_moves() -> None:
     late = NOW + timedelta(days=29)
     with pytest.raises(
         PreflightRefused, match="is 31 days old, allowed are 30"
     ) as caught:
-        check_usable(made(), _hardware(), 30, late)
+        check_current(made(), 30, late, on_twin=False)
     assert caught.value.exit_code == 3
     check_current(made(), 30, late, on_twin=True)  # whose camera nobody moves
 

@@ -2,14 +2,18 @@
 
 import json
 import os
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from cell.base.config.places import CHECKOUT_CONFIGS
-from cell.folding.request import Request
+import cell.interface.api
+from cell.base.config.places import CHECKOUT_CONFIGS, Configs
+from cell.folding.correction import subject_of
+from cell.folding.experience import Experience, Memory
+from cell.folding.request import Recording, Request
 from cell.folding.result import FoldResult
 from drivers.base.errors import CellError, ConfigurationError
 from tests.support.commands import run
@@ -137,3 +141,28 @@ def test_a_defect_of_the_program_is_one_line_and_no_traceback(
     assert told.err.count("\n") == 1
     assert "ZeroDivisionError in test_fold_command.py" in told.err
     assert "nobody foresaw this" in told.err
+
+
+def test_python_and_command_ask_for_one_fold_with_what_the_cell_has_learned(
+    monkeypatch, folds, capsys, tmp_path
+) -> None:
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
+    configs = tmp_path / "configs"
+    text = (shutil.copytree(CHECKOUT_CONFIGS, configs) / "cell.yaml").read_text()
+    (configs / "cell.yaml").write_text(f"{text}\nlearning: {{use: 'on'}}\n")
+    twin = Memory(Configs(configs).cell().name, twin=True)
+    policy = subject_of("adaptive", None, "denim", None).policy
+    for number in range(3):
+        taught = {"displacement": 0.004, "edges": 0.002, "key": f"{number}"}
+        twin.add(Experience(f"r{number}", policy, "denim", "denim", "camera", **taught))
+
+    *_, (typed,) = folds(capsys, [DONE], "--configs", configs, "--film", "none")
+    asked = []
+    monkeypatch.setattr(
+        cell.interface.api, "fold_once", lambda request, _: asked.append(request)
+    )
+    monkeypatch.setattr(cell.interface.api, "write_pages", lambda *_: DONE)
+    cell.interface.api.fold("denim", runs=tmp_path / "r", configs=configs)
+    assert typed.learning.learns
+    assert typed.learning.correction.seen > 0.002
+    assert replace(typed, record=Recording()) == replace(asked[0], record=Recording())
