@@ -7,13 +7,23 @@ from collections import Counter
 from pathlib import Path
 
 from tests.support.docstrings import shapeless, silent
-from tests.support.rooms import ROOT, edges, floor_room, imports, ladder, modules, text
+from tests.support.rooms import (
+    ROOT,
+    edges,
+    floor_room,
+    house_room,
+    imports,
+    ladder,
+    modules,
+    text,
+)
 from tests.support.weight import weight
 
 RUNBOOKS = ROOT / "runbooks"
 NOTES = ROOT / "tests" / "lab" / "notes"
 PRODUCT_WEIGHT, PRODUCT_MODULES, TEST_WEIGHT = 113_285, 401, 89_544
 PAGE_WORDS = 20_000
+ROOMS, ARROWS = 16, 70
 LONGEST_MODULE = 600  # lines
 
 
@@ -38,6 +48,12 @@ def test_pages_have_no_more_words_than_a_reader_has_patience_for() -> None:
 def test_imports_between_rooms_go_one_way() -> None:
     found = edges(floor_room)
     assert len(ladder(found)) == len(found)
+
+
+def test_the_house_has_few_rooms_and_few_arrows() -> None:
+    found = edges(house_room)
+    assert len(found) <= ROOMS
+    assert sum(map(len, found.values())) <= ARROWS
 
 
 def test_no_modules_import_each_other_in_a_circle_not_even_inside_functions() -> None:

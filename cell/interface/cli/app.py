@@ -48,15 +48,17 @@ COMMANDS: dict[str, dict[str, Any]] = {
 }
 
 
+WHOLE = 1000  # characters of a sentence, which is wrapped and never cut
+
+
 class Grouped(TyperGroup):
     """Command group whose help lists the commands under the headings of COMMANDS."""
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ARG002  typer's
-        """Write the commands under each heading as a section of the help text."""
-        room = formatter.width - 6 - max(map(len, self.commands))
+        """Write the commands under each heading, each with its whole sentence."""
         for heading, named in COMMANDS.items():
             shown = [
-                (name, self.commands[name].get_short_help_str(room)) for name in named
+                (name, self.commands[name].get_short_help_str(WHOLE)) for name in named
             ]
             with formatter.section(heading):
                 formatter.write_dl(shown)

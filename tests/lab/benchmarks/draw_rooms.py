@@ -49,11 +49,11 @@ def reduced(found: Edges) -> Edges:
 
 
 def says(room: str) -> str:
-    """First sentence of a room's docstring, of its package or module."""
+    """First paragraph of a room's docstring, of its package or module."""
     place = ROOT / room.replace(".", "/")
     path = place / "__init__.py" if place.is_dir() else place.with_suffix(".py")
     text = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
-    return text.split("\n", maxsplit=1)[0]
+    return " ".join(text.partition("\n\n")[0].split())
 
 
 def drawing(found: Edges) -> str:

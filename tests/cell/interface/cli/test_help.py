@@ -3,6 +3,7 @@
 import re
 
 import pytest
+from typer.main import get_command
 
 from cell.interface.cli.app import app
 from policies.registry import policy_names as known_policies
@@ -24,6 +25,14 @@ def test_help_names_every_choice(capsys) -> None:
     for choice in (*known_policies(), "<twin|fci>", "<twin|v4l2>", "<all|key|none>"):
         assert choice in text
     assert "<save|live|off>" in text
+
+
+@pytest.mark.parametrize("width", [50, 80, 200])
+def test_help_shows_each_command_with_its_whole_sentence(width, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", str(width))
+    text = " ".join(run(capsys, "--help").split())
+    for command in get_command(app).commands.values():
+        assert " ".join(command.get_short_help_str(1000).split()) in text
 
 
 @pytest.mark.parametrize(
