@@ -84,8 +84,34 @@ def suggestion(name: str, known: Iterable[str]) -> str:
     """Text ` (did you mean ...?)` with the `known` name closest to `name`; empty for
     none close.
     """
-    near = get_close_matches(name, list(known), n=1)
-    return f" (did you mean {near[0]!r}?)" if near else ""
+    names = list(known)
+    same_letters = [each for each in names if sorted(each) == sorted(name)]
+    alike = get_close_matches(name, names, n=len(names) or 1)
+    nearest = min(
+        [*same_letters, *alike],
+        key=lambda each: typing_errors(name, each),
+        default=None,
+    )
+    return "" if nearest is None else f" (did you mean {nearest!r}?)"
+
+
+def typing_errors(typed: str, meant: str) -> int:
+    """Least number of letters left out, added, replaced, or swapped with the next
+    (Damerau).
+
+    No letter is changed twice, which makes it the optimal string alignment.
+    """
+    before, last = list[int](), list(range(len(meant) + 1))
+    for i, letter in enumerate(typed, start=1):
+        row = [i]
+        for j, other in enumerate(meant, start=1):
+            replaced = last[j - 1] + (letter != other)
+            least = min(replaced, last[j] + 1, row[j - 1] + 1)
+            if i > 1 and j > 1 and (typed[i - 2], letter) == (other, meant[j - 2]):
+                least = min(least, before[j - 2] + 1)
+            row.append(least)
+        before, last = last, row
+    return last[-1]
 
 
 def check_known(what: str, name: str, known: Collection[str]) -> None:

@@ -2,25 +2,30 @@
 them.
 """
 
-import re
 import sys
 from collections.abc import Iterable, Mapping
-from importlib.metadata import PackageNotFoundError, requires
 from importlib.util import find_spec
+from pathlib import Path
+from shlex import quote
 from types import MappingProxyType
 
 from drivers.base.errors import ConfigurationError
 
-EXTRA = re.compile(r"extra == ['\"](\w+)")
-FEATURES: Mapping[str, str] = MappingProxyType(
+CONSTRAINTS = ".ci/constraints.txt"  # versions that are tested together
+CPU_BUILD = (
+    "install PyTorch's CPU build first, as its maker's selector says (pip alone takes"
+    " gigabytes of CUDA), then run "
+)
+FEATURES: Mapping[str, tuple[str, str]] = MappingProxyType(
     {
-        "pylibfranka": "arm 'fci' (Linux x86_64, Python 3.11 or 3.12)",
-        "distributed": "--cluster",
-        "mcap": "an MCAP file",
-        "cmaes": "`cell train`",
-        "torch": "`cell train --policy adaptive`",
+        "pylibfranka": ("fci", "arm 'fci' (Linux x86_64, Python 3.11 or 3.12)"),
+        "distributed": ("cluster", "--cluster"),
+        "mcap": ("mcap", "an MCAP file"),
+        "cmaes": ("train", "`cell train`"),
+        "torch": ("train", "`cell train --policy adaptive`"),
     }
 )
+"""Extra that brings each optional library, and what needs it."""
 
 
 def require_library(module: str) -> None:
@@ -34,34 +39,37 @@ def missing_library(module: str) -> ConfigurationError:
     here.
     """
     return ConfigurationError(
-        f"{FEATURES[module]} needs the library {module}, which is not installed here;"
-        f" install it with `{pip_line([module])}`"
+        f"{FEATURES[module][1]} needs the library {module}, which is not installed"
+        f" here; {install_advice(module)}"
     )
 
 
 def missing_features() -> Mapping[str, str]:
     """Optional libraries that are not installed, each with what needs it."""
     return {
-        module: use for module, use in FEATURES.items() if find_spec(module) is None
+        module: use
+        for module, (_, use) in FEATURES.items()
+        if find_spec(module) is None
     }
 
 
-def pip_line(modules: Iterable[str]) -> str:
-    """Command line that installs the optional libraries `modules` here."""
-    wanted = dict.fromkeys(each for module in modules for each in _requirements(module))
-    return f"{sys.executable} -m pip install {' '.join(map(repr, wanted))}"
+def install_advice(module: str) -> str:
+    """Words that say how to install the optional library `module` with its extra."""
+    first = CPU_BUILD if module == "torch" else "install it with "
+    return f"{first}`{sys.executable} -m {install_line([FEATURES[module][0]])}`"
 
 
-def _requirements(module: str) -> list[str]:
-    """Libraries, with version ranges, of the optional feature that needs `module`."""
-    try:
-        lines = [line.partition(";") for line in requires("folding-cell") or []]
-    except PackageNotFoundError:
-        lines = []
-    stated = [(library.strip(), EXTRA.findall(marker)) for library, _, marker in lines]
-    optional = [
-        (library, extra) for library, extra in stated if extra and extra != ["test"]
-    ]
-    is_module = re.compile(rf"{module}(?![\w-])").match
-    own_extra = next((extra for library, extra in optional if is_module(library)), None)
-    return [library for library, extra in optional if extra == own_extra] or [module]
+def install_line(extras: Iterable[str] = (), place: Path | None = None) -> str:
+    """Arguments of pip that install the cell with `extras`, from the checkout at
+    `place` if it is one.
+
+    In a checkout the versions are those that are tested together; `place` is by default
+    where this package lies.
+    """
+    root = Path(__file__).resolve().parents[1] if place is None else place
+    names = ",".join(extras)
+    suffix = f"[{names}]" if names else ""
+    if not (root / CONSTRAINTS).is_file():
+        return f"pip install {quote(f'folding-cell{suffix}')}"
+    constraints = quote(str(root / CONSTRAINTS))
+    return f"pip install -c {constraints} -e {quote(f'{root}{suffix}')}"

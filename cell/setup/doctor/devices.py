@@ -19,6 +19,7 @@ from cell.setup.calibration_in_use import age_days, check_current
 from cell.setup.doctor.check import Check, Grade
 from drivers.base.child import Child, ChildDied
 from drivers.base.errors import CellError
+from drivers.base.extras import install_advice
 from drivers.base.types import Array
 from drivers.v4l2.camera import report
 from drivers.v4l2.device import Kernel
@@ -38,7 +39,7 @@ def library() -> Check:
     why = "the arm speaks a protocol of its own"
     if find_spec("pylibfranka") is not None:
         return Check("robot library", Grade.PASS, "pylibfranka is installed", why)
-    remedy = "pip install 'folding-cell[fci]' on Linux x86_64, Python 3.11 or 3.12"
+    remedy = f"{install_advice('pylibfranka')} on Linux x86_64, Python 3.11 or 3.12"
     return Check("robot library", Grade.FAIL, "pylibfranka is missing", why, remedy)
 
 

@@ -6,11 +6,12 @@ import os
 import platform
 import resource
 import shutil
+import sys
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from cell.setup.doctor.check import Check, Grade
-from drivers.base.extras import missing_features, pip_line
+from drivers.base.extras import install_line, missing_features
 
 NEEDED_PACKAGES = ("mujoco", "numpy", "opencv-python-headless", "ruckig", "rerun-sdk")
 # GB below which nothing is recorded, and from which all is well
@@ -33,7 +34,7 @@ def versions() -> Check:
             missing.append(package)
     why = "a cell with other versions computes other numbers"
     if missing:
-        remedy = f"pip install {' '.join(missing)}"
+        remedy = f"{sys.executable} -m {install_line()}"
         return Check(
             "versions", Grade.FAIL, f"missing: {', '.join(missing)}", why, remedy
         )
@@ -157,12 +158,11 @@ def throttling() -> Check:
 
 
 def extras() -> Check:
-    """Check which optional libraries are missing, and which features need a missing
-    one.
+    """State which optional libraries are missing; none is needed until its feature is
+    used.
     """
     lost = missing_features()
-    why = "only what stands in brackets needs it"
-    if not lost:
-        return Check("extras", Grade.PASS, "all optional libraries are installed", why)
+    why = "only what stands in brackets needs it, and says so"
     found = ", ".join(f"{module} ({use})" for module, use in lost.items())
-    return Check("extras", Grade.WARN, f"missing: {found}", why, pip_line(lost))
+    text = f"not installed: {found}" if lost else "all optional libraries are installed"
+    return Check("extras", Grade.PASS, text, why)

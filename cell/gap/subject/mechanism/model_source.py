@@ -5,10 +5,13 @@ folder.
 import math
 import os
 import re
+import resource
 import xml.etree.ElementTree as ET
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from threading import Lock
 from typing import Any
 from xml.parsers import expat
 
@@ -21,6 +24,11 @@ ASSETS = ("mesh", "hfield", "skin", "texture")  # with files that are read when 
 REPEATERS = ("replicate", "composite", "flexcomp")
 MOST_BODIES = 2000  # loading takes the square of copies: 115 s for 20,000
 MOST_BYTES = 200 * MEGABYTE  # of a model's text, and of all files that it names
+MOST_MEMORY = 2000 * MEGABYTE  # that MuJoCo may take for a model and its state
+SIZE_KEY = re.compile(r"n\w+|width|height|dim|size|memory|count")
+WHOLE = re.compile(r"(\d+)([KMGT]?)")
+
+_MEMORY_LOCK = Lock()  # of the limit, which is the whole process's
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,6 +195,10 @@ def _check_spec(spec: Any, source: Source, origin: str) -> None:
         raise ConfigurationError(
             f"{origin}: has {len(spec.bodies)} bodies; allowed: {MOST_BODIES}"
         )
+    if spec.nkey > MOST_BODIES:
+        raise ConfigurationError(
+            f"{origin}: size nkey is {spec.nkey}; allowed: {MOST_BODIES}"
+        )
     named = [(spec.meshdir, x.file) for x in (*spec.meshes, *spec.hfields, *spec.skins)]
     textures = [name for x in spec.textures for name in (x.file, *x.cubefiles)]
     named += [(spec.texturedir, name) for name in textures]
@@ -202,6 +214,47 @@ def _check_spec(spec: Any, source: Source, origin: str) -> None:
             )
 
 
+@contextmanager
+def _limited_memory() -> Iterator[None]:
+    """Within the block the process gets at most MOST_MEMORY beside what it has."""
+    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
+    with _MEMORY_LOCK:
+        before = resource.getrlimit(resource.RLIMIT_AS)
+        limit = pages * resource.getpagesize() + MOST_MEMORY
+        known = [bound for bound in before if bound != resource.RLIM_INFINITY]
+        resource.setrlimit(resource.RLIMIT_AS, (min([limit, *known]), before[1]))
+        try:
+            yield
+        finally:
+            resource.setrlimit(resource.RLIMIT_AS, before)
+
+
+def _too_large(source: Source, origin: str) -> ConfigurationError:
+    """Error for a model that takes too much memory; names its element of the largest
+    numbers.
+    """
+    elements = ET.fromstring(source.text).iter()  # noqa: S314 read above
+    largest = max(elements, key=lambda element: math.prod(_sizes(element).values()))
+    stated = " ".join(f'{key}="{largest.get(key)}"' for key in _sizes(largest))
+    named = f' name="{name}"' if (name := largest.get("name")) else ""
+    return ConfigurationError(
+        f"{origin}: does not load within {MOST_MEMORY / 1e9:g} GB of memory; largest"
+        f" in it is <{largest.tag}{named} {stated}>; make it smaller"
+    )
+
+
+def _sizes(element: ET.Element) -> dict[str, int]:
+    """Whole numbers by which an element of MJCF makes room, with K, M, G behind them or
+    not.
+    """
+    sizes = {}
+    for key, text in element.attrib.items():
+        number = WHOLE.fullmatch(text)
+        if number is not None and SIZE_KEY.fullmatch(key):
+            sizes[key] = int(number[1]) << 10 * " KMGT".index(number[2] or " ")
+    return sizes
+
+
 def compile_model(
     source: Source,
     origin: str,
@@ -212,10 +265,12 @@ def compile_model(
     """Compile a model with `slots` user numbers per joint and the time step `step` [s].
 
     `edit` changes its specification. RK4 replaces the Euler integrator. Raises
-    ConfigurationError for a model that does not load.
+    ConfigurationError for a model that does not load, and for one that takes more than
+    MOST_MEMORY.
     """
     try:
-        spec = source.spec()
+        with _limited_memory():
+            spec = source.spec()
         edit(spec)
         _check_spec(spec, source, origin)
         spec.nuser_jnt = slots
@@ -227,9 +282,13 @@ def compile_model(
             == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
         )
         spec.compiler.discardvisual = not of_geoms  # each simulation copies the model
-        model = spec.compile()
-    except (ValueError, mujoco.FatalError) as error:
+        with _limited_memory():
+            model = spec.compile()
+    except (ValueError, RuntimeError, MemoryError, mujoco.FatalError) as error:
         reason = " ".join(str(error).split())
+        # what MuJoCo does not catch is a failed allocation
+        if isinstance(error, RuntimeError | MemoryError) or "allocate" in reason:
+            raise _too_large(source, origin) from None
         raise ConfigurationError(
             f"{origin}: does not load: {reason[:160]}; mend it"
         ) from None

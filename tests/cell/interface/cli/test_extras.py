@@ -12,7 +12,11 @@ from pathlib import Path
 
 import pytest
 
-pytestmark = pytest.mark.slow
+from cell.setup.doctor.check import Grade
+from cell.setup.doctor.machine import extras
+from drivers.base.extras import FEATURES, install_line
+
+ROOT = Path(__file__).parents[3]
 
 BARE = """
 import sys
@@ -35,6 +39,31 @@ def run_bare(*words: str, at: Path) -> subprocess.CompletedProcess[str]:
     )
 
 
+def test_pages_and_program_install_the_extras_alike() -> None:
+    pages = [ROOT / "README.md", *(ROOT / "runbooks").rglob("*.md")]
+    text = "\n".join(page.read_text(encoding="utf-8") for page in pages)
+    lines = re.findall(r"pip install [^`\n&]*", text)
+    assert len(lines) >= 6
+    for line in lines:
+        extras = re.findall(r"'\.\[(\w+)\]'", line)
+        ours = (
+            install_line(extras, ROOT).replace(f"{ROOT}/", "").replace(str(ROOT), ".")
+        )
+        assert line.replace("-q --no-compile ", "").strip() == ours
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    stated = project["project"]["optional-dependencies"]
+    for module, (extra, _) in FEATURES.items():
+        assert any(library.startswith(module) for library in stated[extra])
+
+
+def test_doctor_warns_of_no_library_that_nobody_needs(monkeypatch) -> None:
+    monkeypatch.setattr("drivers.base.extras.find_spec", lambda _: None)
+    check = extras()
+    assert check.state is Grade.PASS
+    assert "mcap (an MCAP file)" in check.found
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "words",
     [
@@ -57,10 +86,11 @@ def test_missing_library_is_named_with_a_command_that_installs_it(
     module = next((modules[word] for word in words if word in modules), "pylibfranka")
     line = done.stderr.splitlines()[-1]
     assert f"needs the library {module}, which is not installed here" in line
-    assert f"`{sys.executable} -m pip install '" in line
-    assert f"'{module}" in line
+    assert f"`{sys.executable} -m pip install -c {ROOT}/.ci/constraints.txt -e" in line
+    assert ("CPU build first" in line) == (module == "torch")
 
 
+@pytest.mark.slow
 def test_learned_policies_decide_without_the_libraries_of_their_training(
     tmp_path: Path,
 ) -> None:
@@ -82,6 +112,7 @@ def test_learned_policies_decide_without_the_libraries_of_their_training(
 BROUGHT_BY_OTHERS = {"llvmlite", "protobuf", "markupsafe", "pydantic_core", "tornado"}
 
 
+@pytest.mark.slow
 def test_every_library_that_the_product_imports_is_stated() -> None:
     root = Path(__file__).parents[4]
     project = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))[

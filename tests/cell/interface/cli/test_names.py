@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from drivers.base.errors import ConfigurationError
+from drivers.base.errors import ConfigurationError, suggestion
 from drivers.base.settings import parse
 from drivers.strip.describe import load_strip
 from drivers.strip.file import StripFile
@@ -32,6 +32,23 @@ def test_misspelt_keys_and_policies_name_what_was_meant(tmp_path: Path) -> None:
         load_strip(path)
     with pytest.raises(ConfigurationError, match=r"did you mean 'circular'\?"):
         make_policy("circlar")
+
+
+@pytest.mark.parametrize(
+    ("typed", "known", "meant"),
+    [
+        ("gpa", ["gpu", "gap"], "gap"),
+        ("fliter", ["flitter", "filter", "fitter"], "filter"),
+        ("sm", ["m", "mm", "ms", "s"], "ms"),
+        ("lenght", ["length", "lens"], "length"),
+    ],
+)
+def test_swapped_letters_are_one_error_of_typing(typed, known, meant) -> None:
+    assert suggestion(typed, known) == f" (did you mean {meant!r}?)"
+
+
+def test_what_is_far_from_every_name_has_no_suggestion() -> None:
+    assert suggestion("qqq", ["gap", "fold"]) == suggestion("x", []) == ""
 
 
 @pytest.mark.parametrize(

@@ -75,6 +75,19 @@ MODELS = {
         ),
         "makes 200000 copies",
     ),
+    "height field": (
+        _with(
+            '<asset><hfield name="h" nrow="40000" ncol="40000" size="1 1 1 1"/></asset>'
+            "<worldbody>"
+        ),
+        'within 2 GB of memory; largest in it is <hfield name="h" nrow="40000"',
+    ),
+    "arena": (_with('<size memory="6G"/><worldbody>'), '<size memory="6G">'),
+    "reading": (
+        _with('<sensor><user name="u" dim="800000000"/></sensor><worldbody>'),
+        '<user name="u" dim="800000000">',
+    ),
+    "postures": (_with('<size nkey="10000"/><worldbody>'), "nkey is 10000; allowed"),
     "entity": ("<!DOCTYPE x [<!ENTITY a 'b'>]>" + ARM, "entities"),
     "free joint": (
         ARM.replace('axis="0 1 0" damping="0.1" armature="0.01"', 'type="ball"'),
