@@ -127,7 +127,7 @@ class Ticks(Columns):
         column.
         """
         values = cls.read(table, origin)
-        _check_order(values["t"], origin, strictly=True)
+        check_order(values["t"], origin)
         state = (
             table["state"].to_pylist() if table.column_names.count("state") == 1 else []
         )
@@ -166,7 +166,7 @@ class Profile(Columns):
         for name in ("x", "z"):
             _check_median(_numbers(table, name, origin), name, origin)
         values = cls.read(table, origin)
-        _check_order(values["t"], origin, strictly=False)
+        check_order(values["t"], origin, strictly=False)
         return cls(**values)
 
     def curves(self) -> list[tuple[float, Array]]:
@@ -234,18 +234,38 @@ def _check_finite(values: Array, name: str, origin: str) -> None:
         )
 
 
-def _check_order(t: Array, origin: str, strictly: bool) -> None:
+def check_order(t: Array, origin: str, strictly: bool = True) -> None:
     """Raise ConfigurationError where times `t` (n,) [s] decrease, or stay if
     `strictly`.
     """
     steps = np.diff(t)
     wrong = np.flatnonzero(steps <= 0 if strictly else steps < 0)
-    if wrong.size:
-        row = int(wrong[0]) + 1
-        raise ConfigurationError(
-            f"{origin}: t: row {row} is {t[row]:g} s after {t[row - 1]:g} s, times must"
-            " increase"
-        )
+    if not wrong.size:
+        return
+    row, step = int(wrong[0]) + 1, float(np.median(np.abs(steps)))
+    uneven = np.diff(np.sort(t)).min() < 0.5 * step
+    remedy = "sort the rows"
+    if t[row] == t[row - 1]:
+        remedy = "keep one row for each time"
+    elif was_set_back(t) or (uneven and wrong.size < 0.1 * t.size):
+        back = t[row - 1] + step - t[row]
+        remedy = f"the clock was set back by {back:.3g} s: cut the run there"
+    raise ConfigurationError(
+        f"{origin}: t: row {row} is {t[row]:g} s after {t[row - 1]:g} s, times must"
+        f" increase; {remedy}"
+    )
+
+
+def was_set_back(t: Array) -> bool:
+    """Whether the clock of rows at times `t` (n,) was set back, so that sorting would
+    weave two moments into one.
+
+    Sorting is right where rows or whole pieces only changed places: then few that lay
+    apart become neighbours.
+    """
+    order = np.argsort(t, kind="stable")
+    woven = int((np.abs(np.diff(order)) > 1).sum())
+    return woven > 4 * int((np.diff(t) < 0).sum())
 
 
 def _check_median(values: Array, name: str, origin: str) -> None:

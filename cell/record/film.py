@@ -3,6 +3,7 @@ run.
 """
 
 import os
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
@@ -58,11 +59,12 @@ class Film:
         import av
 
         with _open_film(self.path) as container:
+            track = _longest_track(container)
             begin = None
             if after:
                 begin = 0.0
                 container.seek(round(after * av.time_base))
-            for number, picture in enumerate(container.decode(video=0)):
+            for number, picture in enumerate(container.decode(track)):
                 stamp = _stamp(picture, self.path)
                 if begin is None:
                     begin = stamp
@@ -76,7 +78,7 @@ class Film:
         import av
 
         with _open_film(self.path) as container:
-            stream = container.streams.video[0]
+            stream = _longest_track(container)
             to_bytes = av.BitStreamFilterContext("h264_mp4toannexb", stream)
             for packet in container.demux(stream):
                 yield from map(bytes, to_bytes.filter(packet))
@@ -101,6 +103,18 @@ def _open_film(path: Path) -> Iterator[Any]:
         raise ConfigurationError(
             f"{path}: cannot be read as a film: {error.strerror or error}"
         ) from None
+
+
+def _longest_track(container: Any) -> Any:
+    """Picture track of a film that holds most images: others are its cover or a
+    preview.
+    """
+    tracks = container.streams.video
+    if len(tracks) == 1:
+        return tracks[0]
+    counts = Counter(packet.stream.index for packet in container.demux(*tracks))
+    container.seek(0)
+    return max(tracks, key=lambda track: counts[track.index])
 
 
 def _upright(picture: Any, path: Path) -> Image:

@@ -5,8 +5,10 @@ A stream (Arrow IPC) has one row per message: rows written before a crash can be
 after it.
 """
 
+import re
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from functools import reduce
 from pathlib import Path
 from typing import Any
 
@@ -15,14 +17,15 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
+from pyarrow.csv import ConvertOptions
 
 from cell.record.columns import Sights, Ticks, quantities
 from cell.record.events import lift_time
 from cell.record.files import PROFILE, SIGHT_STREAM, SIGHTS, TICK_STREAM, TICKS
-from drivers.base.errors import ConfigurationError
+from drivers.base.errors import ConfigurationError, suggestion
 from drivers.base.files import new_file, replacing, write_all
 from drivers.base.readers import MEGABYTE, SCHEMA, read_bytes
-from drivers.base.types import Array
+from drivers.base.types import Array, frozen
 from drivers.franka.joint_log import JOINT_FIELDS
 
 TIME_ROUNDING = 1e-9  # s
@@ -31,6 +34,15 @@ TIME_MARGIN = 1.0
 END_OF_STREAM = b"\xff\xff\xff\xff\x00\x00\x00\x00"
 LARGEST_STREAM = 128 * MEGABYTE  # a fold of two minutes writes ten
 NUMBER = pa.float64()
+EMPTY = {*ConvertOptions().null_values, "None", "#NV", "#DIV/0!", "#VALUE!"}  # no value
+QUANTITY = re.compile(r"\s*([-+]?\d*\.?\d+(?:[eE][-+]?\d+)?)\s*([^\W\d_]\D*?|%|°)\s*")
+# 31.01.2026 12:00:00,250 as ISO 8601
+AS_ISO = ((r"^(\d\d)[.](\d\d)[.](\d{4})\b", r"\3-\2-\1"), (r"(:\d\d),(\d+)", r"\1.\2"))
+# of a part in a list: name.0, name0, joint_names[0]
+NAME_IN_LIST = re.compile(r"(.*?)(?:joint_?)?names?((?:\.|\[)?\d+\]?)")
+Labels = Mapping[str, tuple[str, pa.ChunkedArray]]
+"""Names of the parts at each place of a list, `.0`, with what stands before `name`."""
+DOUBLED = re.compile(r"(.+) \(([1-9]\d?)\)")  # the second of two columns: `q (2)`
 POINTS_TYPE = pa.list_(pa.float64())
 
 PLACED = ("contact_x", "contact_t")  # columns of ticks that come from the images
@@ -322,3 +334,129 @@ def _axes(stated: object, size: int) -> Sequence[object]:
     if isinstance(stated, list) and len(stated) == size:
         return [*map(str, stated)]
     return [None] if size == 1 else range(size)
+
+
+def with_named_parts(
+    content: pa.Table, columns: Sequence[str], origin: str
+) -> pa.Table:
+    """Copy of a table with those of `columns` that name a part, `position.elbow`.
+
+    Each row lists the names of its parts, `name.0` and so on, in any order; rows
+    without any of these parts are left out. Raises ConfigurationError for a part by its
+    place, `position.0`, where its name changes.
+    """
+    labels = dict[str, tuple[str, pa.ChunkedArray]]()
+    for name, values in zip(content.column_names, content.columns, strict=True):
+        found = NAME_IN_LIST.fullmatch(name)
+        if found and pa.types.is_string(values.type):
+            labels[found[2]] = found[1], values
+    picked = list[pa.ChunkedArray]()
+    for column in columns:
+        if column in content.column_names:
+            _check_place(column, labels, f"{origin}: column {column!r}")
+        elif parts := _parts_named(column, labels, content):
+            picked.append(pc.coalesce(*parts))
+            content = content.append_column(column, picked[-1])
+    if not picked:
+        return content
+    return content.filter(reduce(pc.or_, map(pc.is_valid, picked)))
+
+
+def _parts_named(column: str, labels: Labels, content: pa.Table) -> list[pa.Array]:
+    """Values (n,) of the part that `column` names, one array for each place of a list,
+    null where another part stands there.
+    """
+    parts = list[pa.Array]()
+    for place, (_, label) in labels.items():
+        for name in filter(None, pc.unique(label).to_pylist()):
+            value = f"{column.removesuffix(f'.{name}')}{place}"
+            if column.endswith(f".{name}") and value in content.column_names:
+                is_there = pc.fill_null(pc.equal(label, name), False)
+                parts.append(pc.if_else(is_there, content[value], None))
+    return parts
+
+
+def _check_place(column: str, labels: Labels, origin: str) -> None:
+    """Refuse a `column` for a place in a list that holds parts of several names."""
+    for place, (prefix, label) in labels.items():
+        names = pc.unique(label).drop_null().to_pylist()
+        in_list = rf"{re.escape(prefix)}[^.]*[^.\d\[]{re.escape(place)}"
+        if len(names) > 1 and re.fullmatch(in_list, column):
+            field = column.removesuffix(place)
+            raise ConfigurationError(
+                f"{origin}: is {names[0]}, later {names[1]}; choose parts by their"
+                f" names: {field}.{names[0]}"
+            )
+
+
+def turn_of(x: Array, y: Array, z: Array, w: Array) -> Array:
+    """Turn (n,) [rad] from x to z, about -y, of quaternions with parts (n,) since the
+    first.
+    """
+    along = w * w[:1] + x * x[:1] + y * y[:1] + z * z[:1]
+    across = w * y[:1] - y * w[:1] + z * x[:1] - x * z[:1]
+    return np.asarray(2 * np.unwrap(np.arctan2(across, along), period=np.pi))
+
+
+def numbers_of(raw: pa.ChunkedArray) -> Array | None:
+    """Numbers (n,) of a column, NaN where it is empty; None for a column of other
+    words.
+    """
+    kind = raw.type  # null where every cell is empty
+    if (told := unit_in_cells(raw)) is not None:
+        cells = (cell.replace(told, "") for cell in raw.to_pylist())
+        return np.array([np.nan if cell in EMPTY else float(cell) for cell in cells])
+    if not (
+        pa.types.is_floating(kind)
+        or pa.types.is_integer(kind)
+        or pa.types.is_null(kind)
+    ):
+        return None
+    return np.asarray(raw.cast(pa.float64(), safe=False).to_numpy(), dtype=np.float64)
+
+
+def unit_in_cells(raw: pa.ChunkedArray) -> str | None:
+    """The one unit that all cells of a column of words state, such as `0.004 sec`, if
+    any.
+    """
+    if not pa.types.is_string(raw.type):
+        return None
+    cells = (cell for cell in raw.to_pylist() if cell not in EMPTY)
+    units = {found and found[2] for found in map(QUANTITY.fullmatch, cells)}
+    return units.pop() if len(units) == 1 else None
+
+
+def seconds_of(raw: pa.ChunkedArray) -> Array | None:
+    """Seconds (n,) since 1970 of a column of ISO 8601 times, all with a zone or all
+    without.
+    """
+    if not (pa.types.is_string(raw.type) or pa.types.is_timestamp(raw.type)):
+        return None
+    for pattern, iso in AS_ISO if pa.types.is_string(raw.type) else ():
+        raw = pc.replace_substring_regex(raw, pattern, iso)
+    for kind in (pa.timestamp("ns"), pa.timestamp("ns", "UTC")):
+        with suppress(pa.ArrowException):
+            return frozen(raw.cast(kind).cast(pa.int64()).to_numpy() / 1e9)
+    return None
+
+
+def column_named(content: pa.Table, name: str, origin: str) -> pa.ChunkedArray:
+    """The one column called `name`; ConfigurationError, with its `origin`, for none or
+    two.
+    """
+    names = content.column_names
+    places = [place for place, each in enumerate(names) if each == name]
+    if not places:  # of a heading of several rows the last one may do
+        places = [i for i, each in enumerate(names) if each.endswith(f" {name}")]
+    if (doubled := DOUBLED.fullmatch(name)) and not places:
+        first, number = doubled[1], int(doubled[2])
+        places = [place for place, each in enumerate(names) if each == first]
+        places = places[number - 1 : number]
+    if len(places) != 1:
+        there = (
+            f"stands there {len(places)} times; write {name!r} with ' (1)' or the like"
+            if places
+            else f"is not there{suggestion(name, names)}"
+        )
+        raise ConfigurationError(f"{origin} {there}; columns: {', '.join(names)}")
+    return content.column(places[0])

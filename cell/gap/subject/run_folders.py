@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from cell.record.columns import check_order
 from cell.record.files import ANGLES, JOINTS, PROFILE, RUN, SIGNALS, TICKS, runs_in
 from drivers.base.errors import ConfigurationError
 from drivers.base.readers import read_parquet
@@ -164,13 +165,7 @@ def check_time(t: Array, path: Path, least: int) -> None:
         raise ConfigurationError(
             f"{path}: t: has {len(t)} rows; at least {least} are needed"
         )
-    back = np.diff(t) <= 0.0
-    if back.any():
-        row = int(np.argmax(back)) + 1
-        raise ConfigurationError(
-            f"{path}: t: does not increase at row {row} ({t[row - 1]:g} then {t[row]:g}"
-            " s); sort the rows, one for each time"
-        )
+    check_order(t, str(path))
 
 
 def without_copies(

@@ -133,6 +133,7 @@ def _convert(
             out,
             lambda run: read_checked(RunFolder(run, run.name), mechanism),
             SignalMapping,
+            tell=notice,
         )
     from cell.gap.subject.strip.runs import check_fold
 
@@ -144,6 +145,7 @@ def _convert(
         out,
         lambda run: remarks.extend(check_fold(known, found.strip, run)),
         length=lambda name: found.strip(name).length,
+        tell=notice,
     )
     for remark in remarks:
         notice(remark)

@@ -18,12 +18,11 @@ from cell.record.columns import LENGTHS, TIMES
 from cell.record.exchange.import_runs import sources_in
 from cell.record.exchange.mapping import (
     FACTORS,
+    UNITS,
     Table,
-    numbers_of,
-    seconds_of,
-    turn_of,
     units_of,
 )
+from cell.record.tables import numbers_of, seconds_of, turn_of
 from drivers.base.types import Array
 from drivers.strip.file import StripFile
 
@@ -52,8 +51,6 @@ SEEN = {"contact": ("t", "contact_x"), "result": ("t", "l1", "l2")}
 # sigma, where not named as the section
 ERRORS = {"contact": "contact_x", "result": "displacement"}
 SECOND = {"log", "y"}  # words of columns that are taken where there is no other
-UNITS = {unit.lower(): unit for unit in FACTORS}
-UNITS |= {"sec": "s", "seconds": "s", "秒": "s", "°": "deg", "grad": "deg", "度": "deg"}
 TYPICAL = {"t": 5e-3, "pitch": np.pi / 2, "x": 0.8, "z": 0.3, "f_x": 0.1, "f_z": 0.1}
 """Step [s], turn [rad], paths [lengths of the strip] and forces [N] of a gripper."""
 STRIP = 0.5  # m, typically

@@ -2,8 +2,9 @@
 folders.
 """
 
+import re
 import shutil
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import closing, suppress
 from dataclasses import replace
 from itertools import chain, product
@@ -14,7 +15,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from cell.record.columns import ANGLES, LENGTHS, TIMES
+from cell.record.columns import ANGLES, LENGTHS, TIMES, check_order
 from cell.record.documents import write_document
 from cell.record.exchange.lerobot import INFO, episodes
 from cell.record.exchange.mapping import (
@@ -33,7 +34,12 @@ from cell.record.exchange.mapping import (
 from cell.record.files import PROFILE, RESULT, RUN, SIGNALS, TICKS, is_run
 from cell.record.frames import FrameWriter
 from cell.record.run import read_run
-from cell.record.tables import check_clock, place_contacts, write_parquet
+from cell.record.tables import (
+    check_clock,
+    place_contacts,
+    place_rows,
+    write_parquet,
+)
 from drivers.base.errors import ConfigurationError, suggestion
 from drivers.base.extras import require_library
 from drivers.base.files import (
@@ -51,6 +57,8 @@ AnyMapping = MappingFile | SignalMapping
 Content = Mapping[str, Any]
 Check = Callable[[Path], object]
 LengthOf = Callable[[str], float]
+BAG = "metadata.yaml"  # of a folder that rosbag2 recorded
+READ = re.compile(rf"{FILE.pattern}|.+\.mcap")  # files of a run
 CHANGED_TOGETHER = (("ticks", "contact"), *zip(TABLES[1:], strict=True), TABLES)
 """Tables of a fold in whose columns a mistake in its mapping is looked for at once."""
 
@@ -62,6 +70,7 @@ def import_runs(
     check: Check = read_run,
     kind: type[AnyMapping] = MappingFile,
     length: LengthOf | None = None,
+    tell: Callable[[str], object] = str,
 ) -> tuple[Path, ...]:
     """Import the runs in `places`, in that order; returns their new folders below
     `out`.
@@ -70,12 +79,14 @@ def import_runs(
     LeRobot data set; what `cell export` wrote brings its own mapping. All runs are
     written, or none. `check` reads each of them; `kind` is that of the mapping, of
     folds or of a mechanism; `length` [m] is that of a strip by its name, for the
-    mending of a mapping. Raises ConfigurationError for tables that are missing or do
+    mending of a mapping; `tell` is called with each remark on what was passed over.
+    Raises ConfigurationError for tables that are missing or do
     not hold what `mapping` says, values that no run can have, or a run that is there
     already.
     """
     stated = None if mapping is None else load(mapping, kind)
-    sources = chain.from_iterable(sources_in(place, mapping) for place in places)
+    files = {table.file for table in stated.tables.values()} if stated else set[str]()
+    sources = chain.from_iterable(sources_in(place, mapping, files) for place in places)
     with scratch_folder(out) as scratch:
         made: list[Path] = []
         for index, source in enumerate(sources):
@@ -99,6 +110,8 @@ def import_runs(
                 fault = _in_words_of_source(str(error), source, how, run)
                 remedy = _remedy(source, how, check, run, length)
                 raise ConfigurationError(fault + remedy) from None
+            for remark in dict.fromkeys(source.remarks):
+                tell(remark)
             with writing(out):
                 _write_film(source, run)
         if not made:
@@ -227,27 +240,23 @@ def _zeros(
     ]
 
 
-def sources_in(place: Path, mapping: Path | None = None) -> Iterator[Source]:
+def sources_in(
+    place: Path, mapping: Path | None = None, files: Collection[str] = ()
+) -> Iterator[Source]:
     """Sources of runs in `place`; none for the mapping file itself.
 
-    Raises ConfigurationError for what holds none.
+    `files` are those that the mapping reads, if known. Raises ConfigurationError for
+    what holds none.
     """
-    if place.suffix == ".mcap":
-        require_library("mcap")
-        from cell.record.exchange.mcap_file import McapFile
-
-        yield McapFile(place)
+    parts = sorted(place.glob("*.mcap"))
+    if (place.is_file() and place.suffix == ".mcap") or (place / BAG).is_file():
+        yield _recording(place, parts)
+    elif parts:
+        yield from (_recording(part, ()) for part in parts)
     elif (place / INFO).is_file():
         yield from episodes(place)
     elif place.is_dir():
-        content = sorted(place.iterdir())
-        has_tables = any(FILE.fullmatch(path.name) for path in content)
-        folders = [place] if has_tables else [path for path in content if path.is_dir()]
-        if not folders:
-            raise ConfigurationError(
-                f"{place}: holds no tables; give a folder with CSV or Parquet"
-            )
-        yield from map(TableFiles, folders)
+        yield from _sources_in_folder(place, files)
     elif place.is_file() and FILE.fullmatch(place.name):
         yield TableFiles(place)
     elif not (place.is_file() and (place.name == MAPPING or place == mapping)):
@@ -256,6 +265,51 @@ def sources_in(place: Path, mapping: Path | None = None) -> Iterator[Source]:
             f"{place}: {fault}; give tables or folders with them, .mcap files or"
             " LeRobot data sets"
         )
+
+
+def _recording(place: Path, parts: Sequence[Path]) -> Source:
+    """Source in the MCAP file at `place`, or in the `parts` of the rosbag2 folder
+    there.
+    """
+    require_library("mcap")
+    from cell.record.exchange.mcap_file import McapFile
+
+    if place.is_dir() and not parts:
+        raise ConfigurationError(
+            f"{place}: is a rosbag2 folder without an .mcap file; convert it:"
+            " `ros2 bag convert` with `storage_id: mcap`"
+        )
+    return McapFile(place, parts)
+
+
+def _sources_in_folder(place: Path, files: Collection[str]) -> Iterator[Source]:
+    """Sources of the folders in `place` that hold tables, or of `place` with its own.
+
+    Tables beside such folders are passed over with a remark, unless the mapping reads
+    `files` of their names, or nothing is known of these.
+    """
+    content = sorted(place.iterdir())
+    own = [path.name for path in content if FILE.fullmatch(path.name)]
+    meant = {*own} & {*files} if files else [n for n in own if not n.endswith(".txt")]
+    folders = [path for path in content if path.is_dir()]
+    if own and (meant or not any(map(_holds_tables, folders))):
+        yield TableFiles(place)
+        return
+    if not folders:
+        raise ConfigurationError(
+            f"{place}: holds no tables; give a folder with CSV or Parquet"
+        )
+    for folder in folders:
+        for source in sources_in(folder, files=files):
+            source.remarks += [
+                f"{place / n}: is no run, and is passed over" for n in own
+            ]
+            own = []
+            yield source
+
+
+def _holds_tables(folder: Path) -> bool:
+    return any(READ.fullmatch(path.name) for path in folder.iterdir())
 
 
 def _exported_mapping(source: Source, kind: type[AnyMapping]) -> AnyMapping:
@@ -283,7 +337,7 @@ def _write_run(source: Source, how: AnyMapping, index: int, target: Path) -> Non
         made: dict[str, Content] = {
             RUN: {"schema": 1, "mechanism": how.mechanism, **place}
         }
-        made[SIGNALS] = read_columns(source, how.signals, OF_SIGNALS)
+        made[SIGNALS] = _signals(source, how)
     else:
         made = _fold(source, how, place)
     target.mkdir()
@@ -292,6 +346,31 @@ def _write_run(source: Source, how: AnyMapping, index: int, target: Path) -> Non
             write_document(target / name, content)
         else:
             write_parquet(target / name, pa.table(content))
+
+
+def _signals(source: Source, how: SignalMapping) -> dict[str, Array]:
+    """Columns (n,) of a mechanism's signals at the times of the first table.
+
+    A reading of another table is interpolated at the row nearest to it, NaN in others.
+    """
+    first, *others = how.signals
+    found = dict(read_columns(source, first, OF_SIGNALS))
+    for table in others:
+        columns = dict(read_columns(source, table, OF_SIGNALS))
+        t, stamps = found["t"], columns.pop("t")
+        origin = f"{source.path}: {table.file}"
+        check_order(stamps, origin)
+        inside = stamps[(stamps >= t[:1]) & (stamps <= t[-1:])]
+        if inside.size < 2 or t.size < 2:
+            raise ConfigurationError(
+                f"{origin}: t: shares no time with {first.file}; give all times of a"
+                " run in s on one clock"
+            )
+        rows = np.unique(place_rows(t, inside))
+        for name, values in columns.items():
+            found[name] = np.full(t.size, np.nan)
+            found[name][rows] = np.interp(t[rows], stamps, values, np.nan, np.nan)
+    return found
 
 
 def _fold(source: Source, how: MappingFile, place: Content) -> dict[str, Content]:

@@ -12,7 +12,7 @@ import json
 import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -414,6 +414,7 @@ class Episode(Source):
     film: Path | None
     begin: float
     info: Mapping[str, Any]
+    remarks: list[str] = field(default_factory=list)
 
     def images(self) -> Iterator[tuple[int, Frame]]:
         """Yield images (h, w, 3) of the film, each with its row of the frames, without

@@ -9,17 +9,14 @@ import csv
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import suppress
 from fnmatch import fnmatchcase
 from itertools import takewhile
 from pathlib import Path
 from typing import Annotated, Any, Generic, Literal, TypeVar
 
-import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 from pyarrow.csv import ConvertOptions, ParseOptions, ReadOptions, read_csv
-from pydantic import Field, field_validator
+from pydantic import BeforeValidator, Field, field_validator
 
 from cell.record.columns import (
     ANGLES,
@@ -35,7 +32,16 @@ from cell.record.documents import plain
 from cell.record.files import CALIBRATION, PROFILE, RESULT, RUN, SIGNALS, TICKS
 from cell.record.header import Load, Sigma
 from cell.record.run import Run
-from cell.record.tables import unnest
+from cell.record.tables import (
+    EMPTY,
+    column_named,
+    numbers_of,
+    seconds_of,
+    turn_of,
+    unit_in_cells,
+    unnest,
+    with_named_parts,
+)
 from drivers.base.errors import ConfigurationError, suggestion
 from drivers.base.readers import MEGABYTE, read_bytes, read_parquet, read_text
 from drivers.base.settings import Metres, Seconds, Settings
@@ -45,6 +51,9 @@ from drivers.base.yaml_text import dump_yaml
 PER_SECOND = {f"{unit}/s": factor for unit, factor in (LENGTHS | ANGLES).items()}
 TORQUES = {f"{unit} m": factor for unit, factor in FORCES.items()}
 FACTORS = LENGTHS | TIMES | ANGLES | FORCES | COUNTS | PER_SECOND | TORQUES
+UNITS = {unit.lower(): unit for unit in FACTORS}
+UNITS |= {"sec": "s", "seconds": "s", "秒": "s", "°": "deg", "grad": "deg", "度": "deg"}
+"""Units by the words that columns and cells use for them."""
 MEASURES = {
     name: q.units for table in (Ticks, Profile) for name, q in quantities(table).items()
 }
@@ -69,10 +78,12 @@ MARKS = ";\t|,"  # between columns, of equally many the likeliest first
 DECIMAL_COMMA = re.compile(
     r"(?m)(?:^|(?<=[;\t|])) *-?\d+,\d+(?:[eE][-+]?\d+)? *(?=$|[;\t|\r])"
 )
-EMPTY = {*ConvertOptions().null_values, "None", "#NV", "#DIV/0!", "#VALUE!"}  # no value
-NUMBER = re.compile(r" *[-+]?[.,]?\d")  # how a number or a time begins
-# 31.01.2026 12:00:00,250 as ISO 8601
-AS_ISO = ((r"^(\d\d)[.](\d\d)[.](\d{4})\b", r"\3-\2-\1"), (r"(:\d\d),(\d+)", r"\1.\2"))
+NUMBER = re.compile(r" *[-+]?(?:[.,]?\d|inf)")  # how a number or a time begins
+# a number, and no mark between two
+PLAIN = re.compile(r"(?:[-+]?(?:\d+(?:[.,]\d*)?|\.\d+)(?:[eE][-+]?\d+)?|[-+]?inf|nan)?")
+# rows of which a heading is at most; of later rows that are read to find its end; below
+# a row of numbers in which words show that it belongs to the heading
+LONGEST_HEADING, SAMPLE, FOLLOWING = 100, 200, 4
 ISO = " or times as 2026-01-31T12:00:00.250"
 FILE = re.compile(r"[^/\\]+\.(csv|txt|tsv|parquet)")
 
@@ -126,23 +137,44 @@ class PlaceOfMotion(Place):
     load: Load | None = None
 
 
+def _listed(value: object) -> object:
+    return tuple(value) if isinstance(value, list) else (value,)
+
+
 class SignalMapping(Settings):
     """Contents of a mapping file of a mechanism: the column of each of its signals and
     inputs.
+
+    `signals` is a table, or a list of tables with a clock each: readings of the later
+    ones are placed at the times of the first.
     """
 
     schema_: Literal[1] = Field(1, alias="schema")
     mechanism: str = Field(min_length=1)
     condition: str | None = None
     runs: dict[str, PlaceOfMotion] = Field(default_factory=dict)
-    signals: Table[str]
+    signals: Annotated[
+        tuple[Table[str], ...], BeforeValidator(_listed), Field(min_length=1)
+    ]
+
+    @field_validator("signals")
+    @classmethod
+    def _timed(cls, tables: tuple[Table[str], ...]) -> tuple[Table[str], ...]:
+        names = [name for table in tables for name in {*table.columns} - {"t"}]
+        if len(tables) > 1 and not all("t" in table.columns for table in tables):
+            raise ValueError(
+                "columns: t is missing; each of several tables has its own"
+            )
+        if twice := next((name for name in names if names.count(name) > 1), ""):
+            raise ValueError(f"columns: {twice} stands in two tables; keep one")
+        return tables
 
     @property
     def tables(self) -> dict[str, Table[Any]]:
-        """Foreign table of a mechanism's signals, by the run's file that it is imported
-        to.
+        """First foreign table of a mechanism's signals, by the run's file that it is
+        imported to.
         """
-        return {SIGNALS: self.signals}
+        return {SIGNALS: self.signals[0]}
 
 
 class MappingFile(Settings):
@@ -194,6 +226,7 @@ class Source(ABC):
     name: str
     documents: Mapping[str, bytes]
     names: Sequence[str]  # of the tables
+    remarks: list[str]  # on what was passed over
 
     @abstractmethod
     def table(self, how: Table[Any]) -> pa.Table:
@@ -234,6 +267,7 @@ class TableFiles(Source):
         self.documents = (
             {MAPPING: read_bytes(mapping, MEGABYTE)} if mapping.is_file() else {}
         )
+        self.remarks = []
         self._files = [path] if path.is_file() else sorted(path.iterdir())
         found = [file.name for file in self._files if FILE.fullmatch(file.name)]
         # of all such files
@@ -283,6 +317,14 @@ def read_columns(
     `measures` are the units by column.
     """
     content, path = source.table(table), source.place(table)
+    wanted = [column.column for column in table.columns.values()]
+    rows = content.num_rows
+    content = with_named_parts(content, wanted, str(path))
+    if passed := rows - content.num_rows:
+        source.remarks.append(
+            f"{source.path}: {table.file}: {passed} of {rows} rows hold other parts,"
+            " and are passed over"
+        )
     found = {
         name: _values(content, column, name, units_of(name, measures), path)
         for name, column in table.columns.items()
@@ -297,7 +339,7 @@ def _csv(path: Path, table: Table[Any]) -> pa.Table:
     lines.
 
     Rows of words above the numbers, each with a cell a column, name the columns; where
-    there are none the last comment does.
+    there are none a comment does, else their numbers from 0.
     """
     # or as of Windows
     content = read_text(path, LARGEST_TABLE, "cp1252").removeprefix("\ufeff")
@@ -305,14 +347,13 @@ def _csv(path: Path, table: Table[Any]) -> pa.Table:
         raise ConfigurationError(f"{path}: is not UTF-8 text; save it as CSV in UTF-8")
     lines = [line for line in content.splitlines() if line.strip()]
     rows = [line for line in lines if not COMMENT.match(line)]
-    delimiter, decimal = _guess_marks(rows, table)
+    rows, delimiter, decimal = _split(rows, table)
     options = ParseOptions(delimiter=delimiter)
     convert = ConvertOptions(decimal_point=decimal, null_values=list(EMPTY))
     try:
         names, begin = _header(rows, delimiter)
         if not any(names):
-            notes = ["", *takewhile(COMMENT.match, lines)]
-            names = _cells(notes[-1].strip().lstrip("#%/ "), delimiter)
+            names = _names_in_comments(lines, delimiter, len(names))
         if begin == len(rows):
             return pa.table([pa.nulls(0)] * len(names), names)
         # no BytesIO: a thread that still holds it aborts an interpreter that ends
@@ -329,39 +370,94 @@ def _csv(path: Path, table: Table[Any]) -> pa.Table:
 def _header(rows: Sequence[str], delimiter: str) -> tuple[list[str], int]:
     """Names of the columns, by all words above them, and how many rows come before the
     numbers.
+
+    What later rows have in common tells the columns of numbers. The heading ends before
+    the first row with numbers alone in these, where no row of words follows at once.
+    Rows of other lengths are what an instrument writes above its table.
     """
-    names = [""] * len(_cells(rows[len(rows) // 2], delimiter)) if rows else []
-    for begin, row in enumerate(rows):
-        words = ["" if cell in EMPTY else cell for cell in _cells(row, delimiter)]
-        numbers, whole = (
-            [*map(NUMBER.match, filter(None, words))],
-            len(words) == len(names),
-        )
-        if any(numbers) and (any(names) or (whole and all(numbers))):
-            return names, begin
-        if whole:  # else it is what an instrument writes above its table
-            names = [
-                " ".join(filter(None, pair)) for pair in zip(names, words, strict=True)
-            ]
-    return names, len(rows)
+    later = rows[len(rows) // 2 :: 1 + len(rows) // SAMPLE]
+    sample = [_cells(row, delimiter) for row in later]
+    width = max(map(len, sample), default=0)
+    whole = [row for row in sample if len(row) == width]
+    numeric = [i for i in range(width) if all(_is_value(row[i]) for row in whole)]
+
+    heading, begin = list[list[str]](), len(rows)
+    kinds = [_kind(row, delimiter, width, numeric) for row in rows[:LONGEST_HEADING]]
+    for place, kind in enumerate(kinds):
+        if kind == "numbers" and "words" not in kinds[place : place + FOLLOWING]:
+            begin = place
+            break
+        if kind != "other":
+            cells = _cells(rows[place], delimiter)
+            heading.append(["" if cell in EMPTY else cell for cell in cells])
+    return _joined(heading, width), begin
+
+
+def _kind(row: str, delimiter: str, width: int, numeric: Sequence[int]) -> str:
+    """Whether a row's cells in the `numeric` of `width` columns hold `numbers`,
+    `words`, `both` or `neither`; `other` where it has not as many cells.
+    """
+    cells = _cells(row, delimiter)
+    if len(cells) != width:
+        return "other"
+    told = [cells[i] for i in numeric if cells[i] not in EMPTY]
+    numbers = sum(map(_is_value, told))
+    if numbers == len(told):
+        return "numbers" if told else "neither"
+    return "both" if numbers else "words"
+
+
+def _joined(heading: Sequence[Sequence[str]], width: int) -> list[str]:
+    """Names of `width` columns: the words of all rows of a `heading`, without those
+    that name its rows.
+
+    Where all rows but the last begin with empty cells, their first words name them.
+    """
+    columns = [list(column) for column in zip(*heading, strict=True)]
+    labelled = [i for i, (*above, _) in enumerate(columns) if any(above)]
+    if len(heading) > 2 and labelled and labelled[0] > 0:
+        labels = list(filter(None, columns[labelled[0]]))
+        if len({*labels}) == len(labels) > 2:
+            columns[labelled[0]][:-1] = []
+    words = [" ".join(" ".join(column).split()) for column in columns]
+    return words or [""] * width
+
+
+def _names_in_comments(lines: Sequence[str], delimiter: str, width: int) -> list[str]:
+    """Names of `width` columns by the last comment above a table with as many words,
+    else by number.
+    """
+    notes = [note.strip().lstrip("#%/ ") for note in takewhile(COMMENT.match, lines)]
+    for note in reversed(notes):
+        for cells in (_cells(note, delimiter), _cells(note, ","), note.split()):
+            if len(cells) == width:
+                return [cell.strip() for cell in cells]
+    return [*map(str, range(width))]
+
+
+def _is_value(cell: str) -> bool:
+    return cell in EMPTY or NUMBER.match(cell) is not None
 
 
 def _cells(row: str, delimiter: str) -> list[str]:
     return next(csv.reader([row], delimiter=delimiter), [])
 
 
-def _guess_marks(rows: Sequence[str], table: Table[Any]) -> tuple[str, str]:
-    """Delimiter and decimal mark of CSV `rows`, guessed where `table` states none.
+def _split(rows: list[str], table: Table[Any]) -> tuple[list[str], str, str]:
+    """CSV `rows` with one delimiter between cells, this delimiter and the decimal mark.
 
-    A cell with a decimal comma counts as no delimiter, unless it is the whole row in
-    the middle.
+    They are guessed where `table` states none. A cell with a decimal comma counts as no
+    delimiter, unless it is the whole row in the middle. Any number of blanks is one.
     """
-    row = rows[len(rows) // 2] if rows else ""
+    row = rows[len(rows) // 2].strip() if rows else ""
     found = table.delimiter or max(
         MARKS, key=(DECIMAL_COMMA.sub("", row).strip(" ") or row).count
     )
+    no_mark = found not in row or all(map(PLAIN.fullmatch, row.split(" ")))
+    if found == " " or (table.delimiter is None and " " in row and no_mark):
+        rows, found = ["\t".join(row.split()) for row in rows], "\t"
     has_commas = found != "," and any(map(DECIMAL_COMMA.search, rows))
-    return found, table.decimal or ("," if has_commas else ".")
+    return rows, found, table.decimal or ("," if has_commas else ".")
 
 
 def _is_number(text: str) -> bool:
@@ -402,22 +498,27 @@ def _values(
         )
     else:
         origin = f"{path}: column {column.column!r} for {name}"
-        raw = _column_named(content, column.column, origin)
+        raw = column_named(content, column.column, origin)
         if known is TIMES and (seconds := seconds_of(raw)) is not None:
             return seconds
         numbers = _numbers(raw, origin, known)
+        _check_unit(raw, column, origin)
     factor = known.get(column.unit, 1.0) * column.factor
     sign = -1.0 if column.reversed else 1.0
     return frozen(sign * (numbers * factor - column.offset))
 
 
-def turn_of(x: Array, y: Array, z: Array, w: Array) -> Array:
-    """Turn (n,) [rad] from x to z, about -y, of quaternions with parts (n,) since the
-    first.
+def _check_unit(raw: pa.ChunkedArray, column: Column, origin: str) -> None:
+    """Refuse a unit of the mapping that is not the one that the cells themselves
+    state.
     """
-    along = w * w[:1] + x * x[:1] + y * y[:1] + z * z[:1]
-    across = w * y[:1] - y * w[:1] + z * x[:1] - x * z[:1]
-    return np.asarray(2 * np.unwrap(np.arctan2(across, along), period=np.pi))
+    told = unit_in_cells(raw) or ""
+    unit = UNITS.get(told.lower(), column.unit)
+    if unit != column.unit:
+        raise ConfigurationError(
+            f"{origin}: its cells are in {told}, the mapping states {column.unit};"
+            f" write unit: {unit}"
+        )
 
 
 def _numbers(raw: pa.ChunkedArray, origin: str, known: Mapping[str, float]) -> Array:
@@ -439,47 +540,6 @@ def _numbers(raw: pa.ChunkedArray, origin: str, known: Mapping[str, float]) -> A
         " state the file's `decimal` in the mapping, write 1234.5 for 1,234.5, or"
         " leave the row out"
     )
-
-
-def _column_named(content: pa.Table, name: str, origin: str) -> pa.ChunkedArray:
-    """The one column called `name`; ConfigurationError, with its `origin`, for none or
-    two.
-    """
-    names = content.column_names
-    if names.count(name) != 1:
-        there = "stands there twice" if name in names else "is not there"
-        raise ConfigurationError(
-            f"{origin} {there}{suggestion(name, names)}; columns: {', '.join(names)}"
-        )
-    return content[name]
-
-
-def numbers_of(raw: pa.ChunkedArray) -> Array | None:
-    """Numbers (n,) of a column, NaN where it is empty; None for a column of another
-    type.
-    """
-    kind = raw.type  # null where every cell is empty
-    if not (
-        pa.types.is_floating(kind)
-        or pa.types.is_integer(kind)
-        or pa.types.is_null(kind)
-    ):
-        return None
-    return np.asarray(raw.cast(pa.float64(), safe=False).to_numpy(), dtype=np.float64)
-
-
-def seconds_of(raw: pa.ChunkedArray) -> Array | None:
-    """Seconds (n,) since 1970 of a column of ISO 8601 times, all with a zone or all
-    without.
-    """
-    if not (pa.types.is_string(raw.type) or pa.types.is_timestamp(raw.type)):
-        return None
-    for pattern, iso in AS_ISO if pa.types.is_string(raw.type) else ():
-        raw = pc.replace_substring_regex(raw, pattern, iso)
-    for kind in (pa.timestamp("ns"), pa.timestamp("ns", "UTC")):
-        with suppress(pa.ArrowException):
-            return frozen(raw.cast(kind).cast(pa.int64()).to_numpy() / 1e9)
-    return None
 
 
 def documents_of(run: Run) -> dict[str, bytes]:

@@ -32,6 +32,7 @@ from mcap_protobuf.schema import register_schema
 from mcap_ros2.decoder import DecoderFactory as Cdr
 from zstandard import ZstdError
 
+from cell.record.columns import was_set_back
 from cell.record.events import EVERY_FRAME, log_text
 from cell.record.exchange.mapping import (
     MAPPING,
@@ -47,6 +48,7 @@ from cell.record.run import Run
 from drivers.base.errors import ConfigurationError
 from drivers.base.files import replacing
 from drivers.base.readers import MEGABYTE, read_bytes
+from drivers.base.types import Array
 
 LARGEST_FILE = 1024 * MEGABYTE
 NANOSECONDS = 1_000_000_000  # ns
@@ -178,11 +180,14 @@ class McapFile(Source):
     chunks.
     """
 
-    def __init__(self, path: Path) -> None:
-        """Read attachments and topic names of the MCAP file at `path`."""
-        self.path, self.name = path, path.stem
+    def __init__(self, path: Path, parts: Sequence[Path] = ()) -> None:
+        """Read attachments and topic names of the MCAP file at `path`, or of the
+        `parts` of the recording in that folder.
+        """
+        self.path, self.name = path, path.name.removesuffix(".mcap")
         self.documents: dict[str, bytes] = {}
-        self._content = read_bytes(path, LARGEST_FILE)
+        self.remarks = []
+        self._contents = [read_bytes(each, LARGEST_FILE) for each in parts or [path]]
         self.names = sorted({channel.topic for _, channel, _ in self._messages()})
 
     def table(self, how: Table[Any]) -> pa.Table:
@@ -198,6 +203,11 @@ class McapFile(Source):
         wanted = {column.column for column in how.columns.values()} - {LOG_TIME}
         rows, unread = self._rows(topic)
         useful = [row for row in rows if wanted & row.keys()]
+        if useful and len(useful) < len(rows):
+            self.remarks.append(
+                f"{self.path}: {topic}: {len(rows) - len(useful)} of {len(rows)}"
+                " messages are of others, and are passed over"
+            )
         if unread and not useful:
             raise ConfigurationError(
                 f"{self.path}: topic {topic!r}: its messages are"
@@ -214,10 +224,12 @@ class McapFile(Source):
         decoded.
         """
         rows, unread, decoders = [], set[str](), (Protobuf(), Cdr())
-        of_topic = (found for found in self._messages() if found[1].topic == topic)
-        for message, channel, schema in sorted(
-            of_topic, key=lambda found: found[0].log_time
-        ):
+        of_topic = [found for found in self._messages() if found[1].topic == topic]
+        for writer in {found[1].id for found in of_topic}:
+            times = [each.log_time for each, by, _ in of_topic if by.id == writer]
+            self._check_clock(np.array(times) / NANOSECONDS, topic)
+        of_topic.sort(key=lambda found: found[0].log_time)
+        for message, channel, schema in of_topic:
             encoding = channel.message_encoding
             try:
                 each = (factory.decoder_for(encoding, schema) for factory in decoders)
@@ -235,12 +247,30 @@ class McapFile(Source):
             rows += [{**row, LOG_TIME: message.log_time / NANOSECONDS} for row in parts]
         return rows, unread
 
+    def _check_clock(self, t: Array, topic: str) -> None:
+        """Refuse messages of one writer whose clock was set back, by their times `t`
+        (n,) [s] in the order of the file.
+        """
+        if was_set_back(t):
+            last = t[int(np.argmin(np.diff(t)))]
+            raise ConfigurationError(
+                f"{self.path}: topic {topic!r}: the clock was set back after"
+                f" {last - t[0]:.3g} s: cut the recording there"
+            )
+
     def _messages(self) -> Iterator[tuple[Message, Channel, Schema | None]]:
         """Messages in the order of the file, with channel and schema; attachments are
         kept.
         """
+        for content in self._contents:
+            yield from self._messages_in(content)
+
+    def _messages_in(
+        self, content: bytes
+    ) -> Iterator[tuple[Message, Channel, Schema | None]]:
+        """Messages in the `content` of one file."""
         schemas, channels = dict[int, Schema](), dict[int, Channel]()
-        reader = StreamReader(BytesIO(self._content), record_size_limit=LARGEST_FILE)
+        reader = StreamReader(BytesIO(content), record_size_limit=LARGEST_FILE)
         try:
             for record in reader.records:
                 if isinstance(record, Schema):
@@ -269,7 +299,13 @@ def flat(message: object) -> list[Row]:
         inner = _fields(value)
         if isinstance(value, Sequence) and not isinstance(value, str | bytes):
             objects = [(i, item) for i, item in enumerate(value) if _fields(item)]
-            rows += [{"i": i, **row} for i, item in objects for row in flat(item)]
+            parts = [{"i": i, **row} for i, item in objects for row in flat(item)]
+            names = {str(row["name"]) for row in parts if "name" in row}
+            if len(names) < max(len(parts), 1):
+                rows += parts
+                parts = []
+            for part in parts:  # each has a name of its own
+                scalars |= {f"{key}.{part['name']}": v for key, v in part.items()}
             scalars |= {
                 f"{name}.{i}": item for i, item in enumerate(value) if not _fields(item)
             }

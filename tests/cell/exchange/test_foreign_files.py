@@ -6,6 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO
 
+import av
 import cv2
 import numpy as np
 import pyarrow.parquet as pq
@@ -178,6 +179,11 @@ def test_paths_and_names_of_a_data_set_are_those_that_it_states(tmp_path: Path) 
         ("t;x;z;Höhe", "{:.3f};{:f};{:f};1", "."),
         ("Rig 4, by M.\nt;x;z\n#N/A;;", "31.01.2026 12:00:{:06.3f};{:f};{:f}", "."),
         ("t,x,z,a|b", "2026-01-31T12:00:{:06.3f}Z,{:f},{:f},1", "."),
+        ("# t x z", "{:.3e} {:.6e} {:.6e}", "."),
+        ("t x z", " {:.3f}   {:f} {:f}", ","),
+        ("%t,x,z,joint", "{:.3f},{:f},{:f},elbow", "."),
+        ("t, x, z, q", "{:.3f} sec,{:f} m,{:f} m,0", "."),
+        ("Version,1.2\nSerial,7,8\n,12,13\nt,x,z", "{:.3f},{:f},{:f}", "."),
         ("% log\nt,x,z\n# in metres", "2026-01-31 12:00:{:06.3f},{:f},{:f}", "."),
     ],
 )
@@ -191,6 +197,187 @@ def test_comments_separators_and_times_of_a_table_are_read(
         tmp_path / "a", head.format(T[0], X[0], Z[0]), rows, encoding="cp1252"
     )
     assert off([folder], in_metres(tmp_path), tmp_path / "runs") < 1e-6
+
+
+def test_names_of_a_heading_with_numbers_are_those_of_its_rows(tmp_path) -> None:
+    head = """Format Version,1.23,Length Units,Meters
+
+,Type,Body,Body
+,Name,tip,tip
+,ID,"7","7"
+,,Position,Position
+Frame,Time (Seconds),X,Y"""
+    rows = [
+        f"{i},{t:.3f},{x:f},{z:f}"
+        for i, (t, x, z) in enumerate(zip(T, X, Z, strict=True))
+    ]
+    names = ("Time (Seconds)", "Body tip 7 Position X", "Body tip 7 Position Y")
+    folder = plain(tmp_path / "a", head, rows)
+    assert off([folder], how(tmp_path, "tip.csv", names), tmp_path / "runs") < 1e-6
+
+
+def test_columns_without_names_have_numbers_and_doubled_ones_too(tmp_path) -> None:
+    rows = [f"{t:.3f} {x:f} {z:f}" for t, x, z in zip(T, X, Z, strict=True)]
+    bare = plain(tmp_path / "a", rows[0], rows[1:])
+    assert off([bare], how(tmp_path, "tip.csv", tuple("012")), tmp_path / "runs") < 1e-6
+    doubled = plain(tmp_path / "b", "t q q", rows)
+    names = ("t", "q (1)", "q (2)")
+    assert off([doubled], how(tmp_path, "tip.csv", names), tmp_path / "runs") < 1e-6
+    with pytest.raises(
+        ConfigurationError, match="stands there 2 times; write 'q' with"
+    ):
+        off([doubled], how(tmp_path, "tip.csv", ("t", "q", "q")), tmp_path / "again")
+
+
+def test_a_unit_in_the_cells_is_that_of_the_mapping(tmp_path) -> None:
+    rows = [f"{t:.3f},{1e3 * x:f} mm,{z:f}" for t, x, z in zip(T, X, Z, strict=True)]
+    folder = plain(tmp_path / "a", "t,x,z", rows)
+    with pytest.raises(
+        ConfigurationError, match=r"its cells are in mm, .*write unit: mm"
+    ):
+        off([folder], how(tmp_path, "tip.csv", tuple("txz")), tmp_path / "runs")
+
+
+def test_a_clock_that_was_set_back_is_no_matter_of_sorting(tmp_path) -> None:
+    """Neighbours and pieces that changed places are."""
+    for order, said in (
+        (np.r_[0:200, 100:300], "the clock was set back by 1 s: cut the run there"),
+        (np.r_[0:100, 99, 100:300], "keep one row for each time"),
+        (np.r_[0:100, 101, 100, 102:300], "sort the rows"),
+        (np.r_[150:300, 0:150], "sort the rows"),
+        (np.random.default_rng(0).permutation(300), "sort the rows"),
+    ):
+        rows = [f"{T[i]:.3f},{X[i]:f},{Z[i]:f}" for i in order]
+        folder = plain(tmp_path / said / str(order[120]), rows=rows)
+        with pytest.raises(ConfigurationError, match=f"times must increase; {said}"):
+            import_runs([folder], in_metres(tmp_path), tmp_path / "runs")
+    with (tmp_path / "a.mcap").open("wb") as file:
+        log(file, [("/tip", t - (t > 2.0), {"q": 0.0}) for t in T])
+    with pytest.raises(
+        ConfigurationError, match="set back after 2 s: cut the recording"
+    ):
+        import_runs(
+            [tmp_path / "a.mcap"],
+            how(tmp_path, "/tip", ("log_time", "q", "q")),
+            tmp_path / "runs",
+        )
+
+
+def log(file: BinaryIO, messages: list[tuple[str, float, Any]]) -> None:
+    """Write messages of topics at times [s] as JSON."""
+    writer, channels = Writer(file), dict[str, int]()
+    writer.start()
+    for topic, t, message in messages:
+        if topic not in channels:
+            channels[topic] = writer.register_channel(topic, "json", 0)
+        at, text = round(1e9 * (t + 5.0)), json.dumps(message).encode()
+        writer.add_message(channels[topic], at, text, at)
+    writer.finish()
+
+
+@pytest.mark.parametrize(
+    "state",
+    [
+        lambda names, places: {"name": names, "position": places},
+        lambda names, places: {"joint_names": names, "position": places},
+        lambda names, places: {
+            "joints": [
+                {"name": n, "position": p} for n, p in zip(names, places, strict=True)
+            ]
+        },
+    ],
+)
+def test_parts_of_a_list_are_found_by_their_names(tmp_path, state) -> None:
+    """In the order of each message, among those of another publisher."""
+    messages = [("/tip", t + 0.005, state(["hand"], [0.1])) for t in T]
+    for i, (t, x, z) in enumerate(zip(T, X, Z, strict=True)):
+        parts = {"along": x, "up": z} if i % 3 else {"up": z, "along": x}
+        messages.append(("/tip", t, state([*parts], [*parts.values()])))
+    with (tmp_path / "a.mcap").open("wb") as file:
+        log(file, sorted(messages, key=lambda message: message[1]))
+    files, told = [tmp_path / "a.mcap"], list[str]()
+    names = ("log_time", "position.along", "position.up")
+    [made] = import_runs(
+        files, how(tmp_path, "/tip", names), tmp_path / "runs", tell=told.append
+    )
+    ticks = read_run(made).ticks
+    assert np.allclose([ticks.t, ticks.x, ticks.z], [T, X, Z], atol=1e-6)
+    assert "300 of 600" in told[0]
+    by_place = how(tmp_path, "/tip", ("log_time", "position.0", "position.1"))
+    with pytest.raises(ConfigurationError, match=r"later|not there"):
+        import_runs(files, by_place, tmp_path / "again")
+
+
+def test_names_in_the_rows_of_a_table_tell_its_parts(tmp_path) -> None:
+    """As `rostopic echo -p` writes them."""
+    rows = [
+        f"{t:.3f},along,up,{x:f},{z:f}" if i % 2 else f"{t:.3f},up,along,{z:f},{x:f}"
+        for i, (t, x, z) in enumerate(zip(T, X, Z, strict=True))
+    ]
+    head = "%time,field.name0,field.name1,field.position0,field.position1"
+    folder, names = (
+        plain(tmp_path / "a", head, rows),
+        ("time", "field.position.along", "field.position.up"),
+    )
+    assert off([folder], how(tmp_path, "tip.csv", names), tmp_path / "runs") < 1e-6
+    names = ("time", "field.position0", "field.position1")
+    with pytest.raises(
+        ConfigurationError, match=r"choose parts by their names: field.position"
+    ):
+        off([folder], how(tmp_path, "tip.csv", names), tmp_path / "again")
+
+
+def test_a_folder_of_rosbag2_is_its_recording(tmp_path) -> None:
+    for part, rows in enumerate((slice(0, 150), slice(150, 300))):
+        (tmp_path / "bags/bag").mkdir(parents=True, exist_ok=True)
+        with (tmp_path / f"bags/bag/bag_{part}.mcap").open("wb") as file:
+            log(
+                file,
+                [
+                    ("/tip", t, {"x": x, "z": z})
+                    for t, x, z in zip(T[rows], X[rows], Z[rows], strict=True)
+                ],
+            )
+    (tmp_path / "bags/bag/metadata.yaml").write_text("rosbag2_bagfile_information: {}")
+    mapping = how(tmp_path, "/tip", ("log_time", "x", "z"))
+    for i, place in enumerate(("bags/bag", "bags")):
+        assert off([tmp_path / place], mapping, tmp_path / f"runs{i}") < 1e-6
+    (tmp_path / "old").mkdir()
+    (tmp_path / "old/metadata.yaml").write_text("rosbag2_bagfile_information: {}")
+    with pytest.raises(ConfigurationError, match=r"without an .mcap file; convert it"):
+        import_runs([tmp_path / "old"], mapping, tmp_path / "runs")
+
+
+@pytest.mark.parametrize("file", ["tip.csv", "*.csv"])
+@pytest.mark.parametrize("beside", ["notes.txt", "summary.csv"])
+def test_a_text_file_beside_runs_is_told_and_passed_over(
+    tmp_path, file, beside
+) -> None:
+    plain(tmp_path / "day/a")
+    (tmp_path / "day" / beside).write_text("runs of Monday")
+    told = list[str]()
+    mapping = how(tmp_path, file, tuple("txz"))
+    import_runs([tmp_path / "day"], mapping, tmp_path / "runs", tell=told.append)
+    assert told == [f"{tmp_path / 'day' / beside}: is no run, and is passed over"]
+
+
+def test_the_film_of_several_picture_tracks_is_the_long_one(tmp_path) -> None:
+    with av.open(str(tmp_path / "film.mp4"), "w") as film:
+        tracks = {n: film.add_stream("libx264", rate=20) for n in (1, 20)}
+        for count, track in tracks.items():
+            track.width = track.height = 44 + 2 * (count // 2)
+        for count, track in tracks.items():
+            for i in range(count):
+                image = np.zeros(
+                    (44 + 2 * (count // 2), 44 + 2 * (count // 2), 3), np.uint8
+                )
+                picture = av.VideoFrame.from_ndarray(image)
+                picture.pts = i
+                film.mux(track.encode(picture))
+            film.mux(track.encode(None))
+    frames = list(Film(tmp_path / "film.mp4").frames())
+    assert {frame.image.shape for frame in frames} == {(64, 64, 3)}
+    assert len(frames) == 20
 
 
 @pytest.mark.parametrize(

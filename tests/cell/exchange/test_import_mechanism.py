@@ -4,6 +4,7 @@ the fit.
 
 import json
 from collections.abc import Mapping
+from contextlib import chdir
 from pathlib import Path
 from shlex import split
 
@@ -134,3 +135,43 @@ def test_logs_of_an_arm_become_runs_that_the_workflow_reads(
         .exit_code
         == 0
     )
+
+
+def test_torques_may_have_a_table_and_a_clock_of_their_own(tmp_path) -> None:
+    """Slower ones are absent between, faster ones are thinned, none is late."""
+    model, runs = make_arm(tmp_path / "arm", 1, content=PRESCRIBED)
+    known = read_table(next(runs.iterdir()) / "signals.parquet")
+    (tmp_path / "log").mkdir()
+    tables = []
+    for names, rate in (
+        (("shoulder", "elbow"), 200.0),
+        (("t1",), 61.0),
+        (("t2",), 731.0),
+    ):
+        t = np.arange(0.001, 2.9, 1.0 / rate)
+        columns = {n: np.interp(t, known["t"], known[n]) for n in names}
+        pc.write_csv(pa.table({"t": t, **columns}), tmp_path / f"log/{names[0]}.csv")
+        units = dict.fromkeys(names, "rad" if rate == 200.0 else "N m") | {"t": "s"}
+        how = {n: {"column": n, "unit": unit} for n, unit in units.items()}
+        tables.append({"file": f"{names[0]}.csv", "columns": how})
+    content = {"schema": 1, "mechanism": "arm", "signals": tables}
+    (tmp_path / "mapping.yaml").write_text(yaml.safe_dump(content))
+    words = [
+        "import",
+        "log",
+        "--model",
+        model,
+        "--mapping",
+        "mapping.yaml",
+        "--out",
+        "runs",
+    ]
+    with chdir(tmp_path):
+        done = CliRunner().invoke(app, [*map(str, words)])
+    assert done.exit_code == 0, done.exception
+    now = read_table(tmp_path / "runs/log/signals.parquet")
+    assert (np.isfinite(now["t1"]).sum(), np.isfinite(now["t2"]).mean()) == (177, 1.0)
+    for name in ("t1", "t2"):
+        there = np.isfinite(now[name])
+        right = np.interp(now["t"][there], known["t"], known[name])
+        assert np.abs(now[name][there] - right).max() < 0.02 * np.ptp(known[name])

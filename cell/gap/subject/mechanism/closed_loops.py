@@ -14,6 +14,7 @@ from typing import Any
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import null_space
 
 from drivers.base.errors import ConfigurationError
 from drivers.base.types import Array
@@ -48,12 +49,17 @@ class ClosedLoops:
     """Closed loops of a model: some joints are `independent`, equalities determine the
     others.
 
-    The joints numbered `inputs` are measured. Raises ConfigurationError, with the
-    mechanism's `origin`, where the motors or the measured joints that they drive are
-    not as many as the degrees of freedom.
+    The joints numbered `inputs` are measured; of these, those with a motor lead. Joints
+    that `stand` at their stated pose are neither measured nor in a loop with the
+    joints numbered `compared`, of whose motors torques are; what is `apart` (joints,)
+    is in no loop with these. Raises ConfigurationError, with the mechanism's `origin`,
+    where motors are not as many as the degrees of freedom, or a measured joint is
+    missing.
     """
 
-    def __init__(self, model: Any, inputs: Sequence[int], origin: str) -> None:
+    def __init__(
+        self, model: Any, inputs: Sequence[int], compared: Sequence[int], origin: str
+    ) -> None:
         self._model, off = copy.copy(model), mujoco.mjtDisableBit
         # only equalities add rows to the Jacobian of constraints
         self._model.opt.disableflags = int(
@@ -63,23 +69,33 @@ class ClosedLoops:
         self._data = mujoco.MjData(self._model)
         perturbed = np.random.default_rng(0).normal(model.qpos0, PERTURBATION)
         jacobian, _ = self._jacobian(perturbed)
-        count = int(model.nv - np.linalg.matrix_rank(jacobian, RANK_TOLERANCE))
-        driven = np.asarray(transmissions(self._model, self._data).any(axis=0))
-        # where all joints are measured, those with a motor lead
-        leading = (
-            [j for j in inputs if driven[j]]
-            if len(inputs) == model.nv
-            else list(inputs)
-        )
-        if len(leading) != count or model.nu != count:
+        motions = null_space(jacobian, RANK_TOLERANCE)
+        if model.nu != (count := motions.shape[1]):
             raise ConfigurationError(
-                f"{origin}: model: its closed loops leave {count} degrees of freedom;"
-                " as many motors and measured joints of motors are needed, found"
-                f" {model.nu} motors and {len(leading)} joints; add motors or `inputs:"
-                " {JOINT: position}`"
+                f"{origin}: model: its closed loops leave {count} degrees of freedom,"
+                f" and it has {model.nu} motors; as many are needed: add or remove some"
             )
-        self.independent = np.array(leading)
+        driven = np.asarray(transmissions(self._model, self._data).any(axis=0))
+        # first those with a motor, then others that are measured
+        order = sorted(range(model.nv), key=lambda j: (j not in inputs, not driven[j]))
+        leading = list[int]()
+        for joint in order:
+            if np.linalg.matrix_rank(motions[[*leading, joint]]) > len(leading):
+                leading.append(joint)
+        self.independent = np.sort(leading)
         self._dependent = np.setdiff1d(np.arange(model.nv), self.independent)
+        together = motions @ np.linalg.inv(motions[self.independent])
+        moved = np.abs(together) > RANK_TOLERANCE
+        with_compared = moved[list(compared)].any(axis=0)
+        self.apart = ~moved[:, with_compared].any(axis=1)
+        self.stand = [int(j) for j in self.independent if j not in inputs]
+        missing = [model.joint(j).name for j in self.stand if not self.apart[j]]
+        if missing:
+            raise ConfigurationError(
+                f"{origin}: inputs.{missing[0]}: is missing; a joint of each degree of"
+                " freedom in a closed loop is measured: add it as position, or another"
+                " of its loop"
+            )
 
     def _jacobian(self, q: Array) -> tuple[Array, Array]:
         """Jacobian (rows, n) and gaps (rows,) of the equalities at positions `q`

@@ -70,7 +70,8 @@ class InverseDynamics(MechanismSubject):
         self._model.jnt_actgravcomp[:] = 0
         inputs, joints = mechanism.file.inputs, mechanism.joints
         given = [i for i, j in enumerate(joints) if inputs.get(j.name) == "position"]
-        self._loop = ClosedLoops(model, given, origin) if model.neq else None
+        compared = [s.joint for s in mechanism.compared("torque")]
+        self._loop = ClosedLoops(model, given, compared, origin) if model.neq else None
         if self._loop is None and len(given) < model.njnt:
             missing = next(j.name for i, j in enumerate(joints) if i not in given)
             raise ConfigurationError(
@@ -79,9 +80,21 @@ class InverseDynamics(MechanismSubject):
             )
         independent = given if self._loop is None else self._loop.independent
         self._joints = [joints[i].name for i in independent]
-        self._cutoff = cutoff_of(mechanism.recordings, self._joints, mechanism.pace)
+        recordings = [*map(self._with_standing, mechanism.recordings)]
+        self._cutoff = cutoff_of(recordings, self._joints, mechanism.pace)
         self.notes = (*self.notes, *self._notes_on_model(given))
-        self.runs = tuple(map(self._run, mechanism.recordings))
+        self.runs = tuple(map(self._run, recordings))
+
+    def _with_standing(self, recording: Recording) -> Recording:
+        """Copy of a recording with columns of joints that stand at their stated
+        pose.
+        """
+        model, standing = self._model, self._loop.stand if self._loop else ()
+        columns = {
+            model.joint(j).name: np.full(len(recording.t), model.qpos0[j])
+            for j in standing
+        }
+        return replace(recording, columns={**recording.columns, **columns})
 
     def _notes_on_model(self, given: Sequence[int]) -> Iterator[str]:
         """Notes on torques that inverse dynamics leaves out, and on open kinematic
@@ -92,6 +105,8 @@ class InverseDynamics(MechanismSubject):
             yield "moments at the limits of joints and tendons are left out"
         if np.any(model.actuator_delay > 0.0) or np.any(model.actuator_dyntype > 0):
             yield "filters and delays of motors are left out: torques are as read"
+        for joint in self._loop.stand if self._loop else ():
+            yield f"joint {model.joint(joint).name} has no column: it stands still"
         gap = 0.0
         if self._loop is not None and len(given) == model.nv:
             for r in self.mechanism.recordings:
@@ -174,7 +189,10 @@ class InverseDynamics(MechanismSubject):
         )
         low, high = np.vstack([model.jnt_range, model.tendon_range]).T
         edge = np.append(model.jnt_margin, model.tendon_margin) + NEAR * (high - low)
-        limited = np.append(model.jnt_limited, model.tendon_limited) > 0
+        joint_limited = model.jnt_limited > 0
+        if self._loop is not None:  # others bear no part of a compared torque
+            joint_limited = joint_limited & ~self._loop.apart
+        limited = np.append(joint_limited, model.tendon_limited > 0)
         barred = ((at < low + edge) | (at > high - edge)) @ limited
         for s, row in zip(self.mechanism.compared("torque"), measured, strict=False):
             if model.jnt_actfrclimited[s.joint]:

@@ -80,6 +80,11 @@ def read_source(path: Path, folder: Path) -> Source:
                 f"{path}: <{element.tag}>: plugins run foreign code and are refused;"
                 " remove it"
             )
+        if element.tag in ("flex", "flexcomp"):
+            raise ConfigurationError(
+                f"{path}: <{element.tag}>: {element.get('name', '')!r} is deformable;"
+                " rigid bodies are compared: leave it out"
+            )
         if element.get("file") is not None and element.tag not in ASSETS:
             raise ConfigurationError(
                 f"{path}: <{element.tag} file>: is not read; write it into the model"

@@ -55,6 +55,10 @@ MODELS = {
     "not XML": (ARM[:80], "is not valid XML"),
     "does not load": (ARM.replace('mass="1.0"', 'mass="-1.0"'), "does not load"),
     "plugin": (PLUGIN, "plugins run foreign code"),
+    "deformable": (
+        _with('<worldbody><flexcomp name="cloth" type="grid" count="9 9 1"/>'),
+        "'cloth' is deformable; rigid bodies are compared: leave it out",
+    ),
     "outside": (OUTSIDE, "lies outside"),
     "texture": (
         _with('<asset><texture type="cube" fileright="../x.png"/></asset><worldbody>'),

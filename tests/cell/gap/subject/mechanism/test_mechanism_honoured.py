@@ -146,3 +146,20 @@ def test_a_closed_loop_is_driven_through_its_equality(tmp_path: Path) -> None:
     model.write_text(model.read_text().replace("</actuator>", second))
     with pytest.raises(ConfigurationError, match="leave 1 degrees of freedom"):
         open_mechanism(file, find_runs([tmp_path / "case" / "runs"]))
+
+
+@cases
+@pytest.mark.parametrize("fingers", ["hand", "hand2", "hand3"])
+def test_an_arm_opens_with_its_hand_whatever_fingers_were_measured(
+    tmp_path, fingers
+) -> None:
+    case = CASES / "hand-of-the-arm" / fingers
+    runs = find_runs([case / "runs"])
+    whole = open_mechanism(case / "model" / "robot.yaml", runs)
+    assert left(whole) < 1.1  # of the noise
+    stands = "joint finger1 has no column: it stands still"
+    assert (stands in whole.notes) == (fingers == "hand")
+    file = shutil.copytree(case / "model", tmp_path / "model") / "robot.yaml"
+    file.write_text(file.read_text().replace("  elbow: position\n", ""))
+    with pytest.raises(ConfigurationError, match=r"inputs.elbow: is missing"):
+        open_mechanism(file, runs)
