@@ -4,6 +4,7 @@ program.
 
 import base64
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cache, partial, wraps
 from html import escape
@@ -20,6 +21,7 @@ from cell.perception.strip_measurement import StripMeasurement
 from cell.record import files
 from cell.record.columns import Profile, Sights, Ticks
 from cell.record.events import Event, origin_of, read_events
+from cell.record.film import Film
 from cell.record.frames import FrameNote, read_frame, read_index
 from cell.record.header import Header, Result
 from cell.record.tables import assemble
@@ -235,6 +237,27 @@ class Run:
         """
         notes = self.frame_index() if (self.folder / files.FILM).is_file() else ()
         return {note.film: note.stamp for note in notes if note.film is not None}
+
+    def film_frames(self) -> Iterator[Frame]:
+        """Yield the images of the run's film, with their stamps and numbers in the run.
+
+        They end where the film breaks off; none without a film.
+        """
+        path = self.folder / files.FILM
+        notes = {note.film: note for note in self.frame_index()}
+        if not path.is_file():
+            return
+        with suppress(ConfigurationError):
+            for frame in Film(path).frames():
+                note = notes.get(frame.sequence)
+                if note is not None:
+                    yield Frame(
+                        note.stamp,
+                        note.arrival,
+                        note.source,
+                        note.sequence,
+                        frame.image,
+                    )
 
     def frames(self) -> Iterator[Frame]:
         """Yield the stored images; one that fails its hash raises an error unless

@@ -13,7 +13,7 @@ import numpy as np
 from cell.perception.length_checks import KINDS
 from cell.record import files
 from cell.record.columns import FARTHEST_HAND
-from cell.record.events import Event, Outlook
+from cell.record.events import Outlook
 from cell.record.header import Result
 from cell.record.run import Run, read_broken_run
 from cell.record.truth import read_truth
@@ -24,10 +24,13 @@ from cell.report.page_verdict import verdict_of
 from cell.report.words import (
     MINUS,
     NO_VALUE,
+    SIGNAL_UNITS,
+    event_sentence,
     event_title,
     millimetres,
     milliseconds,
     seconds,
+    value_text,
 )
 from drivers.base.errors import ConfigurationError
 from drivers.base.files import write_file
@@ -48,32 +51,13 @@ FILES = (
 LARGEST_FILM = 8_000_000  # bytes that a page carries
 FREQUENT = 40  # events of one kind, above which they are counted and not listed
 LISTED_EVENTS = 400
-LONGEST_TEXT, LONGEST_LIST = 160, 100  # characters of a value, and of a list
+LONGEST_LIST = 100  # characters of a list
 HEIGHT_ON_DESK = 0.01  # m, above which a gripper has lifted the strip
 PREFLIGHT = "preflight"
 LEFT_OUT = frozenset(
     {"config", "preflight", "schema", "provenance", "spread", "plant_sha256"}
 )
 SHOWN_ELSEWHERE = frozenset({PREFLIGHT, "origin"})
-SIGNED = frozenset({"displacement", "edge_offset"})
-LENGTH_NAMES = SIGNED | {
-    "x",
-    "z",
-    "l1",
-    "l2",
-    "length",
-    "width",
-    "thickness",
-    "bending_length",
-}
-LENGTH_NAMES |= {"contact_height", "contact_x", "error", "tip_x", "height"}
-SIGNAL_UNITS = {
-    "speed": "m/s",
-    "camera_hz": "Hz",
-    "touch_time": "s",
-    "retardation_time": "s",
-}
-SIGNAL_UNITS |= {"latency": "s", "areal_density": "kg/m²", "force": "N"}
 Rows = list[tuple[str, str]]
 
 
@@ -249,7 +233,7 @@ def listed_events(run: Run) -> list[tuple[str, str, str]]:
     counts = Counter(event.kind for event in events)
     rare = [event for event in events if counts[event.kind] <= FREQUENT]
     rows = [
-        (f"{e.t:.3f}".replace("-", MINUS), event_title(e.kind), _sentence(e))
+        (f"{e.t:.3f}".replace("-", MINUS), event_title(e.kind), event_sentence(e.facts))
         for e in rare[:LISTED_EVENTS]
     ]
     often = [(kind, n) for kind, n in counts.items() if n > FREQUENT]
@@ -271,7 +255,7 @@ def advice(run: Run) -> list[str]:
     ]
     errors = [e for e in run.events() if e.kind == "fault"]
     if errors:
-        text = f"t = {errors[-1].t:.2f} s: {_sentence(errors[-1])}"
+        text = f"t = {errors[-1].t:.2f} s: {event_sentence(errors[-1].facts)}"
         steps.insert(0, f"The last fault before the end: {text}.")
     return steps
 
@@ -357,35 +341,4 @@ def setting_text(key: str, value: Any) -> str:
     if isinstance(value, list | tuple):
         joined = ", ".join(str(item) for item in value)
         return joined if len(joined) <= LONGEST_LIST else f"{len(value)} entries"
-    return _value(name, value)
-
-
-def _sentence(event: Event) -> str:
-    """Text of an event's facts in one line."""
-    if set(event.facts) == {"state", "event"}:
-        return (
-            f"{event.facts['state']}, after"
-            f" {str(event.facts['event']).replace('_', ' ')}"
-        )
-    return ", ".join(
-        f"{name.replace('_', ' ')} {_value(name, value)}"
-        for name, value in event.facts.items()
-    )
-
-
-def _value(name: str, value: Any) -> str:
-    """Text of the fact `name`: lengths in mm, other numbers with their unit."""
-    if isinstance(value, dict):
-        return " ".join(
-            f"{key.replace('_', ' ')} {_value(key, v)}" for key, v in value.items()
-        )
-    if not isinstance(value, int | float) or isinstance(value, bool):
-        text = str(value)
-        return text if len(text) <= LONGEST_TEXT else f"{text[: LONGEST_TEXT - 3]}..."
-    if name in LENGTH_NAMES:
-        return millimetres(value, signed=name in SIGNED)
-    unit = SIGNAL_UNITS.get(name, "")
-    if unit == "s":
-        return milliseconds(value)
-    digits = ".3g" if isinstance(value, float) else ""
-    return f"{value:{digits}} {unit}".strip()
+    return value_text(name, value)

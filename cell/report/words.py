@@ -1,6 +1,8 @@
 """Text for operators: lengths, times, counts, events and outcomes of runs."""
 
 import math
+from collections.abc import Mapping
+from typing import Any
 
 MINUS = "\N{MINUS SIGN}"
 NO_VALUE = "\N{EM DASH}"
@@ -21,6 +23,26 @@ OUTCOMES = {
     "displacement_apart": "Folded, but far off the prediction",
     "unlike_model": "Folded, but the strip does not behave like the model",
 }
+LONGEST_TEXT = 160  # characters of a value
+SIGNED = frozenset({"displacement", "edge_offset"})
+LENGTH_NAMES = SIGNED | {
+    "x",
+    "z",
+    "l1",
+    "l2",
+    "length",
+    "width",
+    "thickness",
+    "bending_length",
+}
+LENGTH_NAMES |= {"contact_height", "contact_x", "error", "tip_x", "height"}
+SIGNAL_UNITS = {
+    "speed": "m/s",
+    "camera_hz": "Hz",
+    "touch_time": "s",
+    "retardation_time": "s",
+}
+SIGNAL_UNITS |= {"latency": "s", "areal_density": "kg/m²", "force": "N"}
 
 
 def plural(count: int, noun: str) -> str:
@@ -65,3 +87,39 @@ def outcome_title(outcome: str) -> str:
     name.
     """
     return OUTCOMES.get(outcome, f"Stopped by a fault: {outcome.replace('_', ' ')}")
+
+
+def log_line(kind: str, facts: Mapping[str, Any]) -> str:
+    """One line of a log on an event of this `kind` with these `facts`."""
+    said = event_sentence(facts)
+    return (
+        said if kind == "state" else ": ".join(filter(None, [event_title(kind), said]))
+    )
+
+
+def event_sentence(facts: Mapping[str, Any]) -> str:
+    """Text of an event's `facts` in one line."""
+    if set(facts) == {"state", "event"}:
+        return f"{facts['state']}, after {str(facts['event']).replace('_', ' ')}"
+    return ", ".join(
+        f"{name.replace('_', ' ')} {value_text(name, value)}"
+        for name, value in facts.items()
+    )
+
+
+def value_text(name: str, value: Any) -> str:
+    """Text of the fact `name`: lengths in mm, other numbers with their unit."""
+    if isinstance(value, dict):
+        return " ".join(
+            f"{key.replace('_', ' ')} {value_text(key, v)}" for key, v in value.items()
+        )
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        text = str(value)
+        return text if len(text) <= LONGEST_TEXT else f"{text[: LONGEST_TEXT - 3]}..."
+    if name in LENGTH_NAMES:
+        return millimetres(value, signed=name in SIGNED)
+    unit = SIGNAL_UNITS.get(name, "")
+    if unit == "s":
+        return milliseconds(value)
+    digits = ".3g" if isinstance(value, float) else ""
+    return f"{value:{digits}} {unit}".strip()

@@ -53,11 +53,9 @@ _LOW, _HIGH = SPHERE_LINKS <= LOW_LINKS, SPHERE_LINKS >= HIGH_LINKS
 _MOVABLE = SPHERE_LINKS >= FIRST_MOVABLE_LINK
 
 
-def sphere_centres(q: Array) -> Array:
-    """Centres (..., m, 3) [m] of the collision spheres of arm and hand, in the robot's
-    base.
-
-    The joints `q` are (..., 7) [rad]; RADII (m,) [m] are the spheres' radii.
+def link_frames(q: Array) -> Array:
+    """Frames (..., 9, 4, 4) of base, seven joints and hand in the robot's base, for
+    joints (..., 7) [rad].
     """
     joints = frames(q)
     shape = joints.shape[:-3]
@@ -65,9 +63,18 @@ def sphere_centres(q: Array) -> Array:
     flange[2, 3] = FLANGE
     hand = joints[..., 6, :, :] @ flange @ FLANGE_TO_HAND
     base = np.broadcast_to(np.eye(4), (*shape, 4, 4))
-    links = np.concatenate(
+    return np.concatenate(
         [base[..., None, :, :], joints, hand[..., None, :, :]], axis=-3
-    )[..., SPHERE_LINKS, :, :]
+    )
+
+
+def sphere_centres(q: Array) -> Array:
+    """Centres (..., m, 3) [m] of the collision spheres of arm and hand, in the robot's
+    base.
+
+    The joints `q` are (..., 7) [rad]; RADII (m,) [m] are the spheres' radii.
+    """
+    links = link_frames(q)[..., SPHERE_LINKS, :, :]
     return np.asarray(
         np.einsum("...mij,mj->...mi", links[..., :3, :3], CENTRES) + links[..., :3, 3]
     )

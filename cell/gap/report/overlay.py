@@ -1,8 +1,8 @@
 """Rerun recording `overlay.rrd`: runs as measured, and as simulated before and after.
 
-Of run NAME: /NAME/curve, /NAME/tracks and /NAME/signals, each with `measured`, `before`
-(the refitted base) and `after` (the accepted model), on the run's own time `t`, and
-/NAME/events. The sentence of the verdict is in /verdict.
+Of run NAME: /NAME/world/curve, /NAME/world/tracks and /NAME/signals, each with
+`measured`, `before` (the refitted base) and `after` (the accepted model), on the run's
+own time `t`, and /NAME/events. The sentence of the verdict is in /verdict.
 """
 
 from collections.abc import Sequence
@@ -18,25 +18,29 @@ from cell.gap.report.sentence import headline, sentence
 from cell.gap.subject.subject import Scene
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import Verdict
-from cell.report.viz.saving import saving, send_blueprint
+from cell.report.viz import saving, scene
 from drivers.base.errors import ConfigurationError
 from drivers.base.files import replacing
+from drivers.base.installation import Installation
 from drivers.base.types import Array
 
 CURVE_COLOURS = {
-    "measured": 0xFFAA32FF,
+    "measured": 0xF2F3F5FF,
     "before": int(COLOUR_BEFORE[1:] + "ff", 16),
     "after": int(COLOUR_AFTER[1:] + "ff", 16),
 }
-HAND_RGBA, DESK_RGBA = 0xC9CED6FF, 0x8A9099FF
-RADIUS_MM = 1.2  # mm
+# m before the strip's near edge, so that no curve hides another
+DEPTHS = {"measured": 0.0, "before": scene.APART, "after": 2 * scene.APART}
+WIDTH = 0.05  # m, of desk and clamp that are drawn for a strip
+POINT_RADIUS, CONTACT_RADIUS, HAND_RADIUS = 0.0025, 0.005, 0.01  # m
+AFTER = 0.05  # s after the last reading, when nothing is shown any more
 
 
 def write_overlay(findings: Findings, verdict: Verdict, path: Path) -> None:
     """Write the Rerun recording of a fit's runs at `path`; ConfigurationError on
     failure.
     """
-    words = f"{headline(verdict)}. {sentence(findings, verdict)}"
+    words = f"## {headline(verdict)}\n\n{sentence(findings, verdict)}"
     write_recording(findings.subject.name, list(replay(findings)), path, words)
 
 
@@ -46,9 +50,9 @@ def write_recording(name: str, runs: Sequence[Replay], path: Path, words: str) -
     """
     recording = rr.RecordingStream("cell gap", recording_id=f"gap-{name}")
     try:
-        with replacing(path) as scratch, saving(recording, scratch):
-            send_blueprint(recording, blueprint(runs))
-            recording.log("verdict", rr.TextDocument(words), static=True)
+        with replacing(path) as scratch, saving.saving(recording, scratch):
+            saving.send_blueprint(recording, blueprint(runs))
+            recording.log("verdict", saving.document(words), static=True)
             for run in runs:
                 _log_run(recording, run)
     except (OSError, RuntimeError, ValueError) as error:
@@ -59,88 +63,81 @@ def blueprint(runs: Sequence[Replay]) -> Any:
     """Rerun layout with a tab for each run: curve and events if any, and plots of
     signals.
     """
-    tabs = [_run_tab(run) for run in runs]
-    text_view = rrb.TextDocumentView(origin="/verdict", name="verdict")
-    return rrb.Blueprint(
-        rrb.Vertical(text_view, rrb.Tabs(*tabs, active_tab=0), row_shares=[1, 6]),
-        rrb.TimePanel(timeline="t", state="collapsed"),
-        rrb.SelectionPanel(state="hidden"),
-        rrb.BlueprintPanel(state="hidden"),
-        auto_views=False,
-        auto_layout=False,
-    )
+    return saving.blueprint(rrb.Tabs(*map(_run_tab, runs), active_tab=0))
 
 
 def _run_tab(run: Replay) -> Any:
-    """Tab of one run: its curve and events on the left, its signals on the right."""
+    """Tab of one run: its curve over events and verdict, beside its signals."""
     name = f"{run.name} (held out)" if run.held_out else run.name
     root = _root(run.name)
     titles = dict.fromkeys(
-        s.title for scene in run.scenes.values() for s in scene.signals
+        s.title for drawn in run.scenes.values() for s in drawn.signals
     )
     plots = [
-        rrb.TimeSeriesView(
-            origin=f"{root}/signals/{rr.escape_entity_path_part(title)}",
-            name=title,
-            plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightTop),
-        )
+        saving.curves(f"{root}/signals/{rr.escape_entity_path_part(title)}", title)
         for title in titles
     ]
+    verdict = rrb.TextDocumentView(origin="/verdict", name="verdict")
     if run.measured.curve is None:
-        return rrb.Grid(*plots, grid_columns=2, name=name)
-    side = rrb.Spatial2DView(
-        origin=root,
-        contents=[
-            "$origin/curve/**",
-            "$origin/tracks/**",
-            "$origin/path",
-            "$origin/desk",
-        ],
-        name="strip [mm]: measured (amber), before (red), after (blue)",
-    )
+        grid = rrb.Grid(*plots, grid_columns=2)
+        return rrb.Vertical(verdict, grid, row_shares=[1, 6], name=name)
     log = rrb.TextLogView(origin=f"{root}/events", name="events")
-    left = rrb.Vertical(side, log, row_shares=[4, 1])
-    return rrb.Horizontal(left, rrb.Vertical(*plots), name=name)
+    space = scene.view(
+        _length(run), f"{root}/{scene.WORLD}", "strip: measured, before, after"
+    )
+    views = saving.arrange(space, log, verdict, plots, [1] * len(plots))
+    return rrb.Horizontal(views, name=name)
 
 
 def _log_run(recording: rr.RecordingStream, run: Replay) -> None:
     """Log the signals, curve, tracks and events of a run, measured and simulated."""
     root = _root(run.name)
     if run.measured.curve is not None:
-        _log_surroundings(recording, root, run.measured)
-    for word, scene in run.scenes.items():
-        _log_signals(recording, root, word, scene)
-        _log_curve(recording, root, word, scene)
-        for name, track in scene.tracks.items():
-            colour = HAND_RGBA if name == "gripper" else CURVE_COLOURS[word]
-            size = 4 * RADIUS_MM if word == "measured" else 3 * RADIUS_MM
-            columns = rr.Points2D.columns(positions=_flat_points(track.places))
-            look = rr.Points2D.from_fields(colors=colour, radii=size)
-            _send_columns(
-                recording, f"{root}/tracks/{name}/{word}", track.t, columns, look
-            )
-        for t, words in scene.events:
+        _log_surroundings(recording, f"{root}/{scene.WORLD}", run)
+    for word, drawn in run.scenes.items():
+        _log_signals(recording, root, word, drawn)
+        _log_curve(recording, f"{root}/{scene.WORLD}", word, drawn)
+        _log_tracks(recording, f"{root}/{scene.WORLD}", word, drawn)
+        for t, words in drawn.events:
             recording.set_time("t", duration=t)
             recording.log(f"{root}/events/{word}", rr.TextLog(f"{word}: {words}"))
             recording.reset_time()
 
 
-def _log_surroundings(
-    recording: rr.RecordingStream, root: str, measured: Scene
+def _log_surroundings(recording: rr.RecordingStream, root: str, run: Replay) -> None:
+    """Log desk and clamp, and the gripper's path as a line."""
+    bodies = scene.surroundings(_length(run), WIDTH, Installation())
+    for entity, body in bodies.items():
+        under = entity.removeprefix(scene.WORLD)
+        recording.log(f"{root}{under}", body, static=True)
+    path = scene.at_depth(run.measured.tracks["gripper"].places, 0.0)
+    line = rr.LineStrips3D([path], colors=scene.PATH_RGBA, radii=scene.LINE)
+    recording.log(f"{root}/path", line, static=True)
+
+
+def _length(run: Replay) -> float:
+    """Length [m] of the strip of a run: how far the gripper was from its fixed edge."""
+    return float(run.measured.tracks["gripper"].places[:, 0].max())
+
+
+def _log_tracks(
+    recording: rr.RecordingStream, root: str, word: str, drawn: Scene
 ) -> None:
-    """Log the desk's surface and the gripper's path as lines."""
-    grip = measured.tracks["gripper"].places
-    desk = _flat_points(np.array([[-0.1, 0.0], [float(grip[:, 0].max()) + 0.15, 0.0]]))
-    lines = (("desk", desk, DESK_RGBA), ("path", _flat_points(grip), HAND_RGBA))
-    for name, points, colour in lines:
-        line = rr.LineStrips2D([points], colors=colour, radii=0.4 * RADIUS_MM)
-        recording.log(f"{root}/{name}", line, static=True)
+    """Log the moving points of a scene, the gripper larger than the contact."""
+    for name, track in drawn.tracks.items():
+        is_hand = name == "gripper"
+        colour = scene.PATH_RGBA if is_hand else CURVE_COLOURS[word]
+        size = HAND_RADIUS if is_hand else CONTACT_RADIUS
+        points = scene.at_depth(track.places, -DEPTHS[word])
+        columns = rr.Points3D.columns(positions=points)
+        look = rr.Points3D.from_fields(colors=colour, radii=size)
+        _send_columns(recording, f"{root}/tracks/{name}/{word}", track.t, columns, look)
 
 
 def _log_signals(
-    recording: rr.RecordingStream, root: str, word: str, scene: Scene
+    recording: rr.RecordingStream, root: str, word: str, drawn: Scene
 ) -> None:
-    for signal in scene.signals:
+    for signal in drawn.signals:
         entity = f"{root}/signals/{rr.escape_entity_path_part(signal.title)}/{word}"
         look = rr.SeriesLines(colors=CURVE_COLOURS[word], names=word, widths=1.5)
         _send_columns(
@@ -149,41 +146,39 @@ def _log_signals(
 
 
 def _log_curve(
-    recording: rr.RecordingStream, root: str, word: str, scene: Scene
+    recording: rr.RecordingStream, root: str, word: str, drawn: Scene
 ) -> None:
     """Log a measured curve as unconnected points, a simulated one as a line."""
-    if scene.curve is None or not len(scene.curve.t):
+    if drawn.curve is None or not len(drawn.curve.t):
         return
-    curves = [_flat_points(points) for points in scene.curve.points]
+    depth = -DEPTHS[word]
+    curves = [scene.at_depth(points, depth) for points in drawn.curve.points]
     if word == "measured":
-        columns = rr.Points2D.columns(positions=np.concatenate(curves))
+        columns = rr.Points3D.columns(positions=np.concatenate(curves))
         columns = columns.partition([len(points) for points in curves])
-        look: Any = rr.Points2D.from_fields(
-            colors=CURVE_COLOURS[word], radii=1.4 * RADIUS_MM
+        look: Any = rr.Points3D.from_fields(
+            colors=CURVE_COLOURS[word], radii=POINT_RADIUS
         )
     else:
-        columns = rr.LineStrips2D.columns(strips=curves)
-        look = rr.LineStrips2D.from_fields(
-            colors=CURVE_COLOURS[word], radii=0.7 * RADIUS_MM
-        )
-    _send_columns(recording, f"{root}/curve/{word}", scene.curve.t, columns, look)
+        columns = scene.lines(curves)
+        look = rr.LineStrips3D.from_fields(colors=CURVE_COLOURS[word], radii=scene.EDGE)
+    _send_columns(recording, f"{root}/curve/{word}", drawn.curve.t, columns, look)
 
 
 def _send_columns(
     recording: rr.RecordingStream, entity: str, t: Array, columns: Any, look: Any
 ) -> None:
     """Log the rows of a Rerun `entity` at times `t` (m,) [s]; nothing without rows."""
-    if len(t):
-        recording.log(entity, look, static=True)
-        recording.send_columns(entity, [rr.TimeColumn("t", duration=t)], columns)
+    if not len(t):
+        return
+    recording.log(entity, look, static=True)
+    shown_from = np.concatenate([[min(0.0, t[0])], t[1:]])  # filled when it opens
+    times = [rr.TimeColumn("t", duration=shown_from)]
+    recording.send_columns(entity, times, columns)
+    recording.set_time("t", duration=float(t[-1]) + AFTER)
+    recording.log(entity, rr.Clear(recursive=False))
+    recording.reset_time()
 
 
 def _root(name: str) -> str:
     return f"/{rr.escape_entity_path_part(name)}"
-
-
-def _flat_points(points: Array) -> Array:
-    """Points (k, 2) of x, z [m] converted to view axes [mm], of which the second points
-    down.
-    """
-    return points * (1e3, -1e3)

@@ -154,8 +154,23 @@ Configs = Annotated[
     ),
 ]
 Viz = Literal["save", "live", "off"]
+
+
+def said_where(viz: Viz) -> Viz:
+    """Say where a live view is to be seen if there is no screen for it here."""
+    if viz == "live":
+        from cell.report.viz.watch import NO_SCREEN, has_screen
+
+        if not has_screen():
+            typer.echo(NO_SCREEN, err=True)
+    return viz
+
+
 VizOption = Annotated[
-    Viz, typer.Option(help="Rerun: save a recording, show it live too, off.")
+    Viz,
+    typer.Option(
+        help="Rerun: save a recording, show it live too, off.", callback=said_where
+    ),
 ]
 FullSpeed = Annotated[
     bool, typer.Option("--full-speed", help="A real robot not slowed to a tenth.")

@@ -6,17 +6,19 @@ import heapq
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import chain
-from math import nan
+from math import inf, nan
 from typing import TypeVar
 
 import numpy as np
 
 from cell.perception.strip_measurement import StripMeasurement
-from cell.record.events import EVERY_FRAME, Outlook, log_text
+from cell.record.events import EVERY_FRAME, Outlook
 from cell.record.files import FILM
 from cell.record.run import Run
-from drivers.base.types import Array, Image
+from cell.report.words import log_line
+from drivers.base.types import Array, Frame, Image
 
+PICTURE_PERIOD = 0.1  # s between images that are shown
 Item = TypeVar("Item")
 
 
@@ -55,7 +57,7 @@ def moments_of(run: Run) -> Iterator[TickView | LogLine]:
     log: Iterator[TickView | LogLine] = (
         LogLine(
             event.t + origin,
-            log_text(event.kind, event.facts),
+            log_line(event.kind, event.facts),
             event.kind == "fault",
             event.t,
         )
@@ -67,24 +69,24 @@ def moments_of(run: Run) -> Iterator[TickView | LogLine]:
 
 
 def _ticks(run: Run, origin: float) -> Iterator[TickView]:
-    """Yield the run's ticks with what is new at each, first images from before t =
-    0.
+    """Yield the run's ticks with what is new at each; an image from before t = 0
+    first.
     """
-    frames = iter(()) if (run.folder / FILM).is_file() else run.frames()
-    frame = next(frames, None)
-    while frame is not None and frame.stamp < 0:
-        clock = frame.stamp + origin  # before t = 0, gripper and state are not recorded
-        yield TickView(
-            clock, t=nan, tick=0, state="", pose=np.full(3, nan), image=frame.image
-        )
-        frame = next(frames, None)
     ticks = run.ticks
+    pictures = pictures_of(run)
+    before, first = None, next(pictures, None)
+    while first is not None and first.stamp < 0:
+        before, first = first, next(pictures, None)
+    if before is not None:
+        clock = before.stamp + origin  # gripper and state are not recorded yet
+        nowhere = np.full(3, nan)
+        yield TickView(clock, nan, 0, state="", pose=nowhere, image=before.image)
+    later = pictures if first is None else chain([first], pictures)
     outlook = Outlook.from_events(run.events())
     poses = np.stack([ticks.x, ticks.z, ticks.pitch], axis=1)
-    later_frames = frames if frame is None else chain([frame], frames)
     news = zip(
         _newest_at(ticks.t, ((each.stamp, each) for each in run.measurements())),
-        _newest_at(ticks.t, ((each.stamp, each.image) for each in later_frames)),
+        _newest_at(ticks.t, ((each.stamp, each.image) for each in later)),
         _newest_at(ticks.t, zip(outlook.t, outlook.rows, strict=True)),
         strict=True,
     )
@@ -99,6 +101,18 @@ def _ticks(run: Run, origin: float) -> Iterator[TickView]:
             image=image,
             outlook=prediction,
         )
+
+
+def pictures_of(run: Run) -> Iterator[Frame]:
+    """Yield images of a run at most every PICTURE_PERIOD: of its film, or else those
+    kept.
+    """
+    has_film = (run.folder / FILM).is_file()
+    due = -inf
+    for frame in run.film_frames() if has_film else run.frames():
+        if frame.stamp >= due:
+            due = frame.stamp + PICTURE_PERIOD
+            yield frame
 
 
 def _newest_at(

@@ -5,62 +5,78 @@ measured one.
 """
 
 import math
-import os
-import socket
-import subprocess
-import sys
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
+import pyarrow.compute as pc
 import rerun as rr
 import rerun.blueprint as rrb
 
 from calibration.calibration import Calibration
-from cell.base.config.places import cache_folder
 from cell.perception.strip_measurement import StripMeasurement
-from cell.record.events import COLUMN_NAMES, origin_of, read_events
-from cell.record.files import FILM, RECORDING, RESULT, RUN, is_under_way
-from cell.record.frames import read_index
+from cell.record.events import COLUMN_NAMES
+from cell.record.files import JOINTS, RECORDING, RUN, is_under_way
 from cell.record.run import Run, read_broken_run
-from cell.report.figures import PANELS, STATE_SHADES
+from cell.report.figures import PANELS, READING, STATE_SHADES
 from cell.report.page_verdict import LINE_BREAK, verdict_of
+from cell.report.viz import saving, scene
 from cell.report.viz.playback import LogLine, TickView, moments_of
-from cell.report.viz.saving import saving, send_blueprint
+from cell.report.viz.scene import MODEL_RGBA, PATH_RGBA, SEEN_RGBA
 from drivers.base.errors import ConfigurationError, Fault, Unsupported
 from drivers.base.files import replacing
+from drivers.base.installation import Installation
+from drivers.base.readers import read_parquet
 from drivers.base.settings import parse
 from drivers.base.types import Array, Image
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from drivers.strip.rod.engine import Rod
 
-BATCH_TICKS = 20  # ticks that are sent together
+BATCH_TICKS = 20  # ticks that are sent together while the run goes on
 TICKS_BETWEEN_POSES = 4  # ticks between two poses of gripper and model
-VIEWER_MEMORY, SERVER_MEMORY = "2GB", "256MB"
-SEEN_RGBA = 0xFFAA32FF
-MODEL_RGBA = 0x4F8BD6FF
-HAND_RGBA = 0xC9CED6FF
-CONTACT_RGBA = 0x2882FFFF
-TIP_RGBA = 0x6ED25AFF
+ARM_STEP = 40  # ticks of the robot between two poses of its arm
+PICTURE_WIDTH = 640  # px
+STALE = 0.3  # s after which a measurement does not show the strip any more
+CONTACT_RGBA, TIP_RGBA = 0x2882FFFF, 0x6ED25AFF
 MM = 1e3  # per m: lengths are shown in mm
-TO_VIEW = np.array([MM, -MM])  # of a flat view, whose second axis points down
-HAND_SIGNALS = {"along/gripper_x": HAND_RGBA, "above/gripper_z": HAND_RGBA}
-SEEN_SIGNALS = {
-    "along/contact_x": CONTACT_RGBA,
-    "along/tip_x": TIP_RGBA,
-    "above/tip_z": TIP_RGBA,
+COLOURS_SAID = "strip measured (orange) and simulated (blue)"
+UNKNOWN_SIZE = (1.0, 0.05)  # m, of a strip that is not known
+# corners x, z of what is shown of the image, in lengths of the strip
+VIEW_LOW, VIEW_HIGH = (-0.12, -0.1), (1.12, 0.68)
+
+MEASURED, SIMULATED = f"{scene.WORLD}/strip/measured", f"{scene.WORLD}/strip/simulated"
+MEASURED_EDGE = f"{MEASURED}/edge"
+PICTURE = f"{scene.IMAGE}/picture"
+OVERLAY = f"{scene.IMAGE}/overlay"
+PROFILE, CONTACT, TIP = f"{OVERLAY}/profile", f"{OVERLAY}/contact", f"{OVERLAY}/tip"
+STATE, VERDICT, LOG = "state", "verdict", "log"
+HAND = scene.LINKS[scene.HAND_LINK]
+OF_STRIP, OF_IMAGE = (MEASURED, MEASURED_EDGE), (PROFILE, CONTACT, TIP)
+
+# names and colours of curves by entity
+CURVES = {
+    "along/gripper_x": ("gripper", PATH_RGBA),
+    "along/contact_x": ("desk contact", CONTACT_RGBA),
+    "along/tip_x": ("fold tip", TIP_RGBA),
+    "above/gripper_z": ("gripper", PATH_RGBA),
+    "above/tip_z": ("fold tip", TIP_RGBA),
+    "above/gap": ("gap of the layers", SEEN_RGBA),
 }
-SEEN_SIGNALS |= {"above/gap": SEEN_RGBA}
-OUTLOOK_SIGNALS = {f"outlook/{name}": MODEL_RGBA for name in COLUMN_NAMES}
-OUTLOOK_SIGNALS["outlook/displacement"] = SEEN_RGBA
+HAND_CURVES = ("along/gripper_x", "above/gripper_z")
+SEEN_CURVES = ("along/contact_x", "along/tip_x", "above/tip_z", "above/gap")
+BOUNDS = {"": "predicted", "_low": "less one sigma", "_high": "plus one sigma"}
+CURVES |= {
+    f"outlook/{name}{end}": (words, MODEL_RGBA if end else SEEN_RGBA)
+    for name in PANELS
+    for end, words in BOUNDS.items()
+}
+OUTLOOK_CURVES = tuple(f"outlook/{name}" for name in COLUMN_NAMES)
 # units: mm, ms, 1/m
-SIGNAL_SCALES = {
-    name: 1.0 if "yield_curvature" in name else MM for name in OUTLOOK_SIGNALS
-}
+SCALES = {name: 1.0 if "yield_curvature" in name else MM for name in CURVES}
+
 STATE_COLOURS = {
     state: int(shade[1:] + "ff", 16) for state, shade in STATE_SHADES.items()
 }
@@ -71,6 +87,8 @@ SEGMENTS = 60  # of the simulated rod
 LONGEST_START, LONGEST_GAP = 10.0, 1.0
 LIFTED_HEIGHT = 0.02  # m, above which a strip's first pose is one that hangs
 NO_SHAPE = np.empty((0, 2))
+
+Compose = Callable[[list[Any]], Any]  # of rows into Rerun's columns
 
 
 def viz_from_run(folder: Path) -> Path:
@@ -90,324 +108,408 @@ def viz_from_run(folder: Path) -> Path:
         if stated is None
         else parse(stated, StripFile, f"{folder / RUN}: strip_file")
     )
+    calibration = run.calibration()
+    end = float(run.ticks.t[-1]) if run.ticks.t.size else None
+    views = layout(strip, calibration, end=end)
     try:
-        layout = blueprint(filmed=(folder / FILM).is_file())
         with (
             replacing(path) as scratch,
-            open_recording("cell", scratch, layout) as recording,
+            saving.open_recording("cell", scratch, views) as recording,
         ):
-            screen = Screen(recording, run.calibration(), strip)
+            screen = Screen(recording, calibration, strip, batch=math.inf)
+            screen.begin(run)
             for item in moments_of(run):
                 screen.draw(item)
-            screen.finish()
-            if (folder / RESULT).is_file():
-                screen.log_verdict(run)
-            with suppress(ValueError):  # a film that broke off
-                screen.log_film(folder)
+            screen.finish(run)
     except (OSError, RuntimeError, ValueError) as error:
         raise ConfigurationError(f"{path}: cannot be written: {error}") from None
     return path
 
 
-@contextmanager
-def open_recording(
-    application: str, path: Path, layout: rrb.Blueprint, *, live: bool = False
-) -> Iterator[rr.RecordingStream]:
-    """Open a Rerun recording with a `layout` in the file at `path`; complete after the
-    block.
+class Rows:
+    """Rows of one entity of a recording, buffered over time and sent in one piece."""
 
-    `live` also serves it on loopback and starts Rerun's viewer there. Raises OSError,
-    RuntimeError or ValueError where the file cannot be written.
-    """
-    recording = rr.RecordingStream(
-        application, recording_id=ascii(path.parent.name).strip("'")
-    )
-    servers = []
-    if live:
-        memory = SERVER_MEMORY
-        servers = [
-            rr.GrpcServerSink("127.0.0.1", free_port(), server_memory_limit=memory)
-        ]
-    with saving(recording, path, *servers):
-        for server in servers:
-            with suppress(OSError):  # without a viewer the file is still written
-                open_viewer(server.uri)
-        send_blueprint(recording, layout)
-        yield recording
+    def __init__(self, entity: str, compose: Compose) -> None:
+        """Buffer rows of `entity`, which `compose` turns into Rerun's columns."""
+        self._entity = entity
+        self._compose = compose
+        self._t: list[float] = []
+        self._clock: list[float] = []
+        self._rows: list[Any] = []
 
-
-def open_viewer(address: str) -> None:
-    """Start Rerun's viewer on `address` as an independent process that reports no
-    usage.
-    """
-    command = [sys.executable, "-m", "rerun_cli"]
-    quiet: dict[str, Any] = dict.fromkeys(
-        ("stdin", "stdout", "stderr"), subprocess.DEVNULL
-    )
-    quiet["env"] = {**os.environ, "XDG_CONFIG_HOME": str(cache_folder() / "viewer")}
-    subprocess.run([*command, "analytics", "disable"], check=False, **quiet)  # noqa: S603  ours
-    arguments = ("--connect", address, "--memory-limit", VIEWER_MEMORY)
-    subprocess.Popen([*command, *arguments], start_new_session=True, **quiet)  # noqa: S603  ours
-
-
-class Signals:
-    """Group of signals of a recording, buffered over ticks and sent to it in one
-    piece.
-    """
-
-    def __init__(self, names: Iterable[str]) -> None:
-        self._names = tuple(names)
-        self._times: list[float] = []
-        self._ticks: list[int] = []
-        self._rows: list[Sequence[float]] = []
-
-    def __len__(self) -> int:
-        return len(self._rows)
-
-    def add(self, tick: TickView, values: Sequence[float]) -> None:
-        """Buffer the signals' `values` in SI units at a `tick` of the run."""
-        self._times.append(tick.t)
-        self._ticks.append(tick.tick)
-        self._rows.append(values)
+    def add(self, moment: TickView | LogLine, row: Any) -> None:
+        """Buffer a `row` at a `moment` of the run; all before t = 0 stands there."""
+        self._t.append(max(0.0, moment.t) if math.isfinite(moment.t) else 0.0)
+        self._clock.append(moment.clock)
+        self._rows.append(row)
 
     def send(self, recording: rr.RecordingStream) -> None:
-        """Send the buffered values to `recording`, in the units of its plots."""
+        """Send the buffered rows to `recording`."""
         if not self._rows:
             return
         times = [
-            rr.TimeColumn("t", duration=self._times),
-            rr.TimeColumn("tick", sequence=self._ticks),
+            rr.TimeColumn("t", duration=self._t),
+            rr.TimeColumn("clock", duration=self._clock),
         ]
-        for name, signal in zip(self._names, np.array(self._rows).T, strict=True):
-            columns = rr.Scalars.columns(scalars=SIGNAL_SCALES.get(name, MM) * signal)
-            recording.send_columns(f"signals/{name}", times, columns)
-        for buffered in (self._times, self._ticks, self._rows):
+        recording.send_columns(self._entity, times, self._compose(self._rows))
+        for buffered in (self._t, self._clock, self._rows):
             buffered.clear()
 
 
 class Screen:
-    """Writer of ticks and log lines into a Rerun recording, which owns its entity
-    paths.
-    """
+    """Writer of a run into a Rerun recording, which owns its entities."""
 
     def __init__(
         self,
         recording: rr.RecordingStream,
         calibration: Calibration | None,
         strip: StripFile | None,
+        batch: float = BATCH_TICKS,
     ) -> None:
-        """Draw into `recording`: images with a `calibration`, a model with a
-        `strip`.
+        """Draw into `recording`: images with a `calibration`, a model with a `strip`.
+
+        Rows are sent after every `batch` of ticks.
         """
         self._to = recording
         self._calibration = calibration
+        self._strip = strip
         self._shadow = None if strip is None else Shadow(strip)
-        self._hand = Signals(HAND_SIGNALS)
-        self._seen = Signals(SEEN_SIGNALS)
-        self._outlook = Signals(OUTLOOK_SIGNALS)
+        self._batch = batch
+        self._waiting = 0
+        self._rows: dict[tuple[str, Compose], Rows] = {}
         self._track: list[Array] = []
-        # with whether measured time had begun
-        self._drawn_state: tuple[str, bool] = ("", False)
-        self._log_surroundings(1.0 if strip is None else strip.length)
+        self._state = ""
+        self._seen_at = math.nan
+        self._last_t = -math.inf
+        self._is_modelled = False
+        self._scale = 1.0
+        self._has_joints = False
+        self._has_picture = False
+
+    def begin(self, run: Run) -> None:
+        """Draw what stands still in a `run`."""
+        cell = installation_of(run)
+        length, width = _size(self._strip)
+        self._has_joints = (run.folder / JOINTS).is_file()
+        bodies = {**scene.surroundings(length, width, cell), **scene.hand_bodies()}
+        if self._calibration is not None:
+            self._scale = PICTURE_WIDTH / self._calibration.lens.width
+            bodies |= scene.camera(self._calibration, self._scale)
+        if self._strip is not None:
+            bodies |= {MEASURED: scene.strip_look(self._strip.colour)}
+        for entity, body in {**bodies, **_looks()}.items():
+            self._to.log(entity, body, static=True)
+        self._to.log(VERDICT, saving.document("# Under way"), static=True)
 
     def draw(self, item: TickView | LogLine) -> None:
         """Draw a tick of the run, or add a line to the recording's log."""
-        self._to.reset_time()
-        self._to.set_time("clock", duration=item.clock)
-        if math.isfinite(item.t):
-            self._to.set_time("t", duration=item.t)
         if isinstance(item, LogLine):
-            level = rr.TextLogLevel.ERROR if item.alarm else rr.TextLogLevel.INFO
-            self._to.log("log", rr.TextLog(item.text, level=level))
-        else:
-            self._draw_tick(item)
+            self._add(LOG, _log_columns, item, (item.text, item.alarm))
+            return
+        self._draw_tick(item)
+        self._waiting += 1
+        if self._waiting >= self._batch:
+            self._send()
+
+    def finish(self, run: Run) -> None:
+        """Send what still waits, and add what is known of a `run` at its end."""
+        self._send()
+        self._draw_arm(run)
+        self._to.log(VERDICT, saving.document(verdict_text(run)), static=True)
 
     def _draw_tick(self, tick: TickView) -> None:
         """Draw what changed in a tick: state, image, measurement, prediction and
         motion.
         """
-        self._to.set_time("tick", sequence=tick.tick)
-        has_begun = math.isfinite(tick.t)
-        if tick.state and (tick.state, has_begun) != self._drawn_state:
-            self._drawn_state = (tick.state, has_begun)
-            self._to.log("cell/state", rr.StateChange(state=tick.state))
+        if tick.state and tick.state != self._state:
+            self._state = tick.state
+            self._add(STATE, _state_columns, tick, tick.state)
         if tick.image is not None:
-            self._to.log("camera/image", jpeg(tick.image))
-        if tick.measurement is not None and self._calibration is not None:
-            self._draw_overlay(tick.measurement, self._calibration)
-        elif tick.image is not None:
-            self._to.log("camera/overlay", rr.Clear(recursive=True))
-        if not has_begun:
+            self._draw_picture(tick, tick.image)
+        is_due = tick.tick % TICKS_BETWEEN_POSES == 0
+        if is_due and not self._has_joints and np.isfinite(tick.pose).all():
+            frame = scene.hand_frame(tick.pose, _size(self._strip)[1])
+            self._add(HAND, _frame_columns, tick, frame)
+        if not math.isfinite(tick.t):
             return
+        self._last_t = tick.t
         if tick.measurement is not None:
-            seen = tick.measurement
-            self._seen.add(tick, [seen.contact_x, *seen.tip, seen.gap])
-            self._to.log("strip/measured", _curve(seen.profile, SEEN_RGBA, 2.0))
+            self._draw_measurement(tick, tick.measurement)
+        elif tick.t > self._seen_at + STALE:
+            self._clear_measurement(tick)
         if tick.outlook is not None:
-            self._outlook.add(tick, tick.outlook.tolist())
+            self._add_curves(tick, OUTLOOK_CURVES, tick.outlook.tolist())
         self._draw_motion(tick)
 
-    def finish(self) -> None:
-        """Send the signals that are still buffered."""
-        for signals in (self._hand, self._seen, self._outlook):
-            signals.send(self._to)
-
-    def log_verdict(self, run: Run) -> None:
-        """Add the text of the verdict on `run`."""
-        verdict = verdict_of(run, None)
-        error = verdict.error.replace(LINE_BREAK, ", ")
-        figure = [f"**{verdict.figure}** ({error})"] if verdict.figure else []
-        text = "\n\n".join([f"# {verdict.headline}", *figure, *verdict.sentences])
-        document = rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)
-        self._to.log("verdict", document, static=True)
-
-    def log_film(self, folder: Path) -> None:
-        """Add the film of the run in `folder`, each image at its time; ValueError if no
-        film.
-        """
-        path = folder / FILM
-        notes = read_index(folder) if path.is_file() else ()
-        if not any(note.film is not None for note in notes):
+    def _draw_measurement(self, tick: TickView, seen: StripMeasurement) -> None:
+        """Draw the measured strip and its curves."""
+        self._add_curves(tick, SEEN_CURVES, [seen.contact_x, *seen.tip, seen.gap])
+        if len(seen.profile) < 2:
             return
-        film = rr.AssetVideo(path=path)
-        taken = film.read_frame_timestamps_nanos()
-        shown = [
-            note for note in notes if note.film is not None and note.film < len(taken)
-        ]
-        stamps = np.array([note.stamp for note in shown])
-        clock = stamps + origin_of(read_events(folder))
-        self._to.log("camera/film", film, static=True)
-        self._to.send_columns(
-            "camera/film",
-            [
-                rr.TimeColumn("t", duration=stamps),
-                rr.TimeColumn("clock", duration=clock),
-            ],
-            rr.VideoFrameReference.columns_nanos(taken[[note.film for note in shown]]),
-        )
+        begins, self._seen_at = math.isnan(self._seen_at), tick.t
+        moment = replace(tick, t=0.0) if begins else tick
+        midline = scene.from_fixed_edge(seen.profile)
+        self._add(MEASURED, self._band_columns, moment, midline)
+        edge = scene.at_depth(midline, -scene.LINE)
+        self._add(MEASURED_EDGE, scene.lines, moment, edge)
 
-    def _log_surroundings(self, length: float) -> None:
-        """Draw static parts: the desk, names and colours of states and signals."""
-        desk = [MM * np.array([(-0.1, 0.0), (length + 0.15, 0.0)])]
-        self._to.log(
-            "desk", rr.LineStrips2D(desk, colors=0x8A9099FF, radii=1.0), static=True
-        )
-        lanes = rr.StateConfiguration(
-            values=list(STATE_COLOURS), colors=list(STATE_COLOURS.values())
-        )
-        self._to.log("cell/state", lanes, static=True)
-        for name, colour in (HAND_SIGNALS | SEEN_SIGNALS | OUTLOOK_SIGNALS).items():
-            label = name.partition("/")[2].replace("_", " ")
-            line = rr.SeriesLines(colors=colour, names=label, widths=1.5)
-            self._to.log(f"signals/{name}", line, static=True)
+    def _draw_picture(self, tick: TickView, image: Image) -> None:
+        """Draw an image, and what was read in it, if it was."""
+        moment = tick if self._has_picture else replace(tick, t=0.0)
+        self._has_picture = True
+        picture = saving.jpeg(image, PICTURE_WIDTH)
+        self._add(PICTURE, _picture_columns, moment, picture)
+        seen = tick.measurement
+        if seen is None or self._calibration is None:
+            self._clear(moment, OF_IMAGE)
+            return
+        points = np.array([(seen.contact_x, 0.0), seen.tip])
+        self._add(PROFILE, _line_columns, moment, self._pixels(seen.profile))
+        for entity, point in zip((CONTACT, TIP), points, strict=True):
+            self._add(entity, _point_columns, moment, self._pixels(point[None]))
 
-    def _draw_overlay(
-        self, measurement: StripMeasurement, calibration: Calibration
-    ) -> None:
-        """Draw profile, contact and fold tip over the camera's image."""
-        pixels = calibration.to_image(measurement.profile)
-        self._to.log(
-            "camera/overlay/profile",
-            rr.LineStrips2D([pixels], colors=SEEN_RGBA, radii=1.5),
-        )
-        marks = np.array([(measurement.contact_x, 0.0), measurement.tip])
-        seen = np.isfinite(marks).all(axis=1)
-        colours = np.array([CONTACT_RGBA, TIP_RGBA], dtype=np.uint32)[seen]
-        points = rr.Points2D(calibration.to_image(marks[seen]), colors=colours, radii=6)
-        self._to.log("camera/overlay/marks", points)
+    def _pixels(self, points: Array) -> Array:
+        """Pixels (k, 2) of those of `points` (n, 2) [m] that are known, in an image as
+        it is shown.
+        """
+        known = points[np.isfinite(points).all(axis=1)]
+        if self._calibration is None or not len(known):
+            return NO_SHAPE
+        return self._scale * self._calibration.to_image(known)
 
-    def _draw_motion(self, moment: TickView) -> None:
-        """Draw the gripper, its path and the simulated strip."""
-        place = moment.pose[:2]
-        self._hand.add(moment, place.tolist())
+    def _draw_motion(self, tick: TickView) -> None:
+        """Draw the gripper's curves, its path and the simulated strip."""
+        place = tick.pose[:2]
+        self._add_curves(tick, HAND_CURVES, place.tolist())
         shape = NO_SHAPE
-        if self._shadow is not None:
-            shape = self._shadow.follow(moment.t, moment.pose)
-        if moment.tick % TICKS_BETWEEN_POSES == 0:
-            self._track.append(TO_VIEW * place)
-            self._to.log(
-                "gripper", rr.Points2D([TO_VIEW * place], colors=HAND_RGBA, radii=6.0)
-            )
-            self._to.log("strip/twin", _curve(shape, MODEL_RGBA, 1.2))
-        if len(self._hand) >= BATCH_TICKS:
-            track = rr.LineStrips2D([self._track], colors=HAND_RGBA, radii=0.8)
-            self._to.log("gripper/path", track)
-            self.finish()
+        if self._shadow is not None and self._state in (*READING, ""):
+            shape = self._shadow.follow(tick.t, tick.pose)
+        if tick.tick % TICKS_BETWEEN_POSES:
+            return
+        self._track.append(place)
+        if len(shape):
+            before = scene.at_depth(shape, -scene.APART)
+            self._add(SIMULATED, scene.lines, tick, before)
+        elif self._is_modelled:
+            self._clear(tick, (SIMULATED,))
+        self._is_modelled = len(shape) > 0
+
+    def _clear_measurement(self, tick: TickView) -> None:
+        """Clear what a measurement shows, once it is too old to be true."""
+        if math.isfinite(self._seen_at):
+            self._seen_at = -math.inf
+            self._clear(tick, OF_STRIP)
+
+    def _clear(self, tick: TickView, entities: Sequence[str]) -> None:
+        for entity in entities:
+            self._add(entity, _clear_columns, tick, row=False)
+
+    def _draw_arm(self, run: Run) -> None:
+        """Draw the arm at its measured joints, where they are recorded."""
+        path = run.folder / JOINTS
+        if not path.is_file():
+            return
+        table = read_parquet(path)
+        table = table.filter(pc.field("t") <= self._last_t)
+        names = [f"q_{joint}" for joint in range(1, 8)]
+        t = table["t"].to_numpy()[::ARM_STEP]
+        q = np.column_stack([table[name].to_numpy()[::ARM_STEP] for name in names])
+        frames = scene.arm_frames(q, installation_of(run), _size(self._strip)[1])
+        for entity, body in scene.arm_bodies().items():
+            self._to.log(entity, body, static=True)
+        times = [
+            rr.TimeColumn("t", duration=np.maximum(t, 0.0)),
+            rr.TimeColumn("clock", duration=t + run.origin()),
+        ]
+        for link, entity in enumerate(scene.LINKS):
+            columns = scene.transforms(frames[:, link])
+            self._to.send_columns(entity, times, columns)
+
+    def _add_curves(
+        self, tick: TickView, names: Sequence[str], values: Sequence[float]
+    ) -> None:
+        """Buffer `values` in SI units of the curves `names`, in the units of their
+        plots.
+        """
+        for name, value in zip(names, values, strict=True):
+            scaled = SCALES.get(name, MM) * value
+            self._add(f"signals/{name}", _scalar_columns, tick, scaled)
+
+    def _add(
+        self,
+        entity: str,
+        compose: Compose,
+        moment: TickView | LogLine,
+        row: Any,
+    ) -> None:
+        """Buffer a `row` of `entity` at a `moment`."""
+        key = (entity, compose)
+        if key not in self._rows:
+            self._rows[key] = Rows(entity, compose)
+        self._rows[key].add(moment, row)
+
+    def _send(self) -> None:
+        """Send the rows that wait, and the path up to now."""
+        self._waiting = 0
+        for rows in self._rows.values():
+            rows.send(self._to)
+        if self._track:
+            middle = 0.5 * _size(self._strip)[1]
+            path = scene.at_depth(np.array(self._track), middle)
+            look = rr.LineStrips3D([path], colors=PATH_RGBA, radii=scene.LINE)
+            self._to.log(scene.PATH, look, static=True)
+
+    def _band_columns(self, midlines: list[Array]) -> Any:
+        return scene.bands(midlines, _size(self._strip)[1])
 
 
-def _curve(points: Array, colour: int, radius: float) -> Any:
-    """Line through points (n, 2) [m] for a flat view, drawn with `radius` [mm]."""
-    lines = [TO_VIEW * points] if len(points) > 1 else []
-    return rr.LineStrips2D(lines, colors=colour, radii=radius)
-
-
-def jpeg(image: Image) -> Any:
-    """Compress `image` (h, w, 3) BGR as a JPEG for Rerun."""
-    _, content = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, 70])
-    return rr.EncodedImage(contents=bytes(content), media_type="image/jpeg")
-
-
-def free_port() -> int:
-    """Number of a free TCP port on the loopback."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
-def blueprint(*, filmed: bool) -> Any:
-    """Layout of Rerun's viewer for a run: camera or film, side view, states, signals
-    and log.
-    """
-    side = rrb.Spatial2DView(
-        origin="/",
-        contents=["/strip/**", "/gripper/**", "/desk/**"],
-        name="strip [mm]: seen (orange) and simulated (blue)",
-    )
-    right = rrb.Vertical(
-        rrb.TextDocumentView(origin="/verdict", name="verdict"),
-        rrb.StateTimelineView(origin="/cell/state", name="state"),
-        _plot("along", "along the strip [mm]", rrb.Corner2D.RightTop),
-        _plot("above", "above the desk [mm]", rrb.Corner2D.LeftTop),
-        _outlook(),
-        rrb.TextLogView(origin="/log", name="log"),
-        row_shares=[2, 1, 3, 3, 3, 2],
-    )
-    drawn = "/camera/overlay/**"
-    camera = rrb.Tabs(
-        rrb.Spatial2DView(
-            origin="/camera", contents=["/camera/image", drawn], name="camera"
+def layout(
+    strip: StripFile | None,
+    calibration: Calibration | None,
+    *,
+    end: float | None = None,
+    live: bool = False,
+) -> rrb.Blueprint:
+    """Layout of Rerun's viewer for a run up to time `end` [s], where it is known."""
+    axis = None if end is None else _axis(end)
+    length, _ = _size(strip)
+    hidden = [OVERLAY + "/**", *([scene.CAMERA + "/**"] if calibration is None else [])]
+    lanes = rrb.StateTimelineView(origin=STATE, name="state", time_view=axis)
+    views = saving.arrange(
+        scene.view(length, scene.WORLD, "the cell: " + COLOURS_SAID, hidden),
+        _camera_view(length, calibration),
+        rrb.TextDocumentView(origin=VERDICT, name="verdict"),
+        (
+            lanes,
+            saving.curves("signals/along", "along the strip [mm]", axis=axis),
+            saving.curves("signals/above", "above the desk [mm]", axis=axis),
+            _outlook(axis),
+            rrb.TextLogView(origin=LOG, name="log", columns=_log_view_columns()),
         ),
-        rrb.Spatial2DView(
-            origin="/camera", contents=["/camera/film", drawn], name="film"
+        (1.3, 2.2, 2.2, 2.2, 1.6),
+    )
+    return saving.blueprint(views, live=live)
+
+
+def verdict_text(run: Run) -> str:
+    """Verdict on `run`, whole, in Markdown."""
+    verdict = verdict_of(run, None)
+    error = verdict.error.replace(LINE_BREAK, ", ")
+    figure = [f"**{verdict.figure}** ({error})"] if verdict.figure else []
+    return "\n\n".join([f"## {verdict.headline}", *figure, *verdict.sentences])
+
+
+def installation_of(run: Run) -> Installation:
+    """Installation of the arm with which `run` was recorded, or else a usual one."""
+    stated = (run.header.config or {}).get("installation", {})
+    return parse(stated, Installation, f"{run.folder / RUN}: config: installation")
+
+
+def _size(strip: StripFile | None) -> tuple[float, float]:
+    """Length and width [m] of a `strip`, or of one that is not known."""
+    return UNKNOWN_SIZE if strip is None else (strip.length, strip.width)
+
+
+def _looks() -> Mapping[str, Any]:
+    """Static looks by entity of what moves: lines, marks, images, states, curves."""
+    looks = {
+        MEASURED_EDGE: rr.LineStrips3D.from_fields(colors=SEEN_RGBA, radii=scene.EDGE),
+        SIMULATED: rr.LineStrips3D.from_fields(colors=MODEL_RGBA, radii=scene.EDGE),
+        PICTURE: rr.EncodedImage.from_fields(media_type="image/jpeg"),
+        PROFILE: rr.LineStrips2D.from_fields(colors=SEEN_RGBA, radii=1.2),
+        CONTACT: rr.Points2D.from_fields(colors=CONTACT_RGBA, radii=4.0),
+        TIP: rr.Points2D.from_fields(colors=TIP_RGBA, radii=4.0),
+        STATE: rr.StateConfiguration(
+            values=list(STATE_COLOURS), colors=list(STATE_COLOURS.values())
         ),
-        active_tab=int(filmed),
-    )
-    return rrb.Blueprint(
-        rrb.Horizontal(rrb.Vertical(camera, side), right),
-        rrb.TimePanel(timeline="t", state="collapsed"),
-        rrb.SelectionPanel(state="hidden"),
-        rrb.BlueprintPanel(state="hidden"),
+    }
+    for name, (words, colour) in CURVES.items():
+        line = rr.SeriesLines(colors=colour, names=words, widths=1.5)
+        looks[f"signals/{name}"] = line
+    return looks
+
+
+def _camera_view(length: float, calibration: Calibration | None) -> Any:
+    """View of the camera's image with what was read in it, cut to the fold."""
+    bounds = None
+    if calibration is not None:
+        scale = PICTURE_WIDTH / calibration.lens.width
+        corners = length * np.array([VIEW_LOW, VIEW_HIGH])
+        (left, bottom), (right, top) = scale * calibration.to_image(corners)
+        bounds = rrb.VisualBounds2D(x_range=[left, right], y_range=[top, bottom])
+    return rrb.Spatial2DView(
+        origin=scene.IMAGE,
+        contents=["$origin/**"],
+        name="what the camera saw, and what was read in it",
+        visual_bounds=bounds,
     )
 
 
-def _outlook() -> Any:
+def _axis(end: float) -> Any:
+    """Axis of time from 0 to `end` [s]."""
+    boundary = rr.TimeRangeBoundary.absolute
+    span = rr.TimeRange(start=boundary(seconds=0.0), end=boundary(seconds=end))
+    return rrb.TimeAxis(view_range=span)
+
+
+def _outlook(axis: Any) -> Any:
     """Tabs of the policy's predictions: displacement and each parameter, with their
     intervals.
     """
     views = [
         rrb.TimeSeriesView(
-            origin="/signals/outlook",
-            contents=[f"/signals/outlook/{name}{end}" for end in ("", "_low", "_high")],
+            origin="signals/outlook",
+            contents=[f"signals/outlook/{name}{end}" for end in BOUNDS],
             name=title,
+            axis_x=axis,
         )
         for name, (title, _, _) in PANELS.items()
     ]
     return rrb.Tabs(*views, active_tab=0)
 
 
-def _plot(group: str, name: str, corner: rrb.Corner2D) -> Any:
-    legend = rrb.PlotLegend(corner=corner)
-    return rrb.TimeSeriesView(origin=f"/signals/{group}", name=name, plot_legend=legend)
+def _log_view_columns() -> Any:
+    """Columns of the log: time and text."""
+    return rrb.TextLogColumns(
+        timeline_columns=["t"],
+        text_log_columns=[rrb.components.TextLogColumn("Body")],
+    )
+
+
+def _scalar_columns(rows: list[float]) -> Any:
+    return rr.Scalars.columns(scalars=rows)
+
+
+def _line_columns(rows: list[Array]) -> Any:
+    return rr.LineStrips2D.columns(strips=rows)
+
+
+def _point_columns(rows: list[Array]) -> Any:
+    columns = rr.Points2D.columns(positions=np.concatenate(rows))
+    return columns.partition([len(row) for row in rows])
+
+
+def _picture_columns(rows: list[bytes]) -> Any:
+    return rr.EncodedImage.columns(blob=rows)
+
+
+def _frame_columns(rows: list[Array]) -> Any:
+    return scene.transforms(np.array(rows))
+
+
+def _state_columns(rows: list[str]) -> Any:
+    return rr.StateChange.columns(state=rows)
+
+
+def _clear_columns(rows: list[bool]) -> Any:
+    return rr.Clear.columns(is_recursive=rows)
+
+
+def _log_columns(rows: list[tuple[str, bool]]) -> Any:
+    levels = [
+        rr.TextLogLevel.ERROR if alarm else rr.TextLogLevel.INFO for _, alarm in rows
+    ]
+    return rr.TextLog.columns(text=[text for text, _ in rows], level=levels)
 
 
 class Shadow:

@@ -1,6 +1,7 @@
 """Live view of a run in the viewer Rerun, drawn in a thread of its own."""
 
 import math
+import os
 import threading
 from collections import deque
 from collections.abc import Iterator
@@ -11,17 +12,23 @@ from pathlib import Path
 from calibration.calibration import load_calibration
 from cell.orchestrator.snapshot import Snapshot
 from cell.orchestrator.states import State
-from cell.record.events import log_text, row_of
-from cell.record.files import CALIBRATION, RECORDING, RESULT
-from cell.report.viz.playback import LogLine, TickView
+from cell.record.events import row_of
+from cell.record.files import CALIBRATION, RECORDING
+from cell.report.viz.playback import PICTURE_PERIOD, LogLine, TickView
+from cell.report.words import log_line
 from drivers.base.errors import CellError
 from drivers.base.types import Image
 from drivers.strip.file import StripFile
 from policies.prediction import FoldPrediction
 
+VIEWER_PORT = 9876  # at which a viewer looks by itself
 # items and images in the queue: at most 45 MB of images
 WAITING, IMAGES_WAITING = 1024, 16
-IMAGE_PERIOD = 0.1  # s between images that are shown
+NO_SCREEN = (
+    "no screen here (DISPLAY and WAYLAND_DISPLAY are empty), so no viewer opens; look"
+    f" from another machine: `ssh -L {VIEWER_PORT}:127.0.0.1:{VIEWER_PORT} HOST`, then"
+    " `rerun --connect` there; or open the recording afterwards"
+)
 CLOSING_TIMEOUT = 30.0  # s to draw the queue after the run
 
 
@@ -90,7 +97,7 @@ class LiveView:
         if kind == "state" and facts.get("state") == self._first_measured:
             self._origin = time
         self._put(
-            LogLine(time, log_text(kind, facts), kind == "fault", time - self._origin)
+            LogLine(time, log_line(kind, facts), kind == "fault", time - self._origin)
         )
 
     def close(self, timeout: float = CLOSING_TIMEOUT) -> None:
@@ -111,7 +118,7 @@ class LiveView:
             or snapshot.time < self._next_image
         ):
             return None
-        self._next_image = snapshot.time + IMAGE_PERIOD
+        self._next_image = snapshot.time + PICTURE_PERIOD
         waiting = (item for item in self._waiting.copy() if isinstance(item, TickView))
         late = sum(item.image is not None for item in waiting) >= IMAGES_WAITING
         return None if late else snapshot.view.frame.image
@@ -127,28 +134,30 @@ class LiveView:
         run.
         """
         from cell.record.run import read_broken_run
-        from cell.report.viz.recording import Screen, blueprint, open_recording
+        from cell.report.viz.recording import Screen, layout
+        from cell.report.viz.saving import open_recording
 
-        path = folder / CALIBRATION
+        path, target = folder / CALIBRATION, folder / RECORDING
         try:
             calibration = load_calibration(path) if path.exists() else None
-            layout = blueprint(filmed=False)
-            with open_recording(
-                "cell", folder / RECORDING, layout, live=True
-            ) as recording:
+            views = layout(strip, calibration, live=True)
+            with open_recording("cell", target, views, live=True) as recording:
                 screen = Screen(recording, calibration, strip)
+                screen.begin(read_broken_run(folder))
                 while self._waiting or not self._over.is_set():
                     self._news.wait()
                     self._news.clear()
                     while self._waiting:
                         screen.draw(self._waiting.popleft())
-                screen.finish()
-                if (folder / RESULT).is_file():
-                    screen.log_verdict(read_broken_run(folder))
-                screen.log_film(folder)
+                screen.finish(read_broken_run(folder))
         except (CellError, OSError, RuntimeError, ValueError) as error:
             self.failure = f"the view is not recorded any more: {error}"
             self._waiting.clear()
+
+
+def has_screen() -> bool:
+    """Whether a window can be shown here."""
+    return any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
 
 
 @contextmanager

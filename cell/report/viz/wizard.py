@@ -12,10 +12,12 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from calibration.wizard.progress import COLOURS_BGR, Progress
-from cell.report.viz.recording import jpeg, open_recording
+from cell.report.viz import saving
+from cell.report.viz.recording import PICTURE_WIDTH
 
 WIZARD_RECORDING = "wizard.rrd"
 WANTED_RGBA = 0xFFAA32FF
+STEPS_A_SECOND = 1.0  # of a recording that is played
 
 
 @contextmanager
@@ -24,7 +26,9 @@ def wizard_screen(folder: Path, *, live: bool = False) -> Iterator["WizardScreen
     it too.
     """
     path = folder / WIZARD_RECORDING
-    with open_recording("cell-wizard", path, _blueprint(), live=live) as recording:
+    views = _views()
+    layout = saving.blueprint(views, timeline="step", live=live, fps=STEPS_A_SECOND)
+    with saving.open_recording("cell-wizard", path, layout, live=live) as recording:
         yield WizardScreen(recording)
 
 
@@ -36,6 +40,7 @@ class WizardScreen:
     def __init__(self, recording: rr.RecordingStream) -> None:
         self._to = recording
         self._count = 0
+        self._scale = 1.0
 
     def __call__(self, step: Progress) -> None:
         """Draw one step of the wizard: the request, the image with marks, and the
@@ -44,47 +49,62 @@ class WizardScreen:
         self._count += 1
         self._to.set_time("step", sequence=self._count)
         if step.frame is not None:
-            self._to.log("camera/image", jpeg(step.frame.image))
-        gates = [f"{'x' if gate.passed else ' '} {gate}" for gate in step.coverage]
-        words = "\n".join(
-            [f"next: {step.request}", f"why: {step.why}", "", step.title, *gates]
-        )
-        self._to.log("wizard/words", rr.TextDocument(words))
-        if step.coverage:
-            shares = np.array([gate.share for gate in step.coverage])
-            self._to.log("wizard/coverage", rr.BarChart(shares))
-        if step.sketch is not None:
-            corners = step.sketch.wanted
-            outlines = [] if corners is None else [np.vstack([corners, corners[:1]])]
-            labels = ["wanted"] * len(outlines)
-            strips = rr.LineStrips2D(
-                outlines, colors=WANTED_RGBA, radii=3, labels=labels
-            )
-            self._to.log("camera/image/wanted", strips)
-        if step.marks:
-            pixels = np.array([mark.pixel for mark in step.marks])
-            colours = np.array(
-                [COLOURS_BGR[mark.kind][::-1] for mark in step.marks], np.uint8
-            )
-            names = [mark.label for mark in step.marks if mark.label]
-            points = rr.Points2D(pixels, colors=colours, labels=names or None, radii=4)
-            self._to.log("camera/image/marks", points)
+            self._scale = PICTURE_WIDTH / step.frame.image.shape[1]
+            picture = saving.jpeg(step.frame.image, PICTURE_WIDTH)
+            image = rr.EncodedImage(contents=picture, media_type="image/jpeg")
+            self._to.log("camera/image", image)
+        self._to.log("wizard/words", saving.document(_words(step)))
+        self._draw_coverage(step)
+        self._draw_marks(step)
         if step.result is not None and step.result.refused is not None:
             self._to.log("wizard/log", rr.TextLog(step.result.answer))
 
+    def _draw_coverage(self, step: Progress) -> None:
+        """Draw how much of each of the wizard's gates is reached."""
+        if not step.coverage:
+            return
+        shares = np.array([gate.share for gate in step.coverage])
+        self._to.log("wizard/coverage", rr.BarChart(shares))
 
-def _blueprint() -> Any:
-    """Layout of Rerun's viewer for a calibration: camera, and what is wanted, covered,
-    refused.
-    """
-    right = rrb.Vertical(
+    def _draw_marks(self, step: Progress) -> None:
+        """Draw what was found in the image, and what is wanted; clear what is not any
+        more.
+        """
+        corners = None if step.sketch is None else step.sketch.wanted
+        if corners is None:
+            self._to.log("camera/image/wanted", rr.Clear(recursive=False))
+        else:
+            outline = self._scale * np.vstack([corners, corners[:1]])
+            line = rr.LineStrips2D(
+                [outline], colors=WANTED_RGBA, radii=2, labels=["wanted"]
+            )
+            self._to.log("camera/image/wanted", line)
+        if not step.marks:
+            self._to.log("camera/image/marks", rr.Clear(recursive=False))
+            return
+        pixels = self._scale * np.array([mark.pixel for mark in step.marks])
+        colours = [COLOURS_BGR[mark.kind][::-1] for mark in step.marks]
+        names = [mark.label for mark in step.marks if mark.label]
+        points = rr.Points2D(pixels, colors=colours, labels=names or None, radii=3)
+        self._to.log("camera/image/marks", points)
+
+
+def _words(step: Progress) -> str:
+    """Text in Markdown on what is wanted, why, and what is reached."""
+    gates = [f"- {'[x]' if gate.passed else '[ ]'} {gate}" for gate in step.coverage]
+    lines = [f"## {step.request}", step.why, f"**{step.title}**", "\n".join(gates)]
+    return "\n\n".join(filter(None, lines))
+
+
+def _views() -> Any:
+    """Views of a calibration: camera, and what is wanted, covered, refused."""
+    return saving.arrange(
+        rrb.Spatial2DView(origin="/camera/image", name="camera"),
+        None,
         rrb.TextDocumentView(origin="/wizard/words", name="what is wanted"),
-        rrb.BarChartView(origin="/wizard/coverage", name="covered"),
-        rrb.TextLogView(origin="/wizard/log", name="refused, and why"),
-    )
-    camera = rrb.Spatial2DView(origin="/camera/image", name="camera")
-    return rrb.Blueprint(
-        rrb.Horizontal(camera, right, column_shares=[3, 2]),
-        rrb.SelectionPanel(state="hidden"),
-        rrb.BlueprintPanel(state="hidden"),
+        (
+            rrb.BarChartView(origin="/wizard/coverage", name="covered"),
+            rrb.TextLogView(origin="/wizard/log", name="refused, and why"),
+        ),
+        (1, 1),
     )

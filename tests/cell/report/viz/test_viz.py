@@ -1,5 +1,6 @@
 import shutil
 import threading
+from dataclasses import replace
 from pathlib import Path
 from unittest.mock import Mock
 
@@ -8,18 +9,22 @@ import pytest
 from rerun.chunk import RrdReader
 
 from calibration.calibration import save_calibration
+from cell.interface.cli.options import said_where
 from cell.orchestrator.snapshot import Snapshot
 from cell.orchestrator.states import State
 from cell.orchestrator.vision import View
 from cell.perception.strip_measurement import StripMeasurement
 from cell.record.run import read_run
 from cell.record.writer import RunWriter
-from cell.report.viz import recording
-from cell.report.viz.recording import Screen, Shadow, viz_from_run
+from cell.report.figures import READING
+from cell.report.viz import saving
+from cell.report.viz.recording import STALE, Screen, Shadow, viz_from_run
 from cell.report.viz.watch import WAITING, LiveView
 from drivers.base.types import ZERO_VELOCITY, ArmState, Frame, HandState, Pose
+from drivers.base.yaml_text import dump_yaml
 from drivers.strip.file import StripFile
 from tests.cell.conftest import HEADER
+from tests.support.plain_cell import ARM
 
 STRIP = StripFile.model_validate(HEADER["strip_file"])
 
@@ -63,7 +68,13 @@ def snapshot(k: int, state: State = State.FOLD, every: int = 2) -> Snapshot:
 @pytest.fixture(autouse=True)
 def unseen(monkeypatch) -> None:
     """A viewer that nobody opens."""
-    monkeypatch.setattr(recording, "open_viewer", lambda _: None)
+    monkeypatch.setattr(saving, "open_viewer", lambda _: None)
+
+
+def begun(folder: Path) -> Path:
+    """Folder of a run that has just begun."""
+    (folder / "run.yaml").write_text(dump_yaml({"schema": 1} | HEADER), "utf-8")
+    return folder
 
 
 def watch(viz: LiveView, count: int) -> None:
@@ -78,56 +89,107 @@ def rebuilt(finished, tmp_path_factory):
     return viz_from_run(folder)
 
 
+def times(path: Path, entity: str, kind: str = "") -> list[float]:
+    """Times [s] on `t` of the rows of an entity, of those whose columns name `kind`."""
+    found: list[float] = []
+    for chunk in RrdReader(path).stream().to_chunks():
+        batch = chunk.to_record_batch()
+        named = any(kind in name for name in batch.schema.names)
+        if chunk.entity_path == entity and not chunk.is_static and named:
+            found += (1e-9 * batch.column("t").cast("int64").to_numpy()).tolist()
+    return sorted(found)
+
+
 def test_stored_run_is_shown_again(rebuilt):
     rows = entities(rebuilt)
-    kept = sum(note.file is not None for note in read_run(rebuilt.parent).frame_index())
-    assert rows["/camera/image"] == kept
-    assert rows["/camera/overlay/profile"] == rows["/strip/measured"] == 94
-    assert rows["/strip/twin"] == 235
+    assert rows["/world/strip/measured"] == 94 + 1
+    assert rows["/world/strip/measured/edge"] == 94 + 1
+    assert rows["/world/strip/simulated"] == 190 + 2
     assert rows["/log"] == 3
     assert rows["/signals/along/gripper_x"] == 940 + 1
-    assert {"/gripper", "/gripper/path", "/cell/state", "/signals/above/gap"} <= set(
-        rows
+    assert {"/world/desk", "/world/clamp", "/world/path", "/state"} <= set(rows)
+    assert {"/world/arm/link8/palm", "/world/camera", "/verdict"} <= set(rows)
+    assert timelines(rebuilt, "/world/strip/measured") == {"t", "clock"}
+
+
+@pytest.mark.parametrize(
+    "entity",
+    [
+        "/state",
+        "/log",
+        "/world/camera/image/picture",
+        "/world/camera/image/overlay/profile",
+        "/world/strip/measured",
+        "/world/strip/simulated",
+        "/world/arm/link8",
+    ],
+)
+def test_recording_opens_with_everything_in_place_and_nothing_before(rebuilt, entity):
+    assert times(rebuilt, entity)[0] == 0.0
+
+
+def test_only_what_was_read_in_a_picture_is_drawn_over_it(rebuilt):
+    pictures = times(rebuilt, "/world/camera/image/picture")
+    overlay = "/world/camera/image/overlay/profile"
+    assert set(times(rebuilt, overlay)) <= set(pictures)
+    assert len(times(rebuilt, overlay, "strips")) > 2
+
+
+def test_simulated_strip_is_cleared_once_the_layers_touched(rebuilt):
+    ticks = read_run(rebuilt.parent).ticks
+    last = max(
+        t for t, state in zip(ticks.t, ticks.state, strict=True) if state in READING
     )
-    assert timelines(rebuilt, "/gripper") >= {"t", "tick"}
-    assert timelines(rebuilt, "/signals/above/gripper_z") == {"t", "tick"}
+    (cleared,) = times(rebuilt, "/world/strip/simulated", "Clear")
+    assert cleared == pytest.approx(last, abs=0.05)
+
+
+def test_measured_strip_is_cleared_once_its_measurement_is_old(tmp_path):
+    viz = LiveView(begun(tmp_path), STRIP)
+    watch(viz, 100)
+    for k in range(100, 200):
+        seen = snapshot(k)
+        viz.handle_tick(replace(seen, view=replace(seen.view, measurement=None)))
+    viz.close(60)
+    (cleared,) = times(tmp_path / "run.rrd", "/world/strip/measured", "Clear")
+    assert cleared == pytest.approx(0.99 + STALE, abs=0.03)
 
 
 def test_dead_run_is_shown_as_far_as_it_goes(killed, tmp_path):
     folder = shutil.copytree(killed, tmp_path / killed.name)
     rows = entities(viz_from_run(folder))
-    assert rows["/strip/measured"] == 43
+    assert rows["/world/strip/measured"] == 43 + 1
     assert rows["/signals/along/gripper_x"] == 429 + 1
 
 
 def test_watched_fold_is_recorded(tmp_path):
-    viz = LiveView(tmp_path, STRIP)
+    viz = LiveView(begun(tmp_path), STRIP)
     watch(viz, 200)
     viz.handle_event(1.99, "fault", {"name": "stale_image", "reason": "too old"})
     viz.close(60)
     rows = entities(tmp_path / "run.rrd")
     assert viz.failure == ""
-    assert rows["/strip/measured"] == 100
-    assert rows["/cell/state"] == 2 + 1
+    assert rows["/world/strip/measured"] == 100 + 1
+    assert rows["/state"] == 2 + 1
     assert rows["/log"] == 2
     assert rows["/signals/along/contact_x"] == 100 + 1
 
 
 def test_overlay_is_drawn_where_the_runs_calibration_puts_it(tmp_path, calibration):
     save_calibration(calibration, tmp_path / "calibration.yaml")
-    viz = LiveView(tmp_path, STRIP)
+    viz = LiveView(begun(tmp_path), STRIP)
     watch(viz, 40)
     viz.close(60)
     rows = entities(tmp_path / "run.rrd")
-    assert rows["/camera/overlay/profile"] == 20
-    assert rows["/camera/image"] == 4
+    assert rows["/world/camera/image/overlay/profile"] == 4 + 1
+    assert rows["/world/camera/image/picture"] == 4 + 1
     changed = (
         (tmp_path / "calibration.yaml")
         .read_text()
         .replace("camera: made", "camera: other")
     )
     (tmp_path / "calibration.yaml").write_text(changed)
-    viz = LiveView(tmp_path, STRIP)
+    viz = LiveView(begun(tmp_path), STRIP)
     viz.close(60)
     assert "changed by hand" in viz.failure
 
@@ -141,7 +203,7 @@ def test_thread_that_hangs_drops_the_oldest_and_holds_nothing_up(tmp_path, monke
         drawn.append(item)
 
     monkeypatch.setattr(Screen, "draw", slow)
-    viz = LiveView(tmp_path, STRIP)
+    viz = LiveView(begun(tmp_path), STRIP)
     viz.handle_tick(snapshot(0))
     assert stuck.wait(60)
     for k in range(1, WAITING + 301):
@@ -154,12 +216,13 @@ def test_thread_that_hangs_drops_the_oldest_and_holds_nothing_up(tmp_path, monke
 
 
 def test_machine_without_a_viewer_still_writes_the_file(tmp_path, monkeypatch):
-    monkeypatch.setattr(
-        recording, "open_viewer", Mock(side_effect=FileNotFoundError("rerun"))
-    )
-    viz = LiveView(tmp_path, STRIP)
+    monkeypatch.setenv("DISPLAY", ":0")
+    missing = Mock(side_effect=FileNotFoundError("rerun"))
+    monkeypatch.setattr(saving, "open_viewer", missing)
+    viz = LiveView(begun(tmp_path), STRIP)
     watch(viz, 20)
     viz.close(60)
+    missing.assert_called_once()
     assert viz.failure == ""
     assert entities(tmp_path / "run.rrd")["/signals/along/gripper_x"] == 20 + 1
 
@@ -179,20 +242,28 @@ def test_shadow_ends_where_a_stamp_jumps_by_years_or_is_in_milliseconds(jump: fl
     assert not shadow.follow(1.02 + jump, pose).size
 
 
-def test_film_of_a_run_is_in_its_recording_at_the_cameras_own_times(tmp_path):
+def test_pictures_of_a_film_come_at_the_cameras_own_times(tmp_path):
     writer = RunWriter(tmp_path, HEADER, "none", patient=True, film="libx264")
     writer.event(5.0, "origin")
     stamps = [0.06 * k + 0.01 * (k % 3) - 0.2 for k in range(20)]
     for k, stamp in enumerate(stamps):
         image = np.full((64, 96, 3), 9 * k, np.uint8)
         writer.frame(Frame(stamp, stamp + 0.02, "made", k, image))
+        writer.tick(replace(ARM, stamp=max(0.0, stamp + 0.2)), "FOLD")
     writer.finish({"outcome": "path_done"})
-    chunks = RrdReader(viz_from_run(writer.folder)).stream().to_chunks()
-    (found,) = (
-        c for c in chunks if c.entity_path == "/camera/film" and not c.is_static
-    )
-    table = found.to_record_batch()
-    for name, offset in (("t", 0.0), ("clock", 5.0)):
-        times = table.column(name).cast("int64").to_numpy() / 1e9
-        assert times == pytest.approx([stamp + offset for stamp in stamps], abs=1e-8)
-    assert any(c.entity_path == "/camera/film" and c.is_static for c in chunks)
+    shown = times(viz_from_run(writer.folder), "/world/camera/image/picture")
+    assert shown[0] == 0.0
+    assert np.diff(shown[1:]).min() > 0.1 - 0.02
+    assert len(shown) >= 5
+
+
+def test_live_view_without_a_screen_says_where_it_is_to_be_seen(monkeypatch, capsys):
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    said_where("live")
+    assert "rerun --connect" in capsys.readouterr().err
+    said_where("save")
+    assert capsys.readouterr().err == ""
+    monkeypatch.setenv("DISPLAY", ":0")
+    said_where("live")
+    assert capsys.readouterr().err == ""
