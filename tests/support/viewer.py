@@ -13,9 +13,9 @@ import cv2
 import numpy as np
 
 from cell.record.run import read_run
+from cell.report.viz.opening import open_recording
 from cell.report.viz.playback import LogLine, TickView, moments_of
 from cell.report.viz.recording import Screen, layout
-from cell.report.viz.saving import open_recording
 from drivers.base.settings import parse
 from drivers.base.types import Image
 from drivers.strip.file import StripFile

@@ -159,7 +159,7 @@ Viz = Literal["save", "live", "off"]
 def said_where(viz: Viz) -> Viz:
     """Say where a live view is to be seen if there is no screen for it here."""
     if viz == "live":
-        from cell.report.viz.watch import NO_SCREEN, has_screen
+        from cell.report.viz.opening import NO_SCREEN, has_screen
 
         if not has_screen():
             typer.echo(NO_SCREEN, err=True)

@@ -23,6 +23,7 @@ from cell.record.run import Run, read_broken_run
 from cell.report.figures import PANELS, READING, STATE_SHADES
 from cell.report.page_verdict import LINE_BREAK, verdict_of
 from cell.report.viz import saving, scene
+from cell.report.viz.opening import open_recording
 from cell.report.viz.playback import LogLine, TickView, moments_of
 from cell.report.viz.scene import MODEL_RGBA, PATH_RGBA, SEEN_RGBA
 from drivers.base.errors import ConfigurationError, Fault, Unsupported
@@ -114,7 +115,7 @@ def viz_from_run(folder: Path) -> Path:
     try:
         with (
             replacing(path) as scratch,
-            saving.open_recording("cell", scratch, views) as recording,
+            open_recording("cell", scratch, views) as recording,
         ):
             screen = Screen(recording, calibration, strip, batch=math.inf)
             screen.begin(run)

@@ -1,7 +1,6 @@
 """Live view of a run in the viewer Rerun, drawn in a thread of its own."""
 
 import math
-import os
 import threading
 from collections import deque
 from collections.abc import Iterator
@@ -21,14 +20,8 @@ from drivers.base.types import Image
 from drivers.strip.file import StripFile
 from policies.prediction import FoldPrediction
 
-VIEWER_PORT = 9876  # at which a viewer looks by itself
 # items and images in the queue: at most 45 MB of images
 WAITING, IMAGES_WAITING = 1024, 16
-NO_SCREEN = (
-    "no screen here (DISPLAY and WAYLAND_DISPLAY are empty), so no viewer opens; look"
-    f" from another machine: `ssh -L {VIEWER_PORT}:127.0.0.1:{VIEWER_PORT} HOST`, then"
-    " `rerun --connect` there; or open the recording afterwards"
-)
 CLOSING_TIMEOUT = 30.0  # s to draw the queue after the run
 
 
@@ -134,8 +127,8 @@ class LiveView:
         run.
         """
         from cell.record.run import read_broken_run
+        from cell.report.viz.opening import open_recording
         from cell.report.viz.recording import Screen, layout
-        from cell.report.viz.saving import open_recording
 
         path, target = folder / CALIBRATION, folder / RECORDING
         try:
@@ -153,11 +146,6 @@ class LiveView:
         except (CellError, OSError, RuntimeError, ValueError) as error:
             self.failure = f"the view is not recorded any more: {error}"
             self._waiting.clear()
-
-
-def has_screen() -> bool:
-    """Whether a window can be shown here."""
-    return any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
 
 
 @contextmanager

@@ -13,6 +13,7 @@ import rerun.blueprint as rrb
 
 from calibration.wizard.progress import COLOURS_BGR, Progress
 from cell.report.viz import saving
+from cell.report.viz.opening import open_recording
 from cell.report.viz.recording import PICTURE_WIDTH
 
 WIZARD_RECORDING = "wizard.rrd"
@@ -28,7 +29,7 @@ def wizard_screen(folder: Path, *, live: bool = False) -> Iterator["WizardScreen
     path = folder / WIZARD_RECORDING
     views = _views()
     layout = saving.blueprint(views, timeline="step", live=live, fps=STEPS_A_SECOND)
-    with saving.open_recording("cell-wizard", path, layout, live=live) as recording:
+    with open_recording("cell-wizard", path, layout, live=live) as recording:
         yield WizardScreen(recording)
 
 

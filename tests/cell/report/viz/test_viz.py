@@ -17,7 +17,7 @@ from cell.perception.strip_measurement import StripMeasurement
 from cell.record.run import read_run
 from cell.record.writer import RunWriter
 from cell.report.figures import READING
-from cell.report.viz import saving
+from cell.report.viz import opening
 from cell.report.viz.recording import STALE, Screen, Shadow, viz_from_run
 from cell.report.viz.watch import WAITING, LiveView
 from drivers.base.types import ZERO_VELOCITY, ArmState, Frame, HandState, Pose
@@ -68,7 +68,7 @@ def snapshot(k: int, state: State = State.FOLD, every: int = 2) -> Snapshot:
 @pytest.fixture(autouse=True)
 def unseen(monkeypatch) -> None:
     """A viewer that nobody opens."""
-    monkeypatch.setattr(saving, "open_viewer", lambda _: None)
+    monkeypatch.setattr(opening, "open_viewer", lambda _: None)
 
 
 def begun(folder: Path) -> Path:
@@ -218,7 +218,7 @@ def test_thread_that_hangs_drops_the_oldest_and_holds_nothing_up(tmp_path, monke
 def test_machine_without_a_viewer_still_writes_the_file(tmp_path, monkeypatch):
     monkeypatch.setenv("DISPLAY", ":0")
     missing = Mock(side_effect=FileNotFoundError("rerun"))
-    monkeypatch.setattr(saving, "open_viewer", missing)
+    monkeypatch.setattr(opening, "open_viewer", missing)
     viz = LiveView(begun(tmp_path), STRIP)
     watch(viz, 20)
     viz.close(60)
