@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import reduce
 from itertools import combinations
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import numpy as np
 from pydantic import Field
@@ -27,7 +27,7 @@ from cell.gap.subject.run_folders import (
     read_table,
     without_copies,
 )
-from cell.gap.subject.subject import Candidate, Subject
+from cell.gap.subject.subject import Candidate, Finding, Level, Subject
 from cell.gap.verdict.schema import Entry
 from cell.report.html import page
 from cell.report.page_verdict import PageVerdict
@@ -43,7 +43,6 @@ PROBE_SIGMA = 3.0
 # of two responses: beyond it runs cannot separate the effects
 LARGEST_CORRELATION = 0.995
 IDENTIFIABLE = "not identifiable"
-Level = Literal["bad", "fair", "good"]
 HEADLINES: dict[Level, str] = {  # from the best to the worst level
     "good": "These runs can be fitted",
     "fair": "These runs can be fitted; mind the findings below",
@@ -61,21 +60,6 @@ MOVED = 0.01  # m or rad
 CLIPPED = 0.05  # s that readings keep a largest or smallest value, more than once
 # share of the median step of the clock by which the middle half of the steps differ
 UNEVEN = 0.5
-
-
-class Finding(Entry):
-    """Problem of recordings, of a `level`: `bad` ones forbid a fit, `fair` ones cost
-    accuracy.
-
-    `run` is the name of a run, empty where the finding concerns all of them; `what` is
-    the check, `words` say what is seen where, `remedy` what to do, if anything.
-    """
-
-    level: Level = "fair"
-    what: str
-    run: str = ""
-    words: str
-    remedy: str
 
 
 def clock(t: Array) -> Iterator[Finding]:
@@ -269,16 +253,14 @@ def recordings(runs: Sequence[RunFolder]) -> list[Finding]:
     return findings
 
 
-def refuse(runs: Sequence[RunFolder]) -> None:
-    """Raise ConfigurationError where the recordings of `runs` have a finding that
-    forbids a fit.
-    """
-    bad = [f for f in recordings(runs) if f.level == "bad"]
+def refuse(findings: Sequence[Finding]) -> None:
+    """Raise ConfigurationError where one of `findings` forbids a fit."""
+    bad = [f for f in findings if f.level == "bad"]
     if bad:
         more = f" (and {len(bad) - 1} more)" if len(bad) > 1 else ""
         raise ConfigurationError(
-            f"{bad[0].run}: {bad[0].what}: {bad[0].words}; {bad[0].remedy}{more}; `cell"
-            " gap check` lists all, --unchecked fits them all the same"
+            f"{bad[0]}{more}; `cell gap check` lists all, --unchecked fits them all the"
+            " same"
         )
 
 
@@ -315,6 +297,7 @@ def check(
         findings += [
             Finding(what="run", words=words, remedy="") for words in subject.notes
         ]
+        findings += subject.contradictions()
         shown("try each effect at its largest", 0.2)
         findings += unidentifiable(subject)
     return Check(runs=[run.name for run in runs], findings=findings)

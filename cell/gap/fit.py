@@ -11,7 +11,7 @@ from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
-from cell.gap.check import refuse
+from cell.gap.check import recordings, refuse
 from cell.gap.fitting.tasks import CountedSimulation
 from cell.gap.forward_selection import Progress, quiet
 from cell.gap.investigate import investigate
@@ -65,9 +65,10 @@ def fit(
     folders = find_runs(runs)
     hold.check([run.name for run in folders], options.hold_out)
     distinct, copies = without_copies(folders)
-    if not options.unchecked:
-        refuse(distinct)
+    refuse([] if options.unchecked else recordings(distinct))
     subject = open_subject(file, distinct, options.jobs, options.without)
+    contradictions = [*subject.contradictions()]
+    refuse([] if options.unchecked else contradictions)
     progress(f"read {plural(len(folders), 'run')}", 0.0)
     with writing(f"{out}", "give a folder that can be written"):
         out.mkdir(parents=True, exist_ok=True)
@@ -79,9 +80,8 @@ def fit(
         )
         findings = investigate(subject, held, simulate, progress)
     verdict = compose(findings, time.monotonic() - began, simulate.total)
-    verdict = _with_remarks(
-        verdict, subject, itertools.starmap(copy_note, copies.items())
-    )
+    remarks = [*itertools.starmap(copy_note, copies.items()), *map(str, contradictions)]
+    verdict = _with_remarks(verdict, subject, remarks)
     first, *others = next_steps(findings.decision, verdict, out, subject.option)
     verdict = verdict.model_copy(update={"next": first, "alternatives": others})
     progress("write", 0.97)
@@ -93,12 +93,14 @@ def fit(
     return verdict
 
 
-def _with_remarks(verdict: Verdict, subject: Subject, copies: Iterable[str]) -> Verdict:
-    """`verdict` with remarks on `copies` and `subject`, and values that deviate from
-    its file.
+def _with_remarks(
+    verdict: Verdict, subject: Subject, remarks: Iterable[str]
+) -> Verdict:
+    """`verdict` with `remarks` on its runs and on `subject`, and values that deviate
+    from its file.
     """
     consequences = subject.consequences(*verdict.values_with(verdict.effects))
-    notes = [*verdict.notes, *copies, *subject.notes, *consequences]
+    notes = [*verdict.notes, *remarks, *subject.notes, *consequences]
     deviates = deviations(subject.scope.base, verdict.base)
     return verdict.model_copy(update={"notes": notes, "deviates": deviates})
 

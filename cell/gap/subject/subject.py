@@ -3,12 +3,13 @@ simulation.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict
 
 from drivers.base.errors import ConfigurationError
 from drivers.base.types import Array
@@ -18,6 +19,7 @@ Words = NDArray[np.str_]
 NamedValues = Mapping[str, Mapping[str, float]]
 """Values by effect and parameter."""
 FARTHEST = 8.0  # times its usual spread, the bound of a quantity in any run
+Level = Literal["bad", "fair", "good"]
 
 
 def note_of(
@@ -28,6 +30,28 @@ def note_of(
     """
     was = "was absent" if old is None else f"was {old:.9g}"
     return {"key": key, "source": source, "note": was + remark}
+
+
+class Finding(BaseModel):
+    """Problem of recordings, of a `level`: `bad` ones forbid a fit, `fair` ones cost
+    accuracy.
+
+    `run` is the name of a run, empty where the finding concerns all of them; `what` is
+    the check, `words` say what is seen where, `remedy` what to do, if anything.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    level: Level = "fair"
+    what: str
+    run: str = ""
+    words: str
+    remedy: str
+
+    def __str__(self) -> str:
+        """Line on the finding: run, check, what is seen, and the remedy."""
+        where = f"{self.run or 'all runs'}: {self.what}: {self.words}"
+        return f"{where}; {self.remedy}".removesuffix("; ")
 
 
 @dataclass(frozen=True, slots=True)
@@ -351,6 +375,10 @@ class Subject(ABC):
     @abstractmethod
     def simulate(self, requests: Sequence[Request]) -> Sequence[Residuals]:
         """Residuals of each of `requests`, simulated independently of the others."""
+
+    def contradictions(self) -> Iterator[Finding]:
+        """Findings on recordings that contradict the stated model, before any fit."""
+        return iter(())
 
     @abstractmethod
     def patch(

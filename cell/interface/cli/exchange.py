@@ -2,6 +2,7 @@
 
 import shlex
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -127,7 +128,7 @@ def _convert(
         from cell.gap.subject.run_folders import RunFolder
 
         mechanism = open_file(model)
-        return convert(
+        made = convert(
             places,
             mapping,
             out,
@@ -135,6 +136,9 @@ def _convert(
             SignalMapping,
             tell=notice,
         )
+        for finding in _contradictions(model, made):
+            notice(finding)
+        return made
     from cell.gap.subject.strip.runs import check_fold
 
     remarks = list[str]()
@@ -150,6 +154,18 @@ def _convert(
     for remark in remarks:
         notice(remark)
     return made
+
+
+def _contradictions(model: Path, runs: Sequence[Path]) -> list[str]:
+    """Lines on imported `runs` that contradict the mechanism in the file `model`."""
+    from cell.gap.open_subject import open_mechanism
+    from cell.gap.subject.run_folders import RunFolder
+
+    try:
+        subject = open_mechanism(model, [RunFolder(run, run.name) for run in runs])
+    except ConfigurationError as error:  # the runs stay, and the fit says the same
+        return [str(error)]
+    return [*map(str, subject.contradictions())]
 
 
 def _summary(folder: Path) -> str:

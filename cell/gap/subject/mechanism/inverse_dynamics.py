@@ -16,6 +16,7 @@ from numba import types
 from numpy.typing import NDArray
 
 from cell.gap.subject.mechanism.closed_loops import ClosedLoops, transmissions
+from cell.gap.subject.mechanism.contradictions import Torques, judge_torques
 from cell.gap.subject.mechanism.effects import torques
 from cell.gap.subject.mechanism.effects.friction import DRY_FRICTION, dry_law, dry_limit
 from cell.gap.subject.mechanism.model import Mechanism, poses
@@ -33,7 +34,7 @@ from cell.gap.subject.mechanism.subject import (
     MechanismSubject,
     content_of,
 )
-from cell.gap.subject.subject import Run
+from cell.gap.subject.subject import Finding, Run
 from drivers.base.errors import ConfigurationError
 from drivers.base.geometry import interpolate_columns
 from drivers.base.jit import entry
@@ -222,8 +223,42 @@ class InverseDynamics(MechanismSubject):
                 squares += self._readings(model, motion.forces, change) ** 2
         return np.array([np.interp(t, motion.t, row) for row in np.sqrt(squares)])
 
+    def contradictions(self) -> Iterator[Finding]:
+        """Findings on recordings, and on torques in another unit, sign or time than the
+        model's.
+        """
+        yield from super().contradictions()
+        by_run = {run.name: self._compared_torques(run) for run in self.runs}
+        yield from judge_torques(self.mechanism, by_run)
+
+    def _compared_torques(self, run: Run) -> list[Torques]:
+        """Torques of each signal along the motion of `run`, as measured and as
+        stated.
+        """
+        motion, case = content_of(run).motion, self._case(self.stated(run))
+        known = motion.known
+        rows = motion.below_cutoff(self._along(case), motion.t)[:, known]
+        measured = motion.below_cutoff(motion.torques, motion.t)[:, known]
+        return [
+            Torques(
+                motion.t[known],
+                measured[i],
+                rows[i],
+                motion.q[known, s.joint],
+                motion.v[known, s.joint],
+                motion.a[known, s.joint],
+                motion.cutoff,
+            )
+            for i, s in enumerate(self.mechanism.compared("torque"))
+        ]
+
     def _signals(self, case: Case) -> Array:
-        """Signals (signals, k) of one case at its readings: torques, and trackings if
+        """Signals (signals, k) of one case at its readings."""
+        motion: Motion = case.content.motion
+        return motion.below_cutoff(self._along(case), case.content.cut.t)
+
+    def _along(self, case: Case) -> Array:
+        """Signals (signals, m) of one case along its motion: torques, and trackings if
         compared.
         """
         model = case.edited(self._model)
@@ -245,14 +280,12 @@ class InverseDynamics(MechanismSubject):
                 self._torques(model, case, q, v, inverse),
                 self._tracking(motion, case, deflection),
             ]
-            return motion.below_cutoff(np.vstack(rows), case.content.cut.t)
+            return np.vstack(rows)
         load = self._loads(motion, model, inverse) if gears else inverse
         for bend, values in gears:
             q, v, a = link_motion(motion, bend(load, values), q, v, a)
             inverse = _inverse_dynamics(model, q, v, a)
-        return motion.below_cutoff(
-            self._torques(model, case, q, v, inverse), case.content.cut.t
-        )
+        return self._torques(model, case, q, v, inverse)
 
     def _loads(self, motion: Motion, model: Any, inverse: Array) -> Array:
         """Torques (m, joints) that gears bear: measured ones, `inverse` dynamics for
@@ -375,7 +408,7 @@ def _inverse_dynamics(model: Any, q: Array, v: Array, a: Array) -> Array:
     """
     data = mujoco.MjData(model)
     torque = np.empty_like(q)
-    _along(
+    _run_along(
         model._address,
         data._address,
         data.qpos,
@@ -405,7 +438,7 @@ _inverse = types.ExternalFunction("mj_inverse", types.void(types.uintp, types.ui
 
 
 @entry
-def _along(  # type: ignore[no-untyped-def]
+def _run_along(  # type: ignore[no-untyped-def]
     model,
     data,
     qpos: Array,

@@ -156,6 +156,14 @@ class Mechanism:
         return tuple(s for s in self.signals if s.kind == kind)
 
     @property
+    def places(self) -> dict[str, str]:
+        """Column of a recording that holds the position of a joint, by joints."""
+        signals = self.file.signals.items()
+        found = {s.joint: n for n, s in signals if s.joint and s.is_ == "position"}
+        given = {n: n for n, kind in self.file.inputs.items() if kind == "position"}
+        return found | given
+
+    @property
     def driven(self) -> Self:
         """Copy of the mechanism with only those joints that a motor drives."""
         return replace(self, joints=tuple(j for j in self.joints if j.actuator >= 0))

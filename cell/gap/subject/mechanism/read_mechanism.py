@@ -420,11 +420,8 @@ def _measured_joints(mechanism: Mechanism) -> tuple[Joint, ...]:
     Where nothing was measured, gravity and inertia in poses drawn at random are
     typical.
     """
-    file, model, recordings = mechanism.file, mechanism.model, mechanism.recordings
-    columns = {
-        s.joint: n for n, s in file.signals.items() if s.joint and s.is_ == "position"
-    }
-    columns |= {n: n for n, kind in file.inputs.items() if kind == "position"}
+    model, recordings = mechanism.model, mechanism.recordings
+    columns = mechanism.places
     squares = {
         s.joint: [np.nanmean((s.gear * r.columns[s.name]) ** 2) for r in recordings]
         for s in mechanism.compared("torque")

@@ -1,18 +1,20 @@
 """Reads and checks recordings of a mechanism, and averages them into samples."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 
 from cell.gap.subject.mechanism.mechanism_file import MechanismFile
 from cell.gap.subject.run_folders import RunFolder, check_time, column, read_table
 from cell.gap.subject.subject import Samples, Words
 from cell.record.files import ANGLES, JOINTS, RUN, SIGNALS
 from cell.record.header import Load, MechanismRun
+from cell.report.words import plural
 from drivers.base.errors import ConfigurationError
 from drivers.base.settings import load
 from drivers.base.types import Array, frozen
@@ -22,6 +24,10 @@ ROWS = 5_000_000  # of a table; more is a mistake, or must be thinned
 MOST_READINGS = 4000  # readings of a run that are used
 JUMP = 50.0  # median steps in one: the clock jumped
 FAST, FAR = 200.0, 100.0  # rad/s and rad that no joint of an arm reaches
+TURN = 2.0 * np.pi  # rad
+LEAP = 0.1  # rad in a row beyond the rows about it, which no joint makes
+LEAPS = 10.0  # median steps of the rows about it, below which a step is no leap
+NEIGHBOURS = 9  # rows
 SMALLEST_NOISE = 1e-12  # in SI, of repeats that agree in every digit
 SLOWEST_PACE, FASTEST_PACE = 0.5, 200.0  # rad/s
 PACE_READINGS = 400  # means of a column, from which its pace is taken
@@ -46,7 +52,7 @@ class Recording:
     absent.
 
     `sigma` is the noise of its readings, `rates` are those of the compared positions at
-    its start, where the run states them itself.
+    its start, where the run states them itself; `notes` say what was mended.
     """
 
     name: str
@@ -57,6 +63,7 @@ class Recording:
     load: Load | None = None
     sigma: float | None = None
     rates: Array | None = None
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,10 +136,10 @@ def read_recording(
         raise ConfigurationError(
             f"{path}: sigma.angle: is missing; add the noise in rad"
         )
-    table, rates = (
+    table, rates, wrapped = (
         _swing_table(folder.path / ANGLES, list(file.signals))
         if swings
-        else (_signal_table(folder.path, file, hinges), None)
+        else _signal_table(folder.path, file, hinges)
     )
     # slices of one recording are no repeats of each other: they stay together as one
     # condition
@@ -148,12 +155,15 @@ def read_recording(
         head.load,
         head.sigma.angle,
         rates,
+        tuple(f"{folder.name}: {words}" for words in wrapped),
     )
 
 
-def _swing_table(
-    path: Path, links: Sequence[str]
-) -> tuple[dict[str, Array], Array | None]:
+Read = tuple[dict[str, Array], Array | None, Sequence[str]]
+"""Columns (m,) by name, stated rates at the start, and words on what was mended."""
+
+
+def _swing_table(path: Path, links: Sequence[str]) -> Read:
     """Angles (m,) [rad] of `links` from hanging, and their rates at the start where all
     are stated.
 
@@ -168,14 +178,13 @@ def _swing_table(
         raise ConfigurationError(
             f"{path}: {after}: the pendulum has {len(links)} links only"
         )
-    for name, angle in angles.items():
-        check_angle(t, angle, path, f"theta_{name}")
+    wrapped = _unwrap(angles, t, angles, path)
     found = {"t": t, **{name: angle - np.pi for name, angle in angles.items()}}
     if not all(f"omega_{name}" in table for name in links):
-        return found, None
+        return found, None, wrapped
     rates = np.array([column(table, f"omega_{name}", path) for name in links])
     _check_rates(np.gradient(list(angles.values()), t, axis=1), rates, path)
-    return found, rates[:, 0]
+    return found, rates[:, 0], wrapped
 
 
 def _check_rates(slope: Array, rates: Array, path: Path) -> None:
@@ -192,9 +201,7 @@ def _check_rates(slope: Array, rates: Array, path: Path) -> None:
         )
 
 
-def _signal_table(
-    folder: Path, file: MechanismFile, hinges: Sequence[str]
-) -> dict[str, Array]:
+def _signal_table(folder: Path, file: MechanismFile, hinges: Sequence[str]) -> Read:
     """Columns (m,) of a run by name, checked: `t`, and all signals and inputs of the
     file.
     """
@@ -216,9 +223,7 @@ def _signal_table(
     angles += [
         n for n, s in file.signals.items() if s.is_ == "position" and s.joint in hinges
     ]
-    for name in angles:
-        check_angle(table["t"], table[name], path, name)
-    return table
+    return table, None, _unwrap(angles, table["t"], table, path)
 
 
 def _check_clock(t: Array, path: Path) -> None:
@@ -263,6 +268,53 @@ def arm_columns(path: Path) -> dict[str, Array]:
     return found
 
 
+def _unwrap(
+    names: Iterable[str], t: Array, table: dict[str, Array], path: Path
+) -> list[str]:
+    """Take the turns out of the angles `names` of a `table`; returns words on each."""
+    found = []
+    for name in names:
+        check_angle(t, table[name], path, name)
+        table[name], rows = unwrapped(t, table[name], f"{path}: {name}")
+        if rows:
+            found.append(
+                f"{name} wraps by a turn at {plural(len(rows), 'row')}, first at row"
+                f" {rows[0]} ({t[rows[0]]:.2f} s): it is used without"
+            )
+    return found
+
+
+def unwrapped(t: Array, values: Array, origin: str) -> tuple[Array, list[int]]:
+    """Angles (m,) [rad] at times `t` (m,) without turns between rows, and the rows of
+    these.
+
+    Every step is held against those about it. Raises ConfigurationError, with the row,
+    for one that no joint makes and no turn explains.
+    """
+    rows = np.flatnonzero(np.isfinite(values))
+    spans, steps = np.diff(t[rows]), np.diff(values[rows])
+    turns = np.round(steps / TURN)
+    rates = (steps - TURN * turns) / spans
+    about = median_filter(rates, NEIGHBOURS, mode="nearest")
+    usual = median_filter(np.abs(rates), NEIGHBOURS, mode="nearest")
+    leaps = np.abs(rates - about) * np.minimum(spans, np.median(spans))
+    beyond = leaps > np.maximum(LEAP, LEAPS * usual * np.median(spans))
+    if beyond.any():
+        step = int(np.argmax(beyond))
+        row, changed = int(rows[step + 1]), np.flatnonzero(steps[:step])
+        since = int(rows[changed[-1] + 1]) if len(changed) else 0
+        stands = row - since > NEIGHBOURS
+        stood = f"stands still from row {since} on and " if stands else ""
+        raise ConfigurationError(
+            f"{origin}: {stood}jumps by {steps[step]:.3g} rad at row {row}"
+            f" ({t[row]:.2f} s), as no joint moves, and by no whole turn; mend the"
+            " reading there, or leave the run out"
+        )
+    found = values.copy()
+    found[rows[1:]] -= TURN * np.cumsum(turns)
+    return (found if turns.any() else values), rows[1:][turns != 0.0].tolist()
+
+
 def check_angle(t: Array, values: Array, path: Path, name: str) -> None:
     """Refuse angles (m,) that seem to be in degrees, or at times `t` (m,) not in
     seconds.
@@ -272,7 +324,7 @@ def check_angle(t: Array, values: Array, path: Path, name: str) -> None:
     if np.abs(x).max() > FAR:
         raise ConfigurationError(
             f"{path}: {name}: reaches {np.abs(x).max():.0f}; angles are in rad (degrees"
-            " / 57.3)"
+            " / 57.3, counts / 652 of 4096 a turn)"
         )
     speed = float(np.quantile(np.abs(np.gradient(x, t[known])), 0.9))
     if speed > FAST:

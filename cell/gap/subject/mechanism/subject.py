@@ -4,13 +4,14 @@ ones.
 
 import copy
 from abc import abstractmethod
-from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, cast
 
 import numpy as np
 
+from cell.gap.subject.mechanism.contradictions import contradictions
 from cell.gap.subject.mechanism.effect import Known, Readings, readings_of
 from cell.gap.subject.mechanism.effects import (
     TERMS,
@@ -32,6 +33,7 @@ from cell.gap.subject.mechanism.recordings import (
     samples,
 )
 from cell.gap.subject.subject import (
+    Finding,
     NamedValues,
     Quantity,
     Request,
@@ -60,10 +62,6 @@ KINDS = {
 }
 # of keys, which write them without space or slash
 UNITS = {"Nm": "N m", "mrads": "mrad/s"}
-# gears of which a side may be confused, and the factor within which their ratio is
-# recognised
-GEARED, TWICE = 3.0, 2.0
-TINY = 1e-30  # against division by zero
 
 
 @dataclass(frozen=True, slots=True)
@@ -302,10 +300,14 @@ class MechanismSubject(Subject):
         stated = np.array([base[b.parameter.name] for b in m.base])
         return accepted_xml(m, self._edited(None, stated, known, m.model))
 
-    def check(self, origin: str) -> None:
-        """Refuse stated models that cannot be simulated, and torques on a gear's wrong
-        side.
+    def contradictions(self) -> Iterator[Finding]:
+        """Findings on recordings that stand still, wrap or touch, whatever is compared
+        of them.
         """
+        yield from contradictions(self.mechanism)
+
+    def check(self, origin: str) -> None:
+        """Refuse stated models that cannot be simulated."""
         residuals = self._stated_residuals()
         if not np.isfinite(residuals).all():
             raise ConfigurationError(
@@ -313,38 +315,10 @@ class MechanismSubject(Subject):
                 " motion explodes; make step smaller, or mend masses, inertias and"
                 " gains"
             )
-        self._check_sides(residuals, origin)
 
     def _stated_residuals(self) -> Array:
         """Mean residuals (samples,) of the first run by the stated model."""
         return self.simulate([self.stated(self.runs[0])])[0].mean
-
-    def _check_sides(self, residuals: Array, origin: str) -> None:
-        """Refuse torques that match the stated model only when scaled by a gear ratio.
-
-        `residuals` (samples,) are those of the first run.
-        """
-        cut, gears = content_of(self.runs[0]).cut, self.mechanism.model.actuator_gear
-        measured = average(cut.values, cut.edges)[0]
-        channel = self.runs[0].samples.channel
-        for sensor in self.mechanism.compared("torque"):
-            rows = channel == sensor.name
-            predicted = measured[rows] - residuals[rows]
-            ratio = measured[rows] @ predicted / (predicted @ predicted + TINY)
-            gear = float(gears[sensor.actuator, 0])
-            side, other = (
-                ("motor", gear) if sensor.gear == gear else ("joint", 1.0 / gear)
-            )
-            if (
-                abs(np.log(abs(other))) > np.log(GEARED)
-                and 1.0 / TWICE < ratio / other < TWICE
-            ):
-                right = "joint" if side == "motor" else "motor"
-                raise ConfigurationError(
-                    f"{origin}: signals.{sensor.name}: is {ratio:.3g} times the model's"
-                    f" torque at the {side}, close to the gear ratio {gear:g}: it was"
-                    f" probably measured at the {right}; state side: {right}"
-                )
 
 
 def content_of(run: Run) -> Content:

@@ -161,9 +161,12 @@ CONTROL_DELAY = Effect(
 )
 SENSOR_DELAY = Effect(
     name="sensor_delay",
-    sentence="readings are stamped late",
+    sentence="readings are stamped late (positions or, where negative, torques)",
     of="rig",
-    parameters=lambda m: single_parameter("time", "s", 0.1 * m.file.step),
+    # along a measured motion either clock may be the late one
+    parameters=lambda m: single_parameter(
+        "time", "s", 0.1 * m.file.step, signed=m.mode.loads
+    ),
     read="delay",
     revealed_by="fast motion there and back",
 )

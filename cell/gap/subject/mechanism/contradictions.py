@@ -1,0 +1,432 @@
+"""Recordings of a mechanism held against its model before any fit: motion, torques,
+contacts.
+
+Torques are regressed on the model's, joint by joint and run by run: a factor, a sign
+and a lag belong to the recording, whatever the mechanism lacks.
+"""
+
+import copy
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from cell.gap.subject.mechanism.model import Mechanism, poses
+from cell.gap.subject.mechanism.recordings import Recording, Signal
+from cell.gap.subject.subject import Finding
+from drivers.base.types import Array
+
+# Set by hand on cases, and on runs of models that others wrote, which stay within.
+STANDS = 1e-3  # rad or m, most of a run in which nothing moves
+REPEATED, LONGEST = 0.05, 0.2  # share of equal neighbours, and s of a stuck reading
+MOST_LAG, LAGS = 0.1, 81  # s, of either sign, and number that are tried
+LEAST_LAG, ROWS = 2e-3, 0.5  # s, and rows, within which stamps are not told apart
+# of the variance without a lag, in all runs and in a single one
+LATE, ALONE = 0.25, 0.06
+LITTLE = 0.06  # of a torque's spread, to which the model explains it
+ALIKE = 0.3  # of a lag, within which runs agree on it
+FOLLOWS, FREE = 0.9, 0.2  # correlation with the model; share that a motion explains
+FACTOR = 8.0  # of torques: a link may well be four times as heavy as stated
+GEARED, NEAR_UNIT, NEAR_GEAR = 3.0, 1.15, 2.0  # a gear's ratio; within a known factor
+UNLIKE = 2.0  # times the other runs' factor
+LOUD = 4.0  # times its noise, the spread of a torque that is judged
+MOST = 0.6  # share of the runs that is all of them
+SLIDING = 0.05  # of a joint's typical rate, within which friction changes its sign
+PLACES, SHORTEST = 400, 40  # of a run that are compared; fewer say nothing
+TOUCHED, TOUCHES = 0.5, 0.02  # share of poses in contact, refused and said
+POSES = 60  # of a run
+UNITS = {1000.0: "N mm", 100.0: "N cm", 10.2: "kgf cm", 0.102: "kgf m", 0.001: "kN m",
+         8.85: "lbf in", 141.6: "ozf in"}  # fmt: skip
+"""Units of torque by how many of them are a newton metre."""
+STEPS = np.linspace(-MOST_LAG, MOST_LAG, LAGS)
+SIDES = {"motor": "joint", "joint": "motor"}
+UNBOUNDED = (int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_HFIELD))
+HOLD = (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD))
+
+
+@dataclass(frozen=True, slots=True)
+class Torques:
+    """Torques (n,) at one joint in one run, `measured` and by the stated `model`.
+
+    `t` (n,) [s] are their times, `q`, `v`, `a` (n,) the motion of the joint. What is
+    faster than `cutoff` [rad/s] was filtered out.
+    """
+
+    t: Array
+    measured: Array
+    model: Array
+    q: Array
+    v: Array
+    a: Array
+    cutoff: float
+
+    @property
+    def friction(self) -> Array:
+        """Functions (3, n) of the motion that any joint's friction and offset may
+        follow.
+        """
+        sliding = SLIDING * np.sqrt(np.mean(self.v**2)) + np.finfo(float).tiny
+        return np.array([np.ones_like(self.v), self.v, np.tanh(self.v / sliding)])
+
+    @property
+    def of_motion(self) -> Array:
+        """Functions (6, n) of the motion, of which torques of its joint are made."""
+        return np.vstack([self.friction, np.sin(self.q), np.cos(self.q), self.a])
+
+
+@dataclass(frozen=True, slots=True)
+class Match:
+    """How measured torques follow the model's, `factor` times and late by some lag.
+
+    `follows` is their correlation beside friction, `explained` the share of the
+    variance that the motion explains. `left` (LAGS,) is what each lag leaves, in units
+    of the noise's variance, and `little` whether the least of it is little of all.
+    """
+
+    factor: float
+    left: Array
+    follows: float
+    explained: float
+    little: bool
+
+
+def match(torques: Torques, noise: float) -> Match | None:
+    """Regress measured torques, of some `noise` [N m], on the model's, late by LAGS
+    lags.
+
+    None where the run is too short to say.
+    """
+    t = torques.t
+    inner = np.flatnonzero((t >= t[0] + MOST_LAG) & (t <= t[-1] - MOST_LAG))
+    if len(inner) < SHORTEST:
+        return None
+    inner = inner[:: max(1, len(inner) // PLACES)]
+    # places are as far apart as the filter allows
+    late = CubicSpline(t, torques.model)(t[inner] - STEPS[:, None])
+    friction = torques.friction[:, inner]
+    measured = _beside(friction, torques.measured[inner])
+    model = _beside(friction, late)
+    cross, square = model @ measured, np.sum(model**2, axis=1) + np.finfo(float).tiny
+    total = float(measured @ measured) + np.finfo(float).tiny
+    left = np.maximum(total - cross**2 / square, 0.0) / len(inner)
+    best = int(np.argmin(left))
+    motion = np.vstack([torques.of_motion[:, inner], late[best]])
+    rest = _beside(motion, torques.measured[inner])
+    spread = float(torques.measured[inner].std()) + np.finfo(float).tiny
+    # a random torque follows as many functions as it has degrees of freedom
+    free = torques.cutoff * float(np.ptp(t[inner])) / np.pi
+    share = free / max(free - len(motion), 1.0)
+    return Match(
+        factor=float(cross[best] / square[best]),
+        left=left / noise**2,
+        follows=float(np.sqrt(max(0.0, 1.0 - left[best] * len(inner) / total))),
+        explained=1.0 - share * float(rest.std() / spread) ** 2,
+        little=bool(left[best] < (LITTLE * spread) ** 2),
+    )
+
+
+def _beside(columns: Array, rows: Array) -> Array:
+    """Rows (..., n) less what is linear in `columns` (c, n)."""
+    basis, _ = np.linalg.qr(columns.T)
+    return np.asarray(rows - (rows @ basis) @ basis.T)
+
+
+def least_lag(left: Array) -> float:
+    """Lag [s] that leaves the least of `left` (LAGS,), by the parabola through it."""
+    k = int(np.clip(np.argmin(left), 1, LAGS - 2))
+    before, least, after = left[k - 1 : k + 2]
+    bend = before - 2.0 * least + after + np.finfo(float).tiny
+    aside = np.clip(0.5 * (before - after) / bend, -1.0, 1.0)
+    return float(STEPS[k] + aside * (STEPS[1] - STEPS[0]))
+
+
+def judge_torques(
+    mechanism: Mechanism, runs: Mapping[str, Sequence[Torques]]
+) -> Iterator[Finding]:
+    """Findings on the torques of all signals by run: in another unit, sign or time, or
+    of no motion.
+
+    What most runs show is said of all; a run that differs from the others, by name.
+    """
+    left: dict[str, Array] = {}
+    for i, signal in enumerate(mechanism.compared("torque")):
+        tried = {
+            run: match(torques[i], signal.sigma)
+            for run, torques in runs.items()
+            if torques[i].measured.std() > LOUD * signal.sigma
+        }
+        found = {run: m for run, m in tried.items() if m is not None}
+        usual = float(np.median([m.factor for m in found.values()] or [1.0]))
+        said = {run: _fault(mechanism, signal, m, usual) for run, m in found.items()}
+        yield from _said(said)
+        for run, m in found.items():
+            if said[run] is None and m.little:
+                left[run] = left.get(run, 0.0) + m.left
+    yield from _late(mechanism, left)
+
+
+def _late(mechanism: Mechanism, left: Mapping[str, Array]) -> Iterator[Finding]:
+    """Findings on torques that are late or early beside the motion, by what lags leave.
+
+    `left` (LAGS,) are of all torques of a run, which have one clock. What a mechanism
+    lacks may look like a lag in one motion, but not like the same in every one.
+    """
+    if not left:
+        return
+    rows = [float(np.median(np.diff(r.t))) for r in mechanism.recordings]
+    least = max(LEAST_LAG, ROWS * max(rows))
+    lags = {run: least_lag(variances) for run, variances in left.items()}
+    usual = float(np.median([*lags.values()]))
+    agree = [run for run, lag in lags.items() if abs(lag - usual) < ALIKE * abs(usual)]
+    shared = np.sum([left[run] for run in agree] or [np.ones(LAGS)], axis=0)
+    lag = least_lag(shared)
+    if len(agree) > max(1.0, MOST * len(left)) and _is_late(lag, shared, least, LATE):
+        yield _lag(lag)
+    else:
+        agree = []
+    for run in left.keys() - {*agree} if len(left) > 2 else ():
+        if _is_late(lags[run], left[run], least, ALONE):
+            yield _lag(lags[run]).model_copy(update={"run": run})
+
+
+def _is_late(lag: float, left: Array, least: float, share: float) -> bool:
+    """Whether a lag beyond the `least` leaves less than a `share` of what none does."""
+    return abs(lag) > least and float(left.min()) < share * left[LAGS // 2]
+
+
+def _said(by_run: Mapping[str, Finding | None]) -> Iterator[Finding]:
+    """Faults of one signal by run, one that most runs share once for all."""
+    counts = Counter(fault.what for fault in by_run.values() if fault is not None)
+    shared = {what for what, n in counts.items() if n > max(1.0, MOST * len(by_run))}
+    for name, fault in by_run.items():
+        if fault is not None and fault.what in shared:
+            shared.discard(fault.what)
+            del counts[fault.what]
+            yield fault
+        elif fault is not None and fault.what in counts:
+            words = f"{fault.words}, unlike other runs" * (len(by_run) > 1)
+            words = words or fault.words
+            yield fault.model_copy(update={"run": name, "words": words})
+
+
+def _fault(
+    mechanism: Mechanism, signal: Signal, found: Match, usual: float
+) -> Finding | None:
+    """Fault of one signal in one run, if any; `usual` is the factor of most runs."""
+    name, factor = signal.name, found.factor
+    fault = None
+    if found.explained < FREE:
+        fault = _bad(
+            "torque of no motion",
+            f"{name}: the motion explains {100 * max(found.explained, 0.0):.0f} % of"
+            " this torque",
+            "look for the column that holds it, or leave the run out",
+        )
+    elif found.follows < FOLLOWS:
+        pass
+    elif (unit := _unit(mechanism, signal, factor)) is not None:
+        fault = unit
+    elif factor < 0.0:
+        fault = _bad(
+            "sign",
+            f"{name} is the model's torque reversed ({factor:.2f} times)",
+            f"write `reversed: true` for {name} in the mapping, or turn its sign",
+        )
+    elif not 1.0 / UNLIKE < factor / abs(usual) < UNLIKE:
+        fault = _bad(
+            "contradicts the others",
+            f"{name} is {factor:.2f} times the model's, {abs(usual):.2f} in most runs",
+            "look for a load that run.yaml does not state, or leave it out",
+        )
+    return fault
+
+
+def _bad(what: str, words: str, remedy: str) -> Finding:
+    return Finding(what=what, words=words, remedy=remedy, level="bad")
+
+
+def _unit(mechanism: Mechanism, signal: Signal, factor: float) -> Finding | None:
+    """Finding on torques that are far from the model's, with the unit or gear it may
+    be.
+    """
+    size, name = abs(factor), signal.name
+    stated = abs(float(mechanism.model.actuator_gear[signal.actuator, 0]))
+    side, gear = ("motor", stated) if signal.gear == stated else ("joint", 1.0 / stated)
+    geared = abs(np.log(gear)) > np.log(GEARED)
+    turned = ", reversed" if factor < 0.0 else ""
+    words = f"{name}: is {size:.3g} times the model's torque at the {side}{turned}"
+    unit = min(UNITS, key=lambda u: abs(np.log(size / u)))
+    if geared and abs(np.log(size / gear)) < np.log(NEAR_GEAR):
+        words += (
+            f", close to the gear ratio {stated:g}: it was probably measured at the"
+            f" {SIDES[side]}"
+        )
+        return _bad("gear", words, f"state side: {SIDES[side]}")
+    if 1.0 / FACTOR < size < FACTOR:
+        return None
+    if abs(np.log(size / unit)) < np.log(NEAR_UNIT):
+        remedy = f"write `factor: {1.0 / unit:.4g}` for {name} in the mapping"
+        return _bad("unit", f"{words}: in {UNITS[unit]}?", remedy)
+    remedy = "state its unit or `factor` in the mapping, or the motor's gain"
+    return _bad("unit", words, remedy)
+
+
+def _lag(lag: float) -> Finding:
+    """Finding on torques whose stamps lag behind those of the motion by `lag` [s]."""
+    if lag > 0.0:
+        return _bad(
+            "lag",
+            f"torques are late by {1e3 * lag:.1f} ms beside positions",
+            f"take {lag:.4f} s off the stamps of torques where the two streams are"
+            " merged, or record both by one clock",
+        )
+    return Finding(
+        what="lag",
+        words=f"positions are late by {-1e3 * lag:.1f} ms beside torques",
+        remedy="the fit tries it as sensor_delay; record both by one clock",
+    )
+
+
+def contradictions(mechanism: Mechanism) -> Iterator[Finding]:
+    """Findings on readings that were mended or stand still, and on what touches."""
+    for recording in mechanism.recordings:
+        for words in recording.notes:
+            yield Finding(what="wrapped", run=recording.name, words=words, remedy="")
+        yield from _standing(mechanism, recording)
+    yield from _touching(mechanism)
+
+
+def _standing(mechanism: Mechanism, recording: Recording) -> Iterator[Finding]:
+    """Findings on a run that does not move, or on readings that stay while others
+    change.
+    """
+    places = mechanism.places.values()
+    spans = [float(np.ptp(x[np.isfinite(x)])) for x in (
+        recording.columns[name] for name in places)]  # fmt: skip
+    if spans and max(spans) < STANDS:
+        yield Finding(
+            what="no motion",
+            run=recording.name,
+            words=f"no joint moves by more than {1e3 * max(spans):.2g} mrad or mm",
+            remedy="leave it out, unless it was held still on purpose",
+        )
+        return
+    for name in dict.fromkeys([*places, *mechanism.file.signals]):
+        yield from _stuck(name, recording)
+
+
+def _stuck(name: str, recording: Recording) -> Iterator[Finding]:
+    """Finding on a column that stands for long, and changes in nearly every row
+    elsewhere.
+    """
+    x, t = recording.columns[name], recording.t
+    same = np.diff(x) == 0.0
+    edges = np.flatnonzero(np.diff(same, prepend=False, append=False))
+    first, last = edges[::2], edges[1::2]
+    long = t[last] - t[first] > LONGEST
+    rest = same.sum() - (last - first)[long].sum()
+    if long.any() and rest < REPEATED * (len(same) - (last - first)[long].sum()):
+        row, end = first[long][0], last[long][0]
+        words = (
+            f"{name} stands still at {x[row]:.4g} from {t[row]:.2f} to {t[end]:.2f} s"
+            f" (row {row} on), and changes in every row elsewhere"
+        )
+        found = _bad("stuck reading", words, "mend the reading; leave the run out")
+        yield found.model_copy(update={"run": recording.name})
+
+
+def _touching(mechanism: Mechanism) -> Iterator[Finding]:
+    """Findings on geoms that touch along the measured motion, where contacts are left
+    out.
+    """
+    model, places = mechanism.model, mechanism.places
+    if model.npair or mechanism.mode.group or len(places) < model.njnt:
+        return
+    by_run = []
+    for recording in mechanism.recordings:
+        columns = [recording.columns[places[j.name]] for j in mechanism.joints]
+        q = np.column_stack(columns)
+        known = q[np.isfinite(q).all(axis=1)]
+        by_run.append(known[:: max(1, len(known) // POSES)])
+    q = np.vstack(by_run)
+    for pair, count in _pairs(model, q).items():
+        share = count / len(q)
+        names = " and ".join(_geom_name(model, geom) for geom in pair)
+        if share >= TOUCHES:
+            yield Finding(
+                what="contact",
+                words=(
+                    f"{names} touch in {100 * share:.0f} % of the motion, and contacts"
+                    " are left out"
+                ),
+                remedy=(
+                    "move clear of it, or exclude the pair in the model where they"
+                    " only seem to touch"
+                ),
+                level="bad" if share > TOUCHED else "fair",
+            )
+
+
+def _geom_name(model: Any, geom: int) -> str:
+    return (
+        model.geom(geom).name or f"a geom of {model.body(model.geom_bodyid[geom]).name}"
+    )
+
+
+def _pairs(model: Any, q: Array) -> Counter[tuple[int, int]]:
+    """Number of poses q (m, joints) in which two geoms meet, neighbours and tied bodies
+    aside.
+    """
+    colliding = copy.copy(model)
+    colliding.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    colliding.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+    found = Counter[tuple[int, int]]()
+    tied = _tied_bodies(model)
+    for data in poses(colliding, q, mujoco.mj_fwdPosition):
+        inside = data.contact.geom[data.contact.dist < 0.0]
+        found.update(
+            (int(a), int(b))
+            for a, b in {tuple(pair) for pair in inside}
+            if not _belong_together(model, tied, int(a), int(b))
+        )
+    return found
+
+
+def _tied_bodies(model: Any) -> set[frozenset[int]]:
+    """Pairs of bodies that an equality holds together."""
+    found = set()
+    for i in range(model.neq):
+        ends = np.array([model.eq_obj1id[i], model.eq_obj2id[i]])
+        if model.eq_objtype[i] == mujoco.mjtObj.mjOBJ_SITE:
+            ends = model.site_bodyid[ends]
+        if int(model.eq_type[i]) in HOLD:
+            found.add(frozenset(map(int, model.body_weldid[ends])))
+    return found
+
+
+def _belong_together(
+    model: Any, tied: set[frozenset[int]], one: int, other: int
+) -> bool:
+    """Whether the bodies of two geoms are one, tied, siblings or neighbours along the
+    tree.
+    """
+    if {int(model.geom_type[one]), int(model.geom_type[other])} & {*UNBOUNDED}:
+        return False
+    a, b = (int(model.body_weldid[model.geom_bodyid[g]]) for g in (one, other))
+    above_a, above_b = _ancestors(model, a), _ancestors(model, b)
+    siblings = above_a[0] == above_b[0] > 0
+    near = a in (b, *above_b) or b in above_a
+    return near or siblings or frozenset((a, b)) in tied
+
+
+def _ancestors(model: Any, body: int) -> list[int]:
+    """Body that carries another, and the next one unless it is the world; -1 above
+    that.
+    """
+    parent = int(model.body_weldid[model.body_parentid[body]]) if body > 0 else -1
+    above = int(model.body_weldid[model.body_parentid[parent]]) if parent > 0 else -1
+    return [parent, above or -1]

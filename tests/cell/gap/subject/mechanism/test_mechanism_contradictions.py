@@ -1,0 +1,179 @@
+"""Recordings of a mechanism are held against its model before anything is named."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cell.gap.fit import fit
+from cell.gap.open_subject import open_mechanism
+from cell.gap.subject.mechanism.recordings import unwrapped
+from cell.gap.subject.run_folders import find_runs, read_table
+from cell.gap.subject.subject import Finding
+from drivers.base.errors import ConfigurationError
+from drivers.base.types import Array
+from tests.support.mechanisms import ARM, PRESCRIBED, make_arm, write_run
+
+T = np.arange(0.0, 4.0, 0.01)
+SWING = 1.7 * np.sin(2.0 * T) + 0.4
+FLOOR = (
+    '<geom name="floor" type="plane" size="2 2 .1" pos="0 0 -0.45"/><body name="upper">'
+)
+Columns = dict[str, Array]
+
+
+@pytest.fixture(scope="module")
+def sound(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """Mechanism file and folder of three sound runs, which nobody changes."""
+    return make_arm(tmp_path_factory.mktemp("arm"), 3, content=PRESCRIBED)
+
+
+def found(
+    file: Path, runs: Path, out: Path, change: Callable[[int, Columns], None]
+) -> list[Finding]:
+    """Findings on copies in `out` of the `runs` of `file`, each under a `change`."""
+    for number, run in enumerate(sorted(runs.iterdir())):
+        table = read_table(run / "signals.parquet")
+        change(number, table)
+        write_run(out / run.name, table, {"mechanism": "arm", "index": number})
+    return [*open_mechanism(file, find_runs([out])).contradictions()]
+
+
+def scaled(
+    name: str, factor: float, only: int | None = None
+) -> Callable[[int, Columns], None]:
+    """Change that multiplies a column by a factor, in all runs or in one."""
+
+    def change(number: int, table: Columns) -> None:
+        table[name] = table[name] * (factor if only in (None, number) else 1.0)
+
+    return change
+
+
+def late(seconds: float) -> Callable[[int, Columns], None]:
+    """Change that stamps all torques late by so many seconds."""
+
+    def change(_number: int, table: Columns) -> None:
+        for name in ("t1", "t2"):
+            table[name] = np.interp(table["t"] - seconds, table["t"], table[name])
+
+    return change
+
+
+def test_sound_recordings_contradict_nothing(sound, tmp_path: Path) -> None:
+    assert not found(*sound, tmp_path, scaled("t1", 1.0))
+
+
+@pytest.mark.parametrize(
+    ("factor", "what", "words"),
+    [
+        (1000.0, "unit", "in N mm?"),
+        (-1.0, "sign", "reversed"),
+        (-31.0, "unit", "reversed"),
+    ],
+)
+def test_a_torque_in_another_unit_or_sign_is_told_by_its_joint(
+    sound, tmp_path: Path, factor: float, what: str, words: str
+) -> None:
+    (one,) = found(*sound, tmp_path, scaled("t2", factor))
+    assert (one.what, one.level, one.run) == (what, "bad", "")
+    assert "t2" in one.words
+    assert words in one.words
+
+
+@pytest.mark.parametrize(("delay", "level"), [(0.017, "bad"), (-0.021, "fair")])
+def test_a_lag_of_either_sign_is_told_in_ms_for_all_torques_at_once(
+    sound, tmp_path: Path, delay: float, level: str
+) -> None:
+    (one,) = found(*sound, tmp_path, late(delay))
+    assert (one.what, one.level) == ("lag", level)
+    told = float(one.words.split(" late by ")[-1].split()[0])
+    assert told == pytest.approx(1e3 * abs(delay), abs=1.0)
+
+
+def test_a_run_that_contradicts_the_others_is_told_by_its_name(
+    sound, tmp_path: Path
+) -> None:
+    (one,) = found(*sound, tmp_path, scaled("t1", 2.2, only=1))
+    assert (one.what, one.run) == ("contradicts the others", "01")
+
+
+def test_a_torque_that_no_motion_gives_is_told_by_its_run(
+    sound, tmp_path: Path
+) -> None:
+    def noise(number: int, table: Columns) -> None:
+        rng = np.random.default_rng(number)
+        table["t2"] = (
+            rng.normal(0.0, 2.0, len(table["t"])) if number == 2 else table["t2"]
+        )
+
+    (one,) = found(*sound, tmp_path, noise)
+    assert (one.what, one.run, one.level) == ("torque of no motion", "02", "bad")
+
+
+def test_a_run_that_does_not_move_is_told(sound, tmp_path: Path) -> None:
+    def still(number: int, table: Columns) -> None:
+        for name in ("shoulder", "elbow") if number == 0 else ():
+            table[name] = 0.3 + 1e-4 * (table[name] - 0.3)
+
+    told = found(*sound, tmp_path, still)
+    assert ("no motion", "00") in [(one.what, one.run) for one in told]
+
+
+@pytest.mark.parametrize("name", ["elbow", "t1"])
+def test_a_reading_that_sticks_is_told_by_its_row(
+    sound, tmp_path: Path, name: str
+) -> None:
+    def stuck(number: int, table: Columns) -> None:
+        table[name][100:160] = table[name][100 if number == 1 else slice(100, 160)]
+
+    try:
+        words = [str(one) for one in found(*sound, tmp_path, stuck)]
+    except ConfigurationError as error:  # where it jumps as it comes free
+        words = [str(error)]
+    assert [line for line in words if "01" in line and "stands still" in line]
+    assert "row 100 on" in words[0]
+
+
+def test_turns_are_taken_out_and_said(sound, tmp_path: Path) -> None:
+    def wrap(_number: int, table: Columns) -> None:
+        table["elbow"] = np.mod(table["elbow"], 2.0 * np.pi)
+
+    told = found(*sound, tmp_path, wrap)
+    assert {one.what for one in told} == {"wrapped"}
+    assert "elbow wraps by a turn at" in told[0].words
+
+
+def test_every_single_step_is_held_against_those_about_it() -> None:
+    mended, rows = unwrapped(T, np.mod(SWING, 2.0 * np.pi), "run: elbow")
+    np.testing.assert_allclose(mended, SWING)
+    assert rows[0] == int(np.argmax(SWING < 0.0))
+    broken = SWING + 1.1 * (T > 2.0)
+    with pytest.raises(ConfigurationError, match=r"elbow: jumps .* at row 201 "):
+        unwrapped(T, broken, "run: elbow")
+    assert unwrapped(T, SWING, "run: elbow") == (SWING, [])
+
+
+@pytest.mark.parametrize(("contype", "share"), [("1", "57 %"), ("0", "")])
+def test_what_touches_along_the_motion_is_told(
+    tmp_path: Path, contype: str, share: str
+) -> None:
+    floor = FLOOR.replace(
+        "name=", f'contype="{contype}" conaffinity="{contype}" name=', 1
+    )
+    on_floor = ARM.replace('<body name="upper">', floor)
+    file, runs = make_arm(tmp_path, 2, content=PRESCRIBED, stated=on_floor)
+    told = [*open_mechanism(file, find_runs([runs])).contradictions()]
+    assert [one.what for one in told] == ["contact"] * bool(share)
+    assert share in "".join(one.words for one in told)
+
+
+def test_a_fit_refuses_what_contradicts_the_model_and_names_nothing(
+    sound, tmp_path: Path
+) -> None:
+    file, runs = sound
+    found(file, runs, tmp_path / "runs", late(0.014))
+    with pytest.raises(ConfigurationError, match=r"lag: torques are late by 14\.\d ms"):
+        fit([tmp_path / "runs"], file, tmp_path / "out")
+    assert not (tmp_path / "out" / "verdict.json").exists()
