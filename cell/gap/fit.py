@@ -20,14 +20,15 @@ from cell.gap.report.page import page
 from cell.gap.selection import hold_out as hold
 from cell.gap.subject.run_folders import copy_note, find_runs, without_copies
 from cell.gap.subject.subject import Subject
-from cell.gap.verdict import accept
+from cell.gap.verdict import fit_folder
 from cell.gap.verdict.compose import deviations, verdict as compose
 from cell.gap.verdict.decision import next_steps
 from cell.gap.verdict.findings import Findings
-from cell.gap.verdict.schema import Values, Verdict
+from cell.gap.verdict.fit_folder import FitRecord, PatchFiles, StoredLaw
+from cell.gap.verdict.schema import StepKind, Values, Verdict
 from cell.report.words import plural
-from drivers.base.errors import ConfigurationError
-from drivers.base.files import write_file, writing
+from drivers.base.files import write_file
+from drivers.base.readers import file_digest
 from drivers.base.yaml_text import dump_yaml
 
 
@@ -37,13 +38,14 @@ class FitOptions:
     `without`.
 
     `unchecked` recordings are fitted even where `cell gap check` refuses them; `jobs`
-    simulations run at once.
+    simulations run at once. `cell_file` takes effects of the cell, if any.
     """
 
     hold_out: Sequence[str] = ()
     without: Sequence[str] = ()
     unchecked: bool = False
     jobs: int = 1
+    cell_file: Path | None = None
 
 
 def fit(
@@ -58,10 +60,14 @@ def fit(
     `out`.
 
     `overlay` writes a recording of measured and simulated runs to a path. Raises
-    ConfigurationError, and leaves no verdict, for bad input.
+    ConfigurationError, and leaves `out` as it was, for bad input, where `out` holds
+    something that no fit wrote, and where results cannot be written.
     """
     began = time.monotonic()
-    _clear(out)
+    fit_folder.check_replaceable(out)
+    cell_digest = None
+    if options.cell_file is not None:
+        cell_digest = file_digest(options.cell_file)
     folders = find_runs(runs)
     hold.check([run.name for run in folders], options.hold_out)
     distinct, copies = without_copies(folders)
@@ -70,25 +76,29 @@ def fit(
     contradictions = [*subject.contradictions()]
     refuse([] if options.unchecked else contradictions)
     progress(f"read {plural(len(folders), 'run')}", 0.0)
-    with writing(f"{out}", "give a folder that can be written"):
-        out.mkdir(parents=True, exist_ok=True)
+
     simulate = CountedSimulation(subject.simulate)
+    held_out = [copies.get(name, name) for name in options.hold_out]
     # matrices are small: threads only wait for each other
-    with threadpool_limits(1, "blas"):
-        held = hold.held_out(
-            subject, simulate, [copies.get(n, n) for n in options.hold_out]
-        )
+    with fit_folder.results_folder(out) as results, threadpool_limits(1, "blas"):
+        held = hold.held_out(subject, simulate, held_out)
         findings = investigate(subject, held, simulate, progress)
-    verdict = compose(findings, time.monotonic() - began, simulate.total)
-    remarks = [*itertools.starmap(copy_note, copies.items()), *map(str, contradictions)]
-    verdict = _with_remarks(verdict, subject, remarks)
-    first, *others = next_steps(findings.decision, verdict, out, subject.option)
-    verdict = verdict.model_copy(update={"next": first, "alternatives": others})
-    progress("write", 0.97)
-    _write(findings, verdict, file, out)
-    if overlay is not None:
-        overlay(findings, verdict, out / "overlay.rrd")
-    write_file(out / "verdict.json", verdict.to_json())
+        verdict = compose(findings, time.monotonic() - began, simulate.total)
+        notes = itertools.starmap(copy_note, copies.items())
+        remarks = [*notes, *map(str, contradictions)]
+        verdict = _with_remarks(verdict, subject, remarks)
+        first, *others = next_steps(findings.decision, verdict, out, subject.origin)
+        verdict = verdict.model_copy(update={"next": first, "alternatives": others})
+
+        progress("write", 0.97)
+        write_file(results / fit_folder.PAGE, page(findings, verdict))
+        if overlay is not None:
+            overlay(findings, verdict, results / fit_folder.OVERLAY)
+        write_file(results / fit_folder.VERDICT, verdict.to_json())
+        patches = _write_patches(findings, verdict, results, out.name)
+        fit_folder.finish(
+            results, _record(findings, verdict, file, patches, cell_digest)
+        )
     progress("done", 1.0)
     return verdict
 
@@ -105,73 +115,67 @@ def _with_remarks(
     return verdict.model_copy(update={"notes": notes, "deviates": deviates})
 
 
-def _write(findings: Findings, verdict: Verdict, file: Path, out: Path) -> None:
-    """Write the record, the report and the patches of a fit; its verdict is written
-    last.
-    """
-    record = accept.FitRecord(
-        file_sha256=accept.sha256(file),
+def _record(
+    findings: Findings,
+    verdict: Verdict,
+    file: Path,
+    patches: dict[StepKind, PatchFiles],
+    cell_digest: str | None,
+) -> FitRecord:
+    """Record of a fit of the subject in `file`, with digests of what was read."""
+    digests = dict(findings.subject.origin.digests)
+    file = file.resolve()
+    own = digests.pop(file)
+    law = findings.law
+    return FitRecord(
+        file_sha256=own,
+        parts={os.path.relpath(p, file.parent): d for p, d in digests.items()},
+        cell_sha256=cell_digest,
         effects=tuple(e.name for e in verdict.effects or verdict.suspected),
         values=tuple(d.parameter for d in verdict.deviates),
         scatter=findings.model_tests.scatter,
-        law=findings.law and accept.StoredLaw(terms=findings.law.terms),
+        law=StoredLaw(terms=law.terms) if law is not None else None,
+        patches=patches,
     )
-    write_file(out / accept.RECORD, record.model_dump_json(by_alias=True, indent=1))
-    write_file(out / "report.html", page(findings, verdict))
+
+
+def _write_patches(
+    findings: Findings, verdict: Verdict, results: Path, name: str
+) -> dict[StepKind, PatchFiles]:
+    """Write a patch for each step that accepts something, into `results` of the fit
+    `name`.
+    """
+    offered = {
+        "accept": verdict.values_with(verdict.effects),
+        "accept_suspected": verdict.values_with(verdict.suspected),
+        "accept_values": verdict.values_with(()),
+    }
     if (law := findings.law) is not None:
         terms = {name: {"amount": value} for name, value in law.terms.items()}
-        _write_patch(
-            findings, out, accept.LAW_PATCH, accept.LAW_MODEL_PATCH, (law.base, terms)
-        )
-    if (name := _patch_name(findings, verdict)) is not None:
-        values = verdict.values_with(verdict.effects or verdict.suspected)
-        cell_patch = _write_patch(findings, out, name, accept.MODEL_PATCH, values)
-        if cell_patch is not None:
-            write_file(out / accept.CELL_PATCH, dump_yaml(cell_patch))
-
-
-def _patch_name(findings: Findings, verdict: Verdict) -> str | None:
-    """File name of the patch of effects or values to offer; None where there are
-    none.
-    """
-    if verdict.effects:
-        return accept.PATCH
-    if verdict.suspected:
-        return accept.SUSPECT_PATCH
-    offers_values = verdict.deviates and not findings.accepted.model.effects
-    return accept.BASE_PATCH if offers_values else None
+        offered["accept_law"] = law.base, terms
+    patches = {}
+    for kind in (step.kind for step in verdict.steps):
+        if kind in offered:
+            patches[kind] = _write_patch(
+                findings.subject, kind, offered[kind], results, name
+            )
+    return patches
 
 
 def _write_patch(
-    findings: Findings, out: Path, name: str, model: str, values: Values
-) -> dict[str, object] | None:
-    """Write the patch `name` and the `model` file, if there is one; returns the cell's
-    patch.
-    """
-    patch, cell_patch = findings.subject.patch(*values, f"cell gap fit, {out.name}")
-    write_file(out / name, dump_yaml(patch))
-    text = findings.subject.model_text(*values)
+    subject: Subject, kind: StepKind, values: Values, results: Path, name: str
+) -> PatchFiles:
+    """Write the patch with `values` that the step `kind` accepts into `results`."""
+    content, of_cell = subject.patch(*values, f"cell gap fit, {name}")
+    patch = fit_folder.PATCHES[kind]
+    write_file(results / patch, dump_yaml(content))
+
+    model = cell = None
+    text = subject.model_text(*values)
     if text is not None:
-        write_file(out / model, text)
-    return cell_patch
-
-
-def _clear(out: Path) -> None:
-    """Delete the results of an earlier fit; ConfigurationError where none could be
-    written.
-    """
-    first = next(p for p in (out.absolute(), *out.absolute().parents) if p.exists())
-    if not first.is_dir() or not os.access(first, os.W_OK | os.X_OK):
-        what = "cannot be written to" if first.is_dir() else "is a file"
-        raise ConfigurationError(
-            f"{out}: {first} {what}; give a folder that can be written"
-        )
-    patches = (
-        *accept.PATCHES,
-        accept.CELL_PATCH,
-        accept.MODEL_PATCH,
-        accept.LAW_MODEL_PATCH,
-    )
-    pages = (accept.RECORD, "report.html", "overlay.rrd")
-    for name in ("verdict.json", *pages, *patches, accept.ACCEPTED):
-        (out / name).unlink(missing_ok=True)
+        model = fit_folder.model_patch(kind)
+        write_file(results / model, text)
+    if of_cell is not None:
+        cell = fit_folder.CELL_PATCH
+        write_file(results / cell, dump_yaml(of_cell))
+    return PatchFiles(subject=patch, model=model, cell=cell)

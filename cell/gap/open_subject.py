@@ -8,9 +8,9 @@ from shlex import quote
 from typing import TYPE_CHECKING
 
 from cell.gap.subject.run_folders import RunFolder
-from cell.gap.subject.subject import Subject
+from cell.gap.subject.subject import Origin, Subject
 from drivers.base.errors import ConfigurationError
-from drivers.base.readers import read_yaml
+from drivers.base.readers import file_digest, read_yaml
 
 if TYPE_CHECKING:
     from cell.gap.subject.mechanism.subject import MechanismSubject
@@ -25,19 +25,21 @@ def open_subject(
     Raises ConfigurationError for a file of another kind, or an effect that cannot be
     withheld.
     """
+    digests = {file.resolve(): file_digest(file)}  # before it is read
     kind = read_yaml(file).get("kind", "strip")
     if kind == "strip":
         from cell.gap.subject.strip.subject import open_strip
 
         subject: Subject = open_strip(file, runs, jobs, without)
     elif kind == "mechanism":
-        subject = open_mechanism(file, runs, jobs, without)
+        subject = mechanism = open_mechanism(file, runs, jobs, without)
+        digests |= mechanism.mechanism.source.digests
     else:
         allowed = (
             "strip, mechanism (a pendulum is one of mode planar: configs/mechanisms)"
         )
         raise ConfigurationError(f"{file}: kind: is {kind!r}; allowed: {allowed}")
-    subject.option = option_for(file)
+    subject.origin = Origin(option_for(file), digests)
     return subject
 
 

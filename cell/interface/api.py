@@ -226,7 +226,8 @@ def fit_gap(
     if (strip is None) == (model is None):
         raise ConfigurationError("give a strip or a model, one of the two")
     file = _subject_file(model or strip or "", configs)
-    options = FitOptions(hold_out, without, jobs=jobs)
+    cell_file = find_configs(configs).folder / "cell.yaml"
+    options = FitOptions(hold_out, without, jobs=jobs, cell_file=cell_file)
     return fit(_listed(runs), file, Path(out), options, progress, write_overlay)
 
 

@@ -19,11 +19,12 @@ POLL_INTERVAL = 0.02  # s between attempts to lock
 
 
 @contextmanager
-def replacing(path: Path) -> Iterator[Path]:
+def replacing(path: Path, check: Callable[[], None] = lambda: None) -> Iterator[Path]:
     """Context with a new, empty file that replaces the file at `path` once the block
     succeeds.
 
-    For a writer that needs a file name. Readers see the old file or the new one; a link
+    For a writer that needs a file name. `check` is called right before; what it raises
+    leaves the old file. Readers see the old file or the new one; a link
     at `path` is replaced, not followed. Raises OSError where that is not possible.
     """
     scratch = path.with_name(f".{os.urandom(6).hex()}.part")
@@ -32,15 +33,20 @@ def replacing(path: Path) -> Iterator[Path]:
         yield scratch
         with scratch.open("rb") as written:
             os.fsync(written.fileno())
+        check()
         scratch.replace(path)
     finally:  # no scratch file stays behind
         scratch.unlink(missing_ok=True)
     sync_folder(path.parent)
 
 
-def replace_file(path: Path, content: bytes) -> None:
-    """Replace the file at `path` by `content` atomically, and flush it to disk."""
-    with replacing(path) as scratch, scratch.open("wb") as file:
+def replace_file(
+    path: Path, content: bytes, check: Callable[[], None] = lambda: None
+) -> None:
+    """Replace the file at `path` by `content` atomically, after a `check`, and flush it
+    to disk.
+    """
+    with replacing(path, check) as scratch, scratch.open("wb") as file:
         file.write(content)
 
 

@@ -3,11 +3,13 @@
 Libraries are imported where they are used, for commands that do not need them.
 """
 
+import hashlib
 import json
 import os
 import stat
-from contextlib import suppress
-from io import BytesIO
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from io import BufferedReader, BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -47,21 +49,36 @@ def read_bytes(path: Path, most: int) -> bytes:
     regular. A pipe or a device is never opened, because reading it could block for
     ever.
     """
-    try:
-        _check_regular(path, path.stat())
-        with open(path, "rb", opener=_open_nonblocking) as file:
-            _check_regular(path, os.fstat(file.fileno()))
-            content = file.read(most + 1)
-    except OSError as error:
-        raise ConfigurationError(f"{path}: cannot be read: {error.strerror}") from None
-    except ValueError as error:
-        raise ConfigurationError(f"{str(path)!r}: cannot be read: {error}") from None
+    with _regular_file(path) as file:
+        content = file.read(most + 1)
     if len(content) > most:
         raise ConfigurationError(
             f"{path}: is larger than {most / MEGABYTE:g} MB, the most that is read; "
             "thin or cut it, if it is the right file"
         )
     return content
+
+
+def file_digest(path: Path) -> str:
+    """SHA-256 of the regular file at `path`, of any size; ConfigurationError as
+    `read_bytes`.
+    """
+    with _regular_file(path) as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+@contextmanager
+def _regular_file(path: Path) -> Iterator[BufferedReader]:
+    """Context with the regular file at `path`, opened to be read in binary."""
+    try:
+        _check_regular(path, path.stat())
+        with open(path, "rb", opener=_open_nonblocking) as file:
+            _check_regular(path, os.fstat(file.fileno()))
+            yield file
+    except OSError as error:
+        raise ConfigurationError(f"{path}: cannot be read: {error.strerror}") from None
+    except ValueError as error:
+        raise ConfigurationError(f"{str(path)!r}: cannot be read: {error}") from None
 
 
 def read_text(path: Path, most: int = LARGEST_TEXT, fallback: str = "utf-8") -> str:

@@ -2,18 +2,13 @@
 subject.
 """
 
-import hashlib
-import json
-import shutil
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import yaml
 
-from cell.base.config.places import find_configs
-from cell.gap.subject.strip.subject import StripSubject, patch_file
+from cell.gap.subject.strip.subject import StripSubject
 from cell.gap.subject.strip.synthetic import (
     BENCH,
     Fold,
@@ -95,27 +90,3 @@ def whitened(strip: StripSubject, found: Sequence[Residuals]) -> Array:
         for run, r in zip(strip.runs, found, strict=True)
     ]
     return np.concatenate(parts)
-
-
-EFFECT = {"bending_hysteresis": {"yield_curvature": 20.0, "stiffness_ratio": 8.0}}
-
-
-class Fitted:
-    """Folder of a finished fit, with its strip file and cell file."""
-
-    def __init__(self, root: Path) -> None:
-        self.out, self.file, self.cell = (
-            root / "out",
-            root / "denim.yaml",
-            root / "cell.yaml",
-        )
-        self.out.mkdir()
-        shutil.copy(find_configs(None).strip_path("denim"), self.file)
-        shutil.copy(find_configs(None).folder / "cell.yaml", self.cell)
-        digest = hashlib.sha256(self.file.read_bytes()).hexdigest()
-        record = {"schema": 1, "file_sha256": digest, "effects": ["bending_hysteresis"]}
-        (self.out / "fit.json").write_text(json.dumps(record))
-        patch, _ = patch_file(
-            load_strip(self.file), {"bending_length": 0.0168}, EFFECT, "fit"
-        )
-        (self.out / "patch.yaml").write_text(yaml.safe_dump(patch))

@@ -218,7 +218,7 @@ def page(findings: Findings, verdict: Verdict) -> str:
         ),
         name=name,
         said=_verdict_card(findings, verdict),
-        following=[step.sentence for step in verdict.steps],
+        following=[f"{capitalised(step.sentence)}." for step in verdict.steps],
         notes=verdict.notes,
         planned=_planned_folds(findings, verdict),
         held=held_out_values(findings, verdict),

@@ -5,6 +5,7 @@ simulation.
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
 
 from drivers.base.errors import ConfigurationError
+from drivers.base.readers import file_digest
 from drivers.base.types import Array
 from drivers.strip.effects.effect import Parameter
 
@@ -356,13 +358,32 @@ class Scene:
     events: tuple[tuple[float, str], ...] = ()
 
 
+@dataclass(frozen=True, slots=True)
+class Origin:
+    """File that states a subject: the `option` that names it on the command line.
+
+    `digests` are the SHA-256, by path, of it and of all files that belong to it, each
+    as it was before it was read.
+    """
+
+    option: str = "--model FILE"
+    digests: Mapping[Path, str] = field(default_factory=dict)
+
+    def changed(self) -> Path | None:
+        """First file that is no longer as it was read; None without any."""
+        for path, digest in self.digests.items():
+            if not path.is_file() or file_digest(path) != digest:
+                return path
+        return None
+
+
 class Subject(ABC):
     """Measured strip or mechanism: its runs, library of effects, simulation and files.
 
     `name` is its own, `runs` are in the order in which they were taken, `notes` are
     remarks for the operator on them. `scope` holds base parameters, candidate effects,
-    quantities and descriptive terms. `option` names its file on the command line;
-    probabilities of verdicts are calibrated on subjects of the same `kind`.
+    quantities and descriptive terms. `origin` is the file that states it; probabilities
+    of verdicts are calibrated on subjects of the same `kind`.
     """
 
     name: str
@@ -370,7 +391,7 @@ class Subject(ABC):
     runs: Sequence[Run]
     scope: Scope
     notes: Sequence[str] = ()
-    option: str = "--model FILE"
+    origin: Origin = Origin()
 
     @abstractmethod
     def simulate(self, requests: Sequence[Request]) -> Sequence[Residuals]:

@@ -1,84 +1,68 @@
-"""Accepts a verdict: patches the subject's file, and can restore the one before."""
+"""Accepts a verdict: patches the subject's file, and can restore the one before.
+
+What restores it lies beside the file, in a record that nothing else writes. It is
+written before any file changes, so that an acceptance which was killed is taken back by
+the next command. Each file is looked at again right before it is replaced.
+"""
 
 import hashlib
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal
 
-from pydantic import BaseModel, Field
+from pydantic import Field
 
 from cell.base.config.settings import CellSettings
-from cell.gap.fitting.reml import Spread
-from cell.gap.subject.mechanism.mechanism_file import MechanismFile
-from cell.gap.verdict.schema import fit_folder
+from cell.gap.subject.mechanism.mechanism_file import ACCEPTED_MODEL, MechanismFile
+from cell.gap.verdict.fit_folder import VERDICT, FitRecord, PatchFiles, read_record
+from cell.gap.verdict.schema import StepKind, fit_folder, read_verdict
 from cell.record.header import Recorded
 from drivers.base.errors import ConfigurationError
-from drivers.base.files import lock_folders, write_file
-from drivers.base.readers import MEGABYTE, read_bytes, read_json, read_text, read_yaml
+from drivers.base.files import lock_folders, replace_file, write_file, writing
+from drivers.base.readers import (
+    MEGABYTE,
+    file_digest,
+    read_json,
+    read_text,
+    read_yaml,
+)
 from drivers.base.settings import load, parse
-from drivers.base.yaml_text import edit_yaml
+from drivers.base.yaml_text import edit_yaml, parse_yaml
 from drivers.strip.describe import load_strip
 from drivers.strip.effects import check_effects
 
-STORED = 4 * MEGABYTE
-RECORD, ACCEPTED = "fit.json", "accepted.json"
-PATCH, CELL_PATCH, LAW_PATCH = "patch.yaml", "cell-patch.yaml", "law-patch.yaml"
-SUSPECT_PATCH = "suspect-patch.yaml"  # effects that were accepted and are not named
-# values alone: no effect, but base values other than stated
-BASE_PATCH = "base-patch.yaml"
-MODEL_PATCH, LAW_MODEL_PATCH = "model-patch.xml", "law-model-patch.xml"
-PATCHES = (PATCH, SUSPECT_PATCH, BASE_PATCH, LAW_PATCH)
+State = Literal["before", "after", "changed"]
 ABSENT = ""  # text of a file that an acceptance makes
-LARGEST_MODEL = 20 * MEGABYTE
-
-
-class StoredLaw(Recorded):
-    """Empirical law of residuals that a fit offered: amounts by the name of its
-    terms.
-    """
-
-    terms: dict[str, float]
-
-
-class FitRecord(Recorded):
-    """Content of fit.json: the hash of the file that was fitted, and the effects of its
-    patch.
-
-    `values` of the base are outside what the file tolerates; `scatter` are quantities
-    that differ from run to run; `law` describes what nothing explains.
-    """
-
-    file_sha256: str
-    effects: tuple[str, ...]
-    values: tuple[str, ...] = ()
-    scatter: tuple[Spread, ...] = ()
-    law: StoredLaw | None = None
-
-    @property
-    def laws(self) -> tuple[str, ...]:
-        """Names of the terms of the empirical law that the fit offers."""
-        return tuple(self.law.terms) if self.law is not None else ()
+UNDO = ".undo.json"  # after the name of the file that was accepted into
+LARGEST_MODEL, LARGEST_UNDO = 20 * MEGABYTE, 64 * MEGABYTE
 
 
 class Acceptance(Recorded):
-    """Content of accepted.json: by path, the text before an acceptance and the hash
-    after it.
+    """Acceptance of the fit in the folder `fit`: text before it and digest after it, by
+    path from the accepted file's folder.
     """
 
+    fit: str
+    effects: tuple[str, ...]
     before: dict[str, str]
     after: dict[str, str]
 
-    def state(self, name: str, path: Path) -> Literal["before", "after", "changed"]:
-        """Whether the file at `path` has its text from before or after the acceptance,
-        or other.
-        """
-        current = sha256(path) if path.exists() else _hash(ABSENT)
-        if current == self.after.get(name):
+    def state(self, name: str, text: str) -> State:
+        """Whether `text` is that of a file before or after the acceptance, or other."""
+        if _digest(text) == self.after.get(name):
             return "after"
-        return "before" if current == _hash(self.before[name]) else "changed"
+        return "before" if text == self.before[name] else "changed"
+
+
+class UndoRecord(Recorded):
+    """Content of the record beside an accepted file: its acceptances, the last one
+    last.
+    """
+
+    acceptances: tuple[Acceptance, ...]
 
 
 class Patch(Recorded):
@@ -92,16 +76,6 @@ class Patch(Recorded):
     twin: dict[str, dict[str, Any]] = Field(default_factory=dict)
 
 
-S = TypeVar("S", bound=BaseModel)
-
-
-def read_stored(path: Path, model: type[S]) -> S:
-    """Content of the JSON file at `path` as `model`; ConfigurationError where it is
-    broken.
-    """
-    return parse(read_json(path, STORED), model, str(path))
-
-
 @dataclass(frozen=True, slots=True)
 class AcceptResult:
     """Files that an acceptance or undo has written, and the effects or values
@@ -112,9 +86,22 @@ class AcceptResult:
     effects: tuple[str, ...]
 
 
-def sha256(path: Path) -> str:
-    """Hash of the file at `path`; ConfigurationError where it is missing."""
-    return hashlib.sha256(read_bytes(path, MEGABYTE)).hexdigest()
+@dataclass(frozen=True, slots=True)
+class Change:
+    """Change of the file at `path` from the text `old` to `new`, either may be
+    ABSENT.
+    """
+
+    path: Path
+    old: str
+    new: str
+
+    def check(self) -> None:
+        """Raise ConfigurationError unless the file still has the text `old`."""
+        if _text_at(self.path) != self.old:
+            raise ConfigurationError(
+                f"{self.path}: was changed a moment ago and is left alone; do it again"
+            )
 
 
 def accept(
@@ -130,176 +117,256 @@ def accept(
 
     With `law`, the patch of the law that describes what no effect explains; with
     `force`, that of effects that are suspected, where none is named. Files of an
-    interrupted acceptance are restored first. Raises ConfigurationError where `file` is
-    not the fitted one or has changed since, where there is nothing to accept, or where
-    a patch is incomplete.
+    interrupted acceptance are restored first. Raises ConfigurationError where `file`,
+    its model or the cell file is not the fitted one or has changed since, where there
+    is nothing to accept, or where the fit is not complete.
     """
     with lock_folders([fit_folder(out), *_folders(file, cell_file)]):
-        record = _read_fit_record(out)
-        _restore_interrupted(out, file, cell_file)
-        patch = _patch(out, law=law, force=force)
-        if not patch.exists():
-            raise ConfigurationError(f"{out}: {_nothing_to_accept(out, law=law)}")
-        if sha256(file) != record.file_sha256:
-            raise ConfigurationError(
-                f"{file}: has changed since it was fitted (or is another file); fit"
-                " again"
-            )
-        _check_patch(patch)
-        changes = _changes(out, patch, file, cell_file, law=law)
-        _store_undo(out, changes)
+        record = read_record(out)
+        _restore_interrupted(file, cell_file)
+        offered = _offered(out, record, law=law, force=force)
+        _check_unchanged(record, file, cell_file if offered.cell else None)
+        changes = _changes(out, offered, file, cell_file)
+        effects = record.laws if law else record.effects or record.values
+        _store_undo(out, file, effects, changes)
         try:
-            _write(changes)
+            _write_all(changes)
         except ConfigurationError:
-            with suppress(ConfigurationError):  # the next command tries again
-                _restore_interrupted(out, file, cell_file)
+            if not any(_text_at(c.path) == c.new for c in changes):
+                with suppress(ConfigurationError):  # else the next command does it
+                    _store(file, _acceptances(file)[:-1])
             raise
-    return AcceptResult(
-        tuple(changes), record.laws if law else record.effects or record.values
-    )
-
-
-def _store_undo(out: Path, changes: Mapping[Path, str]) -> None:
-    """Store in `out`, before any file changes, the texts that `changes` will
-    replace.
-    """
-    _check_writable(changes)
-    before = {_name(p): read_text(p) if p.exists() else ABSENT for p in changes}
-    after = {_name(p): _hash(text) for p, text in changes.items()}
-    stored = Acceptance(before=before, after=after)
-    write_file(out / ACCEPTED, stored.model_dump_json(by_alias=True, indent=1))
-
-
-def _changes(
-    out: Path, patch: Path, file: Path, cell_file: Path | None, *, law: bool
-) -> dict[Path, str]:
-    """New text of each file by path: of a model, of the subject's `file`, of the cell
-    file.
-    """
-    changes = {file: edit_yaml(read_text(file), read_yaml(patch))}
-    cell_patch = out / CELL_PATCH
-    if cell_patch.exists() and not law:
-        if cell_file is None:
-            raise ConfigurationError(
-                f"{cell_patch}: holds effects of the cell; name the cell file to put"
-                " them in"
-            )
-        changes[cell_file] = _with_cell(cell_file, cell_patch)
-    model = out / (LAW_MODEL_PATCH if law else MODEL_PATCH)
-    if model.exists():
-        named = str(read_yaml(patch)["model"])
-        changes = {file.parent / named: read_text(model, LARGEST_MODEL), **changes}
-    return changes
-
-
-def _patch(out: Path, *, law: bool, force: bool) -> Path:
-    """Path of the patch to accept: a law, named or suspected effects, or else base
-    values.
-    """
-    if law:
-        return out / LAW_PATCH
-    if force and (out / SUSPECT_PATCH).exists():
-        return out / SUSPECT_PATCH
-    named, values = out / PATCH, out / BASE_PATCH
-    return values if values.exists() and not named.exists() else named
-
-
-def _nothing_to_accept(out: Path, *, law: bool) -> str:
-    """Message that there is nothing to accept, with a hint at an option that helps."""
-    if law:
-        return "no law was offered, so there is none to accept"
-    offered = "; a law is offered: add --law" if (out / LAW_PATCH).is_file() else ""
-    if (out / SUSPECT_PATCH).is_file():
-        offered += "; effects are suspected (report.html): --force accepts them"
-    return f"nothing was named, so there is nothing to accept{offered}"
+    return AcceptResult(tuple(change.path for change in changes), effects)
 
 
 def undo(out: Path, file: Path, cell_file: Path | None = None) -> AcceptResult:
     """Restore the files as they were before the fit in `out` was accepted.
 
-    Raises ConfigurationError when a file has changed since. An interrupted undo is
-    finished.
+    The folder itself is not needed. Raises ConfigurationError where another fit was
+    accepted later, or a file has changed since. An interrupted undo is finished.
     """
-    accepted = fit_folder(out) / ACCEPTED
-    with lock_folders([out, *_folders(file, cell_file)]):
-        if not accepted.exists():
+    with lock_folders(_folders(file, cell_file)):
+        stored = _acceptances(file)
+        if not stored:
             raise ConfigurationError(
-                f"{out}: was not accepted, so there is nothing to undo"
+                f"{file}: nothing was accepted into it, so there is nothing to undo"
             )
-        stored = read_stored(accepted, Acceptance)
-        record = _read_fit_record(out)
-        paths = _files_by_name(stored, accepted, file, cell_file)
-        for name, path in paths.items():
-            if stored.state(name, path) == "changed":
+        last = stored[-1]
+        if last.fit != _name(out):
+            raise ConfigurationError(
+                f"{out}: is not the fit that was accepted last, which is {last.fit};"
+                " undo that one first"
+            )
+        back, states = _way_back(last, file, cell_file)
+        for change, state in zip(back, states, strict=True):
+            if state == "changed":
                 raise ConfigurationError(
-                    f"{path}: has changed since the acceptance; edit it by hand"
+                    f"{change.path}: has changed since the acceptance; edit it by hand"
                 )
-        _check_writable(paths.values())
-        _restore(accepted, stored, paths)
-    return AcceptResult(
-        tuple(paths.values()), record.effects or record.laws or record.values
+        _check_writable([change.path for change in back])
+        _write_all(back)
+        _store(file, stored[:-1])
+    return AcceptResult(tuple(change.path for change in back), last.effects)
+
+
+def _offered(out: Path, record: FitRecord, *, law: bool, force: bool) -> PatchFiles:
+    """Files to accept: of a law, of named effects, of values or, by `force`, of
+    suspects.
+    """
+    wanted: list[StepKind] = ["accept_law"] if law else ["accept", "accept_values"]
+    if force and not law:
+        wanted.append("accept_suspected")
+    offered = [record.patches[kind] for kind in wanted if kind in record.patches]
+    if offered:
+        return offered[0]
+    what = "no law was offered" if law else "nothing was named"
+    steps = "; or: ".join(step.sentence for step in read_verdict(out / VERDICT).steps)
+    raise ConfigurationError(
+        f"{out}: {what}, so there is nothing to accept; next: {steps}"
     )
 
 
-def _restore_interrupted(out: Path, file: Path, cell_file: Path | None) -> None:
+def _check_unchanged(record: FitRecord, file: Path, cell_file: Path | None) -> None:
+    """Refuse files that differ from what was fitted: `file`, its model, the cell
+    file.
+    """
+    folder = file.resolve().parent
+    fitted = {file: record.file_sha256}
+    fitted |= {folder / part: digest for part, digest in record.parts.items()}
+    if cell_file is not None and record.cell_sha256 is not None:
+        fitted[cell_file] = record.cell_sha256
+    for path, digest in fitted.items():
+        if file_digest(path) != digest:
+            raise ConfigurationError(
+                f"{path}: has changed since it was fitted (or is another file); fit"
+                " again"
+            )
+
+
+def _changes(
+    out: Path, offered: PatchFiles, file: Path, cell_file: Path | None
+) -> list[Change]:
+    """Changes of a model, of the subject's `file`, and of the cell file, in this
+    order.
+    """
+    patch = out / offered.subject
+    _check_patch(patch)
+    content = read_yaml(patch)
+    text = read_text(file)
+    changes = [Change(file, text, edit_yaml(text, content))]
+
+    if offered.model is not None:
+        model = file.parent / str(content["model"])
+        _check_own_model(file, model)
+        made = read_text(out / offered.model, LARGEST_MODEL)
+        changes.insert(0, Change(model, _text_at(model), made))
+
+    if offered.cell is not None:
+        if cell_file is None:
+            raise ConfigurationError(
+                f"{out / offered.cell}: holds effects of the cell; name the cell file"
+                " to put them in"
+            )
+        text = read_text(cell_file)
+        merged = _with_cell(text, cell_file, out / offered.cell)
+        changes.append(Change(cell_file, text, merged))
+    return changes
+
+
+def _check_own_model(file: Path, model: Path) -> None:
+    """Refuse to write over a `model` that is neither that of `file` nor an accepted
+    one.
+    """
+    if not model.exists() or model == file.parent / str(read_yaml(file)["model"]):
+        return
+    name = _relative(model, file)
+    if file_digest(model) not in {a.after.get(name) for a in _acceptances(file)}:
+        raise ConfigurationError(
+            f"{model}: is there already and no acceptance wrote it; move it away"
+        )
+
+
+def _store_undo(
+    out: Path, file: Path, effects: tuple[str, ...], changes: Iterable[Change]
+) -> None:
+    """Store beside `file`, before any file changes, what undoes `changes`."""
+    changed = {_relative(change.path, file): change for change in changes}
+    _check_writable([change.path for change in changed.values()])
+    made = Acceptance(
+        fit=_name(out),
+        effects=effects,
+        before={name: change.old for name, change in changed.items()},
+        after={name: _digest(change.new) for name, change in changed.items()},
+    )
+    _store(file, (*_acceptances(file), made))
+
+
+def _restore_interrupted(file: Path, cell_file: Path | None) -> None:
     """Restore the files of an acceptance or undo that was interrupted between two
     files.
 
     One that changed all of its files was complete, and files that somebody changed
     since are left alone.
     """
-    accepted = out / ACCEPTED
-    stored = read_stored(accepted, Acceptance) if accepted.exists() else None
-    if stored is None or _name(file) not in stored.before:
+    stored = _acceptances(file)
+    if not stored:
         return
-    paths = _files_by_name(stored, accepted, file, cell_file)
-    states = {stored.state(name, path) for name, path in paths.items()}
+    back, states = _way_back(stored[-1], file, cell_file)
     if "before" in states and "changed" not in states:
-        _restore(accepted, stored, paths)
+        _write(back)
+        _store(file, stored[:-1])
 
 
-def _restore(accepted: Path, stored: Acceptance, paths: Mapping[str, Path]) -> None:
-    """Restore the files that the acceptance `stored` replaced, and delete its record
-    `accepted`.
-    """
-    _write({path: stored.before[name] for name, path in paths.items()})
-    accepted.unlink()
+def _way_back(
+    stored: Acceptance, file: Path, cell_file: Path | None
+) -> tuple[list[Change], list[State]]:
+    """Changes that restore the files of an acceptance, and the state of each."""
+    paths = _files_by_name(stored, file, cell_file)
+    texts = {name: _text_at(path) for name, path in paths.items()}
+    back = [Change(paths[n], text, stored.before[n]) for n, text in texts.items()]
+    return back, [stored.state(name, text) for name, text in texts.items()]
+
+
+def _store(file: Path, stored: tuple[Acceptance, ...]) -> None:
+    """Write the record of acceptances beside `file`, without any delete it."""
+    path = _undo_path(file)
+    if not stored:
+        path.unlink(missing_ok=True)
+        return
+    text = UndoRecord(acceptances=stored).model_dump_json(by_alias=True, indent=1)
+    if len(text) > LARGEST_UNDO:
+        raise ConfigurationError(
+            f"{path}: would exceed {LARGEST_UNDO // MEGABYTE} MB; move it away, with"
+            " which acceptances so far can no longer be undone"
+        )
+    write_file(path, text)
+
+
+def _acceptances(file: Path) -> tuple[Acceptance, ...]:
+    """Acceptances into `file` that can be undone, the last one last."""
+    path = _undo_path(file)
+    if not path.exists():
+        return ()
+    content = read_json(path, LARGEST_UNDO)
+    return parse(content, UndoRecord, str(path)).acceptances
+
+
+def _undo_path(file: Path) -> Path:
+    return file.with_name(file.name + UNDO)
 
 
 def _files_by_name(
-    stored: Acceptance, accepted: Path, file: Path, cell_file: Path | None
+    stored: Acceptance, file: Path, cell_file: Path | None
 ) -> dict[str, Path]:
     """Paths of the files of an acceptance, by their stored names.
 
-    Raises ConfigurationError for any but `file`, `cell_file` and the models beside it
-    that the patches in the folder of `accepted` name.
+    Raises ConfigurationError for any but `file`, `cell_file` and accepted models in the
+    folder of `file`.
     """
-    paths = [accepted.parent / name for name in PATCHES]
-    patches = [read_yaml(path) for path in paths if path.exists()]
-    models = [
-        file.parent / str(p["model"]) for p in patches if p.get("kind") == "mechanism"
-    ]
-    given = {_name(p): p for p in (file, cell_file, *models) if p is not None}
-    if _name(file) not in stored.before:
-        raise ConfigurationError(f"{file}: is not the file that was accepted into")
+    given = {_relative(p, file): p for p in (file, cell_file) if p is not None}
+    folder = file.resolve().parent
+    found = {}
     for name in stored.before:
-        if name not in given:
+        path = given.get(name, file.parent / name)
+        is_model = name.endswith(ACCEPTED_MODEL)
+        if name not in given and not (
+            is_model and path.resolve().is_relative_to(folder)
+        ):
             raise ConfigurationError(
-                f"{accepted}: names {name}, which is neither --strip nor the cell file;"
-                " name the same --configs as for accept"
+                f"{_undo_path(file)}: names {name}, which is neither {file.name} nor"
+                " the cell file; name the same --configs as for accept"
             )
-    return {name: given[name] for name in stored.before}
+        found[name] = path
+    return found
 
 
-def _write(changes: Mapping[Path, str]) -> None:
-    """Write the files of an acceptance one by one; delete those whose text is
-    ABSENT.
+def _write_all(changes: Sequence[Change]) -> None:
+    """Make all of `changes` or, where one fails, none."""
+    try:
+        _write(changes)
+    except ConfigurationError:
+        done = [c for c in changes if _text_at(c.path) == c.new]
+        _write([Change(c.path, c.new, c.old) for c in done])
+        raise
+
+
+def _write(changes: Iterable[Change]) -> None:
+    """Write the files of an acceptance one by one; delete those whose text is ABSENT.
+
+    Raises ConfigurationError where somebody has changed one meanwhile.
     """
-    for path, text in changes.items():
-        if text == ABSENT:
-            path.unlink(missing_ok=True)
+    for change in changes:
+        if change.new == ABSENT:
+            change.check()
+            change.path.unlink(missing_ok=True)
         else:
-            write_file(path, text)
+            with writing(change.path):
+                replace_file(change.path, _encoded(change.new), change.check)
+
+
+def _text_at(path: Path) -> str:
+    """Text of the file at `path`, ABSENT where there is none."""
+    return read_text(path, LARGEST_MODEL) if path.exists() else ABSENT
 
 
 def _folders(*files: Path | None) -> list[Path]:
@@ -317,11 +384,11 @@ def _check_patch(patch: Path) -> None:
         load_strip(patch)
 
 
-def _with_cell(path: Path, patch: Path) -> str:
-    """Text of the cell file with the effects and settings of `patch` merged in."""
+def _with_cell(text: str, path: Path, patch: Path) -> str:
+    """The cell file's `text` with the effects and settings of `patch` merged in."""
     added = load(patch, Patch, bare=True)
     check_effects(added.effects, origin=str(patch), of=["cell"])
-    content = read_yaml(path)
+    content = parse_yaml(text, str(path))
     _check_cell(content, path)
     merged = {**content, "effects": {**(content.get("effects") or {}), **added.effects}}
     for key, parts in (("fci", added.fci), ("twin", added.twin)):
@@ -331,7 +398,7 @@ def _with_cell(path: Path, patch: Path) -> str:
                 k: (old.get(k) or {}) | part for k, part in parts.items()
             }
     _check_cell(merged, path)
-    return edit_yaml(read_text(path), merged)
+    return edit_yaml(text, merged)
 
 
 def _check_cell(content: Mapping[str, object], path: Path) -> None:
@@ -353,21 +420,24 @@ def _check_writable(paths: Iterable[Path]) -> None:
                 )
 
 
-def _read_fit_record(out: Path) -> FitRecord:
-    """Record of the fit in `out`; ConfigurationError where it is missing or broken."""
-    path = fit_folder(out) / RECORD
-    try:
-        return read_stored(path, FitRecord)
-    except ConfigurationError:
-        raise ConfigurationError(
-            f"{path}: is missing or not as `cell gap fit` writes it; fit again"
-        ) from None
+def _relative(path: Path, file: Path) -> str:
+    """Path from the folder of `file`, as text."""
+    return _utf8(os.path.relpath(path, file.parent))
 
 
 def _name(path: Path) -> str:
-    """Resolved path as text that UTF-8 can encode, other characters escaped."""
-    return str(path.resolve()).encode(errors="backslashreplace").decode()
+    """Resolved path as text."""
+    return _utf8(str(path.resolve()))
 
 
-def _hash(text: str) -> str:
-    return hashlib.sha256(text.encode("utf-8", errors="backslashreplace")).hexdigest()
+def _utf8(text: str) -> str:
+    """`text` as UTF-8 can encode it, other characters escaped."""
+    return _encoded(text).decode()
+
+
+def _encoded(text: str) -> bytes:
+    return text.encode(errors="backslashreplace")
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(_encoded(text)).hexdigest()

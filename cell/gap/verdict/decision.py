@@ -30,7 +30,7 @@ from cell.gap.fitting.base_fit import strains
 from cell.gap.fitting.crossvalidation import CrossValidatedFit
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.selection.likelihood import ALPHA, MIN_GAIN, Fits, gain
-from cell.gap.subject.subject import Subject
+from cell.gap.subject.subject import Origin, Subject
 from cell.gap.verdict.confidence import LEAST, calibration
 from cell.gap.verdict.findings import Decision, Findings, Results
 from cell.gap.verdict.schema import Kind, Step, Verdict, VerdictEvidence
@@ -201,14 +201,17 @@ def _gains(results: Results) -> tuple[list[float], list[float]]:
 
 
 def next_steps(
-    decision: Decision, verdict: Verdict, out: Path, option: str
+    decision: Decision, verdict: Verdict, out: Path, origin: Origin
 ) -> list[Step]:
     """What an operator may do after the `verdict`, the advised step first.
 
-    `out` is the folder of the fit, `option` names the subject's file on the command
-    line. A fit leaves a patch for each step that accepts something.
+    `out` is the folder of the fit, `origin` states the subject. A fit leaves a patch
+    for each step that accepts something.
     """
-    fit = f"{quote(str(out))} {option}"
+    if (changed := origin.changed()) is not None:
+        words = f"{changed} has changed while it was fitted: fit again"
+        return [Step("repeat", "", words)]
+    fit = f"{quote(str(out))} {origin.option}"
     accept, undo = f"cell gap accept {fit}", f"`cell gap undo {fit}` takes it back"
     rest = verdict.unexplained
     law = rest.law if rest is not None and rest.stable else ""
@@ -240,7 +243,7 @@ def next_steps(
         words = f"adds a description, no name: {law}; {undo}"
         steps.append(Step("accept_law", f"{accept} --law", words))
 
-    return steps or [_step_without_gap(decision, option)]
+    return steps or [_step_without_gap(decision, origin.option)]
 
 
 def _step_without_gap(decision: Decision, option: str) -> Step:

@@ -206,9 +206,8 @@ class Step:
 
     @property
     def sentence(self) -> str:
-        """Sentence on the step, its command in backticks."""
-        text = f"`{self.command}` {self.words}" if self.command else self.words
-        return f"{text[:1].upper()}{text[1:]}."
+        """Sentence on the step without a full stop, its command in backticks."""
+        return f"`{self.command}` {self.words}" if self.command else self.words
 
     def __str__(self) -> str:
         """Text of the step: its command, and below it what this does."""

@@ -271,7 +271,13 @@ def fit(
     from cell.gap.report.overlay import write_overlay
     from cell.gap.report.sentence import deviation_text
 
-    options = FitOptions(hold_out or (), without or (), unchecked, _threads(jobs))
+    options = FitOptions(
+        hold_out or (),
+        without or (),
+        unchecked,
+        _threads(jobs),
+        _cell_file(model, configs),
+    )
     with _progress() as shown:
         verdict = fit_runs(runs, file, out, options, shown, write_overlay)
     if as_json:
@@ -386,14 +392,17 @@ def _print_changed(what: str, changed: "AcceptResult", *, as_json: bool) -> None
 def advise(fitted: Fitted, as_json: Json = False) -> None:
     """Print the further runs that would best separate the remaining explanations."""
     from cell.gap.report.sentence import remedy_lines
-    from cell.gap.verdict.accept import RECORD, FitRecord, read_stored
-    from cell.gap.verdict.schema import read_verdict
+    from cell.gap.verdict.fit_folder import VERDICT, read_record
+    from cell.gap.verdict.schema import fit_folder, read_verdict
+    from drivers.base.files import lock_folders
 
-    verdict = read_verdict(fitted / "verdict.json")
+    with lock_folders([fit_folder(fitted)]):
+        record = read_record(fitted)
+        verdict = read_verdict(fitted / VERDICT)
     if as_json:
         sys.stdout.write(json.dumps(list(map(asdict, verdict.advice))) + "\n")
         return
-    for line in remedy_lines(read_stored(fitted / RECORD, FitRecord).scatter):
+    for line in remedy_lines(record.scatter):
         sys.stdout.write(f"{line}\n")
     if not verdict.advice:
         sys.stdout.write("no experiment is worth more than those that were made\n")

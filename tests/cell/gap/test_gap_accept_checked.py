@@ -1,14 +1,15 @@
 """What accept, undo and advise find in their folder is checked before it is used."""
 
-import hashlib
 import json
+import shutil
 
 import pytest
+import yaml
 
 from cell.gap.verdict.accept import accept, undo
 from cell.gap.verdict.schema import read_verdict
 from drivers.base.errors import ConfigurationError
-from tests.support.gap_strip_cases import EFFECT, Fitted
+from tests.support.fit_folders import EFFECT, Fitted, write_fit
 
 
 @pytest.fixture
@@ -29,9 +30,9 @@ def test_accepting_changes_the_lines_that_it_changes_and_they_come_back(fitted) 
         undo(fitted.out, fitted.file, fitted.cell)
 
 
-def test_what_is_only_suspected_is_accepted_by_force_alone(fitted) -> None:
-    (fitted.out / "patch.yaml").rename(fitted.out / "suspect-patch.yaml")
-    with pytest.raises(ConfigurationError, match="effects are suspected"):
+def test_what_is_only_suspected_is_accepted_by_force_alone(tmp_path) -> None:
+    fitted = Fitted(tmp_path, "accept_suspected")
+    with pytest.raises(ConfigurationError, match=r"nothing was named.*report\.html"):
         accept(fitted.out, fitted.file, fitted.cell)
     assert accept(fitted.out, fitted.file, fitted.cell, force=True).effects == tuple(
         EFFECT
@@ -39,38 +40,67 @@ def test_what_is_only_suspected_is_accepted_by_force_alone(fitted) -> None:
 
 
 BROKEN = {
-    "a patch that is not UTF-8": ("patch.yaml", b"\xff\xfe"),
+    "a patch that is not UTF-8": ("subject", b"\xff\xfe"),
     "a patch whose effects are no mapping": (
-        "patch.yaml",
+        "subject",
         b"schema: 1\nname: denim\neffects: 3\n",
     ),
     "a patch of unknown effects": (
-        "patch.yaml",
+        "subject",
         b"schema: 1\neffects: {magic: {a: 1.0}}\n",
     ),
-    "a patch of effects for the cell that is a list": ("cell-patch.yaml", b"- 1\n"),
-    "a patch of numbers for the cell": (
-        "cell-patch.yaml",
-        b"effects: {desk_tilt: 3}\n",
-    ),
+    "a patch of effects for the cell that is a list": ("cell", b"- 1\n"),
+    "a patch of numbers for the cell": ("cell", b"effects: {desk_tilt: 3}\n"),
     "a patch of unknown effects for the cell": (
-        "cell-patch.yaml",
+        "cell",
         b"effects: {magic: {a: 1.0}}\n",
     ),
+}
+HALVES = {
     "an empty record of the fit": ("fit.json", b""),
     "a record of the fit that is a list": ("fit.json", b"[1]"),
     "a record of the fit nested without end": ("fit.json", b"[" * 100_000),
+    "no record of the fit": ("fit.json", None),
+    "no verdict": ("verdict.json", None),
+    "no patch of the cell": ("cell-patch.yaml", None),
+    "a patch that somebody changed": ("patch.yaml", b"name: denim\n"),
 }
 
 
+@pytest.fixture
+def fitted_both(tmp_path) -> Fitted:
+    """A fit that patches the strip and the cell file."""
+    return Fitted(tmp_path, cell={"effects": {"desk_tilt": {"angle": 0.004}}})
+
+
+def refused(fit: Fitted) -> str:
+    """What accepting the fit is refused with; no file changes."""
+    before = fit.file.read_bytes(), fit.cell.read_bytes()
+    with pytest.raises(ConfigurationError) as caught:
+        accept(fit.out, fit.file, fit.cell)
+    assert (fit.file.read_bytes(), fit.cell.read_bytes()) == before
+    assert not list(fit.file.parent.glob("*.undo.json"))
+    return str(caught.value)
+
+
 @pytest.mark.parametrize("name", BROKEN)
-def test_a_broken_patch_changes_no_file(fitted, name) -> None:
-    file, content = BROKEN[name]
-    (fitted.out / file).write_bytes(content)
-    before = fitted.file.read_bytes(), fitted.cell.read_bytes()
-    with pytest.raises(ConfigurationError):
-        accept(fitted.out, fitted.file, fitted.cell)
-    assert (fitted.file.read_bytes(), fitted.cell.read_bytes()) == before
+def test_a_broken_patch_changes_no_file(fitted_both, name) -> None:
+    role, content = BROKEN[name]
+    fitted_both.write(**{role: content})
+    refused(fitted_both)
+
+
+@pytest.mark.parametrize("name", HALVES)
+def test_a_part_of_a_fit_is_not_accepted(fitted_both, name) -> None:
+    file, content = HALVES[name]
+    path = fitted_both.out / file
+    path.unlink() if content is None else path.write_bytes(content)
+    assert refused(fitted_both).startswith(f"{path}: ")
+
+
+def test_a_cell_file_that_changed_since_the_fit_is_refused_by_name(fitted_both) -> None:
+    fitted_both.cell.write_text(fitted_both.cell.read_text() + "# measured again\n")
+    assert refused(fitted_both).startswith(f"{fitted_both.cell}: has changed")
 
 
 @pytest.mark.parametrize(
@@ -80,29 +110,52 @@ def test_a_broken_patch_changes_no_file(fitted, name) -> None:
         b"{}",
         b"[]",
         b"\xff",
-        b'{"before": [], "after": {}}',
-        b'{"before": {"a": 1}}',
+        b'{"acceptances": [{"before": [], "after": {}}]}',
+        b'{"acceptances": [{"before": {"a": 1}}]}',
     ],
 )
 def test_undo_of_a_foreign_acceptance_is_refused(fitted, content) -> None:
-    (fitted.out / "accepted.json").write_bytes(content)
-    with pytest.raises(ConfigurationError, match=r"accepted\.json: "):
+    fitted.file.with_name("denim.yaml.undo.json").write_bytes(content)
+    with pytest.raises(ConfigurationError, match=r"undo\.json: "):
         undo(fitted.out, fitted.file, fitted.cell)
 
 
-def test_undo_writes_only_the_files_that_it_was_given(fitted, tmp_path) -> None:
-    other = tmp_path / "other"
-    other.write_text("mine")
-    digest = hashlib.sha256(b"mine").hexdigest()
-    names = {str(fitted.file.resolve()): "x", str(other): "overwritten"}
-    after = {
-        str(fitted.file.resolve()): hashlib.sha256(fitted.file.read_bytes()).hexdigest()
-    }
-    stored = {"before": names, "after": {**after, str(other): digest}}
-    (fitted.out / "accepted.json").write_text(json.dumps(stored))
-    with pytest.raises(ConfigurationError, match="neither --strip nor the cell file"):
+@pytest.mark.parametrize(
+    "name", ["../other", "other", "../other/x-accepted.xml", "/etc/x-accepted.xml"]
+)
+def test_undo_writes_only_the_files_that_it_was_given(fitted, name) -> None:
+    accept(fitted.out, fitted.file, fitted.cell)
+    record = fitted.file.with_name("denim.yaml.undo.json")
+    stored = json.loads(record.read_text())
+    stored["acceptances"][0]["before"][name] = "overwritten"
+    record.write_text(json.dumps(stored))
+    with pytest.raises(ConfigurationError, match="is neither denim"):
         undo(fitted.out, fitted.file, fitted.cell)
-    assert other.read_text() == "mine"
+
+
+def test_acceptances_on_top_of_each_other_are_undone_in_turn(fitted, tmp_path) -> None:
+    texts = [fitted.file.read_text()]
+    accept(fitted.out, fitted.file, fitted.cell)
+    texts.append(fitted.file.read_text())
+    patch = yaml.safe_load(texts[1]) | {"bending_length": 0.0181}
+    second = tmp_path / "second"
+    write_fit(second, fitted.file, "accept", {"subject": yaml.safe_dump(patch)})
+    accept(second, fitted.file)
+    with pytest.raises(ConfigurationError, match=f"is {second}; undo that one first"):
+        undo(fitted.out, fitted.file, fitted.cell)
+    for out in (second, fitted.out):
+        undo(out, fitted.file)
+        assert fitted.file.read_text() == texts.pop()
+    assert not list(tmp_path.glob("*.undo.json"))
+
+
+@pytest.mark.parametrize("gone", [True, False])
+def test_undo_needs_nothing_of_the_folder_that_was_accepted(fitted, gone) -> None:
+    before = fitted.file.read_bytes()
+    accept(fitted.out, fitted.file, fitted.cell)
+    shutil.rmtree(fitted.out) if gone else fitted.write()
+    undo(fitted.out, fitted.file, fitted.cell)
+    assert fitted.file.read_bytes() == before
 
 
 @pytest.mark.parametrize(
@@ -110,8 +163,7 @@ def test_undo_writes_only_the_files_that_it_was_given(fitted, tmp_path) -> None:
 )
 def test_a_verdict_that_cannot_be_read_is_refused_in_own_words(fitted, content) -> None:
     path = fitted.out / "verdict.json"
-    if content is not None:
-        path.write_bytes(content)
+    path.unlink() if content is None else path.write_bytes(content)
     with pytest.raises(ConfigurationError) as caught:
         read_verdict(path)
     assert str(caught.value).startswith(str(path))

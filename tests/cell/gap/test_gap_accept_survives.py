@@ -6,6 +6,7 @@ import errno
 import json
 import os
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -13,57 +14,20 @@ import yaml
 
 from cell.gap.verdict import accept as acceptance
 from cell.gap.verdict.accept import accept, undo
+from drivers.base import files
 from drivers.base.errors import ConfigurationError
-from tests.support.gap_strip_cases import Fitted
+from tests.support.dying import DIED, REFUSED, in_child
+from tests.support.fit_folders import Fitted
 
 pytestmark = pytest.mark.slow
 
-DIED, REFUSED = 9, 2
+UNDO = "denim.yaml.undo.json"
 CELL = {"effects": {"desk_tilt": {"angle": 0.004}}}
 
 
 def fitted_both(root: Path) -> Fitted:
     """A fit that patches the strip and the cell file."""
-    root.mkdir(exist_ok=True)
-    made = Fitted(root)
-    (made.out / "cell-patch.yaml").write_text(yaml.safe_dump(CELL))
-    return made
-
-
-def in_child(action: Callable[[], object], *, dies_at: int | None = None) -> int:
-    """Exit code of `action` in a process of its own, killed before its system call
-    `dies_at`.
-    """
-    pid = os.fork()
-    if pid == 0:
-        code = 1
-        try:
-            if dies_at is not None:
-                count_down(dies_at)
-            action()
-            code = 0
-        except ConfigurationError:
-            code = REFUSED
-        finally:
-            os._exit(code)
-    return os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
-
-
-def count_down(left: int) -> None:
-    """Let this process die before the call `left` of those that change files."""
-    calls = [left]
-
-    def dying(call):
-        def stands_in(*given, **named):
-            if calls[0] == 0:
-                os._exit(DIED)
-            calls[0] -= 1
-            return call(*given, **named)
-
-        return stands_in
-
-    for name in ("fsync", "replace", "rename", "unlink", "open"):
-        setattr(os, name, dying(getattr(os, name)))
+    return Fitted(root, cell=CELL)
 
 
 def whole(fit: Fitted) -> tuple[str, str]:
@@ -114,7 +78,7 @@ def test_acceptance_killed_at_any_moment_can_be_undone(tmp_path: Path) -> None:
     for fit, before in moments(
         tmp_path, lambda _: None, lambda fit: accept(fit.out, fit.file, fit.cell)
     ):
-        if (fit.out / "accepted.json").exists():
+        if fit.file.with_name(UNDO).exists():
             undo(fit.out, fit.file, fit.cell)
         assert (fit.file.read_bytes(), fit.cell.read_bytes()) == before
 
@@ -125,7 +89,7 @@ def test_undo_killed_at_any_moment_can_be_finished(tmp_path: Path) -> None:
         lambda fit: accept(fit.out, fit.file, fit.cell),
         lambda fit: undo(fit.out, fit.file, fit.cell),
     ):
-        if (fit.out / "accepted.json").exists():
+        if fit.file.with_name(UNDO).exists():
             undo(fit.out, fit.file, fit.cell)
         assert (fit.file.read_bytes(), fit.cell.read_bytes()) == before
 
@@ -148,28 +112,35 @@ def test_two_acceptances_at_once_leave_one_whole_file(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("full_at", range(1, 4))
+@pytest.mark.parametrize("stays", [False, True])
 def test_disk_that_fills_between_two_files_changes_nothing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, full_at: int
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, full_at: int, stays: bool
 ) -> None:
     fit = fitted_both(tmp_path / "fit")
     before = (fit.file.read_bytes(), fit.cell.read_bytes())
-    write, written = acceptance.write_file, []
+    written = []
 
-    def until_full(path: Path, text: str) -> None:
-        written.append(path)
-        if len(written) == full_at:
-            raise ConfigurationError(
-                f"{path}: cannot be written: {os.strerror(errno.ENOSPC)}"
-            )
-        write(path, text)
+    def until_full(write: Callable) -> Callable:
+        def writes(path: Path, *given: object) -> None:
+            written.append(path)
+            if len(written) == full_at or (stays and len(written) > full_at):
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            write(path, *given)
 
-    monkeypatch.setattr(acceptance, "write_file", until_full)
+        return writes
+
+    for module, name in ((acceptance, "replace_file"), (files, "replace_file")):
+        monkeypatch.setattr(module, name, until_full(getattr(module, name)))
     with pytest.raises(ConfigurationError, match="No space"):
         accept(fit.out, fit.file, fit.cell)
+    monkeypatch.undo()
+    if stays:  # nothing could be taken back: the next command does it
+        with pytest.raises(ConfigurationError):
+            accept(fit.out, fit.file, fit.cell, law=True)
     assert (fit.file.read_bytes(), fit.cell.read_bytes()) == before
-    assert not (fit.out / "accepted.json").exists()
+    assert not fit.file.with_name(UNDO).exists()
     accept(fit.out, fit.file, fit.cell)
-    assert json.loads((fit.out / "accepted.json").read_text())["schema"] == 1
+    assert json.loads(fit.file.with_name(UNDO).read_text())["schema"] == 1
 
 
 def test_another_command_that_changes_the_strip_is_waited_for_and_named(
@@ -182,3 +153,29 @@ def test_another_command_that_changes_the_strip_is_waited_for_and_named(
         pytest.raises(ConfigurationError, match="another command"),
     ):
         accept(fit.out, fit.file, fit.cell)
+
+
+@pytest.mark.parametrize("name", ["denim.yaml", "cell.yaml"])
+@pytest.mark.parametrize("moment", range(4))
+@pytest.mark.parametrize("taken_back", [False, True])
+def test_an_edit_at_any_moment_is_kept_and_the_other_file_is_whole(
+    tmp_path: Path, name: str, moment: int, taken_back: bool
+) -> None:
+    fit = fitted_both(tmp_path)
+    if taken_back:
+        accept(fit.out, fit.file, fit.cell)
+    edited, left = tmp_path / name, [moment]
+    sync = os.fsync
+
+    def edits(handle: int) -> None:
+        sync(handle)
+        if left[0] == 0:
+            edited.write_text(edited.read_text() + "# weighed again\n")
+        left[0] -= 1
+
+    with pytest.MonkeyPatch.context() as patched, suppress(ConfigurationError):
+        patched.setattr(os, "fsync", edits)
+        (undo if taken_back else accept)(fit.out, fit.file, fit.cell)
+    assert edited.read_text().endswith("# weighed again\n") == (left[0] < 0)
+    strip, cell = whole(fit)
+    assert strip == cell

@@ -342,7 +342,7 @@ def test_no_file_is_refused_and_one_with_spaces_quoted(
     )
 
 
-def test_missing_runs_are_refused_and_leave_nothing_of_an_earlier_fit(
+def test_missing_runs_are_refused_and_leave_an_earlier_fit_as_it_is(
     monkeypatch, capsys, tmp_path
 ) -> None:
     strip, out = Path("configs/strips/denim.yaml").resolve(), tmp_path / "out"
@@ -352,4 +352,4 @@ def test_missing_runs_are_refused_and_leave_nothing_of_an_earlier_fit(
     words = ("gap", "fit", tmp_path / "none", "--strip", strip, "--out", out)
     line = refused(monkeypatch, capsys, *words)
     assert str(tmp_path / "none") in line
-    assert not list(out.iterdir())
+    assert {path.read_text() for path in out.iterdir()} == {"earlier"}

@@ -13,6 +13,7 @@ from cell.gap.fitting.base_fit import undetermined_values
 from cell.gap.fitting.crossvalidation import folds
 from cell.gap.report.sentence import sentence
 from cell.gap.selection.posterior import Posterior, SetProbability
+from cell.gap.subject.subject import Origin
 from cell.gap.verdict.decision import decide, next_steps
 from drivers.strip.effects.effect import Parameter
 from tests.support.curves import (
@@ -80,7 +81,7 @@ def test_a_gap_of_held_out_runs_alone_is_noted() -> None:
     )
     assert "make these motions again" in note
     # what the note asks for is not denied by the step that follows
-    (step,) = next_steps(found.decision, verdict, Path("out"), "--strip x.yaml")
+    (step,) = next_steps(found.decision, verdict, Path("out"), Origin("--strip"))
     assert step.kind == "repeat"
 
 

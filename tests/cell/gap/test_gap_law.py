@@ -2,7 +2,6 @@
 taken back.
 """
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,7 +10,8 @@ import pytest
 
 from cell.gap.subject.strip.subject import patch_file
 from cell.gap.subject.subject import Scope
-from cell.gap.verdict.accept import LAW_PATCH, RECORD, accept, sha256, undo
+from cell.gap.verdict.accept import accept, undo
+from cell.gap.verdict.fit_folder import StoredLaw
 from drivers.base.errors import ConfigurationError
 from drivers.base.types import Array
 from drivers.base.yaml_text import dump_yaml
@@ -28,6 +28,7 @@ from tests.support.curves import (
     nothing,
     wave,
 )
+from tests.support.fit_folders import write_fit
 from tests.support.gap_strip_cases import STRIP, denim
 
 
@@ -109,16 +110,16 @@ def fitted(tmp_path: Path) -> tuple[Path, Path]:
     """The folder of a fit that offers a law, and the strip file."""
     file, out = tmp_path / "denim.yaml", tmp_path / "out"
     file.write_text(STRIP.read_text(encoding="utf-8"), encoding="utf-8")
-    out.mkdir()
     law = {"term_speed": {"amount": 0.7}}
     content, _ = patch_file(denim(), {"bending_length": 0.018}, law, "test")
-    (out / LAW_PATCH).write_text(dump_yaml(content), encoding="utf-8")
-    record = {
-        "file_sha256": sha256(file),
-        "effects": [],
-        "law": {"terms": {"term_speed": 0.7}},
-    }
-    (out / RECORD).write_text(json.dumps(record), encoding="utf-8")
+    write_fit(
+        out,
+        file,
+        "accept_law",
+        {"subject": dump_yaml(content)},
+        effects=(),
+        law=StoredLaw(terms={"term_speed": 0.7}),
+    )
     return out, file
 
 
@@ -136,7 +137,7 @@ def test_an_accepted_law_stands_in_the_file_and_can_be_taken_back(fitted) -> Non
 
 def test_a_law_is_accepted_only_when_asked_for(fitted) -> None:
     out, file = fitted
-    with pytest.raises(ConfigurationError, match="add --law"):
+    with pytest.raises(ConfigurationError, match="nothing was named"):
         accept(out, file)
 
 

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from cell.gap.subject.subject import Origin
 from cell.gap.verdict.decision import GAP, next_steps
 from cell.gap.verdict.findings import Decision
 from cell.gap.verdict.schema import NamedEffect, Step, Unexplained, VerdictEvidence
@@ -22,7 +23,7 @@ def steps(kind: str, *, unseen: float = 0.0, option="--strip x.yaml", **found) -
     evidence = VerdictEvidence(left=1.0, correlation=0.0)
     accepted = {e.name: 0.4 for e in [*verdict.effects, *verdict.suspected]}
     decision = Decision(kind, (), accepted, evidence, "", unseen)
-    return next_steps(decision, verdict, OUT, option)
+    return next_steps(decision, verdict, OUT, Origin(option))
 
 
 @pytest.mark.parametrize(
@@ -63,6 +64,6 @@ def test_what_is_less_probable_than_not_is_never_the_advised_step() -> None:
 
 def test_a_step_reads_as_a_sentence_with_its_command_in_code() -> None:
     assert Step("advise", "cell gap advise out", "says which").sentence == (
-        "`cell gap advise out` says which."
+        "`cell gap advise out` says which"
     )
-    assert Step("none", "", "nothing to accept").sentence == "Nothing to accept."
+    assert Step("none", "", "nothing to accept").sentence == "nothing to accept"

@@ -11,29 +11,18 @@ import yaml
 from cell.gap.fit import FitOptions, fit
 from cell.gap.report.sentence import deviation_text, headline
 from cell.gap.subject.strip.scope import scope
-from cell.gap.verdict.accept import BASE_PATCH, PATCH, accept, undo
+from cell.gap.verdict.accept import accept, undo
 from cell.gap.verdict.compose import deviations
-from cell.gap.verdict.schema import Interval, Verdict
+from cell.gap.verdict.schema import Interval
 from drivers.strip.describe import load_strip
 from drivers.strip.effects.effect import Parameter
-from tests.support.gap_strip_cases import STRIP, Fitted, denim, folds, written
+from tests.support.fit_folders import Fitted, verdict_of, write_fit
+from tests.support.gap_strip_cases import STRIP, denim, folds, written
 
 LENGTH = Parameter(
     "bending_length", "m", 0.017, 0.005, 0.05, 1e-5, 0.0085, tolerated=(0.015, 0.02)
 )
 TIME = Parameter("retardation_time", "s", 0.03, 0.001, 1.0, 1e-4, 0.06)
-
-
-def verdict_of(**changes: object) -> Verdict:
-    """A verdict without a gap, and `changes`."""
-    sizes = {"before": {"excess": 0.0}, "after": {}, "floor": {}}
-    gap = sizes | {"shrink": 0.0, "shrink_low": 0.0, "shrink_high": 0.0}
-    lists = {
-        key: [] for key in ("effects", "ambiguous", "where", "candidates", "advice")
-    }
-    facts = lists | {"verdict": "no_gap", "unexplained": None, "base": {}, "gap": gap}
-    facts |= {"detectable": {}, "held_out": [], "runtime": 1.0, "simulations": 1}
-    return Verdict.model_validate(facts | changes)
 
 
 def found(low: float | None, value: float, high: float | None) -> dict[str, Interval]:
@@ -126,13 +115,10 @@ def test_a_headline_shows_the_joint_at_which_an_effect_is_and_no_shape() -> None
 def test_values_are_accepted_where_nothing_is_named_and_come_back(tmp_path) -> None:
     made = Fitted(tmp_path)
     before = made.file.read_bytes()
-    (made.out / PATCH).unlink()
     patch = yaml.safe_load(made.file.read_text()) | {"bending_length": 0.0289}
-    (made.out / BASE_PATCH).write_text(yaml.safe_dump(patch))
-    record = json.loads((made.out / "fit.json").read_text())
-    (made.out / "fit.json").write_text(
-        json.dumps(record | {"effects": [], "values": ["b"]})
-    )
+    values = {"subject": yaml.safe_dump(patch)}
+    stated = {"effects": (), "values": ("b",)}
+    write_fit(made.out, made.file, "accept_values", values, **stated)
     assert accept(made.out, made.file, made.cell).effects == ("b",)
     assert load_strip(made.file).bending_length == 0.0289
     assert undo(made.out, made.file, made.cell).effects == ("b",)
@@ -153,7 +139,7 @@ def test_runs_of_another_strip_are_a_finding_and_its_patch_is_accepted(
     assert verdict.verdict == "no_gap"
     keys = {"profile_mm", "contact_x_mm", "displacement_mm", "touch_ms", "excess"}
     assert keys <= set(verdict.gap.before)
-    assert not (tmp_path / "out" / PATCH).exists()
+    assert not (tmp_path / "out" / "patch.yaml").exists()
     assert "Not as the file states" in (tmp_path / "out" / "report.html").read_text()
     accept(tmp_path / "out", file)
     assert load_strip(file).bending_length == pytest.approx(0.0289, rel=0.02)

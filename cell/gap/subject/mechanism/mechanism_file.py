@@ -10,6 +10,7 @@ from drivers.base.settings import Settings
 from drivers.strip.file import Provenance
 
 Positive = Annotated[float, Field(gt=0)]
+ACCEPTED_MODEL = "-accepted.xml"  # after a mechanism's name, its accepted model
 FIELDS = {"mass": ("body", "kg"), "com": ("body", "m"), "length": ("body", "m"),
           "inertia": ("body", "kg m^2"), "damping": ("joint", "N m s"),
           "armature": ("joint", "kg m^2"), "stiffness": ("joint", "N m/rad"),

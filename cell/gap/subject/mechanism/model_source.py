@@ -7,9 +7,9 @@ import os
 import re
 import resource
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from threading import Lock
 from typing import Any
@@ -18,7 +18,7 @@ from xml.parsers import expat
 import mujoco
 
 from drivers.base.errors import ConfigurationError
-from drivers.base.readers import MEGABYTE, read_text
+from drivers.base.readers import MEGABYTE, file_digest, read_text
 
 ASSETS = ("mesh", "hfield", "skin", "texture")  # with files that are read when compiled
 REPEATERS = ("replicate", "composite", "flexcomp")
@@ -37,12 +37,15 @@ class Source:
     motor each.
 
     Its paths count from `folder`, and stay `within` that of the mechanism's file.
+    `digests` are the SHA-256 of the model, included files and meshes, by path, each as
+    it was before it was read.
     """
 
     text: str
     folder: Path
     within: Path
     motors: tuple[str, ...] = ()
+    digests: Mapping[Path, str] = field(default_factory=dict)
 
     def spec(self) -> Any:
         """MuJoCo specification of the model."""
@@ -67,11 +70,12 @@ def read_source(path: Path, folder: Path) -> Source:
     Raises ConfigurationError for text that is no XML, plugins, files that are read
     while parsing, and files outside `folder`.
     """
+    digests = {path.resolve(): file_digest(path)}
     text = read_text(path, MOST_BYTES)
     root = _root(text, path)
     if root.tag not in ("mujoco", "robot"):
         raise ConfigurationError(f"{path}: root is <{root.tag}>; give MJCF or URDF")
-    if _include(root, path, folder, {path.resolve()}) or root.tag == "robot":
+    if _include(root, path, folder, digests) or root.tag == "robot":
         _plain_urdf(root, folder, path.parent)
         text = ET.tostring(root, encoding="unicode")
     for element in root.iter():
@@ -90,7 +94,7 @@ def read_source(path: Path, folder: Path) -> Source:
                 f"{path}: <{element.tag} file>: is not read; write it into the model"
             )
     _check_copies(root, path)
-    return Source(text, path.parent, folder)
+    return Source(text, path.parent, folder, digests=digests)
 
 
 def _root(text: str, path: Path) -> ET.Element:
@@ -112,24 +116,26 @@ def _root(text: str, path: Path) -> ET.Element:
         ) from None
 
 
-def _include(root: ET.Element, path: Path, folder: Path, seen: set[Path]) -> bool:
+def _include(
+    root: ET.Element, path: Path, folder: Path, digests: dict[Path, str]
+) -> bool:
     """Replace `include` elements by the content of their files; returns whether any was
     found.
 
-    Paths count from the folder of the model, and a file is included once, as MuJoCo has
-    it.
+    `digests` of the files so far are added to. Paths count from the folder of the
+    model, and a file is included once, as MuJoCo has it.
     """
     found = False
     for parent in list(root.iter()):
         for element in parent.findall("include"):
             place = _inside(path, path.parent / element.get("file", ""), folder)
-            if place in seen:
+            if place in digests:
                 raise ConfigurationError(
                     f"{path}: includes {place.name} twice; allowed: once"
                 )
-            seen.add(place)
+            digests[place] = file_digest(place)
             inner = _root(read_text(place, MOST_BYTES), place)
-            _include(inner, path, folder, seen)
+            _include(inner, path, folder, digests)
             at = list(parent).index(element)
             parent.remove(element)
             for k, child in enumerate(inner):
@@ -192,6 +198,19 @@ def _inside(origin: Path, place: Path, folder: Path) -> Path:
     return whole
 
 
+def with_assets(source: Source, origin: str) -> Source:
+    """Copy of `source` whose digests are also of the meshes and textures that it names.
+
+    Raises ConfigurationError as `compile_model`.
+    """
+    with _loading(source, origin):
+        with _limited_memory():
+            spec = source.spec()
+        _check_spec(spec, source, origin)
+    found = {path: file_digest(path) for path in _assets(spec, source, origin)}
+    return replace(source, digests={**source.digests, **found})
+
+
 def _check_spec(spec: Any, source: Source, origin: str) -> None:
     """Refuse files that a parsed model names outside its folder, and models that are
     too large.
@@ -204,19 +223,28 @@ def _check_spec(spec: Any, source: Source, origin: str) -> None:
         raise ConfigurationError(
             f"{origin}: size nkey is {spec.nkey}; allowed: {MOST_BODIES}"
         )
+    total = 0
+    for path in _assets(spec, source, origin):
+        total += path.stat().st_size
+        if total > MOST_BYTES:
+            raise ConfigurationError(
+                f"{origin}: {path.name}: meshes and textures hold over"
+                f" {MOST_BYTES // MEGABYTE} MB; thin them, or leave those of looks out"
+            )
+
+
+def _assets(spec: Any, source: Source, origin: str) -> Iterator[Path]:
+    """Files of meshes and textures of a parsed model; ConfigurationError outside its
+    folder.
+    """
     named = [(spec.meshdir, x.file) for x in (*spec.meshes, *spec.hfields, *spec.skins)]
     textures = [name for x in spec.textures for name in (x.file, *x.cubefiles)]
     named += [(spec.texturedir, name) for name in textures]
-    total = 0
     for place, file in named:
         if file:
-            path = source.folder / place / (Path(file).name if spec.strippath else file)
-            total += _inside(Path(origin), path, source.within).stat().st_size
-        if total > MOST_BYTES:
-            raise ConfigurationError(
-                f"{origin}: {file}: meshes and textures hold over"
-                f" {MOST_BYTES // MEGABYTE} MB; thin them, or leave those of looks out"
-            )
+            name = Path(file).name if spec.strippath else file
+            path = source.folder / place / name
+            yield _inside(Path(origin), path, source.within)
 
 
 @contextmanager
@@ -232,6 +260,21 @@ def _limited_memory() -> Iterator[None]:
             yield
         finally:
             resource.setrlimit(resource.RLIMIT_AS, before)
+
+
+@contextmanager
+def _loading(source: Source, origin: str) -> Iterator[None]:
+    """Context that turns what MuJoCo raises on a model into a ConfigurationError."""
+    try:
+        yield
+    except (ValueError, RuntimeError, MemoryError, mujoco.FatalError) as error:
+        reason = " ".join(str(error).split())
+        # what MuJoCo does not catch is a failed allocation
+        if isinstance(error, RuntimeError | MemoryError) or "allocate" in reason:
+            raise _too_large(source, origin) from None
+        raise ConfigurationError(
+            f"{origin}: does not load: {reason[:160]}; mend it"
+        ) from None
 
 
 def _too_large(source: Source, origin: str) -> ConfigurationError:
@@ -273,7 +316,7 @@ def compile_model(
     ConfigurationError for a model that does not load, and for one that takes more than
     MOST_MEMORY.
     """
-    try:
+    with _loading(source, origin):
         with _limited_memory():
             spec = source.spec()
         edit(spec)
@@ -289,14 +332,6 @@ def compile_model(
         spec.compiler.discardvisual = not of_geoms  # each simulation copies the model
         with _limited_memory():
             model = spec.compile()
-    except (ValueError, RuntimeError, MemoryError, mujoco.FatalError) as error:
-        reason = " ".join(str(error).split())
-        # what MuJoCo does not catch is a failed allocation
-        if isinstance(error, RuntimeError | MemoryError) or "allocate" in reason:
-            raise _too_large(source, origin) from None
-        raise ConfigurationError(
-            f"{origin}: does not load: {reason[:160]}; mend it"
-        ) from None
     # or edited frames are ignored
     model.body_sameframe[:] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
     return model

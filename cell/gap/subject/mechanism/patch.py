@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 
 from cell.gap.subject.mechanism.effects import library
+from cell.gap.subject.mechanism.mechanism_file import ACCEPTED_MODEL
 from cell.gap.subject.mechanism.model import Mechanism
 from cell.gap.subject.mechanism.read_mechanism import LIMITLESS
 from cell.gap.subject.subject import NamedValues, note_of
@@ -63,7 +64,9 @@ def accepted_content(
             known[name] = {
                 first.name if key == "amount" else key: v for key, v in values.items()
             }
-    content["model"] = str(Path(m.file.model).with_name(f"{m.file.name}-accepted.xml"))
+    content["model"] = str(
+        Path(m.file.model).with_name(f"{m.file.name}{ACCEPTED_MODEL}")
+    )
     return content
 
 

@@ -30,7 +30,11 @@ from cell.gap.subject.mechanism.model import (
     scale_gain,
     typical_loads,
 )
-from cell.gap.subject.mechanism.model_source import compile_model, read_source
+from cell.gap.subject.mechanism.model_source import (
+    compile_model,
+    read_source,
+    with_assets,
+)
 from cell.gap.subject.mechanism.recordings import (
     Recording,
     Signal,
@@ -224,6 +228,7 @@ def open_file(path: Path) -> Mechanism:
     ]
     moved += [name for name, kind in file.inputs.items() if kind != "position"]
     source = replace(read_source(place, folder), motors=tuple(moved))  # a URDF has none
+    source = with_assets(source, str(place))
     model = compile_model(source, str(place), torques().slots, file.step)
     check_joints(model, str(place))
     mode = MODES[file.mode]

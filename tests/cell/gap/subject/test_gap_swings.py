@@ -12,13 +12,16 @@ import yaml
 from cell.base.config.places import CHECKOUT_CONFIGS
 from cell.gap.fit import FitOptions, fit
 from cell.gap.subject.mechanism.mechanism_file import MechanismFile
-from cell.gap.verdict.accept import MODEL_PATCH, accept, undo
+from cell.gap.verdict.accept import accept, undo
+from cell.gap.verdict.fit_folder import MODEL_PATCH
 from cell.gap.verdict.schema import Verdict, read_verdict
 from drivers.base.errors import ConfigurationError
 from drivers.base.settings import load
+from tests.support.fit_folders import write_fit
 from tests.support.swings import PENDULUM, Law, make_swings, write_swings
 
 SIGMA = 0.001
+PASSING = {"runtime": 0.0, "next": None}  # that fits of the same runs differ in
 LIFTS = [np.array([a]) for a in (0.2, 0.5, 0.9, 1.3, 0.2, 0.5, 0.9, 1.3)]
 
 
@@ -91,6 +94,7 @@ def test_verdict_file_is_the_contract_and_holds_only_numbers(rubbing: Path) -> N
         "simulations",
         "posterior",
         "notes",
+        "next",
     ]
     assert verdict["schema"] == 1
     assert list(verdict["effects"][0]) == ["name", "of", "parameters", "confidence"]
@@ -140,7 +144,7 @@ def test_same_verdict_whatever_the_number_of_jobs(
         FitOptions(jobs=2),
     )
     one = read_verdict(rubbing / "out" / "verdict.json")
-    texts = [v.model_copy(update={"runtime": 0.0}).to_json() for v in (one, two)]
+    texts = [v.model_copy(update=PASSING).to_json() for v in (one, two)]
     assert texts[0] == texts[1]
 
 
@@ -155,9 +159,9 @@ def test_interrupted_fit_leaves_no_verdict_and_is_made_again(
     runs, file, out = [rubbing / "runs"], rubbing / "pendulum.yaml", tmp_path / "out"
     with pytest.raises(KeyboardInterrupt):
         fit(runs, file, out, progress=interrupting)
-    assert not (out / "verdict.json").exists()
+    assert not out.exists()
     pair = read_verdict(rubbing / "out" / "verdict.json"), fit(runs, file, out)
-    texts = [v.model_copy(update={"runtime": 0.0}).to_json() for v in pair]
+    texts = [v.model_copy(update=PASSING).to_json() for v in pair]
     assert texts[0] == texts[1]
 
 
@@ -214,7 +218,11 @@ def test_effects_of_the_cell_go_into_the_cell_file(copied: tuple[Path, Path]) ->
     stated = yaml.safe_load((CHECKOUT_CONFIGS / "cell.yaml").read_text())
     here = {"name": "here", "effects": {"desk_tilt": {"angle": 0.001}}}
     cell.write_text(yaml.safe_dump(stated | here))
-    (out / "cell-patch.yaml").write_text("effects:\n  camera_latency: {time: 0.02}\n")
+    contents = {
+        "subject": (out / "patch.yaml").read_bytes(),
+        "cell": "effects:\n  camera_latency: {time: 0.02}\n",
+    }
+    write_fit(out, file, "accept", contents)
     with pytest.raises(ConfigurationError, match="name the cell file"):
         accept(out, file)
     accept(out, file, cell)

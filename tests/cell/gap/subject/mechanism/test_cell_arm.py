@@ -2,7 +2,6 @@
 cell.yaml.
 """
 
-import json
 import shutil
 import xml.etree.ElementTree as ET
 from pathlib import Path
@@ -14,7 +13,7 @@ import yaml
 from cell.base.config.places import CHECKOUT_CONFIGS, find_configs
 from cell.gap.open_subject import open_mechanism
 from cell.gap.subject.run_folders import RunFolder
-from cell.gap.verdict.accept import accept, sha256, undo
+from cell.gap.verdict.accept import accept, undo
 from cell.record.tables import joint_table, write_parquet
 from drivers.base.errors import ConfigurationError
 from drivers.base.yaml_text import dump_yaml
@@ -22,6 +21,7 @@ from drivers.franka.kinematics import FLANGE_TO_TIP, HOME
 from drivers.franka.model import ArmPlant, arm_mjcf
 from drivers.twin.fci_server.dynamics import Dynamics, LaggingArm
 from drivers.twin.fci_server.posture import Posture, zero_rates
+from tests.support.fit_folders import write_fit
 
 pytestmark = pytest.mark.slow
 
@@ -110,15 +110,15 @@ def test_load_and_delay_are_accepted_into_the_cell(soft, tmp_path):
         tmp_path / "out",
         tmp_path / "cell.yaml",
     )
-    out.mkdir()
     base = {p.name: p.start for p in soft.scope.base}
     effects = {"payload": {"mass": 0.3}, "control_delay": {"time": 0.006}}
     patch, of_cell = soft.patch(base, effects, "test")
-    (out / "patch.yaml").write_text(dump_yaml(patch))
-    (out / "cell-patch.yaml").write_text(dump_yaml(of_cell))
-    (out / "model-patch.xml").write_text(soft.model_text(base, effects))
-    stated = {"file_sha256": sha256(file), "effects": list(effects)}
-    (out / "fit.json").write_text(json.dumps(stated))
+    contents = {
+        "subject": dump_yaml(patch),
+        "cell": dump_yaml(of_cell),
+        "model": soft.model_text(base, effects),
+    }
+    write_fit(out, file, "accept", contents, effects=tuple(effects))
     before = cell.read_text()
     accept(out, file, cell)
     found = yaml.safe_load(cell.read_text())

@@ -20,8 +20,9 @@ from cell.gap.subject.mechanism.model_source import Source
 from cell.gap.subject.mechanism.patch import accepted_xml
 from cell.gap.subject.mechanism.subject import MechanismSubject
 from cell.gap.subject.run_folders import find_runs
-from cell.gap.verdict.accept import MODEL_PATCH, PATCH, RECORD, accept, sha256, undo
+from cell.gap.verdict.accept import accept, undo
 from drivers.base.yaml_text import dump_yaml
+from tests.support.fit_folders import write_fit
 from tests.support.mechanisms import ARM, FORWARD, make_arm
 
 NAMED = {
@@ -52,13 +53,11 @@ def opened(folder: Path) -> tuple[MechanismSubject, Path, Path]:
 
 def written(arm: MechanismSubject, out: Path, file: Path) -> None:
     """The files that a fit leaves where these effects were named."""
-    out.mkdir()
     effects = {**NAMED, **RIG}
     patch, _ = arm.patch(BASE, effects, "test")
-    (out / PATCH).write_text(dump_yaml(patch))
-    (out / MODEL_PATCH).write_text(arm.model_text(BASE, effects))
-    record = {"schema": 1, "file_sha256": sha256(file), "effects": sorted(effects)}
-    (out / RECORD).write_text(json.dumps(record))
+    contents = {"subject": dump_yaml(patch), "model": arm.model_text(BASE, effects)}
+    parts = {p.name: d for p, d in arm.mechanism.source.digests.items()}
+    write_fit(out, file, "accept", contents, effects=tuple(effects), parts=parts)
 
 
 @pytest.mark.slow

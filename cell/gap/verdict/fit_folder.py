@@ -1,0 +1,209 @@
+"""Folder of a fit: its results appear whole, and only a fit writes over them.
+
+Results are written into a folder inside, STAGE, their record last. They are moved to
+their places once that is there, by the fit itself or, after one that was killed, by the
+next command. The record names each result with a digest, so that nobody takes a part of
+a fit, or what somebody changed, for a whole one.
+"""
+
+import shutil
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import Field
+
+from cell.gap.fitting.reml import Spread
+from cell.gap.verdict.schema import StepKind, fit_folder
+from cell.record.header import Recorded
+from drivers.base.errors import ConfigurationError
+from drivers.base.files import lock_folders, sync_folder, write_file, writing
+from drivers.base.outputs import check_output_folder
+from drivers.base.readers import MEGABYTE, file_digest, read_json
+from drivers.base.settings import parse
+
+RECORD, STAGE = "fit.json", ".fit.part"
+VERDICT, PAGE, OVERLAY = "verdict.json", "report.html", "overlay.rrd"
+CELL_PATCH = "cell-patch.yaml"
+PATCHES: Mapping[StepKind, str] = {
+    "accept": "patch.yaml",
+    "accept_suspected": "suspect-patch.yaml",
+    "accept_values": "base-patch.yaml",
+    "accept_law": "law-patch.yaml",
+}
+"""File of the patch of each step that accepts something."""
+MODEL_PATCH, LAW_MODEL_PATCH = "model-patch.xml", "law-model-patch.xml"
+LARGEST_RECORD = 4 * MEGABYTE
+FileName = Annotated[str, Field(pattern=r"^[\w-]+\.\w+$")]
+
+
+def model_patch(kind: StepKind) -> str:
+    """File name of the model that goes with the patch of a mechanism."""
+    return LAW_MODEL_PATCH if kind == "accept_law" else MODEL_PATCH
+
+
+class StoredLaw(Recorded):
+    """Empirical law of residuals that a fit offered: amounts by the name of its
+    terms.
+    """
+
+    terms: dict[str, float]
+
+
+class PatchFiles(Recorded):
+    """Names of the files that a step accepts: whole file of the `subject`, if any
+    `model` and part of the `cell` file.
+    """
+
+    subject: FileName
+    model: FileName | None = None
+    cell: FileName | None = None
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the files that there are."""
+        return [*filter(None, (self.subject, self.model, self.cell))]
+
+
+class FitRecord(Recorded):
+    """Content of fit.json, the mark of a complete fit: what was fitted, what it offers.
+
+    `file_sha256` is the digest of the subject's file as it was read, `parts` are those
+    of model, included files and meshes by their paths from its folder, `cell_sha256`
+    that of cell.yaml. `effects` are those of its patch, `values` of the base are
+    outside what the file tolerates, `scatter` are quantities that differ from run to
+    run, `law` describes what nothing explains. `patches` are the files that each step
+    accepts, `results` the digests of all files of the fit.
+    """
+
+    file_sha256: str
+    parts: dict[str, str] = Field(default_factory=dict)
+    cell_sha256: str | None = None
+    effects: tuple[str, ...]
+    values: tuple[str, ...] = ()
+    scatter: tuple[Spread, ...] = ()
+    law: StoredLaw | None = None
+    patches: dict[StepKind, PatchFiles]
+    results: dict[FileName, str] = Field(default_factory=dict)
+
+    @property
+    def laws(self) -> tuple[str, ...]:
+        """Names of the terms of the empirical law that the fit offers."""
+        return tuple(self.law.terms) if self.law is not None else ()
+
+
+@contextmanager
+def results_folder(out: Path) -> Iterator[Path]:
+    """Context with an empty folder whose files become those of `out` at its end.
+
+    They do once `finish` has been called; else `out` stays as it was. Other fits and
+    acceptances are locked out. Raises ConfigurationError where `out` cannot be written,
+    or holds files that no fit wrote at the places of results.
+    """
+    is_new = not out.exists()
+    with writing(out, "give a folder that can be written"):
+        out.mkdir(parents=True, exist_ok=True)
+    with lock_folders([out]):
+        complete_move(out)
+        _check_own(out, _known_records(out))
+        stage = out / STAGE
+        try:
+            with writing(out, "give a folder that can be written"):
+                shutil.rmtree(stage, ignore_errors=True)
+                stage.mkdir()
+            yield stage
+            complete_move(out)
+        finally:
+            shutil.rmtree(stage, ignore_errors=True)
+            if is_new:
+                with suppress(OSError):  # results lie there
+                    out.rmdir()
+
+
+def check_replaceable(out: Path) -> None:
+    """Refuse a folder of results that holds files but none of a fit or a check.
+
+    To be asked before anything is read. Raises ConfigurationError.
+    """
+    if not (out / STAGE).is_dir():  # that a fit which was killed left
+        check_output_folder(out, RECORD, "check.json")
+
+
+def finish(stage: Path, record: FitRecord) -> None:
+    """Write the `record` beside all other results in `stage`: the fit is complete."""
+    digests = {p.name: file_digest(p) for p in stage.iterdir()}
+    whole = record.model_copy(update={"results": digests})
+    write_file(stage / RECORD, whole.model_dump_json(by_alias=True, indent=1))
+
+
+def complete_move(out: Path) -> None:
+    """Move results of a finished fit from STAGE to their places in `out`, if any wait.
+
+    Those of an earlier fit are replaced. Raises ConfigurationError where somebody has
+    changed one of them, or has put another file at its place.
+    """
+    stage = out / STAGE
+    if not (stage / RECORD).is_file():
+        return
+    new = _read(stage / RECORD)
+    earlier = _known_records(out)
+    _check_own(out, [new, *earlier])
+    with writing(out):
+        for name in {name for record in earlier for name in record.results}:
+            if name not in new.results:
+                (out / name).unlink(missing_ok=True)
+        for name in (*new.results, RECORD):
+            if (stage / name).is_file():  # else it was moved before a fit was killed
+                (stage / name).replace(out / name)
+        sync_folder(out)
+        stage.rmdir()
+
+
+def read_record(out: Path) -> FitRecord:
+    """Record of the complete fit in `out`.
+
+    Raises ConfigurationError where there is none, or its verdict or a patch is missing
+    or not as the fit wrote it. The folder is to be locked.
+    """
+    complete_move(fit_folder(out))
+    record = _read(out / RECORD)
+    patches = [name for files in record.patches.values() for name in files.names]
+    for name in (VERDICT, *patches):
+        if not (out / name).is_file():
+            raise ConfigurationError(f"{out / name}: is missing; fit again")
+        if file_digest(out / name) != record.results.get(name):
+            raise ConfigurationError(
+                f"{out / name}: has changed since the fit wrote it; fit again"
+            )
+    return record
+
+
+def _read(path: Path) -> FitRecord:
+    try:
+        return parse(read_json(path, LARGEST_RECORD), FitRecord, str(path))
+    except ConfigurationError:
+        raise ConfigurationError(
+            f"{path}: is missing or not as `cell gap fit` writes it; fit again, into"
+            " a new folder"
+        ) from None
+
+
+def _known_records(out: Path) -> list[FitRecord]:
+    return [_read(out / RECORD)] if (out / RECORD).exists() else []
+
+
+def _check_own(out: Path, records: Sequence[FitRecord]) -> None:
+    """Refuse to write over a file in `out` that is not as one of `records` states."""
+    names = {VERDICT, PAGE, OVERLAY, *PATCHES.values()}
+    names |= {CELL_PATCH, MODEL_PATCH, LAW_MODEL_PATCH}
+    for name in sorted(names.union(*(record.results for record in records))):
+        path = out / name
+        if not path.exists():
+            continue
+        written = {record.results.get(name) for record in records}
+        if file_digest(path) not in written:
+            raise ConfigurationError(
+                f"{path}: was not written by a fit, or was changed since; move it"
+                " away, or name another --out"
+            )
