@@ -9,6 +9,7 @@ import faulthandler
 import gc
 import json
 import resource
+import shutil
 import sys
 import tempfile
 import time
@@ -28,7 +29,7 @@ from cell.folding.replay import replay
 from cell.gap.subject.mechanism.mechanism_file import MechanismFile
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip.runs import read_runs
-from cell.gap.verdict.accept import accept, sha256, undo
+from cell.gap.verdict.accept import accept, undo
 from cell.gap.verdict.schema import read_verdict
 from cell.record.header import Header, Result
 from cell.record.listing import list_runs
@@ -42,6 +43,7 @@ from drivers.base.settings import load
 from drivers.strip.describe import load_plant, load_strip
 from policies.feedback import load_checkpoint
 from tests.cell.conftest import HEADER, RESULT, MadeFold, straight_camera
+from tests.support.fit_folders import write_fit
 from tests.support.hostile_files import Spoiled, copied, documents, spoilers
 
 LONGEST = 2.0  # s of processor time for one input
@@ -271,28 +273,43 @@ def fuzz_acceptance(count: int, start: int, root: Path) -> Counter[str]:
     root.mkdir(parents=True, exist_ok=True)
     source = find_configs(None).strip_path("denim")
     strip = yaml.safe_load(source.read_text())
-    parts = {
-        "fit.json": {"schema": 1, "file_sha256": "0" * 64, "effects": ["seam"]},
-        "accepted.json": {
-            "schema": 1,
-            "before": {str(root / "s.yaml"): "x"},
-            "after": {},
-        },
-        "patch.yaml": strip,
-        "cell-patch.yaml": {"schema": 1, "effects": {"desk_tilt": {"angle": 0.01}}},
+    cell, file, out = root / "cell.yaml", root / "s.yaml", root / "out"
+    file.write_bytes(source.read_bytes())
+    undo_record = {
+        "schema": 1,
+        "acceptances": [
+            {
+                "fit": str(out.resolve()),
+                "effects": ["seam"],
+                "before": {"s.yaml": "x"},
+                "after": {},
+            }
+        ],
     }
-    for name, part in parts.items():
+    contents = {
+        "subject": json.dumps(strip),
+        "cell": json.dumps({"effects": {"desk_tilt": {"angle": 0.01}}}),
+    }
+    write_fit(out, file, "accept", contents)
+    parts = {
+        out / "fit.json": json.loads((out / "fit.json").read_text()),
+        file.with_name("s.yaml.undo.json"): undo_record,
+        out / "patch.yaml": strip,
+        out / "cell-patch.yaml": json.loads(contents["cell"]),
+    }
+    for path, part in parts.items():
 
-        def check(content: bytes, name: str = name) -> None:
-            file, out = root / "s.yaml", root / "out"
-            out.mkdir(exist_ok=True)
+        def check(content: bytes, path: Path = path) -> None:
             file.write_bytes(source.read_bytes())
-            record = {**parts["fit.json"], "file_sha256": sha256(file)}
-            for other, whole in {**parts, "fit.json": record}.items():
-                (out / other).write_text(json.dumps(whole))
-            (out / name).write_bytes(content)
-            cell = root / "cell.yaml"
             cell.write_bytes((find_configs(None).folder / "cell.yaml").read_bytes())
+            shutil.rmtree(out, ignore_errors=True)
+            file.with_name("s.yaml.undo.json").unlink(missing_ok=True)
+            patches = {"patch.yaml": "subject", "cell-patch.yaml": "cell"}
+            role = patches.get(path.name)
+            changed = {role: content} if role else {}
+            write_fit(out, file, "accept", contents | changed)
+            if not role:
+                path.write_bytes(content)
             took[f"undo {tried(lambda: undo(out, file, cell))}"] += 1
             took[f"accept {tried(lambda: accept(out, file, cell))}"] += 1
 

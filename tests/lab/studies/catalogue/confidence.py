@@ -18,8 +18,8 @@ from scipy import optimize
 from cell.base.config.places import find_configs
 from cell.gap.fit import FitOptions, fit
 from cell.gap.rehearse import table
-from cell.gap.verdict.accept import RECORD
 from cell.gap.verdict.confidence import Calibration, calibration
+from cell.gap.verdict.fit_folder import RECORD
 from cell.gap.verdict.schema import VerdictEvidence
 from drivers.base.types import Array
 from drivers.strip.effects import registry
