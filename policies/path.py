@@ -96,3 +96,36 @@ def circular(length: float) -> Path:
     return Path.through(
         np.stack([radius + radius * np.cos(angle), radius * np.sin(angle)], -1)
     )
+
+
+@dataclass(frozen=True, slots=True)
+class FoldLine:
+    """Line across a strip of `length` [m] along which it is folded, `at` [m] from its
+    grasped edge.
+
+    The fold is a half fold of the strip's last `span` [m], whose fixed edge lies at
+    x = `goal` [m].
+    """
+
+    length: float
+    at: float
+
+    @classmethod
+    def of(cls, length: float, at: float | None) -> Self:
+        """Line `at` [m] from the grasped edge; across the middle where that is None."""
+        return cls(length, length / 2 if at is None else at)
+
+    @property
+    def span(self) -> float:
+        """Length [m] of the part of the strip that is folded in half."""
+        return 2.0 * self.at
+
+    @property
+    def goal(self) -> float:
+        """Position x [m] at which the grasped edge is to lie in the end."""
+        return self.length - self.span
+
+    @property
+    def is_half(self) -> bool:
+        """Whether the edges come to lie on one another."""
+        return self.goal == 0.0

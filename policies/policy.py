@@ -2,15 +2,17 @@
 strips.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.base.errors import ConfigurationError
 from drivers.base.types import Array
 from drivers.strip.file import StripFile
-from policies.path import Path
+from policies.path import FoldLine, Path
+from policies.prediction import FoldPrediction, Predictor
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,3 +70,65 @@ class Policy(Protocol):
 
     def decide(self, observation: Observation) -> Decision:
         """Command for the gripper of each strip, from the newest `observation`."""
+
+
+class AtLine:
+    """Policy that folds strips along a `line`, by a `policy` for half folds.
+
+    That one sees the part of the strip that is folded, as if its fixed edge lay at
+    x = 0.
+    """
+
+    def __init__(self, policy: Policy, line: FoldLine) -> None:
+        self.name = policy.name
+        self._policy = policy
+        self._line = line
+        self._shift = np.array([line.goal, 0.0])
+
+    def reset(self, strip: StripFile, speed: float, count: int) -> None:
+        """Clear all state; raises ConfigurationError for a part that is not folded."""
+        try:
+            self._policy.reset(folded_part(strip, self._line), speed, count)
+        except ConfigurationError as error:
+            raise ConfigurationError(
+                f"--at: folds {self._line.span:g} m of the strip in half: {error}"
+            ) from None
+
+    def lift(self) -> Path:
+        """Path whose first section lifts the edge of the whole strip."""
+        return Path.through(self._policy.lift().points + self._shift)
+
+    def decide(self, observation: Observation) -> Decision:
+        """Command for the gripper of each strip, from the newest `observation`."""
+        goal = self._line.goal
+        return self._policy.decide(
+            replace(
+                observation,
+                x=observation.x - goal,
+                contact_x=observation.contact_x - goal,
+                tip_x=observation.tip_x - goal,
+                profile=observation.profile - self._shift,
+            )
+        )
+
+    def prediction(self) -> FoldPrediction | None:
+        """Prediction of the policy, relative to the line; None if it makes none."""
+        policy = self._policy
+        return policy.prediction() if isinstance(policy, Predictor) else None
+
+
+def at_line(policy: Policy, line: FoldLine) -> Policy:
+    """Policy that folds along `line` as `policy` folds in half; itself for a half."""
+    return policy if line.is_half else AtLine(policy, line)
+
+
+def folded_part(strip: StripFile, line: FoldLine) -> StripFile:
+    """Copy of `strip` cut at the goal of `line`, its effects at their new positions."""
+    effects = {}
+    for name, parameters in strip.effects.items():
+        position = parameters.get("position", line.length) - line.goal
+        if position < 0.0:
+            continue  # in the part that stays on the desk
+        moved = {"position": position} if "position" in parameters else {}
+        effects[name] = {**parameters, **moved}
+    return strip.model_copy(update={"length": line.span, "effects": effects})

@@ -261,18 +261,19 @@ def laid_offset(experiences: Sequence[Experience], rig: float) -> float:
 
 
 def check_ruler(edges: float, rig: float) -> None:
-    """Check that a ruler's offset `edges` [m] of laid edges is plausibly near the
-    camera's.
+    """Check a ruler's offset `edges` [m] of laid edges against the camera's.
 
-    It is `rig` [m] larger than the latter.
-    Raises ConfigurationError beyond PLAUSIBLE_SIGMAS of what is known of both.
+    It is `rig` [m] larger than the latter. Raises ConfigurationError beyond
+    PLAUSIBLE_SIGMAS of what both err by in a right rig: an error of the rig and a slip
+    of the decimal point look alike, so that a larger one is to be confirmed.
     """
-    most = PLAUSIBLE_SIGMAS * hypot(PRIORS["rig"], LAID, RULER)
+    most = PLAUSIBLE_SIGMAS * hypot(LAID, RULER)
     if abs(rig) > most:
         raise ConfigurationError(
-            f"--edges: is {1e3 * rig:+.1f} mm from the {1e3 * (edges - rig):+.1f} mm"
-            f" that the camera saw, both differ by {1e3 * most:.1f} mm at most; mind"
-            " sign and unit, measure again, and add --sure if it is so"
+            f"--edges: {1e3 * edges:g} mm is {1e3 * rig:+.1f} mm from the"
+            f" {1e3 * (edges - rig):+.1f} mm that the camera saw, and a right rig"
+            f" shows {1e3 * most:.1f} mm at most; mind sign, decimal point and unit,"
+            " measure again, and add --sure if it is so"
         )
 
 

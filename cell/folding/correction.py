@@ -149,7 +149,8 @@ def experience_of(
     if edges is not None:
         from cell.base.devices.fold_path import edge_place, taut_edge
 
-        edges += edge_place(taut_edge(touch), correction.place)
+        target = touch.goal + correction.place
+        edges += edge_place(taut_edge(touch), target) - touch.goal
     return Experience(
         run=run,
         policy=subject.policy,

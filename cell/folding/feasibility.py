@@ -28,7 +28,7 @@ from drivers.franka.obstacles import desk_end, require_clear
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from drivers.strip.rod.engine import Rod
-from policies.policy import Policy
+from policies.policy import Policy, at_line
 from policies.registry import make_policy
 from policies.rollout import Folds, Rollout, roll_out
 from policies.sensing import Sensing
@@ -125,7 +125,8 @@ def _foresee(request: Request, calibration: Calibration) -> Feasibility:
         refusal, folds, carry = str(error), None, lift
 
     touch = None if folds is None else folds.touch[0]
-    path, speeds = whole_path(strip.length, place, settings.fold, carry, touch)
+    goal = request.line.goal
+    path, speeds = whole_path(strip.length, place, settings.fold, carry, touch, goal)
     # the workspace refuses any other path
     joints = settings.arm_driver.is_franka and np.isfinite(path).all()
     reach = predict_arm(place, strip.length, path, speeds) if joints else None
@@ -173,8 +174,11 @@ def _nearest_length(refused: Feasibility, calibration: Calibration) -> Iterator[
     )
 
     def is_refused(step: int) -> bool:
-        length = {"length": step * LENGTH_STEP}
-        cut = replace(request, strip=request.strip.model_copy(update=length))
+        length = step * LENGTH_STEP
+        strip = request.strip.model_copy(update={"length": length})
+        share = length / request.strip.length
+        at = None if request.at is None else request.at * share
+        cut = replace(request, strip=strip, at=at)
         return bool(_foresee(cut, calibration).problems)
 
     allowed = steps[: bisect_left(steps, True, key=is_refused)]
@@ -261,6 +265,8 @@ def _simulated_carry(
     strip = request.strip
     try:
         folds = simulate(settings, strip, policy, request.trial.seed)
+        relative = folds.displacement + request.line.goal
+        folds = replace(folds, displacement=relative)
     except ConfigurationError:
         raise
     except CellError:
@@ -380,6 +386,7 @@ class Prediction:
     high: float | None
     reach: tuple[float, float, float, float]
     arm: ArmPrediction | None = None
+    folded_at: float | None = None
 
     @classmethod
     def from_folds(
@@ -398,6 +405,7 @@ class Prediction:
             high=float(spread.max()) if spread.size else None,
             reach=(float(x_min), float(x_max), float(z_min), float(z_max)),
             arm=arm,
+            folded_at=None if request.line.is_half else request.line.at,
         )
 
     @property
@@ -417,6 +425,7 @@ class Prediction:
             "displacement_low": self.low,
             "displacement_high": self.high,
             "path": {"x": [x_min, x_max], "z": [z_min, z_max]},
+            **({} if self.folded_at is None else {"line": self.folded_at}),
             **({} if self.arm is None else {"arm": self.arm.line()}),
         }
 
@@ -450,4 +459,4 @@ def _policy_in_rod(request: Request) -> Policy:
     """Policy of `request` for the rod, without a bias of images, with its aim."""
     policy = make_policy(request.policy, request.checkpoint, in_rod=True)
     request.learning.correction.apply(policy)
-    return policy
+    return at_line(policy, request.line)

@@ -17,7 +17,7 @@ from cell.base.config.unmeasured_strip import UNKNOWN_NAME as UNKNOWN
 from cell.base.devices.devices import Devices
 from cell.base.devices.open import open_cell
 from cell.base.devices.rig_correction import corrected_calibration
-from cell.folding.correction import Correction, experience_of, subject_of
+from cell.folding.correction import Correction, experience_of
 from cell.folding.documents import (
     CHECKPOINT_BYTES,
     offer_strip,
@@ -56,7 +56,7 @@ from drivers.base.errors import CellError, ConfigurationError, Fault
 from drivers.base.files import append_line, replace_file
 from drivers.base.readers import read_bytes
 from drivers.franka.obstacles import desk_end
-from policies.policy import Policy
+from policies.policy import Policy, at_line
 from policies.registry import make_policy
 
 # of 1 to 99, of the loop's thread: far below the process that owns the robot
@@ -83,17 +83,18 @@ def fold(
     errors before the run; errors during the run are its outcome.
     """
     settings, strip, trial = request.settings, request.strip, request.trial
-    policy = policy or make_policy(request.policy, request.checkpoint)
+    own = policy or make_policy(request.policy, request.checkpoint)
+    policy, line = at_line(own, request.line), request.line
     devices = devices or open_cell(settings, strip, trial, calibrating=False)
     with ExitStack() as opened:
         opened.callback(run_suppressed, devices.close)
         check_camera(calibration, devices)
         foreseen = assess(request, calibration).require()
-        correction = request.learning.correction.apply(policy)
+        correction = request.learning.correction.apply(own)
         calibration = corrected_calibration(calibration, settings, strip)
         start = time.perf_counter()
         writer = _new_run(request, calibration, devices, correction)
-        inputs = StripInputs(calibration, strip)
+        inputs = StripInputs(calibration, strip, line.goal)
         with writer.under_way(), _reader(inputs, real_time=devices.real_time) as reader:
             arm = settings.arm_driver
             context = FoldContext(
@@ -104,6 +105,7 @@ def fold(
                 reader=reader,
                 expected=foreseen.expected,
                 place=0.0 if correction is None else correction.place,
+                goal=line.goal,
                 desk=desk_end(settings.installation, strip.length) if arm.real else 0.0,
             )
             outcome, truth = _record_fold(
@@ -183,7 +185,8 @@ def _record_fold(
         outcome = run_and_record(run, devices, recorder, trace.review)
     said = (context.warning, *(view.failure for view in live_views))
     context.warning = "\n  ".join(filter(None, said))
-    truth = {} if devices.plant is None else devices.plant.truth(recorder.origin)
+    plant = devices.plant
+    truth = {} if plant is None else plant.truth(recorder.origin, context.goal)
     if truth and request.record.truth:
         outcome = _write_truth(folder, truth, outcome)
     if (
@@ -214,9 +217,7 @@ def _learn(request: Request, outcome: Outcome, folder: Path) -> str:
     text where it is stored, or where the fold is not usable.
     """
     learning = request.learning
-    subject = subject_of(
-        request.policy, request.checkpoint, request.strip.name, learning.specimen
-    )
+    subject = request.subject
     try:
         key = run_key(folder)
         experience = experience_of(

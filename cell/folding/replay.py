@@ -25,6 +25,8 @@ from drivers.base.errors import ConfigurationError
 from drivers.base.settings import parse
 from drivers.base.types import Frame, Pose
 from drivers.strip.file import StripFile
+from policies.path import FoldLine
+from policies.policy import at_line
 from policies.registry import make_policy
 
 Measured = dict[int, StripMeasurement]  # by the sequence number of the image
@@ -184,8 +186,9 @@ def _other_decisions(
     record.
     """
     weights = None if run.header.checkpoint is None else run.folder / CHECKPOINT
-    policy = make_policy(str(_header_value(run, "policy")), weights)
-    correction_of(run.header.learning).apply(policy)
+    made = make_policy(str(_header_value(run, "policy")), weights)
+    correction_of(run.header.learning).apply(made)
+    policy = at_line(made, FoldLine.of(strip.length, run.header.line))
     policy.reset(strip, settings.fold.speed, 1)
     for then in decided:
         seen = measured.get(then.sequence)

@@ -2,6 +2,7 @@
 compiled.
 """
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -14,17 +15,25 @@ from cell.base.config.length import metres
 from cell.base.devices.devices import Trial
 from cell.base.devices.open import check_calibrated, check_drivers
 from cell.folding.bias import LIMIT
-from cell.folding.correction import Correction, learned_correction, subject_of
+from cell.folding.correction import (
+    Correction,
+    Subject,
+    learned_correction,
+    subject_of,
+)
 from cell.folding.experience import Memory
 from cell.record.files import Keep
 from cell.record.film import Encoder
 from cell.setup.arm.run_settings import at_speed, limit_to_arm, slow_down
+from drivers.base.errors import ConfigurationError
 from drivers.strip.describe import doubts
 from drivers.strip.file import StripFile
 from policies.experiments.standard import STANDARD, standard_order
+from policies.path import FoldLine
 from policies.registry import MOTION, make_policy
 
 LEARNING_WORDS = ("auto", "on", "off")
+LINES = (0.15, 0.5)  # of the length, from the grasped edge, where a strip is folded
 UNCORRECTED = Correction()
 
 
@@ -63,7 +72,8 @@ class Request:
     can be sent.
 
     `runs` is the folder for its record, `speed` [m/s] on the path replaces the cell's
-    own, and a real robot is slowed down unless at `full_speed`.
+    own, and a real robot is slowed down unless at `full_speed`. The strip is folded
+    `at` [m] from its grasped edge, in half where that is None.
     """
 
     cell: CellFile
@@ -76,6 +86,31 @@ class Request:
     full_speed: bool = False
     record: Recording = Recording()
     learning: Learning = Learning()
+    at: float | None = None
+
+    @property
+    def line(self) -> FoldLine:
+        """Line along which the strip is folded."""
+        return FoldLine.of(self.strip.length, self.at)
+
+    @property
+    def condition(self) -> str:
+        """Label of folds that are made alike: policy, speed, and a line off the
+        middle.
+        """
+        label = f"{self.policy} at {self.settings.fold.speed:g} m/s"
+        if self.line.is_half:
+            return label
+        return f"{label}, folded {1e3 * self.line.at:.0f} mm from the grasped edge"
+
+    @property
+    def subject(self) -> Subject:
+        """Key under which the cell learns from this fold."""
+        specimen = self.learning.specimen
+        mine = subject_of(self.policy, self.checkpoint, self.strip.name, specimen)
+        if self.line.is_half:
+            return mine
+        return replace(mine, policy=f"{mine.policy} at {self.line.at:.3f} m")
 
     @property
     def settings(self) -> CellFile:
@@ -169,14 +204,41 @@ def with_correction(request: Request, learning: str | None) -> Request:
     if learning is not None and learning not in LEARNING_WORDS:
         correction = Correction(metres("--learning", learning, LIMIT))
     elif _should_learn(request, learning, memory):
-        specimen = request.learning.specimen
-        subject = subject_of(
-            request.policy, request.checkpoint, request.strip.name, specimen
-        )
         learns = True
-        correction = learned_correction(memory, subject)
+        correction = learned_correction(memory, request.subject)
     changed = replace(request.learning, correction=correction, learns=learns)
     return replace(request, learning=changed)
+
+
+def line_at(option: str, texts: Sequence[str], length: float) -> float | None:
+    """Distance [m] from the grasped edge of a strip of `length` [m] to its fold line.
+
+    Each of `texts` is a share of the length, as 1/3 or 0.4, or a length, as 200mm; None
+    without any, for a fold in half. Raises ConfigurationError for other text, a line
+    that is not folded, and more than one.
+    """
+    if not texts:
+        return None
+    if len(texts) > 1:
+        raise ConfigurationError(
+            f"{option}: is given {len(texts)} times, one line a fold is allowed: a"
+            " second fold carries two layers, which no model of this cell describes;"
+            " fold once, and lay the strip again"
+        )
+    share = re.fullmatch(r"\s*([\d.]+)\s*(?:/\s*([\d.]+)\s*)?", texts[0])
+    try:
+        at = length * float(share[1]) / float(share[2] or 1) if share else None
+    except (ValueError, ZeroDivisionError):
+        at = None
+    at = metres(option, texts[0]) if at is None else at
+    low, high = (allowed * length for allowed in LINES)
+    if not low <= at <= high:
+        raise ConfigurationError(
+            f"{option}: {texts[0]} is {1e3 * at:.0f} mm from the grasped edge, allowed"
+            f" {1e3 * low:.0f} to {1e3 * high:.0f} mm, {LINES[0]:g} to {LINES[1]:g} of"
+            " the strip's length: beyond the middle the grasped part is the longer one"
+        )
+    return at
 
 
 def memory_of(request: Request) -> Memory:

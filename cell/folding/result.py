@@ -41,7 +41,8 @@ class FoldResult:
     `predicted` is the policy's prediction as text, `like_model` whether the strip
     behaved like the model (None where nothing judged it), `witnesses` what was
     compared, and `warning` what of this disagrees, or what the preflight found;
-    `correction` says by how much the aim was corrected.
+    `correction` says by how much the aim was corrected. The strip is folded `folded_at`
+    [m] from its grasped edge, in half where that is None.
     """
 
     run: str
@@ -64,6 +65,7 @@ class FoldResult:
     like_model: bool | None = None
     correction: str | None = None
     witnesses: tuple[LengthCheck, ...] = ()
+    folded_at: float | None = None
 
     @classmethod
     def refusal(cls, request: Request, error: CellError) -> Self:
@@ -104,6 +106,7 @@ class FoldResult:
             else outcome.agreement.like_model,
             correction=request.learning.correction.sentence(),
             witnesses=outcome.witnesses,
+            folded_at=None if request.line.is_half else request.line.at,
         )
 
     @property
@@ -147,11 +150,14 @@ class FoldResult:
         )
         if self.exit_code != 0:
             folded += f" ({self.outcome})"
+        if self.folded_at is not None:
+            folded += f" {1e3 * self.folded_at:.0f} mm from its grasped edge"
         text = f"{self.strip}: {folded}, displacement {1e3 * self.displacement:+.1f} mm"
         if (d := self.displacement_true) is not None:
             text += f" (true {1e3 * d:+.1f} mm)"
         if (d := self.edge_offset) is not None:
-            text += f"; laid down, the upper edge lies {_edge_words(d)} the lower one"
+            lower = "the lower one" if self.folded_at is None else "its place"
+            text += f"; laid down, the upper edge lies {_edge_words(d)} {lower}"
         elif self.edge_offset_true is not None:
             text += "; the edges are not seen"
         if (true := self.edge_offset_true) is not None:

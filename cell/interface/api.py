@@ -19,7 +19,7 @@ from cell.base.devices.devices import Trial
 from cell.folding.feasibility import Prediction, assess
 from cell.folding.fold import fold as fold_once, write_pages
 from cell.folding.observe import observe as observe_film
-from cell.folding.request import Learning, Recording, Request, prepare
+from cell.folding.request import Learning, Recording, Request, line_at, prepare
 from cell.folding.result import FoldResult
 from cell.gap.check import Check, check as check_runs
 from cell.gap.fit import FitOptions, fit
@@ -61,6 +61,7 @@ def fold(
     truth: bool = True,
     specimen: str | None = None,
     learning: str | None = None,
+    at: str | None = None,
 ) -> FoldResult:
     """Fold a strip once and record the run in a new folder below `runs`, as `cell fold`
     does.
@@ -69,11 +70,14 @@ def fold(
     `plant` the name or file of another strip on the twin's desk; `speed` [m/s] replaces
     the cell's own. The cell learns from the fold of a `specimen` and corrects it as
     `learning` says: `on`, `off`, `auto`, a length, or None for the cell's own setting.
+    It is folded `at` a share of its length from the grasped edge, as `1/3`, or at a
+    length, as `200mm`; in half where that is None.
     An error before the motion raises CellError; what happens during it is the result's
     `outcome`. A strip outside an engine's validated range is a UserWarning.
     """
     config = find_configs(configs)
     desk = None if plant is None else load_plant(config.plant_path(str(plant)))
+    lying = config.strip(strip)
     if seed < 0:
         raise ConfigurationError(f"seed: is {seed}, must be at least 0")
     cell = config.cell().with_drivers(arm, camera)
@@ -81,13 +85,14 @@ def fold(
     record = Recording(frames, truth=truth)
     asked = Request(
         cell,
-        config.strip(strip),
+        lying,
         policy,
         Path(runs),
         Trial(seed=seed),
         speed=speed,
         record=record,
         learning=Learning(specimen, use=learning),
+        at=line_at("at", () if at is None else (at,), lying.length),
     )
     (request,) = _prepared(asked, [] if desk is None else [desk])
     return write_pages(request, fold_once(request, calibration_of(request.cell)))
@@ -98,15 +103,16 @@ def predict(
     policy: str = "adaptive",
     speed: float | None = None,
     configs: Place | None = None,
+    at: str | None = None,
 ) -> Prediction:
     """Predict a fold by simulation, as `cell fold --dry-run` does; nothing moves.
 
     Raises PreflightRefused, with every problem, for one that `fold` would refuse.
     """
     config = find_configs(configs)
-    asked = Request(
-        config.cell(), config.strip(strip), policy, Path("runs"), speed=speed
-    )
+    cell, lying = config.cell(), config.strip(strip)
+    line = line_at("at", () if at is None else (at,), lying.length)
+    asked = Request(cell, lying, policy, Path("runs"), speed=speed, at=line)
     (request,) = _prepared(asked)
     return assess(request, calibration_of(request.cell)).prediction
 

@@ -64,9 +64,9 @@ class FoldContext(Context):
     the laid edges as the camera sees it once the strip was `released`, `predicted` the
     policy's latest prediction, `expected` the displacement and its standard deviation
     [m] by the model before the fold; `witnesses` are what was compared. The grasped
-    edge is laid at `place` [m]. The plant is not part of it. `desk` is x [m] of the
-    desk's end, 0 for an arm without a hand. A `warning` of the preflight is for the
-    operator.
+    edge is laid `place` [m] beyond x = `goal` [m]. The plant is not part of it. `desk`
+    is x [m] of the desk's end, 0 for an arm without a hand. A `warning` of the
+    preflight is for the operator.
     """
 
     strip: StripFile
@@ -76,6 +76,7 @@ class FoldContext(Context):
     released: bool = False
     expected: tuple[float, float] | None = None
     place: float = 0.0
+    goal: float = 0.0
     desk: float = 0.0
     warning: str = ""
 

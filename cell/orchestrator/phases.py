@@ -26,7 +26,7 @@ from cell.perception.preflight import PreflightCheck, camera_check
 from cell.perception.strip_measurement import StripMeasurement
 from drivers.base.errors import Fault, PreflightRefused
 from drivers.base.geometry import moving_average
-from drivers.base.types import Array, Frame, Pose, Velocity
+from drivers.base.types import Array, Pose, Velocity
 from policies.follower import Follower
 from policies.path import lift_pitch
 from policies.policy import Decision, Observation
@@ -289,7 +289,7 @@ def lay(context: FoldContext, record: Recorder, begin: Snapshot) -> steps.Phase:
         raise Fault("illegal_event", "LAY was entered without a touch")
     rest = max(context.strip.thickness, touch.distance) + CLEARANCE
     taut = fold_path.taut_edge(touch)
-    end = fold_path.edge_place(taut, context.place)
+    end = fold_path.edge_place(taut, context.goal + context.place)
     path = fold_path.lay_path(begin.arm.pose, taut, rest, end, settings)
     yield from follow_lay(path, settings.lay_speed, begin)
     snapshot = yield from steps.move(Pose(end, rest, np.pi))
@@ -301,11 +301,12 @@ def release(context: FoldContext, record: Recorder, _: Snapshot) -> steps.Phase:
     """Open the fingers, retreat from the strip, and measure the offset of its edges."""
     snapshot = yield from steps.open_hand()
     pose = snapshot.arm.pose
-    record.event(snapshot.time, "released", edge_offset=-pose.x)
+    offset = context.goal - pose.x
+    record.event(snapshot.time, "released", edge_offset=offset)
     for away in fold_path.retreat_poses(pose, context.settings.fold):
         yield from steps.move(away)
-    frame = (yield from steps.still_picture()).frame
-    measurement = yield from _laid_strip(context, frame, pose)
+    picture = yield from steps.still_picture()
+    measurement = yield from _laid_strip(context, picture, pose)
     loop = _visible_loop(context, measurement)
     context.released = True
     facts = {}
@@ -320,25 +321,23 @@ def _compare_edges(context: FoldContext, loop: Loop, gripper: Pose) -> None:
     """Compare the edges' offset by the image's `loop` with that by the `gripper` at the
     release.
     """
-    context.edge_offset = edge_offset(
-        context.strip.length, context.strip.thickness, loop
-    )
+    beyond = edge_offset(context.strip.length, context.strip.thickness, loop)
+    context.edge_offset = beyond + context.goal
     spreads = {
         "map, twice": 2.0 * context.calibration.residual,
         "loop": LaidWeights.shipped().rms,
     }
-    context.witnesses.append(
-        LengthCheck("edges", context.edge_offset + gripper.x, spreads)
-    )
+    context.witnesses.append(LengthCheck("edges", beyond + gripper.x, spreads))
 
 
 def _laid_strip(
-    context: FoldContext, frame: Frame, edge: Pose
+    context: FoldContext, picture: steps.StillPicture, edge: Pose
 ) -> Generator[Command, Snapshot, StripMeasurement | None]:
-    """Measure the laid strip in `frame`, whose grasped edge was released near
+    """Measure the laid strip in a `picture`, whose grasped edge was released near
     `edge`.
     """
-    context.reader.submit(ImageTask(frame, edge), frame.arrival)
+    task = ImageTask(picture.frame, edge, hand=picture.gripper)
+    context.reader.submit(task, picture.frame.arrival)
     result = context.reader.result()
     if isinstance(result, ImageResult):
         return result.measurement

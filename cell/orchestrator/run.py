@@ -7,6 +7,7 @@ import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
+from enum import Enum
 from functools import partial
 from types import FrameType
 from typing import Protocol, TypeVar
@@ -51,6 +52,14 @@ class Observer(Protocol):
         """
 
 
+class Stage(Enum):
+    """Stages of a control loop: its phases command, it brakes, the arm rests."""
+
+    UNDER_WAY = "under way"
+    BRAKING = "braking"
+    RESTING = "resting"
+
+
 class Run:
     """Control loop of one run, which drives the devices through its states and records
     it.
@@ -86,7 +95,7 @@ class Run:
         self._machine = Machine()
         self._entered = 0.0
         self._phase: Phase | None = None
-        self._rests = False
+        self._stage = Stage.UNDER_WAY
         self._command: Command | None = None
         self._stopped: Outcome | None = None
         braking_cycles = round(settings.fold.stop_timeout * settings.fold.control_rate)
@@ -106,7 +115,7 @@ class Run:
         tick = 0
         try:
             self._guard(lambda: self._apply_event(Event.START, start))
-            while not (self._machine.over and self._rests):
+            while self._stage is not Stage.RESTING:
                 tick += 1
                 self._run_cycle(start + tick * period)
         finally:
@@ -124,16 +133,12 @@ class Run:
 
     def _run_cycle(self, due: float) -> None:
         """Execute the cycle of the control loop due at `due` [s]."""
-        if self._under_way and self._interrupted():
+        if self._stage is Stage.UNDER_WAY and self._interrupted():
             self._stop(INTERRUPTED)
-        if self._under_way:
+        if self._stage is Stage.UNDER_WAY:
             self._guard(lambda: self._limited_cycle(due))
         else:
             self._brake(due)
-
-    @property
-    def _under_way(self) -> bool:
-        return self._stopped is None and not self._machine.over
 
     def _limited_cycle(self, due: float) -> None:
         """Execute a cycle within the limit of its computing time."""
@@ -154,9 +159,10 @@ class Run:
             check_all(now, command, self._rules)
             self._send(command)
         elif snapshot.arm.moving:  # the path ended, and no phase follows
+            self._stage = Stage.BRAKING
             self._safe_stop.apply(snapshot.hand)
         else:
-            self._rests = True
+            self._stage = Stage.RESTING
         self._recorder.tick(snapshot)
         self._notify(lambda observer: observer.handle_tick(snapshot))
 
@@ -192,8 +198,10 @@ class Run:
             )
             run_suppressed(lambda: self._recorder.tick(snapshot))
             self._notify(lambda observer: observer.handle_tick(snapshot))
-        self._rests = self._safe_stop.has_ended(arm)
-        if self._rests and not self._machine.over:
+        if not self._safe_stop.has_ended(arm):
+            return
+        self._stage = Stage.RESTING
+        if not self._machine.over:
             run_suppressed(
                 lambda: self._apply_event(Event.STOPPED, self._devices.clock.now())
             )
@@ -215,6 +223,7 @@ class Run:
         """
         self._stop_devices()
         self._stopped = stopped
+        self._stage = Stage.BRAKING
         if not self._machine.over:
             self._entered = now = self._devices.clock.now()
             state = self._machine.apply(Event.STOP)

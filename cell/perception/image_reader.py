@@ -50,10 +50,14 @@ Answer = ImageResult | tuple[PreflightCheck, ...]
 
 @dataclass(frozen=True, slots=True)
 class StripInputs:
-    """Calibration and strip file by which images of a fold are measured."""
+    """Calibration and strip file by which images of a fold are measured.
+
+    Its grasped edge is to lie at x = `goal` [m].
+    """
 
     calibration: Calibration
     strip: StripFile
+    goal: float = 0.0
 
 
 class Measurer:
@@ -63,7 +67,7 @@ class Measurer:
         self._inputs = inputs
         self._perception: Perception | None = None
         self._camera: CameraWatch | None = None
-        self._touch = LayerTouch(inputs.strip)
+        self._touch = LayerTouch(inputs.strip, inputs.goal)
 
     def inspect(self, frame: Frame) -> tuple[PreflightCheck, ...]:
         """Check the image taken before the grasp, and learn the strip's colours from
@@ -78,17 +82,25 @@ class Measurer:
         self._camera = CameraWatch.choose(appearance, calibration, strip)
         return *inspection.checks, self._camera.check()
 
-    def measure(self, frame: Frame, gripper: Pose, *, touches: bool) -> ImageResult:
+    def measure(
+        self,
+        frame: Frame,
+        gripper: Pose,
+        *,
+        touches: bool = False,
+        hand: Pose | None = None,
+    ) -> ImageResult:
         """Measure the strip in `frame`, taken at `gripper`; if `touches`, detect layer
         touch.
 
-        Raises Fault `no_perception` before an accepted image.
+        After the release the strip ends at `gripper`, and the hand is elsewhere. Raises
+        Fault `no_perception` before an accepted image.
         """
         if self._perception is None or self._camera is None:
             raise Fault(
                 "no_perception", "a frame came before the preflight image was accepted"
             )
-        measurement = self._perception.measure(frame, gripper)
+        measurement = self._perception.measure(frame, gripper, hand)
         touch = self._touch.update(measurement, gripper) if touches else None
         shift = self._camera.shift(frame.image, gripper)
         return ImageResult(
@@ -106,11 +118,14 @@ Maker = Callable[[StripInputs], Measurer]
 class ImageTask:
     """Image `frame` to check, before the grasp (`gripper` None), or to measure, with
     `touches`.
+
+    A strip that was let go ends at `gripper`, with the `hand` elsewhere.
     """
 
     frame: Frame
     gripper: Pose | None = None
     touches: bool = False
+    hand: Pose | None = None
 
     def answer(self, measurer: Measurer) -> Answer:
         """Measurement of the image by `measurer`, or preflight checks if taken before
@@ -118,7 +133,9 @@ class ImageTask:
         """
         if self.gripper is None:
             return measurer.inspect(self.frame)
-        return measurer.measure(self.frame, self.gripper, touches=self.touches)
+        return measurer.measure(
+            self.frame, self.gripper, touches=self.touches, hand=self.hand
+        )
 
 
 class InlineReader:

@@ -24,7 +24,7 @@ RECENT_FALLS = 3  # last measurements that must show closed layers
 # of the fall between two images, by which a gap is still above that at rest
 RISE_SHARE = 0.25
 RESTING_FALLS = 20  # in a row at one distance, of layers that rest
-# of the strip's length that the layers may differ by, where anyone speaks of a fold
+# of the folded length that the layers may differ by, where anyone speaks of a fold
 UNEVEN = 0.5
 
 
@@ -54,10 +54,12 @@ class LayerTouch:
     a spread of it, the gap that stays.
     """
 
-    def __init__(self, strip: StripFile) -> None:
+    def __init__(self, strip: StripFile, goal: float = 0.0) -> None:
+        """Detect the touch of a fold whose grasped edge is to lie at x = `goal` [m]."""
         thickness = strip.spread.get("thickness", (strip.thickness, strip.thickness))
         self._distances = (max(thickness[0], THINNEST), max(thickness[1], THINNEST))
-        self._length = strip.length
+        self._goal = goal
+        self._span = strip.length - goal
         self._most = strip.length + LENGTH_ERROR  # m, of a plausible fall
         self._falls: list[Fall] = []
         self._touch: SeenTouch | None = None
@@ -116,7 +118,13 @@ class LayerTouch:
         confidence = float(np.exp(-apart))
         to_grasped = x + displacement
         touch = SeenTouch(
-            time, x, to_grasped, x, confidence=confidence, distance=distance
+            time,
+            x,
+            to_grasped,
+            x,
+            goal=self._goal,
+            confidence=confidence,
+            distance=distance,
         )
         return touch if self._is_a_fold(touch) else None
 
@@ -136,7 +144,8 @@ class LayerTouch:
         """Whether a touch has plausible lengths; touches near the strip's end are
         misread.
         """
-        return touch.to_fixed > 0 and abs(touch.displacement) <= UNEVEN * self._length
+        is_inside = touch.to_fixed > self._goal
+        return is_inside and abs(touch.displacement) <= UNEVEN * self._span
 
 
 def _fall(measurement: StripMeasurement, gripper: Pose) -> Fall | None:

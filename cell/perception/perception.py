@@ -87,13 +87,16 @@ class Perception:
         self._rest = appearance.rest_height
         self._contact_bias = CONTACT_BIAS + calibration.contact_bias
 
-    def measure(self, frame: Frame, gripper: Pose) -> StripMeasurement:
+    def measure(
+        self, frame: Frame, gripper: Pose, hand: Pose | None = None
+    ) -> StripMeasurement:
         """Measure the strip in `frame`; `gripper` is the measured pose at the frame's
         stamp.
 
+        A strip that was let go ends at `gripper`, with the `hand` elsewhere.
         Never raises because of an image: what is not seen is NaN with confidence 0.
         """
-        matte = self._matte(frame, gripper)
+        matte = self._matte(frame, gripper, hand or gripper)
         contact = find_contact(matte.smooth, self._line, matte.region.origin)
         curve = self._curve(matte, contact, gripper)
         tip, gap = self._fold(contact, curve)
@@ -116,19 +119,21 @@ class Perception:
 
         Layers that lie on one another are one piece. Empty where no strip is seen.
         """
-        matte = self._matte(frame, gripper, around=HAND_DEPTH)
+        matte = self._matte(frame, gripper, gripper, around=HAND_DEPTH)
         outlines, _ = cv2.findContours(
             self._mask(matte), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE
         )
         largest = max(outlines, key=cv2.contourArea, default=np.empty((0, 1, 2)))
         return np.asarray(largest.reshape(-1, 2) + matte.region.origin)
 
-    def _matte(self, frame: Frame, gripper: Pose, around: float = 0.0) -> Matte:
-        """Matte of `frame` where the strip can appear, without the hand and `around`
+    def _matte(
+        self, frame: Frame, gripper: Pose, hand: Pose, around: float = 0.0
+    ) -> Matte:
+        """Matte of `frame` where the strip can appear, without the `hand` and `around`
         [m] of it.
         """
         region = strip_region(self._calibration, self._strip.length, gripper)
-        visible = without_hand(region, self._calibration, gripper)
+        visible = without_hand(region, self._calibration, hand)
         if around > 0:
             side = 2 * round(around / self._sizes.scale) + 1
             visible = cv2.erode(visible, np.ones((side, side), np.uint8))

@@ -131,6 +131,7 @@ class Header(Recorded):
     config: dict[str, Any] | None = None
     plant_sha256: str | None = None
     learning: dict[str, Any] | None = None
+    line: float | None = Field(None, gt=0, le=10.0)  # m, from the grasped edge
     preflight: list[dict[str, Any]] | None = None
     arm_timing: ArmTiming | None = None
     seen_by: Literal["cell"] | None = None  # in runs without a policy

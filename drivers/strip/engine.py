@@ -19,7 +19,8 @@ class Touch:
     edges.
 
     `extension` [m] is how much longer than `to_grasped` the upper layer is up to the
-    grip, because it is stretched or slid out of the grip.
+    grip, because it is stretched or slid out of the grip. The grasped edge is to come
+    to lie at x = `goal` [m], on the fixed edge where the strip is folded in half.
     """
 
     time: float
@@ -27,6 +28,7 @@ class Touch:
     to_grasped: float
     to_fixed: float
     extension: float = 0.0
+    goal: float = 0.0
 
     @classmethod
     def in_shape(
@@ -41,8 +43,8 @@ class Touch:
 
     @property
     def displacement(self) -> float:
-        """Displacement d = l1 - l2 [m] between the edges of the two layers."""
-        return self.to_grasped - self.to_fixed
+        """Displacement d = l1 - l2 [m] of the grasped edge from `goal`."""
+        return self.to_grasped - (self.to_fixed - self.goal)
 
 
 @dataclass(frozen=True, slots=True)

@@ -152,7 +152,7 @@ class Bench:
         return not self.arm.profile.moving
 
 
-def result_of(frame: Frame, gripper: Pose, *, touches: bool) -> ImageResult:
+def result_of(frame: Frame, gripper: Pose, *, touches: bool, hand=None) -> ImageResult:
     points = np.zeros((3, 2))
     measurement = StripMeasurement(
         frame.stamp,

@@ -24,7 +24,7 @@ class PlainSight:
             PreflightCheck("bright", bool(frame.image[0, 0, 0] > 9), "it is", "a lamp"),
         )
 
-    def measure(self, frame, gripper, *, touches: bool) -> ImageResult:
+    def measure(self, frame, gripper, *, touches: bool, hand=None) -> ImageResult:
         value = int(frame.image[0, 0, 0])
         if value == HANGS:
             time.sleep(60.0)

@@ -111,9 +111,12 @@ class Plant(Protocol):
     its end.
     """
 
-    def truth(self, origin: float) -> Mapping[str, Any]:
+    def truth(self, origin: float, goal: float = 0.0) -> Mapping[str, Any]:
         """True touch time [s] since `origin`, displacement and edge offset [m], by
         name.
+
+        The lengths are those of a fold whose grasped edge is to lie at x = `goal` [m];
+        None of what did not happen.
         """
 
 

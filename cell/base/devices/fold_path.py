@@ -33,18 +33,20 @@ def whole_path(
     fold: FoldSettings,
     carry: Array,
     touch: Touch | None = None,
+    goal: float = 0.0,
 ) -> tuple[Array, Array]:
     """Poses (n, 3) x, z [m], pitch [rad] of a fold, and speeds (n,) [m/s] of the moves
     to each.
 
     From the home over the edge of a strip of `length` [m]; `carry` (k, 2) leads from
     the grasped edge to where the layers touch. Lay and retreat follow, after this
-    `touch` of the layers, or without one as where the strip hangs straight down.
+    `touch` of the layers, or without one as where the strip hangs straight down, and
+    end at x = `goal` [m].
     """
     carry = _thin_out(carry)
     x, z = carry[-1].tolist()
     taut = max(x - z, 0.0) if touch is None else taut_edge(touch)
-    end = edge_place(taut)
+    end = edge_place(taut, goal)
     lay = lay_path(Pose(x, z, HANGING), taut, LAID_HEIGHT, end, fold)
     travel = np.union1d(lay.travel, np.linspace(0.0, lay.length, LAY_POINTS))[1:]
     lowered = np.column_stack([lay.at(travel), lay_pitch(travel / lay.length)])
@@ -88,8 +90,8 @@ def edge_place(taut: float, place: float = 0.0) -> float:
     """Target x [m] of the grasped edge: `place`, within PULL of the `taut` upper
     layer's end [m].
 
-    `place` is 0, on the fixed edge, unless a learned correction of the camera's bias
-    moves it.
+    `place` is 0, on the fixed edge, in a half fold, unless a learned correction of the
+    camera's bias moves it.
     """
     return min(max(place, taut - PULL), taut + PULL)
 

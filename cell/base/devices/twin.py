@@ -3,7 +3,7 @@ scoring.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from calibration.wizard.coverage import WantedView
@@ -46,18 +46,22 @@ class TwinPlant:
     twin: Twin | Desk
     plant: StripFile
 
-    def truth(self, origin: float) -> Mapping[str, Any]:
+    def truth(self, origin: float, goal: float = 0.0) -> Mapping[str, Any]:
         """True time [s] since `origin` and lengths [m] of the touch, edge offset [m],
         plant.
         """
-        touch = self.twin.world.touch
-        return {
-            "plant": self.plant.model_dump(mode="json", by_alias=True),
-            "displacement": None if touch is None else touch.displacement,
-            "t_layer_touch": None if touch is None else touch.time - origin,
-            "l1": None if touch is None else touch.to_grasped,
-            "l2": None if touch is None else touch.to_fixed,
-            "edge_offset": self.twin.world.edge_offset,
+        world = self.twin.world
+        touch = world.touch
+        plant = {"plant": self.plant.model_dump(mode="json", by_alias=True)}
+        if touch is None:
+            names = ("displacement", "t_layer_touch", "l1", "l2", "edge_offset")
+            return plant | dict.fromkeys(names)
+        return plant | {
+            "displacement": replace(touch, goal=goal).displacement,
+            "t_layer_touch": touch.time - origin,
+            "l1": touch.to_grasped,
+            "l2": touch.to_fixed,
+            "edge_offset": None if world.holds_strip else world.edge_offset + goal,
         }
 
 

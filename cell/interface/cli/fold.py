@@ -121,6 +121,13 @@ class FoldOptions:
             help="Edges as close as this end --repeat; each fold corrects the next."
         ),
     ] = None
+    at: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Fold line, from the grasped edge: a share of the length or a length.",
+            metavar="SHARE|LENGTH",
+        ),
+    ] = None
     as_json: options.Json = False
 
     def strip_name(self) -> str:
@@ -157,6 +164,11 @@ class FoldOptions:
             raise ConfigurationError(
                 "--until: folds on the desk; leave it or --rehearse out"
             )
+        if self.repeat == 1:
+            raise ConfigurationError(
+                "--until: ends a series, and one fold has none before it to learn from;"
+                " add --repeat with the number of folds at most"
+            )
         if self.learning not in {None, "on", "auto"}:
             raise ConfigurationError(
                 "--until: corrects each fold by those before; use --learning on"
@@ -166,15 +178,16 @@ class FoldOptions:
     def request(self, configurations: Configs, strip: str) -> "Request":
         """Request of the first fold, of the strip called `strip`."""
         from cell.base.devices.devices import Trial
-        from cell.folding.request import Learning, Recording, Request
+        from cell.folding.request import Learning, Recording, Request, line_at
 
         settings = configurations.cell().with_drivers(self.arm, self.camera)
         encoder = self.film or settings.record.film
         film = None if encoder == "none" else encoder
         until = None if self.until is None else "on"
+        lying = configurations.strip(strip)
         return Request(
             cell=settings,
-            strip=configurations.strip(strip),
+            strip=lying,
             policy=self.policy,
             runs=self.runs,
             trial=Trial(seed=self.seed),
@@ -182,6 +195,7 @@ class FoldOptions:
             full_speed=self.full_speed,
             record=Recording(self.frames, film, not self.no_truth, self.viz),
             learning=Learning(self.specimen, use=self.learning or until),
+            at=line_at("--at", self.at or (), lying.length),
         )
 
 

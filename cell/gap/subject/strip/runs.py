@@ -26,7 +26,7 @@ from drivers.base.readers import read_yaml
 from drivers.base.types import Array, frozen
 from drivers.strip.engine import Touch
 from drivers.strip.file import StripFile
-from policies.path import lift_pitch
+from policies.path import FoldLine, lift_pitch
 
 WORST_SIGMA, BEST_SIGMA = 0.05, 1e-7  # m, no instrument of a cell is worse or better
 WORST_TIME, BEST_TIME = 1.0, 1e-6  # s
@@ -280,7 +280,7 @@ def _check_kind(folder: Path) -> None:
     if "strip" not in head and "pendulum" in head:
         raise ConfigurationError(
             f"{folder / RUN}: strip: is missing, this is a run of the pendulum "
-            f"{head['pendulum']}; give its pendulum file, or runs of the strip"
+            f"{head['pendulum']}; give its mechanism file by --model, or runs of the strip"
         )
 
 
@@ -427,10 +427,9 @@ def _misses(
     if touch is None or run.result is None or run.result.displacement is None:
         return
     l1, l2, sigma = touch.to_grasped, touch.to_fixed, run.header.sigma.displacement
-    differs, allowed = (
-        abs(run.result.displacement - (l1 - l2)),
-        DISPLACEMENT_SIGMAS * sigma,
-    )
+    goal = FoldLine.of(strip.length, run.header.line).goal
+    differs = abs(run.result.displacement - (l1 - l2 + goal))
+    allowed = DISPLACEMENT_SIGMAS * sigma
     yield (
         RESULT,
         "displacement: differs from l1 - l2 by",

@@ -166,3 +166,20 @@ def test_python_and_command_ask_for_one_fold_with_what_the_cell_has_learned(
     assert typed.learning.learns
     assert typed.learning.correction.seen > 0.002
     assert replace(typed, record=Recording()) == replace(asked[0], record=Recording())
+
+
+def test_until_without_a_series_is_refused_and_teaches_nothing(
+    monkeypatch, capsys, folds
+) -> None:
+    code, _, remarks, asked = folds(capsys, [DONE], "--until", "1mm")
+    assert code == 2
+    assert asked == []
+    assert "--until: ends a series" in remarks[0]
+    assert "--repeat" in remarks[0]
+
+
+def test_second_line_of_one_fold_is_refused_with_the_reason(folds, capsys) -> None:
+    code, _, remarks, asked = folds(capsys, [DONE], "--at", "1/3", "--at", "1/3")
+    assert code == 2
+    assert asked == []
+    assert "a second fold carries two layers" in remarks[0]

@@ -81,6 +81,8 @@ def test_a_ruler_s_word_is_believed_within_bounds_and_a_later_one_replaces_it(
         ConfigurationError, match=r"34\.0 mm from the \+1\.0 .* add --sure"
     ):
         call(run, "--edges", "35mm")
+    with pytest.raises(ConfigurationError, match="mind sign, decimal point and unit"):
+        call(run, "--edges", "9mm")  # for 0.9 mm
     assert len(memory.experiences()) == 3
     call(run, "--edges", "35mm", "--sure")
     assert "the ruler shows +2.0 mm more" in call("2c41", "--edges", "3mm")
