@@ -280,7 +280,8 @@ def _check_kind(folder: Path) -> None:
     if "strip" not in head and "pendulum" in head:
         raise ConfigurationError(
             f"{folder / RUN}: strip: is missing, this is a run of the pendulum "
-            f"{head['pendulum']}; give its mechanism file by --model, or runs of the strip"
+            f"{head['pendulum']}; give its mechanism file by --model, or runs of the"
+            " strip"
         )
 
 
