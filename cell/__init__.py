@@ -7,6 +7,7 @@ is used.
 
 # ruff: noqa: F403, F405
 import importlib
+from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 from drivers.base.errors import CellError
@@ -31,6 +32,7 @@ __all__ = (
     "read_run",
     "read_strip",
     "read_verdict",
+    "runs",
     "table",
     "undo",
 )
@@ -40,6 +42,8 @@ def __getattr__(name: str) -> Any:
     """Import a function of `cell.interface.api` on first use; AttributeError for any
     other name.
     """
+    if name == "__version__":
+        return version("folding-cell")
     if name not in __all__:
         raise AttributeError(f"module 'cell' has no attribute {name!r}")
     return getattr(importlib.import_module("cell.interface.api"), name)

@@ -9,7 +9,7 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import get_args
+from typing import TYPE_CHECKING, Any, get_args
 
 import pyarrow as pa
 
@@ -18,22 +18,15 @@ from cell.base.config.places import find_configs
 from cell.base.devices.devices import Trial
 from cell.folding.feasibility import Prediction, assess
 from cell.folding.fold import fold as fold_once, write_pages
-from cell.folding.observe import observe as observe_film
 from cell.folding.request import Learning, Recording, Request, line_at, prepare
 from cell.folding.result import FoldResult
-from cell.gap.check import Check, check as check_runs
-from cell.gap.fit import FitOptions, fit
-from cell.gap.forward_selection import quiet
-from cell.gap.report.overlay import write_overlay
-from cell.gap.subject.strip.runs import check_fold
-from cell.gap.verdict.accept import AcceptResult, accept as accept_fit, undo as undo_fit
-from cell.gap.verdict.schema import Verdict, read_verdict as read_verdict_file
-from cell.record.columns import Profile, Sights, Ticks
+from cell.record.columns import Profile, Sights, Ticks, as_frame
 from cell.record.exchange.export_runs import Format, export_runs as export_to
 from cell.record.exchange.import_runs import import_runs as import_from
 from cell.record.files import Keep, run_folder
-from cell.record.listing import RunRow, list_runs as find_runs
-from cell.record.run import Run, read_run as load_run
+from cell.record.listing import COLUMNS, RunRow, list_runs as find_runs, values_of
+from cell.record.run import read_run as load_run
+from cell.report.figures import DrawnRun
 from cell.report.runs_page import write_comparison
 from cell.setup.calibration_in_use import calibration_of
 from drivers.base.errors import ConfigurationError, check_known
@@ -41,6 +34,11 @@ from drivers.strip.describe import load_plant
 from drivers.strip.effects import registry
 from drivers.strip.effects.effect import Effect
 from drivers.strip.file import StripFile
+
+if TYPE_CHECKING:  # what takes a second to import is imported where it is used
+    from cell.gap.check import Check
+    from cell.gap.report.figures import DrawnVerdict
+    from cell.gap.verdict.accept import AcceptResult
 
 Place = str | Path
 Places = Place | Sequence[Place]
@@ -132,11 +130,22 @@ def compare(runs: Places, out: Place = "compare.html") -> Path:
     return write_comparison([run_folder(str(run)) for run in _listed(runs)], Path(out))
 
 
-def read_run(folder: Place) -> Run:
+def read_run(folder: Place) -> DrawnRun:
     """Read the run in `folder`, a path, the end of its name or `last`; complete or
     not.
+
+    `plot` draws it, `truth` is what only the twin knows.
     """
-    return load_run(run_folder(str(folder)))
+    return DrawnRun.of(load_run(run_folder(str(folder))))
+
+
+def runs(folder: Place = "runs", where: str = "", sort: str = "") -> Any:
+    """Table of the runs that `list_runs` lists: a data frame where pandas is installed,
+    else an Arrow table.
+    """
+    rows = map(values_of, list_runs(folder, where, sort))
+    columns = zip(*rows, strict=True)
+    return as_frame(pa.table(dict(zip(COLUMNS, map(pa.array, columns), strict=False))))
 
 
 def list_runs(
@@ -151,14 +160,8 @@ def list_runs(
 
 
 def table(part: Ticks | Profile | Sights) -> pa.Table:
-    """Columns of a run as an Arrow table; `table(run.ticks).to_pandas()` is a data
-    frame.
-    """
-    columns = {name: getattr(part, name) for name in part.__slots__}
-    rows = max(map(len, columns.values()))
-    return pa.table(
-        {name: pa.array(v) for name, v in columns.items() if len(v) == rows}
-    )
+    """Columns of a run as an Arrow table, as `part.table()`."""
+    return part.table()
 
 
 def import_runs(
@@ -170,6 +173,8 @@ def import_runs(
     """Convert tables, MCAP files or LeRobot data sets to checked run folders; returns
     these.
     """
+    from cell.gap.subject.strip.runs import check_fold
+
     config = find_configs(configs)
     check = partial(check_fold, config.strip_names(), config.strip)
     return import_from(
@@ -195,7 +200,7 @@ def observe(
     strip: str,
     out: Place,
     configs: Place | None = None,
-) -> Run:
+) -> DrawnRun:
     """Measure the fold on a film, as `cell observe` does; returns the run, written to
     `out`.
 
@@ -203,10 +208,12 @@ def observe(
     beginning; no arm is needed. Profile, contact, tip and confidence are those of the
     cell's perception.
     """
+    from cell.folding.observe import observe as observe_film
+
     if not isinstance(calibration, Calibration):
         calibration = read_calibration(calibration)
     observe_film(Path(film), calibration, strip, Path(out), configs)
-    return load_run(Path(out))
+    return read_run(out)
 
 
 def fit_gap(
@@ -219,8 +226,8 @@ def fit_gap(
     without: Sequence[str] = (),
     jobs: int = 1,
     configs: Place | None = None,
-    progress: Callable[[str, float], None] = quiet,
-) -> Verdict:
+    progress: Callable[[str, float], None] | None = None,
+) -> "DrawnVerdict":
     """Identify the effects that the model of a strip or mechanism lacks in measured
     `runs`.
 
@@ -229,22 +236,29 @@ def fit_gap(
     withheld from the library. `progress` is called with a stage and its share. Raises
     ConfigurationError for bad input.
     """
+    from cell.gap.fit import FitOptions, fit
+    from cell.gap.forward_selection import quiet
+    from cell.gap.report.overlay import write_overlay
+
     if (strip is None) == (model is None):
         raise ConfigurationError("give a strip or a model, one of the two")
     file = _subject_file(model or strip or "", configs)
     cell_file = find_configs(configs).folder / "cell.yaml"
     options = FitOptions(hold_out, without, jobs=jobs, cell_file=cell_file)
-    return fit(_listed(runs), file, Path(out), options, progress, write_overlay)
+    fit(_listed(runs), file, Path(out), options, progress or quiet, write_overlay)
+    return read_verdict(out)
 
 
 def check(
     runs: Places, subject: Place, jobs: int = 1, configs: Place | None = None
-) -> Check:
+) -> "Check":
     """Check recordings before a fit: sampling, clocks, duplicates, and what the runs
     can show.
 
     `subject` is a strip by name, or the file of a strip or mechanism.
     """
+    from cell.gap.check import check as check_runs
+
     return check_runs(_listed(runs), _subject_file(subject, configs), jobs)
 
 
@@ -255,21 +269,25 @@ def accept(
     law: bool = False,
     force: bool = False,
     configs: Place | None = None,
-) -> AcceptResult:
+) -> "AcceptResult":
     """Write the effects that the fit in `out` named into the `subject` file, or into
     cell.yaml.
 
     With `law`, the law that describes what nothing explains; with `force`, what is
     suspected.
     """
+    from cell.gap.verdict.accept import accept as accept_fit
+
     cell_file = find_configs(configs).folder / "cell.yaml"
     return accept_fit(
         Path(out), _subject_file(subject, configs), cell_file, law=law, force=force
     )
 
 
-def undo(out: Place, subject: Place, configs: Place | None = None) -> AcceptResult:
+def undo(out: Place, subject: Place, configs: Place | None = None) -> "AcceptResult":
     """Restore the files as they were before `accept` of the fit in `out`."""
+    from cell.gap.verdict.accept import undo as undo_fit
+
     cell_file = find_configs(configs).folder / "cell.yaml"
     return undo_fit(Path(out), _subject_file(subject, configs), cell_file)
 
@@ -279,9 +297,12 @@ def _subject_file(subject: Place, configs: Place | None) -> Path:
     return find_configs(configs).strip_path(str(subject))
 
 
-def read_verdict(out: Place) -> Verdict:
-    """Read the verdict that `fit_gap` wrote into the folder `out`."""
-    return read_verdict_file(Path(out) / "verdict.json")
+def read_verdict(out: Place) -> "DrawnVerdict":
+    """Read the verdict that `fit_gap` wrote into the folder `out`; `plot` draws it."""
+    from cell.gap.report.figures import DrawnVerdict
+    from cell.gap.verdict.schema import read_verdict as read_verdict_file
+
+    return DrawnVerdict(**dict(read_verdict_file(Path(out) / "verdict.json")))
 
 
 def read_strip(name: str, configs: Place | None = None) -> StripFile:

@@ -4,8 +4,9 @@ arrays.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from importlib.util import find_spec
 from itertools import pairwise
-from typing import Annotated, NamedTuple, Self, get_type_hints
+from typing import Annotated, Any, NamedTuple, Self, get_type_hints
 
 import numpy as np
 import pyarrow as pa
@@ -72,6 +73,20 @@ class Columns:
         """
         return cls(**cls.read(table, origin))
 
+    def table(self) -> pa.Table:
+        """Arrow table of the columns, which `pyarrow.table` and Polars take as well."""
+        columns = {name: getattr(self, name) for name in self.__slots__}
+        rows = max(map(len, columns.values()))
+        full = {name: values for name, values in columns.items() if len(values) == rows}
+        return pa.table({name: pa.array(values) for name, values in full.items()})
+
+    def frame(self) -> Any:
+        """Data frame of the columns where pandas is installed, else an Arrow table."""
+        return as_frame(self.table())
+
+    def __arrow_c_stream__(self, requested_schema: object = None) -> object:
+        return self.table().__arrow_c_stream__(requested_schema)
+
     @classmethod
     def read(cls, table: pa.Table, origin: str) -> dict[str, Array]:
         """Checked columns (n,) of `table` by name, NaN for an optional one that is
@@ -89,6 +104,11 @@ class Columns:
                 _check_finite(values[name], name, origin)
             _check_range(values[name], name, origin, quantity)
         return values
+
+
+def as_frame(table: pa.Table) -> Any:
+    """Data frame of `table` where pandas is installed, else the table itself."""
+    return table if find_spec("pandas") is None else table.to_pandas()
 
 
 def quantities(columns: type[Columns]) -> Mapping[str, Quantity]:

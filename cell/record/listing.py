@@ -6,12 +6,14 @@ import shutil
 import sqlite3
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import closing, suppress
+from dataclasses import fields
 from datetime import UTC, datetime, timedelta
 from math import isfinite
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import AliasPath, BaseModel, ConfigDict, Field, PlainValidator
+from pydantic import AliasPath, Field, PlainValidator, TypeAdapter
+from pydantic.dataclasses import dataclass
 
 from cell.record.files import NOTES, RESULT, RUN, is_run, is_under_way
 from drivers.base.errors import ConfigurationError, check_known
@@ -58,7 +60,8 @@ def _of(document: str, *keys: str) -> Any:
     )
 
 
-class RunRow(BaseModel):
+@dataclass(frozen=True, kw_only=True)
+class RunRow:
     """Row of a list of runs: lengths [m], times [s], `speed` [m/s]; None where unknown.
 
     `outcome` is that recorded, or `under way`, `died`, `broken`, or `measured` of a
@@ -66,8 +69,6 @@ class RunRow(BaseModel):
     is the time of the layer touch, `predicted` the displacement that the policy
     expected.
     """
-
-    model_config = ConfigDict(frozen=True)
 
     folder: Path
     began: datetime
@@ -131,7 +132,9 @@ class RunRow(BaseModel):
     __str__ = __repr__
 
 
-COLUMNS = ("run", *list(RunRow.model_fields)[1:])  # the folder by its name
+NAMES = tuple(field.name for field in fields(RunRow))
+ROW = TypeAdapter(RunRow)
+COLUMNS = ("run", *NAMES[1:])  # the folder by its name
 
 
 def list_runs(root: Path, where: str = "", sort: str = "") -> tuple[RunRow, ...]:
@@ -201,7 +204,8 @@ def _storable(value: Any) -> Any:
 
 def values_of(row: RunRow) -> tuple[Any, ...]:
     """Values of a run in the columns COLUMNS, in SI units."""
-    return (row.name, row.began.isoformat(), *list(dict(row).values())[2:])
+    later = (getattr(row, name) for name in NAMES[2:])
+    return (row.name, row.began.isoformat(), *later)
 
 
 def to_prune(
@@ -269,7 +273,7 @@ def read_row(folder: Path) -> RunRow:
     result = _document(folder / RESULT)
     facts = {"folder": folder, "began": _start_time(folder), "size": _size(folder)}
     facts |= {"header": header, "result": result, "notes": _document(folder / NOTES)}
-    return RunRow.model_validate({**facts, "outcome": _outcome(folder, header, result)})
+    return ROW.validate_python({**facts, "outcome": _outcome(folder, header, result)})
 
 
 def _outcome(

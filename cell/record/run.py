@@ -108,9 +108,18 @@ class Run:
         return self.folder.name
 
     def __repr__(self) -> str:
-        """Name of the run, and how it ended."""
-        outcome = "no result" if self.result is None else self.result.outcome
-        return f"{self.name}: {outcome.replace('_', ' ')}"
+        """Name of the run, how it ended, and its displacement and edges where
+        measured.
+        """
+        if self.result is None:
+            return f"{self.name}: no result"
+        lengths = {
+            "displacement": self.result.displacement,
+            "edges": self.result.edge_offset,
+        }
+        known = [f"{n} {1e3 * v:+.1f} mm" for n, v in lengths.items() if v is not None]
+        outcome = self.result.outcome.replace("_", " ")
+        return ", ".join([f"{self.name}: {outcome}", *known])
 
     def _repr_html_(self) -> str:
         """Film of the run, or else its last kept image, for a notebook."""

@@ -12,15 +12,19 @@ import json
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from html import escape
 from itertools import chain
 from math import isfinite
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from cell.report.words import MINUS
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 INK, MUTED, RULE, PAPER = "#1b1f24", "#6b7280", "#e3e5e8", "#fffffe"
 BLUE, ORANGE, GREEN, PURPLE, RED = "#2f6db5", "#cf6a1f", "#3a8a5c", "#8a5fb0", "#c2352b"
@@ -39,6 +43,7 @@ VARIABLES = {
 """CSS variables of colours, which a page sets for light and for dark."""
 STYLE = Path(__file__).with_name("figures.mplstyle")
 POINTS_PER_INCH = 72
+NOTEBOOK_DPI = 110
 Facts = dict[str, Any]
 
 
@@ -50,10 +55,21 @@ def canvas(
     block.
     """
     from matplotlib import rc_context, rc_params_from_file
-    from matplotlib.figure import Figure
 
     with rc_context(rc_params_from_file(STYLE, use_default_template=False)):
-        yield Figure(figsize=(width, height), layout=layout)
+        yield page_figure()(figsize=(width, height), layout=layout)
+
+
+@cache
+def page_figure() -> type["Figure"]:
+    """Class of figures that a notebook shows, without a window's backend."""
+    from matplotlib.figure import Figure
+
+    class PageFigure(Figure):
+        def _repr_png_(self) -> bytes:
+            return as_png(self, NOTEBOOK_DPI)
+
+    return PageFigure
 
 
 def as_svg(figure: Any) -> str:

@@ -1,8 +1,9 @@
 """Figures of a run: strip and signals over time, and the policy's predictions."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from itertools import groupby
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, Self
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from cell.record.columns import FARTHEST_HAND, Sights, Ticks
 from cell.record.events import Outlook
 from cell.record.header import Result
 from cell.record.run import Run
+from cell.record.truth import read_truth
 from cell.report.drawing import (
     BLUE,
     GREEN,
@@ -25,6 +27,9 @@ from cell.report.drawing import (
 from cell.report.overlay import Silhouette, evenly_chosen, fold_tips
 from cell.report.words import millimetres
 from drivers.base.types import Array
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 CURVES = 26  # profiles that are drawn, of all that were measured
 NAMED_SHARE = 0.05  # of the run's time, from which on a state has room for its name
@@ -60,6 +65,38 @@ PANELS = {
 }
 # mm, displacements shown to either side of 0, and beyond them
 HALF_HEIGHT, MARGIN = 40.0, 1.0
+
+
+class DrawnRun(Run):
+    """Recorded run that can be drawn; a run on the twin knows its truth."""
+
+    __slots__ = ()
+
+    @classmethod
+    def of(cls, run: Run) -> Self:
+        """Copy of `run` that can be drawn."""
+        return cls(**{field.name: getattr(run, field.name) for field in fields(run)})
+
+    @property
+    def truth(self) -> Mapping[str, Any] | None:
+        """Motion of the plant that only the twin knows [m, s]; None without one."""
+        return read_truth(self.folder)
+
+    def plot(self) -> "Figure":
+        """Figure of the strip and the gripper's path, above the signals over time."""
+        with canvas(8.4, 7.6) as figure:
+            side, along, above = figure.subplots(3, 1, height_ratios=[2.4, 1, 1])
+            _draw_profiles(side, evenly_chosen(self.profile.curves(), CURVES))
+            _draw_desk(side, self)
+            _draw_path(side, self.ticks)
+            _draw_touch(side, self)
+            side.set(xlabel="x  [mm]", ylabel="z  [mm]", aspect="equal")
+            _draw_coordinate(along, self.ticks, self.sights(), "x")
+            _draw_coordinate(above, self.ticks, self.sights(), "z")
+            along.set_ylabel("x  [mm]")
+            above.set(xlabel="t  [s]", ylabel="z  [mm]")
+        drawn: Figure = figure
+        return drawn
 
 
 def strip_figure(run: Run, outlines: Sequence[Silhouette] = ()) -> str:

@@ -15,6 +15,7 @@ from cell.gap.fitting.model import requests
 from cell.gap.report.sentence import motion_name
 from cell.gap.subject.subject import Quantity, Samples, Scene, Subject
 from cell.gap.verdict.findings import Findings
+from cell.gap.verdict.schema import Verdict
 from cell.report.drawing import BLUE, INK, MUTED, ORANGE, RULE, as_svg, canvas
 from drivers.base.types import Array
 
@@ -40,6 +41,31 @@ class Replay:
     def measured(self) -> Scene:
         """Drawing of the run as it was measured."""
         return self.scenes["measured"]
+
+
+class DrawnVerdict(Verdict):
+    """Verdict that can be drawn."""
+
+    def plot(self) -> Figure:
+        """Figure of the residuals of held-out runs by quantity, before and after, in
+        units of their noise.
+        """
+        noise = {key: value for key, value in self.gap.floor.items() if value}
+        rows = np.arange(len(noise))
+        with canvas(6.0, 1.4 + 0.5 * len(noise)) as figure:
+            axis = figure.add_subplot()
+            sides = {"before": self.gap.before, "after": self.gap.after}
+            for k, (word, side) in enumerate(sides.items()):
+                sizes = [side[key] / level for key, level in noise.items()]
+                colour = (COLOUR_BEFORE, COLOUR_AFTER)[k]
+                axis.barh(rows + 0.4 * k, sizes, 0.38, color=colour, label=word)
+            axis.axvline(1.0, color=INK, lw=0.8, label="noise")
+            axis.set_yticks(rows + 0.2, [key.replace("_", " ") for key in noise])
+            axis.invert_yaxis()
+            axis.set_xlabel("rms of held-out runs, in units of their noise")
+            _legend_above(figure, axis)
+        drawn: Figure = figure
+        return drawn
 
 
 def folds(shapes: Mapping[str, Array]) -> str:
