@@ -39,13 +39,14 @@ def _disc(grey: Image, outline: NDArray[np.int32]) -> Array | None:
         return None
     if cv2.contourArea(outline) < ROUND * np.pi * (radius - 0.5) ** 2:
         return None
+
     reach = int(np.ceil(WINDOW_REACH * radius)) + 2
     left, top = round(u) - reach, round(v) - reach
-    window = grey[
-        max(top, 0) : top + 2 * reach + 1, max(left, 0) : left + 2 * reach + 1
-    ]
-    if window.shape != (2 * reach + 1, 2 * reach + 1):
+    side = 2 * reach + 1
+    window = grey[max(top, 0) : top + side, max(left, 0) : left + side]
+    if window.shape != (side, side):
         return None
+
     dv, du = np.mgrid[-reach : reach + 1, -reach : reach + 1]
     distance = np.hypot(du - (u - round(u)), dv - (v - round(v)))
     on_plate = (distance > PLATE_EDGE * radius + 1) & (distance < reach)
@@ -53,13 +54,10 @@ def _disc(grey: Image, outline: NDArray[np.int32]) -> Array | None:
     disc = float(np.median(window[distance < INSIDE * radius]))
     if disc - plate < CONTRAST:
         return None
-    weight = np.clip(
-        (window - plate) / (disc - plate) - DARK_SHARE, 0.0, 1.0 - DARK_SHARE
-    )
+
+    share = (window - plate) / (disc - plate)
+    weight = np.clip(share - DARK_SHARE, 0.0, 1.0 - DARK_SHARE)
     weight[distance > PLATE_EDGE * radius + 2] = 0.0
-    total = weight.sum()
-    centre = (
-        round(u) + (weight * du).sum() / total,
-        round(v) + (weight * dv).sum() / total,
-    )
-    return np.array(centre)
+    off = np.array([(weight * du).sum(), (weight * dv).sum()]) / weight.sum()
+    centre: Array = np.array([round(u), round(v)]) + off
+    return centre

@@ -41,14 +41,12 @@ class WantedView(BoardPlacement):
         """
         from scipy.spatial.transform import Rotation  # half a second that no fold needs
 
-        rotation = Rotation.from_euler(
-            "zxy", (self.roll, -self.tilt, -self.turn)
-        ).as_rotvec()
-        depth = (
-            float(lens.matrix[0, 0])
-            * float(np.ptp(corners[:, 0]))
-            / (self.size * lens.width)
-        )
+        angles = (self.roll, -self.tilt, -self.turn)
+        rotation = Rotation.from_euler("zxy", angles).as_rotvec()
+        focal = float(lens.matrix[0, 0])
+        board_width = float(np.ptp(corners[:, 0]))
+        depth = focal * board_width / (self.size * lens.width)
+
         middle = np.array([self.x * lens.width, self.y * lens.height, 1.0])
         place = np.linalg.solve(lens.matrix, middle) * depth
         flat = np.column_stack([corners - corners.mean(axis=0), np.zeros(len(corners))])

@@ -99,22 +99,25 @@ def latency_verdict(
     inside = (seen[:, 0] > arm[0, 0] + settings.most) & (seen[:, 0] < arm[-1, 0])
     stamps = seen[inside, 0]
     along = homography.to_plane(lens.undistort(seen[:, 1:]))[inside, 0]
-    under_way = np.interp(stamps, arm[:, 0], np.abs(np.gradient(arm[:, 1], arm[:, 0])))
-    moving = int(np.sum(under_way > MOVING_SPEED))
-    if moving < settings.images:
+
+    arm_speed = np.abs(np.gradient(arm[:, 1], arm[:, 0]))
+    under_way = np.interp(stamps, arm[:, 0], arm_speed) > MOVING_SPEED
+    if under_way.sum() < settings.images:
         reason = (
-            f"{moving} images show the pointer under way, {settings.images} are needed"
+            f"{under_way.sum()} images show the pointer under way, {settings.images}"
+            " are needed; step again, uncover it"
         )
-        return LatencyVerdict(reasons=(f"{reason}; step again, uncover it",))
+        return LatencyVerdict(reasons=(reason,))
+
     latency, misfit = _best_latency(arm, stamps, along, settings.most)
-    one, other = (
-        _best_latency(arm, stamps[k::2], along[k::2], settings.most)[0] for k in (0, 1)
-    )
-    apart = abs(one - other)
+    even, _ = _best_latency(arm, stamps[::2], along[::2], settings.most)
+    odd, _ = _best_latency(arm, stamps[1::2], along[1::2], settings.most)
+    apart = abs(even - odd)
     drift = _drift_reasons(arm, stamps, along, latency, settings)
     refused = drift or _reasons(latency, apart, 1e3 * misfit, settings)
     if refused:
         return LatencyVerdict(latency=latency, reasons=refused)
+
     late = round(1e3 * latency, 1) + 0.0  # never minus nothing
     text = f"images are stamped {late:.1f} ms late, known within {1e3 * apart:.1f} ms"
     found = grade_line(1e3 * apart, *APART_GRADES, f"{text}; the cell corrects it")

@@ -36,30 +36,31 @@ def _bow_reasons(
     systems = [_pose_free_system(view, lens) for view in views]
     design = np.vstack([slopes for slopes, _ in systems])
     errors = np.concatenate([error for _, error in systems])
+
     scale = np.linalg.norm(design, axis=0)
-    inverse = np.linalg.inv((design / scale).T @ (design / scale))
-    solution = inverse @ (design / scale).T @ errors / scale
+    scaled = design / scale
+    inverse = np.linalg.inv(scaled.T @ scaled)
+    solution = inverse @ scaled.T @ errors / scale
+
     freedom = max(len(errors) - POSE_COLUMNS * len(views) - len(solution), 1)
     noise = float(np.sum((errors - design @ solution) ** 2)) / freedom
     covariance = (noise * inverse / np.outer(scale, scale))[-BOW_MODES:, -BOW_MODES:]
+
     # heights at corners, middles of the sides and middle, about the middle: a tilt is
     # no bow
     grid = np.array([(x, y) for y in (-0.5, 0.0, 0.5) for x in (-0.5, 0.0, 0.5)])
     modes = _bow_modes(grid * np.ptp(settings.outline(), axis=0))
     heights = modes @ solution[-BOW_MODES:]
+
     lowest_to_highest = modes[np.argmax(heights)] - modes[np.argmin(heights)]
     sigma_mm = 1e3 * float(np.sqrt(lowest_to_highest @ covariance @ lowest_to_highest))
     height_mm = 1e3 * float(np.ptp(heights))
-    return reasons(
-        (
-            height_mm > max(settings.bow_mm, SEEN_SIGMA * sigma_mm),
-            (
-                f"the board is bent by {height_mm:.1f} mm (+- {sigma_mm:.1f}), allowed"
-                f" {settings.bow_mm:.1f} mm; glue it on glass or another flat and stiff"
-                " plate"
-            ),
-        )
+    is_bent = height_mm > max(settings.bow_mm, SEEN_SIGMA * sigma_mm)
+    bent = (
+        f"the board is bent by {height_mm:.1f} mm (+- {sigma_mm:.1f}), allowed"
+        f" {settings.bow_mm:.1f} mm; glue it on glass or another flat and stiff plate"
     )
+    return reasons((is_bent, bent))
 
 
 def _pose_free_system(view: BoardView, lens: Lens) -> tuple[Array, Array]:

@@ -291,13 +291,14 @@ def _fit_move(
     solution = least_squares(
         errors, start, loss="cauchy", f_scale=LOSS_SCALE, x_scale="jac"
     )
+
     remaining = errors(solution.x)
+    count = len(remaining)
     sigma = max(robust_sigma(remaining), LEAST_SIGMA)
-    sigma = sigma * np.sqrt(len(remaining) / (len(remaining) - UNKNOWNS))
+    sigma = sigma * np.sqrt(count / (count - UNKNOWNS))
     used = np.abs(remaining) < INLIER_SIGMA * sigma
     slopes = solution.jac[used] if used.sum() > UNKNOWNS + 2 else solution.jac
-    covariance = (
-        sigma**2 * np.linalg.pinv(slopes.T @ slopes)[MAP_NUMBERS:, MAP_NUMBERS:]
-    )
-    shift_sigma = float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
+    covariance = sigma**2 * np.linalg.pinv(slopes.T @ slopes)
+    of_shift = covariance[MAP_NUMBERS:, MAP_NUMBERS:]
+    shift_sigma = float(np.sqrt(np.linalg.eigvalsh(of_shift)[-1]))
     return float(solution.cost), solution.x[MAP_NUMBERS:], shift_sigma

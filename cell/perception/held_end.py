@@ -220,29 +220,31 @@ class HeldEnd:
             face, x=face.x + self._to_mouth[0], z=face.z + self._to_mouth[1]
         )
         measurement = self._perception.measure(frame, rough)
+
+        at_face = np.array([face.x, face.z])
         view = self._calibration.viewpoint
-        over = (view.foot() - (face.x, face.z)) @ (
-            -np.sin(face.pitch),
-            np.cos(face.pitch),
-        )
+        normal = np.array([-np.sin(face.pitch), np.cos(face.pitch)])
+        over = (view.foot() - at_face) @ normal
         face_width = view.sweep(self._strip.width) * abs(over)
         if len(measurement.profile) > 2 and face_width > EDGE_ON:
-            distances = np.arange(-AROUND[0], AROUND[1], FINE)
-            line, _ = _extrapolate(measurement.profile, distances)
-            place = find_end(
-                frame.image,
-                self._calibration,
-                self._strip.thickness,
-                line.T,
-                clip.colour,
-            )
-            mouth = interpolate_columns(place, distances + AROUND[0], line.T)
-            if np.hypot(*(mouth - (face.x, face.z))) < FARTHEST:  # not where it is NaN
-                self._to_mouth = mouth - (face.x, face.z)
-        x, z = (float(value) for value in np.array([face.x, face.z]) + self._to_mouth)
-        return HeldMeasurement(
-            replace(measurement, gripper=(x, z)), replace(face, x=x, z=z)
+            to_mouth = self._mouth(frame, clip, measurement.profile) - at_face
+            if np.linalg.norm(to_mouth) < FARTHEST:  # not where it is NaN
+                self._to_mouth = to_mouth
+
+        x, z = (at_face + self._to_mouth).tolist()
+        end = replace(face, x=x, z=z)
+        return HeldMeasurement(replace(measurement, gripper=(x, z)), end)
+
+    def _mouth(self, frame: Frame, clip: Clip, profile: Array) -> Array:
+        """Point (2,) x, z [m] at which the strip's near edge ends in the `clip`; NaN
+        where none is seen.
+        """
+        distances = np.arange(-AROUND[0], AROUND[1], FINE)
+        line, _ = _extrapolate(profile, distances)
+        end = find_end(
+            frame.image, self._calibration, self._strip.thickness, line.T, clip.colour
         )
+        return interpolate_columns(end, distances + AROUND[0], line.T)
 
     def _search(self, frame: Frame) -> HeldMeasurement:
         """Measure from guesses of the held end's pose, until confidence in a profile

@@ -173,31 +173,40 @@ def agreement(
     unknowns = prior
     residual = np.nan
     for _ in range(PASSES):
-        # (3, 3): each one changed by its step
-        changed = unknowns + np.diag(GRADIENT_STEPS)
-        simulated = [
-            _simulate_profile(_model(strip, each), fold)
-            for each in (unknowns, *changed)
-        ]
-        if any(curve is None for curve in simulated):
+        curves = _curves_about(strip, unknowns, fold)
+        if curves is None:
             return None
-        curves = np.array(simulated)
         design = _design(curves, fold.spacing)
         errors = measured - curves[0]
-        valid = np.isfinite(errors).all(axis=(1, 2)) & np.isfinite(design).all(
-            axis=(1, 2, 3)
-        )
+        seen = np.isfinite(errors).all(axis=(1, 2))
+        valid = seen & np.isfinite(design).all(axis=(1, 2, 3))
         if not valid.any():
             return None
-        change, remaining = _solve(
-            design[valid], errors[valid], unknowns - prior, sigma
-        )
-        residual = float(
-            np.sqrt(max((remaining**2).sum(axis=-1).mean() - fold.noise**2, 0.0))
-        )
+
+        from_prior = unknowns - prior
+        change, remaining = _solve(design[valid], errors[valid], from_prior, sigma)
+        square = float((remaining**2).sum(axis=-1).mean())
+        residual = np.sqrt(max(square - fold.noise**2, 0.0))
         unknowns = unknowns + np.clip(change, -3.0 * sigma, 3.0 * sigma)
         unknowns[2] = max(unknowns[2], 0.0)  # friction is not negative
-    return Agreement(residual, YIELD_UNIT * float(np.expm1(unknowns[2])))
+    return Agreement(float(residual), YIELD_UNIT * float(np.expm1(unknowns[2])))
+
+
+def _curves_about(
+    strip: StripFile, unknowns: Array, fold: MeasuredFold
+) -> Array | None:
+    """Profiles of the rod at `unknowns` (3,), and with each one changed by its step.
+
+    None where the rod cannot follow one of them.
+    """
+    changed = unknowns + np.diag(GRADIENT_STEPS)
+    curves = []
+    for each in (unknowns, *changed):
+        curve = _simulate_profile(_model(strip, each), fold)
+        if curve is None:
+            return None
+        curves.append(curve)
+    return np.array(curves)
 
 
 def _prior(predicted: FoldPrediction) -> tuple[Array, Array]:

@@ -60,20 +60,23 @@ def crossings(levels: Image, side: Side, band: Array, sizes: Sizes) -> Crossings
     offsets = np.arange(-OUTSIDE, sizes.deep + STEP / 2, STEP)
     across = _shares_across(levels, side, offsets)
     width = np.clip(band, 1.0, sizes.deep - FAR_ROOM)
+
     shares = np.where(_near_band(offsets, width, PEAK_REACH), across, -1.0)
     peak = shares.argmax(axis=1)  # sample, as `latest`, `rise` and `fall`
     strength = np.maximum(shares.max(axis=1), 0.0)
     level = 0.5 * np.clip(strength, *PLATEAU)
+
     low = across <= level[:, None]
     latest = int((OUTSIDE + OUTLINE_ERROR) / STEP) + np.round(width).astype(np.int64)
     rise = _last_before(low, np.minimum(np.maximum(peak, 1), latest))
     fall = _first_after(low, np.maximum(peak, rise + 1))
+
     outer = _level_crossing(across, offsets, rise, level)
     inner = _level_crossing(across, offsets, fall - 1, level)
     inner = np.where(fall < len(offsets), inner, np.nan)
-    mass = np.where(
-        _near_band(offsets, width, MASS_REACH), np.maximum(across, 0.0), 0.0
-    )
+
+    near = _near_band(offsets, width, MASS_REACH)
+    mass = np.where(near, np.maximum(across, 0.0), 0.0)
     middle = (mass * offsets).sum(axis=1) / np.maximum(mass.sum(axis=1), 1e-6)
     return Crossings(outer, inner, middle, strength)
 

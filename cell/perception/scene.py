@@ -177,24 +177,25 @@ def learn_background(
     """Background of `image` (height, width, 3), interpolated where the strip lies at
     `place`.
     """
+    height, width = image.shape[:2]
     x = np.linspace(0.0, place.length + END_MARGIN, 60)
     left, right = calibration.to_image(np.column_stack([x[[0, -1]], [0.0, 0.0]]))[:, 0]
-    columns = np.arange(max(int(left), 0), min(int(right) + 1, image.shape[1] - 1))
-    bottom, top = (
-        np.interp(
-            columns, *calibration.to_image(np.column_stack([x, np.full_like(x, z)])).T
-        )
-        for z in (place.low, place.high)
-    )
-    empty = image.copy()
+    columns = np.arange(max(int(left), 0), min(int(right) + 1, width - 1))
+
+    def row_at(z: float) -> Array:
+        """Image rows (n,) of the height `z` [m], in those columns."""
+        line = calibration.to_image(np.column_stack([x, np.full_like(x, z)]))
+        return np.interp(columns, line[:, 0], line[:, 1])
+
+    top, bottom = row_at(place.high), row_at(place.low)
     begins = np.maximum(np.floor(top).astype(int), EDGE)
-    ends = np.minimum(np.ceil(bottom).astype(int), image.shape[0] - EDGE - 1) + 1
-    for column, begin, end in zip(
-        columns.tolist(), begins.tolist(), ends.tolist(), strict=True
-    ):
-        _bridge(empty[:, column], begin, end)
-    edge = np.interp(np.arange(image.shape[1]), columns, top) - EDGE
-    on_desk = np.arange(image.shape[0])[:, None] >= edge[None]
+    ends = np.minimum(np.ceil(bottom).astype(int), height - EDGE - 1) + 1
+    empty = image.copy()
+    for column, begin, end in zip(columns, begins, ends, strict=True):
+        _bridge(empty[:, column], int(begin), int(end))
+
+    edge = np.interp(np.arange(width), columns, top) - EDGE
+    on_desk = np.arange(height)[:, None] >= edge[None]
     shade = np.where(on_desk, DESK_SHADE, LIFTED_SHADE).astype(np.float32)
     return Background(empty, shade, Sizes.of_camera(calibration).light)
 
@@ -250,6 +251,7 @@ class Segmenter:
         image = np.ascontiguousarray(image)
         light = self.background.light(image, region, visible)
         cells = self._changed_cells(image, light, region)
+
         column, row, columns, rows = cv2.boundingRect(cells)
         left, top = CELL_PX * column, CELL_PX * row  # px in the region
         part = Region(
@@ -258,27 +260,27 @@ class Segmenter:
             min(region.left + left + CELL_PX * columns, region.right),
             min(region.top + top + CELL_PX * rows, region.bottom),
         )
+        part_light = light[row : row + rows + 2, column : column + columns + 2]
+        part_cells = cells[row : row + rows, column : column + columns]
+
         picture = Picture(
             image=image,
             background=self.background.image,
             shade=self.background.shade,
-            light=np.ascontiguousarray(
-                light[row : row + rows + 2, column : column + columns + 2]
-            ),
+            light=np.ascontiguousarray(part_light),
             corner=(part.left, part.top),
         )
-        part_cells = np.ascontiguousarray(
-            cells[row : row + rows, column : column + columns]
-        )
         levels = kernels.segment(
-            picture, part_cells, _floats(self.colours), self.smooth**2
+            picture,
+            np.ascontiguousarray(part_cells),
+            _floats(self.colours),
+            self.smooth**2,
         )
+
         height, width = part.bottom - part.top, part.right - part.left
         clear = visible[top : top + height, left : left + width]
-        return (
-            cv2.max(cv2.min(levels[:height, :width], clear), kernels.ZERO_LEVEL),
-            part,
-        )
+        shown = cv2.min(levels[:height, :width], clear)
+        return cv2.max(shown, kernels.ZERO_LEVEL), part
 
     def _changed_cells(self, image: Image, light: Floats, region: Region) -> Image:
         """Mask (n, m) of the cells that differ from the background, and of their

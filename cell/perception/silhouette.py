@@ -107,26 +107,29 @@ def outer_side(mask: Image, contact: Array, grip: Grip, sizes: Sizes) -> Side | 
     outline = _body(mask, contact, grip.point, sizes)
     if outline is None:
         return None
-    start = int(np.argmin(np.hypot(*(outline - contact).T)))
+    start = _nearest_point(outline, contact)
     ring = np.roll(outline, -start, axis=0)
     cut = grip.cuts(ring)
-    end = (
-        int(np.argmax(cut))
-        if cut.any()
-        else int(np.argmin(np.hypot(*(ring - grip.point).T)))
-    )
+    end = int(np.argmax(cut)) if cut.any() else _nearest_point(ring, grip.point)
     if end < 3 * OUTLINE_STEP:
         return None
+
     wrapped = np.vstack([ring[-AVERAGE:], ring, ring[:AVERAGE]])
     smooth = moving_average(wrapped, 2 * AVERAGE + 1)
     tangent = np.roll(smooth, -2, axis=0) - np.roll(smooth, 2, axis=0)
     speed = np.hypot(*tangent.T)
+    tangent /= np.maximum(speed, 1e-9)[:, None]
+    normals = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
+
     rows = np.arange(0, end + 1, OUTLINE_STEP)
     # where the outline turns back on itself it has no side
     rows = rows[speed[rows] > 0.5]
-    tangent /= np.maximum(speed, 1e-9)[:, None]
-    normals = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
     return Side(smooth[rows], normals[rows])
+
+
+def _nearest_point(points: Array, to: Array) -> int:
+    """Index of the one of `points` (n, 2) that is nearest to the point `to` (2,)."""
+    return int(np.argmin(np.linalg.norm(points - to, axis=1)))
 
 
 def _body(mask: Image, contact: Array, gripper: Array, sizes: Sizes) -> Array | None:

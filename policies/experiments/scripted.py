@@ -49,18 +49,23 @@ class Scripted:
         motion = self._motion
         points = np.stack([observation.x, observation.z], axis=-1)
         if np.isnan(self._start_times).any():
-            travel = np.linspace(0.0, motion.path.length, SEARCH_SAMPLES)
-            gaps = np.linalg.norm(motion.path.at(travel)[:, None] - points, axis=-1)
-            nearest = travel[np.argmin(gaps, axis=0)]
-            self._start_times = observation.time - np.array(
-                [motion.passing(s) for s in nearest]
-            )
+            self._start_times = observation.time - self._passed(points)
         elapsed = observation.time - self._start_times
+
         target = motion.at(np.clip(elapsed, 0.0, motion.duration))
         before = motion.at(np.clip(elapsed - HALF_SPAN, 0.0, motion.duration))
         after = motion.at(np.clip(elapsed + HALF_SPAN, 0.0, motion.duration))
         velocity = (after - before) / (2 * HALF_SPAN) + GAIN * (target - points)
+
         done = elapsed >= motion.duration
         speed = np.where(done, 0.0, np.minimum(np.hypot(*velocity.T), FASTEST_COMMAND))
         direction = np.arctan2(velocity[:, 1], velocity[:, 0]) % (2 * np.pi)
         return Decision(direction, speed, done)
+
+    def _passed(self, points: Array) -> Array:
+        """Times (n,) [s] at which the motion passes nearest to `points` (n, 2)."""
+        path = self._motion.path
+        travel = np.linspace(0.0, path.length, SEARCH_SAMPLES)
+        gaps = np.linalg.norm(path.at(travel)[:, None] - points, axis=-1)
+        nearest = travel[np.argmin(gaps, axis=0)]
+        return np.array([self._motion.passing(s) for s in nearest])

@@ -121,20 +121,20 @@ class Problem:
             rest_curvature=self._fields @ values[FIRST_FIELD:],
             clamp_angle=float(values[CLAMP]),
         )
+
         scale = 1 - values[LEDGE] / measured.overhang
-        along = _Samples(
-            hanging, (measured.arc - values[LEDGE]) / scale, float(values[CLAMP])
-        )
+        arc = (measured.arc - values[LEDGE]) / scale
+        along = _Samples(hanging, arc, float(values[CLAMP]))
         turn = rotation(values[ROLL])
         curve = scale * along.points @ turn.T
+
         # of the strip's points, per unknown
         motions = np.empty((len(curve), 2, self.size))
         motions[..., LN_LENGTH] = scale * along.at(hanging.moved_by_bending_length())
         # arc length per metre of the ledge
         slid = (measured.arc / measured.overhang - 1) / scale
-        motions[..., LEDGE] = (
-            slid[:, None] * along.tangents - along.points / measured.overhang
-        )
+        shrunk = along.points / measured.overhang
+        motions[..., LEDGE] = slid[:, None] * along.tangents - shrunk
         motions[..., CLAMP] = scale * along.moved_by_clamp_angle()
         motions[..., FIRST_FIELD:] = scale * along.at(
             hanging.moved_by_rest_curvature(self._fields)
@@ -142,6 +142,7 @@ class Problem:
         motions = np.einsum("ab,nbp->nap", turn, motions)
         motions[..., ROLL] = curve[:, ::-1] * (-1, 1)
         motions[..., [X, Z]] = np.eye(2)
+
         misses = self._project_motion(measured.points - values[[X, Z]] - curve)
         return TrialShape(hanging, misses, self._project_motion(motions))
 

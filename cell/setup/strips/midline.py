@@ -104,25 +104,37 @@ def _geodesic_distance(mask: Mask) -> Array:
     """Distance (h, w) [px] inside the mask from its entry at the left border, inf
     outside.
     """
-    index = np.full(mask.shape, -1)
-    index[mask] = np.arange(mask.sum())
-    height, width = mask.shape
-    rows, columns, lengths = [], [], []
-    # half of a pixel's eight neighbours
-    for dv, du in ((0, 1), (1, 0), (1, 1), (-1, 1)):
-        pixel = index[max(0, -dv) : height - max(0, dv), : width - du]
-        neighbour = index[max(0, dv) : height - max(0, -dv), du:]
-        joined = (pixel >= 0) & (neighbour >= 0)
-        rows.append(pixel[joined])
-        columns.append(neighbour[joined])
-        lengths.append(np.full(joined.sum(), np.hypot(du, dv)))
     count = int(mask.sum())
-    links = (np.concatenate(rows), np.concatenate(columns))
+    index = np.full(mask.shape, -1)
+    index[mask] = np.arange(count)
+
+    pixels, neighbours, lengths = [], [], []
+    # half of a pixel's eight neighbours: the graph has no direction
+    for dv, du in ((0, 1), (1, 0), (1, 1), (-1, 1)):
+        pixel, neighbour = _joined(index, dv, du)
+        pixels.append(pixel)
+        neighbours.append(neighbour)
+        lengths.append(np.full(len(pixel), np.hypot(du, dv)))
+    links = (np.concatenate(pixels), np.concatenate(neighbours))
     graph = coo_matrix((np.concatenate(lengths), links), shape=(count, count)).tocsr()
+
     entry = index[:, 0][index[:, 0] >= 0]
     distance = np.full(mask.shape, np.inf)
     distance[mask] = dijkstra(graph, directed=False, indices=entry, min_only=True)
     return distance
+
+
+def _joined(index: Array, dv: int, du: int) -> tuple[Array, Array]:
+    """Pairs (n,), (n,) of pixels of `index` (h, w) that lie `dv` rows and `du` columns
+    apart.
+
+    `index` counts the object's pixels and is -1 outside; `du` is 0 or 1.
+    """
+    height, width = index.shape
+    pixel = index[max(0, -dv) : height - max(0, dv), : width - du]
+    neighbour = index[max(0, dv) : height - max(0, -dv), du:]
+    joined = (pixel >= 0) & (neighbour >= 0)
+    return pixel[joined], neighbour[joined]
 
 
 def _level_centres(mask: Mask, distance: Array, step: float) -> Array:
@@ -152,14 +164,17 @@ def _centre(grey: Image, points: Array, width: float) -> Array:
     tangent = np.gradient(_smooth(points, 3), axis=0)
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     normal = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
+
     offsets = np.linspace(-width, width, 2 * int(2 * width) + 1)
     at = (points[:, None] + offsets[:, None] * normal[:, None]).astype(np.float32)
     across = cv2.remap(
         grey, at[..., 0], at[..., 1], cv2.INTER_LINEAR, None, cv2.BORDER_REPLICATE
     )
+
     dark = np.percentile(across, 10, axis=1, keepdims=True)
     bright = np.percentile(across, 90, axis=1, keepdims=True)
     inside = np.clip((across - dark) / np.maximum(bright - dark, 1.0) - 0.5, 0.0, None)
+
     shift = (inside * offsets).sum(axis=1) / np.maximum(inside.sum(axis=1), 1e-9)
     bounded = np.clip(shift, -0.3 * width, 0.3 * width)
     return _smooth(points + bounded[:, None] * normal, 3)

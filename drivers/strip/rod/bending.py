@@ -140,18 +140,22 @@ def segment_force(block: Any, r: int, u: Any, couple: Any) -> None:
     """
     work = block.work
     ux, uz, inverse, length = u
+
     stretch = load(block.nature, r, at.STRETCH)
     taut = stretch * (length - load(block.nature, r, at.SPAN))
     if block.terms is not None:
         taut, stretch = stick_slip(block, r, taut, stretch, length)
-    floor, tension = load(block.nature, r, at.FLOOR), load(block.state, r, at.TENSION)
+    floor = load(block.nature, r, at.FLOOR)
+    tension = load(block.state, r, at.TENSION)
     string = select(tension - floor, tension, floor) * inverse
     twist = couple * inverse * inverse
+
     turn_x, turn_z = segment_turn(work, r, u)
     store(work, r, at.TAUT, taut)
     store(work, r, at.GROWTH, stretch * length)
     store(work, r, at.PULL_X, fma(taut, ux, couple * turn_x))
     store(work, r, at.PULL_Z, fma(taut, uz, couple * turn_z))
+
     xx, xz, zz = ux * ux, ux * uz, uz * uz
     store(work, r, at.S_XX, fma(stretch, xx, fma(string, zz, 2.0 * twist * xz)))
     store(work, r, at.S_XZ, fma(stretch - string, xz, twist * (zz - xx)))

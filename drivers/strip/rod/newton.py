@@ -101,18 +101,23 @@ def tangent_blocks(work: Any, r: int, inertia: Any) -> Any:
     far = pair(work, r - 2, at.TURN_X)
     left = pair(work, r - 1, at.TURN_X)
     right = pair(work, r, at.TURN_X)
+
     here = left[0] + right[0], left[1] + right[1]
     before = far[0] + left[0], far[1] + left[1]
     left_moment = scaled(load(work, r - 1, at.TANGENT), left)
     here_moment = scaled(load(work, r, at.TANGENT), here)
     right_moment = scaled(load(work, r + 1, at.TANGENT), right)
-    (left_xx, left_xz), left_zz = pair(work, r - 1, at.S_XX), load(work, r - 1, at.S_ZZ)
-    (right_xx, right_xz), right_zz = pair(work, r, at.S_XX), load(work, r, at.S_ZZ)
+    left_xx, left_xz = pair(work, r - 1, at.S_XX)
+    left_zz = load(work, r - 1, at.S_ZZ)
+    right_xx, right_xz = pair(work, r, at.S_XX)
+    right_zz = load(work, r, at.S_ZZ)
+
     bending = add_outer(left_moment, left, (inertia, left_xz, left_xz, inertia))
     bending = add_outer(here_moment, here, bending)
     xx, xz, _, zz = add_outer(right_moment, right, bending)
     xz = xz + right_xz
     own = xx + (left_xx + right_xx), xz, xz, zz + (left_zz + right_zz)
+
     beside = add_outer(left_moment, before, (left_xx, left_xz, left_xz, left_zz))
     xx, xz, zx, zz = add_outer(here_moment, left, beside)
     two_away = (*scaled(left_moment[0], far), *scaled(left_moment[1], far))
@@ -154,18 +159,18 @@ def eliminate(band: Any, r: int, row: Any, diagonal: Any, side: Any) -> None:
     v2 = fma(-v3, load(band, r - 2, 1), fma(-v4, load(band, r - 2, 2), a2))
     v1 = fma(-v4, load(band, r - 1, 3), fma(-v3, load(band, r - 1, 2), a1))
     v1 = fma(-v2, load(band, r - 1, 1), v1)
+
     l4 = v4 * load(band, r - 4, PIVOT_COLUMN)
     l3 = v3 * load(band, r - 3, PIVOT_COLUMN)
     l2 = v2 * load(band, r - 2, PIVOT_COLUMN)
     l1 = v1 * load(band, r - 1, PIVOT_COLUMN)
     pivot = fma(-v1, l1, fma(-v2, l2, fma(-v3, l3, fma(-v4, l4, diagonal))))
-    side = fma(
-        -l4,
-        load(band, r - 4, SIDE_COLUMN),
-        fma(-l3, load(band, r - 3, SIDE_COLUMN), side),
-    )
+
+    side = fma(-l3, load(band, r - 3, SIDE_COLUMN), side)
+    side = fma(-l4, load(band, r - 4, SIDE_COLUMN), side)
     side = fma(-l2, load(band, r - 2, SIDE_COLUMN), side)
     side = fma(-l1, load(band, r - 1, SIDE_COLUMN), side)
+
     store(band, r, 1, l1)
     store(band, r, 2, l2)
     store(band, r, 3, l3)
@@ -223,16 +228,19 @@ def apply_correction(block: Any, gate: Any) -> Any:
     turned, wildest = splat(state, 0.0), splat(state, 0.0)
     dx_before, dz_before = splat(state, 0.0), splat(state, 0.0)
     for r in range(at.FIRST_FREE_NODE, state.shape[0] - 1):
-        dx, dz = load(band, 2 * r, SIDE_COLUMN), load(band, 2 * r + 1, SIDE_COLUMN)
+        dx = load(band, 2 * r, SIDE_COLUMN)
+        dz = load(band, 2 * r + 1, SIDE_COLUMN)
         x, z = pair(state, r, at.X)
         store(state, r, at.X, select(gate, x - dx, x))
         store(state, r, at.Z, select(gate, z - dz, z))
+
         turn_x, turn_z = pair(work, r - 1, at.TURN_X)
         ex, ez = dx - dx_before, dz - dz_before
         turn = fma(turn_x, ex, turn_z * ez)
         square = turn * turn
         turned = fma(load(block.nature, r - 1, at.SHARE), square, turned)
         wildest = select(square - wildest, square, wildest)
+
         along = fma(turn_z, ex, -(turn_x * ez))
         tension = fma(-load(work, r - 1, at.GROWTH), along, load(work, r - 1, at.TAUT))
         if block.terms is not None:

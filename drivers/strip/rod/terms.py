@@ -174,11 +174,15 @@ def store_drag(block: Any, r: int, rate: Any) -> None:
     tz = load(state, r + 1, at.Z) - load(state, r - 1, at.Z)
     inverse = 1.0 / sqrt(fma(tx, tx, tz * tz))
     nx, nz = -(tz * inverse), tx * inverse
+
     vx = rate * (load(state, r, at.X) - load(work, r, at.BASE_X))
     vz = rate * (load(state, r, at.Z) - load(work, r, at.BASE_Z))
-    across, along = fma(nx, vx, nz * vz), fma(nz, vx, -(nx * vz))
-    speed = sqrt(fma(load(block.nature, r, at.OBLIQUE) * along, along, across * across))
+    across = fma(nx, vx, nz * vz)
+    along = fma(nz, vx, -(nx * vz))
+    oblique = load(block.nature, r, at.OBLIQUE)
+    speed = sqrt(fma(oblique * along, along, across * across))
     drag = load(block.nature, r, at.DRAG) * (speed + load(block.nature, r, at.SLOW))
+
     share = load(block.nature, r, at.ALONG)
     store(work, r, at.DRAG_XX, drag * fma(share * nz, nz, nx * nx))
     store(work, r, at.DRAG_XZ, drag * fma(-(share * nx), nz, nx * nz))

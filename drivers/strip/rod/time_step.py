@@ -150,19 +150,19 @@ def grip_force(block: Any, h: float, rate: Any, alive: Any) -> None:
     """
     state, nature, work = block.state, block.nature, block.work
     end, ghost = state.shape[0] - 2, state.shape[0] - 1
+
+    # the pull of the first segment, which holds the fixed edge
     ux, uz, _, _ = direction(state, 1)
-    (turn_x, turn_z), (pull_x, pull_z) = (
-        pair(work, 1, at.TURN_X),
-        pair(work, 1, at.PULL_X),
-    )
+    turn_x, turn_z = pair(work, 1, at.TURN_X)
+    pull_x, pull_z = pair(work, 1, at.PULL_X)
     tension = load(state, 1, at.TENSION)
     shear = fma(turn_x, pull_x, turn_z * pull_z) / fma(turn_x, turn_x, turn_z * turn_z)
     x, z = -fma(shear, turn_x, tension * ux), -fma(shear, turn_z, tension * uz)
+
+    # weight and desk, then what accelerates the nodes and brakes them in air
     for r in range(at.FIRST_FREE_NODE, end + 1):
-        (weight_x, weight_z), (reaction, _) = (
-            pair(nature, r, at.LOAD_X),
-            desk_reaction(block, r),
-        )
+        weight_x, weight_z = pair(nature, r, at.LOAD_X)
+        reaction, _ = desk_reaction(block, r)
         x, z = x + weight_x, z + (weight_z + reaction)
     for r in range(at.FIRST_FREE_NODE, end):
         push = load(nature, r, at.MASS) * (1.0 / h)
@@ -171,18 +171,10 @@ def grip_force(block: Any, h: float, rate: Any, alive: Any) -> None:
         if block.terms is not None:
             (drag_x, drag_z), _ = air_drag(block, r, rate)
             x, z = x - drag_x, z - drag_z
-    store(
-        state,
-        ghost,
-        at.GRIP_FORCE_X,
-        select(alive, x, load(state, ghost, at.GRIP_FORCE_X)),
-    )
-    store(
-        state,
-        ghost,
-        at.GRIP_FORCE_Z,
-        select(alive, z, load(state, ghost, at.GRIP_FORCE_Z)),
-    )
+
+    last_x, last_z = pair(state, ghost, at.GRIP_FORCE_X)
+    store(state, ghost, at.GRIP_FORCE_X, select(alive, x, last_x))
+    store(state, ghost, at.GRIP_FORCE_Z, select(alive, z, last_z))
 
 
 @kernel
