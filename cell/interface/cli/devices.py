@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from cell.base.config.places import find_configs
-from cell.interface.cli.options import Configs, Json, Runs
+from cell.interface.cli.options import Arm, Camera, Configs, Json, Runs
 from cell.interface.cli.output import notice, print_json, say, while_busy
 from drivers.base.errors import ConfigurationError, PreflightRefused
 
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 
 def doctor(
+    arm: Arm = None,
+    camera: Camera = None,
     runs: Runs = Path("runs"),
     configs: Configs = None,
     seconds: Annotated[
@@ -27,7 +29,7 @@ def doctor(
         typer.Option(
             min=1, max=3600, help="How long the network to the robot is tested."
         ),
-    ] = 60.0,
+    ] = 10.0,
     as_json: Json = False,
 ) -> None:
     """Check machine, files, robot and camera; prints findings, reasons and remedies."""
@@ -35,7 +37,8 @@ def doctor(
     from cell.setup.doctor.doctor import checks
 
     has_failed = False
-    found = checks(find_configs(configs), runs, seconds)
+    where = find_configs(configs)
+    found = checks(where, runs, seconds, arm=arm, camera=camera)
     for number, check in enumerate(while_busy("checking", found), start=1):
         has_failed = has_failed or check.state is Grade.FAIL
         say(check.line(number), check.text(number), as_json=as_json)

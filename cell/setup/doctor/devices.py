@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from calibration.calibration import load_calibration
 from cell.base.config.cell import CellFile
 from cell.base.config.drivers import DRIVERS
+from cell.base.devices.real_camera import grab
 from cell.setup.calibration_in_use import age_days, check_current
 from cell.setup.doctor.check import Check, Grade
 from drivers.base.child import Child, ChildDied
@@ -24,6 +25,7 @@ from drivers.base.types import Array
 from drivers.v4l2.camera import report
 from drivers.v4l2.device import Kernel
 
+RATE_SHARE = 0.05  # by which a camera may stay below the rate that it agreed to
 EXPIRING = 0.8  # of the days that a calibration is believed
 STARTING = 30.0  # s that the measuring process may need beyond its measurement
 BUFFERED = 0.25  # s at the start of a measurement
@@ -100,6 +102,30 @@ def camera(settings: CellFile) -> Check:
     return Check(
         "camera", Grade.PASS, f"{stated.device}, {count} controls as configured", why
     )
+
+
+def camera_stream(settings: CellFile) -> Check:
+    """Check whether the camera keeps its rate, and stamps its images itself."""
+    why = "an image that is late or stamped at its arrival is measured at another pose"
+    if settings.camera is None:
+        return Check("pictures", Grade.SKIPPED, "cell.yaml states no camera", why)
+    remedy = "give it light, a port of its own without a hub, and close other programs"
+    try:
+        taken = grab(settings.camera)
+    except CellError as error:
+        return Check("pictures", Grade.FAIL, str(error), why, remedy)
+
+    agreed = taken.setup.picture.rate
+    source, counts = taken.frame.stamp_source, taken.counts
+    found = (
+        f"{taken.rate:.1f} of {agreed:g} Hz, {counts.missing} missing,"
+        f" {counts.corrupt} corrupt, stamped by the {source}, known"
+        f" {1e3 * taken.age:.0f} ms after the exposure"
+    )
+    slow = taken.rate < (1.0 - RATE_SHARE) * agreed
+    unsure = counts.missing or counts.corrupt or counts.restamped
+    state = Grade.WARN if slow or unsure else Grade.PASS
+    return Check("pictures", state, found, why, remedy)
 
 
 def calibration(settings: CellFile, *, on_twin: bool) -> Check:

@@ -12,18 +12,27 @@ from cell.setup.doctor.check import Check, Grade
 from drivers.base.errors import CellError, PreflightRefused
 
 # s of the network's test: by the doctor, and before each real session
-ASKED, BRIEF = 60.0, 2.0
+ASKED, BRIEF = 10.0, 2.0
 
 
-def checks(configs: Configs, runs: Path, seconds: float = ASKED) -> Iterator[Check]:
+def checks(
+    configs: Configs,
+    runs: Path,
+    seconds: float = ASKED,
+    *,
+    arm: str | None = None,
+    camera: str | None = None,
+) -> Iterator[Check]:
     """Yield the checks of a cell's software and hardware; that of the network takes
     `seconds`.
+
+    `arm` and `camera` name drivers in place of those of cell.yaml.
     """
     yield machine.versions()
     yield machine.extras()
     why = "nothing is done by a file that cannot be read"
     try:
-        settings = configs.cell()
+        settings = configs.cell().with_drivers(arm, camera)
         names = configs.strip_names()
         for name in names:
             configs.strip(name)
@@ -47,7 +56,10 @@ def hardware_checks(settings: CellFile, runs: Path, seconds: float) -> Iterator[
     yield devices.calibration(settings, on_twin=not has_real_camera)
     yield from _robot_checks(settings, seconds)
     if has_real_camera:
-        yield devices.camera(settings)
+        connected = devices.camera(settings)
+        yield connected
+        if connected.state in {Grade.PASS, Grade.WARN}:
+            yield devices.camera_stream(settings)
     else:
         yield Check(
             "camera", Grade.SKIPPED, "the twin's", "there is nothing to connect"
@@ -70,6 +82,7 @@ def _robot_checks(settings: CellFile, seconds: float) -> Iterator[Check]:
         yield machine.kernel(settings.fci.realtime)
         yield machine.priority(settings.fci.realtime)
         yield machine.throttling()
+        yield machine.governor()
     if installed.state is Grade.PASS:
         answering = devices.robot(address)
         yield answering

@@ -20,6 +20,9 @@ RUN_GB, ROOM_GB = 1.0, 10.0
 CORES, PLENTY = 2, 4
 TOP_PRIORITY = 99  # of real-time scheduling, sched(7)
 REALTIME = Path("/sys/kernel/realtime")
+GOVERNORS = tuple(
+    Path("/sys/devices/system/cpu").glob("cpu[0-9]*/cpufreq/scaling_governor")
+)
 THROTTLE = Path("/proc/sys/kernel/sched_rt_runtime_us")
 
 
@@ -155,6 +158,18 @@ def throttling() -> Check:
     return Check(
         "throttling", Grade.WARN if limited and few else Grade.PASS, found, why, remedy
     )
+
+
+def governor() -> Check:
+    """Check whether the kernel keeps the processor at full speed (cpufreq)."""
+    why = "a core that sleeps or slows down answers the robot late"
+    found = {path.read_text(encoding="ascii").strip() for path in GOVERNORS}
+    if not found:
+        return Check("governor", Grade.SKIPPED, "this kernel has none", why)
+    slow = found - {"performance"}
+    remedy = "`cpupower frequency-set --governor performance`, at every start"
+    state = Grade.WARN if slow else Grade.PASS
+    return Check("governor", state, ", ".join(sorted(found)), why, remedy)
 
 
 def extras() -> Check:

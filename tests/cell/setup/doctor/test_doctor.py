@@ -5,6 +5,7 @@ is red.
 import json
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -91,6 +92,40 @@ def test_cell_of_the_twin_needs_no_hardware(tmp_path: Path) -> None:
         Grade.SKIPPED
     ] * 2
     refuse_failed([check for check in found if check.name != "cores"])
+
+
+@pytest.mark.parametrize(
+    ("rate", "missing", "state"),
+    [(29.9, 0, Grade.PASS), (27.0, 0, Grade.WARN), (29.9, 1, Grade.WARN)],
+)
+def test_camera_that_is_slow_or_loses_pictures_is_told(
+    rate, missing, state, monkeypatch
+) -> None:
+    picture = SimpleNamespace(rate=30.0)
+    counts = SimpleNamespace(missing=missing, corrupt=0, restamped=0)
+    taken = SimpleNamespace(rate=rate, age=0.03, counts=counts)
+    taken.setup = SimpleNamespace(picture=picture)
+    taken.frame = SimpleNamespace(stamp_source="driver")
+    monkeypatch.setattr(devices, "grab", lambda _: taken)
+    check = devices.camera_stream(SimpleNamespace(camera="a device"))
+    assert check.state is state
+    assert "stamped by the driver" in check.found
+
+
+def test_governor_that_slows_the_processor_is_told(tmp_path, monkeypatch) -> None:
+    told = tmp_path / "scaling_governor"
+    told.write_text("powersave\n")
+    monkeypatch.setattr(machine, "GOVERNORS", (told,))
+    assert machine.governor().state is Grade.WARN
+    told.write_text("performance\n")
+    assert machine.governor().state is Grade.PASS
+
+
+def test_drivers_on_the_command_line_are_the_ones_checked(tmp_path: Path) -> None:
+    found = checks(find_configs(None), tmp_path, camera="v4l2")
+    camera = next(check for check in found if check.name == "camera")
+    assert camera.state is Grade.FAIL
+    assert "cell camera" in camera.remedy
 
 
 def test_red_check_refuses_with_its_remedy() -> None:
