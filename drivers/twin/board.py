@@ -85,19 +85,22 @@ def _draw_board(
     half = (np.array(board.getChessboardSize()) / 2 + QUIET_ZONE) * square
     corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * half
     placed = np.column_stack([corners, np.zeros(4)]) @ pose[:3, :3].T + pose[:3, 3]
+
     depth = float(((placed - optics.centre) @ optics.rotation[2]).min())
     if depth <= 0:
         raise ConfigurationError(
             "board: pose: is behind the camera; hold the board before it"
         )
+
     pixels = optics.project(placed)
     size = image.shape[1::-1]
-    left, top = np.clip(np.floor(pixels.min(axis=0)).astype(int) - BORDER, 0, size)
-    right, bottom = np.clip(
-        np.ceil(pixels.max(axis=0)).astype(int) + BORDER + 1, 0, size
-    )
+    first = np.floor(pixels.min(axis=0)).astype(int) - BORDER
+    last = np.ceil(pixels.max(axis=0)).astype(int) + BORDER + 1
+    left, top = np.clip(first, 0, size)
+    right, bottom = np.clip(last, 0, size)
     if left >= right or top >= bottom:
         return
+
     x, y = _on_board(optics, pose, (left, top, right, bottom))
     scale = max(PRINT_SCALE * optics.focal / depth * square, SMALLEST_SQUARE)
     print_, share = _sample_print(board, x / square, y / square, round(scale))
@@ -113,14 +116,9 @@ def _on_board(
     `box`.
     """
     left, top, right, bottom = box
-    u, v = np.meshgrid(
-        (np.arange((right - left) * SAMPLES_PER_PIXEL) + 0.5) / SAMPLES_PER_PIXEL
-        - 0.5
-        + left,
-        (np.arange((bottom - top) * SAMPLES_PER_PIXEL) + 0.5) / SAMPLES_PER_PIXEL
-        - 0.5
-        + top,
-    )
+    across = (np.arange((right - left) * SAMPLES_PER_PIXEL) + 0.5) / SAMPLES_PER_PIXEL
+    down = (np.arange((bottom - top) * SAMPLES_PER_PIXEL) + 0.5) / SAMPLES_PER_PIXEL
+    u, v = np.meshgrid(across - 0.5 + left, down - 0.5 + top)
     rays = np.stack(optics.rays(u.astype(np.float32), v.astype(np.float32)), axis=-1)
     directions = rays @ pose[:3, :3].astype(np.float32)
     start = (optics.centre - pose[:3, 3]) @ pose[:3, :3]

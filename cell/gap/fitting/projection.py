@@ -65,14 +65,19 @@ def projection(
     r = estimate.stacked_residuals
     scale = estimate.scale if robustly else 1.0
     weight = np.sqrt(robust.weights(r / scale)) / scale if robustly else np.ones_like(r)
+
     free = (z > unknowns.low) & (z < unknowns.high)
     whole = estimate.stacked_jacobian
     jacobian = np.concatenate([whole[:, free], *nuisance], axis=1) * weight[:, None]
+    # a nuisance's amount has mean 0 and standard deviation 1
     added = (0, jacobian.shape[1] - np.count_nonzero(free))
     precision = np.pad(unknowns.precision[free], added, constant_values=1.0)
     pull = np.pad((unknowns.precision * (z - unknowns.mean))[free], added)
+
     inverse = covariance(jacobian.T @ jacobian + np.diag(precision))
-    settled = r * weight - jacobian @ (inverse @ (jacobian.T @ (r * weight) + pull))
+    step = inverse @ (jacobian.T @ (r * weight) + pull)
+    settled = r * weight - jacobian @ step
+
     spread = np.array([p.spread if p.random else 0.0 for p in unknowns.parameters])
     scatter = (whole * (weight[:, None] * spread))[:, spread > 0.0]
     return Projection(

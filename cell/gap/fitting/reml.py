@@ -188,12 +188,11 @@ class Likelihood:
         """
         logs = np.log(shares)
         curvature = np.zeros(len(shares))
+        middle, *_ = self.loss(shares, active)
         for i in range(len(shares)):
             step = LOG_STEP * np.eye(len(shares))[i]
-            low, high = (
-                self.loss(np.exp(logs + side * step), active)[0] for side in (-1.0, 1.0)
-            )
-            middle = self.loss(shares, active)[0]
+            low, *_ = self.loss(np.exp(logs - step), active)
+            high, *_ = self.loss(np.exp(logs + step), active)
             second = (low + high - 2.0 * middle) / LOG_STEP**2
             curvature[i] = max(second, LEAST_CURVATURE)
         return np.asarray(1.0 / np.sqrt(curvature))
@@ -212,17 +211,20 @@ def _equations(
     quantity.
     """
     r = estimate.stacked_residuals
+    columns = estimate.stacked_jacobian
     variance = robust.long_run_variance(estimate.evidence.runs, estimate.residuals)
     variance = max(LEAST_NOISE, variance)
     weight = np.sqrt(robust.weights(r / estimate.scale) / variance) / estimate.scale
-    columns = estimate.stacked_jacobian
+
     prior = np.array([0.0 if p.random else p.spread**-2 for p in parameters])
     start = np.array([p.start for p in parameters])
     without_scatter = r - columns @ np.where(owner >= 0, estimate.z, 0.0)
     prior_pull = prior * (estimate.z - start)
+
     owners = range(len(usual_spreads))
     common = np.stack([columns[:, owner == k].sum(axis=1) for k in owners], axis=1)
     common_prior = (SHARED * usual_spreads) ** -2
+
     weighted = np.concatenate([columns, common], axis=1) * weight[:, None]
     curvature = weighted.T @ weighted + np.diag(np.concatenate([prior, common_prior]))
     # keeps it positive definite

@@ -272,26 +272,26 @@ class _SharedTerms:
         explained = self.base.stacked_residuals - residual
         whitened, logdet = self._whiten(columns, share * explained)
         r, responses = whitened[:, 0], whitened[:, 1:]
+
         laws = slice(len(fit.model.base), len(fit.model.parameters))
         limits = _with_proper_priors(fit.unknowns, laws)
         z = fit.z
-        precision = np.concatenate(
-            [limits.precision, np.ones(responses.shape[1] - len(z))]
-        )
-        deviation = np.concatenate([z - limits.mean, np.zeros(len(precision) - len(z))])
+        spiked = (0, responses.shape[1] - len(z))
+        precision = np.pad(limits.precision, spiked, constant_values=1.0)
+        deviation = np.pad(z - limits.mean, spiked)
+
+        # Laplace: the minimum of the loss, and the volume about it
         curvature = responses.T @ responses + np.diag(precision)
         gradient = responses.T @ r + precision * deviation
         inverse, half_logdet = _invert(curvature)
         step = -inverse @ gradient
-        nats = (
-            -0.5 * float(r @ r + precision @ deviation**2 + gradient @ step)
-            - 0.5 * logdet
-        )
-        nats -= half_logdet
+        loss = r @ r + precision @ deviation**2 + gradient @ step
+        nats = -0.5 * float(loss) - 0.5 * logdet - half_logdet
         nats += 0.5 * float(np.log(limits.precision[laws]).sum())
-        return nats + _truncation(
-            limits, z + step[: len(z)], np.diag(inverse)[: len(z)], laws
-        )
+
+        minimum = z + step[: len(z)]
+        variances = np.diag(inverse)[: len(z)]
+        return nats + _truncation(limits, minimum, variances, laws)
 
     def _whiten(self, columns: Array, law_error: Array) -> tuple[Array, float]:
         """Columns (N, k) whitened by noise and `law_error` (N,), and the log

@@ -238,30 +238,31 @@ def simulate_all(
     paths = [_true_path(model, path) for model, path in zip(models, paths, strict=True)]
     counts = [max(1, round(path.duration / dt)) for path in paths]
     poses = np.stack([_sample(path, dt, max(counts)) for path in paths], axis=1)
+
     rod.reset(models, _starts(models, paths))
     pieces = [
         piece._replace(shapes=piece.shapes.astype(precision))
         for piece in _trace_in_pieces(rod, poses, np.array(counts), dt, every)
     ]
     trace = Trace(*(np.concatenate(parts) for parts in zip(*pieces, strict=True)))
+
     stride = every or len(poses) + 1
     motions = []
     for i, (path, count) in enumerate(zip(paths, counts, strict=True)):
         steps, touch = _end(rod.touch[i], min(count, len(trace.contact_x)), dt)
         begin = path.t[0]
-        motions.append(
-            StripMotion(
-                t=begin + dt * np.arange(1, steps + 1),
-                poses=poses[:steps, i],
-                contact_x=trace.contact_x[:steps, i],
-                holding_force=trace.holding_force[:steps, i],
-                grip_force=trace.grip_force[:steps, i],
-                shapes=np.ascontiguousarray(trace.shapes[: steps // stride, i]),
-                touch=(
-                    None if touch is None else replace(touch, time=begin + touch.time)
-                ),
-            )
+        if touch is not None:
+            touch = replace(touch, time=begin + touch.time)
+        motion = StripMotion(
+            t=begin + dt * np.arange(1, steps + 1),
+            poses=poses[:steps, i],
+            contact_x=trace.contact_x[:steps, i],
+            holding_force=trace.holding_force[:steps, i],
+            grip_force=trace.grip_force[:steps, i],
+            shapes=np.ascontiguousarray(trace.shapes[: steps // stride, i]),
+            touch=touch,
         )
+        motions.append(motion)
     return motions
 
 

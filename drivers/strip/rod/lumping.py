@@ -42,12 +42,14 @@ def lump(model: StripModel, segments: int, *, rich: bool = False) -> Array:
     middles = np.concatenate([[0.0], 0.5 * (arc[1:] + arc[:-1]), [mechanics.length]])
     rows = np.zeros((segments + 3, at.RICH_NATURE if rich else at.NATURE))
     nodes = rows[1:-1]  # without the ghosts
+
     mass = mechanics.total(mechanics.linear_density, middles)
     nodes[:, at.MASS] = mass
     nodes[:, [at.LOAD_X, at.LOAD_Z]] = np.outer(mass, model.boundary.gravity)
     nodes[:, at.DESK] = -nodes[:, at.LOAD_Z]
     _lump_bending(nodes, mechanics, middles)
     _combine_compliances(nodes[-1], model.boundary.grip_compliance)
+
     weight = float(mass.sum()) * float(np.hypot(*model.boundary.gravity))
     axial = min(INEXTENSIBLE * weight, mechanics.stretch_stiffness)
     # ghost segments equal those beside them
@@ -56,6 +58,7 @@ def lump(model: StripModel, segments: int, *, rich: bool = False) -> Array:
     rows[:, at.SHARE] = spans / mechanics.length
     rows[:, at.STRETCH] = axial / spans
     rows[:, at.FLOOR] = -weight
+
     if rich:
         _lump_terms(rows, model, np.diff(middles))
     return rows
@@ -108,21 +111,23 @@ def _lump_terms(rows: Array, model: StripModel, reach: Array) -> None:
     law = model.mechanics.law
     boundary = model.boundary
     inner = rows[1:-1]
+
     inner[:, at.QUADRATIC] = inner[:, at.BEND] * law.quadratic_damping / reach
-    # s^2
-    inner[-1, at.QUADRATIC] *= (
-        1.0 - boundary.grip_compliance * inner[-1, at.BEND]
-    ) ** 2
+    grip_share = 1.0 - boundary.grip_compliance * inner[-1, at.BEND]
+    inner[-1, at.QUADRATIC] *= grip_share**2
     inner[:, at.BRANCH] = inner[:, at.BEND] * law.relaxing
     inner[:, at.BEND] -= inner[:, at.BRANCH]
     inner[:, at.FADE] = 1.0 / law.relaxation_time
+
     drag = model.mechanics.drag
     inner[:, at.DRAG] = model.mechanics.drag_per_length * reach
     inner[:, at.SLOW : at.ALONG + 1] = drag.slow, drag.oblique, drag.along
+
     rows[:, at.GRIPPED] = np.inf
     # the last segment, before the grip and its ghost
     rows[-3, at.GRIPPED] = boundary.grip_force
     inner[:, at.CLING] = boundary.edge_friction
+
     # an element without a yield point
     if law.gradual != 0 and law.yield_curvature != 0:
         inner[:, at.GRADUAL_PACE] = inner[:, at.STICK] / inner[:, at.SLIP]

@@ -53,20 +53,22 @@ class HingeLumps:
         The powers of `share` are those that `_strip_share` states.
         """
         strip, law = model.mechanics, model.mechanics.law
-        middles = np.concatenate(
-            [[0.0], 0.5 * (nodes[:-1] + nodes[1:]), [strip.length]]
-        )
+        between = 0.5 * (nodes[:-1] + nodes[1:])
+        middles = np.concatenate([[0.0], between, [strip.length]])
         reach = np.diff(middles)
+
         # without the grip's compliance
         bare = strip.series(strip.rigidity, middles) / reach
         share = _strip_share(bare, model.boundary.grip_compliance)
         stiffness = bare * share * scale
         elastic = stiffness * (1.0 - law.relaxing)
         cubic_growth = law.cubic * share**3 / reach**2
+
         stuck_stiffness = bare * (1.0 + law.stiffness_ratio)
         stuck_share = _strip_share(stuck_stiffness, model.boundary.grip_compliance)
         presliding = stiffness * law.stiffness_ratio * stuck_share
         slip = reach * (law.yield_curvature / law.stiffness_ratio) / stuck_share
+
         # unlike pieces under one moment: damping = K^2 int(viscosity / EI^2) ds
         creep = strip.total(strip.viscosity / strip.rigidity**2, middles)
         return cls(
