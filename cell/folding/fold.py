@@ -29,7 +29,7 @@ from cell.folding.feasibility import assess
 from cell.folding.fold_trace import FoldTrace
 from cell.folding.request import Request, memory_of
 from cell.folding.result import FoldResult
-from cell.orchestrator.context import FoldContext
+from cell.orchestrator.context import FoldInputs, FoldLog
 from cell.orchestrator.outcome import INTERRUPTED_AT_ONCE, Outcome
 from cell.orchestrator.phases import FOLD_PHASES
 from cell.orchestrator.recorder import FileRecorder, Recorder
@@ -94,10 +94,10 @@ def fold(
         calibration = corrected_calibration(calibration, settings, strip)
         start = time.perf_counter()
         writer = _new_run(request, calibration, devices, correction)
-        inputs = StripInputs(calibration, strip, line.goal)
-        with writer.under_way(), _reader(inputs, real_time=devices.real_time) as reader:
+        seen = StripInputs(calibration, strip, line.goal)
+        with writer.under_way(), _reader(seen, real_time=devices.real_time) as reader:
             arm = settings.arm_driver
-            context = FoldContext(
+            inputs = FoldInputs(
                 settings=settings.controller,
                 strip=strip,
                 policy=policy,
@@ -108,8 +108,8 @@ def fold(
                 goal=line.goal,
                 desk=desk_end(settings.installation, strip.length) if arm.real else 0.0,
             )
-            outcome, truth = _record_fold(
-                request, context, devices, writer, observers, interrupted
+            outcome, truth, warning = _record_fold(
+                request, inputs, devices, writer, observers, interrupted
             )
         learns = correction is not None and request.learning.learns
         not_learned = _learn(request, outcome, writer.folder) if learns else ""
@@ -118,7 +118,7 @@ def fold(
             run=str(writer.folder),
             calibration=calibration.id,
             wall=time.perf_counter() - start,
-            warning=_warning(outcome, context.warning, not_learned),
+            warning=_warning(outcome, warning, not_learned),
         )
 
 
@@ -157,23 +157,23 @@ def _reader(inputs: StripInputs, *, real_time: bool) -> Iterator[Reader]:
 
 def _record_fold(
     request: Request,
-    context: FoldContext,
+    inputs: FoldInputs,
     devices: Devices,
     writer: RunWriter,
     observers: Sequence[Observer],
     interrupted: Callable[[], bool],
-) -> tuple[Outcome, Truth]:
-    """Fold, record and complete the run's folder; returns the outcome and the plant's
-    truth.
+) -> tuple[Outcome, Truth, str]:
+    """Fold, record and complete the run's folder; returns the outcome, the plant's
+    truth, and what is to be told besides.
     """
-    strip = context.strip
+    strip, log = inputs.strip, FoldLog()
     folder = writer.folder
-    save_calibration(context.calibration, folder / CALIBRATION)
+    save_calibration(inputs.calibration, folder / CALIBRATION)
     if request.checkpoint is not None:
         replace_file(
             folder / CHECKPOINT, read_bytes(request.checkpoint, CHECKPOINT_BYTES)
         )
-    hanging = context.settings.fold.start == "hanging"
+    hanging = inputs.settings.fold.start == "hanging"
     recorder = FileRecorder(writer, hanging=hanging)
     trace = FoldTrace(strip)
     live = request.record.viz == "live"
@@ -181,12 +181,11 @@ def _record_fold(
         # the controller cannot read the truth
         blind = replace(devices, plant=None, aids=None)
         watches = (trace, *observers, *live_views)
-        run = Run(blind, context, FOLD_PHASES, recorder, watches, interrupted)
+        run = Run(blind, inputs, log, FOLD_PHASES, recorder, watches, interrupted)
         outcome = run_and_record(run, devices, recorder, trace.review)
-    said = (context.warning, *(view.failure for view in live_views))
-    context.warning = "\n  ".join(filter(None, said))
+    said = (log.warning, *(view.failure for view in live_views))
     plant = devices.plant
-    truth = {} if plant is None else plant.truth(recorder.origin, context.goal)
+    truth = {} if plant is None else plant.truth(recorder.origin, inputs.goal)
     if truth and request.record.truth:
         outcome = _write_truth(folder, truth, outcome)
     if (
@@ -195,7 +194,7 @@ def _record_fold(
         and outcome.predicted is not None
     ):
         offer_strip(folder, strip, outcome.predicted)
-    return outcome, truth
+    return outcome, truth, "\n  ".join(filter(None, said))
 
 
 def _write_truth(folder: Path, truth: Truth, outcome: Outcome) -> Outcome:

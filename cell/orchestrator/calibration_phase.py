@@ -11,7 +11,7 @@ from calibration.wizard.latency import LatencySteps, step_poses
 from calibration.wizard.progress import Progress
 from calibration.wizard.touched_points import TITLE, request_text
 from cell.orchestrator import steps
-from cell.orchestrator.context import CalibrationContext
+from cell.orchestrator.context import CalibrationInputs, CalibrationLog
 from cell.orchestrator.operator import Answer, Question
 from cell.orchestrator.recorder import Recorder
 from cell.orchestrator.snapshot import Command, Hold, MoveTo, Snapshot
@@ -34,7 +34,7 @@ STEP_REST = 0.3  # s at rest after a step of the latency measurement
 
 
 def begin_calibration(
-    _context: CalibrationContext, _: Recorder, _begin: Snapshot
+    _given: CalibrationInputs, _log: CalibrationLog, _: Recorder, _begin: Snapshot
 ) -> steps.Phase:
     """Start the calibration at once, as there is no strip to check beforehand."""
     yield from steps.pause(0.0)
@@ -42,93 +42,91 @@ def begin_calibration(
 
 
 def calibrate(
-    context: CalibrationContext, record: Recorder, begin: Snapshot
+    given: CalibrationInputs, log: CalibrationLog, record: Recorder, begin: Snapshot
 ) -> steps.Phase:
     """Touch all points; where a homography is fitted, measure latency and landmarks
     too.
     """
-    points = context.points
+    points = given.points
     first = replace(begin.arm.commanded, pitch=points.plan[0].pitch)
-    require_clear([begin.arm.commanded, first, *points.plan], context.desk)
-    yield from _hand_over(context, POINTER_IN)
+    require_clear([begin.arm.commanded, first, *points.plan], given.desk_end)
+    yield from _hand_over(given, POINTER_IN)
     yield from steps.close_hand()
     yield from steps.rotate_hand(points.plan[0].pitch)
-    yield from _touch_all(context, record)
+    yield from _touch_all(given, record)
     homography = points.verdict().homography if points.fitted else None
     if homography is not None:
-        yield from _measure_latency(context)
-    if context.remembers or not points.fitted:
-        yield from _hand_over(context, POINTER_OUT)
-    if context.remembers and homography is not None:
-        yield from _take_landmarks(context, homography)
+        yield from _measure_latency(given, log.steps)
+    if given.remembers or not points.fitted:
+        yield from _hand_over(given, POINTER_OUT)
+    if given.remembers and homography is not None:
+        yield from _take_landmarks(given, log, homography)
     return Event.CALIBRATED
 
 
-def _hand_over(context: CalibrationContext, question: Question) -> Doing:
+def _hand_over(given: CalibrationInputs, question: Question) -> Doing:
     """Open the hand, and wait until the pointer is in it or out, as the `question`
     asks.
     """
     yield from steps.open_hand()
-    yield from _wait_for_answer(context, question)
-    if context.aids is not None:
-        context.aids.hold_pointer(question == POINTER_IN)
+    yield from _wait_for_answer(given, question)
+    if given.aids is not None:
+        given.aids.hold_pointer(question == POINTER_IN)
 
 
-def _touch_all(context: CalibrationContext, record: Recorder) -> Doing:
+def _touch_all(given: CalibrationInputs, record: Recorder) -> Doing:
     """Touch every requested pose, and once more each point that disagrees with the
     others.
     """
-    points = context.points
+    points = given.points
     while (pose := points.ask()) is not None:
         progress = points.progress()
-        context.watch(progress)
-        answer = yield from _wait_for_answer(context, Question(points.why))
+        given.watch(progress)
+        answer = yield from _wait_for_answer(given, Question(points.why))
         if answer is Answer.SKIP:
             points.skip()
         elif answer is Answer.AGAIN:
-            context.watch(replace(progress, result=points.take_back()))
+            given.watch(replace(progress, result=points.take_back()))
         else:
             yield from steps.move(pose)
-            yield from _measure_point(context, record)
+            yield from _measure_point(given, record)
 
 
-def _measure_point(context: CalibrationContext, record: Recorder) -> Doing:
+def _measure_point(given: CalibrationInputs, record: Recorder) -> Doing:
     """Take images at rest until the requested point is accepted or given up.
 
     Each result goes to the observers, and a refusal into the record.
     """
-    points = context.points
+    points = given.points
     requested = (points.number, points.again)
     settling = steps.SETTLE
     while (points.number, points.again) == requested:
         picture = yield from steps.still_picture(settling)
         result = points.tell(picture.frame, picture.gripper)
-        context.watch(points.progress(picture.frame, result))
+        given.watch(points.progress(picture.frame, result))
         settling = 0.0 if result.refused is None else steps.SETTLE
         if result.refused is not None:
             record.event(picture.time, "touch_refused", reason=result.refused)
 
 
-def _measure_latency(context: CalibrationContext) -> Doing:
+def _measure_latency(given: CalibrationInputs, told: LatencySteps) -> Doing:
     """Step the arm back and forth, and keep its states and the images for the
     latency.
     """
-    yield from _wait_for_answer(context, STEPS_QUESTION)
-    poses = step_poses(context.settings.latency)
+    yield from _wait_for_answer(given, STEPS_QUESTION)
+    poses = step_poses(given.settings.latency)
     for done, pose in enumerate(poses):
         why = f"{len(poses) - done} steps are left, to see how late the images are"
-        context.watch(_announced(context, "latency", pose, why))
-        yield from _step(context.steps, pose)
-    context.watch(replace(context.points.progress(), steps=context.steps))
+        given.watch(_announced(given, "latency", pose, why))
+        yield from _step(told, pose)
+    given.watch(replace(given.points.progress(), steps=told))
 
 
-def _announced(
-    context: CalibrationContext, stage: str, pose: Pose, why: str
-) -> Progress:
+def _announced(given: CalibrationInputs, stage: str, pose: Pose, why: str) -> Progress:
     """Message that the arm goes to `pose` after all touches, at which `stage` and
     `why`.
     """
-    progress = context.points.progress()
+    progress = given.points.progress()
     return replace(
         progress, title=f"{TITLE}: {stage}", request=request_text(pose), why=why
     )
@@ -149,26 +147,28 @@ def _step(latency_steps: LatencySteps, pose: Pose) -> Doing:
             arrived = snapshot.time
 
 
-def _take_landmarks(context: CalibrationContext, homography: Homography) -> Doing:
+def _take_landmarks(
+    given: CalibrationInputs, log: CalibrationLog, homography: Homography
+) -> Doing:
     """Store landmarks from an image of the empty hand; none where no finger tip is
     visible.
     """
-    pose = context.settings.landmarks.pose
+    pose = given.settings.landmarks.pose
     why = "the empty hand here shows later whether the camera moved"
-    context.watch(_announced(context, "remember", pose, why))
+    given.watch(_announced(given, "remember", pose, why))
     yield from steps.move(pose)
     picture = yield from steps.still_picture()
     try:
-        context.landmarks = take_landmarks(
-            picture.frame, picture.gripper, context.points.lens, homography
+        log.landmarks = take_landmarks(
+            picture.frame, picture.gripper, given.points.lens, homography
         )
     except CellError as error:
-        context.watch(_announced(context, "remember", pose, str(error)))
+        given.watch(_announced(given, "remember", pose, str(error)))
 
 
-def _wait_for_answer(context: CalibrationContext, question: Question) -> Answering:
+def _wait_for_answer(given: CalibrationInputs, question: Question) -> Answering:
     """Hold the arm until the operator has answered."""
-    while (answer := context.operator.answer(question)) is None:
+    while (answer := given.operator.answer(question)) is None:
         yield Hold()
     yield Hold()
     return answer

@@ -1,4 +1,6 @@
-"""Inputs and results of one run: of a fold, of a calibration, of a manual motion."""
+"""Inputs of one run, and the log of what it found: of a fold, a calibration, a manual
+motion.
+"""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
@@ -26,26 +28,40 @@ from policies.policy import Policy
 from policies.prediction import FoldPrediction
 
 
-@dataclass
-class Context(ABC):
-    """Base class of one run's inputs and results: settings, and measurements, empty at
-    first.
+@dataclass(frozen=True, slots=True)
+class Inputs:
+    """Base class of what one run is given: settings, and for a fold a reader of
+    images.
+
+    `desk` [m] is x of the desk's end, None for the one of the installation.
     """
 
     settings: CellSettings
     _: KW_ONLY
     reader: Reader | None = None  # only a fold's images are measured
+    desk: float | None = None
+
+    @property
+    def desk_end(self) -> float:
+        """Position x [m] of the desk's end: as given, else that of the installation."""
+        if self.desk is not None:
+            return self.desk
+        return desk_end(self.settings.installation)
+
+
+@dataclass(slots=True)
+class Log(ABC):
+    """Base class of what one run found, empty at first.
+
+    `seen_touch` is the layer_touch once it is seen, `edge_offset` [m] that of the laid
+    edges as the camera sees it, `predicted` the policy's latest prediction;
+    `witnesses` are what was compared.
+    """
+
     seen_touch: SeenTouch | None = None
     edge_offset: float | None = None
     predicted: FoldPrediction | None = None
     witnesses: list[LengthCheck] = field(default_factory=list)
-
-    @property
-    def desk(self) -> float:
-        """Position x [m] of the desk's end: as configured, else the end of the
-        workspace.
-        """
-        return desk_end(self.settings.installation)
 
     @abstractmethod
     def completion(self) -> Outcome:
@@ -54,38 +70,42 @@ class Context(ABC):
         """
 
 
-@dataclass
-class FoldContext(Context):
-    """Inputs and results of a fold: strip, policy and calibration, and what was
-    measured.
+@dataclass(frozen=True, slots=True)
+class FoldInputs(Inputs):
+    """What a fold is given: strip, policy, calibration, and how it is to end.
 
     `reader` checks the image of the strip before the grasp, and measures images from
-    then on. `seen_touch` is the layer_touch once it is seen, `edge_offset` [m] that of
-    the laid edges as the camera sees it once the strip was `released`, `predicted` the
-    policy's latest prediction, `expected` the displacement and its standard deviation
-    [m] by the model before the fold; `witnesses` are what was compared. The grasped
-    edge is laid `place` [m] beyond x = `goal` [m]. The plant is not part of it. `desk`
-    is x [m] of the desk's end, 0 for an arm without a hand. A `warning` of the
-    preflight is for the operator.
+    then on. The `desk` ends at 0 for an arm without a hand. `expected` are the
+    displacement and its standard deviation [m] by the model before the fold. The
+    grasped edge is laid `place` [m] beyond x = `goal` [m]. The plant is not part of it.
     """
 
     strip: StripFile
     policy: Policy
     calibration: Calibration
     reader: Reader = field(kw_only=True)
+    desk: float | None = field(default=0.0, kw_only=True)
+    expected: tuple[float, float] | None = field(default=None, kw_only=True)
+    place: float = field(default=0.0, kw_only=True)
+    goal: float = field(default=0.0, kw_only=True)
+
+
+@dataclass(slots=True)
+class FoldLog(Log):
+    """What a fold found; whether the strip was `released`, and the preflight's
+    `warning` for the operator.
+    """
+
     released: bool = False
-    expected: tuple[float, float] | None = None
-    place: float = 0.0
-    goal: float = 0.0
-    desk: float = 0.0
     warning: str = ""
 
-    def check_displacement(self, touch: SeenTouch) -> None:
+    def check_displacement(
+        self, touch: SeenTouch, expected: tuple[float, float] | None
+    ) -> None:
         """Compare the displacement at `touch` with that predicted by the policy, else
-        the model.
+        `expected` by the model.
         """
         predicted = self.predicted
-        expected = self.expected
         if predicted is not None:
             expected = (predicted.displacement, predicted.sigma)
         blind = predicted is not None and predicted.blind
@@ -115,13 +135,13 @@ class FoldContext(Context):
         return Outcome(f"{refuted.name}_apart", refuted.sentence(), 1)
 
 
-@dataclass
-class CalibrationContext(Context):
-    """Inputs and results of a homography calibration: `points`, touched, and `steps` of
-    the arm.
+@dataclass(frozen=True, slots=True)
+class CalibrationInputs(Inputs):
+    """What a homography calibration is given: `points` to touch, who answers and
+    watches.
 
     The `operator` is asked before the arm moves, `watch` receives its progress; on the
-    twin its `aids` hold the pointer. Only a run that `remembers` leaves `landmarks`.
+    twin its `aids` hold the pointer. Only a run that `remembers` leaves landmarks.
     Where `points` only check a calibration, the arm does not step. No strip is read.
     """
 
@@ -130,6 +150,14 @@ class CalibrationContext(Context):
     watch: Observer = ignore
     aids: CalibrationAids | None = None
     remembers: bool = False
+
+
+@dataclass(slots=True)
+class CalibrationLog(Log):
+    """What a homography calibration found beside its points: `steps` of the arm,
+    landmarks.
+    """
+
     steps: LatencySteps = field(default_factory=LatencySteps)
     landmarks: Landmarks | None = None
 
@@ -138,13 +166,17 @@ class CalibrationContext(Context):
         return Outcome("calibrated", "all points were touched", 0)
 
 
-@dataclass
-class ManualContext(Context):
-    """Inputs and results of a manual motion: generator `motion` of commands, final pose
-    `end`.
-    """
+@dataclass(frozen=True, slots=True)
+class ManualInputs(Inputs):
+    """What a manual motion is given: the generator `motion` of its commands."""
 
     motion: Callable[[Snapshot], Motion]
+
+
+@dataclass(slots=True)
+class ManualLog(Log):
+    """Final pose `end` of a manual motion."""
+
     end: Pose | None = None
 
     def completion(self) -> Outcome:

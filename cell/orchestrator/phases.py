@@ -12,7 +12,7 @@ import numpy as np
 from calibration.landmarks import camera_shift
 from cell.base.devices import fold_path
 from cell.orchestrator import steps
-from cell.orchestrator.context import FoldContext, ManualContext
+from cell.orchestrator.context import FoldInputs, FoldLog, ManualInputs, ManualLog
 from cell.orchestrator.lay import CLEARANCE, TURN_GAIN, follow_lay
 from cell.orchestrator.recorder import Recorder
 from cell.orchestrator.snapshot import Command, Drive, Hold, Snapshot
@@ -29,7 +29,7 @@ from drivers.base.geometry import moving_average
 from drivers.base.types import Array, Pose, Velocity
 from policies.follower import Follower
 from policies.path import lift_pitch
-from policies.policy import Decision, Observation
+from policies.policy import Decision, Observation, Policy
 from policies.prediction import Predictor
 from policies.profile import image_profile
 
@@ -42,30 +42,30 @@ AVERAGED_IMAGES = 3  # images in a running mean, in which their noise averages o
 REST_TRAVEL = 0.0005  # m that the profile's mean travels, below which a strip rests
 
 
-def preflight(context: FoldContext, record: Recorder, _: Snapshot) -> steps.Phase:
+def preflight(
+    given: FoldInputs, log: FoldLog, record: Recorder, _: Snapshot
+) -> steps.Phase:
     """Check the image of the strip before it is grasped; raises PreflightRefused."""
-    camera_checks = yield from _camera_checks(context)
+    camera_checks = yield from _camera_checks(given)
     yield from steps.move(
-        fold_path.approach_poses(context.strip.length, context.settings.fold)[0]
+        fold_path.approach_poses(given.strip.length, given.settings.fold)[0]
     )
     picture = yield from steps.still_picture()
-    strip_checks = yield from _inspect(context.reader, picture)
+    strip_checks = yield from _inspect(given.reader, picture)
     record.frame(picture.frame)
     checks = (*camera_checks, *strip_checks)
     facts = [asdict(check) for check in checks]
     stamp = picture.frame.stamp
     record.event(stamp, "preflight", checks=facts)
     record.describe(preflight=facts)
-    context.witnesses += [
-        check.witness for check in checks if check.witness is not None
-    ]
+    log.witnesses += [check.witness for check in checks if check.witness is not None]
     refused = [check.sentence() for check in checks if not check.passed]
     if refused:
         raise PreflightRefused("\n".join(refused))
     for check in checks:
         if check.name == UNWATCHED:
-            context.warning = f"{check.reason}; {check.remedy}"
-            record.event(stamp, "camera_unwatched", reason=context.warning)
+            log.warning = f"{check.reason}; {check.remedy}"
+            record.event(stamp, "camera_unwatched", reason=log.warning)
     return Event.CHECKED
 
 
@@ -83,14 +83,14 @@ def _inspect(
     return checks
 
 
-def grasp(context: FoldContext, _record: Recorder, _begin: Snapshot) -> steps.Phase:
+def grasp(
+    given: FoldInputs, _log: FoldLog, _record: Recorder, _begin: Snapshot
+) -> steps.Phase:
     """Approach the free edge from beyond and grasp it; raises Fault where the fingers
     miss it.
     """
     yield from steps.open_hand()
-    for pose in fold_path.approach_poses(context.strip.length, context.settings.fold)[
-        1:
-    ]:
+    for pose in fold_path.approach_poses(given.strip.length, given.settings.fold)[1:]:
         yield from steps.move(pose)
     snapshot = yield from steps.close_hand()
     if not snapshot.hand.grasped:
@@ -101,18 +101,20 @@ def grasp(context: FoldContext, _record: Recorder, _begin: Snapshot) -> steps.Ph
     return Event.GRASPED
 
 
-def lift(context: FoldContext, record: Recorder, _begin: Snapshot) -> steps.Phase:
+def lift(
+    given: FoldInputs, _log: FoldLog, record: Recorder, _begin: Snapshot
+) -> steps.Phase:
     """Lift the grasped edge along the policy's path, pitching the gripper until it is
     upright.
 
     In a run that starts hanging the strip then comes to rest, and measured time begins.
     """
-    speed = context.settings.fold.speed
-    context.policy.reset(context.strip, speed, 1)
-    follower = Follower(context.policy.lift(), 1)
-    acceleration = context.settings.installation.limits.pitch.acceleration
+    speed = given.settings.fold.speed
+    given.policy.reset(given.strip, speed, 1)
+    follower = Follower(given.policy.lift(), 1)
+    acceleration = given.settings.installation.limits.pitch.acceleration
     snapshot = yield Drive(Velocity(0.0, 0.0, 0.0))
-    while snapshot.arm.pose.z < context.settings.fold.takeover_height:
+    while snapshot.arm.pose.z < given.settings.fold.takeover_height:
         pose = snapshot.arm.pose
         decision = follower.decide(np.array([pose.x]), np.array([pose.z]), speed)
         if decision.done[0]:
@@ -120,10 +122,8 @@ def lift(context: FoldContext, record: Recorder, _begin: Snapshot) -> steps.Phas
         travel = float(follower.progress[0])
         rate = _lift_pitch_rate(travel, speed, pose.pitch, acceleration)
         snapshot = yield steps.drive(decision, rate)
-    if context.settings.fold.start == "hanging":
-        snapshot = yield from wait_until_still(
-            context.settings.fold.longest_rest, record
-        )
+    if given.settings.fold.start == "hanging":
+        snapshot = yield from wait_until_still(given.settings.fold.longest_rest, record)
         record.begin(snapshot.time)
     return Event.LIFTED
 
@@ -199,7 +199,9 @@ class Swing:
         return float(np.linalg.norm(offsets, axis=1).max())
 
 
-def fold(context: FoldContext, record: Recorder, begin: Snapshot) -> steps.Phase:
+def fold(
+    given: FoldInputs, log: FoldLog, record: Recorder, begin: Snapshot
+) -> steps.Phase:
     """Command the policy's decision on each image, until the layers touch or the path
     ends.
     """
@@ -216,15 +218,15 @@ def fold(context: FoldContext, record: Recorder, begin: Snapshot) -> steps.Phase
             continue
         offsets.append(held_end_offset(measurement))
         if snapshot.view.touch is not None:
-            context.seen_touch = snapshot.view.touch
-            context.witnesses += compare_grip(offsets, context.calibration.residual)
-            context.check_displacement(snapshot.view.touch)
+            log.seen_touch = snapshot.view.touch
+            log.witnesses += compare_grip(offsets, given.calibration.residual)
+            log.check_displacement(snapshot.view.touch, given.expected)
             return Event.LAYER_TOUCH
-        decision = context.policy.decide(
+        decision = given.policy.decide(
             observation(snapshot.time, snapshot.arm.pose, measurement)
         )
         _record_decision(record, snapshot, measurement, decision)
-        _record_prediction(context, record, snapshot)
+        _record_prediction(given.policy, log, record, snapshot)
         if decision.done[0]:
             return Event.PATH_DONE
         # rad/s that takes out the error of pitch, by which the gripper no longer hangs
@@ -250,26 +252,26 @@ def _record_decision(
 
 
 def _record_prediction(
-    context: FoldContext, record: Recorder, snapshot: Snapshot
+    policy: Policy, log: FoldLog, record: Recorder, snapshot: Snapshot
 ) -> None:
     """Record the policy's prediction, and an event where it loses or regains its
     images.
     """
-    if not isinstance(context.policy, Predictor):
+    if not isinstance(policy, Predictor):
         return
-    was_blind = context.predicted is not None and context.predicted.blind
-    context.predicted = context.policy.prediction()
-    if context.predicted is None:
+    was_blind = log.predicted is not None and log.predicted.blind
+    log.predicted = policy.prediction()
+    if log.predicted is None:
         return
-    record.event(snapshot.time, "foretold", **asdict(context.predicted))
-    if context.predicted.blind and not was_blind:
+    record.event(snapshot.time, "foretold", **asdict(log.predicted))
+    if log.predicted.blind and not was_blind:
         record.event(snapshot.time, "policy_blind", path="shifted")
-    elif was_blind and not context.predicted.blind:
+    elif was_blind and not log.predicted.blind:
         record.event(snapshot.time, "policy_sees", path="its own")
 
 
 def continue_to_lay(
-    _context: FoldContext, record: Recorder, begin: Snapshot
+    _given: FoldInputs, _log: FoldLog, record: Recorder, begin: Snapshot
 ) -> steps.Phase:
     """Record the layers' touch and begin the lay motion at once: a pause would shift
     the loop.
@@ -279,17 +281,19 @@ def continue_to_lay(
     return Event.SETTLED
 
 
-def lay(context: FoldContext, record: Recorder, begin: Snapshot) -> steps.Phase:
+def lay(
+    given: FoldInputs, log: FoldLog, record: Recorder, begin: Snapshot
+) -> steps.Phase:
     """Lower the grasped edge to the desk and push it to its target; Fault without a
     touch.
     """
-    touch = context.seen_touch
-    settings = context.settings.fold
+    touch = log.seen_touch
+    settings = given.settings.fold
     if touch is None:
         raise Fault("illegal_event", "LAY was entered without a touch")
-    rest = max(context.strip.thickness, touch.distance) + CLEARANCE
+    rest = max(given.strip.thickness, touch.distance) + CLEARANCE
     taut = fold_path.taut_edge(touch)
-    end = fold_path.edge_place(taut, context.goal + context.place)
+    end = fold_path.edge_place(taut, given.goal + given.place)
     path = fold_path.lay_path(begin.arm.pose, taut, rest, end, settings)
     yield from follow_lay(path, settings.lay_speed, begin)
     snapshot = yield from steps.move(Pose(end, rest, np.pi))
@@ -297,70 +301,70 @@ def lay(context: FoldContext, record: Recorder, begin: Snapshot) -> steps.Phase:
     return Event.LAID
 
 
-def release(context: FoldContext, record: Recorder, _: Snapshot) -> steps.Phase:
+def release(
+    given: FoldInputs, log: FoldLog, record: Recorder, _: Snapshot
+) -> steps.Phase:
     """Open the fingers, retreat from the strip, and measure the offset of its edges."""
     snapshot = yield from steps.open_hand()
     pose = snapshot.arm.pose
-    offset = context.goal - pose.x
+    offset = given.goal - pose.x
     record.event(snapshot.time, "released", edge_offset=offset)
-    for away in fold_path.retreat_poses(pose, context.settings.fold):
+    for away in fold_path.retreat_poses(pose, given.settings.fold):
         yield from steps.move(away)
     picture = yield from steps.still_picture()
-    measurement = yield from _laid_strip(context, picture, pose)
-    loop = _visible_loop(context, measurement)
-    context.released = True
+    measurement = yield from _laid_strip(given.reader, picture, pose)
+    loop = _visible_loop(given.strip.length, measurement)
+    log.released = True
     facts = {}
     if loop is not None:
         facts["loop"] = loop._asdict()
-        _compare_edges(context, loop, pose)
-    record.event(snapshot.time, "edges_seen", edge_offset=context.edge_offset, **facts)
+        _compare_edges(given, log, loop, pose)
+    record.event(snapshot.time, "edges_seen", edge_offset=log.edge_offset, **facts)
     return Event.RELEASED
 
 
-def _compare_edges(context: FoldContext, loop: Loop, gripper: Pose) -> None:
+def _compare_edges(given: FoldInputs, log: FoldLog, loop: Loop, gripper: Pose) -> None:
     """Compare the edges' offset by the image's `loop` with that by the `gripper` at the
     release.
     """
-    beyond = edge_offset(context.strip.length, context.strip.thickness, loop)
-    context.edge_offset = beyond + context.goal
+    beyond = edge_offset(given.strip.length, given.strip.thickness, loop)
+    log.edge_offset = beyond + given.goal
     spreads = {
-        "map, twice": 2.0 * context.calibration.residual,
+        "map, twice": 2.0 * given.calibration.residual,
         "loop": LaidWeights.shipped().rms,
     }
-    context.witnesses.append(LengthCheck("edges", beyond + gripper.x, spreads))
+    log.witnesses.append(LengthCheck("edges", beyond + gripper.x, spreads))
 
 
 def _laid_strip(
-    context: FoldContext, picture: steps.StillPicture, edge: Pose
+    reader: Reader, picture: steps.StillPicture, edge: Pose
 ) -> Generator[Command, Snapshot, StripMeasurement | None]:
     """Measure the laid strip in a `picture`, whose grasped edge was released near
     `edge`.
     """
     task = ImageTask(picture.frame, edge, hand=picture.gripper)
-    context.reader.submit(task, picture.frame.arrival)
-    result = context.reader.result()
+    reader.submit(task, picture.frame.arrival)
+    result = reader.result()
     if isinstance(result, ImageResult):
         return result.measurement
     return (yield from steps.wait_for(lambda now: now.view.read)).view.measurement
 
 
-def _visible_loop(
-    context: FoldContext, measurement: StripMeasurement | None
-) -> Loop | None:
-    """Loop of the laid strip; None where no fold of the strip's length is visible."""
+def _visible_loop(length: float, measurement: StripMeasurement | None) -> Loop | None:
+    """Loop of the laid strip; None where no fold of its `length` [m] is visible."""
     if measurement is None:
         return None
-    length_error = abs(laid_length(measurement) - context.strip.length)
+    length_error = abs(laid_length(measurement) - length)
     if length_error > 2.0 * LENGTH_ERROR:  # of either layer
         return None
     return Loop.seen_in(measurement)
 
 
 def move_manually(
-    context: ManualContext, _: Recorder, snapshot: Snapshot
+    given: ManualInputs, log: ManualLog, _: Recorder, snapshot: Snapshot
 ) -> steps.Phase:
     """Carry out the motion that a manual run asks for."""
-    context.end = (yield from context.motion(snapshot)).arm.pose
+    log.end = (yield from given.motion(snapshot)).arm.pose
     return Event.MOVED
 
 
@@ -412,12 +416,12 @@ def _lift_pitch_rate(
 
 
 def _camera_checks(
-    context: FoldContext,
+    given: FoldInputs,
 ) -> Generator[Command, Snapshot, tuple[PreflightCheck, ...]]:
     """Check that the camera has not moved since its calibration, where landmarks are
     known.
     """
-    calibration = context.calibration
+    calibration = given.calibration
     landmarks = calibration.landmarks
     if landmarks is None:
         return ()
@@ -428,4 +432,4 @@ def _camera_checks(
     yield from steps.move(Pose(start.x, start.z, landmarks.pitch))
     yield from steps.move(start)
     shift = camera_shift(frame, landmarks, calibration.lens, calibration.homography)
-    return (camera_check(shift, context.settings.landmarks),)
+    return (camera_check(shift, given.settings.landmarks),)

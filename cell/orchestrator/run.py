@@ -13,7 +13,7 @@ from types import FrameType
 from typing import Protocol, TypeVar
 
 from cell.base.devices.devices import ArmHistory, Devices
-from cell.orchestrator.context import Context
+from cell.orchestrator.context import Inputs, Log
 from cell.orchestrator.monitors import Rules, check_all, slow_for_images
 from cell.orchestrator.outcome import INTERRUPTED, Outcome
 from cell.orchestrator.recorder import Recorder
@@ -33,7 +33,8 @@ from cell.orchestrator.vision import MEASURED_STATES, RECORDED, View, Vision
 from drivers.base.errors import Fault
 from drivers.base.types import ZERO_VELOCITY
 
-C = TypeVar("C", bound=Context)
+Given = TypeVar("Given", bound=Inputs)
+Found = TypeVar("Found", bound=Log)
 # s of computing for a control cycle on the wall clock; the setting may be lower
 CYCLE_LIMIT = 1.0
 
@@ -68,28 +69,30 @@ class Run:
     def __init__(
         self,
         devices: Devices,
-        context: C,
-        phases: Mapping[State, Callable[[C, Recorder, Snapshot], Phase]],
+        inputs: Given,
+        log: Found,
+        phases: Mapping[State, Callable[[Given, Found, Recorder, Snapshot], Phase]],
         recorder: Recorder,
         observers: tuple[Observer, ...] = (),
         interrupted: Callable[[], bool] = lambda: False,
     ) -> None:
-        """Drive `devices` by `phases` of the `context`, functions by state, until the
+        """Drive `devices` by `phases`, functions of `inputs` and `log`, until the
         end.
         """
         self._devices = devices
-        self._context = context
+        self._inputs = inputs
+        self._log = log
         self._phases = {
-            state: partial(phase, context) for state, phase in phases.items()
+            state: partial(phase, inputs, log) for state, phase in phases.items()
         }
         self._recorder = recorder
         self._observers = observers
         self._interrupted = interrupted
-        settings = context.settings
+        settings = inputs.settings
         self._rules = Rules(
             limits=settings.monitors,
             workspace=settings.installation.workspace,
-            desk=context.desk,
+            desk=inputs.desk_end,
             motion=settings.installation.limits,
         )
         self._machine = Machine()
@@ -102,7 +105,7 @@ class Run:
         self._safe_stop = SafeStop(devices, braking_cycles)
         self._snapshot: Snapshot | None = None
         self._arm_history = ArmHistory()
-        self._vision = Vision(devices.camera, settings.monitors, context.reader)
+        self._vision = Vision(devices.camera, settings.monitors, inputs.reader)
         self._velocity = ZERO_VELOCITY
 
     def execute(self) -> Outcome:
@@ -110,7 +113,7 @@ class Run:
         braking raise.
         """
         clock = self._devices.clock
-        period = 1.0 / self._context.settings.fold.control_rate
+        period = 1.0 / self._inputs.settings.fold.control_rate
         start = clock.now()
         tick = 0
         try:
@@ -185,7 +188,7 @@ class Run:
         """
         now = self._devices.clock.now()
         if now >= due:
-            due = now + 1.0 / self._context.settings.fold.control_rate
+            due = now + 1.0 / self._inputs.settings.fold.control_rate
         arm = self._safe_stop.brake_one_cycle(due)
         if arm is not None and self._snapshot is not None:
             view = replace(self._snapshot.view, fresh=False, read=False)
@@ -270,7 +273,7 @@ class Run:
             hand=self._devices.hand.state(),
             view=view,
             velocity=self._velocity,
-            predicted=self._context.predicted,
+            predicted=self._log.predicted,
         )
         return self._snapshot
 
@@ -302,18 +305,18 @@ class Run:
 
     def _outcome(self, duration: float) -> Outcome:
         """Outcome of the ended run, its touch in measured time."""
-        context = self._context
-        end = self._stopped or context.completion()
-        touch = context.seen_touch
+        log = self._log
+        end = self._stopped or log.completion()
+        touch = log.seen_touch
         if touch is not None:
             touch = replace(touch, time=touch.time - self._recorder.origin)
         return replace(
             end,
             touch=touch,
-            edge_offset=context.edge_offset,
+            edge_offset=log.edge_offset,
             duration=duration,
-            predicted=context.predicted,
-            witnesses=tuple(context.witnesses),
+            predicted=log.predicted,
+            witnesses=tuple(log.witnesses),
         )
 
 

@@ -36,7 +36,7 @@ from cell.base.config.cell import CellFile
 from cell.base.devices.devices import CalibrationAids, Devices, Trial
 from cell.base.devices.open import NO_STRIP, open_cell
 from cell.orchestrator.calibration_phase import CALIBRATION_PHASES
-from cell.orchestrator.context import CalibrationContext
+from cell.orchestrator.context import CalibrationInputs, CalibrationLog
 from cell.orchestrator.operator import (
     Answer,
     Interrupted,
@@ -134,7 +134,7 @@ class Wizard:
             )
             poses = [[pose.x, pose.z, pose.pitch] for pose in points.plan]
             session.write_yaml(folder / session.POSES_FILE, {"poses": poses})
-            context = CalibrationContext(
+            inputs = CalibrationInputs(
                 settings.controller,
                 points,
                 self.operator,
@@ -142,10 +142,10 @@ class Wizard:
                 self.devices.aids,
                 remembers=True,
             )
-            run_calibration(self.devices, context, self.interrupted)
-        if context.landmarks is not None:
+            log = run_calibration(self.devices, inputs, self.interrupted)
+        if log.landmarks is not None:
             session.write_yaml(
-                folder / LANDMARKS_FILE, context.landmarks.model_dump(mode="json")
+                folder / LANDMARKS_FILE, log.landmarks.model_dump(mode="json")
             )
         return solve_homography(folder, (), folder, accept_anyway=accept_anyway)
 
@@ -157,7 +157,7 @@ class Wizard:
         points = TouchedPoints(
             calibration.lens, touches, check_plan(touches), fitted=False
         )
-        context = CalibrationContext(
+        inputs = CalibrationInputs(
             self.settings.controller,
             points,
             self.operator,
@@ -165,7 +165,7 @@ class Wizard:
             self.devices.aids,
         )
         with closing(self.devices):
-            run_calibration(self.devices, context, self.interrupted)
+            run_calibration(self.devices, inputs, self.interrupted)
         return check_verdict(points.touches, calibration, touches)
 
     def _open_session(
@@ -273,12 +273,12 @@ def calibrate_twin(settings: CellFile, interrupted: Interruption) -> Calibration
         raise ConfigurationError("calibrate: nobody holds the board; use the wizard")
     lens = lens_from_boards(settings, devices.aids)
     points = TouchedPoints(lens, settings.touches)
-    context = CalibrationContext(settings.controller, points, aids=devices.aids)
+    inputs = CalibrationInputs(settings.controller, points, aids=devices.aids)
     with closing(devices):
-        run_calibration(devices, context, interrupted)
+        log = run_calibration(devices, inputs, interrupted)
     camera = devices.camera_identity
     verdict = map_verdict(
-        points.verdict(), context.steps, lens, settings.latency, camera=camera
+        points.verdict(), log.steps, lens, settings.latency, camera=camera
     )
     if verdict.calibration is None:
         raise CellError("homography failed: " + "; ".join(verdict.reasons))
@@ -299,18 +299,20 @@ def lens_from_boards(settings: CellFile, aids: CalibrationAids) -> Lens:
 
 
 def run_calibration(
-    devices: Devices, context: CalibrationContext, interrupted: Interruption
-) -> None:
-    """Run the calibration of `context`; raises Interrupted or Fault where it was
-    stopped.
+    devices: Devices, inputs: CalibrationInputs, interrupted: Interruption
+) -> CalibrationLog:
+    """Run the calibration of `inputs`, and return what it found; raises Interrupted or
+    Fault where it was stopped.
     """
     devices.connect()
-    run = Run(devices, context, CALIBRATION_PHASES, Recorder(), interrupted=interrupted)
+    log, phases = CalibrationLog(), CALIBRATION_PHASES
+    run = Run(devices, inputs, log, phases, Recorder(), interrupted=interrupted)
     outcome = run.execute()
     if outcome.exit_code == Interrupted.exit_code:
         raise Interrupted(f"calibration was {outcome.name}: {outcome.reason}")
     if outcome.exit_code != 0:
         raise Fault(outcome.name, f"calibration was stopped: {outcome.reason}")
+    return log
 
 
 def show_board(

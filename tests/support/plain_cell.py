@@ -9,7 +9,7 @@ import numpy as np
 
 from cell.base.config.places import CHECKOUT_CONFIGS, Configs
 from cell.base.devices.devices import Devices
-from cell.orchestrator.context import FoldContext
+from cell.orchestrator.context import FoldInputs, FoldLog
 from cell.orchestrator.outcome import Outcome
 from cell.orchestrator.recorder import Recorder
 from cell.orchestrator.run import Run
@@ -140,12 +140,13 @@ class Bench:
         strip = Configs(CHECKOUT_CONFIGS).strip("denim")
         reader = self.reader or InlineReader(SimpleNamespace(measure=result_of), 0.0)
         policy = make_policy("triangular")
-        context = FoldContext(settings.controller, strip, policy, None, reader=reader)
+        inputs = FoldInputs(settings.controller, strip, policy, None, reader=reader)
         devices = Devices(
             self.clock, self.arm, self.hand, self.camera, "none", None, None
         )
         watched = self.record, self.observers, self.interrupted
-        return Run(devices, context, self.phases or phases(), *watched).execute()
+        doing = self.phases or phases()
+        return Run(devices, inputs, FoldLog(), doing, *watched).execute()
 
     @property
     def at_rest(self) -> bool:

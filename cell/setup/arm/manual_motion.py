@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from cell.base.config.cell import CellFile
 from cell.base.devices.devices import Trial
 from cell.base.devices.open import NO_STRIP, check_drivers, open_cell
-from cell.orchestrator.context import ManualContext
+from cell.orchestrator.context import ManualInputs, ManualLog
 from cell.orchestrator.outcome import Outcome
 from cell.orchestrator.phases import MANUAL_PHASES
 from cell.orchestrator.recorder import Recorder
@@ -36,8 +36,14 @@ def move_manually(
     devices = open_cell(settings, strip, trial, calibrating=False)
     try:
         devices.connect()
-        context = ManualContext(settings.controller, motion)
-        run = Run(devices, context, MANUAL_PHASES, Recorder(), interrupted=interrupted)
+        run = Run(
+            devices,
+            ManualInputs(settings.controller, motion),
+            ManualLog(),
+            MANUAL_PHASES,
+            Recorder(),
+            interrupted=interrupted,
+        )
         return run.execute()
     finally:
         devices.close()

@@ -8,7 +8,7 @@ import pytest
 
 from cell.base.config.settings import FoldSettings
 from cell.base.devices.fold_path import PULL, edge_place, lay_path, taut_edge
-from cell.orchestrator.context import FoldContext
+from cell.orchestrator.context import FoldInputs, FoldLog
 from cell.orchestrator.lay import BRAKING, CLEARANCE, LAY_TURNING, follow_lay
 from cell.orchestrator.phases import FOLD_PHASES
 from cell.orchestrator.snapshot import Drive, Hold, MoveTo, OpenHand
@@ -79,9 +79,9 @@ def test_grasped_edge_is_let_down_past_a_taut_layer_and_goes_to_the_fixed_one_un
 def test_edge_is_laid_over_the_lower_layer_and_let_go_before_the_hand_leaves() -> None:
     """It goes on backwards, away from the strip, before it rises."""
 
-    def touch(context: FoldContext, *_):
+    def touch(_given: FoldInputs, log: FoldLog, *_):
         yield Hold()
-        context.seen_touch = replace(touched(0.0), distance=0.003)
+        log.seen_touch = replace(touched(0.0), distance=0.003)
         return Event.LAYER_TOUCH
 
     bench = replace(plain_bench(), phases=FOLD_PHASES | phases(FOLD=touch))

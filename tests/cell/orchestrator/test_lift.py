@@ -12,7 +12,7 @@ from cell.base.config.places import find_configs
 from cell.base.config.settings import CellSettings, FoldSettings
 from cell.base.devices.fci import start_joints
 from cell.base.devices.fold_path import triangle, whole_path
-from cell.orchestrator.context import FoldContext
+from cell.orchestrator.context import FoldInputs, FoldLog
 from cell.orchestrator.phases import lift
 from cell.orchestrator.recorder import Recorder
 from cell.orchestrator.snapshot import Drive, Snapshot
@@ -47,13 +47,13 @@ def lifted(
     period.
     """
     settings, strip = cell(limits, speed), find_configs(None).strip("denim")
-    context = FoldContext(
+    given = FoldInputs(
         settings, strip, make_policy(policy), SimpleNamespace(), reader=None
     )
     profile = MotionProfile(
         limits, settings.installation.workspace, Pose(strip.length, 0.0, 0.0)
     )
-    motion, pitches, k = lift(context, Recorder(), snapshot(0, profile)), [], 0
+    motion, pitches, k = lift(given, FoldLog(), Recorder(), snapshot(0, profile)), [], 0
     command = next(motion)
     with suppress(StopIteration):
         while True:

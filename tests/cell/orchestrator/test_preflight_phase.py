@@ -9,7 +9,7 @@ import pytest
 from cell.base.config.places import find_configs
 from cell.folding.result import FoldResult
 from cell.orchestrator import phases
-from cell.orchestrator.context import FoldContext
+from cell.orchestrator.context import FoldInputs, FoldLog
 from cell.orchestrator.states import Event
 from cell.orchestrator.steps import StillPicture
 from cell.perception.camera_watch import CAMERA_WATCHED, UNWATCHED
@@ -51,16 +51,16 @@ def test_a_camera_that_nothing_watches_is_an_event_a_warning_and_in_the_list(
         make_policy("triangular"),
         None,
     )
-    context = FoldContext(*given, reader=None)
+    inputs, log = FoldInputs(*given, reader=None), FoldLog()
     record = Notes()
     with pytest.raises(StopIteration) as end:
-        next(phases.preflight(context, record, GOOD))
+        next(phases.preflight(inputs, log, record, GOOD))
     assert end.value.value is Event.CHECKED
     kinds = [kind for kind, _ in record.events]
     assert record.events[0][1]["checks"][0]["name"] == name
     assert ("camera_unwatched" in kinds) == (name == UNWATCHED)
     said = "1 place, 2 are needed; put something there" if name == UNWATCHED else ""
-    assert context.warning == said
+    assert log.warning == said
 
 
 def test_every_prediction_is_recorded_and_where_it_loses_sight_and_sees_again() -> None:
@@ -68,7 +68,7 @@ def test_every_prediction_is_recorded_and_where_it_loses_sight_and_sees_again() 
     on = Decision(*np.zeros((2, 1)), np.zeros(1, bool))
     policy = SimpleNamespace(decide=lambda _: on, prediction=lambda: said.pop(0))
     record = Notes()
-    phase = phases.fold(SimpleNamespace(policy=policy, predicted=None), record, GOOD)
+    phase = phases.fold(SimpleNamespace(policy=policy), FoldLog(), record, GOOD)
     next(phase)
     for _ in range(4):
         phase.send(showing(read=True))

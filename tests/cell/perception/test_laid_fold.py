@@ -4,7 +4,6 @@ laid.
 
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,7 +11,7 @@ import pytest
 from cell.base.config.places import find_configs
 from cell.base.devices.devices import Trial
 from cell.folding.batch import fold_all
-from cell.orchestrator.context import FoldContext
+from cell.orchestrator.context import FoldLog
 from cell.perception.laid_fold import TOP, LaidWeights, Loop
 from cell.perception.length_checks import LengthCheck
 from cell.record.run import read_run
@@ -41,14 +40,13 @@ def test_loop_that_is_not_visible_is_none(hidden: dict[str, object]) -> None:
 
 def ending(seen: float, *more: LengthCheck) -> tuple[str, str, int]:
     """Name, reason and exit code of a fold whose edges were released at x = 0."""
-    settings = find_configs(None).cell().controller
-    context = FoldContext(settings, *[SimpleNamespace()] * 3, reader=None)
-    context.seen_touch, context.released, context.edge_offset = TOUCH, True, seen
-    context.witnesses = [
+    log = FoldLog()
+    log.seen_touch, log.released, log.edge_offset = TOUCH, True, seen
+    log.witnesses = [
         LengthCheck("edges", seen, {"loop": LaidWeights.shipped().rms}),
         *more,
     ]
-    end = context.completion()
+    end = log.completion()
     return end.name, end.reason, end.exit_code
 
 

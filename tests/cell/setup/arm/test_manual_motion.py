@@ -9,7 +9,7 @@ from calibration.wizard.touched_points import TouchedPoints
 from cell.base.config.places import find_configs
 from cell.base.devices.devices import Trial
 from cell.orchestrator.calibration_phase import calibrate
-from cell.orchestrator.context import CalibrationContext
+from cell.orchestrator.context import CalibrationInputs, CalibrationLog
 from cell.orchestrator.monitors import Rules
 from cell.orchestrator.outcome import Outcome
 from cell.orchestrator.recorder import Recorder
@@ -79,7 +79,12 @@ def test_plan_that_leads_into_the_desk_is_refused_before_anybody_is_asked(
     plan = (first, *(Pose(0.1 + 0.03 * i, 0.05, 1.57) for i in range(15)), last)
     points = TouchedPoints(lens, SETTINGS.touches, plan)
     low = replace(GOOD, arm=replace(GOOD.arm, commanded=Pose(0.3, 0.02, 1.57)))
-    phase = calibrate(CalibrationContext(SETTINGS.controller, points), Recorder(), low)
+    phase = calibrate(
+        CalibrationInputs(SETTINGS.controller, points),
+        CalibrationLog(),
+        Recorder(),
+        low,
+    )
     if first == last:
         assert next(phase) == OpenHand()
         return
