@@ -16,6 +16,8 @@ from pydantic import AliasPath, Field, PlainValidator, TypeAdapter
 from pydantic.dataclasses import dataclass
 
 from cell.record.files import NOTES, RESULT, RUN, is_run, is_under_way
+from cell.record.header import Result
+from cell.record.run import read_result
 from drivers.base.errors import ConfigurationError, check_known
 from drivers.base.files import lock_folders
 from drivers.base.readers import read_text
@@ -263,6 +265,19 @@ def remove(rows: Sequence[RunRow]) -> int:
     if failures:
         raise ConfigurationError("\n".join(failures))
     return sum(row.size for row in rows)
+
+
+def earlier_results(folder: Path, strip: str, count: int) -> list[Result]:
+    """Results of the last `count` folds of a `strip` beside and before the run in
+    `folder`, as far as they can be read.
+    """
+    begins = f"-{strip}-fold-"
+    beside = sorted(place for place in folder.parent.iterdir() if begins in place.name)
+    results = []
+    for place in [each for each in beside if each.name < folder.name][-count:]:
+        with suppress(ConfigurationError, OSError):
+            results.append(read_result(place))
+    return [result for result in results if result is not None]
 
 
 def read_row(folder: Path) -> RunRow:

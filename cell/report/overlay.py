@@ -28,7 +28,7 @@ from drivers.strip.file import StripFile
 
 Item = TypeVar("Item")
 SHOWN_IMAGES = 6
-WIDTH, CLOSE_WIDTH = 960, 1280  # px
+WIDTH, CLOSE_WIDTH = 960, 960  # px
 VIEW_MARGIN = 0.06  # m around the motion
 # m by which a fold stands out beyond the gripper; before, the gripper is in front
 FOLDED = 0.005
@@ -146,8 +146,18 @@ def _laid_part(image: Image, calibration: Calibration, reach: float) -> Image:
 
 
 def poster(run: Run) -> str:
-    """First readable kept image of a run, as JPEG in base64 text; empty without one."""
-    return next((jpeg_text(image) for _, image in _readable(run.kept_images())), "")
+    """Kept image of a run amid its fold, with what was read in it, as JPEG in base64
+    text; empty without one.
+    """
+    touch = None if run.result is None else run.result.t_layer_touch
+    middle = 0.5 * (float(np.max(run.ticks.t, initial=0.0)) if touch is None else touch)
+    notes = sorted(run.kept_images(), key=lambda note: abs(note.stamp - middle))
+    calibration = run.calibration()
+    for note, image in _readable(notes):
+        if calibration is None or not calibration.lens.fits(image):
+            return jpeg_text(image)
+        return jpeg_text(_with_sight(image, note, run, calibration))
+    return ""
 
 
 def window_on(ticks: Ticks, calibration: Calibration) -> Region:

@@ -5,6 +5,7 @@ checks, events.
 import base64
 from collections import Counter
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,12 +16,19 @@ from cell.record import files
 from cell.record.columns import FARTHEST_HAND
 from cell.record.events import Outlook
 from cell.record.header import Result
+from cell.record.listing import earlier_results
 from cell.record.run import Run, read_broken_run
 from cell.record.truth import read_truth
 from cell.report import figures
 from cell.report.html import Link, page
-from cell.report.overlay import close_ups, key_pictures, poster, silhouettes
-from cell.report.page_verdict import verdict_of
+from cell.report.overlay import (
+    close_ups,
+    key_pictures,
+    poster,
+    silhouettes,
+    window_on,
+)
+from cell.report.page_verdict import sigma_lines, verdict_of
 from cell.report.words import (
     MINUS,
     NO_VALUE,
@@ -29,6 +37,7 @@ from cell.report.words import (
     event_title,
     millimetres,
     milliseconds,
+    plural,
     seconds,
     value_text,
 )
@@ -51,6 +60,12 @@ FILES = (
 LARGEST_FILM = 8_000_000  # bytes that a page carries
 FREQUENT = 40  # events of one kind, above which they are counted and not listed
 LISTED_EVENTS = 400
+EARLIER_FOLDS = 20  # beside which a fold's numbers are drawn
+WITHIN_MODEL = "within what its model foretells"
+LEAST_LENGTH = 0.01  # s of a film
+LEAST_SCALE = 0.002  # m, to which numbers are drawn at least
+# states whose beginning is marked on the film
+MARKED_STATES = {"LIFT": "lift", "FOLD": "fold", "RELEASE": "release"}
 LONGEST_LIST = 100  # characters of a list
 HEIGHT_ON_DESK = 0.01  # m, above which a gripper has lifted the strip
 PREFLIGHT = "preflight"
@@ -97,7 +112,8 @@ def report(run: Run) -> str:
         spoilt=spoilt,
         advice=advice(run) if died else [],
         measures=measures(run),
-        predictions=figures.predictions(run.result),
+        weights=weights(run),
+        beliefs=beliefs(run, outlook),
         film=film_of(run),
         checks=checks(run),
         events=listed_events(run),
@@ -129,9 +145,10 @@ def film_of(run: Run) -> dict[str, Any] | None:
     it.
     """
     path = run.folder / files.FILM
-    begin = next((note.stamp for note in run.frame_index() if note.film == 0), None)
-    if begin is None or not path.is_file():
+    stamps = list(run.film_stamps().values())
+    if not stamps or not path.is_file():
         return None
+    begin, length = stamps[0], max(stamps[-1] - stamps[0], LEAST_LENGTH)
     source = files.FILM
     if path.stat().st_size <= LARGEST_FILM:
         source = f"data:video/mp4;base64,{base64.b64encode(path.read_bytes()).decode()}"
@@ -139,8 +156,144 @@ def film_of(run: Run) -> dict[str, Any] | None:
         "begin": begin,
         "source": source,
         "poster": poster(run),
+        "length": length,
+        "marks": [(100 * (t - begin) / length, t, word) for t, word in marks(run)],
+        **_cut(run),
         **_measured_curves(run),
     }
+
+
+def marks(run: Run) -> list[tuple[float, str]]:
+    """Times [s] and names of what happened in a film: states as they begin, the touch
+    of the layers, faults.
+    """
+    ticks = run.ticks
+    states = zip(ticks.t.tolist(), ticks.state, strict=True) if ticks.state else ()
+    begun = dict[str, float]()
+    for t, state in states:
+        begun.setdefault(state, t)
+    found = [(t, MARKED_STATES[s]) for s, t in begun.items() if s in MARKED_STATES]
+    if run.result is not None and run.result.t_layer_touch is not None:
+        found.append((run.result.t_layer_touch, "touch"))
+    found += [(event.t, "fault") for event in run.events() if event.kind == "fault"]
+    return sorted(found)
+
+
+def _cut(run: Run) -> dict[str, Any]:
+    """Part of a film that shows the strip: its `shape`, and how `wide` the whole is and
+    where it begins [%].
+    """
+    calibration = run.calibration()
+    if calibration is None or not run.ticks.t.size:
+        return {"shape": "auto", "wide": 100, "left": 0, "top": 0}
+    part = window_on(run.ticks, calibration)
+    width, height = part.right - part.left, part.bottom - part.top
+    return {
+        "shape": f"{width} / {height}",
+        "wide": round(100 * calibration.lens.width / width, 3),
+        "left": round(-100 * part.left / width, 3),
+        "top": round(-100 * part.top / height, 3),
+    }
+
+
+@dataclass(frozen=True, slots=True)
+class Weight:
+    """Number of weight on a fold [m], with its `tolerance`, among the `earlier` ones
+    [m].
+    """
+
+    name: str
+    value: float
+    tolerance: str
+    earlier: tuple[float, ...]
+    signed: bool = True
+
+    @property
+    def text(self) -> str:
+        """Text of the number in mm."""
+        return millimetres(self.value, signed=self.signed)
+
+    @property
+    def says(self) -> str:
+        """Sentence on the number among the earlier ones."""
+        if not self.earlier:
+            return f"{self.name} {self.text}; no earlier fold of this strip"
+        ends = (millimetres(v, signed=self.signed) for v in self._ends())
+        return (
+            f"{self.name} {self.text}; the {plural(len(self.earlier), 'fold')} of this"
+            f" strip before: {' to '.join(ends)}"
+        )
+
+    @property
+    def place(self) -> float:
+        """Where the number is drawn, from -100 to 100."""
+        return self._placed(self.value)
+
+    @property
+    def others(self) -> list[float]:
+        """Where the earlier numbers are drawn."""
+        return [self._placed(value) for value in self.earlier]
+
+    def _ends(self) -> tuple[float, float]:
+        return min(self.earlier), max(self.earlier)
+
+    def _placed(self, value: float) -> float:
+        usual = float(np.median(np.abs(self.earlier))) if self.earlier else 0.0
+        largest = max(1.2 * abs(self.value), 2 * usual, LEAST_SCALE)
+        return float(np.clip(round(100 * value / largest, 1), -100.0, 100.0))
+
+
+def weights(run: Run) -> list[Weight]:
+    """Numbers of weight on a fold: edges, touch, agreement with the model; none where
+    nothing was measured.
+    """
+    if run.result is None or run.result.displacement is None:
+        return []
+    earlier = earlier_results(run.folder, run.header.strip, EARLIER_FOLDS)
+    numbers = {
+        "edges apart": [result.edge_offset for result in (run.result, *earlier)],
+        "layers at their touch": [r.displacement for r in (run.result, *earlier)],
+    }
+    found = []
+    for name, (value, *others) in numbers.items():
+        if value is not None:
+            before = tuple(other for other in others if other is not None)
+            sigma = sigma_lines(run, laid=name == "edges apart")
+            found.append(Weight(name, value, sigma, before))
+    agreed = run.result.agreement
+    if agreed is not None:
+        word = (
+            "within what its model foretells"
+            if agreed.like_model
+            else "unlike its model"
+        )
+        notes = [result.agreement for result in earlier]
+        before = tuple(note.residual for note in notes if note is not None)
+        name = "strip beside its model"
+        found.append(Weight(name, agreed.residual, word, before, signed=False))
+    return found
+
+
+def beliefs(run: Run, outlook: Outlook) -> list[tuple[str, str, str]]:
+    """Rows on what a fold showed of the strip, and what its file says: name, found,
+    stated.
+    """
+    rows = [(name, text, NO_VALUE) for name, text in figures.predictions(run.result)]
+    if not len(outlook.t):
+        return rows
+    stated = run.header.strip_file or {}
+    for name, (label, scale, _) in figures.PANELS.items():
+        if name == "displacement":
+            continue
+        value, low, high = (
+            scale * float(outlook.column(name + end)[-1])
+            for end in ("", "_low", "_high")
+        )
+        title, unit = label.rstrip("]").split("  [")
+        known = stated.get(name)
+        in_file = NO_VALUE if known is None else f"{scale * known:.3g} {unit}"
+        rows.append((title, f"{value:.3g} {unit} ({low:.3g} to {high:.3g})", in_file))
+    return rows
 
 
 def _measured_curves(run: Run) -> dict[str, Any]:

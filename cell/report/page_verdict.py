@@ -34,7 +34,7 @@ class PageVerdict:
     spoilt: bool = False  # the end is not known because result.yaml cannot be read
 
 
-def _sigma_lines(run: Run, *, laid: bool) -> str:
+def sigma_lines(run: Run, *, laid: bool) -> str:
     """Text in two lines: sigma of displacement or `laid` edges, error of the
     calibration.
     """
@@ -111,7 +111,7 @@ def _fold_verdict(
         headline=_fold_headline(result),
         sentences=tuple(filter(None, sentences)),
         figure=millimetres(d if edge is None else edge, signed=True),
-        error=_sigma_lines(run, laid=edge is not None),
+        error=sigma_lines(run, laid=edge is not None),
     )
 
 

@@ -62,7 +62,7 @@ def pages(
 ) -> list[Path]:
     place = tmp_path_factory.mktemp("pages")
     gap = place / "gap.html"
-    gap.write_text(gap_page(*judged(Curves(hidden(bump, 0.3))), place), "utf-8")
+    gap.write_text(gap_page(*judged(Curves(hidden(bump, 0.3)))), "utf-8")
     compared = write_comparison([finished, killed], place / "compare.html")
     listed = write_runs_page(list_runs(finished.parent), place / "runs.html")
     measured_page = place / "benchmark.html"

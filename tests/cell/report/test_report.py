@@ -125,6 +125,8 @@ def test_film_of_a_run_plays_in_step_with_its_curves(tmp_path):
     )
     assert first <= 0.0
     assert last >= 0.11
+    assert text.index("<video") < text.index("<h1>")
+    assert '<i style="left: 21.21%" title="fold, 0.00 s">' in text
     assert len(text) < 3_000_000
     (writer.folder / "film.mp4").unlink()
     assert "<video" not in write_report(writer.folder).read_text()
@@ -143,7 +145,7 @@ def test_verdict_stands_on_top_with_sign_error_and_truth(page):
 
 def test_page_shows_pictures_figures_events_and_facts(page):
     assert page.count("data:image/jpeg") == 7  # two are on top, large
-    assert page.count("<svg") == 2
+    assert page.count("<svg") == 2 + 2  # figures, numbers of weight
     text = words(page)
     for claim in (
         "FOLD, after made",
@@ -153,6 +155,17 @@ def test_page_shows_pictures_figures_events_and_facts(page):
         "l1",
     ):
         assert claim in text, claim
+
+
+def test_numbers_of_weight_stand_among_the_folds_of_the_strip_before(
+    make_run, tmp_path
+):
+    first = make_run(tmp_path)
+    later = first.rename(tmp_path / "20200101T000000Z-denim-fold-0001")
+    again = make_run(tmp_path)
+    assert "no earlier fold of this strip" in write_report(later).read_text()
+    said = "edges apart −31.0 mm; the 1 fold of this strip before: −31.0 mm to −31.0 mm"
+    assert said in write_report(again).read_text()
 
 
 def test_dead_run_is_explained(dead_page):
@@ -279,7 +292,7 @@ def test_page_states_and_draws_what_was_predicted(predicting) -> None:
     assert "do not agree, 3.1 mm apart" in text
     assert "predicted 60 times" in text
     assert "foretold" not in text
-    assert page.count("<svg") == 3
+    assert page.count("<svg") == 3 + 3  # figures, numbers of weight
 
 
 def test_page_shows_quality_scale_and_plane(calibration, tmp_path):
