@@ -47,9 +47,10 @@ class StripPlane:
     """Transform between gripper poses in the cell frame and hand poses in the robot's
     base.
 
-    The hand's approach axis lies in the plane: at pitch pi/2 it points down. `turned`
-    rotates the hand by half a turn about that axis, an equivalent grasp that uses other
-    wrist angles.
+    The hand's approach axis lies in the plane: at pitch pi/2 it points down. So does the
+    axis y along which its fingers open, normal to the grasped edge: they pinch the
+    strip's thickness. `turned` rotates the hand by half a turn about the approach axis,
+    an equivalent grasp that uses other wrist angles.
     """
 
     def __init__(
@@ -141,8 +142,8 @@ class StripPlane:
         axes = zip(self._along, self._across, self._up, self._origin, strict=True)
         rows = [
             (
-                sign * (c * along + s * up),
                 across,
+                -sign * (c * along + s * up),
                 s * along - c * up,
                 x * along + z * up + origin,
             )
