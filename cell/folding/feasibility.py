@@ -24,7 +24,8 @@ from cell.setup.calibration_in_use import check_current
 from drivers.base.errors import CellError, ConfigurationError, Fault, PreflightRefused
 from drivers.base.installation import Installation
 from drivers.base.types import Array, Pose
-from drivers.franka.obstacles import desk_end, require_clear
+from drivers.franka.obstacles import require_clear
+from drivers.franka.shapes import desk_end
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from drivers.strip.rod.engine import Rod

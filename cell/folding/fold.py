@@ -55,7 +55,7 @@ from drivers.base.clock import lock_memory, take_priority, wake_promptly
 from drivers.base.errors import CellError, ConfigurationError, Fault
 from drivers.base.files import append_line, replace_file
 from drivers.base.readers import read_bytes
-from drivers.franka.obstacles import desk_end
+from drivers.franka.shapes import desk_end
 from policies.policy import Policy, at_line
 from policies.registry import make_policy
 

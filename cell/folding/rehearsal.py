@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from cell.base.config.cell import CellFile
+from cell.base.devices.fold_path import LOOSE
 from cell.folding.feasibility import Feasibility
 from cell.orchestrator.outcome import Outcome
 from cell.orchestrator.snapshot import Drive, Snapshot
@@ -53,7 +54,7 @@ class Rehearsal:
         yield from self._follow(0, GRASP)
         yield from close_hand()
         yield from self._follow(GRASP, release)
-        yield from open_hand()
+        yield from open_hand(LOOSE)
         return (yield from self._follow(release, last))
 
     def _follow(self, first: int, last: int) -> Motion:

@@ -22,7 +22,7 @@ from cell.perception.image_reader import Reader
 from cell.perception.length_checks import LengthCheck, disagreements
 from cell.perception.strip_measurement import SeenTouch
 from drivers.base.types import Pose
-from drivers.franka.obstacles import desk_end
+from drivers.franka.shapes import desk_end
 from drivers.strip.file import StripFile
 from policies.policy import Policy
 from policies.prediction import FoldPrediction

@@ -6,7 +6,7 @@ from math import sqrt
 
 import numpy as np
 
-from cell.base.devices.fold_path import HANGING, lay_pitch
+from cell.base.devices.fold_path import HANGING, LYING, lay_pitch
 from cell.orchestrator.snapshot import Drive, Snapshot
 from cell.orchestrator.steps import Motion, drive, move
 from drivers.base.types import Pose
@@ -18,7 +18,6 @@ BRAKING = 0.5  # m/s^2, less than any arm's limit, towards the end of the path
 LAY_TURNING = 2.0  # rad/s of the hand in a lay at most: a short lay is a slow one
 # m/s, least speed, so that braking by the distance left reaches the path's end
 CREEP = 0.005
-CLEARANCE = 0.0005  # m over the lower layer: an edge that presses on it drags it along
 
 
 def follow_lay(path: Path, speed: float, begin: Snapshot) -> Motion:
@@ -39,11 +38,12 @@ def follow_lay(path: Path, speed: float, begin: Snapshot) -> Motion:
             break
         progress = float(follower.progress[0])
         share = progress / path.length
-        turning = 2.0 * HANGING * share / path.length  # rad/m, slope of lay_pitch
+        # rad/m, slope of lay_pitch
+        turning = 2.0 * (LYING - HANGING) * share / path.length
         rate = turning * pace + TURN_GAIN * (float(lay_pitch(share)) - pose.pitch)
         rate = min(max(rate, -LAY_TURNING), LAY_TURNING)
         stopping = max(CREEP, sqrt(2 * BRAKING * max(path.length - progress, 0.0)))
         pace = min(speed, stopping, LAY_TURNING / max(turning, 1.0))
         snapshot = yield drive(decision, rate)
     end = path.points[-1]
-    return (yield from move(Pose(float(end[0]), float(end[1]), np.pi)))
+    return (yield from move(Pose(float(end[0]), float(end[1]), LYING)))

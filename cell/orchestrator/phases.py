@@ -13,7 +13,7 @@ from calibration.landmarks import camera_shift
 from cell.base.devices import fold_path
 from cell.orchestrator import steps
 from cell.orchestrator.context import FoldInputs, FoldLog, ManualInputs, ManualLog
-from cell.orchestrator.lay import CLEARANCE, TURN_GAIN, follow_lay
+from cell.orchestrator.lay import TURN_GAIN, follow_lay
 from cell.orchestrator.recorder import Recorder
 from cell.orchestrator.snapshot import Command, Drive, Hold, Snapshot
 from cell.orchestrator.states import Event, State
@@ -291,12 +291,13 @@ def lay(
     settings = given.settings.fold
     if touch is None:
         raise Fault("illegal_event", "LAY was entered without a touch")
-    rest = max(given.strip.thickness, touch.distance) + CLEARANCE
+    rest = fold_path.laid_height(max(given.strip.thickness, touch.distance))
     taut = fold_path.taut_edge(touch)
     end = fold_path.edge_place(taut, given.goal + given.place)
     path = fold_path.lay_path(begin.arm.pose, taut, rest, end, settings)
     yield from follow_lay(path, settings.lay_speed, begin)
-    snapshot = yield from steps.move(Pose(end, rest, np.pi))
+    held = Pose(end + fold_path.HUMP, rest, fold_path.LYING)
+    snapshot = yield from steps.move(held)
     record.event(snapshot.time, "laid", x=snapshot.arm.pose.x, z=snapshot.arm.pose.z)
     return Event.LAID
 
@@ -304,36 +305,40 @@ def lay(
 def release(
     given: FoldInputs, log: FoldLog, record: Recorder, _: Snapshot
 ) -> steps.Phase:
-    """Open the fingers, retreat from the strip, and measure the offset of its edges."""
-    snapshot = yield from steps.open_hand()
-    pose = snapshot.arm.pose
-    offset = given.goal - pose.x
-    record.event(snapshot.time, "released", edge_offset=offset)
-    for away in fold_path.retreat_poses(pose, given.settings.fold):
+    """Let go of the edge, retreat from the strip, and measure the offset of its
+    edges.
+    """
+    thickness = given.strip.thickness
+    snapshot = yield from steps.open_hand(thickness + fold_path.LOOSE)
+    held = snapshot.arm.pose
+    edge = Pose(held.x - fold_path.HUMP, thickness, np.pi)  # once it has sprung back
+    record.event(snapshot.time, "released", edge_offset=given.goal - edge.x)
+    for away in fold_path.retreat_poses(held, given.settings.fold):
         yield from steps.move(away)
     picture = yield from steps.still_picture()
-    measurement = yield from _laid_strip(given.reader, picture, pose)
+    measurement = yield from _laid_strip(given.reader, picture, edge)
     loop = _visible_loop(given.strip.length, measurement)
     log.released = True
     facts = {}
     if loop is not None:
         facts["loop"] = loop._asdict()
-        _compare_edges(given, log, loop, pose)
+        _compare_edges(given, log, loop, edge)
     record.event(snapshot.time, "edges_seen", edge_offset=log.edge_offset, **facts)
     return Event.RELEASED
 
 
-def _compare_edges(given: FoldInputs, log: FoldLog, loop: Loop, gripper: Pose) -> None:
-    """Compare the edges' offset by the image's `loop` with that by the `gripper` at the
-    release.
+def _compare_edges(given: FoldInputs, log: FoldLog, loop: Loop, edge: Pose) -> None:
+    """Compare the edges' offset by the image's `loop` with where the arm has laid the
+    `edge`.
     """
     beyond = edge_offset(given.strip.length, given.strip.thickness, loop)
     log.edge_offset = beyond + given.goal
     spreads = {
         "map, twice": 2.0 * given.calibration.residual,
         "loop": LaidWeights.shipped().rms,
+        "release": fold_path.SPRINGING,
     }
-    log.witnesses.append(LengthCheck("edges", beyond + gripper.x, spreads))
+    log.witnesses.append(LengthCheck("edges", beyond + edge.x, spreads))
 
 
 def _laid_strip(

@@ -297,8 +297,8 @@ class Run:
                     arm.move_to(pose)
                 case Hold():
                     arm.stop()
-                case OpenHand():
-                    hand.open()
+                case OpenHand(width):
+                    hand.open(width)
                 case CloseHand():
                     hand.grasp()
         self._command = command

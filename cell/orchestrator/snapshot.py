@@ -52,7 +52,9 @@ class Hold:
 
 @dataclass(frozen=True, slots=True)
 class OpenHand:
-    """Command to the hand: open the fingers."""
+    """Command to the hand: open the fingers, to `width` [m] or as wide as they go."""
+
+    width: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

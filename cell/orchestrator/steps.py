@@ -80,9 +80,11 @@ def still_picture(
             return StillPicture(snapshot.time, frame, snapshot.arm.pose)
 
 
-def open_hand() -> Motion:
-    """Open the fingers and wait until they rest."""
-    return _move_fingers(OpenHand())
+def open_hand(width: float | None = None) -> Motion:
+    """Open the fingers, to `width` [m] or as wide as they go, and wait until they
+    rest.
+    """
+    return _move_fingers(OpenHand(width))
 
 
 def close_hand() -> Motion:

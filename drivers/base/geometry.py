@@ -3,6 +3,7 @@ base frame.
 """
 
 from dataclasses import dataclass
+from math import cos, sin
 from typing import Self
 
 import numpy as np
@@ -28,23 +29,34 @@ class CellInRobot:
             np.array([[c, -s, 0, x], [s, c, 0, y], [0, 0, 1, z], [0, 0, 0, 1.0]])
         )
 
-    def to_robot(self, x: float, z: float, pitch: float) -> Array:
-        """End-effector pose (4, 4) in the base for a gripper at x, z [m] and `pitch`
+    def to_robot(
+        self, x: float, z: float, pitch: float, *, turned: bool = False
+    ) -> Array:
+        """Pose (4, 4) in the base of a hand whose grip is at x, z [m] and `pitch`
         [rad].
 
         The hand's approach axis is its z-axis; at pitch pi/2 it points straight down.
+        Its fingers open along its y-axis, which lies in the strip's plane too. `turned`
+        rotates the hand by half a turn about its approach axis.
         """
-        lean = pitch - np.pi / 2
-        c, s = np.cos(lean), np.sin(lean)
-        in_cell = np.array([[c, 0, s, x], [0, -1, 0, 0], [s, 0, -c, z], [0, 0, 0, 1.0]])
+        side = -1.0 if turned else 1.0
+        c, s = cos(pitch - np.pi / 2), sin(pitch - np.pi / 2)
+        in_cell = np.array(
+            [
+                [0, -side * c, s, x],
+                [-side, 0, 0, 0],
+                [0, -side * s, -c, z],
+                [0, 0, 0, 1],
+            ]
+        )
         return np.asarray(self.matrix @ in_cell, dtype=np.float64)
 
     def to_cell(self, pose: Array) -> tuple[float, float, float]:
-        """x, z [m], pitch [rad] in the cell frame of an end-effector `pose` (4, 4) in
-        the base.
+        """x, z [m], pitch [rad] in the cell frame of a hand at `pose` (4, 4) in the
+        base, turned or not.
         """
         in_cell = np.linalg.solve(self.matrix, pose)
-        pitch = np.pi / 2 + np.arctan2(in_cell[2, 0], in_cell[0, 0])
+        pitch = np.pi / 2 + np.arctan2(in_cell[0, 2], -in_cell[2, 2])
         return float(in_cell[0, 3]), float(in_cell[2, 3]), float(pitch)
 
 

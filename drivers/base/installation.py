@@ -128,7 +128,7 @@ class Mounting(Settings):
 
     x: float = Field(0.36, ge=-2, le=2)
     y: float = Field(-0.3, ge=-2, le=2)
-    z: float = Field(0.1, ge=-1, le=1)
+    z: float = Field(0.15, ge=-1, le=1)
     yaw: float = Field(pi / 2, ge=-pi, le=pi)
 
     def transform(self) -> CellInRobot:

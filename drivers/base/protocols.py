@@ -53,8 +53,8 @@ class Arm(Protocol):
 class Hand(Protocol):
     """Protocol of a gripper with two fingers; methods return at once."""
 
-    def open(self) -> None:
-        """Start to open the fingers."""
+    def open(self, width: float | None = None) -> None:
+        """Start to open the fingers, to `width` [m] or as wide as they go."""
 
     def grasp(self) -> None:
         """Start to close the fingers on the strip's edge."""

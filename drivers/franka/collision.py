@@ -9,6 +9,7 @@ import numpy as np
 
 from drivers.base.types import Array, frozen
 from drivers.franka.kinematics import FLANGE, FLANGE_TO_HAND, frames
+from drivers.franka.shapes import Box
 
 # Frame (0 the base, 1 to 7 the joints, 8 the hand), ends of the axis [m], radius [m].
 # Source: franka_description, the capsules for collision of panda_arm.xacro and
@@ -89,17 +90,6 @@ def self_clearance(q: Array) -> Array:
     between = np.linalg.norm(low[..., :, None, :] - high[..., None, :, :], axis=-1)
     gaps = between - RADII[_LOW][:, None] - RADII[_HIGH]
     return np.asarray(gaps.min(axis=(-1, -2)))
-
-
-@dataclass(frozen=True, slots=True)
-class Box:
-    """Box-shaped obstacle: its `name` and two corners (3,) [m] in the frame of its
-    `Solids`.
-    """
-
-    name: str
-    low: tuple[float, float, float]
-    high: tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True)

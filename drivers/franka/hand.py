@@ -107,13 +107,15 @@ class FciHand:
         )
         self._stamp = 0.0
 
-    def open(self) -> None:
-        """Start to open the fingers; a hand that has not been homed is homed first."""
+    def open(self, width: float | None = None) -> None:
+        """Start to open the fingers, to `width` [m] or as wide as configured; a hand
+        that has not been homed is homed first.
+        """
         self._receive()
+        limits = self._settings
         motions: list[Motion] = [] if self._homed else [(HandCommand.HOMING, ())]
-        motions.append(
-            (HandCommand.MOVE, (self._settings.opening, self._settings.speed))
-        )
+        goal = limits.opening if width is None else width
+        motions.append((HandCommand.MOVE, (goal, limits.speed)))
         self._queue_motions(motions)
 
     def grasp(self) -> None:

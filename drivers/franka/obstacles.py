@@ -8,20 +8,26 @@ from itertools import islice, pairwise
 import numpy as np
 
 from drivers.base.errors import Fault
-from drivers.base.geometry import interpolate_columns
+from drivers.base.geometry import even_points, interpolate_columns
 from drivers.base.installation import Installation
-from drivers.base.types import Array, Pose
+from drivers.base.types import Array, Pose, frozen
 from drivers.franka import limits
-from drivers.franka.collision import Box, Solids, self_clearance
+from drivers.franka.collision import Solids, self_clearance
 from drivers.franka.failure import ArmFault, Cause
 from drivers.franka.inverse_kinematics import straight
 from drivers.franka.kinematics import HOME
+from drivers.franka.shapes import (
+    DESK_START,
+    FLANGE,
+    NOTCH_LENGTH,
+    PALM,
+    block,
+    boxes,
+    desk_end,
+    finger,
+    side_view,
+)
 
-# Behind the finger tips along the approach axis, and half the thickness there [m]: the
-# palm of the Franka Hand at its front and back, and the flange. Source: its data sheet,
-# rounded up.
-HAND_BODY = ((0.037, 0.032), (0.07, 0.032), (0.103, 0.05), (0.2, 0.05))
-RISE = 0.06  # m of desk above its surroundings, for a hand that lies flat
 LEAVING = 1e-4  # m, tolerance for a hand that starts inside and must not go deeper
 PATH_CHECKS = 200  # poses checked on a straight path: 5 mm apart at most in a workspace
 
@@ -33,28 +39,19 @@ LEG_RISE = 0.05  # m of one upward leg
 RISES = (0.1, 0.2, 0.3)  # m in all, to try
 PATH_STEP = 0.005  # m
 JOINT_ROOM = 0.03  # rad from a joint's end
-
-# Of the cell, in its frame [m]. Desk and clamp are to be checked by hand on the first
-# day.
-DESK_EDGE = 0.3  # to either side of the strip's plane
-DESK_DEPTH = 1.0
-# behind the strip's fixed edge, and above the desk
-CLAMP_LENGTH, CLAMP_HEIGHT = 0.08, 0.04
-FLOOR_SIZE = 3.0
-# m under the desk: published shapes of the wrist reach 9 cm below a hand lying flat
-UNDER = 0.1
+SIDE_POINTS = 33  # points of a part's outline that are checked against the desk
 
 
-def desk_end(installation: Installation, length: float | None = None) -> float:
-    """x [m] at which the desk ends along the strip: as configured, or the workspace's
-    end.
+def _points_of(outline: Array) -> Array:
+    """Points (SIDE_POINTS, 2) [m] along the closed `outline` (m, 2) of a part."""
+    return frozen(even_points(np.vstack([outline, outline[:1]]), SIDE_POINTS))
 
-    A desk without a configured end ends with a strip of known `length` [m], as no hand
-    could grasp the strip's edge otherwise. No desk ends before the strip.
-    """
-    if installation.desk is None:
-        return installation.workspace.x[1] if length is None else length
-    return max(installation.desk, length or 0.0)
+
+_SIDES = (
+    np.vstack([_points_of(finger(0.0, side)) for side in (-1.0, 1.0)]),
+    _points_of(block(PALM)),
+    _points_of(block(FLANGE)),
+)
 
 
 def require_clear(path: list[Pose], end: float) -> None:
@@ -80,50 +77,42 @@ def require_clear(path: list[Pose], end: float) -> None:
     )
 
 
-def desk_clearance(poses: Array, length: float) -> Array:
+def desk_clearance(poses: Array, end: float) -> Array:
     """Height (n,) [m] above the desk of the hand's lowest point, at gripper poses (n,
     3) [m, rad].
 
-    The desk is from x = 0 to `length` [m]: beside it the hand may be lower. Infinite
-    where no part of the hand is above the desk.
+    The desk reaches to x = `end` [m], less in the notch for the fingers; beside it the
+    hand may be lower. Infinite where no part of the closed hand is above the desk.
     """
-    x, z, pitch = poses.T
-    lowest = np.full(len(poses), np.inf)
-    for behind, half in HAND_BODY:
-        for side in (-half, half):
-            along = x + behind * np.cos(pitch) - side * np.sin(pitch)
-            height = z + behind * np.sin(pitch) + side * np.cos(pitch)
-            over_desk = (along > 0) & (along < length)
-            lowest = np.where(over_desk, np.minimum(lowest, height), lowest)
-    return lowest
+    fingers, palm, flange = _SIDES
+    heights = [
+        _height_over_desk(fingers, end - NOTCH_LENGTH, poses),
+        _height_over_desk(palm, end, poses),
+        _height_over_desk(flange, end, poses),
+    ]
+    return np.asarray(np.min(heights, axis=0))
+
+
+def _height_over_desk(outline: Array, end: float, poses: Array) -> Array:
+    """Height (n,) [m] of the lowest point of a part with `outline` (m, 2) over a desk
+    up to x = `end` [m], at gripper `poses` (n, 3); infinite beside the desk.
+    """
+    along, height = np.moveaxis(side_view(outline, poses), -1, 0)
+    over_desk = (along > DESK_START) & (along < end)
+    return np.asarray(np.where(over_desk, height, np.inf).min(axis=1))
 
 
 def solids_of(installation: Installation) -> Solids:
     """Boxes of desk, clamp and floor, placed in the robot's base by the cell's
     mounting.
     """
-    end = desk_end(installation)
-    boxes = (
-        Box("desk", (-CLAMP_LENGTH, -DESK_EDGE, -DESK_DEPTH), (end, DESK_EDGE, 0.0)),
-        Box("clamp", (-CLAMP_LENGTH, -DESK_EDGE, 0.0), (0.0, DESK_EDGE, CLAMP_HEIGHT)),
-        Box(
-            "floor",
-            (-FLOOR_SIZE, -FLOOR_SIZE, -FLOOR_SIZE),
-            (FLOOR_SIZE, FLOOR_SIZE, -RISE),
-        ),
-    )
-    return Solids(installation.mounting.transform().matrix, boxes)
+    around = boxes(desk_end(installation))
+    return Solids(installation.mounting.transform().matrix, around)
 
 
 def floor_of(installation: Installation) -> Solids:
-    """Box of the floor, UNDER the desk, which even the wrist of a low hand may not
-    enter.
-    """
-    floor = Box(
-        "floor",
-        (-FLOOR_SIZE, -FLOOR_SIZE, -FLOOR_SIZE),
-        (FLOOR_SIZE, FLOOR_SIZE, -UNDER),
-    )
+    """Box of the floor alone, placed likewise."""
+    *_, floor = boxes(desk_end(installation))
     return Solids(installation.mounting.transform().matrix, [floor])
 
 

@@ -2,7 +2,7 @@
 base.
 """
 
-from math import atan2, cos, pi, sin
+from math import atan2, pi
 from typing import NamedTuple
 
 import numpy as np
@@ -47,8 +47,8 @@ class StripPlane:
     """Transform between gripper poses in the cell frame and hand poses in the robot's
     base.
 
-    The hand's approach axis lies in the plane: at pitch pi/2 it points down. So does the
-    axis y along which its fingers open, normal to the grasped edge: they pinch the
+    The hand's approach axis lies in the plane: at pitch pi/2 it points down. So does
+    the axis y along which its fingers open, normal to the grasped edge: they pinch the
     strip's thickness. `turned` rotates the hand by half a turn about the approach axis,
     an equivalent grasp that uses other wrist angles.
     """
@@ -65,14 +65,10 @@ class StripPlane:
         """
         frame = cell_in_robot.matrix
         self._cell_in_robot = cell_in_robot
-        sign = -1.0 if turned else 1.0
         self._rows: list[Numbers] = np.linalg.inv(frame)[:3].tolist()
         self._along: Numbers = frame[:3, 0].tolist()
-        self._across: Numbers = (-sign * frame[:3, 1]).tolist()
         self._up: Numbers = frame[:3, 2].tolist()
-        self._origin: Numbers = frame[:3, 3].tolist()
         self._axes: Array = frame[:3, :3].T.copy()
-        self._sign = sign
         self.turned = turned
         self._rest = np.eye(4) if rest is None else rest
         self._back = np.asarray(np.linalg.inv(self._rest), dtype=np.float64)
@@ -137,19 +133,7 @@ class StripPlane:
         """Hand pose (4, 4) in the robot's base, exactly in the plane, for x, z [m],
         pitch [rad].
         """
-        c, s = cos(pitch - pi / 2), sin(pitch - pi / 2)
-        sign = self._sign
-        axes = zip(self._along, self._across, self._up, self._origin, strict=True)
-        rows = [
-            (
-                across,
-                -sign * (c * along + s * up),
-                s * along - c * up,
-                x * along + z * up + origin,
-            )
-            for along, across, up, origin in axes
-        ]
-        return np.array([*rows, (0.0, 0.0, 0.0, 1.0)])
+        return self._cell_in_robot.to_robot(x, z, pitch, turned=self.turned)
 
     def to_cell(self, pose: Numbers) -> Triple:
         """x, z [m] and pitch [rad] in the cell of a hand pose in the base, column-major

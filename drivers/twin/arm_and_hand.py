@@ -234,10 +234,12 @@ class TwinHand:
         self._closing: TimedCall | None = None
         world.move_fingers(self._fingers)
 
-    def open(self) -> None:
-        """Start to open the fingers; a held strip is released immediately."""
+    def open(self, width: float | None = None) -> None:
+        """Start to open the fingers, to `width` [m] or as wide as they go; a held strip
+        is released immediately.
+        """
         self._world.detach()
-        self._move(self._settings.opening)
+        self._move(self._settings.opening if width is None else width)
 
     def grasp(self) -> None:
         """Start to close the fingers on the strip's edge; does nothing while they hold

@@ -83,8 +83,8 @@ class PlainHand:
         self.stopped = 0
         self.moving = False
 
-    def open(self) -> None:
-        self.commands.append(OpenHand())
+    def open(self, width: float | None = None) -> None:
+        self.commands.append(OpenHand(width))
 
     def grasp(self) -> None:
         self.commands.append(CloseHand())

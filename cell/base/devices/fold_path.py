@@ -3,6 +3,7 @@ through them.
 """
 
 from itertools import pairwise
+from math import cos, sin
 
 import numpy as np
 
@@ -10,12 +11,21 @@ from cell.base.config.settings import FoldSettings
 from drivers.base.geometry import arc_lengths
 from drivers.base.installation import Installation, MotionLimits
 from drivers.base.types import Array, Pose
+from drivers.franka.shapes import ROOM, lowest
 from drivers.strip.engine import Touch
 from policies.path import Path, lift_pitch
 
 HANGING = np.pi / 2  # rad, pitch of a gripper from which the strip hangs straight down
+# rad, pitch at which the edge is let go: the lower finger then lies along the desk, and
+# the palm hangs beside the desk's end
+LYING = np.radians(150.0)
+# m, from taut to where the edge is let go: released, the hump between springs back
+HUMP = 0.020
+THICKEST = 0.002  # m, two layers of the fabrics that are folded at most, as planned
+# m, of a released edge from where it is to lie; rms of the ten strips
+SPRINGING = 0.0025
+LOOSE = 0.004  # m between the fingers when they have let go of a laid edge
 PULL = 0.01  # m by which an upper layer that is too short is pulled along at most
-LAID_HEIGHT = 0.001  # m, height of the gripper when the edge lies on the desk
 LAY_POINTS = 20  # points of a lay, in which the hand turns
 NEAR_EDGE = 0.05  # m beside and above the other edge, where a plain fold ends
 LEG_POINTS = 30  # points of either leg of a plain fold
@@ -47,12 +57,13 @@ def whole_path(
     x, z = carry[-1].tolist()
     taut = max(x - z, 0.0) if touch is None else taut_edge(touch)
     end = edge_place(taut, goal)
-    lay = lay_path(Pose(x, z, HANGING), taut, LAID_HEIGHT, end, fold)
+    rest = laid_height(THICKEST)
+    lay = lay_path(Pose(x, z, HANGING), taut, rest, end, fold)
     travel = np.union1d(lay.travel, np.linspace(0.0, lay.length, LAY_POINTS))[1:]
     lowered = np.column_stack([lay.at(travel), lay_pitch(travel / lay.length)])
     home, laid = (
         Pose(length, installation.home_height, 0.0),
-        Pose(end, LAID_HEIGHT, np.pi),
+        Pose(end + HUMP, rest, LYING),
     )
     approach = [pose.as_array() for pose in (home, *approach_poses(length, fold))]
     retreat = [pose.as_array() for pose in (laid, *retreat_poses(laid, fold))]
@@ -96,25 +107,34 @@ def edge_place(taut: float, place: float = 0.0) -> float:
     return min(max(place, taut - PULL), taut + PULL)
 
 
+def laid_height(layers: float) -> float:
+    """Height [m] of the grip at which the edge is let go over `layers` [m] of fabric.
+
+    The lower finger lies between the layers, and stays off the lower one as it opens.
+    """
+    return layers + ROOM + lowest(LYING, LOOSE)
+
+
 def lay_path(
     gripper: Pose, taut: float, rest: float, end: float, fold: FoldSettings
 ) -> Path:
-    """Path of the gripper that lowers the grasped edge past that of a `taut` upper
-    layer, x [m].
+    """Path of the gripper that lowers the grasped edge of a `taut` upper layer, x [m],
+    to `rest` [m] above the desk.
 
-    Straight to `lay_height` above `end` [m], unless the gripper is below that, and down
-    to `rest` [m] above the desk, `lay_beyond` past that edge, from where it is pushed
-    to `end`.
+    Straight to `lay_height` above where it is let go, HUMP before `end` [m], unless the
+    gripper is below that, and down, `lay_beyond` less far, from where it is pushed
+    there.
 
     From that height the upper layer comes down as a lid, in part lifted, where friction
-    does not hold it. One that the fold has rolled along is too long: lowered at its end
-    it keeps a hump at the grip, which yields to a push, and springs beyond the edge on
-    release. Lowered past its end it lies flat, and a flat layer passes a push on to the
-    fold, which rolls back. No circle about the touch: that starts sideways, pulls the
+    does not hold it. The fold has rolled it along, so that it is too long: lowered at
+    its end it keeps a hump at the grip and springs beyond the edge on release. The push
+    rolls the fold back. No circle about the touch: that starts sideways, pulls the
     contact along and rolls soft folds by 15 to 40 mm.
     """
-    down = min(end, taut - fold.lay_beyond)
-    above = [(end, fold.lay_height)] if gripper.z > fold.lay_height else []
+    place = end + HUMP
+    down = min(place, taut + HUMP - fold.lay_beyond)
+    top = rest + fold.lay_height
+    above = [(place, top)] if gripper.z > top else []
     return Path.through(np.array([(gripper.x, gripper.z), *above, (down, rest)]))
 
 
@@ -124,14 +144,16 @@ def lay_pitch(share: Array | float) -> Array:
 
     An edge that lies back early pushes what hangs from it.
     """
-    return HANGING * (1.0 + np.asarray(share) ** 2)
+    return HANGING + (LYING - HANGING) * np.asarray(share) ** 2
 
 
 def retreat_poses(laid: Pose, fold: FoldSettings) -> tuple[Pose, Pose]:
-    """Poses of the gripper away from an edge let go at `laid`: backward off it, then
-    up.
+    """Poses of the gripper away from an edge let go at `laid`: backward along the
+    fingers, then up.
     """
-    back = Pose(laid.x - fold.approach, laid.z, laid.pitch)
+    far = fold.approach
+    x, z = laid.x + far * cos(laid.pitch), laid.z + far * sin(laid.pitch)
+    back = Pose(x, z, laid.pitch)
     return back, Pose(back.x, back.z + 2 * fold.approach, back.pitch)
 
 

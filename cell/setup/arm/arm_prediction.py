@@ -9,8 +9,9 @@ import numpy as np
 
 from drivers.base.installation import Installation
 from drivers.base.types import Array
-from drivers.franka.obstacles import RISE, desk_clearance, desk_end
+from drivers.franka.obstacles import desk_clearance
 from drivers.franka.reach import Reach, densify, plan_reach
+from drivers.franka.shapes import RISE, desk_end
 
 
 @dataclass(frozen=True, slots=True)

@@ -42,7 +42,7 @@ def test_arm_out_of_the_strip_s_plane_is_not_taken_over() -> None:
     assert failed.value.cause is Cause.PLACE
 
 
-@pytest.mark.parametrize("axis", [0, 2])
+@pytest.mark.parametrize("axis", [1, 2])
 def test_hand_that_leans_out_of_the_plane_is_not_taken_over(axis: int) -> None:
     leaning = StripPlane(PLANE).matrix(*START)
     leaning[:3, :3] = leaning[:3, :3] @ rotation(0.1 * np.eye(3)[axis])

@@ -10,7 +10,7 @@ from cell.setup.arm.manual_motion import home_joints
 from drivers.base.errors import Fault
 from drivers.base.installation import Installation
 from drivers.base.types import Pose
-from drivers.franka.collision import Box, Solids, self_clearance
+from drivers.franka.collision import Solids, self_clearance
 from drivers.franka.failure import ArmFault
 from drivers.franka.kinematics import HOME, forward
 from drivers.franka.obstacles import (
@@ -18,10 +18,10 @@ from drivers.franka.obstacles import (
     _keeps_clear,
     clear_path,
     desk_clearance,
-    desk_end,
     require_clear,
     solids_of,
 )
+from drivers.franka.shapes import FINGER_WIDTH, PALM_WIDTH, TIP_AHEAD, Box, desk_end
 from tests.drivers.franka.rig import INSTALLATION
 
 SOLIDS = solids_of(INSTALLATION)
@@ -37,12 +37,24 @@ def nearest(points: list[np.ndarray], solids: Solids = SOLIDS) -> float:
     return float(min(self_clearance(whole).min(), solids.clearance(whole).min()))
 
 
-def test_desk_and_clamp_meet_where_the_strip_is_fixed_above_the_floor() -> None:
-    desk, clamp, floor = (np.array([box.low, box.high]) for box in SOLIDS.boxes)
-    assert all((low < high).all() for low, high in (desk, clamp, floor))
-    assert clamp[1, 0] == clamp[0, 2] == desk[1, 2] == 0.0
-    assert clamp[0, 0] == desk[0, 0] < 0.0
-    assert floor[1, 2] < 0.0
+def test_clamp_is_under_the_desk_s_end_where_the_strip_is_fixed() -> None:
+    around = [np.array([box.low, box.high]) for box in SOLIDS.boxes]
+    assert all((low < high).all() for low, high in around)
+    desk, *_, clamp, floor = around
+    assert clamp[1, 0] == desk[0, 0] < 0.0
+    assert floor[1, 2] < clamp[0, 2] < clamp[1, 2] < desk[1, 2] == 0.0
+
+
+def test_notch_lets_the_lower_finger_under_the_strip_s_edge_and_no_palm() -> None:
+    gap = [box for box in SOLIDS.boxes if "notch" in box.name]
+    behind, before = sorted(gap, key=lambda box: box.low[1], reverse=True)
+    assert behind.low[1] - before.high[1] > FINGER_WIDTH + 0.01
+    assert behind.low[1] - before.high[1] < PALM_WIDTH
+    end = behind.high[0]
+    assert end - behind.low[0] > TIP_AHEAD + 0.01
+    low, high = desk_clearance(np.array([(end, 0, 0), (end - 0.04, 0, 0)]), end)
+    assert low == np.inf
+    assert high < 0.0
 
 
 def test_straight_way_is_taken_where_it_is_free() -> None:
@@ -85,10 +97,15 @@ def test_arm_that_begins_too_near_may_leave_but_not_dive() -> None:
 
 
 def test_hand_is_clear_of_the_desk_where_it_points_down_or_lies_beside_it() -> None:
-    poses = [[0.3, 0.0, np.pi / 2], [0.3, 0.0, 0.0], [0.6, 0.0, 0.0], [0.0, 0.0, np.pi]]
+    poses = [
+        [0.3, 0.01, np.pi / 2],
+        [0.3, 0.1, 0.0],
+        [0.6, 0.0, 0.0],
+        [-0.02, 0, np.pi],
+    ]
     down, flat, *beside = desk_clearance(np.array(poses), 0.6)
     assert flat < 0.0
-    assert down > 0.03
+    assert down == pytest.approx(0.01 - TIP_AHEAD)
     assert np.isinf(beside).all()
 
 
@@ -108,14 +125,14 @@ def test_desk_ends_where_the_cell_says_else_with_workspace_or_strip(
     installation = Installation(desk=stated)
     assert desk_end(installation, length) == end
     if length is None:
-        assert solids_of(installation).boxes[0].high[0] == end
+        assert solids_of(installation).boxes[1].high[0] == end
 
 
 def test_hand_is_not_driven_into_the_desk() -> None:
-    with pytest.raises(Fault, match="22 mm into the desk at x 500, z 10 mm") as fault:
+    with pytest.raises(Fault, match="94 mm into the desk at x 500, z 10 mm") as fault:
         require_clear([ABOVE_EDGE, Pose(0.5, 0.01, 0.0)], 0.6)
     assert fault.value.name == "hand_meets_desk"
-    require_clear([ABOVE_EDGE, Pose(0.5, 0.06, 0.0)], 0.6)
+    require_clear([ABOVE_EDGE, Pose(0.5, 0.11, 0.0)], 0.6)
     with pytest.raises(Fault, match="into the desk"):  # between two clear poses
         require_clear([Pose(0.65, 0.0, 0.0), Pose(-0.3, 0.0, 0.0)], 0.6)
 

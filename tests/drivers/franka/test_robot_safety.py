@@ -145,7 +145,7 @@ def test_guard_looks_where_a_braking_arm_comes_to_rest(
 ) -> None:
     guard = ReachGuard(StripPlane(PLANE), INSTALLATION.limits, JOINTS)
     x, z, pitch = START
-    while z > -0.155:  # 15 mm above where joint 2 is at its end; braking takes 25 mm
+    while z > -0.205:  # 15 mm above where joint 2 is at its end; braking takes 25 mm
         assert guard.objection(PredictedMotion(Pose(x, z, pitch), STILL, STILL)) == ""
         z -= 0.005
     assert (

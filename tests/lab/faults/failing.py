@@ -98,10 +98,10 @@ class FailingHand(Delegate):
         self.reports: Callable[[HandState], HandState] = lambda state: state
         self.deaf = False
 
-    def open(self) -> None:
+    def open(self, width: float | None = None) -> None:
         """Start to open the fingers, unless the hand is deaf."""
         if not self.deaf:
-            self._device.open()
+            self._device.open(width)
 
     def grasp(self) -> None:
         """Start to close the fingers, unless the hand is deaf."""

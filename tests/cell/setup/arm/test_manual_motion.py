@@ -39,7 +39,8 @@ def stating(desk: float | None):
         # nobody said that the desk ends with the strip
         (None, 0.05, -0.12, "hand_meets_desk"),
         (0.6, 0.05, -0.12, "moved"),
-        (None, -0.1, -0.05, "moved"),
+        (None, -0.1, -0.05, "hand_meets_desk"),  # the fingers reach 9 mm further
+        (None, -0.1, -0.03, "moved"),
     ],
 )
 def test_jog_does_not_drive_the_hand_into_the_desk(desk, x, z, name) -> None:
