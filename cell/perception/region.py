@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from calibration.calibration import Calibration
 from cell.perception.kernels import CELL_PX, PATCH_PX
 from drivers.base.types import Array, Image, Pose
+from drivers.franka.shapes import FINGER, PALM
 
 # m: chosen on the twin's camera of 0.59 mm/px, which sees a pixel of blur
 LIGHT_WINDOW = 0.047
@@ -67,12 +68,11 @@ BELOW = 0.009  # m under the resting strip: desk, not yet its front
 BEYOND = 0.03  # m past the furthest that the strip can reach
 ABOVE_GRIPPER = 0.012  # m above the gripper point
 FOLD = 0.09  # m of height that is always searched
-FINGER_SIZE = (0.045, 0.020)  # m: length along the approach, half width
 LOW_HEIGHT = 0.012  # m of height: free of the resting strip
 HIGH_HEIGHT = 0.09  # below the waiting hand
 # of its length: where a strip moves, from, free of hand, to, up to
 SWEPT = (0.3, 0.85, 1.02, 0.5)
-HAND_SIZE = (0.60, 0.100)  # m: hand and wrist
+WRIST_LENGTH = 0.60  # m, from the grip
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,9 +164,8 @@ def without_hand(region: Region, calibration: Calibration, gripper: Pose) -> Ima
     """
     along = np.array([np.cos(gripper.pitch), np.sin(gripper.pitch)])
     across = np.array([-along[1], along[0]])
-    finger, slim = FINGER_SIZE
-    hand, wide = HAND_SIZE
-    side = np.array([(0.0, -slim), (finger, -slim), (finger, -wide), (hand, -wide)])
+    (palm, wide), slim = PALM[0], FINGER[-1][1]
+    side = np.array([(0.0, -slim), (palm, -slim), (palm, -wide), (WRIST_LENGTH, -wide)])
     outline = np.concatenate([side, side[::-1] * (1, -1)])
     corners = outline @ np.stack([along, across]) + (gripper.x, gripper.z)
     pixels = np.rint(calibration.homography.to_image(corners) - region.origin)

@@ -17,7 +17,7 @@ from drivers.franka.failure import ArmFault, Cause
 from drivers.franka.inverse_kinematics import straight
 from drivers.franka.kinematics import HOME
 from drivers.franka.shapes import (
-    DESK_START,
+    CLAMP,
     FLANGE,
     NOTCH_LENGTH,
     PALM,
@@ -98,7 +98,7 @@ def _height_over_desk(outline: Array, end: float, poses: Array) -> Array:
     up to x = `end` [m], at gripper `poses` (n, 3); infinite beside the desk.
     """
     along, height = np.moveaxis(side_view(outline, poses), -1, 0)
-    over_desk = (along > DESK_START) & (along < end)
+    over_desk = (along > CLAMP[0]) & (along < end)
     return np.asarray(np.where(over_desk, height, np.inf).min(axis=1))
 
 

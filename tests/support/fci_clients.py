@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-CLIENTS = Path(__file__).parents[1] / "drivers" / "fci_server" / "clients"
+CLIENTS = Path(__file__).parents[1] / "drivers" / "twin" / "fci_server" / "clients"
 PACKAGES = {
     "pylibfranka": "pylibfranka",
     "franky": "franky-control",

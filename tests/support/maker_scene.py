@@ -46,6 +46,15 @@ class MakerScene:
         for number in range(PIECES):
             piece = spec.worldbody.add_body(mocap=True)
             _add_box(piece, f"strip_{PIECES - 1 - number}", size, rgba=CLOTH)
+        spec.visual.headlight.ambient = [0.5, 0.5, 0.5]
+        spec.add_texture(
+            name="sky",
+            type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
+            builtin=mujoco.mjtBuiltin.mjBUILTIN_FLAT,
+            rgb1=[1.0, 1.0, 1.0],
+            width=8,
+            height=48,
+        )
         self.model = spec.compile()
         self.data = mujoco.MjData(self.model)
         self._joints = [self.model.joint(name).qposadr[0] for name in ARM_JOINTS]
@@ -63,12 +72,13 @@ class MakerScene:
 
     def place(self, joints: Array, width: float, midline: Array) -> None:
         """Set joints (7,) [rad], `width` [m] between the pads, and the strip's
-        `midline` (PIECES + 1, 2) [m].
+        `midline` (n, 2) [m].
         """
+        ends = np.linspace(0, len(midline) - 1, PIECES + 1).round().astype(int)
         self.data.qpos[self._joints] = joints
         self.data.qpos[self._fingers] = width / 2
         turn, origin = self._frame[:3, :3], self._frame[:3, 3]
-        for number, (start, end) in enumerate(pairwise(midline)):
+        for number, (start, end) in enumerate(pairwise(midline[ends])):
             (x, z), (along, up) = (start + end) / 2, end - start
             c, s = np.array([along, up]) / np.hypot(along, up)
             leaning = turn @ np.array([[c, 0, -s], [0, 1, 0], [s, 0, c]])

@@ -128,6 +128,7 @@ def register(strip: Strip = "denim", configs: Configs = None) -> None:
     from cell.setup.arm.register import (
         TOUCH_POINTS,
         mounting_from_points,
+        touched_point,
         write_mounting,
     )
 
@@ -139,13 +140,12 @@ def register(strip: Strip = "denim", configs: Configs = None) -> None:
     touched = []
     for number, point in enumerate(TOUCH_POINTS, start=1):
         if not ask(
-            f"{number} of 3: guide the finger tips to {point}, then press Enter: "
+            f"{number} of 3: guide the closed fingers to {point}, then press Enter: "
         ):
             raise ConfigurationError(
                 "the input ended before Enter was pressed; nothing is changed"
             )
-        # the translation of a transform by columns
-        touched.append(hand_pose(robot)[12:15])
+        touched.append(touched_point(hand_pose(robot)))
     mounting = mounting_from_points(np.array(touched), length)
     path = write_mounting(found, mounting)
     sys.stdout.write(

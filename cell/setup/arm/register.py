@@ -2,6 +2,7 @@
 touch.
 """
 
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -15,6 +16,8 @@ from drivers.base.installation import Mounting
 from drivers.base.settings import parse
 from drivers.base.types import Array
 from drivers.base.yaml_text import edit_yaml, parse_yaml
+from drivers.franka.kinematics import pose_from_columns
+from drivers.franka.shapes import TIP_AHEAD
 
 TOUCH_POINTS = (
     "the middle of the strip's fixed edge, on the desk",
@@ -24,6 +27,16 @@ TOUCH_POINTS = (
 MOST_TILT = np.radians(0.5)  # rad that the desk may be tilted
 STRETCH = 0.005  # m, allowed difference of the touched length from the strip's
 OFF_LINE = 0.1  # m, at least, of the third point from the line of the first two
+
+
+def touched_point(pose: Sequence[float]) -> Array:
+    """Point (3,) [m] in the base that the closed fingers of a hand at `pose` (16,)
+    touch.
+
+    A pose is that of the grip, between the pads: the fingers reach beyond it.
+    """
+    hand = pose_from_columns(pose)
+    return np.asarray(hand[:3, 3] + TIP_AHEAD * hand[:3, 2])
 
 
 def mounting_from_points(points: Array, length: float) -> Mounting:

@@ -9,16 +9,20 @@ import cv2
 import numpy as np
 
 from drivers.base.types import Array, Image
+from drivers.franka.shapes import (
+    FINGER_WIDTH,
+    PALM,
+    PALM_WIDTH,
+    block,
+    finger,
+    side_view,
+)
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.renderer.stage import fill
 from drivers.twin.scene import Scene
 
-# m: along the finger, its thickness
-FINGER_PROFILE = ((0.0, 0.003), (0.012, 0.005), (0.045, 0.010))
-FINGER_DEPTH = 0.018  # m in y
-HAND_SIZE = (0.045, 0.110, 0.080)  # m: from, to along the approach; half of it across
-WRIST_SIZE = (0.110, 0.60, 0.042)  # likewise, of the wrist behind it
-HAND_DEPTH = 0.040  # m in y
+WRIST = ((0.13, 0.05), (0.60, 0.05))  # m: behind the grip, half of it across
+WRIST_DEPTH = 0.1  # m in y
 PALE = 2.2  # brightness of the wrist over that of the hand
 PLATE, DISC = 0.014, 0.005  # m, radii of the pin's dark plate and bright disc
 DISC_LEVELS = np.array([236.0, 240.0, 240.0])
@@ -40,18 +44,16 @@ def outlines(scene: Scene, middle: float, floor: float) -> list[Outline]:
     """Prisms of wrist, hand, fingers in drawing order, about y = `middle` and above
     `floor` [m].
     """
-    gap = 0.0 if scene.pointer else scene.finger_width / 2
+    width = 0.0 if scene.pointer else scene.finger_width
     parts = [
-        (_block(WRIST_SIZE), HAND_DEPTH, PALE),
-        (_block(HAND_SIZE), HAND_DEPTH, 1.0),
+        (block(WRIST), WRIST_DEPTH, PALE),
+        (block(PALM), PALM_WIDTH, 1.0),
     ]
-    parts += [(_finger(side * gap, side), FINGER_DEPTH, 1.0) for side in (-1.0, 1.0)]
-    pose = scene.gripper
-    along = np.array([np.cos(pose.pitch), np.sin(pose.pitch)])
-    axes = np.stack([along, [-along[1], along[0]]])
+    parts += [(finger(width, side), FINGER_WIDTH, 1.0) for side in (-1.0, 1.0)]
+    pose = scene.gripper.as_array()[None]
     placed = []
     for corners, depth, shade in parts:
-        outline = clip_above(corners @ axes + (pose.x, pose.z), floor)
+        outline = clip_above(side_view(corners, pose)[0], floor)
         if len(outline) > 2:
             placed.append(
                 Outline(outline, middle - depth / 2, middle + depth / 2, shade)
@@ -153,15 +155,3 @@ def clip_above(outline: Array, floor: float) -> Array:
                 start + (floor - start[1]) / (end[1] - start[1]) * (end - start)
             )
     return np.array(corners)
-
-
-def _block(size: tuple[float, float, float]) -> Array:
-    start, end, half = size
-    return np.array([(start, -half), (end, -half), (end, half), (start, half)])
-
-
-def _finger(inner: float, side: float) -> Array:
-    along = [place for place, _ in FINGER_PROFILE]
-    outer = [inner + side * thickness for _, thickness in FINGER_PROFILE]
-    inside = [(along[-1], inner), (along[0], inner)]
-    return np.array([*zip(along, outer, strict=True), *inside])

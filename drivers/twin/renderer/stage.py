@@ -10,6 +10,7 @@ from numpy.polynomial.polynomial import polyfit, polyval
 from numpy.typing import NDArray
 
 from drivers.base.types import Array, Image
+from drivers.franka.shapes import CLAMP, DESK_START
 from drivers.strip.file import Colour
 from drivers.twin.renderer.looks import Box, Cable, StripLook, Thing
 from drivers.twin.renderer.optics import Optics, Pixels
@@ -17,11 +18,7 @@ from drivers.twin.settings import CameraSettings
 
 Field = NDArray[np.float32]
 BACKDROP_DISTANCE = 1.2  # m behind the near edge
-# m: from x, to x, height of the bar that holds the fixed edge
-CLAMP = (-0.030, -0.001, 0.008)
-# m: its front's depth, and how far it is behind the strip
-CLAMP_FRONT, CLAMP_BACK = -0.004, 0.02
-CLAMP_SHADES = (1.1, 0.72)  # brightness of its top and of its front
+CLAMP_BEYOND = 0.01  # m of the clamp's bar to either side of the strip
 SIDE_BRIGHTNESS = 0.82  # brightness of a box's sides over that of its front
 THING_TEXTURE = 0.05  # variation of a thing's brightness, a share
 CABLE_PIECES = 24  # straight pieces between two points of a cable
@@ -142,17 +139,12 @@ def _desk(
 def _draw_clamp(
     image: Image, settings: CameraSettings, optics: Optics, look: StripLook
 ) -> None:
-    """Draw the bar that clamps the fixed edge, beyond the strip's end, into `image`."""
-    left, right, height = CLAMP
-    top_shade, front_shade = CLAMP_SHADES
-    floor = -look.thickness / 2
+    """Draw the bar that clamps the fixed edge, as seen from above, into `image`."""
     colour = bgr(settings.surroundings.clamp) * settings.gain
-    corners = np.array([(left, floor), (right, floor), (right, height), (left, height)])
-    back = optics.plane(corners[2:], look.width + CLAMP_BACK)
-    front = optics.plane(corners, CLAMP_FRONT)
-    hull = cv2.convexHull(np.concatenate([front, back]).astype(np.float32))[:, 0]
-    fill(image, hull, colour * top_shade)
-    fill(image, front, colour * front_shade)
+    bar = np.array([(x, -look.thickness / 2) for x in (CLAMP[0], DESK_START)])
+    near = optics.plane(bar, -CLAMP_BEYOND)
+    far = optics.plane(bar[::-1], look.width + CLAMP_BEYOND)
+    fill(image, np.concatenate([near, far]), colour)
 
 
 def fill(image: Image, outline: Array, colour: Array) -> None:

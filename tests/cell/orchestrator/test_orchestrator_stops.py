@@ -193,7 +193,7 @@ def test_moving_fingers_are_stopped_and_resting_ones_keep_their_hold(bench) -> N
 
 
 def test_fingers_are_stopped_where_no_state_follows_their_command(bench) -> None:
-    bench.hand.open = lambda: setattr(bench.hand, "state", None)
+    bench.hand.open = lambda _: setattr(bench.hand, "state", None)
     bench.phases = phases(GRASP=lambda *_: open_hand())
     assert bench.run().name == "internal_error"
     assert bench.hand.stopped == 1

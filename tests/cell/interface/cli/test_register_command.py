@@ -19,6 +19,7 @@ from drivers.base.installation import Mounting
 from drivers.base.types import frozen
 from drivers.franka.inverse_kinematics import solve
 from drivers.franka.kinematics import HOME
+from drivers.franka.shapes import TIP_AHEAD
 from drivers.twin.fci_server.posture import Posture
 from drivers.twin.fci_server.server import RobotServer
 
@@ -44,8 +45,8 @@ def configs(tmp_path: Path, server: RobotServer) -> Path:
 
 
 def guide(server: RobotServer, place: tuple[float, float]) -> None:
-    """Lead the hand, upright, to a point of the desk, as an operator does."""
-    pose = TRUE.transform().to_robot(place[0], 0.0, np.pi / 2)
+    """Lead the hand, upright, until its fingers touch a point of the desk."""
+    pose = TRUE.transform().to_robot(place[0], TIP_AHEAD, np.pi / 2)
     pose[:3, 3] += place[1] * TRUE.transform().matrix[:3, 1]
     robot = server.robot
     near = HOME + frozen([np.arctan2(pose[1, 3], pose[0, 3]), 0, 0, 0, 0, 0, 0])
