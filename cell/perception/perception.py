@@ -25,6 +25,7 @@ from cell.perception.silhouette import Grip, outer_side, silhouette
 from cell.perception.strip_measurement import StripMeasurement
 from drivers.base.geometry import arc_lengths
 from drivers.base.types import Array, Frame, Image, Pose
+from drivers.franka.shapes import TIP_AHEAD
 from drivers.strip.file import StripFile
 from drivers.strip.shape import Gap, fold_tip, layer_gap
 
@@ -39,7 +40,7 @@ SHADOW_HEIGHT = 0.006  # m below which the strip casts a visible shadow
 LITTLE = 0.03  # m of lifted strip from which its profile counts
 LENGTH_ERROR = 0.015  # m; twice that from the stated length: unbelievable
 REACH = 0.02  # m from the gripper where its profile may end
-GRIPPER_CLEARANCE = 0.004  # m that the fingers hide
+GRIPPER_CLEARANCE = TIP_AHEAD + 0.004  # m that the fingers hide
 GAP_OPENING = 0.004  # m from which layers count as apart
 
 

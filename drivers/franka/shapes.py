@@ -45,6 +45,10 @@ class Box:
     high: tuple[float, float, float]
 
 
+# by which a moved camera is seen, beside the fixed end where no hand comes
+MARK = Box("mark", (-0.030, 0.065, 0.0), (-0.001, 0.095, 0.008))
+
+
 def finger(width: float, side: float) -> Array:
     """Outline (m, 2) [m] of the finger on one `side`, 1 or -1, of hands open by
     `width` [m]: behind the grip, along the opening.
@@ -103,6 +107,7 @@ def boxes(end: float) -> tuple[Box, ...]:
         Box("desk", (DESK_START, -DESK_EDGE, below), (notch, DESK_EDGE, 0.0)),
         Box("desk beside the notch", (notch, half, below), (end, DESK_EDGE, 0.0)),
         Box("desk before the notch", (notch, -DESK_EDGE, below), (end, -half, 0.0)),
+        MARK,
         Box("clamp", (outside, -DESK_EDGE, low), (DESK_START, DESK_EDGE, high)),
         Box(
             "floor",

@@ -1,4 +1,4 @@
-"""Drawing of the empty cell: desk, backdrop, clamp, light, and static objects on the
+"""Drawing of the empty cell: desk, backdrop, mark, light, and static objects on the
 desk.
 """
 
@@ -10,7 +10,7 @@ from numpy.polynomial.polynomial import polyfit, polyval
 from numpy.typing import NDArray
 
 from drivers.base.types import Array, Image
-from drivers.franka.shapes import CLAMP, DESK_START
+from drivers.franka.shapes import MARK
 from drivers.strip.file import Colour
 from drivers.twin.renderer.looks import Box, Cable, StripLook, Thing
 from drivers.twin.renderer.optics import Optics, Pixels
@@ -18,7 +18,7 @@ from drivers.twin.settings import CameraSettings
 
 Field = NDArray[np.float32]
 BACKDROP_DISTANCE = 1.2  # m behind the near edge
-CLAMP_BEYOND = 0.01  # m of the clamp's bar to either side of the strip
+MARK_SHADES = (1.1, 0.72)  # brightness of its top and of its front
 SIDE_BRIGHTNESS = 0.82  # brightness of a box's sides over that of its front
 THING_TEXTURE = 0.05  # variation of a thing's brightness, a share
 CABLE_PIECES = 24  # straight pieces between two points of a cable
@@ -56,7 +56,7 @@ def stage(
     _cover(canvas, bgr(around.panel).astype(np.float32) * np.ones_like(canvas), front)
     np.minimum(canvas * light(settings)[..., None] + 0.5, 255, out=canvas)
     image = canvas.astype(np.uint8)
-    _draw_clamp(image, settings, optics, look)
+    _draw_mark(image, settings, optics, look)
     return image
 
 
@@ -136,15 +136,20 @@ def _desk(
     return np.asarray(colour * shade[..., None], dtype=np.float32)
 
 
-def _draw_clamp(
+def _draw_mark(
     image: Image, settings: CameraSettings, optics: Optics, look: StripLook
 ) -> None:
-    """Draw the bar that clamps the fixed edge, as seen from above, into `image`."""
+    """Draw the block that marks the fixed end, behind the strip, into `image`."""
+    (left, low, _), (right, high, height) = MARK.low, MARK.high
+    top_shade, front_shade = MARK_SHADES
+    floor, middle = -look.thickness / 2, look.width / 2
     colour = bgr(settings.surroundings.clamp) * settings.gain
-    bar = np.array([(x, -look.thickness / 2) for x in (CLAMP[0], DESK_START)])
-    near = optics.plane(bar, -CLAMP_BEYOND)
-    far = optics.plane(bar[::-1], look.width + CLAMP_BEYOND)
-    fill(image, np.concatenate([near, far]), colour)
+    corners = np.array([(left, floor), (right, floor), (right, height), (left, height)])
+    back = optics.plane(corners[2:], middle + high)
+    front = optics.plane(corners, middle + low)
+    hull = cv2.convexHull(np.concatenate([front, back]).astype(np.float32))[:, 0]
+    fill(image, hull, colour * top_shade)
+    fill(image, front, colour * front_shade)
 
 
 def fill(image: Image, outline: Array, colour: Array) -> None:
