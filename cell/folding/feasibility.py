@@ -25,7 +25,7 @@ from drivers.base.errors import CellError, ConfigurationError, Fault, PreflightR
 from drivers.base.installation import Installation
 from drivers.base.types import Array, Pose
 from drivers.franka.obstacles import require_clear
-from drivers.franka.shapes import desk_end
+from drivers.franka.shapes import desk_end, grip_problems
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from drivers.strip.rod.engine import Rod
@@ -142,7 +142,7 @@ def _foresee(request: Request, calibration: Calibration) -> Feasibility:
         *_height_problems(settings, strip, lift),
         *path_problems(np.vstack([passed, *unknown]), carry, settings, carry_at),
         *_view_problems(passed, strip, seen_by),
-        *(_desk_collisions(place, strip, path) if settings.arm_driver.real else ()),
+        *(_hand_problems(place, strip, path) if settings.arm_driver.real else ()),
         *_reach_problems(reach),
     )
     return Feasibility(request, path, speeds, reach, folds, problems)
@@ -231,12 +231,13 @@ def path_problems(
         )
 
 
-def _desk_collisions(
+def _hand_problems(
     installation: Installation, strip: StripFile, path: Array
 ) -> Iterator[str]:
-    """Yield a text where the hand at the poses `path` (n, 3) [m, m, rad] would meet the
-    desk.
+    """Yield a text where the hand cannot hold `strip`, or would meet the desk at the
+    poses `path` (n, 3) [m, m, rad].
     """
+    yield from grip_problems(strip.width)
     try:
         require_clear(
             [Pose(*pose) for pose in path.tolist()],

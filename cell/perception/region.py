@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from calibration.calibration import Calibration
 from cell.perception.kernels import CELL_PX, PATCH_PX
 from drivers.base.types import Array, Image, Pose
-from drivers.franka.shapes import FINGER, PALM
+from drivers.franka.shapes import FINGER, PALM, TIP_AHEAD
 
 # m: chosen on the twin's camera of 0.59 mm/px, which sees a pixel of blur
 LIGHT_WINDOW = 0.047
@@ -73,6 +73,7 @@ HIGH_HEIGHT = 0.09  # below the waiting hand
 # of its length: where a strip moves, from, free of hand, to, up to
 SWEPT = (0.3, 0.85, 1.02, 0.5)
 WRIST_LENGTH = 0.60  # m, from the grip
+BLUR = 0.003  # m about a hand that an image blurs
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,8 +165,9 @@ def without_hand(region: Region, calibration: Calibration, gripper: Pose) -> Ima
     """
     along = np.array([np.cos(gripper.pitch), np.sin(gripper.pitch)])
     across = np.array([-along[1], along[0]])
-    (palm, wide), slim = PALM[0], FINGER[-1][1]
-    side = np.array([(0.0, -slim), (palm, -slim), (palm, -wide), (WRIST_LENGTH, -wide)])
+    slim, wide = FINGER[-1][1] + BLUR, PALM[0][1] + BLUR
+    tip, palm = -TIP_AHEAD - BLUR, PALM[0][0] - BLUR
+    side = np.array([(tip, -slim), (palm, -slim), (palm, -wide), (WRIST_LENGTH, -wide)])
     outline = np.concatenate([side, side[::-1] * (1, -1)])
     corners = outline @ np.stack([along, across]) + (gripper.x, gripper.z)
     pixels = np.rint(calibration.homography.to_image(corners) - region.origin)

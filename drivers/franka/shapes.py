@@ -5,6 +5,7 @@ and desk, the lay, the twin's picture, the drawings. Desk and clamp are to be ch
 ruler on the first day.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 
@@ -32,6 +33,7 @@ NOTCH_LENGTH, NOTCH_WIDTH = 0.030, 0.032  # in the desk's other end, for a lower
 RISE = 0.15  # of the desk above its surroundings, for a hand that lies flat
 FLOOR_SIZE = 3.0
 ROOM = 0.001  # m that the hand keeps from the lower layer
+LEAST_SUPPORT = 0.005  # m of strip on the desk to either side of the notch
 
 Outline = tuple[tuple[float, float], ...]
 
@@ -47,6 +49,15 @@ class Box:
 
 # by which a moved camera is seen, beside the fixed end where no hand comes
 MARK = Box("mark", (-0.030, 0.065, 0.0), (-0.001, 0.095, 0.008))
+
+
+def grip_problems(width: float) -> Iterator[str]:
+    """Yield what keeps the hand from a strip of `width` [m], and what to change."""
+    if width < (least := NOTCH_WIDTH + 2 * LEAST_SUPPORT):
+        yield (
+            f"width: a strip {1e3 * width:.0f} mm wide falls into the desk's notch for"
+            f" the lower finger; cut it at least {1e3 * least:.0f} mm wide"
+        )
 
 
 def finger(width: float, side: float) -> Array:

@@ -21,7 +21,7 @@ HANGING = np.pi / 2  # rad, pitch of a gripper from which the strip hangs straig
 LYING = np.radians(150.0)
 # m, from taut to where the edge is let go: released, the hump between springs back
 HUMP = 0.020
-THICKEST = 0.002  # m, two layers of the fabrics that are folded at most, as planned
+SHEET = 0.002  # m of fabric that is planned under a laid edge
 # m, of a released edge from where it is to lie; rms of the ten strips
 SPRINGING = 0.0025
 LOOSE = 0.004  # m between the fingers when they have let go of a laid edge
@@ -57,7 +57,7 @@ def whole_path(
     x, z = carry[-1].tolist()
     taut = max(x - z, 0.0) if touch is None else taut_edge(touch)
     end = edge_place(taut, goal)
-    rest = laid_height(THICKEST)
+    rest = laid_height(SHEET)
     lay = lay_path(Pose(x, z, HANGING), taut, rest, end, fold)
     travel = np.union1d(lay.travel, np.linspace(0.0, lay.length, LAY_POINTS))[1:]
     lowered = np.column_stack([lay.at(travel), lay_pitch(travel / lay.length)])

@@ -102,6 +102,22 @@ def test_path_over_the_arm_s_limits_is_refused_with_the_speed_that_fits(
     assert says in "\n".join(assess(asked, seen_by).problems)
 
 
+def test_strip_that_falls_into_the_notch_is_refused_with_the_width_to_cut(
+    seen_by, tmp_path
+) -> None:
+    cell = find_configs(None).cell()
+    real = cell.fci.model_copy(update={"address": "172.16.0.2"})
+    cell = cell.model_copy(update={"fci": real}).with_drivers("fci")
+    asked = request_for("denim", "triangular", tmp_path, cell=cell)
+
+    def told(width: float) -> str:
+        strip = asked.strip.model_copy(update={"width": width})
+        return "\n".join(assess(replace(asked, strip=strip), seen_by).problems)
+
+    assert "cut it at least 42 mm wide" in told(0.03)
+    assert "wide" not in told(0.043)
+
+
 def test_dry_run_predicts_the_fold_at_the_speed_of_a_real_robot(
     seen_by, tmp_path
 ) -> None:

@@ -101,7 +101,7 @@ def test_hand_is_clear_of_the_desk_where_it_points_down_or_lies_beside_it() -> N
         [0.3, 0.01, np.pi / 2],
         [0.3, 0.1, 0.0],
         [0.6, 0.0, 0.0],
-        [-0.02, 0, np.pi],
+        [-0.03, 0, np.pi],
     ]
     down, flat, *beside = desk_clearance(np.array(poses), 0.6)
     assert flat < 0.0
