@@ -18,7 +18,7 @@ from policies.path import Path, lift_pitch
 HANGING = np.pi / 2  # rad, pitch of a gripper from which the strip hangs straight down
 # rad, pitch at which the edge is let go: the lower finger then lies along the desk, and
 # the palm hangs beside the desk's end
-LYING = np.radians(150.0)
+LYING = 5 * np.pi / 6
 # m, from taut to where the edge is let go: released, the hump between springs back
 HUMP = 0.020
 SHEET = 0.002  # m of fabric that is planned under a laid edge
@@ -144,7 +144,8 @@ def lay_pitch(share: Array | float) -> Array:
 
     An edge that lies back early pushes what hangs from it.
     """
-    return HANGING + (LYING - HANGING) * np.asarray(share) ** 2
+    turned: Array = HANGING + (LYING - HANGING) * np.asarray(share) ** 2
+    return turned
 
 
 def retreat_poses(laid: Pose, fold: FoldSettings) -> tuple[Pose, Pose]:
