@@ -269,7 +269,7 @@ def _verdict_card(findings: Findings, verdict: Verdict) -> Card:
     )
     lines = [sentence(findings, verdict)]
     if findings.held_out_fits.changed:
-        lines.append(capitalised(verdict.gap.sentence()) + ".")
+        lines.append(capitalised(verdict.held_out_sentence) + ".")
     tone = TONES[verdict.verdict]
     if verdict.deviates:
         tone = "bad" if tone == "bad" else "fair"

@@ -119,11 +119,6 @@ def _name_effects(findings: Findings, verdict: Verdict) -> str:
         for e in verdict.effects
     )
     text = f"{effects}."
-    if ends := parameters_on_bounds(findings):
-        text += (
-            " At the end of the range that is tried, and perhaps beyond:"
-            f" {', '.join(ends)}."
-        )
     if verdict.ambiguous:
         either = "; ".join(" or ".join(group) for group in verdict.ambiguous)
         text += (
@@ -178,18 +173,6 @@ def _describe_rest(findings: Findings, verdict: Verdict) -> str:
     return capitalised(
         f"{description}: no effect of the library accounts for it{tried}."
     )
-
-
-def parameters_on_bounds(findings: Findings) -> list[str]:
-    """Names of parameters of separable effects whose fitted value lies on a bound."""
-    fit = findings.accepted.estimate
-    _, values = fit.model.split(fit.shared)
-    return [
-        f"{e.name} {p.name.replace('_', ' ')}"
-        for e in findings.separable
-        for p, value in zip(e.parameters, values[e.name], strict=True)
-        if value in (p.low, p.high) and value != p.start
-    ]
 
 
 def deviation_text(deviates: Sequence[Deviation]) -> str:

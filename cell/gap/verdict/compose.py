@@ -241,8 +241,10 @@ def _compare_by_screen(
 
 
 def _notes(findings: Findings) -> list[str]:
-    """Note on a gap that held-out runs show and fitted ones do not, if there is one."""
+    """Notes on a gap that only held-out runs show, and on what names do not predict."""
     decision = findings.decision
+    if decision.named and decision.failure:
+        return [f"{decision.failure} with what is named: it does not account for all"]
     if decision.kind != "no_gap" or decision.unseen_gap <= GAP:
         return []
     excess = held_out_gap.excess_of(findings.held_out_fits.before)

@@ -10,11 +10,12 @@
 3. `left` and `correlation`: what no law accounts for in most runs, fitted and held-out.
 4. `strain`: how far the accepted effects carry the base from what the file states.
 
-The probability that a name is right is a calibrated function of them. An effect is
-named where that is LEAST or more, and unseen runs are predicted better, none of them
-clearly worse. What is named need not account for all: what is left is described beside
-it. An effect whose own response is that of a strained base, or that predicts runs no
-better than one, is in one class with a wrong file.
+The probability that a name is right is a calibrated function of them, and nothing that
+counts in it is a veto beside it. An effect is named where that is LEAST or more, and
+its amounts lie inside the ranges that are tried. What is named need not account for
+all: what is left is described beside it. An effect whose own response is that of a
+strained base, or that predicts runs no better than one, is in one class with a wrong
+file.
 """
 
 from collections import defaultdict
@@ -42,6 +43,7 @@ STRAINED = 4.0  # prior standard deviations: right names strain a base by 0.7 at
 # times the median run's residual, above which a run is an outlier; set by hand
 ASTRAY = 2.0
 ALIKE = 0.9  # cosine of two responses above which one cannot be told from the other
+OFFERED = 0.2  # probability from which a suspect may be accepted all the same
 
 
 def decide(results: Results) -> Decision:
@@ -52,9 +54,9 @@ def decide(results: Results) -> Decision:
     evidence = _evidence_by_effect(results, common)
     probability = calibration(results.subject.kind).probability
     probabilities = {name: probability(found) for name, found in evidence.items()}
-    failure = _failed_prediction(common) if evidence else ""
+    ends = amounts_at_ends(results)
 
-    credible = [] if failure else _credible_effects(results, probabilities)
+    credible = _credible_effects(results, probabilities, ends)
     sure = {effect.name for effect in results.separable}
     named = tuple(name for name in credible if name in sure)
     deciding = [evidence[name] for name in named or evidence]
@@ -64,7 +66,8 @@ def decide(results: Results) -> Decision:
         named=named,
         probabilities=probabilities,
         evidence=min(deciding, key=lambda found: found.log_odds, default=common),
-        failure=failure,
+        failure=_failed_prediction(common) if evidence else "",
+        at_ends=ends,
         unseen_gap=unseen_gap(results),
     )
 
@@ -80,16 +83,37 @@ def _kind(results: Results, *, is_credible: bool, is_named: bool) -> Kind:
 
 
 def _credible_effects(
-    results: Results, probabilities: Mapping[str, float]
+    results: Results,
+    probabilities: Mapping[str, float],
+    ends: Mapping[str, Sequence[str]],
 ) -> list[str]:
-    """Names of accepted effects that are probable.
+    """Names of accepted effects that are probable, with no amount at one of the `ends`.
 
     None beside one that stands in for another law: what that law is may change the
     others.
     """
     if results.accepted.estimate.proxies:
         return []
-    return [name for name, p in probabilities.items() if p >= LEAST]
+    probable = [name for name, p in probabilities.items() if p >= LEAST]
+    return [name for name in probable if name not in ends]
+
+
+def amounts_at_ends(results: Results) -> dict[str, list[str]]:
+    """Amounts of accepted effects at an end of the range that is tried, by effect.
+
+    Places may lie at an end, as that of a strip.
+    """
+    fit = results.accepted.estimate
+    _, values = fit.model.split(fit.shared)
+    ends = {
+        e.name: [
+            p.name
+            for p, value in zip(e.parameters, values[e.name], strict=True)
+            if p.is_amount and value in (p.low, p.high) and value != p.start
+        ]
+        for e in fit.model.effects
+    }
+    return {name: amounts for name, amounts in ends.items() if amounts}
 
 
 def _failed_prediction(evidence: VerdictEvidence) -> str:
@@ -234,9 +258,10 @@ def next_steps(
         words = f"{out / 'report.html'} shows where it sits, and what stands beside it"
         steps.append(Step("look", "", words))
 
-    if verdict.suspected and not verdict.effects:
+    if verdict.suspected and not verdict.effects and _may_be_forced(decision, verdict):
         names = " + ".join(effect.name for effect in verdict.suspected)
-        probable = f"{100 * verdict.suspected[0].confidence:.0f} % probable"
+        least = min(effect.confidence for effect in verdict.suspected)
+        probable = f"{100 * least:.0f} % probable"
         words = f"takes all the same what is suspected, not named: {names}, {probable}"
         steps.append(Step("accept_suspected", f"{accept} --force", words))
     if law:
@@ -244,6 +269,14 @@ def next_steps(
         steps.append(Step("accept_law", f"{accept} --law", words))
 
     return steps or [_step_without_gap(decision, origin.option)]
+
+
+def _may_be_forced(decision: Decision, verdict: Verdict) -> bool:
+    """Whether all that is suspected is probable enough, and inside of what is tried."""
+    return all(
+        effect.confidence >= OFFERED and effect.name not in decision.at_ends
+        for effect in verdict.suspected
+    )
 
 
 def _step_without_gap(decision: Decision, option: str) -> Step:
@@ -310,6 +343,11 @@ def reasons(findings: Findings) -> list[str]:
                 f"{effect.name} is right with probability {p:.2f} (named from"
                 f" {LEAST:g})"
             )
+    words += [
+        f"{name} lies at the end of the range that is tried:"
+        f" {', '.join(amounts).replace('_', ' ')}"
+        for name, amounts in findings.decision.at_ends.items()
+    ]
     words += [
         f"{' and '.join(sorted(two))} displace equally or cancel, as if one other thing"
         " did both"

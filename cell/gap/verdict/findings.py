@@ -1,6 +1,6 @@
 """Results of an investigation, stage by stage."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Self
 
@@ -168,7 +168,8 @@ class Decision:
     `probabilities` are those of all accepted effects by name, calibrated. `evidence` is
     that of the least probable named effect or, if none is named, accepted effect.
     `failure` is a clause on a model that predicts unseen runs no better, else empty;
-    `unseen_gap` the excess residual [noise] of the base on held-out runs.
+    `at_ends` are amounts at an end of the range that is tried, by effect; `unseen_gap`
+    is the excess residual [noise] of the base on held-out runs.
     """
 
     kind: Kind
@@ -176,6 +177,7 @@ class Decision:
     probabilities: Mapping[str, float]
     evidence: VerdictEvidence
     failure: str
+    at_ends: Mapping[str, Sequence[str]]
     unseen_gap: float
 
 

@@ -180,6 +180,11 @@ class VerdictEvidence(Entry):
         """
         return self.left * math.sqrt(max(self.correlation, 0.0))
 
+    @property
+    def loss(self) -> float:
+        """Loss [nats] of prediction in the run or quantity that is predicted worst."""
+        return max(-self.worst, 0.0)
+
 
 class Probable(VerdictEvidence):
     """Posterior over the fitted sets of effects, the most probable first, and deciding
@@ -248,6 +253,19 @@ class Verdict(Entry):
         """What may be done after the fit, the advised step first."""
         return [*filter(None, [self.next]), *self.alternatives]
 
+    @property
+    def held_out_sentence(self) -> str:
+        """Sentence on the gap of held-out runs and, without one, on what speaks for a
+        name.
+        """
+        if self.gap.before["excess"] or self.posterior is None:
+            return self.gap.sentence()
+        gained = f"{self.posterior.gain:.0f} nats"
+        return (
+            f"{self.gap.sentence()}; the fitted ones do, and left out in turn they are"
+            f" predicted better by {gained}"
+        )
+
     def values_with(self, effects: Sequence[NamedEffect]) -> Values:
         """Fitted values for a patch: of the base by name, of each of `effects` by
         parameter.
@@ -281,7 +299,7 @@ class Verdict(Entry):
             yield f"unexplained: {self.unexplained.description}"
         if self.effects:
             beside = " and one of each that are alike" if self.ambiguous else ""
-            yield f"{self.gap.sentence()}{beside}"
+            yield f"{self.held_out_sentence}{beside}"
         for note in self.notes:
             yield f"note: {note}"
 

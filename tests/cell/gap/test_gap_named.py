@@ -8,7 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cell.gap.selection.likelihood import MIN_GAIN
 from cell.gap.subject.subject import Candidate, Request, Residuals, Run, Scope
+from cell.gap.verdict.confidence import LEAST
 from drivers.base.types import Array
 from drivers.strip.effects.effect import Parameter
 from tests.support import curves
@@ -157,9 +159,11 @@ def test_one_run_that_went_another_way_is_told_and_does_not_hide_what_the_others
 
 
 @pytest.mark.usefixtures("single")
-def test_where_two_runs_go_another_way_the_cause_stays_open() -> None:
-    _, verdict = judged(Curves(astray(4, 5), repeats=1))
-    assert verdict.verdict == "unexplained"
+def test_a_probable_name_says_what_it_does_not_predict_and_no_loss_vetoes_it() -> None:
+    findings, verdict = judged(Curves(astray(4, 5), repeats=1))
+    assert findings.decision.evidence.loss > MIN_GAIN
+    assert [e.name for e in verdict.effects] == ["bump"]
+    assert "it does not account for all" in str(verdict)
 
 
 @pytest.mark.parametrize(("off", "kind"), [(0.0, "named"), (0.3, "unexplained")])
@@ -226,3 +230,12 @@ def test_an_effect_by_a_shape_that_is_not_its_own_stands_in_for_another() -> Non
     assert verdict.verdict == "unexplained"
     assert "bump has a shape by which it stands in" in verdict.unexplained.description
     assert not verdict.suspected
+
+
+def test_nothing_is_named_with_an_amount_at_the_end_of_what_is_tried() -> None:
+    findings, verdict = judged(Curves(hidden(bump, 5.005)))
+    assert findings.decision.at_ends == {"bump": ["size"]}
+    assert findings.decision.probabilities["bump"] > LEAST
+    assert verdict.verdict == "unexplained"
+    assert "bump lies at the end of the range that is tried: size" in str(verdict)
+    assert [step.kind for step in verdict.steps] != ["accept_suspected"]

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 from cell.gap.subject.subject import Origin
-from cell.gap.verdict.decision import GAP, next_steps
+from cell.gap.verdict.decision import GAP, OFFERED, next_steps
 from cell.gap.verdict.findings import Decision
 from cell.gap.verdict.schema import NamedEffect, Step, Unexplained, VerdictEvidence
 
@@ -16,13 +16,15 @@ NO_LAW = Unexplained(description="", law="no sparse law found", stable=False)
 OUT = Path("my runs/out")
 
 
-def steps(kind: str, *, unseen: float = 0.0, option="--strip x.yaml", **found) -> list:
+def steps(
+    kind: str, *, unseen: float = 0.0, option="--strip x.yaml", ends=None, **found
+) -> list:
     """Steps after a verdict of a kind, with the effects, law or values `found`."""
     empty = {"effects": [], "suspected": [], "deviates": [], "unexplained": None}
     verdict = SimpleNamespace(**(empty | found))
     evidence = VerdictEvidence(left=1.0, correlation=0.0)
     accepted = {e.name: 0.4 for e in [*verdict.effects, *verdict.suspected]}
-    decision = Decision(kind, (), accepted, evidence, "", unseen)
+    decision = Decision(kind, (), accepted, evidence, "", ends or {}, unseen)
     return next_steps(decision, verdict, OUT, Origin(option))
 
 
@@ -60,6 +62,17 @@ def test_what_is_less_probable_than_not_is_never_the_advised_step() -> None:
     assert not first.command
     assert force.command == "cell gap accept 'my runs/out' --strip x.yaml --force"
     assert "wave, 40 % probable" in force.words
+
+
+@pytest.mark.parametrize(
+    ("p", "ends"), [(0.9 * OFFERED, {}), (0.9, {"wave": ["size"]})]
+)
+def test_what_is_improbable_or_at_the_end_of_what_is_tried_is_not_offered(
+    p: float, ends: dict[str, list[str]]
+) -> None:
+    suspect = EFFECT.model_copy(update={"confidence": p})
+    found = steps("unexplained", unexplained=NO_LAW, suspected=[suspect], ends=ends)
+    assert [step.kind for step in found] == ["look"]
 
 
 def test_a_step_reads_as_a_sentence_with_its_command_in_code() -> None:
