@@ -256,29 +256,6 @@ def worst_picture(worst: Worst) -> str:
         return as_svg(figure)
 
 
-def midlines(run: Replay) -> str:
-    """Figure (SVG text) of the curve of a run at four moments: measured, before and
-    after.
-    """
-    measured = run.measured.curve
-    if measured is None or not len(measured.t):
-        return ""
-    end = min((t for t, _ in run.measured.events), default=float(measured.t[-1]))
-    last = max(0, int(np.searchsorted(measured.t, end)) - 1)
-    chosen = np.unique(np.linspace(0, last, 5).round().astype(int)[1:])  # not the start
-    with canvas(8.0, 6.2) as figure:
-        axes = (
-            figure.subplots((len(chosen) + 1) // 2, 2, squeeze=False).ravel().tolist()
-        )
-        for axis, k in zip(axes, chosen, strict=False):
-            _midline(axis, run, int(k))
-            axis.set_title(f"{measured.t[k]:.2f} s", fontsize=9)
-        for axis in axes[len(chosen) :]:
-            axis.set_visible(False)
-        _legend_above(figure, axes[0])
-        return as_svg(figure)
-
-
 def _midline(axis: Axes, run: Replay, k: int) -> None:
     """Draw measured and simulated midlines of image number `k`."""
     points = (

@@ -160,13 +160,10 @@ def held_out_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
         for word, fit in fits.items()
     }
     typical = int(np.argsort(by_run["before"])[len(names) // 2])
-    drawn = {word: fit.on([typical]) for word, fit in fits.items()}
-    (run,) = figures.replay_runs(findings.subject, drawn, held_out=True)
     largest = int(np.argmax(by_run["before"]))
     return {
         "worst": _worst_values(findings, fits, largest, names[largest]),
         "typical": names[typical],
-        "midlines": figures.midlines(run),
         "traces": figures.residual_traces(
             fits, typical, findings.subject.scope.quantities
         ),
@@ -198,7 +195,8 @@ def _worst_values(
         f"Where the strip was farthest off, {seconds(worst.t)} into {name}, a run that"
         f" the fit had not seen: {before} from the refitted file{found}."
     )
-    return {"figure": figures.worst_picture(worst), "says": says}
+    unbroken = says.replace(" mm", "\N{NO-BREAK SPACE}mm")
+    return {"figure": figures.worst_picture(worst), "says": unbroken}
 
 
 def _sizes(verdict: Verdict) -> list[tuple[str, str, str]]:
@@ -365,7 +363,7 @@ def _fold_sentence(verdict: Verdict, displacements: Sequence[str]) -> str:
     others = [effect.name.replace("_", " ") for effect in verdict.effects[1:]]
     words = " and ".join([words, *others])
     before, after = (text.lstrip(f"+{MINUS}") for text in displacements)
-    return f"The planned fold is {before} off; with {words} it is {after}"
+    return f"The planned fold is foreseen {before} off; with {words} it is {after}"
 
 
 def _effect_words(effect: str, parameter: str) -> str:
@@ -407,7 +405,7 @@ def _evidence(findings: Findings, verdict: Verdict) -> list[tuple[str, ...]]:
     """Rows on what was read: name, what it is, digest if it is a file."""
     digests = findings.subject.origin.digests.items()
     rows: list[tuple[str, ...]] = [
-        (path.name, "stated by the file", digest) for path, digest in digests
+        (path.name, "stated by the file", digest[:16]) for path, digest in digests
     ]
     for run in findings.subject.runs:
         held = "held out" if run.name in verdict.held_out else "fitted"
