@@ -33,10 +33,9 @@ from cell.gap.verdict.compose import SIGNIFICANT
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.offered_law import OfferedLaw
 from cell.gap.verdict.schema import CandidateEntry, Gap, Kind, Verdict
-from cell.report.figures import PANELS
 from cell.report.html import Tone, page as document
 from cell.report.page_verdict import PageVerdict as Card
-from cell.report.words import MINUS, NO_VALUE, millimetres, seconds
+from cell.report.words import MINUS, NO_VALUE, PARAMETERS, millimetres, seconds
 from drivers.base.errors import CellError
 from drivers.base.settings import parse
 from drivers.strip.file import StripFile
@@ -370,9 +369,7 @@ def _effect_words(effect: str, parameter: str) -> str:
     """Words for an `effect` with its first `parameter`, as the page of a fold has
     them.
     """
-    if parameter in PANELS:
-        return PANELS[parameter][0].partition("  [")[0]
-    return effect.replace("_", " ")
+    return PARAMETERS.get(parameter, effect.replace("_", " "))
 
 
 def _scatter_table(findings: Findings) -> list[tuple[str, ...]] | None:
