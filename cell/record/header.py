@@ -2,11 +2,13 @@
 outcomes.
 """
 
+from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import ConfigDict, Field, model_validator
 
-from drivers.base.settings import Metres, Settings, Unit
+from cell.record.files import RESULT
+from drivers.base.settings import Metres, Settings, Unit, load
 
 Positive = Annotated[float, Field(gt=0)]
 Accuracy = Annotated[
@@ -257,3 +259,11 @@ class Result(Recorded):
         if self.outcome == "layer_touch" and missing:
             raise ValueError(f"outcome layer_touch needs {', '.join(missing)} too")
         return self
+
+
+def read_result(folder: Path) -> Result | None:
+    """Result of the run in `folder`, None if there is none; ConfigurationError if
+    broken.
+    """
+    path = folder / RESULT
+    return load(path, Result, bare=True) if path.exists() else None

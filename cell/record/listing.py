@@ -16,8 +16,7 @@ from pydantic import AliasPath, Field, PlainValidator, TypeAdapter
 from pydantic.dataclasses import dataclass
 
 from cell.record.files import NOTES, RESULT, RUN, is_run, is_under_way
-from cell.record.header import Result
-from cell.record.run import read_result
+from cell.record.header import Result, read_result
 from drivers.base.errors import ConfigurationError, check_known
 from drivers.base.files import lock_folders
 from drivers.base.readers import read_text

@@ -23,7 +23,7 @@ from cell.record.columns import Profile, Sights, Ticks
 from cell.record.events import Event, origin_of, read_events
 from cell.record.film import Film
 from cell.record.frames import FrameNote, read_frame, read_index
-from cell.record.header import Header, Result
+from cell.record.header import Header, Result, read_result
 from cell.record.tables import assemble
 from drivers.base.errors import ConfigurationError
 from drivers.base.readers import read_parquet
@@ -312,14 +312,6 @@ def read_broken_run(folder: Path) -> Run:
         read()
     run.problems[:] = dict.fromkeys(run.problems)
     return run
-
-
-def read_result(folder: Path) -> Result | None:
-    """Result of the run in `folder`, None if there is none; ConfigurationError if
-    broken.
-    """
-    path = folder / files.RESULT
-    return load(path, Result, bare=True) if path.exists() else None
 
 
 def _read(folder: Path, *, lenient: bool) -> Run:

@@ -183,9 +183,13 @@ def _read(path: Path) -> FitRecord:
     try:
         return parse(read_json(path, LARGEST_RECORD), FitRecord, str(path))
     except ConfigurationError:
+        if not path.exists():
+            raise ConfigurationError(
+                f"{path}: is missing; name the folder that `cell gap fit` was given"
+                " with --out"
+            ) from None
         raise ConfigurationError(
-            f"{path}: is missing or not as `cell gap fit` writes it; fit again, into"
-            " a new folder"
+            f"{path}: is not as `cell gap fit` writes it; fit again, into a new folder"
         ) from None
 
 

@@ -56,7 +56,7 @@ class FoldOptions:
         options.length_option(
             "--length",
             "Length of a strip without a file, as 600mm; the default policy and the"
-            " twin's camera allow 0.45 to 0.64 m.",
+            " twin's camera allow 0.45 to 0.64 m [m].",
         ),
     ] = None
     thickness: Annotated[

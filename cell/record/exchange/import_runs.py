@@ -58,6 +58,7 @@ Content = Mapping[str, Any]
 Check = Callable[[Path], object]
 LengthOf = Callable[[str], float]
 BAG = "metadata.yaml"  # of a folder that rosbag2 recorded
+ALREADY = "is a run already; `cell gap fit` takes it as it is"
 READ = re.compile(rf"{FILE.pattern}|.+\.mcap")  # files of a run
 CHANGED_TOGETHER = (("ticks", "contact"), *zip(TABLES[1:], strict=True), TABLES)
 """Tables of a fold in whose columns a mistake in its mapping is looked for at once."""
@@ -296,9 +297,8 @@ def _sources_in_folder(place: Path, files: Collection[str]) -> Iterator[Source]:
         yield TableFiles(place)
         return
     if not folders:
-        raise ConfigurationError(
-            f"{place}: holds no tables; give a folder with CSV or Parquet"
-        )
+        fault = "holds no tables; give a folder with CSV or Parquet"
+        raise ConfigurationError(f"{place}: {ALREADY if is_run(place) else fault}")
     for folder in folders:
         for source in sources_in(folder, files=files):
             source.remarks += [
@@ -322,7 +322,7 @@ def _exported_mapping(source: Source, kind: type[AnyMapping]) -> AnyMapping:
             "nothing says which column holds what; give --mapping: --guess proposes one"
         )
         if is_run(source.path):
-            fault = "is a run already; `cell gap fit` takes it as it is"
+            fault = ALREADY
         raise ConfigurationError(f"{source.path}: {fault}")
     origin = f"{source.path}: {MAPPING}"
     return parse(parse_yaml(content.decode(errors="replace"), origin), kind, origin)

@@ -191,7 +191,7 @@ def test_what_is_refused_at_once_and_what_folds_import_nothing_heavy(
             "runs/one: is a run; name the folder that it lies in",
         ),
         (("import", "runs", "--out", "out"), "runs/one: is a run already"),
-        (("import", "runs/one", "--out", "out"), "runs/one: holds no tables"),
+        (("import", "runs/one", "--out", "out"), "runs/one: is a run already"),
         (
             ("import", "file", "--out", "out"),
             "file: is none of what is read; give tables",
@@ -202,7 +202,7 @@ def test_what_is_refused_at_once_and_what_folds_import_nothing_heavy(
         ),
         (
             ("gap", "advise", "runs"),
-            "runs/verdict.json: is missing; name the folder that",
+            "runs/fit.json: is missing; name the folder that",
         ),
         (("runs", "--delete"), "--keep, --older-than: give one"),
         (("runs", "--keep", "1", "--delete", "--html", "page"), "go without --html"),

@@ -16,7 +16,7 @@ from cell.setup.doctor.check import Grade
 from cell.setup.doctor.machine import extras
 from drivers.base.extras import FEATURES, install_line
 
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[4]
 
 BARE = """
 import sys
@@ -114,7 +114,7 @@ BROUGHT_BY_OTHERS = {"llvmlite", "protobuf", "markupsafe", "pydantic_core", "tor
 
 @pytest.mark.slow
 def test_every_library_that_the_product_imports_is_stated() -> None:
-    root = Path(__file__).parents[4]
+    root = ROOT
     project = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))[
         "project"
     ]

@@ -15,7 +15,12 @@ OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]+")
 PAGE = re.compile(r"\brunbooks/[\w-]+\.md")
 KIND = re.compile(r"\b(strip|plant|mechanism|pendulum) file\b")
 # variables of CSS, options of Rerun's own command
-FOREIGN = {"cell/report/drawing.py", "cell/report/viz/recording.py"}
+FOREIGN = {
+    "cell/report/drawing.py",
+    "cell/report/viz/opening.py",
+    "cell/report/viz/recording.py",
+    "cell/setup/doctor/machine.py",
+}
 
 
 def told() -> Iterator[tuple[str, str]]:

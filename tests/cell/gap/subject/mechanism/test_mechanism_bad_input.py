@@ -155,7 +155,7 @@ RUNS: dict[str, tuple[Any, str]] = {
     ),
     "back": (
         lambda table: table.update(t=table["t"][::-1].copy()),
-        "one for each time",
+        "times must increase",
     ),
     "no number": (
         lambda table: table.update(t=np.where(table["t"] > 0.1, np.nan, table["t"])),
