@@ -39,6 +39,8 @@ def open_subject(
             "strip, mechanism (a pendulum is one of mode planar: configs/mechanisms)"
         )
         raise ConfigurationError(f"{file}: kind: is {kind!r}; allowed: {allowed}")
+    withheld = ((name, "withheld from the library") for name in without)
+    subject.untested = (*subject.untested, *withheld)
     subject.origin = Origin(option_for(file), digests)
     return subject
 

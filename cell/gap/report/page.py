@@ -26,6 +26,7 @@ from cell.gap.report.sentence import (
     sentence,
     shown_unit,
     undetectable_effects,
+    usual_size,
 )
 from cell.gap.selection.likelihood import MIN_GAIN
 from cell.gap.subject.subject import Run
@@ -248,9 +249,15 @@ def remaining_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
         "rest": capitalised(rest.description) if rest and not is_open else "",
         "law": _law_text(findings.law) if findings.law is not None else "",
         "alike": "; ".join(" or ".join(group) for group in verdict.ambiguous),
+        "untested": [(each.what, each.why) for each in verdict.untested],
         "silent": ", ".join(undetectable_effects(findings)),
         "detectable": [
-            (name, detection_limit(findings, name, value), sentences[name])
+            (
+                name,
+                detection_limit(findings, name, value),
+                usual_size(findings, name),
+                sentences[name],
+            )
             for name, value in sorted(verdict.detectable.items())
         ],
     }

@@ -150,17 +150,21 @@ def _ambiguity(findings: Findings, verdict: Verdict) -> str:
     return f"Something is missing that these runs cannot tell apart: {either}. {split}."
 
 
-def _no_gap(_: Findings, verdict: Verdict) -> str:
-    """Sentence that the model explains the runs, with the number of detectable
-    effects.
+def _no_gap(findings: Findings, verdict: Verdict) -> str:
+    """Sentence that the model explains the runs, with the number of effects that would
+    show at sizes that they usually have.
     """
-    many = len(verdict.detectable)
-    sizes = (
-        f" {many} effects would have shown, from the sizes listed below on."
-        if many
-        else ""
+    limits = verdict.detectable
+    usual = [
+        c.name
+        for c in findings.subject.scope.candidates
+        if c.name in limits and c.is_usual(limits[c.name])
+    ]
+    shown = (
+        f" {len(usual)} effects would have shown below their usual size, from the sizes"
+        " listed below on."
     )
-    return f"The model explains the fitted runs down to their noise.{sizes}"
+    return f"The model explains the fitted runs down to their noise.{shown}"
 
 
 def _describe_rest(findings: Findings, verdict: Verdict) -> str:
@@ -203,6 +207,16 @@ def undetectable_effects(findings: Findings) -> list[str]:
         e.name: 0.0 for e in findings.accepted.model.effects
     }
     return sorted(name for name, size in limits.items() if size is None)
+
+
+def usual_size(findings: Findings, name: str) -> str:
+    """Text of the largest usual size of an effect; empty where nobody knows."""
+    candidate = next(c for c in findings.subject.scope.candidates if c.name == name)
+    if candidate.usual is None:
+        return ""
+    first = candidate.parameters[0]
+    stated = first.stated_value(first.start + candidate.usual)
+    return detection_limit(findings, name, stated)
 
 
 def detection_limit(findings: Findings, name: str, value: float) -> str:

@@ -66,7 +66,8 @@ class Candidate:
     (another place). Bounds that start at the null say that physics fixes the sign.
     `sentence` is for a technician. `model_error` is the relative error of its response,
     that of its law. Shape parameters fit the law to a specimen: they stay at their
-    start until it leaves more than noise.
+    start until it leaves more than noise. `usual` is how far its amount, the first
+    parameter, lies from its null at most, as a rule; None where nobody knows.
     """
 
     name: str
@@ -77,6 +78,13 @@ class Candidate:
     revealed_by: str = ""
     model_error: float = 0.02
     shape_parameters: tuple[Parameter, ...] = ()
+    usual: float | None = None
+
+    def is_usual(self, stated: float) -> bool:
+        """Whether an amount, as files state it, is within what is usual."""
+        amount = self.parameters[0]
+        apart = abs(amount.stated_value(stated) - amount.start)
+        return self.usual is None or apart <= self.usual
 
     def with_shape(self) -> "Candidate":
         """Copy of the effect whose shape parameters are fitted along with the
@@ -381,9 +389,10 @@ class Subject(ABC):
     """Measured strip or mechanism: its runs, library of effects, simulation and files.
 
     `name` is its own, `runs` are in the order in which they were taken, `notes` are
-    remarks for the operator on them. `scope` holds base parameters, candidate effects,
-    quantities and descriptive terms. `origin` is the file that states it; probabilities
-    of verdicts are calibrated on subjects of the same `kind`.
+    remarks for the operator on them, `untested` what they cannot show, and why. `scope`
+    holds base parameters, candidate effects, quantities and descriptive terms. `origin`
+    is the file that states it; probabilities of verdicts are calibrated on subjects of
+    the same `kind`.
     """
 
     name: str
@@ -391,6 +400,7 @@ class Subject(ABC):
     runs: Sequence[Run]
     scope: Scope
     notes: Sequence[str] = ()
+    untested: Sequence[tuple[str, str]] = ()
     origin: Origin = Origin()
 
     @abstractmethod

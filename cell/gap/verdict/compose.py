@@ -1,6 +1,6 @@
 """Composes the verdict document from the findings of an investigation."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 from scipy import special
@@ -23,6 +23,7 @@ from cell.gap.verdict.schema import (
     Probable,
     ProbableSet,
     Unexplained,
+    Untested,
     ValueWithUnit,
     Verdict,
 )
@@ -33,6 +34,7 @@ SIGNIFICANT = 0.05  # family-wise p-value below which a place is listed; customa
 MOST_PLACES, MOST_SETS = 24, 20
 LEAST_SEPARATION = 1.0  # sigma, of an experiment
 TOLERATED = 2.0  # prior standard deviations from a value without a stated range, 95 %
+NAMELESS = ("no_gap", "unexplained")  # of which what was not tested is told
 HUGE = 1e12  # stands for an infinite value, which JSON cannot hold
 
 
@@ -77,6 +79,7 @@ def verdict(findings: Findings, runtime: float, simulations: int) -> Verdict:
         posterior=_posterior(findings),
         suspected=[e for e in effects if e.name not in decision.named and not is_sound],
         notes=_notes(findings),
+        untested=list(_untested(findings)) if decision.kind in NAMELESS else [],
     )
 
 
@@ -238,6 +241,23 @@ def _compare_by_screen(
             if np.isfinite(value)
         },
     )
+
+
+def _untested(findings: Findings) -> Iterator[Untested]:
+    """What the runs of a verdict without a name could not have shown, and why."""
+    subject = findings.subject
+    conditions = [run.condition for run in subject.runs]
+    if len(set(conditions)) == len(conditions):
+        why = "no condition was repeated: a drift could not be looked for"
+        yield Untested(what="drift", why=why)
+    yield from (Untested(what=what, why=why) for what, why in subject.untested)
+    limits = findings.screen.detectable
+    for effect in subject.scope.candidates:
+        limit = limits.get(effect.name)
+        if limit is None:
+            yield Untested(what=effect.name, why="shows at no possible size")
+        elif not effect.is_usual(limit):
+            yield Untested(what=effect.name, why="shows beyond its usual size alone")
 
 
 def _notes(findings: Findings) -> list[str]:

@@ -126,6 +126,17 @@ class Gap(Entry):
         )
 
 
+class Untested(Entry):
+    """What the runs cannot show, and why."""
+
+    what: str
+    why: str
+
+    def __str__(self) -> str:
+        """Text of the entry, in a few words."""
+        return f"{self.what} ({self.why})"
+
+
 class CandidateEntry(Entry):
     """Candidate effect, or several joined by ` + `, with its gain [nats] over the
     base.
@@ -224,7 +235,8 @@ class Verdict(Entry):
     shrink.
 
     `suspected` are effects that were accepted and are not named. `next` is what to do
-    now, `alternatives` what could be done in its place.
+    now, `alternatives` what could be done in its place; `untested` is what these runs
+    cannot show, where nothing is named.
     """
 
     schema_: Annotated[int, Field(alias="schema")] = 1
@@ -247,6 +259,7 @@ class Verdict(Entry):
     suspected: list[NamedEffect] = Field(default_factory=list)
     next: Step | None = None
     alternatives: list[Step] = Field(default_factory=list)
+    untested: list[Untested] = Field(default_factory=list)
 
     @property
     def steps(self) -> list[Step]:
@@ -300,6 +313,8 @@ class Verdict(Entry):
         if self.effects:
             beside = " and one of each that are alike" if self.ambiguous else ""
             yield f"{self.held_out_sentence}{beside}"
+        if self.untested:
+            yield f"not tested: {'; '.join(map(str, self.untested))}"
         for note in self.notes:
             yield f"note: {note}"
 
@@ -319,7 +334,7 @@ class Verdict(Entry):
 
     def to_json(self) -> str:
         """JSON text of verdict.json, without lists that only some verdicts have."""
-        at_times = ("deviates", "suspected", "alternatives")
+        at_times = ("deviates", "suspected", "alternatives", "untested")
         absent = {key for key in at_times if not getattr(self, key)}
         return self.model_dump_json(by_alias=True, indent=1, exclude=absent) + "\n"
 

@@ -2,6 +2,7 @@
 pendulums.
 """
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -66,6 +67,28 @@ def test_nothing_hidden_is_no_gap_with_detectable_sizes() -> None:
     assert [v.verdict for v in kinds].count("no_gap") >= 11
     assert not any(v.effects for v in kinds)
     assert 0.0 < kinds[0].detectable["bump"] < 0.02
+
+
+def test_without_a_gap_it_is_told_what_could_not_be_looked_for() -> None:
+    names = ("bump", "dead")
+    _, once = judged(Curves(nothing, names=names, repeats=1))
+    told = {each.what: each.why for each in once.untested}
+    assert told == {
+        "drift": "no condition was repeated: a drift could not be looked for",
+        "dead": "shows at no possible size",
+    }
+    assert "not tested: drift (no condition was repeated" in str(once)
+    _, repeated = judged(Curves(nothing, names=("bump",)))
+    assert repeated.verdict == "no_gap"
+    assert "untested" not in json.loads(repeated.to_json())
+
+
+def test_an_effect_that_shows_beyond_its_usual_size_alone_was_not_tested() -> None:
+    findings, verdict = judged(Curves(nothing, names=("bump",)))
+    limit = verdict.detectable["bump"]
+    (bump_effect,) = findings.subject.scope.candidates
+    for usual, shows in ((2.0 * limit, True), (0.5 * limit, False)):
+        assert replace(bump_effect, usual=usual).is_usual(limit) == shows
 
 
 def test_a_gap_of_held_out_runs_alone_is_noted() -> None:

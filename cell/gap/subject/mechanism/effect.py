@@ -135,6 +135,7 @@ class Effect:
             self.revealed_by,
             error,
             self.with_shape(mechanism)[len(parameters) :],
+            parameters[0].spread,
         )
 
     def with_shape(self, mechanism: Mechanism) -> tuple[Parameter, ...]:

@@ -60,6 +60,7 @@ KINDS = {
     "site": ("mm", 1e3, 1e-3),
     "sensor": ("si", 1.0, 0.0),
 }
+HARDLY = 0.03  # rad or m, travel of a joint below which it hardly shows anything
 # of keys, which write them without space or slash
 UNITS = {"Nm": "N m", "mrads": "mrad/s"}
 
@@ -109,6 +110,9 @@ class MechanismSubject(Subject):
     ) -> None:
         self.mechanism, self.name, self._jobs = mechanism, mechanism.file.name, jobs
         self._check_honoured()
+        resting = [j.name for j in mechanism.joints if j.travel < HARDLY]
+        why = f"it moves by less than {1e3 * HARDLY:g} mrad or mm"
+        self.untested = (*self.untested, *((name, why) for name in resting))
         self._scatter = {
             i: b.scatter for i, b in enumerate(mechanism.base) if b.scatter
         }
@@ -121,6 +125,7 @@ class MechanismSubject(Subject):
         model = self.mechanism.model
         colliding = (model.geom_contype > 0) & (model.geom_conaffinity > 0)
         if not model.npair and len(set(model.geom_bodyid[colliding])) > 1:
+            self.untested = (("contacts", "they are off along the measured motion"),)
             self.notes = (
                 *self.notes,
                 "contacts are off: the model lists no pair of geoms",

@@ -169,17 +169,23 @@ def candidate(effect: Effect, strip: StripFile, lifted: float) -> Candidate:
         effect.revealed_by,
         UNTRUE if effect.stage is Stage.LAW else PLACE_ERROR,
         tuple(p for p in parameters if p.role == "shape"),
+        max(_deviations(effect, strip)),
     )
+
+
+def _deviations(effect: Effect, strip: StripFile) -> list[float]:
+    """How far the usual sizes of an effect on `strip` lie from its null."""
+    amount = effect.parameters[0]
+    return [
+        abs(amount.stated_value(size) - amount.start) for size in effect.sizes(strip)
+    ]
 
 
 def _parameters(effect: Effect, strip: StripFile) -> list[Parameter]:
     """Parameters of the effect as they are fitted to `strip`, amounts by its typical
     sizes.
     """
-    amount = effect.parameters[0]
-    sizes = [
-        abs(amount.stated_value(size) - amount.start) for size in effect.sizes(strip)
-    ]
+    sizes = _deviations(effect, strip)
     step, spread = SECANT * min(sizes), FARTHEST * max(sizes)
     return [_fitted(p, strip.length, step, spread) for p in effect.parameters]
 
