@@ -24,6 +24,7 @@ from cell.setup.calibration_in_use import check_current
 from drivers.base.errors import CellError, ConfigurationError, Fault, PreflightRefused
 from drivers.base.installation import Installation
 from drivers.base.types import Array, Pose
+from drivers.franka.checks import joint_limits
 from drivers.franka.obstacles import require_clear
 from drivers.franka.shapes import desk_end, grip_problems
 from drivers.strip.describe import describe
@@ -130,7 +131,10 @@ def _foresee(request: Request, calibration: Calibration) -> Feasibility:
     path, speeds = whole_path(strip.length, place, settings.fold, carry, touch, goal)
     # the workspace refuses any other path
     joints = settings.arm_driver.is_franka and np.isfinite(path).all()
-    reach = predict_arm(place, strip.length, path, speeds) if joints else None
+    reach = None
+    if joints:
+        limits = joint_limits(settings.fci)
+        reach = predict_arm(place, limits, strip.length, path, speeds)
 
     passed = np.vstack([path[1:, :2], carry])  # from beside the strip on
     seen_by = corrected_calibration(calibration, settings, strip)

@@ -17,7 +17,9 @@ from drivers.base.errors import ConfigurationError
 from drivers.base.geometry import interpolate_columns
 from drivers.base.installation import MotionLimits
 from drivers.base.types import Array, Pose, Velocity
+from drivers.franka.checks import joint_limits
 from drivers.franka.inverse_kinematics import ELBOW_JOINT
+from drivers.franka.limits import FR3, JointLimits
 from drivers.franka.reach import densify, plan_reach
 from drivers.strip.file import StripFile
 
@@ -104,12 +106,14 @@ def rehearsal(
     path: Array,
     speeds: Array,
     elbow: float | None = None,
+    limits: JointLimits = FR3,
 ) -> Rehearsal:
     """Rehearsal of a fold along `path` (n, 3) x, z [m], pitch [rad], raised by
     HOVER_HEIGHT.
 
     `speeds` (n,) [m/s] are those of the fold. Parts that only avoid a lying strip are
-    left out. With an `elbow` [rad] a Franka arm must reach the path. Raises
+    left out. With an `elbow` [rad] a Franka arm must reach the path, its joints within
+    `limits`. Raises
     ConfigurationError where the workspace or the arm ends below the fold.
     """
     used = slice(FIRST_USED, -1)
@@ -124,7 +128,7 @@ def rehearsal(
             " cell.yaml"
         )
     if elbow is not None:
-        reach = plan_reach(settings.installation, raised, speeds, (elbow,))
+        reach = plan_reach(settings.installation, raised, speeds, (elbow,), limits)
         if not reach.allowed:
             raise ConfigurationError(
                 "--rehearse: the arm cannot follow the fold in the air:"
@@ -142,10 +146,12 @@ def rehearse(
     """
     request = foreseen.require().request
     settings, strip = request.settings, request.strip
-    elbow = None
+    elbow, limits = None, FR3
     if settings.arm_driver.is_franka:
+        limits = joint_limits(settings.fci)
         elbow = home_joints(settings, strip)[ELBOW_JOINT]
-    planned = rehearsal(settings, strip, foreseen.path, foreseen.speeds, elbow)
+    path, speeds = foreseen.path, foreseen.speeds
+    planned = rehearsal(settings, strip, path, speeds, elbow, limits)
     return move_manually(settings, request.trial, planned.motion, interrupted, strip)
 
 

@@ -1,21 +1,19 @@
 """Checks of a robot before the cell moves it: interface version, joint limits, tool."""
 
-import re
 import socket
 import struct
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
 
 from drivers.base.types import Array
-from drivers.franka import limits
 from drivers.franka.failure import ArmFault, Cause
 from drivers.franka.inverse_kinematics import rotation_vector
 from drivers.franka.kinematics import FLANGE_TO_TIP, pose_from_columns
-from drivers.franka.settings import ToolSettings
+from drivers.franka.limits import PUBLISHED, JointLimits
+from drivers.franka.settings import FciSettings, ToolSettings
 
 PORT = 1337
 LIBRARY_VERSION = 10  # of the robot's interface that pylibfranka 0.21 speaks
@@ -26,18 +24,7 @@ HEADER = struct.Struct("<III")  # command, command id, size with header
 CONNECT_MESSAGE = struct.Struct("<IIIHH")  # header, version, UDP port of the client
 CONNECT_REPLY = struct.Struct("<BH")  # status, version of the robot
 SUCCESS = 0  # status of a reply, its first byte
-ARM_JOINT = re.compile(r"(?!.*finger)(?:\w+_)?joint[1-7]")  # name in a description
-SLACK = 1e-3  # rad, rad/s, rad/s^2 by which a limit may be narrower than the cell's
-
-# Attribute of the description, the value that the cell assumes (7,), and +1 where the
-# robot's must be at least that, -1 where at most.
-ASSUMED_LIMITS = (
-    ("limit", "lower", limits.POSITION_LOW, -1),
-    ("limit", "upper", limits.POSITION_HIGH, 1),
-    ("limit", "velocity", limits.VELOCITY, 1),
-    ("position_based_velocity_limits", "velocity_offset", limits.VELOCITY_OFFSET, -1),
-    ("position_based_velocity_limits", "deceleration_limit", limits.DECELERATION, 1),
-)
+SLACK = 1e-3  # rad, rad/s, rad/s^2 by which limits may differ from those of the plan
 
 PLACE_TOLERANCE, ANGLE_TOLERANCE = 5e-4, 5e-3  # m and rad by which frames may differ
 MASS_TOLERANCE, CENTRE_TOLERANCE = 0.02, 5e-3  # kg and m, likewise
@@ -48,9 +35,12 @@ BY_RESET = (
 
 
 def robot_version(address: str) -> int | None:
-    """Interface version of the robot at `address`; None where it does not answer."""
-    with suppress(OSError), _connection(address) as (_, _, version):
-        return version
+    """Interface version of the robot at `address`; None where it does not answer.
+
+    A robot that lets the library in speaks its version, whatever else it replies.
+    """
+    with suppress(OSError), _connection(address) as (_, status, version):
+        return LIBRARY_VERSION if status == SUCCESS else version
     return None
 
 
@@ -69,16 +59,37 @@ def read_description(address: str) -> str | None:
     return None
 
 
-def require_limits(description: str) -> None:
-    """Raise ArmFault where a joint limit in a URDF `description` is narrower than the
-    cell's.
+def joint_limits(settings: FciSettings) -> JointLimits:
+    """Joint limits by which a cell plans: those that its robot describes, or published
+    ones.
 
-    Both values are named. Joints are named as in franka_description: `fr3_joint1` to
-    `fr3_joint7`.
+    The latter where the cell has no robot, or none that answers now: one is held to
+    them when it connects. Raises ArmFault for another arm than a Franka Research 3.
     """
-    narrower = list(_narrower_limits(_arm_joints(description)))
-    if narrower:
-        raise ArmFault(Cause.MODEL, "; ".join(narrower))
+    address = settings.address
+    description = None if address is None else read_description(address)
+    if description is None:
+        return PUBLISHED[settings.model]
+    return JointLimits.from_description(description)
+
+
+def require_limits(description: str, planned: JointLimits) -> None:
+    """Raise ArmFault where a limit in a robot's URDF `description` is not the `planned`
+    one.
+
+    Both values are named.
+    """
+    stated = JointLimits.from_description(description).content()
+    differing = [
+        f"joint {joint}: {name} is {value:g}, the cell plans with {other:g}"
+        for name, plan in planned.content().items()
+        for joint, (value, other) in enumerate(
+            zip(stated[name], plan, strict=True), start=1
+        )
+        if not abs(value - other) <= SLACK
+    ]
+    if differing:
+        raise ArmFault(Cause.MODEL, "; ".join(differing))
 
 
 def require_tool(state: Any, tool: ToolSettings) -> None:
@@ -132,49 +143,6 @@ def _read_exactly(link: socket.socket, count: int) -> bytes:
             raise ConnectionResetError("it closed the connection")
         content += part
     return content
-
-
-def _arm_joints(description: str) -> dict[str, ElementTree.Element]:
-    """Elements of the arm's joints in a URDF `description`, by their numbers "1" to
-    "7".
-    """
-    if "<!" in description.replace("<!--", ""):
-        raise ArmFault(Cause.MODEL, "the robot's description holds a declaration")
-    try:
-        root = ElementTree.fromstring(description)  # noqa: S314  no entities: refused above
-    except ElementTree.ParseError as error:
-        raise ArmFault(
-            Cause.MODEL, f"the robot's description is no XML: {error}"
-        ) from None
-    joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
-    return {
-        name[-1]: joint for name, joint in joints.items() if ARM_JOINT.fullmatch(name)
-    }
-
-
-def _narrower_limits(joints: dict[str, ElementTree.Element]) -> Iterator[str]:
-    """Yield a text for each limit of `joints` that is narrower than the cell's, or
-    missing.
-    """
-    for number in range(7):
-        for tag, name, assumed, sign in ASSUMED_LIMITS:
-            value = _attribute(joints.get(str(number + 1)), tag, name)
-            planned = assumed[number]
-            if not sign * (value - planned) >= -SLACK:  # true for NaN
-                yield (
-                    f"joint {number + 1}: {name} is {value:g}, the cell plans with"
-                    f" {planned:g}"
-                )
-
-
-def _attribute(joint: ElementTree.Element | None, tag: str, name: str) -> float:
-    """Number in the attribute `name` of the element `tag` of `joint`; NaN where there
-    is none.
-    """
-    element = None if joint is None else joint.find(tag)
-    with suppress(ValueError):
-        return float("nan" if element is None else element.get(name, "nan"))
-    return float("nan")
 
 
 def _tool_differences(state: Any, tool: ToolSettings) -> Iterator[str]:

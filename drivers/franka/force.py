@@ -2,18 +2,51 @@
 limits.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import hypot
 from typing import Any, Self
 
 import numpy as np
 
+from drivers.base.types import Array
 from drivers.franka.failure import ArmFault, Cause
 
 Numbers = tuple[float, ...]
+Weight = Callable[[Sequence[float]], Array]
+"""Joint torques (7,) [N m] that hold an arm's own weight at its joints (7,) [rad]."""
+TURNED = 0.01  # rad by which a joint turns before the arm's weight is computed again
+NEWEST = 0.2  # share of the newest state in the torques that are felt
+LEAST_WEIGHT = 1.0  # N m, avoids a division by 0
 SETTLING = 0.3  # s at rest before a force counts as drift
 SMOOTHING = 0.5  # s over which the force is averaged
+
+
+class OwnWeight:
+    """Share of an arm's own weight in its estimate of external torques.
+
+    A wrong model of the masses leaves a part of it in the estimate, and some robots
+    report all of it. The part changes as the arm moves; a push does not follow it.
+    """
+
+    def __init__(self, weight: Weight, joints: Sequence[float], felt: Array) -> None:
+        """Find the share in the torques `felt` (7,) [N m] at rest at `joints` (7,)
+        [rad].
+        """
+        self._weight = weight
+        self._joints = np.array(joints)
+        self._start = self._now = weight(joints)
+        squares = max(float(self._start @ self._start), LEAST_WEIGHT)
+        self.share = float(np.clip(felt @ self._start / squares, -1.0, 1.0))
+
+    def change(self, joints: Sequence[float]) -> Array:
+        """Torques (7,) [N m] by which the estimate changes from rest to `joints` (7,)
+        [rad].
+        """
+        if np.abs(np.subtract(joints, self._joints)).max() > TURNED:
+            self._joints = np.array(joints)
+            self._now = self._weight(joints)
+        return self.share * (self._now - self._start)
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,11 +60,16 @@ class Tare:
 
     wrench: Numbers = (0.0,) * 6
     torques: Numbers = (0.0,) * 7
+    own: "OwnWeight | None" = None
 
     @classmethod
-    def from_states(cls, states: Sequence[Any], allowed: float) -> Self:
+    def from_states(
+        cls, states: Sequence[Any], allowed: float, weight: Weight | None = None
+    ) -> Self:
         """Tare from robot `states` at rest; ArmFault for a force above `allowed` [N] or
         NaN.
+
+        With `weight`, the share of the arm's own weight in the estimate is found, too.
         """
         wrench = np.mean([state.O_F_ext_hat_K for state in states], axis=0)
         torques = np.mean([state.tau_ext_hat_filtered for state in states], axis=0)
@@ -42,18 +80,29 @@ class Tare:
         if not (np.isfinite(wrench).all() and np.isfinite(torques).all()):
             reason = "the robot reports moments or torques at rest that are no numbers"
             raise ArmFault(Cause.PRESSED, reason)
-        return cls(tuple(wrench.tolist()), tuple(torques.tolist()))
+        own = None if weight is None else OwnWeight(weight, states[-1].q, torques)
+        return cls(tuple(wrench.tolist()), tuple(torques.tolist()), own)
+
+    def torques_in(self, state: Any) -> Array:
+        """Torques (7,) [N m] that are estimated without contact at the joints of
+        `state`.
+        """
+        torques = np.array(self.torques)
+        return torques if self.own is None else torques + self.own.change(state.q)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class ForceGuard:
     """Limits on external `force` [N] on the gripper and `torque` [N m] at a joint, less
     `tare`.
+
+    Torques are smoothed over some states, in which a controller may let them alternate.
     """
 
     force: float
     torque: float = 87.0
     tare: Tare = Tare()
+    _torques: Array | None = None
 
     def beyond_tare(self, state: Any) -> list[float]:
         """External wrench (6,) [N, N m] on the gripper in the robot's `state`, less the
@@ -70,7 +119,12 @@ class ForceGuard:
         force = hypot(*self.beyond_tare(state)[:3])
         if not force <= self.force:
             return f"the gripper met {force:.1f} N, allowed {self.force:.1f} N"
-        torques = np.abs(np.subtract(state.tau_ext_hat_filtered, self.tare.torques))
+        expected = self.tare.torques_in(state)
+        felt = np.subtract(state.tau_ext_hat_filtered, expected)
+        if self._torques is not None:
+            felt = self._torques + NEWEST * (felt - self._torques)
+        self._torques = felt
+        torques = np.abs(felt)
         largest = torques.max()  # NaN if any torque is NaN
         if not largest <= self.torque:
             joint = torques.argmax() + 1

@@ -7,7 +7,7 @@ interrupted, so the cell speaks the hand's protocol itself.
 import socket
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from struct import Struct
 from typing import NamedTuple
 
@@ -33,6 +33,7 @@ UNSTOPPED = 0.25  # s after which a stop that changed nothing is sent again
 MOST_STOPS = 3  # stops without effect, after which the hand is given up
 
 NUMBER = Struct("<H")  # a status or a version
+NUMBERS = 1 << 32  # of states, then they begin anew
 LONGEST_REPLY = 64  # bytes; version 3 sends at most 14
 
 Motion = tuple[HandCommand, tuple[float, ...]]  # a command with its numbers
@@ -252,14 +253,19 @@ class FciHand:
         self._repeat_stop()
 
     def _store_state(self, fingers: FingerState | None) -> None:
-        """Store a new state of the fingers; one with the last number is a
-        repetition.
-        """
-        if fingers is not None and fingers.number != self._fingers.number:
+        """Store a state of the fingers that is newer than the last."""
+        if fingers is not None and self._is_newer(fingers):
             self._fingers = fingers
             self._stamp = self._clock.now()
             self._homed = fingers.widest > 0
             self._flagged |= self._closed and fingers.grasped
+
+    def _is_newer(self, fingers: FingerState) -> bool:
+        """Whether `fingers` came after the last state; a datagram may be late or
+        doubled.
+        """
+        ahead = (fingers.number - self._fingers.number) % NUMBERS
+        return 0 < ahead < NUMBERS // 2
 
     def _finish_motion(self, reply: Reply) -> None:
         """End the motion in progress by its reply and start the next; Fault where it
@@ -271,7 +277,8 @@ class FciHand:
         self._ended = self._fingers.number
         self._stop_sent = None
         self._stops = 0
-        if reply.status == HandStatus.FAIL:
+        # of a grasp it may say no more than that nothing of this width is there
+        if reply.status == HandStatus.FAIL and reply.command != HandCommand.GRASP:
             self._next = []
             raise Fault(
                 "hand_failed", "the hand could not do what it was asked; look at Desk"
@@ -299,6 +306,7 @@ class FciHand:
                 self._links, first = _connect(self._address)
             except OSError as error:
                 raise _hand_lost(self._address, error) from error
+            self._fingers = replace(first, number=first.number - 1)  # it counts anew
             self._store_state(first)
         return self._links
 

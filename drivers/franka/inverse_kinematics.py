@@ -17,7 +17,7 @@ from drivers.franka.kinematics import (
     WRIST_REACH,
     pose_and_jacobian,
 )
-from drivers.franka.limits import MIDDLE, POSITION_HIGH, POSITION_LOW, margins
+from drivers.franka.limits import FR3, JointLimits
 
 POSE_TOLERANCE = 1e-7  # m and rad
 ITERATIONS = 150
@@ -64,7 +64,12 @@ class Attempt:
         return max(self.distance, self.angle) < POSE_TOLERANCE
 
 
-def solve(pose: Array, seed: Array = HOME, tool: Array = FLANGE_TO_TIP) -> Array:
+def solve(
+    pose: Array,
+    seed: Array = HOME,
+    tool: Array = FLANGE_TO_TIP,
+    limits: JointLimits = FR3,
+) -> Array:
     """Joints (7,) [rad] within their limits that bring the tool to `pose` (4, 4) in the
     base.
 
@@ -76,7 +81,7 @@ def solve(pose: Array, seed: Array = HOME, tool: Array = FLANGE_TO_TIP) -> Array
         raise Unreachable("it is not finite")
     best: Attempt | None = None
     for start in (seed, *_STARTS):
-        attempt = _descend(pose, np.clip(start, POSITION_LOW, POSITION_HIGH), tool)
+        attempt = _descend(pose, np.clip(start, *limits.ends), tool, limits)
         if attempt.converged:
             return attempt.joints
         if (
@@ -84,7 +89,7 @@ def solve(pose: Array, seed: Array = HOME, tool: Array = FLANGE_TO_TIP) -> Array
             or attempt.distance + attempt.angle < best.distance + best.angle
         ):
             best = attempt
-    raise Unreachable(_failure_reason(pose, tool, best))
+    raise Unreachable(_failure_reason(pose, tool, best, limits))
 
 
 def twist_between(start: Array, end: Array) -> Array:
@@ -200,7 +205,7 @@ def manipulability(jac: Array) -> float:
     return float(np.linalg.svd(jac, compute_uv=False)[-1])
 
 
-def _descend(pose: Array, start: Array, tool: Array) -> Attempt:
+def _descend(pose: Array, start: Array, tool: Array, limits: JointLimits) -> Attempt:
     """Damped least-squares search for joints from `start` (7,) [rad], drawn to
     mid-range.
     """
@@ -211,13 +216,15 @@ def _descend(pose: Array, start: Array, tool: Array) -> Attempt:
         size = float(np.abs(error).max())
         if size < POSE_TOLERANCE / 2:
             break
-        centring = CENTRING_SHARE * (MIDDLE - joints) * min(1.0, CENTRING_GAIN * size)
+        centring = (
+            CENTRING_SHARE * (limits.middle - joints) * min(1.0, CENTRING_GAIN * size)
+        )
         step = _step(jac, error, centring, size)
-        blocked = np.clip(joints + step, POSITION_LOW, POSITION_HIGH) != joints + step
+        blocked = np.clip(joints + step, *limits.ends) != joints + step
         if blocked.any():  # the other joints compensate for those at their limits
             step = _step(jac * ~blocked, error, centring * ~blocked, size)
         step *= min(1.0, LARGEST_STEP / max(float(np.abs(step).max()), LARGEST_STEP))
-        joints = np.clip(joints + step, POSITION_LOW, POSITION_HIGH)
+        joints = np.clip(joints + step, *limits.ends)
     error = twist_between(pose_and_jacobian(joints, tool)[0], pose)
     return Attempt(
         joints, float(np.linalg.norm(error[:3])), float(np.linalg.norm(error[3:]))
@@ -235,7 +242,9 @@ def _step(jac: Array, error: Array, rest: Array, size: float) -> Array:
     return step
 
 
-def _failure_reason(pose: Array, tool: Array, best: Attempt | None) -> str:
+def _failure_reason(
+    pose: Array, tool: Array, best: Attempt | None, limits: JointLimits
+) -> str:
     """Reason, for the operator, why no search reached `pose` (4, 4); `best` came
     nearest.
     """
@@ -248,7 +257,7 @@ def _failure_reason(pose: Array, tool: Array, best: Attempt | None) -> str:
             f"the flange would be {distance:.2f} m from the shoulder; the arm ends"
             " before"
         )
-    room = margins(best.joints)
+    room = limits.margins(best.joints)
     ended = [f"joint {joint + 1}" for joint in range(7) if room[joint] < AT_END]
     missed = (
         f"{1e3 * best.distance:.1f} mm and {np.degrees(best.angle):.1f} deg are missing"
@@ -262,7 +271,7 @@ def _start_postures() -> tuple[Array, ...]:
     """
     folded = frozen([0.0, 0.3, 0.0, -2.2, 0.0, 2.5, 0.8])
     sideways = [frozen(HOME + frozen([yaw, 0, 0, 0, 0, 0, 0])) for yaw in (-1.2, 1.2)]
-    return (HOME, frozen(MIDDLE), folded, *sideways)
+    return (HOME, FR3.middle, folded, *sideways)
 
 
 _STARTS = _start_postures()

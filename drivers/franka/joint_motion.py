@@ -1,17 +1,19 @@
 """Joint motions of a robot that may miss commands: to given joints, or along poses of
 the hand.
 
-A robot that receives no command keeps its acceleration, and stops at a command that
-does not continue this motion. So each setpoint continues the motion that the robot
-reports.
+A robot stops at a command that does not continue its motion, and goes on by itself
+where it receives none: at its acceleration, or not at all. What it reports of its rates
+may be filtered, late or zero. So each setpoint continues the command that the robot is
+found at by its position alone.
 """
 
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from math import sqrt
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import ruckig
 
 from drivers.base.motion import TICK
 from drivers.base.types import Array
@@ -26,11 +28,19 @@ if TYPE_CHECKING:  # it needs the robot's library
 AXES = 7
 JOINT_SPEED = 0.5  # rad/s
 ROUNDING = 3e-7  # rad: more than the rounding of the state
-ACCELERATION_ROUNDING = 1e-6  # rad/s^2, likewise
 GOAL_TOLERANCE = 5e-5  # rad from the goal, below which the motion has arrived
 REST_RATE = 1e-3  # rad/s of its setpoint, slow enough to stop the robot within one tick
-APPROACH_GAIN = 3.0  # 1/s, speed over the remaining distance
 ELBOW_GAIN = 20.0  # 1/s, bandwidth of the elbow's return to its angle
+SUDDEN = 5.0  # times the gain, in a stop while no command was lost
+APPROACH_GAIN = 5.0  # 1/s, rate over the distance near a goal: critically damped
+BRAKING_SHARE = 0.8  # of the acceleration, to brake before a goal
+SMALLEST_WAY = 1e-9  # rad, avoids a division by 0 at the goal
+UNDER_WAY = 4  # commands, the newest, one of which a robot may be found at
+SURE = 0.2  # of its distance: another way of going on must explain it better
+POSITION_ERROR = 6e-8  # rad, usual rounding of a state
+RATE_ERROR = 2e-4  # rad/s, usual error of a rate after lost commands
+ACCELERATION_ERROR = 0.1  # rad/s^2, likewise
+PREDICTED = 2e-6  # rad from a prediction at which its answer still goes on smoothly
 
 Numbers = list[float]
 
@@ -40,174 +50,231 @@ class JointSetpoint(NamedTuple):
     a tick.
     """
 
-    position: Numbers
-    rate: Numbers
-    acceleration: Numbers
+    position: Array
+    rate: Array
+    acceleration: Array
 
     @classmethod
-    def from_state(cls, state: Any) -> "JointSetpoint":
-        """Joint setpoint in the robot's `state`, which rounds its numbers."""
-        return cls(list(state.q_d), list(state.dq_d), list(state.ddq_d))
+    def resting(cls, joints: Numbers) -> "JointSetpoint":
+        """Setpoint at rest at `joints` (7,) [rad]."""
+        return cls(np.array(joints), np.zeros(AXES), np.zeros(AXES))
 
-    def after_a_tick(self) -> "JointSetpoint":
-        """Setpoint one tick later of a robot without a command, which keeps its
-        acceleration.
+    def commanded(self, joints: Numbers) -> "JointSetpoint":
+        """Setpoint one tick later of a robot that receives the command `joints` (7,)
+        [rad].
         """
-        position, rate, acceleration = (np.array(part) for part in self)
-        rate = rate + TICK * acceleration
-        position = position + TICK * rate
-        return JointSetpoint(position.tolist(), rate.tolist(), self.acceleration)
+        rate = (np.array(joints) - self.position) / TICK
+        return JointSetpoint(np.array(joints), rate, (rate - self.rate) / TICK)
 
-    def followed_by(self, state: Any, sent: Numbers, ticks: int) -> "JointSetpoint":
-        """Setpoint in the robot's `state`, `ticks` after this one, free of the state's
-        rounding.
+    def after(self, ticks: int) -> "JointSetpoint":
+        """Setpoint `ticks` later of a robot without a command, at its acceleration."""
+        time = ticks * TICK
+        rate = self.rate + time * self.acceleration
+        mean = self.rate + 0.5 * (time + TICK) * self.acceleration
+        return JointSetpoint(self.position + time * mean, rate, self.acceleration)
 
-        A robot that received its command was at the joints `sent` (7,) one tick later;
-        otherwise it keeps its acceleration.
+    def moved_to(self, joints: Numbers, ticks: int) -> "JointSetpoint":
+        """Setpoint found at `joints` (7,) [rad] where this one was expected after
+        `ticks` ticks.
+
+        The difference is of rate and acceleration at their beginning, each by its usual
+        error (a Kalman filter's update).
         """
-        reported = JointSetpoint.from_state(state)
-        position = self.position
-        if (
-            largest_difference(reported.acceleration, self.acceleration)
-            > ACCELERATION_ROUNDING
-        ):
-            position = sent
-            ticks = max(ticks - 1, 0)
-        for ago in range(ticks):
-            position = [
-                angle + TICK * (rate - ago * TICK * acceleration)
-                for angle, rate, acceleration in zip(
-                    position, reported.rate, reported.acceleration, strict=True
-                )
-            ]
-        if largest_difference(reported.position, position) > ROUNDING:
-            return reported
-        return reported._replace(position=position)
+        time = ticks * TICK
+        by_rate = time  # rad of position per rad/s
+        by_acceleration = 0.5 * time * (time + TICK)
+        off = np.subtract(joints, self.position) / (
+            (by_rate * RATE_ERROR) ** 2
+            + (by_acceleration * ACCELERATION_ERROR) ** 2
+            + POSITION_ERROR**2
+        )
+        rate_error = by_rate * RATE_ERROR**2 * off
+        change = by_acceleration * ACCELERATION_ERROR**2 * off
+        rate = self.rate + rate_error + time * change
+        return JointSetpoint(np.array(joints), rate, self.acceleration + change)
+
+
+class SentCommand(NamedTuple):
+    """Command to a robot: the setpoint of one that receives it, due at robot time
+    `due` [s].
+    """
+
+    due: float
+    setpoint: JointSetpoint
+
+
+class Explanation(NamedTuple):
+    """Setpoint of a robot that received `sent` last, `off` [rad] from where it is."""
+
+    off: float
+    sent: SentCommand
+    setpoint: JointSetpoint
+
+
+class CommandedJoints:
+    """Motion of a robot's joints as it is commanded, found again after lost commands.
+
+    A robot that receives no command goes on at its acceleration, or holds its joints;
+    which of both is learned from where it is. Its `setpoint` at robot time `seconds` is
+    that of the command which explains its position best; what the position differs
+    corrects the acceleration with which it went on.
+    """
+
+    def __init__(self, state: Any) -> None:
+        """Begin at rest at the joints that the robot's `state` reports as commanded."""
+        self.setpoint = JointSetpoint.resting(state.q_d)
+        self.seconds: float = state.time.to_sec()
+        self._sent: deque[SentCommand] = deque(maxlen=UNDER_WAY)
+        self._holds = False
+
+    def send(self, joints: Numbers) -> None:
+        """Remember the command `joints` (7,) [rad], which answers the last state."""
+        setpoint = self.setpoint.commanded(joints)
+        self._sent.append(SentCommand(self.seconds + TICK, setpoint))
+
+    def without_command(self) -> JointSetpoint:
+        """Setpoint in a tick of a robot that receives no command, as it went on
+        before.
+        """
+        return self.setpoint if self._holds else self.setpoint.after(1)
+
+    def update(self, state: Any) -> bool:
+        """Find the setpoint in the robot's `state`; whether it is where the last
+        command told it to be, in time.
+        """
+        before = SentCommand(self.seconds, self.setpoint)
+        self.seconds = state.time.to_sec()
+        last = self._sent[-1] if self._sent else before
+        in_time = self._ticks_since(last) == 0
+        if in_time and _distance(state, last.setpoint) == 0.0:
+            self.setpoint = last.setpoint
+            self._sent.clear()
+            return True
+        self._find(state, before)
+        return in_time and _distance(state, last.setpoint) < ROUNDING
+
+    def _find(self, state: Any, before: SentCommand) -> None:
+        """Set the setpoint of a robot in `state` that was at `before` at the last
+        one.
+        """
+        went_on = self._nearest(state, (before, *self._sent), holds=self._holds)
+        otherwise = self._nearest(state, (before, *self._sent), holds=not self._holds)
+        if otherwise.off < ROUNDING < SURE * went_on.off:
+            self._holds = not self._holds
+            went_on = otherwise
+        while self._sent and self._sent[0].due <= went_on.sent.due:
+            self._sent.popleft()
+        self.setpoint = went_on.setpoint
+        if went_on.off > 0.0:
+            ticks = max(self._ticks_since(went_on.sent), 1)
+            self.setpoint = went_on.setpoint.moved_to(state.q_d, ticks)
+
+    def _nearest(
+        self, state: Any, known: Sequence[SentCommand], *, holds: bool
+    ) -> Explanation:
+        """The best explanation of where the robot's `state` is by commands `known`."""
+        ways = []
+        for sent in known:
+            ticks = 0 if holds else max(self._ticks_since(sent), 0)
+            setpoint = sent.setpoint.after(ticks)
+            off = _distance(state, setpoint)
+            ways.append(Explanation(off, sent, setpoint))
+        return min(ways, key=lambda way: way.off)
+
+    def _ticks_since(self, sent: SentCommand) -> int:
+        """Ticks from where `sent` was due until the last state."""
+        return round((self.seconds - sent.due) / TICK)
 
 
 class RateLimits(NamedTuple):
     """Limits on changes of a joint's rate: acceleration [rad/s^2] and jerk [rad/s^3].
 
-    `gain` [1/s] is from an error of the rate to the acceleration.
+    `gain` [1/s] is from an error of the rate to the acceleration, stable where commands
+    are lost for 15 ms; without losses a stop may have more.
     """
 
     acceleration: float
     jerk: float
-    gain: float
+    gain: float = 20.0
 
 
-GENTLE = RateLimits(acceleration=1.5, jerk=50.0, gain=12.0)
-HARD = RateLimits(acceleration=8.0, jerk=2000.0, gain=30.0)
-"""For a stop out of contact; its gain is stable with commands lost for 15 ms."""
+GENTLE = RateLimits(acceleration=1.5, jerk=50.0)
+HARD = RateLimits(acceleration=8.0, jerk=2000.0)
+"""For a stop out of contact."""
 
 
 class JointMotion:
-    """Generator of joint setpoints (7,) [rad] on the way to a goal, one per tick.
+    """Generator of joint setpoints (7,) [rad] on the straight way to a goal, one per
+    tick.
 
-    It follows a time-optimal plan while every command arrives, and a proportional
-    controller afterwards. The plan reverses its acceleration at the last moment: a
-    robot that misses commands overshoots and oscillates about the goal. The
-    controller's speed is proportional to the remaining distance, with a time constant
-    ten times longer than any such delay.
+    Each goes on from where the robot is found, at a rate that the distance to the goal
+    allows: a plan in time would reverse its acceleration at the last moment, and a
+    robot that misses commands would oscillate about the goal.
     """
 
     def __init__(self, state: Any, goal: Numbers, share: float) -> None:
-        """Plan from rest in `state` to rest at joints `goal` (7,) [rad], at `share` of
+        """Move from rest in `state` to rest at joints `goal` (7,) [rad], at `share` of
         speed.
         """
-        start = list(state.q_d)
-        self._planner = ruckig.Ruckig(AXES, TICK)
-        self._input = _planner_input(start, goal, share)
-        self._output = ruckig.OutputParameter(AXES)
-        self._goal: Numbers | None = goal
+        self._commanded = CommandedJoints(state)
+        self._goal: Array | None = np.array(goal)
         self._speed = share * JOINT_SPEED
         self._limits = GENTLE._replace(acceleration=share * GENTLE.acceleration)
-        self._time = state.time.to_sec()
-        self._setpoint = JointSetpoint(start, [0.0] * AXES, [0.0] * AXES)
-        self._sent = start
-        self._planned = True
         self._missed = False
 
     @property
+    def joints(self) -> Numbers:
+        """Joints (7,) [rad] at which the robot was last found."""
+        found: Numbers = self._commanded.setpoint.position.tolist()
+        return found
+
+    @property
     def arrived(self) -> bool:
-        """Whether the setpoints have reached the goal."""
-        if not self._missed:
-            return not self._planned
-        resting = max(map(abs, self._setpoint.rate)) < REST_RATE
-        if self._goal is None:
-            return resting
+        """Whether the robot rests at the goal, or anywhere once it brakes."""
+        position, rate, _ = self._commanded.setpoint
+        if np.abs(rate).max() >= REST_RATE:
+            return False
         return (
-            resting
-            and largest_difference(self._setpoint.position, self._goal) < GOAL_TOLERANCE
+            self._goal is None
+            or largest_difference(position, self._goal) < GOAL_TOLERANCE
         )
 
     def tick(self) -> Numbers:
-        """Next setpoint (7,) [rad] of all joints; ArmFault where no motion leads to the
-        goal.
-        """
-        self._sent = (
-            self._stepwise_setpoint() if self._missed else self._planned_setpoint()
-        )
-        return self._sent
+        """Next setpoint (7,) [rad] of all joints."""
+        position, rate, acceleration = self._commanded.setpoint
+        limits = self._limits
+        sudden = self._goal is None and not self._missed
+        gain = SUDDEN * limits.gain if sudden else limits.gain
+        target = _clip(gain * (self._wanted() - rate), limits.acceleration)
+        change = _clip(target - acceleration, limits.jerk * TICK)
+        rate = rate + TICK * (acceleration + change)
+        joints: Numbers = (position + TICK * rate).tolist()
+        self._commanded.send(joints)
+        return joints
 
     def update(self, state: Any) -> None:
-        """Continue from the setpoint in the robot's `state` where it is not the one
-        last sent.
-
-        The state is rounded: 1e-7 rad in one tick is 0.1 rad/s^2. The exact setpoint
-        follows from the last command that the robot received, as it keeps its
-        acceleration without one.
-        """
-        time = state.time.to_sec()
-        ticks = round((time - self._time) / TICK)
-        self._time = time
-        off = largest_difference(state.q_d, self._sent) > ROUNDING
-        self._missed = self._missed or ticks != 1 or off
-        self._setpoint = self._setpoint.followed_by(state, self._sent, ticks)
+        """Go on from where the robot is found in its `state`."""
+        self._missed |= not self._commanded.update(state)
 
     def brake(self, limits: RateLimits = GENTLE) -> None:
         """From now on brake to rest, wherever that is, within `limits`."""
         self._goal = None
         self._limits = limits
-        self._input.max_acceleration = [limits.acceleration] * AXES
-        self._input.max_jerk = [limits.jerk] * AXES
-        self._input.control_interface = ruckig.ControlInterface.Velocity
-        self._input.target_velocity = self._input.target_acceleration = [0.0] * AXES
 
-    def _planned_setpoint(self) -> Numbers:
-        """Next setpoint (7,) [rad] of the time-optimal plan."""
-        result = self._planner.update(self._input, self._output)
-        if result not in (ruckig.Result.Working, ruckig.Result.Finished):
-            raise ArmFault(Cause.COMMAND, "no motion leads to these joints")
-        self._planned = bool(result == ruckig.Result.Working)
-        self._output.pass_to_input(self._input)
-        setpoint: Numbers = self._output.new_position
-        return setpoint
-
-    def _stepwise_setpoint(self) -> Numbers:
-        """Next setpoint (7,) [rad] by proportional control: speeds proportional to the
-        distance.
+    def _wanted(self) -> Array:
+        """Rates (7,) [rad/s] straight to the goal, from which the joints can brake
+        there.
         """
-        rates = [0.0] * AXES
-        if self._goal is not None:
-            away = np.subtract(self._goal, self._setpoint.position).tolist()
-            fastest = APPROACH_GAIN * max(map(abs, away))
-            gain = APPROACH_GAIN * min(1.0, self._speed / fastest) if fastest else 0.0
-            rates = [gain * distance for distance in away]  # one gain for all: straight
-        return [
-            self._next_position(*joint)
-            for joint in zip(*self._setpoint, rates, strict=True)
-        ]
-
-    def _next_position(
-        self, position: float, rate: float, acceleration: float, target_rate: float
-    ) -> float:
-        """Setpoint [rad] of one joint that approaches `target_rate` [rad/s]."""
-        target = _clip(
-            self._limits.gain * (target_rate - rate), self._limits.acceleration
-        )
-        acceleration += _clip(target - acceleration, self._limits.jerk * TICK)
-        return position + TICK * (rate + TICK * acceleration)
+        if self._goal is None:
+            return np.zeros(AXES)
+        away = self._goal - self._commanded.setpoint.position
+        furthest = float(np.abs(away).max())
+        braking = BRAKING_SHARE * self._limits.acceleration
+        near = braking / APPROACH_GAIN**2
+        rate = APPROACH_GAIN * furthest
+        if furthest > near:
+            rate = sqrt(braking * (2 * furthest - near))
+        return min(rate, self._speed) / max(furthest, SMALLEST_WAY) * away
 
 
 def follow_joints(
@@ -227,7 +294,7 @@ def follow_joints(
     state = robot.read(motion)
     setpoints = JointMotion(state, joints, share)
     objection = ""
-    while not (setpoints.arrived and max(map(abs, state.dq_d)) < REST_RATE):
+    while not setpoints.arrived:
         if not objection and until(state):
             setpoints.brake()
         robot.write_joints(motion, setpoints.tick())
@@ -236,7 +303,7 @@ def follow_joints(
         objection = objection or guard.objection(state)
         if objection:
             setpoints.brake(HARD)
-    robot.write_joints(motion, list(state.q_d), last=True)
+    robot.write_joints(motion, setpoints.joints, last=True)
     if objection:
         raise ArmFault(Cause.CONTACT, objection)
     return list(state.q)
@@ -281,13 +348,12 @@ class CartesianMotion:
         """
         self._robot = robot
         self._own_clock = own_clock
-        # whether `_setpoint` predicts the robot a tick after `_time`
+        # whether `_setpoint` predicts the robot a tick after its last state
         self._ahead = False
-        self._setpoint: JointSetpoint | None = None
-        self._sent: Numbers = []
+        self._commanded: CommandedJoints | None = None
+        self._setpoint = JointSetpoint.resting([0.0] * AXES)
         self._sent_pose: Array | None = None
         self._past_poses: list[Array] = []  # setpoints (4, 4), the newest first
-        self._time = 0.0
         # rad, rad, rad/s: elbow at the start, its commanded angle and rate
         self._initial_elbow = self._elbow = self._elbow_rate = 0.0
 
@@ -295,7 +361,7 @@ class CartesianMotion:
         """Start a motion commanded by hand poses; the elbow (joint 3) keeps its present
         angle.
         """
-        self._setpoint = None
+        self._commanded = None
         self._sent_pose = None
         self._ahead = False
         return self._robot.start_joints()
@@ -305,46 +371,43 @@ class CartesianMotion:
         the joints.
         """
         state = self._robot.read(motion)
-        time = state.time.to_sec()
-        if self._setpoint is None:
-            setpoint = JointSetpoint.from_state(state)
-            self._resynchronise(setpoint)
-            self._sent = setpoint.position
+        if self._commanded is None:
+            self._commanded = CommandedJoints(state)
+            self._resynchronise(self._commanded.setpoint)
             self._initial_elbow = self._elbow
         else:
-            ticks = max(round((time - self._time) / TICK), 0)
-            self._advance(self._setpoint.followed_by(state, self._sent, ticks), ticks)
-        self._time = time
+            self._advance(self._commanded, state)
         pose, last_pose, pose_before = self._past_poses
         twist = _twist(pose, last_pose)
         twist_change = (twist - _twist(last_pose, pose_before)) / TICK
         return CartesianState(
             state=state,
-            seconds=time + TICK * self._ahead,
+            seconds=self._commanded.seconds + TICK * self._ahead,
             O_T_EE_c=pose.T.ravel().tolist(),
             O_dP_EE_c=twist.tolist(),
             O_ddP_EE_c=twist_change.tolist(),
         )
 
-    def _advance(self, setpoint: JointSetpoint, ticks: int) -> None:
-        """Continue from `setpoint`, `ticks` after the last; predict a robot on its own
-        clock.
+    def _advance(self, commanded: CommandedJoints, state: Any) -> None:
+        """Continue from the robot's `state`; predict a robot on its own clock after a
+        loss.
         """
-        off = largest_difference(setpoint.position, self._sent)
-        if self._sent_pose is not None and ticks == 1 and off < ROUNDING:
-            self._setpoint = setpoint
+        received = commanded.update(state)
+        if received and self._sent_pose is not None:
+            self._setpoint = commanded.setpoint
             self._past_poses = [self._sent_pose, *self._past_poses[:2]]
             return
         self._ahead = self._own_clock
-        self._resynchronise(setpoint.after_a_tick() if self._ahead else setpoint)
+        ahead = commanded.without_command()
+        self._resynchronise(ahead if self._ahead else commanded.setpoint)
 
     def _resynchronise(self, setpoint: JointSetpoint) -> None:
         """Set the joints' setpoint, the elbow's motion and past hand poses to
         `setpoint`.
         """
         self._setpoint = setpoint
-        self._elbow = setpoint.position[ELBOW_JOINT]
-        self._elbow_rate = setpoint.rate[ELBOW_JOINT]
+        self._elbow = float(setpoint.position[ELBOW_JOINT])
+        self._elbow_rate = float(setpoint.rate[ELBOW_JOINT])
         self._past_poses = _past_poses(setpoint)
 
     def write_pose(self, motion: Any, pose: Numbers, *, last: bool = False) -> None:
@@ -353,20 +416,17 @@ class CartesianMotion:
 
         Raises ArmFault before the first state.
         """
-        if self._setpoint is None:
+        if self._commanded is None:
             raise ArmFault(
                 Cause.COMMAND, "a pose was sent before the first state was read"
             )
         target = pose_from_columns(pose)
         joints = self._joints_at(target, self._setpoint)
-        if (
-            self._ahead
-            and not self._await_prediction(motion, self._setpoint)
-            and not last
-        ):
+        predicted = not self._ahead or self._await_prediction(motion, self._commanded)
+        if not predicted and not last:
             return
-        self._sent = joints
         self._sent_pose = target
+        self._commanded.send(joints)
         self._robot.write_joints(motion, joints, last=last)
 
     def _joints_at(self, target: Array, setpoint: JointSetpoint) -> Numbers:
@@ -374,7 +434,7 @@ class CartesianMotion:
         `setpoint`.
         """
         # one Newton step is exact there
-        near = np.array(setpoint.after_a_tick().position)
+        near = setpoint.after(1).position
         # critically damped return of the elbow
         restoring_rate = (
             ELBOW_GAIN * (self._initial_elbow - self._elbow) - 2.0 * self._elbow_rate
@@ -385,33 +445,45 @@ class CartesianMotion:
         joints = near + joint_step(near, near_pose, jacobian, target, self._elbow)
         return list(joints.tolist())
 
-    def _await_prediction(self, motion: Any, predicted: JointSetpoint) -> bool:
-        """Read the robot's next state; False, and continue from it, where it is not
-        `predicted`.
+    def _await_prediction(self, motion: Any, commanded: CommandedJoints) -> bool:
+        """Read the robot's next state; False, and continue from it, where it is not the
+        predicted one.
         """
         state = self._robot.read_queued(motion)
-        predicted_time = self._time + TICK
-        self._time = state.time.to_sec()
+        due = commanded.seconds + TICK
+        predicted = self._setpoint
+        commanded.update(state)
         self._ahead = False
-        off = largest_difference(predicted.position, state.q_d)
-        if round((self._time - predicted_time) / TICK) == 0 and off < ROUNDING:
+        self._setpoint = commanded.setpoint
+        if (
+            round((commanded.seconds - due) / TICK) == 0
+            and _distance(state, predicted) < PREDICTED
+        ):
             return True
-        self._setpoint = JointSetpoint.from_state(state)
-        self._sent = self._setpoint.position
         self._sent_pose = None
         return False
 
 
-def largest_difference(first: Numbers, second: Numbers) -> float:
-    """Largest |a - b| over the entries a, b at the same place of two lists of one
-    length.
+def largest_difference(
+    first: Sequence[float] | Array, second: Sequence[float] | Array
+) -> float:
+    """Largest |a - b| over the entries a, b at the same place of `first` and `second`
+    (n,).
     """
-    return max(abs(a - b) for a, b in zip(first, second, strict=True))
+    return float(max(abs(a - b) for a, b in zip(first, second, strict=True)))
+
+
+def _distance(state: Any, setpoint: JointSetpoint) -> float:
+    """Distance [rad] of the robot's `state` from `setpoint`, which a state would
+    round.
+    """
+    rounded = np.float32(setpoint.position)
+    return float(np.abs(np.subtract(state.q_d, rounded)).max())
 
 
 def _past_poses(setpoint: JointSetpoint) -> list[Array]:
     """Hand poses (4, 4) [m] in the base now, one tick ago and two ticks ago."""
-    position, rate, acceleration = (np.array(part) for part in setpoint)
+    position, rate, acceleration = setpoint
     one_ago = position - TICK * rate
     two_ago = one_ago - TICK * (rate - TICK * acceleration)
     joints = np.array([position, one_ago, two_ago])
@@ -433,25 +505,7 @@ def _twist(after: Array, before: Array) -> Array:
     )
 
 
-def _planner_input(
-    start: Numbers, goal: Numbers, share: float
-) -> ruckig.InputParameter:
-    """Ruckig's input from rest at `start` to rest at `goal` (7,) [rad], straight in
-    joint space.
-
-    Speed and acceleration are a `share` of the full ones; the jerk is not scaled.
-    """
-    planner = ruckig.InputParameter(AXES)
-    planner.synchronization = ruckig.Synchronization.Phase  # straight
-    planner.current_position = start
-    planner.target_position = goal
-    planner.current_velocity = planner.current_acceleration = [0.0] * AXES
-    planner.max_velocity = [share * JOINT_SPEED] * AXES
-    planner.max_acceleration = [share * GENTLE.acceleration] * AXES
-    planner.max_jerk = [GENTLE.jerk] * AXES
-    return planner
-
-
-def _clip(value: float, limit: float) -> float:
-    """`value` bounded to the range from -`limit` to `limit`."""
-    return min(max(value, -limit), limit)
+def _clip(values: Array, limit: float) -> Array:
+    """`values` (7,), in proportion, so that none is beyond `limit`."""
+    largest = float(np.abs(values).max())
+    return values if largest <= limit else limit / largest * values

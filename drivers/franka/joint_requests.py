@@ -12,12 +12,12 @@ import numpy as np
 
 from drivers.base.child import Child
 from drivers.base.types import Array
-from drivers.franka import limits
 from drivers.franka.collision import Solids
 from drivers.franka.failure import ArmFault, Cause
 from drivers.franka.force import ForceGuard
 from drivers.franka.inverse_kinematics import straight
 from drivers.franka.joint_motion import follow_joints
+from drivers.franka.limits import FR3, JointLimits
 from drivers.franka.obstacles import (
     ARM_CLEARANCE,
     CLEARANCE_TOLERANCE,
@@ -125,11 +125,13 @@ def _go(
         return termination.is_set or pipe.poll()
 
     if request.recover:
-        retreat(robot, access.settings, interrupted, solids)
+        retreat(robot, access.settings, interrupted, solids, access.limits)
     robot.configure(access.settings.collision)
     guard = robot.tared_guard()
     reached = list(robot.state().q)
-    path = clear_path(np.array(reached), np.array(request.joints), solids)
+    path = clear_path(
+        np.array(reached), np.array(request.joints), solids, access.limits
+    )
     for joints in path:
         if interrupted():
             break
@@ -143,7 +145,11 @@ def _go(
 
 
 def retreat(
-    robot: Any, settings: FciSettings, interrupted: Callable[[], bool], solids: Solids
+    robot: Any,
+    settings: FciSettings,
+    interrupted: Callable[[], bool],
+    solids: Solids,
+    limits: JointLimits = FR3,
 ) -> None:
     """Move a `robot` at rest along the force on its gripper, if that force is more than
     allowed.
@@ -162,7 +168,8 @@ def retreat(
             " again"
         )
         raise ArmFault(Cause.PRESSED, reason)
-    path = _steps_away(np.array(state.q), np.array(state.O_F_ext_hat_K[:3]) / size)
+    away = np.array(state.O_F_ext_hat_K[:3]) / size
+    path = _steps_away(np.array(state.q), away, limits)
     _require_room(path, solids)
     robot.configure(_raise_thresholds(settings.collision, size))
     guard = ForceGuard(size + FORCE_RISE)
@@ -190,7 +197,7 @@ def _force_on_gripper(state: Any) -> float:
     return float(np.linalg.norm(state.O_F_ext_hat_K[:3]))
 
 
-def _steps_away(joints: Array, direction: Array) -> Array:
+def _steps_away(joints: Array, direction: Array, limits: JointLimits) -> Array:
     """Joints (n, 7) [rad] that move the gripper by AWAY along `direction` (3,), without
     a turn.
     """

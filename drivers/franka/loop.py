@@ -121,7 +121,9 @@ class ServoLoop:
             installation.limits, installation.workspace, start
         )
         self._offset = FadingOffset()
-        self._reach = ReachGuard(self._plane, installation.limits, state.q)
+        self._reach = ReachGuard(
+            self._plane, installation.limits, state.q, access.limits
+        )
         # missed commands count from here
         self._state = self._wait_until_followed(state)
         self._time = self._state.seconds

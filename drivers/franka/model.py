@@ -159,8 +159,9 @@ def _hand() -> str:
     )
 
 
-def arm_urdf() -> str:
-    """URDF text of the arm: seven joints with their limits, and the flange as link8.
+def arm_urdf(revision: limits.Revision = "fr3") -> str:
+    """URDF text of the arm: seven joints with their published limits, and the flange as
+    link8.
 
     The clients read `limit` and `position_based_velocity_limits` of joint1 to joint7.
     Masses are placeholders: the kinematic twin has none.
@@ -171,7 +172,8 @@ def arm_urdf() -> str:
         f' value="1"/>{inertia}</inertial></link>\n'
         for number in range(9)
     )
-    joints = "".join(_urdf_joint(number) for number in range(7))
+    joint_limits = limits.PUBLISHED[revision]
+    joints = "".join(_urdf_joint(number, joint_limits) for number in range(7))
     flange = (
         '<joint name="joint8" type="fixed"><parent link="link7"/><child link="link8"/>'
         f'<origin xyz="0 0 {FLANGE}" rpy="0 0 0"/></joint>\n'
@@ -181,21 +183,22 @@ def arm_urdf() -> str:
     )
 
 
-def _urdf_joint(index: int) -> str:
+def _urdf_joint(index: int, joint_limits: limits.JointLimits) -> str:
     """URDF of the joint between link `index`, from 0, and the next one, with its
     limits.
     """
     a, _, alpha = PARAMETERS[index]
     across, along = offset_in_frame(index)
     span = (
-        f'<limit lower="{limits.POSITION_LOW[index]}"'
-        f' upper="{limits.POSITION_HIGH[index]}" velocity="{limits.VELOCITY[index]}"'
+        f'<limit lower="{joint_limits.lower[index]}"'
+        f' upper="{joint_limits.upper[index]}"'
+        f' velocity="{joint_limits.velocity[index]}"'
         f' effort="{limits.LARGEST_TORQUE[index]}"/>'
     )
     braking = (
         "<position_based_velocity_limits"
-        f' velocity_offset="{limits.VELOCITY_OFFSET[index]}"'
-        f' deceleration_limit="{limits.DECELERATION[index]}"/>'
+        f' velocity_offset="{joint_limits.offset[index]}"'
+        f' deceleration_limit="{joint_limits.deceleration[index]}"/>'
     )
     return (
         f'<joint name="joint{index + 1}" type="revolute"><parent'

@@ -11,11 +11,11 @@ from drivers.base.errors import Fault
 from drivers.base.geometry import even_points, interpolate_columns
 from drivers.base.installation import Installation
 from drivers.base.types import Array, Pose, frozen
-from drivers.franka import limits
 from drivers.franka.collision import Solids, self_clearance
 from drivers.franka.failure import ArmFault, Cause
 from drivers.franka.inverse_kinematics import straight
 from drivers.franka.kinematics import HOME
+from drivers.franka.limits import FR3, JointLimits
 from drivers.franka.shapes import (
     CLAMP,
     FLANGE,
@@ -116,7 +116,9 @@ def floor_of(installation: Installation) -> Solids:
     return Solids(installation.mounting.transform().matrix, [floor])
 
 
-def clear_path(start: Array, goal: Array, solids: Solids) -> list[Array]:
+def clear_path(
+    start: Array, goal: Array, solids: Solids, limits: JointLimits = FR3
+) -> list[Array]:
     """Joint waypoints (7,) [rad] from `start` (excluded) to `goal` on a path clear of
     all `solids`.
 
@@ -127,7 +129,7 @@ def clear_path(start: Array, goal: Array, solids: Solids) -> list[Array]:
     objection = _objection([start, goal], solids)
     if not objection:
         return [goal]
-    for points in _detours(start, goal, solids.frame[:3, 2]):
+    for points in _detours(start, goal, solids.frame[:3, 2], limits):
         if not _objection([start, *points, goal], solids):
             return [*points, goal]
     reason = (
@@ -137,12 +139,14 @@ def clear_path(start: Array, goal: Array, solids: Solids) -> list[Array]:
     raise ArmFault(Cause.BLOCKED, reason)
 
 
-def _detours(start: Array, goal: Array, up: Array) -> Iterator[list[Array]]:
+def _detours(
+    start: Array, goal: Array, up: Array, limits: JointLimits
+) -> Iterator[list[Array]]:
     """Yield detours between start and goal, shortest first, as joint waypoints (7,)
     [rad].
     """
-    ascents = [_joints_above(start, up, rise) for rise in RISES]
-    descents = [_joints_above(goal, up, rise)[::-1] for rise in RISES]
+    ascents = [_joints_above(start, up, rise, limits) for rise in RISES]
+    descents = [_joints_above(goal, up, rise, limits)[::-1] for rise in RISES]
     yield from ascents
     yield from descents
     yield from (
@@ -154,7 +158,9 @@ def _detours(start: Array, goal: Array, up: Array) -> Iterator[list[Array]]:
         yield [*rising, HOME, *sinking]
 
 
-def _joints_above(joints: Array, up: Array, rise: float) -> list[Array]:
+def _joints_above(
+    joints: Array, up: Array, rise: float, limits: JointLimits
+) -> list[Array]:
     """Joints (7,) [rad] at each LEG_RISE straight `up` (3,) to `rise` [m], as far as in
     reach.
     """

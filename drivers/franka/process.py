@@ -14,6 +14,7 @@ from drivers.base.child import Child, ChildDied
 from drivers.base.clock import lock_memory, take_priority, wake_promptly
 from drivers.base.installation import Installation
 from drivers.franka.failure import ArmFault, Cause, one_line
+from drivers.franka.limits import FR3, JointLimits
 from drivers.franka.settings import FciSettings, RealTime
 
 END_PATIENCE = 2.0  # s for the arm to come to rest and the process to end
@@ -22,13 +23,14 @@ PRIORITY = 80  # of 1 to 99, above ordinary threads and below the kernel's
 
 @dataclass(frozen=True, slots=True)
 class RobotAccess:
-    """Robot to connect to: its `address`, its settings and the installation of its
-    arm.
+    """Robot to connect to: its `address`, its settings, the installation of its arm,
+    and the joint limits by which its motions are planned.
     """
 
     address: str
     settings: FciSettings
     installation: Installation
+    limits: JointLimits = FR3
 
 
 class TerminationFlag:
@@ -85,7 +87,7 @@ def connection(pipe: Connection, access: RobotAccess) -> Iterator[Any]:
     try:
         from drivers.franka.robot import Robot
 
-        robot = Robot(access.address, access.settings)
+        robot = Robot(access.address, access.settings, access.limits)
         apply_realtime(access.settings.realtime)
         yield robot
     except ArmFault as fault:

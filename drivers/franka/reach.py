@@ -10,7 +10,6 @@ import numpy as np
 from drivers.base.installation import Installation, MotionLimits
 from drivers.base.motion import PredictedMotion
 from drivers.base.types import ZERO_VELOCITY, Array, Pose, Velocity, frozen
-from drivers.franka import limits
 from drivers.franka.inverse_kinematics import (
     ELBOW_JOINT,
     Unreachable,
@@ -20,6 +19,7 @@ from drivers.franka.inverse_kinematics import (
     track,
 )
 from drivers.franka.kinematics import HOME, pose_and_jacobian
+from drivers.franka.limits import ACCELERATION, FR3, JointLimits
 from drivers.franka.plane import StripPlane
 
 # of a whole path, before the motion
@@ -95,6 +95,7 @@ def plan_reach(
     path: Array,
     speeds: Array,
     elbows: tuple[float, ...] = ELBOWS,
+    limits: JointLimits = FR3,
 ) -> Reach:
     """Choose the start posture with which the arm best follows a gripper path.
 
@@ -108,7 +109,9 @@ def plan_reach(
     frame = installation.mounting.transform()
     planes = [StripPlane(frame, turned=turned) for turned in (False, True)]
     tracked = [
-        reach for plane in planes for reach in _postures(plane, poses, times, elbows)
+        reach
+        for plane in planes
+        for reach in _postures(plane, poses, times, elbows, limits)
     ]
     if not tracked:
         x, z, pitch = path[0].tolist()
@@ -128,7 +131,7 @@ def plan_reach(
     for reach in tracked:
         if reach.allowed:
             guard = ReachGuard(
-                planes[reach.turned], installation.limits, reach.start.tolist()
+                planes[reach.turned], installation.limits, reach.start.tolist(), limits
             )
             braking = _first_braking(guard, poses, times)
             if braking is None:
@@ -141,7 +144,11 @@ def plan_reach(
 
 
 def _postures(
-    plane: StripPlane, poses: Array, times: Array, elbows: tuple[float, ...]
+    plane: StripPlane,
+    poses: Array,
+    times: Array,
+    elbows: tuple[float, ...],
+    limits: JointLimits,
 ) -> Iterator[Reach]:
     """Yield the result of tracking `poses` from each start posture, one for each elbow
     angle.
@@ -149,15 +156,17 @@ def _postures(
     for elbow in elbows:
         seed = HOME + frozen([-elbow, 0, elbow, 0, 0, 0, 0])
         try:
-            near = solve(plane.matrix(*poses[0].tolist()), seed)
+            near = solve(plane.matrix(*poses[0].tolist()), seed, limits=limits)
         except Unreachable:
             continue
         tracked = track(near, plane.matrix(*poses[0].tolist()), elbow, PATH_ITERATIONS)
         if tracked is not None:
-            yield _track_path(plane, poses, times, tracked[0])
+            yield _track_path(plane, poses, times, tracked[0], limits)
 
 
-def _track_path(plane: StripPlane, poses: Array, times: Array, start: Array) -> Reach:
+def _track_path(
+    plane: StripPlane, poses: Array, times: Array, start: Array, limits: JointLimits
+) -> Reach:
     """Track the joints along `poses` (n, 3) from `start` (7,) [rad], up to
     MOST_PROBLEMS.
     """
@@ -174,7 +183,7 @@ def _track_path(plane: StripPlane, poses: Array, times: Array, start: Array) -> 
         before = joints
         joints = tracked[0]
         margins = np.minimum(margins, limits.margins(joints))
-        reason = _step_objection(before, joints, time)
+        reason = _step_objection(before, joints, time, limits)
         if reason:
             problems.append(Problem(x, z, pitch, reason))
         if len(problems) >= MOST_PROBLEMS:
@@ -204,7 +213,9 @@ def _first_braking(guard: "ReachGuard", poses: Array, times: Array) -> Problem |
     return None
 
 
-def _step_objection(joints: Array, target: Array, time: float) -> str:
+def _step_objection(
+    joints: Array, target: Array, time: float, limits: JointLimits
+) -> str:
     """Reason to refuse a step from `joints` to `target` (7,) in `time` [s]; empty for
     none.
     """
@@ -260,12 +271,17 @@ class ReachGuard:
     """
 
     def __init__(
-        self, plane: StripPlane, motion: MotionLimits, joints: list[float]
+        self,
+        plane: StripPlane,
+        motion: MotionLimits,
+        joints: list[float],
+        limits: JointLimits = FR3,
     ) -> None:
         """Guard a motion in `plane` that begins at `joints` (7,) [rad], with its axes'
         limits.
         """
         self._plane = plane
+        self._limits = limits
         self._elbow = float(joints[ELBOW_JOINT])
         self._ahead: Array = np.array(joints)
         self._at_rest: Array = np.array(joints)
@@ -287,7 +303,9 @@ class ReachGuard:
         self._at_rest, rest_rates = self._track(self._at_rest, rest)
         if rates is None or rest_rates is None:
             return "the arm does not reach on"
-        margins = np.minimum(limits.margins(self._ahead), limits.margins(self._at_rest))
+        margins = np.minimum(
+            self._limits.margins(self._ahead), self._limits.margins(self._at_rest)
+        )
         if margins.min() < JOINT_MARGIN:
             return f"joint {int(margins.argmin()) + 1} comes to its end"
         demand = self._demand(rates, rest_rates, velocity, acceleration)
@@ -315,15 +333,12 @@ class ReachGuard:
                 # the motion: velocity, acceleration; braking now, and at its end
                 self._rate_shares(turning),
                 np.abs(rates @ acceleration + bending)
-                / limits.ACCELERATION
+                / ACCELERATION
                 / ACCELERATION_SHARE,
-                np.abs(rates @ braking + bending) / limits.ACCELERATION,
-                np.abs(rest_rates @ braking) / limits.ACCELERATION,
+                np.abs(rates @ braking + bending) / ACCELERATION,
+                np.abs(rest_rates @ braking) / ACCELERATION,
                 # a simultaneous change of all axes where the arm would rest
-                np.abs(rest_rates)
-                @ self._acceleration
-                / limits.ACCELERATION
-                / CHANGE_SHARE,
+                np.abs(rest_rates) @ self._acceleration / ACCELERATION / CHANGE_SHARE,
             ]
         )
         return demand
@@ -345,7 +360,7 @@ class ReachGuard:
 
     def _rate_shares(self, rates: Array) -> Array:
         """Joint `rates` (7,) [rad/s] as shares of their limits; 1 is the limit."""
-        low, high = limits.velocity_bounds(self._ahead)
+        low, high = self._limits.velocity_bounds(self._ahead)
         return np.asarray(
             np.maximum(rates / high, rates / low) / VELOCITY_SHARE, dtype=np.float64
         )

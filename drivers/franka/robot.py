@@ -3,7 +3,7 @@ time.
 """
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from importlib.metadata import version
 from time import perf_counter
@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pylibfranka as franka
 
+from drivers.base.types import Array
 from drivers.franka.checks import (
     LIBRARY_VERSION,
     read_description,
@@ -21,6 +22,8 @@ from drivers.franka.checks import (
 )
 from drivers.franka.failure import ArmFault, Cause, one_line
 from drivers.franka.force import ForceGuard, Tare
+from drivers.franka.limits import JointLimits
+from drivers.franka.model import holding_torques
 from drivers.franka.settings import CollisionSettings, FciSettings, RealTime
 
 TARE_STATES = 50  # states, of which the force at rest is the mean
@@ -47,13 +50,15 @@ class Robot:
     ArmFault.
     """
 
-    def __init__(self, address: str, settings: FciSettings) -> None:
-        """Connect to the robot at `address`; ArmFault if its joint limits are too
-        narrow.
+    def __init__(
+        self, address: str, settings: FciSettings, planned: JointLimits
+    ) -> None:
+        """Connect to the robot at `address`; ArmFault if its joint limits are not those
+        `planned` with.
         """
         description = read_description(address)
         if description is not None:
-            require_limits(description)
+            require_limits(description, planned)
         self._settings = settings
         self._robot = _connect(address, settings.realtime)
 
@@ -108,10 +113,18 @@ class Robot:
         """Force guard with a tare taken now, at rest; ArmFault for too large a
         force.
         """
-        states = [self.state() for _ in range(TARE_STATES)]
+        with _library_errors(self._stop_reason):
+            self._robot.read_once()  # stale after a pause
+            # one after the other, as torques may alternate from state to state
+            states = [self._robot.read_once() for _ in range(TARE_STATES)]
         settings = self._settings
-        tare = Tare.from_states(states, settings.rest)
+        tare = Tare.from_states(states, settings.rest, self._weight)
         return ForceGuard(settings.guard, settings.guard_torque, tare)
+
+    def _weight(self, joints: Sequence[float]) -> Array:
+        """Joint torques (7,) [N m] that hold arm and hand at `joints` (7,) [rad]."""
+        tool = self._settings.tool
+        return holding_torques(np.array(joints), tool.mass, np.array(tool.centre))
 
     def recover(self) -> None:
         """Make the robot recover from a reflex, so that it can move again."""

@@ -6,6 +6,7 @@ from pydantic import Field
 
 from drivers.base.installation import AxisLimits, Installation, MotionLimits
 from drivers.base.settings import Settings
+from drivers.franka.limits import Revision
 from drivers.franka.model import HAND_CENTRE, HAND_MASS
 
 RealTime = Literal["enforce", "priority", "ignore"]
@@ -76,6 +77,7 @@ class FciSettings(Settings):
 
     Without an `address` the cell starts a twin that speaks the robot's protocol, in
     `lock_step`; with one, only a twin that was started in lock-step can be driven so.
+    Plans without a robot have the published limits of `model`; with one, its own.
     `realtime` enforce requires a real-time kernel, as the manufacturer does; priority
     only that the user may have real-time priority, which the process that owns the loop
     takes; ignore neither. The arm brakes at `guard` [N] on the gripper and at
@@ -88,6 +90,7 @@ class FciSettings(Settings):
 
     address: str | None = Field(None, pattern=r"^[A-Za-z0-9.:-]+$")
     lock_step: bool | None = None
+    model: Revision = "fr3"
     realtime: RealTime = "enforce"
     guard: Force = 15.0
     guard_torque: float = Field(15.0, gt=0, le=87)

@@ -18,7 +18,9 @@ from drivers.base.installation import Installation
 from drivers.base.protocols import Camera
 from drivers.base.types import frozen
 from drivers.franka.arm import FciArm
+from drivers.franka.checks import joint_limits
 from drivers.franka.hand import FciHand
+from drivers.franka.limits import FR3, JointLimits
 from drivers.franka.obstacles import floor_of
 from drivers.franka.process import RobotAccess
 from drivers.franka.reach import plan_reach
@@ -118,23 +120,28 @@ def fci_arm(
     realtime = "ignore" if settings.fci.in_lock_step else settings.fci.realtime
     fci = settings.fci.model_copy(update={"realtime": realtime})
 
+    limits = joint_limits(settings.fci)
+
     def origin() -> float | None:
         return None if isinstance(clock, TwinClock) else clock.origin
 
-    arm = FciArm(RobotAccess(address, fci, installation), clock, origin)
+    arm = FciArm(RobotAccess(address, fci, installation, limits), clock, origin)
     hand = FciHand(address, fci.hand, clock, ready=arm.join)
     return arm, hand
 
 
 @lru_cache(maxsize=16)
 def start_joints(
-    installation: Installation, fold: FoldSettings, length: float
+    installation: Installation,
+    fold: FoldSettings,
+    length: float,
+    limits: JointLimits = FR3,
 ) -> tuple[float, ...]:
     """Start joints (7,) [rad] with most margin in a plain fold; ConfigurationError
     without any.
     """
     path, speeds = whole_path(length, installation, fold, triangle(length))
-    reach = plan_reach(installation, path, speeds)
+    reach = plan_reach(installation, path, speeds, limits=limits)
     if not reach.allowed:
         raise ConfigurationError(
             f"installation.mounting: the arm cannot follow a fold: {reach.problems[0]};"
@@ -148,10 +155,14 @@ def _start_robot(settings: CellFile, strip: StripFile, desk: Desk) -> RobotServe
     """Start an emulated robot in a thread, holding the strip on `desk` of the twin."""
     installation = settings.fci.limit(settings.installation)
     frame = installation.mounting.transform()
-    start = start_joints(installation, settings.fold, strip.length)
+    limits = joint_limits(settings.fci)
+    start = start_joints(installation, settings.fold, strip.length, limits)
     twin = settings.twin.arm
     mechanics = ServerSettings(
-        delay=twin.robot_delay, lag=twin.robot_lag, plant=twin.robot_plant
+        model=settings.fci.model,
+        delay=twin.robot_delay,
+        lag=twin.robot_lag,
+        plant=twin.robot_plant,
     )
     server = RobotServer(
         mechanics,

@@ -6,7 +6,9 @@ import json
 import os
 import shlex
 import sys
-from dataclasses import asdict, replace
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -17,7 +19,6 @@ from cell.base.config.places import (
     check_recordable,
     find_configs,
 )
-from cell.interface.cli.fold import progress_of
 from cell.interface.cli.options import (
     INTERRUPTED_CODE,
     PLANT_HELP,
@@ -31,7 +32,7 @@ from cell.interface.cli.options import (
     engine,
     resumable,
 )
-from cell.interface.cli.output import notice, print_json, say, working
+from cell.interface.cli.output import busy, notice, print_json, say, while_busy
 from drivers.base.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -179,9 +180,7 @@ def _fold_all(requests: "Sequence[Request]", jobs: int, *, as_json: bool) -> int
     requests = agreed(requests, ask)
     code = 0
     callbacks = Callbacks(lay_again=lambda: await_strip(ask))
-    if not as_json:
-        callbacks = replace(callbacks, observe=progress_of)
-    results = fold_all(requests, jobs, callbacks=callbacks)
+    results = while_busy("folding", fold_all(requests, jobs, callbacks=callbacks))
     for i, (request, result) in enumerate(
         zip(requests, results, strict=False), start=1
     ):
@@ -279,7 +278,7 @@ def fit(
         _threads(jobs),
         _cell_file(model, configs),
     )
-    with working("reading", quiet=0.0) as shown:
+    with _progress() as shown:
         verdict = fit_runs(runs, file, out, options, shown, write_overlay)
     if as_json:
         print_json(json.loads(verdict.to_json()))
@@ -315,7 +314,7 @@ def check(
 
     check_output_folder(out, "check.json", "fit.json")
     file = _subject_file(strip, model, configs, subject)
-    with working("reading", quiet=0.0) as shown:
+    with _progress() as shown:
         checked = check_runs(runs, file, _threads(jobs), shown)
     write_file(out / "check.json", checked.to_json())
     write_file(out / "check.html", check_page(checked, file.stem))
@@ -452,3 +451,13 @@ def _cell_file(model: Path | None, configs: Path | None) -> Path | None:
     found = find_configs(configs)
     found.cell()  # refused here, in one line, before anything is written
     return found.folder / "cell.yaml"
+
+
+@contextmanager
+def _progress() -> Iterator[Callable[[str, float], None]]:
+    """Yield a callback that shows stage and share of the work, off a terminal line by
+    line.
+    """
+    with busy("reading") as show:
+        tell = show if sys.stderr.isatty() else notice
+        yield lambda stage, share: tell(f"{100 * share:3.0f} % {stage}")

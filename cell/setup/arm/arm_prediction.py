@@ -9,6 +9,7 @@ import numpy as np
 
 from drivers.base.installation import Installation
 from drivers.base.types import Array
+from drivers.franka.limits import JointLimits
 from drivers.franka.obstacles import desk_clearance
 from drivers.franka.reach import Reach, densify, plan_reach
 from drivers.franka.shapes import RISE, desk_end
@@ -65,13 +66,18 @@ class ArmPrediction:
 
 
 def predict_arm(
-    installation: Installation, length: float, path: Array, speeds: Array
+    installation: Installation,
+    limits: JointLimits,
+    length: float,
+    path: Array,
+    speeds: Array,
 ) -> ArmPrediction:
     """Predict the motion of the arm in a fold of a strip of `length` [m].
 
     `path` (n, 3) x, z [m], pitch [rad] at `speeds` (n,) [m/s] is as of `whole_path`,
-    the limits of the `installation` are those of the arm.
+    the limits of the `installation` are those of the arm, `limits` those of its joints.
     """
     desk = desk_end(installation, length)
     clearance = float(desk_clearance(densify(path, speeds)[0], desk).min())
-    return ArmPrediction(plan_reach(installation, path, speeds), clearance)
+    reach = plan_reach(installation, path, speeds, limits=limits)
+    return ArmPrediction(reach, clearance)

@@ -17,6 +17,7 @@ from cell.orchestrator.snapshot import Snapshot
 from cell.orchestrator.steps import Motion, move
 from drivers.base.errors import ConfigurationError
 from drivers.base.types import Pose
+from drivers.franka.checks import joint_limits
 from drivers.strip.file import StripFile
 
 if TYPE_CHECKING:
@@ -71,9 +72,9 @@ def home_joints(settings: CellFile, strip: StripFile) -> tuple[float, ...]:
     check_drivers(settings.with_drivers("fci"))
     from cell.base.devices.fci import start_joints
 
-    return start_joints(
-        settings.fci.limit(settings.installation), settings.fold, strip.length
-    )
+    place = settings.fci.limit(settings.installation)
+    limits = joint_limits(settings.fci)
+    return start_joints(place, settings.fold, strip.length, limits)
 
 
 def robot_task(settings: CellFile) -> "RobotAccess":
@@ -88,4 +89,6 @@ def robot_task(settings: CellFile) -> "RobotAccess":
         )
     from drivers.franka.process import RobotAccess
 
-    return RobotAccess(settings.fci.address, settings.fci, settings.installation)
+    limits = joint_limits(settings.fci)
+    address = settings.fci.address
+    return RobotAccess(address, settings.fci, settings.installation, limits)

@@ -89,7 +89,7 @@ class ArmPort(Port[Command]):
                 refusal = robot.recover(request.command_id)
                 return b"" if refusal is None else bytes((refusal,))
             case Command.GET_ROBOT_MODEL:
-                return b"\0" + arm_urdf().encode()
+                return b"\0" + arm_urdf(robot.revision).encode()
             case _:
                 return bytes((robot.set(request),))
 

@@ -2,6 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable
+from enum import StrEnum
 
 import mujoco
 import numpy as np
@@ -10,11 +11,23 @@ from drivers.base.motion import TICK, lag_gain
 from drivers.base.types import Array
 from drivers.franka.kinematics import FLANGE
 from drivers.franka.model import ArmPlant, arm_mjcf
-from drivers.twin.fci_server.posture import Posture
+from drivers.twin.fci_server.posture import Posture, Rates, zero_rates
 
 FRICTION_WIDTH = 0.005  # rad/s over which dry friction changes sign
+FILTER_TIME = 0.02  # s, of filtered rates
+LATE_TICKS = 5  # ticks, of late rates
 
 Sag = Callable[[Posture], Array]
+
+
+class RateReport(StrEnum):
+    """Kinds of reports of a robot on the rates of its commanded joints."""
+
+    EXACT = "exact"
+    FILTERED = "filtered"
+    LATE = "late"
+    ZERO = "zero"
+    MEASURED = "measured"
 
 
 class Dynamics:
@@ -81,6 +94,48 @@ class Dynamics:
         mujoco.mj_jacDot(model, data, rate, None, point, body)
         specific_force = jacobian @ acceleration + rate @ velocity - model.opt.gravity
         return np.asarray(self._plant.payload * jacobian.T @ specific_force)
+
+
+class ReportedRates:
+    """Rates of the commanded joints as the robot reports them, by the `kind` of report.
+
+    What a robot reports need not be the derivative of what it was commanded: FILTERED
+    lags by FILTER_TIME, LATE is LATE_TICKS old, MEASURED is of the arm itself.
+    """
+
+    def __init__(self, kind: RateReport = RateReport.EXACT) -> None:
+        self.kind = kind
+        self._past = deque([zero_rates(7)], maxlen=LATE_TICKS + 1)
+        self._filtered = zero_rates(7)
+        self._measured = zero_rates(7)
+
+    def tick(self, commanded: Rates, measured: Rates) -> None:
+        """Advance by one tick to the `commanded` rates, and those `measured` of the
+        arm.
+        """
+        self._past.append(commanded)
+        self._measured = measured
+        gain = lag_gain(FILTER_TIME)
+        last = self._filtered
+        self._filtered = Rates(
+            last.velocity + gain * (commanded.velocity - last.velocity),
+            last.acceleration + gain * (commanded.acceleration - last.acceleration),
+        )
+
+    @property
+    def rates(self) -> Rates:
+        """Rates of the joints that are reported in this tick."""
+        match self.kind:
+            case RateReport.EXACT:
+                return self._past[-1]
+            case RateReport.FILTERED:
+                return self._filtered
+            case RateReport.LATE:
+                return self._past[0]
+            case RateReport.MEASURED:
+                return self._measured
+            case _:
+                return zero_rates(7)
 
 
 class LaggingArm:

@@ -2,7 +2,7 @@
 execution.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from math import inf, isfinite
 from pathlib import Path
 from typing import Annotated, Literal
@@ -12,6 +12,7 @@ from pydantic import AfterValidator, Field
 
 from drivers.base.settings import Settings, load
 from drivers.twin.fci_server.arm_and_hand_ports import ArmPort
+from drivers.twin.fci_server.dynamics import RateReport
 from drivers.twin.fci_server.robot import EmulatedRobot
 from drivers.twin.fci_server.wire import Reflex
 
@@ -99,6 +100,28 @@ class VersionFault(Scripted):
     version: int = Field(default=9, ge=0, le=65535)
 
 
+class RatesFault(Scripted):
+    """Fault: the rates of the commanded joints are `reported` filtered, late, zero, or
+    as measured.
+    """
+
+    kind: Literal["rates"]
+    reported: RateReport
+
+
+class LossFault(Scripted):
+    """Fault: the network loses a `share` of the commands; the robot extrapolates, or
+    holds its joints.
+
+    Which ones is drawn from `seed`.
+    """
+
+    kind: Literal["lost_commands"]
+    share: float = Field(ge=0, le=0.5)
+    holds: bool = False
+    seed: int = Field(default=0, ge=0)
+
+
 Fault = (
     ReflexFault
     | UserStopFault
@@ -107,6 +130,8 @@ Fault = (
     | NanFault
     | ContactFault
     | VersionFault
+    | RatesFault
+    | LossFault
 )
 
 
@@ -124,6 +149,13 @@ def load_faults(path: Path) -> tuple[Fault, ...]:
     invalid.
     """
     return tuple(sorted(load(path, FaultScript).faults, key=lambda fault: fault.at))
+
+
+def lost_commands(share: float, seed: int) -> Iterator[bool]:
+    """Yield for each command whether it is lost, a `share` of them, endlessly."""
+    rng = np.random.default_rng(seed)
+    while True:
+        yield bool(rng.random() < share)
 
 
 Pause = Callable[[float], None]  # returns after a time [s]
@@ -181,6 +213,11 @@ class Disturbance:
                 self._push_ends = robot.time + 1000 * fault.duration
             case DropFault():
                 self._port.drop()
+            case RatesFault():
+                robot.reported.kind = fault.reported
+            case LossFault():
+                robot.holds = fault.holds
+                robot.losses = lost_commands(fault.share, fault.seed)
             case VersionFault():
                 self._port.version = fault.version
             case FreezeFault():

@@ -89,7 +89,7 @@ def _joints(old: Posture, q: Array, velocity: Array, tool: Array) -> Posture:
     limit.
     """
     rates = old.joints.step(velocity)
-    check_joints(q, old.joints, rates, JOINT)
+    check_joints(old.joints, rates, JOINT)
     return old.move_on(q, tool, rates)
 
 
@@ -122,7 +122,7 @@ def _cartesian(
     )
     q = old.q + TICK * velocity
     joints = old.joints.step(velocity)
-    check_joints(q, old.joints, joints, CARTESIAN_JOINT)
+    check_joints(old.joints, joints, CARTESIAN_JOINT)
     return Posture.at_joints(q, tool, joints).with_command(pose, rates, swing)
 
 

@@ -98,20 +98,26 @@ class BodyCheck:
 # The checks below run in every tick: for few numbers floats are faster than arrays.
 
 
-def check_joints(q: Array, old: Rates, new: Rates, reflexes: JointReflexes) -> None:
-    """Raise Violation for joints `q` (7,) [rad] beyond a limit, or too fast to brake
-    before one.
-    """
+def check_joints(old: Rates, new: Rates, reflexes: JointReflexes) -> None:
+    """Raise Violation for joints whose rates break a limit, one tick after `old`."""
     if _beyond(new.velocity, _JOINT_VELOCITY):
         raise Violation(reflexes.velocity)
     if _beyond(new.acceleration, _JOINT_ACCELERATION):
         raise Violation(reflexes.acceleration)
     if _beyond(new.acceleration - old.acceleration, _JOINT_JERK):
         raise Violation(reflexes.jerk)
-    if limits.margins(q).min() < 0:
+
+
+def check_ends(
+    q: Array, velocity: Array, reflexes: JointReflexes, joints: limits.JointLimits
+) -> None:
+    """Raise Violation for joints `q` (7,) [rad] beyond an end, or too fast to brake
+    before one.
+    """
+    if joints.margins(q).min() < 0:
         raise Violation(reflexes.position)
-    slowest, fastest = limits.velocity_bounds(q)
-    if np.minimum(new.velocity - slowest, fastest - new.velocity).min() < -_BRAKING:
+    slowest, fastest = joints.velocity_bounds(q)
+    if np.minimum(velocity - slowest, fastest - velocity).min() < -_BRAKING:
         raise Violation(reflexes.velocity)
 
 
@@ -177,7 +183,7 @@ def _with_tolerance(limit: Array, time: float = 1.0) -> tuple[float, ...]:
 
 
 _ELBOW = _with_tolerance(np.array(limits.ELBOW))
-_JOINT_VELOCITY = _with_tolerance(limits.VELOCITY)
+_JOINT_VELOCITY = _with_tolerance(np.array(limits.FR3.velocity))
 _JOINT_ACCELERATION = _with_tolerance(limits.ACCELERATION)
 # as change of the acceleration in one tick
 _JOINT_JERK = _with_tolerance(limits.JERK, TICK)

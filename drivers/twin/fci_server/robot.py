@@ -5,8 +5,9 @@ It is stepped in control periods of 1 ms. Its caller requests motions and settin
 collects the replies that are due only at the end of a motion.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from itertools import repeat
 from math import isfinite
 from typing import Self
 
@@ -16,10 +17,18 @@ from drivers.base.types import Array
 from drivers.franka.collision import Solids
 from drivers.franka.inverse_kinematics import manipulability
 from drivers.franka.kinematics import HOME
+from drivers.franka.limits import PUBLISHED, Revision
 from drivers.twin.fci_server.configuration import SETTERS, Configuration, configure
-from drivers.twin.fci_server.dynamics import Dynamics, LaggingArm
+from drivers.twin.fci_server.dynamics import Dynamics, LaggingArm, ReportedRates
 from drivers.twin.fci_server.generators import extrapolate, follow, readable
-from drivers.twin.fci_server.limits import BodyCheck, Violation, check_place
+from drivers.twin.fci_server.limits import (
+    CARTESIAN_JOINT,
+    JOINT,
+    BodyCheck,
+    Violation,
+    check_ends,
+    check_place,
+)
 from drivers.twin.fci_server.posture import Posture
 from drivers.twin.fci_server.wire import (
     Command,
@@ -37,6 +46,7 @@ from drivers.twin.fci_server.wire import (
 # smallest singular value of a Jacobian from which a Cartesian motion may start
 SINGULAR = 0.01
 MOST_MISSED_TICKS = 20  # ticks in a row without a command
+CARTESIAN = (Generator.CARTESIAN_POSE, Generator.CARTESIAN_VELOCITY)
 STEADY_ACCELERATION = 1e-3  # rad/s^2 and m/s^2, below which a motion counts as uniform
 
 
@@ -126,6 +136,7 @@ class EmulatedRobot:
     trailing: LaggingArm | None = None
     dynamics: Dynamics | None = None
     configuration: Configuration = field(default_factory=Configuration)
+    revision: Revision = "fr3"
     mode: Mode = Mode.IDLE
     errors: frozenset[Reflex] = frozenset()
     reasons: frozenset[Reflex] = frozenset()
@@ -133,6 +144,9 @@ class EmulatedRobot:
     contact: Contact = NO_CONTACT
     pushed: Array = field(default_factory=lambda: np.zeros(3))  # N, by the fault script
     sensors_fail_until: float = 0.0  # ms, by the fault script: what they measure is NaN
+    reported: ReportedRates = field(default_factory=ReportedRates)
+    losses: Iterator[bool] = field(default_factory=lambda: repeat(False))
+    holds: bool = False  # its joints where no command comes, else their acceleration
     time: int = 0
     ticks: int = 0
     late: list[LateReply] = field(default_factory=list)
@@ -173,11 +187,7 @@ class EmulatedRobot:
             or request.use_async
         ):
             return MoveStatus.NOT_POSSIBLE
-        cartesian = generator in (
-            Generator.CARTESIAN_POSE,
-            Generator.CARTESIAN_VELOCITY,
-        )
-        if cartesian and manipulability(self.posture.jacobian) < SINGULAR:
+        if generator in CARTESIAN and manipulability(self.posture.jacobian) < SINGULAR:
             return MoveStatus.SINGULAR_START
         self.motion = ActiveMotion(command_id, generator, controller)
         self.mode = Mode.MOVE
@@ -245,6 +255,15 @@ class EmulatedRobot:
         self.late.clear()
         self.waiting.clear()
 
+    def receive(self, command: RobotCommand) -> bool:
+        """Execute `command` unless the network loses it; whether it has arrived."""
+        lost = next(self.losses)
+        if lost:
+            self.miss()
+        else:
+            self.step(command)
+        return not lost
+
     def step(self, command: RobotCommand) -> None:
         """Execute one motion `command`, or stop by a reflex where it breaks a limit."""
         motion = self.motion
@@ -262,6 +281,12 @@ class EmulatedRobot:
                 motion.generator, self.posture, command, tool, not motion.started
             )
             check_place(posture.reached)
+            check_ends(
+                posture.q,
+                posture.joints.velocity,
+                CARTESIAN_JOINT if motion.generator in CARTESIAN else JOINT,
+                PUBLISHED[self.revision],
+            )
             self.body.check(posture.q)
         except Violation as violation:
             self.reflex(violation.reflex)
@@ -276,14 +301,17 @@ class EmulatedRobot:
             self._send_late_replies()
 
     def miss(self) -> None:
-        """Extrapolate the motion in a tick without a command; a reflex after
+        """Extrapolate the motion in a tick without a command, or hold; a reflex after
         MOST_MISSED_TICKS.
+
+        A robot that holds goes on with the next command at the rates it had.
         """
         motion = self.motion
         if motion is None or not motion.started:
             return
         missed = motion.missed + 1
-        self.step(extrapolate(self.posture, self.time))
+        if not self.holds:
+            self.step(extrapolate(self.posture, self.time))
         motion.missed = missed
         if missed > MOST_MISSED_TICKS and self.motion is not None:
             self.reflex(Reflex.COMMUNICATION_CONSTRAINTS_VIOLATION)
@@ -293,6 +321,7 @@ class EmulatedRobot:
         self.time += 1
         if self.trailing is not None:
             self.trailing.tick(self.posture.q)
+        self.reported.tick(self.posture.joints, self.measured.joints)
 
     def rest(self) -> None:
         """Pass one tick without a motion: brake a moving arm, end and reply once it is

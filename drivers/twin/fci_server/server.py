@@ -17,6 +17,7 @@ from drivers.base.motion import TICK
 from drivers.base.settings import Settings
 from drivers.base.types import Array
 from drivers.franka.collision import Solids
+from drivers.franka.limits import Revision
 from drivers.franka.model import ArmPlant
 from drivers.twin.fci_server.arm_and_hand_ports import ArmPort, HandPort
 from drivers.twin.fci_server.dynamics import Dynamics, LaggingArm
@@ -45,12 +46,13 @@ class ServerSettings(Settings):
     Without an `address` it takes a free one on the loopback, because the clients fix
     the ports. In `lock_step` a motion advances one control period for each command;
     otherwise it runs by the wall clock, where a late command counts as missed. The arm
-    follows its setpoint with a `delay` [s] and a first-order `lag` [s]. Without a
-    `plant` its only torques are those of gravity.
+    has the published limits of `model`, and follows its setpoint with a `delay` [s] and
+    a first-order `lag` [s]. Without a `plant` its only torques are those of gravity.
     """
 
     address: Annotated[str, AfterValidator(_address)] | None = None
     lock_step: bool = True
+    model: Revision = "fr3"
     delay: float = Field(0.0, ge=0, le=0.1)
     lag: float = Field(0.0, ge=0, le=0.1)
     plant: ArmPlant | None = None
@@ -107,6 +109,7 @@ class RobotServer:
         settings = settings or ServerSettings()
         self.robot = resting_robot(start, push, solids)
         self.hand = EmulatedHand(between)
+        self.robot.revision = settings.model
         _give_mechanics(self.robot, settings)
         self._lock_step = settings.lock_step
         self._poll = select.epoll()
@@ -268,8 +271,7 @@ class RobotServer:
             return
         if command is not None and not self._heard:
             self._heard = True
-            self._in_time.append(True)
-            self.robot.step(command)
+            self._in_time.append(self.robot.receive(command))
         if self._pace.remaining() <= 0:
             self._pass_period()
             self._pace.begin_next()
@@ -300,8 +302,7 @@ class RobotServer:
 
     def _follow(self, command: RobotCommand) -> None:
         """Execute `command` and advance robot time by the tick that it is for."""
-        self._in_time.append(True)
-        self.robot.step(command)
+        self._in_time.append(self.robot.receive(command))
         self._advance()
 
     def _advance(self) -> None:

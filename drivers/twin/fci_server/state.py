@@ -147,8 +147,9 @@ class Publisher:
         for name in ("O_T_EE_d", "O_T_EE_c"):
             self._put_matrix(name, posture.pose)
         fields["q_d"][:] = posture.q
-        fields["dq_d"][:] = posture.joints.velocity
-        fields["ddq_d"][:] = posture.joints.acceleration
+        reported = robot.reported.rates
+        fields["dq_d"][:] = reported.velocity
+        fields["ddq_d"][:] = reported.acceleration
         fields["O_dP_EE_d"][:] = fields["O_dP_EE_c"][:] = posture.tool.velocity
         fields["O_ddP_EE_c"][:] = posture.tool.acceleration
         angle, rate, acceleration = posture.swing

@@ -20,6 +20,7 @@ from drivers.franka.plane import StripPlane
 from drivers.franka.process import RobotAccess
 from drivers.franka.reach import plan_reach
 from drivers.franka.settings import CollisionSettings, FciSettings, HandLimits
+from drivers.twin.fci_server.dynamics import RateReport
 from drivers.twin.fci_server.robot import MOST_MISSED_TICKS, resting_robot
 from drivers.twin.fci_server.server import RobotServer
 from drivers.twin.fci_server.wire import MoveRequest, RobotCommand
@@ -88,9 +89,17 @@ class LossyRobot:
     """
 
     def __init__(
-        self, joints: Any, seed: int = 1, worst: int = 1, share: float = 0.0
+        self,
+        joints: Any,
+        seed: int = 1,
+        worst: int = 1,
+        share: float = 0.0,
+        reports: RateReport = RateReport.EXACT,
+        *,
+        holds: bool = False,
     ) -> None:
         self.robot = resting_robot(np.array(joints))
+        self.robot.reported.kind, self.robot.holds = reports, holds
         self.lost, self.ended = 0, False
         self._rng = np.random.default_rng(seed)
         self._worst, self.share = worst, share
@@ -109,16 +118,17 @@ class LossyRobot:
     def read(self, motion: object) -> SimpleNamespace:
         if not self._answered:
             self.robot.miss()
-            self.robot.time += 1
+            self.robot.advance()
             self._in_a_row += 1
         self._answered = False
         posture, now = self.robot.posture, self.robot.time
+        reported = self.robot.reported.rates
         return SimpleNamespace(
             time=SimpleNamespace(to_sec=lambda: 1e-3 * now),
             q=rounded(posture.q),
             q_d=rounded(posture.q),
-            dq_d=rounded(posture.joints.velocity),
-            ddq_d=rounded(posture.joints.acceleration),
+            dq_d=rounded(reported.velocity),
+            ddq_d=rounded(reported.acceleration),
             O_T_EE=rounded(posture.reached.T.ravel()),
             O_F_ext_hat_K=[0.0] * 6,
             **dict.fromkeys(("dq", "tau_J", "tau_ext_hat_filtered"), [0.0] * 7),
@@ -132,15 +142,15 @@ class LossyRobot:
         self._answered = True
         if self._rng.random() >= self.share:
             self._heard = True
-            self.robot.step(joint_command(self.robot.time, joints, last))
-            self.robot.time += 1
+            self.robot.receive(joint_command(self.robot.time, joints, last))
+            self.robot.advance()
             self._in_a_row = 0
             lost = self._some() if self._rng.random() < self.share else 0
         else:
             lost = self._some()
         for _ in range(min(lost, MOST_MISSED_TICKS - 1 - self._in_a_row)):
             self.robot.miss()
-            self.robot.time += 1
+            self.robot.advance()
             self.lost += 1
             self._in_a_row += 1
         self.ended = last

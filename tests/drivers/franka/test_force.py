@@ -2,6 +2,7 @@
 
 import time
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,12 +11,14 @@ pytest.importorskip("pylibfranka", reason="the robot's library is not installed"
 
 from drivers.base.errors import Fault
 from drivers.base.motion import TICK
-from drivers.franka import limits
 from drivers.franka.collision import Box, Solids
 from drivers.franka.failure import ArmFault, Cause
 from drivers.franka.force import DriftMonitor, ForceGuard, Tare
 from drivers.franka.joint_requests import GoTo, go_to, retreat
+from drivers.franka.kinematics import HOME
+from drivers.franka.limits import FR3
 from drivers.franka.mailbox import CommandKind
+from drivers.franka.model import holding_torques
 from drivers.franka.obstacles import solids_of
 from drivers.franka.settings import FciSettings
 from tests.drivers.franka.rig import (
@@ -68,14 +71,51 @@ def test_guards_hold_beyond_the_tare_and_in_every_direction() -> None:
 
 @pytest.mark.parametrize("joint", range(7))
 def test_push_on_the_arm_itself_is_felt_by_its_joint(joint: int) -> None:
-    guard, push = ForceGuard(15.0, 10.0, TARE), np.zeros(7)
+    push = np.zeros(7)
+
+    def objection() -> str:
+        return ForceGuard(15.0, 10.0, TARE).objection(state(torques=push))
+
     push[joint] = -11.0
-    assert f"joint {joint + 1} met 11.0 N m" in guard.objection(state(torques=push))
-    assert guard.objection(state(torques=0.8 * push)) == ""
+    assert f"joint {joint + 1} met 11.0 N m" in objection()
+    push[joint] = -8.8
+    assert objection() == ""
     push[joint] = np.nan
-    assert f"joint {joint + 1} met nan N m" in guard.objection(state(torques=push))
+    assert f"joint {joint + 1} met nan N m" in objection()
     with pytest.raises(ArmFault, match="no numbers"):
         Tare.from_states([state(torques=push)] * 3, 10.0)
+
+
+def test_torques_that_alternate_are_no_push_and_one_that_stays_is_felt_soon() -> None:
+    guard, shaking = ForceGuard(15.0, 10.0, TARE), np.zeros(7)
+    for sign in 20 * (1.0, -1.0):
+        shaking[6] = 9.0 * sign
+        assert guard.objection(state(torques=shaking)) == ""
+    shaking[6] = 20.0
+    felt = [bool(guard.objection(state(torques=shaking))) for _ in range(8)]
+    assert felt[-1]
+
+
+@pytest.mark.parametrize("share", [-0.1, 0.05, 1.0])
+def test_own_weight_in_the_estimate_is_no_push_and_hides_none(share: float) -> None:
+    def estimate(joints: Any, push: float = 0.0) -> SimpleNamespace:
+        torques = share * weight(joints)
+        torques[3] += push
+        return SimpleNamespace(
+            q=list(joints), O_F_ext_hat_K=[0.0] * 6, tau_ext_hat_filtered=torques
+        )
+
+    tare = Tare.from_states([estimate(HOME)] * 3, 10.0, weight)
+    for turn in np.linspace(0.0, 1.0, 50):
+        joints = HOME + turn * np.array([0.3, 0.8, 0.0, 0.9, 0.0, 0.0, 0.0])
+        assert ForceGuard(15.0, 15.0, tare).objection(estimate(joints)) == ""
+        for push in (-16.0, 16.0):
+            pushed = estimate(joints, push)
+            assert "joint 4" in ForceGuard(15.0, 15.0, tare).objection(pushed)
+
+
+def weight(joints: Any) -> np.ndarray:
+    return holding_torques(np.array(joints), 0.73, np.array([-0.01, 0.0, 0.03]))
 
 
 def test_loop_guards_and_reports_force_beyond_the_tare() -> None:
@@ -201,7 +241,7 @@ def test_retreat_that_frees_nothing_ends_after_its_way() -> None:
 
 
 def test_retreat_is_not_begun_where_a_joint_is_at_its_end() -> None:
-    robot = Pressed(lambda _: -20.0, [*JOINTS[:6], limits.POSITION_HIGH[6] - 0.01])
+    robot = Pressed(lambda _: -20.0, [*JOINTS[:6], FR3.upper[6] - 0.01])
     with pytest.raises(ArmFault, match="a joint is at its end; free the arm by hand"):
         retreat(robot, FciSettings(), lambda: False, SOLIDS)
     assert robot.robot.ticks == 0

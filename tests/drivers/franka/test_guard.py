@@ -2,11 +2,14 @@
 arm.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from drivers.base.types import Pose, Velocity
 from drivers.franka import limits
+from drivers.franka.limits import FR3
 from drivers.franka.mailbox import CommandKind
 from drivers.franka.plane import StripPlane
 from drivers.franka.reach import PredictedMotion, ReachGuard, plan_reach
@@ -62,14 +65,13 @@ def test_guard_objects_to_what_braking_could_not_stop() -> None:
     assert "could not follow" in guard.objection(hasty)
 
 
-def test_guard_objects_to_joints_that_turn_too_fast_here(monkeypatch) -> None:
+def test_guard_objects_to_joints_that_turn_too_fast_here() -> None:
     slow = PredictedMotion(Pose(*START), Velocity(0.02, 0.0, 0.0), STILL)
     assert (
         ReachGuard(StripPlane(PLANE), INSTALLATION.limits, JOINTS).objection(slow) == ""
     )
-    few = np.full(7, 1e-3)
-    monkeypatch.setattr(limits, "velocity_bounds", lambda _: (-few, few))
-    guard = ReachGuard(StripPlane(PLANE), INSTALLATION.limits, JOINTS)
+    few = replace(FR3, velocity=(1e-3,) * 7)
+    guard = ReachGuard(StripPlane(PLANE), INSTALLATION.limits, JOINTS, few)
     assert "could not follow" in guard.objection(slow)
 
 

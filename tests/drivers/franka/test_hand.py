@@ -12,9 +12,10 @@ import pytest
 from drivers.base.clock import WallClock
 from drivers.base.errors import Fault
 from drivers.base.types import HandState
-from drivers.franka.hand import FciHand
+from drivers.franka.hand import FciHand, FingerState
 from drivers.franka.hand_protocol import HEADER, HandCommand
 from drivers.franka.settings import HandLimits
+from drivers.twin.clock import TwinClock
 from drivers.twin.fci_server.server import RobotServer
 
 DENIM = HandLimits().for_thickness(0.0008, 0.001)
@@ -91,6 +92,22 @@ def test_what_is_no_strip_is_not_held(thickness: float | None) -> None:
     with driven(thickness, DENIM) as (_, hand, _):
         hand.grasp()
         assert not rested(hand).grasped
+
+
+@pytest.mark.parametrize("start", [10, 0xFFFFFFFF])
+def test_late_and_doubled_states_are_no_news(start: int) -> None:
+    clock = TwinClock()
+    hand = FciHand("127.0.0.1", DENIM, clock)
+    held = FingerState(start, 0.0009, 0.08, grasped=True)
+    empty = FingerState((start + 2) % 2**32, 0.0, 0.08, grasped=False)
+    hand._fingers = FingerState(start - 1, 0.0, 0.08, grasped=False)
+    for fingers in (held, empty):
+        hand._store_state(fingers)
+    clock.wait_until(0.1)
+    for late in (held, empty, held):
+        hand._store_state(late)
+    assert hand._fingers == empty
+    assert hand._stamp == 0.0  # it ages
 
 
 @pytest.mark.parametrize("felt", [0.0, 0.003])

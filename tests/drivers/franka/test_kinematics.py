@@ -7,7 +7,7 @@ import pytest
 
 from drivers.franka.inverse_kinematics import Unreachable, solve, twist_between
 from drivers.franka.kinematics import HOME, forward, pose_and_jacobian
-from drivers.franka.limits import POSITION_HIGH, POSITION_LOW, margins
+from drivers.franka.limits import FR3
 
 DOWN = np.diag([1.0, -1.0, -1.0, 1.0])
 
@@ -19,7 +19,7 @@ def down_at(x: float, y: float, z: float):
 
 
 def postures(count: int):
-    return np.random.default_rng(3).uniform(POSITION_LOW, POSITION_HIGH, (count, 7))
+    return np.random.default_rng(3).uniform(*FR3.ends, (count, 7))
 
 
 def test_home_posture_points_down_where_the_maker_says() -> None:
@@ -46,7 +46,7 @@ def test_inverse_brings_tool_to_nearly_every_pose_of_the_arm() -> None:
         except Unreachable:
             continue
         found += 1
-        assert margins(q).min() >= 0
+        assert FR3.margins(q).min() >= 0
         assert forward(q) == pytest.approx(target, abs=1e-6)
     assert found >= 18
 

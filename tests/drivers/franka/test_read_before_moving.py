@@ -17,6 +17,7 @@ from drivers.franka.checks import read_description, require_limits
 from drivers.franka.failure import ArmFault
 from drivers.franka.joint_requests import GoTo, go_to, hand_pose
 from drivers.franka.kinematics import FLANGE_TO_TIP
+from drivers.franka.limits import FR3
 from drivers.franka.model import arm_urdf
 from drivers.twin.clock import TwinClock
 from drivers.twin.fci_server.server import RobotServer
@@ -142,46 +143,30 @@ def test_robot_in_guiding_mode_is_not_moved() -> None:
 def test_robot_gives_the_description_that_its_client_reads() -> None:
     with served() as server:
         assert read_description(server.address) == arm_urdf()
-    require_limits(arm_urdf())
     # nobody is there; the library says so
     assert read_description("127.254.254.1") is None
 
 
 @pytest.mark.parametrize("name", NARROWER)
-def test_joint_that_allows_less_than_the_cell_plans_with_is_refused(name: str) -> None:
+def test_robot_with_other_limits_than_those_of_the_plan_is_refused(name: str) -> None:
     old, new = NARROWER[name]
     assert old in arm_urdf()
     with pytest.raises(ArmFault, match=f"joint 1: {name} is") as failed:
-        require_limits(arm_urdf().replace(old, new, 1))
+        require_limits(arm_urdf().replace(old, new, 1), FR3)
     words = failed.value.words
     assert all(
         value.split('"')[1].rstrip("0").rstrip(".") in words for value in (old, new)
     )
+    require_limits(arm_urdf(), FR3)
 
 
-def test_joints_that_allow_more_are_taken() -> None:
-    wider = (
-        arm_urdf().replace('upper="2.7437"', 'upper="2.9"').replace('="2.62"', '="3.0"')
-    )
-    assert wider != arm_urdf()
-    require_limits(
-        wider.replace("</robot>", '<joint name="fr3_finger_joint1"/></robot>')
-    )
-
-
-@pytest.mark.parametrize(
-    "text", ["", "no xml", "<robot/>", '<!DOCTYPE a [<!ENTITY b "c">]><robot/>']
-)
-def test_description_that_states_no_limits_is_refused(text: str) -> None:
-    with pytest.raises(ArmFault):
-        require_limits(text)
-
-
-def test_narrower_robot_is_refused_before_anything_moves(monkeypatch) -> None:
+def test_robot_exchanged_after_the_plan_is_refused_before_anything_moves(
+    monkeypatch,
+) -> None:
     old, new = NARROWER["upper"]
     narrow = arm_urdf().replace(old, new, 1)
     monkeypatch.setattr(
-        "drivers.twin.fci_server.arm_and_hand_ports.arm_urdf", lambda: narrow
+        "drivers.twin.fci_server.arm_and_hand_ports.arm_urdf", lambda _: narrow
     )
     with served() as server:
         for act in acts(server):

@@ -28,8 +28,10 @@ from drivers.franka.hand import FciHand
 from drivers.franka.hand_protocol import HandCommand
 from drivers.franka.joint_motion import follow_joints
 from drivers.franka.joint_requests import GoTo, go_to
+from drivers.franka.limits import FR3
 from drivers.franka.mailbox import CommandKind
 from drivers.franka.plane import StripPlane
+from drivers.franka.process import RobotAccess
 from drivers.franka.reach import PredictedMotion, ReachGuard
 from drivers.franka.robot import Robot
 from drivers.franka.settings import FciSettings, HandLimits
@@ -120,9 +122,7 @@ def test_force_is_tared_at_rest_in_each_posture_of_the_way_home(
         requests, "TerminationFlag", lambda: SimpleNamespace(is_set=False, check=bool)
     )
     request = GoTo(near(0.04), 1.0)
-    given = SimpleNamespace(
-        address="", settings=FciSettings(), installation=INSTALLATION
-    )
+    given = RobotAccess("", FciSettings(), INSTALLATION)
     pipe = SimpleNamespace(poll=lambda: False, send=lambda _: None)
     requests.carry_out(pipe, given, request)
     assert taken == pytest.approx(
@@ -169,7 +169,7 @@ def test_library_s_scheduling_stays_only_where_it_is_enforced(
     )
     monkeypatch.setattr(drivers.franka.robot, "franka", library)
     monkeypatch.setattr(os, "sched_setscheduler", lambda *given: calls.append(given))
-    Robot("127.0.0.1", FciSettings(realtime=realtime))
+    Robot("127.254.254.1", FciSettings(realtime=realtime), FR3)
     assert len(calls) == restored
     assert modes == [
         library.RealtimeConfig.kEnforce

@@ -88,7 +88,7 @@ def test_no_command_on_the_wire_exceeds_a_limit(orders) -> None:
     # The arm may refuse to go on by itself, but never because the robot had to stop it.
     assert outcome in ("", "arm_out_of_reach", "arm_cell_silent")
     assert not told.server.robot.reasons
-    assert (robot.margins(told.server.robot.posture.q) > 0).all()
+    assert (robot.FR3.margins(told.server.robot.posture.q) > 0).all()
     _check_course(told.poses)
 
 

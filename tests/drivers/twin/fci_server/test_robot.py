@@ -6,6 +6,7 @@ from hypothesis import given, settings, strategies as st
 
 from drivers.franka import limits
 from drivers.franka.kinematics import HOME, forward
+from drivers.franka.limits import FR3
 from drivers.twin.fci_server.robot import resting_robot
 from drivers.twin.fci_server.wire import (
     Generator,
@@ -158,7 +159,7 @@ def test_joint_brakes_before_its_end_or_a_reflex_does() -> None:
     assert errors(robot) == {Reflex.JOINT_MOTION_GENERATOR_VELOCITY_LIMITS_VIOLATION}
     while not robot.posture.at_rest:
         robot.rest()
-    assert robot.posture.q[0] < limits.POSITION_HIGH[0]
+    assert robot.posture.q[0] < FR3.upper[0]
 
 
 def test_tool_leaves_its_workspace_by_a_reflex(monkeypatch) -> None:
@@ -286,7 +287,7 @@ def test_arm_never_moves_beyond_its_limits_whatever_is_commanded(
         followed.append(robot.moving)
     speed = np.diff(path, axis=0) / TICK
     acceleration = np.diff(speed, axis=0) / TICK
-    assert (np.abs(speed) <= SLACK * limits.VELOCITY).all()
+    assert (np.abs(speed) <= SLACK * np.array(FR3.velocity)).all()
     assert (np.abs(acceleration) <= SLACK * limits.ACCELERATION + 1e-6).all()
     jerk = (
         np.diff(acceleration, axis=0)[np.convolve(followed, [1, 1, 1], "valid") == 3]
@@ -294,5 +295,5 @@ def test_arm_never_moves_beyond_its_limits_whatever_is_commanded(
     )
     # braking in a reflex is the robot's own
     assert (np.abs(jerk) <= SLACK * limits.JERK).all()
-    assert (np.array(path) >= limits.POSITION_LOW).all()
-    assert (np.array(path) <= limits.POSITION_HIGH).all()
+    assert (np.array(path) >= FR3.low).all()
+    assert (np.array(path) <= FR3.high).all()
