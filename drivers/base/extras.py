@@ -59,14 +59,13 @@ def install_advice(module: str) -> str:
     return f"{first}`{sys.executable} -m {install_line([FEATURES[module][0]])}`"
 
 
-def install_line(extras: Iterable[str] = (), place: Path | None = None) -> str:
-    """Arguments of pip that install the cell with `extras`, from the checkout at
-    `place` if it is one.
+def install_line(extras: Iterable[str] = ()) -> str:
+    """Arguments of pip that install the cell with `extras`, from its checkout if it
+    runs in one.
 
-    In a checkout the versions are those that are tested together; `place` is by default
-    where this package lies.
+    In a checkout the versions are those that are tested together.
     """
-    root = Path(__file__).resolve().parents[1] if place is None else place
+    root = Path(__file__).resolve().parents[2]
     names = ",".join(extras)
     suffix = f"[{names}]" if names else ""
     if not (root / CONSTRAINTS).is_file():

@@ -46,9 +46,7 @@ def test_pages_and_program_install_the_extras_alike() -> None:
     assert len(lines) >= 6
     for line in lines:
         extras = re.findall(r"'\.\[(\w+)\]'", line)
-        ours = (
-            install_line(extras, ROOT).replace(f"{ROOT}/", "").replace(str(ROOT), ".")
-        )
+        ours = install_line(extras).replace(f"{ROOT}/", "").replace(str(ROOT), ".")
         assert line.replace("-q --no-compile ", "").strip() == ours
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     stated = project["project"]["optional-dependencies"]
