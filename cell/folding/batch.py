@@ -42,7 +42,8 @@ class Callbacks:
     remark, `lay_again` waits until the strip lies for the next fold of a real robot,
     `observe` makes a context of the observers of a strip's fold, and `tell` takes a
     result as soon as it is known, before its page is written, and again where that
-    fails.
+    fails. `begin` takes the request of each fold that begins, and `end` that of each
+    recorded one with its result, in the order in which they end.
     """
 
     interrupt: Callable[[], AbstractContextManager[Callable[[], bool]]] = Interrupt
@@ -50,6 +51,8 @@ class Callbacks:
     lay_again: Callable[[], None] = _nobody_lays
     observe: Callable[[str], ObserverContext] = lambda _: nullcontext(())
     tell: Callable[[FoldResult], None] = lambda _: None
+    begin: Callable[[Request], None] = lambda _: None
+    end: Callable[[Request, FoldResult], None] = lambda _, __: None
 
 
 def fold_all(
@@ -92,7 +95,7 @@ def _fold_in_parallel(
     """Fold in `jobs` processes side by side; results are yielded in the order of
     `requests`.
     """
-    folds = ParallelFolds(requests, jobs, callbacks.report)
+    folds = ParallelFolds(requests, jobs, callbacks)
     with callbacks.interrupt() as interrupted, closing(folds):
         for result in folds.results(interrupted):
             if result.run:
@@ -132,6 +135,7 @@ def _fold_in_sequence(
                     calibration = calibration_of(
                         request.cell, callbacks.report, interrupted
                     )
+                    callbacks.begin(request)
                     recorded = fold(request, calibration, observers, interrupted)
                 callbacks.tell(recorded)
                 result = write_pages(request, recorded)
@@ -139,6 +143,8 @@ def _fold_in_sequence(
                     callbacks.tell(result)
             except CellError as error:
                 result = FoldResult.refusal(request, error)
+            if result.run:
+                callbacks.end(request, result)
         yield result
         if interrupted():
             return
@@ -150,9 +156,9 @@ class ParallelFolds:
     """
 
     def __init__(
-        self, requests: Sequence[Request], jobs: int, report: Callable[[str], None]
+        self, requests: Sequence[Request], jobs: int, callbacks: Callbacks
     ) -> None:
-        self._report = report
+        self._callbacks = callbacks
         self._requests = requests
         self._waiting = deque(enumerate(requests))
         self._pool = ProcessPool(jobs, dies_with_parent=False)
@@ -198,7 +204,10 @@ class ParallelFolds:
         while self._waiting and self._pool.has_room:
             number, request = self._waiting[0]
             try:
-                calibration = calibration_of(request.cell, self._report, interrupted)
+                calibration = calibration_of(
+                    request.cell, self._callbacks.report, interrupted
+                )
+                self._callbacks.begin(request)
             except CellError as error:
                 self._waiting.popleft()
                 self._done[number] = error
@@ -214,6 +223,8 @@ class ParallelFolds:
             if isinstance(result, ChildDied):
                 result = Fault("process_died", f"the process of a fold: {result}")  # noqa: PLW2901
             self._done[number] = result
+            if isinstance(result, FoldResult) and result.run:
+                self._callbacks.end(self._requests[number], result)
 
     def _stop(self) -> None:
         """Start no further fold, and ask those under way to stop."""

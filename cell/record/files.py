@@ -18,6 +18,8 @@ FILM = "film.mp4"
 OVERLAY = "overlay.mp4"  # of a film that was observed
 CHECKPOINT = "checkpoint.json"
 NOTES = "notes.yaml"  # tags and a note by the operator
+# of a series of runs: in a folder of its own, or the end of its name beside other runs
+MANIFEST = "manifest.jsonl"
 
 Keep = Literal["all", "key", "none"]  # which images of a run are kept
 
@@ -40,11 +42,18 @@ def runs_in(folder: Path) -> list[Path]:
     )
 
 
+def runs_below(folder: Path) -> list[Path]:
+    """Run folders in `folder` and in the folders in it that are no runs, sorted by
+    path.
+    """
+    return [run for place in sorted(folder.iterdir()) for run in runs_in(place)]
+
+
 def run_folder(text: str) -> Path:
     """Folder of the run that `text` names: by its path, by the end of its name, or as
     `last`.
 
-    The latter two are looked for in each folder here and in ./runs, the newest of
+    The latter two are looked for in each folder here and below ./runs, the newest of
     several is meant; what is not found there stays a path.
     """
     place = Path(text)

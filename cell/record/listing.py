@@ -15,7 +15,7 @@ from typing import Annotated, Any
 from pydantic import AliasPath, Field, PlainValidator, TypeAdapter
 from pydantic.dataclasses import dataclass
 
-from cell.record.files import NOTES, RESULT, RUN, is_run, is_under_way
+from cell.record.files import NOTES, RESULT, RUN, is_run, is_under_way, runs_below
 from cell.record.header import Result, read_result
 from drivers.base.errors import ConfigurationError, check_known
 from drivers.base.files import lock_folders
@@ -139,8 +139,8 @@ COLUMNS = ("run", *NAMES[1:])  # the folder by its name
 
 
 def list_runs(root: Path, where: str = "", sort: str = "") -> tuple[RunRow, ...]:
-    """Runs directly below `root` for which the SQL expression `where` holds, oldest
-    first.
+    """Runs in `root`, and in folders in it, for which the SQL expression `where` holds,
+    oldest first.
 
     `sort` is the column to sort by instead, downwards with a leading `-`; runs without
     a value come last. Raises ConfigurationError for a `root` that is no folder or a run
@@ -154,7 +154,7 @@ def list_runs(root: Path, where: str = "", sort: str = "") -> tuple[RunRow, ...]
             f"{root.resolve().parent}"
         )
     try:
-        rows = [read_row(folder) for folder in root.iterdir() if is_run(folder)]
+        rows = [read_row(folder) for folder in runs_below(root)]
     except OSError as error:
         raise ConfigurationError(
             f"{root}: cannot be listed: {error.strerror}"

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from cell.folding.feasibility import Feasibility
     from cell.folding.request import Request
     from cell.folding.result import FoldResult
+    from cell.folding.series import Remainder
     from cell.orchestrator.run import Observer
     from cell.orchestrator.snapshot import Snapshot
 
@@ -128,6 +129,10 @@ class FoldOptions:
             metavar="SHARE|LENGTH",
         ),
     ] = None
+    resume: Annotated[
+        bool,
+        typer.Option("--resume", help="Go on with --repeat where it stopped."),
+    ] = False
     as_json: options.Json = False
 
     def strip_name(self) -> str:
@@ -231,25 +236,48 @@ def fold(given: FoldOptions) -> None:
     elif given.rehearse:
         sys.exit(_rehearse(requests[0], as_json=given.as_json))
     else:
-        sys.exit(_fold_all(requests, given.jobs, close_edges, as_json=given.as_json))
+        sys.exit(_fold_series(requests, given, close_edges))
+
+
+def _fold_series(
+    requests: "Sequence[Request]", given: FoldOptions, until: float | None
+) -> int:
+    """Carry out one fold, or a series that can be resumed; returns the exit code."""
+    if len(requests) == 1:
+        if given.resume:
+            raise ConfigurationError(
+                "--resume: goes with --repeat, or with several --plant"
+            )
+        return _fold_all(requests, given, until)
+    with options.folded_series(requests, "batch", resuming=given.resume) as remainder:
+        code = _fold_all(remainder.requests, given, until, remainder)
+        if until is not None and code == 0:
+            remainder.series.close()
+        return code
 
 
 def _fold_all(
-    requests: "Sequence[Request]", jobs: int, until: float | None, *, as_json: bool
+    requests: "Sequence[Request]",
+    given: FoldOptions,
+    until: float | None,
+    remainder: "Remainder | None" = None,
 ) -> int:
     """Carry out folds and print each result; returns the exit code.
 
     That is the largest of the folds', or with `until` [m] that of the last one, 1 where
-    no edges lie as close.
+    no edges lie as close. What becomes of those of a `remainder` is kept.
     """
+    as_json = given.as_json
     from cell.folding.batch import agreed, fold_all
     from cell.folding.request import with_correction
 
     requests = agreed(requests, options.ask)
     callbacks = _callbacks(requests[0].cell.emulation, as_json=as_json)
+    if remainder is not None:
+        callbacks = replace(callbacks, begin=remainder.begin, end=remainder.end)
     exit_code = 0
     try:
-        results = fold_all(requests, jobs, until, callbacks)
+        results = fold_all(requests, given.jobs, until, callbacks)
         # an interrupt ends them
         for request, result in zip(requests, results, strict=False):
             if as_json:

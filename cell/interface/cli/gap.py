@@ -30,15 +30,18 @@ from cell.interface.cli.options import (
     ask,
     check_names,
     engine,
+    folded_series,
     resumable,
 )
 from cell.interface.cli.output import busy, notice, print_json, say, while_busy
+from cell.record.files import MANIFEST
 from drivers.base.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from cell.folding.request import Request
+    from cell.folding.series import Remainder
     from cell.gap.verdict.accept import AcceptResult
 
 COPY_TIMEOUT = 3600.0  # s of a copy in which an effect is hidden
@@ -81,6 +84,10 @@ PlanFolder = Annotated[
 NoTruth = Annotated[
     bool, typer.Option("--no-truth", help="Keep the twin's truth out of the records.")
 ]
+Resume = Annotated[
+    bool,
+    typer.Option("--resume", help="Go on with the plan in the folder of --runs."),
+]
 DryRun = Annotated[
     bool, typer.Option("--dry-run", help="Say which runs would be made; move nothing.")
 ]
@@ -97,6 +104,7 @@ def plan(
     jobs: Annotated[int, typer.Option(min=1, help="Runs side by side.")] = 1,
     configs: Configs = None,
     no_truth: NoTruth = False,
+    resume: Resume = False,
     dry_run: DryRun = False,
     as_json: Json = False,
 ) -> None:
@@ -104,14 +112,8 @@ def plan(
     lacks.
     """
     check_names(configs, strip)
-    from cell.record.files import runs_in
-
     folder = runs or Path("runs") / f"{Path(strip).stem}-plan"
-    if runs_in(folder):
-        raise ConfigurationError(
-            f"--runs: {folder} holds runs already; name a new folder, so that the"
-            " standard runs stay together"
-        )
+    _check_plan_folder(folder, resume=resume)
     if not dry_run:
         check_recordable(folder)
     requests = _standard_runs(
@@ -134,15 +136,33 @@ def plan(
     file = _subject_file(strip, None, configs, None)
     words = ("cell", "gap", "fit", folder, "--strip", file, "--out", f"{folder}-fit")
     next_step = f"next: {shlex.join(map(str, words))}\n"
-    with resumable(
-        folder, f"fit two or more, or plan all with another --runs\n{next_step}"
-    ):
-        code = _fold_all(requests, jobs, as_json=as_json)
-        if code == INTERRUPTED_CODE:
-            raise KeyboardInterrupt
-    if not as_json:
+    code = _fold_all(requests, jobs, resuming=resume, as_json=as_json)
+    if not as_json and code != INTERRUPTED_CODE:
         sys.stdout.write(next_step)
     sys.exit(code)
+
+
+def _check_plan_folder(folder: Path, *, resume: bool) -> None:
+    """Refuse a folder of runs for a new plan, and one without a plan for --resume."""
+    from cell.record.files import runs_in
+    from cell.record.manifest import Manifest
+
+    place = folder / MANIFEST
+    if resume and not place.is_file():
+        raise ConfigurationError(
+            f"--resume: no plan in {folder}; leave --resume out to begin one"
+        )
+    if not resume and place.is_file():
+        manifest = Manifest.read(place)
+        way_on = "wait for it" if manifest.is_under_way else "go on with --resume"
+        raise ConfigurationError(
+            f"--runs: {manifest}; {way_on}, or name a new folder for another plan"
+        )
+    if not resume and runs_in(folder):
+        raise ConfigurationError(
+            f"--runs: {folder} holds runs already; name a new folder, so that the"
+            " standard runs stay together"
+        )
 
 
 def _standard_runs(
@@ -169,21 +189,35 @@ def _standard_runs(
     return standard_requests(base)
 
 
-def _fold_all(requests: "Sequence[Request]", jobs: int, *, as_json: bool) -> int:
-    """Fold the standard runs and print each result; returns the largest exit code of
-    all.
+def _fold_all(
+    requests: "Sequence[Request]", jobs: int, *, resuming: bool, as_json: bool
+) -> int:
+    """Fold the standard runs, or what is left of them, and print each result.
+
+    Returns the largest exit code of all.
     """
+    place = requests[0].runs / MANIFEST
+    with folded_series(requests, "plan", place, resuming=resuming) as remainder:
+        return _fold_remainder(remainder, jobs, as_json=as_json)
+
+
+def _fold_remainder(remainder: "Remainder", jobs: int, *, as_json: bool) -> int:
+    """Fold what is left of the standard runs and print each result; returns the exit
+    code.
+    """
+    if not remainder.requests:
+        return 0
     from cell.folding.batch import Callbacks, agreed, fold_all
     from cell.folding.request import standard_run
     from cell.setup.arm.run_settings import await_strip
 
-    requests = agreed(requests, ask)
+    requests = agreed(remainder.requests, ask)
     code = 0
-    callbacks = Callbacks(lay_again=lambda: await_strip(ask))
+    callbacks = Callbacks(
+        lay_again=lambda: await_strip(ask), begin=remainder.begin, end=remainder.end
+    )
     results = while_busy("folding", fold_all(requests, jobs, callbacks=callbacks))
-    for i, (request, result) in enumerate(
-        zip(requests, results, strict=False), start=1
-    ):
+    for request, result in zip(requests, results, strict=False):
         if not result.run:
             notice(result.reason)
             return result.exit_code
@@ -196,7 +230,8 @@ def _fold_all(requests: "Sequence[Request]", jobs: int, *, as_json: bool) -> int
                 "" if d is None else f", displacement {1e3 * d:.1f} mm"
             )
             text = f"{name:15s} {outcome:32s} shows {reveals}  {result.run}"
-            sys.stdout.write(f"{i}/{len(requests)}  {text}\n")
+            number = remainder.numbers[request.trial.seed] + 1
+            sys.stdout.write(f"{number}/{remainder.series.manifest.parts}  {text}\n")
         sys.stdout.flush()
         code = max(code, 0 if result.went_as_planned else result.exit_code)
     return code

@@ -14,14 +14,17 @@ import typer
 from cell.base.config.drivers import Kind, driver_names
 from cell.base.config.length import metres
 from cell.base.config.places import PACKAGED, Configs as Found, find_configs
+from cell.interface.cli.output import notice
 from cell.record.files import run_folder
 from drivers.base.errors import ConfigurationError, check_known
 from drivers.base.plugins import plugin_names
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Sequence
 
     from cell.base.campaign.run import Engine
+    from cell.folding.request import Request
+    from cell.folding.series import Remainder
 
 T = TypeVar("T")
 INTERRUPTED_CODE = 130  # exit code
@@ -205,6 +208,34 @@ def resumable(
     except (KeyboardInterrupt, Interrupted):
         sys.stderr.write(f"interrupted; what is finished is kept in {folder}: {way_on}")
         sys.exit(INTERRUPTED_CODE)
+
+
+@contextmanager
+def folded_series(
+    requests: "Sequence[Request]",
+    kind: str,
+    path: Path | None = None,
+    *,
+    resuming: bool = False,
+) -> "Iterator[Remainder]":
+    """Within the block, make a series of folds; at its end say how to go on if a part
+    is left.
+
+    Exits with code 130 after Ctrl-C.
+    """
+    from cell.folding.series import series_of
+    from cell.orchestrator.operator import Interrupted
+
+    with series_of(requests, kind, path, resuming=resuming) as remainder:
+        for sentence in remainder.sentences() if resuming else ():
+            notice(sentence)
+        try:
+            yield remainder
+        except (KeyboardInterrupt, Interrupted):
+            sys.exit(INTERRUPTED_CODE)
+        finally:
+            if way_on := remainder.series.way_on():
+                notice(way_on)
 
 
 def engine(jobs: int, address: str | None, limit: float | None) -> "Engine":

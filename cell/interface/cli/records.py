@@ -66,13 +66,19 @@ def runs(
     removes.
     """
     from cell.record.listing import COLUMNS, list_runs, remove, to_prune, values_of
+    from cell.record.manifest import manifests_in
 
     pruning = keep is not None or older_than is not None or delete
     if delete and html is not None:
         raise ConfigurationError("--keep, --older-than, --delete: go without --html")
     with busy("reading the runs"):
         rows = list_runs(folder, where, sort)
+    for manifest in manifests_in(folder):
+        if manifest.is_under_way:
+            notice(str(manifest))
     if pruning:
+        # a plan stays together
+        rows = tuple(row for row in rows if row.folder.parent == folder)
         rows = to_prune(rows, datetime.now(UTC), keep=keep, older_than=_age(older_than))
     if html is not None:
         from cell.report.runs_page import write_runs_page

@@ -87,6 +87,14 @@ def test_choosing_deletes_nothing_and_removing_deletes_just_the_chosen(four):
     assert (four / "notes").is_dir()
 
 
+def test_runs_in_folders_of_the_folder_are_listed_and_never_pruned(four):
+    planned = lay(four / "plan", 0, {"outcome": "path_done"})
+    assert planned in [row.folder for row in list_runs(four)]
+    words = ["runs", "--runs", str(four), "--keep", "0", "--delete"]
+    assert CliRunner().invoke(app, words).exit_code == 0
+    assert [row.folder for row in list_runs(four)] == [planned]
+
+
 def test_run_under_way_is_neither_chosen_nor_removed(tmp_path):
     writer = RunWriter(tmp_path, HEADER, "none")
     rows = list_runs(tmp_path)

@@ -1,0 +1,149 @@
+"""Series of folds that can be resumed: what they are of, and what is left of them."""
+
+import hashlib
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from secrets import token_hex
+
+from cell.base.campaign.journal import digest
+from cell.folding.request import Request
+from cell.folding.result import FoldResult
+from cell.record.files import MANIFEST
+from cell.record.manifest import (
+    Manifest,
+    Series,
+    manifests_in,
+    new_series,
+    resumed_series,
+)
+from drivers.base.errors import ConfigurationError
+
+
+def identity(requests: Sequence[Request]) -> dict[str, str]:
+    """Digests of what the folds of a series must share with those that it began with.
+
+    The plan has policies, speeds, seeds, weights and the number of folds.
+    """
+    first = requests[0]
+    plants = [r.trial.plant.model_dump_json() for r in requests if r.trial.plant]
+    plan = [
+        f"{r.policy} {r.speed} {r.at} {r.trial.seed} {r.full_speed}" for r in requests
+    ]
+    weights = b"" if first.checkpoint is None else first.checkpoint.read_bytes()
+    return {
+        "strip": digest(first.strip.model_dump_json()),
+        "cell": digest(first.cell.model_dump_json(by_alias=True)),
+        "plant": digest(*plants),
+        "plan": digest(*plan, hashlib.sha256(weights).hexdigest()),
+    }
+
+
+@contextmanager
+def series_of(
+    requests: Sequence[Request],
+    kind: str,
+    path: Path | None = None,
+    *,
+    resuming: bool = False,
+) -> Iterator["Remainder"]:
+    """Make the series of `requests`, new or `resuming`; yields what is left of it to be
+    made.
+
+    Its manifest lies at `path`, or has a name of its own in the folder of the runs.
+    Raises ConfigurationError where it cannot be written, or not be resumed.
+    """
+    opened = (_resume if resuming else _begin)(requests, kind, path)
+    with opened as series:
+        yield Remainder.of(series, requests)
+
+
+def _begin(
+    requests: Sequence[Request], kind: str, path: Path | None
+) -> AbstractContextManager[Series]:
+    """Begin a series; ConfigurationError where its manifest cannot be written."""
+    strip, runs = requests[0].strip.name, requests[0].runs
+    stamp = f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{strip}-{kind}-{token_hex(2)}"
+    place = runs / f"{stamp}.{MANIFEST}" if path is None else path
+    return new_series(place, kind, strip, identity(requests), len(requests))
+
+
+def _resume(
+    requests: Sequence[Request], kind: str, path: Path | None
+) -> AbstractContextManager[Series]:
+    """Go on with a series, without a `path` with the newest that is unfinished.
+
+    Raises ConfigurationError where there is none, it is under way, or it was begun with
+    another strip, cell, plant or plan.
+    """
+    runs = requests[0].runs
+    if path is not None:
+        found = [Manifest.read(path)] if path.is_file() else []
+    else:
+        found = [
+            each
+            for each in manifests_in(runs)
+            if each.kind == kind and each.path.parent == runs and not each.is_complete
+        ]
+    if not found:
+        raise ConfigurationError(
+            f"--resume: no unfinished {kind} in {runs}; leave --resume out to begin one"
+        )
+    return resumed_series(found[-1], identity(requests))
+
+
+@dataclass(frozen=True, slots=True)
+class Remainder:
+    """Folds of a series that are left to be made: `requests`, and the `number` of each
+    by its seed.
+    """
+
+    series: Series
+    requests: tuple[Request, ...]
+    numbers: dict[int, int]
+
+    @classmethod
+    def of(cls, series: Series, requests: Sequence[Request]) -> "Remainder":
+        """What is left of a series; a fold that began before is laid again, after all
+        others.
+
+        It gets an index and a seed of its own, for the strip has been folded since: two
+        runs with one index would be refused by a fit.
+        """
+        manifest = series.manifest
+        left = [n for n in range(len(requests)) if n not in manifest.done]
+        again = [n for n in left if n in manifest.begun]
+        pairs = [(n, requests[n]) for n in left if n not in again]
+        used = len(manifest.begun) - len(set(manifest.begun))
+        for extra, number in enumerate(again, start=used + 1):
+            trial = requests[number].trial
+            index = max(each.trial.index for each in requests) + extra
+            seed = max(each.trial.seed for each in requests) + extra
+            changed = replace(trial, index=index, seed=seed)
+            pairs.append((number, replace(requests[number], trial=changed)))
+        numbers = {request.trial.seed: number for number, request in pairs}
+        return cls(series, tuple(request for _, request in pairs), numbers)
+
+    def begin(self, request: Request) -> None:
+        """Note in the manifest that the fold of `request` begins."""
+        self.series.begin(self.numbers[request.trial.seed])
+
+    def end(self, request: Request, result: FoldResult) -> None:
+        """Note in the manifest that the fold of `request` has ended."""
+        facts = {"run": Path(result.run).name, "outcome": result.outcome}
+        number = self.numbers[request.trial.seed]
+        self.series.end(number, facts | {"exit_code": result.exit_code})
+
+    def sentences(self) -> list[str]:
+        """Words on what was done before, and on each fold that is laid again."""
+        manifest = self.series.manifest
+        lines = [f"{len(manifest.done)} of {manifest.parts} are done"]
+        for request in self.requests:
+            number = self.numbers[request.trial.seed]
+            if number in manifest.begun:
+                ended = manifest.ended.get(number, {})
+                outcome = ended.get("outcome", "its process ended")
+                lines.append(f"number {number} is laid again: {outcome}")
+        return lines

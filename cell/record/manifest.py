@@ -1,0 +1,201 @@
+"""Manifests: what a series of runs is, who makes it, and which of its parts are done.
+
+A manifest is a file of JSON lines beside the runs. The first line states the series;
+then a line follows when a part begins and when it ends. So a killed series loses no
+part that had ended, and the process that makes it holds the file's lock.
+"""
+
+import fcntl
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from cell.record.documents import json_line
+from cell.record.files import MANIFEST
+from drivers.base.errors import ConfigurationError
+from drivers.base.files import append_line, new_file, write_all, writing
+from drivers.base.readers import read_json_lines
+
+DONE_CODES = {0, 1}  # exit codes of parts that need not be made again
+Facts = Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Manifest:
+    """Series of `parts` runs: its `kind`, the digests of what it is `of`, who makes it.
+
+    `begun` has the number of each part that began, once for each time, and `ended` what
+    is known of each part that ended, the last time counting.
+    """
+
+    path: Path
+    kind: str
+    name: str
+    of: Mapping[str, str]
+    parts: int
+    process: int
+    host: str
+    begun: tuple[int, ...] = ()
+    ended: Mapping[int, Facts] = field(default_factory=dict)
+    is_over: bool = False
+
+    @classmethod
+    def read(cls, path: Path) -> "Manifest":
+        """Read the manifest at `path`; ConfigurationError where it is none."""
+        head, *lines = read_json_lines(path) or [{}]
+        made_by = [head, *(line for line in lines if "process" in line)][-1]
+        try:
+            return cls(
+                path=path,
+                kind=str(head["kind"]),
+                name=str(head["name"]),
+                of={str(key): str(value) for key, value in head["of"].items()},
+                parts=int(head["parts"]),
+                process=int(made_by["process"]),
+                host=str(made_by["host"]),
+                begun=tuple(int(line["begin"]) for line in lines if "begin" in line),
+                ended={int(line["end"]): line for line in lines if "end" in line},
+                is_over=any(line.get("over") is True for line in lines),
+            )
+        except (KeyError, TypeError, ValueError, AttributeError):
+            raise ConfigurationError(
+                f"{path}: is no manifest of a series of runs; move it away"
+            ) from None
+
+    @property
+    def done(self) -> frozenset[int]:
+        """Numbers of the parts that need not be made again."""
+        codes = {number: facts.get("exit_code") for number, facts in self.ended.items()}
+        return frozenset(number for number, code in codes.items() if code in DONE_CODES)
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether nothing of the series is left to be made."""
+        return self.is_over or len(self.done) >= self.parts
+
+    @property
+    def is_under_way(self) -> bool:
+        """Whether a living process makes the series, by its lock on the file."""
+        with suppress(OSError), self.path.open("rb") as file:
+            try:
+                fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+            except BlockingIOError:
+                return True
+        return False
+
+    def __str__(self) -> str:
+        """What the series is and how far it has come, in words."""
+        under_way = f", under way (process {self.process} on {self.host})"
+        return (
+            f"{self.kind} of {self.name} in {self.path.parent}: {len(self.done)} of"
+            f" {self.parts} done{under_way if self.is_under_way else ''}"
+        )
+
+
+def manifests_in(folder: Path) -> tuple[Manifest, ...]:
+    """Manifests in `folder` and in the folders in it, by name; what is none is left
+    out.
+    """
+    found = []
+    for path in sorted([*folder.glob(f"*{MANIFEST}"), *folder.glob(f"*/{MANIFEST}")]):
+        with suppress(ConfigurationError):
+            found.append(Manifest.read(path))
+    return tuple(found)
+
+
+class Series:
+    """Series of runs that this process makes: writes its manifest, part by part."""
+
+    def __init__(self, manifest: Manifest) -> None:
+        self.manifest = manifest
+
+    def begin(self, number: int) -> None:
+        """Note that part `number` begins; ConfigurationError where that fails."""
+        self.note({"begin": number})
+
+    def end(self, number: int, facts: Facts) -> None:
+        """Note that part `number` has ended with `facts`, among them its exit_code."""
+        self.note({"end": number, **facts})
+
+    def close(self) -> None:
+        """Note that the series is over before all of its parts are made."""
+        self.note({"over": True})
+
+    def way_on(self) -> str:
+        """Words on how to go on with a series of which a part is left; else empty."""
+        now = Manifest.read(self.manifest.path)
+        if now.is_complete:
+            return ""
+        return (
+            f"{len(now.done)} of {now.parts} are done and kept; the same command with"
+            " --resume goes on, and makes again what ended by a fault"
+        )
+
+    def note(self, line: Facts) -> None:
+        """Add a `line` to the manifest; ConfigurationError where that fails."""
+        with writing(self.manifest.path, "make room, then go on with --resume"):
+            append_line(self.manifest.path, json_line(line))
+
+
+@contextmanager
+def new_series(
+    path: Path, kind: str, name: str, of: Mapping[str, str], parts: int
+) -> Iterator[Series]:
+    """Begin the series of `parts` runs with a new manifest at `path`, locked within the
+    block.
+
+    Raises ConfigurationError where a file is at `path`, or none can be written.
+    """
+    head = {"schema": 1, "kind": kind, "name": name, "of": of, "parts": parts}
+    with ExitStack() as opened:
+        with writing(path):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            file = opened.enter_context(new_file(path))
+            _lock(file.fileno(), path)
+            write_all(file, json_line(head | _maker()))
+            os.fsync(file.fileno())
+        yield Series(Manifest.read(path))
+
+
+@contextmanager
+def resumed_series(manifest: Manifest, of: Mapping[str, str]) -> Iterator[Series]:
+    """Go on with the series of `manifest`, locked within the block.
+
+    Raises ConfigurationError where another process makes it, and where what it is `of`
+    has changed since it began.
+    """
+    with ExitStack() as opened:
+        with writing(manifest.path):
+            file = opened.enter_context(manifest.path.open("rb"))
+        _lock(file.fileno(), manifest.path)
+        current = Manifest.read(manifest.path)
+        differ = [key for key in of if current.of.get(key) != of[key]]
+        if differ:
+            verb = "is" if len(differ) == 1 else "are"
+            raise ConfigurationError(
+                f"--resume: {manifest.path}: {' and '.join(differ)} {verb} not as when"
+                f" this {current.kind} began; use what it began with, or begin another"
+            )
+        series = Series(current)
+        series.note(_maker())
+        yield series
+
+
+def _maker() -> dict[str, Any]:
+    """Facts on the process that makes a series."""
+    began = datetime.now(UTC).isoformat(timespec="seconds")
+    return {"process": os.getpid(), "host": os.uname().nodename, "began": began}
+
+
+def _lock(handle: int, path: Path) -> None:
+    """Lock the open manifest; ConfigurationError where another process holds it."""
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise ConfigurationError(
+            f"{Manifest.read(path)}; wait for it, or name another folder"
+        ) from None

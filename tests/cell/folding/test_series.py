@@ -1,0 +1,205 @@
+"""Series of folds that stop: what is done stays, and --resume goes on with the rest."""
+
+import json
+from contextlib import nullcontext
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from cell.folding.batch import Callbacks, fold_all
+from cell.folding.request import Request
+from cell.folding.result import FoldResult
+from cell.folding.series import series_of
+from cell.interface.cli.app import app
+from cell.record.files import MANIFEST
+from cell.record.manifest import Manifest, manifests_in
+from drivers.base.errors import ConfigurationError
+from tests.cell.folding.test_batch import fake, repeated  # noqa: F401  a fixture
+from tests.support.made_results import DONE, STOPPED, fold_by
+
+PLAN = ("gap", "plan", "--strip", "denim", "--runs")
+BATCH = ("fold", "--strip", "denim", "--repeat", "4", "--json", "--runs")
+
+
+def cell(*words: object) -> Result:
+    return CliRunner().invoke(app, [str(word) for word in words])
+
+
+@pytest.fixture
+def folds(monkeypatch: pytest.MonkeyPatch) -> "Folds":
+    made = Folds()
+    fold_by(monkeypatch, made)
+    return made
+
+
+class Folds:
+    """Folds that end as `ends` says by their number since the last look; all others are
+    done.
+    """
+
+    def __init__(self) -> None:
+        self.ends: dict[int, FoldResult] = {}
+        self.trials: list[tuple[int, int]] = []
+
+    def __call__(self, request: Request, *_: object) -> FoldResult:
+        number = len(self.trials)
+        self.trials.append((request.trial.index, request.trial.seed))
+        request.runs.mkdir(parents=True, exist_ok=True)
+        end = self.ends.get(number, DONE)
+        if isinstance(end, type):
+            raise end
+        return replace(end, run=str(request.runs / str(request.trial.seed)))
+
+    def look(self) -> list[tuple[int, int]]:
+        seen, self.trials, self.ends = self.trials, [], {}
+        return seen
+
+
+FAULT = replace(DONE, outcome="camera_stale", exit_code=4, displacement=None)
+
+
+def test_plan_goes_on_and_lays_again_what_a_fault_ended(
+    tmp_path: Path, folds: Folds
+) -> None:
+    folds.ends = {2: FAULT, 6: STOPPED}
+
+    def stop_at_seven(request: Request, *rest: object) -> FoldResult:
+        if len(folds.trials) == 7:
+            raise KeyboardInterrupt
+        return folds(request, *rest)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("cell.folding.batch.fold", stop_at_seven)
+        stopped = cell(*PLAN, tmp_path / "plan")
+    assert stopped.exit_code == 130
+    assert "5 of 11 are done and kept; the same command with --resume" in stopped.output
+    assert [index for index, _ in folds.look()] == list(range(7))
+
+    refused = cell(*PLAN, tmp_path / "plan")
+    assert "5 of 11 done; go on with --resume" in str(refused.exception)
+    assert folds.look() == []
+
+    resumed = cell(*PLAN, tmp_path / "plan", "--resume")
+    assert resumed.exit_code == 0, resumed.output
+    assert "number 2 is laid again: camera_stale" in resumed.stderr
+    assert "number 7 is laid again: its process ended" in resumed.stderr
+    again = [(11, 11), (12, 12), (13, 13)]
+    assert folds.look() == [(8, 8), (9, 9), (10, 10), *again]
+    assert "next: cell gap fit" in resumed.stdout
+    assert Manifest.read(tmp_path / "plan" / MANIFEST).is_complete
+
+
+def test_batch_goes_on_with_the_newest_that_is_not_complete(
+    tmp_path: Path, folds: Folds
+) -> None:
+    folds.ends = {1: FAULT}
+    assert cell(*BATCH, tmp_path).exit_code == 4
+    assert len(folds.look()) == 4
+    resumed = cell(*BATCH, tmp_path, "--resume")
+    assert resumed.exit_code == 0
+    assert [json.loads(line)["run"] for line in resumed.stdout.splitlines()] == [
+        str(tmp_path / "4")
+    ]
+    assert folds.look() == [(4, 4)]
+    over = cell(*BATCH, tmp_path, "--resume")
+    assert "no unfinished batch in" in str(over.exception)
+
+
+@pytest.mark.parametrize(
+    ("changed", "says"),
+    [
+        (("--seed", "5"), "plan is not as when this batch began"),
+        (("--policy", "planned"), "plan is not as"),
+        (("--at", "1/3"), "plan is not as"),
+        (("--plant", "denim"), "plant is not as"),
+        (("--strip", "swimwear"), "strip is not as"),
+    ],
+)
+def test_another_series_is_not_resumed(
+    tmp_path: Path, folds: Folds, changed: tuple[str, str], says: str
+) -> None:
+    folds.ends = {1: FAULT}
+    cell(*BATCH, tmp_path)
+    folds.look()
+    refused = cell(*BATCH, tmp_path, *changed, "--resume")
+    assert says in str(refused.exception)
+    assert folds.look() == []
+
+
+def test_series_until_edges_are_close_is_over_with_them(
+    tmp_path: Path, folds: Folds
+) -> None:
+    folds.ends = {1: replace(DONE, edge_offset=0.0005)}
+    assert cell(*BATCH, tmp_path, "--until", "1mm").exit_code == 0
+    assert len(folds.look()) == 2
+    assert [each.is_complete for each in manifests_in(tmp_path)] == [True]
+
+
+def test_single_fold_has_no_manifest_and_nothing_to_resume(
+    tmp_path: Path, folds: Folds
+) -> None:
+    one = ("fold", "--strip", "denim", "--runs", tmp_path)
+    assert cell(*one).exit_code == 0
+    assert manifests_in(tmp_path) == ()
+    assert "goes with --repeat" in str(cell(*one, "--resume").exception)
+
+
+def test_second_shell_is_told_what_is_under_way(tmp_path: Path, folds: Folds) -> None:
+    words: list[str] = []
+
+    def ask_elsewhere(request: Request, *rest: object) -> FoldResult:
+        if len(folds.trials) == 1:
+            plan = (*PLAN, tmp_path / "plan")
+            words.append(str(cell(*plan).exception))
+            words.append(str(cell(*plan, "--resume").exception))
+            words.append(cell("runs", "--runs", tmp_path).stderr)
+        return folds(request, *rest)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("cell.folding.batch.fold", ask_elsewhere)
+        cell(*PLAN, tmp_path / "plan")
+    said = f"plan of denim in {tmp_path / 'plan'}: 1 of 11 done, under way (process "
+    assert [said in word for word in words] == [True] * 3
+    assert ["wait for it" in word for word in words] == [True, True, False]
+
+
+def test_results_of_parallel_folds_are_kept_as_they_end(
+    fake,  # noqa: F811
+    tmp_path: Path,
+) -> None:
+    fake.ends = [1]
+    requests = repeated(tmp_path, 3)
+    with series_of(requests, "batch") as remainder:
+        path = remainder.series.manifest.path
+        attended = Callbacks(
+            interrupt=lambda: nullcontext(lambda: 1 in Manifest.read(path).done),
+            begin=remainder.begin,
+            end=remainder.end,
+        )
+        list(fold_all(requests, 2, None, attended))
+        assert Manifest.read(path).done == {1}
+        assert Manifest.read(path).begun[:2] == (0, 1)
+
+
+@pytest.mark.parametrize("text", ["", "{}\n", '{"kind": "plan"}\n', "\0\n"])
+def test_broken_manifest_is_refused_by_name(tmp_path: Path, text: str) -> None:
+    path = tmp_path / MANIFEST
+    path.write_text(text)
+    with pytest.raises(ConfigurationError, match="is no manifest of a series"):
+        Manifest.read(path)
+    assert manifests_in(tmp_path) == ()
+
+
+def test_fold_does_not_begin_where_its_manifest_cannot_be_written(
+    tmp_path: Path, folds: Folds, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("cell.record.manifest.append_line", full)
+    result = cell(*BATCH, tmp_path)
+    assert result.exit_code == 2
+    assert "make room, then go on with --resume" in result.stderr
+    assert folds.look() == []
