@@ -56,8 +56,8 @@ class FoldOptions:
         float | None,
         options.length_option(
             "--length",
-            "Length of a strip without a file, as 600mm; the default policy and the"
-            " twin's camera allow 0.45 to 0.64 m [m].",
+            "Length of a strip without a file, as 600mm or 0.6 [m]; the default policy"
+            " and the twin's camera allow 0.45 to 0.64 m.",
         ),
     ] = None
     thickness: Annotated[
