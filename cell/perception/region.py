@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from calibration.calibration import Calibration
 from cell.perception.kernels import CELL_PX, PATCH_PX
 from drivers.base.types import Array, Image, Pose
-from drivers.franka.shapes import FINGER, PALM, TIP_AHEAD
+from drivers.franka.shapes import FINGER, PALM, TIP_AHEAD, side_view
 
 # m: chosen on the twin's camera of 0.59 mm/px, which sees a pixel of blur
 LIGHT_WINDOW = 0.047
@@ -74,6 +74,7 @@ HIGH_HEIGHT = 0.09  # below the waiting hand
 SWEPT = (0.3, 0.85, 1.02, 0.5)
 WRIST_LENGTH = 0.60  # m, from the grip
 BLUR = 0.003  # m about a hand that an image blurs
+HAND_BACK = 0.036  # m behind the near edge: the far side of fingers amid a strip
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,16 +164,17 @@ def without_hand(region: Region, calibration: Calibration, gripper: Pose) -> Ima
     """Mask (h, w) of `region`, 0 where the hand at `gripper` may hide the strip, else
     255.
     """
-    along = np.array([np.cos(gripper.pitch), np.sin(gripper.pitch)])
-    across = np.array([-along[1], along[0]])
     slim, wide = FINGER[-1][1] + BLUR, PALM[0][1] + BLUR
     tip, palm = -TIP_AHEAD - BLUR, PALM[0][0] - BLUR
     side = np.array([(tip, -slim), (palm, -slim), (palm, -wide), (WRIST_LENGTH, -wide)])
     outline = np.concatenate([side, side[::-1] * (1, -1)])
-    corners = outline @ np.stack([along, across]) + (gripper.x, gripper.z)
-    pixels = np.rint(calibration.homography.to_image(corners) - region.origin)
+    near = side_view(outline, gripper.as_array()[None])[0]
+    view = calibration.viewpoint
+    far = near + view.sweep(HAND_BACK) * (view.foot() - near)
     mask = np.full(
         (region.bottom - region.top, region.right - region.left), 255, dtype=np.uint8
     )
-    cv2.fillPoly(mask, [np.clip(pixels, -20000, 20000).astype(np.int32)], 0)
+    for corners in (near, far):
+        pixels = np.rint(calibration.homography.to_image(corners) - region.origin)
+        cv2.fillPoly(mask, [np.clip(pixels, -20000, 20000).astype(np.int32)], 0)
     return mask
