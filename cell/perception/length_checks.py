@@ -14,7 +14,8 @@ DOUBTED, REFUTED = 4.0, 10.0  # spreads; 6e-5 of normal differences are larger t
 BY_HAND = 0.001  # m, assumed: how well a person lays an edge on a line
 BY_TOOL = 0.0005  # m, assumed: how well an arm knows the point that its fingers hold
 FEWEST_IMAGES = 10  # of the held end
-SEEN_END = 0.01  # m from the gripper where the profile of a held strip still ends
+SEEN_END = 0.025  # m from the gripper where the profile of a held strip still ends
+LAST = 0.03  # m of the profile from which its hidden end is extrapolated
 KINDS = {
     "free_edge": (
         "camera and stated length",
@@ -107,13 +108,17 @@ def disagreements(witnesses: Iterable[LengthCheck]) -> tuple[LengthCheck, ...]:
 
 
 def held_end_offset(seen: StripMeasurement) -> float:
-    """Offset x [m] of an upright strip's visible end from the gripper; NaN where
-    hidden.
+    """Offset x [m] of an upright strip's end from the gripper; NaN where hidden.
+
+    Fingers hide the end itself, where the strip is upright: a parabola through what is
+    seen below them leads there.
     """
-    if len(seen.profile) == 0:
+    away = seen.profile - np.array(seen.gripper)
+    if len(away) == 0 or np.hypot(*away[-1]) >= SEEN_END:
         return float("nan")
-    dx, dz = seen.profile[-1] - seen.gripper
-    return float(dx) if hypot(dx, dz) < SEEN_END else float("nan")
+    x, z = away[np.hypot(*(away - away[-1]).T) <= LAST].T
+    upright = np.column_stack([np.ones_like(z), z**2])
+    return float(np.linalg.lstsq(upright, x)[0][0])
 
 
 def compare_grip(offsets: Sequence[float], residual: float) -> tuple[LengthCheck, ...]:
