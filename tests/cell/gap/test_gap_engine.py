@@ -62,6 +62,15 @@ def test_a_set_with_one_effect_more_does_not_speak_against_a_name() -> None:
     assert verdict.posterior.inclusion["bump"] > 0.99
 
 
+def test_an_effect_that_is_less_probable_than_not_is_not_named() -> None:
+    found, _ = judged(Curves(hidden(bump, 0.05)))
+    sets = [(frozenset({"bump"}), 0.0), (frozenset({"wave"}), 20.0)]
+    models = tuple(SetProbability(names, nats, 0.5) for names, nats in sets)
+    decision = decide(replace(found, posterior=Posterior(models)))
+    assert decision.probabilities["bump"] < 0.5
+    assert (decision.kind, decision.named) == ("unexplained", ())
+
+
 def test_nothing_hidden_is_no_gap_with_detectable_sizes() -> None:
     kinds = [judged(Curves(nothing, seed=seed))[1] for seed in range(12)]
     assert [v.verdict for v in kinds].count("no_gap") >= 11
