@@ -4,13 +4,12 @@ runs.
 
 from collections.abc import Sequence
 from pathlib import Path
-from shlex import quote
 from typing import TYPE_CHECKING
 
 from cell.gap.subject.run_folders import RunFolder
-from cell.gap.subject.subject import Origin, Subject
+from cell.gap.subject.subject import Subject
 from drivers.base.errors import ConfigurationError
-from drivers.base.readers import file_digest, read_yaml
+from drivers.base.readers import read_yaml
 
 if TYPE_CHECKING:
     from cell.gap.subject.mechanism.subject import MechanismSubject
@@ -25,24 +24,15 @@ def open_subject(
     Raises ConfigurationError for a file of another kind, or an effect that cannot be
     withheld.
     """
-    digests = {file.resolve(): file_digest(file)}  # before it is read
     kind = read_yaml(file).get("kind", "strip")
     if kind == "strip":
         from cell.gap.subject.strip.subject import open_strip
 
-        subject: Subject = open_strip(file, runs, jobs, without)
-    elif kind == "mechanism":
-        subject = mechanism = open_mechanism(file, runs, jobs, without)
-        digests |= mechanism.mechanism.source.digests
-    else:
-        allowed = (
-            "strip, mechanism (a pendulum is one of mode planar: configs/mechanisms)"
-        )
-        raise ConfigurationError(f"{file}: kind: is {kind!r}; allowed: {allowed}")
-    withheld = ((name, "withheld from the library") for name in without)
-    subject.untested = (*subject.untested, *withheld)
-    subject.origin = Origin(option_for(file), digests)
-    return subject
+        return open_strip(file, runs, jobs, without)
+    if kind == "mechanism":
+        return open_mechanism(file, runs, jobs, without)
+    allowed = "strip, mechanism (a pendulum is one of mode planar: configs/mechanisms)"
+    raise ConfigurationError(f"{file}: kind: is {kind!r}; allowed: {allowed}")
 
 
 def open_mechanism(
@@ -65,16 +55,3 @@ def open_mechanism(
     subject = engine(mechanism, jobs, without)
     subject.check(str(path))
     return subject
-
-
-def option_for(file: Path) -> str:
-    """Command-line option that names the strip or mechanism in `file`, with its
-    value.
-    """
-    content = read_yaml(file)
-    if content.get("cell"):  # the cell's own, whose effects may belong into its file
-        return f"--subject {quote(file.parent.name)}"
-    return (
-        f"--{'strip' if content.get('kind', 'strip') == 'strip' else 'model'}"
-        f" {quote(str(file))}"
-    )

@@ -6,7 +6,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any, Literal
+from shlex import quote
+from typing import Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -291,7 +292,8 @@ class Scope:
 
     `terms` are never causes: they describe what stays unexplained. `scatter` names the
     random unknowns of runs. Where spreads of the base are `believed`, a base that fits
-    by values far beyond them is doubted as one that leaves a gap.
+    by values far beyond them is doubted as one that leaves a gap. `withheld` are the
+    names of effects that were taken out of the library.
     """
 
     base: tuple[Parameter, ...]
@@ -300,6 +302,7 @@ class Scope:
     terms: tuple[Candidate, ...] = ()
     scatter: tuple[ScatterSource, ...] = ()
     believed: bool = False
+    withheld: tuple[str, ...] = ()
 
     def withhold(self, names: Sequence[str], known: Collection[str]) -> "Scope":
         """Copy without the candidate effects `names`, all of which must be `known`
@@ -319,7 +322,7 @@ class Scope:
             raise ConfigurationError(
                 "every effect is withheld; leave at least one in the library"
             )
-        return replace(self, candidates=kept)
+        return replace(self, candidates=kept, withheld=tuple(names))
 
 
 @dataclass(frozen=True, slots=True)
@@ -377,12 +380,21 @@ class Origin:
     option: str = "--model FILE"
     digests: Mapping[Path, str] = field(default_factory=dict)
 
+    @classmethod
+    def before_reading(cls, file: Path, option: str) -> Self:
+        """Origin of a subject whose `file` is read next, named by the `option`."""
+        return cls(f"{option} {quote(str(file))}", {file.resolve(): file_digest(file)})
+
     def changed(self) -> Path | None:
         """First file that is no longer as it was read; None without any."""
         for path, digest in self.digests.items():
             if not path.is_file() or file_digest(path) != digest:
                 return path
         return None
+
+
+NO_FILE = Origin()
+"""Origin of a subject that no file states."""
 
 
 class Subject(ABC):
@@ -401,7 +413,7 @@ class Subject(ABC):
     scope: Scope
     notes: Sequence[str] = ()
     untested: Sequence[tuple[str, str]] = ()
-    origin: Origin = Origin()
+    origin: Origin = NO_FILE
 
     @abstractmethod
     def simulate(self, requests: Sequence[Request]) -> Sequence[Residuals]:

@@ -251,6 +251,8 @@ def _untested(findings: Findings) -> Iterator[Untested]:
         why = "no condition was repeated: a drift could not be looked for"
         yield Untested(what="drift", why=why)
     yield from (Untested(what=what, why=why) for what, why in subject.untested)
+    for name in subject.scope.withheld:
+        yield Untested(what=name, why="withheld from the library")
     limits = findings.screen.detectable
     for effect in subject.scope.candidates:
         limit = limits.get(effect.name)

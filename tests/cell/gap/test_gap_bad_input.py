@@ -12,9 +12,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from cell.gap.open_subject import option_for
 from cell.gap.subject.mechanism.subject import MechanismSubject
 from cell.gap.subject.strip.simulation import Simulation
+from cell.gap.subject.subject import Origin
 from drivers.base.types import Array
 from tests.support.commands import refused
 from tests.support.gap_strip_cases import STRIP, folds, written
@@ -332,11 +332,9 @@ def test_no_file_is_refused_and_one_with_spaces_quoted(
         assert refused(monkeypatch, capsys, *words).startswith(
             f"{file}: is neither a strip"
         )
-    (bench.root / "my strip.yaml").write_text("kind: strip")
-    assert (
-        option_for(bench.root / "my strip.yaml")
-        == f"--strip '{bench.root}/my strip.yaml'"
-    )
+    file = bench.root / "my strip.yaml"
+    file.write_text("kind: strip")
+    assert Origin.before_reading(file, "--strip").option == f"--strip '{file}'"
 
 
 def test_missing_runs_are_refused_and_leave_an_earlier_fit_as_it_is(

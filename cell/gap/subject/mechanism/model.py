@@ -14,7 +14,7 @@ import numpy as np
 from cell.gap.subject.mechanism.mechanism_file import MechanismFile
 from cell.gap.subject.mechanism.model_source import Source
 from cell.gap.subject.mechanism.recordings import Recording, Signal
-from cell.gap.subject.subject import ScatterSource
+from cell.gap.subject.subject import NO_FILE, Origin, ScatterSource
 from drivers.base.errors import ConfigurationError
 from drivers.base.types import Array
 from drivers.strip.effects.effect import Parameter
@@ -143,6 +143,7 @@ class Mechanism:
     recordings: tuple[Recording, ...] = ()
     pace: float = 1.0
     base: tuple[BaseParameter, ...] = ()
+    origin: Origin = NO_FILE
 
     @property
     def mode(self) -> Mode:

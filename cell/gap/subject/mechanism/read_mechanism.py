@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from operator import setitem
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 import mujoco
@@ -43,7 +44,7 @@ from cell.gap.subject.mechanism.recordings import (
     typical_frequency,
 )
 from cell.gap.subject.run_folders import RunFolder, check_indices
-from cell.gap.subject.subject import ScatterSource
+from cell.gap.subject.subject import Origin, ScatterSource
 from cell.record.files import ANGLES, RUN
 from drivers.base.errors import ConfigurationError
 from drivers.base.settings import load
@@ -215,7 +216,10 @@ def open_file(path: Path) -> Mechanism:
     Joints and recordings are left open, too. Raises ConfigurationError for anything
     broken.
     """
+    origin = Origin.before_reading(path, "--model")
     file = load(path, MechanismFile)
+    if file.cell:  # the cell's own, whose effects may belong into its file
+        origin = replace(origin, option=f"--subject {quote(path.parent.name)}")
     folder = path.resolve().parent
     place = (folder / file.model).resolve()
     if Path(file.model).is_absolute() or not place.is_relative_to(folder):
@@ -240,7 +244,8 @@ def open_file(path: Path) -> Mechanism:
         signals = [
             s for kind in ("torque", "tracking") for s in signals if s.kind == kind
         ]
-    return Mechanism(file, path, source, model, tuple(signals))
+    origin = replace(origin, digests={**origin.digests, **source.digests})
+    return Mechanism(file, path, source, model, tuple(signals), origin=origin)
 
 
 def open_all(path: Path, folders: Sequence[RunFolder]) -> Mechanism:

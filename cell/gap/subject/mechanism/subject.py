@@ -109,6 +109,7 @@ class MechanismSubject(Subject):
         self, mechanism: Mechanism, jobs: int = 1, without: Sequence[str] = ()
     ) -> None:
         self.mechanism, self.name, self._jobs = mechanism, mechanism.file.name, jobs
+        self.origin = mechanism.origin
         self._check_honoured()
         resting = [j.name for j in mechanism.joints if j.travel < HARDLY]
         why = f"it moves by less than {1e3 * HARDLY:g} mrad or mm"

@@ -1,6 +1,6 @@
 """Strip as a subject of the gap engine: measured folds compared with simulated ones."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache, partial
 from itertools import islice
@@ -28,8 +28,11 @@ from cell.gap.subject.strip.scope import fitted_strip, scope
 from cell.gap.subject.strip.simulation import Hashed, Job, Simulation, hashed_model
 from cell.gap.subject.strip.synthetic import SET_UP, instruction, planned_runs
 from cell.gap.subject.subject import (
+    NO_FILE,
     Experiment,
+    Finding,
     NamedValues,
+    Origin,
     Request,
     Residuals,
     Run,
@@ -137,12 +140,14 @@ class StripSubject(Subject):
         jobs: int = 1,
         without: Sequence[str] = (),
         scatter: Sequence[RunEffect] = RUN_EFFECTS,
+        origin: Origin = NO_FILE,
     ) -> None:
         """Prepare the measured folds `runs` for fits; effects `without` are no
         candidates.
 
         `scatter` are the quantities that may differ from run to run.
         """
+        self.origin = origin
         self.file = strip
         self.name = strip.name
         self._threads = jobs
@@ -182,6 +187,26 @@ class StripSubject(Subject):
             fold.correct(cache[key], request.run, request.local)
             for request, fold, key in zip(requests, folds, keys, strict=True)
         ]
+
+    def contradictions(self) -> Iterator[Finding]:
+        """Finding that l1 and l2 seem swapped, where the strip predicts the opposite
+        displacements.
+        """
+        simulated = self.simulate([self.stated(run) for run in self.runs])
+        errors = [*map(_touch_errors, self.runs, simulated)]
+        off = np.concatenate(errors)
+        if not len(off):
+            return
+        stated, swapped = np.sqrt(np.mean(off**2, axis=0))
+        if stated > max(SWAPPED, FARTHER * swapped):
+            yield Finding(
+                what="swapped columns",
+                words=(
+                    f"l1 and l2 of the touches: the stated strip is {stated:.0f} sigma"
+                    f" off their displacements, and {swapped:.1f} if they are swapped"
+                ),
+                remedy="look whether the columns are the right way round",
+            )
 
     def _compare(self, jobs: Mapping[ResidualKey, Job]) -> dict[ResidualKey, Residuals]:
         """Simulate and compare jobs, in portions of similar duration; residuals by key.
@@ -304,6 +329,20 @@ def _describe(
     return hashed_model(with_law(model, amounts))
 
 
+def _touch_errors(run: Run, residuals: Residuals) -> Array:
+    """Errors (k, 2) [sigma] of a simulation in the displacement of a run's touch, as
+    measured and with l1 and l2 swapped.
+    """
+    touch = cast(PreparedFold, run.content).residuals.run.touch
+    if touch is None:
+        return np.empty((0, 2))
+    swapped = residuals.mean - 2.0 * touch.displacement
+    errors = np.stack([residuals.mean, swapped], axis=1)
+    rows = (run.samples.quantity == "displacement") & np.isfinite(residuals.mean)
+    sigma = np.hypot(run.samples.noise, run.samples.floor)
+    return np.asarray(errors[rows] / sigma[rows, None])
+
+
 def open_strip(
     path: Path, folders: Sequence[RunFolder], jobs: int = 1, without: Sequence[str] = ()
 ) -> StripSubject:
@@ -313,37 +352,7 @@ def open_strip(
     Raises ConfigurationError for a broken file or run, or an effect that the library
     lacks.
     """
+    origin = Origin.before_reading(path, "--strip")
     strip = load_strip(path)
-    subject = StripSubject(strip, read_runs(folders, strip), jobs, without=without)
-    subject.notes = (*subject.notes, *_swap_notes(subject))
-    return subject
-
-
-def _swap_notes(subject: StripSubject) -> tuple[str, ...]:
-    """Note that l1 and l2 seem swapped, where the strip predicts the opposite
-    displacements.
-    """
-    off = list[Array]()
-    simulated = subject.simulate([subject.stated(run) for run in subject.runs])
-    for run, residuals in zip(subject.runs, simulated, strict=True):
-        if (touch := cast(PreparedFold, run.content).residuals.run.touch) is not None:
-            both = np.stack(
-                [residuals.mean, residuals.mean - 2 * touch.displacement], axis=1
-            )
-            sigma = np.hypot(run.samples.noise, run.samples.floor)[:, None]
-            rows = (run.samples.quantity == "displacement") & np.isfinite(
-                residuals.mean
-            )
-            off.extend((both / sigma)[rows])
-    stated, swapped = (
-        np.linalg.norm(off, axis=0) / np.sqrt(len(off)) if off else (0.0, 0.0)
-    )
-    if stated <= max(SWAPPED, FARTHER * swapped):
-        return ()
-    return (
-        (
-            f"l1 and l2 of the touches seem swapped: the stated strip is {stated:.0f}"
-            f" sigma off their displacements, and {swapped:.1f} if they are; are the"
-            " columns the right way round?"
-        ),
-    )
+    runs = read_runs(folders, strip)
+    return StripSubject(strip, runs, jobs, without, origin=origin)

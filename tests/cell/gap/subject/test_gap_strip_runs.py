@@ -44,10 +44,9 @@ def test_what_was_measured_comes_back_and_is_told_where_it_is_swapped(
     assert fast.poses[-1, 2] == pytest.approx(np.pi / 2, abs=1e-6)
     l1, l2 = fast.touch.to_fixed, fast.touch.to_grasped
     edit_yaml(first(runs) / "result.yaml", l1=l1, l2=l2, displacement=l1 - l2)
-    assert (
-        "l1 and l2 of the touches seem swapped"
-        in open_strip(STRIP, find_runs([runs])).notes[-1]
-    )
+    (found,) = open_strip(STRIP, find_runs([runs])).contradictions()
+    assert found.what == "swapped columns"
+    assert "l1 and l2 of the touches" in found.words
 
 
 def test_a_run_that_died_is_named_and_used(runs: Path) -> None:
