@@ -2,7 +2,7 @@
 compared.
 """
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -59,8 +59,19 @@ NOTICED = 0.1  # s by which a touch is usually noticed too early or late
 # m by which displacement and l1 - l2 may differ as they are rounded
 TOUCH_ROUNDING = 1e-3
 DISPLACEMENT_SIGMAS = 5  # standard deviations by which they may differ besides
-Contradiction = tuple[str, str, Array | float, tuple[float, ...]]
-"""File, what of it is off, by how much (n,) [m, rad, s], and the limits of that."""
+
+
+@dataclass(frozen=True, slots=True)
+class Contradiction:
+    """What of a `file` is `off` by how much (n,) [m, rad, s], and the limits of that.
+
+    Beyond the first limit the median is noted, beyond the last one refused.
+    """
+
+    file: str
+    what: str
+    off: Array | float
+    limits: tuple[float, ...]
 
 
 def _check_noise(origin: Path, run: Recorded) -> None:
@@ -298,8 +309,8 @@ def _measured_run(
     force = np.stack([ticks.f_x, ticks.f_z], axis=1)
     reported = np.isfinite(force).any(axis=1)
     return MeasuredRun(
-        name,
-        header.condition or name,
+        name=name,
+        condition=header.condition or name,
         t=t,
         poses=smooth,
         travel=frozen(arc_lengths(smooth[:, :2])),
@@ -320,24 +331,24 @@ def _measured_run(
 
 def _short_run(name: str, run: Recorded) -> MeasuredRun:
     """Measured run without measurements, for a run too short to be used."""
-    none, pairs, header = frozen([]), np.empty((0, 2)), run.header
+    none, header = frozen([]), run.header
     return MeasuredRun(
-        name,
-        header.condition or name,
-        none,
-        np.empty((0, 3)),
-        none,
-        False,
-        header.index or 0,
-        header.contact_height,
-        header.sigma,
-        none,
-        none,
-        Images.of([], [], []),
-        none,
-        pairs,
-        None,
-        0.0,
+        name=name,
+        condition=header.condition or name,
+        t=none,
+        poses=np.empty((0, 3)),
+        travel=none,
+        hanging=False,
+        index=header.index or 0,
+        contact_height=header.contact_height,
+        sigma=header.sigma,
+        contact_t=none,
+        contact_x=none,
+        images=Images.of([], [], []),
+        force_t=none,
+        force=np.empty((0, 2)),
+        touch=None,
+        end=0.0,
     )
 
 
@@ -352,21 +363,20 @@ def _notes(
     """
     check_clock(run.ticks.contact_t, run.ticks.t, f"{folder / TICKS}: contact_t")
     check_clock(run.profile.t, run.ticks.t, f"{folder / PROFILE}: t")
-    for file, what, off, limits in (
-        *_misses(run, touch, strip),
-        *_misses_of_midlines(run),
-    ):
-        median = float(np.median(off)) if np.size(off) else -np.inf
-        if median > limits[-1]:
+    for found in (*_misses(run, touch, strip), *_misses_of_midlines(run)):
+        if not np.size(found.off):
+            continue
+        median = float(np.median(found.off))
+        seen = f"{found.what} {median:.2g}, at most"
+        if median > found.limits[-1]:
             raise ConfigurationError(
-                f"{folder / file}: {what} {median:.2g}, at most {limits[-1]:g} is"
-                " believable; give m, rad and s, x along the strip from its fixed edge"
+                f"{folder / found.file}: {seen} {found.limits[-1]:g} is believable;"
+                " give m, rad and s, x along the strip from its fixed edge"
             )
-        if median > limits[0]:
+        if median > found.limits[0]:
             yield (
-                f"{name}: {what} {median:.2g}, at most {limits[0]:g} is usual; are"
-                " columns swapped, or `start`, `offset` or `late` of the mapping"
-                " wrong?"
+                f"{name}: {seen} {found.limits[0]:g} is usual; are columns swapped, or"
+                " `start`, `offset` or `late` of the mapping wrong?"
             )
     if run.result is None:
         yield (
@@ -382,74 +392,97 @@ def _misses(
     """Yield contradictions [m] of gripper, contacts and touch with a strip of the
     stated length.
     """
-    t, x, z, contact = run.ticks.t, run.ticks.x, run.ticks.z, run.ticks.contact_x
-    seen, at = np.isfinite(contact), f"start at x {x[0]:.3f}, z {z[0]:.3f} m is"
-    yield TICKS, "t: in s, half the rows are apart by", np.diff(t), PERIOD
-    gaps = np.diff(t)
-    yield (
-        TICKS,
-        f"t: after {t[gaps.argmax()]:.2f} s two rows are apart by",
-        gaps.max(),
-        GAP,
-    )
-    lag = np.hypot(*np.nan_to_num([run.ticks.x_cmd - x, run.ticks.z_cmd - z]))
-    yield TICKS, "x_cmd, z_cmd: half lie off the gripper by", lag[z > HELD[0]], ODD
-    if run.header.start == "hanging":
-        upright, far = (
-            abs(run.ticks.pitch[0] - np.pi / 2),
-            np.hypot(x[0], z[0]) - strip.length,
-        )
-        yield TICKS, "pitch: a hanging start is off pi/2 by", upright, HANGING
-        yield TICKS, f"x: a hanging {at} beyond the strip by", far, START
-    else:
-        apart = np.hypot(x[0] - strip.length, z[0])
-        yield TICKS, f"x: a flat {at} off x {strip.length:g}, z 0 m by", apart, START
-    yield TICKS, "z: half the path lies under the desk by", -z, START
-    if run.result is not None:
-        yield (
-            TICKS,
-            f"z: rises less than {LEAST_RISE:g} m, by",
-            LEAST_RISE - z.max(),
-            (0.0,),
-        )
-    yield (
-        TICKS,
-        "x, z: half lie beyond the strip by",
-        np.hypot(x, z) - strip.length,
-        HELD,
-    )
-    lifted = (np.hypot(x - contact, z) - (strip.length - contact))[seen]
-    yield (
-        TICKS,
-        "contact_x: half the contacts are too far from the gripper by",
-        lifted,
-        HELD,
-    )
+    yield from _misses_of_rows(run)
+    yield from _misses_of_start(run, strip.length)
+    yield from _misses_of_path(run, strip.length)
     if touch is None or run.result is None or run.result.displacement is None:
         return
-    l1, l2, sigma = touch.to_grasped, touch.to_fixed, run.header.sigma.displacement
-    goal = FoldLine.of(strip.length, run.header.line).goal
-    differs = abs(run.result.displacement - (l1 - l2 + goal))
-    allowed = DISPLACEMENT_SIGMAS * sigma
-    yield (
-        RESULT,
-        "displacement: differs from l1 - l2 by",
-        differs,
-        (TOUCH_ROUNDING + allowed,),
-    )
-    yield RESULT, "l1, l2: are longer than the strip by", l1 + l2 - strip.length, HELD
+    yield _miss_of_displacement(run, run.result.displacement, touch, strip.length)
+    yield from _misses_of_touch(run, touch, strip.length)
+
+
+def _misses_of_rows(run: Recorded) -> Iterator[Contradiction]:
+    """Contradictions of the times of rows, and of commands with what was measured."""
+    ticks = run.ticks
+    apart = np.diff(ticks.t)
+    yield Contradiction(TICKS, "t: in s, half the rows are apart by", apart, PERIOD)
+    after = ticks.t[apart.argmax()]
+    what = f"t: after {after:.2f} s two rows are apart by"
+    yield Contradiction(TICKS, what, apart.max(), GAP)
+
+    off_command = np.nan_to_num([ticks.x_cmd - ticks.x, ticks.z_cmd - ticks.z])
+    lag = np.hypot(*off_command)[ticks.z > HELD[0]]
+    what = "x_cmd, z_cmd: half lie off the gripper by"
+    yield Contradiction(TICKS, what, lag, ODD)
+
+
+def _misses_of_start(run: Recorded, length: float) -> Iterator[Contradiction]:
+    """Contradictions of the first row with a start of its kind, of a strip's
+    `length`.
+    """
+    ticks = run.ticks
+    x, z = float(ticks.x[0]), float(ticks.z[0])
+    at = f"start at x {x:.3f}, z {z:.3f} m is"
+    if run.header.start == "hanging":
+        upright = abs(ticks.pitch[0] - np.pi / 2)
+        what = "pitch: a hanging start is off pi/2 by"
+        yield Contradiction(TICKS, what, upright, HANGING)
+        what = f"x: a hanging {at} beyond the strip by"
+        yield Contradiction(TICKS, what, np.hypot(x, z) - length, START)
+    else:
+        what = f"x: a flat {at} off x {length:g}, z 0 m by"
+        yield Contradiction(TICKS, what, np.hypot(x - length, z), START)
+
+
+def _misses_of_path(run: Recorded, length: float) -> Iterator[Contradiction]:
+    """Contradictions of the gripper's path and the contacts with a strip of a
+    `length`.
+    """
+    x, z, contact = run.ticks.x, run.ticks.z, run.ticks.contact_x
+    what = "z: half the path lies under the desk by"
+    yield Contradiction(TICKS, what, -z, START)
+    if run.result is not None:
+        what = f"z: rises less than {LEAST_RISE:g} m, by"
+        yield Contradiction(TICKS, what, LEAST_RISE - z.max(), (0.0,))
+
+    beyond = np.hypot(x, z) - length
+    what = "x, z: half lie beyond the strip by"
+    yield Contradiction(TICKS, what, beyond, HELD)
+    too_far = np.hypot(x - contact, z) - (length - contact)
+    what = "contact_x: half the contacts are too far from the gripper by"
+    yield Contradiction(TICKS, what, too_far[np.isfinite(contact)], HELD)
+
+
+def _miss_of_displacement(
+    run: Recorded, displacement: float, touch: Touch, length: float
+) -> Contradiction:
+    """Contradiction of the stated `displacement` with l1 and l2 of the touch."""
+    goal = FoldLine.of(length, run.header.line).goal
+    measured = touch.to_grasped - touch.to_fixed + goal
+    allowed = TOUCH_ROUNDING + DISPLACEMENT_SIGMAS * run.header.sigma.displacement
+    what = "displacement: differs from l1 - l2 by"
+    return Contradiction(RESULT, what, abs(displacement - measured), (allowed,))
+
+
+def _misses_of_touch(
+    run: Recorded, touch: Touch, length: float
+) -> Iterator[Contradiction]:
+    """Contradictions of l1 and l2 with the strip's `length` and the way to the
+    gripper.
+    """
+    l1, l2, ticks = touch.to_grasped, touch.to_fixed, run.ticks
+    what = "l1, l2: are longer than the strip by"
+    yield Contradiction(RESULT, what, l1 + l2 - length, HELD)
+
     late = TIME_MARGIN * np.linspace(-1, 1, 41)  # as a stopwatch
-    layer = np.hypot(
-        np.interp(touch.time + late, t, x) - l2, np.interp(touch.time + late, t, z)
-    )
-    yield RESULT, "l1: ends before the gripper by", float(layer.min()) - l1, HELD
+    x = np.interp(touch.time + late, ticks.t, ticks.x)
+    z = np.interp(touch.time + late, ticks.t, ticks.z)
+    layer = np.hypot(x - l2, z)
+    what = "l1: ends before the gripper by"
+    yield Contradiction(RESULT, what, float(layer.min()) - l1, HELD)
     apart = np.abs(layer - l1)[np.abs(late) < NOTICED].min()
-    yield (
-        RESULT,
-        "l1: differs from the way from the touch to the gripper by",
-        apart,
-        ODD,
-    )
+    what = "l1: differs from the way from the touch to the gripper by"
+    yield Contradiction(RESULT, what, apart, ODD)
 
 
 def _misses_of_midlines(run: Recorded) -> Iterator[Contradiction]:
@@ -459,67 +492,86 @@ def _misses_of_midlines(run: Recorded) -> Iterator[Contradiction]:
     They begin on the desk, where they are seen to it, and end at the gripper or before
     it, as it hides the strip, but not beside it: there a shift in x or a delay shows.
     """
-    curves, ticks = {t: curve @ (1, 1j) for t, curve in run.profile.curves()}, run.ticks
+    curves = dict(run.profile.curves())
     if not curves:
         return
-    t, path = np.array([*curves]), ticks.x + 1j * ticks.z
-    off = np.array([curve[-1] for curve in curves.values()]) - np.interp(
-        t, ticks.t, path
-    )
-    yield PROFILE, "x, z: half the midlines end off the gripper by", np.abs(off), HELD
-    along = np.array([c[-1] - c[-1 - len(c) // FEWEST_POINTS] for c in curves.values()])
-    turn = np.angle(along * np.exp(-1j * np.interp(t, ticks.t, ticks.pitch)))
-    yield (
-        PROFILE,
-        "x, z: half the midlines leave its pitch by",
-        np.abs(turn[along != 0]),
-        TURN,
-    )
-    lifted = np.interp(t, ticks.t, ticks.z) > HELD[0]
-    begins = np.array([curve[0].imag for curve in curves.values()])[lifted]
-    up = float(np.median(begins)) - run.header.contact_height if len(begins) else 0.0
-    up *= up < HELD[0]  # others see the upper part alone
-    step = np.interp(t + 0.05, ticks.t, path) - np.interp(t - 0.05, ticks.t, path)
-    beside = np.stack([off - 1j * up, -step / 0.1, np.ones(len(t))]) * np.exp(
-        -1j * np.angle(along)
-    )
-    across = beside.imag.T
+    ticks, t = run.ticks, np.array([*curves])
+    path = np.column_stack([ticks.x, ticks.z])
+    ends = np.array([curve[-1] for curve in curves.values()])
+    off = ends - interpolate_columns(t, ticks.t, path)
+    what = "x, z: half the midlines end off the gripper by"
+    yield Contradiction(PROFILE, what, np.hypot(*off.T), HELD)
+
+    before = [curve[-1 - len(curve) // FEWEST_POINTS] for curve in curves.values()]
+    along = ends - np.array(before)
+    slope = np.arctan2(along[:, 1], along[:, 0])
+    turn = slope - np.interp(t, ticks.t, ticks.pitch)
+    turn = np.remainder(turn + np.pi, 2.0 * np.pi) - np.pi
+    is_known = along.any(axis=1)
+    what = "x, z: half the midlines leave its pitch by"
+    yield Contradiction(PROFILE, what, np.abs(turn[is_known]), TURN)
+
+    up = _rise_of_beginnings(run, curves)
+    speed = interpolate_columns(t + 0.05, ticks.t, path)
+    speed = (speed - interpolate_columns(t - 0.05, ticks.t, path)) / 0.1
+    normal = np.column_stack([-np.sin(slope), np.cos(slope)])
+    distance = ((off - (0.0, up)) * normal).sum(axis=1)
+    per_delay = (-speed * normal).sum(axis=1)
+    yield from _misses_beside(np.column_stack([distance, per_delay, normal[:, 0]]), up)
+    yield from _misses_of_contacts(run, curves)
+
+
+def _rise_of_beginnings(run: Recorded, curves: Mapping[float, Array]) -> float:
+    """Median height [m] at which midlines begin, above that of a desk contact.
+
+    Zero where they are not seen down to the desk.
+    """
+    times = np.array([*curves])
+    is_lifted = np.interp(times, run.ticks.t, run.ticks.z) > HELD[0]
+    heights = np.array([curve[0, 1] for curve in curves.values()])[is_lifted]
+    if not len(heights):
+        return 0.0
+    up = float(np.median(heights)) - run.header.contact_height
+    return up if up < HELD[0] else 0.0  # others see the upper part alone
+
+
+def _misses_beside(across: Array, up: float) -> Iterator[Contradiction]:
+    """Contradictions of midlines that end beside the gripper, and begin `up` [m] above
+    the desk.
+
+    `across` (n, 3) are the ends' distances [m] across the strip, and these per delay
+    and per shift.
+    """
     apart = abs(float(np.median(across[:, 0])))
-    yield (
-        PROFILE,
-        "x, z: half the midlines end beside the gripper by",
-        apart,
-        SHIFTS[1:],
-    )
+    what = "x, z: half the midlines end beside the gripper by"
+    yield Contradiction(PROFILE, what, apart, SHIFTS[1:])
+
+    side = "above" if up > 0 else "under"
+    what = f"z: half the midlines begin {side} the desk by"
+    yield Contradiction(PROFILE, what, abs(up), SHIFTS)
     late, out = _delay_and_shift(across)
-    for what, size, limits in (
-        (
-            f"z: half the midlines begin {'above' if up > 0 else 'under'} the desk by",
-            up,
-            SHIFTS,
-        ),
-        (
-            f"x: the midlines end {'outside' if out > 0 else 'inside'} the path by",
-            out,
-            SHIFTS,
-        ),
-        (
-            f"t: the midlines {'lag behind' if late > 0 else 'lead'} the gripper by",
-            late,
-            DELAYS,
-        ),
-    ):
-        yield PROFILE, what, abs(size), limits
-    stamps, places = ticks.contacts()
-    if len(stamps):
-        pairs = zip(curves.values(), np.interp(t, stamps, places), strict=True)
-        low = [np.abs(c - contact).min() for c, contact in pairs if c[0].imag < HELD[0]]
-        yield (
-            TICKS,
-            "contact_x: half the contacts lie off the midlines by",
-            np.array(low),
-            HELD,
-        )
+    side = "outside" if out > 0 else "inside"
+    what = f"x: the midlines end {side} the path by"
+    yield Contradiction(PROFILE, what, abs(out), SHIFTS)
+    order = "lag behind" if late > 0 else "lead"
+    what = f"t: the midlines {order} the gripper by"
+    yield Contradiction(PROFILE, what, abs(late), DELAYS)
+
+
+def _misses_of_contacts(
+    run: Recorded, curves: Mapping[float, Array]
+) -> Iterator[Contradiction]:
+    """Contradictions of the contacts with midlines that are seen down to the desk."""
+    stamps, places = run.ticks.contacts()
+    if not len(stamps):
+        return
+    apart = []
+    for time, curve in curves.items():
+        if curve[0, 1] < HELD[0]:
+            contact = np.array([np.interp(time, stamps, places), 0.0])
+            apart.append(np.hypot(*(curve - contact).T).min())
+    what = "contact_x: half the contacts lie off the midlines by"
+    yield Contradiction(TICKS, what, np.array(apart), HELD)
 
 
 def _delay_and_shift(across: Array) -> tuple[float, float]:
