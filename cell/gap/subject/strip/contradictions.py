@@ -1,0 +1,252 @@
+"""Contradictions of a recorded fold: with one strip held at its end, from the desk to
+the gripper.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from cell.gap.subject.strip.preprocessing import FEWEST_POINTS
+from cell.record.files import PROFILE, RESULT, TICKS
+from cell.record.run import Run as Recorded
+from cell.record.tables import TIME_MARGIN
+from drivers.base.geometry import interpolate_columns
+from drivers.base.types import Array
+from drivers.strip.engine import Touch
+from drivers.strip.file import StripFile
+from policies.path import FoldLine
+
+LEAST_RISE = 0.01  # m above the desk, of a gripper that folds
+# Limits in m, rad and s, beyond which what is off is noted and refused, or refused
+# alone from where a run must start, as preflight allows a strip's length
+START = (0.006, 0.03)
+HANGING = (0.3,)  # of pitch from upright at a hanging start
+HELD = (0.03,)  # by which half of the places may contradict one strip held at its end
+TURN = (1.2,)  # from the gripper's pitch within which half of the midlines end
+SHIFTS = (0.01, 0.015)  # by which midlines lie off gripper or desk
+DELAYS = (0.07, 0.2)  # by which midlines are late or early for the gripper's path
+SPREADS = np.array([0.06, 0.005])  # s, m: of delays and of shifts in x
+END_ERROR = 0.0006  # m of a run's midlines at their ends, in common
+# by which l1 is not the way to the gripper, or a command not its place
+ODD = (0.03, np.inf)
+GAP = (0.2, np.inf)  # between two rows: the path in between is guessed
+PERIOD = (0.02,)  # between rows, slower than any servo; the contract asks for 0.01
+NOTICED = 0.1  # s by which a touch is usually noticed too early or late
+# m by which displacement and l1 - l2 may differ as they are rounded
+TOUCH_ROUNDING = 1e-3
+DISPLACEMENT_SIGMAS = 5  # standard deviations by which they may differ besides
+
+
+@dataclass(frozen=True, slots=True)
+class Contradiction:
+    """What of a `file` is `off` by how much (n,) [m, rad, s], and the limits of that.
+
+    Beyond the first limit the median is noted, beyond the last one refused.
+    """
+
+    file: str
+    what: str
+    off: Array | float
+    limits: tuple[float, ...]
+
+
+def contradictions(
+    run: Recorded, touch: Touch | None, strip: StripFile
+) -> Iterator[Contradiction]:
+    """Yield contradictions of a recorded fold with a strip of the stated length."""
+    yield from _misses_of_rows(run)
+    yield from _misses_of_start(run, strip.length)
+    yield from _misses_of_path(run, strip.length)
+    stated = None if run.result is None else run.result.displacement
+    if touch is not None and stated is not None:
+        yield _miss_of_displacement(run, stated, touch, strip.length)
+        yield from _misses_of_touch(run, touch, strip.length)
+    yield from _misses_of_midlines(run)
+
+
+def _misses_of_rows(run: Recorded) -> Iterator[Contradiction]:
+    """Contradictions of the times of rows, and of commands with what was measured."""
+    ticks = run.ticks
+    apart = np.diff(ticks.t)
+    yield Contradiction(TICKS, "t: in s, half the rows are apart by", apart, PERIOD)
+    after = ticks.t[apart.argmax()]
+    what = f"t: after {after:.2f} s two rows are apart by"
+    yield Contradiction(TICKS, what, apart.max(), GAP)
+
+    off_command = np.nan_to_num([ticks.x_cmd - ticks.x, ticks.z_cmd - ticks.z])
+    lag = np.hypot(*off_command)[ticks.z > HELD[0]]
+    what = "x_cmd, z_cmd: half lie off the gripper by"
+    yield Contradiction(TICKS, what, lag, ODD)
+
+
+def _misses_of_start(run: Recorded, length: float) -> Iterator[Contradiction]:
+    """Contradictions of the first row with a start of its kind, of a strip's
+    `length`.
+    """
+    ticks = run.ticks
+    x, z = float(ticks.x[0]), float(ticks.z[0])
+    at = f"start at x {x:.3f}, z {z:.3f} m is"
+    if run.header.start == "hanging":
+        upright = abs(ticks.pitch[0] - np.pi / 2)
+        what = "pitch: a hanging start is off pi/2 by"
+        yield Contradiction(TICKS, what, upright, HANGING)
+        what = f"x: a hanging {at} beyond the strip by"
+        yield Contradiction(TICKS, what, np.hypot(x, z) - length, START)
+    else:
+        what = f"x: a flat {at} off x {length:g}, z 0 m by"
+        yield Contradiction(TICKS, what, np.hypot(x - length, z), START)
+
+
+def _misses_of_path(run: Recorded, length: float) -> Iterator[Contradiction]:
+    """Contradictions of the gripper's path and the contacts with a strip of a
+    `length`.
+    """
+    x, z, contact = run.ticks.x, run.ticks.z, run.ticks.contact_x
+    what = "z: half the path lies under the desk by"
+    yield Contradiction(TICKS, what, -z, START)
+    if run.result is not None:
+        what = f"z: rises less than {LEAST_RISE:g} m, by"
+        yield Contradiction(TICKS, what, LEAST_RISE - z.max(), (0.0,))
+
+    beyond = np.hypot(x, z) - length
+    what = "x, z: half lie beyond the strip by"
+    yield Contradiction(TICKS, what, beyond, HELD)
+    too_far = np.hypot(x - contact, z) - (length - contact)
+    what = "contact_x: half the contacts are too far from the gripper by"
+    yield Contradiction(TICKS, what, too_far[np.isfinite(contact)], HELD)
+
+
+def _miss_of_displacement(
+    run: Recorded, displacement: float, touch: Touch, length: float
+) -> Contradiction:
+    """Contradiction of the stated `displacement` with l1 and l2 of the touch."""
+    goal = FoldLine.of(length, run.header.line).goal
+    measured = touch.to_grasped - touch.to_fixed + goal
+    allowed = TOUCH_ROUNDING + DISPLACEMENT_SIGMAS * run.header.sigma.displacement
+    what = "displacement: differs from l1 - l2 by"
+    return Contradiction(RESULT, what, abs(displacement - measured), (allowed,))
+
+
+def _misses_of_touch(
+    run: Recorded, touch: Touch, length: float
+) -> Iterator[Contradiction]:
+    """Contradictions of l1 and l2 with the strip's `length` and the way to the
+    gripper.
+    """
+    l1, l2, ticks = touch.to_grasped, touch.to_fixed, run.ticks
+    what = "l1, l2: are longer than the strip by"
+    yield Contradiction(RESULT, what, l1 + l2 - length, HELD)
+
+    late = TIME_MARGIN * np.linspace(-1, 1, 41)  # as a stopwatch
+    x = np.interp(touch.time + late, ticks.t, ticks.x)
+    z = np.interp(touch.time + late, ticks.t, ticks.z)
+    layer = np.hypot(x - l2, z)
+    what = "l1: ends before the gripper by"
+    yield Contradiction(RESULT, what, float(layer.min()) - l1, HELD)
+    apart = np.abs(layer - l1)[np.abs(late) < NOTICED].min()
+    what = "l1: differs from the way from the touch to the gripper by"
+    yield Contradiction(RESULT, what, apart, ODD)
+
+
+def _misses_of_midlines(run: Recorded) -> Iterator[Contradiction]:
+    """Contradictions of midlines [m, s, rad] with desk, gripper, its pitch and
+    contacts.
+
+    They begin on the desk, where they are seen to it, and end at the gripper or before
+    it, as it hides the strip, but not beside it: there a shift in x or a delay shows.
+    """
+    curves = dict(run.profile.curves())
+    if not curves:
+        return
+    ticks, t = run.ticks, np.array([*curves])
+    path = np.column_stack([ticks.x, ticks.z])
+    ends = np.array([curve[-1] for curve in curves.values()])
+    off = ends - interpolate_columns(t, ticks.t, path)
+    what = "x, z: half the midlines end off the gripper by"
+    yield Contradiction(PROFILE, what, np.hypot(*off.T), HELD)
+
+    before = [curve[-1 - len(curve) // FEWEST_POINTS] for curve in curves.values()]
+    along = ends - np.array(before)
+    slope = np.arctan2(along[:, 1], along[:, 0])
+    turn = slope - np.interp(t, ticks.t, ticks.pitch)
+    turn = np.remainder(turn + np.pi, 2.0 * np.pi) - np.pi
+    is_known = along.any(axis=1)
+    what = "x, z: half the midlines leave its pitch by"
+    yield Contradiction(PROFILE, what, np.abs(turn[is_known]), TURN)
+
+    up = _rise_of_beginnings(run, curves)
+    speed = interpolate_columns(t + 0.05, ticks.t, path)
+    speed = (speed - interpolate_columns(t - 0.05, ticks.t, path)) / 0.1
+    normal = np.column_stack([-np.sin(slope), np.cos(slope)])
+    distance = ((off - (0.0, up)) * normal).sum(axis=1)
+    per_delay = (-speed * normal).sum(axis=1)
+    yield from _misses_beside(np.column_stack([distance, per_delay, normal[:, 0]]), up)
+    yield from _misses_of_contacts(run, curves)
+
+
+def _rise_of_beginnings(run: Recorded, curves: Mapping[float, Array]) -> float:
+    """Median height [m] at which midlines begin, above that of a desk contact.
+
+    Zero where they are not seen down to the desk.
+    """
+    times = np.array([*curves])
+    is_lifted = np.interp(times, run.ticks.t, run.ticks.z) > HELD[0]
+    heights = np.array([curve[0, 1] for curve in curves.values()])[is_lifted]
+    if not len(heights):
+        return 0.0
+    up = float(np.median(heights)) - run.header.contact_height
+    return up if up < HELD[0] else 0.0  # others see the upper part alone
+
+
+def _misses_beside(across: Array, up: float) -> Iterator[Contradiction]:
+    """Contradictions of midlines that end beside the gripper, and begin `up` [m] above
+    the desk.
+
+    `across` (n, 3) are the ends' distances [m] across the strip, and these per delay
+    and per shift.
+    """
+    apart = abs(float(np.median(across[:, 0])))
+    what = "x, z: half the midlines end beside the gripper by"
+    yield Contradiction(PROFILE, what, apart, SHIFTS[1:])
+
+    side = "above" if up > 0 else "under"
+    what = f"z: half the midlines begin {side} the desk by"
+    yield Contradiction(PROFILE, what, abs(up), SHIFTS)
+    late, out = _delay_and_shift(across)
+    side = "outside" if out > 0 else "inside"
+    what = f"x: the midlines end {side} the path by"
+    yield Contradiction(PROFILE, what, abs(out), SHIFTS)
+    order = "lag behind" if late > 0 else "lead"
+    what = f"t: the midlines {order} the gripper by"
+    yield Contradiction(PROFILE, what, abs(late), DELAYS)
+
+
+def _misses_of_contacts(
+    run: Recorded, curves: Mapping[float, Array]
+) -> Iterator[Contradiction]:
+    """Contradictions of the contacts with midlines that are seen down to the desk."""
+    stamps, places = run.ticks.contacts()
+    if not len(stamps):
+        return
+    apart = []
+    for time, curve in curves.items():
+        if curve[0, 1] < HELD[0]:
+            contact = np.array([np.interp(time, stamps, places), 0.0])
+            apart.append(np.hypot(*(curve - contact).T).min())
+    what = "contact_x: half the contacts lie off the midlines by"
+    yield Contradiction(TICKS, what, np.array(apart), HELD)
+
+
+def _delay_and_shift(across: Array) -> tuple[float, float]:
+    """Delay [s] and shift in x [m] by which the ends of n midlines lie beside the
+    gripper.
+
+    `across` (n, 3) are the ends' distances [m] across the strip, and these per delay
+    and per shift. Linear regression with a normal prior: min |(d - X b) / sigma|^2 + |b
+    / SPREADS|^2.
+    """
+    near = across[np.abs(across[:, 0]) < HELD[0]] / (END_ERROR * np.sqrt(len(across)))
+    rows = np.concatenate([near, np.column_stack([np.zeros(2), np.diag(1 / SPREADS)])])
+    delay, shift = np.linalg.lstsq(rows[:, 1:], rows[:, 0])[0].tolist()
+    return delay, shift
