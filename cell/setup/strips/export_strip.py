@@ -16,6 +16,9 @@ from drivers.twin.chain.lumps import Lumps
 
 Simulator = Literal["mjcf", "newton"]
 LINKS = 60
+SEGMENTS = 20  # of a rod of Newton, whose solver sweeps from one to the next
+# of our formats: of MJCF, and of Newton, where 2 is for add_rod(rod=Rod()) of 1.8
+MJCF_VERSION, NEWTON_VERSION = 1, 2
 OUT_OF_PLANE = "twist and bending across the strip were not measured"
 FRICTION = {"bending_hysteresis"}
 ALONG_STRIP = {"pre_curl", "crease", "stiffness_gradient", "seam", "hem_mass"}
@@ -32,7 +35,7 @@ def export_strips(
     cannot hold.
 
     `mjcf` is a chain along +x, clamped at its fixed edge; `newton` is JSON with
-    arguments of `ModelBuilder.add_rod`. Raises ConfigurationError where `out` is there
+    arguments of `Rod` and `ModelBuilder.add_rod`. Both state format and version. Raises ConfigurationError where `out` is there
     already.
     """
     unsaid_of = {}
@@ -64,6 +67,7 @@ def _mjcf(strip: StripFile, unsaid: tuple[str, ...]) -> str:
     """
     root = Xml.Element("mujoco", model=strip.name)
     lumps = Lumps.from_model(describe(strip), LINKS)
+    root.append(Xml.Comment(f" folding-cell strip, version {MJCF_VERSION}. "))
     root.append(Xml.Comment(f" Not said: {'; '.join(unsaid)}. "))
     Xml.SubElement(root, "compiler", angle="radian")
     Xml.SubElement(root, "option", integrator="implicit")
@@ -105,22 +109,31 @@ def _newton(strip: StripFile, unsaid: tuple[str, ...]) -> str:
     """JSON text of the arguments of Newton's rod for `strip`, means where they vary
     along it.
 
-    A rod has no friction: `friction` are springs beside its joints', which slip.
+    With `builder` a ModelBuilder of Newton 1.8, `builder.add_rod(rod=Rod(**rod),
+    cfg=builder.ShapeConfig(**shape), **add_rod)` adds it. The clamp holds the first of
+    its segments, which begins half a segment before the fixed edge: the first joint
+    bends as the stretch from that edge does. A rod has no friction: `friction` are
+    springs beside its joints', which slip.
     """
     model = describe(strip).mechanics
     radius = strip.thickness / 2
-    span = model.length / LINKS
+    span = model.length / (SEGMENTS - 0.5)
     law = model.law
     stiffness = float(model.rigidity.mean()) / span
     mass = float(model.linear_density.mean()) * span
     content = {
+        "format": "folding-cell rod for newton",
+        "version": NEWTON_VERSION,
         "strip": strip.name,
         "not_said": unsaid,
-        "add_rod": {
+        "rod": {
             "radius": radius,
+            "points": [[(i - 0.5) * span, 0.0, 0.0] for i in range(SEGMENTS + 1)],
+        },
+        "add_rod": {
+            "label": strip.name,
             "bend_stiffness": stiffness,
             "bend_damping": float(model.viscosity.mean()) / span,
-            "positions": [[i * span, 0.0, 0.0] for i in range(LINKS + 1)],
         },
         "shape": {"density": mass / (pi * radius**2 * (span + 4 / 3 * radius))},
         "friction": {

@@ -67,7 +67,8 @@ def test_a_rod_of_newton_has_stiffness_mass_and_yield_angle_of_a_joint(
         app, ["export", str(path), "--format", "newton", "--out", str(out)]
     )
     assert "not said: the air slows the strip" in done.stdout, done.output
-    found, span = json.loads((out / "own.json").read_text()), 0.2 / 60
+    found, span = json.loads((out / "own.json").read_text()), 0.2 / 19.5
+    assert (found["format"], found["version"]) == ("folding-cell rod for newton", 2)
     assert found["add_rod"]["bend_stiffness"] == pytest.approx(made.rigidity / span)
     assert found["add_rod"]["bend_damping"] == pytest.approx(made.rigidity / span * 0.1)
     assert found["friction"]["yield_angle"] == pytest.approx(span * 2.0 / 8.0)
