@@ -89,7 +89,7 @@ class FileRecorder(Recorder):
         """Record a control cycle; cycles before the lift are ignored."""
         if self._lift is not None:
             arm = replace(snapshot.arm, stamp=snapshot.arm.stamp - self._lift)
-            self._writer.tick(arm, snapshot.state)
+            self._writer.tick(arm, snapshot.state, closed=snapshot.closed)
 
     def sight(self, measurement: StripMeasurement) -> None:
         """Record the measurement of the strip in one image; ignored before the lift."""

@@ -107,6 +107,7 @@ class Run:
         self._arm_history = ArmHistory()
         self._vision = Vision(devices.camera, settings.monitors, inputs.reader)
         self._velocity = ZERO_VELOCITY
+        self._closed = False
 
     def execute(self) -> Outcome:
         """Run once until the arm rests; errors are the outcome, Ctrl-C and failed
@@ -274,6 +275,7 @@ class Run:
             view=view,
             velocity=self._velocity,
             predicted=self._log.predicted,
+            closed=self._closed,
         )
         return self._snapshot
 
@@ -299,8 +301,10 @@ class Run:
                     arm.stop()
                 case OpenHand(width):
                     hand.open(width)
+                    self._closed = False
                 case CloseHand():
                     hand.grasp()
+                    self._closed = True
         self._command = command
 
     def _outcome(self, duration: float) -> Outcome:

@@ -16,7 +16,8 @@ class Snapshot:
     clock.
 
     `entered` is when the state was entered, `velocity` the last commanded one,
-    `predicted` the policy's newest prediction.
+    `predicted` the policy's newest prediction; `closed` is whether the hand was told to
+    close.
     """
 
     time: float
@@ -27,6 +28,7 @@ class Snapshot:
     view: View
     velocity: Velocity = ZERO_VELOCITY
     predicted: FoldPrediction | None = None
+    closed: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -46,6 +46,8 @@ Time = Annotated[Array, Quantity(TIMES, LONGEST_TIME)]
 Place = Annotated[Array, Quantity(LENGTHS, FARTHEST_HAND)]
 Angle = Annotated[Array, Quantity(ANGLES, FULL_TURN, needed=False)]
 Command = Annotated[Array, Quantity(LENGTHS, FARTHEST_HAND, needed=False)]
+Turn = Annotated[Array, Quantity(ANGLES, FULL_TURN, needed=False, whole=False)]
+Closing = Annotated[Array, Quantity(COUNTS, 1.0, needed=False, whole=False)]
 Contact = Annotated[Array, Quantity(LENGTHS, FARTHEST_HAND, needed=False, whole=False)]
 Duration = Annotated[Array, Quantity(TIMES, needed=False, whole=False)]
 Force = Annotated[Array, Quantity(FORCES, needed=False, whole=False)]
@@ -125,6 +127,8 @@ def quantities(columns: type[Columns]) -> Mapping[str, Quantity]:
 class Ticks(Columns):
     """Columns of ticks.parquet as arrays (n,) in s, m, rad, N; NaN where not measured.
 
+    `hand_cmd` is 1 where the hand was told to close, 0 to open.
+
     `state` and `image_age` are those of a run of the cell, empty and NaN in others.
     """
 
@@ -139,6 +143,8 @@ class Ticks(Columns):
     f_x: Force
     f_z: Force
     image_age: Duration
+    pitch_cmd: Turn
+    hand_cmd: Closing
     state: tuple[str, ...] = ()
 
     @classmethod

@@ -31,7 +31,8 @@ from drivers.base.settings import load
 from drivers.base.types import Array, Frame
 
 # what an arm measures
-MOTION = ("t", "x", "z", "pitch", "x_cmd", "z_cmd", "f_x", "f_z")
+MOTION = ("t", "x", "z", "pitch", "x_cmd", "z_cmd", "pitch_cmd", "hand_cmd", "f_x",
+          "f_z")  # fmt: skip
 TOUCH = ("t_layer_touch", "l1", "l2", "displacement")  # of a result
 Part = TypeVar("Part")
 Columns = Mapping[str, Array]

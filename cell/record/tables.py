@@ -33,6 +33,8 @@ TIME_ROUNDING = 1e-9  # s
 TIME_MARGIN = 1.0
 END_OF_STREAM = b"\xff\xff\xff\xff\x00\x00\x00\x00"
 LARGEST_STREAM = 128 * MEGABYTE  # a fold of two minutes writes ten
+MOST_COLUMNS = 4096
+NAMED = 30  # columns of a table that a refusal lists
 NUMBER = pa.float64()
 EMPTY = {*ConvertOptions().null_values, "None", "#NV", "#DIV/0!", "#VALUE!"}  # no value
 QUANTITY = re.compile(r"\s*([-+]?\d*\.?\d+(?:[eE][-+]?\d+)?)\s*([^\W\d_]\D*?|%|°)\s*")
@@ -45,6 +47,7 @@ Labels = Mapping[str, tuple[str, pa.ChunkedArray]]
 DOUBLED = re.compile(r"(.+) \(([1-9]\d?)\)")  # the second of two columns: `q (2)`
 POINTS_TYPE = pa.list_(pa.float64())
 
+LATER = {"pitch_cmd", "hand_cmd"}  # columns of ticks that older runs lack
 PLACED = ("contact_x", "contact_t")  # columns of ticks that come from the images
 TICK_ROWS = pa.schema(
     [(name, NUMBER) for name in quantities(Ticks) if name not in PLACED]
@@ -57,6 +60,12 @@ SIGHT_ROWS = pa.schema(
     ]
     + [("profile_x", POINTS_TYPE), ("profile_z", POINTS_TYPE)]
 )
+
+
+class TooLarge(ConfigurationError):
+    """Error for a table of more columns or values than are read: no mapping mends
+    it.
+    """
 
 
 class StreamFile:
@@ -102,8 +111,11 @@ def read_stream(path: Path, schema: pa.Schema) -> pa.Table:
             batch = reader.read_next_batch()
             batch.validate(full=True)
             batches.append(batch)
+    rows = pa.Table.from_batches(batches, stored)
+    for name in LATER - {*rows.column_names}:
+        rows = rows.append_column(name, pa.nulls(len(rows), NUMBER))
     try:
-        rows = pa.Table.from_batches(batches, stored).select(schema.names)
+        rows = rows.select(schema.names)
         return rows.cast(schema).combine_chunks()
     except (KeyError, ValueError, pa.ArrowException) as error:
         raise ConfigurationError(
@@ -288,12 +300,15 @@ def _numbers(table: pa.Table, column: str) -> Array:
     return np.asarray(table[column].to_numpy(), dtype=np.float64)
 
 
-def unnest(table: pa.Table, names: Mapping[str, object] | None = None) -> pa.Table:
+def unnest(
+    table: pa.Table, origin: str, names: Mapping[str, object] | None = None
+) -> pa.Table:
     """Copy of a table with a column a field of a struct, `pose.x`, and a number of a
     vector, `q.0`.
 
     `names` are those of the numbers of a vector, by its column, as a LeRobot data set
-    states them.
+    states them. Raises ConfigurationError, with the `origin` of the table, for too many
+    columns.
     """
     found = list[tuple[str, pa.ChunkedArray]]()
     for name, column in zip(table.column_names, table.columns, strict=True):
@@ -308,6 +323,7 @@ def unnest(table: pa.Table, names: Mapping[str, object] | None = None) -> pa.Tab
             sizes = pc.list_value_length(column).unique().to_pylist()
             # a list of several sizes stays one
             size = (sizes[0] or 0) if len(sizes) == 1 else 0
+            check_width(size, f"{origin}: column {name!r}")
             parts = {
                 a: pc.list_element(column, i) for i, a in enumerate(_axes(stated, size))
             }
@@ -316,10 +332,20 @@ def unnest(table: pa.Table, names: Mapping[str, object] | None = None) -> pa.Tab
             for axis, part in parts.items()
         ]
         if named and pa.types.is_nested(kind):
-            inner = unnest(pa.table(dict(named)))
+            inner = unnest(pa.table(dict(named)), origin)
             named = [*zip(inner.column_names, inner.columns, strict=True)]
         found += named or [(name, column)]
+        check_width(len(found), origin)
     return pa.table([column for _, column in found], [name for name, _ in found])
+
+
+def check_width(count: int, origin: str) -> None:
+    """Refuse a table or a list with more columns than MOST_COLUMNS."""
+    if count > MOST_COLUMNS:
+        raise TooLarge(
+            f"{origin}: holds {count} columns, at most {MOST_COLUMNS} are read; leave"
+            " images and point clouds out"
+        )
 
 
 def _axes(stated: object, size: int) -> Sequence[object]:
@@ -458,5 +484,8 @@ def column_named(content: pa.Table, name: str, origin: str) -> pa.ChunkedArray:
             if places
             else f"is not there{suggestion(name, names)}"
         )
-        raise ConfigurationError(f"{origin} {there}; columns: {', '.join(names)}")
+        more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
+        raise ConfigurationError(
+            f"{origin} {there}; columns: {', '.join(names[:NAMED])}{more}"
+        )
     return content.column(places[0])

@@ -90,9 +90,9 @@ class RunWriter:
         """
         self._header |= facts
 
-    def tick(self, arm: ArmState, state: str) -> None:
+    def tick(self, arm: ArmState, state: str, *, closed: bool = True) -> None:
         """Write the row of one control cycle: the measured `arm`, in a `state` of the
-        run.
+        run, with a hand that was told to be `closed`.
         """
         f_x, f_z = arm.force
         row = {
@@ -100,16 +100,17 @@ class RunWriter:
             "x": arm.pose.x,
             "z": arm.pose.z,
             "pitch": arm.pose.pitch,
-        }
-        row |= {
             "x_cmd": arm.commanded.x,
             "z_cmd": arm.commanded.z,
+            "pitch_cmd": arm.commanded.pitch,
+            "hand_cmd": float(closed),
             "f_x": f_x,
             "f_z": f_z,
+            "image_age": arm.stamp - self._newest,
+            "state": state,
         }
-        row |= {"image_age": arm.stamp - self._newest}
         with self._recording():
-            self._ticks.append({**row, "state": state})
+            self._ticks.append(row)
 
     def sight(self, measurement: StripMeasurement) -> None:
         """Write the measurement of the strip in one image."""

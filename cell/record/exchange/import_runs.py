@@ -35,6 +35,7 @@ from cell.record.files import PROFILE, RESULT, RUN, SIGNALS, TICKS, is_run
 from cell.record.frames import FrameWriter
 from cell.record.run import read_run
 from cell.record.tables import (
+    TooLarge,
     check_clock,
     place_contacts,
     place_rows,
@@ -107,6 +108,8 @@ def import_runs(
                         for name in source.documents.keys() & {RUN, RESULT}:
                             replace_file(run / name, source.documents[name])
                 check(run)
+            except TooLarge:
+                raise
             except ConfigurationError as error:
                 fault = _in_words_of_source(str(error), source, how, run)
                 remedy = _remedy(source, how, check, run, length)

@@ -2,10 +2,11 @@
 such set.
 
 The data set's clock is nominal, `frame_index / fps`; the exact stamps are the feature
-`stamp`, and those of the images `observation.contact_stamp` and
-`observation.profile_stamp`. What belongs to the frame nearest to its image is NaN in
-all others. Where all runs were filmed, a frame has the newest image, of
-`observation.camera_stamp`.
+`stamp`, and those of the images `measured.contact_stamp` and `measured.profile_stamp`.
+What belongs to the frame nearest to its image is NaN in all others: it stands under
+`measured`, which no policy takes as its state. Where all runs were filmed, a frame has
+the newest image, of `measured.camera_stamp`. `meta/cell.json` tells the geometry of the
+cell and the verdict on each run.
 """
 
 import json
@@ -28,7 +29,7 @@ from cell.record.exchange.mapping import (
     documents_of,
     mapping_of,
 )
-from cell.record.files import FILM
+from cell.record.files import CALIBRATION, FILM, RESULT, RUN
 from cell.record.film import Film, FilmWriter
 from cell.record.run import Run
 from cell.record.tables import place_rows, unnest, write_parquet
@@ -36,25 +37,29 @@ from drivers.base.errors import ConfigurationError
 from drivers.base.files import replace_file
 from drivers.base.readers import MEGABYTE, read_bytes, read_json, read_parquet
 from drivers.base.types import Array, Frame
+from drivers.base.yaml_text import parse_yaml
 
 TASKS, STATS = "meta/tasks.parquet", "meta/stats.json"
 TASK = "fold {} in half"
 VIDEO = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
 CHUNK = 1000  # files of a folder
 FORMAT_VERSION = "v3.0"
-CAMERA, CAMERA_STAMP = "observation.images.camera", "observation.camera_stamp"
+CAMERA, CAMERA_STAMP = "observation.images.camera", "measured.camera_stamp"
 SAMPLE = 8  # px between those that the statistics of images are of
 VECTORS = {
     "observation.state": ("x", "z", "pitch"),
-    "action": ("x_cmd", "z_cmd"),
-    "observation.force": ("f_x", "f_z"),
+    "action": ("x_cmd", "z_cmd", "pitch_cmd", "hand_cmd"),
+    "measured.force": ("f_x", "f_z"),
 }
 INFO = "meta/info.json"
 EPISODES = "meta/episodes/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 DATA = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 PLACE = re.compile(r"\{(chunk_index|file_index|video_key)(?::0(\d)d)?\}")
 EPISODE = "episode"  # its tables, as a mapping names them
-POINTS_TABLE, POINTS_STAMP = "points", "observation.profile_stamp"
+POINTS_TABLE, POINTS_STAMP = "points", "measured.profile_stamp"
+MEASURED = re.compile(r"observation\.(?=contact|profile_|camera_stamp)")  # of old sets
+QUANTILES = {"q01": 0.01, "q10": 0.1, "q50": 0.5, "q90": 0.9, "q99": 0.99}
+ABOUT, ABOUT_VERSION = "meta/cell.json", 2  # 1 had actions without pitch and hand
 
 
 class Feature(NamedTuple):
@@ -106,10 +111,34 @@ def write_lerobot(runs: Sequence[Run], out: Path) -> tuple[Path, ...]:
     _write(out / TASKS, _tasks(tasks))
     replace_file(out / STATS, json.dumps(stats).encode())
     replace_file(out / INFO, json.dumps(info).encode())
+    replace_file(out / ABOUT, json.dumps(_about(runs)).encode())
     # the touch is in the documents
     mapping = mapping_of(runs, _file_and_column, TABLES[:3])
     replace_file(out / "meta" / MAPPING, mapping)
     return (out,)
+
+
+def _about(runs: Sequence[Run]) -> dict[str, Any]:
+    """Contents of meta/cell.json: by run, where camera and arm stood and what became of
+    the fold.
+    """
+    found = dict[str, Any]()
+    for run in runs:
+        read = {
+            name: parse_yaml(text.decode(), name)
+            for name, text in documents_of(run).items()
+            if text
+        }
+        head, result = read.get(RUN, {}), read.get(RESULT, {})
+        config = head.get("config", {})
+        found[run.name] = {
+            "mounting": config.get("installation", {}).get("mounting"),
+            "calibration": read.get(CALIBRATION),
+            "outcome": result.get("outcome"),
+            "displacement": result.get("displacement"),
+            "like_model": result.get("agreement", {}).get("like_model"),
+        }
+    return {"format": "folding-cell lerobot", "version": ABOUT_VERSION, "runs": found}
 
 
 def _write_films(
@@ -155,8 +184,8 @@ def _write_films(
 def _file_and_column(table: str, column: str) -> tuple[str, str]:
     """File and column of a data set that hold the `column` of a run's `table`."""
     if table == "contact":
-        stamp = "observation.contact_stamp"
-        return EPISODE, stamp if column == "t" else "observation.contact"
+        stamp = "measured.contact_stamp"
+        return EPISODE, stamp if column == "t" else "measured.contact"
     if table != "ticks":
         return POINTS_TABLE, column
     for feature, names in VECTORS.items():
@@ -181,8 +210,8 @@ def _features(run: Run, runs: Sequence[Run]) -> dict[str, Feature]:
     found["stamp"] = Feature(np.asarray(ticks["t"]))
     if any("contact" in other.tables() for other in runs):
         seen = run.tables().get("contact", {"t": np.empty(0), "contact_x": np.empty(0)})
-        found["observation.contact"] = _at_frames(run, seen["t"], seen["contact_x"])
-        found["observation.contact_stamp"] = _at_frames(run, seen["t"], seen["t"])
+        found["measured.contact"] = _at_frames(run, seen["t"], seen["contact_x"])
+        found["measured.contact_stamp"] = _at_frames(run, seen["t"], seen["t"])
     if all(other.film_stamps() for other in runs):
         stamps = run.film_stamps()
         found[CAMERA_STAMP] = Feature(
@@ -207,7 +236,7 @@ def _curves(run: Run, points: int) -> dict[str, Feature]:
         _at_frames(run, stamps, padded[..., axis])._replace(names=names)
         for axis in (0, 1)
     )
-    found = {"observation.profile_x": x, "observation.profile_z": z}
+    found = {"measured.profile_x": x, "measured.profile_z": z}
     return {POINTS_STAMP: _at_frames(run, stamps, stamps)} | found
 
 
@@ -342,13 +371,21 @@ def _tasks(tasks: Sequence[str]) -> pa.Table:
 
 
 def _stats(each: Sequence[Mapping[str, Feature]]) -> dict[str, Any]:
-    """Extremes, mean, deviation and count of each feature, over its measured values."""
+    """Extremes, mean, deviation, quantiles and count of each feature, over its measured
+    values.
+    """
     found = {}
     for name, feature in each[0].items():
         values = np.concatenate([features[name].values for features in each])
         known = np.ma.masked_invalid(values.reshape(len(values), feature.size))
         parts = {m: getattr(known, m)(axis=0) for m in ("min", "max", "mean", "std")}
         found[name] = {m: np.ma.filled(part, 0.0).tolist() for m, part in parts.items()}
+        at = [*QUANTILES.values()]
+        columns = (column.compressed() for column in known.T)
+        rows = np.transpose(
+            [np.quantile(c, at) if len(c) else 0 * np.array(at) for c in columns]
+        )
+        found[name] |= dict(zip(QUANTILES, rows.tolist(), strict=True))
         found[name]["count"] = [int((~np.ma.getmaskarray(known)).any(axis=1).sum())]
     return found
 
@@ -441,15 +478,22 @@ class Episode(Source):
             name: feature.get("names")
             for name, feature in self.info["features"].items()
         }
-        return unnest(self.frames, vectors)
+        return unnest(self.frames, str(self.path), vectors)
 
     def _points(self) -> pa.Table:
         """Table of the strip's measured points in the episode: t [s], i, x and z
         [m].
         """
-        names = (f"observation.profile_{axis}" for axis in "xz")
+        names = (f"measured.profile_{axis}" for axis in "xz")
         x, z = (
-            np.array([*map(np.asarray, unnest(self.frames.select([n])).columns)])
+            np.array(
+                [
+                    *map(
+                        np.asarray,
+                        unnest(self.frames.select([n]), str(self.path)).columns,
+                    )
+                ]
+            )
             for n in names
         )
         row, i = np.nonzero(np.isfinite(x.T))
@@ -506,6 +550,8 @@ def _read_episode(
     ours = (key for key, value in row.items() if key.startswith("cell/") and value)
     documents |= {key.removeprefix("cell/"): str(row[key]).encode() for key in ours}
     frames = read(path)
+    names = [MEASURED.sub("measured.", column) for column in frames.column_names]
+    frames = frames.rename_columns(names)
     points = [POINTS_TABLE] if POINTS_STAMP in frames.column_names else []
     frames = frames.filter(
         pa.array(np.asarray(frames["episode_index"]) == row["episode_index"])

@@ -34,6 +34,7 @@ from cell.record.header import Load, Sigma
 from cell.record.run import Run
 from cell.record.tables import (
     EMPTY,
+    check_width,
     column_named,
     numbers_of,
     seconds_of,
@@ -69,8 +70,8 @@ Naming = Callable[[str, str], tuple[str, str]]
 """Function from a table and its column to the file and column that hold it in a format.
 """
 Delimiter = Annotated[str, Field(min_length=1, max_length=1)]
-TickColumn = Literal["t", "x", "z", "pitch", "x_cmd", "z_cmd", "contact_x", "contact_t",
-                     "f_x", "f_z"]  # fmt: skip
+TickColumn = Literal["t", "x", "z", "pitch", "x_cmd", "z_cmd", "pitch_cmd", "hand_cmd",
+                     "contact_x", "contact_t", "f_x", "f_z"]  # fmt: skip
 ResultColumn = Literal["t_layer_touch", "l1", "l2", "displacement"]
 LARGEST_TABLE = 64 * MEGABYTE
 COMMENT = re.compile(r"\s*(?:#(?![A-Z/0]+[!,;\t|])|%|//)")  # but not #N/A
@@ -287,7 +288,7 @@ class TableFiles(Source):
         if not found.exists():
             raise self.missing(how)
         return (
-            unnest(read_parquet(found))
+            unnest(read_parquet(found), str(found))
             if found.suffix == ".parquet"
             else _csv(found, how)
         )
@@ -354,6 +355,7 @@ def _csv(path: Path, table: Table[Any]) -> pa.Table:
         names, begin = _header(rows, delimiter)
         if not any(names):
             names = _names_in_comments(lines, delimiter, len(names))
+        check_width(len(names), str(path))
         if begin == len(rows):
             return pa.table([pa.nulls(0)] * len(names), names)
         # no BytesIO: a thread that still holds it aborts an interpreter that ends

@@ -45,12 +45,15 @@ from cell.record.files import FILM
 from cell.record.film import Film
 from cell.record.frames import encode
 from cell.record.run import Run
+from cell.record.tables import TooLarge, check_width
 from drivers.base.errors import ConfigurationError
 from drivers.base.files import replacing
 from drivers.base.readers import MEGABYTE, read_bytes
 from drivers.base.types import Array
 
 LARGEST_FILE = 1024 * MEGABYTE
+LARGEST_CONTENT = 2 * LARGEST_FILE  # of messages, unpacked
+MOST_VALUES = 30_000_000  # of a topic
 NANOSECONDS = 1_000_000_000  # ns
 # of log time at t = 0: an image from before has a time too
 ATTACHMENT_TIME = 3600 * NANOSECONDS
@@ -187,8 +190,10 @@ class McapFile(Source):
         self.path, self.name = path, path.name.removesuffix(".mcap")
         self.documents: dict[str, bytes] = {}
         self.remarks = []
+        self._decoders = Protobuf(), Cdr()
         self._contents = [read_bytes(each, LARGEST_FILE) for each in parts or [path]]
-        self.names = sorted({channel.topic for _, channel, _ in self._messages()})
+        topics = {topic for each in self._contents for topic in self._topics(each)}
+        self.names = sorted(topics or {by.topic for _, by, _ in self._messages()})
 
     def table(self, how: Table[Any]) -> pa.Table:
         """Messages of a topic as rows in the order of their `log_time` [s].
@@ -223,29 +228,52 @@ class McapFile(Source):
         """Rows of the messages of `topic`, and the encodings of those that cannot be
         decoded.
         """
-        rows, unread, decoders = [], set[str](), (Protobuf(), Cdr())
-        of_topic = [found for found in self._messages() if found[1].topic == topic]
-        for writer in {found[1].id for found in of_topic}:
+        found = (each for each in self._messages() if each[1].topic == topic)
+        if (first := next(found, None)) is None:
+            return [], set()
+        self._parts(*first)  # refuses what is too wide before all of it is unpacked
+        of_topic = [first, *found]
+        for writer in {by.id for _, by, _ in of_topic}:
             times = [each.log_time for each, by, _ in of_topic if by.id == writer]
             self._check_clock(np.array(times) / NANOSECONDS, topic)
-        of_topic.sort(key=lambda found: found[0].log_time)
-        for message, channel, schema in of_topic:
-            encoding = channel.message_encoding
-            try:
-                each = (factory.decoder_for(encoding, schema) for factory in decoders)
-                decode = (
-                    json.loads if encoding == "json" else next(filter(None, each), None)
+        rows, unread, values = list[Row](), set[str](), 0
+        for message, by, schema in sorted(of_topic, key=lambda each: each[0].log_time):
+            parts = self._parts(message, by, schema)
+            if parts is None:
+                kind = schema.encoding if schema else ""
+                unread.add(f"{by.message_encoding} {kind}".strip())
+                continue
+            values += sum(map(len, parts))
+            if values > MOST_VALUES:
+                raise TooLarge(
+                    f"{self.path}: topic {topic!r}: holds over {MOST_VALUES} values;"
+                    " cut the recording, or leave point clouds out"
                 )
-                parts = [] if decode is None else flat(decode(message.data))
-            except Exception as error:  # noqa: BLE001  whatever a decoder raises for foreign bytes
-                raise ConfigurationError(
-                    f"{self.path}: topic {topic!r}: a message is not whole {encoding}:"
-                    f" {error}"
-                ) from None
-            if decode is None:
-                unread.add(f"{encoding} {schema.encoding if schema else ''}".strip())
             rows += [{**row, LOG_TIME: message.log_time / NANOSECONDS} for row in parts]
         return rows, unread
+
+    def _parts(
+        self, message: Message, channel: Channel, schema: Schema | None
+    ) -> list[Row] | None:
+        """Rows of a message, None where its encoding is not read; ConfigurationError
+        for one that is broken or too wide.
+        """
+        encoding, origin = (
+            channel.message_encoding,
+            f"{self.path}: topic {channel.topic!r}",
+        )
+        try:
+            known = (each.decoder_for(encoding, schema) for each in self._decoders)
+            decode = (
+                json.loads if encoding == "json" else next(filter(None, known), None)
+            )
+            parts = None if decode is None else flat(decode(message.data))
+        except Exception as error:  # noqa: BLE001  whatever a decoder raises for foreign bytes
+            raise ConfigurationError(
+                f"{origin}: a message is not whole {encoding}: {error}"
+            ) from None
+        check_width(max(map(len, parts or [{}])), origin)
+        return parts
 
     def _check_clock(self, t: Array, topic: str) -> None:
         """Refuse messages of one writer whose clock was set back, by their times `t`
@@ -257,6 +285,22 @@ class McapFile(Source):
                 f"{self.path}: topic {topic!r}: the clock was set back after"
                 f" {last - t[0]:.3g} s: cut the recording there"
             )
+
+    def _topics(self, content: bytes) -> Iterator[str]:
+        """Topics that a whole file names after its messages, none where its writer was
+        killed; attachments are kept.
+        """
+        reader = StreamReader(
+            BytesIO(content), emit_chunks=True, record_size_limit=LARGEST_FILE
+        )
+        try:
+            for record in reader.records:
+                if isinstance(record, Attachment):
+                    self.documents[record.name] = record.data
+                elif isinstance(record, Channel):
+                    yield record.topic
+        except (McapError, struct.error):
+            return  # what is wrong with it is said where its messages are read
 
     def _messages(self) -> Iterator[tuple[Message, Channel, Schema | None]]:
         """Messages in the order of the file, with channel and schema; attachments are
@@ -270,6 +314,7 @@ class McapFile(Source):
     ) -> Iterator[tuple[Message, Channel, Schema | None]]:
         """Messages in the `content` of one file."""
         schemas, channels = dict[int, Schema](), dict[int, Channel]()
+        left = LARGEST_CONTENT
         reader = StreamReader(BytesIO(content), record_size_limit=LARGEST_FILE)
         try:
             for record in reader.records:
@@ -277,10 +322,14 @@ class McapFile(Source):
                     schemas[record.id] = record
                 elif isinstance(record, Channel):
                     channels[record.id] = record
-                elif isinstance(record, Attachment):
-                    self.documents[record.name] = record.data
                 elif isinstance(record, Message):
                     channel = channels[record.channel_id]
+                    left -= len(record.data)
+                    if left < 0:
+                        raise TooLarge(
+                            f"{self.path}: holds over {LARGEST_CONTENT // MEGABYTE} MB"
+                            " of messages; cut the recording"
+                        )
                     yield record, channel, schemas.get(channel.schema_id)
         except (EndOfFile, struct.error):  # its writer was killed
             return

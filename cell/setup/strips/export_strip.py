@@ -35,7 +35,8 @@ def export_strips(
     cannot hold.
 
     `mjcf` is a chain along +x, clamped at its fixed edge; `newton` is JSON with
-    arguments of `Rod` and `ModelBuilder.add_rod`. Both state format and version. Raises ConfigurationError where `out` is there
+    arguments of `Rod` and `ModelBuilder.add_rod`. Both state format and version. Raises
+    ConfigurationError where `out` is there
     already.
     """
     unsaid_of = {}

@@ -33,6 +33,8 @@ ARRAYS = (
     "pitch",
     "x_cmd",
     "z_cmd",
+    "pitch_cmd",
+    "hand_cmd",
     "contact_x",
     "contact_t",
     "f_x",
@@ -108,7 +110,7 @@ def test_a_data_set_has_the_layout_that_lerobot_states(runs, tmp_path: Path) -> 
     film = list(Film(root / info["video_path"].format(**place)).frames())
     assert np.allclose([frame.stamp for frame in film], frames["timestamp"], atol=1e-4)
     newest = np.maximum(np.searchsorted(STAMPS, frames["stamp"], side="right") - 1, 0)
-    assert frames["observation.camera_stamp"].to_pylist() == STAMPS[newest].tolist()
+    assert frames["measured.camera_stamp"].to_pylist() == STAMPS[newest].tolist()
     assert np.allclose([frame.image.mean() for frame in film], 3 * newest, atol=6)
 
 

@@ -1,6 +1,7 @@
 """Files as other programs write them: read rightly, or refused by the right name."""
 
 import json
+import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import Any, BinaryIO
 import av
 import cv2
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
@@ -437,3 +439,21 @@ def test_a_film_of_a_phone_held_the_other_way_stands_upright(tmp_path: Path) -> 
         ).mean()
         < 8
     )
+
+
+@pytest.mark.parametrize("file", ["tip.parquet", "tip.csv", "a.mcap"])
+def test_what_is_too_wide_is_refused_by_its_count_and_soon(tmp_path, file) -> None:
+    path = tmp_path / file
+    if file == "a.mcap":
+        with path.open("wb") as content:
+            log(content, [("/tip", t, {"q": [0] * 20_000}) for t in T])
+    elif file == "tip.csv":
+        head = ",".join(f"c{i}" for i in range(9_000))
+        path.write_text("\n".join([head, *["0," * 8_999 + "0"] * 30]))
+    else:
+        pq.write_table(pa.table({"t": [0.0], "x": [[0.0] * 200_000]}), path)
+    mapping = how(tmp_path, "/tip" if file == "a.mcap" else file, tuple("txz"))
+    began = time.process_time()
+    with pytest.raises(ConfigurationError, match=r"holds \d+ columns, at most 4096"):
+        import_runs([path], mapping, tmp_path / "runs")
+    assert time.process_time() - began < 2.0
