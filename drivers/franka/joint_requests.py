@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
-from itertools import islice
+from itertools import count, islice, pairwise
 from math import isfinite
 from multiprocessing.connection import Connection
 from typing import Any
@@ -34,7 +34,8 @@ from drivers.franka.process import (
 )
 from drivers.franka.settings import CollisionSettings, FciSettings
 
-REQUEST_TIMEOUT = 180.0  # s for a request
+TICKS_PER_PROGRESS = 200  # states of a motion between two reports of its progress
+SMALLEST_WAY = 1e-9  # rad, avoids a division by 0
 REST_RATE = 0.01  # rad/s of a joint that stands, the noise of its measurement included
 
 # of a retreat from a contact
@@ -64,13 +65,25 @@ class GoTo:
     reset_tool: bool = False
 
 
-def go_to(access: RobotAccess, request: GoTo) -> None:
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """Message of a motion under way: the `share` of its path behind it, 0 to 1."""
+
+    share: float
+
+
+def go_to(
+    access: RobotAccess,
+    request: GoTo,
+    show: Callable[[float], object] = lambda _: None,
+) -> None:
     """Move the robot as `request` states, and wait until it rests there; raises Fault.
 
     The path goes around where a straight one in joint space meets the arm itself, desk,
-    clamp or floor. Interrupting this function ends the motion.
+    clamp or floor. It may take as long as it takes at its speed, while `show` is told
+    the share of it that is done. Interrupting this function ends the motion.
     """
-    _run_in_process(access, request)
+    _run_in_process(access, request, show)
 
 
 def hand_pose(access: RobotAccess) -> list[float]:
@@ -79,17 +92,23 @@ def hand_pose(access: RobotAccess) -> list[float]:
 
     Raises Fault, also where the robot's tool is not the cell's.
     """
-    return _run_in_process(access, None)
+    return _run_in_process(access, None, lambda _: None)
 
 
-def _run_in_process(access: RobotAccess, request: GoTo | None) -> list[float]:
+def _run_in_process(
+    access: RobotAccess, request: GoTo | None, show: Callable[[float], object]
+) -> list[float]:
     """Run `carry_out` in a child process; returns its answer, a pose (16,) or joints
     (7,) [rad].
+
+    Its silence counts from the last message, not from the start of the motion.
     """
     child = Child(carry_out, access, request)
     try:
-        answer: list[float] = receive(child, REQUEST_TIMEOUT)
-        return answer
+        while isinstance(answer := receive(child, access.settings.start), Progress):
+            show(answer.share)
+        joints: list[float] = answer
+        return joints
     finally:
         child.close(END_PATIENCE)
 
@@ -132,16 +151,41 @@ def _go(
     path = clear_path(
         np.array(reached), np.array(request.joints), solids, access.limits
     )
+    told = _told(pipe, [np.array(reached), *path])
     for joints in path:
         if interrupted():
             break
         if max(map(abs, robot.state().dq)) < REST_RATE:  # its force can be the tare
             guard = robot.tared_guard()
         reached = follow_joints(
-            robot, joints.tolist(), request.share, guard, lambda _: interrupted()
+            robot,
+            joints.tolist(),
+            request.share,
+            guard,
+            lambda state: told(state) or interrupted(),
         )
     termination.check()
     return reached
+
+
+def _told(pipe: Connection, path: list[Array]) -> Callable[[Any], bool]:
+    """Function that tells through `pipe`, now and then, how much of `path` is done.
+
+    Given each state of the robot, it returns False.
+    """
+    lengths = [float(np.abs(b - a).max()) for a, b in pairwise(path)]
+    whole = max(sum(lengths), SMALLEST_WAY)
+    states = count()
+
+    def told(state: Any) -> bool:
+        if next(states) % TICKS_PER_PROGRESS == 0:
+            ends = [np.abs(np.subtract(state.q_d, place)).max() for place in path[1:]]
+            leg = int(np.argmin(ends))
+            left = float(ends[leg]) + sum(lengths[leg + 1 :])
+            send(pipe, Progress(min(max(1.0 - left / whole, 0.0), 1.0)))
+        return False
+
+    return told
 
 
 def retreat(

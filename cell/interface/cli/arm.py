@@ -3,6 +3,7 @@
 """
 
 import sys
+from functools import partial
 from math import radians
 from typing import TYPE_CHECKING, Annotated, NoReturn
 
@@ -60,7 +61,12 @@ def home(
         _move(settings, trial, manual_motion.to_home(settings, lying))
     joints = manual_motion.home_joints(settings, lying)
     _go_to(
-        joints, settings, full_speed=full_speed, recover=recover, reset_tool=reset_tool
+        joints,
+        settings,
+        "home",
+        full_speed=full_speed,
+        recover=recover,
+        reset_tool=reset_tool,
     )
     _print_result("the arm is home", settings)
 
@@ -82,7 +88,7 @@ def park(
     settings, trial = _agree_to_motion(stated, arm, full_speed, recover=recover)
     if settings.robot_address is None:
         _move(settings, trial, manual_motion.to_home(settings, NO_STRIP))
-    _go_to(HOME.tolist(), settings, full_speed=full_speed, recover=recover)
+    _go_to(HOME.tolist(), settings, "to park", full_speed=full_speed, recover=recover)
     _print_result("the arm is parked", settings)
 
 
@@ -170,6 +176,7 @@ def _agree_to_motion(
 def _go_to(
     joints: "Sequence[float]",
     settings: "CellFile",
+    where: str,
     *,
     full_speed: bool,
     recover: bool,
@@ -184,7 +191,14 @@ def _go_to(
 
     share = 1.0 if full_speed else FIRST_RUN_SPEED
     request = GoTo(list(joints), share, recover=recover, reset_tool=reset_tool)
-    go_to(robot_task(settings), request)
+    go_to(robot_task(settings), request, partial(_show_progress, where))
+
+
+def _show_progress(where: str, share: float) -> None:
+    """Show on a terminal how much of the way to `where` is done."""
+    if sys.stderr.isatty():
+        sys.stderr.write(f"\rmoving {where}, {100 * share:.0f} % ")
+        sys.stderr.flush()
 
 
 def _move(

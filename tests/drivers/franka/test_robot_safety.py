@@ -353,3 +353,13 @@ def test_arm_that_is_pushed_out_of_the_strip_s_plane_brakes(
     if setup.loop.halted is not None:
         assert setup.loop.halted.cause is Cause.ASIDE
         assert "30 mm beside" in setup.loop.halted.words
+
+
+def test_motion_tells_how_much_of_its_way_is_done() -> None:
+    told = list[float]()
+    with served() as server:
+        go_to(task(server), GoTo(near(0.2), 0.2), told.append)
+    assert len(told) > 5
+    assert told == sorted(told)
+    assert told[0] < 0.1
+    assert told[-1] > 0.8
