@@ -32,7 +32,13 @@ CURVE_COLOURS = {
 # m before the strip's near edge, so that no curve hides another
 DEPTHS = {"measured": 0.0, "before": scene.APART, "after": 2 * scene.APART}
 WIDTH = 0.05  # m, of desk and clamp that are drawn for a strip
-POINT_RADIUS, CONTACT_RADIUS, HAND_RADIUS = 0.0025, 0.005, 0.01  # m
+POINT_RADIUS, CONTACT_RADIUS, HAND_RADIUS, CURVE_RADIUS = (
+    0.003,
+    0.006,
+    0.012,
+    0.0022,
+)  # m
+NEARNESS = 0.72  # of the eye: there is no arm to be seen
 AFTER = 0.05  # s after the last reading, when nothing is shown any more
 
 
@@ -82,9 +88,9 @@ def _run_tab(run: Replay) -> Any:
         grid = rrb.Grid(*plots, grid_columns=2)
         return rrb.Vertical(verdict, grid, row_shares=[1, 6], name=name)
     log = rrb.TextLogView(origin=f"{root}/events", name="events")
-    space = scene.view(
-        _length(run), f"{root}/{scene.WORLD}", "strip: measured, before, after"
-    )
+    title = "strip: measured (white), before (orange), after (blue)"
+    place = f"{root}/{scene.WORLD}"
+    space = scene.view(_length(run), place, title, nearness=NEARNESS)
     views = saving.arrange(space, log, verdict, plots, [1] * len(plots))
     return rrb.Horizontal(views, name=name)
 
@@ -131,7 +137,7 @@ def _log_tracks(
         points = scene.at_depth(track.places, -DEPTHS[word])
         columns = rr.Points3D.columns(positions=points)
         look = rr.Points3D.from_fields(colors=colour, radii=size)
-        _send_columns(recording, f"{root}/tracks/{name}/{word}", track.t, columns, look)
+        _send_shapes(recording, f"{root}/tracks/{name}/{word}", track.t, columns, look)
 
 
 def _log_signals(
@@ -161,8 +167,10 @@ def _log_curve(
         )
     else:
         columns = scene.lines(curves)
-        look = rr.LineStrips3D.from_fields(colors=CURVE_COLOURS[word], radii=scene.EDGE)
-    _send_columns(recording, f"{root}/curve/{word}", drawn.curve.t, columns, look)
+        look = rr.LineStrips3D.from_fields(
+            colors=CURVE_COLOURS[word], radii=CURVE_RADIUS
+        )
+    _send_shapes(recording, f"{root}/curve/{word}", drawn.curve.t, columns, look)
 
 
 def _send_columns(
@@ -172,9 +180,18 @@ def _send_columns(
     if not len(t):
         return
     recording.log(entity, look, static=True)
-    shown_from = np.concatenate([[min(0.0, t[0])], t[1:]])  # filled when it opens
-    times = [rr.TimeColumn("t", duration=shown_from)]
-    recording.send_columns(entity, times, columns)
+    recording.send_columns(entity, [rr.TimeColumn("t", duration=t)], columns)
+
+
+def _send_shapes(
+    recording: rr.RecordingStream, entity: str, t: Array, columns: Any, look: Any
+) -> None:
+    """Log rows of a shape, of which the first stands when the recording opens, and
+    which is cleared after the last.
+    """
+    if not len(t):
+        return
+    _send_columns(recording, entity, np.array([min(0.0, t[0]), *t[1:]]), columns, look)
     recording.set_time("t", duration=float(t[-1]) + AFTER)
     recording.log(entity, rr.Clear(recursive=False))
     recording.reset_time()

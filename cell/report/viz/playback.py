@@ -18,7 +18,9 @@ from cell.record.run import Run
 from cell.report.words import log_line
 from drivers.base.types import Array, Frame, Image
 
+ROUNDING = 1e-6  # s, of a stamp beside the same one in another file
 PICTURE_PERIOD = 0.1  # s between images that are shown
+LONGEST_WAIT = 0.3  # s for an image that was read
 Item = TypeVar("Item")
 
 
@@ -106,11 +108,19 @@ def _ticks(run: Run, origin: float) -> Iterator[TickView]:
 def pictures_of(run: Run) -> Iterator[Frame]:
     """Yield images of a run at most every PICTURE_PERIOD: of its film, or else those
     kept.
+
+    While images were read, one that was is preferred, since only over it can be drawn
+    what was read.
     """
     has_film = (run.folder / FILM).is_file()
+    sights = run.sights()
+    read = set(sights.sequence.astype(int).tolist())
+    first, last = min(read, default=0), max(read, default=-1)
     due = -inf
     for frame in run.film_frames() if has_film else run.frames():
-        if frame.stamp >= due:
+        is_late = frame.stamp >= due + LONGEST_WAIT
+        is_wanted = frame.sequence in read or not first <= frame.sequence <= last
+        if frame.stamp >= due and (is_wanted or is_late):
             due = frame.stamp + PICTURE_PERIOD
             yield frame
 
@@ -124,7 +134,7 @@ def _newest_at(
     following = next(stamped, None)
     for t in times:
         newest: Item | None = None
-        while following is not None and following[0] <= t:
+        while following is not None and following[0] <= t + ROUNDING:
             newest = following[1]
             following = next(stamped, None)
         yield newest

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from calibration.calibration import Calibration
 from drivers.base.geometry import CellInRobot, arc_lengths
@@ -24,11 +24,18 @@ from drivers.franka.kinematics import (
     PARAMETERS,
     offset_in_frame,
 )
-from drivers.franka.obstacles import solids_of
 from drivers.franka.plane import StripPlane
+from drivers.franka.shapes import (
+    FINGER,
+    FINGER_WIDTH,
+    PALM,
+    PALM_WIDTH,
+    boxes,
+    desk_end,
+)
 
 WORLD = "world"
-DESK, CLAMP, PATH = f"{WORLD}/desk", f"{WORLD}/clamp", f"{WORLD}/path"
+BODIES, PATH = f"{WORLD}/desk", f"{WORLD}/path"
 CAMERA, IMAGE = f"{WORLD}/camera", f"{WORLD}/camera/image"
 ARM = f"{WORLD}/arm"
 HAND_LINK = 8  # among the frames of `link_frames`: base, seven joints, hand
@@ -41,14 +48,11 @@ BACKGROUND_RGB = (30, 34, 40)
 SOLID = rr.components.FillMode.Solid
 
 SLAB = 0.03  # m of the desk that are drawn
-BEYOND = 0.12  # m of the desk beside the strip
+BEYOND, DESK_SHOWN = 0.12, 0.16  # m of the desk around the strip, about its middle
 BACKDROP = 0.65  # m behind the strip's plane, at which the image hangs
 LINE, EDGE = 0.0012, 0.0018  # m, radii of lines
 APART = 0.008  # m before the measured strip, at which the simulated one is drawn
 NODES = 48  # points along a drawn strip
-# m, half sizes of the palm and of a finger, by the maker's description of the hand
-PALM, FINGER = (0.0315, 0.102, 0.033), (0.01, 0.008, 0.022)
-PALM_HEIGHT, FINGER_HEIGHT, FINGER_SIDE = 0.033, 0.081, 0.009
 # m, radii of what joins one joint to the next, from the base on
 BONES = (0.075, 0.065, 0.062, 0.06, 0.058, 0.05, 0.045)
 DRUM_LINKS = (2, 4, 6)  # whose collision capsules look like the arm's joints
@@ -69,17 +73,17 @@ class Rod:
 
 def surroundings(length: float, width: float, cell: Installation) -> Mapping[str, Any]:
     """Static bodies by entity around a strip of `length` and `width` [m]."""
-    boxes = {box.name: box for box in solids_of(cell).boxes}
-    desk, clamp = boxes["desk"], boxes["clamp"]
-    across = (-BEYOND, width + BEYOND)
-    right = min(desk.high[0], length + BEYOND)
-    low, high = (desk.low[0], across[0], -SLAB), (right, across[1], -LINE)
-    grip = (clamp.low[0], 0.0, 0.0), (clamp.high[0], width, 0.5 * clamp.high[2])
-    return {
-        WORLD: rr.ViewCoordinates.RIGHT_HAND_Z_UP,
-        DESK: _box(low, high, DESK_RGB),
-        CLAMP: _box(*grip, CLAMP_RGB),
-    }
+    bodies: dict[str, Any] = {WORLD: rr.ViewCoordinates.RIGHT_HAND_Z_UP}
+    middle, low = 0.5 * width, (-BEYOND, -DESK_SHOWN, -SLAB)
+    high = (length + BEYOND, DESK_SHOWN, SLAB)
+    for number, box in enumerate(boxes(desk_end(cell, length))):
+        if box.name == "floor":
+            continue
+        shift = np.array([0.0, middle, -LINE])  # under the lines on the desk
+        lowest, highest = np.clip([box.low, box.high], low, high) + shift
+        rgb = DESK_RGB if box.name.startswith("desk") else CLAMP_RGB
+        bodies[f"{BODIES}/{number}"] = _box(lowest, highest, rgb)
+    return bodies
 
 
 def camera(calibration: Calibration, scale: float) -> Mapping[str, Any]:
@@ -103,16 +107,17 @@ def camera(calibration: Calibration, scale: float) -> Mapping[str, Any]:
 
 
 def hand_bodies() -> Mapping[str, Any]:
-    """Static shapes of the hand by entity, in the hand's frame."""
-    hand = LINKS[HAND_LINK]
-    fingers = {
-        f"{hand}/finger{number}": _box_about(
-            (0, side * FINGER_SIDE, FINGER_HEIGHT), FINGER, FINGER_RGB
-        )
-        for number, side in enumerate((-1, 1))
-    }
-    palm = _box_about((0, 0, PALM_HEIGHT), PALM, ARM_RGB)
-    return {f"{hand}/palm": palm} | fingers
+    """Static shapes of the closed hand by entity, in the hand's frame."""
+    hand, tip = LINKS[HAND_LINK], float(HAND_TO_TIP[2, 3])
+    (top, half), (back, _) = PALM
+    palm = (-PALM_WIDTH / 2, -half, tip - back), (PALM_WIDTH / 2, half, tip - top)
+    bodies = {f"{hand}/palm": _box(*palm, ARM_RGB)}
+    (ahead, _), *_, (behind, thick) = FINGER
+    for number, (near, far) in enumerate(((-thick, 0.0), (0.0, thick))):
+        low = (-FINGER_WIDTH / 2, near, tip - behind)
+        high = (FINGER_WIDTH / 2, far, tip - ahead)
+        bodies[f"{hand}/finger{number}"] = _box(low, high, FINGER_RGB)
+    return bodies
 
 
 def arm_bodies() -> Mapping[str, Any]:
@@ -188,13 +193,21 @@ def lines(curves: Sequence[NDArray[np.float32]]) -> Any:
     return rr.LineStrips3D.columns(strips=list(curves))
 
 
-def view(length: float, origin: str, name: str, hidden: Sequence[str] = ()) -> Any:
+def view(
+    length: float,
+    origin: str,
+    name: str,
+    hidden: Sequence[str] = (),
+    nearness: float = 1.0,
+) -> Any:
     """3D view of the entities under `origin` but the `hidden` ones, which looks at a
     strip of `length` [m].
+
+    The eye is at `nearness` of the distance from which an arm is seen whole.
     """
     eye = rrb.EyeControls3D(
         kind=rrb.Eye3DKind.Orbital,
-        position=length * EYE,
+        position=length * (TARGET + nearness * (EYE - TARGET)),
         look_target=length * TARGET,
         eye_up=[0, 0, 1],
     )
@@ -269,16 +282,7 @@ def _turn_from_z(span: Array) -> Array:
     return np.array([1.0, 0.0, 0.0, 0.0]) if size < 1e-9 else turn / size
 
 
-def _box(low: Sequence[float], high: Sequence[float], rgb: Sequence[int]) -> Any:
+def _box(low: ArrayLike, high: ArrayLike, rgb: Sequence[int]) -> Any:
     """Solid box between two corners (3,) [m]."""
     sizes = [np.subtract(high, low)]
     return rr.Boxes3D(mins=[low], sizes=sizes, colors=[rgb], fill_mode=SOLID)
-
-
-def _box_about(
-    centre: Sequence[float], half: Sequence[float], rgb: Sequence[int]
-) -> Any:
-    """Solid box about its `centre` (3,) with `half` sizes (3,) [m]."""
-    return rr.Boxes3D(
-        centers=[centre], half_sizes=[half], colors=[rgb], fill_mode=SOLID
-    )

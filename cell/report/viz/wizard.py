@@ -14,7 +14,7 @@ import rerun.blueprint as rrb
 from calibration.wizard.progress import COLOURS_BGR, Progress
 from cell.report.viz import saving
 from cell.report.viz.opening import open_recording
-from cell.report.viz.recording import PICTURE_WIDTH
+from drivers.base.types import Image
 
 WIZARD_RECORDING = "wizard.rrd"
 WANTED_RGBA = 0xFFAA32FF
@@ -41,7 +41,7 @@ class WizardScreen:
     def __init__(self, recording: rr.RecordingStream) -> None:
         self._to = recording
         self._count = 0
-        self._scale = 1.0
+        self._has_image = False
 
     def __call__(self, step: Progress) -> None:
         """Draw one step of the wizard: the request, the image with marks, and the
@@ -50,15 +50,23 @@ class WizardScreen:
         self._count += 1
         self._to.set_time("step", sequence=self._count)
         if step.frame is not None:
-            self._scale = PICTURE_WIDTH / step.frame.image.shape[1]
-            picture = saving.jpeg(step.frame.image, PICTURE_WIDTH)
-            image = rr.EncodedImage(contents=picture, media_type="image/jpeg")
-            self._to.log("camera/image", image)
+            self._draw_image(step.frame.image)
         self._to.log("wizard/words", saving.document(_words(step)))
         self._draw_coverage(step)
         self._draw_marks(step)
         if step.result is not None and step.result.refused is not None:
             self._to.log("wizard/log", rr.TextLog(step.result.answer))
+
+    def _draw_image(self, image: Image) -> None:
+        """Draw an image; the first one stands from the first step on."""
+        content = saving.jpeg(image)
+        picture = rr.EncodedImage(contents=content, media_type="image/jpeg")
+        self._to.log("camera/image", picture)
+        if not self._has_image:
+            self._has_image = True
+            self._to.set_time("step", sequence=1)
+            self._to.log("camera/image", picture)
+            self._to.set_time("step", sequence=self._count)
 
     def _draw_coverage(self, step: Progress) -> None:
         """Draw how much of each of the wizard's gates is reached."""
@@ -75,18 +83,18 @@ class WizardScreen:
         if corners is None:
             self._to.log("camera/image/wanted", rr.Clear(recursive=False))
         else:
-            outline = self._scale * np.vstack([corners, corners[:1]])
+            outline = np.vstack([corners, corners[:1]])
             line = rr.LineStrips2D(
-                [outline], colors=WANTED_RGBA, radii=2, labels=["wanted"]
+                [outline], colors=WANTED_RGBA, radii=3, labels=["wanted"]
             )
             self._to.log("camera/image/wanted", line)
         if not step.marks:
             self._to.log("camera/image/marks", rr.Clear(recursive=False))
             return
-        pixels = self._scale * np.array([mark.pixel for mark in step.marks])
+        pixels = np.array([mark.pixel for mark in step.marks])
         colours = [COLOURS_BGR[mark.kind][::-1] for mark in step.marks]
         names = [mark.label for mark in step.marks if mark.label]
-        points = rr.Points2D(pixels, colors=colours, labels=names or None, radii=3)
+        points = rr.Points2D(pixels, colors=colours, labels=names or None, radii=4)
         self._to.log("camera/image/marks", points)
 
 

@@ -107,7 +107,7 @@ def test_stored_run_is_shown_again(rebuilt):
     assert rows["/world/strip/simulated"] == 190 + 2
     assert rows["/log"] == 3
     assert rows["/signals/along/gripper_x"] == 940 + 1
-    assert {"/world/desk", "/world/clamp", "/world/path", "/state"} <= set(rows)
+    assert {"/world/desk/0", "/world/path", "/state"} <= set(rows)
     assert {"/world/arm/link8/palm", "/world/camera", "/verdict"} <= set(rows)
     assert timelines(rebuilt, "/world/strip/measured") == {"t", "clock"}
 
