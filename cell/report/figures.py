@@ -25,7 +25,7 @@ from cell.report.drawing import (
     canvas,
 )
 from cell.report.overlay import Silhouette, evenly_chosen, fold_tips
-from cell.report.words import millimetres
+from cell.report.words import PARAMETERS, millimetres
 from drivers.base.types import Array
 
 if TYPE_CHECKING:
@@ -59,9 +59,9 @@ STATE_SHADES = {
 READING = frozenset({"LIFT", "FOLD", "TOUCHED"})  # states in which images are read
 PANELS = {
     "displacement": ("predicted d  [mm]", 1e3, ORANGE),
-    "bending_length": ("bending length  [mm]", 1e3, BLUE),
-    "retardation_time": ("retardation time  [ms]", 1e3, BLUE),
-    "yield_curvature": ("yarn friction  [1/m]", 1.0, BLUE),
+    "bending_length": (f"{PARAMETERS['bending_length']}  [mm]", 1e3, BLUE),
+    "retardation_time": (f"{PARAMETERS['retardation_time']}  [ms]", 1e3, BLUE),
+    "yield_curvature": (f"{PARAMETERS['yield_curvature']}  [1/m]", 1.0, BLUE),
 }
 # mm, displacements shown to either side of 0, and beyond them
 HALF_HEIGHT, MARGIN = 40.0, 1.0

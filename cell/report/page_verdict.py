@@ -89,9 +89,11 @@ def _fold_verdict(
     """Verdict on a fold: how the edges lie where that was measured, or else how the
     layers met.
     """
-    edge = result.edge_offset
+    edge, line = result.edge_offset, run.header.line
+    lower = "the lower one" if line is None else "its place"
     sentences = [
-        *_edges_sentences(edge, truth.get("edge_offset")),
+        *([] if line is None else [_line_sentence(line)]),
+        *_edges_sentences(edge, truth.get("edge_offset"), lower),
         _touch_sentence(result, d, truth.get("displacement")),
     ]
     reasons = (note.reason for note in result.witnesses)
@@ -108,7 +110,7 @@ def _fold_verdict(
         sentences.insert(0, _sentence(result.reason))
     return PageVerdict(
         tone=_fold_tone(result, d),
-        headline=_fold_headline(result),
+        headline=_fold_headline(result, is_half=line is None),
         sentences=tuple(filter(None, sentences)),
         figure=millimetres(d if edge is None else edge, signed=True),
         error=sigma_lines(run, laid=edge is not None),
@@ -127,16 +129,27 @@ def _fold_tone(result: Result, displacement: float) -> Tone:
     return "good" if largest <= FOLDED_TOLERANCE else "fair"
 
 
-def _fold_headline(result: Result) -> str:
+def _line_sentence(line: float) -> str:
+    """Sentence on a fold `line` [m] from the grasped edge."""
+    return (
+        f"Folded along a line {millimetres(line)} from the grasped edge, to which all"
+        " lengths below are relative."
+    )
+
+
+def _fold_headline(result: Result, *, is_half: bool) -> str:
     """Headline on a fold: how far the edges lie apart, or when the layers touched."""
     if result.outcome != "layer_touch":
         return outcome_title(result.outcome)
     if result.edge_offset is None:
         return f"Folded: the layers touched after {seconds(result.t_layer_touch)}"
-    return f"Folded: the edges lie {millimetres(abs(result.edge_offset))} apart"
+    off = millimetres(abs(result.edge_offset))
+    if is_half:
+        return f"Folded: the edges lie {off} apart"
+    return f"Folded: the edge lies {off} off its place"
 
 
-def _edges_sentences(offset: float | None, true: object) -> list[str]:
+def _edges_sentences(offset: float | None, true: object, lower: str) -> list[str]:
     """Sentence on how the laid edges lie, as measured and in truth; none where not
     measured.
     """
@@ -145,7 +158,7 @@ def _edges_sentences(offset: float | None, true: object) -> list[str]:
     known = [offset, true] if isinstance(true, int | float) else [offset]
     words = [f"{millimetres(abs(d))} {'beyond' if d > 0 else 'before'}" for d in known]
     truth = f" (true on the twin: {words[1]})" if len(words) > 1 else ""
-    return [f"Laid down, the upper edge lies {words[0]} the lower one{truth}."]
+    return [f"Laid down, the upper edge lies {words[0]} {lower}{truth}."]
 
 
 def _touch_sentence(result: Result, displacement: float, true: object) -> str:

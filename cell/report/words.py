@@ -23,6 +23,12 @@ OUTCOMES = {
     "displacement_apart": "Folded, but far off the prediction",
     "unlike_model": "Folded, but the strip does not behave like the model",
 }
+# names of a strip's parameters, as people call them
+PARAMETERS = {
+    "bending_length": "bending length",
+    "retardation_time": "retardation time",
+    "yield_curvature": "yarn friction",
+}
 LONGEST_TEXT = 160  # characters of a value
 SIGNED = frozenset({"displacement", "edge_offset"})
 LENGTH_NAMES = SIGNED | {

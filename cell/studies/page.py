@@ -71,7 +71,7 @@ def page_of(results: Results) -> str:
     made_with.pop("weights", None)
     missing = [result for result in results.results if isinstance(result, MissingPart)]
     return page(
-        "benchmark/benchmark.html",
+        "studies/benchmark.html",
         TITLE,
         version=results.made_with.get("cell", ""),
         said=verdict_of(results),

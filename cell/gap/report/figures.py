@@ -203,26 +203,56 @@ def _residual_trace(
     axis.axhline(0.0, color=INK, lw=0.5)
 
 
-def midlines(run: Replay) -> str:
-    """Figure (SVG text) of the curve of a run at four moments: measured, before and
+@dataclass(frozen=True, slots=True)
+class Worst:
+    """Moment of a run at which the model before is farthest from the curve measured.
+
+    `t` [s] is that of image number `image`, `off` the rms distances [m] of the measured
+    points from the simulated curves by their key.
+    """
+
+    run: Replay
+    image: int
+    t: float
+    off: Mapping[str, float]
+
+
+def worst_moment(runs: Sequence[Replay]) -> Worst | None:
+    """Worst moment of `runs`; None where they have no curve."""
+    found = None
+    for run in runs:
+        curve, before = run.measured.curve, run.scenes.get("before")
+        if curve is None or not len(curve.t) or before is None or before.curve is None:
+            continue
+        pairs = zip(curve.points, before.curve.points, strict=True)
+        distances = [_distance(points, line) for points, line in pairs]
+        image = int(np.argmax(distances))
+        if found is not None and found.off["before"] >= distances[image]:
+            continue
+        off = {
+            key: _distance(curve.points[image], drawn.curve.points[image])
+            for key, drawn in run.scenes.items()
+            if key != "measured" and drawn.curve is not None
+        }
+        found = Worst(run, image, float(curve.t[image]), off)
+    return found
+
+
+def _distance(points: Array, line: Array) -> float:
+    """Rms distance [m] of `points` (k, 2) from the nodes (n, 2) of a curve."""
+    apart = np.hypot(*(points[:, None] - line[None]).transpose(2, 0, 1))
+    return float(np.sqrt(np.mean(apart.min(axis=1) ** 2)))
+
+
+def worst_picture(worst: Worst) -> str:
+    """Figure (SVG text) of the strip at its worst moment: measured, before and
     after.
     """
-    measured = run.measured.curve
-    if measured is None or not len(measured.t):
-        return ""
-    end = min((t for t, _ in run.measured.events), default=float(measured.t[-1]))
-    last = max(0, int(np.searchsorted(measured.t, end)) - 1)
-    chosen = np.unique(np.linspace(0, last, 5).round().astype(int)[1:])  # not the start
-    with canvas(8.0, 6.2) as figure:
-        axes = (
-            figure.subplots((len(chosen) + 1) // 2, 2, squeeze=False).ravel().tolist()
-        )
-        for axis, k in zip(axes, chosen, strict=False):
-            _midline(axis, run, int(k))
-            axis.set_title(f"{measured.t[k]:.2f} s", fontsize=9)
-        for axis in axes[len(chosen) :]:
-            axis.set_visible(False)
-        _legend_above(figure, axes[0])
+    with canvas(8.0, 3.4) as figure:
+        axis = figure.add_subplot()
+        _midline(axis, worst.run, worst.image)
+        axis.axhline(0, color=MUTED, lw=0.8)
+        _legend_above(figure, axis)
         return as_svg(figure)
 
 

@@ -1,12 +1,14 @@
 """Report page of a fit, `report.html`, self-contained and for a technician."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from importlib.metadata import version
 from typing import Any
 
 import numpy as np
 
 from cell.gap.diagnosis import held_out_gap
 from cell.gap.fitting.base_fit import undetermined_values
+from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.report import figures
 from cell.gap.report.sentence import (
     capitalised,
@@ -34,13 +36,35 @@ from cell.gap.verdict.offered_law import OfferedLaw
 from cell.gap.verdict.schema import CandidateEntry, Gap, Kind, Verdict
 from cell.report.html import Tone, page as document
 from cell.report.page_verdict import PageVerdict as Card
-from cell.report.words import NO_VALUE, millimetres
+from cell.report.words import MINUS, NO_VALUE, PARAMETERS, millimetres, seconds
 from drivers.base.errors import CellError
 from drivers.base.settings import parse
 from drivers.strip.file import StripFile
 from policies.planned import fold_by_plan
 
 LISTED_EXPERIMENTS = 5  # runs of which the page advises
+PACKAGES = ("folding-cell", "numpy", "scipy", "mujoco")
+METHOD = (
+    "Each run is simulated from the measured motion of its gripper or joints; the"
+    " residual is what was measured less what was simulated, in samples with the noise"
+    " that the run states.",
+    "Base values are fitted with priors about the file by Gauss-Newton steps, with"
+    " Huber's loss (Huber 1964, Ann. Math. Stat. 35).",
+    "What differs from run to run is estimated beside them by restricted likelihood"
+    " (Patterson and Thompson 1971, Biometrika 58, 545).",
+    "Where residuals remain is tested in all places at once by draws of the noise"
+    " (Westfall and Young 1993; Davison and Hinkley 1997, section 6.3).",
+    "Every effect of the library is tried alone, the best ones together; each set is"
+    " judged by how well it predicts runs, or motions, that were left out of its fit.",
+    "The probability of a set is its posterior over all fitted sets, with an error of"
+    " each law that is smooth in time (George and McCulloch 1993, J. Am. Stat. Assoc."
+    " 88, 881; Kennedy and O'Hagan 2001, J. R. Stat. Soc. B 63, 425).",
+    "It counts causes outside the library, calibrated on hidden effects (Platt 1999).",
+    "Runs are held out before the first fit; they name nothing, and judge what was"
+    " named.",
+    "A run to measure next is the one in which the models that are left differ most"
+    " (Box and Hill 1967).",
+)
 TONES: dict[Kind, Tone] = {
     "named": "good",
     "no_gap": "good",
@@ -136,11 +160,10 @@ def held_out_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
         for word, fit in fits.items()
     }
     typical = int(np.argsort(by_run["before"])[len(names) // 2])
-    drawn = {word: fit.on([typical]) for word, fit in fits.items()}
-    (run,) = figures.replay_runs(findings.subject, drawn, held_out=True)
+    largest = int(np.argmax(by_run["before"]))
     return {
+        "worst": _worst_values(findings, fits, largest, names[largest]),
         "typical": names[typical],
-        "midlines": figures.midlines(run),
         "traces": figures.residual_traces(
             fits, typical, findings.subject.scope.quantities
         ),
@@ -149,6 +172,44 @@ def held_out_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
         "leaves": any(excess.any() for excess in by_run.values()),
         "bars": figures.run_bars(names, by_run) if len(names) > 1 else "",
     }
+
+
+def _worst_values(
+    findings: Findings, fits: Mapping[str, Estimate], run: int, name: str
+) -> dict[str, str]:
+    """Template values on the worst moment of the held-out run that is farthest off:
+    figure, sentence.
+    """
+    drawn = {word: fit.on([run]) for word, fit in fits.items()}
+    replays = list(figures.replay_runs(findings.subject, drawn, held_out=True))
+    worst = figures.worst_moment(replays)
+    if worst is None:  # a mechanism has no curve
+        quantities = findings.subject.scope.quantities
+        return {
+            "figure": figures.residual_traces(fits, run, quantities),
+            "says": f"Measured minus simulated in {name}, which the fit had not seen.",
+        }
+    before, after = (millimetres(worst.off.get(key)) for key in ("before", "after"))
+    found = f", {after} with what was found" if "after" in worst.off else ""
+    says = (
+        f"Where the strip was farthest off, {seconds(worst.t)} into {name}, a run that"
+        f" the fit had not seen: {before} from the refitted file{found}."
+    )
+    unbroken = says.replace(" mm", "\N{NO-BREAK SPACE}mm")
+    return {"figure": figures.worst_picture(worst), "says": unbroken}
+
+
+def _sizes(verdict: Verdict) -> list[tuple[str, str, str]]:
+    """Rows on each parameter of what is missing: name, value, interval."""
+    rows = []
+    for effect in (*verdict.effects, *verdict.suspected):
+        for name, value in effect.parameters.items():
+            size, _, within = interval_text(value).partition(" [")
+            unit = shown_unit(value.unit)
+            ends = within.removesuffix(unit).strip().removesuffix("]")
+            title = f"{effect.name.replace('_', ' ')}: {name.replace('_', ' ')}"
+            rows.append((title, f"{size} {unit}".strip(), ends.replace(", ", " to ")))
+    return rows
 
 
 def _held_out_rows(findings: Findings, gap: Gap) -> Iterator[tuple[str, ...]]:
@@ -215,26 +276,34 @@ def page(findings: Findings, verdict: Verdict) -> str:
     """HTML text of a fit's report: the verdict card, figures, and below them all
     numbers.
     """
-    runs, held = len(findings.subject.runs), len(verdict.held_out)
     name = findings.subject.name
+    planned, held = (
+        _planned_folds(findings, verdict),
+        held_out_values(findings, verdict),
+    )
     return document(
         "gap/report/gap.html",
         f"{name}: simulation and measurement",
         title=(
-            f"{name}: simulation against {runs} measured runs, {held} of them held out"
+            f"{name}: simulation against {len(findings.subject.runs)} measured runs,"
+            f" {len(verdict.held_out)} of them held out"
         ),
         name=name,
-        said=_verdict_card(findings, verdict),
+        said=_verdict_card(findings, verdict, planned),
+        worst=held.pop("worst"),
+        sizes=_sizes(verdict),
         following=[f"{capitalised(step.sentence)}." for step in verdict.steps],
         notes=verdict.notes,
-        planned=_planned_folds(findings, verdict),
-        held=held_out_values(findings, verdict),
+        planned=planned,
+        held=held,
         where=place_values(findings),
         remains=remaining_values(findings, verdict),
         repeats=_scatter_table(findings),
         experiments=_experiments_table(verdict),
         candidates=candidate_values(findings, verdict),
         base=base_values(findings, verdict),
+        method=METHOD,
+        evidence=_evidence(findings, verdict),
         foot=_provenance(findings, verdict),
     )
 
@@ -265,7 +334,9 @@ def _planned_folds(findings: Findings, verdict: Verdict) -> dict[str, Any]:
     }
 
 
-def _verdict_card(findings: Findings, verdict: Verdict) -> Card:
+def _verdict_card(
+    findings: Findings, verdict: Verdict, planned: Mapping[str, Any]
+) -> Card:
     """Verdict card: headline, sentences, tone, and the probability in large print."""
     least = min((effect.confidence for effect in verdict.effects), default=None)
     number = "" if least is None else percent(least)
@@ -281,7 +352,31 @@ def _verdict_card(findings: Findings, verdict: Verdict) -> Card:
     if verdict.deviates:
         tone = "bad" if tone == "bad" else "fair"
         lines = [capitalised(deviation_text(verdict.deviates)) + ".", *lines]
-    return Card(tone, headline(verdict), tuple(lines), number, below)
+    said = headline(verdict)
+    if planned["rows"]:
+        lines = [f"{said}.", *lines]
+        said = _fold_sentence(verdict, [text for _, text in planned["rows"]])
+    return Card(tone, said, tuple(lines), number, below)
+
+
+def _fold_sentence(verdict: Verdict, displacements: Sequence[str]) -> str:
+    """Sentence on the fold as it is planned from the file, and with what was found."""
+    first = verdict.effects[0]
+    name, value = next(iter(first.parameters.items()))
+    size = f"{number_text(in_small_unit(value.value, value.unit), 2)}"
+    effect = _effect_words(first.name, name)
+    words = f"{effect} of {size} {shown_unit(value.unit)}".strip()
+    others = [effect.name.replace("_", " ") for effect in verdict.effects[1:]]
+    words = " and ".join([words, *others])
+    before, after = (text.lstrip(f"+{MINUS}") for text in displacements)
+    return f"The planned fold is foreseen {before} off; with {words} it is {after}"
+
+
+def _effect_words(effect: str, parameter: str) -> str:
+    """Words for an `effect` with its first `parameter`, as the page of a fold has
+    them.
+    """
+    return PARAMETERS.get(parameter, effect.replace("_", " "))
 
 
 def _scatter_table(findings: Findings) -> list[tuple[str, ...]] | None:
@@ -310,9 +405,23 @@ def _experiments_table(verdict: Verdict) -> list[tuple[str, ...]] | None:
     ]
 
 
+def _evidence(findings: Findings, verdict: Verdict) -> list[tuple[str, ...]]:
+    """Rows on what was read: name, what it is, digest if it is a file."""
+    digests = findings.subject.origin.digests.items()
+    rows: list[tuple[str, ...]] = [
+        (path.name, "stated by the file", digest[:16]) for path, digest in digests
+    ]
+    for run in findings.subject.runs:
+        held = "held out" if run.name in verdict.held_out else "fitted"
+        rows.append((run.name, f"{motion_name(run.condition)}, {held}", NO_VALUE))
+    return rows
+
+
 def _provenance(findings: Findings, verdict: Verdict) -> str:
     held = [run for run in findings.subject.runs if run.name in verdict.held_out]
+    used = ", ".join(f"{name} {version(name)}" for name in PACKAGES)
     return (
-        f"{verdict.simulations} simulated runs in {verdict.runtime:.0f} s. "
+        f"{verdict.simulations} simulated runs in {verdict.runtime:.0f} s, with {used};"
+        " the same runs give the same numbers. "
         f"Held out: {', '.join(conditions(held))}."
     )

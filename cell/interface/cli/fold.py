@@ -13,7 +13,7 @@ import typer
 from cell.base.config.length import metres
 from cell.base.config.places import Configs, check_recordable, find_configs
 from cell.interface.cli import options
-from cell.interface.cli.output import busy, notice, print_json, say
+from cell.interface.cli.output import busy, notice, print_json, say, working
 from cell.record.files import REPORT
 from drivers.base.errors import CellError, ConfigurationError
 
@@ -315,7 +315,7 @@ def _callbacks(robot: str, *, as_json: bool) -> "Callbacks":
     callbacks = Callbacks(report=notice, lay_again=lambda: await_strip(options.ask))
     if not as_json:
         tell = partial(_print_result, robot=robot)
-        return replace(callbacks, observe=_progress, tell=tell)
+        return replace(callbacks, observe=progress_of, tell=tell)
     if robot:
         notice(robot)
     return callbacks
@@ -363,43 +363,41 @@ def _assessed(request: "Request") -> "Feasibility":
 
 
 class _ProgressLine:
-    """Observer that shows a run on one line of the terminal."""
+    """Observer that shows a run on one living line: state, share of the way, time
+    left.
+    """
 
-    def __init__(self, show: "Callable[[str], None]", strip: str) -> None:
+    def __init__(self, show: "Callable[[str, float], None]", strip: str) -> None:
         self._show = show
         self._strip = strip
         self._count = 0
+        self._begin = 0.0  # m, x from which the gripper folds towards 0
 
     def handle_tick(self, snapshot: "Snapshot") -> None:
-        """Show the state, time, gripper and desk contact of each TICKS_SHOWN-th
-        tick.
-        """
+        """Show the state, gripper and desk contact of each TICKS_SHOWN-th tick."""
         self._count += 1
         if self._count % TICKS_SHOWN:
             return
         pose = snapshot.arm.pose
-        text = f"{self._strip}  {snapshot.state:<9} {snapshot.time:5.1f} s"
-        text += f"   gripper x {1e3 * pose.x:4.0f}  z {1e3 * pose.z:4.0f} mm"
+        self._begin = max(self._begin, pose.x)
+        text = f"{self._strip}  {snapshot.state:<9}"
+        text += f" gripper x {1e3 * pose.x:4.0f}  z {1e3 * pose.z:4.0f} mm"
         measurement = snapshot.view.measurement
         if measurement is not None and math.isfinite(measurement.contact_x):
-            text += f"   desk contact {1e3 * measurement.contact_x:4.0f} mm"
-        self._show(text)
+            text += f"  desk contact {1e3 * measurement.contact_x:4.0f} mm"
+        done = 0.0 if self._begin <= 0 else 1.0 - pose.x / self._begin
+        self._show(text, min(max(done, 0.0), 1.0))
 
     def handle_event(self, time: float, kind: str, facts: dict[str, object]) -> None:
         """Print a fault on a line of its own, which stays visible; ignore other
         events.
         """
-        if kind == "fault":
+        if kind == "fault" and sys.stderr.isatty():
             sys.stderr.write(f"{time:.2f} s  {facts['name']}: {facts['reason']}\n")
 
 
 @contextmanager
-def _progress(strip: str) -> "Iterator[tuple[Observer, ...]]":
-    """Observers that show the progress of a fold of `strip`; none without a
-    terminal.
-    """
-    if not sys.stderr.isatty():
-        yield ()
-        return
-    with busy("opening the cell") as show:
+def progress_of(strip: str) -> "Iterator[tuple[Observer, ...]]":
+    """Observers that show the progress of a fold of `strip`."""
+    with working("opening the cell") as show:
         yield (_ProgressLine(show, strip),)

@@ -6,9 +6,7 @@ import json
 import os
 import shlex
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -19,6 +17,7 @@ from cell.base.config.places import (
     check_recordable,
     find_configs,
 )
+from cell.interface.cli.fold import progress_of
 from cell.interface.cli.options import (
     INTERRUPTED_CODE,
     PLANT_HELP,
@@ -33,7 +32,7 @@ from cell.interface.cli.options import (
     folded_series,
     resumable,
 )
-from cell.interface.cli.output import busy, notice, print_json, say, while_busy
+from cell.interface.cli.output import notice, print_json, say, working
 from cell.record.files import MANIFEST
 from drivers.base.errors import ConfigurationError
 
@@ -216,7 +215,9 @@ def _fold_remainder(remainder: "Remainder", jobs: int, *, as_json: bool) -> int:
     callbacks = Callbacks(
         lay_again=lambda: await_strip(ask), begin=remainder.begin, end=remainder.end
     )
-    results = while_busy("folding", fold_all(requests, jobs, callbacks=callbacks))
+    if not as_json:
+        callbacks = replace(callbacks, observe=progress_of)
+    results = fold_all(requests, jobs, callbacks=callbacks)
     for request, result in zip(requests, results, strict=False):
         if not result.run:
             notice(result.reason)
@@ -313,7 +314,7 @@ def fit(
         _threads(jobs),
         _cell_file(model, configs),
     )
-    with _progress() as shown:
+    with working("reading", quiet=0.0) as shown:
         verdict = fit_runs(runs, file, out, options, shown, write_overlay)
     if as_json:
         print_json(json.loads(verdict.to_json()))
@@ -349,7 +350,7 @@ def check(
 
     check_output_folder(out, "check.json", "fit.json")
     file = _subject_file(strip, model, configs, subject)
-    with _progress() as shown:
+    with working("reading", quiet=0.0) as shown:
         checked = check_runs(runs, file, _threads(jobs), shown)
     write_file(out / "check.json", checked.to_json())
     write_file(out / "check.html", check_page(checked, file.stem))
@@ -486,13 +487,3 @@ def _cell_file(model: Path | None, configs: Path | None) -> Path | None:
     found = find_configs(configs)
     found.cell()  # refused here, in one line, before anything is written
     return found.folder / "cell.yaml"
-
-
-@contextmanager
-def _progress() -> Iterator[Callable[[str, float], None]]:
-    """Yield a callback that shows stage and share of the work, off a terminal line by
-    line.
-    """
-    with busy("reading") as show:
-        tell = show if sys.stderr.isatty() else notice
-        yield lambda stage, share: tell(f"{100 * share:3.0f} % {stage}")

@@ -6,6 +6,7 @@ import json
 import os
 import select
 import sys
+import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from textwrap import wrap
@@ -14,6 +15,8 @@ from typing import Any, TextIO, TypeVar
 T = TypeVar("T")
 
 INDENT, NO_BREAK = "  ", "\N{NO-BREAK SPACE}"
+QUIET = 10.0  # s between two lines on a work where there is no terminal
+LEAST_SHARE = 0.05  # of a work, from which on its time left can be told
 WIDEST = 1000  # characters of a line, at which the natural width of a table is measured
 GONE_ERRNOS = {errno.EPIPE, errno.EBADF, errno.EIO}  # the reader is gone
 
@@ -126,6 +129,35 @@ def busy(text: str) -> Iterator[Callable[[str], None]]:
 
     with Console(stderr=True).status(text) as status:
         yield status.update
+
+
+@contextmanager
+def working(
+    phase: str, *, quiet: float = QUIET
+) -> Iterator[Callable[[str, float], None]]:
+    """Show a work's phase, share and time left on one living line within the block.
+
+    Yields a function that is told phase and share. Without a terminal, plain lines are
+    written, `quiet` seconds apart or more.
+    """
+    from cell.base.campaign.progress import duration_text
+
+    began = written = time.monotonic()
+
+    with busy(phase) as show:
+        tell = show if sys.stderr.isatty() else notice
+
+        def update(phase: str, share: float) -> None:
+            nonlocal written
+            now = time.monotonic()
+            if tell is notice and now < written + quiet:
+                return
+            written = now
+            left = (now - began) * (1.0 - share) / max(share, LEAST_SHARE)
+            known = f", {duration_text(left)} left" if share >= LEAST_SHARE else ""
+            tell(f"{phase}  {100 * share:.0f} %{known}")
+
+        yield update
 
 
 def while_busy(text: str, items: Iterable[T]) -> Iterator[T]:

@@ -2,22 +2,26 @@
 it.
 """
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from html import unescape
 from pathlib import Path
 
 import numpy as np
 import pytest
 from rerun.chunk import RrdReader
 
-from cell.gap.report.figures import Replay
+from cell.gap.report.figures import Replay, worst_moment, worst_picture
 from cell.gap.report.overlay import write_recording
+from cell.gap.report.page import page
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip.scenes import DISTANCE_SIGNAL
 from cell.gap.subject.strip.subject import StripSubject, open_strip
 from cell.gap.subject.strip.synthetic import BENCH
 from cell.gap.subject.subject import Request, Scene
 from drivers.base.types import Array
+from tests.support.curves import Curves, bump, hidden, judged
 from tests.support.gap_strip_cases import STRIP, folds, written
 
 SOFT = 0.85  # times the stated bending length
@@ -121,3 +125,29 @@ def test_the_right_model_lies_on_the_measured_midline(recording) -> None:
     points = np.array(rows["/00-normal/world/curve/measured"].values[-1])[:, [0, 2]]
     off = np.hypot(*(points[:, None] - line[None]).transpose(2, 0, 1)).min(axis=1)
     assert np.median(off) < 0.004
+
+
+def test_worst_moment_is_that_at_which_the_soft_strip_is_farthest_off(replays) -> None:
+    worst = worst_moment(replays)
+    assert worst is not None
+    measured = worst.run.measured.curve
+    assert worst.t == measured.t[worst.image]
+    assert worst.off["before"] > 2.0 * worst.off["after"]
+    for run in replays:
+        for key, points in enumerate(run.measured.curve.points):
+            line = run.scenes["before"].curve.points[key]
+            apart = np.hypot(*(points[:, None] - line[None]).transpose(2, 0, 1))
+            rms = np.sqrt(np.mean(apart.min(axis=1) ** 2))
+            assert rms <= worst.off["before"] + 1e-12
+    assert "measured" in worst_picture(worst)
+
+
+def test_page_says_one_number_everywhere() -> None:
+    findings, verdict = judged(Curves(hidden(bump, 0.3)))
+    plain = unescape(re.sub(r"<[^>]+>", " ", page(findings, verdict)))
+    text = " ".join(plain.split())
+    ((name, value),) = verdict.effects[0].parameters.items()
+    size, low = (f"{1e3 * v:.3g}" for v in (value.value, value.low))
+    assert f"{name} {size} [{low}," in text  # headline
+    assert f"({verdict.effects[0].name}: {name} {size} mm)" in text  # sentence
+    assert f"{name} {size} mm {low} to" in text  # table
