@@ -155,7 +155,7 @@ def read_recording(
         head.load,
         head.sigma.angle,
         rates,
-        tuple(f"{folder.name}: {words}" for words in wrapped),
+        tuple(wrapped),
     )
 
 

@@ -142,7 +142,7 @@ def test_turns_are_taken_out_and_said(sound, tmp_path: Path) -> None:
 
     told = found(*sound, tmp_path, wrap)
     assert {one.what for one in told} == {"wrapped"}
-    assert "elbow wraps by a turn at" in told[0].words
+    assert str(told[0]).startswith("00: wrapped: elbow wraps by a turn at")
 
 
 def test_every_single_step_is_held_against_those_about_it() -> None:
