@@ -212,11 +212,11 @@ class JointMotion:
     robot that misses commands would oscillate about the goal.
     """
 
-    def __init__(self, state: Any, goal: Numbers, share: float) -> None:
-        """Move from rest in `state` to rest at joints `goal` (7,) [rad], at `share` of
-        speed.
+    def __init__(self, begun: CommandedJoints, goal: Numbers, share: float) -> None:
+        """Move from where the robot is commanded, as `begun`, to rest at joints `goal`
+        (7,) [rad], at `share` of speed.
         """
-        self._commanded = CommandedJoints(state)
+        self._commanded = begun
         self._goal: Array | None = np.array(goal)
         self._speed = share * JOINT_SPEED
         self._limits = GENTLE._replace(acceleration=share * GENTLE.acceleration)
@@ -292,7 +292,7 @@ def follow_joints(
     """
     motion = robot.start_joints()
     state = robot.read(motion)
-    setpoints = JointMotion(state, joints, share)
+    setpoints = JointMotion(CommandedJoints(state), joints, share)
     objection = ""
     while not setpoints.arrived:
         if not objection and until(state):
@@ -416,18 +416,35 @@ class CartesianMotion:
 
         Raises ArmFault before the first state.
         """
+        commanded = self._begun()
+        target = pose_from_columns(pose)
+        joints = self._joints_at(target, self._setpoint)
+        predicted = not self._ahead or self._await_prediction(motion, commanded)
+        if not predicted and not last:
+            return
+        self._sent_pose = target
+        commanded.send(joints)
+        self._robot.write_joints(motion, joints, last=last)
+
+    def brake_joints(self, motion: Any) -> None:
+        """Bring each joint to rest wherever it is, and end the `motion`.
+
+        Raises ArmFault before the first state.
+        """
+        joints = JointMotion(self._begun(), [], 0.0)
+        joints.brake()
+        while not joints.arrived:
+            self._robot.write_joints(motion, joints.tick())
+            joints.update(self._robot.read(motion))
+        self._robot.write_joints(motion, joints.joints, last=True)
+
+    def _begun(self) -> CommandedJoints:
+        """What the robot is commanded; ArmFault before the first state."""
         if self._commanded is None:
             raise ArmFault(
                 Cause.COMMAND, "a pose was sent before the first state was read"
             )
-        target = pose_from_columns(pose)
-        joints = self._joints_at(target, self._setpoint)
-        predicted = not self._ahead or self._await_prediction(motion, self._commanded)
-        if not predicted and not last:
-            return
-        self._sent_pose = target
-        self._commanded.send(joints)
-        self._robot.write_joints(motion, joints, last=last)
+        return self._commanded
 
     def _joints_at(self, target: Array, setpoint: JointSetpoint) -> Numbers:
         """Joints (7,) [rad] with the hand at `target` (4, 4), a tick after

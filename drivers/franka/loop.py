@@ -34,6 +34,7 @@ MOST_MISSED_COMMANDS = 20  # commands at most until the robot follows one
 TICKS_BETWEEN_CHECKS = 10  # ticks between checks of the motion ahead
 VELOCITY_STATES = 8  # states over which the velocity is measured
 # m/s and rad/s of its setpoint at which a robot may be commanded to stand
+BRAKING_TICKS = 1500  # of the hand on its way, much more than a stop needs
 REST_SPEEDS = (1e-4, 3e-4)
 POSE_ROUNDING = 1e-7  # m, and of a rotation's entries
 POLL_INTERVAL = 0.1  # s between checks for the end while no message arrives
@@ -107,6 +108,7 @@ class ServoLoop:
         self._ending = False
         self._is_commanded = False  # since the last check of the motion ahead
         self._reason: ArmFault | None = None
+        self._halt_by = 0  # tick at which a braking for good is left to the joints
         self.ticks = 0
         self.success = 0.0
         self.joints = JointLog()
@@ -168,10 +170,18 @@ class ServoLoop:
             self._check_ahead()
 
     def end(self) -> None:
-        """Brake the arm to rest and end the motion; later commands are ignored."""
+        """Brake the arm to rest and end the motion; later commands are ignored.
+
+        Where so many commands are lost that the hand does not come to rest on its way
+        within BRAKING_TICKS, each joint brakes by itself.
+        """
         self._ending = True
         self._profile.stop()
+        until = self.ticks + BRAKING_TICKS
         while self._profile.moving or not at_rest(self._state):
+            if self.ticks >= until:
+                self._robot.brake_joints(self._motion)
+                return
             self.step()
         self._robot.write_pose(self._motion, self._state.O_T_EE_c, last=True)
 
@@ -180,7 +190,8 @@ class ServoLoop:
         """Reason why the arm braked finally, once it is at rest; None while it may
         continue.
         """
-        return None if self._profile.moving else self._reason
+        brakes = self._profile.moving and self.ticks < self._halt_by
+        return None if brakes else self._reason
 
     def _take_command(self) -> None:
         """Apply a new command, unless the arm brakes for good; brake once heartbeats
@@ -277,6 +288,7 @@ class ServoLoop:
         """
         if self._reason is None:
             self._reason = ArmFault(cause, reason)
+            self._halt_by = self.ticks + BRAKING_TICKS
             self._profile.stop()
 
     def _publish(self, state: Any) -> None:
