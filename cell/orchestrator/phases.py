@@ -27,8 +27,9 @@ from cell.perception.strip_measurement import StripMeasurement
 from drivers.base.errors import Fault, PreflightRefused
 from drivers.base.geometry import moving_average
 from drivers.base.types import Array, Pose, Velocity
+from drivers.franka.obstacles import require_clear
 from policies.follower import Follower
-from policies.path import lift_pitch
+from policies.path import Path, lift_pitch
 from policies.policy import Decision, Observation, Policy
 from policies.prediction import Predictor
 from policies.profile import image_profile
@@ -270,22 +271,39 @@ def _record_prediction(
         record.event(snapshot.time, "policy_sees", path="its own")
 
 
+NOT_LAID = (
+    "the edge is held and was not laid: the layers touched so far from where they"
+    " should that the hand would meet the desk"
+)
+
+
 def continue_to_lay(
-    _given: FoldInputs, _log: FoldLog, record: Recorder, begin: Snapshot
+    given: FoldInputs, log: FoldLog, record: Recorder, begin: Snapshot
 ) -> steps.Phase:
     """Record the layers' touch and begin the lay motion at once: a pause would shift
     the loop.
+
+    The fold ends at the touch, and says so, where it has missed by so much that the
+    hand would have to lay the edge where there is desk.
     """
     yield from ()
     record.event(begin.time, "touch_seen", x=begin.arm.pose.x, z=begin.arm.pose.z)
+    path, held = _lay_plan(given, log, begin.arm.pose)
+    x, z = path.points[-1].tolist()
+    low = Pose(x, z, fold_path.LYING)
+    above = Pose(low.x, low.z + given.settings.fold.clear_height, fold_path.LYING)
+    try:
+        require_clear([above, low, held], given.desk_end)
+    except Fault as fault:
+        record.event(begin.time, "not_laid", reason=str(fault))
+        log.warning = f"{log.warning} {NOT_LAID}".lstrip()
+        return Event.PATH_DONE
     return Event.SETTLED
 
 
-def lay(
-    given: FoldInputs, log: FoldLog, record: Recorder, begin: Snapshot
-) -> steps.Phase:
-    """Lower the grasped edge to the desk and push it to its target; Fault without a
-    touch.
+def _lay_plan(given: FoldInputs, log: FoldLog, gripper: Pose) -> tuple[Path, Pose]:
+    """Path of the lay from the `gripper`, and the pose in which the edge is let go;
+    Fault without a touch.
     """
     touch = log.seen_touch
     settings = given.settings.fold
@@ -294,9 +312,18 @@ def lay(
     rest = fold_path.laid_height(max(given.strip.thickness, touch.distance))
     taut = fold_path.taut_edge(touch)
     end = fold_path.edge_place(taut, given.goal + given.place)
-    path = fold_path.lay_path(begin.arm.pose, taut, rest, end, settings)
-    yield from follow_lay(path, settings.lay_speed, begin)
-    held = Pose(end + fold_path.HUMP, rest, fold_path.LYING)
+    path = fold_path.lay_path(gripper, taut, rest, end, settings)
+    return path, Pose(end + fold_path.HUMP, rest, fold_path.LYING)
+
+
+def lay(
+    given: FoldInputs, log: FoldLog, record: Recorder, begin: Snapshot
+) -> steps.Phase:
+    """Lower the grasped edge to the desk and push it to its target; Fault without a
+    touch.
+    """
+    path, held = _lay_plan(given, log, begin.arm.pose)
+    yield from follow_lay(path, given.settings.fold.lay_speed, begin)
     snapshot = yield from steps.move(held)
     record.event(snapshot.time, "laid", x=snapshot.arm.pose.x, z=snapshot.arm.pose.z)
     return Event.LAID

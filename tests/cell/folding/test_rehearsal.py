@@ -13,7 +13,7 @@ pytest.importorskip("pylibfranka", reason="the robot's library is not installed"
 
 from cell.base.config.places import CHECKOUT_CONFIGS, find_configs
 from cell.base.devices.devices import Trial
-from cell.base.devices.fold_path import triangle, whole_path
+from cell.base.devices.fold_path import LOOSE, triangle, whole_path
 from cell.folding.rehearsal import HOVER_HEIGHT, Rehearsal, rehearsal
 from cell.interface.cli.app import app
 from cell.orchestrator.steps import pause
@@ -93,7 +93,7 @@ def test_rehearsal_stays_on_its_raised_path_and_closes_and_opens_the_hand(
     assert seen[-1][0].x == pytest.approx(planned.path[-1, 0], abs=0.003)
     widths = np.array([width for _, width in seen])
     assert widths.min() < 0.001  # closed on nothing, and that is no fault
-    assert widths[-1] > 0.03
+    assert widths[-1] > LOOSE - 1e-4
 
 
 def test_command_reports_the_rehearsal_of_the_first_day(
