@@ -313,7 +313,8 @@ def test_the_file_of_the_other_subject_is_refused(
     words[words.index("--strip") + 1] = bench.file[file]
     line = told(monkeypatch, capsys, bench, words)
     assert str(bench.first(runs) / "run.yaml") in line
-    assert f"its {runs} file" in line
+    kind = "strip" if runs == "strip" else "mechanism"
+    assert f"its {kind} file" in line
 
 
 def test_no_file_is_refused_and_one_with_spaces_quoted(

@@ -274,8 +274,9 @@ def _unwrap(
     """Take the turns out of the angles `names` of a `table`; returns words on each."""
     found = []
     for name in names:
-        check_angle(t, table[name], path, name)
-        table[name], rows = unwrapped(t, table[name], f"{path}: {name}")
+        column = f"theta_{name}" if path.name == ANGLES else name
+        check_angle(t, table[name], path, column)
+        table[name], rows = unwrapped(t, table[name], f"{path}: {column}")
         if rows:
             found.append(
                 f"{name} wraps by a turn at {plural(len(rows), 'row')}, first at row"
