@@ -83,7 +83,7 @@ def test_a_fit_refuses_a_stuck_reading_unless_asked(
     assert [json.loads(line) for line in found.stdout.splitlines()] == [written_check]
     bad = [f["what"] for f in written_check["findings"] if f["level"] == "bad"]
     assert bad == ["stuck reading"]
-    assert "mend the reading" in (tmp_path / "check.html").read_text()
+    assert "mend the reading" in (tmp_path / "checked" / "check.html").read_text()
 
 
 @pytest.mark.slow
