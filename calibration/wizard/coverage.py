@@ -51,7 +51,8 @@ class WantedView(BoardPlacement):
         place = np.linalg.solve(lens.matrix, middle) * depth
         flat = np.column_stack([corners - corners.mean(axis=0), np.zeros(len(corners))])
         image, _ = cv2.projectPoints(flat, rotation, place, lens.matrix, None)
-        return np.asarray(image.reshape(-1, 2))
+        outline: Array = image.reshape(-1, 2)
+        return outline
 
 
 def wanted_views(lean: float, sizes: tuple[float, float]) -> tuple[WantedView, ...]:
@@ -183,7 +184,8 @@ def project_outline(view: BoardView, outline: Array) -> Array:
     [px].
     """
     to_image, _ = cv2.findHomography(view.board[:, :2], view.image, 0)
-    return np.asarray(cv2.perspectiveTransform(outline[None], to_image)[0])
+    corners: Array = cv2.perspectiveTransform(outline[None], to_image)[0]
+    return corners
 
 
 def placement(view: BoardView, outline: Array, lens: Lens) -> Placement:

@@ -158,7 +158,8 @@ def _drift_rate(
     def errors(unknown: Array) -> Array:
         late, drift, offset = unknown
         exposed = stamps - (late + drift * since)
-        return np.asarray(along - np.interp(exposed, arm[:, 0], arm[:, 1]) - offset)
+        apart: Array = along - np.interp(exposed, arm[:, 0], arm[:, 1]) - offset
+        return apart
 
     start = (latency, 0.0, 0.0)
     fit = least_squares(

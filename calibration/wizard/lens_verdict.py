@@ -70,7 +70,7 @@ def _pose_free_system(view: BoardView, lens: Lens) -> tuple[Array, Array]:
     The images of the view's n corners [px] are linearised about the best pose of a flat
     board.
     """
-    board = np.asarray(view.board, dtype=np.float64)
+    board = view.board
     _, rotation, shift = cv2.solvePnP(board, view.image, lens.matrix, lens.distortion)
     image, slopes = cv2.projectPoints(
         board, rotation, shift, lens.matrix, lens.distortion
@@ -79,7 +79,7 @@ def _pose_free_system(view: BoardView, lens: Lens) -> tuple[Array, Array]:
     raised_image, _ = cv2.projectPoints(
         raised, rotation, shift, lens.matrix, lens.distortion
     )
-    error = (np.asarray(view.image) - image.reshape(-1, 2)).ravel()
+    error = (view.image - image.reshape(-1, 2)).ravel()
     by_height = (raised_image - image).reshape(-1, 1) / NORMAL_STEP
     bow = by_height * np.repeat(_bow_modes(board), 2, axis=0)
     shared = np.hstack([slopes[:, CAMERA_COLUMNS], bow])

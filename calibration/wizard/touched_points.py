@@ -204,7 +204,8 @@ class TouchedPoints:
         if verdict.homography is None:
             return None
         mapped = self.lens.distort(verdict.homography.to_image(point.place))[0]
-        return np.asarray(point.pixel - mapped)
+        error: Array = point.pixel - mapped
+        return error
 
     def _state(self, number: int) -> str:
         """Character of a planned pose: wanted, to come, fitted, held out or touched

@@ -128,7 +128,8 @@ class TouchFit:
         arm.
         """
         mapped = self.homography.to_plane(self.lens.undistort(touched.pixel))[0]
-        return np.asarray(mapped - touched.place)
+        residual: Array = mapped - touched.place
+        return residual
 
     def describe(self, points: Sequence[Touch]) -> dict[int, str]:
         """Texts with place [m] and residual [px] of touched `points`, by their
@@ -283,7 +284,7 @@ def _fit_move(
     def errors(unknown: Array) -> Array:
         matrix = np.append(unknown[:MAP_NUMBERS], 1.0).reshape(3, 3)
         moved = transform(matrix, places) + later * unknown[MAP_NUMBERS:]
-        return np.asarray((moved - pixels).ravel())
+        return (moved - pixels).ravel()
 
     matrix = begin.inverse / begin.inverse[2, 2]
     shift = np.median((pixels - begin.to_image(places))[moment:], axis=0)

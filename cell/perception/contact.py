@@ -127,15 +127,14 @@ def _sharpness(along: Array, end: int, reach: int) -> float:
 def _sample(levels: Image, pixels: Array) -> Image:
     """Grey levels (n,) of `levels` (h, w) at `pixels` (n, 2), ZERO_LEVEL outside."""
     at = pixels.astype(np.float32)[None]
-    sampled = cv2.remap(
+    sampled: Image = cv2.remap(
         levels, at[..., 0], at[..., 1], cv2.INTER_LINEAR, borderValue=ZERO_LEVEL
     )
-    return np.asarray(sampled[0], dtype=np.uint8)
+    return sampled.ravel()
 
 
 def _average(values: Image) -> Array:
     """Moving average (n,) of `values` (n,) over AVERAGE samples, the ends repeated."""
     samples = values[None].astype(np.float64)
-    return np.asarray(
-        cv2.blur(samples, (AVERAGE, 1), borderType=cv2.BORDER_REPLICATE)[0]
-    )
+    mean: Array = cv2.blur(samples, (AVERAGE, 1), borderType=cv2.BORDER_REPLICATE)[0]
+    return mean

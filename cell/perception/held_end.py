@@ -9,13 +9,19 @@ from typing import Self
 
 import cv2
 import numpy as np
+from numpy.polynomial import polynomial
 
 from calibration.calibration import Calibration
 from cell.perception.perception import Perception
 from cell.perception.resting_strip import sample_plane, sample_rectangle, sample_scene
 from cell.perception.scene import Appearance, colour_distances
 from cell.perception.strip_measurement import StripMeasurement
-from drivers.base.geometry import arc_lengths, interpolate_columns
+from drivers.base.geometry import (
+    arc_lengths,
+    interpolate_columns,
+    left_normals,
+    unit,
+)
 from drivers.base.types import Array, Frame, Image, Pose
 from drivers.strip.file import StripFile
 
@@ -334,13 +340,9 @@ def _extrapolate(curve: Array, distance: float | Array) -> tuple[Array, Array]:
     along = arc_lengths(curve)
     back = along - along[-1]
     last = back >= max(-END_LENGTH, float(back[0]))
-    fit = np.polynomial.polynomial.polyfit(
-        back[last], curve[last], min(2, last.sum() - 1)
-    )
-    place = np.polynomial.polynomial.polyval(distance, fit)
-    slope = np.polynomial.polynomial.polyval(
-        distance, np.polynomial.polynomial.polyder(fit)
-    )
+    fit = polynomial.polyfit(back[last], curve[last], min(2, last.sum() - 1))
+    place = polynomial.polyval(distance, fit)
+    slope = polynomial.polyval(distance, polynomial.polyder(fit))
     return np.asarray(place), np.asarray(slope)
 
 
@@ -359,7 +361,7 @@ def find_end(
     strip's thickness: its face ends elsewhere in the image, the further back the more.
     """
     ahead = np.gradient(line, axis=0)
-    aside = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1) / np.hypot(*ahead.T)[:, None]
+    aside = unit(left_normals(ahead))
     offsets = np.linspace(-1.0, 1.0, ROWS) * (thickness / 4 if clip is None else BESIDE)
     rows = sample_plane(image, calibration, line + offsets[:, None, None] * aside)
     starts = np.median(rows[:, : len(line) // 4], axis=1)

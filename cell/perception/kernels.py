@@ -17,14 +17,15 @@ LEVEL_SPAN = 160  # grey levels from there to all strip
 
 def smooth_matte(levels: Image) -> Image:
     """Smooth matte `levels` (h, w), grey levels of strip share, to half their noise."""
-    return np.asarray(cv2.GaussianBlur(levels, (3, 3), 0), dtype=np.uint8)
+    smooth: Image = cv2.GaussianBlur(levels, (3, 3), 0)
+    return smooth
 
 
 def strip_share(levels: Array | Image) -> Array:
     """Convert matte grey levels (...,) to shares of strip (...,), 0 to 1 and slightly
     beyond.
     """
-    return np.asarray((np.asarray(levels, dtype=np.float64) - ZERO_LEVEL) / LEVEL_SPAN)
+    return (np.asarray(levels, dtype=np.float64) - ZERO_LEVEL) / LEVEL_SPAN
 
 
 CELL_PX = 8  # px, side of a cell, by which change is detected

@@ -217,4 +217,5 @@ def _end_of_fall(t: Array, gap: Array, time: float, speed: float) -> float:
 def _without_spikes(values: Sequence[float]) -> Array:
     """Running median (n,) over three of `values` (n,), which drops single outliers."""
     threes = np.lib.stride_tricks.sliding_window_view(np.pad(values, 1, mode="edge"), 3)
-    return np.asarray(np.median(threes, axis=1))
+    medians: Array = np.median(threes, axis=1)
+    return medians

@@ -125,7 +125,7 @@ class Perception:
             self._mask(matte), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE
         )
         largest = max(outlines, key=cv2.contourArea, default=np.empty((0, 1, 2)))
-        return np.asarray(largest.reshape(-1, 2) + matte.region.origin)
+        return largest.reshape(-1, 2) + matte.region.origin
 
     def _matte(
         self, frame: Frame, gripper: Pose, hand: Pose, around: float = 0.0
@@ -230,7 +230,5 @@ class Perception:
         view = self._calibration.viewpoint
         normal = np.array([tangent[1], -tangent[0]])
         if (edge - view.foot()) @ normal < 0:
-            return np.asarray(
-                edge + view.sweep(self._strip.width) * (view.foot() - edge)
-            )
+            edge += view.sweep(self._strip.width) * (view.foot() - edge)
         return edge

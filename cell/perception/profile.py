@@ -13,7 +13,7 @@ from calibration.calibration import Calibration
 from cell.perception.kernels import ZERO_LEVEL, strip_share
 from cell.perception.region import Sizes
 from cell.perception.silhouette import Side
-from drivers.base.geometry import even_points
+from drivers.base.geometry import even_points, left_normals
 from drivers.base.types import Array, Image
 
 PLATEAU = (0.55, 1.3)  # matte levels of the strip as its brightness varies
@@ -98,7 +98,8 @@ def _last_before(mask: NDArray[np.bool_], end: Samples) -> Samples:
     none.
     """
     column = np.arange(mask.shape[1])
-    return np.asarray(np.where(mask & (column < end[:, None]), column, 0).max(axis=1))
+    last: Samples = np.where(mask & (column < end[:, None]), column, 0).max(axis=1)
+    return last
 
 
 def _first_after(mask: NDArray[np.bool_], start: Samples) -> Samples:
@@ -106,9 +107,9 @@ def _first_after(mask: NDArray[np.bool_], start: Samples) -> Samples:
     none.
     """
     column = np.arange(mask.shape[1])
-    return np.asarray(
-        np.where(mask & (column > start[:, None]), column, len(column)).min(axis=1)
-    )
+    after = mask & (column > start[:, None])
+    first: Samples = np.where(after, column, len(column)).min(axis=1)
+    return first
 
 
 def _near_band(offsets: Array, width: Array, reach: float) -> NDArray[np.bool_]:
@@ -128,9 +129,8 @@ def _level_crossing(
     before = across[rows, left]
     change = across[rows, np.minimum(left + 1, len(offsets) - 1)] - before
     part = (level - before) / np.where(np.abs(change) >= 1e-6, change, 1e-6)
-    return np.asarray(
-        offsets[left] + (offsets[1] - offsets[0]) * np.clip(part, 0.0, 1.0)
-    )
+    crossing: Array = offsets[left] + STEP * np.clip(part, 0.0, 1.0)
+    return crossing
 
 
 KERNEL = np.array([-3.0, 12.0, 17.0, 12.0, -3.0]) / 35  # parabola through five points
@@ -206,7 +206,7 @@ def midline_points(levels: Image, side: Side, geometry: Geometry) -> SeenMidline
     expected = outer.swept + geometry.thickness  # m, width of the band
     borders = crossings(levels, side, expected / outer.scale, geometry.sizes)
     points = _midline(outer, borders, geometry.thickness)
-    tangents = np.stack([-outer.out[:, 1], outer.out[:, 0]], axis=1)
+    tangents = left_normals(outer.out)
     width = (borders.inner - borders.outer) * outer.scale
     good = (borders.strength > 0.2) & ~(width < expected - AGREE * outer.scale)
     return SeenMidline(
@@ -230,7 +230,7 @@ def _midline(outer: OuterSide, borders: Crossings, thickness: float) -> Array:
     )
     trust = np.where(alone, trust, 1.0)
     shift = trust * by_border + (1 - trust) * by_mass
-    return np.asarray(outer.place + shift[:, None] * outer.out)
+    return outer.place + shift[:, None] * outer.out
 
 
 def _by_far_edge(
@@ -250,7 +250,7 @@ def _by_far_edge(
     off = np.abs(behind - predicted) / scale
     visible = np.clip((CLOSE[1] - off) / (CLOSE[1] - CLOSE[0]), 0.0, 1.0)
     mixed = visible * behind + (1 - visible) * predicted
-    return np.asarray(np.where(np.isfinite(behind), mixed, predicted))
+    return np.where(np.isfinite(behind), mixed, predicted)
 
 
 def _far_offset(differences: Array, limit: float) -> float:
@@ -281,7 +281,7 @@ def _average_in_order(points: Array, tangents: Array) -> Array:
     count = np.bincount(bins)
     filled = count > 0
     sums = np.stack([np.bincount(bins, points[:, c]) for c in range(2)], axis=1)
-    return np.asarray(sums[filled] / count[filled, None])
+    return sums[filled] / count[filled, None]
 
 
 def resample(points: Array) -> Array:

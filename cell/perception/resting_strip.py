@@ -54,7 +54,7 @@ class Samples:
     @property
     def desk_colour(self) -> Array:
         """Median colour (3,) BGR of the sampled desk."""
-        return np.asarray(np.median(self.desk, axis=0))
+        return np.median(self.desk, axis=0)
 
 
 def sample_scene(image: Image, calibration: Calibration, strip: StripFile) -> Samples:
@@ -137,9 +137,9 @@ def strip_shares(
     z = rise + np.linspace(
         -strip.thickness / 4, INNER[0] * face_height(calibration, strip), 5
     )
-    return np.asarray(
-        strip_share(sample_plane(levels, calibration, _grid(x, z))).mean(axis=1)
-    )
+    across = strip_share(sample_plane(levels, calibration, _grid(x, z)))
+    shares: Array = across.mean(axis=1)
+    return shares
 
 
 def underside(levels: Image, calibration: Calibration, strip: StripFile) -> Underside:

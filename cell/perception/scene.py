@@ -7,6 +7,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+from numpy.polynomial.polynomial import polyval
 from numpy.typing import NDArray
 
 from calibration.calibration import Calibration
@@ -56,9 +57,9 @@ def colour_distances(samples: Array, colours: Array) -> Array:
     along = (away * bright).sum(axis=-1)
     aside = (away**2).sum(axis=-1) - along**2
     stretch = COLOUR_SPREAD**2 + SHADE**2 * (colours**2).sum(axis=1)
-    return np.asarray(
-        np.sqrt(np.maximum(aside, 0.0) / COLOUR_SPREAD**2 + along**2 / stretch)
-    )
+    squared = np.maximum(aside, 0.0) / COLOUR_SPREAD**2 + along**2 / stretch
+    distances: Array = np.sqrt(squared)
+    return distances
 
 
 def _worst_explained(samples: Array, colours: Array) -> Array:
@@ -68,7 +69,7 @@ def _worst_explained(samples: Array, colours: Array) -> Array:
     distance = colour_distances(samples, colours).min(axis=1)
     worst = samples[int(np.argmax(distance))]
     near = np.argsort(np.linalg.norm(samples - worst, axis=1), kind="stable")
-    return np.asarray(np.median(samples[near[: max(len(samples) // 20, 1)]], axis=0))
+    return np.median(samples[near[: max(len(samples) // 20, 1)]], axis=0)
 
 
 def _refine(samples: Array, colours: Array) -> Array:
@@ -128,9 +129,9 @@ class Background:
         height, width = (PATCH_PX // CELL_PX * patches for patches in shape)
         cells = cv2.resize(smooth, (width, height))
         n, m = region.cells(CELL_PX)
-        return np.asarray(
-            cv2.copyMakeBorder(cells[:n, :m], 1, 1, 1, 1, cv2.BORDER_REPLICATE)
-        )
+        border = cv2.BORDER_REPLICATE
+        bordered: Floats = cv2.copyMakeBorder(cells[:n, :m], 1, 1, 1, 1, border)
+        return bordered
 
     def _fill_holes(self, values: Floats, known: Floats) -> Floats:
         """Replace unknown `values` (n, m) by the mean of known neighbours, or by 1
@@ -287,16 +288,16 @@ class Segmenter:
         neighbours.
         """
         height = image.shape[0]
-        cells = kernels.changed_cells(
+        changed = kernels.changed_cells(
             image.reshape(height, -1),
             self.background.image.reshape(height, -1),
             np.rint(light[1:-1, 1:-1]).astype(np.uint8),
             (region.left, region.top),
             CHANGE_RATIO * GAUSSIAN * self.sensor,
         )
-        cells = cv2.dilate(cells, np.ones((3, 3), np.uint8))
+        cells: Image = cv2.dilate(changed, np.ones((3, 3), np.uint8))
         cells[0, 0] |= not cells.any()  # never an empty part
-        return np.asarray(cells)
+        return cells
 
     def separation(self, where: Image) -> Floats:
         """Separation (k, n) [sigma] of the k strip colours from the mask's n pixels."""
@@ -405,4 +406,4 @@ class Appearance:
 
     def rest_height(self, x: Array) -> Array:
         """Height (n,) [m] of the resting midline at x (n,) [m]."""
-        return np.asarray(np.polynomial.polynomial.polyval(x, self.rest))
+        return np.asarray(polyval(x, self.rest))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from cell.perception.kernels import LEVEL_SPAN, ZERO_LEVEL, Offsets, silhouette_of
 from cell.perception.region import Sizes
-from drivers.base.geometry import moving_average
+from drivers.base.geometry import left_normals, moving_average
 from drivers.base.types import Array, Image
 
 SOLID = 0.35  # share of strip from which a pixel belongs to it, near the desk
@@ -61,9 +61,9 @@ class Grip:
         away = outline - self.point
         along = away @ self.approach
         aside = np.abs(away @ np.array([-self.approach[1], self.approach[0]]))
-        return np.asarray(
-            (along > -self.clearance) & (np.maximum(aside, along) < self.aside)
-        )
+        is_near = np.maximum(aside, along) < self.aside
+        covered: NDArray[np.bool_] = (along > -self.clearance) & is_near
+        return covered
 
 
 def silhouette(
@@ -119,7 +119,7 @@ def outer_side(mask: Image, contact: Array, grip: Grip, sizes: Sizes) -> Side | 
     tangent = np.roll(smooth, -2, axis=0) - np.roll(smooth, 2, axis=0)
     speed = np.hypot(*tangent.T)
     tangent /= np.maximum(speed, 1e-9)[:, None]
-    normals = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
+    normals = left_normals(tangent)
 
     rows = np.arange(0, end + 1, OUTLINE_STEP)
     # where the outline turns back on itself it has no side

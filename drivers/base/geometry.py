@@ -66,6 +66,19 @@ def arc_lengths(points: Array) -> Array:
     return np.concatenate([[0.0], np.cumsum(steps)])
 
 
+def left_normals(directions: Array) -> Array:
+    """Vectors (n, 2) that are `directions` (n, 2) turned by a quarter turn to the
+    left.
+    """
+    return np.stack([-directions[:, 1], directions[:, 0]], axis=1)
+
+
+def unit(vectors: Array) -> Array:
+    """Vectors (n, 2) of length 1 along `vectors` (n, 2), of which none may be zero."""
+    directions: Array = vectors / np.hypot(*vectors.T)[:, None]
+    return directions
+
+
 def moving_average(points: Array, window: int) -> Array:
     """Means (n - window + 1, 2) [m] of every `window` successive ones of `points` (n,
     2) [m].

@@ -34,7 +34,7 @@ def board_pose(
     uv = np.array(
         [placement.x * settings.width, placement.y * settings.height], dtype=np.float32
     )
-    ray = np.array([float(part[0]) for part in optics.rays(uv[:1], uv[1:])])
+    ray = np.ravel(optics.rays(uv[:1], uv[1:])).astype(np.float64)
     about_x, about_y, about_z = axis_rotations(
         placement.tilt, placement.turn, placement.roll
     )
@@ -122,9 +122,9 @@ def _on_board(
     rays = np.stack(optics.rays(u.astype(np.float32), v.astype(np.float32)), axis=-1)
     directions = rays @ pose[:3, :3].astype(np.float32)
     start = (optics.centre - pose[:3, 3]) @ pose[:3, :3]
-    reach = np.float32(-start[2]) / directions[..., 2]
-    x, y = (np.float32(start[j]) + reach * directions[..., j] for j in range(2))
-    return x, y
+    x0, y0, z0 = start.tolist()
+    reach = -z0 / directions[..., 2]
+    return x0 + reach * directions[..., 0], y0 + reach * directions[..., 1]
 
 
 def _sample_print(
@@ -137,11 +137,11 @@ def _sample_print(
     margin = round(QUIET_ZONE * scale)
     size = (columns * scale + 2 * margin, rows * scale + 2 * margin)
     print_ = board.generateImage(size, marginSize=margin)
-    u = (x + np.float32(columns / 2)) * scale + np.float32(margin - 0.5)
-    v = (y + np.float32(rows / 2)) * scale + np.float32(margin - 0.5)
+    u = (x + columns / 2) * scale + (margin - 0.5)
+    v = (y + rows / 2) * scale + (margin - 0.5)
     grey = cv2.remap(print_, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     inside = (u > -0.5) & (u < size[0] - 0.5) & (v > -0.5) & (v < size[1] - 0.5)
     size_px = (x.shape[1] // SAMPLES_PER_PIXEL, x.shape[0] // SAMPLES_PER_PIXEL)
     share = cv2.resize(inside.astype(np.float32), size_px, interpolation=cv2.INTER_AREA)
     grey = cv2.resize(grey.astype(np.float32), size_px, interpolation=cv2.INTER_AREA)
-    return INK_LEVEL + grey * np.float32((PAPER_LEVEL - INK_LEVEL) / 255), share
+    return INK_LEVEL + grey * ((PAPER_LEVEL - INK_LEVEL) / 255), share

@@ -11,8 +11,15 @@ from drivers.base.protocols import Clock
 from drivers.v4l2.controls import CameraControl, controls_of
 from drivers.v4l2.device import CameraFaulty, CameraStalled, Device, Identity, Kernel
 from drivers.v4l2.formats import Mode, Picture, modes_of
-from drivers.v4l2.frame import CameraFrame, Counts, Sequence, StampSource
-from drivers.v4l2.session import Capture, Session, Setup
+from drivers.v4l2.session import (
+    CameraFrame,
+    Capture,
+    Counts,
+    Sequence,
+    Session,
+    Setup,
+    StampSource,
+)
 from drivers.v4l2.settings import V4l2Settings
 
 FRAME_TIMEOUT = 0.04  # s without a frame until the device's presence is checked
@@ -358,7 +365,7 @@ def report(kernel: Kernel, link: str) -> CameraReport:
     device = Device.open(kernel, link)
     try:
         controls = tuple(controls_of(device).values())
-        return CameraReport(link, device.identity, tuple(modes_of(device)), controls)
+        return CameraReport(link, device.identify(), tuple(modes_of(device)), controls)
     finally:
         device.close()
 

@@ -9,7 +9,7 @@ import os
 import select
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
@@ -23,8 +23,8 @@ from drivers.v4l2.abi import Argument, Capability, CapabilityFlag, Ioctl
 
 A = TypeVar("A", bound=Argument)
 
-GONE_ERRNOS = frozenset({errno.ENODEV, errno.ENXIO, errno.ENOENT})
 NO_MORE = frozenset({errno.EINVAL, errno.ENOTTY})
+STREAMS = CapabilityFlag.VIDEO_CAPTURE | CapabilityFlag.STREAMING
 NOBODY_KNOWN = "another program of a user whose processes are hidden"
 
 
@@ -140,26 +140,32 @@ class CameraRefused(ConfigurationError):
         super().__init__(f"{device}: {key}: {problem}")
 
 
-def translate_error(
-    error: OSError, device: str, doing: str, users: str
-) -> Fault | CameraRefused:
-    """Camera fault for an OSError that was raised while `doing` something to
-    `device`.
+@contextmanager
+def translated(device: str, doing: str) -> Iterator[None]:
+    """Within the block, raise an OSError as the fault of the camera at `device`.
+
+    `doing` says in words what fails. Raises CameraLost, CameraBusy, CameraRefused or
+    CameraFaulty.
     """
-    reason = error.strerror or str(error)
-    if error.errno in GONE_ERRNOS:
-        return CameraLost(device, f"{reason} while {doing}")
-    if error.errno == errno.EBUSY:
-        return CameraBusy(device, users)
-    if error.errno in {errno.EACCES, errno.EPERM}:
-        return CameraRefused(
-            device, "device", "may not be opened; join the group video"
-        )
-    if error.errno == errno.ENOTTY:
-        return CameraRefused(
-            device, "device", f"{reason} while {doing}: it cannot do that"
-        )
-    return CameraFaulty(device, f"{reason} while {doing}")
+    try:
+        yield
+    except OSError as error:
+        raise _fault(error, device, doing) from None
+
+
+def _fault(error: OSError, device: str, doing: str) -> Fault | CameraRefused:
+    failed = f"{error.strerror or error} while {doing}"
+    match error.errno:
+        case errno.ENODEV | errno.ENXIO | errno.ENOENT:
+            return CameraLost(device, failed)
+        case errno.EBUSY:
+            return CameraBusy(device, users_of(device))
+        case errno.EACCES | errno.EPERM:
+            remedy = "may not be opened; join the group video"
+            return CameraRefused(device, "device", remedy)
+        case errno.ENOTTY:
+            return CameraRefused(device, "device", f"{failed}: it cannot do that")
+    return CameraFaulty(device, failed)
 
 
 def users_of(device: str, processes: Path = Path("/proc")) -> str:
@@ -205,20 +211,33 @@ class Device:
     kernel: Kernel
     path: str
     fd: int
-    identity: Identity
 
     @classmethod
     def open(cls, kernel: Kernel, path: str) -> Self:
         """Open the device at `path`; raises CameraLost, CameraBusy or CameraRefused."""
-        try:
-            fd = kernel.open(path)
-        except OSError as error:
-            raise translate_error(error, path, "opening it", users_of(path)) from None
+        with translated(path, "opening it"):
+            device = cls(kernel, path, kernel.open(path))
         with ExitStack() as undo:  # an open device stays busy for others
-            undo.callback(kernel.close, fd)
-            device = cls(kernel, path, fd, _identity(kernel, path, fd))
+            undo.callback(device.close)
+            device.identify()
             undo.pop_all()
         return device
+
+    def identify(self) -> Identity:
+        """Identity of the device; CameraRefused where it cannot stream video."""
+        said = self.call(Ioctl.QUERYCAP, Capability(), "asking what it is")
+        abilities = said.capabilities
+        if abilities & CapabilityFlag.DEVICE_CAPS:
+            abilities = said.device_caps
+        if STREAMS & ~abilities:
+            raise CameraRefused(
+                self.path,
+                "device",
+                "does not stream video; name the camera's video node",
+            )
+        return Identity(
+            said.driver.decode(), said.card.decode(), said.bus_info.decode()
+        )
 
     def call(self, request: Ioctl, argument: A, doing: str) -> A:
         """Make the ioctl `request` and return the `argument` that the kernel filled.
@@ -226,11 +245,8 @@ class Device:
         Raises CameraLost, CameraBusy, CameraRefused or CameraFaulty, naming what was
         `doing`.
         """
-        try:
+        with translated(self.path, doing):
             self.kernel.ioctl(self.fd, request, argument)
-        except OSError as error:
-            users = users_of(self.path) if error.errno == errno.EBUSY else ""
-            raise translate_error(error, self.path, doing, users) from None
         return argument
 
     def supports(self, request: Ioctl, argument: Argument) -> bool:
@@ -239,14 +255,13 @@ class Device:
         Raises CameraLost, CameraBusy, CameraRefused or CameraFaulty for any other
         failure.
         """
-        try:
-            self.kernel.ioctl(self.fd, request, argument)
-        except OSError as error:
-            if error.errno in NO_MORE:
+        with translated(self.path, f"asking for {request.name}"):
+            try:
+                self.kernel.ioctl(self.fd, request, argument)
+            except OSError as error:
+                if error.errno not in NO_MORE:
+                    raise
                 return False
-            raise translate_error(
-                error, self.path, f"asking for {request.name}", ""
-            ) from None
         return True
 
     def enumerate_entries(
@@ -270,33 +285,5 @@ class Device:
 
     def close(self) -> None:
         """Release the device; errors of an unplugged device are ignored."""
-        try:
+        with suppress(OSError):
             self.kernel.close(self.fd)
-        except OSError:
-            return
-
-
-def _identity(kernel: Kernel, path: str, fd: int) -> Identity:
-    """Identity of the device; CameraRefused where it cannot stream video."""
-    capability = Capability()
-    try:
-        kernel.ioctl(fd, Ioctl.QUERYCAP, capability)
-    except OSError as error:
-        raise translate_error(
-            error, path, "asking what it is", users_of(path)
-        ) from None
-    abilities = capability.capabilities
-    if abilities & CapabilityFlag.DEVICE_CAPS:
-        abilities = capability.device_caps
-    if not (
-        abilities & CapabilityFlag.VIDEO_CAPTURE
-        and abilities & CapabilityFlag.STREAMING
-    ):
-        raise CameraRefused(
-            path, "device", "does not stream video; name the camera's video node"
-        )
-    return Identity(
-        capability.driver.decode(),
-        capability.card.decode(),
-        capability.bus_info.decode(),
-    )

@@ -15,8 +15,7 @@ from drivers.base.settings import Settings, parse
 from drivers.twin.clock import RealTimeClock, TwinClock
 from drivers.v4l2.camera import CameraReport, V4l2Camera
 from drivers.v4l2.formats import Mode
-from drivers.v4l2.frame import CameraFrame, Counts
-from drivers.v4l2.session import Setup
+from drivers.v4l2.session import CameraFrame, Counts, Setup
 from drivers.v4l2.settings import V4l2Settings
 
 BEST_MODE = 1280, 720, 30.0  # px, px, Hz; larger modes are not proposed

@@ -36,7 +36,7 @@ def touched_point(pose: Sequence[float]) -> Array:
     A pose is that of the grip, between the pads: the fingers reach beyond it.
     """
     hand = pose_from_columns(pose)
-    return np.asarray(hand[:3, 3] + TIP_AHEAD * hand[:3, 2])
+    return hand[:3, 3] + TIP_AHEAD * hand[:3, 2]
 
 
 def mounting_from_points(points: Array, length: float) -> Mounting:

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from cell.setup.strips.photograph import Photograph
-from drivers.base.geometry import interpolate_columns
+from drivers.base.geometry import interpolate_columns, left_normals, unit
 from drivers.base.types import Array
 from drivers.strip.cantilever import HangingStrip, NoRest, hanging_shape, hinges
 
@@ -178,14 +178,16 @@ class Problem:
         """Inverse covariance (p, p) of the unknowns at `values` (p,)."""
         slopes = self.jacobian(values)
         _, weight, _ = self.loss(self.residuals(values) ** 2)
-        return np.asarray(slopes.T @ (weight[:, None] * slopes))
+        precision: Array = slopes.T @ (weight[:, None] * slopes)
+        return precision
 
     def _project_motion(self, motion: Array) -> Array:
         """Components (2 n, ...) across and along the midline of a motion (n, 2, ...),
         in sigmas.
         """
         parts = np.einsum("knc,nc...->kn...", self._local_frames, motion)
-        return np.asarray(parts.reshape(-1, *motion.shape[2:]))
+        components: Array = parts.reshape(-1, *motion.shape[2:])
+        return components
 
 
 class _Samples:
@@ -212,13 +214,14 @@ class _Samples:
         ...).
         """
         share = self._share.reshape(-1, *[1] * (nodes.ndim - 1))
-        return np.asarray(
-            (1 - share) * nodes[self._index] + share * nodes[self._index + 1]
-        )
+        before, after = nodes[self._index], nodes[self._index + 1]
+        values: Array = (1 - share) * before + share * after
+        return values
 
     def moved_by_clamp_angle(self) -> Array:
         """Motion (n, 2) [m] per radian of the clamp angle, before the ledge too."""
-        return np.asarray(self.at(self._hanging.moved_by_clamp_angle()) + self._swing)
+        motion: Array = self.at(self._hanging.moved_by_clamp_angle()) + self._swing
+        return motion
 
 
 def _local_frames(photograph: Photograph) -> Array:
@@ -227,11 +230,10 @@ def _local_frames(photograph: Photograph) -> Array:
 
     Along the midline all points shift together, by the uncertainty of its tip.
     """
-    tangents = np.gradient(photograph.points, axis=0)
-    tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
-    normals = np.stack([-tangents[:, 1], tangents[:, 0]], axis=1)
+    tangents = unit(np.gradient(photograph.points, axis=0))
+    normals = left_normals(tangents) / photograph.sigma[:, None]
     slip = TIP * photograph.width * np.sqrt(len(tangents))
-    return np.stack([normals / photograph.sigma[:, None], tangents / slip])
+    return np.stack([normals, tangents / slip])
 
 
 def rotation(angle: float) -> Array:
@@ -292,9 +294,9 @@ class Fit:
         end up.
         """
         width, overhang = self.photograph.width, self.photograph.overhang
-        return np.asarray(
-            self.prior.fields(overhang, width) @ self.values[FIRST_FIELD:]
-        )
+        fields = self.prior.fields(overhang, width)
+        curvature: Array = fields @ self.values[FIRST_FIELD:]
+        return curvature
 
     @property
     def curl(self) -> tuple[float, float]:
@@ -310,9 +312,9 @@ class Fit:
         """
         scale = 1 - self.values[LEDGE] / self.photograph.overhang
         points = scale * self.hanging.points @ rotation(self.values[ROLL]).T
-        return np.asarray(
-            (self.values[[X, Z]] + points) / self.photograph.pixel * (1, -1)
-        )
+        pixels: Array = (self.values[[X, Z]] + points) / self.photograph.pixel
+        pixels[:, 1] *= -1  # rows count downwards
+        return pixels
 
 
 def fit(
@@ -371,7 +373,7 @@ def _minimise(problem: Problem, values: Array) -> Fit:
         photograph=problem.photograph,
         prior=problem.prior,
         values=solution.x,
-        covariance=np.asarray(np.linalg.inv(matrix), dtype=np.float64),
+        covariance=np.asarray(np.linalg.inv(matrix)),
         hanging=best.hanging,
         misses=best.misses[: len(problem.photograph.arc)] * problem.photograph.sigma,
         evidence=-float(solution.cost + 0.5 * np.linalg.slogdet(matrix)[1]),

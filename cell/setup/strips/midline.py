@@ -12,7 +12,12 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from drivers.base.errors import ConfigurationError
-from drivers.base.geometry import even_points, moving_average
+from drivers.base.geometry import (
+    even_points,
+    left_normals,
+    moving_average,
+    unit,
+)
 from drivers.base.types import Array, Image
 
 # px; larger pictures are shrunk for tracing, then refined in full size
@@ -161,9 +166,7 @@ def _centre(grey: Image, points: Array, width: float) -> Array:
     """Shift points (n, 2) along their normals to the centroid of brightness across the
     object.
     """
-    tangent = np.gradient(_smooth(points, 3), axis=0)
-    tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
-    normal = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
+    normal = left_normals(unit(np.gradient(_smooth(points, 3), axis=0)))
 
     offsets = np.linspace(-width, width, 2 * int(2 * width) + 1)
     at = (points[:, None] + offsets[:, None] * normal[:, None]).astype(np.float32)

@@ -143,7 +143,8 @@ def _average_points(traced: Array, travel: Array, arc: Array) -> Array:
     steps = np.diff(travel)[:, None] * 0.5 * (traced[1:] + traced[:-1])
     sums = np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
     before, after = (interpolate_columns(edge, travel, sums) for edge in edges)
-    return np.asarray((after - before) / np.diff(edges, axis=0).T)
+    means: Array = (after - before) / np.diff(edges, axis=0).T
+    return means
 
 
 def roughness(points: Array) -> float:

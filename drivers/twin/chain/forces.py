@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from drivers.base.geometry import left_normals
 from drivers.base.types import Array
 from drivers.strip.model import StripModel
 from drivers.twin.chain.lumps import Lumps
@@ -69,7 +70,7 @@ class Loads:
         )
         self._angle = angle.copy()
         self._elapsed = h
-        return np.asarray(lumps.fading * (angle - lumps.rest - self._strain))
+        return lumps.fading * (angle - lumps.rest - self._strain)
 
     def _drag(self, data: mujoco.MjData, h: float) -> Array:
         """Drag forces (n, 2) [N] along x and z on the links, against their motion.
@@ -84,10 +85,10 @@ class Loads:
             np.sqrt(across**2 + air.oblique * along**2) + air.slow
         )
         slowed = resistance / (1.0 + h * resistance / self._lumps.mass)
-        normals = np.stack([-tangents[:, 1], tangents[:, 0]], axis=1)
         friction = (slowed * air.along * along)[:, None]
         pressure = (slowed * across)[:, None]
-        return np.asarray(-friction * tangents - pressure * normals)
+        force: Array = -friction * tangents - pressure * left_normals(tangents)
+        return force
 
 
 class DahlFriction:
@@ -130,9 +131,9 @@ def _decay(start: Array, x: Array, exponent: float) -> Array:
     """
     start = np.maximum(start, 1e-12)  # a power below would divide by zero
     if exponent == 1:
-        return np.asarray(start * np.exp(-x))
+        return start * np.exp(-x)
     power = exponent - 1.0
-    return np.asarray((start**-power + power * x) ** (-1.0 / power))
+    return (start**-power + power * x) ** (-1.0 / power)
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.base.geometry import left_normals
 from drivers.base.types import Array
 from drivers.strip.model import StripModel
 from drivers.twin.chain.lumps import Lumps
@@ -313,7 +314,7 @@ class Joints:
         """Angles (n + 1,) [rad] of links and tip from flat, at joint `position`
         (MuJoCo's qpos).
         """
-        return np.asarray(position[self.hinges].cumsum())
+        return position[self.hinges].cumsum()
 
     def nodes(self, position: Array) -> Array:
         """Positions (n + 1, 2) x, z [m] of the nodes, at joint `position` (MuJoCo's
@@ -326,7 +327,7 @@ class Joints:
         nodes[1:] *= self._lengths(position)
         if self.edge is not None:
             nodes[0, 0] = position[self.edge]
-        return np.asarray(nodes.cumsum(axis=0))
+        return nodes.cumsum(axis=0)
 
     def speeds(self, position: Array, rate: Array) -> tuple[Array, Array]:
         """Speeds (n, 2) [m/s] of links' middles along and across them, and directions
@@ -334,7 +335,7 @@ class Joints:
         """
         angles = self.angles(position)[:-1]
         along = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-        normals = np.stack([-along[:, 1], along[:, 0]], axis=1)
+        normals = left_normals(along)
         # velocity of each link's end from its beginning, by its turn and by its stretch
         turn = rate[self.hinges].cumsum()[:-1, None] * self._lengths(position) * normals
         stretch = np.zeros((len(angles), 1))

@@ -115,13 +115,15 @@ def shadow_profile(curve: Curve) -> Array:
     depth = np.exp(-np.maximum(curve.points[:, 1], 0) / FADE_HEIGHT)
     darkness = np.zeros(BINS)
     np.maximum.at(darkness, bins, depth)
-    return np.asarray(cv2.blur(darkness[None, :], (7, 1))[0])
+    soft: Array = cv2.blur(darkness[None, :], (7, 1))[0]
+    return soft
 
 
 def scale_brightness(image: Image, gain: Gain) -> Image:
     """Copy of `image` (h, w, 3) times the brightness `gain` (h, w) or (h, 1)."""
     factor = np.ascontiguousarray(np.broadcast_to(gain, image.shape[:2]))
-    return np.asarray(cv2.multiply(image, cv2.merge([factor] * 3), dtype=cv2.CV_8U))
+    scaled: Image = cv2.multiply(image, cv2.merge([factor] * 3), dtype=cv2.CV_8U)
+    return scaled
 
 
 def flicker(light: Flicker, height: int, stamp: float, exposure: float) -> Gain:
@@ -133,7 +135,8 @@ def flicker(light: Flicker, height: int, stamp: float, exposure: float) -> Gain:
     rate = 2 * light.mains
     rows = stamp + light.readout * (np.arange(height) / height - 0.5)
     swing = np.sinc(rate * exposure) * np.cos(2 * np.pi * rate * rows)
-    return np.asarray(1 - light.depth * (0.5 - 0.5 * swing), dtype=np.float32)[:, None]
+    gain = 1 - light.depth * (0.5 - 0.5 * swing)
+    return gain.astype(np.float32)[:, None]
 
 
 def arm_shadow(
@@ -166,9 +169,8 @@ def arm_shadow(
     border = lamp.size * BACKDROP_DISTANCE / (reach - BACKDROP_DISTANCE)
     sigma = border * optics.focal / (BACKDROP_DISTANCE - optics.centre[1]) / SHADOW_GRID
     soft = cv2.GaussianBlur(dark.astype(np.float32) / 255, (0, 0), sigma)
-    return np.asarray(
-        cv2.resize(1 - np.float32(lamp.share) * soft, size), dtype=np.float32
-    )
+    gain: Gain = cv2.resize(1 - lamp.share * soft, size)
+    return gain
 
 
 def _cast_on_wall(points: Array, lamp: Lamp) -> Array:
@@ -179,9 +181,9 @@ def _cast_on_wall(points: Array, lamp: Lamp) -> Array:
     """
     source = np.array(lamp.place)
     ratio = (BACKDROP_DISTANCE - source[1]) / (points[:, 1] - source[1])
-    shadow = source + ratio[:, None] * (points - source)
+    shadow: Array = source + ratio[:, None] * (points - source)
     shadow[:, 2] = np.maximum(shadow[:, 2], WALL_EDGE)
-    return np.asarray(shadow)
+    return shadow
 
 
 def _cast_on_desk(points: Array, lamp: Lamp, floor: float) -> Array:
@@ -191,6 +193,6 @@ def _cast_on_desk(points: Array, lamp: Lamp, floor: float) -> Array:
     source = np.array(lamp.place)
     low = points[points[:, 2] < source[2] - BELOW_LAMP]
     ratio = (source[2] - floor) / (source[2] - low[:, 2])
-    shadow = source + ratio[:, None] * (low - source)
+    shadow: Array = source + ratio[:, None] * (low - source)
     shadow[:, 1] = np.minimum(shadow[:, 1], BACKDROP_DISTANCE)
-    return np.asarray(shadow)
+    return shadow

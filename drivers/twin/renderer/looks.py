@@ -142,7 +142,8 @@ class StripLook:
         )
         colours = self.pattern.colours(self.colour)
         part = {"across": i, "along": j, "checks": i + j}[self.pattern.kind]
-        return np.asarray(colours[part % len(colours)])
+        tint: Array = colours[part % len(colours)]
+        return tint
 
 
 THINGS: tuple[Thing, ...] = (

@@ -9,9 +9,9 @@ from typing import NamedTuple, Self
 
 import cv2
 import numpy as np
+from numpy.polynomial.polynomial import polyfit
 from numpy.typing import NDArray
 
-from drivers.base.jit import entry
 from drivers.base.types import Array, Image
 from drivers.twin.settings import CameraSettings
 
@@ -72,26 +72,24 @@ class Optics(NamedTuple):
         depth.
         """
         centre = (self.centre - (shift[0], 0.0, shift[1])) / (1.0 + scale)
-        return self._replace(centre=np.asarray(centre))
+        return self._replace(centre=centre)
 
     def project(self, points: Array) -> Array:
-        """Pixels (..., 2) of `points` (..., 3) [m] of the cell frame."""
-        right, down, forward = np.moveaxis(
-            (points - self.centre) @ self.rotation.T, -1, 0
-        )
-        inverse = 1 / forward
-        a, b = right * inverse, down * inverse
+        """Pixels (..., 2) of `points` (..., 3) [m] of the cell frame.
+
+        By Brown's radial law: a ray at the tangents (a, b) of its angles to the optical
+        axis, r^2 = a^2 + b^2, appears where one at (1 + k1 r^2 + k2 r^4) (a, b) would.
+        """
+        seen = (points - self.centre) @ self.rotation.T
+        tangents = seen[..., :2] / seen[..., 2:]
+        r2 = (tangents**2).sum(axis=-1, keepdims=True)
         k1, k2 = self.distortion
-        r2 = a * a + b * b
-        scale = (1 + r2 * (k1 + k2 * r2)) * self.focal
-        return np.stack(
-            [a * scale + self.principal[0], b * scale + self.principal[1]], axis=-1
-        )
+        pixels: Array = tangents * (1 + r2 * (k1 + k2 * r2)) * self.focal
+        return pixels + self.principal
 
     def plane(self, points: Array, y: float = 0.0) -> Array:
         """Pixels (..., 2) of `points` (..., 2) of x, z [m] in the plane at `y` [m]."""
-        flat = np.array(points, dtype=np.float64).reshape(-1, 2)
-        return _project_plane_points(flat, y, self).reshape(points.shape)
+        return self.project(np.insert(points, 1, y, axis=-1))
 
     def seen_from(self, origin: tuple[int, int]) -> Self:
         """Copy of the camera whose pixels are counted from `origin` (u, v)."""
@@ -105,17 +103,17 @@ class Optics(NamedTuple):
         The lens's distortion is undone. Of length 1 along the optical axis, so not unit
         vectors.
         """
-        right = (u - np.float32(self.principal[0])) / np.float32(self.focal)
-        down = (v - np.float32(self.principal[1])) / np.float32(self.focal)
+        right = (u - self.principal[0]) / self.focal
+        down = (v - self.principal[1]) / self.focal
         squared_radius = right * right + down * down
+
         undistorting = np.zeros_like(squared_radius)
-        for coefficient in self.inverse[::-1]:
-            undistorting = undistorting * squared_radius + np.float32(coefficient)
+        for coefficient in self.inverse[::-1].tolist():
+            undistorting = undistorting * squared_radius + coefficient
         right, down = right * undistorting, down * undistorting
-        axes = self.rotation.astype(np.float32)
-        x, y, z = (
-            right * axes[0, j] + down * axes[1, j] + axes[2, j] for j in range(3)
-        )
+
+        columns = self.rotation.T.tolist()
+        x, y, z = (right * a + down * b + c for a, b, c in columns)
         return x, y, z
 
     def on_level(
@@ -124,33 +122,11 @@ class Optics(NamedTuple):
         """Points x, y (...,) [m] where downward `rays` meet level `z` [m]; others end
         far away.
         """
-        reach = np.float32(z - self.centre[2]) / np.minimum(rays[2], np.float32(-1e-4))
-        x, y = (
-            np.asarray(self.centre[j] + reach * rays[j], dtype=np.float32)
-            for j in range(2)
-        )
+        right, ahead, up = rays
+        reach = float(z - self.centre[2]) / np.minimum(up, -1e-4)
+        x = (self.centre[0] + reach * right).astype(np.float32)
+        y = (self.centre[1] + reach * ahead).astype(np.float32)
         return x, y
-
-
-@entry
-def _project_plane_points(points: Array, y: float, camera: Optics) -> Array:
-    """Pixels (n, 2) of `points` (n, 2) of x, z [m] in the plane at `y` [m]."""
-    rotation = camera.rotation
-    k1, k2 = camera.distortion
-    depth = y - camera.centre[1]
-    pixels = np.empty((len(points), 2))
-    for i in range(len(points)):
-        x = points[i, 0] - camera.centre[0]
-        z = points[i, 1] - camera.centre[2]
-        right = rotation[0, 0] * x + rotation[0, 2] * z + depth * rotation[0, 1]
-        down = rotation[1, 0] * x + rotation[1, 2] * z + depth * rotation[1, 1]
-        inverse = 1 / (rotation[2, 0] * x + rotation[2, 2] * z + depth * rotation[2, 1])
-        a, b = right * inverse, down * inverse
-        r2 = a * a + b * b
-        scale = (1 + r2 * (k1 + k2 * r2)) * camera.focal
-        pixels[i, 0] = a * scale + camera.principal[0]
-        pixels[i, 1] = b * scale + camera.principal[1]
-    return pixels
 
 
 def axis_rotations(x: float, y: float, z: float) -> tuple[Array, Array, Array]:
@@ -173,9 +149,7 @@ def _inverse(distortion: tuple[float, float], field: float) -> Array:
     k1, k2 = distortion
     radius = np.linspace(0.0, field, 400)
     factor = 1 + radius**2 * (k1 + k2 * radius**2)
-    return np.asarray(
-        np.polynomial.polynomial.polyfit((radius * factor) ** 2, 1 / factor, 4)
-    )
+    return np.asarray(polyfit((radius * factor) ** 2, 1 / factor, 4))
 
 
 def blur(image: Image, sigma: float) -> Image:
@@ -183,7 +157,8 @@ def blur(image: Image, sigma: float) -> Image:
     if sigma == 0:
         return image
     size = kernel_size(sigma)
-    return np.asarray(cv2.GaussianBlur(image, (size, size), sigma), dtype=np.uint8)
+    blurred: Image = cv2.GaussianBlur(image, (size, size), sigma)
+    return blurred
 
 
 def kernel_size(sigma: float) -> int:
@@ -195,8 +170,8 @@ def noisy(image: Image, sigma: float, rng: np.random.Generator) -> Image:
     """Copy of `image` (h, w, 3) with Gaussian noise of `sigma` grey levels from
     `rng`.
     """
-    noise = rng.standard_normal(image.shape, dtype=np.float32) * np.float32(sigma)
-    return np.asarray(np.clip(np.rint(image + noise), 0, 255), dtype=np.uint8)
+    noise = rng.standard_normal(image.shape, dtype=np.float32) * sigma
+    return np.clip(np.rint(image + noise), 0, 255).astype(np.uint8)
 
 
 @dataclass(frozen=True, slots=True)

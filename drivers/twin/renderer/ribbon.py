@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drivers.base.geometry import interpolate_columns
+from drivers.base.geometry import interpolate_columns, left_normals, unit
 from drivers.base.types import Array
 from drivers.twin.renderer.kernels import Rows, interpolate, sample_surface
 from drivers.twin.renderer.looks import StripLook
@@ -32,26 +32,27 @@ class Curve:
     """Midline of a strip at arc lengths `s` (m,) [m]: `points` (m, 2) [m], unit
     `tangents` (m, 2).
 
-    `motion` (m, 2) [m] is how far the points move during the exposure, None for a strip
-    at rest.
+    `motion` (m, 2) [m] is how far the points move during the exposure, empty for a
+    strip at rest.
     """
 
     s: Array
     points: Array
     tangents: Array
-    motion: Array | None
+    motion: Array
 
     @property
     def steps(self) -> Array:
         """Vectors (m, 2) [m] along the curve, as long as the spacing of the samples."""
-        return np.asarray(self.tangents * (self.s[1] - self.s[0]))
+        steps: Array = self.tangents * (self.s[1] - self.s[0])
+        return steps
 
     @property
     def normals(self) -> Array:
         """Unit normals (m, 2) of the curve, to the left: up for a strip lying along
         +x.
         """
-        return np.stack([-self.tangents[:, 1], self.tangents[:, 0]], axis=-1)
+        return left_normals(self.tangents)
 
 
 def expose(scenes: Sequence[Scene], spacing: float) -> Curve:
@@ -66,20 +67,19 @@ def expose(scenes: Sequence[Scene], spacing: float) -> Curve:
     last = scenes[-1]
     length = float(middle.arc[-1])
     count = max(int(np.ceil(length / spacing)), 8)
-    s = np.asarray((np.arange(count) + 0.5) * (length / count), dtype=np.float64)
+    s = np.linspace(0.5, count - 0.5, count) * (length / count)
+
     nodes = smooth(middle.points, middle.arc)
-    slopes = np.gradient(
-        nodes, middle.arc, axis=0, edge_order=2 if len(nodes) > 2 else 1
-    )
+    slopes = np.gradient(nodes, middle.arc, axis=0, edge_order=2)
     points, derivatives = interpolate(
         nodes, np.ascontiguousarray(slopes), middle.arc.copy(), s
     )
-    size = np.sqrt(derivatives[:, 0] ** 2 + derivatives[:, 1] ** 2)
-    motion = None
+
+    motion = np.empty((0, 2))
     if first.points is not last.points:
         shift = (last.points - first.points) * (len(scenes) / (len(scenes) - 1))
         motion = interpolate_columns(s, middle.arc, shift)
-    return Curve(s, points, derivatives / size[:, None], motion)
+    return Curve(s, points, unit(derivatives), motion)
 
 
 def smooth(points: Array, arc: Array) -> Array:
@@ -94,9 +94,8 @@ def smooth(points: Array, arc: Array) -> Array:
     spans = np.diff(arc)
     bend = np.diff(np.diff(points, axis=0) / spans[:, None], axis=0)
     nodes = points.copy()
-    nodes[1:-1] += (
-        bend * (spans[:-1] * spans[1:] / (6 * (spans[:-1] + spans[1:])))[:, None]
-    )
+    before, after = spans[:-1], spans[1:]
+    nodes[1:-1] += bend * (before * after / (6 * (before + after)))[:, None]
     return nodes
 
 
@@ -118,16 +117,13 @@ def random_weave(depth: float, rng: np.random.Generator) -> Weave:
     twill = np.sin(2 * np.pi * (i / 4 + j / 5))
     warp = rng.normal(size=(1, WEAVE_COLUMNS))
     weft = rng.normal(size=(WEAVE_ROWS, 1))
-    slubs = (
-        rng.normal(size=(WEAVE_ROWS // 4, WEAVE_COLUMNS // 4))
-        .repeat(4, axis=0)
-        .repeat(4, axis=1)
-    )
+    slubs = rng.normal(size=(WEAVE_ROWS // 4, WEAVE_COLUMNS // 4))
+    slubs = slubs.repeat(4, axis=0).repeat(4, axis=1)
     face = 1 + depth * (0.5 * twill + 0.5 * warp + 0.6 * weft + 0.7 * slubs)
-    yarns = rng.normal(size=WEAVE_ROWS // 2).repeat(2) + rng.normal(
-        size=WEAVE_ROWS // 8
-    ).repeat(8)
-    cut = 1 + depth * yarns[:, None]
+
+    thin = rng.normal(size=WEAVE_ROWS // 2).repeat(2)
+    thick = rng.normal(size=WEAVE_ROWS // 8).repeat(8)
+    cut = 1 + depth * (thin + thick)[:, None]
     return Weave(face=np.clip(face, 0.3, 1.7), cut=np.clip(cut, 0.3, 1.7))
 
 
@@ -155,10 +151,11 @@ def project(curve: Curve, optics: Optics, look: StripLook) -> Projection:
     by_z = (optics.plane(curve.points + along_z) - near) / LENS_PROBE
 
     def in_pixels(vectors: Array) -> Array:
-        return np.asarray(by_x * vectors[:, :1] + by_z * vectors[:, 1:])
+        pixels: Array = by_x * vectors[:, :1] + by_z * vectors[:, 1:]
+        return pixels
 
     half = in_pixels(curve.normals * (look.thickness / 2))
-    motion = np.empty((0, 2)) if curve.motion is None else in_pixels(curve.motion)
+    motion = in_pixels(curve.motion) if len(curve.motion) else curve.motion
     return Projection(near, in_pixels(curve.steps), half, motion)
 
 
@@ -246,6 +243,5 @@ def _lit(curve: Curve, optics: Optics) -> Array:
     """Brightness (m,) of the strip's side that faces the camera, by Lambert's law."""
     side = _facing(curve, optics)
     diffuse = np.maximum((curve.normals @ LIGHT_DIRECTION) * side, 0.0)
-    return np.asarray(
-        (AMBIENT + (1 - AMBIENT) * diffuse) * np.where(side > 0, 1.0, BACK_BRIGHTNESS)
-    )
+    brightness: Array = AMBIENT + (1 - AMBIENT) * diffuse
+    return brightness * np.where(side > 0, 1.0, BACK_BRIGHTNESS)

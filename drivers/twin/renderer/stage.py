@@ -20,6 +20,7 @@ Field = NDArray[np.float32]
 BACKDROP_DISTANCE = 1.2  # m behind the near edge
 MARK_SHADES = (1.1, 0.72)  # brightness of its top and of its front
 SIDE_BRIGHTNESS = 0.82  # brightness of a box's sides over that of its front
+FOLD_RATES = (9.0, 17.0, 29.0, 53.0)  # 1/m, of the folds of a cloth
 THING_TEXTURE = 0.05  # variation of a thing's brightness, a share
 CABLE_PIECES = 24  # straight pieces between two points of a cable
 
@@ -66,7 +67,7 @@ def light(settings: CameraSettings) -> Field:
     v = np.linspace(-0.5, 0.5, settings.height, dtype=np.float32)[:, None]
     gradient = 1 - settings.light_gradient * (0.8 * u + 0.6 * v)
     corner = 1 - settings.vignetting * 2 * (u * u + v * v)
-    return np.asarray(settings.gain * gradient * corner, dtype=np.float32)
+    return (settings.gain * gradient * corner).astype(np.float32)
 
 
 def _row(optics: Optics, width: int, y: float, z: float) -> Array:
@@ -76,9 +77,7 @@ def _row(optics: Optics, width: int, y: float, z: float) -> Array:
     x = np.linspace(-3.0, 4.0, 1401)
     # beyond, the lens's law turns back
     x = x[np.abs(x - optics.centre[0]) < y - optics.centre[1]]
-    line = optics.project(
-        np.stack([x, np.full_like(x, y), np.full_like(x, z)], axis=-1)
-    )
+    line = optics.plane(np.insert(x[:, None], 1, z, axis=1), y)
     return np.interp(np.arange(width), line[:, 0], line[:, 1])
 
 
@@ -100,19 +99,15 @@ def _cloth(
     weave.
     """
     x, y, z = rays
-    across = x / y * np.float32(BACKDROP_DISTANCE + settings.distance)
-    phases = rng.uniform(0, 2 * np.pi, 4)
-    folds = sum(
-        np.sin(
-            across * np.float32(k) + np.float32(phase) + z / y * np.float32(2.5 * k / 9)
-        )
-        for k, phase in zip((9.0, 17.0, 29.0, 53.0), phases, strict=True)
-    )
+    across = x / y * (BACKDROP_DISTANCE + settings.distance)
+    up = z / y
+    phases = rng.uniform(0, 2 * np.pi, len(FOLD_RATES)).tolist()
+    folds = np.zeros_like(across)
+    for rate, phase in zip(FOLD_RATES, phases, strict=True):
+        folds += np.sin(across * rate + phase + up * (2.5 * rate / 9))
     fine = rng.standard_normal(x.shape, dtype=np.float32)
-    shade = 1 + np.float32(settings.texture) * (
-        np.float32(0.45) * folds + np.float32(0.25) * fine
-    )
-    return np.asarray(shade[..., None], dtype=np.float32)
+    shade = 1 + settings.texture * (0.45 * folds + 0.25 * fine)
+    return shade[..., None].astype(np.float32)
 
 
 def _desk(
@@ -131,9 +126,8 @@ def _desk(
     mottle = cv2.remap(
         grain, x * 700, y * 60, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP
     )
-    shade = 1 + np.float32(0.5 * settings.texture) * mottle
-    colour = bgr(settings.surroundings.desk).astype(np.float32)
-    return np.asarray(colour * shade[..., None], dtype=np.float32)
+    shade: Field = 1 + 0.5 * settings.texture * mottle
+    return bgr(settings.surroundings.desk).astype(np.float32) * shade[..., None]
 
 
 def _draw_mark(
@@ -178,10 +172,10 @@ def draw_things(
         grain = rng.standard_normal(
             (canvas.shape[0] // 8, canvas.shape[1] // 8), np.float32
         )
-        shade = 1 + np.float32(THING_TEXTURE) * cv2.resize(grain, canvas.shape[1::-1])
+        shade = 1 + THING_TEXTURE * cv2.resize(grain, canvas.shape[1::-1])
         colour = bgr(thing.colour).astype(np.float32)
         for cover, brightness in _covers(thing, optics, canvas.shape[:2]):
-            material = (shade * np.float32(brightness))[..., None] * colour
+            material = (shade * brightness)[..., None] * colour
             canvas += (cover.astype(np.float32) / 255)[..., None] * (material - canvas)
 
 
@@ -214,9 +208,7 @@ def _line(cable: Cable, optics: Optics, size: tuple[int, ...]) -> NDArray[np.uin
     numbers = np.arange(len(knots))
     places = np.linspace(0, len(knots) - 1, CABLE_PIECES * (len(knots) - 1) + 1)
     fits = [polyfit(numbers, column, min(len(knots) - 1, 3)) for column in knots.T]
-    smooth = np.asarray(
-        np.stack([polyval(places, fit) for fit in fits], axis=-1), np.float64
-    )
+    smooth = np.asarray(np.stack([polyval(places, fit) for fit in fits], axis=-1))
     pixels = optics.project(smooth)
     distance = float(np.linalg.norm(smooth.mean(axis=0) - optics.centre))
     thickness = max(round(cable.thickness * optics.focal / distance), 1)

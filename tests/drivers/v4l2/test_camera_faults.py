@@ -17,7 +17,7 @@ from drivers.v4l2.device import (
     CameraRefused,
     CameraStalled,
 )
-from drivers.v4l2.frame import StampSource
+from drivers.v4l2.session import StampSource
 from drivers.v4l2.settings import V4l2Settings
 from tests.drivers.v4l2.fake_kernel import LINK, FakeKernel
 

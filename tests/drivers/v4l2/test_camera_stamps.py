@@ -3,7 +3,7 @@
 import pytest
 
 from drivers.v4l2.abi import BufferFlag
-from drivers.v4l2.frame import Shutter, StampSource
+from drivers.v4l2.session import Shutter, StampSource
 
 SHUTTER = Shutter(period=1 / 30, exposure=0.01, readout=0.006)
 START = BufferFlag.TIMESTAMP_MONOTONIC | BufferFlag.SOURCE_START_OF_EXPOSURE

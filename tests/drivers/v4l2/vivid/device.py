@@ -14,7 +14,7 @@ from drivers.v4l2.abi import Control, Ioctl
 from drivers.v4l2.camera import V4l2Camera
 from drivers.v4l2.controls import CameraControl, controls_of
 from drivers.v4l2.device import CameraLost, Device, Kernel
-from drivers.v4l2.frame import CameraFrame
+from drivers.v4l2.session import CameraFrame
 from drivers.v4l2.settings import V4l2Settings
 
 END, START = 0, 1  # vivid's menu of timestamp sources

@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from drivers.v4l2.frame import StampSource
+from drivers.v4l2.session import StampSource
 from tests.drivers.v4l2.vivid.device import END, START, Vivid, frames
 
 
