@@ -11,13 +11,12 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from calibration.homography import Homography, Viewpoint, viewpoint
+from calibration.homography import Homography, PlaneMap, Viewpoint, viewpoint
 from calibration.landmarks import Landmarks
 from calibration.lens import CameraFile, Lens, MatrixFile
 from drivers.base.errors import ConfigurationError
 from drivers.base.files import write_file
 from drivers.base.settings import Settings, load
-from drivers.base.types import Array
 from drivers.base.yaml_text import dump_yaml
 
 NotNegative = Annotated[float, Field(ge=0)]
@@ -26,7 +25,7 @@ KEYWORDS = ("residual_mm", "date", "camera", "latency", *OPTIONAL_KEYS)
 
 
 @dataclass(frozen=True, slots=True)
-class Calibration:
+class Calibration(PlaneMap):
     """Calibration of a camera at one pose: lens and map to the plane of the strip's
     near edge.
 
@@ -39,8 +38,6 @@ class Calibration:
     date: calibrating the twin again gives the same id.
     """
 
-    lens: Lens
-    homography: Homography
     viewpoint: Viewpoint
     residual_mm: float
     latency: float
@@ -58,18 +55,6 @@ class Calibration:
         use.
         """
         return 1e-3 * self.residual_mm
-
-    def to_plane(self, pixels: Array) -> Array:
-        """Points (n, 2) x, z [m] in the near edge's plane of raw image points `pixels`
-        (n, 2).
-        """
-        return self.homography.to_plane(self.lens.undistort(pixels))
-
-    def to_image(self, points: Array) -> Array:
-        """Raw image points (n, 2) [px] of `points` (n, 2) x, z [m] in the near edge's
-        plane.
-        """
-        return self.lens.distort(self.homography.to_image(points))
 
 
 class CalibrationFile(Settings):

@@ -56,6 +56,28 @@ class Homography:
 
 
 @dataclass(frozen=True, slots=True)
+class PlaneMap:
+    """Map from the camera's raw image to the plane of the strip's near edge: its `lens`
+    takes the distortion out, its `homography` maps the rest.
+    """
+
+    lens: Lens
+    homography: Homography
+
+    def to_plane(self, pixels: Array) -> Array:
+        """Points (n, 2) x, z [m] in the near edge's plane of raw image points `pixels`
+        (n, 2).
+        """
+        return self.homography.to_plane(self.lens.undistort(pixels))
+
+    def to_image(self, points: Array) -> Array:
+        """Raw image points (n, 2) [px] of `points` (n, 2) x, z [m] in the near edge's
+        plane.
+        """
+        return self.lens.distort(self.homography.to_image(points))
+
+
+@dataclass(frozen=True, slots=True)
 class Viewpoint:
     """Centre of the camera in the cell frame [m]: x, z, and `distance` from the near
     edge's plane.

@@ -4,6 +4,7 @@ edge.
 
 from base64 import b64decode, b64encode
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from math import pi
 from typing import Literal, Self
@@ -12,8 +13,7 @@ import cv2
 import numpy as np
 from pydantic import Field
 
-from calibration.homography import Homography
-from calibration.lens import Lens
+from calibration.homography import PlaneMap
 from drivers.base.errors import ConfigurationError
 from drivers.base.readers import LARGEST_SIDE, picture_sides
 from drivers.base.settings import Settings
@@ -75,20 +75,17 @@ class Landmark(Settings):
         """Grey levels (side, side) of the landmark; ConfigurationError for a broken
         PNG.
         """
-        try:
+        image: Image | None = None
+        with suppress(ValueError):  # of what is no base64
             content = b64decode(self.png, validate=True)
-        except ValueError:
-            content = b""
-        image = None
-        if all(0 < side <= LARGEST_SIDE for side in picture_sides(content)):
-            image = cv2.imdecode(
-                np.frombuffer(content, dtype=np.uint8), cv2.IMREAD_GRAYSCALE
-            )
+            if all(0 < side <= LARGEST_SIDE for side in picture_sides(content)):
+                levels = np.frombuffer(content, np.uint8)
+                image = cv2.imdecode(levels, cv2.IMREAD_GRAYSCALE)
         if image is None:
             raise ConfigurationError(
                 "landmarks: png: is not a PNG image; calibrate again"
             )
-        return np.asarray(image, dtype=np.uint8)
+        return image
 
 
 class Landmarks(Settings):
@@ -127,16 +124,14 @@ class CameraShift:
         return max(filter(np.isfinite, shifts), default=float("nan"))
 
 
-def take_landmarks(
-    frame: Frame, pose: Pose, lens: Lens, homography: Homography
-) -> Landmarks:
+def take_landmarks(frame: Frame, pose: Pose, plane_map: PlaneMap) -> Landmarks:
     """Take landmarks from an image (h, w, 3) of the empty hand at rest at `pose`, bare
     desk.
 
     Raises ConfigurationError where the camera does not see the tip.
     """
     grey = grey_of(frame.image)
-    u, v = lens.distort(homography.to_image(np.array([[pose.x, pose.z]])))[0]
+    u, v = plane_map.to_image(np.array([[pose.x, pose.z]]))[0]
     left, top = round(u) - TIP_SIDE // 2, round(v) - TIP_SIDE // 2
     height, width = grey.shape
     if not (0 <= left <= width - TIP_SIDE and 0 <= top <= height - TIP_SIDE):
@@ -146,12 +141,12 @@ def take_landmarks(
         )
     tip = Landmark.cut("tip", grey, left, top, TIP_SIDE)
     along = np.linspace(*DESK_RANGE, DESK_PATCHES).tolist()
-    desk = filter(None, (_desk_patch(grey, x, lens, homography) for x in along))
+    desk = filter(None, (_desk_patch(grey, x, plane_map) for x in along))
     return Landmarks(x=pose.x, z=pose.z, pitch=pose.pitch, marks=(tip, *desk))
 
 
 def camera_shift(
-    frame: Frame, landmarks: Landmarks, lens: Lens, homography: Homography
+    frame: Frame, landmarks: Landmarks, plane_map: PlaneMap
 ) -> CameraShift:
     """Shift of `landmarks` in a new image (h, w, 3) of the empty hand, at rest at their
     pose.
@@ -161,23 +156,21 @@ def camera_shift(
     for mark in landmarks.marks:
         shift = _find_shift(grey, mark)
         if shift is not None:
-            shifts[mark.kind].append(_shift_mm(mark, shift, lens, homography))
+            shifts[mark.kind].append(_shift_mm(mark, shift, plane_map))
     x, z = shifts["tip"][0] if shifts["tip"] else (float("nan"), float("nan"))
     desk = [up for _, up in shifts["desk"]]
     return CameraShift(x, z, float(np.median(desk)) if desk else float("nan"))
 
 
-def _desk_patch(
-    grey: Image, x: float, lens: Lens, homography: Homography
-) -> Landmark | None:
+def _desk_patch(grey: Image, x: float, plane_map: PlaneMap) -> Landmark | None:
     """Landmark on the desk's rear edge, above `x` [m] of the strip's near edge in the
     image.
 
     None at the border of the image, or where the contrast of its strongest edge is
     weak.
     """
-    ends = lens.distort(homography.to_image(np.array([(x, z) for z in DESK_HEIGHTS])))
-    (u, low), (_, high) = ends.tolist()
+    ends = np.array([(x, z) for z in DESK_HEIGHTS])
+    (u, low), (_, high) = plane_map.to_image(ends).tolist()
     left = round(u) - DESK_SIDE // 2
     first, last = round(high), round(low)
     if left < 0 or left + DESK_SIDE > grey.shape[1]:
@@ -236,20 +229,19 @@ def _peak(scores: Array, at: int) -> float:
 
 
 def _shift_mm(
-    mark: Landmark, shift: Sequence[float], lens: Lens, homography: Homography
+    mark: Landmark, shift: Sequence[float], plane_map: PlaneMap
 ) -> tuple[float, float]:
     """Convert the `shift` of a landmark [px] to x, z [mm] in the plane of the near
     edge.
     """
     side = TIP_SIDE if mark.kind == "tip" else DESK_SIDE
     middle = np.array([mark.left, mark.top]) + side / 2
-    before, now = homography.to_plane(
-        lens.undistort(np.array([middle, middle + shift]))
-    )
+    before, now = plane_map.to_plane(np.array([middle, middle + shift]))
     x, z = 1e3 * (now - before)
     return float(x), float(z)
 
 
 def grey_of(image: Image) -> Image:
     """Grey levels (h, w) of a colour `image` (h, w, 3)."""
-    return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
+    grey: Image = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+    return grey

@@ -8,8 +8,7 @@ from math import pi
 import numpy as np
 from pydantic import ConfigDict, Field
 
-from calibration.homography import Homography
-from calibration.lens import Lens
+from calibration.homography import PlaneMap
 from calibration.pointer import find_pointer
 from calibration.wizard.verdict import Verdict, grade_line, reasons
 from drivers.base.settings import Settings
@@ -82,15 +81,12 @@ def step_poses(settings: LatencySettings) -> tuple[Pose, ...]:
 
 
 def latency_verdict(
-    steps: LatencySteps,
-    lens: Lens,
-    homography: Homography | None,
-    settings: LatencySettings,
+    steps: LatencySteps, plane_map: PlaneMap | None, settings: LatencySettings
 ) -> LatencyVerdict:
     """Measure the camera's latency by `steps` of the arm, through the map of the
     touched points.
     """
-    if homography is None or not steps.arm:
+    if plane_map is None or not steps.arm:
         return LatencyVerdict(reasons=("the latency was not measured",))
     if len(steps.arm) < 2 or len(steps.seen) == 0:
         return LatencyVerdict(reasons=("no step of the arm was seen; step again",))
@@ -98,7 +94,7 @@ def latency_verdict(
     seen: Array = np.array(steps.seen)
     inside = (seen[:, 0] > arm[0, 0] + settings.most) & (seen[:, 0] < arm[-1, 0])
     stamps = seen[inside, 0]
-    along = homography.to_plane(lens.undistort(seen[:, 1:]))[inside, 0]
+    along = plane_map.to_plane(seen[:, 1:])[inside, 0]
 
     arm_speed = np.abs(np.gradient(arm[:, 1], arm[:, 0]))
     under_way = np.interp(stamps, arm[:, 0], arm_speed) > MOVING_SPEED

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from calibration.calibration import Calibration, make_calibration
-from calibration.homography import Homography
+from calibration.homography import Homography, PlaneMap
 from calibration.lens import Lens
 from calibration.wizard.latency import LatencySettings, LatencySteps, latency_verdict
 from calibration.wizard.touches import (
@@ -49,7 +49,7 @@ class TouchVerdict(Verdict):
     replaced.
     """
 
-    homography: Homography | None = None
+    plane_map: PlaneMap | None = None
     residual_mm: float = nan
     median_mm: float = nan
     worst_mm: float = nan
@@ -182,7 +182,6 @@ class MapVerdict(Verdict):
 def map_verdict(
     touches: TouchVerdict,
     steps: LatencySteps,
-    lens: Lens,
     settings: LatencySettings,
     *,
     anyway: bool = False,
@@ -194,13 +193,14 @@ def map_verdict(
     `facts` are further values of `make_calibration`. Reasons for refusal are overridden
     by `anyway`, but no calibration is made without a map.
     """
-    late = latency_verdict(steps, lens, touches.homography, settings)
+    fitted = touches.plane_map
+    late = latency_verdict(steps, fitted, settings)
     refused = (*touches.reasons, *late.reasons)
     made = None
-    if touches.homography is not None and (anyway or not refused):
+    if fitted is not None and (anyway or not refused):
         made = make_calibration(
-            lens,
-            touches.homography,
+            fitted.lens,
+            fitted.homography,
             residual_mm=touches.residual_mm,
             latency=late.latency or 0.0,
             date=datetime.now(UTC).isoformat(timespec="seconds"),
@@ -273,7 +273,7 @@ def _compose(fit: TouchFit, settings: TouchSettings) -> TouchVerdict:
     points = sorted((*fit.used, *fit.validation), key=lambda p: p.number)
     rejected = [p for p in fit.outliers if p not in fit.validation]
     verdict = TouchVerdict(
-        homography=fit.homography,
+        plane_map=fit,
         residual_mm=_rms(errors),
         median_mm=float(np.median(errors)) if len(errors) else nan,
         worst_mm=float(errors.max(initial=0.0)),

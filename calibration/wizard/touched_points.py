@@ -201,10 +201,9 @@ class TouchedPoints:
         """Error (2,) [px] of a point in the image by the verdict's map; None without a
         map.
         """
-        if verdict.homography is None:
+        if verdict.plane_map is None:
             return None
-        mapped = self.lens.distort(verdict.homography.to_image(point.place))[0]
-        error: Array = point.pixel - mapped
+        error: Array = point.pixel - verdict.plane_map.to_image(point.place)[0]
         return error
 
     def _state(self, number: int) -> str:

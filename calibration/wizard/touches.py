@@ -11,7 +11,13 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from calibration.homography import MINIMUM_POINTS, Homography, fit_homography, transform
+from calibration.homography import (
+    MINIMUM_POINTS,
+    Homography,
+    PlaneMap,
+    fit_homography,
+    transform,
+)
 from calibration.lens import Lens
 from drivers.base.errors import ConfigurationError
 from drivers.base.robust import robust_sigma
@@ -106,7 +112,7 @@ class Touch:
 
 
 @dataclass(frozen=True, slots=True)
-class TouchFit:
+class TouchFit(PlaneMap):
     """Map to the plane fitted to the touches `used`, and the other touches sorted into
     groups.
 
@@ -115,8 +121,6 @@ class TouchFit:
     second one replaced.
     """
 
-    lens: Lens
-    homography: Homography
     used: tuple[Touch, ...]
     validation: tuple[Touch, ...] = ()
     outliers: tuple[Touch, ...] = ()
@@ -127,8 +131,7 @@ class TouchFit:
         """Residual (2,) x, z [m] of a touch: place by the map minus place of the
         arm.
         """
-        mapped = self.homography.to_plane(self.lens.undistort(touched.pixel))[0]
-        residual: Array = mapped - touched.place
+        residual: Array = self.to_plane(touched.pixel)[0] - touched.place
         return residual
 
     def describe(self, points: Sequence[Touch]) -> dict[int, str]:

@@ -5,7 +5,7 @@ landmarks.
 from collections.abc import Generator
 from dataclasses import replace
 
-from calibration.homography import Homography
+from calibration.homography import PlaneMap
 from calibration.landmarks import take_landmarks
 from calibration.wizard.latency import LatencySteps, step_poses
 from calibration.wizard.progress import Progress
@@ -54,13 +54,13 @@ def calibrate(
     yield from steps.close_hand()
     yield from steps.rotate_hand(points.plan[0].pitch)
     yield from _touch_all(given, record)
-    homography = points.verdict().homography if points.fitted else None
-    if homography is not None:
+    plane_map = points.verdict().plane_map if points.fitted else None
+    if plane_map is not None:
         yield from _measure_latency(given, log.steps)
     if given.remembers or not points.fitted:
         yield from _hand_over(given, POINTER_OUT)
-    if given.remembers and homography is not None:
-        yield from _take_landmarks(given, log, homography)
+    if given.remembers and plane_map is not None:
+        yield from _take_landmarks(given, log, plane_map)
     return Event.CALIBRATED
 
 
@@ -148,7 +148,7 @@ def _step(latency_steps: LatencySteps, pose: Pose) -> Doing:
 
 
 def _take_landmarks(
-    given: CalibrationInputs, log: CalibrationLog, homography: Homography
+    given: CalibrationInputs, log: CalibrationLog, plane_map: PlaneMap
 ) -> Doing:
     """Store landmarks from an image of the empty hand; none where no finger tip is
     visible.
@@ -159,9 +159,7 @@ def _take_landmarks(
     yield from steps.move(pose)
     picture = yield from steps.still_picture()
     try:
-        log.landmarks = take_landmarks(
-            picture.frame, picture.gripper, given.points.lens, homography
-        )
+        log.landmarks = take_landmarks(picture.frame, picture.gripper, plane_map)
     except CellError as error:
         given.watch(_announced(given, "remember", pose, str(error)))
 

@@ -463,5 +463,5 @@ def _camera_checks(
     frame = (yield from steps.still_picture()).frame
     yield from steps.move(Pose(start.x, start.z, landmarks.pitch))
     yield from steps.move(start)
-    shift = camera_shift(frame, landmarks, calibration.lens, calibration.homography)
+    shift = camera_shift(frame, landmarks, calibration)
     return (camera_check(shift, given.settings.landmarks),)

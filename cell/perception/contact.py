@@ -128,7 +128,7 @@ def _sample(levels: Image, pixels: Array) -> Image:
     """Grey levels (n,) of `levels` (h, w) at `pixels` (n, 2), ZERO_LEVEL outside."""
     at = pixels.astype(np.float32)[None]
     sampled: Image = cv2.remap(
-        levels, at[..., 0], at[..., 1], cv2.INTER_LINEAR, borderValue=ZERO_LEVEL
+        levels, at, None, cv2.INTER_LINEAR, borderValue=ZERO_LEVEL
     )
     return sampled.ravel()
 

@@ -87,9 +87,7 @@ def _shares_across(levels: Image, side: Side, offsets: Array) -> Array:
     """
     at = side.points[:, None] - offsets[None, :, None] * side.normals[:, None]
     at = at.astype(np.float32)
-    sampled = cv2.remap(
-        levels, at[..., 0], at[..., 1], cv2.INTER_LINEAR, borderValue=ZERO_LEVEL
-    )
+    sampled = cv2.remap(levels, at, None, cv2.INTER_LINEAR, borderValue=ZERO_LEVEL)
     return strip_share(sampled)
 
 

@@ -5,6 +5,7 @@ from math import nan
 
 import cv2
 import numpy as np
+from numpy.polynomial.polynomial import polyfit, polyval
 from numpy.typing import NDArray
 
 from calibration.calibration import Calibration
@@ -115,10 +116,9 @@ def sample_plane(image: Image, calibration: Calibration, points: Array) -> Array
     """
     pixels = calibration.to_image(points.reshape(-1, 2)).reshape(points.shape)
     at = pixels.astype(np.float32)
-    sampled = cv2.remap(
-        image, at[..., 0], at[..., 1], cv2.INTER_LINEAR, None, cv2.BORDER_REPLICATE
-    )
-    return np.asarray(sampled, dtype=np.float64)
+    border = cv2.BORDER_REPLICATE
+    sampled: Image = cv2.remap(image, at, None, cv2.INTER_LINEAR, None, border)
+    return sampled.astype(np.float64)
 
 
 def _grid(x: Array, z: Array) -> Array:
@@ -181,9 +181,7 @@ def resting_line(seen: Underside) -> Array:
     kept = np.ones(len(x), dtype=bool)
     fit: Array = np.zeros(DEGREE + 1)
     for _ in range(3):
-        fit = np.asarray(
-            np.polynomial.polynomial.polyfit(x[kept], z[kept], DEGREE), np.float64
-        )
-        off = np.abs(z - np.polynomial.polynomial.polyval(x, fit))
+        fit = np.asarray(polyfit(x[kept], z[kept], DEGREE))
+        off = np.abs(z - polyval(x, fit))
         kept = off <= max(3.0 * float(np.median(off)), 1e-4)
     return fit

@@ -236,7 +236,6 @@ def solve_homography(
     verdict = map_verdict(
         points.verdict(),
         session.read_steps(folder),
-        lens,
         stored.latency,
         anyway=accept_anyway,
         camera=stored.camera,
@@ -277,9 +276,7 @@ def calibrate_twin(settings: CellFile, interrupted: Interruption) -> Calibration
     with closing(devices):
         log = run_calibration(devices, inputs, interrupted)
     camera = devices.camera_identity
-    verdict = map_verdict(
-        points.verdict(), log.steps, lens, settings.latency, camera=camera
-    )
+    verdict = map_verdict(points.verdict(), log.steps, settings.latency, camera=camera)
     if verdict.calibration is None:
         raise CellError("homography failed: " + "; ".join(verdict.reasons))
     return verdict.calibration

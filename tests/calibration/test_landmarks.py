@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from calibration.homography import Homography
+from calibration.homography import Homography, PlaneMap
 from calibration.landmarks import (
     CameraShift,
     Landmark,
@@ -58,11 +58,11 @@ def _frame(shift: tuple[float, float] = (0.0, 0.0), seed: int = 0) -> Frame:
 
 @lru_cache
 def _landmarks() -> Landmarks:
-    return take_landmarks(_frame(), SETTINGS.pose, LENS, _homography())
+    return take_landmarks(_frame(), SETTINGS.pose, PlaneMap(LENS, _homography()))
 
 
 def _shift(frame: Frame) -> CameraShift:
-    return camera_shift(frame, _landmarks(), LENS, _homography())
+    return camera_shift(frame, _landmarks(), PlaneMap(LENS, _homography()))
 
 
 def test_camera_that_stayed_is_where_it_was_within_a_tenth_of_a_millimetre() -> None:
@@ -103,9 +103,8 @@ def test_desk_at_the_border_or_without_an_edge_is_no_landmark() -> None:
     lower = _homography().matrix @ [[1, 0, 0], [0, 1, -90], [0, 0, 1]]  # by 90 px
     at_border = np.roll(_frame().image, 90, axis=0), Homography.from_matrix(lower)
     for image, map_ in (at_border, (np.full_like(at_border[0], 90), _homography())):
-        found = take_landmarks(
-            Frame(0.0, 0.0, "test", 0, image), SETTINGS.pose, LENS, map_
-        )
+        frame = Frame(0.0, 0.0, "test", 0, image)
+        found = take_landmarks(frame, SETTINGS.pose, PlaneMap(LENS, map_))
         assert [mark.kind for mark in found.marks] == ["tip"]
 
 

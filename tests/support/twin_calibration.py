@@ -99,11 +99,11 @@ def twin_calibration(camera: CameraSettings) -> Calibration:
     if not lens.passed or lens.fit is None:
         raise Fault("calibration_refused", "; ".join(lens.reasons))
     plane = touch_points(camera, lens.fit.lens, TouchSettings())
-    if not plane.passed or plane.homography is None:
+    if not plane.passed or plane.plane_map is None:
         raise Fault("calibration_refused", "; ".join(plane.reasons))
     return make_calibration(
         lens.fit.lens,
-        plane.homography,
+        plane.plane_map.homography,
         residual_mm=plane.residual_mm,
         date="2026-01-01T00:00:00Z",
         camera=camera.identity,

@@ -170,9 +170,8 @@ def _centre(grey: Image, points: Array, width: float) -> Array:
 
     offsets = np.linspace(-width, width, 2 * int(2 * width) + 1)
     at = (points[:, None] + offsets[:, None] * normal[:, None]).astype(np.float32)
-    across = cv2.remap(
-        grey, at[..., 0], at[..., 1], cv2.INTER_LINEAR, None, cv2.BORDER_REPLICATE
-    )
+    border = cv2.BORDER_REPLICATE
+    across = cv2.remap(grey, at, None, cv2.INTER_LINEAR, None, border)
 
     dark = np.percentile(across, 10, axis=1, keepdims=True)
     bright = np.percentile(across, 90, axis=1, keepdims=True)

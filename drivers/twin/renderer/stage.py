@@ -208,8 +208,8 @@ def _line(cable: Cable, optics: Optics, size: tuple[int, ...]) -> NDArray[np.uin
     numbers = np.arange(len(knots))
     places = np.linspace(0, len(knots) - 1, CABLE_PIECES * (len(knots) - 1) + 1)
     fits = [polyfit(numbers, column, min(len(knots) - 1, 3)) for column in knots.T]
-    smooth = np.asarray(np.stack([polyval(places, fit) for fit in fits], axis=-1))
-    pixels = optics.project(smooth)
+    smooth = np.stack([polyval(places, fit) for fit in fits], axis=-1)
+    pixels = optics.project(smooth.astype(np.float64))
     distance = float(np.linalg.norm(smooth.mean(axis=0) - optics.centre))
     thickness = max(round(cable.thickness * optics.focal / distance), 1)
     mask = np.zeros(size, dtype=np.uint8)

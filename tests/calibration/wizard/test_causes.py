@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from calibration.board import BoardSettings
+from calibration.homography import PlaneMap
 from calibration.wizard.latency import LatencySettings, latency_verdict
 from calibration.wizard.lens_verdict import lens_verdict
 from calibration.wizard.touch_verdict import touch_verdict
@@ -61,6 +62,6 @@ def test_stamps_that_drift_are_named() -> None:
     arm, stamps = arm_steps(rng), np.arange(0.5, 9.5, 0.1)
     shown = stamps - 0.03 - 0.002 * (stamps - 5.0)
     steps = steps_seen(arm, stamps, shown, 0.1, rng)
-    (reason,) = latency_verdict(steps, LENS, MAP, LatencySettings()).reasons
+    (reason,) = latency_verdict(steps, PlaneMap(LENS, MAP), LatencySettings()).reasons
     assert "stamps drift" in reason
     assert "+18 ms over 9 s" in reason

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from calibration.homography import PlaneMap
 from calibration.wizard.latency import LatencySettings, LatencySteps, latency_verdict
 from tests.support.board_sessions import LENS, MAP, arm_steps, steps_seen
 
@@ -13,7 +14,7 @@ def _verdict(latency: float, jitter: float = 0.0):
     stamps = np.arange(0.5, 9.5, 0.1)
     shown = stamps - latency + jitter * rng.standard_normal(len(stamps))
     steps = steps_seen(arm, stamps, shown, 0.1, rng)
-    return latency_verdict(steps, LENS, MAP, LatencySettings())
+    return latency_verdict(steps, PlaneMap(LENS, MAP), LatencySettings())
 
 
 @pytest.mark.parametrize("latency", [-0.02, 0.0, 0.013, 0.06, 0.19])
@@ -37,4 +38,7 @@ def test_unsteady_stamps_are_refused() -> None:
 def test_steps_that_show_no_motion_are_refused(images: int, reason: str) -> None:
     arm = [(0.01 * k, 0.2, 0.2) for k in range(500)]
     steps = LatencySteps(arm=arm, seen=[(0.1 * k, 400.0, 300.0) for k in range(images)])
-    assert reason in latency_verdict(steps, LENS, MAP, LatencySettings()).reasons[0]
+    assert (
+        reason
+        in latency_verdict(steps, PlaneMap(LENS, MAP), LatencySettings()).reasons[0]
+    )

@@ -69,10 +69,10 @@ def measure(case: Values) -> Values:
     lens = boards.fit.lens
     verdict, wild = _touch_points(camera, lens, rng)
     reasons = [*boards.reasons, *verdict.reasons]
-    if verdict.homography is None:
+    if verdict.plane_map is None:
         return {"median": None, "worst": None, "refused": True, "reasons": reasons}
     grid = _work_area_grid(25)
-    seen = verdict.homography.to_plane(
+    seen = verdict.plane_map.homography.to_plane(
         lens.undistort(Optics.from_settings(camera).plane(grid))
     )
     errors = np.hypot(*(seen - grid).T)
