@@ -15,7 +15,7 @@ from pydantic import Field
 from calibration.lens import Lens
 from drivers.base.errors import ConfigurationError
 from drivers.base.files import new_file, write_all, writing
-from drivers.base.settings import Settings
+from drivers.base.settings import Settings, Share
 from drivers.base.types import Array, Image
 
 if TYPE_CHECKING:
@@ -47,15 +47,14 @@ class BoardSettings(Settings):
     still: float = Field(0.6, gt=0, le=5)  # px between two images of a board at rest
     # px by which a view must differ from every other
     distinct: float = Field(15.0, gt=0)
-    range_x: float = Field(0.5, gt=0, le=1)  # of the views' centres
-    range_y: float = Field(0.3, gt=0, le=1)
-    range_size: float = Field(0.08, gt=0, le=1)
-    skew: float = Field(0.25, gt=0, le=1)
+    range_x: Share = 0.5  # of the views' centres
+    range_y: Share = 0.3
+    range_size: Share = 0.08
+    skew: Share = 0.25
     views: int = Field(10, ge=6)
     tilted: float = Field(radians(15), gt=0)  # rad from which a view counts as tilted
     tilted_views: int = Field(2, ge=1)  # that must lean to each of the four sides
-    # share of image cells that corners must reach
-    covered: float = Field(0.8, gt=0, le=1)
+    covered: Share = 0.8  # of the image's cells, that corners must reach
     rms: float = Field(0.6, gt=0, le=5)  # px allowed
     # of the focal length, its allowed deviation
     focal: float = Field(0.005, gt=0, le=0.1)
@@ -123,7 +122,7 @@ class BoardView:
         """Two angles [rad] by which the board's top and right edge lean away from the
         camera.
         """
-        rotation = cv2.Rodrigues(self._board_pose(lens)[0])[0]
+        rotation, _ = self._board_pose(lens)
         return float(np.arcsin(-rotation[2, 1])), float(np.arcsin(rotation[2, 0]))
 
     def depth(self, lens: Lens) -> float:
@@ -131,13 +130,15 @@ class BoardView:
         axis.
         """
         rotation, shift = self._board_pose(lens)
-        middle = cv2.Rodrigues(rotation)[0] @ self.board.mean(axis=0) + shift.ravel()
+        middle = rotation @ self.board.mean(axis=0) + shift
         return float(middle[2])
 
     def _board_pose(self, lens: Lens) -> tuple[Array, Array]:
+        """Rotation (3, 3) and shift (3,) [m] from the board to the camera."""
         ideal = lens.undistort(self.image)
-        _, rotation, shift = cv2.solvePnP(self.board, ideal, lens.matrix, None)
-        return rotation, shift
+        _, turn, shift = cv2.solvePnP(self.board, ideal, lens.matrix, None)
+        rotation, _ = cv2.Rodrigues(turn)
+        return rotation, shift.ravel()
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,18 +167,17 @@ def find_board(
     markers = 0 if marks is None else len(marks)
     side = 0.0
     if markers:
-        outline = np.asarray(outlines, dtype=np.float64).reshape(-1, 4, 2)
-        side = float(
-            np.linalg.norm(outline - np.roll(outline, 1, axis=1), axis=2).mean()
-        )
+        corner = np.reshape(outlines, (-1, 4, 2)).astype(np.float64)
+        sides = corner - np.roll(corner, 1, axis=1)
+        side = float(np.linalg.norm(sides, axis=2).mean())
     # no homography from those
     if ids is None or board.checkCharucoCornersCollinear(ids):
         return BoardDetection(None, markers, side)
     on_board, in_image = board.matchImagePoints(corners, ids)
     view = BoardView(
         np.ravel(ids).astype(np.float64),
-        np.asarray(on_board, dtype=np.float64).reshape(-1, 3),
-        np.asarray(in_image, dtype=np.float64).reshape(-1, 2),
+        np.reshape(on_board, (-1, 3)).astype(np.float64),
+        np.reshape(in_image, (-1, 2)).astype(np.float64),
     )
     return BoardDetection(view, markers, side)
 

@@ -118,9 +118,8 @@ def fit_homography(
             f"homography: {len(points)} touched points, at least {MINIMUM_POINTS} are"
             " needed; touch more"
         )
-    millimetres = 1e3 * np.asarray(points, dtype=np.float64)
     to_pixels, mask = cv2.findHomography(
-        millimetres, pixels, cv2.RANSAC, RANSAC_THRESHOLD
+        1e3 * points, pixels, cv2.RANSAC, RANSAC_THRESHOLD
     )
     if to_pixels is None:
         raise ConfigurationError(
@@ -132,11 +131,16 @@ def fit_homography(
             f"homography: only {inliers.sum()} of {len(points)} touched points agree; "
             "check the pointer and touch again"
         )
-    refit, _ = cv2.findHomography(millimetres[inliers], pixels[inliers], 0)
-    homography = Homography.from_matrix(
-        np.diag([1e-3, 1e-3, 1.0]) @ np.linalg.inv(refit)
-    )  # to metres
-    return homography, inliers
+    return homography_of(pixels[inliers], points[inliers]), inliers
+
+
+def homography_of(pixels: Array, points: Array) -> Homography:
+    """Homography by least squares from undistorted `pixels` (n, 2) to `points` (n, 2)
+    x, z [m]; ConfigurationError for a singular one.
+    """
+    to_pixels, _ = cv2.findHomography(1e3 * points, pixels, 0)
+    to_metres = np.diag([1e-3, 1e-3, 1.0])
+    return Homography.from_matrix(to_metres @ np.linalg.inv(to_pixels))
 
 
 def viewpoint(lens: Lens, homography: Homography) -> Viewpoint:
@@ -166,4 +170,5 @@ def transform(matrix: Array, points: Array) -> Array:
     """
     flat = np.asarray(points, dtype=np.float64).reshape(-1, 2)
     mapped = flat @ matrix[:, :2].T + matrix[:, 2]
-    return np.asarray(mapped[:, :2] / mapped[:, 2:], dtype=np.float64)
+    images: Array = mapped[:, :2] / mapped[:, 2:]
+    return images

@@ -1,16 +1,17 @@
-"""Detection of a moved camera by landmarks: the finger tip at a known pose, the desk's
-edge.
+"""Detection of marks in images: landmarks that show a moved camera (finger tip at a
+known pose, desk's edge), and the calibration pin, a bright disc on a dark plate.
 """
 
 from base64 import b64decode, b64encode
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from math import pi
+from math import nan, pi
 from typing import Literal, Self
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
 from calibration.homography import PlaneMap
@@ -121,7 +122,7 @@ class CameraShift:
         any.
         """
         shifts = (abs(self.desk), float(np.hypot(self.x, self.z)))
-        return max(filter(np.isfinite, shifts), default=float("nan"))
+        return max(filter(np.isfinite, shifts), default=nan)
 
 
 def take_landmarks(frame: Frame, pose: Pose, plane_map: PlaneMap) -> Landmarks:
@@ -152,14 +153,18 @@ def camera_shift(
     pose.
     """
     grey = grey_of(frame.image)
-    shifts: dict[str, list[tuple[float, float]]] = {"tip": [], "desk": []}
+    x = z = nan
+    desk = []
     for mark in landmarks.marks:
         shift = _find_shift(grey, mark)
-        if shift is not None:
-            shifts[mark.kind].append(_shift_mm(mark, shift, plane_map))
-    x, z = shifts["tip"][0] if shifts["tip"] else (float("nan"), float("nan"))
-    desk = [up for _, up in shifts["desk"]]
-    return CameraShift(x, z, float(np.median(desk)) if desk else float("nan"))
+        if shift is None:
+            continue
+        right, up = _shift_mm(mark, shift, plane_map)
+        if mark.kind == "tip":
+            x, z = right, up
+        else:
+            desk.append(up)
+    return CameraShift(x, z, float(np.median(desk)) if desk else nan)
 
 
 def _desk_patch(grey: Image, x: float, plane_map: PlaneMap) -> Landmark | None:
@@ -177,7 +182,7 @@ def _desk_patch(grey: Image, x: float, plane_map: PlaneMap) -> Landmark | None:
         return None
     if first < SEARCH_RADIUS or last > len(grey) - SEARCH_RADIUS:
         return None
-    rows = grey[first:last, left : left + DESK_SIDE].astype(np.float64).mean(axis=1)
+    rows = grey[first:last, left : left + DESK_SIDE].mean(axis=1)
     steps = np.abs(rows[EDGE_ROWS:] - rows[:-EDGE_ROWS])
     if len(steps) == 0 or steps.max() < CONTRAST:
         return None
@@ -190,19 +195,19 @@ def _find_shift(grey: Image, mark: Landmark) -> tuple[float, float] | None:
     found.
     """
     patch = mark.patch()
-    # a level line hides sideways motion
-    reach_u = SEARCH_RADIUS if mark.kind == "tip" else 0
-    left, top = max(mark.left - reach_u, 0), max(mark.top - SEARCH_RADIUS, 0)
     side = len(patch)
-    window = grey[
-        top : mark.top + side + SEARCH_RADIUS, left : mark.left + side + reach_u
-    ]
-    if window.shape[0] < side or window.shape[1] < side:
+    # a level line hides sideways motion
+    sideways = SEARCH_RADIUS if mark.kind == "tip" else 0
+    left, top = max(mark.left - sideways, 0), max(mark.top - SEARCH_RADIUS, 0)
+    right, bottom = mark.left + side + sideways, mark.top + side + SEARCH_RADIUS
+    window = grey[top:bottom, left:right]
+    if min(window.shape) < side:
         return None
-    place = find_patch(window, patch)
-    if place is None:
+    found = find_patch(window, patch)
+    if found is None:
         return None
-    return left + float(place[0]) - mark.left, top + float(place[1]) - mark.top
+    u, v = found.tolist()
+    return left + u - mark.left, top + v - mark.top
 
 
 def find_patch(window: Image, patch: Image) -> Array | None:
@@ -245,3 +250,62 @@ def grey_of(image: Image) -> Image:
     """Grey levels (h, w) of a colour `image` (h, w, 3)."""
     grey: Image = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
     return grey
+
+
+# grey levels of the darkest channel of a lit disc, and of one in shadow
+LIT_LEVELS = (170, 110)
+PLATE_CONTRAST = 90.0  # grey levels between disc and plate
+RADII = (3.0, 30.0)  # px, range of radii of the disc
+ROUND = 0.75  # share of its circumscribed circle that the disc fills
+WINDOW_REACH, PLATE_EDGE, INSIDE = 1.7, 1.25, 0.7  # over the disc's radius
+DARK_SHARE = 0.1  # of the contrast, brightness above the plate that carries no weight
+
+
+def find_pointer(image: Image) -> Array | None:
+    """Centre (2,) u, v [px] of the pin's disc in `image` (h, w, 3); None unless exactly
+    one.
+    """
+    darkest = cv2.min(cv2.min(image[..., 0], image[..., 1]), image[..., 2])
+    for level in LIT_LEVELS:
+        _, bright = cv2.threshold(darkest, level, 255, cv2.THRESH_BINARY)
+        outlines, _ = cv2.findContours(bright, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+        discs = [_disc(darkest, outline) for outline in outlines]
+        centres = [centre for centre in discs if centre is not None]
+        if centres:
+            return centres[0] if len(centres) == 1 else None
+    return None
+
+
+def _disc(grey: Image, outline: NDArray[np.int32]) -> Array | None:
+    """Centre (2,) u, v [px] of the disc in `outline`, or None without a disc on a dark
+    plate.
+    """
+    (u, v), radius = cv2.minEnclosingCircle(outline)
+    if not RADII[0] <= radius <= RADII[1]:
+        return None
+    if cv2.contourArea(outline) < ROUND * np.pi * (radius - 0.5) ** 2:
+        return None
+
+    column, row = round(u), round(v)
+    reach = int(np.ceil(WINDOW_REACH * radius)) + 2
+    window = grey[
+        max(row - reach, 0) : row + reach + 1,
+        max(column - reach, 0) : column + reach + 1,
+    ]
+    dv, du = np.mgrid[-reach : reach + 1, -reach : reach + 1]
+    if window.shape != du.shape:
+        return None
+
+    distance = np.hypot(du - (u - column), dv - (v - row))
+    beyond_disc = distance > PLATE_EDGE * radius + 1
+    plate = float(np.median(window[beyond_disc & (distance < reach)]))
+    disc = float(np.median(window[distance < INSIDE * radius]))
+    if disc - plate < PLATE_CONTRAST:
+        return None
+
+    brightness = (window - plate) / (disc - plate)
+    weight = np.clip(brightness - DARK_SHARE, 0.0, 1.0 - DARK_SHARE)
+    weight[distance > PLATE_EDGE * radius + 2] = 0.0
+    off = np.array([(weight * du).sum(), (weight * dv).sum()]) / weight.sum()
+    centre: Array = np.array([column, row]) + off
+    return centre

@@ -63,20 +63,21 @@ def wanted_views(lean: float, sizes: tuple[float, float]) -> tuple[WantedView, .
     """
     far, near = sizes
     right, left, high, low = 0.84, 0.16, 0.27, 0.73
+    half, most = 0.5 * lean, 0.8 * lean
     return (
         WantedView(0.5, 0.5, near),
-        WantedView(left, high, near, tilt=0.5 * lean, turn=0.5 * lean),
-        WantedView(right, low, near, tilt=-0.5 * lean, turn=-0.5 * lean),
-        WantedView(left, low, far, tilt=-0.5 * lean, turn=0.5 * lean),
-        WantedView(right, high, far, tilt=0.5 * lean, turn=-0.5 * lean),
+        WantedView(left, high, near, tilt=half, turn=half),
+        WantedView(right, low, near, tilt=-half, turn=-half),
+        WantedView(left, low, far, tilt=-half, turn=half),
+        WantedView(right, high, far, tilt=half, turn=-half),
         WantedView(0.6, 0.5, far, tilt=lean, roll=0.1),
         WantedView(0.4, 0.5, far, tilt=-lean, roll=-0.1),
         WantedView(0.65, 0.5, near, turn=lean, roll=0.1),
         WantedView(0.35, 0.5, near, turn=-lean, roll=-0.1),
-        WantedView(right, 0.5, near, tilt=0.8 * lean, turn=0.8 * lean, roll=0.2),
-        WantedView(left, 0.5, near, tilt=-0.8 * lean, turn=-0.8 * lean, roll=-0.2),
-        WantedView(0.5, high, near, tilt=0.8 * lean, turn=-0.8 * lean, roll=0.3),
-        WantedView(0.5, low, near, tilt=-0.8 * lean, turn=0.8 * lean, roll=-0.3),
+        WantedView(right, 0.5, near, tilt=most, turn=most, roll=0.2),
+        WantedView(left, 0.5, near, tilt=-most, turn=-most, roll=-0.2),
+        WantedView(0.5, high, near, tilt=most, turn=-most, roll=0.3),
+        WantedView(0.5, low, near, tilt=-most, turn=most, roll=-0.3),
     )
 
 

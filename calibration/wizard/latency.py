@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import ConfigDict, Field
 
 from calibration.homography import PlaneMap
-from calibration.pointer import find_pointer
+from calibration.landmarks import find_pointer
 from calibration.wizard.verdict import Verdict, grade_line, reasons
 from drivers.base.settings import Settings
 from drivers.base.types import ArmState, Array, Frame, Pose
@@ -92,22 +92,24 @@ def latency_verdict(
         return LatencyVerdict(reasons=("no step of the arm was seen; step again",))
     arm: Array = np.array(steps.arm)
     seen: Array = np.array(steps.seen)
-    inside = (seen[:, 0] > arm[0, 0] + settings.most) & (seen[:, 0] < arm[-1, 0])
+    times = arm[:, 0]
+    inside = (seen[:, 0] > times[0] + settings.most) & (seen[:, 0] < times[-1])
     stamps = seen[inside, 0]
-    along = plane_map.to_plane(seen[:, 1:])[inside, 0]
+    along = plane_map.to_plane(seen[inside, 1:])[:, 0]
 
-    arm_speed = np.abs(np.gradient(arm[:, 1], arm[:, 0]))
-    under_way = np.interp(stamps, arm[:, 0], arm_speed) > MOVING_SPEED
-    if under_way.sum() < settings.images:
+    arm_speed = np.abs(np.gradient(arm[:, 1], times))
+    moving = np.count_nonzero(np.interp(stamps, times, arm_speed) > MOVING_SPEED)
+    if moving < settings.images:
         reason = (
-            f"{under_way.sum()} images show the pointer under way, {settings.images}"
+            f"{moving} images show the pointer under way, {settings.images}"
             " are needed; step again, uncover it"
         )
         return LatencyVerdict(reasons=(reason,))
 
     latency, misfit = _best_latency(arm, stamps, along, settings.most)
-    even, _ = _best_latency(arm, stamps[::2], along[::2], settings.most)
-    odd, _ = _best_latency(arm, stamps[1::2], along[1::2], settings.most)
+    even, odd = (
+        _best_latency(arm, stamps[k::2], along[k::2], settings.most)[0] for k in (0, 1)
+    )
     apart = abs(even - odd)
     drift = _drift_reasons(arm, stamps, along, latency, settings)
     refused = drift or _reasons(latency, apart, 1e3 * misfit, settings)

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from calibration.calibration import Calibration, make_calibration
-from calibration.homography import Homography, PlaneMap
+from calibration.homography import PlaneMap, homography_of
 from calibration.lens import Lens
 from calibration.wizard.latency import LatencySettings, LatencySteps, latency_verdict
 from calibration.wizard.touches import (
@@ -323,22 +323,21 @@ def _halves_mm(points: Sequence[Touch], lens: Lens, settings: TouchSettings) -> 
     """Difference [mm] over the work area between maps from two random halves of the
     points.
     """
-    ordered = sorted(points, key=lambda p: (p.place[0], p.place[1], p.number))
+    ordered = sorted(points, key=lambda p: (*p.place, p.number))
     order = np.random.default_rng(0).permutation(len(ordered))
+    if len(ordered) < 2 * HALF_POINTS:
+        return nan
+    pixels = lens.undistort(np.array([p.pixel for p in ordered]))
+    places = np.array([p.place for p in ordered])
+    one, other = (
+        homography_of(pixels[half], places[half]) for half in (order[::2], order[1::2])
+    )
+
     x = np.linspace(settings.x_min, settings.x_max, 7)
     z = np.linspace(settings.z_min, settings.z_max, 5)
-    area_mm = 1e3 * np.stack(np.meshgrid(x, z), axis=-1).reshape(-1, 2)
-    maps = []
-    for half in (order[::2], order[1::2]):
-        if len(half) < HALF_POINTS:
-            return nan
-        pixels = lens.undistort(np.array([ordered[i].pixel for i in half]))
-        places_mm = 1e3 * np.array([ordered[i].place for i in half])
-        to_pixels, _ = cv2.findHomography(places_mm, pixels, 0)
-        maps.append(Homography.from_matrix(np.linalg.inv(to_pixels)))
-    one, other = maps
-    through_both = other.to_plane(one.to_image(area_mm))
-    return float(np.hypot(*(through_both - area_mm).T).max())
+    area = np.stack(np.meshgrid(x, z), axis=-1).reshape(-1, 2)
+    through_both = other.to_plane(one.to_image(area))
+    return 1e3 * float(np.hypot(*(through_both - area).T).max())
 
 
 def _map_reasons(verdict: TouchVerdict, settings: TouchSettings) -> tuple[str, ...]:

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from calibration.landmarks import find_pointer
 from calibration.lens import Lens
-from calibration.pointer import find_pointer
 from calibration.wizard.progress import Mark, MarkKind, Progress, Row, place_text
 from calibration.wizard.touch_verdict import TouchVerdict, touch_verdict
 from calibration.wizard.touches import (

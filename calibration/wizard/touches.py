@@ -21,10 +21,11 @@ from calibration.homography import (
 from calibration.lens import Lens
 from drivers.base.errors import ConfigurationError
 from drivers.base.robust import robust_sigma
-from drivers.base.settings import Settings
+from drivers.base.settings import Settings, Share
 from drivers.base.types import Array, Pose
 
 Count = Annotated[int, Field(ge=3, le=12)]
+Millimetres = Annotated[float, Field(gt=0, le=10)]
 
 
 class TouchSettings(Settings):
@@ -47,17 +48,14 @@ class TouchSettings(Settings):
     still: float = Field(0.3, gt=0, le=2)
     arm_still: float = Field(0.0005, gt=0, le=0.005)
     patience: int = Field(8, ge=2, le=100)  # images at one pose before it is given up
-    worst_mm: float = Field(1.0, gt=0, le=10)  # allowed at the held-out points
-    median_mm: float = Field(0.5, gt=0, le=10)  # likewise, their median
-    # by which maps from two halves may differ
-    halves_mm: float = Field(1.5, gt=0, le=10)
-    # rms under which there is nothing to improve
-    good_mm: float = Field(0.3, gt=0, le=10)
+    worst_mm: Millimetres = 1.0  # allowed at the held-out points
+    median_mm: Millimetres = 0.5  # likewise, their median
+    halves_mm: Millimetres = 1.5  # by which maps from two halves may differ
+    good_mm: Millimetres = 0.3  # rms under which there is nothing to improve
     rejected: int = Field(2, ge=0, le=10)  # points that may be left out at the end
     # share of the first touches that may be wild
     wild: float = Field(0.25, gt=0, lt=0.5)
-    # share of the work area that used points enclose
-    spread: float = Field(0.6, gt=0, le=1)
+    spread: Share = 0.6  # of the work area, that used points enclose
 
 
 def touch_plan(settings: TouchSettings) -> tuple[Pose, ...]:

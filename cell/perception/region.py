@@ -114,16 +114,17 @@ def strip_region(calibration: Calibration, length: float, gripper: Pose) -> Regi
     the right half way between its length and the gripper.
     """
     top = max(gripper.z + ABOVE_GRIPPER, FOLD)
-    right = float(np.clip((length + gripper.x) / 2, length / 2, length)) + BEYOND
-    corners = np.array([(x, z) for x in (STRIP_START, right) for z in (-BELOW, top)])
-    pixels = calibration.to_image(corners)
-    lens = calibration.lens
-    size = np.array([lens.width, lens.height])
-    first = np.clip(pixels.min(axis=0), 0, size - 2).astype(int) // CELL_PX * CELL_PX
-    last = np.clip(np.ceil(pixels.max(axis=0)) + 1, 2, size).astype(int)
-    # rounded up to whole cells
-    right_bottom = np.minimum(-(-last // CELL_PX) * CELL_PX, size)
-    return Region(*first.tolist(), *right_bottom.tolist())
+    half_way = min(max((length + gripper.x) / 2, length / 2), length)
+    corners = [(x, z) for x in (STRIP_START, half_way + BEYOND) for z in (-BELOW, top)]
+    pixels = calibration.to_image(np.array(corners))
+
+    size = np.array([calibration.lens.width, calibration.lens.height])
+    first = np.clip(pixels.min(axis=0), 0, size - 2) // CELL_PX * CELL_PX
+    last = np.clip(np.ceil(pixels.max(axis=0)) + 1, 2, size)
+    end = np.minimum(np.ceil(last / CELL_PX) * CELL_PX, size)
+    left, top_row = first.astype(int).tolist()
+    right, bottom = end.astype(int).tolist()
+    return Region(left, top_row, right, bottom)
 
 
 def motion_mask(calibration: Calibration, length: float) -> Image:
@@ -142,13 +143,8 @@ def strip_zone(calibration: Calibration, length: float, low: float = -BELOW) -> 
     """Mask (height, width), 255 where a strip of `length` [m] can lie, or hang above
     `low` [m].
     """
-    right, ceiling = length + BEYOND, length
-    corners = [
-        (STRIP_START, low),
-        (right, low),
-        (right, ceiling),
-        (STRIP_START, ceiling),
-    ]
+    left, right = STRIP_START, length + BEYOND
+    corners = [(left, low), (right, low), (right, length), (left, length)]
     return _fill(calibration, np.array(corners))
 
 
@@ -168,12 +164,12 @@ def without_hand(region: Region, calibration: Calibration, gripper: Pose) -> Ima
     tip, palm = -TIP_AHEAD - BLUR, PALM[0][0] - BLUR
     side = np.array([(tip, -slim), (palm, -slim), (palm, -wide), (WRIST_LENGTH, -wide)])
     outline = np.concatenate([side, side[::-1] * (1, -1)])
+
     near = side_view(outline, gripper.as_array()[None])[0]
     view = calibration.viewpoint
     far = near + view.sweep(HAND_BACK) * (view.foot() - near)
-    mask = np.full(
-        (region.bottom - region.top, region.right - region.left), 255, dtype=np.uint8
-    )
+
+    mask = np.full(region.cells(1), 255, np.uint8)
     for corners in (near, far):
         pixels = np.rint(calibration.homography.to_image(corners) - region.origin)
         cv2.fillPoly(mask, [np.clip(pixels, -20000, 20000).astype(np.int32)], 0)

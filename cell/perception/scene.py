@@ -122,10 +122,14 @@ class Background:
         corner = (region.left, region.top)
         before = kernels.patch_brightness(self.image, corner, shape)
         now = kernels.patch_brightness(image, corner, shape)
-        ratio = np.asarray(now / np.maximum(before, DARKEST), dtype=np.float32)
+        ratio = (now / np.maximum(before, DARKEST)).astype(np.float32)
         ratio = self._fill_holes(ratio, _patches_in_view(visible, shape))
-        steps = np.rint(np.clip(kernels.EVEN_LIGHT * ratio, 1, 255)).astype(np.uint8)
-        smooth = cv2.blur(cv2.medianBlur(steps, self.about).astype(np.float32), (3, 3))
+
+        # OpenCV's median is one of whole numbers
+        levels = np.rint(np.clip(kernels.EVEN_LIGHT * ratio, 1, 255)).astype(np.uint8)
+        median = cv2.medianBlur(levels, self.about).astype(np.float32)
+        smooth = cv2.blur(median, (3, 3))
+
         height, width = (PATCH_PX // CELL_PX * patches for patches in shape)
         cells = cv2.resize(smooth, (width, height))
         n, m = region.cells(CELL_PX)
@@ -137,14 +141,11 @@ class Background:
         """Replace unknown `values` (n, m) by the mean of known neighbours, or by 1
         without any.
         """
-        if known.all():
-            return values
         size = (3 * self.about, 3 * self.about)
         weight = cv2.blur(known, size)
         mean = cv2.blur(values * known, size) / np.maximum(weight, 1e-6)
-        return np.where(known > 0, values, np.where(weight > 1e-4, mean, 1)).astype(
-            np.float32
-        )
+        guess = np.where(weight > 1e-4, mean, 1)
+        return np.where(known > 0, values, guess).astype(np.float32)
 
 
 def _patches_in_view(visible: Image, shape: tuple[int, int]) -> Floats:
@@ -180,24 +181,26 @@ def learn_background(
     """
     height, width = image.shape[:2]
     x = np.linspace(0.0, place.length + END_MARGIN, 60)
-    left, right = calibration.to_image(np.column_stack([x[[0, -1]], [0.0, 0.0]]))[:, 0]
-    columns = np.arange(max(int(left), 0), min(int(right) + 1, width - 1))
 
-    def row_at(z: float) -> Array:
-        """Image rows (n,) of the height `z` [m], in those columns."""
-        line = calibration.to_image(np.column_stack([x, np.full_like(x, z)]))
-        return np.interp(columns, line[:, 0], line[:, 1])
+    def line_at(z: float) -> tuple[Array, Array]:
+        """Image columns and rows (60,) of the points at `x` and at height `z` [m]."""
+        u, v = calibration.to_image(np.insert(x[:, None], 1, z, axis=1)).T
+        return u, v
 
-    top, bottom = row_at(place.high), row_at(place.low)
+    on_desk, _ = line_at(0.0)
+    left, right = max(int(on_desk[0]), 0), min(int(on_desk[-1]) + 1, width - 1)
+    columns = np.arange(left, right)
+    top, bottom = (np.interp(columns, *line_at(z)) for z in (place.high, place.low))
+
     begins = np.maximum(np.floor(top).astype(int), EDGE)
     ends = np.minimum(np.ceil(bottom).astype(int), height - EDGE - 1) + 1
     empty = image.copy()
-    for column, begin, end in zip(columns, begins, ends, strict=True):
-        _bridge(empty[:, column], int(begin), int(end))
+    for column, begin, end in zip(columns, begins.tolist(), ends.tolist(), strict=True):
+        _bridge(empty[:, column], begin, end)
 
     edge = np.interp(np.arange(width), columns, top) - EDGE
-    on_desk = np.arange(height)[:, None] >= edge[None]
-    shade = np.where(on_desk, DESK_SHADE, LIFTED_SHADE).astype(np.float32)
+    is_desk = np.arange(height)[:, None] >= edge
+    shade = np.where(is_desk, DESK_SHADE, LIFTED_SHADE).astype(np.float32)
     return Background(empty, shade, Sizes.of_camera(calibration).light)
 
 
@@ -363,11 +366,11 @@ def sensor_noise(image: Image) -> float:
     power = cv2.resize(noise * noise, size, interpolation=cv2.INTER_AREA)
     level = cv2.resize(pixels, size, interpolation=cv2.INTER_AREA)
     inside = power[(level > SCALE_ENDS[0]) & (level < SCALE_ENDS[1])]
-    return (
-        float(np.sqrt(np.median(inside) / (1 - AVERAGING_WINDOW**-2)))
-        if len(inside)
-        else 0.0
-    )
+    if len(inside) == 0:
+        return 0.0
+    # a pixel weighs in its own average, which takes that share of its variance away
+    variance = np.median(inside) / (1 - AVERAGING_WINDOW**-2)
+    return float(np.sqrt(variance))
 
 
 def _share_noise(colours: Array, background: Image, smooth: float) -> float:

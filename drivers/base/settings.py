@@ -43,6 +43,8 @@ class Unit:
 Metres = Annotated[float, Unit("m")]
 Seconds = Annotated[float, Unit("s")]
 Speed = Annotated[float, Unit("m/s")]
+Share = Annotated[float, Field(gt=0, le=1)]
+"""Fraction of a whole, more than nothing of it."""
 
 
 class Settings(BaseModel):

@@ -2,6 +2,7 @@
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from drivers.base.errors import ConfigurationError
 from drivers.base.types import Array, BoardPlacement, Frame, Image
@@ -85,7 +86,6 @@ def _draw_board(
     half = (np.array(board.getChessboardSize()) / 2 + QUIET_ZONE) * square
     corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * half
     placed = np.column_stack([corners, np.zeros(4)]) @ pose[:3, :3].T + pose[:3, 3]
-
     depth = float(((placed - optics.centre) @ optics.rotation[2]).min())
     if depth <= 0:
         raise ConfigurationError(
@@ -96,33 +96,38 @@ def _draw_board(
     size = image.shape[1::-1]
     first = np.floor(pixels.min(axis=0)).astype(int) - BORDER
     last = np.ceil(pixels.max(axis=0)).astype(int) + BORDER + 1
-    left, top = np.clip(first, 0, size)
-    right, bottom = np.clip(last, 0, size)
+    left, top = np.clip(first, 0, size).tolist()
+    right, bottom = np.clip(last, 0, size).tolist()
     if left >= right or top >= bottom:
         return
 
-    x, y = _on_board(optics, pose, (left, top, right, bottom))
+    u, v = np.meshgrid(_samples(left, right), _samples(top, bottom))
+    x, y = _on_board(optics, pose, u, v)
     scale = max(PRINT_SCALE * optics.focal / depth * square, SMALLEST_SQUARE)
-    print_, share = _sample_print(board, x / square, y / square, round(scale))
+    levels, cover = _sample_print(board, x / square, y / square, round(scale))
+
     part = image[top:bottom, left:right]
-    paper = print_[..., None] * glow[top:bottom, left:right]
-    part[:] = np.minimum(part + share[..., None] * (paper - part) + 0.5, 255)
+    paper = levels[..., None] * glow[top:bottom, left:right]
+    part[:] = np.minimum(part + cover[..., None] * (paper - part) + 0.5, 255)
+
+
+def _samples(first: int, end: int) -> Pixels:
+    """Coordinates [px] of the samples in the pixels from number `first` to before
+    `end`.
+    """
+    counts = np.arange((end - first) * SAMPLES_PER_PIXEL)
+    return ((counts + 0.5) / SAMPLES_PER_PIXEL - 0.5 + first).astype(np.float32)
 
 
 def _on_board(
-    optics: Optics, pose: Array, box: tuple[int, int, int, int]
+    optics: Optics, pose: Array, u: Pixels, v: Pixels
 ) -> tuple[Pixels, Pixels]:
-    """Points x, y (h, w) [m] from the board's centre, met by rays through the pixels of
-    `box`.
+    """Points x, y (h, w) [m] from the board's centre, met by rays through the pixels
+    `u`, `v` (h, w).
     """
-    left, top, right, bottom = box
-    across = (np.arange((right - left) * SAMPLES_PER_PIXEL) + 0.5) / SAMPLES_PER_PIXEL
-    down = (np.arange((bottom - top) * SAMPLES_PER_PIXEL) + 0.5) / SAMPLES_PER_PIXEL
-    u, v = np.meshgrid(across - 0.5 + left, down - 0.5 + top)
-    rays = np.stack(optics.rays(u.astype(np.float32), v.astype(np.float32)), axis=-1)
-    directions = rays @ pose[:3, :3].astype(np.float32)
-    start = (optics.centre - pose[:3, 3]) @ pose[:3, :3]
-    x0, y0, z0 = start.tolist()
+    turn = pose[:3, :3]
+    directions = np.stack(optics.rays(u, v), axis=-1) @ turn.astype(np.float32)
+    x0, y0, z0 = ((optics.centre - pose[:3, 3]) @ turn).tolist()
     reach = -z0 / directions[..., 2]
     return x0 + reach * directions[..., 0], y0 + reach * directions[..., 1]
 
@@ -130,18 +135,25 @@ def _on_board(
 def _sample_print(
     board: cv2.aruco.CharucoBoard, x: Pixels, y: Pixels, scale: int
 ) -> tuple[Pixels, Pixels]:
-    """Grey levels (h, w) of the print, and its shares of the pixels, at `x`, `y`
-    [squares].
+    """Grey levels (h, w) of the print, and the fraction of each pixel that it covers,
+    at `x`, `y` [squares].
     """
     columns, rows = board.getChessboardSize()
     margin = round(QUIET_ZONE * scale)
-    size = (columns * scale + 2 * margin, rows * scale + 2 * margin)
-    print_ = board.generateImage(size, marginSize=margin)
+    width, height = columns * scale + 2 * margin, rows * scale + 2 * margin
+    sheet = board.generateImage((width, height), marginSize=margin)
     u = (x + columns / 2) * scale + (margin - 0.5)
     v = (y + rows / 2) * scale + (margin - 0.5)
-    grey = cv2.remap(print_, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    inside = (u > -0.5) & (u < size[0] - 0.5) & (v > -0.5) & (v < size[1] - 0.5)
-    size_px = (x.shape[1] // SAMPLES_PER_PIXEL, x.shape[0] // SAMPLES_PER_PIXEL)
-    share = cv2.resize(inside.astype(np.float32), size_px, interpolation=cv2.INTER_AREA)
-    grey = cv2.resize(grey.astype(np.float32), size_px, interpolation=cv2.INTER_AREA)
-    return INK_LEVEL + grey * ((PAPER_LEVEL - INK_LEVEL) / 255), share
+    grey = cv2.remap(sheet, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    inside = (u > -0.5) & (u < width - 0.5) & (v > -0.5) & (v < height - 0.5)
+
+    level, cover = (_average(samples) for samples in (grey, inside))
+    return INK_LEVEL + level * ((PAPER_LEVEL - INK_LEVEL) / 255), cover
+
+
+def _average(samples: NDArray[np.generic]) -> Pixels:
+    """Means (h, w) over the pixels of their `samples`."""
+    height, width = (side // SAMPLES_PER_PIXEL for side in samples.shape)
+    values = samples.astype(np.float32)
+    means: Pixels = cv2.resize(values, (width, height), interpolation=cv2.INTER_AREA)
+    return means

@@ -11,8 +11,8 @@ from drivers.base.types import Frame
 from drivers.strip.model import Observation
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.renderer.renderer import Renderer
-from drivers.twin.scene import Scene
 from drivers.twin.settings import CameraSettings
+from drivers.twin.world import Scene
 
 SOURCE = "twin camera"
 CLOCK_DIGITS = 9  # digits of a second that the clock knows

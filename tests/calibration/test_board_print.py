@@ -16,7 +16,7 @@ from calibration.board import (
     print_board,
     smallest_sheet,
 )
-from calibration.pointer import find_pointer
+from calibration.landmarks import find_pointer
 from drivers.base.errors import ConfigurationError
 from drivers.base.types import Image
 

@@ -23,8 +23,8 @@ from drivers.strip.model import Observation
 from drivers.twin.camera import displaced_optics
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.renderer.renderer import Renderer
-from drivers.twin.scene import Scene
 from drivers.twin.settings import CameraSettings
+from drivers.twin.world import Scene
 from tests.support.twin_calibration import NO_STRIP, true_lens
 
 CAMERA = CameraSettings()

@@ -30,7 +30,7 @@ ROOMS = (
     *(
         "cell/perception/model_agreement",
         "cell/perception/camera_watch",
-        "cell/perception/contact",
+        "cell/perception/perception",
     ),
     *(
         "cell/perception/held_end",

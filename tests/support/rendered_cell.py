@@ -3,7 +3,7 @@
 import numpy as np
 
 from drivers.base.types import Array, Pose
-from drivers.twin.scene import Scene
+from drivers.twin.world import Scene
 
 LENGTH = 0.6
 KNOTS: dict[str, tuple[list[float], list[float]]] = {

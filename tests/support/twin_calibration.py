@@ -30,8 +30,8 @@ from drivers.twin.board import board_frame, board_pose
 from drivers.twin.renderer.looks import StripLook
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.renderer.renderer import Renderer
-from drivers.twin.scene import Scene
 from drivers.twin.settings import CameraSettings
+from drivers.twin.world import Scene
 
 SHIPPED = CHECKOUT_CONFIGS / "calibration"
 NO_STRIP = StripLook((40, 60, 110), 0.001, 0.05)

@@ -317,7 +317,7 @@ class Fit:
         return pixels
 
 
-def fit(
+def fit_photograph(
     photograph: Photograph, prior: RestCurvaturePrior, start: Fit | None = None
 ) -> Fit:
     """Fit the most probable strip under `prior` to one photograph, starting from

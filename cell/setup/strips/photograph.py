@@ -1,19 +1,202 @@
-"""Photograph of a strip that hangs over a ledge, reduced to the strip's midline."""
+"""Photograph of a strip that hangs over a ledge, reduced to the midline of the thin
+object that enters at its left border.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import cast
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 from scipy.signal import savgol_coeffs, savgol_filter
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import dijkstra
 
-from cell.setup.strips.midline import Midline, extract_midline
 from drivers.base.errors import ConfigurationError
-from drivers.base.geometry import arc_lengths, interpolate_columns
+from drivers.base.geometry import (
+    arc_lengths,
+    even_points,
+    interpolate_columns,
+    left_normals,
+    moving_average,
+    unit,
+)
 from drivers.base.readers import read_picture
 from drivers.base.robust import robust_sigma
 from drivers.base.types import Array, Image
+
+# px; larger pictures are shrunk for tracing, then refined in full size
+WORKING_HEIGHT = 1200
+CONTRAST = 40  # grey levels between object and background
+FLUFF = 0.35  # of the width: threads thinner than this are not the object
+BORDER = 8  # px by which the object is continued over the left border
+END_POINTS = 8  # points of the midline that give the direction to the tip
+FEWEST_LEVELS = 3  # half widths along an object that has a line to trace
+
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class Midline:
+    """Midline of an object in an image: `points` (n, 2) u, v [px]; `width` [px] of the
+    object.
+    """
+
+    points: Array
+    width: float
+
+    @property
+    def length(self) -> float:
+        """Length of the midline [px]."""
+        return float(arc_lengths(self.points)[-1])
+
+
+def extract_midline(image: Image, count: int = 200) -> Midline:
+    """Trace the midline of the object at the left border of `image` (h, w, 3) by
+    `count` points.
+
+    Points are at equal steps from the border to the tip; fluff, specks and background
+    gradients are ignored. Raises ConfigurationError for an image without such an
+    object.
+    """
+    scale = max(1.0, image.shape[0] / WORKING_HEIGHT)
+    small = cv2.resize(
+        image, None, fx=1 / scale, fy=1 / scale, interpolation=cv2.INTER_AREA
+    )
+    mask, width = _find_object(_brightness(small))
+    rough = _level_centres(mask, _geodesic_distance(mask), 0.5 * width)
+    if len(rough) < FEWEST_LEVELS:
+        raise ConfigurationError("picture: what enters at its left border is no strip")
+    fine = _centre(_brightness(small), even_points(_smooth(rough, 2), count), width)
+    midline = _to_ends(mask, fine, width)
+    return Midline((even_points(midline, count) + 0.5) * scale - 0.5, width * scale)
+
+
+def _brightness(image: Image) -> Image:
+    """Brightness (h, w) of an image (h, w) or (h, w, 3): its strongest channel."""
+    return cast(Image, image.max(axis=2) if image.ndim == 3 else image)
+
+
+def _find_object(grey: Image) -> tuple[Mask, float]:
+    """Mask (h, w) of the bright region at the left border, without threads, and its
+    width [px].
+    """
+    smooth = cv2.medianBlur(grey, 5)
+    _, bright = cv2.threshold(smooth, 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
+    is_uniform = bright.min() == bright.max()
+    if is_uniform or smooth[bright > 0].mean() < smooth[bright == 0].mean() + CONTRAST:
+        raise ConfigurationError("picture: no bright object on a dark background")
+
+    padded = cv2.copyMakeBorder(bright, 0, 0, BORDER, 0, cv2.BORDER_REPLICATE)
+    width = _width(padded)
+    size = 2 * int(FLUFF * width / 2) + 1
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+    bodies = cv2.morphologyEx(padded, cv2.MORPH_OPEN, kernel)[:, BORDER:]
+
+    _, labels, statistics, _ = cv2.connectedComponentsWithStats(bodies, connectivity=4)
+    entering = np.setdiff1d(np.unique(labels[:, 0]), [0])
+    if len(entering) == 0:
+        raise ConfigurationError("picture: no bright object enters at the left border")
+    largest = entering[np.argmax(statistics[entering, cv2.CC_STAT_AREA])]
+    return labels == largest, width
+
+
+def _width(bright: Image) -> float:
+    """Width [px] of the objects in a mask (h, w): twice their depth along the
+    middle.
+    """
+    depth = cv2.distanceTransform(bright, cv2.DIST_L2, 5)
+    ridge = depth[(depth > 1) & (depth >= cv2.dilate(depth, np.ones((3, 3))))]
+    if not len(ridge):
+        raise ConfigurationError("picture: no bright object is wider than two pixels")
+    return 2 * float(np.percentile(ridge, 75))
+
+
+def _geodesic_distance(mask: Mask) -> Array:
+    """Distance (h, w) [px] inside the mask from its entry at the left border, inf
+    outside.
+    """
+    count = int(mask.sum())
+    index = np.full(np.add(mask.shape, 2), -1)  # with a border that is outside
+    index[1:-1, 1:-1][mask] = np.arange(count)
+    v, u = np.nonzero(index >= 0)
+
+    ends, lengths = [], []
+    # half of a pixel's eight neighbours: the graph has no direction
+    for dv, du in ((0, 1), (1, 0), (1, 1), (-1, 1)):
+        neighbour = index[v + dv, u + du]
+        joined = np.flatnonzero(neighbour >= 0)
+        ends.append([joined, neighbour[joined]])
+        lengths.append(np.full(len(joined), np.hypot(du, dv)))
+    links = (np.concatenate(lengths), np.concatenate(ends, axis=1))
+    graph = coo_matrix(links, shape=(count, count)).tocsr()
+
+    entry = np.flatnonzero(u == 1)
+    distance = np.full(mask.shape, np.inf)
+    distance[mask] = dijkstra(graph, directed=False, indices=entry, min_only=True)
+    return distance
+
+
+def _level_centres(mask: Mask, distance: Array, step: float) -> Array:
+    """Centroids (n, 2), u and v [px], of bands of the mask, each `step` [px] of
+    `distance` wide.
+    """
+    reached = mask & np.isfinite(distance)
+    v, u = np.nonzero(reached)
+    band = (distance[reached] / step).astype(int)
+    count = np.bincount(band)
+    sums = np.stack([np.bincount(band, u), np.bincount(band, v)], axis=1)
+    return sums[count > 0] / count[count > 0, None]
+
+
+def _smooth(points: Array, reach: int) -> Array:
+    """Moving average of points (n, 2) over 2 reach + 1 of them; the end points stay."""
+    mirrored = np.pad(points, ((reach, reach), (0, 0)), "reflect", reflect_type="odd")
+    return moving_average(mirrored, 2 * reach + 1)
+
+
+def _centre(grey: Image, points: Array, width: float) -> Array:
+    """Shift points (n, 2) along their normals to the centroid of brightness across the
+    object.
+    """
+    normal = left_normals(unit(np.gradient(_smooth(points, 3), axis=0)))
+
+    offsets = np.linspace(-width, width, 2 * int(2 * width) + 1)
+    at = (points[:, None] + offsets[:, None] * normal[:, None]).astype(np.float32)
+    border = cv2.BORDER_REPLICATE
+    across = cv2.remap(grey, at, None, cv2.INTER_LINEAR, None, border)
+
+    dark, bright = np.percentile(across, (10, 90), axis=1)[..., None]
+    brightness = (across - dark) / np.maximum(bright - dark, 1.0)
+    inside = np.clip(brightness - 0.5, 0.0, None)
+
+    centroid = (inside * offsets).sum(axis=1) / np.maximum(inside.sum(axis=1), 1e-9)
+    shift = np.clip(centroid, -0.3 * width, 0.3 * width)
+    return _smooth(points + shift[:, None] * normal, 3)
+
+
+def _to_ends(mask: Mask, points: Array, width: float) -> Array:
+    """Extend a midline (n, 2) to the left border, and in a straight line to the
+    object's tip.
+    """
+    entry = np.array([0.0, np.flatnonzero(mask[:, 0]).mean()])
+    is_clear = np.hypot(*(points - entry).T) > 0.8 * width
+    traced = points[np.argmax(is_clear) :]
+
+    direction = traced[-1] - traced[-END_POINTS]
+    direction /= np.linalg.norm(direction)
+    onward = traced[-1] + np.arange(1.0, 2 * width)[:, None] * direction
+
+    u, v = np.rint(onward).astype(int).T
+    height, width_px = mask.shape
+    in_image = (u >= 0) & (v >= 0) & (u < width_px) & (v < height)
+    on_object = in_image & mask[v.clip(0, height - 1), u.clip(0, width_px - 1)]
+    beyond = np.flatnonzero(~on_object)
+    end = beyond[0] if len(beyond) else len(onward)
+    return np.vstack([entry, traced, onward[:end]])
+
 
 SHORTEST_OVERHANG, LONGEST_OVERHANG = 0.01, 2.0  # m of overhang
 ROUGH_POINTS = 200  # of a first midline, which gives width and length
@@ -139,11 +322,15 @@ def _trace_bright(image: Image) -> Midline:
 def _average_points(traced: Array, travel: Array, arc: Array) -> Array:
     """Mean traced points (n, 2) [px] around each of the arc lengths `arc` (n,) [px]."""
     reach = 0.5 * (arc[1] - arc[0])
-    edges = np.clip(np.stack([arc - reach, arc + reach]), 0.0, travel[-1])
+    begin = np.clip(arc - reach, 0.0, travel[-1])
+    end = np.clip(arc + reach, 0.0, travel[-1])
+
+    # the integral of the points up to each of them, by trapezoids
     steps = np.diff(travel)[:, None] * 0.5 * (traced[1:] + traced[:-1])
-    sums = np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
-    before, after = (interpolate_columns(edge, travel, sums) for edge in edges)
-    means: Array = (after - before) / np.diff(edges, axis=0).T
+    integral = np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
+    before = interpolate_columns(begin, travel, integral)
+    after = interpolate_columns(end, travel, integral)
+    means: Array = (after - before) / (end - begin)[:, None]
     return means
 
 

@@ -5,7 +5,6 @@ pin.
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
 from drivers.base.types import Array, Image
@@ -18,8 +17,8 @@ from drivers.franka.shapes import (
     side_view,
 )
 from drivers.twin.renderer.optics import Optics
-from drivers.twin.renderer.stage import fill
-from drivers.twin.scene import Scene
+from drivers.twin.renderer.stage import fill, hull
+from drivers.twin.world import Scene
 
 WRIST = ((0.13, 0.05), (0.60, 0.05))  # m: behind the grip, half of it across
 WRIST_DEPTH = 0.1  # m in y
@@ -45,19 +44,19 @@ def outlines(scene: Scene, middle: float, floor: float) -> list[Outline]:
     `floor` [m].
     """
     width = 0.0 if scene.pointer else scene.finger_width
-    parts = [
+    parts = (
         (block(WRIST), WRIST_DEPTH, PALE),
         (block(PALM), PALM_WIDTH, 1.0),
-    ]
-    parts += [(finger(width, side), FINGER_WIDTH, 1.0) for side in (-1.0, 1.0)]
+        (finger(width, -1.0), FINGER_WIDTH, 1.0),
+        (finger(width, 1.0), FINGER_WIDTH, 1.0),
+    )
     pose = scene.gripper.as_array()[None]
     placed = []
     for corners, depth, shade in parts:
-        outline = clip_above(side_view(corners, pose)[0], floor)
-        if len(outline) > 2:
-            placed.append(
-                Outline(outline, middle - depth / 2, middle + depth / 2, shade)
-            )
+        seen = clip_above(side_view(corners, pose)[0], floor)
+        if len(seen) > 2:
+            half = depth / 2
+            placed.append(Outline(seen, middle - half, middle + half, shade))
     return placed
 
 
@@ -84,8 +83,7 @@ def draw_hand(
     """
     for part, face in zip(parts, faces, strict=True):
         near, far = (corners - origin for corners in face)
-        hull = cv2.convexHull(np.concatenate([near, far]).astype(np.float32))[:, 0]
-        fill(image, hull, colour * 0.7 * part.shade)
+        fill(image, hull(near, far), colour * 0.7 * part.shade)
         fill(image, near, colour * part.shade)
 
 
@@ -110,15 +108,17 @@ def _disc(
     # (2, 2) px, conjugate radii of the ellipse seen
     axes = np.stack([beside, above]) - middle
     reach = int(np.abs(axes).sum(axis=0).max()) + 2
-    left, top = (max(round(float(p)) - reach, 0) for p in middle)
-    part = image[top : top + 2 * reach + 1, left : left + 2 * reach + 1]
+    left, top = (max(round(p) - reach, 0) for p in middle.tolist())
+    side = 2 * reach + 1
+    part = image[top : top + side, left : left + side]
     if part.size == 0:
         return
-    rows, columns = np.mgrid[top : top + part.shape[0], left : left + part.shape[1]]
-    in_radii = (np.stack([columns, rows], axis=-1) - middle) @ np.linalg.inv(axes)
-    # of a radius, inwards
-    from_border = 1 - np.hypot(in_radii[..., 0], in_radii[..., 1])
-    cover = np.clip(from_border * np.hypot(*axes[0]) + 0.5, 0, 1)[..., None]
+
+    rows, columns = np.indices(part.shape[:2])
+    pixels = np.stack([columns + left, rows + top], axis=-1)
+    in_radii = (pixels - middle) @ np.linalg.inv(axes)
+    inwards = 1 - np.hypot(*np.moveaxis(in_radii, -1, 0))  # from the border, in radii
+    cover = np.clip(inwards * np.hypot(*axes[0]) + 0.5, 0, 1)[..., None]
     part[:] = part + cover * (colour - part) + 0.5
 
 

@@ -24,8 +24,8 @@ from drivers.twin.renderer.looks import PLAIN, Look, StripLook
 from drivers.twin.renderer.optics import Optics, blur, kernel_size, noise_bank
 from drivers.twin.renderer.ribbon import Cloud, Curve
 from drivers.twin.renderer.stage import bgr, fill, light, stage
-from drivers.twin.scene import Scene
 from drivers.twin.settings import CameraSettings
+from drivers.twin.world import Scene
 
 T = TypeVar("T", bound=np.generic)
 # m by which an abrupt end looks further along (lint) or back (glare) than one that

@@ -12,7 +12,7 @@ from drivers.base.types import Array
 from drivers.twin.renderer.kernels import Rows, interpolate, sample_surface
 from drivers.twin.renderer.looks import StripLook
 from drivers.twin.renderer.optics import Optics
-from drivers.twin.scene import Scene
+from drivers.twin.world import Scene
 
 GRAIN = 0.0005  # m, grid of the weave
 WEAVE_ROWS, WEAVE_COLUMNS = 2048, 128  # cells of the grid after which the weave repeats

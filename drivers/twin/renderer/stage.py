@@ -30,6 +30,10 @@ def bgr(colour: Colour) -> Array:
     return np.array(colour[::-1], dtype=np.float64)
 
 
+def _ink(colour: Colour) -> Field:
+    return bgr(colour).astype(np.float32)
+
+
 def stage(
     settings: CameraSettings,
     optics: Optics,
@@ -47,16 +51,20 @@ def stage(
     columns = np.arange(settings.width, dtype=np.float32)
     rows = np.arange(settings.height, dtype=np.float32)
     rays = optics.rays(*np.meshgrid(columns, rows))
-    canvas = bgr(around.backdrop).astype(np.float32) * _cloth(rays, settings, rng)
-    back = _row(optics, settings.width, around.desk_back, floor)
-    front = _row(optics, settings.width, around.desk_front, floor)
+    canvas = _ink(around.backdrop) * _cloth(rays, settings, rng)
     behind = [thing for thing in things if depth(thing) >= around.desk_back]
+    on_desk = [thing for thing in things if thing not in behind]
+
     draw_things(canvas, behind, optics, rng)
+    back = _row(optics, settings.width, around.desk_back, floor)
     _cover(canvas, _desk(rays, optics, floor, settings, rng), back)
-    draw_things(canvas, [thing for thing in things if thing not in behind], optics, rng)
-    _cover(canvas, bgr(around.panel).astype(np.float32) * np.ones_like(canvas), front)
-    np.minimum(canvas * light(settings)[..., None] + 0.5, 255, out=canvas)
-    image = canvas.astype(np.uint8)
+
+    draw_things(canvas, on_desk, optics, rng)
+    front = _row(optics, settings.width, around.desk_front, floor)
+    _cover(canvas, _ink(around.panel), front)
+
+    lit = canvas * light(settings)[..., None]
+    image: Image = np.minimum(lit + 0.5, 255).astype(np.uint8)
     _draw_mark(image, settings, optics, look)
     return image
 
@@ -127,7 +135,7 @@ def _desk(
         grain, x * 700, y * 60, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP
     )
     shade: Field = 1 + 0.5 * settings.texture * mottle
-    return bgr(settings.surroundings.desk).astype(np.float32) * shade[..., None]
+    return _ink(settings.surroundings.desk) * shade[..., None]
 
 
 def _draw_mark(
@@ -139,11 +147,16 @@ def _draw_mark(
     floor, middle = -look.thickness / 2, look.width / 2
     colour = bgr(settings.surroundings.clamp) * settings.gain
     corners = np.array([(left, floor), (right, floor), (right, height), (left, height)])
-    back = optics.plane(corners[2:], middle + high)
     front = optics.plane(corners, middle + low)
-    hull = cv2.convexHull(np.concatenate([front, back]).astype(np.float32))[:, 0]
-    fill(image, hull, colour * top_shade)
+    back = optics.plane(corners[2:], middle + high)
+    fill(image, hull(front, back), colour * top_shade)
     fill(image, front, colour * front_shade)
+
+
+def hull(one: Array, other: Array) -> Array:
+    """Convex hull (m, 2) [px] of two outlines (n, 2) [px], as of a prism's faces."""
+    around: Array = cv2.convexHull(np.concatenate([one, other]).astype(np.float32))
+    return around[:, 0]
 
 
 def fill(image: Image, outline: Array, colour: Array) -> None:
@@ -173,10 +186,10 @@ def draw_things(
             (canvas.shape[0] // 8, canvas.shape[1] // 8), np.float32
         )
         shade = 1 + THING_TEXTURE * cv2.resize(grain, canvas.shape[1::-1])
-        colour = bgr(thing.colour).astype(np.float32)
-        for cover, brightness in _covers(thing, optics, canvas.shape[:2]):
-            material = (shade * brightness)[..., None] * colour
-            canvas += (cover.astype(np.float32) / 255)[..., None] * (material - canvas)
+        for mask, brightness in _covers(thing, optics, canvas.shape[:2]):
+            material = (shade * brightness)[..., None] * _ink(thing.colour)
+            cover = mask.astype(np.float32) / 255
+            canvas += cover[..., None] * (material - canvas)
 
 
 def _covers(
@@ -189,9 +202,9 @@ def _covers(
         return [(_line(thing, optics, size), 1.0)]
     (x0, y0, z0), (x1, y1, z1) = thing.low, thing.high
     face = np.array([(x0, z0), (x1, z0), (x1, z1), (x0, z1)])
-    near, far = optics.plane(face, y0), optics.plane(face, y1)
-    hull = cv2.convexHull(np.concatenate([near, far]).astype(np.float32))[:, 0]
-    return [(_mask(hull, size), SIDE_BRIGHTNESS), (_mask(near, size), 1.0)]
+    near = optics.plane(face, y0)
+    far = optics.plane(face, y1)
+    return [(_mask(hull(near, far), size), SIDE_BRIGHTNESS), (_mask(near, size), 1.0)]
 
 
 def _mask(outline: Array, size: tuple[int, ...]) -> NDArray[np.uint8]:
@@ -206,13 +219,14 @@ def _line(cable: Cable, optics: Optics, size: tuple[int, ...]) -> NDArray[np.uin
     """
     knots = np.array(cable.points)
     numbers = np.arange(len(knots))
-    places = np.linspace(0, len(knots) - 1, CABLE_PIECES * (len(knots) - 1) + 1)
-    fits = [polyfit(numbers, column, min(len(knots) - 1, 3)) for column in knots.T]
-    smooth = np.stack([polyval(places, fit) for fit in fits], axis=-1)
-    pixels = optics.project(smooth.astype(np.float64))
+    last = len(knots) - 1
+    along = np.linspace(0, last, CABLE_PIECES * last + 1)
+    fit = polyfit(numbers, knots, min(last, 3))
+    smooth = polyval(along, fit).T.astype(np.float64)
+
     distance = float(np.linalg.norm(smooth.mean(axis=0) - optics.centre))
     thickness = max(round(cable.thickness * optics.focal / distance), 1)
     mask = np.zeros(size, dtype=np.uint8)
-    points = np.rint(pixels * 256).astype(np.int32).reshape(-1, 1, 2)
+    points = np.rint(optics.project(smooth) * 256).astype(np.int32)
     cv2.polylines(mask, [points], False, 255, thickness, cv2.LINE_AA, 8)
     return mask

@@ -21,8 +21,8 @@ from drivers.base.types import Array, Frame, Image, Pose
 from drivers.strip.describe import load_strip
 from drivers.twin.renderer.looks import StripLook
 from drivers.twin.renderer.renderer import Renderer
-from drivers.twin.scene import Scene
 from drivers.twin.settings import CameraSettings
+from drivers.twin.world import Scene
 from tests.support.seen_folds import STRIPS
 from tests.support.twin_calibration import twin_calibration
 

@@ -6,9 +6,13 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from cell.perception.contact import SAMPLE_SPACING, SearchLine, find_contact
 from cell.perception.kernels import LEVEL_SPAN, ZERO_LEVEL
-from cell.perception.perception import Perception
+from cell.perception.perception import (
+    SAMPLE_SPACING,
+    Perception,
+    SearchLine,
+    find_contact,
+)
 from drivers.strip.describe import load_strip
 from drivers.twin.settings import CameraSettings
 from policies.path import Path, circular, triangular

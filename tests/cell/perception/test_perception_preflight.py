@@ -19,8 +19,8 @@ from drivers.strip.describe import load_strip
 from drivers.strip.file import StripFile
 from drivers.twin.renderer.looks import StripLook
 from drivers.twin.renderer.renderer import Renderer
-from drivers.twin.scene import Scene
 from drivers.twin.settings import CameraSettings
+from drivers.twin.world import Scene
 from tests.support.seen_folds import STRIPS
 from tests.support.twin_calibration import twin_calibration
 

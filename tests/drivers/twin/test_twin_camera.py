@@ -12,8 +12,8 @@ from drivers.base.types import Frame
 from drivers.twin.camera import PacedCamera, TwinCamera
 from drivers.twin.renderer.looks import StripLook
 from drivers.twin.renderer.renderer import Renderer
-from drivers.twin.scene import Scene
 from drivers.twin.settings import CameraSettings
+from drivers.twin.world import Scene
 from tests.support.rendered_cell import scene
 
 SETTINGS = CameraSettings(width=320, height=240)

@@ -36,8 +36,8 @@ from drivers.twin.renderer.looks import BENCH, BLUE_MAT, GREY_DESK, Look, StripL
 from drivers.twin.renderer.optics import Optics, blur, noisy
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.renderer.stage import bgr
-from drivers.twin.scene import History, Scene
 from drivers.twin.settings import CameraSettings
+from drivers.twin.world import History, Scene
 from tests.lab.exam.case import Case, Values
 from tests.lab.exam.cases import draw_effects
 from tests.lab.exam.from_state import ROD_STEP, SEGMENTS, paths_by_hand

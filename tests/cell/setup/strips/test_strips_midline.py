@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from cell.setup.strips.midline import extract_midline
+from cell.setup.strips.photograph import extract_midline
 from drivers.base.errors import ConfigurationError
 
 YARN = Path(__file__).parents[5] / "shared" / "data" / "yarn"

@@ -14,8 +14,8 @@ from drivers.strip.shape import desk_contact
 from drivers.twin.chain.engine import Chain
 from drivers.twin.renderer.looks import PLAIN, Look, StripLook
 from drivers.twin.renderer.renderer import Renderer
-from drivers.twin.scene import Scene
 from drivers.twin.settings import CameraSettings
+from drivers.twin.world import Scene
 from policies.path import Path
 
 STEP = 0.005  # s of the plant
