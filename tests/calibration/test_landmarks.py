@@ -2,7 +2,6 @@
 
 from functools import lru_cache
 
-import cv2
 import numpy as np
 import pytest
 
@@ -21,25 +20,14 @@ from drivers.base.errors import ConfigurationError
 from drivers.base.types import Frame
 from drivers.strip.model import Observation
 from drivers.twin.camera import displaced_optics
-from drivers.twin.renderer.optics import Optics
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.settings import CameraSettings
 from drivers.twin.world import Scene
-from tests.support.twin_calibration import NO_STRIP, true_lens
+from tests.support.twin_calibration import NO_STRIP, twin_calibration
 
 CAMERA = CameraSettings()
 SETTINGS = LandmarkSettings()
-OPTICS = Optics.from_settings(CAMERA)
-LENS = true_lens()
-
-
-@lru_cache
-def _homography() -> Homography:
-    grid = np.array(
-        [(x, z) for x in np.linspace(0, 0.6, 5) for z in np.linspace(0, 0.3, 4)]
-    )
-    matrix, _ = cv2.findHomography(LENS.undistort(OPTICS.plane(grid)), grid, 0)
-    return Homography.from_matrix(matrix)
+VIEW = twin_calibration(CAMERA)
 
 
 def _frame(shift: tuple[float, float] = (0.0, 0.0), seed: int = 0) -> Frame:
@@ -58,11 +46,11 @@ def _frame(shift: tuple[float, float] = (0.0, 0.0), seed: int = 0) -> Frame:
 
 @lru_cache
 def _landmarks() -> Landmarks:
-    return take_landmarks(_frame(), SETTINGS.pose, PlaneMap(LENS, _homography()))
+    return take_landmarks(_frame(), SETTINGS.pose, VIEW)
 
 
 def _shift(frame: Frame) -> CameraShift:
-    return camera_shift(frame, _landmarks(), PlaneMap(LENS, _homography()))
+    return camera_shift(frame, _landmarks(), VIEW)
 
 
 def test_camera_that_stayed_is_where_it_was_within_a_tenth_of_a_millimetre() -> None:
@@ -100,11 +88,12 @@ def test_hand_that_is_not_seen_again_is_refused() -> None:
 
 
 def test_desk_at_the_border_or_without_an_edge_is_no_landmark() -> None:
-    lower = _homography().matrix @ [[1, 0, 0], [0, 1, -90], [0, 0, 1]]  # by 90 px
-    at_border = np.roll(_frame().image, 90, axis=0), Homography.from_matrix(lower)
-    for image, map_ in (at_border, (np.full_like(at_border[0], 90), _homography())):
+    lower = VIEW.homography.matrix @ [[1, 0, 0], [0, 1, -90], [0, 0, 1]]  # by 90 px
+    low_view = PlaneMap(VIEW.lens, Homography.from_matrix(lower))
+    at_border = np.roll(_frame().image, 90, axis=0)
+    for image, view in ((at_border, low_view), (np.full_like(at_border, 90), VIEW)):
         frame = Frame(0.0, 0.0, "test", 0, image)
-        found = take_landmarks(frame, SETTINGS.pose, PlaneMap(LENS, map_))
+        found = take_landmarks(frame, SETTINGS.pose, view)
         assert [mark.kind for mark in found.marks] == ["tip"]
 
 
