@@ -224,7 +224,7 @@ class Device:
         return device
 
     def identify(self) -> Identity:
-        """Identity of the device; raises CameraRefused for one that streams no video."""
+        """Identity of the device; raises CameraRefused where it streams no video."""
         said = self.call(Ioctl.QUERYCAP, Capability(), "asking what it is")
         abilities = said.capabilities
         if abilities & CapabilityFlag.DEVICE_CAPS:

@@ -22,11 +22,12 @@ from drivers.strip.model import Observation
 from drivers.twin.camera import displaced_optics
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.settings import CameraSettings
-from drivers.twin.world import Scene
+from tests.support.rendered_cell import empty
 from tests.support.twin_calibration import NO_STRIP, twin_calibration
 
 CAMERA = CameraSettings()
 SETTINGS = LandmarkSettings()
+EMPTY = empty(SETTINGS.pose)
 VIEW = twin_calibration(CAMERA)
 
 
@@ -38,10 +39,7 @@ def _frame(shift: tuple[float, float] = (0.0, 0.0), seed: int = 0) -> Frame:
         CAMERA, Observation(shift_x=shift[0], shift_z=shift[1]), 0.0
     )
     renderer = Renderer(CAMERA, NO_STRIP, seed, moved)
-    arc = np.linspace(0, 0.6, 7)
-    points = np.column_stack([arc, 0 * arc])
-    scene = Scene(0.0, points, arc, SETTINGS.pose, 0.04, holds_strip=False, strip=False)
-    return Frame(0.0, 0.02, "test", seed, renderer.render([scene], seed))
+    return Frame(0.0, 0.02, "test", seed, renderer.render([EMPTY], seed))
 
 
 @lru_cache

@@ -1,7 +1,10 @@
 """Strip shapes and scenes for tests and benchmark of the renderer."""
 
+from dataclasses import replace
+
 import numpy as np
 
+from drivers.base.geometry import arc_lengths
 from drivers.base.types import Array, Pose
 from drivers.twin.world import Scene
 
@@ -43,10 +46,18 @@ def scene(
     return Scene(stamp, points, arc, pose, finger_width=0.001, holds_strip=True)
 
 
-def empty(x: float, z: float, *, pointer: bool = False) -> Scene:
-    """Scene without a strip, with the hand pointing down at (x, z) [m]."""
-    points, arc = midline("flat", nodes=7)
-    pose = Pose(x, z, np.pi / 2)
-    return Scene(
-        0.0, points, arc, pose, 0.0, holds_strip=False, pointer=pointer, strip=False
-    )
+def lying(points: Array, gripper: Pose, *, strip: bool = True) -> Scene:
+    """Scene of a strip along `points` (n, 2) [m] that nobody holds, or of none."""
+    arc = arc_lengths(points)
+    return Scene(0.0, points, arc, gripper, 0.04, holds_strip=False, strip=strip)
+
+
+def flat(length: float = LENGTH) -> Array:
+    """Points (61, 2) [m] of a strip that lies flat."""
+    return np.linspace((0.0, 0.0), (length, 0.0), 61)
+
+
+def empty(pose: Pose, *, pointer: bool = False) -> Scene:
+    """Scene without a strip, with the closed hand at `pose`."""
+    scene = lying(flat(), pose, strip=False)
+    return replace(scene, finger_width=0.0, pointer=pointer)

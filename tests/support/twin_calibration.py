@@ -6,8 +6,6 @@ settings.
 
 from functools import lru_cache
 
-import numpy as np
-
 from calibration.board import BoardSettings
 from calibration.calibration import (
     Calibration,
@@ -31,7 +29,7 @@ from drivers.twin.renderer.looks import StripLook
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.settings import CameraSettings
-from drivers.twin.world import Scene
+from tests.support.rendered_cell import empty
 
 SHIPPED = CHECKOUT_CONFIGS / "calibration"
 NO_STRIP = StripLook((40, 60, 110), 0.001, 0.05)
@@ -65,12 +63,8 @@ def show_boards(
 
 def pointer_frame(renderer: Renderer, pose: Pose, sequence: int) -> Frame:
     """Frame of the pointer at `pose` in an empty cell."""
-    arc = np.linspace(0, 0.6, 7)
-    points = np.column_stack([arc, 0 * arc])
-    scene = Scene(
-        0.0, points, arc, pose, 0.0, holds_strip=False, pointer=True, strip=False
-    )
-    return Frame(0.0, 0.02, "test", sequence, renderer.render([scene], sequence))
+    image = renderer.render([empty(pose, pointer=True)], sequence)
+    return Frame(0.0, 0.02, "test", sequence, image)
 
 
 def touch_points(

@@ -22,7 +22,7 @@ from drivers.strip.describe import load_strip
 from drivers.twin.renderer.looks import StripLook
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.settings import CameraSettings
-from drivers.twin.world import Scene
+from tests.support.rendered_cell import flat, lying
 from tests.support.seen_folds import STRIPS
 from tests.support.twin_calibration import twin_calibration
 
@@ -32,20 +32,22 @@ WAITING, ABOVE = Pose(0.65, 0.25, 0.0), Pose(0.3, 0.3, np.pi / 2)
 
 
 def picture(points: Array, gripper: Pose, seed: int) -> Image:
-    arc = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
-    scene = Scene(0.0, points, arc, gripper, 0.04, holds_strip=False, strip=True)
-    image = Renderer(CAMERA, StripLook.from_file(DENIM), seed).render([scene], seed)
+    renderer = Renderer(CAMERA, StripLook.from_file(DENIM), seed)
+    image = renderer.render([lying(points, gripper)], seed)
     image[440:500, 1190:1250] //= (
         1 + np.indices((60, 60), np.uint8).sum(0)[..., None] // 8 % 2
     )
     return image
 
 
+def before() -> Frame:
+    """The frame before the grasp."""
+    return Frame(0.0, 0.0, "test", 0, picture(flat(), WAITING, 0))
+
+
 @pytest.fixture(scope="module")
 def watch() -> CameraWatch:
-    arc = np.linspace(0, DENIM.length, 61)
-    flat = picture(np.column_stack([arc, 0 * arc]), WAITING, 0)
-    seen = inspect(Frame(0.0, 0.0, "test", 0, flat), twin_calibration(CAMERA), DENIM)
+    seen = inspect(before(), twin_calibration(CAMERA), DENIM)
     return CameraWatch.choose(seen.appearance, twin_calibration(CAMERA), DENIM)
 
 
@@ -116,7 +118,5 @@ def test_what_stands_still_is_a_check_and_too_little_of_it_is_said(
 
 
 def test_process_beside_the_loop_says_so_too() -> None:
-    arc = np.linspace(0, DENIM.length, 61)
-    flat = picture(np.column_stack([arc, 0 * arc]), WAITING, 0)
     sight = Measurer(StripInputs(twin_calibration(CAMERA), DENIM))
-    assert sight.inspect(Frame(0.0, 0.0, "test", 0, flat))[-1].name == CAMERA_WATCHED
+    assert sight.inspect(before())[-1].name == CAMERA_WATCHED

@@ -20,7 +20,7 @@ from drivers.strip.file import StripFile
 from drivers.twin.renderer.looks import StripLook
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.settings import CameraSettings
-from drivers.twin.world import Scene
+from tests.support.rendered_cell import flat, lying
 from tests.support.seen_folds import STRIPS
 from tests.support.twin_calibration import twin_calibration
 
@@ -29,14 +29,8 @@ DENIM = load_strip(STRIPS / "denim.yaml")
 AWAY = Pose(0.65, 0.25, 0.0)
 
 
-def _flat(length: float = 0.6) -> Array:
-    arc = np.linspace(0, length, 61)
-    return np.column_stack([arc, np.zeros_like(arc)])
-
-
 def _picture(points: Array, look: StripLook, *, strip: bool = True) -> Frame:
-    arc = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
-    scene = Scene(0.0, points, arc, AWAY, 0.04, holds_strip=False, strip=strip)
+    scene = lying(points, AWAY, strip=strip)
     return Frame(0.0, 0.02, "test", 0, Renderer(CAMERA, look, 0).render([scene], 0))
 
 
@@ -72,7 +66,7 @@ def _failed(judged: Preflight) -> list[str]:
 )
 def test_every_strip_lying_flat_passes_and_its_colour_is_sampled(path: object) -> None:
     strip = load_strip(path)  # type: ignore[arg-type]
-    picture = _picture(_flat(), StripLook.from_file(strip))
+    picture = _picture(flat(), StripLook.from_file(strip))
     judged = _judged(picture, strip)
     assert _failed(judged) == []
     seen = sample_scene(picture.image, twin_calibration(CAMERA), strip)
@@ -89,7 +83,7 @@ def test_every_strip_lying_flat_passes_and_its_colour_is_sampled(path: object) -
 
 
 def _wrinkled() -> Array:
-    points = _flat()
+    points = flat()
     points[:, 1] = 0.008 * np.exp(-(((points[:, 0] - 0.3) / 0.03) ** 2))
     return points
 
@@ -100,10 +94,10 @@ LOOK, MAT = StripLook.from_file(DENIM), StripLook(CAMERA.surroundings.desk, 0.00
 @pytest.mark.parametrize(
     ("points", "look", "check"),
     [
-        (_flat(0.57), LOOK, "length"),
-        (_flat(0.4), LOOK, "strip lies there"),
-        (_flat() - (0.0, 0.002), LOOK, "on the desk plane"),
-        (_flat(), MAT, "contrast"),
+        (flat(0.57), LOOK, "length"),
+        (flat(0.4), LOOK, "strip lies there"),
+        (flat() - (0.0, 0.002), LOOK, "on the desk plane"),
+        (flat(), MAT, "contrast"),
         (_wrinkled(), LOOK, "strip lies there"),
     ],
     ids=[
@@ -122,20 +116,20 @@ def test_strip_that_does_not_lie_as_stated_is_refused(
 
 
 def test_empty_desk_is_refused_and_says_what_to_do() -> None:
-    judged = _judged(_picture(_flat(), LOOK, strip=False))
+    judged = _judged(_picture(flat(), LOOK, strip=False))
     assert judged.appearance is None
     assert "strip lies there" in _failed(judged)
     assert all(check.remedy for check in judged.checks)
 
 
 def test_short_strip_is_refused_with_its_length() -> None:
-    judged = _judged(_picture(_flat(0.57), LOOK))
+    judged = _judged(_picture(flat(0.57), LOOK))
     reason = next(check.reason for check in judged.checks if check.name == "length")
     assert re.search(r"x = (568|569|570) mm", reason)
 
 
 def test_thicker_strip_than_a_fold_accepts_is_refused_by_its_picture_too() -> None:
     judged = _judged(
-        _picture(_flat(), LOOK), DENIM.model_copy(update={"thickness": 0.005})
+        _picture(flat(), LOOK), DENIM.model_copy(update={"thickness": 0.005})
     )
     assert _failed(judged) == ["thickness"]

@@ -4,7 +4,6 @@ paper's range.
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_bvp
 
 from drivers.base.types import Array
 from drivers.strip.describe import describe
@@ -13,6 +12,7 @@ from drivers.strip.rod import layout as at
 from drivers.strip.rod.engine import Rod
 from drivers.strip.rod.lumping import lattice, lump
 from policies.path import Path, circular, triangular
+from tests.support.elastica import heavy_elastica
 from tests.support.rod_cases import (
     for_all,
     overhang,
@@ -36,31 +36,12 @@ def _fabric(
     )
 
 
-def _heavy_elastica(c: float, s: Array) -> Array:
-    """Cantilever under its weight: c^3 theta'' = (L - s) cos(theta), points (n, 2)."""
-    length = s[-1]
-    guess = np.stack([np.expm1(-s / c), -np.exp(-s / c) / c])
-    solution = solve_bvp(
-        lambda s, y: np.stack([y[1], (length - s) * np.cos(y[0]) / c**3]),
-        lambda a, b: np.array([a[0], b[1]]),
-        s,
-        guess,
-        tol=1e-7,
-        max_nodes=50000,
-    )
-    middle = solution.sol(0.5 * (s[1:] + s[:-1]))[0]
-    steps = np.diff(s)[:, None] * np.stack([np.cos(middle), np.sin(middle)], axis=-1)
-    return np.concatenate([[[0.0, 0.0]], np.cumsum(steps, axis=0)])
-
-
 @pytest.mark.parametrize("length", [0.1, 0.25])
 def test_cantilever_hangs_along_the_heavy_elastica(length: float) -> None:
     shapes = overhang([describe(_fabric(c, length)) for c in BENDING_LENGTHS])
-    arc, fine = lattice(length, 100), np.linspace(0.0, length, 2001)
     for shape, c in zip(shapes, BENDING_LENGTHS, strict=True):
-        exact = _heavy_elastica(c, fine)
-        there = np.stack([np.interp(arc, fine, exact[:, i]) for i in range(2)], axis=-1)
-        assert np.linalg.norm(shape - there, axis=1).max() < 0.002 * length
+        exact = heavy_elastica(lattice(length, 100), c)
+        assert np.linalg.norm(shape - exact, axis=1).max() < 0.002 * length
 
 
 def _displacements(path: Path, segments: int, dt: float) -> Array:

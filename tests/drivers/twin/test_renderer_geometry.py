@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from drivers.base.types import BoardPlacement as Placement
+from drivers.base.types import BoardPlacement as Placement, Pose
 from drivers.twin.board import board_frame, board_pose
 from drivers.twin.renderer.looks import StripLook
 from drivers.twin.renderer.optics import Optics
@@ -101,7 +101,7 @@ def test_pointer_disc_is_centred_on_the_gripper_point(
     place: tuple[float, float],
 ) -> None:
     renderer = Renderer(CameraSettings(noise=0.0), StripLook(RED, 0.001, 0.05), seed=0)
-    image = renderer.render([empty(*place, pointer=True)], 0)
+    image = renderer.render([empty(Pose(*place, np.pi / 2), pointer=True)], 0)
     u, v = OPTICS.plane(np.array(place))
     left, top = round(u) - 14, round(v) - 14
     bright = image[top : top + 29, left : left + 29].min(axis=-1).astype(float)

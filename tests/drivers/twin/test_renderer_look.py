@@ -5,6 +5,7 @@ are set.
 import numpy as np
 import pytest
 
+from drivers.base.types import Pose
 from drivers.twin.renderer.looks import StripLook
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.settings import CameraSettings
@@ -48,7 +49,7 @@ def test_what_does_not_move_looks_alike_in_every_frame() -> None:
     one, other = (
         quiet.render([scene(kind)], 0).astype(int) for kind in ("flat", "closing")
     )
-    nowhere = quiet.render([empty(0.3, 5.0)], 0).astype(int)
+    nowhere = quiet.render([empty(Pose(0.3, 5.0, np.pi / 2))], 0).astype(int)
     for image in (one, other):
         same = np.abs(image - nowhere).max(axis=-1) == 0
         assert same[:, :30].all()

@@ -11,7 +11,8 @@ import os
 import select
 import threading
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partialmethod
 
@@ -37,7 +38,8 @@ from drivers.v4l2.abi import (
     StreamParameters,
     fourcc,
 )
-from drivers.v4l2.camera import SOURCE
+from drivers.v4l2.camera import SOURCE, V4l2Camera
+from drivers.v4l2.settings import V4l2Settings
 
 LINK = "/dev/v4l/by-id/usb-Test_Camera-video-index0"
 EPOCH = 5000.0  # s on the monotonic clock when the tests begin
@@ -375,6 +377,20 @@ class FakeKernel:
 
     def _streamoff(self, fd: int, _: object) -> None:
         self._streaming = None
+
+
+@contextmanager
+def connected(kernel: FakeKernel, **changed: object) -> Iterator[V4l2Camera]:
+    """Its camera at 64 x 48 and 60 Hz unless `changed`, which leaves nothing held."""
+    usual = {"device": LINK, "width": 64, "height": 48, "rate": 60.0}
+    settings = V4l2Settings.model_validate({**usual, **changed})
+    camera = V4l2Camera(settings, kernel, kernel)
+    try:
+        camera.connect()
+        yield camera
+    finally:
+        camera.close()
+        assert (kernel.opened, kernel.mapped) == (set(), 0)
 
 
 def _error(number: int) -> OSError:

@@ -5,6 +5,8 @@ import math
 from collections.abc import Iterator
 from contextlib import suppress
 
+import cv2
+import numpy as np
 import pytest
 
 from drivers.base.errors import CellError
@@ -18,15 +20,9 @@ from drivers.v4l2.device import (
     CameraStalled,
 )
 from drivers.v4l2.session import StampSource
-from drivers.v4l2.settings import V4l2Settings
-from tests.drivers.v4l2.fake_kernel import LINK, FakeKernel
+from tests.drivers.v4l2.fake_kernel import FakeKernel, connected
 
 ALWAYS = -math.inf
-
-
-def settings(**changed: object) -> V4l2Settings:
-    usual = {"device": LINK, "width": 64, "height": 48, "rate": 60.0}
-    return V4l2Settings.model_validate({**usual, **changed})
 
 
 @pytest.fixture
@@ -36,13 +32,9 @@ def kernel() -> FakeKernel:
 
 @pytest.fixture
 def camera(kernel: FakeKernel) -> Iterator[V4l2Camera]:
-    camera = V4l2Camera(settings(), kernel, kernel)
-    camera.connect()
-    kernel.wait_until(0.1)
-    yield camera
-    camera.close()
-    assert kernel.opened == set()
-    assert kernel.mapped == 0
+    with connected(kernel) as camera:
+        go_on(kernel, 0.1)
+        yield camera
 
 
 def go_on(kernel: FakeKernel, seconds: float) -> None:
@@ -131,23 +123,21 @@ def test_unplugged_camera_is_lost_at_once_and_nothing_stays_held(
 
 
 def test_replugged_camera_is_locked_again_and_numbers_go_on(kernel) -> None:
-    camera = V4l2Camera(settings(controls={"brightness": 99}), kernel, kernel)
-    camera.connect()
-    go_on(kernel, 0.2)
-    before = camera.read(ALWAYS, 0.0)
-    kernel.unplug()
-    go_on(kernel, 1.0)
-    with pytest.raises(CameraLost, match="No such file"):
-        camera.read(ALWAYS, 0.0)
-    kernel.plug()
-    assert kernel.knobs["Brightness"].value == 128
-    go_on(kernel, 0.5)
-    with pytest.raises(CameraLost):
-        camera.read(ALWAYS, 0.0)
-    frame = camera.read(before.stamp, 0.0)
+    with connected(kernel, controls={"brightness": 99}) as camera:
+        go_on(kernel, 0.2)
+        before = camera.read(ALWAYS, 0.0)
+        kernel.unplug()
+        go_on(kernel, 1.0)
+        with pytest.raises(CameraLost, match="No such file"):
+            camera.read(ALWAYS, 0.0)
+        kernel.plug()
+        assert kernel.knobs["Brightness"].value == 128
+        go_on(kernel, 0.5)
+        with pytest.raises(CameraLost):
+            camera.read(ALWAYS, 0.0)
+        frame = camera.read(before.stamp, 0.0)
     assert frame.sequence == pytest.approx(before.sequence + 90, abs=3)
     assert kernel.knobs["Brightness"].value == 99
-    camera.close()
 
 
 def test_other_camera_at_the_link_is_refused_by_name(kernel, camera) -> None:
@@ -177,22 +167,19 @@ def test_other_camera_at_the_link_is_refused_by_name(kernel, camera) -> None:
 def test_failed_connect_is_named_and_leaves_nothing_held(
     kernel, request_: Ioctl, number: int, kind: type[CellError]
 ) -> None:
-    camera = V4l2Camera(settings(), kernel, kernel)
     kernel.fail(request_, number)
-    with pytest.raises(kind, match="Test_Camera"):
-        camera.connect()
-    assert kernel.opened == set()
-    assert kernel.mapped == 0
-    camera.connect()
-    go_on(kernel, 0.2)
-    assert camera.read(ALWAYS, 0.0) is not None
-    camera.close()
+    with pytest.raises(kind, match="Test_Camera"), connected(kernel):
+        pass
+    with connected(kernel) as camera:
+        go_on(kernel, 0.2)
+        assert camera.read(ALWAYS, 0.0) is not None
 
 
 def test_absent_camera_is_lost(kernel) -> None:
     kernel.plugged = False
-    with pytest.raises(CameraLost, match="No such file or directory"):
-        V4l2Camera(settings(), kernel, kernel).connect()
+    lost = pytest.raises(CameraLost, match="No such file or directory")
+    with lost, connected(kernel):
+        pass
 
 
 def test_stamps_of_another_time_are_replaced_and_said(kernel, camera) -> None:
@@ -216,33 +203,23 @@ def test_counter_that_stands_still_loses_no_frame(kernel, camera) -> None:
 
 def test_counter_that_wraps_counts_no_gap(kernel) -> None:
     kernel.counter = 2**32 - 5
-    camera = V4l2Camera(settings(), kernel, kernel)
-    camera.connect()
-    go_on(kernel, 0.3)
-    assert camera.read(ALWAYS, 0.0).sequence < 20
-    assert camera.counts.missing == 0
-    camera.close()
+    with connected(kernel) as camera:
+        go_on(kernel, 0.3)
+        assert camera.read(ALWAYS, 0.0).sequence < 20
+        assert camera.counts.missing == 0
 
 
 def test_broken_jpeg_is_counted_and_never_delivered(kernel) -> None:
-    import cv2
-    import numpy as np
-
     image = np.full((48, 64, 3), (40, 120, 200), np.uint8)
     whole = cv2.imencode(".jpg", image)[1].tobytes()
     kernel.jpeg = whole
-    camera = V4l2Camera(settings(format="MJPG"), kernel, kernel)
-    camera.connect()
-    go_on(kernel, 0.1)
-    assert np.abs(camera.read(ALWAYS, 0.0).image.astype(int) - image).max() < 12
-    after = camera.read(ALWAYS, 0.0).stamp
-    for broken in (
-        whole[: len(whole) // 2],
-        b"\0" * len(whole),
-        whole[:2] + whole[-2:],
-    ):
-        kernel.jpeg = broken
-        go_on(kernel, 1 / 60)
-        assert camera.read(after, 0.0) is None
-    assert camera.counts.corrupt == 3
-    camera.close()
+    with connected(kernel, format="MJPG") as camera:
+        go_on(kernel, 0.1)
+        frame = camera.read(ALWAYS, 0.0)
+        assert np.abs(frame.image.astype(int) - image).max() < 12
+        cut_off, blank = whole[: len(whole) // 2], b"\0" * len(whole)
+        for broken in (cut_off, blank, whole[:2] + whole[-2:]):
+            kernel.jpeg = broken
+            go_on(kernel, 1 / 60)
+            assert camera.read(frame.stamp, 0.0) is None
+        assert camera.counts.corrupt == 3

@@ -9,20 +9,10 @@ from pydantic import ValidationError
 
 from drivers.v4l2 import abi
 from drivers.v4l2.abi import Ioctl, fourcc, letters
-from drivers.v4l2.camera import V4l2Camera
 from drivers.v4l2.device import CameraRefused, users_of
 from drivers.v4l2.formats import Picture
 from drivers.v4l2.settings import V4l2Settings
-from tests.drivers.v4l2.fake_kernel import LINK, FakeKernel
-
-
-def connected(kernel: FakeKernel, **changed: object) -> V4l2Camera:
-    usual = {"device": LINK, "width": 64, "height": 48, "rate": 60.0}
-    camera = V4l2Camera(
-        V4l2Settings.model_validate({**usual, **changed}), kernel, kernel
-    )
-    camera.connect()
-    return camera
+from tests.drivers.v4l2.fake_kernel import LINK, FakeKernel, connected
 
 
 def test_structures_are_as_long_as_the_kernels() -> None:
@@ -77,10 +67,8 @@ def test_request_numbers_are_the_kernels() -> None:
     ],
 )
 def test_setting_that_the_camera_changes_is_refused(changed: dict, said: str) -> None:
-    kernel = FakeKernel()
-    with pytest.raises(CameraRefused, match=said):
-        connected(kernel, **changed)
-    assert kernel.opened == set()
+    with pytest.raises(CameraRefused, match=said), connected(FakeKernel(), **changed):
+        pass
 
 
 # one of two fields, both of them, alternating
@@ -88,28 +76,28 @@ def test_setting_that_the_camera_changes_is_refused(changed: dict, said: str) ->
 def test_interlaced_video_is_refused(field: int) -> None:
     kernel = FakeKernel()
     kernel.field = field
-    with pytest.raises(CameraRefused, match="interlaced"):
-        connected(kernel)
-    assert kernel.opened == set()
+    with pytest.raises(CameraRefused, match="interlaced"), connected(kernel):
+        pass
 
 
 def test_automatics_are_switched_off_before_their_controls_are_locked() -> None:
-    kernel = FakeKernel()
-    camera = connected(kernel, controls={"exposure_time_absolute": 40})
-    assert camera.setup.locks == {
+    wanted = {"exposure_time_absolute": 40}
+    with connected(FakeKernel(), controls=wanted) as camera:
+        setup = camera.setup
+    assert setup.locks == {
         "auto_exposure": 1,
         "exposure_dynamic_framerate": 0,
         "white_balance_automatic": 0,
-        "exposure_time_absolute": 40,
+        **wanted,
     }
-    assert camera.setup.shutter.exposure == pytest.approx(0.004)
-    camera.close()
+    assert setup.shutter.exposure == pytest.approx(0.004)
 
 
 def test_control_that_an_automatic_holds_is_refused() -> None:
     wanted = {"auto_exposure": 3, "exposure_time_absolute": 40}
-    with pytest.raises(CameraRefused, match="exposure_time_absolute: is inactive"):
-        connected(FakeKernel(), controls=wanted)
+    refused = pytest.raises(CameraRefused, match="exposure_time_absolute: is inactive")
+    with refused, connected(FakeKernel(), controls=wanted):
+        pass
 
 
 def test_device_by_number_is_refused() -> None:

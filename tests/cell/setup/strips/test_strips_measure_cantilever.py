@@ -2,29 +2,9 @@
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_bvp
 
-from drivers.base.types import Array
-from drivers.strip.cantilever import SEGMENTS, HangingStrip, NoRest, hanging_shape
-
-
-def elastica(hanging: HangingStrip, curvature: float, clamp: float) -> Array:
-    """Points at the nodes by collocation of EI theta'' = w (L - s) cos(theta)."""
-    c, length = hanging.bending_length, hanging.arc[-1]
-
-    def slope(s: Array, y: Array) -> Array:
-        bend = (length - s) * np.cos(y[0]) / c**3
-        return np.array([y[1], bend, np.cos(y[0]), np.sin(y[0])])
-
-    def ends(a: Array, b: Array) -> Array:
-        return np.array([a[0] - clamp, b[1] - curvature, a[2], a[3]])
-
-    s = hanging.arc
-    angles = np.interp(s, 0.5 * (s[1:] + s[:-1]), hanging.angles)
-    start = np.stack([angles, np.gradient(angles, s), *hanging.points.T])
-    found = solve_bvp(slope, ends, s, start, tol=1e-8, max_nodes=100_000)
-    assert found.success
-    return np.array(found.sol(s)[2:].T)
+from drivers.strip.cantilever import SEGMENTS, NoRest, hanging_shape
+from tests.support.elastica import heavy_elastica
 
 
 @pytest.mark.parametrize(
@@ -46,7 +26,7 @@ def test_hanging_strip_lies_on_the_heavy_elastica(
     hanging = hanging_shape(
         overhang, bending_length, rest_curvature=born, clamp_angle=clamp
     )
-    expected = elastica(hanging, curvature, clamp)
+    expected = heavy_elastica(hanging.arc, bending_length, curvature, clamp)
     assert np.abs(hanging.points - expected).max() < 3e-6
 
 

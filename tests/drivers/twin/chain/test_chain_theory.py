@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_bvp
 
 from drivers.base.types import Array
 from drivers.strip.describe import describe
@@ -12,6 +11,7 @@ from drivers.strip.file import paper_strip
 from drivers.strip.model import Boundary, StripModel
 from drivers.twin.chain.engine import Chain
 from tests.support.chain_moves import LENGTH, H, middling, settle
+from tests.support.elastica import heavy_elastica
 
 
 def test_clamped_strip_bends_as_the_heavy_elastica() -> None:
@@ -23,26 +23,10 @@ def test_clamped_strip_bends_as_the_heavy_elastica() -> None:
     chain.reset([up])
     chain.release()
     tip = settle(chain, np.zeros(3), 3.0)[-1]
-    expected = heavy_elastica(strip.length, strip.bending_length)
-    assert np.hypot(*(tip - expected)) < 0.01 * np.hypot(
-        *(expected - (strip.length, 0.0))
-    )
-
-
-def heavy_elastica(length: float, bending_length: float) -> Array:
-    """Tip (2,) of EI theta'' = -w (L - s) cos(theta), theta(0) = 0, theta'(L) = 0."""
-
-    def slope(s: Array, y: Array) -> Array:
-        bend = -(length - s) * np.cos(y[0]) / bending_length**3
-        return np.array([y[1], bend, np.cos(y[0]), np.sin(y[0])])
-
-    def ends(a: Array, b: Array) -> Array:
-        return np.array([a[0], b[1], a[2], a[3]])
-
-    s = np.linspace(0.0, length, 101)
-    start = np.stack([s / length, np.ones_like(s) / length, s, s / 2])
-    solution = solve_bvp(slope, ends, s, start, tol=1e-8)
-    return np.array(solution.y[2:, -1])
+    arc = np.linspace(0.0, strip.length, 101)
+    expected = heavy_elastica(arc, strip.bending_length)[-1] * (1, -1)
+    deflection = np.hypot(*(expected - (strip.length, 0.0)))
+    assert np.hypot(*(tip - expected)) < 0.01 * deflection
 
 
 def test_fixed_edge_holds_what_pulls_along_the_desk() -> None:
