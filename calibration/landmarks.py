@@ -6,7 +6,7 @@ from base64 import b64decode, b64encode
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from math import nan, pi
+from math import hypot, nan, pi
 from typing import Literal, Self
 
 import cv2
@@ -121,7 +121,7 @@ class CameraShift:
         """Larger of the shifts [mm] by finger tip and desk that are known; NaN without
         any.
         """
-        shifts = (abs(self.desk), float(np.hypot(self.x, self.z)))
+        shifts = (abs(self.desk), hypot(self.x, self.z))
         return max(filter(np.isfinite, shifts), default=nan)
 
 
@@ -242,8 +242,8 @@ def _shift_mm(
     side = TIP_SIDE if mark.kind == "tip" else DESK_SIDE
     middle = np.array([mark.left, mark.top]) + side / 2
     before, now = plane_map.to_plane(np.array([middle, middle + shift]))
-    x, z = 1e3 * (now - before)
-    return float(x), float(z)
+    x, z = (1e3 * (now - before)).tolist()
+    return x, z
 
 
 def grey_of(image: Image) -> Image:
@@ -298,8 +298,8 @@ def _disc(grey: Image, outline: NDArray[np.int32]) -> Array | None:
 
     distance = np.hypot(du - (u - column), dv - (v - row))
     beyond_disc = distance > PLATE_EDGE * radius + 1
-    plate = float(np.median(window[beyond_disc & (distance < reach)]))
-    disc = float(np.median(window[distance < INSIDE * radius]))
+    plate = np.median(window[beyond_disc & (distance < reach)])
+    disc = np.median(window[distance < INSIDE * radius])
     if disc - plate < PLATE_CONTRAST:
         return None
 

@@ -192,9 +192,7 @@ class MatrixFile(Settings):
     def from_array(cls, matrix: Array) -> Self:
         """File content of a matrix (rows, cols) in ROS format."""
         rows, cols = matrix.shape
-        return cls(
-            rows=rows, cols=cols, data=tuple(float(value) for value in matrix.ravel())
-        )
+        return cls(rows=rows, cols=cols, data=tuple(matrix.ravel().tolist()))
 
     def array(self, shape: tuple[int, int], origin: str) -> Array:
         """Matrix of a ROS file as an array of `shape`; ConfigurationError for another

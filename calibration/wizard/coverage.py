@@ -43,9 +43,8 @@ class WantedView(BoardPlacement):
 
         angles = (self.roll, -self.tilt, -self.turn)
         rotation = Rotation.from_euler("zxy", angles).as_rotvec()
-        focal = float(lens.matrix[0, 0])
-        board_width = float(np.ptp(corners[:, 0]))
-        depth = focal * board_width / (self.size * lens.width)
+        board_width = np.ptp(corners[:, 0])
+        depth = lens.matrix[0, 0] * board_width / (self.size * lens.width)
 
         middle = np.array([self.x * lens.width, self.y * lens.height, 1.0])
         place = np.linalg.solve(lens.matrix, middle) * depth
@@ -197,9 +196,10 @@ def placement(view: BoardView, outline: Array, lens: Lens) -> Placement:
     aspect = np.array([lens.width / lens.height, 1.0])
     top = (corners[0] - corners[1]) * aspect
     right = (corners[2] - corners[1]) * aspect
-    cosine = float(top @ right / (np.linalg.norm(top) * np.linalg.norm(right)))
+    cosine = top @ right / (np.linalg.norm(top) * np.linalg.norm(right))
     x, y = corners.T
-    area = 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))  # shoelace formula
+    # shoelace formula
+    area = 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
     tilt, turn = view.tilt(lens)
     return Placement(
         x=float(x.mean()),
@@ -234,13 +234,13 @@ def gates(
         _lean_gate("its right edge away", turns, needs),
         _lean_gate("its right edge nearer", [-angle for angle in turns], needs),
         Gate("image", covered, needs.covered, "bring corners to the image's edges"),
-        Gate("views", float(len(views)), needs.views, "show more", unit="views"),
+        Gate("views", len(views), needs.views, "show more", unit="views"),
     )
 
 
 def _lean_gate(name: str, angles: Sequence[float], needs: BoardSettings) -> Gate:
     """Requirement that enough views lean by `angles` [rad] beyond the threshold."""
-    count = float(sum(angle > needs.tilted for angle in angles))
+    count = sum(angle > needs.tilted for angle in angles)
     advice = f"lean {name} by {degrees(needs.tilted):.0f} deg or more"
     return Gate(name, count, needs.tilted_views, advice, unit="views")
 

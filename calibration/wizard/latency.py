@@ -69,7 +69,8 @@ class LatencySteps(Settings):
         """Add a new image; ignored where the image does not show the pointer."""
         centre = find_pointer(frame.image)
         if centre is not None:
-            self.seen.append((frame.stamp, float(centre[0]), float(centre[1])))
+            u, v = centre.tolist()
+            self.seen.append((frame.stamp, u, v))
 
 
 def step_poses(settings: LatencySettings) -> tuple[Pose, ...]:
@@ -129,7 +130,7 @@ def _drift_reasons(
     rate.
     """
     rate, rate_sigma = _drift_rate(arm, stamps, along, latency)
-    duration = float(np.ptp(stamps))
+    duration = np.ptp(stamps)
     drift = rate * duration
     if abs(drift) <= settings.uncertainty or abs(rate) < DRIFT_SIGMA * rate_sigma:
         return ()
@@ -184,7 +185,7 @@ def _best_latency(
         return float(np.std(errors))
 
     latencies = np.arange(-most, most + FIRST_STEP / 2, FIRST_STEP)
-    start = float(latencies[np.argmin([misfit(latency) for latency in latencies])])
+    start = min(latencies.tolist(), key=misfit)
     bounds = (start - FIRST_STEP, start + FIRST_STEP)
     best = minimize_scalar(
         misfit, bounds=bounds, method="bounded", options={"xatol": 1e-6}

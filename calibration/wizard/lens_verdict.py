@@ -43,7 +43,7 @@ def _bow_reasons(
     solution = inverse @ scaled.T @ errors / scale
 
     freedom = max(len(errors) - POSE_COLUMNS * len(views) - len(solution), 1)
-    noise = float(np.sum((errors - design @ solution) ** 2)) / freedom
+    noise = np.sum((errors - design @ solution) ** 2) / freedom
     covariance = (noise * inverse / np.outer(scale, scale))[-BOW_MODES:, -BOW_MODES:]
 
     # heights at corners, middles of the sides and middle, about the middle: a tilt is
@@ -53,8 +53,8 @@ def _bow_reasons(
     heights = modes @ solution[-BOW_MODES:]
 
     lowest_to_highest = modes[np.argmax(heights)] - modes[np.argmin(heights)]
-    sigma_mm = 1e3 * float(np.sqrt(lowest_to_highest @ covariance @ lowest_to_highest))
-    height_mm = 1e3 * float(np.ptp(heights))
+    sigma_mm = 1e3 * np.sqrt(lowest_to_highest @ covariance @ lowest_to_highest)
+    height_mm = 1e3 * np.ptp(heights)
     is_bent = height_mm > max(settings.bow_mm, SEEN_SIGMA * sigma_mm)
     bent = (
         f"the board is bent by {height_mm:.1f} mm (+- {sigma_mm:.1f}), allowed"

@@ -111,9 +111,8 @@ def check_verdict(
     ]
     off_mm = 1e3 * np.reshape(off, (-1, 2))
     values = np.hypot(*off_mm.T)
-    errors = {
-        touch.number: float(error) for touch, error in zip(touches, values, strict=True)
-    }
+    numbers = [touch.number for touch in touches]
+    errors = dict(zip(numbers, values.tolist(), strict=True))
     median = float(np.median(values)) if len(values) else nan
     worst = float(values.max()) if len(values) else nan
     text = (
@@ -219,8 +218,8 @@ def _common_shift(off: Array, settings: TouchSettings) -> tuple[str, ...]:
     camera.
     """
     shared = np.median(off, axis=0)
-    apart = float(np.hypot(*(off - shared).T).max())
-    size = float(np.hypot(*shared))
+    apart = np.hypot(*(off - shared).T).max()
+    size = np.hypot(*shared)
     return reasons(
         (
             size > max(settings.good_mm, 2.0 * apart),
@@ -387,7 +386,7 @@ def _point_reasons(fit: TouchFit, settings: TouchSettings) -> tuple[str, ...]:
     repeated = ", ".join(str(p.number) for p in fit.repeated_outliers)
     area = (settings.x_max - settings.x_min) * (settings.z_max - settings.z_min)
     places = np.array([p.place for p in fit.used], dtype=np.float32)
-    share = float(cv2.contourArea(cv2.convexHull(places))) / area
+    share = cv2.contourArea(cv2.convexHull(places)) / area
     return reasons(
         (
             len(fit.replaced) > settings.wild * len(numbers),

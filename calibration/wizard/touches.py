@@ -261,11 +261,11 @@ def camera_move(
     middle = homography.to_image(places.mean(axis=0)[None])[0]
     before, after = homography.to_plane(np.array([middle, middle + shift]))
     shift_mm = 1e3 * float(np.hypot(*(after - before)))
-    size = float(np.hypot(*shift))
+    size = np.hypot(*shift)
     if shift_mm < least_mm or size < MOVE_SIGMA * sigma or not np.isfinite(cost):
         return None
     return Move(
-        ordered[moment - 1].number, shift_mm, 1e3 * size / float(lens.matrix[0, 0])
+        ordered[moment - 1].number, shift_mm, 1e3 * float(size / lens.matrix[0, 0])
     )
 
 

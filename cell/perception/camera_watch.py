@@ -211,8 +211,9 @@ def _place_deviation(grey: Image, noise: float) -> Array:
         for product in (dx * dx, dx * dz, dz * dz)
     )
     least = (xx + zz) / 2 - np.hypot((xx - zz) / 2, xz)
-    flat = float(np.median(least))  # of noise alone
-    return np.asarray(noise / np.sqrt(np.maximum(least - flat, 1e-6)), dtype=np.float64)
+    flat = np.median(least)  # of noise alone
+    sigma: Array = noise / np.sqrt(np.maximum(least - flat, 1e-6)).astype(np.float64)
+    return sigma
 
 
 def _find_shift(window: Image, patch: Image) -> Array:
@@ -229,4 +230,5 @@ def _find_shift(window: Image, patch: Image) -> Array:
 
 def _denoised(grey: Image) -> Image:
     """Blurred copy of `grey` (h, w), in which noise is averaged over NOISE_WINDOW."""
-    return np.asarray(cv2.GaussianBlur(grey, (0, 0), NOISE_WINDOW), dtype=np.uint8)
+    soft: Image = cv2.GaussianBlur(grey, (0, 0), NOISE_WINDOW)
+    return soft

@@ -4,7 +4,7 @@ arm.
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from math import nan
+from math import hypot, nan
 from typing import Self
 
 import cv2
@@ -124,10 +124,9 @@ class Clip:
             return None
         pitch = face.axis - self.face.axis
         cosine, sine = np.cos(pitch), np.sin(pitch)
-        x, z = (
-            face.front - np.array([(cosine, -sine), (sine, cosine)]) @ self.face.front
-        )
-        return Pose(float(x), float(z), float(pitch))
+        turn = np.array([(cosine, -sine), (sine, cosine)])
+        x, z = (face.front - turn @ self.face.front).tolist()
+        return Pose(x, z, pitch)
 
 
 def _face(
@@ -295,7 +294,8 @@ class HeldEnd:
         (before, start), (then, last) = self._past[-2:]
         steps = min((stamp - then) / (then - before), MOST_STEPS)
         ahead = last.as_array() + steps * (last.as_array() - start.as_array())
-        return Pose(float(ahead[0]), max(float(ahead[1]), 0.0), last.pitch)
+        x, z, _ = ahead.tolist()
+        return Pose(x, max(z, 0.0), last.pitch)
 
     def _iterate(self, frame: Frame, guess: Pose) -> HeldMeasurement:
         """Measure by fixed-point iteration from `guess`; no end where it does not
@@ -306,7 +306,7 @@ class HeldEnd:
             end = self._end_pose(measurement)
             if end is None:
                 return HeldMeasurement(measurement, None)
-            moved = float(np.hypot(end.x - guess.x, end.z - guess.z))
+            moved = hypot(end.x - guess.x, end.z - guess.z)
             guess = end
             if moved < CLOSE:
                 return HeldMeasurement(
@@ -325,10 +325,10 @@ class HeldEnd:
         within = curve[along <= self._strip.length]
         if len(within) < 2:
             return None
-        (x, z), slope = _extrapolate(
-            within, self._strip.length - float(along[len(within) - 1])
-        )
-        return Pose(float(x), float(z), float(np.arctan2(slope[1], slope[0])))
+        missing = self._strip.length - along[len(within) - 1]
+        place, slope = _extrapolate(within, missing)
+        x, z = place.tolist()
+        return Pose(x, z, float(np.arctan2(slope[1], slope[0])))
 
 
 def _extrapolate(curve: Array, distance: float | Array) -> tuple[Array, Array]:
@@ -339,7 +339,7 @@ def _extrapolate(curve: Array, distance: float | Array) -> tuple[Array, Array]:
     """
     along = arc_lengths(curve)
     back = along - along[-1]
-    last = back >= max(-END_LENGTH, float(back[0]))
+    last = back >= max(-END_LENGTH, back[0])
     fit = polynomial.polyfit(back[last], curve[last], min(2, last.sum() - 1))
     place = polynomial.polyval(distance, fit)
     slope = polynomial.polyval(distance, polynomial.polyder(fit))
@@ -366,13 +366,10 @@ def find_end(
     rows = sample_plane(image, calibration, line + offsets[:, None, None] * aside)
     starts = np.median(rows[:, : len(line) // 4], axis=1)
     edges = np.array(
-        [colour_edge(*pair, clip) for pair in zip(rows, starts, strict=True)]
+        [colour_edge(row, start, clip) for row, start in zip(rows, starts, strict=True)]
     )
-    return (
-        FINE * float(np.median(edges[np.isfinite(edges)]))
-        if np.isfinite(edges).any()
-        else nan
-    )
+    seen = edges[np.isfinite(edges)]
+    return FINE * float(np.median(seen)) if len(seen) else nan
 
 
 def colour_edge(row: Array, colour: Array, beyond: Array | None = None) -> float:
@@ -387,7 +384,7 @@ def colour_edge(row: Array, colour: Array, beyond: Array | None = None) -> float
     foreign = away > UNLIKE
     if beyond is not None:
         foreign &= colour_distances(row, beyond[None])[:, 0] < away
-    start = int(np.argmin(foreign))  # a row may begin in a shadow
+    start = np.argmin(foreign)  # a row may begin in a shadow
     lasting = np.flatnonzero(
         np.convolve(foreign[start:], np.ones(length), "valid") == length
     )

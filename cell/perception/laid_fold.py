@@ -1,5 +1,6 @@
 """Offset between the edges of a laid fold, from the size of its loop in an image."""
 
+from math import nan
 from pathlib import Path
 from typing import NamedTuple, Self
 
@@ -59,7 +60,7 @@ def laid_length(measurement: StripMeasurement) -> float:
     another the points in between hold noise, which makes the curve longer by a tenth.
     """
     if len(measurement.profile) == 0:
-        return float("nan")
+        return nan
     points = measurement.profile[::PROFILE_STRIDE]
     curve = np.vstack([(measurement.contact_x, 0.0), points, measurement.gripper])
     return float(measurement.contact_x + np.hypot(*np.diff(curve, axis=0).T).sum())

@@ -4,6 +4,7 @@ falling.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import exp, nan
 
 import numpy as np
 
@@ -90,9 +91,9 @@ class LayerTouch:
         recent = [fall.gap for fall in self._falls[-RESTING_FALLS:]]
         rests = len(recent) == RESTING_FALLS and max(recent) - min(recent) < MARGIN
         if self._touch is not None or not rests:
-            return float("nan")
+            return nan
         distance = float(np.median(recent))
-        return distance if distance > self._distances[1] + MARGIN else float("nan")
+        return distance if distance > self._distances[1] + MARGIN else nan
 
     def _find_touch(self) -> SeenTouch | None:
         """Layers' touch in the recorded falls; None while the two signals do not
@@ -115,7 +116,7 @@ class LayerTouch:
         if apart > LARGEST_RATIO:
             return None
         x, displacement = self._place_at(time, t)
-        confidence = float(np.exp(-apart))
+        confidence = exp(-apart)
         to_grasped = x + displacement
         touch = SeenTouch(
             time,
@@ -158,12 +159,12 @@ def _fall(measurement: StripMeasurement, gripper: Pose) -> Fall | None:
     steps = np.hypot(*np.diff(points, axis=0).T)
     # m to the gripper
     remaining = np.concatenate([np.cumsum(steps[::-1])[::-1], [0.0]])
-    tip = int(np.argmax(points[:, 0]))
+    tip = np.argmax(points[:, 0])
     # in the upper layer
     past_gap = np.flatnonzero(points[tip:, 0] <= measurement.gap_x)
     if len(past_gap) == 0 or past_gap[0] == 0:
         return None
-    after = tip + int(past_gap[0])
+    after = tip + past_gap[0]
     before = after - 1
     share = (points[before, 0] - measurement.gap_x) / (
         points[before, 0] - points[after, 0]
@@ -186,13 +187,16 @@ def _closing_time(
     crossings = np.flatnonzero((gap[:-1] > level) & (gap[1:] <= level))
     if len(crossings) == 0 or crossings[-1] == 0:
         return None
-    last = int(crossings[-1])  # above `level`
+    last = crossings[-1]  # above `level`
     three = slice(max(last - 2, 0), last + 1)
     speed = -float(np.polyfit(t[three], gap[three], 1)[0])
     if speed <= 0:
         return None
-    latest = float(t[last + 1]) + max(float(gap[last + 1]) - end, 0.0) / speed
-    return min(float(t[last]) + (float(gap[last]) - end) / speed, latest), speed
+
+    (t_before, t_after), (before, after) = t[last : last + 2], gap[last : last + 2]
+    closed = t_before + (before - end) / speed
+    latest = t_after + max(after - end, 0.0) / speed
+    return float(min(closed, latest)), speed
 
 
 def _falls_slower(t: Array, gap: Array, time: float, speed: float) -> bool:
@@ -202,16 +206,17 @@ def _falls_slower(t: Array, gap: Array, time: float, speed: float) -> bool:
     after = t >= time
     if after.sum() < RECENT_FALLS:
         return False
-    return not -float(np.polyfit(t[after], gap[after], 1)[0]) > speed
+    closing = -np.polyfit(t[after], gap[after], 1)[0]
+    return not closing > speed
 
 
 def _end_of_fall(t: Array, gap: Array, time: float, speed: float) -> float:
     """Time [s] at which the fall ended: where its fitted line meets the gap at rest."""
-    rest = float(np.median(gap[t >= time]))
-    moving = gap > rest + RISE_SHARE * speed * float(np.median(np.diff(t)))
+    rest = np.median(gap[t >= time])
+    moving = gap > rest + RISE_SHARE * speed * np.median(np.diff(t))
     # noise at rest may rise again: the first stop counts
-    last = int(np.argmin(moving)) - 1
-    return float(t[last]) + (float(gap[last]) - rest) / speed
+    last = np.argmin(moving) - 1
+    return float(t[last] + (gap[last] - rest) / speed)
 
 
 def _without_spikes(values: Sequence[float]) -> Array:

@@ -4,7 +4,7 @@ independently.
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from math import hypot
+from math import hypot, nan
 
 import numpy as np
 
@@ -115,7 +115,7 @@ def held_end_offset(seen: StripMeasurement) -> float:
     """
     away = seen.profile - np.array(seen.gripper)
     if len(away) == 0 or np.hypot(*away[-1]) >= SEEN_END:
-        return float("nan")
+        return nan
     x, z = away[np.hypot(*(away - away[-1]).T) <= LAST].T
     upright = np.column_stack([np.ones_like(z), z**2])
     return float(np.linalg.lstsq(upright, x)[0][0])

@@ -185,7 +185,7 @@ def agreement(
 
         from_prior = unknowns - prior
         change, remaining = _solve(design[valid], errors[valid], from_prior, sigma)
-        square = float((remaining**2).sum(axis=-1).mean())
+        square = (remaining**2).sum(axis=-1).mean()
         residual = np.sqrt(max(square - fold.noise**2, 0.0))
         unknowns = unknowns + np.clip(change, -3.0 * sigma, 3.0 * sigma)
         unknowns[2] = max(unknowns[2], 0.0)  # friction is not negative

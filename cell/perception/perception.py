@@ -90,12 +90,12 @@ def find_contact(levels: Image, line: SearchLine, origin: Array) -> Contact:
     """
     desk = _sample(levels, line.front - origin)
     if (desk > HALF_LEVEL).mean() > 0.5:  # all looks like strip
-        return Contact(float("nan"), 0.0)
+        return Contact(nan, 0.0)
     along = strip_share(_average(_sample(levels, line.pixels - origin)))
     strip = along > 0.5
     ends = _piece_ends(strip)
     if len(ends) == 0 or not strip[: len(strip) // 8].any():
-        return Contact(float("nan"), 0.0)
+        return Contact(nan, 0.0)
     i = _lying_end(ends, np.flatnonzero(strip))
     if i == len(strip) - 1:
         return Contact(float(line.x[-1]), 1.0)
@@ -312,7 +312,7 @@ class Perception:
 
         It is 1 up to an error of LENGTH_ERROR, and 0 from twice that on.
         """
-        missing = float(np.hypot(*(midline[-1] - (gripper.x, gripper.z))))
+        missing = np.hypot(*(midline[-1] - (gripper.x, gripper.z)))
         length = contact.x + arc_lengths(midline)[-1] + missing
         error = max(abs(length - self._strip.length), missing - REACH)
         return float(np.clip(2 - error / LENGTH_ERROR, 0.0, 1.0))

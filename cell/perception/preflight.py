@@ -97,16 +97,16 @@ def _check_desk(segmenter: scene.Segmenter, desk: Array) -> PreflightCheck:
     """Check whether each of the strip's colours differs from the desk (3,), lit or in
     shadow.
     """
-    apart = min(float(np.linalg.norm(colour - desk)) for colour in segmenter.colours)
+    apart = np.linalg.norm(segmenter.colours - desk, axis=1).min()
     shade = np.array([scene.DESK_SHADE], dtype=np.float32)
     away = min(
-        float(scene.separation(c, desk[None], shade, segmenter.smooth)[0])
-        for c in segmenter.colours
+        scene.separation(colour, desk[None], shade, segmenter.smooth)[0]
+        for colour in segmenter.colours
     )
     mostly = "" if away >= DESK_SEPARATION else ", mostly as a desk and its shadow do"
     return PreflightCheck(
         name="contrast",
-        passed=apart >= DESK_CONTRAST and away >= DESK_SEPARATION,
+        passed=bool(apart >= DESK_CONTRAST and away >= DESK_SEPARATION),
         reason=(
             f"strip and desk differ by {apart:.0f} grey levels{mostly},"
             f" {DESK_CONTRAST:.0f} are needed; their separation is {away:.1f},"
@@ -152,7 +152,7 @@ def _check_background(
     """
     mask = motion_mask(calibration, strip.length)
     alike = (segmenter.separation(mask) < SEPARATION).mean(axis=0)
-    share = float(alike.mean())
+    share = alike.mean()
     place = np.zeros(mask.shape, dtype=np.float32)
     place[mask > 0] = alike
     x, z = calibration.to_plane(_densest_pixel(place)[None])[0]
@@ -171,7 +171,7 @@ def _check_background(
         )
     return PreflightCheck(
         name="background",
-        passed=share <= ALIKE_SHARE,
+        passed=bool(share <= ALIKE_SHARE),
         reason=(
             f"{100 * share:.0f} % of what is behind the strip's way has its colour,"
             f" allowed {100 * ALIKE_SHARE:.0f} %; most of it at x = {1e3 * x:.0f} mm, z"
@@ -281,7 +281,7 @@ def _check_length(
 def _densest_pixel(alike: Floats) -> Array:
     """Pixel (2,), u and v, around which most of the mask `alike` (h, w) lies."""
     near = cv2.blur(alike, (BLOT_SIZE, BLOT_SIZE))
-    v, u = np.unravel_index(int(np.argmax(near)), near.shape)
+    _, _, _, (u, v) = cv2.minMaxLoc(near)
     return np.array([float(u), float(v)])
 
 

@@ -183,5 +183,5 @@ def resting_line(seen: Underside) -> Array:
     for _ in range(3):
         fit = np.asarray(polyfit(x[kept], z[kept], DEGREE))
         off = np.abs(z - polyval(x, fit))
-        kept = off <= max(3.0 * float(np.median(off)), 1e-4)
+        kept = off <= max(3.0 * np.median(off), 1e-4)
     return fit

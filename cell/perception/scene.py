@@ -67,7 +67,7 @@ def _worst_explained(samples: Array, colours: Array) -> Array:
     explained.
     """
     distance = colour_distances(samples, colours).min(axis=1)
-    worst = samples[int(np.argmax(distance))]
+    worst = samples[np.argmax(distance)]
     near = np.argsort(np.linalg.norm(samples - worst, axis=1), kind="stable")
     return np.median(samples[near[: max(len(samples) // 20, 1)]], axis=0)
 

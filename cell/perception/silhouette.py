@@ -166,7 +166,7 @@ def _bridge_regions(
     bridged = False
     while others and np.hypot(*(body - gripper).T).min() > AT_GRIP:
         pairs = [_closest(body, other) for other in others]
-        lengths = [float(np.hypot(*(start - end))) for start, end in pairs]
+        lengths = [np.hypot(*(start - end)) for start, end in pairs]
         nearest = int(np.argmin(lengths))
         if lengths[nearest] > longest:
             break
@@ -191,9 +191,7 @@ def _outlines(mask: Image) -> list[Outline]:
 
 def _nearest(outlines: list[Outline], point: Array) -> Outline:
     """Outline among `outlines` that comes nearest to `point` (2,) [px]."""
-    return min(
-        outlines, key=lambda outline: float(np.hypot(*(outline - point).T).min())
-    )
+    return min(outlines, key=lambda outline: np.hypot(*(outline - point).T).min())
 
 
 def _facing_tips(outline: Outline, longest: float) -> list[tuple[Outline, Outline]]:
@@ -204,7 +202,7 @@ def _facing_tips(outline: Outline, longest: float) -> list[tuple[Outline, Outlin
     pairs = []
     for i, j in combinations(range(len(tips)), 2):
         across = (tips[j] - tips[i]).astype(np.float64)
-        length = float(np.hypot(*across))
+        length = np.hypot(*across)
         # px, cosine times length
         aligned = min(directions[i] @ across, -(directions[j] @ across))
         if 0.0 < length < longest and aligned > FACING * length:

@@ -1,6 +1,7 @@
 """Measured values of a strip in one image, and of the layers' touch in several."""
 
 from dataclasses import KW_ONLY, dataclass
+from math import nan
 
 from drivers.base.types import Array
 from drivers.strip.engine import Touch
@@ -26,7 +27,7 @@ class StripMeasurement:
     tip: tuple[float, float]
     gap: float
     gap_x: float
-    gripper: tuple[float, float] = (float("nan"), float("nan"))
+    gripper: tuple[float, float] = (nan, nan)
 
     @property
     def confidence(self) -> float:

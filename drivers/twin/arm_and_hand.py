@@ -4,7 +4,7 @@ fingers.
 
 from collections import deque
 from functools import partial
-from math import hypot
+from math import hypot, nan
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from drivers.twin.world import Fingers, World
 ARM_SOURCE, HAND_SOURCE = "twin arm", "twin hand"
 SETTLED_DISTANCE = 1e-5  # m or rad behind the command at which a motion has ended
 NOISE_BLOCK = 1024  # ticks of noise drawn together
-FORCE_NOT_MEASURED = (float("nan"), float("nan"))
+FORCE_NOT_MEASURED = (nan, nan)
 
 
 class ExternalWrench:

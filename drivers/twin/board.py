@@ -41,7 +41,7 @@ def board_pose(
     )
     pose = np.eye(4)
     pose[:3, :3] = optics.rotation.T @ (about_y.T @ about_x.T @ about_z)
-    pose[:3, 3] = optics.centre + ray / float(ray @ optics.rotation[2]) * distance
+    pose[:3, 3] = optics.centre + ray / (ray @ optics.rotation[2]) * distance
     return pose
 
 

@@ -5,7 +5,7 @@ of its newest past, which the camera renders.
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from math import cos, sin
+from math import cos, hypot, sin
 from typing import Protocol, Self
 
 import numpy as np
@@ -241,7 +241,7 @@ class World:
         edge = self._edge()
         place = min(edge.x, self.model.stated_length)
         hand = self.gripper
-        distance = float(np.hypot(place - hand.x, edge.z - hand.z))
+        distance = hypot(place - hand.x, edge.z - hand.z)
         return distance <= reach and abs(edge.pitch - hand.pitch) <= lean
 
     def attach(self) -> None:
@@ -275,7 +275,7 @@ class World:
         """Weight [N] of the lifted part of a held strip, from the desk contact on."""
         if not self.holds_strip or self._observed is None:
             return 0.0
-        lifted = max(float(self._arc[-1]) - float(self._observed.contact_x[0]), 0.0)
+        lifted = max(float(self._arc[-1] - self._observed.contact_x[0]), 0.0)
         return GRAVITY * float(np.mean(self.model.mechanics.linear_density)) * lifted
 
     @property

@@ -55,7 +55,7 @@ def mounting_from_points(points: Array, length: float) -> Mounting:
             " edges again"
         )
     normal = np.cross(along, beside - fixed)
-    if not float(np.linalg.norm(normal)) >= OFF_LINE * distance:
+    if not np.linalg.norm(normal) >= OFF_LINE * distance:
         raise CellError(
             "register: the third point is too near the strip; allowed: at least"
             f" {OFF_LINE:.1f} m beside it; touch it again"

@@ -162,7 +162,7 @@ class Ends:
         """Ends of the chain of a lying strip: neither slides, the desk bears the full
         weight.
         """
-        gravity = -float(model.boundary.gravity[1])
+        gravity = -model.boundary.gravity[1]
         friction = model.boundary.edge_friction
         grip_force = model.boundary.grip_force * lumps.scale
         edge_force = friction * float(lumps.mass.sum()) * gravity

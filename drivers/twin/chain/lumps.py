@@ -143,8 +143,9 @@ class Lumps:
         nodes = places(strip.length, links)
         spans = np.diff(nodes)
         mass = strip.total(strip.linear_density, nodes)
-        scale = PAPER_LINEAR_DENSITY * strip.length / float(mass.sum())
-        weight = float(mass.sum()) * float(np.hypot(*model.boundary.gravity))
+        total = float(mass.sum())
+        scale = PAPER_LINEAR_DENSITY * strip.length / total
+        weight = total * np.hypot(*model.boundary.gravity)
         return cls(
             hinges=HingeLumps.from_model(model, nodes, scale),
             scale=scale,

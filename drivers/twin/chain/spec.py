@@ -49,12 +49,12 @@ class Layers:
     def from_angles(cls, angle: Array) -> Self:
         """Layers of a fold whose links are at `angle` (n,) [rad] from flat."""
         level = np.cos(angle)
-        turned = int(np.argmax(level < 0))
+        turned = np.argmax(level < 0)
         flat = np.flatnonzero(level[:turned] > FLAT)
         back = np.flatnonzero(level[turned:] < -FLAT)
         return cls(
             lower=int(flat[-1]) if len(flat) else 0,
-            upper=(turned + int(back[0])) if len(back) else len(angle),
+            upper=int(turned + back[0]) if len(back) else len(angle),
         )
 
     def add(self, body: mujoco.MjsBody, node: int, lumps: Lumps, gap: float) -> None:
@@ -131,7 +131,7 @@ def compile_chain(
     with more links.
     """
     chain = build(model, links, layers).compile()
-    turn = 1.0 / (LONGEST_STEP**2 * float(chain.jnt_stiffness[-1]))
+    turn = 1.0 / (LONGEST_STEP**2 * chain.jnt_stiffness[-1])
     chain.body_invweight0[links + 1] = GRIP_WEIGHT, turn
     return chain
 

@@ -208,7 +208,7 @@ class Renderer:
         corners = np.array([(left, low), (right, low), (right, high), (left, high)])
         outline = self._optics.seen_from(window.origin).plane(corners)
         if bias > 0:
-            light = float(np.median(window.crop(self._light)))
+            light = np.median(window.crop(self._light))
             fill(part, outline, ribbon.CUT * (self._colour * light))
             return
         cover = np.zeros_like(part)

@@ -65,7 +65,7 @@ def expose(scenes: Sequence[Scene], spacing: float) -> Curve:
     first = scenes[0]
     middle = scenes[len(scenes) // 2]
     last = scenes[-1]
-    length = float(middle.arc[-1])
+    length = middle.arc[-1]
     count = max(int(np.ceil(length / spacing)), 8)
     s = np.linspace(0.5, count - 0.5, count) * (length / count)
 
@@ -205,7 +205,7 @@ def sample_edge(
     """Material points of the strip's near edge, half a thickness to either side of the
     midline.
     """
-    thickness = 2 * float(np.hypot(*picture.half.T).max())
+    thickness = 2 * np.hypot(*picture.half.T).max()
     rows = np.full(len(curve.s), max(int(np.ceil(thickness / PITCH)), 2))
     surface = Rows(
         start=picture.near,

@@ -164,7 +164,7 @@ def fill(image: Image, outline: Array, colour: Array) -> None:
     place.
     """
     corners = np.rint(outline * 256).astype(np.int32)
-    ink = tuple(float(c) for c in np.minimum(colour, 255))
+    ink = np.minimum(colour, 255).tolist()
     cv2.fillConvexPoly(image, corners, ink, cv2.LINE_AA, 8)
 
 
@@ -224,7 +224,7 @@ def _line(cable: Cable, optics: Optics, size: tuple[int, ...]) -> NDArray[np.uin
     fit = polyfit(numbers, knots, min(last, 3))
     smooth = polyval(along, fit).T.astype(np.float64)
 
-    distance = float(np.linalg.norm(smooth.mean(axis=0) - optics.centre))
+    distance = np.linalg.norm(smooth.mean(axis=0) - optics.centre)
     thickness = max(round(cable.thickness * optics.focal / distance), 1)
     mask = np.zeros(size, dtype=np.uint8)
     points = np.rint(optics.project(smooth) * 256).astype(np.int32)
