@@ -70,23 +70,22 @@ def _pose_free_system(view: BoardView, lens: Lens) -> tuple[Array, Array]:
     The images of the view's n corners [px] are linearised about the best pose of a flat
     board.
     """
+    camera = (lens.matrix, lens.distortion)
     board = view.board
-    _, rotation, shift = cv2.solvePnP(board, view.image, lens.matrix, lens.distortion)
-    image, slopes = cv2.projectPoints(
-        board, rotation, shift, lens.matrix, lens.distortion
-    )
+    _, rotation, shift = cv2.solvePnP(board, view.image, *camera)
+    image, slopes = cv2.projectPoints(board, rotation, shift, *camera)
     raised = board + np.array([0.0, 0.0, NORMAL_STEP])
-    raised_image, _ = cv2.projectPoints(
-        raised, rotation, shift, lens.matrix, lens.distortion
-    )
-    error = (view.image - image.reshape(-1, 2)).ravel()
+    raised_image, _ = cv2.projectPoints(raised, rotation, shift, *camera)
+
+    error = view.image.reshape(-1, 1) - image.reshape(-1, 1)
     by_height = (raised_image - image).reshape(-1, 1) / NORMAL_STEP
     bow = by_height * np.repeat(_bow_modes(board), 2, axis=0)
-    shared = np.hstack([slopes[:, CAMERA_COLUMNS], bow])
+    system = np.hstack([slopes[:, CAMERA_COLUMNS], bow, error])
+
     pose = slopes[:, :POSE_COLUMNS]
-    by_pose = np.linalg.lstsq(pose, shared, rcond=None)[0]
-    error_by_pose = np.linalg.lstsq(pose, error, rcond=None)[0]
-    return shared - pose @ by_pose, error - pose @ error_by_pose
+    by_pose = np.linalg.lstsq(pose, system, rcond=None)[0]
+    pose_free = system - pose @ by_pose
+    return pose_free[:, :-1], pose_free[:, -1]
 
 
 def _bow_modes(points: Array) -> Array:

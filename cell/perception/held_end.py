@@ -133,17 +133,16 @@ def _face(
     image: Image, calibration: Calibration, colour: Array, last: Pose
 ) -> Face | None:
     """Largest region of a `colour` (3,) BGR near the `last` end; None without one."""
-    corners = np.array([(-1, -1), (-1, 1), (1, -1), (1, 1)]) * WINDOW + (last.x, last.z)
+    square = np.array([(-1, -1), (-1, 1), (1, -1), (1, 1)]) * WINDOW
+    corners = calibration.to_image(square + np.array([last.x, last.z]))
     size = (calibration.lens.width, calibration.lens.height)
-    pixels = calibration.to_image(corners)
-    left, top = np.clip(pixels.min(axis=0), 0, size).astype(int)
-    right, bottom = np.clip(pixels.max(axis=0), 0, size).astype(int)
+    first = np.clip(corners.min(axis=0), 0, size).astype(int)
+    right, bottom = np.clip(corners.max(axis=0), 0, size).astype(int)
+    left, top = first
     region = _largest_region(image[top:bottom, left:right], colour)
     if region is None:
         return None
-    return Face.from_places(
-        calibration.to_plane(region + np.array([left, top])), last.pitch
-    )
+    return Face.from_places(calibration.to_plane(region + first), last.pitch)
 
 
 def _largest_region(image: Image, colour: Array) -> Array | None:
@@ -152,15 +151,14 @@ def _largest_region(image: Image, colour: Array) -> Array | None:
     """
     if image.size == 0:
         return None
-    alike = colour_distances(image.astype(np.float64), colour[None])[..., 0] < ALIKE
-    mask = cv2.morphologyEx(
-        alike.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)
-    )
+    away = colour_distances(image.astype(np.float64), colour[None])[..., 0]
+    alike = (away < ALIKE).astype(np.uint8)
+    mask = cv2.morphologyEx(alike, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
     _, labels, pieces, _ = cv2.connectedComponentsWithStats(mask)
-    if len(pieces) < 2:
+    _, *areas = pieces[:, cv2.CC_STAT_AREA]
+    if not areas:
         return None
-    largest = 1 + int(np.argmax(pieces[1:, cv2.CC_STAT_AREA]))
-    v, u = np.nonzero(labels == largest)
+    v, u = np.nonzero(labels == 1 + np.argmax(areas))
     return np.column_stack([u, v]).astype(np.float64)
 
 

@@ -216,17 +216,18 @@ def _midline(outer: OuterSide, borders: Crossings, thickness: float) -> Array:
     """Midline points (n, 2) [m], from the borders of wide bands and the centres of
     narrow bands.
     """
+    scale = outer.scale
     # [m] along `out`, as all below
-    by_near_edge = -borders.outer * outer.scale - thickness / 2
+    by_near_edge = -borders.outer * scale - thickness / 2
     by_far_edge = _by_far_edge(by_near_edge - outer.swept, outer, borders, thickness)
     by_border = np.where(outer.lever > 0, by_near_edge, by_far_edge)
-    by_mass = -borders.middle * outer.scale + np.sign(outer.lever) * outer.swept / 2
-    band = (outer.swept + thickness) / outer.scale  # px
-    trust = np.clip((band - THIN[0]) / (THIN[1] - THIN[0]), 0.0, 1.0)
-    alone = np.isfinite(borders.inner) & (
-        (borders.inner - borders.outer) < band + AGREE
-    )
-    trust = np.where(alone, trust, 1.0)
+    by_mass = -borders.middle * scale + np.sign(outer.lever) * outer.swept / 2
+
+    band = (outer.swept + thickness) / scale  # px
+    trust = np.interp(band, THIN, (0.0, 1.0))
+    # NaN, and so false, where the band runs into another layer
+    is_alone = borders.inner - borders.outer < band + AGREE
+    trust = np.where(is_alone, trust, 1.0)
     shift = trust * by_border + (1 - trust) * by_mass
     return outer.place + shift[:, None] * outer.out
 
@@ -242,11 +243,12 @@ def _by_far_edge(
     """
     scale = outer.scale
     behind = -borders.inner * scale + thickness / 2
-    predicted = predicted + _far_offset(
-        (behind - predicted)[outer.lever < 0], AGREE * scale
-    )
+    apart = (behind - predicted)[outer.lever < 0]
+    predicted = predicted + _far_offset(apart, AGREE * scale)
+
     off = np.abs(behind - predicted) / scale
-    visible = np.clip((CLOSE[1] - off) / (CLOSE[1] - CLOSE[0]), 0.0, 1.0)
+    nearest, farthest = CLOSE
+    visible = np.clip((farthest - off) / (farthest - nearest), 0.0, 1.0)
     mixed = visible * behind + (1 - visible) * predicted
     return np.where(np.isfinite(behind), mixed, predicted)
 
@@ -272,14 +274,13 @@ def _average_in_order(points: Array, tangents: Array) -> Array:
         return np.empty((0, 2))
     mean = tangents[1:] + tangents[:-1]
     mean /= np.maximum(np.hypot(*mean.T), 1e-9)[:, None]
-    travel = np.concatenate(
-        [[0.0], np.cumsum((np.diff(points, axis=0) * mean).sum(axis=1))]
-    )
+    steps = (np.diff(points, axis=0) * mean).sum(axis=1)
+    travel = np.concatenate([[0.0], np.cumsum(steps)])
+
     bins = np.floor((travel - travel.min()) / SPACING).astype(int)
     count = np.bincount(bins)
-    filled = count > 0
-    sums = np.stack([np.bincount(bins, points[:, c]) for c in range(2)], axis=1)
-    return sums[filled] / count[filled, None]
+    sums = np.stack([np.bincount(bins, column) for column in points.T], axis=1)
+    return sums[count > 0] / count[count > 0, None]
 
 
 def resample(points: Array) -> Array:
@@ -287,7 +288,6 @@ def resample(points: Array) -> Array:
     parabolas.
     """
     even = even_points(points, PROFILE_POINTS)
-    smooth = even.copy()
-    for c in range(2):
-        smooth[2:-2, c] = np.convolve(even[:, c], KERNEL, mode="valid")
-    return smooth
+    for column in even.T:
+        column[2:-2] = np.convolve(column, KERNEL, mode="valid")
+    return even

@@ -220,13 +220,15 @@ def _tips(outline: Outline) -> tuple[Outline, Array]:
     before = np.roll(outline, TIP_ARM, axis=0)
     outwards = outline - 0.5 * (after + before)
     length = np.hypot(*outwards.T)
-    turns = (np.hypot(*(after - before).T) < TIP_WIDTH) & (length > 0.6 * TIP_ARM)
-    first = np.flatnonzero(turns & ~np.roll(turns, 1))
-    last = np.flatnonzero(turns & ~np.roll(turns, -1))
+    is_narrow = np.hypot(*(after - before).T) < TIP_WIDTH
+    is_tip = is_narrow & (length > 0.6 * TIP_ARM)
+
+    first = np.flatnonzero(is_tip & ~np.roll(is_tip, 1))
+    last = np.flatnonzero(is_tip & ~np.roll(is_tip, -1))
     # the last run ends after the outline's first point
     if len(first) and first[0] > last[0]:
-        last = np.append(last[1:], last[0] + len(turns))
-    middle = ((first + last) // 2) % len(turns)
+        last = np.append(last[1:], last[0] + len(is_tip))
+    middle = ((first + last) // 2) % len(is_tip)
     return outline[middle], outwards[middle] / length[middle, None]
 
 
@@ -235,6 +237,7 @@ def _closest(one: Outline, other: Outline) -> tuple[Outline, Outline]:
     point.
     """
     a, b = one[::2], other[::2]
-    distance = np.hypot(*(a[:, None] - b[None]).transpose(2, 0, 1))
-    i, j = np.unravel_index(int(np.argmin(distance)), distance.shape)
+    u, v = (a[:, None] - b).transpose(2, 0, 1)
+    distance = np.hypot(u, v)
+    i, j = np.unravel_index(np.argmin(distance), distance.shape)
     return a[i], b[j]
