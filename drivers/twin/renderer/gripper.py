@@ -122,22 +122,16 @@ def _disc(
     part[:] = part + cover * (colour - part) + 0.5
 
 
-def extent(
-    faces: Sequence[tuple[Array, Array]], scene: Scene, optics: Optics
-) -> tuple[Array, Array]:
-    """Columns and rows (k,) [px] of points that bound the hand's `faces` and the pin it
-    holds.
-    """
-    sides = [corners for face in faces for corners in face]
+def extent(faces: Sequence[tuple[Array, Array]], scene: Scene, optics: Optics) -> Array:
+    """Points (k, 2) [px] that bound the hand's `faces` and the pin that it holds."""
+    bounds = [np.empty((0, 2))]
+    for near, far in faces:
+        bounds += [near, far]
     if scene.pointer:
         centre = np.array([scene.gripper.x, scene.gripper.z])
-        sides.append(
-            optics.plane(
-                centre + PLATE * np.array([(-1, -1), (1, 1), (1, -1), (-1, 1)])
-            )
-        )
-    bounds = np.concatenate(sides) if sides else np.empty((0, 2))
-    return bounds[:, 0], bounds[:, 1]
+        square = np.array([(-1, -1), (1, 1), (1, -1), (-1, 1)])
+        bounds.append(optics.plane(centre + PLATE * square))
+    return np.concatenate(bounds)
 
 
 def clip_above(outline: Array, floor: float) -> Array:

@@ -48,21 +48,15 @@ class ShadowBand:
         place.
         """
         u, v = origin
-        first, last = (
-            max(self.top, v),
-            min(self.top + len(self.bins), v + image.shape[0]),
-        )
-        if first >= last:
+        height, width, _ = image.shape
+        first = max(self.top, v)
+        end = min(self.top + len(self.bins), v + height)
+        if first >= end:
             return
-        rows = slice(first - self.top, last - self.top)
-        columns = slice(u, u + image.shape[1])
-        dark = (
-            1
-            - self.weight[rows, columns]
-            * profile.astype(np.float32)[self.bins[rows, columns]]
-        )
-        part = image[first - v : last - v]
-        part[:] = part * dark[..., None]
+        here = slice(first - self.top, end - self.top), slice(u, u + width)
+        dark = self.weight[here] * profile.astype(np.float32)[self.bins[here]]
+        part = image[first - v : end - v]
+        part[:] = part * (1 - dark[..., None])
 
 
 def shadow_band(
@@ -78,12 +72,9 @@ def shadow_band(
         np.arange(top, bottom, dtype=np.float32),
     )
     at_x, at_y = optics.on_level(optics.rays(u, v), floor)
-    bins = np.clip(
-        (at_x - TABLE_RANGE[0]) / (TABLE_RANGE[1] - TABLE_RANGE[0]) * BINS, 0, BINS - 1
-    ).astype(np.int32)
     inside = np.minimum(at_y, look.width - at_y) / SOFT_BORDER
     weight = np.clip(0.5 + 0.5 * inside, 0, 1) * settings.shadow
-    return ShadowBand(top, bins, weight.astype(np.float32))
+    return ShadowBand(top, _bins(at_x), weight.astype(np.float32))
 
 
 def _band_rows(
@@ -93,28 +84,29 @@ def _band_rows(
     `floor` [m].
     """
     x = np.linspace(*TABLE_RANGE, 15)
-    depths = (-2 * SOFT_BORDER, width + 2 * SOFT_BORDER)
-    pixels = np.concatenate(
-        [optics.plane(np.stack([x, 0 * x + floor], -1), y) for y in depths]
-    )
-    pixels = pixels[
-        (pixels[:, 0] > -IMAGE_MARGIN) & (pixels[:, 0] < settings.width + IMAGE_MARGIN)
-    ]
-    top = int(np.clip(pixels[:, 1].min() - 1, 0, settings.height - 1))
-    return top, int(np.clip(pixels[:, 1].max() + 2, top + 1, settings.height))
+    line = np.insert(x[:, None], 1, floor, axis=1)
+    edges = [optics.plane(line, y) for y in (-2 * SOFT_BORDER, width + 2 * SOFT_BORDER)]
+    u, v = np.concatenate(edges).T
+    seen = v[(u > -IMAGE_MARGIN) & (u < settings.width + IMAGE_MARGIN)]
+    top = int(np.clip(seen.min() - 1, 0, settings.height - 1))
+    return top, int(np.clip(seen.max() + 2, top + 1, settings.height))
+
+
+def _bins(x: NDArray[np.floating]) -> NDArray[np.int32]:
+    """Numbers (...,) of the table's bins at `x` (...,) [m], its last ones beyond it."""
+    low, high = TABLE_RANGE
+    bins = (x - low) / (high - low) * BINS
+    numbers: NDArray[np.int32] = np.clip(bins, 0, BINS - 1).astype(np.int32)
+    return numbers
 
 
 def shadow_profile(curve: Curve) -> Array:
     """Darkness (BINS,) of the strip's shadow along x, 0 to 1: the darker, the lower it
     hangs.
     """
-    place = (
-        (curve.points[:, 0] - TABLE_RANGE[0]) / (TABLE_RANGE[1] - TABLE_RANGE[0]) * BINS
-    )
-    bins = np.clip(place, 0, BINS - 1).astype(np.int64)
-    depth = np.exp(-np.maximum(curve.points[:, 1], 0) / FADE_HEIGHT)
+    x, z = curve.points.T
     darkness = np.zeros(BINS)
-    np.maximum.at(darkness, bins, depth)
+    np.maximum.at(darkness, _bins(x), np.exp(-np.maximum(z, 0) / FADE_HEIGHT))
     soft: Array = cv2.blur(darkness[None, :], (7, 1))[0]
     return soft
 
@@ -159,11 +151,11 @@ def arm_shadow(
         points = np.insert(part.corners, 1, middle, axis=1)
         for shadow in (_cast_on_wall(points, lamp), _cast_on_desk(points, lamp, floor)):
             if len(shadow) > 2:
-                corners = np.rint(
-                    optics.project(shadow) / SHADOW_GRID * 2**FRACTION_BITS
-                )
+                pixels = optics.project(shadow) / SHADOW_GRID
+                corners = np.rint(pixels * 2**FRACTION_BITS)
                 outline = np.clip(corners, -FARTHEST, FARTHEST).astype(np.int32)
                 cv2.fillPoly(dark, [outline], 255, cv2.LINE_AA, FRACTION_BITS)
+
     # sigma [px] of the shadow's border on the wall, from the lamp's size
     reach = BACKDROP_DISTANCE - lamp.place[1]
     border = lamp.size * BACKDROP_DISTANCE / (reach - BACKDROP_DISTANCE)

@@ -28,6 +28,7 @@ from drivers.twin.settings import CameraSettings
 from drivers.twin.world import Scene
 
 T = TypeVar("T", bound=np.generic)
+Indices = NDArray[np.int_]
 # m by which an abrupt end looks further along (lint) or back (glare) than one that
 # lifts evenly.
 ABRUPT_LINT, ABRUPT_GLARE = 0.0003, 0.0008
@@ -44,57 +45,53 @@ _SPECK = Scene(
 
 @dataclass(frozen=True, slots=True)
 class Window:
-    """Window [px] of an image of `size` (width, height): `left`, `top` to before
-    `right`, `bottom`.
+    """Window of an image, from pixel `first` (2,) to before pixel `end` (2,), u and v.
 
-    Its outer `margin` [px] serves the blur alone and is not copied back.
+    Only what lies from `kept_first` to before `kept_end` is copied back: the margin
+    about it serves the blur.
     """
 
-    left: int
-    top: int
-    right: int
-    bottom: int
-    size: tuple[int, int]
-    margin: int
+    first: Indices
+    end: Indices
+    kept_first: Indices
+    kept_end: Indices
 
     @classmethod
-    def around(
-        cls, extents: Sequence[tuple[Array, Array]], size: tuple[int, int], margin: int
-    ) -> Self | None:
-        """Window with twice `margin` around points u, v [px]; None without any in the
-        image.
+    def around(cls, points: Array, size: tuple[int, int], margin: int) -> Self | None:
+        """Window with twice `margin` around `points` (n, 2) [px] of an image of `size`
+        (width, height); None without any in the image.
         """
-        u, v = (np.concatenate(axis) for axis in zip(*extents, strict=True))
-        if u.size == 0:
+        if len(points) == 0:
             return None
-        left = max(int(u.min()) - 2 * margin, 0)
-        top = max(int(v.min()) - 2 * margin, 0)
-        right = min(int(u.max()) + 2 * margin + 1, size[0])
-        bottom = min(int(v.max()) + 2 * margin + 1, size[1])
-        is_inside = left < right and top < bottom
-        return cls(left, top, right, bottom, size, margin) if is_inside else None
+        first = np.maximum(points.min(axis=0).astype(int) - 2 * margin, 0)
+        end = np.minimum(points.max(axis=0).astype(int) + 2 * margin + 1, size)
+        if (first >= end).any():
+            return None
+        # there is no margin at the image's own border
+        kept_first = np.where(first > 0, first + margin, 0)
+        kept_end = np.where(end < size, end - margin, size)
+        return cls(first, end, kept_first, np.maximum(kept_first, kept_end))
 
     @property
     def origin(self) -> tuple[int, int]:
         """First pixel (u, v) of the window."""
-        return self.left, self.top
+        u, v = self.first.tolist()
+        return u, v
 
     def crop(self, image: NDArray[T]) -> NDArray[T]:
         """View of the window in `image`, of any shape (height, width, ...)."""
-        return image[self.top : self.bottom, self.left : self.right]
+        return _between(image, self.first, self.end)
 
     def put(self, part: Image, image: Image) -> None:
-        """Copy `part`, a window's content (h, w, 3), into `image`, without the inner
-        margins.
-        """
-        width, height = self.size
-        top = self.top + self.margin * (self.top > 0)
-        left = self.left + self.margin * (self.left > 0)
-        bottom = max(self.bottom - self.margin * (self.bottom < height), top)
-        right = max(self.right - self.margin * (self.right < width), left)
-        rows = slice(top - self.top, bottom - self.top)
-        columns = slice(left - self.left, right - self.left)
-        image[top:bottom, left:right] = part[rows, columns]
+        """Copy a window's content `part` (h, w, 3) into `image`, without its margin."""
+        kept = _between(part, self.kept_first - self.first, self.kept_end - self.first)
+        _between(image, self.kept_first, self.kept_end)[:] = kept
+
+
+def _between(image: NDArray[T], first: Indices, end: Indices) -> NDArray[T]:
+    """View of an image from pixel `first` (2,) to before pixel `end` (2,), u and v."""
+    (left, top), (right, bottom) = first, end
+    return image[top:bottom, left:right]
 
 
 class Renderer:
@@ -160,11 +157,10 @@ class Renderer:
         """
         clouds = [] if curve is None else self._material(curve)
         hand_faces = gripper.faces_of(hand, self._optics)
+        drawn = [cloud.points[:2].T for cloud in clouds]
+        drawn.append(gripper.extent(hand_faces, scene, self._optics))
         window = Window.around(
-            [
-                *(cloud.pixels for cloud in clouds),
-                gripper.extent(hand_faces, scene, self._optics),
-            ],
+            np.concatenate(drawn),
             (self._settings.width, self._settings.height),
             kernel_size(self._settings.lens_blur),
         )

@@ -170,11 +170,6 @@ class Cloud:
     points: Array
     tint: Array
 
-    @property
-    def pixels(self) -> tuple[Array, Array]:
-        """Columns and rows (n,) [px] of the material points."""
-        return self.points[0], self.points[1]
-
 
 def sample_face(
     curve: Curve, picture: Projection, optics: Optics, look: StripLook, material: Weave
