@@ -81,11 +81,13 @@ class Optics(NamedTuple):
         axis, r^2 = a^2 + b^2, appears where one at (1 + k1 r^2 + k2 r^4) (a, b) would.
         """
         seen = (points - self.centre) @ self.rotation.T
-        tangents = seen[..., :2] / seen[..., 2:]
-        r2 = (tangents**2).sum(axis=-1, keepdims=True)
+        right, down, forward = np.moveaxis(seen, -1, 0)
+        a, b = right / forward, down / forward
         k1, k2 = self.distortion
-        pixels: Array = tangents * (1 + r2 * (k1 + k2 * r2)) * self.focal
-        return pixels + self.principal
+        r2 = a * a + b * b
+        scale = (1 + r2 * (k1 + k2 * r2)) * self.focal
+        u, v = self.principal
+        return np.stack([a * scale + u, b * scale + v], axis=-1)
 
     def plane(self, points: Array, y: float = 0.0) -> Array:
         """Pixels (..., 2) of `points` (..., 2) of x, z [m] in the plane at `y` [m]."""

@@ -57,14 +57,14 @@ class Window:
     kept_end: Indices
 
     @classmethod
-    def around(cls, points: Array, size: tuple[int, int], margin: int) -> Self | None:
-        """Window with twice `margin` around `points` (n, 2) [px] of an image of `size`
-        (width, height); None without any in the image.
+    def around(cls, pixels: Array, size: tuple[int, int], margin: int) -> Self | None:
+        """Window with twice `margin` around `pixels` (2, n), columns and rows; None
+        without any in an image of `size` (width, height).
         """
-        if len(points) == 0:
+        if pixels.size == 0:
             return None
-        first = np.maximum(points.min(axis=0).astype(int) - 2 * margin, 0)
-        end = np.minimum(points.max(axis=0).astype(int) + 2 * margin + 1, size)
+        first = np.maximum(pixels.min(axis=1).astype(int) - 2 * margin, 0)
+        end = np.minimum(pixels.max(axis=1).astype(int) + 2 * margin + 1, size)
         if (first >= end).any():
             return None
         # there is no margin at the image's own border
@@ -157,10 +157,10 @@ class Renderer:
         """
         clouds = [] if curve is None else self._material(curve)
         hand_faces = gripper.faces_of(hand, self._optics)
-        drawn = [cloud.points[:2].T for cloud in clouds]
-        drawn.append(gripper.extent(hand_faces, scene, self._optics))
+        drawn = [cloud.points[:2] for cloud in clouds]
+        drawn.append(gripper.extent(hand_faces, scene, self._optics).T)
         window = Window.around(
-            np.concatenate(drawn),
+            np.concatenate(drawn, axis=1),
             (self._settings.width, self._settings.height),
             kernel_size(self._settings.lens_blur),
         )
