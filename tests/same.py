@@ -2,13 +2,12 @@
 it.
 
 `python -m tests.same [PART...]` runs commands as a user types them, in a folder of its
-own, and prints a digest a line: the same lines before and after mean the same numbers,
-files and pages. Only what names a moment or a place (run folders, wall time) is left
-out.
+own, and prints a digest for what each part printed and for each file that it left: the
+same lines before and after mean the same numbers, files and pages. Only what names a
+moment or a place (run folders, wall time) is left out.
 """
 
 import argparse
-import csv
 import hashlib
 import json
 import os
@@ -31,119 +30,91 @@ from cell.interface.cli.app import app
 from tests.support.gap_strip_cases import folds, written
 from tests.support.mechanisms import PRESCRIBED, make_arm
 
-ROOT = Path(__file__).resolve().parents[1]
 FOLD = ("fold", "--strip", "denim", "--plant", "denim", "--seed", "21")
-MEASURED = ("ticks", "sights", "profile", "joints")
-MOMENTS = re.compile(
-    r"\d{8}T\d{6}Z?(-[\w-]+?-[0-9a-f]{4})?|\d{4}-\d\d-\d\d[T ][\d:.+]+Z?"
-)
-SPEEDS = re.compile(
-    r"[\d.]+(&nbsp;|\s)ms|(median|, most|_days) +[\d.]+|\d+(\.\d+)? s( of c|\. H)"
-)
-SIZES = re.compile(r"(?m) +[\d.]+$")  # MB of a run in a list
+PLAIN = {"COLUMNS": "100", "TERM": "dumb", "NO_COLOR": "1"}
 PASSING = {"runtime", "simulations", "wall", "versions", "started", "age_days", "size"}
-Digests = Iterator[tuple[str, str]]
+PASSING_TEXT = re.compile(
+    r"\d{8}T\d{6}Z?(-[\w-]+?-[0-9a-f]{4})?|\d{4}-\d\d-\d\d[T ][\d:.+]+Z?"  # moments
+    r"|[\d.]+(&nbsp;|\s)ms|(median|, most|_days) +[\d.]+|\d+(\.\d+)? s( of c|\. H)"
+    r"|(?m: +[\d.]+$)"  # MB of a run in a list
+)
+Said = Iterator[str]
 
 
-def fold(folder: Path) -> Digests:
+def fold(folder: Path) -> Said:
     """A fold on the twin, its measured tables, result, page, and the predicted fold."""
     run = _folded(folder, *FOLD)
-    yield from _run(run)
-    yield "report.html", _page(run / "report.html", folder)
-    yield "dry run", _text(_cell(folder, *FOLD, "--dry-run"), folder)
-    yield "replayed", _text(_cell(folder, "replay", str(run), "--json"), folder)
+    yield _cell(folder, *FOLD, "--dry-run")
+    yield _cell(folder, "replay", str(run), "--json")
 
 
-def fci(folder: Path) -> Digests:
+def fci(folder: Path) -> Said:
     """A fold through the arm's client library and the emulated robot."""
-    yield from _run(_folded(folder, *FOLD, "--arm", "fci"))
+    yield str(_folded(folder, *FOLD, "--arm", "fci"))
 
 
-def wizard(folder: Path) -> Digests:
+def wizard(folder: Path) -> Said:
     """Sessions of both wizards on the twin, solved again from their images and
     touches.
     """
-    for task in ("camera", "homography"):
-        made = folder / task
-        lens = (
-            ()
-            if task == "camera"
-            else ("--lens", str(folder / "camera" / "opencv.yaml"))
-        )
-        asked = ("calibrate", task, "--out", str(made), "--viz", "off")
-        yield f"{task} session", _text(_cell(folder, *asked, *lens), folder)
-        for path in sorted(made.rglob("*.yaml")):
-            yield f"{task} {path.name}", _text(path.read_text(encoding="utf-8"), folder)
-        again = (
-            "calibrate",
-            task,
-            "--from",
-            str(made),
-            "--out",
-            str(folder / f"{task}-again"),
-        )
-        yield f"{task} again", _text(_cell(folder, *again), folder)
+    lens = ("--lens", f"{folder}/camera/opencv.yaml")
+    for task, known in {"camera": (), "homography": lens}.items():
+        made, command = f"{folder}/{task}", ("calibrate", task)
+        yield _cell(folder, *command, "--out", made, "--viz", "off", *known)
+        yield _cell(folder, *command, "--from", made, "--out", f"{made}-again")
 
 
-def gap(folder: Path) -> Digests:
+def gap(folder: Path) -> Said:
     """The verdict on four folds by another rod with yarn friction, and its page."""
     hidden = {"bending_hysteresis": {"yield_curvature": 50.0, "stiffness_ratio": 8.0}}
-    names = ("normal", "hold", "shake", "taut-lift")
-    written(folder / "runs", folds(names, hidden))
-    yield from _verdict(folder, "--strip", "denim")
+    written(folder / "runs", folds(("normal", "hold", "shake", "taut-lift"), hidden))
+    yield _fitted(folder, "--strip", "denim")
 
 
-def mechanism(folder: Path) -> Digests:
+def mechanism(folder: Path) -> Said:
     """The verdict on an arm of MuJoCo that carries a hidden load, and its page."""
 
     def load(model: Any) -> None:
         model.body_mass[2] += 0.1
 
     file, _ = make_arm(folder, 4, load, PRESCRIBED)
-    yield from _verdict(folder, "--model", str(file))
+    yield _fitted(folder, "--model", str(file))
 
 
-def exchange(folder: Path) -> Digests:
+def exchange(folder: Path) -> Said:
     """A run exported to each format and imported again."""
     written(folder / "runs", folds(("normal",)))
     run = next((folder / "runs").iterdir())
     for kind in ("lerobot", "mcap", "csv"):
         out = folder / kind
-        _cell(folder, "export", str(run), "--format", kind, "--out", str(out))
+        yield _cell(folder, "export", str(run), "--format", kind, "--out", str(out))
         place = next(out.glob("*.mcap"), out)
-        _cell(folder, "import", str(place), "--out", str(folder / f"{kind}-back"))
-        for back in sorted((folder / f"{kind}-back").iterdir()):
-            yield from ((f"{kind} {name}", digest) for name, digest in _run(back))
+        yield _cell(folder, "import", str(place), "--out", f"{out}-back")
 
 
-def pages(folder: Path) -> Digests:
+def pages(folder: Path) -> Said:
     """Lists of runs and a comparison of two folds."""
-    first = _folded(folder, *FOLD, "--policy", "triangular", "--frames", "none")
-    second = _folded(folder, *FOLD, "--policy", "circular", "--frames", "none")
-    listed = ("runs", "--runs", str(folder / "runs"))
-    table = list(csv.DictReader(_cell(folder, *listed, "--csv").splitlines()))
-    yield "runs csv", _document(table, folder)
-    for name, arguments in {
-        "runs": listed,
-        "runs far off": (*listed, "--where", "abs(displacement) > 0.01"),
-        "strips": ("strips",),
-    }.items():
-        yield name, _text(SIZES.sub("", _cell(folder, *arguments)), folder)
-    compared = folder / "compared.html"
-    _cell(folder, "report", str(first), str(second), "--out", str(compared))
-    yield "compare", _page(compared, folder)
+    first, second = (
+        str(_folded(folder, *FOLD, "--policy", policy, "--frames", "none"))
+        for policy in ("triangular", "circular")
+    )
+    listed = ("runs", "--runs", f"{folder}/runs")
+    yield _cell(folder, *listed, "--csv")
+    yield _cell(folder, *listed, "--where", "abs(displacement) > 0.01")
+    yield _cell(folder, "strips")
+    yield _cell(folder, "report", first, second, "--out", f"{folder}/compared.html")
 
 
-def commands(_folder: Path) -> Digests:
+def commands(_folder: Path) -> Said:
     """What `--help` says of every command."""
-    os.environ.update(COLUMNS="100", TERM="dumb", NO_COLOR="1")
+    os.environ.update(PLAIN)
     yield from _helps("cell", typer.main.get_command(app))
 
 
-PARTS: Mapping[str, Callable[[Path], Digests]] = MappingProxyType(
+PARTS: Mapping[str, Callable[[Path], Said]] = MappingProxyType(
     {
-        f.__name__: f
-        for f in (commands, fold, fci, wizard, gap, mechanism, exchange, pages)
+        part.__name__: part
+        for part in (commands, fold, fci, wizard, gap, mechanism, exchange, pages)
     }
 )
 
@@ -154,30 +125,34 @@ def main() -> None:
     """
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("parts", nargs="*", metavar="PART", help=", ".join(PARTS))
-    parser.add_argument(
-        "--keep", type=Path, help="keep what the parts make in this folder"
-    )
+    parser.add_argument("--keep", type=Path, help="keep what the parts make here")
     chosen = parser.parse_args()
-    if unknown := set(chosen.parts) - set(PARTS):
-        parser.error(
-            f"unknown part {', '.join(sorted(unknown))}; allowed: {', '.join(PARTS)}"
-        )
+    if unknown := set(chosen.parts) - {*PARTS}:
+        parser.error(f"unknown part {unknown}; allowed: {', '.join(PARTS)}")
     with tempfile.TemporaryDirectory() as own:
         for name in chosen.parts or PARTS:
-            folder = (chosen.keep or Path(own)) / name
+            folder = (chosen.keep or Path(own)).resolve() / name
             folder.mkdir(parents=True)
-            for what, digest in PARTS[name](folder.resolve()):
+            for what, text in _lasting(PARTS[name], folder):
+                plain = PASSING_TEXT.sub("", text.replace(str(folder), "FOLDER"))
+                digest = hashlib.sha256(plain.encode()).hexdigest()
                 print(f"{digest[:16]}  {name}: {what}", flush=True)
 
 
+def _lasting(part: Callable[[Path], Said], folder: Path) -> Iterator[tuple[str, str]]:
+    """Yield name and text of all that a part printed, and of each file that it left."""
+    for number, said in enumerate(part(folder)):
+        yield f"said {number}", said
+    for path in sorted(folder.rglob("*")):
+        if path.suffix in READERS:
+            name = PASSING_TEXT.sub("RUN", str(path.relative_to(folder)))
+            yield name, READERS[path.suffix](path)
+
+
 def _cell(folder: Path, *arguments: str) -> str:
+    command = [sys.executable, "-m", "cell", *arguments]
     done = subprocess.run(
-        [sys.executable, "-m", "cell", *arguments],
-        cwd=ROOT,
-        env={**os.environ, "COLUMNS": "100", "TERM": "dumb", "NO_COLOR": "1"},
-        capture_output=True,
-        text=True,
-        check=False,
+        command, env=os.environ | PLAIN, capture_output=True, text=True, check=False
     )
     if done.returncode not in (0, 1):
         said = f"cell {' '.join(arguments)}: exit {done.returncode}\n{done.stderr}"
@@ -186,90 +161,50 @@ def _cell(folder: Path, *arguments: str) -> str:
 
 
 def _folded(folder: Path, *arguments: str) -> Path:
-    said = _cell(folder, *arguments, "--runs", str(folder / "runs"), "--json")
+    said = _cell(folder, *arguments, "--runs", f"{folder}/runs", "--json")
     run = Path(json.loads(said)["run"])  # named by a moment and by chance
     number = len(list(run.parent.iterdir()))
     return run.rename(run.with_name(f"20260101T000000Z-denim-fold-{number:04x}"))
 
 
-def _run(run: Path) -> Digests:
-    for name in MEASURED:
-        if (path := run / f"{name}.parquet").is_file():
-            yield path.name, _table(path)
-    for name in ("run.yaml", "result.yaml", "truth.yaml"):
-        if (path := run / name).is_file():
-            yield name, _document(yaml.safe_load(path.read_text()), run)
+def _fitted(folder: Path, *subject: str) -> str:
+    made = ("--out", f"{folder}/out", "--jobs", "1")
+    return _cell(folder, "gap", "fit", f"{folder}/runs", *subject, *made)
 
 
-def _verdict(folder: Path, *subject: str) -> Digests:
-    out = folder / "out"
-    _cell(
-        folder,
-        "gap",
-        "fit",
-        str(folder / "runs"),
-        *subject,
-        "--out",
-        str(out),
-        "--jobs",
-        "1",
-    )
-    verdict = json.loads((out / "verdict.json").read_text())
-    named = "+".join(effect["name"] for effect in verdict["effects"]) or "nothing"
-    yield f"verdict.json ({verdict['verdict']}: {named})", _document(verdict, folder)
-    yield "report.html", _page(out / "report.html", folder)
-    for path in sorted(out.glob("*patch.yaml")):
-        yield path.name, _document(yaml.safe_load(path.read_text()), folder)
-
-
-def _helps(name: str, command: click.Command) -> Digests:
+def _helps(name: str, command: click.Command) -> Said:
     with click.Context(command, info_name=name) as context:
-        yield name, hashlib.sha256(command.get_help(context).encode()).hexdigest()
+        yield command.get_help(context)
     for key, inner in sorted(getattr(command, "commands", {}).items()):
         yield from _helps(f"{name} {key}", inner)
 
 
 def _table(path: Path) -> str:
-    table = pq.read_table(path)
-    made = hashlib.sha256()
-    for name in sorted(table.column_names):
-        column = table.column(name).to_numpy()
-        if column.dtype.kind == "f":
-            # a NaN has many patterns of bits
-            column = np.where(np.isnan(column), np.nan, column)
-        made.update(
-            name.encode()
-            + (
-                repr(column.tolist()).encode()
-                if column.dtype == object
-                else column.tobytes()
-            )
-        )
-    return made.hexdigest()
+    table = pq.read_table(path).to_pydict()
+    # a NaN has many patterns of bits
+    return repr({name: np.array(table[name]).tolist() for name in sorted(table)})
 
 
-def _document(content: Any, folder: Path) -> str:
-    return _text(json.dumps(_lasting(content), sort_keys=True, default=str), folder)
+def _document(path: Path) -> str:
+    def without(content: Any) -> Any:
+        if isinstance(content, dict):
+            return {k: without(v) for k, v in content.items() if k not in PASSING}
+        return [*map(without, content)] if isinstance(content, list) else content
+
+    content = without(yaml.safe_load(path.read_text(encoding="utf-8")))
+    return json.dumps(content, sort_keys=True, default=str)
 
 
-def _lasting(content: Any) -> Any:
-    if isinstance(content, dict):
-        return {k: _lasting(v) for k, v in content.items() if k not in PASSING}
-    return [_lasting(v) for v in content] if isinstance(content, list) else content
-
-
-def _page(path: Path, folder: Path) -> str:
-    text = re.sub(
-        r"data:[\w/+-]+;base64,[\w+/=]+", "", path.read_text(encoding="utf-8")
-    )
+def _page(path: Path) -> str:
+    text = path.read_text(encoding="utf-8")
+    text = re.sub(r"data:[\w/+-]+;base64,[\w+/=]+", "", text)
     seen = re.sub(r"<(script|style)\b.*?</\1>|<[^>]*>", " ", text, flags=re.DOTALL)
-    return _text(re.sub(r"\s+", " ", SPEEDS.sub("SPEED", seen)), folder)
+    return re.sub(r"\s+", " ", seen)
 
 
-def _text(text: str, folder: Path) -> str:
-    plain = MOMENTS.sub("MOMENT", text.replace(str(folder), "FOLDER"))
-    return hashlib.sha256(plain.encode()).hexdigest()
-
+READERS: Mapping[str, Callable[[Path], str]] = MappingProxyType(
+    {".parquet": _table, ".yaml": _document, ".json": _document, ".html": _page}
+)
 
 if __name__ == "__main__":
     main()

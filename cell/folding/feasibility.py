@@ -60,8 +60,17 @@ class Feasibility:
     speeds: Array
     reach: ArmPrediction | None
     folds: Folds | None
+    seen_by: Calibration
     problems: tuple[str, ...] = ()
-    advice: tuple[str, ...] = ()
+
+    @property
+    def advice(self) -> tuple[str, ...]:
+        """What else is allowed here where the fold is not: a policy, a length; tried
+        now.
+        """
+        if not self.problems:
+            return ()
+        return (*_other_policies(self), *_nearest_length(self))
 
     def require(self) -> Self:
         """Return this; raises PreflightRefused, with the advice, for any problem."""
@@ -96,23 +105,15 @@ def assess(request: Request, calibration: Calibration) -> Feasibility:
     """Foresee the fold of `request` through the camera of `calibration`, before motion.
 
     Its problems are limits of policy, perception, workspace, speed, view and, of a real
-    arm, desk and joints. Where there are some, other policies and lengths are tried for
-    advice. Raises ConfigurationError or PreflightRefused for an implausible or expired
-    calibration.
+    arm, desk and joints. Raises ConfigurationError or PreflightRefused for an
+    implausible or expired calibration.
     """
     settings = request.settings
     on_twin = not settings.camera_driver.real
     check_current(
         calibration, settings.calibration_days, datetime.now(UTC), on_twin=on_twin
     )
-    foreseen = _foresee(request, calibration)
-    if not foreseen.problems:
-        return foreseen
-    advice = (
-        *_other_policies(foreseen, calibration),
-        *_nearest_length(foreseen, calibration),
-    )
-    return replace(foreseen, advice=advice)
+    return _foresee(request, calibration)
 
 
 def _foresee(request: Request, calibration: Calibration) -> Feasibility:
@@ -149,15 +150,15 @@ def _foresee(request: Request, calibration: Calibration) -> Feasibility:
         *(_hand_problems(place, strip, path) if settings.arm_driver.real else ()),
         *_reach_problems(reach),
     )
-    return Feasibility(request, path, speeds, reach, folds, problems)
+    return Feasibility(request, path, speeds, reach, folds, calibration, problems)
 
 
-def _other_policies(refused: Feasibility, calibration: Calibration) -> Iterator[str]:
+def _other_policies(refused: Feasibility) -> Iterator[str]:
     """Yield the policy of least misses by which a `refused` fold is allowed, if any."""
     allowed = []
     for name in ALTERNATIVES:
         other = replace(refused.request, policy=name, checkpoint=None)
-        foreseen = _foresee(other, calibration)
+        foreseen = _foresee(other, refused.seen_by)
         if not foreseen.problems and foreseen.expected is not None:
             allowed.append(foreseen.prediction)
     if allowed:
@@ -165,7 +166,7 @@ def _other_policies(refused: Feasibility, calibration: Calibration) -> Iterator[
         yield f"allowed here is --policy {best.policy}: {best.expectation()}"
 
 
-def _nearest_length(refused: Feasibility, calibration: Calibration) -> Iterator[str]:
+def _nearest_length(refused: Feasibility) -> Iterator[str]:
     """Yield the nearest multiple of LENGTH_STEP at which a `refused` fold is allowed.
 
     Between the usual length and that of the fold, which is too long or too short.
@@ -184,7 +185,7 @@ def _nearest_length(refused: Feasibility, calibration: Calibration) -> Iterator[
         share = length / request.strip.length
         at = None if request.at is None else request.at * share
         cut = replace(request, strip=strip, at=at)
-        return bool(_foresee(cut, calibration).problems)
+        return bool(_foresee(cut, refused.seen_by).problems)
 
     allowed = steps[: bisect_left(steps, True, key=is_refused)]
     if allowed:

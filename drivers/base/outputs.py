@@ -52,15 +52,15 @@ def check_output(path: Path) -> None:
 
 
 def check_output_folder(folder: Path, *marks: str) -> None:
-    """Refuse to write results into `folder` unless it is new, empty or holds a file of
+    """Refuse to write results into `folder` unless it is new, empty or holds one of
     `marks`.
 
-    Marks are names of files that the command itself writes into each such folder,
-    before or together with all others; a fit may follow a check in one folder. To be
-    asked before anything is read, made or removed. Raises ConfigurationError for a
-    folder with other content, and for what is no folder.
+    Marks are names of what the command itself puts into each such folder, before or
+    together with all else; a fit may follow a check in one folder. To be asked before
+    anything is read, made or removed. Raises ConfigurationError for a folder with other
+    content, and for what is no folder.
     """
-    if not os.path.lexists(folder) or any((folder / mark).is_file() for mark in marks):
+    if not os.path.lexists(folder) or any((folder / mark).exists() for mark in marks):
         return
     with writing(f"--out: {folder}"):
         if not any(folder.iterdir()):

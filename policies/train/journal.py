@@ -7,6 +7,7 @@ before the next step begins; a truncated last line is dropped.
 """
 
 import json
+import os
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -16,6 +17,7 @@ from drivers.base.readers import MEGABYTE, read_json_lines
 from drivers.base.settings import Settings
 
 Line = dict[str, Any]
+JOURNALS = {"feedback": "feedback.jsonl", "adaptive": "adaptive.json"}  # by policy
 LARGEST_JOURNAL = 512 * MEGABYTE  # of hundreds of thousands of generations
 OTHER_FOLDER = "name another output folder"
 
@@ -24,9 +26,10 @@ class TrainingJournal:
     """Journal of a training: file of JSON lines, first its `settings`, then lines with
     `keys`.
 
-    A larger number of `generations` than before extends a training, and the first line
-    records it. Raises ConfigurationError for a journal of other settings, for another
-    file, and for a folder that cannot be written.
+    The first line has the process and host that last went on with it, too. A larger
+    number of `generations` than before extends a training, and that line records it.
+    Raises ConfigurationError for a journal of other settings, for another file, and for
+    a folder that cannot be written.
     """
 
     def __init__(
@@ -45,7 +48,8 @@ class TrainingJournal:
             raise ConfigurationError(
                 f"{path}: is not a training journal; {OTHER_FOLDER}"
             )
-        header = {"schema": 1, "settings": asked}
+        made_by = {"process": os.getpid(), "host": os.uname().nodename}
+        header = {"schema": 1, "settings": asked, **made_by}
         write_file(path, "".join(map(_line, [header, *self.lines])), OTHER_FOLDER)
 
     def append(self, line: Line) -> None:

@@ -23,10 +23,10 @@ from policies.feedback import (
     Training,
     save_checkpoint,
 )
-from policies.train.journal import Line, TrainingJournal
+from policies.train.journal import JOURNALS, Line, TrainingJournal
 from policies.train.objective import TrainingSettings, evaluate, validate
 
-JOURNAL, CHECKPOINT = "feedback.jsonl", "feedback.json"
+CHECKPOINT = "feedback.json"
 REPLAYED = frozenset({"asked", "costs", "validated"})  # of a generation in the journal
 APEX = 0.5  # of the strip's length, where the heading turns
 TURN_LENGTH = 0.06  # of the strip's length, over which it turns
@@ -71,7 +71,9 @@ class Search:
         self.checkpoint = folder / CHECKPOINT
         self.weights: Array = initial_weights(np.random.default_rng(settings.seed))
         self.validated = np.inf
-        self._journal = TrainingJournal(folder / JOURNAL, settings, REPLAYED)
+        self._journal = TrainingJournal(
+            folder / JOURNALS["feedback"], settings, REPLAYED
+        )
         self._blas = ThreadpoolController()
         self._last_validation = ""
         self._optimiser = CMA(

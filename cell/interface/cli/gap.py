@@ -260,12 +260,12 @@ def rehearse(
 
     threads = _threads(jobs)
     chosen = engine(threads, cluster, COPY_TIMEOUT)
-    planned = rehearsal.rehearsal_plan(
-        runs, _subject_file(strip, None, configs, None), threads
-    )
     console = None if as_json else Console(stderr=True)
-    with resumable(out), Meter(console, rehearsal.progress_line) as meter:
-        records = rehearsal.rehearse(planned, out, chosen, meter)
+    with resumable(out, rehearsal.JOURNAL):
+        file = _subject_file(strip, None, configs, None)
+        planned = rehearsal.rehearsal_plan(runs, file, threads)
+        with Meter(console, rehearsal.progress_line) as meter:
+            records = rehearsal.rehearse(planned, out, chosen, meter)
     page = rehearsal.write_page(planned, records, out)
     if as_json:
         print_json(json.loads((out / "rehearsal.json").read_text(encoding="utf-8")))

@@ -195,18 +195,24 @@ def ask(question: str) -> str:
 
 
 @contextmanager
-def resumable(
-    folder: Path, way_on: str = "run the command again to resume\n"
-) -> "Iterator[None]":
-    """Within the block, answer Ctrl-C by printing the `way_on`, and exit with code
-    130.
+def resumable(folder: Path, *marks: str) -> "Iterator[None]":
+    """Within the block, keep results in `folder`, and answer Ctrl-C by the way on.
+
+    Exits with code 130 then. With `marks`, by which the command knows folders of its
+    own, raises ConfigurationError for one with other files.
     """
     from cell.orchestrator.operator import Interrupted
+    from drivers.base.outputs import check_output_folder
 
+    if marks:
+        check_output_folder(folder, *marks)
     try:
         yield
     except (KeyboardInterrupt, Interrupted):
-        sys.stderr.write(f"interrupted; what is finished is kept in {folder}: {way_on}")
+        sys.stderr.write(
+            f"interrupted; what is finished is kept in {folder}: run the command again"
+            " to resume\n"
+        )
         sys.exit(INTERRUPTED_CODE)
 
 

@@ -118,7 +118,8 @@ def train(given: TrainOptions) -> None:
     if checkpoint is None:
         require_library("torch" if is_adaptive else "cmaes")
     from cell.studies.run import train as train_in
-    from cell.studies.transfer import TIME_LIMIT, transfer
+    from cell.studies.transfer import TIME_LIMIT, UNTRANSFERRED, transfer
+    from policies.train.journal import JOURNALS
 
     folder = given.folder()
     jobs = given.jobs or (1 if given.cluster else cores())
@@ -126,7 +127,7 @@ def train(given: TrainOptions) -> None:
     console = Console(stderr=True)
     trained: Trained | None = None
     corrected = dict[str, Any]()
-    with resumable(folder):
+    with resumable(folder, *JOURNALS.values(), UNTRANSFERRED):
         if checkpoint is None:
             trained = train_in(given.settings(), folder, workers, given.grid, console)
             checkpoint = trained.checkpoint
@@ -232,7 +233,8 @@ def benchmark(given: BenchmarkOptions) -> None:
         found, *names, given.repeat, given.seed, quick=given.quick
     )
     workers = engine(given.jobs, given.cluster, PART_TIMEOUT)
-    with resumable(given.out), Meter(Console(stderr=True), summarise) as meter:
+    progress = Meter(Console(stderr=True), summarise)
+    with resumable(given.out, JOURNAL), progress as meter:
         measure = partial(
             carry_out,
             folder=given.out / JOURNAL,

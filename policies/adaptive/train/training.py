@@ -19,9 +19,9 @@ from policies.adaptive.critic import Critic, CriticPrediction, FoldMemory
 from policies.adaptive.train.regression import fit
 from policies.adaptive.train.shard import CriticSettings, Shard, concatenate, simulate
 from policies.rollout import Misses
-from policies.train.journal import TrainingJournal
+from policies.train.journal import JOURNALS, TrainingJournal
 
-SETTINGS, CHECKPOINT = "adaptive.json", "adaptive.npz"
+CHECKPOINT = "adaptive.npz"
 LAST = 16  # kept decisions before the touch, about a second, on which sigmas are set
 ONE, TWO = 1.0, 1.96
 # share of outcomes, and sigmas that are to hold it
@@ -43,7 +43,7 @@ class CriticTraining:
         self.folder = folder
         self.checkpoint = folder / CHECKPOINT
         self._critic: Critic | None = None  # of the last round
-        TrainingJournal(folder / SETTINGS, settings, frozenset())
+        TrainingJournal(folder / JOURNALS["adaptive"], settings, frozenset())
 
     @property
     def total(self) -> int:

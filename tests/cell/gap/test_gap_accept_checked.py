@@ -87,7 +87,7 @@ def refused(fit: Fitted) -> str:
 def test_a_broken_patch_changes_no_file(fitted_both, name) -> None:
     role, content = BROKEN[name]
     fitted_both.write(**{role: content})
-    refused(fitted_both)
+    assert "patch.yaml: " in refused(fitted_both)
 
 
 @pytest.mark.parametrize("name", HALVES)

@@ -41,15 +41,6 @@ def go_on(kernel: FakeKernel, seconds: float) -> None:
     kernel.wait_until(kernel.now() + seconds)
 
 
-def test_frames_dropped_by_the_kernel_are_counted_and_said(kernel, camera) -> None:
-    before = camera.read(ALWAYS, 0.0)
-    kernel.faults.drop = {kernel.counter, kernel.counter + 1}
-    go_on(kernel, 3 / 60)
-    frame = camera.read(ALWAYS, 0.0)
-    assert frame.sequence == before.sequence + 3
-    assert camera.counts.missing == 2
-
-
 def test_corrupt_and_short_frames_are_counted_and_never_delivered(
     kernel, camera
 ) -> None:
@@ -88,17 +79,6 @@ def test_stall_is_reported_until_a_frame_arrives(kernel, camera) -> None:
     with suppress(CameraStalled):
         camera.read(ALWAYS, 0.0)
     assert kernel.now() - camera.read(ALWAYS, 0.0).stamp < 2 / 60
-
-
-def test_io_error_restarts_the_stream_and_is_reported_once(kernel, camera) -> None:
-    before = camera.read(ALWAYS, 0.0)
-    kernel.fail(Ioctl.DQBUF, errno.EIO)
-    go_on(kernel, 0.3)
-    with pytest.raises(CameraFaulty, match="Input/output error"):
-        camera.read(ALWAYS, 0.0)
-    frame = camera.read(before.stamp, 0.0)
-    assert frame.sequence > before.sequence + 3
-    assert camera.counts.restarts == 1
 
 
 def test_poll_error_without_a_frame_does_not_spin(kernel, camera) -> None:
@@ -199,14 +179,6 @@ def test_counter_that_stands_still_loses_no_frame(kernel, camera) -> None:
     assert camera.read(ALWAYS, 0.0).sequence > first.sequence + 8
     assert camera.counts.missing == 0
     assert camera.counts.repeated >= 8
-
-
-def test_counter_that_wraps_counts_no_gap(kernel) -> None:
-    kernel.counter = 2**32 - 5
-    with connected(kernel) as camera:
-        go_on(kernel, 0.3)
-        assert camera.read(ALWAYS, 0.0).sequence < 20
-        assert camera.counts.missing == 0
 
 
 def test_broken_jpeg_is_counted_and_never_delivered(kernel) -> None:

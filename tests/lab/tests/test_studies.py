@@ -20,15 +20,18 @@ from tests.lab.studies.catalogue import studies, study_of
 from tests.lab.studies.study import Quantity, Statistic, figure
 from tests.lab.studies.table import write_table
 
+SIMULATED = {"mechanisms": pytest.mark.slow}  # whose draws are simulated
+NAMES = [
+    pytest.param(name, marks=SIMULATED.get(name, ())) for name in sorted(studies())
+]
 
-@pytest.mark.parametrize("name", sorted(studies()))
+
+@pytest.mark.parametrize("name", NAMES)
 def test_a_study_is_drawn_from_its_seed_and_travels(name: str) -> None:
     study = study_of(name)
-    cases = study.cases(3, 5)
+    cases = study.cases(3, min(study.usual, 30))
     assert study.cases(3, 2) == cases[:2]
-    assert len({case.key for case in study.cases(3, min(study.usual, 30))}) == min(
-        study.usual, 30
-    )
+    assert len({case.key for case in cases}) == len(cases)
     assert json.loads(json.dumps(cases[0].values, allow_nan=False)) == cases[0].values
     part = StudyRequest(study, 3, 5, Path("out")).parts()[0]
     assert pickle.loads(pickle.dumps(part)) == part  # noqa: S301  of our own

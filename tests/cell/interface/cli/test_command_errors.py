@@ -190,6 +190,12 @@ def test_what_is_refused_at_once_and_what_folds_import_nothing_heavy(
             ("runs", "--runs", "runs/one"),
             "runs/one: is a run; name the folder that it lies in",
         ),
+        (("train", "--out", "runs"), "--out: runs holds files but no feedback.jsonl"),
+        (("benchmark", "--out", "runs"), "--out: runs holds files but no parts"),
+        (
+            ("gap", "rehearse", "runs", "--strip", "denim", "--out", "runs"),
+            "--out: runs holds files but no journal",
+        ),
         (("import", "runs", "--out", "out"), "runs/one: is a run already"),
         (("import", "runs/one", "--out", "out"), "runs/one: is a run already"),
         (

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from drivers.twin.fci_server.faults import (
+    ContactFault,
     DropFault,
     FreezeFault,
     ReflexFault,
@@ -131,6 +132,7 @@ def test_short_freeze_is_survived_and_a_long_one_named(
             "ControlException",
         ),
         (UserStopFault(at=50, kind="user_stop"), "ControlException"),
+        (ContactFault(at=50, kind="contact", force=(0, 0, 25)), "ControlException"),
         (DropFault(at=50, kind="tcp_drop"), "NetworkException"),
     ],
 )
@@ -138,6 +140,7 @@ def test_scripted_fault_reaches_the_makers_client_by_name(fault, said: str) -> N
     with RobotServer(faults=[fault]) as server:
         told = told_by("long_drive.py", "pylibfranka", server.address, "300")
         assert server.robot.posture.at_rest
+        assert server.robot.ticks in (50, 51)
     assert told["said"] == said
     assert float(str(told["seconds"])) < 4
 

@@ -1,6 +1,10 @@
-"""Garbage on every port: 10^5 packets, after which the server still serves."""
+"""Garbage on every port, after which the server still serves.
+
+`python -m tests.lab fuzz-packets` sends more of it, by TIMES and SEED.
+"""
 
 import contextlib
+import os
 import socket
 import struct
 
@@ -19,23 +23,25 @@ from tests.support.fci_wire import (
     robot_command,
 )
 
-DATAGRAMS, BATCH = 70_000, 100
-STREAMS, IN_STREAM = 1_000, 20
-REQUESTS, IN_SESSION = 8_000, 100
+TIMES, SEED = "CELL_FUZZ_TIMES", "CELL_FUZZ_SEED"
+PACKETS = 100_000  # of all tests, as often as TIMES says
+SHARE = float(os.environ.get(TIMES, "1"))
+DATAGRAMS, BATCH = int(70_000 * SHARE), 100
+STREAMS, IN_STREAM = int(1_000 * SHARE), 20
+REQUESTS, IN_SESSION = int(8_000 * SHARE), 100
 TRIES = 100  # of a connection
-COMMANDS = 2_000
+COMMANDS = int(2_000 * SHARE)
 
 
 @pytest.fixture
 def random():
-    return np.random.default_rng(15)
+    return np.random.default_rng(int(os.environ.get(SEED, "15")))
 
 
 @pytest.fixture
 def server():
     with RobotServer() as served:
         yield served
-        assert_serves(served)
 
 
 def assert_serves(server: RobotServer) -> None:
@@ -62,6 +68,7 @@ def test_datagrams_of_garbage_in_a_motion_change_nothing(server, random) -> None
             state = arm.tick(state)
         assert state.q == pytest.approx(start, abs=1e-6)
         assert server.robot.moving
+    assert_serves(server)
 
 
 @pytest.mark.parametrize("port", [1337, 1338])
@@ -74,6 +81,7 @@ def test_streams_of_garbage_end_and_hold_nobody_up(server, random, port: int) ->
                 command, size = (int(part) for part in random.integers(0, 600, 2))
                 payload = noise(random, size % 50)
                 stream.sendall(struct.pack(header, command % 14, 1, size) + payload)
+    assert_serves(server)
 
 
 @pytest.mark.parametrize("generator", [1, 2, 3, 4])
@@ -121,3 +129,4 @@ def test_requests_of_garbage_from_a_connected_client_are_answered_or_end_it(
                 arm.request(number, noise(random, size))
             arm.tcp.settimeout(0.01)
             arm.tcp.recv(4096)
+    assert_serves(server)

@@ -9,10 +9,7 @@ import pytest
 
 from drivers.base.errors import ConfigurationError
 from drivers.twin.fci_server.faults import (
-    ContactFault,
-    DropFault,
     NanFault,
-    ReflexFault,
     UserStopFault,
 )
 from drivers.twin.fci_server.server import RobotServer, ServerSettings
@@ -31,7 +28,6 @@ from tests.support.fci_wire import (
     SET_COLLISION,
     STARTED,
     STOP_MOVE,
-    USER_STOPPED,
     RawArm,
     State,
     move_request,
@@ -168,31 +164,6 @@ def test_jump_is_a_reflex_that_only_recovery_ends(arm) -> None:
     assert arm.ask(MOVE, move_request(CARTESIAN_VELOCITY)) == STARTED
 
 
-@pytest.mark.parametrize(
-    ("fault", "mode", "status"),
-    [
-        (
-            ReflexFault(at=30, kind="reflex", error="joint_reflex"),
-            REFLEX,
-            REFLEX_ABORTED,
-        ),
-        (UserStopFault(at=30, kind="user_stop"), USER_STOPPED, EMERGENCY_ABORTED),
-        (ContactFault(at=30, kind="contact", force=(0, 0, 25)), REFLEX, REFLEX_ABORTED),
-    ],
-)
-def test_scripted_fault_stops_the_arm_at_its_tick(
-    fault, mode: int, status: int
-) -> None:
-    with RobotServer(faults=[fault]) as server, RawArm(server.address) as arm:
-        state = arm.start_still()
-        while state.mode == MOVING:
-            state = arm.tick(state, twist=AHEAD)
-        assert state.mode == mode
-        assert server.robot.ticks in (30, 31)
-        assert arm.reply()[2][0] == status
-        assert not any(arm.newest().dq)
-
-
 def test_user_stop_that_is_released_lets_the_arm_move_again() -> None:
     fault = UserStopFault(at=10, kind="user_stop", duration=0.05)
     with RobotServer(faults=[fault]) as server, RawArm(server.address) as arm:
@@ -203,19 +174,6 @@ def test_user_stop_that_is_released_lets_the_arm_move_again() -> None:
         assert arm.ask(RECOVERY) == 1
         arm.until(lambda after: after.mode == IDLE)
         assert arm.ask(MOVE, move_request(CARTESIAN_VELOCITY)) == STARTED
-
-
-def test_dropped_connection_brakes_the_arm() -> None:
-    with RobotServer(faults=[DropFault(at=10, kind="tcp_drop")]) as server:
-        arm = RawArm(server.address)
-        state = arm.start_still()
-        arm.udp.settimeout(0.3)
-        with pytest.raises(TimeoutError):
-            drive(arm, state, 50)
-        assert arm.tcp.recv(1) == b""
-        arm.close()
-        with RawArm(server.address) as again:
-            assert not any(again.newest().dq)
 
 
 def test_robot_on_the_wall_clock_stops_by_itself_when_its_client_falls_silent() -> None:
