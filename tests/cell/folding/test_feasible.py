@@ -41,7 +41,7 @@ def cell_with(**installation) -> CellFile:
 
 
 def refusal(
-    seen_by: Calibration, policy: str = "triangular", place=None, **changes
+    seen_by: Calibration, policy: str = "circular", place=None, **changes
 ) -> str:
     """What is refused of a fold by the twin's arm, or by a robot in another `place`."""
     cell = cell_with(**(place or {})).with_drivers("twin" if place is None else "fci")
@@ -186,7 +186,7 @@ def test_what_no_file_states_of_a_strip_is_uncertain_by_a_tenth_and_a_half() -> 
     ("desk", "says"), [(None, ""), (0.6, ""), (0.85, "mm into the desk at x ")]
 )
 def test_fold_whose_hand_would_meet_the_desk_is_refused(seen_by, desk, says) -> None:
-    said = refusal(seen_by, "planned", place={"desk": desk})
+    said = refusal(seen_by, place={"desk": desk})
     assert says in said
     assert bool(said) == bool(says)
 
