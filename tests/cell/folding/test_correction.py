@@ -1,6 +1,7 @@
 """Experiences are kept on disk, and correct the folds that come after."""
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,11 +14,12 @@ from cell.folding.correction import (
     experience_of,
     learned_correction,
 )
-from cell.folding.experience import Experience, Memory
+from cell.folding.experience import NEWEST, Experience, Memory
 from cell.folding.fold import _learn
 from cell.orchestrator.outcome import Outcome
 from cell.perception.strip_measurement import SeenTouch
 from cell.record.files import TICKS
+from drivers.base.errors import ConfigurationError
 from policies.planned import Planned
 from policies.prediction import Estimate, FoldPrediction
 from policies.registry import make_policy
@@ -48,6 +50,45 @@ def test_experiences_come_back_in_order_and_a_torn_line_is_skipped(
         file.write(b'{"run": "r2", "policy"')
     memory.add(second)
     assert memory.experiences() == (first, second)
+
+
+def test_what_cannot_be_set_aside_or_taken_out_is_not_forgotten(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    memory = Memory("cell", tmp_path)
+    memory.add(Experience("r0", "adaptive", "denim", "a", "camera"))
+    before, written = memory.path.read_bytes(), list[Path]()
+
+    def filling(room: int, path: Path, content: bytes) -> None:
+        """Write to a disk with room for as many files."""
+        if len(written) >= room:
+            raise OSError(28, "No space left on device")
+        written.append(path)
+        path.write_bytes(content)
+
+    for room in range(2):
+        written.clear()
+        replacing = partial(filling, room)
+        monkeypatch.setattr("cell.folding.experience.replace_file", replacing)
+        with pytest.raises(ConfigurationError, match="No space left"):
+            memory.forget()
+        assert memory.path.read_bytes() == before
+    (aside,) = written
+    assert aside.read_bytes() == before
+
+
+def test_the_newest_experiences_are_in_use_and_all_bound_the_corrections(
+    tmp_path: Path,
+) -> None:
+    memory = Memory("cell", tmp_path)
+    first = Experience("r", "adaptive", "denim", "a", "camera", aim=-0.004, place=0.003)
+    memory.add(first)
+    for number in range(NEWEST):
+        memory.add(replace(first, run=f"r{number}", aim=0.001, place=-0.001))
+    assert [one.run for one in memory.experiences()] == [
+        f"r{number}" for number in range(NEWEST)
+    ]
+    assert memory.largest_corrections() == (-0.004, 0.003)
 
 
 def test_forgetting_sets_aside_and_overwrites_nothing_that_was_set_aside(

@@ -61,31 +61,29 @@ def test_ordinary_strips_are_folded(seen_by, policy) -> None:
         ({"width": 1.0}, "width: is 1000 mm"),
         ({"thickness": 0.02}, "thickness: is 20 mm"),
         (
-            {"length": 2.0, "bending_length": 0.05},
-            "workspace: the gripper would move from x",
-        ),
-        ({"length": 2.0, "bending_length": 0.05}, "from z = "),
-        (
             {"length": 2.0, "bending_length": 0.05, "place": {}},
+            "workspace: the gripper would move from x.*from z = .*"
             "reach: the arm cannot follow",
         ),
         ({"length": 0.75}, "view: the camera does not see the strip at x = 0.75"),
-        ({"length": 0.15}, "length: a fold of 0.15 m rises to 0.08 m"),
+        (
+            {"length": 0.15},
+            "length: a fold of 0.15 m rises to 0.07 m",
+        ),
     ],
 )
 def test_what_the_cell_cannot_do_is_refused_with_its_reason(
     seen_by, changes, says
 ) -> None:
-    assert says in refusal(seen_by, **changes)
+    assert re.search(says, refusal(seen_by, **changes), re.DOTALL)
 
 
 @pytest.mark.parametrize(
     ("changed", "says"),
     [
-        ({"velocity": 0.05}, "speed: the path at 0.1 m/s is over the arm's limits"),
-        ({"velocity": 0.05}, "allowed at most 0.06"),
         (
             {"velocity": 0.05},
+            "speed: the path at 0.1 m/s is over the arm's limits.*allowed at most 0.06.*"
             "lay_speed: 0.1 m/s is over the arm's limits, allowed at most 0.05",
         ),
         ({"acceleration": 0.01}, "allowed at most 0.0"),
@@ -99,7 +97,7 @@ def test_path_over_the_arm_s_limits_is_refused_with_the_speed_that_fits(
     slow = limits.x.model_copy(update=changed)
     cell = cell_with(limits=limits.model_copy(update={"x": slow, "z": slow}))
     asked = request_for("denim", "triangular", tmp_path, cell=cell)
-    assert says in "\n".join(assess(asked, seen_by).problems)
+    assert re.search(says, "\n".join(assess(asked, seen_by).problems), re.DOTALL)
 
 
 def test_strip_that_falls_into_the_notch_is_refused_with_the_width_to_cut(

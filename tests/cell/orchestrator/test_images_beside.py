@@ -26,6 +26,7 @@ class LateReader:
 
     def __init__(self, ticks: int) -> None:
         self.ticks, self.left, self.begun = ticks, 0, []
+        self.asked: list[ImageTask] = []
         self.busy_since: float | None = None
         self.failure = ""
 
@@ -33,6 +34,7 @@ class LateReader:
         assert self.busy_since is None
         self.busy_since, self.left = now, self.ticks
         self.begun.append(request.frame)
+        self.asked.append(request)
 
     def result(self) -> ImageResult | None:
         if self.busy_since is None:
@@ -76,6 +78,21 @@ def test_the_newest_image_is_read_as_soon_as_the_last_is_done(bench, ticks) -> N
     assert len(ages) >= 90 // max(ticks, 1)
     assert max(ages) <= 0.01 * ticks + 1e-9
     assert len(moments) >= 99
+
+
+def test_an_image_is_measured_at_the_moment_that_it_shows(bench) -> None:
+    reader = LateReader(1)
+    reader.latency = 0.05  # s by which images show an earlier world than their stamp
+    seen = folding(bench, reader)
+    assert bench.run().name == "path_done"
+    arm = {round(snapshot.time, 6): snapshot.arm.pose for snapshot in seen}
+    late = [task for task in reader.asked if task.frame.stamp > 0.2]
+    taken = {s.view.frame.sequence: s.view.frame.stamp for s in seen if s.view.frame}
+    assert len(late) > 30
+    for task in late:
+        shown = taken[task.frame.sequence] - task.frame.stamp
+        assert shown == pytest.approx(reader.latency)
+        assert task.gripper.x == pytest.approx(arm[round(task.frame.stamp, 6)].x)
 
 
 def test_a_reader_that_hangs_stops_the_arm_one_tick_after_its_time(bench) -> None:

@@ -1,11 +1,12 @@
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from cell.base.config.settings import MonitorLimits
-from cell.orchestrator.monitors import MONITORS, Rules, check_all
+from cell.orchestrator.monitors import MONITORS, MOVED_IMAGES, Rules, check_all
 from cell.orchestrator.snapshot import Drive, Hold, MoveTo, Snapshot
 from cell.orchestrator.states import State
 from drivers.base.errors import Fault
@@ -111,6 +112,47 @@ def test_arm_may_overshoot_its_workspace_by_the_border_alone(
         assert (check(replace(GOOD, arm=replace(ARM, pose=pose)), RULES) is None) == (
             share < 1.0
         )
+
+
+def of_arm(**changes) -> Snapshot:
+    return replace(GOOD, arm=replace(ARM, **changes))
+
+
+NOW, FASTEST = GOOD.time, LIMITS.speed * LIMITS.overspeed
+AT_LIMIT: dict[str, tuple[float, Callable[[float], Snapshot]]] = {
+    "arm_state_stale": (LIMITS.arm_age, lambda v: of_arm(stamp=NOW - v)),
+    "hand_state_stale": (
+        LIMITS.hand_age,
+        lambda v: replace(GOOD, hand=replace(HAND, stamp=NOW - v)),
+    ),
+    "image_stale": (LIMITS.image_wait, lambda v: showing(stale_since=NOW - v)),
+    "image_reading_overdue": (LIMITS.reading, lambda v: showing(reading_since=NOW - v)),
+    "low_confidence": (LIMITS.doubt, lambda v: showing(doubtful_since=NOW - v)),
+    "overspeed": (FASTEST, lambda v: of_arm(velocity=Velocity(0.6 * v, -0.8 * v, 0.0))),
+    "tracking_error": (
+        LIMITS.tracking_error,
+        lambda v: of_arm(commanded=replace(POSE, x=POSE.x - 0.8 * v, z=0.2 + 0.6 * v)),
+    ),
+    "force": (LIMITS.force, lambda v: of_arm(force=(-0.6 * v, 0.8 * v))),
+    "image_frozen": (LIMITS.identical_images, lambda v: showing(identical=round(v))),
+    "camera_moved": (MOVED_IMAGES, lambda v: showing(moved=round(v))),
+    "strip_too_thick": (0.0, lambda v: showing(resting=v)),
+    "state_overtime": (LIMITS.state_duration, lambda v: replace(GOOD, entered=NOW - v)),
+    "calibration_overtime": (
+        LIMITS.calibration,
+        lambda v: replace(GOOD, state=State.CALIBRATE, entered=NOW - v),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", AT_LIMIT)
+def test_monitor_stops_at_its_limit_and_not_before(name: str) -> None:
+    limit, showing_value = AT_LIMIT[name]
+    check = next(monitor.check for monitor in MONITORS if monitor.name == name)
+    counted = isinstance(limit, int)
+    within, beyond = (limit - 1, limit) if counted else (limit - 1e-3, limit + 1e-3)
+    assert check(showing_value(within), RULES) is None
+    assert check(showing_value(beyond), RULES) is not None
 
 
 def test_every_monitor_has_a_case_here() -> None:

@@ -109,6 +109,27 @@ def test_lift_at_the_speed_of_a_fold_stays_on_its_line_and_a_move_ahead_does_not
     assert ticks(profile, 300)[:, 1, 0].max() < -0.07
 
 
+SLOW = AxisLimits(velocity=0.1, acceleration=0.41, jerk=53.4)
+SHARP = AxisLimits(velocity=0.22, acceleration=1.83, jerk=5.5)
+
+
+@pytest.mark.parametrize(
+    ("limits", "order"),
+    [
+        (LIMITS.model_copy(update={"z": SLOW}), Velocity(0.046, 0.009, -0.044)),
+        (LIMITS.model_copy(update={"z": SHARP}), Pose(0.1, 0.16, 0.33)),
+    ],
+)
+def test_path_stays_straight_where_one_axis_is_slower(limits, order) -> None:
+    profile = MotionProfile(limits, BOX, MIDDLE)
+    follow = profile.set_velocity if isinstance(order, Velocity) else profile.move_to
+    follow(order)
+    way = ticks(profile, 90 if isinstance(order, Velocity) else 4000)[:, 0]
+    way -= MIDDLE.as_array()
+    line = way[-1] / np.linalg.norm(way[-1])
+    assert np.abs(way - np.outer(way @ line, line)).max() < 1e-9
+
+
 @pytest.mark.parametrize(("axis", "sign"), [(a, s) for a in range(3) for s in (-1, 1)])
 def test_velocity_out_of_the_workspace_is_braked_before_the_border(
     axis: int, sign: int

@@ -13,7 +13,7 @@ from drivers.base.errors import Fault
 from drivers.base.motion import TICK
 from drivers.franka.collision import Box, Solids
 from drivers.franka.failure import ArmFault, Cause
-from drivers.franka.force import DriftMonitor, ForceGuard, Tare
+from drivers.franka.force import DriftMonitor, ForceGuard, OwnWeight, Tare
 from drivers.franka.joint_requests import GoTo, go_to, retreat
 from drivers.franka.kinematics import HOME
 from drivers.franka.limits import FR3
@@ -57,6 +57,19 @@ def test_what_presses_at_rest_is_not_tared_away(force) -> None:
     with pytest.raises(ArmFault) as failed:
         Tare.from_states([state(force)] * 3, 10.0)
     assert failed.value.cause is Cause.PRESSED
+
+
+@pytest.mark.parametrize("moment", [0, 1, 2])
+def test_moment_that_is_no_number_is_not_tared_away(moment: int) -> None:
+    broken = state()
+    broken.O_F_ext_hat_K[3 + moment] = float("nan")
+    with pytest.raises(ArmFault, match="no numbers"):
+        Tare.from_states([state(), broken], 10.0)
+
+
+@pytest.mark.parametrize(("felt", "share"), [(0.6, 0.6), (3.0, 1.0), (-3.0, -1.0)])
+def test_no_more_than_the_arm_s_own_weight_is_taken_for_it(felt, share) -> None:
+    assert OwnWeight(weight, HOME, felt * weight(HOME)).share == pytest.approx(share)
 
 
 def test_guards_hold_beyond_the_tare_and_in_every_direction() -> None:

@@ -76,6 +76,15 @@ def test_stop_interrupts_a_motion_and_answers_both(hand) -> None:
     assert hand.reply() == (STOP, 6, OK)
 
 
+def test_replies_to_a_client_that_is_gone_reach_no_other(server) -> None:
+    with RawHand(server.address) as gone:
+        gone.send(MOVE, struct.pack("<2d", 0.04, 0.1), command_id=5)
+        gone.state()
+    with RawHand(server.address) as hand:
+        hand.send(STOP, command_id=6)
+        assert hand.reply() == (STOP, 6, OK)
+
+
 @pytest.mark.parametrize(
     "numbers",
     [(0.5, 0.1), (-0.1, 0.1), (0.04, 0.0), (float("nan"), 0.1), (0.04, float("inf"))],
