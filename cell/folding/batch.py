@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 from calibration.calibration import Calibration
 from cell.base.campaign.processes import ProcessPool, StopSignal
-from cell.folding.fold import fold, write_pages
+from cell.folding.fold import fold
 from cell.folding.request import Request, with_correction
 from cell.folding.result import FoldResult
 from cell.orchestrator.operator import Interrupt, Interrupted
@@ -123,9 +123,7 @@ def agreed(
 def _fold_in_sequence(
     requests: Iterator[Request] | Sequence[Request], callbacks: Callbacks
 ) -> Generator[FoldResult, None, None]:
-    """Fold in sequence, with the strip laid again in between; a page follows each
-    fold.
-    """
+    """Fold in sequence, with the strip laid again in between."""
     for number, request in enumerate(requests):
         if request.trial.agreed and number > 0:
             callbacks.lay_again()
@@ -136,11 +134,8 @@ def _fold_in_sequence(
                         request.cell, callbacks.report, interrupted
                     )
                     callbacks.begin(request)
-                    recorded = fold(request, calibration, observers, interrupted)
-                callbacks.tell(recorded)
-                result = write_pages(request, recorded)
-                if result != recorded:
-                    callbacks.tell(result)
+                    result = fold(request, calibration, observers, interrupted)
+                callbacks.tell(result)
             except CellError as error:
                 result = FoldResult.refusal(request, error)
             if result.run:
@@ -236,11 +231,9 @@ class ParallelFolds:
 def _fold_in_process(
     request: Request, calibration: Calibration, stop: StopSignal
 ) -> FoldResult | CellError:
-    """Fold and write the page, as a process of the pool does; errors are returned as
-    results.
-    """
+    """Fold, as a process of the pool does; errors are returned as results."""
     try:
-        return write_pages(request, fold(request, calibration, (), stop))
+        return fold(request, calibration, (), stop)
     except KeyboardInterrupt:
         return Interrupted("stopped at once by Ctrl-C or a signal")
     except CellError as error:

@@ -48,7 +48,6 @@ from cell.record.events import NOT_LEARNED
 from cell.record.files import CALIBRATION, CHECKPOINT, EVENTS
 from cell.record.truth import write_truth
 from cell.record.writer import RunWriter
-from cell.report.page import write_report
 from cell.report.viz.watch import watching
 from cell.setup.calibration_in_use import check_camera
 from drivers.base.clock import lock_memory, take_priority, wake_promptly
@@ -79,8 +78,8 @@ def fold(
     folder.
 
     Other `devices` or another `policy` than the request names may be given; the devices
-    are closed at the end. `write_pages` then draws the record. Raises CellError for
-    errors before the run; errors during the run are its outcome.
+    are closed at the end. Raises CellError for errors before the run; errors during the
+    run are its outcome.
     """
     settings, strip, trial = request.settings, request.strip, request.trial
     own = policy or make_policy(request.policy, request.checkpoint)
@@ -176,7 +175,7 @@ def _record_fold(
     hanging = inputs.settings.fold.start == "hanging"
     recorder = FileRecorder(writer, hanging=hanging)
     trace = FoldTrace(strip)
-    live = request.record.viz == "live"
+    live = request.record.live
     with watching(folder, strip, live=live, hanging=hanging) as live_views:
         # the controller cannot read the truth
         blind = replace(devices, plant=None, aids=None)
@@ -309,26 +308,6 @@ def realtime_thread(real_time: bool) -> Iterator[None]:
         gc.unfreeze()
         sys.setswitchinterval(interval)
         os.sched_setscheduler(0, policy, parameters)
-
-
-def write_pages(request: Request, result: FoldResult) -> FoldResult:
-    """Write the page of a recorded fold and, if its request says so, its recording for
-    Rerun.
-
-    The record is complete before, so that a result can be told first. Returns the
-    result, with a failure to write.
-    """
-    folder = Path(result.run)
-    try:
-        write_report(folder)
-        if request.record.viz == "save":
-            from cell.report.viz.recording import viz_from_run
-
-            viz_from_run(folder)
-    except CellError as error:
-        code = max(result.exit_code, Fault.exit_code)
-        return replace(result, outcome="record", reason=str(error), exit_code=code)
-    return result
 
 
 def _warning(outcome: Outcome, *others: str) -> str | None:

@@ -6,7 +6,6 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
@@ -39,14 +38,12 @@ UNCORRECTED = Correction()
 
 @dataclass(frozen=True, slots=True)
 class Recording:
-    """Options of a fold's record beside its tables: images, film, truth, recording for
-    Rerun.
-    """
+    """Options of a fold's record beside its tables: images, film, truth, live view."""
 
     frames: Keep | None = None
     film: Encoder | None = None
     truth: bool = True
-    viz: Literal["save", "live", "off"] = "off"
+    live: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,7 @@ from calibration.calibration import Calibration, load_calibration
 from cell.base.config.places import find_configs
 from cell.base.devices.devices import Trial
 from cell.folding.feasibility import Prediction, assess
-from cell.folding.fold import fold as fold_once, write_pages
+from cell.folding.fold import fold as fold_once
 from cell.folding.request import Learning, Recording, Request, line_at, prepare
 from cell.folding.result import FoldResult
 from cell.record.columns import Profile, Sights, Ticks, as_frame
@@ -93,7 +93,7 @@ def fold(
         at=line_at("at", () if at is None else (at,), lying.length),
     )
     (request,) = _prepared(asked, [] if desk is None else [desk])
-    return write_pages(request, fold_once(request, calibration_of(request.cell)))
+    return fold_once(request, calibration_of(request.cell))
 
 
 def predict(

@@ -4,7 +4,7 @@ run.
 
 import os
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
 from fractions import Fraction
@@ -49,9 +49,11 @@ class Film:
 
     path: Path
 
-    def frames(self, after: float = 0.0) -> Iterator[Frame]:
+    def frames(
+        self, after: float = 0.0, only: Collection[int] | None = None
+    ) -> Iterator[Frame]:
         """Yield the images (h, w, 3) of the film with stamps [s], 0 for the first
-        image.
+        image, or those with a number in `only`.
 
         They begin with one at or shortly before `after` [s], in a film whose own stamps
         begin at 0. Raises ConfigurationError for a file that is missing or no film.
@@ -68,6 +70,8 @@ class Film:
                 stamp = _stamp(picture, self.path)
                 if begin is None:
                     begin = stamp
+                if only is not None and number not in only:
+                    continue
                 image = _upright(picture, self.path)
                 yield Frame(stamp - begin, stamp - begin, self.path.name, number, image)
 

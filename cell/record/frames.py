@@ -7,7 +7,7 @@ import queue
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import isfinite
+from math import inf, isfinite
 from operator import index
 from pathlib import Path
 from typing import Any
@@ -29,9 +29,8 @@ LARGEST_SIDE = 4096  # px of a side
 QUEUE = 32  # images of 2.8 MB: at most 90 MB wait for the disk
 # waiting images, from which the film goes without, so that files keep theirs
 LAGS = QUEUE // 2
-STRIDE = 64  # images from one key image to the next
-MOST_SPREAD = 32  # key images in that distance
-MOST_MARKED = 8  # key images because of an event
+KEY_PERIOD = 7.0  # s from one key image to the next, of 1.2 MB each
+MOST_KEYS = 32  # key images of a run, beside its last one
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,8 +154,8 @@ class FrameWriter:
         self._folder = folder
         self._keep = keep
         self._patient = patient
-        self._count = 0
-        self._marks_left = MOST_MARKED
+        self._keys_left = MOST_KEYS
+        self._next_key = -inf  # s
         # if not stored; its place in the film
         self._last: tuple[Frame, int | None] | None = None
         self._waiting: queue.Queue[tuple[Frame, bool] | None] = queue.Queue(QUEUE)
@@ -226,24 +225,24 @@ class FrameWriter:
             if self._film and keeps_up
             else None
         )
-        if self._is_kept(mark):
+        if self._is_kept(frame.stamp, mark):
             self._store(frame, place)
             self._last = None
         else:
             self._note(frame, film=place)
             self._last = (frame, place)
 
-    def _is_kept(self, mark: bool) -> bool:
-        """Whether to store the next image; of key ones about ten, with a `mark` or
-        spread.
+    def _is_kept(self, stamp: float, mark: bool) -> bool:
+        """Whether to store the image taken at `stamp` [s]: all, or as a key image one a
+        KEY_PERIOD and those with a `mark`.
         """
-        number = self._count
-        self._count += 1
-        if self._keep == "key" and mark and self._marks_left > 0:
-            self._marks_left -= 1
-            return True
-        is_spread = number % STRIDE == 0 and number < MOST_SPREAD * STRIDE
-        return self._keep == "all" or (self._keep == "key" and is_spread)
+        if self._keep != "key" or self._keys_left == 0:
+            return self._keep == "all"
+        is_key = mark or stamp >= self._next_key
+        if is_key:
+            self._keys_left -= 1
+            self._next_key = stamp + KEY_PERIOD
+        return is_key
 
     def _store(self, frame: Frame, film: int | None) -> None:
         """Store `frame`, and enter it into the index with its hash."""

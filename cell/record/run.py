@@ -3,7 +3,7 @@ program.
 """
 
 import base64
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cache, partial, wraps
@@ -248,26 +248,30 @@ class Run:
         notes = self.frame_index() if (self.folder / files.FILM).is_file() else ()
         return {note.film: note.stamp for note in notes if note.film is not None}
 
-    def film_frames(self) -> Iterator[Frame]:
-        """Yield the images of the run's film, with their stamps and numbers in the run.
+    def film_frames(self, only: Collection[int] | None = None) -> Iterator[Frame]:
+        """Yield the images of the run's film, with their stamps and numbers in the run,
+        or those numbered in `only`.
 
         They end where the film breaks off; none without a film.
         """
         path = self.folder / files.FILM
-        notes = {note.film: note for note in self.frame_index()}
-        if not path.is_file():
+        notes = {
+            note.film: note
+            for note in self.frame_index()
+            if note.film is not None and (only is None or note.sequence in only)
+        }
+        if not (notes and path.is_file()):
             return
         with suppress(ConfigurationError):
-            for frame in Film(path).frames():
-                note = notes.get(frame.sequence)
-                if note is not None:
-                    yield Frame(
-                        note.stamp,
-                        note.arrival,
-                        note.source,
-                        note.sequence,
-                        frame.image,
-                    )
+            for frame in Film(path).frames(only=notes):
+                note = notes[frame.sequence]
+                yield replace(
+                    frame,
+                    stamp=note.stamp,
+                    arrival=note.arrival,
+                    source=note.source,
+                    sequence=note.sequence,
+                )
 
     def frames(self) -> Iterator[Frame]:
         """Yield the stored images; one that fails its hash raises an error unless
@@ -305,8 +309,6 @@ def read_run(folder: Path) -> Run:
 def read_broken_run(folder: Path) -> Run:
     """Read the intact parts of the run in `folder`; ConfigurationError where run.yaml
     is broken.
-
-    A broken table is made again from the streams, if they are intact.
     """
     run = _read(folder, lenient=True)
     for read in (run.events, run.sights, run.calibration, run.frame_index):
@@ -329,24 +331,18 @@ def _read(folder: Path, *, lenient: bool) -> Run:
     def table(name: str) -> tuple[pa.Table, str]:
         """Table in the Parquet file `name`, and the path of its source for errors.
 
-        One that is missing from an incomplete run, or broken in a lenient one, is made
-        from the streams, which a run of the cell that died at its start need not have.
+        One that is missing from an incomplete run is made from the streams, which a
+        run of the cell that died at its start need not have.
         """
         path = folder / name
-        stream = folder / files.TICK_STREAM
-        try:
-            if path.exists() or (result is not None and not lenient):
-                return read_parquet(path), str(path)
-        except ConfigurationError as error:
-            if not (lenient and stream.is_file()):
-                raise
-            reader.problems.append(f"{error}; read from {files.TICK_STREAM} instead")
+        if path.exists() or (result is not None and not lenient):
+            return read_parquet(path), str(path)
         if not begun and header.config is None:
             raise ConfigurationError(
                 f"{folder}: {name}: is missing, and there is no {files.TICK_STREAM} to"
                 " make it from"
             )
-        return tables_of_streams()[name], str(stream)
+        return tables_of_streams()[name], str(folder / files.TICK_STREAM)
 
     ticks = reader.read(lambda: Ticks.parse(*table(files.TICKS)), Ticks.none())
     profile = reader.read(lambda: Profile.parse(*table(files.PROFILE)), Profile.none())

@@ -280,14 +280,22 @@ def write_parquet(path: Path, table: pa.Table) -> None:
     """Write `table` as Parquet that replaces the file at `path` at once, when it is
     complete.
 
-    The table's metadata get as `schema` the version of the cell's files.
+    The table's metadata get as `schema` the version of the cell's files. Bytes of like
+    weight stand together, which makes measured numbers a third smaller.
     """
     about = {**(table.schema.metadata or {}), "schema": str(SCHEMA)}
     marked = table.replace_schema_metadata(about)
     # an open file, as the library takes only names in UTF-8 and a folder's may be in
     # any bytes
     with replacing(path) as scratch, scratch.open("wb") as file:
-        pq.write_table(marked, file, compression="zstd", row_group_size=1 << 20)
+        pq.write_table(
+            marked,
+            file,
+            compression="zstd",
+            row_group_size=1 << 20,
+            use_dictionary=[f.name for f in table.schema if f.type != NUMBER],
+            use_byte_stream_split=[f.name for f in table.schema if f.type == NUMBER],
+        )
 
 
 def write_tables(folder: Path, tables: Tables) -> None:

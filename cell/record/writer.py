@@ -37,8 +37,9 @@ class RunWriter:
     """Writer of one run's folder, safe against a crash of the process at any moment.
 
     run.yaml is on disk before anything moves, rows and events are passed to the
-    operating system one by one, tables follow at the end, and result.yaml comes last. A
-    disk that refuses while the run is under way raises Fault `record`.
+    operating system one by one, tables follow at the end, then result.yaml; the streams
+    of rows go last. A disk that refuses while the run is under way raises Fault
+    `record`.
     """
 
     def __init__(
@@ -125,10 +126,8 @@ class RunWriter:
         self._mark = False
 
     def event(self, t: float, kind: str, **facts: Any) -> None:
-        """Write an event at `t` [s]; after a change of state the next image is
-        stored.
-        """
-        self._mark = self._mark or kind == "state"
+        """Write an event at `t` [s]; after a fault the next image is stored."""
+        self._mark = self._mark or kind == "fault"
         with self._recording():
             write_all(self._events, json_line({"t": t, "kind": kind, **facts}))
 
@@ -163,6 +162,8 @@ class RunWriter:
             write_document(self.folder / RUN, self._header)
             tables.write_tables(self.folder, tables.assemble(self.folder))
             write_document(self.folder / RESULT, content)
+            for stream in (TICK_STREAM, SIGHT_STREAM):  # all rows are in the tables
+                (self.folder / stream).unlink(missing_ok=True)
         self._finished = True
         self._events.close()
 

@@ -2,11 +2,11 @@
 them.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TypeVar
+from typing import Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,7 +39,7 @@ SMALLEST_WINDOW = 0.25  # share of the image's width and height
 EIGHTHS, SUBPIXEL_BITS = 8, 3  # of a pixel, the fixed-point unit in which OpenCV draws
 MARK_RADIUS = 11  # px
 PROFILE_BGR, CONTACT_BGR, TIP_BGR = (40, 110, 255), (255, 120, 30), (255, 255, 255)
-SILHOUETTE_STATES = ("LAY", "RELEASE")
+LAYING_STATES = ("LAY", "RELEASE")
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +57,7 @@ class Silhouette:
 @dataclass(frozen=True, slots=True)
 class KeyPicture:
     """Image of an HTML page: `jpeg` as base64 text, caption, path `whole` of the full
-    image.
+    image, empty for one of the film.
     """
 
     jpeg: str
@@ -65,19 +65,78 @@ class KeyPicture:
     whole: str
 
 
-def key_pictures(
-    run: Run, outlines: Sequence[Silhouette] = ()
-) -> tuple[KeyPicture, ...]:
-    """Up to SHOWN_IMAGES readable images of a run, its measurements and `outlines`
-    drawn in.
+@dataclass(frozen=True, slots=True)
+class ShownImages:
+    """Index entries of the images that a run's page shows, stored ones and others of
+    the film: some of the whole fold, `middle`, `touch`, `end`, the strip as it is laid.
+
+    `images` (h, w, 3) are those of them that can be read, by their numbers.
     """
+
+    some: Sequence[FrameNote]
+    laid: Sequence[FrameNote]
+    middle: FrameNote | None
+    touch: FrameNote | None
+    end: FrameNote | None
+    images: Mapping[int, Image]
+
+    @classmethod
+    def of(cls, run: Run) -> Self:
+        """Choose the images of `run`, and read its film once."""
+        filmed = run.film_stamps()
+        notes = [
+            note
+            for note in run.frame_index()
+            if note.file is not None or note.film in filmed
+        ]
+        touched = None if run.result is None else run.result.t_layer_touch
+        over = float(np.max(run.ticks.t, initial=0.0)) if touched is None else touched
+        laid = [note for note in notes if state_at(run, note.stamp) in LAYING_STATES]
+        chosen = {
+            "some": evenly_chosen(notes, SHOWN_IMAGES),
+            "laid": evenly_chosen(laid, SHOWN_IMAGES),
+        }
+        single = {
+            "middle": _nearest(notes, 0.5 * over),
+            "touch": None if touched is None else _nearest(notes, touched),
+            "end": notes[-1] if notes else None,
+        }
+        wanted = [note for part in chosen.values() for note in part]
+        wanted += filter(None, single.values())
+        return cls(**chosen, **single, images=dict(_readable(run, wanted)))
+
+
+def _nearest(notes: Sequence[FrameNote], time: float) -> FrameNote | None:
+    """Entry of `notes` that is nearest to `time` [s]; None without any."""
+    return min(notes, key=lambda note: abs(note.stamp - time), default=None)
+
+
+def _readable(run: Run, notes: Sequence[FrameNote]) -> Iterator[tuple[int, Image]]:
+    """Yield numbers and images of those `notes` that can be read: as stored, or else
+    from the film.
+    """
+    filmed = {note.sequence for note in notes if note.file is None}
+    for frame in run.film_frames(filmed):
+        yield frame.sequence, frame.image
+    for note in notes:
+        with suppress(ConfigurationError):
+            if note.file is not None:
+                yield note.sequence, read_picture(note.file)
+
+
+def key_pictures(
+    run: Run, shown: ShownImages, outlines: Sequence[Silhouette] = ()
+) -> tuple[KeyPicture, ...]:
+    """Images of a whole fold, with its measurements and `outlines` drawn in."""
     calibration = run.calibration()
     pictures = []
-    for note, recorded in _readable(evenly_chosen(run.kept_images(), SHOWN_IMAGES)):
-        image = recorded
-        if calibration is not None and calibration.lens.fits(recorded):
+    for note in shown.some:
+        image = shown.images.get(note.sequence)
+        if image is None:
+            continue
+        if calibration is not None and calibration.lens.fits(image):
             window = window_on(run.ticks, calibration)
-            image = _with_sight(recorded, note, run, calibration)
+            image = _with_sight(image, note, run, calibration)
             image = window.crop(_with_outline(image, note.sequence, outlines))
         pictures.append(_key_picture(image, WIDTH, _caption(note, run), note))
     return tuple(pictures)
@@ -89,45 +148,31 @@ def evenly_chosen(items: Sequence[Item], count: int) -> list[Item]:
     return [items[i] for i in np.unique(places)]
 
 
-def _readable(notes: Iterable[FrameNote]) -> Iterator[tuple[FrameNote, Image]]:
-    """Yield the index entries whose images can be read, each with its image (h, w,
-    3).
-    """
-    for note in notes:
-        with suppress(ConfigurationError):
-            if note.file is not None:
-                yield note, read_picture(note.file)
-
-
 def _key_picture(image: Image, width: int, caption: str, note: FrameNote) -> KeyPicture:
     """Picture for a page from `image`, `width` [px] wide, that links to the file of its
-    `note`.
+    `note`, if it is stored.
     """
-    whole = frame_file(Path(), note.sequence).as_posix()
+    stored = note.file is not None
+    whole = frame_file(Path(), note.sequence).as_posix() if stored else ""
     return KeyPicture(jpeg_text(image, width), caption, whole)
 
 
-def close_ups(run: Run) -> tuple[KeyPicture, ...]:
+def close_ups(run: Run, shown: ShownImages) -> tuple[KeyPicture, ...]:
     """Readable images at the layers' touch and at the end, cropped by the run's
     calibration.
     """
-    notes = run.kept_images()
     calibration = run.calibration()
-    if not notes or calibration is None:
+    if calibration is None:
         return ()
-    touch = None if run.result is None else run.result.t_layer_touch
-    chosen = {"at the end": notes[-1]}
-    if touch is not None:
-        nearest = min(notes, key=lambda note: abs(note.stamp - touch))
-        chosen = {"where the layers touch": nearest} | chosen
     reach = float(np.max(run.ticks.x, initial=0.1))
     pictures = []
-    for words, chosen_note in chosen.items():
-        for note, image in _readable([chosen_note]):
-            if calibration.lens.fits(image):
-                part = _laid_part(image, calibration, reach)
-                caption = f"{words}  ·  image at {seconds(note.stamp)}"
-                pictures.append(_key_picture(part, CLOSE_WIDTH, caption, note))
+    chosen = {"where the layers touch": shown.touch, "at the end": shown.end}
+    for words, note in chosen.items():
+        image = None if note is None else shown.images.get(note.sequence)
+        if image is not None and calibration.lens.fits(image):
+            part = _laid_part(image, calibration, reach)
+            caption = f"{words}  ·  image at {seconds(note.stamp)}"
+            pictures.append(_key_picture(part, CLOSE_WIDTH, caption, note))
     return tuple(pictures)
 
 
@@ -145,19 +190,17 @@ def _laid_part(image: Image, calibration: Calibration, reach: float) -> Image:
     return image[top:bottom, left:right]
 
 
-def poster(run: Run) -> str:
-    """Kept image of a run amid its fold, with what was read in it, as JPEG in base64
-    text; empty without one.
+def poster(run: Run, shown: ShownImages) -> str:
+    """Image of a run amid its fold, with what was read in it, as JPEG in base64 text;
+    empty without one.
     """
-    touch = None if run.result is None else run.result.t_layer_touch
-    middle = 0.5 * (float(np.max(run.ticks.t, initial=0.0)) if touch is None else touch)
-    notes = sorted(run.kept_images(), key=lambda note: abs(note.stamp - middle))
-    calibration = run.calibration()
-    for note, image in _readable(notes):
-        if calibration is None or not calibration.lens.fits(image):
-            return jpeg_text(image)
-        return jpeg_text(_with_sight(image, note, run, calibration))
-    return ""
+    note, calibration = shown.middle, run.calibration()
+    image = None if note is None else shown.images.get(note.sequence)
+    if image is None:
+        return ""
+    if calibration is None or not calibration.lens.fits(image):
+        return jpeg_text(image)
+    return jpeg_text(_with_sight(image, note, run, calibration))
 
 
 def window_on(ticks: Ticks, calibration: Calibration) -> Region:
@@ -275,48 +318,45 @@ def _caption(note: FrameNote, run: Run) -> str:
     return "  ·  ".join(words)
 
 
-def silhouettes(run: Run) -> tuple[Silhouette, ...]:
-    """Outlines of the strip in the kept images that show it laid and released, in order
-    of time.
+def silhouettes(run: Run, shown: ShownImages) -> tuple[Silhouette, ...]:
+    """Outlines of the strip in the images that show it laid and released, in order of
+    time.
 
     Empty where the picture before the grasp, calibration, strip or ticks are not in the
     record.
     """
     try:
-        return tuple(_outlines(run))
+        return tuple(_outlines(run, shown))
     # an image or a setting that was changed: the page goes without
     except ConfigurationError:
         return ()
 
 
-def _outlines(run: Run) -> Iterator[Silhouette]:
+def _outlines(run: Run, shown: ShownImages) -> Iterator[Silhouette]:
     """Yield outlines of the strip, by the appearance learnt from the image before the
     grasp.
     """
-    notes = run.kept_images()
-    laying = [note for note in notes if state_at(run, note.stamp) in SILHOUETTE_STATES]
-    flat = next((note for note in notes if note.stamp < 0), None)
+    flat = next((note for note in run.kept_images() if note.stamp < 0), None)
     before = None if flat is None else read_frame(flat)
-    calibration = run.calibration()
-    if (
-        not laying
-        or before is None
-        or calibration is None
-        or run.header.strip_file is None
-    ):
+    calibration, stated = run.calibration(), run.header.strip_file
+    if not shown.laid or before is None or calibration is None or stated is None:
         return
-    strip = parse(run.header.strip_file, StripFile, "run.yaml: strip_file")
+    strip = parse(stated, StripFile, "run.yaml: strip_file")
     appearance = inspect(before, calibration, strip).appearance
     if appearance is None:
         return
     perception = Perception(calibration, strip, appearance)
-    for frame in filter(None, map(read_frame, evenly_chosen(laying, SHOWN_IMAGES))):
-        pixels = perception.outline(frame, run.ticks.pose_at(frame.stamp))
+    for note in shown.laid:
+        image = shown.images.get(note.sequence)
+        if image is None or not calibration.lens.fits(image):
+            continue
+        pixels = perception.outline(
+            replace(before, image=image), run.ticks.pose_at(note.stamp)
+        )
         if len(pixels):
-            state = state_at(run, frame.stamp)
-            yield Silhouette(
-                frame.sequence, state, pixels, calibration.to_plane(pixels)
-            )
+            state = state_at(run, note.stamp)
+            plane = calibration.to_plane(pixels)
+            yield Silhouette(note.sequence, state, pixels, plane)
 
 
 def state_at(run: Run, stamp: float) -> str:

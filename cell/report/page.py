@@ -22,6 +22,7 @@ from cell.record.truth import read_truth
 from cell.report import figures
 from cell.report.html import Link, page
 from cell.report.overlay import (
+    ShownImages,
     close_ups,
     key_pictures,
     poster,
@@ -100,7 +101,8 @@ def report(run: Run) -> str:
     truth, spoilt = truth_of(run)
     said = verdict_of(run, truth, under_way)
     died = run.result is None and not under_way and not said.spoilt
-    outlines, outlook = silhouettes(run), Outlook.from_events(run.events())
+    shown, outlook = ShownImages.of(run), Outlook.from_events(run.events())
+    outlines = silhouettes(run, shown)
     has_ticks = run.ticks.t.size > 0
     return page(
         "report/templates/run.html",
@@ -108,18 +110,18 @@ def report(run: Run) -> str:
         kicker=f"Fold of {run.header.strip}{policy}",
         name=run.name,
         said=said,
-        close_ups=close_ups(run) if said.figure else (),
+        close_ups=close_ups(run, shown) if said.figure else (),
         spoilt=spoilt,
         advice=advice(run) if died else [],
         measures=measures(run),
         weights=weights(run),
         beliefs=beliefs(run, outlook),
-        film=film_of(run),
+        film=film_of(run, shown),
         checks=checks(run),
         events=listed_events(run),
         files=[(Link(n, n), what) for n, what in FILES if (run.folder / n).is_file()],
         facts=[(key, setting_text(key, value)) for key, value in stated_settings(run)],
-        pictures=key_pictures(run, outlines),
+        pictures=key_pictures(run, shown, outlines),
         outlook=figures.outlook_figure(run, outlook) if len(outlook.t) > 1 else "",
         strip=figures.strip_figure(run, outlines) if has_ticks else "",
         signals=figures.signals_figure(run) if has_ticks else "",
@@ -137,7 +139,7 @@ def truth_of(run: Run) -> tuple[Mapping[str, Any] | None, list[str]]:
         return None, [*spoilt, str(error)]
 
 
-def film_of(run: Run) -> dict[str, Any] | None:
+def film_of(run: Run, shown: ShownImages) -> dict[str, Any] | None:
     """Film of a run: begin [s], source, poster, size, curves; None without a film of
     any image.
 
@@ -155,7 +157,7 @@ def film_of(run: Run) -> dict[str, Any] | None:
     return {
         "begin": begin,
         "source": source,
-        "poster": poster(run),
+        "poster": poster(run, shown),
         "length": length,
         "marks": [(100 * (t - begin) / length, t, word) for t, word in marks(run)],
         **_cut(run),

@@ -17,6 +17,7 @@ from cell.record.listing import RunRow, read_row
 from cell.record.run import Run, read_broken_run
 from cell.report.drawing import MUTED, as_svg, canvas
 from cell.report.html import Link, jpeg_text, page
+from cell.report.overlay import ShownImages
 from cell.report.page import film_of, flatten, setting_text, stated_settings, truth_of
 from cell.report.page_verdict import PageVerdict
 from cell.report.words import NO_VALUE, millimetres, plural, seconds
@@ -106,7 +107,10 @@ def write_comparison(folders: Sequence[Path], out: Path) -> Path:
     differing = [setting for setting, *_ in settings[1:]]
     if len(compared) > MOST_COLUMNS:
         settings = list(zip(*settings, strict=True))
-    films = [(one.name, film_of(one.run)) for one in compared[:MOST_FILMS]]
+    films = [
+        (one.name, film_of(one.run, ShownImages.of(one.run)))
+        for one in compared[:MOST_FILMS]
+    ]
     text = page(
         "report/templates/compare.html",
         title,

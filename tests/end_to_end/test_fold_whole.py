@@ -21,13 +21,13 @@ from calibration.calibration import (
 from cell.base.config.places import find_configs
 from cell.base.devices.devices import Trial
 from cell.folding.batch import fold_all
-from cell.folding.fold import write_pages
 from cell.folding.replay import replay
 from cell.folding.request import Recording
 from cell.perception.length_checks import disagreements
 from cell.record.files import CALIBRATION, EVENTS, RECORDING, TRUTH
-from cell.report.overlay import silhouettes
-from cell.report.page import report
+from cell.report.overlay import ShownImages, silhouettes
+from cell.report.page import report, write_report
+from cell.report.viz.recording import viz_from_run
 from drivers.base.errors import ConfigurationError
 from policies.feedback import COMMITTED, load_checkpoint, save_checkpoint
 from tests.end_to_end.folded import Folded, fold_and_keep
@@ -93,7 +93,7 @@ def across(denim: Folded, curve: np.ndarray) -> list[np.ndarray]:
 
 
 def test_page_shows_the_strip_where_it_was_laid(denim: Folded) -> None:
-    seen = silhouettes(denim.run)
+    seen = silhouettes(denim.run, ShownImages.of(denim.run))
     assert len(seen) == 6
     assert {outline.state for outline in seen} == {"LAY", "RELEASE"}
     stamps = {note.sequence: note.stamp for note in denim.run.frame_index()}
@@ -164,6 +164,11 @@ def test_replay_without_images_decides_again_on_what_was_seen(
         replay(copy)
 
 
+def test_the_folder_of_a_fold_is_small(denim: Folded) -> None:
+    files = [path for path in Path(denim.result.run).rglob("*") if path.is_file()]
+    assert sum(path.stat().st_size for path in files) < 5e6
+
+
 @pytest.fixture(scope="module")
 def secret(tmp_path_factory: pytest.TempPathFactory) -> Folded:
     """Another strip lies there than the controller believes, and the weights are not
@@ -175,12 +180,14 @@ def secret(tmp_path_factory: pytest.TempPathFactory) -> Folded:
     weights = load_checkpoint(COMMITTED)
     scaled = tuple(0.95 * weight for weight in weights.weights)
     save_checkpoint(place / "own.json", weights.model_copy(update={"weights": scaled}))
-    kept = Recording(truth=False, viz="save")
+    kept = Recording(truth=False)
     asked = {"record": kept, "trial": Trial(plant=plant)}
     asked |= {"checkpoint": place / "own.json"}
     request = request_for("denim", "feedback", place / "r", **asked)
     folded = fold_and_keep(request)
-    write_pages(request, folded.result)
+    folder = Path(folded.result.run)
+    write_report(folder)
+    viz_from_run(folder)
     return folded
 
 

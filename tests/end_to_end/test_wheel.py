@@ -78,5 +78,6 @@ def test_the_wheel_folds_from_another_folder(installed: Path, tmp_path: Path) ->
     run = tmp_path / line["run"]
     for name in ("run.yaml", "ticks.parquet", "profile.parquet", "result.yaml"):
         assert (run / name).is_file(), name
-    assert (run / "report.html").is_file()
-    assert (run / "run.rrd").is_file()
+    for drawn, file in (("report", "report.html"), ("viz", "run.rrd")):
+        subprocess.run([installed / "cell", drawn, run], env=facts, check=True)
+        assert (run / file).is_file()

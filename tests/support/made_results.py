@@ -37,8 +37,8 @@ STOPPED = replace(
 def fold_by(
     monkeypatch: pytest.MonkeyPatch, fold: Callable, **others: Callable
 ) -> None:
-    """Replace the fold of batches by `fold`, without calibration and pages."""
-    plain = {"calibration_of": lambda *_: None, "write_pages": lambda _, result: result}
+    """Replace the fold of batches by `fold`, without calibration."""
+    plain = {"calibration_of": lambda *_: None}
     for name, function in ({"fold": fold} | plain | others).items():
         monkeypatch.setattr(batch, name, function)
 

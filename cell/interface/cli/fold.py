@@ -6,6 +6,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
@@ -14,7 +15,6 @@ from cell.base.config.length import metres
 from cell.base.config.places import Configs, check_recordable, find_configs
 from cell.interface.cli import options
 from cell.interface.cli.output import busy, notice, print_json, say, working
-from cell.record.files import REPORT
 from drivers.base.errors import CellError, ConfigurationError
 
 if TYPE_CHECKING:
@@ -88,7 +88,7 @@ class FoldOptions:
     film: Annotated[
         Film | None, typer.Option(help="Encoder of the film of all images.")
     ] = None
-    viz: options.VizOption = "save"
+    viz: options.VizOption = "off"
     dry_run: Annotated[
         bool,
         typer.Option(
@@ -198,7 +198,9 @@ class FoldOptions:
             trial=Trial(seed=self.seed),
             checkpoint=self.checkpoint,
             full_speed=self.full_speed,
-            record=Recording(self.frames, film, not self.no_truth, self.viz),
+            record=Recording(
+                self.frames, film, not self.no_truth, live=self.viz == "live"
+            ),
             learning=Learning(self.specimen, use=self.learning or until),
             at=line_at("--at", self.at or (), lying.length),
         )
@@ -294,6 +296,10 @@ def _fold_all(
             elif not result.run:  # a recorded fold was told as soon as it was known
                 notice(result.reason)
             exit_code = max(exit_code, result.exit_code)
+            if given.viz == "save" and result.run:
+                from cell.report.viz.recording import viz_from_run
+
+                viz_from_run(Path(result.run))
             if until is not None and result.ends(until):
                 return result.exit_code
             if until is not None:
@@ -323,7 +329,8 @@ def _callbacks(robot: str, *, as_json: bool) -> "Callbacks":
 
 def _print_result(result: "FoldResult", robot: str) -> None:
     """Print the result for the operator, with a remark on an emulated `robot`."""
-    lines = (str(result), robot, f"page: {result.run}/{REPORT}")
+    page = f"page: cell report {quote(result.run)}"
+    lines = (str(result), robot, page)
     sys.stdout.write("\n  ".join(filter(None, lines)) + "\n")
     sys.stdout.flush()
 

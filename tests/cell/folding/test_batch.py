@@ -245,18 +245,3 @@ def test_series_ends_with_the_first_close_or_stopped_fold(
 
     fold_by(monkeypatch, fold, with_correction=lambda request, _: request)
     assert len([*fold_all(repeated(tmp_path, 3), 2, until=0.002)]) == count
-
-
-def test_a_result_is_told_before_its_page_is_written_and_again_where_that_fails(
-    monkeypatch, tmp_path
-) -> None:
-    told: list[FoldResult] = []
-
-    def fail(_request: Request, result: FoldResult) -> FoldResult:
-        assert told == [DONE]
-        return replace(result, outcome="record", exit_code=4)
-
-    fold_by(monkeypatch, done, write_pages=fail)
-    (result,) = fold_all(repeated(tmp_path, 1), callbacks=Callbacks(tell=told.append))
-    assert told == [DONE, result]
-    assert result.exit_code == 4

@@ -102,7 +102,7 @@ SPOILT = {
     "ticks that are a folder": (
         "ticks.parquet",
         directory,
-        "read from ticks.arrows instead",
+        "ticks.parquet",
     ),
     "ticks of another schema": ("ticks.parquet", schema("²"), "schema: is ²"),
     "sight without time": (

@@ -144,7 +144,7 @@ def test_verdict_stands_on_top_with_sign_error_and_truth(page):
 
 
 def test_page_shows_pictures_figures_events_and_facts(page):
-    assert page.count("data:image/jpeg") == 7  # two are on top, large
+    assert page.count("data:image/jpeg") == 5  # two are on top, large
     assert page.count("<svg") == 2 + 2  # figures, numbers of weight
     text = words(page)
     for claim in (
@@ -225,8 +225,6 @@ def test_report_of_a_laboratorys_run_needs_only_the_four_files(make_run, tmp_pat
     folder = make_run(tmp_path)
     for name in (
         "events.jsonl",
-        "ticks.arrows",
-        "sights.arrows",
         "sights.parquet",
         "truth.yaml",
     ):

@@ -162,7 +162,6 @@ def test_python_and_command_ask_for_one_fold_with_what_the_cell_has_learned(
     monkeypatch.setattr(
         cell.interface.api, "fold_once", lambda request, _: asked.append(request)
     )
-    monkeypatch.setattr(cell.interface.api, "write_pages", lambda *_: DONE)
     cell.interface.api.fold("denim", runs=tmp_path / "r", configs=configs)
     assert typed.learning.learns
     assert typed.learning.correction.seen > 0.002
