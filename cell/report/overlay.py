@@ -2,7 +2,7 @@
 them.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -68,16 +68,17 @@ class KeyPicture:
 @dataclass(frozen=True, slots=True)
 class ShownImages:
     """Index entries of the images that a run's page shows, stored ones and others of
-    the film: some of the whole fold, `middle`, `touch`, `end`, the strip as it is laid.
+    the film: some of the whole fold, the strip as it is laid, and at most one each amid
+    the fold, at the touch and at the end.
 
     `images` (h, w, 3) are those of them that can be read, by their numbers.
     """
 
     some: Sequence[FrameNote]
     laid: Sequence[FrameNote]
-    middle: FrameNote | None
-    touch: FrameNote | None
-    end: FrameNote | None
+    middle: Sequence[FrameNote]
+    touch: Sequence[FrameNote]
+    end: Sequence[FrameNote]
     images: Mapping[int, Image]
 
     @classmethod
@@ -91,24 +92,25 @@ class ShownImages:
         ]
         touched = None if run.result is None else run.result.t_layer_touch
         over = float(np.max(run.ticks.t, initial=0.0)) if touched is None else touched
-        laid = [note for note in notes if state_at(run, note.stamp) in LAYING_STATES]
-        chosen = {
-            "some": evenly_chosen(notes, SHOWN_IMAGES),
-            "laid": evenly_chosen(laid, SHOWN_IMAGES),
-        }
-        single = {
-            "middle": _nearest(notes, 0.5 * over),
-            "touch": None if touched is None else _nearest(notes, touched),
-            "end": notes[-1] if notes else None,
-        }
-        wanted = [note for part in chosen.values() for note in part]
-        wanted += filter(None, single.values())
-        return cls(**chosen, **single, images=dict(_readable(run, wanted)))
+        laying = [note for note in notes if state_at(run, note.stamp) in LAYING_STATES]
+        laid = evenly_chosen(laying, SHOWN_IMAGES)
+        some = evenly_chosen(notes, SHOWN_IMAGES)
+        middle = _nearest(notes, 0.5 * over)
+        touch = () if touched is None else _nearest(notes, touched)
+        wanted = [*some, *laid, *middle, *touch, *notes[-1:]]
+        images = dict(_readable(run, wanted))
+        return cls(some, laid, middle, touch, notes[-1:], images)
+
+    def read(self, notes: Iterable[FrameNote]) -> Iterator[tuple[FrameNote, Image]]:
+        """Yield those of `notes` whose image can be read, with it."""
+        for note in notes:
+            if note.sequence in self.images:
+                yield note, self.images[note.sequence]
 
 
-def _nearest(notes: Sequence[FrameNote], time: float) -> FrameNote | None:
-    """Entry of `notes` that is nearest to `time` [s]; None without any."""
-    return min(notes, key=lambda note: abs(note.stamp - time), default=None)
+def _nearest(notes: Sequence[FrameNote], time: float) -> Sequence[FrameNote]:
+    """The entry of `notes` that is nearest to `time` [s], alone; none without any."""
+    return sorted(notes, key=lambda note: abs(note.stamp - time))[:1]
 
 
 def _readable(run: Run, notes: Sequence[FrameNote]) -> Iterator[tuple[int, Image]]:
@@ -130,10 +132,8 @@ def key_pictures(
     """Images of a whole fold, with its measurements and `outlines` drawn in."""
     calibration = run.calibration()
     pictures = []
-    for note in shown.some:
-        image = shown.images.get(note.sequence)
-        if image is None:
-            continue
+    for note, recorded in shown.read(shown.some):
+        image = recorded
         if calibration is not None and calibration.lens.fits(image):
             window = window_on(run.ticks, calibration)
             image = _with_sight(image, note, run, calibration)
@@ -167,12 +167,12 @@ def close_ups(run: Run, shown: ShownImages) -> tuple[KeyPicture, ...]:
     reach = float(np.max(run.ticks.x, initial=0.1))
     pictures = []
     chosen = {"where the layers touch": shown.touch, "at the end": shown.end}
-    for words, note in chosen.items():
-        image = None if note is None else shown.images.get(note.sequence)
-        if image is not None and calibration.lens.fits(image):
-            part = _laid_part(image, calibration, reach)
-            caption = f"{words}  ·  image at {seconds(note.stamp)}"
-            pictures.append(_key_picture(part, CLOSE_WIDTH, caption, note))
+    for words, notes in chosen.items():
+        for note, image in shown.read(notes):
+            if calibration.lens.fits(image):
+                part = _laid_part(image, calibration, reach)
+                caption = f"{words}  ·  image at {seconds(note.stamp)}"
+                pictures.append(_key_picture(part, CLOSE_WIDTH, caption, note))
     return tuple(pictures)
 
 
@@ -194,13 +194,12 @@ def poster(run: Run, shown: ShownImages) -> str:
     """Image of a run amid its fold, with what was read in it, as JPEG in base64 text;
     empty without one.
     """
-    note, calibration = shown.middle, run.calibration()
-    image = None if note is None else shown.images.get(note.sequence)
-    if image is None:
-        return ""
-    if calibration is None or not calibration.lens.fits(image):
-        return jpeg_text(image)
-    return jpeg_text(_with_sight(image, note, run, calibration))
+    calibration = run.calibration()
+    for note, image in shown.read(shown.middle):
+        if calibration is None or not calibration.lens.fits(image):
+            return jpeg_text(image)
+        return jpeg_text(_with_sight(image, note, run, calibration))
+    return ""
 
 
 def window_on(ticks: Ticks, calibration: Calibration) -> Region:
@@ -346,9 +345,8 @@ def _outlines(run: Run, shown: ShownImages) -> Iterator[Silhouette]:
     if appearance is None:
         return
     perception = Perception(calibration, strip, appearance)
-    for note in shown.laid:
-        image = shown.images.get(note.sequence)
-        if image is None or not calibration.lens.fits(image):
+    for note, image in shown.read(shown.laid):
+        if not calibration.lens.fits(image):
             continue
         pixels = perception.outline(
             replace(before, image=image), run.ticks.pose_at(note.stamp)
