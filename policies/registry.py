@@ -148,13 +148,13 @@ def _standard_motion(name: str) -> "Policy":
     """Policy that executes the motion `name`: a standard one, or one by hand of a
     seed.
     """
-    from policies.experiments.scripted import Scripted
+    from policies.experiments.motion import Scripted
     from policies.experiments.standard import STANDARD
 
     motion = name.removeprefix(MOTION)
     by_hand = re.fullmatch(BY_HAND + r"(\d+)-(\d+)", motion)
     if by_hand is not None:
-        from policies.experiments.human_motion import human_motion
+        from policies.experiments.motion import human_motion
 
         seed, number = map(int, by_hand.groups())
         return Scripted(name, lambda length, _speed: human_motion(length, seed, number))

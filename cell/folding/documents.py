@@ -19,7 +19,7 @@ from drivers.base.readers import MEGABYTE, read_bytes
 from drivers.base.yaml_text import dump_yaml
 from drivers.strip.file import Provenance, StripFile
 from drivers.strip.model import CONTACT_HEIGHT
-from policies.prediction import FoldPrediction
+from policies.policy import FoldPrediction
 
 CHECKPOINT_BYTES = 50 * MEGABYTE
 LEARNED = "learned.yaml"

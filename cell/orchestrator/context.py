@@ -24,8 +24,7 @@ from cell.perception.strip_measurement import SeenTouch
 from drivers.base.types import Pose
 from drivers.franka.shapes import desk_end
 from drivers.strip.file import StripFile
-from policies.policy import Policy
-from policies.prediction import FoldPrediction
+from policies.policy import FoldPrediction, Policy
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ from cell.perception.length_checks import LengthCheck
 from cell.perception.model_agreement import Agreement
 from cell.perception.strip_measurement import SeenTouch
 from drivers.base.errors import CellError, Fault, PreflightRefused
-from policies.prediction import FoldPrediction
+from policies.policy import FoldPrediction
 
 NAMES = {PreflightRefused: "preflight_refused", Interrupted: "interrupted"}
 

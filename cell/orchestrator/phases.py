@@ -30,8 +30,7 @@ from drivers.base.types import Array, Pose, Velocity
 from drivers.franka.obstacles import require_clear
 from policies.follower import Follower
 from policies.path import Path, lift_pitch
-from policies.policy import Decision, Observation, Policy
-from policies.prediction import Predictor
+from policies.policy import Decision, Observation, Policy, Predictor
 from policies.profile import image_profile
 
 # of the arm's pitch acceleration, to stop the rotation at the lift's end

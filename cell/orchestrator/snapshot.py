@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from cell.orchestrator.states import State
 from cell.orchestrator.vision import View
 from drivers.base.types import ZERO_VELOCITY, ArmState, HandState, Pose, Velocity
-from policies.prediction import FoldPrediction
+from policies.policy import FoldPrediction
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,7 @@ from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from drivers.strip.model import StripModel
 from drivers.strip.rod.engine import Rod
-from policies.prediction import FoldPrediction
+from policies.policy import FoldPrediction
 from policies.profile import POINTS, profiles
 
 BINS = 12  # of time, in which the noise of the images averages out

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from drivers.base.errors import ConfigurationError
 from drivers.base.types import Array
 from drivers.strip.file import StripFile
-from policies.adaptive.bias import CriticBias
 from policies.adaptive.critic import (
     Critic,
+    CriticBias,
     CriticPrediction,
     FoldMemory,
     median_prediction,
@@ -21,8 +21,7 @@ from policies.adaptive.critic import (
 from policies.adaptive.features import REFERENCE_LENGTH, Features
 from policies.follower import LEAD, LOOK_AHEAD
 from policies.path import Path, vertical_lift
-from policies.policy import Decision, Observation
-from policies.prediction import FoldPrediction
+from policies.policy import Decision, FoldPrediction, Observation
 
 SMOOTHING_TIME = 0.08  # s, time constant of the low-pass filter on the rise
 BLIND_TIME = 0.2  # s without a reliable image, after which predictions are not used

@@ -14,8 +14,13 @@ from drivers.base.errors import ConfigurationError
 from drivers.base.files import replace_file, writing
 from drivers.base.readers import read_bytes
 from drivers.base.types import Array
-from policies.adaptive.bias import CriticBias, Untrained
-from policies.adaptive.critic import ARRAY_NAMES, Critic, array_shapes
+from policies.adaptive.critic import (
+    ARRAY_NAMES,
+    Critic,
+    CriticBias,
+    Untrained,
+    array_shapes,
+)
 from policies.adaptive.features import COUNT
 
 COMMITTED = FilePath(__file__).parents[1] / "weights" / "adaptive.npz"

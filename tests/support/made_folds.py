@@ -12,7 +12,7 @@ from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from drivers.strip.rod.engine import Rod
 from policies.path import triangular
-from policies.prediction import Estimate, FoldPrediction
+from policies.policy import Estimate, FoldPrediction
 from policies.profile import profiles
 from tests.support.effect_cases import simulate
 

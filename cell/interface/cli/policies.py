@@ -18,7 +18,7 @@ from cell.interface.cli.output import print_json, print_table, say
 from drivers.base.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from cell.studies.run import Trained
+    from cell.studies.training import Trained
     from policies.adaptive.train.shard import CriticSettings
     from policies.train.objective import TrainingSettings
 
@@ -117,8 +117,12 @@ def train(given: TrainOptions) -> None:
 
     if checkpoint is None:
         require_library("torch" if is_adaptive else "cmaes")
-    from cell.studies.run import train as train_in
-    from cell.studies.transfer import TIME_LIMIT, UNTRANSFERRED, transfer
+    from cell.studies.training import (
+        TIME_LIMIT,
+        UNTRANSFERRED,
+        train as train_in,
+        transfer,
+    )
     from policies.train.journal import JOURNALS
 
     folder = given.folder()

@@ -18,7 +18,7 @@ from cell.report.words import log_line
 from drivers.base.errors import CellError
 from drivers.base.types import Image
 from drivers.strip.file import StripFile
-from policies.prediction import FoldPrediction
+from policies.policy import FoldPrediction
 
 # items and images in the queue: at most 45 MB of images
 WAITING, IMAGES_WAITING = 1024, 16

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy import optimize
 
 from drivers.base.types import Array
-from policies.adaptive.bias import REFERENCE_THICKNESS, CriticBias, bias_terms
+from policies.adaptive.critic import REFERENCE_THICKNESS, CriticBias, bias_terms
 
 PRIOR = np.array([2e-3, 2e-3, 2.0])  # sigma of the bias: m, m, m/m
 # m, one sigma of a fold's error, which weighs data against the prior

@@ -21,7 +21,7 @@ from cell.perception.strip_measurement import SeenTouch
 from cell.record.files import TICKS
 from drivers.base.errors import ConfigurationError
 from policies.planned import Planned
-from policies.prediction import Estimate, FoldPrediction
+from policies.policy import Estimate, FoldPrediction
 from policies.registry import make_policy
 from tests.support.made_folds import STRIP
 from tests.support.requests import request_for

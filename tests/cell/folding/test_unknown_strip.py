@@ -10,7 +10,7 @@ from cell.base.config.places import CHECKOUT_CONFIGS, Configs
 from cell.folding.documents import LEARNED, offer_strip
 from drivers.strip.describe import load_strip
 from drivers.strip.file import StripFile
-from policies.prediction import Estimate, FoldPrediction
+from policies.policy import Estimate, FoldPrediction
 
 PREDICTED = FoldPrediction(
     displacement=-0.0004,

@@ -27,7 +27,7 @@ from cell.report.page import advice, report, write_report
 from cell.report.page_verdict import verdict_of
 from cell.report.runs_page import write_comparison, write_runs_page
 from drivers.base.types import Frame
-from policies.prediction import Estimate, FoldPrediction
+from policies.policy import Estimate, FoldPrediction
 from tests.cell.conftest import HEADER
 from tests.support.plain_cell import ARM
 

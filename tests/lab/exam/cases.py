@@ -24,7 +24,7 @@ from drivers.base.types import Array
 from drivers.strip.effects import registry
 from drivers.strip.effects.effect import Effect
 from drivers.strip.file import StripFile
-from policies.experiments.human_motion import human_motion
+from policies.experiments.motion import human_motion
 from policies.experiments.standard import (
     REFERENCE_RUN,
     REPEATED_RUN,

@@ -29,7 +29,7 @@ from drivers.strip.rod.engine import GripperPath
 from drivers.twin.camera import ScenesOverTime
 from drivers.twin.chain.engine import Chain
 from drivers.twin.world import Scene
-from policies.experiments.human_motion import STEP, generator, hand_path, wavering
+from policies.experiments.motion import STEP, generator, hand_path, wavering
 from policies.experiments.standard import STANDARD
 from policies.path import lift_pitch
 from policies.registry import MOTION

@@ -8,12 +8,6 @@ import numpy as np
 import pytest
 
 from drivers.base.errors import ConfigurationError
-from policies.adaptive.bias import (
-    REFERENCE_THICKNESS,
-    CriticBias,
-    Untrained,
-    bias_terms,
-)
 from policies.adaptive.checkpoint import (
     COMMITTED,
     THROUGH_IMAGES,
@@ -21,6 +15,12 @@ from policies.adaptive.checkpoint import (
     load_bias,
     load_critic,
     save_critic,
+)
+from policies.adaptive.critic import (
+    REFERENCE_THICKNESS,
+    CriticBias,
+    Untrained,
+    bias_terms,
 )
 from policies.adaptive.train.transfer import FoldedBatch, fit_transfer
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drivers.base.errors import ConfigurationError
-from policies.experiments.human_motion import human_motion
+from policies.experiments.motion import human_motion
 from policies.path import TAKEOVER_HEIGHT
 from policies.registry import make_policy
 

@@ -8,8 +8,7 @@ import pytest
 from drivers.base.errors import ConfigurationError
 from drivers.strip.describe import describe, load_strip
 from drivers.strip.rod.engine import Rod
-from policies.experiments.motion import Go, Rest, motion
-from policies.experiments.scripted import FASTEST_COMMAND
+from policies.experiments.motion import FASTEST_COMMAND, Go, Rest, motion
 from policies.experiments.standard import STANDARD
 from policies.path import triangular
 from policies.registry import make_policy

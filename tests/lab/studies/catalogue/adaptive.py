@@ -9,8 +9,7 @@ from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from policies.adaptive.checkpoint import load_critic
 from policies.adaptive.train.shard import true_belief
-from policies.policy import Policy
-from policies.prediction import Estimate, FoldPrediction
+from policies.policy import Estimate, FoldPrediction, Policy
 from policies.registry import make_policy
 from policies.rollout import Folds, Rollout, roll_out
 from policies.strip_sampling import EFFECTS, STRIP_LENGTH, draw_effect, plain_strip

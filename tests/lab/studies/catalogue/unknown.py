@@ -14,7 +14,7 @@ from scipy.optimize import least_squares
 from cell.record.run import read_run
 from drivers.base.types import Array
 from drivers.strip.file import StripFile
-from policies.adaptive.bias import Untrained
+from policies.adaptive.critic import Untrained
 from policies.adaptive.train.shard import true_belief
 from policies.adaptive.train.transfer import COVERAGE
 from policies.strip_sampling import (

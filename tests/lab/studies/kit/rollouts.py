@@ -11,8 +11,7 @@ from drivers.strip.engine import Observables, Stepper
 from drivers.strip.file import StripFile
 from drivers.strip.model import StripModel
 from policies.adaptive.adaptive import Adaptive
-from policies.policy import Decision, Observation
-from policies.prediction import FoldPrediction
+from policies.policy import Decision, FoldPrediction, Observation
 from policies.sensing import IMAGE_SENSING, Sensing
 from policies.strip_sampling import STRIP_LENGTH, draw_friction, plain_strip
 
