@@ -14,7 +14,7 @@ from pydantic import Field
 from drivers.base.errors import ConfigurationError
 from drivers.base.files import write_file
 from drivers.base.readers import read_text
-from drivers.base.settings import Settings, load
+from drivers.base.settings import Settings, load, parse
 from drivers.base.types import Array, Image, frozen
 from drivers.base.yaml_text import dump_yaml
 
@@ -247,17 +247,41 @@ class CameraFile(Settings):
 
 # a tag of OpenCV's files, which no other reader of YAML knows
 OPENCV = "!!opencv-matrix"
-SIZES = ("image_width", "image_height")
-MATRICES = ("camera_matrix", "distortion_coefficients")
 COEFFICIENTS = (4, 5)  # plumb bob, without and with k3
 # keys of OpenCV's files that give the coefficients another meaning, and values that do
 # not
 MODEL_KEYS = {
-    "fisheye_model": "0",
+    "fisheye_model": 0,
     "distortion_model": "plumb_bob",
     "camera_model": "pinhole",
-    "xi": "0",
+    "xi": 0,
 }
+
+
+class OpenCvFile(Settings):
+    """Content of a lens file that OpenCV's programs write, but for what else is in
+    it.
+    """
+
+    image_width: Positive
+    image_height: Positive
+    camera_matrix: MatrixFile
+    distortion_coefficients: MatrixFile
+
+    def lens(self, origin: str) -> Lens:
+        """Lens in a file of OpenCV; ConfigurationError for wrong shapes, implausible
+        numbers.
+        """
+        matrix = self.camera_matrix.array((3, 3), f"{origin}: camera_matrix")
+        distortion = self.distortion_coefficients.data
+        if len(distortion) not in COEFFICIENTS:
+            raise ConfigurationError(
+                f"{origin}: distortion_coefficients: are {len(distortion)} numbers,"
+                " allowed are 4 or 5 (plumb bob); calibrate with this model"
+            )
+        coefficients = frozen([*distortion, 0.0][:5])
+        lens = Lens(self.image_width, self.image_height, matrix, coefficients)
+        return checked_lens(lens, origin)
 
 
 def write_camera_info(lens: Lens, name: str, path: Path) -> None:
@@ -300,64 +324,30 @@ def _read_opencv(path: Path, text: str) -> Lens:
     """Lens in an OpenCV file's `text`; ConfigurationError where it cannot be read."""
     try:
         store = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
-        missing = [name for name in (*SIZES, *MATRICES) if store.getNode(name).empty()]
-        if missing:
-            raise ConfigurationError(f"{path}: {missing[0]}: is missing; add it")
-        _check_model(path, store)
-        width, height = (_pixels(path, name, store.getNode(name)) for name in SIZES)
-        matrix, distortion = (np.array(store.getNode(name).mat()) for name in MATRICES)
+        names = (*OpenCvFile.model_fields, *MODEL_KEYS)
+        nodes = {name: store.getNode(name) for name in names}
+        content = {k: _value(node) for k, node in nodes.items() if not node.empty()}
         store.release()
     # OpenCV's parser raises the one inside of the other
     except (cv2.error, SystemError):
         raise ConfigurationError(
             f"{path}: cannot be read as a file of OpenCV; write it with cv2.FileStorage"
         ) from None
-    return _check_matrices(
-        path, (width, height), matrix.astype(np.float64), distortion.ravel()
-    )
 
-
-def _pixels(path: Path, name: str, node: cv2.FileNode) -> int:
-    """Image side [px] that a file's `node` states; ConfigurationError for no positive
-    integer.
-    """
-    if not node.isInt() or node.real() <= 0:
-        raise ConfigurationError(
-            f"{path}: {name}: must be a positive whole number of pixels"
-        )
-    return int(node.real())
-
-
-def _check_model(path: Path, store: cv2.FileStorage) -> None:
-    """Raise ConfigurationError for a file with coefficients of another model than plumb
-    bob.
-    """
     for key, allowed in MODEL_KEYS.items():
-        node = store.getNode(key)
-        if node.empty():
-            continue
-        value = node.string() if node.isString() else f"{node.real():g}"
-        if node.isMap() or value != allowed:
-            stated = "stated" if node.isMap() else value
+        value = content.pop(key, allowed)
+        if value != allowed:
             raise ConfigurationError(
-                f"{path}: {key}: is {stated}, another model than plumb bob (k1 k2 p1 p2"
+                f"{path}: {key}: is {value}, another model than plumb bob (k1 k2 p1 p2"
                 " k3), which alone is read; calibrate with this model"
             )
+    return parse(content, OpenCvFile, str(path)).lens(str(path))
 
 
-def _check_matrices(
-    path: Path, size: tuple[int, int], matrix: Array, distortion: Array
-) -> Lens:
-    """Lens with a file's `matrix` and `distortion`; ConfigurationError for wrong shape
-    or size.
-    """
-    if matrix.shape != (3, 3):
-        raise ConfigurationError(f"{path}: camera_matrix: must be 3 x 3 numbers")
-    if len(distortion) not in COEFFICIENTS:
-        raise ConfigurationError(
-            f"{path}: distortion_coefficients: are {len(distortion)} numbers, allowed"
-            " are 4 or 5 (plumb bob); calibrate with this model"
-        )
-    return checked_lens(
-        Lens(*size, frozen(matrix), frozen([*distortion, 0.0][:5])), str(path)
-    )
+def _value(node: cv2.FileNode) -> object:
+    """Value of a file's `node`: text, number, or matrix as in a ROS file."""
+    if node.isMap():
+        return MatrixFile.from_array(np.atleast_2d(node.mat())).model_dump()
+    if node.isString():
+        return node.string()
+    return int(node.real()) if node.isInt() else node.real()

@@ -69,24 +69,16 @@ def test_old_and_new_headers_of_opencv_are_read(tmp_path: Path, header: str) -> 
     [
         ("fisheye_model", 1, "fisheye_model: is 1, another model than plumb bob"),
         ("xi", 1.2, "xi: is 1.2, another model"),
-        ("xi", np.array([[1.2]]), "xi: is stated, another model"),
+        ("xi", np.array([[1.2]]), "xi: is .*1.2.*, another model"),
         ("distortion_model", "equidistant", "distortion_model: is equidistant"),
         (
             "distortion_coefficients",
             np.zeros((1, 8)),
             "are 8 numbers, allowed are 4 or 5",
         ),
-        ("image_width", 0, "image_width: must be a positive whole number of pixels"),
-        (
-            "image_height",
-            640.7,
-            "image_height: must be a positive whole number of pixels",
-        ),
-        (
-            "image_width",
-            np.inf,
-            "image_width: must be a positive whole number of pixels",
-        ),
+        ("image_width", 0, "image_width: is 0, must be more than 0"),
+        ("image_height", 640.7, "image_height: input should be a valid integer"),
+        ("image_width", np.inf, "image_width: input should be a"),
         ("camera_matrix", np.array(MATRIX) + np.eye(3, k=1), "has no skew"),
         ("camera_matrix", np.eye(2), "camera_matrix: must be 3 x 3 numbers"),
         ("camera_matrix", np.diag([40.0, 40.0, 1.0]), "focal lengths are 40 and 40 px"),
