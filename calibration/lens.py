@@ -9,6 +9,7 @@ from typing import Annotated, Literal, Self
 
 import cv2
 import numpy as np
+from numpy.typing import ArrayLike
 from pydantic import Field
 
 from drivers.base.errors import ConfigurationError
@@ -36,6 +37,24 @@ class Lens:
     height: int
     matrix: Array
     distortion: Array
+
+    @classmethod
+    def pinhole(
+        cls,
+        size: tuple[int, int],
+        focal: float,
+        centre: ArrayLike,
+        distortion: Sequence[float] = (),
+    ) -> Self:
+        """Lens of square pixels for images of `size` (width, height) [px].
+
+        `focal` is its focal length and `centre` (2,) its principal point [px];
+        coefficients of the `distortion` that are not given are 0.
+        """
+        matrix = np.diag([focal, focal, 1.0])
+        matrix[:2, 2] = centre
+        coefficients = [*distortion, *np.zeros(5)][:5]
+        return cls(*size, frozen(matrix), frozen(coefficients))
 
     def fits(self, image: Image) -> bool:
         """Whether `image` (h, w, 3) has the size for which the lens is valid."""

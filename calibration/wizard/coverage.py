@@ -159,11 +159,7 @@ def guessed_lens(size: tuple[int, int]) -> Lens:
     tilt.
     """
     width, height = size
-    focal = GUESS * width
-    matrix = np.array(
-        [[focal, 0, (width - 1) / 2], [0, focal, (height - 1) / 2], [0, 0, 1.0]]
-    )
-    return Lens(width, height, matrix, np.zeros(5))
+    return Lens.pinhole(size, GUESS * width, ((width - 1) / 2, (height - 1) / 2))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

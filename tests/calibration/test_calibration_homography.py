@@ -7,10 +7,9 @@ import pytest
 from calibration.homography import Homography, fit_homography, viewpoint
 from calibration.lens import Lens
 from drivers.base.errors import ConfigurationError
-from drivers.base.types import Array, frozen
+from drivers.base.types import Array
 
-MATRIX = frozen([[3400.0, 0, 645.0], [0, 3400.0, 355.0], [0, 0, 1]])
-LENS = Lens(1280, 720, MATRIX, frozen(np.zeros(5)))
+LENS = Lens.pinhole((1280, 720), 3400.0, (645.0, 355.0))
 CENTRE = np.array([0.31, -2.0, 0.105])
 POINTS = np.array(
     [(x, z) for x in np.linspace(0, 0.6, 5) for z in np.linspace(0.02, 0.32, 4)]
@@ -23,9 +22,15 @@ def _seen(points: Array) -> Array:
     """
     turn = cv2.Rodrigues(np.array([0.02, -0.015, 0.01]))[0]
     look = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
-    world = np.column_stack([points[:, 0], np.zeros(len(points)), points[:, 1]])
-    rays = (world - CENTRE) @ (turn @ look).T
-    return rays[:, :2] / rays[:, 2:] * 3400.0 + MATRIX[:2, 2]
+    return _pixels(points, CENTRE, turn @ look)
+
+
+def _pixels(points: Array, centre: Array, look: Array) -> Array:
+    """Pixels of points in the plane y = 0, from a camera at `centre` that is turned to
+    `look`.
+    """
+    rays = (np.insert(points, 1, 0.0, axis=1) - centre) @ look.T
+    return rays[:, :2] / rays[:, 2:] * 3400.0 + LENS.matrix[:2, 2]
 
 
 def test_exact_points_give_the_exact_map_and_its_inverse() -> None:
@@ -88,9 +93,7 @@ def test_far_edge_appears_drawn_towards_the_foot() -> None:
 
 def test_camera_that_looks_from_behind_the_strip_is_refused() -> None:
     look = np.array([[-1.0, 0, 0], [0, 0, -1], [0, -1, 0]])  # along -y, from y = +2
-    world = np.column_stack([POINTS[:, 0], np.zeros(len(POINTS)), POINTS[:, 1]])
-    rays = (world - CENTRE * (1, -1, 1)) @ look.T
-    pixels = rays[:, :2] / rays[:, 2:] * 3400.0 + MATRIX[:2, 2]
+    pixels = _pixels(POINTS, CENTRE * (1, -1, 1), look)
     homography, _ = fit_homography(pixels, POINTS)
     with pytest.raises(ConfigurationError, match="from behind"):
         viewpoint(LENS, homography)

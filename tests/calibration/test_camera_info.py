@@ -11,10 +11,9 @@ import yaml
 
 from calibration.lens import Lens, read_lens, write_camera_info, write_opencv
 from drivers.base.errors import ConfigurationError
-from drivers.base.types import frozen
 
-MATRIX = frozen([[3400.0, 0, 645.0], [0, 3400.0, 355.0], [0, 0, 1]])
-LENS = Lens(1280, 720, MATRIX, frozen([-0.18, 0.1, 0.001, -0.002, 0.0]))
+LENS = Lens.pinhole((1280, 720), 3400.0, (645.0, 355.0), (-0.18, 0.1, 0.001, -0.002))
+MATRIX = LENS.matrix
 OFF_CENTRE = np.array([[0.0, 0, 0], [0, 0, 5000.0], [0, 0, 0]])
 
 

@@ -72,9 +72,8 @@ def straight_camera(**facts: object) -> Calibration:
     to_image = np.array(
         [[scale, 0, 640 - 0.35 * scale], [0, -scale, 400 + 0.1 * scale], [0, 0, 1]]
     )
-    matrix = np.array([[1250.0, 0, 640], [0, 1250.0, 400], [0, 0, 1]])
     known = {"residual_mm": 0.31, "date": "2026-01-01", "camera": "made"} | facts
-    lens = Lens(1280, 720, matrix, np.zeros(5))
+    lens = Lens.pinhole((1280, 720), 1250.0, (640, 400))
     return make_calibration(
         lens, Homography.from_matrix(np.linalg.inv(to_image)), **known
     )

@@ -32,9 +32,8 @@ def configure(folder: Path, camera: V4l2Settings) -> None:
 
 def _assumed(camera: V4l2Settings) -> Calibration:
     width, height = camera.width, camera.height
-    focal, metre = 2.5 * width, SEEN / width
-    matrix = np.array([[focal, 0, width / 2], [0, focal, height / 2], [0, 0, 1]])
-    lens = Lens(width=width, height=height, matrix=matrix, distortion=np.zeros(5))
+    metre = SEEN / width
+    lens = Lens.pinhole((width, height), 2.5 * width, (width / 2, height / 2))
     upright = np.array([[metre, 0, -0.1], [0, -metre, 0.4], [0, 0, 1]])
     today = datetime.now(UTC).isoformat(timespec="seconds")
     return make_calibration(

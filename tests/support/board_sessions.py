@@ -8,10 +8,10 @@ from calibration.homography import Homography
 from calibration.lens import Lens
 from calibration.wizard.coverage import WantedView, wanted_views
 from calibration.wizard.latency import LatencySteps
-from drivers.base.types import Array, frozen
+from drivers.base.types import Array
 
-MATRIX = frozen([[3413.0, 0, 645.0], [0, 3413.0, 355.0], [0, 0, 1]])
-LENS = Lens(1280, 720, MATRIX, frozen([-0.18, 0.1, 0.0, 0.0, 0.0]))
+SIZE = (1280, 720)
+LENS = Lens.pinhole(SIZE, 3413.0, (645.0, 355.0), (-0.18, 0.1))
 AWAY = np.array([[1700.0, 0, 100], [0, -1700.0, 600], [0, 0, 1]])
 MAP = Homography.from_matrix(np.linalg.inv(AWAY))
 
@@ -70,14 +70,11 @@ def bent_session(
     random.
     """
     rng = np.random.default_rng(seed)
-    focal, noise, off = (
-        rng.uniform(2200, 4500),
-        rng.uniform(0.03, 0.15),
-        rng.uniform(-15, 15, 2),
-    )
-    matrix = [[focal, 0, 640 + off[0]], [0, focal, 360 + off[1]], [0, 0, 1]]
-    distortion = [rng.uniform(-0.3, 0.05), rng.uniform(-0.1, 0.2), 0.0, 0.0, 0.0]
-    lens = Lens(1280, 720, frozen(matrix), frozen(distortion))
+    focal = rng.uniform(2200, 4500)
+    noise = rng.uniform(0.03, 0.15)
+    centre = rng.uniform((625, 345), (655, 375))
+    distortion = rng.uniform((-0.3, -0.1), (0.05, 0.2))
+    lens = Lens.pinhole(SIZE, focal, centre, distortion)
     views = wanted_views(settings.lean, settings.sizes)
     return {
         k: projected(view, rng, settings, lens, noise, bow)

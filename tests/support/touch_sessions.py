@@ -13,7 +13,7 @@ from calibration.wizard.touches import (
     suspects,
     touch_plan,
 )
-from drivers.base.types import Array, frozen
+from drivers.base.types import Array
 
 SETTINGS = TouchSettings()
 ARM, DISC = 1e-4, 0.1  # m, px: noise of the arm's place and of the disc's centre
@@ -45,11 +45,9 @@ class Camera:
         right = np.cross(ahead, (0.0, 0.0, 1.0))
         right /= np.linalg.norm(right)
         focal = 1280 * distance / width
-        middle = np.array([640.0, 360.0]) + rng.uniform(-15, 15, 2)
-        matrix = [[focal, 0, middle[0]], [0, focal, middle[1]], [0, 0, 1]]
-        lens = Lens(
-            1280, 720, frozen(matrix), frozen([rng.uniform(-0.3, 0.05), 0.1, 0, 0, 0])
-        )
+        middle = rng.uniform((625, 345), (655, 375))
+        distortion = (rng.uniform(-0.3, 0.05), 0.1)
+        lens = Lens.pinhole((1280, 720), focal, middle, distortion)
         return cls(lens, centre, np.array([right, np.cross(ahead, right), ahead]))
 
     def pixels(self, places: Array, nudge: Array | None = None) -> Array:

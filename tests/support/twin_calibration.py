@@ -23,7 +23,7 @@ from cell.base.config.places import CHECKOUT_CONFIGS, Configs
 from cell.setup.calibration_in_use import calibration_file
 from cell.setup.wizard import calibrate_twin
 from drivers.base.errors import Fault
-from drivers.base.types import Frame, Pose, frozen
+from drivers.base.types import Frame, Pose
 from drivers.twin.board import board_frame, board_pose
 from drivers.twin.renderer.looks import StripLook
 from drivers.twin.renderer.optics import Optics
@@ -39,13 +39,8 @@ NO_STRIP = StripLook((40, 60, 110), 0.001, 0.05)
 def true_lens(camera: CameraSettings = CameraSettings()) -> Lens:  # noqa: B008  frozen
     """Lens that the twin renders with."""
     optics = Optics.from_settings(camera)
-    matrix = [
-        [optics.focal, 0, optics.principal[0]],
-        [0, optics.focal, optics.principal[1]],
-    ]
-    return Lens(
-        1280, 720, frozen([*matrix, [0, 0, 1]]), frozen([*optics.distortion, 0, 0, 0])
-    )
+    size = (1280, 720)
+    return Lens.pinhole(size, optics.focal, optics.principal, optics.distortion)
 
 
 def show_boards(
