@@ -218,25 +218,25 @@ def gates(
     ).tolist()
     skew = max((p.skew for p in placed), default=0.0)
     covered = _cell_share(views, lens)
-    tilts = [p.tilt for p in placed]
-    turns = [p.turn for p in placed]
+    tilts = np.array([p.tilt for p in placed])
+    turns = np.array([p.turn for p in placed])
     return (
         Gate("x", x, needs.range_x, "show it far left and far right"),
         Gate("y", y, needs.range_y, "show it high and low"),
         Gate("size", size, needs.range_size, "show it nearer and farther"),
         Gate("skew", skew, needs.skew, "lean a corner away"),
         _lean_gate("its top away", tilts, needs),
-        _lean_gate("its top nearer", [-angle for angle in tilts], needs),
+        _lean_gate("its top nearer", -tilts, needs),
         _lean_gate("its right edge away", turns, needs),
-        _lean_gate("its right edge nearer", [-angle for angle in turns], needs),
+        _lean_gate("its right edge nearer", -turns, needs),
         Gate("image", covered, needs.covered, "bring corners to the image's edges"),
         Gate("views", len(views), needs.views, "show more", unit="views"),
     )
 
 
-def _lean_gate(name: str, angles: Sequence[float], needs: BoardSettings) -> Gate:
-    """Requirement that enough views lean by `angles` [rad] beyond the threshold."""
-    count = sum(angle > needs.tilted for angle in angles)
+def _lean_gate(name: str, angles: Array, needs: BoardSettings) -> Gate:
+    """Requirement that enough of the `angles` (n,) [rad] lie beyond the threshold."""
+    count = int((angles > needs.tilted).sum())
     advice = f"lean {name} by {degrees(needs.tilted):.0f} deg or more"
     return Gate(name, count, needs.tilted_views, advice, unit="views")
 

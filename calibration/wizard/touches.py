@@ -254,10 +254,11 @@ def camera_move(
     moments = range(FEWEST_TOUCHES, len(ordered) - FEWEST_TOUCHES + 1)
     if not moments:
         return None
-    fits = (
-        (*_fit_move(places, pixels, moment, homography), moment) for moment in moments
-    )
-    cost, shift, sigma, moment = min(fits, key=lambda fit: fit[0])
+
+    fits = {n: _fit_move(places, pixels, n, homography) for n in moments}
+    moment = min(fits, key=lambda n: fits[n][0])
+    cost, shift, sigma = fits[moment]
+
     middle = homography.to_image(places.mean(axis=0)[None])[0]
     before, after = homography.to_plane(np.array([middle, middle + shift]))
     shift_mm = 1e3 * float(np.hypot(*(after - before)))
@@ -288,7 +289,8 @@ def _fit_move(
         return (moved - pixels).ravel()
 
     matrix = begin.inverse / begin.inverse[2, 2]
-    shift = np.median((pixels - begin.to_image(places))[moment:], axis=0)
+    misses = pixels - begin.to_image(places)
+    shift = np.median(misses[moment:], axis=0)
     start = np.append(matrix.ravel()[:MAP_NUMBERS], shift)
     solution = least_squares(
         errors, start, loss="cauchy", f_scale=LOSS_SCALE, x_scale="jac"
@@ -296,8 +298,8 @@ def _fit_move(
 
     remaining = errors(solution.x)
     count = len(remaining)
-    sigma = max(robust_sigma(remaining), LEAST_SIGMA)
-    sigma = sigma * np.sqrt(count / (count - UNKNOWNS))
+    freedom = count - UNKNOWNS
+    sigma = max(robust_sigma(remaining), LEAST_SIGMA) * np.sqrt(count / freedom)
     used = np.abs(remaining) < INLIER_SIGMA * sigma
     slopes = solution.jac[used] if used.sum() > UNKNOWNS + 2 else solution.jac
     covariance = sigma**2 * np.linalg.pinv(slopes.T @ slopes)

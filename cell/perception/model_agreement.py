@@ -55,12 +55,14 @@ class MeasuredFold(NamedTuple):
         A linear motion is removed before the median, which would otherwise rest on the
         few images in the bin's middle.
         """
-        share = (self.stamp - self.stamp[0]) / max(self.stamp[-1] - self.stamp[0], 1e-9)
-        place = np.minimum((BINS * share).astype(np.intp), BINS - 1)
+        since = self.stamp - self.stamp[0]
+        fraction = since / max(since[-1], 1e-9)
+        bins = np.minimum((BINS * fraction).astype(np.intp), BINS - 1)
         means = np.full((BINS, POINTS, 2), np.nan)
         for i in range(BINS):
-            rows, t = curves[place == i], self.stamp[place == i]
-            if len(rows) >= FEWEST_IMAGES:
+            inside = bins == i
+            if np.count_nonzero(inside) >= FEWEST_IMAGES:
+                rows, t = curves[inside], self.stamp[inside]
                 t = t - t.mean()
                 rate = np.tensordot(t, rows, axes=1) / (t @ t)
                 means[i] = np.median(rows - t[:, None, None] * rate, axis=0)
@@ -237,19 +239,21 @@ def _simulate_profile(model: StripModel, fold: MeasuredFold) -> Array | None:
     motion = rod.trace(path[:, None], DT, SHAPE_STRIDE)
     if rod.failed.any():
         return None
+
     # the steps of which there are shapes
     with_shape = slice(SHAPE_STRIDE - 1, None, SHAPE_STRIDE)
     times = times[with_shape]
-    arcs = np.broadcast_to(rod.arc(), (len(times), rod.arc().shape[1]))
+    arcs = rod.arc().repeat(len(times), axis=0)
     contact = motion.contact_x[with_shape, 0]
     curves = profiles(motion.shapes[:, 0], arcs, contact, path[with_shape, :2])
+
     # linear between the shapes before and after each image
     before = np.clip(np.searchsorted(times, fold.stamp) - 1, 0, len(times) - 2)
     after = before + 1
-    share = ((fold.stamp - times[before]) / (times[after] - times[before]))[
-        :, None, None
-    ]
-    return fold.bin_curves((1.0 - share) * curves[before] + share * curves[after])
+    fraction = (fold.stamp - times[before]) / (times[after] - times[before])
+    fraction = fraction[:, None, None]
+    seen = (1.0 - fraction) * curves[before] + fraction * curves[after]
+    return fold.bin_curves(seen)
 
 
 def _design(curves: Array, spacing: float) -> Array:
@@ -279,13 +283,14 @@ def _solve(
     distance from their prior so far, `sigma` (3,) the prior's standard deviation.
     """
     prior = np.concatenate([sigma, IMAGE_SIGMAS])
+    distance = np.concatenate([moved, np.zeros(len(IMAGE_SIGMAS))])
     a = design.reshape(-1, len(prior))
     b = off.ravel()
-    distance = np.concatenate([moved, np.zeros(len(IMAGE_SIGMAS))])
     rows = np.vstack([a / POINT_NOISE, np.diag(1.0 / prior)])
     target = np.concatenate([b / POINT_NOISE, -distance / prior])
     change = np.linalg.lstsq(rows, target, rcond=None)[0]
-    return change[: len(sigma)], (b - a @ change).reshape(-1, POINTS, 2)
+    remaining = b - a @ change
+    return change[: len(sigma)], remaining.reshape(-1, POINTS, 2)
 
 
 def _model(strip: StripFile, unknowns: Array) -> StripModel:

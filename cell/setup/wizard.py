@@ -134,15 +134,7 @@ class Wizard:
             )
             poses = [[pose.x, pose.z, pose.pitch] for pose in points.plan]
             session.write_yaml(folder / session.POSES_FILE, {"poses": poses})
-            inputs = CalibrationInputs(
-                settings.controller,
-                points,
-                self.operator,
-                keep,
-                self.devices.aids,
-                remembers=True,
-            )
-            log = run_calibration(self.devices, inputs, self.interrupted)
+            log = self.touch(points, keep, remembers=True)
         if log.landmarks is not None:
             session.write_yaml(
                 folder / LANDMARKS_FILE, log.landmarks.model_dump(mode="json")
@@ -157,16 +149,33 @@ class Wizard:
         points = TouchedPoints(
             calibration.lens, touches, check_plan(touches), fitted=False
         )
-        inputs = CalibrationInputs(
-            self.settings.controller,
-            points,
-            self.operator,
-            self.watch,
-            self.devices.aids,
-        )
         with closing(self.devices):
-            run_calibration(self.devices, inputs, self.interrupted)
+            self.touch(points, self.watch)
         return check_verdict(points.touches, calibration, touches)
+
+    def touch(
+        self, points: TouchedPoints, watch: Observer, *, remembers: bool = False
+    ) -> CalibrationLog:
+        """Move the arm until all `points` are touched, and return what was found;
+        raises Interrupted or Fault where it was stopped.
+
+        Landmarks are taken afterwards if it `remembers`; `watch` is told the progress.
+        """
+        controller, aids = self.settings.controller, self.devices.aids
+        given = CalibrationInputs(
+            controller, points, self.operator, watch, aids, remembers=remembers
+        )
+        self.devices.connect()
+        log, phases = CalibrationLog(), CALIBRATION_PHASES
+        run = Run(
+            self.devices, given, log, phases, Recorder(), interrupted=self.interrupted
+        )
+        outcome = run.execute()
+        if outcome.exit_code == Interrupted.exit_code:
+            raise Interrupted(f"calibration was {outcome.name}: {outcome.reason}")
+        if outcome.exit_code != 0:
+            raise Fault(outcome.name, f"calibration was stopped: {outcome.reason}")
+        return log
 
     def _open_session(
         self,
@@ -272,9 +281,9 @@ def calibrate_twin(settings: CellFile, interrupted: Interruption) -> Calibration
         raise ConfigurationError("calibrate: nobody holds the board; use the wizard")
     lens = lens_from_boards(settings, devices.aids)
     points = TouchedPoints(lens, settings.touches)
-    inputs = CalibrationInputs(settings.controller, points, aids=devices.aids)
+    wizard = Wizard(settings, devices, Unattended(), interrupted=interrupted)
     with closing(devices):
-        log = run_calibration(devices, inputs, interrupted)
+        log = wizard.touch(points, ignore)
     camera = devices.camera_identity
     verdict = map_verdict(points.verdict(), log.steps, settings.latency, camera=camera)
     if verdict.calibration is None:
@@ -293,23 +302,6 @@ def lens_from_boards(settings: CellFile, aids: CalibrationAids) -> Lens:
     if verdict.fit is None or not verdict.passed:
         raise CellError("lens calibration failed: " + "; ".join(verdict.reasons))
     return verdict.fit.lens
-
-
-def run_calibration(
-    devices: Devices, inputs: CalibrationInputs, interrupted: Interruption
-) -> CalibrationLog:
-    """Run the calibration of `inputs`, and return what it found; raises Interrupted or
-    Fault where it was stopped.
-    """
-    devices.connect()
-    log, phases = CalibrationLog(), CALIBRATION_PHASES
-    run = Run(devices, inputs, log, phases, Recorder(), interrupted=interrupted)
-    outcome = run.execute()
-    if outcome.exit_code == Interrupted.exit_code:
-        raise Interrupted(f"calibration was {outcome.name}: {outcome.reason}")
-    if outcome.exit_code != 0:
-        raise Fault(outcome.name, f"calibration was stopped: {outcome.reason}")
-    return log
 
 
 def show_board(

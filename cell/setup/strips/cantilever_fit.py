@@ -102,12 +102,13 @@ class Problem:
         self.prior = prior
         self._fields = prior.fields(photograph.overhang, photograph.width)
         self.size = FIRST_FIELD + self._fields.shape[1]
-        spreads = np.ones(self.size)
-        spreads[LN_LENGTH] = LN_SPREAD
-        spreads[LEDGE] = max(LEDGE_WIDTHS * photograph.width, LEDGE_SPREAD)
-        spreads[[ROLL, CLAMP]] = ROLL_SPREAD, CLAMP_SPREAD
-        spreads[[X, Z]] = np.inf
-        self._weights = 1 / spreads  # of the normal priors
+
+        sigmas = np.ones(self.size)  # of the normal priors
+        sigmas[LN_LENGTH] = LN_SPREAD
+        sigmas[LEDGE] = max(LEDGE_WIDTHS * photograph.width, LEDGE_SPREAD)
+        sigmas[[ROLL, CLAMP]] = ROLL_SPREAD, CLAMP_SPREAD
+        sigmas[[X, Z]] = np.inf
+        self._weights = 1 / sigmas
         self._local_frames = _local_frames(photograph)
 
     def trial(self, values: Array) -> TrialShape:
