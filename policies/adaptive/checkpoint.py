@@ -12,7 +12,7 @@ import numpy as np
 
 from drivers.base.errors import ConfigurationError
 from drivers.base.files import replace_file, writing
-from drivers.base.readers import read_bytes
+from drivers.base.readers import LARGEST_UNPACKED, MEGABYTE, read_bytes
 from drivers.base.types import Array
 from policies.adaptive.critic import (
     ARRAY_NAMES,
@@ -87,6 +87,9 @@ def _read_arrays(path: FilePath) -> dict[str, Any]:
         ) from None
     try:
         with np.load(BytesIO(content), allow_pickle=False) as held:
+            unpacked = sum(entry.file_size for entry in held.zip.infolist())
+            if unpacked > LARGEST_UNPACKED:
+                raise _broken(path, f"unpacks to {unpacked / MEGABYTE:.0f} MB")
             return {name: held[name] for name in held.files}
     except (
         OSError,

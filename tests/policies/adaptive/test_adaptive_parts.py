@@ -62,6 +62,15 @@ def test_spoilt_weights_are_refused_with_one_line(tmp_path: Path, how: str) -> N
     assert "\n" not in str(refused.value)
 
 
+def test_weights_that_unpack_to_more_than_there_may_be_are_refused(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("policies.adaptive.checkpoint.LARGEST_UNPACKED", 1000)
+    shipped = Path(make_policy.__code__.co_filename).parent / "weights/adaptive.npz"
+    with pytest.raises(ConfigurationError, match=r"adaptive\.npz.*unpacks to \d+ MB"):
+        load_critic(shipped)
+
+
 @pytest.mark.parametrize(("length", "speed"), [(0.3, 0.1), (1.0, 0.1), (0.6, 0.05)])
 def test_strip_or_speed_that_was_not_trained_is_refused(
     length: float, speed: float
