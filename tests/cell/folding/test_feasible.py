@@ -211,7 +211,9 @@ SHORT = ("300mm", "adaptive", "policy knows 0.45 to 0.75 m")
 FAR = ("900mm", "feedback", "workspace: the gripper would move")
 
 
-@pytest.mark.parametrize(("length", "policy", "says"), [LONG, LOW])
+@pytest.mark.parametrize(
+    ("length", "policy", "says"), [pytest.param(*LONG, marks=pytest.mark.slow), LOW]
+)
 def test_dry_run_rehearsal_fold_and_python_refuse_by_one_list_and_one_code(
     monkeypatch, capsys, tmp_path, length, policy, says
 ) -> None:
