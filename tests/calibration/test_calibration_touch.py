@@ -62,11 +62,6 @@ def test_pointer_is_found_within_a_tenth_of_a_pixel() -> None:
         assert find_pointer(image) == pytest.approx((90, 110), abs=0.1)
 
 
-@pytest.mark.parametrize("level", [0, 255])
-def test_no_pointer_in_a_blank_image(level: int) -> None:
-    assert find_pointer(np.full((720, 1280, 3), level, np.uint8)) is None
-
-
 def test_two_discs_are_not_a_pointer() -> None:
     one = pointer_frame(_renderer(), Pose(0.2, 0.2, np.pi / 2), 0).image
     other = pointer_frame(_renderer(), Pose(0.5, 0.2, np.pi / 2), 0).image

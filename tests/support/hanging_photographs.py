@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from cell.setup.strips.cantilever_fit import rotation
+from drivers.base.geometry import arc_lengths, interpolate_columns
 from drivers.base.types import Array, Image
 from drivers.strip.cantilever import HangingStrip, hanging_shape, hinges
 
@@ -28,16 +30,13 @@ class Scene:
     roll: float = 0.0
     cropped: float = 0.0
     curl: float = 0.0
-    set_amplitude: float = 0.0
-    set_waves: float = 1.0
     noise: float = 4.0
     fuzz: int = 60
 
 
 def shape(scene: Scene) -> HangingStrip:
     """True shape of the hanging strip."""
-    s = hinges(scene.overhang) / scene.overhang
-    born = scene.curl + scene.set_amplitude * np.sin(2 * np.pi * scene.set_waves * s)
+    born = np.full(len(hinges(scene.overhang)), scene.curl)
     return hanging_shape(scene.overhang, scene.bending_length, rest_curvature=born)
 
 
@@ -45,27 +44,18 @@ def photograph(scene: Scene, seed: int) -> Image:
     """Rendered picture (height, width, 3), cropped at the ledge on the left."""
     rng = np.random.default_rng(seed)
     hanging = shape(scene)
-    turn = np.array(
-        [
-            [np.cos(scene.roll), -np.sin(scene.roll)],
-            [np.sin(scene.roll), np.cos(scene.roll)],
-        ]
-    )
-    ledge = np.array([[-0.2 * scene.overhang, 0.0]])
+    begin = -0.2 * scene.overhang  # on the ledge
     # the rounded end adds the rest
     drawn = hanging.arc < scene.overhang - 0.5 * scene.thickness
-    curve = np.concatenate([ledge, hanging.points[drawn]]) @ turn.T
+    curve = np.vstack([(begin, 0.0), hanging.points[drawn]])
+    x, z = rotation(scene.roll) @ curve.T
+
     margin = 4 * scene.thickness
     scale = scene.height / (np.ptp(hanging.points[:, 1]) + 2 * margin)
-    arc = np.concatenate([[-0.2 * scene.overhang], hanging.arc[drawn]])
-    left = float(np.interp(scene.cropped, arc, curve[:, 0]))
-    pixels = np.stack(
-        [(curve[:, 0] - left) * scale - 0.5, (margin - curve[:, 1]) * scale], axis=1
-    )
-    width = int((curve[:, 0].max() - left + 2 * margin) * scale)
-    return _sensor(
-        _yarn(pixels, scene.thickness * scale, (scene.height, width), scene, rng), rng
-    )
+    left = np.interp(scene.cropped, [begin, *hanging.arc[drawn]], x)
+    pixels = np.stack([(x - left) * scale - 0.5, (margin - z) * scale], axis=1)
+    size = (scene.height, int((x.max() - left + 2 * margin) * scale))
+    return _sensor(_yarn(pixels, scene.thickness * scale, size, scene, rng), rng)
 
 
 def _yarn(
@@ -78,20 +68,17 @@ def _yarn(
     """Brightness of the yarn with its strands and its fuzz."""
     image = np.full(size, 22.0, dtype=np.float32)
     image += np.linspace(0, 12, size[0], dtype=np.float32)[:, None]
-    travel = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(pixels, axis=0).T))])
+    travel = arc_lengths(pixels)
     for _ in range(scene.fuzz):
         at = rng.uniform(0.1, 1.0) * travel[-1]
-        root = np.array([np.interp(at, travel, pixels[:, c]) for c in range(2)])
+        root = interpolate_columns(at, travel, pixels)
         walk = np.cumsum(rng.normal(0.0, 0.12 * thickness, (12, 2)), axis=0)
         drift = np.outer(np.arange(12), rng.normal(0.0, 0.1 * thickness, 2))
         _line(image, root + walk + drift, 150.0, 1)
     cover = _cover(pixels, thickness, size)
     image += cover * (215.0 - image)
     strands = np.arange(0.5 * thickness, travel[-1], 0.6 * thickness)
-    centres = np.stack(
-        [np.interp(strands, travel, pixels[:, c]) for c in range(2)], axis=1
-    )
-    for centre in centres:
+    for centre in interpolate_columns(strands, travel, pixels):
         shade = centre + rng.normal(0.0, 0.05 * thickness, 2)
         _line(image, np.stack([shade, shade + 0.25 * thickness]), 185.0, 2)
     return image + rng.normal(0.0, scene.noise, size).astype(np.float32)
@@ -100,21 +87,22 @@ def _yarn(
 def _cover(pixels: Array, thickness: float, size: tuple[int, int]) -> Array:
     """Share (height, width) of each pixel that a line of `thickness` [px] covers."""
     big = np.zeros((FINER * size[0], FINER * size[1]), dtype=np.uint8)
-    fixed = (
-        np.rint(((pixels + 0.5) * FINER - 0.5) * 16).astype(np.int32).reshape(-1, 1, 2)
-    )
     odd = 2 * round((thickness * FINER - 1) / 2) + 1  # an even line is half a pixel off
-    cv2.polylines(big, [fixed], False, 255, odd, cv2.LINE_8, 4)
-    return (
-        cv2.resize(big, size[::-1], interpolation=cv2.INTER_AREA).astype(np.float32)
-        / 255
-    )
+    _line(big, (pixels + 0.5) * FINER - 0.5, 255, odd, cv2.LINE_8)
+    cover = cv2.resize(big, size[::-1], interpolation=cv2.INTER_AREA)
+    return cover.astype(np.float32) / 255
 
 
-def _line(image: Array, points: Array, level: float, thickness: int) -> None:
+def _line(
+    image: Array,
+    points: Array,
+    level: float,
+    thickness: int,
+    border: int = cv2.LINE_AA,
+) -> None:
     """A polyline drawn with sub-pixel corners."""
-    fixed = np.rint(points * 16).astype(np.int32).reshape(-1, 1, 2)
-    cv2.polylines(image, [fixed], False, level, thickness, cv2.LINE_AA, 4)
+    fixed = np.rint(points * 16).astype(np.int32)
+    cv2.polylines(image, [fixed], False, level, thickness, border, 4)
 
 
 def _sensor(brightness: Array, rng: np.random.Generator) -> Image:
