@@ -5,15 +5,18 @@ Their policy executes one whatever the images show.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from drivers.base.geometry import arc_lengths
 from drivers.base.types import Array
 from drivers.strip.file import StripFile
 from policies.path import Path
 from policies.policy import Decision, Observation
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,13 +213,15 @@ def human_motion(length: float, seed: int, number: int) -> Motion:
     return Motion(Path.through(line(samples)), times, travel, shakes=())
 
 
-def hand_path(length: float, rng: np.random.Generator) -> tuple[CubicSpline, Array]:
+def hand_path(length: float, rng: np.random.Generator) -> tuple["CubicSpline", Array]:
     """Draw a path by hand: spline x, z [m] over distance [m], and distance (n,) [m]
     every STEP.
 
     From the grasped edge of a strip of `length` [m] up, then over to its fixed edge,
     with pauses and returns.
     """
+    from scipy.interpolate import CubicSpline, PchipInterpolator
+
     apex = (rng.uniform(0.42, 0.58), rng.uniform(0.40, 0.55))
     # x, z over the strip's length, from the grasped edge to the fixed one
     places = np.array(
