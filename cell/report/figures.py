@@ -24,7 +24,7 @@ from cell.report.drawing import (
     as_svg,
     canvas,
 )
-from cell.report.overlay import Silhouette, evenly_chosen, fold_tips
+from cell.report.overlay import SHOWN_IMAGES, Silhouette, evenly_chosen, fold_tips
 from cell.report.words import PARAMETERS, millimetres
 from drivers.base.types import Array
 
@@ -106,7 +106,7 @@ def strip_figure(run: Run, outlines: Sequence[Silhouette] = ()) -> str:
     with canvas(8.4, 4.5, layout=None) as figure:
         axes = figure.add_axes((0.066, 0.1, 0.85, 0.885), aspect="equal", anchor="W")
         _draw_profiles(axes, evenly_chosen(run.profile.curves(), CURVES))
-        _draw_outlines(axes, outlines)
+        _draw_outlines(axes, evenly_chosen(outlines, SHOWN_IMAGES))
         _draw_desk(axes, run)
         _draw_path(axes, run.ticks)
         _draw_touch(axes, run)

@@ -40,7 +40,8 @@ def page(template: str, title: str, /, **facts: Any) -> str:
 
     body = _environment().get_template(template).render({"title": title} | facts)
     frame = _environment().get_template("report/templates/base.html")
-    return frame.render(title=title, body=Markup(body), charts="<svg" in body)  # noqa: S704 escaped
+    charts = re.search(r'<figure class="[^"]*" role="img"', body)
+    return frame.render(title=title, body=Markup(body), charts=charts)  # noqa: S704 escaped
 
 
 def jpeg_text(image: "Image", width: int = 640, quality: int = 82) -> str:

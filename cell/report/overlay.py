@@ -28,6 +28,7 @@ from drivers.strip.file import StripFile
 
 Item = TypeVar("Item")
 SHOWN_IMAGES = 6
+SHOWN_OUTLINES = 24  # of the strip as it is laid, over the film
 WIDTH, CLOSE_WIDTH = 960, 960  # px
 VIEW_MARGIN = 0.06  # m around the motion
 # m by which a fold stands out beyond the gripper; before, the gripper is in front
@@ -93,7 +94,7 @@ class ShownImages:
         touched = None if run.result is None else run.result.t_layer_touch
         over = float(np.max(run.ticks.t, initial=0.0)) if touched is None else touched
         laying = [note for note in notes if state_at(run, note.stamp) in LAYING_STATES]
-        laid = evenly_chosen(laying, SHOWN_IMAGES)
+        laid = evenly_chosen(laying, SHOWN_OUTLINES)
         some = evenly_chosen(notes, SHOWN_IMAGES)
         middle = _nearest(notes, 0.5 * over)
         touch = () if touched is None else _nearest(notes, touched)

@@ -4,7 +4,7 @@ checks, events.
 
 import base64
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,6 +23,7 @@ from cell.report import figures
 from cell.report.html import Link, page
 from cell.report.overlay import (
     ShownImages,
+    Silhouette,
     close_ups,
     key_pictures,
     poster,
@@ -116,7 +117,7 @@ def report(run: Run) -> str:
         measures=measures(run),
         weights=weights(run),
         beliefs=beliefs(run, outlook),
-        film=film_of(run, shown),
+        film=film_of(run, shown, outlines),
         checks=checks(run),
         events=listed_events(run),
         files=[(Link(n, n), what) for n, what in FILES if (run.folder / n).is_file()],
@@ -139,7 +140,9 @@ def truth_of(run: Run) -> tuple[Mapping[str, Any] | None, list[str]]:
         return None, [*spoilt, str(error)]
 
 
-def film_of(run: Run, shown: ShownImages) -> dict[str, Any] | None:
+def film_of(
+    run: Run, shown: ShownImages, outlines: Sequence[Silhouette] = ()
+) -> dict[str, Any] | None:
     """Film of a run: begin [s], source, poster, size, curves; None without a film of
     any image.
 
@@ -161,7 +164,7 @@ def film_of(run: Run, shown: ShownImages) -> dict[str, Any] | None:
         "length": length,
         "marks": [(100 * (t - begin) / length, t, word) for t, word in marks(run)],
         **_cut(run),
-        **_measured_curves(run),
+        **_measured_curves(run, shown, outlines),
     }
 
 
@@ -298,9 +301,11 @@ def beliefs(run: Run, outlook: Outlook) -> list[tuple[str, str, str]]:
     return rows
 
 
-def _measured_curves(run: Run) -> dict[str, Any]:
-    """Strip profiles for the film: image `size` [px]; `curves`, pairs of time [s], flat
-    pixels.
+def _measured_curves(
+    run: Run, shown: ShownImages, outlines: Sequence[Silhouette]
+) -> dict[str, Any]:
+    """Strip profiles for the film, and `outlines` of the strip as it is laid: image
+    `size` [px]; `curves`, pairs of time [s], flat pixels.
     """
     calibration = run.calibration()
     if calibration is None:
@@ -313,6 +318,10 @@ def _measured_curves(run: Run) -> dict[str, Any]:
         for t, points in run.profile.curves()
         if np.abs(points).max(initial=0.0) < FARTHEST_HAND
     ]
+    stamps = {note.sequence: note.stamp for note in shown.laid}
+    for each in outlines:
+        ring = np.rint(np.vstack([each.pixels[::8], each.pixels[:1]])).astype(int)
+        curves.append((round(stamps[each.sequence], 3), ring.ravel().tolist()))
     return {"size": (calibration.lens.width, calibration.lens.height), "curves": curves}
 
 

@@ -31,5 +31,17 @@ table.tHead.querySelectorAll("th").forEach((head, column) => {
     sort(column, down);
   });
 });
+// Two ticked runs: how far apart their numbers are, and the command that compares all else.
+const compared = document.getElementById("compared");
+table.addEventListener("change", () => {
+  const ticked = rows.filter((row) => row.querySelector("input:checked"));
+  compared.hidden = ticked.length < 2;
+  const [one, other] = ticked;
+  const apart = (column) => Math.abs(parseFloat(text(one, column)) - parseFloat(text(other, column))).toFixed(1);
+  const names = ticked.map((row) => row.querySelector("input").value);
+  const words = ticked.length === 2 && ["edges", "d"].map((name, i) => [name, apart(i + 2)]).filter(([, size]) => size !== "NaN");
+  compared.textContent = (words && words.length ? `${words.map(([name, size]) => `${name} differ by ${size} mm`).join(", ")}; ` : "")
+    + `cell report ${names.join(" ")}`;
+});
 filter.addEventListener("input", show);
 show();

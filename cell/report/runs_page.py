@@ -2,9 +2,10 @@
 
 import os
 import re
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import chain
+from itertools import chain, cycle
 from pathlib import Path
 from typing import Any, Self
 
@@ -43,6 +44,7 @@ MOST_RUNS = 40  # runs in one comparison; more lines cannot be distinguished
 MOST_FILMS, MOST_COLUMNS = 4, 4
 NAMED = 4  # best runs that the verdict names
 SHAPES = 4  # times at which the strips are drawn
+PARTED = 0.002  # m between two grippers, from which their paths part
 # Keys that differ from run to run by themselves, or repeat another one.
 PER_RUN_KEYS = frozenset(
     {"index", "condition", "calibration.age_days", "cell.fold.speed"}
@@ -50,22 +52,51 @@ PER_RUN_KEYS = frozenset(
 
 
 def write_runs_page(rows: Sequence[RunRow], out: Path) -> Path:
-    """Write the HTML page that lists `rows`, oldest first; ConfigurationError where it
-    cannot.
+    """Write the HTML page that lists `rows` in this order, above them how their edges
+    came out over time; ConfigurationError where it cannot.
     """
-    pictured = {row.name for row in rows[-PICTURED:]}
+    by_time = sorted(rows, key=lambda row: row.began)
+    pictured = {row.name for row in by_time[-PICTURED:]}
     text = page(
         "report/templates/runs.html",
         plural(len(rows), "run"),
         head=COLUMN_HEADINGS,
         wide=THUMBNAIL_WIDTH,
+        trend=trend_figure(by_time),
         rows=[
-            (_thumbnail(row) if row.name in pictured else "", _cells(row, out.parent))
+            (
+                row.name[-4:],
+                _thumbnail(row) if row.name in pictured else "",
+                _cells(row, out.parent),
+            )
             for row in rows
         ],
     )
     write_output(out, text)
     return out
+
+
+def trend_figure(rows: Sequence[RunRow]) -> str:
+    """Figure (SVG) of the edges of `rows`, oldest first, fold by fold of a strip.
+
+    Empty where no strip has two folds that laid their edges.
+    """
+    laid = [row for row in rows if row.edge_offset is not None]
+    strips = Counter(row.strip for row in laid)
+    repeated = sorted(strip for strip, count in strips.items() if count > 1)
+    if not repeated:
+        return ""
+    with canvas(8.4, 2.4) as figure:
+        axes = figure.add_subplot()
+        axes.axhline(0, color=MUTED, lw=0.8)
+        for strip, colour in zip(repeated, cycle(COLOURS), strict=False):
+            offsets = [1e3 * (r.edge_offset or 0.0) for r in laid if r.strip == strip]
+            order = range(1, len(offsets) + 1)
+            axes.plot(order, offsets, "o-", color=colour, ms=4, lw=1, label=strip)
+        axes.set(xlabel="fold of the strip", ylabel="edges apart  [mm]")
+        axes.xaxis.get_major_locator().set_params(integer=True)
+        figure.legend(loc="outside upper left", ncols=6)
+        return as_svg(figure)
 
 
 def _cells(row: RunRow, place: Path) -> tuple[str | Link, ...]:
@@ -161,7 +192,7 @@ def _verdict(compared: Sequence[Compared], differing: Sequence[str]) -> PageVerd
     true = _nearest_first((one.name, one.truth.get(key)) for one in compared)
     if not measured:
         return PageVerdict("fair", "No run has a displacement", ())
-    sentences = [f"{what}, by the camera: {_listed(measured)}."]
+    sentences = [*_parting(compared), f"{what}, by the camera: {_listed(measured)}."]
     if true:
         sentences.append(f"The same in truth, which the twin knows: {_listed(true)}.")
     if differing:
@@ -174,6 +205,27 @@ def _verdict(compared: Sequence[Compared], differing: Sequence[str]) -> PageVerd
     return PageVerdict(
         "good", f"{' and '.join(best)} {comes} a fold in half", tuple(sentences)
     )
+
+
+def _parting(compared: Sequence[Compared]) -> list[str]:
+    """Sentence on when and how far the grippers of the first two runs part; none where
+    one has no motion.
+    """
+    one, other = (each.run.ticks for each in compared[:2])
+    if min(one.t.size, other.t.size) == 0:
+        return []
+    t = one.t[one.t <= other.t[-1]]
+    beside = [np.interp(t, other.t, getattr(other, axis)) for axis in ("x", "z")]
+    apart = np.hypot(one.x[: t.size] - beside[0], one.z[: t.size] - beside[1])
+    most = int(np.argmax(apart))
+    names = " and ".join(each.name for each in compared[:2])
+    if apart[most] < PARTED:
+        return [f"The paths of {names} stay within {millimetres(apart[most])}."]
+    begin = seconds(float(t[np.argmax(apart >= PARTED)]))
+    return [
+        f"The paths of {names} part {begin} after the lift, and are"
+        f" {millimetres(apart[most])} apart at {seconds(float(t[most]))}."
+    ]
 
 
 def _nearest_first(

@@ -83,8 +83,9 @@ def runs(
     if html is not None:
         from cell.report.runs_page import write_runs_page
 
+        shown = rows if sort else rows[::-1]
         sys.stdout.write(
-            f"{plural(len(rows), 'run')}\n  {write_runs_page(rows, html)}\n"
+            f"{plural(len(rows), 'run')}\n  {write_runs_page(shown, html)}\n"
         )
         return
     if as_csv:

@@ -16,6 +16,7 @@ from cell.record.listing import list_runs, read_row
 from cell.report.page import setting_text, write_report
 from cell.report.runs_page import distinct_texts
 from drivers.base.errors import ConfigurationError
+from tests.support.run_edits import edit_column
 
 
 @pytest.fixture(scope="module")
@@ -77,9 +78,19 @@ def test_comparison_has_every_run_and_what_differs(
     assert re.findall(r"<tr><td>([^<]+)", rows) == ["policy", "seed"]
     assert text.count("<svg") == 1
     assert "by the camera: 0000" in text
+    assert re.search("The paths of 0000 .* and 0001 circular stay within", text)
     assert "in truth, which the twin knows: 0000" in text
     assert links(page) == [folder / "report.html" for folder in three]
     assert all(path.is_file() for path in links(page))
+
+
+def test_comparison_says_when_two_paths_part_and_how_far(three: list[Path]) -> None:
+    edit_column(three[1] / "ticks.parquet", "x", lambda x: x + 0.005 * (x < 0.3))
+    call("report", *three[:2])
+    text = (three[0].parent / "compare.html").read_text("utf-8")
+    assert re.search(
+        r"part [1-9][\d.]+&nbsp;s after the lift, and are 5.0&nbsp;mm", text
+    )
 
 
 def test_list_page_has_thumbnails_and_working_links(
@@ -89,9 +100,11 @@ def test_list_page_has_thumbnails_and_working_links(
     call("runs", "--runs", three[0].parent, "--html", out)
     text = out.read_text("utf-8")
     assert text.count('src="data:image/jpeg;base64,') == 3
-    assert links(out) == [folder / "report.html" for folder in three]
-    assert "http" not in text.replace("http-equiv", "")
+    assert links(out) == [folder / "report.html" for folder in reversed(three)]
+    assert "http" not in re.sub(r"http-equiv|http://www.w3.org", "", text)
+    assert "edges apart over the folds" in text
     assert len(text) < 100_000
+    assert text.count('type="checkbox"') == 3
 
 
 @pytest.mark.parametrize("command", ["runs", "report"])
