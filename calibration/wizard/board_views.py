@@ -10,7 +10,7 @@ from calibration.lens import MINIMUM_VIEWS
 from calibration.wizard import coverage
 from calibration.wizard.coverage import Placement, Sketch, WantedView, guessed_lens
 from calibration.wizard.lens_verdict import LensVerdict, fit_views, lens_verdict
-from calibration.wizard.progress import Mark, Progress, Row
+from calibration.wizard.progress import Mark, Progress, SessionRow
 from drivers.base.types import Frame, Image
 
 # from which a lens is fitted, to compute the board's tilt
@@ -53,7 +53,7 @@ class BoardViews:
         met = [wanted for views in self._met.values() for wanted in views]
         return next((wanted for wanted in self._requests if wanted not in met), None)
 
-    def tell(self, frame: Frame) -> Row:
+    def tell(self, frame: Frame) -> SessionRow:
         """Process an image of the board; a view is accepted if two in a row agree."""
         number = self._count
         self._count += 1
@@ -76,7 +76,7 @@ class BoardViews:
             self.skip()
         return _row(number, look.view, refused)
 
-    def restore(self, row: Row, image: Image) -> bool:
+    def restore(self, row: SessionRow, image: Image) -> bool:
         """Accept the view of a session's `row` if its `image` (h, w, 3) shows the
         board.
         """
@@ -94,7 +94,7 @@ class BoardViews:
         self._tries = 0
         self._last = None
 
-    def take_back(self) -> Row | None:
+    def take_back(self) -> SessionRow | None:
         """Remove the newest view and request it again; returns its row, None if there
         is none.
         """
@@ -102,7 +102,7 @@ class BoardViews:
         if newest is None:
             return None
         del self._views[newest], self._met[newest]
-        return Row(number=newest, dropped=True)
+        return SessionRow(number=newest, dropped=True)
 
     @property
     def views(self) -> tuple[BoardView, ...]:
@@ -115,7 +115,7 @@ class BoardViews:
         return tuple(Mark(corner) for view in self.views for corner in view.image)
 
     def progress(
-        self, frame: Frame | None = None, result: Row | None = None
+        self, frame: Frame | None = None, result: SessionRow | None = None
     ) -> Progress:
         """Message to observers: request, coverage, `result` of the newest image
         `frame`, if any.
@@ -224,13 +224,13 @@ def _row(
     refused: str | None = None,
     *,
     taken: bool = False,
-) -> Row:
+) -> SessionRow:
     """Row of the session's log on image `number`: corners in its `view`, why it is
     `refused`.
     """
     corners = [] if view is None else zip(view.ids, view.image, strict=True)
     numbered = tuple((int(corner), float(u), float(v)) for corner, (u, v) in corners)
-    return Row(number=number, refused=refused, corners=numbered, taken=taken)
+    return SessionRow(number=number, refused=refused, corners=numbered, taken=taken)
 
 
 def _matches(wanted: WantedView, shown: Placement, width: float) -> bool:

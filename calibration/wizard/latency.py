@@ -10,7 +10,7 @@ from pydantic import ConfigDict, Field
 
 from calibration.homography import PlaneMap
 from calibration.landmarks import find_pointer
-from calibration.wizard.verdict import Verdict, grade_line, reasons
+from calibration.wizard.verdict import CalibrationVerdict, grade_line, reasons
 from drivers.base.settings import Settings
 from drivers.base.types import ArmState, Array, Frame, Pose
 
@@ -42,7 +42,7 @@ class LatencySettings(Settings):
 
 
 @dataclass(frozen=True, slots=True)
-class LatencyVerdict(Verdict):
+class LatencyVerdict(CalibrationVerdict):
     """Measured `latency` [s], the time from an exposure to its stamp."""
 
     latency: float | None = None

@@ -12,7 +12,13 @@ import numpy as np
 from calibration.board import BoardSettings, BoardView
 from calibration.lens import MINIMUM_VIEWS, Lens, LensFit, fit_lens
 from calibration.wizard import coverage
-from calibration.wizard.verdict import Level, Line, Verdict, grade_line, reasons
+from calibration.wizard.verdict import (
+    CalibrationVerdict,
+    Level,
+    Line,
+    grade_line,
+    reasons,
+)
 from drivers.base.errors import ConfigurationError
 from drivers.base.types import Array
 
@@ -104,7 +110,7 @@ OFF_CENTRE = 0.15
 
 
 @dataclass(frozen=True, slots=True)
-class LensVerdict(Verdict):
+class LensVerdict(CalibrationVerdict):
     """Verdict on the lens `fit` to a number of `views` of the board.
 
     `bend_mm` is the largest difference of the distortion of two halves of the views, at
@@ -121,7 +127,7 @@ class LensVerdict(Verdict):
 
     def facts(self) -> dict[str, Any]:
         """Plain values of the verdict on the lens, for --json and verdict.yaml."""
-        return Verdict.facts(self) | {
+        return CalibrationVerdict.facts(self) | {
             "passed": self.passed,
             "views": self.views,
             "rms_px": None if self.fit is None else self.fit.rms,

@@ -16,7 +16,7 @@ from drivers.base.settings import Settings
 from drivers.base.types import Array, Frame, Image
 
 
-class Row(Settings):
+class SessionRow(Settings):
     """One line of told.jsonl: an accepted or refused image and the measurements in it.
 
     `corners` are [id, u, v] of the board, `centre` of the pointer; `pose` x, z, pitch
@@ -110,7 +110,7 @@ class Progress:
     request: str
     why: str
     frame: Frame | None = None
-    result: Row | None = None
+    result: SessionRow | None = None
     marks: tuple[Mark, ...] = ()
     coverage: tuple[Gate, ...] = ()
     sketch: Sketch | None = None

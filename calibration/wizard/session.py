@@ -11,7 +11,7 @@ from calibration.board import BoardSettings
 from calibration.lens import CameraFile
 from calibration.wizard.board_views import BoardViews
 from calibration.wizard.latency import LatencySettings, LatencySteps
-from calibration.wizard.progress import Observer, Progress, Row, ignore
+from calibration.wizard.progress import Observer, Progress, SessionRow, ignore
 from calibration.wizard.touched_points import TouchedPoints
 from calibration.wizard.touches import TouchSettings
 from drivers.base.errors import ConfigurationError, check_known
@@ -35,7 +35,7 @@ Kind = Literal["camera", "homography"]
 Side = Annotated[int, Field(gt=0, le=LARGEST_SIDE)]
 
 
-class Session(Settings):
+class SessionFile(Settings):
     """Contents of session.yaml: the settings of a calibration session.
 
     `image` is width and height [px], `length` [m] the ruler's length of the board,
@@ -64,7 +64,9 @@ class SessionFolder:
     It passes them on to `watch`.
     """
 
-    def __init__(self, folder: Path, now: Session, watch: Observer = ignore) -> None:
+    def __init__(
+        self, folder: Path, now: SessionFile, watch: Observer = ignore
+    ) -> None:
         """Begin a session with settings `now` in the new or empty `folder`, or resume
         its own.
 
@@ -102,7 +104,7 @@ class SessionFolder:
             self.add(result, image)
         self._watch(progress)
 
-    def add(self, row: Row, image: Image | None = None) -> None:
+    def add(self, row: SessionRow, image: Image | None = None) -> None:
         """Append `row` to told.jsonl, write its `image` (h, w, 3); or
         ConfigurationError.
         """
@@ -116,11 +118,11 @@ class SessionFolder:
             append_line(self.folder / ROWS_FILE, line.encode())
 
 
-def read_session(folder: Path, kind: Kind) -> Session:
+def read_session(folder: Path, kind: Kind) -> SessionFile:
     """Read session.yaml in `folder`; ConfigurationError for another `kind` of
     session.
     """
-    session = load(folder / SESSION_FILE, Session)
+    session = load(folder / SESSION_FILE, SessionFile)
     if session.kind != kind:
         raise ConfigurationError(
             f"{folder}: is a session of `cell calibrate {session.kind}`, not of "
@@ -129,7 +131,7 @@ def read_session(folder: Path, kind: Kind) -> Session:
     return session
 
 
-def _resumed(folder: Path, now: Session) -> Session:
+def _resumed(folder: Path, now: SessionFile) -> SessionFile:
     """Session in `folder`; raises ConfigurationError where its settings differ from
     those `now`.
     """
@@ -144,26 +146,26 @@ def _resumed(folder: Path, now: Session) -> Session:
     return stored
 
 
-def read_rows(folder: Path) -> Iterator[Row]:
+def read_rows(folder: Path) -> Iterator[SessionRow]:
     """Yield the rows of told.jsonl in a session's `folder`, without truncated lines.
 
     Raises ConfigurationError for a file that cannot be read or a line that is no row.
     """
     path = folder / ROWS_FILE
     for content in read_json_lines(path, LARGEST_LOG):
-        yield parse(content, Row, str(path))
+        yield parse(content, SessionRow, str(path))
 
 
 def _taken_images(
-    folder: Path, session: Session, without: Collection[int]
-) -> Iterator[tuple[Row, Image]]:
+    folder: Path, session: SessionFile, without: Collection[int]
+) -> Iterator[tuple[SessionRow, Image]]:
     """Accepted rows with images (height, width, 3), except rows of the numbers
     `without`.
 
     Raises ConfigurationError for an unknown number, a missing image or one of another
     size.
     """
-    accepted: dict[tuple[int, bool], Row] = {}
+    accepted: dict[tuple[int, bool], SessionRow] = {}
     for row in read_rows(folder):
         if row.dropped:
             accepted.pop((row.number, row.again), None)
@@ -178,7 +180,7 @@ def _taken_images(
             yield row, _read_image(folder, row, session.image)
 
 
-def _read_image(folder: Path, row: Row, size: tuple[int, int]) -> Image:
+def _read_image(folder: Path, row: SessionRow, size: tuple[int, int]) -> Image:
     """Image (height, width, 3) of a session's `row`; ConfigurationError if missing or
     misfit.
     """
@@ -205,7 +207,7 @@ Task = BoardViews | TouchedPoints
 
 
 def restore(
-    task: Task, folder: Path, session: Session, without: Collection[int] = ()
+    task: Task, folder: Path, session: SessionFile, without: Collection[int] = ()
 ) -> Image | None:
     """Repeat a session's measurements on its accepted images, except the numbers
     `without`.

@@ -16,13 +16,19 @@ from calibration.homography import PlaneMap, homography_of
 from calibration.lens import Lens
 from calibration.wizard.latency import LatencySettings, LatencySteps, latency_verdict
 from calibration.wizard.touches import (
-    Touch,
+    TouchedPoint,
     TouchFit,
     TouchSettings,
     camera_move,
     fit_touches,
 )
-from calibration.wizard.verdict import Level, Line, Verdict, grade_line, reasons
+from calibration.wizard.verdict import (
+    CalibrationVerdict,
+    Level,
+    Line,
+    grade_line,
+    reasons,
+)
 from drivers.base.errors import ConfigurationError
 from drivers.base.types import Array
 
@@ -38,7 +44,7 @@ ANEW = "run `cell calibrate homography` again"
 
 
 @dataclass(frozen=True, slots=True)
-class TouchVerdict(Verdict):
+class TouchVerdict(CalibrationVerdict):
     """Verdict on a map to the plane: the map and its errors [mm] at held-out points.
 
     `residual_mm` is their rms; `halves_mm` the largest difference over the work area
@@ -63,7 +69,7 @@ class TouchVerdict(Verdict):
 
 
 @dataclass(frozen=True, slots=True)
-class CheckVerdict(Verdict):
+class CheckVerdict(CalibrationVerdict):
     """Verdict on a calibration in use: its errors [mm] at touched points, by number.
 
     `median_mm` and `worst_mm` are NaN without points.
@@ -77,7 +83,7 @@ class CheckVerdict(Verdict):
 
     def facts(self) -> dict[str, Any]:
         """Plain values of the verdict on a calibration in use, for --json."""
-        return Verdict.facts(self) | {
+        return CalibrationVerdict.facts(self) | {
             "passed": self.passed,
             "errors_mm": {
                 str(number): error for number, error in self.errors_mm.items()
@@ -88,7 +94,7 @@ class CheckVerdict(Verdict):
 
 
 def touch_verdict(
-    touches: Sequence[Touch], lens: Lens, settings: TouchSettings
+    touches: Sequence[TouchedPoint], lens: Lens, settings: TouchSettings
 ) -> TouchVerdict:
     """Verdict on the map that fits `touches` through `lens`, in any order."""
     try:
@@ -103,7 +109,7 @@ def touch_verdict(
 
 
 def check_verdict(
-    touches: Sequence[Touch], calibration: Calibration, settings: TouchSettings
+    touches: Sequence[TouchedPoint], calibration: Calibration, settings: TouchSettings
 ) -> CheckVerdict:
     """Verdict on `calibration` from new `touches`, to which it was not fitted."""
     off = [
@@ -146,7 +152,7 @@ def check_verdict(
 
 
 @dataclass(frozen=True, slots=True)
-class MapVerdict(Verdict):
+class MapVerdict(CalibrationVerdict):
     """Verdict on map and latency [s] together, and the `calibration` made of them.
 
     `calibration` is None unless it is accepted, possibly in spite of reasons.
@@ -169,7 +175,7 @@ class MapVerdict(Verdict):
         """
         keys = ("residual_mm", "worst_mm", "halves_mm", "displacement_mm")
         errors = self.touches.errors_mm
-        return Verdict.facts(self) | {
+        return CalibrationVerdict.facts(self) | {
             "accepted": self.passed,
             "calibration": None if self.calibration is None else self.calibration.id,
             **{key: getattr(self.touches, key) for key in keys},
@@ -233,7 +239,7 @@ def _common_shift(off: Array, settings: TouchSettings) -> tuple[str, ...]:
 
 
 def _causes(
-    touches: Sequence[Touch], fit: TouchFit, settings: TouchSettings
+    touches: Sequence[TouchedPoint], fit: TouchFit, settings: TouchSettings
 ) -> tuple[str, ...]:
     """Reasons for refusal that explain all other ones: a mirrored plane, or a moved
     camera.
@@ -318,7 +324,9 @@ def _found(verdict: TouchVerdict) -> tuple[Line, ...]:
     )
 
 
-def _halves_mm(points: Sequence[Touch], lens: Lens, settings: TouchSettings) -> float:
+def _halves_mm(
+    points: Sequence[TouchedPoint], lens: Lens, settings: TouchSettings
+) -> float:
     """Difference [mm] over the work area between maps from two random halves of the
     points.
     """

@@ -8,10 +8,10 @@ import numpy as np
 
 from calibration.landmarks import find_pointer
 from calibration.lens import Lens
-from calibration.wizard.progress import Mark, MarkKind, Progress, Row, place_text
+from calibration.wizard.progress import Mark, MarkKind, Progress, SessionRow, place_text
 from calibration.wizard.touch_verdict import TouchVerdict, touch_verdict
 from calibration.wizard.touches import (
-    Touch,
+    TouchedPoint,
     TouchSettings,
     held_out,
     require_enough,
@@ -54,14 +54,14 @@ class TouchedPoints:
         if fitted:
             require_enough(self.plan, settings)
         # by number, and whether again
-        self._touches: dict[tuple[int, bool], Touch] = {}
+        self._touches: dict[tuple[int, bool], TouchedPoint] = {}
         self._queue = [(number, False) for number in range(len(self.plan))]
         self._repeats = fitted
         self._tries = 0
         self._last: tuple[Array, Array] | None = None
 
     @property
-    def touches(self) -> tuple[Touch, ...]:
+    def touches(self) -> tuple[TouchedPoint, ...]:
         """All accepted touches, in the order in which they were made."""
         return tuple(self._touches.values())
 
@@ -85,7 +85,7 @@ class TouchedPoints:
             self._queue = [(number, True) for number in outliers]
         return self.plan[self._queue[0][0]] if self._queue else None
 
-    def tell(self, frame: Frame, pose: Pose) -> Row:
+    def tell(self, frame: Frame, pose: Pose) -> SessionRow:
         """Process an image of the pointer at rest at the measured `pose`.
 
         After `patience` images without two that agree the point is given up. Raises
@@ -99,7 +99,7 @@ class TouchedPoints:
         taken = refused is None and self._last is not None
         self._last = None if centre is None else (centre, np.array([pose.x, pose.z]))
         number, again = self._queue[0]
-        row = Row(
+        row = SessionRow(
             number=number,
             refused=refused,
             centre=None if centre is None else tuple(centre.tolist()),
@@ -113,7 +113,7 @@ class TouchedPoints:
             self.skip()
         return row
 
-    def restore(self, row: Row, image: Image) -> bool:
+    def restore(self, row: SessionRow, image: Image) -> bool:
         """Accept the point of a session's `row` if its `image` (h, w, 3) shows the
         pointer.
 
@@ -132,7 +132,7 @@ class TouchedPoints:
         self._tries = 0
         self._last = None
 
-    def take_back(self) -> Row | None:
+    def take_back(self) -> SessionRow | None:
         """Remove the newest touch and request it again; returns its row, None if there
         is none.
         """
@@ -142,7 +142,7 @@ class TouchedPoints:
         self._queue = [(number, again), *self._queue]
         self._tries = 0
         self._last = None
-        return Row(number=number, again=again, dropped=True)
+        return SessionRow(number=number, again=again, dropped=True)
 
     def verdict(self) -> TouchVerdict:
         """Verdict on the map from the points touched until now."""
@@ -163,7 +163,7 @@ class TouchedPoints:
         )
 
     def progress(
-        self, frame: Frame | None = None, result: Row | None = None
+        self, frame: Frame | None = None, result: SessionRow | None = None
     ) -> Progress:
         """Message to observers: request, plan, `result` of the newest image `frame`, if
         any.
@@ -197,7 +197,7 @@ class TouchedPoints:
             marks.append(Mark(point.pixel, kind, str(point.number), error))
         return tuple(marks)
 
-    def _error(self, point: Touch, verdict: TouchVerdict) -> Array | None:
+    def _error(self, point: TouchedPoint, verdict: TouchVerdict) -> Array | None:
         """Error (2,) [px] of a point in the image by the verdict's map; None without a
         map.
         """
@@ -246,7 +246,7 @@ class TouchedPoints:
             return f"the pointer moved by {moved:.1f} px {NOT_STILL}"
         return None
 
-    def _accept(self, row: Row, centre: Array) -> None:
+    def _accept(self, row: SessionRow, centre: Array) -> None:
         """Store the touch of `row`, whose image shows the pointer at `centre` (2,)
         [px].
         """
@@ -255,7 +255,7 @@ class TouchedPoints:
                 f"told.jsonl: point {row.number} has no pose; leave it out"
             )
         self._touches.pop((row.number, row.again), None)  # the newest is the last
-        self._touches[row.number, row.again] = Touch(
+        self._touches[row.number, row.again] = TouchedPoint(
             number=row.number,
             place=np.array(row.pose[:2]),
             pixel=centre,

@@ -95,7 +95,7 @@ def held_out(number: int, settings: TouchSettings) -> bool:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Touch:
+class TouchedPoint:
     """One touched point: where the arm was, and where the image showed the pointer.
 
     `number` of the pose, `place` (2,) x, z [m] of the arm, `pixel` (2,) u, v of the
@@ -119,20 +119,20 @@ class TouchFit(PlaneMap):
     second one replaced.
     """
 
-    used: tuple[Touch, ...]
-    validation: tuple[Touch, ...] = ()
-    outliers: tuple[Touch, ...] = ()
-    repeated_outliers: tuple[Touch, ...] = ()
-    replaced: tuple[Touch, ...] = ()
+    used: tuple[TouchedPoint, ...]
+    validation: tuple[TouchedPoint, ...] = ()
+    outliers: tuple[TouchedPoint, ...] = ()
+    repeated_outliers: tuple[TouchedPoint, ...] = ()
+    replaced: tuple[TouchedPoint, ...] = ()
 
-    def error(self, touched: Touch) -> Array:
+    def error(self, touched: TouchedPoint) -> Array:
         """Residual (2,) x, z [m] of a touch: place by the map minus place of the
         arm.
         """
         residual: Array = self.to_plane(touched.pixel)[0] - touched.place
         return residual
 
-    def describe(self, points: Sequence[Touch]) -> dict[int, str]:
+    def describe(self, points: Sequence[TouchedPoint]) -> dict[int, str]:
         """Texts with place [m] and residual [px] of touched `points`, by their
         numbers.
         """
@@ -147,7 +147,7 @@ class TouchFit(PlaneMap):
 
 
 def fit_touches(
-    touches: Sequence[Touch], lens: Lens, settings: TouchSettings
+    touches: Sequence[TouchedPoint], lens: Lens, settings: TouchSettings
 ) -> TouchFit:
     """Fit the homography robustly to the newest touch of each pose; sort all other
     touches.
@@ -172,8 +172,8 @@ def fit_touches(
 
 def _sort_others(
     fit: TouchFit,
-    touches: Sequence[Touch],
-    newest: Sequence[Touch],
+    touches: Sequence[TouchedPoint],
+    newest: Sequence[TouchedPoint],
     settings: TouchSettings,
 ) -> TouchFit:
     """Copy of `fit` that sorts its unused touches into validation points, outliers and
@@ -185,7 +185,7 @@ def _sort_others(
     firsts = {p.number: p for p in touches if not p.again}
     worst = 1e-3 * settings.worst_mm  # m
 
-    def is_off(touch: Touch) -> bool:
+    def is_off(touch: TouchedPoint) -> bool:
         return (
             np.hypot(*fit.error(touch)) > worst
             if touch.held_out
@@ -208,7 +208,7 @@ def _sort_others(
 
 
 def suspects(
-    touches: Sequence[Touch], lens: Lens, settings: TouchSettings
+    touches: Sequence[TouchedPoint], lens: Lens, settings: TouchSettings
 ) -> tuple[int, ...]:
     """Numbers of the outliers of the map fitted to `touches`, to be touched again."""
     try:
@@ -240,7 +240,7 @@ class Move:
 
 
 def camera_move(
-    touches: Sequence[Touch], lens: Lens, homography: Homography, least_mm: float
+    touches: Sequence[TouchedPoint], lens: Lens, homography: Homography, least_mm: float
 ) -> Move | None:
     """Move of the camera by at least `least_mm` that explains `touches` best; None
     without any.

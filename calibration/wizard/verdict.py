@@ -27,7 +27,7 @@ class Line:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Verdict:
+class CalibrationVerdict:
     """Base of a calibration's result: what was `found`, and the `reasons` to refuse it,
     if any.
 

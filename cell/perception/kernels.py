@@ -42,7 +42,7 @@ Floats = NDArray[np.float32]
 Offsets = NDArray[np.int64]
 
 
-class Picture(NamedTuple):
+class LitImage(NamedTuple):
     """Image of the cell with the learnt background, its shade, and the present
     brightness.
 
@@ -257,7 +257,7 @@ def _shares(pixels: Floats, colours: Floats, variance: Any, shares: Floats) -> N
 
 
 @entry
-def segment(picture: Picture, cells: Image, colours: Floats, variance: float) -> Image:
+def segment(picture: LitImage, cells: Image, colours: Floats, variance: float) -> Image:
     """Matte levels (CELL_PX n, CELL_PX m) of the strip in those `cells` (n, m) that are
     not 0.
 

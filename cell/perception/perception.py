@@ -22,7 +22,7 @@ from cell.perception.region import (
     without_hand,
 )
 from cell.perception.scene import Appearance
-from cell.perception.silhouette import Grip, outer_side, silhouette
+from cell.perception.silhouette import FingerZone, outer_side, silhouette
 from cell.perception.strip_measurement import StripMeasurement
 from drivers.base.geometry import arc_lengths
 from drivers.base.types import Array, Frame, Image, Pose
@@ -70,7 +70,7 @@ class SearchLine:
 
 
 @dataclass(frozen=True, slots=True)
-class Contact:
+class DeskContact:
     """Desk contact, where the strip leaves the desk: `x` [m], NaN if hidden; confidence
     0 to 1.
     """
@@ -79,7 +79,7 @@ class Contact:
     confidence: float
 
 
-def find_contact(levels: Image, line: SearchLine, origin: Array) -> Contact:
+def find_contact(levels: Image, line: SearchLine, origin: Array) -> DeskContact:
     """Find the desk contact: the last point along `line` at which the lying strip ends.
 
     As `drivers.strip.shape.desk_contact` defines it, so that a hump over a crease is no
@@ -90,18 +90,18 @@ def find_contact(levels: Image, line: SearchLine, origin: Array) -> Contact:
     """
     desk = _sample(levels, line.front - origin)
     if (desk > HALF_LEVEL).mean() > 0.5:  # all looks like strip
-        return Contact(nan, 0.0)
+        return DeskContact(nan, 0.0)
     along = strip_share(_average(_sample(levels, line.pixels - origin)))
     strip = along > 0.5
     ends = _piece_ends(strip)
     if len(ends) == 0 or not strip[: len(strip) // 8].any():
-        return Contact(nan, 0.0)
+        return DeskContact(nan, 0.0)
     i = _lying_end(ends, np.flatnonzero(strip))
     if i == len(strip) - 1:
-        return Contact(float(line.x[-1]), 1.0)
+        return DeskContact(float(line.x[-1]), 1.0)
     part = (along[i] - 0.5) / max(along[i] - along[i + 1], 1e-6)
     confidence = _sharpness(along, i, 4 * SURE_COUNT)
-    return Contact(float(line.x[i] + part * SAMPLE_SPACING), confidence)
+    return DeskContact(float(line.x[i] + part * SAMPLE_SPACING), confidence)
 
 
 def _piece_ends(strip: NDArray[np.bool_]) -> NDArray[np.int64]:
@@ -182,7 +182,7 @@ class Matte(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Curve:
+class LiftedMidline:
     """Midline `points` (n, 2) [m] of the lifted strip, contact to gripper, and its
     `confidence`.
     """
@@ -191,7 +191,7 @@ class Curve:
     confidence: float
 
 
-UNSEEN = Curve(np.empty((0, 2)), 0.0)
+UNSEEN = LiftedMidline(np.empty((0, 2)), 0.0)
 
 
 class Perception:
@@ -274,14 +274,16 @@ class Perception:
             matte.smooth, self._faint, zone, above_shadow, self._sizes.hanging
         )
 
-    def _curve(self, matte: Matte, contact: Contact, gripper: Pose) -> Curve:
+    def _curve(
+        self, matte: Matte, contact: DeskContact, gripper: Pose
+    ) -> LiftedMidline:
         """Midline of the lifted strip, from its `contact` with the desk to the
         gripper.
         """
         if not np.isfinite(contact.x):
             return UNSEEN
         if np.hypot(gripper.x - contact.x, gripper.z) < LITTLE:
-            return Curve(np.empty((0, 2)), contact.confidence)
+            return LiftedMidline(np.empty((0, 2)), contact.confidence)
         start, grip = self._side_ends(contact, gripper, matte.region)
         mask = self._mask(matte)
         side = outer_side(mask, start, grip, self._sizes)
@@ -302,11 +304,13 @@ class Perception:
         if len(lifted) < FEWEST_POINTS:
             return UNSEEN
         midline = resample(lifted)
-        return Curve(
+        return LiftedMidline(
             midline, self._plausibility(midline, contact, gripper) * seen.visible
         )
 
-    def _plausibility(self, midline: Array, contact: Contact, gripper: Pose) -> float:
+    def _plausibility(
+        self, midline: Array, contact: DeskContact, gripper: Pose
+    ) -> float:
         """Confidence, 0 to 1, in a `midline` (n, 2) [m] by its length and its end at
         the gripper.
 
@@ -318,7 +322,7 @@ class Perception:
         return float(np.clip(2 - error / LENGTH_ERROR, 0.0, 1.0))
 
     def _fold(
-        self, contact: Contact, curve: Curve
+        self, contact: DeskContact, curve: LiftedMidline
     ) -> tuple[tuple[float, float], Gap | None]:
         """Rightmost point [m] of the fold, NaN without a profile, and the gap of its
         layers.
@@ -331,8 +335,8 @@ class Perception:
         return fold_tip(midline), gap
 
     def _side_ends(
-        self, contact: Contact, gripper: Pose, region: Region
-    ) -> tuple[Array, Grip]:
+        self, contact: DeskContact, gripper: Pose, region: Region
+    ) -> tuple[Array, FingerZone]:
         """Ends of the strip's outer outline in the window: pixel (2,) of the contact,
         and grip.
         """
@@ -342,7 +346,7 @@ class Perception:
         start, point, behind = self._calibration.to_image(plane) - region.origin
         direction = (behind - point) / np.hypot(*(behind - point))
         clearance = GRIPPER_CLEARANCE / self._sizes.scale
-        return start, Grip(point, direction, clearance, self._sizes.aside)
+        return start, FingerZone(point, direction, clearance, self._sizes.aside)
 
     def _outer_edge(self, gripper: Pose, tangent: Array) -> Array:
         """Point (2,) [m] at the gripper on the strip edge, near or far, that bounds its

@@ -184,7 +184,7 @@ def _check_background(
     )
 
 
-def _check_exposure(samples: resting_strip.Samples) -> PreflightCheck:
+def _check_exposure(samples: resting_strip.SceneSamples) -> PreflightCheck:
     """Check whether strip, desk and backdrop are neither over- nor underexposed."""
     pixels = np.vstack([samples.strip, samples.desk, samples.backdrop])
     white = (pixels > WHITE_LEVEL).any(axis=1).mean()

@@ -43,7 +43,7 @@ class Underside:
 
 
 @dataclass(frozen=True, slots=True)
-class Samples:
+class SceneSamples:
     """Sampled pixels (n, 3) BGR of the resting strip, the desk before it, the backdrop
     above it.
     """
@@ -58,14 +58,16 @@ class Samples:
         return np.median(self.desk, axis=0)
 
 
-def sample_scene(image: Image, calibration: Calibration, strip: StripFile) -> Samples:
+def sample_scene(
+    image: Image, calibration: Calibration, strip: StripFile
+) -> SceneSamples:
     """Sample pixels of `image` (h, w, 3) where strip, desk and backdrop are
     expected.
     """
     lower = max(strip.thickness - THIN, 0.0) / 2
     front = (FRONT_HEIGHTS[0] - lower, FRONT_HEIGHTS[1] - lower)
     face = face_height(calibration, strip)
-    return Samples(
+    return SceneSamples(
         sample_rectangle(image, calibration, _span(strip, 0.05), (0.0, FACE * face)),
         sample_rectangle(image, calibration, _span(strip, 0.03), front),
         sample_rectangle(image, calibration, _span(strip, 0.0), BACKDROP_HEIGHTS),

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from calibration.calibration import Calibration
 from cell.perception import kernels
-from cell.perception.kernels import CELL_PX, PATCH_PX, Floats, Picture
+from cell.perception.kernels import CELL_PX, PATCH_PX, Floats, LitImage
 from cell.perception.region import Region, Sizes, motion_mask
 from cell.perception.resting_strip import face_height, inner_pixels
 from drivers.base.types import Array, Image, frozen
@@ -267,7 +267,7 @@ class Segmenter:
         part_light = light[row : row + rows + 2, column : column + columns + 2]
         part_cells = cells[row : row + rows, column : column + columns]
 
-        picture = Picture(
+        picture = LitImage(
             image=image,
             background=self.background.image,
             shade=self.background.shade,

@@ -42,7 +42,7 @@ class Side:
 
 
 @dataclass(frozen=True, slots=True)
-class Grip:
+class FingerZone:
     """Part of the image window that the fingers cover, in which no outline is used.
 
     The gripper point (2,) [px], its unit `approach` (2,), and how far the part reaches
@@ -97,7 +97,9 @@ def line_offsets(length: int) -> Offsets:
     )
 
 
-def outer_side(mask: Image, contact: Array, grip: Grip, sizes: Sizes) -> Side | None:
+def outer_side(
+    mask: Image, contact: Array, grip: FingerZone, sizes: Sizes
+) -> Side | None:
     """Outer side of the strip in `mask` (h, w), from `contact` (2,) [px] to the grip.
 
     A point every OUTLINE_STEP. With the strip on its left the outline runs from under

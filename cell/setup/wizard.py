@@ -31,7 +31,7 @@ from calibration.wizard.touch_verdict import (
 )
 from calibration.wizard.touched_points import TouchedPoints
 from calibration.wizard.touches import check_plan
-from calibration.wizard.verdict import Verdict
+from calibration.wizard.verdict import CalibrationVerdict
 from cell.base.config.cell import CellFile
 from cell.base.devices.devices import CalibrationAids, Devices, Trial
 from cell.base.devices.open import NO_STRIP, open_cell
@@ -190,7 +190,7 @@ class Wizard:
 
         What it has taken before is given to the `task`.
         """
-        stated = session.Session(
+        stated = session.SessionFile(
             schema=1,
             kind=kind,
             date=datetime.now(UTC).isoformat(timespec="seconds"),
@@ -259,7 +259,10 @@ def solve_homography(
 
 
 def _keep(
-    folder: Path, verdict: Verdict, image: Image | None, marks: Iterable[Mark]
+    folder: Path,
+    verdict: CalibrationVerdict,
+    image: Image | None,
+    marks: Iterable[Mark],
 ) -> None:
     """Write `verdict` to `folder`, and a picture of the `image` (h, w, 3) with `marks`,
     if any.

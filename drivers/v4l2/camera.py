@@ -10,13 +10,13 @@ from drivers.base.errors import CellError, Fault
 from drivers.base.protocols import Clock
 from drivers.v4l2.controls import CameraControl, controls_of
 from drivers.v4l2.device import CameraFaulty, CameraStalled, Device, Identity, Kernel
-from drivers.v4l2.formats import Mode, Picture, modes_of
+from drivers.v4l2.formats import CameraMode, PictureFormat, modes_of
 from drivers.v4l2.session import (
     CameraFrame,
     Capture,
+    CaptureSession,
     Counts,
     Sequence,
-    Session,
     Setup,
     StampSource,
 )
@@ -37,7 +37,7 @@ class StampedCapture:
     """
 
     capture: Capture
-    picture: Picture
+    picture: PictureFormat
     sequence: int
     stamp: float
     arrival: float
@@ -54,7 +54,11 @@ class NewestFrame:
     """
 
     def __init__(
-        self, kernel: Kernel, settings: V4l2Settings, clock: Clock, session: Session
+        self,
+        kernel: Kernel,
+        settings: V4l2Settings,
+        clock: Clock,
+        session: CaptureSession,
     ) -> None:
         self.counts = Counts()
         self._kernel = kernel
@@ -68,7 +72,7 @@ class NewestFrame:
         self._sequence = Sequence()
         self._patience = FIRST_FRAME
         self._last_complete = self._last_any = kernel.monotonic()
-        self._current: Session | None = None
+        self._current: CaptureSession | None = None
         self._thread = threading.Thread(
             target=self._run, args=(session,), name=SOURCE, daemon=True
         )
@@ -103,7 +107,7 @@ class NewestFrame:
     def _fresh(self, after: float) -> bool:
         return self._newest is not None and self._newest.stamp > after
 
-    def _run(self, session: Session) -> None:
+    def _run(self, session: CaptureSession) -> None:
         """Main function of the thread: serve sessions, from `session` on, until
         closed.
         """
@@ -120,7 +124,7 @@ class NewestFrame:
         """
         try:
             if self._current is None:
-                self._current = Session.open(self._kernel, self._settings)
+                self._current = CaptureSession.open(self._kernel, self._settings)
                 self._restart_counts()
             while not self._closing:
                 capture = self._current.wait(FRAME_TIMEOUT)
@@ -151,7 +155,7 @@ class NewestFrame:
                 f"every frame of the last {corrupt:.2f} s is corrupt",
             )
 
-    def _publish(self, session: Session, capture: Capture) -> None:
+    def _publish(self, session: CaptureSession, capture: Capture) -> None:
         """Count a capture and publish it as the newest frame, unless it is corrupt."""
         step = self._sequence.step_to(capture.counter)
         self._last_any = capture.taken
@@ -170,7 +174,9 @@ class NewestFrame:
             self._recovered = True
             self._changed.notify_all()
 
-    def _on_cell_clock(self, session: Session, capture: Capture) -> StampedCapture:
+    def _on_cell_clock(
+        self, session: CaptureSession, capture: Capture
+    ) -> StampedCapture:
         """`capture` with times [s] on the cell's clock; stamps increase and precede
         arrivals.
         """
@@ -281,7 +287,7 @@ class V4l2Camera:
         """
         if self._frames is not None:
             return
-        session = Session.open(self._kernel, self._settings)
+        session = CaptureSession.open(self._kernel, self._settings)
         self.setup = session.setup
         self._newest = None
         self._frames = NewestFrame(self._kernel, self._settings, self._clock, session)
@@ -335,7 +341,7 @@ class CameraReport:
 
     device: str
     identity: Identity
-    modes: tuple[Mode, ...]
+    modes: tuple[CameraMode, ...]
     controls: tuple[CameraControl, ...]
 
 

@@ -23,7 +23,7 @@ Decoder = Callable[[Image], Image]
 
 
 @dataclass(frozen=True, slots=True)
-class Mode:
+class CameraMode:
     """Mode of a camera: pixel format, size [px] and frame `rates` [Hz], fastest first,
     if listed.
 
@@ -46,7 +46,7 @@ class Mode:
         )
 
 
-def modes_of(device: Device) -> Iterator[Mode]:
+def modes_of(device: Device) -> Iterator[CameraMode]:
     """Yield every mode that the device lists, in the device's order."""
     formats = device.enumerate_entries(
         abi.Ioctl.ENUM_FMT, lambda i: abi.FormatDescription(index=i, type=abi.CAPTURE)
@@ -62,7 +62,9 @@ def modes_of(device: Device) -> Iterator[Mode]:
             height = size.steps[4] if steps else size.steps[1]
             rates = _rates(device, number, width, height)
             text = described.description.decode(errors="replace")
-            yield Mode(abi.letters(number), text, width, height, rates, steps=steps)
+            yield CameraMode(
+                abi.letters(number), text, width, height, rates, steps=steps
+            )
 
 
 def _rates(device: Device, number: int, width: int, height: int) -> tuple[float, ...]:
@@ -104,7 +106,7 @@ READABLE_FORMATS = frozenset({*RAW, "MJPG"})
 
 
 @dataclass(frozen=True, slots=True)
-class Picture:
+class PictureFormat:
     """Picture format that a camera accepted; `line` in bytes, `rate` in Hz."""
 
     format: str
@@ -142,7 +144,7 @@ class Picture:
         return decoder(pixels.reshape(self.height, self.width, depth))
 
 
-def negotiate(device: Device, settings: V4l2Settings) -> Picture:
+def negotiate(device: Device, settings: V4l2Settings) -> PictureFormat:
     """Set pixel format, size and rate of `device`, and return them as read back.
 
     Raises CameraRefused with the supported modes where they differ from `settings`;
@@ -165,7 +167,7 @@ def negotiate(device: Device, settings: V4l2Settings) -> Picture:
             device.path, "format", "is interlaced; use a progressive mode"
         )
     rate = _negotiate_rate(device, settings)
-    return Picture(
+    return PictureFormat(
         format=name,
         width=pix.width,
         height=pix.height,

@@ -28,7 +28,7 @@ from drivers.v4l2.device import (
     MappedBuffer,
     translated,
 )
-from drivers.v4l2.formats import Picture, negotiate
+from drivers.v4l2.formats import PictureFormat, negotiate
 from drivers.v4l2.settings import V4l2Settings
 
 FEWEST_BUFFERS = 2
@@ -162,12 +162,12 @@ class Capture:
 class Setup:
     """Picture format, control values and shutter times of a camera, as read back."""
 
-    picture: Picture
+    picture: PictureFormat
     locks: Mapping[str, int]
     shutter: Shutter
 
 
-class Session:
+class CaptureSession:
     """An open camera device with its `setup`, streaming into mapped buffers until
     `close`.
     """

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from calibration.landmarks import find_pointer
-from calibration.wizard.progress import Row
+from calibration.wizard.progress import SessionRow
 from calibration.wizard.touch_verdict import TouchVerdict
 from calibration.wizard.touched_points import TouchedPoints
 from calibration.wizard.touches import TouchSettings
@@ -180,7 +180,7 @@ def test_point_can_be_touched_again_on_request() -> None:
     for k in range(2):
         touched.tell(pointer_frame(_renderer(), first, k), first)
     assert touched.number == 1
-    assert touched.take_back() == Row(number=0, dropped=True)
+    assert touched.take_back() == SessionRow(number=0, dropped=True)
     assert touched.ask() == first
     assert touched.touches == ()
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from calibration.lens import Lens
 from calibration.wizard.touches import (
-    Touch,
+    TouchedPoint,
     TouchSettings,
     held_out,
     suspects,
@@ -70,12 +70,12 @@ def touched(
     after: int = LAST,
     mirrored: bool = False,
     wild: float = 0.0,
-) -> Sequence[Touch]:
+) -> Sequence[TouchedPoint]:
     """All touches of a session with second ones; `nudge` of the camera once `after`
     touches are made, places of an arm whose x runs the other way where `mirrored`, a
     share `wild` loose.
     """
-    made: list[Touch] = []
+    made: list[TouchedPoint] = []
 
     def touch(number: int, *, again: bool) -> None:
         pose = touch_plan(SETTINGS)[number]
@@ -88,7 +88,9 @@ def touched(
         ] + DISC * rng.standard_normal(2)
         said = place + ARM * rng.standard_normal(2)
         said = said * (-1, 1) + (0.62, 0) if mirrored else said
-        made.append(Touch(number, said, pixel, held_out(number, SETTINGS), again=again))
+        made.append(
+            TouchedPoint(number, said, pixel, held_out(number, SETTINGS), again=again)
+        )
 
     for number in range(len(touch_plan(SETTINGS))):
         touch(number, again=False)

@@ -14,7 +14,7 @@ from drivers.base.protocols import Clock, RealCamera
 from drivers.base.settings import Settings, parse
 from drivers.twin.clock import RealTimeClock, TwinClock
 from drivers.v4l2.camera import CameraReport, V4l2Camera
-from drivers.v4l2.formats import Mode
+from drivers.v4l2.formats import CameraMode
 from drivers.v4l2.session import CameraFrame, Counts, Setup
 from drivers.v4l2.settings import V4l2Settings
 
@@ -157,7 +157,7 @@ def _next_frame(camera: V4l2Camera, after: float) -> CameraFrame:
     return frame
 
 
-def _suitability(mode: Mode) -> tuple[bool, bool, int, int]:
+def _suitability(mode: CameraMode) -> tuple[bool, bool, int, int]:
     """Sort key of a camera mode, best last: fast, within BEST_MODE, near to it, easy to
     decode.
     """

@@ -159,7 +159,7 @@ def calibration(settings: CellFile, *, on_twin: bool) -> Check:
 
 
 @dataclass(frozen=True, slots=True)
-class Link:
+class NetworkLink:
     """Statistics of a robot's network link over `seconds`: states, losses, times [ms].
 
     `in_a_row` is the most states lost in a row; `late_ms` the 99.9th percentile of the
@@ -190,7 +190,7 @@ def network(address: str, seconds: float) -> Check:
         return Check("network", Grade.FAIL, str(error), NETWORK_WHY, remedy)
 
 
-def judge_link(link: Link) -> Check:
+def judge_link(link: NetworkLink) -> Check:
     """Check whether a measured network `link` loses few states, and none for long."""
     remedy = (
         "connect the robot to a network card of its own, without a switch; switch off"
@@ -209,7 +209,7 @@ def judge_link(link: Link) -> Check:
     return Check("network", state, found, NETWORK_WHY, remedy)
 
 
-def measure_link(address: str, seconds: float) -> Link:
+def measure_link(address: str, seconds: float) -> NetworkLink:
     """Measure the network link to the robot at `address`; CellError if unreachable.
 
     In a process of its own: reading blocks, and the client library changes the
@@ -217,7 +217,7 @@ def measure_link(address: str, seconds: float) -> Link:
     """
     child = Child(read_states, address, seconds)
     try:
-        link: Link | None = child.receive(seconds + STARTING)
+        link: NetworkLink | None = child.receive(seconds + STARTING)
     except ChildDied as died:
         text = str(died) if died.failure is None else died.failure.text
         raise CellError(f"{address}: {' '.join(text.split())[:200]}") from None
@@ -245,7 +245,7 @@ def read_states(pipe: Connection, address: str, seconds: float) -> None:
     pipe.send(link_of(np.array(times), np.array(arrivals)))
 
 
-def link_of(times: NDArray[np.int64], arrivals: Array) -> Link:
+def link_of(times: NDArray[np.int64], arrivals: Array) -> NetworkLink:
     """Statistics of a link from `times` (n,) [ms] of the robot's states and `arrivals`
     (n,) [s].
 
@@ -256,7 +256,7 @@ def link_of(times: NDArray[np.int64], arrivals: Array) -> Link:
     times, arrivals = times[kept], arrivals[kept]
     missing = np.maximum(np.diff(times) - 1, 0)
     apart = 1e3 * np.diff(arrivals)
-    return Link(
+    return NetworkLink(
         seconds=float(arrivals[-1] - arrivals[0]),
         states=len(times),
         lost=int(missing.sum()),

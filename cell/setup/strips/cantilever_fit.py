@@ -87,7 +87,7 @@ class TrialShape:
     slopes: Array
 
 
-class Problem:
+class MidlineProblem:
     """Least-squares fit of a hanging strip to one photograph, with a prior of its rest
     curvature.
 
@@ -326,7 +326,7 @@ def fit_photograph(
     """
     if start is None:
         start = _fit_straight(photograph)
-    problem = Problem(photograph, prior)
+    problem = MidlineProblem(photograph, prior)
     values = np.zeros(problem.size)
     values[:FIRST_FIELD] = start.values[:FIRST_FIELD]
     if len(start.values) == len(values) > FIRST_FIELD:
@@ -340,7 +340,7 @@ def _fit_straight(photograph: Photograph) -> Fit:
     """Fit a straight strip coarsely from several bending lengths; returns the best of
     them.
     """
-    problem = Problem(
+    problem = MidlineProblem(
         replace(photograph, sigma=FIRST_SIGMA * photograph.sigma), STRAIGHT
     )
     fits = []
@@ -352,7 +352,7 @@ def _fit_straight(photograph: Photograph) -> Fit:
     return max(fits, key=attrgetter("evidence"))
 
 
-def _minimise(problem: Problem, values: Array) -> Fit:
+def _minimise(problem: MidlineProblem, values: Array) -> Fit:
     """Fit from `values` (p,): the mode of the posterior, with its normal
     approximation.
     """

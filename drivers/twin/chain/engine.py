@@ -38,7 +38,7 @@ GIVE = 1e-4  # m, by which an end yields before it slides
 
 
 @dataclass(frozen=True, slots=True)
-class Grip:
+class CommandedGrip:
     """Commanded gripper `pose` (3,) of x, z [m], pitch [rad], and its `rate` (3,) per
     second.
     """
@@ -241,7 +241,7 @@ class ChainStrip:
         )
         self._ends = Ends.at_rest(model, self._lumps, self._joints)
         self._state = np.empty(mujoco.mj_stateSize(self._model, STATE_SPEC))
-        self._grip = Grip.at_rest(np.array([model.mechanics.length, 0.0, 0.0]))
+        self._grip = CommandedGrip.at_rest(np.array([model.mechanics.length, 0.0, 0.0]))
         self._held = True
         self._time = 0.0
         self._gap = NO_GAP
@@ -301,9 +301,9 @@ class ChainStrip:
             self._step(grip, LONGEST_STEP)
             self._data.qvel[:] *= VELOCITY_DECAY
             self._grip = grip
-        self._grip = Grip.at_rest(self._grip.pose)
+        self._grip = CommandedGrip.at_rest(self._grip.pose)
 
-    def _step_until_touch(self, grip: Grip, h: float) -> None:
+    def _step_until_touch(self, grip: CommandedGrip, h: float) -> None:
         """Advance by a step; if layers touch in it, repeat the step with solid
         layers.
         """
@@ -327,7 +327,7 @@ class ChainStrip:
             self._ends.apply(self._model, self._data)
             self._step(grip, h)
 
-    def _step(self, grip: Grip, h: float) -> None:
+    def _step(self, grip: CommandedGrip, h: float) -> None:
         """Step MuJoCo by `h` [s] with the tip welded to `grip`; raises
         SimulationNotFinite.
         """

@@ -45,7 +45,7 @@ def interpolate(
     return points, derivatives
 
 
-class Rows(NamedTuple):
+class MaterialRows(NamedTuple):
     """Rows of material points, one across a strip's surface at each of m samples of its
     curve.
 
@@ -65,7 +65,9 @@ class Rows(NamedTuple):
 
 
 @entry
-def sample_surface(rows: Rows, weave: Array, grid: tuple[float, float]) -> Array:
+def sample_surface(
+    rows: MaterialRows, weave: Array, grid: tuple[float, float]
+) -> Array:
     """Material points (6, n): u and v [px], area [px^2], brightness, arc length and
     depth [m].
 

@@ -11,7 +11,7 @@ from drivers.base.types import Array, Image
 from drivers.twin.renderer.gripper import Outline
 from drivers.twin.renderer.looks import Flicker, Lamp, StripLook
 from drivers.twin.renderer.optics import Optics
-from drivers.twin.renderer.ribbon import Curve
+from drivers.twin.renderer.ribbon import ExposedMidline
 from drivers.twin.renderer.stage import BACKDROP_DISTANCE
 from drivers.twin.settings import CameraSettings
 
@@ -100,7 +100,7 @@ def _bins(x: NDArray[np.floating]) -> NDArray[np.int32]:
     return numbers
 
 
-def shadow_profile(curve: Curve) -> Array:
+def shadow_profile(curve: ExposedMidline) -> Array:
     """Darkness (BINS,) of the strip's shadow along x, 0 to 1: the darker, the lower it
     hangs.
     """

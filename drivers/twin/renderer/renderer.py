@@ -22,7 +22,7 @@ from drivers.twin.renderer.light import (
 )
 from drivers.twin.renderer.looks import PLAIN, Look, StripLook
 from drivers.twin.renderer.optics import Optics, blur, kernel_size, noise_bank
-from drivers.twin.renderer.ribbon import Cloud, Curve
+from drivers.twin.renderer.ribbon import Cloud, ExposedMidline
 from drivers.twin.renderer.stage import bgr, fill, light, stage
 from drivers.twin.settings import CameraSettings
 from drivers.twin.world import Scene
@@ -150,7 +150,11 @@ class Renderer:
         return image
 
     def _draw_moving(
-        self, image: Image, scene: Scene, curve: Curve | None, hand: Sequence[Outline]
+        self,
+        image: Image,
+        scene: Scene,
+        curve: ExposedMidline | None,
+        hand: Sequence[Outline],
     ) -> None:
         """Redraw the part of `image` (h, w, 3) in which strip and hand appear, in
         place.
@@ -212,7 +216,7 @@ class Renderer:
         share = cover / 255.0
         part[:] = share * window.crop(self._sharp) + (1.0 - share) * part + 0.5
 
-    def _material(self, curve: Curve) -> list[Cloud]:
+    def _material(self, curve: ExposedMidline) -> list[Cloud]:
         """Material points of a strip along `curve`: of its visible side, then of its
         near edge.
         """

@@ -9,7 +9,7 @@ import numpy as np
 
 from drivers.base.geometry import interpolate_columns, left_normals, unit
 from drivers.base.types import Array
-from drivers.twin.renderer.kernels import Rows, interpolate, sample_surface
+from drivers.twin.renderer.kernels import MaterialRows, interpolate, sample_surface
 from drivers.twin.renderer.looks import StripLook
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.world import Scene
@@ -28,7 +28,7 @@ BACK_BRIGHTNESS = 0.93  # brightness of the side that lies on the desk
 
 
 @dataclass(frozen=True, slots=True)
-class Curve:
+class ExposedMidline:
     """Midline of a strip at arc lengths `s` (m,) [m]: `points` (m, 2) [m], unit
     `tangents` (m, 2).
 
@@ -55,7 +55,7 @@ class Curve:
         return left_normals(self.tangents)
 
 
-def expose(scenes: Sequence[Scene], spacing: float) -> Curve:
+def expose(scenes: Sequence[Scene], spacing: float) -> ExposedMidline:
     """Midline of the strip in `scenes`, sampled about every `spacing` [m], during an
     exposure.
 
@@ -79,7 +79,7 @@ def expose(scenes: Sequence[Scene], spacing: float) -> Curve:
     if first.points is not last.points:
         shift = (last.points - first.points) * (len(scenes) / (len(scenes) - 1))
         motion = interpolate_columns(s, middle.arc, shift)
-    return Curve(s, points, unit(derivatives), motion)
+    return ExposedMidline(s, points, unit(derivatives), motion)
 
 
 def smooth(points: Array, arc: Array) -> Array:
@@ -128,7 +128,7 @@ def random_weave(depth: float, rng: np.random.Generator) -> Weave:
 
 
 @dataclass(frozen=True, slots=True)
-class Projection:
+class MidlineImage:
     """Midline of a strip in an image: points `near` (m, 2) [px], and vectors (m, 2)
     [px] at them.
 
@@ -143,7 +143,7 @@ class Projection:
     motion: Array
 
 
-def project(curve: Curve, optics: Optics, look: StripLook) -> Projection:
+def project(curve: ExposedMidline, optics: Optics, look: StripLook) -> MidlineImage:
     """Project `curve` into the image, with the lens linearised about each point."""
     near = optics.plane(curve.points)
     along_x, along_z = LENS_PROBE * np.eye(2)
@@ -156,7 +156,7 @@ def project(curve: Curve, optics: Optics, look: StripLook) -> Projection:
 
     half = in_pixels(curve.normals * (look.thickness / 2))
     motion = in_pixels(curve.motion) if len(curve.motion) else curve.motion
-    return Projection(near, in_pixels(curve.steps), half, motion)
+    return MidlineImage(near, in_pixels(curve.steps), half, motion)
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,7 +172,11 @@ class Cloud:
 
 
 def sample_face(
-    curve: Curve, picture: Projection, optics: Optics, look: StripLook, material: Weave
+    curve: ExposedMidline,
+    picture: MidlineImage,
+    optics: Optics,
+    look: StripLook,
+    material: Weave,
 ) -> Cloud:
     """Material points of the strip's visible side in the image, from the near to the
     far edge.
@@ -182,7 +186,7 @@ def sample_face(
     rows = np.ceil(area / np.hypot(*picture.along.T) / DEPTH_PITCH).astype(np.int64)
     # the visible side starts half a thickness off the midline, but for EDGE_RADIUS
     share = max(1 - 2 * EDGE_RADIUS / look.thickness, 0.0)
-    surface = Rows(
+    surface = MaterialRows(
         start=picture.near + share * _facing(curve, optics)[:, None] * picture.half,
         across=across,
         motion=picture.motion,
@@ -195,14 +199,14 @@ def sample_face(
 
 
 def sample_edge(
-    curve: Curve, picture: Projection, look: StripLook, material: Weave
+    curve: ExposedMidline, picture: MidlineImage, look: StripLook, material: Weave
 ) -> Cloud:
     """Material points of the strip's near edge, half a thickness to either side of the
     midline.
     """
     thickness = 2 * np.hypot(*picture.half.T).max()
     rows = np.full(len(curve.s), max(int(np.ceil(thickness / PITCH)), 2))
-    surface = Rows(
+    surface = MaterialRows(
         start=picture.near,
         across=picture.half,
         motion=picture.motion,
@@ -226,7 +230,7 @@ def _area(along: Array, across: Array) -> Array:
     return np.abs(along[:, 0] * across[:, 1] - along[:, 1] * across[:, 0])
 
 
-def _facing(curve: Curve, optics: Optics) -> Array:
+def _facing(curve: ExposedMidline, optics: Optics) -> Array:
     """Signs (m,): 1 where the camera sees the side that the normal points to, else
     -1.
     """
@@ -234,7 +238,7 @@ def _facing(curve: Curve, optics: Optics) -> Array:
     return np.where(outside >= 0, 1.0, -1.0)
 
 
-def _lit(curve: Curve, optics: Optics) -> Array:
+def _lit(curve: ExposedMidline, optics: Optics) -> Array:
     """Brightness (m,) of the strip's side that faces the camera, by Lambert's law."""
     side = _facing(curve, optics)
     diffuse = np.maximum((curve.normals @ LIGHT_DIRECTION) * side, 0.0)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from calibration.wizard.touch_verdict import touch_verdict
-from calibration.wizard.touches import Touch, TouchSettings, held_out, touch_plan
+from calibration.wizard.touches import TouchedPoint, TouchSettings, held_out, touch_plan
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.settings import CameraSettings
 from tests.support.board_sessions import LENS
@@ -18,12 +18,12 @@ OPTICS = Optics.from_settings(CAMERA)
 
 def _points(
     noise: float = 0.05, seed: int = 0, settings: TouchSettings = SETTINGS
-) -> list[Touch]:
+) -> list[TouchedPoint]:
     """The grid, as the twin's optics show it, with noise [px]."""
     rng = np.random.default_rng(seed)
     places = [np.array([pose.x, pose.z]) for pose in touch_plan(settings)]
     return [
-        Touch(
+        TouchedPoint(
             k,
             at,
             OPTICS.plane(at) + noise * rng.standard_normal(2),
@@ -35,7 +35,9 @@ def _points(
 
 def test_order_of_touches_has_no_influence() -> None:
     points = _points()
-    points[4] = Touch(4, points[4].place + 0.02, points[4].pixel, points[4].held_out)
+    points[4] = TouchedPoint(
+        4, points[4].place + 0.02, points[4].pixel, points[4].held_out
+    )
     order = np.random.default_rng(3).permutation(len(points))
     one = touch_verdict(points, LENS, SETTINGS)
     other = touch_verdict([points[i] for i in order], LENS, SETTINGS)
@@ -85,7 +87,8 @@ def test_wrong_lens_shows_in_the_held_out_points() -> None:
     straight = type(LENS)(LENS.width, LENS.height, LENS.matrix, np.zeros(5))
     bent = Optics.from_settings(CAMERA.model_copy(update={"distortion": (-0.6, 0.3)}))
     points = [
-        Touch(p.number, p.place, bent.plane(p.place), p.held_out) for p in _points()
+        TouchedPoint(p.number, p.place, bent.plane(p.place), p.held_out)
+        for p in _points()
     ]
     verdict = touch_verdict(points, straight, SETTINGS)
     assert not verdict.passed
@@ -94,7 +97,8 @@ def test_wrong_lens_shows_in_the_held_out_points() -> None:
 def test_effect_on_the_displacement_is_twice_the_error_along_the_strip() -> None:
     points, off = _points(noise=0.0), np.array([4e-4, 0.0])
     moved = [
-        Touch(p.number, p.place + off * p.held_out, p.pixel, p.held_out) for p in points
+        TouchedPoint(p.number, p.place + off * p.held_out, p.pixel, p.held_out)
+        for p in points
     ]
     verdict = touch_verdict(moved, LENS, SETTINGS)
     assert verdict.residual_mm == pytest.approx(0.4, abs=0.05)

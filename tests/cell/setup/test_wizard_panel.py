@@ -7,7 +7,7 @@ import io
 from rich.console import Console
 
 from calibration.wizard.coverage import Gate
-from calibration.wizard.progress import Progress, Row
+from calibration.wizard.progress import Progress, SessionRow
 from cell.setup.wizard_panel import WizardPanel
 
 GATES = (
@@ -41,10 +41,15 @@ def test_board_panel_states_request_reason_and_missing_coverage() -> None:
 def test_without_a_terminal_each_answer_is_a_line() -> None:
     out = io.StringIO()
     panel = WizardPanel(Console(file=out, width=60))
-    refused = Row(number=7, refused="0 corners of the board are seen; light it")
-    taken = Row(number=3, pose=(0.3681, 0.0149, 1.57), again=True, taken=True)
+    refused = SessionRow(number=7, refused="0 corners of the board are seen; light it")
+    taken = SessionRow(number=3, pose=(0.3681, 0.0149, 1.57), again=True, taken=True)
     with panel:
-        for row in (refused, Row(number=8), taken, Row(number=3, dropped=True)):
+        for row in (
+            refused,
+            SessionRow(number=8),
+            taken,
+            SessionRow(number=3, dropped=True),
+        ):
             panel(Progress("the lens", "", "", result=row))
     assert out.getvalue().splitlines() == [
         "image 7: 0 corners of the board are seen; light it",

@@ -10,7 +10,7 @@ import pytest
 
 from calibration.calibration import save_calibration
 from calibration.wizard.lens_verdict import LensVerdict
-from calibration.wizard.progress import Progress, Row
+from calibration.wizard.progress import Progress, SessionRow
 from calibration.wizard.session import read_rows
 from calibration.wizard.touched_points import TouchedPoints
 from calibration.wizard.touches import TouchSettings
@@ -96,7 +96,7 @@ def test_touches_go_on_with_the_points_that_are_missing() -> None:
     )
     rows = [(k, points.plan[k]) for k in (0, 1, 4)]
     for k, p in rows:
-        row = Row(number=k, pose=(p.x, p.z, p.pitch))
+        row = SessionRow(number=k, pose=(p.x, p.z, p.pitch))
         assert points.restore(row, pointer_frame(renderer, p, k).image)
     assert [point.number for point in points.touches] == [0, 1, 4]
     asked = []

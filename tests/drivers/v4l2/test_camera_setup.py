@@ -6,7 +6,7 @@ import pytest
 from pydantic import ValidationError
 
 from drivers.v4l2.device import CameraRefused, users_of
-from drivers.v4l2.formats import Picture
+from drivers.v4l2.formats import PictureFormat
 from drivers.v4l2.settings import V4l2Settings
 from tests.drivers.v4l2.fake_kernel import LINK, FakeKernel, connected
 
@@ -82,14 +82,14 @@ def test_bayer_colours_stand_where_the_name_says(name: str) -> None:
         [[level[pattern[0]], level[pattern[1]]], [level[pattern[2]], level[pattern[3]]]]
     )
     mosaic = np.tile(tile, (8, 8)).astype(np.uint8)
-    image = Picture(name, 16, 16, 16, 30.0).decode(mosaic.ravel())
+    image = PictureFormat(name, 16, 16, 16, 30.0).decode(mosaic.ravel())
     assert image[8, 8].tolist() == [blue, green, red]
 
 
 def test_lines_longer_than_the_picture_are_cut() -> None:
     padded = np.zeros((4, 12), np.uint8)
     padded[:, :8] = 77
-    image = Picture("GREY", 8, 4, 12, 30.0).decode(padded.ravel())
+    image = PictureFormat("GREY", 8, 4, 12, 30.0).decode(padded.ravel())
     assert image.shape == (4, 8, 3)
     assert (image == 77).all()
 
@@ -97,7 +97,7 @@ def test_lines_longer_than_the_picture_are_cut() -> None:
 def test_yuyv_keeps_colour() -> None:
     bgr = np.full((4, 8, 3), (40, 120, 200), np.uint8)
     yuv = cv2.cvtColor(bgr, cv2.COLOR_BGR2YUV_YUYV)
-    image = Picture("YUYV", 8, 4, 16, 30.0).decode(yuv.ravel())
+    image = PictureFormat("YUYV", 8, 4, 16, 30.0).decode(yuv.ravel())
     assert np.abs(image.astype(int) - bgr).max() < 6
 
 

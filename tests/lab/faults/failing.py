@@ -19,7 +19,7 @@ from drivers.base.types import ArmState, Frame, HandState, Pose, Velocity
 from drivers.twin.clock import Rank
 from drivers.twin.fci_server.faults import FaultScript
 from drivers.twin.fci_server.server import RobotServer
-from drivers.v4l2.formats import JPEG_END, Picture
+from drivers.v4l2.formats import JPEG_END, PictureFormat
 from policies.policy import Decision, Observation, Policy
 
 PERIOD = 0.002  # s between two looks at the gripper
@@ -299,7 +299,7 @@ def jpeg(*, holes: bool) -> Spoil:
             middle = len(content) // 2
             content = content[:middle] + content[middle + len(content) // 10 :]
         padded = content.removesuffix(JPEG_END) + JPEG_END + bytes(512)
-        picture = Picture("MJPG", w, h, 0, 0.0)
+        picture = PictureFormat("MJPG", w, h, 0, 0.0)
         image = picture.decode(np.frombuffer(padded, np.uint8))
         return None if image is None else replace(frame, image=image)
 

@@ -10,8 +10,8 @@ import pytest
 
 from calibration.board import BoardSettings
 from calibration.lens import CameraFile
-from calibration.wizard.progress import Row
-from calibration.wizard.session import Session, SessionFolder
+from calibration.wizard.progress import SessionRow
+from calibration.wizard.session import SessionFile, SessionFolder
 from calibration.wizard.touches import TouchSettings, touch_plan
 from cell.base.config.places import CHECKOUT_CONFIGS
 from drivers.twin.renderer.renderer import Renderer
@@ -33,11 +33,11 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
     }
     lens = CameraFile.from_lens(true_lens(), "kept")
     keep = SessionFolder(
-        folder, Session(schema=1, kind="homography", lens=lens, **facts)
+        folder, SessionFile(schema=1, kind="homography", lens=lens, **facts)
     )
     renderer = Renderer(CameraSettings(), NO_STRIP, 0)
     for number, pose in enumerate(touch_plan(TouchSettings())):
-        row = Row(number=number, pose=(pose.x, pose.z, pose.pitch))
+        row = SessionRow(number=number, pose=(pose.x, pose.z, pose.pitch))
         keep.add(row, pointer_frame(renderer, pose, number).image)
     return folder
 

@@ -16,7 +16,7 @@ from cell.base.config.places import CHECKOUT_CONFIGS, Configs, find_configs
 from cell.interface.cli.app import app
 from cell.setup.doctor import devices, machine
 from cell.setup.doctor.check import Check, Grade
-from cell.setup.doctor.devices import Link, judge_link, link_of, measure_link
+from cell.setup.doctor.devices import NetworkLink, judge_link, link_of, measure_link
 from cell.setup.doctor.doctor import checks, refuse_failed
 from drivers.base.errors import CellError, PreflightRefused
 from drivers.twin.fci_server.server import RobotServer
@@ -31,7 +31,7 @@ def kept(folder: Path, **facts: str) -> Path:
     return folder / "calibration.yaml"
 
 
-def arrivals(lost: range = range(0), late: float = 0.0) -> Link:
+def arrivals(lost: range = range(0), late: float = 0.0) -> NetworkLink:
     """Two seconds of states, those in `lost` missing, every tenth one `late` [ms]."""
     times = np.array([t for t in range(2000) if t not in lost])
     return link_of(times, 1e-3 * times + 1e-3 * late * (times % 10 == 0))
@@ -47,7 +47,7 @@ def arrivals(lost: range = range(0), late: float = 0.0) -> Link:
         (arrivals(lost=range(400, 2000, 8)), Grade.FAIL),
     ],
 )
-def test_link_is_judged_by_what_the_robot_asks(link: Link, state: Grade) -> None:
+def test_link_is_judged_by_what_the_robot_asks(link: NetworkLink, state: Grade) -> None:
     check = judge_link(link)
     assert check.state is state
     assert check.remedy
