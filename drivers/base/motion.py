@@ -12,11 +12,6 @@ from drivers.base.types import Pose, Velocity
 TICK = 0.001  # s, the servo's period
 EXPIRY_TICKS = 100  # ticks for which a velocity target holds
 BORDER_ROUNDING = 1e-9  # m or rad, rounding at the border of the workspace
-SETTLE = 0.3  # s, of a correction near the goal
-CORRECTION_TIME = 0.05  # s, of a correction near the target velocity
-LONGEST_GAP = 0.01  # s that a robot may go on by itself at a time
-ACCELERATION_FLOOR = 0.01  # of the acceleration, at least, in such a correction
-ARRIVED = 2e-5  # m or rad from the goal, from which nothing is corrected any more
 # m or rad, or the same per second: a change too small to have a direction
 SMALLEST_CHANGE = 1e-6
 
@@ -68,7 +63,6 @@ class MotionProfile:
         self._elapsed = 0
         self._target: Numbers | None = None
         self._blocked: frozenset[int] = frozenset()
-        self._goal: Numbers | None = None  # of a move, once it is reached, too
         self._next_move: Numbers | None = None
         self._position: Numbers = [start.x, start.z, start.pitch]
         self._velocity: Numbers = _STILL
@@ -119,39 +113,16 @@ class MotionProfile:
         """
         self._workspace.check(pose)
         self._begin()
-        self._goal = [pose.x, pose.z, pose.pitch]
-        self._move(self._goal)
+        self._move([pose.x, pose.z, pose.pitch])
 
     def stop(self) -> None:
         """Brake the commanded motion to rest as fast as the limits allow."""
         self._begin()
         self._follow(_STILL)
 
-    def resume(
-        self, pose: Pose, velocity: Velocity, acceleration: Velocity, lost: int
-    ) -> None:
-        """Continue from the state that the arm reached in `lost` ticks without a
-        setpoint.
-        """
-        self._age += lost
-        self._position = [pose.x, pose.z, pose.pitch]
-        self._velocity = [velocity.vx, velocity.vz, velocity.pitch_rate]
-        self._acceleration = [acceleration.vx, acceleration.vz, acceleration.pitch_rate]
-        if self._goal is None or self._next_move is not None:
-            self._follow(self._target or _STILL, self._blocked, gently=True)
-        elif self._is_at(self._goal):
-            self._follow(_STILL, gently=True)
-        else:
-            self._move(self._goal, gently=True)
-
-    def _is_at(self, goal: Numbers) -> bool:
-        """Whether the setpoint is within ARRIVED of `goal`, and nearly at rest."""
-        distances = (abs(g - p) for g, p in zip(goal, self._position, strict=True))
-        remainders = (
-            abs(rate) * SETTLE + abs(change) * LONGEST_GAP**2
-            for rate, change in zip(self._velocity, self._acceleration, strict=True)
-        )
-        return max(distances) < ARRIVED and max(remainders) < ARRIVED
+    def wait(self, ticks: int) -> None:
+        """Age the last command by `ticks` in which the arm stood still."""
+        self._age += ticks
 
     def tick(self) -> Numbers:
         """Advance by one tick; returns the commanded x, z [m], pitch [rad] (3,) at its
@@ -175,10 +146,10 @@ class MotionProfile:
         return bool(self._elapsed * TICK < self._plan.duration)
 
     def _begin(self) -> None:
-        """Discard age, expiry and goal of the last command."""
+        """Discard age, expiry and waiting move of the last command."""
         self.expired = False
         self._age = 0
-        self._goal = self._next_move = None
+        self._next_move = None
 
     def _arrive(self) -> None:
         """Set the setpoint to the end of the plan exactly, and start a move that waited
@@ -197,12 +168,8 @@ class MotionProfile:
         self,
         target: Numbers,
         blocked: frozenset[int] = frozenset(),
-        *,
-        gently: bool = False,
     ) -> None:
-        """Plan to velocity `target` (3,), slowly near it if `gently`; axes `blocked`
-        brake hard.
-        """
+        """Plan to velocity `target` (3,); axes `blocked` brake hard."""
         request = self._request
         request.control_interface = ruckig.ControlInterface.Velocity
         velocity = list(target)
@@ -217,18 +184,11 @@ class MotionProfile:
         straight = any(target) and not blocked and not any(self._acceleration)
         change = [w - v for w, v in zip(target, self._velocity, strict=True)]
         _limit(request, self._limits, change if straight else _STILL)
-        if gently:
-            request.max_acceleration = [
-                limit if axis in blocked else correcting(abs(change[axis]), limit)
-                for axis, limit in enumerate(request.max_acceleration)
-            ]
         self._calculate(request, self._plan, self._state)
         self._elapsed = 0
 
-    def _move(self, goal: Numbers, *, gently: bool = False) -> None:
-        """Plan a move to rest at `goal` (3,), softly if `gently`; brake first if it
-        would leave.
-        """
+    def _move(self, goal: Numbers) -> None:
+        """Plan a move to rest at `goal` (3,); brake first if it would leave."""
         request = self._request
         request.control_interface = ruckig.ControlInterface.Position
         request.per_dof_synchronization = None
@@ -243,14 +203,6 @@ class MotionProfile:
         )
         _limit(request, self._limits, change)
         request.max_velocity = _share(request.max_velocity, change)
-        if gently:
-            distances = (abs(g - p) for g, p in zip(goal, self._position, strict=True))
-            request.max_acceleration = [
-                settling(distance, abs(rate), limit)
-                for distance, rate, limit in zip(
-                    distances, self._velocity, request.max_acceleration, strict=True
-                )
-            ]
         self._calculate(request, self._plan, self._state)
         self._elapsed = 0
         if self._leaving(self._plan):
@@ -306,28 +258,6 @@ class MotionProfile:
             self._ruckig.calculate(request, plan)
         except ruckig.RuckigError as error:
             raise Fault("motion_refused", " ".join(str(error).split())) from None
-
-
-def settling(distance: float, speed: float, limit: float) -> float:
-    """Acceleration [per s^2], at most `limit`, to stop at `distance` [m or rad] in
-    SETTLE [s].
-
-    Corrections in the shortest time would oscillate about the goal where ticks are
-    lost, as a lost tick continues the acceleration. `speed` is per s.
-    """
-    from_rest = 4 * distance / SETTLE**2
-    to_rest = 2 * speed / SETTLE  # braking takes SETTLE / 2
-    needed = max(from_rest, to_rest)
-    if distance > SMALLEST_CHANGE:
-        needed = max(needed, speed**2 / distance)  # twice what stops at `distance`
-    return min(limit, max(needed, ACCELERATION_FLOOR * limit))
-
-
-def correcting(change: float, limit: float) -> float:
-    """Acceleration [per s^2], at most `limit`, to `change` a speed [per s] in
-    CORRECTION_TIME.
-    """
-    return min(limit, max(change / CORRECTION_TIME, ACCELERATION_FLOOR * limit))
 
 
 def _new_request(limits: MotionLimits, synchronization: ruckig.Synchronization) -> Any:

@@ -4,12 +4,11 @@ the hand.
 A robot stops at a command that does not continue its motion, and goes on by itself
 where it receives none: at its acceleration, or not at all. What it reports of its rates
 may be filtered, late or zero. So each setpoint continues the command that the robot is
-found at by its position alone.
+found at by its position alone, within limits of acceleration and jerk.
 """
 
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from math import sqrt
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -20,7 +19,8 @@ from drivers.base.types import Array
 from drivers.franka.failure import ArmFault, Cause
 from drivers.franka.force import ForceGuard
 from drivers.franka.inverse_kinematics import ELBOW_JOINT, joint_step
-from drivers.franka.kinematics import forward, pose_and_jacobian, pose_from_columns
+from drivers.franka.kinematics import pose_and_jacobian
+from drivers.franka.limits import ACCELERATION, JERK
 
 if TYPE_CHECKING:  # it needs the robot's library
     from drivers.franka.robot import Robot
@@ -30,7 +30,7 @@ JOINT_SPEED = 0.5  # rad/s
 ROUNDING = 3e-7  # rad: more than the rounding of the state
 GOAL_TOLERANCE = 5e-5  # rad from the goal, below which the motion has arrived
 REST_RATE = 1e-3  # rad/s of its setpoint, slow enough to stop the robot within one tick
-ELBOW_GAIN = 20.0  # 1/s, bandwidth of the elbow's return to its angle
+FOLLOWING = 20.0  # 1/s, bandwidth of the return to a path, critically damped
 SUDDEN = 5.0  # times the gain, in a stop while no command was lost
 APPROACH_GAIN = 5.0  # 1/s, rate over the distance near a goal: critically damped
 BRAKING_SHARE = 0.8  # of the acceleration, to brake before a goal
@@ -40,7 +40,6 @@ SURE = 0.2  # of its distance: another way of going on must explain it better
 POSITION_ERROR = 6e-8  # rad, usual rounding of a state
 RATE_ERROR = 2e-4  # rad/s, usual error of a rate after lost commands
 ACCELERATION_ERROR = 0.1  # rad/s^2, likewise
-PREDICTED = 2e-6  # rad from a prediction at which its answer still goes on smoothly
 
 Numbers = list[float]
 
@@ -59,12 +58,13 @@ class JointSetpoint(NamedTuple):
         """Setpoint at rest at `joints` (7,) [rad]."""
         return cls(np.array(joints), np.zeros(AXES), np.zeros(AXES))
 
-    def commanded(self, joints: Numbers) -> "JointSetpoint":
-        """Setpoint one tick later of a robot that receives the command `joints` (7,)
-        [rad].
-        """
-        rate = (np.array(joints) - self.position) / TICK
-        return JointSetpoint(np.array(joints), rate, (rate - self.rate) / TICK)
+    def to(self, joints: Numbers | Array, ticks: int = 1) -> "JointSetpoint":
+        """Setpoint `ticks` later at `joints` (7,) [rad], by one acceleration."""
+        position = np.array(joints)
+        mean = (position - self.position) / (ticks * TICK)
+        acceleration = (mean - self.rate) / (0.5 * (ticks + 1) * TICK)
+        rate = mean + 0.5 * (ticks - 1) * TICK * acceleration
+        return JointSetpoint(position, rate, acceleration)
 
     def after(self, ticks: int) -> "JointSetpoint":
         """Setpoint `ticks` later of a robot without a command, at its acceleration."""
@@ -111,32 +111,68 @@ class Explanation(NamedTuple):
     setpoint: JointSetpoint
 
 
+class RateLimits(NamedTuple):
+    """Limits on changes of a joint's rate: acceleration [rad/s^2] and jerk [rad/s^3].
+
+    `gain` [1/s] is from an error of the rate to the acceleration, stable where commands
+    are lost for 15 ms; without losses a stop may have more.
+    """
+
+    acceleration: float
+    jerk: float
+    gain: float = 20.0
+
+
+GENTLE = RateLimits(acceleration=1.5, jerk=50.0)
+HARD = RateLimits(acceleration=8.0, jerk=2000.0)
+"""For a stop out of contact."""
+ALLOWED = RateLimits(0.98 * float(ACCELERATION.min()), 0.98 * float(JERK.min()))
+"""Of the robot itself, less the rounding of what it reports."""
+
+
 class CommandedJoints:
     """Motion of a robot's joints as it is commanded, found again after lost commands.
 
     A robot that receives no command goes on at its acceleration, or holds its joints;
     which of both is learned from where it is. Its `setpoint` at robot time `seconds` is
     that of the command which explains its position best; what the position differs
-    corrects the acceleration with which it went on.
+    corrects the acceleration with which it went on. `holds` is whether it was found to
+    hold, `stands` whether it holds now, and the last command has to be sent again.
     """
 
     def __init__(self, state: Any) -> None:
         """Begin at rest at the joints that the robot's `state` reports as commanded."""
         self.setpoint = JointSetpoint.resting(state.q_d)
         self.seconds: float = state.time.to_sec()
+        self.holds = self.stands = False
+        self._alone = 0  # ticks since the robot got a command
         self._sent: deque[SentCommand] = deque(maxlen=UNDER_WAY)
-        self._holds = False
 
-    def send(self, joints: Numbers) -> None:
-        """Remember the command `joints` (7,) [rad], which answers the last state."""
-        setpoint = self.setpoint.commanded(joints)
-        self._sent.append(SentCommand(self.seconds + TICK, setpoint))
+    def go_on(self, acceleration: Array, limits: RateLimits) -> Numbers:
+        """Joints (7,) [rad] that answer the last state, at an `acceleration` (7,)
+        [rad/s^2].
 
-    def without_command(self) -> JointSetpoint:
-        """Setpoint in a tick of a robot that receives no command, as it went on
-        before.
+        It is reduced to the `limits`, and so is its change, in the mean over the ticks
+        in which the robot got no command.
         """
-        return self.setpoint if self._holds else self.setpoint.after(1)
+        position, rate, before = self.setpoint
+        wanted = _clip(acceleration, limits.acceleration)
+        jerk = min((1 + self._alone) * limits.jerk, ALLOWED.jerk)
+        change = _clip(wanted - before, jerk * TICK)
+        joints: Numbers = (position + TICK * (rate + TICK * (before + change))).tolist()
+        self._send(joints)
+        return joints
+
+    def again(self) -> Numbers:
+        """The last command (7,) [rad] again, for a robot that `stands`."""
+        joints: Numbers = self._sent[-1].setpoint.position.tolist()
+        self._send(joints)
+        return joints
+
+    def _send(self, joints: Numbers) -> None:
+        """Remember the command `joints` (7,) [rad], which answers the last state."""
+        setpoint = self.setpoint.to(joints)
+        self._sent.append(SentCommand(self.seconds + TICK, setpoint))
 
     def update(self, state: Any) -> bool:
         """Find the setpoint in the robot's `state`; whether it is where the last
@@ -146,9 +182,11 @@ class CommandedJoints:
         self.seconds = state.time.to_sec()
         last = self._sent[-1] if self._sent else before
         in_time = self._ticks_since(last) == 0
+        self.stands = False
         if in_time and _distance(state, last.setpoint) == 0.0:
             self.setpoint = last.setpoint
             self._sent.clear()
+            self._alone = 0
             return True
         self._find(state, before)
         return in_time and _distance(state, last.setpoint) < ROUNDING
@@ -157,13 +195,16 @@ class CommandedJoints:
         """Set the setpoint of a robot in `state` that was at `before` at the last
         one.
         """
-        went_on = self._nearest(state, (before, *self._sent), holds=self._holds)
-        otherwise = self._nearest(state, (before, *self._sent), holds=not self._holds)
+        went_on = self._nearest(state, (before, *self._sent), holds=self.holds)
+        otherwise = self._nearest(state, (before, *self._sent), holds=not self.holds)
         if otherwise.off < ROUNDING < SURE * went_on.off:
-            self._holds = not self._holds
+            self.holds = not self.holds
             went_on = otherwise
         while self._sent and self._sent[0].due <= went_on.sent.due:
             self._sent.popleft()
+        got_none = went_on.sent is before
+        self.stands = self.holds and got_none and bool(self._sent)
+        self._alone = self._ticks_since(went_on.sent) + got_none * self._alone
         self.setpoint = went_on.setpoint
         if went_on.off > 0.0:
             ticks = max(self._ticks_since(went_on.sent), 1)
@@ -184,23 +225,6 @@ class CommandedJoints:
     def _ticks_since(self, sent: SentCommand) -> int:
         """Ticks from where `sent` was due until the last state."""
         return round((self.seconds - sent.due) / TICK)
-
-
-class RateLimits(NamedTuple):
-    """Limits on changes of a joint's rate: acceleration [rad/s^2] and jerk [rad/s^3].
-
-    `gain` [1/s] is from an error of the rate to the acceleration, stable where commands
-    are lost for 15 ms; without losses a stop may have more.
-    """
-
-    acceleration: float
-    jerk: float
-    gain: float = 20.0
-
-
-GENTLE = RateLimits(acceleration=1.5, jerk=50.0)
-HARD = RateLimits(acceleration=8.0, jerk=2000.0)
-"""For a stop out of contact."""
 
 
 class JointMotion:
@@ -241,16 +265,11 @@ class JointMotion:
 
     def tick(self) -> Numbers:
         """Next setpoint (7,) [rad] of all joints."""
-        position, rate, acceleration = self._commanded.setpoint
         limits = self._limits
         sudden = self._goal is None and not self._missed
         gain = SUDDEN * limits.gain if sudden else limits.gain
-        target = _clip(gain * (self._wanted() - rate), limits.acceleration)
-        change = _clip(target - acceleration, limits.jerk * TICK)
-        rate = rate + TICK * (acceleration + change)
-        joints: Numbers = (position + TICK * rate).tolist()
-        self._commanded.send(joints)
-        return joints
+        change = gain * (self._wanted() - self._commanded.setpoint.rate)
+        return self._commanded.go_on(change, limits)
 
     def update(self, state: Any) -> None:
         """Go on from where the robot is found in its `state`."""
@@ -309,176 +328,85 @@ def follow_joints(
     return list(state.q)
 
 
-@dataclass(frozen=True)
-class CartesianState:
-    """The robot's `state` at robot time `seconds`, with the hand's commanded pose and
-    derivatives.
+class HandMotion:
+    """Generator of joint setpoints (7,) [rad] that take the hand along given poses.
 
-    Pose (16,) by columns, twist (6,) [m/s, rad/s] and its derivative; all else is of
-    `state`.
+    The elbow, joint 3, stays. The client library's Cartesian commands carry no elbow:
+    the robot's own inverse kinematics would choose one (frankx#22), and over a fold it
+    may wander into a joint's end.
+
+    The joints of a pose are prepared before the state that they answer arrives, as that
+    takes much of a tick. A robot that went on without a command returns to the path,
+    which goes on meanwhile; for one that held its joints the path waits.
     """
 
-    state: Any
-    seconds: float
-    O_T_EE_c: Numbers
-    O_dP_EE_c: Numbers
-    O_ddP_EE_c: Numbers
+    def __init__(self, state: Any) -> None:
+        """Begin at rest at the joints that the robot's `state` reports as commanded."""
+        self._commanded = CommandedJoints(state)
+        self._aim = self._commanded.setpoint
+        self._elbow = float(self._aim.position[ELBOW_JOINT])
+        self._prepared = False
+        self._lost = 0  # ticks of the path, which are still to be prepared
 
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self.state, name)
+    @property
+    def ticks_due(self) -> int:
+        """Ticks of the path to the pose to prepare; 0 where one is prepared."""
+        return 0 if self._prepared else 1 + self._lost
 
+    @property
+    def seconds(self) -> float:
+        """Robot time [s] of the last state."""
+        return self._commanded.seconds
 
-class CartesianMotion:
-    """Converter of hand poses to joints (7,) [rad], sent to a robot; the elbow, joint
-    3, stays.
-
-    The client library's Cartesian commands carry no elbow: the robot's own inverse
-    kinematics would choose one (frankx#22), and over a fold it may wander into a
-    joint's end.
-
-    Resynchronising after a missed command can take longer than a tick. On its
-    `own_clock` the robot is therefore predicted one tick ahead, as it keeps its
-    acceleration; the command for that tick is computed meanwhile and sent when the
-    robot arrives there.
-    """
-
-    def __init__(self, robot: "Robot", *, own_clock: bool = False) -> None:
-        """Send joint commands to `robot`, a tick ahead if it runs on its
-        `own_clock`.
+    @property
+    def at_rest(self) -> bool:
+        """Whether the joints are commanded so slowly that they can stop within one
+        tick.
         """
-        self._robot = robot
-        self._own_clock = own_clock
-        # whether `_setpoint` predicts the robot a tick after its last state
-        self._ahead = False
-        self._commanded: CommandedJoints | None = None
-        self._setpoint = JointSetpoint.resting([0.0] * AXES)
-        self._sent_pose: Array | None = None
-        self._past_poses: list[Array] = []  # setpoints (4, 4), the newest first
-        # rad, rad, rad/s: elbow at the start, its commanded angle and rate
-        self._initial_elbow = self._elbow = self._elbow_rate = 0.0
+        return bool(np.abs(self._commanded.setpoint.rate).max() < REST_RATE)
 
-    def start_poses(self) -> Any:
-        """Start a motion commanded by hand poses; the elbow (joint 3) keeps its present
-        angle.
+    def prepare(self, pose: Array) -> None:
+        """Prepare the joints with the hand at `pose` (4, 4), `ticks_due` after the last
+        one.
         """
-        self._commanded = None
-        self._sent_pose = None
-        self._ahead = False
-        return self._robot.start_joints()
-
-    def read(self, motion: Any) -> CartesianState:
-        """Next state of the robot in `motion`, with the hand's setpoint from that of
-        the joints.
-        """
-        state = self._robot.read(motion)
-        if self._commanded is None:
-            self._commanded = CommandedJoints(state)
-            self._resynchronise(self._commanded.setpoint)
-            self._initial_elbow = self._elbow
-        else:
-            self._advance(self._commanded, state)
-        pose, last_pose, pose_before = self._past_poses
-        twist = _twist(pose, last_pose)
-        twist_change = (twist - _twist(last_pose, pose_before)) / TICK
-        return CartesianState(
-            state=state,
-            seconds=self._commanded.seconds + TICK * self._ahead,
-            O_T_EE_c=pose.T.ravel().tolist(),
-            O_dP_EE_c=twist.tolist(),
-            O_ddP_EE_c=twist_change.tolist(),
-        )
-
-    def _advance(self, commanded: CommandedJoints, state: Any) -> None:
-        """Continue from the robot's `state`; predict a robot on its own clock after a
-        loss.
-        """
-        received = commanded.update(state)
-        if received and self._sent_pose is not None:
-            self._setpoint = commanded.setpoint
-            self._past_poses = [self._sent_pose, *self._past_poses[:2]]
-            return
-        self._ahead = self._own_clock
-        ahead = commanded.without_command()
-        self._resynchronise(ahead if self._ahead else commanded.setpoint)
-
-    def _resynchronise(self, setpoint: JointSetpoint) -> None:
-        """Set the joints' setpoint, the elbow's motion and past hand poses to
-        `setpoint`.
-        """
-        self._setpoint = setpoint
-        self._elbow = float(setpoint.position[ELBOW_JOINT])
-        self._elbow_rate = float(setpoint.rate[ELBOW_JOINT])
-        self._past_poses = _past_poses(setpoint)
-
-    def write_pose(self, motion: Any, pose: Numbers, *, last: bool = False) -> None:
-        """Command the joints that bring the hand to `pose`, a column-major 4x4 matrix
-        (16,).
-
-        Raises ArmFault before the first state.
-        """
-        commanded = self._begun()
-        target = pose_from_columns(pose)
-        joints = self._joints_at(target, self._setpoint)
-        predicted = not self._ahead or self._await_prediction(motion, commanded)
-        if not predicted and not last:
-            return
-        self._sent_pose = target
-        commanded.send(joints)
-        self._robot.write_joints(motion, joints, last=last)
-
-    def brake_joints(self, motion: Any) -> None:
-        """Bring each joint to rest wherever it is, and end the `motion`.
-
-        Raises ArmFault before the first state.
-        """
-        joints = JointMotion(self._begun(), [], 0.0)
-        joints.brake()
-        while not joints.arrived:
-            self._robot.write_joints(motion, joints.tick())
-            joints.update(self._robot.read(motion))
-        self._robot.write_joints(motion, joints.joints, last=True)
-
-    def _begun(self) -> CommandedJoints:
-        """What the robot is commanded; ArmFault before the first state."""
-        if self._commanded is None:
-            raise ArmFault(
-                Cause.COMMAND, "a pose was sent before the first state was read"
-            )
-        return self._commanded
-
-    def _joints_at(self, target: Array, setpoint: JointSetpoint) -> Numbers:
-        """Joints (7,) [rad] with the hand at `target` (4, 4), a tick after
-        `setpoint`.
-        """
-        # one Newton step is exact there
-        near = setpoint.after(1).position
-        # critically damped return of the elbow
-        restoring_rate = (
-            ELBOW_GAIN * (self._initial_elbow - self._elbow) - 2.0 * self._elbow_rate
-        )
-        self._elbow_rate += TICK * ELBOW_GAIN * restoring_rate
-        self._elbow += TICK * self._elbow_rate
+        ticks = self.ticks_due
+        near = self._aim.after(ticks).position
         near_pose, jacobian = pose_and_jacobian(near)
-        joints = near + joint_step(near, near_pose, jacobian, target, self._elbow)
-        return list(joints.tolist())
+        # one Newton step is exact there
+        joints = near + joint_step(near, near_pose, jacobian, pose, self._elbow)
+        self._aim = self._aim.to(joints, ticks)
+        self._prepared, self._lost = True, 0
 
-    def _await_prediction(self, motion: Any, commanded: CommandedJoints) -> bool:
-        """Read the robot's next state; False, and continue from it, where it is not the
-        predicted one.
+    def tick(self) -> Numbers:
+        """Next setpoint (7,) [rad]; what was prepared stays where the last one is sent
+        again.
         """
-        state = self._robot.read_queued(motion)
-        due = commanded.seconds + TICK
-        predicted = self._setpoint
-        commanded.update(state)
-        self._ahead = False
-        self._setpoint = commanded.setpoint
-        if (
-            round((commanded.seconds - due) / TICK) == 0
-            and _distance(state, predicted) < PREDICTED
-        ):
-            return True
-        self._sent_pose = None
-        return False
+        if self._commanded.stands:
+            return self._commanded.again()
+        self._prepared = False
+        aim, found = self._aim.after(self._lost), self._commanded.setpoint
+        before = aim.position - TICK * aim.rate
+        away = before - found.position
+        faster = aim.rate - TICK * aim.acceleration - found.rate
+        change = aim.acceleration + FOLLOWING * (2.0 * faster + FOLLOWING * away)
+        return self._commanded.go_on(change, ALLOWED)
+
+    def rest(self) -> Numbers:
+        """Setpoint (7,) [rad] at which the robot is found, to stay or to end there."""
+        joints: Numbers = self._commanded.setpoint.position.tolist()
+        return joints
+
+    def update(self, state: Any) -> int:
+        """Go on from where the robot is found in its `state`; returns ticks that the
+        path waits.
+        """
+        before = self._commanded.seconds
+        self._commanded.update(state)
+        lost = round((self._commanded.seconds - before) / TICK) - 1
+        if self._commanded.holds:
+            return lost + self._commanded.stands
+        self._lost += lost
+        return 0
 
 
 def largest_difference(
@@ -496,30 +424,6 @@ def _distance(state: Any, setpoint: JointSetpoint) -> float:
     """
     rounded = np.float32(setpoint.position)
     return float(np.abs(np.subtract(state.q_d, rounded)).max())
-
-
-def _past_poses(setpoint: JointSetpoint) -> list[Array]:
-    """Hand poses (4, 4) [m] in the base now, one tick ago and two ticks ago."""
-    position, rate, acceleration = setpoint
-    one_ago = position - TICK * rate
-    two_ago = one_ago - TICK * (rate - TICK * acceleration)
-    joints = np.array([position, one_ago, two_ago])
-    return list(forward(joints))  # in one call: the robot awaits its answer
-
-
-def _twist(after: Array, before: Array) -> Array:
-    """Mean twist (6,) [m/s, rad/s] over one tick that takes pose `before` (4, 4) to
-    `after`.
-
-    The robot differentiates its setpoints in the same way. A twist by the Jacobian at
-    the tick's end is wrong by half of the Jacobian's change, an error that adds up with
-    each lost command.
-    """
-    turn = after[:3, :3] @ before[:3, :3].T
-    angle = [turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]
-    return (
-        np.concatenate([after[:3, 3] - before[:3, 3], np.multiply(0.5, angle)]) / TICK
-    )
 
 
 def _clip(values: Array, limit: float) -> Array:

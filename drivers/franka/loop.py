@@ -3,11 +3,13 @@ robot.
 """
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import degrees, hypot, isfinite
 from multiprocessing.connection import Connection
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from drivers.base.clock import WallClock
 from drivers.base.errors import Fault
@@ -17,8 +19,8 @@ from drivers.base.types import ZERO_VELOCITY, Pose, Velocity
 from drivers.franka.failure import ArmFault, Cause
 from drivers.franka.force import DriftMonitor, ForceGuard
 from drivers.franka.joint_log import JointLog, Timing
-from drivers.franka.joint_motion import CartesianMotion, largest_difference
-from drivers.franka.kinematics import HOME
+from drivers.franka.joint_motion import HandMotion
+from drivers.franka.kinematics import HOME, forward
 from drivers.franka.mailbox import (
     CommandInbox,
     CommandKind,
@@ -26,17 +28,17 @@ from drivers.franka.mailbox import (
     Mailbox,
     Report,
 )
-from drivers.franka.plane import LEANING, OUT_OF_PLANE, FadingOffset, StripPlane
+from drivers.franka.plane import LEANING, OUT_OF_PLANE, StripPlane
 from drivers.franka.process import RobotAccess, TerminationFlag, connection, send
 from drivers.franka.reach import REACTION, ReachGuard
+
+if TYPE_CHECKING:  # it needs the robot's library
+    from drivers.franka.robot import Robot
 
 MOST_MISSED_COMMANDS = 20  # commands at most until the robot follows one
 TICKS_BETWEEN_CHECKS = 10  # ticks between checks of the motion ahead
 VELOCITY_STATES = 8  # states over which the velocity is measured
-# m/s and rad/s of its setpoint at which a robot may be commanded to stand
 BRAKING_TICKS = 1500  # of the hand on its way, much more than a stop needs
-REST_SPEEDS = (1e-4, 3e-4)
-POSE_ROUNDING = 1e-7  # m, and of a rotation's entries
 POLL_INTERVAL = 0.1  # s between checks for the end while no message arrives
 BESIDE = 0.02  # m from the strip's plane at which the arm brakes
 SLOW_SPEED = 0.01  # m/s and rad/s
@@ -75,15 +77,15 @@ class ServoLoop:
     """Control loop, at 1 kHz, of one motion of the arm in the strip's plane, until
     `end`.
 
-    `step` answers the robot's current state with a setpoint and waits for the next
-    state, on the robot's clock or, in lock-step, on the cell's. `ticks` counts the
+    `step` answers a state of the robot with a setpoint: the next one that comes on the
+    robot's clock or, in lock-step, the last one, on the cell's. `ticks` counts the
     steps, `joints` logs them, and `success` is the robot's share of commands received
     in time.
     """
 
     def __init__(
         self,
-        robot: CartesianMotion,
+        robot: "Robot",
         access: RobotAccess,
         commands: Mailbox[LoopCommand],
         reports: Mailbox[Report],
@@ -108,57 +110,62 @@ class ServoLoop:
         self._ending = False
         self._is_commanded = False  # since the last check of the motion ahead
         self._reason: ArmFault | None = None
-        self._halt_by = 0  # tick at which a braking for good is left to the joints
         self.ticks = 0
         self.success = 0.0
         self.joints = JointLog()
         self._measured: deque[tuple[float, Pose]] = deque(maxlen=VELOCITY_STATES + 1)
-        self._motion = robot.start_poses()
-        state = robot.read(self._motion)
-        self._plane = plane_of(installation, state.O_T_EE_c).with_offset_of(
-            state.O_T_EE_c
-        )
-        start = Pose(*self._plane.to_cell(state.O_T_EE_c))
+        self._motion = robot.start_joints()
+        self._state = robot.read(self._motion)
+        self._hand = HandMotion(self._state)
+        place = hand_at(self._state.q_d)
+        self._plane = plane_of(installation, place).with_offset_of(place)
         self._profile = MotionProfile(
-            installation.limits, installation.workspace, start
+            installation.limits,
+            installation.workspace,
+            Pose(*self._plane.to_cell(place)),
         )
-        self._offset = FadingOffset()
         self._reach = ReachGuard(
-            self._plane, installation.limits, state.q, access.limits
+            self._plane, installation.limits, self._state.q, access.limits
         )
-        # missed commands count from here
-        self._state = self._wait_until_followed(state)
-        self._time = self._state.seconds
+        self._wait_until_followed()
         self._publish(self._state)
 
-    def _wait_until_followed(self, state: Any) -> Any:
-        """Repeat the present pose until the robot follows commands, and return its
-        state then.
-        """
+    def _wait_until_followed(self) -> None:
+        """Repeat the present joints until the robot follows commands."""
         for _ in range(MOST_MISSED_COMMANDS):
-            self._robot.write_pose(self._motion, state.O_T_EE_c)
-            state = self._robot.read(self._motion)
-            if state.control_command_success_rate > 0:
+            self._robot.write_joints(self._motion, self._hand.rest())
+            self._receive()
+            if self._state.control_command_success_rate > 0:
                 break
-        return state
+        if not self._lock_step:
+            self._robot.write_joints(self._motion, self._hand.rest())
 
     def step(self) -> None:
-        """Run one tick of the robot's time; raises ArmFault when the robot has stopped.
-
-        On the robot's clock a state is checked after the setpoint that answers it was
-        sent, while the next state is awaited; in lock-step the newest state is checked.
+        """Run one tick of the robot's time; raises ArmFault when the robot has
+        stopped.
         """
         self._take_command()
-        x, z, pitch = self._profile.tick()
-        sent = self._plane.command(x, z, pitch, self._offset.tick())
-        self._robot.write_pose(self._motion, sent)
+        self._prepare()
         if not self._lock_step:
-            self._check_state(self._state)
-        self._state = self._robot.read(self._motion)
-        self.ticks += 1
-        self._resynchronise(self._state, sent)
+            self._receive()
+        self._robot.write_joints(self._motion, self._hand.tick())
         if self._lock_step:
-            self._check_state(self._state)
+            self._receive()
+        self.ticks += 1
+        self._check_state(self._state)
+
+    def _prepare(self) -> None:
+        """Prepare the hand's next joints, before the state arrives that they answer."""
+        ticks = self._hand.ticks_due
+        for _ in range(ticks):
+            self._profile.tick()
+        if ticks:
+            self._hand.prepare(self._plane.command(*self._profile.pose.as_array()))
+
+    def _receive(self) -> None:
+        """Wait for the robot's next state, and find the hand there."""
+        self._state = self._robot.read(self._motion)
+        self._profile.wait(self._hand.update(self._state))
 
     def _check_state(self, state: Any) -> None:
         """Report `state`; brake for too high a force or a motion that the arm cannot
@@ -172,26 +179,24 @@ class ServoLoop:
     def end(self) -> None:
         """Brake the arm to rest and end the motion; later commands are ignored.
 
-        Where so many commands are lost that the hand does not come to rest on its way
-        within BRAKING_TICKS, each joint brakes by itself.
+        A robot that loses so many commands that it does not come to rest within
+        BRAKING_TICKS is left to its own stop.
         """
         self._ending = True
         self._profile.stop()
         until = self.ticks + BRAKING_TICKS
-        while self._profile.moving or not at_rest(self._state):
+        while self._profile.moving or not self._hand.at_rest:
             if self.ticks >= until:
-                self._robot.brake_joints(self._motion)
-                return
+                break
             self.step()
-        self._robot.write_pose(self._motion, self._state.O_T_EE_c, last=True)
+        self._robot.write_joints(self._motion, self._hand.rest(), last=True)
 
     @property
     def halted(self) -> ArmFault | None:
         """Reason why the arm braked finally, once it is at rest; None while it may
         continue.
         """
-        brakes = self._profile.moving and self.ticks < self._halt_by
-        return None if brakes else self._reason
+        return None if self._profile.moving else self._reason
 
     def _take_command(self) -> None:
         """Apply a new command, unless the arm brakes for good; brake once heartbeats
@@ -199,8 +204,8 @@ class ServoLoop:
         """
         if self._ending or self._reason is not None:
             return
-        command = self._inbox.take(self._time)
-        silence = self._inbox.silence(self._time)
+        command = self._inbox.take(self._hand.seconds)
+        silence = self._inbox.silence(self._hand.seconds)
         if command is not None:
             self._apply(command)
         elif silence > self._settings.silence and self._profile.moving:
@@ -236,38 +241,6 @@ class ServoLoop:
         if objection:
             self._brake_for_good(Cause.CONTACT, objection)
 
-    def _resynchronise(self, state: Any, sent: list[float]) -> None:
-        """Continue from the robot's reported setpoint where it differs from the one
-        `sent`.
-
-        A robot that receives a command too late extrapolates the motion, and a command
-        that does not continue it is a discontinuity, which stops the robot.
-        """
-        ticks = round((state.seconds - self._time) / TICK)
-        self._time = state.seconds
-        if ticks > 1 or largest_difference(state.O_T_EE_c, sent) >= POSE_ROUNDING:
-            self._resume(state, ticks - 1)
-
-    def _resume(self, state: Any, lost: int) -> None:
-        """Continue from the robot's setpoint after `lost` ticks, both in the plane and
-        off it.
-
-        The reported velocity is the mean over the last tick, so half a tick old.
-        """
-        half_tick = 0.5 * TICK
-        twist = [
-            velocity + half_tick * acceleration
-            for velocity, acceleration in zip(
-                state.O_dP_EE_c, state.O_ddP_EE_c, strict=True
-            )
-        ]
-        motion = self._plane.split_motion(state.O_T_EE_c, twist, state.O_ddP_EE_c)
-        pose, velocity, acceleration = motion.inside
-        self._profile.resume(
-            Pose(*pose), Velocity(*velocity), Velocity(*acceleration), lost
-        )
-        self._offset.begin(motion.aside)
-
     def _check_ahead(self) -> None:
         """Brake where the motion ahead leads to a pose that the arm could not
         follow.
@@ -288,7 +261,6 @@ class ServoLoop:
         """
         if self._reason is None:
             self._reason = ArmFault(cause, reason)
-            self._halt_by = self.ticks + BRAKING_TICKS
             self._profile.stop()
 
     def _publish(self, state: Any) -> None:
@@ -296,9 +268,9 @@ class ServoLoop:
         plane.
         """
         self.success = state.control_command_success_rate
-        measured = self._checked_pose(state.O_T_EE)
+        measured = self._checked_pose(hand_at(state.q))
         arrival = self._now()
-        self._measured.append((state.seconds, measured))
+        self._measured.append((state.time.to_sec(), measured))
         self.joints.add(self.ticks * TICK if self._lock_step else arrival, state)
         self._reports.write(self._report(state, measured, arrival))
 
@@ -328,7 +300,7 @@ class ServoLoop:
             pitch_commanded=commanded.pitch,
             fx=fx,
             fz=fz,
-            moving=self._profile.moving or not calm,
+            moving=self._profile.moving or not (self._hand.at_rest and calm),
             expired=self._profile.expired,
         )
 
@@ -380,17 +352,18 @@ def warm_up(installation: Installation) -> None:
     profile.set_velocity(Velocity(SLOW_SPEED, SLOW_SPEED, SLOW_SPEED))
     for _ in range(TICKS_BETWEEN_CHECKS):
         x, z, pitch = profile.tick()
-        plane.command(x, z, pitch, FadingOffset().tick())
+        plane.command(x, z, pitch)
         guard.objection(profile.predict(REACTION))
-        profile.resume(profile.pose, profile.velocity, profile.acceleration, 1)
 
 
-def at_rest(state: Any) -> bool:
-    """Whether the hand's commanded twist is zero, or small enough to stop within one
-    tick.
+def hand_at(joints: Sequence[float]) -> list[float]:
+    """Hand pose in the base, a column-major 4x4 matrix (16,), at `joints` (7,) [rad].
+
+    Commanded and measured poses by one kinematics: what a robot states as its hand's
+    pose may be another (franky-sim 1.0.4 reports the commanded one as measured).
     """
-    twist = state.O_dP_EE_c
-    return hypot(*twist[:3]) < REST_SPEEDS[0] and hypot(*twist[3:]) < REST_SPEEDS[1]
+    columns: list[float] = forward(np.array(joints)).T.ravel().tolist()
+    return columns
 
 
 def plane_of(installation: Installation, pose: list[float]) -> StripPlane:
@@ -432,9 +405,8 @@ def run_loop(
         robot.configure(access.settings.collision)
         clock = WallClock(origin)
         termination = TerminationFlag()
-        motion = CartesianMotion(robot, own_clock=not access.settings.in_lock_step)
         loop = ServoLoop(
-            motion, access, commands, reports, clock.now, robot.tared_guard()
+            robot, access, commands, reports, clock.now, robot.tared_guard()
         )
         send(pipe, Ready())
         if access.settings.in_lock_step:

@@ -145,16 +145,12 @@ class Robot:
         A state that is already queued is a tick old: answering it would be late, and a
         loop that needs most of its tick would never catch up. It is dropped.
         """
-        start = perf_counter()
-        state = self.read_queued(motion)
-        if not self._settings.in_lock_step and perf_counter() - start < AWAITED:
-            state = self.read_queued(motion)
-        return state
-
-    def read_queued(self, motion: Any) -> Any:
-        """Next state of the robot in `motion`, one that is already queued included."""
         with _library_errors(self._stop_reason):
-            return motion.readOnce()[0]
+            start = perf_counter()
+            state: Any = motion.readOnce()[0]
+            if not self._settings.in_lock_step and perf_counter() - start < AWAITED:
+                state = motion.readOnce()[0]
+            return state
 
     def write_joints(
         self, motion: Any, joints: list[float], *, last: bool = False

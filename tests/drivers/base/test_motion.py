@@ -7,7 +7,7 @@ from hypothesis import given, settings, strategies as st
 from cell.base.config.settings import MonitorLimits
 from drivers.base.errors import ConfigurationError, Fault
 from drivers.base.installation import AxisLimits, MotionLimits, Workspace
-from drivers.base.motion import TICK, MotionProfile
+from drivers.base.motion import EXPIRY_TICKS, TICK, MotionProfile
 from drivers.base.settings import parse
 from drivers.base.types import ZERO_VELOCITY, Pose, Velocity
 
@@ -172,20 +172,14 @@ def test_move_that_would_swing_out_is_braked_first() -> None:
     assert profile.pose == Pose(0.3, 0.399, 1.0)
 
 
-@pytest.mark.parametrize(
-    ("off", "rate", "corrected"),
-    [(1e-5, 0.0, False), (1e-3, 0.0, True), (0.0, 0.02, True)],
-)
-def test_what_lost_ticks_leave_is_corrected_unless_it_is_tiny(
-    off, rate, corrected
-) -> None:
-    profile, motion = profile_at(), Velocity(rate, 0.0, 0.0)
-    profile.move_to(MIDDLE)
-    profile.resume(
-        Pose(MIDDLE.x + off, MIDDLE.z, MIDDLE.pitch), motion, ZERO_VELOCITY, 1
-    )
-    ticks(profile, 2000)
-    assert (profile.pose == MIDDLE) is corrected
+def test_velocity_expires_in_ticks_in_which_the_arm_stands_too() -> None:
+    profile = profile_at()
+    profile.set_velocity(Velocity(0.05, 0.0, 0.0))
+    profile.wait(EXPIRY_TICKS - 2)
+    profile.tick()
+    assert not profile.expired
+    ticks(profile, 2)
+    assert profile.expired
 
 
 @pytest.mark.parametrize(

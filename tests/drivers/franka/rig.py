@@ -13,10 +13,8 @@ import numpy as np
 from drivers.base.installation import Installation
 from drivers.base.types import frozen
 from drivers.franka.force import ForceGuard
-from drivers.franka.joint_motion import CartesianMotion
 from drivers.franka.loop import ServoLoop
 from drivers.franka.mailbox import CommandKind, LoopCommand, Mailbox, Report
-from drivers.franka.plane import StripPlane
 from drivers.franka.process import RobotAccess
 from drivers.franka.reach import plan_reach
 from drivers.franka.settings import CollisionSettings, FciSettings, HandLimits
@@ -47,36 +45,34 @@ class FakeRobot:
     told.
     """
 
-    def __init__(self, pose: list[float] | None = None) -> None:
-        self.pose = columns(StripPlane(PLANE).matrix(*START)) if pose is None else pose
-        self.joints = JOINTS
+    def __init__(self, joints: list[float] | None = None) -> None:
+        self.joints = JOINTS if joints is None else joints
+        self.measured: list[float] | None = None  # joints, where not as commanded
         self.force, self.torques = [0.0] * 6, [0.0] * 7
         self.written: list[list[float]] = []
         self.ended, self.clock = False, 0
-        self.twist, self.twist_change = [0.0] * 6, [0.0] * 6
 
-    def start_poses(self) -> "FakeRobot":
+    def start_joints(self) -> "FakeRobot":
         return self
 
     def read(self, motion: object) -> SimpleNamespace:
         self.clock += 1
+        now = self.clock
         return SimpleNamespace(
-            seconds=1e-3 * self.clock,
-            O_dP_EE_c=self.twist,
-            O_ddP_EE_c=self.twist_change,
-            **dict.fromkeys(("q", "q_d", "dq", "tau_J"), self.joints),
-            O_T_EE=self.pose,
-            O_T_EE_c=self.pose,
+            time=SimpleNamespace(to_sec=lambda: 1e-3 * now),
+            **dict.fromkeys(("q_d", "tau_J"), self.joints),
+            q=self.measured or self.joints,
+            dq=[0.0] * 7,
             O_F_ext_hat_K=self.force,
             tau_ext_hat_filtered=self.torques,
             control_command_success_rate=1.0,
         )
 
-    def write_pose(
-        self, motion: object, pose: list[float], *, last: bool = False
+    def write_joints(
+        self, motion: object, joints: list[float], *, last: bool = False
     ) -> None:
-        self.written.append(pose)
-        self.pose = pose
+        self.written.append(joints)
+        self.joints = joints
         self.ended = last
 
 
@@ -129,13 +125,10 @@ class LossyRobot:
             q_d=rounded(posture.q),
             dq_d=rounded(reported.velocity),
             ddq_d=rounded(reported.acceleration),
-            O_T_EE=rounded(posture.reached.T.ravel()),
             O_F_ext_hat_K=[0.0] * 6,
             **dict.fromkeys(("dq", "tau_J", "tau_ext_hat_filtered"), [0.0] * 7),
             control_command_success_rate=float(self._heard),
         )
-
-    read_queued = read
 
     def _command(self, joints: np.ndarray, last: bool) -> None:
         """Hear it or lose it, and lose the ticks after it or not."""
@@ -204,10 +197,6 @@ def begun(robot: Any = None, *, lock_step: bool = True, guard=None) -> Driven:
         guard or ForceGuard(settings.guard),
     )
     return Driven(robot, ServoLoop(robot, access, *boxes, lambda: 0.0, guard), *boxes)
-
-
-def begun_losing(robot: "LossyRobot", *, own_clock: bool = False) -> Driven:
-    return begun(CartesianMotion(robot, own_clock=own_clock))
 
 
 def columns(pose: np.ndarray) -> list[float]:

@@ -1,6 +1,5 @@
 """A loop that fell behind a robot on its own clock answers what has just come."""
 
-from functools import partialmethod
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,13 +11,11 @@ import drivers.franka.robot
 from drivers.franka.mailbox import CommandKind
 from drivers.franka.robot import Robot
 from drivers.franka.settings import FciSettings
-from drivers.twin.fci_server.robot import MOST_MISSED_TICKS
 from drivers.twin.fci_server.wire import RobotCommand
-from tests.drivers.franka.rig import JOINTS, LossyRobot, begun_losing, joint_command
+from tests.drivers.franka.rig import JOINTS, LossyRobot, begun, joint_command
 
 # s: of the robot, to read a state, of each message
 TICK, AT_HAND, ON_THE_WAY = 1e-3, 2e-5, 1e-4
-RESUMED = 1.2e-3  # s to an answer after one that was lost: more than a tick
 # s from a state to its answer, and for what comes after that
 ANSWER, AFTER = 0.6e-3, 0.39e-3
 
@@ -72,7 +69,7 @@ def test_a_loop_that_is_too_slow_loses_every_other_command_not_all(
 
 
 class Timed(LossyRobot):
-    """A robot on its own clock in simulated time, before which answers take a while."""
+    """A robot on its own clock in simulated time, which a loop's work takes up."""
 
     def __init__(self) -> None:
         super().__init__(JOINTS)
@@ -80,17 +77,11 @@ class Timed(LossyRobot):
         self._next: RobotCommand | None = None
         self._seen = -1
 
-    def _taken(self, motion: object, *, fresh: bool) -> SimpleNamespace:
+    def read(self, motion: object) -> SimpleNamespace:
+        self.now = max(self.now, (self.robot.time + 1) * TICK) + AT_HAND
         self._go_on()
-        if fresh or self.robot.time == self._seen:
-            self.now = (self.robot.time + 1) * TICK
-            self._go_on()
         self._seen, self._answered = self.robot.time, True
-        self.now += (RESUMED if self.row else ANSWER) if fresh else AT_HAND
         return super().read(motion)
-
-    read = partialmethod(_taken, fresh=True)
-    read_queued = partialmethod(_taken, fresh=False)
 
     def _command(self, joints: np.ndarray, last: bool) -> None:
         self._go_on()
@@ -112,16 +103,23 @@ class Timed(LossyRobot):
             self.robot.time, self._next = self.robot.time + 1, None
 
 
-@pytest.mark.parametrize("own_clock", [False, True])
-def test_one_lost_command_does_not_lose_all_that_follow(own_clock: bool) -> None:
+def test_pose_is_worked_out_before_the_state_arrives_that_it_answers(
+    monkeypatch,
+) -> None:
     robot = Timed()
-    setup = begun_losing(robot, own_clock=own_clock)
+    setup = begun(robot, lock_step=False)
+    prepare = setup.loop._prepare
+
+    def worked() -> None:
+        prepare()
+        robot.now += ANSWER
+
+    monkeypatch.setattr(setup.loop, "_prepare", worked)
     setup.order(CommandKind.FOLLOW, -0.1, 0.05, 0.0)
     setup.steps(60)
-    assert robot.longest <= 2
+    assert robot.longest == 0
     robot.now += 2 * TICK
     setup.order(CommandKind.FOLLOW, -0.1, 0.05, 0.0)
     setup.steps(60)
-    assert (robot.longest <= 5) is own_clock
-    assert (robot.longest <= MOST_MISSED_TICKS) is own_clock
-    assert bool(robot.robot.errors) is not own_clock
+    assert 0 < robot.longest <= 2
+    assert not robot.robot.errors

@@ -19,7 +19,7 @@ from tests.drivers.franka.rig import (
     PLANE,
     START,
     LossyRobot,
-    begun_losing,
+    begun,
 )
 
 FOLLOWED = np.array([-1.0, -1.0, 0.0, 0.5, 1.0])  # of the highest velocity of an axis
@@ -35,7 +35,7 @@ def test_full_speed_reversals_at_any_place_stay_within_the_joints_limits(
         LossyRobot(JOINTS, seed, 1, share=0.0),
         np.random.default_rng(5000 + seed),
     )
-    setup = begun_losing(robot)
+    setup = begun(robot)
     fastest = 0.0
     for _ in range(16):
         if rng.random() < 0.3:

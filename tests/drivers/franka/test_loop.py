@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drivers.franka.failure import ArmFault, Cause
-from drivers.franka.inverse_kinematics import rotation
+from drivers.franka.inverse_kinematics import rotation, solve
 from drivers.franka.mailbox import CommandKind
 from drivers.franka.plane import StripPlane
 from tests.drivers.franka.rig import (
@@ -15,8 +15,6 @@ from tests.drivers.franka.rig import (
     FakeRobot,
     LossyRobot,
     begun,
-    begun_losing,
-    columns,
 )
 
 
@@ -25,20 +23,25 @@ def setup() -> Driven:
     return begun()
 
 
-def test_first_command_is_the_pose_that_the_robot_commands_itself() -> None:
+def joints_at(pose: np.ndarray) -> list[float]:
+    return solve(pose, np.array(JOINTS)).tolist()
+
+
+def test_first_command_is_where_the_robot_is_commanded_itself() -> None:
     aside = StripPlane(PLANE).matrix(*START)
     aside[:3, 3] += [0.002, -0.001, 0.001]
-    setup = begun(FakeRobot(columns(aside)))
-    assert setup.robot.written[0] == columns(aside)
+    joints = joints_at(aside)
+    setup = begun(FakeRobot(joints))
+    assert setup.robot.written[0] == joints
     setup.loop.step()
-    assert setup.robot.written[-1] == pytest.approx(columns(aside), abs=1e-15)
+    assert setup.robot.written[-1] == pytest.approx(joints, abs=1e-12)
 
 
 def test_arm_out_of_the_strip_s_plane_is_not_taken_over() -> None:
     aside = StripPlane(PLANE).matrix(*START)
     aside[0, 3] += 0.02
     with pytest.raises(ArmFault, match="beside the strip's plane") as failed:
-        begun(FakeRobot(columns(aside)))
+        begun(FakeRobot(joints_at(aside)))
     assert failed.value.cause is Cause.PLACE
 
 
@@ -47,13 +50,13 @@ def test_hand_that_leans_out_of_the_plane_is_not_taken_over(axis: int) -> None:
     leaning = StripPlane(PLANE).matrix(*START)
     leaning[:3, :3] = leaning[:3, :3] @ rotation(0.1 * np.eye(3)[axis])
     with pytest.raises(ArmFault) as failed:
-        begun(FakeRobot(columns(leaning)))
+        begun(FakeRobot(joints_at(leaning)))
     assert failed.value.cause is Cause.PLACE
 
 
 def test_motion_ends_only_once_the_arm_rests() -> None:
     robot = LossyRobot(JOINTS)
-    setup = begun_losing(robot)
+    setup = begun(robot)
     setup.order(CommandKind.FOLLOW, -0.1, 0.1, 0.3)
     setup.steps(60)
     assert np.linalg.norm(robot.robot.posture.tool.velocity[:3]) > 0.05
@@ -63,10 +66,11 @@ def test_motion_ends_only_once_the_arm_rests() -> None:
 
 
 def test_hand_that_is_turned_is_taken_over_turned() -> None:
-    turned = columns(StripPlane(PLANE, turned=True).matrix(*START))
+    turned = joints_at(StripPlane(PLANE, turned=True).matrix(*START))
     setup = begun(FakeRobot(turned))
-    setup.loop.step()
-    assert setup.robot.written[0] == pytest.approx(turned, abs=1e-12)
+    report = setup.steps(1)
+    assert setup.robot.written[-1] == pytest.approx(turned, abs=1e-12)
+    assert (report.x, report.z, report.pitch) == pytest.approx(START, abs=1e-6)
 
 
 def test_loop_follows_orders_and_reports_what_it_measured(setup) -> None:
@@ -80,26 +84,32 @@ def test_loop_follows_orders_and_reports_what_it_measured(setup) -> None:
     assert report.ticks == 2010
 
 
-@pytest.mark.parametrize(("lock_step", "reported"), [(True, 0), (False, 1)])
-def test_on_the_robot_s_clock_the_answer_goes_out_before_the_report(
-    lock_step: bool, reported: int
-) -> None:
+@pytest.mark.parametrize("lock_step", [False, True])
+def test_state_is_reported_once_it_is_answered(lock_step: bool) -> None:
     setup = begun(lock_step=lock_step)
-    seen: list[tuple[int, int]] = []  # reports at each write and at each read
-    before, write, read = setup.reports.count, setup.robot.write_pose, setup.robot.read
+    seen: list[str] = []
+    robot, loop = setup.robot, setup.loop
+    for name, place in (
+        ("write_joints", robot),
+        ("read", robot),
+        ("_publish", loop),
+        ("_prepare", loop),
+    ):
+        act = getattr(place, name)
+        setattr(place, name, told(seen, name, act))
+    loop.step()
+    exchange = ["write_joints", "read"] if lock_step else ["read", "write_joints"]
+    assert seen == ["_prepare", *exchange, "_publish"]
 
-    def written(*given, **named) -> None:
-        seen.append((setup.reports.count - before, 0))
-        write(*given, **named)
 
-    def asked(motion):
-        seen.append((setup.reports.count - before, 1))
-        return read(motion)
+def told(seen: list[str], name: str, act):
+    """`act`, which also tells that it was called."""
 
-    setup.robot.write_pose, setup.robot.read = written, asked
-    setup.loop.step()
-    assert seen == [(0, 0), (reported, 1)]
-    assert setup.reports.count - before == 1
+    def acted(*given, **named):
+        seen.append(name)
+        return act(*given, **named)
+
+    return acted
 
 
 def test_silent_cell_makes_the_arm_brake_for_good(setup) -> None:
@@ -112,16 +122,6 @@ def test_silent_cell_makes_the_arm_brake_for_good(setup) -> None:
     setup.order(CommandKind.MOVE, 0.6, 0.2, 0.0)
     after = setup.steps(100)
     assert (after.x, after.z) == pytest.approx((rest.x, rest.z))
-
-
-def test_silence_before_the_first_command_is_no_failure_though_a_tick_is_lost(
-    setup,
-) -> None:
-    setup.robot.twist[0] = 1e-3  # m/s, from which the motion is resumed
-    for tick in range(1000):
-        setup.robot.clock += tick == 600
-        setup.loop.step()
-    assert setup.loop.halted is None
 
 
 def test_end_brakes_to_rest_and_finishes_the_motion(setup) -> None:

@@ -13,7 +13,7 @@ from drivers.franka.kinematics import HOME
 from drivers.franka.mailbox import CommandKind
 from drivers.twin.fci_server.dynamics import RateReport
 from drivers.twin.fci_server.faults import lost_commands
-from tests.drivers.franka.rig import JOINTS, LossyRobot, begun_losing
+from tests.drivers.franka.rig import JOINTS, LossyRobot, begun
 
 GOAL = HOME + 0.3 * np.array([1.0, 0.5, -0.3, 0.7, 0.1, 0.2, -1.0])
 LOST = (0.0, 0.05, 0.12, 0.25)
@@ -92,7 +92,7 @@ def test_hand_follows_velocities_and_comes_to_rest_whatever_is_lost(
     report: RateReport, holds: bool, share: float
 ) -> None:
     robot = Heard(JOINTS, report, share, holds=holds)
-    setup = begun_losing(robot)
+    setup = begun(robot)
     for vx, vz, turn in ((-0.1, 0.1, 1.2), (-0.15, 0.0, 0.3), (0.0, 0.1, -0.5)):
         setup.order(CommandKind.FOLLOW, vx, vz, turn)
         setup.steps(60)

@@ -26,8 +26,10 @@ from drivers.franka.failure import Cause
 from drivers.franka.force import ForceGuard
 from drivers.franka.hand import FciHand
 from drivers.franka.hand_protocol import HandCommand
+from drivers.franka.inverse_kinematics import solve
 from drivers.franka.joint_motion import follow_joints
 from drivers.franka.joint_requests import GoTo, go_to
+from drivers.franka.kinematics import forward
 from drivers.franka.limits import FR3
 from drivers.franka.mailbox import CommandKind
 from drivers.franka.plane import StripPlane
@@ -47,7 +49,6 @@ from tests.drivers.franka.rig import (
     START,
     LossyRobot,
     begun,
-    columns,
     near,
     served,
     task,
@@ -236,7 +237,7 @@ def test_pose_that_is_not_a_number_stops_the_arm() -> None:
 
     def broken(motion):
         state = read(motion)
-        state.O_T_EE = [float("nan")] * 16
+        state.q = [float("nan")] * 7
         return state
 
     setup.robot.read = broken
@@ -342,9 +343,9 @@ def test_arm_that_is_pushed_out_of_the_strip_s_plane_brakes(
 
     def pushed(motion):
         state = read(motion)
-        pose = np.reshape(state.O_T_EE, (4, 4)).T.copy()
+        pose = forward(np.array(state.q))
         pose[:3, 3] += aside * PLANE.matrix[:3, 1]
-        state.O_T_EE = columns(pose)
+        state.q = solve(pose, np.array(state.q)).tolist()
         return state
 
     setup.robot.read = pushed
