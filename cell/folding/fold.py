@@ -90,6 +90,8 @@ def fold(
         check_camera(calibration, devices)
         foreseen = assess(request, calibration).require()
         correction = request.learning.correction.apply(own)
+        # what it plans takes longer than a turn of the control loop may
+        policy.reset(strip, settings.fold.speed, 1)
         calibration = corrected_calibration(calibration, settings, strip)
         start = time.perf_counter()
         writer = _new_run(request, calibration, devices, correction)

@@ -133,9 +133,9 @@ class FciHand:
             )
         if not self._holds:
             limits = self._settings
-            width = (limits.thinnest + limits.thickest) / 2
-            slack = (limits.thickest - limits.thinnest) / 2
-            values = (width, slack, slack, limits.speed, limits.force)
+            # a hand that only goes to the width that it is told then presses, too
+            thicker = limits.thickest - limits.thinnest
+            values = (limits.thinnest, 0.0, thicker, limits.speed, limits.force)
             self._queue_motions([(HandCommand.GRASP, values)])
 
     def state(self) -> HandState:
