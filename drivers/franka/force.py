@@ -2,51 +2,53 @@
 limits.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import hypot
 from typing import Any, Self
 
 import numpy as np
 
+from drivers.base.motion import TICK
 from drivers.base.types import Array
 from drivers.franka.failure import ArmFault, Cause
+from drivers.franka.model import ArmModel
 
 Numbers = tuple[float, ...]
-Weight = Callable[[Sequence[float]], Array]
-"""Joint torques (7,) [N m] that hold an arm's own weight at its joints (7,) [rad]."""
-TURNED = 0.01  # rad by which a joint turns before the arm's weight is computed again
 NEWEST = 0.2  # share of the newest state in the torques that are felt
 LEAST_WEIGHT = 1.0  # N m, avoids a division by 0
 SETTLING = 0.3  # s at rest before a force counts as drift
 SMOOTHING = 0.5  # s over which the force is averaged
 
 
-class OwnWeight:
-    """Share of an arm's own weight in its estimate of external torques.
+class OwnTorques:
+    """Share of what holds and moves an arm in its estimate of external torques.
 
     A wrong model of the masses leaves a part of it in the estimate, and some robots
-    report all of it. The part changes as the arm moves; a push does not follow it.
+    report all of it: the same share of its weight, which is found at rest, and of its
+    inertia. A push does not follow the arm's motion.
     """
 
-    def __init__(self, weight: Weight, joints: Sequence[float], felt: Array) -> None:
+    def __init__(self, model: ArmModel, joints: Sequence[float], felt: Array) -> None:
         """Find the share in the torques `felt` (7,) [N m] at rest at `joints` (7,)
         [rad].
         """
-        self._weight = weight
-        self._joints = np.array(joints)
-        self._start = self._now = weight(joints)
+        self._model = model
+        self._start = model.torques(joints)
         squares = max(float(self._start @ self._start), LEAST_WEIGHT)
         self.share = float(np.clip(felt @ self._start / squares, -1.0, 1.0))
+        self._seconds, self._rate = 0.0, np.zeros(7)
 
-    def change(self, joints: Sequence[float]) -> Array:
-        """Torques (7,) [N m] by which the estimate changes from rest to `joints` (7,)
-        [rad].
+    def change(self, state: Any) -> Array:
+        """Torques (7,) [N m] by which the estimate changes from rest to the robot's
+        `state`, in motion.
         """
-        if np.abs(np.subtract(joints, self._joints)).max() > TURNED:
-            self._joints = np.array(joints)
-            self._now = self._weight(joints)
-        return self.share * (self._now - self._start)
+        seconds, rate = state.time.to_sec(), np.array(state.dq)
+        passed = max(seconds - self._seconds, TICK)
+        acceleration = (rate - self._rate) / passed
+        self._seconds, self._rate = seconds, rate
+        now = self._model.torques(state.q, rate, acceleration)
+        return np.asarray(self.share * (now - self._start))
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,16 +62,16 @@ class Tare:
 
     wrench: Numbers = (0.0,) * 6
     torques: Numbers = (0.0,) * 7
-    own: "OwnWeight | None" = None
+    own: OwnTorques | None = None
 
     @classmethod
     def from_states(
-        cls, states: Sequence[Any], allowed: float, weight: Weight | None = None
+        cls, states: Sequence[Any], allowed: float, model: ArmModel | None = None
     ) -> Self:
         """Tare from robot `states` at rest; ArmFault for a force above `allowed` [N] or
         NaN.
 
-        With `weight`, the share of the arm's own weight in the estimate is found, too.
+        With a `model` of the arm, the share of its own torques in it is found, too.
         """
         wrench = np.mean([state.O_F_ext_hat_K for state in states], axis=0)
         torques = np.mean([state.tau_ext_hat_filtered for state in states], axis=0)
@@ -80,15 +82,13 @@ class Tare:
         if not (np.isfinite(wrench).all() and np.isfinite(torques).all()):
             reason = "the robot reports moments or torques at rest that are no numbers"
             raise ArmFault(Cause.PRESSED, reason)
-        own = None if weight is None else OwnWeight(weight, states[-1].q, torques)
+        own = None if model is None else OwnTorques(model, states[-1].q, torques)
         return cls(tuple(wrench.tolist()), tuple(torques.tolist()), own)
 
     def torques_in(self, state: Any) -> Array:
-        """Torques (7,) [N m] that are estimated without contact at the joints of
-        `state`.
-        """
+        """Torques (7,) [N m] that are estimated without contact in `state`."""
         torques = np.array(self.torques)
-        return torques if self.own is None else torques + self.own.change(state.q)
+        return torques if self.own is None else torques + self.own.change(state)
 
 
 @dataclass(slots=True)

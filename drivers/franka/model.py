@@ -1,10 +1,11 @@
-"""Mechanics of the Franka arm with its hand, from published numbers: MJCF, URDF,
-gravity.
+"""Mechanics of the Franka arm with its hand, from published numbers: torques, MJCF,
+URDF.
 """
 
 from typing import Annotated
 
 import numpy as np
+from numpy.typing import ArrayLike
 from pydantic import Field
 
 from drivers.base.settings import Settings
@@ -14,7 +15,6 @@ from drivers.franka.kinematics import (
     FLANGE,
     FLANGE_TO_TIP,
     PARAMETERS,
-    frames,
     offset_in_frame,
 )
 
@@ -87,29 +87,31 @@ class ArmPlant(Settings):
     seed: Annotated[int, Field(ge=0)] = 0
 
 
-def holding_torques(q: Array, mass: float, centre: Array) -> Array:
-    """Joint torques (7,) [N m] that hold the arm against gravity at joints `q` (7,)
-    [rad].
+class ArmModel:
+    """Joint torques of the arm with a hand or load by its published masses (MuJoCo)."""
 
-    `mass` [kg] with its `centre` (3,) [m] in the flange's frame is hand and load
-    together.
-    """
-    joints = frames(q)
-    at_joint = np.array(centre, dtype=np.float64)
-    at_joint[2] += FLANGE
-    places = np.einsum("jik,jk->ji", joints[:, :3, :3], CENTRES) + joints[:, :3, 3]
-    held = joints[6, :3, :3] @ at_joint + joints[6, :3, 3]
-    points = np.vstack([places, held])
-    weights = np.append(MASSES, mass) * GRAVITY
-    torques = np.zeros(7)
-    for joint in range(7):
-        origin, axis = joints[joint, :3, 3], joints[joint, :3, 2]
-        beyond = slice(joint, 8)  # links from the joint on, and the load
-        moment = np.cross(
-            points[beyond] - origin, np.outer(weights[beyond], [0.0, 0.0, 1.0])
-        )
-        torques[joint] = float(axis @ moment.sum(axis=0))
-    return torques
+    def __init__(self, mass: float = HAND_MASS, centre: Vector = HAND_CENTRE) -> None:
+        """Arm with `mass` [kg] at its `centre` (3,) [m in the flange's frame]."""
+        import mujoco  # slow, and settings that need no torques are read first
+
+        self._inverse = mujoco.mj_inverse
+        self.model = mujoco.MjModel.from_xml_string(arm_mjcf())
+        self.data = mujoco.MjData(self.model)
+        hand = self.model.body("hand")
+        hand.mass[:] = mass
+        hand.ipos[:] = np.add(centre, (0.0, 0.0, FLANGE))
+
+    def torques(
+        self, q: ArrayLike, rate: ArrayLike = 0.0, change: ArrayLike = 0.0
+    ) -> Array:
+        """Torques (7,) [N m] at joints `q` (7,) [rad], by default those that hold the
+        arm.
+
+        In motion `rate` [rad/s] and its `change` [rad/s^2] are given, (7,) each.
+        """
+        self.data.qpos[:], self.data.qvel[:], self.data.qacc[:] = q, rate, change
+        self._inverse(self.model, self.data)
+        return np.array(self.data.qfrc_inverse)
 
 
 def arm_mjcf() -> str:

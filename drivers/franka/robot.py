@@ -3,7 +3,7 @@ time.
 """
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from importlib.metadata import version
 from time import perf_counter
@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 import pylibfranka as franka
 
-from drivers.base.types import Array
 from drivers.franka.checks import (
     LIBRARY_VERSION,
     read_description,
@@ -23,7 +22,7 @@ from drivers.franka.checks import (
 from drivers.franka.failure import ArmFault, Cause, one_line
 from drivers.franka.force import ForceGuard, Tare
 from drivers.franka.limits import JointLimits
-from drivers.franka.model import holding_torques
+from drivers.franka.model import ArmModel
 from drivers.franka.settings import CollisionSettings, FciSettings, RealTime
 
 TARE_STATES = 50  # states, of which the force at rest is the mean
@@ -118,13 +117,9 @@ class Robot:
             # one after the other, as torques may alternate from state to state
             states = [self._robot.read_once() for _ in range(TARE_STATES)]
         settings = self._settings
-        tare = Tare.from_states(states, settings.rest, self._weight)
+        own = ArmModel(settings.tool.mass, settings.tool.centre)
+        tare = Tare.from_states(states, settings.rest, own)
         return ForceGuard(settings.guard, settings.guard_torque, tare)
-
-    def _weight(self, joints: Sequence[float]) -> Array:
-        """Joint torques (7,) [N m] that hold arm and hand at `joints` (7,) [rad]."""
-        tool = self._settings.tool
-        return holding_torques(np.array(joints), tool.mass, np.array(tool.centre))
 
     def recover(self) -> None:
         """Make the robot recover from a reflex, so that it can move again."""

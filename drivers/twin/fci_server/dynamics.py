@@ -10,7 +10,7 @@ import numpy as np
 from drivers.base.motion import TICK, lag_gain
 from drivers.base.types import Array
 from drivers.franka.kinematics import FLANGE
-from drivers.franka.model import ArmPlant, arm_mjcf
+from drivers.franka.model import ArmModel, ArmPlant
 from drivers.twin.fci_server.posture import Posture, Rates, zero_rates
 
 FRICTION_WIDTH = 0.005  # rad/s over which dry friction changes sign
@@ -40,27 +40,21 @@ class Dynamics:
         unchanged.
         """
         self._plant = plant
-        model = mujoco.MjModel.from_xml_string(arm_mjcf())
+        self._arm = ArmModel()
+        model = self._arm.model
         for number, error in enumerate(plant.mass_error, start=1):
             link = model.body(f"link{number}")
             link.mass *= 1.0 + error
             link.inertia *= 1.0 + error
         model.opt.gravity[:] = _tilt(float(model.opt.gravity[2]), *plant.tilt)
-        self._model = model
-        self._data = mujoco.MjData(model)
         self._payload_point = np.add(plant.payload_at, (0.0, 0.0, FLANGE))
 
     def torque(self, posture: Posture) -> Array:
         """Torques (7,) [N m] of the joints that move the arm as in `posture`."""
         plant = self._plant
-        data = self._data
         rates = posture.joints
         q = posture.q - plant.encoder_bias
-        data.qpos[:] = q
-        data.qvel[:] = rates.velocity
-        data.qacc[:] = rates.acceleration
-        mujoco.mj_inverse(self._model, data)
-        torque = np.array(data.qfrc_inverse)
+        torque = self._arm.torques(q, rates.velocity, rates.acceleration)
         if plant.payload:
             torque += self._payload_torque(rates.velocity, rates.acceleration)
         torque += np.multiply(plant.friction, np.tanh(rates.velocity / FRICTION_WIDTH))
@@ -86,7 +80,7 @@ class Dynamics:
 
     def _payload_torque(self, velocity: Array, acceleration: Array) -> Array:
         """Torques (7,) [N m] of the payload: J' m (J ddq + dJ dq - g) of a point."""
-        model, data = self._model, self._data
+        model, data = self._arm.model, self._arm.data
         body = model.body("link7").id
         point = data.xpos[body] + data.xmat[body].reshape(3, 3) @ self._payload_point
         jacobian, rate = np.zeros((3, 7)), np.zeros((3, 7))

@@ -109,6 +109,15 @@ class RatesFault(Scripted):
     reported: RateReport
 
 
+class ModelFault(Scripted):
+    """Fault: the robot takes a `share` of what moves and holds itself for external
+    torques.
+    """
+
+    kind: Literal["wrong_model"]
+    share: float = Field(ge=-1, le=1)
+
+
 class LossFault(Scripted):
     """Fault: the network loses a `share` of the commands; the robot extrapolates, or
     holds its joints.
@@ -131,6 +140,7 @@ Fault = (
     | ContactFault
     | VersionFault
     | RatesFault
+    | ModelFault
     | LossFault
 )
 
@@ -215,6 +225,8 @@ class Disturbance:
                 self._port.drop()
             case RatesFault():
                 robot.reported.kind = fault.reported
+            case ModelFault():
+                robot.mistaken = fault.share
             case LossFault():
                 robot.holds = fault.holds
                 robot.losses = lost_commands(fault.share, fault.seed)

@@ -145,6 +145,7 @@ class EmulatedRobot:
     pushed: Array = field(default_factory=lambda: np.zeros(3))  # N, by the fault script
     sensors_fail_until: float = 0.0  # ms, by the fault script: what they measure is NaN
     reported: ReportedRates = field(default_factory=ReportedRates)
+    mistaken: float = 0.0  # share of its own torques that it takes for external ones
     losses: Iterator[bool] = field(default_factory=lambda: repeat(False))
     holds: bool = False  # its joints where no command comes, else their acceleration
     time: int = 0

@@ -6,7 +6,7 @@ import numpy as np
 
 from drivers.base.types import GRAVITY, Array
 from drivers.franka.inverse_kinematics import ELBOW_JOINT
-from drivers.franka.model import HAND_INERTIA, holding_torques
+from drivers.franka.model import HAND_INERTIA, ArmModel
 from drivers.twin.fci_server.configuration import Configuration
 from drivers.twin.fci_server.robot import EmulatedRobot
 from drivers.twin.fci_server.wire import Controller, Generator, Reflex
@@ -87,10 +87,9 @@ class Publisher:
         }
         fields["I_ee"][:] = np.diag(HAND_INERTIA).ravel()
         fields["O_ddP_O"][:] = (0.0, 0.0, -GRAVITY)
-        # torques of gravity, and the configuration and joints for which they were
-        # computed
-        self._gravity, self._gravity_q = np.zeros(7), np.zeros(7)
-        self._gravity_configuration: Configuration | None = None
+        self._model, self._modelled = ArmModel(), Configuration()
+        # torques of gravity, and the joints for which they were computed
+        self._gravity, self._gravity_q = np.zeros(7), np.full(7, np.inf)
 
     def datagram(self, robot: EmulatedRobot, rate: float = 0.0) -> bytes:
         """Datagram of `robot` after its last tick; `rate` is the fraction of commands
@@ -168,17 +167,22 @@ class Publisher:
         """
         if robot.dynamics is not None:
             return robot.dynamics.reading(robot.measured, robot.ticks)
-        tool = robot.configuration
-        is_known = self._gravity_configuration is tool
-        if not is_known or np.abs(robot.measured.q - self._gravity_q).max() > TURNED:
+        model = self._model_of(robot.configuration)
+        if np.abs(robot.measured.q - self._gravity_q).max() > TURNED:
             self._gravity_q = np.array(robot.measured.q)
-            self._gravity_configuration = tool
+            self._gravity = model.torques(robot.measured.q)
+        return self._gravity
+
+    def _model_of(self, tool: Configuration) -> ArmModel:
+        """Model of the arm with hand and load as `tool` states them."""
+        if self._modelled is not tool:
             mass = tool.hand_mass + tool.load_mass
             moment = (
                 tool.hand_mass * tool.hand_centre + tool.load_mass * tool.load_centre
             )
-            self._gravity = holding_torques(robot.measured.q, mass, moment / mass)
-        return self._gravity
+            self._model, self._modelled = ArmModel(mass, moment / mass), tool
+            self._gravity_q = np.full(7, np.inf)
+        return self._model
 
     def _put_contact(self, robot: EmulatedRobot) -> None:
         """Write external wrench, torques and contact flags of `robot` into the state's
@@ -186,6 +190,12 @@ class Publisher:
         """
         fields, contact = self.fields, robot.contact
         fields["tau_ext_hat_filtered"][:] = contact.torque
+        if robot.mistaken:
+            arm = robot.measured.joints
+            own = self._model_of(robot.configuration).torques(
+                robot.measured.q, arm.velocity, arm.acceleration
+            )
+            fields["tau_ext_hat_filtered"][:] += robot.mistaken * own
         fields["O_F_ext_hat_K"][:] = contact.wrench
         turn = (
             robot.posture.reached[:3, :3]

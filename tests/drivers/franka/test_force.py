@@ -2,7 +2,6 @@
 
 import time
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -18,9 +17,10 @@ from drivers.franka.joint_requests import GoTo, go_to, retreat
 from drivers.franka.kinematics import HOME
 from drivers.franka.limits import FR3
 from drivers.franka.mailbox import CommandKind
-from drivers.franka.model import holding_torques
+from drivers.franka.model import ArmModel
 from drivers.franka.obstacles import solids_of
 from drivers.franka.settings import FciSettings
+from drivers.twin.fci_server.faults import ModelFault
 from tests.drivers.franka.rig import (
     COLLISION,
     INSTALLATION,
@@ -110,25 +110,44 @@ def test_torques_that_alternate_are_no_push_and_one_that_stays_is_felt_soon() ->
 
 
 @pytest.mark.parametrize("share", [-0.1, 0.05, 1.0])
-def test_own_weight_in_the_estimate_is_no_push_and_hides_none(share: float) -> None:
-    def estimate(joints: Any, push: float = 0.0) -> SimpleNamespace:
-        torques = share * weight(joints)
+@pytest.mark.parametrize("push", [0.0, -16.0, 16.0])
+def test_swing_by_a_wrong_model_is_no_push_and_hides_none(
+    share: float, push: float
+) -> None:
+    """The estimate holds a share of what holds and moves the arm."""
+    model, way = ArmModel(), np.array([0.3, 0.8, 0.0, 0.9, 0.0, 0.0, 0.0])
+
+    def estimate(time: float, push: float = 0.0) -> SimpleNamespace:
+        q, rate, change = (
+            HOME + way * (1.0 - np.cos(5.0 * time)),
+            5.0 * way * np.sin(5.0 * time),
+            25.0 * way * np.cos(5.0 * time),
+        )
+        torques = share * model.torques(q, rate, change)
         torques[3] += push
         return SimpleNamespace(
-            q=list(joints), O_F_ext_hat_K=[0.0] * 6, tau_ext_hat_filtered=torques
+            time=SimpleNamespace(to_sec=lambda: time),
+            q=q.tolist(),
+            dq=rate.tolist(),
+            O_F_ext_hat_K=[0.0] * 6,
+            tau_ext_hat_filtered=torques,
         )
 
-    tare = Tare.from_states([estimate(HOME)] * 3, 10.0, weight)
-    for turn in np.linspace(0.0, 1.0, 50):
-        joints = HOME + turn * np.array([0.3, 0.8, 0.0, 0.9, 0.0, 0.0, 0.0])
-        assert ForceGuard(15.0, 15.0, tare).objection(estimate(joints)) == ""
-        for push in (-16.0, 16.0):
-            pushed = estimate(joints, push)
-            assert "joint 4" in ForceGuard(15.0, 15.0, tare).objection(pushed)
+    rest = estimate(0.0)
+    rest.tau_ext_hat_filtered = share * model.torques(HOME)
+    guard = ForceGuard(15.0, 15.0, Tare.from_states([rest] * 3, 10.0, ArmModel()))
+    for tick in range(1, 600):
+        assert guard.objection(estimate(tick * TICK)) == ""
+    felt = [guard.objection(estimate(0.6 + tick * TICK, push)) for tick in range(20)]
+    assert any("joint 4" in objection for objection in felt) is (push != 0.0)
 
 
-def weight(joints: Any) -> np.ndarray:
-    return holding_torques(np.array(joints), 0.73, np.array([-0.01, 0.0, 0.03]))
+@pytest.mark.parametrize("share", [0.1, 1.0])
+def test_whole_swing_of_a_robot_with_a_wrong_model_meets_nothing(share: float) -> None:
+    wrong = ModelFault(kind="wrong_model", at=0, share=share)
+    with served(faults=[wrong]) as server:
+        go_to(task(server, guard_torque=1.0), GoTo(near(0.6), 1.0))
+        assert server.robot.posture.q == pytest.approx(near(0.6), abs=1e-3)
 
 
 def test_loop_guards_and_reports_force_beyond_the_tare() -> None:

@@ -2,6 +2,8 @@
 commands.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -16,16 +18,10 @@ from drivers.twin.fci_server.faults import lost_commands
 from tests.drivers.franka.rig import JOINTS, LossyRobot, begun
 
 GOAL = HOME + 0.3 * np.array([1.0, 0.5, -0.3, 0.7, 0.1, 0.2, -1.0])
+PLACE = (0.45, 0.25, 0.6)  # m, m, rad
 LOST = (0.0, 0.05, 0.12, 0.25)
 SLOWER = 1.5  # times that of the way without losses, at most
-REPORTS = [
-    RateReport.ZERO,
-    *(
-        pytest.param(report, marks=pytest.mark.slow)
-        for report in RateReport
-        if report is not RateReport.ZERO
-    ),
-]
+LONGEST = 6000  # ticks
 EVERY_WAY = [
     pytest.param(holds, share, id=f"{'held' if holds else 'gone-on'}-{share}")
     for holds in (False, True)
@@ -33,54 +29,70 @@ EVERY_WAY = [
 ]
 
 
-class Heard(LossyRobot):
-    """Keeps the joints that it was commanded in each tick that it has heard."""
+class Losing(LossyRobot):
+    """Loses a share of the commands, and keeps how its joints move in each tick."""
 
     def __init__(self, joints, report: RateReport, share: float, *, holds: bool):
         super().__init__(joints, reports=report, holds=holds)
         self.robot.losses = lost_commands(share, seed=3)
-        self.heard = [np.array(joints)]
+        self.rates = [self.robot.posture.joints]
 
     def _command(self, joints: np.ndarray, last: bool) -> None:
-        before = self.robot.motion
         super()._command(joints, last)
-        if before is not None and before.missed == 0:
-            self.heard.append(joints)
+        rates = self.robot.posture.joints
+        if rates is not self.rates[-1]:
+            self.rates.append(rates)
 
 
-def go_home(report: RateReport, share: float, *, holds: bool) -> Heard:
-    robot = Heard(HOME, report, share, holds=holds)
+Move = Callable[[RateReport, float, bool], Losing]
+
+
+def by_joints(report: RateReport, share: float, holds: bool) -> Losing:
+    robot = Losing(HOME, report, share, holds=holds)
     follow_joints(robot, GOAL.tolist(), 1.0, ForceGuard(20.0), lambda _: False)
     return robot
 
 
+def by_hand(report: RateReport, share: float, holds: bool) -> Losing:
+    robot = Losing(JOINTS, report, share, holds=holds)
+    setup = begun(robot)
+    setup.order(CommandKind.MOVE, *PLACE)
+    while setup.steps(1).moving and robot.robot.time < LONGEST:
+        continue
+    setup.loop.end()
+    return robot
+
+
+@pytest.fixture(scope="module", params=[by_joints, by_hand])
+def move(request) -> Move:
+    return request.param
+
+
 @pytest.fixture(scope="module")
-def undisturbed() -> int:
-    """Ticks of the way without losses."""
-    return go_home(RateReport.EXACT, 0.0, holds=False).robot.time
+def undisturbed(move: Move) -> Losing:
+    return move(RateReport.EXACT, 0.0, False)
 
 
-@pytest.mark.parametrize("report", REPORTS)
+@pytest.mark.parametrize(
+    "report",
+    [
+        pytest.param(report, marks=pytest.mark.slow if number else ())
+        for number, report in enumerate(reversed(RateReport))
+    ],
+)
 @pytest.mark.parametrize(("holds", "share"), EVERY_WAY)
-def test_way_home_arrives_whatever_is_reported_and_lost(
-    report: RateReport, holds: bool, share: float, undisturbed: int
+def test_motion_arrives_in_time_within_the_limits_whatever_is_reported_and_lost(
+    move: Move, report: RateReport, holds: bool, share: float, undisturbed: Losing
 ) -> None:
-    robot = go_home(report, share, holds=holds)
+    robot = move(report, share, holds)
     assert robot.ended
     assert not robot.robot.errors
-    assert robot.robot.posture.q == pytest.approx(GOAL, abs=1e-4)
-    assert robot.robot.time <= SLOWER * undisturbed
-
-
-@pytest.mark.parametrize("holds", [False, True])
-def test_commands_that_are_heard_are_smooth(holds: bool) -> None:
-    # one that holds hears them without those that were lost
-    robot = go_home(RateReport.ZERO, 0.25 if holds else 0.0, holds=holds)
-    path = np.array(robot.heard)
-    rates = np.diff(path, axis=0) / TICK
-    accelerations = np.diff(rates, axis=0) / TICK
+    assert robot.robot.posture.q == pytest.approx(undisturbed.robot.posture.q, abs=1e-4)
+    assert robot.robot.time <= SLOWER * undisturbed.robot.time
+    accelerations = np.array([rates.acceleration for rates in robot.rates[:-1]])
+    velocities = np.array([rates.velocity for rates in robot.rates])
     jerks = np.diff(accelerations, axis=0) / TICK
-    assert (np.abs(rates) <= np.array(limits.FR3.velocity)).all()
+    assert (np.abs(velocities) <= limits.FR3.velocity).all()
     assert (np.abs(accelerations) <= limits.ACCELERATION).all()
     assert (np.abs(jerks) <= limits.JERK).all()
 
@@ -91,7 +103,7 @@ def test_commands_that_are_heard_are_smooth(holds: bool) -> None:
 def test_hand_follows_velocities_and_comes_to_rest_whatever_is_lost(
     report: RateReport, holds: bool, share: float
 ) -> None:
-    robot = Heard(JOINTS, report, share, holds=holds)
+    robot = Losing(JOINTS, report, share, holds=holds)
     setup = begun(robot)
     for vx, vz, turn in ((-0.1, 0.1, 1.2), (-0.15, 0.0, 0.3), (0.0, 0.1, -0.5)):
         setup.order(CommandKind.FOLLOW, vx, vz, turn)

@@ -6,14 +6,14 @@ import pytest
 from drivers.base.types import frozen
 from drivers.franka.collision import Box, Solids, self_clearance
 from drivers.franka.kinematics import HOME
-from drivers.franka.model import holding_torques
+from drivers.franka.model import ArmModel
 from drivers.twin.fci_server.limits import BodyCheck, Violation
 from drivers.twin.fci_server.robot import resting_robot
 from drivers.twin.fci_server.state import Publisher
 from drivers.twin.fci_server.wire import Reflex
 
 FLOOR = Solids(frozen(np.eye(4)), (Box("floor", (-5, -5, -5), (5, 5, 0.0)),))
-HAND = frozen([-0.01, 0.0, 0.03])
+HAND = (-0.01, 0.0, 0.03)
 # the wrist in the shoulder
 FOLDED = frozen([1.06, -1.42, -2.7, -2.49, 2.44, 3.79, 2.07])
 
@@ -22,7 +22,7 @@ def test_state_holds_gravity_of_arm_hand_and_load() -> None:
     robot, publisher = resting_robot(), Publisher()
     publisher.datagram(robot)
     torques = publisher.fields["tau_J"]
-    assert torques == pytest.approx(holding_torques(HOME, 0.73, HAND), abs=1e-4)
+    assert torques == pytest.approx(ArmModel(0.73, HAND).torques(HOME), abs=1e-4)
     assert np.abs(torques).max() > 10.0
 
 
