@@ -12,7 +12,7 @@ from drivers.base.errors import Fault
 from drivers.base.motion import TICK
 from drivers.franka.collision import Box, Solids
 from drivers.franka.failure import ArmFault, Cause
-from drivers.franka.force import DriftMonitor, ForceGuard, OwnWeight, Tare
+from drivers.franka.force import DriftMonitor, ForceGuard, OwnTorques, Tare
 from drivers.franka.joint_requests import GoTo, go_to, retreat
 from drivers.franka.kinematics import HOME
 from drivers.franka.limits import FR3
@@ -69,7 +69,9 @@ def test_moment_that_is_no_number_is_not_tared_away(moment: int) -> None:
 
 @pytest.mark.parametrize(("felt", "share"), [(0.6, 0.6), (3.0, 1.0), (-3.0, -1.0)])
 def test_no_more_than_the_arm_s_own_weight_is_taken_for_it(felt, share) -> None:
-    assert OwnWeight(weight, HOME, felt * weight(HOME)).share == pytest.approx(share)
+    model = ArmModel()
+    own = OwnTorques(model, HOME, felt * model.torques(HOME))
+    assert own.share == pytest.approx(share)
 
 
 def test_guards_hold_beyond_the_tare_and_in_every_direction() -> None:
