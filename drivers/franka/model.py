@@ -90,7 +90,9 @@ class ArmPlant(Settings):
 class ArmModel:
     """Joint torques of the arm with a hand or load by its published masses (MuJoCo)."""
 
-    def __init__(self, mass: float = HAND_MASS, centre: Vector = HAND_CENTRE) -> None:
+    def __init__(
+        self, mass: float = HAND_MASS, centre: ArrayLike = HAND_CENTRE
+    ) -> None:
         """Arm with `mass` [kg] at its `centre` (3,) [m in the flange's frame]."""
         import mujoco  # slow, and settings that need no torques are read first
 
