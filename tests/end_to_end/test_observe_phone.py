@@ -40,15 +40,11 @@ def test_a_film_of_a_phone_is_read_or_refused_by_name(tmp_path: Path) -> None:
     assert found.read > 10
 
 
-@pytest.mark.parametrize(
-    "given", [(), ("--board", "--calibration", "calibration.yaml")]
-)
+@pytest.mark.parametrize("given", [(), ("--board --calibration calibration.yaml",)])
 def test_a_film_is_calibrated_by_a_board_or_by_a_file(
     given: tuple[str, ...],
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    text = refused(
-        monkeypatch, capsys, "observe", "film.mp4", "--strip", "denim", *given
-    )
+    text = refused(monkeypatch, capsys, "observe film.mp4 --strip denim", *given)
     assert "either --board or --calibration" in text

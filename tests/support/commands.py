@@ -1,13 +1,19 @@
 """Commands of `cell` as a shell calls them, in this process."""
 
+import shlex
+from itertools import chain
+
 import pytest
 
 from cell.__main__ import main
 
 
 def run(monkeypatch: pytest.MonkeyPatch, *words: object) -> int:
-    """Exit code of `cell` called with `words` as arguments."""
-    monkeypatch.setattr("sys.argv", ["cell", *map(str, words)])
+    """Exit code of `cell` called with `words`: texts as a shell splits them, and
+    values.
+    """
+    split = (shlex.split(w) if isinstance(w, str) else [str(w)] for w in words)
+    monkeypatch.setattr("sys.argv", ["cell", *chain.from_iterable(split)])
     # else `python -m pytest` is named
     monkeypatch.setattr("__main__.__package__", None)
     with pytest.raises(SystemExit) as ended:

@@ -63,9 +63,7 @@ def test_a_rod_of_newton_has_stiffness_mass_and_yield_angle_of_a_joint(
     path, out = tmp_path / "own.yaml", tmp_path / "out"
     made = strip(name="own", effects=FRICTION | {"air_drag": {"coefficient": 1.0}})
     write_document(path, made.model_dump(mode="json", by_alias=True))
-    done = CliRunner().invoke(
-        app, ["export", str(path), "--format", "newton", "--out", str(out)]
-    )
+    done = CliRunner().invoke(app, f"export {path} --format newton --out {out}")
     assert "not said: the air slows the strip" in done.stdout, done.output
     found, span = json.loads((out / "own.json").read_text()), 0.2 / 19.5
     assert (found["format"], found["version"]) == ("folding-cell rod for newton", 2)

@@ -135,7 +135,5 @@ def test_what_cannot_be_told_is_open_and_refused_by_its_name(tmp_path: Path) -> 
     assert '"tip.csv": gain; ' in text
     _, said = proposed(tables(tmp_path / "b/c", "t,x,hoch", [T, X, Z], ","))
     assert "ticks.columns.z.column: is null" in said
-    again = CliRunner().invoke(
-        app, ["import", "--guess", str(place), "--out", str(place)]
-    )
+    again = CliRunner().invoke(app, f"import --guess {place} --out {place}")
     assert "is there already" in str(again.exception)

@@ -257,7 +257,7 @@ def test_stated_lengths_are_the_shortest_and_the_longest_that_are_folded(
     seen_by, tmp_path
 ) -> None:
     wide = {"COLUMNS": "300", "TERM": "dumb"}
-    texts = [CliRunner().invoke(app, ["fold", "--help"], env=wide).output]
+    texts = [CliRunner().invoke(app, "fold --help", env=wide).output]
     texts.append((CHECKOUT_CONFIGS.parent / "README.md").read_text("utf-8"))
     stated = {
         re.search(r"(0.\d\d) to (0.\d\d) m", re.sub(r"[^\w.]+", " ", text)).groups()

@@ -322,8 +322,7 @@ def test_no_file_is_refused_and_one_with_spaces_quoted(
 ) -> None:
     for file in (bench.root, bench.root / "nope.yaml"):
         words = (
-            "gap",
-            "check",
+            "gap check",
             bench.runs("strip"),
             "--strip",
             file,
@@ -345,7 +344,7 @@ def test_missing_runs_are_refused_and_leave_an_earlier_fit_as_it_is(
     out.mkdir()
     for name in ("verdict.json", "report.html", "fit.json", "overlay.rrd"):
         (out / name).write_text("earlier")
-    words = ("gap", "fit", tmp_path / "none", "--strip", strip, "--out", out)
+    words = ("gap fit", tmp_path / "none", "--strip", strip, "--out", out)
     line = refused(monkeypatch, capsys, *words)
     assert str(tmp_path / "none") in line
     assert {path.read_text() for path in out.iterdir()} == {"earlier"}

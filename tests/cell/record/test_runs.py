@@ -200,5 +200,5 @@ def test_one_bad_run_does_not_spoil_the_list(thirty):
         assert "felt" in done.stdout
     assert list_runs(thirty)[0].outcome == "broken"
     page = thirty / "runs.html"
-    CliRunner().invoke(app, ["runs", "--runs", str(thirty), "--html", str(page)])
+    CliRunner().invoke(app, f"runs --runs {thirty} --html {page}")
     assert 'href="%FF%26/report.html"' in page.read_text()

@@ -296,7 +296,7 @@ def test_page_states_and_draws_what_was_predicted(predicting) -> None:
 def test_page_shows_quality_scale_and_plane(calibration, tmp_path):
     path = tmp_path / "calibration.yaml"
     save_calibration(calibration, path)
-    done = CliRunner().invoke(app, ["report", str(path)])
+    done = CliRunner().invoke(app, f"report {path}")
     assert done.exit_code == 0, done.output
     page = tmp_path / "calibration.html"
     assert done.stdout.strip() == str(page)

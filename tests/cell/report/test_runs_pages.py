@@ -156,7 +156,7 @@ def test_notes_that_cannot_be_read_are_left_as_they_are(
 ) -> None:
     notes = three[0] / "notes.yaml"
     notes.write_text(text)
-    done = CliRunner().invoke(app, ["note", str(three[0]), "--tag", "good"])
+    done = CliRunner().invoke(app, f"note {three[0]} --tag good")
     assert isinstance(done.exception, ConfigurationError)
     assert str(notes) in str(done.exception)
     assert notes.read_text() == text

@@ -91,9 +91,7 @@ def test_the_command_lists_shows_and_refuses(tmp_path: Path) -> None:
     assert listed.exit_code == 0
     assert all(name in listed.output for name in studies())
     filled(tmp_path)
-    shown = CliRunner().invoke(
-        app, ["study", "validity", "--count", "6", "--out", str(tmp_path), "--show"]
-    )
+    shown = CliRunner().invoke(app, f"study validity --count 6 --out {tmp_path} --show")
     assert shown.exit_code == 0
     assert "4 of 6 so far" in shown.output
     assert "no outcome after 600 s" in (tmp_path / "table.md").read_text()
@@ -104,5 +102,5 @@ def test_the_command_lists_shows_and_refuses(tmp_path: Path) -> None:
     ):
         refused = CliRunner().invoke(app, ["study", "validity", *words])
         assert isinstance(refused.exception, ConfigurationError)
-    unknown = CliRunner().invoke(app, ["study", "unkown"])
+    unknown = CliRunner().invoke(app, "study unkown")
     assert "'unkown' is not known (did you mean 'unknown'?)" in str(unknown.exception)

@@ -44,7 +44,7 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_board_is_printed_with_what_to_measure(monkeypatch, capsys, tmp_path) -> None:
     path = tmp_path / "board.pdf"
-    assert run(monkeypatch, "calibrate", "camera", "--print", path, *CONFIGS) == 0
+    assert run(monkeypatch, "calibrate camera --print", path, *CONFIGS) == 0
     width = 1e3 * BoardSettings().width
     assert f"all 9 squares must measure {width:.1f} mm" in capsys.readouterr().out
     assert path.read_bytes().startswith(b"%PDF")
@@ -54,7 +54,7 @@ def test_homography_without_a_lens_says_what_to_run_first(
     monkeypatch, capsys, tmp_path
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    line = refused(monkeypatch, capsys, "calibrate", "homography", *CONFIGS)
+    line = refused(monkeypatch, capsys, "calibrate homography", *CONFIGS)
     assert "run `cell calibrate camera` first" in line
     assert list(tmp_path.iterdir()) == []
 
@@ -65,7 +65,7 @@ def test_pipe_in_the_place_of_a_lens_is_refused_and_never_opened(
     monkeypatch.chdir(tmp_path)
     (tmp_path / "calibrations" / "one").mkdir(parents=True)
     os.mkfifo(tmp_path / "calibrations" / "one" / "camera_info.yaml")
-    line = refused(monkeypatch, capsys, "calibrate", "homography", *CONFIGS)
+    line = refused(monkeypatch, capsys, "calibrate homography", *CONFIGS)
     assert "camera_info.yaml: cannot be read: is a pipe, must be a regular file" in line
 
 
@@ -80,7 +80,7 @@ def test_folder_that_is_no_session_is_refused(
 def test_refused_session_ends_with_one_and_its_reasons(
     monkeypatch, capsys, session
 ) -> None:
-    words = ("calibrate", "homography", "--from", session, "--json", *CONFIGS)
+    words = ("calibrate homography --from", session, "--json", *CONFIGS)
     assert run(monkeypatch, *words) == 1
     line = json.loads(capsys.readouterr().out)
     assert line["accepted"] is False
@@ -89,8 +89,8 @@ def test_refused_session_ends_with_one_and_its_reasons(
 
 
 def test_override_is_accepted_aloud(monkeypatch, capsys, session, tmp_path) -> None:
-    words = ("calibrate", "homography", "--from", session, "--accept-anyway", *CONFIGS)
-    assert run(monkeypatch, *words, "--out", tmp_path / "new", "--without", 4) == 0
+    words = ("calibrate homography --from", session, "--accept-anyway", *CONFIGS)
+    assert run(monkeypatch, *words, "--out", tmp_path / "new", "--without 4") == 0
     said = capsys.readouterr().out
     assert "the latency was not measured" in said
     assert "accepted in spite of this; every run will say so" in said

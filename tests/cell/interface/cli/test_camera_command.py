@@ -54,7 +54,7 @@ def test_listing_names_formats_controls_and_the_section_to_add(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(drivers.v4l2.device, "Kernel", FakeKernel)
-    done = CliRunner().invoke(app, ["camera", "--device", LINK])
+    done = CliRunner().invoke(app, f"camera --device {LINK}")
     assert done.exit_code == 0
     assert "YUYV 64x48 at 60 Hz" in done.stdout
     assert (
@@ -63,9 +63,7 @@ def test_listing_names_formats_controls_and_the_section_to_add(
     )
     section = json.loads(done.stdout.rpartition("camera: ")[2])
     assert V4l2Settings.model_validate(section).device == LINK
-    line = json.loads(
-        CliRunner().invoke(app, ["camera", "--device", LINK, "--json"]).stdout
-    )
+    line = json.loads(CliRunner().invoke(app, f"camera --device {LINK} --json").stdout)
     assert line["camera"] == section
 
 

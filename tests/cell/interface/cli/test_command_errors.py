@@ -40,7 +40,7 @@ def test_broken_strip_file_names_file_and_key(
     line = refused(
         monkeypatch,
         capsys,
-        *("fold", "--strip", "denim", "--configs", configs, "--runs", tmp_path / "r"),
+        *("fold --strip denim --configs", configs, "--runs", tmp_path / "r"),
     )
     assert all(problem.startswith(str(path)) for problem in line.splitlines()), line
     assert said in line
@@ -50,7 +50,7 @@ def test_broken_strip_file_names_file_and_key(
 def test_missing_calibration_is_refused(monkeypatch, capsys, configs, tmp_path) -> None:
     cell = configs / "cell.yaml"
     cell.write_text(cell.read_text() + f"calibration: {tmp_path / 'gone.yaml'}\n")
-    words = ("fold", "--strip", "denim", "--configs", configs, "--runs", tmp_path / "r")
+    words = ("fold --strip denim --configs", configs, "--runs", tmp_path / "r")
     line = refused(monkeypatch, capsys, *words)
     assert "gone.yaml: there is no" in line
     # which replaces the name in cell.yaml
@@ -137,83 +137,82 @@ def test_what_is_refused_at_once_and_what_folds_import_nothing_heavy(
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("fold", "--strip", "silk"), "silk: is neither a strip"),
-        (("fold", "--strip", "demin"), "did you mean 'denim'?"),
+        ("fold --strip silk", "silk: is neither a strip"),
+        ("fold --strip demin", "did you mean 'denim'?"),
         (
-            ("fold", "--strip", "denim", "--policy", "feedbak"),
+            "fold --strip denim --policy feedbak",
             "did you mean 'feedback'?",
         ),
-        (("gap", "plan", "--strip", "demin"), "did you mean 'denim'?"),
+        ("gap plan --strip demin", "did you mean 'denim'?"),
         (
-            ("gap", "fit", "runs", "--strip", "demin", "--out", "out"),
+            "gap fit runs --strip demin --out out",
             "did you mean 'denim'?",
         ),
-        (("home", "--strip", "demin"), "did you mean 'denim'?"),
-        (("jog",), "--x, --z, --pitch: give one at least"),
-        (("jog", "--zz", "1"), "no such option: --zz"),
+        ("home --strip demin", "did you mean 'denim'?"),
+        ("jog", "--x, --z, --pitch: give one at least"),
+        ("jog --zz 1", "no such option: --zz"),
         (
-            ("jog", "--arm", "fcii"),
+            "jog --arm fcii",
             "invalid value for '--arm': 'fcii' is not one of 'twin', 'fci'",
         ),
-        (("note",), "missing argument 'RUN'; `cell note --help` lists what goes"),
+        ("note", "missing argument 'RUN'; `cell note --help` lists what goes"),
         (
-            ("runs", "one", "two"),
+            "runs one two",
             "got unexpected extra argument(s) (one two); `cell runs --help`",
         ),
-        (("runs", "place"), "lists what goes; a folder of runs goes after `--runs`"),
-        (("gap", "fti"), "no such command 'fti'"),
+        ("runs place", "lists what goes; a folder of runs goes after `--runs`"),
+        ("gap fti", "no such command 'fti'"),
         (
-            ("calibrate", "camera", "--resume", "file"),
+            "calibrate camera --resume file",
             "--resume: file holds no session",
         ),
         (
-            ("calibrate", "--out", "file", "camera"),
+            "calibrate --out file camera",
             "cell calibrate: give options after `camera`",
         ),
-        (("report", "gone"), "gone: is not there; see `cell runs`, or give its path"),
+        ("report gone", "gone: is not there; see `cell runs`, or give its path"),
         (
-            ("report", "runs"),
+            "report runs",
             "runs: is not a run: it holds no run.yaml; name one of those in it",
         ),
-        (("note", "file", "--tag", "good"), "file: is a file, a run is a folder"),
-        (("report", "runs/one/run.yaml"), "is a folder; give the folder, runs/one"),
+        ("note file --tag good", "file: is a file, a run is a folder"),
+        ("report runs/one/run.yaml", "is a folder; give the folder, runs/one"),
         (
-            ("gap", "fit", "file", "--strip", "denim", "--out", "out"),
+            "gap fit file --strip denim --out out",
             "file: is a file; give run",
         ),
         (
-            ("report", "file"),
+            "report file",
             "file: is neither a run's folder nor a calibration's YAML file",
         ),
-        (("note", "runs/one"), "--tag, --untag, --text: give one at least"),
+        ("note runs/one", "--tag, --untag, --text: give one at least"),
         (
-            ("runs", "--runs", "runs/one"),
+            "runs --runs runs/one",
             "runs/one: is a run; name the folder that it lies in",
         ),
-        (("train", "--out", "runs"), "--out: runs holds files but no feedback.jsonl"),
-        (("benchmark", "--out", "runs"), "--out: runs holds files but no parts"),
+        ("train --out runs", "--out: runs holds files but no feedback.jsonl"),
+        ("benchmark --out runs", "--out: runs holds files but no parts"),
         (
-            ("gap", "rehearse", "runs", "--strip", "denim", "--out", "runs"),
+            "gap rehearse runs --strip denim --out runs",
             "--out: runs holds files but no journal",
         ),
-        (("import", "runs", "--out", "out"), "runs/one: is a run already"),
-        (("import", "runs/one", "--out", "out"), "runs/one: is a run already"),
+        ("import runs --out out", "runs/one: is a run already"),
+        ("import runs/one --out out", "runs/one: is a run already"),
         (
-            ("import", "file", "--out", "out"),
+            "import file --out out",
             "file: is none of what is read; give tables",
         ),
         (
-            ("gap", "accept", "file", "--strip", "denim"),
+            "gap accept file --strip denim",
             "file: is a file; name the folder that",
         ),
         (
-            ("gap", "advise", "runs"),
+            "gap advise runs",
             "runs/fit.json: is missing; name the folder that",
         ),
-        (("runs", "--delete"), "--keep, --older-than: give one"),
-        (("runs", "--keep", "1", "--delete", "--html", "page"), "go without --html"),
+        ("runs --delete", "--keep, --older-than: give one"),
+        ("runs --keep 1 --delete --html page", "go without --html"),
     ],
-    ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
 )
 def test_words_that_lead_nowhere_are_refused_and_nothing_is_made(
     monkeypatch, capsys, tmp_path, words, said
@@ -223,7 +222,7 @@ def test_words_that_lead_nowhere_are_refused_and_nothing_is_made(
     (tmp_path / "file").write_text("")
     before = sorted(tmp_path.rglob("*"))
     monkeypatch.chdir(tmp_path)
-    line = refused(monkeypatch, capsys, *words)
+    line = refused(monkeypatch, capsys, words)
     assert said in line
     assert "\n" not in line
     assert sorted(tmp_path.rglob("*")) == before
@@ -237,7 +236,7 @@ def test_packaged_configuration_is_not_changed_and_no_arm_moves_for_it(
         "cell.interface.cli.calibrate._open_devices",
         lambda *_: pytest.fail("a device was opened"),
     )
-    words = ("calibrate", "homography", "--use", "--configs", configs)
+    words = ("calibrate homography --use --configs", configs)
     assert refused(monkeypatch, capsys, *words).startswith(
         f"--configs: {configs} belongs"
     )

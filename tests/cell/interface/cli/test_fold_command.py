@@ -41,7 +41,7 @@ def folds(
             return end
 
         fold_by(monkeypatch, fold)
-        words = ("fold", "--strip", "denim", "--json", "--runs", tmp_path / "r", *words)
+        words = ("fold --strip denim --json --runs", tmp_path / "r", *words)
         code = run(monkeypatch, *words)
         told = capsys.readouterr()
         lines = [
@@ -137,7 +137,7 @@ def test_a_defect_of_the_program_is_one_line_and_no_traceback(
         raise ZeroDivisionError("nobody foresaw this")
 
     monkeypatch.setattr("cell.record.listing.list_runs", defect)
-    assert run(monkeypatch, "runs", "--runs", tmp_path) == 1
+    assert run(monkeypatch, "runs --runs", tmp_path) == 1
     told = capsys.readouterr()
     assert told.err.count("\n") == 1
     assert "ZeroDivisionError in test_fold_command.py" in told.err

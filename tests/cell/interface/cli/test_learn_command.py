@@ -104,7 +104,7 @@ def test_the_twin_and_the_real_cell_learn_apart(memory: Memory) -> None:
 def test_a_misspelt_word_is_answered_once_and_with_the_right_one(
     memory: Memory, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    line = refused(monkeypatch, capsys, "learn", "shwo")
+    line = refused(monkeypatch, capsys, "learn shwo")
     assert line.startswith(
         "'shwo' (did you mean 'show'?) is neither show, list, forget"
     )

@@ -65,7 +65,7 @@ def test_three_touched_points_give_the_mounting_and_keep_the_old_one(
         return "\n"
 
     monkeypatch.setattr("cell.interface.cli.arm.ask", touch)
-    result = CliRunner().invoke(app, ["register", "--configs", str(configs)])
+    result = CliRunner().invoke(app, f"register --configs {configs}")
     assert result.exit_code == 0, result.exception
     assert asked == ["1 of 3", "2 of 3", "3 of 3"]
     found = Configs(configs).cell().installation.mounting
@@ -79,8 +79,6 @@ def test_three_touched_points_give_the_mounting_and_keep_the_old_one(
 
 def test_input_that_ended_is_no_touch(server: RobotServer, configs: Path) -> None:
     before = (configs / "cell.yaml").read_bytes()
-    result = CliRunner().invoke(
-        app, ["register", "--configs", str(configs)], input="\n\n"
-    )
+    result = CliRunner().invoke(app, f"register --configs {configs}", input="\n\n")
     assert "the input ended before Enter was pressed" in str(result.exception)
     assert (configs / "cell.yaml").read_bytes() == before

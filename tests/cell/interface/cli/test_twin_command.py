@@ -75,7 +75,7 @@ def test_fault_script_that_says_nothing_possible_is_refused(
 ) -> None:
     script = tmp_path / "faults.yaml"
     script.write_text(text)
-    assert run(monkeypatch, "twin", "serve", "--faults", script) == 2
+    assert run(monkeypatch, "twin serve --faults", script) == 2
     told = capsys.readouterr()
     assert str(script) in told.err
     assert said in told.err
@@ -85,5 +85,5 @@ def test_fault_script_that_says_nothing_possible_is_refused(
 def test_address_that_is_not_this_machines_is_refused(
     monkeypatch, capsys, address: str
 ) -> None:
-    assert run(monkeypatch, "twin", "serve", "--address", address) == 2
+    assert run(monkeypatch, "twin serve --address", address) == 2
     assert "address" in capsys.readouterr().err

@@ -30,7 +30,7 @@ def test_a_strip_file_that_cannot_be_read_does_not_hide_the_others(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], configs: Path
 ) -> None:
     (configs / "strips" / "broken.yaml").write_text("name: [")
-    assert run(monkeypatch, "strips", "--configs", configs) == 0
+    assert run(monkeypatch, "strips --configs", configs) == 0
     told = capsys.readouterr()
     assert "denim" in told.out
     assert told.err.startswith(f"cell: {configs / 'strips' / 'broken.yaml'}")
@@ -41,8 +41,8 @@ def test_measure_prints_pictures_and_leaves_strip_files_alone(
 ) -> None:
     before = (configs / "strips" / "denim.yaml").read_bytes()
     out = tmp_path / "out"
-    words = ("--photo", photo, "--overhang", 0.06, "--out", out, "--configs", configs)
-    assert run(monkeypatch, "strips", "measure", "denim", *words) == 0
+    words = ("--photo", photo, "--overhang 0.06 --out", out, "--configs", configs)
+    assert run(monkeypatch, "strips measure denim", *words) == 0
     told = capsys.readouterr().out
     assert told.startswith("denim: bending length 2")
     assert "95 %" in told
@@ -61,17 +61,14 @@ def test_measure_writes_the_bending_length_and_where_it_comes_from(
         path.read_text().replace("width: 0.05", "width: 0.05  # cut with a knife")
     )
     before = load_strip(path)
-    words = ("--photo", photo, "--overhang", 0.06, "--out", tmp_path / "out")
+    words = ("--photo", photo, "--overhang 0.06 --out", tmp_path / "out")
     code = run(
         monkeypatch,
-        "strips",
-        "measure",
-        "denim",
+        "strips measure denim",
         *words,
         "--configs",
         configs,
-        "--write",
-        "--json",
+        "--write --json",
     )
     assert code == 0
     line = json.loads(capsys.readouterr().out)
@@ -97,25 +94,25 @@ def test_measure_writes_the_bending_length_and_where_it_comes_from(
     ("words", "said"),
     [
         ((), "--photo: is missing"),
-        (("--photo", "{photo}"), "0 given for 1"),
+        (("--photo {photo}",), "0 given for 1"),
         (
-            ("--photo", "{photo}", "--photo", "{photo}", "--overhang", 0.1),
+            ("--photo {photo} --photo {photo} --overhang 0.1",),
             "1 given for 2",
         ),
-        (("--photo", "{photo}", "--overhang", 6), "if 6 is in mm, write 6mm"),
-        (("--photo", "{photo}", "--overhang", -0.1), "at least 0.01 m"),
-        (("--photo", "{photo}", "--overhang", "nan"), "--overhang: 'nan' is no length"),
-        (("--photo", "gone.jpg", "--overhang", 0.1), "gone.jpg: cannot be read"),
-        (("--photo", "{text}", "--overhang", 0.1), "not a picture"),
-        (("--photo", "{empty}", "--overhang", 0.1), "not a picture"),
-        (("--photo", "{dark}", "--overhang", 0.1), "no bright object"),
+        (("--photo {photo} --overhang 6",), "if 6 is in mm, write 6mm"),
+        (("--photo {photo} --overhang -0.1",), "at least 0.01 m"),
+        (("--photo {photo} --overhang nan",), "--overhang: 'nan' is no length"),
+        (("--photo gone.jpg --overhang 0.1",), "gone.jpg: cannot be read"),
+        (("--photo {text} --overhang 0.1",), "not a picture"),
+        (("--photo {empty} --overhang 0.1",), "not a picture"),
+        (("--photo {dark} --overhang 0.1",), "no bright object"),
         (
-            ("--photo", "{edge}", "--overhang", 0.1),
+            ("--photo {edge} --overhang 0.1",),
             "no bright object is wider than two pixels",
         ),
-        (("--photo", "{blob}", "--overhang", 0.1), "no strip"),
-        (("--photo", "{level}", "--overhang", 0.1), "out of range"),
-        (("--photo", "{rising}", "--overhang", 0.1), "does not hang like a strip"),
+        (("--photo {blob} --overhang 0.1",), "no strip"),
+        (("--photo {level} --overhang 0.1",), "out of range"),
+        (("--photo {rising} --overhang 0.1",), "does not hang like a strip"),
     ],
 )
 def test_bad_input_is_one_clear_line_and_nothing_is_written(
@@ -126,9 +123,7 @@ def test_bad_input_is_one_clear_line_and_nothing_is_written(
     line = refused(
         monkeypatch,
         capsys,
-        "strips",
-        "measure",
-        "sample",
+        "strips measure sample",
         *words,
         "--out",
         tmp_path / "out",
@@ -164,32 +159,19 @@ def bad_pictures(folder: Path) -> dict[str, Path]:
 def test_writing_to_an_unknown_strip_is_refused_before_anything_is_measured(
     monkeypatch, capsys, configs, tmp_path, photo
 ) -> None:
-    words = ("--photo", photo, "--overhang", 0.06, "--out", tmp_path / "out", "--write")
+    words = ("--photo", photo, "--overhang 0.06 --out", tmp_path / "out", "--write")
     line = refused(
-        monkeypatch, capsys, "strips", "measure", "silk", *words, "--configs", configs
+        monkeypatch, capsys, "strips measure silk", *words, "--configs", configs
     )
     assert "cell strips new" in line
     assert not (tmp_path / "out").exists()
 
 
 def test_new_strip_says_what_was_assumed(monkeypatch, capsys, configs) -> None:
-    words = (
-        "--length",
-        0.5,
-        "--width",
-        0.04,
-        "--areal-density",
-        0.31,
-        "--colour",
-        10,
-        20,
-        30,
-    )
-    told = ("--source", "areal_density=scales, 2026")
-    assert (
-        run(monkeypatch, "strips", "new", "felt", *words, *told, "--configs", configs)
-        == 0
-    )
+    sizes = "--length 0.5 --width 0.04 --areal-density 0.31 --colour 10 20 30"
+    told = "--source 'areal_density=scales, 2026'"
+    code = run(monkeypatch, "strips new felt", sizes, told, "--configs", configs)
+    assert code == 0
     assert (
         "assumed, not measured: bending_length, retardation_time"
         in capsys.readouterr().out
@@ -211,18 +193,18 @@ def test_new_strip_says_what_was_assumed(monkeypatch, capsys, configs) -> None:
 @pytest.mark.parametrize(
     ("name", "words", "said"),
     [
-        ("denim", ("--length", 0.5, "--width", 0.04), "is there already"),
-        ("../felt", ("--length", 0.5, "--width", 0.04), "not a name"),
-        ("unknown", ("--length", 0.5, "--width", 0.04), "not a name"),
-        ("felt", ("--length", 50, "--width", 0.04), "length"),
+        ("denim", ("--length 0.5 --width 0.04",), "is there already"),
+        ("../felt", ("--length 0.5 --width 0.04",), "not a name"),
+        ("unknown", ("--length 0.5 --width 0.04",), "not a name"),
+        ("felt", ("--length 50 --width 0.04",), "length"),
         (
             "felt",
-            ("--length", 0.5, "--width", 0.04, "--source", "colour=eye"),
+            ("--length 0.5 --width 0.04 --source colour=eye",),
             "KEY=TEXT",
         ),
         (
             "felt",
-            ("--length", 0.5, "--width", 0.04, "--source", "thickness=gauge"),
+            ("--length 0.5 --width 0.04 --source thickness=gauge",),
             "value too",
         ),
     ],
@@ -232,7 +214,7 @@ def test_new_strip_that_cannot_be_is_refused(
 ) -> None:
     before = {path: path.read_bytes() for path in (configs / "strips").iterdir()}
     assert said in refused(
-        monkeypatch, capsys, "strips", "new", name, *words, "--configs", configs
+        monkeypatch, capsys, "strips new", name, *words, "--configs", configs
     )
     assert {
         path: path.read_bytes() for path in (configs / "strips").iterdir()

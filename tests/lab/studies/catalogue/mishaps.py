@@ -6,6 +6,7 @@ whole or able to go on. None of them is a fault of a device: those are `faults`.
 """
 
 import os
+import shlex
 import subprocess
 import sys
 import threading
@@ -104,48 +105,34 @@ def _strip(kind: str, rng: np.random.Generator) -> Told:
 
 def _killed(kind: str, rng: np.random.Generator) -> Told:
     """A command that is killed at a moment at random, and given again."""
-    with TemporaryDirectory() as place:
-        words, again = KILLED[kind](Path(place))
-        _ended(Path(place), *words, after=float(rng.uniform(2.0, 40.0)))
-        runs = Path(place) / "runs"
+    with TemporaryDirectory() as name:
+        place, runs = Path(name), Path(name) / "runs"
+        _ended(place, KILLED[kind](place), after=float(rng.uniform(2.0, 40.0)))
         listed = list_runs(runs) if runs.is_dir() else ()
-        read = [
-            read_run(row.folder)
-            for row in listed
-            if (row.folder / "run.yaml").is_file()
-        ]
-        told = _ended(Path(place), *again)
-    return {**told, "told": told["code"] in (0, 1), "whole": len(read) == len(listed)}
+        whole = all(read_run(row.folder).header.strip == "denim" for row in listed)
+        told = _ended(place, KILLED[kind](place))
+    return {**told, "told": told["code"] in (0, 1), "whole": whole}
 
 
-def _train(place: Path) -> tuple[list[str], list[str]]:
-    tiny = [
-        "--generations",
-        "4",
-        "--population",
-        "4",
-        "--strips",
-        "1",
-        "--grid",
-        "2",
-        "--jobs",
-        "1",
-    ]
-    words = ["train", *tiny, "--out", str(place / "training")]
-    return words, words
+def _train(place: Path) -> str:
+    tiny = "--generations 4 --population 4 --strips 1 --grid 2 --jobs 1"
+    return f"train {tiny} --out {place}/training"
 
 
-def _fold(place: Path) -> tuple[list[str], list[str]]:
-    folds = ["fold", "--strip", "denim", "--policy", "triangular"]
-    return [*folds, "--runs", str(place / "runs")], ["runs", "--runs", str(place)]
+def _fold(place: Path) -> str:
+    """A fold, or where there are some the list of them."""
+    if (place / "runs").exists():
+        return f"runs --runs {place}/runs"
+    return f"fold --strip denim --policy triangular --runs {place}/runs"
 
 
-def _calibrate(place: Path) -> tuple[list[str], list[str]]:
-    words = ["calibrate", "camera", "--viz", "off", "--out", str(place / "lens")]
-    return words, words
+def _calibrate(place: Path) -> str:
+    """A session of the camera wizard, or the rest of it."""
+    way = "--resume" if (place / "lens").exists() else "--out"
+    return f"calibrate camera --viz off {way} {place}/lens"
 
 
-KILLED: Mapping[str, Callable[[Path], tuple[list[str], list[str]]]] = {
+KILLED: Mapping[str, Callable[[Path], str]] = {
     "training killed": _train,
     "fold killed": _fold,
     "wizard killed": _calibrate,
@@ -155,34 +142,34 @@ KILLED: Mapping[str, Callable[[Path], tuple[list[str], list[str]]]] = {
 def _bomb(kind: str, _rng: np.random.Generator) -> Told:
     """A small file that unpacks to a gigabyte, given to the command that reads it."""
     with TemporaryDirectory() as place:
-        told = _ended(Path(place), *BOMBS[kind](Path(place)))
+        told = _ended(Path(place), BOMBS[kind](Path(place)))
     lines = told["said"].strip().splitlines()
     refused = told["code"] == 2 and len(lines) == 1 and lines[0].startswith("cell: ")
     return {**told, "told": refused and told["memory"] < MEMORY, "whole": True}
 
 
-def _guess(file: Path) -> list[str]:
+def _guess(file: Path) -> str:
     """Command that reads a foreign file to propose a mapping."""
-    return ["import", str(file), "--guess", "--out", str(file.with_suffix(".yaml"))]
+    return f"import {file} --guess --out {file}.yaml"
 
 
-def _weights(place: Path) -> list[str]:
+def _weights(place: Path) -> str:
     with (
         zipfile.ZipFile(place / "w.npz", "w", zipfile.ZIP_DEFLATED) as file,
         file.open("weights.npy", "w", force_zip64=True) as entry,
     ):
         for _ in range(64):
             entry.write(bytes(GIGABYTE // 64))
-    return ["fold", "--strip", "denim", "--checkpoint", str(place / "w.npz")]
+    return f"fold --strip denim --checkpoint {place}/w.npz"
 
 
-def _parquet(place: Path) -> list[str]:
+def _parquet(place: Path) -> str:
     zeros = np.zeros(GIGABYTE // 64)
     pq.write_table(pa.table({"t": zeros, "x": zeros}), place / "t.parquet")
     return _guess(place / "t.parquet")
 
 
-def _mcap(place: Path, compression: str) -> list[str]:
+def _mcap(place: Path, compression: str) -> str:
     from mcap.writer import CompressionType, Writer
 
     with (place / "a.mcap").open("wb") as file:
@@ -197,19 +184,19 @@ def _mcap(place: Path, compression: str) -> list[str]:
     return _guess(place / "a.mcap")
 
 
-def _foreign_archive(place: Path) -> list[str]:
+def _foreign_archive(place: Path) -> str:
     with zipfile.ZipFile(place / "runs.zip", "w", zipfile.ZIP_DEFLATED) as file:
         file.writestr("../../ticks.csv", bytes(GIGABYTE // 16))
     return _guess(place / "runs.zip")
 
 
-def _aliases(place: Path) -> list[str]:
+def _aliases(place: Path) -> str:
     rows = [f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 9)}]" for n in range(1, 12)]
     (place / "s.yaml").write_text("\n".join(["a0: &a0 [x]", *rows]))
-    return ["fold", "--strip", str(place / "s.yaml"), "--dry-run"]
+    return f"fold --strip {place}/s.yaml --dry-run"
 
 
-BOMBS: Mapping[str, Callable[[Path], list[str]]] = {
+BOMBS: Mapping[str, Callable[[Path], str]] = {
     "bomb of weights (npz)": _weights,
     "bomb of a table (parquet)": _parquet,
     "bomb of a log (mcap, zstd)": lambda place: _mcap(place, "ZSTD"),
@@ -219,9 +206,9 @@ BOMBS: Mapping[str, Callable[[Path], list[str]]] = {
 }
 
 
-def _ended(place: Path, *words: str, after: float = WATCH) -> dict[str, Any]:
+def _ended(place: Path, words: str, after: float = WATCH) -> dict[str, Any]:
     """Exit code, words and memory [MB] of a command, killed `after` some time [s]."""
-    command = [sys.executable, "-m", "cell", *words]
+    command = [sys.executable, "-m", "cell", *shlex.split(words)]
     environment = os.environ | {"XDG_DATA_HOME": str(place / "data")}
     with (place / "said").open("w+") as said:
         process = subprocess.Popen(
