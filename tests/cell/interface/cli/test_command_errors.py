@@ -59,79 +59,56 @@ def test_missing_calibration_is_refused(monkeypatch, capsys, configs, tmp_path) 
 
 
 HEAVY = {"mujoco", "torch", "numba", "rerun", "matplotlib"}
-SOLVERS = {"scipy.spatial", "scipy.integrate", "scipy.optimize", "torch", "matplotlib"}
-RUN = """
-from cell.__main__ import main
-try:
-    main()
-except SystemExit as end:
-    code = end.code
-"""
+LIGHT = HEAVY | {"cv2", "numpy"}
+BARE = LIGHT | {"pyarrow"}
+SOLVERS = {
+    *("scipy.spatial", "scipy.integrate", "scipy.optimize", "scipy.interpolate"),
+    *("torch", "matplotlib", "rerun", "jinja2"),
+}
+
+
+def left_of(code: str, modules: set[str]) -> str:
+    """Last line that a process prints that ran `code`, and those `modules` in it."""
+    script = f"import sys\n{code}\nprint('\\n', sorted({modules} & set(sys.modules)))\n"
+    command = [sys.executable, "-c", script]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    return done.stdout.splitlines()[-1]
 
 
 @pytest.mark.parametrize(
-    ("words", "script", "code", "heavy"),
+    ("words", "absent"),
     [
-        ("--help", RUN, 0, HEAVY | {"cv2", "pyarrow", "numpy"}),
-        (
-            "fold --strip denim --runs /proc/nope",
-            RUN,
-            2,
-            HEAVY | {"cv2", "pyarrow", "numpy"},
-        ),
-        ("fold --strip demin", RUN, 2, HEAVY | {"cv2", "pyarrow", "numpy"}),
-        ("gap fit runs --strip demin --out out", RUN, 2, HEAVY | {"cv2", "numpy"}),
-        ("home --strip demin", RUN, 2, HEAVY | {"cv2", "numpy"}),
-        ("fold --strip denim --until 3mx", RUN, 2, HEAVY | {"cv2", "pyarrow", "numpy"}),
-        (
-            "fold --strip denim --until 3mm --rehearse",
-            RUN,
-            2,
-            HEAVY | {"cv2", "pyarrow", "numpy"},
-        ),
-        (
-            "fold --strip denim --until 3mm --learning off",
-            RUN,
-            2,
-            HEAVY | {"cv2", "numpy"},
-        ),
-        (
-            "fold --strip denim --plant gone.yaml",
-            RUN,
-            2,
-            HEAVY | {"cv2", "pyarrow", "numpy"},
-        ),
-        (
-            "gap plan --strip denim --runs /proc/nope",
-            RUN,
-            2,
-            HEAVY | {"cv2", "pyarrow", "numpy"},
-        ),
-        ("fold --strip denim --learning nope", RUN, 2, HEAVY),
-        ("fold --strip denim --camera v4l2", RUN, 2, HEAVY),
-        (
-            "",
-            "import cell.folding.batch, cell.base.devices.twin\ncode = None",
-            None,
-            SOLVERS,
-        ),
-        (
-            "",
-            "import cell.record.listing\ncode = None",
-            None,
-            HEAVY | {"cv2", "pyarrow", "numpy"},
-        ),
+        ("fold --help", HEAVY),
+        ("--help", BARE),
+        ("fold --strip denim --runs /proc/nope", BARE),
+        ("fold --strip demin", BARE),
+        ("gap fit runs --strip demin --out out", LIGHT),
+        ("home --strip demin", LIGHT),
+        ("fold --strip denim --until 3mx", BARE),
+        ("fold --strip denim --until 3mm --rehearse", BARE),
+        ("fold --strip denim --until 3mm --learning off", LIGHT),
+        ("fold --strip denim --plant gone.yaml", BARE),
+        ("gap plan --strip denim --runs /proc/nope", BARE),
+        ("fold --strip denim --learning nope", HEAVY),
+        ("fold --strip denim --camera v4l2", HEAVY),
     ],
 )
-def test_what_is_refused_at_once_and_what_folds_import_nothing_heavy(
-    words, script, code, heavy
-) -> None:
-    script = f"import sys\nsys.argv = ['cell', *{words.split()}]\n{script}\n"
-    script += f"print('\\nleft:', code, sorted({heavy} & set(sys.modules)))\n"
-    told = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, check=True
-    )
-    assert told.stdout.splitlines()[-1] == f"left: {code} []"
+def test_what_is_refused_at_once_imports_nothing_heavy(words, absent) -> None:
+    run = f"sys.argv = ['cell', *{words.split()}]\nfrom cell.__main__ import main\n"
+    run += "try:\n    main()\nexcept SystemExit as end:\n    code = end.code"
+    asked = 0 if words.endswith("--help") else 2
+    assert left_of(f"{run}\nassert code == {asked}", absent) == " []"
+
+
+@pytest.mark.parametrize(
+    ("modules", "absent"),
+    [
+        ("cell.folding.batch, cell.base.devices.twin", SOLVERS),
+        ("cell.record.listing", BARE),
+    ],
+)
+def test_what_folds_and_what_lists_runs_import_nothing_heavy(modules, absent) -> None:
+    assert left_of(f"import {modules}", absent) == " []"
 
 
 @pytest.mark.parametrize(
