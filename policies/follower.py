@@ -37,11 +37,13 @@ class Follower:
         high = np.minimum(self.progress + self._reach, self.path.length)
         self.progress = nearest(self.path, points, self.progress, high)
         self._reach = SEARCH_WINDOW
+
         # the path's heading LEAD ahead, and back to the path within LOOK_AHEAD
         tangent = tangents(self.path, self.progress + speed * LEAD)
         offset = self.path.at(self.progress) - points
         across = offset - np.sum(offset * tangent, axis=-1, keepdims=True) * tangent
         aim = LOOK_AHEAD * tangent + across
+
         done = self.progress >= self.path.length - END_TOLERANCE
         return Decision(
             direction=np.asarray(np.arctan2(aim[:, 1], aim[:, 0]) % (2 * np.pi)),
@@ -58,11 +60,12 @@ def nearest(path: Path, points: Array, low: Array, high: Array) -> Array:
     steps = np.diff(path.points, axis=0)
     lengths = np.diff(path.travel)
     along = np.einsum("nms,ms->nm", points[:, None] - starts, steps) / lengths
-    reach = path.travel[:-1] + np.clip(along, 0.0, lengths)
-    reach = np.clip(reach, low[:, None], high[:, None])
-    distance = np.linalg.norm(path.at(reach) - points[:, None], axis=-1)
+    # the nearest point of each segment, then the nearest of these
+    travel = path.travel[:-1] + np.clip(along, 0.0, lengths)
+    travel = np.clip(travel, low[:, None], high[:, None])
+    distance = np.linalg.norm(path.at(travel) - points[:, None], axis=-1)
     best = np.argmin(distance, axis=1)
-    return np.asarray(reach[np.arange(len(points)), best])
+    return np.asarray(travel[np.arange(len(points)), best])
 
 
 def tangents(path: Path, travel: Array) -> Array:

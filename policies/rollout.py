@@ -216,17 +216,19 @@ class _Loop:
         )
 
     def _advance(self, poses: Array) -> None:
-        """Move grippers through `poses` (k, n, 3) [m, m, rad], sum forces, return
-        camera states.
+        """Move grippers through `poses` (k, n, 3) [m, m, rad], sum forces, and show the
+        strips to the camera.
         """
         observed = self._step_all(poses, self._dt)
         if observed.touch is not self._touch:
             self._touch = observed.touch
             self._folding = np.array([touch is None for touch in observed.touch])
+
         self._lifted |= poses[-1, :, 1] >= TAKEOVER_HEIGHT
         counted = self._folding & np.stack([np.ones_like(self._lifted), self._lifted])
         self._force += np.where(counted, np.abs(observed.holding_force), 0.0)
         self._periods += counted
+
         self.time += self._settings.period
         self.poses = poses[-1]
         shapes, arc = NO_SHAPES

@@ -202,14 +202,15 @@ def _draw_desk(axes: Any, run: Run) -> None:
 
 def _draw_path(axes: Any, ticks: Ticks) -> None:
     """Draw the commanded and the measured path of the gripper."""
-    commanded = {"color": MUTED, "lw": 0.8, "ls": (0, (1, 2)), "gid": "commanded"}
-    axes.plot(1e3 * ticks.x_cmd, 1e3 * ticks.z_cmd, **commanded)
-    axes.plot(1e3 * ticks.x, 1e3 * ticks.z, color=INK, lw=1.5, gid="gripper")
+    commanded = 1e3 * np.stack([ticks.x_cmd, ticks.z_cmd])
+    axes.plot(*commanded, color=MUTED, lw=0.8, ls=(0, (1, 2)), gid="commanded")
+    measured = 1e3 * np.stack([ticks.x, ticks.z])
+    axes.plot(*measured, color=INK, lw=1.5, gid="gripper")
+
     if ticks.t.size:
-        axes.plot(1e3 * ticks.x[-1], 1e3 * ticks.z[-1], "o", mfc=PAPER, mec=INK, ms=5)
-        early = ticks.t.size // 5
-        place = (1e3 * ticks.x[early], 1e3 * ticks.z[early])
-        axes.annotate("gripper", place, (6, 6), **NOTE)
+        axes.plot(*measured[:, -1], "o", mfc=PAPER, mec=INK, ms=5)
+        early = measured[:, ticks.t.size // 5]
+        axes.annotate("gripper", early, (6, 6), **NOTE)
 
 
 def _draw_touch(axes: Any, run: Run) -> None:
@@ -272,21 +273,14 @@ def image_ages(run: Run) -> Array:
 
 
 def predictions(result: Result | None) -> list[tuple[str, str]]:
-    """Table rows on a run's last prediction and on the strip's agreement with its
-    model.
-    """
+    """Table row on a run's last prediction; none without one."""
     if result is None or result.foretold is None:
         return []
     final = result.foretold
     displacement = (
         f"{millimetres(final.displacement, signed=True)} ± {millimetres(final.sigma)}"
     )
-    rows = [("displacement", displacement)]
-    if result.agreement is not None:
-        agree = "agree" if result.agreement.like_model else "do not agree"
-        text = f"{agree}, {millimetres(result.agreement.residual)} apart"
-        rows.append(("strip and model", text))
-    return rows
+    return [("displacement", displacement)]
 
 
 def outlook_figure(run: Run, outlook: Outlook) -> str:

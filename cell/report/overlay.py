@@ -181,14 +181,27 @@ def _laid_part(image: Image, calibration: Calibration, reach: float) -> Image:
     """Crop of `image` (h, w, 3) to where a fold lies whose gripper reached x = `reach`
     [m].
     """
-    corners = [(x, z) for x in (LAID_BEGIN, LAID_SHARE * reach) for z in LAID_HEIGHTS]
-    pixels = calibration.to_image(np.array(corners))
-    if not np.isfinite(pixels).all():
+    box = _box(calibration, (LAID_BEGIN, LAID_SHARE * reach), LAID_HEIGHTS)
+    if box is None:
         return image
+    low, high = box
     size = np.array([image.shape[1], image.shape[0]])
-    left, top = np.clip(pixels.min(axis=0), 0, size - 2).astype(int)
-    right, bottom = np.clip(pixels.max(axis=0), (left + 2, top + 2), size).astype(int)
+    left, top = np.clip(low, 0, size - 2).astype(int)
+    right, bottom = np.clip(high, (left + 2, top + 2), size).astype(int)
     return image[top:bottom, left:right]
+
+
+def _box(
+    calibration: Calibration, x: tuple[float, float], z: tuple[float, float]
+) -> tuple[Array, Array] | None:
+    """Lowest and highest pixels (2,) of a rectangle in the strip's plane, from its ends
+    along `x` and `z` [m]; None where the camera's map has no pixels for it.
+    """
+    corners = np.array([(along, above) for along in x for above in z])
+    pixels = calibration.to_image(corners)
+    if not np.isfinite(pixels).all():
+        return None
+    return pixels.min(axis=0), pixels.max(axis=0)
 
 
 def poster(run: Run, shown: ShownImages) -> str:
@@ -208,18 +221,18 @@ def window_on(ticks: Ticks, calibration: Calibration) -> Region:
     ratio.
     """
     whole = np.array([calibration.lens.width, calibration.lens.height])
-    right = float(np.max(ticks.x, initial=0.0)) + VIEW_MARGIN
-    top = float(np.max(ticks.z, initial=0.0)) + VIEW_MARGIN
-    corners = np.array(
-        [(x, z) for x in (-VIEW_MARGIN, right) for z in (-VIEW_MARGIN, top)]
-    )
-    pixels = calibration.to_image(corners)
-    if not np.isfinite(pixels).all():
+    right, top = (float(np.max(way, initial=0.0)) for way in (ticks.x, ticks.z))
+    ends = -VIEW_MARGIN, right + VIEW_MARGIN
+    box = _box(calibration, ends, (-VIEW_MARGIN, top + VIEW_MARGIN))
+    if box is None:
         return Region(0, 0, *whole.tolist())
-    low, high = pixels.min(axis=0), pixels.max(axis=0)
+
+    low, high = box
     share = float(np.clip(np.max((high - low) / whole), SMALLEST_WINDOW, 1.0))
     size = np.round(whole * share).astype(int)
-    start = np.clip((low + high - size) / 2, 0, whole - size).astype(int)
+
+    middle = (low + high) / 2
+    start = np.clip(middle - size / 2, 0, whole - size).astype(int)
     return Region(*start.tolist(), *(start + size).tolist())
 
 
@@ -261,14 +274,13 @@ def _pixels(points: Array, calibration: Calibration) -> NDArray[np.int32]:
     """Pixels (k, 2), in eighths, of those `points` (m, 2) x, z [m] that lie near the
     image.
     """
-    near = points[
-        np.isfinite(points).all(axis=1) & (np.abs(points) < FARTHEST_HAND).all(axis=1)
-    ]
+    near = points[(np.abs(points) < FARTHEST_HAND).all(axis=1)]  # no NaN is
     if len(near) == 0:
         return np.empty((0, 2), dtype=np.int32)
     pixels = calibration.to_image(near)
-    side = max(calibration.lens.width, calibration.lens.height)
-    inside = np.isfinite(pixels).all(axis=1) & (np.abs(pixels) < 4 * side).all(axis=1)
+
+    farthest = 4 * max(calibration.lens.width, calibration.lens.height)
+    inside = (np.abs(pixels) < farthest).all(axis=1)
     return np.rint(EIGHTHS * pixels[inside]).astype(np.int32)
 
 

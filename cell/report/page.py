@@ -63,7 +63,6 @@ LARGEST_FILM = 8_000_000  # bytes that a page carries
 FREQUENT = 40  # events of one kind, above which they are counted and not listed
 LISTED_EVENTS = 400
 EARLIER_FOLDS = 20  # beside which a fold's numbers are drawn
-WITHIN_MODEL = "within what its model foretells"
 LEAST_LENGTH = 0.01  # s of a film
 LEAST_SCALE = 0.002  # m, to which numbers are drawn at least
 # states whose beginning is marked on the film
@@ -172,12 +171,12 @@ def marks(run: Run) -> list[tuple[float, str]]:
     """Times [s] and names of what happened in a film: states as they begin, the touch
     of the layers, faults.
     """
-    ticks = run.ticks
-    states = zip(ticks.t.tolist(), ticks.state, strict=True) if ticks.state else ()
     begun = dict[str, float]()
-    for t, state in states:
+    # one that another program recorded has no states
+    for t, state in zip(run.ticks.t.tolist(), run.ticks.state, strict=False):
         begun.setdefault(state, t)
-    found = [(t, MARKED_STATES[s]) for s, t in begun.items() if s in MARKED_STATES]
+    found = [(begun[s], word) for s, word in MARKED_STATES.items() if s in begun]
+
     if run.result is not None and run.result.t_layer_touch is not None:
         found.append((run.result.t_layer_touch, "touch"))
     found += [(event.t, "fault") for event in run.events() if event.kind == "fault"]

@@ -138,13 +138,19 @@ def _row_facts(row: "RunRow") -> dict[str, Any]:
 
 def _print_table(rows: "Sequence[RunRow]") -> None:
     """Print the runs as a table; tags have a column where any run has one."""
-    tagged = any(row.tags for row in rows)
-    columns = ("run", "strip", "policy", "outcome", *(("tags",) if tagged else ()))
-    shown = []
-    for r in rows:
-        words = (r.short, r.strip, r.policy, r.outcome, *((r.tags,) if tagged else ()))
-        shown.append((*words, *r.offsets, f"{r.size / MEGABYTE:.1f}"))
-    print_table((*columns, "d mm", "edge mm", "MB"), shown, text=len(columns))
+    columns = ["short", "strip", "policy", "outcome"]
+    if any(row.tags for row in rows):
+        columns.append("tags")
+    shown = [
+        (
+            *(getattr(row, column) for column in columns),
+            *row.offsets,
+            f"{row.size / MEGABYTE:.1f}",
+        )
+        for row in rows
+    ]
+    head = ("run", *columns[1:], "d mm", "edge mm", "MB")
+    print_table(head, shown, text=len(columns))
 
 
 def report(

@@ -76,15 +76,16 @@ def whitening(shard: Shard) -> tuple[Array, Array]:
     """
     inputs = shard.inputs[shard.alive].astype(np.float64)
     mean = inputs.mean(axis=0)
+
     scale = np.ones(inputs.shape[1])
     # a constant one is 0
     state_deviation = np.maximum(inputs[:, :STATE_SIZE].std(axis=0), 1e-6)
     scale[:STATE_SIZE] = 1.0 / state_deviation * STATE_SPREAD
+
     covariance = np.cov((inputs - mean) * scale, rowvar=False)
     values, vectors = np.linalg.eigh(covariance)
-    return mean, scale[:, None] * vectors / np.sqrt(
-        np.maximum(values, 0.0) + SMALLEST_SPREAD**2
-    )
+    spreads = np.sqrt(np.maximum(values, 0.0) + SMALLEST_SPREAD**2)
+    return mean, scale[:, None] * vectors / spreads
 
 
 def fit(

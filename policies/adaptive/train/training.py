@@ -79,9 +79,8 @@ class CriticTraining:
         """
         missing = [n for n in range(count) if self._read(turn, n) is None]
         yield from sorted(set(range(count)) - set(missing))
-        for i, shard in calls(
-            simulate, [(self.settings, turn, n, self._critic) for n in missing]
-        ):
+        asked = [(self.settings, turn, n, self._critic) for n in missing]
+        for i, shard in calls(simulate, asked):
             with writing(self.folder, "make room and go on"):
                 shard.save(self._path(turn, missing[i]))
             yield missing[i]
@@ -191,12 +190,13 @@ def error_ratios(critic: Critic, shard: Shard, last: int = LAST) -> list[Array]:
     memory = FoldMemory(count, critic.memory)
     # decisions from each to the touch
     to_touch = shard.alive[:, ::-1].cumsum(axis=1)[:, ::-1]
+
     for k in range(shard.alive.shape[1]):
         alive = shard.alive[:, k]
         whitened = critic.whiten(shard.inputs[:, k].astype(np.float64))
-        predicted = critic.predict(
-            whitened, memory.add(critic.memorise(whitened), alive)
-        )
+        remembered = memory.add(critic.memorise(whitened), alive)
+        predicted = critic.predict(whitened, remembered)
+
         near = alive & (to_touch[:, k] <= last) & np.isfinite(shard.displacement)
         for collected, ratio in zip(ratios, _ratios(predicted, shard), strict=True):
             collected.append(ratio[near])
