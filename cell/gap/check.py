@@ -356,8 +356,12 @@ def _largest_probe(candidate: Candidate) -> Array:
     )
 
 
-def check_page(check: Check, subject: str) -> str:
-    """HTML text of the self-contained page on a `check` of a subject's recordings."""
+def check_page(
+    check: Check, subject: str, drawn: Sequence[tuple[str, str, str]] = ()
+) -> str:
+    """HTML text of the self-contained page on a `check` of a subject's recordings, with
+    those `drawn` (names, figures, what is missing).
+    """
     bad = sum(f.level == "bad" for f in check.findings)
     count = f"{plural(len(check.findings), 'finding')}, {bad} of them against a fit."
     groups = {
@@ -377,6 +381,7 @@ def check_page(check: Check, subject: str) -> str:
         kicker=f"Check of {plural(len(check.runs), 'run')}",
         name=subject,
         said=PageVerdict(check.level, HEADLINES[check.level], (count,)),
+        drawn=drawn,
         groups=[
             (title, [(f.run or "all", f"{f.what}: {f.words}", f.remedy) for f in some])
             for title, some in groups.items()

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from itertools import groupby
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Self
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from cell.record.columns import FARTHEST_HAND, Sights, Ticks
 from cell.record.events import Outlook
 from cell.record.header import Result
-from cell.record.run import Run
+from cell.record.run import Run, read_broken_run
 from cell.record.truth import read_truth
 from cell.report.drawing import (
     BLUE,
@@ -26,11 +27,13 @@ from cell.report.drawing import (
 )
 from cell.report.overlay import SHOWN_IMAGES, Silhouette, evenly_chosen, fold_tips
 from cell.report.words import PARAMETERS, millimetres
+from drivers.base.errors import ConfigurationError
 from drivers.base.types import Array
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+DRAWN = 6  # runs of which a page on many shows each
 CURVES = 26  # profiles that are drawn, of all that were measured
 NAMED_SHARE = 0.05  # of the run's time, from which on a state has room for its name
 LEFT, RIGHT = 0.075, 0.995  # shares of the figure's width between which its signals lie
@@ -113,6 +116,29 @@ def strip_figure(run: Run, outlines: Sequence[Silhouette] = ()) -> str:
         axes.set(xlabel="x  [mm]", ylabel="z  [mm]", ylim=(-38, None))
         axes.spines["bottom"].set_visible(False)
         return as_svg(figure)
+
+
+def drawings(folders: Sequence[Path]) -> list[tuple[str, str, str]]:
+    """Names, figures (SVG) and what is not recorded of the runs in the first DRAWN
+    `folders` of a strip.
+    """
+    drawn = []
+    for folder in folders[:DRAWN]:
+        try:
+            run = read_broken_run(folder)
+        except ConfigurationError:  # which a check says
+            continue
+        recorded = {
+            "commands": np.isfinite(run.ticks.x_cmd).any(),
+            "desk contacts": len(run.ticks.contacts()[0]),
+            "midlines": len(run.profile.t),
+            "forces": np.isfinite(run.ticks.f_x).any(),
+            "touch of the layers": run.result is not None and run.result.l2 is not None,
+        }
+        missing = [what for what, is_there in recorded.items() if not is_there]
+        figure = strip_figure(run) if run.ticks.t.size else ""
+        drawn.append((run.name, figure, ", ".join(missing)))
+    return drawn
 
 
 def signals_figure(run: Run) -> str:

@@ -17,6 +17,7 @@ from cell.record.frames import read_index
 from cell.record.listing import RunRow, read_row
 from cell.record.run import Run, read_broken_run
 from cell.report.drawing import MUTED, as_svg, canvas
+from cell.report.figures import drawings
 from cell.report.html import Link, jpeg_text, page
 from cell.report.overlay import ShownImages
 from cell.report.page import film_of, flatten, setting_text, stated_settings, truth_of
@@ -72,6 +73,16 @@ def write_runs_page(rows: Sequence[RunRow], out: Path) -> Path:
             for row in rows
         ],
     )
+    write_output(out, text)
+    return out
+
+
+def write_imported(folders: Sequence[Path], out: Path) -> Path:
+    """Write the HTML page that draws the imported runs in `folders` to `out`; returns
+    `out`.
+    """
+    title = f"{plural(len(folders), 'run')} imported"
+    text = page("report/templates/imported.html", title, runs=drawings(folders))
     write_output(out, text)
     return out
 

@@ -76,6 +76,10 @@ def import_runs(
         sys.stdout.write(f"{folder.name}: {_summary(folder)}\n")
     count = len(runs_in(out))
     sys.stdout.write(f"{plural(count, 'run')} in {out}\n")
+    if model is None:
+        from cell.report.runs_page import write_imported
+
+        sys.stdout.write(f"  {write_imported(made, out / 'imported.html')}\n")
     from cell.record.run import read_run
 
     of = (

@@ -345,6 +345,8 @@ def check(
     Exit code 2 where `cell gap fit` refuses them.
     """
     from cell.gap.check import check as check_runs, check_page
+    from cell.gap.subject.run_folders import find_runs
+    from cell.report.figures import drawings
     from drivers.base.files import write_file
     from drivers.base.outputs import check_output_folder
 
@@ -353,7 +355,9 @@ def check(
     with working("reading", quiet=0.0) as shown:
         checked = check_runs(runs, file, _threads(jobs), shown)
     write_file(out / "check.json", checked.to_json())
-    write_file(out / "check.html", check_page(checked, file.stem))
+    folders = [run.path for run in find_runs(runs)]
+    drawn = [] if strip is None else drawings(folders)
+    write_file(out / "check.html", check_page(checked, file.stem, drawn))
     if as_json:
         print_json(json.loads(checked.to_json()))
     else:

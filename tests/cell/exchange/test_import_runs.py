@@ -63,6 +63,9 @@ def test_command_imports_and_names_the_next_one(tmp_path: Path) -> None:
     assert done.exit_code == 0, done.output
     assert "a: 2.99 s; 72 images, touch at 2.80 s\n1 run in" in done.stdout
     assert "next: import a second run into" in done.stdout
+    page = (tmp_path / "runs" / "imported.html").read_text()
+    assert "Not recorded: commands" in page
+    assert "side view of the strip" in page
     assert "off x 0.6, z 0 m by 0.012, at most 0.006 is usual" in done.stderr
     assert "is there already" in str(CliRunner().invoke(app, words).exception)
 
