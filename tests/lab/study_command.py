@@ -53,6 +53,12 @@ def study(
         Path | None,
         typer.Option(help="Folder of models that others wrote, for `mechanisms`."),
     ] = None,
+    spoilt: Annotated[
+        bool,
+        typer.Option(
+            "--spoilt", help="Spoil a fifth of the recordings of `mechanisms`."
+        ),
+    ] = False,
     again: Annotated[
         bool, typer.Option("--again", help="Measure anew what OUT already holds.")
     ] = False,
@@ -69,6 +75,8 @@ def study(
     if models is not None:
         # processes of the study inherit it
         os.environ["STUDY_MODELS"] = str(models.resolve())
+    if spoilt:
+        os.environ["STUDY_SPOILT"] = "yes"
     if name is None and not quick:
         _print_studies()
         return

@@ -11,9 +11,9 @@ cell/gap/verdict/confidence.yaml holds it.
 """
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -30,10 +30,11 @@ from tests.lab.studies.catalogue.confidence import (
     count_verdicts,
     leave_each_out,
     names,
+    names_that_are_right,
     shares,
 )
 from tests.lab.studies.catalogue.mechanisms import accepted
-from tests.lab.studies.study import Case, Outcome
+from tests.lab.studies.study import Case, Outcome, Values
 
 SIGNS = set(VerdictEvidence.model_fields)
 Ledgers = Annotated[list[Path], typer.Argument(exists=True, dir_okay=False)]
@@ -86,31 +87,34 @@ def main(
 def verdicts_in(ledgers: Sequence[Path]) -> list[Outcome]:
     """Read the scored verdicts from `ledgers`, JSON lines of exams or of the study.
 
-    A case is named after its ledger too: seeds of one number may have drawn others
-    there. Verdicts from before one of today's signs was kept have none.
+    A case that was judged again counts once, as last judged; a case of an exam is named
+    after its ledger too: seeds of one number may have drawn others there. Verdicts from
+    before one of today's signs was kept have none.
     """
-    found: list[Outcome] = []
-    for path, line in (
-        (p, each) for p in ledgers for each in read_json_lines(p, LARGEST_LEDGER)
-    ):
-        if "values" in line:  # of a study of mechanisms
-            known = accepted(line["case"], line["values"])
-            number = len(found)
-            found.append(
-                Outcome(Case(number, 0, {}), {**known, "case": f"{path.stem}/{number}"})
-            )
-            continue
-        scored, without = line["outcome"], line.get("without", [])
-        if scored is not None:
-            signs = scored.get("signs") or {}
-            values = {
-                **scored,
-                "offered": line.get("offered"),
-                "signs": signs if signs.keys() == SIGNS else None,
-                "case": f"{path.stem}/{scored['case']}",
-                "without": without,
-                "is_named": scored["verdict"] == "named",
-                "is_right": scored["result"] in RIGHT_RESULTS and not without,
-            }
-            found.append(Outcome(Case(len(found), 0, {}), values))
-    return found
+    found: dict[str, Values] = {}
+    for path in ledgers:
+        for line in read_json_lines(path, LARGEST_LEDGER):
+            if "values" in line:  # of a study of mechanisms
+                case = f"{line['seed']}/{line['number']}"
+                found[case] = accepted(line["case"], line["values"])
+            elif line["outcome"] is not None:
+                case = f"{path.stem}/{line['outcome']['case']}"
+                found[case] = _of_exam(line)
+    every = enumerate(found.items())
+    return [Outcome(Case(i, 0, {}), {**v, "case": case}) for i, (case, v) in every]
+
+
+def _of_exam(line: Mapping[str, Any]) -> Values:
+    """Facts on the verdict in a line of an exam's ledger, as for confidence."""
+    scored, without = line["outcome"], line.get("without", [])
+    signs = scored.get("signs") or {}
+    return {
+        **scored,
+        "offered": line.get("offered"),
+        "signs": signs if signs.keys() == SIGNS else None,
+        "without": without,
+        "accepted": scored["classes"],
+        "right": names_that_are_right(scored["answer"]),
+        "is_named": scored["verdict"] == "named",
+        "is_right": scored["result"] in RIGHT_RESULTS and not without,
+    }

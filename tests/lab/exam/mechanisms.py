@@ -308,9 +308,12 @@ def make_runs(
     seed: int,
     out: Path,
     noise: float = 1.0,
+    repeats: int = 1,
 ) -> Path:
     """Write model `name` of `folder`, and runs with `hidden` causes and `noise`, to
     `out`; file.
+
+    With `repeats` two motions are made so often, or else RUNS once.
     """
     rng, rig = np.random.default_rng(seed), open_rig(folder, name)
     rig.weight = weights(rig, seed)
@@ -328,16 +331,17 @@ def make_runs(
         if cause in EDITS:
             EDITS[cause](rig, size, rng)
     mujoco.mj_setConst(rig.model, mujoco.MjData(rig.model))
-    for k in range(RUNS):
+    motions, places = RUNS if repeats == 1 else 2, []
+    for k in range(motions * repeats):
         delay = DELAY * size if "control_delay" in hidden else 0.0
-        columns = _simulate(rig, _places(rig, rng, None), delay)
+        places += [_places(rig, rng, None)] if k < motions else []
+        columns = _simulate(rig, places[k % motions], delay)
         for cause in hidden:
             if cause in READINGS:
                 READINGS[cause](columns, rig, size, rng)
         table = _measured(columns, rig, rng, noise)
-        write_run(
-            out / "study-runs" / f"{k:02d}", table, {"mechanism": "study", "index": k}
-        )
+        head = {"mechanism": "study", "index": k, "condition": f"{k % motions:02d}"}
+        write_run(out / "study-runs" / f"{k:02d}", table, head)
     return out / "study.yaml"
 
 

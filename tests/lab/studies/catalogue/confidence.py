@@ -7,13 +7,13 @@ law may be offered instead.
 """
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy import optimize
+from scipy import optimize, special
 
 from cell.base.config.places import find_configs
 from cell.gap.fit import FitOptions, fit
@@ -26,7 +26,7 @@ from drivers.strip.effects import registry
 from tests.lab.exam.case import STRENGTHS, Case
 from tests.lab.exam.cases import Draw
 from tests.lab.exam.from_state import make_runs
-from tests.lab.exam.score import RIGHT_RESULTS, Comparison, score
+from tests.lab.exam.score import RIGHT_RESULTS, Comparison, score, with_twins
 from tests.lab.exam.targets import (
     OUTSIDE_SHARE,
     Rate,
@@ -110,10 +110,17 @@ def measure(case: Values) -> Values:
     )
     return found | {
         "without": without,
+        "accepted": scored.classes,
+        "right": names_that_are_right(scored.answer),
         "is_named": named,
         "is_right": (scored.result in RIGHT_RESULTS and not without) if named else None,
         "offered": law is not None,
     }
+
+
+def names_that_are_right(answer: Iterable[str]) -> list[str]:
+    """Names of effects that count as right for an `answer`: its own, and twins."""
+    return sorted(frozenset[str]().union(*with_twins(frozenset(answer))))
 
 
 def names_to_withhold(case: Case) -> list[str]:
@@ -123,24 +130,31 @@ def names_to_withhold(case: Case) -> list[str]:
 
 
 def names(outcomes: Sequence[Outcome]) -> tuple[list[Name], float]:
-    """Accepted effects, named or suspected, and the share of the causes that the
-    library lacks.
+    """What verdicts accept, named, in a class or suspected, and the share of the causes
+    that the library lacks.
     """
+    known = [o.values for o in outcomes if o.values["signs"]]
+    judged = [(v, _is_right(v)) for v in known]
     found = [
-        Name(VerdictEvidence(**v["signs"]), _is_right(v), _is_outside(v), v["case"])
-        for v in (o.values for o in outcomes)
-        if v["signs"] and (v["is_named"] or v["suspect_right"] is not None)
+        Name(VerdictEvidence(**v["signs"]), right, _is_outside(v), v["case"])
+        for v, right in judged
+        if right is not None
     ]
     causes = [_is_outside(o.values) for o in outcomes if o.values["hidden"]]
     return found, sum(causes) / max(len(causes), 1)
 
 
-def _is_right(values: Values) -> bool:
-    """Whether the accepted effects of a verdict are right; of a withheld cause none
-    are.
+def _is_right(values: Values) -> bool | None:
+    """Whether what a verdict accepts is right, by class; None where it accepts nothing.
+
+    Of a withheld cause nothing is.
     """
-    right = values["is_right"] if values["is_named"] else values["suspect_right"]
-    return bool(right) and not values["without"]
+    if values["is_named"]:
+        return bool(values["is_right"]) and not values["without"]
+    held = [not {*values["right"]}.isdisjoint(each) for each in values["accepted"]]
+    if values.get("suspect_right") is not None:
+        held.append(values["suspect_right"])
+    return all(held) and not values["without"] if held else None
 
 
 def _is_outside(values: Values) -> bool:
@@ -160,35 +174,45 @@ def shares(found: Sequence[Name], outside: float) -> Array:
 def fit_calibration(found: Sequence[Name], counts: Array, kind: str) -> Calibration:
     """Fit the weights of the signs of a `kind` of subject to verdicts with weights
     `counts` (n,).
+    """
+    known = calibration(kind)
+    intercept, *weights = map(float, _weigh(*_columns(found, known), counts, known))
+    pairs = zip(known.weights.items(), weights, strict=True)
+    fitted = {n: w.model_copy(update={"weight": value}) for (n, w), value in pairs}
+    return known.model_copy(update={"intercept": intercept, "weights": fitted})
+
+
+def _columns(found: Sequence[Name], known: Calibration) -> tuple[Array, Array]:
+    """Shares (n, k) of the signs of verdicts, a column of ones first, and whether each
+    is right (n,).
+    """
+    rows = [
+        [1.0, *(w.share(getattr(n.signs, s)) for s, w in known.weights.items())]
+        for n in found
+    ]
+    right = np.array([name.right for name in found], dtype=float)
+    return np.reshape(rows, (len(found), 1 + len(known.weights))), right
+
+
+def _weigh(columns: Array, right: Array, counts: Array, known: Calibration) -> Array:
+    """Intercept and weights (k,) of the columns (n, k) by which verdicts are `right`.
 
     Logistic regression with normal priors of what each sign weighs, for few verdicts
     are wrong; no sign speaks against its sense.
     """
-    known = calibration(kind)
-    rows = [
-        [w.share(getattr(n.signs, sign)) for sign, w in known.weights.items()]
-        for n in found
-    ]
-    columns = np.reshape(rows, (len(found), len(known.weights)))
-    right = np.array([name.right for name in found], dtype=float)
     prior = np.array([PRIORS[sign] for sign in known.weights])
 
-    def loss(x: Array) -> float:
-        odds = x[0] + columns @ x[1:]
+    def loss(x: Array) -> tuple[float, Array]:
+        odds, away = columns @ x, (x[1:] - prior) / FIRM
         nats = counts @ (np.logaddexp(0.0, odds) - right * odds)
-        return float(nats + 0.5 * np.sum(((x[1:] - prior) / FIRM) ** 2))
+        slope = columns.T @ (counts * (special.expit(odds) - right))
+        slope[1:] += away / FIRM
+        return float(nats + 0.5 * away @ away), slope
 
     bounds = [(0.0, None) if w > 0.0 else (None, 0.0) for w in prior]
-    start = np.concatenate([[0.0], prior])
-    best = optimize.minimize(
-        loss, start, method="L-BFGS-B", bounds=[(None, None), *bounds]
-    ).x
-    intercept, *weights = best
-    fitted = {
-        sign: w.model_copy(update={"weight": float(value)})
-        for (sign, w), value in zip(known.weights.items(), weights, strict=True)
-    }
-    return known.model_copy(update={"intercept": float(intercept), "weights": fitted})
+    start, free = np.concatenate([[0.0], prior]), [(None, None), *bounds]
+    best = optimize.minimize(loss, start, jac=True, method="L-BFGS-B", bounds=free)
+    return np.asarray(best.x)
 
 
 def leave_each_out(
@@ -197,12 +221,14 @@ def leave_each_out(
     """Confidence in each verdict, fitted to other cases of weights (n,), and if it is
     right.
     """
+    known = calibration(kind)
+    columns, right = _columns(found, known)
+    cases = np.array([name.case for name in found])
     stated = []
-    for name in found:
-        kept = np.array([other.case != name.case for other in found])
-        others = [other for other in found if other.case != name.case]
-        by = fit_calibration(others, counts[kept], kind)
-        stated.append((by.probability(name.signs), name.right))
+    for row, name in zip(columns, found, strict=True):
+        kept = cases != name.case
+        weights = _weigh(columns[kept], right[kept], counts[kept], known)
+        stated.append((float(special.expit(row @ weights)), name.right))
     return stated
 
 

@@ -19,15 +19,20 @@ from cell.gap.fitting.model import whiten
 from cell.gap.fitting.projection import projection
 from cell.gap.open_subject import open_subject
 from cell.gap.selection.screening import DETECTED_SIGMA
+from cell.gap.subject.mechanism.effects import library
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.verdict.schema import Verdict
 from tests.lab.exam.mechanisms import LISTS, make_runs
 from tests.lab.exam.score import signs
+from tests.lab.exam.spoilt import NAMES, TOLD, spoil
 from tests.lab.exam.targets import reliable
 from tests.lab.studies.study import Ledger, Outcome, Quantity, Statistic, Study, Values
 
 KINDS = ("nothing", "one effect", "two effects", "outside", "wrong base")
-FOLDER = "STUDY_MODELS"  # variable of the environment that a study's processes share
+# variables of the environment that a study's processes share
+FOLDER, SPOILT = "STUDY_MODELS", "STUDY_SPOILT"
+DRIFTS = "changes from run to run"
+REPEATED = 3  # times that each motion is made where a drift is to be told
 RIGHT = {
     "wrong_mass": {"link_inertia"},
     "wrong_com": {"com_error"},  # of a wrong base
@@ -45,9 +50,18 @@ def draw(number: int, rng: np.random.Generator, drawn: int = 1) -> Values:
         if FOLDER in os.environ
         else {name: {} for name in LISTS["chains"]}
     )
-    kind = KINDS[number % len(KINDS)]
-    name = str(rng.choice(list(models)))
-    known = models[name]
+    kind, block = KINDS[number % len(KINDS)], number // len(KINDS)
+    spoilt = ""
+    if SPOILT in os.environ and number % len(KINDS) == block % len(KINDS):
+        kind, spoilt = (
+            ("nothing", "one effect")[block % 2],
+            list(TOLD)[block % len(TOLD)],
+        )
+    able = LISTS["chains"] if spoilt == "contact" else models
+    name = str(
+        rng.choice([n for n in able if not spoilt or "mode" not in models.get(n, {})])
+    )
+    known = models.get(name, {})
     mode = known.get("mode", "prescribed")
     count = {"nothing": 0, "two effects": 2}.get(kind, 1)
     library = LISTS["library"][mode] + ["base_compliance"] * ("sways" in known)
@@ -57,7 +71,8 @@ def draw(number: int, rng: np.random.Generator, drawn: int = 1) -> Values:
     hidden = [str(c) for c in rng.choice(causes, count, replace=False)]
     twins = [twin for h in hidden for twin in LISTS["twins"][mode].get(h, ())]
     case = {
-        "kind": kind,
+        "kind": "spoilt" if spoilt else kind,
+        "spoilt": spoilt,
         "model": name,
         "hidden": hidden,
         "drawn": drawn,
@@ -71,21 +86,53 @@ def draw(number: int, rng: np.random.Generator, drawn: int = 1) -> Values:
 
 def measure(case: Values) -> Values:
     """Score the verdict on a case; also returns its processor time `cpu` [s]."""
+    fault = case.get("spoilt", "")
     with TemporaryDirectory() as place:
         out = Path(place) / "model"
-        file = runs_of(case, out)
+        file, runs = runs_of(case, out), [out / "study-runs"]
         began = time.process_time()
-        options = FitOptions(without=case["without"])
-        verdict = fit([out / "study-runs"], file, Path(place) / "out", options)
+        if fault:
+            spoil(out, file, fault, case["seed"])
+        opened = open_subject(file, find_runs(runs), 1)
+        said = {each.what: each.level for each in opened.contradictions()}
+        verdict = None
+        if "bad" not in said.values():
+            options = FitOptions(without=case["without"])
+            verdict = fit(runs, file, Path(place) / "out", options)
         cpu = time.process_time() - began
+    if fault:
+        scored = _score_spoilt(case, said, verdict)
+    elif verdict is None:
+        scored = fail(case)
+    else:
+        scored = _score_sound(case, verdict)
+    return {**scored, "cpu": cpu, "said": said, **_facts(case, verdict)}
+
+
+def _score_sound(case: Values, verdict: Verdict) -> Values:
+    """Score of a verdict on sound recordings, with the `power` of what is hidden."""
     shows = power(case)
-    right = names_that_are_right(case["kind"], case["hidden"])
     scored = score(case["kind"], case["hidden"], verdict, shows >= DETECTED_SIGMA)
+    return {**scored, case["kind"]: scored["by_class"], "power": shows}
+
+
+def _score_spoilt(case: Values, said: Values, verdict: Verdict | None) -> Values:
+    """Score of a spoilt recording: its fault `told` by its kind, and nothing named that
+    neither this nor a hidden cause makes.
+    """
+    named = set() if verdict is None else {e.name for e in verdict.effects}
+    told = TOLD[case["spoilt"]] in said or DRIFTS in str(verdict)
+    false = bool(named - names_that_are_right(case))
+    return {"by_class": told and not false, "false": false, "told": told, "base": None}
+
+
+def _facts(case: Values, verdict: Verdict | None) -> Values:
+    """What a verdict says, None of recordings that are refused, for calibrations."""
+    if verdict is None:
+        return {"verdict": "refused", "ambiguous": [], "stated": [], "signs": None,
+                "deviates": [], "suspected": []}  # fmt: skip
+    right = names_that_are_right(case)
     return {
-        **scored,
-        case["kind"]: scored["by_class"],
-        "power": shows,
-        "cpu": cpu,
         "verdict": verdict.verdict,
         "ambiguous": verdict.ambiguous,
         "stated": [[e.name, e.confidence, e.name in right] for e in verdict.effects],
@@ -98,9 +145,11 @@ def measure(case: Values) -> Values:
 def runs_of(case: Values, out: Path, noise: float = 1.0) -> Path:
     """File of the mechanism of a case, and its runs beside it, written to `out`."""
     home = Path(os.environ.get(FOLDER, ""))
+    repeats = REPEATED if case.get("spoilt") == "drift" else 1
     return make_runs(
-        home, case["model"], case["hidden"], case["size"], case["seed"], out, noise
-    )
+        home, case["model"], case["hidden"], case["size"], case["seed"], out, noise,
+        repeats,
+    )  # fmt: skip
 
 
 def power(case: Values) -> float:
@@ -128,15 +177,14 @@ def _distance(case: Values) -> float:
     return float(np.sqrt(moved @ projection(stated).unabsorbed(moved)))
 
 
-def names_that_are_right(kind: str, hidden: Sequence[str]) -> set[str]:
-    """Names of effects that count as right for the hidden causes; none for an outside
-    one.
+def names_that_are_right(case: Values) -> set[str]:
+    """Names of effects that count as right for what a case hides, or what spoils its
+    recording; none for an outside cause.
     """
-    return (
-        set()
-        if kind == "outside"
-        else {*hidden}.union(*(RIGHT.get(h, ()) for h in hidden))
-    )
+    if case["kind"] == "outside":
+        return set()
+    faults = NAMES.get(case.get("spoilt", ""), set())
+    return {*case["hidden"], *faults}.union(*(RIGHT.get(h, ()) for h in case["hidden"]))
 
 
 def score(
@@ -151,7 +199,7 @@ def score(
     """
     named = {e.name for e in verdict.effects}
     every = named.union(*verdict.ambiguous)
-    false = bool(named - names_that_are_right(kind, hidden))
+    false = bool(named - names_that_are_right({"kind": kind, "hidden": hidden}))
     no_gap = verdict.verdict == "no_gap"
     told = not no_gap or bool(verdict.deviates)
     by_class = {
@@ -166,19 +214,19 @@ def score(
 
 
 def accepted(case: Values, values: Values) -> Values:
-    """Facts on the effects that a verdict on a mechanism accepted, as for
-    confidence.
+    """Facts on the effects that a verdict on a mechanism accepted, as for confidence.
+
+    A class with a value of the file is right where the file is wrong.
     """
-    right, suspected = (
-        names_that_are_right(case["kind"], case["hidden"]),
-        values["suspected"],
-    )
+    alike = {name for group in values["ambiguous"] for name in group}
+    of_file = alike.difference(library()) if case["kind"] == "wrong base" else set()
     return {
         "is_named": values["verdict"] == "named",
         "is_right": not values["false"],
         "hidden": case["hidden"],
         "answer": [] if case["kind"] == "outside" else case["hidden"],
-        "suspect_right": right.issuperset(suspected) if suspected else None,
+        "accepted": [[name] for name in values["suspected"]] + values["ambiguous"],
+        "right": sorted(names_that_are_right(case) | of_file),
         "result": "wrong_name" if values["false"] else "right_class",
         "strength": None,
         "without": case.get("without", []),
@@ -223,6 +271,9 @@ STUDY = Study(
         ),
         Quantity(
             "false", Statistic.SHARE, "%", 100.0, 2.0, label="false, most 2", digits=0
+        ),
+        Quantity(
+            "told", Statistic.SHARE, "%", 100.0, 90.0, True, "spoilt told, least 90", 0
         ),
         Quantity(
             "base", Statistic.SHARE, "%", 100.0, 80.0, True, "base told, least 80", 0
