@@ -55,7 +55,8 @@ PRIORS = {
     "left": -2.0,
     "correlated": -2.0,
     "correlation": -2.0,
-    "loss": -2.0,
+    "loss": -3.5,
+    "strain": -2.0,
 }
 FIRM = 2.0  # one sigma of what a sign weighs about that, in log-odds
 
