@@ -74,26 +74,23 @@ def test_names_are_right_only_where_the_effect_is_in_the_library() -> None:
         "is_named": True,
         "without": [],
     }
-    facts |= {"hidden": ["seam"], "answer": ["seam"]}
+    facts |= {"hidden": ["seam"], "answer": ["seam"], "right": ["seam"]}
+    unnamed = {**facts, "is_named": False, "accepted": []}
     values = [
         {**facts, "is_right": True},
         {**facts, "is_right": False, "without": ["seam"]},
-        {**facts, "is_named": False, "suspect_right": None, "without": ["seam"]},
+        {**unnamed, "without": ["seam"]},
         {**facts, "case": "b", "is_right": True},
-        {**facts, "is_named": False, "suspect_right": True},
-        {**facts, "is_named": False, "suspect_right": None, "hidden": [], "answer": []},
-        {
-            **facts,
-            "is_named": False,
-            "suspect_right": None,
-            "hidden": ["wobble"],
-            "answer": [],
-        },
+        {**unnamed, "accepted": [["seam", "crease"]]},
+        {**unnamed, "hidden": [], "answer": []},
+        {**unnamed, "hidden": ["wobble"], "answer": []},
     ]
     outcomes = [Outcome(Case(i, 0, {}), v) for i, v in enumerate(values)]
     found, outside = names(outcomes)
     assert [name.right for name in found] == [True, False, True, True]
     assert outside == 0.5
+    two = Outcome(Case(7, 0, {}), {**unnamed, "accepted": [["seam"], ["crease"]]})
+    assert [name.right for name in names([two])[0]] == [False]
     content = calibrate(outcomes)
     assert "4 verdicts that accept, 1 of them wrong" in content["source"]
     assert Calibration.model_validate(
@@ -102,16 +99,13 @@ def test_names_are_right_only_where_the_effect_is_in_the_library() -> None:
 
 
 @pytest.mark.slow
-def test_the_package_holds_the_calibration_of_its_source(monkeypatch) -> None:
-    # the loss was weighed by itself, with all others as they are
-    others = {s: w for s, w in calibration().weights.items() if s != "loss"}
-    without = calibration().model_copy(update={"weights": others})
-    monkeypatch.setattr(f"{calibrate.__module__}.calibration", lambda _: without)
-    fitted = calibration().source.partition("The weight of the loss")[0]
-    names_of = re.findall(r"[a-z]+-\d+\.jsonl", fitted)
-    outcomes = verdicts_in([LEDGERS / name for name in names_of])
-    found = Calibration.model_validate(calibrate(outcomes))
-    assert calibration().source.startswith(found.source)
-    assert found.intercept == pytest.approx(calibration().intercept, abs=1e-3)
-    for sign, w in others.items():
+@pytest.mark.parametrize("kind", ["strip", "mechanism"])
+def test_the_package_holds_the_calibration_of_its_source(kind: str) -> None:
+    shipped = calibration(kind)
+    ledgers = re.findall(r"[a-z]+-[a-z0-9]+\.jsonl", shipped.source)
+    outcomes = verdicts_in([LEDGERS / name for name in ledgers])
+    found = Calibration.model_validate(calibrate(outcomes, kind))
+    assert shipped.source.startswith(found.source)
+    assert found.intercept == pytest.approx(shipped.intercept, abs=1e-3)
+    for sign, w in shipped.weights.items():
         assert found.weights[sign].weight == pytest.approx(w.weight, abs=1e-3)
