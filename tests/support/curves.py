@@ -1,7 +1,7 @@
 """Subject of analytical curves, to test the gap engine without strips or mechanisms."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -143,6 +143,23 @@ class Curves(Subject):
         source: str,
     ) -> tuple[dict[str, object], None]:
         return {"base": dict(base), "effects": dict(effects), "source": source}, None
+
+
+class Touched(Curves):
+    """Curves whose last sample is a touch, a channel of its own."""
+
+    @property
+    def scope(self) -> Scope:
+        whole = super().scope
+        return replace(
+            whole,
+            quantities=dict.fromkeys(("angle", "touch"), whole.quantities["angle"]),
+        )
+
+    def run(self, index: int, condition: str, y: Array) -> Run:
+        words = np.array(["angle"] * 59 + ["touch"])
+        run = super().run(index, condition, y)
+        return replace(run, samples=replace(run.samples, channel=words, quantity=words))
 
 
 def judged(subject: Curves) -> tuple[Findings, Verdict]:

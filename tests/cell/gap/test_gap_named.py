@@ -9,12 +9,22 @@ import numpy as np
 import pytest
 
 from cell.gap.selection.likelihood import MIN_GAIN
-from cell.gap.subject.subject import Candidate, Request, Residuals, Run, Scope
+from cell.gap.subject.subject import Candidate, Request, Residuals, Scope
 from cell.gap.verdict.confidence import LEAST
 from drivers.base.types import Array
 from drivers.strip.effects.effect import Parameter
 from tests.support import curves
-from tests.support.curves import LAWS, Curves, Law, T, bump, hidden, judged, wave
+from tests.support.curves import (
+    LAWS,
+    Curves,
+    Law,
+    T,
+    Touched,
+    bump,
+    hidden,
+    judged,
+    wave,
+)
 
 THRESHOLD, PROBES, CREEP = 0.5, (0.3, 1.0, 3.0), 0.02
 
@@ -118,23 +128,6 @@ class Bending(Curves):
 
 def leaning(t: np.ndarray, speed: float, _: int) -> np.ndarray:
     return 5.0 * (t - 0.5) * bump(t, speed, 0)
-
-
-class Touched(Curves):
-    """Curves whose last sample is a touch, a channel of its own."""
-
-    @property
-    def scope(self) -> Scope:
-        whole = super().scope
-        return replace(
-            whole,
-            quantities=dict.fromkeys(("angle", "touch"), whole.quantities["angle"]),
-        )
-
-    def run(self, index: int, condition: str, y: Array) -> Run:
-        words = np.array(["angle"] * 59 + ["touch"])
-        run = super().run(index, condition, y)
-        return replace(run, samples=replace(run.samples, channel=words, quantity=words))
 
 
 def astray(*runs: int) -> Law:
