@@ -200,14 +200,17 @@ def _worst_values(
 
 
 def _sizes(verdict: Verdict) -> list[tuple[str, str, str]]:
-    """Rows on each parameter of what is missing: name, value, interval."""
+    """Rows on each parameter of what is missing or suspected: name, value, interval."""
     rows = []
-    for effect in (*verdict.effects, *verdict.suspected):
+    every = [(effect, "") for effect in verdict.effects]
+    every += [(effect, "suspected, ") for effect in verdict.suspected]
+    for effect, doubt in every:
         for name, value in effect.parameters.items():
             size, _, within = interval_text(value).partition(" [")
             unit = shown_unit(value.unit)
             ends = within.removesuffix(unit).strip().removesuffix("]")
-            title = f"{effect.name.replace('_', ' ')}: {name.replace('_', ' ')}"
+            of = effect.name.replace("_", " ")
+            title = f"{doubt}{of}: {name.replace('_', ' ')}"
             rows.append((title, f"{size} {unit}".strip(), ends.replace(", ", " to ")))
     return rows
 
@@ -348,6 +351,9 @@ def _verdict_card(
     lines = [sentence(findings, verdict)]
     if findings.held_out_fits.changed:
         lines.append(capitalised(verdict.held_out_sentence) + ".")
+    if verdict.untested:
+        names = ", ".join(each.what for each in verdict.untested)
+        lines.append(f"These runs could not show: {names}.")
     tone = TONES[verdict.verdict]
     if verdict.deviates:
         tone = "bad" if tone == "bad" else "fair"

@@ -15,13 +15,17 @@ from rerun.chunk import RrdReader
 from cell.gap.report.figures import Replay, worst_moment, worst_picture
 from cell.gap.report.overlay import write_recording
 from cell.gap.report.page import page
+from cell.gap.report.sentence import number_text
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip.scenes import DISTANCE_SIGNAL
 from cell.gap.subject.strip.subject import StripSubject, open_strip
 from cell.gap.subject.strip.synthetic import BENCH
-from cell.gap.subject.subject import Request, Scene
+from cell.gap.subject.subject import Origin, Request, Scene
+from cell.gap.verdict.decision import next_steps
+from cell.gap.verdict.findings import Findings
+from cell.gap.verdict.schema import Verdict
 from drivers.base.types import Array
-from tests.support.curves import Curves, bump, hidden, judged
+from tests.support.curves import Curves, bump, hidden, judged, nothing
 from tests.support.gap_strip_cases import STRIP, folds, written
 
 SOFT = 0.85  # times the stated bending length
@@ -33,6 +37,33 @@ class Rows:
 
     t: Array
     values: list[object]
+
+
+@dataclass(frozen=True)
+class Told:
+    """A verdict with the HTML of its page, and how a person reads that."""
+
+    findings: Findings
+    verdict: Verdict
+    html: str
+
+    @property
+    def text(self) -> str:
+        """All words of the page, apart by single blanks."""
+        return _words(self.html)
+
+    def rows(self, head: str) -> list[list[str]]:
+        """Rows of the table whose head begins with these words, none without it."""
+        for table in re.findall(r"<table.*?</table>", self.html, re.DOTALL):
+            first, *others = re.findall(r"<tr.*?</tr>", table, re.DOTALL)
+            if _words(first).startswith(head):
+                cells = (re.findall(r"<td.*?</td>", r, re.DOTALL) for r in others)
+                return [[_words(cell) for cell in row] for row in cells]
+        return []
+
+
+def _words(html: str) -> str:
+    return " ".join(unescape(re.sub(r"<[^>]+>", " ", html)).split())
 
 
 def read(path: Path) -> dict[str, Rows]:
@@ -142,12 +173,74 @@ def test_worst_moment_is_that_at_which_the_soft_strip_is_farthest_off(replays) -
     assert "measured" in worst_picture(worst)
 
 
-def test_page_says_one_number_everywhere() -> None:
-    findings, verdict = judged(Curves(hidden(bump, 0.3)))
-    plain = unescape(re.sub(r"<[^>]+>", " ", page(findings, verdict)))
-    text = " ".join(plain.split())
-    ((name, value),) = verdict.effects[0].parameters.items()
-    size, low = (f"{1e3 * v:.3g}" for v in (value.value, value.low))
-    assert f"{name} {size} [{low}," in text  # headline
-    assert f"({verdict.effects[0].name}: {name} {size} mm)" in text  # sentence
-    assert f"{name} {size} mm {low} to" in text  # table
+JUDGED = {
+    "named": Curves(hidden(bump, 0.3)),
+    "ambiguous": Curves(hidden(bump, 0.05), names=("bump", "twin", "wave")),
+    "no_gap": Curves(nothing, repeats=1),
+    "unexplained": Curves(hidden(bump, 5.005)),  # at the end of what is tried
+}
+
+
+@pytest.fixture(scope="module", params=JUDGED)
+def told(request: pytest.FixtureRequest) -> Told:
+    """A verdict of each kind and its page, whose next step is decided."""
+    findings, verdict = judged(JUDGED[request.param])
+    first, *others = next_steps(
+        findings.decision, verdict, Path("out"), Origin("--model arm.yaml")
+    )
+    verdict = verdict.model_copy(update={"next": first, "alternatives": others})
+    assert verdict.verdict == request.param
+    return Told(findings, verdict, page(findings, verdict))
+
+
+def test_page_says_one_number_everywhere(told: Told) -> None:
+    for effect in told.verdict.effects:
+        ((name, value),) = effect.parameters.items()
+        size, low = (f"{1e3 * v:.3g}" for v in (value.value, value.low))
+        assert f"{name} {size} [{low}," in told.text  # headline
+        assert f"({effect.name}: {name} {size} mm)" in told.text  # sentence
+        assert f"{100 * effect.confidence:.0f} % probable" in told.text  # large print
+    rows = {row[0]: row[1:] for row in told.rows("what is missing")}
+    found = [(e, "") for e in told.verdict.effects]
+    found += [(e, "suspected, ") for e in told.verdict.suspected]
+    sizes = {f"{doubt}{e.name}: size": e.parameters["size"].value for e, doubt in found}
+    listed = {title: row[0] for title, row in rows.items()}
+    assert listed == {t: f"{number_text(1e3 * v)} mm" for t, v in sizes.items()}
+
+
+def test_the_table_of_held_out_runs_states_the_gap_of_the_card(told: Told) -> None:
+    gap, (row,) = told.verdict.gap, told.rows("rms")
+    fits = ("before", "after")[: 1 + told.findings.held_out_fits.changed]
+    shown = [float(each) for each in row[1 : 1 + len(fits)]]
+    stated = [getattr(gap, fit)["angle_mrad"] for fit in fits]
+    assert shown == pytest.approx(stated, rel=5e-3)
+    beyond = [float(each) for each in row[-1].split(" then ")]
+    excess = [getattr(gap, fit)["excess"] for fit in fits]
+    assert beyond == pytest.approx(excess, rel=5e-2, abs=0.1)
+    if len(fits) > 1 and gap.before["excess"]:
+        assert f"{gap.before['excess']:.2g} sigma off" in told.text
+    assert ("No held-out run leaves more than noise" in told.text) == (not any(excess))
+
+
+def test_an_all_clear_counts_what_its_table_lists_and_says_what_it_does_not(
+    told: Told,
+) -> None:
+    limits = told.verdict.detectable
+    assert {row[0] for row in told.rows("effect would have shown")} == {*limits}
+    untested = {each.what: each.why for each in told.verdict.untested}
+    assert dict(told.rows("not tested by these runs")) == untested
+    without_name = told.verdict.verdict in ("no_gap", "unexplained")
+    assert bool(untested) == without_name
+    card = f"These runs could not show: {', '.join(untested)}."
+    assert (card in told.text) == without_name
+    if told.verdict.verdict == "no_gap":
+        usual = {*limits}.difference(untested)
+        assert f"{len(usual)} effects would have shown below" in told.text
+
+
+def test_page_and_command_offer_the_steps_of_the_verdict_alone(told: Told) -> None:
+    for step in told.verdict.steps:
+        assert step.sentence.replace("`", "")[1:] in told.text
+    forced = any("--force" in step.command for step in told.verdict.steps)
+    assert ("--force" in told.text) == forced
+    assert not forced
