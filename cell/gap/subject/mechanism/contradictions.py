@@ -322,15 +322,19 @@ def _standing(mechanism: Mechanism, recording: Recording) -> Iterator[Finding]:
 def _stuck(name: str, recording: Recording) -> Iterator[Finding]:
     """Finding on a column that stands for long, and changes in nearly every row
     elsewhere.
+
+    Where it stands at its largest or smallest value, it is at a limit.
     """
     x, t = recording.columns[name], recording.t
+    limits = np.nanmin(x), np.nanmax(x)
     same = np.diff(x) == 0.0
     edges = np.flatnonzero(np.diff(same, prepend=False, append=False))
     first, last = edges[::2], edges[1::2]
-    long = t[last] - t[first] > LONGEST
-    rest = same.sum() - (last - first)[long].sum()
-    if long.any() and rest < REPEATED * (len(same) - (last - first)[long].sum()):
-        row, end = first[long][0], last[long][0]
+    lasting = t[last] - t[first] > LONGEST
+    lasts = (last - first)[lasting].sum()
+    stuck = lasting & ~np.isin(x[first], limits)
+    if stuck.any() and same.sum() - lasts < REPEATED * (len(same) - lasts):
+        row, end = first[stuck][0], last[stuck][0]
         words = (
             f"{name} stands still at {x[row]:.4g} from {t[row]:.2f} to {t[end]:.2f} s"
             f" (row {row} on), and changes in every row elsewhere"

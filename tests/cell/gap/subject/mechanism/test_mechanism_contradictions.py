@@ -136,6 +136,15 @@ def test_a_reading_that_sticks_is_told_by_its_row(
     assert "row 100 on" in words[0]
 
 
+def test_a_motor_at_its_limit_is_no_stuck_reading(sound, tmp_path: Path) -> None:
+    def clip(number: int, table: Columns) -> None:
+        table["t1"][100:160] = (
+            table["t1"].max() if number == 1 else table["t1"][100:160]
+        )
+
+    assert not [f for f in found(*sound, tmp_path, clip) if f.what == "stuck reading"]
+
+
 def test_turns_are_taken_out_and_said(sound, tmp_path: Path) -> None:
     def wrap(_number: int, table: Columns) -> None:
         table["elbow"] = np.mod(table["elbow"], 2.0 * np.pi)
