@@ -11,22 +11,28 @@ import pytest
 from typer.testing import CliRunner
 
 from cell.base.campaign.journal import Journal, Record
+from cell.gap.selection.screening import DETECTED_SIGMA
 from cell.gap.subject.strip.measurement_errors import ModelError
 from drivers.base.errors import ConfigurationError
 from drivers.base.settings import load
 from tests.lab.__main__ import app
+from tests.lab.exam.spoilt import TOLD
 from tests.lab.studies.campaign import StudyRequest, inputs, read_study
-from tests.lab.studies.catalogue import studies, study_of
+from tests.lab.studies.catalogue import mechanisms, studies, study_of
 from tests.lab.studies.study import Quantity, Statistic, figure
 from tests.lab.studies.table import write_table
 
-SIMULATED = {"mechanisms": pytest.mark.slow}  # whose draws are simulated
-NAMES = [
-    pytest.param(name, marks=SIMULATED.get(name, ())) for name in sorted(studies())
-]
+
+@pytest.fixture
+def unseen_at_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A mechanism's effect shows as it is drawn again, which nothing simulates here."""
+    monkeypatch.setattr(
+        mechanisms, "power", lambda case: DETECTED_SIGMA * (case["drawn"] > 1)
+    )
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.usefixtures("unseen_at_first")
+@pytest.mark.parametrize("name", sorted(studies()))
 def test_a_study_is_drawn_from_its_seed_and_travels(name: str) -> None:
     study = study_of(name)
     cases = study.cases(3, min(study.usual, 30))
@@ -39,6 +45,21 @@ def test_a_study_is_drawn_from_its_seed_and_travels(name: str) -> None:
     assert study.question.endswith("?")
     assert study.name.replace("-", "_") == study.measure.__module__.rsplit(".", 1)[1]
     assert study.quick <= study.usual
+
+
+@pytest.mark.usefixtures("unseen_at_first")
+def test_mechanisms_are_drawn_until_one_effect_shows_and_a_fifth_is_spoilt(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    sound = [case.values for case in mechanisms.STUDY.cases(3, 70)]
+    assert {v["drawn"] for v in sound if v["kind"] == "one effect"} == {2}
+    assert {v["drawn"] for v in sound if v["kind"] != "one effect"} == {1}
+    assert not any(v["spoilt"] for v in sound)
+    monkeypatch.setenv(mechanisms.SPOILT, "yes")
+    every = [case.values for case in mechanisms.STUDY.cases(3, 70)]
+    faults = [v["spoilt"] for v in every if v["kind"] == "spoilt"]
+    assert sorted(faults) == sorted(2 * [*TOLD])
+    assert {v["kind"] for v in every} == {*mechanisms.KINDS, "spoilt"}
 
 
 @pytest.mark.slow
