@@ -78,8 +78,8 @@ class Bound:
     validated.
 
     Below `refused` the engine gives no result at all; `why` is what happens outside.
-    Measured by `python -m tests.lab study validity`: folds of denim with one value
-    changed, against the same engine with half its step in space. Within the range that
+    Measured on folds of denim with one value changed, against the same engine with
+    half its step in space. Within the range that
     changes the displacement by at most 3 mm, and rod and chain agree to 3 mm. Width and
     areal density were measured too, from 2 mm to 1 m and from 0.001 to 50 kg/m^2:
     without air they change nothing.

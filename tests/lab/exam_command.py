@@ -3,14 +3,11 @@
 import os
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 import typer
 
 from cell.interface.cli.options import Cluster, engine, resumable
-
-if TYPE_CHECKING:
-    from tests.lab.exam.run import Steps
 
 CASE_TIMEOUT = 7200.0  # s of a case, runs through images included
 OUT_HELP = "Folder of keys, runs, verdicts, ledger [default: runs/exam-TIER-SEED]."
@@ -58,13 +55,6 @@ def exam(
     force: Force = None,
     jobs: Annotated[int, typer.Option(min=1, help="Cases side by side.")] = 1,
     cluster: Cluster = None,
-    only_make: Annotated[
-        bool, typer.Option("--only-make", help="Make the runs; judge nothing.")
-    ] = False,
-    only_judge: Annotated[
-        bool,
-        typer.Option("--only-judge", help="Judge the runs that OUT holds; make none."),
-    ] = False,
     again: Annotated[
         bool,
         typer.Option(
@@ -83,28 +73,24 @@ def exam(
     from rich.console import Console
 
     from cell.base.campaign.progress import Meter
+    from drivers.base.errors import ConfigurationError
     from tests.lab.exam.cases import load_or_draw
     from tests.lab.exam.page import GOOD_RESULTS, write_report
     from tests.lab.exam.run import run_exam, summarise
 
-    steps, console = _steps(make=only_make, judge=only_judge), Console(stderr=True)
+    console = Console(stderr=True)
     out, wide = (
         out or Path("runs") / f"exam-{tier}-{seed}",
         min(jobs, os.cpu_count() or 1),
     )
     chosen = engine(wide, cluster, CASE_TIMEOUT)
-    _check_place(out, made=only_judge)
+    if out.exists() and not out.is_dir():
+        raise ConfigurationError(f"--out: {out} is a file; name a folder")
     with resumable(out), Meter(console, summarise) as meter:
         wanted = load_or_draw(
             out, tier, cases, seed, repeats, kind, force, _print_progress, wide
         )
-        entries = run_exam(
-            wanted, out, engine=chosen, meter=meter, steps=steps, again=again
-        )
-    if only_make:
-        failed = sum(e.state == "failed" for e in entries)
-        sys.stdout.write(f"{len(wanted)} cases, {failed} failed; next: --only-judge\n")
-        return
+        entries = run_exam(wanted, out, engine=chosen, meter=meter, again=again)
     command = _repeat_command(tier, len(wanted), seed, repeats, kind, force)
     page = out / "exam.md"
     write_report(entries, page, command)
@@ -117,40 +103,6 @@ def exam(
     sys.exit(
         int(tier == "small" and (6 * wrong > len(results) or "false_alarm" in results))
     )
-
-
-def _steps(*, make: bool, judge: bool) -> "Steps":
-    """Steps of the exam that the options request; ConfigurationError for both options
-    at once.
-    """
-    from drivers.base.errors import ConfigurationError
-
-    if make and judge:
-        raise ConfigurationError(
-            "--only-make, --only-judge: exclude each other; give one"
-        )
-    if make:
-        return "make"
-    return "judge" if judge else "all"
-
-
-def _check_place(out: Path, *, made: bool) -> None:
-    """Check the folder `out` before an exam, which takes hours.
-
-    Raises ConfigurationError for a file, or where runs must be `made` before and it
-    holds none.
-    """
-    from drivers.base.errors import ConfigurationError
-    from tests.lab.exam.cases import KEYS_FOLDER
-    from tests.lab.exam.run import LEDGER
-
-    if out.exists() and not out.is_dir():
-        raise ConfigurationError(f"--out: {out} is a file; name a folder")
-    if made and not any((out / name).exists() for name in (KEYS_FOLDER, LEDGER)):
-        raise ConfigurationError(
-            f"--only-judge: {out} holds no runs of an exam; make them first, with"
-            " --only-make"
-        )
 
 
 def _repeat_command(

@@ -2,10 +2,8 @@
 find.
 
     python -m tests.lab mutants [PART OF A NAME ...] [--work FOLDER] [--least PERCENT]
-    python -m tests.lab mutants --drawn 300 --seed 1
 
-Those of `mutants.yaml`, or as many small changes drawn from the modules that decide,
-which the nearest tests judge. What was judged before is not run again unless the
+They stand in `mutants.yaml`. What was judged before is not run again unless the
 mutant, its file or its tests have changed. Prints the score of each file and the
 survivors; the exit code is 1 with fewer than the least share killed, 2 for a mutant
 that does not apply or tests that fail without one.
@@ -63,21 +61,16 @@ class Unusable(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Mutant:
-    """Defect: `new` text for `old`, once in `file` or at character `at`, and its
-    `tests`.
-    """
+    """Defect: `new` text for `old`, once in `file`, and its `tests`."""
 
     name: str
     file: str
     old: str
     new: str
     tests: tuple[str, ...]
-    at: int | None = None
 
     def apply_to(self, text: str) -> str:
         """Text of the file with the defect; Unusable where it does not apply."""
-        if self.at is not None and text.startswith(self.old, self.at):
-            return text[: self.at] + self.new + text[self.at + len(self.old) :]
         if text.count(self.old) != 1:
             raise Unusable(
                 f"{self.name}: its text occurs {text.count(self.old)} times in"
@@ -91,7 +84,7 @@ class Mutant:
         """
         names = [self.file, *(test.partition("::")[0] for test in self.tests)]
         texts = [(root / name).read_text("utf-8") for name in names]
-        parts = [self.old, self.new, str(self.at), *self.tests, *texts]
+        parts = [self.old, self.new, *self.tests, *texts]
         return hashlib.sha256("\0".join(parts).encode()).hexdigest()
 
 
@@ -236,16 +229,9 @@ def main(
     ] = None,
     work: Path = WORK,
     least: Annotated[float, typer.Option(help="Percent that must be killed.")] = 95.0,
-    draw: Annotated[
-        int | None, typer.Option("--drawn", help="Draw as many, in place of the list.")
-    ] = None,
-    seed: Annotated[int, typer.Option(help="Of the draw.")] = 1,
 ) -> int:
     """Judge the chosen mutants and print the survivors; returns the exit code."""
-    from tests.lab.mutant_draw import drawn
-
-    every = drawn(draw, seed) if draw else listed()
-    mutants = tuple(m for m in every if not names or any(n in m.name for n in names))
+    mutants = tuple(m for m in listed() if not names or any(n in m.name for n in names))
     try:
         outcomes = judge_all(mutants, work)
     except Unusable as error:

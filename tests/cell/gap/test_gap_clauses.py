@@ -177,11 +177,29 @@ def test_an_effect_that_hardly_shows_keeps_no_run() -> None:
     assert hold_out.held_out(subject, subject.simulate) == ["r1"]
 
 
-def test_a_value_that_one_condition_alone_knows_costs_a_nat(monkeypatch) -> None:
+@pytest.fixture
+def single(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An effect lives in one condition alone."""
+
     def medium_only(t: Array, speed: float, _: int) -> Array:
         return bump(t, speed, 0) * (speed == 1.0)
 
     monkeypatch.setitem(LAWS, "single", medium_only)  # type: ignore[misc]
+
+
+@pytest.mark.usefixtures("single")
+def test_a_condition_that_alone_tells_an_effect_is_fitted() -> None:
+    names = "bump", "single"
+    subject = Curves(nothing, names=names, repeats=1)
+    assert hold_out.held_out(subject, subject.simulate) == ["r2"]
+    subject = Curves(nothing, names=names)
+    assert hold_out.held_out(subject, subject.simulate) == ["r2", "r6", "r5"]
+    asked = hold_out.held_out(subject, subject.simulate, ["r3", "r0", "r3"])
+    assert asked == ["r3", "r0"]
+
+
+@pytest.mark.usefixtures("single")
+def test_a_value_that_one_condition_alone_knows_costs_a_nat() -> None:
     subject = Curves(nothing, names=("single",), repeats=1)
     base, with_it = (
         validated(fitted(subject, names), subject).charged

@@ -1,6 +1,5 @@
 """Which sets of effects are probable, and what is stated of a name."""
 
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,7 +8,6 @@ from scipy import integrate, stats
 
 from cell.gap.fitting.model import Model
 from cell.gap.fitting.tasks import run_all
-from cell.gap.selection.choice import choose
 from cell.gap.selection.likelihood import Fits, LikelihoodScale
 from cell.gap.selection.posterior import (
     Beliefs,
@@ -24,7 +22,7 @@ from cell.gap.subject.subject import Candidate
 from cell.gap.verdict.confidence import calibration
 from drivers.base.types import Array
 from drivers.strip.effects.effect import Parameter
-from tests.support.curves import Curves, bump, fitted, hidden, judged, validated, wave
+from tests.support.curves import Curves, bump, fitted, hidden, judged, validated
 
 PLAIN = LikelihoodScale(1.0, 1.0)
 EXACT = Beliefs.shipped().model_copy(update={"immaterial": 0.0, "shares": (0.0,)})
@@ -134,21 +132,6 @@ def test_a_law_that_may_be_wrong_leaves_room_for_what_it_leaves() -> None:
     wary = sets(subject, ("bump",), ("bump", "wave"), prior=prior)
     lead = [nats(f, "bump", "wave") - nats(f, "bump") for f in (sure, wary)]
     assert lead[1] < 0.5 * lead[0]
-
-
-def test_what_an_error_of_a_law_may_explain_is_no_second_effect() -> None:
-    subject = Curves(
-        lambda t, s, i: 0.3 * bump(t, s, i) + 0.004 * wave(t, s, i), seed=1
-    )
-    exact = [fitted(subject, names) for names in ((), ("bump",), ("bump", "wave"))]
-    for error, accepted in ((0.0, {"bump", "wave"}), (0.2, {"bump"})):
-        erring = tuple(replace(c, model_error=error) for c in exact[2].model.effects)
-        models = (
-            replace(f.model, effects=erring[: len(f.model.effects)]) for f in exact
-        )
-        fits = [replace(f, model=m) for f, m in zip(exact, models, strict=True)]
-        known = Fits(tuple(validated(fit, subject) for fit in fits))
-        assert choose(known, posterior(known, PLAIN, EXACT)).model.names == accepted
 
 
 def test_a_verdict_states_what_its_signs_are_worth() -> None:

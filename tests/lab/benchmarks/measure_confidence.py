@@ -2,11 +2,10 @@
 
 python -m tests.lab measure-confidence LEDGER... [--fresh LEDGER]... [--fit FILE]
 
-Prints how many verdicts are right, and three reliability tables: what each verdict
-stated, what this version states of its signs, and what a calibration of all other cases
-states. --kind is strip or mechanism, by whose file the signs count. With --fresh the
-counts are of those other ledgers, with a fourth table: what the calibration of the
-first ones states of them. With --fit that calibration is written to FILE, as
+Prints two reliability tables: what this version states of the signs of verdicts, and
+what a calibration of all other cases states. --kind is strip or mechanism, by whose
+file the signs count. With --fresh there is a third: what the calibration of the first
+ledgers states of those. With --fit that calibration is written to FILE, as
 cell/gap/verdict/confidence.yaml holds it.
 """
 
@@ -27,7 +26,6 @@ from tests.lab.exam.score import RIGHT_RESULTS
 from tests.lab.exam.targets import reliable
 from tests.lab.studies.catalogue.confidence import (
     calibrate,
-    count_verdicts,
     leave_each_out,
     names,
     names_that_are_right,
@@ -52,14 +50,9 @@ def main(
             "no verdict in these ledgers accepts an effect and has signs; give others\n"
         )
         return 1
-    known = [o.values for o in outcomes if o.values["is_named"] and o.values["signs"]]
-    stated = [
-        (v["confidence"], v["is_right"]) for v in known if v["confidence"] is not None
-    ]
     by = calibration(kind)
     counts = shares(found, outside)
     tables = {
-        "Stated then": (stated, None),
         "Stated by this version": (
             [(by.probability(n.signs), n.right) for n in found],
             counts,
@@ -72,7 +65,6 @@ def main(
         fitted, (others, outside) = Calibration.model_validate(content), names(outcomes)
         claims = [(fitted.probability(n.signs), n.right) for n in others]
         tables["Of fresh cases"] = claims, shares(others, outside)
-    sys.stdout.write(f"{count_verdicts(outcomes)}\n\n")
     for title, (claims, counts) in tables.items():
         sys.stdout.write(f"{title}:\n\n{reliable(claims, counts)}\n\n")
     sys.stdout.write(f"{content['source']}\n")

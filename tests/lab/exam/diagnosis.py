@@ -133,7 +133,6 @@ def main() -> None:
     notes: dict[str, object] = {}
 
     def note(found: "Findings", _verdict: "Verdict", _path: Path) -> None:
-        notes["tried"] = refitted_models(found)
         notes["scatter"] = {s.name: s.value for s in found.model_tests.scatter}
 
     try:
@@ -143,25 +142,6 @@ def main() -> None:
         sys.exit(error.exit_code)
     notes["memory"] = peak_memory()
     (Path("out") / NOTES).write_text(json.dumps(notes), encoding="utf-8")
-
-
-def refitted_models(found: "Findings") -> list[dict[str, object]]:
-    """Facts on every refitted model: name, number of effects, in-sample mean square and
-    loss.
-    """
-    import numpy as np
-
-    return [
-        {
-            "name": m.model.name,
-            "effects": len(m.model.effects),
-            "mean_square": float(
-                np.mean([np.mean(r**2) for r in m.estimate.residuals])
-            ),
-            "objective": m.estimate.objective,
-        }
-        for m in found.fits.models
-    ]
 
 
 def peak_memory() -> float:

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import Field, ValidationError
 
@@ -11,7 +11,7 @@ from drivers.base.files import replace_file, writing
 from drivers.base.readers import MEGABYTE, read_json_lines
 from drivers.base.settings import Settings
 from tests.lab.exam.case import Case
-from tests.lab.exam.score import Baselines, Oracle, Outcome
+from tests.lab.exam.score import Oracle, Outcome
 
 LARGEST_LEDGER = 512 * MEGABYTE
 
@@ -29,7 +29,7 @@ class Entry(Settings):
     state: Literal["made", "scored", "failed"]
     outcome: Outcome | None = None
     oracle: Oracle | None = None
-    baselines: Baselines | None = None
+    baselines: Any = None  # of ledgers of before
     wall: float = 0.0
     memory: float = 0.0
     spreads: dict[str, float] = Field(default_factory=dict)

@@ -162,10 +162,6 @@ def _detail_sections(
     yield reliable(claims) if claims else "Nothing was named."
     yield "### Do the intervals hold the truth?"
     yield _coverage_table(entries)
-    yield "### The gap on held-out runs, against knowing the truth"
-    yield _shrink_table(entries)
-    yield "### Against simpler ways, on the same cases"
-    yield _baseline_table(entries)
 
 
 def _targets_table(lines: Iterable[Target]) -> str:
@@ -250,56 +246,6 @@ def _coverage_table(entries: Sequence[Entry]) -> str:
         middle = f"{100 * median(errors):.1f} %" if errors else ""
         rows.append((name, rate_text(rate(c.covered for c in mine)), middle))
     return table(["parameter", "held", "median error"], rows)
-
-
-def _shrink_table(entries: Iterable[Entry]) -> str:
-    rows = []
-    for word in ("weak", "medium", "strong"):
-        known = [
-            (e.outcome, e.oracle)
-            for e in entries
-            if e.case.strength == word and e.outcome and e.oracle
-        ]
-        if known:
-            named = [o.shrink if o.verdict == "named" else 0.0 for o, _ in known]
-            possible, gaps = (
-                [t.shrink for _, t in known],
-                [o.realised for o, _ in known],
-            )
-            shrunk = (f"{100 * median(values):.0f} %" for values in (named, possible))
-            rows.append((word, str(len(known)), f"{median(gaps):.2f}", *shrunk))
-    if not rows:
-        return "No case has an answer in the library."
-    note = (
-        "Medians over all cases with an answer. The gap is the excess that the refitted"
-        " base leaves; where nothing was named, nothing is shrunk."
-    )
-    head = ["strength", "cases", "gap left", "shrunk", "shrunk, knowing the truth"]
-    return note + "\n\n" + table(head, rows)
-
-
-def _baseline_table(entries: Iterable[Entry]) -> str:
-    """Table of rates beside two baselines: refitting alone, and naming by least
-    in-sample error.
-    """
-    known = [(e.outcome, e.baselines) for e in entries if e.outcome and e.baselines]
-    unnamed = [(o, b) for o, b in known if o.kind in ("nothing", "outside")]
-    named = [(o, b) for o, b in known if o.kind in ("single", "pair")]
-    rows = [
-        (
-            "named nothing, where nothing of the library is hidden",
-            rate_text(rate(not o.named for o, _ in unnamed)),
-            rate_text(rate(True for _ in unnamed)),
-            rate_text(rate(b.single is None for _, b in unnamed)),
-        ),
-        (
-            "named an effect that is hidden, and no other",
-            rate_text(rate(o.right or o.result == "partly" for o, _ in named)),
-            rate_text(rate(False for _ in named)),
-            rate_text(rate(b.right for _, b in named)),
-        ),
-    ]
-    return table(["", "workflow", "refit the base only", "least in-sample error"], rows)
 
 
 def _missed_cases(entries: Iterable[Entry]) -> Iterator[str]:

@@ -10,28 +10,25 @@ from dataclasses import asdict
 from operator import itemgetter
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, Literal
+from typing import Any
 
 from cell.base.campaign.journal import Journal, Record
 from cell.base.campaign.progress import Meter
 from cell.base.campaign.run import Engine, Local, Part, carry_out
 from cell.base.config.places import find_configs
 from cell.gap.subject.run_folders import find_runs
-from cell.gap.verdict.schema import Verdict, read_verdict
-from drivers.base.errors import ConfigurationError
+from cell.gap.verdict.schema import read_verdict
 from drivers.base.files import replace_file
 from drivers.strip.describe import load_strip
 from tests.lab.exam.case import Case, Kind
 from tests.lab.exam.cases import Sources, case_hash, sources
 from tests.lab.exam.diagnosis import NOTES, VERDICT_FILE, Effort, diagnose
 from tests.lab.exam.ledger import Entry, read_ledger, write_ledger
-from tests.lab.exam.score import Baselines, oracle, same, score
+from tests.lab.exam.score import oracle, score
 
-Steps = Literal["all", "make", "judge"]
 Maker = Callable[[Case, Path], object]
 RUNS_FOLDER, VERDICTS_FOLDER, STAMP, MADE = "runs", "verdicts", "diagnosed.json", "made"
 LEDGER, JOURNAL = "ledger.jsonl", "journal"
-MADE_ALONE = "-made"  # ends the digest of a part that makes runs and judges none
 CASE_COST = 60.0  # s of one core, about
 
 
@@ -54,7 +51,7 @@ def measure_case(
     folder: Path,
     workdirs: Path,
     by: Sources,
-    steps: Steps,
+    judged: bool,
     make: Maker,
     again: bool,
 ) -> Mapping[str, Any]:
@@ -66,14 +63,9 @@ def measure_case(
     step fails.
     """
     place = folder / RUNS_FOLDER / case.name
-    if steps != "judge":
-        keep_runs(case, place, make)
-    if steps == "make":
+    keep_runs(case, place, make)
+    if not judged:
         return Entry(case=case, of=by.entry(case), state="made").model_dump(mode="json")
-    if read_stamp(place) != case_hash(case):
-        made = Journal(folder / JOURNAL).get(case.name, by.entry(case) + MADE_ALONE)
-        reason = (made and made.reason) or "holds no runs of this case; make them first"
-        raise ConfigurationError(f"{place}: {reason}")
     shared = workdirs if workdirs.is_dir() else None
     return judge(case, folder, by, workdirs=shared, again=again).model_dump(mode="json")
 
@@ -127,24 +119,10 @@ def judge(
         state="scored",
         outcome=score(verdict, case, load_strip(strip)),
         oracle=oracle(case, strip, runs, verdict.held_out) if case.answer else None,
-        baselines=baselines(verdict, notes["tried"], case),
         wall=effort.wall,
         memory=effort.memory,
         spreads=notes.get("scatter", {}),
     )
-
-
-def baselines(verdict: Verdict, tried: list[dict[str, Any]], case: Case) -> Baselines:
-    """Baseline answer: the effect with least in-sample error; without fits, the first
-    candidate.
-    """
-    singles = [model for model in tried if model["effects"] == 1]
-    if singles:
-        name = str(min(singles, key=lambda model: float(model["mean_square"]))["name"])
-    else:
-        rows = [row.name for row in verdict.candidates if " + " not in row.name]
-        name = rows[0] if rows else ""
-    return Baselines(single=name or None, right=same(name, case.answer))
 
 
 def _stored_verdict(out: Path, of: str) -> Effort | None:
@@ -164,7 +142,7 @@ def run_exam(
     *,
     engine: Engine | None = None,
     meter: Meter | None = None,
-    steps: Steps = "all",
+    judged: bool = True,
     again: bool = False,
     make: Maker = made_by_tier,
 ) -> tuple[Entry, ...]:
@@ -182,24 +160,22 @@ def run_exam(
     kept = read_ledger(path)
     named = {case.name: case for case in cases}
     write_ledger(path, kept.values())  # fails now, and not after hours
-    ending = MADE_ALONE if steps == "make" else ""
-    anew = again or steps == "make"
     with TemporaryDirectory(prefix="exam-", ignore_cleanup_errors=True) as workdirs:
-        given = (folder, Path(workdirs), now, steps, make, again)
+        given = (folder, Path(workdirs), now, judged, make, again)
         parts = [
             Part(
                 case.name,
-                now.entry(case) + ending,
+                now.entry(case),
                 CASE_COST,
                 measure_case,
                 (case, *given),
             )
             for case in spread(cases)
         ]
-        if not anew:
+        if not again:
             _import_ledger(kept, Journal(place), parts)
         measured = carry_out(
-            parts, place, engine or Local(), meter or Meter(), again=anew
+            parts, place, engine or Local(), meter or Meter(), again=again
         )
         for record in measured:
             entry = entry_of(named[record.key], now, record)

@@ -79,18 +79,6 @@ class Oracle(Settings):
     shrink: float
 
 
-class Baselines(Settings):
-    """Result of a simpler method, which names the `single` effect with the least
-    in-sample error.
-
-    `right` if that is in the answer. The other baseline, refitting the base alone,
-    names nothing.
-    """
-
-    single: str | None
-    right: bool
-
-
 class Outcome(Settings):
     """Score of a case: the `result` of its verdict, with the facts that reports show.
 
@@ -220,11 +208,6 @@ def with_twins(answer: frozenset[str]) -> list[frozenset[str]]:
     """
     choices = [sorted({name, *indistinguishable_from(name)}) for name in sorted(answer)]
     return [frozenset(choice) for choice in product(*choices)]
-
-
-def same(name: str, answer: Iterable[str]) -> bool:
-    """Whether the answer holds `name`, or an effect indistinguishable from it."""
-    return any(name in whole for whole in with_twins(frozenset(answer)))
 
 
 def _base(verdict: Verdict, case: Case, strip: StripFile) -> Iterable[Comparison]:

@@ -15,7 +15,7 @@ from tests.lab.exam.cases import DRAWN_FILE, KEYS_FOLDER, Sources, load_or_draw
 from tests.lab.exam.ledger import Entry, write_ledger
 from tests.lab.exam.page import markdown
 from tests.lab.exam.run import LEDGER
-from tests.lab.exam.score import Baselines, Oracle, score
+from tests.lab.exam.score import Oracle, score
 from tests.lab.exam.targets import targets
 from tests.support.exam_cases import case, named, verdict
 from tests.support.gap_strip_cases import denim
@@ -28,7 +28,6 @@ def scored(hidden: Case, said: Verdict, known: float = 1.0) -> Entry:
         state="scored",
         outcome=score(said, hidden, denim()),
         oracle=Oracle(after=0.0, shrink=known) if hidden.answer else None,
-        baselines=Baselines(single="seam", right="seam" in hidden.answer),
         wall=30.0,
         memory=600.0,
     )

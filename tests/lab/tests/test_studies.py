@@ -74,12 +74,12 @@ def test_an_interval_contains_the_truth_at_its_nominal_rate() -> None:
 
 
 def filled(folder: Path, of: str | None = None, count: int = 4) -> StudyRequest:
-    """Some cases of `validity` with made up outcomes, one of them set aside."""
-    asked = StudyRequest(study_of("validity"), 0, 6, folder)
+    """Some cases of `damping` with made up outcomes, one of them set aside."""
+    asked = StudyRequest(study_of("damping"), 0, 6, folder)
     journal, made_of = Journal(asked.journal), of or inputs(asked.study)
     for case in asked.study.cases(0, count):
         facts = {"schema": 1, "key": case.key, "of": made_of}
-        outcome = {"values": {"d": 0.001 * case.number, "apart": 0.0, "ended": True}}
+        outcome = {"values": {"damping": 0.01 * case.number, "length": 0.0}}
         journal.put(Record(**facts, state="measured", outcome=outcome))
     late = asked.study.cases(0, 5)[4]
     facts = {"schema": 1, "key": late.key, "of": made_of}
@@ -112,7 +112,7 @@ def test_the_command_lists_shows_and_refuses(tmp_path: Path) -> None:
     assert listed.exit_code == 0
     assert all(name in listed.output for name in studies())
     filled(tmp_path)
-    shown = CliRunner().invoke(app, f"study validity --count 6 --out {tmp_path} --show")
+    shown = CliRunner().invoke(app, f"study damping --count 6 --out {tmp_path} --show")
     assert shown.exit_code == 0
     assert "4 of 6 so far" in shown.output
     assert "no outcome after 600 s" in (tmp_path / "table.md").read_text()
@@ -121,7 +121,7 @@ def test_the_command_lists_shows_and_refuses(tmp_path: Path) -> None:
         *(["--shard", wrong] for wrong in ("0/3", "4/3", "a")),
         ["--show", *out],
     ):
-        refused = CliRunner().invoke(app, ["study", "validity", *words])
+        refused = CliRunner().invoke(app, ["study", "damping", *words])
         assert isinstance(refused.exception, ConfigurationError)
     unknown = CliRunner().invoke(app, "study unkown")
     assert "'unkown' is not known (did you mean 'unknown'?)" in str(unknown.exception)

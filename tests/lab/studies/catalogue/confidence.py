@@ -7,7 +7,7 @@ law may be offered instead.
 """
 
 import json
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
@@ -17,24 +17,16 @@ from scipy import optimize, special
 
 from cell.base.config.places import find_configs
 from cell.gap.fit import FitOptions, fit
-from cell.gap.rehearse import table
 from cell.gap.verdict.confidence import Calibration, calibration
 from cell.gap.verdict.fit_folder import RECORD
 from cell.gap.verdict.schema import VerdictEvidence
 from drivers.base.types import Array
 from drivers.strip.effects import registry
-from tests.lab.exam.case import STRENGTHS, Case
+from tests.lab.exam.case import Case
 from tests.lab.exam.cases import Draw
 from tests.lab.exam.from_state import make_runs
-from tests.lab.exam.score import RIGHT_RESULTS, Comparison, score, with_twins
-from tests.lab.exam.targets import (
-    OUTSIDE_SHARE,
-    Rate,
-    log_loss,
-    rate,
-    rate_text,
-    reliable,
-)
+from tests.lab.exam.score import RIGHT_RESULTS, score, with_twins
+from tests.lab.exam.targets import OUTSIDE_SHARE, log_loss, reliable
 from tests.lab.studies.study import (
     Fit,
     Ledger,
@@ -255,62 +247,11 @@ def calibrate(outcomes: Sequence[Outcome], kind: str = "strip") -> Values:
     return {**fit_calibration(found, counts, kind).model_dump(), "source": source}
 
 
-def count_verdicts(outcomes: Sequence[Outcome]) -> str:
-    """Table of verdicts by number and strength of the hidden effects, as Markdown."""
-    groups: dict[tuple[str, ...], list[Values]] = {}
-    for o in outcomes:
-        number = ("nothing", "one", "two")[len(o.values["answer"])]
-        of_library = "no" if o.values["without"] else "yes"
-        groups.setdefault((of_library, number, o.values["strength"] or "-"), []).append(
-            o.values
-        )
-    order = sorted(
-        groups, key=lambda g: (g[0] == "no", g[1], ("-", *STRENGTHS).index(g[2]))
-    )
-    head = [
-        "in the library",
-        "hidden",
-        "strength",
-        "right, by class",
-        "strictly",
-        "a wrong name",
-        "a law offered",
-        "intervals that hold the truth",
-    ]
-    return table(
-        head, [(*group, *map(rate_text, _rates(groups[group]))) for group in order]
-    )
-
-
-def _rates(verdicts: Sequence[Values]) -> Iterator[Rate]:
-    """Rates of right verdicts, strictly right ones, wrong names, laws, and right
-    intervals.
-    """
-    yield rate(v["result"] in RIGHT_RESULTS and not v["without"] for v in verdicts)
-    yield rate(v["result"] == "right_strict" and not v["without"] for v in verdicts)
-    yield rate(v["result"] == "wrong_name" for v in verdicts)
-    yield rate(bool(v["offered"]) for v in verdicts)
-    checked = [
-        Comparison.model_validate(c)
-        for v in verdicts
-        for c in (*v["base"], *v["parameters"])
-    ]
-    yield rate(c.covered for c in checked if c.low is not None or c.high is not None)
-
-
 def judge(outcomes: Sequence[Outcome]) -> str:
-    """Counts and reliability of verdicts, for effects in the library and withheld
-    ones.
-    """
+    """Reliability of the names that verdicts accept, by the calibration that ships."""
     (found, outside), by = names(outcomes), calibration()
-    parts = [f"{count_verdicts(outcomes)}\n"]
-    groups = {"All": (False, True), "None withheld": (False,), "Withheld": (True,)}
-    for words, kinds in groups.items():
-        mine = [(by.probability(n.signs), n.right) for n in found if n.outside in kinds]
-        if mine:
-            counts = shares(found, outside) if len(kinds) > 1 else None
-            parts.append(f"{words}:\n\n{reliable(mine, counts)}\n")
-    return "\n".join(parts)
+    claims = [(by.probability(n.signs), n.right) for n in found]
+    return reliable(claims, shares(found, outside))
 
 
 STUDY = Study(
