@@ -1,6 +1,4 @@
-"""Compiled loops of the renderer: curve of a midline, sampling of its surface,
-splatting.
-"""
+"""Compiled loops of the renderer: sampling of a strip's surface, splatting."""
 
 from typing import NamedTuple
 
@@ -15,34 +13,6 @@ Indices = NDArray[np.int64]
 FULL = 0.96  # coverage from which a pixel counts as filled, as samples leave gaps
 # a plane sequence of low discrepancy
 PLANE_SEQUENCE = (0.7548776662466927, 0.5698402909980532)
-
-
-@entry
-def interpolate(
-    nodes: Array, slopes: Array, arc: Array, s: Array
-) -> tuple[Array, Array]:
-    """Points (m, 2) [m], derivatives (m, 2), of a Hermite curve at rising arc lengths
-    `s` (m,).
-
-    It passes through `nodes` (n, 2) with `slopes` (n, 2) at arc lengths `arc` (n,).
-    """
-    points, derivatives = np.empty((len(s), 2)), np.empty((len(s), 2))
-    i = 0
-    for k in range(len(s)):
-        while i < len(arc) - 2 and arc[i + 1] <= s[k]:
-            i += 1
-        piece = arc[i + 1] - arc[i]
-        t = (s[k] - arc[i]) / piece
-        for axis in range(2):
-            chord = (nodes[i + 1, axis] - nodes[i, axis]) / piece
-            linear, end = slopes[i, axis], slopes[i + 1, axis]
-            quadratic = 3 * chord - 2 * linear - end
-            cubic = linear + end - 2 * chord
-            points[k, axis] = nodes[i, axis] + piece * t * (
-                linear + t * (quadratic + t * cubic)
-            )
-            derivatives[k, axis] = linear + t * (2 * quadratic + 3 * t * cubic)
-    return points, derivatives
 
 
 class MaterialRows(NamedTuple):

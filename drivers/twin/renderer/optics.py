@@ -135,13 +135,8 @@ def axis_rotations(x: float, y: float, z: float) -> tuple[Array, Array, Array]:
     """Rotation matrices (3, 3) by `x` about the x-axis, `y` about the y-axis, `z` about
     z [rad].
     """
-    cx, cy, cz = np.cos([x, y, z])
-    sx, sy, sz = np.sin([x, y, z])
-    return (
-        np.array([[1, 0, 0], [0, cx, -sx], [0, sx, cx]]),
-        np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]]),
-        np.array([[cz, -sz, 0], [sz, cz, 0], [0, 0, 1]]),
-    )
+    about_x, about_y, about_z = (cv2.Rodrigues(turn)[0] for turn in np.diag([x, y, z]))
+    return about_x, about_y, about_z
 
 
 def _inverse(distortion: tuple[float, float], field: float) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 
 from drivers.base.geometry import interpolate_columns, left_normals, unit
 from drivers.base.types import Array
-from drivers.twin.renderer.kernels import MaterialRows, interpolate, sample_surface
+from drivers.twin.renderer.kernels import MaterialRows, sample_surface
 from drivers.twin.renderer.looks import StripLook
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.world import Scene
@@ -71,15 +71,30 @@ def expose(scenes: Sequence[Scene], spacing: float) -> ExposedMidline:
 
     nodes = smooth(middle.points, middle.arc)
     slopes = np.gradient(nodes, middle.arc, axis=0, edge_order=2)
-    points, derivatives = interpolate(
-        nodes, np.ascontiguousarray(slopes), middle.arc.copy(), s
-    )
+    points, derivatives = hermite(nodes, slopes, middle.arc, s)
 
     motion = np.empty((0, 2))
     if first.points is not last.points:
         shift = (last.points - first.points) * (len(scenes) / (len(scenes) - 1))
         motion = interpolate_columns(s, middle.arc, shift)
     return ExposedMidline(s, points, unit(derivatives), motion)
+
+
+def hermite(nodes: Array, slopes: Array, arc: Array, s: Array) -> tuple[Array, Array]:
+    """Points (m, 2) [m] and derivatives (m, 2) of a cubic Hermite curve at arc lengths
+    `s` (m,).
+
+    It passes through `nodes` (n, 2) with `slopes` (n, 2) at arc lengths `arc` (n,): at
+    t, from 0 to 1 on a piece of length h, by p = p0 + h t (a + t (b + t c)).
+    """
+    i = np.clip(np.searchsorted(arc, s, side="right") - 1, 0, len(arc) - 2)
+    h = np.diff(arc)[i, None]
+    t = (s - arc[i])[:, None] / h
+    chord = np.diff(nodes, axis=0)[i] / h
+    a, end = slopes[i], slopes[i + 1]
+    b = 3 * chord - 2 * a - end
+    c = a + end - 2 * chord
+    return nodes[i] + h * t * (a + t * (b + t * c)), a + t * (2 * b + 3 * t * c)
 
 
 def smooth(points: Array, arc: Array) -> Array:
