@@ -1,8 +1,9 @@
-"""The twin's calibration comes with its settings, or is made once, kept, and of its
-camera.
+"""A calibration in use: the twin's comes with its settings, or is made once and kept; one
+that is foreign or expired is refused; its facts go into the run.
 """
 
 import fcntl
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -14,9 +15,14 @@ from cell.base.config.places import CHECKOUT_CONFIGS, Configs
 from cell.folding.fold import fold
 from cell.orchestrator.operator import Interrupted
 from cell.setup import calibration_in_use, wizard
-from cell.setup.calibration_in_use import calibration_file, calibration_of
+from cell.setup.calibration_in_use import (
+    calibration_file,
+    calibration_of,
+    check_current,
+    record_entry,
+)
 from cell.setup.wizard import calibrate_twin
-from drivers.base.errors import ConfigurationError, Fault
+from drivers.base.errors import ConfigurationError, Fault, PreflightRefused
 from tests.cell.conftest import straight_camera
 from tests.support.requests import request_for
 from tests.support.twin_calibration import SHIPPED
@@ -136,3 +142,32 @@ def test_a_monitor_that_stops_a_calibration_is_a_fault(cache, monkeypatch) -> No
         calibration_of(SETTINGS.model_copy(update={"monitors": limits}))
     assert stopped.value.exit_code == 4
     assert not calibration_file(SETTINGS).exists()
+
+
+NOW = datetime(2026, 11, 20, 12, 0, tzinfo=UTC)
+
+
+def dated(**facts: object) -> Calibration:
+    known = {"residual_mm": 0.2, "date": "2026-11-18T12:00:00+00:00", "camera": "one"}
+    return straight_camera(**known | facts)
+
+
+def test_expired_calibration_is_refused_on_hardware_before_anything_moves() -> None:
+    late = NOW + timedelta(days=29)
+    with pytest.raises(
+        PreflightRefused, match="is 31 days old, allowed are 30"
+    ) as caught:
+        check_current(dated(), 30, late, on_twin=False)
+    assert caught.value.exit_code == 3
+    check_current(dated(), 30, late, on_twin=True)  # whose camera nobody moves
+
+
+def test_run_records_id_residual_latency_and_age() -> None:
+    calibration = dated(latency=0.031)
+    assert record_entry(calibration, NOW) == {
+        "id": calibration.id,
+        "error": 0.0002,
+        "latency": 0.031,
+        "date": "2026-11-18T12:00:00+00:00",
+        "age_days": 2.0,
+    }
