@@ -294,8 +294,9 @@ def _largest_difference(one: Lens, other: Lens) -> float:
     """Largest difference [px] of two lenses over the image, after the best plane
     homography.
     """
-    u, v = np.meshgrid(np.linspace(0.02, 0.98, 12), np.linspace(0.02, 0.98, 8))
-    pixels = np.column_stack([u.ravel(), v.ravel()]) * (one.width, one.height)
+    across, down = np.linspace(0.02, 0.98, 12), np.linspace(0.02, 0.98, 8)
+    grid = np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2)
+    pixels = grid * (one.width, one.height)
     by_one = one.undistort(pixels)
     by_other = other.undistort(pixels)
     between, _ = cv2.findHomography(by_other, by_one, 0)

@@ -193,8 +193,9 @@ def _light_at(light: Floats, v: int, u: int) -> Any:
     x = (u + 0.5) / CELL_PX + 0.5
     i, j = int(y), int(x)
     down, right = np.float32(y - i), np.float32(x - j)
-    above = light[i, j] + right * (light[i, j + 1] - light[i, j])
-    below = light[i + 1, j] + right * (light[i + 1, j + 1] - light[i + 1, j])
+    upper, lower = light[i], light[i + 1]
+    above = upper[j] + right * (upper[j + 1] - upper[j])
+    below = lower[j] + right * (lower[j + 1] - lower[j])
     return above + down * (below - above)
 
 

@@ -160,9 +160,16 @@ def without_hand(region: Region, calibration: Calibration, gripper: Pose) -> Ima
     """Mask (h, w) of `region`, 0 where the hand at `gripper` may hide the strip, else
     255.
     """
-    slim, wide = FINGER[-1][1] + BLUR, PALM[0][1] + BLUR
-    tip, palm = -TIP_AHEAD - BLUR, PALM[0][0] - BLUR
-    side = np.array([(tip, -slim), (palm, -slim), (palm, -wide), (WRIST_LENGTH, -wide)])
+    palm, palm_aside = PALM[0]
+    _, finger_aside = FINGER[-1]
+    side = np.array(
+        [
+            (-TIP_AHEAD - BLUR, -finger_aside - BLUR),
+            (palm - BLUR, -finger_aside - BLUR),
+            (palm - BLUR, -palm_aside - BLUR),
+            (WRIST_LENGTH, -palm_aside - BLUR),
+        ]
+    )
     outline = np.concatenate([side, side[::-1] * (1, -1)])
 
     near = side_view(outline, gripper.as_array()[None])[0]

@@ -7,6 +7,7 @@ import select
 import sys
 import termios
 import tty
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from functools import partial
@@ -196,8 +197,11 @@ def points_map(plan: Sequence[tuple[float, float, str]]) -> RenderableType:
     explains.
     """
     table = Table.grid(padding=(0, 2))
-    for height in sorted({round(z, 3) for _, z, _ in plan}, reverse=True):
-        row = sorted((x, state) for x, z, state in plan if round(z, 3) == height)
+    rows = defaultdict(list)
+    for x, z, state in plan:
+        rows[round(z, 3)].append((x, state))
+    for height in sorted(rows, reverse=True):
+        row = sorted(rows[height])
         states = [Text(state, style=POINT_STYLES[state]) for _, state in row]
         table.add_row(f"z {1e3 * height:4.0f} mm", *states)
     return Group(table, Text(MARK_LEGEND, style="dim"))

@@ -331,14 +331,16 @@ class ChainStrip:
         """Step MuJoCo by `h` [s] with the tip welded to `grip`; raises
         SimulationNotFinite.
         """
+        data = self._data
         if self._held:
             x, z, pitch = self._within_reach(grip.target(self._grip, h))
-            self._data.mocap_pos[0] = x, 0.0, z
-            self._data.mocap_quat[0] = np.cos(pitch / 2), 0.0, -np.sin(pitch / 2), 0.0
-        mujoco.mj_step(self._model, self._data)
-        self.points = self._joints.nodes(self._data.qpos)
-        diverged = self._data.warning[mujoco.mjtWarning.mjWARN_BADQACC].number
-        turn = h * np.abs(self._data.qvel[self._joints.hinges]).max()
+            data.mocap_pos[0] = x, 0.0, z
+            data.mocap_quat[0] = np.cos(pitch / 2), 0.0, -np.sin(pitch / 2), 0.0
+        mujoco.mj_step(self._model, data)
+        self.points = self._joints.nodes(data.qpos)
+
+        diverged = data.warning[mujoco.mjtWarning.mjWARN_BADQACC].number
+        turn = h * np.abs(data.qvel[self._joints.hinges]).max()
         if diverged or not turn < LOST_TURN:
             raise SimulationNotFinite("chain", self._time + h)
 

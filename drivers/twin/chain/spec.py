@@ -337,15 +337,17 @@ class Joints:
         along = np.stack([np.cos(angles), np.sin(angles)], axis=1)
         normals = left_normals(along)
         # velocity of each link's end from its beginning, by its turn and by its stretch
-        turn = rate[self.hinges].cumsum()[:-1, None] * self._lengths(position) * normals
+        turning = rate[self.hinges].cumsum()[:-1, None]
+        turn = turning * self._lengths(position) * normals
         stretch = np.zeros((len(angles), 1))
         stretch[self.lengthened, 0] = rate[self.slides]
         ends = (turn + stretch * along).cumsum(axis=0)
         middles = ends - 0.5 * turn
         if self.edge is not None:
             middles[:, 0] += rate[self.edge]
-        speeds = [(middles * direction).sum(axis=1) for direction in (along, normals)]
-        return np.stack(speeds, axis=1), along
+        speed_along = (middles * along).sum(axis=1)
+        speed_across = (middles * normals).sum(axis=1)
+        return np.stack([speed_along, speed_across], axis=1), along
 
     def _lengths(self, position: Array) -> Array:
         lengths = self.spans[:, None].copy()

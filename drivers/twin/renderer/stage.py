@@ -71,7 +71,7 @@ def stage(
 
 def light(settings: CameraSettings) -> Field:
     """Brightness (height, width) that lamp, lens and exposure leave at each pixel."""
-    u = np.linspace(-0.5, 0.5, settings.width, dtype=np.float32)[None, :]
+    u = np.linspace(-0.5, 0.5, settings.width, dtype=np.float32)
     v = np.linspace(-0.5, 0.5, settings.height, dtype=np.float32)[:, None]
     gradient = 1 - settings.light_gradient * (0.8 * u + 0.6 * v)
     corner = 1 - settings.vignetting * 2 * (u * u + v * v)
