@@ -212,7 +212,8 @@ def _place_deviation(grey: Image, noise: float) -> Array:
     )
     least = (xx + zz) / 2 - np.hypot((xx - zz) / 2, xz)
     flat = np.median(least)  # of noise alone
-    sigma: Array = noise / np.sqrt(np.maximum(least - flat, 1e-6)).astype(np.float64)
+    spread = noise / np.sqrt(np.maximum(least - flat, 1e-6))
+    sigma: Array = spread.astype(np.float64)
     return sigma
 
 
