@@ -270,7 +270,19 @@ def _too_long(what: str, duration: float, limit: float) -> str | None:
 def _state_overtime(snapshot: Snapshot, rules: Rules) -> str | None:
     """Reason to stop where the run has been in one state for too long."""
     duration = snapshot.time - snapshot.entered
-    return _too_long(snapshot.state, duration, rules.limits.state_duration)
+    reason = _too_long(snapshot.state, duration, rules.limits.state_duration)
+    return reason and f"{reason}; it waits for {_awaited(snapshot)}"
+
+
+def _awaited(snapshot: Snapshot) -> str:
+    """What has yet to come to rest, or to arrive, before the run goes on."""
+    pose, commanded = snapshot.arm.pose, snapshot.arm.commanded
+    if snapshot.arm.moving:
+        return (
+            f"the arm, at x {1e3 * pose.x:.0f}, z {1e3 * pose.z:.0f} mm and commanded"
+            f" to x {1e3 * commanded.x:.0f}, z {1e3 * commanded.z:.0f} mm"
+        )
+    return "the fingers" if snapshot.hand.moving else "an image and its reading"
 
 
 def _overtime(snapshot: Snapshot, rules: Rules) -> str | None:

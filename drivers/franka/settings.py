@@ -77,6 +77,8 @@ class FciSettings(Settings):
 
     Without an `address` the cell starts a twin that speaks the robot's protocol, in
     `lock_step`; with one, only a twin that was started in lock-step can be driven so.
+    With `ask` a twin at an address counts as a physical robot: its motions are slow,
+    and ask first.
     Plans without a robot have the published limits of `model`; with one, its own.
     `realtime` enforce requires a real-time kernel, as the manufacturer does; priority
     only that the user may have real-time priority, which the process that owns the loop
@@ -90,6 +92,7 @@ class FciSettings(Settings):
 
     address: str | None = Field(None, pattern=r"^[A-Za-z0-9.:-]+$")
     lock_step: bool | None = None
+    ask: bool = False
     model: Revision = "fr3"
     realtime: RealTime = "enforce"
     guard: Force = 15.0

@@ -252,3 +252,22 @@ def test_no_limit_can_be_switched_off() -> None:
         assert any(
             hasattr(rule, "le") or hasattr(rule, "lt") for rule in field.metadata
         ), name
+
+
+@pytest.mark.parametrize(
+    ("moving", "awaited"),
+    [
+        ({"arm": True}, "the arm, at x 400, z 200 mm and commanded to"),
+        ({"hand": True}, "the fingers"),
+        ({}, "an image and its reading"),
+    ],
+)
+def test_state_that_lasts_too_long_says_what_it_waits_for(moving, awaited) -> None:
+    late = replace(
+        GOOD,
+        entered=-60.0,
+        arm=replace(ARM, pose=POSE, moving="arm" in moving),
+        hand=replace(HAND, moving="hand" in moving),
+    )
+    with pytest.raises(Fault, match=f"allowed 60 s; it waits for {awaited}"):
+        check_all(late, Hold(), RULES)

@@ -59,9 +59,12 @@ def connections(monkeypatch) -> list[str]:
 
 
 @pytest.mark.parametrize("words", COMMANDS)
+@pytest.mark.parametrize("robot", [NOWHERE, "127.0.3.9, ask: true"])
 def test_nothing_moves_without_the_cell_s_name(
-    words, configs, connections, monkeypatch, capsys, tmp_path
+    robot, words, configs, connections, monkeypatch, capsys, tmp_path
 ) -> None:
+    file = configs / "cell.yaml"
+    file.write_text(file.read_text().replace(NOWHERE, robot))
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("sys.stdin", io.StringIO("yes\n"))
     monkeypatch.setattr("cell.setup.doctor.doctor.checks", lambda *_: iter(()))
