@@ -206,7 +206,7 @@ def test_stop_brakes_from_every_state(bench, arm) -> None:
 
 def test_velocity_out_of_the_workspace_comes_to_rest_by_itself(bench, arm) -> None:
     # to its floor: not all reach its top
-    state = drive(bench, Velocity(0.0, -0.1, 0.0), 4.0)
+    state = drive(bench, Velocity(0.0, -0.1, 0.0), 2.2)
     assert abs(state.velocity.vz) < 1e-3
     assert -0.02 < state.commanded.z < 0.02
     back = drive(bench, Velocity(0.0, 0.1, 0.0), 0.5)
