@@ -9,9 +9,8 @@ from typing import Self
 import numpy as np
 
 from cell.gap.diagnosis import held_out_gap
-from cell.gap.fitting.base_fit import stated_estimate
+from cell.gap.fitting.base_fit import projection, stated_estimate
 from cell.gap.fitting.model import response
-from cell.gap.fitting.projection import projection
 from cell.gap.subject.strip.measurement_errors import SLACK_EFFECTS
 from cell.gap.subject.strip.runs import MeasuredRun
 from cell.gap.subject.strip.subject import StripSubject
@@ -46,17 +45,15 @@ class Strengths:
     others: dict[str, float]
     largest: float
 
-    def at(self, share: float) -> dict[str, float]:
-        """Parameter values by name at the fraction `share`, in (0, 1], of the largest
-        size.
-        """
+    def at(self, fraction: float) -> dict[str, float]:
+        """Parameter values by name at a `fraction`, in (0, 1], of the largest size."""
         p = self.effect.parameters[0]
         if p.inverse:
-            value = self.largest / share
+            value = self.largest / fraction
         elif p.start > 0.0:
-            value = p.start * (self.largest / p.start) ** share
+            value = p.start * (self.largest / p.start) ** fraction
         else:
-            value = share * self.largest
+            value = fraction * self.largest
         return {p.name: float(np.clip(value, *p.stated_range)), **self.others}
 
 
@@ -189,7 +186,7 @@ class GapModel:
         ]
         return held_out_gap.excess_of(replace(self._estimate, residuals=tuple(noisy)))
 
-    def share(
+    def fraction(
         self, strengths: Strengths, target: float, most: float = np.inf
     ) -> float | None:
         """Smallest share of `strengths` on a grid that leaves `target` [noise] of

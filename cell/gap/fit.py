@@ -5,16 +5,19 @@ patches.
 import itertools
 import os
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 from threadpoolctl import threadpool_limits
 
 from cell.gap.check import recordings, refuse
-from cell.gap.fitting.tasks import CountedSimulation
+from cell.gap.diagnosis.held_out_gap import odd_runs
+from cell.gap.diagnosis.lack_of_fit import order_suspicion
+from cell.gap.fitting import CountedSimulation, Simulate
 from cell.gap.forward_selection import Progress, quiet
-from cell.gap.investigate import investigate
+from cell.gap.investigate import in_all_runs, investigate
 from cell.gap.open_subject import open_subject
 from cell.gap.report.page import page
 from cell.gap.selection import hold_out as hold
@@ -86,6 +89,7 @@ def fit(
         verdict = compose(findings, time.monotonic() - began, simulate.total)
         notes = itertools.starmap(copy_note, copies.items())
         remarks = [*notes, *map(str, contradictions)]
+        remarks += _suspicions(findings, simulate)
         verdict = _with_remarks(verdict, subject, remarks)
         first, *others = next_steps(findings.decision, verdict, out, subject.origin)
         verdict = verdict.model_copy(update={"next": first, "alternatives": others})
@@ -101,6 +105,16 @@ def fit(
         )
     progress("done", 1.0)
     return verdict
+
+
+def _suspicions(findings: Findings, simulate: Simulate) -> Iterator[str]:
+    """Remarks on runs that contradict the others, and on values that follow their
+    order.
+    """
+    every = in_all_runs(findings, simulate)
+    yield from odd_runs(every, findings.subject.scope.quantities)
+    if words := order_suspicion(every, np.random.default_rng(0)):
+        yield words
 
 
 def _with_remarks(

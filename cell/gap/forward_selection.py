@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cell.gap.diagnosis.lack_of_fit import ResidualTest
+from cell.gap.fitting import Simulate, run_all, run_one
 from cell.gap.fitting.crossvalidation import CrossValidatedFit, validate
 from cell.gap.fitting.gauss_newton import ROUGH_GAIN, Estimate, best, refit
 from cell.gap.fitting.model import Evidence, Point
@@ -22,7 +23,6 @@ from cell.gap.fitting.reml import (
     with_spreads,
     with_unknowns,
 )
-from cell.gap.fitting.tasks import Simulate, run_all, run_one
 from cell.gap.selection.choice import choose
 from cell.gap.selection.likelihood import ALPHA, MIN_GAIN, Fits, gain
 from cell.gap.selection.posterior import posterior
@@ -35,7 +35,7 @@ Progress = Callable[[str, float], None]
 """Called with the name of a stage and the share of the whole that is done."""
 
 
-def quiet(stage: str, share: float) -> None:
+def quiet(stage: str, fraction: float) -> None:
     """Progress callback that prints nothing."""
 
 

@@ -9,18 +9,23 @@ from scipy import special
 from cell.gap.diagnosis import held_out_gap
 from cell.gap.diagnosis.lack_of_fit import Bin, ResidualTest
 from cell.gap.diagnosis.next_experiment import Recommendation, advise
-from cell.gap.fitting.base_fit import refine, refit_base, refit_fine, strains
+from cell.gap.fitting import Simulate, run_all, run_one
+from cell.gap.fitting.base_fit import (
+    projection,
+    refine,
+    refit_base,
+    refit_fine,
+    strains,
+)
 from cell.gap.fitting.crossvalidation import CrossValidatedFit, validate
-from cell.gap.fitting.gauss_newton import Estimate, refit
+from cell.gap.fitting.gauss_newton import Estimate, linearise, refit
 from cell.gap.fitting.model import Evidence, Model, Point, evidence
-from cell.gap.fitting.projection import projection
 from cell.gap.fitting.reml import (
     estimate_spreads,
     reml_spreads,
     with_spreads,
     with_unknowns,
 )
-from cell.gap.fitting.tasks import Simulate, run_all, run_one
 from cell.gap.forward_selection import (
     BaseStart,
     Models,
@@ -119,12 +124,12 @@ class Investigation:
         self,
         models: Models,
         add_models: Callable[[Search, Models, Progress], Fits],
-        share: float,
+        fraction: float,
     ) -> Models:
         """Models with more fits by `add_models`; all are refitted where the best
         revises the base.
 
-        `share` of the whole investigation is done by then.
+        `fraction` of the whole investigation is done by then.
         """
         search = Search(
             self.simulate, self.subject.scope.candidates, models.screen.probed
@@ -137,7 +142,7 @@ class Investigation:
         )
         if revised is None:
             return models._replace(fits=fits)
-        self.progress("refit the base beside the best", share)
+        self.progress("refit the base beside the best", fraction)
         base_fit = self.judge_base(revised)
         screen = self.score_candidates(base_fit, models.screen.probed)
         fits = refit_on_base(search, fits, base_fit.base, base_fit.scatter, self.fitted)
@@ -336,6 +341,22 @@ class Investigation:
         )
 
 
+def in_all_runs(findings: Findings, simulate: Simulate) -> Estimate:
+    """Estimate of the accepted model in fitted and held-out runs, not fitted again."""
+    fitted, held_out = findings.accepted.estimate, findings.held_out_fits.after
+    unseen = held_out.evidence
+    point = Point(fitted.shared, held_out.point.local)
+    raw, jacobians = run_one(simulate, linearise(fitted.model, unseen, point))
+    runs = fitted.evidence
+    return Estimate.at(
+        fitted.model,
+        Evidence((*runs.runs, *unseen.runs), (*runs.scales, *unseen.scales)),
+        Point(fitted.shared, (*fitted.point.local, *point.local)),
+        (*fitted.raw, *raw),
+        (*fitted.jacobians, *jacobians),
+    )
+
+
 def _is_strained(base: Estimate) -> bool:
     """Whether fitted base values contradict their priors, jointly or a single one
     (chi^2 tests).
@@ -358,14 +379,11 @@ def _alternative(
     closest = next(iter(tests.rivals or others), None)
     if closest is not None:
         return closest.model, closest.estimate.shared
-    alive = [
-        p.candidate
-        for p in screened.probed
-        if not p.dead and p.candidate.name not in accepted.model.names
-    ]
-    if not alive:
+    known = accepted.model.names
+    tried = (p.candidate for p in screened.probed if not p.dead)
+    candidate = next((c for c in tried if c.name not in known), None)
+    if candidate is None:
         return None
-    candidate = alive[0]
     base, _ = accepted.model.split(accepted.estimate.shared)
     model = Model(accepted.model.base, (candidate,))
     return model, model.join(base, {candidate.name: np.array(candidate.probes[0][0])})

@@ -136,11 +136,11 @@ def copies_with_each_effect(
     for seed, (name, effect) in enumerate(sorted(registry().items())):
         if name not in strip.effects:
             strengths = draw_strengths(effect, strip, np.random.default_rng([seed]))
-            share = gap_model.share(strengths, EXCESS)
-            if share is None:
+            fraction = gap_model.fraction(strengths, EXCESS)
+            if fraction is None:
                 unseen.append(name)
             else:
-                values = strengths.at(share)
+                values = strengths.at(fraction)
                 copies.append(
                     HiddenCopy(key=name, effect=name, values=values, seed=seed)
                 )

@@ -87,7 +87,7 @@ def segments(overhang: float) -> Array:
     """Arc lengths (n + 1,) [m] of a strip's nodes from ledge to tip, denser near the
     ledge.
     """
-    return np.asarray(overhang * np.linspace(0.0, 1.0, SEGMENTS + 1) ** GRADING)
+    return overhang * np.linspace(0.0, 1.0, SEGMENTS + 1) ** GRADING
 
 
 def hinges(overhang: float) -> Array:

@@ -26,16 +26,20 @@ def _term(
     sentence: str,
     unit: str,
     size: float,
-    least: float,
     most: float,
-    apply: Apply,
+    apply: Apply | str,
+    least: float | None = None,
 ) -> Effect:
-    """Generic term, of an amount from `least` to `most` of which `size` shows in ten
-    runs.
+    """Generic term, of an amount from `least` to `most`, by default of either sign, of
+    which `size` shows in ten runs.
 
-    `apply(model, amount)` is a copy of the model with the term.
+    `apply(model, amount)` is a copy of the model with the term; a dotted path names the
+    field to which it is added.
     """
-    amount = Parameter("amount", unit, 0.0, least, most, spread=most)
+    if isinstance(apply, str):
+        apply = adds_to(apply)
+    low = -most if least is None else least
+    amount = Parameter("amount", unit, 0.0, low, most, spread=most)
     sizes = tuple(size * (most / size) ** TRIED)
     return Effect(
         name,
@@ -95,7 +99,7 @@ def _position(model: StripModel) -> Array:
     """Relative arc length (CELLS,) of the cells, from -1/2 at the fixed edge to 1/2 at
     the grip.
     """
-    return np.asarray(model.mechanics.cells / model.mechanics.length - 0.5)
+    return model.mechanics.cells / model.mechanics.length - 0.5
 
 
 _TERMS = (
@@ -104,52 +108,51 @@ _TERMS = (
         sentence="moment over stiffness as curvature^3",
         unit="m^2",
         size=2e-5,
-        least=-5e-6,
         most=1e-3,
-        apply=adds_to("mechanics.law.cubic"),
+        least=-5e-6,
+        apply="mechanics.law.cubic",
     ),
     _term(
         name="term_rate",
         sentence="moment over stiffness as rate of curvature squared",
         unit="m s^2",
         size=1e-4,
-        least=0.0,
         most=0.01,
-        apply=adds_to("mechanics.law.quadratic_damping"),
+        least=0.0,
+        apply="mechanics.law.quadratic_damping",
     ),
     _term(
         name="term_sign",
         sentence="moment over stiffness as the sign of the rate",
         unit="1/m",
         size=0.5,
-        least=0.0,
         most=100.0,
-        apply=adds_to("mechanics.law.yield_curvature"),
+        least=0.0,
+        apply="mechanics.law.yield_curvature",
     ),
     _term(
         name="term_fading",
         sentence="share of the moment that fades within a second",
         unit="1",
         size=0.03,
-        least=0.0,
         most=0.8,
-        apply=adds_to("mechanics.law.relaxing"),
+        least=0.0,
+        apply="mechanics.law.relaxing",
     ),
     _term(
         name="term_speed",
         sentence="force as normal speed squared",
         unit="1",
         size=0.5,
-        least=0.0,
         most=10.0,
-        apply=adds_to("mechanics.drag.coefficient"),
+        least=0.0,
+        apply="mechanics.drag.coefficient",
     ),
     _term(
         name="term_force",
         sentence="steady force along the desk per mass",
         unit="m/s^2",
         size=0.05,
-        least=-2.0,
         most=2.0,
         apply=_add_force,
     ),
@@ -158,7 +161,6 @@ _TERMS = (
         sentence="weight growing towards the grip",
         unit="1",
         size=0.05,
-        least=-1.8,
         most=1.8,
         apply=_add_weight_gradient,
     ),
@@ -167,7 +169,6 @@ _TERMS = (
         sentence="stiffness growing towards the grip",
         unit="1",
         size=0.2,
-        least=-1.8,
         most=1.8,
         apply=_stiffen_towards_grip,
     ),
@@ -176,8 +177,8 @@ _TERMS = (
         sentence="stiffness greater in the middle",
         unit="1",
         size=0.2,
-        least=-0.9,
         most=5.0,
+        least=-0.9,
         apply=_stiffen_middle,
     ),
     _term(
@@ -185,7 +186,6 @@ _TERMS = (
         sentence="stiffness growing with the run",
         unit="1",
         size=0.005,
-        least=-0.3,
         most=0.3,
         apply=_stiffen_with_use,
     ),
@@ -194,16 +194,14 @@ _TERMS = (
         sentence="rest curvature everywhere",
         unit="1/m",
         size=0.5,
-        least=-30.0,
         most=30.0,
-        apply=adds_to("mechanics.rest_curvature"),
+        apply="mechanics.rest_curvature",
     ),
     _term(
         name="term_set",
         sentence="rest curvature growing towards the grip",
         unit="1/m",
         size=1.0,
-        least=-30.0,
         most=30.0,
         apply=_add_curl,
     ),
@@ -212,17 +210,16 @@ _TERMS = (
         sentence="strip longer than stated",
         unit="m",
         size=3e-4,
-        least=-0.02,
         most=0.02,
-        apply=adds_to("mechanics.length"),
+        apply="mechanics.length",
     ),
     _term(
         name="term_give",
         sentence="strip longer by its pull",
         unit="1/N",
         size=0.01,
-        least=0.0,
         most=2.0,
+        least=0.0,
         apply=_add_compliance,
     ),
     _term(
@@ -230,63 +227,56 @@ _TERMS = (
         sentence="images older than their stamps",
         unit="s",
         size=0.003,
-        least=-0.1,
         most=0.1,
-        apply=adds_to("observation.camera_latency"),
+        apply="observation.camera_latency",
     ),
     _term(
         name="term_side",
         sentence="images shifted along the desk",
         unit="m",
         size=3e-4,
-        least=-0.03,
         most=0.03,
-        apply=adds_to("observation.shift_x"),
+        apply="observation.shift_x",
     ),
     _term(
         name="term_view",
         sentence="images shifted upwards",
         unit="m",
         size=3e-4,
-        least=-0.03,
         most=0.03,
-        apply=adds_to("observation.shift_z"),
+        apply="observation.shift_z",
     ),
     _term(
         name="term_contact",
         sentence="contacts seen farther along the desk",
         unit="m",
         size=5e-4,
-        least=-0.03,
         most=0.03,
-        apply=adds_to("observation.contact_bias"),
+        apply="observation.contact_bias",
     ),
     _term(
         name="term_zoom",
         sentence="images magnified",
         unit="1",
         size=5e-4,
-        least=-0.05,
         most=0.05,
-        apply=adds_to("observation.scale"),
+        apply="observation.scale",
     ),
     _term(
         name="term_reach",
         sentence="grip farther along the desk than the arm reports",
         unit="m",
         size=3e-4,
-        least=-0.03,
         most=0.03,
-        apply=adds_to("rig.grip_x"),
+        apply="rig.grip_x",
     ),
     _term(
         name="term_lift",
         sentence="grip higher than the arm reports",
         unit="m",
         size=3e-4,
-        least=-0.03,
         most=0.03,
-        apply=adds_to("rig.grip_z"),
+        apply="rig.grip_z",
     ),
 )
 LAW_TERMS: Mapping[str, Effect] = MappingProxyType({term.name: term for term in _TERMS})

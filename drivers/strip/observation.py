@@ -12,6 +12,7 @@ offsets.
 """
 
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from drivers.base.types import Array
 from drivers.strip.engine import Touch
 from drivers.strip.model import Observation, Rig, StripModel
 
+Number = TypeVar("Number", float, Array)
 LIFT_TRAVEL = 0.10  # m of path over which a lift turns the pitch from flat to hanging
 AS_REPORTED = Rig()
 FORCE_WINDOW = 0.02  # s over which an arm averages a force; assumed
@@ -37,13 +39,13 @@ def true_path(
     """
     if rig == AS_REPORTED:
         return t, poses
-    growth = np.maximum.accumulate(share_away(poses, poses[0]))
+    growth = np.maximum.accumulate(fraction_away(poses, poses[0]))
     return t - rig.delay, true_poses(
         rig, poses, np.ones(len(poses)) if hanging else growth
     )
 
 
-def share_away(poses: Array, start: Array) -> Array:
+def fraction_away(poses: Array, start: Array) -> Array:
     """Fraction (...,), 0 to 1, of the rig's offsets at reported `poses` (..., 3) [m, m,
     rad].
 
@@ -53,45 +55,46 @@ def share_away(poses: Array, start: Array) -> Array:
     return np.asarray(np.minimum(away / LIFT_TRAVEL, 1.0))
 
 
-def true_poses(rig: Rig, reported: Array, share: Array | float) -> Array:
-    """True gripper poses (..., 3) [m, m, rad]: `reported` (..., 3) plus `share` of the
-    offsets.
+def true_poses(rig: Rig, reported: Array, fraction: Array | float) -> Array:
+    """True gripper poses (..., 3) [m, m, rad]: `reported` (..., 3) plus a `fraction`
+    of the offsets.
     """
-    return np.asarray(reported + _offset(rig) * np.asarray(share)[..., None])
+    return np.asarray(reported + np.multiply.outer(fraction, _offset(rig)))
 
 
 class GrowingOffsets:
     """Offsets of a `rig` that grow with the distance of a gripper from its grasp.
 
-    `start` (3,) is the reported pose of the grasp, None before it; `share` (0 to 1) is
-    the fraction of the offsets that acts.
+    `start` (3,) is the reported pose of the grasp, None before it; `fraction` of the
+    offsets acts.
     """
 
     def __init__(self, rig: Rig) -> None:
         self._rig = rig
         self.start: Array | None = None
-        self.share = 0.0
+        self.fraction = 0.0
 
     def advance(self, reported: Array) -> Array:
         """True pose (3,) [m, m, rad] of a gripper that has moved to the pose `reported`
         (3,).
         """
         if self.start is not None:
-            self.share = max(self.share, float(share_away(reported, self.start)))
+            away = float(fraction_away(reported, self.start))
+            self.fraction = max(self.fraction, away)
         return self.true(reported)
 
     def true(self, reported: Array) -> Array:
         """True pose (3,) [m, m, rad] of a gripper at `reported` (3,), with the offsets
         so far.
         """
-        return true_poses(self._rig, reported, self.share)
+        return true_poses(self._rig, reported, self.fraction)
 
 
-def reported_poses(rig: Rig, true: Array, share: Array | float) -> Array:
-    """Reported gripper poses (..., 3) [m, m, rad]: `true` (..., 3) less `share` of the
-    offsets.
+def reported_poses(rig: Rig, true: Array, fraction: Array | float) -> Array:
+    """Reported gripper poses (..., 3) [m, m, rad]: `true` (..., 3) less a `fraction` of
+    the offsets.
     """
-    return np.asarray(true - _offset(rig) * np.asarray(share)[..., None])
+    return np.asarray(true - np.multiply.outer(fraction, _offset(rig)))
 
 
 def _offset(rig: Rig) -> Array:
@@ -101,12 +104,12 @@ def _offset(rig: Rig) -> Array:
     return np.array([rig.grip_x, rig.grip_z - rig.desk_height, rig.grip_tilt])
 
 
-def image_stamp(observation: Observation, t: Array | float) -> Array | float:
+def image_stamp(observation: Observation, t: Number) -> Number:
     """Stamp (...,) [s] of an image that shows the strip at true time `t` (...,)."""
     return t + observation.camera_latency
 
 
-def imaged_time(observation: Observation, stamp: Array | float) -> Array | float:
+def imaged_time(observation: Observation, stamp: Number) -> Number:
     """True time (...,) [s] of the strip that an image with `stamp` (...,) shows."""
     return stamp - observation.camera_latency
 
@@ -129,7 +132,7 @@ def true_points(model: StripModel, points: Array) -> Array:
     return np.asarray(raised - np.array([0.0, model.rig.desk_height]))
 
 
-def measured_contact(observation: Observation, x: Array | float) -> Array | float:
+def measured_contact(observation: Observation, x: Number) -> Number:
     """Contact_x (...,) [m] that the camera measures for a true desk contact at `x`
     (...,) [m].
     """
@@ -150,9 +153,7 @@ def mean_force(t: Array, force: Array) -> Array:
     total = cumulative_trapezoid(force, t, axis=0, initial=0.0)
     ends = [np.clip(t + side * FORCE_WINDOW / 2, t[0], t[-1]) for side in (-1, 1)]
     first, last = (interpolate_columns(end, t, total) for end in ends)
-    return np.asarray(
-        (last - first) / np.maximum(ends[1] - ends[0], SHORTEST_WINDOW)[:, None]
-    )
+    return (last - first) / np.maximum(ends[1] - ends[0], SHORTEST_WINDOW)[:, None]
 
 
 def reported_force(
@@ -181,7 +182,7 @@ def measured_touch(
     missed = float((reported[:2] - measured_points(model, grip[:2])) @ end)
     return replace(
         touch,
-        time=float(image_stamp(model.observation, touch.time)),
+        time=image_stamp(model.observation, touch.time),
         x=x,
         to_grasped=(1 + model.observation.scale) * (touch.to_grasped + touch.extension)
         + missed,

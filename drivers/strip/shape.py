@@ -107,11 +107,11 @@ def layer_touch(before: Any, now: Any, limit: float) -> Any:
     height, x, s = now
     if not (math.isfinite(before[0]) and before[0] > limit):
         return 1.0, x, s
-    share = (before[0] - limit) / (before[0] - height)
+    fraction = (before[0] - limit) / (before[0] - height)
     return (
-        share,
-        before[1] + share * (x - before[1]),
-        before[2] + share * (s - before[2]),
+        fraction,
+        before[1] + fraction * (x - before[1]),
+        before[2] + fraction * (s - before[2]),
     )
 
 

@@ -35,7 +35,6 @@ def test_printed_squares_are_as_long_as_stated() -> None:
     board = SETTINGS.board()
     image = _drawn(board_figures(SETTINGS)[0])
     look = find_board(image, cv2.aruco.CharucoDetector(board), board)
-    assert look.view is not None
     assert look.corners == (SETTINGS.columns - 1) * (SETTINGS.rows - 1)
     millimetres = look.view.image.reshape(SETTINGS.rows - 1, -1, 2) / DOTS * 25.4
     assert np.diff(millimetres[..., 0], axis=1) == pytest.approx(28.0, abs=0.02)

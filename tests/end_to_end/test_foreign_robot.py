@@ -86,7 +86,6 @@ def started(configs: Path, *words: str) -> subprocess.Popen[str]:
     command = [*URGENT, sys.executable, "-m", "cell", *words, "--configs", str(configs)]
     pipe = subprocess.PIPE
     process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe, text=True)
-    assert process.stdin is not None
     process.stdin.write(f"{NAME}\n")
     process.stdin.flush()
     return process

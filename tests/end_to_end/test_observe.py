@@ -55,8 +55,6 @@ def test_a_film_by_another_encoder_gives_the_profiles_of_the_cell(
     error = off(seen, own, begin)
     assert np.sqrt(np.mean(error**2)) < WITHIN
     assert len(seen.profile.curves()) > 0.9 * len(own.profile.curves())
-    assert seen.result is not None
-    assert own.result is not None
     differs = seen.result.displacement - own.result.displacement
     assert abs(differs) < SIGMA_FLOORS["displacement"]
     assert sum(1 for _ in Film(found.folder / OVERLAY).frames()) > found.images

@@ -32,7 +32,6 @@ def fold(strip: StripFile, path: Path, links: int = 60, dt: float = H) -> StripM
 
 def displacement(motion: StripMotion) -> float:
     """Displacement d [m] at the layers' touch of a motion."""
-    assert motion.touch is not None
     return motion.touch.displacement
 
 

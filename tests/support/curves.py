@@ -5,10 +5,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from cell.gap.fitting import CountedSimulation, run_one
 from cell.gap.fitting.crossvalidation import CrossValidatedFit, validate
 from cell.gap.fitting.gauss_newton import Estimate, refit
 from cell.gap.fitting.model import Model, Point, evidence
-from cell.gap.fitting.tasks import CountedSimulation, run_one
 from cell.gap.investigate import investigate
 from cell.gap.selection.hold_out import held_out
 from cell.gap.subject.subject import (
@@ -86,19 +86,10 @@ class Curves(Subject):
             )
 
     def run(self, index: int, condition: str, y: Array) -> Run:
-        words = np.full(60, "angle")
         phase = np.where(T < 0.5, "lift", "fall")
-        samples = Samples(
-            words,
-            phase,
-            np.full(60, "middle"),
-            words,
-            T,
-            np.full(60, self.noise),
-            np.full(60, self.noise),
-            np.zeros(60),
-            np.zeros(60, dtype=np.int64),
-        )
+        columns = {"channel": "angle", "quantity": "angle", "phase": phase, "t": T}
+        columns |= {"zone": "middle", "noise": self.noise, "reading": self.noise}
+        samples = Samples.stack([columns | {"floor": 0.0}])
         shift = Parameter("shift", "m", 0.0, -np.inf, np.inf, 1e-4, 0.1)
         return Run(f"r{index}", condition, samples, (shift,), (condition, y), index)
 

@@ -61,7 +61,6 @@ class Plan:
         for time in np.arange(0.0, due[-1], TICK).tolist():
             pose = np.array([np.interp(time, due, column) for column in poses.T])
             tracked = track(joints, plane.matrix(*pose.tolist()), elbow, 12)
-            assert tracked is not None
             joints = tracked[0]
             yield time, pose, joints
 

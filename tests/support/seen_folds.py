@@ -32,15 +32,11 @@ class Agreement:
     @property
     def lateness(self) -> float:
         """Time of the touch, seen minus true [s]."""
-        assert self.touch is not None
-        assert self.fold.touch is not None
         return self.touch.time - self.fold.touch.time
 
     @property
     def displacement(self) -> float:
         """Error of the displacement at the touch, seen minus true [m]."""
-        assert self.touch is not None
-        assert self.fold.touch is not None
         return self.touch.displacement - self.fold.touch.displacement
 
 
@@ -59,7 +55,6 @@ def agreement(
     """Errors of perception over the frames of a fold, `every`-th one far from the
     touch.
     """
-    assert fold.touch is not None
     rows, touch, told = [], None, float("nan")
     for sight in sights(fold, every, camera, calibration):
         stamp, points = sight.stamp, sight.seen.profile

@@ -104,7 +104,7 @@ class CorrectedArm:
 
     def move_to(self, pose: Pose) -> None:
         """Begin a motion of the gripper to rest at the true `pose`."""
-        reported = reported_poses(self._rig, pose.as_array(), self._offsets.share)
+        reported = reported_poses(self._rig, pose.as_array(), self._offsets.fraction)
         self._arm.move_to(Pose.from_array(reported))
 
     def set_velocity(self, velocity: Velocity) -> None:
@@ -149,7 +149,7 @@ class CorrectedArm:
         """Velocity (3,) [m/s, m/s, rad/s] of the rig's offsets as the arm moves at
         `rate`.
         """
-        if self._offsets.start is None or not 0 < self._offsets.share < 1:
+        if self._offsets.start is None or not 0 < self._offsets.fraction < 1:
             return np.zeros(3)
         path = (self._reported - self._offsets.start)[:2]
         outward = float(path @ (rate.vx, rate.vz)) / max(float(np.hypot(*path)), 1e-9)

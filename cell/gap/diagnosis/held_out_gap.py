@@ -1,18 +1,18 @@
 """Residuals of models on held-out runs, before and after effects were accepted."""
 
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cell.gap.fitting import robust
+from cell.gap.fitting import Simulate, robust, run_one
 from cell.gap.fitting.gauss_newton import Estimate, refit
 from cell.gap.fitting.model import Evidence, Point
-from cell.gap.fitting.tasks import Simulate, run_one
 from cell.gap.subject.subject import Quantity, Words
 from drivers.base.types import Array
 
+ODD = 3.0  # times as far off as others, beyond what noise does; set by hand
 DRAWS = 2000  # of runs, for the interval of the shrink; set by hand
 
 
@@ -152,6 +152,20 @@ def rms_by_run(estimate: Estimate, quantities: Mapping[str, Quantity]) -> list[f
         bounded.append(robust.bound(r * scale / np.hypot(scale, tolerance)))
     squares = run_squares(replace(estimate, residuals=tuple(bounded)))
     return [float(np.sqrt(square)) for square in squares]
+
+
+def odd_runs(estimate: Estimate, quantities: Mapping[str, Quantity]) -> Iterator[str]:
+    """Words on each run that a fit leaves ODD times as far off as it leaves the others,
+    where it leaves most of them at their noise.
+    """
+    rms = np.array(rms_by_run(estimate, quantities))
+    usual = max(1.0, float(np.median(rms)))
+    for run, each in zip(estimate.evidence.runs, rms, strict=True):
+        if len(rms) > 2 and usual < ODD and each > ODD * usual:
+            yield (
+                f"{run.name}: contradicts the others: it is left {each:.1f} sigma off,"
+                f" they {usual:.1f}; look what was different, or leave it out"
+            )
 
 
 def shrink(before: Estimate, after: Estimate, rng: np.random.Generator) -> Shrink:

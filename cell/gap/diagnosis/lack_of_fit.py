@@ -11,14 +11,17 @@ from typing import Self, TypeVar
 
 import numpy as np
 from scipy import special
+from scipy.stats import rankdata
 
-from cell.gap.fitting import robust
+from cell.gap.fitting import normal_equations, robust
+from cell.gap.fitting.base_fit import projection
+from cell.gap.fitting.crossvalidation import settled_response
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.normal_equations import NormalEquations
-from cell.gap.fitting.projection import projection
 from cell.gap.selection.likelihood import ALPHA
 from cell.gap.subject.subject import Run
 from drivers.base.types import Array
+from drivers.strip.effects.effect import Parameter
 
 K = TypeVar("K", bound=Hashable)
 Place = tuple[str, str, str, str]
@@ -28,6 +31,11 @@ UNSTEADY = 3.0  # times the stated noise by which repeats may differ; set by han
 # s of a bin in which repeats are compared: as long as the samples of a strip
 BIN_TIME = 0.3
 DRAWS = 400  # of the noise; set by hand
+ORDERS = 4000  # of runs, shuffled; set by hand
+ROUNDING = 1e-9  # of a correlation
+FEWEST_ORDERED = 6  # runs: of fewer, no order is rarer than one of a hundred
+OTHERS = 0.01  # of a run's weight, that of others in a fit to it
+SUSPECTED = 0.02  # p-value; of six runs in a row two neighbours may be exchanged
 
 
 @dataclass(frozen=True, slots=True)
@@ -367,3 +375,63 @@ def stronger_of_two(by_itself: Sequence[Bin], by_effect: Sequence[Bin]) -> list[
     surer = [min(b, other[b.place], key=lambda one: one.p) for b in by_itself]
     corrected = [replace(b, p=min(1.0, 2.0 * b.p)) for b in surer]
     return sorted(corrected, key=lambda each: -abs(each.z))
+
+
+def can_be_ordered(runs: Sequence[Run]) -> bool:
+    """Whether enough runs state when they were taken to test values for their order."""
+    return len({run.index for run in runs}) >= FEWEST_ORDERED
+
+
+def order_suspicion(estimate: Estimate, rng: np.random.Generator) -> str:
+    """Words on values that change with the order in which runs were taken; else empty.
+
+    Of each run follow the values of shared parameters, by a step of the fit towards it,
+    and its own random unknowns. The strongest of their rank correlations with the order
+    (Spearman 1904) but one is held against those of shuffled orders: one value alone
+    that happens to follow the order is no proof.
+    """
+    runs = estimate.evidence.runs
+    if not can_be_ordered(runs):
+        return ""
+    parameters, values = _values_by_run(estimate)
+    order = _ranks(np.array([[float(run.index)] for run in runs]))
+    ranks = _ranks(values)
+    shuffled = np.array([rng.permutation(order[:, 0]) for _ in range(ORDERS)])
+    follow = order[:, 0] @ ranks
+    k = int(np.argmax(np.abs(follow)))
+    others = np.arange(len(follow)) != k if len(follow) > 1 else [k]
+    chance = np.abs(shuffled @ ranks[:, others]).max(axis=1)
+    p = _tail(chance, float(np.abs(follow[others]).max()) - ROUNDING)
+    if p >= SUSPECTED:
+        return ""
+    moves = "rises" if follow[k] > 0.0 else "falls"
+    return (
+        f"values change with the order of the runs (p {p:.1g}), most surely"
+        f" {parameters[k].name} {moves}: what warms, wears or ages? make the first"
+        " motion again at the end"
+    )
+
+
+def _values_by_run(estimate: Estimate) -> tuple[list[Parameter], Array]:
+    """Parameters (k) that all runs share, or each draws anew, and their values (R, k)
+    by a fit in which the others hardly count.
+    """
+    runs, shared = estimate.evidence.runs, estimate.shared
+    random = [p for p in runs[0].local if p.random]
+    responses = [settled_response(estimate, i) for i in range(len(runs))]
+    others = OTHERS * sum(each.T @ each for each in responses) / len(runs)
+    values = []
+    for i, (run, response) in enumerate(zip(runs, responses, strict=True)):
+        r = robust.clip_residuals(estimate.residuals[i] / estimate.scale)
+        slope = estimate.scale * (response.T @ r)
+        step = -normal_equations.covariance(response.T @ response + others) @ slope
+        names = [p.name for p in run.local]
+        own = estimate.point.local[i][[names.index(p.name) for p in random]]
+        values.append(np.concatenate([shared + step, own]))
+    return [*estimate.model.parameters, *random], np.array(values)
+
+
+def _ranks(values: Array) -> Array:
+    """Ranks of each column (n, k) about zero, of unit length."""
+    ranks = rankdata(values, axis=0) - 0.5 * (len(values) + 1)
+    return np.asarray(ranks / np.linalg.norm(ranks, axis=0))

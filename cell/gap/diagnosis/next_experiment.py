@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import block_diag
 
+from cell.gap.fitting import Task
 from cell.gap.fitting.gauss_newton import Estimate, linearise
 from cell.gap.fitting.model import Model, Point, evidence, requests
 from cell.gap.fitting.normal_equations import covariance
-from cell.gap.fitting.tasks import Task
 from cell.gap.selection.likelihood import LikelihoodScale
 from cell.gap.subject.subject import Experiment
 from drivers.base.types import Array

@@ -13,11 +13,10 @@ from typing import Self
 
 import numpy as np
 
-from cell.gap.fitting import robust
+from cell.gap.fitting import Task, robust, side_by_side
 from cell.gap.fitting.gauss_newton import Estimate, residuals
 from cell.gap.fitting.model import Model, Point, requests
 from cell.gap.fitting.normal_equations import Mask, covariance
-from cell.gap.fitting.tasks import Task, side_by_side
 from cell.gap.subject.subject import Run
 from drivers.base.types import Array
 
@@ -169,7 +168,7 @@ def _predict_fold(estimate: Estimate, fold: Sequence[int]) -> Task[list[_Predict
     )
     penalty[0] += undetermined.sum()
     deviations = _deviations(estimate.on(keep), shared, undetermined)
-    uncertain = [_settled_response(estimate, i) @ deviations for i in fold]
+    uncertain = [settled_response(estimate, i) @ deviations for i in fold]
     return list(
         map(_Prediction, residuals(raw, unseen), uncertain, map(float, penalty))
     )
@@ -208,7 +207,7 @@ def _undetermined_values(estimate: Estimate, keep: Sequence[int]) -> Mask:
         np.diag(covariance(e.normal().curvature))[:count]
         for e in (estimate, estimate.on(keep))
     )
-    return np.asarray((of_kept > SILENT * of_all) & (np.arange(count) >= base))
+    return (of_kept > SILENT * of_all) & (np.arange(count) >= base)
 
 
 def _newton_step(estimate: Estimate, held: Mask) -> Array:
@@ -257,12 +256,10 @@ def _own_response(estimate: Estimate, i: int) -> Array:
     return np.asarray(-np.linalg.solve(curvature, slope))
 
 
-def _settled_response(estimate: Estimate, i: int) -> Array:
+def settled_response(estimate: Estimate, i: int) -> Array:
     """Derivative (n, P) of run `i`'s residuals by shared values, its own unknowns
     refitted.
     """
     jacobian = estimate.jacobians[i]
     count = len(estimate.shared)
-    return np.asarray(
-        jacobian[:, :count] + jacobian[:, count:] @ _own_response(estimate, i)
-    )
+    return jacobian[:, :count] + jacobian[:, count:] @ _own_response(estimate, i)

@@ -14,7 +14,7 @@ from typing import Any, Literal, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.gap.fitting import robust
+from cell.gap.fitting import Task, robust, side_by_side
 from cell.gap.fitting.model import (
     Evidence,
     Model,
@@ -25,7 +25,6 @@ from cell.gap.fitting.model import (
     whiten,
 )
 from cell.gap.fitting.normal_equations import NormalEquations, Unknowns
-from cell.gap.fitting.tasks import Task, side_by_side
 from cell.gap.subject.subject import Candidate, Request, Residuals, Run
 from drivers.base.types import Array
 from drivers.strip.effects.effect import Parameter
@@ -358,15 +357,16 @@ def _estimate_at(
     return Estimate.at(model, evidence, point, raw, jacobians)
 
 
-def _next_use(share: float, use: JacobianUse) -> JacobianUse:
-    """Whether to keep, correct or renew the Jacobian by the `share` of predicted gain
-    achieved.
+def _next_use(fraction: float, use: JacobianUse) -> JacobianUse:
+    """Whether to keep, correct or renew the Jacobian by the `fraction` of a predicted
+    gain that was achieved.
 
     Of a Jacobian in `use` that was mended already, a further correction is not tried.
     """
-    if TRUSTED[0] < share < TRUSTED[1]:
+    if TRUSTED[0] < fraction < TRUSTED[1]:
         return "kept"
-    return "mended" if use != "mended" and MENDABLE[0] < share < MENDABLE[1] else "new"
+    is_mendable = use != "mended" and MENDABLE[0] < fraction < MENDABLE[1]
+    return "mended" if is_mendable else "new"
 
 
 def residuals(raw: Sequence[Residuals], evidence: Evidence) -> tuple[Array, ...]:

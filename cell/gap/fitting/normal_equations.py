@@ -137,7 +137,7 @@ class NormalEquations:
 
 def _pushed_out(slope: Array, step: Array, low: Array, high: Array) -> Mask:
     """Mask (size,) of unknowns on a bound that the gradient pushes outwards."""
-    return np.asarray((step <= low) & (slope >= 0.0) | (step >= high) & (slope <= 0.0))
+    return (step <= low) & (slope >= 0.0) | (step >= high) & (slope <= 0.0)
 
 
 def _solve(matrix: Array, right: Array) -> Array:
@@ -146,7 +146,7 @@ def _solve(matrix: Array, right: Array) -> Array:
     """
     d = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     scaled = matrix * d[:, None] * d[None] + 1e-12 * np.eye(len(d))
-    return np.asarray(d * np.linalg.solve(scaled, d * right))
+    return d * np.linalg.solve(scaled, d * right)
 
 
 def covariance(curvature: Array) -> Array:

@@ -27,10 +27,9 @@ import numpy as np
 from scipy import optimize
 from scipy.linalg import cho_solve
 
-from cell.gap.fitting import normal_equations, robust
+from cell.gap.fitting import Simulate, normal_equations, robust, run_one
 from cell.gap.fitting.gauss_newton import ROUGH_GAIN, Estimate, refit
 from cell.gap.fitting.model import Evidence, Point
-from cell.gap.fitting.tasks import Simulate, run_one
 from drivers.base.types import Array
 from drivers.strip.effects.effect import Parameter
 
@@ -99,11 +98,11 @@ def reml_spreads(estimate: Estimate) -> tuple[Spread, ...]:
     return tuple(_spread(p, s, error) for p, s, error in rows if s >= SMALLEST)
 
 
-def _spread(p: Parameter, share: float, error: float) -> Spread:
-    """Spread of `p`: its prior spread times `share`, and an interval by the `error` of
-    its log.
+def _spread(p: Parameter, fraction: float, error: float) -> Spread:
+    """Spread of `p`: its prior spread times `fraction`, and an interval by the `error`
+    of its log.
     """
-    value = share * p.spread
+    value = fraction * p.spread
     factor = float(np.exp(CENTRAL_95 * error))
     low = value * float(np.exp(-CENTRAL_95 * error))
     return Spread(p.name, p.unit, value, low, value * factor)
@@ -195,7 +194,7 @@ class Likelihood:
             high, *_ = self.loss(np.exp(logs + step), active)
             second = (low + high - 2.0 * middle) / LOG_STEP**2
             curvature[i] = max(second, LEAST_CURVATURE)
-        return np.asarray(1.0 / np.sqrt(curvature))
+        return 1.0 / np.sqrt(curvature)
 
 
 def _equations(
@@ -391,7 +390,7 @@ def covariance(estimate: Estimate, inefficiency: float) -> Array:
     scale = estimate.scale
     weight = robust.weights(estimate.stacked_residuals / scale) / scale**2
     common = inverse @ (estimate.stacked_jacobian.T @ (weight[:, None] * errors))
-    return np.asarray(inverse * inefficiency + common @ common.T)
+    return inverse * inefficiency + common @ common.T
 
 
 def _common_error_responses(estimate: Estimate) -> Array:
@@ -444,4 +443,4 @@ def _variance(
         replace(run, local=tuple(map(with_factor, run.local))) for run in evidence.runs
     )
     scaled = replace(estimate, evidence=replace(evidence, runs=runs))
-    return np.asarray(np.diag(covariance(scaled, inefficiency)))
+    return np.diag(covariance(scaled, inefficiency))

@@ -51,20 +51,18 @@ class DrawnVerdict(Verdict):
         units of their noise.
         """
         noise = {key: value for key, value in self.gap.floor.items() if value}
-        rows = np.arange(len(noise))
-        with canvas(6.0, 1.4 + 0.5 * len(noise)) as figure:
-            axis = figure.add_subplot()
-            sides = {"before": self.gap.before, "after": self.gap.after}
-            for k, (word, side) in enumerate(sides.items()):
-                sizes = [side[key] / level for key, level in noise.items()]
-                colour = (COLOUR_BEFORE, COLOUR_AFTER)[k]
-                axis.barh(rows + 0.4 * k, sizes, 0.38, color=colour, label=word)
+        sides = {"before": self.gap.before, "after": self.gap.after}
+        sizes = {
+            word: np.array([side[key] / level for key, level in noise.items()])
+            for word, side in sides.items()
+        }
+        names = [key.replace("_", " ") for key in noise]
+        drawn: Figure
+        with canvas(6.0, 1.4 + 0.5 * len(noise)) as drawn:
+            label = "rms of held-out runs, in units of their noise"
+            axis = _bars(drawn, names, sizes, label)
             axis.axvline(1.0, color=INK, lw=0.8, label="noise")
-            axis.set_yticks(rows + 0.2, [key.replace("_", " ") for key in noise])
-            axis.invert_yaxis()
-            axis.set_xlabel("rms of held-out runs, in units of their noise")
-            _legend_above(figure, axis)
-        drawn: Figure = figure
+            _legend_above(drawn, axis)
         return drawn
 
 
@@ -289,17 +287,23 @@ def run_bars(names: Sequence[str], by_fit: Mapping[str, Array]) -> str:
     """Figure (SVG text) of the excess residual (R,) [sigma] of each held-out run, by
     fit.
     """
-    rows = np.arange(len(names))
-    colours = (COLOUR_BEFORE, COLOUR_AFTER)
     with canvas(6.0, 1.2 + 0.4 * len(names)) as figure:
-        axis = figure.add_subplot()
-        for k, (word, excess) in enumerate(by_fit.items()):
-            axis.barh(rows + 0.4 * k, excess, 0.38, color=colours[k], label=word)
-        axis.set_yticks(rows + 0.2 * (len(by_fit) - 1), names)
-        axis.invert_yaxis()
-        axis.set_xlim(
-            0.0, 1.05 * max(1e-9, *(e for excess in by_fit.values() for e in excess))
-        )
-        axis.set_xlabel("beyond noise [sigma]")
+        axis = _bars(figure, names, by_fit, "beyond noise [sigma]")
+        axis.set_xlim(0.0, 1.05 * max(1e-9, *map(np.max, by_fit.values())))
         _legend_above(figure, axis)
         return as_svg(figure)
+
+
+def _bars(
+    figure: Figure, names: Sequence[str], by_fit: Mapping[str, Array], label: str
+) -> Axes:
+    """Axes with a bar (n,) by fit in a row for each of the `names`."""
+    axis: Axes = figure.add_subplot()
+    rows = np.arange(len(names))
+    for k, (word, sizes) in enumerate(by_fit.items()):
+        colour = (COLOUR_BEFORE, COLOUR_AFTER)[k]
+        axis.barh(rows + 0.4 * k, sizes, 0.38, color=colour, label=word)
+    axis.set_yticks(rows + 0.2 * (len(by_fit) - 1), names)
+    axis.invert_yaxis()
+    axis.set_xlabel(label)
+    return axis

@@ -244,7 +244,7 @@ def remaining_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
     """Template values on the residual that the accepted model leaves, and detection
     limits.
     """
-    sentences = {each.name: each.sentence for each in findings.subject.scope.candidates}
+    known = findings.subject.scope.by_name
     rest = verdict.unexplained
     is_open = verdict.verdict == "unexplained"  # then the card describes it
     return {
@@ -259,7 +259,7 @@ def remaining_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
                 name,
                 detection_limit(findings, name, value),
                 usual_size(findings, name),
-                sentences[name],
+                known[name].sentence,
             )
             for name, value in sorted(verdict.detectable.items())
         ],

@@ -112,9 +112,9 @@ def sentence(findings: Findings, verdict: Verdict) -> str:
 
 def _name_effects(findings: Findings, verdict: Verdict) -> str:
     """Sentence on the named effects, with doubts about them."""
-    sentences = {c.name: c.sentence for c in findings.subject.scope.candidates}
+    known = findings.subject.scope.by_name
     effects = ", and ".join(
-        f"{sentences[e.name]} ({e.name}: {_parameter_values(e.parameters)}"
+        f"{known[e.name].sentence} ({e.name}: {_parameter_values(e.parameters)}"
         + (f"; {percent(e.confidence)} probable)" if verdict.effects[1:] else ")")
         for e in verdict.effects
     )
@@ -155,11 +155,8 @@ def _no_gap(findings: Findings, verdict: Verdict) -> str:
     show at sizes that they usually have.
     """
     limits = verdict.detectable
-    usual = [
-        c.name
-        for c in findings.subject.scope.candidates
-        if c.name in limits and c.is_usual(limits[c.name])
-    ]
+    known = findings.subject.scope.by_name
+    usual = [n for n, limit in limits.items() if known[n].is_usual(limit)]
     shown = (
         f" {len(usual)} effects would have shown below their usual size, from the sizes"
         " listed below on."
@@ -211,7 +208,7 @@ def undetectable_effects(findings: Findings) -> list[str]:
 
 def usual_size(findings: Findings, name: str) -> str:
     """Text of the largest usual size of an effect; empty where nobody knows."""
-    candidate = next(c for c in findings.subject.scope.candidates if c.name == name)
+    candidate = findings.subject.scope.by_name[name]
     if candidate.usual is None:
         return ""
     first = candidate.parameters[0]
@@ -223,8 +220,7 @@ def detection_limit(findings: Findings, name: str, value: float) -> str:
     """Text of a detection limit; for parameters whose null is infinite, an upper
     limit.
     """
-    candidate = next(c for c in findings.subject.scope.candidates if c.name == name)
-    first = candidate.parameters[0]
+    first = findings.subject.scope.by_name[name].parameters[0]
     label = f"{first.name} " if first.unit == "1" else ""
     bound = "at most " if first.inverse else ""
     return f"{label}{bound}{quantity_text(abs(value), first.unit)}"

@@ -6,10 +6,9 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from cell.gap.fitting.base_fit import effect_responses, stated_estimate
+from cell.gap.fitting import Simulate
+from cell.gap.fitting.base_fit import effect_responses, projection, stated_estimate
 from cell.gap.fitting.crossvalidation import folds
-from cell.gap.fitting.projection import projection
-from cell.gap.fitting.tasks import Simulate
 from cell.gap.subject.subject import Subject
 from drivers.base.errors import ConfigurationError
 from drivers.base.types import Array

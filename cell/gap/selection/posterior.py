@@ -23,9 +23,9 @@ from scipy import special
 from scipy.linalg import cho_solve, solve_triangular
 
 from cell.gap.fitting import robust
+from cell.gap.fitting.base_fit import projection
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.normal_equations import Unknowns
-from cell.gap.fitting.projection import projection
 from cell.gap.selection.likelihood import Fits, LikelihoodScale
 from cell.gap.selection.screening import ProbeResponses
 from drivers.base.settings import Seconds, StudyResult

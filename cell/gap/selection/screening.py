@@ -10,11 +10,11 @@ from operator import itemgetter
 import numpy as np
 from numpy.typing import NDArray
 
+from cell.gap.fitting import Task
+from cell.gap.fitting.base_fit import Projection
 from cell.gap.fitting.gauss_newton import Estimate, responses_to
 from cell.gap.fitting.model import Model, Point
 from cell.gap.fitting.normal_equations import NormalEquations
-from cell.gap.fitting.projection import Projection
-from cell.gap.fitting.tasks import Task
 from cell.gap.selection.likelihood import LikelihoodScale
 from cell.gap.subject.subject import Candidate
 from drivers.base.types import Array

@@ -8,11 +8,11 @@ from operator import itemgetter
 
 import numpy as np
 
+from cell.gap.fitting import Simulate, Task, run_all, side_by_side
+from cell.gap.fitting.base_fit import projection
 from cell.gap.fitting.crossvalidation import CrossValidatedFit, validate
 from cell.gap.fitting.gauss_newton import ROUGH_GAIN, Estimate, best, refit
 from cell.gap.fitting.model import Evidence, Model, Point
-from cell.gap.fitting.projection import projection
-from cell.gap.fitting.tasks import Simulate, Task, run_all, side_by_side
 from cell.gap.selection.likelihood import (
     ALPHA,
     MIN_GAIN,

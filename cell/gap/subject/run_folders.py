@@ -1,4 +1,4 @@
-"""Finds folders of measured runs, leaves out copies, and reads tables of numbers."""
+"""Finds folders of measured runs, and leaves out copies."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -6,10 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from cell.record.columns import check_order
+from cell.gap.subject.run_table import read_table
 from cell.record.files import ANGLES, JOINTS, PROFILE, RUN, SIGNALS, TICKS, runs_in
 from drivers.base.errors import ConfigurationError
-from drivers.base.readers import read_parquet
 from drivers.base.types import Array
 
 TABLES = (TICKS, PROFILE, ANGLES, SIGNALS, JOINTS)
@@ -121,51 +120,6 @@ def check_indices(folders: Sequence[Path], stated: Sequence[int | None]) -> None
                 " taken, or none; of an imported run `runs` in the mapping states it"
             )
         first[index] = folder
-
-
-def read_table(path: Path) -> dict[str, Array]:
-    """Numeric columns (n,) of a Parquet file, NaN if infinite; ConfigurationError if
-    broken.
-    """
-    table = read_parquet(path)
-    columns = {}
-    for name in table.column_names:
-        try:
-            values = np.array(table[name], dtype=np.float64)
-            columns[name] = np.where(np.isinf(values), np.nan, values)
-        except (TypeError, ValueError):
-            continue
-    return columns
-
-
-def column(table: dict[str, Array], name: str, path: Path) -> Array:
-    """Column `name` (n,) of a table read from `path`, which must be finite throughout.
-
-    Raises ConfigurationError where the column is missing or holds a value that is not
-    finite.
-    """
-    if name not in table:
-        raise ConfigurationError(
-            f"{path}: {name}: this column is missing (or not numbers); add it"
-        )
-    values = table[name]
-    if not np.isfinite(values).all():
-        row = int(np.argmin(np.isfinite(values)))
-        raise ConfigurationError(
-            f"{path}: {name}: row {row} is not a number; every row must be one"
-        )
-    return values
-
-
-def check_time(t: Array, path: Path, least: int) -> None:
-    """Refuse times `t` (n,) [s] that do not increase, or that are fewer than `least`
-    rows.
-    """
-    if len(t) < least:
-        raise ConfigurationError(
-            f"{path}: t: has {len(t)} rows; at least {least} are needed"
-        )
-    check_order(t, str(path))
 
 
 def without_copies(

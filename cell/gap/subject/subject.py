@@ -57,6 +57,11 @@ class Finding(BaseModel):
         return f"{where}; {self.remedy}".removesuffix("; ")
 
 
+def bad(what: str, words: str, remedy: str) -> Finding:
+    """Finding on all runs that forbids a fit."""
+    return Finding(what=what, words=words, remedy=remedy, level="bad")
+
+
 @dataclass(frozen=True, slots=True)
 class Candidate:
     """Effect that a model may lack: its parameters, and the values at which it is
@@ -303,6 +308,11 @@ class Scope:
     scatter: tuple[ScatterSource, ...] = ()
     believed: bool = False
     withheld: tuple[str, ...] = ()
+
+    @property
+    def by_name(self) -> Mapping[str, Candidate]:
+        """Candidate effects by name."""
+        return {c.name: c for c in self.candidates}
 
     def withhold(self, names: Sequence[str], known: Collection[str]) -> "Scope":
         """Copy without the candidate effects `names`, all of which must be `known`

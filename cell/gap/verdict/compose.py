@@ -6,6 +6,7 @@ import numpy as np
 from scipy import special
 
 from cell.gap.diagnosis import held_out_gap
+from cell.gap.diagnosis.lack_of_fit import can_be_ordered
 from cell.gap.fitting.crossvalidation import CrossValidatedFit
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.reml import Spread, covariance, degrees_of_freedom
@@ -246,8 +247,8 @@ def _compare_by_screen(
 def _untested(findings: Findings) -> Iterator[Untested]:
     """What the runs of a verdict without a name could not have shown, and why."""
     subject = findings.subject
-    conditions = [run.condition for run in subject.runs]
-    if len(set(conditions)) == len(conditions):
+    runs = subject.runs
+    if len({run.condition for run in runs}) == len(runs) and not can_be_ordered(runs):
         why = "no condition was repeated: a drift could not be looked for"
         yield Untested(what="drift", why=why)
     yield from (Untested(what=what, why=why) for what, why in subject.untested)

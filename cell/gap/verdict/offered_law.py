@@ -6,10 +6,10 @@ from itertools import combinations
 import numpy as np
 
 from cell.gap.diagnosis import held_out_gap
+from cell.gap.fitting import Simulate, run_all
+from cell.gap.fitting.base_fit import projection
 from cell.gap.fitting.crossvalidation import on_runs
 from cell.gap.fitting.gauss_newton import Estimate
-from cell.gap.fitting.projection import projection
-from cell.gap.fitting.tasks import Simulate, run_all
 from cell.gap.selection.choice import needed_models
 from cell.gap.selection.likelihood import Fits
 from cell.gap.selection.posterior import posterior

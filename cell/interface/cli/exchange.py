@@ -176,7 +176,7 @@ def _summary(folder: Path) -> str:
     """Text on an imported run: duration [s], and rows and columns, or a fold's images
     and touch.
     """
-    from cell.gap.subject.run_folders import read_table
+    from cell.gap.subject.run_table import read_table
     from cell.record.files import SIGNALS
     from cell.record.run import read_run
 

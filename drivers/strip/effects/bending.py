@@ -59,7 +59,7 @@ def _age(model: StripModel, values: Mapping[str, float]) -> StripModel:
 AGEING = law_effect(
     name="ageing",
     sentence="the strip grows softer from run to run",
-    parameters=(Parameter("rate", "1", low=-0.5, high=0.5),),
+    parameters=(Parameter.signed("rate", "1", 0.5),),
     apply=_age,
     typical=lambda _: (0.003, 0.03),
     revealed_by=(
@@ -103,7 +103,7 @@ CREASE = law_effect(
     name="crease",
     sentence="the strip has a crease",
     parameters=(
-        Parameter("angle", "rad", low=-2.0, high=2.0),
+        Parameter.signed("angle", "rad", 2.0),
         Parameter("position", "m", low=0.0, high=2.0, role="place"),
     ),
     apply=lambda model, values: add_crease(model, values["angle"], values["position"]),
@@ -136,7 +136,7 @@ def _curl(model: StripModel, values: Mapping[str, float]) -> StripModel:
 PRE_CURL = law_effect(
     name="pre_curl",
     sentence="the strip curls by itself",
-    parameters=(Parameter("curvature", "1/m", low=-60.0, high=60.0),),
+    parameters=(Parameter.signed("curvature", "1/m", 60.0),),
     apply=_curl,
     typical=lambda _: (0.5, 5.0),
     textile={"curvature": Span(-5.0, 5.0)},
@@ -220,7 +220,7 @@ STIFFNESS_GRADIENT = law_effect(
     name="stiffness_gradient",
     sentence="the strip is stiffer towards one of its ends",
     parameters=(
-        Parameter("slope", "1", low=-1.8, high=1.8),
+        Parameter.signed("slope", "1", 1.8),
         Parameter.shape("central", "1", high=1.0, guess=0.3),
     ),
     apply=_stiffen_towards_one_end,

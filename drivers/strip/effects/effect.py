@@ -97,6 +97,11 @@ class Parameter:
     tolerated: tuple[float, float] | None = None
 
     @classmethod
+    def signed(cls, name: str, unit: str, most: float) -> "Parameter":
+        """Amount of either sign, up to `most`."""
+        return cls(name, unit, low=-most, high=most)
+
+    @classmethod
     def limit(cls, name: str, unit: str, low: float, high: float) -> "Parameter":
         """Limit of a force or a stiffness from `low` to `high`, absent at infinity."""
         return cls(name, unit, 0.0, 1.0 / high, 1.0 / low, inverse=True)
@@ -196,7 +201,7 @@ class Effect:
         if self.typical is not None:
             typical = self.typical(strip)
         else:
-            typical = tuple(share * high for share in ASSUMED_SIZES)
+            typical = tuple(fraction * high for fraction in ASSUMED_SIZES)
             if first.inverse:  # a limit, such as a friction: the smaller, the stronger
                 typical = typical[::-1]
         return tuple(float(np.clip(size, low, high)) for size in typical)

@@ -15,7 +15,7 @@ LENGTH_ERROR = law_effect(
     name="length_error",
     sentence="the strip is not as long as stated",
     stage=Stage.SIZE,
-    parameters=(Parameter("error", "m", low=-0.02, high=0.02),),
+    parameters=(Parameter.signed("error", "m", 0.02),),
     apply=_change_length,
     # too short it is taut, too long it buckles
     typical=lambda _: (0.0005, -0.002, 0.003),

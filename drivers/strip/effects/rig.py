@@ -16,7 +16,7 @@ camera_effect = partial(Effect, of="cell", stage=Stage.OBSERVATION)
 CONTROL_DELAY = rig_effect(
     name="control_delay",
     sentence="the arm reports its positions late",
-    parameters=(Parameter("time", "s", low=-0.2, high=0.2),),
+    parameters=(Parameter.signed("time", "s", 0.2),),
     apply=set_fields(time="rig.delay"),
     typical=lambda _: (0.003, 0.015),
     looks_like=frozenset({"camera_latency"}),
@@ -26,7 +26,7 @@ CONTROL_DELAY = rig_effect(
 DESK_HEIGHT = rig_effect(
     name="desk_height",
     sentence="the desk is not at the height that the arm assumes",
-    parameters=(Parameter("height", "m", low=-0.02, high=0.02),),
+    parameters=(Parameter.signed("height", "m", 0.02),),
     apply=set_fields(height="rig.desk_height"),
     typical=lambda _: (0.0005, -0.002, 0.003),
     revealed_by="the desk touched again with the gripper; folds of other heights",
@@ -45,7 +45,7 @@ def _tilt_desk(model: StripModel, values: Mapping[str, float]) -> StripModel:
 DESK_TILT = rig_effect(
     name="desk_tilt",
     sentence="the desk leans, so that weight pulls along the strip",
-    parameters=(Parameter("angle", "rad", low=-0.2, high=0.2),),
+    parameters=(Parameter.signed("angle", "rad", 0.2),),
     apply=_tilt_desk,
     typical=lambda _: (0.003, -0.01, 0.02),
     revealed_by="a spirit level; the strip turned by 180 degrees",
@@ -87,7 +87,7 @@ GRIPPER_COMPLIANCE = rig_effect(
 GRIPPER_TILT = rig_effect(
     name="gripper_tilt",
     sentence="the gripper is tilted against what the arm reports",
-    parameters=(Parameter("angle", "rad", low=-0.5, high=0.5),),
+    parameters=(Parameter.signed("angle", "rad", 0.5),),
     apply=set_fields(angle="rig.grip_tilt"),
     typical=lambda _: (0.01, -0.03, 0.05),
     revealed_by="a picture of the gripper; folds with a short hanging part",
@@ -97,8 +97,8 @@ TCP_OFFSET = rig_effect(
     name="tcp_offset",
     sentence="the strip is held beside the point that the arm reports",
     parameters=(
-        Parameter("x", "m", low=-0.03, high=0.03),
-        Parameter("z", "m", low=-0.03, high=0.03),
+        Parameter.signed("x", "m", 0.03),
+        Parameter.signed("z", "m", 0.03),
     ),
     apply=set_fields(x="rig.grip_x", z="rig.grip_z"),
     typical=lambda _: (0.0003, -0.002, 0.003),  # taut on one side, slack on the other
@@ -108,7 +108,7 @@ TCP_OFFSET = rig_effect(
 CAMERA_LATENCY = camera_effect(
     name="camera_latency",
     sentence="the camera shows the world later than its time stamps say",
-    parameters=(Parameter("time", "s", low=-0.2, high=0.2),),
+    parameters=(Parameter.signed("time", "s", 0.2),),
     apply=set_fields(time="observation.camera_latency"),
     typical=lambda _: (0.003, 0.015),
     looks_like=frozenset({"control_delay"}),
@@ -120,7 +120,7 @@ CONTACT_BIAS = camera_effect(
     sentence=(
         "the camera sees the place where the strip leaves the desk too far out or in"
     ),
-    parameters=(Parameter("bias", "m", low=-0.05, high=0.05),),
+    parameters=(Parameter.signed("bias", "m", 0.05),),
     apply=set_fields(bias="observation.contact_bias"),
     typical=lambda _: (0.001, 0.005),
     looks_like=frozenset({"homography_shift"}),
@@ -130,7 +130,7 @@ CONTACT_BIAS = camera_effect(
 HOMOGRAPHY_SCALE = camera_effect(
     name="homography_scale",
     sentence="the camera shows lengths too long or too short",
-    parameters=(Parameter("scale", "1", low=-0.1, high=0.1),),
+    parameters=(Parameter.signed("scale", "1", 0.1),),
     apply=set_fields(scale="observation.scale"),
     typical=lambda _: (0.0005, 0.005),
     revealed_by="the picture of a board or of two marks a known length apart",
@@ -140,8 +140,8 @@ HOMOGRAPHY_SHIFT = camera_effect(
     name="homography_shift",
     sentence="the camera shows every place off by the same shift",
     parameters=(
-        Parameter("x", "m", low=-0.05, high=0.05),
-        Parameter("z", "m", low=-0.05, high=0.05),
+        Parameter.signed("x", "m", 0.05),
+        Parameter.signed("z", "m", 0.05),
     ),
     apply=set_fields(x="observation.shift_x", z="observation.shift_z"),
     typical=lambda _: (0.0003, 0.003),

@@ -6,15 +6,24 @@ from typing import Any
 
 from drivers.base.jit import kernel
 from drivers.strip.rod import layout as at
-from drivers.strip.rod.lanes import below, fma, load, select, sqrt, store
+from drivers.strip.rod.lanes import (
+    below,
+    fma,
+    load,
+    pair,
+    select,
+    sqrt,
+    store,
+    store_pair,
+)
 from drivers.strip.rod.terms import gradual_friction, lagging_moment, stick_slip
 
 
 @kernel
 def direction(state: Any, r: int) -> Any:
     """Unit tangent x, z, inverse length [1/m] and length [m] of segment `r`."""
-    ex = load(state, r + 1, at.X) - load(state, r, at.X)
-    ez = load(state, r + 1, at.Z) - load(state, r, at.Z)
+    (x, z), (next_x, next_z) = pair(state, r, at.X), pair(state, r + 1, at.X)
+    ex, ez = next_x - x, next_z - z
     length = sqrt(fma(ex, ex, ez * ez))
     inverse = 1.0 / length
     return ex * inverse, ez * inverse, inverse, length
@@ -120,10 +129,9 @@ def segment_turn(work: Any, r: int, u: Any) -> Any:
     """Turn (x, z) [rad/m] of segment `r` per motion of its end, written into `work` as
     well.
     """
-    x, z = -(u[1] * u[2]), u[0] * u[2]
-    store(work, r, at.TURN_X, x)
-    store(work, r, at.TURN_Z, z)
-    return x, z
+    turn = -(u[1] * u[2]), u[0] * u[2]
+    store_pair(work, r, at.TURN_X, turn)
+    return turn
 
 
 @kernel
@@ -151,10 +159,9 @@ def segment_force(block: Any, r: int, u: Any, couple: Any) -> None:
     twist = couple * inverse * inverse
 
     turn_x, turn_z = segment_turn(work, r, u)
-    store(work, r, at.TAUT, taut)
-    store(work, r, at.GROWTH, stretch * length)
-    store(work, r, at.PULL_X, fma(taut, ux, couple * turn_x))
-    store(work, r, at.PULL_Z, fma(taut, uz, couple * turn_z))
+    store_pair(work, r, at.TAUT, (taut, stretch * length))
+    pull = fma(taut, ux, couple * turn_x), fma(taut, uz, couple * turn_z)
+    store_pair(work, r, at.PULL_X, pull)
 
     xx, xz, zz = ux * ux, ux * uz, uz * uz
     store(work, r, at.S_XX, fma(stretch, xx, fma(string, zz, 2.0 * twist * xz)))

@@ -94,8 +94,8 @@ def watch_gap(monitor: Any, gap: Any, moment: Any) -> Any:
     touched = gap[0] <= monitor[at.TOUCH_GAP]
     if touched:
         before = monitor[at.GAP_HEIGHT], monitor[at.GAP_X], monitor[at.GAP_S]
-        share, touch_x, touch_s = layer_touch(before, gap, monitor[at.TOUCH_GAP])
-        monitor[at.TOUCH_TIME] = moment.time - moment.h + share * moment.h
+        fraction, touch_x, touch_s = layer_touch(before, gap, monitor[at.TOUCH_GAP])
+        monitor[at.TOUCH_TIME] = moment.time - moment.h + fraction * moment.h
         monitor[at.TOUCH_X], monitor[at.TOUCH_S] = touch_x, touch_s
     monitor[at.GAP_HEIGHT], monitor[at.GAP_X], monitor[at.GAP_S] = gap
     return touched

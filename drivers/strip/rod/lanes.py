@@ -20,6 +20,8 @@ from numba.core.imputils import lower_builtin
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic
 
+from drivers.base.jit import kernel
+
 P = ParamSpec("P")
 
 LANE_COUNT = 8
@@ -287,3 +289,22 @@ def lane_of(typing: Any, number: Any, lane: Any) -> Any:
         return builder.extract_element(*args) if sig.args[0] == Lanes else args[0]
 
     return types.float64(number, types.intp), generate
+
+
+@kernel
+def pair(array: Any, row: int, first: int) -> Any:
+    """Columns `first` and `first` + 1 of a row, such as the x and z of a vector."""
+    return load(array, row, first), load(array, row, first + 1)
+
+
+@kernel
+def store_pair(array: Any, row: int, first: int, vector: Any) -> None:
+    """Store the two numbers of a `vector` in columns `first` and `first` + 1."""
+    store(array, row, first, vector[0])
+    store(array, row, first + 1, vector[1])
+
+
+@kernel
+def update(array: Any, row: int, column: int, gate: Any, value: Any) -> None:
+    """Store `value` in the lanes in which `gate` is above zero."""
+    store(array, row, column, select(gate, value, load(array, row, column)))

@@ -94,14 +94,14 @@ def _combine_compliances(grip: Array, compliance: float) -> None:
     of the angle, damping is s^2 D, the cubic term s^3 of itself, friction s F; while it
     sticks, s is smaller.
     """
-    share = 1.0 / (1.0 + compliance * grip[at.BEND])
+    fraction = 1.0 / (1.0 + compliance * grip[at.BEND])
     stuck = 1.0 / (1.0 + compliance * (grip[at.BEND] + grip[at.STICK]))
-    grip[at.BEND] *= share
-    grip[at.STICK] *= share * stuck
-    grip[at.SLIP] *= share
-    grip[at.DAMP] *= share**2
-    grip[at.CUBIC] *= share**3
-    grip[at.CREST] /= share**1.5
+    grip[at.BEND] *= fraction
+    grip[at.STICK] *= fraction * stuck
+    grip[at.SLIP] *= fraction
+    grip[at.DAMP] *= fraction**2
+    grip[at.CUBIC] *= fraction**3
+    grip[at.CREST] /= fraction**1.5
 
 
 def _lump_terms(rows: Array, model: StripModel, reach: Array) -> None:

@@ -11,7 +11,17 @@ from typing import Any
 from drivers.base.jit import kernel
 from drivers.strip.rod import layout as at
 from drivers.strip.rod.bending import internal_forces
-from drivers.strip.rod.lanes import any_lane, below, fma, load, select, splat, store
+from drivers.strip.rod.lanes import (
+    any_lane,
+    below,
+    fma,
+    load,
+    pair,
+    select,
+    splat,
+    store,
+    update,
+)
 from drivers.strip.rod.terms import air_drag, settling_turn, update_stuck
 
 ITERATIONS = 10
@@ -43,28 +53,14 @@ def residual(block: Any, r: int, inertia: Any, reaction: Any) -> Any:
     """Residual force x, z [N] on node row `r`: inertia + internal forces - weight -
     desk.
     """
-    nature, state, work = block.nature, block.state, block.work
-    x = inertia * (load(state, r, at.X) - load(work, r, at.HAT_X))
-    z = inertia * (load(state, r, at.Z) - load(work, r, at.HAT_Z))
-    x = (
-        x
-        + (load(work, r - 1, at.PULL_X) - load(work, r, at.PULL_X))
-        - load(nature, r, at.LOAD_X)
-    )
-    z = (
-        z
-        + (load(work, r - 1, at.PULL_Z) - load(work, r, at.PULL_Z))
-        - load(nature, r, at.LOAD_Z)
-    )
+    work = block.work
+    (x, z), (hat_x, hat_z) = pair(block.state, r, at.X), pair(work, r, at.HAT_X)
+    before_x, before_z = pair(work, r - 1, at.PULL_X)
+    after_x, after_z = pair(work, r, at.PULL_X)
+    load_x, load_z = pair(block.nature, r, at.LOAD_X)
+    x = inertia * (x - hat_x) + (before_x - after_x) - load_x
+    z = inertia * (z - hat_z) + (before_z - after_z) - load_z
     return x, z - reaction
-
-
-@kernel
-def pair(work: Any, r: int, first: int) -> Any:
-    """Fields `first` and `first` + 1 of row `r` of `work`, such as the x and z of a
-    vector.
-    """
-    return load(work, r, first), load(work, r, first + 1)
 
 
 @kernel
@@ -231,8 +227,8 @@ def apply_correction(block: Any, gate: Any) -> Any:
         dx = load(band, 2 * r, SIDE_COLUMN)
         dz = load(band, 2 * r + 1, SIDE_COLUMN)
         x, z = pair(state, r, at.X)
-        store(state, r, at.X, select(gate, x - dx, x))
-        store(state, r, at.Z, select(gate, z - dz, z))
+        update(state, r, at.X, gate, x - dx)
+        update(state, r, at.Z, gate, z - dz)
 
         turn_x, turn_z = pair(work, r - 1, at.TURN_X)
         ex, ez = dx - dx_before, dz - dz_before
@@ -246,12 +242,7 @@ def apply_correction(block: Any, gate: Any) -> Any:
         if block.terms is not None:
             turned = turned + settling_turn(block, r - 1, along)
             update_stuck(block, r - 1, along)
-        store(
-            state,
-            r - 1,
-            at.TENSION,
-            select(gate, tension, load(state, r - 1, at.TENSION)),
-        )
+        update(state, r - 1, at.TENSION, gate, tension)
         dx_before, dz_before = dx, dz
     return turned, wildest
 

@@ -31,9 +31,9 @@ def lift_path(batch: Batch, start: Array) -> Array:
     The height grows with the root of the inward distance, so that the edge stays within
     the strip's reach.
     """
-    share = np.linspace(0.0, 1.0, APPROACH_STEPS + 1)[1:, None]
-    path = batch.held + share[:, :, None] * (start - batch.held)
-    path[:, :, 1] = np.sqrt(share) * start[:, 1]
+    fraction = np.linspace(0.0, 1.0, APPROACH_STEPS + 1)[1:, None]
+    path = batch.held + fraction[:, :, None] * (start - batch.held)
+    path[:, :, 1] = np.sqrt(fraction) * start[:, 1]
     return np.asarray(path)
 
 
@@ -67,10 +67,10 @@ def _wave_path(batch: Batch, goal: Array, slack: Array, steps: int) -> Array:
     A strip of length L with `slack` (n,) [m] s can be lifted to sqrt(L s / 2) in its
     middle.
     """
-    share = np.linspace(0.0, 1.0, steps + 1)[1:, None]
-    path = batch.held + share[:, :, None] * (goal - batch.held)
+    fraction = np.linspace(0.0, 1.0, steps + 1)[1:, None]
+    path = batch.held + fraction[:, :, None] * (goal - batch.held)
     reach = np.sqrt(2 * batch.arc[:, -1] * np.maximum(slack, 0.0))
-    path[:, :, 1] = APPROACH_HEIGHT * reach * np.sqrt(share * (1 - share))
+    path[:, :, 1] = APPROACH_HEIGHT * reach * np.sqrt(fraction * (1 - fraction))
     return np.asarray(path)
 
 

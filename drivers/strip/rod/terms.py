@@ -7,7 +7,17 @@ from typing import Any
 
 from drivers.base.jit import kernel
 from drivers.strip.rod import layout as at
-from drivers.strip.rod.lanes import below, fma, load, select, sqrt, store
+from drivers.strip.rod.lanes import (
+    below,
+    fma,
+    load,
+    pair,
+    select,
+    sqrt,
+    store,
+    store_pair,
+    update,
+)
 
 HUGE = 1e300  # coefficients beyond are null at infinity
 CORRECTION_TURN = 100.0  # rad/m: a correction by 1 um counts as one by 1e-4 rad
@@ -28,8 +38,8 @@ def maxwell_strain(block: Any, r: int, change: Any, rate: Any) -> Any:
 
     `change` is eps - base, so deps/dt = rate change and dq/dt = rate (q - base of q).
     """
-    share = rate / (rate + load(block.nature, r, at.FADE))
-    return share * (load(block.work, r, at.BASE_MAXWELL) + change), share
+    fraction = rate / (rate + load(block.nature, r, at.FADE))
+    return fraction * (load(block.work, r, at.BASE_MAXWELL) + change), fraction
 
 
 @kernel
@@ -38,12 +48,12 @@ def lagging_moment(block: Any, r: int, change: Any, rate: Any) -> Any:
 
     Q |deps/dt| deps/dt of quadratic damping, and K q of the rigidity that relaxes.
     """
-    q, share = maxwell_strain(block, r, change, rate)
+    q, fraction = maxwell_strain(block, r, change, rate)
     speed = rate * change
     resistance = load(block.nature, r, at.QUADRATIC) * magnitude(speed)
     branch = load(block.nature, r, at.BRANCH)
     return fma(resistance, speed, branch * q), fma(
-        2.0 * resistance, rate, branch * share
+        2.0 * resistance, rate, branch * fraction
     )
 
 
@@ -69,10 +79,7 @@ def gradual_friction(block: Any, r: int, eps: Any) -> Any:
     """Moment [N m] of the friction element without a yield point at row `r`, and its
     tangent.
     """
-    slip, pace = (
-        load(block.nature, r, at.GRADUAL_SLIP),
-        load(block.nature, r, at.GRADUAL_PACE),
-    )
+    slip, pace = pair(block.nature, r, at.GRADUAL_SLIP)
     change = eps - load(block.state, r, at.EPS)
     return gradual_element(slip, pace, change, load(block.state, r, at.GRADUAL))
 
@@ -114,8 +121,7 @@ def stick_slip(block: Any, r: int, taut: Any, stretch: Any, span: Any) -> Any:
     sign = select(below(sign * before, -0.5), 0.0, sign)
     sign = select(below(UNTRIED - 0.5, before), 0.0, sign)
     store(block.state, r, at.SLIP_SIGN, sign)
-    store(block.work, r, at.STUCK, taut)
-    store(block.work, r, at.STUCK_GROWTH, stretch * span)
+    store_pair(block.work, r, at.STUCK, (taut, stretch * span))
     level = select(sign, slip_limit(block, r), -load(block.state, r, at.HELD))
     moves = sign * sign
     return select(moves, level, taut), select(moves, 0.0, stretch)
@@ -126,7 +132,7 @@ def update_stuck(block: Any, r: int, along: Any) -> None:
     """Update the tension of segment `r` if it stuck, after a correction `along` of its
     strain.
     """
-    taut, growth = load(block.work, r, at.STUCK), load(block.work, r, at.STUCK_GROWTH)
+    taut, growth = pair(block.work, r, at.STUCK)
     store(block.work, r, at.STUCK, fma(-growth, along, taut))
 
 
@@ -145,6 +151,16 @@ def settling_turn(block: Any, r: int, along: Any) -> Any:
 
 
 @kernel
+def velocity(block: Any, r: int, rate: Any) -> Any:
+    """Velocity x, z [m/s] of node row `r`: `rate` [1/s] times its way from the base."""
+    (x, z), (base_x, base_z) = (
+        pair(block.state, r, at.X),
+        pair(block.work, r, at.BASE_X),
+    )
+    return rate * (x - base_x), rate * (z - base_z)
+
+
+@kernel
 def air_drag(block: Any, r: int, rate: Any) -> Any:
     """Air drag x, z [N] against the motion of node row `r`, and its tangent xx, xz, zz.
 
@@ -152,41 +168,32 @@ def air_drag(block: Any, r: int, rate: Any) -> Any:
     predicted motion: of second order in the step, and symmetric.
     """
     work = block.work
-    xx, xz, zz = (
-        load(work, r, at.DRAG_XX),
-        load(work, r, at.DRAG_XZ),
-        load(work, r, at.DRAG_ZZ),
-    )
-    vx = rate * (load(block.state, r, at.X) - load(work, r, at.BASE_X))
-    vz = rate * (load(block.state, r, at.Z) - load(work, r, at.BASE_Z))
-    return (fma(xx, vx, xz * vz), fma(xz, vx, zz * vz)), (
-        rate * xx,
-        rate * xz,
-        rate * zz,
-    )
+    (xx, xz), zz = pair(work, r, at.DRAG_XX), load(work, r, at.DRAG_ZZ)
+    vx, vz = velocity(block, r, rate)
+    drag = fma(xx, vx, xz * vz), fma(xz, vx, zz * vz)
+    return drag, (rate * xx, rate * xz, rate * zz)
 
 
 @kernel
 def store_drag(block: Any, r: int, rate: Any) -> None:
     """Write the drag matrix of node row `r`, from its predicted motion, into `work`."""
     state, work = block.state, block.work
-    tx = load(state, r + 1, at.X) - load(state, r - 1, at.X)
-    tz = load(state, r + 1, at.Z) - load(state, r - 1, at.Z)
+    (x, z), (before_x, before_z) = pair(state, r + 1, at.X), pair(state, r - 1, at.X)
+    tx, tz = x - before_x, z - before_z
     inverse = 1.0 / sqrt(fma(tx, tx, tz * tz))
     nx, nz = -(tz * inverse), tx * inverse
 
-    vx = rate * (load(state, r, at.X) - load(work, r, at.BASE_X))
-    vz = rate * (load(state, r, at.Z) - load(work, r, at.BASE_Z))
+    vx, vz = velocity(block, r, rate)
     across = fma(nx, vx, nz * vz)
     along = fma(nz, vx, -(nx * vz))
     oblique = load(block.nature, r, at.OBLIQUE)
     speed = sqrt(fma(oblique * along, along, across * across))
     drag = load(block.nature, r, at.DRAG) * (speed + load(block.nature, r, at.SLOW))
 
-    share = load(block.nature, r, at.ALONG)
-    store(work, r, at.DRAG_XX, drag * fma(share * nz, nz, nx * nx))
-    store(work, r, at.DRAG_XZ, drag * fma(-(share * nx), nz, nx * nz))
-    store(work, r, at.DRAG_ZZ, drag * fma(share * nx, nx, nz * nz))
+    fraction = load(block.nature, r, at.ALONG)
+    xx, xz = fma(fraction * nz, nz, nx * nx), fma(-(fraction * nx), nz, nx * nz)
+    store_pair(work, r, at.DRAG_XX, (drag * xx, drag * xz))
+    store(work, r, at.DRAG_ZZ, drag * fma(fraction * nx, nx, nz * nz))
 
 
 @kernel
@@ -195,13 +202,11 @@ def store_history(block: Any, r: int, eps: Any, rate: Any, alive: Any) -> None:
     strain `eps`.
     """
     q, _ = maxwell_strain(block, r, eps - load(block.work, r, at.BASE_EPS), rate)
-    before, older = load(block.state, r, at.MAXWELL), load(block.state, r, at.MAXWELL1)
-    store(block.state, r, at.MAXWELL1, select(alive, before, older))
-    store(block.state, r, at.MAXWELL, select(alive, q, before))
+    state = block.state
+    update(state, r, at.MAXWELL1, alive, load(state, r, at.MAXWELL))
+    update(state, r, at.MAXWELL, alive, q)
     dry, _ = gradual_friction(block, r, eps)
-    store(
-        block.state, r, at.GRADUAL, select(alive, dry, load(block.state, r, at.GRADUAL))
-    )
+    update(state, r, at.GRADUAL, alive, dry)
 
 
 @kernel
@@ -212,7 +217,7 @@ def predict_terms(block: Any, rate: Any, weights: Any) -> None:
     newest, older = weights
     for r in range(1, block.state.shape[0] - 1):
         store(block.state, r, at.SLIP_SIGN, UNTRIED)
-        q, q1 = load(block.state, r, at.MAXWELL), load(block.state, r, at.MAXWELL1)
+        q, q1 = pair(block.state, r, at.MAXWELL)
         store(block.work, r, at.BASE_MAXWELL, fma(newest, q, older * q1))
     for r in range(at.FIRST_FREE_NODE, block.last + 1):
         store_drag(block, r, rate)

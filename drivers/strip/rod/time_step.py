@@ -19,16 +19,27 @@ from drivers.strip.rod import layout as at
 from drivers.strip.rod.bending import direction, dry_friction, strain
 from drivers.strip.rod.lanes import (
     any_lane,
+    below,
     fma,
     load,
     load_lane,
+    pair,
     select,
+    splat,
     store,
     store_lane,
+    update,
 )
-from drivers.strip.rod.newton import desk_reaction, pair, solve
-from drivers.strip.rod.sliding_ends import slide_ends
-from drivers.strip.rod.terms import air_drag, predict_terms, store_history
+from drivers.strip.rod.newton import desk_reaction, solve
+from drivers.strip.rod.terms import (
+    HUGE,
+    air_drag,
+    predict_terms,
+    slip_direction,
+    slip_limit,
+    store_history,
+    velocity,
+)
 
 SUBSTEPS = (16, 256)  # of a failed step, in the first and in the second attempt
 
@@ -88,10 +99,10 @@ def predict_motion(block: Any, h: float, omega: float, alive: Any) -> None:
             store(
                 work, r, at.HAT_X + axis, fma(fma(newest, v, older * v1), period, base)
             )
-            store(state, r, at.X1 + axis, select(alive, x, x1))
-            store(state, r, at.VX1 + axis, select(alive, v, v1))
+            update(state, r, at.X1 + axis, alive, x)
+            update(state, r, at.VX1 + axis, alive, v)
             guess = x + fma(ahead, v, behind * v1)
-            store(state, r, at.X + axis, select(alive, guess, x))
+            update(state, r, at.X + axis, alive, guess)
 
 
 @kernel
@@ -108,15 +119,10 @@ def store_velocity(block: Any, rate: float, alive: Any) -> None:
     """Store v = rate (x - base) of the free nodes by `rate` [1/s], in the lanes `alive`
     > 0.
     """
-    state = block.state
     for r in range(at.FIRST_FREE_NODE, block.last + 1):
-        for axis in range(2):
-            v = rate * (
-                load(state, r, at.X + axis) - load(block.work, r, at.BASE_X + axis)
-            )
-            store(
-                state, r, at.VX + axis, select(alive, v, load(state, r, at.VX + axis))
-            )
+        vx, vz = velocity(block, r, rate)
+        update(block.state, r, at.VX, alive, vx)
+        update(block.state, r, at.VZ, alive, vz)
 
 
 @kernel
@@ -130,13 +136,12 @@ def store_strain(block: Any, rate: float, alive: Any) -> None:
         tangent = direction(state, r)
         new, _ = strain(last_tangent, tangent)
         dry, _ = dry_friction(block, r, new)
-        # friction and history read it in `state`: `new` goes in last
-        eps = load(state, r, at.EPS)
-        store(state, r, at.FRICTION, select(alive, dry, load(state, r, at.FRICTION)))
+        update(state, r, at.FRICTION, alive, dry)
         if block.terms is not None:
             store_history(block, r, new, rate, alive)
-        store(state, r, at.EPS1, select(alive, eps, load(state, r, at.EPS1)))
-        store(state, r, at.EPS, select(alive, new, eps))
+        # friction and history read the last one
+        update(state, r, at.EPS1, alive, load(state, r, at.EPS))
+        update(state, r, at.EPS, alive, new)
         last_tangent = tangent
 
 
@@ -166,15 +171,60 @@ def grip_force(block: Any, h: float, rate: Any, alive: Any) -> None:
         x, z = x + weight_x, z + (weight_z + reaction)
     for r in range(at.FIRST_FREE_NODE, end):
         push = load(nature, r, at.MASS) * (1.0 / h)
-        x = x - push * (load(state, r, at.VX) - load(state, r, at.VX1))
-        z = z - push * (load(state, r, at.VZ) - load(state, r, at.VZ1))
+        (vx, vz), (vx1, vz1) = pair(state, r, at.VX), pair(state, r, at.VX1)
+        x, z = x - push * (vx - vx1), z - push * (vz - vz1)
         if block.terms is not None:
             (drag_x, drag_z), _ = air_drag(block, r, rate)
             x, z = x - drag_x, z - drag_z
 
-    last_x, last_z = pair(state, ghost, at.GRIP_FORCE_X)
-    store(state, ghost, at.GRIP_FORCE_X, select(alive, x, last_x))
-    store(state, ghost, at.GRIP_FORCE_Z, select(alive, z, last_z))
+    update(state, ghost, at.GRIP_FORCE_X, alive, x)
+    update(state, ghost, at.GRIP_FORCE_Z, alive, z)
+
+
+@kernel
+def slip_length(block: Any, r: int) -> Any:
+    """Distance [m] by which the strip slid at segment `r` in the step just solved."""
+    stretch, span = load(block.nature, r, at.STRETCH), load(block.nature, r, at.SPAN)
+    _, _, _, length = direction(block.state, r)
+    taut = stretch * (length - span - load(block.state, r, at.SLID))
+    sign = slip_direction(block, r, taut)
+    level = select(sign, slip_limit(block, r), -load(block.state, r, at.HELD))
+    return select(sign * sign, (taut - level) / stretch, 0.0)
+
+
+@kernel
+def slide_in_grip(block: Any, alive: Any) -> None:
+    """Lengthen the segment at the grip by the length that slid out of the grip in this
+    step.
+
+    That piece is straight and massless, valid for a few per cent of the strip. Arc
+    lengths end at the edge that was grasped, so l1 does not grow by it.
+    """
+    r = block.state.shape[0] - 3
+    slid = load(block.state, r, at.SLID) + slip_length(block, r)
+    update(block.state, r, at.SLID, alive, slid)
+
+
+@kernel
+def slide_edge(block: Any, alive: Any) -> None:
+    """Move a loose fixed edge by the distance it slid, and update the friction that
+    holds it.
+
+    All friction of the lying part acts at its edge: that part is straight and hardly
+    stretches, so it slides as a whole when the pull exceeds friction times the normal
+    force of the desk.
+    """
+    state = block.state
+    away = slip_length(block, 1)
+    for r in range(2):
+        update(state, r, at.X, alive, load(state, r, at.X) + away)
+    borne = splat(state, 0.0)
+    for r in range(1, block.last + 1):
+        reaction, _ = desk_reaction(block, r)
+        borne = borne + reaction
+    cling = load(block.nature, 1, at.CLING)
+    friction = select(below(HUGE, cling), cling, cling * borne)
+    update(state, 1, at.HELD, alive, friction)
 
 
 @kernel
@@ -192,7 +242,8 @@ def implicit_step(block: Any, h: float, omega: float, alive: Any) -> Any:
     store_velocity(block, rate, solved)
     store_strain(block, rate, solved)
     if block.terms is not None:
-        slide_ends(block, solved)
+        slide_in_grip(block, solved)
+        slide_edge(block, solved)
     if block.last < block.state.shape[0] - 2:
         grip_force(block, h, rate, solved)
     return unsolved
@@ -212,8 +263,8 @@ def place_grip(block: Any, lane: int, pose: Any) -> None:
 
 
 @kernel
-def place_grips(block: Any, grips: Any, share: float) -> None:
-    """Move the grips of the active lanes to their poses at `share` of the step."""
+def place_grips(block: Any, grips: Any, fraction: float) -> None:
+    """Move the grips of the active lanes to their poses at `fraction` of the step."""
     if block.last == block.state.shape[0] - 2:
         return
     pose = np.empty(3)
@@ -222,7 +273,7 @@ def place_grips(block: Any, grips: Any, share: float) -> None:
             i = grips.strips[lane]
             for c in range(3):
                 goal = grips.poses[i, c]
-                pose[c] = goal - (1.0 - share) * (goal - grips.held[i, c])
+                pose[c] = goal - (1.0 - fraction) * (goal - grips.held[i, c])
             place_grip(block, lane, pose)
 
 
@@ -234,15 +285,9 @@ def rewind(block: Any, gate: Any) -> None:
     state = block.state
     for r in range(at.FIRST_FREE_NODE, block.last + 1):
         for field in range(at.EPS):
-            current = load(state, r, at.X + field)
-            store(
-                state,
-                r,
-                at.X + field,
-                select(gate, load(state, r, at.X1 + field), current),
-            )
+            update(state, r, at.X + field, gate, load(state, r, at.X1 + field))
     for r in range(state.shape[0]):
-        store(state, r, at.TENSION, select(gate, 0.0, load(state, r, at.TENSION)))
+        update(state, r, at.TENSION, gate, 0.0)
 
 
 @kernel
@@ -253,8 +298,7 @@ def copy_fields(source: Any, fields: Any, target: Any, to: int, gate: Any) -> No
     first, end = fields
     for r in range(target.shape[0]):
         for c in range(end - first):
-            old = load(target, r, to + c)
-            store(target, r, to + c, select(gate, load(source, r, first + c), old))
+            update(target, r, to + c, gate, load(source, r, first + c))
 
 
 @kernel

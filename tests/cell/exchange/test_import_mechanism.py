@@ -17,7 +17,7 @@ import yaml
 from mcap.writer import Writer
 from typer.testing import CliRunner
 
-from cell.gap.subject.run_folders import read_table
+from cell.gap.subject.run_table import read_table
 from cell.interface.cli.app import app
 from drivers.base.types import Array
 from tests.support.mechanisms import PRESCRIBED, make_arm

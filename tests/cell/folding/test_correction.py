@@ -117,7 +117,6 @@ def test_one_run_is_forgotten_and_all_others_are_kept(tmp_path: Path) -> None:
     for one in (kept, gone, replace(gone, kind="ruler", rig=0.001)):
         memory.add(one)
     aside = memory.forget(tmp_path / "r1")
-    assert aside is not None
     assert len(aside.read_bytes().splitlines()) == 2
     assert memory.experiences() == (kept,)
     assert memory.forget(tmp_path / "r1") is None
@@ -145,7 +144,6 @@ def test_the_second_fold_aims_at_the_opposite_of_the_first_ones_bias(
 ) -> None:
     memory = Memory("cell", tmp_path)
     first = experience_of("r0", SUBJECT, outcome(0.002), Correction())
-    assert first is not None
     assert first.displacement == pytest.approx(0.003)  # measured +2 mm, predicted -1 mm
     memory.add(first)
     found = learned_correction(memory, SUBJECT)
@@ -189,8 +187,6 @@ def test_edges_are_learned_as_if_they_had_been_laid_without_a_correction() -> No
     again = experience_of(
         "r0", SUBJECT, replace(outcome(0.0), edge_offset=0.0), shifted
     )
-    assert plain is not None
-    assert again is not None
     assert plain.edges == pytest.approx(-0.002)
     assert again.edges == pytest.approx(plain.edges)
     assert str(shifted.sentence()).startswith("laid the edge +2.0 mm")

@@ -98,7 +98,6 @@ def finished(outcome: Outcome) -> FoldResult:
 def test_fold_of_the_models_law_agrees_and_raises_no_event() -> None:
     notes = Notes()
     outcome = traced(measured()).review(ended(measured()), notes)
-    assert outcome.agreement is not None
     assert outcome.agreement.like_model
     assert not notes.events
     assert Result.model_validate(result_content(outcome)).agreement.like_model

@@ -320,18 +320,11 @@ def test_the_file_of_the_other_subject_is_refused(
 def test_no_file_is_refused_and_one_with_spaces_quoted(
     monkeypatch, capsys, bench
 ) -> None:
+    words = bench.words("strip")
     for file in (bench.root, bench.root / "nope.yaml"):
-        words = (
-            "gap check",
-            bench.runs("strip"),
-            "--strip",
-            file,
-            "--out",
-            bench.root / "out",
-        )
-        assert refused(monkeypatch, capsys, *words).startswith(
-            f"{file}: is neither a strip"
-        )
+        words[words.index("--strip") + 1] = file
+        line = refused(monkeypatch, capsys, *words)
+        assert line.startswith(f"{file}: is neither a strip")
     file = bench.root / "my strip.yaml"
     file.write_text("kind: strip")
     assert Origin.before_reading(file, "--strip").option == f"--strip '{file}'"

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from cell.gap.check import check, clock, recordings, unidentifiable, values
+from cell.gap.check import check, recordings, unidentifiable
 from cell.gap.fit import fit
 from cell.gap.subject.run_folders import RunFolder, find_runs
+from cell.gap.subject.run_table import clock, values
 from cell.interface.cli.app import app
 from drivers.base.errors import ConfigurationError
 from tests.support.curves import Curves, nothing

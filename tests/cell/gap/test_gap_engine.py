@@ -9,13 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cell.gap.diagnosis.lack_of_fit import Repeats
+from cell.gap.diagnosis.held_out_gap import odd_runs
+from cell.gap.diagnosis.lack_of_fit import Repeats, can_be_ordered, order_suspicion
 from cell.gap.fitting.base_fit import undetermined_values
 from cell.gap.fitting.crossvalidation import folds
 from cell.gap.report.sentence import sentence
 from cell.gap.selection.posterior import Posterior, SetProbability
 from cell.gap.subject.subject import Origin
 from cell.gap.verdict.decision import decide, next_steps
+from drivers.base.types import Array
 from drivers.strip.effects.effect import Parameter
 from tests.support.curves import (
     Curves,
@@ -58,7 +60,6 @@ def test_a_set_with_one_effect_more_does_not_speak_against_a_name() -> None:
         models = tuple(SetProbability(names, nats, 0.25) for names, nats in weighed)
         decision = decide(replace(found, posterior=Posterior(models)))
         assert decision.evidence.log_odds == pytest.approx(odds, abs=1e-4)
-    assert verdict.posterior is not None
     assert verdict.posterior.inclusion["bump"] > 0.99
 
 
@@ -217,3 +218,31 @@ def test_wild_samples_do_not_move_the_fit() -> None:
     for run in subject.runs:
         run.content[1][::20] += 3.0
     assert fitted(subject).shared[1] == pytest.approx(0.5, abs=0.02)
+
+
+def ageing(t: Array, speed: float, index: int) -> Array:
+    """A slope and a bump that both grow from run to run."""
+    return 0.02 * index * (t + bump(t, speed, index))
+
+
+def follows_order(law: Law, seed: int = 0, repeats: int = 2) -> str:
+    subject = Curves(law, seed=seed, repeats=repeats)
+    return order_suspicion(fitted(subject, ["bump"]), np.random.default_rng(0))
+
+
+def test_values_that_follow_the_order_of_runs_are_told_and_chance_is_not() -> None:
+    told = follows_order(ageing)
+    assert "order of the runs" in told
+    assert "rises: what warms, wears or ages?" in told
+    assert not follows_order(lambda t, _, index: 0.02 * index * t)  # one value alone
+    assert [follows_order(nothing, seed) for seed in range(12)].count("") >= 11
+    assert not follows_order(ageing, repeats=1)  # too few runs
+    assert [can_be_ordered(Curves(nothing, repeats=n).runs) for n in (1, 2)] == [0, 1]
+
+
+def test_a_run_that_contradicts_the_others_is_named() -> None:
+    subject = Curves(lambda t, _, index: 0.2 * (index == 5) * wave(t, 1.0, 0))
+    (told,) = odd_runs(fitted(subject), subject.scope.quantities)
+    assert told.startswith("r5: contradicts the others")
+    sound = fitted(Curves(nothing))
+    assert not [*odd_runs(sound, subject.scope.quantities)]

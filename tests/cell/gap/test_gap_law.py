@@ -45,17 +45,14 @@ def test_a_law_is_offered_for_a_gap_that_no_effect_explains_and_closes_it() -> N
     found, verdict = judged(Withheld(hidden(bump, 0.2), names=("dead",)))
     assert verdict.verdict == "unexplained"
     assert verdict.effects == []
-    assert found.law is not None
     assert found.law.terms["bump"] == pytest.approx(0.2, rel=0.05)
     assert found.law.shrink > 0.9
-    assert verdict.unexplained is not None
     assert verdict.unexplained.law == found.law.words
     assert verdict.unexplained.stable
 
 
 def test_where_no_law_closes_the_gap_none_is_stated() -> None:
     _, verdict = judged(Curves(hidden(bump, 0.2), names=("dead",)))
-    assert verdict.unexplained is not None
     assert verdict.unexplained.law == "no sparse law found"
     assert not verdict.unexplained.stable
 
@@ -83,7 +80,6 @@ def test_a_law_stands_beside_a_name_that_only_imitates(
     found, verdict = judged(Withheld(hidden(bump, 0.3), names=("wide", "dead")))
     assert [e.name for e in found.accepted.model.effects] == ["wide"]
     assert verdict.gap.shrink < 0.95
-    assert found.law is not None
     assert found.law.terms["bump"] == pytest.approx(0.3, rel=0.05)
     assert found.law.shrink > verdict.gap.shrink
 

@@ -6,6 +6,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import unescape
+from operator import itemgetter
 from pathlib import Path
 
 import numpy as np
@@ -17,8 +18,7 @@ from cell.gap.report.overlay import write_recording
 from cell.gap.report.page import page
 from cell.gap.report.sentence import number_text
 from cell.gap.subject.run_folders import find_runs
-from cell.gap.subject.strip.scenes import DISTANCE_SIGNAL
-from cell.gap.subject.strip.subject import StripSubject, open_strip
+from cell.gap.subject.strip.subject import DISTANCE_SIGNAL, StripSubject, open_strip
 from cell.gap.subject.strip.synthetic import BENCH
 from cell.gap.subject.subject import Origin, Request, Scene
 from cell.gap.verdict.decision import next_steps
@@ -80,16 +80,19 @@ def read(path: Path) -> dict[str, Rows]:
         times = np.array(batch["t"].cast("int64")) * 1e-9
         rows = found.setdefault(chunk.entity_path.replace("\\", ""), [])
         rows += zip(times.tolist(), batch[name].to_pylist(), strict=True)
-    ordered = {
-        entity: sorted(rows, key=lambda row: row[0]) for entity, rows in found.items()
-    }
-    return {
-        entity: Rows(np.array([t for t, _ in rows]), [value for _, value in rows])
-        for entity, rows in ordered.items()
-    }
+    made = {}
+    for entity, rows in found.items():
+        times, values = zip(*sorted(rows, key=itemgetter(0)), strict=True)
+        made[entity] = Rows(np.array(times), [*values])
+    return made
 
 
 MOVING = {"strips", "positions", "scalars", "text"}
+
+
+def apart(points: Array, line: Array) -> Array:
+    """Distances (n,) [m] of points (n, 2) from the nearest node of a line."""
+    return np.hypot(*(points[:, None] - line[None]).transpose(2, 0, 1)).min(axis=1)
 
 
 def numbers(rows: Rows) -> Array:
@@ -154,21 +157,18 @@ def test_the_right_model_lies_on_the_measured_midline(recording) -> None:
     assert np.quantile(before, 0.9) > 2.0 * np.quantile(after, 0.9)
     line = np.array(rows["/00-normal/world/curve/after"].values[-1][0])[:, [0, 2]]
     points = np.array(rows["/00-normal/world/curve/measured"].values[-1])[:, [0, 2]]
-    off = np.hypot(*(points[:, None] - line[None]).transpose(2, 0, 1)).min(axis=1)
-    assert np.median(off) < 0.004
+    assert np.median(apart(points, line)) < 0.004
 
 
 def test_worst_moment_is_that_at_which_the_soft_strip_is_farthest_off(replays) -> None:
     worst = worst_moment(replays)
-    assert worst is not None
     measured = worst.run.measured.curve
     assert worst.t == measured.t[worst.image]
     assert worst.off["before"] > 2.0 * worst.off["after"]
     for run in replays:
         for key, points in enumerate(run.measured.curve.points):
             line = run.scenes["before"].curve.points[key]
-            apart = np.hypot(*(points[:, None] - line[None]).transpose(2, 0, 1))
-            rms = np.sqrt(np.mean(apart.min(axis=1) ** 2))
+            rms = np.sqrt(np.mean(apart(points, line) ** 2))
             assert rms <= worst.off["before"] + 1e-12
     assert "measured" in worst_picture(worst)
 

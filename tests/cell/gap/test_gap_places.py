@@ -46,18 +46,14 @@ def test_the_best_of_many_models_of_noise_is_told_nowhere() -> None:
 
 
 def _fitted(r: Array, direction: Array) -> Estimate:
-    return _estimate(
-        r - direction * float(direction @ r) / float(direction @ direction)
-    )
+    return _estimate(r - direction * (direction @ r) / (direction @ direction))
 
 
 def _estimate(r: Array) -> Estimate:
-    words = np.full(SIZE, "profile")
     zones = np.repeat([f"zone {k}" for k in range(PLACES)], EACH)
-    series = np.zeros(SIZE, dtype=np.int64)
-    none: Array = np.zeros(SIZE, dtype=np.float64)
-    t: Array = np.arange(SIZE, dtype=np.float64)
-    samples = Samples(words, words, zones, words, t, FLAT, FLAT, none, series)
+    columns = {"channel": "profile", "phase": "profile", "quantity": "profile"}
+    columns |= {"zone": zones, "t": np.arange(SIZE, dtype=np.float64)}
+    samples = Samples.stack([columns | {"noise": 1.0, "reading": 1.0, "floor": 0.0}])
     known = Evidence((Run("one", "slow", samples),), (FLAT,))
     nowhere = Point(np.zeros(0), (np.zeros(0),))
     return Estimate(Model(()), known, nowhere, (r,), (), (np.zeros((SIZE, 0)),), 1.0)

@@ -48,7 +48,6 @@ def test_misfit_of_one_condition_is_no_drift() -> None:
 def test_repeats_that_scatter_for_no_reason_leave_the_cause_open() -> None:
     _, verdict = judged(Curves(hidden(wave, 0.3), repeats=4, scatter=0.2))
     assert verdict.verdict == "unexplained"
-    assert verdict.unexplained is not None
     assert "repeats of one condition differ by" in verdict.unexplained.description
 
 

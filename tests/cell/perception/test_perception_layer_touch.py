@@ -70,7 +70,6 @@ def test_one_image_that_is_misread_at_the_touch_moves_no_length() -> None:
             profile = _profile(gap)
             profile[60:140:2, 1] += stray * (k == 30)
             touch = touch or detector.update(_measured(k, gap, profile), GRIPPER)
-        assert touch is not None
         lengths.append(touch.to_grasped)
     assert lengths[1] == pytest.approx(lengths[0], abs=2e-4)
 
@@ -78,7 +77,6 @@ def test_one_image_that_is_misread_at_the_touch_moves_no_length() -> None:
 @pytest.mark.parametrize("speed", [0.01, 0.05, 0.3])
 def test_touch_is_told_at_its_time_with_its_lengths(speed: float) -> None:
     touch, told = _watch(_closing(speed, 0.6))
-    assert touch is not None
     assert touch.time == pytest.approx(0.6, abs=0.012)
     assert told - 0.6 < 0.12
     assert touch.to_fixed == pytest.approx(PLACE, abs=1e-6)
@@ -119,7 +117,6 @@ def test_layers_that_differ_by_half_the_strip_are_no_fold(
 def test_layers_of_unknown_thickness_touch_where_their_gap_stays() -> None:
     unknown = DENIM.model_copy(update={"spread": {"thickness": (0.0002, 0.003)}})
     touch, _ = _watch(_closing(0.05, 0.5, rest=0.0022), unknown)
-    assert touch is not None
     assert touch.distance == pytest.approx(0.0022)
     assert touch.time == pytest.approx(0.5 - 0.0012 / 0.05, abs=0.012)
     assert _watch(_closing(0.05, 0.5, rest=0.005), unknown)[0] is None
@@ -130,13 +127,11 @@ def test_noise_of_a_tenth_of_a_millimetre_moves_the_touch_by_less_than_20_ms() -
     for _ in range(10):
         noise = iter(0.0001 * rng.normal(size=100))
         touch, _ = _watch(lambda t: _closing(0.05, 0.6)(t) + next(noise))  # noqa: B023
-        assert touch is not None
         assert touch.time == pytest.approx(0.6, abs=0.02)
 
 
 def test_lost_images_delay_the_telling_not_the_time() -> None:
     touch, told = _watch(_closing(0.05, 0.6), skip={36, 37, 38})
-    assert touch is not None
     assert touch.time == pytest.approx(0.6, abs=0.02)
     assert told > 0.65
 

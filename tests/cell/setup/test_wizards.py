@@ -100,7 +100,6 @@ def _change(folder: Path, again: Path, **facts: object) -> None:
 def test_homography_wizard_makes_a_calibration_of_this_camera(touched) -> None:
     verdict, folder, _ = touched
     made = verdict.calibration
-    assert made is not None
     assert made.camera == CAMERA.identity
     assert made.residual_mm < 0.1
     assert made.latency == pytest.approx(0.0, abs=0.001)
@@ -132,8 +131,6 @@ def test_touches_solved_again_from_their_folder_are_the_same_to_the_last_bit(
     verdict, folder, _ = touched
     solved = solve_homography(folder, (), None)
     made = solved.calibration
-    assert made is not None
-    assert verdict.calibration is not None
     assert made.id == verdict.calibration.id
     assert solved.latency == verdict.latency
 
@@ -144,7 +141,6 @@ def test_point_is_left_out_by_its_number_and_what_comes_of_it_is_kept(
     verdict, folder, _ = touched
     solved = solve_homography(folder, (7,), tmp_path / "again")
     made = solved.calibration
-    assert made is not None
     assert solved.touches.errors_mm.keys() == verdict.touches.errors_mm.keys() - {7}
     assert load_calibration(tmp_path / "again" / "calibration.yaml").id == made.id
 
@@ -167,7 +163,6 @@ def test_override_names_the_reasons_in_the_calibration(touched, tmp_path) -> Non
     again = _without(folder, "latency.json", tmp_path)
     assert solve_homography(again, (), None).calibration is None
     made = solve_homography(again, (), None, accept_anyway=True).calibration
-    assert made is not None
     assert made.accepted_anyway == ("the latency was not measured",)
 
 
@@ -187,7 +182,6 @@ def test_camera_wizard_keeps_a_lens_for_ros_and_for_opencv(shown) -> None:
     assert all(
         one.sketch.seen is not None for one in told if one.result and one.result.taken
     )
-    assert verdict.fit is not None
     for name in ("camera_info.yaml", "opencv.yaml"):
         lens = read_lens(folder / name)
         assert np.array_equal(lens.matrix, verdict.fit.lens.matrix)

@@ -31,7 +31,7 @@ WRITES = {
 }
 ELSEWHERE = {
     # scratch folders that a program made for itself a moment ago, and its own cache
-    "cell/gap/fitting/tasks.py",
+    "cell/gap/fitting/__init__.py",
 }
 MADE_BY_THE_DOOR = {
     # a name that `replacing` made or `check_writable` looked at, or memory

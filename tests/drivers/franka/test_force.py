@@ -160,7 +160,6 @@ def test_loop_guards_and_reports_force_beyond_the_tare() -> None:
     assert (report.fx, report.fz) == pytest.approx((0.0, 0.0), abs=1e-9)
     setup.robot.torques = [*TORQUES[:3], 20.0, *TORQUES[4:]]
     setup.steps(200)
-    assert setup.loop.halted is not None
     assert setup.loop.halted.cause is Cause.CONTACT
     assert "joint 4" in setup.loop.halted.words
 
@@ -186,7 +185,6 @@ def test_drift_at_rest_ends_the_motion() -> None:
     setup = begun()
     setup.robot.force = [0.0, 0.0, -10.0, 0.0, 0.0, 0.0]
     setup.steps(3000)
-    assert setup.loop.halted is not None
     assert "drifted" in setup.loop.halted.words
 
 

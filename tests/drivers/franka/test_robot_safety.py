@@ -242,7 +242,6 @@ def test_pose_that_is_not_a_number_stops_the_arm() -> None:
 
     setup.robot.read = broken
     setup.steps(300)
-    assert setup.loop.halted is not None
     assert setup.loop.halted.cause is Cause.NOT_FINITE
 
 
@@ -250,7 +249,6 @@ def test_arm_brakes_before_it_comes_where_it_could_not_follow() -> None:
     setup = begun()
     setup.order(CommandKind.MOVE, 0.84, START[1], START[2])
     report = setup.steps(3000)
-    assert setup.loop.halted is not None
     assert setup.loop.halted.cause is Cause.REACH
     assert report.x < 0.75
 

@@ -24,18 +24,14 @@ WEIGHT = 0.4 * 0.05 * LENGTH * 9.81  # N
 def _displacement(name: str, path: str = "triangular", **values: float) -> float:
     """How far the effect moves d [m]."""
     with_it, without = folds([affected(name, **values), bare()], path, 100)
-    assert with_it.touch is not None
-    assert without.touch is not None
     return with_it.touch.displacement - without.touch.displacement
 
 
 def test_relaxed_strip_hangs_as_one_of_the_remaining_rigidity() -> None:
-    relaxed, straight = (
-        affected("relaxation", STIFF, ratio=0.4, time=0.5),
-        describe(STIFF),
-    )
-    left = scale_rigidity(straight, 0.6)
-    hung, expected, before = overhang([relaxed, left, straight])
+    relaxed = affected("relaxation", STIFF, ratio=0.4, time=0.5)
+    straight = describe(STIFF)
+    softer = scale_rigidity(straight, 0.6)
+    hung, expected, before = overhang([relaxed, softer, straight])
     np.testing.assert_allclose(hung, expected, atol=1e-6)
     assert np.abs(hung - before).max() > 0.01
 
@@ -86,7 +82,6 @@ def test_loose_edge_holds_no_more_than_its_friction_and_slides_to_the_pull() -> 
     assert edges[0] > 0.02
     assert edges[1] == 0.0
     touch = rod.touch[0]
-    assert touch is not None
     assert touch.to_fixed == pytest.approx(touch.x - edges[0])
 
 
@@ -96,8 +91,6 @@ def test_grip_slips_above_its_force() -> None:
     assert pulls[1] > 1.0
     assert 0.2 < pulls[0] < 0.3 + WEIGHT
     slipped, held = (motion.touch for motion in motions)
-    assert slipped is not None
-    assert held is not None
     assert abs(held.extension) < 1e-6
     assert slipped.extension > 5e-4
 
@@ -142,12 +135,11 @@ def test_effects_converge_in_elements_and_step(path: str) -> None:
     models = [affected(name, **values) for name, values in CONVERGING]
     coarse, fine = folds(models, path, 100), folds(models, path, 300, 0.0025)
     for (name, _), one, two in zip(CONVERGING, coarse, fine, strict=True):
-        assert one.touch is not None
-        assert two.touch is not None
+        expected = two.touch
         assert one.touch.displacement == pytest.approx(
-            two.touch.displacement, abs=6e-4
+            expected.displacement, abs=6e-4
         ), name
-        assert one.touch.time == pytest.approx(two.touch.time, abs=0.02), name
+        assert one.touch.time == pytest.approx(expected.time, abs=0.02), name
 
 
 def test_friction_between_yarns_moves_the_displacement_as_measured() -> None:
@@ -163,13 +155,11 @@ def test_compliant_grip_bends_in_series_with_friction_and_damping() -> None:
     soft = with_field(hard, "boundary.grip_compliance", 2000.0)
     names = [at.BEND, at.STICK, at.SLIP, at.QUADRATIC]
     rod = [lump(model, 100, rich=True)[-2, names] for model in (hard, soft)]
-    hinges = [
-        HingeLumps.from_model(model, places(0.6, 100), 1.0) for model in (hard, soft)
-    ]
-    of = [
-        (h.stiffness, h.presliding, h.presliding * h.slip, h.quadratic) for h in hinges
-    ]
-    chain = [np.array(each)[:, -1] for each in of]
+    chain = []
+    for model in (hard, soft):
+        h = HingeLumps.from_model(model, places(0.6, 100), 1.0)
+        laws = h.stiffness, h.presliding, h.presliding * h.slip, h.quadratic
+        chain.append(np.array(laws)[:, -1])
     for (bend, stick, slip, quadratic), found in (rod, chain):
         share = found[0] / bend
         assert found[0] == pytest.approx(1.0 / (1.0 / bend + 2000.0))

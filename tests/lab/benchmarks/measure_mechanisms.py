@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from cell.gap.subject.run_folders import read_table
+from cell.gap.subject.run_table import read_table
 from tests.support.mechanisms import write_run
 
 CONFIGS = Path(__file__).parents[3] / "configs" / "mechanisms"

@@ -247,7 +247,7 @@ def _visible_effect(
         for _ in range(PLACE_DRAWS):
             strengths = draw_strengths(effect, find_configs(None).strip(strip), rng)
             gap_model = gap_model_of(case.model_copy(update={"strip": strip}))
-            share = gap_model.share(strengths, target, JUMP * target)
+            share = gap_model.fraction(strengths, target, JUMP * target)
             if share is not None:
                 return strip, strengths.at(share)
     return None
@@ -316,7 +316,7 @@ def draw_effects(
         effect = registry()[str(rng.choice(sorted(registry())))]
         strengths = draw_strengths(effect, strip, rng)
         is_new = effect.name not in effects
-        share = gap_model.share(strengths, target, JUMP * target) if is_new else None
+        share = gap_model.fraction(strengths, target, JUMP * target) if is_new else None
         if share is not None:
             effects[effect.name] = strengths.at(share)
         if len(effects) == count:

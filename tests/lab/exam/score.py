@@ -10,11 +10,11 @@ import numpy as np
 
 from cell.gap.diagnosis import held_out_gap
 from cell.gap.effect_size import engine_values, indistinguishable_from
+from cell.gap.fitting import Simulate, run_all
+from cell.gap.fitting.base_fit import projection
 from cell.gap.fitting.gauss_newton import Estimate, refit
 from cell.gap.fitting.model import Evidence, Model, Point, evidence
-from cell.gap.fitting.projection import projection
 from cell.gap.fitting.reml import reml_spreads, with_spreads
-from cell.gap.fitting.tasks import Simulate, run_all
 from cell.gap.selection.screening import (
     probe_equations,
     ranked_singles,

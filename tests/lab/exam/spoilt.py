@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from cell.gap.subject.mechanism.model import tip
-from cell.gap.subject.run_folders import read_table
+from cell.gap.subject.run_table import read_table
 from drivers.base.readers import read_yaml
 from drivers.base.types import Array
 from tests.support.mechanisms import write_run

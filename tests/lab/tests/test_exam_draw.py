@@ -40,7 +40,7 @@ def test_a_slip_is_as_strong_as_asked_or_is_not_drawn(model: GapModel) -> None:
     effect = registry()["grip_slip"]
     strengths = draw_strengths(effect, denim(), np.random.default_rng(0))
     found = {
-        s: model.share(strengths, target, drawing.JUMP * target)
+        s: model.fraction(strengths, target, drawing.JUMP * target)
         for s, target in STRENGTHS.items()
     }
     drawn = {s: share for s, share in found.items() if share is not None}

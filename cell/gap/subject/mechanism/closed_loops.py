@@ -75,7 +75,7 @@ class ClosedLoops:
                 f"{origin}: model: its closed loops leave {count} degrees of freedom,"
                 f" and it has {model.nu} motors; as many are needed: add or remove some"
             )
-        driven = np.asarray(transmissions(self._model, self._data).any(axis=0))
+        driven: Array = np.any(transmissions(self._model, self._data), axis=0)
         # first those with a motor, then others that are measured
         order = sorted(range(model.nv), key=lambda j: (j not in inputs, not driven[j]))
         leading = list[int]()

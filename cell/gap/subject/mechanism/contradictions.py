@@ -17,12 +17,12 @@ from scipy.interpolate import CubicSpline
 
 from cell.gap.subject.mechanism.model import Mechanism, poses
 from cell.gap.subject.mechanism.recordings import Recording, Signal
-from cell.gap.subject.subject import Finding
+from cell.gap.subject.run_table import stuck_reading
+from cell.gap.subject.subject import Finding, bad
 from drivers.base.types import Array
 
 # Set by hand on cases, and on runs of models that others wrote, which stay within.
 STANDS = 1e-3  # rad or m, most of a run in which nothing moves
-REPEATED, LONGEST = 0.05, 0.2  # share of equal neighbours, and s of a stuck reading
 MOST_LAG, LAGS = 0.1, 81  # s, of either sign, and number that are tried
 LEAST_LAG, ROWS = 2e-3, 0.5  # s, and rows, within which stamps are not told apart
 # of the variance without a lag, in all runs and in a single one
@@ -43,13 +43,12 @@ UNITS = {1000.0: "N mm", 100.0: "N cm", 10.2: "kgf cm", 0.102: "kgf m", 0.001: "
          8.85: "lbf in", 141.6: "ozf in"}  # fmt: skip
 """Units of torque by how many of them are a newton metre."""
 STEPS = np.linspace(-MOST_LAG, MOST_LAG, LAGS)
-SIDES = {"motor": "joint", "joint": "motor"}
 UNBOUNDED = (int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_HFIELD))
 HOLD = (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD))
 
 
 @dataclass(frozen=True, slots=True)
-class Torques:
+class JointTorques:
     """Torques (n,) at one joint in one run, `measured` and by the stated `model`.
 
     `t` (n,) [s] are their times, `q`, `v`, `a` (n,) the motion of the joint. What is
@@ -83,18 +82,18 @@ class Match:
     """How measured torques follow the model's, `factor` times and late by some lag.
 
     `follows` is their correlation beside friction, `explained` the share of the
-    variance that the motion explains. `left` (LAGS,) is what each lag leaves, in units
-    of the noise's variance, and `little` whether the least of it is little of all.
+    variance that the motion explains. `variances` (LAGS,) are what each lag leaves, in
+    units of the noise's, and `little` whether the least of them is little of all.
     """
 
     factor: float
-    left: Array
+    variances: Array
     follows: float
     explained: float
     little: bool
 
 
-def match(torques: Torques, noise: float) -> Match | None:
+def match(torques: JointTorques, noise: float) -> Match | None:
     """Regress measured torques, of some `noise` [N m], on the model's, late by LAGS
     lags.
 
@@ -112,20 +111,21 @@ def match(torques: Torques, noise: float) -> Match | None:
     model = _beside(friction, late)
     cross, square = model @ measured, np.sum(model**2, axis=1) + np.finfo(float).tiny
     total = float(measured @ measured) + np.finfo(float).tiny
-    left = np.maximum(total - cross**2 / square, 0.0) / len(inner)
-    best = int(np.argmin(left))
+    unexplained = np.maximum(total - cross**2 / square, 0.0)
+    best = int(np.argmin(unexplained))
+    variances = unexplained / len(inner)
     motion = np.vstack([torques.of_motion[:, inner], late[best]])
-    rest = _beside(motion, torques.measured[inner])
+    beside = _beside(motion, torques.measured[inner])
     spread = float(torques.measured[inner].std()) + np.finfo(float).tiny
     # a random torque follows as many functions as it has degrees of freedom
     free = torques.cutoff * float(np.ptp(t[inner])) / np.pi
-    share = free / max(free - len(motion), 1.0)
+    inflated = free / max(free - len(motion), 1.0)
     return Match(
         factor=float(cross[best] / square[best]),
-        left=left / noise**2,
-        follows=float(np.sqrt(max(0.0, 1.0 - left[best] * len(inner) / total))),
-        explained=1.0 - share * float(rest.std() / spread) ** 2,
-        little=bool(left[best] < (LITTLE * spread) ** 2),
+        variances=variances / noise**2,
+        follows=float(np.sqrt(max(0.0, 1.0 - unexplained[best] / total))),
+        explained=1.0 - inflated * float(beside.std() / spread) ** 2,
+        little=bool(variances[best] < (LITTLE * spread) ** 2),
     )
 
 
@@ -135,82 +135,86 @@ def _beside(columns: Array, rows: Array) -> Array:
     return np.asarray(rows - (rows @ basis) @ basis.T)
 
 
-def least_lag(left: Array) -> float:
-    """Lag [s] that leaves the least of `left` (LAGS,), by the parabola through it."""
-    k = int(np.clip(np.argmin(left), 1, LAGS - 2))
-    before, least, after = left[k - 1 : k + 2]
+def least_lag(variances: Array) -> float:
+    """Lag [s] that leaves the least of `variances` (LAGS,), by a parabola through
+    it.
+    """
+    k = int(np.clip(np.argmin(variances), 1, LAGS - 2))
+    before, least, after = variances[k - 1 : k + 2]
     bend = before - 2.0 * least + after + np.finfo(float).tiny
     aside = np.clip(0.5 * (before - after) / bend, -1.0, 1.0)
     return float(STEPS[k] + aside * (STEPS[1] - STEPS[0]))
 
 
 def judge_torques(
-    mechanism: Mechanism, runs: Mapping[str, Sequence[Torques]]
+    mechanism: Mechanism, runs: Mapping[str, Sequence[JointTorques]]
 ) -> Iterator[Finding]:
     """Findings on the torques of all signals by run: in another unit, sign or time, or
     of no motion.
 
     What most runs show is said of all; a run that differs from the others, by name.
     """
-    left: dict[str, Array] = {}
+    variances: dict[str, Array] = {}
     for i, signal in enumerate(mechanism.compared("torque")):
-        tried = {
+        loud = {
             run: match(torques[i], signal.sigma)
             for run, torques in runs.items()
             if torques[i].measured.std() > LOUD * signal.sigma
         }
-        found = {run: m for run, m in tried.items() if m is not None}
+        found = {run: m for run, m in loud.items() if m is not None}
         usual = float(np.median([m.factor for m in found.values()] or [1.0]))
-        said = {run: _fault(mechanism, signal, m, usual) for run, m in found.items()}
-        yield from _said(said)
+        faults = {run: _fault(mechanism, signal, m, usual) for run, m in found.items()}
+        yield from _said(faults)
         for run, m in found.items():
-            if said[run] is None and m.little:
-                left[run] = left.get(run, 0.0) + m.left
-    yield from _late(mechanism, left)
+            if faults[run] is None and m.little:
+                variances[run] = variances.get(run, 0.0) + m.variances
+    if variances:
+        yield from _late(mechanism, variances)
 
 
-def _late(mechanism: Mechanism, left: Mapping[str, Array]) -> Iterator[Finding]:
+def _late(mechanism: Mechanism, variances: Mapping[str, Array]) -> Iterator[Finding]:
     """Findings on torques that are late or early beside the motion, by what lags leave.
 
-    `left` (LAGS,) are of all torques of a run, which have one clock. What a mechanism
-    lacks may look like a lag in one motion, but not like the same in every one.
+    `variances` (LAGS,) are of all torques of a run, which have one clock. What a
+    mechanism lacks may look like a lag in one motion, but not like the same in every
+    one.
     """
-    if not left:
-        return
     rows = [float(np.median(np.diff(r.t))) for r in mechanism.recordings]
     least = max(LEAST_LAG, ROWS * max(rows))
-    lags = {run: least_lag(variances) for run, variances in left.items()}
+    lags = {run: least_lag(each) for run, each in variances.items()}
     usual = float(np.median([*lags.values()]))
     agree = [run for run, lag in lags.items() if abs(lag - usual) < ALIKE * abs(usual)]
-    shared = np.sum([left[run] for run in agree] or [np.ones(LAGS)], axis=0)
-    lag = least_lag(shared)
-    if len(agree) > max(1.0, MOST * len(left)) and _is_late(lag, shared, least, LATE):
-        yield _lag(lag)
-    else:
-        agree = []
-    for run in left.keys() - {*agree} if len(left) > 2 else ():
-        if _is_late(lags[run], left[run], least, ALONE):
-            yield _lag(lags[run]).model_copy(update={"run": run})
+    if len(agree) > max(1.0, MOST * len(lags)):
+        shared = np.sum([variances[run] for run in agree], axis=0)
+        if _is_late(lag := least_lag(shared), shared, least, LATE):
+            yield _lag(lag)
+            lags = {run: lag for run, lag in lags.items() if run not in agree}
+    for run, lag in lags.items() if len(variances) > 2 else ():
+        if _is_late(lag, variances[run], least, ALONE):
+            yield _lag(lag).model_copy(update={"run": run})
 
 
-def _is_late(lag: float, left: Array, least: float, share: float) -> bool:
-    """Whether a lag beyond the `least` leaves less than a `share` of what none does."""
-    return abs(lag) > least and float(left.min()) < share * left[LAGS // 2]
+def _is_late(lag: float, variances: Array, least: float, fraction: float) -> bool:
+    """Whether a lag beyond the `least` leaves less than a `fraction` of what none
+    does.
+    """
+    return abs(lag) > least and variances.min() < fraction * variances[LAGS // 2]
 
 
 def _said(by_run: Mapping[str, Finding | None]) -> Iterator[Finding]:
     """Faults of one signal by run, one that most runs share once for all."""
-    counts = Counter(fault.what for fault in by_run.values() if fault is not None)
+    faults = [(run, fault) for run, fault in by_run.items() if fault is not None]
+    counts = Counter(fault.what for _, fault in faults)
     shared = {what for what, n in counts.items() if n > max(1.0, MOST * len(by_run))}
-    for name, fault in by_run.items():
-        if fault is not None and fault.what in shared:
-            shared.discard(fault.what)
-            del counts[fault.what]
+    told = set[str]()
+    alone = ", unlike other runs" if len(by_run) > 1 else ""
+    for run, fault in faults:
+        if fault.what not in shared:
+            words = fault.words + alone
+            yield fault.model_copy(update={"run": run, "words": words})
+        elif fault.what not in told:
+            told.add(fault.what)
             yield fault
-        elif fault is not None and fault.what in counts:
-            words = f"{fault.words}, unlike other runs" * (len(by_run) > 1)
-            words = words or fault.words
-            yield fault.model_copy(update={"run": name, "words": words})
 
 
 def _fault(
@@ -218,35 +222,29 @@ def _fault(
 ) -> Finding | None:
     """Fault of one signal in one run, if any; `usual` is the factor of most runs."""
     name, factor = signal.name, found.factor
-    fault = None
     if found.explained < FREE:
-        fault = _bad(
+        return bad(
             "torque of no motion",
             f"{name}: the motion explains {100 * max(found.explained, 0.0):.0f} % of"
             " this torque",
             "look for the column that holds it, or leave the run out",
         )
-    elif found.follows < FOLLOWS:
-        pass
-    elif (unit := _unit(mechanism, signal, factor)) is not None:
-        fault = unit
-    elif factor < 0.0:
-        fault = _bad(
+    if found.follows < FOLLOWS:
+        return None
+    fault = _unit(mechanism, signal, factor)
+    if fault is None and factor < 0.0:
+        fault = bad(
             "sign",
             f"{name} is the model's torque reversed ({factor:.2f} times)",
             f"write `reversed: true` for {name} in the mapping, or turn its sign",
         )
-    elif not 1.0 / UNLIKE < factor / abs(usual) < UNLIKE:
-        fault = _bad(
+    elif fault is None and not 1.0 / UNLIKE < factor / abs(usual) < UNLIKE:
+        fault = bad(
             "contradicts the others",
             f"{name} is {factor:.2f} times the model's, {abs(usual):.2f} in most runs",
             "look for a load that run.yaml does not state, or leave it out",
         )
     return fault
-
-
-def _bad(what: str, words: str, remedy: str) -> Finding:
-    return Finding(what=what, words=words, remedy=remedy, level="bad")
 
 
 def _unit(mechanism: Mechanism, signal: Signal, factor: float) -> Finding | None:
@@ -256,29 +254,34 @@ def _unit(mechanism: Mechanism, signal: Signal, factor: float) -> Finding | None
     size, name = abs(factor), signal.name
     stated = abs(float(mechanism.model.actuator_gear[signal.actuator, 0]))
     side, gear = ("motor", stated) if signal.gear == stated else ("joint", 1.0 / stated)
-    geared = abs(np.log(gear)) > np.log(GEARED)
     turned = ", reversed" if factor < 0.0 else ""
     words = f"{name}: is {size:.3g} times the model's torque at the {side}{turned}"
-    unit = min(UNITS, key=lambda u: abs(np.log(size / u)))
-    if geared and abs(np.log(size / gear)) < np.log(NEAR_GEAR):
+    if not _is_near(gear, 1.0, GEARED) and _is_near(size, gear, NEAR_GEAR):
+        other = "joint" if side == "motor" else "motor"
         words += (
             f", close to the gear ratio {stated:g}: it was probably measured at the"
-            f" {SIDES[side]}"
+            f" {other}"
         )
-        return _bad("gear", words, f"state side: {SIDES[side]}")
-    if 1.0 / FACTOR < size < FACTOR:
+        return bad("gear", words, f"state side: {other}")
+    if _is_near(size, 1.0, FACTOR):
         return None
-    if abs(np.log(size / unit)) < np.log(NEAR_UNIT):
-        remedy = f"write `factor: {1.0 / unit:.4g}` for {name} in the mapping"
-        return _bad("unit", f"{words}: in {UNITS[unit]}?", remedy)
+    for unit, symbol in UNITS.items():
+        if _is_near(size, unit, NEAR_UNIT):
+            remedy = f"write `factor: {1.0 / unit:.4g}` for {name} in the mapping"
+            return bad("unit", f"{words}: in {symbol}?", remedy)
     remedy = "state its unit or `factor` in the mapping, or the motor's gain"
-    return _bad("unit", words, remedy)
+    return bad("unit", words, remedy)
+
+
+def _is_near(size: float, known: float, within: float) -> bool:
+    """Whether a `size` is a `known` one up to a factor `within`, either way."""
+    return 1.0 / within < size / known < within
 
 
 def _lag(lag: float) -> Finding:
     """Finding on torques whose stamps lag behind those of the motion by `lag` [s]."""
     if lag > 0.0:
-        return _bad(
+        return bad(
             "lag",
             f"torques are late by {1e3 * lag:.1f} ms beside positions",
             f"take {lag:.4f} s off the stamps of torques where the two streams are"
@@ -304,9 +307,8 @@ def _standing(mechanism: Mechanism, recording: Recording) -> Iterator[Finding]:
     """Findings on a run that does not move, or on readings that stay while others
     change.
     """
-    places = mechanism.places.values()
-    spans = [float(np.ptp(x[np.isfinite(x)])) for x in (
-        recording.columns[name] for name in places)]  # fmt: skip
+    columns, positions = recording.columns, mechanism.places.values()
+    spans = [np.nanmax(columns[n]) - np.nanmin(columns[n]) for n in positions]
     if spans and max(spans) < STANDS:
         yield Finding(
             what="no motion",
@@ -315,63 +317,36 @@ def _standing(mechanism: Mechanism, recording: Recording) -> Iterator[Finding]:
             remedy="leave it out, unless it was held still on purpose",
         )
         return
-    for name in dict.fromkeys([*places, *mechanism.file.signals]):
-        yield from _stuck(name, recording)
-
-
-def _stuck(name: str, recording: Recording) -> Iterator[Finding]:
-    """Finding on a column that stands for long, and changes in nearly every row
-    elsewhere.
-
-    Where it stands at its largest or smallest value, it is at a limit.
-    """
-    x, t = recording.columns[name], recording.t
-    limits = np.nanmin(x), np.nanmax(x)
-    same = np.diff(x) == 0.0
-    edges = np.flatnonzero(np.diff(same, prepend=False, append=False))
-    first, last = edges[::2], edges[1::2]
-    lasting = t[last] - t[first] > LONGEST
-    lasts = (last - first)[lasting].sum()
-    stuck = lasting & ~np.isin(x[first], limits)
-    if stuck.any() and same.sum() - lasts < REPEATED * (len(same) - lasts):
-        row, end = first[stuck][0], last[stuck][0]
-        words = (
-            f"{name} stands still at {x[row]:.4g} from {t[row]:.2f} to {t[end]:.2f} s"
-            f" (row {row} on), and changes in every row elsewhere"
-        )
-        found = _bad("stuck reading", words, "mend the reading; leave the run out")
-        yield found.model_copy(update={"run": recording.name})
+    for name in dict.fromkeys([*positions, *mechanism.file.signals]):
+        for found in stuck_reading(name, recording.t, columns[name]):
+            yield found.model_copy(update={"run": recording.name})
 
 
 def _touching(mechanism: Mechanism) -> Iterator[Finding]:
     """Findings on geoms that touch along the measured motion, where contacts are left
     out.
     """
-    model, places = mechanism.model, mechanism.places
+    model, recordings = mechanism.model, mechanism.recordings
+    places = mechanism.places
     if model.npair or mechanism.mode.group or len(places) < model.njnt:
         return
-    by_run = []
-    for recording in mechanism.recordings:
-        columns = [recording.columns[places[j.name]] for j in mechanism.joints]
-        q = np.column_stack(columns)
-        known = q[np.isfinite(q).all(axis=1)]
-        by_run.append(known[:: max(1, len(known) // POSES)])
-    q = np.vstack(by_run)
+    by_run = [r.poses([places[j.name] for j in mechanism.joints]) for r in recordings]
+    q = np.vstack([known[:: max(1, len(known) // POSES)] for known in by_run])
     for pair, count in _pairs(model, q).items():
-        share = count / len(q)
+        touching = count / len(q)
         names = " and ".join(_geom_name(model, geom) for geom in pair)
-        if share >= TOUCHES:
+        if touching >= TOUCHES:
             yield Finding(
                 what="contact",
                 words=(
-                    f"{names} touch in {100 * share:.0f} % of the motion, and contacts"
-                    " are left out"
+                    f"{names} touch in {100 * touching:.0f} % of the motion, and"
+                    " contacts are left out"
                 ),
                 remedy=(
                     "move clear of it, or exclude the pair in the model where they"
                     " only seem to touch"
                 ),
-                level="bad" if share > TOUCHED else "fair",
+                level="bad" if touching > TOUCHED else "fair",
             )
 
 
@@ -431,6 +406,6 @@ def _ancestors(model: Any, body: int) -> list[int]:
     """Body that carries another, and the next one unless it is the world; -1 above
     that.
     """
-    parent = int(model.body_weldid[model.body_parentid[body]]) if body > 0 else -1
-    above = int(model.body_weldid[model.body_parentid[parent]]) if parent > 0 else -1
-    return [parent, above or -1]
+    carriers = model.body_weldid[model.body_parentid]
+    parent = int(carriers[body])
+    return [parent, int(carriers[parent]) or -1]

@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from cell.gap.subject.mechanism.model import FORWARD, PRESCRIBED, Mechanism
+from cell.gap.subject.mechanism.model import FORWARD, PRESCRIBED, Joint, Mechanism
 from cell.gap.subject.subject import Candidate
 from drivers.base.types import Array
 from drivers.strip.effects.effect import Parameter, Role
@@ -198,6 +198,35 @@ def single_parameter(
     low = -high * size if signed else 0.0
     step, spread = size / STEPS_PER_SIZE, SIZES_PER_SPREAD * size
     return (Parameter(key, unit, 0.0, low, high * size, step=step, spread=spread),)
+
+
+def shapes(
+    joints: Sequence[Joint],
+    key: str,
+    unit: str,
+    starts: Iterable[float],
+    bounds: tuple[float, float],
+    step: float,
+    spread: float = 1.0,
+) -> tuple[Parameter, ...]:
+    """Shapes `key_JOINT` of a law at `starts` (joints,) that are above zero.
+
+    Bounds, step of finite differences and prior spread are in units of each start.
+    """
+    low, high = bounds
+    return tuple(
+        Parameter(
+            f"{key}_{joint.name}",
+            unit if joint.hinge else unit.replace("rad", "m"),
+            start,
+            low * start,
+            high * start,
+            step=step * start,
+            spread=spread * start,
+            role="shape",
+        )
+        for joint, start in zip(joints, map(float, starts), strict=True)
+    )
 
 
 def errors(

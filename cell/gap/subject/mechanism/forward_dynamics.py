@@ -5,6 +5,7 @@ Elastic gears or play split each joint into motor and link.
 
 import copy
 from collections.abc import Hashable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,11 +16,13 @@ from scipy.interpolate import CubicHermiteSpline
 
 from cell.gap.subject.mechanism.effect import Readings
 from cell.gap.subject.mechanism.effects import library, torques
-from cell.gap.subject.mechanism.model import PLANAR, Mechanism, poses
+from cell.gap.subject.mechanism.inverse_dynamics import InverseDynamics
+from cell.gap.subject.mechanism.model import PLANAR, PRESCRIBED, Mechanism, poses
 from cell.gap.subject.mechanism.model_source import compile_model
 from cell.gap.subject.mechanism.read_mechanism import start_of
 from cell.gap.subject.mechanism.recordings import Cut, Recording, Signal
 from cell.gap.subject.mechanism.subject import Case, Content, MechanismSubject
+from cell.gap.subject.subject import Finding
 from drivers.base.errors import ConfigurationError
 from drivers.base.geometry import interpolate_columns
 from drivers.base.types import Array, frozen
@@ -28,6 +31,7 @@ TOGETHER = 256  # simulations of a batch
 POSITION_LIMIT = 1e4  # rad or m that no mechanism reaches
 TIME_ROUNDING = 1e-9  # s by which a command may be stamped late of the grid
 FLEX = "__flex"
+COMMAND, EXACT = "command", 1e-9  # of a motor, and its noise [N m or N]
 SHARE = 1e-3  # of a joint's inertia that its motor has where the model states none
 DAMPED = 0.02  # of critical damping, in the gear
 STIFFEST = 1e6  # N m/rad per kg m^2 of a joint's inertia, of a gear that does not twist
@@ -59,16 +63,14 @@ class Commands:
         """
         if not self.u.shape[1]:
             return np.zeros((steps, 0))
-        edges = np.asarray(np.arange(steps + 1) * step - delay, dtype=np.float64)
-        # the last is held
-        ends = np.append(self.t[1:], max(self.t[-1], edges[-1]) + 1.0)
-        held = np.cumsum(self.u * (ends - self.t)[:, None], axis=0)
-        integral = np.concatenate([np.zeros((1, self.u.shape[1])), held])
-        times = np.append(self.t, ends[-1])
-        # the first is held, too
-        before = np.minimum(edges - self.t[0], 0.0)[:, None] * self.u[0]
-        total = interpolate_columns(edges, times, integral) + before
-        return np.asarray(np.diff(total, axis=0) / step)
+        begins = np.arange(steps + 1) * step - np.sum(delay)
+        edges = np.asarray(begins, dtype=np.float64)
+        # the first and the last are held
+        begin, end = min(edges[0], self.t[0]) - 1.0, max(edges[-1], self.t[-1]) + 1.0
+        times = np.concatenate([[begin], self.t[1:], [end]])
+        spans = np.diff(times)[:, None]
+        integral = np.cumsum(np.pad(self.u * spans, ((1, 0), (0, 0))), axis=0)
+        return np.diff(interpolate_columns(edges, times, integral), axis=0) / step
 
 
 def commands_of(mechanism: Mechanism, recording: Recording) -> Commands:
@@ -81,10 +83,55 @@ def commands_of(mechanism: Mechanism, recording: Recording) -> Commands:
     u = np.zeros((len(t), model.nu))
     for i in range(model.nu):
         if (name := model.actuator(i).name) in mechanism.file.inputs:
-            column = recording.columns[name]
-            known = np.isfinite(column)
-            u[:, i] = np.interp(recording.t, recording.t[known], column[known])[row]
+            u[:, i] = np.interp(recording.t, *recording.known(name))[row]
     return Commands(frozen(t), frozen(u))
+
+
+def along_motion(mechanism: Mechanism) -> Mechanism | None:
+    """A simulated mechanism as one of mode prescribed, with all torques that are known.
+
+    They are measured ones, and those of motors that commands alone determine. None
+    where there are none, where a joint's motion is not measured, or where joints bear
+    more than motors give.
+    """
+    m, model = mechanism, mechanism.model
+    columns = m.places
+    if m.mode.group or model.neq or model.npair or len(columns) < model.njnt:
+        return None
+    by_command = (model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT) & (
+        model.actuator_biastype + model.actuator_dyntype + model.actuator_gaintype == 0
+    )
+    motors = [n for n in m.file.inputs if by_command[model.actuator(n).id]]
+    signals = (*m.compared("torque"), *(_commanded(model, name) for name in motors))
+    recordings = []
+    for r in m.recordings:
+        known = {joint: r.columns[name] for joint, name in columns.items()}
+        known |= {s.name: r.columns[s.name] for s in m.compared("torque")}
+        known |= {f"{n} {COMMAND}": model.actuator(n).gainprm[0] * r.columns[n]
+                  for n in motors}  # fmt: skip
+        recordings.append(replace(r, columns=known))
+    inputs = dict.fromkeys(columns, "position")
+    file = m.file.model_copy(update={"mode": PRESCRIBED.name, "inputs": inputs})
+    made = replace(m, file=file, signals=signals, recordings=tuple(recordings))
+    return made if signals else None
+
+
+def _commanded(model: Any, name: str) -> Signal:
+    """Signal of the force [N m or N] that a command asks of the motor `name`."""
+    motor = model.actuator(name)
+    title = f"{name} {COMMAND}"
+    return Signal(
+        name=title,
+        channel=title,
+        kind="torque",
+        sigma=EXACT,
+        zone="middle",
+        joint=int(motor.trnid[0]),
+        weights=np.zeros(model.njnt),
+        floor=EXACT,
+        actuator=motor.id,
+        gear=float(motor.gear[0]),
+    )
 
 
 class SplitModel:
@@ -154,7 +201,7 @@ class SplitModel:
         found.jnt_stiffness[self.motor] = edited.jnt_stiffness
         found.qpos_spring[self.motor] = edited.qpos_spring
         if np.any(gap):
-            has_play = np.asarray(gap > 0.0)
+            has_play = np.greater(gap, 0.0)
             stiffness = np.where(has_play, 0.0, stiffness)
             found.jnt_range[self._flex] = (
                 0.5 * np.outer(gap, (-1.0, 1.0)) * has_play[:, None]
@@ -234,6 +281,19 @@ class ForwardDynamics(MechanismSubject):
                 f"{origin}: step: half of it moves run {run.name} by {change:.2g} of"
                 f" its noise, at most {THIRD:.2f} is allowed; make it smaller"
             )
+
+    def contradictions(self) -> Iterator[Finding]:
+        """Findings on recordings, and on torques and commands in another unit or sign
+        than the model's along the measured motion.
+
+        When commands act is for the fit to find, as control_delay.
+        """
+        yield from super().contradictions()
+        along = along_motion(self.mechanism)
+        if along is not None:
+            with suppress(ConfigurationError):  # the other mode would leave parts out
+                findings = [*InverseDynamics(along).judge()]
+                yield from (each for each in findings if each.what != "lag")
 
     def not_honoured(self) -> Iterator[str]:
         """Names of the parts of the model that torques along a simulation would

@@ -16,7 +16,7 @@ from numba import types
 from numpy.typing import NDArray
 
 from cell.gap.subject.mechanism.closed_loops import ClosedLoops, transmissions
-from cell.gap.subject.mechanism.contradictions import Torques, judge_torques
+from cell.gap.subject.mechanism.contradictions import JointTorques, judge_torques
 from cell.gap.subject.mechanism.effects import torques
 from cell.gap.subject.mechanism.effects.friction import DRY_FRICTION, dry_law, dry_limit
 from cell.gap.subject.mechanism.model import Mechanism, poses
@@ -111,8 +111,8 @@ class InverseDynamics(MechanismSubject):
         gap = 0.0
         if self._loop is not None and len(given) == model.nv:
             for r in self.mechanism.recordings:
-                q = np.column_stack([r.columns[j.name] for j in self.mechanism.joints])
-                if len(known := q[np.isfinite(q).all(axis=1)][::CHECK_EVERY]):
+                known = r.poses([j.name for j in self.mechanism.joints])[::CHECK_EVERY]
+                if len(known):
                     gap = max(gap, self._loop.gap(known))
         if gap >= LOOP_TOLERANCE:
             yield (
@@ -228,10 +228,14 @@ class InverseDynamics(MechanismSubject):
         model's.
         """
         yield from super().contradictions()
+        yield from self.judge()
+
+    def judge(self) -> Iterator[Finding]:
+        """Findings on torques in another unit, sign or time than the model's."""
         by_run = {run.name: self._compared_torques(run) for run in self.runs}
         yield from judge_torques(self.mechanism, by_run)
 
-    def _compared_torques(self, run: Run) -> list[Torques]:
+    def _compared_torques(self, run: Run) -> list[JointTorques]:
         """Torques of each signal along the motion of `run`, as measured and as
         stated.
         """
@@ -240,7 +244,7 @@ class InverseDynamics(MechanismSubject):
         rows = motion.below_cutoff(self._along(case), motion.t)[:, known]
         measured = motion.below_cutoff(motion.torques, motion.t)[:, known]
         return [
-            Torques(
+            JointTorques(
                 motion.t[known],
                 measured[i],
                 rows[i],
@@ -375,7 +379,7 @@ class InverseDynamics(MechanismSubject):
         loops.
         """
         if forces is None:
-            return np.asarray(required[:, sensor.joint])
+            return required[:, sensor.joint]
         gear = float(self._model.actuator_gear[sensor.actuator, 0])
         return np.asarray(
             gear * np.einsum("mn,mn->m", forces[:, sensor.actuator], required)
@@ -399,7 +403,7 @@ class InverseDynamics(MechanismSubject):
         joints = [s.joint for s in self.mechanism.compared("tracking")]
         commanded = motion.q + delay * motion.v + 0.5 * delay**2 * motion.a
         behind = interpolate_columns(motion.t + delay, motion.t, deflection)
-        return np.asarray((motion.q - commanded - behind)[:, joints].T)
+        return (motion.q - commanded - behind)[:, joints].T
 
 
 def _inverse_dynamics(model: Any, q: Array, v: Array, a: Array) -> Array:

@@ -43,6 +43,20 @@ RULES = {
 RULES["planar"] = RULES["forward"]  # of pendulums
 
 
+OWNERS = {
+    "joint": ("position", "velocity", "torque", "tracking"),
+    "actuator": ("torque",),
+    "site": (None,),
+    "sensor": (None,),
+}
+"""What a signal may be of, by what it is read at."""
+
+
+def _named(spec: Settings, *keys: str) -> list[str]:
+    """Those of the `keys` that an entry states."""
+    return [key for key in keys if getattr(spec, key) is not None]
+
+
 class SignalSpec(Settings):
     """Signal in a column of the runs: measured quantity, its owner, standard deviation
     `sigma`.
@@ -68,24 +82,26 @@ class SignalSpec(Settings):
         """Refuse a signal that names no or several owners, or a quantity that its owner
         lacks.
         """
-        named = [
-            k
-            for k in ("joint", "actuator", "site", "sensor")
-            if getattr(self, k) is not None
-        ]
-        if len(named) != 1:
+        if len(_named(self, *OWNERS)) != 1:
             raise ValueError("names one of joint, actuator, site and sensor")
-        kinds = {
-            "joint": ("position", "velocity", "torque", "tracking"),
-            "actuator": ("torque",),
-        }.get(named[0], (None,))
+        kinds = OWNERS[self.owner]
         if self.is_ not in kinds:
-            raise ValueError(f"is: of a {named[0]} is one of {kinds}")
-        if (self.axis is not None) != (named[0] == "site"):
+            raise ValueError(f"is: of a {self.owner} is one of {kinds}")
+        if (self.axis is not None) != (self.owner == "site"):
             raise ValueError("axis: x, y or z, of a site alone")
         if self.side is not None and self.is_ != "torque":
             raise ValueError("side: joint or motor, of a torque alone")
         return self
+
+    @property
+    def owner(self) -> str:
+        """Kind of what the signal is read at."""
+        return _named(self, *OWNERS)[0]
+
+    @property
+    def name(self) -> str:
+        """Name of the joint, actuator, site or sensor that the signal is read at."""
+        return str(getattr(self, self.owner))
 
 
 class StartSpec(Settings):
@@ -121,9 +137,7 @@ class UncertainSpec(Settings):
     def _owner(self) -> Self:
         """Refuse an owner that does not have the field."""
         owner, _ = FIELDS[self.field]
-        if [
-            k for k in ("body", "joint", "actuator") if getattr(self, k) is not None
-        ] != [owner]:
+        if _named(self, "body", "joint", "actuator") != [owner]:
             raise ValueError(
                 f"field {self.field} belongs to a {owner}: name it, and nothing else"
             )

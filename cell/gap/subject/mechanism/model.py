@@ -1,17 +1,22 @@
-"""Compiled model of a mechanism: its joints with typical sizes, and its editable
-fields.
+"""Compiled model of a mechanism: its joints with typical sizes, its editable fields,
+and those that are uncertain.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import repeat
+from operator import setitem
 from pathlib import Path
 from typing import Any, Literal, Self
 
 import mujoco
 import numpy as np
 
-from cell.gap.subject.mechanism.mechanism_file import MechanismFile
+from cell.gap.subject.mechanism.mechanism_file import (
+    FIELDS,
+    MechanismFile,
+    UncertainSpec,
+)
 from cell.gap.subject.mechanism.model_source import Source
 from cell.gap.subject.mechanism.recordings import Recording, Signal
 from cell.gap.subject.subject import NO_FILE, Origin, ScatterSource
@@ -19,6 +24,12 @@ from drivers.base.errors import ConfigurationError
 from drivers.base.types import Array
 from drivers.strip.effects.effect import Parameter
 
+SMALLEST = 1e-9  # size of a number, in SI, to which a spread in percent refers at least
+# bounds of a number: times its start value, spreads above it; times the start if it
+# cannot vanish
+HIGHEST, FARTHEST, LOWEST = 5.0, 20.0, 0.2
+STEP = 1e-3  # of the spread, of finite differences
+PARALLEL = 1e-9  # by which the cosine of axes that count as parallel may be below 1
 POSES = 24  # at which weights and inertias are taken
 SMOOTH = 0.02  # rad/s over which compiled dry friction changes sign in a simulation
 SMOOTHED = 0.02  # of a joint's typical rate: the same along measured motion
@@ -228,7 +239,7 @@ def add_point(edited: Any, mass: float, body: int, place: Array) -> None:
     mujoco.mju_quat2Mat(rotation, np.array(edited.body_iquat[body]))
     axes = rotation.reshape(3, 3)
     inertia = axes @ np.diag(edited.body_inertia[body]) @ axes.T
-    offset = np.asarray(place) - com
+    offset = place - com
     # parallel axes, about the common centre of mass
     reduced = stated * mass / (stated + mass)
     inertia += reduced * (offset @ offset * np.eye(3) - np.outer(offset, offset))
@@ -300,3 +311,132 @@ def number_of(model: Any, kind: str, name: str, origin: str, key: str) -> int:
             f"{origin}: {key}: no {kind} {name!r}; allowed: {allowed}"
         )
     return names.index(name)
+
+
+def base_of(mechanism: Mechanism) -> tuple[BaseParameter, ...]:
+    """Base parameters that a file lists as `uncertain`; ConfigurationError for unknown
+    names.
+    """
+    origin = f"{mechanism.path}: uncertain"
+    found = [
+        b
+        for i, spec in enumerate(mechanism.file.uncertain)
+        for b in _expand(spec, mechanism, f"{origin}.{i}")
+    ]
+    names = [b.parameter.name for b in found]
+    twice = next((n for n in names if names.count(n) > 1), None)
+    if twice is not None:
+        raise ConfigurationError(f"{origin}: {twice} is listed twice; keep one")
+    return tuple(found)
+
+
+def _expand(
+    spec: UncertainSpec, mechanism: Mechanism, origin: str
+) -> Iterator[BaseParameter]:
+    """Base parameters of one entry of `uncertain`, one or more for each owner that `*`
+    matches.
+    """
+    model = mechanism.model
+    kind, _ = FIELDS[spec.field]
+    numbers: Sequence[int] = range(model.njnt if kind == "joint" else model.nu)
+    if spec.owner != "*":
+        numbers = [number_of(model, kind, spec.owner, origin, kind)]
+    elif kind == "body":
+        numbers = [i for i in range(1, model.nbody) if model.body_mass[i] > 0.0]
+    for number in numbers:
+        name = getattr(model, kind)(number).name
+        if not name:
+            raise ConfigurationError(
+                f"{origin}: {kind} *: a {kind} has no name; give each one"
+            )
+        axes = spec.axis or _free_axes(model, number) if spec.field == "com" else ("",)
+        for axis in axes:
+            yield _base_parameter(spec, mechanism, number, name, axis)
+
+
+def _free_axes(model: Any, body: int) -> Iterator[str]:
+    """Axes of a body on which its centre of mass affects motion: those not along all
+    hinges.
+    """
+    (data,) = poses(model, [model.qpos0], mujoco.mj_kinematics)
+    own = data.xmat[body].reshape(3, 3)
+    hinges = bool((model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE).all())
+    for k, axis in enumerate("xyz"):
+        along = np.abs(data.xaxis @ own[:, k])
+        if not (hinges and bool((along > 1.0 - PARALLEL).all())):
+            yield axis
+
+
+def _base_parameter(
+    spec: UncertainSpec, mechanism: Mechanism, number: int, name: str, axis: str
+) -> BaseParameter:
+    """Base parameter for one field of one owner, with its bounds; `axis` of a centre of
+    mass.
+    """
+    start, put, size = _access(spec.field, mechanism, number, axis)
+    width = _spread_width(spec.spread, size)
+    high = max(HIGHEST * start, start + FARTHEST * width)
+    low = LOWEST * start if spec.field in ("mass", "inertia", "gain") else 0.0
+    if spec.field == "com":
+        low, high = -np.inf, np.inf
+    key = "_".join(filter(None, (spec.field, axis, name)))
+    (_, unit), step = FIELDS[spec.field], STEP * width
+    parameter = Parameter(key, unit, start, low, high, step=step, spread=width)
+    by_run = _spread_width(spec.by_run or 0.0, size)
+    if not by_run:
+        return BaseParameter(parameter, put)
+    what = f"{spec.field} of {name}"
+    scatter = ScatterSource(
+        f"{key}_run", what, f"keep the {what} steady", unit, by_run, step, common=True
+    )
+    return BaseParameter(parameter, put, scatter)
+
+
+def _spread_width(spread: float | str, size: float) -> float:
+    """Absolute spread: as stated, or the stated percentage of `size`."""
+    if isinstance(spread, str):
+        return float(spread.rstrip("%")) / 100.0 * max(abs(size), SMALLEST)
+    return float(spread)
+
+
+def _access(
+    field: str, mechanism: Mechanism, i: int, axis: str
+) -> tuple[float, Callable[[Any, float], None], float]:
+    """Start value, setter and typical size (for percentages) of the `field` of owner
+    `i`.
+    """
+    model: Any = mechanism.model
+    if field == "mass":
+        start = float(model.body_mass[i])
+        return start, lambda f, v: _set_mass(f, i, v), start
+    if field == "inertia":
+        start = float(model.body_inertia[i].max())
+        return (
+            start,
+            lambda f, v: setitem(f.body_inertia, i, v / start * f.body_inertia[i]),
+            start,
+        )
+    if field == "gain":
+        return 1.0, lambda f, v: scale_gain(f, i, v), 1.0
+    if field == "length":
+        place = model.body_pos[i]
+        start = max(float(np.linalg.norm(place)), SMALLEST)
+        return start, lambda f, v: setitem(f.body_pos, i, v * (place / start)), start
+    if field == "com":
+        k, place = "xyz".index(axis), model.body_ipos[i]
+        size = float(np.linalg.norm(place))
+        return float(place[k]), lambda f, v: setitem(f.body_ipos, (i, k), v), size
+    joint = mechanism.joints[i]
+    name, size = {
+        "stiffness": ("jnt_stiffness", joint.torque),
+        "damping": ("dof_damping", joint.torque / joint.rate),
+        "armature": ("dof_armature", joint.inertia),
+    }[field]
+    start = float(getattr(model, name)[i])
+    return start, lambda f, v: setitem(getattr(f, name), i, v), start or size
+
+
+def _set_mass(edited: Any, i: int, value: float) -> None:
+    """Set a body's mass [kg], and scale its inertia in proportion."""
+    edited.body_inertia[i] *= value / float(edited.body_mass[i])
+    edited.body_mass[i] = value

@@ -96,10 +96,7 @@ def _grid(recording: Recording) -> Array:
 
 def _resample(recording: Recording, names: Sequence[str], grid: Array) -> Array:
     """Columns (k, m) interpolated at the times `grid` (m,) [s]."""
-    t, columns = recording.t, [recording.columns[name] for name in names]
-    return np.array(
-        [np.interp(grid, t[np.isfinite(x)], x[np.isfinite(x)]) for x in columns]
-    )
+    return np.array([np.interp(grid, *recording.known(name)) for name in names])
 
 
 def _gaps(
@@ -110,7 +107,7 @@ def _gaps(
     """
     gaps = np.zeros(len(grid), dtype=bool)
     for name in names:
-        known = recording.t[np.isfinite(recording.columns[name])]
+        known, _ = recording.known(name)
         after = np.searchsorted(known, grid, side="right")
         gaps |= np.diff(known, prepend=-np.inf, append=np.inf)[after] > longest
     return gaps

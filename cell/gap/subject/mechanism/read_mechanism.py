@@ -1,8 +1,7 @@
 """Reads a mechanism's file, model and runs, and checks them against one another."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from operator import setitem
 from pathlib import Path
 from shlex import quote
 from typing import Any
@@ -12,23 +11,20 @@ import numpy as np
 
 from cell.gap.subject.mechanism.effects import check_effects, torques
 from cell.gap.subject.mechanism.mechanism_file import (
-    FIELDS,
     MechanismFile,
     SignalSpec,
-    UncertainSpec,
 )
 from cell.gap.subject.mechanism.model import (
     MODES,
     PLANAR,
-    BaseParameter,
     Joint,
     Mechanism,
     Mode,
     actuator_on,
+    base_of,
     check_joints,
     number_of,
     poses,
-    scale_gain,
     typical_loads,
 )
 from cell.gap.subject.mechanism.model_source import (
@@ -44,7 +40,7 @@ from cell.gap.subject.mechanism.recordings import (
     typical_frequency,
 )
 from cell.gap.subject.run_folders import RunFolder, check_indices
-from cell.gap.subject.subject import Origin, ScatterSource
+from cell.gap.subject.subject import Origin
 from cell.record.files import ANGLES, RUN
 from drivers.base.errors import ConfigurationError
 from drivers.base.settings import load
@@ -53,12 +49,6 @@ from drivers.strip.effects.effect import Parameter
 
 # rad of the fastest swing between two readings; rad of a small one
 SPARSEST, SMALL = 0.8, 1e-4
-SMALLEST = 1e-9  # size of a number, in SI, to which a spread in percent refers at least
-# bounds of a number: times its start value, spreads above it; times the start if it
-# cannot vanish
-HIGHEST, FARTHEST, LOWEST = 5.0, 20.0, 0.2
-STEP = 1e-3  # of the spread, of finite differences
-PARALLEL = 1e-9  # by which the cosine of axes that count as parallel may be below 1
 FLOOR = 0.02  # of a torque's standard deviation: modelling error of rigid bodies
 FORWARD_FLOOR = 5e-5  # rad or m, error of integration
 # MuJoCo's impedance of dry friction, which lets joints creep
@@ -72,142 +62,6 @@ LEAST_WEIGHT = 1e-12  # N m, weight by which a joint without gravity would swing
 TURN = 2.0 * np.pi  # rad
 LEAST = 8  # readings of which the rate at the start is taken
 RATE_READINGS = 300  # of a recording, from which typical rates are taken
-
-
-def base_of(mechanism: Mechanism) -> tuple[BaseParameter, ...]:
-    """Base parameters that a file lists as `uncertain`; ConfigurationError for unknown
-    names.
-    """
-    origin = f"{mechanism.path}: uncertain"
-    found = [
-        b
-        for i, spec in enumerate(mechanism.file.uncertain)
-        for b in _expand(spec, mechanism, f"{origin}.{i}")
-    ]
-    names = [b.parameter.name for b in found]
-    twice = next((n for n in names if names.count(n) > 1), None)
-    if twice is not None:
-        raise ConfigurationError(f"{origin}: {twice} is listed twice; keep one")
-    return tuple(found)
-
-
-def _expand(
-    spec: UncertainSpec, mechanism: Mechanism, origin: str
-) -> Iterator[BaseParameter]:
-    """Base parameters of one entry of `uncertain`, one or more for each owner that `*`
-    matches.
-    """
-    model = mechanism.model
-    kind, _ = FIELDS[spec.field]
-    numbers: Sequence[int] = range(model.njnt if kind == "joint" else model.nu)
-    if spec.owner != "*":
-        numbers = [number_of(model, kind, spec.owner, origin, kind)]
-    elif kind == "body":
-        numbers = [i for i in range(1, model.nbody) if model.body_mass[i] > 0.0]
-    for number in numbers:
-        name = getattr(model, kind)(number).name
-        if not name:
-            raise ConfigurationError(
-                f"{origin}: {kind} *: a {kind} has no name; give each one"
-            )
-        axes = spec.axis or _free_axes(model, number) if spec.field == "com" else ("",)
-        for axis in axes:
-            yield _base_parameter(spec, mechanism, number, name, axis)
-
-
-def _free_axes(model: Any, body: int) -> Iterator[str]:
-    """Axes of a body on which its centre of mass affects motion: those not along all
-    hinges.
-    """
-    (data,) = poses(model, [model.qpos0], mujoco.mj_kinematics)
-    own = data.xmat[body].reshape(3, 3)
-    hinges = bool((model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE).all())
-    for k, axis in enumerate("xyz"):
-        along = np.abs(data.xaxis @ own[:, k])
-        if not (hinges and bool((along > 1.0 - PARALLEL).all())):
-            yield axis
-
-
-def _base_parameter(
-    spec: UncertainSpec, mechanism: Mechanism, number: int, name: str, axis: str
-) -> BaseParameter:
-    """Base parameter for one field of one owner, with its bounds; `axis` of a centre of
-    mass.
-    """
-    start, put, size = _access(spec.field, mechanism, number, axis)
-    width = _spread_width(spec.spread, size)
-    high = max(HIGHEST * start, start + FARTHEST * width)
-    low = LOWEST * start if spec.field in ("mass", "inertia", "gain") else 0.0
-    if spec.field == "com":
-        low, high = -np.inf, np.inf
-    key = "_".join(filter(None, (spec.field, axis, name)))
-    (_, unit), step = FIELDS[spec.field], STEP * width
-    parameter, scatter = (
-        Parameter(key, unit, start, low, high, step=step, spread=width),
-        None,
-    )
-    if by_run := _spread_width(spec.by_run or 0.0, size):
-        what = f"{spec.field} of {name}"
-        scatter = ScatterSource(
-            f"{key}_run",
-            what,
-            f"keep the {what} steady",
-            unit,
-            by_run,
-            step,
-            common=True,
-        )
-    return BaseParameter(parameter, put, scatter)
-
-
-def _spread_width(spread: float | str, size: float) -> float:
-    """Absolute spread: as stated, or the stated percentage of `size`."""
-    if isinstance(spread, str):
-        return float(spread.rstrip("%")) / 100.0 * max(abs(size), SMALLEST)
-    return float(spread)
-
-
-def _access(
-    field: str, mechanism: Mechanism, i: int, axis: str
-) -> tuple[float, Callable[[Any, float], None], float]:
-    """Start value, setter and typical size (for percentages) of the `field` of owner
-    `i`.
-    """
-    model: Any = mechanism.model
-    if field == "mass":
-        start = float(model.body_mass[i])
-        return start, lambda f, v: _set_mass(f, i, v), start
-    if field == "inertia":
-        start = float(model.body_inertia[i].max())
-        return (
-            start,
-            lambda f, v: setitem(f.body_inertia, i, v / start * f.body_inertia[i]),
-            start,
-        )
-    if field == "gain":
-        return 1.0, lambda f, v: scale_gain(f, i, v), 1.0
-    if field == "length":
-        place = model.body_pos[i]
-        start = max(float(np.linalg.norm(place)), SMALLEST)
-        return start, lambda f, v: setitem(f.body_pos, i, v * (place / start)), start
-    if field == "com":
-        k, place = "xyz".index(axis), model.body_ipos[i]
-        size = float(np.linalg.norm(place))
-        return float(place[k]), lambda f, v: setitem(f.body_ipos, (i, k), v), size
-    joint = mechanism.joints[i]
-    name, size = {
-        "stiffness": ("jnt_stiffness", joint.torque),
-        "damping": ("dof_damping", joint.torque / joint.rate),
-        "armature": ("dof_armature", joint.inertia),
-    }[field]
-    start = float(getattr(model, name)[i])
-    return start, lambda f, v: setitem(getattr(f, name), i, v), start or size
-
-
-def _set_mass(edited: Any, i: int, value: float) -> None:
-    """Set a body's mass [kg], and scale its inertia in proportion."""
-    edited.body_inertia[i] *= value / float(edited.body_mass[i])
-    edited.body_mass[i] = value
 
 
 def open_file(path: Path) -> Mechanism:
@@ -227,9 +81,7 @@ def open_file(path: Path) -> Mechanism:
             f"{path}: model: {file.model} lies outside {folder}; paths stay in the"
             " file's folder"
         )
-    moved = [
-        s.joint or s.actuator or "" for s in file.signals.values() if s.is_ == "torque"
-    ]
+    moved = [s.name for s in file.signals.values() if s.is_ == "torque"]
     moved += [name for name, kind in file.inputs.items() if kind != "position"]
     source = replace(read_source(place, folder), motors=tuple(moved))  # a URDF has none
     source = with_assets(source, str(place))
@@ -300,16 +152,13 @@ def _fastest_swing(model: Any) -> float:
     """Angular frequency [rad/s] of the fastest small swing of a chain that hangs at
     zero.
     """
-    (rest,), mass = (
-        poses(model, [model.qpos0], mujoco.mj_forward),
-        np.zeros((model.nv, model.nv)),
-    )
-    mujoco.mj_fullM(model, rest, mass)
+    mass = np.zeros((model.nv, model.nv))
+    (data,) = poses(model, [model.qpos0], mujoco.mj_forward)
+    mujoco.mj_fullM(model, data, mass)
     swung = poses(model, SMALL * np.eye(model.nv), mujoco.mj_forward)
     stiffness = [data.qfrc_bias / SMALL for data in swung]
-    return float(
-        np.sqrt(np.linalg.eigvals(np.linalg.solve(mass, stiffness)).real.max())
-    )
+    squares = np.linalg.eigvals(np.linalg.solve(mass, stiffness)).real
+    return float(np.sqrt(squares.max()))
 
 
 def _signal(name: str, spec: SignalSpec, mode: Mode, model: Any, origin: str) -> Signal:
@@ -319,15 +168,9 @@ def _signal(name: str, spec: SignalSpec, mode: Mode, model: Any, origin: str) ->
     Raises ConfigurationError for what the model lacks, and for a torque of no motor on
     a joint.
     """
-    place = f"signals.{name}"
-    named = (
-        (kind, getattr(spec, kind)) for kind in ("joint", "actuator", "site", "sensor")
-    )
-    owner, number = next(
-        (kind, number_of(model, kind, value, origin, place))
-        for kind, value in named
-        if value is not None
-    )
+    key = f"signals.{name}"
+    owner = spec.owner
+    number = number_of(model, owner, spec.name, origin, key)
     kind, joint, actuator, gear = spec.is_ or owner, -1, -1, 1.0
     weights = np.zeros(model.njnt)
     if kind == "torque":
@@ -337,7 +180,7 @@ def _signal(name: str, spec: SignalSpec, mode: Mode, model: Any, origin: str) ->
             or model.actuator_trntype[actuator] != mujoco.mjtTrn.mjTRN_JOINT
         ):
             raise ConfigurationError(
-                f"{origin}: {place}: {owner} {spec.actuator or spec.joint} drives no"
+                f"{origin}: {key}: {owner} {spec.actuator or spec.joint} drives no"
                 " joint; compare torques of motors on joints"
             )
         joint = int(model.actuator_trnid[actuator, 0])
@@ -465,10 +308,9 @@ def _motion(recordings: Sequence[Recording], column: str) -> tuple[float, float,
     """
     rates, accelerations, travels = [], [], []
     for r in recordings:
-        x, t = r.columns[column], r.t
-        known = np.isfinite(x)
-        every = max(1, int(known.sum()) // RATE_READINGS)
-        x, t = x[known][::every], t[known][::every]
+        t, x = r.known(column)
+        every = max(1, len(x) // RATE_READINGS)
+        t, x = t[::every], x[::every]
         v = np.gradient(x, t)
         rates.append(np.mean(v**2))
         accelerations.append(np.mean(np.gradient(v, t) ** 2))
@@ -487,15 +329,16 @@ def start_of(mechanism: Mechanism, recording: Recording) -> tuple[Array, Array]:
         np.linalg.pinv([s.weights for s in compared]) if compared else np.zeros((n, 0))
     )
     near = max(LEAST, int(np.searchsorted(recording.t, 0.5 / mechanism.pace)))
-    places, slopes = [], []
+    positions, slopes = [], []
     for signal in compared:
-        x = recording.columns[signal.name][:near]
-        known = np.isfinite(x)
-        fitted = np.polynomial.Polynomial.fit(recording.t[:near][known], x[known], 3)
-        places.append(float(x[known][0]))
+        t, x = recording.known(signal.name)
+        begin = int(np.searchsorted(t, recording.t[near - 1], side="right"))
+        fitted = np.polynomial.Polynomial.fit(t[:begin], x[:begin], 3)
+        positions.append(float(x[0]))
         slopes.append(float(fitted.deriv()(0.0)))
     rates = slopes if recording.rates is None else recording.rates
-    q = inverse @ places if spec.position == "measured" else np.full(n, spec.position)
+    measured = inverse @ positions
+    q = measured if spec.position == "measured" else np.full(n, spec.position)
     v = inverse @ rates if spec.velocity == "measured" else np.full(n, spec.velocity)
     return q, v
 

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
 
 from cell.gap.subject.mechanism.mechanism_file import MechanismFile
-from cell.gap.subject.run_folders import RunFolder, check_time, column, read_table
+from cell.gap.subject.run_folders import RunFolder
+from cell.gap.subject.run_table import clock_of, column, read_table, unwrapped
 from cell.gap.subject.subject import Samples, Words
 from cell.record.files import ANGLES, JOINTS, RUN, SIGNALS
 from cell.record.header import Load, MechanismRun
@@ -20,14 +20,8 @@ from drivers.base.settings import load
 from drivers.base.types import Array, frozen
 
 PER_BLOCK = 16  # readings used of a block at most
-ROWS = 5_000_000  # of a table; more is a mistake, or must be thinned
 MOST_READINGS = 4000  # readings of a run that are used
-JUMP = 50.0  # median steps in one: the clock jumped
-FAST, FAR = 200.0, 100.0  # rad/s and rad that no joint of an arm reaches
-TURN = 2.0 * np.pi  # rad
-LEAP = 0.1  # rad in a row beyond the rows about it, which no joint makes
-LEAPS = 10.0  # median steps of the rows about it, below which a step is no leap
-NEIGHBOURS = 9  # rows
+SWING_ROWS, SIGNAL_ROWS = 30, 20  # least of a run
 SMALLEST_NOISE = 1e-12  # in SI, of repeats that agree in every digit
 SLOWEST_PACE, FASTEST_PACE = 0.5, 200.0  # rad/s
 PACE_READINGS = 400  # means of a column, from which its pace is taken
@@ -64,6 +58,17 @@ class Recording:
     sigma: float | None = None
     rates: Array | None = None
     notes: tuple[str, ...] = ()
+
+    def known(self, name: str) -> tuple[Array, Array]:
+        """Times (k,) [s] and values (k,) of a column where it holds a number."""
+        values = self.columns[name]
+        is_number = np.isfinite(values)
+        return self.t[is_number], values[is_number]
+
+    def poses(self, names: Sequence[str]) -> Array:
+        """Rows (k, n) of the columns `names` in which all of them hold a number."""
+        q = np.column_stack([self.columns[name] for name in names])
+        return q[np.isfinite(q).all(axis=1)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,8 +176,7 @@ def _swing_table(path: Path, links: Sequence[str]) -> Read:
     broken one.
     """
     table = read_table(path)
-    t = column(table, "t", path)
-    check_time(t, path, least=30)
+    t = clock_of(table, path, SWING_ROWS)
     angles = {name: column(table, f"theta_{name}", path) for name in links}
     if (after := f"theta_{len(links) + 1}") in table:
         raise ConfigurationError(
@@ -211,7 +215,7 @@ def _signal_table(folder: Path, file: MechanismFile, hinges: Sequence[str]) -> R
         table = arm_columns(path)
     else:
         table = read_table(path)
-    _check_clock(column(table, "t", path), path)
+    t = clock_of(table, path, SIGNAL_ROWS)
     for name in (*file.signals, *file.inputs):
         if name not in table:
             raise ConfigurationError(f"{path}: {name}: this column is missing; add it")
@@ -223,26 +227,7 @@ def _signal_table(folder: Path, file: MechanismFile, hinges: Sequence[str]) -> R
     angles += [
         n for n, s in file.signals.items() if s.is_ == "position" and s.joint in hinges
     ]
-    return table, None, _unwrap(angles, table["t"], table, path)
-
-
-def _check_clock(t: Array, path: Path) -> None:
-    """Refuse times `t` (m,) [s] that are too many or too few, do not increase, or
-    jump.
-    """
-    if len(t) > ROWS:
-        raise ConfigurationError(
-            f"{path}: has {len(t)} rows, at most {ROWS} are read; thin them"
-        )
-    check_time(t, path, least=20)
-    steps = np.diff(t)
-    if steps.max() > JUMP * np.median(steps):
-        row = int(np.argmax(steps)) + 1
-        raise ConfigurationError(
-            f"{path}: t: jumps by {steps.max():g} s at row {row} (steps of"
-            f" {np.median(steps):g} s); the clock was set or rows are lost: cut the run"
-            " there"
-        )
+    return table, None, _unwrap(angles, t, table, path)
 
 
 def arm_columns(path: Path) -> dict[str, Array]:
@@ -275,7 +260,6 @@ def _unwrap(
     found = []
     for name in names:
         column = f"theta_{name}" if path.name == ANGLES else name
-        check_angle(t, table[name], path, column)
         table[name], rows = unwrapped(t, table[name], f"{path}: {column}")
         if rows:
             found.append(
@@ -283,56 +267,6 @@ def _unwrap(
                 f" {rows[0]} ({t[rows[0]]:.2f} s): it is used without"
             )
     return found
-
-
-def unwrapped(t: Array, values: Array, origin: str) -> tuple[Array, list[int]]:
-    """Angles (m,) [rad] at times `t` (m,) without turns between rows, and the rows of
-    these.
-
-    Every step is held against those about it. Raises ConfigurationError, with the row,
-    for one that no joint makes and no turn explains.
-    """
-    rows = np.flatnonzero(np.isfinite(values))
-    spans, steps = np.diff(t[rows]), np.diff(values[rows])
-    turns = np.round(steps / TURN)
-    rates = (steps - TURN * turns) / spans
-    about = median_filter(rates, NEIGHBOURS, mode="nearest")
-    usual = median_filter(np.abs(rates), NEIGHBOURS, mode="nearest")
-    leaps = np.abs(rates - about) * np.minimum(spans, np.median(spans))
-    beyond = leaps > np.maximum(LEAP, LEAPS * usual * np.median(spans))
-    if beyond.any():
-        step = int(np.argmax(beyond))
-        row, changed = int(rows[step + 1]), np.flatnonzero(steps[:step])
-        since = int(rows[changed[-1] + 1]) if len(changed) else 0
-        stands = row - since > NEIGHBOURS
-        stood = f"stands still from row {since} on and " if stands else ""
-        raise ConfigurationError(
-            f"{origin}: {stood}jumps by {steps[step]:.3g} rad at row {row}"
-            f" ({t[row]:.2f} s), as no joint moves, and by no whole turn; mend the"
-            " reading there, or leave the run out"
-        )
-    found = values.copy()
-    found[rows[1:]] -= TURN * np.cumsum(turns)
-    return (found if turns.any() else values), rows[1:][turns != 0.0].tolist()
-
-
-def check_angle(t: Array, values: Array, path: Path, name: str) -> None:
-    """Refuse angles (m,) that seem to be in degrees, or at times `t` (m,) not in
-    seconds.
-    """
-    known = np.isfinite(values)
-    x = values[known]
-    if np.abs(x).max() > FAR:
-        raise ConfigurationError(
-            f"{path}: {name}: reaches {np.abs(x).max():.0f}; angles are in rad (degrees"
-            " / 57.3, counts / 652 of 4096 a turn)"
-        )
-    speed = float(np.quantile(np.abs(np.gradient(x, t[known])), 0.9))
-    if speed > FAST:
-        raise ConfigurationError(
-            f"{path}: {name}: changes by {speed:.0f} rad/s; angles are in rad, t is"
-            " in s"
-        )
 
 
 def repeat_noise(found: Sequence[Recording], column: str, origin: str) -> float:
@@ -359,7 +293,7 @@ def typical_frequency(found: Sequence[Recording], columns: Sequence[str]) -> flo
     """
     frequencies = []
     for name in columns:
-        spreads = [_spreads(r.t, r.columns[name]) for r in found]
+        spreads = [_spreads(*r.known(name)) for r in found]
         value, rate = np.sqrt(np.mean(np.square(spreads), axis=0))
         frequencies.append(rate / value if value > 0.0 else 0.0)
     return float(np.clip(max(frequencies, default=1.0), SLOWEST_PACE, FASTEST_PACE))
@@ -369,15 +303,13 @@ def _spreads(t: Array, x: Array) -> tuple[float, float]:
     """Standard deviations of block means of x (m,) at t (m,) [s], and of their rate; 0
     in noise.
     """
-    known = np.isfinite(x)
-    t, x = t[known], x[known]
     width = max(1, len(x) // PACE_READINGS)
     whole = len(x) // width * width
-    times = t[:whole].reshape(-1, width).mean(axis=1)
-    means = x[:whole].reshape(-1, width).mean(axis=1)
+    times, means = (a[:whole].reshape(-1, width).mean(axis=1) for a in (t, x))
+    spread = float(means.std())
     rate = float(np.gradient(means, times).std()) if len(means) > 2 else 0.0
-    above_noise = rate * float(np.diff(times).mean()) < NOISY * float(means.std())
-    return float(means.std()), rate if above_noise else 0.0
+    above_noise = rate * float(np.diff(times).mean()) < NOISY * spread
+    return spread, rate if above_noise else 0.0
 
 
 def cut_recording(recording: Recording, columns: Sequence[str], least: float) -> Cut:
@@ -390,16 +322,16 @@ def cut_recording(recording: Recording, columns: Sequence[str], least: float) ->
     values = np.array([recording.columns[c] for c in columns])
     good = np.flatnonzero(np.isfinite(values).all(axis=0))
     starts = np.flatnonzero(np.diff(np.floor(recording.t[good] / width))) + 1
-    chosen = [
-        (
-            inside
-            if len(inside) <= PER_BLOCK
-            else inside[np.linspace(0, len(inside) - 1, PER_BLOCK).round().astype(int)]
-        )
-        for inside in np.split(good, starts)
-    ]
+    chosen = [_thinned(inside) for inside in np.split(good, starts)]
     edges, kept = np.cumsum([0, *map(len, chosen)]), np.concatenate(chosen)
     return Cut(frozen(recording.t[kept]), frozen(values[:, kept]), edges, width)
+
+
+def _thinned(rows: NDArray[np.int64]) -> NDArray[np.int64]:
+    """At most PER_BLOCK of `rows`, evenly spread."""
+    count = min(len(rows), PER_BLOCK)
+    chosen = np.linspace(0, len(rows) - 1, count).round().astype(np.int64)
+    return np.asarray(rows[chosen])
 
 
 def phases(speed: Array) -> Words:

@@ -314,12 +314,12 @@ class MechanismSubject(Subject):
 
     def check(self, origin: str) -> None:
         """Refuse stated models that cannot be simulated."""
-        residuals = self._stated_residuals()
-        if not np.isfinite(residuals).all():
+        if not np.isfinite(self._stated_residuals()).all():
+            advice = "make step smaller, or mend masses, inertias and gains"
+            wrong = (str(each) for each in self.contradictions() if each.level == "bad")
             raise ConfigurationError(
                 f"{origin}: model: run {self.runs[0].name} cannot be simulated, its"
-                " motion explodes; make step smaller, or mend masses, inertias and"
-                " gains"
+                f" motion explodes; {next(wrong, advice)}"
             )
 
     def _stated_residuals(self) -> Array:

@@ -178,7 +178,10 @@ def _misses_of_midlines(run: Recorded) -> Iterator[Contradiction]:
     up = _rise_of_beginnings(run, curves)
     speed = interpolate_columns(t + 0.05, ticks.t, path)
     speed = (speed - interpolate_columns(t - 0.05, ticks.t, path)) / 0.1
-    normal = np.column_stack([-np.sin(slope), np.cos(slope)])
+    # the way to the gripper is the chord of an arc from the last piece's middle on
+    hidden, seen = np.hypot(*off.T), np.hypot(*along.T)
+    chord = slope - turn * (seen + hidden) / (seen + 2.0 * hidden)
+    normal = np.column_stack([-np.sin(chord), np.cos(chord)])
     distance = ((off - (0.0, up)) * normal).sum(axis=1)
     per_delay = (-speed * normal).sum(axis=1)
     yield from _misses_beside(np.column_stack([distance, per_delay, normal[:, 0]]), up)

@@ -2,12 +2,13 @@
 errors.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.gap.subject.strip.layout import Layout, Part
 from cell.gap.subject.strip.midline_residuals import (
     group_means,
     nearest_ends,
@@ -15,7 +16,7 @@ from cell.gap.subject.strip.midline_residuals import (
 )
 from cell.gap.subject.strip.runs import MeasuredRun
 from cell.gap.subject.strip.simulation import SimulatedMotion
-from cell.gap.subject.subject import Residuals
+from cell.gap.subject.subject import Residuals, Samples, Words
 from drivers.base.geometry import interpolate_columns
 from drivers.base.types import Array
 from drivers.strip.engine import StripMotion, Touch
@@ -29,6 +30,252 @@ from drivers.strip.observation import (
     true_points,
 )
 from drivers.strip.rod.engine import GripperPath
+from policies.path import TAKEOVER_HEIGHT
+
+FALL = 1.0  # s before the touch in which the fold comes down
+# s over which the gripper's own motion is averaged: shakes are no motion
+AVERAGING_TIME = 0.6
+HOLD_SPEED = 0.25  # of the run's usual speed, below which the gripper holds
+RETURN_SPEED = 0.3  # of the run's usual speed at which it moves towards the lift's side
+SPEED_INTERVAL = 0.1  # s between the times of which the usual speed is taken
+STANDING_SPEED = 0.01  # m/s up to which a gripper stands
+GUESSED_SPEED = 0.1  # m/s, usual speed of a run that never moves
+ZONES = ("fixed", "middle", "grasped")
+SAMPLE_TIME = 0.3  # s of one sample
+# s of one sample of the force, short enough to show when a shake was reported
+BRIEF = 0.05
+TOUCH_TIME = 0.03  # s, noise of the time of a touch where the run states none
+# m of travel before which a strip just lifted shows more of its grip than of itself
+GRIP_TRAVEL = 0.15
+SNAP = 0.15  # s before the touch in which any model is off
+FEWEST_POINTS = 4  # points of a profile's sample
+FLOORS = {
+    "profile": 0.00025,
+    "contact_x": 0.0006,
+    "displacement": 0.001,
+    "touch_time": 0.02,
+    "force": 0.0001,
+}
+"""Standard deviations [m, s, N] of errors that any strip model has, by measured
+quantity.
+
+Rod and chain differ by a tenth of a millinewton in `force`; the coarse rod errs by more
+where a gripper jerks.
+"""
+
+
+def phases(run: MeasuredRun, t: Array) -> Words:
+    """Phase of the fold (n,), such as `lift` or `carry`, at each of the times `t` (n,)
+    [s].
+    """
+    speed, back = _averaged_motion(run, t)
+    speeds, _ = _averaged_motion(run, np.arange(run.t[0], run.end, SPEED_INTERVAL))
+    moving = speeds > STANDING_SPEED
+    usual_speed = float(np.median(speeds[moving])) if moving.any() else GUESSED_SPEED
+    risen = run.poses[:, 1] >= TAKEOVER_HEIGHT
+    lifted = run.t[np.argmax(risen)] if risen.any() and not run.hanging else run.end
+    words = np.full(len(t), "carry", dtype="U8")
+    words[back > RETURN_SPEED * usual_speed] = "return"
+    words[speed < HOLD_SPEED * usual_speed] = "hold"
+    if run.touch is not None:
+        words[t > run.end - FALL] = "fall"
+    words[t < lifted] = "lift"
+    return words
+
+
+def zones(s: Array, length: float) -> Words:
+    """Third of a strip of `length` [m], as words (n,), in which arc lengths `s` (n,)
+    [m] lie.
+    """
+    third = np.clip((3.0 * s / length).astype(np.int64), 0, 2)
+    return np.array(ZONES)[third]
+
+
+def _averaged_motion(run: MeasuredRun, t: Array) -> tuple[Array, Array]:
+    """Speed (n,) [m/s] and velocity (n,) along x of the gripper, averaged, at `t` (n,)
+    [s].
+    """
+    ends = [
+        np.clip(t + side * AVERAGING_TIME / 2, run.t[0], run.t[-1]) for side in (-1, 1)
+    ]
+    before, after = (interpolate_columns(end, run.t, run.poses[:, :2]) for end in ends)
+    rate = (after - before) / np.maximum(ends[1] - ends[0], 1e-9)[:, None]
+    return np.hypot(*rate.T), rate[:, 0]
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """Readings of one channel grouped into k samples: sorted by `order`, split at
+    `edges` (k + 1,).
+
+    `order` (n,) are indices of readings. Of each sample (k,): `phase`, `zone`, mean
+    time `t` [s]; `sigma` is that of a reading.
+    """
+
+    order: NDArray[np.int64]
+    edges: NDArray[np.int64]
+    phase: Words
+    zone: Words
+    t: Array
+    sigma: float
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """Samples of a fold by channel: profile, contact, force along x and z, and touch if
+    any.
+    """
+
+    profile: Part
+    contact: Part
+    force: tuple[Part, Part]
+    samples: Samples
+
+
+def layout(run: MeasuredRun, length: float) -> Layout:
+    """Group the readings of the fold `run` of a strip of `length` [m] into samples."""
+    images, sigma = run.images, run.sigma
+    profile = _part(
+        run,
+        images.stamps[images.image],
+        zones(images.s, length),
+        sigma.profile,
+        FEWEST_POINTS,
+    )
+    # a soft strip that is pushed along the desk buckles at its fixed edge or not, by
+    # chance
+    buckled = (run.contact_x < length / 3) & (phases(run, run.contact_t) == "lift")
+    contact = _part(
+        run, run.contact_t, zones(run.contact_x, length), sigma.contact_x, 1, buckled
+    )
+    force = _force_part(run, length, 0), _force_part(run, length, 1)
+    # a camera's error shifts the whole image
+    fraction = float(np.hypot(1.0, (run.plane_error or 0.0) / FLOORS["profile"]))
+    columns = [
+        *_columns(profile, "profile", fraction * FLOORS["profile"], by_zone=True),
+        *_columns(contact, "contact_x", fraction * FLOORS["contact_x"]),
+        *(each for part in force for each in _columns(part, "force", FLOORS["force"])),
+        *_touch_columns(run),
+    ]
+    return Layout(profile, contact, force, Samples.stack(columns))
+
+
+def _force_part(run: MeasuredRun, length: float, axis: int) -> Part:
+    """Samples of the force along one axis; none where the run states no noise for
+    it.
+    """
+    reported = run.force_t if run.has_force else np.empty(0)
+    unknown = np.isnan(run.force[: len(reported), axis])
+    grasped = zones(np.full(len(reported), length), length)
+    return _part(run, reported, grasped, run.sigma.force or 0.0, 1, unknown, BRIEF)
+
+
+def _part(
+    run: MeasuredRun,
+    t: Array,
+    zone: Words,
+    sigma: float,
+    fewest: int,
+    left_out: NDArray[np.bool_] | None = None,
+    span: float = SAMPLE_TIME,
+) -> Part:
+    """Group readings at `t` (n,) [s] into samples by `zone` (n,), phase and slots of
+    `span` [s].
+
+    Readings of the mask `left_out`, and samples of less than `fewest` readings, are
+    left out.
+    """
+    # compared are times after the lift's start, before snap and touch
+    lifted = run.hanging | (np.interp(t, run.t, run.travel) >= GRIP_TRAVEL)
+    end = run.end - (SNAP if run.touch is not None else 0.0)
+    compared = lifted & (t >= run.t[0]) & (t < end)
+    used = np.flatnonzero(compared if left_out is None else compared & ~left_out)
+    phase = phases(run, t)
+    ranks = [
+        _ranks(zone, ZONES),
+        np.floor(t / span),
+        _ranks(phase, list(dict.fromkeys(phase))),
+    ]
+    keys = np.stack(ranks)[:, used]
+    sorting = np.lexsort(keys[::-1])  # by zone, then slot, then phase
+    borders = np.flatnonzero(np.diff(keys[:, sorting]).any(axis=0)) + 1
+    rows = [row for row in np.split(used[sorting], borders) if len(row) >= fewest]
+    first_rows = [row[0] for row in rows]
+    return Part(
+        np.concatenate([*rows, np.empty(0, dtype=np.int64)]),
+        np.cumsum([0, *map(len, rows)]),
+        phase[first_rows],
+        zone[first_rows],
+        np.array([t[row].mean() for row in rows]),
+        sigma,
+    )
+
+
+def _ranks(words: Words, order: Sequence[str]) -> Array:
+    """Place (n,) of each of `words` (n,) in `order`."""
+    rank = {word: i for i, word in enumerate(order)}
+    return np.array([rank[word] for word in words], dtype=np.float64)
+
+
+Columns = dict[str, Any]
+"""Samples of one time series, by field of `Samples`."""
+
+
+def _columns(
+    part: Part, channel: str, floor: float, *, by_zone: bool = False
+) -> list[Columns]:
+    """Time series of the samples of `part`: one for all, or one for each zone."""
+    noise = part.sigma / np.sqrt(np.maximum(np.diff(part.edges), 1))
+    series = (
+        [part.zone == z for z in ZONES] if by_zone else [np.ones(len(part), dtype=bool)]
+    )
+    return [
+        {
+            "channel": channel,
+            "quantity": channel,
+            "phase": part.phase[rows],
+            "zone": part.zone[rows],
+            "t": part.t[rows],
+            "noise": noise[rows],
+            "reading": part.sigma,
+            "floor": floor,
+        }
+        for rows in series
+    ]
+
+
+def _touch_columns(run: MeasuredRun) -> list[Columns]:
+    """Three series of the touch: its time, mean distance from both edges, and
+    displacement.
+
+    There are none without a touch. l1 and l2 are measured alike, so that their
+    difference and their mean err independently.
+    """
+    if run.touch is None:
+        return []
+    sigma, floor = run.sigma.displacement, FLOORS["displacement"]
+    sizes = {
+        "touch_time": (run.sigma.touch_time or TOUCH_TIME, FLOORS["touch_time"]),
+        "touch_x": (sigma / 2, floor / 2),
+        "displacement": (sigma, floor),
+    }
+    return [
+        {
+            "channel": "layer_touch",
+            "quantity": quantity,
+            "phase": "touch",
+            "zone": "middle",
+            "t": np.array([run.touch.time]),
+            "noise": noise,
+            "reading": noise,
+            "floor": error,
+        }
+        for quantity, (noise, error) in sizes.items()
+    ]
+
 
 CONTACT_LIMIT = 1.0  # bending lengths between contacts that are still one and the same
 
@@ -68,7 +315,7 @@ class FoldResiduals:
     def shape_index(self, model: StripModel, motion: SimulatedMotion) -> Array:
         """Fractional index (m,) into the simulated shapes for each image of the run."""
         stamps = self.run.images.stamps
-        return motion.index_at(np.asarray(imaged_time(model.observation, stamps)))
+        return motion.index_at(imaged_time(model.observation, stamps))
 
     def distances(
         self, model: StripModel, motion: SimulatedMotion, points: NDArray[np.int64]
@@ -107,11 +354,9 @@ class FoldResiduals:
         limit = CONTACT_LIMIT * self.bending_length
         measured = self.run.contact_x[self.layout.contact.order]
         observation = model.observation
-        time = np.asarray(
-            imaged_time(observation, self.run.contact_t[self.layout.contact.order])
-        )
+        time = imaged_time(observation, self.run.contact_t[self.layout.contact.order])
         simulated = np.interp(time, motion.t, motion.contact_x)
-        residuals = np.asarray(measured - measured_contact(observation, simulated))
+        residuals = measured - measured_contact(observation, simulated)
         far = np.abs(residuals) >= limit
         ends = simulated[far]
         nearest_ends(

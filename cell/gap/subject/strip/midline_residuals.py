@@ -64,8 +64,8 @@ def distances_to_segment(
     inside = min(max(along, low), high)
     beyond_end = (along - inside) * length
     distance = math.hypot(across, beyond_end)
-    share = min(max(inside, 0.0), 1.0)
-    bulge = 0.5 * bend * length * length * share * (1.0 - share)
+    fraction = min(max(inside, 0.0), 1.0)
+    bulge = 0.5 * bend * length * length * fraction * (1.0 - fraction)
     return distance, math.copysign(distance, across) + bulge
 
 
@@ -159,8 +159,8 @@ def nearest_end(curve: Any, height: float, x: float, contact: float) -> Any:
     while q < len(curve) and curve[q, 0] >= curve[q - 1, 0]:
         low, high = curve[q - 1, 1], curve[q, 1]
         if low <= height < high:
-            share = (height - low) / (high - low)
-            place = curve[q - 1, 0] + share * (curve[q, 0] - curve[q - 1, 0])
+            fraction = (height - low) / (high - low)
+            place = curve[q - 1, 0] + fraction * (curve[q, 0] - curve[q - 1, 0])
             if abs(place - x) < abs(nearest - x):
                 nearest = place
         q += 1

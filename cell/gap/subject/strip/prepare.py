@@ -9,8 +9,7 @@ from typing import cast
 
 import numpy as np
 
-from cell.gap.subject.strip.fold_residuals import FoldResiduals
-from cell.gap.subject.strip.layout import layout
+from cell.gap.subject.strip.fold_residuals import FoldResiduals, layout
 from cell.gap.subject.strip.measurement_errors import (
     RUN_EFFECTS,
     ModelError,
@@ -311,8 +310,8 @@ def _lifted_path(path: GripperPath, run: MeasuredRun) -> GripperPath:
     `path`.
     """
     travel = run.travel[: len(path.t)]
-    share = travel / LEAVING_TRAVEL
-    lying = share < 1.0
+    fraction = travel / LEAVING_TRAVEL
+    lying = fraction < 1.0
     places = path.poses[:, :2]
     along, up = interpolate_columns(LEAVING_TRAVEL, travel, places) - places[0]
     pushes_strip = -along > STEEP * up
@@ -320,7 +319,7 @@ def _lifted_path(path: GripperPath, run: MeasuredRun) -> GripperPath:
         return path
     poses, start = path.poses.copy(), path.poses[0, 0]
     # with the measured direction in the end
-    drawn_in = share**2 + (1.0 - share) * share**8
+    drawn_in = fraction**2 + (1.0 - fraction) * fraction**8
     poses[lying, 0] = start + drawn_in[lying] * (poses[~lying, 0][0] - start)
     return GripperPath(path.t, poses)
 

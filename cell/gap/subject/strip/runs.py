@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from cell.gap.subject.run_folders import RunFolder, check_indices
 from cell.gap.subject.strip.contradictions import contradictions
@@ -38,6 +39,9 @@ SHORTEST_INTERVAL = 0.01  # s, over shorter times noise looks like speed
 JUMP_SIGMAS = 10
 # the touch is a measurement, whatever came after it
 TOUCHED = NOT_FOLDED | {"layer_touch"}
+# of a strip's length, by which midlines begin elsewhere after a touch; images in which
+# they do
+JUMPED, PERSISTS = 0.08, 3
 LEAST = 30  # rows of a usable run
 FEWEST_RUNS = 2  # that can be fitted and checked
 
@@ -210,9 +214,8 @@ def read_fold(folder: Path, name: str, strip: StripFile) -> tuple[Header, Measur
     touch = _touch(folder, recorded)
     if (n := len(recorded.ticks.t)) >= LEAST:
         notes = tuple(_notes(folder, name, recorded, touch, strip))
-        return recorded.header, replace(
-            _measured_run(name, recorded, touch, strip), notes=notes
-        )
+        run = replace(_measured_run(name, recorded, touch, strip), notes=notes)
+        return recorded.header, until_touch(run, strip.length)
     if recorded.result is not None:
         raise ConfigurationError(
             f"{folder / TICKS}: t: has {n} rows; at least {LEAST} are needed"
@@ -295,6 +298,34 @@ def _measured_run(
         end=float(ticks.t[-1]) if touch is None else touch.time,
         plane_error=None if note is None else note.error or 0.0,
     )
+
+
+def until_touch(run: MeasuredRun, length: float) -> MeasuredRun:
+    """Copy of a run without a measured touch that ends where its midlines begin
+    elsewhere all at once, as after an unseen touch; its notes say so.
+
+    Where layers lie on each other an image shows the upper one alone. Before, and with
+    the gripper past the middle of a strip of `length` [m], the place where midlines
+    begin moves by less than half as much from one image to the next.
+    """
+    images = run.images
+    _, first = np.unique(images.image, return_index=True)
+    if run.touch is not None or len(first) <= PERSISTS:
+        return run
+    begins = images.s[first]
+    later = np.median(sliding_window_view(begins[1:], PERSISTS), axis=1)
+    moved = later - begins[: len(later)]
+    past = np.interp(images.stamps, run.t, run.poses[:, 0]) < 0.5 * length
+    jumps = (np.abs(moved) > JUMPED * length) & past[: len(later)]
+    if not jumps.any():
+        return run
+    k = int(np.argmax(jumps))
+    end = float(images.stamps[k])
+    note = (
+        f"{run.name}: after {end:.2f} s its midlines begin {1e3 * abs(moved[k]):.0f} mm"
+        " elsewhere, as where layers touched: it is used up to there"
+    )
+    return replace(run, end=end, notes=(*run.notes, note))
 
 
 def _short_run(name: str, run: Recorded) -> MeasuredRun:

@@ -8,14 +8,16 @@ from pathlib import Path
 from typing import Any, NamedTuple, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cell.gap.subject.run_folders import RunFolder
-from cell.gap.subject.strip.fold_residuals import FoldResiduals
+from cell.gap.subject.strip.fold_residuals import FoldResiduals, simulated_touch
 from cell.gap.subject.strip.measurement_errors import (
     FORCE_EFFECTS,
     RUN_EFFECTS,
     RunEffect,
 )
+from cell.gap.subject.strip.midline_residuals import interpolate_midlines
 from cell.gap.subject.strip.prepare import (
     PreparedFold,
     linearise_folds,
@@ -23,12 +25,18 @@ from cell.gap.subject.strip.prepare import (
     relinearise,
 )
 from cell.gap.subject.strip.runs import MeasuredRun, read_runs
-from cell.gap.subject.strip.scenes import measured_scene, simulated_scene
 from cell.gap.subject.strip.scope import fitted_strip, scope
-from cell.gap.subject.strip.simulation import Hashed, Job, Simulation, hashed_model
+from cell.gap.subject.strip.simulation import (
+    Hashed,
+    Job,
+    SimulatedMotion,
+    Simulation,
+    hashed_model,
+)
 from cell.gap.subject.strip.synthetic import SET_UP, instruction, planned_runs
 from cell.gap.subject.subject import (
     NO_FILE,
+    Curve,
     Experiment,
     Finding,
     NamedValues,
@@ -38,15 +46,20 @@ from cell.gap.subject.subject import (
     Run,
     Scene,
     Subject,
+    TimeSeries,
+    Track,
     note_of,
 )
+from drivers.base.geometry import interpolate_columns
 from drivers.base.types import Array
 from drivers.strip.describe import describe, load_strip
 from drivers.strip.effects import registry
 from drivers.strip.effects.effect import Parameter
+from drivers.strip.engine import Touch
 from drivers.strip.file import StripFile
 from drivers.strip.law import LAW_TERMS, with_law
 from drivers.strip.model import Observation, StripModel
+from drivers.strip.observation import imaged_time, measured_contact, measured_points
 
 DIGITS = 6  # significant digits of a fitted number
 # of the contacts of a run that may lie before its lift-off, as outliers
@@ -74,10 +87,8 @@ def patch_file(
     content: dict[str, Any] = strip.model_dump(
         mode="json", by_alias=True, exclude_unset=True
     )
-    notes = list(content.pop("provenance", ()))
-    strip_effects = {
-        name: dict(values) for name, values in content.get("effects", {}).items()
-    }
+    notes = content.pop("provenance", [])
+    strip_effects = content.get("effects", {})
     for name, value in base.items():
         effect, _, key = name.rpartition(".")
         stated = strip_effects[effect] if effect else content
@@ -86,7 +97,7 @@ def patch_file(
         )
         stated[key] = _round_off(value)
     of_cell: dict[str, object] = {}
-    law = dict(content.pop("law", {}))
+    law = content.pop("law", {})
     for name, values in effects.items():
         rounded = {key: _round_off(value) for key, value in values.items()}
         if name in LAW_TERMS:
@@ -356,3 +367,92 @@ def open_strip(
     strip = load_strip(path)
     runs = read_runs(folders, strip)
     return StripSubject(strip, runs, jobs, without, origin=origin)
+
+
+Index = NDArray[np.int64]
+DRAWN_STRIDE = 10  # rows of a run between drawn places of the gripper
+CONTACT_SIGNAL, DISTANCE_SIGNAL = (
+    "contact [mm]",
+    "distance from the measured midline, rms [mm]",
+)
+
+
+def measured_scene(run: MeasuredRun) -> Scene:
+    """Drawing of a measured fold, up to the touch of its layers or to its last row."""
+    images, t = run.images, run.t[run.t <= run.end][::DRAWN_STRIDE]
+    grip = interpolate_columns(t, run.t, run.poses[:, :2])
+    visible = _images_before_end(run)
+    before_end = run.contact_t <= run.end
+    contact_t = run.contact_t[before_end]
+    contact = run.contact_x[before_end]
+    points = tuple(images.points[images.image == k] for k in visible)
+    return Scene(
+        signals=(TimeSeries(CONTACT_SIGNAL, contact_t, 1e3 * contact),),
+        curve=Curve(images.stamps[visible], points),
+        tracks={"contact": _desk_track(contact_t, contact), "gripper": Track(t, grip)},
+        events=_touch_event(run.touch),
+    )
+
+
+def simulated_scene(
+    fold: PreparedFold, model: StripModel, motion: SimulatedMotion
+) -> Scene:
+    """Drawing of `fold` as simulated with `model`.
+
+    Distances are of the images that are compared: not those of the first lift and of
+    the snap.
+    """
+    run = fold.residuals.run
+    contact_t = run.contact_t[run.contact_t <= run.end]
+    true = np.interp(
+        imaged_time(model.observation, contact_t), motion.t, motion.contact_x
+    )
+    contact = measured_contact(model.observation, true)
+    images = _images_before_end(run)
+    places = fold.residuals.shape_index(model, motion)[images]
+    shapes = interpolate_midlines(motion.shapes, places)
+    compared, distance = _distances(fold, model, motion)
+    return Scene(
+        signals=(
+            TimeSeries(CONTACT_SIGNAL, contact_t, 1e3 * contact),
+            TimeSeries(DISTANCE_SIGNAL, run.images.stamps[compared], 1e3 * distance),
+        ),
+        curve=Curve(run.images.stamps[images], tuple(measured_points(model, shapes))),
+        tracks={"contact": _desk_track(contact_t, contact)},
+        events=_touch_event(simulated_touch(run, model, motion)),
+    )
+
+
+def _images_before_end(run: MeasuredRun) -> Index:
+    """Indices (m,) of the images before the end of the run."""
+    return np.flatnonzero(run.images.stamps <= run.end)
+
+
+def _distances(
+    fold: PreparedFold, model: StripModel, motion: SimulatedMotion
+) -> tuple[Index, Array]:
+    """Indices of compared images, and rms distances (k,) [m] of their points from the
+    model.
+    """
+    order = np.sort(fold.residuals.layout.profile.order)
+    distances = fold.residuals.distances(model, motion, order)
+    compared, image = np.unique(
+        fold.residuals.run.images.image[order], return_inverse=True
+    )
+    return compared, np.sqrt(np.bincount(image, distances**2) / np.bincount(image))
+
+
+def _desk_track(t: Array, x: Array) -> Track:
+    """Track of a point on the desk at `x` (m,) [m] at the times `t` (m,) [s]."""
+    return Track(t, np.stack([x, np.zeros_like(x)], axis=1))
+
+
+def _touch_event(touch: Touch | None) -> tuple[tuple[float, str], ...]:
+    """Pair of time [s] and text of the `touch`, with its displacement; empty without a
+    touch.
+    """
+    if touch is None:
+        return ()
+    return (
+        (touch.time, f"layer_touch, displacement {1e3 * touch.displacement:.1f} mm"),
+    )

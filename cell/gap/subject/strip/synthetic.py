@@ -11,8 +11,7 @@ import numpy as np
 import pyarrow as pa
 from scipy.interpolate import CubicSpline
 
-from cell.gap.subject.strip.fold_residuals import simulated_touch
-from cell.gap.subject.strip.layout import TOUCH_TIME
+from cell.gap.subject.strip.fold_residuals import TOUCH_TIME, simulated_touch
 from cell.gap.subject.strip.preprocessing import Images
 from cell.gap.subject.strip.runs import MeasuredRun
 from cell.record.documents import write_document
@@ -280,12 +279,11 @@ def _shape(fold: Fold, stamp: float) -> Array:
     times = fold.shape_t
     after = int(np.clip(np.searchsorted(times, time), 1, len(times) - 1))
     before = after - 1
-    share = float(
+    fraction = float(
         np.clip((time - times[before]) / (times[after] - times[before]), 0.0, 1.0)
     )
-    return np.asarray(
-        (1 - share) * fold.motion.shapes[before] + share * fold.motion.shapes[after]
-    )
+    first, second = fold.motion.shapes[[before, after]]
+    return np.asarray((1 - fraction) * first + fraction * second)
 
 
 def _curve(
@@ -322,7 +320,7 @@ def _ticks(
     poses = fold.path.poses[: len(t)]
     height = fold.model.observation.contact_height
     true = np.array([desk_contact(_shape(fold, stamp), height) for stamp in stamps])
-    contacts = np.asarray(measured_contact(fold.model.observation, true))
+    contacts = measured_contact(fold.model.observation, true)
     measured = contacts + rng.normal(0.0, noise.contact_x, len(stamps))
     contact_x, contact_t = place_contacts(t, stamps, measured)
     noisy = poses[:, :2] + rng.normal(0.0, noise.gripper, (len(t), 2))

@@ -10,8 +10,11 @@ import pyarrow.parquet as pq
 import pytest
 
 from cell.gap.subject.run_folders import find_runs
+from cell.gap.subject.strip import synthetic
+from cell.gap.subject.strip.contradictions import contradictions
 from cell.gap.subject.strip.runs import read_runs
 from cell.gap.subject.strip.subject import open_strip
+from cell.record.run import read_run
 from tests.support.gap_strip_cases import STRIP, denim, folds, written
 from tests.support.run_edits import edit_yaml
 
@@ -36,7 +39,6 @@ def test_what_was_measured_comes_back_and_is_told_where_it_is_swapped(
     runs: Path,
 ) -> None:
     fast, taut = read_runs(find_runs([runs]), denim())
-    assert fast.touch is not None
     assert fast.end == fast.touch.time
     assert taut.touch is None
     assert len(fast.contact_t) == pytest.approx(30 * fast.end, rel=0.15)
@@ -56,6 +58,35 @@ def test_a_run_that_died_is_named_and_used(runs: Path) -> None:
     died = strip.runs[0].samples
     assert len(died) > 20
     assert "layer_touch" not in died.channel
+
+
+def hide_beginnings(run: Path, since: float, points: int) -> None:
+    """Take the first `points` of every midline from a time [s] on."""
+    table = pq.read_table(run / "profile.parquet")
+    t, i = table["t"].to_numpy(), table["i"].to_numpy()
+    pq.write_table(table.filter((t < since) | (i >= points)), run / "profile.parquet")
+
+
+def test_a_fold_is_used_up_to_a_touch_that_nobody_noted(runs: Path) -> None:
+    whole, _ = read_runs(find_runs([runs]), denim())
+    since = whole.end - 0.5
+    (first(runs) / "result.yaml").write_text("schema: 1\noutcome: path_done\n")
+    hide_beginnings(first(runs), since, 14)
+    strip = open_strip(STRIP, find_runs([runs]))
+    (note,) = [note for note in strip.notes if "used up to there" in note]
+    assert since - 0.2 < float(note.split("after ")[1].split(" s ")[0]) < since
+    assert strip.runs[0].samples.t.max() < since
+
+
+def test_midlines_whose_ends_a_hand_hides_are_not_late(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The way from the last point seen to the gripper is an arc, no straight line."""
+    monkeypatch.setattr(synthetic, "HIDDEN_LENGTH", 0.02)
+    (run,) = written(tmp_path, folds(["fast"]))
+    found = contradictions(read_run(run), None, denim())
+    (delay,) = [one.off for one in found if one.what.startswith("t: the midlines")]
+    assert delay < 0.02
 
 
 def test_a_run_that_died_at_once_is_named_and_left_out(runs: Path) -> None:

@@ -46,7 +46,6 @@ def test_served_twin_says_where_it_is_obeys_its_script_and_ends_on_interrupt(
         str(script),
     ]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as served:
-        assert served.stdout is not None
         told = json.loads(served.stdout.readline())
         assert told["address"].startswith("127.")
         assert (told["arm"], told["hand"], told["clock"]) == (1337, 1338, "lock-step")

@@ -14,9 +14,8 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from cell.gap.fit import FitOptions, fit
-from cell.gap.fitting.base_fit import stated_estimate
+from cell.gap.fitting.base_fit import projection, stated_estimate
 from cell.gap.fitting.model import whiten
-from cell.gap.fitting.projection import projection
 from cell.gap.open_subject import open_subject
 from cell.gap.selection.screening import DETECTED_SIGMA
 from cell.gap.subject.mechanism.effects import library

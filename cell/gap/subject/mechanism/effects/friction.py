@@ -14,6 +14,7 @@ from cell.gap.subject.mechanism.effect import (
     Effect,
     add_to,
     per_joint,
+    shapes,
     single_parameter,
 )
 from cell.gap.subject.mechanism.model import MODES, PRESCRIBED, Mechanism
@@ -47,19 +48,14 @@ def _dry_shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
     peak.
     """
     ones = np.ones(len(mechanism.joints))
-    rates = [
-        Parameter(
-            f"stribeck_velocity_{j.name}",
-            "rad/s" if j.hinge else "m/s",
-            v,
-            0.1 * v,
-            10.0 * v,
-            step=0.01 * v,
-            spread=v,
-            role="shape",
-        )
-        for j, v in zip(mechanism.joints, STRIBECK * mechanism.rate, strict=True)
-    ]
+    rates = shapes(
+        mechanism.joints,
+        "stribeck_velocity",
+        "rad/s",
+        STRIBECK * mechanism.rate,
+        bounds=(0.1, 10.0),
+        step=0.01,
+    )
     return (
         *(() if mechanism.mode.loads else _loads(mechanism)),
         *per_joint(
@@ -102,18 +98,15 @@ def _quadratic_law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
 
 def _presliding_shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
     """Torques [N m] at which the elastic contacts of each joint begin to slide."""
-    return tuple(
-        Parameter(
-            f"torque_{j.name}",
-            "N m",
-            0.05 * j.torque,
-            0.001 * j.torque,
-            j.torque,
-            step=0.001 * j.torque,
-            spread=0.1 * j.torque,
-            role="shape",
-        )
-        for j in mechanism.joints
+    starts = 0.05 * mechanism.torque
+    return shapes(
+        mechanism.joints,
+        "torque",
+        "N m",
+        starts,
+        bounds=(0.02, 20.0),
+        step=0.02,
+        spread=2.0,
     )
 
 
@@ -121,7 +114,7 @@ def _presliding_path(
     mechanism: Mechanism, values: Array, t: Array, q: Array, v: Array
 ) -> Array:
     stiffness, torque = PRESLIDING.table(mechanism, values)
-    return np.asarray(_yielding(q, stiffness, np.minimum(torque, YIELD * stiffness)))
+    return _yielding(q, stiffness, np.minimum(torque, YIELD * stiffness))
 
 
 @entry

@@ -9,10 +9,10 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-import yaml
 
 from cell.gap.open_subject import open_mechanism
-from cell.gap.subject.run_folders import find_runs, read_table
+from cell.gap.subject.run_folders import find_runs
+from cell.gap.subject.run_table import read_table
 from drivers.base.errors import ConfigurationError
 from tests.support.mechanisms import ARM, FORWARD, PRESCRIBED, make_arm
 
@@ -23,14 +23,10 @@ def line(
     file: dict[str, Any] | None = None,
     xml: str | None = None,
     columns: Callable[[dict[str, Any]], None] | None = None,
-    content: dict[str, Any] | None = None,
+    content: dict[str, Any] = PRESCRIBED,
 ) -> str:
     """The one line that refuses an arm, with something broken in it."""
-    path, runs = make_arm(folder, 2, span=0.5, content=content or PRESCRIBED)
-    if file is not None:
-        path.write_text(
-            yaml.safe_dump({**(content or PRESCRIBED), **file}, sort_keys=False)
-        )
+    path, runs = make_arm(folder, 2, span=0.5, content=content | (file or {}))
     if xml is not None:
         (folder / "arm.xml").write_text(xml)
     if columns is not None:

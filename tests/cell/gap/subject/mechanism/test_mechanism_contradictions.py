@@ -2,18 +2,27 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
 
 from cell.gap.fit import fit
 from cell.gap.open_subject import open_mechanism
-from cell.gap.subject.mechanism.recordings import unwrapped
-from cell.gap.subject.run_folders import find_runs, read_table
+from cell.gap.subject.run_folders import find_runs
+from cell.gap.subject.run_table import read_table, unwrapped
 from cell.gap.subject.subject import Finding
 from drivers.base.errors import ConfigurationError
 from drivers.base.types import Array
-from tests.support.mechanisms import ARM, PRESCRIBED, make_arm, write_run
+from tests.support.mechanisms import (
+    ARM,
+    FORWARD,
+    PRESCRIBED,
+    make_arm,
+    moved,
+    write_run,
+)
 
 T = np.arange(0.0, 4.0, 0.01)
 SWING = 1.7 * np.sin(2.0 * T) + 0.4
@@ -38,6 +47,14 @@ def found(
         change(number, table)
         write_run(out / run.name, table, {"mechanism": "arm", "index": number})
     return [*open_mechanism(file, find_runs([out])).contradictions()]
+
+
+def lines(*spoilt: Any) -> list[str]:
+    """Lines on findings, or the one that refuses the runs."""
+    try:
+        return [*map(str, found(*spoilt))]
+    except ConfigurationError as error:
+        return [str(error)]
 
 
 def scaled(
@@ -80,6 +97,20 @@ def test_a_torque_in_another_unit_or_sign_is_told_by_its_joint(
     assert (one.what, one.level, one.run) == (what, "bad", "")
     assert "t2" in one.words
     assert words in one.words
+
+
+@pytest.mark.parametrize(
+    ("factor", "said"), [(1.0, None), (1000.0, "in N mm?"), (-1.0, "reversed")]
+)
+def test_a_command_in_another_unit_or_sign_is_told_where_the_motion_is_simulated(
+    tmp_path: Path, factor: float, said: str | None
+) -> None:
+    motors = ARM.replace('kp="60"/>', 'gear="2"/>').replace('kp="30"/>', "/>")
+    motors = motors.replace("<position", "<motor")
+    file, runs = make_arm(tmp_path / "made", 3, content=FORWARD, stated=motors)
+    # or such commands blow the model up
+    told = lines(file, runs, tmp_path / "runs", scaled("a1", factor))
+    assert [said in one for one in told] == ([] if said is None else [True])
 
 
 @pytest.mark.parametrize(("delay", "level"), [(0.017, "bad"), (-0.021, "fair")])
@@ -128,10 +159,7 @@ def test_a_reading_that_sticks_is_told_by_its_row(
     def stuck(number: int, table: Columns) -> None:
         table[name][100:160] = table[name][100 if number == 1 else slice(100, 160)]
 
-    try:
-        words = [str(one) for one in found(*sound, tmp_path, stuck)]
-    except ConfigurationError as error:  # where it jumps as it comes free
-        words = [str(error)]
+    words = lines(*sound, tmp_path, stuck)  # or it jumps as it comes free
     assert [line for line in words if "01" in line and "stands still" in line]
     assert "row 100 on" in words[0]
 
@@ -186,3 +214,22 @@ def test_a_fit_refuses_what_contradicts_the_model_and_names_nothing(
     with pytest.raises(ConfigurationError, match=r"lag: torques are late by 14\.\d ms"):
         fit([tmp_path / "runs"], file, tmp_path / "out")
     assert not (tmp_path / "out" / "verdict.json").exists()
+
+
+@pytest.mark.slow
+def test_friction_that_falls_as_grease_warms_is_told_by_the_order_of_runs(
+    tmp_path: Path,
+) -> None:
+    file, runs = make_arm(tmp_path, 6, content=PRESCRIBED)
+    model = mujoco.MjModel.from_xml_string(ARM)
+    model.opt.timestep = 0.0005
+    rng = np.random.default_rng(0)
+    for number, rate in enumerate((1.5, 2.5, 1.0, 3.0, 2.0, 0.7)):
+        model.dof_frictionloss[:] = 0.4 / (1.0 + number)
+        table = moved(model, rate, 3.0)
+        for name in ("t1", "t2"):
+            table[name] = table[name] + rng.normal(0.0, 0.02, len(table["t"]))
+        head = {"mechanism": "arm", "index": number}
+        write_run(runs / f"{number:02d}", table, head)
+    notes = fit([runs], file, tmp_path / "out").notes
+    assert [note for note in notes if "with the order of the runs" in note]

@@ -8,7 +8,8 @@ import yaml
 
 from cell.gap.open_subject import open_mechanism
 from cell.gap.subject.mechanism.subject import MechanismSubject
-from cell.gap.subject.run_folders import find_runs, read_table
+from cell.gap.subject.run_folders import find_runs
+from cell.gap.subject.run_table import read_table
 from tests.lab.exam import mechanisms as exam
 from tests.support.mechanisms import PRESCRIBED, left, make_arm, write_run
 
