@@ -44,6 +44,7 @@ Said = Iterator[str]
 def fold(folder: Path) -> Said:
     """A fold on the twin, its measured tables, result, page, and the predicted fold."""
     run = _folded(folder, *FOLD)
+    yield _cell(folder, "report", str(run))
     yield _cell(folder, *FOLD, "--dry-run")
     yield _cell(folder, "replay", str(run), "--json")
 
