@@ -243,7 +243,7 @@ def fit_gap(
     if (strip is None) == (model is None):
         raise ConfigurationError("give a strip or a model, one of the two")
     file = _subject_file(model or strip or "", configs)
-    cell_file = find_configs(configs).folder / "cell.yaml"
+    cell_file = find_configs(configs).cell_path
     options = FitOptions(hold_out, without, jobs=jobs, cell_file=cell_file)
     fit(_listed(runs), file, Path(out), options, progress or quiet, write_overlay)
     return read_verdict(out)
@@ -278,7 +278,7 @@ def accept(
     """
     from cell.gap.verdict.accept import accept as accept_fit
 
-    cell_file = find_configs(configs).folder / "cell.yaml"
+    cell_file = find_configs(configs).cell_path
     return accept_fit(
         Path(out), _subject_file(subject, configs), cell_file, law=law, force=force
     )
@@ -288,7 +288,7 @@ def undo(out: Place, subject: Place, configs: Place | None = None) -> "AcceptRes
     """Restore the files as they were before `accept` of the fit in `out`."""
     from cell.gap.verdict.accept import undo as undo_fit
 
-    cell_file = find_configs(configs).folder / "cell.yaml"
+    cell_file = find_configs(configs).cell_path
     return undo_fit(Path(out), _subject_file(subject, configs), cell_file)
 
 

@@ -27,6 +27,11 @@ class Configs:
 
     folder: Path
 
+    @property
+    def cell_path(self) -> Path:
+        """Path of the file cell.yaml."""
+        return self.folder / "cell.yaml"
+
     def cell(self) -> "CellFile":
         """Contents of cell.yaml, its effects checked and the path of its calibration
         resolved.
@@ -35,7 +40,7 @@ class Configs:
         from drivers.base.settings import load
         from drivers.strip.effects import check_effects
 
-        path = self.folder / "cell.yaml"
+        path = self.cell_path
         cell = load(path, CellFile)
         check_effects(cell.effects, origin=str(path), of=["cell"])
         if cell.calibration is None:

@@ -342,7 +342,7 @@ def _use_calibration(
         raise ConfigurationError(
             "--use: keep this calibration in a folder first, by --out"
         )
-    cell_file = find_configs(configs).folder / "cell.yaml"
+    cell_file = find_configs(configs).cell_path
     use_calibration(cell_file, file)
     return cell_file
 

@@ -490,4 +490,4 @@ def _cell_file(model: Path | None, configs: Path | None) -> Path | None:
         return None
     found = find_configs(configs)
     found.cell()  # refused here, in one line, before anything is written
-    return found.folder / "cell.yaml"
+    return found.cell_path

@@ -76,7 +76,7 @@ def write_mounting(configs: Configs, mounting: Mounting) -> Path:
     """Write `mounting` into cell.yaml, the old one as a comment at its end; returns the
     path.
     """
-    path = configs.folder / "cell.yaml"
+    path = configs.cell_path
     change_file(path, lambda text: _with_mounting(text, mounting, path))
     configs.cell()
     return path
