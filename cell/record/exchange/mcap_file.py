@@ -10,6 +10,7 @@ transform, events as a log.
 import json
 import struct
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from io import BytesIO
 from itertools import groupby
 from math import cos, isfinite, sin
@@ -24,8 +25,8 @@ from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
 from foxglove_schemas_protobuf.Log_pb2 import Log
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from mcap.exceptions import EndOfFile, McapError
-from mcap.records import Attachment, Channel, Message, Schema
-from mcap.stream_reader import StreamReader
+from mcap.records import Attachment, Channel, Chunk, McapRecord, Message, Schema
+from mcap.stream_reader import StreamReader, get_chunk_data_stream
 from mcap.writer import Writer
 from mcap_protobuf.decoder import DecoderFactory as Protobuf
 from mcap_protobuf.schema import register_schema
@@ -61,6 +62,7 @@ LOG_TIME = "log_time"  # s, a column of every topic
 # ROS 2, JSON, protobuf
 TIMES = ({"nanosec", "sec"}, {"nsec", "sec"}, {"nanos", "seconds"})
 Row = dict[str, Any]
+Found = tuple[Message, Channel, Schema | None]
 
 
 def write_mcap(runs: Sequence[Run], out: Path) -> tuple[Path, ...]:
@@ -290,11 +292,8 @@ class McapFile(Source):
         """Topics that a whole file names after its messages, none where its writer was
         killed; attachments are kept.
         """
-        reader = StreamReader(
-            BytesIO(content), emit_chunks=True, record_size_limit=LARGEST_FILE
-        )
         try:
-            for record in reader.records:
+            for record in _stored(content):
                 if isinstance(record, Attachment):
                     self.documents[record.name] = record.data
                 elif isinstance(record, Channel):
@@ -302,34 +301,22 @@ class McapFile(Source):
         except (McapError, struct.error):
             return  # what is wrong with it is said where its messages are read
 
-    def _messages(self) -> Iterator[tuple[Message, Channel, Schema | None]]:
-        """Messages in the order of the file, with channel and schema; attachments are
-        kept.
-        """
+    def _messages(self) -> Iterator[Found]:
+        """Messages in the order of the file, with channel and schema."""
         for content in self._contents:
             yield from self._messages_in(content)
 
-    def _messages_in(
-        self, content: bytes
-    ) -> Iterator[tuple[Message, Channel, Schema | None]]:
+    def _messages_in(self, content: bytes) -> Iterator[Found]:
         """Messages in the `content` of one file."""
         schemas, channels = dict[int, Schema](), dict[int, Channel]()
-        left = LARGEST_CONTENT
-        reader = StreamReader(BytesIO(content), record_size_limit=LARGEST_FILE)
         try:
-            for record in reader.records:
+            for record in self._records(content):
                 if isinstance(record, Schema):
                     schemas[record.id] = record
                 elif isinstance(record, Channel):
                     channels[record.id] = record
                 elif isinstance(record, Message):
                     channel = channels[record.channel_id]
-                    left -= len(record.data)
-                    if left < 0:
-                        raise TooLarge(
-                            f"{self.path}: holds over {LARGEST_CONTENT // MEGABYTE} MB"
-                            " of messages; cut the recording"
-                        )
                     yield record, channel, schemas.get(channel.schema_id)
         except (EndOfFile, struct.error):  # its writer was killed
             return
@@ -337,6 +324,33 @@ class McapFile(Source):
             raise ConfigurationError(
                 f"{self.path}: is not an MCAP file that can be read: {error}"
             ) from None
+
+    def _records(self, content: bytes) -> Iterator[McapRecord]:
+        """Records of a file, those of a chunk one by one: its first may show that the
+        rest need not be read.
+        """
+        left = LARGEST_CONTENT
+        for record in _stored(content):
+            if not isinstance(record, Chunk):
+                yield record
+                continue
+            left -= record.uncompressed_size
+            if left < 0:
+                raise TooLarge(
+                    f"{self.path}: holds over {LARGEST_CONTENT // MEGABYTE} MB of"
+                    " messages; cut the recording"
+                )
+            unpacked, _ = get_chunk_data_stream(record)
+            with suppress(EndOfFile):
+                yield from StreamReader(unpacked, skip_magic=True).records
+
+
+def _stored(content: bytes) -> Iterator[McapRecord]:
+    """Records of the `content` of a file, with its chunks as they are."""
+    reader = StreamReader(
+        BytesIO(content), emit_chunks=True, record_size_limit=LARGEST_FILE
+    )
+    return reader.records
 
 
 def flat(message: object) -> list[Row]:
