@@ -1,0 +1,103 @@
+"""LeRobot: its loader reads our set, two of its policies train on it, its writer
+writes one.
+
+    python .ci/judges/lerobot_set.py LOADER SET OURS
+
+LOADER is the folder in which LeRobot was installed. Writes `OURS/lerobot`, a set of
+the gripper's path.
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import torch
+
+LOADER, SET, OURS = sys.argv[1], sys.argv[2], Path(sys.argv[3])
+EVERY, LEVEL = 50, 6.0  # rows between compared images; most difference of their levels
+QUANTILES = {"q01", "q10", "q50", "q90", "q99"}
+
+sys.path.insert(0, LOADER)
+# the loader needs none of torchvision's compiled functions, but their names
+compiled = torch.library.Library("torchvision", "DEF")
+for name in ("nms", "qnms"):
+    compiled.define(
+        f"{name}(Tensor dets, Tensor scores, float iou_threshold) -> Tensor"
+    )
+
+from lerobot.datasets.lerobot_dataset import LeRobotDataset  # noqa: E402
+from lerobot.policies.act.configuration_act import ACTConfig  # noqa: E402
+from lerobot.policies.diffusion.configuration_diffusion import (  # noqa: E402
+    DiffusionConfig,
+)
+from lerobot.policies.factory import (  # noqa: E402
+    make_policy,
+    make_pre_post_processors,
+)
+
+
+def opened(steps: dict[str, list[int]]) -> LeRobotDataset:
+    """Our set, each row with the values `steps` rows away."""
+    return LeRobotDataset(
+        "own/set",
+        root=SET,
+        video_backend="pyav",
+        delta_timestamps={key: [n / 100 for n in rows] for key, rows in steps.items()},
+    )
+
+
+def read() -> None:
+    """All states are finite, quantiles are there, images are those of their time."""
+    data = opened({"action": [0, 1]})
+    states = [name for name in data.meta.features if name.startswith("observation.")]
+    rows = [data[number] for number in range(0, len(data), EVERY)]
+    finite = [row[key].isfinite().all() for row in rows for key in (*states, "action")]
+    assert all(finite)
+    assert {*data.meta.stats["action"]} >= QUANTILES
+    stamps, levels = np.load(OURS / "frames.npy")
+    seen = [255 * row["observation.images.camera"].mean().item() for row in rows]
+    assert np.allclose([row["stamp"].item() for row in rows], stamps)
+    assert np.abs(np.subtract(seen, levels)).max() < LEVEL
+    print(f"{len(data)} rows; features {', '.join(data.meta.features)}")
+
+
+def train(config: object, steps: dict[str, list[int]]) -> None:
+    """One step of training on one row; the gradient is finite."""
+    data = opened(steps)
+    policy = make_policy(config, ds_meta=data.meta)
+    prepare, _ = make_pre_post_processors(config, dataset_stats=data.meta.stats)
+    batch = next(iter(torch.utils.data.DataLoader(data, batch_size=1)))
+    loss, _ = policy.forward(prepare(batch))
+    loss.backward()
+    slopes = [each.grad for each in policy.parameters() if each.grad is not None]
+    assert loss.isfinite()
+    assert slopes
+    assert all(slope.isfinite().all() for slope in slopes)
+    print(f"{type(policy).__name__}: loss {loss.item():.3f}")
+
+
+def write() -> None:
+    """The gripper's path in two episodes, by LeRobot's own writer."""
+    vector = {"dtype": "float32", "shape": (2,), "names": ["along.pos", "up.pos"]}
+    data = LeRobotDataset.create(
+        "own/path",
+        100,
+        {"observation.state": vector, "action": vector},
+        root=OURS / "lerobot",
+        use_videos=False,
+    )
+    for _ in range(2):
+        for _, x, z in np.load(OURS / "path.npy").T:
+            at = np.array([x, z], np.float32)
+            data.add_frame({"observation.state": at, "action": at, "task": "fold"})
+        data.save_episode()
+    data.finalize()
+
+
+small = {"device": "cpu", "push_to_hub": False, "pretrained_backbone_weights": None}
+read()
+train(ACTConfig(chunk_size=8, n_action_steps=8, **small), {"action": [*range(8)]})
+seen = ("observation.state", "observation.images.camera")
+two = {key: [-1, 0] for key in seen}
+train(DiffusionConfig(**small), {**two, "action": [*range(-1, 15)]})
+write()
