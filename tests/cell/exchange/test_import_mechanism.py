@@ -34,47 +34,23 @@ FOREIGN = {
 
 
 def write(kind: str, logs: list[Mapping[str, Array]], place: Path) -> list[Path]:
-    """Write logs as other programs do: a file for each, or a data set with an episode
-    for each.
-    """
-    vectors = [
-        (t, np.stack(q[:2], axis=1).tolist(), np.stack(q[2:], axis=1).tolist())
-        for t, *q in (log.values() for log in logs)
-    ]
+    """Write logs as other programs do, a file for each."""
     paths = [place / f"{i:02d}.{kind}" for i in range(len(logs))]
-    for path, log, (t, q, i) in zip(paths, logs, vectors, strict=True):
-        if kind == "mcap":
-            with path.open("wb") as file:
-                writer = Writer(file)
-                writer.start()
-                joints = writer.register_channel("/joints", "json", 0)
-                for row in zip(t.tolist(), q, i, strict=True):
-                    text = json.dumps(dict(zip(("ms", "q", "i"), row, strict=True)))
-                    writer.add_message(joints, round(1e6 * row[0]), text.encode(), 0)
-                writer.finish()
-        elif kind != "lerobot":
+    for path, log in zip(paths, logs, strict=True):
+        if kind != "mcap":
             write_table = pc.write_csv if kind == "csv" else pq.write_table
-            write_table(
-                pa.table({FOREIGN[name][0]: log[name] for name in FOREIGN}), path
-            )
-    if kind != "lerobot":
-        return paths
-    frames = [
-        pa.table({"episode_index": [n] * len(t), "ms": t, "q": q, "i": i})
-        for n, (t, q, i) in enumerate(vectors)
-    ]
-    episodes = pa.table({"episode_index": [0, 1], "data/chunk_index": [0, 0],
-                         "data/file_index": [0, 0]})  # fmt: skip
-    for name, table in (
-        ("data", pa.concat_tables(frames)),
-        ("meta/episodes", episodes),
-    ):
-        (place / name / "chunk-000").mkdir(parents=True)
-        pq.write_table(table, place / name / "chunk-000/file-000.parquet")
-    (place / "meta/info.json").write_text(
-        '{"codebase_version": "v3.0", "fps": 9, "features": {}}'
-    )
-    return [place]
+            named = {FOREIGN[name][0]: log[name] for name in FOREIGN}
+            write_table(pa.table(named), path)
+            continue
+        with path.open("wb") as file:
+            writer = Writer(file)
+            writer.start()
+            joints = writer.register_channel("/joints", "json", 0)
+            for t, q1, q2, i1, i2 in zip(*log.values(), strict=True):
+                row = {"ms": t, "q": [q1, q2], "i": [i1, i2]}
+                writer.add_message(joints, round(1e6 * t), json.dumps(row).encode(), 0)
+            writer.finish()
+    return paths
 
 
 @pytest.mark.parametrize(
@@ -83,7 +59,6 @@ def write(kind: str, logs: list[Mapping[str, Array]], place: Path) -> list[Path]
         ("csv", "*.csv"),
         ("parquet", "*.parquet"),
         ("mcap", "/joints"),
-        ("lerobot", "episode"),
     ],
 )
 def test_logs_of_an_arm_become_runs_that_the_workflow_reads(
@@ -104,7 +79,7 @@ def test_logs_of_an_arm_become_runs_that_the_workflow_reads(
     content = {
         "schema": 1,
         "mechanism": "arm",
-        "runs": {"01": place, "episode-000001": place},
+        "runs": {"01": place},
     }
     (tmp_path / "logs").mkdir()
     out, mapping = tmp_path / "own runs", tmp_path / "mapping.yaml"
