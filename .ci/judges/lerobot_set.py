@@ -99,5 +99,6 @@ read()
 train(ACTConfig(chunk_size=8, n_action_steps=8, **small), {"action": [*range(8)]})
 seen = ("observation.state", "observation.images.camera")
 two = {key: [-1, 0] for key in seen}
-train(DiffusionConfig(**small), {**two, "action": [*range(-1, 15)]})
+diffusion = DiffusionConfig(horizon=16, n_action_steps=8, **small)
+train(diffusion, {**two, "action": [*range(-1, 15)]})
 write()

@@ -52,15 +52,16 @@ def swing() -> np.ndarray:
 
 
 def fold(run: Run) -> dict[str, np.ndarray]:
-    """Poses (k, 3) [m, m, rad] of the gripper up to the touch, FOLD_STEP apart, and
-    shapes (k, n, 2) [m] of the twin's chain along them.
+    """Commanded poses (k, 3) [m, m, rad] up to the touch, FOLD_STEP apart, and shapes
+    (k, n, 2) [m] of the twin's chain along them.
     """
     assert run.result is not None
     assert run.result.t_layer_touch is not None
     t = np.arange(0.0, run.result.t_layer_touch - BEFORE_TOUCH, FOLD_STEP)
     ticks = run.ticks
-    columns = (ticks.x, ticks.z, ticks.pitch)
+    columns = (ticks.x_cmd, ticks.z_cmd, ticks.pitch_cmd)
     poses = np.stack([np.interp(t, ticks.t, column) for column in columns], axis=1)
+
     chain = Chain(WorldSettings().links)
     chain.reset([describe(find_configs(None).strip(run.header.strip))])
     shapes = [chain.shapes()[0]]

@@ -129,16 +129,17 @@ def guess_mapping(places: Sequence[Path], strip: StripFile | None) -> str:
     paths = {
         file: table for file, table in tables.items() if {"t", "x", "z"} <= table.keys()
     }
-    clocks = {file: table["t"].values for file, table in paths.items()}
-    series = [
-        file for file, t in clocks.items() if len(t) > 1 and (np.diff(t) > 0).all()
-    ]
-    file = max(series or {*read} - {*paths} or read, key=lambda name: len(read[name]))
-    gripper = _guess_gripper(tables[file], strip)
-    sections: dict[str, tuple[str, Guesses]] = {"ticks": (file, gripper)}
-    points = next((name for name in paths if series and name not in series), None)
-    if points is not None:
-        sections["profile"] = points, _guess_points(paths[points], gripper)
+    steps = {file: np.diff(table["t"].values) for file, table in paths.items()}
+    series = [file for file, step in steps.items() if len(step) and (step > 0).all()]
+    with_points = [file for file, step in steps.items() if (step == 0).any()]
+    files = series or {*read} - {*with_points}
+    file = max(files, key=lambda name: len(read[name]), default=None)
+    gripper = {} if file is None else _guess_gripper(tables[file], strip)
+    sections: dict[str, tuple[str | None, Guesses]] = {"ticks": (file, gripper)}
+    for points in with_points[:1]:
+        found = paths[points]
+        guesses = _guess_points(found, gripper) if series else _alone(found, strip)
+        sections["profile"] = points, guesses
     for section, names in SEEN.items() if series else ():
         seen = next(
             (name for name, table in tables.items() if {*names} <= table.keys()), None
@@ -150,7 +151,7 @@ def guess_mapping(places: Sequence[Path], strip: StripFile | None) -> str:
 
 
 def _lines(
-    sections: Mapping[str, tuple[str, Guesses]], strip: StripFile | None
+    sections: Mapping[str, tuple[str | None, Guesses]], strip: StripFile | None
 ) -> Iterator[str]:
     """Lines of the mapping file: header, then each section with its file and
     columns.
@@ -164,11 +165,10 @@ def _lines(
     for name in ("gripper", *(["force"] if has_force else []), *seen):
         yield f"  {name}: null  # open: one sigma of its error [m, N]"
     for section, (file, guesses) in sections.items():
-        yield from (
-            f"{section}:",
-            f"  file: {json.dumps(file, ensure_ascii=False)}",
-            "  columns:",
-        )
+        yield f"{section}:"
+        remark = "" if file else "  # open: no table holds the gripper's path"
+        yield f"  file: {json.dumps(file, ensure_ascii=False)}{remark}"
+        yield "  columns:"
         time = {"t": "t_layer_touch"} if section == "result" else {}
         yield from (guess.line(time.get(name, name)) for name, guess in guesses.items())
         for quantity in [
@@ -180,7 +180,7 @@ def _lines(
 
 
 def _not_taken(
-    read: Mapping[str, pa.Table], taken: Mapping[str, Guesses]
+    read: Mapping[str, pa.Table], taken: Mapping[str | None, Guesses]
 ) -> Iterator[str]:
     """Remarks on the columns of each file that the proposed mapping leaves out."""
     for file, content in read.items():
@@ -199,7 +199,7 @@ def _not_taken(
             )
             if any(
                 file not in taken and content.schema == read[other].schema
-                for other in taken
+                for other in filter(None, taken)
             ):
                 why = "is it of another run? give the files themselves"
             yield f"# not taken of {name}: {', '.join(left)}; {why}"
@@ -382,6 +382,14 @@ def _guess_points(columns: Guesses, gripper: Guesses) -> Guesses:
         choices.append(choice)
     distances = [_grasp_distance(choice, gripper) for choice in choices]
     return choices[int(np.argmin(distances))] if min(distances) < CLOSE else points
+
+
+def _alone(columns: Guesses, strip: StripFile | None) -> Guesses:
+    """Guesses of the strip's point columns where no table holds the gripper's path."""
+    length = STRIP if strip is None else strip.length
+    sizes = {"t": TYPICAL["t"], "x": length, "z": TYPICAL["z"] * length}
+    found = {name: _with_unit(columns[name], name, sizes[name]) for name in sizes}
+    return found | {name: columns[name] for name in "i" if name in columns}
 
 
 def _grasp_distance(points: Guesses, gripper: Guesses) -> float:

@@ -14,7 +14,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -29,7 +29,7 @@ from cell.record.exchange.mapping import (
     documents_of,
     mapping_of,
 )
-from cell.record.files import CALIBRATION, FILM, RESULT, RUN
+from cell.record.files import CALIBRATION, FILM
 from cell.record.film import Film, FilmWriter
 from cell.record.run import Run
 from cell.record.tables import place_rows, unnest, write_parquet
@@ -42,7 +42,6 @@ from drivers.base.yaml_text import parse_yaml
 TASKS, STATS = "meta/tasks.parquet", "meta/stats.json"
 TASK = "fold {} in half"
 VIDEO = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
-CHUNK = 1000  # files of a folder
 FORMAT_VERSION = "v3.0"
 CAMERA, CAMERA_STAMP = "observation.images.camera", "measured.camera_stamp"
 SAMPLE = 8  # px between those that the statistics of images are of
@@ -58,7 +57,9 @@ PLACE = re.compile(r"\{(chunk_index|file_index|video_key)(?::0(\d)d)?\}")
 EPISODE = "episode"  # its tables, as a mapping names them
 POINTS_TABLE, POINTS_STAMP = "points", "measured.profile_stamp"
 MEASURED = re.compile(r"observation\.(?=contact|profile_|camera_stamp)")  # of old sets
-QUANTILES = {"q01": 0.01, "q10": 0.1, "q50": 0.5, "q90": 0.9, "q99": 0.99}
+STATISTICS: dict[str, Callable[[Array], Any]]
+STATISTICS = {"min": np.min, "max": np.max, "mean": np.mean, "std": np.std}
+STATISTICS |= {f"q{p:02d}": partial(np.percentile, q=p) for p in (1, 10, 50, 90, 99)}
 ABOUT, ABOUT_VERSION = "meta/cell.json", 2  # 1 had actions without pitch and hand
 
 
@@ -89,19 +90,15 @@ def write_lerobot(runs: Sequence[Run], out: Path) -> tuple[Path, ...]:
 
     Raises ConfigurationError where their films have images of several sizes.
     """
-    begin, rows, frames, fps = (
-        0,
-        list[dict[str, Any]](),
-        list[dict[str, Feature]](),
-        _rate(runs),
-    )
+    begin, fps = 0, _rate(runs)
+    rows, frames = list[dict[str, Any]](), list[dict[str, Feature]]()
     tasks = list(dict.fromkeys(TASK.format(run.header.strip) for run in runs))
     for i, run in enumerate(runs):
         count = len(run.ticks.t)
         rows.append(_episode_row(run, i, begin, count))
         counters = _counters(i, begin, count, fps, tasks.index(rows[-1]["tasks"][0]))
         frames.append(_features(run, runs) | counters)
-        _write(out / _fill_pattern(DATA, *divmod(i, CHUNK)), _table(frames[-1]))
+        _write(out / _fill_pattern(DATA, 0, i), _table(frames[-1]))
         begin += count
     stats, info = _stats(frames), _info(runs, frames[0], begin, len(tasks))
     if CAMERA_STAMP in frames[0]:
@@ -124,19 +121,15 @@ def _about(runs: Sequence[Run]) -> dict[str, Any]:
     """
     found = dict[str, Any]()
     for run in runs:
-        read = {
-            name: parse_yaml(text.decode(), name)
-            for name, text in documents_of(run).items()
-            if text
-        }
-        head, result = read.get(RUN, {}), read.get(RESULT, {})
-        config = head.get("config", {})
+        result, config = run.result, run.header.config or {}
+        agreement = result and result.agreement
+        calibration = documents_of(run)[CALIBRATION].decode()
         found[run.name] = {
             "mounting": config.get("installation", {}).get("mounting"),
-            "calibration": read.get(CALIBRATION),
-            "outcome": result.get("outcome"),
-            "displacement": result.get("displacement"),
-            "like_model": result.get("agreement", {}).get("like_model"),
+            "calibration": parse_yaml(calibration or "{}", CALIBRATION),
+            "outcome": result and result.outcome,
+            "displacement": result and result.displacement,
+            "like_model": agreement and agreement.like_model,
         }
     return {"format": "folding-cell lerobot", "version": ABOUT_VERSION, "runs": found}
 
@@ -150,26 +143,20 @@ def _write_films(
     Returns the images as a feature of meta/info.json, and statistics of their pixels.
     Raises ConfigurationError for films with images of several sizes.
     """
-    samples, film, shape = (
-        list[Mapping[str, Feature]](),
-        f"videos/{CAMERA}",
-        tuple[int, ...](),
-    )
+    samples, film = list[Mapping[str, Feature]](), f"videos/{CAMERA}"
+    shapes = set[tuple[int, ...]]()
     for i, (run, row) in enumerate(zip(runs, rows, strict=True)):
-        path = out / _fill_pattern(VIDEO, *divmod(i, CHUNK), CAMERA)
-        size, sample = _write_film(run, path, fps)
-        if samples and size != shape:
+        path = out / _fill_pattern(VIDEO, 0, i, CAMERA)
+        shape, sample = _write_film(run, path, fps)
+        shapes.add(shape)
+        if len(shapes) > 1:
             raise ConfigurationError(
                 f"{run.folder / FILM}: its images have another size than those of "
                 f"{runs[0].folder}; export these runs apart"
             )
-        shape = size
         samples.append({CAMERA: sample})
-        ends = {
-            f"{film}/from_timestamp": 0.0,
-            f"{film}/to_timestamp": row["length"] / fps,
-        }
-        row.update(_place(film, i) | ends)
+        ends = {"from_timestamp": 0.0, "to_timestamp": row["length"] / fps}
+        row.update(_place(film, i) | {f"{film}/{n}": at for n, at in ends.items()})
     stats = {
         name: values if name == "count" else [[[value]] for value in values]
         for name, values in _stats(samples)[CAMERA].items()
@@ -272,12 +259,8 @@ def _write_film(run: Run, path: Path, fps: int) -> tuple[tuple[int, ...], Featur
     Raises ConfigurationError for a run whose film breaks off.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    counts, row, sample, shape = (
-        Counter(_newest_images(run)),
-        0,
-        list[Array](),
-        tuple[int, ...](),
-    )
+    counts, row = Counter(_newest_images(run)), 0
+    sample, shape = list[Array](), tuple[int, ...]()
     with FilmWriter(path) as film:
         for number, frame in enumerate(Film(run.folder / FILM).frames()):
             for _ in range(counts[number]):
@@ -298,10 +281,7 @@ def _write_film(run: Run, path: Path, fps: int) -> tuple[tuple[int, ...], Featur
 
 def _place(kind: str, number: int) -> dict[str, int]:
     """Columns of meta/episodes that name the file of a `kind` by its `number`."""
-    return {
-        f"{kind}/chunk_index": number // CHUNK,
-        f"{kind}/file_index": number % CHUNK,
-    }
+    return {f"{kind}/chunk_index": 0, f"{kind}/file_index": number}
 
 
 def _counters(
@@ -318,16 +298,12 @@ def _table(features: Mapping[str, Feature]) -> pa.Table:
     """Table of the frames: scalar columns for one component, else lists of fixed
     size.
     """
-    flat = {
-        name: pa.array(feature.values.ravel()) for name, feature in features.items()
-    }
-    sizes = {
-        name: feature.size for name, feature in features.items() if feature.size > 1
-    }
-    lists = {
-        n: pa.FixedSizeListArray.from_arrays(flat[n], size) for n, size in sizes.items()
-    }
-    return pa.table(flat | lists)
+    columns = dict[str, pa.Array]()
+    for name, feature in features.items():
+        flat, size = pa.array(feature.values.ravel()), feature.size
+        as_lists = pa.FixedSizeListArray.from_arrays
+        columns[name] = flat if size == 1 else as_lists(flat, size)
+    return pa.table(columns)
 
 
 def _episode_row(run: Run, i: int, begin: int, count: int) -> dict[str, Any]:
@@ -376,17 +352,15 @@ def _stats(each: Sequence[Mapping[str, Feature]]) -> dict[str, Any]:
     """
     found = {}
     for name, feature in each[0].items():
-        values = np.concatenate([features[name].values for features in each])
-        known = np.ma.masked_invalid(values.reshape(len(values), feature.size))
-        parts = {m: getattr(known, m)(axis=0) for m in ("min", "max", "mean", "std")}
-        found[name] = {m: np.ma.filled(part, 0.0).tolist() for m, part in parts.items()}
-        at = [*QUANTILES.values()]
-        columns = (column.compressed() for column in known.T)
-        rows = np.transpose(
-            [np.quantile(c, at) if len(c) else 0 * np.array(at) for c in columns]
-        )
-        found[name] |= dict(zip(QUANTILES, rows.tolist(), strict=True))
-        found[name]["count"] = [int((~np.ma.getmaskarray(known)).any(axis=1).sum())]
+        rows = np.concatenate([features[name].values for features in each])
+        columns = rows.reshape(len(rows), feature.size).T
+        measured = [column[np.isfinite(column)] for column in columns]
+        known = [column if len(column) else np.zeros(1) for column in measured]
+        found[name] = {
+            statistic: [float(of(column)) for column in known]
+            for statistic, of in STATISTICS.items()
+        }
+        found[name]["count"] = [max(map(len, measured))]
     return found
 
 
@@ -403,7 +377,7 @@ def _info(
         "total_episodes": len(runs),
         "total_frames": frames,
         "total_tasks": tasks,
-        "chunks_size": CHUNK,
+        "chunks_size": len(runs),
         "data_files_size_in_mb": 100,
         "video_files_size_in_mb": 200,
         "fps": _rate(runs),

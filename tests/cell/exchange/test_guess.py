@@ -137,3 +137,20 @@ def test_what_cannot_be_told_is_open_and_refused_by_its_name(tmp_path: Path) -> 
     assert "ticks.columns.z.column: is null" in said
     again = CliRunner().invoke(app, f"import --guess {place} --out {place}")
     assert "is there already" in str(again.exception)
+
+
+def test_a_camera_s_long_table_alone_is_midlines_without_a_gripper(tmp_path) -> None:
+    place = tmp_path / "a"
+    place.mkdir()
+    rows = [
+        f"{stamp:.3f};{image};{i};{300 + 0.3 * i:.1f};{0.2 * i:.1f}"
+        for image, stamp in enumerate(STAMPS)
+        for i in range(12)
+    ]
+    text = "\n".join(["Zeit;Bild;Punkt;Weg [mm];Höhe [mm]", *rows])
+    (place / "kamera.csv").write_text(text.replace(".", ","), encoding="utf-8")
+    text, said = proposed(place, "--strip", "denim")
+    assert "file: null  # open: no table holds the gripper's path" in text
+    for quantity, column in {"i": "Punkt", "x": "Weg [mm]", "z": "Höhe [mm]"}.items():
+        assert f'{quantity}: {{column: "{column}"' in text.partition("profile:")[2]
+    assert "ticks.file: is null" in said
