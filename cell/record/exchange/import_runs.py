@@ -191,10 +191,14 @@ def _changes(
     """
     x, z, pitch = ("x", "contact_x"), ("z",), ("pitch",)
     positions = (x, z, (*x, *z))
-    yield from product([{"reversed": True}, {"reversed": False}], (*positions, pitch))
-    yield from product([{"unit": unit} for unit in ANGLES], (pitch,))
-    yield from product([{"unit": unit} for unit in LENGTHS], (*positions, ("l1", "l2")))
-    yield from product([{"unit": unit} for unit in TIMES], (("t", "t_layer_touch"),))
+    tries: tuple[tuple[str, Collection[object], tuple[tuple[str, ...], ...]], ...] = (
+        ("reversed", (True, False), (*positions, pitch)),
+        ("unit", ANGLES, (pitch,)),
+        ("unit", LENGTHS, (*positions, ("l1", "l2"))),
+        ("unit", TIMES, (("t", "t_layer_touch"),)),
+    )
+    for key, values, quantities in tries:
+        yield from product([{key: value} for value in values], quantities)
     yield {}, ("x", "z")
     if length is None:
         return

@@ -195,15 +195,14 @@ def _features(run: Run, runs: Sequence[Run]) -> dict[str, Feature]:
                 np.stack([ticks[column] for column in there], axis=1), there
             )
     found["stamp"] = Feature(np.asarray(ticks["t"]))
-    if any("contact" in other.tables() for other in runs):
-        seen = run.tables().get("contact", {"t": np.empty(0), "contact_x": np.empty(0)})
-        found["measured.contact"] = _at_frames(run, seen["t"], seen["contact_x"])
-        found["measured.contact_stamp"] = _at_frames(run, seen["t"], seen["t"])
+    if any(len(other.ticks.contacts()[0]) for other in runs):
+        stamps, places = run.ticks.contacts()
+        found["measured.contact"] = _at_frames(run, stamps, places)
+        found["measured.contact_stamp"] = _at_frames(run, stamps, stamps)
     if all(other.film_stamps() for other in runs):
-        stamps = run.film_stamps()
-        found[CAMERA_STAMP] = Feature(
-            np.array([stamps[number] for number in _newest_images(run)])
-        )
+        shown = run.film_stamps()
+        newest = [shown[number] for number in _newest_images(run)]
+        found[CAMERA_STAMP] = Feature(np.array(newest))
     curves = [curve for other in runs for _, curve in other.profile.curves()]
     points = max(map(len, curves), default=0)
     return found | (_curves(run, points) if points else {})
@@ -458,21 +457,14 @@ class Episode(Source):
         """Table of the strip's measured points in the episode: t [s], i, x and z
         [m].
         """
-        names = (f"measured.profile_{axis}" for axis in "xz")
+        shape = (len(self.frames), -1)
         x, z = (
-            np.array(
-                [
-                    *map(
-                        np.asarray,
-                        unnest(self.frames.select([n]), str(self.path)).columns,
-                    )
-                ]
-            )
-            for n in names
+            np.reshape(self.frames[f"measured.profile_{axis}"].to_pylist(), shape)
+            for axis in "xz"
         )
-        row, i = np.nonzero(np.isfinite(x.T))
+        row, i = np.nonzero(np.isfinite(x))
         stamp = self.frames[POINTS_STAMP].to_numpy()
-        return pa.table({"t": stamp[row], "i": i, "x": x[i, row], "z": z[i, row]})
+        return pa.table({"t": stamp[row], "i": i, "x": x[row, i], "z": z[row, i]})
 
 
 def episodes(root: Path) -> Iterator[Episode]:
