@@ -350,7 +350,7 @@ def _stored(content: bytes) -> Iterator[McapRecord]:
     reader = StreamReader(
         BytesIO(content), emit_chunks=True, record_size_limit=LARGEST_FILE
     )
-    return reader.records
+    yield from reader.records
 
 
 def flat(message: object) -> list[Row]:
