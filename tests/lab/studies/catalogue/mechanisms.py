@@ -21,6 +21,7 @@ from cell.gap.selection.screening import DETECTED_SIGMA
 from cell.gap.subject.mechanism.effects import library
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.verdict.schema import Verdict
+from drivers.base.errors import ConfigurationError
 from tests.lab.exam.mechanisms import LISTS, make_runs
 from tests.lab.exam.score import signs
 from tests.lab.exam.spoilt import NAMES, TOLD, spoil
@@ -92,8 +93,7 @@ def measure(case: Values) -> Values:
         began = time.process_time()
         if fault:
             spoil(out, file, fault, case["seed"])
-        opened = open_subject(file, find_runs(runs), 1)
-        said = {each.what: each.level for each in opened.contradictions()}
+        said = what_is_said(file, runs)
         verdict = None
         if "bad" not in said.values():
             options = FitOptions(without=case["without"])
@@ -106,6 +106,18 @@ def measure(case: Values) -> Values:
     else:
         scored = _score_sound(case, verdict)
     return {**scored, "cpu": cpu, "said": said, **_facts(case, verdict)}
+
+
+def what_is_said(file: Path, runs: Sequence[Path]) -> dict[str, str]:
+    """Levels of the findings on recordings before a fit, by what they are called.
+
+    A jump as a reading comes free is refused as the runs are read.
+    """
+    try:
+        opened = open_subject(file, find_runs(runs), 1)
+    except ConfigurationError as error:
+        return {TOLD["stuck"] if "stands still" in str(error) else "unreadable": "bad"}
+    return {each.what: each.level for each in opened.contradictions()}
 
 
 def _score_sound(case: Values, verdict: Verdict) -> Values:
