@@ -25,7 +25,7 @@ from cell.folding.documents import (
     run_header,
 )
 from cell.folding.experience import run_key
-from cell.folding.feasibility import assess
+from cell.folding.feasibility import Feasibility, assess
 from cell.folding.fold_trace import FoldTrace
 from cell.folding.request import Request, memory_of
 from cell.folding.result import FoldResult
@@ -94,7 +94,7 @@ def fold(
         policy.reset(strip, settings.fold.speed, 1)
         calibration = corrected_calibration(calibration, settings, strip)
         start = time.perf_counter()
-        writer = _new_run(request, calibration, devices, correction)
+        writer = _new_run(request, calibration, devices, correction, foreseen)
         seen = StripInputs(calibration, strip, line.goal)
         with writer.under_way(), _reader(seen, real_time=devices.real_time) as reader:
             arm = settings.arm_driver
@@ -128,6 +128,7 @@ def _new_run(
     calibration: Calibration,
     devices: Devices,
     correction: Correction | None,
+    foreseen: Feasibility,
 ) -> RunWriter:
     """Create the folder of a run by `request`, with its header; returns its writer.
 
@@ -137,6 +138,8 @@ def _new_run(
     header = run_header(request, settings, calibration, devices.camera.rate)
     if correction is not None:
         header["learning"] = correction.facts()
+    if foreseen.reach is not None:
+        header["joint_limits"] = foreseen.reach.limits.content()
     keep = request.record.frames or settings.record.frames
     on_twin = devices.plant is not None
     return RunWriter(

@@ -17,7 +17,6 @@ from drivers.base.errors import ConfigurationError
 from drivers.base.geometry import interpolate_columns
 from drivers.base.installation import MotionLimits
 from drivers.base.types import Array, Pose, Velocity
-from drivers.franka.checks import joint_limits
 from drivers.franka.inverse_kinematics import ELBOW_JOINT
 from drivers.franka.limits import FR3, JointLimits
 from drivers.franka.reach import densify, plan_reach
@@ -50,7 +49,7 @@ class Rehearsal:
         strip.
         """
         last = len(self.path) - 1
-        release = last - 1
+        release = last - 1  # before the retreat
         yield from move(Pose.from_array(self.path[0]))
         yield from open_hand()
         yield from self._follow(0, GRASP)
@@ -116,9 +115,8 @@ def rehearsal(
     `limits`. Raises
     ConfigurationError where the workspace or the arm ends below the fold.
     """
-    used = slice(FIRST_USED, -1)
-    raised = path[used] + (0.0, HOVER_HEIGHT, 0.0)
-    speeds = speeds[used]
+    raised = np.add(path[FIRST_USED:], (0.0, HOVER_HEIGHT, 0.0))
+    speeds = speeds[FIRST_USED:]
     top = float(raised[:, 1].max())
     ceiling = settings.installation.workspace.z[1]
     if top > ceiling:
@@ -147,8 +145,8 @@ def rehearse(
     request = foreseen.require().request
     settings, strip = request.settings, request.strip
     elbow, limits = None, FR3
-    if settings.arm_driver.is_franka:
-        limits = joint_limits(settings.fci)
+    if foreseen.reach is not None:
+        limits = foreseen.reach.limits
         elbow = home_joints(settings, strip)[ELBOW_JOINT]
     path, speeds = foreseen.path, foreseen.speeds
     planned = rehearsal(settings, strip, path, speeds, elbow, limits)

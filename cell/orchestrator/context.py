@@ -93,9 +93,12 @@ class FoldInputs(Inputs):
 class FoldLog(Log):
     """What a fold found; whether the strip was `released`, and the preflight's
     `warning` for the operator.
+
+    Of the pushes of the laid edge its bent layer took up `bent` [m], by the camera.
     """
 
     released: bool = False
+    bent: float = 0.0
     warning: str = ""
 
     def check_displacement(

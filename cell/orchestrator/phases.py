@@ -5,7 +5,7 @@ commands.
 from collections import deque
 from collections.abc import Generator
 from dataclasses import asdict
-from math import sqrt
+from math import isfinite, nan, sqrt
 
 import numpy as np
 
@@ -13,7 +13,6 @@ from calibration.landmarks import camera_shift
 from cell.base.devices import fold_path
 from cell.orchestrator import steps
 from cell.orchestrator.context import FoldInputs, FoldLog, ManualInputs, ManualLog
-from cell.orchestrator.lay import TURN_GAIN, follow_lay
 from cell.orchestrator.recorder import Recorder
 from cell.orchestrator.snapshot import Command, Drive, Hold, Snapshot
 from cell.orchestrator.states import Event, State
@@ -27,18 +26,23 @@ from cell.perception.strip_measurement import StripMeasurement
 from drivers.base.errors import Fault, PreflightRefused
 from drivers.base.geometry import moving_average
 from drivers.base.types import Array, Pose, Velocity
-from drivers.franka.obstacles import require_clear
 from policies.follower import Follower
-from policies.path import Path, lift_pitch
+from policies.path import lift_pitch
 from policies.policy import Decision, Observation, Policy, Predictor
 from policies.profile import image_profile
 
+TURN_GAIN = 10.0  # 1/s, how fast an error of pitch is taken out
 # of the arm's pitch acceleration, to stop the rotation at the lift's end
 BRAKING_SHARE = 0.7
 SLOPE_TRAVEL = 0.01  # m of the lift over which its rotation per metre is measured
 COMPARED_TIME = 0.5  # s of images over which a hanging strip's motion is measured
 FEWEST_IMAGES = 5  # that must lie in COMPARED_TIME
 AVERAGED_IMAGES = 3  # images in a running mean, in which their noise averages out
+BRAKING = 0.5  # m/s^2, less than any arm's limit, towards the end of a lay
+# m/s, least speed of a lay, so that braking by the distance left reaches its end
+CREEP = 0.005
+ALIGNED = 0.0003  # m, of an edge from its place, that no push is worth
+LEAST_PASSED = 0.2  # share of a push that a bent layer passes on at least
 REST_TRAVEL = 0.0005  # m that the profile's mean travels, below which a strip rests
 
 
@@ -229,10 +233,7 @@ def fold(
         _record_prediction(given.policy, log, record, snapshot)
         if decision.done[0]:
             return Event.PATH_DONE
-        # rad/s that takes out the error of pitch, by which the gripper no longer hangs
-        # upright
-        upright = TURN_GAIN * (fold_path.HANGING - snapshot.arm.pose.pitch)
-        command = steps.drive(decision, upright)
+        command = steps.drive(decision, _upright(snapshot.arm.pose))
 
 
 def _record_decision(
@@ -270,62 +271,106 @@ def _record_prediction(
         record.event(snapshot.time, "policy_sees", path="its own")
 
 
-NOT_LAID = (
-    "the edge is held and was not laid: the layers touched so far from where they"
-    " should that the hand would meet the desk"
-)
-
-
 def continue_to_lay(
-    given: FoldInputs, log: FoldLog, record: Recorder, begin: Snapshot
+    _given: FoldInputs, _log: FoldLog, record: Recorder, begin: Snapshot
 ) -> steps.Phase:
     """Record the layers' touch and begin the lay motion at once: a pause would shift
     the loop.
-
-    The fold ends at the touch, and says so, where it has missed by so much that the
-    hand would have to lay the edge where there is desk.
     """
     yield from ()
     record.event(begin.time, "touch_seen", x=begin.arm.pose.x, z=begin.arm.pose.z)
-    path, held = _lay_plan(given, log, begin.arm.pose)
-    x, z = path.points[-1].tolist()
-    low = Pose(x, z, fold_path.LYING)
-    above = Pose(low.x, low.z + given.settings.fold.clear_height, fold_path.LYING)
-    try:
-        require_clear([above, low, held], given.desk_end)
-    except Fault as fault:
-        record.event(begin.time, "not_laid", reason=str(fault))
-        log.warning = f"{log.warning} {NOT_LAID}".lstrip()
-        return Event.PATH_DONE
     return Event.SETTLED
-
-
-def _lay_plan(given: FoldInputs, log: FoldLog, gripper: Pose) -> tuple[Path, Pose]:
-    """Path of the lay from the `gripper`, and the pose in which the edge is let go;
-    Fault without a touch.
-    """
-    touch = log.seen_touch
-    settings = given.settings.fold
-    if touch is None:
-        raise Fault("illegal_event", "LAY was entered without a touch")
-    rest = fold_path.laid_height(max(given.strip.thickness, touch.distance))
-    taut = fold_path.taut_edge(touch)
-    end = fold_path.edge_place(taut, given.goal + given.place)
-    path = fold_path.lay_path(gripper, taut, rest, end, settings)
-    return path, Pose(end + fold_path.HUMP, rest, fold_path.LYING)
 
 
 def lay(
     given: FoldInputs, log: FoldLog, record: Recorder, begin: Snapshot
 ) -> steps.Phase:
-    """Lower the grasped edge to the desk and push it to its target; Fault without a
-    touch.
+    """Lower the grasped edge to the desk, and push it until the camera sees that its
+    layers are equal.
     """
-    path, held = _lay_plan(given, log, begin.arm.pose)
-    yield from follow_lay(path, given.settings.fold.lay_speed, begin)
-    snapshot = yield from steps.move(held)
+    plan = _lay_plan(given, log, begin.arm.pose)
+    snapshot = yield from follow_lay(plan, given.settings.fold.lay_speed, begin)
+    snapshot = yield from _push(given, log, plan, record, snapshot)
     record.event(snapshot.time, "laid", x=snapshot.arm.pose.x, z=snapshot.arm.pose.z)
     return Event.LAID
+
+
+def _lay_plan(given: FoldInputs, log: FoldLog, gripper: Pose) -> fold_path.LayPlan:
+    """Lay from where the `gripper` is; Fault without a touch."""
+    touch = log.seen_touch
+    if touch is None:
+        raise Fault("illegal_event", "LAY was entered without a touch")
+    thickness = given.strip.thickness
+    layers = max(thickness, touch.distance) + thickness / 2.0
+    taut, place = fold_path.taut_edge(touch), given.goal + given.place
+    return fold_path.lay_plan(gripper, taut, layers, place, given.settings.fold)
+
+
+def follow_lay(plan: fold_path.LayPlan, speed: float, begin: Snapshot) -> steps.Motion:
+    """Follow the path of a lay at `speed` [m/s] with the hand upright, to rest.
+
+    The gripper slows down in time: one that brakes at the end of the path only meets
+    the desk.
+    """
+    path = plan.path
+    follower = Follower(path, 1)
+    pace = speed
+    snapshot = yield Drive(begin.velocity)
+    while True:
+        pose = snapshot.arm.pose
+        decision = follower.decide(np.array([pose.x]), np.array([pose.z]), pace)
+        if decision.done[0]:
+            return (yield from steps.move(plan.held()))
+        snapshot = yield steps.drive(decision, _upright(pose))
+        left = path.length - float(follower.progress[0])
+        pace = min(speed, max(CREEP, sqrt(2 * BRAKING * max(left, 0.0))))
+
+
+def _upright(pose: Pose) -> float:
+    """Pitch rate [rad/s] that takes out the error of a hand that no longer hangs."""
+    return TURN_GAIN * (fold_path.HANGING - pose.pitch)
+
+
+def _push(
+    given: FoldInputs,
+    log: FoldLog,
+    plan: fold_path.LayPlan,
+    record: Recorder,
+    snapshot: Snapshot,
+) -> steps.Motion:
+    """Push the held edge until its layer, as long as the loop leaves it, ends where it
+    is to lie.
+
+    The fold rolls on after the touch, so that the upper layer is too long; a push rolls
+    it back. How much of a push the layer's bent end passes on is learnt from push to
+    push, at first all of it. Nothing slides on release: friction holds what lies.
+    """
+    pushed, passed = 0.0, 1.0
+    beyond = first = yield from _seen_beyond(given, plan, snapshot.arm.pose)
+    while beyond > ALIGNED and pushed < fold_path.PUSH:
+        step = min(beyond / passed, fold_path.PUSH - pushed)
+        pushed += step
+        snapshot = yield from steps.move(plan.held(pushed))
+        before = beyond
+        beyond = yield from _seen_beyond(given, plan, snapshot.arm.pose)
+        passed = min(max((before - beyond) / step, LEAST_PASSED), 1.0)
+        if isfinite(beyond):
+            log.bent = pushed - (first - beyond)
+        record.event(snapshot.time, "pushed", by=pushed, beyond=beyond)
+    return snapshot
+
+
+def _seen_beyond(
+    given: FoldInputs, plan: fold_path.LayPlan, gripper: Pose
+) -> Generator[Command, Snapshot, float]:
+    """How far [m] beyond its place the edge held by the `gripper` would lie, let go;
+    NaN where no loop is seen.
+    """
+    seen = yield from _lying_strip(given.reader, gripper)
+    loop = None if seen is None else Loop.seen_in(seen)
+    if loop is None:
+        return nan
+    return plan.end + edge_offset(given.strip.length, given.strip.thickness, loop)
 
 
 def release(
@@ -337,12 +382,11 @@ def release(
     thickness = given.strip.thickness
     snapshot = yield from steps.open_hand(thickness + fold_path.LOOSE)
     held = snapshot.arm.pose
-    edge = Pose(held.x - fold_path.HUMP, thickness, np.pi)  # once it has sprung back
+    end = held.x - log.bent - fold_path.BEND
+    edge = Pose(end, thickness, np.pi)  # once it lies flat
     record.event(snapshot.time, "released", edge_offset=given.goal - edge.x)
-    for away in fold_path.retreat_poses(held, given.settings.fold):
-        yield from steps.move(away)
-    picture = yield from steps.still_picture()
-    measurement = yield from _laid_strip(given.reader, picture, edge)
+    yield from steps.move(fold_path.retreat(held, given.settings.fold))
+    measurement = yield from _lying_strip(given.reader, edge)
     loop = _visible_loop(given.strip.length, measurement)
     log.released = True
     facts = {}
@@ -362,18 +406,19 @@ def _compare_edges(given: FoldInputs, log: FoldLog, loop: Loop, edge: Pose) -> N
     spreads = {
         "map, twice": 2.0 * given.calibration.residual,
         "loop": LaidWeights.shipped().rms,
-        "release": fold_path.SPRINGING,
+        "bend": fold_path.BENDING,
     }
     log.witnesses.append(LengthCheck("edges", beyond + edge.x, spreads))
 
 
-def _laid_strip(
-    reader: Reader, picture: steps.StillPicture, edge: Pose
+def _lying_strip(
+    reader: Reader, end: Pose
 ) -> Generator[Command, Snapshot, StripMeasurement | None]:
-    """Measure the laid strip in a `picture`, whose grasped edge was released near
-    `edge`.
+    """Measure the strip that lies folded up to its `end`, held or let go, in a picture
+    at rest.
     """
-    task = ImageTask(picture.frame, edge, hand=picture.gripper)
+    picture = yield from steps.still_picture()
+    task = ImageTask(picture.frame, end, hand=picture.gripper)
     reader.submit(task, picture.frame.arrival)
     result = reader.result()
     if isinstance(result, ImageResult):

@@ -55,7 +55,6 @@ _FORWARD: dict[tuple[State, Event], State] = {
     (State.FOLD, Event.LAYER_TOUCH): State.TOUCHED,
     (State.FOLD, Event.PATH_DONE): State.DONE,
     (State.TOUCHED, Event.SETTLED): State.LAY,
-    (State.TOUCHED, Event.PATH_DONE): State.DONE,
     (State.LAY, Event.LAID): State.RELEASE,
     (State.RELEASE, Event.RELEASED): State.DONE,
     (State.STOPPING, Event.STOPPED): State.FAULT,

@@ -10,6 +10,10 @@ import numpy as np
 
 from drivers.base.types import Array
 
+# m by which an edge is held before the middle between the pads: with less of the
+# fingers beyond it, the edge can be laid lower
+EDGE_AHEAD = 0.004
+
 
 @dataclass(frozen=True, slots=True)
 class CellInRobot:
@@ -32,9 +36,10 @@ class CellInRobot:
     def to_robot(
         self, x: float, z: float, pitch: float, *, turned: bool = False
     ) -> Array:
-        """Pose (4, 4) in the base of a hand whose grip is at x, z [m] and `pitch`
+        """Pose (4, 4) in the base of a hand that holds an edge at x, z [m] and `pitch`
         [rad].
 
+        Its tool's point, the middle between the pads, is EDGE_AHEAD behind that edge.
         The hand's approach axis is its z-axis; at pitch pi/2 it points straight down.
         Its fingers open along its y-axis, which lies in the strip's plane too. `turned`
         rotates the hand by half a turn about its approach axis.
@@ -43,21 +48,22 @@ class CellInRobot:
         c, s = cos(pitch - np.pi / 2), sin(pitch - np.pi / 2)
         in_cell = np.array(
             [
-                [0, -side * c, s, x],
+                [0, -side * c, s, x - EDGE_AHEAD * s],
                 [-side, 0, 0, 0],
-                [0, -side * s, -c, z],
+                [0, -side * s, -c, z + EDGE_AHEAD * c],
                 [0, 0, 0, 1],
             ]
         )
         return np.asarray(self.matrix @ in_cell, dtype=np.float64)
 
     def to_cell(self, pose: Array) -> tuple[float, float, float]:
-        """x, z [m], pitch [rad] in the cell frame of a hand at `pose` (4, 4) in the
-        base, turned or not.
+        """x, z [m] of the held edge, pitch [rad] in the cell frame of a hand at `pose`
+        (4, 4) in the base, turned or not.
         """
         in_cell = np.linalg.solve(self.matrix, pose)
         pitch = np.pi / 2 + np.arctan2(in_cell[0, 2], -in_cell[2, 2])
-        return float(in_cell[0, 3]), float(in_cell[2, 3]), float(pitch)
+        x, _, z = in_cell[:3, 3] + EDGE_AHEAD * in_cell[:3, 2]
+        return float(x), float(z), float(pitch)
 
 
 def arc_lengths(points: Array) -> Array:

@@ -6,7 +6,7 @@ from math import atan2, pi
 
 import numpy as np
 
-from drivers.base.geometry import CellInRobot
+from drivers.base.geometry import EDGE_AHEAD, CellInRobot
 from drivers.base.types import Array
 from drivers.franka.kinematics import pose_from_columns
 
@@ -63,13 +63,15 @@ class StripPlane:
         return self._cell_in_robot.to_robot(x, z, pitch, turned=self.turned)
 
     def to_cell(self, pose: Numbers) -> Triple:
-        """x, z [m] and pitch [rad] in the cell of a hand pose in the base, column-major
-        (16,).
+        """x, z [m] of the held edge and pitch [rad] in the cell, of a hand pose in the
+        base, column-major (16,).
         """
         x, _, z = self.position_in_cell(pose)
         approach = pose[8:11]  # axis of the hand: along -x at pitch 0, down at pi/2
-        pitch = atan2(-_dot(self._rows[2], approach), -_dot(self._rows[0], approach))
-        return x, z, pitch + 2 * pi if pitch < -pi / 2 else pitch
+        along, up = _dot(self._rows[0], approach), _dot(self._rows[2], approach)
+        pitch = atan2(-up, -along)
+        whole = pitch + 2 * pi if pitch < -pi / 2 else pitch
+        return x + EDGE_AHEAD * along, z + EDGE_AHEAD * up, whole
 
     def position_in_cell(self, pose: Numbers) -> Triple:
         """x, y, z [m] in the cell of a hand pose in the base, column-major (16,)."""

@@ -19,7 +19,7 @@ from drivers.franka.inverse_kinematics import (
     track,
 )
 from drivers.franka.kinematics import HOME, pose_and_jacobian
-from drivers.franka.limits import ACCELERATION, FR3, JointLimits
+from drivers.franka.limits import ACCELERATION, FR3, FR3V2, JointLimits
 from drivers.franka.plane import StripPlane
 
 # of a whole path, before the motion
@@ -34,6 +34,7 @@ PATH_ITERATIONS = 12  # Newton steps for one pose
 HANGING = np.pi / 2 - 1e-6  # rad of pitch, from the end of the lift on
 NO_POSTURE = "no posture of the arm brings the hand there"
 MOST_PROBLEMS = 5  # problems of one path, after which it is given up
+WIDEST = FR3V2  # limits of all published ones
 # rad of joint 3, tried
 ELBOWS = (-1.2, -0.9, -0.6, -0.3, -0.15, 0.0, 0.15, 0.3, 0.6, 0.9, 1.2)
 
@@ -108,12 +109,14 @@ def plan_reach(
     poses, times = densify(path, speeds)
     frame = installation.mounting.transform()
     planes = [StripPlane(frame, turned=turned) for turned in (False, True)]
-    tracked = [
-        reach
-        for plane in planes
-        for reach in _postures(plane, poses, times, elbows, limits)
-    ]
-    if not tracked:
+    tracked = list[Reach]()
+    # beyond the limits it is told which joint ends
+    for begun_in in (limits, WIDEST):
+        for plane in planes:
+            tracked += _postures(plane, poses, times, elbows, limits, begun_in)
+        if tracked:
+            break
+    else:
         x, z, pitch = path[0].tolist()
         problem = Problem(x, z, pitch, NO_POSTURE)
         return Reach(
@@ -149,14 +152,15 @@ def _postures(
     times: Array,
     elbows: tuple[float, ...],
     limits: JointLimits,
+    begun_in: JointLimits,
 ) -> Iterator[Reach]:
     """Yield the result of tracking `poses` from each start posture, one for each elbow
-    angle.
+    angle, that the limits `begun_in` allow.
     """
     for elbow in elbows:
         seed = HOME + frozen([-elbow, 0, elbow, 0, 0, 0, 0])
         try:
-            near = solve(plane.matrix(*poses[0].tolist()), seed, limits=limits)
+            near = solve(plane.matrix(*poses[0].tolist()), seed, limits=begun_in)
         except Unreachable:
             continue
         tracked = track(near, plane.matrix(*poses[0].tolist()), elbow, PATH_ITERATIONS)

@@ -7,21 +7,29 @@ ruler on the first day.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 
+from drivers.base.geometry import EDGE_AHEAD
 from drivers.base.installation import Installation
 from drivers.base.types import Array
 
-# The hand seen from the grip, the middle between the pads: m behind it along the
-# approach axis, then to either side along the axis on which the fingers open. Source:
-# franka_description, hand.xacro and its meshes, rounded up.
-FINGER = ((-0.0090, 0.0145), (0.0265, 0.0255), (0.0450, 0.0265))  # beyond the pad
+Outline = tuple[tuple[float, float], ...]
+
+
+def _from_edge(*profile: tuple[float, float]) -> Outline:
+    """A `profile` from the middle between the pads, as seen from the held edge."""
+    return tuple((behind + EDGE_AHEAD, half) for behind, half in profile)
+
+
+# The hand: m behind the grip along the approach axis, then to either side along the
+# axis on which the fingers open. Source: franka_description, hand.xacro and its meshes,
+# rounded up.
+FINGER = _from_edge((-0.0090, 0.0145), (0.0265, 0.0255), (0.0450, 0.0265))  # no pad
 FINGER_WIDTH = 0.021  # m across
-PALM = ((0.037, 0.104), (0.130, 0.104))
+PALM = _from_edge((0.037, 0.104), (0.130, 0.104))
 PALM_WIDTH = 0.064  # m across
-FLANGE = ((0.105, 0.05), (0.200, 0.05))
+FLANGE = _from_edge((0.105, 0.05), (0.200, 0.05))
 TIP_AHEAD = -FINGER[0][0]  # m by which closed fingers reach beyond the grip
 
 # The cell about the strip, in its frame [m]
@@ -34,8 +42,6 @@ RISE = 0.15  # of the desk above its surroundings, for a hand that lies flat
 FLOOR_SIZE = 3.0
 ROOM = 0.001  # m that the hand keeps from the lower layer
 LEAST_SUPPORT = 0.005  # m of strip on the desk to either side of the notch
-
-Outline = tuple[tuple[float, float], ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,16 +90,6 @@ def side_view(outline: Array, poses: Array) -> Array:
     along = x + behind * np.cos(pitch) - side * np.sin(pitch)
     height = z + behind * np.sin(pitch) + side * np.cos(pitch)
     return np.stack([along, height], axis=-1)
-
-
-@cache
-def lowest(pitch: float, width: float) -> float:
-    """How far [m] the fingers, open by `width` [m], reach below the grip at
-    `pitch`.
-    """
-    outlines = [finger(width, side) for side in (-1.0, 1.0)]
-    poses = np.array([(0.0, 0.0, pitch)])
-    return -min(float(side_view(one, poses)[..., 1].min()) for one in outlines)
 
 
 def desk_end(installation: Installation, length: float | None = None) -> float:

@@ -10,4 +10,6 @@ from tests.support.requests import request_for
 @pytest.fixture(scope="session")
 def denim(tmp_path_factory: pytest.TempPathFactory) -> Folded:
     runs = tmp_path_factory.mktemp("denim")
-    return fold_and_keep(request_for("denim", "planned", runs, record=Recording("all")))
+    return fold_and_keep(
+        request_for("denim", "triangular", runs, record=Recording("all"))
+    )

@@ -106,5 +106,5 @@ if __name__ == "__main__":
     fci = robot.fci.model_copy(update={"address": sys.argv[1], "lock_step": True})
     robot = robot.model_copy(update={"fci": fci})
     runs, record = Path(sys.argv[2]), Recording("none")
-    request = request_for("denim", "planned", runs, cell=robot, record=record)
+    request = request_for("denim", "triangular", runs, cell=robot, record=record)
     fold(request, cached_calibration())

@@ -22,7 +22,7 @@ from tests.support.requests import request_for
 from tests.support.twin_calibration import twin_calibration
 
 TICK = 0.005  # s
-GRASPED, RELEASED = 4, -3  # points of a whole path
+GRASPED, RELEASED = 4, -2  # points of a whole path
 OPEN = 0.04  # m between open fingers
 LEAVING = 0.35  # s until the hand has left the edge, which rests on its lower pad
 

@@ -87,9 +87,9 @@ class FoldSettings(Settings):
         0.10, ge=0.005, le=0.16
     )  # on the path; faster, the lift out-turns the hand
     lay_speed: Speed = Field(0.10, ge=0.005, le=0.16)
-    lay_height: Metres = Field(0.025, ge=0.005, le=0.06)  # of the edge above its place
-    # of push before the edge is let go; folds roll 6 mm
-    lay_beyond: Metres = Field(0.016, ge=0, le=0.02)
+    lay_height: Metres = Field(0.010, ge=0.005, le=0.06)  # of the edge above its place
+    # by which the edge comes down farther out than a layer that bends up to the grip
+    lay_beyond: Metres = Field(0.005, ge=0, le=0.02)
     # where the policy takes over
     takeover_height: Metres = Field(TAKEOVER_HEIGHT, ge=0.03, le=0.2)
     # of measured time; None: by the arm

@@ -3,7 +3,7 @@ through them.
 """
 
 from itertools import pairwise
-from math import cos, sin
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,22 +11,18 @@ from cell.base.config.settings import FoldSettings
 from drivers.base.geometry import arc_lengths
 from drivers.base.installation import Installation, MotionLimits
 from drivers.base.types import Array, Pose
-from drivers.franka.shapes import ROOM, lowest
+from drivers.franka.shapes import ROOM, TIP_AHEAD
 from drivers.strip.engine import Touch
 from policies.path import Path, lift_pitch
 
 HANGING = np.pi / 2  # rad, pitch of a gripper from which the strip hangs straight down
-# rad, pitch at which the edge is let go: the lower finger then lies along the desk, and
-# the palm hangs beside the desk's end
-LYING = 5 * np.pi / 6
-# m, from taut to where the edge is let go: released, the hump between springs back
-HUMP = 0.020
-SHEET = 0.002  # m of fabric that is planned under a laid edge
-# m, of a released edge from where it is to lie; rms of the ten strips
-SPRINGING = 0.0025
+LAYERS = 0.002  # m of fabric that are planned under the fingers' ends
+# m by which an edge that has come down would lie beyond its grip, let go: mean, and rms
+# over the ten strips
+BEND, BENDING = 0.0036, 0.0017
+PUSH = 0.03  # m by which an edge is pushed at most, once it is down
 LOOSE = 0.004  # m between the fingers when they have let go of a laid edge
 PULL = 0.01  # m by which an upper layer that is too short is pulled along at most
-LAY_POINTS = 20  # points of a lay, in which the hand turns
 NEAR_EDGE = 0.05  # m beside and above the other edge, where a plain fold ends
 LEG_POINTS = 30  # points of either leg of a plain fold
 POINT_SPACING = 0.01  # m between points of a carried strip's path that are kept
@@ -56,19 +52,13 @@ def whole_path(
     carry = _thin_out(carry)
     x, z = carry[-1].tolist()
     taut = max(x - z, 0.0) if touch is None else taut_edge(touch)
-    end = edge_place(taut, goal)
-    rest = laid_height(SHEET)
-    lay = lay_path(Pose(x, z, HANGING), taut, rest, end, fold)
-    travel = np.union1d(lay.travel, np.linspace(0.0, lay.length, LAY_POINTS))[1:]
-    lowered = np.column_stack([lay.at(travel), lay_pitch(travel / lay.length)])
-    home, laid = (
-        Pose(length, installation.home_height, 0.0),
-        Pose(end + HUMP, rest, LYING),
-    )
+    plan = lay_plan(Pose(x, z, HANGING), taut, LAYERS, goal, fold)
+    lay = np.insert(plan.path.points[1:], 2, HANGING, axis=1)
+    home = Pose(length, installation.home_height, 0.0)
     approach = [pose.as_array() for pose in (home, *approach_poses(length, fold))]
-    retreat = [pose.as_array() for pose in (laid, *retreat_poses(laid, fold))]
+    let_go = retreat(plan.held(), fold).as_array()[None]
     carried = np.column_stack([carry, lift_pitch(arc_lengths(carry))])[1:]
-    parts = (approach, carried, lowered, retreat)
+    parts = (approach, carried, lay, let_go)
     fastest = min(installation.limits.x.velocity, installation.limits.z.velocity)
     speeds = (fastest, fold.speed, fold.lay_speed, fastest)
     return np.concatenate(parts), np.repeat(speeds, [len(part) for part in parts])
@@ -107,55 +97,47 @@ def edge_place(taut: float, place: float = 0.0) -> float:
     return min(max(place, taut - PULL), taut + PULL)
 
 
-def laid_height(layers: float) -> float:
-    """Height [m] of the grip at which the edge is let go over `layers` [m] of fabric.
-
-    The lower finger lies between the layers, and stays off the lower one as it opens.
+class LayPlan(NamedTuple):
+    """Lay of a grasped edge: the `path` to where it is down, and x [m] where it is to
+    lie, `end`, released.
     """
-    return layers + ROOM + lowest(LYING, LOOSE)
+
+    path: Path
+    end: float
+
+    def held(self, pushed: float = 0.0) -> Pose:
+        """Pose of the gripper once the edge is down and was `pushed` on by some m."""
+        x, z = self.path.points[-1].tolist()
+        return Pose(x + pushed, z, HANGING)
 
 
-def lay_path(
-    gripper: Pose, taut: float, rest: float, end: float, fold: FoldSettings
-) -> Path:
-    """Path of the gripper that lowers the grasped edge of a `taut` upper layer, x [m],
-    to `rest` [m] above the desk.
+def lay_plan(
+    gripper: Pose, taut: float, layers: float, place: float, fold: FoldSettings
+) -> LayPlan:
+    """Lay of the edge of an upper layer that is `taut` up to x [m], to x = `place` [m].
 
-    Straight to `lay_height` above where it is let go, HUMP before `end` [m], unless the
-    gripper is below that, and down, `lay_beyond` less far, from where it is pushed
-    there.
+    The hand stays upright: its thick fingers never come between the layers, one of them
+    holds the upper layer down. Straight to `lay_height` above where the edge comes
+    down, unless the gripper is below that, and down, until the fingers' ends are ROOM
+    above the upper layer, whose surface lies `layers` [m] above the lower's midline.
 
     From that height the upper layer comes down as a lid, in part lifted, where friction
-    does not hold it. The fold has rolled it along, so that it is too long: lowered at
-    its end it keeps a hump at the grip and springs beyond the edge on release. The push
-    rolls the fold back. No circle about the touch: that starts sideways, pulls the
-    contact along and rolls soft folds by 15 to 40 mm.
+    does not hold it. There its end bends up to the grip, over the fingers' height, less
+    `lay_beyond`: farther out the edge draws the fold along. No circle about the touch:
+    that starts sideways, pulls the contact along and rolls soft folds by 15 to 40 mm.
     """
-    place = end + HUMP
-    down = min(place, taut + HUMP - fold.lay_beyond)
+    end = edge_place(taut, place)
+    rest = layers + ROOM + TIP_AHEAD
+    down = min(end, taut) + rest - fold.lay_beyond
     top = rest + fold.lay_height
-    above = [(place, top)] if gripper.z > top else []
-    return Path.through(np.array([(gripper.x, gripper.z), *above, (down, rest)]))
+    above = [(down, top)] if gripper.z > top else []
+    points = [(gripper.x, gripper.z), *above, (down, rest)]
+    return LayPlan(Path.through(np.array(points)), end)
 
 
-def lay_pitch(share: Array | float) -> Array:
-    """Pitch (...,) [rad] after a `share` (...,) of the lay path: most of the turn is at
-    its end.
-
-    An edge that lies back early pushes what hangs from it.
-    """
-    turned: Array = HANGING + (LYING - HANGING) * np.asarray(share) ** 2
-    return turned
-
-
-def retreat_poses(laid: Pose, fold: FoldSettings) -> tuple[Pose, Pose]:
-    """Poses of the gripper away from an edge let go at `laid`: backward along the
-    fingers, then up.
-    """
-    far = fold.approach
-    x, z = laid.x + far * cos(laid.pitch), laid.z + far * sin(laid.pitch)
-    back = Pose(x, z, laid.pitch)
-    return back, Pose(back.x, back.z + 2 * fold.approach, back.pitch)
+def retreat(laid: Pose, fold: FoldSettings) -> Pose:
+    """Pose of the gripper straight above an edge let go at `laid`."""
+    return Pose(laid.x, laid.z + 3 * fold.approach, laid.pitch)
 
 
 def triangle(length: float) -> Array:

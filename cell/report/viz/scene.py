@@ -14,7 +14,7 @@ import rerun.blueprint as rrb
 from numpy.typing import ArrayLike, NDArray
 
 from calibration.calibration import Calibration
-from drivers.base.geometry import CellInRobot, arc_lengths
+from drivers.base.geometry import EDGE_AHEAD, CellInRobot, arc_lengths
 from drivers.base.installation import Installation
 from drivers.base.types import Array
 from drivers.franka.collision import CAPSULES, link_frames
@@ -108,7 +108,7 @@ def camera(calibration: Calibration, scale: float) -> Mapping[str, Any]:
 
 def hand_bodies() -> Mapping[str, Any]:
     """Static shapes of the closed hand by entity, in the hand's frame."""
-    hand, tip = LINKS[HAND_LINK], float(HAND_TO_TIP[2, 3])
+    hand, tip = LINKS[HAND_LINK], EDGE_AHEAD + float(HAND_TO_TIP[2, 3])
     (top, half), (back, _) = PALM
     palm = (-PALM_WIDTH / 2, -half, tip - back), (PALM_WIDTH / 2, half, tip - top)
     bodies = {f"{hand}/palm": _box(*palm, ARM_RGB)}

@@ -18,11 +18,12 @@ from drivers.franka.shapes import RISE, desk_end
 @dataclass(frozen=True, slots=True)
 class ArmPrediction:
     """Predicted motion of a Franka arm in a whole fold; `clearance` [m] of hand over
-    desk.
+    desk, `limits` of the joints by which it was planned.
     """
 
     reach: Reach
     clearance: float
+    limits: JointLimits
 
     @property
     def allowed(self) -> bool:
@@ -80,4 +81,4 @@ def predict_arm(
     desk = desk_end(installation, length)
     clearance = float(desk_clearance(densify(path, speeds)[0], desk).min())
     reach = plan_reach(installation, path, speeds, limits=limits)
-    return ArmPrediction(reach, clearance)
+    return ArmPrediction(reach, clearance, limits)

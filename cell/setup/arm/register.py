@@ -12,6 +12,7 @@ from cell.base.config.cell import CellFile
 from cell.base.config.places import Configs
 from drivers.base.errors import CellError
 from drivers.base.files import change_file
+from drivers.base.geometry import EDGE_AHEAD
 from drivers.base.installation import Mounting
 from drivers.base.settings import parse
 from drivers.base.types import Array
@@ -33,10 +34,10 @@ def touched_point(pose: Sequence[float]) -> Array:
     """Point (3,) [m] in the base that the closed fingers of a hand at `pose` (16,)
     touch.
 
-    A pose is that of the grip, between the pads: the fingers reach beyond it.
+    A pose is that of the middle between the pads: the fingers reach beyond it.
     """
     hand = pose_from_columns(pose)
-    return hand[:3, 3] + TIP_AHEAD * hand[:3, 2]
+    return hand[:3, 3] + (EDGE_AHEAD + TIP_AHEAD) * hand[:3, 2]
 
 
 def mounting_from_points(points: Array, length: float) -> Mounting:

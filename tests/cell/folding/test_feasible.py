@@ -18,12 +18,14 @@ from calibration.calibration import Calibration
 from cell.base.config.cell import CellFile
 from cell.base.config.length import metres
 from cell.base.config.places import CHECKOUT_CONFIGS, find_configs
+from cell.folding import feasibility
 from cell.folding.feasibility import assess, corner_strips, path_problems
 from cell.folding.fold import fold
 from cell.interface.cli.app import app
 from drivers.base.errors import PreflightRefused
 from drivers.base.installation import AxisLimits, MotionLimits, Mounting
 from drivers.base.types import Array
+from drivers.franka.limits import FR3
 from tests.support.commands import run
 from tests.support.requests import request_for
 from tests.support.twin_calibration import twin_calibration
@@ -41,7 +43,7 @@ def cell_with(**installation) -> CellFile:
 
 
 def refusal(
-    seen_by: Calibration, policy: str = "circular", place=None, **changes
+    seen_by: Calibration, policy: str = "triangular", place=None, **changes
 ) -> str:
     """What is refused of a fold by the twin's arm, or by a robot in another `place`."""
     cell = cell_with(**(place or {})).with_drivers("twin" if place is None else "fci")
@@ -147,7 +149,7 @@ def test_speeds_that_a_refusal_states_are_followed_on_the_path_of_that_speed() -
     assert "workspace" in next(path_problems(math.nan * steep, steep, slower, path))
 
 
-@pytest.mark.parametrize(("away", "refused"), [(0.40, False), (0.50, True)])
+@pytest.mark.parametrize(("away", "refused"), [(0.40, False), (0.46, True)])
 @pytest.mark.parametrize("turn", [0.0, -0.4])
 def test_reach_is_that_of_the_joints_from_a_turned_base(
     seen_by, away, refused, turn
@@ -162,8 +164,25 @@ def test_reach_is_that_of_the_joints_from_a_turned_base(
     said = refusal(
         seen_by, place={"mounting": Mounting(x=x, y=y, yaw=math.pi / 2 + turn)}
     )
-    assert said.startswith("reach: the arm cannot follow the fold: x 6") == refused
+    assert said.startswith("reach: the arm cannot follow the fold: x 598 mm") == refused
     assert bool(said) == refused
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("joint", "end", "narrowed"), [(6, "lower", 1.2), (4, "upper", -1.4)]
+)
+def test_joint_narrower_than_a_fold_needs_is_named_with_its_value(
+    seen_by, joint: int, end: str, narrowed: float, monkeypatch
+) -> None:
+    ends = list(getattr(FR3, end))
+    ends[joint - 1] = narrowed
+    limits = replace(FR3, **{end: tuple(ends)})
+    monkeypatch.setattr(feasibility, "joint_limits", lambda _: limits)
+    said = refusal(seen_by, "planned", {})
+    assert re.search(
+        rf"joint {joint} (comes within|would turn at) -?\d\.\d\d rad", said
+    )
 
 
 def test_what_no_file_states_of_a_strip_is_uncertain_by_a_tenth_and_a_half() -> None:

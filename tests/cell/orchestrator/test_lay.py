@@ -8,34 +8,34 @@ import pytest
 
 from cell.base.config.settings import FoldSettings
 from cell.base.devices.fold_path import (
-    HUMP,
+    HANGING,
     LOOSE,
-    LYING,
     PULL,
+    LayPlan,
     edge_place,
-    laid_height,
-    lay_path,
+    lay_plan,
     taut_edge,
 )
+from cell.orchestrator import phases as fold_phases
 from cell.orchestrator.context import FoldInputs, FoldLog
-from cell.orchestrator.lay import BRAKING, LAY_TURNING, follow_lay
-from cell.orchestrator.phases import FOLD_PHASES
+from cell.orchestrator.phases import ALIGNED, BRAKING, FOLD_PHASES, follow_lay
 from cell.orchestrator.snapshot import Drive, Hold, MoveTo, OpenHand
 from cell.orchestrator.states import Event
 from cell.perception.strip_measurement import SeenTouch
 from drivers.base.types import Pose, Velocity
+from drivers.franka.shapes import ROOM, TIP_AHEAD
 from policies.path import Path
 from tests.support.plain_cell import GOOD, phases, plain_bench
 
-TICK, REST, SPEED = 0.01, 0.0009, 0.1  # s, m, m/s
+TICK, REST, SPEED = 0.01, 0.0079, 0.1  # s, m, m/s
 FOLD = FoldSettings()
-HEIGHT, BEYOND = FOLD.lay_height, FOLD.lay_beyond
 
 
 def driven(start: tuple[float, float]) -> list[Velocity]:
     """Velocities commanded from `start` to the fixed edge, up to the last move."""
-    begin = replace(GOOD, arm=replace(GOOD.arm, pose=Pose(*start, math.pi / 2)))
-    lay = follow_lay(Path.through(np.array([start, (0.0, REST)])), SPEED, begin)
+    begin = replace(GOOD, arm=replace(GOOD.arm, pose=Pose(*start, HANGING)))
+    plan = LayPlan(Path.through(np.array([start, (0.0, REST)])), 0.0)
+    lay = follow_lay(plan, SPEED, begin)
     command, snapshot, told = next(lay), begin, []
     while isinstance(command, Drive):
         told.append(command.velocity)
@@ -48,18 +48,14 @@ def driven(start: tuple[float, float]) -> list[Velocity]:
 
 
 @pytest.mark.parametrize("start", [(0.2, 0.24), (0.038, 0.038)], ids=["long", "short"])
-def test_lay_ends_slowly_and_turns_no_faster_than_an_arm_may(
-    start: tuple[float, float],
-) -> None:
+def test_lay_ends_slowly_with_the_hand_upright(start: tuple[float, float]) -> None:
     told = driven(start)
     speeds = [math.hypot(v.vx, v.vz) for v in told]
     assert max(speeds) <= SPEED + 1e-9
     # m, in which it could stop after one more tick
     assert speeds[-1] ** 2 / (2 * BRAKING) < 1e-3 + TICK * speeds[-1]
-    assert max(abs(v.pitch_rate) for v in told) <= LAY_TURNING
+    assert {v.pitch_rate for v in told} == {0.0}
     assert all(v.vz < 0.0 for v in told)
-    turned = math.pi / 2 + TICK * sum(v.pitch_rate for v in told)
-    assert turned == pytest.approx(LYING, abs=0.1)
 
 
 def touched(displacement: float) -> SeenTouch:
@@ -71,39 +67,65 @@ def touched(displacement: float) -> SeenTouch:
 @pytest.mark.parametrize(
     ("displacement", "end", "down"),
     [
-        (0.0, 0.0, -BEYOND),
-        (-0.003, 0.0, 0.003 - BEYOND),
-        (0.004, 0.0, -0.004 - BEYOND),
-        (-0.03, 0.03 - PULL, 0.03 - BEYOND),
+        (0.0, 0.0, 0.0),
+        (0.004, 0.0, -0.004),
+        (-0.03, 0.03 - PULL, 0.03 - PULL),
     ],
 )
-def test_grasped_edge_is_pushed_to_a_hump_before_the_fixed_one_unless_that_pulls_far(
+def test_edge_comes_down_at_its_place_or_where_its_layer_ends_unless_that_pulls_far(
     displacement: float, end: float, down: float
 ) -> None:
     taut = taut_edge(touched(displacement))
     assert edge_place(taut) == pytest.approx(end)
-    path = lay_path(Pose(0.2, 0.22, np.pi / 2), taut, REST, end, FOLD)
-    last = np.array([(end + HUMP, REST + HEIGHT), (down + HUMP, REST)])
-    assert path.points[-2:] == pytest.approx(last)
+    plan = lay_plan(Pose(0.2, 0.22, HANGING), taut, 0.001, 0.0, FOLD)
+    rest = 0.001 + ROOM + TIP_AHEAD
+    x = down + rest - FOLD.lay_beyond
+    above, last = plan.path.points[-2:]
+    assert last == pytest.approx([x, rest])
+    assert above == pytest.approx([x, rest + FOLD.lay_height])
 
 
-def test_edge_is_laid_over_the_lower_layer_and_let_go_before_the_hand_leaves() -> None:
-    """The fingers open a little, and go on backwards, before the hand rises."""
+def lay_of(monkeypatch: pytest.MonkeyPatch, seen: list[float]) -> list[object]:
+    """Commands of a lay whose camera sees the edge beyond its place by `seen` [m]."""
 
     def touch(_given: FoldInputs, log: FoldLog, *_):
         yield Hold()
         log.seen_touch = replace(touched(0.0), distance=0.003)
         return Event.LAYER_TOUCH
 
+    def look(*_):
+        yield Hold()
+        return seen.pop(0)
+
+    monkeypatch.setattr(fold_phases, "_seen_beyond", look)
     bench = replace(plain_bench(), phases=FOLD_PHASES | phases(FOLD=touch))
     bench.hand.commands = commands = bench.arm.commands
     assert bench.run().name == "edges_not_seen"
-    rest, far = laid_height(0.003), FOLD.approach
-    x, z = HUMP + far * math.cos(LYING), rest + far * math.sin(LYING)
-    *_, laid, opened, back, up = [
-        c for c in commands if isinstance(c, MoveTo | OpenHand)
-    ]
+    return [c for c in commands if isinstance(c, MoveTo | OpenHand)]
+
+
+HIGH = 0.00345 + ROOM + TIP_AHEAD  # m, over layers 3 mm apart
+DOWN = Pose(HIGH - FOLD.lay_beyond, HIGH, HANGING)
+
+
+def test_edge_is_let_go_before_the_hand_leaves_straight_up(monkeypatch) -> None:
+    *_, laid, opened, up = lay_of(monkeypatch, [ALIGNED])
     assert opened.width == pytest.approx(LOOSE, abs=0.002)
-    assert laid.pose.as_array() == pytest.approx([HUMP, rest, LYING])
-    assert back.pose.as_array() == pytest.approx([x, z, LYING], abs=1e-6)
-    assert up.pose.as_array() == pytest.approx([x, z + 2 * far, LYING], abs=1e-6)
+    assert laid.pose.as_array() == pytest.approx(DOWN.as_array())
+    assert up.pose.as_array() == pytest.approx([DOWN.x, DOWN.z + 0.15, HANGING])
+
+
+@pytest.mark.parametrize(
+    ("seen", "pushed"),
+    [
+        ([0.004, 0.0], [0.004]),
+        ([0.004, 0.002, -0.001], [0.004, 0.008]),  # half of a push is passed on
+        ([0.004, math.nan], [0.004]),
+    ],
+)
+def test_edge_is_pushed_until_the_camera_sees_it_at_its_place(
+    seen: list[float], pushed: list[float], monkeypatch
+) -> None:
+    *moves, _, _ = lay_of(monkeypatch, seen)
+    places = dict.fromkeys(c.pose.x - DOWN.x for c in moves if c.pose.z == DOWN.z)
+    assert list(places) == pytest.approx([0.0, *pushed])
