@@ -12,6 +12,7 @@ import pytest
 from calibration.calibration import Calibration, make_calibration, save_calibration
 from calibration.homography import Homography
 from calibration.lens import Lens
+from cell.base.config.places import find_configs
 from cell.perception.strip_measurement import StripMeasurement
 from cell.record.files import CALIBRATION, Keep
 from cell.record.truth import write_truth
@@ -166,6 +167,26 @@ class MadeFold:
 
 
 Make = Callable[..., Path]
+
+
+def made_run(root: Path, camera: Calibration, seconds: float) -> Path:
+    """Folder of a short, complete run of the cell in `root`, seen by `camera`."""
+    config = find_configs(None).cell().model_dump(mode="json", by_alias=True)
+    writer = RunWriter(root, {**HEADER, "config": config}, "key", patient=True)
+    save_calibration(camera, writer.folder / "calibration.yaml")
+    writer.event(0.0, "origin")
+    MadeFold(writer, camera, pictures=False).run(seconds)
+    facts = {
+        "sequence": 3,
+        "x": 0.6,
+        "z": 0.01,
+        "time": 0.3,
+        "direction": 1.5,
+        "done": False,
+    }
+    writer.event(0.3, "decision", **facts)
+    writer.finish({**RESULT, "t_layer_touch": seconds - 0.1})
+    return writer.folder
 
 
 @pytest.fixture(scope="session")

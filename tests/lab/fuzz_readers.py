@@ -35,14 +35,13 @@ from cell.record.header import Header, Result
 from cell.record.listing import list_runs
 from cell.record.run import read_broken_run, read_run
 from cell.record.truth import read_truth, write_truth
-from cell.record.writer import RunWriter
 from cell.report.page import write_report
 from cell.report.viz.recording import viz_from_run
 from drivers.base.errors import CellError
 from drivers.base.settings import load
 from drivers.strip.describe import load_plant, load_strip
 from policies.feedback import load_checkpoint
-from tests.cell.conftest import HEADER, RESULT, MadeFold, straight_camera
+from tests.cell.conftest import HEADER, RESULT, made_run, straight_camera
 from tests.support.fit_folders import write_fit
 from tests.support.hostile_files import Spoiled, copied, documents, spoilers
 
@@ -172,31 +171,6 @@ def fuzz_documents(count: int, start: int, folder: Path) -> Counter[str]:
     return took
 
 
-def made_run(root: Path) -> Path:
-    """Folder of a short, complete run of the cell."""
-    header = {
-        **HEADER,
-        "config": find_configs(None).cell().model_dump(mode="json", by_alias=True),
-    }
-    writer = RunWriter(root, header, "key", patient=True)
-    camera = straight_camera()
-    save_calibration(camera, writer.folder / "calibration.yaml")
-    writer.event(0.0, "origin")
-    MadeFold(writer, camera, pictures=False).run(0.9)
-    facts = {
-        "sequence": 3,
-        "x": 0.6,
-        "z": 0.01,
-        "time": 0.3,
-        "direction": 1.5,
-        "done": False,
-    }
-    writer.event(0.3, "decision", **facts)
-    writer.finish({**RESULT, "t_layer_touch": 0.8})
-    write_truth(writer.folder, {"displacement": -0.0351, "plant": {}})
-    return writer.folder
-
-
 def read_everything(folder: Path, longest: float, *, pages: bool) -> Counter[str]:
     """Counts of readers that read or refuse a run folder; `pages` adds report and
     recording.
@@ -232,7 +206,8 @@ def fuzz_folders(count: int, start: int, root: Path, pages: int = 4) -> Counter[
     drawn.
     """
     took: Counter[str] = Counter()
-    whole = made_run(root / "whole")
+    whole = made_run(root / "whole", straight_camera(), 0.9)
+    write_truth(whole, {"displacement": -0.0351, "plant": {}})
     first = copied(whole, root / "first" / whole.name)
     for read in (write_report, viz_from_run):
         read(first)  # what they import and compile once counts for no input

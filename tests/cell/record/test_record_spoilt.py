@@ -13,42 +13,24 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from calibration.calibration import save_calibration
-from cell.base.config.places import find_configs
 from cell.folding.replay import replay
 from cell.record.documents import write_document
 from cell.record.files import RECORDING, REPORT
 from cell.record.frames import INDEX
 from cell.record.listing import list_runs, remove, to_prune
 from cell.record.run import read_run
-from cell.record.writer import RunWriter
 from cell.report.page import write_report
 from cell.report.viz.recording import viz_from_run
 from drivers.base.errors import ConfigurationError
 from drivers.base.readers import read_parquet
-from tests.cell.conftest import HEADER, RESULT, MadeFold
+from tests.cell.conftest import HEADER, made_run
 from tests.support.run_edits import edit_column, edit_yaml, put
 
 
 @pytest.fixture(scope="module")
 def whole(calibration, tmp_path_factory) -> Path:
     """A short run with everything in it; not to be changed."""
-    config = find_configs(None).cell().model_dump(mode="json", by_alias=True)
-    root = tmp_path_factory.mktemp("whole")
-    writer = RunWriter(root, {**HEADER, "config": config}, "key", patient=True)
-    save_calibration(calibration, writer.folder / "calibration.yaml")
-    MadeFold(writer, calibration, pictures=False).run(0.6)
-    facts = {
-        "sequence": 3,
-        "x": 0.6,
-        "z": 0.01,
-        "time": 0.3,
-        "direction": 1.5,
-        "done": False,
-    }
-    writer.event(0.3, "decision", **facts)
-    writer.finish({**RESULT, "t_layer_touch": 0.5})
-    return writer.folder
+    return made_run(tmp_path_factory.mktemp("whole"), calibration, 0.6)
 
 
 @pytest.fixture

@@ -120,31 +120,27 @@ def test_film_of_another_process_holds_every_image_at_its_own_time(tmp_path):
         assert abs(picture.image.mean() - image(sequence).mean()) < 4
 
 
-def test_film_whose_process_is_killed_breaks_off_and_not_the_run(tmp_path):
-    writer = RunWriter(tmp_path, HEADER, "none", patient=False, film="libx264")
-    (process,) = children("film")
-    os.kill(process, signal.SIGKILL)
-    for sequence in range(IMAGES):
-        writer.frame(frame(sequence))
-    writer.finish({"outcome": "path_done"})
-    run = read_run(writer.folder)
-    assert run.result.outcome == "path_done"
-    assert len(run.frame_index()) == IMAGES
-    assert "the film breaks off" in run.header.model_extra["film"]
-
-
-def test_encoder_that_hangs_ends_the_film_and_not_the_run(tmp_path, monkeypatch):
+@pytest.mark.parametrize(
+    ("sent", "images", "words"),
+    [
+        (signal.SIGKILL, IMAGES, "the film breaks off"),
+        (signal.SIGSTOP, QUEUE, "its encoder hangs"),
+    ],
+)
+def test_film_whose_encoder_dies_or_hangs_ends_and_not_the_run(
+    sent, images, words, tmp_path, monkeypatch
+):
     writer = RunWriter(tmp_path, HEADER, "none", patient=False, film="libx264")
     monkeypatch.setattr("cell.record.film.ENCODER_TIMEOUT", 0.2)
     (process,) = children("film")
-    os.kill(process, signal.SIGSTOP)
-    for sequence in range(QUEUE):
+    os.kill(process, sent)
+    for sequence in range(images):
         writer.frame(frame(sequence))
     writer.finish({"outcome": "path_done"})
     run = read_run(writer.folder)
     assert run.result.outcome == "path_done"
-    assert len(run.frame_index()) == QUEUE
-    assert "its encoder hangs" in run.header.model_extra["film"]
+    assert len(run.frame_index()) == images
+    assert words in run.header.model_extra["film"]
 
 
 def test_what_is_no_film_is_refused_in_words(tmp_path):

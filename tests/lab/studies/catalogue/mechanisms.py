@@ -264,6 +264,14 @@ def judge(outcomes: Sequence[Outcome]) -> str:
     )
 
 
+def _share(
+    name: str, label: str, bar: float | None = None, *, least: bool = True
+) -> Quantity:
+    """Share of the cases in % whose `name` is true, under `label`."""
+    at_least = least and bar is not None
+    return Quantity(name, Statistic.SHARE, "%", 100.0, bar, at_least, label, 0)
+
+
 STUDY = Study(
     name="mechanisms",
     question="What does `cell gap` say of causes hidden in mechanisms?",
@@ -271,24 +279,12 @@ STUDY = Study(
     measure=measure,
     by=("kind",),
     quantities=(
-        Quantity(
-            "by_class", Statistic.SHARE, "%", 100.0, label="right by class", digits=0
-        ),
-        Quantity(
-            "nothing", Statistic.SHARE, "%", 100.0, 97.0, True, "no gap, least 97", 0
-        ),
-        Quantity(
-            "one effect", Statistic.SHARE, "%", 100.0, 90.0, True, "one, least 90", 0
-        ),
-        Quantity(
-            "false", Statistic.SHARE, "%", 100.0, 2.0, label="false, most 2", digits=0
-        ),
-        Quantity(
-            "told", Statistic.SHARE, "%", 100.0, 90.0, True, "spoilt told, least 90", 0
-        ),
-        Quantity(
-            "base", Statistic.SHARE, "%", 100.0, 80.0, True, "base told, least 80", 0
-        ),
+        _share("by_class", "right by class"),
+        _share("nothing", "no gap, least 97", 97.0),
+        _share("one effect", "one, least 90", 90.0),
+        _share("false", "false, most 2", 2.0, least=False),
+        _share("told", "spoilt told, least 90", 90.0),
+        _share("base", "base told, least 80", 80.0),
         Quantity(
             "cpu", Statistic.MEDIAN, "s", 1.0, 30.0, label="median, most 30", digits=0
         ),
