@@ -69,6 +69,16 @@ class Quantity:
         return f"{name} [{self.unit}]" if self.unit else name
 
 
+def percentage(
+    value: str, label: str = "", bar: float | None = None, *, floor: bool = True
+) -> Quantity:
+    """Share of the cases whose `value` is true, in whole %, which is at least the `bar`
+    or, without `floor`, at most.
+    """
+    at_least = floor and bar is not None
+    return Quantity(value, Statistic.SHARE, "%", 100.0, bar, at_least, label, 0)
+
+
 @dataclass(frozen=True, slots=True)
 class Figure:
     """Value of a quantity with its 95 % interval, NaN without one, and the `count` of

@@ -15,7 +15,7 @@ from policies.rollout import Folds, Rollout, roll_out
 from policies.strip_sampling import EFFECTS, STRIP_LENGTH, draw_effect, plain_strip
 from tests.lab.studies.kit.folds import SIGMAS_95
 from tests.lab.studies.kit.rollouts import Kept, rough, sensing_of, stretchy
-from tests.lab.studies.study import Quantity, Statistic, Study, Values
+from tests.lab.studies.study import Quantity, Statistic, Study, Values, percentage
 
 STRANGE = {
     "friction 20-60": rough(20.0, 60.0),
@@ -120,34 +120,16 @@ STUDY = Study(
         Quantity("d", Statistic.P95_SIZE, label="95 % |d|"),
         Quantity("d", Statistic.WORST_SIZE, label="worst |d|"),
         Quantity("shifted", Statistic.MEAN_SIZE, label="mean |d|, shifted"),
-        Quantity("touched", Statistic.SHARE, "%", 100.0, label="touched", digits=0),
-        Quantity(
-            "within_1", Statistic.SHARE, "%", 100.0, label="within 1 sigma", digits=0
-        ),
-        Quantity(
-            "within_2", Statistic.SHARE, "%", 100.0, label="within 1.96", digits=0
-        ),
+        percentage("touched", "touched"),
+        percentage("within_1", "within 1 sigma"),
+        percentage("within_2", "within 1.96"),
         Quantity("length_off", Statistic.RMS, "%", 100.0, label="length off", digits=1),
         Quantity("time_off", Statistic.RMS, "%", 100.0, label="time off", digits=0),
         Quantity(
             "time_off_both", Statistic.RMS, "%", 100.0, label="by two folds", digits=0
         ),
-        Quantity(
-            "time_within",
-            Statistic.SHARE,
-            "%",
-            100.0,
-            label="time within sigma",
-            digits=0,
-        ),
-        Quantity(
-            "time_within_both",
-            Statistic.SHARE,
-            "%",
-            100.0,
-            label="by two folds",
-            digits=0,
-        ),
+        percentage("time_within", "time within sigma"),
+        percentage("time_within_both", "by two folds"),
     ),
     usual=ROLLS * len(CONDITIONS),
     quick=1,

@@ -20,7 +20,15 @@ from policies.rollout import Rollout, roll_out
 from policies.strip_sampling import STRIP_LENGTH, draw_effect, plain_strip, random_strip
 from tests.lab.exam.causes import cause_of
 from tests.lab.studies.kit.rollouts import Kept, Traced, rough, sensing_of, stretchy
-from tests.lab.studies.study import Fit, Outcome, Quantity, Statistic, Study, Values
+from tests.lab.studies.study import (
+    Fit,
+    Outcome,
+    Quantity,
+    Statistic,
+    Study,
+    Values,
+    percentage,
+)
 
 LINKS = 80
 # of the folds that behave like the model are not flagged, by each limit
@@ -124,7 +132,7 @@ STUDY = Study(
     measure=measure,
     by=("kind", "condition"),
     quantities=(
-        Quantity("flagged", Statistic.SHARE, "%", 100.0, label="flagged", digits=0),
+        percentage("flagged", "flagged"),
         Quantity("residual", Statistic.MEDIAN, label="median residual"),
         Quantity("residual", Statistic.WORST_SIZE, label="worst residual"),
         Quantity("d", Statistic.MEAN_SIZE, label="mean |d|"),

@@ -29,7 +29,7 @@ from drivers.franka.reach import densify
 from drivers.twin.clock import TwinClock
 from drivers.twin.fci_server.server import RobotServer, ServerSettings
 from tests.lab.studies.catalogue import mechanisms
-from tests.lab.studies.study import Quantity, Statistic, Study, Values
+from tests.lab.studies.study import Quantity, Statistic, Study, Values, percentage
 
 ARM = CHECKOUT_CONFIGS / "mechanisms" / "arm" / "mechanism.yaml"
 FOLDS = ((0.60, 0.16), (0.45, 0.12), (0.52, 0.19))
@@ -138,10 +138,8 @@ STUDY = Study(
     measure=measure,
     by=("hidden",),
     quantities=(
-        Quantity(
-            "by_class", Statistic.SHARE, "%", 100.0, label="right by class", digits=0
-        ),
-        Quantity("false", Statistic.SHARE, "%", 100.0, label="named falsely", digits=0),
+        percentage("by_class", "right by class"),
+        percentage("false", "named falsely"),
         Quantity("cpu", Statistic.MEDIAN, "s", 1.0, label="fit, median", digits=0),
     ),
     usual=len(FAULTS),

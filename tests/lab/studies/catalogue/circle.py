@@ -25,7 +25,7 @@ from drivers.strip.describe import load_plant
 from drivers.strip.file import StripFile
 from tests.lab.exam.case import ScatterLevel
 from tests.lab.exam.through_images import ExamTwin
-from tests.lab.studies.study import Quantity, Statistic, Study, Values
+from tests.lab.studies.study import Quantity, Statistic, Study, Values, percentage
 
 SEEDS_BEFORE, SEEDS_STANDARD, SEEDS_AFTER = 0, 1000, 2000  # first seeds
 SEEDS_NEXT = 10_000  # of the next time round
@@ -160,7 +160,7 @@ STUDY = Study(
         Quantity("after_true", Statistic.MEAN_SIZE, label="after"),
         Quantity("before_seen", Statistic.MEAN_SIZE, label="mean |d| as seen before"),
         Quantity("after_seen", Statistic.MEAN_SIZE, label="as seen after"),
-        Quantity("learned", Statistic.SHARE, "%", 100.0, label="learned", digits=0),
+        percentage("learned", "learned"),
     ),
     usual=6,
     quick=0,

@@ -35,6 +35,7 @@ from tests.lab.studies.study import (
     Statistic,
     Study,
     Values,
+    percentage,
 )
 
 PAIRS = 8  # one case in so many hides two
@@ -264,14 +265,10 @@ STUDY = Study(
     measure=measure,
     by=("library",),
     quantities=(
-        Quantity("is_named", Statistic.SHARE, "%", 100.0, label="named", digits=0),
-        Quantity(
-            "is_right", Statistic.SHARE, "%", 100.0, label="right of these", digits=0
-        ),
+        percentage("is_named", "named"),
+        percentage("is_right", "right of these"),
         Quantity("confidence", Statistic.MEAN, "%", 100.0, label="stated", digits=0),
-        Quantity(
-            "offered", Statistic.SHARE, "%", 100.0, label="a law offered", digits=0
-        ),
+        percentage("offered", "a law offered"),
         Quantity(
             "simulations", Statistic.MEDIAN, "", 1.0, label="simulations", digits=0
         ),

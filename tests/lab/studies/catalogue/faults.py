@@ -12,7 +12,15 @@ from cell.gap.rehearse import table
 from tests.lab.faults.blow import FAULT_STATES, Blow, strike
 from tests.lab.faults.faults import FAULTS
 from tests.lab.studies.kit.folds import cached_calibration
-from tests.lab.studies.study import Ledger, Outcome, Quantity, Statistic, Study, Values
+from tests.lab.studies.study import (
+    Ledger,
+    Outcome,
+    Quantity,
+    Statistic,
+    Study,
+    Values,
+    percentage,
+)
 
 SEEDS = 3
 ACCEPTABLE_VERDICTS = ("stopped", "harmless")
@@ -104,16 +112,10 @@ STUDY = Study(
     measure=measure,
     by=("fault",),
     quantities=(
-        Quantity(
-            "noticed", Statistic.SHARE, "%", 100.0, bar=100.0, floor=True, digits=0
-        ),
-        Quantity(
-            "resting", Statistic.SHARE, "%", 100.0, bar=100.0, floor=True, digits=0
-        ),
-        Quantity(
-            "within", Statistic.SHARE, "%", 100.0, bar=100.0, floor=True, digits=0
-        ),
-        Quantity("whole", Statistic.SHARE, "%", 100.0, bar=100.0, floor=True, digits=0),
+        percentage("noticed", bar=100.0),
+        percentage("resting", bar=100.0),
+        percentage("within", bar=100.0),
+        percentage("whole", bar=100.0),
         Quantity("stop", Statistic.WORST_SIZE, "s", 1.0, label="worst to the stop"),
         Quantity("rest", Statistic.WORST_SIZE, "s", 1.0, label="worst to rest"),
         Quantity("distance", Statistic.WORST_SIZE, label="worst way"),

@@ -15,7 +15,7 @@ from tests.lab.studies.kit.folds import (
     facts,
     fold_strip,
 )
-from tests.lab.studies.study import Quantity, Statistic, Study, Values
+from tests.lab.studies.study import Quantity, Statistic, Study, Values, percentage
 
 ALLOWED_MM = 6.0  # mm of displacement
 
@@ -68,7 +68,7 @@ STUDY = Study(
     quantities=(
         Quantity("true", Statistic.WORST_SIZE, label="worst |d|", bar=ALLOWED_MM),
         Quantity("misread", Statistic.WORST_SIZE, label="worst |seen - true|"),
-        Quantity("admitted", Statistic.SHARE, "%", 100.0, label="admitted", digits=0),
+        percentage("admitted", "admitted"),
         Quantity(
             "stopped", Statistic.COUNT, "", 1.0, bar=0.0, label="stopped", digits=0
         ),

@@ -26,7 +26,15 @@ from tests.lab.exam.mechanisms import LISTS, make_runs
 from tests.lab.exam.score import signs
 from tests.lab.exam.spoilt import NAMES, TOLD, spoil
 from tests.lab.exam.targets import reliable
-from tests.lab.studies.study import Ledger, Outcome, Quantity, Statistic, Study, Values
+from tests.lab.studies.study import (
+    Ledger,
+    Outcome,
+    Quantity,
+    Statistic,
+    Study,
+    Values,
+    percentage,
+)
 
 KINDS = ("nothing", "one effect", "two effects", "outside", "wrong base")
 # variables of the environment that a study's processes share
@@ -264,14 +272,6 @@ def judge(outcomes: Sequence[Outcome]) -> str:
     )
 
 
-def _share(
-    name: str, label: str, bar: float | None = None, *, least: bool = True
-) -> Quantity:
-    """Share of the cases in % whose `name` is true, under `label`."""
-    at_least = least and bar is not None
-    return Quantity(name, Statistic.SHARE, "%", 100.0, bar, at_least, label, 0)
-
-
 STUDY = Study(
     name="mechanisms",
     question="What does `cell gap` say of causes hidden in mechanisms?",
@@ -279,12 +279,12 @@ STUDY = Study(
     measure=measure,
     by=("kind",),
     quantities=(
-        _share("by_class", "right by class"),
-        _share("nothing", "no gap, least 97", 97.0),
-        _share("one effect", "one, least 90", 90.0),
-        _share("false", "false, most 2", 2.0, least=False),
-        _share("told", "spoilt told, least 90", 90.0),
-        _share("base", "base told, least 80", 80.0),
+        percentage("by_class", "right by class"),
+        percentage("nothing", "no gap, least 97", 97.0),
+        percentage("one effect", "one, least 90", 90.0),
+        percentage("false", "false, most 2", 2.0, floor=False),
+        percentage("told", "spoilt told, least 90", 90.0),
+        percentage("base", "base told, least 80", 80.0),
         Quantity(
             "cpu", Statistic.MEDIAN, "s", 1.0, 30.0, label="median, most 30", digits=0
         ),

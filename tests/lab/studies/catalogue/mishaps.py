@@ -28,7 +28,7 @@ from cell.base.config.places import find_configs
 from cell.record.listing import list_runs
 from cell.record.run import read_run
 from tests.lab.studies.kit.folds import fold_strip
-from tests.lab.studies.study import Quantity, Statistic, Study, Values
+from tests.lab.studies.study import Quantity, Statistic, Study, Values, percentage
 from tests.support.board_sessions import LENS, bent_session, session
 from tests.support.touch_sessions import SETTINGS as TOUCHES, Camera, touched
 
@@ -257,10 +257,6 @@ def measure(case: Values) -> Values:
     return told | {"seconds": seconds, "ended": seconds < WATCH}
 
 
-def _share(name: str) -> Quantity:
-    return Quantity(name, Statistic.SHARE, "%", 100.0, bar=100.0, floor=True, digits=0)
-
-
 STUDY = Study(
     name="mishaps",
     question="Which mishaps of persons, strips, kills and files pass in silence?",
@@ -268,9 +264,9 @@ STUDY = Study(
     measure=measure,
     by=("mishap",),
     quantities=(
-        _share("told"),
-        _share("whole"),
-        _share("ended"),
+        percentage("told", bar=100.0),
+        percentage("whole", bar=100.0),
+        percentage("ended", bar=100.0),
         Quantity("seconds", Statistic.WORST_SIZE, "s", 1.0, label="longest"),
     ),
     usual=4 * len(CAMPAIGNS),

@@ -19,7 +19,7 @@ from drivers.strip.file import StripFile
 from policies.adaptive.train.shard import true_belief
 from policies.strip_sampling import STRIP_LENGTH, draw_friction, plain_strip
 from tests.lab.studies.kit.folds import changed_since, compare, fold_unknown
-from tests.lab.studies.study import Quantity, Statistic, Study, Values
+from tests.lab.studies.study import Quantity, Statistic, Study, Values, percentage
 
 RIGHT_CELL = "right"
 WRONG_CELLS: Mapping[str, Mapping[str, Mapping[str, float]]] = {
@@ -178,10 +178,8 @@ STUDY = Study(
             "time_off_1", Statistic.RMS, "%", 100.0, label="time off, fold 1", digits=0
         ),
         Quantity("time_off_2", Statistic.RMS, "%", 100.0, label="fold 2", digits=0),
-        Quantity(
-            "noticed", Statistic.SHARE, "%", 100.0, label="change noticed", digits=0
-        ),
-        Quantity("alarm", Statistic.SHARE, "%", 100.0, label="false alarm", digits=0),
+        percentage("noticed", "change noticed"),
+        percentage("alarm", "false alarm"),
     ),
     usual=12 * len(CONDITIONS),
     quick=1,

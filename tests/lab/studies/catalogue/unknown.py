@@ -31,7 +31,15 @@ from tests.lab.studies.kit.folds import (
     compare,
     fold_unknown,
 )
-from tests.lab.studies.study import Fit, Outcome, Quantity, Statistic, Study, Values
+from tests.lab.studies.study import (
+    Fit,
+    Outcome,
+    Quantity,
+    Statistic,
+    Study,
+    Values,
+    percentage,
+)
 
 FRICTION_RANGE = (20.0, 60.0)  # 1/m
 DISPLACEMENT_SCALE = 1e-3  # m
@@ -200,14 +208,7 @@ STUDY = Study(
         Quantity("length_off", Statistic.RMS, "%", 100.0, label="length off", digits=1),
         Quantity("time_off", Statistic.RMS, "%", 100.0, label="time off", digits=0),
         *(
-            Quantity(
-                f"{name}_held",
-                Statistic.SHARE,
-                "%",
-                100.0,
-                label=f"{name} held",
-                digits=0,
-            )
+            percentage(f"{name}_held", f"{name} held")
             for name in ("length", "time", "friction")
         ),
     ),
