@@ -73,6 +73,7 @@ ELSEWHERE = {  # what other tests run, with other files and numbers
     "cell import": "tests/cell/exchange/test_import_runs.py",
     "cell observe": "tests/end_to_end/test_observe.py",
     "cell strips measure": "tests/cell/setup/strips/test_strips_measure_command.py",
+    "python -m tests.lab measure-confidence": "tests/lab/tests/test_exam_confidence.py",
     "python -m tests.lab study unknown --count 2000": (
         "tests/cell/base/campaign/test_cluster.py"
     ),

@@ -13,10 +13,9 @@ import pytest
 import drivers
 
 SCRIPT = """
-import numpy as np
-from drivers.twin.renderer.kernels import interpolate
-line = np.diag([3.0, 0.0])[::-1].copy(), np.eye(2)[[0, 0]], np.array([0.0, 3.0])
-print(interpolate(*line, line[2][1:])[0][0, 0], sum(interpolate.stats.cache_hits.values()))
+from drivers.strip.shape import layer_touch
+_, x, _ = layer_touch((1.0, 0.0, 0.0), (0.0, 3.0, 0.0), 0.0)
+print(x, sum(layer_touch.stats.cache_hits.values()))
 """
 
 
@@ -26,7 +25,7 @@ def _copy_of_sources(at: Path) -> Path:
 
 
 def _largest_and_hits(sources: Path, cache: Path) -> tuple[str, ...]:
-    """What the kernel of `sources` finds, and how many of its codes were in `cache`."""
+    """Where the kernel of `sources` finds the touch, and how many of its codes were in `cache`."""
     environment = {
         **os.environ,
         "PYTHONPATH": str(sources),

@@ -28,6 +28,7 @@ SHIFTS = (0.01, 0.015)  # by which midlines lie off gripper or desk
 DELAYS = (0.07, 0.2)  # by which midlines are late or early for the gripper's path
 SPREADS = np.array([0.06, 0.005])  # s, m: of delays and of shifts in x
 END_ERROR = 0.0006  # m of a run's midlines at their ends, in common
+SHORTEST_ARC = 1e-6  # m from a midline's last seen piece to the gripper
 # by which l1 is not the way to the gripper, or a command not its place
 ODD = (0.03, np.inf)
 GAP = (0.2, np.inf)  # between two rows: the path in between is guessed
@@ -180,7 +181,8 @@ def _misses_of_midlines(run: Recorded) -> Iterator[Contradiction]:
     speed = (speed - interpolate_columns(t - 0.05, ticks.t, path)) / 0.1
     # the way to the gripper is the chord of an arc from the last piece's middle on
     hidden, seen = np.hypot(*off.T), np.hypot(*along.T)
-    chord = slope - turn * (seen + hidden) / (seen + 2.0 * hidden)
+    to_middle = (seen + hidden) / np.maximum(seen + 2.0 * hidden, SHORTEST_ARC)
+    chord = slope - turn * to_middle
     normal = np.column_stack([-np.sin(chord), np.cos(chord)])
     distance = ((off - (0.0, up)) * normal).sum(axis=1)
     per_delay = (-speed * normal).sum(axis=1)
