@@ -60,18 +60,9 @@ def test_no_strip_on_the_desk_is_refused_before_the_grasp(
 
 
 def start(runs: Path, *words: str) -> subprocess.Popen:
-    command = [
-        sys.executable,
-        "-m",
-        "cell",
-        "fold",
-        "--strip",
-        "denim",
-        "--policy",
-        "triangular",
-    ]
+    fold = f"-m cell fold --strip denim --policy triangular --json --runs {runs}"
     return subprocess.Popen(
-        [*command, "--runs", str(runs), "--json", *words],
+        [sys.executable, *fold.split(), *words],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

@@ -46,16 +46,9 @@ def folded(
     # tested apart
     monkeypatch.setattr("cell.setup.arm.run_settings.refuse_failed", lambda _: None)
     configure(tmp_path, V4l2Settings(device=LINK, width=640, height=360, rate=30.0))
-    options = ["--arm", "twin", "--camera", "v4l2", "--policy", "triangular", "--json"]
-    places = [
-        "--configs",
-        str(tmp_path),
-        "--runs",
-        str(tmp_path / "runs"),
-        "--viz",
-        "off",
-    ]
-    done = CliRunner().invoke(app, ["fold", "--strip", "denim", *options, *places])
+    words = "fold --strip denim --arm twin --camera v4l2 --policy triangular --json"
+    places = f"--configs {tmp_path} --runs {tmp_path}/runs --viz off"
+    done = CliRunner().invoke(app, f"{words} {places}".split())
     assert kernel.opened == set()
     assert kernel.mapped == 0
     return done

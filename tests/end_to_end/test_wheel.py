@@ -34,16 +34,7 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     home = folder / "env"
     venv.create(home, with_pip=False)
     python = home / "bin" / "python"
-    install = [
-        "-m",
-        "pip",
-        "--python",
-        str(python),
-        "install",
-        "--no-deps",
-        "-q",
-        str(wheel),
-    ]
+    install = f"-m pip --python {python} install --no-deps -q {wheel}".split()
     subprocess.run([sys.executable, *install], check=True, capture_output=True)
     version = f"python{sys.version_info.major}.{sys.version_info.minor}"
     ours = sysconfig.get_paths()["purelib"]

@@ -131,18 +131,9 @@ def test_torques_may_have_a_table_and_a_clock_of_their_own(tmp_path) -> None:
         tables.append({"file": f"{names[0]}.csv", "columns": how})
     content = {"schema": 1, "mechanism": "arm", "signals": tables}
     (tmp_path / "mapping.yaml").write_text(yaml.safe_dump(content))
-    words = [
-        "import",
-        "log",
-        "--model",
-        model,
-        "--mapping",
-        "mapping.yaml",
-        "--out",
-        "runs",
-    ]
+    words = f"import log --model {model} --mapping mapping.yaml --out runs"
     with chdir(tmp_path):
-        done = CliRunner().invoke(app, [*map(str, words)])
+        done = CliRunner().invoke(app, words.split())
     assert done.exit_code == 0, done.exception
     now = read_table(tmp_path / "runs/log/signals.parquet")
     assert (np.isfinite(now["t1"]).sum(), np.isfinite(now["t2"]).mean()) == (177, 1.0)

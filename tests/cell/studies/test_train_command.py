@@ -24,17 +24,8 @@ def killed_after(folder: Path, generation: int) -> None:
     """A training in a process of its own, killed as soon as it tells of
     `generation`.
     """
-    words = [
-        sys.executable,
-        "-m",
-        "cell",
-        "train",
-        "--out",
-        str(folder),
-        "--jobs",
-        "1",
-        *TINY,
-    ]
+    command = f"-m cell train --out {folder} --jobs 1".split()
+    words = [sys.executable, *command, *TINY]
     with subprocess.Popen(words, stderr=subprocess.PIPE, text=True) as training:
         for line in training.stderr:
             if line.startswith(f"generation {generation} of 6"):

@@ -160,17 +160,7 @@ def test_an_exam_that_is_finished_is_only_reported(
     kept: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     by_these_sources(monkeypatch)
-    asked = [
-        "exam",
-        "--tier",
-        "state",
-        "--cases",
-        "2",
-        "--seed",
-        "7",
-        "--out",
-        str(kept),
-    ]
-    done = CliRunner().invoke(app, asked)
+    asked = f"exam --tier state --cases 2 --seed 7 --out {kept}"
+    done = CliRunner().invoke(app, asked.split())
     assert done.exit_code == 0, done.output
     assert done.stdout == f"2 of 2 right: {kept / 'exam.md'}\n"

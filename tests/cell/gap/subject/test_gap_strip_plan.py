@@ -22,17 +22,8 @@ def test_a_speed_beyond_the_limits_is_refused() -> None:
 
 
 def test_the_command_says_what_it_would_do(tmp_path: Path) -> None:
-    command = [
-        sys.executable,
-        "-m",
-        "cell",
-        "gap",
-        "plan",
-        "--strip",
-        "denim",
-        "--dry-run",
-    ]
-    command += ["--runs", str(tmp_path / "runs")]
+    words = f"-m cell gap plan --strip denim --dry-run --runs {tmp_path}/runs"
+    command = [sys.executable, *words.split()]
     texts = (command, [*command, "--json"])
     done = [
         subprocess.run(c, capture_output=True, text=True, check=True).stdout

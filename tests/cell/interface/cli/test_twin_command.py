@@ -35,16 +35,8 @@ def test_served_twin_says_where_it_is_obeys_its_script_and_ends_on_interrupt(
 ) -> None:
     script = tmp_path / "faults.yaml"
     script.write_text(FAULTS)
-    command = [
-        sys.executable,
-        "-m",
-        "cell",
-        "twin",
-        "serve",
-        "--json",
-        "--faults",
-        str(script),
-    ]
+    words = f"-m cell twin serve --json --faults {script}".split()
+    command = [sys.executable, *words]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as served:
         told = json.loads(served.stdout.readline())
         assert told["address"].startswith("127.")

@@ -157,15 +157,5 @@ def test_fold_with_a_real_camera_refuses_while_a_check_is_red(tmp_path: Path) ->
     content["calibration"] = str(kept(tmp_path))
     (configs / "cell.yaml").write_text(yaml.safe_dump(content))
     with pytest.raises(PreflightRefused, match="cell doctor"):
-        app(
-            [
-                "fold",
-                "--strip",
-                "denim",
-                "--configs",
-                str(configs),
-                "--runs",
-                str(tmp_path / "r"),
-            ]
-        )
+        app(f"fold --strip denim --configs {configs} --runs {tmp_path}/r".split())
     assert not (tmp_path / "r").exists()

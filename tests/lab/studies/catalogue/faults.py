@@ -112,10 +112,10 @@ STUDY = Study(
     measure=measure,
     by=("fault",),
     quantities=(
-        percentage("noticed", bar=100.0),
-        percentage("resting", bar=100.0),
-        percentage("within", bar=100.0),
-        percentage("whole", bar=100.0),
+        *(
+            percentage(name, bar=100.0)
+            for name in ("noticed", "resting", "within", "whole")
+        ),
         Quantity("stop", Statistic.WORST_SIZE, "s", 1.0, label="worst to the stop"),
         Quantity("rest", Statistic.WORST_SIZE, "s", 1.0, label="worst to rest"),
         Quantity("distance", Statistic.WORST_SIZE, label="worst way"),
