@@ -75,6 +75,6 @@ def test_replay_report_and_view_take_the_run(fold: Folded) -> None:
     folder = Path(fold.result.run)
     again = replay(folder)
     assert again.same, again.differences[:3]
-    assert again.images > 2
+    assert again.images >= 1  # of the images that a run keeps for measuring
     assert "hanging" in write_report(folder).read_text()
     assert viz_from_run(folder).stat().st_size > 100_000
