@@ -29,7 +29,7 @@ LARGEST_SIDE = 4096  # px of a side
 QUEUE = 32  # images of 2.8 MB: at most 90 MB wait for the disk
 # waiting images, from which the film goes without, so that files keep theirs
 LAGS = QUEUE // 2
-KEY_PERIOD = 10.0  # s from one key image to the next, of 1.2 MB each
+KEY_PERIOD = 9.0  # s from one key image to the next, of 1.2 MB each
 MOST_KEYS = 32  # key images of a run, beside its last one
 
 
