@@ -90,7 +90,7 @@ def test_choosing_deletes_nothing_and_removing_deletes_just_the_chosen(four):
 def test_runs_in_folders_of_the_folder_are_listed_and_never_pruned(four):
     planned = lay(four / "plan", 0, {"outcome": "path_done"})
     assert planned in [row.folder for row in list_runs(four)]
-    words = ["runs", "--runs", str(four), "--keep", "0", "--delete"]
+    words = f"runs --runs {four} --keep 0 --delete".split()
     assert CliRunner().invoke(app, words).exit_code == 0
     assert [row.folder for row in list_runs(four)] == [planned]
 

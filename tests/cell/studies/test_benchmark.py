@@ -39,8 +39,8 @@ def test_benchmark_goes_on_where_it_stopped(
     fine = (Fine("one", marks), Fine("three", marks))
     monkeypatch.setattr("cell.studies.parts.parts_of", lambda *_: fine)
     monkeypatch.setattr("cell.studies.parts.calibration_of", lambda _: None)
-    arguments = ["benchmark", "--quick", "--out", str(tmp_path), "--json", "--picture"]
-    arguments += [str(tmp_path / "main.png"), "--configs", str(CONFIGS.folder)]
+    words = f"benchmark --quick --out {tmp_path} --json --picture {tmp_path}/main.png"
+    arguments = [*words.split(), "--configs", str(CONFIGS.folder)]
     first = CliRunner().invoke(app, arguments)
     assert first.exit_code == 0, first.output
     assert sorted(marks.read_text().split()) == ["one", "three"]
