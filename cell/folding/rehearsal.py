@@ -46,7 +46,7 @@ class Rehearsal:
 
     def motion(self, _: Snapshot) -> Motion:
         """Move through approach, grasp, fold, lay, release and retreat, without a
-        strip.
+        strip, and end with an open hand.
         """
         last = len(self.path) - 1
         release = last - 1  # before the retreat
@@ -56,7 +56,8 @@ class Rehearsal:
         yield from close_hand()
         yield from self._follow(GRASP, release)
         yield from open_hand(LOOSE)
-        return (yield from self._follow(release, last))
+        yield from self._follow(release, last)
+        return (yield from open_hand())
 
     def _follow(self, first: int, last: int) -> Motion:
         """Move along the path's points `first` to `last`, with a stop at each sharp
@@ -73,10 +74,9 @@ class Rehearsal:
         """
         legs = np.diff(self.path[first : last + 1, :2], axis=0)
         lengths = np.linalg.norm(legs, axis=1)
-        straight = (legs[1:] * legs[:-1]).sum(axis=1) >= CORNER * lengths[1:] * lengths[
-            :-1
-        ]
-        return (first + 1 + np.flatnonzero(~straight)).tolist()
+        least = CORNER * lengths[1:] * lengths[:-1]
+        sharp = (legs[1:] * legs[:-1]).sum(axis=1) < least
+        return (first + 1 + np.flatnonzero(sharp)).tolist()
 
     def _follow_part(self, first: int, last: int) -> Motion:
         """Drive along the path between two corners, speeding up and slowing down

@@ -8,15 +8,19 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import yaml
 
 from cell.base.config.places import find_configs
 from cell.folding.replay import replay
 from cell.folding.request import Recording
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip.subject import open_strip
+from cell.record.files import RUN
 from cell.report.page import write_report
 from cell.report.viz.recording import viz_from_run
+from drivers.franka.limits import FR3
 from tests.end_to_end.folded import Folded, fold_and_keep
+from tests.support.fold_moments import carried_out, scene_for
 from tests.support.gap_strip_cases import STRIP, folds, in_noise, residuals, written
 from tests.support.requests import request_for
 
@@ -51,6 +55,19 @@ def test_measured_time_begins_with_a_strip_that_hangs_still(fold: Folded) -> Non
     assert facts["still"] is True
     early, late = fold.true_shape(-0.3), fold.true_shape(0.0)
     assert np.abs(late - early).max() < 0.001
+
+
+def test_recorded_joints_pinch_the_strip_in_the_maker_s_model(fold: Folded) -> None:
+    cell, strip = find_configs(None).cell(), find_configs(None).strip("denim")
+    scene = scene_for(cell.installation, strip)
+    held, wrong = scene.judge(carried_out(fold, strip))
+    assert wrong == []
+    assert held > 1000
+
+
+def test_run_states_the_joint_limits_of_its_robot(fold: Folded) -> None:
+    header = yaml.safe_load((fold.run.folder / RUN).read_text("utf-8"))
+    assert header["joint_limits"] == FR3.content()
 
 
 def test_measurements_agree_with_the_truth(fold: Folded) -> None:

@@ -36,8 +36,6 @@ from tests.support.seen_folds import distances
 
 pytestmark = pytest.mark.slow
 
-MASKED = 0.13  # m of travel in which a taut lift makes the contact jump
-
 
 def test_the_triangle_ends_short_of_the_fixed_edge(denim: Folded) -> None:
     assert denim.result.outcome == "layer_touch"
@@ -51,33 +49,6 @@ def test_displacement_and_touch_are_seen_as_they_were(denim: Folded) -> None:
     assert denim.result.layer_touch == pytest.approx(
         truth.time - denim.origin, abs=0.05
     )
-
-
-def test_desk_contact_is_seen_within_its_bar(denim: Folded) -> None:
-    sights, ticks = denim.run.sights(), denim.run.ticks
-    travel = np.concatenate(
-        [[0.0], np.cumsum(np.hypot(np.diff(ticks.x), np.diff(ticks.z)))]
-    )
-    begin = float(np.interp(MASKED, travel, ticks.t))
-    end = denim.result.layer_touch - 0.15
-    inside = (sights.stamp > begin) & (sights.stamp < end)
-    true = np.interp(
-        sights.stamp[inside] + denim.origin, denim.truth.t, denim.truth.contact_x
-    )
-    errors = sights.contact_x[inside] - true
-    assert inside.sum() > 100
-    assert np.isfinite(errors).all()
-    assert np.sqrt(np.mean(errors**2)) < 0.0015
-
-
-def test_profile_is_seen_within_its_bar(denim: Folded) -> None:
-    squares = []
-    for stamp, points in denim.run.profile.curves():
-        if stamp < 1.5 or stamp > denim.result.layer_touch - 0.15:
-            continue
-        squares.append(np.mean(distances(points, denim.true_shape(stamp)) ** 2))
-    assert len(squares) > 100
-    assert np.sqrt(np.mean(squares)) < 0.001
 
 
 def across(denim: Folded, curve: np.ndarray) -> list[np.ndarray]:
@@ -261,12 +232,6 @@ def test_camera_arm_and_prediction_agree(denim: Folded) -> None:
     assert all(
         abs(each["difference"]) < 3.0 * each["spread"] for each in known.values()
     )
-
-
-def test_hand_lays_the_edge_down_without_pressing_into_the_desk(denim: Folded) -> None:
-    ticks = denim.run.ticks
-    laid = ticks.t > denim.run.result.t_layer_touch
-    assert ticks.z[laid].min() > 0.0
 
 
 CONFIGS = Path(__file__).parents[2] / "configs"

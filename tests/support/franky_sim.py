@@ -11,6 +11,7 @@ import pytest
 from tests.support.rooms import ROOT
 
 REQUIRED = "CELL_REQUIRE_DEVICES"  # 1: what is missing is a failure, as in CI
+USUAL = Path.home() / ".cache/folding-cell/franky-sim"  # outside of the tests
 INSTALLATION_LIMIT = 600.0  # s
 
 
@@ -20,7 +21,7 @@ def franky_sim_python() -> Path:
 
     Where it cannot be installed the test that asks is skipped; in CI it fails.
     """
-    folder = os.environ["CELL_FRANKY_SIM"]
+    folder = os.environ.get("CELL_FRANKY_SIM", USUAL)
     words = ["bash", ROOT / ".ci/franky-sim", folder, sys.executable]
     try:
         done = subprocess.run(

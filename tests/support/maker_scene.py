@@ -3,7 +3,8 @@
 The model is read from the package of others that carries it; nothing of it is ours.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -28,6 +29,19 @@ ARM_JOINTS = [f"fr3_joint{number}" for number in range(1, 8)]
 FINGER_JOINTS = ("finger_joint1", "finger_joint2")
 BOX = mujoco.mjtGeom.mjGEOM_BOX
 WOOD, CLOTH = (0.75, 0.65, 0.5, 1.0), (0.15, 0.3, 0.75, 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """Strip's held edge at `pose` x, z [m], pitch [rad], the arm's joints (7,) [rad],
+    `width` [m] between the fingers, the midline (n, 2) [m], and whether it is `held`.
+    """
+
+    pose: Array
+    joints: Array
+    width: float
+    midline: Array
+    held: bool
 
 
 class MakerScene:
@@ -86,6 +100,19 @@ class MakerScene:
             self.data.mocap_quat[number] = _quaternion(leaning)
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_collision(self.model, self.data)
+
+    def judge(self, moments: Iterable[Moment]) -> tuple[int, list[str]]:
+        """How many of the `moments` hold the strip, and what is wrong in any of
+        them.
+        """
+        held, wrong = 0, list[str]()
+        for moment in moments:
+            held += moment.held
+            self.place(moment.joints, moment.width, moment.midline)
+            grip = self.grip_objection(moment.pose) if moment.held else ""
+            found = [*self.touching(), *filter(None, [grip])]
+            wrong += [f"{text} at {moment.joints.round(2)}" for text in found]
+        return held, wrong
 
     def grip_objection(self, edge: Array) -> str:
         """Reason why the edge at x, z [m], pitch [rad] is not between the pads; else

@@ -8,7 +8,6 @@ import pytest
 
 from cell.base.config.places import find_configs
 from cell.base.devices.devices import Trial
-from cell.base.devices.fold_path import BEND, BENDING, whole_path
 from cell.base.devices.open import open_cell
 from cell.folding.fold import fold
 from cell.folding.request import line_at
@@ -86,13 +85,6 @@ def test_effects_keep_their_places_on_the_part_that_is_folded() -> None:
     assert part.length == pytest.approx(0.4)
     assert part.effects["seam"]["position"] == pytest.approx(0.3)
     assert "crease" not in part.effects
-
-
-def test_edge_is_laid_on_its_goal_and_not_on_the_fixed_edge() -> None:
-    cell = request_for("denim", "shifted", Path("runs")).settings
-    carry = np.array([(0.6, 0.0), (0.4, 0.2), (0.25, 0.05)])
-    path, _ = whole_path(0.6, cell.installation, cell.fold, carry, goal=0.2)
-    assert path[-2, 0] == pytest.approx(0.2 + BEND, abs=BENDING)
 
 
 def test_cell_learns_of_each_line_apart() -> None:

@@ -4,6 +4,8 @@ the desk.
 
 import json
 import shutil
+from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,14 +14,18 @@ from typer.testing import CliRunner
 pytest.importorskip("pylibfranka", reason="the robot's library is not installed")
 
 from cell.base.config.places import CHECKOUT_CONFIGS, find_configs
-from cell.base.devices.devices import Trial
-from cell.base.devices.fold_path import LOOSE, triangle, whole_path
+from cell.base.devices.devices import Devices, Trial
+from cell.base.devices.fold_path import triangle, whole_path
+from cell.base.devices.open import open_cell
 from cell.folding.rehearsal import HOVER_HEIGHT, Rehearsal, rehearsal
 from cell.interface.cli.app import app
+from cell.orchestrator.snapshot import Snapshot
 from cell.orchestrator.steps import pause
-from cell.setup.arm.manual_motion import home_joints, move_manually
+from cell.setup.arm import manual_motion
 from drivers.base.errors import ConfigurationError
-from drivers.base.types import Pose
+from drivers.base.geometry import interpolate_columns
+from tests.support.fold_moments import lying, scene_for
+from tests.support.maker_scene import Moment
 
 CONFIGS = find_configs(None)
 SETTINGS = CONFIGS.cell()
@@ -27,13 +33,14 @@ FCI = SETTINGS.model_copy(
     update={"installation": SETTINGS.fci.limit(SETTINGS.installation)}
 )
 STRIP = CONFIGS.strip("denim")
+CLOSED = 0.001  # m between pads that do not touch one another
 PATH, SPEEDS = whole_path(0.6, FCI.installation, FCI.fold, triangle(0.6))
 
 
 @pytest.fixture(scope="module")
 def elbow() -> float:
     """The elbow [rad] over the strip, which takes a search."""
-    return float(home_joints(SETTINGS, STRIP)[2])
+    return float(manual_motion.home_joints(SETTINGS, STRIP)[2])
 
 
 def test_fold_that_does_not_fit_in_the_air_is_refused() -> None:
@@ -51,49 +58,73 @@ def test_arm_that_cannot_follow_in_the_air_is_refused(elbow) -> None:
         rehearsal(FCI, STRIP, away, SPEEDS, elbow)
 
 
-@pytest.mark.parametrize(
-    "arm",
-    [
-        pytest.param("twin", marks=pytest.mark.slow),
-        pytest.param("fci", marks=pytest.mark.long),
-    ],
-)
-def test_rehearsal_stays_on_its_raised_path_and_closes_and_opens_the_hand(
-    arm: str, elbow: float
-) -> None:
+@pytest.fixture(scope="module")
+def carried(request: pytest.FixtureRequest, elbow: float) -> SimpleNamespace:
+    """The rehearsal by an arm of the kind asked for: its `planned` path, outcome, the
+    snapshots `seen`, and a robot's `joints` tick by tick.
+    """
     planned = rehearsal(FCI, STRIP, PATH, SPEEDS, elbow)
-    seen: list[tuple[Pose, float]] = []
+    seen: list[Snapshot] = []
+    opened: list[Devices] = []
 
     def watched(snapshot):
         motion = planned.motion(snapshot)
         command = next(motion)
         while True:
-            snapshot = yield command
-            seen.append((snapshot.arm.pose, snapshot.hand.width))
+            seen.append((yield command))
             try:
-                command = motion.send(snapshot)
+                command = motion.send(seen[-1])
             except StopIteration as end:
                 return end.value
 
-    outcome = move_manually(FCI.with_drivers(arm), Trial(), watched, strip=STRIP)
+    def keeping(*arguments, **options) -> Devices:
+        opened.append(open_cell(*arguments, **options))
+        return opened[-1]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(manual_motion, "open_cell", keeping)
+        settings = FCI.with_drivers(request.param)
+        outcome = manual_motion.move_manually(settings, Trial(), watched, strip=STRIP)
     assert outcome.exit_code == 0, outcome.reason
-    places = np.array([(pose.x, pose.z) for pose, _ in seen])
-    line = np.concatenate(
-        [
-            np.linspace(a, b, 200)
-            for a, b in zip(planned.path[:-1], planned.path[1:], strict=True)
-        ]
-    )[:, :2]
-    begun = next(
-        n for n, (pose, _) in enumerate(seen) if pose.z > planned.path[0, 1] - 0.002
-    )
+    return SimpleNamespace(planned=planned, seen=seen, joints=opened[0].arm_joints())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("carried", ["twin", "fci"], indirect=True)
+def test_rehearsal_stays_on_its_raised_path_and_closes_and_opens_the_hand(
+    carried: SimpleNamespace,
+) -> None:
+    path = carried.planned.path
+    places = np.array([(now.arm.pose.x, now.arm.pose.z) for now in carried.seen])
+    begun = int(np.argmax(places[:, 1] > path[0, 1] - 0.002))
+    line = np.concatenate([np.linspace(a, b, 200) for a, b in pairwise(path[:, :2])])
     off = [np.hypot(*(line - place).T).min() for place in places[begun:]]
     assert max(off) < 0.005
     assert places[begun:, 1].min() > HOVER_HEIGHT - 0.005
-    assert seen[-1][0].x == pytest.approx(planned.path[-1, 0], abs=0.003)
-    widths = np.array([width for _, width in seen])
-    assert widths.min() < 0.001  # closed on nothing, and that is no fault
-    assert widths[-1] > LOOSE - 1e-4
+    assert places[-1, 0] == pytest.approx(path[-1, 0], abs=0.003)
+    widths = [now.hand.width for now in carried.seen]
+    assert min(widths) < 0.001  # closed on nothing, and that is no fault
+    assert widths[-1] > 0.03
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("carried", ["fci"], indirect=True)
+def test_rehearsed_joints_keep_the_maker_s_hand_on_its_way_and_off_all_else(
+    carried: SimpleNamespace,
+) -> None:
+    scene, flat = scene_for(FCI.installation, STRIP), lying(STRIP)
+    times, joints = carried.joints[:, 0], carried.joints[:, 1:8]
+    moments = [
+        Moment(
+            now.arm.pose.as_array(),
+            interpolate_columns(now.arm.stamp, times, joints),
+            max(now.hand.width, CLOSED),
+            flat,
+            held=True,
+        )
+        for now in carried.seen
+    ]
+    assert scene.judge(moments) == (len(moments), [])
 
 
 def test_command_reports_the_rehearsal_of_the_first_day(

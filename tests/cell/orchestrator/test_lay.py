@@ -12,7 +12,6 @@ from cell.base.devices.fold_path import (
     LOOSE,
     PULL,
     LayPlan,
-    edge_place,
     lay_plan,
     taut_edge,
 )
@@ -65,19 +64,20 @@ def touched(displacement: float) -> SeenTouch:
 
 
 @pytest.mark.parametrize(
-    ("displacement", "end", "down"),
+    ("displacement", "place", "end", "down"),
     [
-        (0.0, 0.0, 0.0),
-        (0.004, 0.0, -0.004),
-        (-0.03, 0.03 - PULL, 0.03 - PULL),
+        (0.0, 0.0, 0.0, 0.0),
+        (0.004, 0.0, 0.0, -0.004),
+        (-0.2, 0.2, 0.2, 0.2),  # of a fold off the middle
+        (-0.03, 0.0, 0.03 - PULL, 0.03 - PULL),
     ],
 )
 def test_edge_comes_down_at_its_place_or_where_its_layer_ends_unless_that_pulls_far(
-    displacement: float, end: float, down: float
+    displacement: float, place: float, end: float, down: float
 ) -> None:
     taut = taut_edge(touched(displacement))
-    assert edge_place(taut) == pytest.approx(end)
-    plan = lay_plan(Pose(0.2, 0.22, HANGING), taut, 0.001, 0.0, FOLD)
+    plan = lay_plan(Pose(0.2, 0.22, HANGING), taut, 0.001, place, FOLD)
+    assert plan.end == pytest.approx(end)
     rest = 0.001 + ROOM + TIP_AHEAD
     x = down + rest - FOLD.lay_beyond
     above, last = plan.path.points[-2:]

@@ -21,7 +21,7 @@ from drivers.franka.obstacles import (
     require_clear,
     solids_of,
 )
-from drivers.franka.shapes import FINGER_WIDTH, PALM_WIDTH, TIP_AHEAD, Box, desk_end
+from drivers.franka.shapes import TIP_AHEAD, Box, desk_end
 from tests.drivers.franka.rig import INSTALLATION
 
 SOLIDS = solids_of(INSTALLATION)
@@ -35,26 +35,6 @@ def nearest(points: list[np.ndarray], solids: Solids = SOLIDS) -> float:
     """The smallest distance [m] from anything along straight ways between `points`."""
     whole = np.concatenate([np.linspace(a, b, 200) for a, b in pairwise(points)])
     return float(min(self_clearance(whole).min(), solids.clearance(whole).min()))
-
-
-def test_clamp_is_under_the_desk_s_end_where_the_strip_is_fixed() -> None:
-    around = [np.array([box.low, box.high]) for box in SOLIDS.boxes]
-    assert all((low < high).all() for low, high in around)
-    desk, *_, clamp, floor = around
-    assert clamp[1, 0] == desk[0, 0] < 0.0
-    assert floor[1, 2] < clamp[0, 2] < clamp[1, 2] < desk[1, 2] == 0.0
-
-
-def test_notch_lets_the_lower_finger_under_the_strip_s_edge_and_no_palm() -> None:
-    gap = [box for box in SOLIDS.boxes if "notch" in box.name]
-    behind, before = sorted(gap, key=lambda box: box.low[1], reverse=True)
-    assert behind.low[1] - before.high[1] > FINGER_WIDTH + 0.01
-    assert behind.low[1] - before.high[1] < PALM_WIDTH
-    end = behind.high[0]
-    assert end - behind.low[0] > TIP_AHEAD + 0.01
-    low, high = desk_clearance(np.array([(end, 0, 0), (end - 0.04, 0, 0)]), end)
-    assert low == np.inf
-    assert high < 0.0
 
 
 def test_straight_way_is_taken_where_it_is_free() -> None:

@@ -30,9 +30,9 @@ from drivers.franka.shapes import (
     side_view,
 )
 from drivers.strip.file import StripFile
+from tests.support.fold_moments import plan
 from tests.support.franky_sim import franky_sim_model
-from tests.support.maker_scene import MakerScene
-from tests.support.planned_moments import Moment, plan
+from tests.support.maker_scene import MakerScene, Moment
 
 SIZE = 480, 480  # px
 CLOSE, WHOLE = 0.42, 1.5  # m from the camera to what it looks at

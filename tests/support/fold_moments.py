@@ -1,23 +1,30 @@
-"""Folds as the cell plans them, moment by moment: joints, fingers and the strip."""
+"""Folds as the cell plans them and as a robot carried them out, moment by moment:
+joints, fingers and the strip.
+"""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import pyarrow.parquet as pq
 
 from cell.base.config.places import find_configs
 from cell.base.devices.fold_path import LOOSE
 from cell.folding.feasibility import assess
+from cell.record.files import JOINTS
 from drivers.base.installation import Installation
 from drivers.base.types import Array
 from drivers.franka.inverse_kinematics import ELBOW_JOINT, track
+from drivers.franka.obstacles import solids_of
 from drivers.franka.plane import StripPlane
 from drivers.franka.reach import Reach, densify
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from drivers.twin.chain.engine import Chain
-from tests.support.maker_scene import PIECES
+from tests.end_to_end.folded import Folded
+from tests.support.franky_sim import franky_sim_model
+from tests.support.maker_scene import PIECES, MakerScene, Moment
 from tests.support.requests import request_for
 from tests.support.twin_calibration import twin_calibration
 
@@ -25,19 +32,6 @@ TICK = 0.005  # s
 GRASPED, RELEASED = 4, -2  # points of a whole path
 OPEN = 0.04  # m between open fingers
 LEAVING = 0.35  # s until the hand has left the edge, which rests on its lower pad
-
-
-@dataclass(frozen=True, slots=True)
-class Moment:
-    """Gripper pose x, z [m], pitch [rad], the arm's joints (7,) [rad], `width` [m]
-    between the fingers, the strip's midline (n, 2) [m], and whether it is `held`.
-    """
-
-    pose: Array
-    joints: Array
-    width: float
-    midline: Array
-    held: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,6 +82,45 @@ class Plan:
             lies = resting if released <= time < released + LEAVING else seen
             loose = OPEN if time < grasped else thickness + LOOSE
             yield Moment(pose, joints, thickness if held else loose, lies, held)
+
+
+def scene_for(place: Installation, strip: StripFile) -> MakerScene:
+    """The maker's arm in its `place` over a desk that ends with its `strip`."""
+    ending = place.model_copy(update={"desk": strip.length})
+    return MakerScene(franky_sim_model(), solids_of(ending), strip)
+
+
+def lying(strip: StripFile) -> Array:
+    """The flat strip's midline (n, 2) [m]."""
+    along = np.linspace(0.0, strip.length, PIECES + 1)
+    return np.column_stack([along, np.zeros_like(along)])
+
+
+def beside(postures: Iterable[Array], strip: StripFile) -> Iterator[Moment]:
+    """Yield moments of an open hand at `postures` (7,) [rad] while the `strip` lies."""
+    flat = lying(strip)
+    for joints in postures:
+        yield Moment(flat[-1], joints, OPEN, flat, held=False)
+
+
+def carried_out(fold: Folded, strip: StripFile) -> Iterator[Moment]:
+    """Yield a robot's recorded `fold`, by the joints that it measured and the true
+    strip.
+    """
+    table = pq.read_table(fold.run.folder / JOINTS)
+    rows = [table["t"], *(table[f"q_{joint}"] for joint in range(1, 8))]
+    begun = {e.facts.get("state", e.kind): e.t for e in fold.run.events()}
+    grasped, released = begun["LIFT"], begun["RELEASE"]
+    truth = fold.truth
+    times = truth.t - fold.origin
+    for t, *joints in np.column_stack(rows)[:: round(1e3 * TICK)].tolist():
+        resting = released <= t < begun["released"] + LEAVING
+        at = int(np.searchsorted(times, released if resting else t))
+        at = min(at, len(times) - 1)
+        held = grasped <= t < released
+        loose = OPEN if t < grasped else strip.thickness + LOOSE
+        width = strip.thickness if held else loose
+        yield Moment(truth.edge[at], np.array(joints), width, truth.shapes[at], held)
 
 
 def plan(name: str, runs: Path) -> Plan:
