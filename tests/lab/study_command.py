@@ -94,7 +94,8 @@ def study(
                 " without it"
             )
         if not show:
-            _measure(asked, engine(jobs, cluster, each.limit), _shard(shard), again)
+            by = engine(jobs, cluster, each.limit)
+            measure_here(asked, by, _shard(shard), again=again)
         held, lost = _print_study(asked)
         kept = (held or quick) and not (lost and shard is None) and kept
     sys.exit(0 if kept or show else 1)
@@ -129,9 +130,10 @@ def _shard(given: str | None) -> tuple[int, int]:
     return number, count
 
 
-def _measure(
-    asked: "StudyRequest", by: "Engine", shard: tuple[int, int], again: bool
+def measure_here(
+    asked: "StudyRequest", by: "Engine", shard: tuple[int, int], *, again: bool
 ) -> None:
+    """Measure what the folder of a study lacks, with a meter on the screen."""
     from rich.console import Console
 
     from cell.base.campaign.progress import Meter
@@ -150,8 +152,5 @@ def _print_study(asked: "StudyRequest") -> tuple[bool, bool]:
 
     found = read_study(asked)
     written = write_table(found)
-    page = "" if asked.study.ledger is None else asked.study.ledger.of(found.outcomes)
-    sys.stdout.write(
-        f"{asked.study.question}\n\n{markdown(found)}  {written}\n{page}\n"
-    )
+    sys.stdout.write(f"{asked.study.question}\n\n{markdown(found)}  {written}\n")
     return keeps_bars(rows(found)), bool(found.lost)

@@ -19,9 +19,8 @@ import typer
 from cell.gap.verdict.confidence import Calibration, calibration
 from cell.gap.verdict.schema import VerdictEvidence
 from drivers.base.files import replace_file
-from drivers.base.readers import read_json_lines
+from drivers.base.readers import MEGABYTE, read_json_lines
 from drivers.base.yaml_text import dump_yaml
-from tests.lab.exam.ledger import LARGEST_LEDGER
 from tests.lab.exam.score import RIGHT_RESULTS
 from tests.lab.exam.targets import reliable
 from tests.lab.studies.catalogue.confidence import (
@@ -34,6 +33,7 @@ from tests.lab.studies.catalogue.confidence import (
 from tests.lab.studies.catalogue.mechanisms import accepted
 from tests.lab.studies.study import Case, Outcome, Values
 
+LARGEST_LEDGER = 512 * MEGABYTE
 SIGNS = set(VerdictEvidence.model_fields)
 Ledgers = Annotated[list[Path], typer.Argument(exists=True, dir_okay=False)]
 Fresh = Annotated[list[Path] | None, typer.Option(exists=True, dir_okay=False)]

@@ -34,10 +34,7 @@ class Case(Settings):
     cause resembles though its law is another one (`alike` false); empty where nothing
     or nothing of the library is hidden. `scatter` says how much runs differ for no
     reason, `motions` how the gripper moves. From the state, the plant is the `engine`:
-    the rod that the model is too, or a chain, which alone has `causes` in it; `repeats`
-    says how often each motion is made; by hand, where none is made twice, how many
-    times as many there are. The arm reports the strip's `force` with so much noise [N,
-    one sigma], and as much that its tare left in each run; None: it reports none.
+    the rod that the model is too, or a chain, which alone has `causes` in it.
     """
 
     name: str = Field(pattern=r"^[a-z0-9][a-z0-9-]*$")
@@ -54,10 +51,6 @@ class Case(Settings):
     strength: Strength | None = None
     scatter: ScatterLevel = "none"
     motions: Motions = "standard"
-    repeats: int = Field(1, ge=1, le=8)
-    force: float | None = Field(
-        None, gt=0, le=5.0, exclude_if=lambda force: force is None
-    )
 
     @property
     def plant(self) -> Plant:

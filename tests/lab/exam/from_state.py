@@ -229,7 +229,6 @@ def _reported_path(length: float, rng: np.random.Generator) -> GripperPath:
 MOTIONS = ("normal", "taut-lift", "fast", "early-shake", "taut-lift", "normal")
 SEGMENTS, ROD_STEP = 240, 0.002  # s; finer than any grid of the model
 LINKS, CHAIN_STEP, SHAPE_STRIDE = 200, 0.003, 2  # s; every second shape is kept
-TARE_STREAM = 78  # of the case's generators, of what tares left
 
 
 class CaseMotion(NamedTuple):
@@ -266,7 +265,7 @@ def make_runs(case: Case, folder: Path) -> None:
     motions = motions_of(case, plant.length)
     bare = [describe(plant, case.effects, index) for index in range(len(motions))]
     models = [
-        after_tare(RunScatter.draw(case.scatter, case.seed, i).in_rig(model), case, i)
+        RunScatter.draw(case.scatter, case.seed, i).in_rig(model)
         for i, model in enumerate(bare)
     ]
     paths = [motion.path for motion in motions]
@@ -274,29 +273,18 @@ def make_runs(case: Case, folder: Path) -> None:
         folds = _fold_on_chain(case, models, paths)
     else:
         folds = rod_folds(models, paths, SEGMENTS, ROD_STEP)
-    by = BENCH.model_copy(update={"force": case.force})
     for index, (motion, bare_fold) in enumerate(zip(motions, folds, strict=True)):
         fold = replace(bare_fold, index=index, condition=motion.condition)
-        write_fold(folder / f"{index:02d}-{motion.name}", case.strip, fold, by, rng)
-
-
-def after_tare(model: StripModel, case: Case, index: int) -> StripModel:
-    """Strip model of run `index` with the force offset that the arm's tare left."""
-    if case.force is None:
-        return model
-    rng = np.random.default_rng([case.seed, index, TARE_STREAM])
-    x, z = rng.normal(0.0, case.force, 2).tolist()
-    return replace(model, observation=replace(model.observation, force_x=x, force_z=z))
+        write_fold(folder / f"{index:02d}-{motion.name}", case.strip, fold, BENCH, rng)
 
 
 def motions_of(case: Case, length: float) -> list[CaseMotion]:
     """Gripper motions of `case` over a strip of `length` [m], in the order of its
     runs.
     """
-    names = MOTIONS * case.repeats
     if case.motions == "standard":
-        return [_standard_motion(name, length) for name in names]
-    paths = paths_by_hand(length, case.seed, len(names))
+        return [_standard_motion(name, length) for name in MOTIONS]
+    paths = paths_by_hand(length, case.seed, len(MOTIONS))
     return [
         CaseMotion("by-hand", f"by-hand-{i}", path)
         for i, path in enumerate(paths, start=1)

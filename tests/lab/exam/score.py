@@ -36,7 +36,7 @@ from drivers.base.types import Array
 from drivers.strip.describe import load_strip
 from drivers.strip.effects import registry
 from drivers.strip.file import StripFile
-from tests.lab.exam.case import Case, Kind, Strength, Tier
+from tests.lab.exam.case import Case
 
 Result = Literal[
     "right_strict", "right_class", "partly", "wrong_name", "abstained",
@@ -82,16 +82,12 @@ class Oracle(Settings):
 class Outcome(Settings):
     """Score of a case: the `result` of its verdict, with the facts that reports show.
 
-    `realised` is the excess gap after the base was refitted, `rival` the strongest
-    model that was not accepted, with its nats over the base, `reason` the verdict's
-    text on what remains, `signs` what its confidence rests on. `suspect_right`: whether
-    effects that were accepted, but not named, are right.
+    `realised` is the excess gap after the base was refitted, `signs` what the
+    confidence rests on. `suspect_right`: whether effects that were accepted, but not
+    named, are right.
     """
 
     case: str
-    tier: Tier
-    kind: Kind
-    strength: Strength | None
     hidden: tuple[str, ...]
     answer: tuple[str, ...]
     verdict: VerdictKind
@@ -103,8 +99,6 @@ class Outcome(Settings):
     shrink: float
     base: tuple[Comparison, ...]
     parameters: tuple[Comparison, ...]
-    rival: str
-    reason: str
     runtime: float
     simulations: int
     signs: dict[str, float] | None = None
@@ -119,13 +113,9 @@ class Outcome(Settings):
 def score(verdict: Verdict, case: Case, strip: StripFile) -> Outcome:
     """Score a verdict on the runs of `case`, whose strip file is `strip`."""
     named = tuple(effect.name for effect in verdict.effects)
-    rival, reason = _rival(verdict, named), verdict.unexplained
     return Outcome(
         case=case.name,
-        tier=case.tier,
-        kind=case.kind,
-        strength=case.strength,
-        hidden=hidden_names(case),
+        hidden=tuple(sorted((*case.effects, *case.causes))),
         answer=case.answer,
         verdict=verdict.verdict,
         named=named,
@@ -136,18 +126,11 @@ def score(verdict: Verdict, case: Case, strip: StripFile) -> Outcome:
         shrink=verdict.gap.shrink,
         base=tuple(_base(verdict, case, strip)),
         parameters=tuple(_effects(verdict, case)),
-        rival=rival,
-        reason=reason.description if reason else "",
         runtime=verdict.runtime,
         simulations=verdict.simulations,
         signs=signs(verdict),
         suspect_right=_is_suspect_right(verdict, case),
     )
-
-
-def hidden_names(case: Case) -> tuple[str, ...]:
-    """Names of all effects and causes hidden in the plant."""
-    return tuple(sorted((*case.effects, *case.causes)))
 
 
 def result(verdict: Verdict, case: Case) -> Result:
@@ -275,13 +258,6 @@ def signs(verdict: Verdict) -> dict[str, float] | None:
     if verdict.posterior is None or verdict.posterior.log_odds == math.inf:
         return None
     return verdict.posterior.model_dump(include=set(VerdictEvidence.model_fields))
-
-
-def _rival(verdict: Verdict, named: tuple[str, ...]) -> str:
-    for row in verdict.candidates:
-        if frozenset(row.name.split(" + ")) != frozenset(named):
-            return f"{row.name} ({row.elpd_gain:.0f} nats)"
-    return ""
 
 
 def oracle(

@@ -11,9 +11,8 @@ from scipy.stats import binomtest
 
 from cell.gap.rehearse import table
 from drivers.base.types import Array
-from tests.lab.exam.case import Kind, Tier
-from tests.lab.exam.from_state import LEVELS
-from tests.lab.exam.ledger import Entry
+from tests.lab.exam.case import Tier
+from tests.lab.exam.run import Entry
 from tests.lab.exam.score import RIGHT_RESULTS, Comparison, Outcome
 
 
@@ -46,46 +45,8 @@ def rate(found: Iterable[bool]) -> Rate:
     return Rate(sum(every), len(every))
 
 
-@dataclass(frozen=True, slots=True)
-class Bin:
-    """Cases of similar stated confidence: mean confidence, and rate of right
-    verdicts.
-    """
-
-    confidence: float
-    right: Rate
-
-
-def reliability(stated: Sequence[tuple[float, bool]], bins: int = 10) -> list[Bin]:
-    """Non-empty bins of confidence, of equal width and in rising order (DeGroot,
-    Fienberg 1983).
-    """
-    groups: dict[int, list[tuple[float, bool]]] = {}
-    for confidence, right in stated:
-        groups.setdefault(min(int(confidence * bins), bins - 1), []).append(
-            (confidence, right)
-        )
-    return [
-        Bin(sum(c for c, _ in group) / len(group), rate(right for _, right in group))
-        for _, group in sorted(groups.items())
-    ]
-
-
-def calibration_error(
-    stated: Sequence[tuple[float, bool]],
-    bins: int = 10,
-    counts: Iterable[float] | None = None,
-) -> float:
-    """Mean |confidence - rate| of the bins, by weights (n,) (Naeini, Cooper, Hauskrecht
-    2015).
-    """
-    away, weights = (
-        [0.0] * bins,
-        [1.0] * len(stated) if counts is None else list(counts),
-    )
-    for (confidence, right), weight in zip(stated, weights, strict=True):
-        away[min(int(confidence * bins), bins - 1)] += weight * (confidence - right)
-    return sum(map(abs, away)) / sum(weights) if stated else float("nan")
+Claims = Sequence[tuple[float, bool]]
+"""Stated probabilities, each with whether the verdict is right."""
 
 
 # of the causes that a confidence speaks of: as in the exam through images
@@ -93,9 +54,7 @@ OUTSIDE_SHARE = 0.2
 FIFTHS, DOUBTFUL = 5, 0.7  # bins; confidence under which a wrong name does little harm
 
 
-def log_loss(
-    stated: Sequence[tuple[float, bool]], counts: Array | None = None
-) -> float:
+def log_loss(stated: Claims, counts: Array | None = None) -> float:
     """Mean logarithmic loss [nats] of these probabilities and outcomes, with weights
     (n,).
     """
@@ -103,38 +62,40 @@ def log_loss(
     return float(-np.average(np.log(np.clip(p, 1e-9, 1.0)), weights=counts))
 
 
-def reliable(stated: Sequence[tuple[float, bool]], counts: Array | None = None) -> str:
-    """Reliability of stated probabilities in fifths, as a Markdown table.
+def reliable(stated: Claims, counts: Array | None = None) -> str:
+    """Reliability of stated probabilities in fifths, as a Markdown table (DeGroot,
+    Fienberg 1983).
 
     With weights `counts` (n,) of verdicts also its errors where OUTSIDE_SHARE of the
     causes lie outside the library, for which the probability is stated.
     """
-    rows = [
-        (
-            f"{b.confidence:.2f}",
-            rate_text(b.right),
-            f"{100 * (b.right.value - b.confidence):+.0f}",
-        )
-        for b in reliability(stated, FIFTHS)
-    ]
-    wrong = [p for p, right in stated if not right]
-    low = sum(p < DOUBTFUL for p in wrong)
+    said, right = np.reshape(stated, (-1, 2)).T
+    fifths = np.minimum((said * FIFTHS).astype(int), FIFTHS - 1)
+    rows = []
+    for fifth in np.unique(fifths):
+        here = fifths == fifth
+        mean, earned = float(said[here].mean()), rate(right[here] > 0.0)
+        apart = f"{100 * (earned.value - mean):+.0f}"
+        rows.append((f"{mean:.2f}", rate_text(earned), apart))
+
     head = ["mean stated probability, by fifths", "right, by class", "points apart"]
-    errors = [
-        f"{calibration_error(stated, FIFTHS, by):.3f}, log loss"
-        f" {log_loss(stated, by):.3f} nats"
-        for by in (None, counts)
-    ]
-    weighed = (
-        ""
-        if counts is None
-        else f" (with {OUTSIDE_SHARE:.0%} of causes outside {errors[1]})"
-    )
-    return (
+    wrong = said[right == 0.0]
+    text = (
         f"{table(head, rows)}\n\n{len(stated)} verdicts that accept, {len(wrong)} of"
-        f" them wrong, {low} of these stated under {DOUBTFUL}; expected calibration"
-        f" error {errors[0]}{weighed}."
+        f" them wrong, {np.sum(wrong < DOUBTFUL)} of these stated under {DOUBTFUL};"
     )
+    weighed = {"": np.ones(len(stated))}
+    if counts is not None:
+        weighed[f" with {OUTSIDE_SHARE:.0%} of causes outside"] = counts
+    for words, by in weighed.items():
+        # mean |confidence - rate| of the bins (Naeini, Cooper, Hauskrecht 2015)
+        away = np.bincount(fifths, by * (said - right))
+        text += (
+            f" expected calibration error{words}"
+            f" {np.abs(away).sum() / by.sum():.3f}, log loss"
+            f" {log_loss(stated, by):.3f} nats."
+        )
+    return text
 
 
 SHRINK_TARGET = 0.9  # of the shrink that knowing the truth would give
@@ -169,10 +130,9 @@ def targets(entries: Sequence[Entry], tier: Tier) -> list[Target]:
     ]
 
 
-def outcomes(entries: Iterable[Entry], *kinds: Kind) -> list[Outcome]:
-    """Outcomes of the cases of these kinds; of all where no kind is given."""
-    found = [e.outcome for e in entries if e.outcome is not None]
-    return [o for o in found if not kinds or o.kind in kinds]
+def outcomes(entries: Iterable[Entry]) -> list[Outcome]:
+    """Outcomes of the cases that have one."""
+    return [e.outcome for e in entries if e.outcome is not None]
 
 
 def rate_text(found: Rate) -> str:
@@ -324,24 +284,6 @@ def _chosen(
     return [e for e in mine if not strengths or e.case.strength in strengths]
 
 
-def spread_errors(entries: Iterable[Entry]) -> dict[str, list[float]]:
-    """Estimated over true run-to-run spreads at full scatter, by quantity; 0 if not
-    found.
-    """
-    full = LEVELS["full"]
-    truth = {
-        "grip_x": full.grip,
-        "grip_z": full.grip,
-        "damping": full.damping,
-        "stiffness": full.stiffness,
-    }
-    mine = [e for e in entries if e.case.scatter == "full" and e.outcome is not None]
-    return {
-        name: [e.spreads.get(name, 0.0) / true for e in mine]
-        for name, true in truth.items()
-    }
-
-
 def _result(entry: Entry) -> str:
     return entry.outcome.result if entry.outcome is not None else "failed"
 
@@ -401,15 +343,9 @@ def _median(
 
 
 def _cost(entries: Sequence[Entry], through: bool) -> Iterable[Target]:
-    walls = [e.wall for e in entries if e.outcome is not None]
-    memory = [e.memory for e in entries if e.outcome is not None]
-    if not walls:
-        return
-    middle, longest = median(walls), max(walls)
+    times = [o.runtime for o in outcomes(entries)]
     usual, most = (25.0, 120.0) if through else (15.0, 60.0)
-    for words, found, wanted in (("median", middle, usual), ("longest", longest, most)):
+    for words, of, wanted in (("median", median, usual), ("longest", max, most)):
         line = f"run time on one core, {words}"
+        found = of(times) if times else 0.0
         yield Target(line, f"{found:.0f} s", f"{wanted:.0f} s", found <= wanted)
-    yield Target(
-        "peak memory, largest", f"{max(memory):.0f} MB", "1024 MB", max(memory) < 1024.0
-    )

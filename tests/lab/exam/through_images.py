@@ -31,7 +31,6 @@ from drivers.base.errors import Fault
 from drivers.base.readers import read_yaml
 from drivers.strip.file import StripFile
 from drivers.twin.open import PlantOptions
-from drivers.twin.settings import WrenchSettings
 from policies.registry import BY_HAND, MOTION
 from tests.lab.exam.case import Case, ScatterLevel
 from tests.lab.exam.causes import cause_of
@@ -65,22 +64,12 @@ def make_runs(case: Case, folder: Path, number: int | None = None) -> None:
     `folder`.
 
     Each holds the four files of a measured run and nothing that gives the plant away.
-    Runs that are there already stay; one that was broken off is folded again. Raises
-    ConfigurationError for a case that cannot be folded, Fault for a run that was
+    Raises ConfigurationError for a case that cannot be folded, Fault for a run that was
     refused or left no record.
     """
-    configs = find_configs(None)
-    settings = configs.cell()
     causes = [cause_of(name, values) for name, values in case.causes.items()]
-    folder.mkdir(parents=True, exist_ok=True)
-    wanted = _requests(case)[:number]
-    missing = [
-        (name, request) for name, request in wanted if not (folder / name).is_dir()
-    ]
-    if not missing:
-        return
-    calibration = calibration_of(settings)
-    for name, request in missing:
+    calibration = calibration_of(find_configs(None).cell())
+    for name, request in _requests(case)[:number]:
         with TemporaryDirectory(prefix="exam-") as place:
             placed = _with_plant(case, request, Path(place))
             result = _fold(placed, causes, case, calibration, State.LAY)
@@ -131,27 +120,19 @@ def _motion_name(request: Request) -> str:
 
 def _with_plant(case: Case, request: Request, runs: Path) -> Request:
     """The `request` with the cell and the plant of `case`, recorded in `runs`."""
-    settings = exam_cell(request.cell, _motion_name(request), case.force)
+    settings = exam_cell(request.cell, _motion_name(request))
     trial = replace(request.trial, plant=plant_of(case, request.strip))
     return replace(request, cell=settings, trial=trial, runs=runs)
 
 
-def exam_cell(settings: CellFile, motion: str, force: float | None = None) -> CellFile:
+def exam_cell(settings: CellFile, motion: str) -> CellFile:
     """Cell settings with a plant that is simulated on a finer grid than any model of
     it.
-
-    With a `force` [N] the arm reports the strip's force with that noise and that error
-    of its tare.
     """
     changes = {"links": LINKS, "step": MOTION_STEPS.get(motion, STEP)}
     world = settings.twin.world.model_copy(update=changes)
     twin = settings.twin.model_copy(update={"world": world})
-    if force is None:
-        return settings.model_copy(update={"twin": twin})
-    arm = twin.arm.model_copy(update={"force": WrenchSettings(noise=force, bias=force)})
-    sigma = settings.sigma.model_copy(update={"force": force})
-    twin = twin.model_copy(update={"arm": arm})
-    return settings.model_copy(update={"twin": twin, "sigma": sigma})
+    return settings.model_copy(update={"twin": twin})
 
 
 def plant_of(case: Case, strip: StripFile) -> StripFile:
@@ -245,23 +226,18 @@ def _fold(
 
 
 def _copy_sealed(made: Path, final: Path, strip: StripFile) -> None:
-    """Copy a record's four files without traces of the plant to `final`, whole or not
-    at all.
-    """
+    """Copy a record's four files without traces of the plant to `final`."""
     lacking = [name for name in FILES if not (made / name).is_file()]
     if lacking:
         raise Fault(
             "record", f"{final}: the fold of {strip.name} left no {', '.join(lacking)}"
         )
-    part = final.with_name(final.name + ".part")
-    shutil.rmtree(part, ignore_errors=True)
-    part.mkdir()
+    final.mkdir(parents=True)
     for name in (TICKS, PROFILE):
-        shutil.copy(made / name, part / name)
+        shutil.copy(made / name, final / name)
     header, result = read_yaml(made / RUN), read_yaml(made / RESULT)
-    write_document(part / RUN, _sealed_header(header))
-    write_document(part / RESULT, sealed_result(result))
-    part.replace(final)
+    write_document(final / RUN, _sealed_header(header))
+    write_document(final / RESULT, sealed_result(result))
 
 
 def _sealed_header(header: Mapping[str, Any]) -> dict[str, Any]:

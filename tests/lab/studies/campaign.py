@@ -16,8 +16,7 @@ from cell.base.campaign.run import Engine, Part, carry_out
 from cell.base.campaign.versions import code, data, sources
 from cell.base.config.places import find_configs
 from drivers.base.errors import ConfigurationError
-from tests.lab.studies.catalogue import study_of
-from tests.lab.studies.study import Case, Outcome, Study
+from tests.lab.studies.study import Case, Measure, Outcome, Study
 
 JOURNAL = "journal"
 WORKING_PARTS = (
@@ -26,19 +25,18 @@ WORKING_PARTS = (
 )
 
 
-def measure_case(name: str, case: Case, of: str) -> Mapping[str, Any]:
-    """Measure a case of the study `name`; returns its values with those of its outcome.
+def measure_case(measure: Measure, case: Case, of: str) -> Mapping[str, Any]:
+    """Measure a case of a study; returns its values with those of its outcome.
 
     Raises ConfigurationError where code or configuration are not those of the campaign,
     `of`.
     """
-    study = study_of(name)
-    if inputs(study) != of:
+    if inputs(measure) != of:
         raise ConfigurationError(
-            f"{name}: this machine has other code or configuration than the campaign; "
-            "install the same"
+            f"{measure.__module__}: this machine has other code or configuration than"
+            " the campaign; install the same"
         )
-    outcome = dict(study.measure(case.values))
+    outcome = dict(measure(case.values))
     facts = {"seed": case.seed, "number": case.number, "case": dict(case.values)}
     return {**facts, "values": outcome}
 
@@ -61,15 +59,10 @@ class StudyRequest:
         """Parts of all cases, or of every n-th from the i-th on for the shard i of
         n.
         """
-        made_of, study, (number, count) = inputs(self.study), self.study, shard
+        study, (number, count) = self.study, shard
+        of = inputs(study.measure)
         return tuple(
-            Part(
-                case.key,
-                made_of,
-                study.seconds,
-                measure_case,
-                (study.name, case, made_of),
-            )
+            Part(case.key, of, study.seconds, measure_case, (study.measure, case, of))
             for case in study.cases(self.seed, self.count)[number - 1 :: count]
         )
 
@@ -92,7 +85,7 @@ class StudyRecord:
     @property
     def present(self) -> bool:
         """Whether the outcomes are those of the present code."""
-        return self.of == inputs(self.asked.study)
+        return self.of == inputs(self.asked.study.measure)
 
 
 def measure(
@@ -115,7 +108,7 @@ def read_study(asked: StudyRequest) -> StudyRecord:
     """
     wanted = {case.key: case for case in asked.study.cases(asked.seed, asked.count)}
     found = [r for r in Journal(asked.journal).records() if r.key in wanted]
-    of = _code_to_show(found, inputs(asked.study))
+    of = _code_to_show(found, inputs(asked.study.measure))
     mine = sorted((r for r in found if r.of == of), key=lambda r: r.key)
     failed, outcomes = asked.study.failed, []
     for r in mine:
@@ -154,10 +147,10 @@ def _code_to_show(records: Sequence[Record], now: str) -> str:
     )
 
 
-def inputs(study: Study) -> str:
+def inputs(measure: Measure) -> str:
     """Digest of product, laboratory and study code, and of the configuration."""
     made_of = digest(code(), data(), sources(WORKING_PARTS))
-    return digest(made_of, _module_file(study.measure.__code__.co_filename), _configs())
+    return digest(made_of, _module_file(measure.__code__.co_filename), _configs())
 
 
 @cache

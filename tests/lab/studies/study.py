@@ -157,6 +157,8 @@ Values = Mapping[str, Any]
 """Plain JSON by name."""
 Draw = Callable[[int, np.random.Generator], Values]
 """Draws a case from its number and its own generator."""
+Measure = Callable[[Values], Values]
+"""Function of a module from the values of a case to those of its outcome."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,14 +199,6 @@ class Fit:
 
 
 @dataclass(frozen=True, slots=True)
-class Ledger:
-    """Page of a study in the checkout at `path`, with text `of` all outcomes."""
-
-    path: str
-    of: Callable[[Sequence[Outcome]], str]
-
-
-@dataclass(frozen=True, slots=True)
 class Study:
     """A study: how its cases are drawn and measured, and the columns of its table.
 
@@ -220,7 +214,7 @@ class Study:
     name: str
     question: str
     draw: Draw
-    measure: Callable[[Values], Values]
+    measure: Measure
     quantities: tuple[Quantity, ...]
     usual: int
     quick: int
@@ -228,7 +222,6 @@ class Study:
     seconds: float = 10.0
     limit: float = 1800.0
     fits: tuple[Fit, ...] = ()
-    ledger: Ledger | None = None
     failed: Callable[[Values], Values] = lambda _: {}
 
     def cases(self, seed: int, count: int) -> tuple[Case, ...]:

@@ -27,8 +27,7 @@ class Row:
 
 
 def write_table(kept: StudyRecord) -> Path:
-    """Write the ledger of a study and its table with costs and losses; returns the
-    table's path.
+    """Write the table of a study with costs and losses; returns its path.
 
     A whole study that fits something also writes its data files. Raises OSError where
     the folder cannot be written.
@@ -39,9 +38,6 @@ def write_table(kept: StudyRecord) -> Path:
         found = dict(fit.of(kept.outcomes))
         found["source"] = f"{found.get('source', '')} {progress(kept)}".strip()
         write_document(folder / Path(fit.path).name, found | {"belongs_to": fit.path})
-    if study.ledger is not None:
-        text = f"{study.ledger.of(kept.outcomes)}\n{progress(kept)}\n"
-        replace_file(folder / Path(study.ledger.path).name, text.encode())
     lost = "".join(f"- {record.key}: {record.reason}\n" for record in kept.lost)
     costs = "".join(f"- {name}: {text}\n" for name, text in cost(kept))
     content = f"{study.question}\n\n{markdown(kept)}\n{costs}{lost}"

@@ -8,7 +8,7 @@ from cell.gap.subject.strip.synthetic import BENCH
 from drivers.strip.effects import registry
 from tests.lab.exam import cases as drawing
 from tests.lab.exam.case import STRENGTHS
-from tests.lab.exam.cases import Draw, cases, excess_of_each, standard_gap_model
+from tests.lab.exam.cases import draw_case, excess_of_each, standard_gap_model
 from tests.lab.exam.from_state import MOTIONS, plant_of
 from tests.support.gap_strip_cases import denim
 
@@ -52,7 +52,7 @@ def test_a_slip_is_as_strong_as_asked_or_is_not_drawn(model: GapModel) -> None:
 
 @pytest.mark.slow
 def test_a_single_effect_is_as_strong_as_asked_on_the_plant_that_hides_it() -> None:
-    (weak, medium) = cases("state", 2, 5, "single")
+    weak, medium = (draw_case("state", "single", i, 5) for i in range(2))
     for case, target in ((weak, STRENGTHS["weak"]), (medium, STRENGTHS["medium"])):
         assert case.motions == "standard"
         plant = standard_gap_model(plant_of(case), MOTIONS, BENCH)
@@ -62,19 +62,14 @@ def test_a_single_effect_is_as_strong_as_asked_on_the_plant_that_hides_it() -> N
 def test_half_of_the_plants_from_the_state_are_not_the_model(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    plants = [case.plant for case in cases("state", 2, 5, "nothing")]
+    plants = [draw_case("state", "nothing", i, 5).plant for i in range(2)]
     assert plants == ["another engine", "the model itself"]
     values = {"coefficient": 1.0, "yield_curvature": 9.0, "slope": 0.5, "cubic": 1e-5}
     monkeypatch.setattr(
         drawing, "_visible_effect", lambda case, *_: (case.strip, values)
     )
-    lawful = Draw("state", "single", 0, 3, 5).case()
+    lawful = draw_case("state", "single", 6, 5)
     assert lawful.plant == "another law"
     assert set(lawful.causes) == {"oblique_drag"}
     assert lawful.answer == ("air_drag",)
     assert not lawful.effects
-
-
-@pytest.mark.slow
-def test_the_same_seed_draws_the_same_cases_however_many_at_a_time() -> None:
-    assert cases("state", 3, 5) == cases("state", 3, 5, jobs=2)

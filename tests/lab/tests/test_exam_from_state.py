@@ -8,11 +8,9 @@ import numpy as np
 import pytest
 
 from cell.record.files import TICKS
-from drivers.strip.describe import describe
 from tests.lab.exam import from_state, through_images
 from tests.lab.exam.from_state import LEVELS, RunScatter
 from tests.support.exam_cases import case
-from tests.support.gap_strip_cases import denim
 
 LENGTH, MANY = 0.6, 40
 
@@ -58,13 +56,3 @@ def test_a_chain_from_the_state_follows_the_law_of_its_cause(
     }
     assert of["plain"] == of["again"]
     assert of["plain"] != of["lawful"]
-
-
-def test_what_a_tare_leaves_differs_from_run_to_run_and_is_none_without_force() -> None:
-    plain, model = case("nothing", "nothing", {}), describe(denim())
-    assert from_state.after_tare(model, plain, 0) is model
-    feeling = plain.model_copy(update={"force": 0.01})
-    left = [from_state.after_tare(model, feeling, i).observation for i in range(40)]
-    offsets = np.array([[seen.force_x, seen.force_z] for seen in left])
-    assert offsets.std(axis=0) == pytest.approx([0.01, 0.01], rel=0.4)
-    assert from_state.after_tare(model, feeling, 3).observation == left[3]

@@ -43,7 +43,6 @@ def folded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("case")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(through_images, "LINKS", 40)
-        (folder / "00-normal.part").mkdir()  # of a run that was broken off
         make_runs(case(), folder, 1)
     return folder
 

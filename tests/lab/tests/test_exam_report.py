@@ -1,22 +1,20 @@
 """The report of an exam: what the ledger holds, in words that a technician reads."""
 
-import json
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
+from cell.base.campaign.journal import Journal, Record
 from cell.base.campaign.run import Local
 from cell.gap.verdict.schema import Verdict
-from drivers.base.errors import ConfigurationError
 from tests.lab.__main__ import app
 from tests.lab.exam.case import Case
-from tests.lab.exam.cases import DRAWN_FILE, KEYS_FOLDER, Sources, load_or_draw
-from tests.lab.exam.ledger import Entry, write_ledger
 from tests.lab.exam.page import markdown
-from tests.lab.exam.run import LEDGER
+from tests.lab.exam.run import EXAMS, Entry
 from tests.lab.exam.score import Oracle, score
 from tests.lab.exam.targets import targets
+from tests.lab.studies.campaign import StudyRequest
 from tests.support.exam_cases import case, named, verdict
 from tests.support.gap_strip_cases import denim
 
@@ -24,12 +22,8 @@ from tests.support.gap_strip_cases import denim
 def scored(hidden: Case, said: Verdict, known: float = 1.0) -> Entry:
     return Entry(
         case=hidden,
-        of="engine-case-scorer",
-        state="scored",
         outcome=score(said, hidden, denim()),
         oracle=Oracle(after=0.0, shrink=known) if hidden.answer else None,
-        wall=30.0,
-        memory=600.0,
     )
 
 
@@ -58,7 +52,7 @@ def test_right_names_are_counted_from_medium_strength_on() -> None:
 
 def test_a_case_without_a_verdict_is_not_right() -> None:
     right = single("a", "strong", tilted(0.01), tier="images")
-    lost = Entry(case=right.case, of="x", state="failed", reason="its process died")
+    lost = Entry(case=right.case, reason="its process died")
     assert met([right], "strictly") is True
     assert met([right, lost], "strictly") is False
 
@@ -76,13 +70,13 @@ def test_six_cases_of_six_are_no_miss_where_a_single_one_decides() -> None:
     quiet = [scored(case(f"n{i}", "nothing", {}), verdict("no_gap")) for i in range(6)]
     rows = [
         line
-        for line in markdown(quiet).splitlines()
+        for line in markdown(quiet, "").splitlines()
         if "where nothing is hidden" in line
     ]
     assert any("too few cases" in row for row in rows)
     assert not any("missed" in row for row in rows)
     alarms = [scored(case(f"n{i}", "nothing", {}), named("seam")) for i in range(60)]
-    assert markdown(alarms).count("**missed**") >= 2
+    assert markdown(alarms, "").count("**missed**") >= 2
 
 
 def test_pairs_and_shrink_are_held_against_their_targets() -> None:
@@ -109,17 +103,12 @@ def entries() -> list[Entry]:
             ),
             verdict("unexplained"),
         ),
-        Entry(
-            case=lost,
-            of="engine-case-scorer",
-            state="failed",
-            reason="no verdict after 600 s",
-        ),
+        Entry(case=lost, reason="no verdict after 600 s"),
     ]
 
 
 def test_the_page_lists_every_miss_and_nothing_else_as_one() -> None:
-    page = markdown(entries())
+    page = markdown(entries(), "")
     misses = [line for line in page.splitlines() if line.startswith("- `")]
     assert [line.split("`")[1] for line in misses] == ["fooled", "lost"]
     assert "desk_tilt (angle 0.01)" in misses[0]
@@ -127,40 +116,17 @@ def test_the_page_lists_every_miss_and_nothing_else_as_one() -> None:
     assert "no verdict after 600 s" in misses[1]
 
 
-def by_these_sources(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Entries were made by the sources of today, and whoever makes one again fails."""
-    monkeypatch.setattr(Sources, "entry", lambda *_: "engine-case-scorer")
-    monkeypatch.setattr(Local, "measure", lambda *_: pytest.fail("judged again"))
-
-
-@pytest.fixture
-def kept(tmp_path: Path) -> Path:
-    """An exam of two cases that were drawn and scored."""
-    every = entries()[:2]
-    asked = {"tier": "state", "count": 2, "seed": 7}
-    (tmp_path / KEYS_FOLDER).mkdir()
-    cases = {"cases": [e.case.model_dump(mode="json") for e in every]}
-    (tmp_path / KEYS_FOLDER / DRAWN_FILE).write_text(
-        json.dumps(asked | cases), encoding="utf-8"
-    )
-    write_ledger(tmp_path / LEDGER, every)
-    return tmp_path
-
-
-def test_an_exam_of_one_kind_is_another_one_and_outside_needs_images(
-    kept: Path,
-) -> None:
-    with pytest.raises(ConfigurationError, match="holds another exam"):
-        load_or_draw(kept, "state", 2, 7, kind="single")
-    with pytest.raises(ConfigurationError, match="--tier images"):
-        load_or_draw(kept, "state", 2, 7, kind="outside")
-
-
+@pytest.mark.parametrize("tier", ["state", "small"])
 def test_an_exam_that_is_finished_is_only_reported(
-    kept: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, tier: str
 ) -> None:
-    by_these_sources(monkeypatch)
-    asked = f"exam --tier state --cases 2 --seed 7 --out {kept}"
-    done = CliRunner().invoke(app, asked.split())
-    assert done.exit_code == 0, done.output
-    assert done.stdout == f"2 of 2 right: {kept / 'exam.md'}\n"
+    monkeypatch.setattr(Local, "measure", lambda *_: pytest.fail("judged again"))
+    asked, scored = StudyRequest(EXAMS[tier], 7, 3, tmp_path), entries()
+    for part, entry in zip(asked.parts(), scored[:3], strict=True):
+        outcome = {"values": entry.model_dump(mode="json")}
+        facts = {"schema": 1, "key": part.key, "of": part.of, "state": "measured"}
+        Journal(asked.journal).put(Record(**facts, outcome=outcome))
+    command = f"exam --tier {tier} --cases 3 --seed 7 --out {tmp_path}"
+    done = CliRunner().invoke(app, command.split())
+    assert done.exit_code == int(tier == "small"), done.output
+    assert done.stdout == f"2 of 3 right: {tmp_path / 'exam.md'}\n"

@@ -1,15 +1,12 @@
-"""The scorer of the exam, its statistics and its ledger."""
+"""The scorer of the exam and its statistics."""
 
 from collections.abc import Sequence
-from pathlib import Path
-from typing import Any
 
 import pytest
 
 from cell.gap.subject.run_folders import RunFolder, find_runs
 from cell.gap.verdict.schema import Verdict
 from tests.lab.exam.case import Case
-from tests.lab.exam.ledger import Entry, read_ledger, write_ledger
 from tests.lab.exam.score import Outcome, oracle, result, score
 from tests.lab.exam.targets import Rate
 from tests.support.exam_cases import case, few_runs, named, verdict
@@ -111,24 +108,6 @@ def test_wilson_agrees_with_its_published_values() -> None:
     assert Rate(15, 148).interval == pytest.approx((0.0624, 0.1605), abs=5e-5)
     assert Rate(0, 20).interval == pytest.approx((0.0, 0.1611), abs=5e-5)
     assert Rate(1, 29).interval == pytest.approx((0.0061, 0.1718), abs=5e-5)
-
-
-def entry(name: str, of: str = "1", **changes: Any) -> Entry:
-    return Entry(
-        case=case(name, "nothing", {}), of=of, **{"state": "failed", **changes}
-    )
-
-
-def test_a_ledger_goes_on_after_a_line_that_was_cut_off(tmp_path: Path) -> None:
-    path = tmp_path / "ledger.jsonl"
-    outcome = scored(verdict("no_gap"), case("a", "nothing", {}))
-    write_ledger(
-        path, [entry("a", state="scored", outcome=outcome), entry("b", state="scored")]
-    )
-    path.write_bytes(path.read_bytes()[:-20])
-    found = read_ledger(path)
-    assert list(found) == ["a"]
-    assert found["a"].outcome == outcome
 
 
 @pytest.fixture(scope="module")

@@ -4,6 +4,7 @@ holds.
 
 import json
 import pickle
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from typer.testing import CliRunner
 
 from cell.base.campaign.journal import Journal, Record
 from cell.gap.selection.screening import DETECTED_SIGMA
-from cell.gap.subject.strip.measurement_errors import ModelError
+from cell.perception.model_agreement import AgreementLimits
 from drivers.base.errors import ConfigurationError
 from drivers.base.settings import load
 from tests.lab.__main__ import app
@@ -73,46 +74,35 @@ def test_an_interval_contains_the_truth_at_its_nominal_rate() -> None:
     assert 180 <= inside <= 199
 
 
-def filled(folder: Path, of: str | None = None, count: int = 4) -> StudyRequest:
-    """Some cases of `damping` with made up outcomes, one of them set aside."""
-    asked = StudyRequest(study_of("damping"), 0, 6, folder)
-    journal, made_of = Journal(asked.journal), of or inputs(asked.study)
-    for case in asked.study.cases(0, count):
-        facts = {"schema": 1, "key": case.key, "of": made_of}
-        outcome = {"values": {"damping": 0.01 * case.number, "length": 0.0}}
-        journal.put(Record(**facts, state="measured", outcome=outcome))
-    late = asked.study.cases(0, 5)[4]
-    facts = {"schema": 1, "key": late.key, "of": made_of}
-    journal.put(Record(**facts, state="set_aside", reason="no outcome after 600 s"))
-    return asked
+def filled(asked: StudyRequest, outcomes: Sequence[Mapping[str, float]]) -> None:
+    """Store made up outcomes of the first cases, and that the next one is set aside."""
+    journal, of = Journal(asked.journal), inputs(asked.study.measure)
+    late, *cases = reversed(asked.study.cases(0, len(outcomes) + 1))
+    for case, values in zip(reversed(cases), outcomes, strict=True):
+        facts = {"schema": 1, "key": case.key, "of": of, "state": "measured"}
+        journal.put(Record(**facts, outcome={"values": values}))
+    facts = {"schema": 1, "key": late.key, "of": of, "state": "set_aside"}
+    journal.put(Record(**facts, reason="no outcome after 600 s"))
 
 
 def test_a_whole_study_writes_its_data_file_with_its_source(tmp_path: Path) -> None:
-    asked = StudyRequest(study_of("damping"), 0, 4, tmp_path)
-    for case, damping in zip(
-        asked.study.cases(0, 4), (0.03, -0.04, 0.04, -0.03), strict=True
-    ):
-        facts = {
-            "schema": 1,
-            "key": case.key,
-            "of": inputs(asked.study),
-            "state": "measured",
-        }
-        values = {"damping": damping, "length": 0.0}
-        Journal(asked.journal).put(Record(**facts, outcome={"values": values}))
+    asked = StudyRequest(study_of("agreement"), 0, 4, tmp_path)
+    sizes = (1e-3, 2e-3, 3e-3, 4e-3)
+    filled(asked, [{"residual": r, "yield_curvature": 1e4 * r} for r in sizes])
     write_table(read_study(asked))
-    found = load(tmp_path / "damping.yaml", ModelError)
-    assert found.damping == pytest.approx(0.0354, abs=1e-4)
-    assert found.source.startswith("root mean square over blanket, denim; 4 cases")
-    assert found.belongs_to == "cell/gap/subject/strip/damping.yaml"
+    found = load(tmp_path / "model_agreement.yaml", AgreementLimits)
+    assert found.residual == pytest.approx(np.quantile(sizes, 0.99))
+    assert found.yield_curvature == pytest.approx(1e4 * found.residual)
+    assert found.source.startswith("4 cases; 95 % intervals over cases")
+    assert found.belongs_to == "cell/perception/model_agreement.yaml"
 
 
 def test_the_command_lists_shows_and_refuses(tmp_path: Path) -> None:
     listed = CliRunner().invoke(app, ["study"])
     assert listed.exit_code == 0
     assert all(name in listed.output for name in studies())
-    filled(tmp_path)
-    shown = CliRunner().invoke(app, f"study damping --count 6 --out {tmp_path} --show")
+    filled(StudyRequest(study_of("looks"), 0, 6, tmp_path), 4 * [{"error": 0.001}])
+    shown = CliRunner().invoke(app, f"study looks --count 6 --out {tmp_path} --show")
     assert shown.exit_code == 0
     assert "4 of 6 so far" in shown.output
     assert "no outcome after 600 s" in (tmp_path / "table.md").read_text()
@@ -121,7 +111,7 @@ def test_the_command_lists_shows_and_refuses(tmp_path: Path) -> None:
         *(["--shard", wrong] for wrong in ("0/3", "4/3", "a")),
         ["--show", *out],
     ):
-        refused = CliRunner().invoke(app, ["study", "damping", *words])
+        refused = CliRunner().invoke(app, ["study", "looks", *words])
         assert isinstance(refused.exception, ConfigurationError)
     unknown = CliRunner().invoke(app, "study unkown")
     assert "'unkown' is not known (did you mean 'unknown'?)" in str(unknown.exception)

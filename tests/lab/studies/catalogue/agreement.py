@@ -6,20 +6,32 @@ of the exam.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
 from cell.base.config.unmeasured_strip import unmeasured_strip
 from cell.perception.model_agreement import MeasuredFold, agreement
+from drivers.base.types import Array
 from drivers.strip.describe import describe
+from drivers.strip.engine import Observables, Stepper
 from drivers.strip.file import StripFile
+from drivers.strip.model import StripModel
 from drivers.twin.chain.engine import Chain
+from policies.adaptive.adaptive import Adaptive
 from policies.adaptive.checkpoint import load_critic
+from policies.policy import Decision, FoldPrediction, Observation
 from policies.rollout import Rollout, roll_out
-from policies.strip_sampling import STRIP_LENGTH, draw_effect, plain_strip, random_strip
+from policies.sensing import IMAGE_SENSING
+from policies.strip_sampling import (
+    STRIP_LENGTH,
+    draw_effect,
+    draw_friction,
+    plain_strip,
+    random_strip,
+)
 from tests.lab.exam.causes import cause_of
-from tests.lab.studies.kit.rollouts import Kept, Traced, rough, sensing_of, stretchy
 from tests.lab.studies.study import (
     Fit,
     Outcome,
@@ -49,6 +61,81 @@ STRANGE_LAWS = {
 }
 
 
+IMAGES = {
+    "3 mm noise": replace(
+        IMAGE_SENSING, contact_sigma=0.003, tip_sigma=0.003, profile_sigma=0.003
+    ),
+    "latency +-10 ms": replace(IMAGE_SENSING, delay_error=0.01),
+}
+"""Simulated sensing in the conditions of its own."""
+
+
+class Kept(Adaptive):
+    """Policy `adaptive` for one strip that keeps every observation and the prediction
+    after it.
+    """
+
+    def reset(self, strip: StripFile, speed: float, count: int) -> None:
+        """Discard the observations of the last fold."""
+        super().reset(strip, speed, count)
+        self.seen: list[tuple[Observation, FoldPrediction]] = []
+
+    def decide(self, observation: Observation) -> Decision:
+        """Decide, and keep observation and prediction."""
+        decision = super().decide(observation)
+        judged = self._recent[-1]
+        d, sigma, belief = (
+            judged.displacement[0],
+            judged.sigma[0],
+            judged.belief.first(),
+        )
+        prediction = FoldPrediction(float(d), float(sigma), **belief, blind=False)
+        self.seen.append((observation, prediction))
+        return decision
+
+
+class Traced:
+    """Engine wrapper that records the grippers' motion: `times` (k,) [s], `poses` (k,
+    n, 3).
+    """
+
+    def __init__(self, engine: Stepper) -> None:
+        self._engine = engine
+        self.times: list[float] = []
+        self.poses: list[Array] = []
+
+    def reset(self, models: Sequence[StripModel]) -> None:
+        """Start a new recording."""
+        self._engine.reset(models)
+        self.times, self.poses = (
+            [0.0],
+            [np.tile((STRIP_LENGTH, 0.0, 0.0), (len(models), 1))],
+        )
+
+    def step(self, poses: Array, dt: float) -> Observables:
+        """Step the engine to `poses` (n, 3) in `dt` [s], and record that."""
+        self.times.append(self.times[-1] + dt)
+        self.poses.append(poses.copy())
+        return self._engine.step(poses, dt)
+
+    def shapes(self) -> Array:
+        """Midlines (n, nodes, 2) [m] of the engine."""
+        return self._engine.shapes()
+
+    def arc(self) -> Array:
+        """Arc lengths (n, nodes) [m] of the engine."""
+        return self._engine.arc()
+
+
+def rough(low: float, high: float) -> Callable[[np.random.Generator], StripFile]:
+    """Make a draw function of strips with yarn friction, its yield curvature in a range
+    [1/m].
+    """
+    return lambda rng: plain_strip(
+        rng, bending_hysteresis=draw_friction(rng, low, high)
+    )
+
+
 def add_seam(rng: np.random.Generator) -> StripFile:
     """Draw a strip with a seam at a random place."""
     return plain_strip(rng, seam=draw_effect("seam", rng))
@@ -57,7 +144,7 @@ def add_seam(rng: np.random.Generator) -> StripFile:
 STRIP_DRAWS: dict[str, Callable[[np.random.Generator], StripFile]] = {
     "friction 20-60": rough(20.0, 60.0),
     "friction 90": rough(90.0, 90.1),
-    "stretch 3 N": stretchy,
+    "stretch 3 N": lambda rng: plain_strip(rng, stretch={"stiffness": 3.0}),
     "seam": add_seam,
     **dict.fromkeys(STRANGE_LAWS, plain_strip),
 }
@@ -82,7 +169,7 @@ def measure(case: Values) -> Values:
     causes = [] if law is None else [cause_of(*law)]
     forces = [partial(cause.begin, rng=np.random.default_rng(0)) for cause in causes]
     engine, policy = Traced(Chain(LINKS, forces)), Kept(load_critic())
-    settings = Rollout(sensing=sensing_of(case["condition"]))
+    settings = Rollout(sensing=IMAGES.get(case["condition"], IMAGE_SENSING))
     rng = np.random.default_rng([case["noise"], 1])
     folds = roll_out(
         policy, engine, strip, [describe(strip)], settings=settings, rng=rng

@@ -23,13 +23,12 @@ from cell.gap.verdict.schema import VerdictEvidence
 from drivers.base.types import Array
 from drivers.strip.effects import registry
 from tests.lab.exam.case import Case
-from tests.lab.exam.cases import Draw
+from tests.lab.exam.cases import draw_case
 from tests.lab.exam.from_state import make_runs
 from tests.lab.exam.score import RIGHT_RESULTS, score, with_twins
-from tests.lab.exam.targets import OUTSIDE_SHARE, log_loss, reliable
+from tests.lab.exam.targets import OUTSIDE_SHARE, log_loss
 from tests.lab.studies.study import (
     Fit,
-    Ledger,
     Outcome,
     Quantity,
     Statistic,
@@ -75,7 +74,6 @@ def draw(number: int, rng: np.random.Generator) -> Values:
     lacks = number % 5 in LACKING
     return {
         "kind": kind,
-        "number": number,
         "of_kind": of_kind,
         "seed": int(rng.integers(2**31)),
         "library": "lacks the effect" if lacks else "whole",
@@ -84,9 +82,7 @@ def draw(number: int, rng: np.random.Generator) -> Values:
 
 def measure(case: Values) -> Values:
     """Score the verdict on a case; also returns whether a law is offered."""
-    hidden = Draw(
-        "state", case["kind"], case["number"], case["of_kind"], case["seed"]
-    ).case()
+    hidden = draw_case("state", case["kind"], case["of_kind"], case["seed"])
     without = names_to_withhold(hidden) if case["library"] != "whole" else []
     configs = find_configs(None)
     with TemporaryDirectory() as name:
@@ -99,9 +95,7 @@ def measure(case: Values) -> Values:
         law = json.loads((place / "out" / RECORD).read_text(encoding="utf-8"))["law"]
     scored = score(verdict, hidden, configs.strip(hidden.strip))
     named = scored.verdict == "named"
-    found: dict[str, Any] = scored.model_dump(
-        mode="json", exclude={"tier", "kind", "runtime"}
-    )
+    found: dict[str, Any] = scored.model_dump(mode="json", exclude={"runtime"})
     return found | {
         "without": without,
         "accepted": scored.classes,
@@ -248,13 +242,6 @@ def calibrate(outcomes: Sequence[Outcome], kind: str = "strip") -> Values:
     return {**fit_calibration(found, counts, kind).model_dump(), "source": source}
 
 
-def judge(outcomes: Sequence[Outcome]) -> str:
-    """Reliability of the names that verdicts accept, by the calibration that ships."""
-    (found, outside), by = names(outcomes), calibration()
-    claims = [(by.probability(n.signs), n.right) for n in found]
-    return reliable(claims, shares(found, outside))
-
-
 STUDY = Study(
     name="confidence",
     question=(
@@ -274,7 +261,6 @@ STUDY = Study(
         ),
     ),
     fits=(Fit("cell/gap/verdict/confidence.yaml", calibrate),),
-    ledger=Ledger("tests/lab/ledgers/confidence.md", judge),
     usual=60,
     quick=1,
     seconds=60.0,

@@ -25,10 +25,7 @@ from drivers.base.errors import ConfigurationError
 from tests.lab.exam.mechanisms import LISTS, make_runs
 from tests.lab.exam.score import signs
 from tests.lab.exam.spoilt import NAMES, TOLD, spoil
-from tests.lab.exam.targets import reliable
 from tests.lab.studies.study import (
-    Ledger,
-    Outcome,
     Quantity,
     Statistic,
     Study,
@@ -263,15 +260,6 @@ def fail(case: Values) -> Values:
     return {"by_class": False, "false": False, case["kind"]: False, "base": base}
 
 
-def judge(outcomes: Sequence[Outcome]) -> str:
-    """Reliability of stated names, in fifths, which may be 10 points apart from 15
-    names on.
-    """
-    return reliable(
-        [(p, right) for o in outcomes for _, p, right in o.values.get("stated", ())]
-    )
-
-
 STUDY = Study(
     name="mechanisms",
     question="What does `cell gap` say of causes hidden in mechanisms?",
@@ -289,7 +277,6 @@ STUDY = Study(
             "cpu", Statistic.MEDIAN, "s", 1.0, 30.0, label="median, most 30", digits=0
         ),
     ),
-    ledger=Ledger("tests/lab/ledgers/mechanisms.md", judge),
     failed=fail,
     usual=100,
     quick=1,
