@@ -42,9 +42,10 @@ def exam(
     for a name where nothing is hidden, and where more than one case in six is not
     right.
     """
+    from cell.record.documents import json_line
     from drivers.base.files import replace_file
-    from tests.lab.exam.page import GOOD_RESULTS, markdown
-    from tests.lab.exam.run import EXAMS, Entry
+    from tests.lab.exam.page import GOOD_RESULTS, page, result
+    from tests.lab.exam.run import EXAMS
     from tests.lab.studies.campaign import StudyRequest, read_study
 
     study = EXAMS[tier]
@@ -52,18 +53,13 @@ def exam(
     asked = StudyRequest(study, seed, cases or study.usual, folder)
     measure_here(asked, engine(jobs, cluster, study.limit), (1, 1), again=again)
     kept = read_study(asked)
-    entries = [Entry.model_validate(each.values) for each in kept.outcomes]
-    ledger = "".join(f"{entry.model_dump_json()}\n" for entry in entries)
-    replace_file(folder / "ledger.jsonl", ledger.encode())
-    size = f"--cases {asked.count} --seed {seed}"
-    page = markdown(entries, f"python -m tests.lab exam --tier {tier} {size}")
-    replace_file(folder / "exam.md", page.encode())
-    results = [e.outcome.result if e.outcome else "failed" for e in entries]
-    wrong = asked.count - sum(result in GOOD_RESULTS for result in results)
+    lines = (json_line(dict(each.values)) for each in kept.outcomes)
+    replace_file(folder / "ledger.jsonl", b"".join(lines))
+    replace_file(folder / "exam.md", page(kept).encode())
+    results = [result(each) for each in kept.outcomes]
+    right = sum(each in GOOD_RESULTS for each in results)
     for lost in kept.lost:
         sys.stderr.write(f"{lost.key}: {lost.reason}\n")
-    sys.stdout.write(
-        f"{asked.count - wrong} of {asked.count} right: {folder / 'exam.md'}\n"
-    )
-    failed = 6 * wrong > asked.count or "false_alarm" in results
+    sys.stdout.write(f"{right} of {asked.count} right: {folder / 'exam.md'}\n")
+    failed = 6 * right < 5 * asked.count or "false_alarm" in results
     sys.exit(int(tier == "small" and failed))

@@ -42,7 +42,7 @@ from drivers.base.settings import load
 from drivers.strip.describe import load_plant, load_strip
 from policies.feedback import load_checkpoint
 from tests.cell.conftest import HEADER, RESULT, made_run, straight_camera
-from tests.support.fit_folders import write_fit
+from tests.support.fit_folders import verdict_of, write_fit
 from tests.support.hostile_files import Spoiled, copied, documents, spoilers
 
 LONGEST = 2.0  # s of processor time for one input
@@ -113,7 +113,7 @@ def document_readers() -> dict[str, tuple[dict[str, Any], Reader]]:
             {**weights, "training": {"seed": 0, "generations": 1, "folds": 1}},
             load_checkpoint,
         ),
-        "verdict": (VERDICT, read_verdict),
+        "verdict": (_verdict_file(), read_verdict),
     }
 
 
@@ -125,30 +125,18 @@ def _camera_file() -> dict[str, Any]:
     return content
 
 
-GAP = {key: {"excess": 1.0} for key in ("before", "after", "floor")}
-VERDICT: dict[str, Any] = {
-    "schema": 1,
-    "verdict": "no_gap",
-    "effects": [],
-    "ambiguous": [["a", "b"]],
-    "unexplained": {"description": "d", "law": "l", "stable": True},
-    "base": {"bending_length": {"value": 0.02, "low": 0.01, "high": None}},
-    "where": [],
-    "gap": {**GAP, "shrink": 0.0, "shrink_low": 0.0, "shrink_high": 0.0},
-    "candidates": [],
-    "advice": [
-        {
-            "experiment": "e",
-            "separates": ["a", "b"],
-            "expected_sigma": 1.0,
-            "minutes": 1.0,
-        }
-    ],
-    "detectable": {"seam": 1.0},
-    "held_out": ["r"],
-    "runtime": 1.0,
-    "simulations": 3,
-}
+def _verdict_file() -> dict[str, Any]:
+    """Content of a verdict with something in each of its lists."""
+    advice = {"experiment": "e", "separates": ["a", "b"]}
+    whole = verdict_of(
+        ambiguous=[["a", "b"]],
+        unexplained={"description": "d", "law": "l", "stable": True},
+        base={"bending_length": {"value": 0.02, "low": 0.01, "high": None}},
+        advice=[{**advice, "expected_sigma": 1.0, "minutes": 1.0}],
+        detectable={"seam": 1.0},
+        held_out=["r"],
+    )
+    return json.loads(whole.to_json())
 
 
 def fuzz_documents(count: int, start: int, folder: Path) -> Counter[str]:

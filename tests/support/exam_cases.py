@@ -4,8 +4,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from cell.gap.verdict.schema import Gap, Interval, NamedEffect, ValueWithUnit, Verdict
+from cell.gap.verdict.schema import Interval, NamedEffect, ValueWithUnit, Verdict
 from tests.lab.exam.case import Case
+from tests.support.fit_folders import verdict_of
 from tests.support.gap_strip_cases import folds, written
 
 Numbers = tuple[float, float | None, float | None]
@@ -30,36 +31,15 @@ def verdict(
     classes: Sequence[list[str]] = (),
     base: dict[str, Numbers] | None = None,
     unit: float = 1.0,
-    shrink: float = 0.0,
 ) -> Verdict:
     """Verdict for tests, with base values in multiples of `unit`."""
     scaled = {
         name: Interval(value=unit * v, low=unit * (low or 0), high=unit * (high or 0))
         for name, (v, low, high) in (base or {}).items()
     }
-    gap = Gap(
-        before={"excess": 2.5},
-        after={"excess": 0.1},
-        floor={"excess": 0.0},
-        shrink=shrink,
-        shrink_low=shrink,
-        shrink_high=shrink,
-    )
-    return Verdict(
-        verdict=said,
-        effects=list(effects),
-        ambiguous=list(classes),
-        unexplained=None,
-        base=scaled,
-        where=[],
-        gap=gap,
-        candidates=[],
-        advice=[],
-        detectable={},
-        held_out=["a"],
-        runtime=12.0,
-        simulations=100,
-    )
+    lists = {"effects": list(effects), "ambiguous": list(classes)}
+    gap = verdict_of().gap.model_copy(update={"before": {"excess": 2.5}})
+    return verdict_of(verdict=said, base=scaled, gap=gap, **lists)
 
 
 def named(
@@ -74,7 +54,7 @@ def named(
         NamedEffect(name=n, of="strip", parameters=values, confidence=confidence)
         for n in names
     ]
-    return verdict("named", effects, shrink=0.95)
+    return verdict("named", effects)
 
 
 def few_runs(case: Case, folder: Path) -> None:

@@ -22,12 +22,12 @@ from drivers.base.files import replace_file
 from drivers.base.readers import MEGABYTE, read_json_lines
 from drivers.base.yaml_text import dump_yaml
 from tests.lab.exam.score import RIGHT_RESULTS
-from tests.lab.exam.targets import reliable
 from tests.lab.studies.catalogue.confidence import (
     calibrate,
     leave_each_out,
     names,
     names_that_are_right,
+    reliable,
     shares,
 )
 from tests.lab.studies.catalogue.mechanisms import accepted

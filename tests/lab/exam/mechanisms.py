@@ -57,8 +57,7 @@ class Rig:
     """True mechanism with `driven` joints, whose typical torques are `weight` (driven,)
     [N m].
 
-    `gear` (driven,) [N m] is at a joint for a unit of its motor, `keys` are columns of
-    all joints.
+    `gear` (driven,) [N m] is at a joint for a unit of its motor.
     """
 
     model: Any
@@ -67,14 +66,6 @@ class Rig:
     actuators: list[int]
     gear: Array
     weight: Array
-
-    @property
-    def keys(self) -> list[str]:
-        """Columns of all joints, the driven ones called as by the causes of
-        `READINGS`.
-        """
-        rows = {j: f"j{i + 1}" for i, j in enumerate(self.driven)}
-        return [rows.get(j, f"passive {j}") for j in range(self.model.njnt)]
 
     def moving(self) -> list[int]:
         """Bodies with a name and a mass that matters, which joints move."""
@@ -87,9 +78,20 @@ class Rig:
         ]
 
 
-Columns = dict[str, Array]
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """Readings at times `t` (n,) [s], which causes change: `joints` (n, all), `torques`
+    (n, driven) [N m], `commands` (n, actuators).
+    """
+
+    t: Array
+    joints: Array
+    torques: Array
+    commands: Array
+
+
 Edit = Callable[[Rig, float, np.random.Generator], None]
-Reading = Callable[[Columns, Rig, float, np.random.Generator], None]
+Reading = Callable[[Motion, Rig, float, np.random.Generator], None]
 
 
 def _payload(rig: Rig, size: float, _: np.random.Generator) -> None:
@@ -149,74 +151,64 @@ FIELDS = {  # MuJoCo's field, and share of a joint's torque at size one
 }
 
 
-def _constant(columns: Columns, rig: Rig, size: float, _: np.random.Generator) -> None:
+def _constant(motion: Motion, _: Rig, size: float, __: np.random.Generator) -> None:
     """Hidden error of motor constants, larger than stated, which are known to 10 to 20
     %.
     """
-    for i in range(len(rig.driven)):
-        columns[f"t{i + 1}"] /= 1.0 + CONSTANT_ERROR * size
+    motion.torques[:] /= 1.0 + CONSTANT_ERROR * size
 
 
-def _torque_bias(
-    columns: Columns, rig: Rig, size: float, _: np.random.Generator
-) -> None:
-    for i in range(len(rig.driven)):
-        columns[f"t{i + 1}"] += (-1) ** i * BIAS * size * rig.weight[i]
+def _torque_bias(motion: Motion, rig: Rig, size: float, _: np.random.Generator) -> None:
+    signs = (-1.0) ** np.arange(len(rig.driven))
+    motion.torques[:] += signs * BIAS * size * rig.weight
 
 
 def _encoder_bias(
-    columns: Columns, rig: Rig, size: float, _: np.random.Generator
+    motion: Motion, rig: Rig, size: float, _: np.random.Generator
 ) -> None:
-    columns[f"j{len(rig.driven)}"] += ENCODER_BIAS * size
+    motion.joints[:, rig.driven[-1]] += ENCODER_BIAS * size
 
 
-def _bolt(columns: Columns, rig: Rig, size: float, _: np.random.Generator) -> None:
+def _bolt(motion: Motion, rig: Rig, size: float, _: np.random.Generator) -> None:
     """Foreign cause: a loose bolt, a gap of the last joint that opens where its load is
     large.
     """
-    load = columns[f"t{len(rig.driven)}"] / rig.weight[-1]
-    columns[f"j{len(rig.driven)}"] += (
-        0.06 * size * np.sign(load) * (np.abs(load) > 0.25)
-    )
+    load = motion.torques[:, -1] / rig.weight[-1]
+    gap = 0.06 * size * np.sign(load) * (np.abs(load) > 0.25)
+    motion.joints[:, rig.driven[-1]] += gap
 
 
-def _cable(columns: Columns, rig: Rig, size: float, _: np.random.Generator) -> None:
+def _cable(motion: Motion, rig: Rig, size: float, _: np.random.Generator) -> None:
     """Foreign cause: a cable that catches at one angle of the last joint, and pulls
     only there.
     """
-    near = np.exp(-(((columns[f"j{len(rig.driven)}"] - 0.2) / 0.08) ** 2))
-    columns[f"t{len(rig.driven)}"] += 0.3 * size * rig.weight[-1] * near
+    near = np.exp(-(((motion.joints[:, rig.driven[-1]] - 0.2) / 0.08) ** 2))
+    motion.torques[:, -1] += 0.3 * size * rig.weight[-1] * near
 
 
-def _supply(columns: Columns, rig: Rig, size: float, rng: np.random.Generator) -> None:
+def _supply(motion: Motion, _: Rig, size: float, rng: np.random.Generator) -> None:
     """Foreign cause: a supply voltage that wanders, and torques estimated from currents
     with it.
     """
-    steps, t = rng.standard_normal(8), columns["t"]
+    steps, t = rng.standard_normal(8), motion.t
     slow = np.interp(t, np.linspace(0.0, t[-1], 8), steps)
-    for i in range(len(rig.driven)):
-        columns[f"t{i + 1}"] *= 1.0 + 0.08 * size * slow
+    motion.torques[:] *= (1.0 + 0.08 * size * slow)[:, None]
 
 
-def _twist(columns: Columns, rig: Rig, size: float, _: np.random.Generator) -> None:
-    for i, weight in enumerate(rig.weight):
-        columns[f"j{i + 1}"] += TWIST * size * columns[f"t{i + 1}"] / weight
+def _twist(motion: Motion, rig: Rig, size: float, _: np.random.Generator) -> None:
+    motion.joints[:, rig.driven] += TWIST * size * motion.torques / rig.weight
 
 
-def _ripple(columns: Columns, rig: Rig, size: float, _: np.random.Generator) -> None:
+def _ripple(motion: Motion, rig: Rig, size: float, _: np.random.Generator) -> None:
     orders = TURN * REACH / _reach(rig)  # as many waves in a short travel
-    for i, (weight, order) in enumerate(zip(rig.weight, orders, strict=True)):
-        wave = np.sin(order * columns[f"j{i + 1}"] + i)
-        columns[f"t{i + 1}"] += RIPPLE * size * weight * wave
+    places = motion.joints[:, rig.driven]
+    waves = np.sin(orders * places + np.arange(len(rig.driven)))
+    motion.torques[:] += RIPPLE * size * rig.weight * waves
 
 
-def _sensor_delay(
-    columns: Columns, rig: Rig, size: float, _: np.random.Generator
-) -> None:
-    for key in rig.keys:
-        columns[key] = np.interp(
-            columns["t"] - DELAY * size, columns["t"], columns[key]
-        )
+def _sensor_delay(motion: Motion, _: Rig, size: float, __: np.random.Generator) -> None:
+    for column in motion.joints.T:
+        column[:] = np.interp(motion.t - DELAY * size, motion.t, column)
 
 
 READINGS: dict[str, Reading] = {
@@ -335,11 +327,10 @@ def make_runs(
     for k in range(motions * repeats):
         delay = DELAY * size if "control_delay" in hidden else 0.0
         places += [_places(rig, rng, None)] if k < motions else []
-        columns = _simulate(rig, places[k % motions], delay)
-        for cause in hidden:
-            if cause in READINGS:
-                READINGS[cause](columns, rig, size, rng)
-        table = _measured(columns, rig, rng, noise)
+        motion = _simulate(rig, places[k % motions], delay)
+        for cause in filter(READINGS.__contains__, hidden):
+            READINGS[cause](motion, rig, size, rng)
+        table = _measured(motion, rig, rng, noise)
         head = {"mechanism": "study", "index": k, "condition": f"{k % motions:02d}"}
         write_run(out / "study-runs" / f"{k:02d}", table, head)
     return out / "study.yaml"
@@ -350,7 +341,7 @@ def weights(rig: Rig, seed: int) -> Array:
     `seed`.
     """
     plain = _simulate(rig, _places(rig, np.random.default_rng(seed), 1.0))
-    return 2.0 * np.array([plain[f"t{i + 1}"].std() for i in range(len(rig.driven))])
+    return 2.0 * plain.torques.std(axis=0)
 
 
 def _content(rig: Rig, model: str) -> dict[str, Any]:
@@ -358,53 +349,35 @@ def _content(rig: Rig, model: str) -> dict[str, Any]:
     inputs.
     """
     m = rig.model
-    names, bodies = (
-        [m.joint(i).name for i in range(m.njnt)],
-        [m.body(i).name for i in rig.moving()],
-    )
+    names = [m.joint(i).name for i in range(m.njnt)]
+    bodies = [m.body(i).name for i in rig.moving()]
     free = [{"body": n, "field": "mass", "spread": "2%"} for n in bodies]
     free.append({"joint": "*", "field": "damping", "spread": "50%"})
-    if rig.mode == "prescribed":
-        free += [{"body": n, "field": "com", "spread": 0.003} for n in bodies]
-    common = {
-        "schema": 1,
-        "kind": "mechanism",
-        "name": "study",
-        "model": model,
-        "uncertain": free,
-    }
+    common = {"schema": 1, "kind": "mechanism", "name": "study", "model": model}
     if rig.mode == "forward":
-        at = [m.actuator(a).name for a in rig.actuators]
-        signals: Any = {
-            f"q{i + 1}": {"joint": n, "is": "position", "sigma": ANGLE}
-            for i, n in enumerate(names)
-        }
-        start = {"position": "measured", "velocity": "measured", "spread": 1e-3}
-        forward = {
+        read = {"is": "position", "sigma": ANGLE}
+        return {
+            **common,
+            "uncertain": free,
             "mode": "forward",
             "step": 2.0 * STEP,
             "hold": EVERY * STEP,
-            "start": start,
+            "start": {"position": "measured", "velocity": "measured", "spread": 1e-3},
+            "signals": {f"q{i}": {"joint": n, **read} for i, n in enumerate(names, 1)},
+            "inputs": dict.fromkeys(
+                [m.actuator(a).name for a in rig.actuators], "ctrl"
+            ),
         }
-        return {
-            **common,
-            **forward,
-            "signals": signals,
-            "inputs": dict.fromkeys(at, "ctrl"),
-        }
-    given = [names[i] for i in rig.driven] if rig.mode == "loop" else names
-    sigma = 0.5 * TORQUE * rig.weight / np.abs(rig.gear)
-    signals = {
-        f"t{i + 1}": {
-            "joint": names[j],
-            "is": "torque",
-            "side": "motor",
-            "sigma": float(f"{sigma[i]:.4g}"),
-        }
-        for i, j in enumerate(rig.driven)
-    }
+    loop, signals = rig.mode == "loop", {}
+    free += [{"body": n, "field": "com", "spread": 0.003} for n in bodies * (not loop)]
+    given = [names[i] for i in rig.driven] if loop else names
+    sigmas = 0.5 * TORQUE * rig.weight / np.abs(rig.gear)
+    for i, (joint, sigma) in enumerate(zip(rig.driven, sigmas, strict=True), 1):
+        read = {"joint": names[joint], "is": "torque", "side": "motor"}
+        signals[f"t{i}"] = {**read, "sigma": float(f"{sigma:.4g}")}
     return {
         **common,
+        "uncertain": free,
         "mode": "prescribed",
         "signals": signals,
         "inputs": dict.fromkeys(given, "position"),
@@ -442,9 +415,8 @@ def _places(rig: Rig, rng: np.random.Generator, pace: float | None) -> Array:
     return np.asarray(start + smooth * (middle + reach * swing / 1.5 - start))
 
 
-def _simulate(rig: Rig, wanted: Array, delay: float = 0.0) -> Columns:
-    """Columns (m,) of a motion to `wanted` places: joints, torques `t1` and on,
-    commands `u0`.
+def _simulate(rig: Rig, wanted: Array, delay: float = 0.0) -> Motion:
+    """Motion to `wanted` places.
 
     Torques are what a servo needs along the motion, or what commands give `delay` [s]
     late.
@@ -481,20 +453,12 @@ def _simulate(rig: Rig, wanted: Array, delay: float = 0.0) -> Columns:
         mujoco.mj_step1(m, data)
         if k % EVERY == 0:
             torque = data.qfrc_actuator[dofs] if forward else force
-            rows.append(
-                np.concatenate([[k * STEP - begun], data.qpos, torque, commands[-1]])
-            )
+            rows.append((k * STEP - begun, data.qpos.copy(), torque, commands[-1]))
         mujoco.mj_step2(m, data)
         for _ in range(FINER - 1 if forward else 0):
             mujoco.mj_step(m, data)
-    table = np.array([row for row in rows if row[0] >= 0.0]).T
-    keys = [
-        "t",
-        *rig.keys,
-        *(f"t{i + 1}" for i in range(len(rig.driven))),
-        *(f"u{i}" for i in range(m.nu)),
-    ]
-    return dict(zip(keys, table, strict=True))
+    kept = [row for row in rows if row[0] >= 0.0]
+    return Motion(*map(np.array, zip(*kept, strict=True)))
 
 
 def _command(rig: Rig, place: Array, force: Array) -> Array:
@@ -509,20 +473,20 @@ def _command(rig: Rig, place: Array, force: Array) -> Array:
 
 
 def _measured(
-    columns: Columns, rig: Rig, rng: np.random.Generator, share: float
-) -> Columns:
-    """Columns (m,) as a data logger writes them, with the `share` of the stated
+    motion: Motion, rig: Rig, rng: np.random.Generator, share: float
+) -> dict[str, Array]:
+    """Columns (n,) as a data logger writes them, with the `share` of the stated
     noise.
     """
-    m, n, forward = rig.model, len(columns["t"]), rig.mode == "forward"
-    found = {"t": columns["t"]}
-    for i, key in enumerate(rig.keys):
-        name = f"q{i + 1}" if forward else m.joint(i).name
-        found[name] = columns[key] + share * rng.normal(0.0, ANGLE, n)
-    for i, (weight, gear) in enumerate(zip(rig.weight, rig.gear, strict=True)):
-        noise = share * rng.normal(0.0, 0.25 * TORQUE * weight, n)
-        found[f"t{i + 1}"] = (columns[f"t{i + 1}"] + noise) / gear
-    return {
-        **found,
-        **{m.actuator(i).name: columns[f"u{i}"] for i in range(m.nu * forward)},
-    }
+    m, n, forward = rig.model, len(motion.t), rig.mode == "forward"
+    noise = share * rng.normal(0.0, ANGLE, (m.njnt, n)).T
+    joints = motion.joints + noise
+    noise = 0.25 * TORQUE * rng.standard_normal((len(rig.driven), n)).T
+    torques = (motion.torques + share * noise * rig.weight) / rig.gear
+    names = [f"q{i + 1}" if forward else m.joint(i).name for i in range(m.njnt)]
+    names += [f"t{i + 1}" for i in range(len(rig.driven))]
+    readings = [*joints.T, *torques.T]
+    if forward:
+        names += [m.actuator(i).name for i in range(m.nu)]
+        readings += [*motion.commands.T]
+    return {"t": motion.t, **dict(zip(names, readings, strict=True))}

@@ -1,167 +1,81 @@
-"""Report of an exam in Markdown, made from the entries of its ledger."""
+"""Page of an exam in Markdown: its table, intervals by parameter, and every miss."""
 
-from collections.abc import Iterable, Iterator, Sequence
-from statistics import median
-from typing import get_args
+from collections import defaultdict
+from collections.abc import Sequence
 
 from cell.gap.rehearse import table
-from tests.lab.exam.case import Plant, Tier
-from tests.lab.exam.run import Entry
-from tests.lab.exam.score import Outcome
-from tests.lab.exam.targets import (
-    Target,
-    by_group,
-    comparisons,
-    outcomes,
-    rate,
-    rate_text,
-    reliable,
-    targets,
+from tests.lab.exam.case import Case
+from tests.lab.exam.score import Comparison
+from tests.lab.studies.campaign import StudyRecord
+from tests.lab.studies.study import (
+    Outcome,
+    Quantity,
+    Statistic,
+    Values,
+    figure,
+    percentage,
 )
+from tests.lab.studies.table import markdown
 
 GOOD_RESULTS = ("right_strict", "right_class", "correct_no_gap", "correct_abstention")
-TIERS: dict[Tier, str] = {
-    "state": "From the state, without images",
-    "images": "Through images",
-}
-PLANTS = get_args(Plant)
 INTRODUCTION = (
     "Every case is a strip whose plant hides something, or nothing. The workflow sees"
     " the runs and the strip file in a process that is given nothing else; its verdict"
-    " is then held against the key. Rates are given with their 95 % intervals (Wilson)."
+    " is then held against the key. *The model itself* is the rod that the workflow"
+    " fits, on a finer grid; *another engine* is a chain of links; *another law* is a"
+    " chain in which the effect follows a law that only resembles the library's."
 )
-PLANT_KINDS = (
-    "*The model itself* is the rod that the workflow fits, on a finer grid; *another "
-    "engine* is a chain of links; *another law* is a chain in which the effect follows "
-    "a law that only resembles the library's."
-)
+COVERED = percentage("covered")
+OFF = Quantity("error", Statistic.MEDIAN, "%", 100.0, digits=1)
 
 
-def plant_table(entries: Sequence[Entry]) -> str:
-    """Markdown table of rates by kind of plant, with right names beside the stated
-    confidence.
-    """
-    groups = {name: [e for e in entries if e.case.plant == name] for name in PLANTS}
-    groups = {name: mine for name, mine in groups.items() if mine}
-    rows = [(words, *cells) for words, cells in by_group(list(groups.values()))]
-    earned = [
-        _reliability_line(stated_confidences(outcomes(mine)))
-        for mine in groups.values()
+def page(kept: StudyRecord) -> str:
+    """Markdown text of the page of the exam that was `kept`."""
+    parts = [
+        "# The exam of the gap workflow",
+        INTRODUCTION,
+        markdown(kept),
+        "## Do the intervals hold the truth?",
+        parameters(kept.outcomes),
+        "## Every miss",
+        *(missed(o.values) for o in kept.outcomes if result(o) not in GOOD_RESULTS),
     ]
-    return table(["what", *groups], [*rows, ("names: right against stated", *earned)])
-
-
-def _reliability_line(claims: Sequence[tuple[float, bool]]) -> str:
-    """Rate of right names in `claims`, and their mean stated confidence, as text."""
-    if not claims:
-        return "no name"
-    right = rate_text(rate(right for _, right in claims))
-    return f"{right}, stated {sum(c for c, _ in claims) / len(claims):.2f}"
-
-
-def markdown(entries: Sequence[Entry], command: str) -> str:
-    """Markdown text of the page of an exam that the `command` made."""
-    parts = ["# The exam of the gap workflow", INTRODUCTION, f"Made by `{command}`."]
-    for tier in dict.fromkeys(entry.case.tier for entry in entries):
-        mine = [entry for entry in entries if entry.case.tier == tier]
-        parts += _tier_sections(mine, tier)
     return "\n\n".join(parts) + "\n"
 
 
-def _tier_sections(entries: Sequence[Entry], tier: Tier) -> Iterator[str]:
-    """Headings, texts and tables on one tier, as blocks of Markdown."""
-    found = outcomes(entries)
-    yield f"## {TIERS[tier]}"
-    yield (
-        f"{len(entries)} cases; {len(entries) - len(found)} of them gave no verdict,"
-        " and count as not right."
-    )
-    yield _targets_table(targets(entries, tier))
-    yield "### By what the plant is"
-    yield PLANT_KINDS
-    yield plant_table(entries)
-    yield "### Is the stated confidence earned?"
-    claims = stated_confidences(found)
-    yield reliable(claims) if claims else "Nothing was named."
-    yield "### Do the intervals hold the truth?"
-    yield _coverage_table(entries)
-    yield "### Every miss"
-    yield "\n".join(_missed_cases(entries)) or "None."
+def result(outcome: Outcome) -> str:
+    """Result of a case, `failed` where there is no verdict."""
+    scored = outcome.values["outcome"]
+    return str(scored["result"]) if scored else "failed"
 
 
-def _targets_table(lines: Iterable[Target]) -> str:
-    words = {True: "met", False: "**missed**", None: ""}
-    rows = [
-        (
-            line.words,
-            line.found,
-            line.wanted,
-            "too few cases" if line.few else words[line.met],
-        )
-        for line in lines
+def parameters(outcomes: Sequence[Outcome]) -> str:
+    """Table of the intervals that hold the truth, and of errors, by parameter [%]."""
+    found = defaultdict(list)
+    for scored in filter(None, (o.values["outcome"] for o in outcomes)):
+        for each in (*scored["base"], *scored["parameters"]):
+            found[each["name"]].append(Comparison.model_validate(each))
+    rows = []
+    for name, some in sorted(found.items()):
+        held = figure(COVERED, [[c.covered] for c in some])
+        off = figure(OFF, [[c.error] for c in some if c.error is not None])
+        rows.append((name, str(len(some)), held.text(), off.text()))
+    return table(["parameter", "cases", "held", "median error"], rows)
+
+
+def missed(values: Values) -> str:
+    """Line on a case: what was hidden, and what was said."""
+    case, found = Case.model_validate(values["case"]), values["outcome"]
+    hidden = [
+        f"{name} ({', '.join(f'{k} {v:.3g}' for k, v in amounts.items())})"
+        for name, amounts in (case.effects | case.causes).items()
     ]
-    return table(["what", "found", "wanted", ""], rows)
-
-
-def stated_confidences(found: Iterable[Outcome]) -> list[tuple[float, bool]]:
-    """Stated confidence of every verdict that names an effect, and whether the name is
-    right.
-    """
-    return [(o.confidence, o.right) for o in found if o.confidence is not None]
-
-
-def _coverage_table(entries: Sequence[Entry]) -> str:
-    every = comparisons(entries)
-    right = [e for e in entries if e.outcome and e.outcome.result in GOOD_RESULTS]
-    if not every:
-        return "No parameter can be compared: no laws agree."
-    rows = [
-        ("all", rate_text(rate(c.covered for c in every)), ""),
-        (
-            "all, of right verdicts",
-            rate_text(rate(c.covered for c in comparisons(right))),
-            "",
-        ),
-    ]
-    for name in sorted({c.name for c in every}):
-        mine = [c for c in every if c.name == name]
-        errors = [c.error for c in mine if c.error is not None]
-        middle = f"{100 * median(errors):.1f} %" if errors else ""
-        rows.append((name, rate_text(rate(c.covered for c in mine)), middle))
-    return table(["parameter", "held", "median error"], rows)
-
-
-def _missed_cases(entries: Iterable[Entry]) -> Iterator[str]:
-    for entry in entries:
-        found = entry.outcome
-        if found is None:
-            yield (
-                f"- `{entry.case.name}`: {_hidden_words(entry)}; no verdict:"
-                f" {entry.reason}"
-            )
-        elif found.result not in GOOD_RESULTS:
-            yield (
-                f"- `{entry.case.name}`: {_hidden_words(entry)}; {_stated_words(found)}"
-            )
-
-
-def _hidden_words(entry: Entry) -> str:
-    """Hidden effects of an entry with their values, the strip and the strength, as
-    text.
-    """
-    case = entry.case
-    names = [
-        f"{name} ({', '.join(f'{k} {v:.3g}' for k, v in values.items())})"
-        for name, values in (case.effects | case.causes).items()
-    ]
-    strength = f", {case.strength}" if case.strength else ""
-    return f"hidden {' and '.join(names) or 'nothing'} on {case.strip}{strength}"
-
-
-def _stated_words(found: Outcome) -> str:
-    """Answer of a verdict and its confidence, as text."""
-    what = [*found.named, *map(" or ".join, found.classes)]
-    words = f"gap left {found.realised:.2f}; said {found.verdict.replace('_', ' ')}"
-    words += f" ({', '.join(what)})" if what else ""
-    stated = found.confidence
-    return words if stated is None else f"{words}, confidence {stated:.2f}"
+    what = f"hidden {' and '.join(hidden) or 'nothing'} on {case.strip}"
+    line = f"- `{case.name}`: {what}, {case.strength or 'no'} strength;"
+    if found is None:
+        return f"{line} no verdict: {values['reason']}"
+    said = [*found["named"], *map(" or ".join, found["classes"])]
+    line += f" gap left {found['realised']:.2f}; said {found['verdict']}"
+    stated = found["confidence"]
+    sure = "" if stated is None else f", confidence {stated:.2f}"
+    return f"{line} ({', '.join(said)}){sure}"

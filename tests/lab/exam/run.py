@@ -6,25 +6,25 @@ import os
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 
 from cell.base.config.places import find_configs
-from cell.gap.subject.run_folders import find_runs
 from cell.gap.verdict.fit_folder import VERDICT
 from cell.gap.verdict.schema import Verdict, read_verdict
 from drivers.base.child import THREADS
 from drivers.base.errors import CellError
-from drivers.base.settings import Settings
 from drivers.strip.describe import load_strip
 from tests.lab.exam import from_state, through_images
 from tests.lab.exam.case import Case, Kind, Tier
 from tests.lab.exam.cases import draw_case
-from tests.lab.exam.score import Oracle, Outcome, oracle, score
-from tests.lab.studies.study import Study, Values
+from tests.lab.exam.score import RIGHT_RESULTS, Outcome, score
+from tests.lab.studies.study import Quantity, Statistic, Study, Values, percentage
 
 ROOT = Path(__file__).resolve().parents[3]
 # s; it ends what hangs: how long a fit may take has a bar of its own
@@ -50,18 +50,6 @@ class NoVerdict(CellError):
     """
 
 
-class Entry(Settings):
-    """Line of a ledger: a case with its outcome, or the `reason` why there is none.
-
-    `oracle` is None where nothing of the library is hidden.
-    """
-
-    case: Case
-    outcome: Outcome | None = None
-    oracle: Oracle | None = None
-    reason: str = ""
-
-
 def draw(number: int, rng: np.random.Generator, tier: Tier) -> Values:
     """Draw the kind of a case of the `tier`, its number within the kind, and its
     seed.
@@ -75,27 +63,52 @@ def draw(number: int, rng: np.random.Generator, tier: Tier) -> Values:
 
 
 def measure(values: Values) -> Values:
-    """Ledger entry of the case that is drawn by `values`, as plain values."""
+    """Case that is drawn by `values`, its score, and the `reason` where it has none."""
     case = draw_case(**values)
     with TemporaryDirectory(prefix="exam-") as place:
         MAKERS[case.tier](case, Path(place) / "runs")
-        return judge(case, Path(place)).model_dump(mode="json")
+        return judge(case, Path(place))
 
 
-def judge(case: Case, folder: Path) -> Entry:
+def judge(case: Case, folder: Path) -> Values:
     """Diagnose and score the runs of `case` in `folder`, which holds nothing else."""
     strip = find_configs(None).strip_path(case.strip)
     shutil.copyfile(strip, folder / "strip.yaml")
+    known = {"case": case.model_dump(mode="json")}
     try:
         verdict = diagnose(folder)
     except NoVerdict as error:
-        return Entry(case=case, reason=str(error))
-    runs = find_runs([folder / "runs"])
-    return Entry(
-        case=case,
-        outcome=score(verdict, case, load_strip(strip)),
-        oracle=oracle(case, strip, runs, verdict.held_out) if case.answer else None,
-    )
+        return {**known, "outcome": None, "reason": str(error), **facts(case)}
+    scored = score(verdict, case, load_strip(strip))
+    return known | {"outcome": scored.model_dump(mode="json"), **facts(case, scored)}
+
+
+def facts(case: Case, found: Outcome | None = None) -> dict[str, Any]:
+    """What the table counts of a case, None where that was not asked."""
+    result = found.result if found else "failed"
+    clear, single = case.strength in ("medium", "strong"), case.kind == "single"
+    quiet, pair = case.kind == "nothing" and found is not None, case.kind == "pair"
+
+    def told(asked: bool, *good: str) -> bool | None:
+        return result in good if asked else None
+
+    compared = (*found.base, *found.parameters) if found else ()
+    return {
+        "plant": case.plant,
+        "no gap": told(quiet, "correct_no_gap"),
+        "alarm": told(quiet, "false_alarm"),
+        "claimed": told(quiet, "false_alarm", "gap_claimed"),
+        "strict": told(single and clear, "right_strict"),
+        "by class": told(single and clear, *RIGHT_RESULTS),
+        "one of two": told(pair, *RIGHT_RESULTS, "partly"),
+        "both": told(pair, *RIGHT_RESULTS),
+        "alike": told(case.plant == "another law" and clear, *RIGHT_RESULTS),
+        "weak misnamed": told(single and not clear, "wrong_name"),
+        "left open": told(case.kind == "outside", "correct_abstention"),
+        "covered": [c.covered for c in compared],
+        "amount off": [c.error for c in compared if c.switch],
+        "runtime": found and found.runtime,
+    }
 
 
 def diagnose(folder: Path, limit: float = TIME_LIMIT) -> Verdict:
@@ -126,6 +139,39 @@ def diagnose(folder: Path, limit: float = TIME_LIMIT) -> Verdict:
     return read_verdict(folder / "out" / VERDICT)
 
 
+BARS: dict[Tier, tuple[float, ...]] = {
+    "state": (97.0, 2.0, 90.0, 96.0, 95.0, 80.0, 90.0, 5.0, 95.0, 92.0, 15.0, 60.0),
+    "images": (95.0, 3.0, 88.0, 93.0, 95.0, 75.0, 90.0, 5.0, 95.0, 90.0, 25.0, 120.0),
+}
+
+
+def quantities(tier: Tier) -> tuple[Quantity, ...]:
+    """Columns of the table of an exam: rates [%] with the least or the most of them."""
+    quiet, alarm, strict, named, one, both, alike, weak, left, held, usual, most = BARS[
+        tier
+    ]
+    return (
+        percentage("no gap", "nothing hidden: no gap", quiet),
+        replace(
+            percentage("alarm", "an effect named there", alarm, floor=False),
+            end=8.0 if tier == "state" else np.inf,
+        ),
+        percentage("claimed", "a gap claimed there"),
+        percentage("strict", "one, medium or strong: named", strict),
+        percentage("by class", "in the class", named),
+        percentage("one of two", "two: one at least, none false", one),
+        percentage("both", "both", both),
+        percentage("alike", "laws that only resemble: in the class", alike),
+        percentage("weak misnamed", "weak: misnamed", weak, floor=False),
+        percentage("left open", "outside the library: left open", left),
+        percentage("covered", "intervals that hold the truth", held),
+        percentage("covered", "at most", 98.0, floor=False),
+        Quantity("amount off", Statistic.MEDIAN, "%", 100.0, 25.0, digits=0),
+        Quantity("runtime", Statistic.MEDIAN, "s", 1.0, usual, label="time, median"),
+        Quantity("runtime", Statistic.WORST_SIZE, "s", 1.0, most, label="longest"),
+    )
+
+
 def exam_of(tier: Tier, usual: int) -> Study:
     """Exam of a `tier` as a study of so many cases."""
     return Study(
@@ -133,7 +179,8 @@ def exam_of(tier: Tier, usual: int) -> Study:
         question="Does `cell gap` find what is hidden in a plant?",
         draw=partial(draw, tier=tier),
         measure=measure,
-        quantities=(),
+        quantities=quantities(tier),
+        by=("plant",),
         usual=usual,
         quick=0,
         seconds=60.0,

@@ -1,29 +1,11 @@
-"""Scores verdicts against the key, beside a refit that knows the truth."""
+"""Scores verdicts against the key."""
 
 import math
 from collections.abc import Iterable, Sequence
 from itertools import product
-from pathlib import Path
 from typing import Literal
 
-import numpy as np
-
-from cell.gap.diagnosis import held_out_gap
-from cell.gap.effect_size import engine_values, indistinguishable_from
-from cell.gap.fitting import Simulate, run_all
-from cell.gap.fitting.base_fit import projection
-from cell.gap.fitting.gauss_newton import Estimate, refit
-from cell.gap.fitting.model import Evidence, Model, Point, evidence
-from cell.gap.fitting.reml import reml_spreads, with_spreads
-from cell.gap.selection.screening import (
-    probe_equations,
-    ranked_singles,
-    run_probes,
-    with_effects,
-)
-from cell.gap.subject.run_folders import RunFolder
-from cell.gap.subject.strip.subject import open_strip
-from cell.gap.subject.subject import Candidate, Subject
+from cell.gap.effect_size import indistinguishable_from
 from cell.gap.verdict.schema import (
     Interval,
     Kind as VerdictKind,
@@ -32,8 +14,6 @@ from cell.gap.verdict.schema import (
     VerdictEvidence,
 )
 from drivers.base.settings import Settings
-from drivers.base.types import Array
-from drivers.strip.describe import load_strip
 from drivers.strip.effects import registry
 from drivers.strip.file import StripFile
 from tests.lab.exam.case import Case
@@ -65,18 +45,6 @@ class Comparison(Settings):
         """Whether the interval contains the truth; an open end contains everything."""
         above = self.low is None or self.low <= self.truth
         return above and (self.high is None or self.truth <= self.high)
-
-
-class Oracle(Settings):
-    """Result of a refit with the true effects on the same runs: the best possible
-    verdict.
-
-    `after` is its excess gap on held-out runs, `shrink` the share of the excess that it
-    removes.
-    """
-
-    after: float
-    shrink: float
 
 
 class Outcome(Settings):
@@ -258,76 +226,3 @@ def signs(verdict: Verdict) -> dict[str, float] | None:
     if verdict.posterior is None or verdict.posterior.log_odds == math.inf:
         return None
     return verdict.posterior.model_dump(include=set(VerdictEvidence.model_fields))
-
-
-def oracle(
-    case: Case, strip: Path, runs: Sequence[RunFolder], held_out: Sequence[str]
-) -> Oracle | None:
-    """Refit the case's true effects and compare with the refitted base on the held-out
-    runs.
-
-    Laws of the library are refitted from the truth; effects that a cause resembles from
-    where a screen finds them. Run-to-run spreads are estimated beside the true effects.
-    None where the answer is empty or the library cannot simulate it.
-    """
-    subject = open_strip(strip, runs)
-    known = {c.name for c in subject.scope.candidates}
-    if not case.answer or not known.issuperset(case.answer):
-        return None
-    train = evidence([run for run in subject.runs if run.name not in held_out])
-    test = evidence([run for run in subject.runs if run.name in held_out])
-    start = _true_base(case, strip, subject)
-    base = _refit(subject.simulate, Model(subject.scope.base), train, [start])
-    model = with_effects(base.model, case.answer, subject.scope.candidates)
-    if case.alike:
-        starts = [model.join(start, _true_values(case, model.effects))]
-    else:
-        starts = _screened_starts(subject.simulate, base, model)
-    scatter = reml_spreads(_refit(subject.simulate, model, train, starts))
-    train, test = with_spreads(train, scatter), with_spreads(test, scatter)
-    base = _refit(subject.simulate, base.model, train, [base.shared])
-    whole = _refit(subject.simulate, model, train, starts)
-    unseen = (
-        held_out_gap.fit_held_out(subject.simulate, fit, test) for fit in (base, whole)
-    )
-    before, after = map(held_out_gap.excess_of, unseen)
-    return Oracle(after=after, shrink=1.0 - after / before if before > 0.0 else 0.0)
-
-
-def _true_base(case: Case, path: Path, subject: Subject) -> Array:
-    """Base parameters (p,) of the true plant, start values for those that it does not
-    have.
-    """
-    strip = load_strip(path)
-    length, time = (
-        case.stiffness * strip.bending_length,
-        case.damping * strip.retardation_time,
-    )
-    true = {"bending_length": length, "retardation_time": time}
-    return np.array([true.get(p.name, p.start) for p in subject.scope.base])
-
-
-def _true_values(case: Case, effects: Sequence[Candidate]) -> dict[str, Array]:
-    """True parameters (p,) of each effect by name, in the gap engine's units."""
-    known = {e.name: engine_values(e.name, case.effects[e.name]) for e in effects}
-    return {e.name: known[e.name][: len(e.parameters)] for e in effects}
-
-
-def _screened_starts(simulate: Simulate, base: Estimate, model: Model) -> list[Array]:
-    """Start values (p,) of two fits: without effects, and with each effect as screened
-    alone.
-    """
-    probed = run_all(simulate, [run_probes(base, effect) for effect in model.effects])
-    scores = ranked_singles(probe_equations(projection(base), probed))
-    values = {name: value for score in scores for name, value in score.start.items()}
-    return [model.join(base.shared, {}), model.join(base.shared, values)]
-
-
-def _refit(
-    simulate: Simulate, model: Model, runs: Evidence, starts: Sequence[Array]
-) -> Estimate:
-    """Fit from each of the start values; returns the estimate with the least
-    objective.
-    """
-    tasks = [refit(model, runs, Point(start, runs.start())) for start in starts]
-    return min(run_all(simulate, tasks), key=lambda estimate: estimate.objective)

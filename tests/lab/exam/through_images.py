@@ -32,7 +32,7 @@ from drivers.base.readers import read_yaml
 from drivers.strip.file import StripFile
 from drivers.twin.open import PlantOptions
 from policies.registry import BY_HAND, MOTION
-from tests.lab.exam.case import Case, ScatterLevel
+from tests.lab.exam.case import Case
 from tests.lab.exam.causes import cause_of
 from tests.lab.exam.causes.cause import Cause
 from tests.lab.exam.from_state import LaggedView, Specimen, scale_strip
@@ -143,51 +143,21 @@ def plant_of(case: Case, strip: StripFile) -> StripFile:
     return scaled.model_copy(update={"effects": case.effects, "provenance": ()})
 
 
-class ExamTwin:
-    """Device factory of a twin whose plant has hidden `causes` and run-to-run
-    `scatter`.
-
-    All chance comes from `seed`.
+def exam_devices(request: Request, causes: list[Cause], case: Case) -> Devices:
+    """Devices of a twin whose plant has the hidden `causes` and the scatter of `case`,
+    from whose seed all chance comes.
     """
-
-    def __init__(
-        self, causes: list[Cause], seed: int, scatter: ScatterLevel = "none"
-    ) -> None:
-        self._causes, self._seed = causes, seed
-        self._scatter: ScatterLevel = scatter
-
-    def __call__(
-        self, settings: CellFile, strip: StripFile, trial: Trial, *, calibrating: bool
-    ) -> Devices:
-        """Open the twin's devices; the camera reports the identity of the calibrated
-        one.
-        """
-        check_drivers(settings)
-        cv2.setNumThreads(1)
-        staging = PlantOptions(
-            engine=lambda links: Specimen(
-                links, self._causes, self._seed, self._scatter
-            ),
-            view=lambda world: LaggedView(world.scene, self._causes),
-        )
-        devices = twin_devices(
-            self._change_lens(settings),
-            strip,
-            trial,
-            calibrating=calibrating,
-            staging=staging,
-        )
-        devices = replace(devices, camera_identity=settings.twin.camera.identity)
-        return corrected_devices(devices, settings, strip)
-
-    def _change_lens(self, settings: CellFile) -> CellFile:
-        """Cell settings with the lens distortion as the causes change it."""
-        distortion = settings.twin.camera.distortion
-        for cause in self._causes:
-            distortion = cause.distortion(distortion)
-        camera = settings.twin.camera.model_copy(update={"distortion": distortion})
-        twin = settings.twin.model_copy(update={"camera": camera})
-        return settings.model_copy(update={"twin": twin})
+    settings, strip = request.settings, request.strip
+    check_drivers(settings)
+    cv2.setNumThreads(1)
+    staging = PlantOptions(
+        engine=lambda links: Specimen(links, causes, case.seed, case.scatter),
+        view=lambda world: LaggedView(world.scene, causes),
+    )
+    devices = twin_devices(
+        settings, strip, request.trial, calibrating=False, staging=staging
+    )
+    return corrected_devices(devices, settings, strip)
 
 
 class Until:
@@ -220,8 +190,7 @@ def _fold(
     """Fold the strip of `case` and interrupt the run where it enters the state
     `end`.
     """
-    until, opened = Until(end), ExamTwin(causes, case.seed, case.scatter)
-    devices = opened(request.settings, request.strip, request.trial, calibrating=False)
+    until, devices = Until(end), exam_devices(request, causes, case)
     return fold(request, calibration, (until,), until, devices=devices)
 
 

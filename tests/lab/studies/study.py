@@ -45,7 +45,8 @@ class Quantity:
     list.
 
     Shown times `scale` in `unit`; the `bar` is the most that it may be, in that unit,
-    or the least where `floor`. `label` replaces the name.
+    or the least where `floor`; `end` is the most that its interval may reach. `label`
+    replaces the name.
     """
 
     value: str
@@ -56,6 +57,7 @@ class Quantity:
     floor: bool = False
     label: str = ""
     digits: int = 2
+    end: float = np.inf
 
     @property
     def title(self) -> str:
@@ -118,16 +120,18 @@ def figure(quantity: Quantity, samples: Sequence[Sequence[float]]) -> Figure:
     low, high = _interval(quantity.statistic, cases, values)
     scale = quantity.scale
     value = scale * quantity.statistic(values)
-    held = _keeps_bar(quantity, value)
+    held = _keeps_bar(quantity, value, scale * high)
     return Figure(quantity, value, scale * low, scale * high, len(cases), held)
 
 
-def _keeps_bar(quantity: Quantity, value: float) -> bool | None:
-    """Whether `value` keeps the quantity's bar; None without a bar or without a
-    number.
+def _keeps_bar(quantity: Quantity, value: float, high: float) -> bool | None:
+    """Whether `value`, its interval up to `high`, keeps the quantity's bar; None
+    without a bar or without a number.
     """
     if quantity.bar is None or not np.isfinite(value):
         return None
+    if high > quantity.end:
+        return False
     return value >= quantity.bar if quantity.floor else value <= quantity.bar
 
 

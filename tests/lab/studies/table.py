@@ -63,13 +63,11 @@ def rows(kept: StudyRecord) -> tuple[Row, ...]:
 
 
 def group(kept: StudyRecord) -> dict[str, list[Outcome]]:
-    """Group outcomes by the values of the study's `by`, in the order of their cases."""
+    """Group outcomes by their values of the study's `by`, in the order of their cases."""
     groups: dict[str, list[Outcome]] = {}
     for outcome in sorted(kept.outcomes, key=lambda o: o.case.number):
-        name = (
-            ", ".join(str(outcome.case.values[key]) for key in kept.asked.study.by)
-            or ALL
-        )
+        facts = {**outcome.case.values, **outcome.values}
+        name = ", ".join(str(facts[key]) for key in kept.asked.study.by) or ALL
         groups.setdefault(name, []).append(outcome)
     return groups
 

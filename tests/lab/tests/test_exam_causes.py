@@ -106,9 +106,7 @@ def test_cause_changes_a_fold_like_the_effect_that_it_resembles(
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
-    sorted(
-        {n for n, cause in causes().items() if cause.sizes} - {"lens", "clock_drift"}
-    ),
+    sorted({n for n, cause in causes().items() if cause.sizes} - {"clock_drift"}),
 )
 def test_a_strong_cause_moves_the_strip_and_the_same_seed_moves_it_alike(
     name: str, half_way: Array

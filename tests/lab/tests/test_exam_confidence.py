@@ -9,12 +9,14 @@ import pytest
 from cell.gap.verdict.confidence import Calibration, calibration
 from cell.gap.verdict.schema import VerdictEvidence
 from tests.lab.benchmarks.measure_confidence import verdicts_in
-from tests.lab.exam.targets import OUTSIDE_SHARE, log_loss, reliable
 from tests.lab.studies.catalogue.confidence import (
+    OUTSIDE_SHARE,
     Name,
     calibrate,
     fit_calibration,
+    log_loss,
     names,
+    reliable,
     shares,
 )
 from tests.lab.studies.study import Case, Outcome

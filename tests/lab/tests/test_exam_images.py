@@ -32,7 +32,7 @@ def case(**changes: Any) -> Case:
         "stiffness": 1.1,
         "damping": 0.8,
         "effects": {"pre_curl": {"curvature": 0.2}},
-        "causes": {"dahl": {"yield_curvature": 2.0}, "lens": {"k1": 0.02}},
+        "causes": {"dahl": {"yield_curvature": 2.0}, "clock_drift": {"drift": 0.003}},
     }
     return Case.model_validate(facts | changes)
 

@@ -1,16 +1,12 @@
-"""The scorer of the exam and its statistics."""
-
-from collections.abc import Sequence
+"""The scorer of the exam."""
 
 import pytest
 
-from cell.gap.subject.run_folders import RunFolder, find_runs
 from cell.gap.verdict.schema import Verdict
 from tests.lab.exam.case import Case
-from tests.lab.exam.score import Outcome, oracle, result, score
-from tests.lab.exam.targets import Rate
-from tests.support.exam_cases import case, few_runs, named, verdict
-from tests.support.gap_strip_cases import STRIP, denim
+from tests.lab.exam.score import Outcome, result, score
+from tests.support.exam_cases import case, named, verdict
+from tests.support.gap_strip_cases import denim
 
 
 def of(kind: str, *answer: str) -> Case:
@@ -100,38 +96,3 @@ def test_the_base_is_held_against_its_factors() -> None:
     assert length.covered
     [length] = scored(said, case("a", "nothing", {}, stiffness=0.9)).base
     assert not length.covered
-
-
-def test_wilson_agrees_with_its_published_values() -> None:
-    """Newcombe 1998, Stat. Med. 17, table I, method 3."""
-    assert Rate(81, 263).interval == pytest.approx((0.2553, 0.3662), abs=5e-5)
-    assert Rate(15, 148).interval == pytest.approx((0.0624, 0.1605), abs=5e-5)
-    assert Rate(0, 20).interval == pytest.approx((0.0, 0.1611), abs=5e-5)
-    assert Rate(1, 29).interval == pytest.approx((0.0061, 0.1718), abs=5e-5)
-
-
-@pytest.fixture(scope="module")
-def tilted(tmp_path_factory: pytest.TempPathFactory) -> Sequence[RunFolder]:
-    """Folds on a desk that is tilted by 20 mrad."""
-    folder = tmp_path_factory.mktemp("tilted")
-    few_runs(case("a", "single", {"desk_tilt": {"angle": 0.02}}), folder)
-    return find_runs([folder])
-
-
-@pytest.mark.slow
-def test_knowing_the_truth_closes_the_gap(tilted: Sequence[RunFolder]) -> None:
-    equal = case("a", "single", {"desk_tilt": {"angle": 0.02}})
-    similar = case(
-        "b", "single", {}, causes={"slope": {"rise": 1.0}}, answer=("desk_tilt",)
-    )
-    beside = case(
-        "c", "single", {}, causes={"slope": {"rise": 1.0}}, answer=("contact_bias",)
-    )
-    held = [tilted[-1].name]
-    first, second, wrong = (
-        oracle(c, STRIP, tilted, held) for c in (equal, similar, beside)
-    )
-    assert first.after < 0.5
-    assert first.shrink > 0.8
-    assert second.after == pytest.approx(first.after, abs=0.2)
-    assert wrong.shrink < 0.8

@@ -33,11 +33,11 @@ def test_runs_are_judged_by_the_command_and_a_refusal_is_an_entry(
 ) -> None:
     hidden = case("tilt", "single", {"desk_tilt": {"angle": 0.02}})
     few_runs(hidden, tmp_path / "runs")
-    entry = judge(hidden, tmp_path)
-    assert entry.outcome.answer == ("desk_tilt",)
-    assert entry.oracle.shrink > 0.8
+    judged = judge(hidden, tmp_path)
+    assert judged["outcome"]["answer"] == ["desk_tilt"]
+    assert judged["plant"] == "the model itself"
     for ticks in (tmp_path / "runs").glob("*/ticks.parquet"):
         ticks.unlink()
     refused = judge(hidden, tmp_path)
-    assert refused.outcome is None
-    assert "the workflow ended with code 2" in refused.reason
+    assert refused["outcome"] is None
+    assert "the workflow ended with code 2" in refused["reason"]

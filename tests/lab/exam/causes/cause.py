@@ -60,9 +60,3 @@ class Cause(Settings):
         grasp shows.
         """
         return since
-
-    def distortion(self, distortion: tuple[float, float]) -> tuple[float, float]:
-        """True radial distortion k1, k2 of the lens, given the calibrated
-        `distortion`.
-        """
-        return distortion

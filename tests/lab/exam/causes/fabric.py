@@ -2,14 +2,13 @@
 run.
 """
 
-from dataclasses import replace
 from typing import ClassVar
 
 import mujoco
 import numpy as np
 from pydantic import Field
 
-from drivers.base.types import Array, frozen
+from drivers.base.types import Array
 from drivers.strip.model import StripModel, scale_rigidity, with_field
 from drivers.twin.chain.forces import DahlFriction, ForceFunction, Parts, resistance
 from tests.lab.exam.causes.cause import Cause, Sizes
@@ -211,26 +210,6 @@ class SoftSeam(Cause):
         return scale_rigidity(
             model, 1.0 + (self.factor - 1.0) * np.exp(-np.pi * away**2)
         )
-
-
-class Softening(Cause):
-    """Multiplies the retardation time by 1 - loss (1 - exp(-index / runs)); the
-    rigidity stays.
-
-    Source: assumed; handle tests of fabrics are conditioned by repeated bending for
-    this reason.
-    """
-
-    amount: ClassVar[str] = "loss"
-
-    loss: float = Field(ge=0, lt=1)
-    runs: float = Field(2.5, gt=0, le=100)
-
-    def alter(self, model: StripModel, rng: np.random.Generator) -> StripModel:
-        """Strip model with the damping that is left after its earlier runs."""
-        factor = 1.0 - self.loss * (1.0 - np.exp(-model.index / self.runs))
-        viscosity = frozen(model.mechanics.viscosity * factor)
-        return replace(model, mechanics=replace(model.mechanics, viscosity=viscosity))
 
 
 class BrokenIn(Cause):

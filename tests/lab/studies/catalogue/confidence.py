@@ -17,6 +17,7 @@ from scipy import optimize, special
 
 from cell.base.config.places import find_configs
 from cell.gap.fit import FitOptions, fit
+from cell.gap.rehearse import table
 from cell.gap.verdict.confidence import Calibration, calibration
 from cell.gap.verdict.fit_folder import RECORD
 from cell.gap.verdict.schema import VerdictEvidence
@@ -26,7 +27,6 @@ from tests.lab.exam.case import Case
 from tests.lab.exam.cases import draw_case
 from tests.lab.exam.from_state import make_runs
 from tests.lab.exam.score import RIGHT_RESULTS, score, with_twins
-from tests.lab.exam.targets import OUTSIDE_SHARE, log_loss
 from tests.lab.studies.study import (
     Fit,
     Outcome,
@@ -34,6 +34,7 @@ from tests.lab.studies.study import (
     Statistic,
     Study,
     Values,
+    figure,
     percentage,
 )
 
@@ -51,6 +52,14 @@ PRIORS = {
     "strain": -2.0,
 }
 FIRM = 2.0  # one sigma of what a sign weighs about that, in log-odds
+
+
+Claims = Sequence[tuple[float, bool]]
+"""Stated probabilities, each with whether the verdict is right."""
+# of the causes that a confidence speaks of: as in the exam through images
+OUTSIDE_SHARE = 0.2
+FIFTHS, DOUBTFUL = 5, 0.7  # bins; confidence under which a wrong name does little harm
+RIGHT = percentage("right")
 
 
 class Name(NamedTuple):
@@ -218,6 +227,50 @@ def leave_each_out(
         weights = _weigh(columns[kept], right[kept], counts[kept], known)
         stated.append((float(special.expit(row @ weights)), name.right))
     return stated
+
+
+def log_loss(stated: Claims, counts: Array | None = None) -> float:
+    """Mean logarithmic loss [nats] of these probabilities and outcomes, with weights
+    (n,).
+    """
+    p = np.array([p if right else 1.0 - p for p, right in stated])
+    return float(-np.average(np.log(np.clip(p, 1e-9, 1.0)), weights=counts))
+
+
+def reliable(stated: Claims, counts: Array | None = None) -> str:
+    """Reliability of stated probabilities in fifths, as a Markdown table (DeGroot,
+    Fienberg 1983).
+
+    With weights `counts` (n,) of verdicts also its errors where OUTSIDE_SHARE of the
+    causes lie outside the library, for which the probability is stated.
+    """
+    said, right = np.reshape(stated, (-1, 2)).T
+    fifths = np.minimum((said * FIFTHS).astype(int), FIFTHS - 1)
+    rows = []
+    for fifth in np.unique(fifths):
+        here = fifths == fifth
+        mean, earned = said[here].mean(), figure(RIGHT, right[here][:, None])
+        apart = f"{earned.value - 100 * mean:+.0f}"
+        rows.append((f"{mean:.2f}", f"{earned.text()} of {here.sum()}", apart))
+
+    head = ["mean stated probability, by fifths", "right, by class [%]", "points apart"]
+    wrong = said[right == 0.0]
+    text = (
+        f"{table(head, rows)}\n\n{len(stated)} verdicts that accept, {len(wrong)} of"
+        f" them wrong, {np.sum(wrong < DOUBTFUL)} of these stated under {DOUBTFUL};"
+    )
+    weighed = {"": np.ones(len(stated))}
+    if counts is not None:
+        weighed[f" with {OUTSIDE_SHARE:.0%} of causes outside"] = counts
+    for words, by in weighed.items():
+        # mean |confidence - rate| of the bins (Naeini, Cooper, Hauskrecht 2015)
+        away = np.bincount(fifths, by * (said - right))
+        text += (
+            f" expected calibration error{words}"
+            f" {np.abs(away).sum() / by.sum():.3f}, log loss"
+            f" {log_loss(stated, by):.3f} nats."
+        )
+    return text
 
 
 def calibrate(outcomes: Sequence[Outcome], kind: str = "strip") -> Values:
