@@ -341,7 +341,7 @@ def weights(rig: Rig, seed: int) -> Array:
     `seed`.
     """
     plain = _simulate(rig, _places(rig, np.random.default_rng(seed), 1.0))
-    return 2.0 * plain.torques.std(axis=0)
+    return np.asarray(2.0 * plain.torques.std(axis=0))
 
 
 def _content(rig: Rig, model: str) -> dict[str, Any]:
