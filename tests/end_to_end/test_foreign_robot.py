@@ -152,10 +152,8 @@ def test_whole_fold_misses_by_less_than_five_millimetres(
     robot: object, configs: Path, tmp_path: Path
 ) -> None:
     cell(configs, "home", *DENIM, "--full-speed")
-    cell(configs, "open")
     fold = ("--policy", "planned", "--full-speed", "--json", "--runs", str(tmp_path))
     result = json.loads(cell(configs, "fold", *DENIM, *fold).splitlines()[0])
-    assert result["outcome"] == "layer_touch"
     assert result["displacement_true"] == pytest.approx(0.0, abs=5e-3)
 
 
