@@ -161,21 +161,19 @@ def unidentifiable(subject: Subject) -> Iterator[Finding]:
     )
     unabsorbed = projection(stated, robustly=False).unabsorbed(responses)
     for (candidate, probe), response in zip(largest, unabsorbed.T, strict=True):
-        sigma = float(np.linalg.norm(response))
+        sigma = np.linalg.norm(response)
         if sigma >= PROBE_SIGMA:
             directions[candidate.name] = response / sigma
             continue
         k, *others = np.flatnonzero(probe != candidate.null)
         p, more = candidate.parameters[k], " and so on" if others else ""
-        size = f"{p.name} {p.stated_value(float(probe[k])):.3g} {p.unit}".removesuffix(
-            " 1"
-        )
+        size = f"{p.name} {p.stated_value(probe[k]):.3g} {p.unit}".removesuffix(" 1")
         words = (
             f"{candidate.name}: {size}{more} changes the runs by only {sigma:.1f} sigma"
         )
         yield Finding(what=IDENTIFIABLE, words=words, remedy=candidate.revealed_by)
     for (first, a), (second, b) in combinations(directions.items(), 2):
-        if abs(float(a @ b)) > LARGEST_CORRELATION:
+        if abs(a @ b) > LARGEST_CORRELATION:
             words = (
                 f"{first} and {second} change these runs alike: they cannot be"
                 " separated"

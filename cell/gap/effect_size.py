@@ -76,7 +76,7 @@ def draw_strengths(
     if p.start > 0.0:
         return Strengths(effect, others, max(sizes) ** sign)
     largest = BELIEVABLE * max(map(abs, sizes)) * (1.0 if p.low >= 0.0 else sign)
-    return Strengths(effect, others, float(np.clip(largest, p.low, p.high)))
+    return Strengths(effect, others, np.clip(largest, p.low, p.high))
 
 
 def _draw_shape(
@@ -88,13 +88,13 @@ def _draw_shape(
     others: dict[str, float] = {}
     for p in effect.parameters[1:]:
         if p.role == "place":
-            others[p.name] = float(strip.length * rng.uniform(*PLACE_RANGE))
+            others[p.name] = strip.length * rng.uniform(*PLACE_RANGE)
         elif p.role == "width":
-            others[p.name] = float(strip.bending_length * rng.uniform(*WIDTHS))
+            others[p.name] = strip.bending_length * rng.uniform(*WIDTHS)
         elif p.role == "time":
             others[p.name] = float(np.exp(rng.uniform(*np.log(TIME_RANGE))))
         elif p.role == "ratio":
-            others[p.name] = float(rng.uniform(*RATIOS))
+            others[p.name] = rng.uniform(*RATIOS)
         elif p.is_amount:
             others[p.name] = p.start
     return others
@@ -147,7 +147,7 @@ class GapModel:
         refit.
         """
         estimate = self._estimate
-        runs = list(zip(estimate.evidence.runs, estimate.point.local, strict=True))
+        runs = list(zip(estimate.runs, estimate.local, strict=True))
         requests = []
         for effects in hidden:
             values = {
@@ -184,7 +184,7 @@ class GapModel:
                 by_run, evidence.runs, evidence.scales, strict=True
             )
         ]
-        return held_out_gap.excess_of(replace(self._estimate, residuals=tuple(noisy)))
+        return held_out_gap.excess_of(replace(self._estimate, residuals=noisy))
 
     def fraction(
         self, strengths: Strengths, target: float, most: float = np.inf
@@ -202,8 +202,8 @@ class GapModel:
             for _ in range(ROUNDS):
                 excess = self._excess_along(strengths, shares)
                 k = min(np.flatnonzero(excess >= target), default=len(shares) - 1)
-                smallest = float(shares[k])
-                gap = float(excess[k])
+                smallest = shares[k]
+                gap = excess[k]
                 shares = np.geomspace(shares[max(k - 1, 0)], smallest, STEPS)
         except ConfigurationError:
             return None

@@ -69,7 +69,7 @@ def fit(
     began = time.monotonic()
     fit_folder.check_replaceable(out)
     cell_digest = None
-    if options.cell_file is not None:
+    if options.cell_file:
         cell_digest = file_digest(options.cell_file)
     folders = find_runs(runs)
     hold.check([run.name for run in folders], options.hold_out)
@@ -96,7 +96,7 @@ def fit(
 
         progress("write", 0.97)
         write_file(results / fit_folder.PAGE, page(findings, verdict))
-        if overlay is not None:
+        if overlay:
             overlay(findings, verdict, results / fit_folder.OVERLAY)
         write_file(results / fit_folder.VERDICT, verdict.to_json())
         patches = _write_patches(findings, verdict, results, out.name)
@@ -112,7 +112,7 @@ def _suspicions(findings: Findings, simulate: Simulate) -> Iterator[str]:
     order.
     """
     every = in_all_runs(findings, simulate)
-    yield from odd_runs(every, findings.subject.scope.quantities)
+    yield from odd_runs(every, findings.quantities)
     if words := order_suspicion(every, np.random.default_rng(0)):
         yield words
 
@@ -148,7 +148,7 @@ def _record(
         effects=tuple(e.name for e in verdict.effects or verdict.suspected),
         values=tuple(d.parameter for d in verdict.deviates),
         scatter=findings.model_tests.scatter,
-        law=StoredLaw(terms=law.terms) if law is not None else None,
+        law=StoredLaw(terms=law.terms) if law else None,
         patches=patches,
     )
 
@@ -164,7 +164,7 @@ def _write_patches(
         "accept_suspected": verdict.values_with(verdict.suspected),
         "accept_values": verdict.values_with(()),
     }
-    if (law := findings.law) is not None:
+    if law := findings.law:
         terms = {name: {"amount": value} for name, value in law.terms.items()}
         offered["accept_law"] = law.base, terms
     patches = {}
@@ -186,10 +186,10 @@ def _write_patch(
 
     model = cell = None
     text = subject.model_text(*values)
-    if text is not None:
+    if text:
         model = fit_folder.model_patch(kind)
         write_file(results / model, text)
-    if of_cell is not None:
+    if of_cell:
         cell = fit_folder.CELL_PATCH
         write_file(results / cell, dump_yaml(of_cell))
     return PatchFiles(subject=patch, model=model, cell=cell)

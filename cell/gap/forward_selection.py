@@ -69,31 +69,29 @@ def revised_base(
     of it for scatter, or does not see the scatter for it, and may have stopped in a
     local minimum.
     """
-    leading = leading_models(fits)
+    leading = _leading_models(fits)
     if not leading:
         return None
     spreads = estimate_spreads(simulate, leading[0].estimate, complete)
-    better = better_base(simulate, fits, leading)
+    better = _better_base(simulate, fits, leading)
     current = {s.name: s.value for s in scatter}
-    if better is None and not clearly_differ(
-        current, {s.name: s.value for s in spreads}
-    ):
+    if not better and not clearly_differ(current, {s.name: s.value for s in spreads}):
         return None
     start = better or fits.base.estimate
     return BaseStart(*with_unknowns(start, with_spreads(complete, spreads)), spreads)
 
 
-def leading_models(fits: Fits) -> list[CrossValidatedFit]:
+def _leading_models(fits: Fits) -> list[CrossValidatedFit]:
     """Models that predict clearly better than the base or are more probable than it."""
     likelihood = fits.likelihood
     before_base = takewhile(lambda m: m.names, posterior(fits, likelihood).models)
     names = [m.names for m in before_base if m.p > ALPHA]
     if gain(fits.best, fits.base, likelihood) >= MIN_GAIN:
-        names = [fits.best.model.names, *names]
-    return [model for model in map(fits.of, dict.fromkeys(names)) if model is not None]
+        names = [fits.best.names, *names]
+    return [model for model in map(fits.of, dict.fromkeys(names)) if model]
 
 
-def better_base(
+def _better_base(
     simulate: Simulate, fits: Fits, leading: Sequence[CrossValidatedFit]
 ) -> Estimate | None:
     """Base refitted from its values in the `leading` models; None unless clearly
@@ -104,8 +102,8 @@ def better_base(
     base = fits.base.estimate
     tasks = []
     for fit in (m.estimate for m in leading):
-        values, _ = fit.model.split(fit.shared)
-        start = Point(values, fit.point.local)
+        values, _ = fit.values
+        start = Point(values, fit.local)
         tasks.append(
             refit(
                 base.model, base.evidence, start, None, ROUGH_GAIN, BUDGET.short_steps
@@ -137,9 +135,9 @@ def refit_on_base(
     """
     new_evidence = base.estimate.evidence
     tasks = []
-    nats = {m.model.names: gain(m, fits.base, fits.likelihood) for m in fits.models}
-    for fit in (m.estimate for m in fits.models if m.model.effects):
-        if within_reach(nats[fit.model.names], max(nats.values())):
+    nats = {m.names: gain(m, fits.base, fits.likelihood) for m in fits.models}
+    for fit in (m.estimate for m in fits.models if m.effects):
+        if within_reach(nats[fit.names], max(nats.values())):
             _, start = with_unknowns(fit, with_spreads(complete, spreads))
             secants = _secants(fit, new_evidence)
             tasks.append(refit(fit.model, new_evidence, start, secants, ROUGH_GAIN))
@@ -152,17 +150,17 @@ def refit_on_base(
     return search.other_signs(fits, in_reach)
 
 
-def _secants(fit: Estimate, evidence: Evidence) -> tuple[Array, ...] | None:
+def _secants(fit: Estimate, evidence: Evidence) -> Sequence[Array] | None:
     """Whitened Jacobians (n, shared + local) of each run at `fit`, for the scales of
     `evidence`.
 
     None where the runs of `evidence` have other unknowns of their own.
     """
-    pairs = list(zip(fit.evidence.runs, evidence.runs, strict=True))
+    pairs = list(zip(fit.runs, evidence.runs, strict=True))
     if any([p.name for p in a.local] != [p.name for p in b.local] for a, b in pairs):
         return None
     rows = zip(fit.jacobians, fit.evidence.scales, evidence.scales, strict=True)
-    return tuple(jacobian * (old / new)[:, None] for jacobian, old, new in rows)
+    return [jacobian * (old / new)[:, None] for jacobian, old, new in rows]
 
 
 def refit_singles(search: Search, models: Models, progress: Progress) -> Fits:
@@ -193,10 +191,10 @@ def refit_further(search: Search, models: Models, progress: Progress) -> Fits:
     if _leaves_more(fits):
         progress("refit pairs", 0.5)
         fits = _refit_pairs(search, models.screen, fits)
-    elif _accept(fits).model.effects:
+    elif _accept(fits).effects:
         progress("screen beside the accepted effect", 0.5)
         fits = search.extend(fits, [_accept(fits)])
-    if len(_accept(fits).model.effects) == 2:
+    if len(_accept(fits).effects) == 2:
         progress("refit triples", 0.7)
         fits = search.extend(fits, [_accept(fits)])
     return _refit_alternatives(search, fits)
@@ -204,7 +202,7 @@ def refit_further(search: Search, models: Models, progress: Progress) -> Fits:
 
 def _refit_pairs(search: Search, screen: Screen, fits: Fits) -> Fits:
     """Fit further single effects and the most promising pairs; returns all fits."""
-    scores = [s for s in screen.singles if fits.of(frozenset(s.names)) is None]
+    scores = [s for s in screen.singles if not fits.of(frozenset(s.names))]
     scores = scores[: BUDGET.probed - BUDGET.singles]
     scores += ranked_pairs(screen.equations, BUDGET.screened_pairs)
     scores = search.shortlist(
@@ -223,16 +221,16 @@ def _refit_alternatives(search: Search, fits: Fits) -> Fits:
     did not alone.
     """
     tried: set[frozenset[str]] = set()
-    while len(_accept(fits).model.effects) > 1:
+    while len(_accept(fits).effects) > 1:
         fits = fits.merge(search.free_shapes(fits))
         accepted = _accept(fits)
-        names = accepted.model.names
+        names = accepted.names
         if len(names) < 2 or names in tried:
             break
         tried.add(names)
         fits = search.fit_scored_models(fits, without_each(accepted))
         without = (fits.of(names - {name}) for name in names)
-        reduced = [model for model in without if model is not None]
+        reduced = [model for model in without if model]
         fits = search.other_signs(search.extend(fits, reduced), reduced)
     return fits
 

@@ -112,12 +112,12 @@ class Investigation:
         start = BaseStart(
             *with_unknowns(rough, with_spreads(self.fitted, scatter)), scatter
         )
-        base_fit = self.judge_base(start)
+        base_fit = self._judge_base(start)
         self.progress("screen the candidates", 0.12)
         probes = [
             run_probes(base_fit.base.estimate, c) for c in self.subject.scope.candidates
         ]
-        screen = self.score_candidates(base_fit, run_all(self.simulate, probes))
+        screen = self._score_candidates(base_fit, run_all(self.simulate, probes))
         return Models(base_fit, screen, Fits((base_fit.base,), screen.library))
 
     def extend(
@@ -140,15 +140,15 @@ class Investigation:
         revised = revised_base(
             self.simulate, fits, models.base_fit.scatter, self.fitted
         )
-        if revised is None:
+        if not revised:
             return models._replace(fits=fits)
         self.progress("refit the base beside the best", fraction)
-        base_fit = self.judge_base(revised)
-        screen = self.score_candidates(base_fit, models.screen.probed)
+        base_fit = self._judge_base(revised)
+        screen = self._score_candidates(base_fit, models.screen.probed)
         fits = refit_on_base(search, fits, base_fit.base, base_fit.scatter, self.fitted)
         return Models(base_fit, screen, replace(fits, library=screen.library))
 
-    def judge_base(self, start: BaseStart) -> BaseFit:
+    def _judge_base(self, start: BaseStart) -> BaseFit:
         """Fit the model without effects from `start`, and test the residuals of the
         fit.
 
@@ -162,12 +162,12 @@ class Investigation:
             base=run_one(self.simulate, validate(base)),
             repeats=test.repeats,
             misfit=test.misfit(),
-            places=tuple(test.test_bins()),
+            places=test.test_bins(),
             scatter=start.scatter,
             strained=self.subject.scope.believed and _is_strained(base),
         )
 
-    def score_candidates(
+    def _score_candidates(
         self, fitted: BaseFit, probed: Sequence[ProbeResponses]
     ) -> Screen:
         """Predict what each of the `probed` candidate effects gains, by the linear
@@ -183,13 +183,13 @@ class Investigation:
         singles = ranked_singles(equations)
         ratios = {s.names[0]: 2.0 * s.gain / likelihood.inefficiency for s in singles}
         p = {
-            c.name: float(special.chdtrc(len(c.parameters), ratios.get(c.name, 0.0)))
+            c.name: special.chdtrc(len(c.parameters), ratios.get(c.name, 0.0))
             for c in self.subject.scope.candidates
         }
         return Screen(
-            probed=tuple(probed),
+            probed=probed,
             equations=equations,
-            singles=tuple(singles),
+            singles=singles,
             p=holm(p),
             detectable=detection_limits(about, probed, likelihood),
             library=library,
@@ -204,15 +204,15 @@ class Investigation:
         self.progress("judge", 0.8)
         sets = posterior(models.fits, models.fits.likelihood)
         accepted, fits = self.choose(models.fits, sets)
-        tests = self.test_model(accepted, fits, sets)
+        tests = self._test_model(accepted, fits, sets)
         self.progress("show on held-out runs", 0.9)
         unseen = with_spreads(unseen, models.base_fit.scatter)
-        held_out_fits = self.refit_held_out(models.base_fit.base, accepted, unseen)
+        held_out_fits = self._refit_held_out(models.base_fit.base, accepted, unseen)
         self.progress("advise", 0.95)
-        is_gap = bool(accepted.model.effects) or models.base_fit.gap
+        is_gap = bool(accepted.effects) or models.base_fit.gap
         results = Results(
             subject=self.subject,
-            held_out=tuple(held_out),
+            held_out=held_out,
             base_fit=models.base_fit,
             screen=models.screen,
             accepted=accepted,
@@ -232,17 +232,17 @@ class Investigation:
         simulation.
         """
         rough = choose(fits, sets)
-        if not rough.model.effects:
+        if not rough.effects:
             return rough, fits
         fit = rough.estimate
         fine = refit_fine(
             self.subject, self.simulate, fit.model, fit.evidence, fit.point
         )
         refined = run_one(self.simulate, validate(fine))
-        models = tuple(refined if m is rough else m for m in fits.models)
+        models = [refined if m is rough else m for m in fits.models]
         return refined, replace(fits, models=models)
 
-    def test_model(
+    def _test_model(
         self, accepted: CrossValidatedFit, fits: Fits, sets: Posterior
     ) -> ModelTests:
         """Test the `accepted` model for lack of fit, and against its rivals among
@@ -252,10 +252,8 @@ class Investigation:
         """
         best = accepted.estimate
         residual_test = ResidualTest.of(best, self.rng)
-        close = rivals(accepted, fits, sets) if best.model.effects else []
-        exchanged = [
-            sorted(accepted.model.names ^ rival.model.names) for rival in close
-        ]
+        close = rivals(accepted, fits, sets) if best.effects else []
+        exchanged = [sorted(accepted.names ^ rival.names) for rival in close]
         doubtful = doubtful_values(accepted, fits, self.subject)
         alike = join_overlapping([*exchanged, *doubtful])
         scatter = estimate_spreads(self.simulate, best, self.fitted)
@@ -263,8 +261,8 @@ class Investigation:
         return ModelTests(
             misfit=residual_test.misfit(),
             repeats=residual_test.repeats,
-            rivals=tuple(close),
-            classes=tuple(map(tuple, alike)),
+            rivals=close,
+            classes=alike,
             sized=run_one(self.simulate, refit(best.model, runs, start)),
             scatter=scatter,
             places=self._matching_places(accepted, fits),
@@ -272,19 +270,17 @@ class Investigation:
 
     def _matching_places(
         self, accepted: CrossValidatedFit, fits: Fits
-    ) -> tuple[Bin, ...]:
+    ) -> Sequence[Bin]:
         """Bins where residuals of the base match the accepted effects; empty without
         effects.
         """
-        if not accepted.model.effects:
+        if not accepted.effects:
             return ()
-        others = [
-            m.estimate for m in fits.models if m.model.effects and m is not accepted
-        ]
+        others = [m.estimate for m in fits.models if m.effects and m is not accepted]
         test = ResidualTest.of(fits.base.estimate, self.rng)
-        return tuple(test.matching(accepted.estimate, others))
+        return test.matching(accepted.estimate, others)
 
-    def refit_held_out(
+    def _refit_held_out(
         self, base: CrossValidatedFit, accepted: CrossValidatedFit, unseen: Evidence
     ) -> HeldOutFits:
         """Fit base and accepted model to the runs `unseen`, with their shared
@@ -297,16 +293,14 @@ class Investigation:
             )
 
         base_evidence = refine_for(base.estimate)
-        if not accepted.model.effects:
+        if not accepted.effects:
             before = after = held_out_gap.fit_held_out(
                 self.simulate, base.estimate, base_evidence
             )
         else:
             accepted_evidence = refine_for(accepted.estimate)
             # both gaps in the same units, with the floors of either simulation
-            scales = tuple(
-                map(np.maximum, base_evidence.scales, accepted_evidence.scales)
-            )
+            scales = [*map(np.maximum, base_evidence.scales, accepted_evidence.scales)]
             before, after = (
                 held_out_gap.fit_held_out(
                     self.simulate, fit.estimate, replace(runs, scales=scales)
@@ -321,7 +315,7 @@ class Investigation:
         accepted: CrossValidatedFit,
         fits: Fits,
         tests: ModelTests,
-    ) -> tuple[Recommendation, ...]:
+    ) -> Sequence[Recommendation]:
         """Experiments that would separate the accepted model from a rival, the best
         first.
 
@@ -330,22 +324,20 @@ class Investigation:
         first = accepted.estimate
         likelihood = fits.likelihood
         second = _alternative(screened, accepted, fits, tests)
-        if second is None:
+        if not second:
             return ()
         experiments = [
             replace(e, run=with_spreads(evidence([e.run]), tests.scatter).runs[0])
             for e in self.subject.experiments()
         ]
-        return tuple(
-            run_one(self.simulate, advise(first, second, experiments, likelihood))
-        )
+        return run_one(self.simulate, advise(first, second, experiments, likelihood))
 
 
 def in_all_runs(findings: Findings, simulate: Simulate) -> Estimate:
     """Estimate of the accepted model in fitted and held-out runs, not fitted again."""
     fitted, held_out = findings.accepted.estimate, findings.held_out_fits.after
     unseen = held_out.evidence
-    point = Point(fitted.shared, held_out.point.local)
+    point = Point(fitted.shared, held_out.local)
     raw, jacobians = run_one(simulate, linearise(fitted.model, unseen, point))
     runs = fitted.evidence
     return Estimate.at(
@@ -374,16 +366,16 @@ def _alternative(
     """Model to separate from `accepted`, the closest rival, with its shared values
     (P,).
     """
-    size = len(accepted.model.effects) or 1
+    size = len(accepted.effects) or 1
     others = [m for m in fits.of_size(size) if m is not accepted]
     closest = next(iter(tests.rivals or others), None)
-    if closest is not None:
+    if closest:
         return closest.model, closest.estimate.shared
-    known = accepted.model.names
+    known = accepted.names
     tried = (p.candidate for p in screened.probed if not p.dead)
     candidate = next((c for c in tried if c.name not in known), None)
-    if candidate is None:
+    if not candidate:
         return None
-    base, _ = accepted.model.split(accepted.estimate.shared)
+    base, _ = accepted.estimate.values
     model = Model(accepted.model.base, (candidate,))
     return model, model.join(base, {candidate.name: np.array(candidate.probes[0][0])})

@@ -93,9 +93,9 @@ def rehearsal_plan(paths: Sequence[Path], file: Path, jobs: int) -> Plan:
         subject.simulate, Model(subject.scope.base), evidence(subject.runs)
     )
     pairs = zip(subject.scope.base, base.shared, strict=True)
-    values = {p.name: p.stated_value(float(v)) for p, v in pairs}
+    values = {p.name: p.stated_value(v) for p, v in pairs}
     usable = [run for run in measured if run.usable]
-    copies, unseen = copies_with_each_effect(fitted_strip(strip, values), usable)
+    copies, unseen = _copies_with_each_effect(fitted_strip(strip, values), usable)
     copies_without_effect = [
         HiddenCopy(key=f"{NO_EFFECT}-{i}", effect=NO_EFFECT, values={}, seed=i)
         for i in range(EMPTY_COPIES)
@@ -110,7 +110,7 @@ def rehearsal_plan(paths: Sequence[Path], file: Path, jobs: int) -> Plan:
     )
 
 
-def path_of_run(run: MeasuredRun) -> GripperPath:
+def _path_of_run(run: MeasuredRun) -> GripperPath:
     """Measured gripper path of a run, with a standstill of DWELL_TIME added for a late
     touch.
     """
@@ -122,7 +122,7 @@ def path_of_run(run: MeasuredRun) -> GripperPath:
     )
 
 
-def copies_with_each_effect(
+def _copies_with_each_effect(
     strip: StripFile, runs: Sequence[MeasuredRun]
 ) -> tuple[list[HiddenCopy], list[str]]:
     """Copies with one hidden effect each, just large enough to leave EXCESS [sigma].
@@ -131,7 +131,9 @@ def copies_with_each_effect(
     first run. Second, the names of the effects that leave such a gap at no believable
     size.
     """
-    gap_model = GapModel.along(strip, [path_of_run(run) for run in runs], runs[0].sigma)
+    gap_model = GapModel.along(
+        strip, [_path_of_run(run) for run in runs], runs[0].sigma
+    )
     copies, unseen = [], []
     for seed, (name, effect) in enumerate(sorted(registry().items())):
         if name not in strip.effects:
@@ -147,7 +149,7 @@ def copies_with_each_effect(
     return copies, unseen
 
 
-def diagnose_copy(plan: Plan, hidden: HiddenCopy) -> Mapping[str, Any]:
+def _diagnose_copy(plan: Plan, hidden: HiddenCopy) -> Mapping[str, Any]:
     """Simulate a copy of the runs and fit it; returns hidden effect and verdict as
     plain values.
     """
@@ -180,10 +182,10 @@ def write_copy(plan: Plan, hidden: HiddenCopy, folder: Path) -> None:
     effects = {hidden.effect: hidden.values} if hidden.effect != NO_EFFECT else {}
     fitted = fitted_strip(strip, plan.base)
     models = [
-        with_scatter(describe(fitted, effects, run.index), plan.scatter, rng)
+        _with_scatter(describe(fitted, effects, run.index), plan.scatter, rng)
         for run in runs
     ]
-    folds = rod_folds(models, [path_of_run(run) for run in runs], SEGMENTS, STEP)
+    folds = rod_folds(models, [_path_of_run(run) for run in runs], SEGMENTS, STEP)
     for number, (run, fold) in enumerate(zip(runs, folds, strict=True)):
         copy = replace(fold, index=run.index, condition=run.condition)
         noise = (
@@ -192,7 +194,7 @@ def write_copy(plan: Plan, hidden: HiddenCopy, folder: Path) -> None:
         write_fold(folder / f"{number:02d}", strip.name, copy, noise, rng)
 
 
-def with_scatter(
+def _with_scatter(
     model: StripModel, scatter: Mapping[str, float], rng: np.random.Generator
 ) -> StripModel:
     """Strip model of one run, with run-to-run differences drawn from the spreads
@@ -200,7 +202,7 @@ def with_scatter(
     """
     for effect in KNOWN_EFFECTS:
         if effect.name in scatter:
-            model = effect.apply(model, float(rng.normal(0.0, scatter[effect.name])))
+            model = effect.apply(model, rng.normal(0.0, scatter[effect.name]))
     return model
 
 
@@ -212,7 +214,7 @@ def rehearse(plan: Plan, folder: Path, engine: Engine, meter: Meter) -> list[Rec
         f"{plan.model_dump_json()}{verdicts()}".encode()
     ).hexdigest()[:16]
     parts = [
-        Part(hidden.key, version, COPY_COST, diagnose_copy, (plan, hidden))
+        Part(hidden.key, version, COPY_COST, _diagnose_copy, (plan, hidden))
         for hidden in plan.copies
     ]
     return list(carry_out(parts, folder / JOURNAL, engine, meter))
@@ -254,7 +256,7 @@ def page(plan: Plan, records: Sequence[Record]) -> str:
     """Markdown page of a rehearsal: which effects could be named, which names are
     false.
     """
-    outcomes = [r.outcome for r in records if r.outcome is not None]
+    outcomes = [r.outcome for r in records if r.outcome]
     hidden = [o for o in outcomes if o["hidden"] != NO_EFFECT]
     empty = [o for o in outcomes if o["hidden"] == NO_EFFECT]
     sizes = [
@@ -300,7 +302,7 @@ def write_page(plan: Plan, records: Sequence[Record], folder: Path) -> Path:
     """Write page and outcomes of a rehearsal into `folder`; returns the path of the
     page.
     """
-    outcomes = [dict(r.outcome) for r in records if r.outcome is not None]
+    outcomes = [dict(r.outcome) for r in records if r.outcome]
     replace_file(folder / "rehearsal.json", json.dumps(outcomes, indent=1).encode())
     replace_file(folder / PAGE, page(plan, records).encode())
     return folder / PAGE

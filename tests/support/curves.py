@@ -171,6 +171,11 @@ def hidden(law: Law, size: float) -> Law:
     return lambda t, speed, index: size * law(t, speed, index)
 
 
+def both(bumps: float, waves: float) -> Law:
+    """Law of a bump and a wave, of these sizes."""
+    return lambda t, s, i: bumps * bump(t, s, i) + waves * wave(t, s, i)
+
+
 def validated(estimate: Estimate, subject: Curves | None = None) -> CrossValidatedFit:
     simulate = (subject or Curves(nothing)).simulate
     return run_one(simulate, validate(estimate))

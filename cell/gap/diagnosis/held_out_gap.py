@@ -55,7 +55,7 @@ def _mean_by_word(words: Words, square: Array) -> dict[str, float]:
         values = square[words == name]
         values = values[np.isfinite(values)]
         if len(values):
-            means[str(name)] = float(values.mean())
+            means[str(name)] = values.mean()
     return means
 
 
@@ -72,7 +72,7 @@ def _display_gaps(
         for name, mean in _mean_by_word(run.samples.quantity, square).items():
             squares[name].append(mean)
     return {
-        quantities[name].key: quantities[name].factor * float(np.sqrt(np.mean(values)))
+        quantities[name].key: quantities[name].factor * np.sqrt(np.mean(values))
         for name, values in squares.items()
         if quantities[name].key
     }
@@ -82,7 +82,7 @@ def run_squares(estimate: Estimate) -> Array:
     """Mean square whitened residual (R,) of each run, with equal weight for each
     channel.
     """
-    pairs = zip(estimate.evidence.runs, estimate.residuals, strict=True)
+    pairs = zip(estimate.runs, estimate.residuals, strict=True)
     channels = [_mean_by_word(run.samples.channel, r**2) for run, r in pairs]
     return np.array([np.mean(list(squares.values())) for squares in channels])
 
@@ -91,7 +91,8 @@ def excess(squares: Array) -> Array:
     """Excess residual (...) [noise], sqrt(max(mean - 1, 0)) of `squares` (..., R) of R
     runs.
     """
-    return np.asarray(np.sqrt(np.maximum(squares.mean(axis=-1) - 1.0, 0.0)))
+    beyond: Array = np.sqrt(np.maximum(squares.mean(axis=-1) - 1.0, 0.0))
+    return beyond
 
 
 def excess_of(estimate: Estimate) -> float:
@@ -120,7 +121,7 @@ def bounded_excess(estimate: Estimate) -> float:
     dispersion.
     """
     scale = robust.scale(estimate.stacked_residuals)
-    clipped = tuple(robust.bound(r, scale) for r in estimate.residuals)
+    clipped = [robust.bound(r, scale) for r in estimate.residuals]
     return excess_of(replace(estimate, residuals=clipped))
 
 
@@ -150,8 +151,8 @@ def rms_by_run(estimate: Estimate, quantities: Mapping[str, Quantity]) -> list[f
             [quantities[str(name)].tolerance for name in run.samples.quantity]
         )
         bounded.append(robust.bound(r * scale / np.hypot(scale, tolerance)))
-    squares = run_squares(replace(estimate, residuals=tuple(bounded)))
-    return [float(np.sqrt(square)) for square in squares]
+    squares = run_squares(replace(estimate, residuals=bounded))
+    return [np.sqrt(square) for square in squares]
 
 
 def odd_runs(estimate: Estimate, quantities: Mapping[str, Quantity]) -> Iterator[str]:
@@ -159,8 +160,8 @@ def odd_runs(estimate: Estimate, quantities: Mapping[str, Quantity]) -> Iterator
     where it leaves most of them at their noise.
     """
     rms = np.array(rms_by_run(estimate, quantities))
-    usual = max(1.0, float(np.median(rms)))
-    for run, each in zip(estimate.evidence.runs, rms, strict=True):
+    usual = max(1.0, np.median(rms))
+    for run, each in zip(estimate.runs, rms, strict=True):
         if len(rms) > 2 and usual < ODD and each > ODD * usual:
             yield (
                 f"{run.name}: contradicts the others: it is left {each:.1f} sigma off,"
@@ -176,8 +177,7 @@ def shrink(before: Estimate, after: Estimate, rng: np.random.Generator) -> Shrin
     drawn = rng.integers(0, len(squares_before), (DRAWS, len(squares_before)))
     value = float(_share_closed(squares_before, squares_after))
     shares = _share_closed(squares_before[drawn], squares_after[drawn])
-    low, high = np.quantile(shares, [0.025, 0.975])
-    return Shrink(value, float(low), float(high))
+    return Shrink(value, *np.quantile(shares, [0.025, 0.975]))
 
 
 def _share_closed(before: Array, after: Array) -> Array:

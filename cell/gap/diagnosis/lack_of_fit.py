@@ -63,8 +63,8 @@ class Repeats:
         are held against each other: what the model gets wrong of a condition is the
         same in all of them.
         """
-        runs = estimate.evidence.runs
-        scatter = pure_error(estimate, estimate.residuals)
+        runs = estimate.runs
+        scatter = _pure_error(estimate, estimate.residuals)
         later = _relative_index(runs)
         if not later.any():
             return cls(scatter, scatter)
@@ -78,9 +78,9 @@ class Repeats:
         free = np.full(count, np.inf)
         rates = form.bounded_step(-free, free)
         corrected = (about.residual + about.unabsorbed(columns) @ rates) / about.weight
-        inflation = pure_error(estimate, estimate.by_run(corrected), spent=count)
+        inflation = _pure_error(estimate, estimate.by_run(corrected), spent=count)
         unit = max([1.0, *(v / estimate.scale for v in inflation.values())]) ** 2
-        p = float(special.chdtrc(count, 2.0 * form.decrease(rates) / unit))
+        p = special.chdtrc(count, 2.0 * form.decrease(rates) / unit)
         return cls(scatter, inflation, _drift_words(estimate, form), p)
 
     @property
@@ -98,7 +98,7 @@ class Repeats:
         return self.p < ALPHA and max(self.scatter.values(), default=1.0) > 1.0
 
 
-def pure_error(
+def _pure_error(
     estimate: Estimate, residuals: Sequence[Array], spent: int = 0
 ) -> dict[str, float]:
     """Factor (>= 1) on the noise of each channel that explains the scatter between
@@ -112,17 +112,15 @@ def pure_error(
     squares: dict[str, float] = defaultdict(float)
     freedom: dict[str, int] = defaultdict(int)
     for channel, (mean, count) in _repeated_bins(estimate, residuals):
-        squares[channel] += float(
-            (count * (mean - np.average(mean, weights=count)) ** 2).sum()
-        )
+        squares[channel] += (
+            count * (mean - np.average(mean, weights=count)) ** 2
+        ).sum()
         freedom[channel] += len(mean) - 1
     factors = {}
     for channel, dof in freedom.items():
         left = max(1, dof - spent)
         excess = special.chdtrc(left, squares[channel]) < ALPHA
-        factors[channel] = (
-            max(1.0, float(np.sqrt(squares[channel] / left))) if excess else 1.0
-        )
+        factors[channel] = max(1.0, np.sqrt(squares[channel] / left)) if excess else 1.0
     return factors
 
 
@@ -133,10 +131,10 @@ def _repeated_bins(
     repeats.
     """
     bins: dict[tuple[Place, int], list[tuple[float, int]]] = defaultdict(list)
-    for run, r in zip(estimate.evidence.runs, residuals, strict=True):
+    for run, r in zip(estimate.runs, residuals, strict=True):
         times = (run.samples.t / BIN_TIME).astype(int)
         for key, rows in _rows_by(zip(_places(run), times, strict=True)).items():
-            bins[key].append((float(r[rows].mean()), len(rows)))
+            bins[key].append((r[rows].mean(), len(rows)))
     for ((channel, *_), _), by_run in bins.items():
         if len(by_run) > 1:
             yield channel, np.array(by_run).T
@@ -161,7 +159,7 @@ def _drift_words(estimate: Estimate, form: NormalEquations) -> str:
     i = int(np.argmax(form.gradient**2 / information))
     rate = -form.gradient[i] / information[i]
     p = estimate.model.parameters[i]
-    value = float(estimate.shared[i])
+    value = estimate.shared[i]
     if value == 0.0:
         return f"{p.name} changes by {rate:+.2g} {p.unit} a run"
     return f"{p.name} changes by {100 * rate / value:+.2g} % a run"
@@ -223,22 +221,18 @@ class ResidualTest:
     def of(cls, estimate: Estimate, rng: np.random.Generator) -> Self:
         """Test of the residuals of `estimate`, with noise drawn from `rng`."""
         repeats = Repeats.of(estimate)
-        channels = [
-            str(c) for run in estimate.evidence.runs for c in run.samples.channel
-        ]
+        channels = [str(c) for run in estimate.runs for c in run.samples.channel]
         allowed = np.array(
             [repeats.inflation.get(channel, 1.0) for channel in channels]
         )
-        return cls(estimate, repeats, draw_residuals(estimate, rng), allowed)
+        return cls(estimate, repeats, _draw_residuals(estimate, rng), allowed)
 
     @property
     def bins(self) -> dict[Place, list[int]]:
         """Row numbers of the samples in each bin, by its place; small bins are left
         out.
         """
-        rows = _rows_by(
-            place for run in self.estimate.evidence.runs for place in _places(run)
-        )
+        rows = _rows_by(place for run in self.estimate.runs for place in _places(run))
         return {
             place: some for place, some in rows.items() if len(some) >= FEWEST_SAMPLES
         }
@@ -249,16 +243,14 @@ class ResidualTest:
         Mean squares are standardised by those of the noise draws.
         """
         clipped = robust.clip_residuals(self.estimate.stacked_residuals / self.allowed)
-        places = (
-            place for run in self.estimate.evidence.runs for place in _places(run)
-        )
+        places = (place for run in self.estimate.runs for place in _places(run))
         rows = _rows_by(
             (channel, condition) for channel, _, _, condition in places
         ).values()
         observed = np.array([np.mean(clipped[i] ** 2) for i in rows])
         drawn = np.array([np.mean(self.noise[i] ** 2, axis=0) for i in rows])
         largest_drawn = _standardise(drawn.T, drawn).max(axis=1)
-        return _tail(largest_drawn, float(_standardise(observed, drawn).max()))
+        return _tail(largest_drawn, _standardise(observed, drawn).max())
 
     def test_bins(self) -> list[Bin]:
         """Test each bin for residuals beyond noise; returns all bins, the strongest
@@ -317,7 +309,7 @@ class ResidualTest:
         return sorted(matched, key=lambda each: (each.p, -abs(each.z)))
 
 
-def draw_residuals(estimate: Estimate, rng: np.random.Generator) -> Array:
+def _draw_residuals(estimate: Estimate, rng: np.random.Generator) -> Array:
     """Random whitened residuals (N, DRAWS) [noise] as a fit of the true model would
     leave them.
 
@@ -362,7 +354,8 @@ def _standardise(values: Array, drawn: Array) -> Array:
     """Statistics (..., k) in standard deviations of draws (k, draws) of them, about
     their mean.
     """
-    return np.asarray((values - drawn.mean(axis=1)) / (drawn.std(axis=1) + 1e-12))
+    standard: Array = (values - drawn.mean(axis=1)) / (drawn.std(axis=1) + 1e-12)
+    return standard
 
 
 def stronger_of_two(by_itself: Sequence[Bin], by_effect: Sequence[Bin]) -> list[Bin]:
@@ -390,18 +383,18 @@ def order_suspicion(estimate: Estimate, rng: np.random.Generator) -> str:
     (Spearman 1904) but one is held against those of shuffled orders: one value alone
     that happens to follow the order is no proof.
     """
-    runs = estimate.evidence.runs
+    runs = estimate.runs
     if not can_be_ordered(runs):
         return ""
     parameters, values = _values_by_run(estimate)
-    order = _ranks(np.array([[float(run.index)] for run in runs]))
+    order = _ranks(np.array([[run.index] for run in runs]))
     ranks = _ranks(values)
     shuffled = np.array([rng.permutation(order[:, 0]) for _ in range(ORDERS)])
     follow = order[:, 0] @ ranks
     k = int(np.argmax(np.abs(follow)))
     others = np.arange(len(follow)) != k if len(follow) > 1 else [k]
     chance = np.abs(shuffled @ ranks[:, others]).max(axis=1)
-    p = _tail(chance, float(np.abs(follow[others]).max()) - ROUNDING)
+    p = _tail(chance, np.abs(follow[others]).max() - ROUNDING)
     if p >= SUSPECTED:
         return ""
     moves = "rises" if follow[k] > 0.0 else "falls"
@@ -416,7 +409,7 @@ def _values_by_run(estimate: Estimate) -> tuple[list[Parameter], Array]:
     """Parameters (k) that all runs share, or each draws anew, and their values (R, k)
     by a fit in which the others hardly count.
     """
-    runs, shared = estimate.evidence.runs, estimate.shared
+    runs, shared = estimate.runs, estimate.shared
     random = [p for p in runs[0].local if p.random]
     responses = [settled_response(estimate, i) for i in range(len(runs))]
     others = OTHERS * sum(each.T @ each for each in responses) / len(runs)
@@ -426,12 +419,13 @@ def _values_by_run(estimate: Estimate) -> tuple[list[Parameter], Array]:
         slope = estimate.scale * (response.T @ r)
         step = -normal_equations.covariance(response.T @ response + others) @ slope
         names = [p.name for p in run.local]
-        own = estimate.point.local[i][[names.index(p.name) for p in random]]
+        own = estimate.local[i][[names.index(p.name) for p in random]]
         values.append(np.concatenate([shared + step, own]))
     return [*estimate.model.parameters, *random], np.array(values)
 
 
 def _ranks(values: Array) -> Array:
     """Ranks of each column (n, k) about zero, of unit length."""
-    ranks = rankdata(values, axis=0) - 0.5 * (len(values) + 1)
-    return np.asarray(ranks / np.linalg.norm(ranks, axis=0))
+    ranks: Array = rankdata(values, axis=0) - 0.5 * (len(values) + 1)
+    ranks /= np.linalg.norm(ranks, axis=0)
+    return ranks

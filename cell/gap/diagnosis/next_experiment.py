@@ -56,10 +56,7 @@ def advise(
         square = _unabsorbed_square(
             difference, jacobians[i], block_diag(information, own)
         )
-        sigma = (
-            float(np.sqrt(max(0.0, square) / likelihood.inefficiency))
-            / likelihood.scale
-        )
+        sigma = np.sqrt(max(0.0, square) / likelihood.inefficiency) / likelihood.scale
         words = f"{experiment.name}: {experiment.instruction}"
         separates = (first.model.name, model.name)
         rated.append(Recommendation(words, separates, sigma, experiment.minutes))

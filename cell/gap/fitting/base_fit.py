@@ -39,11 +39,7 @@ def strains(estimate: Estimate) -> dict[str, float]:
     deviations.
     """
     pairs = zip(estimate.model.base, estimate.shared, strict=False)
-    return {
-        p.name: (float(v) - p.start) / p.spread
-        for p, v in pairs
-        if np.isfinite(p.spread)
-    }
+    return {p.name: (v - p.start) / p.spread for p, v in pairs if np.isfinite(p.spread)}
 
 
 def refit_fine(
@@ -69,7 +65,7 @@ def stated_estimate(subject: Subject, simulate: Simulate) -> Estimate:
     point = Point(np.array([p.start for p in model.parameters]), measured.start())
     raw, jacobians = run_one(simulate, linearise(model, measured, point))
     fit = Estimate.at(model, measured, point, raw, jacobians)
-    return replace(fit, residuals=tuple(map(np.zeros_like, fit.residuals)), scale=1.0)
+    return replace(fit, residuals=[*map(np.zeros_like, fit.residuals)], scale=1.0)
 
 
 def effect_responses(

@@ -17,7 +17,7 @@ from cell.gap.fitting import Task, robust, side_by_side
 from cell.gap.fitting.gauss_newton import Estimate, residuals
 from cell.gap.fitting.model import Model, Point, requests
 from cell.gap.fitting.normal_equations import Mask, covariance
-from cell.gap.subject.subject import Run
+from cell.gap.subject.subject import Candidate, Run
 from drivers.base.types import Array
 
 REWEIGHTED = 3  # times that robust weights are renewed; set by hand
@@ -53,9 +53,9 @@ class NormalDensity:
             pull = weighed.T @ r - self.precision @ self.mean
             mean = np.asarray(-np.linalg.solve(curvature, pull))
         moved = mean - self.mean
-        loss = float(robust.bounded_loss(r + responses @ mean).sum())
-        loss += 0.5 * float(moved @ self.precision @ moved)
-        loss += 0.5 * float(
+        loss = robust.bounded_loss(r + responses @ mean).sum()
+        loss += 0.5 * (moved @ self.precision @ moved)
+        loss += 0.5 * (
             np.linalg.slogdet(curvature)[1] - np.linalg.slogdet(self.precision)[1]
         )
         return type(self)(mean, curvature), loss
@@ -73,14 +73,29 @@ class CrossValidatedFit:
     """
 
     estimate: Estimate
-    left_out: tuple[Array, ...]
-    uncertain: tuple[Array, ...]
+    left_out: Sequence[Array]
+    uncertain: Sequence[Array]
     charged: Array
 
     @property
     def model(self) -> Model:
         """Model that was fitted and cross-validated."""
         return self.estimate.model
+
+    @property
+    def effects(self) -> tuple[Candidate, ...]:
+        """Effects of the model."""
+        return self.model.effects
+
+    @property
+    def names(self) -> frozenset[str]:
+        """Names of the model's effects, as a set."""
+        return self.model.names
+
+    @property
+    def name(self) -> str:
+        """Names of the model's effects in one text."""
+        return self.model.name
 
     def losses(self, scale: float) -> Array:
         """Negative log predictive density (R,) [nats] of each run, at the dispersion
@@ -90,7 +105,7 @@ class CrossValidatedFit:
         those leave them (Laplace's approximation); runs of one fold follow one another.
         """
         losses = self.charged.copy()
-        for fold in folds(self.estimate.evidence.runs):
+        for fold in folds(self.estimate.runs):
             size = self.uncertain[fold[0]].shape[1]
             values = NormalDensity(np.zeros(size), np.eye(size))
             for i in fold:
@@ -130,7 +145,7 @@ def validate(estimate: Estimate) -> Task[CrossValidatedFit]:
     """Predict each run of `estimate` from a fit to the other folds; yields simulation
     requests.
     """
-    dealt = folds(estimate.evidence.runs)
+    dealt = folds(estimate.runs)
     parts = yield from side_by_side([_predict_fold(estimate, fold) for fold in dealt])
     by_run = {
         i: run
@@ -140,8 +155,8 @@ def validate(estimate: Estimate) -> Task[CrossValidatedFit]:
     predictions = [by_run[i] for i in sorted(by_run)]
     return CrossValidatedFit(
         estimate=estimate,
-        left_out=tuple(p.residuals for p in predictions),
-        uncertain=tuple(p.uncertain for p in predictions),
+        left_out=[p.residuals for p in predictions],
+        uncertain=[p.uncertain for p in predictions],
         charged=np.array([p.penalty for p in predictions]),
     )
 
@@ -153,14 +168,12 @@ def _predict_fold(estimate: Estimate, fold: Sequence[int]) -> Task[list[_Predict
     Penalised by the number of shared values that only the fold determines, at its first
     run, and by the losses of the runs' random unknowns.
     """
-    keep = [i for i in range(len(estimate.evidence.runs)) if i not in fold] or list(
-        fold
-    )
+    keep = [i for i in range(len(estimate.runs)) if i not in fold] or list(fold)
     shared, undetermined = on_runs(estimate, keep)
     unseen = estimate.on(fold).evidence
-    moved, local = shared - estimate.shared, estimate.point.local
+    moved, local = shared - estimate.shared, estimate.local
     own = Point(
-        np.zeros(0), tuple(local[i] + _own_response(estimate, i) @ moved for i in fold)
+        np.zeros(0), [local[i] + _own_response(estimate, i) @ moved for i in fold]
     )
     raw = yield requests(estimate.model.holding(shared), unseen.runs, own)
     penalty = np.array(
@@ -249,7 +262,7 @@ def _own_response(estimate: Estimate, i: int) -> Array:
     jacobian = estimate.jacobians[i]
     own = jacobian[:, count:]
     weighed = own * robust.weights(estimate.residuals[i] / estimate.scale)[:, None]
-    spread = np.array([p.spread for p in estimate.evidence.runs[i].local])
+    spread = np.array([p.spread for p in estimate.runs[i].local])
     least = np.finfo(float).tiny  # of a run that diverges where its own unknowns change
     curvature = weighed.T @ own / estimate.scale**2 + np.diag(spread**-2 + least)
     slope = weighed.T @ jacobian[:, :count] / estimate.scale**2

@@ -30,7 +30,7 @@ from drivers.base.types import Array
 from drivers.strip.effects.effect import Parameter
 
 JacobianUse = Literal["new", "kept", "mended"]
-Linearised = tuple[Sequence[Residuals], tuple[Array, ...]]
+Linearised = tuple[Sequence[Residuals], Sequence[Array]]
 T = TypeVar("T")
 # nats that a further step must promise: in the end, to compare; set by hand, small
 # beside MIN_GAIN
@@ -47,7 +47,7 @@ def linearise(model: Model, evidence: Evidence, point: Point) -> Task[Linearised
         for run, scale, local in runs
     ]
     by_run = yield from side_by_side(tasks)
-    return [raw for raw, _ in by_run], tuple(jacobian for _, jacobian in by_run)
+    return [raw for raw, _ in by_run], [jacobian for _, jacobian in by_run]
 
 
 def _linearise_run(
@@ -59,10 +59,10 @@ def _linearise_run(
     batch, steps = _secant_requests(model, run, shared, local)
     answers = yield batch
     at_point, *stepped = answers[1:] if run.replicate else answers
-    return answers[0], secant_jacobian(at_point, stepped, scale, steps)
+    return answers[0], _secant_jacobian(at_point, stepped, scale, steps)
 
 
-def secant_jacobian(
+def _secant_jacobian(
     at_point: Residuals, stepped: Sequence[Residuals], scale: Array, steps: Array
 ) -> Array:
     """Whitened Jacobian (n, k) by finite differences over `steps` (k,); 0 where
@@ -76,7 +76,7 @@ def secant_jacobian(
         for m, h in zip(stepped, steps, strict=True)
     ]
     matrix = np.array(columns).reshape(len(columns), len(scale)).T
-    return np.asarray(np.nan_to_num(matrix, nan=0.0, posinf=0.0, neginf=0.0))
+    return np.where(np.isfinite(matrix), matrix, 0.0)
 
 
 def _secant_requests(
@@ -136,9 +136,9 @@ class Estimate:
     model: Model
     evidence: Evidence
     point: Point
-    residuals: tuple[Array, ...]
-    raw: tuple[Residuals, ...]
-    jacobians: tuple[Array, ...]
+    residuals: Sequence[Array]
+    raw: Sequence[Residuals]
+    jacobians: Sequence[Array]
     scale: float
 
     @classmethod
@@ -148,7 +148,7 @@ class Estimate:
         evidence: Evidence,
         point: Point,
         raw: Sequence[Residuals],
-        jacobians: tuple[Array, ...],
+        jacobians: Sequence[Array],
     ) -> Self:
         """Estimate at `point`: simulated residuals `raw`, whitened `jacobians` (n,
         size) by run.
@@ -159,7 +159,7 @@ class Estimate:
             evidence=evidence,
             point=point,
             residuals=r,
-            raw=tuple(raw),
+            raw=raw,
             jacobians=jacobians,
             scale=robust.scale(np.concatenate(r)),
         )
@@ -172,16 +172,37 @@ class Estimate:
         return self.point.shared
 
     @property
+    def local(self) -> Sequence[Array]:
+        """Values (k,) of the unknowns of each run."""
+        return self.point.local
+
+    @property
+    def runs(self) -> Sequence[Run]:
+        """Runs that the model is fitted to."""
+        return self.evidence.runs
+
+    @property
+    def effects(self) -> tuple[Candidate, ...]:
+        """Effects of the model."""
+        return self.model.effects
+
+    @property
+    def names(self) -> frozenset[str]:
+        """Names of the model's effects, as a set."""
+        return self.model.names
+
+    @property
+    def values(self) -> tuple[Array, dict[str, Array]]:
+        """Values (b,) of the base, and those (k,) of each effect by its name."""
+        return self.model.split(self.shared)
+
+    @property
     def proxies(self) -> list[Candidate]:
         """Effects whose fitted law is not their own: they stand in for what the library
         lacks.
         """
-        values = self.model.split(self.shared)[1]
-        return [
-            effect
-            for effect in self.model.effects
-            if not effect.is_own(values[effect.name])
-        ]
+        _, values = self.values
+        return [e for e in self.effects if not e.is_own(values[e.name])]
 
     @property
     def unknowns(self) -> Unknowns:
@@ -193,7 +214,7 @@ class Estimate:
         """Values (size,) of all unknowns in one vector: shared ones, then those of each
         run.
         """
-        return np.concatenate([self.point.shared, *self.point.local])
+        return np.concatenate([self.shared, *self.local])
 
     @property
     def stacked_residuals(self) -> Array:
@@ -237,7 +258,7 @@ class Estimate:
         priors [nats].
         """
         unknowns = self.unknowns
-        data = sum(float(robust.loss(r / scale).sum()) for r in self.residuals)
+        data: float = sum(robust.loss(r / scale).sum() for r in self.residuals)
         return data + 0.5 * float(unknowns.precision @ (self.z - unknowns.mean) ** 2)
 
     def normal(self) -> NormalEquations:
@@ -261,13 +282,13 @@ class Estimate:
     def on(self, indices: Sequence[int]) -> Self:
         """Copy of the estimate restricted to the runs with the numbers `indices`."""
 
-        def pick(by_run: Sequence[T]) -> tuple[T, ...]:
-            return tuple(by_run[i] for i in indices)
+        def pick(by_run: Sequence[T]) -> list[T]:
+            return [by_run[i] for i in indices]
 
         return replace(
             self,
-            evidence=Evidence(pick(self.evidence.runs), pick(self.evidence.scales)),
-            point=Point(self.shared, pick(self.point.local)),
+            evidence=Evidence(pick(self.runs), pick(self.evidence.scales)),
+            point=Point(self.shared, pick(self.local)),
             residuals=pick(self.residuals),
             raw=pick(self.raw),
             jacobians=pick(self.jacobians),
@@ -276,18 +297,18 @@ class Estimate:
 
 def responses_to(
     at: Estimate, models: Sequence[tuple[Model, Array]]
-) -> Task[list[tuple[Array, ...]]]:
+) -> Task[list[Sequence[Array]]]:
     """Changes (n,) of each run's whitened residuals from the first model to each other
     one.
 
     Each model comes with its shared values (P,); the unknowns of the runs are those of
     the fit `at`. A task that yields requests.
     """
-    runs, scales = at.evidence.runs, at.evidence.scales
+    runs, scales = at.runs, at.evidence.scales
     answers = yield [
         replace(request(model, run, shared, unknowns), response=True)
         for model, shared in models
-        for run, unknowns in zip(runs, at.point.local, strict=True)
+        for run, unknowns in zip(runs, at.local, strict=True)
     ]
     first, *others = (
         answers[k : k + len(runs)] for k in range(0, len(answers), len(runs))
@@ -305,7 +326,7 @@ def refit(
     model: Model,
     evidence: Evidence,
     start: Point,
-    jacobians: tuple[Array, ...] | None = None,
+    jacobians: Sequence[Array] | None = None,
     enough: float = FINAL_GAIN,
     steps: int = MOST_STEPS,
 ) -> Task[Estimate]:
@@ -345,7 +366,7 @@ def _estimate_at(
     model: Model,
     evidence: Evidence,
     point: Point,
-    jacobians: tuple[Array, ...] | None = None,
+    jacobians: Sequence[Array] | None = None,
 ) -> Task[Estimate]:
     """Estimate at values `point`, with `jacobians` or new ones by secants; yields
     requests.
@@ -369,9 +390,9 @@ def _next_use(fraction: float, use: JacobianUse) -> JacobianUse:
     return "mended" if is_mendable else "new"
 
 
-def residuals(raw: Sequence[Residuals], evidence: Evidence) -> tuple[Array, ...]:
+def residuals(raw: Sequence[Residuals], evidence: Evidence) -> Sequence[Array]:
     """Residuals (n,) of each run, whitened by the scales of `evidence`."""
-    return tuple(whiten(a, s) for a, s in zip(raw, evidence.scales, strict=True))
+    return [whiten(a, s) for a, s in zip(raw, evidence.scales, strict=True)]
 
 
 def _line_search(fit: Estimate, curvature: Array, step: Array) -> Task[Estimate]:
@@ -410,7 +431,7 @@ def _second_order_step(
 
 def _broyden_update(
     fit: Estimate, trial: Estimate, curvature: Array
-) -> tuple[Array, ...]:
+) -> Sequence[Array]:
     """Jacobians (n, shared + local) by run after the step to `trial`, by Broyden
     (1965).
 
@@ -429,14 +450,14 @@ def _broyden_update(
         beyond = np.nan_to_num((b.mean - a.mean) / scale - jacobian @ step)
         length = max(float(along @ step), np.finfo(float).tiny)
         updated.append(jacobian + np.outer(beyond, along) / length)
-    return tuple(updated)
+    return updated
 
 
 def _evaluate(fit: Estimate, points: Sequence[Array]) -> Task[list[Estimate]]:
     """Estimates at `points` (size,) within bounds, with `fit`'s Jacobians; yields
     requests.
     """
-    runs = fit.evidence.runs
+    runs = fit.runs
     inside = list(map(fit.unknowns.point, points))
     answers = yield [q for p in inside for q in requests(fit.model, runs, p)]
     by_point = [answers[k : k + len(runs)] for k in range(0, len(answers), len(runs))]

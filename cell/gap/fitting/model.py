@@ -79,7 +79,7 @@ class Point:
     """
 
     shared: Array
-    local: tuple[Array, ...]
+    local: Sequence[Array]
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,12 +88,12 @@ class Evidence:
     samples.
     """
 
-    runs: tuple[Run, ...]
-    scales: tuple[Array, ...]
+    runs: Sequence[Run]
+    scales: Sequence[Array]
 
-    def start(self) -> tuple[Array, ...]:
+    def start(self) -> Sequence[Array]:
         """Start values (k,) of the unknowns of each run."""
-        return tuple(np.array([p.start for p in run.local]) for run in self.runs)
+        return [np.array([p.start for p in run.local]) for run in self.runs]
 
 
 def evidence(runs: Sequence[Run]) -> Evidence:
@@ -101,7 +101,7 @@ def evidence(runs: Sequence[Run]) -> Evidence:
     quadrature.
     """
     scales = [np.hypot(run.samples.noise, run.samples.floor) for run in runs]
-    return Evidence(tuple(runs), tuple(scales))
+    return Evidence(runs, scales)
 
 
 def request(model: Model, run: Run, shared: Array, local: Array) -> Request:

@@ -2,6 +2,7 @@
 bounds.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Self
 
@@ -27,7 +28,7 @@ class Unknowns:
 
     parameters: tuple[Parameter, ...]
     shared: int
-    local: tuple[int, ...]
+    local: Sequence[int]
     low: Array
     high: Array
     mean: Array
@@ -40,7 +41,7 @@ class Unknowns:
         return cls(
             parameters=every,
             shared=len(model.parameters),
-            local=tuple(len(run.local) for run in evidence.runs),
+            local=[len(run.local) for run in evidence.runs],
             low=np.array([p.low for p in every]),
             high=np.array([p.high for p in every]),
             mean=np.array([p.start for p in every]),
@@ -62,7 +63,7 @@ class Unknowns:
         """
         edges = np.cumsum([self.shared, *self.local])
         shared, *local = np.split(np.clip(z, self.low, self.high), edges[:-1])
-        return Point(shared, tuple(local))
+        return Point(shared, local)
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +96,7 @@ class NormalEquations:
         free = (diagonal > 0.0) & ~_pushed_out(self.gradient, step, low, high)
         least = 0.0
         for _ in range(len(step) + 3):
-            step, free = ridged.minimise_free(step, free, low, high)
+            step, free = ridged._minimise_free(step, free, low, high)
             slope = self.gradient + ridged.curvature @ step
             value = 0.5 * float(step @ (self.gradient + slope))
             if value < least:
@@ -112,7 +113,7 @@ class NormalEquations:
             free[int(np.argmax(pull))] = True
         return best
 
-    def minimise_free(
+    def _minimise_free(
         self, step: Array, free: Mask, low: Array, high: Array
     ) -> tuple[Array, Mask]:
         """Step (n,) to the minimum over `free` (n,) unknowns, and a mask (n,) of those
@@ -156,4 +157,5 @@ def covariance(curvature: Array) -> Array:
     d = 1.0 / np.sqrt(np.maximum(np.diag(curvature), 1e-280))
     values, vectors = np.linalg.eigh(curvature * d[:, None] * d[None])
     inverse = (vectors / np.maximum(values, 1e-12)) @ vectors.T
-    return np.asarray(inverse * d[:, None] * d[None])
+    covariance: Array = inverse * d[:, None] * d[None]
+    return covariance

@@ -80,10 +80,8 @@ def reml_spreads(estimate: Estimate) -> tuple[Spread, ...]:
     are added one by one while each gains enough beside those: scatter of the slack and
     of the grip look alike.
     """
-    varying = {
-        p.name: p for run in estimate.evidence.runs for p in run.local if p.random
-    }
-    if not varying or len(estimate.evidence.runs) < 2:
+    varying = {p.name: p for run in estimate.runs for p in run.local if p.random}
+    if not varying or len(estimate.runs) < 2:
         return ()
     likelihood = Likelihood.of(estimate, varying)
     parameters = list(varying.values())
@@ -103,8 +101,8 @@ def _spread(p: Parameter, fraction: float, error: float) -> Spread:
     of its log.
     """
     value = fraction * p.spread
-    factor = float(np.exp(CENTRAL_95 * error))
-    low = value * float(np.exp(-CENTRAL_95 * error))
+    factor = np.exp(CENTRAL_95 * error)
+    low = value * np.exp(-CENTRAL_95 * error)
     return Spread(p.name, p.unit, value, low, value * factor)
 
 
@@ -175,8 +173,8 @@ class Likelihood:
         scaled = inverse @ (unit * descent)
         # of u, given the shares
         mean, variance = unit * scaled, unit**2 * np.diag(inverse)
-        half_logdet = float(np.log(np.diag(lower) / unit * shares[owner]).sum())
-        loss = half_logdet - 0.5 * float(descent @ mean) + 0.5 * float(shares @ shares)
+        half_logdet = np.log(np.diag(lower) / unit * shares[owner]).sum()
+        loss = half_logdet - 0.5 * (descent @ mean) + 0.5 * (shares @ shares)
         # d / d log s of the module's equation
         slope = 1.0 - precision * (variance + mean**2)
         return loss, np.bincount(owner, slope, len(active)) + shares**2
@@ -211,7 +209,7 @@ def _equations(
     """
     r = estimate.stacked_residuals
     columns = estimate.stacked_jacobian
-    variance = robust.long_run_variance(estimate.evidence.runs, estimate.residuals)
+    variance = robust.long_run_variance(estimate.runs, estimate.residuals)
     variance = max(LEAST_NOISE, variance)
     weight = np.sqrt(robust.weights(r / estimate.scale) / variance) / estimate.scale
 
@@ -239,7 +237,7 @@ class SpreadFit:
     """
 
     likelihood: Likelihood
-    active: tuple[int, ...]
+    active: Sequence[int]
     shares: Array
     loss: float
 
@@ -264,7 +262,7 @@ class SpreadFit:
             method="L-BFGS-B",
             bounds=limits,
         )
-        return cls(likelihood, tuple(active), np.exp(optimum.x), float(optimum.fun))
+        return cls(likelihood, active, np.exp(optimum.x), optimum.fun)
 
     def mean_share(self, i: int, *, common: bool) -> float:
         """Posterior mean of the share of quantity `i`, at the others' most likely
@@ -280,7 +278,7 @@ class SpreadFit:
             [self.likelihood.loss(each, self.active)[0] for each in trials]
         )
         likely = SPREAD_GRID * np.exp(losses.min() - losses)
-        mean = float(likely @ SPREAD_GRID / likely.sum())
+        mean: float = likely @ SPREAD_GRID / likely.sum()
         if not common:
             return mean
         odds = COMMON / (1.0 - COMMON) * self._bayes_factor(i, losses)
@@ -336,8 +334,8 @@ def with_spreads(evidence: Evidence, spreads: Sequence[Spread]) -> Evidence:
             for p in run.local
             if not p.random or p.name in spread_of
         ]
-        runs.append(replace(run, local=tuple(parameters)))
-    return Evidence(tuple(runs), evidence.scales)
+        runs.append(replace(run, local=parameters))
+    return Evidence(runs, evidence.scales)
 
 
 def with_unknowns(estimate: Estimate, complete: Evidence) -> tuple[Evidence, Point]:
@@ -349,18 +347,13 @@ def with_unknowns(estimate: Estimate, complete: Evidence) -> tuple[Evidence, Poi
     unknowns_of = {run.name: run.local for run in complete.runs}
     runs = []
     local = []
-    for run, local_values in zip(
-        estimate.evidence.runs, estimate.point.local, strict=True
-    ):
-        value_of = {
-            p.name: float(v) for p, v in zip(run.local, local_values, strict=True)
-        }
+    for run, local_values in zip(estimate.runs, estimate.local, strict=True):
+        value_of = {p.name: v for p, v in zip(run.local, local_values, strict=True)}
         local.append(
             np.array([value_of.get(p.name, p.start) for p in unknowns_of[run.name]])
         )
         runs.append(replace(run, local=unknowns_of[run.name]))
-    evidence = Evidence(tuple(runs), estimate.evidence.scales)
-    return evidence, Point(estimate.shared, tuple(local))
+    return Evidence(runs, estimate.evidence.scales), Point(estimate.shared, local)
 
 
 def estimate_spreads(
@@ -420,9 +413,7 @@ def degrees_of_freedom(
     uncertainty = np.zeros_like(variance)
     for spread in scatter:
         more, less = (
-            _variance(
-                estimate, inefficiency, {spread.name: float(np.exp(side * LOG_STEP))}
-            )
+            _variance(estimate, inefficiency, {spread.name: np.exp(side * LOG_STEP)})
             for side in (1.0, -1.0)
         )
         uncertainty += ((more - less) / (2.0 * LOG_STEP) * spread.error) ** 2
@@ -439,8 +430,6 @@ def _variance(
         return replace(p, spread=p.spread * factors.get(p.name, 1.0)) if p.random else p
 
     evidence = estimate.evidence
-    runs = tuple(
-        replace(run, local=tuple(map(with_factor, run.local))) for run in evidence.runs
-    )
+    runs = [replace(run, local=[*map(with_factor, run.local)]) for run in evidence.runs]
     scaled = replace(estimate, evidence=replace(evidence, runs=runs))
     return np.diag(covariance(scaled, inefficiency))

@@ -114,7 +114,7 @@ def _autocovariance(
     for run, r in zip(runs, residuals, strict=True):
         for series in np.unique(run.samples.series):
             x = r[run.samples.series == series]
-            power += float(x @ x)
+            power += x @ x
             for k in range(1, min(lags, len(x) - 1) + 1):
-                products[k - 1] += float(x[:-k] @ x[k:])
+                products[k - 1] += x[:-k] @ x[k:]
     return power, products

@@ -87,7 +87,7 @@ def replay(findings: Findings) -> Iterator[Replay]:
     """
     subject, accepted = findings.subject, findings.accepted
     fitted = {"before": findings.base.estimate}
-    if accepted.model.effects:
+    if accepted.effects:
         fitted["after"] = accepted.estimate
     yield from replay_runs(subject, findings.held_out_fits.by_key, held_out=True)
     yield from replay_runs(subject, fitted, held_out=False)
@@ -98,15 +98,13 @@ def replay_runs(
 ) -> Iterator[Replay]:
     """Simulate the runs of `fits`, one fit each for the keys `before` and `after`."""
     drawn = {
-        word: subject.draw_simulated(requests(fit.model, fit.evidence.runs, fit.point))
+        word: subject.draw_simulated(requests(fit.model, fit.runs, fit.point))
         for word, fit in fits.items()
     }
-    for i, run in enumerate(fits["before"].evidence.runs):
+    for i, run in enumerate(fits["before"].runs):
         simulated = {word: scenes[i] for word, scenes in drawn.items()}
         scenes = {"measured": subject.draw_measured(run), **simulated}
-        yield Replay(
-            run.name, held_out, {word: s for word, s in scenes.items() if s is not None}
-        )
+        yield Replay(run.name, held_out, {word: s for word, s in scenes.items() if s})
 
 
 def heat_map(places: Sequence[Bin]) -> str:
@@ -121,7 +119,7 @@ def heat_map(places: Sequence[Bin]) -> str:
         cell = rows.index((p.channel, p.zone, p.phase)), columns.index(p.condition)
         grid[cell] = abs(p.z)
         significant[cell] = p.p < 0.05
-    highest = max(9.0, float(np.nanmax(grid)))
+    highest = max(9.0, np.nanmax(grid))
     scale = FuncNorm((np.log1p, np.expm1), 0.0, highest)
     with canvas(
         max(5.0, 1.8 + COLUMN * len(columns)), max(2.0, 0.9 + 0.3 * len(rows))
@@ -155,7 +153,7 @@ def residual_traces(
     """Figure (SVG text) of residuals over time in run number `run`, by key of
     `fits`.
     """
-    samples = fits["before"].evidence.runs[run].samples
+    samples = fits["before"].runs[run].samples
     by_series = [
         np.flatnonzero(samples.series == number) for number in np.unique(samples.series)
     ]
@@ -170,7 +168,7 @@ def residual_traces(
         axes = figure.subplots(len(by_series), sharex=True, squeeze=False)[:, 0]
         for axis, rows in zip(axes, by_series, strict=True):
             _residual_trace(axis, samples, rows, means, quantities)
-        axes[0].set_xlim(float(times.min()), float(times.max()))
+        axes[0].set_xlim(times.min(), times.max())
         axes[-1].set_xlabel("time [s]")
         _legend_above(figure, axes[0])
         return as_svg(figure)
@@ -220,19 +218,19 @@ def worst_moment(runs: Sequence[Replay]) -> Worst | None:
     found = None
     for run in runs:
         curve, before = run.measured.curve, run.scenes.get("before")
-        if curve is None or not len(curve.t) or before is None or before.curve is None:
+        if not (curve and len(curve.t) and before and before.curve):
             continue
         pairs = zip(curve.points, before.curve.points, strict=True)
         distances = [_distance(points, line) for points, line in pairs]
         image = int(np.argmax(distances))
-        if found is not None and found.off["before"] >= distances[image]:
+        if found and found.off["before"] >= distances[image]:
             continue
         off = {
             key: _distance(curve.points[image], drawn.curve.points[image])
             for key, drawn in run.scenes.items()
-            if key != "measured" and drawn.curve is not None
+            if key != "measured" and drawn.curve
         }
-        found = Worst(run, image, float(curve.t[image]), off)
+        found = Worst(run, image, curve.t[image], off)
     return found
 
 
@@ -262,13 +260,13 @@ def _midline(axis: Axes, run: Replay, k: int) -> None:
     axis.plot(*points.T, "o", ms=3.5, color=INK, alpha=0.35, mew=0, label="measured")
     for word, colour in (("before", COLOUR_BEFORE), ("after", COLOUR_AFTER)):
         scene = run.scenes.get(word)
-        if scene is not None and scene.curve is not None:
+        if scene and scene.curve:
             axis.plot(
                 *(1e3 * scene.curve.points[k]).T, color=colour, lw=1.2, label=word
             )
     low, high = points.min(axis=0), points.max(axis=0)
     x, z = 0.5 * (low + high)
-    half = 0.55 * float((high - low).max()) + 5.0
+    half = 0.55 * (high - low).max() + 5.0
     axis.set(
         xlim=(x - 1.5 * half, x + 1.5 * half),
         ylim=(z - half, z + half),

@@ -84,7 +84,7 @@ def _run_tab(run: Replay) -> Any:
         for title in titles
     ]
     verdict = rrb.TextDocumentView(origin="/verdict", name="verdict")
-    if run.measured.curve is None:
+    if not run.measured.curve:
         grid = rrb.Grid(*plots, grid_columns=2)
         return rrb.Vertical(verdict, grid, row_shares=[1, 6], name=name)
     log = rrb.TextLogView(origin=f"{root}/events", name="events")
@@ -98,7 +98,7 @@ def _run_tab(run: Replay) -> Any:
 def _log_run(recording: rr.RecordingStream, run: Replay) -> None:
     """Log the signals, curve, tracks and events of a run, measured and simulated."""
     root = _root(run.name)
-    if run.measured.curve is not None:
+    if run.measured.curve:
         _log_surroundings(recording, f"{root}/{scene.WORLD}", run)
     for word, drawn in run.scenes.items():
         _log_signals(recording, root, word, drawn)
@@ -155,7 +155,7 @@ def _log_curve(
     recording: rr.RecordingStream, root: str, word: str, drawn: Scene
 ) -> None:
     """Log a measured curve as unconnected points, a simulated one as a line."""
-    if drawn.curve is None or not len(drawn.curve.t):
+    if not (drawn.curve and len(drawn.curve.t)):
         return
     depth = -DEPTHS[word]
     curves = [scene.at_depth(points, depth) for points in drawn.curve.points]
@@ -192,7 +192,7 @@ def _send_shapes(
     if not len(t):
         return
     _send_columns(recording, entity, np.array([min(0.0, t[0]), *t[1:]]), columns, look)
-    recording.set_time("t", duration=float(t[-1]) + AFTER)
+    recording.set_time("t", duration=t[-1] + AFTER)
     recording.log(entity, rr.Clear(recursive=False))
     recording.reset_time()
 

@@ -73,7 +73,7 @@ TONES: dict[Kind, Tone] = {
 }
 
 
-def place_values(findings: Findings) -> dict[str, str]:
+def _place_values(findings: Findings) -> dict[str, str]:
     """Template values on bins where the refitted base deviates beyond noise: `words`,
     `map`.
     """
@@ -94,9 +94,9 @@ def place_values(findings: Findings) -> dict[str, str]:
     return {"words": words, "map": figures.heat_map(places)}
 
 
-def candidate_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
+def _candidate_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
     """Template values on all fitted models, with their gain [nats] on left-out runs."""
-    accepted = findings.accepted.model.name
+    accepted = findings.accepted.name
     note = (
         "What each effect gains in predicting runs that the fit had not seen, in nats."
         " Accepted is the most probable set of effects that predicts better than each"
@@ -105,8 +105,8 @@ def candidate_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
     )
     return {
         "note": note,
-        "found": bool(findings.accepted.model.effects),
-        "dead": ", ".join(p.candidate.name for p in findings.screen.probed if p.dead),
+        "found": bool(findings.accepted.effects),
+        "dead": ", ".join(p.name for p in findings.screen.probed if p.dead),
         "rows": [
             _candidate_row(row, row.name == accepted) for row in verdict.candidates
         ],
@@ -128,14 +128,14 @@ def _candidate_row(row: CandidateEntry, best: bool) -> dict[str, Any]:
     }
 
 
-def base_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
+def _base_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
     """Template values on the base model: rows of stated and refitted parameters, and a
     note.
     """
     weak = ", ".join(p.name for p, _ in undetermined_values(findings.base.estimate))
     note = f"The runs add little to what was known before of: {weak}."
     rows = []
-    for p in findings.subject.scope.base:
+    for p in findings.scope.base:
         value = verdict.base[p.name]
         values = (p.start, value.value, value.low, value.high)
         start, refitted, *ends = (
@@ -149,12 +149,12 @@ def base_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
     }
 
 
-def held_out_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
+def _held_out_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
     """Template values on held-out runs, before and after: figures, a sentence, a
     table.
     """
     fits = findings.held_out_fits.by_key
-    names = conditions(fits["before"].evidence.runs)
+    names = conditions(fits["before"].runs)
     by_run = {
         word: held_out_gap.excess(held_out_gap.run_squares(fit)[:, None])
         for word, fit in fits.items()
@@ -164,9 +164,7 @@ def held_out_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
     return {
         "worst": _worst_values(findings, fits, largest, names[largest]),
         "typical": names[typical],
-        "traces": figures.residual_traces(
-            fits, typical, findings.subject.scope.quantities
-        ),
+        "traces": figures.residual_traces(fits, typical, findings.quantities),
         "head": ("rms", *fits, "noise", "sigma beyond"),
         "rows": list(_held_out_rows(findings, verdict.gap)),
         "leaves": any(excess.any() for excess in by_run.values()),
@@ -183,8 +181,8 @@ def _worst_values(
     drawn = {word: fit.on([run]) for word, fit in fits.items()}
     replays = list(figures.replay_runs(findings.subject, drawn, held_out=True))
     worst = figures.worst_moment(replays)
-    if worst is None:  # a mechanism has no curve
-        quantities = findings.subject.scope.quantities
+    if not worst:  # a mechanism has no curve
+        quantities = findings.quantities
         return {
             "figure": figures.residual_traces(fits, run, quantities),
             "says": f"Measured minus simulated in {name}, which the fit had not seen.",
@@ -219,7 +217,7 @@ def _held_out_rows(findings: Findings, gap: Gap) -> Iterator[tuple[str, ...]]:
     """Rows by quantity: rms of each fit to held-out runs, noise, excess of each fit
     [noise].
     """
-    quantities = findings.subject.scope.quantities
+    quantities = findings.quantities
     fits = findings.held_out_fits.by_key
     sides = [*(getattr(gap, word) for word in fits), gap.floor]
     beyond = [held_out_gap.excess_by_quantity(fit, quantities) for fit in fits.values()]
@@ -240,17 +238,17 @@ def conditions(runs: Sequence[Run]) -> list[str]:
     ]
 
 
-def remaining_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
+def _remaining_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
     """Template values on the residual that the accepted model leaves, and detection
     limits.
     """
-    known = findings.subject.scope.by_name
+    known = findings.scope.by_name
     rest = verdict.unexplained
     is_open = verdict.verdict == "unexplained"  # then the card describes it
     return {
         "open": is_open,
         "rest": capitalised(rest.description) if rest and not is_open else "",
-        "law": _law_text(findings.law) if findings.law is not None else "",
+        "law": _law_text(findings.law) if findings.law else "",
         "alike": "; ".join(" or ".join(group) for group in verdict.ambiguous),
         "untested": [(each.what, each.why) for each in verdict.untested],
         "silent": ", ".join(undetectable_effects(findings)),
@@ -282,7 +280,7 @@ def page(findings: Findings, verdict: Verdict) -> str:
     name = findings.subject.name
     planned, held = (
         _planned_folds(findings, verdict),
-        held_out_values(findings, verdict),
+        _held_out_values(findings, verdict),
     )
     return document(
         "gap/report/gap.html",
@@ -299,12 +297,12 @@ def page(findings: Findings, verdict: Verdict) -> str:
         notes=verdict.notes,
         planned=planned,
         held=held,
-        where=place_values(findings),
-        remains=remaining_values(findings, verdict),
+        where=_place_values(findings),
+        remains=_remaining_values(findings, verdict),
         repeats=_scatter_table(findings),
         experiments=_experiments_table(verdict),
-        candidates=candidate_values(findings, verdict),
-        base=base_values(findings, verdict),
+        candidates=_candidate_values(findings, verdict),
+        base=_base_values(findings, verdict),
         method=METHOD,
         evidence=_evidence(findings, verdict),
         foot=_provenance(findings, verdict),
@@ -391,7 +389,7 @@ def _scatter_table(findings: Findings) -> list[tuple[str, ...]] | None:
     """
     if not any(p.random for run in findings.subject.runs for p in run.local):
         return None
-    return scatter_rows(findings.model_tests.scatter, findings.subject.scope.scatter)
+    return scatter_rows(findings.model_tests.scatter, findings.scope.scatter)
 
 
 def _experiments_table(verdict: Verdict) -> list[tuple[str, ...]] | None:

@@ -61,7 +61,7 @@ def percent(p: float) -> str:
     return f"{100 * p:.0f} %"
 
 
-def quantity_text(value: float, of: str) -> str:
+def _quantity_text(value: float, of: str) -> str:
     """Text of a `value`, stated in the unit `of`, in the unit that pages show."""
     text = f"{number_text(in_small_unit(value, of))}\N{NO-BREAK SPACE}{shown_unit(of)}"
     return text.rstrip("\N{NO-BREAK SPACE}")
@@ -70,7 +70,7 @@ def quantity_text(value: float, of: str) -> str:
 def interval_text(value: ValueWithUnit) -> str:
     """Text of an estimate with its 95 % interval, in the unit that pages show."""
     if value.low is None or value.high is None:
-        return quantity_text(value.value, value.unit)
+        return _quantity_text(value.value, value.unit)
     low, middle, high = (
         number_text(in_small_unit(v, value.unit))
         for v in (value.low, value.value, value.high)
@@ -112,7 +112,7 @@ def sentence(findings: Findings, verdict: Verdict) -> str:
 
 def _name_effects(findings: Findings, verdict: Verdict) -> str:
     """Sentence on the named effects, with doubts about them."""
-    known = findings.subject.scope.by_name
+    known = findings.scope.by_name
     effects = ", and ".join(
         f"{known[e.name].sentence} ({e.name}: {_parameter_values(e.parameters)}"
         + (f"; {percent(e.confidence)} probable)" if verdict.effects[1:] else ")")
@@ -125,7 +125,7 @@ def _name_effects(findings: Findings, verdict: Verdict) -> str:
             " Beside it something is missing that these runs cannot tell apart:"
             f" {either}"
         )
-        shown = findings.accepted.model.names - {e.name for e in findings.separable}
+        shown = findings.accepted.names - {e.name for e in findings.separable}
         text += f" (the numbers are with {' and '.join(sorted(shown))})."
     return capitalised(text)
 
@@ -134,11 +134,9 @@ def _ambiguity(findings: Findings, verdict: Verdict) -> str:
     """Sentence on effects that the runs cannot tell apart, and what would separate
     them.
     """
-    sentences = {
-        c.name: f"{c.sentence} ({c.name})" for c in findings.subject.scope.candidates
-    }
+    sentences = {c.name: f"{c.sentence} ({c.name})" for c in findings.scope.candidates}
     sentences |= {
-        p.name: f"the file is wrong about {p.name}" for p in findings.subject.scope.base
+        p.name: f"the file is wrong about {p.name}" for p in findings.scope.base
     }
     groups = [
         [sentences.get(name, name) for name in group] for group in verdict.ambiguous
@@ -155,7 +153,7 @@ def _no_gap(findings: Findings, verdict: Verdict) -> str:
     show at sizes that they usually have.
     """
     limits = verdict.detectable
-    known = findings.subject.scope.by_name
+    known = findings.scope.by_name
     usual = [n for n, limit in limits.items() if known[n].is_usual(limit)]
     shown = (
         f" {len(usual)} effects would have shown below their usual size, from the sizes"
@@ -167,9 +165,9 @@ def _no_gap(findings: Findings, verdict: Verdict) -> str:
 def _describe_rest(findings: Findings, verdict: Verdict) -> str:
     """Sentence on residuals that no effect of the library explains."""
     rest = verdict.unexplained
-    description = rest.description if rest is not None else ""
+    description = rest.description if rest else ""
     accepted = findings.accepted.estimate
-    part = accepted.model.effects and not accepted.proxies
+    part = accepted.effects and not accepted.proxies
     tried = f"; {accepted.model.name} explains a part but not all of it" if part else ""
     return capitalised(
         f"{description}: no effect of the library accounts for it{tried}."
@@ -181,19 +179,19 @@ def deviation_text(deviates: Sequence[Deviation]) -> str:
     parts = []
     for d in deviates:
         ends = (
-            quantity_text(end, d.unit) if end is not None else "any"
+            _quantity_text(end, d.unit) if end is not None else "any"
             for end in d.tolerated
         )
         parts.append(
             f"{d.parameter.replace('_', ' ')} {interval_text(d)}, the file states "
-            f"{quantity_text(d.stated, d.unit)} and tolerates {' to '.join(ends)}"
+            f"{_quantity_text(d.stated, d.unit)} and tolerates {' to '.join(ends)}"
         )
     return f"not as the file states: {'; '.join(parts)}"
 
 
 def _parameter_values(parameters: dict[str, ValueWithUnit]) -> str:
     return ", ".join(
-        f"{name.replace('_', ' ')} {quantity_text(v.value, v.unit)}"
+        f"{name.replace('_', ' ')} {_quantity_text(v.value, v.unit)}"
         for name, v in parameters.items()
     )
 
@@ -201,14 +199,14 @@ def _parameter_values(parameters: dict[str, ValueWithUnit]) -> str:
 def undetectable_effects(findings: Findings) -> list[str]:
     """Names of effects that no possible size would make detectable in these runs."""
     limits = findings.screen.detectable | {
-        e.name: 0.0 for e in findings.accepted.model.effects
+        e.name: 0.0 for e in findings.accepted.effects
     }
     return sorted(name for name, size in limits.items() if size is None)
 
 
 def usual_size(findings: Findings, name: str) -> str:
     """Text of the largest usual size of an effect; empty where nobody knows."""
-    candidate = findings.subject.scope.by_name[name]
+    candidate = findings.scope.by_name[name]
     if candidate.usual is None:
         return ""
     first = candidate.parameters[0]
@@ -220,10 +218,10 @@ def detection_limit(findings: Findings, name: str, value: float) -> str:
     """Text of a detection limit; for parameters whose null is infinite, an upper
     limit.
     """
-    first = findings.subject.scope.by_name[name].parameters[0]
+    first = findings.scope.by_name[name].parameters[0]
     label = f"{first.name} " if first.unit == "1" else ""
     bound = "at most " if first.inverse else ""
-    return f"{label}{bound}{quantity_text(abs(value), first.unit)}"
+    return f"{label}{bound}{_quantity_text(abs(value), first.unit)}"
 
 
 def quantity_label(of: Quantity) -> str:

@@ -31,17 +31,15 @@ def needed_models(fits: Fits, sets: Posterior) -> Iterator[CrossValidatedFit]:
     likelihood = fits.likelihood
 
     def leads(model: CrossValidatedFit, part: CrossValidatedFit) -> bool:
-        lead = sets.lead(model.model.names) - sets.lead(part.model.names)
+        lead = sets.lead(model.names) - sets.lead(part.names)
         by_run = gains(model, part, likelihood)
         beyond = by_run - np.clip(by_run, 0.0, _model_error(part, fits, likelihood))
-        return lead > MIN_GAIN and beyond.sum() > (
-            MIN_GAIN if part.model.effects else 0.0
-        )
+        return lead > MIN_GAIN and beyond.sum() > (MIN_GAIN if part.effects else 0.0)
 
     for names in (m.names for m in sets.models if m.names):
         model = fits.of(names)
-        parts = [m for m in fits.models if m.model.names < names]
-        if model is not None and all(leads(model, part) for part in parts):
+        parts = [m for m in fits.models if m.names < names]
+        if model and all(leads(model, part) for part in parts):
             yield model
 
 
@@ -55,8 +53,8 @@ def _model_error(
     there.
     """
     wrong = np.zeros(len(model.left_out))
-    for effect in model.model.effects:
-        without = fits.of(model.model.names - {effect.name}) or fits.base
+    for effect in model.effects:
+        without = fits.of(model.names - {effect.name}) or fits.base
         explained = np.maximum(gains(model, without, likelihood), 0.0)
         wrong += effect.model_error**2 * explained
     return wrong
@@ -76,17 +74,15 @@ def rivals(
     least = np.log(ALPHA) - float(_model_error(accepted, fits, fits.likelihood).sum())
 
     def is_open(model: CrossValidatedFit) -> bool:
-        lead = sets.lead(model.model.names) - sets.lead(accepted.model.names)
+        lead = sets.lead(model.names) - sets.lead(accepted.names)
         by_run = gains(accepted, model, fits.likelihood)
         clear = max(MIN_GAIN, np.sqrt(len(by_run)) * by_run.std())
         return lead > least or bool(by_run.sum() < clear)
 
-    others = [
-        m for m in fits.of_size(len(accepted.model.names)) if not m.estimate.proxies
-    ]
+    others = [m for m in fits.of_size(len(accepted.names)) if not m.estimate.proxies]
     return sorted(
         (m for m in others if m is not accepted and is_open(m)),
-        key=lambda m: -sets.lead(m.model.names),
+        key=lambda m: -sets.lead(m.names),
     )
 
 

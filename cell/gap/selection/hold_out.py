@@ -90,7 +90,8 @@ def _information_loss(subject: Subject, simulate: Simulate) -> Loss:
     def information(indices: Sequence[int]) -> Array:
         absorbing = projection(stated.on(indices), robustly=False)
         response = np.concatenate([responses[i] for i in indices])
-        return np.asarray(0.5 * (response * absorbing.unabsorbed(response)).sum(axis=0))
+        nats: Array = 0.5 * (response * absorbing.unabsorbed(response)).sum(axis=0)
+        return nats
 
     whole = information(range(len(responses)))
     counts = whole > LEAST_INFORMATION

@@ -36,9 +36,7 @@ def likelihood_scale(models: Sequence[CrossValidatedFit]) -> LikelihoodScale:
     best.
     """
     fit = min((m.estimate for m in models), key=lambda fit: (fit.scale, fit.objective))
-    return LikelihoodScale(
-        fit.scale, robust.inefficiency(fit.evidence.runs, fit.residuals)
-    )
+    return LikelihoodScale(fit.scale, robust.inefficiency(fit.runs, fit.residuals))
 
 
 def gains(
@@ -67,13 +65,13 @@ class Fits:
     its floor.
     """
 
-    models: tuple[CrossValidatedFit, ...]
+    models: Sequence[CrossValidatedFit]
     library: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def base(self) -> CrossValidatedFit:
         """Fitted model without any effect."""
-        return next(m for m in self.models if not m.model.effects)
+        return next(m for m in self.models if not m.effects)
 
     @property
     def likelihood(self) -> LikelihoodScale:
@@ -84,22 +82,22 @@ class Fits:
 
     def of_size(self, size: int) -> list[CrossValidatedFit]:
         """Models of `size` effects, the one that predicts best first."""
-        return by_loss(
-            [m for m in self.models if len(m.model.effects) == size], self.likelihood
+        return _by_loss(
+            [m for m in self.models if len(m.effects) == size], self.likelihood
         )
 
     def of(self, names: frozenset[str]) -> CrossValidatedFit | None:
         """Fitted model with exactly the effects `names`; None where there is no such
         model.
         """
-        return next((m for m in self.models if m.model.names == names), None)
+        return next((m for m in self.models if m.names == names), None)
 
     @property
     def best(self) -> CrossValidatedFit:
         """The model that predicts runs left out best, whatever its number of
         effects.
         """
-        return by_loss(self.models, self.likelihood)[0]
+        return _by_loss(self.models, self.likelihood)[0]
 
     def near_best(self, size: int) -> list[CrossValidatedFit]:
         """Models of `size` effects with more than GAIN_SHARE of the best one's gain."""
@@ -115,21 +113,19 @@ class Fits:
         """Copy with the models `more` added; of two with equal effects the better fit
         is kept.
         """
-        merged = {m.model.names: m for m in self.models}
+        merged = {m.names: m for m in self.models}
         for m in more:
-            earlier = merged.get(m.model.names)
-            if earlier is None or best([earlier.estimate, m.estimate]) is m.estimate:
-                merged[m.model.names] = m
-        return replace(self, models=tuple(merged.values()))
+            earlier = merged.get(m.names)
+            if not earlier or best([earlier.estimate, m.estimate]) is m.estimate:
+                merged[m.names] = m
+        return replace(self, models=[*merged.values()])
 
 
-def by_loss(
+def _by_loss(
     models: Sequence[CrossValidatedFit], likelihood: LikelihoodScale
 ) -> list[CrossValidatedFit]:
     """`models` sorted by predictive loss at the scale `likelihood`, the best first."""
-    return sorted(
-        models, key=lambda m: (float(m.losses(likelihood.scale).sum()), m.model.name)
-    )
+    return sorted(models, key=lambda m: (m.losses(likelihood.scale).sum(), m.name))
 
 
 def likelihood_ratio_p(
@@ -141,10 +137,10 @@ def likelihood_ratio_p(
     It is conservative where the sign of a parameter is fixed.
     """
     loss = sum(
-        float(robust.loss(r / likelihood.scale).sum()) for r in model.estimate.residuals
+        robust.loss(r / likelihood.scale).sum() for r in model.estimate.residuals
     )
     nested = sum(
-        float(robust.loss(r / likelihood.scale).sum()) for r in part.estimate.residuals
+        robust.loss(r / likelihood.scale).sum() for r in part.estimate.residuals
     )
     freedom = len(model.model.parameters) - len(part.model.parameters)
     return float(

@@ -87,7 +87,7 @@ def floor_responses(
         by_run /= by_run.sum(axis=0)
         size = np.sqrt(floor @ by_run / np.sum(by_run**2, axis=0))
         share = size / np.sqrt(max(int(felt.sum()), 1))
-        by_effect[p.candidate.name] = firsts[:, felt] * (share / norms[felt])
+        by_effect[p.name] = firsts[:, felt] * (share / norms[felt])
     return by_effect
 
 
@@ -113,7 +113,7 @@ class SetProbability:
     names: frozenset[str]
     nats: float
     p: float
-    shared: tuple[tuple[frozenset[str], float], ...] = ()
+    shared: Sequence[tuple[frozenset[str], float]] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +122,7 @@ class Posterior:
     first.
     """
 
-    models: tuple[SetProbability, ...]
+    models: Sequence[SetProbability]
 
     @property
     def inclusion(self) -> dict[str, float]:
@@ -148,9 +148,9 @@ class Posterior:
             m.nats + n for m in held for two, n in m.shared if not holds(m.names - two)
         ]
         if not against:
-            return float("inf")
+            return np.inf
         if not held:
-            return float("-inf")
+            return -np.inf
         return float(
             special.logsumexp([m.nats for m in held]) - special.logsumexp(against)
         )
@@ -170,24 +170,18 @@ def posterior(
     prior = prior or Beliefs.shipped()
     common = _SharedTerms.of(fits, likelihood, prior)
     chance = prior.expected / max(len(fits.library), 2.0 * prior.expected)
-    odds = float(special.logit(chance))
-    nats = [
-        common.evidence(m.estimate) + odds * len(m.model.effects) for m in fits.models
-    ]
+    odds = special.logit(chance)
+    nats = [common.evidence(m.estimate) + odds * len(m.effects) for m in fits.models]
     shares = special.softmax(nats)
     rows = zip(fits.models, nats, shares, strict=True)
     models = [
-        SetProbability(
-            m.model.names, float(n), float(p), shared_causes(m.estimate, odds)
-        )
+        SetProbability(m.names, n, p, shared_causes(m.estimate, odds))
         for m, n, p in rows
     ]
-    return Posterior(tuple(sorted(models, key=lambda w: (-w.nats, sorted(w.names)))))
+    return Posterior(sorted(models, key=lambda w: (-w.nats, sorted(w.names))))
 
 
-def shared_causes(
-    fit: Estimate, odds: float
-) -> tuple[tuple[frozenset[str], float], ...]:
+def shared_causes(fit: Estimate, odds: float) -> list[tuple[frozenset[str], float]]:
     """Pairs of effects in `fit`, with the log-odds [nats] that one other cause makes
     both.
 
@@ -196,10 +190,10 @@ def shared_causes(
     little that is left of both may be what one other changes. One cause is an effect
     less, of prior log-odds `odds`.
     """
-    _, values = fit.model.split(fit.shared)
+    _, values = fit.values
     _, changes = fit.model.split(fit.changes)
     pairs = []
-    for two in itertools.combinations(fit.model.effects, 2):
+    for two in itertools.combinations(fit.effects, 2):
         low, high = sorted(
             _displacement(e.parameters, values[e.name] - e.null) for e in two
         )
@@ -215,7 +209,7 @@ def shared_causes(
                 within * math.sqrt(0.5 * math.pi)
             )
             pairs.append((frozenset(e.name for e in two), density - odds))
-    return tuple(pairs)
+    return pairs
 
 
 def _displacement(parameters: Sequence[Parameter], amounts: Array) -> float:
@@ -257,7 +251,7 @@ class _SharedTerms:
         """Log evidence [nats] of a fit, averaged over the relative model errors of its
         laws.
         """
-        shares = self.prior.shares if fit.model.effects else (0.0,)
+        shares = self.prior.shares if fit.effects else (0.0,)
         mass = np.exp(-0.5 * np.square(np.array(shares) / self.prior.wrong))
         nats = [self._evidence_at(fit, share) for share in shares]
         return float(special.logsumexp(nats, b=mass / mass.sum()))
@@ -267,7 +261,7 @@ class _SharedTerms:
         `share`.
         """
         residual, jacobian = _in_units_of(self.base, fit)
-        spikes = [s for name, s in self.spikes.items() if name not in fit.model.names]
+        spikes = [s for name, s in self.spikes.items() if name not in fit.names]
         columns = np.concatenate([residual[:, None], jacobian, *spikes], axis=1)
         explained = self.base.stacked_residuals - residual
         whitened, logdet = self._whiten(columns, share * explained)
@@ -303,7 +297,7 @@ class _SharedTerms:
             return weighed, 0.0
         logdet = 0.0
         first = 0
-        for run in self.base.evidence.runs:
+        for run in self.base.runs:
             for number in np.unique(run.samples.series):
                 rows = first + np.flatnonzero(run.samples.series == number)
                 t = run.samples.t[rows - first]
@@ -311,7 +305,7 @@ class _SharedTerms:
                     _error_covariance(t, error[rows], self.prior.memory)
                 )
                 weighed[rows] = solve_triangular(lower, weighed[rows], lower=True)
-                logdet += 2.0 * float(np.log(np.diag(lower)).sum())
+                logdet += 2.0 * np.log(np.diag(lower)).sum()
             first += len(run.samples)
         return weighed, logdet
 
@@ -325,7 +319,7 @@ def _invert(curvature: Array) -> tuple[Array, float]:
         curvature * unit[:, None] * unit + 1e-10 * np.eye(len(unit))
     )
     inverse = cho_solve((lower, True), np.eye(len(unit))) * unit[:, None] * unit
-    return inverse, float(np.log(np.diag(lower) / unit).sum())
+    return inverse, np.log(np.diag(lower) / unit).sum()
 
 
 def _error_covariance(t: Array, error: Array, memory: float) -> Array:
@@ -336,7 +330,8 @@ def _error_covariance(t: Array, error: Array, memory: float) -> Array:
     """
     near = np.exp(-0.5 * ((t[:, None] - t) / memory) ** 2)
     local = np.sqrt((near @ error**2) / near.sum(axis=1))
-    return np.asarray(near * local[:, None] * local + np.eye(len(t)))
+    covariance: Array = near * local[:, None] * local + np.eye(len(t))
+    return covariance
 
 
 def _in_units_of(base: Estimate, fit: Estimate) -> tuple[Array, Array]:

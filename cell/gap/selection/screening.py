@@ -19,7 +19,7 @@ from cell.gap.selection.likelihood import LikelihoodScale
 from cell.gap.subject.subject import Candidate
 from drivers.base.types import Array
 
-Start = tuple[Point, tuple[Array, ...] | None]
+Start = tuple[Point, Sequence[Array] | None]
 """Where a fit begins, and the whitened secants (n, shared + local) of each run there,
 if known.
 """
@@ -66,7 +66,7 @@ class Score:
         if not self.linear:
             starts.append(self.start)
         starts += self.probe_starts
-        if self.opposite_sign is not None:
+        if self.opposite_sign:
             starts.append(self.opposite_sign)
         return [{**self._origin_values, **values} for values in starts]
 
@@ -74,7 +74,7 @@ class Score:
         """Copy that adds the effects to those of `fit`, and starts from the values of
         that fit.
         """
-        names = tuple(sorted({*fit.model.names, *self.names}))
+        names = tuple(sorted({*fit.names, *self.names}))
         return replace(self, names=names, origin=fit)
 
     @property
@@ -82,9 +82,9 @@ class Score:
         """Values (k,), by effect of this score, that the fit `origin` has; empty
         without one.
         """
-        if self.origin is None:
+        if not self.origin:
             return {}
-        _, effects = self.origin.model.split(self.origin.shared)
+        _, effects = self.origin.values
         return {name: values for name, values in effects.items() if name in self.names}
 
 
@@ -99,13 +99,13 @@ def fit_starts(
     A fit computes it anew where it does not predict the decrease.
     """
     origin = score.origin or base
-    held = {effect.name: effect for effect in origin.model.effects}
+    held = {effect.name: effect for effect in origin.effects}
     versions = ((c, held.get(c.name, c)) for c in candidates)
     freest = [max(both, key=lambda effect: len(effect.parameters)) for both in versions]
     model = with_effects(base.model, score.names, freest)
-    shared, _ = origin.model.split(origin.shared)
+    shared, _ = origin.values
     origin_point, *others = (
-        Point(model.join(shared, v), origin.point.local) for v in score.starts
+        Point(model.join(shared, v), origin.local) for v in score.starts
     )
     secants = (
         _secants(origin, model, score) if origin.evidence is base.evidence else None
@@ -122,7 +122,7 @@ def with_effects(
     return Model(model.base, tuple(c for c in candidates if c.name in names))
 
 
-def _secants(origin: Estimate, model: Model, score: Score) -> tuple[Array, ...] | None:
+def _secants(origin: Estimate, model: Model, score: Score) -> Sequence[Array] | None:
     """Jacobians (n, shared + local) of each run for `model`, from `origin` with fewer
     effects.
 
@@ -132,21 +132,21 @@ def _secants(origin: Estimate, model: Model, score: Score) -> tuple[Array, ...] 
     stacked = np.concatenate([jacobian[:, :count] for jacobian in origin.jacobians])
     by_effect = dict(score.secants)
     column = base
-    for effect in origin.model.effects:
+    for effect in origin.effects:
         by_effect[effect.name] = stacked[:, column : column + len(effect.parameters)]
         column += len(effect.parameters)
     columns = [by_effect.get(e.name, stacked[:, :0]) for e in model.effects]
     sizes = [len(e.parameters) for e in model.effects]
-    if [c.shape[1] for c in columns] != sizes or not origin.model.names <= model.names:
+    if [c.shape[1] for c in columns] != sizes or not origin.names <= model.names:
         return None
     shared = np.concatenate([stacked[:, :base], *columns], axis=1)
     edges = np.cumsum([len(jacobian) for jacobian in origin.jacobians])[:-1]
-    return tuple(
+    return [
         np.concatenate([rows, jacobian[:, count:]], axis=1)
         for rows, jacobian in zip(
             np.split(shared, edges), origin.jacobians, strict=True
         )
-    )
+    ]
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,12 +163,18 @@ class ProbeResponses:
     responses: tuple[Array, ...]
 
     @property
+    def name(self) -> str:
+        """Name of the candidate effect."""
+        return self.candidate.name
+
+    @property
     def secants(self) -> Array:
         """Derivatives (N, parameters) of the whitened residuals at the null of the
         effect.
         """
         moved = np.array([v - self.candidate.null for v in self.groups[0]])
-        return np.asarray(self.responses[0] / np.diag(moved))
+        slopes: Array = self.responses[0] / np.diag(moved)
+        return slopes
 
     @property
     def dead(self) -> bool:
@@ -185,11 +191,9 @@ class ProbeResponses:
         """
         if self.candidate.two_sided and _shape_mask(self.candidate).any():
             return False
-        amounts = [
-            abs(float(group[0][0] - self.candidate.null[0])) for group in self.groups
-        ]
+        amounts = [abs(group[0][0] - self.candidate.null[0]) for group in self.groups]
         smallest, *larger = (
-            float(np.linalg.norm(response[:, 0])) / amount if amount else 0.0
+            np.linalg.norm(response[:, 0]) / amount if amount else 0.0
             for amount, response in zip(amounts, self.responses, strict=True)
         )
         return smallest < STEEP * max(larger, default=0.0)
@@ -199,7 +203,7 @@ def run_probes(base: Estimate, candidate: Candidate) -> Task[ProbeResponses]:
     """Simulate an effect's probes at the fit `base` and return the responses; yields
     requests.
     """
-    model = Model(base.model.base, (*base.model.effects, candidate))
+    model = Model(base.model.base, (*base.effects, candidate))
     probes = tuple(
         tuple(candidate.complete(np.array(v)) for v in g) for g in candidate.probes
     )
@@ -249,9 +253,7 @@ def probe_equations(
     column = 0
     for p in alive:
         for group, responses in enumerate(p.responses):
-            columns[p.candidate.name, group] = np.arange(
-                column, column + responses.shape[1]
-            )
+            columns[p.name, group] = np.arange(column, column + responses.shape[1])
             column += responses.shape[1]
     parts = [projection.weigh(response) for p in alive for response in p.responses]
     stacked = (
@@ -290,7 +292,7 @@ def _score(equations: ProbeEquations, members: Sequence[ProbeResponses]) -> Scor
 
     The amounts solve a quadratic programme, one-sided where physics fixes the sign.
     """
-    best = Score(tuple(p.candidate.name for p in members), 0.0, {})
+    best = Score(tuple(p.name for p in members), 0.0, {})
     values_at_best: dict[str, Array] = {}
     best_probe: dict[str, Array] = {}  # as it is, unscaled
     probe_gain = 0.0
@@ -309,7 +311,7 @@ def _score(equations: ProbeEquations, members: Sequence[ProbeResponses]) -> Scor
         opposite_sign=(
             _opposite_sign(equations, members[0], best) if len(members) == 1 else None
         ),
-        secants={p.candidate.name: p.secants for p in members},
+        secants={p.name: p.secants for p in members},
     )
 
 
@@ -337,7 +339,7 @@ def _opposite_sign(
 
     None where it has no place, or gains with one sign only.
     """
-    name, null = p.candidate.name, p.candidate.null[0]
+    name, null = p.name, p.candidate.null[0]
     if name not in best.start or not _shape_mask(p.candidate).any():
         return None
     mixes = [
@@ -356,11 +358,9 @@ def _best_mix(
     """Score of the best mix of probe groups `choice`; gain and values (k,) at amounts 1
     or -1.
     """
-    names = tuple(p.candidate.name for p in members)
+    names = tuple(p.name for p in members)
     chosen = list(zip(members, choice, strict=True))
-    columns = np.concatenate(
-        [equations.columns[p.candidate.name, group] for p, group in chosen]
-    )
+    columns = np.concatenate([equations.columns[p.name, group] for p, group in chosen])
     reach = [
         _largest_multiple(p.candidate, vector) if group == 0 else FARTHEST
         for p, group in chosen
@@ -438,7 +438,7 @@ def _mixed_values(
             scaled = value + amounts[k] * (vector - p.candidate.null)
             value = np.where(shapes, vector, scaled)
             k += 1
-        values[p.candidate.name] = np.clip(value, *_bounds(p.candidate))
+        values[p.name] = np.clip(value, *_bounds(p.candidate))
     return values
 
 
@@ -454,9 +454,7 @@ def detection_limits(
     refitted.
     """
     return {
-        p.candidate.name: (
-            None if p.dead else _detection_limit(projection, p, likelihood)
-        )
+        p.name: (None if p.dead else _detection_limit(projection, p, likelihood))
         for p in probed
     }
 
@@ -482,8 +480,8 @@ def _detection_limit(
             # moved by this probe
             p, value = next((p, v) for p, v in values if v != p.start)
             if power > LEAST_POWER and p.unit == main.unit:
-                factor = DETECTED_SIGMA / float(np.sqrt(power))
-                limit = float(p.start + (value - p.start) * factor)
+                factor = DETECTED_SIGMA / np.sqrt(power)
+                limit = p.start + (value - p.start) * factor
                 stated = p.stated_value(limit) if p.low <= limit <= p.high else None
                 limits.append((abs(np.log(factor)), stated))
     return min(limits, key=itemgetter(0))[1] if limits else None

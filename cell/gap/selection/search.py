@@ -91,7 +91,7 @@ class Search:
             tasks.append(
                 _best_short_fit(base, *fit_starts(base, score, candidates), incumbent)
             )
-        started = [e for e in run_all(self.simulate, tasks) if e is not None]
+        started = [e for e in run_all(self.simulate, tasks) if e]
         estimates = [*(m.estimate for m in fits.models), *started]
         dispersion = min(e.scale for e in estimates)
         largest = _gain_over(base, best(estimates), dispersion)
@@ -119,7 +119,7 @@ class Search:
             for score in self._screen_further(fits, fit):
                 joint = score.joined_to(fit)
                 after = before - unit * score.gain
-                is_new = fits.of(frozenset(joint.names)) is None
+                is_new = not fits.of(frozenset(joint.names))
                 promises = unit * score.gain > MIN_GAIN * likelihood.inefficiency
                 leads = joint.names not in expected or after <= expected[joint.names][0]
                 if is_new and promises and leads:
@@ -164,15 +164,15 @@ class Search:
         """
         tasks = []
         for m in models:
-            for effect in m.model.effects:
-                beside = fits.of(m.model.names - {effect.name})
+            for effect in m.effects:
+                beside = fits.of(m.names - {effect.name})
                 if (
                     effect.two_sided
                     and not all(p.is_amount for p in effect.parameters)
                     and beside
                 ):
                     tasks.append(_with_other_sign(m.estimate, effect, beside.estimate))
-        finished = [e for e in run_all(self.simulate, tasks) if e is not None]
+        finished = [e for e in run_all(self.simulate, tasks) if e]
         return fits.merge(run_all(self.simulate, [validate(e) for e in finished]))
 
     def free_shapes(self, fits: Fits) -> list[CrossValidatedFit]:
@@ -181,10 +181,8 @@ class Search:
         These fits go on to the end: a rough one stops short of the gain that is asked
         of them.
         """
-        near_best = fits.near_best(len(fits.best.model.effects))
-        plain = [
-            m for m in near_best if any(e.shape_parameters for e in m.model.effects)
-        ]
+        near_best = fits.near_best(len(fits.best.effects))
+        plain = [m for m in near_best if any(e.shape_parameters for e in m.effects)]
         ends = run_all(self.simulate, [_with_free_shape(m.estimate) for m in plain])
         validated = run_all(self.simulate, [validate(e) for e in ends])
         pairs = zip(validated, plain, strict=True)
@@ -200,7 +198,7 @@ class Search:
         """Candidate effects, with free shape parameters if a model of one effect was
         fitted so.
         """
-        fitted = {e.name: e for m in fits.of_size(1) for e in m.model.effects}
+        fitted = {e.name: e for m in fits.of_size(1) for e in m.effects}
         return [fitted.get(c.name, c) for c in self.candidates]
 
     def _screen_further(self, fits: Fits, fit: Estimate) -> list[Score]:
@@ -213,13 +211,13 @@ class Search:
         all stated values.
         """
         beside = projection(fit, nuisance=spike_responses(fits.library))
-        others = [p for p in self.probed if p.candidate.name not in fit.model.names]
+        others = [p for p in self.probed if p.name not in fit.names]
         ranked = ranked_singles(probe_equations(beside, others))[: BUDGET.probed]
         promising = {score.names[0]: score for score in ranked}
-        thresholds = {p.candidate.name for p in others if p.has_threshold}
+        thresholds = {p.name for p in others if p.has_threshold}
         tasks = []
         for c in self._with_shape_parameters(fits):
-            if (score := promising.get(c.name)) is not None:
+            if score := promising.get(c.name):
                 probes = c.probes if c.name in thresholds else _probe_at_start(c, score)
                 tasks.append(run_probes(fit, replace(c, probes=probes)))
         scores = ranked_singles(probe_equations(beside, run_all(self.simulate, tasks)))
@@ -270,12 +268,12 @@ def _best_short_fit(
     """
     evidence = base.evidence
     estimates = yield from _few_steps(model, evidence, points)
-    promising = _nearly_best(base, estimates, base if incumbent is None else incumbent)
-    if incumbent is None:
+    promising = _nearly_best(base, estimates, incumbent or base)
+    if not incumbent:
         promising = promising or [best(estimates)]
     elif not promising:
         return None
-    if incumbent is not None or len(promising) > 1:
+    if incumbent or len(promising) > 1:
         more = BUDGET.short_steps - BUDGET.first_steps
         continued = yield from side_by_side(
             [
@@ -284,7 +282,7 @@ def _best_short_fit(
             ]
         )
         promising = [*promising, *continued]
-    if incumbent is not None and best([incumbent, *promising]) is incumbent:
+    if incumbent and best([incumbent, *promising]) is incumbent:
         return None
     return best(promising)
 
@@ -320,7 +318,7 @@ def without_each(accepted: CrossValidatedFit) -> list[Score]:
 
     Beside another effect a fit may have left a local minimum.
     """
-    names = accepted.model.names
+    names = accepted.names
     subsets = [tuple(sorted(names - {gone})) for gone in sorted(names)]
     return [Score(subset, 0.0, {}, origin=accepted.estimate) for subset in subsets]
 
@@ -337,18 +335,18 @@ def _with_other_sign(
     score = next(
         iter(ranked_singles(probe_equations(projection(beside), [probed]))), None
     )
-    shared, others = beside.model.split(beside.shared)
-    fitted = fit.model.split(fit.shared)[1][effect.name]
+    shared, others = beside.values
+    fitted = fit.values[1][effect.name]
     starts: list[Start] = []
     for start in (score.start, score.opposite_sign) if score else ():
         values = (start or {}).get(effect.name, effect.null)
         if (values[0] - effect.null[0]) * (fitted[0] - effect.null[0]) < 0.0:
             joint = fit.model.join(shared, {**others, effect.name: values})
-            starts.append((Point(joint, beside.point.local), None))
+            starts.append((Point(joint, beside.local), None))
     if not starts:
         return None
     started = yield from _best_short_fit(beside, fit.model, starts, fit)
-    return None if started is None else (yield from _finish(started, promising=True))
+    return (yield from _finish(started, promising=True)) if started else None
 
 
 def _with_free_shape(fit: Estimate) -> Task[Estimate]:
@@ -357,12 +355,12 @@ def _with_free_shape(fit: Estimate) -> Task[Estimate]:
     They begin off their start by a share of their prior spread: at it some do nothing
     yet.
     """
-    model = replace(fit.model, effects=tuple(e.with_shape() for e in fit.model.effects))
-    shared, fixed = fit.model.split(fit.shared)
+    model = replace(fit.model, effects=tuple(e.with_shape() for e in fit.effects))
+    shared, fixed = fit.values
     values = {}
     for e in model.effects:
         off_start = np.array([BUDGET.shape_start * p.spread for p in e.parameters])
         off_start[: len(fixed[e.name])] = 0.0
         values[e.name] = e.complete(fixed[e.name]) + off_start
-    start = Point(model.join(shared, values), fit.point.local)
+    start = Point(model.join(shared, values), fit.local)
     return (yield from refit(model, fit.evidence, start))

@@ -107,7 +107,7 @@ def clock(t: Array) -> Iterator[Finding]:
     remedy = "record on a machine that keeps up, or leave the run out"
     yield from _lost("samples", t, LOST_ROWS, f"{gap} {t[worst]:.2f} s", remedy)
     low, high = np.quantile(steps, [0.25, 0.75])
-    if high - low > UNEVEN * float(np.median(steps)):
+    if high - low > UNEVEN * np.median(steps):
         yield Finding(
             what="clock",
             words=(
@@ -139,7 +139,7 @@ def _lost(
     """
     steps = np.diff(t)
     missing = np.round(np.maximum(steps / np.median(steps) - 1.0, 0.0)).sum()
-    lost = float(missing / (missing + len(t)))
+    lost = missing / (missing + len(t))
     if lost > limits[0]:
         yield Finding(
             what=f"lost {what}",
@@ -158,7 +158,7 @@ def values(
     A reading is stuck that stands still while its `command` (n,) changes.
     """
     is_number = np.isfinite(value)
-    lost = 1.0 - float(is_number.mean())
+    lost = 1.0 - is_number.mean()
     if lost > LOST_ROWS[0]:
         yield Finding(
             what="lost samples",
@@ -293,7 +293,7 @@ def _check_angles(t: Array, x: Array, origin: str) -> None:
             f"{origin}: reaches {farthest:.0f}; angles are in rad (degrees / 57.3,"
             " counts / 652 of 4096 a turn)"
         )
-    speed = float(np.quantile(np.abs(np.gradient(x, t)), 0.9))
+    speed = np.quantile(np.abs(np.gradient(x, t)), 0.9)
     if speed > FAST:
         raise ConfigurationError(
             f"{origin}: changes by {speed:.0f} rad/s; angles are in rad, t is in s"

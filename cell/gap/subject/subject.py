@@ -189,8 +189,8 @@ class Run:
     name: str
     condition: str
     samples: Samples
-    local: tuple[Parameter, ...] = ()
-    content: object = None
+    local: Sequence[Parameter] = ()
+    content: Any = None
     index: int = 0
     common: Mapping[str, Array] = field(default_factory=dict)
     replicate: bool = False

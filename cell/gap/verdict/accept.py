@@ -193,7 +193,7 @@ def _check_unchanged(record: FitRecord, file: Path, cell_file: Path | None) -> N
     folder = file.resolve().parent
     fitted = {file: record.file_sha256}
     fitted |= {folder / part: digest for part, digest in record.parts.items()}
-    if cell_file is not None and record.cell_sha256 is not None:
+    if cell_file and record.cell_sha256:
         fitted[cell_file] = record.cell_sha256
     for path, digest in fitted.items():
         if file_digest(path) != digest:
@@ -215,14 +215,14 @@ def _changes(
     text = read_text(file)
     changes = [Change(file, text, edit_yaml(text, content))]
 
-    if offered.model is not None:
+    if offered.model:
         model = file.parent / str(content["model"])
         _check_own_model(file, model)
         made = read_text(out / offered.model, LARGEST_MODEL)
         changes.insert(0, Change(model, _text_at(model), made))
 
-    if offered.cell is not None:
-        if cell_file is None:
+    if offered.cell:
+        if not cell_file:
             raise ConfigurationError(
                 f"{out / offered.cell}: holds effects of the cell; name the cell file"
                 " to put them in"
@@ -323,7 +323,7 @@ def _files_by_name(
     Raises ConfigurationError for any but `file`, `cell_file` and accepted models in the
     folder of `file`.
     """
-    given = {_relative(p, file): p for p in (file, cell_file) if p is not None}
+    given = {_relative(p, file): p for p in (file, cell_file) if p}
     folder = file.resolve().parent
     found = {}
     for name in stored.before:
@@ -373,7 +373,7 @@ def _folders(*files: Path | None) -> list[Path]:
     """Existing folders of the given files; a missing file is refused only on
     reading.
     """
-    return [p.parent for p in files if p is not None and p.parent.is_dir()]
+    return [p.parent for p in files if p and p.parent.is_dir()]
 
 
 def _check_patch(patch: Path) -> None:

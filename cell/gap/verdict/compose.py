@@ -96,7 +96,7 @@ def intervals(
     spread = np.sqrt(np.diag(covariance(estimate, inefficiency)))
     reach = special.stdtrit(degrees_of_freedom(estimate, inefficiency, scatter), 0.975)
     owners = {"base": estimate.model.base}
-    owners |= {e.name: e.parameters for e in estimate.model.effects}
+    owners |= {e.name: e.parameters for e in estimate.effects}
     numbers = zip(estimate.shared, reach * spread, strict=False)
     return {
         owner: {p.name: _interval(p, *map(float, next(numbers))) for p in parameters}
@@ -122,7 +122,7 @@ def _gap(findings: Findings) -> Gap:
     shrink.
     """
     held_out = findings.held_out_fits
-    quantities = findings.subject.scope.quantities
+    quantities = findings.quantities
     before = held_out_gap.sizes(held_out.before, quantities)
     after = held_out_gap.sizes(held_out.after, quantities)
     floor = {**held_out_gap.floor(held_out.before.evidence, quantities), "excess": 0.0}
@@ -147,7 +147,7 @@ def _unexplained(findings: Findings) -> Unexplained | None:
         which == "unexplained" or findings.model_tests.remains
     ):
         return None
-    law = findings.law.words if findings.law is not None else "no sparse law found"
+    law = findings.law.words if findings.law else "no sparse law found"
     return Unexplained(
         description=describe_left(findings), law=law, stable=findings.law is not None
     )
@@ -172,23 +172,21 @@ def _candidates(findings: Findings) -> list[CandidateEntry]:
     """Candidate models by their gain, the best first: refitted ones, others as
     screened.
     """
-    fits, scope = findings.fits, findings.subject.scope
+    fits, scope = findings.fits, findings.scope
     raw = {
-        m.model.name: likelihood_ratio_p(m, fits.base, findings.likelihood)
+        m.name: likelihood_ratio_p(m, fits.base, findings.likelihood)
         for m in fits.models
-        if m.model.effects
+        if m.effects
     }
     p = raw | holm({c.name: raw.get(c.name, 1.0) for c in scope.candidates})
     rows = [
-        _compare_with_base(findings, m, p[m.model.name])
-        for m in fits.models
-        if m.model.effects
+        _compare_with_base(findings, m, p[m.name]) for m in fits.models if m.effects
     ]
     scores = {score.names[0]: score for score in findings.screen.singles}
     rows += [
-        _compare_by_screen(findings, each.candidate, scores.get(each.candidate.name))
+        _compare_by_screen(findings, each.candidate, scores.get(each.name))
         for each in findings.screen.probed
-        if each.candidate.name not in raw
+        if each.name not in raw
     ]
     return sorted(rows, key=lambda row: -row.elpd_gain)
 
@@ -199,7 +197,7 @@ def _compare_with_base(
     """Row on a refitted `model`: its gain [nats] over the base, standard error, p and
     values.
     """
-    likelihood, effects = findings.likelihood, model.model.effects
+    likelihood, effects = findings.likelihood, model.effects
     by_run = gains(model, findings.fits.base, likelihood)
     error = np.sqrt(len(by_run)) * by_run.std(ddof=1) if len(by_run) > 1 else 0.0
     tests = findings.model_tests
@@ -211,9 +209,9 @@ def _compare_with_base(
         for name, value in values[e.name].items()
     }
     return CandidateEntry(
-        name=model.model.name,
-        elpd_gain=float(by_run.sum()),
-        se=float(error),
+        name=model.name,
+        elpd_gain=by_run.sum(),
+        se=error,
         p=p,
         parameters=parameters,
     )
@@ -225,12 +223,12 @@ def _compare_by_screen(
     """Row on a candidate that was not refitted, with its gain [nats] in the linear
     screen.
     """
-    start = {} if score is None else score.start
+    start = score.start if score else {}
     values = zip(
         candidate.parameters, start.get(candidate.name, candidate.null), strict=True
     )
-    stated = [(p, p.stated_value(float(v))) for p, v in values]
-    gain = 0.0 if score is None else score.gain
+    stated = [(p, p.stated_value(v)) for p, v in values]
+    gain = score.gain if score else 0.0
     return CandidateEntry(
         name=candidate.name,
         elpd_gain=gain / findings.likelihood.inefficiency,
@@ -287,7 +285,7 @@ def deviations(
     rows = []
     for p in base:
         value = fitted.get(p.name)
-        if value is None:
+        if not value:
             continue
         low, high = _range_of(p)
         above = value.low is not None and value.low > high
@@ -307,7 +305,7 @@ def deviations(
 
 def _range_of(p: Parameter) -> tuple[float, float]:
     """Range of a parameter that the file tolerates, as files state the value."""
-    if p.tolerated is not None:
+    if p.tolerated:
         return p.tolerated
     reach = TOLERATED * p.spread
     ends = p.stated_value(max(p.start - reach, p.low)), p.stated_value(p.start + reach)

@@ -50,11 +50,11 @@ def decide(results: Results) -> Decision:
     """Decide which verdict the results support: named, ambiguous, unexplained or no
     gap.
     """
-    common = common_evidence(results)
+    common = _common_evidence(results)
     evidence = _evidence_by_effect(results, common)
     probability = calibration(results.subject.kind).probability
     probabilities = {name: probability(found) for name, found in evidence.items()}
-    ends = amounts_at_ends(results)
+    ends = _amounts_at_ends(results)
 
     credible = _credible_effects(results, probabilities, ends)
     sure = {effect.name for effect in results.separable}
@@ -79,7 +79,7 @@ def _kind(results: Results, *, is_credible: bool, is_named: bool) -> Kind:
     if is_credible:
         return "named" if is_named else "ambiguous"
     stands_in = bool(results.accepted.estimate.proxies)
-    return "unexplained" if stands_in or gap_is_there(results) else "no_gap"
+    return "unexplained" if stands_in or _gap_is_there(results) else "no_gap"
 
 
 def _credible_effects(
@@ -98,20 +98,20 @@ def _credible_effects(
     return [name for name in probable if name not in ends]
 
 
-def amounts_at_ends(results: Results) -> dict[str, list[str]]:
+def _amounts_at_ends(results: Results) -> dict[str, list[str]]:
     """Amounts of accepted effects at an end of the range that is tried, by effect.
 
     Places may lie at an end, as that of a strip.
     """
     fit = results.accepted.estimate
-    _, values = fit.model.split(fit.shared)
+    _, values = fit.values
     ends = {
         e.name: [
             p.name
             for p, value in zip(e.parameters, values[e.name], strict=True)
             if p.is_amount and value in (p.low, p.high) and value != p.start
         ]
-        for e in fit.model.effects
+        for e in fit.effects
     }
     return {name: amounts for name, amounts in ends.items() if amounts}
 
@@ -127,7 +127,7 @@ def _failed_prediction(evidence: VerdictEvidence) -> str:
     return ""
 
 
-def gap_is_there(results: Results) -> bool:
+def _gap_is_there(results: Results) -> bool:
     """Whether the refitted base leaves more than noise, in a bin of samples or on
     held-out runs.
 
@@ -155,7 +155,7 @@ def _evidence_by_effect(
         effect.name: common.model_copy(
             update={"log_odds": _log_odds(results, effect.name)}
         )
-        for effect in results.accepted.model.effects
+        for effect in results.accepted.effects
     }
 
 
@@ -168,13 +168,11 @@ def _log_odds(results: Results, effect: str) -> float:
     return results.posterior.log_odds(lambda names: not alike.isdisjoint(names))
 
 
-def common_evidence(results: Results) -> VerdictEvidence:
+def _common_evidence(results: Results) -> VerdictEvidence:
     """Evidence for or against the accepted model as a whole, of infinite log-odds."""
     runs, quantities = _gains(results)
     fits = (results.accepted.estimate, results.held_out_fits.after)
-    by_run = [
-        held_out_gap.rms_by_run(fit, results.subject.scope.quantities) for fit in fits
-    ]
+    by_run = [held_out_gap.rms_by_run(fit, results.quantities) for fit in fits]
     typical_rms = float(np.median([rms for of_fit in by_run for rms in of_fit]))
     return VerdictEvidence(
         gain=sum(runs),
@@ -193,7 +191,7 @@ def _correlation(fit: Estimate, together: Sequence[bool]) -> float:
     marks.
     """
     typical = fit.on([i for i, shares in enumerate(together) if shares])
-    return robust.correlation(typical.evidence.runs, typical.residuals)
+    return robust.correlation(typical.runs, typical.residuals)
 
 
 def _gains(results: Results) -> tuple[list[float], list[float]]:
@@ -212,14 +210,14 @@ def _gains(results: Results) -> tuple[list[float], list[float]]:
     by_quantity: dict[str, float] = defaultdict(float)
     for before, base_residuals, after, residuals in pairs:
         scales = zip(before.evidence.scales, after.evidence.scales, strict=True)
-        rows = zip(before.evidence.runs, base_residuals, residuals, scales, strict=True)
+        rows = zip(before.runs, base_residuals, residuals, scales, strict=True)
         for run, r_before, r_after, (s_before, s_after) in rows:
             unit = np.maximum(s_before, s_after) * likelihood.scale
             loss = robust.bounded_loss(r_before * s_before / unit)
             gain = loss - robust.bounded_loss(r_after * s_after / unit)
-            by_run.append(float(gain.sum()) / likelihood.inefficiency)
+            by_run.append(gain.sum() / likelihood.inefficiency)
             for name in np.unique(run.samples.quantity):
-                part = float(gain[run.samples.quantity == name].sum())
+                part = gain[run.samples.quantity == name].sum()
                 by_quantity[str(name)] += part / likelihood.inefficiency
     return by_run, list(by_quantity.values())
 
@@ -238,7 +236,7 @@ def next_steps(
     fit = f"{quote(str(out))} {origin.option}"
     accept, undo = f"cell gap accept {fit}", f"`cell gap undo {fit}` takes it back"
     rest = verdict.unexplained
-    law = rest.law if rest is not None and rest.stable else ""
+    law = rest.law if rest and rest.stable else ""
     steps = []
 
     if verdict.effects:
@@ -309,7 +307,7 @@ def doubtful_values(
     for name, rows in by_effect.items():
         if abs(_cosine(rows.sum(axis=0), strained)) > ALIKE:
             groups.append([name, *refuted])
-        without = fits.of(accepted.model.names - {name})
+        without = fits.of(accepted.names - {name})
         if without and gain(accepted, without, fits.likelihood) < MIN_GAIN:
             groups.append([name, *_strained(without.estimate)])
     return [group for group in groups if len(group) > 1]
@@ -325,7 +323,7 @@ def _strained(fit: Estimate) -> list[str]:
 def _cosine(a: Array, b: Array) -> float:
     """Cosine of the angle between vectors (n,); 0 where one of them vanishes."""
     return float(
-        a @ b / max(float(np.linalg.norm(a) * np.linalg.norm(b)), np.finfo(float).tiny)
+        a @ b / max(np.linalg.norm(a) * np.linalg.norm(b), np.finfo(float).tiny)
     )
 
 
@@ -336,7 +334,7 @@ def reasons(findings: Findings) -> list[str]:
     repeats = findings.model_tests.repeats
     fit = findings.accepted.estimate
     words = []
-    for effect in fit.model.effects:
+    for effect in fit.effects:
         p = findings.decision.probabilities[effect.name]
         if p < LEAST:
             words.append(
@@ -353,7 +351,7 @@ def reasons(findings: Findings) -> list[str]:
         " did both"
         for sets in findings.posterior.models
         for two, nats in sets.shared
-        if sets.names == fit.model.names and nats > 0.0
+        if sets.names == fit.names and nats > 0.0
     ]
     words += [
         f"{effect.name} has a shape by which it stands in for another law"
@@ -361,8 +359,8 @@ def reasons(findings: Findings) -> list[str]:
     ]
     if findings.decision.failure:
         words.append(findings.decision.failure)
-    by_run = held_out_gap.rms_by_run(fit, findings.subject.scope.quantities)
-    rms, run = max(zip(by_run, (r.name for r in fit.evidence.runs), strict=True))
+    by_run = held_out_gap.rms_by_run(fit, findings.quantities)
+    rms, run = max(zip(by_run, (r.name for r in fit.runs), strict=True))
     if rms > ASTRAY * float(np.median(by_run)):
         words.append(f"run {run} differs from all others")
     if repeats.drifts:
@@ -379,7 +377,7 @@ def describe_left(findings: Findings) -> str:
     """Sentence on the residuals that the accepted model leaves on held-out runs, with
     reasons.
     """
-    quantities = findings.subject.scope.quantities
+    quantities = findings.quantities
     after = held_out_gap.sizes(findings.held_out_fits.after, quantities)
     noise = held_out_gap.floor(findings.held_out_fits.before.evidence, quantities)
     sizes = ", ".join(

@@ -13,7 +13,7 @@ from cell.gap.fitting.reml import Spread
 from cell.gap.selection.likelihood import ALPHA, Fits, LikelihoodScale
 from cell.gap.selection.posterior import Posterior
 from cell.gap.selection.screening import ProbeEquations, ProbeResponses, Score
-from cell.gap.subject.subject import Candidate, Subject
+from cell.gap.subject.subject import Candidate, Quantity, Scope, Subject
 from cell.gap.verdict.offered_law import OfferedLaw
 from cell.gap.verdict.schema import Kind, VerdictEvidence
 from drivers.base.types import Array
@@ -31,7 +31,7 @@ class BaseFit:
     base: CrossValidatedFit
     repeats: Repeats
     misfit: float
-    places: tuple[Bin, ...]
+    places: Sequence[Bin]
     scatter: tuple[Spread, ...] = ()
     strained: bool = False
 
@@ -60,9 +60,9 @@ class Screen:
     floor.
     """
 
-    probed: tuple[ProbeResponses, ...]
+    probed: Sequence[ProbeResponses]
     equations: ProbeEquations
-    singles: tuple[Score, ...]
+    singles: Sequence[Score]
     p: dict[str, float]
     detectable: dict[str, float | None]
     library: dict[str, Array]
@@ -81,11 +81,11 @@ class ModelTests:
 
     misfit: float
     repeats: Repeats
-    rivals: tuple[CrossValidatedFit, ...]
-    classes: tuple[tuple[str, ...], ...]
+    rivals: Sequence[CrossValidatedFit]
+    classes: Sequence[Sequence[str]]
     sized: Estimate
     scatter: tuple[Spread, ...] = ()
-    places: tuple[Bin, ...] = ()
+    places: Sequence[Bin] = ()
 
     @property
     def remains(self) -> bool:
@@ -125,7 +125,7 @@ class Results:
     """
 
     subject: Subject
-    held_out: tuple[str, ...]
+    held_out: Sequence[str]
     base_fit: BaseFit
     screen: Screen
     accepted: CrossValidatedFit
@@ -135,16 +135,26 @@ class Results:
     held_out_fits: HeldOutFits
 
     @property
+    def scope(self) -> Scope:
+        """Fit problem of the subject."""
+        return self.subject.scope
+
+    @property
+    def quantities(self) -> Mapping[str, Quantity]:
+        """Displayed quantities by name."""
+        return self.scope.quantities
+
+    @property
     def base(self) -> CrossValidatedFit:
         """Refitted base model, without added effects."""
         return self.base_fit.base
 
     @property
-    def places(self) -> tuple[Bin, ...]:
+    def places(self) -> Sequence[Bin]:
         """Bins where residuals of the base exceed noise or match accepted effects, by
         strength.
         """
-        return tuple(stronger_of_two(self.base_fit.places, self.model_tests.places))
+        return stronger_of_two(self.base_fit.places, self.model_tests.places)
 
     @property
     def likelihood(self) -> LikelihoodScale:
@@ -154,10 +164,10 @@ class Results:
         return self.fits.likelihood
 
     @property
-    def separable(self) -> tuple[Candidate, ...]:
+    def separable(self) -> list[Candidate]:
         """Accepted effects that the runs tell apart from all others."""
         doubtful = {name for group in self.model_tests.classes for name in group}
-        return tuple(e for e in self.accepted.model.effects if e.name not in doubtful)
+        return [e for e in self.accepted.effects if e.name not in doubtful]
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,7 +183,7 @@ class Decision:
     """
 
     kind: Kind
-    named: tuple[str, ...]
+    named: Sequence[str]
     probabilities: Mapping[str, float]
     evidence: VerdictEvidence
     failure: str
@@ -190,7 +200,7 @@ class Findings(Results):
     """
 
     decision: Decision
-    experiments: tuple[Recommendation, ...]
+    experiments: Sequence[Recommendation]
     law: OfferedLaw | None = None
 
     @classmethod
@@ -198,7 +208,7 @@ class Findings(Results):
         cls,
         results: Results,
         decision: Decision,
-        experiments: tuple[Recommendation, ...],
+        experiments: Sequence[Recommendation],
     ) -> Self:
         """Findings with the `decision` on `results`, without a law."""
         known = {field.name: getattr(results, field.name) for field in fields(results)}

@@ -90,7 +90,7 @@ class FitRecord(Recorded):
     @property
     def laws(self) -> tuple[str, ...]:
         """Names of the terms of the empirical law that the fit offers."""
-        return tuple(self.law.terms) if self.law is not None else ()
+        return tuple(self.law.terms) if self.law else ()
 
 
 @contextmanager
@@ -105,7 +105,7 @@ def results_folder(out: Path) -> Iterator[Path]:
     with writing(out, "give a folder that can be written"):
         out.mkdir(parents=True, exist_ok=True)
     with lock_folders([out]):
-        complete_move(out)
+        _complete_move(out)
         _check_own(out, _known_records(out))
         stage = out / STAGE
         try:
@@ -113,7 +113,7 @@ def results_folder(out: Path) -> Iterator[Path]:
                 shutil.rmtree(stage, ignore_errors=True)
                 stage.mkdir()
             yield stage
-            complete_move(out)
+            _complete_move(out)
         finally:
             shutil.rmtree(stage, ignore_errors=True)
             if is_new:
@@ -137,7 +137,7 @@ def finish(stage: Path, record: FitRecord) -> None:
     write_file(stage / RECORD, whole.model_dump_json(by_alias=True, indent=1))
 
 
-def complete_move(out: Path) -> None:
+def _complete_move(out: Path) -> None:
     """Move results of a finished fit from STAGE to their places in `out`, if any wait.
 
     Those of an earlier fit are replaced. Raises ConfigurationError where somebody has
@@ -166,7 +166,7 @@ def read_record(out: Path) -> FitRecord:
     Raises ConfigurationError where there is none, or its verdict or a patch is missing
     or not as the fit wrote it. The folder is to be locked.
     """
-    complete_move(fit_folder(out))
+    _complete_move(fit_folder(out))
     record = _read(out / RECORD)
     patches = [name for files in record.patches.values() for name in files.names]
     for name in (VERDICT, *patches):

@@ -101,14 +101,14 @@ def _offer(fit: Estimate, shrink: float) -> OfferedLaw:
     """Law of the fitted terms of `fit`, which remove the share `shrink` of the excess
     residual.
     """
-    values, terms = fit.model.split(fit.shared)
+    values, terms = fit.values
     base = {
         p.name: p.stated_value(float(v))
         for p, v in zip(fit.model.base, values, strict=True)
     }
-    amounts = {e.name: float(terms[e.name][0]) for e in fit.model.effects}
+    amounts = {e.name: float(terms[e.name][0]) for e in fit.effects}
     words = " ".join(
         f"{amounts[e.name]:+.3g} {e.parameters[0].unit} x {e.sentence}"
-        for e in fit.model.effects
+        for e in fit.effects
     )
     return OfferedLaw(base, amounts, words, shrink)

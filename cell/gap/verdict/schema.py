@@ -271,7 +271,7 @@ class Verdict(Entry):
         """Sentence on the gap of held-out runs and, without one, on what speaks for a
         name.
         """
-        if self.gap.before["excess"] or self.posterior is None:
+        if self.gap.before["excess"] or not self.posterior:
             return self.gap.sentence()
         gained = f"{self.posterior.gain:.0f} nats"
         return (
@@ -308,7 +308,7 @@ class Verdict(Entry):
             )
         for names in self.ambiguous:
             yield f"alike in these runs: {', '.join(names)}"
-        if self.unexplained is not None:
+        if self.unexplained:
             yield f"unexplained: {self.unexplained.description}"
         if self.effects:
             beside = " and one of each that are alike" if self.ambiguous else ""

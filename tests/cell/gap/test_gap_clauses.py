@@ -21,18 +21,18 @@ from cell.gap.verdict.compose import intervals
 from cell.gap.verdict.decision import GAP, decide, doubtful_values
 from cell.gap.verdict.findings import Decision, Findings
 from drivers.base.types import Array
-from drivers.strip.effects.effect import Parameter
+from drivers.strip.effects.effect import Parameter, Role
 from tests.support.curves import (
     LAWS,
     Curves,
     Touched,
+    both,
     bump,
     fitted,
     hidden,
     judged,
     nothing,
     validated,
-    wave,
 )
 
 PLACE = Bin("angle", "lift", "middle", "slow", 5.0, 1e-3)
@@ -49,13 +49,12 @@ def model(*names: str, nats: Sequence[float] = (0.0,), error: float = 0.0) -> An
     """A fit of effects `names` that predicts runs left out by `nats` better than
     none.
     """
-    effects = [SimpleNamespace(name=name, model_error=error) for name in names]
     return SimpleNamespace(
-        model=SimpleNamespace(
-            names=frozenset(names), effects=effects, name=" + ".join(names)
-        ),
+        names=frozenset(names),
+        effects=[SimpleNamespace(name=name, model_error=error) for name in names],
+        name=" + ".join(names),
         estimate=SimpleNamespace(proxies=[]),
-        left_out=[None] * len(nats),
+        left_out=nats,
         losses=lambda scale: -np.array(nats),
     )
 
@@ -65,13 +64,14 @@ def posterior_of(nats: dict[str, float]) -> Posterior:
     `nats`.
     """
     order = sorted(nats, key=lambda words: -nats[words])
-    sets = [SetProbability(frozenset(w.split()), nats[w], 0.0) for w in order]
-    return Posterior(tuple(sets))
+    return Posterior(
+        [SetProbability(frozenset(w.split()), nats[w], 0.0) for w in order]
+    )
 
 
 def chosen(models: Sequence[Any], nats: dict[str, float]) -> set[str]:
     """Names of the effects of the chosen one of `models`, of log odds `nats`."""
-    return set(choose(Known(tuple(models)), posterior_of(nats)).model.names)
+    return {*choose(Known(models), posterior_of(nats)).names}
 
 
 @pytest.mark.parametrize(
@@ -111,7 +111,7 @@ def doubt(
     two = model("a", "b", nats=[100, 100])
     fits = Known((model(nats=[0, 0]), accepted, other, two))
     sets = posterior_of({"": -500.0, "a": 0.0, "b": lead, "a b": 1.0})
-    return [set(m.model.names) for m in rivals(accepted, fits, sets)]
+    return [{*m.names} for m in rivals(accepted, fits, sets)]
 
 
 @pytest.mark.parametrize(
@@ -195,16 +195,15 @@ def test_a_condition_that_alone_tells_an_effect_is_fitted() -> None:
 
 @pytest.mark.usefixtures("single")
 def test_an_effect_that_hardly_shows_keeps_no_run() -> None:
-    subject = Curves(nothing, names=("single",), repeats=1, noise=1e3)
+    subject = Curves(nothing, names=["single"], repeats=1, noise=1e3)
     assert hold_out.held_out(subject, subject.simulate) == ["r1"]
 
 
 @pytest.mark.usefixtures("single")
 def test_a_value_that_one_condition_alone_knows_costs_a_nat() -> None:
-    subject = Curves(nothing, names=("single",), repeats=1)
+    subject = Curves(nothing, names=["single"], repeats=1)
     base, with_it = (
-        validated(fitted(subject, names), subject).charged
-        for names in ((), ("single",))
+        validated(fitted(subject, names), subject).charged for names in ([], ["single"])
     )
     assert with_it - base == pytest.approx([0.0, 1.0, 0.0, 0.0])
 
@@ -218,8 +217,7 @@ def one() -> Findings:
 @pytest.fixture(scope="module")
 def two() -> Findings:
     """Findings of a bump and a wave, which nobody changes."""
-    both = Curves(lambda t, s, i: 0.2 * bump(t, s, i) - 0.03 * wave(t, s, i))
-    return judged(both)[0]
+    return judged(Curves(both(0.2, -0.03)))[0]
 
 
 @pytest.fixture(scope="module")
@@ -247,6 +245,24 @@ def test_a_class_is_as_probable_as_all_its_members(one) -> None:
     assert (alone, whole.log_odds) == pytest.approx((1.0, 70.3133), abs=1e-4)
 
 
+@pytest.mark.parametrize(
+    ("rival", "odds"), [("dead", 101.3133), ("wave", 2.3133)], ids=["none", "wave"]
+)
+def test_a_set_with_one_effect_more_does_not_speak_against_a_name(
+    one, rival: str, odds: float
+) -> None:
+    sets = {"bump": 100.0, "bump wave": 101.0, "": 0.0}
+    weighed = posterior_of(sets | ({"wave": 99.0} if rival == "wave" else {}))
+    found = decide(replace(one, posterior=weighed)).evidence.log_odds
+    assert found == pytest.approx(odds, abs=1e-4)
+
+
+def test_an_effect_that_is_less_probable_than_not_is_not_named(one) -> None:
+    decision = decide(replace(one, posterior=posterior_of({"bump": 0.0, "wave": 20.0})))
+    assert decision.probabilities["bump"] < 0.5
+    assert (decision.kind, decision.named) == ("unexplained", ())
+
+
 def test_the_least_sure_name_states_the_evidence(two) -> None:
     sets = posterior_of({"bump wave": 50.0, "bump": 20.0, "wave": 0.0})
     sure = replace(two, posterior=sets)
@@ -259,8 +275,7 @@ def test_the_least_sure_name_states_the_evidence(two) -> None:
 def test_nothing_is_named_beside_what_stands_in_for_another_law(
     one, quiet, monkeypatch
 ) -> None:
-    first = one.accepted.model.effects[:1]
-    monkeypatch.setattr(Estimate, "proxies", property(lambda fit: first))
+    monkeypatch.setattr(Estimate, "proxies", one.accepted.effects)
     decision = decide(one)
     assert (decision.kind, decision.named) == ("unexplained", ())
     assert decide(quiet).kind == "unexplained"  # though no place shows a gap
@@ -286,43 +301,27 @@ def test_a_gap_shows_at_a_place_or_on_held_out_runs(
     assert decide(replace(quiet, base_fit=base)).kind == kind
 
 
-def ends_of(found: Findings, *values: float, **of: Any) -> Any:
-    """Amounts at ends of an effect from -1 to 5 whose parameter is `of` a kind."""
-    p = Parameter("size", "m", 0.0, -1.0, 5.0, 1e-3, 1.0, **of)
-    effect = replace(found.accepted.model.effects[0], parameters=(p,))
-    fit = found.accepted.estimate
-    shared = np.array([*fit.shared[:2], *values])
-    fit = replace(
-        fit,
-        model=Model(fit.model.base, (effect,)),
-        point=replace(fit.point, shared=shared),
-    )
-    return decide(replace(found, accepted=replace(found.accepted, estimate=fit)))
-
-
 @pytest.mark.parametrize(
-    ("value", "of", "ends"),
+    ("value", "low", "role", "is_end"),
     [
-        (5.0, {}, {"bump": ["size"]}),
-        (-1.0, {}, {"bump": ["size"]}),
-        (4.9, {}, {}),
-        (5.0, {"role": "place"}, {}),
+        (5.0, -1.0, "amount", True),
+        (-1.0, -1.0, "amount", True),
+        (4.9, -1.0, "amount", False),
+        (5.0, -1.0, "place", False),
+        (0.0, 0.0, "amount", False),  # where it starts
     ],
 )
-def test_an_amount_at_either_end_is_told_and_a_place_is_not(
-    one, value, of, ends
+def test_an_amount_at_either_end_is_told_and_a_place_or_a_start_is_not(
+    one, value: float, low: float, role: Role, is_end: bool
 ) -> None:
-    assert ends_of(one, value, **of).at_ends == ends
-
-
-def test_a_start_at_an_end_is_no_end(one) -> None:
-    p = Parameter("size", "m", 0.0, 0.0, 5.0, 1e-3, 1.0)
-    effect = replace(one.accepted.model.effects[0], parameters=(p,))
     fit = one.accepted.estimate
-    none = replace(fit.point, shared=np.array([*fit.shared[:2], 0.0]))
-    fit = replace(fit, model=Model(fit.model.base, (effect,)), point=none)
+    p = Parameter("size", "m", 0.0, low, 5.0, 1e-3, 1.0, role=role)
+    effect = replace(fit.effects[0], parameters=(p,))
+    point = replace(fit.point, shared=np.array([*fit.shared[:2], value]))
+    fit = replace(fit, model=Model(fit.model.base, (effect,)), point=point)
     accepted = replace(one.accepted, estimate=fit)
-    assert decide(replace(one, accepted=accepted)).at_ends == {}
+    ends = decide(replace(one, accepted=accepted)).at_ends
+    assert ends == ({"bump": ["size"]} if is_end else {})
 
 
 def predicted(found: Findings, *left: float | Array) -> Decision:
@@ -388,15 +387,15 @@ def doubted(beside: float, without: float, behind: float, cosine: float) -> Any:
     fit = SimpleNamespace(
         model=whole, shared=np.array([beside * 0.01, 1.0]), changes=changes
     )
-    accepted = SimpleNamespace(
-        model=whole, estimate=fit, losses=lambda scale: np.zeros(1)
+    accepted: Any = SimpleNamespace(
+        model=whole, names=whole.names, estimate=fit, losses=lambda scale: np.zeros(1)
     )
-    plain = SimpleNamespace(
-        model=part,
+    plain: Any = SimpleNamespace(
+        names=part.names,
         estimate=SimpleNamespace(model=part, shared=np.array([without * 0.01])),
         losses=lambda scale: np.array([behind]),
     )
-    fits: Any = Known((accepted, plain))
+    fits = Known((accepted, plain))
 
     def classes(believed: bool) -> list[list[str]]:
         scope = SimpleNamespace(believed=believed)

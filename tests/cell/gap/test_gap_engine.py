@@ -14,14 +14,14 @@ from cell.gap.diagnosis.lack_of_fit import Repeats, can_be_ordered, order_suspic
 from cell.gap.fitting.base_fit import undetermined_values
 from cell.gap.fitting.crossvalidation import folds
 from cell.gap.report.sentence import sentence
-from cell.gap.selection.posterior import Posterior, SetProbability
 from cell.gap.subject.subject import Origin
-from cell.gap.verdict.decision import decide, next_steps
+from cell.gap.verdict.decision import next_steps
 from drivers.base.types import Array
 from drivers.strip.effects.effect import Parameter
 from tests.support.curves import (
     Curves,
     Law,
+    both,
     bump,
     fitted,
     hidden,
@@ -41,35 +41,12 @@ def test_hidden_effect_is_named_with_an_interval_that_covers_it_beside_one_that_
     assert (size.low or np.inf) < 0.05 < (size.high or 0.0)
     assert verdict.gap.after["angle_mrad"] == pytest.approx(10.0, rel=0.1)
     assert verdict.gap.shrink > 0.8
+    assert verdict.posterior.inclusion["bump"] > 0.99
     assert verdict.unexplained is None
     (advised,) = verdict.model_dump()["advice"]
     assert list(advised) == ["experiment", "separates", "expected_sigma", "minutes"]
     assert next(p for p in found.screen.probed if p.candidate.name == "dead").dead
     assert "dead" not in verdict.detectable
-
-
-def test_a_set_with_one_effect_more_does_not_speak_against_a_name() -> None:
-    found, verdict = judged(Curves(hidden(bump, 0.05)))
-    sets = [
-        (frozenset({"bump"}), 100.0),
-        (frozenset({"bump", "wave"}), 101.0),
-        (frozenset(), 0.0),
-    ]
-    doubtful = [*sets, (frozenset({"wave"}), 99.0)]
-    for weighed, odds in ((sets, 101.3133), (doubtful, 2.3133)):
-        models = tuple(SetProbability(names, nats, 0.25) for names, nats in weighed)
-        decision = decide(replace(found, posterior=Posterior(models)))
-        assert decision.evidence.log_odds == pytest.approx(odds, abs=1e-4)
-    assert verdict.posterior.inclusion["bump"] > 0.99
-
-
-def test_an_effect_that_is_less_probable_than_not_is_not_named() -> None:
-    found, _ = judged(Curves(hidden(bump, 0.05)))
-    sets = [(frozenset({"bump"}), 0.0), (frozenset({"wave"}), 20.0)]
-    models = tuple(SetProbability(names, nats, 0.5) for names, nats in sets)
-    decision = decide(replace(found, posterior=Posterior(models)))
-    assert decision.probabilities["bump"] < 0.5
-    assert (decision.kind, decision.named) == ("unexplained", ())
 
 
 def test_nothing_hidden_is_no_gap_with_detectable_sizes() -> None:
@@ -104,8 +81,7 @@ def test_an_effect_that_shows_beyond_its_usual_size_alone_was_not_tested() -> No
 def test_a_gap_of_held_out_runs_alone_is_noted() -> None:
     _, plain = judged(Curves(nothing))
     only = {int(name[1:]) for name in plain.held_out}
-    late: Law = lambda t, s, i: 0.03 * bump(t, s, i) * (i in only)  # noqa: E731
-    found, verdict = judged(Curves(late))
+    found, verdict = judged(Curves(lambda t, s, i: 0.03 * bump(t, s, i) * (i in only)))
     assert verdict.verdict == "no_gap"
     (note,) = verdict.notes
     assert (
@@ -125,22 +101,13 @@ def test_detectable_size_is_found_when_it_is_there() -> None:
 
 
 def test_a_small_effect_beside_a_strong_one_is_found_where_all_residuals_show_no_gap():
-    both: Law = lambda t, s, i: 0.2 * bump(t, s, i) - 0.006 * wave(t, s, i)  # noqa: E731
     for seed in range(3):
-        _, verdict = judged(Curves(both, seed=seed))
+        _, verdict = judged(Curves(both(0.2, -0.006), seed=seed))
         assert sorted(e.name for e in verdict.effects) == ["bump", "wave"]
 
 
-def test_twins_are_ambiguous_and_nothing_is_patched() -> None:
-    _, verdict = judged(Curves(hidden(bump, 0.05), names=("bump", "twin", "wave")))
-    assert verdict.verdict == "ambiguous"
-    assert verdict.ambiguous == [["bump", "twin"]]
-    assert verdict.effects == []
-
-
 def test_what_no_other_stands_in_for_is_named_beside_twins_at_its_value_beside_them():
-    both: Law = lambda t, s, i: 0.2 * bump(t, s, i) - 0.03 * wave(t, s, i)  # noqa: E731
-    found, verdict = judged(Curves(both, names=("bump", "twin", "wave")))
+    found, verdict = judged(Curves(both(0.2, -0.03), names=("bump", "twin", "wave")))
     assert verdict.verdict == "named"
     assert verdict.ambiguous == [["bump", "twin"]]
     (effect,) = verdict.effects
@@ -154,8 +121,7 @@ def test_what_no_other_stands_in_for_is_named_beside_twins_at_its_value_beside_t
 
 
 def test_specimen_that_drifts_from_run_to_run_is_not_called_in_order() -> None:
-    drift: Law = lambda t, s, i: 0.02 * i * t  # noqa: E731
-    found, verdict = judged(Curves(drift))
+    found, verdict = judged(Curves(lambda t, _, i: 0.02 * i * t))
     assert verdict.verdict == "unexplained"
     assert "slope" in found.base_fit.repeats.drift
 
@@ -179,27 +145,23 @@ def test_what_no_effect_does_is_unexplained(what: str) -> None:
 
 
 def test_strongest_place_is_where_the_effect_was_hidden() -> None:
-    late: Law = lambda t, s, i: np.where((t > 0.6) & (s > 2.5), 0.05, 0.0)  # noqa: E731
-    found, _ = judged(Curves(late))
+    found, _ = judged(Curves(lambda t, s, _: 0.05 * ((t > 0.6) & (s > 2.5))))
     first = found.base_fit.places[0]
     assert (first.phase, first.condition) == ("fall", "faster")
     assert first.p < 0.01
 
 
 def test_scatter_between_repeats_raises_the_noise() -> None:
-    quiet = Repeats.of(fitted(Curves(nothing, repeats=4))).scatter["angle"]
-    loud = Repeats.of(fitted(Curves(nothing, repeats=4, scatter=0.05))).scatter["angle"]
+    fits = (fitted(Curves(nothing, repeats=4, scatter=s)) for s in (0.0, 0.05))
+    quiet, loud = (Repeats.of(fit).scatter["angle"] for fit in fits)
     assert quiet == pytest.approx(1.0)
     assert loud > 2.0
 
 
 def test_conditions_are_never_split_between_folds() -> None:
-    subject = Curves(nothing, repeats=3)
-    runs = subject.runs
-    for fold in folds(runs):
-        inside = {runs[i].condition for i in fold}
-        outside = {run.condition for i, run in enumerate(runs) if i not in fold}
-        assert not inside & outside
+    runs = Curves(nothing, repeats=3).runs
+    inside = [{runs[i].condition for i in fold} for fold in folds(runs)]
+    assert sum(map(len, inside)) == len(set().union(*inside))
 
 
 def test_value_that_the_runs_cannot_determine_is_named_and_a_run_that_diverged_predicted():

@@ -20,13 +20,12 @@ from drivers.strip.law import LAW_TERMS, with_law
 from tests.support.curves import (
     LAWS,
     Curves,
-    Law,
+    both,
     bump,
     candidate,
     hidden,
     judged,
     nothing,
-    wave,
 )
 from tests.support.fit_folders import write_fit
 from tests.support.gap_strip_cases import STRIP, denim
@@ -85,8 +84,7 @@ def test_a_law_stands_beside_a_name_that_only_imitates(
 
 
 def test_no_law_stands_beside_two_effects_that_are_there() -> None:
-    both: Law = lambda t, s, i: 0.2 * bump(t, s, i) - 0.1 * wave(t, s, i)  # noqa: E731
-    found, verdict = judged(Withheld(both))
+    found, verdict = judged(Withheld(both(0.2, -0.1)))
     assert sorted(e.name for e in verdict.effects) == ["bump", "wave"]
     assert found.law is None
 

@@ -106,9 +106,10 @@ def test_twins_share_what_one_of_them_has() -> None:
 def test_two_that_one_cause_may_make(camera: float, change: float, sure: bool) -> None:
     x = Parameter("x", "m", 0.0, -0.03, 0.03, step=1e-4)
     two = tuple(Candidate(name, "", "cell", (x,), ()) for name in ("camera", "tool"))
-    values, changes = np.array([camera, -0.0046]), np.array([[change], [1.0]])
-    fit = SimpleNamespace(model=Model((), two), shared=values, changes=changes)
-    both = SetProbability(fit.model.names, 0.0, 1.0, shared_causes(fit, -3.0))
+    model, values = Model((), two), np.array([camera, -0.0046])
+    fit = SimpleNamespace(model=model, effects=two, values=model.split(values))
+    fit.changes = np.array([[change], [1.0]])
+    both = SetProbability(model.names, 0.0, 1.0, shared_causes(fit, -3.0))
     tool = SetProbability(frozenset({"tool"}), -30.0, 0.0)
     log_odds = Posterior((both, tool)).log_odds(lambda names: "camera" in names)
     assert (log_odds > 20.0) if sure else (log_odds < -5.0)

@@ -82,7 +82,7 @@ class CellArm(InverseDynamics):
                     "cell.yaml has no field for it: `cell gap accept` puts it into the"
                     " arm's model only"
                 )
-            rms = float(np.sqrt(np.mean(moved**2)))
+            rms = np.sqrt(np.mean(moved**2))
             moves = (
                 f"the gripper stands up to {1e3 * moved.max():.2f} mm (rms"
                 f" {1e3 * rms:.2f})"
@@ -118,7 +118,8 @@ class CellArm(InverseDynamics):
         )
         at = at - torque.T / STIFFNESS + tracking.T
         moved, stated = (case.edited(self.mechanism.model) for case in cases)
-        return np.asarray(np.linalg.norm(_tips(stated, q) - _tips(moved, at), axis=1))
+        apart: Array = np.linalg.norm(_tips(stated, q) - _tips(moved, at), axis=1)
+        return apart
 
 
 def _tips(model: Any, q: Array) -> Array:

@@ -110,21 +110,21 @@ def match(torques: JointTorques, noise: float) -> Match | None:
     measured = _beside(friction, torques.measured[inner])
     model = _beside(friction, late)
     cross, square = model @ measured, np.sum(model**2, axis=1) + np.finfo(float).tiny
-    total = float(measured @ measured) + np.finfo(float).tiny
+    total = (measured @ measured) + np.finfo(float).tiny
     unexplained = np.maximum(total - cross**2 / square, 0.0)
     best = int(np.argmin(unexplained))
     variances = unexplained / len(inner)
     motion = np.vstack([torques.of_motion[:, inner], late[best]])
     beside = _beside(motion, torques.measured[inner])
-    spread = float(torques.measured[inner].std()) + np.finfo(float).tiny
+    spread = torques.measured[inner].std() + np.finfo(float).tiny
     # a random torque follows as many functions as it has degrees of freedom
-    free = torques.cutoff * float(np.ptp(t[inner])) / np.pi
+    free = torques.cutoff * np.ptp(t[inner]) / np.pi
     inflated = free / max(free - len(motion), 1.0)
     return Match(
-        factor=float(cross[best] / square[best]),
+        factor=cross[best] / square[best],
         variances=variances / noise**2,
-        follows=float(np.sqrt(max(0.0, 1.0 - unexplained[best] / total))),
-        explained=1.0 - inflated * float(beside.std() / spread) ** 2,
+        follows=np.sqrt(max(0.0, 1.0 - unexplained[best] / total)),
+        explained=1.0 - inflated * (beside.std() / spread) ** 2,
         little=bool(variances[best] < (LITTLE * spread) ** 2),
     )
 
@@ -132,10 +132,11 @@ def match(torques: JointTorques, noise: float) -> Match | None:
 def _beside(columns: Array, rows: Array) -> Array:
     """Rows (..., n) less what is linear in `columns` (c, n)."""
     basis, _ = np.linalg.qr(columns.T)
-    return np.asarray(rows - (rows @ basis) @ basis.T)
+    beside: Array = rows - (rows @ basis) @ basis.T
+    return beside
 
 
-def least_lag(variances: Array) -> float:
+def _least_lag(variances: Array) -> float:
     """Lag [s] that leaves the least of `variances` (LAGS,), by a parabola through
     it.
     """
@@ -161,12 +162,12 @@ def judge_torques(
             for run, torques in runs.items()
             if torques[i].measured.std() > LOUD * signal.sigma
         }
-        found = {run: m for run, m in loud.items() if m is not None}
+        found = {run: m for run, m in loud.items() if m}
         usual = float(np.median([m.factor for m in found.values()] or [1.0]))
         faults = {run: _fault(mechanism, signal, m, usual) for run, m in found.items()}
         yield from _said(faults)
         for run, m in found.items():
-            if faults[run] is None and m.little:
+            if m.little and not faults[run]:
                 variances[run] = variances.get(run, 0.0) + m.variances
     if variances:
         yield from _late(mechanism, variances)
@@ -181,12 +182,12 @@ def _late(mechanism: Mechanism, variances: Mapping[str, Array]) -> Iterator[Find
     """
     rows = [float(np.median(np.diff(r.t))) for r in mechanism.recordings]
     least = max(LEAST_LAG, ROWS * max(rows))
-    lags = {run: least_lag(each) for run, each in variances.items()}
+    lags = {run: _least_lag(each) for run, each in variances.items()}
     usual = float(np.median([*lags.values()]))
     agree = [run for run, lag in lags.items() if abs(lag - usual) < ALIKE * abs(usual)]
     if len(agree) > max(1.0, MOST * len(lags)):
         shared = np.sum([variances[run] for run in agree], axis=0)
-        if _is_late(lag := least_lag(shared), shared, least, LATE):
+        if _is_late(lag := _least_lag(shared), shared, least, LATE):
             yield _lag(lag)
             lags = {run: lag for run, lag in lags.items() if run not in agree}
     for run, lag in lags.items() if len(variances) > 2 else ():
@@ -203,7 +204,7 @@ def _is_late(lag: float, variances: Array, least: float, fraction: float) -> boo
 
 def _said(by_run: Mapping[str, Finding | None]) -> Iterator[Finding]:
     """Faults of one signal by run, one that most runs share once for all."""
-    faults = [(run, fault) for run, fault in by_run.items() if fault is not None]
+    faults = [(run, fault) for run, fault in by_run.items() if fault]
     counts = Counter(fault.what for _, fault in faults)
     shared = {what for what, n in counts.items() if n > max(1.0, MOST * len(by_run))}
     told = set[str]()
@@ -252,7 +253,7 @@ def _unit(mechanism: Mechanism, signal: Signal, factor: float) -> Finding | None
     be.
     """
     size, name = abs(factor), signal.name
-    stated = abs(float(mechanism.model.actuator_gear[signal.actuator, 0]))
+    stated = abs(mechanism.model.actuator_gear[signal.actuator, 0])
     side, gear = ("motor", stated) if signal.gear == stated else ("joint", 1.0 / stated)
     turned = ", reversed" if factor < 0.0 else ""
     words = f"{name}: is {size:.3g} times the model's torque at the {side}{turned}"

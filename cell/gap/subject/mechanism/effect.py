@@ -262,6 +262,4 @@ Known = Sequence[tuple[Effect, Array]]
 
 def readings_of(known: Known) -> Readings:
     """Errors of sensors and commands made by effects `known`."""
-    return Readings(
-        **{effect.read: values for effect, values in known if effect.read is not None}
-    )
+    return Readings(**{effect.read: values for effect, values in known if effect.read})

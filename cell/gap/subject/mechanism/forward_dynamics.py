@@ -63,8 +63,7 @@ class Commands:
         """
         if not self.u.shape[1]:
             return np.zeros((steps, 0))
-        begins = np.arange(steps + 1) * step - np.sum(delay)
-        edges = np.asarray(begins, dtype=np.float64)
+        edges = np.arange(steps + 1) * step - np.sum(delay)
         # the first and the last are held
         begin, end = min(edges[0], self.t[0]) - 1.0, max(edges[-1], self.t[-1]) + 1.0
         times = np.concatenate([[begin], self.t[1:], [end]])
@@ -76,7 +75,7 @@ class Commands:
 def commands_of(mechanism: Mechanism, recording: Recording) -> Commands:
     """Commands of actuators in a recording, on a grid if a controller held them."""
     model, hold = mechanism.model, mechanism.file.hold
-    t = recording.t if hold is None else np.arange(0.0, recording.t[-1] + hold, hold)
+    t = np.arange(0.0, recording.t[-1] + hold, hold) if hold else recording.t
     row = np.clip(
         np.searchsorted(recording.t, t + TIME_ROUNDING, side="right") - 1, 0, None
     )
@@ -130,7 +129,7 @@ def _commanded(model: Any, name: str) -> Signal:
         weights=np.zeros(model.njnt),
         floor=EXACT,
         actuator=motor.id,
-        gear=float(motor.gear[0]),
+        gear=motor.gear[0],
     )
 
 
@@ -213,7 +212,7 @@ class SplitModel:
         found.jnt_user[:] = 0.0
         found.jnt_user[self.motor] = edited.jnt_user
         found.jnt_user[:, 0] = found.njnt
-        found.jnt_user[:, 1] = float(np.mean(edited.jnt_user[:, 1]))
+        found.jnt_user[:, 1] = np.mean(edited.jnt_user[:, 1])
 
 
 class PivotModel(SplitModel):
@@ -254,7 +253,7 @@ class ForwardDynamics(MechanismSubject):
         self._laws = frozenset(  # which a simulation adds to MuJoCo's own forces
             e.name
             for e in library().values()
-            if e.law is not None and e.applies(mechanism) and not e.by_fields(mechanism)
+            if e.law and e.applies(mechanism) and not e.by_fields(mechanism)
         )
         self._settle = round(
             (mechanism.file.start.settle or 0.0) / mechanism.model.opt.timestep
@@ -273,8 +272,8 @@ class ForwardDynamics(MechanismSubject):
         halved = replace(m, model=model, recordings=m.recordings[:1])
         finer = ForwardDynamics(halved)._stated_residuals()
         run = self.runs[0]
-        change = float(
-            np.nanmax(np.abs(self._stated_residuals() - finer) / run.samples.reading)
+        change = np.nanmax(
+            np.abs(self._stated_residuals() - finer) / run.samples.reading
         )
         if change > THIRD:
             raise ConfigurationError(
@@ -323,9 +322,7 @@ class ForwardDynamics(MechanismSubject):
         diverges.
         """
         by_motion: dict[Hashable, list[int]] = {}
-        for i in sorted(
-            range(len(cases)), key=lambda i: float(cases[i].content.cut.t[-1])
-        ):
+        for i in sorted(range(len(cases)), key=lambda i: cases[i].content.cut.t[-1]):
             by_motion.setdefault(cases[i].motion, []).append(i)
         groups = list(by_motion.values())
         found: dict[int, Array] = {}
@@ -360,7 +357,7 @@ class ForwardDynamics(MechanismSubject):
         models.
         """
         step = self.mechanism.model.opt.timestep
-        span = max(float(c.content.cut.t[-1]) for c in cases)
+        span = max(c.content.cut.t[-1] for c in cases)
         steps = int(np.ceil(span / step)) + 2
         commands = [
             c.content.commands.at_steps(step, steps, c.readings.command) for c in cases
@@ -410,7 +407,7 @@ class ForwardDynamics(MechanismSubject):
         """Deviation of the states of n cases by elasticity or play: split less rigid
         models.
         """
-        if self._split_model is None:
+        if not self._split_model:
             make = PivotModel if self.mechanism.mode is PLANAR else SplitModel
             self._split_model = make(self.mechanism)
         pairs = zip(models, cases, strict=True)
@@ -466,4 +463,5 @@ class ForwardDynamics(MechanismSubject):
             + bias[1] * gear * q[joint]
             + bias[2] * gear * v[joint]
         )
-        return np.asarray(np.clip(force, *limits) * gear / signal.gear)
+        torque: Array = np.clip(force, *limits) * gear / signal.gear
+        return torque

@@ -73,13 +73,13 @@ class InverseDynamics(MechanismSubject):
         given = [i for i, j in enumerate(joints) if inputs.get(j.name) == "position"]
         compared = [s.joint for s in mechanism.compared("torque")]
         self._loop = ClosedLoops(model, given, compared, origin) if model.neq else None
-        if self._loop is None and len(given) < model.njnt:
+        if not self._loop and len(given) < model.njnt:
             missing = next(j.name for i, j in enumerate(joints) if i not in given)
             raise ConfigurationError(
                 f"{origin}: inputs.{missing}: is missing; in mode prescribed every"
                 " joint's motion is given: add it as position"
             )
-        independent = given if self._loop is None else self._loop.independent
+        independent = self._loop.independent if self._loop else given
         self._joints = [joints[i].name for i in independent]
         recordings = [*map(self._with_standing, mechanism.recordings)]
         self._cutoff = cutoff_of(recordings, self._joints, mechanism.pace)
@@ -109,7 +109,7 @@ class InverseDynamics(MechanismSubject):
         for joint in self._loop.stand if self._loop else ():
             yield f"joint {model.joint(joint).name} has no column: it stands still"
         gap = 0.0
-        if self._loop is not None and len(given) == model.nv:
+        if self._loop and len(given) == model.nv:
             for r in self.mechanism.recordings:
                 known = r.poses([j.name for j in self.mechanism.joints])[::CHECK_EVERY]
                 if len(known):
@@ -191,7 +191,7 @@ class InverseDynamics(MechanismSubject):
         low, high = np.vstack([model.jnt_range, model.tendon_range]).T
         edge = np.append(model.jnt_margin, model.tendon_margin) + NEAR * (high - low)
         joint_limited = model.jnt_limited > 0
-        if self._loop is not None:  # others bear no part of a compared torque
+        if self._loop:  # others bear no part of a compared torque
             joint_limited = joint_limited & ~self._loop.apart
         limited = np.append(joint_limited, model.tendon_limited > 0)
         barred = ((at < low + edge) | (at > high - edge)) @ limited
@@ -322,7 +322,7 @@ class InverseDynamics(MechanismSubject):
         user[:, torques().at[DRY_FRICTION.name]] += model.dof_frictionloss
         applied = torques().along(q, v, inverse, user)
         for effect, values in case.known:
-            if effect.path is not None:
+            if effect.path:
                 applied = applied + effect.path(self.mechanism, values, motion.t, q, v)
         self._stick(applied, model, forces, motion.torques, q, v, inverse, user)
         return self._readings(model, forces, inverse - applied)
@@ -380,7 +380,7 @@ class InverseDynamics(MechanismSubject):
         """
         if forces is None:
             return required[:, sensor.joint]
-        gear = float(self._model.actuator_gear[sensor.actuator, 0])
+        gear = self._model.actuator_gear[sensor.actuator, 0]
         return np.asarray(
             gear * np.einsum("mn,mn->m", forces[:, sensor.actuator], required)
         )

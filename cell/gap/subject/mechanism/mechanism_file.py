@@ -89,7 +89,7 @@ class SignalSpec(Settings):
             raise ValueError(f"is: of a {self.owner} is one of {kinds}")
         if (self.axis is not None) != (self.owner == "site"):
             raise ValueError("axis: x, y or z, of a site alone")
-        if self.side is not None and self.is_ != "torque":
+        if self.side and self.is_ != "torque":
             raise ValueError("side: joint or motor, of a torque alone")
         return self
 
@@ -141,7 +141,7 @@ class UncertainSpec(Settings):
             raise ValueError(
                 f"field {self.field} belongs to a {owner}: name it, and nothing else"
             )
-        if self.axis is not None and self.field != "com":
+        if self.axis and self.field != "com":
             raise ValueError("axis: x, y or z, of a com alone")
         return self
 

@@ -221,7 +221,7 @@ def tip(model: Any) -> tuple[int, Array]:
     """
     body = int(np.max(model.jnt_bodyid))
     places = [*model.site_pos[model.site_bodyid == body], 2.0 * model.body_ipos[body]]
-    return body, np.array(max(places, key=lambda p: float(np.linalg.norm(p))))
+    return body, np.array(max(places, key=np.linalg.norm))
 
 
 def scale_gain(edited: Any, actuator: int, factor: float) -> None:
@@ -234,7 +234,7 @@ def add_point(edited: Any, mass: float, body: int, place: Array) -> None:
     """Add a point `mass` [kg] at `place` (3,) [m] in a body's frame to its mass and
     inertia.
     """
-    stated, com = float(edited.body_mass[body]), np.array(edited.body_ipos[body])
+    stated, com = edited.body_mass[body], np.array(edited.body_ipos[body])
     rotation = np.zeros(9)
     mujoco.mju_quat2Mat(rotation, np.array(edited.body_iquat[body]))
     axes = rotation.reshape(3, 3)
@@ -325,7 +325,7 @@ def base_of(mechanism: Mechanism) -> tuple[BaseParameter, ...]:
     ]
     names = [b.parameter.name for b in found]
     twice = next((n for n in names if names.count(n) > 1), None)
-    if twice is not None:
+    if twice:
         raise ConfigurationError(f"{origin}: {twice} is listed twice; keep one")
     return tuple(found)
 
@@ -407,10 +407,10 @@ def _access(
     """
     model: Any = mechanism.model
     if field == "mass":
-        start = float(model.body_mass[i])
+        start = model.body_mass[i]
         return start, lambda f, v: _set_mass(f, i, v), start
     if field == "inertia":
-        start = float(model.body_inertia[i].max())
+        start = model.body_inertia[i].max()
         return (
             start,
             lambda f, v: setitem(f.body_inertia, i, v / start * f.body_inertia[i]),
@@ -425,18 +425,18 @@ def _access(
     if field == "com":
         k, place = "xyz".index(axis), model.body_ipos[i]
         size = float(np.linalg.norm(place))
-        return float(place[k]), lambda f, v: setitem(f.body_ipos, (i, k), v), size
+        return place[k], lambda f, v: setitem(f.body_ipos, (i, k), v), size
     joint = mechanism.joints[i]
     name, size = {
         "stiffness": ("jnt_stiffness", joint.torque),
         "damping": ("dof_damping", joint.torque / joint.rate),
         "armature": ("dof_armature", joint.inertia),
     }[field]
-    start = float(getattr(model, name)[i])
+    start = getattr(model, name)[i]
     return start, lambda f, v: setitem(getattr(f, name), i, v), start or size
 
 
 def _set_mass(edited: Any, i: int, value: float) -> None:
     """Set a body's mass [kg], and scale its inertia in proportion."""
-    edited.body_inertia[i] *= value / float(edited.body_mass[i])
+    edited.body_inertia[i] *= value / edited.body_mass[i]
     edited.body_mass[i] = value

@@ -298,7 +298,7 @@ def _sizes(element: ET.Element) -> dict[str, int]:
     sizes = {}
     for key, text in element.attrib.items():
         number = WHOLE.fullmatch(text)
-        if number is not None and SIZE_KEY.fullmatch(key):
+        if number and SIZE_KEY.fullmatch(key):
             sizes[key] = int(number[1]) << 10 * " KMGT".index(number[2] or " ")
     return sizes
 

@@ -91,7 +91,7 @@ def _cutoff(recording: Recording, joints: Sequence[str]) -> float:
 def _grid(recording: Recording) -> Array:
     """Even times (m,) [s] over a recording, with the median step of its readings."""
     t = recording.t
-    return np.arange(0.0, t[-1], max(float(np.median(np.diff(t))), t[-1] / GRID))
+    return np.arange(0.0, t[-1], max(np.median(np.diff(t)), t[-1] / GRID))
 
 
 def _resample(recording: Recording, names: Sequence[str], grid: Array) -> Array:
@@ -135,17 +135,17 @@ def motion_of(
     grid = _grid(recording)
     dt = grid[1] - grid[0]
     raw, measured = (_resample(recording, names, grid) for names in (joints, torques))
-    longest = max(BRIDGED / cutoff, STEPS * float(np.median(np.diff(recording.t))))
+    longest = max(BRIDGED / cutoff, STEPS * np.median(np.diff(recording.t)))
     wide = min(WIDER * cutoff, 0.8 * np.pi / dt)
     cutoff = min(cutoff, wide)
     filtered = _low_pass(raw, dt, wide)
     stride = max(1, int(1.0 / wide / dt))
-    q = filtered.T if loops is None else loops.close(filtered.T)
+    q = loops.close(filtered.T) if loops else filtered.T
     excluded = _gaps(recording, [*joints, *torques], grid, longest) | barred(
         q, measured
     )
     moves, forces = np.eye(len(joints))[None], None
-    if loops is not None:
+    if loops:
         forces, moves, movable = loops.maps(q[::stride])
         excluded |= np.repeat(~movable, stride)[: len(grid)]
     reach = min(round(SETTLED / cutoff / dt), len(grid) // 10)
@@ -174,7 +174,8 @@ def _low_pass(x: Array, dt: float, cutoff: float) -> Array:
     """Rows x (n, m) in steps of `dt` [s], filtered by a low pass at `cutoff`
     [rad/s].
     """
-    return np.asarray(filtfilt(*butter(ORDER, cutoff * dt / np.pi), x, axis=-1))
+    slow: Array = filtfilt(*butter(ORDER, cutoff * dt / np.pi), x, axis=-1)
+    return slow
 
 
 def _derivatives(t: Array, x: Array) -> tuple[Array, Array, Array]:

@@ -195,7 +195,7 @@ def _write_joints(root: ET.Element, m: Mechanism, edited: Any) -> None:
         if _changed(m, edited, i, "dof_frictionloss"):
             element.set("solimpfriction", _text(edited.dof_solimp[i]))
         if _changed(m, edited, i, "qpos_spring"):
-            rest = float(edited.qpos_spring[i])
+            rest = edited.qpos_spring[i]
             turn = 1.0 if radian or not joint.hinge else 180.0 / math.pi
             element.set("springref", _text([rest * turn]))
 

@@ -135,13 +135,13 @@ def read_checked(folder: RunFolder, mechanism: Mechanism) -> Recording:
     is_hinge = model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE
     hinges = [model.joint(i).name for i in range(model.njnt) if is_hinge[i]]
     recording = read_recording(folder, mechanism.file, hinges)
-    apart = float(np.median(np.diff(recording.t)))
+    apart = np.median(np.diff(recording.t))
     if mechanism.mode is PLANAR and apart > (most := SPARSEST / _fastest_swing(model)):
         raise ConfigurationError(
             f"{folder.path / ANGLES}: t: rows are {apart:g} s apart, at most {most:.2g}"
             " s shows this pendulum's swings; t is in s"
         )
-    if recording.load is not None:
+    if recording.load:
         number_of(
             model, "body", recording.load.body, f"{recording.name}: {RUN}: load", "body"
         )
@@ -185,11 +185,11 @@ def _signal(name: str, spec: SignalSpec, mode: Mode, model: Any, origin: str) ->
             )
         joint = int(model.actuator_trnid[actuator, 0])
         if (spec.side or ("joint" if owner == "joint" else "motor")) == "motor":
-            gear = float(model.actuator_gear[actuator, 0])
+            gear = model.actuator_gear[actuator, 0]
     elif owner == "joint":
         joint = number
-        weights[0 if mode.group else joint : joint + 1] = float(kind != "tracking")
-    elif spec.axis is not None:
+        weights[0 if mode.group else joint : joint + 1] = kind != "tracking"
+    elif spec.axis:
         joint = 3 * number + "xyz".index(spec.axis)
     else:
         weights = _sum_of_joints(model, number)
@@ -226,9 +226,7 @@ def _with_noise(
         else spec.sigma
     )
     if signal.kind == "torque":
-        floor = FLOOR * float(
-            np.nanstd(np.concatenate([r.columns[name] for r in recordings]))
-        )
+        floor = FLOOR * np.nanstd(np.concatenate([r.columns[name] for r in recordings]))
     return replace(signal, sigma=float(sigma), floor=floor)
 
 
@@ -244,7 +242,7 @@ def _sum_of_joints(model: Any, number: int) -> Array:
         first = int(model.tendon_adr[number])
         for w in range(first, first + int(model.tendon_num[number])):
             if int(model.wrap_type[w]) == int(mujoco.mjtWrap.mjWRAP_JOINT):
-                row[int(model.wrap_objid[w])] += float(model.wrap_prm[w])
+                row[int(model.wrap_objid[w])] += model.wrap_prm[w]
     return row
 
 
@@ -293,9 +291,9 @@ def _measured_joints(mechanism: Mechanism) -> tuple[Joint, ...]:
                 name,
                 hinge,
                 actuator_on(model, i),
-                float(torque),
-                float(rate or swing),
-                float(inertia),
+                torque,
+                rate or swing,
+                inertia,
                 travel,
             )
         )
@@ -314,9 +312,9 @@ def _motion(recordings: Sequence[Recording], column: str) -> tuple[float, float,
         v = np.gradient(x, t)
         rates.append(np.mean(v**2))
         accelerations.append(np.mean(np.gradient(v, t) ** 2))
-        travels.append(float(np.ptp(x)))
+        travels.append(np.ptp(x))
     rate, acceleration = np.sqrt(np.mean([rates, accelerations], axis=1))
-    return float(rate), float(acceleration), max(travels)
+    return rate, acceleration, max(travels)
 
 
 def start_of(mechanism: Mechanism, recording: Recording) -> tuple[Array, Array]:
@@ -334,8 +332,8 @@ def start_of(mechanism: Mechanism, recording: Recording) -> tuple[Array, Array]:
         t, x = recording.known(signal.name)
         begin = int(np.searchsorted(t, recording.t[near - 1], side="right"))
         fitted = np.polynomial.Polynomial.fit(t[:begin], x[:begin], 3)
-        positions.append(float(x[0]))
-        slopes.append(float(fitted.deriv()(0.0)))
+        positions.append(x[0])
+        slopes.append(fitted.deriv()(0.0))
     rates = slopes if recording.rates is None else recording.rates
     measured = inverse @ positions
     q = measured if spec.position == "measured" else np.full(n, spec.position)
@@ -358,7 +356,7 @@ def initial_state(
         Parameter(
             f"{name}_{joint.name}",
             unit,
-            float(value),
+            value,
             -np.inf,
             np.inf,
             step=1e-5 * times,

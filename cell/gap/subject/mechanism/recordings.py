@@ -137,7 +137,7 @@ def read_recording(
             f"{path}: {kind}: is {name!r}, but the file describes {file.name}; give"
             f" runs of one {kind} and its file, or its strip file"
         )
-    if swings and head.sigma.angle is None:
+    if swings and not head.sigma.angle:
         raise ConfigurationError(
             f"{path}: sigma.angle: is missing; add the noise in rad"
         )
@@ -195,9 +195,9 @@ def _check_rates(slope: Array, rates: Array, path: Path) -> None:
     """Refuse stated rates (n, m) [rad/s] unlike the measured angles' `slope` (n, m)
     [rad/s].
     """
-    if float(np.quantile(np.abs(slope), 0.99)) < SLOWEST_CHECKED:
+    if np.quantile(np.abs(slope), 0.99) < SLOWEST_CHECKED:
         return
-    ratio = float((rates * slope).sum() / (slope * slope).sum())
+    ratio = (rates * slope).sum() / (slope * slope).sum()
     if not 0.5 < ratio < 2.0:
         raise ConfigurationError(
             f"{path}: omega: is {ratio:.3g} times the rate of theta; t is in s, angles"
@@ -212,7 +212,7 @@ def _signal_table(folder: Path, file: MechanismFile, hinges: Sequence[str]) -> R
     path = folder / SIGNALS
     if file.cell and not path.is_file():
         path = folder / JOINTS
-        table = arm_columns(path)
+        table = _arm_columns(path)
     else:
         table = read_table(path)
     t = clock_of(table, path, SIGNAL_ROWS)
@@ -230,7 +230,7 @@ def _signal_table(folder: Path, file: MechanismFile, hinges: Sequence[str]) -> R
     return table, None, _unwrap(angles, t, table, path)
 
 
-def arm_columns(path: Path) -> dict[str, Array]:
+def _arm_columns(path: Path) -> dict[str, Array]:
     """Columns (m,) of a mechanism, by name, from the table of a robot's joints at
     `path`.
 
@@ -306,9 +306,9 @@ def _spreads(t: Array, x: Array) -> tuple[float, float]:
     width = max(1, len(x) // PACE_READINGS)
     whole = len(x) // width * width
     times, means = (a[:whole].reshape(-1, width).mean(axis=1) for a in (t, x))
-    spread = float(means.std())
-    rate = float(np.gradient(means, times).std()) if len(means) > 2 else 0.0
-    above_noise = rate * float(np.diff(times).mean()) < NOISY * spread
+    spread = means.std()
+    rate = np.gradient(means, times).std() if len(means) > 2 else 0.0
+    above_noise = rate * np.diff(times).mean() < NOISY * spread
     return spread, rate if above_noise else 0.0
 
 
@@ -318,7 +318,7 @@ def cut_recording(recording: Recording, columns: Sequence[str], least: float) ->
     Readings in which a column is absent are left out, and of a sample all but
     PER_BLOCK.
     """
-    width = max(least, float(recording.t[-1]) * PER_BLOCK / MOST_READINGS)
+    width = max(least, recording.t[-1] * PER_BLOCK / MOST_READINGS)
     values = np.array([recording.columns[c] for c in columns])
     good = np.flatnonzero(np.isfinite(values).all(axis=0))
     starts = np.flatnonzero(np.diff(np.floor(recording.t[good] / width))) + 1
@@ -331,7 +331,8 @@ def _thinned(rows: NDArray[np.int64]) -> NDArray[np.int64]:
     """At most PER_BLOCK of `rows`, evenly spread."""
     count = min(len(rows), PER_BLOCK)
     chosen = np.linspace(0, len(rows) - 1, count).round().astype(np.int64)
-    return np.asarray(rows[chosen])
+    thinned: NDArray[np.int64] = rows[chosen]
+    return thinned
 
 
 def phases(speed: Array) -> Words:

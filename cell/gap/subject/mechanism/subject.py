@@ -7,7 +7,7 @@ from abc import abstractmethod
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -176,7 +176,7 @@ class MechanismSubject(Subject):
         key, factor, tolerance = KINDS[kind]
         if kind == "torque":
             spread = [np.nanstd(r.columns[channel]) for r in self.mechanism.recordings]
-            tolerance *= float(np.sqrt(np.mean(np.square(spread))))
+            tolerance *= np.sqrt(np.mean(np.square(spread)))
         return Quantity(f"{channel}_{key}", factor, UNITS.get(key, key), tolerance)
 
     def _run(self, recording: Recording) -> Run:
@@ -186,7 +186,7 @@ class MechanismSubject(Subject):
             recording, [s.name for s in signals], BLOCK / self.mechanism.pace
         )
         content = self._content(recording, cut)
-        if recording.sigma is not None:
+        if recording.sigma:
             signals = tuple(replace(s, sigma=recording.sigma) for s in signals)
         local = initial_state(self.mechanism, content.start) if content.start else ()
         local += tuple(source.parameter for source in self._scatter.values())
@@ -246,16 +246,16 @@ class MechanismSubject(Subject):
         """
         m, edited = self.mechanism, copy.copy(model)
         for b, value in zip(m.base, base, strict=True):
-            b.put(edited, float(value))
-        if load is not None:
+            b.put(edited, value)
+        if load:
             add_point(edited, load.mass, m.model.body(load.body).id, np.array(load.com))
         for effect, values in effects:
             if not values.any():
                 continue
-            if effect.law is not None and not effect.by_fields(m):
+            if effect.law and not effect.by_fields(m):
                 at, table = torques().at[effect.name], effect.table(m, values)
                 edited.jnt_user[:, at : at + len(table)] = table.T
-            elif effect.edit is not None:
+            elif effect.edit:
                 effect.edit(m, values, edited)
         return edited
 
@@ -329,4 +329,5 @@ class MechanismSubject(Subject):
 
 def content_of(run: Run) -> Content:
     """Content of a mechanism's `run`: its readings and the inputs of its prediction."""
-    return cast(Content, run.content)
+    content: Content = run.content
+    return content

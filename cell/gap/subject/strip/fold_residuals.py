@@ -71,13 +71,13 @@ def phases(run: MeasuredRun, t: Array) -> Words:
     speed, back = _averaged_motion(run, t)
     speeds, _ = _averaged_motion(run, np.arange(run.t[0], run.end, SPEED_INTERVAL))
     moving = speeds > STANDING_SPEED
-    usual_speed = float(np.median(speeds[moving])) if moving.any() else GUESSED_SPEED
+    usual_speed = np.median(speeds[moving]) if moving.any() else GUESSED_SPEED
     risen = run.poses[:, 1] >= TAKEOVER_HEIGHT
     lifted = run.t[np.argmax(risen)] if risen.any() and not run.hanging else run.end
     words = np.full(len(t), "carry", dtype="U8")
     words[back > RETURN_SPEED * usual_speed] = "return"
     words[speed < HOLD_SPEED * usual_speed] = "hold"
-    if run.touch is not None:
+    if run.touch:
         words[t > run.end - FALL] = "fall"
     words[t < lifted] = "lift"
     return words
@@ -153,7 +153,7 @@ def layout(run: MeasuredRun, length: float) -> Layout:
     )
     force = _force_part(run, length, 0), _force_part(run, length, 1)
     # a camera's error shifts the whole image
-    fraction = float(np.hypot(1.0, (run.plane_error or 0.0) / FLOORS["profile"]))
+    fraction = np.hypot(1.0, (run.plane_error or 0.0) / FLOORS["profile"])
     columns = [
         *_columns(profile, "profile", fraction * FLOORS["profile"], by_zone=True),
         *_columns(contact, "contact_x", fraction * FLOORS["contact_x"]),
@@ -190,7 +190,7 @@ def _part(
     """
     # compared are times after the lift's start, before snap and touch
     lifted = run.hanging | (np.interp(t, run.t, run.travel) >= GRIP_TRAVEL)
-    end = run.end - (SNAP if run.touch is not None else 0.0)
+    end = run.end - (SNAP if run.touch else 0.0)
     compared = lifted & (t >= run.t[0]) & (t < end)
     used = np.flatnonzero(compared if left_out is None else compared & ~left_out)
     phase = phases(run, t)
@@ -254,7 +254,7 @@ def _touch_columns(run: MeasuredRun) -> list[Columns]:
     There are none without a touch. l1 and l2 are measured alike, so that their
     difference and their mean err independently.
     """
-    if run.touch is None:
+    if not run.touch:
         return []
     sigma, floor = run.sigma.displacement, FLOORS["displacement"]
     sizes = {
@@ -296,7 +296,7 @@ class FoldResiduals:
         """Residuals against the simulated `motion` of `model`; NaN where the motion is
         None.
         """
-        if motion is None:
+        if not motion:
             lost = np.full(len(self.layout.samples), np.nan)
             return Residuals(lost, lost.copy())
         profile, force = self.layout.profile, self._force_residuals(model, motion)
@@ -388,10 +388,10 @@ class FoldResiduals:
 
         Both are empty (0,) where the run measured no touch.
         """
-        if self.run.touch is None:
+        if not self.run.touch:
             return np.empty(0), np.empty(0)
         simulated = simulated_touch(self.run, model, motion)
-        if simulated is None:
+        if not simulated:
             return np.full(3, np.nan), np.full(3, np.nan)
         mean = _touch_values(self.run.touch) - _touch_values(simulated)
         return mean, mean**2
@@ -406,7 +406,7 @@ def simulated_touch(
 
     Along the reported `path` the gripper moves; `motion` is the true one.
     """
-    if motion.touch is None:
+    if not motion.touch:
         return None
     grip = interpolate_columns(motion.touch.time, motion.t, motion.poses)
     stamp = image_stamp(model.observation, motion.touch.time)

@@ -47,7 +47,7 @@ def curvature(before: Any, after: Any) -> Any:
 
 
 @kernel
-def distances_to_segment(
+def _distances_to_segment(
     curve: Any, q: int, base: Any, bend: float, x: float, z: float
 ) -> Any:
     """Distance [m] of point x, z from segment `q`, and signed one (left positive) from
@@ -70,7 +70,7 @@ def distances_to_segment(
 
 
 @kernel
-def signed_distance(curve: Any, q: int, x: float, z: float) -> Any:
+def _signed_distance(curve: Any, q: int, x: float, z: float) -> Any:
     """Signed distance [m], left positive, of point x, z from the nearer segment at node
     `q`.
     """
@@ -85,7 +85,7 @@ def signed_distance(curve: Any, q: int, x: float, z: float) -> Any:
             ahead = chord(curve, segment + 1)
             bend_ahead = curvature(base, ahead)
         mean = 0.5 * (bend + bend_ahead)
-        distance, signed = distances_to_segment(curve, segment, base, mean, x, z)
+        distance, signed = _distances_to_segment(curve, segment, base, mean, x, z)
         if distance < best:
             best, nearest = distance, signed
         base, bend = ahead, bend_ahead
@@ -93,17 +93,17 @@ def signed_distance(curve: Any, q: int, x: float, z: float) -> Any:
 
 
 @kernel
-def nearest_node(curve: Any, low: int, high: int, x: float, z: float) -> Any:
+def _nearest_node(curve: Any, low: int, high: int, x: float, z: float) -> Any:
     """Index in low..high of the node of `curve` nearest to x, z, by a coarse and a fine
     search.
     """
-    best = nearest_among(curve, range(low, high + 1, STRIDE), x, z)
+    best = _nearest_among(curve, range(low, high + 1, STRIDE), x, z)
     close = range(max(best - STRIDE + 1, low), min(best + STRIDE, high + 1))
-    return nearest_among(curve, close, x, z)
+    return _nearest_among(curve, close, x, z)
 
 
 @kernel
-def nearest_among(curve: Any, nodes: Any, x: float, z: float) -> Any:
+def _nearest_among(curve: Any, nodes: Any, x: float, z: float) -> Any:
     """Index, among the indices `nodes`, of the node of `curve` (n, 2) nearest to point
     x, z.
     """
@@ -116,7 +116,7 @@ def nearest_among(curve: Any, nodes: Any, x: float, z: float) -> Any:
 
 
 @kernel
-def search_window(arc: Any, s: float) -> Any:
+def _search_window(arc: Any, s: float) -> Any:
     """Indices of the first and last node within SEARCH_SPAN of arc length `s` [m]."""
     last = len(arc) - 1
     low = np.searchsorted(arc, min(s, arc[last]) - SEARCH_SPAN) - 1
@@ -144,13 +144,13 @@ def signed_distances(
     curves = interpolate_midlines(shapes, places)
     for p in range(len(points)):
         curve, x, z = curves[image[p]], points[p, 0], points[p, 1]
-        low, high = search_window(arc, near[p])
-        q = nearest_node(curve, low, high, x, z)
-        distances[p] = signed_distance(curve, q, x, z)
+        low, high = _search_window(arc, near[p])
+        q = _nearest_node(curve, low, high, x, z)
+        distances[p] = _signed_distance(curve, q, x, z)
 
 
 @kernel
-def nearest_end(curve: Any, height: float, x: float, contact: float) -> Any:
+def _nearest_end(curve: Any, height: float, x: float, contact: float) -> Any:
     """x [m] nearest to `x` where a lying strip rises above `height` [m], or `contact`
     if nearer.
     """
@@ -180,7 +180,7 @@ def nearest_ends(
     """
     curves = interpolate_midlines(shapes, places)
     for m in range(len(x)):
-        contacts[m] = nearest_end(curves[m], height, x[m], contacts[m])
+        contacts[m] = _nearest_end(curves[m], height, x[m], contacts[m])
 
 
 @entry

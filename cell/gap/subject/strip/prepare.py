@@ -5,7 +5,6 @@ rod.
 import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import cast
 
 import numpy as np
 
@@ -90,13 +89,23 @@ class PreparedFold:
     resolution: Resolution = COARSE
     leader: "PreparedFold | None" = None
 
+    @property
+    def run(self) -> MeasuredRun:
+        """The measured fold."""
+        return self.residuals.run
+
+    @property
+    def samples(self) -> Samples:
+        """Samples of the fold."""
+        return self.residuals.layout.samples
+
     def job(self, hashed: Hashed[StripModel]) -> Job:
         """Simulation of model `hashed` along the measured path, lifted in case of
         hysteresis.
         """
         has_hysteresis = hashed.value.mechanics.law.yield_curvature > 0.0
         path = self.lifted_path if has_hysteresis else self.path
-        height = self.residuals.run.contact_height
+        height = self.run.contact_height
         model = with_field(hashed.value, "observation.contact_height", height)
         digest = hashed.digest + path.digest + struct.pack("<d", height)
         return Job(model, path.value, self.resolution, digest)
@@ -124,7 +133,7 @@ def prepare_runs(
     `scatter` are the quantities that may differ from run to run.
     """
     every = [_fold(run, strip) for run in runs]
-    found = [fold for fold in every if len(fold.residuals.layout.samples)]
+    found = [fold for fold in every if len(fold.samples)]
     stated = [hashed_model(describe(strip, index=f.residuals.run.index)) for f in found]
     folds = _with_leaders(_resolve(found, stated, simulate))
     nominal = [f.job(model) for f, model in zip(folds, stated, strict=True)]
@@ -133,7 +142,7 @@ def prepare_runs(
     for fold, about in zip(
         folds, linearise_folds(folds, nominal, simulate, scatter), strict=True
     ):
-        run, samples = fold.residuals.run, fold.residuals.layout.samples
+        run, samples = fold.run, fold.samples
         bare = Run(
             run.name,
             run.condition,
@@ -168,7 +177,7 @@ def linearise_folds(
     step_errors = _grid_errors(folds, jobs, nominal, simulate, (MEDIUM,))
     linearisations = []
     for i, (fold, job) in enumerate(zip(folds, jobs, strict=True)):
-        limit = LARGEST_CHANGE * fold.residuals.layout.samples.floor
+        limit = LARGEST_CHANGE * fold.samples.floor
         grid_error = _drop_large(grid_errors[i], limit)
         step_error = _drop_large(step_errors[i], limit)
         doubt = np.hypot(TRUSTED * (grid_error - step_error), STEP_TRUSTED * step_error)
@@ -239,8 +248,8 @@ def _is_doubted(fold: PreparedFold, error: Array) -> bool:
     """Whether a finer rod changes the residuals of `fold` by more than DOUBTED floors
     (rms).
     """
-    floors = np.nan_to_num(error / fold.residuals.layout.samples.floor)
-    rms = float(np.linalg.norm(floors) / np.sqrt(max(len(floors), 1)))
+    floors = np.nan_to_num(error / fold.samples.floor)
+    rms: float = np.linalg.norm(floors) / np.sqrt(max(len(floors), 1))
     return rms > DOUBTED
 
 
@@ -270,11 +279,11 @@ def relinearise(run: Run, about: Linearisation) -> Run:
 
     A strip with less damping than stated keeps swinging, where grids differ.
     """
-    fold = cast(PreparedFold, run.content)
-    stated = fold.residuals.layout.samples.floor
+    fold: PreparedFold = run.content
+    stated = fold.samples.floor
     floor = np.maximum(run.samples.floor, np.hypot(stated, about.doubt))
     samples = replace(run.samples, floor=floor)
-    common = _common_errors(fold.residuals.run, samples, about)
+    common = _common_errors(fold.run, samples, about)
     return replace(
         run, samples=samples, common=common, content=replace(fold, linearisation=about)
     )
@@ -334,7 +343,7 @@ def _with_leaders(folds: Sequence[PreparedFold]) -> list[PreparedFold]:
     leader_of = {}
     for fold in sorted(folds, key=lambda f: -f.path.value.t[-1]):
         leader = next((f for f in leaders if _is_replicate(f, fold)), None)
-        if leader is None:
+        if not leader:
             leaders.append(fold)
         leader_of[id(fold)] = leader
     return [replace(fold, leader=leader_of[id(fold)]) for fold in folds]
@@ -344,7 +353,7 @@ def _is_replicate(longer: PreparedFold, fold: PreparedFold) -> bool:
     """Whether the path of `longer` can be simulated in place of `fold`, which ends no
     later.
     """
-    if longer.residuals.run.contact_height != fold.residuals.run.contact_height:
+    if longer.run.contact_height != fold.run.contact_height:
         return False
     first, second = longer.path.value, fold.path.value
     if first.hanging != second.hanging or abs(first.t[0] - second.t[0]) > SAME_START:

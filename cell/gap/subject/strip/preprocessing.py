@@ -106,7 +106,7 @@ def images_of(profile: Profile, grip: Array, length: float, sigma: float) -> Ima
         row += len(curve)
         if stamp < last_stamp + IMAGE_INTERVAL:
             continue
-        inliers = curve[inlier_mask(curve, sigma)]
+        inliers = curve[_inlier_mask(curve, sigma)]
         if len(inliers) < FEWEST_POINTS:
             continue
         to_gripper = np.hypot(
@@ -122,15 +122,16 @@ def images_of(profile: Profile, grip: Array, length: float, sigma: float) -> Ima
     return Images.of(stamps, points, places)
 
 
-def inlier_mask(curve: Array, sigma: float) -> NDArray[np.bool_]:
+def _inlier_mask(curve: Array, sigma: float) -> NDArray[np.bool_]:
     """Mask (n,) of the points of a curve (n, 2) [m] near its running median: no
     outliers.
     """
     if len(curve) <= MEDIAN_WINDOW:
         return np.ones(len(curve), dtype=bool)
     off = np.hypot(*(curve - _running_median(curve)).T)
-    spacing = float(np.median(np.hypot(*np.diff(curve, axis=0).T)))
-    return np.asarray(off < OUTLIER_SIGMAS * sigma + spacing)
+    spacing = np.median(np.hypot(*np.diff(curve, axis=0).T))
+    near: NDArray[np.bool_] = off < OUTLIER_SIGMAS * sigma + spacing
+    return near
 
 
 def _running_median(curve: Array) -> Array:

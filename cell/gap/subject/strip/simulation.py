@@ -222,7 +222,7 @@ def _condense(motion: StripMotion, resolution: Resolution) -> SimulatedMotion:
     if not len(shapes):
         flat = np.stack([arc * motion.poses[0, 0], np.zeros_like(arc)], axis=1)
         shapes = flat[None].astype(np.float32)
-    begin = float(motion.t[0]) - resolution.dt + SHAPE_PERIOD
+    begin = motion.t[0] - resolution.dt + SHAPE_PERIOD
     force = mean_force(motion.t, motion.grip_force)
     return SimulatedMotion(
         motion.t,

@@ -5,7 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache, partial
 from itertools import islice
 from pathlib import Path
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -167,7 +167,7 @@ class StripSubject(Subject):
         has_force = any(run.has_force for run in self._measured)
         contacts = [run.contact_x for run in self._measured if len(run.contact_x)]
         # m, beyond which the strip lifts off the desk; 0 where no image shows it
-        lifted = min((float(np.quantile(x, QUANTILE)) for x in contacts), default=0.0)
+        lifted = min((np.quantile(x, QUANTILE) for x in contacts), default=0.0)
         self.scope = scope(strip, lifted, has_force=has_force).withhold(
             without, registry()
         )
@@ -243,7 +243,7 @@ class StripSubject(Subject):
 
     def draw_measured(self, run: Run) -> Scene:
         """Drawing of the measured fold of `run`."""
-        return measured_scene(cast(PreparedFold, run.content).residuals.run)
+        return _measured_scene(run.content.residuals.run)
 
     def draw_simulated(self, requests: Sequence[Request]) -> list[Scene | None]:
         """Drawings of the simulated folds, one for each request; None without a
@@ -251,7 +251,7 @@ class StripSubject(Subject):
         """
         folds, jobs = self._jobs_of(requests)
         return [
-            None if motion is None else simulated_scene(fold, job.model, motion)
+            _simulated_scene(fold, job.model, motion) if motion else None
             for fold, job, motion in zip(
                 folds, jobs, self._simulation(jobs), strict=True
             )
@@ -275,9 +275,7 @@ class StripSubject(Subject):
         next_index = 1 + max(run.index for run in self._measured)
         runs = planned_runs(self.file, self._measured[0].sigma, next_index)
         ready = prepare_runs(runs, self.file, self._simulation)
-        planned = [
-            (run, cast(PreparedFold, run.content).residuals.run) for run in ready
-        ]
+        planned = [(run, run.content.residuals.run) for run in ready]
         return [
             Experiment(run.name, instruction(fold), SET_UP + fold.end / 60.0, run)
             for run, fold in planned
@@ -298,7 +296,7 @@ class StripSubject(Subject):
 
         For a response, one fold is simulated that stands for all its replicates.
         """
-        folds = [cast(PreparedFold, request.run.content) for request in requests]
+        folds = [request.run.content for request in requests]
         jobs = [
             ((request.response and fold.leader) or fold).job(self._model(request))
             for request, fold in zip(requests, folds, strict=True)
@@ -344,14 +342,15 @@ def _touch_errors(run: Run, residuals: Residuals) -> Array:
     """Errors (k, 2) [sigma] of a simulation in the displacement of a run's touch, as
     measured and with l1 and l2 swapped.
     """
-    touch = cast(PreparedFold, run.content).residuals.run.touch
-    if touch is None:
+    touch = run.content.residuals.run.touch
+    if not touch:
         return np.empty((0, 2))
     swapped = residuals.mean - 2.0 * touch.displacement
     errors = np.stack([residuals.mean, swapped], axis=1)
     rows = (run.samples.quantity == "displacement") & np.isfinite(residuals.mean)
     sigma = np.hypot(run.samples.noise, run.samples.floor)
-    return np.asarray(errors[rows] / sigma[rows, None])
+    in_sigma: Array = errors[rows] / sigma[rows, None]
+    return in_sigma
 
 
 def open_strip(
@@ -377,7 +376,7 @@ CONTACT_SIGNAL, DISTANCE_SIGNAL = (
 )
 
 
-def measured_scene(run: MeasuredRun) -> Scene:
+def _measured_scene(run: MeasuredRun) -> Scene:
     """Drawing of a measured fold, up to the touch of its layers or to its last row."""
     images, t = run.images, run.t[run.t <= run.end][::DRAWN_STRIDE]
     grip = interpolate_columns(t, run.t, run.poses[:, :2])
@@ -394,7 +393,7 @@ def measured_scene(run: MeasuredRun) -> Scene:
     )
 
 
-def simulated_scene(
+def _simulated_scene(
     fold: PreparedFold, model: StripModel, motion: SimulatedMotion
 ) -> Scene:
     """Drawing of `fold` as simulated with `model`.
@@ -402,7 +401,7 @@ def simulated_scene(
     Distances are of the images that are compared: not those of the first lift and of
     the snap.
     """
-    run = fold.residuals.run
+    run = fold.run
     contact_t = run.contact_t[run.contact_t <= run.end]
     true = np.interp(
         imaged_time(model.observation, contact_t), motion.t, motion.contact_x
@@ -436,9 +435,7 @@ def _distances(
     """
     order = np.sort(fold.residuals.layout.profile.order)
     distances = fold.residuals.distances(model, motion, order)
-    compared, image = np.unique(
-        fold.residuals.run.images.image[order], return_inverse=True
-    )
+    compared, image = np.unique(fold.run.images.image[order], return_inverse=True)
     return compared, np.sqrt(np.bincount(image, distances**2) / np.bincount(image))
 
 
@@ -451,7 +448,7 @@ def _touch_event(touch: Touch | None) -> tuple[tuple[float, str], ...]:
     """Pair of time [s] and text of the `touch`, with its displacement; empty without a
     touch.
     """
-    if touch is None:
+    if not touch:
         return ()
     return (
         (touch.time, f"layer_touch, displacement {1e3 * touch.displacement:.1f} mm"),

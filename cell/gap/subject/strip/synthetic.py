@@ -150,7 +150,7 @@ def measured_along(
 def _measure(name: str, fold: Fold, sigma: Sigma, index: int) -> MeasuredRun:
     """Noise-free measurements of a simulated fold, up to its touch."""
     path = fold.path
-    end = float(path.t[-1]) if fold.motion.touch is None else fold.motion.touch.time
+    end = fold.motion.touch.time if fold.motion.touch else path.t[-1]
     travel = arc_lengths(path.poses[:, :2])
     height = fold.model.observation.contact_height
     following = np.searchsorted(
@@ -158,7 +158,7 @@ def _measure(name: str, fold: Fold, sigma: Sigma, index: int) -> MeasuredRun:
     )
     chosen = np.unique(np.minimum(following, len(fold.shape_t) - 1))
     shapes, stamps = fold.motion.shapes[chosen], frozen(fold.shape_t[chosen])
-    force_t = path.t[path.t <= end] if sigma.force is not None else np.empty(0)
+    force_t = path.t[path.t <= end] if sigma.force else np.empty(0)
     return MeasuredRun(
         name,
         name,
@@ -263,7 +263,7 @@ def _touch(fold: Fold, noise: Sigma, rng: np.random.Generator) -> Touch | None:
     touch.
     """
     measured = simulated_touch(fold.path, fold.model, fold.motion)
-    if measured is None:
+    if not measured:
         return None
     # equal errors of l1 and l2 whose difference, the displacement, has its stated noise
     l1, l2 = rng.normal(
@@ -275,12 +275,12 @@ def _touch(fold: Fold, noise: Sigma, rng: np.random.Generator) -> Touch | None:
 
 def _shape(fold: Fold, stamp: float) -> Array:
     """True midline (nodes, 2) [m] that an image with `stamp` [s] shows."""
-    time = float(imaged_time(fold.model.observation, stamp))
+    time = imaged_time(fold.model.observation, stamp)
     times = fold.shape_t
     after = int(np.clip(np.searchsorted(times, time), 1, len(times) - 1))
     before = after - 1
-    fraction = float(
-        np.clip((time - times[before]) / (times[after] - times[before]), 0.0, 1.0)
+    fraction = np.clip(
+        (time - times[before]) / (times[after] - times[before]), 0.0, 1.0
     )
     first, second = fold.motion.shapes[[before, after]]
     return np.asarray((1 - fraction) * first + fraction * second)
@@ -326,7 +326,7 @@ def _ticks(
     noisy = poses[:, :2] + rng.normal(0.0, noise.gripper, (len(t), 2))
     columns = {"t": t, "x": noisy[:, 0], "z": noisy[:, 1], "pitch": poses[:, 2]}
     columns |= {"x_cmd": poses[:, 0], "z_cmd": poses[:, 1]}
-    columns |= {} if noise.force is None else _forces(fold, t, noise.force, rng)
+    columns |= _forces(fold, t, noise.force, rng) if noise.force else {}
     return pa.table(columns | {"contact_x": contact_x, "contact_t": contact_t})
 
 

@@ -35,14 +35,14 @@ STRUCT_WORDS = 1 << 17  # pointers of a MuJoCo struct that are searched
 _LOCK = threading.Lock()
 
 
-def chain_laws(laws: Sequence[tuple[Callable[..., Array], int, int]]) -> Any:
+def _chain_laws(laws: Sequence[tuple[Callable[..., Array], int, int]]) -> Any:
     """Compile torque `laws` to the function `(q, v, load, p) -> torque` of their
     sum.
     """
     if not laws:
         return kernel(lambda q, v, load, p: 0.0)  # noqa: ARG005
     law, at, keys = laws[0]
-    others = chain_laws(laws[1:])
+    others = _chain_laws(laws[1:])
     own: Any = kernel(law)
 
     def both(q, v, load, p):  # type: ignore[no-untyped-def]
@@ -91,7 +91,7 @@ class TorqueLaws:
         """
         with _LOCK:
             if names not in self._callbacks:
-                law = chain_laws([self._laws[name] for name in sorted(names)])
+                law = _chain_laws([self._laws[name] for name in sorted(names)])
                 self._callbacks[names] = _callback(law, model, self.slots)
             mujoco.set_mjcb_passive(self._callbacks[names].ctypes)
             # MuJoCo reads the clock a dozen times a step
@@ -220,9 +220,7 @@ def library() -> Mapping[str, Effect]:
 @cache
 def torques() -> TorqueLaws:
     """Joint-torque laws of all effects and descriptive terms, compiled together."""
-    return TorqueLaws(
-        [(e.name, e.law, e.keys) for e in library().values() if e.law is not None]
-    )
+    return TorqueLaws([(e.name, e.law, e.keys) for e in library().values() if e.law])
 
 
 def candidates(mechanism: Mechanism) -> tuple[Candidate, ...]:
@@ -246,7 +244,7 @@ def accepted_parameters(mechanism: Mechanism) -> Iterator[Parameter]:
         effect = library()[name]
         starts = ordered_values(effect, mechanism, values)
         for p, start in zip(effect.with_shape(mechanism), starts, strict=True):
-            yield replace(p, name=f"{name}.{p.name}", start=float(start))
+            yield replace(p, name=f"{name}.{p.name}", start=start)
 
 
 def check_effects(mechanism: Mechanism) -> None:

@@ -81,7 +81,7 @@ def _edit_places(mechanism: Mechanism, values: Array, edited: Any) -> None:
 
 def _com_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
     """Offsets of the last body's centre of mass along its axes [m]."""
-    size = 0.01 * max(float(np.abs(mechanism.model.body_ipos).max()), 0.01)
+    size = 0.01 * max(np.abs(mechanism.model.body_ipos).max(), 0.01)
     return tuple(
         p for axis in "xyz" for p in single_parameter(axis, "m", size, signed=True)
     )
@@ -161,7 +161,7 @@ FRAME_TILT = replace(
     parameters=lambda _: single_parameter(
         "angle", "rad", 0.002, signed=True, high=100.0
     ),
-    edit=lambda _, values, edited: _lean(edited, 0.0, -float(values[0])),
+    edit=lambda _, values, edited: _lean(edited, 0.0, -values[0]),
     modes=(PLANAR.name,),
     revealed_by="let it hang still and read the angle",
 )

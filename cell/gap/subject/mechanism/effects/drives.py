@@ -37,8 +37,7 @@ def _ripple_shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
     spring.
     """
     quarters = [
-        float(np.clip(0.5 * np.pi / j.travel, 0.5, 33.0))
-        for j in mechanism.driven.joints
+        np.clip(0.5 * np.pi / j.travel, 0.5, 33.0) for j in mechanism.driven.joints
     ]
     orders = [
         Parameter(
