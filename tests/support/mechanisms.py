@@ -10,7 +10,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import yaml
 
+from cell.gap.open_subject import open_mechanism
 from cell.gap.subject.mechanism.subject import MechanismSubject
+from cell.gap.subject.run_folders import find_runs
 from drivers.base.types import Array
 
 ARM = """<mujoco model="arm">
@@ -108,6 +110,11 @@ def make_arm(
             noisy[n] = columns[n] + rng.normal(0.0, sigma, len(columns[n]))
         write_run(folder / "runs" / f"{i:02d}", noisy, {"mechanism": "arm", "index": i})
     return file, folder / "runs"
+
+
+def opened(file: Path, runs: Path) -> MechanismSubject:
+    """The mechanism of a `file` with the recordings in the folder `runs`."""
+    return open_mechanism(file, find_runs([runs]))
 
 
 def left(subject: MechanismSubject, **effects: Any) -> float:

@@ -70,6 +70,24 @@ def write_swings(folder: Path, runs: Sequence[Made], sigma: float) -> tuple[Path
     return folder / "pendulum.yaml", folder / "runs"
 
 
+def rubbing(_: Array, rate: Array, __: int) -> Array:
+    """Law of dry friction of 0.4 mN m."""
+    return 4e-4 * np.tanh(rate / 0.005)
+
+
+def swings_of(
+    folder: Path, lifts: Sequence[float], seed: int, law: Law | None = None
+) -> tuple[Path, Path]:
+    """Paths of file and runs, in `folder`, of the pendulum released at `lifts` [rad],
+    with a noise of 1 mrad.
+    """
+    rng = np.random.default_rng(seed)
+    made = make_swings(
+        PENDULUM / "model.xml", [np.array([a]) for a in lifts], 1e-3, rng, law
+    )
+    return write_swings(folder, made, 1e-3)
+
+
 def _released(
     model: mujoco.MjModel,
     lift: Array,

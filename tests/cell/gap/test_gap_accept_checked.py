@@ -10,6 +10,7 @@ from cell.gap.verdict.accept import accept, undo
 from cell.gap.verdict.schema import read_verdict
 from drivers.base.errors import ConfigurationError
 from tests.support.fit_folders import EFFECT, Fitted, write_fit
+from tests.support.run_edits import edit_yaml
 
 
 @pytest.fixture
@@ -63,6 +64,7 @@ HALVES = {
     "no record of the fit": ("fit.json", None),
     "no verdict": ("verdict.json", None),
     "no patch of the cell": ("cell-patch.yaml", None),
+    "no patch": ("patch.yaml", None),
     "a patch that somebody changed": ("patch.yaml", b"name: denim\n"),
 }
 
@@ -98,9 +100,31 @@ def test_a_part_of_a_fit_is_not_accepted(fitted_both, name) -> None:
     assert refused(fitted_both).startswith(f"{path}: ")
 
 
-def test_a_cell_file_that_changed_since_the_fit_is_refused_by_name(fitted_both) -> None:
-    fitted_both.cell.write_text(fitted_both.cell.read_text() + "# measured again\n")
-    assert refused(fitted_both).startswith(f"{fitted_both.cell}: has changed")
+@pytest.mark.parametrize("name", ["cell", "file"])
+def test_a_file_that_changed_since_the_fit_is_refused_by_name(
+    fitted_both, name: str
+) -> None:
+    path = getattr(fitted_both, name)
+    stated = path.read_text()
+    path.write_text(stated + "# measured again\n")
+    assert refused(fitted_both).startswith(f"{path}: has changed since it was fitted")
+    path.write_text(stated)
+    accept(fitted_both.out, fitted_both.file, fitted_both.cell)
+    path.write_text(path.read_text() + "# measured again\n")
+    with pytest.raises(ConfigurationError, match="has changed since the acceptance"):
+        undo(fitted_both.out, fitted_both.file, fitted_both.cell)
+
+
+def test_effects_of_the_cell_go_into_the_cell_file(fitted_both) -> None:
+    known = {"camera_latency": {"time": 0.02}}
+    edit_yaml(fitted_both.cell, effects=known, name="here")
+    fitted_both.write()
+    with pytest.raises(ConfigurationError, match="name the cell file"):
+        accept(fitted_both.out, fitted_both.file)
+    accept(fitted_both.out, fitted_both.file, fitted_both.cell)
+    content = yaml.safe_load(fitted_both.cell.read_text())
+    assert content["effects"] == known | {"desk_tilt": {"angle": 0.004}}
+    assert content["name"] == "here"
 
 
 @pytest.mark.parametrize(

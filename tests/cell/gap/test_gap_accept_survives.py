@@ -33,13 +33,10 @@ def fitted_both(root: Path) -> Fitted:
 def whole(fit: Fitted) -> tuple[str, str]:
     """Which state each file is in; a file that is neither fails the test."""
     strip, cell = (
-        yaml.safe_load(fit.file.read_text()),
-        yaml.safe_load(fit.cell.read_text()),
+        "new" if yaml.safe_load(path.read_text()).get("effects") else "old"
+        for path in (fit.file, fit.cell)
     )
-    return (
-        "new" if strip.get("effects") else "old",
-        "new" if cell.get("effects") else "old",
-    )
+    return strip, cell
 
 
 def moments(
@@ -60,37 +57,35 @@ def moments(
     raise AssertionError("never ended")
 
 
+def accepted(fit: Fitted) -> object:
+    return accept(fit.out, fit.file, fit.cell)
+
+
+def undone(fit: Fitted) -> object:
+    return undo(fit.out, fit.file, fit.cell)
+
+
 def test_acceptance_killed_at_any_moment_can_be_made_again(tmp_path: Path) -> None:
     tried = 0
-    for fit, _ in moments(
-        tmp_path, lambda _: None, lambda fit: accept(fit.out, fit.file, fit.cell)
-    ):
+    for fit, _ in moments(tmp_path, lambda _: None, accepted):
         tried += 1
         if whole(fit) != ("new", "new"):
-            accept(fit.out, fit.file, fit.cell)
+            accepted(fit)
         assert whole(fit) == ("new", "new")
-        undo(fit.out, fit.file, fit.cell)
+        undone(fit)
         assert whole(fit) == ("old", "old")
     assert tried > 12
 
 
-def test_acceptance_killed_at_any_moment_can_be_undone(tmp_path: Path) -> None:
-    for fit, before in moments(
-        tmp_path, lambda _: None, lambda fit: accept(fit.out, fit.file, fit.cell)
-    ):
+@pytest.mark.parametrize(
+    ("prepare", "action"), [(lambda _: None, accepted), (accepted, undone)]
+)
+def test_acceptance_or_undo_killed_at_any_moment_can_be_undone(
+    tmp_path: Path, prepare, action
+) -> None:
+    for fit, before in moments(tmp_path, prepare, action):
         if fit.file.with_name(UNDO).exists():
-            undo(fit.out, fit.file, fit.cell)
-        assert (fit.file.read_bytes(), fit.cell.read_bytes()) == before
-
-
-def test_undo_killed_at_any_moment_can_be_finished(tmp_path: Path) -> None:
-    for fit, before in moments(
-        tmp_path,
-        lambda fit: accept(fit.out, fit.file, fit.cell),
-        lambda fit: undo(fit.out, fit.file, fit.cell),
-    ):
-        if fit.file.with_name(UNDO).exists():
-            undo(fit.out, fit.file, fit.cell)
+            undone(fit)
         assert (fit.file.read_bytes(), fit.cell.read_bytes()) == before
 
 
@@ -101,12 +96,10 @@ def test_two_acceptances_at_once_leave_one_whole_file(tmp_path: Path) -> None:
         for _ in range(2):
             pid = os.fork()
             if pid == 0:
-                os._exit(in_child(lambda fit=fit: accept(fit.out, fit.file, fit.cell)))
+                os._exit(in_child(lambda fit=fit: accepted(fit)))
             children.append(pid)
-        codes = sorted(
-            os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) for pid in children
-        )
-        assert codes == [0, REFUSED]
+        codes = [os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) for pid in children]
+        assert sorted(codes) == [0, REFUSED]
         assert whole(fit) == ("new", "new")
         assert not list(tmp_path.rglob("*.part"))
 
@@ -129,10 +122,10 @@ def test_disk_that_fills_between_two_files_changes_nothing(
 
         return writes
 
-    for module, name in ((acceptance, "replace_file"), (files, "replace_file")):
-        monkeypatch.setattr(module, name, until_full(getattr(module, name)))
+    for module in (acceptance, files):
+        monkeypatch.setattr(module, "replace_file", until_full(module.replace_file))
     with pytest.raises(ConfigurationError, match="No space"):
-        accept(fit.out, fit.file, fit.cell)
+        accepted(fit)
     monkeypatch.undo()
     if stays:  # nothing could be taken back: the next command does it
         with pytest.raises(ConfigurationError):

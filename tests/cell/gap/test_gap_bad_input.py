@@ -19,7 +19,7 @@ from drivers.base.types import Array
 from tests.support.commands import refused
 from tests.support.gap_strip_cases import STRIP, folds, written
 from tests.support.run_edits import edit_column, edit_yaml, put
-from tests.support.swings import PENDULUM, make_swings, write_swings
+from tests.support.swings import swings_of
 
 Words = list[object]
 
@@ -62,9 +62,7 @@ def good(tmp_path_factory: pytest.TempPathFactory) -> Path:
     root = tmp_path_factory.mktemp("good")
     written(root / "strip" / "runs", folds(["fast", "taut-lift"]))
     shutil.copy(STRIP, root / "denim.yaml")
-    lifts = [np.array([a]) for a in (0.2, 0.9)]
-    made = make_swings(PENDULUM / "model.xml", lifts, 0.001, np.random.default_rng(0))
-    write_swings(root, made, 0.001)
+    swings_of(root, (0.2, 0.9), 0)
     (root / "pendulum").mkdir()
     (root / "runs").rename(root / "pendulum" / "runs")
     return root

@@ -5,14 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from cell.gap.check import check, recordings, unidentifiable
 from cell.gap.fit import fit
 from cell.gap.subject.run_folders import RunFolder, find_runs
 from cell.gap.subject.run_table import clock, values
-from cell.interface.cli.app import app
 from drivers.base.errors import ConfigurationError
+from tests.support.commands import run
 from tests.support.curves import Curves, nothing
 from tests.support.gap_strip_cases import STRIP, folds, written
 from tests.support.mechanisms import PRESCRIBED, make_arm
@@ -63,28 +62,26 @@ def test_runs_of_the_cell_are_in_order(runs: Path) -> None:
 
 @pytest.mark.slow
 def test_a_fit_refuses_a_stuck_reading_unless_asked(
-    runs: Path, tmp_path, monkeypatch
+    runs: Path, tmp_path, monkeypatch, capsys
 ) -> None:
     ticks = runs / "00-normal" / "ticks.parquet"
     edit_column(
         ticks, "x", lambda x: x[np.r_[:120, [120] * 80, 120:280:2, 280 : len(x)]]
     )
     edit_column(ticks, "x_cmd", lambda x: np.linspace(0.6, 0.0, len(x)))
-    with pytest.raises(
-        ConfigurationError, match=r"00-normal: stuck reading: .*; mend the reading"
-    ):
-        fit([runs], STRIP, tmp_path / "out")
-    assert not (tmp_path / "out" / "verdict.json").exists()
+    stuck, out = r"00-normal: stuck reading: .*; mend the reading", tmp_path / "out"
+    with pytest.raises(ConfigurationError, match=stuck):
+        fit([runs], STRIP, out)
+    assert not out.exists()
     (tmp_path / "denim").mkdir()  # where the command is called: no strip
     monkeypatch.chdir(tmp_path)
-    options = ["--strip", "denim", "--out", str(tmp_path / "checked"), "--json"]
-    found = CliRunner().invoke(app, ["gap", "check", str(runs), *options])
-    assert found.exit_code == ConfigurationError.exit_code
-    written_check = json.loads((tmp_path / "checked" / "check.json").read_text())
-    assert [json.loads(line) for line in found.stdout.splitlines()] == [written_check]
-    bad = [f["what"] for f in written_check["findings"] if f["level"] == "bad"]
+    words = ("gap check", runs, "--strip denim --json --out", out)
+    assert run(monkeypatch, *words) == ConfigurationError.exit_code
+    printed = json.loads(capsys.readouterr().out)
+    assert printed == json.loads((out / "check.json").read_text())
+    bad = [f["what"] for f in printed["findings"] if f["level"] == "bad"]
     assert bad == ["stuck reading"]
-    assert "mend the reading" in (tmp_path / "checked" / "check.html").read_text()
+    assert "mend the reading" in (out / "check.html").read_text()
 
 
 @pytest.mark.slow

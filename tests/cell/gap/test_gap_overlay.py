@@ -4,7 +4,7 @@ it.
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html import unescape
 from operator import itemgetter
 from pathlib import Path
@@ -20,7 +20,7 @@ from cell.gap.report.sentence import number_text
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip.subject import DISTANCE_SIGNAL, StripSubject, open_strip
 from cell.gap.subject.strip.synthetic import BENCH
-from cell.gap.subject.subject import Origin, Request, Scene
+from cell.gap.subject.subject import Origin, Scene
 from cell.gap.verdict.decision import next_steps
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import Verdict
@@ -100,10 +100,9 @@ def numbers(rows: Rows) -> Array:
 
 
 def simulated(strip: StripSubject, **changes: float) -> Sequence[Scene | None]:
-    start = {p.name: p.start for p in strip.scope.base} | changes
-    base = np.array([start[p.name] for p in strip.scope.base])
+    base = np.array([changes.get(p.name, p.start) for p in strip.scope.base])
     return strip.draw_simulated(
-        [Request(run, base, {}, np.zeros(len(run.local))) for run in strip.runs]
+        [replace(strip.stated(run), base=base) for run in strip.runs]
     )
 
 
@@ -126,7 +125,7 @@ def replays(strip: StripSubject) -> list[Replay]:
         map(strip.draw_measured, strip.runs), before, simulated(strip), strict=True
     )
     return [
-        Replay(run.name, run.name == "00-normal", dict(zip(WORDS, scenes, strict=True)))
+        Replay(run.name, True, dict(zip(WORDS, scenes, strict=True)))
         for run, scenes in zip(strip.runs, drawn, strict=True)
     ]
 

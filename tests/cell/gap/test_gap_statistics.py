@@ -44,15 +44,6 @@ def test_inefficiency_of_correlated_noise_is_that_of_its_process() -> None:
 
 
 def _samples(n: int) -> Samples:
-    words, ones = np.full(n, "angle"), np.ones(n)
-    return Samples(
-        words,
-        words,
-        words,
-        words,
-        np.arange(n) * 1.0,
-        ones,
-        ones,
-        0.0 * ones,
-        np.zeros(n, dtype=np.int64),
-    )
+    words = dict.fromkeys(("channel", "phase", "zone", "quantity"), "angle")
+    numbers = dict.fromkeys(("noise", "reading", "floor"), 1.0)
+    return Samples.stack([words | numbers | {"t": np.arange(n)}])

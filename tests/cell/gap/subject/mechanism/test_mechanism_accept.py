@@ -13,17 +13,15 @@ import numpy as np
 import pytest
 import yaml
 
-from cell.gap.open_subject import open_mechanism
 from cell.gap.subject.mechanism.effects import library
 from cell.gap.subject.mechanism.model import Joint, Mechanism
 from cell.gap.subject.mechanism.model_source import Source
 from cell.gap.subject.mechanism.patch import accepted_xml
 from cell.gap.subject.mechanism.subject import MechanismSubject
-from cell.gap.subject.run_folders import find_runs
 from cell.gap.verdict.accept import accept, undo
 from drivers.base.yaml_text import dump_yaml
 from tests.support.fit_folders import write_fit
-from tests.support.mechanisms import ARM, FORWARD, make_arm
+from tests.support.mechanisms import ARM, FORWARD, make_arm, opened
 
 NAMED = {
     "dry_friction": {"torque_shoulder": 0.08, "torque_left.elbow": 0.04},
@@ -42,13 +40,13 @@ RIG = {"encoder_bias": {"bias_shoulder": 0.01, "bias_elbow": -0.02}}
 BASE = {"damping_shoulder": 0.35, "damping_left.elbow": 0.08, "mass_lower": 0.51}
 
 
-def opened(folder: Path) -> tuple[MechanismSubject, Path, Path]:
+def accepted_arm(folder: Path) -> tuple[MechanismSubject, Path, Path]:
     content = json.loads(
         json.dumps(FORWARD).replace('"joint": "elbow"', '"joint": "left.elbow"')
     )
     stated = ARM.replace('"elbow"', '"left.elbow"')
     file, runs = make_arm(folder, 2, content=content, span=1.0, stated=stated)
-    return open_mechanism(file, find_runs([runs])), file, runs
+    return opened(file, runs), file, runs
 
 
 def written(arm: MechanismSubject, out: Path, file: Path) -> None:
@@ -64,7 +62,7 @@ def written(arm: MechanismSubject, out: Path, file: Path) -> None:
 def test_accepted_mjcf_in_plain_mujoco_moves_as_the_accepted_model(
     tmp_path: Path,
 ) -> None:
-    arm, file, _ = opened(tmp_path / "arm")
+    arm, file, _ = accepted_arm(tmp_path / "arm")
     written(arm, tmp_path / "out", file)
     accept(tmp_path / "out", file)
     run, step = arm.runs[1], arm.mechanism.file.step
@@ -92,7 +90,7 @@ def test_accepted_mjcf_in_plain_mujoco_moves_as_the_accepted_model(
 
 
 def test_what_mjcf_cannot_say_stays_in_the_mechanism_file(tmp_path: Path) -> None:
-    arm, file, runs = opened(tmp_path / "arm")
+    arm, file, runs = accepted_arm(tmp_path / "arm")
     model = (file.parent / "arm.xml").read_bytes()
     written(arm, tmp_path / "out", file)
     accept(tmp_path / "out", file)
@@ -100,7 +98,7 @@ def test_what_mjcf_cannot_say_stays_in_the_mechanism_file(tmp_path: Path) -> Non
     assert content["effects"] == RIG
     assert content["model"] == "arm-accepted.xml"
     assert (file.parent / "arm.xml").read_bytes() == model
-    again = open_mechanism(file, find_runs([runs]))
+    again = opened(file, runs)
     assert "encoder_bias.bias_elbow" in [p.name for p in again.scope.base]
     starts = {p.name: p.start for p in again.scope.base}
     assert starts["damping_shoulder"] == BASE["damping_shoulder"]
@@ -108,7 +106,7 @@ def test_what_mjcf_cannot_say_stays_in_the_mechanism_file(tmp_path: Path) -> Non
 
 
 def test_undo_brings_the_file_back_and_takes_the_model_away(tmp_path: Path) -> None:
-    arm, file, _ = opened(tmp_path / "arm")
+    arm, file, _ = accepted_arm(tmp_path / "arm")
     before = file.read_text()
     written(arm, tmp_path / "out", file)
     accept(tmp_path / "out", file)

@@ -10,11 +10,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from cell.gap.open_subject import open_mechanism
-from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.run_table import read_table
 from drivers.base.errors import ConfigurationError
-from tests.support.mechanisms import ARM, FORWARD, PRESCRIBED, make_arm
+from tests.support.mechanisms import ARM, FORWARD, PRESCRIBED, make_arm, opened
 
 
 def line(
@@ -34,7 +32,7 @@ def line(
         columns(table)
         pq.write_table(pa.table(table), runs / "00" / "signals.parquet")
     with pytest.raises(ConfigurationError) as refused:
-        open_mechanism(path, find_runs([runs]))
+        opened(path, runs)
     text = str(refused.value)
     assert "\n" not in text
     return text

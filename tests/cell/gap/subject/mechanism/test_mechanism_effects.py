@@ -3,13 +3,11 @@
 import numpy as np
 import pytest
 
-from cell.gap.open_subject import open_mechanism
 from cell.gap.subject.mechanism.effects import registry
 from cell.gap.subject.mechanism.subject import MechanismSubject
-from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.subject import Residuals
 from drivers.base.types import Array
-from tests.support.mechanisms import FORWARD, PRESCRIBED, make_arm
+from tests.support.mechanisms import FORWARD, PRESCRIBED, make_arm, opened
 
 CONTRACT = {
     "dry_friction",
@@ -44,8 +42,7 @@ PENDULUMS = {"frame_tilt", "pivot_compliance", "wire_spring"}
 )
 def arm(request, tmp_path_factory) -> MechanismSubject:
     folder = tmp_path_factory.mktemp(request.param["mode"])
-    file, runs = make_arm(folder, 2, content=request.param, span=1.5)
-    return open_mechanism(file, find_runs([runs]))
+    return opened(*make_arm(folder, 2, content=request.param, span=1.5))
 
 
 def simulated(arm: MechanismSubject, effects: dict[str, Array]) -> Residuals:

@@ -4,10 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from cell.gap.open_subject import open_mechanism
-from cell.gap.subject.run_folders import find_runs
 from tests.lab.benchmarks.measure_mechanisms import DATA, driven, servo
-from tests.support.mechanisms import left
+from tests.support.mechanisms import left, opened
 
 pytestmark = pytest.mark.slow
 
@@ -21,13 +19,13 @@ def test_driven_pendulum_misses_what_its_authors_regression_misses(
     """Without friction their regression leaves 0.200 N m at the elbow; with Coulomb
     0.131.
     """
-    subject = open_mechanism(driven(DATA, tmp_path), find_runs([tmp_path / "runs"]))
+    subject = opened(driven(DATA, tmp_path), tmp_path / "runs")
     assert 1.0 < left(subject) < 2.5  # of 0.1 N m
     assert left(subject, dry_friction=[0.093, 0.078, 0.0, 0.0]) < 0.9 * left(subject)
 
 
 @real
 def test_servo_misses_friction_that_grows_with_the_gears_load(tmp_path: Path) -> None:
-    subject = open_mechanism(servo(DATA, tmp_path), find_runs([tmp_path / "runs"]))
+    subject = opened(servo(DATA, tmp_path), tmp_path / "runs")
     published = [0.0, 0.14]  # M6 of arXiv 2410.08650, of the external torque
     assert left(subject, dry_friction=published) < left(subject)
