@@ -85,18 +85,22 @@ def _draw_shape(
     """Draw place [m], width [m], time [s], ratio of an effect; further amounts are at
     null.
     """
-    others: dict[str, float] = {}
+    others = {}
     for p in effect.parameters[1:]:
-        if p.role == "place":
-            others[p.name] = strip.length * rng.uniform(*PLACE_RANGE)
-        elif p.role == "width":
-            others[p.name] = strip.bending_length * rng.uniform(*WIDTHS)
-        elif p.role == "time":
-            others[p.name] = float(np.exp(rng.uniform(*np.log(TIME_RANGE))))
-        elif p.role == "ratio":
-            others[p.name] = rng.uniform(*RATIOS)
-        elif p.is_amount:
-            others[p.name] = p.start
+        match p.role:
+            case "place":
+                value = strip.length * rng.uniform(*PLACE_RANGE)
+            case "width":
+                value = strip.bending_length * rng.uniform(*WIDTHS)
+            case "time":
+                value = float(np.exp(rng.uniform(*np.log(TIME_RANGE))))
+            case "ratio":
+                value = rng.uniform(*RATIOS)
+            case "amount":
+                value = p.start
+            case _:
+                continue
+        others[p.name] = value
     return others
 
 

@@ -142,7 +142,7 @@ def refit_on_base(
             secants = _secants(fit, new_evidence)
             tasks.append(refit(fit.model, new_evidence, start, secants, ROUGH_GAIN))
     estimates = run_all(search.simulate, tasks)
-    refitted = run_all(search.simulate, list(map(validate, estimates)))
+    refitted = run_all(search.simulate, [*map(validate, estimates)])
     fits = replace(fits, models=(base, *refitted))
     in_reach = [
         m for m in fits.models if gain(fits.best, m, fits.likelihood) <= BUDGET.reach

@@ -32,6 +32,7 @@ from cell.gap.subject.strip.runs import MeasuredRun, read_runs
 from cell.gap.subject.strip.scope import fitted_strip
 from cell.gap.subject.strip.subject import StripSubject
 from cell.gap.subject.strip.synthetic import rod_folds, write_fold
+from cell.report.words import plain
 from drivers.base.files import replace_file
 from drivers.base.settings import Settings
 from drivers.base.types import frozen
@@ -136,16 +137,15 @@ def _copies_with_each_effect(
     )
     copies, unseen = [], []
     for seed, (name, effect) in enumerate(sorted(registry().items())):
-        if name not in strip.effects:
-            strengths = draw_strengths(effect, strip, np.random.default_rng([seed]))
-            fraction = gap_model.fraction(strengths, EXCESS)
-            if fraction is None:
-                unseen.append(name)
-            else:
-                values = strengths.at(fraction)
-                copies.append(
-                    HiddenCopy(key=name, effect=name, values=values, seed=seed)
-                )
+        if name in strip.effects:
+            continue
+        strengths = draw_strengths(effect, strip, np.random.default_rng([seed]))
+        fraction = gap_model.fraction(strengths, EXCESS)
+        if fraction:
+            values = strengths.at(fraction)
+            copies.append(HiddenCopy(key=name, effect=name, values=values, seed=seed))
+        else:
+            unseen.append(name)
     return copies, unseen
 
 
@@ -174,12 +174,9 @@ def write_copy(plan: Plan, hidden: HiddenCopy, folder: Path) -> None:
     """Simulate a copy of the planned runs and write its run folders into `folder`."""
     strip = load_strip(Path(plan.file))
     rng = np.random.default_rng([hidden.seed, 1])
-    runs = [
-        run
-        for run in read_runs(find_runs([Path(p) for p in plan.runs]), strip)
-        if run.usable
-    ]
-    effects = {hidden.effect: hidden.values} if hidden.effect != NO_EFFECT else {}
+    measured = read_runs(find_runs([*map(Path, plan.runs)]), strip)
+    runs = [run for run in measured if run.usable]
+    effects = {hidden.effect: hidden.values} if hidden.values else {}
     fitted = fitted_strip(strip, plan.base)
     models = [
         _with_scatter(describe(fitted, effects, run.index), plan.scatter, rng)
@@ -248,7 +245,7 @@ def _answer(outcome: Mapping[str, Any]) -> str:
     """
     if not outcome["named"]:
         groups = "; ".join(" or ".join(group) for group in outcome["classes"])
-        return groups or str(outcome["verdict"]).replace("_", " ")
+        return groups or plain(outcome["verdict"])
     return f"{', '.join(outcome['named'])}, confidence {outcome['confidence']:.2f}"
 
 
@@ -259,23 +256,17 @@ def page(plan: Plan, records: Sequence[Record]) -> str:
     outcomes = [r.outcome for r in records if r.outcome]
     hidden = [o for o in outcomes if o["hidden"] != NO_EFFECT]
     empty = [o for o in outcomes if o["hidden"] == NO_EFFECT]
-    sizes = [
-        ", ".join(f"{name} {v:.3g}" for name, v in o["values"].items()) for o in hidden
+    rows = []
+    for o in hidden:
+        size = ", ".join(f"{name} {v:.3g}" for name, v in o["values"].items())
+        right = "yes" if is_right(o) else "**no**"
+        rows.append((o["hidden"], size, _answer(o), right))
+    parts = [
+        f"# Rehearsal of {len(plan.runs)} runs",
+        *_summary(plan, hidden, empty),
+        table(("hidden", "size", "said", "right"), rows),
     ]
-    rows = [
-        (o["hidden"], size, _answer(o), "yes" if is_right(o) else "**no**")
-        for o, size in zip(hidden, sizes, strict=True)
-    ]
-    return (
-        "\n\n".join(
-            [
-                f"# Rehearsal of {len(plan.runs)} runs",
-                *_summary(plan, hidden, empty),
-                table(("hidden", "size", "said", "right"), rows),
-            ]
-        )
-        + "\n"
-    )
+    return "\n\n".join(parts) + "\n"
 
 
 def _summary(

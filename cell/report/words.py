@@ -51,6 +51,16 @@ SIGNAL_UNITS = {
 SIGNAL_UNITS |= {"latency": "s", "areal_density": "kg/m²", "force": "N"}
 
 
+def plain(name: str) -> str:
+    """A `name` of records in words, with spaces instead of underscores."""
+    return name.replace("_", " ")
+
+
+def percent(fraction: float) -> str:
+    """Text of a fraction in whole percent."""
+    return f"{100 * fraction:.0f} %"
+
+
 def plural(count: int, noun: str) -> str:
     """Text of `count` things called `noun`, in the plural unless `count` is 1."""
     return f"{count} {noun}{'' if count == 1 else 's'}"
@@ -85,14 +95,14 @@ def milliseconds(value: float | None) -> str:
 
 def event_title(kind: str) -> str:
     """Text of an event's `kind`, with spaces instead of underscores."""
-    return EVENT_TITLES.get(kind, kind).replace("_", " ")
+    return plain(EVENT_TITLES.get(kind, kind))
 
 
 def outcome_title(outcome: str) -> str:
     """Text of an `outcome` as the start of a sentence; a fault is called by its
     name.
     """
-    return OUTCOMES.get(outcome, f"Stopped by a fault: {outcome.replace('_', ' ')}")
+    return OUTCOMES.get(outcome, f"Stopped by a fault: {plain(outcome)}")
 
 
 def log_line(kind: str, facts: Mapping[str, Any]) -> str:
@@ -106,10 +116,9 @@ def log_line(kind: str, facts: Mapping[str, Any]) -> str:
 def event_sentence(facts: Mapping[str, Any]) -> str:
     """Text of an event's `facts` in one line."""
     if set(facts) == {"state", "event"}:
-        return f"{facts['state']}, after {str(facts['event']).replace('_', ' ')}"
+        return f"{facts['state']}, after {plain(str(facts['event']))}"
     return ", ".join(
-        f"{name.replace('_', ' ')} {value_text(name, value)}"
-        for name, value in facts.items()
+        f"{plain(name)} {value_text(name, value)}" for name, value in facts.items()
     )
 
 
@@ -117,7 +126,7 @@ def value_text(name: str, value: Any) -> str:
     """Text of the fact `name`: lengths in mm, other numbers with their unit."""
     if isinstance(value, dict):
         return " ".join(
-            f"{key.replace('_', ' ')} {value_text(key, v)}" for key, v in value.items()
+            f"{plain(key)} {value_text(key, v)}" for key, v in value.items()
         )
     if not isinstance(value, int | float) or isinstance(value, bool):
         text = str(value)

@@ -156,7 +156,7 @@ def _drift_words(estimate: Estimate, form: NormalEquations) -> str:
     run.
     """
     information = np.maximum(np.diag(form.curvature), 1e-300)
-    i = int(np.argmax(form.gradient**2 / information))
+    i = np.argmax(form.gradient**2 / information)
     rate = -form.gradient[i] / information[i]
     p = estimate.model.parameters[i]
     value = estimate.shared[i]
@@ -391,7 +391,7 @@ def order_suspicion(estimate: Estimate, rng: np.random.Generator) -> str:
     ranks = _ranks(values)
     shuffled = np.array([rng.permutation(order[:, 0]) for _ in range(ORDERS)])
     follow = order[:, 0] @ ranks
-    k = int(np.argmax(np.abs(follow)))
+    k = np.argmax(np.abs(follow))
     others = np.arange(len(follow)) != k if len(follow) > 1 else [k]
     chance = np.abs(shuffled @ ranks[:, others]).max(axis=1)
     p = _tail(chance, np.abs(follow[others]).max() - ROUNDING)

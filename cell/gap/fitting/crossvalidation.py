@@ -248,7 +248,7 @@ def _deviations(kept: Estimate, shared: Array, undetermined: Mask) -> Array:
     free = (shared > low) & (shared < high) & ~undetermined
     every = np.concatenate([free, np.ones(len(kept.z) - len(free), dtype=bool)])
     curvature = kept.normal().curvature[np.ix_(every, every)]
-    count = int(free.sum())
+    count = free.sum()
     of_shared = covariance(curvature)[:count, :count]
     deviations = np.zeros((len(shared), count))
     variances, axes = np.linalg.eigh(of_shared)

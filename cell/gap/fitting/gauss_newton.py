@@ -384,10 +384,11 @@ def _next_use(fraction: float, use: JacobianUse) -> JacobianUse:
 
     Of a Jacobian in `use` that was mended already, a further correction is not tried.
     """
-    if TRUSTED[0] < fraction < TRUSTED[1]:
+    low, high = TRUSTED
+    if low < fraction < high:
         return "kept"
-    is_mendable = use != "mended" and MENDABLE[0] < fraction < MENDABLE[1]
-    return "mended" if is_mendable else "new"
+    low, high = MENDABLE
+    return "mended" if use != "mended" and low < fraction < high else "new"
 
 
 def residuals(raw: Sequence[Residuals], evidence: Evidence) -> Sequence[Array]:
@@ -458,7 +459,7 @@ def _evaluate(fit: Estimate, points: Sequence[Array]) -> Task[list[Estimate]]:
     requests.
     """
     runs = fit.runs
-    inside = list(map(fit.unknowns.point, points))
+    inside = [*map(fit.unknowns.point, points)]
     answers = yield [q for p in inside for q in requests(fit.model, runs, p)]
     by_point = [answers[k : k + len(runs)] for k in range(0, len(answers), len(runs))]
     return [

@@ -110,7 +110,7 @@ class NormalEquations:
             if not back.any():
                 break
             pull = np.where(back, np.abs(slope) / np.sqrt(diagonal + 1e-300), -1.0)
-            free[int(np.argmax(pull))] = True
+            free[np.argmax(pull)] = True
         return best
 
     def _minimise_free(

@@ -5,6 +5,7 @@ autocorrelation.
 from collections.abc import Sequence
 
 import numpy as np
+from scipy import special
 
 from cell.gap.subject.subject import Run
 from drivers.base.robust import robust_sigma
@@ -22,10 +23,8 @@ def loss(r: Array) -> Array:
     """Huber's loss (n,) [nats] of whitened residuals (n,) (Huber 1964, Ann. Math. Stat.
     35, 73).
     """
-    a = np.abs(r)
-    return np.where(
-        a <= HUBER_THRESHOLD, 0.5 * r * r, HUBER_THRESHOLD * (a - 0.5 * HUBER_THRESHOLD)
-    )
+    nats: Array = special.huber(HUBER_THRESHOLD, r)
+    return nats
 
 
 def bounded_loss(r: Array) -> Array:
@@ -101,7 +100,7 @@ def correlation(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
     """Lag-one autocorrelation of the residuals (n,) of `runs`, each clipped at
     OFF_TRACK.
     """
-    power, products = _autocovariance(runs, list(map(bound, residuals)), lags=1)
+    power, products = _autocovariance(runs, [*map(bound, residuals)], lags=1)
     return float(products[0]) / power if power > 0.0 else 0.0
 
 

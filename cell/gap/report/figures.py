@@ -17,6 +17,7 @@ from cell.gap.subject.subject import Quantity, Samples, Scene, Subject
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import Verdict
 from cell.report.drawing import BLUE, INK, MUTED, ORANGE, RULE, as_svg, canvas
+from cell.report.words import plain
 from drivers.base.types import Array
 
 COLOUR_BEFORE, COLOUR_AFTER = ORANGE, BLUE
@@ -56,7 +57,7 @@ class DrawnVerdict(Verdict):
             word: np.array([side[key] / level for key, level in noise.items()])
             for word, side in sides.items()
         }
-        names = [key.replace("_", " ") for key in noise]
+        names = [*map(plain, noise)]
         drawn: Figure
         with canvas(6.0, 1.4 + 0.5 * len(noise)) as drawn:
             label = "rms of held-out runs, in units of their noise"

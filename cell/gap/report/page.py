@@ -16,10 +16,10 @@ from cell.gap.report.sentence import (
     deviation_text,
     headline,
     in_small_unit,
+    interval_numbers,
     interval_text,
     motion_name,
     number_text,
-    percent,
     probability_text,
     quantity_label,
     scatter_rows,
@@ -36,7 +36,15 @@ from cell.gap.verdict.offered_law import OfferedLaw
 from cell.gap.verdict.schema import CandidateEntry, Gap, Kind, Verdict
 from cell.report.html import Tone, page as document
 from cell.report.page_verdict import PageVerdict as Card
-from cell.report.words import MINUS, NO_VALUE, PARAMETERS, millimetres, seconds
+from cell.report.words import (
+    MINUS,
+    NO_VALUE,
+    PARAMETERS,
+    millimetres,
+    percent,
+    plain,
+    seconds,
+)
 from drivers.base.errors import CellError
 from drivers.base.settings import parse
 from drivers.strip.file import StripFile
@@ -136,13 +144,10 @@ def _base_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
     note = f"The runs add little to what was known before of: {weak}."
     rows = []
     for p in findings.scope.base:
-        value = verdict.base[p.name]
-        values = (p.start, value.value, value.low, value.high)
-        start, refitted, *ends = (
-            number_text(in_small_unit(v, p.unit), 4) for v in values if v is not None
-        )
-        within = " to ".join(ends) if len(ends) == 2 else ""
-        rows.append((p.name, start, refitted, within, shown_unit(p.unit)))
+        start = number_text(in_small_unit(p.start, p.unit), 4)
+        refitted, *ends = interval_numbers(verdict.base[p.name], p.unit, 4)
+        unit = shown_unit(p.unit)
+        rows.append((p.name, start, refitted, " to ".join(ends), unit))
     return {
         "rows": rows,
         "note": note if weak else "The runs at least halve what was uncertain of each.",
@@ -159,7 +164,7 @@ def _held_out_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
         word: held_out_gap.excess(held_out_gap.run_squares(fit)[:, None])
         for word, fit in fits.items()
     }
-    typical = int(np.argsort(by_run["before"])[len(names) // 2])
+    typical = np.argsort(by_run["before"])[len(names) // 2]
     largest = int(np.argmax(by_run["before"]))
     return {
         "worst": _worst_values(findings, fits, largest, names[largest]),
@@ -204,12 +209,10 @@ def _sizes(verdict: Verdict) -> list[tuple[str, str, str]]:
     every += [(effect, "suspected, ") for effect in verdict.suspected]
     for effect, doubt in every:
         for name, value in effect.parameters.items():
-            size, _, within = interval_text(value).partition(" [")
-            unit = shown_unit(value.unit)
-            ends = within.removesuffix(unit).strip().removesuffix("]")
-            of = effect.name.replace("_", " ")
-            title = f"{doubt}{of}: {name.replace('_', ' ')}"
-            rows.append((title, f"{size} {unit}".strip(), ends.replace(", ", " to ")))
+            size, *ends = interval_numbers(value, value.unit)
+            title = f"{doubt}{plain(effect.name)}: {plain(name)}"
+            shown = f"{size} {shown_unit(value.unit)}".strip()
+            rows.append((title, shown, " to ".join(ends)))
     return rows
 
 
@@ -316,8 +319,9 @@ def _planned_folds(findings: Findings, verdict: Verdict) -> dict[str, Any]:
     Empty for mechanisms, where nothing was accepted, and where the rod cannot simulate
     the strip.
     """
+    nothing = {"rows": [], "figure": ""}
     if findings.subject.kind != "strip" or not verdict.effects:
-        return {"rows": [], "figure": ""}
+        return nothing
     values = verdict.values_with(verdict.effects)
     patches = (findings.subject.patch(*each, "") for each in (({}, {}), values))
     try:
@@ -327,7 +331,7 @@ def _planned_folds(findings: Findings, verdict: Verdict) -> dict[str, Any]:
             "planned with what was found": fold_by_plan(accepted, accepted),
         }
     except CellError:
-        return {"rows": [], "figure": ""}
+        return nothing
     rows = [(name, millimetres(d, signed=True)) for name, (d, _) in drawn.items()]
     return {
         "rows": rows,
@@ -339,13 +343,10 @@ def _verdict_card(
     findings: Findings, verdict: Verdict, planned: Mapping[str, Any]
 ) -> Card:
     """Verdict card: headline, sentences, tone, and the probability in large print."""
-    least = min((effect.confidence for effect in verdict.effects), default=None)
-    number = "" if least is None else percent(least)
-    below = (
-        ""
-        if least is None
-        else "probable; causes outside\nthe library count against it"
-    )
+    number = below = ""
+    if verdict.effects:
+        number = percent(min(effect.confidence for effect in verdict.effects))
+        below = "probable; causes outside\nthe library count against it"
     lines = [sentence(findings, verdict)]
     if findings.held_out_fits.changed:
         lines.append(capitalised(verdict.held_out_sentence) + ".")
@@ -367,10 +368,10 @@ def _fold_sentence(verdict: Verdict, displacements: Sequence[str]) -> str:
     """Sentence on the fold as it is planned from the file, and with what was found."""
     first = verdict.effects[0]
     name, value = next(iter(first.parameters.items()))
-    size = f"{number_text(in_small_unit(value.value, value.unit), 2)}"
+    size = number_text(in_small_unit(value.value, value.unit), 2)
     effect = _effect_words(first.name, name)
     words = f"{effect} of {size} {shown_unit(value.unit)}".strip()
-    others = [effect.name.replace("_", " ") for effect in verdict.effects[1:]]
+    others = [plain(effect.name) for effect in verdict.effects[1:]]
     words = " and ".join([words, *others])
     before, after = (text.lstrip(f"+{MINUS}") for text in displacements)
     return f"The planned fold is foreseen {before} off; with {words} it is {after}"
@@ -380,7 +381,7 @@ def _effect_words(effect: str, parameter: str) -> str:
     """Words for an `effect` with its first `parameter`, as the page of a fold has
     them.
     """
-    return PARAMETERS.get(parameter, effect.replace("_", " "))
+    return PARAMETERS.get(parameter, plain(effect))
 
 
 def _scatter_table(findings: Findings) -> list[tuple[str, ...]] | None:

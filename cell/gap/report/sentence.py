@@ -6,7 +6,8 @@ from cell.gap.fitting.reml import Spread
 from cell.gap.subject.strip.measurement_errors import KNOWN_EFFECTS
 from cell.gap.subject.subject import Quantity, ScatterSource
 from cell.gap.verdict.findings import Findings
-from cell.gap.verdict.schema import Deviation, ValueWithUnit, Verdict
+from cell.gap.verdict.schema import Deviation, Interval, ValueWithUnit, Verdict
+from cell.report.words import percent, plain
 
 POWERS = {"^2": "²", "^3": "³", "^4": "⁴"}
 SMALL_UNITS = {
@@ -34,8 +35,8 @@ def shown_unit(text: str) -> str:
     for 1.
     """
     text = SMALL_UNITS.get(text, (1.0, text))[1]
-    for plain, raised in POWERS.items():
-        text = text.replace(plain, raised)
+    for power, raised in POWERS.items():
+        text = text.replace(power, raised)
     return "" if text == "1" else text.replace(" ", "\N{NO-BREAK SPACE}")
 
 
@@ -56,26 +57,26 @@ def probability_text(p: float) -> str:
     return "< 10⁻⁹" if p < 1e-9 else number_text(p, 2)
 
 
-def percent(p: float) -> str:
-    """Text of a probability in whole percent."""
-    return f"{100 * p:.0f} %"
-
-
 def _quantity_text(value: float, of: str) -> str:
     """Text of a `value`, stated in the unit `of`, in the unit that pages show."""
     text = f"{number_text(in_small_unit(value, of))}\N{NO-BREAK SPACE}{shown_unit(of)}"
     return text.rstrip("\N{NO-BREAK SPACE}")
 
 
+def interval_numbers(value: Interval, of: str, digits: int = 3) -> list[str]:
+    """Texts of an estimate and, where both are known, of the ends of its interval, in
+    the unit that pages show for the unit `of`.
+    """
+    ends = () if None in (value.low, value.high) else (value.low, value.high)
+    return [number_text(in_small_unit(v, of), digits) for v in (value.value, *ends)]
+
+
 def interval_text(value: ValueWithUnit) -> str:
     """Text of an estimate with its 95 % interval, in the unit that pages show."""
-    if value.low is None or value.high is None:
+    middle, *ends = interval_numbers(value, value.unit)
+    if not ends:
         return _quantity_text(value.value, value.unit)
-    low, middle, high = (
-        number_text(in_small_unit(v, value.unit))
-        for v in (value.low, value.value, value.high)
-    )
-    return f"{middle} [{low}, {high}] {shown_unit(value.unit)}".rstrip()
+    return f"{middle} [{', '.join(ends)}] {shown_unit(value.unit)}".rstrip()
 
 
 def headline(verdict: Verdict) -> str:
@@ -84,7 +85,7 @@ def headline(verdict: Verdict) -> str:
     """
     parts = []
     if verdict.deviates:
-        names = ", ".join(d.parameter.replace("_", " ") for d in verdict.deviates)
+        names = ", ".join(plain(d.parameter) for d in verdict.deviates)
         parts.append(f"Not as the file states: {names}")
     if verdict.verdict != "named":
         return "; ".join([*parts, TITLES[verdict.verdict]])
@@ -95,7 +96,7 @@ def headline(verdict: Verdict) -> str:
         name, value = next(
             (s for s in sizes if (s[1].low or 0.0) * (s[1].high or 0.0) > 0), first
         )
-        parts.append(f"{effect.name}: {name.replace('_', ' ')} {interval_text(value)}")
+        parts.append(f"{effect.name}: {plain(name)} {interval_text(value)}")
     return "; ".join(parts)
 
 
@@ -155,11 +156,10 @@ def _no_gap(findings: Findings, verdict: Verdict) -> str:
     limits = verdict.detectable
     known = findings.scope.by_name
     usual = [n for n, limit in limits.items() if known[n].is_usual(limit)]
-    shown = (
-        f" {len(usual)} effects would have shown below their usual size, from the sizes"
-        " listed below on."
+    return (
+        f"The model explains the fitted runs down to their noise. {len(usual)} effects"
+        " would have shown below their usual size, from the sizes listed below on."
     )
-    return f"The model explains the fitted runs down to their noise.{shown}"
 
 
 def _describe_rest(findings: Findings, verdict: Verdict) -> str:
@@ -183,7 +183,7 @@ def deviation_text(deviates: Sequence[Deviation]) -> str:
             for end in d.tolerated
         )
         parts.append(
-            f"{d.parameter.replace('_', ' ')} {interval_text(d)}, the file states "
+            f"{plain(d.parameter)} {interval_text(d)}, the file states "
             f"{_quantity_text(d.stated, d.unit)} and tolerates {' to '.join(ends)}"
         )
     return f"not as the file states: {'; '.join(parts)}"
@@ -191,7 +191,7 @@ def deviation_text(deviates: Sequence[Deviation]) -> str:
 
 def _parameter_values(parameters: dict[str, ValueWithUnit]) -> str:
     return ", ".join(
-        f"{name.replace('_', ' ')} {_quantity_text(v.value, v.unit)}"
+        f"{plain(name)} {_quantity_text(v.value, v.unit)}"
         for name, v in parameters.items()
     )
 
@@ -226,7 +226,7 @@ def detection_limit(findings: Findings, name: str, value: float) -> str:
 
 def quantity_label(of: Quantity) -> str:
     """Name of a measured quantity in words, such as `contact x`, from its key."""
-    words = of.key.rsplit("_", 1)[0].replace("_", " ")
+    words = plain(of.key.rsplit("_", 1)[0])
     return f"{words} time" if of.unit == "ms" else words
 
 

@@ -86,7 +86,7 @@ def floor_responses(
         by_run = np.add.reduceat(left[:, felt] ** 2, starts, axis=0)
         by_run /= by_run.sum(axis=0)
         size = np.sqrt(floor @ by_run / np.sum(by_run**2, axis=0))
-        share = size / np.sqrt(max(int(felt.sum()), 1))
+        share = size / np.sqrt(max(felt.sum(), 1))
         by_effect[p.name] = firsts[:, felt] * (share / norms[felt])
     return by_effect
 

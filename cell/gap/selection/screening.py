@@ -361,20 +361,16 @@ def _best_mix(
     names = tuple(p.name for p in members)
     chosen = list(zip(members, choice, strict=True))
     columns = np.concatenate([equations.columns[p.name, group] for p, group in chosen])
-    reach = [
-        _largest_multiple(p.candidate, vector) if group == 0 else FARTHEST
-        for p, group in chosen
-        for vector in p.groups[group]
-    ]
-    signed = [
-        _allows_both_signs(p.candidate, v)
-        for p, group in chosen
-        for v in p.groups[group]
-    ]
-    high = np.array(reach)
+    high, signed = [], []
+    for p, group in chosen:
+        for vector in p.groups[group]:
+            step = _largest_multiple(p.candidate, vector)
+            high.append(FARTHEST if group else step)
+            signed.append(_allows_both_signs(p.candidate, vector))
     gradient, curvature = equations.form.gradient, equations.form.curvature
     form = NormalEquations(gradient[columns], curvature[np.ix_(columns, columns)])
-    amounts = form.bounded_step(np.where(signed, -high, 0.0), high)
+    reach = np.array(high)
+    amounts = form.bounded_step(np.where(signed, -reach, 0.0), reach)
     unscaled = np.where(amounts < 0.0, -1.0, 1.0)
     return (
         Score(

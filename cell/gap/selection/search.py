@@ -100,7 +100,7 @@ class Search:
             nats = _gain_over(base, fit, dispersion)
             return _finish(fit, promising=within_reach(nats, largest))
 
-        finished = run_all(self.simulate, list(map(refined, started)))
+        finished = run_all(self.simulate, [*map(refined, started)])
         return fits.merge(run_all(self.simulate, [validate(e) for e in finished]))
 
     def extend(self, fits: Fits, models: Sequence[CrossValidatedFit]) -> Fits:

@@ -144,8 +144,8 @@ def without_copies(
 
 def _find_copies(runs: Sequence[RunFolder]) -> dict[str, str]:
     """Name of the original of each copy among `runs`, by the name of the copy."""
-    first = dict[RunFolder, Numbers]()
-    copies = dict[str, str]()
+    first: dict[RunFolder, Numbers] = {}
+    copies: dict[str, str] = {}
     for run in runs:
         numbers = _numbers(run)
         known = next(

@@ -3,7 +3,7 @@
 What cannot be used at all is refused as it is read; what costs accuracy is a finding.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from cell.gap.subject.subject import Finding, bad
 from cell.record.columns import check_order
 from cell.record.files import PROFILE
+from cell.report.words import percent
 from drivers.base.errors import ConfigurationError
 from drivers.base.readers import read_parquet
 from drivers.base.types import Array
@@ -66,7 +67,7 @@ def column(table: Mapping[str, Array], name: str, path: Path) -> Array:
         )
     values = table[name]
     if not np.isfinite(values).all():
-        row = int(np.argmin(np.isfinite(values)))
+        row = np.argmin(np.isfinite(values))
         raise ConfigurationError(
             f"{path}: {name}: row {row} is not a number; every row must be one"
         )
@@ -90,7 +91,7 @@ def clock_of(table: Mapping[str, Array], path: Path, least: int) -> Array:
     longest, usual = steps.max(), np.median(steps)
     if longest > JUMP * usual:
         raise ConfigurationError(
-            f"{path}: t: jumps by {longest:g} s at row {int(np.argmax(steps)) + 1}"
+            f"{path}: t: jumps by {longest:g} s at row {np.argmax(steps) + 1}"
             f" (steps of {usual:g} s); the clock was set or rows are lost: cut the run"
             " there"
         )
@@ -102,7 +103,7 @@ def clock(t: Array) -> Iterator[Finding]:
     steps = np.diff(t)
     if not (steps > 0.0).all():  # the reader refuses rows out of order
         return
-    worst = int(np.argmax(steps))
+    worst = np.argmax(steps)
     gap = f"the rows are missing, the longest gap {steps[worst]:.2g} s at"
     remedy = "record on a machine that keeps up, or leave the run out"
     yield from _lost("samples", t, LOST_ROWS, f"{gap} {t[worst]:.2f} s", remedy)
@@ -143,7 +144,7 @@ def _lost(
     if lost > limits[0]:
         yield Finding(
             what=f"lost {what}",
-            words=f"{100 * lost:.0f} % of {words}",
+            words=f"{percent(lost)} of {words}",
             remedy=remedy,
             level="bad" if lost > limits[1] else "fair",
         )
@@ -162,7 +163,7 @@ def values(
     if lost > LOST_ROWS[0]:
         yield Finding(
             what="lost samples",
-            words=f"{name} holds no number in {100 * lost:.0f} % of the rows",
+            words=f"{name} holds no number in {percent(lost)} of the rows",
             remedy="mend the reading, or leave the run out",
         )
     if is_number.any():
@@ -190,7 +191,7 @@ def stuck_reading(
         long = [(a, b) for a, b in long if value[a] not in limits]
     else:
         why = "while its command moves"
-        long = [(a, b) for a, b in long if np.ptp(command[a : b + 1]) > MOVED]
+        long = _moving(long, command)
     for first, last in long[:1]:
         words = (
             f"{name} stands still at {value[first]:.4g} from {t[first]:.2f} to"
@@ -207,7 +208,7 @@ def _saturation(
     """
     inner = [(a, b) for a, b in _still(value) if a > 0 and b < len(t) - 1]
     if command is not None:
-        inner = [(a, b) for a, b in inner if np.ptp(command[a : b + 1]) > MOVED]
+        inner = _moving(inner, command)
     for limit, word in ((np.nanmax(value), "largest"), (np.nanmin(value), "smallest")):
         spans = [t[b] - t[a] for a, b in inner if value[a] == limit]
         long = [span for span in spans if span > CLIPPED]
@@ -222,12 +223,17 @@ def _saturation(
             )
 
 
+def _moving(spans: Sequence[tuple[int, int]], command: Array) -> list[tuple[int, int]]:
+    """Those `spans` of rows, first and last, in which a `command` (n,) moves."""
+    return [(a, b) for a, b in spans if np.ptp(command[a : b + 1]) > MOVED]
+
+
 def _still(value: Array) -> Iterator[tuple[int, int]]:
     """Yield first and last row of every stretch in which a column (n,) is constant."""
     edges = np.flatnonzero(np.diff(value) != 0.0)
     first = np.concatenate([[0], edges + 1])
     last = np.concatenate([edges, [len(value) - 1]])
-    return ((int(a), int(b)) for a, b in zip(first, last, strict=True) if b > a)
+    return ((a, b) for a, b in zip(first, last, strict=True) if b > a)
 
 
 def complaints(tables: Mapping[str, Mapping[str, Array]]) -> Iterator[Finding]:
@@ -268,9 +274,9 @@ def unwrapped(t: Array, values: Array, origin: str) -> tuple[Array, list[int]]:
     leaps = np.abs(rates - about) * np.minimum(spans, step)
     beyond = leaps > np.maximum(LEAP, LEAPS * usual * step)
     if beyond.any():
-        leap = int(np.argmax(beyond))
-        row, changed = int(rows[leap + 1]), np.flatnonzero(steps[:leap])
-        since = int(rows[changed[-1] + 1]) if len(changed) else 0
+        leap = np.argmax(beyond)
+        row, changed = rows[leap + 1], np.flatnonzero(steps[:leap])
+        since = rows[changed[-1] + 1] if len(changed) else 0
         stands = row - since > NEIGHBOURS
         stood = f"stands still from row {since} on and " if stands else ""
         raise ConfigurationError(

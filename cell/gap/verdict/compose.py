@@ -57,7 +57,7 @@ def verdict(findings: Findings, runtime: float, simulations: int) -> Verdict:
     return Verdict(
         verdict=decision.kind,
         effects=[e for e in effects if e.name in decision.named],
-        ambiguous=[] if is_sound else list(map(list, tests.classes)),
+        ambiguous=[] if is_sound else [[*group] for group in tests.classes],
         unexplained=_unexplained(findings),
         base={
             n: Interval(**v.model_dump(exclude={"unit"}))

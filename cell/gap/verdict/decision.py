@@ -35,6 +35,7 @@ from cell.gap.subject.subject import Origin, Subject
 from cell.gap.verdict.confidence import LEAST, calibration
 from cell.gap.verdict.findings import Decision, Findings, Results
 from cell.gap.verdict.schema import Kind, Step, Verdict, VerdictEvidence
+from cell.report.words import percent, plain
 from drivers.base.types import Array
 
 # excess on held-out runs, in units of the noise, that is a gap by itself; set by hand
@@ -259,7 +260,7 @@ def next_steps(
     if verdict.suspected and not verdict.effects and _may_be_forced(decision, verdict):
         names = " + ".join(effect.name for effect in verdict.suspected)
         least = min(effect.confidence for effect in verdict.suspected)
-        probable = f"{100 * least:.0f} % probable"
+        probable = f"{percent(least)} probable"
         words = f"takes all the same what is suspected, not named: {names}, {probable}"
         steps.append(Step("accept_suspected", f"{accept} --force", words))
     if law:
@@ -343,7 +344,7 @@ def reasons(findings: Findings) -> list[str]:
             )
     words += [
         f"{name} lies at the end of the range that is tried:"
-        f" {', '.join(amounts).replace('_', ' ')}"
+        f" {plain(', '.join(amounts))}"
         for name, amounts in findings.decision.at_ends.items()
     ]
     words += [

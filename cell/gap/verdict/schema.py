@@ -12,6 +12,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 from cell.gap.diagnosis.lack_of_fit import Bin
 from cell.gap.diagnosis.next_experiment import Recommendation
 from cell.gap.subject.subject import NamedValues
+from cell.report.words import plain
 from drivers.base.errors import ConfigurationError
 from drivers.base.readers import MEGABYTE, read_json
 from drivers.base.settings import parse
@@ -297,7 +298,7 @@ class Verdict(Entry):
     __repr__ = __str__
 
     def _lines(self) -> Iterator[str]:
-        yield self.verdict.replace("_", " ")
+        yield plain(self.verdict)
         for effect in self.effects:
             values = ", ".join(
                 f"{name} {value}" for name, value in effect.parameters.items()
@@ -323,7 +324,7 @@ class Verdict(Entry):
         after.
         """
         rows = "".join(
-            f"<tr><td>{escape(key.replace('_', ' '))}</td>"
+            f"<tr><td>{escape(plain(key))}</td>"
             f"{_meter(was, now)}{_meter(now, was)}"
             f"<td>{self.gap.floor.get(key, 0.0):.3g}</td></tr>"
             for key, was in self.gap.before.items()

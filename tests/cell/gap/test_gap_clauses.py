@@ -329,15 +329,11 @@ def predicted(found: Findings, *left: float | Array) -> Decision:
     with residuals `left` instead of 1.
     """
     unseen, base = found.held_out_fits, found.base
-    level = tuple(map(np.ones_like, unseen.before.residuals))
-    after = tuple(r * n for r, n in zip(level, left, strict=True))
-    fits = replace(
-        unseen,
-        before=replace(unseen.before, residuals=level),
-        after=replace(unseen.after, residuals=after),
-    )
+    before = replace(unseen.before, residuals=[np.ones(60)] * len(left))
+    after = replace(unseen.after, residuals=[n * np.ones(60) for n in left])
     fit = replace(found.accepted.estimate, evidence=base.estimate.evidence)
     accepted = replace(found.accepted, left_out=base.left_out, estimate=fit)
+    fits = replace(unseen, before=before, after=after)
     return decide(replace(found, accepted=accepted, held_out_fits=fits))
 
 
@@ -346,26 +342,25 @@ def test_a_prediction_that_fails_in_all_or_in_a_run_or_in_a_quantity_is_told(
 ) -> None:
     assert "no better" in predicted(one, 1.0, 1.0).failure
     assert "predicted worse" in predicted(one, 0.0, 1.3).failure
-    assert predicted(one, 0.0, 0.0).failure == ""
-    touched = judged(Touched(hidden(bump, 0.05)))[0]
+    assert not predicted(one, 0.0, 0.0).failure
+    touched, _ = judged(Touched(hidden(bump, 0.05)))
     late = np.append(np.zeros(59), 3.0)
     assert "predicted worse" in predicted(touched, late, late).failure
 
 
 def test_what_most_runs_leave_counts_and_one_stray_run_does_not(one) -> None:
-    usual = decide(one).evidence
-    unseen = one.held_out_fits
-    r = unseen.after.residuals
-    stray = (r[0] + 50.0 * np.sign(np.sin(np.arange(len(r[0])))), *r[1:])
-    after = replace(unseen.after, residuals=stray)
+    usual, unseen = decide(one).evidence, one.held_out_fits
+    first, *others = unseen.after.residuals
+    stray = first + 50.0 * np.sign(np.sin(np.arange(60)))
+    after = replace(unseen.after, residuals=[stray, *others])
     found = decide(replace(one, held_out_fits=replace(unseen, after=after))).evidence
     assert found.left == pytest.approx(usual.left, rel=0.1)
     assert found.correlation == pytest.approx(usual.correlation, abs=0.1)
-    every = tuple(3.0 + 0.0 * each for each in one.accepted.estimate.residuals)
-    fit = replace(one.accepted.estimate, residuals=every)
-    doubted = decide(replace(one, accepted=replace(one.accepted, estimate=fit)))
-    assert doubted.evidence.left > 1.5 * usual.left
-    assert doubted.evidence.correlation > 0.9
+    fit = one.accepted.estimate
+    fit = replace(fit, residuals=[np.full(60, 3.0)] * len(fit.runs))
+    every = decide(replace(one, accepted=replace(one.accepted, estimate=fit))).evidence
+    assert every.left > 1.5 * usual.left
+    assert every.correlation > 0.9
 
 
 STATED = Parameter("mass", "kg", 0.0, -np.inf, np.inf, 1e-3, 0.01)

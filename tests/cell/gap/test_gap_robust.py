@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from cell.gap.diagnosis.lack_of_fit import Repeats
 from cell.gap.fitting.base_fit import refit_fine
@@ -53,19 +54,16 @@ def test_repeats_that_scatter_for_no_reason_leave_the_cause_open() -> None:
 
 def test_loss_of_runs_left_out_is_that_of_their_normal_density() -> None:
     model = validated(fitted(Curves(nothing, repeats=2)))
-    runs = model.estimate.evidence.runs
-    rng = np.random.default_rng(0)
-    left_out = tuple(rng.uniform(-0.5, 0.5, len(T)) for _ in runs)
-    uncertain = tuple(rng.uniform(-0.1, 0.1, (len(T), 2)) for _ in runs)
-    model = replace(
-        model, left_out=left_out, uncertain=uncertain, charged=np.zeros(len(runs))
-    )
+    runs = model.estimate.runs
+    rng, count = np.random.default_rng(0), len(runs)
+    r = rng.uniform(-0.5, 0.5, (count, len(T)))
+    b = rng.uniform(-0.1, 0.1, (count, len(T), 2))
+    model = replace(model, left_out=r, uncertain=b, charged=np.zeros(count))
     for fold in folds(runs):
-        r, b = (
-            np.concatenate([part[i] for i in fold]) for part in (left_out, uncertain)
-        )
-        whole = np.eye(len(r)) + b @ b.T
-        exact = 0.5 * (r @ np.linalg.solve(whole, r) + np.linalg.slogdet(whole)[1])
+        beside = np.concatenate(b[fold])
+        density = stats.multivariate_normal(cov=np.eye(len(beside)) + beside @ beside.T)
+        of_noise = len(beside) * stats.norm.logpdf(0.0)
+        exact = of_noise - density.logpdf(np.concatenate(r[fold]))
         assert model.losses(1.0)[fold].sum() == pytest.approx(exact)
 
 
@@ -74,9 +72,14 @@ class Grained(Curves):
     `GRAIN`.
     """
 
+    def grain(self, _: Request) -> float:
+        return GRAIN
+
     def refine(self, requests: Sequence[Request]) -> Sequence[Run]:
         return [
-            replace(q.run, samples=replace(q.run.samples, floor=np.full(len(T), GRAIN)))
+            replace(
+                q.run, samples=replace(q.run.samples, floor=np.full(60, self.grain(q)))
+            )
             for q in requests
         ]
 
@@ -93,15 +96,11 @@ def test_what_the_grain_of_a_model_leaves_is_no_gap_and_it_is_fitted_by_its_own(
         assert fine.evidence.scales[0] == pytest.approx(np.hypot(subject.noise, GRAIN))
 
 
-class GrainedBeside(Curves):
+class GrainedBeside(Grained):
     """Curves whose simulation is coarse beside an effect alone."""
 
-    def refine(self, requests: Sequence[Request]) -> Sequence[Run]:
-        floor = [np.full(len(T), GRAIN if q.effects else 0.0) for q in requests]
-        return [
-            replace(q.run, samples=replace(q.run.samples, floor=f))
-            for q, f in zip(requests, floor, strict=True)
-        ]
+    def grain(self, q: Request) -> float:
+        return GRAIN if q.effects else 0.0
 
 
 def test_gaps_on_held_out_runs_are_compared_by_the_floors_of_both_models() -> None:

@@ -70,7 +70,7 @@ class CellArm(InverseDynamics):
         """Sentences on how far named effects move the gripper, and where `accept` puts
         them.
         """
-        sentences = list[str]()
+        sentences: list[str] = []
         for name, values in effects.items():
             ordered = ordered_values(library()[name], self.mechanism, values)
             moved = np.concatenate(

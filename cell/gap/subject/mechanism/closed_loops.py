@@ -62,7 +62,7 @@ class ClosedLoops:
     ) -> None:
         self._model, off = copy.copy(model), mujoco.mjtDisableBit
         # only equalities add rows to the Jacobian of constraints
-        self._model.opt.disableflags = int(
+        self._model.opt.disableflags = (
             off.mjDSBL_CONTACT | off.mjDSBL_FRICTIONLOSS | off.mjDSBL_LIMIT
         )
         self._model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
@@ -78,7 +78,7 @@ class ClosedLoops:
         driven: Array = np.any(transmissions(self._model, self._data), axis=0)
         # first those with a motor, then others that are measured
         order = sorted(range(model.nv), key=lambda j: (j not in inputs, not driven[j]))
-        leading = list[int]()
+        leading: list[int] = []
         for joint in order:
             if np.linalg.matrix_rank(motions[[*leading, joint]]) > len(leading):
                 leading.append(joint)
@@ -88,7 +88,7 @@ class ClosedLoops:
         moved = np.abs(together) > RANK_TOLERANCE
         with_compared = moved[list(compared)].any(axis=0)
         self.apart = ~moved[:, with_compared].any(axis=1)
-        self.stand = [int(j) for j in self.independent if j not in inputs]
+        self.stand = [j for j in self.independent if j not in inputs]
         missing = [model.joint(j).name for j in self.stand if not self.apart[j]]
         if missing:
             raise ConfigurationError(

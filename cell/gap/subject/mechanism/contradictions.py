@@ -19,6 +19,7 @@ from cell.gap.subject.mechanism.model import Mechanism, poses
 from cell.gap.subject.mechanism.recordings import Recording, Signal
 from cell.gap.subject.run_table import stuck_reading
 from cell.gap.subject.subject import Finding, bad
+from cell.report.words import percent
 from drivers.base.types import Array
 
 # Set by hand on cases, and on runs of models that others wrote, which stay within.
@@ -43,6 +44,7 @@ UNITS = {1000.0: "N mm", 100.0: "N cm", 10.2: "kgf cm", 0.102: "kgf m", 0.001: "
          8.85: "lbf in", 141.6: "ozf in"}  # fmt: skip
 """Units of torque by how many of them are a newton metre."""
 STEPS = np.linspace(-MOST_LAG, MOST_LAG, LAGS)
+TINY = np.finfo(float).tiny  # against division by zero
 UNBOUNDED = (int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_HFIELD))
 HOLD = (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD))
 
@@ -68,7 +70,7 @@ class JointTorques:
         """Functions (3, n) of the motion that any joint's friction and offset may
         follow.
         """
-        sliding = SLIDING * np.sqrt(np.mean(self.v**2)) + np.finfo(float).tiny
+        sliding = SLIDING * np.sqrt(np.mean(self.v**2)) + TINY
         return np.array([np.ones_like(self.v), self.v, np.tanh(self.v / sliding)])
 
     @property
@@ -109,14 +111,14 @@ def match(torques: JointTorques, noise: float) -> Match | None:
     friction = torques.friction[:, inner]
     measured = _beside(friction, torques.measured[inner])
     model = _beside(friction, late)
-    cross, square = model @ measured, np.sum(model**2, axis=1) + np.finfo(float).tiny
-    total = (measured @ measured) + np.finfo(float).tiny
+    cross, square = model @ measured, np.sum(model**2, axis=1) + TINY
+    total = measured @ measured + TINY
     unexplained = np.maximum(total - cross**2 / square, 0.0)
-    best = int(np.argmin(unexplained))
+    best = np.argmin(unexplained)
     variances = unexplained / len(inner)
     motion = np.vstack([torques.of_motion[:, inner], late[best]])
     beside = _beside(motion, torques.measured[inner])
-    spread = torques.measured[inner].std() + np.finfo(float).tiny
+    spread = torques.measured[inner].std() + TINY
     # a random torque follows as many functions as it has degrees of freedom
     free = torques.cutoff * np.ptp(t[inner]) / np.pi
     inflated = free / max(free - len(motion), 1.0)
@@ -140,9 +142,9 @@ def _least_lag(variances: Array) -> float:
     """Lag [s] that leaves the least of `variances` (LAGS,), by a parabola through
     it.
     """
-    k = int(np.clip(np.argmin(variances), 1, LAGS - 2))
+    k = np.clip(np.argmin(variances), 1, LAGS - 2)
     before, least, after = variances[k - 1 : k + 2]
-    bend = before - 2.0 * least + after + np.finfo(float).tiny
+    bend = before - 2.0 * least + after + TINY
     aside = np.clip(0.5 * (before - after) / bend, -1.0, 1.0)
     return float(STEPS[k] + aside * (STEPS[1] - STEPS[0]))
 
@@ -207,7 +209,7 @@ def _said(by_run: Mapping[str, Finding | None]) -> Iterator[Finding]:
     faults = [(run, fault) for run, fault in by_run.items() if fault]
     counts = Counter(fault.what for _, fault in faults)
     shared = {what for what, n in counts.items() if n > max(1.0, MOST * len(by_run))}
-    told = set[str]()
+    told: set[str] = set()
     alone = ", unlike other runs" if len(by_run) > 1 else ""
     for run, fault in faults:
         if fault.what not in shared:
@@ -226,7 +228,7 @@ def _fault(
     if found.explained < FREE:
         return bad(
             "torque of no motion",
-            f"{name}: the motion explains {100 * max(found.explained, 0.0):.0f} % of"
+            f"{name}: the motion explains {percent(max(found.explained, 0.0))} of"
             " this torque",
             "look for the column that holds it, or leave the run out",
         )
@@ -340,7 +342,7 @@ def _touching(mechanism: Mechanism) -> Iterator[Finding]:
             yield Finding(
                 what="contact",
                 words=(
-                    f"{names} touch in {100 * touching:.0f} % of the motion, and"
+                    f"{names} touch in {percent(touching)} of the motion, and"
                     " contacts are left out"
                 ),
                 remedy=(
@@ -362,16 +364,14 @@ def _pairs(model: Any, q: Array) -> Counter[tuple[int, int]]:
     aside.
     """
     colliding = copy.copy(model)
-    colliding.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
-    colliding.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
-    found = Counter[tuple[int, int]]()
+    off = mujoco.mjtDisableBit
+    colliding.opt.disableflags &= ~int(off.mjDSBL_CONTACT | off.mjDSBL_CONSTRAINT)
+    found: Counter[tuple[int, int]] = Counter()
     tied = _tied_bodies(model)
     for data in poses(colliding, q, mujoco.mj_fwdPosition):
-        inside = data.contact.geom[data.contact.dist < 0.0]
+        inside = {*map(tuple, data.contact.geom[data.contact.dist < 0.0])}
         found.update(
-            (int(a), int(b))
-            for a, b in {tuple(pair) for pair in inside}
-            if not _belong_together(model, tied, int(a), int(b))
+            pair for pair in inside if not _belong_together(model, tied, *pair)
         )
     return found
 
@@ -383,8 +383,8 @@ def _tied_bodies(model: Any) -> set[frozenset[int]]:
         ends = np.array([model.eq_obj1id[i], model.eq_obj2id[i]])
         if model.eq_objtype[i] == mujoco.mjtObj.mjOBJ_SITE:
             ends = model.site_bodyid[ends]
-        if int(model.eq_type[i]) in HOLD:
-            found.add(frozenset(map(int, model.body_weldid[ends])))
+        if model.eq_type[i] in HOLD:
+            found.add(frozenset(model.body_weldid[ends]))
     return found
 
 
@@ -394,9 +394,9 @@ def _belong_together(
     """Whether the bodies of two geoms are one, tied, siblings or neighbours along the
     tree.
     """
-    if {int(model.geom_type[one]), int(model.geom_type[other])} & {*UNBOUNDED}:
+    if {model.geom_type[one], model.geom_type[other]} & {*UNBOUNDED}:
         return False
-    a, b = (int(model.body_weldid[model.geom_bodyid[g]]) for g in (one, other))
+    a, b = (model.body_weldid[model.geom_bodyid[g]] for g in (one, other))
     above_a, above_b = _ancestors(model, a), _ancestors(model, b)
     siblings = above_a[0] == above_b[0] > 0
     near = a in (b, *above_b) or b in above_a
@@ -408,5 +408,5 @@ def _ancestors(model: Any, body: int) -> list[int]:
     that.
     """
     carriers = model.body_weldid[model.body_parentid]
-    parent = int(carriers[body])
-    return [parent, int(carriers[parent]) or -1]
+    parent = carriers[body]
+    return [parent, carriers[parent] or -1]

@@ -125,7 +125,7 @@ def _commanded(model: Any, name: str) -> Signal:
         kind="torque",
         sigma=EXACT,
         zone="middle",
-        joint=int(motor.trnid[0]),
+        joint=motor.trnid[0],
         weights=np.zeros(model.njnt),
         floor=EXACT,
         actuator=motor.id,

@@ -66,7 +66,7 @@ class InverseDynamics(MechanismSubject):
         self._known: dict[Hashable, Array] = {}
         model, origin = mechanism.model, str(mechanism.path)
         self._model = copy.copy(model)
-        self._model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+        self._model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
         # what motors are relieved of, they do not give
         self._model.jnt_actgravcomp[:] = 0
         inputs, joints = mechanism.file.inputs, mechanism.joints

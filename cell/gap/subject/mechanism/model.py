@@ -79,7 +79,7 @@ FORWARD = Mode(
     name="forward",
     smoothing=lambda rates: 0.0 * rates + SMOOTH,
     encoders=lambda m: [s.name for s in m.compared("position")],
-    splits=lambda model: bool(model.nu) and int(model.body_jntnum.max()) == 1,
+    splits=lambda model: bool(model.nu) and model.body_jntnum.max() == 1,
     fields=True,
 )
 PRESCRIBED = Mode(
@@ -219,7 +219,7 @@ def tip(model: Any) -> tuple[int, Array]:
 
     That is the farthest site or twice the centre of mass.
     """
-    body = int(np.max(model.jnt_bodyid))
+    body = np.max(model.jnt_bodyid)
     places = [*model.site_pos[model.site_bodyid == body], 2.0 * model.body_ipos[body]]
     return body, np.array(max(places, key=np.linalg.norm))
 
@@ -255,7 +255,7 @@ def check_joints(model: Any, origin: str) -> None:
     """Refuse joints of a model without a name, and others than hinges and slides."""
     for i in range(model.njnt):
         name, kind = model.joint(i).name, int(model.jnt_type[i])
-        body = model.body(int(model.jnt_bodyid[i])).name or int(model.jnt_bodyid[i])
+        body = model.body(model.jnt_bodyid[i]).name or model.jnt_bodyid[i]
         if not name:
             raise ConfigurationError(
                 f"{origin}: a joint of body {body} has no name; give it one"

@@ -155,7 +155,7 @@ def _body(root: ET.Element, m: Mechanism, i: int) -> ET.Element:
     """
     if name := m.model.body(i).name:
         return next(e for e in root.iter("body") if e.get("name") == name)
-    joint = m.model.joint(int(m.model.body_jntadr[i])).name
+    joint = m.model.joint(m.model.body_jntadr[i]).name
     return next(
         e
         for e in root.iter("body")

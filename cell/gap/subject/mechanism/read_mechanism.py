@@ -183,7 +183,7 @@ def _signal(name: str, spec: SignalSpec, mode: Mode, model: Any, origin: str) ->
                 f"{origin}: {key}: {owner} {spec.actuator or spec.joint} drives no"
                 " joint; compare torques of motors on joints"
             )
-        joint = int(model.actuator_trnid[actuator, 0])
+        joint = model.actuator_trnid[actuator, 0]
         if (spec.side or ("joint" if owner == "joint" else "motor")) == "motor":
             gear = model.actuator_gear[actuator, 0]
     elif owner == "joint":
@@ -196,7 +196,7 @@ def _signal(name: str, spec: SignalSpec, mode: Mode, model: Any, origin: str) ->
         if weights.any():
             kind = "position"
         else:
-            joint = 3 * model.nsite + int(model.sensor_adr[number])
+            joint = 3 * model.nsite + model.sensor_adr[number]
     ends = {model.njnt - 1: "grasped", 0: "fixed"}  # of a chain
     zone = "grasped" if kind in ("site", "sensor") else ends.get(joint, "middle")
     return Signal(
@@ -235,14 +235,14 @@ def _sum_of_joints(model: Any, number: int) -> Array:
     sensor.
     """
     row, sensor = np.zeros(model.njnt), model.sensor(number)
-    kind, number = int(sensor.type[0]), int(sensor.objid[0])
-    if kind == int(mujoco.mjtSensor.mjSENS_JOINTPOS):
+    kind, number = sensor.type[0], sensor.objid[0]
+    if kind == mujoco.mjtSensor.mjSENS_JOINTPOS:
         row[number] = 1.0
-    elif kind == int(mujoco.mjtSensor.mjSENS_TENDONPOS):
-        first = int(model.tendon_adr[number])
-        for w in range(first, first + int(model.tendon_num[number])):
-            if int(model.wrap_type[w]) == int(mujoco.mjtWrap.mjWRAP_JOINT):
-                row[int(model.wrap_objid[w])] += model.wrap_prm[w]
+    elif kind == mujoco.mjtSensor.mjSENS_TENDONPOS:
+        first = model.tendon_adr[number]
+        for w in range(first, first + model.tendon_num[number]):
+            if model.wrap_type[w] == mujoco.mjtWrap.mjWRAP_JOINT:
+                row[model.wrap_objid[w]] += model.wrap_prm[w]
     return row
 
 
@@ -260,9 +260,9 @@ def _set_options(mechanism: Mechanism) -> None:
     model.actuator_forcelimited[:] = 1
     model.dof_solimp[(model.dof_solimp == SOFT).all(axis=1), :2] = FIRM
     if model.npair == 0:
-        model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
     # a chain is one island, which is not worth a search at each stage of each step
-    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ISLAND)
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ISLAND
 
 
 def _measured_joints(mechanism: Mechanism) -> tuple[Joint, ...]:
@@ -330,7 +330,7 @@ def start_of(mechanism: Mechanism, recording: Recording) -> tuple[Array, Array]:
     positions, slopes = [], []
     for signal in compared:
         t, x = recording.known(signal.name)
-        begin = int(np.searchsorted(t, recording.t[near - 1], side="right"))
+        begin = np.searchsorted(t, recording.t[near - 1], side="right")
         fitted = np.polynomial.Polynomial.fit(t[:begin], x[:begin], 3)
         positions.append(x[0])
         slopes.append(fitted.deriv()(0.0))

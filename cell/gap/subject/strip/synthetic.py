@@ -277,7 +277,7 @@ def _shape(fold: Fold, stamp: float) -> Array:
     """True midline (nodes, 2) [m] that an image with `stamp` [s] shows."""
     time = imaged_time(fold.model.observation, stamp)
     times = fold.shape_t
-    after = int(np.clip(np.searchsorted(times, time), 1, len(times) - 1))
+    after = np.clip(np.searchsorted(times, time), 1, len(times) - 1)
     before = after - 1
     fraction = np.clip(
         (time - times[before]) / (times[after] - times[before]), 0.0, 1.0

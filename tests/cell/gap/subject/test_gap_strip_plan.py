@@ -1,9 +1,6 @@
 """`cell gap plan`: which runs it makes, and that one of them folds through images."""
 
 import json
-import subprocess
-import sys
-from pathlib import Path
 
 import pytest
 
@@ -11,6 +8,7 @@ from cell.base.config.places import find_configs
 from cell.setup.arm.run_settings import at_speed
 from drivers.base.errors import ConfigurationError
 from policies.experiments.standard import STANDARD
+from tests.support.commands import run
 
 
 def test_a_speed_beyond_the_limits_is_refused() -> None:
@@ -21,15 +19,13 @@ def test_a_speed_beyond_the_limits_is_refused() -> None:
         at_speed(settings, 1.0)
 
 
-def test_the_command_says_what_it_would_do(tmp_path: Path) -> None:
-    words = f"-m cell gap plan --strip denim --dry-run --runs {tmp_path}/runs"
-    command = [sys.executable, *words.split()]
-    texts = (command, [*command, "--json"])
-    done = [
-        subprocess.run(c, capture_output=True, text=True, check=True).stdout
-        for c in texts
-    ]
-    lines, rows = done[0].splitlines(), list(map(json.loads, done[1].splitlines()))
+def test_the_command_says_what_it_would_do(tmp_path, monkeypatch, capsys) -> None:
+    words = f"gap plan --strip denim --dry-run --runs {tmp_path}/runs"
+    lines, texts = [], []
+    for said, form in ((lines, ""), (texts, "--json")):
+        assert run(monkeypatch, words, form) == 0
+        said += capsys.readouterr().out.splitlines()
+    rows = list(map(json.loads, texts))
     assert len(lines) == len(rows) == len(STANDARD) + 2
     assert lines[0].split()[1] == lines[-1].split()[1] == rows[-1]["name"] == "normal"
     assert not (tmp_path / "runs").exists()

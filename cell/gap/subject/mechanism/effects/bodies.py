@@ -47,7 +47,7 @@ def _carried_bodies(mechanism: Mechanism) -> list[int]:
     move.
     """
     model, bodies = mechanism.model, np.unique(mechanism.model.jnt_bodyid)
-    return [int(i) for i in bodies if model.body_weldid[model.body_parentid[i]]]
+    return [i for i in bodies if model.body_weldid[model.body_parentid[i]]]
 
 
 def _place_parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:

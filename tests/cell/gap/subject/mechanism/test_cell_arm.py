@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from scipy.special import betainc
 
 from cell.base.config.places import CHECKOUT_CONFIGS, find_configs
 from cell.gap.open_subject import open_mechanism
@@ -36,10 +37,7 @@ def record(folder: Path, plant: ArmPlant, phase: float) -> RunFolder:
     sag = dynamics.sag if any(plant.compliance) else None
     t = 1e-3 * np.arange(TICKS)
     swing = 0.25 * np.sin(np.outer(t, np.linspace(1.5, 4.0, 7)) + phase)
-    begin = np.minimum(t / 0.5, 1.0)
-    commanded = (
-        HOME + swing * (begin**3 * (10.0 - 15.0 * begin + 6.0 * begin**2))[:, None]
-    )
+    commanded = HOME + swing * betainc(3, 3, np.minimum(2.0 * t, 1.0))[:, None]
     begun = Posture.at_joints(commanded[0], FLANGE_TO_TIP, zero_rates(7))
     arm = LaggingArm(begun, FLANGE_TO_TIP, plant.delay, 0.0, sag)
     rows = []

@@ -3,7 +3,6 @@ rest.
 """
 
 import copy
-import json
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -41,9 +40,8 @@ BASE = {"damping_shoulder": 0.35, "damping_left.elbow": 0.08, "mass_lower": 0.51
 
 
 def accepted_arm(folder: Path) -> tuple[MechanismSubject, Path, Path]:
-    content = json.loads(
-        json.dumps(FORWARD).replace('"joint": "elbow"', '"joint": "left.elbow"')
-    )
+    elbow = {"joint": "left.elbow", "is": "position", "sigma": 3e-4}
+    content = FORWARD | {"signals": FORWARD["signals"] | {"elbow": elbow}}
     stated = ARM.replace('"elbow"', '"left.elbow"')
     file, runs = make_arm(folder, 2, content=content, span=1.0, stated=stated)
     return opened(file, runs), file, runs
@@ -75,44 +73,36 @@ def test_accepted_mjcf_in_plain_mujoco_moves_as_the_accepted_model(
     plain = mujoco.MjModel.from_xml_path(str(file.parent / "arm-accepted.xml"))
     data = mujoco.MjData(plain)
     data.qpos[:], data.qvel[:] = case.start
-    t, at = case.content.cut.t, 0.0
-    control = case.content.commands.at_steps(step, 600, 0.0)
-    rows = [np.array(data.qpos)]
-    for u in control:
-        data.ctrl[:] = u
+    rows = [data.qpos.copy()]
+    for data.ctrl[:] in case.content.commands.at_steps(step, 600, 0.0):
         mujoco.mj_step(plain, data)
-        rows.append(np.array(data.qpos))
-    on_grid = np.isclose(t / step, np.round(t / step), atol=1e-6) & (t > at)
-    k = np.round(t[on_grid] / step).astype(int)
+        rows.append(data.qpos.copy())
+    steps = case.content.cut.t / step
+    k = np.rint(steps).astype(int)
+    on_grid = np.abs(steps - k) < 1e-6
+    moved = np.array(rows)[k[on_grid]].T
     assert on_grid.sum() > 20
-    assert np.abs(np.array(rows)[k].T - predicted[:2, on_grid]).max() < 1e-6
-    assert np.abs(np.array(rows)[k]).max() > 0.1
+    assert np.abs(moved - predicted[:2, on_grid]).max() < 1e-6
+    assert np.abs(moved).max() > 0.1
 
 
-def test_what_mjcf_cannot_say_stays_in_the_mechanism_file(tmp_path: Path) -> None:
+def test_what_mjcf_cannot_say_stays_in_the_file_and_undo_takes_all_away(
+    tmp_path: Path,
+) -> None:
     arm, file, runs = accepted_arm(tmp_path / "arm")
-    model = (file.parent / "arm.xml").read_bytes()
+    before, model = file.read_text(), (file.parent / "arm.xml").read_bytes()
     written(arm, tmp_path / "out", file)
     accept(tmp_path / "out", file)
     content = yaml.safe_load(file.read_text())
-    assert content["effects"] == RIG
-    assert content["model"] == "arm-accepted.xml"
+    assert (content["effects"], content["model"]) == (RIG, "arm-accepted.xml")
     assert (file.parent / "arm.xml").read_bytes() == model
-    again = opened(file, runs)
-    assert "encoder_bias.bias_elbow" in [p.name for p in again.scope.base]
-    starts = {p.name: p.start for p in again.scope.base}
+    starts = {p.name: p.start for p in opened(file, runs).scope.base}
+    assert "encoder_bias.bias_elbow" in starts
     assert starts["damping_shoulder"] == BASE["damping_shoulder"]
     assert starts["mass_lower"] == BASE["mass_lower"] + NAMED["payload"]["mass"]
-
-
-def test_undo_brings_the_file_back_and_takes_the_model_away(tmp_path: Path) -> None:
-    arm, file, _ = accepted_arm(tmp_path / "arm")
-    before = file.read_text()
-    written(arm, tmp_path / "out", file)
-    accept(tmp_path / "out", file)
     undo(tmp_path / "out", file)
     assert file.read_text() == before
-    assert not (file.parent / "arm-accepted.xml").exists()
+    assert not (file.parent / content["model"]).exists()
 
 
 def test_friction_is_written_to_the_pair_whose_geoms_it_is_of() -> None:
