@@ -9,6 +9,7 @@ import yaml
 
 from cell.base.config.places import find_configs
 from cell.gap.subject.strip.subject import patch_file
+from cell.gap.verdict.accept import AcceptResult, accept, undo
 from cell.gap.verdict.fit_folder import (
     CELL_PATCH,
     PATCHES,
@@ -90,6 +91,14 @@ class Fitted:
             contents["cell"] = yaml.safe_dump(cell)
         self.kind, self.contents = kind, contents
         self.write()
+
+    def accept(self, **how: bool) -> AcceptResult:
+        """Accept the fit into its strip file and cell file."""
+        return accept(self.out, self.file, self.cell, **how)
+
+    def undo(self) -> AcceptResult:
+        """Take the last acceptance back."""
+        return undo(self.out, self.file, self.cell)
 
     def write(self, **changed: str | bytes) -> None:
         """Write the fit again, of the files as they are now, with `changed` patches."""

@@ -20,24 +20,22 @@ def fitted(tmp_path) -> Fitted:
 
 def test_accepting_changes_the_lines_that_it_changes_and_they_come_back(fitted) -> None:
     before = fitted.file.read_text()
-    accept(fitted.out, fitted.file, fitted.cell)
+    fitted.accept()
     after = fitted.file.read_text().splitlines()
     gone = [line for line in before.splitlines() if line not in after]
     assert gone == ["bending_length: 0.0170"]
     assert "bending_length: 0.0168" in after
-    undo(fitted.out, fitted.file, fitted.cell)
+    fitted.undo()
     assert fitted.file.read_text() == before
     with pytest.raises(ConfigurationError, match="nothing to undo"):
-        undo(fitted.out, fitted.file, fitted.cell)
+        fitted.undo()
 
 
 def test_what_is_only_suspected_is_accepted_by_force_alone(tmp_path) -> None:
     fitted = Fitted(tmp_path, "accept_suspected")
     with pytest.raises(ConfigurationError, match=r"nothing was named.*report\.html"):
-        accept(fitted.out, fitted.file, fitted.cell)
-    assert accept(fitted.out, fitted.file, fitted.cell, force=True).effects == tuple(
-        EFFECT
-    )
+        fitted.accept()
+    assert fitted.accept(force=True).effects == tuple(EFFECT)
 
 
 BROKEN = {
@@ -79,7 +77,7 @@ def refused(fit: Fitted) -> str:
     """What accepting the fit is refused with; no file changes."""
     before = fit.file.read_bytes(), fit.cell.read_bytes()
     with pytest.raises(ConfigurationError) as caught:
-        accept(fit.out, fit.file, fit.cell)
+        fit.accept()
     assert (fit.file.read_bytes(), fit.cell.read_bytes()) == before
     assert not list(fit.file.parent.glob("*.undo.json"))
     return str(caught.value)
@@ -109,10 +107,10 @@ def test_a_file_that_changed_since_the_fit_is_refused_by_name(
     path.write_text(stated + "# measured again\n")
     assert refused(fitted_both).startswith(f"{path}: has changed since it was fitted")
     path.write_text(stated)
-    accept(fitted_both.out, fitted_both.file, fitted_both.cell)
+    fitted_both.accept()
     path.write_text(path.read_text() + "# measured again\n")
     with pytest.raises(ConfigurationError, match="has changed since the acceptance"):
-        undo(fitted_both.out, fitted_both.file, fitted_both.cell)
+        fitted_both.undo()
 
 
 def test_effects_of_the_cell_go_into_the_cell_file(fitted_both) -> None:
@@ -121,7 +119,7 @@ def test_effects_of_the_cell_go_into_the_cell_file(fitted_both) -> None:
     fitted_both.write()
     with pytest.raises(ConfigurationError, match="name the cell file"):
         accept(fitted_both.out, fitted_both.file)
-    accept(fitted_both.out, fitted_both.file, fitted_both.cell)
+    fitted_both.accept()
     content = yaml.safe_load(fitted_both.cell.read_text())
     assert content["effects"] == known | {"desk_tilt": {"angle": 0.004}}
     assert content["name"] == "here"
@@ -141,32 +139,32 @@ def test_effects_of_the_cell_go_into_the_cell_file(fitted_both) -> None:
 def test_undo_of_a_foreign_acceptance_is_refused(fitted, content) -> None:
     fitted.file.with_name("denim.yaml.undo.json").write_bytes(content)
     with pytest.raises(ConfigurationError, match=r"undo\.json: "):
-        undo(fitted.out, fitted.file, fitted.cell)
+        fitted.undo()
 
 
 @pytest.mark.parametrize(
     "name", ["../other", "other", "../other/x-accepted.xml", "/etc/x-accepted.xml"]
 )
 def test_undo_writes_only_the_files_that_it_was_given(fitted, name) -> None:
-    accept(fitted.out, fitted.file, fitted.cell)
+    fitted.accept()
     record = fitted.file.with_name("denim.yaml.undo.json")
     stored = json.loads(record.read_text())
     stored["acceptances"][0]["before"][name] = "overwritten"
     record.write_text(json.dumps(stored))
     with pytest.raises(ConfigurationError, match="is neither denim"):
-        undo(fitted.out, fitted.file, fitted.cell)
+        fitted.undo()
 
 
 def test_acceptances_on_top_of_each_other_are_undone_in_turn(fitted, tmp_path) -> None:
     texts = [fitted.file.read_text()]
-    accept(fitted.out, fitted.file, fitted.cell)
+    fitted.accept()
     texts.append(fitted.file.read_text())
     patch = yaml.safe_load(texts[1]) | {"bending_length": 0.0181}
     second = tmp_path / "second"
     write_fit(second, fitted.file, "accept", {"subject": yaml.safe_dump(patch)})
     accept(second, fitted.file)
     with pytest.raises(ConfigurationError, match=f"is {second}; undo that one first"):
-        undo(fitted.out, fitted.file, fitted.cell)
+        fitted.undo()
     for out in (second, fitted.out):
         undo(out, fitted.file)
         assert fitted.file.read_text() == texts.pop()
@@ -176,9 +174,9 @@ def test_acceptances_on_top_of_each_other_are_undone_in_turn(fitted, tmp_path) -
 @pytest.mark.parametrize("gone", [True, False])
 def test_undo_needs_nothing_of_the_folder_that_was_accepted(fitted, gone) -> None:
     before = fitted.file.read_bytes()
-    accept(fitted.out, fitted.file, fitted.cell)
+    fitted.accept()
     shutil.rmtree(fitted.out) if gone else fitted.write()
-    undo(fitted.out, fitted.file, fitted.cell)
+    fitted.undo()
     assert fitted.file.read_bytes() == before
 
 

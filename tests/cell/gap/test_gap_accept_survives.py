@@ -13,7 +13,6 @@ import pytest
 import yaml
 
 from cell.gap.verdict import accept as acceptance
-from cell.gap.verdict.accept import accept, undo
 from drivers.base import files
 from drivers.base.errors import ConfigurationError
 from tests.support.dying import DIED, REFUSED, in_child
@@ -57,35 +56,28 @@ def moments(
     raise AssertionError("never ended")
 
 
-def accepted(fit: Fitted) -> object:
-    return accept(fit.out, fit.file, fit.cell)
-
-
-def undone(fit: Fitted) -> object:
-    return undo(fit.out, fit.file, fit.cell)
-
-
 def test_acceptance_killed_at_any_moment_can_be_made_again(tmp_path: Path) -> None:
     tried = 0
-    for fit, _ in moments(tmp_path, lambda _: None, accepted):
+    for fit, _ in moments(tmp_path, lambda _: None, Fitted.accept):
         tried += 1
         if whole(fit) != ("new", "new"):
-            accepted(fit)
+            fit.accept()
         assert whole(fit) == ("new", "new")
-        undone(fit)
+        fit.undo()
         assert whole(fit) == ("old", "old")
     assert tried > 12
 
 
 @pytest.mark.parametrize(
-    ("prepare", "action"), [(lambda _: None, accepted), (accepted, undone)]
+    ("prepare", "action"),
+    [(lambda _: None, Fitted.accept), (Fitted.accept, Fitted.undo)],
 )
 def test_acceptance_or_undo_killed_at_any_moment_can_be_undone(
     tmp_path: Path, prepare, action
 ) -> None:
     for fit, before in moments(tmp_path, prepare, action):
         if fit.file.with_name(UNDO).exists():
-            undone(fit)
+            fit.undo()
         assert (fit.file.read_bytes(), fit.cell.read_bytes()) == before
 
 
@@ -96,7 +88,7 @@ def test_two_acceptances_at_once_leave_one_whole_file(tmp_path: Path) -> None:
         for _ in range(2):
             pid = os.fork()
             if pid == 0:
-                os._exit(in_child(lambda fit=fit: accepted(fit)))
+                os._exit(in_child(lambda fit=fit: fit.accept()))
             children.append(pid)
         codes = [os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) for pid in children]
         assert sorted(codes) == [0, REFUSED]
@@ -125,14 +117,14 @@ def test_disk_that_fills_between_two_files_changes_nothing(
     for module in (acceptance, files):
         monkeypatch.setattr(module, "replace_file", until_full(module.replace_file))
     with pytest.raises(ConfigurationError, match="No space"):
-        accepted(fit)
+        fit.accept()
     monkeypatch.undo()
     if stays:  # nothing could be taken back: the next command does it
         with pytest.raises(ConfigurationError):
-            accept(fit.out, fit.file, fit.cell, law=True)
+            fit.accept(law=True)
     assert (fit.file.read_bytes(), fit.cell.read_bytes()) == before
     assert not fit.file.with_name(UNDO).exists()
-    accept(fit.out, fit.file, fit.cell)
+    fit.accept()
     assert json.loads(fit.file.with_name(UNDO).read_text())["schema"] == 1
 
 
@@ -145,7 +137,7 @@ def test_another_command_that_changes_the_strip_is_waited_for_and_named(
         acceptance.lock_folders([fit.file.parent]),
         pytest.raises(ConfigurationError, match="another command"),
     ):
-        accept(fit.out, fit.file, fit.cell)
+        fit.accept()
 
 
 @pytest.mark.parametrize("name", ["denim.yaml", "cell.yaml"])
@@ -156,7 +148,7 @@ def test_an_edit_at_any_moment_is_kept_and_the_other_file_is_whole(
 ) -> None:
     fit = fitted_both(tmp_path)
     if taken_back:
-        accept(fit.out, fit.file, fit.cell)
+        fit.accept()
     edited, left = tmp_path / name, [moment]
     sync = os.fsync
 
@@ -168,7 +160,7 @@ def test_an_edit_at_any_moment_is_kept_and_the_other_file_is_whole(
 
     with pytest.MonkeyPatch.context() as patched, suppress(ConfigurationError):
         patched.setattr(os, "fsync", edits)
-        (undo if taken_back else accept)(fit.out, fit.file, fit.cell)
+        fit.undo() if taken_back else fit.accept()
     assert edited.read_text().endswith("# weighed again\n") == (left[0] < 0)
     strip, cell = whole(fit)
     assert strip == cell

@@ -14,6 +14,7 @@ import pytest
 
 from cell.gap.subject.mechanism.subject import MechanismSubject
 from cell.gap.subject.strip.simulation import Simulation
+from cell.gap.subject.strip.synthetic import BENCH
 from cell.gap.subject.subject import Origin
 from drivers.base.types import Array
 from tests.support.commands import refused
@@ -30,38 +31,26 @@ class Bench:
 
     root: Path
 
-    @property
-    def file(self) -> dict[str, Path]:
-        return {
-            "strip": self.root / "denim.yaml",
-            "pendulum": self.root / "pendulum.yaml",
-        }
+    def file(self, of: str) -> Path:
+        return self.root / f"{of}.yaml"
 
     def runs(self, of: str) -> Path:
         return self.root / of / "runs"
 
     def first(self, of: str) -> Path:
-        return sorted(self.runs(of).iterdir())[0]
+        return min(self.runs(of).iterdir())
 
-    def words(self, of: str, *more: object) -> Words:
-        out = self.root / "out"
-        return [
-            "gap",
-            "fit",
-            self.runs(of),
-            "--strip",
-            self.file[of],
-            "--out",
-            out,
-            *more,
-        ]
+    def words(self, of: str, *more: object, file: Path | None = None) -> Words:
+        """Words of a fit of its runs, and of `more` runs and options."""
+        out = ("--strip", file or self.file(of), "--out", self.root / "out")
+        return ["gap fit", self.runs(of), *more, *out]
 
 
 @pytest.fixture(scope="module")
 def good(tmp_path_factory: pytest.TempPathFactory) -> Path:
     root = tmp_path_factory.mktemp("good")
     written(root / "strip" / "runs", folds(["fast", "taut-lift"]))
-    shutil.copy(STRIP, root / "denim.yaml")
+    shutil.copy(STRIP, root / "strip.yaml")
     swings_of(root, (0.2, 0.9), 0)
     (root / "pendulum").mkdir()
     (root / "runs").rename(root / "pendulum" / "runs")
@@ -120,8 +109,7 @@ def with_column(name: str, made: Callable[[dict[str, Array]], Array]) -> Spoil:
 
 
 def strip_sigma(**changes: float) -> Spoil:
-    stated = {"contact_x": 1e-3, "profile": 1e-3, "gripper": 2e-5, "displacement": 3e-3}
-    return head(sigma=stated | changes)
+    return head(sigma=BENCH.model_dump(exclude_none=True) | changes)
 
 
 TICKS, CURVES, ANGLES = "ticks.parquet", "profile.parquet", "angles.parquet"
@@ -133,7 +121,7 @@ SPOILT: dict[tuple[str, str], tuple[Spoil, tuple[str, ...]]] = {
     ),
     ("strip", "negative sigma"): (
         strip_sigma(profile=-1e-3),
-        ("run.yaml", "sigma.profile", "more than 0"),
+        ("run.yaml: sigma.profile", "more than 0"),
     ),
     ("strip", "another strip"): (
         head(strip="cotton"),
@@ -149,7 +137,7 @@ SPOILT: dict[tuple[str, str], tuple[Spoil, tuple[str, ...]]] = {
         ("result.yaml", "displacement", "l1 - l2"),
     ),
     ("strip", "noise not stated"): (
-        head(sigma={"contact_x": 1e-3, "profile": 1e-3, "displacement": 3e-3}),
+        head(sigma=BENCH.model_dump(exclude_none=True, exclude={"gripper"})),
         ("run.yaml: sigma.gripper: is missing",),
     ),
     ("strip", "noise of a picometre"): (
@@ -254,10 +242,10 @@ def test_a_spoilt_run_is_refused_by_name(monkeypatch, capsys, bench, case) -> No
 @pytest.mark.parametrize("subject", ["strip", "pendulum"])
 def test_a_single_run_is_refused(monkeypatch, capsys, bench, subject) -> None:
     words = bench.words(subject)
-    words[2] = bench.first(subject)
+    words[1] = bench.first(subject)
     line = told(monkeypatch, capsys, bench, words)
-    assert f"{bench.first(subject)}: one run cannot be both fitted and held out" in line
-    words[1] = "check"  # nor does it say that it can be fitted
+    assert f"{words[1]}: one run cannot be both fitted and held out" in line
+    words[0] = "gap check"  # nor does it say that it can be fitted
     assert refused(monkeypatch, capsys, *words) == line
 
 
@@ -265,11 +253,9 @@ def test_the_grippers_path_alone_is_refused_with_what_would_show_the_strip(
     monkeypatch, capsys, bench
 ) -> None:
     for run in bench.runs("strip").iterdir():
-        table = pq.read_table(run / "ticks.parquet")
-        kept = [name for name in table.column_names if name[:2] not in {"f_", "co"}]
-        pq.write_table(table.select(kept), run / "ticks.parquet")
-        points = pq.read_table(run / "profile.parquet")
-        pq.write_table(points.slice(0, 0), run / "profile.parquet")
+        table = pq.read_table(run / TICKS)
+        pq.write_table(table.drop_columns(["contact_x", "contact_t"]), run / TICKS)
+        pq.write_table(pq.read_table(run / CURVES).slice(0, 0), run / CURVES)
         (run / "result.yaml").write_text("schema: 1\noutcome: path_done\n")
     line = told(monkeypatch, capsys, bench, bench.words("strip"))
     assert "the gripper's path alone says nothing of the strip" in line
@@ -279,10 +265,10 @@ def test_the_grippers_path_alone_is_refused_with_what_would_show_the_strip(
 
 @pytest.mark.parametrize("subject", ["strip", "pendulum"])
 def test_runs_of_one_name_are_refused(monkeypatch, capsys, bench, subject) -> None:
-    words = bench.words(subject)
-    other = bench.root / "other" / subject / "runs"
-    shutil.copytree(bench.runs(subject), other)
-    line = told(monkeypatch, capsys, bench, [*words[:3], other, *words[3:]])
+    other = shutil.copytree(
+        bench.runs(subject), bench.root / "other" / subject / "runs"
+    )
+    line = told(monkeypatch, capsys, bench, bench.words(subject, other))
     assert "rename one" in line
     assert bench.first(subject).name in line
 
@@ -292,10 +278,8 @@ def test_runs_of_one_name_are_refused(monkeypatch, capsys, bench, subject) -> No
 def test_held_out_runs_are_known_and_leave_some(
     monkeypatch, capsys, bench, subject, every
 ) -> None:
-    names = sorted(run.name for run in bench.runs(subject).iterdir())
-    options = [
-        word for name in (names if every else ["zz"]) for word in ("--hold-out", name)
-    ]
+    names = [run.name for run in bench.runs(subject).iterdir()] if every else ["zz"]
+    options = (f"--hold-out {name}" for name in names)
     line = told(monkeypatch, capsys, bench, bench.words(subject, *options))
     said = ("held out", "leave some") if every else ("zz", bench.first(subject).name)
     assert all(word in line for word in said), line
@@ -307,8 +291,7 @@ def test_held_out_runs_are_known_and_leave_some(
 def test_the_file_of_the_other_subject_is_refused(
     monkeypatch, capsys, bench, runs, file
 ) -> None:
-    words = bench.words(runs)
-    words[words.index("--strip") + 1] = bench.file[file]
+    words = bench.words(runs, file=bench.file(file))
     line = told(monkeypatch, capsys, bench, words)
     assert str(bench.first(runs) / "run.yaml") in line
     kind = "strip" if runs == "strip" else "mechanism"
@@ -318,10 +301,8 @@ def test_the_file_of_the_other_subject_is_refused(
 def test_no_file_is_refused_and_one_with_spaces_quoted(
     monkeypatch, capsys, bench
 ) -> None:
-    words = bench.words("strip")
     for file in (bench.root, bench.root / "nope.yaml"):
-        words[words.index("--strip") + 1] = file
-        line = refused(monkeypatch, capsys, *words)
+        line = refused(monkeypatch, capsys, *bench.words("strip", file=file))
         assert line.startswith(f"{file}: is neither a strip")
     file = bench.root / "my strip.yaml"
     file.write_text("kind: strip")
@@ -331,11 +312,11 @@ def test_no_file_is_refused_and_one_with_spaces_quoted(
 def test_missing_runs_are_refused_and_leave_an_earlier_fit_as_it_is(
     monkeypatch, capsys, tmp_path
 ) -> None:
-    strip, out = Path("configs/strips/denim.yaml").resolve(), tmp_path / "out"
+    out = tmp_path / "out"
     out.mkdir()
     for name in ("verdict.json", "report.html", "fit.json", "overlay.rrd"):
         (out / name).write_text("earlier")
-    words = ("gap fit", tmp_path / "none", "--strip", strip, "--out", out)
+    words = ("gap fit", tmp_path / "none", "--strip denim --out", out)
     line = refused(monkeypatch, capsys, *words)
     assert str(tmp_path / "none") in line
     assert {path.read_text() for path in out.iterdir()} == {"earlier"}

@@ -10,7 +10,7 @@ import yaml
 from cell.gap.fit import FitOptions, fit
 from cell.gap.report.sentence import deviation_text, headline
 from cell.gap.subject.strip.scope import scope
-from cell.gap.verdict.accept import accept, undo
+from cell.gap.verdict.accept import accept
 from cell.gap.verdict.compose import deviations
 from cell.gap.verdict.schema import Interval, NamedEffect, ValueWithUnit
 from drivers.strip.describe import load_strip
@@ -107,9 +107,9 @@ def test_values_are_accepted_where_nothing_is_named_and_come_back(tmp_path) -> N
     values = {"subject": yaml.safe_dump(patch)}
     stated = {"effects": (), "values": ("b",)}
     write_fit(made.out, made.file, "accept_values", values, **stated)
-    assert accept(made.out, made.file, made.cell).effects == ("b",)
+    assert made.accept().effects == ("b",)
     assert load_strip(made.file).bending_length == 0.0289
-    assert undo(made.out, made.file, made.cell).effects == ("b",)
+    assert made.undo().effects == ("b",)
     assert made.file.read_bytes() == before
 
 

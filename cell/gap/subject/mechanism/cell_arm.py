@@ -53,16 +53,10 @@ class CellArm(InverseDynamics):
         """
         model = self.mechanism.model
         hand, (_, end) = model.body("hand").id, tip(model)
-        hand_mass, centre = (
-            float(model.body_mass[hand]),
-            np.array(model.body_ipos[hand]),
-        )
-        moment = hand_mass * centre + mass * end
-        both = moment / (hand_mass + mass) - model.site("flange").pos
-        return {
-            "mass": round(hand_mass + mass, 4),
-            "centre": [round(float(x), 5) for x in both],
-        }
+        moment = model.body_mass[hand] * model.body_ipos[hand] + mass * end
+        whole = float(model.body_mass[hand]) + mass
+        centre = moment / whole - model.site("flange").pos
+        return {"mass": round(whole, 4), "centre": centre.round(5).tolist()}
 
     def consequences(
         self, base: Mapping[str, float], effects: NamedValues
@@ -76,21 +70,18 @@ class CellArm(InverseDynamics):
             moved = np.concatenate(
                 [self._moved_by(name, ordered, run, base) for run in self.runs]
             )
-            where = f"`cell gap accept` puts it into cell.yaml, {FIELDS.get(name)}"
-            if name not in FIELDS:
-                where = (
-                    "cell.yaml has no field for it: `cell gap accept` puts it into the"
-                    " arm's model only"
-                )
+            where = (
+                f"`cell gap accept` puts it into cell.yaml, {FIELDS[name]}"
+                if name in FIELDS
+                else "cell.yaml has no field for it: `cell gap accept` puts it into the"
+                " arm's model only"
+            )
             rms = np.sqrt(np.mean(moved**2))
-            moves = (
-                f"the gripper stands up to {1e3 * moved.max():.2f} mm (rms"
-                f" {1e3 * rms:.2f})"
-            )
-            sentences.append(
-                f"{name}: {moves} from where the model has it, in these runs"
-            )
-            sentences.append(f"{name}: {where}")
+            sentences += [
+                f"{name}: the gripper stands up to {1e3 * moved.max():.2f} mm (rms"
+                f" {1e3 * rms:.2f}) from where the model has it, in these runs",
+                f"{name}: {where}",
+            ]
         return sentences
 
     def _moved_by(
@@ -102,20 +93,16 @@ class CellArm(InverseDynamics):
         A torque that the robot does not expect deflects a joint by torque / STIFFNESS.
         """
         about = np.array([base.get(p.name, p.start) for p in self.scope.base])
-        requests = [
-            replace(self.stated(run, e), base=about) for e in ({name: values}, {})
+        cases = [
+            self._case(replace(self.stated(run, effects), base=about))
+            for effects in ({name: values}, {})
         ]
-        cases = [self._case(r) for r in requests]
         with_effect, without = self.predict(cases)
-        torque, tracking = np.split(
-            with_effect - without, [len(self.mechanism.compared("torque"))]
-        )
+        torque, tracking = np.split(with_effect - without, [len(self._sensors)])
         motion, t = cases[0].content.motion, cases[0].content.cut.t
         readings = replace(readings_of([(library()[name], values)]), delay=0.0)
         true, *_ = true_motion(motion, readings)
-        q, at = (
-            interpolate_columns(t, motion.t, columns) for columns in (motion.q, true)
-        )
+        q, at = (interpolate_columns(t, motion.t, x) for x in (motion.q, true))
         at = at - torque.T / STIFFNESS + tracking.T
         moved, stated = (case.edited(self.mechanism.model) for case in cases)
         apart: Array = np.linalg.norm(_tips(stated, q) - _tips(moved, at), axis=1)

@@ -222,12 +222,9 @@ class PivotModel(SplitModel):
         """Add a slide at the pivot before the first hinge, for joints move in their
         order.
         """
-        body, name, axis = (
-            spec.joints[0].parent,
-            spec.joints[0].name,
-            spec.joints[0].axis.copy(),
-        )
-        spec.delete(spec.joints[0])
+        first = spec.joints[0]
+        body, name, axis = first.parent, first.name, first.axis.copy()
+        spec.delete(first)
         body.add_joint(
             name=FLEX, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=(1.0, 0.0, 0.0)
         )
@@ -302,7 +299,7 @@ class ForwardDynamics(MechanismSubject):
         plain = (model.actuator_dyntype == 0) & (model.actuator_gaintype == 0)
         plain &= model.actuator_biastype <= int(mujoco.mjtBias.mjBIAS_AFFINE)
         plain &= model.actuator_delay == 0.0
-        for sensor in self.mechanism.compared("torque"):
+        for sensor in self._sensors:
             if not plain[sensor.actuator]:
                 name = model.actuator(sensor.actuator).name
                 yield (
@@ -322,13 +319,14 @@ class ForwardDynamics(MechanismSubject):
         diverges.
         """
         by_motion: dict[Hashable, list[int]] = {}
-        for i in sorted(range(len(cases)), key=lambda i: cases[i].content.cut.t[-1]):
+        numbers = range(len(cases))
+        for i in sorted(numbers, key=lambda i: cases[i].content.cut.t[-1]):
             by_motion.setdefault(cases[i].motion, []).append(i)
         groups = list(by_motion.values())
         found: dict[int, Array] = {}
         for begin in range(0, len(groups), TOGETHER):
             found |= self._predict_together(cases, groups[begin : begin + TOGETHER])
-        return [found.get(i) for i in range(len(cases))]
+        return [*map(found.get, numbers)]
 
     def _predict_together(
         self, cases: Sequence[Case], groups: Sequence[Sequence[int]]
@@ -336,20 +334,19 @@ class ForwardDynamics(MechanismSubject):
         """Signals (signals, k) by number of case, for `groups` that share a
         simulation.
         """
-        simulated, control, models = self._simulate([cases[i] for i, *_ in groups])
-        found, grid = (
-            {},
-            frozen(np.arange(simulated.shape[1]) * self.mechanism.model.opt.timestep),
-        )
-        for row, (group, states) in enumerate(zip(groups, simulated, strict=True)):
+        simulated = self._simulate([cases[i] for i, *_ in groups])
+        found = {}
+        for group, states, control, model in zip(groups, *simulated, strict=True):
             if not np.abs(states).max() < POSITION_LIMIT:
                 continue
+            grid = np.arange(len(states)) * model.opt.timestep
             places, rates = states.swapaxes(0, 1)
             positions = CubicHermiteSpline(grid, places, rates)
             for i in group:
-                t = np.maximum(cases[i].content.cut.t - cases[i].readings.delay, 0.0)
+                case = cases[i]
+                t = np.maximum(case.content.cut.t - case.readings.delay, 0.0)
                 q, v = positions(t).T, interpolate_columns(t, grid, rates).T
-                found[i] = self._read(cases[i], t, q, v, control[row], models[row])
+                found[i] = self._read(case, t, q, v, control, model)
         return found
 
     def _simulate(self, cases: Sequence[Case]) -> tuple[Array, Array, list[Any]]:
@@ -370,7 +367,7 @@ class ForwardDynamics(MechanismSubject):
         states = self._roll_out(models, cases, control)
         soft = [np.any(c.readings.elastic) or np.any(c.readings.gap) for c in cases]
         if rows := np.flatnonzero(soft).tolist():
-            some, of_them = [cases[i] for i in rows], [models[i] for i in rows]
+            some, of_them = ([each[i] for i in rows] for each in (cases, models))
             states[rows] += self._by_gears(of_them, some, control[rows])
         return states, control, models
 
@@ -430,12 +427,13 @@ class ForwardDynamics(MechanismSubject):
         along = poses(model, q.T, mujoco.mj_forward, v.T) if sensed else ()
         sensors = np.array([np.append(d.site_xpos, d.sensordata) for d in along]).T
         for k, signal in enumerate(signals):
-            if signal.kind == "torque":
-                rows[k] = self._torque(signal, model, q, v, control, t)
-            elif signal.kind in ("site", "sensor"):
-                rows[k] = sensors[signal.joint]
-            else:
-                rows[k] = signal.weights @ (q if signal.kind == "position" else v)
+            match signal.kind:
+                case "torque":
+                    rows[k] = self._torque(signal, model, q, v, control, t)
+                case "site" | "sensor":
+                    rows[k] = sensors[signal.joint]
+                case kind:
+                    rows[k] = signal.weights @ (q if kind == "position" else v)
         encoders = self.mechanism.mode.encoders(self.mechanism)
         read = [k for k, s in enumerate(signals) if s.name in encoders]
         scale, bias = (np.reshape(x, (-1, 1)) for x in (errors.scale, errors.bias))
@@ -449,19 +447,16 @@ class ForwardDynamics(MechanismSubject):
         commands.
         """
         actuator, joint = signal.actuator, signal.joint
-        gain, bias, limits = (getattr(model, name)[actuator] for name in ACTUATOR)
-        gear = model.actuator_gear[actuator, 0]
-        step = np.minimum(
-            (t / model.opt.timestep).astype(int), len(control) - 1 - self._settle
+        (gain, *_), (constant, of_place, of_rate, *_), limits = (
+            getattr(model, name)[actuator] for name in ACTUATOR
         )
-        u = control[self._settle + step, actuator]
+        gear = model.actuator_gear[actuator, 0]
+        step = self._settle + (t / model.opt.timestep).astype(int)
+        u = control[np.minimum(step, len(control) - 1), actuator]
         if model.actuator_ctrllimited[actuator]:
             u = np.clip(u, *model.actuator_ctrlrange[actuator])
         force = (
-            gain[0] * u
-            + bias[0]
-            + bias[1] * gear * q[joint]
-            + bias[2] * gear * v[joint]
+            gain * u + constant + of_place * gear * q[joint] + of_rate * gear * v[joint]
         )
         torque: Array = np.clip(force, *limits) * gear / signal.gear
         return torque

@@ -52,12 +52,10 @@ PLAY_SMOOTHING = 0.05
 class InverseDynamics(MechanismSubject):
     """Predicts the torques of a mechanism's actuators along its measured motion."""
 
-    notes: Sequence[str] = (
-        (
-            "torques of the measured motion are compared; the motion itself is not"
-            " simulated"
-        ),
-    )
+    notes: Sequence[str] = [
+        "torques of the measured motion are compared; the motion itself is not"
+        " simulated"
+    ]
 
     def __init__(
         self, mechanism: Mechanism, jobs: int = 1, without: Sequence[str] = ()
@@ -132,7 +130,7 @@ class InverseDynamics(MechanismSubject):
             yield "contact pairs"
         (data,) = poses(model, [model.qpos0], mujoco.mj_forward)
         drives = transmissions(model, data) != 0.0
-        for sensor in self.mechanism.compared("torque"):
+        for sensor in self._sensors:
             others = drives[:, sensor.joint]
             others[sensor.actuator] = False
             if others.any():
@@ -195,7 +193,7 @@ class InverseDynamics(MechanismSubject):
             joint_limited = joint_limited & ~self._loop.apart
         limited = np.append(joint_limited, model.tendon_limited > 0)
         barred = ((at < low + edge) | (at > high - edge)) @ limited
-        for s, row in zip(self.mechanism.compared("torque"), measured, strict=False):
+        for s, row in zip(self._sensors, measured, strict=False):
             if model.jnt_actfrclimited[s.joint]:
                 most = (1.0 - NEAR) * model.jnt_actfrcrange[s.joint]
                 barred = barred | (s.gear * row < most[0]) | (s.gear * row > most[1])
@@ -215,7 +213,7 @@ class InverseDynamics(MechanismSubject):
         """
         model, q, v, a = self._model, motion.q, motion.v, motion.a
         plain = _inverse_dynamics(model, q, v, a)
-        squares = np.zeros((len(self.mechanism.compared("torque")), len(q)))
+        squares = np.zeros((len(self._sensors), len(q)))
         for k, (rate, acceleration) in enumerate(motion.shake.T):  # encoder by encoder
             moved = motion.moves[:, :, k]
             for dv, da in ((rate * moved, 0.0), (0.0, acceleration * moved)):
@@ -241,19 +239,22 @@ class InverseDynamics(MechanismSubject):
         """
         motion, case = content_of(run).motion, self._case(self.stated(run))
         known = motion.known
-        rows = motion.below_cutoff(self._along(case), motion.t)[:, known]
-        measured = motion.below_cutoff(motion.torques, motion.t)[:, known]
+        measured, rows = (
+            motion.below_cutoff(torques, motion.t)[:, known]
+            for torques in (motion.torques, self._along(case))
+        )
+        q, v, a = (x[known].T for x in (motion.q, motion.v, motion.a))
         return [
             JointTorques(
                 motion.t[known],
                 measured[i],
                 rows[i],
-                motion.q[known, s.joint],
-                motion.v[known, s.joint],
-                motion.a[known, s.joint],
+                q[s.joint],
+                v[s.joint],
+                a[s.joint],
                 motion.cutoff,
             )
-            for i, s in enumerate(self.mechanism.compared("torque"))
+            for i, s in enumerate(self._sensors)
         ]
 
     def _signals(self, case: Case) -> Array:
@@ -271,20 +272,13 @@ class InverseDynamics(MechanismSubject):
         inverse = self._known.get(case.motion)
         if inverse is None:
             inverse = self._known[case.motion] = _inverse_dynamics(model, q, v, a)
-        soft = (
-            (np.multiply, case.readings.elastic),
-            (_play_deflection, case.readings.gap),
-        )
+        elastic, gap = case.readings.elastic, case.readings.gap
+        soft = ((np.multiply, elastic), (_play_deflection, gap))
         gears = [(bend, values) for bend, values in soft if np.any(values)]
         if self.mechanism.compared("tracking"):  # measured positions are those of links
-            deflection = sum(
-                (bend(inverse, values) for bend, values in gears), np.zeros_like(q)
-            )
-            rows = [
-                self._torques(model, case, q, v, inverse),
-                self._tracking(motion, case, deflection),
-            ]
-            return np.vstack(rows)
+            bent = sum((bend(inverse, values) for bend, values in gears), 0.0 * q)
+            torque = self._torques(model, case, q, v, inverse)
+            return np.vstack([torque, self._tracking(motion, case, bent)])
         load = self._loads(motion, model, inverse) if gears else inverse
         for bend, values in gears:
             q, v, a = link_motion(motion, bend(load, values), q, v, a)
@@ -299,9 +293,7 @@ class InverseDynamics(MechanismSubject):
         gears.
         """
         loads = inverse.copy()
-        for sensor, reading in zip(
-            self.mechanism.compared("torque"), motion.torques, strict=False
-        ):
+        for sensor, reading in zip(self._sensors, motion.torques, strict=False):
             loads[:, sensor.joint] = self._torque_per_reading(model, sensor) * reading
         return loads
 
@@ -312,18 +304,16 @@ class InverseDynamics(MechanismSubject):
         effects.
         """
         motion: Motion = case.content.motion
-        forces, delay = motion.forces, case.readings.delay
+        t, forces, delay = motion.t, motion.forces, case.readings.delay
         if forces is not None and delay:  # readings are stamped late
-            late = interpolate_columns(
-                motion.t + delay, motion.t, forces.reshape(len(forces), -1)
-            )
+            late = interpolate_columns(t + delay, t, forces.reshape(len(t), -1))
             forces = late.reshape(forces.shape)
         user = np.array(model.jnt_user)
         user[:, torques().at[DRY_FRICTION.name]] += model.dof_frictionloss
         applied = torques().along(q, v, inverse, user)
         for effect, values in case.known:
             if effect.path:
-                applied = applied + effect.path(self.mechanism, values, motion.t, q, v)
+                applied = applied + effect.path(self.mechanism, values, t, q, v)
         self._stick(applied, model, forces, motion.torques, q, v, inverse, user)
         return self._readings(model, forces, inverse - applied)
 
@@ -346,16 +336,14 @@ class InverseDynamics(MechanismSubject):
         J. Dyn. Sys. Meas. Control 107).
         """
         at = torques().at[DRY_FRICTION.name]
-        for sensor, reading in zip(
-            self.mechanism.compared("torque"), measured, strict=False
-        ):
+        for sensor, reading in zip(self._sensors, measured, strict=False):
             j = sensor.joint
             rate, p = v[:, j], user[j]
             standing = np.exp(-((rate / (STANDS * self.mechanism.joints[j].rate)) ** 2))
             if not p[at : at + DRY_FRICTION.keys].any():
                 continue
-            sliding = dry_law(q[:, j], rate, inverse[:, j], p, at)
-            limit = dry_limit(q[:, j], rate, inverse[:, j], p, at)
+            state = q[:, j], rate, inverse[:, j], p, at
+            sliding, limit = dry_law(*state), dry_limit(*state)
             required = self._joint_torque(forces, sensor, inverse - applied)
             given = self._torque_per_reading(model, sensor) * reading
             static = np.clip(required + sliding - given, -limit, limit)
@@ -381,9 +369,9 @@ class InverseDynamics(MechanismSubject):
         if forces is None:
             return required[:, sensor.joint]
         gear = self._model.actuator_gear[sensor.actuator, 0]
-        return np.asarray(
-            gear * np.einsum("mn,mn->m", forces[:, sensor.actuator], required)
-        )
+        along = np.einsum("mn,mn->m", forces[:, sensor.actuator], required)
+        torque: Array = gear * along
+        return torque
 
     def _readings(self, model: Any, forces: Array | None, required: Array) -> Array:
         """Readings (torques, m) of all sensors where the torques `required` (m, joints)
@@ -391,7 +379,7 @@ class InverseDynamics(MechanismSubject):
         """
         rows = [
             self._joint_torque(forces, s, required) / self._torque_per_reading(model, s)
-            for s in self.mechanism.compared("torque")
+            for s in self._sensors
         ]
         return np.array(rows)
 
@@ -411,19 +399,11 @@ def _inverse_dynamics(model: Any, q: Array, v: Array, a: Array) -> Array:
     joints).
     """
     data = mujoco.MjData(model)
-    torque = np.empty_like(q)
-    _run_along(
-        model._address,
-        data._address,
-        data.qpos,
-        data.qvel,
-        data.qacc,
-        data.qfrc_inverse,
-        q,
-        v,
-        a,
-        torque,
+    state, torque = (
+        (data.qpos, data.qvel, data.qacc, data.qfrc_inverse),
+        np.empty_like(q),
     )
+    _run_along(model._address, data._address, *state, q, v, a, torque)
     return torque
 
 
@@ -432,7 +412,8 @@ def _play_deflection(torque: Array, gap: Array | float) -> Array:
     `torque`.
     """
     crossing = PLAY_SMOOTHING * torque.std(axis=0) + 1e-12  # never zero
-    return np.asarray(0.5 * gap * np.tanh(torque / crossing))
+    behind: Array = 0.5 * gap * np.tanh(torque / crossing)
+    return behind
 
 
 # `mj_inverse` as a C function that compiled loops can call

@@ -109,7 +109,7 @@ class MechanismSubject(Subject):
         self, mechanism: Mechanism, jobs: int = 1, without: Sequence[str] = ()
     ) -> None:
         self.mechanism, self.name, self._jobs = mechanism, mechanism.file.name, jobs
-        self.origin = mechanism.origin
+        self.origin, self._sensors = mechanism.origin, mechanism.compared("torque")
         self._check_honoured()
         resting = [j.name for j in mechanism.joints if j.travel < HARDLY]
         why = f"it moves by less than {1e3 * HARDLY:g} mrad or mm"
@@ -205,10 +205,10 @@ class MechanismSubject(Subject):
         """Residuals of `requests`, measured minus simulated; NaN where a simulation
         diverges.
         """
-        predictions = self.predict([self._case(r) for r in requests])
+        cases = [self._case(r) for r in requests]
         residuals = []
-        for request, predicted in zip(requests, predictions, strict=True):
-            cut = content_of(request.run).cut
+        for case, predicted in zip(cases, self.predict(cases), strict=True):
+            cut = case.content.cut
             difference = cut.values - (np.nan if predicted is None else predicted)
             residuals.append(Residuals(*average(difference, cut.edges)))
         return residuals
@@ -223,9 +223,8 @@ class MechanismSubject(Subject):
             (library()[n], values)
             for n, values in {**accepted, **request.effects}.items()
         ]
-        unknowns = dict(
-            zip((p.name for p in request.run.local), request.local, strict=True)
-        )
+        pairs = zip(request.run.local, request.local, strict=True)
+        unknowns = {p.name: value for p, value in pairs}
         base = np.array(request.base[:count])
         for i, source in self._scatter.items():  # a fit leaves some of them out
             base[i] += unknowns.get(source.name, 0.0)
@@ -269,10 +268,10 @@ class MechanismSubject(Subject):
         """Drawings of simulated signals and their residuals; None where a simulation
         diverges.
         """
-        predicted = self.predict([self._case(r) for r in requests])
+        cases = [self._case(r) for r in requests]
         return [
-            None if rows is None else self._scene(content_of(request.run).cut, rows)
-            for request, rows in zip(requests, predicted, strict=True)
+            None if rows is None else self._scene(case.content.cut, rows)
+            for case, rows in zip(cases, self.predict(cases), strict=True)
         ]
 
     def _scene(self, cut: Cut, predicted: Array) -> Scene:

@@ -21,11 +21,11 @@ def test_a_speed_beyond_the_limits_is_refused() -> None:
 
 def test_the_command_says_what_it_would_do(tmp_path, monkeypatch, capsys) -> None:
     words = f"gap plan --strip denim --dry-run --runs {tmp_path}/runs"
-    lines, texts = [], []
-    for said, form in ((lines, ""), (texts, "--json")):
+    printed = []
+    for form in ("", "--json"):
         assert run(monkeypatch, words, form) == 0
-        said += capsys.readouterr().out.splitlines()
-    rows = list(map(json.loads, texts))
+        printed.append(capsys.readouterr().out.splitlines())
+    lines, rows = printed[0], [*map(json.loads, printed[1])]
     assert len(lines) == len(rows) == len(STANDARD) + 2
     assert lines[0].split()[1] == lines[-1].split()[1] == rows[-1]["name"] == "normal"
     assert not (tmp_path / "runs").exists()

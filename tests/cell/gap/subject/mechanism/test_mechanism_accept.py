@@ -74,7 +74,8 @@ def test_accepted_mjcf_in_plain_mujoco_moves_as_the_accepted_model(
     data = mujoco.MjData(plain)
     data.qpos[:], data.qvel[:] = case.start
     rows = [data.qpos.copy()]
-    for data.ctrl[:] in case.content.commands.at_steps(step, 600, 0.0):
+    for control in case.content.commands.at_steps(step, 600, 0.0):
+        data.ctrl[:] = control
         mujoco.mj_step(plain, data)
         rows.append(data.qpos.copy())
     steps = case.content.cut.t / step
