@@ -51,7 +51,7 @@ from cell.gap.selection.screening import (
     run_probes,
 )
 from cell.gap.selection.search import Search
-from cell.gap.subject.subject import Subject
+from cell.gap.subject.subject import Scope, Subject
 from cell.gap.verdict.decision import decide, doubtful_values
 from cell.gap.verdict.findings import (
     BaseFit,
@@ -104,19 +104,22 @@ class Investigation:
     fitted: Evidence
     rng: np.random.Generator
 
+    @property
+    def scope(self) -> Scope:
+        """Fit problem of the subject."""
+        return self.subject.scope
+
     def begin(self) -> Models:
         """Fit the base, and screen all effects of the library about it."""
         self.progress("refit the base", 0.02)
-        rough = refit_base(self.simulate, Model(self.subject.scope.base), self.fitted)
+        rough = refit_base(self.simulate, Model(self.scope.base), self.fitted)
         scatter = reml_spreads(rough)
         start = BaseStart(
             *with_unknowns(rough, with_spreads(self.fitted, scatter)), scatter
         )
         base_fit = self._judge_base(start)
         self.progress("screen the candidates", 0.12)
-        probes = [
-            run_probes(base_fit.base.estimate, c) for c in self.subject.scope.candidates
-        ]
+        probes = [run_probes(base_fit.base.estimate, c) for c in self.scope.candidates]
         screen = self._score_candidates(base_fit, run_all(self.simulate, probes))
         return Models(base_fit, screen, Fits((base_fit.base,), screen.library))
 
@@ -131,9 +134,7 @@ class Investigation:
 
         `fraction` of the whole investigation is done by then.
         """
-        search = Search(
-            self.simulate, self.subject.scope.candidates, models.screen.probed
-        )
+        search = Search(self.simulate, self.scope.candidates, models.screen.probed)
         fits = add_models(search, models, self.progress)
         if fits.best is models.fits.best:
             return models._replace(fits=fits)
@@ -155,7 +156,7 @@ class Investigation:
         They are corrected for the coarse simulation, and tested against noise, repeats
         and priors.
         """
-        model = Model(self.subject.scope.base)
+        model = Model(self.scope.base)
         base = refit_fine(self.subject, self.simulate, model, start.runs, start.point)
         test = ResidualTest.of(base, self.rng)
         return BaseFit(
@@ -164,7 +165,7 @@ class Investigation:
             misfit=test.misfit(),
             places=test.test_bins(),
             scatter=start.scatter,
-            strained=self.subject.scope.believed and _is_strained(base),
+            strained=self.scope.believed and _is_strained(base),
         )
 
     def _score_candidates(
@@ -177,14 +178,14 @@ class Investigation:
         """
         base = fitted.base.estimate
         likelihood = likelihood_scale([fitted.base])
-        library = floor_responses(base, probed, believed=self.subject.scope.believed)
+        library = floor_responses(base, probed, believed=self.scope.believed)
         about = projection(base, nuisance=spike_responses(library))
         equations = probe_equations(about, probed)
         singles = ranked_singles(equations)
         ratios = {s.names[0]: 2.0 * s.gain / likelihood.inefficiency for s in singles}
         p = {
             c.name: special.chdtrc(len(c.parameters), ratios.get(c.name, 0.0))
-            for c in self.subject.scope.candidates
+            for c in self.scope.candidates
         }
         return Screen(
             probed=probed,

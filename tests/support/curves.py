@@ -8,7 +8,7 @@ import numpy as np
 from cell.gap.fitting import CountedSimulation, run_one
 from cell.gap.fitting.crossvalidation import CrossValidatedFit, validate
 from cell.gap.fitting.gauss_newton import Estimate, refit
-from cell.gap.fitting.model import Model, Point, evidence
+from cell.gap.fitting.model import Model, evidence, stated
 from cell.gap.investigate import investigate
 from cell.gap.selection.hold_out import held_out
 from cell.gap.subject.subject import (
@@ -20,6 +20,7 @@ from cell.gap.subject.subject import (
     Run,
     Samples,
     Scope,
+    Series,
     Subject,
 )
 from cell.gap.verdict.compose import verdict as compose
@@ -87,9 +88,8 @@ class Curves(Subject):
 
     def run(self, index: int, condition: str, y: Array) -> Run:
         phase = np.where(T < 0.5, "lift", "fall")
-        columns = {"channel": "angle", "quantity": "angle", "phase": phase, "t": T}
-        columns |= {"zone": "middle", "noise": self.noise, "reading": self.noise}
-        samples = Samples.stack([columns | {"floor": 0.0}])
+        of = Series("angle", "angle", phase, "middle", T, self.noise, self.noise, 0.0)
+        samples = Samples.stack([of])
         shift = Parameter("shift", "m", 0.0, -np.inf, np.inf, 1e-4, 0.1)
         return Run(f"r{index}", condition, samples, (shift,), (condition, y), index)
 
@@ -163,8 +163,7 @@ def judged(subject: Curves) -> tuple[Findings, Verdict]:
 def fitted(subject: Curves, names: Sequence[str] = ()) -> Estimate:
     scope, runs = subject.scope, evidence(subject.runs)
     model = Model(scope.base, tuple(c for c in scope.candidates if c.name in names))
-    start = Point(np.array([p.start for p in model.parameters]), runs.start())
-    return run_one(subject.simulate, refit(model, runs, start))
+    return run_one(subject.simulate, refit(model, runs, stated(model, runs)))
 
 
 def hidden(law: Law, size: float) -> Law:

@@ -7,7 +7,7 @@ import numpy as np
 
 from cell.gap.fitting import Simulate, robust, run_one
 from cell.gap.fitting.gauss_newton import Estimate, linearise, refit, responses_to
-from cell.gap.fitting.model import Evidence, Model, Point, evidence, requests
+from cell.gap.fitting.model import Evidence, Model, Point, evidence, requests, stated
 from cell.gap.fitting.normal_equations import NormalEquations, covariance
 from cell.gap.subject.subject import Candidate, Subject
 from drivers.base.types import Array
@@ -21,8 +21,7 @@ def refit_base(simulate: Simulate, model: Model, evidence: Evidence) -> Estimate
     """Fit of the base parameters of `model`, from stated values, to the runs of
     `evidence`.
     """
-    stated = Point(np.array([p.start for p in model.parameters]), evidence.start())
-    return run_one(simulate, refit(model, evidence, stated))
+    return run_one(simulate, refit(model, evidence, stated(model, evidence)))
 
 
 def undetermined_values(estimate: Estimate) -> list[tuple[Parameter, float]]:
@@ -62,7 +61,7 @@ def stated_estimate(subject: Subject, simulate: Simulate) -> Estimate:
     """Estimate at the stated base values, not fitted, with residuals taken as zero."""
     measured = evidence(subject.runs)
     model = Model(subject.scope.base)
-    point = Point(np.array([p.start for p in model.parameters]), measured.start())
+    point = stated(model, measured)
     raw, jacobians = run_one(simulate, linearise(model, measured, point))
     fit = Estimate.at(model, measured, point, raw, jacobians)
     return replace(fit, residuals=[*map(np.zeros_like, fit.residuals)], scale=1.0)

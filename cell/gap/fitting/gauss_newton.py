@@ -25,7 +25,7 @@ from cell.gap.fitting.model import (
     whiten,
 )
 from cell.gap.fitting.normal_equations import NormalEquations, Unknowns
-from cell.gap.subject.subject import Candidate, Request, Residuals, Run
+from cell.gap.subject.subject import Candidate, Request, Residuals, Run, starts
 from drivers.base.types import Array
 from drivers.strip.effects.effect import Parameter
 
@@ -237,7 +237,7 @@ class Estimate:
         """Whitened changes (P, N) of all runs by each shared value's distance from its
         start.
         """
-        moved = self.shared - np.array([p.start for p in self.model.parameters])
+        moved = self.shared - starts(self.model.parameters)
         return np.transpose(self.stacked_jacobian[:, : len(moved)] * moved)
 
     def by_run(self, stacked: NDArray[Any]) -> list[NDArray[Any]]:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cell.gap.subject.subject import Candidate, Request, Residuals, Run
+from cell.gap.subject.subject import Candidate, Request, Residuals, Run, starts
 from drivers.base.types import Array
 from drivers.strip.effects.effect import Parameter
 
@@ -93,7 +93,7 @@ class Evidence:
 
     def start(self) -> Sequence[Array]:
         """Start values (k,) of the unknowns of each run."""
-        return [np.array([p.start for p in run.local]) for run in self.runs]
+        return [starts(run.local) for run in self.runs]
 
 
 def evidence(runs: Sequence[Run]) -> Evidence:
@@ -102,6 +102,11 @@ def evidence(runs: Sequence[Run]) -> Evidence:
     """
     scales = [np.hypot(run.samples.noise, run.samples.floor) for run in runs]
     return Evidence(runs, scales)
+
+
+def stated(model: Model, evidence: Evidence) -> Point:
+    """Start values of a fit of `model` to the runs of `evidence`."""
+    return Point(starts(model.parameters), evidence.start())
 
 
 def request(model: Model, run: Run, shared: Array, local: Array) -> Request:

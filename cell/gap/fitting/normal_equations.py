@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cell.gap.fitting.model import Evidence, Model, Point
+from cell.gap.subject.subject import starts
 from drivers.base.types import Array
 from drivers.strip.effects.effect import Parameter
 
@@ -44,7 +45,7 @@ class Unknowns:
             local=[len(run.local) for run in evidence.runs],
             low=np.array([p.low for p in every]),
             high=np.array([p.high for p in every]),
-            mean=np.array([p.start for p in every]),
+            mean=starts(every),
             precision=np.array([p.spread**-2 for p in every]),
         )
 

@@ -214,9 +214,9 @@ def _equations(
     weight = np.sqrt(robust.weights(r / estimate.scale) / variance) / estimate.scale
 
     prior = np.array([0.0 if p.random else p.spread**-2 for p in parameters])
-    start = np.array([p.start for p in parameters])
-    without_scatter = r - columns @ np.where(owner >= 0, estimate.z, 0.0)
-    prior_pull = prior * (estimate.z - start)
+    z = estimate.z
+    without_scatter = r - columns @ np.where(owner >= 0, z, 0.0)
+    prior_pull = prior * (z - estimate.unknowns.mean)
 
     owners = range(len(usual_spreads))
     common = np.stack([columns[:, owner == k].sum(axis=1) for k in owners], axis=1)

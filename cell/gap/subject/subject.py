@@ -3,7 +3,7 @@ simulation.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from shlex import quote
@@ -108,7 +108,7 @@ class Candidate:
     @property
     def null(self) -> Array:
         """Parameter values (k,) at which the effect vanishes."""
-        return np.array([p.start for p in self.parameters])
+        return starts(self.parameters)
 
     def is_own(self, values: Array) -> bool:
         """Whether most shapes among parameter `values` (k,) are this effect's, not
@@ -125,6 +125,27 @@ class Candidate:
         """
         amount = self.parameters[0]
         return amount.low < amount.start < amount.high
+
+
+def starts(parameters: Iterable[Parameter]) -> Array:
+    """Start values (k,) of `parameters`."""
+    return np.array([p.start for p in parameters])
+
+
+@dataclass(frozen=True, slots=True)
+class Series:
+    """Samples of one time series: fields as of `Samples`, each with an entry per
+    sample, or one value for all of them.
+    """
+
+    channel: Words | str
+    quantity: Words | str
+    phase: Words | str
+    zone: Words | str
+    t: Array
+    noise: Array | float
+    reading: Array | float
+    floor: Array | float
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,23 +171,18 @@ class Samples:
     series: NDArray[np.int64]
 
     @classmethod
-    def stack(cls, series: Sequence[Mapping[str, Any]]) -> "Samples":
-        """Samples of several time series one after another, from `series` of columns by
-        field.
-
-        A column is an array with an entry per sample, or one value for all of them.
-        """
-        counts = [len(columns["t"]) for columns in series]
+    def stack(cls, series: Sequence[Series]) -> "Samples":
+        """Samples of several time `series` one after another."""
+        counts = [len(each.t) for each in series]
 
         def stacked(name: str) -> Any:
             pairs = zip(series, counts, strict=True)
             return np.concatenate(
-                [np.broadcast_to(columns[name], n) for columns, n in pairs]
+                [np.broadcast_to(getattr(each, name), n) for each, n in pairs]
             )
 
-        names = [f.name for f in fields(cls) if f.name != "series"]
         return cls(
-            **{name: stacked(name) for name in names},
+            **{field.name: stacked(field.name) for field in fields(Series)},
             series=np.repeat(np.arange(len(series)), counts),
         )
 
@@ -443,10 +459,7 @@ class Subject(ABC):
 
     def stated(self, run: Run, effects: Mapping[str, Array] | None = None) -> Request:
         """Request to simulate `run` at stated values, with `effects` (k,) by name."""
-        base, local = (
-            np.array([p.start for p in each]) for each in (self.scope.base, run.local)
-        )
-        return Request(run, base, effects or {}, local)
+        return Request(run, starts(self.scope.base), effects or {}, starts(run.local))
 
     def refine(self, requests: Sequence[Request]) -> Sequence[Run]:
         """Runs of `requests` with residuals corrected for coarse simulation, and error

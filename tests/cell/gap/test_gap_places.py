@@ -7,7 +7,7 @@ import numpy as np
 from cell.gap.diagnosis.lack_of_fit import Repeats, ResidualTest, stronger_of_two
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.model import Evidence, Model, Point
-from cell.gap.subject.subject import Run, Samples
+from cell.gap.subject.subject import Run, Samples, Series
 from drivers.base.types import Array
 
 PLACES, EACH, DRAWS = 20, 30, 400
@@ -51,9 +51,7 @@ def _fitted(r: Array, direction: Array) -> Estimate:
 
 def _estimate(r: Array) -> Estimate:
     zones = np.repeat([f"zone {k}" for k in range(PLACES)], EACH)
-    columns = {"channel": "profile", "phase": "profile", "quantity": "profile"}
-    columns |= {"zone": zones, "t": np.arange(SIZE, dtype=np.float64)}
-    samples = Samples.stack([columns | {"noise": 1.0, "reading": 1.0, "floor": 0.0}])
-    known = Evidence((Run("one", "slow", samples),), (FLAT,))
+    series = Series("profile", "profile", "lift", zones, FLAT, 1.0, 1.0, 0.0)
+    known = Evidence([Run("one", "slow", Samples.stack([series]))], [FLAT])
     nowhere = Point(np.zeros(0), (np.zeros(0),))
     return Estimate(Model(()), known, nowhere, (r,), (), (np.zeros((SIZE, 0)),), 1.0)

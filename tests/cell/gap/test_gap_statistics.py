@@ -7,7 +7,7 @@ from scipy.optimize import lsq_linear
 from cell.gap.fitting import robust
 from cell.gap.fitting.normal_equations import NormalEquations
 from cell.gap.selection.likelihood import holm
-from cell.gap.subject.subject import Run, Samples
+from cell.gap.subject.subject import Run, Samples, Series
 
 
 def test_bounded_step_is_the_minimum_within_the_bounds() -> None:
@@ -44,6 +44,5 @@ def test_inefficiency_of_correlated_noise_is_that_of_its_process() -> None:
 
 
 def _samples(n: int) -> Samples:
-    words = dict.fromkeys(("channel", "phase", "zone", "quantity"), "angle")
-    numbers = dict.fromkeys(("noise", "reading", "floor"), 1.0)
-    return Samples.stack([words | numbers | {"t": np.arange(n)}])
+    one = Series("angle", "angle", "lift", "middle", np.arange(1.0 * n), 1.0, 1.0, 0.0)
+    return Samples.stack([one])

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from cell.gap.subject.mechanism.model import FORWARD, PRESCRIBED, Joint, Mechanism
-from cell.gap.subject.subject import Candidate
+from cell.gap.subject.subject import Candidate, starts
 from drivers.base.types import Array
 from drivers.strip.effects.effect import Parameter, Role
 
@@ -113,7 +113,7 @@ class Effect:
         to large.
         """
         parameters = self.parameters(mechanism)
-        null = np.array([p.start for p in parameters])
+        null = starts(parameters)
         sizes = np.diag([p.spread / SIZES_PER_SPREAD for p in parameters])
         amounts = [row for row, p in zip(sizes, parameters, strict=True) if p.is_amount]
         groups = tuple(
@@ -149,7 +149,7 @@ class Effect:
         """Parameter table (keys, joints) from the first `values` (k,), others at their
         start.
         """
-        missing = [p.start for p in self.with_shape(mechanism)[len(values) :]]
+        missing = starts(self.with_shape(mechanism)[len(values) :])
         acts = [j.actuator >= 0 or not self.of_drives for j in mechanism.joints]
         rows = np.concatenate([values, missing]).reshape(-1, sum(acts))
         table = np.zeros((len(rows), len(acts)))

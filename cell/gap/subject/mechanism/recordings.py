@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cell.gap.subject.mechanism.mechanism_file import MechanismFile
 from cell.gap.subject.run_folders import RunFolder
 from cell.gap.subject.run_table import clock_of, column, read_table, unwrapped
-from cell.gap.subject.subject import Samples, Words
+from cell.gap.subject.subject import Samples, Series, Words
 from cell.record.files import ANGLES, JOINTS, RUN, SIGNALS
 from cell.record.header import Load, MechanismRun
 from cell.report.words import plural
@@ -353,16 +353,16 @@ def samples(signals: Sequence[Signal], cut: Cut, phase: Words) -> Samples:
     # smaller
     return Samples.stack(
         [
-            {
-                "channel": s.channel,
-                "quantity": s.channel,
-                "phase": phase,
-                "zone": s.zone,
-                "t": middle,
-                "noise": s.sigma / (1.0 if s.kind == "torque" else np.sqrt(counts)),
-                "reading": s.sigma,
-                "floor": s.floor,
-            }
+            Series(
+                channel=s.channel,
+                quantity=s.channel,
+                phase=phase,
+                zone=s.zone,
+                t=middle,
+                noise=s.sigma / (1.0 if s.kind == "torque" else np.sqrt(counts)),
+                reading=s.sigma,
+                floor=s.floor,
+            )
             for s in signals
         ]
     )

@@ -4,7 +4,6 @@ errors.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +15,7 @@ from cell.gap.subject.strip.midline_residuals import (
 )
 from cell.gap.subject.strip.runs import MeasuredRun
 from cell.gap.subject.strip.simulation import SimulatedMotion
-from cell.gap.subject.subject import Residuals, Samples, Words
+from cell.gap.subject.subject import Residuals, Samples, Series, Words
 from drivers.base.geometry import interpolate_columns
 from drivers.base.types import Array
 from drivers.strip.engine import StripMotion, Touch
@@ -220,34 +219,30 @@ def _ranks(words: Words, order: Sequence[str]) -> Array:
     return np.array([rank[word] for word in words], dtype=np.float64)
 
 
-Columns = dict[str, Any]
-"""Samples of one time series, by field of `Samples`."""
-
-
 def _columns(
     part: Part, channel: str, floor: float, *, by_zone: bool = False
-) -> list[Columns]:
+) -> list[Series]:
     """Time series of the samples of `part`: one for all, or one for each zone."""
     noise = part.sigma / np.sqrt(np.maximum(np.diff(part.edges), 1))
     series = (
         [part.zone == z for z in ZONES] if by_zone else [np.ones(len(part), dtype=bool)]
     )
     return [
-        {
-            "channel": channel,
-            "quantity": channel,
-            "phase": part.phase[rows],
-            "zone": part.zone[rows],
-            "t": part.t[rows],
-            "noise": noise[rows],
-            "reading": part.sigma,
-            "floor": floor,
-        }
+        Series(
+            channel=channel,
+            quantity=channel,
+            phase=part.phase[rows],
+            zone=part.zone[rows],
+            t=part.t[rows],
+            noise=noise[rows],
+            reading=part.sigma,
+            floor=floor,
+        )
         for rows in series
     ]
 
 
-def _touch_columns(run: MeasuredRun) -> list[Columns]:
+def _touch_columns(run: MeasuredRun) -> list[Series]:
     """Three series of the touch: its time, mean distance from both edges, and
     displacement.
 
@@ -263,16 +258,16 @@ def _touch_columns(run: MeasuredRun) -> list[Columns]:
         "displacement": (sigma, floor),
     }
     return [
-        {
-            "channel": "layer_touch",
-            "quantity": quantity,
-            "phase": "touch",
-            "zone": "middle",
-            "t": np.array([run.touch.time]),
-            "noise": noise,
-            "reading": noise,
-            "floor": error,
-        }
+        Series(
+            channel="layer_touch",
+            quantity=quantity,
+            phase="touch",
+            zone="middle",
+            t=np.array([run.touch.time]),
+            noise=noise,
+            reading=noise,
+            floor=error,
+        )
         for quantity, (noise, error) in sizes.items()
     ]
 

@@ -18,7 +18,7 @@ from cell.record.documents import write_document
 from cell.record.files import PROFILE, RESULT, RUN, TICKS
 from cell.record.header import Sigma
 from cell.record.tables import place_contacts, write_parquet
-from drivers.base.geometry import arc_lengths, interpolate_columns
+from drivers.base.geometry import arc_lengths, interpolate_columns, left_normals, unit
 from drivers.base.readers import SCHEMA
 from drivers.base.types import Array, frozen
 from drivers.strip.describe import describe
@@ -283,7 +283,8 @@ def _shape(fold: Fold, stamp: float) -> Array:
         (time - times[before]) / (times[after] - times[before]), 0.0, 1.0
     )
     first, second = fold.motion.shapes[[before, after]]
-    return np.asarray((1 - fraction) * first + fraction * second)
+    shape: Array = (1 - fraction) * first + fraction * second
+    return shape
 
 
 def _curve(
@@ -297,17 +298,11 @@ def _curve(
     begin = fold.arc[lifted[0]] if len(lifted) else fold.arc[-1]
     s = np.arange(begin, fold.arc[-1] - HIDDEN_LENGTH, MIDLINE_SPACING)
     curve = CubicSpline(fold.arc, shape)
-    tangent = curve(s, 1)
-    tangent /= np.maximum(np.hypot(*tangent.T), 1e-9)[:, None]
-    across = rng.normal(0.0, sigma, len(s))
+    across = rng.normal(0.0, sigma, len(s))[:, None]
     points = measured_points(fold.model, curve(s))
-    points = points + across[:, None] * np.stack(
-        [-tangent[:, 1], tangent[:, 0]], axis=1
-    )
-    off = rng.uniform(size=len(s)) < wild
-    return np.asarray(
-        points + off[:, None] * rng.uniform(-FARTHEST, FARTHEST, (len(s), 2))
-    )
+    points = points + across * left_normals(unit(curve(s, 1)))
+    off = rng.uniform(size=len(s))[:, None] < wild
+    return points + off * rng.uniform(-FARTHEST, FARTHEST, points.shape)
 
 
 def _ticks(
