@@ -193,7 +193,7 @@ def _document(path: Path) -> str:
         return [*map(without, content)] if isinstance(content, list) else content
 
     text = path.read_text(encoding="utf-8")
-    if text.startswith("%YAML:"):  # of OpenCV's own kind, which no other reads
+    if "!!opencv-matrix" in text:  # no other reads it
         return text
     return json.dumps(without(yaml.safe_load(text)), sort_keys=True, default=str)
 

@@ -7,22 +7,19 @@ from longer ways are left out.
 
 import ast
 import sys
-from html import escape
 from pathlib import Path
 from textwrap import wrap
 from typing import Annotated
 
 import typer
+from matplotlib import rc_context
+from matplotlib.figure import Figure
 
 from tests.support.rooms import ROOT, Edges, edges, house_room, ladder
 
 OUT = ROOT / "runbooks" / "images" / "rooms.svg"
-WIDE, TALL, GAP_X, GAP_Y, EDGE = 176, 68, 26, 56, 24  # px
-STYLE = (
-    "text{font:13px"
-    " system-ui,sans-serif;fill:#22272e}.says{font-size:9.5px;fill:#5b6470}"
-    "rect{fill:#f3f6fa;stroke:#2f6db3}path{fill:none;stroke:#9fb3c8;stroke-width:1.1}"
-)
+BOX = {"boxstyle": "round,pad=0.5", "fc": "#f3f6fa", "ec": "#2f6db3"}
+LINE = {"arrowstyle": "-", "color": "#9fb3c8", "connectionstyle": "arc3,rad=0.05"}
 
 
 def floors(found: Edges) -> list[list[str]]:
@@ -56,52 +53,29 @@ def says(room: str) -> str:
     return " ".join(text.partition("\n\n")[0].split())
 
 
-def drawing(found: Edges) -> str:
-    """SVG text of the rooms on floors, a room above all that it imports."""
-    storeys = floors(found)[::-1]
-    width = max(map(len, storeys)) * (WIDE + GAP_X) + 2 * EDGE - GAP_X
-    height = len(storeys) * (TALL + GAP_Y) + 2 * EDGE - GAP_Y
-    place = {}
-    for row, rooms in enumerate(storeys):
-        left = (width - len(rooms) * (WIDE + GAP_X) + GAP_X) / 2
-        for column, room in enumerate(rooms):
-            place[room] = (left + column * (WIDE + GAP_X), EDGE + row * (TALL + GAP_Y))
-    direct = reduced(found)
-    arrows = [
-        _arrow(place[a], place[b]) for a in sorted(direct) for b in sorted(direct[a])
-    ]
-    boxes = [_box(room, *place[room]) for room in sorted(found)]
-    return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width}'
-        f' {height}"><style>{STYLE}</style><rect width="{width}" height="{height}"'
-        f' style="fill:#fff;stroke:none"/>{"".join(arrows)}{"".join(boxes)}</svg>\n'
-    )
-
-
-def _arrow(above: tuple[float, float], below: tuple[float, float]) -> str:
-    x, y = above[0] + WIDE / 2, above[1] + TALL
-    u, v = below[0] + WIDE / 2, below[1]
-    return (
-        f'<path d="M{x:.0f} {y:.0f}C{x:.0f} {y + 40:.0f} {u:.0f} {v - 40:.0f} {u:.0f}'
-        f' {v:.0f}"/>'
-    )
-
-
-def _box(room: str, x: float, y: float) -> str:
-    lines = wrap(says(room), 31)[:4]
-    text = "".join(
-        f'<text class="says" x="{x + 8:.0f}"'
-        f' y="{y + 29 + 11 * i:.0f}">{escape(line)}</text>'
-        for i, line in enumerate(lines)
-    )
-    name = escape(room.replace("cell.", "cell/").replace("__main__", "__main__.py"))
-    return (
-        f'<rect x="{x:.0f}" y="{y:.0f}" width="{WIDE}" height="{TALL}" rx="6"/>'
-        f'<text x="{x + 8:.0f}" y="{y + 16:.0f}" font-weight="600">{name}</text>{text}'
-    )
-
-
 def main(out: Annotated[Path, typer.Argument()] = OUT) -> None:
     """Write the drawing of the rooms to the SVG file `out`."""
-    out.write_text(drawing(edges(house_room)), encoding="utf-8")
+    found = edges(house_room)
+    storeys = floors(found)
+    widest = max(map(len, storeys))
+    place = {
+        room: (column - 0.5 * len(rooms), level)
+        for level, rooms in enumerate(storeys)
+        for column, room in enumerate(rooms)
+    }
+    figure = Figure(figsize=(2.3 * widest, 1.4 * len(storeys)))
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    axes.set(
+        xlim=(-0.5 * widest - 0.5, 0.5 * widest - 0.5), ylim=(-0.5, len(storeys) - 0.5)
+    )
+    axes.set_axis_off()
+    for room, others in reduced(found).items():
+        for other in others:
+            axes.annotate("", place[other], place[room], arrowprops=LINE)
+    for room, at in place.items():
+        name = room.replace("cell.", "cell/").replace("__main__", "__main__.py")
+        words = "\n".join(wrap(says(room), 34)[:4])
+        axes.text(*at, f"{name}\n{words}", bbox=BOX, ha="center", va="center", size=8)
+    with rc_context({"svg.fonttype": "none", "svg.hashsalt": "rooms"}):
+        figure.savefig(out, metadata={"Date": None})
     sys.stdout.write(f"{out}\n")

@@ -23,7 +23,7 @@ from drivers.strip.describe import load_strip
 from tests.lab.exam import from_state, through_images
 from tests.lab.exam.case import Case, Kind, Tier
 from tests.lab.exam.cases import draw_case
-from tests.lab.exam.score import RIGHT_RESULTS, Outcome, score
+from tests.lab.exam.score import RIGHT_RESULTS, Outcome, claim_on, score
 from tests.lab.studies.study import Quantity, Statistic, Study, Values, percentage
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -74,13 +74,14 @@ def judge(case: Case, folder: Path) -> Values:
     """Diagnose and score the runs of `case` in `folder`, which holds nothing else."""
     strip = find_configs(None).strip_path(case.strip)
     shutil.copyfile(strip, folder / "strip.yaml")
-    known = {"case": case.model_dump(mode="json")}
+    known: dict[str, Any] = {"case": case.model_dump(mode="json")}
     try:
         verdict = diagnose(folder)
     except NoVerdict as error:
         return {**known, "outcome": None, "reason": str(error), **facts(case)}
     scored = score(verdict, case, load_strip(strip))
-    return known | {"outcome": scored.model_dump(mode="json"), **facts(case, scored)}
+    known |= {"outcome": scored.model_dump(mode="json"), **facts(case, scored)}
+    return known | {"claim": claim_on(verdict, case)}
 
 
 def facts(case: Case, found: Outcome | None = None) -> dict[str, Any]:

@@ -17,6 +17,7 @@ from drivers.base.settings import Settings
 from drivers.strip.effects import registry
 from drivers.strip.file import StripFile
 from tests.lab.exam.case import Case
+from tests.lab.studies.study import Values
 
 Result = Literal[
     "right_strict", "right_class", "partly", "wrong_name", "abstained",
@@ -50,9 +51,7 @@ class Comparison(Settings):
 class Outcome(Settings):
     """Score of a case: the `result` of its verdict, with the facts that reports show.
 
-    `realised` is the excess gap after the base was refitted, `signs` what the
-    confidence rests on. `suspect_right`: whether effects that were accepted, but not
-    named, are right.
+    `realised` is the excess gap after the base was refitted.
     """
 
     case: str
@@ -69,13 +68,6 @@ class Outcome(Settings):
     parameters: tuple[Comparison, ...]
     runtime: float
     simulations: int
-    signs: dict[str, float] | None = None
-    suspect_right: bool | None = None
-
-    @property
-    def right(self) -> bool:
-        """Whether the hidden effects were named, strictly or by their class."""
-        return self.result in RIGHT_RESULTS
 
 
 def score(verdict: Verdict, case: Case, strip: StripFile) -> Outcome:
@@ -96,8 +88,6 @@ def score(verdict: Verdict, case: Case, strip: StripFile) -> Outcome:
         parameters=tuple(_effects(verdict, case)),
         runtime=verdict.runtime,
         simulations=verdict.simulations,
-        signs=signs(verdict),
-        suspect_right=_is_suspect_right(verdict, case),
     )
 
 
@@ -211,18 +201,40 @@ def _compare(
     )
 
 
-def _is_suspect_right(verdict: Verdict, case: Case) -> bool | None:
-    """Whether what was accepted and not named is the answer; None where nothing was."""
-    if not verdict.suspected:
-        return None
-    suspected = frozenset(effect.name for effect in verdict.suspected)
-    return _score_names(suspected, frozenset(case.answer)) in RIGHT_RESULTS
-
-
-def signs(verdict: Verdict) -> dict[str, float] | None:
-    """Evidence that decides on a verdict, by name; None where nothing speaks against
-    it.
+def claim_on(verdict: Verdict, case: Case, *, withheld: bool = False) -> Values:
+    """What a verdict accepts on `case`, whose effects may be `withheld` from the
+    library.
     """
-    if verdict.posterior is None or verdict.posterior.log_odds == math.inf:
-        return None
-    return verdict.posterior.model_dump(include=set(VerdictEvidence.model_fields))
+    answer = frozenset(case.answer)
+    if verdict.effects:
+        held = [result(verdict, case) in RIGHT_RESULTS]
+    else:
+        right = frozenset[str]().union(*with_twins(answer))
+        held = [not right.isdisjoint(group) for group in verdict.ambiguous]
+        suspected = frozenset(effect.name for effect in verdict.suspected)
+        if suspected:
+            held.append(_score_names(suspected, answer) in RIGHT_RESULTS)
+    hides = bool(case.effects or case.causes)
+    outside = withheld or (hides and not case.answer)
+    return claim(verdict, case.name, held, outside=outside, hides=hides)
+
+
+def claim(
+    verdict: Verdict, case: str, held: Sequence[bool], *, outside: bool, hides: bool
+) -> Values:
+    """What a verdict accepts, for the calibration of confidence: the evidence, None
+    where nothing speaks against it, and whether all that it `held` to is right.
+
+    Of a cause that lies `outside` the library nothing is; `hides`: whether there is a
+    cause.
+    """
+    posterior = verdict.posterior
+    told = posterior is not None and posterior.log_odds < math.inf
+    signs = (
+        posterior.model_dump(include=set(VerdictEvidence.model_fields))
+        if told
+        else None
+    )
+    right = all(held) and not outside if held else None
+    known = {"case": case, "signs": signs, "right": right}
+    return {**known, "outside": outside, "hides": hides}

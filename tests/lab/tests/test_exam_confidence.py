@@ -9,6 +9,7 @@ import pytest
 from cell.gap.verdict.confidence import Calibration, calibration
 from cell.gap.verdict.schema import VerdictEvidence
 from tests.lab.benchmarks.measure_confidence import verdicts_in
+from tests.lab.exam.score import claim_on
 from tests.lab.studies.catalogue.confidence import (
     OUTSIDE_SHARE,
     Name,
@@ -19,7 +20,7 @@ from tests.lab.studies.catalogue.confidence import (
     reliable,
     shares,
 )
-from tests.lab.studies.study import Case, Outcome
+from tests.support.exam_cases import case, named, verdict
 
 LEDGERS = Path(__file__).parents[1] / "ledgers"
 
@@ -69,35 +70,41 @@ def test_names_are_right_as_often_as_stated() -> None:
     )
 
 
-def test_names_are_right_only_where_the_effect_is_in_the_library() -> None:
-    facts = {
-        "case": "a",
-        "signs": told(9.0).model_dump(),
-        "is_named": True,
-        "without": [],
-    }
-    facts |= {"hidden": ["seam"], "answer": ["seam"], "right": ["seam"]}
-    unnamed = {**facts, "is_named": False, "accepted": []}
-    values = [
-        {**facts, "is_right": True},
-        {**facts, "is_right": False, "without": ["seam"]},
-        {**unnamed, "without": ["seam"]},
-        {**facts, "case": "b", "is_right": True},
-        {**unnamed, "accepted": [["seam", "crease"]]},
-        {**unnamed, "hidden": [], "answer": []},
-        {**unnamed, "hidden": ["wobble"], "answer": []},
+def test_claims_count_where_they_accept_something_and_have_signs() -> None:
+    facts = {"signs": told(9.0).model_dump(), "outside": False, "hides": True}
+    claims = [
+        {**facts, "case": "a", "right": True},
+        {**facts, "case": "b", "right": False, "outside": True},
+        {**facts, "case": "c", "right": None, "outside": True},
+        {**facts, "case": "d", "right": True},
+        {**facts, "case": "e", "right": None, "hides": False},
+        {**facts, "case": "f", "right": True, "signs": None},
     ]
-    outcomes = [Outcome(Case(i, 0, {}), v) for i, v in enumerate(values)]
-    found, outside = names(outcomes)
-    assert [name.right for name in found] == [True, False, True, True]
-    assert outside == 0.5
-    two = Outcome(Case(7, 0, {}), {**unnamed, "accepted": [["seam"], ["crease"]]})
-    assert [name.right for name in names([two])[0]] == [False]
-    content = calibrate(outcomes)
-    assert "4 verdicts that accept, 1 of them wrong" in content["source"]
+    found, outside = names(claims)
+    assert [name.right for name in found] == [True, False, True]
+    assert outside == 0.4
+    content = calibrate(claims)
+    assert "3 verdicts that accept, 1 of them wrong" in content["source"]
     assert Calibration.model_validate(
         {**content, "belongs_to": "confidence.yaml"}
     ).weights
+
+
+def test_what_is_accepted_of_an_exam_is_right_by_class_and_never_if_withheld() -> None:
+    seam = case("a", "single", {"seam": {"factor": 2.0}})
+    outside = case("b", "outside", {}, causes={"wobble": {"amplitude": 0.01}})
+    for said, hidden, right in (
+        (named("seam"), seam, True),
+        (named("crease"), seam, False),
+        (verdict("ambiguous", classes=[["seam", "crease"]]), seam, True),
+        (verdict("ambiguous", classes=[["seam"], ["crease"]]), seam, False),
+        (verdict("unexplained"), seam, None),
+        (named("seam"), outside, False),
+    ):
+        found = claim_on(said, hidden)
+        assert (found["right"], found["outside"]) == (right, hidden is outside)
+    withheld = claim_on(named("seam"), seam, withheld=True)
+    assert (withheld["right"], withheld["outside"]) == (False, True)
 
 
 @pytest.mark.slow
@@ -105,8 +112,8 @@ def test_names_are_right_only_where_the_effect_is_in_the_library() -> None:
 def test_the_package_holds_the_calibration_of_its_source(kind: str) -> None:
     shipped = calibration(kind)
     ledgers = re.findall(r"[a-z]+-[a-z0-9]+\.jsonl", shipped.source)
-    outcomes = verdicts_in([LEDGERS / name for name in ledgers])
-    found = Calibration.model_validate(calibrate(outcomes, kind))
+    claims = verdicts_in([LEDGERS / name for name in ledgers])
+    found = Calibration.model_validate(calibrate(claims, kind))
     assert shipped.source.startswith(found.source)
     assert found.intercept == pytest.approx(shipped.intercept, abs=1e-3)
     for sign, w in shipped.weights.items():

@@ -7,10 +7,10 @@ law may be offered instead.
 """
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy import optimize, special
@@ -26,7 +26,7 @@ from drivers.strip.effects import registry
 from tests.lab.exam.case import Case
 from tests.lab.exam.cases import draw_case
 from tests.lab.exam.from_state import make_runs
-from tests.lab.exam.score import RIGHT_RESULTS, score, with_twins
+from tests.lab.exam.score import claim_on
 from tests.lab.studies.study import (
     Fit,
     Outcome,
@@ -102,22 +102,19 @@ def measure(case: Values) -> Values:
             [place / "runs"], strip, place / "out", FitOptions(without=without)
         )
         law = json.loads((place / "out" / RECORD).read_text(encoding="utf-8"))["law"]
-    scored = score(verdict, hidden, configs.strip(hidden.strip))
-    named = scored.verdict == "named"
-    found: dict[str, Any] = scored.model_dump(mode="json", exclude={"runtime"})
-    return found | {
+    claim = claim_on(verdict, hidden, withheld=bool(without))
+    named = verdict.verdict == "named"
+    return {
+        "claim": claim,
+        "hidden": hidden.answer,
         "without": without,
-        "accepted": scored.classes,
-        "right": names_that_are_right(scored.answer),
+        "accepted": str(verdict),
         "is_named": named,
-        "is_right": (scored.result in RIGHT_RESULTS and not without) if named else None,
+        "is_right": claim["right"] if named else None,
+        "confidence": min((e.confidence for e in verdict.effects), default=None),
         "offered": law is not None,
+        "simulations": verdict.simulations,
     }
-
-
-def names_that_are_right(answer: Iterable[str]) -> list[str]:
-    """Names of effects that count as right for an `answer`: its own, and twins."""
-    return sorted(frozenset[str]().union(*with_twins(frozenset(answer))))
 
 
 def names_to_withhold(case: Case) -> list[str]:
@@ -126,37 +123,17 @@ def names_to_withhold(case: Case) -> list[str]:
     return sorted({hidden, *registry()[hidden].looks_like})
 
 
-def names(outcomes: Sequence[Outcome]) -> tuple[list[Name], float]:
-    """What verdicts accept, named, in a class or suspected, and the share of the causes
-    that the library lacks.
+def names(claims: Sequence[Values]) -> tuple[list[Name], float]:
+    """What verdicts accept, named, in a class or suspected, by their `claims`, and the
+    share of the causes that the library lacks.
     """
-    known = [o.values for o in outcomes if o.values["signs"]]
-    judged = [(v, _is_right(v)) for v in known]
     found = [
-        Name(VerdictEvidence(**v["signs"]), right, _is_outside(v), v["case"])
-        for v, right in judged
-        if right is not None
+        Name(VerdictEvidence(**c["signs"]), c["right"], c["outside"], c["case"])
+        for c in claims
+        if c["signs"] and c["right"] is not None
     ]
-    causes = [_is_outside(o.values) for o in outcomes if o.values["hidden"]]
+    causes = [c["outside"] for c in claims if c["hides"]]
     return found, sum(causes) / max(len(causes), 1)
-
-
-def _is_right(values: Values) -> bool | None:
-    """Whether what a verdict accepts is right, by class; None where it accepts nothing.
-
-    Of a withheld cause nothing is.
-    """
-    if values["is_named"]:
-        return bool(values["is_right"]) and not values["without"]
-    held = [not {*values["right"]}.isdisjoint(each) for each in values["accepted"]]
-    if values.get("suspect_right") is not None:
-        held.append(values["suspect_right"])
-    return all(held) and not values["without"] if held else None
-
-
-def _is_outside(values: Values) -> bool:
-    """Whether the library of a case lacks what is hidden."""
-    return bool(values["without"] or (values["hidden"] and not values["answer"]))
 
 
 def shares(found: Sequence[Name], outside: float) -> Array:
@@ -273,11 +250,11 @@ def reliable(stated: Claims, counts: Array | None = None) -> str:
     return text
 
 
-def calibrate(outcomes: Sequence[Outcome], kind: str = "strip") -> Values:
+def calibrate(claims: Sequence[Values], kind: str = "strip") -> Values:
     """Fit a `kind`'s calibration to these verdicts; its source says the loss on those
     left out.
     """
-    found, outside = names(outcomes)
+    found, outside = names(claims)
     counts = shares(found, outside)
     source = (
         f"{len(found)} verdicts that accept, {sum(not n.right for n in found)} of them"
@@ -293,6 +270,11 @@ def calibrate(outcomes: Sequence[Outcome], kind: str = "strip") -> Values:
         )
         source += f"of one probability for all {plain:.3f}."
     return {**fit_calibration(found, counts, kind).model_dump(), "source": source}
+
+
+def fit_claims(outcomes: Sequence[Outcome]) -> Values:
+    """Calibration of strips by the verdicts of the study."""
+    return calibrate([o.values["claim"] for o in outcomes])
 
 
 STUDY = Study(
@@ -313,7 +295,7 @@ STUDY = Study(
             "simulations", Statistic.MEDIAN, "", 1.0, label="simulations", digits=0
         ),
     ),
-    fits=(Fit("cell/gap/verdict/confidence.yaml", calibrate),),
+    fits=(Fit("cell/gap/verdict/confidence.yaml", fit_claims),),
     usual=60,
     quick=1,
     seconds=60.0,

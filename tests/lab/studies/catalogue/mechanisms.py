@@ -8,6 +8,7 @@ airo-models example-robot-data`, and `cases` in it are those of `../shared`.
 import os
 import time
 from collections.abc import Sequence
+from itertools import chain
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -23,7 +24,7 @@ from cell.gap.subject.run_folders import find_runs
 from cell.gap.verdict.schema import Verdict
 from drivers.base.errors import ConfigurationError
 from tests.lab.exam.mechanisms import LISTS, make_runs
-from tests.lab.exam.score import signs
+from tests.lab.exam.score import claim
 from tests.lab.exam.spoilt import NAMES, TOLD, spoil
 from tests.lab.studies.study import (
     Quantity,
@@ -143,18 +144,29 @@ def _score_spoilt(case: Values, said: Values, verdict: Verdict | None) -> Values
 
 
 def _facts(case: Values, verdict: Verdict | None) -> Values:
-    """What a verdict says, None of recordings that are refused, for calibrations."""
+    """What a verdict says, and what it claims; None of recordings that are refused.
+
+    A class with a value of the file is right where the file is wrong.
+    """
     if verdict is None:
-        return {"verdict": "refused", "ambiguous": [], "stated": [], "signs": None,
-                "deviates": [], "suspected": []}  # fmt: skip
-    right = names_that_are_right(case)
+        return {"verdict": "refused"}
+    named, right = {e.name for e in verdict.effects}, names_that_are_right(case)
+    suspected = [effect.name for effect in verdict.suspected]
+    if case["kind"] == "wrong base":
+        right |= {*chain(*verdict.ambiguous)}.difference(library())
+    groups = [[name] for name in suspected] + verdict.ambiguous
+    held = [named <= right] if named else [not right.isdisjoint(g) for g in groups]
+    outside = bool(case["kind"] == "outside" or case["without"])
+    number = str(case["seed"])
     return {
         "verdict": verdict.verdict,
         "ambiguous": verdict.ambiguous,
-        "stated": [[e.name, e.confidence, e.name in right] for e in verdict.effects],
-        "signs": signs(verdict),
+        "named": sorted(named),
         "deviates": [d.parameter for d in verdict.deviates],
-        "suspected": [e.name for e in verdict.suspected],
+        "suspected": suspected,
+        "claim": claim(
+            verdict, number, held, outside=outside, hides=bool(case["hidden"])
+        ),
     }
 
 
@@ -227,31 +239,6 @@ def score(
         false = false or verdict.verdict == "ambiguous"
     base = told if kind == "wrong base" and shown else None
     return {"by_class": by_class, "false": false, "base": base}
-
-
-def accepted(case: Values, values: Values) -> Values:
-    """Facts on the effects that a verdict on a mechanism accepted, as for confidence.
-
-    A class with a value of the file is right where the file is wrong.
-    """
-    alike = {name for group in values["ambiguous"] for name in group}
-    of_file = alike.difference(library()) if case["kind"] == "wrong base" else set()
-    return {
-        "is_named": values["verdict"] == "named",
-        "is_right": not values["false"],
-        "hidden": case["hidden"],
-        "answer": [] if case["kind"] == "outside" else case["hidden"],
-        "accepted": [[name] for name in values["suspected"]] + values["ambiguous"],
-        "right": sorted(names_that_are_right(case) | of_file),
-        "result": "wrong_name" if values["false"] else "right_class",
-        "strength": None,
-        "without": case.get("without", []),
-        "offered": False,
-        "confidence": None,
-        "signs": values["signs"],
-        "base": [],
-        "parameters": [],
-    }
 
 
 def fail(case: Values) -> Values:
