@@ -8,7 +8,7 @@ import numpy as np
 from calibration.calibration import Calibration
 from cell.perception.strip_measurement import SeenTouch
 from drivers.base.types import Array
-from tests.lab.studies.kit.sights import sights
+from tests.lab.studies.kit.sights import sights, signed_distances
 from tests.lab.studies.kit.twin_fold import FoldCamera, TwinFold
 
 STRIPS = Path(__file__).parents[2] / "configs" / "strips"
@@ -42,11 +42,7 @@ class Agreement:
 
 def distances(points: Array, curve: Array) -> Array:
     """Distance (n,) of points (n, 2) from a polyline (m, 2)."""
-    start, along = curve[:-1], np.diff(curve, axis=0)
-    offset = points[:, None] - start[None]
-    share = np.clip((offset * along).sum(axis=2) / (along**2).sum(axis=1), 0, 1)
-    gap = offset - share[..., None] * along
-    return np.asarray(np.hypot(gap[..., 0], gap[..., 1]).min(axis=1))
+    return np.abs(signed_distances(points, curve)[0])
 
 
 def agreement(

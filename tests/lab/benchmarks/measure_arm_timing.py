@@ -7,9 +7,9 @@ An emulated robot runs by the wall clock in a process of its own, with real-time
 priority where this user may have it: a robot shares no processor with its client. In
 turn a bare loop of the client's library holds it still, and the cell folds a strip with
 it: renders, perceives, decides and records. Printed are the shares of states that were
-answered in time, by the robot's own count, and the intervals between states. Both run
-as `fci.realtime` says: with real-time priority (the default, no real-time kernel is
-asked for), or as ordinary processes with `ignore`.
+answered in time, by the robot's own count. Both run as `fci.realtime` says: with
+real-time priority (the default, no real-time kernel is asked for), or as ordinary
+processes with `ignore`.
 """
 
 import json
@@ -23,7 +23,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import yaml
 
@@ -51,7 +51,7 @@ STILL = 10.0  # s of the bare loop at a time
 SPEED = 0.05
 RATE = 12.0  # Hz of the simulated camera: all of the twin is computed beside the loop
 BETWEEN = 0.0005  # m, always between the fingers: this robot knows no strip
-THIS = ("tests.lab", "measure-arm-timing")
+THIS = (sys.executable, "-m", "tests.lab", "measure-arm-timing")
 
 
 @dataclass(slots=True)
@@ -62,20 +62,18 @@ class Share:
 
     seconds: float = 0.0
     answered: float = 0.0
-    longest: float = 0.0
 
-    def add(self, seconds: float, timing: dict[str, Any]) -> None:
+    def add(self, seconds: float, answered: float) -> None:
         self.seconds += seconds
-        self.answered += seconds * timing["answered"]
-        self.longest = max(self.longest, timing["longest_ms"])
+        self.answered += seconds * answered
+
+    @property
+    def percent(self) -> float:
+        """Share of the states [%], NaN before any."""
+        return 100 * self.answered / self.seconds if self.seconds else float("nan")
 
     def __str__(self) -> str:
-        if not self.seconds:
-            return "nothing"
-        return (
-            f"{100 * self.answered / self.seconds:6.2f} % answered in"
-            f" {self.seconds:4.0f} s, longest {self.longest:.0f} ms"
-        )
+        return f"{self.percent:6.2f} % answered in {self.seconds:4.0f} s"
 
 
 def serve(joints: list[float]) -> None:
@@ -109,13 +107,13 @@ def hold_still(address: str, seconds: float, realtime: RealTime) -> None:
     last = franka.CartesianPose(pose)
     last.motion_finished = True
     motion.writeOnce(last)
-    print(json.dumps(timing.content()))
+    print(timing.content()["answered"])
 
 
 @contextmanager
 def robot_at(joints: list[float]) -> Iterator[str]:
     """Address of a robot that runs in a process of its own."""
-    command = [sys.executable, "-m", *THIS, "--serve-at", json.dumps(joints)]
+    command = [*THIS, "--serve-at", json.dumps(joints)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as server:
         try:
             yield server.stdout.readline().strip()
@@ -145,29 +143,17 @@ def measure(
         )
         calibration = calibration_of(robot)
         while cell.seconds < seconds:
-            told = subprocess.run(
-                [
-                    sys.executable,
-                    "-m",
-                    *THIS,
-                    "--hold",
-                    address,
-                    "--realtime",
-                    realtime,
-                ],
-                check=False,
-                capture_output=True,
-                text=True,
-            )
+            command = [*THIS, "--hold", address, "--realtime", realtime]
+            told = subprocess.run(command, check=False, capture_output=True, text=True)
             if told.returncode == 0:
-                bare.add(STILL, json.loads(told.stdout))
+                bare.add(STILL, float(told.stdout))
             else:
                 ends.append("bare loop stopped by reflex")
             go_home(RobotAccess(address, fci, installation), joints)
             result = fold(request, calibration)
             header = read_run(Path(result.run)).header
             if header.arm_timing is not None:
-                cell.add(result.duration, header.arm_timing.model_dump())
+                cell.add(result.duration, header.arm_timing.answered)
             ends.append(result.outcome)
             sys.stderr.write(
                 f"{result.outcome}: {result.reason}\n  bare {bare}\n  cell {cell}\n"
@@ -219,7 +205,7 @@ def main(
         hold_still(hold, STILL, realtime)
         return 0
     bare, cell, ends = measure(seconds, strip, realtime)
-    behind = 100 * (bare.answered / bare.seconds - cell.answered / cell.seconds)
+    behind = bare.percent - cell.percent
     print(
         f"bare loop {bare}\nthe cell  {cell}\nbehind by {behind:.2f} points (bar"
         f" {BAR:.0f})"

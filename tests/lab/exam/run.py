@@ -6,6 +6,7 @@ import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -70,18 +71,20 @@ def measure(values: Values) -> Values:
         return judge(case, Path(place))
 
 
-def judge(case: Case, folder: Path) -> Values:
-    """Diagnose and score the runs of `case` in `folder`, which holds nothing else."""
+def judge(case: Case, folder: Path, without: Sequence[str] = ()) -> Values:
+    """Diagnose and score the runs of `case` in `folder`, which holds nothing else;
+    `without` are effects withheld from the library.
+    """
     strip = find_configs(None).strip_path(case.strip)
     shutil.copyfile(strip, folder / "strip.yaml")
     known: dict[str, Any] = {"case": case.model_dump(mode="json")}
     try:
-        verdict = diagnose(folder)
+        verdict = diagnose(folder, without)
     except NoVerdict as error:
         return {**known, "outcome": None, "reason": str(error), **facts(case)}
     scored = score(verdict, case, load_strip(strip))
     known |= {"outcome": scored.model_dump(mode="json"), **facts(case, scored)}
-    return known | {"claim": claim_on(verdict, case)}
+    return known | {"claim": claim_on(verdict, case, withheld=bool(without))}
 
 
 def facts(case: Case, found: Outcome | None = None) -> dict[str, Any]:
@@ -112,17 +115,33 @@ def facts(case: Case, found: Outcome | None = None) -> dict[str, Any]:
     }
 
 
-def diagnose(folder: Path, limit: float = TIME_LIMIT) -> Verdict:
+def diagnose(
+    folder: Path, without: Sequence[str] = (), limit: float = TIME_LIMIT
+) -> Verdict:
     """Verdict of `cell gap fit` on strip.yaml and runs/ of `folder`, where it is run.
 
     Raises NoVerdict after `limit` [s], and with the last line of output where the
     command failed.
     """
-    words = "-P -m cell gap fit runs --strip strip.yaml --out out --jobs 1"
+    words = [
+        "-P",
+        "-m",
+        "cell",
+        "gap",
+        "fit",
+        "runs",
+        "--strip",
+        "strip.yaml",
+        "--out",
+        "out",
+        "--jobs",
+        "1",
+    ]
+    words += [f"--without={name}" for name in without]
     environment = os.environ | dict.fromkeys(THREADS, "1") | {"PYTHONPATH": str(ROOT)}
     try:
         ended = subprocess.run(
-            [sys.executable, *words.split()],
+            [sys.executable, *words],
             cwd=folder,
             env=environment,
             timeout=limit,
@@ -186,6 +205,7 @@ def exam_of(tier: Tier, usual: int) -> Study:
         quick=0,
         seconds=60.0,
         limit=CASE_TIMEOUT,
+        command=f"exam --tier {tier} --seed {{seed}} --cases {{count}}",
     )
 
 

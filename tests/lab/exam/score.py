@@ -54,40 +54,30 @@ class Outcome(Settings):
     `realised` is the excess gap after the base was refitted.
     """
 
-    case: str
-    hidden: tuple[str, ...]
-    answer: tuple[str, ...]
     verdict: VerdictKind
     named: tuple[str, ...]
     classes: tuple[tuple[str, ...], ...]
     result: Result
     confidence: float | None
     realised: float
-    shrink: float
     base: tuple[Comparison, ...]
     parameters: tuple[Comparison, ...]
     runtime: float
-    simulations: int
 
 
 def score(verdict: Verdict, case: Case, strip: StripFile) -> Outcome:
     """Score a verdict on the runs of `case`, whose strip file is `strip`."""
     named = tuple(effect.name for effect in verdict.effects)
     return Outcome(
-        case=case.name,
-        hidden=tuple(sorted((*case.effects, *case.causes))),
-        answer=case.answer,
         verdict=verdict.verdict,
         named=named,
         classes=tuple(map(tuple, verdict.ambiguous)),
         result=result(verdict, case),
         confidence=min((e.confidence for e in verdict.effects), default=None),
         realised=verdict.gap.before["excess"],
-        shrink=verdict.gap.shrink,
         base=tuple(_base(verdict, case, strip)),
         parameters=tuple(_effects(verdict, case)),
         runtime=verdict.runtime,
-        simulations=verdict.simulations,
     )
 
 

@@ -3,7 +3,7 @@ journal.
 """
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -82,11 +82,6 @@ class StudyRecord:
     other: int
     costs: tuple[Cost, ...] = ()
 
-    @property
-    def present(self) -> bool:
-        """Whether the outcomes are those of the present code."""
-        return self.of == inputs(self.asked.study.measure)
-
 
 def measure(
     asked: StudyRequest,
@@ -103,12 +98,10 @@ def measure(
 
 
 def read_study(asked: StudyRequest) -> StudyRecord:
-    """Read stored outcomes by the present code, or else by the version with the most
-    outcomes.
-    """
+    """Read the stored outcomes by the present code."""
     wanted = {case.key: case for case in asked.study.cases(asked.seed, asked.count)}
     found = [r for r in Journal(asked.journal).records() if r.key in wanted]
-    of = _code_to_show(found, inputs(asked.study.measure))
+    of = inputs(asked.study.measure)
     mine = sorted((r for r in found if r.of == of), key=lambda r: r.key)
     failed, outcomes = asked.study.failed, []
     for r in mine:
@@ -136,15 +129,6 @@ def cost(kept: StudyRecord) -> list[tuple[str, str]]:
         ("a case, wall", f"{median(each.wall for each in kept.costs):.1f} s"),
         ("all, processor", duration_text(sum(processor))),
     ]
-
-
-def _code_to_show(records: Sequence[Record], now: str) -> str:
-    counts: dict[str, int] = {}
-    for record in records:
-        counts[record.of] = counts.get(record.of, 0) + (record.outcome is not None)
-    return (
-        now if counts.get(now) or not counts else max(counts, key=lambda of: counts[of])
-    )
 
 
 def inputs(measure: Measure) -> str:

@@ -212,7 +212,8 @@ class Study:
     them. `usual` and `quick` are numbers of cases, the latter 0 where one takes
     minutes; `seconds` is the processor time of one, `limit` the wall time at which it
     is set aside [s]. Rows of the table are groups of cases with equal values of `by`.
-    Cases that fail, or are set aside, count with the values `failed`.
+    Cases that fail, or are set aside, count with the values `failed`. `command` measures
+    the same cases again.
     """
 
     name: str
@@ -227,6 +228,7 @@ class Study:
     limit: float = 1800.0
     fits: tuple[Fit, ...] = ()
     failed: Callable[[Values], Values] = lambda _: {}
+    command: str = "study {name} --seed {seed} --count {count}"
 
     def cases(self, seed: int, count: int) -> tuple[Case, ...]:
         """The first `count` cases drawn by `seed`."""

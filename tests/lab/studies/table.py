@@ -99,11 +99,10 @@ def progress(kept: StudyRecord) -> str:
     asked, lost = kept.asked, kept.lost
     done = len(kept.outcomes)
     words = f"{done} of {asked.count} so far" if done < asked.count else f"{done} cases"
-    words += (
-        f"; 95 % intervals over cases; `python -m tests.lab study {asked.study.name} "
-    )
-    words += f"--seed {asked.seed} --count {asked.count}`, code and inputs {kept.of}"
-    words += "" if kept.present else ", which is other code than this"
+    study = asked.study
+    again = study.command.format(name=study.name, seed=asked.seed, count=asked.count)
+    words += "; 95 % intervals over cases;"
+    words += f" `python -m tests.lab {again}`, code and inputs {kept.of}"
     aside = sum(record.state == "set_aside" for record in lost)
     words += f"; {aside} set aside" if aside else ""
     words += f"; {len(lost) - aside} failed" if len(lost) > aside else ""

@@ -3,7 +3,6 @@ plant.
 """
 
 from pathlib import Path
-from typing import Any
 
 import pytest
 import yaml
@@ -17,24 +16,19 @@ from policies.experiments.standard import STANDARD
 from tests.lab.exam import through_images
 from tests.lab.exam.case import Case
 from tests.lab.exam.through_images import exam_cell, make_runs, plant_of
+from tests.support.exam_cases import case
 from tests.support.gap_strip_cases import denim
 
 FOUR = ["profile.parquet", "result.yaml", "run.yaml", "ticks.parquet"]
 
 
-def case(**changes: Any) -> Case:
-    facts: dict[str, Any] = {
-        "name": "a-case",
-        "tier": "images",
-        "kind": "outside",
-        "strip": "denim",
-        "seed": 11,
-        "stiffness": 1.1,
-        "damping": 0.8,
-        "effects": {"pre_curl": {"curvature": 0.2}},
-        "causes": {"dahl": {"yield_curvature": 2.0}, "clock_drift": {"drift": 0.003}},
-    }
-    return Case.model_validate(facts | changes)
+def images(**causes: dict[str, float]) -> Case:
+    factors = {"stiffness": 1.1, "damping": 0.8, "seed": 11, "tier": "images"}
+    effects = {"pre_curl": {"curvature": 0.2}}
+    return case("a-case", "outside", effects, causes=causes, answer=(), **factors)
+
+
+DAHL = {"dahl": {"yield_curvature": 2.0}, "clock_drift": {"drift": 0.003}}
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +37,7 @@ def folded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("case")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(through_images, "LINKS", 40)
-        make_runs(case(), folder, 1)
+        make_runs(images(**DAHL), folder, 1)
     return folder
 
 
@@ -82,7 +76,7 @@ def test_a_run_says_nothing_of_its_plant(folded: Path) -> None:
 
 
 def test_the_plant_has_the_base_and_effects_of_its_case() -> None:
-    plant = plant_of(case(), denim())
+    plant = plant_of(images(), denim())
     assert plant.bending_length == pytest.approx(1.1 * denim().bending_length)
     assert plant.retardation_time == pytest.approx(0.8 * denim().retardation_time)
     assert plant.effects == {"pre_curl": {"curvature": 0.2}}
@@ -101,9 +95,7 @@ def test_the_exam_changes_nothing_of_a_cell_but_its_plant() -> None:
 
 @pytest.mark.long
 def test_the_runs_of_a_fine_plant_are_made_and_read(tmp_path: Path) -> None:
-    made = case(
-        causes={"clock_drift": {"drift": 0.003}, "static_cling": {"pressure": 1.0}}
-    )
+    made = images(clock_drift={"drift": 0.003}, static_cling={"pressure": 1.0})
     make_runs(made, tmp_path)
     runs = read_runs(
         find_runs([tmp_path]), load_strip(find_configs(None).strip_path("denim"))

@@ -95,6 +95,7 @@ def test_an_exam_that_is_finished_is_only_reported_with_every_miss(
     assert done.exit_code == int(tier == "small"), done.output
     assert done.stdout == f"1 of 3 right: {tmp_path / 'exam.md'}\n"
     page = (tmp_path / "exam.md").read_text()
+    assert "exam --tier state --seed 7 --cases 3`" in page
     misses = [line for line in page.splitlines() if line.startswith("- `")]
     assert [line.split("`")[1] for line in misses] == ["fooled", "lost"]
     assert "desk_tilt (angle 0.01)" in misses[0]

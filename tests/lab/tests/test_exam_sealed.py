@@ -34,7 +34,7 @@ def test_runs_are_judged_by_the_command_and_a_refusal_is_an_entry(
     hidden = case("tilt", "single", {"desk_tilt": {"angle": 0.02}})
     few_runs(hidden, tmp_path / "runs")
     judged = judge(hidden, tmp_path)
-    assert judged["outcome"]["answer"] == ["desk_tilt"]
+    assert judged["outcome"]["verdict"] == "named"
     assert judged["plant"] == "the model itself"
     for ticks in (tmp_path / "runs").glob("*/ticks.parquet"):
         ticks.unlink()

@@ -7,6 +7,7 @@ kept of its joints is fitted. Links are 1 % heavier or lighter than the model, b
 chance.
 """
 
+import json
 import time
 from collections.abc import Mapping
 from pathlib import Path
@@ -117,17 +118,10 @@ def measure(case: Values) -> Values:
         verdict = fit([Path(place) / "runs"], ARM, Path(place) / "verdict")
         cpu = time.process_time() - began
     kind, causes = ("nothing", []) if hidden == "nothing" else ("one effect", [hidden])
-    effects = {
-        e.name: {k: [p.value, p.low, p.high] for k, p in e.parameters.items()}
-        for e in verdict.effects
-    }
     return {
         **mechanisms.score(kind, causes, verdict),
         "cpu": cpu,
-        "verdict": verdict.verdict,
-        "effects": effects,
-        "ambiguous": verdict.ambiguous,
-        "notes": verdict.notes,
+        "verdict": json.loads(verdict.to_json()),
     }
 
 

@@ -2,11 +2,9 @@
 the truth.
 
 Cases from the state hide one effect, one in eight two. From two in five the effect is
-withheld from the library, with what looks like it: whatever is named is wrong, and a
-law may be offered instead.
+withheld from the library, with what looks like it: whatever is named is wrong.
 """
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -15,18 +13,15 @@ from typing import NamedTuple
 import numpy as np
 from scipy import optimize, special
 
-from cell.base.config.places import find_configs
-from cell.gap.fit import FitOptions, fit
 from cell.gap.rehearse import table
 from cell.gap.verdict.confidence import Calibration, calibration
-from cell.gap.verdict.fit_folder import RECORD
 from cell.gap.verdict.schema import VerdictEvidence
 from drivers.base.types import Array
 from drivers.strip.effects import registry
 from tests.lab.exam.case import Case
 from tests.lab.exam.cases import draw_case
 from tests.lab.exam.from_state import make_runs
-from tests.lab.exam.score import claim_on
+from tests.lab.exam.run import judge
 from tests.lab.studies.study import (
     Fit,
     Outcome,
@@ -90,31 +85,17 @@ def draw(number: int, rng: np.random.Generator) -> Values:
 
 
 def measure(case: Values) -> Values:
-    """Score the verdict on a case; also returns whether a law is offered."""
+    """Score of the verdict on a case, as of the exam's."""
     hidden = draw_case("state", case["kind"], case["of_kind"], case["seed"])
     without = names_to_withhold(hidden) if case["library"] != "whole" else []
-    configs = find_configs(None)
-    with TemporaryDirectory() as name:
-        place = Path(name)
-        make_runs(hidden, place / "runs")
-        strip = configs.strip_path(hidden.strip)
-        verdict = fit(
-            [place / "runs"], strip, place / "out", FitOptions(without=without)
-        )
-        law = json.loads((place / "out" / RECORD).read_text(encoding="utf-8"))["law"]
-    claim = claim_on(verdict, hidden, withheld=bool(without))
-    named = verdict.verdict == "named"
-    return {
-        "claim": claim,
-        "hidden": hidden.answer,
-        "without": without,
-        "accepted": str(verdict),
-        "is_named": named,
-        "is_right": claim["right"] if named else None,
-        "confidence": min((e.confidence for e in verdict.effects), default=None),
-        "offered": law is not None,
-        "simulations": verdict.simulations,
-    }
+    with TemporaryDirectory() as place:
+        make_runs(hidden, Path(place) / "runs")
+        judged = judge(hidden, Path(place), without)
+    said = judged["outcome"] or {"verdict": "failed", "confidence": None}
+    named = said["verdict"] == "named"
+    right = judged["claim"]["right"] if named else None
+    facts = {"is_named": named, "is_right": right, "confidence": said["confidence"]}
+    return {**judged, **facts, "without": without}
 
 
 def names_to_withhold(case: Case) -> list[str]:
@@ -290,10 +271,6 @@ STUDY = Study(
         percentage("is_named", "named"),
         percentage("is_right", "right of these"),
         Quantity("confidence", Statistic.MEAN, "%", 100.0, label="stated", digits=0),
-        percentage("offered", "a law offered"),
-        Quantity(
-            "simulations", Statistic.MEDIAN, "", 1.0, label="simulations", digits=0
-        ),
     ),
     fits=(Fit("cell/gap/verdict/confidence.yaml", fit_claims),),
     usual=60,

@@ -53,24 +53,17 @@ def draw(number: int, rng: np.random.Generator) -> Values:
 
 
 def measure(case: Values) -> Values:
-    """Median and worst error of the map [m], and the number of wild touches that were
-    named.
-    """
+    """Median and worst error of the map [m], and why it was refused."""
     camera = CameraSettings.model_validate(case["camera"])
     rng = np.random.default_rng([case["noise"], 1])
     boards = show_boards(camera, BoardSettings(), case["noise"])
     if boards.fit is None:
-        return {
-            "median": None,
-            "worst": None,
-            "refused": True,
-            "reasons": list(boards.reasons),
-        }
+        return {"refused": True, "reasons": list(boards.reasons)}
     lens = boards.fit.lens
-    verdict, wild = _touch_points(camera, lens, rng)
+    verdict = _touch_points(camera, lens, rng)
     reasons = [*boards.reasons, *verdict.reasons]
     if verdict.plane_map is None:
-        return {"median": None, "worst": None, "refused": True, "reasons": reasons}
+        return {"refused": True, "reasons": reasons}
     grid = _work_area_grid(25)
     seen = verdict.plane_map.homography.to_plane(
         lens.undistort(Optics.from_settings(camera).plane(grid))
@@ -80,8 +73,6 @@ def measure(case: Values) -> Values:
         "median": float(np.median(errors)),
         "worst": float(errors.max()),
         "stated": 1e-3 * verdict.residual_mm,
-        "wild": wild,
-        "named": len(verdict.wild) + len(verdict.rejected),
         "refused": bool(boards.reasons),
         "reasons": reasons,
     }
@@ -96,36 +87,26 @@ def _work_area_grid(count: int) -> Array:
 
 def _touch_points(
     camera: CameraSettings, lens: Lens, rng: np.random.Generator
-) -> tuple[TouchVerdict, int]:
-    """Image-to-plane map by the wizard, from rendered touches, and the number of wild
-    touches.
+) -> TouchVerdict:
+    """Image-to-plane map by the wizard, from rendered touches, of which a share is
+    wild.
     """
     renderer, sequence = Renderer(camera, NO_STRIP, int(rng.integers(1 << 30))), 0
     points, slip = TouchedPoints(lens, TOUCHES), np.zeros(2)
-    count = round(OUTLIER_SHARE * len(points.plan))
-    wild = set(rng.choice(len(points.plan), count, replace=False).tolist())
     touch: tuple[int | None, bool] = (None, False)
     while (pose := points.ask()) is not None:
         # the images of one touch share its slip
         if (points.number, points.again) != touch:
             touch = (points.number, points.again)
-            slips = (
-                rng.random() < OUTLIER_SHARE if points.again else points.number in wild
-            )
-            angle = rng.uniform(0, 2 * np.pi)
-            slip = (
-                slips
-                * rng.uniform(*SLIP_RANGE)
-                * np.array([np.cos(angle), np.sin(angle)])
-            )
+            angle, size = rng.uniform(0, 2 * np.pi), rng.uniform(*SLIP_RANGE)
+            way = np.array([np.cos(angle), np.sin(angle)])
+            slip = (rng.random() < OUTLIER_SHARE) * size * way
         seen = replace(pose, x=pose.x + slip[0], z=max(pose.z + slip[1], LOWEST_TOUCH))
-        noise = ARM_NOISE * rng.normal(size=2)
-        points.tell(
-            pointer_frame(renderer, seen, sequence),
-            replace(pose, x=pose.x + noise[0], z=pose.z + noise[1]),
-        )
+        x, z = ARM_NOISE * rng.normal(size=2)
+        told = replace(pose, x=pose.x + x, z=pose.z + z)
+        points.tell(pointer_frame(renderer, seen, sequence), told)
         sequence += 1
-    return points.verdict(), len(wild)
+    return points.verdict()
 
 
 STUDY = Study(

@@ -111,6 +111,6 @@ def signed_distances(points: Array, curve: Array) -> tuple[Array, Array]:
     nearest = np.hypot(gap[..., 0], gap[..., 1]).argmin(axis=1)
     rows = np.arange(len(points))
     normal = np.stack([-along[:, 1], along[:, 0]], axis=-1)[nearest]
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     where = (nearest + share[rows, nearest]) / len(along)
-    return (gap[rows, nearest] * normal).sum(axis=1), where
+    off = gap[rows, nearest]
+    return np.copysign(np.hypot(*off.T), (off * normal).sum(axis=1)), where
