@@ -218,13 +218,9 @@ def claim(
     Of a cause that lies `outside` the library nothing is; `hides`: whether there is a
     cause.
     """
-    posterior = verdict.posterior
-    told = posterior is not None and posterior.log_odds < math.inf
-    signs = (
-        posterior.model_dump(include=set(VerdictEvidence.model_fields))
-        if told
-        else None
-    )
+    posterior, signs = verdict.posterior, None
+    if posterior is not None and posterior.log_odds < math.inf:
+        signs = posterior.model_dump(include=set(VerdictEvidence.model_fields))
     right = all(held) and not outside if held else None
     known = {"case": case, "signs": signs, "right": right}
     return {**known, "outside": outside, "hides": hides}
