@@ -65,7 +65,8 @@ class HeadingNetwork:
             np.einsum("pmj,phj->pmh", whitened, self._first) + self._first_bias[:, None]
         )
         turn = np.einsum("pmh,ph->pm", np.tanh(drive), self._last) + self._last_bias
-        return np.asarray(math.pi + 0.5 * math.pi * turn)
+        directions: Array = math.pi + 0.5 * math.pi * turn
+        return directions
 
 
 class Feedback:
@@ -127,7 +128,7 @@ def limit_directions(direction: Array, x: Array, z: Array) -> Array:
     low = np.where(np.hypot(x, z) > NEARLY_TAUT, along_circle, 0.5 * math.pi)
     low = np.where(z > LOFT, np.maximum(low, math.pi), low)
     high = np.where(z < LOWEST_HEIGHT, math.pi, 1.5 * math.pi)
-    return np.asarray(np.clip(direction, np.minimum(low, high), high))
+    return np.clip(direction, np.minimum(low, high), high)
 
 
 class Training(Settings):

@@ -65,7 +65,8 @@ def nearest(path: Path, points: Array, low: Array, high: Array) -> Array:
     travel = np.clip(travel, low[:, None], high[:, None])
     distance = np.linalg.norm(path.at(travel) - points[:, None], axis=-1)
     best = np.argmin(distance, axis=1)
-    return np.asarray(travel[np.arange(len(points)), best])
+    along_path: Array = travel[np.arange(len(points)), best]
+    return along_path
 
 
 def tangents(path: Path, travel: Array) -> Array:
@@ -76,7 +77,8 @@ def tangents(path: Path, travel: Array) -> Array:
         np.searchsorted(path.travel, travel, side="right") - 1, 0, len(path.travel) - 2
     )
     steps = np.diff(path.points, axis=0)[segment]
-    return np.asarray(steps / np.linalg.norm(steps, axis=-1, keepdims=True))
+    units: Array = steps / np.linalg.norm(steps, axis=-1, keepdims=True)
+    return units
 
 
 class PathPolicy:

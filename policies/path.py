@@ -52,7 +52,7 @@ def lift_pitch(travel: Array | float) -> Array:
     """Pitch (...,) [rad] after `travel` (...,) [m] from a flat start: proportional up
     to pi/2.
     """
-    return np.asarray(np.pi / 2 * np.clip(np.asarray(travel) / LIFT_TRAVEL, 0.0, 1.0))
+    return np.pi / 2 * np.clip(np.asarray(travel) / LIFT_TRAVEL, 0.0, 1.0)
 
 
 def triangular(length: float, rise: float = 0.0) -> Path:

@@ -27,9 +27,9 @@ def profiles(shapes: Array, arc: Array, contact_x: Array, grip: Array) -> Array:
     strip = np.arange(len(arc))[:, None]
     part = (at - arc[strip, node]) / (arc[strip, node + 1] - arc[strip, node])
     before, after = shapes[strip, node], shapes[strip, node + 1]
-    points = (1 - part)[..., None] * before + part[..., None] * after
+    points: Array = (1 - part)[..., None] * before + part[..., None] * after
     points[:, -1] = grip
-    return np.asarray(points)
+    return points
 
 
 def image_profile(

@@ -54,7 +54,8 @@ class CellInRobot:
                 [0, 0, 0, 1],
             ]
         )
-        return np.asarray(self.matrix @ in_cell, dtype=np.float64)
+        pose: Array = self.matrix @ in_cell
+        return pose
 
     def to_cell(self, pose: Array) -> tuple[float, float, float]:
         """x, z [m] of the held edge, pitch [rad] in the cell frame of a hand at `pose`
@@ -90,7 +91,8 @@ def moving_average(points: Array, window: int) -> Array:
     2) [m].
     """
     sums = np.cumsum(np.vstack([np.zeros((1, 2)), points]), axis=0)
-    return np.asarray((sums[window:] - sums[:-window]) / window)
+    means: Array = (sums[window:] - sums[:-window]) / window
+    return means
 
 
 def even_points(points: Array, count: int) -> Array:

@@ -76,9 +76,10 @@ def sphere_centres(q: Array) -> Array:
     The joints `q` are (..., 7) [rad]; RADII (m,) [m] are the spheres' radii.
     """
     links = link_frames(q)[..., SPHERE_LINKS, :, :]
-    return np.asarray(
+    centres: Array = (
         np.einsum("...mij,mj->...mi", links[..., :3, :3], CENTRES) + links[..., :3, 3]
     )
+    return centres
 
 
 def self_clearance(q: Array) -> Array:
@@ -89,7 +90,8 @@ def self_clearance(q: Array) -> Array:
     low, high = centres[..., _LOW, :], centres[..., _HIGH, :]
     between = np.linalg.norm(low[..., :, None, :] - high[..., None, :, :], axis=-1)
     gaps = between - RADII[_LOW][:, None] - RADII[_HIGH]
-    return np.asarray(gaps.min(axis=(-1, -2)))
+    clearance: Array = gaps.min(axis=(-1, -2))
+    return clearance
 
 
 @dataclass(frozen=True, slots=True)

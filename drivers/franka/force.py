@@ -48,7 +48,7 @@ class OwnTorques:
         acceleration = (rate - self._rate) / passed
         self._seconds, self._rate = seconds, rate
         now = self._model.torques(state.q, rate, acceleration)
-        return np.asarray(self.share * (now - self._start))
+        return self.share * (now - self._start)
 
 
 @dataclass(frozen=True, slots=True)

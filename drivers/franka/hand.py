@@ -17,7 +17,6 @@ from drivers.base.types import HandState
 from drivers.franka.failure import one_line
 from drivers.franka.hand_protocol import (
     HEADER,
-    PAYLOAD,
     PORT,
     PROTOCOL_VERSION,
     STATE_PACKET,
@@ -367,7 +366,7 @@ def _request(number: int, command: HandCommand, values: tuple[float, ...]) -> by
     """Message of the hand's protocol: request `number` for `command` with its
     `values`.
     """
-    payload = PAYLOAD[command].pack(*values)
+    payload = command.layout.pack(*values)
     return HEADER.pack(command, number, HEADER.size + len(payload)) + payload
 
 

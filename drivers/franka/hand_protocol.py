@@ -4,6 +4,7 @@ numbers.
 
 from enum import IntEnum
 from struct import Struct
+from typing import Self
 
 PROTOCOL_VERSION = 3
 PORT = 1338
@@ -12,24 +13,29 @@ HEADER = Struct("<HII")  # command, command id, size with header
 STATE_PACKET = Struct("<IddBH")
 
 
-class HandCommand(IntEnum):
+class RequestKind(IntEnum):
+    """Requests of a protocol, by their number in it, each with its payload's
+    `layout`.
+    """
+
+    layout: Struct
+
+    def __new__(cls, number: int, layout: str = "") -> Self:
+        """Kind of request that equals its `number`."""
+        member = int.__new__(cls, number)
+        member._value_ = number
+        member.layout = Struct(f"<{layout}")
+        return member
+
+
+class HandCommand(RequestKind):
     """Commands of a client to the Franka Hand, by their number in its protocol."""
 
-    CONNECT = 0
+    CONNECT = 0, "HH"  # version, UDP port
     HOMING = 1
-    GRASP = 2
-    MOVE = 3
+    GRASP = 2, "5d"  # width, epsilon inner, outer [m], speed [m/s], force [N]
+    MOVE = 3, "2d"  # width [m], speed [m/s]
     STOP = 4
-
-
-PAYLOAD = {
-    HandCommand.CONNECT: Struct("<HH"),  # version, UDP port
-    HandCommand.HOMING: Struct("<"),
-    # width, epsilon inner, outer [m], speed [m/s], force [N]
-    HandCommand.GRASP: Struct("<5d"),
-    HandCommand.MOVE: Struct("<2d"),  # width [m], speed [m/s]
-    HandCommand.STOP: Struct("<"),
-}
 
 
 class HandStatus(IntEnum):

@@ -142,7 +142,7 @@ def joint_rates(jac: Array, twist: Array) -> Array:
     with_elbow[6, ELBOW_JOINT] = 1
     square = with_elbow @ with_elbow.T
     square.flat[::8] += INVERSE_DAMPING**2
-    return np.asarray(with_elbow.T @ np.linalg.solve(square, twist), dtype=np.float64)
+    return with_elbow.T @ np.linalg.solve(square, twist)
 
 
 def rotation_vector(turn: Array) -> Array:
@@ -154,13 +154,14 @@ def rotation_vector(turn: Array) -> Array:
     sine = hypot(zy - yz, xz - zx, yx - xy) / 2
     cosine = (xx + yy + zz - 1) / 2
     if sine < SMALL_SINE and cosine > 0:  # sine and angle are equal here
-        return np.asarray(twice_sine / 2, dtype=np.float64)
+        return twice_sine / 2
     if sine < SMALL_SINE:  # close to half a turn, where the matrix is nearly symmetric
         from scipy.spatial.transform import Rotation
 
-        return np.asarray(Rotation.from_matrix(turn).as_rotvec(), dtype=np.float64)
+        vector: Array = Rotation.from_matrix(turn).as_rotvec()
+        return vector
     scale = atan2(sine, cosine) / (2 * sine)
-    return np.asarray(scale * twice_sine, dtype=np.float64)
+    return scale * twice_sine
 
 
 def rotation(vector: Array) -> Array:
@@ -170,13 +171,15 @@ def rotation(vector: Array) -> Array:
     x, y, z = vector.tolist()
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     angle = hypot(x, y, z)
-    if angle < 1e-9:
-        return np.asarray(np.eye(3) + cross, dtype=np.float64)
-    square = cross @ cross
-    turned = (
-        np.eye(3) + sin(angle) / angle * cross + (1 - cos(angle)) / angle**2 * square
-    )
-    return np.asarray(turned, dtype=np.float64)
+    turned: Array = np.eye(3) + cross
+    if angle >= 1e-9:
+        square = cross @ cross
+        turned = (
+            np.eye(3)
+            + sin(angle) / angle * cross
+            + (1 - cos(angle)) / angle**2 * square
+        )
+    return turned
 
 
 def damped_inverse(jac: Array, damping: float) -> Array:

@@ -90,7 +90,8 @@ def desk_clearance(poses: Array, end: float) -> Array:
         _height_over_desk(palm, end, poses),
         _height_over_desk(flange, end, poses),
     ]
-    return np.asarray(np.min(heights, axis=0))
+    lowest: Array = np.min(heights, axis=0)
+    return lowest
 
 
 def _height_over_desk(outline: Array, end: float, poses: Array) -> Array:
@@ -99,7 +100,8 @@ def _height_over_desk(outline: Array, end: float, poses: Array) -> Array:
     """
     along, height = np.moveaxis(side_view(outline, poses), -1, 0)
     over_desk = (along > CLAMP[0]) & (along < end)
-    return np.asarray(np.where(over_desk, height, np.inf).min(axis=1))
+    lowest: Array = np.where(over_desk, height, np.inf).min(axis=1)
+    return lowest
 
 
 def solids_of(installation: Installation) -> Solids:

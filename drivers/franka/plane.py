@@ -54,7 +54,7 @@ class StripPlane:
 
     def command(self, x: float, z: float, pitch: float) -> Array:
         """Hand pose (4, 4) in the base for x, z [m], pitch [rad], with the offset."""
-        return np.asarray(self.matrix(x, z, pitch) @ self._rest, dtype=np.float64)
+        return self.matrix(x, z, pitch) @ self._rest
 
     def matrix(self, x: float, z: float, pitch: float) -> Array:
         """Hand pose (4, 4) in the robot's base, exactly in the plane, for x, z [m],
@@ -91,8 +91,8 @@ class StripPlane:
         """Pose (4, 4) [m] of a hand at `pose` (16,) relative to its projection into the
         plane.
         """
-        off = np.linalg.solve(self.matrix(*self.to_cell(pose)), pose_from_columns(pose))
-        return np.asarray(off, dtype=np.float64)
+        projected = self.matrix(*self.to_cell(pose))
+        return np.asarray(np.linalg.solve(projected, pose_from_columns(pose)))
 
     def force(self, wrench: Numbers) -> tuple[float, float]:
         """f_x, f_z [N] in the cell frame of a `wrench` (6,) [N, N m] in the robot's

@@ -365,9 +365,7 @@ class ReachGuard:
     def _rate_shares(self, rates: Array) -> Array:
         """Joint `rates` (7,) [rad/s] as shares of their limits; 1 is the limit."""
         low, high = self._limits.velocity_bounds(self._ahead)
-        return np.asarray(
-            np.maximum(rates / high, rates / low) / VELOCITY_SHARE, dtype=np.float64
-        )
+        return np.maximum(rates / high, rates / low) / VELOCITY_SHARE
 
 
 def _twists(plane: StripPlane) -> Array:

@@ -161,7 +161,8 @@ def _newton_step(gradient: Array, stiffness: Array, lifting: Array) -> Array:
         stiffness = stiffness + np.stack(
             [np.zeros(len(lifting)), np.maximum(lifting, 0.0)]
         )
-    return np.asarray(-solveh_banded(stiffness, gradient))
+    step: Array = -solveh_banded(stiffness, gradient)
+    return step
 
 
 def _stable(stiffness: Array) -> bool:
@@ -180,7 +181,8 @@ def _spans(arc: Array) -> Array:
     segments.
     """
     lengths = np.diff(arc)
-    return np.asarray(0.5 * (lengths + np.concatenate([[0.0], lengths[:-1]])))
+    spans: Array = 0.5 * (lengths + np.concatenate([[0.0], lengths[:-1]]))
+    return spans
 
 
 def _start_angles(arc: Array, overhang: float, bending_length: float) -> Array:
@@ -189,7 +191,8 @@ def _start_angles(arc: Array, overhang: float, bending_length: float) -> Array:
     """
     reach = bending_length * min(1.0, (bending_length / overhang) ** 0.5)
     turned = -0.5 * np.pi * min(1.0, (overhang / bending_length) ** 3 / 8)
-    return np.asarray(turned * (1 - np.exp(-arc / reach)))
+    angles: Array = turned * (1 - np.exp(-arc / reach))
+    return angles
 
 
 def _derivatives(

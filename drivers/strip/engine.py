@@ -121,4 +121,5 @@ def graded_nodes(length: float, pieces: int, fraction: float, finest: float) -> 
     before_grip = (pieces - 0.5 - np.arange(pieces)) / pieces
     spans = np.minimum(1.0, finest ** (1.0 - before_grip / fraction))
     arc = np.concatenate([[0.0], np.cumsum(spans)])
-    return np.asarray(arc * (length / arc[-1]))
+    nodes: Array = arc * (length / arc[-1])
+    return nodes

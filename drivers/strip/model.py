@@ -166,9 +166,8 @@ class Mechanics:
                 self.cells - position + side * width / 2 for side in (1.0, -1.0)
             )
             spread = softness * width
-            return np.asarray(
-                special.ndtr(ahead / spread) - special.ndtr(behind / spread)
-            )
+            inside: Array = special.ndtr(ahead / spread) - special.ndtr(behind / spread)
+            return inside
         cells = np.linspace(0.0, self.length, CELLS + 1)
         right = np.minimum(cells[1:], position + width / 2)
         left = np.maximum(cells[:-1], position - width / 2)

@@ -52,14 +52,15 @@ def fraction_away(poses: Array, start: Array) -> Array:
     It grows with the distance from `start` (3,), the pose of the grasp.
     """
     away = np.hypot(poses[..., 0] - start[0], poses[..., 1] - start[1])
-    return np.asarray(np.minimum(away / LIFT_TRAVEL, 1.0))
+    fraction: Array = np.minimum(away / LIFT_TRAVEL, 1.0)
+    return fraction
 
 
 def true_poses(rig: Rig, reported: Array, fraction: Array | float) -> Array:
     """True gripper poses (..., 3) [m, m, rad]: `reported` (..., 3) plus a `fraction`
     of the offsets.
     """
-    return np.asarray(reported + np.multiply.outer(fraction, _offset(rig)))
+    return reported + np.multiply.outer(fraction, _offset(rig))
 
 
 class GrowingOffsets:
@@ -94,7 +95,7 @@ def reported_poses(rig: Rig, true: Array, fraction: Array | float) -> Array:
     """Reported gripper poses (..., 3) [m, m, rad]: `true` (..., 3) less a `fraction` of
     the offsets.
     """
-    return np.asarray(true - np.multiply.outer(fraction, _offset(rig)))
+    return true - np.multiply.outer(fraction, _offset(rig))
 
 
 def _offset(rig: Rig) -> Array:
@@ -119,9 +120,8 @@ def measured_points(model: StripModel, points: Array) -> Array:
     midline.
     """
     raised = points + np.array([0.0, model.rig.desk_height])
-    return np.asarray(
-        (1 + model.observation.scale) * raised + _shift(model.observation)
-    )
+    measured: Array = (1 + model.observation.scale) * raised + _shift(model.observation)
+    return measured
 
 
 def true_points(model: StripModel, points: Array) -> Array:
@@ -129,7 +129,8 @@ def true_points(model: StripModel, points: Array) -> Array:
     2) [m].
     """
     raised = (points - _shift(model.observation)) / (1 + model.observation.scale)
-    return np.asarray(raised - np.array([0.0, model.rig.desk_height]))
+    true: Array = raised - np.array([0.0, model.rig.desk_height])
+    return true
 
 
 def measured_contact(observation: Observation, x: Number) -> Number:
@@ -163,8 +164,8 @@ def reported_force(
     (k,) [s].
     """
     then = t - observation.force_delay
-    reported = interpolate_columns(then, true_t, force)
-    return np.asarray(reported + np.array([observation.force_x, observation.force_z]))
+    offset = np.array([observation.force_x, observation.force_z])
+    return interpolate_columns(then, true_t, force) + offset
 
 
 def measured_touch(

@@ -134,9 +134,7 @@ def weight_on_gripper(desk: Desk, frame: CellInRobot) -> Array:
     """Weight (3,) [N] of the lifted strip on the gripper, along the axes of the robot's
     base.
     """
-    return np.asarray(
-        frame.matrix[:3, :3] @ (0.0, 0.0, -desk.world.load), dtype=np.float64
-    )
+    return frame.matrix[:3, :3] @ (0.0, 0.0, -desk.world.load)
 
 
 def follow_arm(

@@ -176,7 +176,7 @@ class Adaptive:
         # the first decision takes the target without smoothing
         elapsed = np.clip(np.nan_to_num(time - self._decided, nan=math.inf), 0.0, None)
         gain = 1.0 - np.exp(-elapsed / SMOOTHING_TIME)
-        return np.asarray(self.rise + gain * (target - self.rise))
+        return self.rise + gain * (target - self.rise)
 
 
 def _check_range(length: float, speed: float) -> None:

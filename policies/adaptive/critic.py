@@ -83,7 +83,8 @@ class Belief(NamedTuple):
 def _exponential(logarithm: Array) -> Array:
     """Value and one-sigma bounds (3,) from mean and sigma (2,) of the `logarithm`."""
     mean, sigma = logarithm
-    return np.asarray(np.exp(mean + np.array([0.0, -sigma, sigma])))
+    bounds: Array = np.exp(mean + np.array([0.0, -sigma, sigma]))
+    return bounds
 
 
 class CriticPrediction(NamedTuple):
@@ -233,9 +234,8 @@ class CriticBias(Settings):
         """
         beyond = np.array(0.0 if thickness is None else thickness - REFERENCE_THICKNESS)
         terms = bias_terms(belief.log_bending_length[:, 0], beyond)
-        return np.asarray(
-            terms @ np.array([self.always, self.of_length, self.of_thickness])
-        )
+        bias: Array = terms @ np.array([self.always, self.of_length, self.of_thickness])
+        return bias
 
     def sigma_of(self, sigma: Array, thickness: float | None) -> Array:
         """Corrected standard deviations (n,) [m] of displacements, from the critic's

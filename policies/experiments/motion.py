@@ -56,9 +56,7 @@ class Shake:
         """
         to_nearer_end = np.minimum(time, self.duration - time)
         swell = np.clip(2.0 * to_nearer_end * self.frequency, 0.0, 1.0)
-        return np.asarray(
-            self.amplitude * swell * np.sin(2 * np.pi * self.frequency * time)
-        )
+        return self.amplitude * swell * np.sin(2 * np.pi * self.frequency * time)
 
 
 Part = Go | Rest | Shake
@@ -267,7 +265,8 @@ def _stroke(begin: float, end: float, speed: float, rng: np.random.Generator) ->
     pace = np.exp(HASTE * wavering(t, WAVER, rng))
     ramp = np.clip(np.minimum(t, t[-1] - t) / STARTING, 0.0, 1.0)
     covered = np.cumsum(pace * np.sin(0.5 * np.pi * ramp) ** 2)
-    return np.asarray(begin + (end - begin) * covered / covered[-1])
+    distances: Array = begin + (end - begin) * covered / covered[-1]
+    return distances
 
 
 def wavering(t: Array, band: tuple[float, float], rng: np.random.Generator) -> Array:
@@ -277,4 +276,5 @@ def wavering(t: Array, band: tuple[float, float], rng: np.random.Generator) -> A
     frequency = rng.uniform(*band, WAVES)
     phase = rng.uniform(0.0, 2.0 * np.pi, WAVES)
     waves = np.sin(2.0 * np.pi * np.outer(t, frequency) + phase)
-    return np.asarray(waves.sum(axis=1) * np.sqrt(2.0 / WAVES))
+    signal: Array = waves.sum(axis=1) * np.sqrt(2.0 / WAVES)
+    return signal

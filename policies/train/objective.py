@@ -135,14 +135,14 @@ def fold_cost(folds: Folds, weight: Array, length: float, force_weight: float) -
     """
     to_edge = np.abs(folds.trace[-1][:, 0])
     end = np.where(folds.touched, np.abs(folds.displacement), length + to_edge)
-    return np.asarray(end + force_weight * folds.holding_force / weight)
+    return end + force_weight * folds.holding_force / weight
 
 
 def misses(folds: Folds, length: float) -> Array:
     """Sizes |d| (n,) [m] of n folds' displacements; half the strip's `length` without a
     touch.
     """
-    return np.asarray(np.where(folds.touched, np.abs(folds.displacement), 0.5 * length))
+    return np.where(folds.touched, np.abs(folds.displacement), 0.5 * length)
 
 
 def fold_all(

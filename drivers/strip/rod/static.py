@@ -32,9 +32,9 @@ def lift_path(batch: Batch, start: Array) -> Array:
     the strip's reach.
     """
     fraction = np.linspace(0.0, 1.0, APPROACH_STEPS + 1)[1:, None]
-    path = batch.held + fraction[:, :, None] * (start - batch.held)
+    path: Array = batch.held + fraction[:, :, None] * (start - batch.held)
     path[:, :, 1] = np.sqrt(fraction) * start[:, 1]
-    return np.asarray(path)
+    return path
 
 
 def fit_length(
@@ -68,10 +68,10 @@ def _wave_path(batch: Batch, goal: Array, slack: Array, steps: int) -> Array:
     middle.
     """
     fraction = np.linspace(0.0, 1.0, steps + 1)[1:, None]
-    path = batch.held + fraction[:, :, None] * (goal - batch.held)
+    path: Array = batch.held + fraction[:, :, None] * (goal - batch.held)
     reach = np.sqrt(2 * batch.arc[:, -1] * np.maximum(slack, 0.0))
     path[:, :, 1] = APPROACH_HEIGHT * reach * np.sqrt(fraction * (1 - fraction))
-    return np.asarray(path)
+    return path
 
 
 def _rigid_nature(batch: Batch, models: Sequence[StripModel]) -> Array:

@@ -79,9 +79,8 @@ class ArmPort(Port[Command]):
         robot = self._robot
         match request.command:
             case Command.MOVE:
-                return bytes(
-                    (robot.move(MoveRequest.read(request.payload), request.command_id),)
-                )
+                motion = MoveRequest.read(request)
+                return bytes((robot.move(motion, request.command_id),))
             case Command.STOP_MOVE:
                 robot.stop(request.command_id)
                 return b""

@@ -11,7 +11,6 @@ from drivers.twin.fci_server.wire import Framing, K, Malformed, Request
 RESET = struct.pack("ii", 1, 0)
 MOST_PENDING = 64 * 1024  # bytes of unread requests
 MOST_GUESTS = 8  # connections that have not identified themselves
-CONNECT_REQUEST = struct.Struct("<HH")  # version, UDP port of the client
 INCOMPATIBLE = 1
 
 
@@ -239,7 +238,7 @@ class Port(ABC, Generic[K]):
 
     def _admit(self, guest: Connection, request: Request[K]) -> None:
         """Make a guest the client, with states sent to its UDP port, or refuse it."""
-        version, port = CONNECT_REQUEST.unpack(request.payload)
+        version, port = request.values
         status = 0 if version == self.version else INCOMPATIBLE
         content = self._framing.status.pack(status) + struct.pack("<H", self.version)
         reply = self._framing.reply(request.command, request.command_id, content)

@@ -61,7 +61,7 @@ class Dynamics:
         torque += np.multiply(plant.damping, rates.velocity) + np.multiply(
             plant.cable, q
         )
-        return np.asarray(torque)
+        return torque
 
     def reading(self, posture: Posture, tick: int) -> Array:
         """Torque sensor readings (7,) [N m] in `posture`, with noise that `tick`
@@ -70,13 +70,13 @@ class Dynamics:
         plant = self._plant
         noise = np.random.default_rng((plant.seed, tick)).standard_normal(7)
         felt = self.torque(posture) * (1.0 + np.array(plant.torque_scale))
-        return np.asarray(felt + plant.torque_bias + plant.torque_noise * noise)
+        return felt + plant.torque_bias + plant.torque_noise * noise
 
     def sag(self, posture: Posture) -> Array:
         """Elastic deflection (7,) [rad] of the links from their motors, which are in
         `posture`.
         """
-        return np.asarray(np.multiply(self._plant.compliance, self.torque(posture)))
+        return np.multiply(self._plant.compliance, self.torque(posture))
 
     def _payload_torque(self, velocity: Array, acceleration: Array) -> Array:
         """Torques (7,) [N m] of the payload: J' m (J ddq + dJ dq - g) of a point."""
@@ -87,7 +87,8 @@ class Dynamics:
         mujoco.mj_jac(model, data, jacobian, None, point, body)
         mujoco.mj_jacDot(model, data, rate, None, point, body)
         specific_force = jacobian @ acceleration + rate @ velocity - model.opt.gravity
-        return np.asarray(self._plant.payload * jacobian.T @ specific_force)
+        torques: Array = self._plant.payload * jacobian.T @ specific_force
+        return torques
 
 
 class ReportedRates:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from math import isfinite
 
 from drivers.base.motion import TICK
-from drivers.franka.hand_protocol import PAYLOAD, STATE_PACKET, HandCommand, HandStatus
+from drivers.franka.hand_protocol import STATE_PACKET, HandCommand, HandStatus
 from drivers.twin.fci_server.wire import HAND_FRAMING, Request
 
 WIDEST = 0.08  # m
@@ -55,19 +55,19 @@ class EmulatedHand:
 
     def state(self, time: int) -> bytes:
         """Datagram of the hand's state at robot `time` [ms]."""
-        width = self.width if self.is_homed else 0.0
-        widest = WIDEST if self.is_homed else 0.0
+        widths = (self.width, WIDEST) if self.is_homed else (0.0, 0.0)
         return STATE_PACKET.pack(
-            time & 0xFFFFFFFF, width, widest, self.is_grasped, TEMPERATURE
+            time & 0xFFFFFFFF, *widths, self.is_grasped, TEMPERATURE
         )
 
     def begin(self, request: HandRequest) -> None:
         """Start the hand's command in `request` and abort the one in progress."""
-        if request.command is HandCommand.STOP and self.deaf > 0:
+        is_stop = request.command is HandCommand.STOP
+        if is_stop and self.deaf > 0:
             self.deaf -= 1
             return
         self.interrupt()
-        if request.command is HandCommand.STOP:
+        if is_stop:
             self._answer(request, HandStatus.SUCCESS)
         elif not _valid(request) or not (
             self.is_homed or request.command is HandCommand.HOMING
@@ -117,10 +117,11 @@ class EmulatedHand:
         self._motion = None
         status = HandStatus.UNSUCCESSFUL
         if motion.request.command is HandCommand.GRASP:
-            width, inner, outer = _values(motion.request)[:3]
+            width, inner, outer = motion.request.values[:3]
             inside = width - inner <= self.width <= width + outer
             self.is_grasped = inside and self.width >= self.felt
-            status = HandStatus.SUCCESS if self.is_grasped else HandStatus.UNSUCCESSFUL
+            if self.is_grasped:
+                status = HandStatus.SUCCESS
         self._answer(motion.request, status)
 
     def _reach_width(self, motion: FingerMotion) -> None:
@@ -150,15 +151,15 @@ def _finger_motion(request: HandRequest) -> FingerMotion:
     if request.command is HandCommand.HOMING:
         return FingerMotion(request, [0.0, WIDEST], FASTEST_FINGER)
     if request.command is HandCommand.GRASP:
-        return FingerMotion(request, [0.0], min(_values(request)[3], FASTEST_FINGER))
-    width, speed = _values(request)
+        return FingerMotion(request, [0.0], min(request.values[3], FASTEST_FINGER))
+    width, speed = request.values
     return FingerMotion(request, [width], min(speed, FASTEST_FINGER))
 
 
 def _valid(request: HandRequest) -> bool:
     """Whether `request` is a motion whose numbers the hand accepts."""
-    values = _values(request)
-    if not all(isfinite(value) for value in values):
+    values = request.values
+    if not all(map(isfinite, values)):
         return False
     if request.command is HandCommand.GRASP:
         width, inner, outer, speed, force = values
@@ -167,10 +168,3 @@ def _valid(request: HandRequest) -> bool:
         width, speed = values
         return 0 <= width <= WIDEST and speed > 0
     return request.command is HandCommand.HOMING
-
-
-def _values(request: HandRequest) -> tuple[float, ...]:
-    """Numbers of a hand's `request` in its command's order: widths [m], speed [m/s],
-    force [N].
-    """
-    return PAYLOAD[request.command].unpack(request.payload)

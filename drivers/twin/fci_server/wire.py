@@ -5,17 +5,16 @@ them.
 from dataclasses import dataclass
 from enum import IntEnum
 from struct import Struct
-from typing import Generic, Self, TypeVar
+from typing import Any, Generic, Self, TypeVar
 
 import numpy as np
 
 from drivers.base.types import Array
 from drivers.franka import hand_protocol
-from drivers.franka.hand_protocol import HandCommand
+from drivers.franka.hand_protocol import HandCommand, RequestKind
 
 PROTOCOL_VERSION = 10  # of the arm
 PORT = 1337
-MOVE = Struct("<II6dB7d")
 MESSAGE = Struct("<Q")
 COMMAND_NUMBERS = 38
 # the state that it answers, numbers, flags
@@ -23,22 +22,22 @@ COMMAND = Struct(f"<Q{COMMAND_NUMBERS}dBB7dB")
 FLAGS_OFFSET = MESSAGE.size + 8 * COMMAND_NUMBERS
 LARGEST_NUMBER = 1e6  # in any unit; no command is near it
 
-K = TypeVar("K", bound=IntEnum)
+K = TypeVar("K", bound=RequestKind)
 
 
-class Command(IntEnum):
+class Command(RequestKind):
     """Requests of a client to the arm over TCP, by their number in the protocol."""
 
-    CONNECT = 0
-    MOVE = 1
+    CONNECT = 0, "HH"  # version, UDP port
+    MOVE = 1, "II6dB7d"
     STOP_MOVE = 2
-    SET_COLLISION_BEHAVIOR = 3
-    SET_JOINT_IMPEDANCE = 4
-    SET_CARTESIAN_IMPEDANCE = 5
-    SET_GUIDING_MODE = 6
-    SET_EE_TO_K = 7
-    SET_NE_TO_EE = 8
-    SET_LOAD = 9
+    SET_COLLISION_BEHAVIOR = 3, "52d"
+    SET_JOINT_IMPEDANCE = 4, "7d"
+    SET_CARTESIAN_IMPEDANCE = 5, "6d"
+    SET_GUIDING_MODE = 6, "7B"
+    SET_EE_TO_K = 7, "16d"
+    SET_NE_TO_EE = 8, "16d"
+    SET_LOAD = 9, "13d"
     AUTOMATIC_ERROR_RECOVERY = 10
     GET_ROBOT_MODEL = 11
 
@@ -171,17 +170,19 @@ class Request(Generic[K]):
     command_id: int
     payload: bytes
 
+    @property
+    def values(self) -> tuple[Any, ...]:
+        """Numbers of the payload, in the order of the command's layout."""
+        return self.command.layout.unpack(self.payload)
+
 
 @dataclass(frozen=True, slots=True)
 class Framing(Generic[K]):
-    """Layout of a protocol's TCP messages: header, status in replies, payload sizes
-    [bytes].
-    """
+    """Layout of a protocol's TCP messages: commands, header, status in replies."""
 
     commands: type[K]
     header: Struct  # command, command id, size with header
     status: Struct
-    sizes: dict[K, int]  # bytes of the payload
 
     def take(self, buffer: bytearray) -> Request[K] | None:
         """Remove the first complete request from `buffer` and return it; None if
@@ -195,7 +196,7 @@ class Framing(Generic[K]):
         if number not in tuple(self.commands):
             raise Malformed(f"command {number} is unknown")
         command = self.commands(number)
-        if size != self.header.size + self.sizes[command]:
+        if size != self.header.size + command.layout.size:
             raise Malformed(f"{command.name} of {size} bytes")
         if len(buffer) < size:
             return None
@@ -229,9 +230,9 @@ class MoveRequest:
     use_async: bool
 
     @classmethod
-    def read(cls, payload: bytes) -> Self:
-        """Parse the payload (113 bytes) of a request for a motion."""
-        controller, generator, *deviations, use_async = MOVE.unpack(payload)[:9]
+    def read(cls, request: Request[Command]) -> Self:
+        """Parse a client's `request` for a motion."""
+        controller, generator, *deviations, use_async = request.values[:9]
         return cls(controller, generator, tuple(deviations), use_async=bool(use_async))
 
 
@@ -280,28 +281,5 @@ def usable(numbers: Array | tuple[float, ...]) -> bool:
     return bool(np.abs(numbers).max() < LARGEST_NUMBER)
 
 
-ARM_FRAMING = Framing(
-    commands=Command,
-    header=Struct("<III"),
-    status=Struct("<B"),
-    sizes={
-        Command.CONNECT: 4,
-        Command.MOVE: 113,
-        Command.STOP_MOVE: 0,
-        Command.SET_COLLISION_BEHAVIOR: 416,
-        Command.SET_JOINT_IMPEDANCE: 56,
-        Command.SET_CARTESIAN_IMPEDANCE: 48,
-        Command.SET_GUIDING_MODE: 7,
-        Command.SET_EE_TO_K: 128,
-        Command.SET_NE_TO_EE: 128,
-        Command.SET_LOAD: 104,
-        Command.AUTOMATIC_ERROR_RECOVERY: 0,
-        Command.GET_ROBOT_MODEL: 0,
-    },
-)
-HAND_FRAMING = Framing(
-    commands=HandCommand,
-    header=hand_protocol.HEADER,
-    status=Struct("<H"),
-    sizes={command: layout.size for command, layout in hand_protocol.PAYLOAD.items()},
-)
+ARM_FRAMING = Framing(Command, header=Struct("<III"), status=Struct("<B"))
+HAND_FRAMING = Framing(HandCommand, hand_protocol.HEADER, status=Struct("<H"))

@@ -124,7 +124,7 @@ class Explorer(Adaptive):
             self.rises.append(rise)
             self.times.append(time)
         self._count += 1  # decisions: each predicts once and then smooths the rise once
-        return np.asarray(rise)
+        return rise
 
 
 class CriticSettings(Settings):

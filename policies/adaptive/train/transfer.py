@@ -108,7 +108,8 @@ def _coefficients(batch: FoldedBatch) -> Array:
     start = np.linalg.lstsq(
         rows, np.concatenate([values / FOLD_NOISE, 0.0 * PRIOR]), rcond=None
     )[0]
-    return np.asarray(optimize.least_squares(residuals, start).x * PRIOR)
+    coefficients: Array = optimize.least_squares(residuals, start).x * PRIOR
+    return coefficients
 
 
 def _bias_terms(batch: FoldedBatch) -> Array:
