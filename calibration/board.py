@@ -15,6 +15,7 @@ from pydantic import Field
 from calibration.lens import Lens
 from drivers.base.errors import ConfigurationError
 from drivers.base.files import new_file, write_all, writing
+from drivers.base.geometry import lengths
 from drivers.base.settings import Settings, Share
 from drivers.base.types import Array, Image
 
@@ -116,7 +117,7 @@ class BoardView:
         _, mine, others = np.intersect1d(self.ids, other.ids, return_indices=True)
         if len(mine) == 0:
             return float("inf")
-        return float(np.median(np.hypot(*(self.image[mine] - other.image[others]).T)))
+        return float(np.median(lengths(self.image[mine] - other.image[others])))
 
     def tilt(self, lens: Lens) -> tuple[float, float]:
         """Two angles [rad] by which the board's top and right edge lean away from the

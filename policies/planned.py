@@ -50,11 +50,12 @@ class RaisedTriangles:
         """Start at the beginning of the paths; ValueError unless `count` is their
         number.
         """
-        if count != len(self.rises):
-            raise ValueError(f"{count} strips, but {len(self.rises)} paths")
+        rises = self.rises
+        if count != len(rises):
+            raise ValueError(f"{count} strips, but {len(rises)} paths")
         # grippers on equal paths move alike: one follower commands them all
         different, self._first, self._same = np.unique(
-            self.rises, return_index=True, return_inverse=True
+            rises, return_index=True, return_inverse=True
         )
         paths = [raised_triangle(strip.length, float(rise)) for rise in different]
         self._followers = [Follower(path, 1) for path in paths]

@@ -214,22 +214,20 @@ class SimulatedCamera:
 
     def _add_noise(self, time: float) -> Images:
         """Measurements in the strips' newest images at `time` [s], with noise."""
+        draws = self._draws
+        sensing = self._sensing
         after = (self._newest + self._decisions_late) % len(self._states)
         before = (after + 1) % len(self._states)
         true = (1 - self._share_late) * self._states[after, self._strips]
         true += self._share_late * self._states[before, self._strips]
-        noise = (
-            self._draws.normal(STATE_SIZE)
-            * self._sensing.state_sigma
-            * self._factor[:, None]
-        )
+        noise = draws.normal(STATE_SIZE) * sensing.state_sigma * self._factor[:, None]
         state = true[:, :STATE_SIZE] + self._bias + noise
         profile = true[:, STATE_SIZE:].reshape(len(true), self._points, 2)
         if self._points:
             profile = self._blur_profile(profile)
-        if self._sensing.wild > 0:
-            wild = self._draws.uniform(0.0, 1.0) < self._sensing.wild
-            state[:, CONTACT] += wild * self._draws.normal() * self._sensing.wild_size
+        if sensing.wild > 0:
+            wild = draws.uniform(0.0, 1.0) < sensing.wild
+            state[:, CONTACT] += wild * draws.normal() * sensing.wild_size
         return Images(time - self._delay, state, profile)
 
     def _blur_profile(self, profile: Array) -> Array:

@@ -185,17 +185,18 @@ class BoardViews:
 
     def _why_undetected(self, look: BoardDetection, size: tuple[int, int]) -> str:
         """Reason why too few corners are detected: too close, too far, or no board."""
+        side = look.side
         settings = self._settings
         need = (
             f"{look.corners} corners of the board are seen, {settings.corners} are"
             " needed"
         )
-        width = look.side * settings.columns * settings.square / settings.marker
+        width = side * settings.columns * settings.square / settings.marker
         if look.markers and width > size[0]:
             return f"{need}; the board is too close, it fills {width:.0f} px; go back"
-        if look.markers and look.side < settings.smallest:
+        if look.markers and side < settings.smallest:
             return (
-                f"{need}; the board is too far, its markers are {look.side:.0f} px;"
+                f"{need}; the board is too far, its markers are {side:.0f} px;"
                 " come nearer"
             )
         return f"{need}; bring it into the image, light it, uncover it"

@@ -62,8 +62,9 @@ class LatencySteps(Settings):
 
     def tell_arm(self, state: ArmState) -> None:
         """Add the arm's newest `state`, unless the same state was added before."""
-        if not self.arm or state.stamp > self.arm[-1][0]:
-            self.arm.append((state.stamp, state.pose.x, state.pose.z))
+        arm = self.arm
+        if not arm or state.stamp > arm[-1][0]:
+            arm.append((state.stamp, state.pose.x, state.pose.z))
 
     def tell_frame(self, frame: Frame) -> None:
         """Add a new image; ignored where the image does not show the pointer."""
@@ -87,6 +88,7 @@ def latency_verdict(
     """Measure the camera's latency by `steps` of the arm, through the map of the
     touched points.
     """
+    most = settings.most
     if plane_map is None or not steps.arm:
         return LatencyVerdict(reasons=("the latency was not measured",))
     if len(steps.arm) < 2 or len(steps.seen) == 0:
@@ -94,7 +96,7 @@ def latency_verdict(
     arm: Array = np.array(steps.arm)
     seen: Array = np.array(steps.seen)
     times = arm[:, 0]
-    inside = (seen[:, 0] > times[0] + settings.most) & (seen[:, 0] < times[-1])
+    inside = (seen[:, 0] > times[0] + most) & (seen[:, 0] < times[-1])
     stamps = seen[inside, 0]
     along = plane_map.to_plane(seen[inside, 1:])[:, 0]
 
@@ -107,10 +109,8 @@ def latency_verdict(
         )
         return LatencyVerdict(reasons=(reason,))
 
-    latency, misfit = _best_latency(arm, stamps, along, settings.most)
-    even, odd = (
-        _best_latency(arm, stamps[k::2], along[k::2], settings.most)[0] for k in (0, 1)
-    )
+    latency, misfit = _best_latency(arm, stamps, along, most)
+    even, odd = (_best_latency(arm, stamps[k::2], along[k::2], most)[0] for k in (0, 1))
     apart = abs(even - odd)
     drift = _drift_reasons(arm, stamps, along, latency, settings)
     refused = drift or _reasons(latency, apart, 1e3 * misfit, settings)

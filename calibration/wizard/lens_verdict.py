@@ -20,6 +20,7 @@ from calibration.wizard.verdict import (
     reasons,
 )
 from drivers.base.errors import ConfigurationError
+from drivers.base.geometry import lengths
 from drivers.base.types import Array
 
 NORMAL_STEP = 1e-4  # m, difference for the derivative along the board's normal
@@ -301,4 +302,4 @@ def _largest_difference(one: Lens, other: Lens) -> float:
     by_other = other.undistort(pixels)
     between, _ = cv2.findHomography(by_other, by_one, 0)
     mapped = cv2.perspectiveTransform(by_other[None], between)[0]
-    return float(np.hypot(*(mapped - by_one).T).max())
+    return float(lengths(mapped - by_one).max())

@@ -30,6 +30,7 @@ from calibration.wizard.verdict import (
     reasons,
 )
 from drivers.base.errors import ConfigurationError
+from drivers.base.geometry import lengths
 from drivers.base.types import Array
 
 # mm, up to which good, then fair: worst point, difference of halves, effect on the
@@ -116,7 +117,7 @@ def check_verdict(
         calibration.to_plane(touch.pixel[None])[0] - touch.place for touch in touches
     ]
     off_mm = 1e3 * np.reshape(off, (-1, 2))
-    values = np.hypot(*off_mm.T)
+    values = lengths(off_mm)
     numbers = [touch.number for touch in touches]
     errors = dict(zip(numbers, values.tolist(), strict=True))
     median = float(np.median(values)) if len(values) else nan
@@ -224,8 +225,8 @@ def _common_shift(off: Array, settings: TouchSettings) -> tuple[str, ...]:
     camera.
     """
     shared = np.median(off, axis=0)
-    apart = np.hypot(*(off - shared).T).max()
-    size = np.hypot(*shared)
+    apart = lengths(off - shared).max()
+    size = lengths(shared)
     return reasons(
         (
             size > max(settings.good_mm, 2.0 * apart),
@@ -273,10 +274,11 @@ def _compose(fit: TouchFit, settings: TouchSettings) -> TouchVerdict:
     """Verdict on a fitted map: its errors at held-out points, rejected points, and
     grade.
     """
-    held_out = np.reshape([fit.error(p) for p in fit.validation], (-1, 2))
-    errors = 1e3 * np.hypot(*held_out.T)
-    points = sorted((*fit.used, *fit.validation), key=lambda p: p.number)
-    rejected = [p for p in fit.outliers if p not in fit.validation]
+    validation = fit.validation
+    held_out = np.reshape([fit.error(p) for p in validation], (-1, 2))
+    errors = 1e3 * lengths(held_out)
+    points = sorted((*fit.used, *validation), key=lambda p: p.number)
+    rejected = [p for p in fit.outliers if p not in validation]
     verdict = TouchVerdict(
         plane_map=fit,
         residual_mm=_rms(errors),
@@ -285,8 +287,8 @@ def _compose(fit: TouchFit, settings: TouchSettings) -> TouchVerdict:
         halves_mm=_halves_mm(points, fit.lens, settings),
         displacement_mm=DISPLACEMENT_FACTOR * _rms(1e3 * held_out[:, 0]),
         used=len(fit.used),
-        held_out=len(fit.validation),
-        errors_mm={p.number: 1e3 * float(np.hypot(*fit.error(p))) for p in points},
+        held_out=len(validation),
+        errors_mm={p.number: 1e3 * float(lengths(fit.error(p))) for p in points},
         rejected=fit.describe(rejected),
         wild=fit.describe(fit.replaced),
         clean=not rejected and _rms(errors) <= settings.good_mm,
@@ -344,7 +346,7 @@ def _halves_mm(
     z = np.linspace(settings.z_min, settings.z_max, 5)
     area = np.stack(np.meshgrid(x, z), axis=-1).reshape(-1, 2)
     through_both = other.to_plane(one.to_image(area))
-    return 1e3 * float(np.hypot(*(through_both - area).T).max())
+    return 1e3 * float(lengths(through_both - area).max())
 
 
 def _map_reasons(verdict: TouchVerdict, settings: TouchSettings) -> tuple[str, ...]:

@@ -19,6 +19,7 @@ from calibration.wizard.touches import (
     touch_plan,
 )
 from drivers.base.errors import ConfigurationError
+from drivers.base.geometry import lengths
 from drivers.base.types import Array, Frame, Image, Pose
 
 TITLE = "the map to the plane"
@@ -103,7 +104,7 @@ class TouchedPoints:
             number=number,
             refused=refused,
             centre=None if centre is None else tuple(centre.tolist()),
-            pose=(pose.x, pose.z, pose.pitch),
+            pose=tuple(pose),
             again=taken and again,
             taken=taken,
         )
@@ -238,10 +239,10 @@ class TouchedPoints:
         if self._last is None:
             return None
         last_centre, last_place = self._last
-        arm_moved = np.hypot(*(place - last_place))
+        arm_moved = lengths(place - last_place)
         if arm_moved > self._settings.arm_still:
             return f"the arm moved by {1e3 * arm_moved:.1f} mm {NOT_STILL}"
-        moved = np.hypot(*(centre - last_centre))
+        moved = lengths(centre - last_centre)
         if moved > self._settings.still:
             return f"the pointer moved by {moved:.1f} px {NOT_STILL}"
         return None

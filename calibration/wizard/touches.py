@@ -20,6 +20,7 @@ from calibration.homography import (
 )
 from calibration.lens import Lens
 from drivers.base.errors import ConfigurationError
+from drivers.base.geometry import lengths
 from drivers.base.robust import robust_sigma
 from drivers.base.settings import Settings, Share
 from drivers.base.types import Array, Pose
@@ -139,7 +140,7 @@ class TouchFit(PlaneMap):
         texts = {}
         for point in sorted(points, key=lambda p: p.number):
             mapped = self.homography.to_image(point.place)[0]
-            error = np.hypot(*(mapped - self.lens.undistort(point.pixel)[0]))
+            error = lengths(mapped - self.lens.undistort(point.pixel)[0])
             x, z = point.place
             place = f"point {point.number} at x {x:.3f}, z {z:.3f} m"
             texts[point.number] = f"{place} is {error:.1f} px off"
@@ -187,16 +188,14 @@ def _sort_others(
 
     def is_off(touch: TouchedPoint) -> bool:
         return (
-            np.hypot(*fit.error(touch)) > worst
+            lengths(fit.error(touch)) > worst
             if touch.held_out
             else touch not in fit.used
         )
 
     off = list(filter(is_off, newest))
     twice = {p: firsts[p.number] for p in newest if p.again and p.number in firsts}
-    alike = [
-        p for p in twice if np.hypot(*(fit.error(p) - fit.error(twice[p]))) < worst
-    ]
+    alike = [p for p in twice if lengths(fit.error(p) - fit.error(twice[p])) < worst]
     judging = [p for p in newest if p in alike or p not in off or not p.again]
     return replace(
         fit,
@@ -261,8 +260,8 @@ def camera_move(
 
     middle = homography.to_image(places.mean(axis=0)[None])[0]
     before, after = homography.to_plane(np.array([middle, middle + shift]))
-    shift_mm = 1e3 * float(np.hypot(*(after - before)))
-    size = np.hypot(*shift)
+    shift_mm = 1e3 * float(lengths(after - before))
+    size = lengths(shift)
     if shift_mm < least_mm or size < MOVE_SIGMA * sigma or not np.isfinite(cost):
         return None
     return Move(

@@ -13,7 +13,7 @@ from calibration.calibration import Calibration
 from cell.perception.kernels import ZERO_LEVEL, strip_share
 from cell.perception.region import Sizes
 from cell.perception.silhouette import Side
-from drivers.base.geometry import even_points, left_normals
+from drivers.base.geometry import even_points, left_normals, running_sums
 from drivers.base.types import Array, Image
 
 PLATEAU = (0.55, 1.3)  # matte levels of the strip as its brightness varies
@@ -275,7 +275,7 @@ def _average_in_order(points: Array, tangents: Array) -> Array:
     mean = tangents[1:] + tangents[:-1]
     mean /= np.maximum(np.hypot(*mean.T), 1e-9)[:, None]
     steps = (np.diff(points, axis=0) * mean).sum(axis=1)
-    travel = np.concatenate([[0.0], np.cumsum(steps)])
+    travel = running_sums(steps)
 
     bins = np.floor((travel - travel.min()) / SPACING).astype(int)
     count = np.bincount(bins)

@@ -69,8 +69,18 @@ class CellInRobot:
 
 def arc_lengths(points: Array) -> Array:
     """Distances (n,) [m] of `points` (n, 2) [m] from the first, along the polyline."""
-    steps = np.hypot(*np.diff(points, axis=0).T)
-    return np.concatenate([[0.0], np.cumsum(steps)])
+    return running_sums(lengths(np.diff(points, axis=0)))
+
+
+def running_sums(steps: Array) -> Array:
+    """Sums (n + 1, ...) of the first 0 to n of the `steps` (n, ...)."""
+    return np.concatenate([np.zeros((1, *steps.shape[1:])), steps.cumsum(axis=0)])
+
+
+def lengths(vectors: Array) -> Array:
+    """Lengths (...,) of `vectors` (..., 2)."""
+    sizes: Array = np.hypot(*np.moveaxis(vectors, -1, 0))
+    return sizes
 
 
 def left_normals(directions: Array) -> Array:
@@ -82,7 +92,7 @@ def left_normals(directions: Array) -> Array:
 
 def unit(vectors: Array) -> Array:
     """Vectors (n, 2) of length 1 along `vectors` (n, 2), of which none may be zero."""
-    directions: Array = vectors / np.hypot(*vectors.T)[:, None]
+    directions: Array = vectors / lengths(vectors)[:, None]
     return directions
 
 
@@ -90,7 +100,7 @@ def moving_average(points: Array, window: int) -> Array:
     """Means (n - window + 1, 2) [m] of every `window` successive ones of `points` (n,
     2) [m].
     """
-    sums = np.cumsum(np.vstack([np.zeros((1, 2)), points]), axis=0)
+    sums = running_sums(points)
     means: Array = (sums[window:] - sums[:-window]) / window
     return means
 

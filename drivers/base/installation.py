@@ -60,9 +60,8 @@ class MotionLimits(Settings):
         """Raise Fault `velocity_refused` for a velocity that is not finite or above a
         limit.
         """
-        rates = (velocity.vx, velocity.vz, velocity.pitch_rate)
         for axis, unit, limits, rate in zip(
-            AXIS_NAMES, AXIS_UNITS, self.axes, rates, strict=True
+            AXIS_NAMES, AXIS_UNITS, self.axes, velocity, strict=True
         ):
             if not isfinite(rate) or abs(rate) > limits.velocity:
                 raise Fault(
@@ -106,9 +105,8 @@ class Workspace(Settings):
         """Raise Fault `outside_workspace` for a gripper pose that is not finite or not
         allowed.
         """
-        values = (pose.x, pose.z, pose.pitch)
         for axis, unit, low, high, value in zip(
-            AXIS_NAMES, AXIS_UNITS, self.low, self.high, values, strict=True
+            AXIS_NAMES, AXIS_UNITS, self.low, self.high, pose, strict=True
         ):
             if not (isfinite(value) and low <= value <= high):
                 raise Fault(

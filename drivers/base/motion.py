@@ -64,7 +64,7 @@ class MotionProfile:
         self._target: Numbers | None = None
         self._blocked: frozenset[int] = frozenset()
         self._next_move: Numbers | None = None
-        self._position: Numbers = [start.x, start.z, start.pitch]
+        self._position: Numbers = [*start]
         self._velocity: Numbers = _STILL
         self._acceleration: Numbers = _STILL
         self._follow(_STILL)
@@ -100,7 +100,7 @@ class MotionProfile:
         """
         self._limits.check(velocity)
         self._begin()
-        target = [velocity.vx, velocity.vz, velocity.pitch_rate]
+        target = [*velocity]
         if target != self._target or self._blocked:
             self._follow(target)
 
@@ -113,7 +113,7 @@ class MotionProfile:
         """
         self._workspace.check(pose)
         self._begin()
-        self._move([pose.x, pose.z, pose.pitch])
+        self._move([*pose])
 
     def stop(self) -> None:
         """Brake the commanded motion to rest as fast as the limits allow."""

@@ -27,6 +27,10 @@ class Pose:
     z: float
     pitch: float
 
+    def __iter__(self) -> Iterator[float]:
+        """Yield x, z [m] and pitch [rad]."""
+        return iter((self.x, self.z, self.pitch))
+
     @classmethod
     def from_array(cls, values: Array) -> Self:
         """Pose of the x, z [m] and pitch [rad] in `values` (3,)."""
@@ -34,7 +38,7 @@ class Pose:
 
     def as_array(self) -> Array:
         """Pose as an array (3,) of x, z [m] and pitch [rad]."""
-        return np.array([self.x, self.z, self.pitch])
+        return np.array([*self])
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +48,10 @@ class Velocity:
     vx: float
     vz: float
     pitch_rate: float
+
+    def __iter__(self) -> Iterator[float]:
+        """Yield vx, vz [m/s] and pitch_rate [rad/s]."""
+        return iter((self.vx, self.vz, self.pitch_rate))
 
     @property
     def speed(self) -> float:

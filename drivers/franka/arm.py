@@ -122,7 +122,7 @@ class FciArm:
         """
         self._advance_and_beat()
         self._access.installation.workspace.check(pose)
-        self._send(CommandKind.MOVE, pose.x, pose.z, pose.pitch)
+        self._send(CommandKind.MOVE, *pose)
 
     def set_velocity(self, velocity: Velocity) -> None:
         """Move the gripper at `velocity`; Fault `velocity_refused` for one above the
@@ -130,7 +130,7 @@ class FciArm:
         """
         self._advance_and_beat()
         self._access.installation.limits.check(velocity)
-        self._send(CommandKind.FOLLOW, velocity.vx, velocity.vz, velocity.pitch_rate)
+        self._send(CommandKind.FOLLOW, *velocity)
 
     def stop(self) -> None:
         """Brake the arm to rest within its limits; allowed at any time."""

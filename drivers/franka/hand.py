@@ -270,6 +270,7 @@ class FciHand:
         """End the motion in progress by its reply and start the next; Fault where it
         failed.
         """
+        status = reply.status
         if reply.number != self._motion:
             return
         self._motion = None
@@ -277,20 +278,17 @@ class FciHand:
         self._stop_sent = None
         self._stops = 0
         # of a grasp it may say no more than that nothing of this width is there
-        if reply.status == HandStatus.FAIL and reply.command != HandCommand.GRASP:
+        if status == HandStatus.FAIL and reply.command != HandCommand.GRASP:
             self._next = []
             raise Fault(
                 "hand_failed", "the hand could not do what it was asked; look at Desk"
             )
-        if (
-            reply.command == HandCommand.HOMING
-            and reply.status == HandStatus.UNSUCCESSFUL
-        ):
+        if reply.command == HandCommand.HOMING and status == HandStatus.UNSUCCESSFUL:
             self._next = []
             raise Fault(
                 "hand_not_homed", "the hand could not be homed; free its fingers"
             )
-        ended = reply.status in (HandStatus.SUCCESS, HandStatus.UNSUCCESSFUL)
+        ended = status in (HandStatus.SUCCESS, HandStatus.UNSUCCESSFUL)
         self._closed = ended and reply.command == HandCommand.GRASP
         if self._next:
             self._start_next()

@@ -178,14 +178,15 @@ class CommandedJoints:
         """Find the setpoint in the robot's `state`; whether it is where the last
         command told it to be, in time.
         """
+        sent = self._sent
         before = SentCommand(self.seconds, self.setpoint)
         self.seconds = state.time.to_sec()
-        last = self._sent[-1] if self._sent else before
+        last = sent[-1] if sent else before
         in_time = self._ticks_since(last) == 0
         self.stands = False
         if in_time and _distance(state, last.setpoint) == 0.0:
             self.setpoint = last.setpoint
-            self._sent.clear()
+            sent.clear()
             self._alone = 0
             return True
         self._find(state, before)
@@ -195,15 +196,16 @@ class CommandedJoints:
         """Set the setpoint of a robot in `state` that was at `before` at the last
         one.
         """
-        went_on = self._nearest(state, (before, *self._sent), holds=self.holds)
-        otherwise = self._nearest(state, (before, *self._sent), holds=not self.holds)
+        sent = self._sent
+        went_on = self._nearest(state, (before, *sent), holds=self.holds)
+        otherwise = self._nearest(state, (before, *sent), holds=not self.holds)
         if otherwise.off < ROUNDING < SURE * went_on.off:
             self.holds = not self.holds
             went_on = otherwise
-        while self._sent and self._sent[0].due <= went_on.sent.due:
-            self._sent.popleft()
+        while sent and sent[0].due <= went_on.sent.due:
+            sent.popleft()
         got_none = went_on.sent is before
-        self.stands = self.holds and got_none and bool(self._sent)
+        self.stands = self.holds and got_none and bool(sent)
         self._alone = self._ticks_since(went_on.sent) + got_none * self._alone
         self.setpoint = went_on.setpoint
         if went_on.off > 0.0:
@@ -381,15 +383,16 @@ class HandMotion:
         """Next setpoint (7,) [rad]; what was prepared stays where the last one is sent
         again.
         """
-        if self._commanded.stands:
-            return self._commanded.again()
+        commanded = self._commanded
+        if commanded.stands:
+            return commanded.again()
         self._prepared = False
-        aim, found = self._aim.after(self._lost), self._commanded.setpoint
+        aim, found = self._aim.after(self._lost), commanded.setpoint
         before = aim.position - TICK * aim.rate
         away = before - found.position
         faster = aim.rate - TICK * aim.acceleration - found.rate
         change = aim.acceleration + FOLLOWING * (2.0 * faster + FOLLOWING * away)
-        return self._commanded.go_on(change, ALLOWED)
+        return commanded.go_on(change, ALLOWED)
 
     def rest(self) -> Numbers:
         """Setpoint (7,) [rad] at which the robot is found, to stay or to end there."""
@@ -400,11 +403,12 @@ class HandMotion:
         """Go on from where the robot is found in its `state`; returns ticks that the
         path waits.
         """
-        before = self._commanded.seconds
-        self._commanded.update(state)
-        lost = round((self._commanded.seconds - before) / TICK) - 1
-        if self._commanded.holds:
-            return lost + self._commanded.stands
+        commanded = self._commanded
+        before = commanded.seconds
+        commanded.update(state)
+        lost = round((commanded.seconds - before) / TICK) - 1
+        if commanded.holds:
+            return lost + commanded.stands
         self._lost += lost
         return 0
 

@@ -5,7 +5,7 @@ robot.
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from math import degrees, hypot, isfinite
+from math import degrees, isfinite
 from multiprocessing.connection import Connection
 from typing import TYPE_CHECKING, Any
 
@@ -42,7 +42,7 @@ BRAKING_TICKS = 1500  # of the hand on its way, much more than a stop needs
 POLL_INTERVAL = 0.1  # s between checks for the end while no message arrives
 BESIDE = 0.02  # m from the strip's plane at which the arm brakes
 SLOW_SPEED = 0.01  # m/s and rad/s
-CALM = (1e-3, 5e-3)  # m/s and rad/s below which the arm rests
+CALM_SPEED, CALM_RATE = 1e-3, 5e-3  # m/s and rad/s below which the arm rests
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,7 +160,7 @@ class ServoLoop:
         for _ in range(ticks):
             self._profile.tick()
         if ticks:
-            self._hand.prepare(self._plane.command(*self._profile.pose.as_array()))
+            self._hand.prepare(self._plane.command(*self._profile.pose))
 
     def _receive(self) -> None:
         """Wait for the robot's next state, and find the hand there."""
@@ -217,16 +217,17 @@ class ServoLoop:
         """Give the motion profile the velocity, pose or stop of `command`; ArmFault if
         refused.
         """
+        profile = self._profile
         self._is_commanded = True
         values = command.x, command.z, command.pitch
         try:
             match command.kind:
                 case CommandKind.FOLLOW:
-                    self._profile.set_velocity(Velocity(*values))
+                    profile.set_velocity(Velocity(*values))
                 case CommandKind.MOVE:
-                    self._profile.move_to(Pose(*values))
+                    profile.move_to(Pose(*values))
                 case _:
-                    self._profile.stop()
+                    profile.stop()
         except Fault as fault:
             raise ArmFault(Cause.COMMAND, str(fault)) from fault
 
@@ -245,12 +246,13 @@ class ServoLoop:
         """Brake where the motion ahead leads to a pose that the arm could not
         follow.
         """
+        profile = self._profile
         self._is_commanded = False
-        if not self._profile.moving:
+        if not profile.moving:
             return
-        reason = self._reach.objection(self._profile.predict(REACTION))
+        reason = self._reach.objection(profile.predict(REACTION))
         if reason:
-            pose = self._profile.pose
+            pose = profile.pose
             self._brake_for_good(
                 Cause.REACH, f"{reason} beyond x {pose.x:.3f} m, z {pose.z:.3f} m"
             )
@@ -278,30 +280,19 @@ class ServoLoop:
         """Report on `state`, which arrived at `arrival` [s] with the gripper at
         `measured`.
         """
+        profile = self._profile
         velocity = self._mean_velocity()
-        commanded = self._profile.pose
-        fx, fz = self._plane.force(self._touch.beyond_tare(state))
-        calm = (
-            hypot(velocity.vx, velocity.vz) < CALM[0]
-            and abs(velocity.pitch_rate) < CALM[1]
-        )
+        calm = velocity.speed < CALM_SPEED and abs(velocity.pitch_rate) < CALM_RATE
         return Report(
-            ticks=self.ticks,
-            number=-1 if self._ending else self._inbox.number,
-            arrival=arrival,
-            x=measured.x,
-            z=measured.z,
-            pitch=measured.pitch,
-            vx=velocity.vx,
-            vz=velocity.vz,
-            pitch_rate=velocity.pitch_rate,
-            x_commanded=commanded.x,
-            z_commanded=commanded.z,
-            pitch_commanded=commanded.pitch,
-            fx=fx,
-            fz=fz,
-            moving=self._profile.moving or not (self._hand.at_rest and calm),
-            expired=self._profile.expired,
+            self.ticks,
+            -1 if self._ending else self._inbox.number,
+            arrival,
+            *measured,
+            *velocity,
+            *profile.pose,
+            *self._plane.force(self._touch.beyond_tare(state)),
+            moving=profile.moving or not (self._hand.at_rest and calm),
+            expired=profile.expired,
         )
 
     def _checked_pose(self, pose: list[float]) -> Pose:

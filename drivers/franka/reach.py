@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from drivers.base.geometry import lengths
 from drivers.base.installation import Installation, MotionLimits
 from drivers.base.motion import PredictedMotion
 from drivers.base.types import ZERO_VELOCITY, Array, Pose, Velocity, frozen
@@ -254,7 +255,7 @@ def densify(path: Array, speeds: Array) -> tuple[Array, Array]:
     poses = [path[:1]]
     times = [np.array([1.0])]  # s to the first pose: the arm stands there
     for first, second, speed in zip(path[:-1], path[1:], speeds[1:], strict=True):
-        travel = float(np.hypot(*(second - first)[:2]))
+        travel = float(lengths((second - first)[:2]))
         turn = abs(float(second[2] - first[2])) / PITCH_PER_METRE
         count = max(1, int(np.ceil(max(travel, turn) / POSE_STEP)))
         shares = np.arange(1, count + 1)[:, None] / count
@@ -299,8 +300,7 @@ class ReachGuard:
         """
         pose = ahead.pose.as_array()
         velocity, acceleration = (
-            np.array([rate.vx, rate.vz, rate.pitch_rate])
-            for rate in (ahead.velocity, ahead.acceleration)
+            np.array([*rate]) for rate in (ahead.velocity, ahead.acceleration)
         )
         self._ahead, rates = self._track(self._ahead, pose)
         rest = pose + velocity * np.abs(velocity) / (2 * self._acceleration)

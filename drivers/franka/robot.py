@@ -93,10 +93,11 @@ class Robot:
         """Set the robot's end effector and stiffness frame to the nominal ones, and no
         load.
         """
+        robot = self._robot
         with _library_errors(self._stop_reason):
-            self._robot.set_EE(IDENTITY)
-            self._robot.set_K(IDENTITY)
-            self._robot.set_load(0.0, [0.0] * 3, [0.0] * 9)
+            robot.set_EE(IDENTITY)
+            robot.set_K(IDENTITY)
+            robot.set_load(0.0, [0.0] * 3, [0.0] * 9)
 
     def configure(self, collision: CollisionSettings) -> None:
         """Set the robot's contact and collision thresholds, which a robot in motion

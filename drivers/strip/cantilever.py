@@ -14,6 +14,7 @@ import numpy as np
 from scipy.linalg import LinAlgError, cholesky_banded, solveh_banded
 
 from drivers.base.errors import CellError
+from drivers.base.geometry import left_normals, running_sums
 from drivers.base.types import Array
 
 SEGMENTS = 320
@@ -72,15 +73,8 @@ class HangingStrip:
         """Displacement (n + 1, 2, m) [m] of the points for `turn` (n, m) [rad] of the
         segments.
         """
-        lengths = np.diff(self.arc)
-        across = (
-            np.stack([-np.sin(self.angles), np.cos(self.angles)], axis=1)
-            * lengths[:, None]
-        )
-        steps = across[:, :, None] * turn[:, None, :]
-        return np.concatenate(
-            [np.zeros((1, *steps.shape[1:])), np.cumsum(steps, axis=0)]
-        )
+        across = left_normals(_chords(self.angles, self.arc))
+        return running_sums(across[:, :, None] * turn[:, None, :])
 
 
 def segments(overhang: float) -> Array:
@@ -128,8 +122,7 @@ def hanging_shape(
             f"{where}: no shape at rest was found in {ITERATIONS} Newton steps; check"
             " both lengths"
         )
-    chords = np.stack([np.cos(angles), np.sin(angles)], axis=1) * np.diff(arc)[:, None]
-    points = np.concatenate([np.zeros((1, 2)), np.cumsum(chords, axis=0)])
+    points = running_sums(_chords(angles, arc))
     return HangingStrip(bending_length, arc, angles, points, stiffness, pull)
 
 
@@ -158,9 +151,8 @@ def _newton_step(gradient: Array, stiffness: Array, lifting: Array) -> Array:
     n).
     """
     if not _stable(stiffness):
-        stiffness = stiffness + np.stack(
-            [np.zeros(len(lifting)), np.maximum(lifting, 0.0)]
-        )
+        stiffness = stiffness.copy()
+        stiffness[1] += np.maximum(lifting, 0.0)
     step: Array = -solveh_banded(stiffness, gradient)
     return step
 
@@ -176,13 +168,17 @@ def _stable(stiffness: Array) -> bool:
     return True
 
 
+def _chords(angles: Array, arc: Array) -> Array:
+    """Segments (n, 2) [m] at `angles` (n,) [rad] between arc lengths `arc` (n + 1,)."""
+    return np.stack([np.cos(angles), np.sin(angles)], axis=1) * np.diff(arc)[:, None]
+
+
 def _spans(arc: Array) -> Array:
     """Length (n,) [m] of strip lumped at each hinge, between the middles of its
     segments.
     """
     lengths = np.diff(arc)
-    spans: Array = 0.5 * (lengths + np.concatenate([[0.0], lengths[:-1]]))
-    return spans
+    return 0.5 * (lengths + np.append(0.0, lengths[:-1]))
 
 
 def _start_angles(arc: Array, overhang: float, bending_length: float) -> Array:

@@ -8,7 +8,7 @@ from typing import Protocol, Self
 
 import numpy as np
 
-from drivers.base.geometry import arc_lengths
+from drivers.base.geometry import arc_lengths, running_sums
 from drivers.base.types import Array
 from drivers.strip.model import StripModel
 
@@ -120,6 +120,6 @@ def graded_nodes(length: float, pieces: int, fraction: float, finest: float) -> 
     """
     before_grip = (pieces - 0.5 - np.arange(pieces)) / pieces
     spans = np.minimum(1.0, finest ** (1.0 - before_grip / fraction))
-    arc = np.concatenate([[0.0], np.cumsum(spans)])
+    arc = running_sums(spans)
     nodes: Array = arc * (length / arc[-1])
     return nodes

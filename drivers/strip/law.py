@@ -6,7 +6,7 @@ change the model.
 """
 
 from collections.abc import Callable, Mapping
-from operator import attrgetter
+from functools import partial
 from types import MappingProxyType
 
 import numpy as np
@@ -14,7 +14,13 @@ import numpy as np
 from drivers.base.errors import ConfigurationError
 from drivers.base.types import Array, frozen
 from drivers.strip.effects.effect import Effect, Parameter, Stage
-from drivers.strip.model import SOFTEST, StripModel, scale_rigidity, with_field
+from drivers.strip.model import (
+    SOFTEST,
+    StripModel,
+    scale_rigidity,
+    with_added,
+    with_field,
+)
 
 # between a term's size and its maximum, on a logarithmic scale
 TRIED = np.array([0.0, 0.5, 0.9])
@@ -37,7 +43,7 @@ def _term(
     field to which it is added.
     """
     if isinstance(apply, str):
-        apply = adds_to(apply)
+        apply = partial(_add, apply)
     low = -most if least is None else least
     amount = Parameter("amount", unit, 0.0, low, most, spread=most)
     sizes = tuple(size * (most / size) ** TRIED)
@@ -53,12 +59,8 @@ def _term(
     )
 
 
-def adds_to(path: str) -> Apply:
-    """Function `apply` of a term that adds its amount to the model's field at a dotted
-    `path`.
-    """
-    read = attrgetter(path)
-    return lambda model, amount: with_field(model, path, read(model) + amount)
+def _add(path: str, model: StripModel, amount: float) -> StripModel:
+    return with_added(model, path, amount)
 
 
 def _add_force(model: StripModel, amount: float) -> StripModel:
@@ -67,8 +69,7 @@ def _add_force(model: StripModel, amount: float) -> StripModel:
 
 
 def _add_curl(model: StripModel, amount: float) -> StripModel:
-    rest = model.mechanics.rest_curvature + amount * _position(model)
-    return with_field(model, "mechanics.rest_curvature", frozen(rest))
+    return with_added(model, "mechanics.rest_curvature", amount * _position(model))
 
 
 def _add_weight_gradient(model: StripModel, amount: float) -> StripModel:
@@ -99,7 +100,7 @@ def _position(model: StripModel) -> Array:
     """Relative arc length (CELLS,) of the cells, from -1/2 at the fixed edge to 1/2 at
     the grip.
     """
-    return model.mechanics.cells / model.mechanics.length - 0.5
+    return model.mechanics.places
 
 
 _TERMS = (

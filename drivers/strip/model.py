@@ -8,11 +8,13 @@ engine lumps them onto its own nodes with `Mechanics.mean` and `Mechanics.total`
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
 from drivers.base.errors import ConfigurationError
+from drivers.base.geometry import running_sums
 from drivers.base.types import GRAVITY, Array, frozen
 
 if TYPE_CHECKING:
@@ -109,6 +111,13 @@ class Mechanics:
         return np.asarray((np.arange(CELLS) + 0.5) * (self.length / CELLS))
 
     @property
+    def places(self) -> Array:
+        """Arc lengths (CELLS,) of the cells over the length, from -1/2 at the fixed
+        edge to 1/2 at the grip.
+        """
+        return self.cells / self.length - 0.5
+
+    @property
     def ends(self) -> Array:
         """Arc lengths (2,) [m] of the fixed and the grasped edge."""
         return np.array([0.0, self.length])
@@ -130,9 +139,7 @@ class Mechanics:
         [m].
         """
         borders = np.linspace(0.0, self.length, len(values) + 1)
-        up_to_border = np.concatenate(
-            [[0.0], np.cumsum(values) * (self.length / len(values))]
-        )
+        up_to_border = running_sums(values) * (self.length / len(values))
         return np.diff(np.interp(edges, borders, up_to_border))
 
     def mean(self, values: Array, edges: Array) -> Array:
@@ -258,18 +265,23 @@ def with_field(part: T, path: str, value: Any) -> T:
     return replace(part, **{name: value})
 
 
+def with_added(model: StripModel, path: str, change: Array | float) -> StripModel:
+    """Copy of `model` with a `change`, a scalar or (CELLS,), added to the field at
+    `path`.
+    """
+    value = attrgetter(path)(model) + change
+    return with_field(model, path, frozen(value) if np.ndim(value) else value)
+
+
 def scale_rigidity(model: StripModel, factor: Array | float) -> StripModel:
     """Copy of `model` with rigidity and viscosity times `factor`, a scalar or
     (CELLS,).
     """
     mechanics = model.mechanics
-    rigidity, viscosity = (
-        frozen(mechanics.rigidity * factor),
-        frozen(mechanics.viscosity * factor),
-    )
-    return replace(
-        model, mechanics=replace(mechanics, rigidity=rigidity, viscosity=viscosity)
-    )
+    rigidity = frozen(mechanics.rigidity * factor)
+    viscosity = frozen(mechanics.viscosity * factor)
+    scaled = replace(mechanics, rigidity=rigidity, viscosity=viscosity)
+    return replace(model, mechanics=scaled)
 
 
 Effects = Mapping[str, Mapping[str, float]]

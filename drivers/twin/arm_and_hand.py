@@ -81,7 +81,7 @@ class TwinArm:
             installation.limits, installation.workspace, start
         )
         self._lag_gain = lag_gain(settings.lag)
-        self._position = [start.x, start.z, start.pitch]
+        self._position = [*start]
         self._velocity = [0.0, 0.0, 0.0]
         at_rest = (*self._position, *self._velocity)
         self._history = deque(
@@ -107,6 +107,7 @@ class TwinArm:
 
     def state(self) -> ArmState:
         """State of the arm that the servo measured at its newest tick."""
+        profile = self._profile
         self._require_connection()
         return ArmState(
             stamp=self._stamp,
@@ -114,9 +115,9 @@ class TwinArm:
             source=ARM_SOURCE,
             pose=self._measure(),
             velocity=Velocity(*self._report()[3:]),
-            commanded=self._profile.pose,
-            moving=self._profile.moving or not self._settled,
-            expired=self._profile.expired,
+            commanded=profile.pose,
+            moving=profile.moving or not self._settled,
+            expired=profile.expired,
             force=FORCE_NOT_MEASURED if self._wrench is None else self._wrench.reading,
         )
 
@@ -285,6 +286,7 @@ class TwinHand:
         """Grasp the strip if its edge lies between the fingers, which have closed to
         it.
         """
-        if self._world.edge_within(self._settings.reach, self._settings.lean):
-            self._world.attach()
-            self._move(self._world.model.mechanics.thickness)
+        world = self._world
+        if world.edge_within(self._settings.reach, self._settings.lean):
+            world.attach()
+            self._move(world.model.mechanics.thickness)

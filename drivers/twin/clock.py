@@ -167,27 +167,29 @@ class RealTimeClock:
         """Sleep until this clock is at `time` [s], then advance the twin's world to the
         present.
         """
+        twin = self._twin
         if self._patience < math.inf:
             self._catch_up(time)
             self._running().wait_until(time - self._start)
             self._catch_up(self.now() + self._patience)
             return
         self._running().wait_until(time - self._start)
-        self._twin.wait_until(time)
+        twin.wait_until(time)
         last_lag = math.inf
-        lag = self.now() - self._twin.now()
+        lag = self.now() - twin.now()
         # catching up takes time in which the wall goes on
         while LATE_AT_MOST < lag < last_lag:
-            self._twin.wait_until(self.now())
+            twin.wait_until(self.now())
             last_lag = lag
-            lag = self.now() - self._twin.now()
+            lag = self.now() - twin.now()
 
     def _catch_up(self, end: float) -> None:
         """Advance the world by small pieces to the present, at most until wall time
         `end` [s].
         """
-        while (now := self.now()) < end and now - self._twin.now() > LATE_AT_MOST:
-            self._twin.wait_until(min(self._twin.now() + PIECE_TIME, now))
+        twin = self._twin
+        while (now := self.now()) < end and now - twin.now() > LATE_AT_MOST:
+            twin.wait_until(min(twin.now() + PIECE_TIME, now))
 
     def _running(self) -> WallClock:
         with self._first:

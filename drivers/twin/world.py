@@ -61,7 +61,8 @@ class History:
 
     def at(self, stamp: float) -> Scene:
         """Scene at `stamp` [s]; Fault `world_unknown` where it is not in the buffer."""
-        time, first = nanoseconds(stamp), nanoseconds(self._scenes[0].stamp)
+        scenes = self._scenes
+        time, first = nanoseconds(stamp), nanoseconds(scenes[0].stamp)
         if not first <= time <= nanoseconds(self.newest.stamp):
             raise Fault(
                 "world_unknown",
@@ -70,8 +71,8 @@ class History:
             )
         index, rest = divmod(time - first, self._step)
         if rest == 0:
-            return self._scenes[index]
-        return interpolate(self._scenes[index], self._scenes[index + 1], stamp)
+            return scenes[index]
+        return interpolate(scenes[index], scenes[index + 1], stamp)
 
 
 def interpolate(earlier: Scene, later: Scene, stamp: float) -> Scene:
@@ -124,17 +125,19 @@ class Grasp:
     @classmethod
     def between(cls, hand: Pose, edge: Pose) -> Self:
         """Grasp of a hand at pose `hand` that has closed on an edge at pose `edge`."""
+        pitch = hand.pitch
         dx, dz = edge.x - hand.x, edge.z - hand.z
-        c, s = cos(hand.pitch), sin(hand.pitch)
-        return cls(c * dx + s * dz, c * dz - s * dx, edge.pitch - hand.pitch)
+        c, s = cos(pitch), sin(pitch)
+        return cls(c * dx + s * dz, c * dz - s * dx, edge.pitch - pitch)
 
     def edge(self, hand: Pose) -> Pose:
         """Pose of the grasped strip edge while the hand is at the pose `hand`."""
-        c, s = cos(hand.pitch), sin(hand.pitch)
+        pitch = hand.pitch
+        c, s = cos(pitch), sin(pitch)
         return Pose(
             hand.x + c * self.along - s * self.across,
             hand.z + s * self.along + c * self.across,
-            hand.pitch + self.turn,
+            pitch + self.turn,
         )
 
 

@@ -193,7 +193,7 @@ class Control(Structure):
 Number = ctypes.c_int
 Argument = Structure | Number
 
-_IOC_WRITE, _IOC_READ = 1, 2
+_IOC_WRITE, _IOC_READ, _IOC_BOTH = 1, 2, 3
 
 
 def _request(direction: int, number: int, argument: type) -> int:
@@ -207,22 +207,22 @@ class Ioctl(IntEnum):
     """
 
     QUERYCAP = _request(_IOC_READ, 0, Capability)
-    ENUM_FMT = _request(_IOC_READ | _IOC_WRITE, 2, FormatDescription)
-    S_FMT = _request(_IOC_READ | _IOC_WRITE, 5, Format)
-    REQBUFS = _request(_IOC_READ | _IOC_WRITE, 8, BufferRequest)
-    QUERYBUF = _request(_IOC_READ | _IOC_WRITE, 9, Buffer)
-    QBUF = _request(_IOC_READ | _IOC_WRITE, 15, Buffer)
-    DQBUF = _request(_IOC_READ | _IOC_WRITE, 17, Buffer)
+    ENUM_FMT = _request(_IOC_BOTH, 2, FormatDescription)
+    S_FMT = _request(_IOC_BOTH, 5, Format)
+    REQBUFS = _request(_IOC_BOTH, 8, BufferRequest)
+    QUERYBUF = _request(_IOC_BOTH, 9, Buffer)
+    QBUF = _request(_IOC_BOTH, 15, Buffer)
+    DQBUF = _request(_IOC_BOTH, 17, Buffer)
     STREAMON = _request(_IOC_WRITE, 18, Number)
     STREAMOFF = _request(_IOC_WRITE, 19, Number)
-    G_PARM = _request(_IOC_READ | _IOC_WRITE, 21, StreamParameters)
-    S_PARM = _request(_IOC_READ | _IOC_WRITE, 22, StreamParameters)
-    G_CTRL = _request(_IOC_READ | _IOC_WRITE, 27, Control)
-    S_CTRL = _request(_IOC_READ | _IOC_WRITE, 28, Control)
-    QUERYCTRL = _request(_IOC_READ | _IOC_WRITE, 36, ControlQuery)
-    QUERYMENU = _request(_IOC_READ | _IOC_WRITE, 37, MenuQuery)
-    ENUM_FRAMESIZES = _request(_IOC_READ | _IOC_WRITE, 74, FrameSize)
-    ENUM_FRAMEINTERVALS = _request(_IOC_READ | _IOC_WRITE, 75, FrameInterval)
+    G_PARM = _request(_IOC_BOTH, 21, StreamParameters)
+    S_PARM = _request(_IOC_BOTH, 22, StreamParameters)
+    G_CTRL = _request(_IOC_BOTH, 27, Control)
+    S_CTRL = _request(_IOC_BOTH, 28, Control)
+    QUERYCTRL = _request(_IOC_BOTH, 36, ControlQuery)
+    QUERYMENU = _request(_IOC_BOTH, 37, MenuQuery)
+    ENUM_FRAMESIZES = _request(_IOC_BOTH, 74, FrameSize)
+    ENUM_FRAMEINTERVALS = _request(_IOC_BOTH, 75, FrameInterval)
 
 
 class CapabilityFlag(IntFlag):

@@ -122,9 +122,10 @@ class NewestFrame:
         """Take frames until a failure, report the failure, and restart or release the
         session.
         """
+        kernel = self._kernel
         try:
             if self._current is None:
-                self._current = CaptureSession.open(self._kernel, self._settings)
+                self._current = CaptureSession.open(kernel, self._settings)
                 self._restart_counts()
             while not self._closing:
                 capture = self._current.wait(FRAME_TIMEOUT)
@@ -133,12 +134,12 @@ class NewestFrame:
                 self._check_flow()
         except (CameraStalled, CameraFaulty) as error:
             self._report(error)
-            self._kernel.sleep(RETRY_INTERVAL)
+            kernel.sleep(RETRY_INTERVAL)
             self._restart()
         except CellError as error:
             self._report(error)
             self._release()
-            self._kernel.sleep(RETRY_INTERVAL)
+            kernel.sleep(RETRY_INTERVAL)
 
     def _check_flow(self) -> None:
         """Raise CameraStalled after too long without frames, CameraFaulty without

@@ -158,9 +158,10 @@ class Adaptive:
         """Prediction from `inputs` (n, COUNT); inputs of `fresh` images (n,) enter the
         memory.
         """
-        whitened = self.critic.whiten(inputs)
-        memory = self._memory.add(self.critic.memorise(whitened), fresh)
-        prediction = self.critic.predict(whitened, memory)
+        critic = self.critic
+        whitened = critic.whiten(inputs)
+        memory = self._memory.add(critic.memorise(whitened), fresh)
+        prediction = critic.predict(whitened, memory)
         self._recent.append(prediction)
         return prediction
 

@@ -64,11 +64,12 @@ class RecentImages:
         """Add reliable `values` (n, channels) of a later `stamp` [s]; mask (n,) of
         those added.
         """
+        stamps = self._stamps
         new = reliable & (stamp > self.newest)
         if new.any():
-            self._stamps[new, 1:] = self._stamps[new, :-1]
+            stamps[new, 1:] = stamps[new, :-1]
             self._values[new, 1:] = self._values[new, :-1]
-            self._stamps[new, 0] = stamp[new]
+            stamps[new, 0] = stamp[new]
             self._values[new, 0] = values[new]
         return new
 
@@ -76,19 +77,18 @@ class RecentImages:
         """Lines fitted to the images of the last WINDOW_TIME, outliers weighted down
         (Cauchy).
         """
+        values = self._values
         with np.errstate(invalid="ignore"):
             since_newest = self._stamps - self.newest[:, None]  # s, negative
         counts = (np.nan_to_num(since_newest, nan=-np.inf) >= -WINDOW_TIME)[..., None]
         t = np.where(counts, since_newest[..., None], 0.0)
-        weight = np.broadcast_to(counts, self._values.shape).astype(np.float64)
+        weight = np.broadcast_to(counts, values.shape).astype(np.float64)
         for _ in range(PASSES):
-            value, rate = _fit_line(t, self._values, weight)
-            deviation = self._values - value[:, None] - rate[:, None] * t
+            value, rate = _fit_line(t, values, weight)
+            deviation = values - value[:, None] - rate[:, None] * t
             weight = counts / (1.0 + (deviation / OUTLIER_DEVIATION) ** 2)
-        value, rate = _fit_line(t, self._values, weight)
-        deviation = np.where(
-            counts, self._values - value[:, None] - rate[:, None] * t, 0.0
-        )
+        value, rate = _fit_line(t, values, weight)
+        deviation = np.where(counts, values - value[:, None] - rate[:, None] * t, 0.0)
         spread = np.sqrt((deviation**2).sum(axis=1) / np.maximum(counts.sum(axis=1), 1))
         return Trend(value, rate, spread)
 

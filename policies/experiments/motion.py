@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from drivers.base.geometry import arc_lengths
+from drivers.base.geometry import arc_lengths, lengths
 from drivers.base.types import Array
 from drivers.strip.file import StripFile
 from policies.path import Path
@@ -167,7 +167,7 @@ class Scripted:
         velocity = (after - before) / (2 * HALF_SPAN) + GAIN * (target - points)
 
         done = elapsed >= motion.duration
-        speed = np.where(done, 0.0, np.minimum(np.hypot(*velocity.T), FASTEST_COMMAND))
+        speed = np.where(done, 0.0, np.minimum(lengths(velocity), FASTEST_COMMAND))
         direction = np.arctan2(velocity[:, 1], velocity[:, 0]) % (2 * np.pi)
         return Decision(direction, speed, done)
 

@@ -21,6 +21,7 @@ from drivers.base.geometry import (
     interpolate_columns,
     left_normals,
     moving_average,
+    running_sums,
     unit,
 )
 from drivers.base.readers import read_picture
@@ -327,7 +328,7 @@ def _average_points(traced: Array, travel: Array, arc: Array) -> Array:
 
     # the integral of the points up to each of them, by trapezoids
     steps = np.diff(travel)[:, None] * 0.5 * (traced[1:] + traced[:-1])
-    integral = np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
+    integral = running_sums(steps)
     before = interpolate_columns(begin, travel, integral)
     after = interpolate_columns(end, travel, integral)
     means: Array = (after - before) / (end - begin)[:, None]

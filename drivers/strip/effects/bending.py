@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from drivers.base.types import GRAVITY, frozen
+from drivers.base.types import GRAVITY
 from drivers.strip.effects.effect import (
     PLACE_SPAN,
     Parameter,
@@ -14,7 +14,7 @@ from drivers.strip.effects.effect import (
     law_effect,
     set_fields,
 )
-from drivers.strip.model import SOFTEST, StripModel, scale_rigidity, with_field
+from drivers.strip.model import SOFTEST, StripModel, scale_rigidity, with_added
 
 HALF_WIDTH = 0.005  # m to each side over which a crease turns
 # bending lengths from the grip to where its first turn bends a lying strip
@@ -31,9 +31,7 @@ def add_crease(model: StripModel, angle: float, position: float) -> StripModel:
         1.0 - away / HALF_WIDTH, 0.0, 1.0
     )
     curvature = angle * near / mechanics.total(near, mechanics.ends)
-    return with_field(
-        model, "mechanics.rest_curvature", frozen(mechanics.rest_curvature + curvature)
-    )
+    return with_added(model, "mechanics.rest_curvature", curvature)
 
 
 def add_grasp_crease(model: StripModel, turn: float) -> StripModel:
@@ -128,16 +126,13 @@ NONLINEAR_BENDING = law_effect(
 )
 
 
-def _curl(model: StripModel, values: Mapping[str, float]) -> StripModel:
-    curved = frozen(model.mechanics.rest_curvature + values["curvature"])
-    return with_field(model, "mechanics.rest_curvature", curved)
-
-
 PRE_CURL = law_effect(
     name="pre_curl",
     sentence="the strip curls by itself",
     parameters=(Parameter.signed("curvature", "1/m", 60.0),),
-    apply=_curl,
+    apply=lambda model, values: with_added(
+        model, "mechanics.rest_curvature", values["curvature"]
+    ),
     typical=lambda _: (0.5, 5.0),
     textile={"curvature": Span(-5.0, 5.0)},
     revealed_by="a strip that hangs free; while both edges are clamped it shows little",
@@ -211,7 +206,7 @@ def _stiffen_towards_one_end(
     """Scale the rigidity linearly in the arc length, or with `central` steeper in the
     middle.
     """
-    away = model.mechanics.cells / model.mechanics.length - 0.5
+    away = model.mechanics.places
     rise = away * (1.0 + values["central"] * (1.0 - 4.0 * away**2))
     return scale_rigidity(model, 1.0 + values["slope"] * rise)
 

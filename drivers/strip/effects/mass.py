@@ -2,9 +2,8 @@
 
 from collections.abc import Mapping
 
-from drivers.base.types import frozen
 from drivers.strip.effects.effect import Parameter, Span, Stage, law_effect, set_fields
-from drivers.strip.model import Drag, StripModel, with_field
+from drivers.strip.model import Drag, StripModel, with_added, with_field
 
 
 def _change_length(model: StripModel, values: Mapping[str, float]) -> StripModel:
@@ -28,9 +27,7 @@ def _add_mass(model: StripModel, values: Mapping[str, float]) -> StripModel:
     mechanics = model.mechanics
     covered = mechanics.inside(values["position"], values["width"])
     added = values["mass"] * covered / mechanics.total(covered, mechanics.ends)
-    return with_field(
-        model, "mechanics.linear_density", frozen(mechanics.linear_density + added)
-    )
+    return with_added(model, "mechanics.linear_density", added)
 
 
 HEM_MASS = law_effect(

@@ -131,10 +131,11 @@ def _monitor(model: StripModel) -> Array:
     """Monitor (MONITOR_SIZE,) of a flat strip: limits for contact and touch, results
     yet NaN.
     """
+    mechanics = model.mechanics
     monitor = np.full(at.MONITOR_SIZE, np.nan)
     monitor[at.CONTACT_HEIGHT] = model.observation.contact_height
-    monitor[at.OPENING] = 2 * model.mechanics.touch_gap
-    monitor[at.TOUCH_GAP] = model.mechanics.touch_gap
-    monitor[at.LENGTH] = model.mechanics.length
+    monitor[at.OPENING] = 2 * mechanics.touch_gap
+    monitor[at.TOUCH_GAP] = mechanics.touch_gap
+    monitor[at.LENGTH] = mechanics.length
     monitor[at.GAP_HEIGHT] = np.inf
     return monitor

@@ -75,12 +75,13 @@ def elastic_moment(block: Any, r: int, e: Any) -> Any:
     """Elastic moment K e (1 + u + fifth u^2) [N m], u = cubic e^2, at row `r`, and its
     tangent.
     """
-    stiffness, cubic = load(block.nature, r, at.BEND), load(block.nature, r, at.CUBIC)
-    crest = load(block.nature, r, at.CREST)
+    nature = block.nature
+    stiffness, cubic = load(nature, r, at.BEND), load(nature, r, at.CUBIC)
+    crest = load(nature, r, at.CREST)
     over, under = below(crest, e), below(e, -crest)
     e = select(over, crest, select(under, -crest, e))  # clamped: the moment stays level
     growth = cubic * e * e
-    beyond = load(block.nature, r, at.FIFTH) * growth * growth
+    beyond = load(nature, r, at.FIFTH) * growth * growth
     slope = stiffness * (fma(3.0, growth, 1.0) + 5.0 * beyond)
     return stiffness * e * ((1.0 + growth) + beyond), select(over + under, 0.0, slope)
 
@@ -146,14 +147,15 @@ def segment_force(block: Any, r: int, u: Any, couple: Any) -> None:
     the turn for tension. It counts as no less than FLOOR, because a segment pressed
     harder buckles.
     """
+    nature = block.nature
     work = block.work
     ux, uz, inverse, length = u
 
-    stretch = load(block.nature, r, at.STRETCH)
-    taut = stretch * (length - load(block.nature, r, at.SPAN))
+    stretch = load(nature, r, at.STRETCH)
+    taut = stretch * (length - load(nature, r, at.SPAN))
     if block.terms is not None:
         taut, stretch = stick_slip(block, r, taut, stretch, length)
-    floor = load(block.nature, r, at.FLOOR)
+    floor = load(nature, r, at.FLOOR)
     tension = load(block.state, r, at.TENSION)
     string = select(tension - floor, tension, floor) * inverse
     twist = couple * inverse * inverse

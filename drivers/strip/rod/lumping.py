@@ -37,6 +37,7 @@ def lump(model: StripModel, segments: int, *, rich: bool = False) -> Array:
     If `rich`, RICH_NATURE of each: also of drag, sliding, relaxation and gradual
     friction.
     """
+    boundary = model.boundary
     mechanics = model.mechanics
     arc = lattice(mechanics.length, segments)
     middles = np.concatenate([[0.0], 0.5 * (arc[1:] + arc[:-1]), [mechanics.length]])
@@ -45,12 +46,12 @@ def lump(model: StripModel, segments: int, *, rich: bool = False) -> Array:
 
     mass = mechanics.total(mechanics.linear_density, middles)
     nodes[:, at.MASS] = mass
-    nodes[:, [at.LOAD_X, at.LOAD_Z]] = np.outer(mass, model.boundary.gravity)
+    nodes[:, [at.LOAD_X, at.LOAD_Z]] = np.outer(mass, boundary.gravity)
     nodes[:, at.DESK] = -nodes[:, at.LOAD_Z]
     _lump_bending(nodes, mechanics, middles)
-    _combine_compliances(nodes[-1], model.boundary.grip_compliance)
+    _combine_compliances(nodes[-1], boundary.grip_compliance)
 
-    weight = float(mass.sum()) * float(np.hypot(*model.boundary.gravity))
+    weight = float(mass.sum()) * float(np.hypot(*boundary.gravity))
     axial = min(INEXTENSIBLE * weight, mechanics.stretch_stiffness)
     # ghost segments equal those beside them
     spans = np.pad(np.diff(arc), (1, 2), mode="edge")
@@ -108,7 +109,8 @@ def _lump_terms(rows: Array, model: StripModel, reach: Array) -> None:
     """Write drag, sliding, relaxation and gradual friction of nodes `reach` (n,) [m]
     long.
     """
-    law = model.mechanics.law
+    mechanics = model.mechanics
+    law = mechanics.law
     boundary = model.boundary
     inner = rows[1:-1]
 
@@ -119,8 +121,8 @@ def _lump_terms(rows: Array, model: StripModel, reach: Array) -> None:
     inner[:, at.BEND] -= inner[:, at.BRANCH]
     inner[:, at.FADE] = 1.0 / law.relaxation_time
 
-    drag = model.mechanics.drag
-    inner[:, at.DRAG] = model.mechanics.drag_per_length * reach
+    drag = mechanics.drag
+    inner[:, at.DRAG] = mechanics.drag_per_length * reach
     inner[:, at.SLOW : at.ALONG + 1] = drag.slow, drag.oblique, drag.along
 
     rows[:, at.GRIPPED] = np.inf

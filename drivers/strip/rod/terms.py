@@ -177,6 +177,7 @@ def air_drag(block: Any, r: int, rate: Any) -> Any:
 @kernel
 def store_drag(block: Any, r: int, rate: Any) -> None:
     """Write the drag matrix of node row `r`, from its predicted motion, into `work`."""
+    nature = block.nature
     state, work = block.state, block.work
     (x, z), (before_x, before_z) = pair(state, r + 1, at.X), pair(state, r - 1, at.X)
     tx, tz = x - before_x, z - before_z
@@ -186,11 +187,11 @@ def store_drag(block: Any, r: int, rate: Any) -> None:
     vx, vz = velocity(block, r, rate)
     across = fma(nx, vx, nz * vz)
     along = fma(nz, vx, -(nx * vz))
-    oblique = load(block.nature, r, at.OBLIQUE)
+    oblique = load(nature, r, at.OBLIQUE)
     speed = sqrt(fma(oblique * along, along, across * across))
-    drag = load(block.nature, r, at.DRAG) * (speed + load(block.nature, r, at.SLOW))
+    drag = load(nature, r, at.DRAG) * (speed + load(nature, r, at.SLOW))
 
-    fraction = load(block.nature, r, at.ALONG)
+    fraction = load(nature, r, at.ALONG)
     xx, xz = fma(fraction * nz, nz, nx * nx), fma(-(fraction * nx), nz, nx * nz)
     store_pair(work, r, at.DRAG_XX, (drag * xx, drag * xz))
     store(work, r, at.DRAG_ZZ, drag * fma(fraction * nx, nx, nz * nz))

@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 
 from drivers.base.errors import SimulationNotFinite
+from drivers.base.geometry import running_sums
 from drivers.base.types import Array
 from drivers.strip.engine import Observables, Touch
 from drivers.strip.model import StripModel
@@ -77,16 +78,17 @@ def approach_poses(model: StripModel) -> Array:
     wave; one that is too short is pulled taut. Empty for a strip of exactly the stated
     length.
     """
-    slack = model.mechanics.length - model.stated_length
+    mechanics = model.mechanics
+    slack = mechanics.length - model.stated_length
     if slack == 0:
         return np.empty((0, 3))
     share = np.concatenate(
         [np.linspace(0.0, 1.0, APPROACH_STEPS + 1)[1:], np.ones(SETTLING_STEPS)]
     )
-    reach = np.sqrt(2 * model.mechanics.length * max(slack, 0.0))
+    reach = np.sqrt(2 * mechanics.length * max(slack, 0.0))
     height = APPROACH_HEIGHT * reach * np.sqrt(share * (1 - share))
     return np.stack(
-        [model.mechanics.length - slack * share, height, np.zeros_like(share)], axis=1
+        [mechanics.length - slack * share, height, np.zeros_like(share)], axis=1
     )
 
 
@@ -136,11 +138,12 @@ class Slide:
         """Write the stick-slip element's spring, or constant force, into `model` and
         `data`.
         """
-        model.jnt_stiffness[self.joint] = (
+        joint = self.joint
+        model.jnt_stiffness[joint] = (
             self.stiffness if self.sliding == NOT_SLIDING else 0.0
         )
-        model.qpos_spring[self.joint] = self.rest
-        data.qfrc_applied[self.joint] = -self.sliding * self.limit
+        model.qpos_spring[joint] = self.rest
+        data.qfrc_applied[joint] = -self.sliding * self.limit
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,9 +165,10 @@ class Ends:
         """Ends of the chain of a lying strip: neither slides, the desk bears the full
         weight.
         """
-        gravity = -model.boundary.gravity[1]
-        friction = model.boundary.edge_friction
-        grip_force = model.boundary.grip_force * lumps.scale
+        boundary = model.boundary
+        gravity = -boundary.gravity[1]
+        friction = boundary.edge_friction
+        grip_force = boundary.grip_force * lumps.scale
         edge_force = friction * float(lumps.mass.sum()) * gravity
         return cls(
             grip=Slide.sticking(
@@ -245,7 +249,7 @@ class ChainStrip:
         self._held = True
         self._time = 0.0
         self._gap = NO_GAP
-        self.arc = np.concatenate([[0.0], np.cumsum(self._lumps.spans)])
+        self.arc = running_sums(self._lumps.spans)
         self.points = self._joints.nodes(self._data.qpos)
         self.touch: Touch | None = None
         self._approach()

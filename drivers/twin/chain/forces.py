@@ -24,13 +24,14 @@ class Loads:
     """
 
     def __init__(self, lumps: Lumps, joints: Joints) -> None:
+        hinges = lumps.hinges
         self._lumps = lumps
         self._joints = joints
-        self._has_friction = bool(lumps.hinges.slip.any())
-        self._relaxes = bool(lumps.hinges.fading.any())
+        self._has_friction = bool(hinges.slip.any())
+        self._relaxes = bool(hinges.fading.any())
         self._has_drag = bool(lumps.drag.any())
-        self._angle = lumps.hinges.rest * 0.0
-        self._strain = lumps.hinges.rest * 0.0  # of the Maxwell elements [rad]
+        self._angle = hinges.rest * 0.0
+        self._strain = hinges.rest * 0.0  # of the Maxwell elements [rad]
         self._elapsed = 0.0
 
     def update(self, data: mujoco.MjData, h: float) -> None:
@@ -78,13 +79,14 @@ class Loads:
         Divided by what an implicit step of an isolated link would slow it down by, so
         that light strips stay stable.
         """
-        air = self._lumps.air
+        lumps = self._lumps
+        air = lumps.air
         speed, tangents = self._joints.speeds(data.qpos, data.qvel)
         along, across = speed.T
-        resistance = self._lumps.drag * (
+        resistance = lumps.drag * (
             np.sqrt(across**2 + air.oblique * along**2) + air.slow
         )
-        slowed = resistance / (1.0 + h * resistance / self._lumps.mass)
+        slowed = resistance / (1.0 + h * resistance / lumps.mass)
         friction = (slowed * air.along * along)[:, None]
         pressure = (slowed * across)[:, None]
         force: Array = -friction * tangents - pressure * left_normals(tangents)
@@ -111,17 +113,16 @@ class DahlFriction:
         """Moments (n,) [N m] of friction at hinge `angle` (n,) [rad], and slopes [N
         m/rad].
         """
+        limit = self._limit
         turn = angle - self._angle
         sign = np.where(turn < 0, -1.0, 1.0)
         # 0 in full sliding, 2 at a reversal
-        reserve = 1.0 - sign * self._moment / self._limit
-        travel = self._stiffness * np.abs(turn) / self._limit
-        self._moment = (
-            sign * self._limit * (1.0 - _decay(reserve, travel, self._exponent))
-        )
+        reserve = 1.0 - sign * self._moment / limit
+        travel = self._stiffness * np.abs(turn) / limit
+        self._moment = sign * limit * (1.0 - _decay(reserve, travel, self._exponent))
         self._angle = angle
         ahead = np.where(rate < 0, -1.0, 1.0)  # direction in which the hinge turns next
-        reserve = np.clip(1.0 - ahead * self._moment / self._limit, 0.0, 2.0)
+        reserve = np.clip(1.0 - ahead * self._moment / limit, 0.0, 2.0)
         return self._moment, self._stiffness * reserve**self._exponent
 
 

@@ -189,25 +189,26 @@ def _add_hinge(
     """Add hinge `node` to `body` with its bending law, and a tendon for yarn
     friction.
     """
+    hinges = lumps.hinges
     name = f"{HINGE}{node}"
     body.add_joint(
         name=name,
         type=mujoco.mjtJoint.mjJNT_HINGE,
         axis=[0.0, -1.0, 0.0],
-        stiffness=[lumps.hinges.stiffness[node], 0.0, lumps.hinges.cubic[node]],
+        stiffness=[hinges.stiffness[node], 0.0, hinges.cubic[node]],
         damping=[
-            lumps.hinges.damping_at(LONGEST_STEP)[node],
-            lumps.hinges.quadratic[node],
+            hinges.damping_at(LONGEST_STEP)[node],
+            hinges.quadratic[node],
             0.0,
         ],
-        springref=lumps.hinges.rest[node],
+        springref=hinges.rest[node],
     )
-    if lumps.hinges.slip[node] > 0 and lumps.hinges.presliding[node] > 0:
+    if hinges.slip[node] > 0 and hinges.presliding[node] > 0:
         # A joint has one spring; a tendon is the other, with friction.
         yarns = spec.add_tendon(
             name=f"yarns{node}",
-            stiffness=[lumps.hinges.presliding[node], 0.0, 0.0],
-            springyield=lumps.hinges.slip[node],
+            stiffness=[hinges.presliding[node], 0.0, 0.0],
+            springyield=hinges.slip[node],
             springlength=[0.0, 0.0],
         )
         yarns.wrap_joint(name, 1.0)

@@ -59,15 +59,16 @@ class ArmPort(Port[Command]):
 
         `rate` is the fraction of commands that arrived in time.
         """
+        robot = self._robot
         if self.client is not None:
-            self._datagram = self._publisher.datagram(self._robot, rate)
+            self._datagram = self._publisher.datagram(robot, rate)
             self.client.send_datagram(self._datagram)
-            for late in self._robot.late:
+            for late in robot.late:
                 content = bytes((late.status,))
                 self.client.send(
                     ARM_FRAMING.reply(late.command, late.command_id, content)
                 )
-        self._robot.late.clear()
+        robot.late.clear()
 
     def _abandon(self) -> None:
         self._robot.abandon()
@@ -76,16 +77,17 @@ class ArmPort(Port[Command]):
         """Content of the reply to `request`; empty for a reply that is due only
         later.
         """
+        command_id = request.command_id
         robot = self._robot
         match request.command:
             case Command.MOVE:
                 motion = MoveRequest.read(request)
-                return bytes((robot.move(motion, request.command_id),))
+                return bytes((robot.move(motion, command_id),))
             case Command.STOP_MOVE:
-                robot.stop(request.command_id)
+                robot.stop(command_id)
                 return b""
             case Command.AUTOMATIC_ERROR_RECOVERY:
-                refusal = robot.recover(request.command_id)
+                refusal = robot.recover(command_id)
                 return b"" if refusal is None else bytes((refusal,))
             case Command.GET_ROBOT_MODEL:
                 return b"\0" + arm_urdf(robot.revision).encode()
@@ -110,11 +112,12 @@ class HandPort(Port[HandCommand]):
         """Send the client the hand's replies that are due; returns whether there were
         any.
         """
-        ended = bool(self._hand.replies)
-        for content in self._hand.replies:
+        replies = self._hand.replies
+        ended = bool(replies)
+        for content in replies:
             if self.client is not None:
                 self.client.send(content)
-        self._hand.replies.clear()
+        replies.clear()
         return ended
 
     def publish(self, time: int) -> None:

@@ -210,14 +210,15 @@ class Port(ABC, Generic[K]):
         """Accept a waiting connection as a guest, which has sent no request; False for
         none.
         """
+        guests = self._guests
         try:
             connection, _ = self._listener.accept()
         except OSError:
             return False
-        if len(self._guests) >= MOST_GUESTS:
-            self._refuse(next(iter(self._guests.values())))
+        if len(guests) >= MOST_GUESTS:
+            self._refuse(next(iter(guests.values())))
         guest = Connection(connection)
-        self._guests[guest.fileno()] = guest
+        guests[guest.fileno()] = guest
         self._poll.register(guest.fileno(), select.EPOLLIN)
         return True
 

@@ -162,10 +162,11 @@ class LaggingArm:
         """Advance the arm by one tick, in which the joints `commanded` (7,) [rad] are
         sent.
         """
-        self._delayed.append(commanded)
-        self._delayed.popleft()
+        delayed = self._delayed
+        delayed.append(commanded)
+        delayed.popleft()
         motors = self._motors
-        q = motors.q + self._lag_gain * (self._delayed[0] - motors.q)
+        q = motors.q + self._lag_gain * (delayed[0] - motors.q)
         rates = self.posture.joints  # of the links, which come to rest after the motors
         if np.array_equal(q, motors.q) and not np.any(
             (rates.velocity, rates.acceleration)

@@ -366,15 +366,16 @@ class EmulatedRobot:
             self.mode = Mode.IDLE
 
     def _send_late_replies(self) -> None:
-        for late in self.waiting:
+        waiting = self.waiting
+        for late in waiting:
             if (
                 late.command is Command.AUTOMATIC_ERROR_RECOVERY
                 and self.mode is Mode.REFLEX
             ):
                 self.mode = Mode.IDLE
                 self.errors = frozenset()
-        self.late += self.waiting
-        self.waiting.clear()
+        self.late += waiting
+        waiting.clear()
 
 
 def resting_robot(

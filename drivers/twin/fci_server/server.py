@@ -237,14 +237,15 @@ class RobotServer:
 
     def _wait_for_command(self) -> None:
         """In lock-step, wait for the client's command and execute it."""
+        arm = self._arm
         events = self._poll_sockets(OFFER_HAND)
         if not events:
             self._hand_port.repeat()
             if time.monotonic() >= self._offer_at:
-                self._arm.repeat()
+                arm.repeat()
                 self._offer_at = time.monotonic() + OFFER_ARM
-        command = self._arm.command()
-        if command is not None and self._arm.datagram_fileno not in events:
+        command = arm.command()
+        if command is not None and arm.datagram_fileno not in events:
             # requests that were sent before this command, and after the wait
             self._poll_sockets(0)
         if (
@@ -307,6 +308,7 @@ class RobotServer:
 
     def _advance(self) -> None:
         """Advance robot time by 1 ms: apply faults, step arm and hand, send states."""
+        in_time = self._in_time
         robot = self.robot
         self._disturbance.strike()
         robot.advance()
@@ -315,8 +317,8 @@ class RobotServer:
         if ended or (robot.time - self._motion_begin) % HAND_PERIOD == 0:
             self._hand_port.publish(robot.time)
         if robot.motion is None:
-            self._in_time.clear()
-        self._arm.publish(sum(self._in_time) / max(len(self._in_time), 1))
+            in_time.clear()
+        self._arm.publish(sum(in_time) / max(len(in_time), 1))
 
     def _freeze(self, duration: float) -> None:
         """Neither send nor answer for `duration` [s]; `close` and `inject` cut it

@@ -190,17 +190,18 @@ class Framing(Generic[K]):
 
         Raises Malformed for an unknown command or a wrong size.
         """
-        if len(buffer) < self.header.size:
+        header = self.header
+        if len(buffer) < header.size:
             return None
-        number, command_id, size = self.header.unpack_from(buffer)
+        number, command_id, size = header.unpack_from(buffer)
         if number not in tuple(self.commands):
             raise Malformed(f"command {number} is unknown")
         command = self.commands(number)
-        if size != self.header.size + command.layout.size:
+        if size != header.size + command.layout.size:
             raise Malformed(f"{command.name} of {size} bytes")
         if len(buffer) < size:
             return None
-        payload = bytes(buffer[self.header.size : size])
+        payload = bytes(buffer[header.size : size])
         del buffer[:size]
         return Request(command, command_id, payload)
 

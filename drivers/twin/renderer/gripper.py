@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from drivers.base.geometry import lengths
 from drivers.base.types import Array, Image
 from drivers.franka.shapes import (
     FINGER_WIDTH,
@@ -117,8 +118,8 @@ def _disc(
     rows, columns = np.indices(part.shape[:2])
     pixels = np.stack([columns + left, rows + top], axis=-1)
     in_radii = (pixels - middle) @ np.linalg.inv(axes)
-    inwards = 1 - np.hypot(*np.moveaxis(in_radii, -1, 0))  # from the border, in radii
-    cover = np.clip(inwards * np.hypot(*axes[0]) + 0.5, 0, 1)[..., None]
+    inwards = 1 - lengths(in_radii)  # from the border, in radii
+    cover = np.clip(inwards * lengths(axes[0]) + 0.5, 0, 1)[..., None]
     part[:] = part + cover * (colour - part) + 0.5
 
 

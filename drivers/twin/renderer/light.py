@@ -47,13 +47,14 @@ class ShadowBand:
         """Darken the desk in `image`, whose first pixel is `origin` (u, v), in
         place.
         """
+        top = self.top
         u, v = origin
         height, width, _ = image.shape
-        first = max(self.top, v)
-        end = min(self.top + len(self.bins), v + height)
+        first = max(top, v)
+        end = min(top + len(self.bins), v + height)
         if first >= end:
             return
-        here = slice(first - self.top, end - self.top), slice(u, u + width)
+        here = slice(first - top, end - top), slice(u, u + width)
         dark = self.weight[here] * profile.astype(np.float32)[self.bins[here]]
         part = image[first - v : end - v]
         part[:] = part * (1 - dark[..., None])

@@ -135,13 +135,12 @@ class StripLook:
         """BGR colours (n, 3) at arc lengths `s`, depths `y` (n,) [m]; None for a single
         colour.
         """
-        if self.pattern.plain:
+        pattern = self.pattern
+        if pattern.plain:
             return None
-        i, j = (
-            np.floor(place / self.pattern.pitch).astype(np.int64) for place in (s, y)
-        )
-        colours = self.pattern.colours(self.colour)
-        part = {"across": i, "along": j, "checks": i + j}[self.pattern.kind]
+        i, j = (np.floor(place / pattern.pitch).astype(np.int64) for place in (s, y))
+        colours = pattern.colours(self.colour)
+        part = {"across": i, "along": j, "checks": i + j}[pattern.kind]
         tint: Array = colours[part % len(colours)]
         return tint
 

@@ -124,10 +124,11 @@ class Optics(NamedTuple):
         """Points x, y (...,) [m] where downward `rays` meet level `z` [m]; others end
         far away.
         """
+        centre = self.centre
         right, ahead, up = rays
-        reach = float(z - self.centre[2]) / np.minimum(up, -1e-4)
-        x = (self.centre[0] + reach * right).astype(np.float32)
-        y = (self.centre[1] + reach * ahead).astype(np.float32)
+        reach = float(z - centre[2]) / np.minimum(up, -1e-4)
+        x = (centre[0] + reach * right).astype(np.float32)
+        y = (centre[1] + reach * ahead).astype(np.float32)
         return x, y
 
 

@@ -159,10 +159,11 @@ class Renderer:
         """Redraw the part of `image` (h, w, 3) in which strip and hand appear, in
         place.
         """
+        optics = self._optics
         clouds = [] if curve is None else self._material(curve)
-        hand_faces = gripper.faces_of(hand, self._optics)
+        hand_faces = gripper.faces_of(hand, optics)
         drawn = [cloud.points[:2] for cloud in clouds]
-        drawn.append(gripper.extent(hand_faces, scene, self._optics).T)
+        drawn.append(gripper.extent(hand_faces, scene, optics).T)
         window = Window.around(
             np.concatenate(drawn, axis=1),
             (self._settings.width, self._settings.height),
@@ -180,7 +181,7 @@ class Renderer:
             )
         if scene.pointer:
             gripper.draw_pointer(
-                part, scene, self._optics.seen_from(window.origin), self._gripper
+                part, scene, optics.seen_from(window.origin), self._gripper
             )
         if curve is not None and self._contact_bias:
             self._shift_contact(part, window, scene)
@@ -220,10 +221,11 @@ class Renderer:
         """Material points of a strip along `curve`: of its visible side, then of its
         near edge.
         """
-        picture = ribbon.project(curve, self._optics, self._look)
+        look = self._look
+        picture = ribbon.project(curve, self._optics, look)
         return [
-            ribbon.sample_face(curve, picture, self._optics, self._look, self._weave),
-            ribbon.sample_edge(curve, picture, self._look, self._weave),
+            ribbon.sample_face(curve, picture, self._optics, look, self._weave),
+            ribbon.sample_edge(curve, picture, look, self._weave),
         ]
 
     def _lit(self, image: Image, scene: Scene, hand: Sequence[Outline]) -> Image:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drivers.base.geometry import interpolate_columns, left_normals, unit
+from drivers.base.geometry import interpolate_columns, left_normals, lengths, unit
 from drivers.base.types import Array
 from drivers.twin.renderer.kernels import MaterialRows, sample_surface
 from drivers.twin.renderer.looks import StripLook
@@ -198,7 +198,7 @@ def sample_face(
     """
     across = optics.plane(curve.points, look.width) - picture.near
     area = _area(picture.along, across)
-    rows = np.ceil(area / np.hypot(*picture.along.T) / DEPTH_PITCH).astype(np.int64)
+    rows = np.ceil(area / lengths(picture.along) / DEPTH_PITCH).astype(np.int64)
     # the visible side starts half a thickness off the midline, but for EDGE_RADIUS
     share = max(1 - 2 * EDGE_RADIUS / look.thickness, 0.0)
     surface = MaterialRows(
@@ -219,14 +219,15 @@ def sample_edge(
     """Material points of the strip's near edge, half a thickness to either side of the
     midline.
     """
-    thickness = 2 * np.hypot(*picture.half.T).max()
+    half = picture.half
+    thickness = 2 * lengths(half).max()
     rows = np.full(len(curve.s), max(int(np.ceil(thickness / PITCH)), 2))
     surface = MaterialRows(
         start=picture.near,
-        across=picture.half,
+        across=half,
         motion=picture.motion,
         counts=rows,
-        area=_area(picture.along, 2 * picture.half) / rows,
+        area=_area(picture.along, 2 * half) / rows,
         shade=np.full(len(curve.s), CUT),
         s=curve.s,
     )
