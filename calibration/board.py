@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import cv2
 import numpy as np
-from pydantic import Field
+from pydantic import Field, PositiveFloat
 
 from calibration.lens import Lens
 from drivers.base.errors import ConfigurationError
@@ -47,13 +47,13 @@ class BoardSettings(Settings):
     smallest: float = Field(14.0, gt=4)
     still: float = Field(0.6, gt=0, le=5)  # px between two images of a board at rest
     # px by which a view must differ from every other
-    distinct: float = Field(15.0, gt=0)
+    distinct: PositiveFloat = 15.0
     range_x: Share = 0.5  # of the views' centres
     range_y: Share = 0.3
     range_size: Share = 0.08
     skew: Share = 0.25
     views: int = Field(10, ge=6)
-    tilted: float = Field(radians(15), gt=0)  # rad from which a view counts as tilted
+    tilted: PositiveFloat = radians(15)  # rad from which a view counts as tilted
     tilted_views: int = Field(2, ge=1)  # that must lean to each of the four sides
     covered: Share = 0.8  # of the image's cells, that corners must reach
     rms: float = Field(0.6, gt=0, le=5)  # px allowed

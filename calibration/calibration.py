@@ -7,7 +7,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from pydantic import Field
 
@@ -16,7 +16,7 @@ from calibration.landmarks import Landmarks
 from calibration.lens import CameraFile, Lens, MatrixFile
 from drivers.base.errors import ConfigurationError
 from drivers.base.files import write_file
-from drivers.base.settings import Settings, load
+from drivers.base.settings import VersionedFile, load
 from drivers.base.yaml_text import dump_yaml
 
 NotNegative = Annotated[float, Field(ge=0)]
@@ -57,10 +57,9 @@ class Calibration(PlaneMap):
         return 1e-3 * self.residual_mm
 
 
-class CalibrationFile(Settings):
+class CalibrationFile(VersionedFile):
     """Content of a calibration file; `lens` is a ROS camera_info mapping."""
 
-    schema_: Literal[1] = Field(1, alias="schema")
     id: str
     camera: str
     date: str

@@ -12,7 +12,7 @@ from typing import Literal, Self
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import Field, NonNegativeInt
 
 from calibration.homography import PlaneMap
 from drivers.base.errors import ConfigurationError
@@ -56,8 +56,8 @@ class Landmark(Settings):
     """
 
     kind: Literal["tip", "desk"]
-    left: int = Field(ge=0)
-    top: int = Field(ge=0)
+    left: NonNegativeInt
+    top: NonNegativeInt
     png: str  # base64
 
     @classmethod

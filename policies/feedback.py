@@ -8,12 +8,12 @@ from pathlib import Path as FilePath
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import ConfigDict, Field
+from pydantic import ConfigDict, Field, NonNegativeInt
 
 from drivers.base.errors import ConfigurationError
 from drivers.base.files import write_file
 from drivers.base.readers import MEGABYTE, read_json
-from drivers.base.settings import Settings, parse
+from drivers.base.settings import Settings, VersionedFile, parse
 from drivers.base.types import Array
 from drivers.strip.file import StripFile
 from policies.path import Path, triangular
@@ -139,18 +139,17 @@ class Training(Settings):
     model_config = ConfigDict(extra="ignore")
 
     seed: int
-    generations: int = Field(ge=0)
-    folds: int = Field(ge=0)
+    generations: NonNegativeInt
+    folds: NonNegativeInt
 
 
-class Checkpoint(Settings):
+class Checkpoint(VersionedFile):
     """Content of a checkpoint file: weights of the feedback network, and their
     training.
     """
 
     model_config = ConfigDict(extra="ignore")
 
-    schema_: Literal[1] = Field(1, alias="schema")
     policy: Literal["feedback"]
     weights: Annotated[
         tuple[float, ...], Field(min_length=WEIGHT_COUNT, max_length=WEIGHT_COUNT)

@@ -17,7 +17,7 @@ from calibration.wizard.touches import TouchSettings
 from drivers.base.errors import ConfigurationError, check_known
 from drivers.base.files import append_line, write_file, writing
 from drivers.base.readers import MEGABYTE, read_json, read_json_lines, read_picture
-from drivers.base.settings import Settings, load, parse
+from drivers.base.settings import VersionedFile, load, parse
 from drivers.base.types import Image
 from drivers.base.yaml_text import dump_yaml
 
@@ -35,7 +35,7 @@ Kind = Literal["camera", "homography"]
 Side = Annotated[int, Field(gt=0, le=LARGEST_SIDE)]
 
 
-class SessionFile(Settings):
+class SessionFile(VersionedFile):
     """Contents of session.yaml: the settings of a calibration session.
 
     `image` is width and height [px], `length` [m] the ruler's length of the board,
@@ -45,7 +45,6 @@ class SessionFile(Settings):
 
     model_config = ConfigDict(extra="allow")  # a program writes it
 
-    schema_: Literal[1] = Field(1, alias="schema")
     kind: Kind
     date: str
     camera: str

@@ -9,7 +9,7 @@ from pydantic import Field
 from cell.base.config.places import Configs
 from cell.studies.evaluation import EngineName
 from drivers.base.errors import check_known
-from drivers.base.settings import Settings
+from drivers.base.settings import Settings, VersionedFile
 from drivers.base.types import Array
 from policies.registry import policy_names
 
@@ -179,10 +179,9 @@ Result = ImageFold | RangeFolds | EffectFolds | MissingPart
 AnyResult = Annotated[Result, Field(discriminator="kind")]
 
 
-class Results(Settings):
+class Results(VersionedFile):
     """Contents of benchmark.json: specification, results, versions."""
 
-    schema_: Literal[1] = Field(1, alias="schema")
     asked: BenchmarkSpec
     made_with: dict[str, str]
     speed: float

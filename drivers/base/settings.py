@@ -55,13 +55,18 @@ class Settings(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
-class StudyResult(Settings):
+class VersionedFile(Settings):
+    """Base class of the contents of files that state the version of their format."""
+
+    schema_: Literal[1] = Field(1, alias="schema")
+
+
+class StudyResult(VersionedFile):
     """Base class of the data files that a study of the laboratory fits and writes.
 
     `source` says from what, `belongs_to` is the place of the file.
     """
 
-    schema_: Literal[1] = Field(1, alias="schema")
     source: str
     belongs_to: str
 

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import Field
+from pydantic import Field, NonNegativeInt
 
 from drivers.base.settings import Settings
 from drivers.base.types import GRAVITY, Array, frozen
@@ -84,7 +84,7 @@ class ArmPlant(Settings):
     tilt: tuple[float, float] = (0.0, 0.0)
     delay: Annotated[float, Field(ge=0, le=0.1)] = 0.0
     torque_noise: Annotated[float, Field(ge=0, le=5)] = 0.03
-    seed: Annotated[int, Field(ge=0)] = 0
+    seed: NonNegativeInt = 0
 
 
 class ArmModel:

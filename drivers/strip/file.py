@@ -4,7 +4,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator
 
-from drivers.base.settings import Metres, Seconds, Settings, Unit
+from drivers.base.settings import Metres, Seconds, Settings, Unit, VersionedFile
 from drivers.base.types import GRAVITY
 
 PAPER_LINEAR_DENSITY = 1.65  # kg/m, spheres of 3.3 g every 2 mm (paper, appendix)
@@ -25,7 +25,7 @@ class Provenance(Settings):
     note: str = ""
 
 
-class StripFile(Settings):
+class StripFile(VersionedFile):
     """Contents of a strip file: size, mass, bending and effects of a fabric strip, in
     SI units.
 
@@ -33,7 +33,6 @@ class StripFile(Settings):
     only where not empty.
     """
 
-    schema_: Literal[1] = Field(1, alias="schema")
     kind: Literal["strip"] = "strip"
     name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")
     length: Metres = Field(ge=0.1, le=2.0)  # fixed edge to grasped edge

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat
 
 from drivers.base.settings import Settings
 from drivers.base.types import GRAVITY, Array, Calls
@@ -33,18 +33,18 @@ class TrainingSettings(Settings):
     mean holding force over the strip's weight.
     """
 
-    seed: int = Field(0, ge=0)
+    seed: NonNegativeInt = 0
     generations: int = Field(300, ge=1)
     population: int = Field(48, ge=4)
-    sigma: float = Field(0.05, gt=0)
+    sigma: PositiveFloat = 0.05
     strips: int = Field(4, ge=1)
-    speed: float = Field(0.1, gt=0)
+    speed: PositiveFloat = 0.1
     segments: int = Field(60, ge=20)
     substeps: int = Field(2, ge=1)
-    contact_sigma: float = Field(0.001, ge=0)
-    contact_bias: float = Field(0.001, ge=0)
-    delay: float = Field(0.06, ge=0)  # s, largest
-    force_weight: float = Field(0.01, ge=0)
+    contact_sigma: NonNegativeFloat = 0.001
+    contact_bias: NonNegativeFloat = 0.001
+    delay: NonNegativeFloat = 0.06  # s, largest
+    force_weight: NonNegativeFloat = 0.01
     validate_every: int = Field(5, ge=1)
 
     @property

@@ -65,22 +65,23 @@ def test_view_that_is_no_use_is_refused_with_a_remedy(
     assert remedy in str(_shown(views, shown))
 
 
+BLANK = Frame(0.0, 0.0, "test", 0, np.full((720, 1280, 3), 128, np.uint8))
+
+
 def test_image_without_board_is_refused_and_given_up_after_patience() -> None:
     views = BoardViews(SETTINGS, SIZE)
     first = views.ask()
-    blank = Frame(0.0, 0.0, "test", 0, np.full((720, 1280, 3), 128, np.uint8))
     for _ in range(SETTINGS.patience):
         assert views.ask() == first
-        assert "0 corners of the board are seen" in str(views.tell(blank).refused)
+        assert "0 corners of the board are seen" in str(views.tell(BLANK).refused)
     assert views.ask() != first
 
 
 def test_person_is_waited_for_until_he_skips() -> None:
     views = BoardViews(SETTINGS, SIZE, patient=True)
     first = views.ask()
-    blank = Frame(0.0, 0.0, "test", 0, np.full((720, 1280, 3), 128, np.uint8))
     for _ in range(5 * SETTINGS.patience):
-        views.tell(blank)
+        views.tell(BLANK)
     assert views.ask() == first
     views.skip()
     assert views.ask() != first

@@ -17,7 +17,7 @@ from cell.record.files import Keep
 from cell.record.film import Encoder
 from drivers.base.installation import Installation
 from drivers.base.plugins import plugin_names
-from drivers.base.settings import Metres, Seconds, Settings, Speed, parse
+from drivers.base.settings import Metres, Seconds, Settings, Speed, VersionedFile, parse
 from drivers.franka.settings import FciSettings
 from drivers.v4l2.settings import V4l2Settings
 from policies.path import TAKEOVER_HEIGHT
@@ -142,10 +142,9 @@ class LearningSettings(Settings):
     use: Literal["auto", "on", "off"] = "auto"
 
 
-class CellSettings(Settings):
+class CellSettings(VersionedFile):
     """Settings of the controller: everything in cell.yaml but the twin."""
 
-    schema_: Literal[1] = Field(1, alias="schema")
     name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")
     drivers: DriverChoice = DriverChoice()
     # file, relative to this one; None: the one of `cell calibrate`

@@ -45,7 +45,7 @@ from cell.record.tables import (
 )
 from drivers.base.errors import ConfigurationError, suggestion
 from drivers.base.readers import MEGABYTE, read_bytes, read_parquet, read_text
-from drivers.base.settings import Metres, Seconds, Settings
+from drivers.base.settings import Metres, Seconds, Settings, VersionedFile
 from drivers.base.types import Array, Frame, frozen
 from drivers.base.yaml_text import dump_yaml
 
@@ -142,7 +142,7 @@ def _listed(value: object) -> object:
     return tuple(value) if isinstance(value, list) else (value,)
 
 
-class SignalMapping(Settings):
+class SignalMapping(VersionedFile):
     """Contents of a mapping file of a mechanism: the column of each of its signals and
     inputs.
 
@@ -150,7 +150,6 @@ class SignalMapping(Settings):
     ones are placed at the times of the first.
     """
 
-    schema_: Literal[1] = Field(1, alias="schema")
     mechanism: str = Field(min_length=1)
     condition: str | None = None
     runs: dict[str, PlaceOfMotion] = Field(default_factory=dict)
@@ -178,7 +177,7 @@ class SignalMapping(Settings):
         return {SIGNALS: self.signals[0]}
 
 
-class MappingFile(Settings):
+class MappingFile(VersionedFile):
     """Contents of a mapping file; quantities left out were not measured.
 
     `sigma` are the one-sigma errors [m], [s], [N] of what was measured; `runs` are
@@ -189,7 +188,6 @@ class MappingFile(Settings):
     `seen_by` says that this cell's perception saw the strip, whose errors are known.
     """
 
-    schema_: Literal[1] = Field(1, alias="schema")
     strip: str = Field(min_length=1)
     start: Literal["flat", "hanging"] = "flat"
     condition: str | None = None

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, NonNegativeInt
 
-from drivers.base.settings import Settings, load
+from drivers.base.settings import Settings, VersionedFile, load
 from drivers.twin.fci_server.arm_and_hand_ports import ArmPort
 from drivers.twin.fci_server.dynamics import RateReport
 from drivers.twin.fci_server.robot import EmulatedRobot
@@ -38,7 +38,7 @@ class Scripted(Settings):
     start.
     """
 
-    at: int = Field(ge=0)
+    at: NonNegativeInt
 
 
 class ReflexFault(Scripted):
@@ -145,12 +145,11 @@ Fault = (
 )
 
 
-class FaultScript(Settings):
+class FaultScript(VersionedFile):
     """Content of a fault script: version `schema` of the format, and the scheduled
     faults.
     """
 
-    schema_: Literal[1] = Field(default=1, alias="schema")
     faults: tuple[Annotated[Fault, Field(discriminator="kind")], ...]
 
 

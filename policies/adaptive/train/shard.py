@@ -7,7 +7,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import Field, NonNegativeInt, PositiveFloat
 from threadpoolctl import threadpool_limits
 
 from drivers.base.files import replacing
@@ -138,15 +138,15 @@ class CriticSettings(Settings):
     and as images are, to set the sigmas.
     """
 
-    seed: int = Field(0, ge=0)
+    seed: NonNegativeInt = 0
     pieces: tuple[int, ...] = (24, 32, 48)  # of folds, in each round
     trials: int = Field(4, ge=1)
     folds: int = Field(256, ge=8)  # in a shard
     perturbation: tuple[float, ...] = (0.0, 0.008, 0.005)
     epochs: tuple[int, ...] = (24, 20, 45)
-    speed: float = Field(0.1, gt=0)
+    speed: PositiveFloat = 0.1
     segments: int = Field(100, ge=20)
-    memory: int = Field(32, ge=0)
+    memory: NonNegativeInt = 32
     hidden: tuple[int, int] = (128, 96)
 
     @property

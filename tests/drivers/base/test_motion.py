@@ -29,9 +29,9 @@ def state(profile: MotionProfile) -> np.ndarray:
     pose, rate, push = profile.pose, profile.velocity, profile.acceleration
     return np.array(
         [
-            pose.as_array(),
-            [rate.vx, rate.vz, rate.pitch_rate],
-            [push.vx, push.vz, push.pitch_rate],
+            [*pose],
+            [*rate],
+            [*push],
         ]
     )
 
@@ -207,39 +207,29 @@ def test_velocity_over_the_limit_is_refused_by_name_and_range() -> None:
         profile_at().set_velocity(Velocity(0.0, 0.0, float("nan")))
 
 
+AXIS = {"velocity": 0.2, "acceleration": 4.0, "jerk": 100.0}
+
+
 @pytest.mark.parametrize(
-    ("content", "reason"),
+    ("model", "content", "reason"),
     [
-        ({"x": {"velocity": 0.0, "acceleration": 1.0, "jerk": 1.0}}, "x.velocity"),
-        ({"x": {"velocity": 1.0, "acceleration": 1.0}}, "x.jerk: is missing"),
-        ({"x": {"velocity": 1.0, "acceleration": None, "jerk": 1.0}}, "x.acceleration"),
+        (AxisLimits, {"velocity": 0.2, "acceleration": 4.0}, "jerk: is missing"),
+        *(
+            (AxisLimits, AXIS | {name: value}, f"cell.yaml: {name}: is")
+            for name in AXIS
+            for value in (0.0, 1e9, None)
+        ),
+        (Workspace, {"x": [0.5, 0.5]}, "x: needs low < high"),
+        (Workspace, {"x": [-1e9, 1e9]}, "x"),
+        (Workspace, {"z": [-0.5, 0.5]}, "z"),
+        (Workspace, {"z": None}, "z"),
+        (Workspace, {"pitch": [-100.0, 100.0]}, "pitch"),
     ],
 )
-def test_no_limit_can_be_left_out(content: dict, reason: str) -> None:
+def test_no_limit_can_be_left_out_or_set_so_wide_that_it_limits_nothing(
+    model, content: dict, reason: str
+) -> None:
     with pytest.raises(ConfigurationError, match=reason):
-        parse(content, MotionLimits, "cell.yaml")
-
-
-def test_workspace_of_no_extent_is_refused() -> None:
-    with pytest.raises(ConfigurationError, match=r"cell.yaml: x: needs low < high"):
-        parse({"x": [0.5, 0.5]}, Workspace, "cell.yaml")
-
-
-@pytest.mark.parametrize(
-    ("model", "content"),
-    [
-        (AxisLimits, {"velocity": 1e9, "acceleration": 4.0, "jerk": 100.0}),
-        (AxisLimits, {"velocity": 0.2, "acceleration": 1e9, "jerk": 100.0}),
-        (AxisLimits, {"velocity": 0.2, "acceleration": 4.0, "jerk": 1e9}),
-        (AxisLimits, {"velocity": None, "acceleration": 4.0, "jerk": 100.0}),
-        (Workspace, {"x": [-1e9, 1e9]}),
-        (Workspace, {"z": [-0.5, 0.5]}),
-        (Workspace, {"z": None}),
-        (Workspace, {"pitch": [-100.0, 100.0]}),
-    ],
-)
-def test_no_limit_can_be_set_so_wide_that_it_limits_nothing(model, content) -> None:
-    with pytest.raises(ConfigurationError):
         parse(content, model, "cell.yaml")
 
 

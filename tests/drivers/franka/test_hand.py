@@ -3,7 +3,7 @@ waited for.
 """
 
 import socket
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -46,12 +46,21 @@ def driven(
             hand.close()
 
 
-def rested(hand: FciHand) -> HandState:
+def once(hand: FciHand, holds: Callable[[HandState], bool]) -> HandState:
+    """The first state of the hand that satisfies `holds`."""
     clock = WallClock()
-    while (state := hand.state()).moving:
+    while not holds(state := hand.state()):
         assert clock.now() < 30.0
         clock.wait_until(clock.now() + 0.005)
     return state
+
+
+def rested(hand: FciHand) -> HandState:
+    return once(hand, lambda state: not state.moving)
+
+
+def empty(hand: FciHand) -> HandState:
+    return once(hand, lambda state: not state.grasped)
 
 
 def test_hand_that_is_not_homed_is_homed_before_it_opens() -> None:
@@ -118,10 +127,7 @@ def test_strip_that_slips_out_is_seen(felt: float) -> None:
         server.thickness = None
         if felt > 0:
             server.hand.width = 0.0  # what the fingers do once nothing is between them
-        clock = WallClock()
-        while hand.state().grasped:
-            assert clock.now() < 30.0
-            clock.wait_until(clock.now() + 0.005)
+        empty(hand)
 
 
 def test_hand_that_itself_says_that_it_lost_its_grasp_holds_nothing() -> None:
@@ -129,11 +135,7 @@ def test_hand_that_itself_says_that_it_lost_its_grasp_holds_nothing() -> None:
         hand.grasp()
         assert rested(hand).grasped
         server.hand.is_grasped = False  # with its fingers as far apart as before
-        clock = WallClock()
-        while (state := hand.state()).grasped:
-            assert clock.now() < 30.0
-            clock.wait_until(clock.now() + 0.005)
-        assert state.width == pytest.approx(0.0009)
+        assert empty(hand).width == pytest.approx(0.0009)
 
 
 def test_stop_that_is_not_heard_is_repeated() -> None:
@@ -155,17 +157,33 @@ def test_hand_that_hears_no_stop_is_a_fault() -> None:
         assert heard.count(HandCommand.STOP) == 3
 
 
+def test_fingers_that_move_are_stopped_before_they_move_otherwise() -> None:
+    with driven(None, HandLimits(opening=0.08)) as (_, hand, heard):
+        hand.open()
+        hand.grasp()
+        rested(hand)
+        assert [*dict.fromkeys(heard)] == [
+            HandCommand.MOVE,
+            HandCommand.STOP,
+            HandCommand.GRASP,
+        ]
+
+
+def test_failure_of_the_hand_is_named() -> None:
+    impossible = HandLimits.model_construct(**dict(HandLimits()) | {"opening": 0.2})
+    with driven(None, impossible) as (_, hand, _):
+        hand.open()
+        with pytest.raises(Fault, match="could not do"):
+            rested(hand)
+
+
 def test_no_call_waits_for_the_fingers() -> None:
     with driven(None, SLOW, deaf=2) as (server, hand, _):
-        for call in (
-            hand.state,
-            hand.grasp,
-            hand.state,
-            hand.open,
-            hand.stop,
-            hand.state,
-        ):
-            call()
+        hand.grasp()
+        hand.state()
+        hand.open()
+        hand.stop()
+        hand.state()
         assert server.hand.width > 0.019  # a call that waited would return at 0
 
 

@@ -77,27 +77,6 @@ def test_velocity_targets_are_followed_and_braked_while_commands_are_lost(
     assert not robot.robot.errors
 
 
-@pytest.mark.parametrize("seed", [3, 4])
-@pytest.mark.parametrize(("worst", "share"), [*LOSSES, (8, 0.5)])
-def test_way_home_joint_by_joint_settles_whatever_is_lost(
-    worst: int, share: float, seed: int
-) -> None:
-    goal = (HOME + 0.2).tolist()
-    robot = LossyRobot(HOME, seed, worst, share)
-    reached = follow_joints(
-        robot, goal, 1.0, ForceGuard(20.0), lambda _: taken_too_long(robot)
-    )
-    assert robot.lost > 50
-    assert not robot.robot.errors
-    assert reached == pytest.approx(goal, abs=1e-4)
-
-
-def taken_too_long(robot: LossyRobot) -> bool:
-    """Never, but for an error after four seconds, of a way that takes one."""
-    assert robot.robot.time < 4000
-    return False
-
-
 @pytest.mark.parametrize(("worst", "share"), [(8, 0.1), (1, 0.5)])
 def test_one_who_leaves_on_the_way_home_finds_the_robot_at_rest(
     worst: int, share: float

@@ -95,19 +95,3 @@ def test_motion_arrives_in_time_within_the_limits_whatever_is_reported_and_lost(
     assert (np.abs(velocities) <= limits.FR3.velocity).all()
     assert (np.abs(accelerations) <= limits.ACCELERATION).all()
     assert (np.abs(jerks) <= limits.JERK).all()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("report", [RateReport.LATE, RateReport.ZERO])
-@pytest.mark.parametrize(("holds", "share"), EVERY_WAY)
-def test_hand_follows_velocities_and_comes_to_rest_whatever_is_lost(
-    report: RateReport, holds: bool, share: float
-) -> None:
-    robot = Losing(JOINTS, report, share, holds=holds)
-    setup = begun(robot)
-    for vx, vz, turn in ((-0.1, 0.1, 1.2), (-0.15, 0.0, 0.3), (0.0, 0.1, -0.5)):
-        setup.order(CommandKind.FOLLOW, vx, vz, turn)
-        setup.steps(60)
-    setup.loop.end()
-    assert robot.ended
-    assert not robot.robot.errors

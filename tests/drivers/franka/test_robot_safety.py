@@ -5,6 +5,7 @@ scheduler, forces.
 import os
 import signal
 import time
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from types import SimpleNamespace
@@ -15,17 +16,14 @@ import pytest
 pytest.importorskip("pylibfranka", reason="the robot's library is not installed")
 
 import drivers.franka.robot
-from drivers.base.clock import WallClock
 from drivers.base.errors import Fault
 from drivers.base.geometry import CellInRobot
 from drivers.base.installation import AxisLimits, Installation, MotionLimits
-from drivers.base.types import HandState, Pose, Velocity
+from drivers.base.types import Pose, Velocity
 from drivers.franka import joint_requests as requests
 from drivers.franka.arm import FciArm
-from drivers.franka.failure import Cause
+from drivers.franka.failure import ArmFault, Cause
 from drivers.franka.force import ForceGuard
-from drivers.franka.hand import FciHand
-from drivers.franka.hand_protocol import HandCommand
 from drivers.franka.inverse_kinematics import solve
 from drivers.franka.joint_motion import follow_joints
 from drivers.franka.joint_requests import GoTo, go_to
@@ -36,7 +34,7 @@ from drivers.franka.plane import StripPlane
 from drivers.franka.process import RobotAccess
 from drivers.franka.reach import PredictedMotion, ReachGuard
 from drivers.franka.robot import Robot
-from drivers.franka.settings import FciSettings, HandLimits
+from drivers.franka.settings import FciSettings
 from drivers.twin.clock import TwinClock
 from drivers.twin.fci_server.faults import ContactFault
 from drivers.twin.fci_server.server import RobotServer
@@ -179,47 +177,6 @@ def test_library_s_scheduling_stays_only_where_it_is_enforced(
     ]
 
 
-def rested(hand: FciHand, clock: WallClock) -> HandState:
-    """The hand's state once its fingers no longer move."""
-    while (state := hand.state()).moving:
-        clock.wait_until(clock.now() + 0.01)
-    return state
-
-
-def test_fingers_that_move_are_stopped_before_they_move_otherwise() -> None:
-    with served() as server:
-        heard: list[HandCommand] = []
-        begin = server.hand.begin
-        server.hand.begin = lambda request: (
-            heard.append(request.command),
-            begin(request),
-        )[1]
-        clock = WallClock()
-        hand = FciHand(server.address, HandLimits(opening=0.08), clock)
-        hand.open()
-        hand.grasp()
-        rested(hand, clock)
-        hand.close()
-        assert list(dict.fromkeys(heard)) == [
-            HandCommand.MOVE,
-            HandCommand.STOP,
-            HandCommand.GRASP,
-        ]
-
-
-def test_failure_of_the_hand_is_named() -> None:
-    with served() as server:
-        clock = WallClock()
-        impossible = HandLimits.model_construct(
-            **HandLimits().model_dump() | {"opening": 0.2}
-        )
-        hand = FciHand(server.address, impossible, clock)
-        hand.open()
-        with pytest.raises(Fault, match="could not do"):
-            rested(hand, clock)
-        hand.close()
-
-
 def test_pressed_user_stop_is_named_and_nothing_moves() -> None:
     with served() as server:
         server.robot.press_user_stop()
@@ -229,20 +186,25 @@ def test_pressed_user_stop_is_named_and_nothing_moves() -> None:
         assert server.robot.ticks == 0
 
 
-def test_pose_that_is_not_a_number_stops_the_arm() -> None:
+def misread(change: Callable[[list[float]], list[float]]) -> ArmFault | None:
+    """Why an arm in motion halts, if it does, whose joints read as `change` says."""
     setup = begun()
     setup.order(CommandKind.FOLLOW, -0.1, 0.0, 0.0)
     setup.steps(50)
     read = setup.robot.read
 
-    def broken(motion):
+    def changed(motion):
         state = read(motion)
-        state.q = [float("nan")] * 7
+        state.q = change(state.q)
         return state
 
-    setup.robot.read = broken
+    setup.robot.read = changed
     setup.steps(300)
-    assert setup.loop.halted.cause is Cause.NOT_FINITE
+    return setup.loop.halted
+
+
+def test_pose_that_is_not_a_number_stops_the_arm() -> None:
+    assert misread(lambda _: [float("nan")] * 7).cause is Cause.NOT_FINITE
 
 
 def test_arm_brakes_before_it_comes_where_it_could_not_follow() -> None:
@@ -334,24 +296,17 @@ def test_arm_that_is_pushed_out_of_the_strip_s_plane_brakes(
     """Along the plane the cell's monitor of tracking sees it, across it nobody else
     does.
     """
-    setup = begun()
-    setup.order(CommandKind.FOLLOW, -0.1, 0.0, 0.0)
-    setup.steps(50)
-    read = setup.robot.read
 
-    def pushed(motion):
-        state = read(motion)
-        pose = forward(np.array(state.q))
+    def pushed(joints: list[float]) -> list[float]:
+        pose = forward(np.array(joints))
         pose[:3, 3] += aside * PLANE.matrix[:3, 1]
-        state.q = solve(pose, np.array(state.q)).tolist()
-        return state
+        return solve(pose, np.array(joints)).tolist()
 
-    setup.robot.read = pushed
-    setup.steps(300)
-    assert (setup.loop.halted is not None) is halts
-    if setup.loop.halted is not None:
-        assert setup.loop.halted.cause is Cause.ASIDE
-        assert "30 mm beside" in setup.loop.halted.words
+    halted = misread(pushed)
+    assert (halted is not None) is halts
+    if halted is not None:
+        assert halted.cause is Cause.ASIDE
+        assert "30 mm beside" in halted.words
 
 
 def test_motion_tells_how_much_of_its_way_is_done() -> None:

@@ -1,6 +1,5 @@
 """What the driver asks of a camera and holds against its answer."""
 
-import cv2
 import numpy as np
 import pytest
 from pydantic import ValidationError
@@ -73,32 +72,12 @@ def test_identity_follows_size_and_locks() -> None:
     )
 
 
-@pytest.mark.parametrize("name", ["RGGB", "GRBG", "BA81", "GBRG"])
-def test_bayer_colours_stand_where_the_name_says(name: str) -> None:
-    blue, green, red = 30, 90, 200
-    level = {"R": red, "G": green, "B": blue}
-    pattern = {"BA81": "BGGR"}.get(name, name)
-    tile = np.array(
-        [[level[pattern[0]], level[pattern[1]]], [level[pattern[2]], level[pattern[3]]]]
-    )
-    mosaic = np.tile(tile, (8, 8)).astype(np.uint8)
-    image = PictureFormat(name, 16, 16, 16, 30.0).decode(mosaic.ravel())
-    assert image[8, 8].tolist() == [blue, green, red]
-
-
 def test_lines_longer_than_the_picture_are_cut() -> None:
     padded = np.zeros((4, 12), np.uint8)
     padded[:, :8] = 77
     image = PictureFormat("GREY", 8, 4, 12, 30.0).decode(padded.ravel())
     assert image.shape == (4, 8, 3)
     assert (image == 77).all()
-
-
-def test_yuyv_keeps_colour() -> None:
-    bgr = np.full((4, 8, 3), (40, 120, 200), np.uint8)
-    yuv = cv2.cvtColor(bgr, cv2.COLOR_BGR2YUV_YUYV)
-    image = PictureFormat("YUYV", 8, 4, 16, 30.0).decode(yuv.ravel())
-    assert np.abs(image.astype(int) - bgr).max() < 6
 
 
 def test_user_of_a_device_is_named(tmp_path) -> None:

@@ -6,7 +6,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from drivers.base.settings import Settings
+from drivers.base.settings import Settings, VersionedFile
 from drivers.strip.file import Provenance
 
 Positive = Annotated[float, Field(gt=0)]
@@ -153,12 +153,11 @@ class UncertainSpec(Settings):
         return self.body or self.joint or self.actuator or "*"
 
 
-class MechanismFile(Settings):
+class MechanismFile(VersionedFile):
     """Content of a mechanism file: the model, its signals and inputs, and its uncertain
     numbers.
     """
 
-    schema_: Literal[1] = Field(1, alias="schema")
     kind: Literal["mechanism"]
     name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")
     model: str

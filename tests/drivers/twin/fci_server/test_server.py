@@ -21,13 +21,11 @@ from tests.support.fci_wire import (
     IDLE,
     MOVE,
     MOVING,
-    PREEMPTED,
     RECOVERY,
     REFLEX,
     REFLEX_ABORTED,
     SET_COLLISION,
     STARTED,
-    STOP_MOVE,
     RawArm,
     State,
     move_request,
@@ -76,14 +74,6 @@ def test_silent_strangers_do_not_keep_a_client_out(server) -> None:
         stranger.close()
 
 
-def test_motion_follows_commands_tick_by_tick(arm) -> None:
-    state = arm.start_still()
-    before = state.place[1]
-    state = drive(arm, state, 100)
-    assert state.place[1] - before == pytest.approx(100 * 1e-3 * AHEAD[1], abs=1e-6)
-    assert state.dq[0] != 0
-
-
 def test_silent_client_freezes_time_and_gets_its_state_again(arm) -> None:
     state = drive(arm, arm.start_still(), 5)
     again = arm.state()
@@ -112,21 +102,6 @@ def test_same_commands_give_the_same_bytes() -> None:
     assert told[0] == told[1]
 
 
-def test_motion_ends_when_the_client_says_so(arm) -> None:
-    state = drive(arm, arm.start_still(), 20)
-    arm.send(robot_command(state.message_id, finished=True))
-    assert arm.until(lambda after: after.mode == IDLE).generator == 0
-    assert arm.reply()[2] == b"\0"
-
-
-def test_stop_brakes_preempts_the_motion_and_answers_when_the_arm_stands(arm) -> None:
-    drive(arm, arm.start_still(), 20)
-    stop = arm.request(STOP_MOVE)
-    assert arm.reply()[2][0] == PREEMPTED
-    assert arm.reply()[:2] == (STOP_MOVE, stop)
-    assert not any(arm.newest().dq)
-
-
 def test_setters_are_refused_in_motion_and_taken_at_rest(arm) -> None:
     thresholds = struct.pack("<52d", *[20.0] * 52)
     assert arm.ask(SET_COLLISION, thresholds) == 0
@@ -146,22 +121,6 @@ def test_client_that_goes_in_motion_leaves_the_arm_at_rest(server) -> None:
         state = arm.until(lambda state: not any(state.dq))
         assert state.mode == IDLE
         assert arm.ask(MOVE, move_request(CARTESIAN_VELOCITY)) == STARTED
-
-
-def test_jump_is_a_reflex_that_only_recovery_ends(arm) -> None:
-    state = arm.start_still()
-    arm.send(robot_command(state.message_id, twist=(0.0, 1.0, 0, 0, 0, 0)))
-    state = arm.until(lambda after: after.mode == REFLEX)
-    assert state.generator == 0
-    assert state.errors == state.reasons
-    assert state.errors == [Reflex.CARTESIAN_MOTION_GENERATOR_VELOCITY_DISCONTINUITY]
-    assert arm.reply()[2][0] == REFLEX_ABORTED
-    assert arm.ask(STOP_MOVE) == 0
-    assert arm.ask(MOVE, move_request(CARTESIAN_VELOCITY)) == 5
-    assert arm.ask(RECOVERY) == 0
-    state = arm.until(lambda after: after.mode == IDLE)
-    assert state.errors == []
-    assert arm.ask(MOVE, move_request(CARTESIAN_VELOCITY)) == STARTED
 
 
 def test_user_stop_that_is_released_lets_the_arm_move_again() -> None:

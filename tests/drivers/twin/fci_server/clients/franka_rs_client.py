@@ -41,8 +41,6 @@ robot = franka.Robot(sys.argv[1], realtime="ignore")
 os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
 told: dict[str, object] = {"begun": robot.read_once().robot_mode}
 configure(robot, 20.0)
-robot.set_joint_impedance([3000.0] * 7)
-robot.set_cartesian_impedance([3000.0] * 3 + [300.0] * 3)
 start = newest(robot).O_T_EE[1, 3]
 carry(robot, 0.02)
 told["moved"] = float(newest(robot).O_T_EE[1, 3] - start)

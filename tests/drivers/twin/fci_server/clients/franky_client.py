@@ -42,9 +42,6 @@ os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
 robot.relative_dynamics_factor = 0.1
 told: dict[str, object] = {"begun": name(robot)}
 configure(robot, 20.0)
-robot.set_joint_impedance([3000.0] * 7)
-robot.set_cartesian_impedance([3000.0] * 3 + [300.0] * 3)
-robot.set_load(0.1, [0.0] * 3, [1e-3, 0, 0, 0, 1e-3, 0, 0, 0, 1e-3])
 start = robot.state.O_T_EE.translation[1]
 robot.move(along(0.02))
 told["moved"] = robot.state.O_T_EE.translation[1] - start
