@@ -86,9 +86,10 @@ class BoardSettings(Settings):
         """OpenCV's object of the calibration board; ConfigurationError for impossible
         sizes.
         """
-        if self.rows % 2 == 0:
+        rows = self.rows
+        if rows % 2 == 0:
             raise ConfigurationError(
-                f"board: rows: is {self.rows}, must be odd; print another"
+                f"board: rows: is {rows}, must be odd; print another"
             )
         if self.marker >= self.square:
             raise ConfigurationError(
@@ -96,7 +97,7 @@ class BoardSettings(Settings):
             )
         dictionary = cv2.aruco.getPredefinedDictionary(DICTIONARY)
         return cv2.aruco.CharucoBoard(
-            (self.columns, self.rows), self.square, self.marker, dictionary
+            (self.columns, rows), self.square, self.marker, dictionary
         )
 
 

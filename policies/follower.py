@@ -33,18 +33,19 @@ class Follower:
 
         The first call searches the entire path, later ones at most SEARCH_WINDOW ahead.
         """
+        path = self.path
         points = np.stack([x, z], axis=-1)
-        high = np.minimum(self.progress + self._reach, self.path.length)
-        self.progress = nearest(self.path, points, self.progress, high)
+        high = np.minimum(self.progress + self._reach, path.length)
+        self.progress = nearest(path, points, self.progress, high)
         self._reach = SEARCH_WINDOW
 
         # the path's heading LEAD ahead, and back to the path within LOOK_AHEAD
-        tangent = tangents(self.path, self.progress + speed * LEAD)
-        offset = self.path.at(self.progress) - points
+        tangent = tangents(path, self.progress + speed * LEAD)
+        offset = path.at(self.progress) - points
         across = offset - np.sum(offset * tangent, axis=-1, keepdims=True) * tangent
         aim = LOOK_AHEAD * tangent + across
 
-        done = self.progress >= self.path.length - END_TOLERANCE
+        done = self.progress >= path.length - END_TOLERANCE
         return Decision(
             direction=np.asarray(np.arctan2(aim[:, 1], aim[:, 0]) % (2 * np.pi)),
             speed=np.where(done, 0.0, speed),

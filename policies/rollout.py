@@ -157,6 +157,7 @@ class _Loop:
 
     def lift(self, path: Path) -> None:
         """Move all grippers along `path` from rest up to the take-over height."""
+        dt = self._dt
         count = len(self.poses)
         height = min(TAKEOVER_HEIGHT, LIFT_SHARE * float(path.points[:, 1].max()))
         travel = 0.0
@@ -164,13 +165,13 @@ class _Loop:
         while path.at(travel)[1] < height:
             travels = []
             for _ in range(self._settings.substeps):
-                speed = min(self._settings.speed, speed + ACCELERATION * self._dt)
-                travel += speed * self._dt
+                speed = min(self._settings.speed, speed + ACCELERATION * dt)
+                travel += speed * dt
                 travels.append(travel)
             poses = path.poses(np.array(travels))
             self._advance(np.repeat(poses[:, None], count, axis=1))
-        last_step = path.at(travel) - path.at(travel - speed * self._dt)
-        self._velocity = np.tile(last_step / self._dt, (count, 1))
+        last_step = path.at(travel) - path.at(travel - speed * dt)
+        self._velocity = np.tile(last_step / dt, (count, 1))
 
     def execute(self, decision: Decision) -> bool:
         """Execute `decision` until the next one is due; returns whether all folds have

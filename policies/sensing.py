@@ -214,12 +214,13 @@ class SimulatedCamera:
 
     def _add_noise(self, time: float) -> Images:
         """Measurements in the strips' newest images at `time` [s], with noise."""
+        states = self._states
         draws = self._draws
         sensing = self._sensing
-        after = (self._newest + self._decisions_late) % len(self._states)
-        before = (after + 1) % len(self._states)
-        true = (1 - self._share_late) * self._states[after, self._strips]
-        true += self._share_late * self._states[before, self._strips]
+        after = (self._newest + self._decisions_late) % len(states)
+        before = (after + 1) % len(states)
+        true = (1 - self._share_late) * states[after, self._strips]
+        true += self._share_late * states[before, self._strips]
         noise = draws.normal(STATE_SIZE) * sensing.state_sigma * self._factor[:, None]
         state = true[:, :STATE_SIZE] + self._bias + noise
         profile = true[:, STATE_SIZE:].reshape(len(true), self._points, 2)

@@ -162,21 +162,22 @@ class BoardViews:
 
     def _refuse(self, frame: Frame, look: BoardDetection) -> str | None:
         """Reason why an image shows no usable view of the board, or None."""
+        settings = self._settings
         size = (frame.image.shape[1], frame.image.shape[0])
         if size != self._size:
             return (
                 f"the image is {size[0]} x {size[1]} px, the others are {self._size[0]}"
                 f" x {self._size[1]} px; set the camera back"
             )
-        if look.view is None or look.corners < self._settings.corners:
+        if look.view is None or look.corners < settings.corners:
             return self._why_undetected(look, size)
-        if look.side < self._settings.smallest:
+        if look.side < settings.smallest:
             return (
                 f"the board is too far: its markers are {look.side:.0f} px, at least "
-                f"{self._settings.smallest:.0f} px are needed; come nearer"
+                f"{settings.smallest:.0f} px are needed; come nearer"
             )
         apart = min((look.view.distance(view) for view in self.views), default=np.inf)
-        if apart < self._settings.distinct:
+        if apart < settings.distinct:
             return (
                 f"a view that differs by only {apart:.0f} px was taken before; move the"
                 " board"

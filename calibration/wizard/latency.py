@@ -88,12 +88,13 @@ def latency_verdict(
     """Measure the camera's latency by `steps` of the arm, through the map of the
     touched points.
     """
+    told = steps.arm
     most = settings.most
-    if plane_map is None or not steps.arm:
+    if plane_map is None or not told:
         return LatencyVerdict(reasons=("the latency was not measured",))
-    if len(steps.arm) < 2 or len(steps.seen) == 0:
+    if len(told) < 2 or len(steps.seen) == 0:
         return LatencyVerdict(reasons=("no step of the arm was seen; step again",))
-    arm: Array = np.array(steps.arm)
+    arm: Array = np.array(told)
     seen: Array = np.array(steps.seen)
     times = arm[:, 0]
     inside = (seen[:, 0] > times[0] + most) & (seen[:, 0] < times[-1])

@@ -269,12 +269,13 @@ def _length_reasons(length: float | None, settings: BoardSettings) -> tuple[str,
     """Reasons for refusal: the ruler contradicts the stated squares, unseen in
     images.
     """
+    columns = settings.columns
     stated = settings.width
     if length is None:
         return (
             (
                 "no length of the board was measured; lay a ruler along its long side"
-                f" and state the length of {settings.columns} squares,"
+                f" and state the length of {columns} squares,"
                 f" {1e3 * stated:.1f} mm as configured"
             ),
         )
@@ -282,9 +283,9 @@ def _length_reasons(length: float | None, settings: BoardSettings) -> tuple[str,
         (
             abs(length / stated - 1.0) > settings.length,
             (
-                f"{settings.columns} squares measure {1e3 * length:.1f} mm, configured"
+                f"{columns} squares measure {1e3 * length:.1f} mm, configured"
                 f" are {1e3 * stated:.1f} mm, {100 * (stated / length - 1.0):+.1f} %;"
-                f" state boards.square: {length / settings.columns:.5f} or print the"
+                f" state boards.square: {length / columns:.5f} or print the"
                 " board at 100 %"
             ),
         )

@@ -152,14 +152,15 @@ class TouchedPoints:
     @property
     def why(self) -> str:
         """Reason for the requested pose, and the number of touched points."""
+        number = self.number
         if self.again:
-            return f"point {self.number} disagrees with the others: touch it once more"
+            return f"point {number} disagrees with the others: touch it once more"
         done = f"{len(self._touches)} of {len(self.plan)} points are touched"
-        if self.number is None or not self.fitted:
+        if number is None or not self.fitted:
             return done
-        held = held_out(self.number, self._settings)
+        held = held_out(number, self._settings)
         return (
-            f"point {self.number} ({'held out for the verdict' if held else 'fitted'}):"
+            f"point {number} ({'held out for the verdict' if held else 'fitted'}):"
             f" {done}"
         )
 
@@ -222,11 +223,12 @@ class TouchedPoints:
         """Raise ConfigurationError for an image of another size than the lens was found
         with.
         """
-        if not self.lens.fits(frame.image):
+        lens = self.lens
+        if not lens.fits(frame.image):
             height, width = frame.image.shape[:2]
             raise ConfigurationError(
                 f"touch: the image is {width} x {height} px, the lens was found with"
-                f" {self.lens.width} x {self.lens.height} px; set the camera to that"
+                f" {lens.width} x {lens.height} px; set the camera to that"
                 " size, or run `cell calibrate camera` at this one"
             )
 
@@ -251,16 +253,17 @@ class TouchedPoints:
         """Store the touch of `row`, whose image shows the pointer at `centre` (2,)
         [px].
         """
+        number = row.number
         if row.pose is None:
             raise ConfigurationError(
-                f"told.jsonl: point {row.number} has no pose; leave it out"
+                f"told.jsonl: point {number} has no pose; leave it out"
             )
-        self._touches.pop((row.number, row.again), None)  # the newest is the last
-        self._touches[row.number, row.again] = TouchedPoint(
-            number=row.number,
+        self._touches.pop((number, row.again), None)  # the newest is the last
+        self._touches[number, row.again] = TouchedPoint(
+            number=number,
             place=np.array(row.pose[:2]),
             pixel=centre,
-            held_out=held_out(row.number, self._settings),
+            held_out=held_out(number, self._settings),
             again=row.again,
         )
 

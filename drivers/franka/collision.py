@@ -111,11 +111,10 @@ class Solids:
         """
         centres = sphere_centres(q)[..., _MOVABLE, :]
         turn, place = self.frame[:3, :3], self.frame[:3, 3]
-        within = (centres - place) @ turn
-        rows = []
-        for box in self.boxes:
-            beyond = np.maximum(np.array(box.low) - within, within - np.array(box.high))
-            outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=-1)
-            inside = np.minimum(beyond.max(axis=-1), 0.0)
-            rows.append((outside + inside - RADII[_MOVABLE]).min(axis=-1))
-        return np.stack(rows, axis=-1)
+        within = ((centres - place) @ turn)[..., None, :, :]
+        low, high = np.array([(box.low, box.high) for box in self.boxes]).swapaxes(0, 1)
+        beyond = np.maximum(low[:, None] - within, within - high[:, None])
+        outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=-1)
+        inside = np.minimum(beyond.max(axis=-1), 0.0)
+        gaps: Array = (outside + inside - RADII[_MOVABLE]).min(axis=-1)
+        return gaps

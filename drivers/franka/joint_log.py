@@ -44,11 +44,7 @@ class JointLog:
     def add(self, t: float, state: Any) -> None:
         """Store the JOINT_FIELDS of the robot's `state` at time `t` [s]."""
         row = self._rows[self._count % KEPT_TICKS]
-        row[0] = t
-        row[1:8] = state.q
-        row[8:15] = state.dq
-        row[15:22] = state.q_d
-        row[22:29] = state.tau_J
+        row[:] = (t, *state.q, *state.dq, *state.q_d, *state.tau_J)
         self._count += 1
 
     def content(self) -> bytes:

@@ -68,10 +68,11 @@ class JointSetpoint(NamedTuple):
 
     def after(self, ticks: int) -> "JointSetpoint":
         """Setpoint `ticks` later of a robot without a command, at its acceleration."""
+        acceleration = self.acceleration
         time = ticks * TICK
-        rate = self.rate + time * self.acceleration
-        mean = self.rate + 0.5 * (time + TICK) * self.acceleration
-        return JointSetpoint(self.position + time * mean, rate, self.acceleration)
+        rate = self.rate + time * acceleration
+        mean = self.rate + 0.5 * (time + TICK) * acceleration
+        return JointSetpoint(self.position + time * mean, rate, acceleration)
 
     def moved_to(self, joints: Numbers, ticks: int) -> "JointSetpoint":
         """Setpoint found at `joints` (7,) [rad] where this one was expected after

@@ -202,9 +202,10 @@ def retreat(
     ArmFault where the force is NaN or rises during the motion, where the path leads
     towards one of the `solids`, or does not free the arm within AWAY.
     """
+    allowed = settings.rest
     state = robot.state()
     size = _force_on_gripper(state)
-    if size <= settings.rest:
+    if size <= allowed:
         return
     if not isfinite(size):
         reason = (
@@ -219,7 +220,7 @@ def retreat(
     guard = ForceGuard(size + FORCE_RISE)
 
     def is_over(state: Any) -> bool:
-        return interrupted() or _force_on_gripper(state) < FREE * settings.rest
+        return interrupted() or _force_on_gripper(state) < FREE * allowed
 
     try:
         follow_joints(robot, path[-1].tolist(), SPEED_SHARE, guard, is_over)
@@ -228,10 +229,10 @@ def retreat(
         with suppress(ArmFault):
             robot.configure(settings.collision)
     after = _force_on_gripper(robot.state())
-    if not after <= settings.rest:
+    if not after <= allowed:
         reason = (
             f"the gripper still feels {after:.1f} N after a retreat of {1e3 * AWAY:.0f}"
-            f" mm from {size:.1f} N, allowed {settings.rest:.1f} N"
+            f" mm from {size:.1f} N, allowed {allowed:.1f} N"
         )
         raise ArmFault(Cause.PRESSED, reason)
 

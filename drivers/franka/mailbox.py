@@ -90,15 +90,13 @@ class Mailbox(SharedMemory, Generic[V]):
         )
         self._struct = struct.Struct("=" + "".join(letters))
         self._kind = kind
-        end = WORD + 2 * self._struct.size
+        middle = WORD + self._struct.size
+        end = middle + self._struct.size
         if descriptor is None:
             os.ftruncate(self.descriptor, end)
         view = memoryview(mmap(self.descriptor, end))
         self._count = view[:WORD].cast("Q")
-        self._slots = (
-            view[WORD : WORD + self._struct.size],
-            view[WORD + self._struct.size : end],
-        )
+        self._slots = view[WORD:middle], view[middle:end]
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Mailbox, (self._kind, self.descriptor)

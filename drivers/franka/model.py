@@ -111,9 +111,10 @@ class ArmModel:
 
         In motion `rate` [rad/s] and its `change` [rad/s^2] are given, (7,) each.
         """
-        self.data.qpos[:], self.data.qvel[:], self.data.qacc[:] = q, rate, change
-        self._inverse(self.model, self.data)
-        return np.array(self.data.qfrc_inverse)
+        data = self.data
+        data.qpos[:], data.qvel[:], data.qacc[:] = q, rate, change
+        self._inverse(self.model, data)
+        return np.array(data.qfrc_inverse)
 
 
 def arm_mjcf() -> str:

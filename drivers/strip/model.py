@@ -161,10 +161,11 @@ class Mechanics:
         With `softness` the edges are smoothed by a Gaussian of deviation softness times
         width. Raises ConfigurationError for a position outside the strip.
         """
-        if not 0 <= position <= self.length:
+        length = self.length
+        if not 0 <= position <= length:
             raise ConfigurationError(
                 f"position: {position:g} is not on the strip; allowed: 0 to"
-                f" {self.length:g} m"
+                f" {length:g} m"
             )
         if softness > 0:
             from scipy import special
@@ -175,10 +176,10 @@ class Mechanics:
             spread = softness * width
             inside: Array = special.ndtr(ahead / spread) - special.ndtr(behind / spread)
             return inside
-        cells = np.linspace(0.0, self.length, CELLS + 1)
+        cells = np.linspace(0.0, length, CELLS + 1)
         right = np.minimum(cells[1:], position + width / 2)
         left = np.maximum(cells[:-1], position - width / 2)
-        return np.clip((right - left) * (CELLS / self.length), 0.0, 1.0)
+        return np.clip((right - left) * (CELLS / length), 0.0, 1.0)
 
 
 @dataclass(frozen=True, slots=True)

@@ -158,18 +158,19 @@ class NewestFrame:
 
     def _publish(self, session: CaptureSession, capture: Capture) -> None:
         """Count a capture and publish it as the newest frame, unless it is corrupt."""
+        counts = self.counts
         step = self._sequence.step_to(capture.counter)
         self._last_any = capture.taken
-        self.counts.missing += max(step - 1, 0)
-        self.counts.repeated += step < 1
+        counts.missing += max(step - 1, 0)
+        counts.repeated += step < 1
         if capture.corrupt or not session.setup.picture.is_complete(capture.content):
-            self.counts.corrupt += 1
+            counts.corrupt += 1
             return
         self._last_complete = capture.taken
         self._patience = self._settings.stall
         arrived = self._on_cell_clock(session, capture)
-        self.counts.arrived += 1
-        self.counts.restamped += arrived.source is StampSource.DEQUEUE
+        counts.arrived += 1
+        counts.restamped += arrived.source is StampSource.DEQUEUE
         with self._changed:
             self._newest = arrived
             self._recovered = True

@@ -131,17 +131,19 @@ class PictureFormat:
         """BGR image (height, width, 3) from the bytes `content` (n,); None if
         incomplete.
         """
+        width = self.width
+        height = self.height
         if not self.is_complete(content):
             return None
         if self.format == "MJPG":
             image = cv2.imdecode(content, cv2.IMREAD_COLOR)
-            if image is None or image.shape != (self.height, self.width, 3):
+            if image is None or image.shape != (height, width, 3):
                 return None
             return np.asarray(image, np.uint8)
         depth, decoder = RAW[self.format]
-        lines = content[: self.line * self.height].reshape(self.height, self.line)
-        pixels = np.ascontiguousarray(lines[:, : self.width * depth])
-        return decoder(pixels.reshape(self.height, self.width, depth))
+        lines = content[: self.line * height].reshape(height, self.line)
+        pixels = np.ascontiguousarray(lines[:, : width * depth])
+        return decoder(pixels.reshape(height, width, depth))
 
 
 def negotiate(device: Device, settings: V4l2Settings) -> PictureFormat:
@@ -180,18 +182,18 @@ def _negotiate_rate(device: Device, settings: V4l2Settings) -> float:
     """Set the frame rate and return it as read back [Hz]; CameraRefused where it
     differs.
     """
+    wanted = settings.rate
     request = abi.StreamParameters(type=abi.CAPTURE)
     request.parm.capture.timeperframe = abi.Fraction(
-        PER_SECOND, round(PER_SECOND * settings.rate)
+        PER_SECOND, round(PER_SECOND * wanted)
     )
     device.call(abi.Ioctl.S_PARM, request, "setting the rate")
     parameters = abi.StreamParameters(type=abi.CAPTURE)
     reply = device.call(abi.Ioctl.G_PARM, parameters, "reading the rate")
     rate = _rate(reply.parm.capture.timeperframe)
-    if abs(rate - settings.rate) > RATE_TOLERANCE * settings.rate:
+    if abs(rate - wanted) > RATE_TOLERANCE * wanted:
         problem = (
-            f"{settings.rate:g} Hz became {rate:g} Hz; allowed:"
-            f" {_offered_formats(device)}"
+            f"{wanted:g} Hz became {rate:g} Hz; allowed: {_offered_formats(device)}"
         )
         raise CameraRefused(device.path, "rate", problem)
     return rate

@@ -185,14 +185,15 @@ def internal_forces(block: Any, rate: Any) -> None:
     """Write forces and stiffness of all segments and bending tangents of nodes into
     `work`.
     """
-    end = block.state.shape[0] - 2
+    state = block.state
+    end = state.shape[0] - 2
     if block.last == end:
-        extend_free_end(block.state)
-    last_tangent, tangent = direction(block.state, 0), direction(block.state, 1)
+        extend_free_end(state)
+    last_tangent, tangent = direction(state, 0), direction(state, 1)
     segment_turn(block.work, 0, last_tangent)
     moment_left = node_moment(block, 1, last_tangent, tangent, rate)
     for r in range(at.FIRST_FREE_NODE, end + 1):
-        next_tangent = direction(block.state, r)
+        next_tangent = direction(state, r)
         moment_right = node_moment(block, r, tangent, next_tangent, rate)
         segment_force(block, r - 1, tangent, moment_left - moment_right)
         tangent, moment_left = next_tangent, moment_right

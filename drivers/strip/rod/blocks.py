@@ -51,6 +51,7 @@ def finish_lanes(batch: Any, b: int, unsolved: Any, output: Any, moment: Any) ->
     Ends those in the lanes `unsolved`, which failed to converge, and those that have
     touched.
     """
+    k = moment.k
     observed = output.observed
     nodes = batch.arc.shape[1]
     x, z = np.empty(nodes), np.empty(nodes)
@@ -58,17 +59,17 @@ def finish_lanes(batch: Any, b: int, unsolved: Any, output: Any, moment: Any) ->
         i = batch.strips[b, lane]
         if lane_of(unsolved, lane) > 0.0:
             batch.monitor[i, at.FAILURE_TIME] = moment.time
-            retire(batch, b, lane, observed, moment.k)
+            retire(batch, b, lane, observed, k)
         elif load_lane(batch.alive[b], 0, 0, lane) > 0.0:
             copy_midline(batch.state[b], lane, x, z)
-            if len(output.shapes) > 0 and (moment.k + 1) % output.every == 0:
-                shape = output.shapes[(moment.k + 1) // output.every - 1, i]
+            if len(output.shapes) > 0 and (k + 1) % output.every == 0:
+                shape = output.shapes[(k + 1) // output.every - 1, i]
                 shape[:, 0], shape[:, 1] = x, z
-            row = observed[moment.k, i]
+            row = observed[k, i]
             height, index = write_observables(batch, b, lane, (x, z), row)
             gap = height, at_index(x, index), at_index(batch.arc[i], index)
             if watch_gap(batch.monitor[i], gap, moment):
-                retire(batch, b, lane, observed, moment.k)
+                retire(batch, b, lane, observed, k)
 
 
 @kernel

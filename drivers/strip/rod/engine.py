@@ -184,14 +184,13 @@ class Rod:
         """Read the touches of layers; raises for a strip that failed where the engine
         is strict.
         """
-        strips = zip(
-            self._batch.monitor, self._batch.arc, midlines(self._batch), strict=True
-        )
+        batch = self._batch
+        strips = zip(batch.monitor, batch.arc, midlines(batch), strict=True)
         self.touch = tuple(_touch(*strip) for strip in strips)
         if self._strict and self.failed.any():
             i = int(np.argmax(self.failed))
-            time = float(self._batch.monitor[i, at.FAILURE_TIME])
-            if not np.isfinite(self._batch.held[i]).all():
+            time = float(batch.monitor[i, at.FAILURE_TIME])
+            if not np.isfinite(batch.held[i]).all():
                 raise SimulationNotFinite("rod", time)
             raise SimulationNotConverged("rod", i, time)
 

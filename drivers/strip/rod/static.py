@@ -87,13 +87,12 @@ def _rigid_nature(batch: Batch, models: Sequence[StripModel]) -> Array:
 
 def _stretch(batch: Batch, ratio: Array, stretched: NDArray[np.bool_]) -> None:
     """Scale x of all nodes by `ratio` (n,) in the strips of mask `stretched` (n,)."""
-    ghost = batch.state.shape[1] - 1  # beyond the grip: it keeps its distance
+    states = batch.state
+    ghost = states.shape[1] - 1  # beyond the grip: it keeps its distance
     for b, lane in np.ndindex(batch.strips.shape):
         i = batch.strips[b, lane]
         if i < len(ratio) and stretched[i]:
-            state = (
-                batch.state[b] if batch.state.ndim == 3 else batch.state[b, :, :, lane]
-            )
+            state = states[b] if states.ndim == 3 else states[b, :, :, lane]
             state[ghost, at.X] -= (1.0 - ratio[i]) * state[ghost - 1, at.X]
             state[1:ghost, at.X] *= ratio[i]
             state[:, at.X1] = state[:, at.X]

@@ -115,14 +115,16 @@ def stick_slip(block: Any, r: int, taut: Any, stretch: Any, span: Any) -> Any:
     method would alternate between the two. In the first iteration of a step all ends
     stick: tensions of extrapolated positions are meaningless.
     """
-    taut = taut - stretch * load(block.state, r, at.SLID)
-    sign = slip_direction(block, r, load(block.work, r, at.STUCK))
-    before = load(block.state, r, at.SLIP_SIGN)
+    work = block.work
+    state = block.state
+    taut = taut - stretch * load(state, r, at.SLID)
+    sign = slip_direction(block, r, load(work, r, at.STUCK))
+    before = load(state, r, at.SLIP_SIGN)
     sign = select(below(sign * before, -0.5), 0.0, sign)
     sign = select(below(UNTRIED - 0.5, before), 0.0, sign)
-    store(block.state, r, at.SLIP_SIGN, sign)
-    store_pair(block.work, r, at.STUCK, (taut, stretch * span))
-    level = select(sign, slip_limit(block, r), -load(block.state, r, at.HELD))
+    store(state, r, at.SLIP_SIGN, sign)
+    store_pair(work, r, at.STUCK, (taut, stretch * span))
+    level = select(sign, slip_limit(block, r), -load(state, r, at.HELD))
     moves = sign * sign
     return select(moves, level, taut), select(moves, 0.0, stretch)
 
@@ -215,10 +217,11 @@ def predict_terms(block: Any, rate: Any, weights: Any) -> None:
     """Write drag matrices and BDF2 bases of Maxwell strains for the coming step into
     `work`.
     """
+    state = block.state
     newest, older = weights
-    for r in range(1, block.state.shape[0] - 1):
-        store(block.state, r, at.SLIP_SIGN, UNTRIED)
-        q, q1 = pair(block.state, r, at.MAXWELL)
+    for r in range(1, state.shape[0] - 1):
+        store(state, r, at.SLIP_SIGN, UNTRIED)
+        q, q1 = pair(state, r, at.MAXWELL)
         store(block.work, r, at.BASE_MAXWELL, fma(newest, q, older * q1))
     for r in range(at.FIRST_FREE_NODE, block.last + 1):
         store_drag(block, r, rate)

@@ -108,9 +108,10 @@ def predict_motion(block: Any, h: float, omega: float, alive: Any) -> None:
 @kernel
 def predict_strain(block: Any, omega: float) -> None:
     """Store the BDF2 bases of the bending strains in `work`."""
+    state = block.state
     newest, older = weights(omega)
-    for r in range(1, block.state.shape[0] - 1):
-        eps, eps1 = load(block.state, r, at.EPS), load(block.state, r, at.EPS1)
+    for r in range(1, state.shape[0] - 1):
+        eps, eps1 = load(state, r, at.EPS), load(state, r, at.EPS1)
         store(block.work, r, at.BASE_EPS, fma(newest, eps, older * eps1))
 
 
@@ -184,11 +185,12 @@ def grip_force(block: Any, h: float, rate: Any, alive: Any) -> None:
 @kernel
 def slip_length(block: Any, r: int) -> Any:
     """Distance [m] by which the strip slid at segment `r` in the step just solved."""
+    state = block.state
     stretch, span = load(block.nature, r, at.STRETCH), load(block.nature, r, at.SPAN)
-    _, _, _, length = direction(block.state, r)
-    taut = stretch * (length - span - load(block.state, r, at.SLID))
+    _, _, _, length = direction(state, r)
+    taut = stretch * (length - span - load(state, r, at.SLID))
     sign = slip_direction(block, r, taut)
-    level = select(sign, slip_limit(block, r), -load(block.state, r, at.HELD))
+    level = select(sign, slip_limit(block, r), -load(state, r, at.HELD))
     return select(sign * sign, (taut - level) / stretch, 0.0)
 
 
@@ -200,9 +202,10 @@ def slide_in_grip(block: Any, alive: Any) -> None:
     That piece is straight and massless, valid for a few per cent of the strip. Arc
     lengths end at the edge that was grasped, so l1 does not grow by it.
     """
-    r = block.state.shape[0] - 3
-    slid = load(block.state, r, at.SLID) + slip_length(block, r)
-    update(block.state, r, at.SLID, alive, slid)
+    state = block.state
+    r = state.shape[0] - 3
+    slid = load(state, r, at.SLID) + slip_length(block, r)
+    update(state, r, at.SLID, alive, slid)
 
 
 @kernel
@@ -254,12 +257,13 @@ def place_grip(block: Any, lane: int, pose: Any) -> None:
     """Move the grasped edge in lane `lane` to `pose` (3,) [m, m, rad], with its ghost
     node.
     """
-    row = block.state.shape[0] - 2
+    state = block.state
+    row = state.shape[0] - 2
     span = load_lane(block.nature, row, at.SPAN, lane)
-    store_lane(block.state, row, at.X, lane, pose[0])
-    store_lane(block.state, row, at.Z, lane, pose[1])
-    store_lane(block.state, row + 1, at.X, lane, pose[0] + span * math.cos(pose[2]))
-    store_lane(block.state, row + 1, at.Z, lane, pose[1] + span * math.sin(pose[2]))
+    store_lane(state, row, at.X, lane, pose[0])
+    store_lane(state, row, at.Z, lane, pose[1])
+    store_lane(state, row + 1, at.X, lane, pose[0] + span * math.cos(pose[2]))
+    store_lane(state, row + 1, at.Z, lane, pose[1] + span * math.sin(pose[2]))
 
 
 @kernel
@@ -324,22 +328,21 @@ def step(block: Any, grips: Any, pace: Any) -> Any:
     A lane that moved in substeps continues with the history of one full step; one that
     failed is left unchanged.
     """
+    state = block.state
     place_grips(block, grips, 1.0)
     gate = implicit_step(block, pace.h, pace.omega, load(grips.alive, 0, 0))
     if not any_lane(gate):
         return gate
     rewind(block, gate)
-    start = block.state.copy()
+    start = state.copy()
     for parts in SUBSTEPS:
         failed = step_in_parts(block, grips, pace, gate, parts)
-        copy_fields(start, (0, start.shape[1]), block.state, 0, failed)
+        copy_fields(start, (0, start.shape[1]), state, 0, failed)
         moved = gate - failed  # their history is the state before the whole step
-        copy_fields(start, (at.X, at.EPS), block.state, at.X1, moved)
-        copy_fields(start, (at.EPS, at.FRICTION), block.state, at.EPS1, moved)
+        copy_fields(start, (at.X, at.EPS), state, at.X1, moved)
+        copy_fields(start, (at.EPS, at.FRICTION), state, at.EPS1, moved)
         if block.terms is not None:
-            copy_fields(
-                start, (at.MAXWELL, at.MAXWELL1), block.state, at.MAXWELL1, moved
-            )
+            copy_fields(start, (at.MAXWELL, at.MAXWELL1), state, at.MAXWELL1, moved)
         gate = failed
         if not any_lane(gate):
             break

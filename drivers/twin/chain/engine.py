@@ -124,14 +124,15 @@ class Slide:
         """Choose stick or slip for the next step, from the joint's position and
         velocity.
         """
+        limit = self.limit
         if self.sliding != NOT_SLIDING:
             # reversed: stick, with the spring at the same force
             if self.sliding * rate <= 0:
-                self.rest = position - self.sliding * self.limit / self.stiffness
+                self.rest = position - self.sliding * limit / self.stiffness
                 self.sliding = NOT_SLIDING
             return
         force = self.stiffness * (position - self.rest)
-        if force > self.limit or (self.both_ways and -force > self.limit):
+        if force > limit or (self.both_ways and -force > limit):
             self.sliding = float(np.sign(force))
 
     def apply(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
@@ -432,14 +433,15 @@ class Chain:
 
     def _observe(self) -> Observables:
         """Observables of all strips in their present shapes."""
+        strips = self._strips
         heights = [model.observation.contact_height for model in self._models]
-        pairs = list(zip(self._strips, heights, strict=True))
+        pairs = list(zip(strips, heights, strict=True))
         return Observables(
             contact_x=np.array(
                 [desk_contact(strip.points, height) for strip, height in pairs]
             ),
-            tip=np.array([fold_tip(strip.points) for strip in self._strips]),
-            holding_force=np.array([strip.holding_force() for strip in self._strips]),
-            grip_force=np.array([strip.grip_force() for strip in self._strips]),
-            touch=tuple(strip.touch for strip in self._strips),
+            tip=np.array([fold_tip(strip.points) for strip in strips]),
+            holding_force=np.array([strip.holding_force() for strip in strips]),
+            grip_force=np.array([strip.grip_force() for strip in strips]),
+            touch=tuple(strip.touch for strip in strips),
         )

@@ -46,14 +46,15 @@ class Loads:
 
     def _moments(self, data: mujoco.MjData, h: float) -> Array:
         """Moments (n + 1,) [N m] of friction and relaxation at the hinges."""
-        moment = np.zeros(len(self._joints.hinges))
+        hinges = self._joints.hinges
+        moment = np.zeros(len(hinges))
         if self._has_friction:
             # The engine takes the yarns' moment where the step would end. That damps
             # like h times their stiffness, even while they slide; its share at the
             # present rate is taken back.
-            moment += h * self._lumps.hinges.presliding * data.qvel[self._joints.hinges]
+            moment += h * self._lumps.hinges.presliding * data.qvel[hinges]
         if self._relaxes:
-            moment += self._relax(data.qpos[self._joints.hinges], h)
+            moment += self._relax(data.qpos[hinges], h)
         return moment
 
     def _relax(self, angle: Array, h: float) -> Array:

@@ -138,14 +138,15 @@ def compile_chain(
 
 def _set_options(spec: mujoco.MjSpec, gravity: tuple[float, float]) -> None:
     """Set integrator, solver and step, and `gravity` (g_x, g_z) [m/s^2]."""
+    option = spec.option
     off = mujoco.mjtDisableBit
     spec.compiler.degree = False
-    spec.option.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
-    spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
-    spec.option.solver = mujoco.mjtSolver.mjSOL_NEWTON
-    spec.option.timestep = LONGEST_STEP
-    spec.option.gravity = [gravity[0], 0.0, gravity[1]]
-    spec.option.disableflags = off.mjDSBL_AUTORESET | off.mjDSBL_ISLAND
+    option.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
+    option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+    option.solver = mujoco.mjtSolver.mjSOL_NEWTON
+    option.timestep = LONGEST_STEP
+    option.gravity = [gravity[0], 0.0, gravity[1]]
+    option.disableflags = off.mjDSBL_AUTORESET | off.mjDSBL_ISLAND
 
 
 def _add_desk(spec: mujoco.MjSpec, depth: float) -> None:

@@ -197,13 +197,14 @@ class Disturbance:
 
     def strike(self) -> None:
         """Apply the faults that are due by now, and end those whose time is over."""
-        if self._robot.time >= self._release:
-            self._robot.release_user_stop()
+        robot = self._robot
+        if robot.time >= self._release:
+            robot.release_user_stop()
             self._release = inf
-        if self._robot.time >= self._push_ends:
-            self._robot.pushed = np.zeros(3)
+        if robot.time >= self._push_ends:
+            robot.pushed = np.zeros(3)
             self._push_ends = inf
-        while self._waiting and self._waiting[0].at <= self._robot.ticks:
+        while self._waiting and self._waiting[0].at <= robot.ticks:
             self._apply(self._waiting.pop(0))
 
     def _apply(self, fault: Fault) -> None:

@@ -261,18 +261,19 @@ class RobotServer:
         """By the wall clock, wait for a command or for the end of the control
         period.
         """
+        robot = self.robot
         self._poll_sockets(max(self._pace.remaining(), 0.0))
         command = self._next_command()
         if command is not None and self._lock_step:
             # The client has begun: from here on its commands are the clock.
             self._client_is_clock = True
-            self._motion_begin = self.robot.time
-            if command.message_id == self.robot.time:
+            self._motion_begin = robot.time
+            if command.message_id == robot.time:
                 self._follow(command)
             return
         if command is not None and not self._heard:
             self._heard = True
-            self._in_time.append(self.robot.receive(command))
+            self._in_time.append(robot.receive(command))
         if self._pace.remaining() <= 0:
             self._pass_period()
             self._pace.begin_next()
@@ -292,13 +293,14 @@ class RobotServer:
 
     def _pass_period(self) -> None:
         """End a control period, with or without a command, and advance robot time."""
+        robot = self.robot
         heard = self._heard
         self._heard = False
-        if not heard and (self._lock_step or not self.robot.moving):
-            self.robot.rest()
+        if not heard and (self._lock_step or not robot.moving):
+            robot.rest()
         elif not heard:
             self._in_time.append(False)
-            self.robot.miss()
+            robot.miss()
         self._advance()
 
     def _follow(self, command: RobotCommand) -> None:

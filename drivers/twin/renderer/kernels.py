@@ -116,7 +116,8 @@ def _gather(
     The first pixel of the window is `origin` (u, v). Returns how many sums are `count`
     by then.
     """
-    rows, columns = sums.places.shape
+    places = sums.places
+    rows, columns = places.shape
     for k in range(points.shape[1]):
         u, v = points[0, k] - origin[0], points[1, k] - origin[1]
         column, row = int(u), int(v)
@@ -126,11 +127,11 @@ def _gather(
         glow = share * points[3, k]
         row += corner[0]
         column += corner[1]
-        if sums.places[row, column] == 0:
+        if places[row, column] == 0:
             count += 1
-            sums.places[row, column] = count
+            places[row, column] = count
             sums.pixels[count] = row * columns + column
-        pixel = sums.values[sums.places[row, column]]
+        pixel = sums.values[places[row, column]]
         pixel[0] += share
         pixel[1] += glow
         for channel in range(tint.shape[1]):

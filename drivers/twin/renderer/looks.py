@@ -175,11 +175,7 @@ BLUE_MAT = {
     "backdrop": (222, 221, 216),
     "panel": (120, 118, 114),
 }
-GREY_DESK = {
-    "desk": (176, 178, 176),
-    "backdrop": (222, 221, 216),
-    "panel": (120, 118, 114),
-}
+GREY_DESK = BLUE_MAT | {"desk": (176, 178, 176)}
 NIGHT = {"desk": (44, 44, 46), "backdrop": (58, 58, 62), "panel": (40, 40, 40)}
 # a strong one, by the camera
 SIDE_LAMP = Lamp(place=(0.10, -2.0, 0.80), size=0.04, share=0.35)

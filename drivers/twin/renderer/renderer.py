@@ -159,6 +159,7 @@ class Renderer:
         """Redraw the part of `image` (h, w, 3) in which strip and hand appear, in
         place.
         """
+        settings = self._settings
         optics = self._optics
         clouds = [] if curve is None else self._material(curve)
         hand_faces = gripper.faces_of(hand, optics)
@@ -166,8 +167,8 @@ class Renderer:
         drawn.append(gripper.extent(hand_faces, scene, optics).T)
         window = Window.around(
             np.concatenate(drawn, axis=1),
-            (self._settings.width, self._settings.height),
-            kernel_size(self._settings.lens_blur),
+            (settings.width, settings.height),
+            kernel_size(settings.lens_blur),
         )
         if window is None:
             return
@@ -185,7 +186,7 @@ class Renderer:
             )
         if curve is not None and self._contact_bias:
             self._shift_contact(part, window, scene)
-        window.put(blur(part, self._settings.lens_blur), image)
+        window.put(blur(part, settings.lens_blur), image)
 
     def _shift_contact(self, part: Image, window: Window, scene: Scene) -> None:
         """Draw lint or glare in `part` (h, w, 3) that shifts the apparent contact along

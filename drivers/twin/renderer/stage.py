@@ -46,9 +46,10 @@ def stage(
     The desk is half a thickness of the strip below its midline; `things` stand on the
     desk and behind it.
     """
+    width = settings.width
     around = settings.surroundings
     floor = -look.thickness / 2
-    columns = np.arange(settings.width, dtype=np.float32)
+    columns = np.arange(width, dtype=np.float32)
     rows = np.arange(settings.height, dtype=np.float32)
     rays = optics.rays(*np.meshgrid(columns, rows))
     canvas = _ink(around.backdrop) * _cloth(rays, settings, rng)
@@ -56,11 +57,11 @@ def stage(
     on_desk = [thing for thing in things if thing not in behind]
 
     draw_things(canvas, behind, optics, rng)
-    back = _row(optics, settings.width, around.desk_back, floor)
+    back = _row(optics, width, around.desk_back, floor)
     _cover(canvas, _desk(rays, optics, floor, settings, rng), back)
 
     draw_things(canvas, on_desk, optics, rng)
-    front = _row(optics, settings.width, around.desk_front, floor)
+    front = _row(optics, width, around.desk_front, floor)
     _cover(canvas, _ink(around.panel), front)
 
     lit = canvas * light(settings)[..., None]
@@ -181,12 +182,11 @@ def draw_things(
     """Draw `things` on the unlit `canvas` (height, width, 3) BGR in place, far ones
     first.
     """
+    shape = canvas.shape
     for thing in sorted(things, key=depth, reverse=True):
-        grain = rng.standard_normal(
-            (canvas.shape[0] // 8, canvas.shape[1] // 8), np.float32
-        )
-        shade = 1 + THING_TEXTURE * cv2.resize(grain, canvas.shape[1::-1])
-        for mask, brightness in _covers(thing, optics, canvas.shape[:2]):
+        grain = rng.standard_normal((shape[0] // 8, shape[1] // 8), np.float32)
+        shade = 1 + THING_TEXTURE * cv2.resize(grain, shape[1::-1])
+        for mask, brightness in _covers(thing, optics, shape[:2]):
             material = (shade * brightness)[..., None] * _ink(thing.colour)
             cover = mask.astype(np.float32) / 255
             canvas += cover[..., None] * (material - canvas)

@@ -48,7 +48,8 @@ class CriticTraining:
     @property
     def total(self) -> int:
         """Number of steps of the training: shards and regressions."""
-        return sum(self.settings.pieces) + self.settings.rounds + self.settings.trials
+        settings = self.settings
+        return sum(settings.pieces) + settings.rounds + settings.trials
 
     @property
     def policy(self) -> Adaptive:
@@ -65,12 +66,13 @@ class CriticTraining:
 
     def _steps(self, calls: Calls) -> Iterator[str]:
         """Run rounds and trial; yields a text on each step."""
-        for turn, count in enumerate(self.settings.pieces):
+        settings = self.settings
+        for turn, count in enumerate(settings.pieces):
             for shard in self._pieces(turn, count, calls):
                 yield f"round {turn + 1}, shard {shard}"
             self._critic = self._fit(turn)
             yield f"round {turn + 1}, regression"
-        for shard in self._pieces(self.settings.rounds, self.settings.trials, calls):
+        for shard in self._pieces(settings.rounds, settings.trials, calls):
             yield f"trial {shard}"
 
     def _pieces(self, turn: int, count: int, calls: Calls) -> Iterator[int]:
@@ -89,15 +91,14 @@ class CriticTraining:
         """Critic of round `turn`: the one in the folder, else fitted to all shards so
         far.
         """
+        settings = self.settings
         path = self._critic_path(turn)
         if path.exists():
             return load_critic(path)
-        stored = [
-            (t, n) for t in range(turn + 1) for n in range(self.settings.pieces[t])
-        ]
+        stored = [(t, n) for t in range(turn + 1) for n in range(settings.pieces[t])]
         data = concatenate([self._load(t, n) for t, n in stored])
-        epochs = self.settings.epochs[turn]
-        critic = fit(data, self.settings, epochs, self.settings.seed, self._critic)
+        epochs = settings.epochs[turn]
+        critic = fit(data, settings, epochs, settings.seed, self._critic)
         save_critic(path, critic, {"round": turn})
         # as stored in float32, so that a resumed training is equal
         return load_critic(path)
@@ -106,13 +107,12 @@ class CriticTraining:
         """Scale the last critic's sigmas to its errors in the trial folds, and save the
         critic.
         """
-        shards = [
-            self._load(self.settings.rounds, n) for n in range(self.settings.trials)
-        ]
-        last = load_critic(self._critic_path(self.settings.rounds - 1))
+        settings = self.settings
+        shards = [self._load(settings.rounds, n) for n in range(settings.trials)]
+        last = load_critic(self._critic_path(settings.rounds - 1))
         self._calibrated, self.trial = calibrate_sigmas(last, concatenate(shards))
         facts = {
-            "settings": self.settings.model_dump(mode="json"),
+            "settings": settings.model_dump(mode="json"),
             "trial": asdict(self.trial),
         }
         save_critic(self.checkpoint, self._calibrated, {"training": facts})

@@ -18,8 +18,10 @@ from drivers.franka.mailbox import CommandKind, LoopCommand, Mailbox, Report
 from drivers.franka.process import RobotAccess
 from drivers.franka.reach import plan_reach
 from drivers.franka.settings import CollisionSettings, FciSettings, HandLimits
+from drivers.twin.fci_server.configuration import Configuration
 from drivers.twin.fci_server.dynamics import RateReport
-from drivers.twin.fci_server.robot import MOST_MISSED_TICKS, resting_robot
+from drivers.twin.fci_server.posture import Posture
+from drivers.twin.fci_server.robot import MOST_MISSED_TICKS, EmulatedRobot
 from drivers.twin.fci_server.server import RobotServer
 from drivers.twin.fci_server.wire import MoveRequest, RobotCommand
 
@@ -76,7 +78,7 @@ class FakeRobot:
         self.ended = last
 
 
-class LossyRobot:
+class LossyRobot(EmulatedRobot):
     """Loses one command in ten, or what follows it, up to `worst` ticks at a time.
 
     A lost command is continued by the robot itself, by the rules of its server, so
@@ -94,8 +96,9 @@ class LossyRobot:
         *,
         holds: bool = False,
     ) -> None:
-        self.robot = resting_robot(np.array(joints))
-        self.robot.reported.kind, self.robot.holds = reports, holds
+        at_rest = Posture.resting(np.array(joints), Configuration().tool)
+        super().__init__(at_rest, holds=holds)
+        self.reported.kind = reports
         self.lost, self.ended = 0, False
         self._rng = np.random.default_rng(seed)
         self._worst, self.share = worst, share
@@ -103,7 +106,7 @@ class LossyRobot:
         self._heard, self._answered = False, True
 
     def start_joints(self) -> "LossyRobot":
-        self.robot.move(MoveRequest(1, JOINT_POSITION, (0.1,) * 6, False), 1)
+        self.move(MoveRequest(1, JOINT_POSITION, (0.1,) * 6, False), 1)
         return self
 
     def write_joints(
@@ -113,12 +116,12 @@ class LossyRobot:
 
     def read(self, motion: object) -> SimpleNamespace:
         if not self._answered:
-            self.robot.miss()
-            self.robot.advance()
+            self.miss()
+            self.advance()
             self._in_a_row += 1
         self._answered = False
-        posture, now = self.robot.posture, self.robot.time
-        reported = self.robot.reported.rates
+        posture, now = self.posture, self.time
+        reported = self.reported.rates
         return SimpleNamespace(
             time=SimpleNamespace(to_sec=lambda: 1e-3 * now),
             q=rounded(posture.q),
@@ -135,15 +138,15 @@ class LossyRobot:
         self._answered = True
         if self._rng.random() >= self.share:
             self._heard = True
-            self.robot.receive(joint_command(self.robot.time, joints, last))
-            self.robot.advance()
+            self.receive(joint_command(self.time, joints, last))
+            self.advance()
             self._in_a_row = 0
             lost = self._some() if self._rng.random() < self.share else 0
         else:
             lost = self._some()
         for _ in range(min(lost, MOST_MISSED_TICKS - 1 - self._in_a_row)):
-            self.robot.miss()
-            self.robot.advance()
+            self.miss()
+            self.advance()
             self.lost += 1
             self._in_a_row += 1
         self.ended = last

@@ -227,13 +227,13 @@ class Pressed(LossyRobot):
 
     def __init__(self, push, joints=JOINTS) -> None:
         super().__init__(joints)
-        self.push = push
+        self.pressing = push
         self.begin = self.place
         self.thresholds: list[float] = []
 
     @property
     def place(self) -> np.ndarray:
-        return self.robot.posture.reached[:3, 3].copy()
+        return self.posture.reached[:3, 3].copy()
 
     @property
     def moved(self) -> np.ndarray:
@@ -244,7 +244,7 @@ class Pressed(LossyRobot):
 
     def read(self, motion: object) -> SimpleNamespace:
         found = super().read(motion)
-        found.O_F_ext_hat_K = [0.0, self.push(self.moved[1]), 0.0, 9.0, 0.0, 0.0]
+        found.O_F_ext_hat_K = [0.0, self.pressing(self.moved[1]), 0.0, 9.0, 0.0, 0.0]
         return found
 
     def configure(self, collision) -> None:
@@ -276,7 +276,7 @@ def test_retreat_is_not_begun_where_a_joint_is_at_its_end() -> None:
     robot = Pressed(lambda _: -20.0, [*JOINTS[:6], FR3.upper[6] - 0.01])
     with pytest.raises(ArmFault, match="a joint is at its end; free the arm by hand"):
         retreat(robot, FciSettings(), lambda: False, SOLIDS)
-    assert robot.robot.ticks == 0
+    assert robot.ticks == 0
 
 
 def test_retreat_ends_where_the_force_rises() -> None:
@@ -294,7 +294,7 @@ def test_force_that_is_no_number_begins_no_retreat_and_ends_one() -> None:
         retreat(robot, FciSettings(), lambda: False, SOLIDS)
     assert failed.value.cause is Cause.PRESSED
     assert not robot.thresholds
-    assert robot.robot.ticks == 0
+    assert robot.ticks == 0
     robot = Pressed(lambda y: -20.0 if y > -0.005 else float("nan"))
     with pytest.raises(ArmFault, match="met nan N"):
         retreat(robot, FciSettings(), lambda: False, SOLIDS)
@@ -317,7 +317,7 @@ def test_retreat_does_not_lead_towards_obstacles(room: float, free: bool) -> Non
         return
     with pytest.raises(ArmFault, match="leads towards the wall; free the arm by hand"):
         retreat(robot, FciSettings(), lambda: False, wall)
-    assert robot.robot.ticks == 0
+    assert robot.ticks == 0
 
 
 def test_retreat_from_an_obstacle_may_begin_too_near() -> None:
@@ -332,4 +332,4 @@ def test_arm_that_nothing_presses_does_not_retreat() -> None:
     robot = Pressed(lambda _: 2.0)
     retreat(robot, FciSettings(), lambda: False, SOLIDS)
     assert not robot.thresholds
-    assert robot.robot.ticks == 0
+    assert robot.ticks == 0

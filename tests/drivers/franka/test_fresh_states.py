@@ -78,29 +78,27 @@ class Timed(LossyRobot):
         self._seen = -1
 
     def read(self, motion: object) -> SimpleNamespace:
-        self.now = max(self.now, (self.robot.time + 1) * TICK) + AT_HAND
+        self.now = max(self.now, (self.time + 1) * TICK) + AT_HAND
         self._go_on()
-        self._seen, self._answered = self.robot.time, True
+        self._seen, self._answered = self.time, True
         return super().read(motion)
 
     def _command(self, joints: np.ndarray, last: bool) -> None:
         self._go_on()
-        if self._seen == self.robot.time:
+        if self._seen == self.time:
             self._next = joint_command(self._seen, joints, last)
 
     def _go_on(self) -> None:
-        while self.robot.time < int(self.now / TICK + 1e-9):
-            counted = (
-                self._next is None and self.robot.motion and self.robot.motion.started
-            )
+        while self.time < int(self.now / TICK + 1e-9):
+            counted = self._next is None and self.motion and self.motion.started
             self.row = self.row + 1 if counted else 0
             self.longest = max(self.longest, self.row)
             if self._next is None:
-                self.robot.miss()
+                self.miss()
             else:
-                self.robot.step(self._next)
+                self.step(self._next)
                 self._heard = True
-            self.robot.time, self._next = self.robot.time + 1, None
+            self.time, self._next = self.time + 1, None
 
 
 def test_pose_is_worked_out_before_the_state_arrives_that_it_answers(
@@ -122,4 +120,4 @@ def test_pose_is_worked_out_before_the_state_arrives_that_it_answers(
     setup.order(CommandKind.FOLLOW, -0.1, 0.05, 0.0)
     setup.steps(60)
     assert 0 < robot.longest <= 2
-    assert not robot.robot.errors
+    assert not robot.errors

@@ -45,12 +45,12 @@ def test_full_speed_reversals_at_any_place_stay_within_the_joints_limits(
             setup.order(CommandKind.FOLLOW, *(rng.choice(FOLLOWED, 3) * HIGHEST))
         for _ in range(int(rng.integers(10, 95))):
             setup.steps(1)
-            joints = robot.robot.posture.joints
+            joints = robot.posture.joints
             share = np.abs(joints.acceleration) / limits.ACCELERATION
             fastest = max(fastest, float(share.max()))
         if setup.loop.halted is not None:
             break
-    assert not robot.robot.errors
+    assert not robot.errors
     assert 0.3 < fastest < 1.0
 
 

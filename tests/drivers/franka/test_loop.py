@@ -59,10 +59,10 @@ def test_motion_ends_only_once_the_arm_rests() -> None:
     setup = begun(robot)
     setup.order(CommandKind.FOLLOW, -0.1, 0.1, 0.3)
     setup.steps(60)
-    assert np.linalg.norm(robot.robot.posture.tool.velocity[:3]) > 0.05
+    assert np.linalg.norm(robot.posture.tool.velocity[:3]) > 0.05
     setup.loop.end()
     assert robot.ended
-    assert not robot.robot.errors
+    assert not robot.errors
 
 
 def test_hand_that_is_turned_is_taken_over_turned() -> None:

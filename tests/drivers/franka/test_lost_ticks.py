@@ -38,7 +38,7 @@ def test_lost_commands_stop_no_motion_move_no_goal_and_no_elbow(
     ticks *= 2 - lock_step
     robot = LossyRobot(JOINTS, worst if share < 0.5 else 2, worst, share)
     setup = begun(robot, lock_step=lock_step)
-    elbow, goal = float(robot.robot.posture.q[2]), (0.45, 0.25, 0.6)
+    elbow, goal = float(robot.posture.q[2]), (0.45, 0.25, 0.6)
     setup.order(CommandKind.MOVE, *goal)
     setup.steps(300)
     setup.order(CommandKind.FOLLOW, 0.1, 0.0, -0.3)
@@ -50,10 +50,10 @@ def test_lost_commands_stop_no_motion_move_no_goal_and_no_elbow(
     robot.share = share
     assert robot.lost > 100
     assert (report.x, report.z, report.pitch) == pytest.approx(goal, abs=1e-4)
-    assert float(robot.robot.posture.q[2]) == pytest.approx(elbow, abs=1e-6)
+    assert float(robot.posture.q[2]) == pytest.approx(elbow, abs=1e-6)
     setup.loop.end()
     assert robot.ended
-    assert not robot.robot.errors
+    assert not robot.errors
 
 
 def test_corrections_at_rest_before_the_cell_s_first_sign_are_no_failure() -> None:
@@ -74,7 +74,7 @@ def test_velocity_targets_are_followed_and_braked_while_commands_are_lost(
         setup.steps(50)
     setup.loop.end()
     assert robot.ended
-    assert not robot.robot.errors
+    assert not robot.errors
 
 
 @pytest.mark.parametrize(("worst", "share"), [(8, 0.1), (1, 0.5)])
@@ -87,11 +87,11 @@ def test_one_who_leaves_on_the_way_home_finds_the_robot_at_rest(
         (HOME + 0.2).tolist(),
         1.0,
         ForceGuard(20.0),
-        lambda _: robot.robot.time > 200,
+        lambda _: robot.time > 200,
     )
     assert robot.ended
-    assert not robot.robot.errors
-    assert robot.robot.posture.q != pytest.approx(HOME + 0.2, abs=0.05)
+    assert not robot.errors
+    assert robot.posture.q != pytest.approx(HOME + 0.2, abs=0.05)
 
 
 def test_velocity_is_measured_by_the_robot_s_time_not_by_counting_states() -> None:
@@ -118,8 +118,8 @@ def test_contact_on_the_way_home_ends_in_a_quick_stop_that_the_cell_commands(
 
     def pressed(motion: object) -> SimpleNamespace:
         state = read(motion)
-        if robot.robot.time > at:
-            met.append(robot.robot.time)
+        if robot.time > at:
+            met.append(robot.time)
             state.O_F_ext_hat_K = [0.0, 0.0, 30.0, 0.0, 0.0, 0.0]
         return state
 
@@ -128,6 +128,6 @@ def test_contact_on_the_way_home_ends_in_a_quick_stop_that_the_cell_commands(
     with pytest.raises(ArmFault, match=r"met 30\.0 N, allowed 20\.0 N"):
         follow_joints(robot, goal, 1.0, ForceGuard(20.0), lambda _: False)
     assert robot.ended
-    assert not robot.robot.errors
-    assert robot.robot.time - met[0] < (100 if share == 0.0 else 400)
-    assert robot.robot.posture.q[0] < goal[0] - 0.05
+    assert not robot.errors
+    assert robot.time - met[0] < (100 if share == 0.0 else 400)
+    assert robot.posture.q[0] < goal[0] - 0.05

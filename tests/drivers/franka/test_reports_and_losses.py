@@ -34,12 +34,12 @@ class Losing(LossyRobot):
 
     def __init__(self, joints, report: RateReport, share: float, *, holds: bool):
         super().__init__(joints, reports=report, holds=holds)
-        self.robot.losses = lost_commands(share, seed=3)
-        self.rates = [self.robot.posture.joints]
+        self.losses = lost_commands(share, seed=3)
+        self.rates = [self.posture.joints]
 
     def _command(self, joints: np.ndarray, last: bool) -> None:
         super()._command(joints, last)
-        rates = self.robot.posture.joints
+        rates = self.posture.joints
         if rates is not self.rates[-1]:
             self.rates.append(rates)
 
@@ -57,7 +57,7 @@ def by_hand(report: RateReport, share: float, holds: bool) -> Losing:
     robot = Losing(JOINTS, report, share, holds=holds)
     setup = begun(robot)
     setup.order(CommandKind.MOVE, *PLACE)
-    while setup.steps(1).moving and robot.robot.time < LONGEST:
+    while setup.steps(1).moving and robot.time < LONGEST:
         continue
     setup.loop.end()
     return robot
@@ -86,9 +86,9 @@ def test_motion_arrives_in_time_within_the_limits_whatever_is_reported_and_lost(
 ) -> None:
     robot = move(report, share, holds)
     assert robot.ended
-    assert not robot.robot.errors
-    assert robot.robot.posture.q == pytest.approx(undisturbed.robot.posture.q, abs=1e-4)
-    assert robot.robot.time <= SLOWER * undisturbed.robot.time
+    assert not robot.errors
+    assert robot.posture.q == pytest.approx(undisturbed.posture.q, abs=1e-4)
+    assert robot.time <= SLOWER * undisturbed.time
     accelerations = np.array([rates.acceleration for rates in robot.rates[:-1]])
     velocities = np.array([rates.velocity for rates in robot.rates])
     jerks = np.diff(accelerations, axis=0) / TICK

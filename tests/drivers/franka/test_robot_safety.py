@@ -228,7 +228,7 @@ def test_share_of_the_speed_bounds_every_joint_on_the_way_home() -> None:
 
     def noted(*given, **named) -> None:
         written(*given, **named)
-        rates.append(np.abs(robot.robot.posture.joints.velocity).max())
+        rates.append(np.abs(robot.posture.joints.velocity).max())
 
     robot.write_joints = noted
     follow_joints(robot, near(0.02), 0.1, ForceGuard(20.0), lambda _: False)

@@ -166,7 +166,7 @@ def test_motion_that_ends_while_it_runs_is_a_discontinuity() -> None:
 @pytest.mark.parametrize("number", [np.nan, np.inf])
 def test_command_that_is_no_number_aborts_the_motion(number: float) -> None:
     robot = moving(TWIST)
-    robot.step(command(robot, twist=along(number)))
+    robot.step(command(robot, twist=np.full(6, number)))
     robot.rest()
     assert robot.mode is Mode.IDLE
     assert [late.status for late in robot.late] == [MoveStatus.INPUT_ERROR_ABORTED]
