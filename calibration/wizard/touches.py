@@ -187,11 +187,9 @@ def _sort_others(
     worst = 1e-3 * settings.worst_mm  # m
 
     def is_off(touch: TouchedPoint) -> bool:
-        return (
-            lengths(fit.error(touch)) > worst
-            if touch.held_out
-            else touch not in fit.used
-        )
+        if touch.held_out:
+            return bool(lengths(fit.error(touch)) > worst)
+        return touch not in fit.used
 
     off = list(filter(is_off, newest))
     twice = {p: firsts[p.number] for p in newest if p.again and p.number in firsts}

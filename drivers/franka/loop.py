@@ -283,7 +283,7 @@ class ServoLoop:
         profile = self._profile
         velocity = self._mean_velocity()
         calm = velocity.speed < CALM_SPEED and abs(velocity.pitch_rate) < CALM_RATE
-        return Report(
+        fields = (
             self.ticks,
             -1 if self._ending else self._inbox.number,
             arrival,
@@ -291,9 +291,10 @@ class ServoLoop:
             *velocity,
             *profile.pose,
             *self._plane.force(self._touch.beyond_tare(state)),
-            moving=profile.moving or not (self._hand.at_rest and calm),
-            expired=profile.expired,
+            profile.moving or not (self._hand.at_rest and calm),
+            profile.expired,
         )
+        return Report._make(fields)
 
     def _checked_pose(self, pose: list[float]) -> Pose:
         """Gripper pose in the cell of the hand's `pose` (16,) in the robot's base.

@@ -178,7 +178,8 @@ def _spans(arc: Array) -> Array:
     segments.
     """
     lengths = np.diff(arc)
-    return 0.5 * (lengths + np.append(0.0, lengths[:-1]))
+    spans: Array = 0.5 * (lengths + np.append(0.0, lengths[:-1]))
+    return spans
 
 
 def _start_angles(arc: Array, overhang: float, bending_length: float) -> Array:

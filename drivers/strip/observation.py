@@ -165,7 +165,8 @@ def reported_force(
     """
     then = t - observation.force_delay
     offset = np.array([observation.force_x, observation.force_z])
-    return interpolate_columns(then, true_t, force) + offset
+    reported: Array = interpolate_columns(then, true_t, force) + offset
+    return reported
 
 
 def measured_touch(

@@ -158,7 +158,7 @@ def _finger_motion(request: HandRequest) -> FingerMotion:
 
 def _valid(request: HandRequest) -> bool:
     """Whether `request` is a motion whose numbers the hand accepts."""
-    values = request.values
+    values: tuple[float, ...] = request.values
     if not all(map(isfinite, values)):
         return False
     if request.command is HandCommand.GRASP:
