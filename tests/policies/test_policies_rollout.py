@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
+from drivers.base.geometry import lengths
 from drivers.base.types import Array
 from drivers.strip.describe import describe
 from drivers.strip.engine import Observables, Touch
@@ -96,3 +97,20 @@ def test_images_are_as_old_as_their_stamps_say() -> None:
     late = policy.seen[30]
     assert late.time - late.stamp == pytest.approx(0.05)
     assert late.contact_x - late.x == pytest.approx(0.05 * 0.1)
+
+
+@pytest.mark.parametrize("name", ["triangular", "circular", "shifted"])
+def test_gripper_stays_within_a_millimetre_of_the_path_but_at_the_apex(
+    name: str,
+) -> None:
+    policy = make_policy(name)
+    trace = fold(policy, Ideal(touch_at=-1.0), count=1).trace[:, 0]
+    path = policy.lift()
+    dense = path.at(np.linspace(0, path.length, 4001))
+    away = np.array([lengths(dense - point).min() for point in trace[:-1]])
+    near_apex = (name != "circular") & (
+        lengths(trace[:-1] - path.at(path.length / 2)) < 0.03
+    )
+    assert away[~near_apex].max() < 1e-3
+    assert away.max() < 5e-3
+    assert lengths(trace[-1] - path.points[-1]) < 2e-3
