@@ -42,7 +42,7 @@ def main(app: "Typer | None" = None) -> None:
     code = _run(app)
     sys.stdout.flush()
     if why_lost(out):
-        sys.stderr.write(f"cell: what was printed was lost: {why_lost(out)}\n")
+        print(f"cell: what was printed was lost: {why_lost(out)}", file=sys.stderr)
     sys.stderr.flush()
     sys.exit(code)
 
@@ -106,7 +106,7 @@ def _cell_error(error: Exception) -> CellError:
 
 def _print_error_line(error: CellError) -> int:
     sys.stdout.flush()
-    sys.stderr.write(f"cell: {error}\n")
+    print(f"cell: {error}", file=sys.stderr)
     return error.exit_code
 
 

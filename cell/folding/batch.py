@@ -113,7 +113,7 @@ def agreed(
     fails.
     """
     cell = requests[0].cell
-    checks = list[Check]()
+    checks: list[Check] = []
     if cell.is_physical:
         checks = [versions(), *hardware_checks(cell, requests[0].runs, BRIEF)]
     consented = consent(cell, ask, checks)

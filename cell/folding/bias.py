@@ -20,7 +20,7 @@ from math import hypot
 import numpy as np
 
 from cell.folding.experience import Experience
-from drivers.base.errors import ConfigurationError
+from drivers.base.errors import ConfigurationError, in_mm
 from drivers.base.types import Array
 
 # sigmas of one fold that is ignored unless the next one confirms it: 6e-5 by chance
@@ -272,7 +272,7 @@ def check_ruler(edges: float, rig: float) -> None:
         raise ConfigurationError(
             f"--edges: {1e3 * edges:g} mm is {1e3 * rig:+.1f} mm from the"
             f" {1e3 * (edges - rig):+.1f} mm that the camera saw, and a right rig"
-            f" shows {1e3 * most:.1f} mm at most; mind sign, decimal point and unit,"
+            f" shows {in_mm(most, 1)} at most; mind sign, decimal point and unit,"
             " measure again, and add --sure if it is so"
         )
 

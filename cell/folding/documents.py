@@ -54,16 +54,19 @@ def run_header(
         "drivers": settings.drivers.model_dump(),
         "calibration": record_entry(calibration, datetime.now(UTC)),
         "versions": {package: version(package) for package in PACKAGES},
-        "strip_file": strip.model_dump(mode="json", by_alias=True),
-        "config": settings.model_dump(mode="json", by_alias=True),
+        "strip_file": _content(strip),
+        "config": _content(settings),
         "plant_sha256": _hash(trial.plant or strip),
     }
 
 
 def result_content(outcome: Outcome) -> dict[str, Any]:
     """Content of result.yaml for the `outcome` of a run."""
-    content: dict[str, Any] = {"outcome": outcome.name, "reason": outcome.reason}
-    content["duration"] = outcome.duration
+    content: dict[str, Any] = {
+        "outcome": outcome.name,
+        "reason": outcome.reason,
+        "duration": outcome.duration,
+    }
     if outcome.touch is not None:
         content |= outcome.touch.facts()
     if outcome.edge_offset is not None:
@@ -84,8 +87,13 @@ def result_content(outcome: Outcome) -> dict[str, Any]:
 
 def _hash(plant: StripFile) -> str:
     """SHA-256 of the content of the file `plant`."""
-    content = plant.model_dump(mode="json", by_alias=True)
-    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+    text = json.dumps(_content(plant), sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _content(file: StripFile | CellFile) -> dict[str, Any]:
+    """Content of a file, as it is written."""
+    return file.model_dump(mode="json", by_alias=True)
 
 
 def _replaced_weights(checkpoint: Path | None) -> dict[str, Any]:
@@ -114,8 +122,10 @@ def _learned_strip(strip: StripFile, predicted: FoldPrediction, run: str) -> Str
         effects["bending_hysteresis"] = {"yield_curvature": round(friction.value, 1)}
         key = "effects.bending_hysteresis.yield_curvature"
         notes[key] = f"{friction.low:.0f} to {friction.high:.0f} 1/m"
-    intervals = {"bending_length": (length.low, length.high)}
-    intervals |= {"retardation_time": (time.low, time.high)}
+    intervals = {
+        "bending_length": (length.low, length.high),
+        "retardation_time": (time.low, time.high),
+    }
     source = f"fold {run}, as the policy judged it at the touch"
     learned = (
         Provenance(key=key, source=source, note=f"of its rods, 68 %: {interval}")
@@ -140,7 +150,6 @@ def offer_strip(folder: Path, strip: StripFile, predicted: FoldPrediction) -> Pa
     Raises ConfigurationError where it cannot be written.
     """
     learned = _learned_strip(strip, predicted, folder.name)
-    content = learned.model_dump(mode="json", by_alias=True)
     path = folder / LEARNED
-    write_file(path, dump_yaml(content))
+    write_file(path, dump_yaml(_content(learned)))
     return path

@@ -56,11 +56,9 @@ def run_key(folder: Path) -> str:
     ticks.
     """
     path = folder / TICKS
-    return (
-        hashlib.sha256(read_bytes(path, LARGEST_TABLE)).hexdigest()[:16]
-        if path.exists()
-        else ""
-    )
+    if not path.exists():
+        return ""
+    return hashlib.sha256(read_bytes(path, LARGEST_TABLE)).hexdigest()[:16]
 
 
 class Memory:
@@ -136,13 +134,11 @@ class Memory:
             if not forgotten:
                 return None
             names = (f"{self.path.stem}.forgotten-{number}" for number in count(1))
-            aside = next(
-                p for p in map(self.path.with_name, names) if not os.path.lexists(p)
-            )
-            replace_file(aside, b"".join(line for line in lines if line in forgotten))
-            replace_file(
-                self.path, b"".join(line for line in lines if line not in forgotten)
-            )
+            places = map(self.path.with_name, names)
+            aside = next(place for place in places if not os.path.lexists(place))
+            for path, stay in ((aside, True), (self.path, False)):
+                kept = (line for line in lines if (line in forgotten) is stay)
+                replace_file(path, b"".join(kept))
             return aside
 
     def _lines_of(self, run: Path) -> set[bytes]:

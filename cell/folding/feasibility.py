@@ -21,7 +21,13 @@ from cell.perception.preflight import check_scope
 from cell.setup.arm.arm_prediction import ArmPrediction, predict_arm
 from cell.setup.arm.run_settings import LEAST_SPEED, at_speed
 from cell.setup.calibration_in_use import check_current
-from drivers.base.errors import CellError, ConfigurationError, Fault, PreflightRefused
+from drivers.base.errors import (
+    CellError,
+    ConfigurationError,
+    Fault,
+    PreflightRefused,
+    in_mm,
+)
 from drivers.base.installation import Installation
 from drivers.base.types import Array, Pose
 from drivers.franka.checks import joint_limits
@@ -335,7 +341,7 @@ def _height_problems(
     settings: CellSettings, strip: StripFile, lift: Array
 ) -> Iterator[str]:
     """Yield a text where the path (n, 2) [m] of a `lift` ends under the take-over."""
-    top = float(lift[:, 1].max())
+    top = lift[:, 1].max()
     takeover = settings.fold.takeover_height
     if top <= takeover:
         yield (
@@ -348,7 +354,7 @@ def _workspace_problems(path: Array, installation: Installation) -> Iterator[str
     """Yield a text for each axis on which `path` (n, 2) [m] leaves the workspace."""
     box = installation.workspace
     for axis, name, (low, high) in ((0, "x", box.x), (1, "z", box.z)):
-        least, most = float(path[:, axis].min()), float(path[:, axis].max())
+        least, most = path[:, axis].min(), path[:, axis].max()
         # true for NaN
         if not (low - PATH_ERROR <= least and most <= high + PATH_ERROR):
             yield (
@@ -454,7 +460,7 @@ class Prediction:
             f" to {z_max:.0f} mm: inside its limits; nothing was moved",
         ]
         if self.largest_miss > GOOD_FOLD:
-            lines.append(f"it may miss by more than {1e3 * GOOD_FOLD:.0f} mm")
+            lines.append(f"it may miss by more than {in_mm(GOOD_FOLD)}")
         if self.arm is not None:
             lines.append(self.arm.text())
         return "\n  ".join(lines)

@@ -21,7 +21,7 @@ from calibration.lens import fit_lens
 from cell.perception.held_end import FINE, colour_edge, find_end
 from cell.perception.resting_strip import sample_plane
 from cell.perception.scene import colour_distances
-from drivers.base.errors import ConfigurationError
+from drivers.base.errors import ConfigurationError, in_mm
 from drivers.base.types import Array, Frame, Image
 from drivers.strip.file import StripFile
 
@@ -81,7 +81,7 @@ def _views_until_still(
     """
     board = boards.board()
     detector = cv2.aruco.CharucoDetector(board)
-    views = list[BoardView]()
+    views: list[BoardView] = []
     before: Image | None = None
     last_seen = 0.0  # s, stamp of the last image with a part of the board
     due = 0.0
@@ -163,8 +163,8 @@ def _aligned(
     length = seen.length
     if not abs(length / strip.length - 1) <= PRINTED:
         raise ConfigurationError(
-            f"{film}: the strip is {1e3 * length:.0f} mm long by the board, its file"
-            f" says {1e3 * strip.length:.0f} mm, allowed within {1e2 * PRINTED:g} %;"
+            f"{film}: the strip is {in_mm(length)} long by the board, its file"
+            f" says {in_mm(strip.length)}, allowed within {1e2 * PRINTED:g} %;"
             " print the board at 100 %, stand it in the plane of the strip's edge, and"
             " measure the strip from its clamp to its clip, both of which need colours"
             " of their own"
@@ -212,10 +212,8 @@ def _find_strip(
     rim = calibration.to_plane(
         np.array([(0, 0), (1, 0), (0, 1), (1, 1)]) * (width - 1, height - 1)
     )
-    low = rim.min(axis=0)
-    high = rim.max(axis=0)
-    x = np.arange(low[0], high[0], RASTER)
-    z = np.arange(low[1], high[1], RASTER)
+    ends = zip(rim.min(axis=0), rim.max(axis=0), strict=True)
+    x, z = (np.arange(low, high, RASTER) for low, high in ends)
     plane = sample_plane(image, calibration, np.stack(np.meshgrid(x, z), axis=-1))
     stated = np.array([strip.colour[::-1]], dtype=np.float64)  # BGR
     distances = colour_distances(plane, stated)[..., 0]
@@ -230,9 +228,9 @@ def _find_strip(
             )
             return _SeenStrip(left, right, np.median(plane[v, u], axis=0))
     raise ConfigurationError(
-        f"{film}: no strip of {1e3 * strip.length:.0f} mm and of the colour"
+        f"{film}: no strip of {in_mm(strip.length)} and of the colour"
         f" {list(strip.colour)} lies in the plane of the board, the nearest piece is"
-        f" {1e3 * lengths[best]:.0f} mm; lay it straight with both ends in view, or"
+        f" {in_mm(lengths[best])}; lay it straight with both ends in view, or"
         " correct `length` or `colour` in the strip's file"
     )
 
@@ -246,7 +244,7 @@ def _slim_pieces(alike: NDArray[np.bool_]) -> tuple[NDArray[np.int32], Array]:
     _, labels, pieces, _ = cv2.connectedComponentsWithStats(mask)
     widths, heights = pieces[:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].T
     lengths = np.where(heights < SLIM * widths, np.hypot(widths, heights) * RASTER, 0.0)
-    return np.asarray(labels, dtype=np.int32), lengths
+    return labels, lengths
 
 
 def _find_ends(

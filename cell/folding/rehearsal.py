@@ -16,7 +16,7 @@ from cell.setup.arm.manual_motion import home_joints, move_manually
 from drivers.base.errors import ConfigurationError
 from drivers.base.geometry import interpolate_columns
 from drivers.base.installation import MotionLimits
-from drivers.base.types import Array, Pose, Velocity
+from drivers.base.types import ZERO_VELOCITY, Array, Pose, Velocity
 from drivers.franka.inverse_kinematics import ELBOW_JOINT
 from drivers.franka.limits import FR3, JointLimits
 from drivers.franka.reach import densify, plan_reach
@@ -86,7 +86,7 @@ class Rehearsal:
         poses, times = densify(self.path[part], self.speeds[part])
         due = EASE * np.concatenate([[0.0], np.cumsum(times[1:])])
         fastest = np.array([axis.velocity for axis in self.limits.axes])
-        snapshot = yield Drive(Velocity(0.0, 0.0, 0.0))
+        snapshot = yield Drive(ZERO_VELOCITY)
         start = snapshot.time
         while (time := snapshot.time - start) < due[-1] + min(RAMP, due[-1]):
             eased = [_eased_time(time, due[-1]), _eased_time(time + LOOKAHEAD, due[-1])]
@@ -117,7 +117,7 @@ def rehearsal(
     """
     raised = np.add(path[FIRST_USED:], (0.0, HOVER_HEIGHT, 0.0))
     speeds = speeds[FIRST_USED:]
-    top = float(raised[:, 1].max())
+    top = raised[:, 1].max()
     ceiling = settings.installation.workspace.z[1]
     if top > ceiling:
         raise ConfigurationError(

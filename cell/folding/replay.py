@@ -111,9 +111,9 @@ def _repeat_perception(
     """
     frames = run.frames()
     first = next(frames, None)
-    if first is None and run.frame_index():
-        return 0, []
     if first is None:
+        if run.frame_index():
+            return 0, []
         raise ConfigurationError(
             f"{run.folder / INDEX}: lists no image; it belongs to the run"
         )
@@ -127,7 +127,7 @@ def _repeat_perception(
         return 0, ["the picture before the grasp shows no strip now"]
     perception = Perception(calibration, strip, appearance)
     images = 0
-    differences = list[str]()
+    differences: list[str] = []
     for frame in frames:
         _check_size(run, frame, calibration)
         then = measured.get(frame.sequence)

@@ -24,7 +24,7 @@ from cell.folding.experience import Memory
 from cell.record.files import Keep
 from cell.record.film import Encoder
 from cell.setup.arm.run_settings import at_speed, limit_to_arm, slow_down
-from drivers.base.errors import ConfigurationError
+from drivers.base.errors import ConfigurationError, in_mm
 from drivers.strip.describe import doubts
 from drivers.strip.file import StripFile
 from policies.experiments.standard import STANDARD, standard_order
@@ -98,7 +98,7 @@ class Request:
         label = f"{self.policy} at {self.settings.fold.speed:g} m/s"
         if self.line.is_half:
             return label
-        return f"{label}, folded {1e3 * self.line.at:.0f} mm from the grasped edge"
+        return f"{label}, folded {in_mm(self.line.at)} from the grasped edge"
 
     @property
     def subject(self) -> Subject:
@@ -231,8 +231,8 @@ def line_at(option: str, texts: Sequence[str], length: float) -> float | None:
     low, high = (allowed * length for allowed in LINES)
     if not low <= at <= high:
         raise ConfigurationError(
-            f"{option}: {texts[0]} is {1e3 * at:.0f} mm from the grasped edge, allowed"
-            f" {1e3 * low:.0f} to {1e3 * high:.0f} mm, {LINES[0]:g} to {LINES[1]:g} of"
+            f"{option}: {texts[0]} is {in_mm(at)} from the grasped edge, allowed"
+            f" {1e3 * low:.0f} to {in_mm(high)}, {LINES[0]:g} to {LINES[1]:g} of"
             " the strip's length: beyond the middle the grasped part is the longer one"
         )
     return at

@@ -12,24 +12,13 @@ from cell.orchestrator.operator import Interrupted
 from cell.orchestrator.outcome import Outcome
 from cell.perception.length_checks import LengthCheck
 from cell.record.header import LAID, NOT_FOLDED
-from drivers.base.errors import CellError
+from drivers.base.errors import CellError, in_mm
 
-LINE_COLUMNS = [
-    "run",
-    "strip",
-    "policy",
-    "seed",
-    "outcome",
-    "displacement",
-    "displacement_true",
-]
-LINE_COLUMNS += ["layer_touch", "edge_offset", "edge_offset_true", "like_model"]
-LINE_COLUMNS += ["duration", "wall", "calibration", "exit_code", "witnesses"]
-# m
-LINE_DIGITS = {
-    name: 6 for name in LINE_COLUMNS if name.startswith(("displacement", "edge_offset"))
-}
-LINE_DIGITS |= {"layer_touch": 4, "duration": 4, "wall": 2}  # s
+LENGTHS = ("displacement", "displacement_true", "edge_offset", "edge_offset_true")
+LINE_DIGITS = {**dict.fromkeys(LENGTHS, 6), "layer_touch": 4, "duration": 4, "wall": 2}
+LINE_COLUMNS = ("run", "strip", "policy", "seed", "outcome", *LENGTHS[:2],
+                "layer_touch", *LENGTHS[2:], "like_model", "duration", "wall",
+                "calibration", "exit_code", "witnesses")  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,22 +134,22 @@ class FoldResult:
         if self.displacement is None:
             lines = [f"{self.strip}: {self.outcome}: {self.reason}", self.warning]
             return "\n  ".join(filter(None, lines))
-        folded = (
-            "folded" if self.exit_code == 0 or self.outcome in LAID else "not folded"
-        )
+        folded = "folded"
         if self.exit_code != 0:
-            folded += f" ({self.outcome})"
+            is_laid = "" if self.outcome in LAID else "not "
+            folded = f"{is_laid}folded ({self.outcome})"
         if self.folded_at is not None:
-            folded += f" {1e3 * self.folded_at:.0f} mm from its grasped edge"
+            folded += f" {in_mm(self.folded_at)} from its grasped edge"
         text = f"{self.strip}: {folded}, displacement {1e3 * self.displacement:+.1f} mm"
         if (d := self.displacement_true) is not None:
             text += f" (true {1e3 * d:+.1f} mm)"
-        if (d := self.edge_offset) is not None:
+        d, true = self.edge_offset, self.edge_offset_true
+        if d is not None:
             lower = "the lower one" if self.folded_at is None else "its place"
             text += f"; laid down, the upper edge lies {_edge_words(d)} {lower}"
-        elif self.edge_offset_true is not None:
+        elif true is not None:
             text += "; the edges are not seen"
-        if (true := self.edge_offset_true) is not None:
+        if true is not None:
             text += f" (true {_edge_words(true)})"
         lines = [text, self.predicted]
         if self.predicted is not None and self.strip == UNKNOWN:
@@ -177,4 +166,4 @@ def _edge_words(offset: float) -> str:
     """Text of the `offset` [m] of the upper layer's laid edge: beyond or before the
     lower one.
     """
-    return f"{1e3 * abs(offset):.1f} mm {'beyond' if offset > 0 else 'before'}"
+    return f"{in_mm(abs(offset), 1)} {'beyond' if offset > 0 else 'before'}"

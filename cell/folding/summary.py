@@ -5,6 +5,7 @@ from typing import Any
 
 from cell.folding.bias import LIMIT, bias
 from cell.folding.experience import Experience, Memory
+from drivers.base.errors import in_mm
 
 
 def summary_rows(experiences: Sequence[Experience]) -> list[dict[str, Any]]:
@@ -19,12 +20,22 @@ def summary_rows(experiences: Sequence[Experience]) -> list[dict[str, Any]]:
         learned = bias(mine, strip, specimen)
         folds = [one for one in mine if (one.strip, one.specimen) == (strip, specimen)]
         of_cell, of_strip, of_specimen = learned.parts
-        row: dict[str, Any] = {"policy": policy, "strip": strip, "specimen": specimen}
-        row |= {"folds": sum(one.kind == "camera" for one in folds)}
-        row |= {"bias": learned.seen, "sigma": learned.sigma}
-        row |= {"cell": of_cell, "of_strip": of_strip, "of_specimen": of_specimen}
-        row |= {"unseen": learned.rig, "laid": learned.laid, "since": learned.since}
-        rows.append(row)
+        rows.append(
+            {
+                "policy": policy,
+                "strip": strip,
+                "specimen": specimen,
+                "folds": sum(one.kind == "camera" for one in folds),
+                "bias": learned.seen,
+                "sigma": learned.sigma,
+                "cell": of_cell,
+                "of_strip": of_strip,
+                "of_specimen": of_specimen,
+                "unseen": learned.rig,
+                "laid": learned.laid,
+                "since": learned.since,
+            }
+        )
     return rows
 
 
@@ -34,7 +45,7 @@ def summary_text(rows: Sequence[dict[str, Any]]) -> str:
         return "nothing was learned yet\n"
     lines = [
         f"  {row['strip']}, {row['specimen']}, {row['policy']}: bias {_mm(row['bias'])}"
-        f" +- {1e3 * row['sigma']:.1f} mm after {row['folds']} folds (cell"
+        f" +- {in_mm(row['sigma'], 1)} after {row['folds']} folds (cell"
         f" {_mm(row['cell'])}, strip {_mm(row['of_strip'])}, specimen"
         f" {_mm(row['of_specimen'])}); unseen by the camera {_mm(row['unseen'])} mm;"
         f" edges laid {_mm(row['laid'])} mm off"

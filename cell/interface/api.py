@@ -327,8 +327,5 @@ def effects() -> Mapping[str, Effect]:
 
 def _listed(places: Places) -> list[Path]:
     """List of the paths `places`, given as a single path or several."""
-    return (
-        [Path(places)]
-        if isinstance(places, str | Path)
-        else [Path(each) for each in places]
-    )
+    each = [places] if isinstance(places, str | Path) else places
+    return list(map(Path, each))

@@ -12,7 +12,7 @@ from cell.base.config.settings import MonitorLimits
 from cell.orchestrator.snapshot import Command, Drive, Hold, MoveTo, Snapshot
 from cell.orchestrator.states import TERMINAL, State
 from cell.record.header import DEVICES, OUTCOMES
-from drivers.base.errors import Fault
+from drivers.base.errors import Fault, in_mm, in_ms
 from drivers.base.installation import MotionLimits, Workspace
 from drivers.base.types import Velocity
 from drivers.franka.obstacles import require_clear
@@ -65,9 +65,7 @@ def _stale(what: str, age: float, limit: float, consequence: str = "") -> str | 
     """
     if abs(age) <= limit:  # a stamp of the future would hide how old all later ones are
         return None
-    return (
-        f"{what} is {1e3 * age:.0f} ms old, allowed {1e3 * limit:.0f} ms{consequence}"
-    )
+    return f"{what} is {in_ms(age)} old, allowed {in_ms(limit)}{consequence}"
 
 
 def _arm_stale(snapshot: Snapshot, rules: Rules) -> str | None:
@@ -113,8 +111,8 @@ def _image_stale(snapshot: Snapshot, rules: Rules) -> str | None:
     if waiting <= limits.image_wait and age >= -limits.image_age:
         return None
     return (
-        f"the newest image is {1e3 * age:.0f} ms old, allowed"
-        f" {1e3 * limits.image_age:.0f} ms, and the arm waited {1e3 * waiting:.0f} ms"
+        f"the newest image is {in_ms(age)} old, allowed"
+        f" {in_ms(limits.image_age)}, and the arm waited {in_ms(waiting)}"
         " for a younger one"
     )
 
@@ -141,8 +139,8 @@ def _reading_overdue(snapshot: Snapshot, rules: Rules) -> str | None:
     if since is None or snapshot.time - since <= limit:
         return None
     return (
-        f"an image is being read for {1e3 * (snapshot.time - since):.0f} ms, "
-        f"allowed {1e3 * limit:.0f} ms"
+        f"an image is being read for {in_ms(snapshot.time - since)}, "
+        f"allowed {in_ms(limit)}"
     )
 
 
@@ -172,7 +170,7 @@ def _too_thick(snapshot: Snapshot, _: Rules) -> str | None:
     if not resting > 0:
         return None
     return (
-        f"the layers rest {1e3 * resting:.1f} mm apart and do not touch: the strip is"
+        f"the layers rest {in_mm(resting, 1)} apart and do not touch: the strip is"
         " thicker than stated; correct its `thickness`, or look what lies between its"
         " layers"
     )
@@ -184,8 +182,8 @@ def _camera_moved(snapshot: Snapshot, rules: Rules) -> str | None:
     if view.moved < MOVED_IMAGES:
         return None
     return (
-        f"the scene appears moved by {1e3 * view.shift:.1f} mm since the preflight,"
-        f" allowed {1e3 * rules.limits.camera_shift:.1f} mm: the camera was touched;"
+        f"the scene appears moved by {in_mm(view.shift, 1)} since the preflight,"
+        f" allowed {in_mm(rules.limits.camera_shift, 1)}: the camera was touched;"
         " fasten it and calibrate again"
     )
 
@@ -212,11 +210,11 @@ def _tracking_error(snapshot: Snapshot, rules: Rules) -> str | None:
     """Reason to stop where measured and commanded pose are too far apart."""
     limits = rules.limits
     measured, commanded = snapshot.arm.pose, snapshot.arm.commanded
-    error = float(np.hypot(measured.x - commanded.x, measured.z - commanded.z))
+    error = np.hypot(measured.x - commanded.x, measured.z - commanded.z)
     if not error <= limits.tracking_error:
         return (
-            f"the gripper is {1e3 * error:.1f} mm from where it was commanded, "
-            f"allowed {1e3 * limits.tracking_error:.1f} mm"
+            f"the gripper is {in_mm(error, 1)} from where it was commanded, "
+            f"allowed {in_mm(limits.tracking_error, 1)}"
         )
     turn = abs(measured.pitch - commanded.pitch)
     if not turn <= rules.tracking_turn:
@@ -247,7 +245,7 @@ def _outside_workspace(snapshot: Snapshot, rules: Rules) -> str | None:
 def _force_too_large(snapshot: Snapshot, rules: Rules) -> str | None:
     """Reason to stop where the measured force on the gripper [N] is too large."""
     limits = rules.limits
-    force = float(np.hypot(*snapshot.arm.force))
+    force = np.hypot(*snapshot.arm.force)
     if not force > limits.force:  # NaN: not measured
         return None
     return f"the gripper feels {force:.1f} N, allowed {limits.force:.1f} N"
@@ -279,8 +277,8 @@ def _awaited(snapshot: Snapshot) -> str:
     pose, commanded = snapshot.arm.pose, snapshot.arm.commanded
     if snapshot.arm.moving:
         return (
-            f"the arm, at x {1e3 * pose.x:.0f}, z {1e3 * pose.z:.0f} mm and commanded"
-            f" to x {1e3 * commanded.x:.0f}, z {1e3 * commanded.z:.0f} mm"
+            f"the arm, at x {1e3 * pose.x:.0f}, z {in_mm(pose.z)} and commanded"
+            f" to x {1e3 * commanded.x:.0f}, z {in_mm(commanded.z)}"
         )
     return "the fingers" if snapshot.hand.moving else "an image and its reading"
 

@@ -1,6 +1,4 @@
-"""Phases of a run: for each state one generator that receives snapshots and yields
-commands.
-"""
+"""Phases of a run: a generator for each state, which answers snapshots by commands."""
 
 from collections import deque
 from collections.abc import Generator
@@ -25,7 +23,7 @@ from cell.perception.preflight import PreflightCheck, camera_check
 from cell.perception.strip_measurement import StripMeasurement
 from drivers.base.errors import Fault, PreflightRefused
 from drivers.base.geometry import moving_average
-from drivers.base.types import Array, Pose, Velocity
+from drivers.base.types import ZERO_VELOCITY, Array, Pose
 from policies.follower import Follower
 from policies.path import lift_pitch
 from policies.policy import Decision, Observation, Policy, Predictor
@@ -76,9 +74,7 @@ def preflight(
 def _inspect(
     reader: Reader, picture: steps.StillPicture
 ) -> Generator[Command, Snapshot, tuple[PreflightCheck, ...]]:
-    """Checks of the image before the grasp; Fault `image_reader_dead` where the reader
-    failed.
-    """
+    """Checks of the image before the grasp; Fault `image_reader_dead` if it failed."""
     reader.submit(ImageTask(picture.frame), picture.time)
     while not isinstance(checks := reader.result(), tuple):
         if reader.failure:
@@ -90,9 +86,7 @@ def _inspect(
 def grasp(
     given: FoldInputs, _log: FoldLog, _record: Recorder, _begin: Snapshot
 ) -> steps.Phase:
-    """Approach the free edge from beyond and grasp it; raises Fault where the fingers
-    miss it.
-    """
+    """Approach the free edge from beyond and grasp it; raises Fault if it is missed."""
     yield from steps.open_hand()
     for pose in fold_path.approach_poses(given.strip.length, given.settings.fold)[1:]:
         yield from steps.move(pose)
@@ -117,7 +111,7 @@ def lift(
     given.policy.reset(given.strip, speed, 1)
     follower = Follower(given.policy.lift(), 1)
     acceleration = given.settings.installation.limits.pitch.acceleration
-    snapshot = yield Drive(Velocity(0.0, 0.0, 0.0))
+    snapshot = yield Drive(ZERO_VELOCITY)
     while snapshot.arm.pose.z < given.settings.fold.takeover_height:
         pose = snapshot.arm.pose
         decision = follower.decide(np.array([pose.x]), np.array([pose.z]), speed)
@@ -147,12 +141,10 @@ def wait_until_still(longest: float, record: Recorder) -> steps.Motion:
     while not swing.still and snapshot.time - start < longest:
         snapshot = yield Hold()
         swing.add(snapshot, start)
-    facts = {
-        "waited": snapshot.time - start,
-        "still": swing.still,
-        "moved": swing.moved,
-    }
-    record.event(snapshot.time, "hanging", **facts)
+    waited = snapshot.time - start
+    record.event(
+        snapshot.time, "hanging", waited=waited, still=swing.still, moved=swing.moved
+    )
     return snapshot
 
 
@@ -162,20 +154,16 @@ class Swing:
     """
 
     def __init__(self) -> None:
-        self.moved = float("nan")
+        self.moved = nan
         self._means: deque[tuple[float, Array]] = deque()
 
     @property
     def still(self) -> bool:
-        """Whether the hanging strip has moved less than REST_TRAVEL over enough
-        images.
-        """
+        """Whether the strip has moved less than REST_TRAVEL over enough images."""
         return self.moved < REST_TRAVEL
 
     def add(self, snapshot: Snapshot, since: float) -> None:
-        """Add the strip's profile in `snapshot`, if new and imaged after `since`
-        [s].
-        """
+        """Add the profile in `snapshot`, if new and imaged after `since` [s]."""
         measurement = snapshot.view.measurement
         if not snapshot.view.read or measurement is None or measurement.stamp < since:
             return
@@ -188,16 +176,12 @@ class Swing:
         self._means.append((measurement.stamp, mean))
         while self._means[0][0] < measurement.stamp - COMPARED_TIME:
             self._means.popleft()
-        enough = (
-            measurement.stamp - since >= COMPARED_TIME
-            and len(self._means) >= FEWEST_IMAGES
-        )
-        self.moved = self._travel() if enough else float("nan")
+        waited = measurement.stamp - since >= COMPARED_TIME
+        enough = waited and len(self._means) >= FEWEST_IMAGES
+        self.moved = self._travel() if enough else nan
 
     def _travel(self) -> float:
-        """Largest distance [m] of the profile's running mean from its mean over the
-        kept images.
-        """
+        """Largest distance [m] of the running mean from the kept images' mean."""
         means = np.array([mean for _, mean in self._means])
         offsets = moving_average(means, AVERAGED_IMAGES) - means.mean(axis=0)
         return float(np.linalg.norm(offsets, axis=1).max())
@@ -243,13 +227,16 @@ def _record_decision(
     decision: Decision,
 ) -> None:
     """Record the policy's `decision` on the newest `measurement`, for `cell replay`."""
-    pose = snapshot.arm.pose
-    facts = {"sequence": measurement.sequence, "x": pose.x, "z": pose.z}
-    facts |= {
-        "time": snapshot.time - record.origin,
-        "direction": float(decision.direction[0]),
-    }
-    record.event(snapshot.time, "decision", **facts, done=bool(decision.done[0]))
+    record.event(
+        snapshot.time,
+        "decision",
+        sequence=measurement.sequence,
+        x=snapshot.arm.pose.x,
+        z=snapshot.arm.pose.z,
+        time=snapshot.time - record.origin,
+        direction=float(decision.direction[0]),
+        done=bool(decision.done[0]),
+    )
 
 
 def _record_prediction(
@@ -430,10 +417,8 @@ def _visible_loop(length: float, measurement: StripMeasurement | None) -> Loop |
     """Loop of the laid strip; None where no fold of its `length` [m] is visible."""
     if measurement is None:
         return None
-    length_error = abs(laid_length(measurement) - length)
-    if length_error > 2.0 * LENGTH_ERROR:  # of either layer
-        return None
-    return Loop.seen_in(measurement)
+    off = abs(laid_length(measurement) - length)
+    return None if off > 2.0 * LENGTH_ERROR else Loop.seen_in(measurement)  # two layers
 
 
 def move_manually(
@@ -485,10 +470,8 @@ def _lift_pitch_rate(
     target = float(lift_pitch(travel))
     slope = (float(lift_pitch(travel + SLOPE_TRAVEL)) - target) / SLOPE_TRAVEL  # rad/m
     rate = slope * speed + TURN_GAIN * (target - pitch)
-    return min(
-        rate,
-        sqrt(2.0 * BRAKING_SHARE * acceleration * max(fold_path.HANGING - pitch, 0.0)),
-    )
+    left = max(fold_path.HANGING - pitch, 0.0)
+    return min(rate, sqrt(2.0 * BRAKING_SHARE * acceleration * left))
 
 
 def _camera_checks(

@@ -190,7 +190,7 @@ def _choose_patches(sigma: Array) -> tuple[list[tuple[int, int]], list[float]]:
     while len(corners) < MOST_PATCHES and sigma.min() <= PATCH_SIGMA:
         v, u = np.unravel_index(int(sigma.argmin()), sigma.shape)
         corners.append((int(u) - PATCH_SIZE // 2, int(v) - PATCH_SIZE // 2))
-        weights.append(float(sigma[v, u]) ** -2)
+        weights.append(sigma[v, u] ** -2)
         rows = slice(max(v - PATCH_SIZE, 0), v + PATCH_SIZE)
         columns = slice(max(u - PATCH_SIZE, 0), u + PATCH_SIZE)
         sigma[rows, columns] = np.inf

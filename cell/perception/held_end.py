@@ -79,7 +79,7 @@ class Face:
         if not axis @ np.array([np.cos(pitch), np.sin(pitch)]) > 0:
             axis = -axis
         front = middle + np.quantile((places - middle) @ axis, FRONT) * axis
-        slenderness = float(np.sqrt(variances[1] / max(variances[0], 1e-12)))
+        slenderness = np.sqrt(variances[1] / max(variances[0], 1e-12))
         return cls(
             float(len(places)), front, float(np.arctan2(axis[1], axis[0])), slenderness
         )

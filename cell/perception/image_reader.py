@@ -103,12 +103,7 @@ class Measurer:
         measurement = self._perception.measure(frame, gripper, hand)
         touch = self._touch.update(measurement, gripper) if touches else None
         shift = self._camera.shift(frame.image, gripper)
-        return ImageResult(
-            measurement=measurement,
-            touch=touch,
-            shift=shift,
-            resting=self._touch.resting(),
-        )
+        return ImageResult(measurement, touch, shift, self._touch.resting())
 
 
 Maker = Callable[[StripInputs], Measurer]

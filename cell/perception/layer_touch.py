@@ -116,15 +116,13 @@ class LayerTouch:
         if apart > LARGEST_RATIO:
             return None
         x, displacement = self._place_at(time, t)
-        confidence = exp(-apart)
-        to_grasped = x + displacement
         touch = SeenTouch(
             time,
             x,
-            to_grasped,
+            x + displacement,
             x,
             goal=self._goal,
-            confidence=confidence,
+            confidence=exp(-apart),
             distance=distance,
         )
         return touch if self._is_a_fold(touch) else None

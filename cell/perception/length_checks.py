@@ -9,6 +9,7 @@ from math import hypot, nan
 import numpy as np
 
 from cell.perception.strip_measurement import StripMeasurement
+from drivers.base.errors import in_mm
 
 DOUBTED, REFUTED = 4.0, 10.0  # spreads; 6e-5 of normal differences are larger than four
 BY_HAND = 0.001  # m, assumed: how well a person lays an edge on a line
@@ -82,12 +83,12 @@ class LengthCheck:
         """Text for the operator: which lengths disagree, by how much, what to check."""
         sources, remedy = KINDS[self.name]
         parts = " and ".join(
-            f"{what} {1e3 * sigma:.2f} mm" for what, sigma in self.parts.items()
+            f"{what} {in_mm(sigma, 2)}" for what, sigma in self.parts.items()
         )
         return (
             f"{self.name.replace('_', ' ')}: {sources} differ by"
             f" {1e3 * self.difference:+.1f} mm, {self.ratio:.0f} sigma; one sigma is"
-            f" {1e3 * self.spread:.1f} mm, from {parts}; {remedy}"
+            f" {in_mm(self.spread, 1)}, from {parts}; {remedy}"
         )
 
     def facts(self) -> dict[str, str | float]:

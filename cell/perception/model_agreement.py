@@ -8,6 +8,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
+from drivers.base.errors import in_mm
 from drivers.base.geometry import interpolate_columns
 from drivers.base.robust import MAD
 from drivers.base.settings import StudyResult
@@ -140,9 +141,7 @@ class Agreement:
         do.
         """
         if self.like_model:
-            return (
-                f"the strip behaves like the model, within {1e3 * self.residual:.1f} mm"
-            )
+            return f"the strip behaves like the model, within {in_mm(self.residual, 1)}"
         return (
             f"this strip does not behave like the model: {self._reason()}; find out"
             " what it does with `cell gap plan` and `cell gap fit`"
@@ -152,8 +151,8 @@ class Agreement:
         """Text that names the value beyond its limit."""
         limits = AgreementLimits.shipped()
         if self.residual > limits.residual:
-            usual = f"up to {1e3 * limits.residual:.1f} mm are usual"
-            return f"its profile is {1e3 * self.residual:.1f} mm off, {usual}"
+            usual = f"up to {in_mm(limits.residual, 1)} are usual"
+            return f"its profile is {in_mm(self.residual, 1)} off, {usual}"
         usual = f"up to {limits.yield_curvature:.0f} 1/m are usual"
         return f"its yarns rub as {self.yield_curvature:.0f} 1/m, {usual}"
 

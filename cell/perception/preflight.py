@@ -14,6 +14,7 @@ from cell.perception import resting_strip, scene
 from cell.perception.kernels import ZERO_LEVEL, Floats, smooth_matte
 from cell.perception.length_checks import BY_HAND, LengthCheck
 from cell.perception.region import Region, motion_mask
+from drivers.base.errors import in_mm, in_percent
 from drivers.base.types import Array, Frame, Image, frozen
 from drivers.strip.file import StripFile
 
@@ -134,8 +135,8 @@ def _check_solid(
         name="solid",
         passed=least >= SOLID,
         reason=(
-            f"where it shows least, {100 * max(least, 0.0):.0f} % of the strip stands"
-            f" out from the desk, {100 * SOLID:.0f} % are needed"
+            f"where it shows least, {in_percent(max(least, 0.0))} of the strip stands"
+            f" out from the desk, {in_percent(SOLID)} are needed"
         ),
         remedy=(
             "part of its pattern looks like the desk: lay a mat under it that differs"
@@ -161,7 +162,7 @@ def _check_background(
             name="contrast",
             passed=False,
             reason=(
-                f"what lies in the strip's place looks like {100 * share:.0f} % of the "
+                f"what lies in the strip's place looks like {in_percent(share)} of the "
                 "background"
             ),
             remedy=(
@@ -173,9 +174,9 @@ def _check_background(
         name="background",
         passed=bool(share <= ALIKE_SHARE),
         reason=(
-            f"{100 * share:.0f} % of what is behind the strip's way has its colour,"
-            f" allowed {100 * ALIKE_SHARE:.0f} %; most of it at x = {1e3 * x:.0f} mm, z"
-            f" = {1e3 * z:.0f} mm"
+            f"{in_percent(share)} of what is behind the strip's way has its colour,"
+            f" allowed {in_percent(ALIKE_SHARE)}; most of it at x = {in_mm(x)}, z"
+            f" = {in_mm(z)}"
         ),
         remedy=(
             "take away or cover what stands there, or hang a cloth of another colour"
@@ -193,8 +194,8 @@ def _check_exposure(samples: resting_strip.SceneSamples) -> PreflightCheck:
         name="exposure",
         passed=max(white, black) <= BURNT,
         reason=(
-            f"{100 * white:.0f} % of the picture is burnt out and {100 * black:.0f} %"
-            f" black, allowed {100 * BURNT:.0f} % of each"
+            f"{in_percent(white)} of the picture is burnt out and {in_percent(black)}"
+            f" black, allowed {in_percent(BURNT)} of each"
         ),
         remedy=(
             "expose shorter where it is burnt out, longer or with more light where it"
@@ -209,11 +210,11 @@ def _check_place(
     """Check whether the strip is visible along its expected place; `clear` marks
     visible parts.
     """
-    share = float(edge.present[edge.x < strip.length - END_LENGTH].mean())
+    share = edge.present[edge.x < strip.length - END_LENGTH].mean()
     return PreflightCheck(
         name="strip lies there",
         passed=clear and share > PRESENT_SHARE,
-        reason=f"seen along {100 * share:.0f} % of its place",
+        reason=f"seen along {in_percent(share)} of its place",
         remedy=(
             "lay the strip along the x-axis, its fixed edge at x = 0, its side on the"
             " marked line"
@@ -225,13 +226,13 @@ def _check_flat(
     edge: resting_strip.Underside, appearance: scene.Appearance
 ) -> PreflightCheck:
     """Check whether the strip's edge leaves its smooth line by at most FLATNESS."""
-    bump = float(np.abs(edge.z - appearance.rest_height(edge.x))[edge.present].max())
+    bump = np.abs(edge.z - appearance.rest_height(edge.x))[edge.present].max()
     return PreflightCheck(
         name="flat and straight",
         passed=bump <= FLATNESS,
         reason=(
-            f"its edge leaves a smooth line by {1e3 * bump:.1f} mm, allowed "
-            f"{1e3 * FLATNESS:.1f} mm"
+            f"its edge leaves a smooth line by {in_mm(bump, 1)}, allowed "
+            f"{in_mm(FLATNESS, 1)}"
         ),
         remedy="smooth the strip out, lay it straight along the line",
     )
@@ -241,13 +242,11 @@ def _check_level(
     edge: resting_strip.Underside, appearance: scene.Appearance
 ) -> PreflightCheck:
     """Check whether the strip's edge lies at most LEVEL off the desk's plane z = 0."""
-    off = float(np.abs(appearance.rest_height(edge.x[edge.present])).max())
+    off = np.abs(appearance.rest_height(edge.x[edge.present])).max()
     return PreflightCheck(
         name="on the desk plane",
         passed=off <= LEVEL,
-        reason=(
-            f"its edge lies {1e3 * off:.1f} mm off z = 0, allowed {1e3 * LEVEL:.1f} mm"
-        ),
+        reason=(f"its edge lies {in_mm(off, 1)} off z = 0, allowed {in_mm(LEVEL, 1)}"),
         remedy=(
             "lay the near edge on the marked line; if it is, calibrate the camera again"
         ),
@@ -267,9 +266,9 @@ def _check_length(
         name="length",
         passed=abs(error) <= LENGTH_TOLERANCE,
         reason=(
-            f"its free edge is at x = {1e3 * edge.end:.0f} mm, stated length"
-            f" {1e3 * strip.length:.0f} mm, allowed within"
-            f" {1e3 * LENGTH_TOLERANCE:.0f} mm"
+            f"its free edge is at x = {in_mm(edge.end)}, stated length"
+            f" {in_mm(strip.length)}, allowed within"
+            f" {in_mm(LENGTH_TOLERANCE)}"
         ),
         remedy="push the fixed edge to x = 0, or state the strip's own length",
         witness=LengthCheck(

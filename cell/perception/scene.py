@@ -386,7 +386,7 @@ def _share_noise(colours: Array, background: Image, smooth: float) -> float:
         reach, size = kernels.discriminants(colour, scene, shade, smooth**2)
         distinct = reach > kernels.LEAST_SEPARATION**2
         if distinct.any():
-            worst = max(worst, float(np.median(size[distinct] / reach[distinct])))
+            worst = max(worst, np.median(size[distinct] / reach[distinct]))
     return worst
 
 

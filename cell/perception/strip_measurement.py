@@ -52,9 +52,10 @@ class SeenTouch(Touch):
         """Entries of result.yaml about the layers' touch: time [s], lengths [m],
         confidence.
         """
-        lengths = {
+        return {
+            "t_layer_touch": self.time,
             "displacement": self.displacement,
             "l1": self.to_grasped,
             "l2": self.to_fixed,
+            "confidence": self.confidence,
         }
-        return {"t_layer_touch": self.time, **lengths, "confidence": self.confidence}

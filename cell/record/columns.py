@@ -268,7 +268,7 @@ def check_order(t: Array, origin: str, strictly: bool = True) -> None:
     wrong = np.flatnonzero(steps <= 0 if strictly else steps < 0)
     if not wrong.size:
         return
-    row, step = int(wrong[0]) + 1, float(np.median(np.abs(steps)))
+    row, step = int(wrong[0]) + 1, np.median(np.abs(steps))
     uneven = np.diff(np.sort(t)).min() < 0.5 * step
     remedy = "sort the rows"
     if t[row] == t[row - 1]:
@@ -298,7 +298,7 @@ def _check_median(values: Array, name: str, origin: str) -> None:
     """Raise ConfigurationError for lengths in a wrong unit, by their median, robust to
     outliers.
     """
-    middle = float(np.median(np.abs(values))) if values.size else 0.0
+    middle = np.median(np.abs(values)) if values.size else 0.0
     if middle > FARTHEST_HAND:
         raise ConfigurationError(
             f"{origin}: {name}: is {middle:.3g} in the middle, must stay within "
@@ -310,7 +310,7 @@ def _check_range(values: Array, name: str, origin: str, quantity: Quantity) -> N
     """Raise ConfigurationError where a value exceeds the largest one of its
     `quantity`.
     """
-    largest = float(np.max(np.abs(values[~np.isnan(values)]), initial=0.0))
+    largest = np.max(np.abs(values[~np.isnan(values)]), initial=0.0)
     unit = next(iter(quantity.units))
     if largest > quantity.largest:
         raise ConfigurationError(

@@ -95,7 +95,7 @@ class Outlook(NamedTuple):
 
     def column(self, name: str) -> Array:
         """Predicted values (k,) of the quantity `name`."""
-        return np.asarray(self.rows[:, COLUMN_NAMES.index(name)])
+        return self.rows[:, COLUMN_NAMES.index(name)]
 
 
 def row_of(facts: Mapping[str, object]) -> Array:

@@ -50,6 +50,10 @@ class FrameNote:
     file: Path | None
     film: int | None = None
 
+    def frame(self, image: Image) -> Frame:
+        """Frame of the entry with its `image` (h, w, 3)."""
+        return Frame(self.stamp, self.arrival, self.source, self.sequence, image)
+
 
 def digest(image: Image) -> str:
     """SHA-256 of the pixels of an `image` (h, w) or (h, w, 3), row by row."""
@@ -109,7 +113,7 @@ def read_frame(note: FrameNote) -> Frame | None:
     image = read_picture(note.file, LARGEST_SIDE)
     if digest(image) != note.sha256:
         raise ConfigurationError(f"{note.file}: is not the image that was recorded")
-    return Frame(note.stamp, note.arrival, note.source, note.sequence, image)
+    return note.frame(image)
 
 
 def _read_note(folder: Path, line: dict[str, Any], lift: float) -> FrameNote:
@@ -118,21 +122,15 @@ def _read_note(folder: Path, line: dict[str, Any], lift: float) -> FrameNote:
     """
     sequence = index(line["sequence"])
     zero = lift if isfinite(lift) else 0.0
-    stamp = float(line["stamp"]) - zero
-    arrival = float(line["arrival"]) - zero
+    stamp, arrival = (float(line[name]) - zero for name in ("stamp", "arrival"))
     if sequence < 0 or not (isfinite(stamp) and isfinite(arrival)):
         raise ValueError("an image has no number or no time")
     file = frame_file(folder, sequence)
+    stored = file if file.is_file() else None
+    source, sha256 = str(line.get("source", "")), str(line.get("sha256") or "")
     film = line.get("film")
-    return FrameNote(
-        sequence=sequence,
-        stamp=stamp,
-        arrival=arrival,
-        source=str(line.get("source", "")),
-        sha256=str(line.get("sha256") or ""),
-        file=file if file.is_file() else None,
-        film=None if film is None else int(film),
-    )
+    in_film = None if film is None else int(film)
+    return FrameNote(sequence, stamp, arrival, source, sha256, stored, in_film)
 
 
 class FrameWriter:
@@ -255,9 +253,13 @@ class FrameWriter:
         """Enter `frame` into the index: its `sha256` if it is stored, its number in the
         `film`.
         """
-        note: dict[str, Any] = {"sequence": frame.sequence}
-        note |= {"stamp": frame.stamp, "arrival": frame.arrival, "source": frame.source}
-        note |= {"sha256": sha256}
+        note: dict[str, Any] = {
+            "sequence": frame.sequence,
+            "stamp": frame.stamp,
+            "arrival": frame.arrival,
+            "source": frame.source,
+            "sha256": sha256,
+        }
         if film is not None:
             note["film"] = film
         write_all(self._index, json_line(note))

@@ -285,9 +285,16 @@ def read_row(folder: Path) -> RunRow:
     """
     header = _document(folder / RUN, HEADER_KEYS)
     result = _document(folder / RESULT)
-    facts = {"folder": folder, "began": _start_time(folder), "size": _size(folder)}
-    facts |= {"header": header, "result": result, "notes": _document(folder / NOTES)}
-    return ROW.validate_python({**facts, "outcome": _outcome(folder, header, result)})
+    facts = {
+        "folder": folder,
+        "began": _start_time(folder),
+        "size": _size(folder),
+        "header": header,
+        "result": result,
+        "notes": _document(folder / NOTES),
+        "outcome": _outcome(folder, header, result),
+    }
+    return ROW.validate_python(facts)
 
 
 def _outcome(
@@ -300,15 +307,11 @@ def _outcome(
         return BROKEN
     if is_under_way(folder):
         return UNDER_WAY
-    if result is None:
-        return (
-            BROKEN
-            if (folder / RESULT).exists()
-            else DIED
-            if "strip" in header
-            else MEASURED
-        )
-    return _text(result.get("outcome")) or BROKEN
+    if result is not None:
+        return _text(result.get("outcome")) or BROKEN
+    if (folder / RESULT).exists():
+        return BROKEN
+    return DIED if "strip" in header else MEASURED
 
 
 def _document(path: Path, keys: Collection[str] = ()) -> dict[str, Any] | None:

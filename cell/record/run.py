@@ -112,15 +112,7 @@ class Run:
         """Name of the run, how it ended, and its displacement and edges where
         measured.
         """
-        if self.result is None:
-            return f"{self.name}: no result"
-        lengths = {
-            "displacement": self.result.displacement,
-            "edges": self.result.edge_offset,
-        }
-        known = [f"{n} {1e3 * v:+.1f} mm" for n, v in lengths.items() if v is not None]
-        outcome = self.result.outcome.replace("_", " ")
-        return ", ".join([f"{self.name}: {outcome}", *known])
+        return f"{self.name}: {self.result or 'no result'}"
 
     def _repr_html_(self) -> str:
         """Film of the run, or else its last kept image, for a notebook."""
@@ -171,14 +163,11 @@ class Run:
         """Measurements of the strip in all images, as columns; empty where none are
         recorded.
         """
-        path = self.folder / files.SIGHTS
+        path, stream = self.folder / files.SIGHTS, self.folder / files.SIGHT_STREAM
         if path.exists():
             return Sights.parse(read_parquet(path), str(path))
-        if (self.folder / files.SIGHT_STREAM).exists():
-            return Sights.parse(
-                assemble(self.folder)[files.SIGHTS],
-                str(self.folder / files.SIGHT_STREAM),
-            )
+        if stream.exists():
+            return Sights.parse(assemble(self.folder)[files.SIGHTS], str(stream))
         return Sights.none()
 
     def measurements(self) -> list[StripMeasurement]:
@@ -264,14 +253,7 @@ class Run:
             return
         with suppress(ConfigurationError):
             for frame in Film(path).frames(only=notes):
-                note = notes[frame.sequence]
-                yield replace(
-                    frame,
-                    stamp=note.stamp,
-                    arrival=note.arrival,
-                    source=note.source,
-                    sequence=note.sequence,
-                )
+                yield notes[frame.sequence].frame(frame.image)
 
     def frames(self) -> Iterator[Frame]:
         """Yield the stored images; one that fails its hash raises an error unless

@@ -45,7 +45,7 @@ NAME_IN_LIST = re.compile(r"(.*?)(?:joint_?)?names?((?:\.|\[)?\d+\]?)")
 Labels = Mapping[str, tuple[str, pa.ChunkedArray]]
 """Names of the parts at each place of a list, `.0`, with what stands before `name`."""
 DOUBLED = re.compile(r"(.+) \(([1-9]\d?)\)")  # the second of two columns: `q (2)`
-POINTS_TYPE = pa.list_(pa.float64())
+POINTS_TYPE = pa.list_(NUMBER)
 
 LATER = {"pitch_cmd", "hand_cmd"}  # columns of ticks that older runs lack
 PLACED = ("contact_x", "contact_t")  # columns of ticks that come from the images
@@ -101,7 +101,8 @@ def read_stream(path: Path, schema: pa.Schema) -> pa.Table:
     Empty without a file, or with one truncated inside its header. Raises
     ConfigurationError for a stream without these columns.
     """
-    batches, stored = list[pa.RecordBatch](), schema
+    batches: list[pa.RecordBatch] = []
+    stored = schema
     content = read_bytes(path, LARGEST_STREAM) if path.exists() else b""
     # the end, or the first broken row
     with suppress(StopIteration, pa.ArrowException, OSError):
@@ -165,9 +166,7 @@ def _from_time(begin: float, rows: pa.Table, time: str) -> pa.Table:
     is_after = t >= -TIME_ROUNDING
     rows = rows.filter(pa.array(is_after))
     place = rows.column_names.index(time)
-    return rows.set_column(
-        place, rows.schema.field(place), pa.array(t[is_after], pa.float64())
-    )
+    return rows.set_column(place, time, pa.array(t[is_after]))
 
 
 def tick_table(ticks: pa.Table, sights: pa.Table) -> pa.Table:
@@ -187,7 +186,7 @@ def tick_table(ticks: pa.Table, sights: pa.Table) -> pa.Table:
     contacts = place_contacts(
         t, _numbers(sights, "stamp"), _numbers(sights, "contact_x")
     )
-    placed = dict(zip(PLACED, map(pa.array, contacts), strict=True))
+    placed = dict(zip(PLACED, contacts, strict=True))
     return pa.table(
         {n: placed[n] if n in placed else ticks[n] for n in Ticks.__slots__}
     )
@@ -227,7 +226,7 @@ def place_contacts(t: Array, stamp: Array, contact_x: Array) -> tuple[Array, Arr
     placed_x, placed_t = np.full((2, t.size), np.nan)
     if t.size < 2:
         return placed_x, placed_t
-    reach = 0.5 * float(np.median(np.diff(t)))
+    reach = 0.5 * np.median(np.diff(t))
     keep = np.isfinite(contact_x) & (stamp >= t[0] - reach) & (stamp <= t[-1] + reach)
     stamp = stamp[keep]
     contact_x = contact_x[keep]
@@ -245,7 +244,8 @@ def place_rows(t: Array, stamps: Array) -> NDArray[np.intp]:
     """
     after = np.clip(np.searchsorted(t, stamps), 1, t.size - 1)
     nearer = stamps - t[after - 1] <= t[after] - stamps
-    return np.asarray(np.where(nearer, after - 1, after), dtype=np.intp)
+    rows: NDArray[np.intp] = np.where(nearer, after - 1, after)
+    return rows
 
 
 def sight_tables(sights: pa.Table) -> Tables:
@@ -254,7 +254,7 @@ def sight_tables(sights: pa.Table) -> Tables:
     """
     counts = pc.list_value_length(sights["profile_x"]).to_numpy()
     points = {
-        "t": pa.array(np.repeat(_numbers(sights, "stamp"), counts), pa.float64()),
+        "t": np.repeat(_numbers(sights, "stamp"), counts),
         "i": pa.array([i for count in counts for i in range(count)], pa.int64()),
         "x": sights["profile_x"].combine_chunks().flatten(),
         "z": sights["profile_z"].combine_chunks().flatten(),
@@ -305,7 +305,8 @@ def write_tables(folder: Path, tables: Tables) -> None:
 
 
 def _numbers(table: pa.Table, column: str) -> Array:
-    return np.asarray(table[column].to_numpy(), dtype=np.float64)
+    numbers: Array = table[column].to_numpy()
+    return numbers
 
 
 def unnest(
@@ -318,7 +319,7 @@ def unnest(
     states them. Raises ConfigurationError, with the `origin` of the table, for too many
     columns.
     """
-    found = list[tuple[str, pa.ChunkedArray]]()
+    found: list[tuple[str, pa.ChunkedArray]] = []
     for name, column in zip(table.column_names, table.columns, strict=True):
         kind, stated = column.type, (names or {}).get(name)
         parts = dict.fromkeys(_axes(stated, 1), column)
@@ -379,12 +380,12 @@ def with_named_parts(
     without any of these parts are left out. Raises ConfigurationError for a part by its
     place, `position.0`, where its name changes.
     """
-    labels = dict[str, tuple[str, pa.ChunkedArray]]()
+    labels: dict[str, tuple[str, pa.ChunkedArray]] = {}
     for name, values in zip(content.column_names, content.columns, strict=True):
         found = NAME_IN_LIST.fullmatch(name)
         if found and pa.types.is_string(values.type):
             labels[found[2]] = found[1], values
-    picked = list[pa.ChunkedArray]()
+    picked: list[pa.ChunkedArray] = []
     for column in columns:
         if column in content.column_names:
             _check_place(column, labels, f"{origin}: column {column!r}")
@@ -400,7 +401,7 @@ def _parts_named(column: str, labels: Labels, content: pa.Table) -> list[pa.Arra
     """Values (n,) of the part that `column` names, one array for each place of a list,
     null where another part stands there.
     """
-    parts = list[pa.Array]()
+    parts: list[pa.Array] = []
     for place, (_, label) in labels.items():
         for name in filter(None, pc.unique(label).to_pylist()):
             value = f"{column.removesuffix(f'.{name}')}{place}"
@@ -429,7 +430,8 @@ def turn_of(x: Array, y: Array, z: Array, w: Array) -> Array:
     """
     along = w * w[:1] + x * x[:1] + y * y[:1] + z * z[:1]
     across = w * y[:1] - y * w[:1] + z * x[:1] - x * z[:1]
-    return np.asarray(2 * np.unwrap(np.arctan2(across, along), period=np.pi))
+    turn: Array = 2 * np.unwrap(np.arctan2(across, along), period=np.pi)
+    return turn
 
 
 def numbers_of(raw: pa.ChunkedArray) -> Array | None:
@@ -446,7 +448,8 @@ def numbers_of(raw: pa.ChunkedArray) -> Array | None:
         or pa.types.is_null(kind)
     ):
         return None
-    return np.asarray(raw.cast(pa.float64(), safe=False).to_numpy(), dtype=np.float64)
+    numbers: Array = raw.cast(NUMBER, safe=False).to_numpy()
+    return numbers
 
 
 def unit_in_cells(raw: pa.ChunkedArray) -> str | None:

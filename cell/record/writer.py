@@ -7,6 +7,7 @@ import os
 import secrets
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -218,13 +219,10 @@ def sight_row(measurement: StripMeasurement) -> dict[str, Any]:
     """Row of the stream sights.arrows, by column, for the measurement of the strip in
     one image.
     """
-    names = ("stamp", "sequence", "contact_x", "gap", "gap_x", "contact_confidence")
-    row = {name: getattr(measurement, name) for name in (*names, "profile_confidence")}
-    row |= {"tip_x": measurement.tip[0], "tip_z": measurement.tip[1]}
-    return row | {
-        "profile_x": measurement.profile[:, 0],
-        "profile_z": measurement.profile[:, 1],
-    }
+    row = asdict(measurement)
+    row["tip_x"], row["tip_z"] = row.pop("tip")
+    row["profile_x"], row["profile_z"] = row.pop("profile").T
+    return row
 
 
 def _new_folder(root: Path, strip: str) -> Path:

@@ -119,9 +119,7 @@ def _page(
     facts: dict[str, Any] = {"numbers": (), "locks": (), "refused": (), "found": ()}
     if calibration is not None:
         facts["numbers"] = _numbers(calibration)
-        facts["locks"] = [
-            (name, str(value)) for name, value in calibration.locks.items()
-        ]
+        facts["locks"] = calibration.locks.items()
     facts["pictures"] = _pictures(folder, calibration)
     return page("report/templates/calibration.html", title, **facts | parts)
 

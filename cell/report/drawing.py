@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from cell.report.words import MINUS
+from drivers.base.types import Array
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -272,16 +273,9 @@ def _image_fields(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[A
     for image in axes.images if x["words"] and y["words"] else ():
         for (i, j), value in np.ndenumerate(np.ma.filled(image.get_array(), np.nan)):
             if np.isfinite(value):
-                ends = axes.transData.transform(
-                    [(j - 0.5, i - 0.5), (j + 0.5, i + 0.5)]
-                )
-                (left, right), (low, high) = np.sort(ends, axis=0).T
+                corners = np.add([(j, i)], [[-0.5], [0.5]])
                 label = f"{y['words'][i][1]} · {x['words'][j][1]}: {_number(value)}"
-                yield [
-                    *_svg_point(figure, left, high),
-                    *_svg_point(figure, right, low),
-                    label,
-                ]
+                yield [*_box(figure, axes.transData.transform(corners)), label]
 
 
 def _mesh_fields(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
@@ -294,21 +288,21 @@ def _mesh_fields(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[An
         values = np.ma.filled(mesh.get_array(), np.nan)
         for (i, j), value in np.ndenumerate(values):
             ends = axes.transData.transform(corners[[i, i + 1], [j, j + 1]])
-            (left, right), (low, high) = np.sort(ends, axis=0).T
             middle = axes.transData.inverted().transform(ends.mean(axis=0))
             coordinates = (
                 f"{axis['name'] or 'y'} {v:.3g} {axis['unit']}".strip()
                 for axis, v in zip((x, y), middle, strict=True)
             )
-            label = (
-                f"{', '.join(coordinates)}:"
-                f" {_number(value) if np.isfinite(value) else 'none'}"
-            )
-            yield [
-                *_svg_point(figure, left, high),
-                *_svg_point(figure, right, low),
-                label,
-            ]
+            text = _number(value) if np.isfinite(value) else "none"
+            yield [*_box(figure, ends), f"{', '.join(coordinates)}: {text}"]
+
+
+def _box(figure: Any, ends: Array) -> list[float]:
+    """Upper left and lower right corner x, y [pt] of a box with opposite corners `ends`
+    (2, 2) [px].
+    """
+    (left, right), (low, high) = np.sort(ends, axis=0).T
+    return [*_svg_point(figure, left, high), *_svg_point(figure, right, low)]
 
 
 def _texts(axes: Any, figure: Any) -> Iterator[list[Any]]:

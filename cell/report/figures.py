@@ -148,15 +148,9 @@ def signals_figure(run: Run) -> str:
     Its attributes state the times [s] at its edges, for a film beside it.
     """
     with canvas(8.4, 5.2, layout=None) as figure:
-        frame = {
-            "left": LEFT,
-            "right": RIGHT,
-            "top": 0.995,
-            "bottom": 0.085,
-            "hspace": 0.28,
-        }
+        figure.subplots_adjust(LEFT, 0.085, RIGHT, 0.995, hspace=0.28)
         lanes, along, above = figure.subplots(
-            3, 1, sharex=True, gridspec_kw={**frame, "height_ratios": [0.3, 2, 2]}
+            3, 1, sharex=True, height_ratios=[0.3, 2, 2]
         )
         _draw_lanes(lanes, run.ticks)
         sights = run.sights()
@@ -198,7 +192,7 @@ def _draw_profiles(axes: Any, curves: Sequence[tuple[float, Array]]) -> None:
 
 def _draw_outlines(axes: Any, outlines: Sequence[Silhouette]) -> None:
     """Draw outlines of the strip in the plane, during the lay motion and after it."""
-    drawn_states = set[str]()
+    drawn_states: set[str] = set()
     for outline in outlines:
         label = None if outline.state in drawn_states else outline.state
         drawn_states.add(outline.state)
@@ -295,7 +289,7 @@ def image_ages(run: Run) -> Array:
     ticks = run.ticks
     reading = np.array([state in READING for state in ticks.state], dtype=bool)
     rows = reading if reading.any() else np.ones(ticks.t.size, dtype=bool)
-    return np.asarray(ticks.image_age[rows & np.isfinite(ticks.image_age)])
+    return ticks.image_age[rows & np.isfinite(ticks.image_age)]
 
 
 def predictions(result: Result | None) -> list[tuple[str, str]]:
@@ -303,10 +297,8 @@ def predictions(result: Result | None) -> list[tuple[str, str]]:
     if result is None or result.foretold is None:
         return []
     final = result.foretold
-    displacement = (
-        f"{millimetres(final.displacement, signed=True)} ± {millimetres(final.sigma)}"
-    )
-    return [("displacement", displacement)]
+    expected = millimetres(final.displacement, signed=True)
+    return [("displacement", f"{expected} ± {millimetres(final.sigma)}")]
 
 
 def outlook_figure(run: Run, outlook: Outlook) -> str:
@@ -314,10 +306,8 @@ def outlook_figure(run: Run, outlook: Outlook) -> str:
     one sigma.
     """
     with canvas(8.4, 4.2, layout=None) as figure:
-        frame = {"left": LEFT, "right": RIGHT, "top": 0.985, "bottom": 0.105}
-        grid = figure.subplots(
-            2, 2, sharex=True, gridspec_kw=frame | {"wspace": 0.19, "hspace": 0.07}
-        )
+        figure.subplots_adjust(LEFT, 0.105, RIGHT, 0.985, 0.19, 0.07)
+        grid = figure.subplots(2, 2, sharex=True)
         panels = dict(zip(PANELS, grid.flat, strict=True))
         for name, axes in panels.items():
             _draw_prediction(axes, outlook, name)
@@ -346,9 +336,6 @@ def _draw_prediction(axes: Any, outlook: Outlook, name: str) -> None:
     axes.set_ylabel(label)
     if name == "displacement":
         axes.axhline(0, color=MUTED, lw=0.6)
-        ends = np.abs(np.concatenate([low, high]))
-        largest = (
-            float(np.nanmax(ends, initial=0.0)) if np.isfinite(ends).any() else 0.0
-        )
+        largest = np.nanmax(np.abs([low, high]), initial=0.0)
         limit = min(HALF_HEIGHT, largest) + MARGIN
         axes.set_ylim(-limit, limit)

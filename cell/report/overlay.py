@@ -20,7 +20,7 @@ from cell.record.frames import FrameNote, frame_file, read_frame
 from cell.record.run import Run
 from cell.report.html import jpeg_text
 from cell.report.words import seconds
-from drivers.base.errors import ConfigurationError
+from drivers.base.errors import ConfigurationError, in_mm
 from drivers.base.readers import read_picture
 from drivers.base.settings import parse
 from drivers.base.types import Array, Image
@@ -165,7 +165,7 @@ def close_ups(run: Run, shown: ShownImages) -> tuple[KeyPicture, ...]:
     calibration = run.calibration()
     if calibration is None:
         return ()
-    reach = float(np.max(run.ticks.x, initial=0.1))
+    reach = np.max(run.ticks.x, initial=0.1)
     pictures = []
     chosen = {"where the layers touch": shown.touch, "at the end": shown.end}
     for words, notes in chosen.items():
@@ -221,7 +221,7 @@ def window_on(ticks: Ticks, calibration: Calibration) -> Region:
     ratio.
     """
     whole = np.array([calibration.lens.width, calibration.lens.height])
-    right, top = (float(np.max(way, initial=0.0)) for way in (ticks.x, ticks.z))
+    right, top = (np.max(way, initial=0.0) for way in (ticks.x, ticks.z))
     ends = -VIEW_MARGIN, right + VIEW_MARGIN
     box = _box(calibration, ends, (-VIEW_MARGIN, top + VIEW_MARGIN))
     if box is None:
@@ -326,7 +326,7 @@ def _caption(note: FrameNote, run: Run) -> str:
         words.append(state_at(run, note.stamp))
     contact = sights.contact_x[sights.sequence == note.sequence]
     if contact.size and np.isfinite(contact[0]):
-        words.append(f"contact {1e3 * contact[0]:.0f} mm")
+        words.append(f"contact {in_mm(contact[0])}")
     return "  ·  ".join(words)
 
 

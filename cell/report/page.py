@@ -43,7 +43,7 @@ from cell.report.words import (
     seconds,
     value_text,
 )
-from drivers.base.errors import ConfigurationError
+from drivers.base.errors import ConfigurationError, in_percent
 from drivers.base.files import write_file
 from drivers.strip.effects import registry
 
@@ -171,7 +171,7 @@ def marks(run: Run) -> list[tuple[float, str]]:
     """Times [s] and names of what happened in a film: states as they begin, the touch
     of the layers, faults.
     """
-    begun = dict[str, float]()
+    begun: dict[str, float] = {}
     # one that another program recorded has no states
     for t, state in zip(run.ticks.t.tolist(), run.ticks.state, strict=False):
         begun.setdefault(state, t)
@@ -202,9 +202,7 @@ def _cut(run: Run) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True)
 class Weight:
-    """Number of weight on a fold [m], with its `tolerance`, among the `earlier` ones
-    [m].
-    """
+    """Number of weight on a fold, its `tolerance` and the `earlier` ones, each [m]."""
 
     name: str
     value: float
@@ -334,9 +332,7 @@ def measures(run: Run) -> Rows:
 
 
 def _result_rows(result: Result, noticed: float | None) -> Rows:
-    """Table rows (name, text) of a run's result; `noticed` is when its touch was known
-    [s].
-    """
+    """Table rows (name, text) of a result, whose touch was known when `noticed` [s]."""
     rows = Rows()
     if result.l1 is not None:
         rows.append(("upper layer l1", millimetres(result.l1)))
@@ -345,7 +341,7 @@ def _result_rows(result: Result, noticed: float | None) -> Rows:
         later = "" if noticed is None else f", noticed at {seconds(noticed)}"
         rows.append(("layers touched at", f"{seconds(result.t_layer_touch)}{later}"))
     if result.confidence is not None:
-        rows.append(("confidence in the touch", f"{100 * result.confidence:.0f} %"))
+        rows.append(("confidence in the touch", in_percent(result.confidence)))
     for note in result.witnesses:
         apart = millimetres(note.difference, signed=True)
         said = (
@@ -389,9 +385,7 @@ def checks(run: Run) -> list[tuple[str, str, str]]:
 
 
 def listed_events(run: Run) -> list[tuple[str, str, str]]:
-    """Table rows (time, kind, facts) of a run's events; frequent kinds are only
-    counted.
-    """
+    """Table rows (time, kind, facts) of events; frequent kinds are only counted."""
     events = [event for event in run.events() if event.kind not in SHOWN_ELSEWHERE]
     counts = Counter(event.kind for event in events)
     rare = [event for event in events if counts[event.kind] <= FREQUENT]
@@ -399,11 +393,10 @@ def listed_events(run: Run) -> list[tuple[str, str, str]]:
         (f"{e.t:.3f}".replace("-", MINUS), event_title(e.kind), event_sentence(e.facts))
         for e in rare[:LISTED_EVENTS]
     ]
-    often = [(kind, n) for kind, n in counts.items() if n > FREQUENT]
-    return [
-        *rows,
-        *((NO_VALUE, event_title(kind), f"{n} times") for kind, n in sorted(often)),
-    ]
+    for kind, count in sorted(counts.items()):
+        if count > FREQUENT:
+            rows.append((NO_VALUE, event_title(kind), f"{count} times"))
+    return rows
 
 
 def advice(run: Run) -> list[str]:
@@ -416,9 +409,8 @@ def advice(run: Run) -> list[str]:
             " as it goes."
         ),
     ]
-    errors = [e for e in run.events() if e.kind == "fault"]
-    if errors:
-        text = f"t = {errors[-1].t:.2f} s: {event_sentence(errors[-1].facts)}"
+    for fault in [e for e in run.events() if e.kind == "fault"][-1:]:
+        text = f"t = {fault.t:.2f} s: {event_sentence(fault.facts)}"
         steps.insert(0, f"The last fault before the end: {text}.")
     return steps
 
@@ -427,7 +419,7 @@ def _steps_at_the_arm(run: Run) -> list[str]:
     """Sentences on what to do with arm and strip after a run whose process died."""
     if run.header.drivers is not None and run.header.drivers.arm == "twin":
         return ["Nothing needs to be put right: the twin's arm ended with its process."]
-    lifted = run.ticks.t.size > 0 and float(run.ticks.z[-1]) > HEIGHT_ON_DESK
+    lifted = run.ticks.t.size > 0 and run.ticks.z[-1] > HEIGHT_ON_DESK
     hand = "Open the fingers with `cell open` and lift the hand with `cell home`."
     return [
         (
@@ -440,14 +432,13 @@ def _steps_at_the_arm(run: Run) -> list[str]:
 
 
 def _check(item: Mapping[str, Any]) -> tuple[str, str, str]:
-    """Table row (name, result, reason) of one check, with a remedy if the check
-    failed.
-    """
-    name = str(item.get("name", ""))
-    reason = str(item.get("reason", ""))
+    """Table row (name, result, reason) of a check, with a remedy where it failed."""
+    name, reason, remedy = (
+        str(item.get(key, "")) for key in ("name", "reason", "remedy")
+    )
     if item.get("passed"):
         return name, "pass", reason
-    return name, "fail", f"{reason}; {item.get('remedy', '')}"
+    return name, "fail", f"{reason}; {remedy}"
 
 
 def _timing_rows(run: Run) -> Rows:
@@ -458,8 +449,8 @@ def _timing_rows(run: Run) -> Rows:
     ages = figures.image_ages(run)
     timing = run.header.arm_timing
     if ages.size:
-        largest = milliseconds(float(ages.max()))
-        text = f"{milliseconds(float(np.median(ages)))}, at most {largest}"
+        largest = milliseconds(ages.max())
+        text = f"{milliseconds(np.median(ages))}, at most {largest}"
         rows.append(("age of the images when used", text))
     if timing is not None:
         longest = f"at most {milliseconds(1e-3 * timing.longest_ms)}"

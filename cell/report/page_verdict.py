@@ -41,8 +41,8 @@ def sigma_lines(run: Run, *, laid: bool) -> str:
     sigma = f"± {millimetres(run.header.sigma.displacement)} stated in run.yaml"
     if laid and run.header.sigma.edge_offset is not None:
         sigma = f"± {millimetres(run.header.sigma.edge_offset)} camera"
-    calibration = run.calibration()
-    error = None if run.header.calibration is None else run.header.calibration.error
+    calibration, noted = run.calibration(), run.header.calibration
+    error = None if noted is None else noted.error
     if calibration is not None:
         error = calibration.residual
     if error is None:
@@ -69,15 +69,8 @@ def verdict_of(
     """
     if under_way:
         return PageVerdict("fair", "Still under way", (_last_seen(run, "so far"),))
-    if run.result is None and (run.folder / RESULT).exists():
-        sentences = (
-            f"What {RESULT} holds cannot be read.",
-            _last_seen(run, "at the last row"),
-        )
-        headline = "How the run ended cannot be read"
-        return PageVerdict("bad", headline, tuple(filter(None, sentences)), spoilt=True)
     if run.result is None:
-        return _verdict_of_dead_run(run)
+        return _verdict_without_result(run)
     if run.result.displacement is None:
         return _without_displacement(run, run.result)
     return _fold_verdict(run, run.result, run.result.displacement, truth or {})
@@ -155,19 +148,21 @@ def _edges_sentences(offset: float | None, true: object, lower: str) -> list[str
     """
     if offset is None:
         return []
-    known = [offset, true] if isinstance(true, int | float) else [offset]
-    words = [f"{millimetres(abs(d))} {'beyond' if d > 0 else 'before'}" for d in known]
-    truth = f" (true on the twin: {words[1]})" if len(words) > 1 else ""
-    return [f"Laid down, the upper edge lies {words[0]} {lower}{truth}."]
+    words = _edge_words(offset)
+    if isinstance(true, int | float):
+        lower += f" (true on the twin: {_edge_words(true)})"
+    return [f"Laid down, the upper edge lies {words} {lower}."]
+
+
+def _edge_words(offset: float) -> str:
+    """Text of how far [m] the upper edge lies beyond or before the lower one."""
+    return f"{millimetres(abs(offset))} {'beyond' if offset > 0 else 'before'}"
 
 
 def _touch_sentence(result: Result, displacement: float, true: object) -> str:
     """Sentence on how the layers met, as measured and in truth."""
-    when = (
-        ""
-        if result.t_layer_touch is None
-        else f" after {seconds(result.t_layer_touch)}"
-    )
+    touched = result.t_layer_touch
+    when = "" if touched is None else f" after {seconds(touched)}"
     longer = "longer" if displacement > 0 else "shorter"
     upper = f"the upper one was {longer} by {millimetres(abs(displacement))}"
     return f"Where the layers first touched{when}, {upper}{_true_words(true)}."
@@ -193,19 +188,24 @@ def _without_displacement(run: Run, result: Result) -> PageVerdict:
             "A fault never resumes a motion: clear its cause, look at the strip, "
             "and start a new run."
         )
-    tone: Tone = "fair" if done else "bad"
-    return PageVerdict(
-        tone, outcome_title(result.outcome), tuple(filter(None, sentences))
-    )
+    said = tuple(filter(None, sentences))
+    return PageVerdict("fair" if done else "bad", outcome_title(result.outcome), said)
 
 
-def _verdict_of_dead_run(run: Run) -> PageVerdict:
-    """Verdict on a run whose process died before it wrote a result."""
+def _verdict_without_result(run: Run) -> PageVerdict:
+    """Verdict on a run whose result is broken, or whose process died before it wrote
+    one.
+    """
+    if (run.folder / RESULT).exists():
+        unread = f"What {RESULT} holds cannot be read."
+        sentences = (unread, _last_seen(run, "at the last row"))
+        headline = "How the run ended cannot be read"
+        return PageVerdict("bad", headline, tuple(filter(None, sentences)), spoilt=True)
     if run.ticks.t.size == 0:
         sentence = "The process died before the arm moved; nothing was measured."
         return PageVerdict("bad", "The process died at the start", (sentence,))
     state = f" in state {run.ticks.state[-1]}" if run.ticks.state else ""
-    headline = f"The process died at t = {seconds(float(run.ticks.t[-1]))}{state}"
+    headline = f"The process died at t = {seconds(run.ticks.t[-1])}{state}"
     return PageVerdict(
         "bad", headline, (_last_seen(run, "then"), "There is no result.")
     )
@@ -222,5 +222,5 @@ def _last_seen(run: Run, when: str) -> str:
     """Sentence on the gripper's last recorded position; empty without ticks."""
     if run.ticks.t.size == 0:
         return ""
-    x, z = millimetres(float(run.ticks.x[-1])), millimetres(float(run.ticks.z[-1]))
+    x, z = millimetres(run.ticks.x[-1]), millimetres(run.ticks.z[-1])
     return f"The gripper stood {when} at x {x}, z {z}."

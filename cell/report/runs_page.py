@@ -232,10 +232,10 @@ def _parting(compared: Sequence[Compared]) -> list[str]:
     names = " and ".join(each.name for each in compared[:2])
     if apart[most] < PARTED:
         return [f"The paths of {names} stay within {millimetres(apart[most])}."]
-    begin = seconds(float(t[np.argmax(apart >= PARTED)]))
+    begin = seconds(t[np.argmax(apart >= PARTED)])
     return [
         f"The paths of {names} part {begin} after the lift, and are"
-        f" {millimetres(apart[most])} apart at {seconds(float(t[most]))}."
+        f" {millimetres(apart[most])} apart at {seconds(t[most])}."
     ]
 
 

@@ -32,23 +32,18 @@ PARAMETERS = {
 LONGEST_TEXT = 160  # characters of a value
 SIGNED = frozenset({"displacement", "edge_offset"})
 LENGTH_NAMES = SIGNED | {
-    "x",
-    "z",
-    "l1",
-    "l2",
-    "length",
-    "width",
-    "thickness",
-    "bending_length",
+    *("x", "z", "l1", "l2", "length", "width", "thickness", "bending_length"),
+    *("contact_height", "contact_x", "error", "tip_x", "height"),
 }
-LENGTH_NAMES |= {"contact_height", "contact_x", "error", "tip_x", "height"}
 SIGNAL_UNITS = {
     "speed": "m/s",
     "camera_hz": "Hz",
     "touch_time": "s",
     "retardation_time": "s",
+    "latency": "s",
+    "areal_density": "kg/m²",
+    "force": "N",
 }
-SIGNAL_UNITS |= {"latency": "s", "areal_density": "kg/m²", "force": "N"}
 
 
 def plain(name: str) -> str:
@@ -82,7 +77,7 @@ def seconds(value: float | None, decimals: int = 2) -> str:
     """Text of a time `value` [s] in seconds, with `decimals`."""
     if value is None or not math.isfinite(value):
         return NO_VALUE
-    return f"{value:.{decimals}f}".replace("-", MINUS) + " s"
+    return f"{value:.{decimals}f} s".replace("-", MINUS)
 
 
 def milliseconds(value: float | None) -> str:

@@ -40,13 +40,12 @@ from cell.report.words import plural
 from cell.setup.wizard import Wizard
 from drivers.base.files import lock_folders, writing
 
-STYLES = {
-    Level.GOOD: "green",
-    Level.FAIR: "yellow",
-    Level.BAD: "bold red",
-    Level.PLAIN: "",
+MARKS = {  # with their styles
+    Level.GOOD: ("+", "green"),
+    Level.FAIR: ("~", "yellow"),
+    Level.BAD: ("!", "bold red"),
+    Level.PLAIN: (" ", ""),
 }
-MARKS = {Level.GOOD: "+", Level.FAIR: "~", Level.BAD: "!", Level.PLAIN: " "}
 BAR = 6  # characters
 SKETCH = (32, 9)  # characters of the board's picture, 16:9 like an image
 # of a braille character
@@ -209,10 +208,10 @@ def points_map(plan: Sequence[tuple[float, float, str]]) -> RenderableType:
 
 def print_verdict(lines: Iterable[Line]) -> None:
     """Print the `lines` of a verdict, in colour where the terminal supports it."""
-    parts = [
-        (f"{MARKS[line.level]} {line.text}\n", STYLES[line.level]) for line in lines
-    ]
-    Console(highlight=False, soft_wrap=True).print(Text.assemble(*parts), end="")
+    console = Console(highlight=False, soft_wrap=True)
+    for line in lines:
+        mark, style = MARKS[line.level]
+        console.print(Text(f"{mark} {line.text}", style))
 
 
 class Keys:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ from cell.studies.summary import (
     numeral,
     rows,
 )
+from drivers.base.errors import in_mm
 from drivers.base.files import write_file
 from drivers.base.outputs import write_output
 from policies.registry import look_of
@@ -68,11 +70,15 @@ def page_of(results: Results) -> str:
     summary = rows(results)
     strips = []
     for row in summary:
-        edges_apart = numeral(row.strips.offset), numeral(row.strips.worst_offset)
+        edges_apart = map(numeral, (row.strips.offset, row.strips.worst_offset))
         strips.append((*row.strip_cells(), *edges_apart))
     asked = results.asked
-    made_with = {"speed": f"{results.speed:g} m/s", "seed": str(asked.seed)}
-    made_with |= {"strips": ", ".join(asked.strips)} | results.made_with
+    made_with = {
+        "speed": f"{results.speed:g} m/s",
+        "seed": str(asked.seed),
+        "strips": ", ".join(asked.strips),
+        **results.made_with,
+    }
     made_with.pop("weights", None)
     missing = [result for result in results.results if isinstance(result, MissingPart)]
     return page(
@@ -98,7 +104,7 @@ def verdict_of(results: Results) -> PageVerdict:
     """Verdict on the published claim that feedback folds every strip to under
     PAPER_WORST [m].
     """
-    limit = f"{1e3 * PAPER_WORST['feedback']:.0f} mm"
+    limit = in_mm(PAPER_WORST["feedback"])
     row = next((row for row in rows(results) if row.policy == "feedback"), None)
     if row is None or row.strips.folded == 0:
         said = "It is made of the policy `feedback`, which folded no strip here."
@@ -146,23 +152,19 @@ def _hidden_effects(results: Results) -> dict[str, Any]:
     """Table of misses with effects unknown to the policies: rows by effect, columns by
     policy.
     """
-    policies = [
-        policy for policy in results.asked.policies if results.hidden_folds(policy)
-    ]
-    found = {
-        (r.policy, r.effect): misses_text(r)
-        for p in policies
-        for r in results.hidden_folds(p)
-    }
-    effects = dict.fromkeys(effect for _, effect in found)
-    misses = [
+    misses: dict[str, dict[str, str]] = {}
+    for policy in results.asked.policies:
+        for folds in results.hidden_folds(policy):
+            misses.setdefault(folds.effect, {})[policy] = misses_text(folds)
+    policies = list(dict.fromkeys(chain(*misses.values())))
+    rows = [
         (
             effect.replace("_", " ") or "none",
-            *(found.get((p, effect), NO_VALUE) for p in policies),
+            *(texts.get(policy, NO_VALUE) for policy in policies),
         )
-        for effect in effects
+        for effect, texts in misses.items()
     ]
-    return {"head": ("hidden", *policies), "rows": misses}
+    return {"head": ("hidden", *policies), "rows": rows}
 
 
 PAGE_WIDTH = 8.4  # inch, of a page
@@ -252,7 +254,7 @@ def repeats_figure(results: Results) -> str:
             d = 1e3 * displacements(results.repeats(policy))
             d = d[np.isfinite(d)]
             away = d - d.mean() if d.size else d
-            widest = max(widest, float(np.max(np.abs(away), initial=0.0)))
+            widest = max(widest, np.max(np.abs(away), initial=0.0))
             axes.plot(
                 away,
                 np.full(d.size, row),
@@ -267,7 +269,7 @@ def repeats_figure(results: Results) -> str:
             f"d of {results.asked.repeated}, about the mean of its folds  [mm]"
         )
         top = axes.get_xaxis_transform()
-        text = f"paper: within {1e3 * REPEATABILITY:.0f} mm"
+        text = f"paper: within {in_mm(REPEATABILITY)}"
         axes.text(0, 1.02, text, transform=top, ha="center", color=GREEN, fontsize=NOTE)
         return as_svg(figure)
 
@@ -404,7 +406,7 @@ def force_figure(results: Results) -> str:
                 continue
             low, high = np.quantile(folds.force, [0.05, 0.95])
             axes.plot([low, high], [row, row], color=colour(policy), lw=5, alpha=0.25)
-            mean = float(np.mean(folds.force))
+            mean = np.mean(folds.force)
             axes.plot(mean, row, **dot(policy), gid=policy)
             axes.annotate(
                 f"{mean:.2f} N",

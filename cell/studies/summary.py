@@ -16,6 +16,7 @@ from cell.studies.results import (
     Results,
     displacements,
 )
+from drivers.base.errors import in_mm
 from policies.rollout import Misses
 
 Table = tuple[Sequence[str], Sequence[Sequence[str]], str]
@@ -217,9 +218,9 @@ def _limit_claim(
         here = f"no touch on {count} strips"
     else:
         worst = int(np.nanargmax(d))
-        here = f"worst {millimetres(float(d[worst]))}, on {folds[worst].strip}"
+        here = f"worst {millimetres(d[worst])}, on {folds[worst].strip}"
         here += f"; {untouched} of {count} strips without a touch" if untouched else ""
-    says = f"{who}: under {1e3 * limit:.0f} mm on every strip"
+    says = f"{who}: under {in_mm(limit)} on every strip"
     return Claim(says, here, len(folds) == count and bool(np.all(d < limit)))
 
 
@@ -263,8 +264,7 @@ def _repeatability_claim(repeats: dict[str, tuple[ImageFold, ...]]) -> Claim:
     )
     limit = REPEATABILITY
     return Claim(
-        f"five folds of one strip differ by at most {1e3 * limit:.0f} mm by each"
-        " method",
+        f"five folds of one strip differ by at most {in_mm(limit)} by each method",
         f"{max(len(f) for f in repeats.values())} folds: {values}",
         all(value <= limit + SPREAD_ROUNDING for value in spreads.values()),
     )

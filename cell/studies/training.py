@@ -4,36 +4,20 @@ That of `adaptive` ends with a correction of its critic by folds through images.
 """
 
 import json
-from dataclasses import asdict, dataclass, replace
-from pathlib import Path
-from typing import TYPE_CHECKING
-
-from rich.console import Console
-
-from cell.base.campaign.progress import Meter
-from cell.base.campaign.run import Engine, make_folder
-from cell.studies.evaluation import EffectErrors, Evaluation, evaluate, evaluate_effects
-from drivers.base.files import lock_folders, write_file
-from drivers.base.types import Calls
-from policies.adaptive.train.shard import CriticSettings
-from policies.rollout import Rollout
-from policies.sensing import IMAGE_SENSING
-from policies.train.objective import TrainingSettings
-
-if TYPE_CHECKING:
-    from policies.adaptive.train.training import CriticTraining, TrialResult
-    from policies.train.search import Search
-
 import math
 from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
 from hashlib import sha256
+from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from rich.console import Console
 
 from cell.base.campaign.journal import digest
-from cell.base.campaign.run import Part, carry_out
+from cell.base.campaign.progress import Meter
+from cell.base.campaign.run import Engine, Part, carry_out, make_folder
 from cell.base.campaign.versions import code
 from cell.base.config.places import find_configs
 from cell.base.config.unmeasured_strip import unmeasured_name
@@ -42,10 +26,21 @@ from cell.folding.fold import fold
 from cell.folding.request import Recording, Request
 from cell.record.run import read_run
 from cell.setup.calibration_in_use import calibration_of
+from cell.studies.evaluation import EffectErrors, Evaluation, evaluate, evaluate_effects
 from drivers.base.errors import ConfigurationError
+from drivers.base.files import lock_folders, write_file
+from drivers.base.types import Calls
 from policies.adaptive.checkpoint import THROUGH_IMAGES, about, load_critic, save_critic
+from policies.adaptive.train.shard import CriticSettings
 from policies.adaptive.train.transfer import FoldedBatch, fit_transfer
+from policies.rollout import Rollout
+from policies.sensing import IMAGE_SENSING
 from policies.strip_sampling import random_strip
+from policies.train.objective import TrainingSettings
+
+if TYPE_CHECKING:
+    from policies.adaptive.train.training import CriticTraining, TrialResult
+    from policies.train.search import Search
 
 EVALUATION = "evaluation.json"
 # between decisions of the evaluation: 4.2 ms, which the chain takes in one part
@@ -118,7 +113,7 @@ def _evaluate(
     by effect.
     """
     policy = training.policy
-    effects = tuple[EffectErrors, ...]()
+    effects: tuple[EffectErrors, ...] = ()
     if isinstance(settings, TrainingSettings):
         rollout = settings.rollout
         seed = [settings.seed, 3]

@@ -80,6 +80,21 @@ class Unsupported(CellError):
         super().__init__(f"the {engine} cannot simulate {part}; use the other engine")
 
 
+def in_mm(length: float, decimals: int = 0) -> str:
+    """Text of a `length` [m] in mm, as refusals and lines for operators state it."""
+    return f"{1e3 * length:.{decimals}f} mm"
+
+
+def in_ms(time: float) -> str:
+    """Text of a `time` [s] in whole ms."""
+    return f"{1e3 * time:.0f} ms"
+
+
+def in_percent(share: float) -> str:
+    """Text of a `share` in whole per cent."""
+    return f"{100 * share:.0f} %"
+
+
 def suggestion(name: str, known: Iterable[str]) -> str:
     """Text ` (did you mean ...?)` with the `known` name closest to `name`; empty for
     none close.

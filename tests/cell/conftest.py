@@ -1,5 +1,6 @@
 """A made-up fold, written through the recorder: plausible curves, no physics."""
 
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -12,7 +13,7 @@ import pytest
 from calibration.calibration import Calibration, make_calibration, save_calibration
 from calibration.homography import Homography
 from calibration.lens import Lens
-from cell.base.config.places import find_configs
+from cell.base.config.places import CHECKOUT_CONFIGS
 from cell.perception.strip_measurement import StripMeasurement
 from cell.record.files import CALIBRATION, Keep
 from cell.record.truth import write_truth
@@ -20,6 +21,7 @@ from cell.record.writer import RunWriter
 from drivers.base.types import Array, Frame, Image, Pose
 from policies.path import triangular
 from tests.support.plain_cell import ARM
+from tests.support.requests import CELL
 
 LENGTH, SPEED = 0.6, 0.1
 RESULT = {
@@ -59,6 +61,12 @@ HEADER: dict[str, Any] = {
         "retardation_time": 0.03,
     },
 }
+
+
+@pytest.fixture
+def configs(tmp_path: Path) -> Path:
+    """A copy of the configuration of the checkout."""
+    return Path(shutil.copytree(CHECKOUT_CONFIGS, tmp_path / "configs"))
 
 
 @pytest.fixture(scope="session")
@@ -171,7 +179,7 @@ Make = Callable[..., Path]
 
 def made_run(root: Path, camera: Calibration, seconds: float) -> Path:
     """Folder of a short, complete run of the cell in `root`, seen by `camera`."""
-    config = find_configs(None).cell().model_dump(mode="json", by_alias=True)
+    config = CELL.model_dump(mode="json", by_alias=True)
     writer = RunWriter(root, {**HEADER, "config": config}, "key", patient=True)
     save_calibration(camera, writer.folder / "calibration.yaml")
     writer.event(0.0, "origin")

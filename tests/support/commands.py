@@ -1,19 +1,34 @@
 """Commands of `cell` as a shell calls them, in this process."""
 
 import shlex
+from collections.abc import Iterable
 from itertools import chain
+from typing import Any
 
 import pytest
+from typer.testing import CliRunner, Result
 
 from cell.__main__ import main
+from cell.interface.cli.app import app
+
+
+def invoke(*words: object, **options: Any) -> Result:
+    """Result of `cell` called with `words`: texts as a shell splits them, and values;
+    `options` as of `CliRunner`.
+    """
+    return CliRunner().invoke(app, _split(words), **options)
+
+
+def _split(words: Iterable[object]) -> list[str]:
+    split = (shlex.split(w) if isinstance(w, str) else [str(w)] for w in words)
+    return list(chain.from_iterable(split))
 
 
 def run(monkeypatch: pytest.MonkeyPatch, *words: object) -> int:
     """Exit code of `cell` called with `words`: texts as a shell splits them, and
     values.
     """
-    split = (shlex.split(w) if isinstance(w, str) else [str(w)] for w in words)
-    monkeypatch.setattr("sys.argv", ["cell", *chain.from_iterable(split)])
+    monkeypatch.setattr("sys.argv", ["cell", *_split(words)])
     # else `python -m pytest` is named
     monkeypatch.setattr("__main__.__package__", None)
     with pytest.raises(SystemExit) as ended:

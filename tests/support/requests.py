@@ -6,6 +6,9 @@ from cell.base.config.places import find_configs
 from cell.base.devices.devices import Trial
 from cell.folding.request import Request
 
+CONFIGS = find_configs(None)
+CELL, DENIM = CONFIGS.cell(), CONFIGS.strip("denim")
+
 
 def request_for(
     strip: str, policy: str, runs: Path, configs: Path | None = None, **changes

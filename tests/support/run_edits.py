@@ -12,8 +12,10 @@ from drivers.base.types import Array
 
 
 def edit_yaml(path: Path, **changes: object) -> None:
-    """Set some keys of a YAML file to other values."""
-    path.write_text(yaml.safe_dump(yaml.safe_load(path.read_text()) | changes))
+    """Set some keys of a YAML file to other values, and take those of None out."""
+    content = yaml.safe_load(path.read_text()) | changes
+    kept = {key: value for key, value in content.items() if value is not None}
+    path.write_text(yaml.safe_dump(kept))
 
 
 def edit_column(path: Path, name: str, change: Callable[[Array], Array]) -> None:

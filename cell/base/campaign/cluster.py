@@ -112,7 +112,6 @@ def connect(address: str, patience: float) -> Iterator["Client"]:
 
     with event_loop() as loop:
         client = None
-        reason = ""
         try:
             client = Client(address, timeout=patience, set_as_default=False, loop=loop)
         # TypeError: tls:// without certificates
@@ -300,9 +299,7 @@ def _silence_dask() -> Iterator[None]:
     """Silence Dask's log of lost workers and connections, which the command reports
     itself.
     """
-    loggers = [
-        logging.getLogger(name) for name in ("distributed", "distributed.client")
-    ]
+    loggers = list(map(logging.getLogger, ("distributed", "distributed.client")))
     before = [logger.level for logger in loggers]
     for logger in loggers:
         logger.setLevel(logging.CRITICAL)

@@ -74,11 +74,8 @@ class Journal:
     def get(self, key: str, of: str) -> Record | None:
         """Read the record of a part; None where none exists that can be read."""
         record = _read(self.path(key, of))
-        return (
-            record
-            if record is not None and (record.key, record.of) == (key, of)
-            else None
-        )
+        is_of_part = record is not None and (record.key, record.of) == (key, of)
+        return record if is_of_part else None
 
     def put(self, record: Record) -> None:
         """Store `record`; it is on disk on return. Raises ConfigurationError where it
@@ -91,8 +88,8 @@ class Journal:
 
     def records(self) -> tuple[Record, ...]:
         """All records of the campaign that can be read, by file name."""
-        records = map(_read, sorted(self.folder.glob("[!.]*.json")))
-        return tuple(record for record in records if record is not None)
+        paths = sorted(self.folder.glob("[!.]*.json"))
+        return tuple(filter(None, map(_read, paths)))
 
     def forget(self, keys: Iterable[tuple[str, str]]) -> None:
         """Remove the records of the parts with these pairs of key and digest."""

@@ -172,10 +172,8 @@ class CellSettings(VersionedFile):
         """Copy with the drivers of these names; ConfigurationError for an unknown
         one.
         """
-        named = {
-            "arm": arm or self.drivers.arm,
-            "camera": camera or self.drivers.camera,
-        }
+        drivers = self.drivers
+        named = {"arm": arm or drivers.arm, "camera": camera or drivers.camera}
         return self.model_copy(
             update={"drivers": parse(named, DriverChoice, "drivers")}
         )

@@ -23,9 +23,7 @@ def unmeasured_name(length: float, thickness: float | None) -> str:
     """Name of a strip without a file, given by its `length` and maybe `thickness`
     [m].
     """
-    return (
-        f"{MARK}{length:g}" if thickness is None else f"{MARK}{length:g}:{thickness:g}"
-    )
+    return f"{MARK}{length:g}" + ("" if thickness is None else f":{thickness:g}")
 
 
 def unmeasured_strip(known: str) -> StripFile:
@@ -37,10 +35,7 @@ def unmeasured_strip(known: str) -> StripFile:
     """
     length, _, thickness = known.partition(":")
     (c_low, c_high), (t_low, t_high) = BENDING_LENGTH, RETARDATION_TIME
-    spread = {
-        "bending_length": list(BENDING_LENGTH),
-        "retardation_time": list(RETARDATION_TIME),
-    }
+    spread = {"bending_length": BENDING_LENGTH, "retardation_time": RETARDATION_TIME}
     content: dict[str, Any] = {
         "name": UNKNOWN_NAME,
         "length": metres("length", length),
@@ -55,6 +50,6 @@ def unmeasured_strip(known: str) -> StripFile:
         content["thickness"] = metres("thickness", thickness)
         content["provenance"].append(CALIPERS)
     else:
-        spread["thickness"] = list(THICKNESS_RANGE)
+        spread["thickness"] = THICKNESS_RANGE
         content["provenance"].append({"key": "thickness", "source": "assumed"})
     return parse(content, StripFile, "length, thickness")

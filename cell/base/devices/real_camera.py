@@ -115,15 +115,14 @@ def suggest_settings(camera: CameraReport) -> V4l2Settings | None:
     )
     values = {c.name: c.value for c in camera.controls if c.value is not None}
     locks = {name: value for name, value in values.items() if name in WORTH_LOCKING}
-    content = {
-        "device": camera.device,
-        "format": mode.format,
-        "width": mode.width,
-        "height": mode.height,
-        "rate": max(rates, default=BEST_MODE[2]),
-        "controls": locks,
-    }
-    return V4l2Settings.model_validate(content)
+    return V4l2Settings(
+        device=camera.device,
+        format=mode.format,
+        width=mode.width,
+        height=mode.height,
+        rate=max(rates, default=BEST_MODE[2]),
+        controls=locks,
+    )
 
 
 def grab(settings: V4l2Settings) -> Grab:

@@ -2,7 +2,6 @@
 run.
 """
 
-import sys
 from typing import Annotated, Any
 
 import typer
@@ -86,7 +85,7 @@ def _print_version(wanted: bool) -> None:
     if wanted:
         from importlib.metadata import version
 
-        sys.stdout.write(f"cell {version('folding-cell')}\n")
+        print(f"cell {version('folding-cell')}")
         raise typer.Exit
 
 

@@ -18,7 +18,7 @@ from cell.interface.cli.options import (
     check_names,
     length_option,
 )
-from drivers.base.errors import ConfigurationError
+from drivers.base.errors import ConfigurationError, in_percent
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -154,9 +154,7 @@ def register(strip: Strip = "denim", configs: Configs = None) -> None:
         touched.append(touched_point(hand_pose(robot)))
     mounting = mounting_from_points(np.array(touched), length)
     path = write_mounting(found, mounting)
-    sys.stdout.write(
-        f"registered: {mounting}\n  {path}; its last line has the old mounting\n"
-    )
+    print(f"registered: {mounting}\n  {path}; its last line has the old mounting")
 
 
 def _agree_to_motion(
@@ -197,7 +195,7 @@ def _go_to(
 def _show_progress(where: str, share: float) -> None:
     """Show on a terminal how much of the way to `where` is done."""
     if sys.stderr.isatty():
-        sys.stderr.write(f"\rmoving {where}, {100 * share:.0f} % ")
+        sys.stderr.write(f"\rmoving {where}, {in_percent(share)} ")
         sys.stderr.flush()
 
 
@@ -224,5 +222,4 @@ def _move(
 
 def _print_result(text: str, settings: "CellFile") -> None:
     """Print `text`, with a remark where the robot is emulated."""
-    remark = settings.emulation
-    sys.stdout.write(f"{text} ({remark})\n" if remark else f"{text}\n")
+    print(f"{text} ({settings.emulation})" if settings.emulation else text)

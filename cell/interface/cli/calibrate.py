@@ -11,7 +11,7 @@ import typer
 from cell.base.config.places import find_configs
 from cell.interface.cli import options
 from cell.interface.cli.output import notice, print_json
-from drivers.base.errors import ConfigurationError
+from drivers.base.errors import ConfigurationError, in_mm
 
 if TYPE_CHECKING:
     from calibration.calibration import Calibration
@@ -97,9 +97,9 @@ def calibrate_twin_camera(
     save_calibration(made, path)
     if out is not None:
         save_calibration(made, out)
-    sys.stdout.write(
+    print(
         f"calibrated: {made.residual_mm:.2f} mm rms at points not used in the fit\n "
-        f" {path}\n"
+        f" {path}"
     )
 
 
@@ -146,10 +146,8 @@ def calibrate_camera(
             verdict = wizard.calibrate_lens(folder, measured)
     _print_session(verdict, folder, as_json=as_json)
     if folder is not None and verdict.passed and not as_json:
-        sys.stdout.write(
-            f"next: cell calibrate homography --lens {quote(str(folder / ROS))}\n"
-        )
-    sys.exit(0 if verdict.passed else 1)
+        print(f"next: cell calibrate homography --lens {quote(str(folder / ROS))}")
+    sys.exit(not verdict.passed)
 
 
 @dataclass(frozen=True, slots=True)
@@ -218,7 +216,7 @@ def calibrate_homography(given: HomographyOptions) -> None:
     _print_session(verdict, folder, as_json=given.as_json)
     if not given.as_json:
         _print_use(made, folder, in_use)
-    sys.exit(0 if verdict.passed else 1)
+    sys.exit(not verdict.passed)
 
 
 def _touch(
@@ -279,7 +277,7 @@ def calibrate_check(
         print_json({"calibration": calibration.id} | verdict.facts())
     else:
         print_verdict(verdict.lines())
-    sys.exit(0 if verdict.passed else 1)
+    sys.exit(not verdict.passed)
 
 
 def _session_folder(
@@ -352,10 +350,10 @@ def _print_board(settings: "CellFile", path: Path) -> None:
     from calibration.board import print_board
 
     sheet = print_board(settings.boards, path)
-    sys.stdout.write(
+    print(
         f"{path}: print it on {sheet} at 100 %, glue it on something flat; all"
         f" {settings.boards.columns} squares must measure"
-        f" {1e3 * settings.boards.width:.1f} mm\n"
+        f" {in_mm(settings.boards.width, 1)}"
     )
 
 
@@ -370,12 +368,11 @@ def _print_session(
 
     page = None if folder is None else write_session_page(folder)
     if as_json:
-        print_json(
-            verdict.facts() | {"folder": None if folder is None else str(folder)}
-        )
+        print_json(verdict.facts() | {"folder": folder})
         return
     print_verdict(verdict.lines())
-    sys.stdout.write("" if page is None else f"  {page}\n")
+    if page is not None:
+        print(f"  {page}")
 
 
 def _print_use(
@@ -385,15 +382,13 @@ def _print_use(
     names it.
     """
     if made is None:
-        sys.stdout.write(
-            "not accepted; --accept-anyway takes it, and every run will say so\n"
-        )
+        print("not accepted; --accept-anyway takes it, and every run will say so")
     elif in_use is not None:
-        sys.stdout.write(f"in use: {in_use} names it\n")
+        print(f"in use: {in_use} names it")
     elif folder is None:
-        sys.stdout.write("name a folder with --out to keep it\n")
+        print("name a folder with --out to keep it")
     else:
         if made.accepted_anyway:
-            sys.stdout.write("accepted in spite of this; every run will say so\n")
+            print("accepted in spite of this; every run will say so")
         path = (folder / "calibration.yaml").resolve()
-        sys.stdout.write(f"to use it: --use, or in cell.yaml\n  calibration: {path}\n")
+        print(f"to use it: --use, or in cell.yaml\n  calibration: {path}")

@@ -12,7 +12,7 @@ import typer
 from cell.base.config.places import find_configs
 from cell.interface.cli.options import Arm, Camera, Configs, Json, Runs
 from cell.interface.cli.output import notice, print_json, say, while_busy
-from drivers.base.errors import ConfigurationError, PreflightRefused
+from drivers.base.errors import ConfigurationError, PreflightRefused, in_ms
 
 if TYPE_CHECKING:
     from drivers.v4l2.camera import CameraReport, UnusableDevice
@@ -36,14 +36,13 @@ def doctor(
     from cell.setup.doctor.check import Grade
     from cell.setup.doctor.doctor import checks
 
-    has_failed = False
-    where = find_configs(configs)
-    found = checks(where, runs, seconds, arm=arm, camera=camera)
+    states = set()
+    found = checks(find_configs(configs), runs, seconds, arm=arm, camera=camera)
     for number, check in enumerate(while_busy("checking", found), start=1):
-        has_failed = has_failed or check.state is Grade.FAIL
+        states.add(check.state)
         say(check.line(number), check.text(number), as_json=as_json)
         sys.stdout.flush()
-    if has_failed:
+    if Grade.FAIL in states:
         sys.exit(PreflightRefused.exit_code)
 
 
@@ -105,28 +104,25 @@ def _grab(settings: "V4l2Settings", path: Path, *, as_json: bool) -> None:
     check_output(path)
     taken = grab(settings)
     write_output(path, as_png(taken.frame.image))
+    counts, picture, stated = taken.counts, taken.setup.picture, taken.setup.locks
     if as_json:
         facts = {
             "measured_rate": taken.rate,
             "age": taken.age,
-            "counts": asdict(taken.counts),
-        }
-        facts |= {
+            "counts": asdict(counts),
             "stamp_source": taken.frame.stamp_source,
-            "locks": dict(taken.setup.locks),
+            "locks": dict(stated),
         }
-        print_json({"file": path, **asdict(taken.setup.picture), **facts})
+        print_json({"file": path, **asdict(picture), **facts})
         return
-    counts = taken.counts
-    picture = taken.setup.picture
-    locks = ", ".join(f"{name} {value}" for name, value in taken.setup.locks.items())
-    sys.stdout.write(
+    locks = ", ".join(f"{name} {value}" for name, value in stated.items())
+    print(
         f"{path}: {picture.format} {picture.width}x{picture.height} of"
         f" {settings.device}\n  {taken.rate:.1f} Hz by the stamps, {picture.rate:g}"
-        f" agreed; known {1e3 * taken.age:.0f} ms after the middle of the exposure,"
+        f" agreed; known {in_ms(taken.age)} after the middle of the exposure,"
         f" stamped by the {taken.frame.stamp_source}\n  {counts.arrived} frames,"
         f" {counts.missing} missing, {counts.corrupt} corrupt, {counts.restamped}"
-        f" without a stamp to trust\n  locked: {locks or 'nothing'}\n"
+        f" without a stamp to trust\n  locked: {locks or 'nothing'}"
     )
 
 
@@ -145,9 +141,9 @@ def _print_cameras(
                 facts["camera"] = _mode_facts(entry)
             print_json(facts)
         elif isinstance(entry, UnusableDevice):
-            sys.stdout.write(f"{entry.problem}\n")
+            print(entry.problem)
         else:
-            sys.stdout.write("\n".join(_camera_lines(entry)) + "\n")
+            print("\n".join(_camera_lines(entry)))
     if not count:
         notice("no camera has a link under /dev/v4l; plug one in")
 

@@ -1,7 +1,6 @@
 """Commands `cell import` and `cell export` of runs, and `cell observe` of films."""
 
 import shlex
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Literal
@@ -10,7 +9,7 @@ import typer
 
 from cell.base.config.places import Configs as Found, find_configs
 from cell.interface.cli.options import Configs, Json, Strip, check_names
-from cell.interface.cli.output import busy, notice, print_json
+from cell.interface.cli.output import busy, notice, print_json, say
 from cell.record.files import run_folder, runs_in
 from cell.report.words import plural
 from drivers.base.errors import ConfigurationError
@@ -71,30 +70,29 @@ def import_runs(
         made = _convert(places, mapping, out, model, found)
     if as_json:
         print_json(*({"run": folder} for folder in made))
-        return
+    else:
+        _print_imported(made, out, model)
+
+
+def _print_imported(made: Sequence[Path], out: Path, model: Path | None) -> None:
+    """Print the runs `made` in the folder `out`, and what to do with them."""
     for folder in made:
-        sys.stdout.write(f"{folder.name}: {_summary(folder)}\n")
+        print(f"{folder.name}: {_summary(folder)}")
     count = len(runs_in(out))
-    sys.stdout.write(f"{plural(count, 'run')} in {out}\n")
+    print(f"{plural(count, 'run')} in {out}")
+    of = ("--model", str(model))
     if model is None:
+        from cell.record.run import read_run
         from cell.report.runs_page import write_imported
 
-        sys.stdout.write(f"  {write_imported(made, out / 'imported.html')}\n")
-    from cell.record.run import read_run
-
-    of = (
-        ("--strip", read_run(made[0]).header.strip)
-        if model is None
-        else ("--model", str(model))
-    )
-    advice = (
-        f"import a second run into {out}, better ten: a verdict needs some to test it"
-    )
-    if count > 1:
-        advice = shlex.join(
-            ["cell", "gap", "check", str(out), *of, "--out", f"{out}-check"]
-        )
-    sys.stdout.write(f"next: {advice}\n")
+        print(f"  {write_imported(made, out / 'imported.html')}")
+        of = ("--strip", read_run(made[0]).header.strip)
+    words = ("cell", "gap", "check", str(out), *of, "--out", f"{out}-check")
+    advice = shlex.join(words)
+    if count == 1:
+        advice = f"import a second run into {out}, better ten: a verdict needs some"
+        advice = f"{advice} to test it"
+    print(f"next: {advice}")
 
 
 def _propose(places: list[Path], target: Path, strip: str | None, found: Found) -> None:
@@ -107,11 +105,9 @@ def _propose(places: list[Path], target: Path, strip: str | None, found: Found) 
     check_free(target)
     text = guess_mapping(places, None if strip is None else found.strip(strip))
     write_file(target, text)
-    sys.stdout.write(
-        f"{text}{target}: read it, and write what is open in place of null\n"
-    )
+    print(f"{text}{target}: read it, and write what is open in place of null")
     words = ("cell", "import", *places, "--mapping", target, "--out", "runs/own")
-    sys.stdout.write(f"next: {shlex.join(map(str, words))}\n")
+    print(f"next: {shlex.join(map(str, words))}")
 
 
 def _convert(
@@ -127,6 +123,7 @@ def _convert(
     from cell.record.exchange.import_runs import import_runs as convert
     from cell.record.exchange.mapping import SignalMapping
 
+    remarks: list[str] = []
     if model is not None:
         from cell.gap.subject.mechanism.read_mechanism import open_file, read_checked
         from cell.gap.subject.run_folders import RunFolder
@@ -140,21 +137,19 @@ def _convert(
             SignalMapping,
             tell=notice,
         )
-        for finding in _contradictions(model, made):
-            notice(finding)
-        return made
-    from cell.gap.subject.strip.runs import check_fold
+        remarks = _contradictions(model, made)
+    else:
+        from cell.gap.subject.strip.runs import check_fold
 
-    remarks = list[str]()
-    known = found.strip_names()
-    made = convert(
-        places,
-        mapping,
-        out,
-        lambda run: remarks.extend(check_fold(known, found.strip, run)),
-        length=lambda name: found.strip(name).length,
-        tell=notice,
-    )
+        known = found.strip_names()
+        made = convert(
+            places,
+            mapping,
+            out,
+            lambda run: remarks.extend(check_fold(known, found.strip, run)),
+            length=lambda name: found.strip(name).length,
+            tell=notice,
+        )
     for remark in remarks:
         notice(remark)
     return made
@@ -227,9 +222,7 @@ def export_runs(
         if as_json:
             print_json({"file": path} | ({"not_said": unsaid} if unsaid else {}))
         else:
-            sys.stdout.writelines(
-                [f"{path}\n", *(f"  not said: {each}\n" for each in unsaid)]
-            )
+            print("\n  not said: ".join([str(path), *unsaid]))
 
 
 def observe(
@@ -269,24 +262,25 @@ def observe(
     from cell.record.files import OVERLAY
 
     folder = out or Path("runs") / film.stem
-    with busy("reading the film") as say:
+    with busy("reading the film") as tell:
         found = read(
             film,
             calibration,
             strip,
             folder,
             configs,
-            lambda time: say(f"reading the film: {time:.1f} s"),
+            lambda time: tell(f"reading the film: {time:.1f} s"),
         )
-    d = None if found.touch is None else found.touch.displacement
-    if as_json:
-        line = {"run": folder, "images": found.images, "read": found.read}
-        print_json({**line, "displacement": None if d is None else round(d, 6)})
-        return
-    text = (
-        "no touch of the layers was seen"
-        if d is None
-        else f"displacement {1e3 * d:+.1f} mm"
-    )
-    sys.stdout.write(f"{film}: {found.read} of {found.images} images read; {text}\n")
-    sys.stdout.write(f"  {folder}\n  {folder / OVERLAY}\n")
+    displacement: float | None = None
+    text = "no touch of the layers was seen"
+    if found.touch is not None:
+        displacement = round(found.touch.displacement, 6)
+        text = f"displacement {1e3 * found.touch.displacement:+.1f} mm"
+    facts = {
+        "run": folder,
+        "images": found.images,
+        "read": found.read,
+        "displacement": displacement,
+    }
+    text = f"{film}: {found.read} of {found.images} images read; {text}\n  {folder}"
+    say(facts, f"{text}\n  {folder / OVERLAY}", as_json=as_json)

@@ -331,8 +331,7 @@ def _print_result(result: "FoldResult", robot: str) -> None:
     """Print the result for the operator, with a remark on an emulated `robot`."""
     page = f"page: cell report {quote(result.run)}"
     lines = (str(result), robot, page)
-    sys.stdout.write("\n  ".join(filter(None, lines)) + "\n")
-    sys.stdout.flush()
+    print("\n  ".join(filter(None, lines)), flush=True)
 
 
 def _rehearse(request: "Request", *, as_json: bool) -> int:
@@ -400,7 +399,7 @@ class _ProgressLine:
         events.
         """
         if kind == "fault" and sys.stderr.isatty():
-            sys.stderr.write(f"{time:.2f} s  {facts['name']}: {facts['reason']}\n")
+            print(f"{time:.2f} s  {facts['name']}: {facts['reason']}", file=sys.stderr)
 
 
 @contextmanager

@@ -34,7 +34,7 @@ from cell.interface.cli.options import (
 )
 from cell.interface.cli.output import notice, print_json, say, working
 from cell.record.files import MANIFEST
-from drivers.base.errors import ConfigurationError
+from drivers.base.errors import ConfigurationError, in_mm
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -128,16 +128,14 @@ def plan(
                     {"run": i, "name": name, "speed": request.speed, "shows": shows}
                 )
             else:
-                sys.stdout.write(
-                    f"{i:2d}  {name:15s} {request.speed:.2f} m/s  shows {shows}\n"
-                )
+                print(f"{i:2d}  {name:15s} {request.speed:.2f} m/s  shows {shows}")
         return
     file = _subject_file(strip, None, configs, None)
     words = ("cell", "gap", "fit", folder, "--strip", file, "--out", f"{folder}-fit")
-    next_step = f"next: {shlex.join(map(str, words))}\n"
+    next_step = f"next: {shlex.join(map(str, words))}"
     code = _fold_all(requests, jobs, resuming=resume, as_json=as_json)
     if not as_json and code != INTERRUPTED_CODE:
-        sys.stdout.write(next_step)
+        print(next_step)
     sys.exit(code)
 
 
@@ -226,13 +224,12 @@ def _fold_remainder(remainder: "Remainder", jobs: int, *, as_json: bool) -> int:
             print_json(result.line())
         else:
             name, reveals = standard_run(request)
-            d = result.displacement
-            outcome = result.outcome + (
-                "" if d is None else f", displacement {1e3 * d:.1f} mm"
-            )
+            outcome = result.outcome
+            if result.displacement is not None:
+                outcome += f", displacement {in_mm(result.displacement, 1)}"
             text = f"{name:15s} {outcome:32s} shows {reveals}  {result.run}"
             number = remainder.numbers[request.trial.seed] + 1
-            sys.stdout.write(f"{number}/{remainder.series.manifest.parts}  {text}\n")
+            print(f"{number}/{remainder.series.manifest.parts}  {text}")
         sys.stdout.flush()
         code = max(code, 0 if result.went_as_planned else result.exit_code)
     return code
@@ -321,9 +318,7 @@ def fit(
         return
     files = [f"  {out / name}" for name in ("report.html", "overlay.rrd")]
     deviations = [deviation_text(verdict.deviates)] if verdict.deviates else []
-    sys.stdout.write(
-        "\n".join([*deviations, str(verdict), *files, f"next: {verdict.next}"]) + "\n"
-    )
+    print("\n".join([*deviations, str(verdict), *files, f"next: {verdict.next}"]))
 
 
 @gap.command()
@@ -361,7 +356,7 @@ def check(
     if as_json:
         print_json(json.loads(checked.to_json()))
     else:
-        sys.stdout.write(f"{checked}\n  {out / 'check.html'}\n")
+        print(f"{checked}\n  {out / 'check.html'}")
     sys.exit(ConfigurationError.exit_code if checked.level == "bad" else 0)
 
 
@@ -440,16 +435,16 @@ def advise(fitted: Fitted, as_json: Json = False) -> None:
         record = read_record(fitted)
         verdict = read_verdict(fitted / VERDICT)
     if as_json:
-        sys.stdout.write(json.dumps(list(map(asdict, verdict.advice))) + "\n")
+        print(json.dumps(list(map(asdict, verdict.advice))))
         return
     for line in remedy_lines(record.scatter):
-        sys.stdout.write(f"{line}\n")
+        print(line)
     if not verdict.advice:
-        sys.stdout.write("no experiment is worth more than those that were made\n")
+        print("no experiment is worth more than those that were made")
     for item in verdict.advice:
-        sys.stdout.write(
+        print(
             f"{item.experiment}: separates {' from '.join(item.separates)} by "
-            f"{item.expected_sigma:.1f} sigma in {item.minutes:.1f} minutes\n"
+            f"{item.expected_sigma:.1f} sigma in {item.minutes:.1f} minutes"
         )
 
 

@@ -81,7 +81,7 @@ def learn(
         _show(memory, settings, as_json=as_json)
     else:
         memory.switch(on=what == "on")
-        sys.stdout.write(f"{settings.name}: learning is {what}\n")
+        print(f"{settings.name}: learning is {what}")
 
 
 def _check_arguments(what: str, run: Path | None, edges: str | None) -> None:
@@ -127,9 +127,9 @@ def _learn_from_ruler(
     if not sure:
         check_ruler(offset, experience.rig)
     memory.add(experience)
-    sys.stdout.write(
+    print(
         f"{run.name}: the ruler shows {1e3 * experience.rig:+.1f} mm more than the"
-        " camera\n"
+        " camera"
     )
 
 
@@ -139,9 +139,9 @@ def _forget(settings: "CellFile", memory: "Memory", run: Path | None) -> None:
         memory = _memory_of(settings, run)
     aside = memory.forget(run)
     if aside is not None:
-        sys.stdout.write(f"set aside: {aside}\n")
+        print(f"set aside: {aside}")
     elif run is None:
-        sys.stdout.write("nothing was learned yet\n")
+        print("nothing was learned yet")
     else:
         raise ConfigurationError(
             f"{run}: nothing was learned from this run; `cell learn list` names those"
@@ -158,7 +158,7 @@ def _show(memory: "Memory", settings: "CellFile", *, as_json: bool) -> None:
         print_json(*rows)
         return
     state = "off" if memory.is_off else settings.learning.use
-    sys.stdout.write(f"{settings.name}: learning is {state}\n")
+    print(f"{settings.name}: learning is {state}")
     sys.stdout.write(summary_text(rows))
     if rows:
         sys.stdout.write(largest_text(memory))

@@ -189,8 +189,7 @@ Cluster = Annotated[
 
 def ask(question: str) -> str:
     """Print `question` and return the line that the operator types as an answer."""
-    sys.stderr.write(question)
-    sys.stderr.flush()
+    print(question, end="", file=sys.stderr, flush=True)
     return sys.stdin.readline()
 
 
@@ -209,9 +208,10 @@ def resumable(folder: Path, *marks: str) -> "Iterator[None]":
     try:
         yield
     except (KeyboardInterrupt, Interrupted):
-        sys.stderr.write(
+        print(
             f"interrupted; what is finished is kept in {folder}: run the command again"
-            " to resume\n"
+            " to resume",
+            file=sys.stderr,
         )
         sys.exit(INTERRUPTED_CODE)
 

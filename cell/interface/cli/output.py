@@ -12,6 +12,8 @@ from contextlib import contextmanager, suppress
 from textwrap import wrap
 from typing import Any, TextIO, TypeVar
 
+from drivers.base.errors import in_percent
+
 T = TypeVar("T")
 
 INDENT, NO_BREAK = "  ", "\N{NO-BREAK SPACE}"
@@ -99,7 +101,8 @@ def print_json(*objects: Mapping[str, Any]) -> None:
     """
     from cell.record.documents import plain
 
-    sys.stdout.writelines(json.dumps(plain(facts)) + "\n" for facts in objects)
+    for facts in objects:
+        print(json.dumps(plain(facts)))
 
 
 def say(facts: Mapping[str, Any], text: str, *, as_json: bool) -> None:
@@ -109,12 +112,12 @@ def say(facts: Mapping[str, Any], text: str, *, as_json: bool) -> None:
     if as_json:
         print_json(facts)
     else:
-        sys.stdout.write(f"{text}\n")
+        print(f"{text}")
 
 
 def notice(text: str) -> None:
     """Print a remark as one line on standard error, apart from the results."""
-    sys.stderr.write(f"cell: {text}\n")
+    print(f"cell: {text}", file=sys.stderr)
 
 
 @contextmanager
@@ -155,7 +158,7 @@ def working(
             written = now
             left = (now - began) * (1.0 - share) / max(share, LEAST_SHARE)
             known = f", {duration_text(left)} left" if share >= LEAST_SHARE else ""
-            tell(f"{phase}  {100 * share:.0f} %{known}")
+            tell(f"{phase}  {in_percent(share)}{known}")
 
         yield update
 
@@ -201,17 +204,14 @@ def print_table(
     for row in shown:
         table.add_row(*map(Text, row))
     console = Console(file=sys.stdout, highlight=False, soft_wrap=False)
-    sys.stdout.write(f"{title}\n" if title else "")
-    if (
-        console.measure(table, options=console.options.update(width=WIDEST)).maximum
-        > console.width
-    ):
-        for row in shown:
-            sys.stdout.writelines(
-                f"{line}\n" for line in _lines(columns, row, console.width)
-            )
-    else:
+    if title:
+        print(title)
+    options = console.options.update(width=WIDEST)
+    if console.measure(table, options=options).maximum <= console.width:
         console.print(table)
+        return
+    for row in shown:
+        print("\n".join(_lines(columns, row, console.width)))
 
 
 def printable(text: str) -> str:

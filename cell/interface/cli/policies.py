@@ -15,7 +15,7 @@ import typer
 from cell.base.config.places import find_configs
 from cell.interface.cli.options import Cluster, Configs, Json, engine, resumable, taking
 from cell.interface.cli.output import print_json, print_table, say
-from drivers.base.errors import ConfigurationError
+from drivers.base.errors import ConfigurationError, in_mm
 
 if TYPE_CHECKING:
     from cell.studies.training import Trained
@@ -130,7 +130,7 @@ def train(given: TrainOptions) -> None:
     workers = engine(jobs, given.cluster, TIME_LIMIT)
     console = Console(stderr=True)
     trained: Trained | None = None
-    corrected = dict[str, Any]()
+    corrected: dict[str, Any] = {}
     with resumable(folder, *JOURNALS.values(), UNTRANSFERRED):
         if checkpoint is None:
             trained = train_in(given.settings(), folder, workers, given.grid, console)
@@ -160,15 +160,15 @@ def _print_training(
             print_table(*table)
     if corrected:
         held_out = corrected["left_out"]
-        sys.stdout.write(
+        print(
             f"{held_out['folds']} folds through images; of folds left out the"
-            f" displacement is {1e3 * held_out['rms']:.2f} mm rms off the prediction;"
-            f" {corrected['checkpoint']}\n"
+            f" displacement is {in_mm(held_out['rms'], 2)} rms off the prediction;"
+            f" {corrected['checkpoint']}"
         )
     if trained is not None:
-        sys.stdout.write(
+        print(
             f"  fold with it: cell fold --strip denim --policy {policy} "
-            f"--checkpoint {trained.checkpoint}\n"
+            f"--checkpoint {trained.checkpoint}"
         )
 
 
@@ -255,7 +255,8 @@ def benchmark(given: BenchmarkOptions) -> None:
         return
     for table in tables(results):
         print_table(*table)
-    sys.stdout.writelines(f"  {line}\n" for line in (*claim_lines(results), page))
+    for line in (*claim_lines(results), page):
+        print(f"  {line}")
 
 
 twin = typer.Typer(
@@ -309,11 +310,12 @@ def serve(
     facts = {"address": host, "arm": 1337, "hand": 1338, "clock": clock}
     say(facts, f"arm at {host}:1337, hand at {host}:1338, {clock}", as_json=as_json)
     if not ip_address(host).is_loopback:
-        sys.stderr.write(
-            f"{host} is no loopback address: others on the network can connect\n"
+        print(
+            f"{host} is no loopback address: others on the network can connect",
+            file=sys.stderr,
         )
     sys.stdout.flush()
     try:
         server.serve()
     except KeyboardInterrupt:
-        sys.stderr.write("stopped\n")
+        print("stopped", file=sys.stderr)

@@ -6,6 +6,7 @@ import csv
 import re
 import sys
 from collections.abc import Sequence
+from dataclasses import asdict
 from datetime import UTC, datetime, timedelta
 from math import isnan
 from pathlib import Path
@@ -65,7 +66,7 @@ def runs(
     """List the runs in a folder; with --keep or --older-than, the runs that --delete
     removes.
     """
-    from cell.record.listing import COLUMNS, list_runs, remove, to_prune, values_of
+    from cell.record.listing import list_runs, remove, to_prune
     from cell.record.manifest import manifests_in
 
     pruning = keep is not None or older_than is not None or delete
@@ -83,11 +84,22 @@ def runs(
     if html is not None:
         from cell.report.runs_page import write_runs_page
 
-        shown = rows if sort else rows[::-1]
-        sys.stdout.write(
-            f"{plural(len(rows), 'run')}\n  {write_runs_page(shown, html)}\n"
-        )
+        page = write_runs_page(rows if sort else rows[::-1], html)
+        print(f"{plural(len(rows), 'run')}\n  {page}")
         return
+    _print_rows(rows, as_csv=as_csv, as_json=as_json)
+    if pruning:
+        said = f"{plural(len(rows), 'run')} may go; nothing was deleted, add --delete"
+        if delete:
+            freed = remove(rows) / MEGABYTE
+            said = f"deleted {plural(len(rows), 'run')}, {freed:.1f} MB"
+        print(said, file=sys.stderr)
+
+
+def _print_rows(rows: "Sequence[RunRow]", *, as_csv: bool, as_json: bool) -> None:
+    """Print the runs as CSV or JSON, by default as a table."""
+    from cell.record.listing import COLUMNS, values_of
+
     if as_csv:
         writer = csv.writer(sys.stdout, lineterminator="\n")
         writer.writerow(COLUMNS)
@@ -96,15 +108,6 @@ def runs(
         print_json(*map(_row_facts, rows))
     else:
         _print_table(rows)
-    if pruning and delete:
-        freed = remove(rows)
-        sys.stderr.write(
-            f"deleted {plural(len(rows), 'run')}, {freed / MEGABYTE:.1f} MB\n"
-        )
-    elif pruning:
-        sys.stderr.write(
-            f"{plural(len(rows), 'run')} may go; nothing was deleted, add --delete\n"
-        )
 
 
 def _age(days: float | None) -> timedelta | None:
@@ -265,7 +268,7 @@ def note(
         check_run(run)
     for run in runs:
         tags = annotate(run, tag or (), untag or (), text)
-        sys.stdout.write(f"{run}: {tags or 'no tags'}\n")
+        print(f"{run}: {tags or 'no tags'}")
 
 
 def viz(run: Run) -> None:
@@ -277,7 +280,7 @@ def viz(run: Run) -> None:
         path = viz_from_run(run)
     for problem in read_broken_run(run).problems:
         notice(problem)
-    sys.stdout.write(f"{path}\n  open it with: rerun {quote(str(path))}\n")
+    print(f"{path}\n  open it with: rerun {quote(str(path))}")
 
 
 def replay(run: Run, as_json: Json = False) -> None:
@@ -289,12 +292,10 @@ def replay(run: Run, as_json: Json = False) -> None:
 
         result = decide_again(run)
     if as_json:
-        facts = {"run": run, "images": result.images, "decisions": result.decisions}
-        print_json({**facts, "differences": result.differences})
+        print_json({"run": run, **asdict(result)})
     else:
         text = "the same" if result.same else f"{len(result.differences)} differences"
-        sys.stdout.write(
-            f"{result.images} images, {result.decisions} decisions: {text}\n"
-        )
-        sys.stdout.writelines(f"  {line}\n" for line in result.differences)
-    sys.exit(0 if result.same else 1)
+        print(f"{result.images} images, {result.decisions} decisions: {text}")
+        for line in result.differences:
+            print(f"  {line}")
+    sys.exit(not result.same)

@@ -1,7 +1,6 @@
 """Commands `cell strips`: list strips, measure one, make the file of a new one."""
 
 import re
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -167,9 +166,9 @@ def new(given: NewStripOptions) -> None:
     values = {key: getattr(given, key) for key in ("length", "width", *SOURCED)}
     new_strip(path, values, given.colour, given.source or [])
     assumed = [key for key, value in values.items() if value is None]
-    sys.stdout.write(f"{path}\n")
+    print(f"{path}")
     if assumed:
-        sys.stdout.write(f"  assumed, not measured: {', '.join(assumed)}\n")
+        print(f"  assumed, not measured: {', '.join(assumed)}")
 
 
 def _check_name(strip: str) -> None:

@@ -86,9 +86,7 @@ class Guess:
         if self.unit is None or self.offset is None:
             return np.full(len(self.values), np.nan)
         sign = -1.0 if self.reversed else 1.0
-        return np.asarray(
-            sign * (self.values * FACTORS.get(self.unit, 1.0) - self.offset)
-        )
+        return sign * (self.values * FACTORS.get(self.unit, 1.0) - self.offset)
 
     def line(self, quantity: str) -> str:
         """Line of the mapping file for `quantity`, with a remark on how sure the guess
@@ -188,15 +186,13 @@ def _not_taken(
         used = {name.replace("*", axis) for name in stated for axis in "xyzw"}
         of = zip(content.column_names, content.schema.types, strict=True)
         left = [
-            f"{n}{' (words)' * pa.types.is_string(kind)}"
+            f"{n} (words)" if pa.types.is_string(kind) else n
             for n, kind in of
             if n not in used
         ]
         if left:
-            name, why = (
-                json.dumps(file, ensure_ascii=False),
-                "no numbers, or no name says more",
-            )
+            name = json.dumps(file, ensure_ascii=False)
+            why = "no numbers, or no name says more"
             if any(
                 file not in taken and content.schema == read[other].schema
                 for other in filter(None, taken)
@@ -209,7 +205,7 @@ def _columns(content: pa.Table) -> dict[str, Guess]:
     """Guesses at the numeric columns whose names tell a quantity; ISO times become
     seconds.
     """
-    found = dict[str, Guess]()
+    found: dict[str, Guess] = {}
     names = [
         name for name in content.column_names if content.column_names.count(name) == 1
     ]
@@ -258,11 +254,8 @@ def _guess_gripper(columns: Guesses, strip: StripFile | None) -> Guesses:
 
     The strip lies flat or hangs at first, which the pitch tells, and is lifted.
     """
-    length, hangs, found = (
-        STRIP if strip is None else strip.length,
-        False,
-        dict[str, Guess](),
-    )
+    length, hangs = _length(strip), False
+    found: dict[str, Guess] = {}
     for quantity in [name for name in TYPICAL if name in columns]:
         typical = TYPICAL[quantity] * (length if quantity in "xz" else 1.0)
         guess = columns[quantity]
@@ -309,7 +302,7 @@ def _with_zero(
     The zero is kept where the column begins as it must, and open where it cannot be
     told.
     """
-    length, si = STRIP if strip is None else strip.length, guess.si()
+    length, si = _length(strip), guess.si()
     first, moves_up = float(si[0]), _largest_move(si) > 0
     if quantity == "pitch":
         begin, turned = (np.pi / 2, first < 0) if hangs else (0.0, not moves_up)
@@ -329,6 +322,11 @@ def _with_zero(
         return replace(guess, offset=0.0, reversed=turned)
     reason = f"{guess.reason}, zero by the start"
     return replace(guess, offset=offset, reversed=turned, reason=reason)
+
+
+def _length(strip: StripFile | None) -> float:
+    """Length [m] of `strip`, or a typical one where it is not stated."""
+    return STRIP if strip is None else strip.length
 
 
 def _largest_move(values: Array) -> float:
@@ -386,7 +384,7 @@ def _guess_points(columns: Guesses, gripper: Guesses) -> Guesses:
 
 def _alone(columns: Guesses, strip: StripFile | None) -> Guesses:
     """Guesses of the strip's point columns where no table holds the gripper's path."""
-    length = STRIP if strip is None else strip.length
+    length = _length(strip)
     sizes = {"t": TYPICAL["t"], "x": length, "z": TYPICAL["z"] * length}
     found = {name: _with_unit(columns[name], name, sizes[name]) for name in sizes}
     return found | {name: columns[name] for name in "i" if name in columns}

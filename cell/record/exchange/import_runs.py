@@ -5,7 +5,7 @@ folders.
 import re
 import shutil
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from contextlib import closing, suppress
+from contextlib import ExitStack, closing, suppress
 from dataclasses import replace
 from itertools import chain, product
 from pathlib import Path
@@ -87,7 +87,7 @@ def import_runs(
     already.
     """
     stated = None if mapping is None else load(mapping, kind)
-    files = {table.file for table in stated.tables.values()} if stated else set[str]()
+    files = {table.file for table in stated.tables.values()} if stated else ()
     sources = chain.from_iterable(sources_in(place, mapping, files) for place in places)
     with scratch_folder(out) as scratch:
         made: list[Path] = []
@@ -137,15 +137,18 @@ def _move_all(made: Sequence[Path], out: Path) -> tuple[Path, ...]:
     """Move the runs `made` to the folder `out`, all or none; returns their folders
     there.
     """
-    try:
+    with ExitStack() as moved:
         for run in made:
+            moved.callback(_take_back, run, out / run.name)
             move_folder(run, out / run.name)
-    except BaseException:  # Ctrl-C too: all runs are imported, or none
-        for run in made:
-            if not run.exists():
-                shutil.rmtree(out / run.name, ignore_errors=True)
-        raise
+        moved.pop_all()
     return tuple(out / run.name for run in made)
+
+
+def _take_back(run: Path, moved: Path) -> None:
+    """Remove the folder `moved`, if it is the `run` that stood elsewhere."""
+    if not run.exists():
+        shutil.rmtree(moved, ignore_errors=True)
 
 
 def _remedy(
@@ -156,7 +159,7 @@ def _remedy(
     """
     if not isinstance(how, MappingFile):
         return ""
-    tried = list[object]()
+    tried: list[object] = []
     for (change, quantities), tables in product(
         _changes(source, how, length), CHANGED_TOGETHER
     ):
@@ -340,11 +343,10 @@ def _write_run(source: Source, how: AnyMapping, index: int, target: Path) -> Non
     stated = how.runs.get(source.name, Place()).model_dump(exclude_none=True)
     common = {} if how.condition is None else {"condition": how.condition}
     place = {"index": index} | common | stated  # by default that of the call
+    made: dict[str, Content]
     if isinstance(how, SignalMapping):
-        made: dict[str, Content] = {
-            RUN: {"schema": 1, "mechanism": how.mechanism, **place}
-        }
-        made[SIGNALS] = _signals(source, how)
+        run = {"schema": 1, "mechanism": how.mechanism, **place}
+        made = {RUN: run, SIGNALS: _signals(source, how)}
     else:
         made = _fold(source, how, place)
     target.mkdir()
@@ -453,14 +455,13 @@ def _result(
         for each in (how.ticks, how.profile, how.contact)
         if each
     }
-    if (path := source.place(how.result)).exists():
+    path, values = source.place(how.result), {}
+    if path.exists():
         values = read_columns(source, how.result)
     elif suggestion(how.result.file, {*source.names} - used):
         raise source.missing(how.result)
-    else:
-        values = {}  # no touch
-    if not (values and all(len(v) and np.isfinite(v).any() for v in values.values())):
-        return {"outcome": "path_done"}
+    if not (values and all(np.isfinite(v).any() for v in values.values())):
+        return {"outcome": "path_done"}  # no touch
     if (rows := max(map(len, values.values()))) > 1:
         raise ConfigurationError(
             f"{path}: holds {rows} rows, must hold one: the first touch"

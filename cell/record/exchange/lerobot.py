@@ -1,5 +1,4 @@
-"""Export of runs as a LeRobotDataset v3.0, a frame for each tick, and import of any
-such set.
+"""Export of runs as a LeRobotDataset v3.0, a frame a tick, and import of such sets.
 
 The data set's clock is nominal, `frame_index / fps`; the exact stamps are the feature
 `stamp`, and those of the images `measured.contact_stamp` and `measured.profile_stamp`.
@@ -13,13 +12,14 @@ import json
 import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 
 from cell.record.exchange.mapping import (
     MAPPING,
@@ -28,6 +28,7 @@ from cell.record.exchange.mapping import (
     Table,
     documents_of,
     mapping_of,
+    stored_mapping,
 )
 from cell.record.files import CALIBRATION, FILM
 from cell.record.film import Film, FilmWriter
@@ -35,7 +36,7 @@ from cell.record.run import Run
 from cell.record.tables import place_rows, unnest, write_parquet
 from drivers.base.errors import ConfigurationError
 from drivers.base.files import replace_file
-from drivers.base.readers import MEGABYTE, read_bytes, read_json, read_parquet
+from drivers.base.readers import read_json, read_parquet
 from drivers.base.types import Array, Frame
 from drivers.base.yaml_text import parse_yaml
 
@@ -64,9 +65,7 @@ ABOUT, ABOUT_VERSION = "meta/cell.json", 2  # 1 had actions without pitch and ha
 
 
 class Feature(NamedTuple):
-    """Values (n,) or (n, m) of a quantity in the frames, and names of a vector's
-    components.
-    """
+    """Values (n,) or (n, m) in the frames, and names of a vector's components."""
 
     values: Any
     names: list[str] | None = None
@@ -78,11 +77,8 @@ class Feature(NamedTuple):
 
     def stated(self) -> dict[str, Any]:
         """Description of the feature as meta/info.json holds it."""
-        return {
-            "dtype": str(self.values.dtype),
-            "shape": [self.size],
-            "names": self.names,
-        }
+        kind, shape = str(self.values.dtype), [self.size]
+        return {"dtype": kind, "shape": shape, "names": self.names}
 
 
 def write_lerobot(runs: Sequence[Run], out: Path) -> tuple[Path, ...]:
@@ -91,7 +87,8 @@ def write_lerobot(runs: Sequence[Run], out: Path) -> tuple[Path, ...]:
     Raises ConfigurationError where their films have images of several sizes.
     """
     begin, fps = 0, _rate(runs)
-    rows, frames = list[dict[str, Any]](), list[dict[str, Feature]]()
+    rows: list[dict[str, Any]] = []
+    frames: list[dict[str, Feature]] = []
     tasks = list(dict.fromkeys(TASK.format(run.header.strip) for run in runs))
     for i, run in enumerate(runs):
         count = len(run.ticks.t)
@@ -116,10 +113,8 @@ def write_lerobot(runs: Sequence[Run], out: Path) -> tuple[Path, ...]:
 
 
 def _about(runs: Sequence[Run]) -> dict[str, Any]:
-    """Contents of meta/cell.json: by run, where camera and arm stood and what became of
-    the fold.
-    """
-    found = dict[str, Any]()
+    """Contents of meta/cell.json: of each run its camera, arm and outcome."""
+    found: dict[str, Any] = {}
     for run in runs:
         result, config = run.result, run.header.config or {}
         agreement = result and result.agreement
@@ -137,35 +132,33 @@ def _about(runs: Sequence[Run]) -> dict[str, Any]:
 def _write_films(
     runs: Sequence[Run], rows: Sequence[dict[str, Any]], out: Path, fps: int
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Write a film for each run, and enter its place into the run's row of
-    meta/episodes.
+    """Write a film for each run, and its place into the run's row of meta/episodes.
 
     Returns the images as a feature of meta/info.json, and statistics of their pixels.
     Raises ConfigurationError for films with images of several sizes.
     """
-    samples, film = list[Mapping[str, Feature]](), f"videos/{CAMERA}"
-    shapes = set[tuple[int, ...]]()
+    film = f"videos/{CAMERA}"
+    samples: list[Mapping[str, Feature]] = []
+    first: tuple[int, ...] = ()
     for i, (run, row) in enumerate(zip(runs, rows, strict=True)):
         path = out / _fill_pattern(VIDEO, 0, i, CAMERA)
         shape, sample = _write_film(run, path, fps)
-        shapes.add(shape)
-        if len(shapes) > 1:
+        first = first or shape
+        if shape != first:
             raise ConfigurationError(
                 f"{run.folder / FILM}: its images have another size than those of "
                 f"{runs[0].folder}; export these runs apart"
             )
         samples.append({CAMERA: sample})
-        ends = {"from_timestamp": 0.0, "to_timestamp": row["length"] / fps}
-        row.update(_place(film, i) | {f"{film}/{n}": at for n, at in ends.items()})
+        row.update(_place(film, i))
+        row[f"{film}/from_timestamp"] = 0.0
+        row[f"{film}/to_timestamp"] = row["length"] / fps
     stats = {
         name: values if name == "count" else [[[value]] for value in values]
         for name, values in _stats(samples)[CAMERA].items()
     }
-    return {
-        "dtype": "video",
-        "shape": list(shape),
-        "names": ["height", "width", "channels"],
-    }, stats
+    names = ["height", "width", "channels"]
+    return {"dtype": "video", "shape": list(first), "names": names}, stats
 
 
 def _file_and_column(table: str, column: str) -> tuple[str, str]:
@@ -182,19 +175,16 @@ def _file_and_column(table: str, column: str) -> tuple[str, str]:
 
 
 def _features(run: Run, runs: Sequence[Run]) -> dict[str, Feature]:
-    """Features of the frames by LeRobot's names; columns of motion only if all `runs`
-    have them.
-    """
-    found = dict[str, Feature]()
+    """Features of the frames, with columns of motion that all `runs` have."""
+    found: dict[str, Feature] = {}
     ticks = run.tables()["ticks"]
     shared = set.intersection(*({*other.tables()["ticks"]} for other in runs))
     for name, columns in VECTORS.items():
         there = [column for column in columns if column in shared]
         if there:
-            found[name] = Feature(
-                np.stack([ticks[column] for column in there], axis=1), there
-            )
-    found["stamp"] = Feature(np.asarray(ticks["t"]))
+            vectors = np.column_stack([ticks[column] for column in there])
+            found[name] = Feature(vectors, there)
+    found["stamp"] = Feature(ticks["t"])
     if any(len(other.ticks.contacts()[0]) for other in runs):
         stamps, places = run.ticks.contacts()
         found["measured.contact"] = _at_frames(run, stamps, places)
@@ -209,15 +199,13 @@ def _features(run: Run, runs: Sequence[Run]) -> dict[str, Feature]:
 
 
 def _curves(run: Run, points: int) -> dict[str, Feature]:
-    """Curves of up to `points` points in the frames nearest to their images, and their
-    stamps.
-    """
+    """Curves of up to `points` points in the frames nearest to their images."""
     curves = run.profile.curves()
     stamps = np.array([stamp for stamp, _ in curves])
     padded = np.full((len(curves), points, 2), np.nan)
     for row, (_, curve) in zip(padded, curves, strict=True):
         row[: len(curve)] = curve
-    names = [str(i) for i in range(points)]
+    names = list(map(str, range(points)))
     x, z = (
         _at_frames(run, stamps, padded[..., axis])._replace(names=names)
         for axis in (0, 1)
@@ -227,9 +215,7 @@ def _curves(run: Run, points: int) -> dict[str, Feature]:
 
 
 def _at_frames(run: Run, stamps: Array, values: Array) -> Feature:
-    """Feature of `values` (k, ...) at the frames nearest to their `stamps` (k,), NaN at
-    others.
-    """
+    """Feature of `values` (k, ...), each at the frame nearest to its `stamps` (k,)."""
     t = run.ticks.t
     rows = place_rows(t, stamps)
     if len(np.unique(rows)) < len(rows):
@@ -243,9 +229,7 @@ def _at_frames(run: Run, stamps: Array, values: Array) -> Feature:
 
 
 def _newest_images(run: Run) -> list[int]:
-    """Film number of the newest image at each row (n,) of ticks; before any, the first
-    image's.
-    """
+    """Film number of the newest image, or else the first, at each row (n,) of ticks."""
     stamps = run.film_stamps()
     newest = np.searchsorted(list(stamps.values()), run.ticks.t, side="right") - 1
     numbers = list(stamps)
@@ -259,7 +243,8 @@ def _write_film(run: Run, path: Path, fps: int) -> tuple[tuple[int, ...], Featur
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     counts, row = Counter(_newest_images(run)), 0
-    sample, shape = list[Array](), tuple[int, ...]()
+    sample: list[Array] = []
+    shape: tuple[int, ...] = ()
     with FilmWriter(path) as film:
         for number, frame in enumerate(Film(run.folder / FILM).frames()):
             for _ in range(counts[number]):
@@ -294,14 +279,13 @@ def _counters(
 
 
 def _table(features: Mapping[str, Feature]) -> pa.Table:
-    """Table of the frames: scalar columns for one component, else lists of fixed
-    size.
-    """
-    columns = dict[str, pa.Array]()
+    """Table of the frames: columns of numbers, or of lists of fixed size."""
+    columns = {}
     for name, feature in features.items():
-        flat, size = pa.array(feature.values.ravel()), feature.size
-        as_lists = pa.FixedSizeListArray.from_arrays
-        columns[name] = flat if size == 1 else as_lists(flat, size)
+        column = pa.array(feature.values.ravel())
+        if feature.size > 1:
+            column = pa.FixedSizeListArray.from_arrays(column, feature.size)
+        columns[name] = column
     return pa.table(columns)
 
 
@@ -322,21 +306,12 @@ def _episode_row(run: Run, i: int, begin: int, count: int) -> dict[str, Any]:
 
 
 def _tasks(tasks: Sequence[str]) -> pa.Table:
-    """Table of task texts and their numbers, with the text as index of a pandas
-    frame.
-    """
+    """Table of task texts and their numbers; the text is the index of a data frame."""
+    kinds = {"task_index": ("int64", "int64"), "task": ("unicode", "object")}
+    keys = ("name", "field_name", "pandas_type", "numpy_type", "metadata")
     columns = [
-        {
-            "name": name,
-            "field_name": name,
-            "pandas_type": pandas,
-            "numpy_type": numpy,
-            "metadata": None,
-        }
-        for name, pandas, numpy in (
-            ("task_index", "int64", "int64"),
-            ("task", "unicode", "object"),
-        )
+        dict(zip(keys, (name, name, *kind, None), strict=True))
+        for name, kind in kinds.items()
     ]
     stated = {"index_columns": ["task"], "column_indexes": [], "columns": columns}
     table = pa.table(
@@ -346,9 +321,7 @@ def _tasks(tasks: Sequence[str]) -> pa.Table:
 
 
 def _stats(each: Sequence[Mapping[str, Feature]]) -> dict[str, Any]:
-    """Extremes, mean, deviation, quantiles and count of each feature, over its measured
-    values.
-    """
+    """Statistics of each feature, and their count, over its measured values."""
     found = {}
     for name, feature in each[0].items():
         rows = np.concatenate([features[name].values for features in each])
@@ -366,9 +339,7 @@ def _stats(each: Sequence[Mapping[str, Feature]]) -> dict[str, Any]:
 def _info(
     runs: Sequence[Run], features: Mapping[str, Feature], frames: int, tasks: int
 ) -> dict[str, Any]:
-    """Contents of meta/info.json for `runs` with these `features`, numbers of frames
-    and tasks.
-    """
+    """Contents of meta/info.json for `runs` with these `features`."""
     drivers = runs[0].header.drivers
     return {
         "codebase_version": FORMAT_VERSION,
@@ -394,9 +365,7 @@ def _rate(runs: Sequence[Run]) -> int:
 
 
 def _fill_pattern(pattern: str, chunk: int, file: int, camera: str = "") -> str:
-    """Path of a data file: the `pattern` of meta/info.json with its known fields filled
-    in.
-    """
+    """Path of a data file by its `pattern` in meta/info.json."""
     numbers = {"chunk_index": str(chunk), "file_index": str(file), "video_key": camera}
     return PLACE.sub(lambda found: numbers[found[1]].zfill(int(found[2] or 0)), pattern)
 
@@ -406,30 +375,22 @@ def _write(path: Path, table: pa.Table) -> None:
     write_parquet(path, table)
 
 
-@dataclass(frozen=True)
+@dataclass
 class Episode(Source):
-    """An episode of a data set as a run: its table `episode`, and maybe `points` and a
-    film.
+    """Episode of a data set as a run: its table `episode`, maybe `points` and a film.
 
     The table `episode` holds the frames, with a column for each component of a vector;
     `points` are those of the strip in an exported run. The episode begins at `begin`
     [s] of its `film`.
     """
 
-    path: Path
-    name: str
-    documents: Mapping[str, bytes]
-    names: Sequence[str]
     frames: pa.Table
     film: Path | None
     begin: float
     info: Mapping[str, Any]
-    remarks: list[str] = field(default_factory=list)
 
     def images(self) -> Iterator[tuple[int, Frame]]:
-        """Yield images (h, w, 3) of the film, each with its row of the frames, without
-        repeats.
-        """
+        """Yield images (h, w, 3) of the film, each once, with their rows."""
         rows = set(range(len(self.frames)))
         if CAMERA_STAMP in self.frames.column_names:
             taken = np.unique(self.frames[CAMERA_STAMP].to_numpy())
@@ -454,9 +415,7 @@ class Episode(Source):
         return unnest(self.frames, str(self.path), vectors)
 
     def _points(self) -> pa.Table:
-        """Table of the strip's measured points in the episode: t [s], i, x and z
-        [m].
-        """
+        """Table of the strip's measured points: t [s], i, x and z [m]."""
         shape = (len(self.frames), -1)
         x, z = (
             np.reshape(self.frames[f"measured.profile_{axis}"].to_pylist(), shape)
@@ -470,8 +429,7 @@ class Episode(Source):
 def episodes(root: Path) -> Iterator[Episode]:
     """Yield the episodes of the data set at `root`, each with its own frames.
 
-    Raises ConfigurationError for a data set of another version, or one that is not
-    whole.
+    Raises ConfigurationError for a data set of another version, or a broken one.
     """
     info = read_json(root / INFO)
     if not str(info.get("codebase_version", "")).startswith("v3."):
@@ -504,24 +462,19 @@ def _read_episode(
     row: Mapping[str, Any],
     read: Callable[[Path], pa.Table],
 ) -> Episode:
-    """Episode of a `row` of meta/episodes; KeyError, TypeError, ValueError for one not
-    whole.
-    """
+    """Episode of a `row` of meta/episodes; KeyError and the like for a broken one."""
     path = _path_in_set(root, info.get("data_path") or DATA, "data", row)
     name = str(row.get("cell/name") or f"episode-{row['episode_index']:06d}")
     if name == ".." or Path(name).name != name:
         raise ValueError(f"cell/name: {name!r} is not the name of a folder")
-    mapping = root / "meta" / MAPPING
-    documents = {MAPPING: read_bytes(mapping, MEGABYTE)} if mapping.is_file() else {}
-    ours = (key for key, value in row.items() if key.startswith("cell/") and value)
-    documents |= {key.removeprefix("cell/"): str(row[key]).encode() for key in ours}
-    frames = read(path)
+    documents = stored_mapping(root / "meta" / MAPPING)
+    for key, value in row.items():
+        if key.startswith("cell/") and value:
+            documents[key.removeprefix("cell/")] = str(value).encode()
+    frames = read(path).filter(pc.field("episode_index") == row["episode_index"])
     names = [MEASURED.sub("measured.", column) for column in frames.column_names]
     frames = frames.rename_columns(names)
-    points = [POINTS_TABLE] if POINTS_STAMP in frames.column_names else []
-    frames = frames.filter(
-        pa.array(np.asarray(frames["episode_index"]) == row["episode_index"])
-    )
+    points = [POINTS_TABLE] if POINTS_STAMP in names else []
     videos = (
         name for name, each in info["features"].items() if each.get("dtype") == "video"
     )
@@ -534,9 +487,7 @@ def _read_episode(
 
 
 def _path_in_set(root: Path, pattern: str, place: str, row: Mapping[str, Any]) -> Path:
-    """Path of an episode's `data` or `videos/CAMERA`; ConfigurationError for one out of
-    the set.
-    """
+    """Path of an episode's `data` or `videos/CAMERA`, which must lie in the set."""
     kind, _, camera = place.partition("s/")
     path = _fill_pattern(
         pattern, row[f"{place}/chunk_index"], row[f"{place}/file_index"], camera

@@ -1,5 +1,4 @@
-"""The mapping file of `cell import`, and foreign tables read by it in SI units and the
-cell frame.
+"""Mapping file of `cell import`, and foreign tables read by it in SI units.
 
 It names the foreign column for each quantity, with its unit; an exported run brings its
 own.
@@ -9,6 +8,7 @@ import csv
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from itertools import takewhile
 from pathlib import Path
@@ -216,6 +216,7 @@ class MappingFile(VersionedFile):
         return {file: table for file, table in stated.items() if table is not None}
 
 
+@dataclass
 class Source(ABC):
     """One run in a foreign format: its tables by name, and maybe images and YAML
     documents.
@@ -225,18 +226,15 @@ class Source(ABC):
     name: str
     documents: Mapping[str, bytes]
     names: Sequence[str]  # of the tables
-    remarks: list[str]  # on what was passed over
+    # on what was passed over
+    remarks: list[str] = field(default_factory=list, kw_only=True)
 
     @abstractmethod
     def table(self, how: Table[Any]) -> pa.Table:
-        """Foreign table that `how` names; ConfigurationError where it cannot be
-        read.
-        """
+        """Foreign table that `how` names; ConfigurationError if it cannot be read."""
 
     def missing(self, how: Table[Any]) -> ConfigurationError:
-        """Error of a mapping that names a table, `how`, which the source does not
-        hold.
-        """
+        """Error of a mapping that names a table, `how`, which is not there."""
         return ConfigurationError(
             f"{self.path}: the mapping reads {how.file}, which is not there"
             f"{suggestion(how.file, self.names)}; tables: {', '.join(self.names)}"
@@ -253,6 +251,11 @@ class Source(ABC):
         return ()
 
 
+def stored_mapping(path: Path) -> dict[str, bytes]:
+    """Content of the mapping file at `path` by its name; empty where there is none."""
+    return {MAPPING: read_bytes(path, MEGABYTE)} if path.is_file() else {}
+
+
 class TableFiles(Source):
     """A run in CSV and Parquet files: those of a folder, or one alone."""
 
@@ -260,17 +263,15 @@ class TableFiles(Source):
         """Find the tables in the folder at `path`, or take the single file at
         `path`.
         """
-        place = path.resolve()
-        mapping = place.parent / MAPPING
-        self.path, self.name = path, place.stem if path.is_file() else place.name
-        self.documents = (
-            {MAPPING: read_bytes(mapping, MEGABYTE)} if mapping.is_file() else {}
-        )
-        self.remarks = []
-        self._files = [path] if path.is_file() else sorted(path.iterdir())
+        place, alone = path.resolve(), path.is_file()
+        self._files = [path] if alone else sorted(path.iterdir())
         found = [file.name for file in self._files if FILE.fullmatch(file.name)]
-        # of all such files
-        self.names = [f"*{path.suffix}"] if path.is_file() else found
+        super().__init__(
+            path,
+            place.stem if alone else place.name,
+            stored_mapping(place.parent / MAPPING),
+            [f"*{path.suffix}"] if alone else found,  # of all such files
+        )
 
     def table(self, how: Table[Any]) -> pa.Table:
         """Read the one CSV or Parquet file that `how` names, perhaps by a pattern.
@@ -309,8 +310,7 @@ def read_columns(
     table: Table[Any],
     measures: Mapping[str, Mapping[str, float]] = MEASURES,
 ) -> dict[str, Array]:
-    """Read the columns of the `table` in `source`: arrays (n,) in SI units by the
-    cell's names.
+    """Columns (n,) of the `table` in `source`, in SI units, by the cell's names.
 
     Raises ConfigurationError for a file, a column or a unit that cannot be used;
     `measures` are the units by column.
@@ -381,7 +381,8 @@ def _header(rows: Sequence[str], delimiter: str) -> tuple[list[str], int]:
     whole = [row for row in sample if len(row) == width]
     numeric = [i for i in range(width) if all(_is_value(row[i]) for row in whole)]
 
-    heading, begin = list[list[str]](), len(rows)
+    heading: list[list[str]] = []
+    begin = len(rows)
     kinds = [_kind(row, delimiter, width, numeric) for row in rows[:LONGEST_HEADING]]
     for place, kind in enumerate(kinds):
         if kind == "numbers" and "words" not in kinds[place : place + FOLLOWING]:
@@ -432,7 +433,7 @@ def _names_in_comments(lines: Sequence[str], delimiter: str, width: int) -> list
         for cells in (_cells(note, delimiter), _cells(note, ","), note.split()):
             if len(cells) == width:
                 return [cell.strip() for cell in cells]
-    return [*map(str, range(width))]
+    return list(map(str, range(width)))
 
 
 def _is_value(cell: str) -> bool:
@@ -509,9 +510,7 @@ def _values(
 
 
 def _check_unit(raw: pa.ChunkedArray, column: Column, origin: str) -> None:
-    """Refuse a unit of the mapping that is not the one that the cells themselves
-    state.
-    """
+    """Refuse a unit of the mapping that is not the one that the cells state."""
     told = unit_in_cells(raw) or ""
     unit = UNITS.get(told.lower(), column.unit)
     if unit != column.unit:
@@ -522,18 +521,16 @@ def _check_unit(raw: pa.ChunkedArray, column: Column, origin: str) -> None:
 
 
 def _numbers(raw: pa.ChunkedArray, origin: str, known: Mapping[str, float]) -> Array:
-    """Numbers (n,) of a column; ConfigurationError, with its `origin`, where it holds
-    others.
-    """
+    """Numbers (n,) of a column; ConfigurationError, with its `origin`, for others."""
     if (numbers := numbers_of(raw)) is not None:
         return numbers
-    cells = (
-        (row, str(v))
-        for row, v in enumerate(raw.to_pylist(), 1)
-        if v not in (None, *EMPTY)
-    )
     where = next(
-        (f" ({v!r} in row {row})" for row, v in cells if not _is_number(v)), ""
+        (
+            f" ({str(cell)!r} in row {row})"
+            for row, cell in enumerate(raw.to_pylist(), 1)
+            if not (cell in {None, *EMPTY} or _is_number(str(cell)))
+        ),
+        "",
     )
     raise ConfigurationError(
         f"{origin} holds {raw.type}{where}, must hold numbers{ISO * (known is TIMES)};"
@@ -543,9 +540,7 @@ def _numbers(raw: pa.ChunkedArray, origin: str, known: Mapping[str, float]) -> A
 
 
 def documents_of(run: Run) -> dict[str, bytes]:
-    """YAML documents of a run that an export includes, by file name; empty if
-    missing.
-    """
+    """YAML documents of a run that are exported, by file; empty if missing."""
     files = (run.folder / name for name in (RUN, RESULT, CALIBRATION))
     return {
         file.name: read_bytes(file, MEGABYTE) if file.is_file() else b""

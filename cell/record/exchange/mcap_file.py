@@ -121,7 +121,7 @@ def _curves(points: list[Row]) -> Iterator[Row]:
 
 def _write_drawings(writer: Writer, run: Run) -> None:
     """Write messages in Foxglove's schemas, each kind to a topic of its own."""
-    channels = dict[str, int]()
+    channels: dict[str, int] = {}
     for topic, t, message in _drawings(run):
         if topic not in channels:
             schema = register_schema(writer, type(message))
@@ -189,9 +189,8 @@ class McapFile(Source):
         """Read attachments and topic names of the MCAP file at `path`, or of the
         `parts` of the recording in that folder.
         """
-        self.path, self.name = path, path.name.removesuffix(".mcap")
         self.documents: dict[str, bytes] = {}
-        self.remarks = []
+        super().__init__(path, path.name.removesuffix(".mcap"), self.documents, ())
         self._decoders = Protobuf(), Cdr()
         self._contents = [read_bytes(each, LARGEST_FILE) for each in parts or [path]]
         topics = {topic for each in self._contents for topic in self._topics(each)}
@@ -238,7 +237,9 @@ class McapFile(Source):
         for writer in {by.id for _, by, _ in of_topic}:
             times = [each.log_time for each, by, _ in of_topic if by.id == writer]
             self._check_clock(np.array(times) / NANOSECONDS, topic)
-        rows, unread, values = list[Row](), set[str](), 0
+        rows: list[Row] = []
+        unread: set[str] = set()
+        values = 0
         for message, by, schema in sorted(of_topic, key=lambda each: each[0].log_time):
             parts = self._parts(message, by, schema)
             if parts is None:
@@ -260,10 +261,8 @@ class McapFile(Source):
         """Rows of a message, None where its encoding is not read; ConfigurationError
         for one that is broken or too wide.
         """
-        encoding, origin = (
-            channel.message_encoding,
-            f"{self.path}: topic {channel.topic!r}",
-        )
+        encoding = channel.message_encoding
+        origin = f"{self.path}: topic {channel.topic!r}"
         try:
             known = (each.decoder_for(encoding, schema) for each in self._decoders)
             decode = (
@@ -308,7 +307,8 @@ class McapFile(Source):
 
     def _messages_in(self, content: bytes) -> Iterator[Found]:
         """Messages in the `content` of one file."""
-        schemas, channels = dict[int, Schema](), dict[int, Channel]()
+        schemas: dict[int, Schema] = {}
+        channels: dict[int, Channel] = {}
         try:
             for record in self._records(content):
                 if isinstance(record, Schema):
@@ -357,7 +357,8 @@ def flat(message: object) -> list[Row]:
     """Flatten a decoded message to rows of scalars: one per object in its lists, else
     one.
     """
-    scalars, rows = Row(), list[Row]()
+    scalars: Row = {}
+    rows: list[Row] = []
     for name, value in _fields(message).items():
         inner = _fields(value)
         if isinstance(value, Sequence) and not isinstance(value, str | bytes):

@@ -148,13 +148,16 @@ class Rows:
         """Send the buffered rows to `recording`."""
         if not self._rows:
             return
-        times = [
-            rr.TimeColumn("t", duration=self._t),
-            rr.TimeColumn("clock", duration=self._clock),
-        ]
+        times = _times(self._t, self._clock)
         recording.send_columns(self._entity, times, self._compose(self._rows))
         for buffered in (self._t, self._clock, self._rows):
             buffered.clear()
+
+
+def _times(t: Any, clock: Any) -> list[rr.TimeColumn]:
+    """Columns of rows at `t` since the lift and on the cell's `clock` (n,) [s]."""
+    timelines = {"t": t, "clock": clock}
+    return [rr.TimeColumn(name, duration=at) for name, at in timelines.items()]
 
 
 class Screen:
@@ -318,10 +321,7 @@ class Screen:
         frames = scene.arm_frames(q, installation_of(run), _size(self._strip)[1])
         for entity, body in scene.arm_bodies().items():
             self._to.log(entity, body, static=True)
-        times = [
-            rr.TimeColumn("t", duration=np.maximum(t, 0.0)),
-            rr.TimeColumn("clock", duration=t + run.origin()),
-        ]
+        times = _times(np.maximum(t, 0.0), t + run.origin())
         for link, entity in enumerate(scene.LINKS):
             columns = scene.transforms(frames[:, link])
             self._to.send_columns(entity, times, columns)
@@ -425,8 +425,8 @@ def _looks() -> Mapping[str, Any]:
         ),
     }
     for name, (words, colour) in CURVES.items():
-        line = rr.SeriesLines(colors=colour, names=words, widths=1.5)
-        looks[f"signals/{name}"] = line
+        look = rr.SeriesLines(colors=colour, names=words, widths=1.5)
+        looks[f"signals/{name}"] = look
     return looks
 
 
@@ -547,7 +547,8 @@ class Shadow:
         except Fault:
             self._lost = True
             return NO_SHAPE
-        return np.asarray(self._rod.shapes()[0])
+        shape: Array = self._rod.shapes()[0]
+        return shape
 
     def _step_to(self, t: float, pose: Array) -> None:
         """Step the rod to `t` [s], the gripper moving linearly from its last pose to

@@ -134,7 +134,8 @@ def arm_frames(q: Array, cell: Installation, width: float) -> Array:
     """
     base = np.linalg.inv(cell.mounting.transform().matrix)
     base[1, 3] += 0.5 * width
-    return np.asarray(base @ link_frames(q))
+    frames: Array = base @ link_frames(q)
+    return frames
 
 
 def hand_frame(pose: Array, width: float) -> Array:
@@ -142,7 +143,7 @@ def hand_frame(pose: Array, width: float) -> Array:
     plane = StripPlane(CellInRobot(np.eye(4)))
     frame = plane.matrix(*pose.tolist()) @ np.linalg.inv(HAND_TO_TIP)
     frame[1, 3] += 0.5 * width
-    return np.asarray(frame)
+    return frame
 
 
 def transforms(frames: Array) -> Any:
@@ -278,7 +279,7 @@ def _turn_from_z(span: Array) -> Array:
     """
     x, y, z = span / np.linalg.norm(span)
     turn = np.array([-y, x, 0.0, 1.0 + z])
-    size = float(np.linalg.norm(turn))
+    size = np.linalg.norm(turn)
     return np.array([1.0, 0.0, 0.0, 0.0]) if size < 1e-9 else turn / size
 
 

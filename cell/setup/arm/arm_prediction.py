@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from drivers.base.errors import in_mm
 from drivers.base.installation import Installation
 from drivers.base.types import Array
 from drivers.franka.limits import JointLimits
@@ -53,16 +54,14 @@ class ArmPrediction:
             problems = "\n    ".join(str(problem) for problem in reach.problems)
             return f"the arm cannot follow it from this mounting:\n    {problems}"
         side = "turned by half a turn" if reach.turned else "as mounted"
-        hand = f"the hand stays {1e3 * self.clearance:.0f} mm clear of the desk"
+        hand = f"the hand stays {in_mm(self.clearance)} clear of the desk"
         if self.clearance <= 0:
-            hand = (
-                f"but the hand would run {-1e3 * self.clearance:.0f} mm into the desk"
-            )
+            hand = f"but the hand would run {in_mm(-self.clearance)} into the desk"
         return (
             "the arm can follow it, approach, lay and retreat included, the hand"
             f" {side}; joint {reach.joint} comes nearest to its end, {reach.margin:.2f}"
-            f" rad\n  {hand}, which must end with the strip and stand {1e3 * RISE:.0f}"
-            " mm above what is beside it"
+            f" rad\n  {hand}, which must end with the strip and stand {in_mm(RISE)}"
+            " above what is beside it"
         )
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from cell.base.config.cell import CellFile
 from cell.base.config.places import Configs
-from drivers.base.errors import CellError
+from drivers.base.errors import CellError, in_mm
 from drivers.base.files import change_file
 from drivers.base.geometry import EDGE_AHEAD
 from drivers.base.installation import Mounting
@@ -51,8 +51,8 @@ def mounting_from_points(points: Array, length: float) -> Mounting:
     distance = float(np.linalg.norm(along))
     if not abs(distance - length) <= STRETCH:  # true for NaN
         raise CellError(
-            f"register: the edges are {1e3 * distance:.1f} mm apart, the strip is"
-            f" {1e3 * length:.1f} mm long; allowed: {1e3 * STRETCH:.0f} mm; touch both"
+            f"register: the edges are {in_mm(distance, 1)} apart, the strip is"
+            f" {in_mm(length, 1)} long; allowed: {in_mm(STRETCH)}; touch both"
             " edges again"
         )
     normal = np.cross(along, beside - fixed)

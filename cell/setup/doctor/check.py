@@ -18,6 +18,9 @@ class Grade(StrEnum):
     SKIPPED = "skipped"
 
 
+PASS, WARN, FAIL, SKIPPED = Grade
+
+
 @dataclass(frozen=True, slots=True)
 class Check:
     """Result of a check: what was `found`, `why` it matters, and a `remedy`, empty
@@ -37,6 +40,6 @@ class Check:
     def text(self, number: int) -> str:
         """Text of the check for the operator, with a remedy where there is one."""
         head = f"{number:2d}  {self.state:8s}{self.name}: {self.found}"
-        if self.state in (Grade.PASS, Grade.SKIPPED):
+        if self.state in (PASS, SKIPPED):
             return head
         return f"{head}\n{DETAIL}why: {self.why}\n{DETAIL}do:  {self.remedy}"

@@ -17,9 +17,9 @@ from cell.base.config.cell import CellFile
 from cell.base.config.drivers import DRIVERS
 from cell.base.devices.real_camera import grab
 from cell.setup.calibration_in_use import age_days, check_current
-from cell.setup.doctor.check import Check, Grade
+from cell.setup.doctor.check import FAIL, PASS, SKIPPED, WARN, Check
 from drivers.base.child import Child, ChildDied
-from drivers.base.errors import CellError
+from drivers.base.errors import CellError, in_ms
 from drivers.base.extras import install_advice
 from drivers.base.types import Array
 from drivers.v4l2.camera import report
@@ -40,9 +40,9 @@ def library() -> Check:
     """Check whether pylibfranka, the maker's client of the arm, is installed."""
     why = "the arm speaks a protocol of its own"
     if find_spec("pylibfranka") is not None:
-        return Check("robot library", Grade.PASS, "pylibfranka is installed", why)
+        return Check("robot library", PASS, "pylibfranka is installed", why)
     remedy = f"{install_advice('pylibfranka')} on Linux x86_64, Python 3.11 or 3.12"
-    return Check("robot library", Grade.FAIL, "pylibfranka is missing", why, remedy)
+    return Check("robot library", FAIL, "pylibfranka is missing", why, remedy)
 
 
 def robot(address: str) -> Check:
@@ -58,9 +58,9 @@ def robot(address: str) -> Check:
             "switch the robot on, unlock its brakes, activate FCI in Desk; check"
             " fci.address"
         )
-        return Check("robot", Grade.FAIL, f"no robot answers at {address}", why, remedy)
+        return Check("robot", FAIL, f"no robot answers at {address}", why, remedy)
     found = f"{address} speaks version {spoken}, the library {LIBRARY_VERSION}"
-    state = Grade.PASS if spoken == LIBRARY_VERSION else Grade.FAIL
+    state = PASS if spoken == LIBRARY_VERSION else FAIL
     return Check(
         "robot", state, found, why, "install the library that fits the robot's system"
     )
@@ -74,18 +74,16 @@ def camera(settings: CellFile) -> Check:
         "a picture by other settings is measured by a calibration that does not fit it"
     )
     if settings.camera_driver != DRIVERS["cameras"]["v4l2"]:
-        return Check(
-            "camera", Grade.SKIPPED, "a plug-in's", "only its package can check it"
-        )
+        return Check("camera", SKIPPED, "a plug-in's", "only its package can check it")
     stated = settings.camera
     if stated is None:
         remedy = "run `cell camera` and put what it prints into cell.yaml"
-        return Check("camera", Grade.FAIL, "cell.yaml states none", why, remedy)
+        return Check("camera", FAIL, "cell.yaml states none", why, remedy)
     try:
         found = report(Kernel(), stated.device)
     except CellError as error:
         return Check(
-            "camera", Grade.FAIL, str(error), why, "connect it, close other programs"
+            "camera", FAIL, str(error), why, "connect it, close other programs"
         )
     values = {control.name: control.value for control in found.controls}
     other = [
@@ -97,10 +95,10 @@ def camera(settings: CellFile) -> Check:
         remedy = (
             "close the program that changes it; a fold sets it again when it connects"
         )
-        return Check("camera", Grade.WARN, "; ".join(other), why, remedy)
+        return Check("camera", WARN, "; ".join(other), why, remedy)
     count = len(stated.controls)
     return Check(
-        "camera", Grade.PASS, f"{stated.device}, {count} controls as configured", why
+        "camera", PASS, f"{stated.device}, {count} controls as configured", why
     )
 
 
@@ -108,23 +106,23 @@ def camera_stream(settings: CellFile) -> Check:
     """Check whether the camera keeps its rate, and stamps its images itself."""
     why = "an image that is late or stamped at its arrival is measured at another pose"
     if settings.camera is None:
-        return Check("pictures", Grade.SKIPPED, "cell.yaml states no camera", why)
+        return Check("pictures", SKIPPED, "cell.yaml states no camera", why)
     remedy = "give it light, a port of its own without a hub, and close other programs"
     try:
         taken = grab(settings.camera)
     except CellError as error:
-        return Check("pictures", Grade.FAIL, str(error), why, remedy)
+        return Check("pictures", FAIL, str(error), why, remedy)
 
     agreed = taken.setup.picture.rate
     source, counts = taken.frame.stamp_source, taken.counts
     found = (
         f"{taken.rate:.1f} of {agreed:g} Hz, {counts.missing} missing,"
         f" {counts.corrupt} corrupt, stamped by the {source}, known"
-        f" {1e3 * taken.age:.0f} ms after the exposure"
+        f" {in_ms(taken.age)} after the exposure"
     )
     slow = taken.rate < (1.0 - RATE_SHARE) * agreed
     unsure = counts.missing or counts.corrupt or counts.restamped
-    state = Grade.WARN if slow or unsure else Grade.PASS
+    state = WARN if slow or unsure else PASS
     return Check("pictures", state, found, why, remedy)
 
 
@@ -135,7 +133,7 @@ def calibration(settings: CellFile, *, on_twin: bool) -> Check:
         "run `cell calibrate camera` and `cell calibrate homography`, name the file"
     )
     if settings.calibration is None:
-        state = Grade.PASS if on_twin else Grade.FAIL
+        state = PASS if on_twin else FAIL
         found = "the twin makes its own" if on_twin else "cell.yaml names none"
         return Check("calibration", state, found, why, remedy)
     try:
@@ -143,19 +141,13 @@ def calibration(settings: CellFile, *, on_twin: bool) -> Check:
         now = datetime.now(UTC)
         check_current(made, settings.calibration_days, now, on_twin=on_twin)
     except CellError as error:
-        return Check("calibration", Grade.FAIL, str(error), why, remedy)
+        return Check("calibration", FAIL, str(error), why, remedy)
     age = age_days(made, now)
     found = f"{made.id}, {age:.0f} of {settings.calibration_days:.0f} days old"
+    doubted = not on_twin and age > EXPIRING * settings.calibration_days
     if made.accepted_anyway:
-        return Check(
-            "calibration",
-            Grade.WARN,
-            f"{found}, accepted although refused",
-            why,
-            remedy,
-        )
-    old = not on_twin and age > EXPIRING * settings.calibration_days
-    return Check("calibration", Grade.WARN if old else Grade.PASS, found, why, remedy)
+        doubted, found = True, f"{found}, accepted although refused"
+    return Check("calibration", WARN if doubted else PASS, found, why, remedy)
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,7 +179,7 @@ def network(address: str, seconds: float) -> Check:
         return judge_link(measure_link(address, seconds))
     except CellError as error:
         remedy = "close other programs that hold the robot; check cable and address"
-        return Check("network", Grade.FAIL, str(error), NETWORK_WHY, remedy)
+        return Check("network", FAIL, str(error), NETWORK_WHY, remedy)
 
 
 def judge_link(link: NetworkLink) -> Check:
@@ -201,11 +193,11 @@ def judge_link(link: NetworkLink) -> Check:
         f" lost, at most {link.in_a_row} in a row; 99.9 % within {link.late_ms:.1f} ms,"
         f" worst {link.worst_ms:.1f} ms"
     )
-    state = Grade.PASS
+    state = PASS
     if link.lost_share > LOST_SHARE or link.late_ms > LARGEST_DELAY_MS:
-        state = Grade.WARN
+        state = WARN
     if link.lost_share > TOO_MANY or link.in_a_row >= IN_A_ROW:
-        state = Grade.FAIL
+        state = FAIL
     return Check("network", state, found, NETWORK_WHY, remedy)
 
 
@@ -235,8 +227,8 @@ def read_states(pipe: Connection, address: str, seconds: float) -> None:
     import pylibfranka as franka
 
     robot = franka.Robot(address, franka.RealtimeConfig.kIgnore)
-    times = list[int]()
-    arrivals = list[float]()
+    times: list[int] = []
+    arrivals: list[float] = []
     until = time.monotonic() + seconds + BUFFERED
     while not arrivals or arrivals[-1] < until:
         state = robot.read_once()

@@ -8,7 +8,7 @@ from pathlib import Path
 from cell.base.config.cell import CellFile
 from cell.base.config.places import Configs
 from cell.setup.doctor import devices, machine
-from cell.setup.doctor.check import Check, Grade
+from cell.setup.doctor.check import FAIL, PASS, SKIPPED, WARN, Check
 from drivers.base.errors import CellError, PreflightRefused
 
 # s of the network's test: by the doctor, and before each real session
@@ -38,11 +38,11 @@ def checks(
             configs.strip(name)
     except CellError as error:
         yield Check(
-            "configuration", Grade.FAIL, str(error), why, "mend the file that is named"
+            "configuration", FAIL, str(error), why, "mend the file that is named"
         )
         return
     found = f"{settings.name}, {len(names)} strips in {configs.folder}"
-    yield Check("configuration", Grade.PASS, found, why)
+    yield Check("configuration", PASS, found, why)
     yield from hardware_checks(settings, runs, seconds)
 
 
@@ -58,12 +58,10 @@ def hardware_checks(settings: CellFile, runs: Path, seconds: float) -> Iterator[
     if has_real_camera:
         connected = devices.camera(settings)
         yield connected
-        if connected.state in {Grade.PASS, Grade.WARN}:
+        if connected.state in {PASS, WARN}:
             yield devices.camera_stream(settings)
     else:
-        yield Check(
-            "camera", Grade.SKIPPED, "the twin's", "there is nothing to connect"
-        )
+        yield Check("camera", SKIPPED, "the twin's", "there is nothing to connect")
 
 
 def _robot_checks(settings: CellFile, seconds: float) -> Iterator[Check]:
@@ -73,7 +71,7 @@ def _robot_checks(settings: CellFile, seconds: float) -> Iterator[Check]:
     address = settings.robot_address
     if address is None:
         yield Check(
-            "robot", Grade.SKIPPED, "none at fci.address", "there is nothing to connect"
+            "robot", SKIPPED, "none at fci.address", "there is nothing to connect"
         )
         return
     installed = devices.library()
@@ -83,10 +81,10 @@ def _robot_checks(settings: CellFile, seconds: float) -> Iterator[Check]:
         yield machine.priority(settings.fci.realtime)
         yield machine.throttling()
         yield machine.governor()
-    if installed.state is Grade.PASS:
+    if installed.state is PASS:
         answering = devices.robot(address)
         yield answering
-        if answering.state is Grade.PASS:
+        if answering.state is PASS:
             yield devices.network(address, seconds)
 
 
@@ -107,7 +105,7 @@ def motion_checks(settings: CellFile, *, camera: bool = False) -> Iterator[Check
 
 def refuse_failed(found: Iterable[Check]) -> None:
     """Raise PreflightRefused where one of the checks `found` has failed."""
-    red = [check for check in found if check.state is Grade.FAIL]
+    red = [check for check in found if check.state is FAIL]
     if red:
         lines = "\n".join(
             f"{check.name}: {check.found}; {check.remedy}" for check in red

@@ -8,9 +8,10 @@ import resource
 import shutil
 import sys
 from importlib.metadata import PackageNotFoundError, version
+from math import inf
 from pathlib import Path
 
-from cell.setup.doctor.check import Check, Grade
+from cell.setup.doctor.check import FAIL, PASS, SKIPPED, WARN, Check, Grade
 from drivers.base.extras import install_line, missing_features
 
 NEEDED_PACKAGES = ("mujoco", "numpy", "opencv-python-headless", "ruckig", "rerun-sdk")
@@ -38,10 +39,8 @@ def versions() -> Check:
     why = "a cell with other versions computes other numbers"
     if missing:
         remedy = f"{sys.executable} -m {install_line()}"
-        return Check(
-            "versions", Grade.FAIL, f"missing: {', '.join(missing)}", why, remedy
-        )
-    return Check("versions", Grade.PASS, ", ".join(found), why)
+        return Check("versions", FAIL, f"missing: {', '.join(missing)}", why, remedy)
+    return Check("versions", PASS, ", ".join(found), why)
 
 
 def cores() -> Check:
@@ -57,8 +56,13 @@ def cores() -> Check:
 
 def _state(amount: float, needed: float, plenty: float) -> Grade:
     if amount < needed:
-        return Grade.FAIL
-    return Grade.WARN if amount < plenty else Grade.PASS
+        return FAIL
+    return WARN if amount < plenty else PASS
+
+
+def _text(path: Path) -> str:
+    """Text of a file of the kernel; empty where it is not there."""
+    return path.read_text(encoding="ascii").strip() if path.exists() else ""
 
 
 def disk(runs: Path) -> Check:
@@ -67,11 +71,11 @@ def disk(runs: Path) -> Check:
     place = next(p for p in (runs.absolute(), *runs.absolute().parents) if p.exists())
     if not place.is_dir():
         remedy = "give a folder with --runs"
-        return Check("disk", Grade.FAIL, f"{place} is a file", why, remedy)
+        return Check("disk", FAIL, f"{place} is a file", why, remedy)
     if not os.access(place, os.W_OK):
         return Check(
             "disk",
-            Grade.FAIL,
+            FAIL,
             f"{place} cannot be written",
             why,
             "mend its permissions",
@@ -89,7 +93,7 @@ def disk(runs: Path) -> Check:
 
 def kernel(realtime: str) -> Check:
     """Check whether the kernel supports the setting `fci.realtime`."""
-    real = REALTIME.exists() and REALTIME.read_text(encoding="ascii").strip() == "1"
+    real = _text(REALTIME) == "1"
     found = f"{platform.release()}, {'real-time' if real else 'not real-time'}"
     why = (
         "the robot wants a command each millisecond; an ordinary kernel may be late by"
@@ -97,25 +101,20 @@ def kernel(realtime: str) -> Check:
     )
     remedy = "boot a PREEMPT_RT kernel, or set fci.realtime: priority in cell.yaml"
     if real:
-        return Check("kernel", Grade.PASS, found, why)
-    return Check(
-        "kernel",
-        Grade.FAIL if realtime == "enforce" else Grade.WARN,
-        found,
-        why,
-        remedy,
-    )
+        return Check("kernel", PASS, found, why)
+    state = FAIL if realtime == "enforce" else WARN
+    return Check("kernel", state, found, why, remedy)
 
 
 def priority(realtime: str) -> Check:
     """Check whether this user may have real-time priority and locked memory."""
-    allowed = resource.getrlimit(resource.RLIMIT_RTPRIO)[1]
-    locked = resource.getrlimit(resource.RLIMIT_MEMLOCK)[1]
-    root = os.geteuid() == 0
-    ready = root or allowed == resource.RLIM_INFINITY or allowed >= TOP_PRIORITY
-    memory = (
-        "any" if root or locked == resource.RLIM_INFINITY else f"{locked / 1e6:.0f} MB"
+    limits = (resource.RLIMIT_RTPRIO, resource.RLIMIT_MEMLOCK)
+    allowed, locked = (
+        inf if os.geteuid() == 0 or most == resource.RLIM_INFINITY else most
+        for _, most in map(resource.getrlimit, limits)
     )
+    ready = allowed >= TOP_PRIORITY
+    memory = "any" if locked == inf else f"{locked / 1e6:.0f} MB"
     found = (
         f"real-time priority {'allowed' if ready else f'up to {allowed}'}, memory"
         f" {memory}"
@@ -128,8 +127,8 @@ def priority(realtime: str) -> Check:
         " join it"
     )
     if ready:
-        return Check("scheduler", Grade.PASS, found, why, remedy)
-    state = Grade.WARN if realtime == "ignore" else Grade.FAIL
+        return Check("scheduler", PASS, found, why, remedy)
+    state = WARN if realtime == "ignore" else FAIL
     return Check("scheduler", state, found, why, remedy)
 
 
@@ -137,9 +136,7 @@ def throttling() -> Check:
     """Check whether the kernel throttles real-time threads that fill a core
     (sched(7)).
     """
-    share = (
-        int(THROTTLE.read_text(encoding="ascii")) / 1e4 if THROTTLE.exists() else -1.0
-    )
+    share = int(_text(THROTTLE) or -1) / 1e4
     limited = 0.0 <= share < 100.0
     found = (
         f"{share:g} % of each second of a core"
@@ -148,27 +145,26 @@ def throttling() -> Check:
     )
     why = (
         "real-time threads that fill a core are all held up for the rest of the second;"
-        " a robot "
+        " a robot stops after 20 ms without a command"
     )
-    why += "stops after 20 ms without a command"
-    remedy = "run nothing else in real time on these cores, or `sysctl "
-    remedy += "kernel.sched_rt_runtime_us=-1`, from Linux 6.12 on also 0 in debugfs' "
-    remedy += "sched/fair_server/cpu*/runtime"
+    remedy = (
+        "run nothing else in real time on these cores, or `sysctl"
+        " kernel.sched_rt_runtime_us=-1`, from Linux 6.12 on also 0 in debugfs'"
+        " sched/fair_server/cpu*/runtime"
+    )
     few = len(os.sched_getaffinity(0)) < PLENTY
-    return Check(
-        "throttling", Grade.WARN if limited and few else Grade.PASS, found, why, remedy
-    )
+    return Check("throttling", WARN if limited and few else PASS, found, why, remedy)
 
 
 def governor() -> Check:
     """Check whether the kernel keeps the processor at full speed (cpufreq)."""
     why = "a core that sleeps or slows down answers the robot late"
-    found = {path.read_text(encoding="ascii").strip() for path in GOVERNORS}
+    found = set(map(_text, GOVERNORS))
     if not found:
-        return Check("governor", Grade.SKIPPED, "this kernel has none", why)
+        return Check("governor", SKIPPED, "this kernel has none", why)
     slow = found - {"performance"}
     remedy = "`cpupower frequency-set --governor performance`, at every start"
-    state = Grade.WARN if slow else Grade.PASS
+    state = WARN if slow else PASS
     return Check("governor", state, ", ".join(sorted(found)), why, remedy)
 
 
@@ -180,4 +176,4 @@ def extras() -> Check:
     why = "only what stands in brackets needs it, and says so"
     found = ", ".join(f"{module} ({use})" for module, use in lost.items())
     text = f"not installed: {found}" if lost else "all optional libraries are installed"
-    return Check("extras", Grade.PASS, text, why)
+    return Check("extras", PASS, text, why)

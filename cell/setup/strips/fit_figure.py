@@ -8,6 +8,7 @@ import cv2
 
 from cell.report.drawing import BLUE, MUTED, ORANGE, as_png, canvas
 from cell.setup.strips.cantilever_fit import Fit, RestCurvature
+from drivers.base.errors import in_mm
 from drivers.strip.cantilever import hinges
 
 PICTURE_HEIGHT = 1600  # px of the photograph in the picture
@@ -43,12 +44,12 @@ def _title(fitted: Fit, straight: Fit) -> str:
     photograph = fitted.photograph
     text = (
         f"{photograph.path.name}, overhang {1e3 * photograph.overhang:.4g} mm: bending"
-        f" length {1e3 * fitted.bending_length:.1f} mm, sigma"
+        f" length {in_mm(fitted.bending_length, 1)}, sigma"
         f" {100 * fitted.sigma:.1f} %"
     )
     if fitted.prior.kind is RestCurvature.STRAIGHT:
         return text
-    return f"{text} (taken as born straight: {1e3 * straight.bending_length:.1f} mm)"
+    return f"{text} (taken as born straight: {in_mm(straight.bending_length, 1)})"
 
 
 def _draw_photograph(axes: Any, fitted: Fit, straight: Fit) -> None:

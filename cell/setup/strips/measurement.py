@@ -20,7 +20,7 @@ from cell.setup.strips.cantilever_fit import (
     fit_photograph,
 )
 from cell.setup.strips.photograph import Photograph
-from drivers.base.errors import ConfigurationError
+from drivers.base.errors import ConfigurationError, in_mm, in_percent
 from drivers.base.types import Array
 
 CONFIDENCE = 0.95
@@ -334,17 +334,13 @@ def _curvature_warning(bending: Bending) -> str:
     seeming = f"{lengths.min():.1f}"
     if len(lengths) > 1:
         seeming += f" to {lengths.max():.1f}"
-    furthest = 1e3 * max(float(np.abs(fit.misses).max()) for fit in bending.straight)
+    furthest = 1e3 * max(np.abs(fit.misses).max() for fit in bending.straight)
+    curl, spread = bending.curl, bending.prior.spread
+    shape = f"it has a set of its own, of about {spread:.0f} 1/m, along it"
     if bending.prior.kind is RestCurvature.CURLED:
-        curl = bending.curl
         shape = (
             f"unloaded it curls by {curl.value:+.1f} 1/m ({curl.low:+.1f} to"
             f" {curl.high:+.1f})"
-        )
-    else:
-        shape = (
-            f"it has a set of its own, of about {bending.prior.spread:.0f} 1/m,"
-            " along it"
         )
     return (
         f"pre_curl: this is not the shape of a strip that was born straight: {shape}."
@@ -361,7 +357,7 @@ def _scatter_warning(bending: Bending) -> str:
     if pooled.agreement > DISAGREEMENT_LEVEL:
         return ""
     return (
-        f"the photographs disagree by {100 * pooled.scatter:.0f} % beyond their own"
+        f"the photographs disagree by {in_percent(pooled.scatter)} beyond their own"
         " errors; the interval allows for it. Check the overhangs, that the ledge is"
         " level, and that all pieces are of one fabric, cut the same way, with the"
         " same side up"
@@ -373,8 +369,8 @@ def _overhang_warning(bending: Bending) -> str:
     empty.
     """
     length = bending.bending_length.value
-    sharp = list[str]()
-    stiff = list[str]()
+    sharp: list[str] = []
+    stiff: list[str] = []
     for fit in bending.fits:
         photograph = fit.photograph
         # at the ledge of a limp strip
@@ -405,8 +401,8 @@ def _width_warning(bending: Bending) -> str:
     if thick.width < SMALLEST_WIDTH_RATIO * thin.width:
         return ""
     return (
-        f"by its overhang the strip is {1e3 * thick.width:.1f} mm thick in {thick.name}"
-        f" and {1e3 * thin.width:.1f} mm in {thin.name}: is each --overhang that of its"
+        f"by its overhang the strip is {in_mm(thick.width, 1)} thick in {thick.name}"
+        f" and {in_mm(thin.width, 1)} in {thin.name}: is each --overhang that of its"
         " --photo?"
     )
 
@@ -417,7 +413,7 @@ def _uncertainty_warning(bending: Bending) -> str:
     if half < LARGEST_UNCERTAINTY:
         return ""
     return (
-        f"the bending length is only known to {100 * half:.0f} %; photograph more"
+        f"the bending length is only known to {in_percent(half)}; photograph more"
         " pieces"
     )
 
@@ -428,6 +424,6 @@ def _interval(pooled: Pooled) -> dict[str, float]:
 
 def _mm_text(pooled: Pooled) -> str:
     return (
-        f"{1e3 * pooled.value:.1f} mm (95 %: {1e3 * pooled.low:.1f} to"
+        f"{in_mm(pooled.value, 1)} (95 %: {1e3 * pooled.low:.1f} to"
         f" {1e3 * pooled.high:.1f})"
     )

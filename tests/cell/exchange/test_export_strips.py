@@ -8,13 +8,12 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from cell.interface.cli.app import app
 from cell.record.documents import write_document
 from cell.setup.strips.export_strip import export_strips
 from drivers.strip.cantilever import hanging_shape, hinges
 from drivers.strip.file import StripFile, paper_strip
+from tests.support.commands import invoke
 
 FRICTION = {"bending_hysteresis": {"yield_curvature": 2.0, "stiffness_ratio": 8.0}}
 
@@ -63,7 +62,7 @@ def test_a_rod_of_newton_says_what_it_cannot_and_when_its_yarns_slip(
     path, out = tmp_path / "own.yaml", tmp_path / "out"
     made = strip(name="own", effects=FRICTION | {"air_drag": {"coefficient": 1.0}})
     write_document(path, made.model_dump(mode="json", by_alias=True))
-    done = CliRunner().invoke(app, f"export {path} --format newton --out {out}")
+    done = invoke(f"export {path} --format newton --out {out}")
     assert "not said: the air slows the strip" in done.stdout, done.output
     friction = json.loads((out / "own.json").read_text())["friction"]
     assert friction["yield_angle"] == pytest.approx(0.2 / 19.5 * 2.0 / 8.0)

@@ -7,11 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from cell.interface.cli.app import app
 from cell.record.run import read_run
 from drivers.base.types import Array
+from tests.support.commands import invoke
 from tests.support.foreign_tables import LENGTH, STAMPS, T, X, Z
 
 PITCH = np.clip(T, 0.0, 1.0) * np.pi / 2
@@ -77,37 +76,23 @@ def tables(place: Path, head: str, columns: list[Array], mark: str) -> Path:
 def proposed(place: Path, *words: str) -> tuple[str, str]:
     """The proposed mapping, and what is said where it is imported as it is proposed."""
     how = place.parent / "proposal.yaml"
-    done = CliRunner().invoke(
-        app, ["import", "--guess", str(place), "--out", str(how), *words]
-    )
+    done = invoke("import --guess", place, "--out", how, *words)
     assert done.exit_code == 0, done.exception
     assert how.read_text() in done.stdout
-    words = (
-        "import",
-        str(place),
-        "--mapping",
-        str(how),
-        "--out",
-        str(place.parent / "runs"),
-    )
-    return how.read_text(), str(CliRunner().invoke(app, words).exception)
+    done = invoke("import", place, "--mapping", how, "--out", place.parent / "runs")
+    return how.read_text(), str(done.exception)
 
 
 @pytest.mark.parametrize("name", STRANGE)
 def test_a_proposal_brings_the_numbers_back(tmp_path: Path, name: str) -> None:
     place = tables(tmp_path / name, *STRANGE[name])
-    text, said = proposed(place, "--strip", "denim")
+    text, said = proposed(place, "--strip denim")
     assert {*re.findall(r"(\w+): null", text)} - {"force"} == {
         *re.findall(r"sigma\.(\w+):", said)
     }
     (tmp_path / "proposal.yaml").write_text(text.replace("null", "0.001"))
-    words = (
-        "--mapping",
-        str(tmp_path / "proposal.yaml"),
-        "--out",
-        str(tmp_path / "runs"),
-    )
-    done = CliRunner().invoke(app, ["import", str(place), *words])
+    places = f"--mapping {tmp_path}/proposal.yaml --out {tmp_path}/runs"
+    done = invoke("import", place, places)
     assert done.exit_code == 0, (text, done.exception)
     run = read_run(tmp_path / "runs" / name)
     assert np.allclose([run.ticks.t, run.ticks.x, run.ticks.z], [T, X, Z], atol=1e-5)
@@ -135,7 +120,7 @@ def test_what_cannot_be_told_is_open_and_refused_by_its_name(tmp_path: Path) -> 
     assert '"tip.csv": gain; ' in text
     _, said = proposed(tables(tmp_path / "b/c", "t,x,hoch", [T, X, Z], ","))
     assert "ticks.columns.z.column: is null" in said
-    again = CliRunner().invoke(app, f"import --guess {place} --out {place}")
+    again = invoke(f"import --guess {place} --out {place}")
     assert "is there already" in str(again.exception)
 
 
@@ -149,7 +134,7 @@ def test_a_camera_s_long_table_alone_is_midlines_without_a_gripper(tmp_path) -> 
     ]
     text = "\n".join(["Zeit;Bild;Punkt;Weg [mm];Höhe [mm]", *rows])
     (place / "kamera.csv").write_text(text.replace(".", ","), encoding="utf-8")
-    text, said = proposed(place, "--strip", "denim")
+    text, said = proposed(place, "--strip denim")
     assert "file: null  # open: no table holds the gripper's path" in text
     for quantity, column in {"i": "Punkt", "x": "Weg [mm]", "z": "Höhe [mm]"}.items():
         assert f'{quantity}: {{column: "{column}"' in text.partition("profile:")[2]

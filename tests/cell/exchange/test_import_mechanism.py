@@ -6,7 +6,6 @@ import json
 from collections.abc import Mapping
 from contextlib import chdir
 from pathlib import Path
-from shlex import split
 
 import numpy as np
 import pyarrow as pa
@@ -15,11 +14,10 @@ import pyarrow.parquet as pq
 import pytest
 import yaml
 from mcap.writer import Writer
-from typer.testing import CliRunner
 
 from cell.gap.subject.run_table import read_table
-from cell.interface.cli.app import app
 from drivers.base.types import Array
+from tests.support.commands import invoke
 from tests.support.mechanisms import PRESCRIBED, make_arm
 
 DEGREES = 180 / np.pi
@@ -83,17 +81,12 @@ def test_logs_of_an_arm_become_runs_that_the_workflow_reads(
     }
     (tmp_path / "logs").mkdir()
     out, mapping = tmp_path / "own runs", tmp_path / "mapping.yaml"
-    words = [
-        "import",
-        *map(str, write(kind, logs, tmp_path / "logs")),
-        "--model",
-        str(model),
-    ]
-    words += ["--mapping", str(mapping), "--out", str(out)]
+    words = ["import", *write(kind, logs, tmp_path / "logs"), "--model", model]
+    words += ["--mapping", mapping, "--out", out]
     signals = {"file": file, "columns": how}
     for columns in ({"t2": how.pop("t2")}, {}):
         mapping.write_text(yaml.safe_dump({**content, "signals": signals}))
-        done = CliRunner().invoke(app, words)
+        done = invoke(*words)
         how |= columns
         assert bool(columns) == (
             ", as mapped: t2: this column is missing" in str(done.exception)
@@ -104,12 +97,8 @@ def test_logs_of_an_arm_become_runs_that_the_workflow_reads(
         assert all(np.allclose(now[name], was[name], atol=1e-9) for name in FOREIGN)
     head = yaml.safe_load((folder / "run.yaml").read_text())
     assert (head["index"], head["origin"], head["load"]["mass"]) == (1, "monday", 0.01)
-    assert (
-        CliRunner()
-        .invoke(app, split(done.stdout.partition("next: cell ")[2]))
-        .exit_code
-        == 0
-    )
+    _, _, following = done.stdout.partition("next: cell ")
+    assert invoke(following).exit_code == 0
 
 
 def test_torques_may_have_a_table_and_a_clock_of_their_own(tmp_path) -> None:
@@ -133,7 +122,7 @@ def test_torques_may_have_a_table_and_a_clock_of_their_own(tmp_path) -> None:
     (tmp_path / "mapping.yaml").write_text(yaml.safe_dump(content))
     words = f"import log --model {model} --mapping mapping.yaml --out runs"
     with chdir(tmp_path):
-        done = CliRunner().invoke(app, words.split())
+        done = invoke(words)
     assert done.exit_code == 0, done.exception
     now = read_table(tmp_path / "runs/log/signals.parquet")
     assert (np.isfinite(now["t1"]).sum(), np.isfinite(now["t2"]).mean()) == (177, 1.0)

@@ -6,14 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 import cell
-from cell.interface.cli.app import app
 from cell.record.documents import write_document
 from cell.record.exchange.import_runs import import_runs
 from cell.record.run import read_run
 from drivers.base.errors import ConfigurationError
+from tests.support.commands import invoke
 from tests.support.foreign_tables import (
     CONTACT,
     MAPPING,
@@ -51,15 +50,8 @@ def test_imported_run_holds_what_was_measured(tmp_path: Path) -> None:
 def test_command_imports_and_names_the_next_one(tmp_path: Path) -> None:
     folder, how = foreign(tmp_path / "a"), mapping(tmp_path)
     how.write_text(how.read_text().replace("offset: 1.2", "offset: 1.1875"))
-    words = [
-        "import",
-        str(folder),
-        "--mapping",
-        str(how),
-        "--out",
-        str(tmp_path / "runs"),
-    ]
-    done = CliRunner().invoke(app, words)
+    words = f"import {folder} --mapping {how} --out {tmp_path}/runs"
+    done = invoke(words)
     assert done.exit_code == 0, done.output
     assert "a: 2.99 s; 72 images, touch at 2.80 s\n1 run in" in done.stdout
     assert "next: import a second run into" in done.stdout
@@ -67,7 +59,7 @@ def test_command_imports_and_names_the_next_one(tmp_path: Path) -> None:
     assert "Not recorded: commands" in page
     assert "side view of the strip" in page
     assert "off x 0.6, z 0 m by 0.012, at most 0.006 is usual" in done.stderr
-    assert "is there already" in str(CliRunner().invoke(app, words).exception)
+    assert "is there already" in str(invoke(words).exception)
 
 
 @pytest.mark.parametrize(
@@ -139,8 +131,8 @@ def test_what_contradicts_a_held_strip_is_told(
     columns = dict(MAPPING[table]["columns"])
     columns[column] = columns.get(column, {}) | change
     how = mapping(tmp_path, **{table: MAPPING[table] | {"columns": columns}})
-    words = ("import", str(foreign(tmp_path / "a")), "--mapping", str(how), "--out")
-    done = CliRunner().invoke(app, [*words, str(tmp_path / "runs")])
+    places = f"--mapping {how} --out {tmp_path}/runs"
+    done = invoke("import", foreign(tmp_path / "a"), places)
     assert said in f"{done.stderr}{done.exception}"
 
 

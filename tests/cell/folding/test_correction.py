@@ -19,11 +19,11 @@ from cell.folding.fold import _learn
 from cell.orchestrator.outcome import Outcome
 from cell.perception.strip_measurement import SeenTouch
 from cell.record.files import TICKS
-from drivers.base.errors import ConfigurationError
 from policies.planned import Planned
 from policies.policy import Estimate, FoldPrediction
 from policies.registry import make_policy
 from tests.support.made_folds import STRIP
+from tests.support.refusals import refusal
 from tests.support.requests import request_for
 
 SUBJECT = Subject("adaptive@1", "denim", "a")
@@ -57,7 +57,8 @@ def test_what_cannot_be_set_aside_or_taken_out_is_not_forgotten(
 ) -> None:
     memory = Memory("cell", tmp_path)
     memory.add(Experience("r0", "adaptive", "denim", "a", "camera"))
-    before, written = memory.path.read_bytes(), list[Path]()
+    before = memory.path.read_bytes()
+    written: list[Path] = []
 
     def filling(room: int, path: Path, content: bytes) -> None:
         """Write to a disk with room for as many files."""
@@ -70,7 +71,7 @@ def test_what_cannot_be_set_aside_or_taken_out_is_not_forgotten(
         written.clear()
         replacing = partial(filling, room)
         monkeypatch.setattr("cell.folding.experience.replace_file", replacing)
-        with pytest.raises(ConfigurationError, match="No space left"):
+        with refusal("No space left"):
             memory.forget()
         assert memory.path.read_bytes() == before
     (aside,) = written

@@ -11,24 +11,22 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 import cell as python
 from calibration.calibration import Calibration
 from cell.base.config.cell import CellFile
 from cell.base.config.length import metres
-from cell.base.config.places import CHECKOUT_CONFIGS, find_configs
+from cell.base.config.places import CHECKOUT_CONFIGS
 from cell.folding.feasibility import assess, corner_strips, path_problems
 from cell.folding.fold import fold
-from cell.interface.cli.app import app
 from drivers.base.errors import PreflightRefused
 from drivers.base.installation import AxisLimits, MotionLimits, Mounting
 from drivers.base.types import Array
 from drivers.franka import checks
 from drivers.franka.limits import FR3
 from drivers.franka.model import arm_urdf
-from tests.support.commands import run
-from tests.support.requests import request_for
+from tests.support.commands import invoke, run
+from tests.support.requests import CELL, DENIM, request_for
 from tests.support.twin_calibration import twin_calibration
 
 ROBOT = "172.16.0.2"
@@ -37,18 +35,17 @@ NAMES = sorted(path.stem for path in (CHECKOUT_CONFIGS / "strips").glob("*.yaml"
 
 @pytest.fixture(scope="module")
 def seen_by() -> Calibration:
-    return twin_calibration(find_configs(None).cell().twin.camera)
+    return twin_calibration(CELL.twin.camera)
 
 
 def cell_with(**installation) -> CellFile:
-    cell = find_configs(None).cell()
-    place = cell.installation.model_copy(update=installation)
-    return cell.model_copy(update={"installation": place})
+    place = CELL.installation.model_copy(update=installation)
+    return CELL.model_copy(update={"installation": place})
 
 
 def robot(**fci) -> CellFile:
     """A cell with a robot as `fci` states it."""
-    cell = find_configs(None).cell().with_drivers("fci")
+    cell = CELL.with_drivers("fci")
     return cell.model_copy(update={"fci": cell.fci.model_copy(update=fci)})
 
 
@@ -105,7 +102,7 @@ def test_what_the_cell_cannot_do_is_refused_with_its_reason(
 def test_path_over_the_arm_s_limits_is_refused_with_the_speed_that_fits(
     seen_by, tmp_path, changed, says
 ) -> None:
-    limits = find_configs(None).cell().installation.limits
+    limits = CELL.installation.limits
     slow = limits.x.model_copy(update=changed)
     cell = cell_with(limits=limits.model_copy(update={"x": slow, "z": slow}))
     asked = request_for("denim", "triangular", tmp_path, cell=cell)
@@ -188,7 +185,7 @@ def test_joint_described_narrower_than_a_fold_needs_is_named_with_its_value(
 
 
 def test_what_no_file_states_of_a_strip_is_uncertain_by_a_tenth_and_a_half() -> None:
-    strip = find_configs(None).strip("denim").model_copy(update={"spread": {}})
+    strip = DENIM.model_copy(update={"spread": {}})
     corners = [
         (each.bending_length, each.retardation_time) for each in corner_strips(strip)
     ]
@@ -278,7 +275,7 @@ def test_stated_lengths_are_the_shortest_and_the_longest_that_are_folded(
     seen_by, tmp_path
 ) -> None:
     wide = {"COLUMNS": "300", "TERM": "dumb"}
-    texts = [CliRunner().invoke(app, "fold --help", env=wide).output]
+    texts = [invoke("fold --help", env=wide).output]
     texts.append((CHECKOUT_CONFIGS.parent / "README.md").read_text("utf-8"))
     stated = {
         re.search(r"(0.\d\d) to (0.\d\d) m", re.sub(r"[^\w.]+", " ", text)).groups()

@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cell.base.config.places import find_configs
 from cell.base.devices.devices import Trial
 from cell.base.devices.open import open_cell
 from cell.folding.fold import fold
@@ -15,7 +14,6 @@ from cell.interface.api import predict
 from cell.record.run import read_run
 from cell.record.truth import read_truth
 from cell.setup.calibration_in_use import calibration_of
-from drivers.base.errors import ConfigurationError
 from drivers.strip.describe import describe
 from drivers.strip.engine import Touch
 from drivers.strip.rod.engine import Rod
@@ -24,9 +22,9 @@ from policies.policy import at_line, folded_part
 from policies.registry import make_policy
 from policies.rollout import Rollout, roll_out
 from policies.sensing import EXACT_SENSING
-from tests.support.requests import request_for
+from tests.support.refusals import refusal
+from tests.support.requests import CELL, DENIM, request_for
 
-DENIM = find_configs(None).strip("denim")
 LONG = DENIM.model_copy(update={"length": 0.9})
 
 
@@ -48,7 +46,7 @@ def test_line_is_a_share_of_the_length_or_a_length(text, at) -> None:
     ],
 )
 def test_line_that_is_not_folded_is_refused_with_its_reason(texts, says) -> None:
-    with pytest.raises(ConfigurationError, match=says):
+    with refusal(says):
         line_at("--at", texts, 0.6)
 
 
@@ -103,8 +101,7 @@ def test_policy_says_which_part_it_does_not_fold() -> None:
 
 
 def test_truth_is_silent_on_what_did_not_happen() -> None:
-    cell = find_configs(None).cell()
-    devices = open_cell(cell, DENIM, Trial(), calibrating=False)
+    devices = open_cell(CELL, DENIM, Trial(), calibrating=False)
     truth = devices.plant.truth(0.0)
     devices.close()
     assert truth.pop("plant")["name"] == "denim"

@@ -41,18 +41,8 @@ def traced(fold: MeasuredFold) -> FoldTrace:
             points, stamp = smooth(fold.profile[new]), float(fold.stamp[new])
             grip, nothing = (float(points[-1, 0]), float(points[-1, 1])), float("nan")
             contact = float(points[0, 0])
-            seen = StripMeasurement(
-                stamp,
-                new,
-                contact,
-                1.0,
-                points[1:-1],
-                1.0,
-                (0.5, 0.1),
-                nothing,
-                nothing,
-                grip,
-            )
+            shown = (contact, 1.0, points[1:-1], 1.0, (0.5, 0.1))
+            seen = StripMeasurement(stamp, new, *shown, nothing, nothing, grip)
             new += 1
         pose = Pose(float(x), float(z), float(pitch))
         arm = ArmState(
@@ -78,21 +68,8 @@ def ended(fold: MeasuredFold) -> Outcome:
 
 
 def finished(outcome: Outcome) -> FoldResult:
-    warning = None if outcome.agreement is None else outcome.agreement.sentence()
-    return FoldResult(
-        *(
-            "run",
-            "unknown",
-            "adaptive",
-            0,
-            "layer_touch",
-            "the layers touch",
-            0,
-            -0.001,
-        ),
-        predicted=BELIEF.sentence(),
-        warning=warning,
-    )
+    warning = outcome.agreement.sentence()
+    return replace(DONE, predicted=BELIEF.sentence(), warning=warning)
 
 
 def test_fold_of_the_models_law_agrees_and_raises_no_event() -> None:

@@ -8,7 +8,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cell.base.config.places import find_configs
 from cell.base.config.settings import CellSettings, FoldSettings
 from cell.base.devices.fci import start_joints
 from cell.base.devices.fold_path import triangle, whole_path
@@ -27,6 +26,7 @@ from drivers.franka.loop import plane_of
 from drivers.franka.reach import REACTION, PredictedMotion, ReachGuard, densify
 from drivers.franka.settings import REACHABLE
 from policies.registry import make_policy
+from tests.support.requests import CELL, DENIM
 
 HAND = HandState(0.0, 0.0, "made", 0.001, True, False)
 UPRIGHT = np.pi / 2
@@ -46,7 +46,7 @@ def lifted(
     The commands of the `late` periods do not arrive; `watch` sees the servo twice a
     period.
     """
-    settings, strip = cell(limits, speed), find_configs(None).strip("denim")
+    settings, strip = cell(limits, speed), DENIM
     given = FoldInputs(
         settings, strip, make_policy(policy), SimpleNamespace(), reader=None
     )
@@ -73,7 +73,7 @@ def lifted(
 
 
 def cell(limits: MotionLimits, speed: float) -> CellSettings:
-    settings = find_configs(None).cell().controller
+    settings = CELL.controller
     installation = settings.installation.model_copy(
         update={"limits": limits, "home_height": 0.25}
     )
@@ -104,7 +104,8 @@ def test_the_hand_does_not_turn_past_upright(
 
 @pytest.mark.parametrize("begin", [102, 114, 126])
 def test_commands_late_at_its_end_do_not_take_the_arm_out_of_reach(begin: int) -> None:
-    guard, objections = guarded(), list[str]()
+    guard = guarded()
+    objections: list[str] = []
 
     def judge(profile: MotionProfile) -> None:
         if profile.moving:
@@ -125,17 +126,14 @@ def test_short_strips_begin_where_the_guard_lets_the_lift_pass(length: float) ->
     poses, times = densify(
         *whole_path(length, installation, settings, triangle(length))
     )
-    objections = set[str]()
+    objections: set[str] = set()
     for here, there, time in zip(poses[:-1], poses[1:], times[1:], strict=True):
         soon = PredictedMotion(
             Pose(*here), Velocity(*((there - here) / time)), ZERO_VELOCITY
         )
-        if here[2] < np.pi / 2:  # the guard follows the way there, too
-            objections |= (
-                {guard.objection(soon)}
-                if here[2] > 0.0
-                else {guard.objection(soon)[:0]}
-            )
+        if here[2] < np.pi / 2:
+            said = guard.objection(soon)  # the guard follows the way there, too
+            objections.add(said if here[2] > 0.0 else "")
     assert objections == {""}
 
 

@@ -265,7 +265,8 @@ def sending(act: Callable, checked: list, sent: list) -> Callable:
 def test_a_fault_is_never_resumed(bench) -> None:
     """The camera fails once and is well again: the run has ended all the same."""
     bench.camera.read = later(bench, bench.camera.read, until=BEGIN + 0.02)
-    states, seen = list[str](), list[Snapshot]()
+    states: list[str] = []
+    seen: list[Snapshot] = []
     bench.observers = (
         SimpleNamespace(
             handle_tick=seen.append,

@@ -12,13 +12,14 @@ from cell.orchestrator.monitors import USUAL_AGE, slow_for_images
 from cell.orchestrator.snapshot import CloseHand, Drive, Hold, MoveTo
 from cell.orchestrator.states import Event, State
 from cell.orchestrator.steps import move
-from drivers.base.types import Frame, Pose, Velocity
+from drivers.base.types import ZERO_VELOCITY, Frame, Pose, Velocity
 from tests.support.plain_cell import FRAME, GOOD, Bench, phases, plain_bench
 
 LIMITS = MonitorLimits()
 BEGIN, DRIVEN = 0.5, 1.8  # s, from when on images are lost: in a move, in a drive
 FAST = Velocity(-0.1, 0.05, 0.2)
 PLACE = Pose(0.4, 0.1, math.pi / 2)
+STANDS = Drive(ZERO_VELOCITY)
 BRAKES = 0.1  # s in which an arm at 0.11 m/s rests
 
 
@@ -45,7 +46,7 @@ def test_drive_slows_down_in_proportion_and_stands_at_the_limit(state: State) ->
     assert middle.velocity.vx == pytest.approx(FAST.vx / 2)
     assert middle.velocity.pitch_rate == pytest.approx(FAST.pitch_rate / 2)
     stands = slow_for_images(Drive(FAST), aged(1.1 * LIMITS.image_age, state), LIMITS)
-    assert stands == Drive(Velocity(0.0, 0.0, 0.0))
+    assert stands == STANDS
 
 
 def test_move_is_held_at_the_limit_and_fingers_are_not() -> None:
@@ -143,9 +144,7 @@ class Watch:
 
 def test_arm_waits_at_the_first_image_that_repeats_the_one_before() -> None:
     repeated = replace(GOOD, view=replace(GOOD.view, identical=2))
-    assert slow_for_images(Drive(FAST), repeated, LIMITS) == Drive(
-        Velocity(0.0, 0.0, 0.0)
-    )
+    assert slow_for_images(Drive(FAST), repeated, LIMITS) == STANDS
     assert slow_for_images(MoveTo(PLACE), repeated, LIMITS) == Hold()
     assert slow_for_images(CloseHand(), repeated, LIMITS) == CloseHand()
 
@@ -156,12 +155,10 @@ def test_image_that_cannot_be_read_does_not_hold_the_arm(doubt) -> None:
     assert slow_for_images(Drive(FAST), doubted, LIMITS) == Drive(FAST)
 
 
-STANDS = Drive(Velocity(0.0, 0.0, 0.0))
-
-
 def show(bench: Bench, content: Callable[[int], int]) -> None:
     """Twenty images a second, the n-th of the drive as grey as `content` of n says."""
-    read, clock, shown = bench.camera.read, bench.clock, list[Frame]()
+    read, clock = bench.camera.read, bench.clock
+    shown: list[Frame] = []
 
     def showing(after: float, timeout: float) -> Frame | None:
         frame = read(after, timeout)
@@ -186,7 +183,5 @@ def test_image_sent_twice_makes_the_arm_wait_and_ends_no_run(bench) -> None:
 def test_arm_of_a_frozen_camera_stands_before_the_fault_is_named(bench) -> None:
     show(bench, lambda number: min(number, 10))
     assert bench.run().name == "image_frozen"
-    last = [command for command in bench.arm.commands if isinstance(command, Drive)][
-        -4:
-    ]
-    assert last == [STANDS] * 4
+    sent = [command for command in bench.arm.commands if isinstance(command, Drive)]
+    assert sent[-4:] == [STANDS] * 4

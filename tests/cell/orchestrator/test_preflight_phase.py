@@ -6,8 +6,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cell.base.config.places import find_configs
-from cell.folding.result import FoldResult
 from cell.orchestrator import phases
 from cell.orchestrator.context import FoldInputs, FoldLog
 from cell.orchestrator.states import Event
@@ -18,9 +16,10 @@ from drivers.base.types import Frame
 from policies.policy import Decision
 from policies.registry import make_policy
 from tests.support.made_folds import BELIEF, Notes
+from tests.support.made_results import DONE
 from tests.support.plain_cell import GOOD, POSE, showing
+from tests.support.requests import CELL, DENIM
 
-CONFIGS = find_configs(None)
 FRAME = Frame(1.0, 1.0, "test", 0, np.zeros((2, 2, 3), np.uint8))
 
 
@@ -45,12 +44,7 @@ def test_a_camera_that_nothing_watches_is_an_event_a_warning_and_in_the_list(
         phases.steps, "still_picture", at_once(StillPicture(1.0, FRAME, POSE))
     )
     monkeypatch.setattr(phases, "_inspect", at_once((found,)))
-    given = (
-        CONFIGS.cell().controller,
-        CONFIGS.strip("denim"),
-        make_policy("triangular"),
-        None,
-    )
+    given = (CELL.controller, DENIM, make_policy("triangular"), None)
     inputs, log = FoldInputs(*given, reader=None), FoldLog()
     record = Notes()
     with pytest.raises(StopIteration) as end:
@@ -81,15 +75,12 @@ def test_every_prediction_is_recorded_and_where_it_loses_sight_and_sees_again() 
 
 @pytest.mark.parametrize("displacement", [None, 0.001])
 def test_warning_is_a_line_of_its_own_whatever_came_of_the_fold(displacement) -> None:
-    result = FoldResult(
-        "",
-        "denim",
-        "adaptive",
-        0,
-        "unlike_model",
-        "it is stiff",
-        1,
-        displacement,
+    result = replace(
+        DONE,
+        outcome="unlike_model",
+        reason="it is stiff",
+        exit_code=1,
+        displacement=displacement,
         warning="it is stiff\n  the camera is not watched",
     )
     lines = str(result).splitlines()

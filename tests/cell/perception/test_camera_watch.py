@@ -18,16 +18,15 @@ from cell.perception.image_reader import Measurer, StripInputs
 from cell.perception.preflight import inspect
 from cell.perception.region import HIGH_HEIGHT
 from drivers.base.types import Array, Frame, Image, Pose
-from drivers.strip.describe import load_strip
 from drivers.twin.renderer.looks import StripLook
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.settings import CameraSettings
 from tests.support.rendered_cell import flat, lying
-from tests.support.seen_folds import STRIPS
+from tests.support.requests import DENIM
 from tests.support.twin_calibration import twin_calibration
 
 CAMERA = CameraSettings()
-DENIM = load_strip(STRIPS / "denim.yaml")
+CALIBRATION = twin_calibration(CAMERA)
 WAITING, ABOVE = Pose(0.65, 0.25, 0.0), Pose(0.3, 0.3, np.pi / 2)
 
 
@@ -47,8 +46,8 @@ def before() -> Frame:
 
 @pytest.fixture(scope="module")
 def watch() -> CameraWatch:
-    seen = inspect(before(), twin_calibration(CAMERA), DENIM)
-    return CameraWatch.choose(seen.appearance, twin_calibration(CAMERA), DENIM)
+    seen = inspect(before(), CALIBRATION, DENIM)
+    return CameraWatch.choose(seen.appearance, CALIBRATION, DENIM)
 
 
 @pytest.fixture(scope="module")
@@ -62,14 +61,10 @@ def moved(image: Image, x: float, z: float) -> Image:
     """`image` as of a camera that was moved so that all appears `x`, `z` [m]
     elsewhere.
     """
-    here, there = twin_calibration(CAMERA).to_image(
-        np.array([(0.2, 0.0), (0.2 + x, z)])
-    )
+    here, there = CALIBRATION.to_image(np.array([(0.2, 0.0), (0.2 + x, z)]))
     warp = np.column_stack([np.eye(2), there - here])
     size = image.shape[1::-1]
-    return np.asarray(
-        cv2.warpAffine(image, warp, size, borderMode=cv2.BORDER_REPLICATE)
-    )
+    return cv2.warpAffine(image, warp, size, borderMode=cv2.BORDER_REPLICATE)
 
 
 def test_a_lifted_strip_and_other_light_move_nothing(
@@ -83,9 +78,7 @@ def test_a_lifted_strip_and_other_light_move_nothing(
 def test_patches_lie_apart_and_below_the_waiting_hand(watch: CameraWatch) -> None:
     apart = np.abs(watch.corners[:, None] - watch.corners).max(axis=2)
     assert (apart >= len(watch.patches[0])).sum() == len(apart) * (len(apart) - 1)
-    hand = twin_calibration(CAMERA).to_image(
-        np.array([[DENIM.length / 2, HIGH_HEIGHT]])
-    )
+    hand = CALIBRATION.to_image(np.array([[DENIM.length / 2, HIGH_HEIGHT]]))
     assert watch.corners[:, 1].min() > hand[0, 1]
 
 
@@ -118,5 +111,5 @@ def test_what_stands_still_is_a_check_and_too_little_of_it_is_said(
 
 
 def test_process_beside_the_loop_says_so_too() -> None:
-    sight = Measurer(StripInputs(twin_calibration(CAMERA), DENIM))
+    sight = Measurer(StripInputs(CALIBRATION, DENIM))
     assert sight.inspect(before())[-1].name == CAMERA_WATCHED

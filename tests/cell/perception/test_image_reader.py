@@ -6,12 +6,12 @@ import os
 import signal
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import asdict
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from cell.base.config.places import CHECKOUT_CONFIGS, Configs
 from cell.base.config.settings import MonitorLimits
 from cell.base.devices.devices import ArmHistory
 from cell.orchestrator.states import State
@@ -19,6 +19,7 @@ from cell.orchestrator.vision import View, Vision
 from cell.perception.image_reader import ImageTask, ProcessReader, StripInputs
 from drivers.base.errors import Fault
 from drivers.base.types import ZERO_VELOCITY, ArmState, Frame, Pose
+from tests.support.requests import DENIM
 from tests.support.sights import FAILS, HANGS, PlainSight
 
 POSE = Pose(0.5, 0.2, 1.5)
@@ -27,8 +28,7 @@ PATIENCE = 30.0  # s
 
 def started() -> ProcessReader:
     calibration = SimpleNamespace(lens=SimpleNamespace(height=4, width=6), latency=0.1)
-    strip = Configs(CHECKOUT_CONFIGS).strip("denim")
-    subject = StripInputs(calibration, strip)
+    subject = StripInputs(calibration, DENIM)
     return ProcessReader(subject, PlainSight)
 
 
@@ -60,19 +60,7 @@ def test_what_the_process_sees_is_what_the_loop_gets(process, touches) -> None:
     here = PlainSight(None).measure(image(40), POSE, touches=touches)
     assert process.busy_since is None
     assert found.touch == here.touch
-    np.testing.assert_array_equal(found.measurement.profile, here.measurement.profile)
-    for name in (
-        "stamp",
-        "sequence",
-        "contact_x",
-        "contact_confidence",
-        "tip",
-        "gap",
-        "gripper",
-    ):
-        np.testing.assert_equal(
-            getattr(found.measurement, name), getattr(here.measurement, name)
-        )
+    np.testing.assert_equal(asdict(found.measurement), asdict(here.measurement))
 
 
 def test_an_answer_is_given_once_and_not_before_it_is_asked_for(process) -> None:
@@ -94,16 +82,21 @@ def test_an_image_of_another_size_is_refused_before_it_is_handed_over(process) -
     assert process.busy_since is None
 
 
+def kill(process: ProcessReader) -> None:
+    """Kill the process, whose end must be told."""
+    os.kill(process._child.pid, signal.SIGKILL)
+    awaited(lambda: process.result() or process.failure or None)
+    assert "ended" in process.failure
+    process.close()
+
+
 @pytest.mark.slow
 def test_a_process_that_hangs_keeps_its_image_and_one_that_is_killed_is_dead() -> None:
     process = started()
     process.submit(ImageTask(image(HANGS), POSE, False), 3.0)
     assert process.result() is None
     assert (process.busy_since, process.failure) == (3.0, "")
-    os.kill(process._child.pid, signal.SIGKILL)
-    awaited(lambda: process.result() or process.failure or None)
-    assert "ended" in process.failure
-    process.close()
+    kill(process)
 
 
 def test_a_killed_process_is_dead_before_its_pipe_is_closed() -> None:
@@ -112,10 +105,7 @@ def test_a_killed_process_is_dead_before_its_pipe_is_closed() -> None:
     process._child.pipe = SimpleNamespace(poll=lambda _: False, close=pipe.close)
     assert process.result() is None
     assert not process.failure
-    os.kill(process._child.pid, signal.SIGKILL)
-    awaited(lambda: process.result() or process.failure or None)
-    assert "ended" in process.failure
-    process.close()
+    kill(process)
 
 
 class OneFrame:

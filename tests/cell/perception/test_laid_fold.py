@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cell.base.config.places import find_configs
 from cell.base.devices.devices import Trial
 from cell.folding.batch import fold_all
 from cell.orchestrator.context import FoldLog
@@ -16,7 +15,7 @@ from cell.perception.laid_fold import TOP, LaidWeights, Loop
 from cell.perception.length_checks import LengthCheck
 from cell.record.run import read_run
 from tests.support.made_folds import ARCH, SEEN, TOUCH
-from tests.support.requests import request_for
+from tests.support.requests import DENIM, request_for
 
 
 def test_loop_is_read_from_its_tip_its_top_and_where_it_leaves_the_desk() -> None:
@@ -69,9 +68,7 @@ def test_the_worst_of_the_witnesses_names_the_end() -> None:
 
 @pytest.mark.slow
 def test_strip_that_springs_open_is_not_folded(tmp_path: Path) -> None:
-    plant = (
-        find_configs(None).strip("denim").model_copy(update={"bending_length": 0.14})
-    )
+    plant = DENIM.model_copy(update={"bending_length": 0.14})
     trial = Trial(plant)
     [result] = fold_all(
         [request_for("denim", "adaptive", tmp_path / "runs", trial=trial)]

@@ -15,7 +15,7 @@ from cell.perception.perception import (
 )
 from drivers.strip.describe import load_strip
 from drivers.twin.settings import CameraSettings
-from policies.path import Path, circular, triangular
+from policies.path import circular, triangular
 from tests.lab.studies.kit.sights import perception_of
 from tests.lab.studies.kit.twin_fold import FoldCamera, TwinFold, simulate_fold
 from tests.support.seen_folds import SPEED, STRIPS, Agreement, agreement, rms
@@ -28,18 +28,19 @@ CASES = [("denim", "triangular"), ("blanket", "circular"), ("tablecloth", "trian
 @lru_cache
 def _fold(name: str, kind: str) -> TwinFold:
     strip = load_strip(STRIPS / f"{name}.yaml")
-    path: Path = (
-        triangular(strip.length) if kind == "triangular" else circular(strip.length)
-    )
-    return simulate_fold(strip, path, SPEED)
+    path = {"triangular": triangular, "circular": circular}[kind]
+    return simulate_fold(strip, path(strip.length), SPEED)
+
+
+def _seen(fold: TwinFold, every: int, camera: CameraSettings = CAMERA) -> Agreement:
+    """What images say of each `every`-th moment of `fold`, beside its truth."""
+    shown = FoldCamera(fold.strip, camera)
+    return agreement(fold, shown, twin_calibration(camera), every=every)
 
 
 @lru_cache
 def _agreement(name: str, kind: str) -> Agreement:
-    fold = _fold(name, kind)
-    return agreement(
-        fold, FoldCamera(fold.strip, CAMERA), twin_calibration(CAMERA), every=6
-    )
+    return _seen(_fold(name, kind), 6)
 
 
 @pytest.mark.parametrize(("share", "confidence"), [(1.0, 1.0), (0.6, 0.6)])
@@ -70,10 +71,7 @@ def test_drawn_end_is_found_between_samples_and_a_faint_one_is_unsure(
 def test_another_camera_place_or_light_keeps_the_agreement(
     camera: CameraSettings,
 ) -> None:
-    fold = _fold("denim", "triangular")
-    found = agreement(
-        fold, FoldCamera(fold.strip, camera), twin_calibration(camera), every=24
-    )
+    found = _seen(_fold("denim", "triangular"), 24, camera)
     assert rms(found.contact) < 0.0015
     assert found.profile.max() < 0.001
     assert abs(found.lateness) < 0.05
@@ -104,9 +102,7 @@ def test_a_crease_is_no_desk_contact() -> None:
         update={"effects": crease}
     )
     fold = simulate_fold(strip, triangular(strip.length), SPEED, links=120)
-    found = agreement(
-        fold, FoldCamera(strip, CAMERA), twin_calibration(CAMERA), every=10
-    )
+    found = _seen(fold, 10)
     assert np.median(np.abs(found.contact)) < 0.001
     before = found.t < fold.touch.time - 0.5
     at_crease = np.abs(found.contact[before]) > 0.01  # too little lies beyond it

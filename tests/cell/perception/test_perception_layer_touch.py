@@ -8,11 +8,9 @@ import pytest
 from cell.perception.layer_touch import LayerTouch
 from cell.perception.strip_measurement import SeenTouch, StripMeasurement
 from drivers.base.types import Array, Pose
-from drivers.strip.describe import load_strip
 from drivers.strip.file import StripFile
-from tests.support.seen_folds import STRIPS
+from tests.support.requests import DENIM
 
-DENIM = load_strip(STRIPS / "denim.yaml")
 TIP, PLACE, HEIGHT = 0.33, 0.27, 0.20
 GRIPPER = Pose(0.22, HEIGHT, np.pi / 2)
 

@@ -10,6 +10,8 @@ import yaml
 from cell.record.run import read_run
 from cell.record.truth import read_truth
 from drivers.base.errors import ConfigurationError
+from tests.support.refusals import refusal
+from tests.support.run_edits import edit_yaml
 
 SIGMA = {"contact_x": 1e-3, "profile": 1e-3, "gripper": 1e-4, "displacement": 1e-3}
 
@@ -47,9 +49,7 @@ def laboratory(tmp_path: Path) -> Path:
 
 def change(folder: Path, file: str, **values: object) -> None:
     if file.endswith(".yaml"):
-        content = yaml.safe_load((folder / file).read_text())
-        content = {k: v for k, v in {**content, **values}.items() if v is not None}
-        (folder / file).write_text(yaml.safe_dump(content))
+        edit_yaml(folder / file, **values)
         return
     table = {**columns(), **values} if file == "ticks.parquet" else values
     table = {k: v for k, v in table.items() if v is not None}
@@ -105,7 +105,7 @@ def test_broken_run_is_refused_in_one_line(laboratory, file, values, reason):
 def test_newer_parquet_is_refused(laboratory):
     table = pa.table(columns()).replace_schema_metadata({"schema": "2"})
     pq.write_table(table, laboratory / "ticks.parquet")
-    with pytest.raises(ConfigurationError, match=r"ticks.parquet: schema: is 2"):
+    with refusal(r"ticks.parquet: schema: is 2"):
         read_run(laboratory)
 
 
@@ -118,7 +118,7 @@ def test_newer_parquet_is_refused(laboratory):
 def test_table_that_is_missing_is_the_one_that_is_named(laboratory, missing, says):
     for name in missing:
         (laboratory / name).unlink()
-    with pytest.raises(ConfigurationError, match=says):
+    with refusal(says):
         read_run(laboratory)
 
 
@@ -126,5 +126,5 @@ def test_image_changed_behind_the_record_is_refused(finished, tmp_path):
     folder = shutil.copytree(finished, tmp_path / finished.name)
     kept = sorted((folder / "frames").glob("*.png"))
     kept[1].write_bytes(kept[0].read_bytes())
-    with pytest.raises(ConfigurationError, match="not the image that was recorded"):
+    with refusal("not the image that was recorded"):
         list(read_run(folder).frames())

@@ -13,10 +13,11 @@ from cell.record import frames, tables, writer as record_writer
 from cell.record.files import EVENTS, PROFILE, SIGHTS, TICKS
 from cell.record.run import read_run
 from cell.record.writer import RunWriter
-from drivers.base.errors import ConfigurationError, Fault
+from drivers.base.errors import Fault
 from drivers.base.types import Frame
 from tests.cell.conftest import HEADER, RESULT
 from tests.support.plain_cell import ARM
+from tests.support.refusals import refusal
 
 
 def small_frame(sequence: int) -> Frame:
@@ -135,7 +136,7 @@ def test_lines_of_events_are_plain_json_without_nan(tmp_path):
 def test_folder_that_cannot_be_written_is_one_line_before_the_run(tmp_path):
     blocked = tmp_path / "runs"
     blocked.write_text("a file")
-    with pytest.raises(ConfigurationError, match="cannot be recorded here") as caught:
+    with refusal("cannot be recorded here") as caught:
         RunWriter(blocked, HEADER)
     assert "\n" not in str(caught.value)
 

@@ -21,6 +21,7 @@ from drivers.base.errors import ConfigurationError
 from drivers.base.types import Frame
 from tests.cell.conftest import HEADER
 from tests.support.children import children, holds
+from tests.support.refusals import refusal
 
 IMAGES, TICK = 70, 1 / 90_000
 
@@ -150,6 +151,6 @@ def test_what_is_no_film_is_refused_in_words(tmp_path):
         ("gone.mp4", "is not there"),
         ("text.mp4", "Invalid"),
     ):
-        with pytest.raises(ConfigurationError, match=said) as refused:
+        with refusal(said) as refused:
             next(Film(tmp_path / name).frames())
         assert "Errno" not in str(refused.value)

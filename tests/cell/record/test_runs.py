@@ -5,13 +5,12 @@ from pathlib import Path
 
 import pytest
 import yaml
-from typer.testing import CliRunner
 
-from cell.interface.cli.app import app
 from cell.record.listing import list_runs, remove, to_prune
 from cell.record.writer import RunWriter
-from drivers.base.errors import ConfigurationError
 from tests.cell.conftest import HEADER
+from tests.support.commands import invoke
+from tests.support.refusals import refusal
 
 NOW = datetime(2026, 11, 20, 12, 0, 0, tzinfo=UTC)
 
@@ -90,8 +89,7 @@ def test_choosing_deletes_nothing_and_removing_deletes_just_the_chosen(four):
 def test_runs_in_folders_of_the_folder_are_listed_and_never_pruned(four):
     planned = lay(four / "plan", 0, {"outcome": "path_done"})
     assert planned in [row.folder for row in list_runs(four)]
-    words = f"runs --runs {four} --keep 0 --delete".split()
-    assert CliRunner().invoke(app, words).exit_code == 0
+    assert invoke(f"runs --runs {four} --keep 0 --delete").exit_code == 0
     assert [row.folder for row in list_runs(four)] == [planned]
 
 
@@ -100,7 +98,7 @@ def test_run_under_way_is_neither_chosen_nor_removed(tmp_path):
     rows = list_runs(tmp_path)
     assert [row.outcome for row in rows] == ["under way"]
     assert to_prune(rows, NOW, keep=0) == ()
-    with pytest.raises(ConfigurationError, match="left alone"):
+    with refusal("left alone"):
         remove(rows)
     writer.close()
     assert writer.folder.is_dir()
@@ -145,23 +143,21 @@ def test_runs_are_filtered_and_sorted(thirty, where, sort, seeds):
     ],
 )
 def test_filter_that_is_no_expression_is_refused_with_the_columns(thirty, where):
-    with pytest.raises(
-        ConfigurationError, match=r"where: .*columns of runs: run, began, strip"
-    ):
+    with refusal(r"where: .*columns of runs: run, began, strip"):
         list_runs(thirty, where)
     assert len(list_runs(thirty)) == 30
 
 
 def test_command_lists_as_table_csv_and_json(thirty, monkeypatch):
     monkeypatch.setenv("COLUMNS", "160")
-    some = ("runs", "--runs", str(thirty), "--where", "seed < 3")
-    table = CliRunner().invoke(app, some).stdout
+    some = f"runs --runs {thirty} --where 'seed < 3'"
+    table = invoke(some).stdout
     assert "edge mm" in table
     assert "-0.0" in table
-    printed = CliRunner().invoke(app, [*some, "--json"]).stdout
+    printed = invoke(some, "--json").stdout
     lines = [json.loads(line) for line in printed.splitlines()]
     assert [line["edge_offset"] for line in lines] == [0.0, -1e-5, -2e-5]
-    content = CliRunner().invoke(app, [*some, "--csv"]).stdout.splitlines()
+    content = invoke(some, "--csv").stdout.splitlines()
     assert content[0].startswith(
         "run,began,strip,policy,outcome,displacement,edge_offset"
     )
@@ -171,9 +167,7 @@ def test_command_lists_as_table_csv_and_json(thirty, monkeypatch):
 def test_run_that_changed_since_it_was_chosen_is_not_deleted(thirty):
     chosen = to_prune(list_runs(thirty), NOW, keep=28)
     (chosen[0].folder / "notes.yaml").write_text("schema: 1\ntags: keep\n")
-    with pytest.raises(
-        ConfigurationError, match="has just been changed; it was left alone"
-    ):
+    with refusal("has just been changed; it was left alone"):
         remove(chosen)
     assert [row.folder.exists() for row in chosen] == [True, False]
 
@@ -189,16 +183,11 @@ def test_one_bad_run_does_not_spoil_the_list(thirty):
     first = min(thirty.glob("2*"))
     (first / "run.yaml").write_text("strip: " + "[" * 100_000)
     (first / "result.yaml").write_text("- " * 90_000)
-    for options in (
-        (),
-        ("--csv",),
-        ("--json",),
-        ("--where", "seed > 3", "--sort", "seed"),
-    ):
-        done = CliRunner().invoke(app, ["runs", "--runs", str(thirty), *options])
+    for options in ("", "--csv", "--json", "--where 'seed > 3' --sort seed"):
+        done = invoke("runs --runs", thirty, options)
         assert done.exit_code == 0, done.exception
         assert "felt" in done.stdout
     assert list_runs(thirty)[0].outcome == "broken"
     page = thirty / "runs.html"
-    CliRunner().invoke(app, f"runs --runs {thirty} --html {page}")
+    invoke(f"runs --runs {thirty} --html {page}")
     assert 'href="%FF%26/report.html"' in page.read_text()

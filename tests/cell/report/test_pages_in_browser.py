@@ -65,21 +65,11 @@ def pages(
     gap.write_text(gap_page(*judged(Curves(hidden(bump, 0.3)))), "utf-8")
     compared = write_comparison([finished, killed], place / "compare.html")
     listed = write_runs_page(list_runs(finished.parent), place / "runs.html")
-    measured_page = place / "benchmark.html"
-    measured_page.write_text(page_of(measured()), "utf-8")
-    made = [
-        measured_page,
-        write_report(finished),
-        write_report(killed),
-        write_report(filmed),
-    ]
-    return [
-        *made,
-        gap,
-        compared,
-        listed,
-        write_calibration_report(finished / "calibration.yaml"),
-    ]
+    benchmark = place / "benchmark.html"
+    benchmark.write_text(page_of(measured()), "utf-8")
+    camera = write_calibration_report(finished / "calibration.yaml")
+    reports = map(write_report, (finished, killed, filmed))
+    return [benchmark, *reports, gap, compared, listed, camera]
 
 
 @pytest.mark.parametrize("look", LOOKS, ids=lambda look: f"{look.width}-{look.scheme}")
@@ -144,6 +134,11 @@ class Chart:
         )
         return str(self.reader.evaluate(f"{card}.join('; ').replace(/\\s+/g, ' ')"))
 
+    def show_whole(self) -> None:
+        """Take the zoom back."""
+        click = "dispatchEvent(new Event('click'))"
+        self.reader.evaluate(f"{self.svg}.querySelector('.whole').{click}")
+
     def shape(self) -> str:
         """What the figure shows, without what only follows the pointer."""
         quiet = "querySelectorAll('.rule, .ticks').forEach(e => e.remove())"
@@ -159,23 +154,28 @@ def signals(reader: Browser, finished: Path) -> Chart:
     return Chart(reader, write_report(finished), "signals over time", 1)
 
 
-def limits(page: Path, figure: int) -> list[dict[str, Any]]:
+def limits(page: Path) -> tuple[float, float]:
+    """Times [s] at the edges of the signals on a run's page."""
     found = re.findall(r'data-chart="([^"]*)"', page.read_text("utf-8"))
-    return list(json.loads(unescape(found[figure])))
+    first, last = json.loads(unescape(found[1]))[1]["x"]["limits"]
+    return first, last
+
+
+def millimetres(name: str, said: str) -> float:
+    """Number [mm] that a card states of the signal called `name`."""
+    return float(re.search(rf"{name} (\S+) mm", said)[1])
 
 
 def test_pointer_reads_all_signals_of_a_moment_in_their_units(
     signals: Chart, finished: Path
 ) -> None:
     said = signals.at(0.3, 0.5, "mouseMoved")
-    first, last = limits(finished / "report.html", 1)[1]["x"]["limits"]
+    first, last = limits(finished / "report.html")
     t, ticks = first + 0.3 * (last - first), read_run(finished).ticks
     assert float(re.search(r"t (\S+) s", said)[1]) == pytest.approx(t, abs=0.03)
     for name, column in (("gripper x", ticks.x), ("gripper z", ticks.z)):
-        wanted = 1e3 * float(np.interp(t, ticks.t, column))
-        assert float(re.search(rf"{name} (\S+) mm", said)[1]) == pytest.approx(
-            wanted, abs=2.0
-        )
+        wanted = 1e3 * np.interp(t, ticks.t, column)
+        assert millimetres(name, said) == pytest.approx(wanted, abs=2.0)
     assert "FOLD" in said
 
 
@@ -191,13 +191,9 @@ def test_zoom_is_shared_keeps_values_and_is_taken_back(signals: Chart) -> None:
     parts = f"{parts} {signals.svg}).map(p => p.__zoom.toString()))].length"
     assert signals.reader.evaluate(parts) == 1
     for name in ("gripper x", "gripper z"):
-        was, now = (
-            float(re.search(rf"{name} (\S+) mm", text)[1]) for text in (said, zoomed)
-        )
-        assert now == pytest.approx(was, abs=1.0)
-    signals.reader.evaluate(
-        f"{signals.svg}.querySelector('.whole').dispatchEvent(new Event('click'))"
-    )
+        was = millimetres(name, said)
+        assert millimetres(name, zoomed) == pytest.approx(was, abs=1.0)
+    signals.show_whole()
     assert signals.shape() == before
 
 
@@ -205,7 +201,7 @@ def test_click_on_the_curves_leads_the_film_also_when_zoomed(
     reader: Browser, filmed: Path
 ) -> None:
     chart = Chart(reader, write_report(filmed), "signals over time", 1)
-    first, last = limits(filmed / "report.html", 1)[1]["x"]["limits"]
+    first, last = limits(filmed / "report.html")
     wait = (
         "new Promise(r => film.readyState ? r() :"
         " film.addEventListener('loadedmetadata', r))"
@@ -223,9 +219,7 @@ def test_click_on_the_curves_leads_the_film_also_when_zoomed(
         )
         pad = reader.evaluate(f"{chart.pad}.getBoundingClientRect().toJSON()")
         assert line == pytest.approx(pad["x"] + across * pad["width"], abs=3.0)
-        reader.evaluate(
-            f"{chart.svg}.querySelector('.whole').dispatchEvent(new Event('click'))"
-        )
+        chart.show_whole()
 
 
 def test_figures_of_a_fold_fit_a_phone_without_scrolling(
@@ -235,13 +229,11 @@ def test_figures_of_a_fold_fit_a_phone_without_scrolling(
     figures = "[...document.querySelectorAll('figure[role=img]')]"
     assert reader.evaluate(f"{figures}.every(f => f.scrollWidth <= f.clientWidth)")
     chart = Chart(reader, finished / "report.html", "signals over time", 1, LOOKS[0])
-    first, last = limits(finished / "report.html", 1)[1]["x"]["limits"]
+    first, last = limits(finished / "report.html")
     said = chart.at(0.3, 0.5, "mouseMoved")
     t, ticks = first + 0.3 * (last - first), read_run(finished).ticks
-    wanted = 1e3 * float(np.interp(t, ticks.t, ticks.x))
-    assert float(re.search(r"gripper x (\S+) mm", said)[1]) == pytest.approx(
-        wanted, abs=4.0
-    )
+    wanted = 1e3 * np.interp(t, ticks.t, ticks.x)
+    assert millimetres("gripper x", said) == pytest.approx(wanted, abs=4.0)
 
 
 def test_what_is_wrong_is_found(tmp_path: Path, reader: Browser) -> None:

@@ -13,11 +13,8 @@ from html.parser import HTMLParser
 import cv2
 import numpy as np
 import pytest
-import yaml
-from typer.testing import CliRunner
 
 from calibration.calibration import save_calibration
-from cell.interface.cli.app import app
 from cell.record.files import EVENTS
 from cell.record.listing import read_row
 from cell.record.run import read_run
@@ -29,7 +26,9 @@ from cell.report.runs_page import write_comparison, write_runs_page
 from drivers.base.types import Frame
 from policies.policy import Estimate, FoldPrediction
 from tests.cell.conftest import HEADER
+from tests.support.commands import invoke
 from tests.support.plain_cell import ARM
+from tests.support.run_edits import edit_yaml
 
 VOID = {"meta", "img", "br", "hr", "link", "input"}
 PREDICTED = asdict(
@@ -183,10 +182,7 @@ def test_dead_run_is_explained(dead_page):
 
 def test_after_death_at_a_real_arm_the_hand_is_opened_first(killed, tmp_path):
     folder = shutil.copytree(killed, tmp_path / killed.name)
-    header = yaml.safe_load((folder / "run.yaml").read_text())
-    (folder / "run.yaml").write_text(
-        yaml.safe_dump({**header, "drivers": {"arm": "fci"}})
-    )
+    edit_yaml(folder / "run.yaml", drivers={"arm": "fci"})
     steps = advice(read_run(folder))
     assert "cell open" in steps[1]
     assert "Lay the strip flat again." in steps
@@ -203,9 +199,7 @@ def test_fault_is_named_with_its_reason(finished):
     fault = type(run.result).model_validate(
         {"outcome": "stale_image", "reason": "the newest image is 0.31 s old"}
     )
-    said = verdict_of(
-        type(run)(run.folder, run.header, run.ticks, run.profile, fault), None
-    )
+    said = verdict_of(replace(run, result=fault), None)
     assert said.tone == "bad"
     assert said.headline == "Stopped by a fault: stale image"
     assert said.sentences[0] == "The newest image is 0.31 s old."
@@ -223,17 +217,12 @@ def test_report_can_be_written_again_with_the_same_bytes(make_run, tmp_path):
 
 def test_report_of_a_laboratorys_run_needs_only_the_four_files(make_run, tmp_path):
     folder = make_run(tmp_path)
-    for name in (
-        "events.jsonl",
-        "sights.parquet",
-        "truth.yaml",
-    ):
+    beside = (
+        "events.jsonl sights.parquet truth.yaml calibration.yaml frames/index.jsonl"
+    )
+    for name in beside.split():
         (folder / name).unlink()
-    (folder / "calibration.yaml").unlink()
-    (folder / "frames/index.jsonl").unlink()
-    header = yaml.safe_load((folder / "run.yaml").read_text())
-    del header["calibration"]
-    (folder / "run.yaml").write_text(yaml.safe_dump(header))
+    edit_yaml(folder / "run.yaml", calibration=None)
     text = words(write_report(folder).read_text())
     assert "calibration error not recorded" in text
     assert "not recorded" in text
@@ -248,20 +237,14 @@ def test_text_from_a_run_cannot_become_markup(make_run, tmp_path):
     folder = make_run(
         tmp_path, reason=HOSTILE, outcome="edges_apart", witnesses=unknown
     )
-    header = yaml.safe_load((folder / "run.yaml").read_text())
     hostile = {"strip": HOSTILE, "policy": HOSTILE, "provenance": {HOSTILE: HOSTILE}}
-    (folder / "run.yaml").write_text(yaml.safe_dump(header | hostile))
-    events = [{"t": 1.0, "kind": HOSTILE, "of": HOSTILE}]
-    events += [
-        {
-            "t": 0.0,
-            "kind": "preflight",
-            "checks": [{"name": HOSTILE, "reason": HOSTILE}],
-        }
-    ]
-    (folder / "events.jsonl").write_text(
-        "".join(json.dumps(line) + "\n" for line in events)
+    edit_yaml(folder / "run.yaml", **hostile)
+    checks = [{"name": HOSTILE, "reason": HOSTILE}]
+    events = (
+        {"t": 1.0, "kind": HOSTILE, "of": HOSTILE},
+        {"t": 0.0, "kind": "preflight", "checks": checks},
     )
+    (folder / "events.jsonl").write_text("\n".join(map(json.dumps, events)))
     compared = write_comparison([folder, folder], tmp_path / "compare.html")
     listed = write_runs_page([read_row(folder)], tmp_path / "runs.html")
     for made in (write_report(folder), compared, listed):
@@ -284,7 +267,7 @@ def predicting(make_run, tmp_path):
 
 def test_page_states_and_draws_what_was_predicted(predicting) -> None:
     page = write_report(predicting).read_text()
-    text = re.sub(r"\s+", " ", unescape(re.sub(r"<[^>]+>", " ", page)))
+    text = words(page)
     assert "+0.4 mm ± 0.9 mm" in text
     assert "This strip does not behave like the model" in text
     assert "unlike its model" in text
@@ -296,7 +279,7 @@ def test_page_states_and_draws_what_was_predicted(predicting) -> None:
 def test_page_shows_quality_scale_and_plane(calibration, tmp_path):
     path = tmp_path / "calibration.yaml"
     save_calibration(calibration, path)
-    done = CliRunner().invoke(app, f"report {path}")
+    done = invoke(f"report {path}")
     assert done.exit_code == 0, done.output
     page = tmp_path / "calibration.html"
     assert done.stdout.strip() == str(page)

@@ -7,16 +7,14 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
-import yaml
-from typer.testing import CliRunner
 
-from cell.interface.cli.app import app
 from cell.record.documents import annotate
 from cell.record.listing import list_runs, read_row
 from cell.report.page import setting_text, write_report
 from cell.report.runs_page import distinct_texts
 from drivers.base.errors import ConfigurationError
-from tests.support.run_edits import edit_column
+from tests.support.commands import invoke
+from tests.support.run_edits import edit_column, edit_yaml
 
 
 @pytest.fixture(scope="module")
@@ -29,11 +27,7 @@ def written(finished: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
         place = runs / f"2026112{number}T080000Z-denim-fold-000{number}"
         shutil.copytree(finished, place)
         folders.append(place)
-    head = yaml.safe_load((folders[1] / "run.yaml").read_text()) | {
-        "policy": "circular",
-        "seed": 3,
-    }
-    (folders[1] / "run.yaml").write_text(yaml.safe_dump(head))
+    edit_yaml(folders[1] / "run.yaml", policy="circular", seed=3)
     (folders[2] / "result.yaml").unlink()
     for folder in folders:
         write_report(folder)
@@ -47,7 +41,7 @@ def three(written: Path, tmp_path: Path) -> list[Path]:
 
 
 def call(*words: object) -> str:
-    done = CliRunner().invoke(app, [str(word) for word in words])
+    done = invoke(*words)
     assert done.exit_code == 0, done.output
     return done.stdout
 
@@ -69,9 +63,7 @@ def test_comparison_has_every_run_and_what_differs(
     (three[0].parents[1] / "tables/20270101T080000Z-denim-fold-0001").mkdir(
         parents=True
     )
-    page = Path(
-        json.loads(call("report", "0000", "0001", "last", "--json"))["report"]
-    ).resolve()
+    page = Path(json.loads(call("report 0000 0001 last --json"))["report"]).resolve()
     assert page == three[0].parent / "compare.html"
     text = page.read_text("utf-8")
     (rows,) = re.findall(r"What was set otherwise.*?</table>", text, flags=re.S)
@@ -97,7 +89,7 @@ def test_list_page_has_thumbnails_and_working_links(
     three: list[Path], tmp_path: Path
 ) -> None:
     out = tmp_path / "pages" / "runs.html"
-    call("runs", "--runs", three[0].parent, "--html", out)
+    call("runs --runs", three[0].parent, "--html", out)
     text = out.read_text("utf-8")
     assert text.count('src="data:image/jpeg;base64,') == 3
     assert links(out) == [folder / "report.html" for folder in reversed(three)]
@@ -114,32 +106,21 @@ def test_pages_are_never_written_over_a_file_of_the_operator(
     mine = tmp_path / "cell.yaml"
     mine.write_text("name: cell\n")
     said = {
-        "runs": ("runs", "--runs", three[0].parent, "--html", mine),
+        "runs": ("runs --runs", three[0].parent, "--html", mine),
         "report": ("report", *three, "--out", mine),
     }
-    result = CliRunner().invoke(app, [*map(str, said[command])])
+    result = invoke(*said[command])
     assert isinstance(result.exception, ConfigurationError)
     assert mine.read_text() == "name: cell\n"
 
 
 def test_tags_and_notes_stay_in_the_run_and_are_found(three: list[Path]) -> None:
-    call(
-        "note",
-        three[0],
-        three[1],
-        "--tag",
-        "good",
-        "--tag",
-        "first-day",
-        "--text",
-        "dry air",
-    )
-    call("note", three[0], "--untag", "good")
+    call("note", *three[:2], "--tag good --tag first-day --text 'dry air'")
+    call("note", three[0], "--untag good")
     assert read_row(three[0]).tags == "first-day"
     assert read_row(three[0]).note == "dry air"
-    found = call(
-        "runs", "--runs", three[0].parent, "--where", "tags LIKE '%good%'", "--json"
-    )
+    where = "--where \"tags LIKE '%good%'\" --json"
+    found = call("runs --runs", three[0].parent, where)
     assert [json.loads(line)["tags"] for line in found.splitlines()] == [
         ["first-day", "good"]
     ]
@@ -156,7 +137,7 @@ def test_notes_that_cannot_be_read_are_left_as_they_are(
 ) -> None:
     notes = three[0] / "notes.yaml"
     notes.write_text(text)
-    done = CliRunner().invoke(app, f"note {three[0]} --tag good")
+    done = invoke(f"note {three[0]} --tag good")
     assert isinstance(done.exception, ConfigurationError)
     assert str(notes) in str(done.exception)
     assert notes.read_text() == text

@@ -11,7 +11,7 @@ import pytest
 
 from calibration.calibration import Calibration, load_calibration
 from cell.base.config.cell import CellFile
-from cell.base.config.places import CHECKOUT_CONFIGS, Configs
+from cell.base.config.places import CHECKOUT_CONFIGS
 from cell.folding.fold import fold
 from cell.orchestrator.operator import Interrupted
 from cell.setup import calibration_in_use, wizard
@@ -22,15 +22,14 @@ from cell.setup.calibration_in_use import (
     record_entry,
 )
 from cell.setup.wizard import calibrate_twin
-from drivers.base.errors import ConfigurationError, Fault, PreflightRefused
+from drivers.base.errors import Fault, PreflightRefused
 from tests.cell.conftest import straight_camera
-from tests.support.requests import request_for
+from tests.support.refusals import refusal
+from tests.support.requests import CELL, request_for
 from tests.support.twin_calibration import SHIPPED
 
-SETTINGS = Configs(CHECKOUT_CONFIGS).cell()
 
-
-def made(camera: str = SETTINGS.twin.camera.identity) -> Calibration:
+def made(camera: str = CELL.twin.camera.identity) -> Calibration:
     return straight_camera(date="2026-11-20T03:15:00+00:00", camera=camera)
 
 
@@ -59,8 +58,8 @@ def test_the_shipped_one_serves_the_shipped_settings(cache, count, monkeypatch) 
     """Where this fails, write it anew: `python -m tests.support.twin_calibration`."""
     monkeypatch.setattr(calibration_in_use, "SHIPPED", SHIPPED)
     (shipped,) = SHIPPED.iterdir()
-    assert shipped.name == calibration_file(SETTINGS).name
-    assert calibration_of(SETTINGS).id == load_calibration(shipped).id
+    assert shipped.name == calibration_file(CELL).name
+    assert calibration_of(CELL).id == load_calibration(shipped).id
     assert not count
 
 
@@ -69,7 +68,7 @@ def test_the_shipped_one_is_what_calibrating_gives(cache) -> None:
     """Where this fails, raise `RENDERING`, and write it anew as above."""
     (shipped,) = SHIPPED.iterdir()
     places = np.stack(np.meshgrid(np.linspace(0, 0.6, 7), np.linspace(0, 0.3, 4)), -1)
-    known, found = load_calibration(shipped), calibrate_twin(SETTINGS, lambda: False)
+    known, found = load_calibration(shipped), calibrate_twin(CELL, lambda: False)
     assert np.abs(found.to_image(places) - known.to_image(places)).max() < 1e-3  # px
 
 
@@ -78,7 +77,7 @@ def test_another_camera_or_renderer_is_calibrated_anew(
     cache, count, monkeypatch, change
 ) -> None:
     monkeypatch.setattr(calibration_in_use, "SHIPPED", SHIPPED)
-    settings = SETTINGS
+    settings = CELL
     if change == "camera":
         camera = settings.twin.camera.model_copy(update={"yaw": 0.01})
         twin = settings.twin.model_copy(update={"camera": camera})
@@ -92,7 +91,7 @@ def test_another_camera_or_renderer_is_calibrated_anew(
 
 
 def test_it_is_made_once_and_then_kept(cache, count) -> None:
-    first, second = calibration_of(SETTINGS), calibration_of(SETTINGS)
+    first, second = calibration_of(CELL), calibration_of(CELL)
     assert len(count) == 1
     assert first.id == second.id
 
@@ -102,7 +101,7 @@ def test_calibration_that_cannot_be_kept_serves_once_with_a_remark(
 ) -> None:
     cache.write_text("a file where a folder should be")
     remarks: list[str] = []
-    assert calibration_of(SETTINGS, remarks.append).id == made().id
+    assert calibration_of(CELL, remarks.append).id == made().id
     assert "its camera is calibrated first" in remarks[0]
     assert str(cache) in remarks[1]
 
@@ -115,14 +114,14 @@ def test_while_one_process_makes_it_others_wait(cache, monkeypatch) -> None:
         return made()
 
     monkeypatch.setattr(wizard, "calibrate_twin", make)
-    assert calibration_of(SETTINGS).id == made().id
-    with calibration_file(SETTINGS).with_suffix(".lock").open("wb") as another:
+    assert calibration_of(CELL).id == made().id
+    with calibration_file(CELL).with_suffix(".lock").open("wb") as another:
         fcntl.flock(another, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 def test_one_of_another_camera_is_refused_before_anything_is_recorded(tmp_path) -> None:
     request = request_for("denim", "triangular", tmp_path / "runs", CHECKOUT_CONFIGS)
-    with pytest.raises(ConfigurationError, match=r"another.*cell calibrate"):
+    with refusal(r"another.*cell calibrate"):
         fold(request, made(camera="another"))
     assert not (tmp_path / "runs").exists()
 
@@ -130,18 +129,18 @@ def test_one_of_another_camera_is_refused_before_anything_is_recorded(tmp_path) 
 def test_ctrl_c_stops_a_calibration_under_control(cache, monkeypatch) -> None:
     monkeypatch.setattr(wizard, "lens_from_boards", lambda settings, aids: made().lens)
     with pytest.raises(Interrupted, match="interrupted") as stopped:
-        calibration_of(SETTINGS, interrupted=lambda: True)
+        calibration_of(CELL, interrupted=lambda: True)
     assert stopped.value.exit_code == 130
-    assert not calibration_file(SETTINGS).exists()
+    assert not calibration_file(CELL).exists()
 
 
 def test_a_monitor_that_stops_a_calibration_is_a_fault(cache, monkeypatch) -> None:
-    limits = SETTINGS.monitors.model_copy(update={"tracking_error": 1e-9})
+    limits = CELL.monitors.model_copy(update={"tracking_error": 1e-9})
     monkeypatch.setattr(wizard, "lens_from_boards", lambda settings, aids: made().lens)
     with pytest.raises(Fault, match="tracking_error") as stopped:
-        calibration_of(SETTINGS.model_copy(update={"monitors": limits}))
+        calibration_of(CELL.model_copy(update={"monitors": limits}))
     assert stopped.value.exit_code == 4
-    assert not calibration_file(SETTINGS).exists()
+    assert not calibration_file(CELL).exists()
 
 
 NOW = datetime(2026, 11, 20, 12, 0, tzinfo=UTC)

@@ -15,10 +15,10 @@ import pytest
 
 from cell.base.campaign.cluster import Cluster, event_loop
 from cell.base.campaign.processes import workers
-from drivers.base.errors import ConfigurationError
 from drivers.base.types import Array, Calls
 from policies.train.objective import TrainingSettings
 from policies.train.search import Search
+from tests.support.refusals import refusal
 
 pytestmark = pytest.mark.slow
 TINY = TrainingSettings(generations=3, population=14, strips=1, segments=20, substeps=1)
@@ -89,7 +89,7 @@ def test_worker_killed_in_mid_run_changes_nothing(local, tmp_path: Path) -> None
 def test_workers_of_another_version_are_refused(local, monkeypatch) -> None:
     monkeypatch.setattr("cell.base.campaign.versions.version", lambda _: "0.0")
     with (
-        pytest.raises(ConfigurationError, match=r"numpy \S+, here 0\.0"),
+        refusal(r"numpy \S+, here 0\.0"),
         Cluster(local.scheduler_address).calls(),
     ):
         pass
@@ -99,7 +99,7 @@ def test_workers_of_another_version_are_refused(local, monkeypatch) -> None:
 def test_address_without_a_scheduler_is_one_line(monkeypatch, address: str) -> None:
     monkeypatch.setattr("cell.base.campaign.cluster.CONNECT_TIMEOUT", 0.2)
     with (
-        pytest.raises(ConfigurationError, match="no scheduler answers") as told,
+        refusal("no scheduler answers") as told,
         Cluster(address).calls(),
     ):
         pass
@@ -160,7 +160,7 @@ def test_cluster_with_tls_serves_who_has_the_certificate_alone(
         address = started.scheduler_address
         assert address.startswith("tls://")
         with (
-            pytest.raises(ConfigurationError, match="no scheduler answers"),
+            refusal("no scheduler answers"),
             Cluster(address).calls(),
         ):
             pass

@@ -14,8 +14,8 @@ import pytest
 from cell.base.campaign.journal import Journal, Record
 from cell.base.campaign.progress import Meter
 from cell.base.campaign.run import Local, carry_out
-from drivers.base.errors import ConfigurationError
 from tests.support.campaign_parts import Broken, Deadly, Endless, Fine, Impossible
+from tests.support.refusals import refusal
 
 ROOT = Path(__file__).parents[4]
 
@@ -88,7 +88,7 @@ def test_a_file_that_is_broken_or_of_a_newer_schema_is_no_record(
 
 def test_a_folder_that_cannot_be_written_is_refused_in_one_line(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    with pytest.raises(ConfigurationError, match=r"--out: .*cannot be written"):
+    with refusal(r"--out: .*cannot be written"):
         run([Fine("a")], tmp_path / "file" / "journal")
 
 

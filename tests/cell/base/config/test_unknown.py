@@ -8,7 +8,7 @@ from cell.base.config.unmeasured_strip import (
     unmeasured_name,
     unmeasured_strip,
 )
-from drivers.base.errors import ConfigurationError
+from tests.support.refusals import refusal
 
 
 def known(length: float, thickness: float | None) -> str:
@@ -31,6 +31,6 @@ def test_thickness_is_a_range_until_it_is_stated() -> None:
 def test_what_is_no_length_or_thickness_is_refused_in_a_line(
     text: str, option: str
 ) -> None:
-    with pytest.raises(ConfigurationError, match=option) as refused:
+    with refusal(option) as refused:
         unmeasured_strip(text)
     assert "\n" not in str(refused.value)

@@ -10,6 +10,7 @@ from cell.base.devices.open import open_cell
 from drivers.strip.describe import load_strip
 from drivers.twin.fci_server import server
 from drivers.twin.settings import CameraSettings
+from tests.support.requests import CELL
 
 pytest.importorskip("pylibfranka", reason="the robot's library is not installed")
 STEPS = 90  # of 7 ms: not a multiple of the hand's period
@@ -28,7 +29,7 @@ def closing(
         return robot
 
     made = server.resting_robot
-    cell, configs = find_configs(None).cell().with_drivers("fci"), find_configs(None)
+    cell, configs = CELL.with_drivers("fci"), find_configs(None)
     twin = cell.twin.model_copy(
         update={"camera": CameraSettings(width=640, height=360)}
     )

@@ -6,18 +6,17 @@ import json
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
 import drivers.v4l2.device
-from cell.base.config.places import find_configs
 from cell.base.devices.open import check_calibrated, check_drivers
-from cell.interface.cli.app import app
-from drivers.base.errors import ConfigurationError
 from drivers.v4l2.camera import UnusableDevice, list_cameras
 from drivers.v4l2.settings import V4l2Settings
 from tests.drivers.v4l2.fake_kernel import LINK, FakeKernel
+from tests.support.commands import invoke
+from tests.support.refusals import refusal
+from tests.support.requests import CELL
 
-REAL = find_configs(None).cell().with_drivers(camera="v4l2")
+REAL = CELL.with_drivers(camera="v4l2")
 
 
 @pytest.fixture
@@ -45,7 +44,7 @@ def test_device_that_cannot_be_opened_is_listed_with_the_reason(links: Path) -> 
 
 def test_no_camera_is_reported_and_is_no_error(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("drivers.v4l2.camera.device_links", lambda *_: [])
-    done = CliRunner().invoke(app, ["camera"])
+    done = invoke("camera")
     assert (done.exit_code, done.stdout) == (0, "")
     assert "plug one in" in done.stderr
 
@@ -54,7 +53,7 @@ def test_listing_names_formats_controls_and_the_section_to_add(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(drivers.v4l2.device, "Kernel", FakeKernel)
-    done = CliRunner().invoke(app, f"camera --device {LINK}")
+    done = invoke(f"camera --device {LINK}")
     assert done.exit_code == 0
     assert "YUYV 64x48 at 60 Hz" in done.stdout
     assert (
@@ -63,16 +62,16 @@ def test_listing_names_formats_controls_and_the_section_to_add(
     )
     section = json.loads(done.stdout.rpartition("camera: ")[2])
     assert V4l2Settings.model_validate(section).device == LINK
-    line = json.loads(CliRunner().invoke(app, f"camera --device {LINK} --json").stdout)
+    line = json.loads(invoke(f"camera --device {LINK} --json").stdout)
     assert line["camera"] == section
 
 
 def test_cell_without_a_camera_section_says_what_to_add() -> None:
-    with pytest.raises(ConfigurationError, match=r"camera: is missing.*cell camera"):
+    with refusal(r"camera: is missing.*cell camera"):
         check_drivers(REAL)
 
 
 def test_real_camera_without_a_calibration_is_refused_before_anything_opens() -> None:
-    with pytest.raises(ConfigurationError, match=r"calibration: is missing"):
+    with refusal(r"calibration: is missing"):
         check_calibrated(REAL)
-    check_calibrated(find_configs(None).cell())
+    check_calibrated(CELL)

@@ -1,19 +1,12 @@
 """Errors of input: one clear line, the right exit code, nothing half-written."""
 
-import shutil
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
-from cell.base.config.places import CHECKOUT_CONFIGS
 from tests.support.commands import refused
-
-
-@pytest.fixture
-def configs(tmp_path: Path) -> Path:
-    return Path(shutil.copytree(CHECKOUT_CONFIGS, tmp_path / "configs"))
+from tests.support.run_edits import edit_yaml
 
 
 @pytest.mark.parametrize(
@@ -31,17 +24,12 @@ def test_broken_strip_file_names_file_and_key(
     monkeypatch, capsys, configs, tmp_path, change, said
 ) -> None:
     path = configs / "strips" / "denim.yaml"
-    content = "\n".join(
-        line for line in path.read_text().splitlines() if not line.startswith("effects")
-    )
-    text = content + "\neffects: {}\n"
+    edit_yaml(path, effects={})
+    text = path.read_text()
     assert change[0] in text
     path.write_text(text.replace(*change))
-    line = refused(
-        monkeypatch,
-        capsys,
-        *("fold --strip denim --configs", configs, "--runs", tmp_path / "r"),
-    )
+    words = ("fold --strip denim --configs", configs, "--runs", tmp_path / "r")
+    line = refused(monkeypatch, capsys, *words)
     assert all(problem.startswith(str(path)) for problem in line.splitlines()), line
     assert said in line
     assert not (tmp_path / "r").exists()

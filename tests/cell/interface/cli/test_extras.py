@@ -8,6 +8,7 @@ import subprocess
 import sys
 import tomllib
 from importlib.metadata import packages_distributions
+from itertools import chain
 from pathlib import Path
 
 import pytest
@@ -18,25 +19,18 @@ from drivers.base.extras import FEATURES, install_line
 
 ROOT = Path(__file__).parents[4]
 
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+
 BARE = """
 import sys
-sys.modules["pylibfranka"] = None
-sys.modules["distributed"] = None
-sys.modules["torch"] = None
-sys.modules["cmaes"] = None
-from cell.__main__ import main
-main()
+for name in ("pylibfranka", "distributed", "torch", "cmaes"):
+    sys.modules[name] = None
 """
 
 
-def run_bare(*words: str, at: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-c", BARE, *words],
-        cwd=at,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+def run_bare(script: str, *words: str, at: Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-c", f"{BARE}{script}", *words]
+    return subprocess.run(command, cwd=at, capture_output=True, text=True, check=False)
 
 
 def test_pages_and_program_install_the_extras_alike() -> None:
@@ -48,8 +42,7 @@ def test_pages_and_program_install_the_extras_alike() -> None:
         extras = re.findall(r"'\.\[(\w+)\]'", line)
         ours = install_line(extras).replace(f"{ROOT}/", "").replace(str(ROOT), ".")
         assert line.replace("-q --no-compile ", "").strip() == ours
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-    stated = project["project"]["optional-dependencies"]
+    stated = PROJECT["optional-dependencies"]
     for module, (extra, _) in FEATURES.items():
         assert any(library.startswith(module) for library in stated[extra])
 
@@ -63,25 +56,23 @@ def test_doctor_warns_of_no_library_that_nobody_needs(monkeypatch) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "words",
+    ("words", "module"),
     [
-        ("register",),
-        ("fold", "--strip", "denim", "--arm", "fci"),
-        ("home", "--arm", "fci"),
-        ("calibrate", "check", "--arm", "fci"),
-        ("benchmark", "--cluster", "tcp://127.0.0.1:1"),
-        ("train", "--policy", "feedback"),
-        ("train", "--policy", "adaptive"),
+        ("register", "pylibfranka"),
+        ("fold --strip denim --arm fci", "pylibfranka"),
+        ("home --arm fci", "pylibfranka"),
+        ("calibrate check --arm fci", "pylibfranka"),
+        ("benchmark --cluster tcp://127.0.0.1:1", "distributed"),
+        ("train --policy feedback", "cmaes"),
+        ("train --policy adaptive", "torch"),
     ],
-    ids=lambda words: f"{words[0]} {words[-1]}",
 )
 def test_missing_library_is_named_with_a_command_that_installs_it(
-    words, tmp_path: Path
+    words: str, module: str, tmp_path: Path
 ) -> None:
-    done = run_bare(*words, at=tmp_path)
+    script = "from cell.__main__ import main\nmain()"
+    done = run_bare(script, *words.split(), at=tmp_path)
     assert done.returncode == 2, done.stderr
-    modules = {"--cluster": "distributed", "feedback": "cmaes", "adaptive": "torch"}
-    module = next((modules[word] for word in words if word in modules), "pylibfranka")
     line = done.stderr.splitlines()[-1]
     assert f"needs the library {module}, which is not installed here" in line
     assert f"`{sys.executable} -m pip install -c {ROOT}/.ci/constraints.txt -e" in line
@@ -92,17 +83,11 @@ def test_missing_library_is_named_with_a_command_that_installs_it(
 def test_learned_policies_decide_without_the_libraries_of_their_training(
     tmp_path: Path,
 ) -> None:
-    script = BARE.partition("from cell")[0] + (
+    script = (
         "from policies.registry import make_policy\n"
         "print(make_policy('feedback').name, make_policy('adaptive').name)\n"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", script],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
+    done = run_bare(script, at=tmp_path)
     assert done.stdout.split() == ["feedback", "adaptive"]
 
 
@@ -112,16 +97,12 @@ BROUGHT_BY_OTHERS = {"llvmlite", "protobuf", "markupsafe", "pydantic_core", "tor
 
 @pytest.mark.slow
 def test_every_library_that_the_product_imports_is_stated() -> None:
-    root = ROOT
-    project = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))[
-        "project"
-    ]
-    groups = [project["dependencies"], *project["optional-dependencies"].values()]
+    groups = [PROJECT["dependencies"], *PROJECT["optional-dependencies"].values()]
     stated = {
         re.split(r"[^\w.-]", line)[0].lower() for group in groups for line in group
     }
     found, ours = set(), {"cell", "drivers", "calibration", "policies"}
-    for module in (path for room in ours for path in (root / room).rglob("*.py")):
+    for module in chain.from_iterable((ROOT / room).rglob("*.py") for room in ours):
         for node in ast.walk(ast.parse(module.read_text(encoding="utf-8"))):
             if isinstance(node, ast.ImportFrom) and node.module:
                 found.add(node.module.partition(".")[0])

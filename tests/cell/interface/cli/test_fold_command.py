@@ -2,7 +2,6 @@
 
 import json
 import os
-import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -18,6 +17,7 @@ from cell.folding.result import FoldResult
 from drivers.base.errors import CellError, ConfigurationError
 from tests.support.commands import run
 from tests.support.made_results import DONE, STOPPED, fold_by
+from tests.support.run_edits import edit_yaml
 
 
 @pytest.fixture
@@ -61,19 +61,12 @@ def test_a_line_holds_what_programs_agreed_on_and_no_more(folds, capsys) -> None
     code, (line,), remarks, _ = folds(capsys, [DONE])
     assert code == 0
     assert remarks == []
-    assert list(line) == [
-        *(
-            "run",
-            "strip",
-            "policy",
-            "seed",
-            "outcome",
-            "displacement",
-            "displacement_true",
-        ),
-        *("layer_touch", "edge_offset", "edge_offset_true", "like_model"),
-        *("duration", "wall", "calibration", "exit_code", "witnesses"),
-    ]
+    agreed = (
+        "run strip policy seed outcome displacement displacement_true layer_touch"
+        " edge_offset edge_offset_true like_model duration wall calibration exit_code"
+        " witnesses"
+    )
+    assert list(line) == agreed.split()
     assert line["displacement"] == -0.033765
     assert line["displacement_true"] is None
 
@@ -117,14 +110,13 @@ def broken_plant(tmp_path) -> Path:
 def test_a_plant_that_cannot_be_used_is_refused_before_the_first_fold(
     folds, capsys, broken_plant, tmp_path
 ) -> None:
-    good = tmp_path / "good.yaml"
-    good.write_text((CHECKOUT_CONFIGS / "strips" / "denim.yaml").read_text())
+    good = CHECKOUT_CONFIGS / "strips/denim.yaml"
     plants = ("--plant", good, "--plant", broken_plant)
     code, lines, remarks, asked = folds(capsys, [DONE, DONE], *plants)
     assert code == 2
     assert asked == []
     assert lines == []
-    assert all(remark.startswith(f"cell: {broken_plant}") for remark in remarks[:1])
+    assert remarks[0].startswith(f"cell: {broken_plant}")
     os.mkfifo(tmp_path / "pipe.yaml")
     for name in ("missing.yaml", "pipe.yaml"):
         assert folds(capsys, [], "--plant", tmp_path / name, "--dry-run")[0] == 2
@@ -145,12 +137,10 @@ def test_a_defect_of_the_program_is_one_line_and_no_traceback(
 
 
 def test_python_and_command_ask_for_one_fold_with_what_the_cell_has_learned(
-    monkeypatch, folds, capsys, tmp_path
+    monkeypatch, folds, capsys, tmp_path, configs
 ) -> None:
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
-    configs = tmp_path / "configs"
-    text = (shutil.copytree(CHECKOUT_CONFIGS, configs) / "cell.yaml").read_text()
-    (configs / "cell.yaml").write_text(f"{text}\nlearning: {{use: 'on'}}\n")
+    edit_yaml(configs / "cell.yaml", learning={"use": "on"})
     twin = Memory(Configs(configs).cell().name, twin=True)
     policy = subject_of("adaptive", None, "denim", None).policy
     for number in range(3):

@@ -7,20 +7,19 @@ import shutil
 from pathlib import Path
 
 import pytest
-import yaml
-from typer.testing import CliRunner
 
-from cell.base.config.places import find_configs
 from cell.folding.experience import Experience, Memory, run_key
-from cell.interface.cli.app import app
 from drivers.base.errors import ConfigurationError
-from tests.support.commands import refused
+from tests.support.commands import invoke, refused
+from tests.support.refusals import refusal
+from tests.support.requests import CELL
+from tests.support.run_edits import edit_yaml
 
 
 @pytest.fixture
 def memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Memory:
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
-    made = Memory(find_configs(None).cell().name)
+    made = Memory(CELL.name)
     for run in ("r0", "r1"):
         made.add(
             Experience(run, "adaptive", "denim", "a", "camera", 0.003, edges=-0.003)
@@ -41,9 +40,9 @@ def test_it_shows_the_bias_and_where_edges_are_laid(memory: Memory) -> None:
 
 
 def test_a_run_goes_with_a_rulers_word(memory: Memory) -> None:
-    for wrong in (["learn", "runs/r0"], ["learn", "show", "--edges", "3mm"]):
-        refused = CliRunner().invoke(app, wrong)
-        assert isinstance(refused.exception, ConfigurationError)
+    for wrong in ("runs/r0", "show --edges 3mm"):
+        with pytest.raises(ConfigurationError):
+            call(wrong)
     assert len(memory.experiences()) == 2
 
 
@@ -56,10 +55,7 @@ def run(memory: Memory, tmp_path: Path, finished: Path, monkeypatch) -> Path:
     folder = shutil.copytree(
         finished, tmp_path / "runs/20261129T080000Z-denim-fold-2c41"
     )
-    result = yaml.safe_load((folder / "result.yaml").read_text()) | {
-        "edge_offset": 0.001
-    }
-    (folder / "result.yaml").write_text(yaml.safe_dump(result))
+    edit_yaml(folder / "result.yaml", edge_offset=0.001)
     key = run_key(folder)
     memory.add(
         Experience("r2", "adaptive", "denim", "a", "camera", 0.003, key=key, aim=-0.002)
@@ -68,7 +64,7 @@ def run(memory: Memory, tmp_path: Path, finished: Path, monkeypatch) -> Path:
 
 
 def call(*words: object) -> str:
-    done = CliRunner().invoke(app, ["learn", *map(str, words)])
+    done = invoke("learn", *words)
     if done.exception is not None:
         raise done.exception
     return done.output
@@ -77,26 +73,24 @@ def call(*words: object) -> str:
 def test_a_ruler_s_word_is_believed_within_bounds_and_a_later_one_replaces_it(
     memory: Memory, run: Path
 ) -> None:
-    with pytest.raises(
-        ConfigurationError, match=r"34\.0 mm from the \+1\.0 .* add --sure"
-    ):
-        call(run, "--edges", "35mm")
-    with pytest.raises(ConfigurationError, match="mind sign, decimal point and unit"):
-        call(run, "--edges", "9mm")  # for 0.9 mm
+    with refusal(r"34\.0 mm from the \+1\.0 .* add --sure"):
+        call(run, "--edges 35mm")
+    with refusal("mind sign, decimal point and unit"):
+        call(run, "--edges 9mm")  # for 0.9 mm
     assert len(memory.experiences()) == 3
-    call(run, "--edges", "35mm", "--sure")
-    assert "the ruler shows +2.0 mm more" in call("2c41", "--edges", "3mm")
+    call(run, "--edges 35mm --sure")
+    assert "the ruler shows +2.0 mm more" in call("2c41 --edges 3mm")
     words = [one for one in memory.experiences() if one.kind == "ruler"]
     assert [(one.run, round(one.rig, 6)) for one in words] == [("r2", 0.002)]
-    assert "set aside" in call("forget", "2c41")
+    assert "set aside" in call("forget 2c41")
 
 
 def test_the_twin_and_the_real_cell_learn_apart(memory: Memory) -> None:
-    twin = Memory(find_configs(None).cell().name, twin=True)
+    twin = Memory(CELL.name, twin=True)
     twin.add(Experience("t0", "adaptive", "denim", "a", "camera", -0.005))
     assert "t0" not in call("list")
-    assert "t0" in call("list", "--twin")
-    call("forget", "--twin")
+    assert "t0" in call("list --twin")
+    call("forget --twin")
     assert twin.experiences() == ()
     assert len(memory.experiences()) == 2
 

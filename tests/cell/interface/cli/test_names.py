@@ -9,6 +9,7 @@ from drivers.base.settings import parse
 from drivers.strip.describe import load_strip
 from drivers.strip.file import StripFile
 from policies.registry import make_policy
+from tests.support.refusals import refusal
 
 ROOT = Path(__file__).resolve().parents[4]
 DENIM = ROOT / "configs" / "strips" / "denim.yaml"
@@ -19,18 +20,16 @@ CONTENT = {
 
 
 def test_misspelt_keys_and_policies_name_what_was_meant(tmp_path: Path) -> None:
-    with pytest.raises(
-        ConfigurationError, match=r"lenght: unknown key \(did you mean 'length'\?"
-    ):
+    with refusal(r"lenght: unknown key \(did you mean 'length'\?"):
         parse(CONTENT | {"lenght": 0.6}, StripFile, "a.yaml")
     path = tmp_path / "a.yaml"
     path.write_text(f"{DENIM.read_text()}effects: {{seem: {{}}}}\n")
-    with pytest.raises(ConfigurationError, match=r"did you mean 'seam'\?"):
+    with refusal(r"did you mean 'seam'\?"):
         load_strip(path)
     path.write_text(f"{DENIM.read_text()}effects: {{seam: {{factr: 1.0}}}}\n")
-    with pytest.raises(ConfigurationError, match=r"did you mean 'factor'\?"):
+    with refusal(r"did you mean 'factor'\?"):
         load_strip(path)
-    with pytest.raises(ConfigurationError, match=r"did you mean 'circular'\?"):
+    with refusal(r"did you mean 'circular'\?"):
         make_policy("circlar")
 
 

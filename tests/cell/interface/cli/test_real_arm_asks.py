@@ -3,7 +3,6 @@ command.
 """
 
 import io
-import shutil
 from pathlib import Path
 
 import pytest
@@ -11,7 +10,7 @@ import pytest
 pytest.importorskip("pylibfranka", reason="the robot's library is not installed")
 
 import cell
-from cell.base.config.places import CHECKOUT_CONFIGS, find_configs
+from cell.base.config.places import find_configs
 from cell.base.devices.devices import Trial
 from cell.base.devices.open import check_drivers, open_cell
 from cell.folding.batch import Callbacks, fold_all
@@ -19,11 +18,11 @@ from cell.folding.request import standard_requests
 from cell.folding.result import FoldResult
 from cell.orchestrator.outcome import Outcome
 from cell.setup.arm.run_settings import await_strip
-from drivers.base.errors import ConfigurationError, PreflightRefused
-from drivers.strip.describe import load_strip
+from drivers.base.errors import PreflightRefused
 from tests.support.commands import run
 from tests.support.made_results import DONE, fold_by
-from tests.support.requests import request_for
+from tests.support.refusals import refusal
+from tests.support.requests import DENIM, request_for
 
 NOWHERE = "192.0.2.7"  # of the block for documentation: no robot is there
 COMMANDS = (
@@ -40,13 +39,12 @@ COMMANDS = (
 
 
 @pytest.fixture
-def configs(tmp_path: Path) -> Path:
+def configs(configs: Path) -> Path:
     """A cell whose robot stands on another machine."""
-    shutil.copytree(CHECKOUT_CONFIGS, tmp_path / "configs")
-    file = tmp_path / "configs" / "cell.yaml"
+    file = configs / "cell.yaml"
     text = file.read_text().replace("arm: twin", "arm: fci")
     file.write_text(f"{text}\nfci: {{address: {NOWHERE}}}\n")
-    return tmp_path / "configs"
+    return configs
 
 
 @pytest.fixture
@@ -157,21 +155,18 @@ def test_a_program_that_folds_does_not_move_it_either(
 
 
 def test_cell_opens_where_it_was_agreed_or_nothing_real_moves(configs) -> None:
-    settings, strip = (
-        find_configs(configs).cell(),
-        load_strip(configs / "strips" / "denim.yaml"),
-    )
+    settings = find_configs(configs).cell()
     with pytest.raises(PreflightRefused, match=NOWHERE):
-        open_cell(settings, strip, Trial(), calibrating=False)
+        open_cell(settings, DENIM, Trial(), calibrating=False)
     twin = settings.with_drivers("twin")
     for cell_file, trial in ((settings, Trial(agreed=True)), (twin, Trial())):
-        open_cell(cell_file, strip, trial, calibrating=False).camera.close()
+        open_cell(cell_file, DENIM, trial, calibrating=False).camera.close()
 
 
 def test_robot_s_own_time_is_not_taken_in_lock_step(configs) -> None:
     settings = find_configs(configs).cell()
     driven = settings.fci.model_copy(update={"lock_step": True})
-    with pytest.raises(ConfigurationError, match=r"lock_step.*cannot run in lock-step"):
+    with refusal(r"lock_step.*cannot run in lock-step"):
         check_drivers(settings.model_copy(update={"fci": driven}))
 
 

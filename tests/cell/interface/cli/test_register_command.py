@@ -2,19 +2,15 @@
 client.
 """
 
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
-from typer.testing import CliRunner
 
 pytest.importorskip("pylibfranka", reason="the robot's library is not installed")
 
-from cell.base.config.places import CHECKOUT_CONFIGS, Configs
-from cell.interface.cli.app import app
+from cell.base.config.places import Configs
 from drivers.base.installation import Mounting
 from drivers.base.types import frozen
 from drivers.franka.inverse_kinematics import solve
@@ -22,6 +18,7 @@ from drivers.franka.kinematics import HOME
 from drivers.franka.shapes import TIP_AHEAD
 from drivers.twin.fci_server.posture import Posture
 from drivers.twin.fci_server.server import RobotServer
+from tests.support.commands import invoke
 
 TRUE = Mounting(x=0.38, y=-0.28, z=0.11, yaw=1.55)
 TOUCHED = ((0.0, 0.0), (0.6, 0.0), (0.3, -0.15))  # m, x and y in the cell
@@ -34,14 +31,12 @@ def server() -> Iterator[RobotServer]:
 
 
 @pytest.fixture
-def configs(tmp_path: Path, server: RobotServer) -> Path:
+def configs(configs: Path, server: RobotServer) -> Path:
     """Configurations whose robot is `server`."""
-    folder = tmp_path / "configs"
-    shutil.copytree(CHECKOUT_CONFIGS, folder)
-    path = folder / "cell.yaml"
-    fci = {"address": server.address, "lock_step": True, "realtime": "ignore"}
-    path.write_text(f"{path.read_text().rstrip()}\n{yaml.safe_dump({'fci': fci})}")
-    return folder
+    fci = f"{{address: {server.address}, lock_step: true, realtime: ignore}}"
+    with (configs / "cell.yaml").open("a") as file:
+        file.write(f"\nfci: {fci}\n")
+    return configs
 
 
 def guide(server: RobotServer, place: tuple[float, float]) -> None:
@@ -65,7 +60,7 @@ def test_three_touched_points_give_the_mounting_and_keep_the_old_one(
         return "\n"
 
     monkeypatch.setattr("cell.interface.cli.arm.ask", touch)
-    result = CliRunner().invoke(app, f"register --configs {configs}")
+    result = invoke(f"register --configs {configs}")
     assert result.exit_code == 0, result.exception
     assert asked == ["1 of 3", "2 of 3", "3 of 3"]
     found = Configs(configs).cell().installation.mounting
@@ -79,6 +74,6 @@ def test_three_touched_points_give_the_mounting_and_keep_the_old_one(
 
 def test_input_that_ended_is_no_touch(server: RobotServer, configs: Path) -> None:
     before = (configs / "cell.yaml").read_bytes()
-    result = CliRunner().invoke(app, f"register --configs {configs}", input="\n\n")
+    result = invoke(f"register --configs {configs}", input="\n\n")
     assert "the input ended before Enter was pressed" in str(result.exception)
     assert (configs / "cell.yaml").read_bytes() == before

@@ -28,7 +28,7 @@ def told() -> Iterator[tuple[str, str]]:
 
 
 def _texts(tree: ast.Module) -> Iterator[str]:
-    parts = set[ast.AST]()
+    parts: set[ast.AST] = set()
     for node in ast.walk(tree):
         if isinstance(node, ast.JoinedStr | ast.Expr):
             parts.update(ast.iter_child_nodes(node))

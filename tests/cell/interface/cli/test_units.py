@@ -3,16 +3,14 @@ a name.
 """
 
 import re
-import shutil
 from collections.abc import Iterator
 
 import pytest
 import typer
-import yaml
 
 from cell.base.config.length import metres
-from cell.base.config.places import CHECKOUT_CONFIGS
 from cell.interface.cli.app import app
+from drivers.strip.describe import load_strip
 from tests.support.commands import run
 
 UNIT = re.compile(r"\[(m|mm|s|deg|rad|kg/m\^2|N|Hz)\]")
@@ -52,16 +50,8 @@ def test_length_may_carry_its_unit_and_else_has_that_of_the_option(
     assert metres("--length", text, bare=bare) == pytest.approx(0.6)
 
 
-def test_strip_is_made_from_lengths_as_a_ruler_shows_them(
-    tmp_path, monkeypatch
-) -> None:
-    shutil.copytree(CHECKOUT_CONFIGS, tmp_path / "configs")
-    monkeypatch.chdir(tmp_path)
-    words = "strips new linen --length 600mm --width 5cm --thickness 0.4mm"
-    run(monkeypatch, *words.split())
-    made = yaml.safe_load((tmp_path / "configs/strips/linen.yaml").read_text())
-    assert [made[key] for key in ("length", "width", "thickness")] == [
-        0.6,
-        0.05,
-        0.0004,
-    ]
+def test_strip_is_made_from_lengths_as_a_ruler_shows_them(configs, monkeypatch) -> None:
+    monkeypatch.chdir(configs.parent)
+    run(monkeypatch, "strips new linen --length 600mm --width 5cm --thickness 0.4mm")
+    made = load_strip(configs / "strips/linen.yaml")
+    assert (made.length, made.width, made.thickness) == (0.6, 0.05, 0.0004)

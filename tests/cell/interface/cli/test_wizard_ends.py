@@ -9,7 +9,7 @@ import pytest
 from cell.orchestrator.operator import Interrupted
 from cell.setup.wizard import Wizard
 from cell.setup.wizard_panel import wizard_at_terminal
-from drivers.base.errors import ConfigurationError
+from tests.support.refusals import refusal
 
 
 def at_terminal(folder: Path) -> AbstractContextManager[Wizard]:
@@ -56,6 +56,6 @@ def test_second_wizard_in_the_folder_of_another_is_refused(
     monkeypatch.setattr("drivers.base.files.LOCK_TIMEOUT", 0.05)
     with (
         at_terminal(tmp_path),
-        pytest.raises(ConfigurationError, match="another command"),
+        refusal("another command"),
     ):
         at_terminal(tmp_path).__enter__()

@@ -6,7 +6,6 @@ from dataclasses import replace
 import pytest
 
 from calibration.wizard.touched_points import TouchedPoints
-from cell.base.config.places import find_configs
 from cell.base.devices.devices import Trial
 from cell.orchestrator.calibration_phase import calibrate
 from cell.orchestrator.context import CalibrationInputs, CalibrationLog
@@ -20,15 +19,15 @@ from drivers.base.errors import Fault
 from drivers.base.types import Pose
 from tests.support.commands import run
 from tests.support.plain_cell import GOOD
+from tests.support.requests import CELL
 from tests.support.twin_calibration import twin_calibration
 
-SETTINGS = find_configs(None).cell()
 UPRIGHT = Pose(0.3, 0.05, 1.57)
 
 
 def stating(desk: float | None):
-    place = SETTINGS.installation.model_copy(update={"desk": desk})
-    return SETTINGS.model_copy(update={"installation": place})
+    place = CELL.installation.model_copy(update={"desk": desk})
+    return CELL.model_copy(update={"installation": place})
 
 
 @pytest.mark.parametrize(
@@ -61,7 +60,7 @@ def test_first_signal_asks_for_a_controlled_stop_of_a_motion_by_hand(
 
 
 def test_small_negative_pitch_is_stated_as_zero() -> None:
-    outcome = move_manually(SETTINGS, Trial(), jog(0.0, 0.001, -1e-3))
+    outcome = move_manually(CELL, Trial(), jog(0.0, 0.001, -1e-3))
     assert outcome.reason == "the gripper is at x 600, z 151 mm, pitch 0 deg"
 
 
@@ -76,12 +75,12 @@ def test_small_negative_pitch_is_stated_as_zero() -> None:
 def test_plan_that_leads_into_the_desk_is_refused_before_anybody_is_asked(
     first, last
 ) -> None:
-    lens = twin_calibration(SETTINGS.twin.camera).lens
+    lens = twin_calibration(CELL.twin.camera).lens
     plan = (first, *(Pose(0.1 + 0.03 * i, 0.05, 1.57) for i in range(15)), last)
-    points = TouchedPoints(lens, SETTINGS.touches, plan)
+    points = TouchedPoints(lens, CELL.touches, plan)
     low = replace(GOOD, arm=replace(GOOD.arm, commanded=Pose(0.3, 0.02, 1.57)))
     phase = calibrate(
-        CalibrationInputs(SETTINGS.controller, points),
+        CalibrationInputs(CELL.controller, points),
         CalibrationLog(),
         Recorder(),
         low,
@@ -98,6 +97,6 @@ def test_monitors_know_the_limits_of_the_motion(monkeypatch) -> None:
     monkeypatch.setattr(
         "cell.orchestrator.run.check_all", lambda *given: seen.append(given[2])
     )
-    slow = slow_down(SETTINGS)
+    slow = slow_down(CELL)
     move_manually(slow, Trial(), jog(0.0, 0.001, 0.0))
     assert {rules.motion for rules in seen} == {slow.installation.limits}

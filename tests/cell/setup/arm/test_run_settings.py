@@ -3,11 +3,9 @@
 import pytest
 
 from cell.base.config.drivers import Driver
-from cell.base.config.places import find_configs
 from cell.setup.arm.run_settings import consent, slow_down
 from drivers.base.errors import PreflightRefused
-
-CELL = find_configs(None).cell()
+from tests.support.requests import CELL
 
 
 def at(address: str | None, arm: str = "fci"):

@@ -1,22 +1,15 @@
 """`cell strips`: what its commands print, write and refuse."""
 
 import json
-import shutil
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
-from cell.base.config.places import CHECKOUT_CONFIGS
 from drivers.strip.describe import load_strip
 from tests.support.commands import refused, run
 from tests.support.hanging_photographs import Scene, photograph
-
-
-@pytest.fixture
-def configs(tmp_path: Path) -> Path:
-    return Path(shutil.copytree(CHECKOUT_CONFIGS, tmp_path / "configs"))
 
 
 @pytest.fixture(scope="module")
@@ -61,16 +54,8 @@ def test_measure_writes_the_bending_length_and_where_it_comes_from(
         path.read_text().replace("width: 0.05", "width: 0.05  # cut with a knife")
     )
     before = load_strip(path)
-    words = ("--photo", photo, "--overhang 0.06 --out", tmp_path / "out")
-    code = run(
-        monkeypatch,
-        "strips measure denim",
-        *words,
-        "--configs",
-        configs,
-        "--write --json",
-    )
-    assert code == 0
+    words = f"--photo {photo} --overhang 0.06 --out {tmp_path}/out --write --json"
+    assert run(monkeypatch, "strips measure denim", words, "--configs", configs) == 0
     line = json.loads(capsys.readouterr().out)
     after = load_strip(path)
     assert line["written"] == str(path)
@@ -93,43 +78,30 @@ def test_measure_writes_the_bending_length_and_where_it_comes_from(
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ((), "--photo: is missing"),
-        (("--photo {photo}",), "0 given for 1"),
-        (
-            ("--photo {photo} --photo {photo} --overhang 0.1",),
-            "1 given for 2",
-        ),
-        (("--photo {photo} --overhang 6",), "if 6 is in mm, write 6mm"),
-        (("--photo {photo} --overhang -0.1",), "at least 0.01 m"),
-        (("--photo {photo} --overhang nan",), "--overhang: 'nan' is no length"),
-        (("--photo gone.jpg --overhang 0.1",), "gone.jpg: cannot be read"),
-        (("--photo {text} --overhang 0.1",), "not a picture"),
-        (("--photo {empty} --overhang 0.1",), "not a picture"),
-        (("--photo {dark} --overhang 0.1",), "no bright object"),
-        (
-            ("--photo {edge} --overhang 0.1",),
-            "no bright object is wider than two pixels",
-        ),
-        (("--photo {blob} --overhang 0.1",), "no strip"),
-        (("--photo {level} --overhang 0.1",), "out of range"),
-        (("--photo {rising} --overhang 0.1",), "does not hang like a strip"),
+        ("", "--photo: is missing"),
+        ("--photo {photo}", "0 given for 1"),
+        ("--photo {photo} --photo {photo} --overhang 0.1", "1 given for 2"),
+        ("--photo {photo} --overhang 6", "if 6 is in mm, write 6mm"),
+        ("--photo {photo} --overhang -0.1", "at least 0.01 m"),
+        ("--photo {photo} --overhang nan", "--overhang: 'nan' is no length"),
+        ("--photo gone.jpg --overhang 0.1", "gone.jpg: cannot be read"),
+        ("--photo {text} --overhang 0.1", "not a picture"),
+        ("--photo {empty} --overhang 0.1", "not a picture"),
+        ("--photo {dark} --overhang 0.1", "no bright object"),
+        ("--photo {edge} --overhang 0.1", "no bright object is wider than two pixels"),
+        ("--photo {blob} --overhang 0.1", "no strip"),
+        ("--photo {level} --overhang 0.1", "out of range"),
+        ("--photo {rising} --overhang 0.1", "does not hang like a strip"),
     ],
 )
 def test_bad_input_is_one_clear_line_and_nothing_is_written(
     monkeypatch, capsys, tmp_path, photo, words, said
 ) -> None:
     paths = {"photo": photo, **bad_pictures(tmp_path)}
-    words = [str(word).format(**paths) for word in words]
-    line = refused(
-        monkeypatch,
-        capsys,
-        "strips measure sample",
-        *words,
-        "--out",
-        tmp_path / "out",
-    )
-    assert said in line
-    assert not (tmp_path / "out").exists()
+    out = tmp_path / "out"
+    words = f"strips measure sample --out {out} {words.format(**paths)}"
+    assert said in refused(monkeypatch, capsys, words)
+    assert not out.exists()
 
 
 def bad_pictures(folder: Path) -> dict[str, Path]:
@@ -193,29 +165,22 @@ def test_new_strip_says_what_was_assumed(monkeypatch, capsys, configs) -> None:
 @pytest.mark.parametrize(
     ("name", "words", "said"),
     [
-        ("denim", ("--length 0.5 --width 0.04",), "is there already"),
-        ("../felt", ("--length 0.5 --width 0.04",), "not a name"),
-        ("unknown", ("--length 0.5 --width 0.04",), "not a name"),
-        ("felt", ("--length 50 --width 0.04",), "length"),
-        (
-            "felt",
-            ("--length 0.5 --width 0.04 --source colour=eye",),
-            "KEY=TEXT",
-        ),
-        (
-            "felt",
-            ("--length 0.5 --width 0.04 --source thickness=gauge",),
-            "value too",
-        ),
+        ("denim", "", "is there already"),
+        ("../felt", "", "not a name"),
+        ("unknown", "", "not a name"),
+        ("felt", "--length 50", "length"),
+        ("felt", "--source colour=eye", "KEY=TEXT"),
+        ("felt", "--source thickness=gauge", "value too"),
     ],
 )
 def test_new_strip_that_cannot_be_is_refused(
     monkeypatch, capsys, configs, name, words, said
 ) -> None:
-    before = {path: path.read_bytes() for path in (configs / "strips").iterdir()}
-    assert said in refused(
-        monkeypatch, capsys, "strips new", name, *words, "--configs", configs
-    )
-    assert {
-        path: path.read_bytes() for path in (configs / "strips").iterdir()
-    } == before
+    def strips() -> dict[Path, bytes]:
+        return {path: path.read_bytes() for path in (configs / "strips").iterdir()}
+
+    before = strips()
+    new = "strips new --length 0.5 --width 0.04"
+    words = (new, name, words, "--configs", configs)
+    assert said in refused(monkeypatch, capsys, *words)
+    assert strips() == before
