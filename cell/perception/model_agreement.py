@@ -105,7 +105,7 @@ class AgreementLimits(StudyResult):
     """Largest `residual` [m] and `yield_curvature` [1/m] of a strip that behaves like
     its model.
 
-    Written by `python -m tests.lab study agreement`: a `share` of such folds stays
+    Written by `python -m tests.lab study unknown`: a `share` of such folds stays
     below.
     """
 

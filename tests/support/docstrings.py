@@ -5,7 +5,6 @@ they raise.
 import ast
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 from tests.support.rooms import ROOT, modules, tree
 
@@ -15,59 +14,45 @@ RAISES = re.compile(r"\b[Rr]aises?\b|\b[Rr]efuse|Error\b|Fault\b|\b[Rr]efused\b"
 Function = ast.FunctionDef | ast.AsyncFunctionDef
 
 
-@dataclass(frozen=True)
-class Public:
-    """Public function or method: its place, syntax node, and the docstrings about
-    it.
+def public_functions() -> Iterator[tuple[str, Function, str]]:
+    """Place and node of every public function and method of a public class in the
+    product, and the docstrings about it.
     """
-
-    place: str
-    node: Function
-    said: str
-
-    @property
-    def has_arrays(self) -> bool:
-        """Whether an argument or the result is an array."""
-        a = self.node.args
-        annotated = [x.annotation for x in (*a.posonlyargs, *a.args, *a.kwonlyargs)]
-        hints = [
-            ast.unparse(h) for h in (*annotated, self.node.returns) if h is not None
-        ]
-        return any(ARRAYS.search(hint) and "Callable" not in hint for hint in hints)
-
-    @property
-    def raises(self) -> bool:
-        """Whether the function's own body raises a new error."""
-        return any(
-            isinstance(n, ast.Raise) and n.exc is not None for n in ast.walk(self.node)
-        )
-
-
-def public_functions() -> Iterator[Public]:
-    """Every public function and method of a public class in the product."""
     for _, path in modules():
-        place = path.relative_to(ROOT)
-        for node in tree(path).body:
-            if isinstance(node, Function) and not node.name.startswith("_"):
-                said = ast.get_docstring(node) or ""
-                yield Public(f"{place}:{node.name}", node, said)
-            elif isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
-                yield from _methods(node, f"{place}:{node.name}")
+        module = tree(path)
+        owners = {"": module} | {
+            f"{node.name}.": node
+            for node in module.body
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_")
+        }
+        for name, owner in owners.items():
+            about = (ast.get_docstring(owner) or "") if name else ""
+            for node in owner.body:
+                if isinstance(node, Function) and not node.name.startswith("_"):
+                    said = ast.get_docstring(node) or ""
+                    place = f"{path.relative_to(ROOT)}:{name}{node.name}"
+                    yield place, node, f"{said}\n{about}"
 
 
-def _methods(owner: ast.ClassDef, place: str) -> Iterator[Public]:
-    """Public methods of a class, each with the docstring of the class added."""
-    whole = ast.get_docstring(owner) or ""
-    for node in owner.body:
-        if isinstance(node, Function) and not node.name.startswith("_"):
-            said = ast.get_docstring(node) or ""
-            yield Public(f"{place}.{node.name}", node, f"{said}\n{whole}")
+def has_arrays(node: Function) -> bool:
+    """Whether an argument or the result is an array."""
+    a = node.args
+    hints = [x.annotation for x in (*a.posonlyargs, *a.args, *a.kwonlyargs)]
+    texts = [ast.unparse(h) for h in (*hints, node.returns) if h is not None]
+    return any(ARRAYS.search(text) and "Callable" not in text for text in texts)
+
+
+def raises(node: Function) -> bool:
+    """Whether the function's own body raises a new error."""
+    return any(isinstance(n, ast.Raise) and n.exc is not None for n in ast.walk(node))
 
 
 def shapeless() -> list[str]:
     """Places of functions with arrays that name no shape."""
     return [
-        p.place for p in public_functions() if p.has_arrays and not SHAPE.search(p.said)
+        place
+        for place, node, said in public_functions()
+        if has_arrays(node) and not SHAPE.search(said)
     ]
 
 
@@ -75,7 +60,10 @@ def silent() -> list[str]:
     """Places of functions that raise and do not say so; a command's errors become its
     lines.
     """
-    found = [
-        p for p in public_functions() if not p.place.startswith("cell/interface/cli/")
+    return [
+        place
+        for place, node, said in public_functions()
+        if raises(node)
+        and not RAISES.search(said)
+        and not place.startswith("cell/interface/cli/")
     ]
-    return [p.place for p in found if p.raises and not RAISES.search(p.said)]

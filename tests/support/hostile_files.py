@@ -87,6 +87,8 @@ LINES = [
     b"\xff\xff",
 ]
 PLACES = st.integers(0, 2**31)
+TYPES = st.sampled_from([pa.string(), pa.bool_(), pa.int64(), pa.list_(pa.int8())])
+SCHEMAS = st.sampled_from(["²", "2", "", "9" * 5000, "x"])
 
 
 def _paths(content: Any, here: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
@@ -192,43 +194,35 @@ def _lines(draw: st.DrawFn, name: Path, content: bytes) -> Spoiled:
 
 def _table(draw: st.DrawFn, name: Path, content: bytes) -> Spoiled:
     table = pq.read_table(pa.BufferReader(content))
-    how = draw(
-        st.sampled_from(
-            ["value", "unit", "drop", "type", "rows", "shuffle", "schema", "null"]
-        )
-    )
     at = draw(PLACES) % table.num_columns
     column = table.column_names[at]
     values = table[column].to_pylist()
-    if how == "value" and values:
-        values[draw(PLACES) % len(values)] = draw(
-            st.sampled_from([n for n in NUMBERS if n != 2**63])
-        )
-        table = _replaced(table, at, values)
-    elif how == "null" and values:
-        values[draw(PLACES) % len(values)] = None
-        table = _replaced(table, at, values)
-    elif how == "unit" and values:
-        table = _replaced(
-            table, at, [v if isinstance(v, str | None) else 1e3 * v for v in values]
-        )
-    elif how == "shuffle":
-        table = _replaced(table, at, values[::-1])
-    elif how == "drop":
-        table = table.drop_columns([column])
-    elif how == "type":
-        other = draw(
-            st.sampled_from([pa.string(), pa.bool_(), pa.int64(), pa.list_(pa.int8())])
-        )
-        table = table.set_column(at, column, pa.nulls(table.num_rows, other))
-    elif how == "rows":
-        table = table.slice(0, draw(st.sampled_from([0, 1, 2])))
-    schema = (
-        draw(st.sampled_from(["²", "2", "", "9" * 5000, "x"]))
-        if how == "schema"
-        else "1"
+    row = slice(0, 0)
+    if values:
+        place = draw(PLACES) % len(values)
+        row = slice(place, place + 1)
+    odd = draw(st.sampled_from([n for n in NUMBERS if n != 2**63]))
+    columns: dict[str, Callable[[], list[Any]]] = {
+        "value": lambda: [*values[: row.start], odd, *values[row.stop :]],
+        "null": lambda: [*values[: row.start], None, *values[row.stop :]],
+        "unit": lambda: [v if isinstance(v, str | None) else 1e3 * v for v in values],
+        "shuffle": lambda: values[::-1],
+    }
+    kind, rows, schema = draw(TYPES), draw(st.integers(0, 2)), draw(SCHEMAS)
+    tables: dict[str, Callable[[], pa.Table]] = {
+        "drop": lambda: table.drop_columns([column]),
+        "type": lambda: table.set_column(at, column, pa.nulls(table.num_rows, kind)),
+        "rows": lambda: table.slice(0, rows),
+        "schema": lambda: table,
+    }
+    how = draw(st.sampled_from([*columns, *tables]))
+    if how in columns:
+        made = _replaced(table, at, columns[how]()) if values else table
+    else:
+        made = tables[how]()
+    marked = made.replace_schema_metadata(
+        {"schema": schema if how == "schema" else "1"}
     )
-    marked = table.replace_schema_metadata({"schema": schema})
 
     def write(folder: Path) -> None:
         (folder / name).unlink()

@@ -6,6 +6,7 @@ import json
 import pickle
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from typer.testing import CliRunner
 
 from cell.base.campaign.journal import Journal, Record
 from cell.gap.selection.screening import DETECTED_SIGMA
-from cell.perception.model_agreement import AgreementLimits
+from cell.gap.verdict.confidence import Calibration
 from drivers.base.errors import ConfigurationError
 from drivers.base.settings import load
 from tests.lab.__main__ import app
@@ -74,7 +75,7 @@ def test_an_interval_contains_the_truth_at_its_nominal_rate() -> None:
     assert 180 <= inside <= 199
 
 
-def filled(asked: StudyRequest, outcomes: Sequence[Mapping[str, float]]) -> None:
+def filled(asked: StudyRequest, outcomes: Sequence[Mapping[str, Any]]) -> None:
     """Store made up outcomes of the first cases, and that the next one is set aside."""
     journal, of = Journal(asked.journal), inputs(asked.study.measure)
     late, *cases = reversed(asked.study.cases(0, len(outcomes) + 1))
@@ -86,15 +87,15 @@ def filled(asked: StudyRequest, outcomes: Sequence[Mapping[str, float]]) -> None
 
 
 def test_a_whole_study_writes_its_data_file_with_its_source(tmp_path: Path) -> None:
-    asked = StudyRequest(study_of("agreement"), 0, 4, tmp_path)
-    sizes = (1e-3, 2e-3, 3e-3, 4e-3)
-    filled(asked, [{"residual": r, "yield_curvature": 1e4 * r} for r in sizes])
+    asked = StudyRequest(study_of("confidence"), 0, 4, tmp_path)
+    signs = {"log_odds": 9.0, "gain": 100.0, "left": 0.6, "correlation": 0.0}
+    claim = {"signs": signs, "right": True, "outside": False, "hides": True}
+    filled(asked, [{"claim": {**claim, "case": str(i)}} for i in range(4)])
     write_table(read_study(asked))
-    found = load(tmp_path / "model_agreement.yaml", AgreementLimits)
-    assert found.residual == pytest.approx(np.quantile(sizes, 0.99))
-    assert found.yield_curvature == pytest.approx(1e4 * found.residual)
-    assert found.source.startswith("4 cases; 95 % intervals over cases")
-    assert found.belongs_to == "cell/perception/model_agreement.yaml"
+    found = load(tmp_path / "confidence.yaml", Calibration)
+    assert found.source.startswith("4 verdicts that accept, 0 of them wrong")
+    assert "4 cases; 95 % intervals over cases" in found.source
+    assert found.belongs_to == "cell/gap/verdict/confidence.yaml"
 
 
 def test_the_command_lists_shows_and_refuses(tmp_path: Path) -> None:

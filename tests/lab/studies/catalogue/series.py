@@ -16,7 +16,6 @@ from cell.folding.experience import Memory, experience_by_ruler
 from cell.folding.result import FoldResult
 from cell.record.run import read_run
 from drivers.strip.file import StripFile
-from policies.adaptive.train.shard import true_belief
 from policies.strip_sampling import STRIP_LENGTH, draw_friction, plain_strip
 from tests.lab.studies.kit.folds import changed_since, compare, fold_unknown
 from tests.lab.studies.study import Quantity, Statistic, Study, Values, percentage
@@ -108,9 +107,7 @@ def _fold(case: Values, number: int, place: Path, memory: Path) -> FoldResult:
 
 
 def _facts(case: Values, result: FoldResult) -> Values:
-    """Facts of one fold: d by truth, the bias left in images, errors of the estimated
-    strip [m].
-    """
+    """Facts of one fold: d by truth, and the bias left in images [m]."""
     known, learning = compare(result), read_run(Path(result.run)).header.learning or {}
     facts = {
         k: known.get(k) for k in ("outcome", "true", "edges", "within_1", "within_2")
@@ -119,14 +116,7 @@ def _facts(case: Values, result: FoldResult) -> Values:
     facts |= {"seen": result.displacement, "edges_seen": result.edge_offset}
     if "predicted" in known and result.displacement is not None:
         facts["bias"] = result.displacement - known["predicted"] + learning["seen"]
-    if "believed_time" not in known:
-        return facts
-    length, time, rubbing = true_belief(StripFile.model_validate(case["strip"]))
-    return facts | {
-        "length_off": known["believed_length"] - length,
-        "time_off": known["believed_time"] - time,
-        "friction_off": known["believed_friction"] - rubbing,
-    }
+    return facts
 
 
 def _measure_by_ruler(result: FoldResult, memory: Path) -> None:
@@ -174,10 +164,6 @@ STUDY = Study(
             for name, n in product(("seen", "edges"), (1, 2, 3))
         ),
         Quantity("worse", Statistic.MEAN, label="worse by learning"),
-        Quantity(
-            "time_off_1", Statistic.RMS, "%", 100.0, label="time off, fold 1", digits=0
-        ),
-        Quantity("time_off_2", Statistic.RMS, "%", 100.0, label="fold 2", digits=0),
         percentage("noticed", "change noticed"),
         percentage("alarm", "false alarm"),
     ),

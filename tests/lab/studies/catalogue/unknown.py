@@ -44,6 +44,7 @@ from tests.lab.studies.study import (
 FRICTION_RANGE = (20.0, 60.0)  # 1/m
 DISPLACEMENT_SCALE = 1e-3  # m
 CROSS_FOLDS = 5  # of the cross-validation
+TRAINED, UNFLAGGED_SHARE = ("nothing", "friction", "seam"), 0.99
 EFFECT_PAIRS = ("friction+seam", "seam+stretch", "friction+hem_mass")
 CONDITIONS = (
     *(
@@ -180,6 +181,22 @@ def untrained_sigma(outcomes: Sequence[Outcome]) -> Values:
     }
 
 
+def model_limits(outcomes: Sequence[Outcome]) -> Values:
+    """Limits of residual [m] and curvature [1/m] that UNFLAGGED_SHARE of the folds keep
+    which hide nothing but what the policy was trained with.
+    """
+    rows = [
+        o.values
+        for o in outcomes
+        if o.case.values["hidden"] in TRAINED and o.values["residual"] is not None
+    ]
+    found = {
+        name: float(np.quantile([row[name] for row in rows], UNFLAGGED_SHARE))
+        for name in ("residual", "yield_curvature")
+    }
+    return {"schema": 1, **found, "share": UNFLAGGED_SHARE, "folds": len(rows)}
+
+
 def _robust_fit(terms: Array, values: Array) -> Array:
     """Fit `values` (n,) [m] by `terms` (n, k) with Cauchy's loss beyond
     DISPLACEMENT_SCALE.
@@ -215,6 +232,7 @@ STUDY = Study(
     fits=(
         Fit("cell/perception/laid_fold.yaml", laid_weights),
         Fit("policies/adaptive/untrained.yaml", untrained_sigma),
+        Fit("cell/perception/model_agreement.yaml", model_limits),
     ),
     usual=10 * len(CONDITIONS),
     quick=1,

@@ -159,7 +159,8 @@ def compare(result: FoldResult) -> Mapping[str, Any]:
     predicted = None if stored is None else stored.foretold
     agreed = None if stored is None else stored.agreement
     known = dict(facts(result)) | {
-        "residual": None if agreed is None else agreed.residual,
+        "residual": agreed and agreed.residual,
+        "yield_curvature": agreed and agreed.yield_curvature,
         "flagged": agreed is not None and not agreed.like_model,
     }
     true = result.displacement_true
