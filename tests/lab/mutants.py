@@ -1,11 +1,11 @@
 """Mutation testing: defects put into a copy of the tree, one by one, that tests must
 find.
 
-    python -m tests.lab mutants [PART OF A NAME ...] [--work FOLDER] [--least PERCENT]
+    python -m tests.lab mutants [PART OF A NAME ...]
 
 They stand in `mutants.yaml`. What was judged before is not run again unless the
 mutant, its file or its tests have changed. Prints the score of each file and the
-survivors; the exit code is 1 with fewer than the least share killed, 2 for a mutant
+survivors; the exit code is 1 with fewer than LEAST percent killed, 2 for a mutant
 that does not apply or tests that fail without one.
 """
 
@@ -36,6 +36,7 @@ from drivers.base.readers import read_json_lines
 ROOT = Path(__file__).parents[2]
 LIST = Path(__file__).with_suffix(".yaml")
 WORK = Path(tempfile.gettempdir()) / "folding-cell-mutants"
+LEAST = 95.0  # percent that must be killed
 LONGEST = 600  # s for the tests of one mutant; longer is a hang, which somebody notices
 LIBRARIES = (
     *(
@@ -227,13 +228,11 @@ def main(
         list[str] | None,
         typer.Argument(help="Only mutants whose name contains one of these."),
     ] = None,
-    work: Path = WORK,
-    least: Annotated[float, typer.Option(help="Percent that must be killed.")] = 95.0,
 ) -> int:
     """Judge the chosen mutants and print the survivors; returns the exit code."""
     mutants = tuple(m for m in listed() if not names or any(n in m.name for n in names))
     try:
-        outcomes = judge_all(mutants, work)
+        outcomes = judge_all(mutants, WORK)
     except Unusable as error:
         print(error, file=sys.stderr)
         return 2
@@ -247,4 +246,4 @@ def main(
     print(f"{len(outcomes) - len(survivors)} of {len(outcomes)} killed, {killed:.1f} %")
     for name in survivors:
         print(f"survived: {name}")
-    return int(killed < least)
+    return int(killed < LEAST)

@@ -5,7 +5,6 @@ each with its name from `--names` and, at the end, the misalignment that the cam
 measured.
 """
 
-from itertools import zip_longest
 from pathlib import Path
 from typing import Annotated
 
@@ -35,23 +34,23 @@ def play(folder: Path, name: str) -> list[Image]:
         raise typer.BadParameter(f"{folder} has no calibration")
     begin = next(note.stamp for note in run.frame_index() if note.film == 0)
     frames = [f for f in Film(folder / FILM).frames() if f.stamp + begin >= 0]
-    stamps = np.array([f.stamp + begin for f in frames])
-    window, images = window_on(run.ticks, calibration), []
-    for t in np.arange(0.0, stamps[-1] + PERIOD, PERIOD):
-        image = window.crop(
-            frames[max(int(np.searchsorted(stamps, t, side="right")) - 1, 0)].image
-        )
-        image = cv2.resize(
-            image, (WIDTH, round(image.shape[0] * WIDTH / image.shape[1]))
-        )
+    times = np.arange(0.0, frames[-1].stamp + begin + PERIOD, PERIOD)
+    shown = np.searchsorted([f.stamp + begin for f in frames], times, side="right") - 1
+    window = window_on(run.ticks, calibration)
+    cut = [window.crop(frames[max(number, 0)].image) for number in shown]
+    size = (WIDTH, round(cut[0].shape[0] * WIDTH / cut[0].shape[1]))
+    images = [cv2.resize(image, size) for image in cut]
+    for image in images:
         image[:BANNER] //= 4
-        d = run.result.displacement if run.result and t >= stamps[-1] else None
-        words = "" if d is None else f"misaligned by {abs(1e3 * d):.1f} mm"
-        for row, text in enumerate([name, words]):
-            place = (10, 22 + 24 * row)
-            cv2.putText(image, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.6, WHITE, 1)
-        images.append(image)
+        _write(image, name, 22)
+    if run.result and run.result.displacement is not None:
+        d = abs(1e3 * run.result.displacement)
+        _write(images[-1], f"misaligned by {d:.1f} mm", 46)
     return images
+
+
+def _write(image: Image, words: str, row: int) -> None:
+    cv2.putText(image, words, (10, row), cv2.FONT_HERSHEY_SIMPLEX, 0.6, WHITE, 1)
 
 
 def main(
@@ -60,25 +59,19 @@ def main(
     names: Annotated[list[str] | None, typer.Option()] = None,
 ) -> None:
     """Write the moving picture of the folds in `runs` to `out`."""
-    plays = [
-        play(run, name)
-        for run, name in zip(runs, names or [r.name for r in runs], strict=True)
-    ]
-    rows = zip_longest(*plays)
-    last = [images[-1] for images in plays]
-    joined = [
-        np.hstack([a if a is not None else b for a, b in zip(row, last, strict=True)])
-        for row in rows
-    ]
-    pictures = [
-        Picture.fromarray(np.ascontiguousarray(image[..., ::-1])) for image in joined
-    ]
+    labels = names or [run.name for run in runs]
+    plays = [play(run, name) for run, name in zip(runs, labels, strict=True)]
+    pictures = []
+    for number in range(max(map(len, plays))):
+        joined = np.hstack([images[min(number, len(images) - 1)] for images in plays])
+        pictures.append(Picture.fromarray(cv2.cvtColor(joined, cv2.COLOR_BGR2RGB)))
     stays = [round(1e3 * PERIOD)] * (len(pictures) - 1) + [round(1e3 * LAST)]
-    more = {
-        "append_images": pictures[1:],
-        "duration": stays,
-        "loop": 0,
-        "quality": QUALITY,
-    }
-    pictures[0].save(out, save_all=True, **more)
+    pictures[0].save(
+        out,
+        save_all=True,
+        append_images=pictures[1:],
+        duration=stays,
+        loop=0,
+        quality=QUALITY,
+    )
     print(f"{out}: {len(pictures)} pictures, {out.stat().st_size / 1e6:.2f} MB")

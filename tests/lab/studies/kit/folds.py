@@ -25,7 +25,7 @@ from drivers.strip.file import StripFile
 from drivers.twin.renderer.looks import DEFAULT_LOOK
 from drivers.twin.settings import TwinSettings
 from policies.adaptive.critic import YIELD_UNIT
-from tests.lab.studies.study import Quantity, Statistic
+from tests.lab.studies.study import Quantity, Statistic, percentage
 
 SPECIMEN_NAME = "studied"
 UNRECORDED = Recording("none")
@@ -147,9 +147,9 @@ QUANTITIES = (
     Quantity("edges", Statistic.WORST_SIZE, label="worst |edges|"),
     Quantity("surprise", Statistic.MEAN, label="d - predicted"),
     Quantity("surprise", Statistic.SIGMA, label="its sigma"),
-    Quantity("within_1", Statistic.SHARE, "%", 100.0, label="within 1 sigma", digits=0),
-    Quantity("within_2", Statistic.SHARE, "%", 100.0, label="within 1.96", digits=0),
-    Quantity("flagged", Statistic.SHARE, "%", 100.0, label="flagged", digits=0),
+    percentage("within_1", "within 1 sigma"),
+    percentage("within_2", "within 1.96"),
+    percentage("flagged", "flagged"),
 )
 
 
