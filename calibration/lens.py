@@ -144,7 +144,7 @@ def _check_inside(points: Array, size: tuple[int, int]) -> None:
         )
 
 
-def checked_lens(lens: Lens, origin: str) -> Lens:
+def _checked_lens(lens: Lens, origin: str) -> Lens:
     """Return `lens` if it is plausible; raises ConfigurationError, naming `origin`,
     otherwise.
 
@@ -261,7 +261,7 @@ class CameraFile(Settings):
         lens = Lens(
             self.image_width, self.image_height, matrix, frozen(distortion.ravel())
         )
-        return checked_lens(lens, origin)
+        return _checked_lens(lens, origin)
 
 
 # a tag of OpenCV's files, which no other reader of YAML knows
@@ -300,7 +300,7 @@ class OpenCvFile(Settings):
             )
         coefficients = frozen([*distortion, 0.0][:5])
         lens = Lens(self.image_width, self.image_height, matrix, coefficients)
-        return checked_lens(lens, origin)
+        return _checked_lens(lens, origin)
 
 
 def write_camera_info(lens: Lens, name: str, path: Path) -> None:

@@ -113,13 +113,13 @@ class Feedback:
         direction = np.where(blind, 0.75 * math.pi, headings)
         done = state[:, 0] < PAST
         return Decision(
-            direction=limit_directions(direction, state[:, 0], state[:, 1]),
+            direction=_limit_directions(direction, state[:, 0], state[:, 1]),
             speed=np.where(done, 0.0, self._speed),
             done=done,
         )
 
 
-def limit_directions(direction: Array, x: Array, z: Array) -> Array:
+def _limit_directions(direction: Array, x: Array, z: Array) -> Array:
     """Clip `direction` (n,) [rad] by bounds of height and distance; `x`, `z` (n,) over
     length.
     """

@@ -36,7 +36,7 @@ class Follower:
         path = self.path
         points = np.stack([x, z], axis=-1)
         high = np.minimum(self.progress + self._reach, path.length)
-        self.progress = nearest(path, points, self.progress, high)
+        self.progress = _nearest(path, points, self.progress, high)
         self._reach = SEARCH_WINDOW
 
         # the path's heading LEAD ahead, and back to the path within LOOK_AHEAD
@@ -53,7 +53,7 @@ class Follower:
         )
 
 
-def nearest(path: Path, points: Array, low: Array, high: Array) -> Array:
+def _nearest(path: Path, points: Array, low: Array, high: Array) -> Array:
     """Distances (n,) [m] along `path`, in [low, high], of its points nearest to
     `points` (n, 2).
     """

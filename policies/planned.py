@@ -25,7 +25,7 @@ FINE_STEPS = np.arange(-3.0, 5.0)  # steps around the zero among the first, trie
 RISE_STEP = 1 / 600
 
 
-def raised_triangle(length: float, rise: float) -> Path:
+def _raised_triangle(length: float, rise: float) -> Path:
     """Triangular path over a strip of `length` [m], apex and end `rise` [m] higher (<
     0: lower).
     """
@@ -57,7 +57,7 @@ class RaisedTriangles:
         different, self._first, self._same = np.unique(
             rises, return_index=True, return_inverse=True
         )
-        paths = [raised_triangle(strip.length, float(rise)) for rise in different]
+        paths = [_raised_triangle(strip.length, float(rise)) for rise in different]
         self._followers = [Follower(path, 1) for path in paths]
         self._speed = speed
 

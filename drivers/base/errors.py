@@ -104,13 +104,13 @@ def suggestion(name: str, known: Iterable[str]) -> str:
     alike = get_close_matches(name, names, n=len(names) or 1)
     nearest = min(
         [*same_letters, *alike],
-        key=lambda each: typing_errors(name, each),
+        key=lambda each: _typing_errors(name, each),
         default=None,
     )
     return "" if nearest is None else f" (did you mean {nearest!r}?)"
 
 
-def typing_errors(typed: str, meant: str) -> int:
+def _typing_errors(typed: str, meant: str) -> int:
     """Least number of letters left out, added, replaced, or swapped with the next
     (Damerau).
 

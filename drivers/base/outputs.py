@@ -44,7 +44,7 @@ def check_output(path: Path) -> None:
     """
     with writing(path):
         present = path.read_bytes() if path.is_file() else None
-    if present is not None and not is_sealed(present):
+    if present is not None and not _is_sealed(present):
         raise ConfigurationError(
             f"{path}: was not written by this program, or was changed since; name"
             " another file, or move this one away"
@@ -84,7 +84,7 @@ def sealed(content: bytes) -> bytes:
     return _insert(content, content.index(b"<head>\n") + len(b"<head>\n"), line)
 
 
-def is_sealed(content: bytes) -> bool:
+def _is_sealed(content: bytes) -> bool:
     """Whether `content` bears a seal and nothing in it has changed since."""
     seal = SEAL.search(content)
     if seal is None:

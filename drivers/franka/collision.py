@@ -69,7 +69,7 @@ def link_frames(q: Array) -> Array:
     )
 
 
-def sphere_centres(q: Array) -> Array:
+def _sphere_centres(q: Array) -> Array:
     """Centres (..., m, 3) [m] of the collision spheres of arm and hand, in the robot's
     base.
 
@@ -86,7 +86,7 @@ def self_clearance(q: Array) -> Array:
     """Distance (...,) [m] of forearm and hand from the upper arm at joints (..., 7)
     [rad].
     """
-    centres = sphere_centres(q)
+    centres = _sphere_centres(q)
     low, high = centres[..., _LOW, :], centres[..., _HIGH, :]
     between = np.linalg.norm(low[..., :, None, :] - high[..., None, :, :], axis=-1)
     gaps = between - RADII[_LOW][:, None] - RADII[_HIGH]
@@ -109,7 +109,7 @@ class Solids:
 
         Base and first link are left out, as part of the stand.
         """
-        centres = sphere_centres(q)[..., _MOVABLE, :]
+        centres = _sphere_centres(q)[..., _MOVABLE, :]
         turn, place = self.frame[:3, :3], self.frame[:3, 3]
         within = ((centres - place) @ turn)[..., None, :, :]
         low, high = np.array([(box.low, box.high) for box in self.boxes]).swapaxes(0, 1)

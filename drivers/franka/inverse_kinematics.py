@@ -182,7 +182,7 @@ def rotation(vector: Array) -> Array:
     return turned
 
 
-def damped_inverse(jac: Array, damping: float) -> Array:
+def _damped_inverse(jac: Array, damping: float) -> Array:
     """Damped pseudo-inverse (7, 6) of a Jacobian (6, 7), bounded near singular
     postures.
     """
@@ -198,7 +198,7 @@ def straight(joints: Array, step: Array) -> Iterator[Array]:
     twist = np.concatenate([step, np.zeros(3)])
     while True:
         joints = (
-            joints + damped_inverse(pose_and_jacobian(joints)[1], LINE_DAMPING) @ twist
+            joints + _damped_inverse(pose_and_jacobian(joints)[1], LINE_DAMPING) @ twist
         )
         yield joints
 
@@ -238,7 +238,7 @@ def _step(jac: Array, error: Array, rest: Array, size: float) -> Array:
     """Step (7,) [rad] that reduces the pose `error` (6,), and `rest` (7,) in the null
     space.
     """
-    inverse = damped_inverse(
+    inverse = _damped_inverse(
         jac, min(DAMPING_GAIN * size, LARGEST_DAMPING) + LEAST_DAMPING
     )
     step: Array = inverse @ error + rest - inverse @ (jac @ rest)

@@ -263,7 +263,7 @@ class JointMotion:
             return False
         return (
             self._goal is None
-            or largest_difference(position, self._goal) < GOAL_TOLERANCE
+            or _largest_difference(position, self._goal) < GOAL_TOLERANCE
         )
 
     def tick(self) -> Numbers:
@@ -414,7 +414,7 @@ class HandMotion:
         return 0
 
 
-def largest_difference(
+def _largest_difference(
     first: Sequence[float] | Array, second: Sequence[float] | Array
 ) -> float:
     """Largest |a - b| over the entries a, b at the same place of `first` and `second`

@@ -86,7 +86,7 @@ def forward(q: Array, tool: Array = FLANGE_TO_TIP) -> Array:
     `tool` (4, 4) is the tool in the flange's frame; by default the tip of the Franka
     Hand.
     """
-    return frames(q)[..., 6, :, :] @ from_last_joint(tool)
+    return frames(q)[..., 6, :, :] @ _from_last_joint(tool)
 
 
 def pose_and_jacobian(q: Array, tool: Array = FLANGE_TO_TIP) -> tuple[Array, Array]:
@@ -94,7 +94,7 @@ def pose_and_jacobian(q: Array, tool: Array = FLANGE_TO_TIP) -> tuple[Array, Arr
     (..., 7).
     """
     joints = frames(q)
-    pose = joints[..., 6, :, :] @ from_last_joint(tool)
+    pose = joints[..., 6, :, :] @ _from_last_joint(tool)
     axis = joints[..., :3, 2]
     lever = pose[..., None, :3, 3] - joints[..., :3, 3]
     columns = np.empty((*axis.shape[:-1], 6))  # axis x lever, faster than np.cross
@@ -105,7 +105,7 @@ def pose_and_jacobian(q: Array, tool: Array = FLANGE_TO_TIP) -> tuple[Array, Arr
     return pose, np.swapaxes(columns, -1, -2)
 
 
-def from_last_joint(tool: Array) -> Array:
+def _from_last_joint(tool: Array) -> Array:
     """Pose (4, 4) [m] in the last joint's frame of a `tool` (4, 4) given in the
     flange's frame.
     """

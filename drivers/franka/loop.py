@@ -117,7 +117,7 @@ class ServoLoop:
         self._motion = robot.start_joints()
         self._state = robot.read(self._motion)
         self._hand = HandMotion(self._state)
-        place = hand_at(self._state.q_d)
+        place = _hand_at(self._state.q_d)
         self._plane = plane_of(installation, place).with_offset_of(place)
         self._profile = MotionProfile(
             installation.limits,
@@ -270,7 +270,7 @@ class ServoLoop:
         plane.
         """
         self.success = state.control_command_success_rate
-        measured = self._checked_pose(hand_at(state.q))
+        measured = self._checked_pose(_hand_at(state.q))
         arrival = self._now()
         self._measured.append((state.time.to_sec(), measured))
         self.joints.add(self.ticks * TICK if self._lock_step else arrival, state)
@@ -330,7 +330,7 @@ class ServoLoop:
         )
 
 
-def warm_up(installation: Installation) -> None:
+def _warm_up(installation: Installation) -> None:
     """Compute a few ticks without a robot, as first calls take longer than a tick of
     the robot.
     """
@@ -348,7 +348,7 @@ def warm_up(installation: Installation) -> None:
         guard.objection(profile.predict(REACTION))
 
 
-def hand_at(joints: Sequence[float]) -> list[float]:
+def _hand_at(joints: Sequence[float]) -> list[float]:
     """Hand pose in the base, a column-major 4x4 matrix (16,), at `joints` (7,) [rad].
 
     Commanded and measured poses by one kinematics: what a robot states as its hand's
@@ -389,7 +389,7 @@ def run_loop(
     At the end it sends timing and joints, stamped by the monotonic clock from its
     `origin` [s], or else the ArmFault that ended the motion.
     """
-    warm_up(access.installation)
+    _warm_up(access.installation)
     timing = Timing()
     with connection(pipe, access) as robot:
         robot.require_ready()

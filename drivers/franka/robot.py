@@ -72,7 +72,7 @@ class Robot:
         errors.
         """
         state = self.state()
-        failure = failure_in(state)
+        failure = _failure_in(state)
         if failure is None and state.robot_mode != franka.RobotMode.Idle:
             mode = state.robot_mode.name
             failure = ArmFault(
@@ -163,10 +163,10 @@ class Robot:
         """Reason for a stop, from the robot's own state, as an ArmFault; None without a
         reason.
         """
-        return None if cause is Cause.NETWORK else failure_in(self._robot.read_once())
+        return None if cause is Cause.NETWORK else _failure_in(self._robot.read_once())
 
 
-def failure_in(state: Any) -> ArmFault | None:
+def _failure_in(state: Any) -> ArmFault | None:
     """ArmFault of a robot in `state` whose user stop is pressed or reflex is set; else
     None.
     """

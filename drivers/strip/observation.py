@@ -39,13 +39,13 @@ def true_path(
     """
     if rig == AS_REPORTED:
         return t, poses
-    growth = np.maximum.accumulate(fraction_away(poses, poses[0]))
+    growth = np.maximum.accumulate(_fraction_away(poses, poses[0]))
     return t - rig.delay, true_poses(
         rig, poses, np.ones(len(poses)) if hanging else growth
     )
 
 
-def fraction_away(poses: Array, start: Array) -> Array:
+def _fraction_away(poses: Array, start: Array) -> Array:
     """Fraction (...,), 0 to 1, of the rig's offsets at reported `poses` (..., 3) [m, m,
     rad].
 
@@ -80,7 +80,7 @@ class GrowingOffsets:
         (3,).
         """
         if self.start is not None:
-            away = float(fraction_away(reported, self.start))
+            away = float(_fraction_away(reported, self.start))
             self.fraction = max(self.fraction, away)
         return self.true(reported)
 

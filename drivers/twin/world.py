@@ -72,10 +72,10 @@ class History:
         index, rest = divmod(time - first, self._step)
         if rest == 0:
             return scenes[index]
-        return interpolate(scenes[index], scenes[index + 1], stamp)
+        return _interpolate(scenes[index], scenes[index + 1], stamp)
 
 
-def interpolate(earlier: Scene, later: Scene, stamp: float) -> Scene:
+def _interpolate(earlier: Scene, later: Scene, stamp: float) -> Scene:
     """Scene at `stamp` [s], linear between two scenes, with the grasp of `earlier`."""
     share = (stamp - earlier.stamp) / (later.stamp - earlier.stamp)
     start = earlier.gripper.as_array()

@@ -361,7 +361,7 @@ def list_cameras(
     """Yield a report on each video device with a udev link, or the reason why it is
     unusable.
     """
-    for link in device_links(links):
+    for link in _device_links(links):
         try:
             yield report(kernel, link)
         except CellError as error:
@@ -378,7 +378,7 @@ def report(kernel: Kernel, link: str) -> CameraReport:
         device.close()
 
 
-def device_links(links: Path = DEVICE_LINKS_FOLDER) -> list[str]:
+def _device_links(links: Path = DEVICE_LINKS_FOLDER) -> list[str]:
     """Udev links in the folder `links`, one per video device: by id or else by path."""
     links_by_device: dict[Path, str] = {}
     for kind in ("by-id", "by-path"):

@@ -176,7 +176,7 @@ class CaptureSession:
         """Configure the open camera `device`; raises CameraRefused for a value that it
         refuses.
         """
-        self.setup = set_up(device, settings)
+        self.setup = _set_up(device, settings)
         self._device = device
         self._buffers = settings.buffers
         self._mappings: list[MappedBuffer] = []
@@ -299,7 +299,7 @@ class CaptureSession:
         self._device.call(Ioctl.QBUF, buffer, "giving a buffer back")
 
 
-def set_up(device: Device, settings: V4l2Settings) -> Setup:
+def _set_up(device: Device, settings: V4l2Settings) -> Setup:
     """Set format and controls of `device`; raises CameraRefused for a value that it
     refuses.
     """

@@ -33,7 +33,7 @@ class Standard:
         return motion(self.shape(length), self.parts, speed or self.speed)
 
 
-def tent(height: float, turn: float = ARC_RADIUS) -> Callable[[float], Path]:
+def _tent(height: float, turn: float = ARC_RADIUS) -> Callable[[float], Path]:
     """Function from a strip's length [m] to a tent-shaped path over the strip.
 
     Straight up, an arc of radius `turn` to 45 degrees, an apex of `height` over the
@@ -47,7 +47,7 @@ def tent(height: float, turn: float = ARC_RADIUS) -> Callable[[float], Path]:
     return lambda length: Path.through(length * corners)
 
 
-HIGH, LOW, MIDDLE = tent(0.56, TAUT), tent(0.40), tent(0.50)
+HIGH, LOW, MIDDLE = _tent(0.56, TAUT), _tent(0.40), _tent(0.50)
 WHOLE = (Go(1.0),)
 
 STANDARD: Mapping[str, Standard] = MappingProxyType(

@@ -21,7 +21,7 @@ HALF_WIDTH = 0.005  # m to each side over which a crease turns
 GRASP_BEND = 1.2
 
 
-def add_crease(model: StripModel, angle: float, position: float) -> StripModel:
+def _add_crease(model: StripModel, angle: float, position: float) -> StripModel:
     """Copy of `model` with a crease: a rest angle `angle` [rad] at arc length
     `position` [m].
     """
@@ -34,7 +34,7 @@ def add_crease(model: StripModel, angle: float, position: float) -> StripModel:
     return with_added(model, "mechanics.rest_curvature", curvature)
 
 
-def add_grasp_crease(model: StripModel, turn: float) -> StripModel:
+def _add_grasp_crease(model: StripModel, turn: float) -> StripModel:
     """Copy of `model` with a crease of `turn` [rad] in front of the grip, as left by
     the grasp.
 
@@ -47,7 +47,7 @@ def add_grasp_crease(model: StripModel, turn: float) -> StripModel:
     mechanics = model.mechanics
     weight = float(np.mean(mechanics.linear_density)) * GRAVITY
     bending_length = (float(np.mean(mechanics.rigidity)) / weight) ** (1 / 3)
-    return add_crease(model, -turn, mechanics.length - GRASP_BEND * bending_length)
+    return _add_crease(model, -turn, mechanics.length - GRASP_BEND * bending_length)
 
 
 def _age(model: StripModel, values: Mapping[str, float]) -> StripModel:
@@ -83,7 +83,7 @@ BENDING_HYSTERESIS = law_effect(
         Parameter.shape("set", "rad", high=3.0, guess=0.3),
         Parameter.shape("gradual", "1", high=1.0, guess=0.3),
     ),
-    apply=lambda model, values: add_grasp_crease(
+    apply=lambda model, values: _add_grasp_crease(
         _set_friction(model, values), values["set"]
     ),
     typical=lambda _: (1.0, 5.0, 20.0),
@@ -104,7 +104,7 @@ CREASE = law_effect(
         Parameter.signed("angle", "rad", 2.0),
         Parameter("position", "m", low=0.0, high=2.0, role="place"),
     ),
-    apply=lambda model, values: add_crease(model, values["angle"], values["position"]),
+    apply=lambda model, values: _add_crease(model, values["angle"], values["position"]),
     typical=lambda _: (-0.3, 0.3),
     textile={"angle": Span(-0.3, 0.3), "position": PLACE_SPAN},
     revealed_by="slow folds of other heights: a bend stays at one place of the strip",
@@ -162,7 +162,7 @@ RELAXATION = law_effect(
         Parameter.scale("time", "s", low=0.01, high=100.0, role="time"),
         Parameter.shape("set", "rad", high=3.0, guess=0.3),
     ),
-    apply=lambda model, values: add_grasp_crease(
+    apply=lambda model, values: _add_grasp_crease(
         _set_relaxation(model, values), values["set"]
     ),
     typical=lambda _: (0.03, 0.2),

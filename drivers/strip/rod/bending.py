@@ -47,7 +47,7 @@ def strain(a: Any, b: Any) -> Any:
 
 
 @kernel
-def friction_element(stick: Any, slip: Any, change: Any, before: Any) -> Any:
+def _friction_element(stick: Any, slip: Any, change: Any, before: Any) -> Any:
     """Moment [N m] of an elasto-plastic element after a `change` of strain, and its
     tangent.
 
@@ -67,11 +67,11 @@ def dry_friction(block: Any, r: int, eps: Any) -> Any:
     """
     stick, slip = load(block.nature, r, at.STICK), load(block.nature, r, at.SLIP)
     change = eps - load(block.state, r, at.EPS)
-    return friction_element(stick, slip, change, load(block.state, r, at.FRICTION))
+    return _friction_element(stick, slip, change, load(block.state, r, at.FRICTION))
 
 
 @kernel
-def elastic_moment(block: Any, r: int, e: Any) -> Any:
+def _elastic_moment(block: Any, r: int, e: Any) -> Any:
     """Elastic moment K e (1 + u + fifth u^2) [N m], u = cubic e^2, at row `r`, and its
     tangent.
     """
@@ -87,13 +87,13 @@ def elastic_moment(block: Any, r: int, e: Any) -> Any:
 
 
 @kernel
-def moment(block: Any, r: int, eps: Any, rate: Any) -> Any:
+def _moment(block: Any, r: int, eps: Any, rate: Any) -> Any:
     """Bending moment M(eps) [N m] at row `r`, and its tangent dM/deps.
 
     M = K e (1 + u + fifth u^2) + D deps/dt + friction with u = cubic e^2, e = eps -
     rest and deps/dt = rate (eps - base).
     """
-    elastic, elastic_slope = elastic_moment(
+    elastic, elastic_slope = _elastic_moment(
         block, r, eps - load(block.nature, r, at.REST)
     )
     dry, dry_slope = dry_friction(block, r, eps)
@@ -110,7 +110,7 @@ def moment(block: Any, r: int, eps: Any, rate: Any) -> Any:
 
 
 @kernel
-def node_moment(block: Any, r: int, a: Any, b: Any, rate: Any) -> Any:
+def _node_moment(block: Any, r: int, a: Any, b: Any, rate: Any) -> Any:
     """Moment [N m] on the angle at row `r` between segments with unit tangents `a` and
     `b`.
 
@@ -118,7 +118,7 @@ def node_moment(block: Any, r: int, a: Any, b: Any, rate: Any) -> Any:
     Leaves the tangent d(moment)/dtheta in `work`.
     """
     eps, quarter = strain(a, b)
-    value, slope = moment(block, r, eps, rate)
+    value, slope = _moment(block, r, eps, rate)
     first = fma(quarter, quarter, 1.0)
     second = 0.5 * quarter * first
     store(block.work, r, at.TANGENT, fma(slope * first, first, value * second))
@@ -126,7 +126,7 @@ def node_moment(block: Any, r: int, a: Any, b: Any, rate: Any) -> Any:
 
 
 @kernel
-def segment_turn(work: Any, r: int, u: Any) -> Any:
+def _segment_turn(work: Any, r: int, u: Any) -> Any:
     """Turn (x, z) [rad/m] of segment `r` per motion of its end, written into `work` as
     well.
     """
@@ -136,7 +136,7 @@ def segment_turn(work: Any, r: int, u: Any) -> Any:
 
 
 @kernel
-def segment_force(block: Any, r: int, u: Any, couple: Any) -> None:
+def _segment_force(block: Any, r: int, u: Any, couple: Any) -> None:
     """Write the force [N] of segment `r` on its first node, and its 2 x 2 stiffness,
     into `work`.
 
@@ -160,7 +160,7 @@ def segment_force(block: Any, r: int, u: Any, couple: Any) -> None:
     string = select(tension - floor, tension, floor) * inverse
     twist = couple * inverse * inverse
 
-    turn_x, turn_z = segment_turn(work, r, u)
+    turn_x, turn_z = _segment_turn(work, r, u)
     store_pair(work, r, at.TAUT, (taut, stretch * length))
     pull = fma(taut, ux, couple * turn_x), fma(taut, uz, couple * turn_z)
     store_pair(work, r, at.PULL_X, pull)
@@ -172,7 +172,7 @@ def segment_force(block: Any, r: int, u: Any, couple: Any) -> None:
 
 
 @kernel
-def extend_free_end(state: Any) -> None:
+def _extend_free_end(state: Any) -> None:
     """Place the ghost node beyond a strip's free end in line with its last segment."""
     ghost = state.shape[0] - 1
     for axis in (at.X, at.Z):
@@ -188,12 +188,12 @@ def internal_forces(block: Any, rate: Any) -> None:
     state = block.state
     end = state.shape[0] - 2
     if block.last == end:
-        extend_free_end(state)
+        _extend_free_end(state)
     last_tangent, tangent = direction(state, 0), direction(state, 1)
-    segment_turn(block.work, 0, last_tangent)
-    moment_left = node_moment(block, 1, last_tangent, tangent, rate)
+    _segment_turn(block.work, 0, last_tangent)
+    moment_left = _node_moment(block, 1, last_tangent, tangent, rate)
     for r in range(at.FIRST_FREE_NODE, end + 1):
         next_tangent = direction(state, r)
-        moment_right = node_moment(block, r, tangent, next_tangent, rate)
-        segment_force(block, r - 1, tangent, moment_left - moment_right)
+        moment_right = _node_moment(block, r, tangent, next_tangent, rate)
+        _segment_force(block, r - 1, tangent, moment_left - moment_right)
         tangent, moment_left = next_tangent, moment_right

@@ -35,7 +35,7 @@ class Moment(NamedTuple):
 
 
 @kernel
-def copy_midline(state: Any, lane: int, x: Any, z: Any) -> None:
+def _copy_midline(state: Any, lane: int, x: Any, z: Any) -> None:
     """Copy the midline of the strip in lane `lane` of a block into `x` and `z` (nodes,)
     [m].
     """
@@ -45,7 +45,7 @@ def copy_midline(state: Any, lane: int, x: Any, z: Any) -> None:
 
 
 @kernel
-def finish_lanes(batch: Any, b: int, unsolved: Any, output: Any, moment: Any) -> None:
+def _finish_lanes(batch: Any, b: int, unsolved: Any, output: Any, moment: Any) -> None:
     """Write shapes and observables of the strips of block `b` at `moment`.
 
     Ends those in the lanes `unsolved`, which failed to converge, and those that have
@@ -61,19 +61,19 @@ def finish_lanes(batch: Any, b: int, unsolved: Any, output: Any, moment: Any) ->
             batch.monitor[i, at.FAILURE_TIME] = moment.time
             retire(batch, b, lane, observed, k)
         elif load_lane(batch.alive[b], 0, 0, lane) > 0.0:
-            copy_midline(batch.state[b], lane, x, z)
+            _copy_midline(batch.state[b], lane, x, z)
             if len(output.shapes) > 0 and (k + 1) % output.every == 0:
                 shape = output.shapes[(k + 1) // output.every - 1, i]
                 shape[:, 0], shape[:, 1] = x, z
             row = observed[k, i]
-            height, index = write_observables(batch, b, lane, (x, z), row)
+            height, index = _write_observables(batch, b, lane, (x, z), row)
             gap = height, at_index(x, index), at_index(batch.arc[i], index)
-            if watch_gap(batch.monitor[i], gap, moment):
+            if _watch_gap(batch.monitor[i], gap, moment):
                 retire(batch, b, lane, observed, k)
 
 
 @kernel
-def write_observables(batch: Any, b: int, lane: int, midline: Any, row: Any) -> Any:
+def _write_observables(batch: Any, b: int, lane: int, midline: Any, row: Any) -> Any:
     """Write observables of a strip with `midline` x, z (nodes,) [m] into `row`.
 
     Returns the height [m] of its layer gap, and the gap's place as an index of nodes.
@@ -89,7 +89,7 @@ def write_observables(batch: Any, b: int, lane: int, midline: Any, row: Any) -> 
 
 
 @kernel
-def watch_gap(monitor: Any, gap: Any, moment: Any) -> Any:
+def _watch_gap(monitor: Any, gap: Any, moment: Any) -> Any:
     """Store the layer `gap`, as height, x, arc length [m]; whether it closed, and if so
     where.
     """
@@ -115,7 +115,7 @@ def retire(batch: Any, b: int, lane: int, observed: Any, k: int) -> None:
 
 
 @kernel
-def living_lanes(batch: Any, first: int, end: int) -> int:
+def _living_lanes(batch: Any, first: int, end: int) -> int:
     """Number of lanes of the blocks from `first` to before `end` that are still
     simulated.
     """
@@ -127,7 +127,7 @@ def living_lanes(batch: Any, first: int, end: int) -> int:
 
 
 @kernel
-def store_poses(batch: Any, b: int, poses: Any) -> None:
+def _store_poses(batch: Any, b: int, poses: Any) -> None:
     """Store `poses` (n, 3) [m, m, rad] as the last grip poses of the strips in block
     `b`.
     """
@@ -137,7 +137,7 @@ def store_poses(batch: Any, b: int, poses: Any) -> None:
 
 
 @kernel
-def step_block(batch: Any, b: int, poses: Any, output: Any, pace: Any) -> None:
+def _step_block(batch: Any, b: int, poses: Any, output: Any, pace: Any) -> None:
     """Step the strips of block `b` along grip `poses` (k, n, 3), until none of them is
     left.
     """
@@ -145,12 +145,12 @@ def step_block(batch: Any, b: int, poses: Any, output: Any, pace: Any) -> None:
     block = Block(nature, state, batch.work, batch.band, batch.last, batch.terms)
     step_pace = pace
     for k in range(len(poses)):
-        if living_lanes(batch, b, b + 1) == 0:
+        if _living_lanes(batch, b, b + 1) == 0:
             break
         grips = Grips(batch.strips[b], batch.alive[b], batch.held, poses[k])
         moment = Moment(k, pace.start + (k + 1) * pace.h, pace.h)
-        finish_lanes(batch, b, step(block, grips, step_pace), output, moment)
-        store_poses(batch, b, poses[k])
+        _finish_lanes(batch, b, step(block, grips, step_pace), output, moment)
+        _store_poses(batch, b, poses[k])
         step_pace = Pace(pace.start, pace.h, pace.next_omega, pace.next_omega)
 
 
@@ -161,7 +161,7 @@ def step_along(batch: Any, poses: Any, output: Any, pace: Any) -> int:
     Fills `output`; returns the number of strips that ended.
     """
     blocks = len(batch.nature)
-    before = living_lanes(batch, 0, blocks)
+    before = _living_lanes(batch, 0, blocks)
     for b in range(blocks):
-        step_block(batch, b, poses, output, pace)
-    return before - living_lanes(batch, 0, blocks)
+        _step_block(batch, b, poses, output, pace)
+    return before - _living_lanes(batch, 0, blocks)

@@ -64,7 +64,7 @@ def residual(block: Any, r: int, inertia: Any, reaction: Any) -> Any:
 
 
 @kernel
-def add_outer(a: Any, b: Any, matrix: Any) -> Any:
+def _add_outer(a: Any, b: Any, matrix: Any) -> Any:
     """Sum of `matrix`, as xx, xz, zx, zz, and the outer product a b' of two vectors x,
     z.
     """
@@ -78,13 +78,13 @@ def add_outer(a: Any, b: Any, matrix: Any) -> Any:
 
 
 @kernel
-def scaled(factor: Any, vector: Any) -> Any:
+def _scaled(factor: Any, vector: Any) -> Any:
     """Product of a `factor` and a `vector` x, z."""
     return factor * vector[0], factor * vector[1]
 
 
 @kernel
-def tangent_blocks(work: Any, r: int, inertia: Any) -> Any:
+def _tangent_blocks(work: Any, r: int, inertia: Any) -> Any:
     """Blocks xx, xz, zx, zz of the tangent matrix A: of node row `r`, with r - 1, with
     r - 2.
 
@@ -100,23 +100,23 @@ def tangent_blocks(work: Any, r: int, inertia: Any) -> Any:
 
     here = left[0] + right[0], left[1] + right[1]
     before = far[0] + left[0], far[1] + left[1]
-    left_moment = scaled(load(work, r - 1, at.TANGENT), left)
-    here_moment = scaled(load(work, r, at.TANGENT), here)
-    right_moment = scaled(load(work, r + 1, at.TANGENT), right)
+    left_moment = _scaled(load(work, r - 1, at.TANGENT), left)
+    here_moment = _scaled(load(work, r, at.TANGENT), here)
+    right_moment = _scaled(load(work, r + 1, at.TANGENT), right)
     left_xx, left_xz = pair(work, r - 1, at.S_XX)
     left_zz = load(work, r - 1, at.S_ZZ)
     right_xx, right_xz = pair(work, r, at.S_XX)
     right_zz = load(work, r, at.S_ZZ)
 
-    bending = add_outer(left_moment, left, (inertia, left_xz, left_xz, inertia))
-    bending = add_outer(here_moment, here, bending)
-    xx, xz, _, zz = add_outer(right_moment, right, bending)
+    bending = _add_outer(left_moment, left, (inertia, left_xz, left_xz, inertia))
+    bending = _add_outer(here_moment, here, bending)
+    xx, xz, _, zz = _add_outer(right_moment, right, bending)
     xz = xz + right_xz
     own = xx + (left_xx + right_xx), xz, xz, zz + (left_zz + right_zz)
 
-    beside = add_outer(left_moment, before, (left_xx, left_xz, left_xz, left_zz))
-    xx, xz, zx, zz = add_outer(here_moment, left, beside)
-    two_away = (*scaled(left_moment[0], far), *scaled(left_moment[1], far))
+    beside = _add_outer(left_moment, before, (left_xx, left_xz, left_xz, left_zz))
+    xx, xz, zx, zz = _add_outer(here_moment, left, beside)
+    two_away = (*_scaled(left_moment[0], far), *_scaled(left_moment[1], far))
     return own, (-xx, -xz, -zx, -zz), two_away
 
 
@@ -128,7 +128,7 @@ def assemble(block: Any, r: int, rate: Any) -> None:
     inertia = load(block.nature, r, at.MASS) * rate * rate
     reaction, support = desk_reaction(block, r)
     force_x, force_z = residual(block, r, inertia, reaction)
-    own, near, far = tangent_blocks(block.work, r, inertia)
+    own, near, far = _tangent_blocks(block.work, r, inertia)
     xx, xz, _, zz = own
     if block.terms is not None:
         (drag_x, drag_z), (drag_xx, drag_xz, drag_zz) = air_drag(block, r, rate)
@@ -136,12 +136,12 @@ def assemble(block: Any, r: int, rate: Any) -> None:
         xx, xz, zz = xx + drag_xx, xz + drag_xz, zz + drag_zz
     row_x = far[0], far[1], near[0], near[1]
     row_z = far[2], far[3], near[2], near[3], xz
-    eliminate(block.band, 2 * r, row_x, xx, force_x)
-    eliminate_fifth(block.band, 2 * r + 1, row_z, zz + support, force_z)
+    _eliminate(block.band, 2 * r, row_x, xx, force_x)
+    _eliminate_fifth(block.band, 2 * r + 1, row_z, zz + support, force_z)
 
 
 @kernel
-def eliminate(band: Any, r: int, row: Any, diagonal: Any, side: Any) -> None:
+def _eliminate(band: Any, r: int, row: Any, diagonal: Any, side: Any) -> None:
     """Factorise row `r` of the tangent matrix and substitute its right-hand `side`
     forward.
 
@@ -176,8 +176,8 @@ def eliminate(band: Any, r: int, row: Any, diagonal: Any, side: Any) -> None:
 
 
 @kernel
-def eliminate_fifth(band: Any, r: int, row: Any, diagonal: Any, side: Any) -> None:
-    """Factorise row `r` as `eliminate` does, with five entries A(r, r - j), j =
+def _eliminate_fifth(band: Any, r: int, row: Any, diagonal: Any, side: Any) -> None:
+    """Factorise row `r` as `_eliminate` does, with five entries A(r, r - j), j =
     5..1.
     """
     a5, a4, a3, a2, a1 = row
@@ -190,11 +190,11 @@ def eliminate_fifth(band: Any, r: int, row: Any, diagonal: Any, side: Any) -> No
         fma(-a5, load(band, r - 1, 4), a1),
     )
     side = fma(-l5, load(band, r - 5, SIDE_COLUMN), side)
-    eliminate(band, r, row_of_four, fma(-a5, l5, diagonal), side)
+    _eliminate(band, r, row_of_four, fma(-a5, l5, diagonal), side)
 
 
 @kernel
-def substitute(band: Any, first: int, last: int) -> None:
+def _substitute(band: Any, first: int, last: int) -> None:
     """Solve the factorised rows `first` to `last` backwards, into column SIDE_COLUMN.
 
     x_r = y_r / D(r) - sum_j L(r+j, r) x_{r+j}. Rows last + 1 .. last + 5 must exist;
@@ -212,7 +212,7 @@ def substitute(band: Any, first: int, last: int) -> None:
 
 
 @kernel
-def apply_correction(block: Any, gate: Any) -> Any:
+def _apply_correction(block: Any, gate: Any) -> Any:
     """Apply the solved Newton step to nodes and tensions in the lanes where `gate` is
     above 0.
 
@@ -263,8 +263,8 @@ def solve(block: Any, rate: Any, alive: Any) -> Any:
         internal_forces(block, rate)
         for r in range(at.FIRST_FREE_NODE, block.last + 1):
             assemble(block, r, rate)
-        substitute(block.band, 2 * at.FIRST_FREE_NODE, 2 * block.last + 1)
-        turned, wildest = apply_correction(block, unsolved)
+        _substitute(block.band, 2 * at.FIRST_FREE_NODE, 2 * block.last + 1)
+        turned, wildest = _apply_correction(block, unsolved)
         sane = below(turned, LARGEST_TURN) * below(wildest, LARGEST_TURN)
         failed = select(unsolved * (1.0 - sane), unsolved, failed)
         unsolved = (

@@ -26,13 +26,13 @@ UNSETTLED = 0.1  # rad^2 as which a correction counts at most
 
 
 @kernel
-def magnitude(a: Any) -> Any:
+def _magnitude(a: Any) -> Any:
     """Absolute value of `a`, lane by lane."""
     return select(below(a, 0.0), -a, a)
 
 
 @kernel
-def maxwell_strain(block: Any, r: int, change: Any, rate: Any) -> Any:
+def _maxwell_strain(block: Any, r: int, change: Any, rate: Any) -> Any:
     """Strain q of the Maxwell element at row `r`, by dq/dt = deps/dt - q / time, and
     dq/deps.
 
@@ -48,9 +48,9 @@ def lagging_moment(block: Any, r: int, change: Any, rate: Any) -> Any:
 
     Q |deps/dt| deps/dt of quadratic damping, and K q of the rigidity that relaxes.
     """
-    q, fraction = maxwell_strain(block, r, change, rate)
+    q, fraction = _maxwell_strain(block, r, change, rate)
     speed = rate * change
-    resistance = load(block.nature, r, at.QUADRATIC) * magnitude(speed)
+    resistance = load(block.nature, r, at.QUADRATIC) * _magnitude(speed)
     branch = load(block.nature, r, at.BRANCH)
     return fma(resistance, speed, branch * q), fma(
         2.0 * resistance, rate, branch * fraction
@@ -58,7 +58,7 @@ def lagging_moment(block: Any, r: int, change: Any, rate: Any) -> Any:
 
 
 @kernel
-def gradual_element(slip: Any, pace: Any, change: Any, before: Any) -> Any:
+def _gradual_element(slip: Any, pace: Any, change: Any, before: Any) -> Any:
     """Moment [N m] of a friction element without yield point after a `change` of
     strain; tangent.
 
@@ -81,7 +81,7 @@ def gradual_friction(block: Any, r: int, eps: Any) -> Any:
     """
     slip, pace = pair(block.nature, r, at.GRADUAL_SLIP)
     change = eps - load(block.state, r, at.EPS)
-    return gradual_element(slip, pace, change, load(block.state, r, at.GRADUAL))
+    return _gradual_element(slip, pace, change, load(block.state, r, at.GRADUAL))
 
 
 @kernel
@@ -177,7 +177,7 @@ def air_drag(block: Any, r: int, rate: Any) -> Any:
 
 
 @kernel
-def store_drag(block: Any, r: int, rate: Any) -> None:
+def _store_drag(block: Any, r: int, rate: Any) -> None:
     """Write the drag matrix of node row `r`, from its predicted motion, into `work`."""
     nature = block.nature
     state, work = block.state, block.work
@@ -204,7 +204,7 @@ def store_history(block: Any, r: int, eps: Any, rate: Any, alive: Any) -> None:
     """Store Maxwell strain and gradual friction at row `r` after a step to bending
     strain `eps`.
     """
-    q, _ = maxwell_strain(block, r, eps - load(block.work, r, at.BASE_EPS), rate)
+    q, _ = _maxwell_strain(block, r, eps - load(block.work, r, at.BASE_EPS), rate)
     state = block.state
     update(state, r, at.MAXWELL1, alive, load(state, r, at.MAXWELL))
     update(state, r, at.MAXWELL, alive, q)
@@ -224,4 +224,4 @@ def predict_terms(block: Any, rate: Any, weights: Any) -> None:
         q, q1 = pair(state, r, at.MAXWELL)
         store(block.work, r, at.BASE_MAXWELL, fma(newest, q, older * q1))
     for r in range(at.FIRST_FREE_NODE, block.last + 1):
-        store_drag(block, r, rate)
+        _store_drag(block, r, rate)

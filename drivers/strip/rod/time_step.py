@@ -82,7 +82,7 @@ def weights(omega: float) -> Any:
 
 
 @kernel
-def predict_motion(block: Any, h: float, omega: float, alive: Any) -> None:
+def _predict_motion(block: Any, h: float, omega: float, alive: Any) -> None:
     """Extrapolate the free nodes over a step `h` [s], and store history and BDF2
     bases.
     """
@@ -106,7 +106,7 @@ def predict_motion(block: Any, h: float, omega: float, alive: Any) -> None:
 
 
 @kernel
-def predict_strain(block: Any, omega: float) -> None:
+def _predict_strain(block: Any, omega: float) -> None:
     """Store the BDF2 bases of the bending strains in `work`."""
     state = block.state
     newest, older = weights(omega)
@@ -116,7 +116,7 @@ def predict_strain(block: Any, omega: float) -> None:
 
 
 @kernel
-def store_velocity(block: Any, rate: float, alive: Any) -> None:
+def _store_velocity(block: Any, rate: float, alive: Any) -> None:
     """Store v = rate (x - base) of the free nodes by `rate` [1/s], in the lanes `alive`
     > 0.
     """
@@ -127,7 +127,7 @@ def store_velocity(block: Any, rate: float, alive: Any) -> None:
 
 
 @kernel
-def store_strain(block: Any, rate: float, alive: Any) -> None:
+def _store_strain(block: Any, rate: float, alive: Any) -> None:
     """Store bending strains, friction and history by `rate` [1/s], in the lanes `alive`
     > 0.
     """
@@ -183,7 +183,7 @@ def grip_force(block: Any, h: float, rate: Any, alive: Any) -> None:
 
 
 @kernel
-def slip_length(block: Any, r: int) -> Any:
+def _slip_length(block: Any, r: int) -> Any:
     """Distance [m] by which the strip slid at segment `r` in the step just solved."""
     state = block.state
     stretch, span = load(block.nature, r, at.STRETCH), load(block.nature, r, at.SPAN)
@@ -195,7 +195,7 @@ def slip_length(block: Any, r: int) -> Any:
 
 
 @kernel
-def slide_in_grip(block: Any, alive: Any) -> None:
+def _slide_in_grip(block: Any, alive: Any) -> None:
     """Lengthen the segment at the grip by the length that slid out of the grip in this
     step.
 
@@ -204,12 +204,12 @@ def slide_in_grip(block: Any, alive: Any) -> None:
     """
     state = block.state
     r = state.shape[0] - 3
-    slid = load(state, r, at.SLID) + slip_length(block, r)
+    slid = load(state, r, at.SLID) + _slip_length(block, r)
     update(state, r, at.SLID, alive, slid)
 
 
 @kernel
-def slide_edge(block: Any, alive: Any) -> None:
+def _slide_edge(block: Any, alive: Any) -> None:
     """Move a loose fixed edge by the distance it slid, and update the friction that
     holds it.
 
@@ -218,7 +218,7 @@ def slide_edge(block: Any, alive: Any) -> None:
     force of the desk.
     """
     state = block.state
-    away = slip_length(block, 1)
+    away = _slip_length(block, 1)
     for r in range(2):
         update(state, r, at.X, alive, load(state, r, at.X) + away)
     borne = splat(state, 0.0)
@@ -231,29 +231,29 @@ def slide_edge(block: Any, alive: Any) -> None:
 
 
 @kernel
-def implicit_step(block: Any, h: float, omega: float, alive: Any) -> Any:
+def _implicit_step(block: Any, h: float, omega: float, alive: Any) -> Any:
     """Advance the active lanes by one implicit step; returns the lanes that failed to
     converge.
     """
     rate = (1.0 + 2.0 * omega) / ((1.0 + omega) * h)
-    predict_motion(block, h, omega, alive)
-    predict_strain(block, omega)
+    _predict_motion(block, h, omega, alive)
+    _predict_strain(block, omega)
     if block.terms is not None:
         predict_terms(block, rate, weights(omega))
     unsolved = solve(block, rate, alive)
     solved = alive - unsolved
-    store_velocity(block, rate, solved)
-    store_strain(block, rate, solved)
+    _store_velocity(block, rate, solved)
+    _store_strain(block, rate, solved)
     if block.terms is not None:
-        slide_in_grip(block, solved)
-        slide_edge(block, solved)
+        _slide_in_grip(block, solved)
+        _slide_edge(block, solved)
     if block.last < block.state.shape[0] - 2:
         grip_force(block, h, rate, solved)
     return unsolved
 
 
 @kernel
-def place_grip(block: Any, lane: int, pose: Any) -> None:
+def _place_grip(block: Any, lane: int, pose: Any) -> None:
     """Move the grasped edge in lane `lane` to `pose` (3,) [m, m, rad], with its ghost
     node.
     """
@@ -267,7 +267,7 @@ def place_grip(block: Any, lane: int, pose: Any) -> None:
 
 
 @kernel
-def place_grips(block: Any, grips: Any, fraction: float) -> None:
+def _place_grips(block: Any, grips: Any, fraction: float) -> None:
     """Move the grips of the active lanes to their poses at `fraction` of the step."""
     if block.last == block.state.shape[0] - 2:
         return
@@ -278,11 +278,11 @@ def place_grips(block: Any, grips: Any, fraction: float) -> None:
             for c in range(3):
                 goal = grips.poses[i, c]
                 pose[c] = goal - (1.0 - fraction) * (goal - grips.held[i, c])
-            place_grip(block, lane, pose)
+            _place_grip(block, lane, pose)
 
 
 @kernel
-def rewind(block: Any, gate: Any) -> None:
+def _rewind(block: Any, gate: Any) -> None:
     """Restore positions and velocities before a failed step, without tension, where
     `gate` > 0.
     """
@@ -295,7 +295,7 @@ def rewind(block: Any, gate: Any) -> None:
 
 
 @kernel
-def copy_fields(source: Any, fields: Any, target: Any, to: int, gate: Any) -> None:
+def _copy_fields(source: Any, fields: Any, target: Any, to: int, gate: Any) -> None:
     """Copy fields (first, end) of `source` to `target` from field `to` on, in the lanes
     `gate`.
     """
@@ -306,15 +306,15 @@ def copy_fields(source: Any, fields: Any, target: Any, to: int, gate: Any) -> No
 
 
 @kernel
-def step_in_parts(block: Any, grips: Any, pace: Any, gate: Any, parts: int) -> Any:
+def _step_in_parts(block: Any, grips: Any, pace: Any, gate: Any, parts: int) -> Any:
     """Step the lanes `gate` in `parts` equal substeps, the first by Euler; returns
     failed lanes.
     """
     stepping = gate
     for part in range(parts):
-        place_grips(block, grips, (part + 1) / parts)
+        _place_grips(block, grips, (part + 1) / parts)
         omega = pace.next_omega if part > 0 else 0.0
-        stepping = stepping - implicit_step(block, pace.h / parts, omega, stepping)
+        stepping = stepping - _implicit_step(block, pace.h / parts, omega, stepping)
         if not any_lane(stepping):
             break
     return gate - stepping
@@ -329,22 +329,22 @@ def step(block: Any, grips: Any, pace: Any) -> Any:
     failed is left unchanged.
     """
     state = block.state
-    place_grips(block, grips, 1.0)
-    gate = implicit_step(block, pace.h, pace.omega, load(grips.alive, 0, 0))
+    _place_grips(block, grips, 1.0)
+    gate = _implicit_step(block, pace.h, pace.omega, load(grips.alive, 0, 0))
     if not any_lane(gate):
         return gate
-    rewind(block, gate)
+    _rewind(block, gate)
     start = state.copy()
     for parts in SUBSTEPS:
-        failed = step_in_parts(block, grips, pace, gate, parts)
-        copy_fields(start, (0, start.shape[1]), state, 0, failed)
+        failed = _step_in_parts(block, grips, pace, gate, parts)
+        _copy_fields(start, (0, start.shape[1]), state, 0, failed)
         moved = gate - failed  # their history is the state before the whole step
-        copy_fields(start, (at.X, at.EPS), state, at.X1, moved)
-        copy_fields(start, (at.EPS, at.FRICTION), state, at.EPS1, moved)
+        _copy_fields(start, (at.X, at.EPS), state, at.X1, moved)
+        _copy_fields(start, (at.EPS, at.FRICTION), state, at.EPS1, moved)
         if block.terms is not None:
-            copy_fields(start, (at.MAXWELL, at.MAXWELL1), state, at.MAXWELL1, moved)
+            _copy_fields(start, (at.MAXWELL, at.MAXWELL1), state, at.MAXWELL1, moved)
         gate = failed
         if not any_lane(gate):
             break
-    place_grips(block, grips, 1.0)
+    _place_grips(block, grips, 1.0)
     return gate

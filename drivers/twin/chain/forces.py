@@ -234,7 +234,7 @@ def resistance(parts: Parts, law: MomentLaw) -> ForceFunction:
     return act
 
 
-def fifth_order(parts: Parts) -> ForceFunction:
+def _fifth_order(parts: Parts) -> ForceFunction:
     """Extra force of the fifth-order term of the elastic bending law."""
     lumps = parts.lumps.hinges
 
@@ -260,7 +260,7 @@ def strip_laws(model: StripModel) -> Sequence[ExtraForce]:
     law = model.mechanics.law
     laws = list[ExtraForce]()
     if law.cubic != 0 and law.fifth != 0:
-        laws.append(fifth_order)
+        laws.append(_fifth_order)
     if law.yield_curvature != 0 and law.gradual != 0:
         laws.append(gradual_friction)
     return laws

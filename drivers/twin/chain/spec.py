@@ -68,11 +68,11 @@ class Layers:
         radius = max(THICK, gap)
         outside = 0.5 * gap - radius
         if node >= self.upper:
-            bead = solid(body, contype=UPPER, conaffinity=0)
+            bead = _solid(body, contype=UPPER, conaffinity=0)
             bead.size = [radius, 0.0, 0.0]
             bead.pos = [0.0, 0.0, outside]
         elif node <= self.lower:
-            bead = solid(body, contype=0, conaffinity=UPPER)
+            bead = _solid(body, contype=0, conaffinity=UPPER)
             bead.type = mujoco.mjtGeom.mjGEOM_CAPSULE
             bead.size = [radius, 0.0, 0.0]
             bead.fromto = [0.0, 0.0, outside, lumps.spans[link], 0.0, outside]
@@ -106,7 +106,7 @@ def build(model: StripModel, links: int, layers: Layers | None = None) -> mujoco
         _add_hinge(spec, body, lumps, node)
         _add_mass(body, lumps, node)
         if node > 0:
-            solid(body, contype=DESK, conaffinity=0).size = [gap / 2, 0.0, 0.0]
+            _solid(body, contype=DESK, conaffinity=0).size = [gap / 2, 0.0, 0.0]
         if layers is not None:
             layers.add(body, node, lumps, gap)
     _add_grip(spec, links, model.mechanics.length)
@@ -259,7 +259,7 @@ def sag(acceleration: float) -> float:
     return (1.0 - CONSTRAINT_SHARE) * acceleration * TIME_CONSTANT**2
 
 
-def solid(body: mujoco.MjsBody, contype: int, conaffinity: int) -> mujoco.MjsGeom:
+def _solid(body: mujoco.MjsBody, contype: int, conaffinity: int) -> mujoco.MjsGeom:
     """Add to `body` a massless, frictionless sphere whose stiffness determines its
     contacts.
     """

@@ -71,7 +71,7 @@ def expose(scenes: Sequence[Scene], spacing: float) -> ExposedMidline:
 
     nodes = smooth(middle.points, middle.arc)
     slopes = np.gradient(nodes, middle.arc, axis=0, edge_order=2)
-    points, derivatives = hermite(nodes, slopes, middle.arc, s)
+    points, derivatives = _hermite(nodes, slopes, middle.arc, s)
 
     motion = np.empty((0, 2))
     if first.points is not last.points:
@@ -80,7 +80,7 @@ def expose(scenes: Sequence[Scene], spacing: float) -> ExposedMidline:
     return ExposedMidline(s, points, unit(derivatives), motion)
 
 
-def hermite(nodes: Array, slopes: Array, arc: Array, s: Array) -> tuple[Array, Array]:
+def _hermite(nodes: Array, slopes: Array, arc: Array, s: Array) -> tuple[Array, Array]:
     """Points (m, 2) [m] and derivatives (m, 2) of a cubic Hermite curve at arc lengths
     `s` (m,).
 

@@ -56,11 +56,11 @@ def stage(
     behind = [thing for thing in things if depth(thing) >= around.desk_back]
     on_desk = [thing for thing in things if thing not in behind]
 
-    draw_things(canvas, behind, optics, rng)
+    _draw_things(canvas, behind, optics, rng)
     back = _row(optics, width, around.desk_back, floor)
     _cover(canvas, _desk(rays, optics, floor, settings, rng), back)
 
-    draw_things(canvas, on_desk, optics, rng)
+    _draw_things(canvas, on_desk, optics, rng)
     front = _row(optics, width, around.desk_front, floor)
     _cover(canvas, _ink(around.panel), front)
 
@@ -176,7 +176,7 @@ def depth(thing: Thing) -> float:
     return min(point[1] for point in thing.points)
 
 
-def draw_things(
+def _draw_things(
     canvas: Field, things: Sequence[Thing], optics: Optics, rng: np.random.Generator
 ) -> None:
     """Draw `things` on the unlit `canvas` (height, width, 3) BGR in place, far ones

@@ -70,7 +70,7 @@ class Network(nn.Module):
         return hidden @ parameter("last") + parameter("last_bias")
 
 
-def whitening(shard: Shard) -> tuple[Array, Array]:
+def _whitening(shard: Shard) -> tuple[Array, Array]:
     """Mean (k,) and matrix (k, k) that whiten the critic's inputs in `shard` before the
     touch.
     """
@@ -113,7 +113,7 @@ def _fit(
     generator.
     """
     if start is None:
-        mean, whiten = whitening(shard)
+        mean, whiten = _whitening(shard)
     else:
         mean, whiten = start.weights["mean"], start.weights["whiten"]
     network = Network(len(mean), settings.memory, settings.hidden)
@@ -149,14 +149,14 @@ def _optimise(
         for batch in torch.split(order, BATCH):
             optimiser.zero_grad()
             whitened, *targets = (part[batch] for part in data)
-            whitened = whitened + (draw_image_biases(len(whitened)) @ whiten)[:, None]
+            whitened = whitened + (_draw_image_biases(len(whitened)) @ whiten)[:, None]
             loss = _loss(network, [whitened, *targets])
             torch.autograd.backward(loss)
             optimiser.step()
             schedule.step()
 
 
-def draw_image_biases(count: int) -> Tensor:
+def _draw_image_biases(count: int) -> Tensor:
     """Draw errors (count, inputs) of the critic's inputs in strip lengths, one set per
     fold.
 

@@ -110,7 +110,7 @@ class CriticTraining:
         settings = self.settings
         shards = [self._load(settings.rounds, n) for n in range(settings.trials)]
         last = load_critic(self._critic_path(settings.rounds - 1))
-        self._calibrated, self.trial = calibrate_sigmas(last, concatenate(shards))
+        self._calibrated, self.trial = _calibrate_sigmas(last, concatenate(shards))
         facts = {
             "settings": settings.model_dump(mode="json"),
             "trial": asdict(self.trial),
@@ -156,18 +156,18 @@ class TrialResult:
     within: tuple[float, float]
 
 
-def calibrate_sigmas(critic: Critic, shard: Shard) -> tuple[Critic, TrialResult]:
+def _calibrate_sigmas(critic: Critic, shard: Shard) -> tuple[Critic, TrialResult]:
     """Copy of `critic` with sigmas scaled to its errors in trial folds; results of
     these folds.
     """
-    ratios = error_ratios(critic, shard)
+    ratios = _error_ratios(critic, shard)
     # sigma's factors with which the shares within 1 and 1.96 sigma are nearest to
     # normal
     needed = [
         [np.quantile(r, share) / sigmas for share, sigmas in COVERAGES] for r in ratios
     ]
     critic = critic.with_stretch(np.sqrt(np.prod(needed, axis=1)))
-    at_touch = error_ratios(critic, shard, last=1)[0]
+    at_touch = _error_ratios(critic, shard, last=1)[0]
     missed = Misses.from_displacements(shard.displacement)
     return critic, TrialResult(
         folds=len(shard.displacement),
@@ -179,7 +179,7 @@ def calibrate_sigmas(critic: Critic, shard: Shard) -> tuple[Critic, TrialResult]
     )
 
 
-def error_ratios(critic: Critic, shard: Shard, last: int = LAST) -> list[Array]:
+def _error_ratios(critic: Critic, shard: Shard, last: int = LAST) -> list[Array]:
     """Four arrays (m,) of the critic's |error| / sigma in the `last` decisions of the
     folds.
 
