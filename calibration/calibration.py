@@ -7,9 +7,9 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-from pydantic import Field
+from pydantic import Field, NonNegativeFloat
 
 from calibration.homography import Homography, PlaneMap, Viewpoint, viewpoint
 from calibration.landmarks import Landmarks
@@ -19,7 +19,6 @@ from drivers.base.files import write_file
 from drivers.base.settings import VersionedFile, load
 from drivers.base.yaml_text import dump_yaml
 
-NotNegative = Annotated[float, Field(ge=0)]
 OPTIONAL_KEYS = ("contact_bias", "locks", "landmarks", "accepted_anyway")
 KEYWORDS = ("residual_mm", "date", "camera", "latency", *OPTIONAL_KEYS)
 
@@ -64,7 +63,7 @@ class CalibrationFile(VersionedFile):
     camera: str
     date: str
     latency: float = 0.0
-    residual_mm: NotNegative
+    residual_mm: NonNegativeFloat
     homography: MatrixFile
     lens: CameraFile
     contact_bias: float = 0.0

@@ -5,12 +5,12 @@ OpenCV files.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Literal, Self
 
 import cv2
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import Field
+from pydantic import PositiveInt
 
 from drivers.base.errors import ConfigurationError
 from drivers.base.files import write_file
@@ -64,7 +64,7 @@ class Lens:
         """Ideal pinhole points (n, 2) [px] of image points `pixels` (n, 2)."""
         points = np.asarray(pixels, dtype=np.float64).reshape(-1, 1, 2)
         if len(points) == 0:
-            return np.empty((0, 2))
+            return points.reshape(0, 2)
         ideal = cv2.undistortPoints(
             points, self.matrix, self.distortion, P=self.matrix, criteria=CRITERIA
         )
@@ -74,7 +74,7 @@ class Lens:
         """Image points (n, 2) [px] of ideal pinhole points `pixels` (n, 2)."""
         points = np.asarray(pixels, dtype=np.float64).reshape(-1, 2)
         if len(points) == 0:
-            return np.empty((0, 2))
+            return points
         rays = np.linalg.solve(
             self.matrix, np.column_stack([points, np.ones(len(points))]).T
         ).T
@@ -197,14 +197,11 @@ def _checked_lens(lens: Lens, origin: str) -> Lens:
     return lens
 
 
-Positive = Annotated[int, Field(gt=0)]
-
-
 class MatrixFile(Settings):
     """Matrix in the file format of ROS: shape, and values row by row."""
 
-    rows: Positive
-    cols: Positive
+    rows: PositiveInt
+    cols: PositiveInt
     data: tuple[float, ...]
 
     @classmethod
@@ -227,8 +224,8 @@ class MatrixFile(Settings):
 class CameraFile(Settings):
     """Content of a ROS camera_info file, the calibration format of image_pipeline."""
 
-    image_width: Positive
-    image_height: Positive
+    image_width: PositiveInt
+    image_height: PositiveInt
     camera_name: str
     camera_matrix: MatrixFile
     distortion_model: Literal["plumb_bob"] = "plumb_bob"
@@ -282,8 +279,8 @@ class OpenCvFile(Settings):
     it.
     """
 
-    image_width: Positive
-    image_height: Positive
+    image_width: PositiveInt
+    image_height: PositiveInt
     camera_matrix: MatrixFile
     distortion_coefficients: MatrixFile
 

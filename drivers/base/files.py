@@ -27,7 +27,7 @@ def replacing(path: Path, check: Callable[[], None] = lambda: None) -> Iterator[
     leaves the old file. Readers see the old file or the new one; a link
     at `path` is replaced, not followed. Raises OSError where that is not possible.
     """
-    scratch = path.with_name(f".{os.urandom(6).hex()}.part")
+    scratch = path.with_name(_scratch_name())
     new_file(scratch).close()
     try:
         yield scratch
@@ -91,7 +91,7 @@ def scratch_folder(parent: Path) -> Iterator[Path]:
     parent_is_new = not os.path.lexists(parent)
     with writing(parent):
         parent.mkdir(parents=True, exist_ok=True)
-        scratch = parent / f".{os.urandom(6).hex()}.part"
+        scratch = parent / _scratch_name()
         scratch.mkdir()
     try:
         yield scratch
@@ -253,3 +253,7 @@ def _open_to_write(path: Path, flags: int) -> int:
         os.close(handle)
         raise OSError(errno.EINVAL, "is not a regular file", str(path))
     return handle
+
+
+def _scratch_name() -> str:
+    return f".{os.urandom(6).hex()}.part"

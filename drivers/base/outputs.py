@@ -21,11 +21,10 @@ SEAL = re.compile(
 """Seal in an HTML page or a PNG picture: a digest of all that stands beside it."""
 
 
-def write_output(path: Path, content: str | bytes, remedy: str = "") -> None:
+def write_output(path: Path, content: str | bytes) -> None:
     """Write an HTML page or a PNG picture, sealed, to the `path` that a person named.
 
-    Raises ConfigurationError, with a `remedy`, where it cannot be written, and as
-    `check_output`.
+    Raises ConfigurationError where it cannot be written, and as `check_output`.
     """
     check_output(path)
     encoded = (
@@ -33,7 +32,7 @@ def write_output(path: Path, content: str | bytes, remedy: str = "") -> None:
         if isinstance(content, str)
         else content
     )
-    write_file(path, sealed(encoded), remedy)
+    write_file(path, sealed(encoded))
 
 
 def check_output(path: Path) -> None:

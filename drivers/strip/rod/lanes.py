@@ -183,20 +183,22 @@ def any_lane(typing: Any, gate: Any) -> Any:
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         (value,) = args
+        zero = ir.Constant(ir.DoubleType(), 0.0)
         if sig.args[0] != Lanes:
-            return builder.fcmp_ordered(">", value, ir.Constant(ir.DoubleType(), 0.0))
-        zeros = _spread(builder, ir.Constant(ir.DoubleType(), 0.0))
-        bits = builder.fcmp_ordered(">", value, zeros)
+            return builder.fcmp_ordered(">", value, zero)
+        bits = builder.fcmp_ordered(">", value, _spread(builder, zero))
         mask = builder.bitcast(bits, ir.IntType(LANE_COUNT))
         return builder.icmp_unsigned("!=", mask, ir.Constant(ir.IntType(LANE_COUNT), 0))
 
     return types.boolean(gate), generate
 
 
-def _address(context: Any, builder: Any, kind: Any, array: Any, place: Any) -> Any:
+def _address(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    """LLVM pointer to the element at an array, row and column, which begin `args`."""
+    kind, (array, row, column, *_) = sig.args[0], args
     view = context.make_array(kind)(context, builder, array)
     shape = cgutils.unpack_tuple(builder, view.shape, kind.ndim)
-    offset = builder.add(builder.mul(place[0], shape[1]), place[1])
+    offset = builder.add(builder.mul(row, shape[1]), column)
     if kind.ndim == 2:
         return builder.gep(view.data, [offset])
     offset = builder.mul(offset, ir.Constant(offset.type, LANE_COUNT))
@@ -207,7 +209,7 @@ def _lane_address(context: Any, builder: Any, sig: Any, args: Any) -> Any:
     """LLVM pointer to the double at an array, row, column and lane, which are
     `args`.
     """
-    place = _address(context, builder, sig.args[0], args[0], args[1:3])
+    place = _address(context, builder, sig, args)
     if sig.args[0].ndim == 2:
         return place
     place = builder.bitcast(place, ir.DoubleType().as_pointer())
@@ -221,9 +223,7 @@ def load(typing: Any, array: Any, row: Any, column: Any) -> Any:
     """
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return builder.load(
-            _address(context, builder, sig.args[0], args[0], args[1:]), align=8
-        )
+        return builder.load(_address(context, builder, sig, args), align=8)
 
     return _number(array)(array, types.intp, types.intp), generate
 
@@ -236,8 +236,7 @@ def store(typing: Any, array: Any, row: Any, column: Any, value: Any) -> Any:
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         (number,) = _operands(builder, _number(sig.args[0]), args[3:])
-        place = _address(context, builder, sig.args[0], args[0], args[1:3])
-        builder.store(number, place, align=8)
+        builder.store(number, _address(context, builder, sig, args), align=8)
         return context.get_dummy_value()
 
     return types.void(array, types.intp, types.intp, value), generate

@@ -47,6 +47,11 @@ DELAY = 0.008  # s from the start of an exposure until its buffer is filled
 PAGE = 1 << 20
 SPIN = 0.02  # s of the wall after which a wait looks again, as after a signal
 STUCK = 10.0  # s of the wall
+FORMATS = (
+    ("YUYV", b"YUYV 4:2:2"),
+    ("GREY", b"8-bit Greyscale"),
+    ("MJPG", b"Motion-JPEG"),
+)
 MONOTONIC = BufferFlag.TIMESTAMP_MONOTONIC | BufferFlag.SOURCE_START_OF_EXPOSURE
 
 
@@ -250,25 +255,23 @@ class FakeKernel:
         """Fill a buffer when a frame is due."""
         if self._streaming is None or self._exposed + DELAY > self._time:
             return
-        stamp, number = EPOCH + self._exposed, self.counter
+        stamp, number, faults = EPOCH + self._exposed, self.counter, self.faults
         self._exposed += 1.0 / self.rate
-        self.counter = (self.counter + (not self.faults.repeat)) % (1 << 32)
-        if self.faults.all_dropped or number in self.faults.drop or not self._queued:
+        self.counter = (number + (not faults.repeat)) % (1 << 32)
+        if faults.all_dropped or number in faults.drop or not self._queued:
             return
         index = self._queued.popleft()
-        size = self._paint(index) // (2 if number in self.faults.short else 1)
-        flags = self.flags | (BufferFlag.ERROR if number in self.faults.corrupt else 0)
-        self._filled.append(
-            Filled(index, number, stamp + self.faults.ahead, flags, size)
-        )
+        size = self._paint(index) // (2 if number in faults.short else 1)
+        flags = self.flags | (BufferFlag.ERROR if number in faults.corrupt else 0)
+        self._filled.append(Filled(index, number, stamp + faults.ahead, flags, size))
 
     def _paint(self, index: int) -> int:
-        if self.jpeg is not None:
-            self._buffers[index][: len(self.jpeg)] = np.frombuffer(self.jpeg, np.uint8)
-            return len(self.jpeg)
-        noise = self._rng.integers(0, 4, self._length(), dtype=np.uint8)
-        self._buffers[index][: noise.size] = 120 + noise
-        return noise.size
+        if self.jpeg is None:
+            content = 120 + self._rng.integers(0, 4, self._length(), dtype=np.uint8)
+        else:
+            content = np.frombuffer(self.jpeg, np.uint8)
+        self._buffers[index][: content.size] = content
+        return content.size
 
     def _length(self) -> int:
         return self._line() * self.size[1]
@@ -280,20 +283,14 @@ class FakeKernel:
 
     def _querycap(self, fd: int, said: Capability) -> None:
         said.driver, said.card, said.bus_info = b"fake", b"Test Camera", b"usb-1"
-        said.capabilities = (
-            CapabilityFlag.DEVICE_CAPS
-            | CapabilityFlag.VIDEO_CAPTURE
-            | CapabilityFlag.STREAMING
-        )
         said.device_caps = CapabilityFlag.VIDEO_CAPTURE | CapabilityFlag.STREAMING
+        said.capabilities = CapabilityFlag.DEVICE_CAPS | said.device_caps
 
     def _enum_fmt(self, fd: int, said: FormatDescription) -> None:
-        if said.index > 2:
+        if said.index >= len(FORMATS):
             raise _error(errno.EINVAL)
-        said.pixelformat = fourcc(("YUYV", "GREY", "MJPG")[said.index])
-        said.description = (b"YUYV 4:2:2", b"8-bit Greyscale", b"Motion-JPEG")[
-            said.index
-        ]
+        code, said.description = FORMATS[said.index]
+        said.pixelformat = fourcc(code)
 
     def _enum_framesizes(self, fd: int, said: FrameSize) -> None:
         if said.index > 0:
@@ -311,17 +308,16 @@ class FakeKernel:
         if self.busy or (self._streaming is not None and self._streaming != fd):
             raise _error(errno.EBUSY)
         pix = asked.fmt.pix
-        known = {fourcc(code) for code in ("YUYV", "GREY", "MJPG")}
+        known = {fourcc(code) for code, _ in FORMATS}
         self._format = pix.pixelformat if pix.pixelformat in known else fourcc("YUYV")
         pix.width, pix.height = self.size
         pix.pixelformat, pix.field = self._format, self.field
         pix.bytesperline, pix.sizeimage = self._line(), self._length()
 
-    def _s_parm(self, fd: int, asked: StreamParameters) -> None:
-        self._g_parm(fd, asked)
-
     def _g_parm(self, fd: int, said: StreamParameters) -> None:
         said.parm.capture.timeperframe = Fraction(1, round(self.rate))
+
+    _s_parm = _g_parm
 
     def _queryctrl(self, fd: int, said: ControlQuery) -> None:
         after = said.id & ~ControlFlag.NEXT
@@ -332,7 +328,7 @@ class FakeKernel:
         knob = self.knobs[name]
         said.id, said.type, said.name = knob.number, 1, name.encode()
         said.minimum, said.maximum, said.step = knob.low, knob.high, 1
-        held = knob.held_by is not None and self.knobs[knob.held_by].value == 3
+        held = knob.held_by and self.knobs[knob.held_by].value == 3
         said.flags = ControlFlag.INACTIVE if held else 0
 
     def _g_ctrl(self, fd: int, said: Control) -> None:
@@ -362,17 +358,14 @@ class FakeKernel:
         if not self._filled:
             raise _error(errno.EAGAIN)
         filled = self._filled.popleft()
-        buffer.index, buffer.sequence, buffer.flags = (
-            filled.index,
-            filled.sequence,
-            filled.flags,
-        )
-        buffer.bytesused = filled.size
-        buffer.timestamp.seconds = int(filled.stamp // 1)
-        buffer.timestamp.microseconds = int(filled.stamp % 1 * 1e6)
+        buffer.index, buffer.sequence = filled.index, filled.sequence
+        buffer.flags, buffer.bytesused = filled.flags, filled.size
+        seconds, part = divmod(filled.stamp, 1)
+        stamp = buffer.timestamp
+        stamp.seconds, stamp.microseconds = int(seconds), int(part * 1e6)
 
     def _streamon(self, fd: int, _: object) -> None:
-        self._streaming, self._exposed, self.counter = fd, self._time, self.counter
+        self._streaming, self._exposed = fd, self._time
         self._filled.clear()
 
     def _streamoff(self, fd: int, _: object) -> None:
