@@ -15,13 +15,22 @@ def until_still(bench, limit: float = 5.0) -> HandState:
     pytest.fail(f"the hand still moves after {limit} s")
 
 
+def _arrive(bench) -> None:
+    while bench.arm.state().moving:
+        bench.clock.wait_until(bench.clock.now() + 0.01)
+
+
+def _grasped(bench) -> HandState:
+    bench.hand.grasp()
+    return until_still(bench)
+
+
 @pytest.fixture
 def at_edge(bench):
     """The bench with its open hand about the strip's edge."""
     bench.arm.connect()
     bench.arm.move_to(bench.edge)
-    while bench.arm.state().moving:
-        bench.clock.wait_until(bench.clock.now() + 0.01)
+    _arrive(bench)
     return bench
 
 
@@ -51,8 +60,7 @@ def test_grasp_of_an_edge_between_the_fingers_holds(at_edge) -> None:
 
 
 def test_grasp_in_the_air_does_not_hold(bench) -> None:
-    bench.hand.grasp()
-    state = until_still(bench)
+    state = _grasped(bench)
     assert not state.grasped
     assert state.width < 1e-3
 
@@ -60,25 +68,20 @@ def test_grasp_in_the_air_does_not_hold(bench) -> None:
 def test_grasp_beside_the_edge_does_not_hold(bench) -> None:
     bench.arm.connect()
     bench.arm.move_to(Pose(bench.edge.x + 0.015, bench.edge.z, bench.edge.pitch))
-    while bench.arm.state().moving:
-        bench.clock.wait_until(bench.clock.now() + 0.01)
-    bench.hand.grasp()
-    assert not until_still(bench).grasped
+    _arrive(bench)
+    assert not _grasped(bench).grasped
 
 
 def test_second_grasp_keeps_what_is_held(at_edge) -> None:
-    at_edge.hand.grasp()
-    held = until_still(at_edge)
-    at_edge.hand.grasp()
-    again = until_still(at_edge)
+    held = _grasped(at_edge)
+    again = _grasped(at_edge)
     assert again.grasped
     assert again.width == pytest.approx(held.width, abs=1e-4)
 
 
 def test_opening_lets_go(at_edge) -> None:
     width = at_edge.hand.state().width
-    at_edge.hand.grasp()
-    until_still(at_edge)
+    _grasped(at_edge)
     at_edge.hand.open()
     state = until_still(at_edge)
     assert not state.grasped
@@ -98,7 +101,6 @@ def test_stop_holds_the_fingers_where_they_are(at_edge) -> None:
 
 
 def test_stop_keeps_hold_of_a_strip(at_edge) -> None:
-    at_edge.hand.grasp()
-    until_still(at_edge)
+    _grasped(at_edge)
     at_edge.hand.stop()
     assert until_still(at_edge).grasped

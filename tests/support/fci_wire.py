@@ -90,6 +90,8 @@ def move_request(generator: int, controller: int = 0) -> bytes:
 class RawArm:
     """Client with one TCP connection and one UDP socket to the robot."""
 
+    PORT, HEADER, CONNECTED = 1337, "<III", "<BH"
+
     address: str
     version: int = 10
     tcp: socket.socket = field(init=False)
@@ -102,11 +104,11 @@ class RawArm:
         self.udp.bind(("127.0.0.1", 0))
         self.udp.settimeout(SILENCE)
         self.server: tuple[str, int] | None = None
-        self.tcp = socket.create_connection((self.address, 1337), SILENCE)
+        self.tcp = socket.create_connection((self.address, self.PORT), SILENCE)
         port = self.udp.getsockname()[1]
         self.request(0, struct.pack("<HH", self.version, port))
         try:
-            self.connected = struct.unpack("<BH", self.reply()[2])
+            self.connected = struct.unpack(self.CONNECTED, self.reply()[2])
         except ConnectionResetError:
             self.close()
             raise
@@ -124,15 +126,15 @@ class RawArm:
     def request(self, number: int, payload: bytes = b"") -> int:
         """Send a request; returns its identifier."""
         self._ids += 1
-        self.tcp.sendall(
-            struct.pack("<III", number, self._ids, 12 + len(payload)) + payload
-        )
+        size = struct.calcsize(self.HEADER) + len(payload)
+        self.tcp.sendall(struct.pack(self.HEADER, number, self._ids, size) + payload)
         return self._ids
 
     def reply(self) -> tuple[int, int, bytes]:
         """Command, identifier and content of the next reply."""
-        number, command_id, size = struct.unpack("<III", self._exactly(12))
-        return number, command_id, self._exactly(size - 12)
+        begin = struct.calcsize(self.HEADER)
+        number, command_id, size = struct.unpack(self.HEADER, self._exactly(begin))
+        return number, command_id, self._exactly(size - begin)
 
     def ask(self, number: int, payload: bytes = b"") -> int:
         """Status in the reply to a request."""
