@@ -222,3 +222,7 @@ GOOD = Snapshot(
 
 def showing(**changes) -> Snapshot:
     return replace(GOOD, view=replace(GOOD.view, **changes))
+
+
+def of_arm(**changes) -> Snapshot:
+    return replace(GOOD, arm=replace(ARM, **changes))

@@ -12,7 +12,7 @@ from cell.orchestrator.states import State
 from drivers.base.errors import Fault
 from drivers.base.installation import AxisLimits, MotionLimits, Workspace
 from drivers.base.types import Pose, Velocity
-from tests.support.plain_cell import ARM, FRAME, GOOD, HAND, POSE, showing
+from tests.support.plain_cell import ARM, FRAME, GOOD, HAND, POSE, of_arm, showing
 
 
 def turned(by: float) -> Pose:
@@ -22,18 +22,14 @@ def turned(by: float) -> Pose:
 LIMITS = MonitorLimits()
 RULES = Rules(LIMITS, Workspace())
 BROKEN = {
-    "arm_pose_not_finite": replace(
-        GOOD, arm=replace(ARM, pose=Pose(math.nan, 0.2, 0.0))
-    ),
-    "arm_state_stale": replace(GOOD, arm=replace(ARM, stamp=9.9)),
+    "arm_pose_not_finite": of_arm(pose=Pose(math.nan, 0.2, 0.0)),
+    "arm_state_stale": of_arm(stamp=9.9),
     "hand_state_stale": replace(GOOD, hand=replace(HAND, stamp=9.4)),
-    "setpoint_expired": replace(GOOD, arm=replace(ARM, expired=True)),
-    "overspeed": replace(GOOD, arm=replace(ARM, velocity=Velocity(0.6, 0.0, 0.0))),
-    "tracking_error": replace(GOOD, arm=replace(ARM, commanded=Pose(0.43, 0.2, 1.5))),
-    "workspace": replace(
-        GOOD, arm=replace(ARM, pose=Pose(0.4, -0.02, 1.5), commanded=POSE)
-    ),
-    "force": replace(GOOD, arm=replace(ARM, force=(30.0, 1.0))),
+    "setpoint_expired": of_arm(expired=True),
+    "overspeed": of_arm(velocity=Velocity(0.6, 0.0, 0.0)),
+    "tracking_error": of_arm(commanded=Pose(0.43, 0.2, 1.5)),
+    "workspace": of_arm(pose=Pose(0.4, -0.02, 1.5), commanded=POSE),
+    "force": of_arm(force=(30.0, 1.0)),
     "grip_lost": replace(GOOD, hand=replace(HAND, grasped=False)),
     "image_stale": showing(frame=replace(FRAME, stamp=9.5), stale_since=9.8),
     "image_frozen": showing(identical=LIMITS.identical_images),
@@ -109,13 +105,7 @@ def test_arm_may_overshoot_its_workspace_by_the_border_alone(
             ),
             1.5,
         )
-        assert (check(replace(GOOD, arm=replace(ARM, pose=pose)), RULES) is None) == (
-            share < 1.0
-        )
-
-
-def of_arm(**changes) -> Snapshot:
-    return replace(GOOD, arm=replace(ARM, **changes))
+        assert (check(of_arm(pose=pose), RULES) is None) == (share < 1.0)
 
 
 NOW, FASTEST = GOOD.time, LIMITS.speed * LIMITS.overspeed
@@ -176,31 +166,31 @@ def test_monitor_stops_before_the_command(name: str) -> None:
     ("snapshot", "name"),
     [
         (
-            replace(GOOD, arm=replace(ARM, commanded=Pose(0.4, 0.24, 1.5))),
+            of_arm(commanded=Pose(0.4, 0.24, 1.5)),
             "tracking_error",
         ),
-        (replace(GOOD, arm=replace(ARM, force=(0.0, -30.0))), "force"),
+        (of_arm(force=(0.0, -30.0)), "force"),
         (
-            replace(GOOD, arm=replace(ARM, velocity=Velocity(0.0, -0.6, 0.0))),
+            of_arm(velocity=Velocity(0.0, -0.6, 0.0)),
             "overspeed",
         ),
         (
-            replace(GOOD, arm=replace(ARM, velocity=Velocity(0.0, 0.0, -3.3))),
+            of_arm(velocity=Velocity(0.0, 0.0, -3.3)),
             "overspeed",
         ),
         (
-            replace(GOOD, arm=replace(ARM, velocity=Velocity(0.0, 0.0, math.nan))),
+            of_arm(velocity=Velocity(0.0, 0.0, math.nan)),
             "overspeed",
         ),
-        (replace(GOOD, arm=replace(ARM, commanded=turned(0.2))), "tracking_error"),
-        (replace(GOOD, arm=replace(ARM, commanded=turned(-0.2))), "tracking_error"),
+        (of_arm(commanded=turned(0.2)), "tracking_error"),
+        (of_arm(commanded=turned(-0.2)), "tracking_error"),
         *(
-            (replace(GOOD, arm=replace(ARM, pose=pose, commanded=pose)), "workspace")
+            (of_arm(pose=pose, commanded=pose), "workspace")
             for pose in (Pose(-0.2, 0.2, 1.5), Pose(0.9, 0.2, 1.5), Pose(0.4, 0.6, 1.5))
         ),
         # of the future
         (replace(GOOD, hand=replace(HAND, stamp=11.0)), "hand_state_stale"),
-        (replace(GOOD, arm=replace(ARM, stamp=10.5)), "arm_state_stale"),
+        (of_arm(stamp=10.5), "arm_state_stale"),
         (showing(frame=replace(FRAME, stamp=40.0)), "image_stale"),
     ],
 )
@@ -212,12 +202,12 @@ def test_monitors_watch_every_direction(snapshot: Snapshot, name: str) -> None:
 
 def test_pitch_has_a_limit_of_the_arm_s_motion_however_slow_that_is() -> None:
     assert RULES.tracking_turn == pytest.approx(0.015 * 2.6 / 0.2)
-    check_all(replace(GOOD, arm=replace(ARM, commanded=turned(0.19))), Hold(), RULES)
+    check_all(of_arm(commanded=turned(0.19)), Hold(), RULES)
     slow = AxisLimits(velocity=0.001, acceleration=1.0, jerk=10.0)
     creeping = replace(RULES, motion=MotionLimits(x=slow, z=slow))
     assert creeping.tracking_turn == pytest.approx(0.015 * math.pi / 2 / 0.1)
     lazy = replace(RULES, motion=MotionLimits(pitch=slow))
-    turning = replace(GOOD, arm=replace(ARM, velocity=Velocity(0.0, 0.0, 0.01)))
+    turning = of_arm(velocity=Velocity(0.0, 0.0, 0.01))
     check_all(turning, Hold(), RULES)
     with pytest.raises(Fault, match="turns at"):
         check_all(turning, Hold(), lazy)

@@ -13,7 +13,7 @@ from cell.orchestrator.snapshot import CloseHand, Drive, Hold, MoveTo
 from cell.orchestrator.states import Event, State
 from cell.orchestrator.steps import move
 from drivers.base.types import ZERO_VELOCITY, Frame, Pose, Velocity
-from tests.support.plain_cell import FRAME, GOOD, Bench, phases, plain_bench
+from tests.support.plain_cell import FRAME, Bench, phases, plain_bench, showing
 
 LIMITS = MonitorLimits()
 BEGIN, DRIVEN = 0.5, 1.8  # s, from when on images are lost: in a move, in a drive
@@ -24,9 +24,7 @@ BRAKES = 0.1  # s in which an arm at 0.11 m/s rests
 
 
 def aged(age: float, state: State = State.FOLD):
-    return replace(
-        GOOD, state=state, view=replace(GOOD.view, frame=replace(FRAME, stamp=10 - age))
-    )
+    return replace(showing(frame=replace(FRAME, stamp=10 - age)), state=state)
 
 
 def test_usual_images_change_no_command() -> None:
@@ -143,7 +141,7 @@ class Watch:
 
 
 def test_arm_waits_at_the_first_image_that_repeats_the_one_before() -> None:
-    repeated = replace(GOOD, view=replace(GOOD.view, identical=2))
+    repeated = showing(identical=2)
     assert slow_for_images(Drive(FAST), repeated, LIMITS) == STANDS
     assert slow_for_images(MoveTo(PLACE), repeated, LIMITS) == Hold()
     assert slow_for_images(CloseHand(), repeated, LIMITS) == CloseHand()
@@ -151,8 +149,7 @@ def test_arm_waits_at_the_first_image_that_repeats_the_one_before() -> None:
 
 @pytest.mark.parametrize("doubt", [{"doubtful_since": 9.99}, {"moved": 1}])
 def test_image_that_cannot_be_read_does_not_hold_the_arm(doubt) -> None:
-    doubted = replace(GOOD, view=replace(GOOD.view, **doubt))
-    assert slow_for_images(Drive(FAST), doubted, LIMITS) == Drive(FAST)
+    assert slow_for_images(Drive(FAST), showing(**doubt), LIMITS) == Drive(FAST)
 
 
 def show(bench: Bench, content: Callable[[int], int]) -> None:
