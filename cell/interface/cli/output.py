@@ -112,7 +112,7 @@ def say(facts: Mapping[str, Any], text: str, *, as_json: bool) -> None:
     if as_json:
         print_json(facts)
     else:
-        print(f"{text}")
+        print(text)
 
 
 def notice(text: str) -> None:

@@ -166,7 +166,7 @@ def new(given: NewStripOptions) -> None:
     values = {key: getattr(given, key) for key in ("length", "width", *SOURCED)}
     new_strip(path, values, given.colour, given.source or [])
     assumed = [key for key, value in values.items() if value is None]
-    print(f"{path}")
+    print(path)
     if assumed:
         print(f"  assumed, not measured: {', '.join(assumed)}")
 
