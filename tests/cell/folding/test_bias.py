@@ -9,6 +9,11 @@ from cell.folding.experience import Experience
 REPEAT = 2e-4  # m, scatter of one specimen's folds
 
 
+def noise_of(folds: int, seed: int) -> np.ndarray:
+    """Scatter (n,) [m] of as many `folds` of one specimen."""
+    return REPEAT * np.random.default_rng(seed).standard_normal(folds)
+
+
 def folded(
     number: int, error: float, specimen: str = "a", strip: str = "denim"
 ) -> Experience:
@@ -33,7 +38,7 @@ def test_a_cell_without_folds_has_no_bias() -> None:
 def test_after_four_folds_of_a_specimen_its_bias_is_known_within_half_a_millimetre(
     error: float, seed: int
 ) -> None:
-    noise = REPEAT * np.random.default_rng(seed).standard_normal(4)
+    noise = noise_of(4, seed)
     found = bias(series(error + noise), "denim", "a")
     assert abs(found.seen - error) < 5e-4
     assert found.since is None
@@ -50,7 +55,7 @@ def test_one_fold_teaches_another_specimen_less_than_its_own() -> None:
 @pytest.mark.parametrize("moved", [-0.003, -0.0015, 0.0015, 0.003])
 @pytest.mark.parametrize("seed", range(5))
 def test_a_change_is_noticed_within_two_folds(moved: float, seed: int) -> None:
-    noise = REPEAT * np.random.default_rng(seed).standard_normal(7)
+    noise = noise_of(7, seed)
     errors = np.array([0.001] * 5 + [0.001 + moved] * 2) + noise
     found = bias(series(errors), "denim", "a")
     assert found.since in {"run-5", "run-6"}
@@ -60,7 +65,7 @@ def test_a_change_is_noticed_within_two_folds(moved: float, seed: int) -> None:
 @pytest.mark.parametrize("wild", [-0.004, -0.002, 0.002, 0.004])
 @pytest.mark.parametrize("after", [1, 2, 5])
 def test_a_wild_fold_teaches_nothing_and_is_no_change(wild: float, after: int) -> None:
-    noise = REPEAT * np.random.default_rng(after).standard_normal(after + 3)
+    noise = noise_of(after + 3, after)
     errors = noise.copy()
     errors[after] += wild
     for known in (after + 1, after + 2, after + 3):
@@ -72,7 +77,7 @@ def test_a_wild_fold_teaches_nothing_and_is_no_change(wild: float, after: int) -
 def test_a_steady_cell_hardly_ever_seems_to_change() -> None:
     noticed = 0
     for seed in range(100):
-        noise = REPEAT * np.random.default_rng(seed).standard_normal(20)
+        noise = noise_of(20, seed)
         noticed += bias(series(noise), "denim", "a").since is not None
     assert noticed <= 2
 

@@ -31,6 +31,16 @@ NUMBER = Estimate(0.02, 0.019, 0.021)
 PREDICTED = FoldPrediction(-0.001, 0.0005, NUMBER, NUMBER, NUMBER, blind=False)
 
 
+@pytest.fixture
+def memory(tmp_path: Path) -> Memory:
+    return Memory("cell", tmp_path)
+
+
+def folded(run: str, **facts: float) -> Experience:
+    """What a fold in `run` taught."""
+    return Experience(run, "adaptive", "denim", "a", "camera", **facts)
+
+
 def outcome(
     displacement: float, predicted: FoldPrediction | None = PREDICTED
 ) -> Outcome:
@@ -40,10 +50,9 @@ def outcome(
 
 
 def test_experiences_come_back_in_order_and_a_torn_line_is_skipped(
-    tmp_path: Path,
+    memory: Memory,
 ) -> None:
-    memory = Memory("cell", tmp_path)
-    first = Experience("r0", "adaptive", "denim", "a", "camera", displacement=0.001)
+    first = folded("r0", displacement=0.001)
     second = replace(first, run="r1", kind="ruler", displacement=0.0, rig=0.002)
     memory.add(first)
     with memory.path.open("ab") as file:
@@ -53,10 +62,9 @@ def test_experiences_come_back_in_order_and_a_torn_line_is_skipped(
 
 
 def test_what_cannot_be_set_aside_or_taken_out_is_not_forgotten(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    memory: Memory, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    memory = Memory("cell", tmp_path)
-    memory.add(Experience("r0", "adaptive", "denim", "a", "camera"))
+    memory.add(folded("r0"))
     before = memory.path.read_bytes()
     written: list[Path] = []
 
@@ -79,10 +87,9 @@ def test_what_cannot_be_set_aside_or_taken_out_is_not_forgotten(
 
 
 def test_the_newest_experiences_are_in_use_and_all_bound_the_corrections(
-    tmp_path: Path,
+    memory: Memory,
 ) -> None:
-    memory = Memory("cell", tmp_path)
-    first = Experience("r", "adaptive", "denim", "a", "camera", aim=-0.004, place=0.003)
+    first = folded("r", aim=-0.004, place=0.003)
     memory.add(first)
     for number in range(NEWEST):
         memory.add(replace(first, run=f"r{number}", aim=0.001, place=-0.001))
@@ -93,12 +100,12 @@ def test_the_newest_experiences_are_in_use_and_all_bound_the_corrections(
 
 
 def test_forgetting_sets_aside_and_overwrites_nothing_that_was_set_aside(
-    tmp_path: Path,
+    memory: Memory,
 ) -> None:
-    memory, kept = Memory("cell", tmp_path), {}
+    kept: dict[Path, bytes] = {}
     assert memory.forget() is None
     for number in range(3):
-        memory.add(Experience(f"r{number}", "adaptive", "denim", "a", "camera"))
+        memory.add(folded(f"r{number}"))
         content, aside = memory.path.read_bytes(), memory.forget()
         assert aside is not None
         assert memory.experiences() == ()
@@ -110,11 +117,10 @@ def test_forgetting_sets_aside_and_overwrites_nothing_that_was_set_aside(
     assert {path: path.read_bytes() for path in kept} == kept
 
 
-def test_one_run_is_forgotten_and_all_others_are_kept(tmp_path: Path) -> None:
-    memory = Memory("cell", tmp_path)
-    kept, gone = (
-        Experience(name, "adaptive", "denim", "a", "camera") for name in ("r0", "r1")
-    )
+def test_one_run_is_forgotten_and_all_others_are_kept(
+    memory: Memory, tmp_path: Path
+) -> None:
+    kept, gone = folded("r0"), folded("r1")
     for one in (kept, gone, replace(gone, kind="ruler", rig=0.001)):
         memory.add(one)
     aside = memory.forget(tmp_path / "r1")
@@ -123,27 +129,24 @@ def test_one_run_is_forgotten_and_all_others_are_kept(tmp_path: Path) -> None:
     assert memory.forget(tmp_path / "r1") is None
 
 
-def test_switched_off_stays_off_until_switched_on(tmp_path: Path) -> None:
-    memory = Memory("cell", tmp_path)
+def test_switched_off_stays_off_until_switched_on(memory: Memory) -> None:
     memory.switch(on=False)
-    assert Memory("cell", tmp_path).is_off
+    assert Memory("cell", memory.path.parent).is_off
     memory.switch(on=True)
-    assert not Memory("cell", tmp_path).is_off
+    assert not Memory("cell", memory.path.parent).is_off
 
 
 @pytest.mark.parametrize(
     "line", ['{"run": 1}', '{"run": "r", "displacement": 1e9}', "[]", "x"]
 )
-def test_a_line_that_holds_no_experience_is_skipped(tmp_path: Path, line: str) -> None:
-    memory = Memory("cell", tmp_path)
+def test_a_line_that_holds_no_experience_is_skipped(memory: Memory, line: str) -> None:
     memory.path.write_text(line + "\n")
     assert memory.experiences() == ()
 
 
 def test_the_second_fold_aims_at_the_opposite_of_the_first_ones_bias(
-    tmp_path: Path,
+    memory: Memory,
 ) -> None:
-    memory = Memory("cell", tmp_path)
     first = experience_of("r0", SUBJECT, outcome(0.002), Correction())
     assert first.displacement == pytest.approx(0.003)  # measured +2 mm, predicted -1 mm
     memory.add(first)
@@ -152,20 +155,15 @@ def test_the_second_fold_aims_at_the_opposite_of_the_first_ones_bias(
     assert str(found.sentence()).startswith("aimed -2.9 mm")
 
 
-def test_a_correction_is_never_larger_than_the_limit(tmp_path: Path) -> None:
-    memory = Memory("cell", tmp_path)
+def test_a_correction_is_never_larger_than_the_limit(memory: Memory) -> None:
     for number in range(5):
-        memory.add(
-            Experience(f"r{number}", SUBJECT.policy, "denim", "a", "camera", 0.03)
-        )
+        one = folded(f"r{number}", displacement=0.03)
+        memory.add(replace(one, policy=SUBJECT.policy))
     assert learned_correction(memory, SUBJECT).seen == pytest.approx(0.008)
 
 
-def test_experiences_of_other_weights_teach_nothing(tmp_path: Path) -> None:
-    memory = Memory("cell", tmp_path)
-    memory.add(
-        Experience("r0", "adaptive@2", "denim", "a", "camera", displacement=0.003)
-    )
+def test_experiences_of_other_weights_teach_nothing(memory: Memory) -> None:
+    memory.add(replace(folded("r0", displacement=0.003), policy="adaptive@2"))
     assert learned_correction(memory, SUBJECT).seen == 0.0
 
 
