@@ -1,4 +1,5 @@
 import json
+import shutil
 import signal
 import subprocess
 import sys
@@ -55,10 +56,7 @@ def test_any_cut_of_the_streams_can_still_be_read(killed, tmp_path):
     for name in ("ticks.arrows", "sights.arrows"):
         content = (killed / name).read_bytes()
         for size in (0, 1, 60, 700, len(content) // 3, len(content) - 9):
-            folder = tmp_path / f"{name}-{size}"
-            folder.mkdir()
-            for file in ("run.yaml", "events.jsonl", "ticks.arrows", "sights.arrows"):
-                (folder / file).write_bytes((killed / file).read_bytes())
+            folder = shutil.copytree(killed, tmp_path / f"{name}-{size}")
             (folder / name).write_bytes(content[:size])
             run = read_run(folder)
             assert run.died
@@ -197,13 +195,7 @@ def test_image_that_cannot_be_written_is_a_fault_once_and_never_blocks(
 def test_every_image_is_kept_bit_for_bit_when_asked(tmp_path):
     rng = np.random.default_rng(3)
     frames = [
-        Frame(
-            0.1 * k,
-            0.1 * k + 0.02,
-            "made",
-            k,
-            rng.integers(0, 256, (36, 64, 3), np.uint8),
-        )
+        replace(small_frame(k), image=rng.integers(0, 256, (36, 64, 3), np.uint8))
         for k in range(40)
     ]
     writer = RunWriter(tmp_path, HEADER, "all", patient=True)

@@ -24,19 +24,16 @@ pytestmark = pytest.mark.slow
 TINY = TrainingSettings(generations=3, population=14, strips=1, segments=20, substeps=1)
 
 
+ON_LOOPBACK = {"threads_per_worker": 1, "dashboard_address": "127.0.0.1:0"}
+
+
 @pytest.fixture(scope="module")
 def local() -> Iterator[Any]:
     """Two worker processes on loopback, each started again when it dies."""
     distributed = library()
     with (
         event_loop() as loop,
-        distributed.LocalCluster(
-            n_workers=2,
-            threads_per_worker=1,
-            processes=True,
-            dashboard_address="127.0.0.1:0",
-            loop=loop,
-        ) as started,
+        distributed.LocalCluster(n_workers=2, loop=loop, **ON_LOOPBACK) as started,
     ):
         yield started
 
@@ -149,12 +146,10 @@ def test_cluster_with_tls_serves_who_has_the_certificate_alone(
         event_loop() as loop,
         library().LocalCluster(
             n_workers=1,
-            threads_per_worker=1,
-            processes=True,
-            dashboard_address="127.0.0.1:0",
             protocol="tls://",
             security=security,
             loop=loop,
+            **ON_LOOPBACK,
         ) as started,
     ):
         address = started.scheduler_address

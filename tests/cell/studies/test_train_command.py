@@ -17,15 +17,15 @@ from drivers.base.errors import WorkersLost
 from policies.registry import make_policy
 from tests.support.commands import refused, run
 
-TINY = ["--generations", "6", "--population", "4", "--strips", "1", "--grid", "2"]
+TINY = "--generations 6 --population 4 --strips 1 --grid 2"
 
 
 def killed_after(folder: Path, generation: int) -> None:
     """A training in a process of its own, killed as soon as it tells of
     `generation`.
     """
-    command = f"-m cell train --out {folder} --jobs 1".split()
-    words = [sys.executable, *command, *TINY]
+    command = f"-m cell train --out {folder} --jobs 1 {TINY}"
+    words = [sys.executable, *command.split()]
     with subprocess.Popen(words, stderr=subprocess.PIPE, text=True) as training:
         for line in training.stderr:
             if line.startswith(f"generation {generation} of 6"):
@@ -40,11 +40,11 @@ def test_run_killed_twice_ends_with_the_weights_of_one_left_alone(
     monkeypatch, capsys, tmp_path: Path
 ) -> None:
     alone, killed = tmp_path / "alone", tmp_path / "killed"
-    assert run(monkeypatch, "train --out", alone, "--jobs 1 --json", *TINY) == 0
+    assert run(monkeypatch, "train --out", alone, "--jobs 1 --json", TINY) == 0
     line = json.loads(capsys.readouterr().out)
     killed_after(killed, 2)
     killed_after(killed, 4)
-    assert run(monkeypatch, "train --out", killed, "--jobs 2", *TINY) == 0
+    assert run(monkeypatch, "train --out", killed, "--jobs 2", TINY) == 0
     told = capsys.readouterr()
     assert "resumed after 4 of 6" in told.err or "resumed after 5 of 6" in told.err
     assert "chain (the plant)" in told.out
@@ -89,7 +89,7 @@ def test_second_training_in_the_same_folder_is_refused(
     place = os.open(tmp_path, os.O_RDONLY)
     try:
         fcntl.flock(place, fcntl.LOCK_EX)
-        said = refused(monkeypatch, capsys, "train --out", tmp_path, *TINY)
+        said = refused(monkeypatch, capsys, "train --out", tmp_path, TINY)
     finally:
         os.close(place)
     assert "another command has been changing files here" in said
