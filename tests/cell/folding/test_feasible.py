@@ -23,7 +23,7 @@ from drivers.base.errors import PreflightRefused
 from drivers.base.installation import AxisLimits, MotionLimits, Mounting
 from drivers.base.types import Array
 from drivers.franka import checks
-from drivers.franka.limits import FR3
+from drivers.franka.limits import FR3, PUBLISHED
 from drivers.franka.model import arm_urdf
 from tests.support.commands import invoke, run
 from tests.support.requests import CELL, DENIM, request_for
@@ -182,6 +182,18 @@ def test_joint_described_narrower_than_a_fold_needs_is_named_with_its_value(
     assert re.search(
         rf"joint {joint} (comes within|would turn at) -?\d\.\d\d rad", said
     )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("model", PUBLISHED)
+@pytest.mark.parametrize("name", NAMES)
+def test_each_published_arm_takes_each_strip_in_a_dry_run(
+    seen_by, tmp_path, model: str, name: str
+) -> None:
+    asked = request_for(name, "planned", tmp_path, cell=robot(model=model))
+    made = assess(asked, seen_by)
+    assert made.problems == ()
+    assert made.reach.limits is PUBLISHED[model]
 
 
 def test_what_no_file_states_of_a_strip_is_uncertain_by_a_tenth_and_a_half() -> None:

@@ -19,6 +19,7 @@ from drivers.franka.shapes import (
     CLAMP,
     DESK_START,
     FINGER_WIDTH,
+    MARK,
     NOTCH_LENGTH,
     NOTCH_WIDTH,
     PALM,
@@ -73,7 +74,7 @@ def draw_section(axes: Axes, moment: Moment, title: str, end: float) -> None:
         axes.fill(*(1e3 * side_view(part, pose)[0].T), fc="#c9ccd1", ec="#44484f")
     length = float(moment.midline[:, 0].max()) if end else 0.6
     for box in boxes(end or length):
-        if "beside" in box.name or box.name == "floor":
+        if "beside" in box.name or box.name in ("floor", MARK.name):
             continue
         (x0, _, z0), (x1, _, z1) = 1e3 * np.array(box.low), 1e3 * np.array(box.high)
         style = {"ls": ":"} if "notch" in box.name else {"hatch": "//"}
