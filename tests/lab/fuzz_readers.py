@@ -49,6 +49,7 @@ LONGEST = 2.0  # s of processor time for one input
 PATIENCE = 120.0  # s in which a reader must be done, whatever else the machine does
 PAGE = 0.8  # s for a whole folder's page where LONGEST holds; a slower machine has more
 MEMORY = 1000  # MB at most
+DRAWN = 4  # one folder in so many is drawn as a page and a recording
 Reader = Callable[[Path], object]
 
 
@@ -189,7 +190,7 @@ def longest_here(whole: Path) -> float:
     return LONGEST * max(1.0, (time.process_time() - begun) / PAGE)
 
 
-def fuzz_folders(count: int, start: int, root: Path, pages: int = 4) -> Counter[str]:
+def fuzz_folders(count: int, start: int, root: Path) -> Counter[str]:
     """Counts of reads and refusals of `count` malformed run folders; some are also
     drawn.
     """
@@ -209,7 +210,7 @@ def fuzz_folders(count: int, start: int, root: Path, pages: int = 4) -> Counter[
         folder = copied(
             whole, root / "runs" / "20261121T000000Z-denim-fold-0000", *changes
         )
-        drawn = took["folders"] % pages == 0
+        drawn = took["folders"] % DRAWN == 0
         try:
             took.update(read_everything(folder, usual, pages=drawn))
         except TooLong:

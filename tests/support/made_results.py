@@ -50,10 +50,8 @@ USUAL = {"triangular": -0.040, "circular": 0.060, "shifted": 0.005, "planned": -
 USUAL |= {"feedback": 0.004}
 
 
-def asked(
-    *policies: str, strips: tuple[str, ...] = (), quick: bool = True
-) -> BenchmarkSpec:
-    return BenchmarkSpec.build(CONFIGS, policies, strips, None, 0, quick=quick)
+def asked(*policies: str, strips: tuple[str, ...] = ()) -> BenchmarkSpec:
+    return BenchmarkSpec.build(CONFIGS, policies, strips, None, 0, quick=True)
 
 
 def image_fold(policy: str, strip: str, d: float | None, seed: int = 0) -> ImageFold:

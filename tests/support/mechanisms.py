@@ -128,7 +128,7 @@ def left(subject: MechanismSubject, **effects: Any) -> float:
     return float(np.sqrt(np.mean(np.concatenate(found) ** 2)))
 
 
-def moved(model: Any, rate: float, span: float, every: int = 10) -> dict[str, Array]:
+def moved(model: Any, rate: float, span: float) -> dict[str, Array]:
     """Columns (m,) of a motion under commands that go there and back, faster by
     `rate`.
     """
@@ -140,7 +140,7 @@ def moved(model: Any, rate: float, span: float, every: int = 10) -> dict[str, Ar
             0.8 * np.sin(2.0 * rate * held),
             0.9 * np.sin(3.1 * rate * held) + 0.3 * np.sin(0.7 * rate * held),
         )
-        if k % every == 0:
+        if k % 10 == 0:
             mujoco.mj_forward(model, data)
             # a command that steps is read as its mean
             force = data.actuator_force.copy()

@@ -8,7 +8,7 @@ from drivers.base.geometry import arc_lengths
 from drivers.base.types import Array, Pose
 from drivers.twin.world import Scene
 
-LENGTH = 0.6
+LENGTH, NODES = 0.6, 601
 KNOTS: dict[str, tuple[list[float], list[float]]] = {
     "flat": ([0.0, 0.6], [0.0, 0.0]),
     "lifted": ([0.0, 0.35, 0.6], [0.0, 0.0, 1.55]),
@@ -21,16 +21,16 @@ KNOTS: dict[str, tuple[list[float], list[float]]] = {
 }
 
 
-def midline(kind: str, nodes: int = 601) -> tuple[Array, Array]:
+def midline(kind: str) -> tuple[Array, Array]:
     """Nodes (n, 2) [m] and their arc lengths (n,) of a strip whose tangent angle is
     given.
     """
-    step = LENGTH / (nodes - 1)
-    s = (np.arange(nodes - 1) + 0.5) * step
+    step = LENGTH / (NODES - 1)
+    s = (np.arange(NODES - 1) + 0.5) * step
     angle = np.interp(s, *KNOTS[kind])
     steps = np.stack([np.cos(angle), np.sin(angle)], axis=-1) * step
     points = np.concatenate([[(0.0, 0.0)], np.cumsum(steps, axis=0)])
-    return points, np.arange(nodes) * step
+    return points, np.arange(NODES) * step
 
 
 def scene(

@@ -29,9 +29,9 @@ def paper_model(
     return describe(paper_strip(k, damping, effects=effects or {}))
 
 
-def paper_grid(effects: Effects | None = None) -> list[StripModel]:
+def paper_grid() -> list[StripModel]:
     """Models over the paper's range, 5 x 5 on a logarithmic grid."""
-    return [paper_model(k, b, effects) for k in STIFFNESS for b in DAMPING]
+    return [paper_model(k, b) for k in STIFFNESS for b in DAMPING]
 
 
 def steady(path: Path, dt: float, speed: float = 0.1) -> Array:

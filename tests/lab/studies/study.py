@@ -62,12 +62,7 @@ class Quantity:
     @property
     def title(self) -> str:
         """Head of the quantity's column."""
-        name = self.label or self.value.replace("_", " ")
-        if not self.label:
-            text = self.statistic.value[0]
-            name = (
-                text.replace("| |", f"|{name}|") if "| |" in text else f"{text} {name}"
-            )
+        name = self.label or f"{self.statistic.value[0]} {self.value}"
         return f"{name} [{self.unit}]" if self.unit else name
 
 

@@ -12,8 +12,6 @@ from tests.lab.exam import from_state, through_images
 from tests.lab.exam.from_state import LEVELS, RunScatter
 from tests.support.exam_cases import case
 
-LENGTH, MANY = 0.6, 40
-
 
 def test_a_sealed_run_by_hand_states_its_number_and_no_seed() -> None:
     header = {

@@ -104,7 +104,7 @@ class FoldCamera:
         fabric = StripLook.from_file(strip, look.pattern)
         self.renderer = Renderer(settings, fabric, seed, surround=look)
 
-    def flat(self, strip: StripFile, sequence: int = 0) -> Frame:
+    def flat(self, strip: StripFile) -> Frame:
         """Frame of the strip flat and still before the grasp, with the hand where it
         waits.
         """
@@ -112,9 +112,7 @@ class FoldCamera:
         points = np.column_stack([arc, np.zeros_like(arc)])
         away = Pose(strip.length + HAND_ASIDE, HAND_HEIGHT, 0.0)
         scene = Scene(0.0, points, arc, away, OPEN_WIDTH, holds_strip=False)
-        return Frame(
-            0.0, TRANSPORT, "test", sequence, self.renderer.render([scene], sequence)
-        )
+        return Frame(0.0, TRANSPORT, "test", 0, self.renderer.render([scene], 0))
 
     def frame(self, fold: TwinFold, sequence: int) -> Frame:
         """Frame number `sequence` of the fold."""
