@@ -287,27 +287,22 @@ class Investigation:
         """Fit base and accepted model to the runs `unseen`, with their shared
         parameters fixed.
         """
-
-        def refine_for(fit: Estimate) -> Evidence:
-            return refine(
-                self.subject, fit.model, Point(fit.shared, unseen.start()), unseen
-            )
-
-        base_evidence = refine_for(base.estimate)
-        if not accepted.effects:
-            before = after = held_out_gap.fit_held_out(
-                self.simulate, base.estimate, base_evidence
-            )
-        else:
-            accepted_evidence = refine_for(accepted.estimate)
-            # both gaps in the same units, with the floors of either simulation
-            scales = [*map(np.maximum, base_evidence.scales, accepted_evidence.scales)]
-            before, after = (
-                held_out_gap.fit_held_out(
-                    self.simulate, fit.estimate, replace(runs, scales=scales)
-                )
-                for fit, runs in ((base, base_evidence), (accepted, accepted_evidence))
-            )
+        fits = (
+            [base.estimate, accepted.estimate] if accepted.effects else [base.estimate]
+        )
+        start = unseen.start()
+        refined = [
+            refine(self.subject, fit.model, Point(fit.shared, start), unseen)
+            for fit in fits
+        ]
+        # both gaps in the same units, with the floors of either simulation
+        floors = zip(*(runs.scales for runs in refined), strict=True)
+        scales = [np.max(each, axis=0) for each in floors]
+        before, *others = (
+            held_out_gap.fit_held_out(self.simulate, fit, replace(runs, scales=scales))
+            for fit, runs in zip(fits, refined, strict=True)
+        )
+        after = others[0] if others else before
         return HeldOutFits(before, after, held_out_gap.shrink(before, after, self.rng))
 
     def advise(

@@ -50,12 +50,11 @@ def advise(
     other = yield requests(model, planned.runs, Point(shared, planned.start()))
     information = _information(first)
     rated = []
-    for i, experiment in enumerate(experiments):
-        difference = np.nan_to_num((other[i].mean - raw[i].mean) / planned.scales[i])
-        own = np.diag([p.spread**-2 for p in planned.runs[i].local])
-        square = _unabsorbed_square(
-            difference, jacobians[i], block_diag(information, own)
-        )
+    rows = zip(experiments, other, raw, planned.scales, jacobians, strict=True)
+    for experiment, theirs, ours, scale, jacobian in rows:
+        difference = np.nan_to_num((theirs.mean - ours.mean) / scale)
+        own = np.diag([p.spread**-2 for p in experiment.run.local])
+        square = _unabsorbed_square(difference, jacobian, block_diag(information, own))
         sigma = np.sqrt(max(0.0, square) / likelihood.inefficiency) / likelihood.scale
         words = f"{experiment.name}: {experiment.instruction}"
         separates = (first.model.name, model.name)

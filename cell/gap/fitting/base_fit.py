@@ -29,7 +29,7 @@ def undetermined_values(estimate: Estimate) -> list[tuple[Parameter, float]]:
     deviations.
     """
     sigma = np.sqrt(np.diag(covariance(estimate.normal().curvature)))
-    pairs = zip(estimate.model.base, map(float, sigma), strict=False)
+    pairs = zip(estimate.model.base, sigma, strict=False)
     return [(p, s) for p, s in pairs if s > WEAK * p.spread]
 
 

@@ -130,15 +130,8 @@ def folds(runs: Sequence[Run], most: int = MOST_FOLDS) -> list[list[int]]:
     return [[i for i, c in enumerate(label) if c % count == f] for f in range(count)]
 
 
-@dataclass(frozen=True, slots=True)
-class _Prediction:
-    """Prediction of a left-out run: `residuals` (n,), `uncertain` (n, k), `penalty`
-    [nats].
-    """
-
-    residuals: Array
-    uncertain: Array
-    penalty: float
+Prediction = tuple[Array, Array, float]
+"""Of a run left out: residuals (n,), uncertain part (n, k) of them, penalty [nats]."""
 
 
 def validate(estimate: Estimate) -> Task[CrossValidatedFit]:
@@ -152,16 +145,12 @@ def validate(estimate: Estimate) -> Task[CrossValidatedFit]:
         for fold, part in zip(dealt, parts, strict=True)
         for i, run in zip(fold, part, strict=True)
     }
-    predictions = [by_run[i] for i in sorted(by_run)]
-    return CrossValidatedFit(
-        estimate=estimate,
-        left_out=[p.residuals for p in predictions],
-        uncertain=[p.uncertain for p in predictions],
-        charged=np.array([p.penalty for p in predictions]),
-    )
+    predictions = (by_run[i] for i in sorted(by_run))
+    left_out, uncertain, penalty = zip(*predictions, strict=True)
+    return CrossValidatedFit(estimate, left_out, uncertain, np.array(penalty))
 
 
-def _predict_fold(estimate: Estimate, fold: Sequence[int]) -> Task[list[_Prediction]]:
+def _predict_fold(estimate: Estimate, fold: Sequence[int]) -> Task[list[Prediction]]:
     """Predict the runs of `fold` by a fit to all other runs; yields simulation
     requests.
 
@@ -182,9 +171,7 @@ def _predict_fold(estimate: Estimate, fold: Sequence[int]) -> Task[list[_Predict
     penalty[0] += undetermined.sum()
     deviations = _deviations(estimate.on(keep), shared, undetermined)
     uncertain = [settled_response(estimate, i) @ deviations for i in fold]
-    return list(
-        map(_Prediction, residuals(raw, unseen), uncertain, map(float, penalty))
-    )
+    return [*zip(residuals(raw, unseen), uncertain, penalty, strict=True)]
 
 
 def on_runs(estimate: Estimate, keep: Sequence[int]) -> tuple[Array, Mask]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from operator import itemgetter
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -112,14 +113,15 @@ def heat_map(places: Sequence[Bin]) -> str:
     """Figure (SVG text) of |z| [sigma] by bin: channel, zone, phase in rows, by
     conditions.
     """
-    rows = sorted({(p.channel, p.zone, p.phase) for p in places})
-    columns = sorted({p.condition for p in places})
+    cells = {((p.channel, p.zone, p.phase), p.condition): p for p in places}
+    rows, columns = (sorted({*words}) for words in zip(*cells, strict=True))
     grid = np.full((len(rows), len(columns)), np.nan)
-    significant = np.zeros_like(grid, dtype=bool)
-    for p in places:
-        cell = rows.index((p.channel, p.zone, p.phase)), columns.index(p.condition)
-        grid[cell] = abs(p.z)
-        significant[cell] = p.p < 0.05
+    significant = []
+    for (row, column), place in cells.items():
+        i, j = rows.index(row), columns.index(column)
+        grid[i, j] = abs(place.z)
+        if place.p < 0.05:
+            significant.append((j, i))
     highest = max(9.0, np.nanmax(grid))
     scale = FuncNorm((np.log1p, np.expm1), 0.0, highest)
     with canvas(
@@ -138,8 +140,8 @@ def heat_map(places: Sequence[Bin]) -> str:
             ha="right",
             rotation_mode="anchor",
         )
-        for i, j in zip(*np.nonzero(significant), strict=True):
-            axis.plot(j, i, "o", ms=2.5, color=INK)
+        for at in sorted(significant, key=itemgetter(1, 0)):
+            axis.plot(*at, "o", ms=2.5, color=INK)
         ticks = [z for z in HEAT_TICKS if z <= highest]
         figure.colorbar(
             image, ax=axis, pad=0.01, ticks=ticks, label="sigma beyond noise"

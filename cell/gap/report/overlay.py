@@ -98,12 +98,13 @@ def _run_tab(run: Replay) -> Any:
 def _log_run(recording: rr.RecordingStream, run: Replay) -> None:
     """Log the signals, curve, tracks and events of a run, measured and simulated."""
     root = _root(run.name)
+    world = f"{root}/{scene.WORLD}"
     if run.measured.curve:
-        _log_surroundings(recording, f"{root}/{scene.WORLD}", run)
+        _log_surroundings(recording, world, run)
     for word, drawn in run.scenes.items():
         _log_signals(recording, root, word, drawn)
-        _log_curve(recording, f"{root}/{scene.WORLD}", word, drawn)
-        _log_tracks(recording, f"{root}/{scene.WORLD}", word, drawn)
+        _log_curve(recording, world, word, drawn)
+        _log_tracks(recording, world, word, drawn)
         for t, words in drawn.events:
             recording.set_time("t", duration=t)
             recording.log(f"{root}/events/{word}", rr.TextLog(f"{word}: {words}"))

@@ -172,16 +172,14 @@ def _candidates(findings: Findings) -> list[CandidateEntry]:
     """Candidate models by their gain, the best first: refitted ones, others as
     screened.
     """
-    fits, scope = findings.fits, findings.scope
+    fits = findings.fits
+    fitted = {m.name: m for m in fits.models if m.effects}
     raw = {
-        m.name: likelihood_ratio_p(m, fits.base, findings.likelihood)
-        for m in fits.models
-        if m.effects
+        name: likelihood_ratio_p(m, fits.base, findings.likelihood)
+        for name, m in fitted.items()
     }
-    p = raw | holm({c.name: raw.get(c.name, 1.0) for c in scope.candidates})
-    rows = [
-        _compare_with_base(findings, m, p[m.name]) for m in fits.models if m.effects
-    ]
+    p = raw | holm({c.name: raw.get(c.name, 1.0) for c in findings.scope.candidates})
+    rows = [_compare_with_base(findings, m, p[name]) for name, m in fitted.items()]
     scores = {score.names[0]: score for score in findings.screen.singles}
     rows += [
         _compare_by_screen(findings, each.candidate, scores.get(each.name))

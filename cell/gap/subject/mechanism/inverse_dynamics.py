@@ -28,12 +28,7 @@ from cell.gap.subject.mechanism.motion import (
     true_motion,
 )
 from cell.gap.subject.mechanism.recordings import Cut, Recording, Signal, average
-from cell.gap.subject.mechanism.subject import (
-    Case,
-    Content,
-    MechanismSubject,
-    content_of,
-)
+from cell.gap.subject.mechanism.subject import Case, Content, MechanismSubject
 from cell.gap.subject.subject import Finding, Run
 from drivers.base.errors import ConfigurationError
 from drivers.base.geometry import interpolate_columns
@@ -143,7 +138,7 @@ class InverseDynamics(MechanismSubject):
         torques.
         """
         run = super()._run(recording)
-        content, known = content_of(run), run.samples
+        content, known = run.content, run.samples
         error = self._encoder_error(content.motion, content.cut.t)
         _, squares = average(error, content.cut.edges)  # torques come first
         more = np.sqrt(np.concatenate([squares, np.zeros(len(known) - len(squares))]))
@@ -237,7 +232,7 @@ class InverseDynamics(MechanismSubject):
         """Torques of each signal along the motion of `run`, as measured and as
         stated.
         """
-        motion, case = content_of(run).motion, self._case(self.stated(run))
+        motion, case = run.content.motion, self._case(self.stated(run))
         known = motion.known
         measured, rows = (
             motion.below_cutoff(torques, motion.t)[:, known]

@@ -89,9 +89,7 @@ def accepted_xml(m: Mechanism, edited: Any) -> str:
 
 def _text(values: Sequence[float] | Array) -> str:
     """Text of numbers (k,) in full precision, separated by spaces."""
-    return " ".join(
-        repr(float(v)) for v in np.atleast_1d(np.asarray(values, dtype=np.float64))
-    )
+    return " ".join(map(repr, np.ravel(values).tolist()))
 
 
 def _changed(mechanism: Mechanism, edited: Any, i: int, *names: str) -> str:

@@ -216,7 +216,8 @@ class MechanismSubject(Subject):
     def _case(self, request: Request) -> Case:
         """Prediction that a request asks for, with its values in the model's units."""
         m = self.mechanism
-        content, count, n = content_of(request.run), len(m.base), len(m.joints)
+        content: Content = request.run.content
+        count, n = len(m.base), len(m.joints)
         owners = np.array([p.name.partition(".")[0] for p in self.scope.base])
         accepted = {name: request.base[owners == name] for name in m.file.effects}
         known = [
@@ -260,7 +261,7 @@ class MechanismSubject(Subject):
 
     def draw_measured(self, run: Run) -> Scene:
         """Drawing of the measured signals of `run`."""
-        cut = content_of(run).cut
+        cut = run.content.cut
         rows = zip(self.mechanism.signals, cut.values, strict=True)
         return Scene(tuple(TimeSeries(s.label, cut.t, row) for s, row in rows))
 
@@ -324,9 +325,3 @@ class MechanismSubject(Subject):
     def _stated_residuals(self) -> Array:
         """Mean residuals (samples,) of the first run by the stated model."""
         return self.simulate([self.stated(self.runs[0])])[0].mean
-
-
-def content_of(run: Run) -> Content:
-    """Content of a mechanism's `run`: its readings and the inputs of its prediction."""
-    content: Content = run.content
-    return content
