@@ -42,17 +42,16 @@ def test_a_reading_that_stands_still_while_its_command_moves_is_stuck() -> None:
     x = 0.5 * T
     x[100:150] = x[100]
     assert [c.what for c in values("x", T, x, 0.5 * T)] == ["stuck reading"]
-    assert not list(values("x", T, x, np.full_like(T, 0.2)))
-    assert not list(values("x", T, x))
+    assert not [*values("x", T, x, 0.0 * T), *values("x", T, x)]
 
 
 def test_a_reading_that_is_cut_off_is_said_and_one_that_rests_is_not() -> None:
     wave = np.sin(6.0 * T)
     assert [c.what for c in values("a", T, np.minimum(wave, 0.8))] == ["saturation"]
-    assert not list(values("a", T, wave))
-    assert not list(values("a", T, np.clip(T - 1.0, 0.0, 2.0)))
     rests = np.clip(wave, -0.8, 0.8)
-    assert not list(values("a", T, rests, rests))
+    ramp = np.clip(T - 1.0, 0.0, 2.0)
+    for args in ((wave,), (ramp,), (rests, rests)):
+        assert not [*values("a", T, *args)]
 
 
 def test_runs_of_the_cell_are_in_order(runs: Path) -> None:
@@ -95,10 +94,8 @@ def test_a_check_says_what_cannot_be_read(runs: Path) -> None:
 def test_what_runs_cannot_say_is_listed_with_the_size_that_was_tried(
     tmp_path: Path,
 ) -> None:
-    found = [
-        f.words for f in unidentifiable(Curves(nothing, names=("bump", "twin", "dead")))
-    ]
-    assert found == [
+    curves = Curves(nothing, names=("bump", "twin", "dead"))
+    assert [found.words for found in unidentifiable(curves)] == [
         "dead: size 0.1 m changes the runs by only 0.0 sigma",
         "bump and twin change these runs alike: they cannot be separated",
     ]

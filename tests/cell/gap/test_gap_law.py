@@ -4,6 +4,7 @@ taken back.
 
 from dataclasses import replace
 from pathlib import Path
+from shutil import copy
 
 import numpy as np
 import pytest
@@ -29,6 +30,7 @@ from tests.support.curves import (
 )
 from tests.support.fit_folders import write_fit
 from tests.support.gap_strip_cases import STRIP, denim
+from tests.support.run_edits import edit_yaml
 
 
 class Withheld(Curves):
@@ -92,28 +94,19 @@ def test_no_law_stands_beside_two_effects_that_are_there() -> None:
 @pytest.mark.parametrize("name", LAW_TERMS)
 def test_a_law_in_the_strip_file_is_what_the_engine_tried(name: str) -> None:
     amount = LAW_TERMS[name].sizes(denim())[0]
-    strip = denim().model_copy(update={"law": {name: amount}})
-    assert repr(describe(strip, index=3)) == repr(
-        with_law(describe(denim(), index=3), {name: amount})
-    )
-    assert repr(describe(strip, index=3)) != repr(describe(denim(), index=3))
+    law, plain = {name: amount}, describe(denim(), index=3)
+    stated = repr(describe(denim().model_copy(update={"law": law}), index=3))
+    assert stated == repr(with_law(plain, law)) != repr(plain)
 
 
 @pytest.fixture
 def fitted(tmp_path: Path) -> tuple[Path, Path]:
     """The folder of a fit that offers a law, and the strip file."""
-    file, out = tmp_path / "denim.yaml", tmp_path / "out"
-    file.write_text(STRIP.read_text(encoding="utf-8"), encoding="utf-8")
+    file, out = Path(copy(STRIP, tmp_path)), tmp_path / "out"
     law = {"term_speed": {"amount": 0.7}}
     content, _ = patch_file(denim(), {"bending_length": 0.018}, law, "test")
-    write_fit(
-        out,
-        file,
-        "accept_law",
-        {"subject": dump_yaml(content)},
-        effects=(),
-        law=StoredLaw(terms={"term_speed": 0.7}),
-    )
+    offered = {"effects": (), "law": StoredLaw(terms={"term_speed": 0.7})}
+    write_fit(out, file, "accept_law", {"subject": dump_yaml(content)}, **offered)
     return out, file
 
 
@@ -145,7 +138,7 @@ def test_a_law_on_top_of_one_adds_up() -> None:
 def test_a_law_that_no_engine_knows_or_no_strip_has_is_refused(
     law, tmp_path: Path
 ) -> None:
-    content = {**denim().model_dump(mode="json", by_alias=True), "law": law}
-    (tmp_path / "s.yaml").write_text(dump_yaml(content), encoding="utf-8")
+    file = Path(copy(STRIP, tmp_path))
+    edit_yaml(file, law=law)
     with pytest.raises(ConfigurationError, match="law"):
-        load_strip(tmp_path / "s.yaml")
+        load_strip(file)

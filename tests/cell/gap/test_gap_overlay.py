@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from html import unescape
 from operator import itemgetter
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -29,14 +30,6 @@ from tests.support.curves import Curves, bump, hidden, judged, nothing
 from tests.support.gap_strip_cases import STRIP, folds, written
 
 SOFT = 0.85  # times the stated bending length
-
-
-@dataclass(frozen=True)
-class Rows:
-    """The moving rows of one entity: times (m,) [s] and their values."""
-
-    t: Array
-    values: list[object]
 
 
 @dataclass(frozen=True)
@@ -66,37 +59,27 @@ def _words(html: str) -> str:
     return " ".join(unescape(re.sub(r"<[^>]+>", " ", html)).split())
 
 
-def read(path: Path) -> dict[str, Rows]:
-    """All that moves in a recording, by entity, without the escapes of titles."""
-    found: dict[str, list[tuple[float, object]]] = {}
+def moving(path: Path, entity: str) -> tuple[Array, list[Any]]:
+    """Times (m,) [s] and values of what moves at an `entity` of a recording."""
+    rows = []
     for chunk in RrdReader(path).stream().to_chunks():
-        if chunk.is_static or "t" not in chunk.timeline_names:
-            continue
-        batch = chunk.to_record_batch()
-        names = [n for n in batch.schema.names if n.split(":")[-1] in MOVING]
-        if not names:  # what is cleared at the end
-            continue
-        (name,) = names
-        times = np.array(batch["t"].cast("int64")) * 1e-9
-        rows = found.setdefault(chunk.entity_path.replace("\\", ""), [])
-        rows += zip(times.tolist(), batch[name].to_pylist(), strict=True)
-    made = {}
-    for entity, rows in found.items():
-        times, values = zip(*sorted(rows, key=itemgetter(0)), strict=True)
-        made[entity] = Rows(np.array(times), [*values])
-    return made
+        here = chunk.entity_path.replace("\\", "") == entity  # as titles are escaped
+        if here and not chunk.is_static:
+            batch = chunk.to_record_batch()
+            times = np.array(batch["t"].cast("int64")) * 1e-9
+            for name in batch.schema.names:
+                if name.split(":")[-1] in MOVING:
+                    rows += zip(times, batch[name].to_pylist(), strict=True)
+    times, values = zip(*sorted(rows, key=itemgetter(0)), strict=True)
+    return np.array(times), [*values]
 
 
-MOVING = {"strips", "positions", "scalars", "text"}
+MOVING = {"strips", "positions", "scalars"}
 
 
 def apart(points: Array, line: Array) -> Array:
     """Distances (n,) [m] of points (n, 2) from the nearest node of a line."""
     return np.hypot(*(points[:, None] - line[None]).transpose(2, 0, 1)).min(axis=1)
-
-
-def numbers(rows: Rows) -> Array:
-    return np.array([value[0] for value in rows.values])  # type: ignore[index]
 
 
 def simulated(strip: StripSubject, **changes: float) -> Sequence[Scene | None]:
@@ -138,25 +121,25 @@ def recording(replays: list[Replay], tmp_path_factory: pytest.TempPathFactory) -
 
 
 def test_measured_points_stand_where_they_were_measured(recording, replays) -> None:
-    rows = read(recording)["/00-normal/world/curve/measured"]
+    t, shown = moving(recording, "/00-normal/world/curve/measured")
     curve = replays[0].measured.curve
-    np.testing.assert_allclose(rows.t[1:], curve.t[1:], atol=1e-8)
-    assert rows.t[0] == 0.0
-    for drawn, points in zip(rows.values, curve.points, strict=True):
+    np.testing.assert_allclose(t[1:], curve.t[1:], atol=1e-8)
+    assert t[0] == 0.0
+    for drawn, points in zip(shown, curve.points, strict=True):
         np.testing.assert_allclose(np.array(drawn)[:, [0, 2]], points, atol=1e-6)
 
 
 def test_the_right_model_lies_on_the_measured_midline(recording) -> None:
-    rows = read(recording)
     before, after = (
-        numbers(rows[f"/00-normal/signals/{DISTANCE_SIGNAL}/{word}"])
+        moving(recording, f"/00-normal/signals/{DISTANCE_SIGNAL}/{word}")[1]
         for word in ("before", "after")
     )
     assert np.median(after) == pytest.approx(1e3 * BENCH.profile, rel=0.25)
     assert np.quantile(before, 0.9) > 2.0 * np.quantile(after, 0.9)
-    line = np.array(rows["/00-normal/world/curve/after"].values[-1][0])[:, [0, 2]]
-    points = np.array(rows["/00-normal/world/curve/measured"].values[-1])[:, [0, 2]]
-    assert np.median(apart(points, line)) < 0.004
+    *_, (line,) = moving(recording, "/00-normal/world/curve/after")[1]
+    *_, points = moving(recording, "/00-normal/world/curve/measured")[1]
+    shown, seen = (np.array(each)[:, [0, 2]] for each in (line, points))
+    assert np.median(apart(seen, shown)) < 0.004
 
 
 def test_worst_moment_is_that_at_which_the_soft_strip_is_farthest_off(replays) -> None:
@@ -165,8 +148,8 @@ def test_worst_moment_is_that_at_which_the_soft_strip_is_farthest_off(replays) -
     assert worst.t == measured.t[worst.image]
     assert worst.off["before"] > 2.0 * worst.off["after"]
     for run in replays:
-        for key, points in enumerate(run.measured.curve.points):
-            line = run.scenes["before"].curve.points[key]
+        curves = (run.scenes[word].curve.points for word in ("measured", "before"))
+        for points, line in zip(*curves, strict=True):
             rms = np.sqrt(np.mean(apart(points, line) ** 2))
             assert rms <= worst.off["before"] + 1e-12
     assert "measured" in worst_picture(worst)
@@ -193,18 +176,20 @@ def told(request: pytest.FixtureRequest) -> Told:
 
 
 def test_page_says_one_number_everywhere(told: Told) -> None:
-    for effect in told.verdict.effects:
-        ((name, value),) = effect.parameters.items()
-        size, low = (f"{1e3 * v:.3g}" for v in (value.value, value.low))
-        assert f"{name} {size} [{low}," in told.text  # headline
-        assert f"({effect.name}: {name} {size} mm)" in told.text  # sentence
-        assert f"{100 * effect.confidence:.0f} % probable" in told.text  # large print
-    rows = {row[0]: row[1:] for row in told.rows("what is missing")}
-    found = [(e, "") for e in told.verdict.effects]
-    found += [(e, "suspected, ") for e in told.verdict.suspected]
-    sizes = {f"{doubt}{e.name}: size": e.parameters["size"].value for e, doubt in found}
-    listed = {title: row[0] for title, row in rows.items()}
-    assert listed == {t: f"{number_text(1e3 * v)} mm" for t, v in sizes.items()}
+    listed = {row[0]: row[1] for row in told.rows("what is missing")}
+    verdict, sizes = told.verdict, {}
+    found = (("", verdict.effects), ("suspected, ", verdict.suspected))
+    for doubt, effects in found:
+        for effect in effects:
+            value = effect.parameters["size"]
+            size = number_text(1e3 * value.value)
+            sizes[f"{doubt}{effect.name}: size"] = f"{size} mm"
+            if not doubt:
+                assert f"size {size} [{1e3 * value.low:.3g}," in told.text  # headline
+                assert f"({effect.name}: size {size} mm)" in told.text  # sentence
+                sure = f"{100 * effect.confidence:.0f} % probable"  # large print
+                assert sure in told.text
+    assert listed == sizes
 
 
 def test_the_table_of_held_out_runs_states_the_gap_of_the_card(told: Told) -> None:

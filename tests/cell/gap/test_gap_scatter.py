@@ -41,9 +41,8 @@ class Scattering(Curves):
     def simulate(self, requests: Sequence[Request]) -> list[Residuals]:
         found = super().simulate(requests)
         for q, residuals in zip(requests, found, strict=True):
-            for p, value in zip(q.run.local, q.local, strict=True):
-                if p.random:
-                    residuals.mean[:] -= value * ripple(np.linspace(0.0, 1.0, 60))
+            own = [v for p, v in zip(q.run.local, q.local, strict=True) if p.random]
+            residuals.mean[:] -= sum(own) * ripple(T)
         return found
 
 
