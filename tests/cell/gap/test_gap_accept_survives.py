@@ -103,19 +103,16 @@ def test_disk_that_fills_between_two_files_changes_nothing(
 ) -> None:
     fit = fitted_both(tmp_path / "fit")
     before = (fit.file.read_bytes(), fit.cell.read_bytes())
-    written = []
+    full = [False] * (full_at - 1) + [True] + [stays] * 99
+    write = files.replace_file
 
-    def until_full(write: Callable) -> Callable:
-        def writes(path: Path, *given: object) -> None:
-            written.append(path)
-            if len(written) == full_at or (stays and len(written) > full_at):
-                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-            write(path, *given)
-
-        return writes
+    def until_full(path: Path, *given: object) -> None:
+        if full.pop(0):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        write(path, *given)
 
     for module in (acceptance, files):
-        monkeypatch.setattr(module, "replace_file", until_full(module.replace_file))
+        monkeypatch.setattr(module, "replace_file", until_full)
     with pytest.raises(ConfigurationError, match="No space"):
         fit.accept()
     monkeypatch.undo()

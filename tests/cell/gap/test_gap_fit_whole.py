@@ -15,6 +15,7 @@ from cell.gap.verdict import fit_folder
 from cell.gap.verdict.accept import accept, undo
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.fit_folder import read_record, results_folder
+from cell.gap.verdict.schema import Verdict
 from drivers.base.errors import ConfigurationError
 from drivers.base.files import lock_folders, write_file
 from tests.support.dying import DIED, in_child
@@ -83,12 +84,11 @@ def test_a_disk_that_fills_leaves_the_earlier_fit(
     tmp_path, monkeypatch, full_at: int
 ) -> None:
     action = refitted(tmp_path)
-    left = [full_at]
+    full = [False] * full_at + [True]
 
     def until_full(path: Path, content: str | bytes) -> None:
-        if left[0] == 0:
+        if full.pop(0):
             raise ConfigurationError(f"{path}: cannot be written: No space left")
-        left[0] -= 1
         write_file(path, content)
 
     monkeypatch.setattr("tests.support.fit_folders.write_file", until_full)
@@ -104,36 +104,24 @@ def test_a_disk_that_fills_leaves_the_earlier_fit(
 @pytest.mark.parametrize("name", ["patch.yaml", "report.html", "cell-patch.yaml"])
 @pytest.mark.parametrize("during", [False, True])
 def test_what_a_person_put_at_the_place_of_a_result_is_kept_and_named(
-    tmp_path, name: str, during: bool
+    tmp_path, monkeypatch, name: str, during: bool
 ) -> None:
     action = refitted(tmp_path)
     path = tmp_path / "out" / name
 
-    def edited(*_: object) -> None:
+    def edited(**facts: object) -> Verdict:
         path.write_text(NOTE)
+        return verdict_of(**facts)
 
-    if not during:
+    if during:
+        monkeypatch.setattr("tests.support.fit_folders.verdict_of", edited)
+    else:
         edited()
-    with pytest.MonkeyPatch.context() as patched:
-        if during:
-            patched.setattr(
-                "tests.support.fit_folders.verdict_of", with_verdict(edited)
-            )
-        with pytest.raises(ConfigurationError) as caught:
-            action()
+    with pytest.raises(ConfigurationError) as caught:
+        action()
     assert str(caught.value).startswith(f"{path}: was not written by a fit, or was")
     assert path.read_text() == NOTE
     assert (tmp_path / "out" / "patch.yaml").read_bytes() != NEW
-
-
-def with_verdict(edit: Callable[[], None]) -> Callable:
-    """The verdict of a fit during which somebody edits a file."""
-
-    def edited(**facts: object):
-        edit()
-        return verdict_of(**facts)
-
-    return edited
 
 
 def test_two_fits_into_one_folder_exclude_each_other(tmp_path, monkeypatch) -> None:

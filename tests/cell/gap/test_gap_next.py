@@ -20,7 +20,7 @@ def steps(
     kind: str, *, unseen: float = 0.0, option="--strip x.yaml", ends=None, **found
 ) -> list:
     """Steps after a verdict of a kind, with the effects, law or values `found`."""
-    empty = {"effects": [], "suspected": [], "deviates": [], "unexplained": None}
+    empty = dict.fromkeys(("effects", "suspected", "deviates", "unexplained"), ())
     verdict = SimpleNamespace(**(empty | found))
     evidence = VerdictEvidence(left=1.0, correlation=0.0)
     accepted = {e.name: 0.4 for e in [*verdict.effects, *verdict.suspected]}

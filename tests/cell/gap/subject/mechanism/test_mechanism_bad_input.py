@@ -6,13 +6,18 @@ from typing import Any
 
 import mujoco
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 import pytest
 
 from cell.gap.subject.run_table import read_table
 from drivers.base.errors import ConfigurationError
-from tests.support.mechanisms import ARM, FORWARD, PRESCRIBED, make_arm, opened
+from tests.support.mechanisms import (
+    ARM,
+    FORWARD,
+    PRESCRIBED,
+    make_arm,
+    opened,
+    write_run,
+)
 
 
 def line(
@@ -25,12 +30,12 @@ def line(
 ) -> str:
     """The one line that refuses an arm, with something broken in it."""
     path, runs = make_arm(folder, 2, span=0.5, content=content | (file or {}))
-    if xml is not None:
+    if xml:
         (folder / "arm.xml").write_text(xml)
-    if columns is not None:
-        table = read_table(runs / "00" / "signals.parquet")
+    if columns:
+        table = read_table(runs / "00/signals.parquet")
         columns(table)
-        pq.write_table(pa.table(table), runs / "00" / "signals.parquet")
+        write_run(runs / "00", table, {"mechanism": "arm"})
     with pytest.raises(ConfigurationError) as refused:
         opened(path, runs)
     text = str(refused.value)

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Callable
+from operator import attrgetter
 from pathlib import Path
 
 import mujoco
@@ -29,12 +30,12 @@ URDF = """<robot name="r"><gazebo><plugin/></gazebo><link name="base"/>
 <parent link="base"/><child link="arm"/></joint></robot>"""
 
 
+OPTION, LINK = "parts/option.xml", "assets/visual/link.obj"
+
+
 def tetrahedron(size: float) -> str:
-    corners = ((0, 0, 0), (size, 0, 0), (0, size, 0), (0, 0, size))
-    return (
-        "".join(f"v {x} {y} {z}\n" for x, y, z in corners)
-        + "f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
-    )
+    corners = f"v 0 0 0\nv {size} 0 0\nv 0 {size} 0\nv 0 0 {size}\n"
+    return f"{corners}f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 
 
 @pytest.fixture
@@ -43,16 +44,18 @@ def robot(tmp_path: Path) -> Path:
     opened.
     """
     folder = tmp_path / "robot"
-    for place, size in (("assets", 1.0), ("meshes", 2.0)):
-        for k, kind in enumerate(("visual", "collision")):
-            (folder / place / kind).mkdir(parents=True)
-            (folder / place / kind / "link.obj").write_text(tetrahedron(size + k))
-    (folder / "parts").mkdir()
-    (folder / "parts" / "joints.xml").write_text(JOINTS)
-    (folder / "parts" / "option.xml").write_text(
-        '<mujoco><option gravity="0 0 -3"/></mujoco>'
-    )
-    (folder / "model.xml").write_text(MESHED)
+    files = {
+        "model.xml": MESHED,
+        "parts/joints.xml": JOINTS,
+        OPTION: '<mujoco><option gravity="0 0 -3"/></mujoco>',
+        LINK: tetrahedron(1.0),
+        "assets/collision/link.obj": tetrahedron(2.0),
+        "meshes/collision/link.obj": tetrahedron(3.0),
+    }
+    for name, text in files.items():
+        place = folder / name
+        place.parent.mkdir(parents=True, exist_ok=True)
+        place.write_text(text)
     os.mkfifo(folder / "film.mp4")  # whoever opened it would wait for ever
     return folder
 
@@ -64,8 +67,9 @@ def loaded(path: Path) -> mujoco.MjModel:
 def test_meshes_and_includes_are_those_that_mujoco_finds(robot: Path) -> None:
     path = robot / "model.xml"
     ours, theirs = loaded(path), mujoco.MjModel.from_xml_path(str(path))
-    for name in ("body_mass", "body_ipos", "body_inertia", "dof_damping"):
-        np.testing.assert_array_equal(getattr(ours, name), getattr(theirs, name))
+    for field in map(attrgetter, ("body_mass", "body_ipos", "body_inertia")):
+        np.testing.assert_array_equal(field(ours), field(theirs))
+    assert (ours.dof_damping == 0.3).all()
     assert ours.opt.gravity[2] == -3.0
     # of another mesh with the same name
     assert ours.body_mass[2] > 7.0 * ours.body_mass[1]
@@ -77,7 +81,7 @@ def test_meshes_and_includes_are_those_that_mujoco_finds(robot: Path) -> None:
 def test_packages_of_a_urdf_are_the_folder_and_paths_count_from_its_own(
     robot: Path, package: str
 ) -> None:
-    place = robot / "parts" / "arm.urdf"
+    place = robot / "parts/arm.urdf"
     place.write_text(URDF.format(package))
     model = compile_model(read_source(place, robot), str(place), 0, 0.002)
     assert model.body_mass[1] == pytest.approx(1000.0 * 27.0 / 6.0)
@@ -87,41 +91,33 @@ def test_packages_of_a_urdf_are_the_folder_and_paths_count_from_its_own(
     ("change", "words"),
     [
         (
-            lambda folder: (folder / "parts" / "option.xml").write_text(
+            lambda folder: (folder / OPTION).write_text(
                 '<mujoco><include file="model.xml"/></mujoco>'
             ),
             "includes model.xml twice",
         ),
         (
-            lambda folder: (folder / "parts" / "option.xml").symlink_to(
-                "/etc/hostname"
-            ),
+            lambda folder: (folder / "linked").rename(folder / OPTION),
             "outside",
         ),
-        (
-            lambda folder: os.truncate(
-                folder / "assets" / "visual" / "link.obj", 1 << 32
-            ),
-            "MB",
-        ),
+        (lambda folder: os.truncate(folder / LINK, 1 << 32), "MB"),
     ],
     ids=["circle", "link", "size"],
 )
 def test_files_that_are_not_read_are_refused(
     robot: Path, change: Callable[[Path], object], words: str
 ) -> None:
-    if words == "outside":
-        (robot / "parts" / "option.xml").unlink()
+    (robot / "linked").symlink_to("/etc/hostname")
     change(robot)
     with pytest.raises(ConfigurationError, match=words):
         loaded(robot / "model.xml")
 
 
 def test_changed_texts_find_the_same_meshes(robot: Path) -> None:
-    source = read_source(robot / "model.xml", robot)
-    text = source.spec().to_xml()
+    path = robot / "model.xml"
+    text = read_source(path, robot).spec().to_xml()
     again = compile_model(Source(text, robot, robot), "again", 0, 0.002)
-    np.testing.assert_allclose(again.body_mass, loaded(robot / "model.xml").body_mass)
+    np.testing.assert_allclose(again.body_mass, loaded(path).body_mass)
 
 
 @pytest.mark.slow
