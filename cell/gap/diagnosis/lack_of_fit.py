@@ -232,10 +232,12 @@ class ResidualTest:
         """Row numbers of the samples in each bin, by its place; small bins are left
         out.
         """
-        rows = _rows_by(place for run in self.estimate.runs for place in _places(run))
-        return {
-            place: some for place, some in rows.items() if len(some) >= FEWEST_SAMPLES
-        }
+        rows = _rows_by(self._places).items()
+        return {place: some for place, some in rows if len(some) >= FEWEST_SAMPLES}
+
+    @property
+    def _places(self) -> Iterator[Place]:
+        return (place for run in self.estimate.runs for place in _places(run))
 
     def misfit(self) -> float:
         """p-value of the largest mean square residual over channels and conditions.
@@ -243,9 +245,8 @@ class ResidualTest:
         Mean squares are standardised by those of the noise draws.
         """
         clipped = robust.clip_residuals(self.estimate.stacked_residuals / self.allowed)
-        places = (place for run in self.estimate.runs for place in _places(run))
         rows = _rows_by(
-            (channel, condition) for channel, _, _, condition in places
+            (channel, condition) for channel, _, _, condition in self._places
         ).values()
         observed = np.array([np.mean(clipped[i] ** 2) for i in rows])
         drawn = np.array([np.mean(self.noise[i] ** 2, axis=0) for i in rows])

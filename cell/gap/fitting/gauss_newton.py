@@ -310,9 +310,7 @@ def responses_to(
         for model, shared in models
         for run, unknowns in zip(runs, at.local, strict=True)
     ]
-    first, *others = (
-        answers[k : k + len(runs)] for k in range(0, len(answers), len(runs))
-    )
+    first, *others = _portions(answers, len(runs))
     return [tuple(map(response, other, first, scales)) for other in others]
 
 
@@ -461,8 +459,12 @@ def _evaluate(fit: Estimate, points: Sequence[Array]) -> Task[list[Estimate]]:
     runs = fit.runs
     inside = [*map(fit.unknowns.point, points)]
     answers = yield [q for p in inside for q in requests(fit.model, runs, p)]
-    by_point = [answers[k : k + len(runs)] for k in range(0, len(answers), len(runs))]
+    pairs = zip(inside, _portions(answers, len(runs)), strict=True)
     return [
-        Estimate.at(fit.model, fit.evidence, p, raw, fit.jacobians)
-        for p, raw in zip(inside, by_point, strict=True)
+        Estimate.at(fit.model, fit.evidence, p, raw, fit.jacobians) for p, raw in pairs
     ]
+
+
+def _portions(answers: Sequence[T], size: int) -> list[Sequence[T]]:
+    """Answers in portions of a `size`, which divides their number."""
+    return [answers[k : k + size] for k in range(0, len(answers), size)]

@@ -136,7 +136,7 @@ def accept(
                 with suppress(ConfigurationError):  # else the next command does it
                     _store(file, _acceptances(file)[:-1])
             raise
-    return AcceptResult(tuple(change.path for change in changes), effects)
+    return _result(changes, effects)
 
 
 def undo(out: Path, file: Path, cell_file: Path | None = None) -> AcceptResult:
@@ -163,10 +163,14 @@ def undo(out: Path, file: Path, cell_file: Path | None = None) -> AcceptResult:
                 raise ConfigurationError(
                     f"{change.path}: has changed since the acceptance; edit it by hand"
                 )
-        _check_writable([change.path for change in back])
+        _check_writable(back)
         _write_all(back)
         _store(file, stored[:-1])
-    return AcceptResult(tuple(change.path for change in back), last.effects)
+    return _result(back, last.effects)
+
+
+def _result(changes: Sequence[Change], effects: tuple[str, ...]) -> AcceptResult:
+    return AcceptResult(tuple(change.path for change in changes), effects)
 
 
 def _offered(out: Path, record: FitRecord, *, law: bool, force: bool) -> PatchFiles:
@@ -251,7 +255,7 @@ def _store_undo(
 ) -> None:
     """Store beside `file`, before any file changes, what undoes `changes`."""
     changed = {_relative(change.path, file): change for change in changes}
-    _check_writable([change.path for change in changed.values()])
+    _check_writable(changed.values())
     made = Acceptance(
         fit=_name(out),
         effects=effects,
@@ -409,10 +413,10 @@ def _check_cell(content: Mapping[str, object], path: Path) -> None:
     parse(known, CellSettings, str(path))
 
 
-def _check_writable(paths: Iterable[Path]) -> None:
+def _check_writable(changes: Iterable[Change]) -> None:
     """Refuse paths that cannot be written before the first file is changed."""
-    for path in paths:
-        for place in (path, path.parent):
+    for change in changes:
+        for place in (change.path, change.path.parent):
             if place.exists() and not os.access(place, os.W_OK):
                 raise ConfigurationError(
                     f"{place}: cannot be written: permission denied; mend its"

@@ -101,11 +101,12 @@ def along_motion(mechanism: Mechanism) -> Mechanism | None:
         model.actuator_biastype + model.actuator_dyntype + model.actuator_gaintype == 0
     )
     motors = [n for n in m.file.inputs if by_command[model.actuator(n).id]]
-    signals = (*m.compared("torque"), *(_commanded(model, name) for name in motors))
+    measured = m.compared("torque")
+    signals = (*measured, *(_commanded(model, name) for name in motors))
     recordings = []
     for r in m.recordings:
         known = {joint: r.columns[name] for joint, name in columns.items()}
-        known |= {s.name: r.columns[s.name] for s in m.compared("torque")}
+        known |= {s.name: r.columns[s.name] for s in measured}
         known |= {f"{n} {COMMAND}": model.actuator(n).gainprm[0] * r.columns[n]
                   for n in motors}  # fmt: skip
         recordings.append(replace(r, columns=known))

@@ -206,26 +206,28 @@ def _write_actuators(root: ET.Element, m: Mechanism, edited: Any) -> None:
             element.tag = "general"
             for key in set(element.attrib) - set(KEPT_OF_ACTUATOR):
                 del element.attrib[key]
-            element.set("gaintype", "fixed")
-            element.set("gainprm", _text(edited.actuator_gainprm[i, :3]))
-            if np.any(edited.actuator_biasprm[i]):
-                element.set("biastype", "affine")
-                element.set("biasprm", _text(edited.actuator_biasprm[i, :3]))
-        if abs(edited.actuator_forcerange[i, 1]) < LIMITLESS:
-            element.set("forcerange", _text(edited.actuator_forcerange[i]))
-            element.set("forcelimited", "true")
+            gain, bias = edited.actuator_gainprm[i, :3], edited.actuator_biasprm[i, :3]
+            element.attrib |= {"gaintype": "fixed", "gainprm": _text(gain)}
+            if bias.any():
+                element.attrib |= {"biastype": "affine", "biasprm": _text(bias)}
+        limits = edited.actuator_forcerange[i]
+        if abs(limits[1]) < LIMITLESS:
+            element.attrib |= {"forcerange": _text(limits), "forcelimited": "true"}
 
 
 def _write_options(root: ET.Element, m: Mechanism, edited: Any) -> None:
     """Write step and integrator, gravity and density, and contacts that are off."""
-    stated = root.find("option")
-    option = ET.SubElement(root, "option") if stated is None else stated
+    option = _child(root, "option")
     option.set("timestep", _text([m.file.step]))
     if m.model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4:
         option.set("integrator", "RK4")
     option.set("gravity", _text(edited.opt.gravity))
     option.set("density", _text([edited.opt.density]))
     if m.model.npair == 0:
-        flag = option.find("flag")
-        flag = ET.SubElement(option, "flag") if flag is None else flag
-        flag.set("contact", "disable")
+        _child(option, "flag").set("contact", "disable")
+
+
+def _child(parent: ET.Element, tag: str) -> ET.Element:
+    """First child of `parent` with a `tag`, which is added where there is none."""
+    found = parent.find(tag)
+    return ET.SubElement(parent, tag) if found is None else found

@@ -74,7 +74,7 @@ def open_file(path: Path) -> Mechanism:
     file = load(path, MechanismFile)
     if file.cell:  # the cell's own, whose effects may belong into its file
         origin = replace(origin, option=f"--subject {quote(path.parent.name)}")
-    folder = path.resolve().parent
+    folder, here = path.resolve().parent, str(path)
     place = (folder / file.model).resolve()
     if Path(file.model).is_absolute() or not place.is_relative_to(folder):
         raise ConfigurationError(
@@ -84,14 +84,15 @@ def open_file(path: Path) -> Mechanism:
     moved = [s.name for s in file.signals.values() if s.is_ == "torque"]
     moved += [name for name, kind in file.inputs.items() if kind != "position"]
     source = replace(read_source(place, folder), motors=tuple(moved))  # a URDF has none
-    source = with_assets(source, str(place))
-    model = compile_model(source, str(place), torques().slots, file.step)
-    check_joints(model, str(place))
+    there = str(place)
+    source = with_assets(source, there)
+    model = compile_model(source, there, torques().slots, file.step)
+    check_joints(model, there)
     mode = MODES[file.mode]
-    signals = [_signal(*each, mode, model, str(path)) for each in file.signals.items()]
+    signals = [_signal(*each, mode, model, here) for each in file.signals.items()]
     for name, is_ in file.inputs.items():
         kind = "joint" if is_ == "position" else "actuator"
-        number_of(model, kind, name, str(path), f"inputs.{name}")
+        number_of(model, kind, name, here, f"inputs.{name}")
     if mode.loads:
         signals = [
             s for kind in ("torque", "tracking") for s in signals if s.kind == kind
