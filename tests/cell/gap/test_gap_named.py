@@ -2,14 +2,13 @@
 another way.
 """
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from cell.gap.selection.likelihood import MIN_GAIN
-from cell.gap.subject.subject import Candidate, Request, Residuals, Scope
+from cell.gap.subject.subject import Candidate, Scope
 from cell.gap.verdict.confidence import LEAST
 from drivers.base.types import Array
 from drivers.strip.effects.effect import Parameter
@@ -109,13 +108,12 @@ class Bending(Curves):
             whole, candidates=(replace(first, shape_parameters=(lean,)), *others)
         )
 
-    def simulate(self, requests: Sequence[Request]) -> list[Residuals]:
-        found = super().simulate(requests)
-        for q, residuals in zip(requests, found, strict=True):
-            size, lean = (*q.effects.get("bump", (0.0,)), 0.0)[:2]
-            speed = curves.SPEEDS[q.run.condition]
-            residuals.mean[:] -= size * lean * leaning(T, speed, 0)
-        return found
+    def added(self, name: str, values: Array, speed: float) -> Array:
+        plain = super().added(name, values, speed)
+        if len(values) < 2:
+            return plain
+        size, lean = values
+        return plain + size * lean * leaning(T, speed, 0)
 
 
 def leaning(t: np.ndarray, speed: float, _: int) -> np.ndarray:

@@ -136,10 +136,9 @@ def test_a_law_that_may_be_wrong_leaves_room_for_what_it_leaves() -> None:
 
 def test_a_verdict_states_what_its_signs_are_worth() -> None:
     _, verdict = judged(Curves(hidden(bump, 0.05)))
-    assert verdict.posterior.models[0].names == ["bump"]
-    assert sum(m.p for m in verdict.posterior.models) == pytest.approx(1.0)
-    (effect,) = verdict.effects
-    found = verdict.posterior
+    (effect,), found = verdict.effects, verdict.posterior
+    assert found.models[0].names == ["bump"]
+    assert sum(m.p for m in found.models) == pytest.approx(1.0)
     assert effect.confidence == calibration("mechanism").probability(found)
     assert found.left == pytest.approx(1.0, abs=0.2)
     assert abs(found.correlation) < 0.3

@@ -1,6 +1,5 @@
 """The pendulum as a subject: its physics and the files it reads."""
 
-import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -17,6 +16,7 @@ from cell.gap.subject.run_folders import RunFolder
 from cell.record.files import ANGLES
 from drivers.base.types import Array
 from tests.support.mechanisms import write_run
+from tests.support.run_edits import edit_yaml
 from tests.support.swings import PENDULUM, make_swings
 
 TRIPLE = CHECKOUT_CONFIGS / "mechanisms" / "triple-pendulum"
@@ -32,7 +32,7 @@ def subject_of(
     """
     shutil.copytree(folder, out, dirs_exist_ok=True)
     (file,) = out.glob("*.yaml")
-    file.write_text(re.sub("step: .*", "step: 0.002", file.read_text()))
+    edit_yaml(file, step=0.002)
     table = {"t": t} | {f"theta_{i}": a for i, a in enumerate(angles, start=1)}
     slopes = np.diff(angles, axis=1, prepend=angles[:, :1]) / np.diff(t, prepend=-1.0)
     table |= {f"omega_{i}": rate for i, rate in enumerate(slopes, start=1)}
