@@ -117,7 +117,7 @@ SPOILT: dict[tuple[str, str], tuple[Spoil, tuple[str, ...]]] = {
     ("strip", "rows in ms"): (column(TICKS, "t", thousandfold), (TICKS, "t:", "in s")),
     ("strip", "noise in mm"): (
         strip_sigma(contact_x=1.5),
-        ("run.yaml", "sigma.contact_x", "in m"),
+        ("run.yaml: sigma.contact_x", "in m"),
     ),
     ("strip", "negative sigma"): (
         strip_sigma(profile=-1e-3),
@@ -130,11 +130,11 @@ SPOILT: dict[tuple[str, str], tuple[Spoil, tuple[str, ...]]] = {
     ("strip", "truncated"): (cut(TICKS), (TICKS, "Parquet")),
     ("strip", "index twice"): (
         lambda run: (edit_yaml(run / "run.yaml", index=1), again(run))[1],
-        ("run.yaml", "index: is 1", "its own"),
+        ("run.yaml: index: is 1", "its own"),
     ),
     ("strip", "displacement in mm"): (
         lambda run: edit_yaml(run / "result.yaml", displacement=-30.0),
-        ("result.yaml", "displacement", "l1 - l2"),
+        ("result.yaml: displacement", "l1 - l2"),
     ),
     ("strip", "noise not stated"): (
         head(sigma=BENCH.model_dump(exclude_none=True, exclude={"gripper"})),
@@ -171,9 +171,9 @@ SPOILT: dict[tuple[str, str], tuple[Spoil, tuple[str, ...]]] = {
     ),
     ("pendulum", "noise in mrad"): (
         head(sigma={"angle": 1.0}),
-        ("run.yaml", "sigma.angle", "less than 0.3"),
+        ("run.yaml: sigma.angle", "less than 0.3"),
     ),
-    ("pendulum", "no sigma"): (head(sigma={}), ("run.yaml", "sigma.angle: is missing")),
+    ("pendulum", "no sigma"): (head(sigma={}), ("run.yaml: sigma.angle: is missing",)),
     ("pendulum", "another pendulum"): (
         head(pendulum="other"),
         ("run.yaml", "other", "made", "one pendulum"),
@@ -183,7 +183,7 @@ SPOILT: dict[tuple[str, str], tuple[Spoil, tuple[str, ...]]] = {
         (ANGLES, "t is in s"),
     ),
     ("pendulum", "times in milliseconds"): (
-        column(ANGLES, "t", lambda t: 1e3 * t),
+        column(ANGLES, "t", thousandfold),
         (ANGLES, "s apart", "t is in s"),
     ),
     ("pendulum", "rates in mrad/s"): (

@@ -22,8 +22,8 @@ from cell.gap.verdict.decision import GAP, decide, doubtful_values
 from cell.gap.verdict.findings import Decision, Findings
 from drivers.base.types import Array
 from drivers.strip.effects.effect import Parameter, Role
+from tests.support import curves
 from tests.support.curves import (
-    LAWS,
     Curves,
     Touched,
     both,
@@ -166,10 +166,10 @@ def test_held_out_is_what_the_others_can_spare(
 
 
 def test_two_conditions_are_spared_only_together(monkeypatch) -> None:
-    speeds = {f"v{i}": 1.0 + i for i in range(8)}
-    monkeypatch.setattr("tests.support.curves.SPEEDS", speeds)
-    assert spared(monkeypatch, lambda runs: 0.0, 1) == ["r1", "r5"]
-    assert spared(monkeypatch, lambda runs: 0.6 * ({1, 5} <= runs), 1) == ["r1", "r6"]
+    monkeypatch.setattr(curves, "SPEEDS", {f"v{i}": 1.0 + i for i in range(8)})
+    for together, held in (0.0, ["r1", "r5"]), (0.6, ["r1", "r6"]):
+        loss = lambda runs, both=together: both * ({1, 5} <= runs)  # noqa: E731
+        assert spared(monkeypatch, loss, 1) == held
 
 
 @pytest.fixture
@@ -179,16 +179,14 @@ def single(monkeypatch: pytest.MonkeyPatch) -> None:
     def medium_only(t: Array, speed: float, _: int) -> Array:
         return bump(t, speed, 0) * (speed == 1.0)
 
-    monkeypatch.setitem(LAWS, "single", medium_only)  # type: ignore[misc]
+    monkeypatch.setitem(curves.LAWS, "single", medium_only)  # type: ignore[misc]
 
 
 @pytest.mark.usefixtures("single")
 def test_a_condition_that_alone_tells_an_effect_is_fitted() -> None:
-    names = "bump", "single"
-    subject = Curves(nothing, names=names, repeats=1)
-    assert hold_out.held_out(subject, subject.simulate) == ["r2"]
-    subject = Curves(nothing, names=names)
-    assert hold_out.held_out(subject, subject.simulate) == ["r2", "r6", "r5"]
+    for repeats, held in (1, ["r2"]), (2, ["r2", "r6", "r5"]):
+        subject = Curves(nothing, names=("bump", "single"), repeats=repeats)
+        assert hold_out.held_out(subject, subject.simulate) == held
     asked = hold_out.held_out(subject, subject.simulate, ["r3", "r0", "r3"])
     assert asked == ["r3", "r0"]
 
@@ -232,10 +230,9 @@ def alike(found: Findings, *names: str) -> Findings:
 
 
 def test_what_shares_a_class_is_credible_and_not_named(one, two) -> None:
-    decision = decide(alike(one, "bump", "twin"))
-    assert (decision.kind, decision.named) == ("ambiguous", ())
-    decision = decide(alike(two, "bump", "twin"))
-    assert (decision.kind, decision.named) == ("named", ("wave",))
+    said = [decide(alike(found, "bump", "twin")) for found in (one, two)]
+    assert [each.kind for each in said] == ["ambiguous", "named"]
+    assert [each.named for each in said] == [(), ("wave",)]
 
 
 def test_a_class_is_as_probable_as_all_its_members(one) -> None:
