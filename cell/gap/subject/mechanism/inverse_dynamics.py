@@ -47,10 +47,10 @@ PLAY_SMOOTHING = 0.05
 class InverseDynamics(MechanismSubject):
     """Predicts the torques of a mechanism's actuators along its measured motion."""
 
-    notes: Sequence[str] = [
+    notes: Sequence[str] = (
         "torques of the measured motion are compared; the motion itself is not"
-        " simulated"
-    ]
+        " simulated",
+    )
 
     def __init__(
         self, mechanism: Mechanism, jobs: int = 1, without: Sequence[str] = ()
@@ -271,7 +271,8 @@ class InverseDynamics(MechanismSubject):
         soft = ((np.multiply, elastic), (_play_deflection, gap))
         gears = [(bend, values) for bend, values in soft if np.any(values)]
         if self.mechanism.compared("tracking"):  # measured positions are those of links
-            bent = sum((bend(inverse, values) for bend, values in gears), 0.0 * q)
+            bends = (bend(inverse, values) for bend, values in gears)
+            bent = sum(bends, np.zeros_like(q))
             torque = self._torques(model, case, q, v, inverse)
             return np.vstack([torque, self._tracking(motion, case, bent)])
         load = self._loads(motion, model, inverse) if gears else inverse
@@ -394,10 +395,8 @@ def _inverse_dynamics(model: Any, q: Array, v: Array, a: Array) -> Array:
     joints).
     """
     data = mujoco.MjData(model)
-    state, torque = (
-        (data.qpos, data.qvel, data.qacc, data.qfrc_inverse),
-        np.empty_like(q),
-    )
+    torque = np.empty_like(q)
+    state = data.qpos, data.qvel, data.qacc, data.qfrc_inverse
     _run_along(model._address, data._address, *state, q, v, a, torque)
     return torque
 
