@@ -1,5 +1,5 @@
-"""ChArUco calibration board: its settings, detection of its corners, its print in true
-size.
+"""Calibration marks: the ChArUco board and the pointer, a bright disc on a dark plate;
+their detection and their print in true size.
 """
 
 from dataclasses import dataclass
@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, PositiveFloat
 
 from calibration.lens import Lens
@@ -307,3 +308,62 @@ def _pointer_page() -> "Figure":
     )
     axes.text(85, 150, words, fontsize=9, va="center")
     return page
+
+
+# grey levels of the darkest channel of a lit disc, and of one in shadow
+LIT_LEVELS = (170, 110)
+PLATE_CONTRAST = 90.0  # grey levels between disc and plate
+RADII = (3.0, 30.0)  # px, range of radii of the disc
+ROUND = 0.75  # share of its circumscribed circle that the disc fills
+WINDOW_REACH, PLATE_EDGE, INSIDE = 1.7, 1.25, 0.7  # over the disc's radius
+DARK_SHARE = 0.1  # of the contrast, brightness above the plate that carries no weight
+
+
+def find_pointer(image: Image) -> Array | None:
+    """Centre (2,) u, v [px] of the pin's disc in `image` (h, w, 3); None unless exactly
+    one.
+    """
+    darkest = cv2.min(cv2.min(image[..., 0], image[..., 1]), image[..., 2])
+    for level in LIT_LEVELS:
+        _, bright = cv2.threshold(darkest, level, 255, cv2.THRESH_BINARY)
+        outlines, _ = cv2.findContours(bright, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+        discs = [_disc(darkest, outline) for outline in outlines]
+        centres = [centre for centre in discs if centre is not None]
+        if centres:
+            return centres[0] if len(centres) == 1 else None
+    return None
+
+
+def _disc(grey: Image, outline: NDArray[np.int32]) -> Array | None:
+    """Centre (2,) u, v [px] of the disc in `outline`, or None without a disc on a dark
+    plate.
+    """
+    (u, v), radius = cv2.minEnclosingCircle(outline)
+    if not RADII[0] <= radius <= RADII[1]:
+        return None
+    if cv2.contourArea(outline) < ROUND * np.pi * (radius - 0.5) ** 2:
+        return None
+
+    column, row = round(u), round(v)
+    reach = int(np.ceil(WINDOW_REACH * radius)) + 2
+    window = grey[
+        max(row - reach, 0) : row + reach + 1,
+        max(column - reach, 0) : column + reach + 1,
+    ]
+    dv, du = np.mgrid[-reach : reach + 1, -reach : reach + 1]
+    if window.shape != du.shape:
+        return None
+
+    distance = np.hypot(du - (u - column), dv - (v - row))
+    beyond_disc = distance > PLATE_EDGE * radius + 1
+    plate = np.median(window[beyond_disc & (distance < reach)])
+    disc = np.median(window[distance < INSIDE * radius])
+    if disc - plate < PLATE_CONTRAST:
+        return None
+
+    brightness = (window - plate) / (disc - plate)
+    weight = np.clip(brightness - DARK_SHARE, 0.0, 1.0 - DARK_SHARE)
+    weight[distance > PLATE_EDGE * radius + 2] = 0.0
+    off = np.array([(weight * du).sum(), (weight * dv).sum()]) / weight.sum()
+    centre: Array = np.array([column, row]) + off
+    return centre

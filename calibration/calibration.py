@@ -12,8 +12,8 @@ from typing import Any
 from pydantic import Field, NonNegativeFloat
 
 from calibration.homography import Homography, PlaneMap, Viewpoint, viewpoint
-from calibration.landmarks import Landmarks
 from calibration.lens import CameraFile, Lens, MatrixFile
+from calibration.view import Landmarks
 from drivers.base.errors import ConfigurationError
 from drivers.base.files import write_file
 from drivers.base.settings import VersionedFile, load
@@ -31,8 +31,8 @@ class Calibration(PlaneMap):
     `residual_mm` is the rms distance at touched points that the fit did not use,
     `latency` [s] how much earlier than its stamp an image shows the world,
     `contact_bias` [m] the additional offset of contact_x, `date` ISO 8601, `camera` the
-    identity of its device, `locks` the locked control values, `landmarks` image patches
-    that reveal a moved camera, `accepted_anyway` the reasons for which the wizard
+    identity of its device, `locks` the locked control values, `landmarks` a picture
+    that reveals a moved camera, `accepted_anyway` the reasons for which the wizard
     refused it, if it was accepted nevertheless. `id` is the hash of all of this but the
     date: calibrating the twin again gives the same id.
     """

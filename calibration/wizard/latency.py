@@ -8,8 +8,8 @@ from math import pi
 import numpy as np
 from pydantic import ConfigDict, Field
 
+from calibration.board import find_pointer
 from calibration.homography import PlaneMap
-from calibration.landmarks import find_pointer
 from calibration.wizard.verdict import CalibrationVerdict, grade_line, reasons
 from drivers.base.settings import Settings
 from drivers.base.types import ArmState, Array, Frame, Pose

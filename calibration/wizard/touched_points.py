@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from calibration.landmarks import find_pointer
+from calibration.board import find_pointer
 from calibration.lens import Lens
 from calibration.wizard.progress import Mark, MarkKind, Progress, SessionRow, place_text
 from calibration.wizard.touch_verdict import TouchVerdict, touch_verdict

@@ -6,7 +6,7 @@ from collections.abc import Generator
 from dataclasses import replace
 
 from calibration.homography import PlaneMap
-from calibration.landmarks import take_landmarks
+from calibration.view import Landmarks
 from calibration.wizard.latency import LatencySteps, step_poses
 from calibration.wizard.progress import Progress
 from calibration.wizard.touched_points import TITLE, request_text
@@ -16,7 +16,7 @@ from cell.orchestrator.operator import Answer, Question
 from cell.orchestrator.recorder import Recorder
 from cell.orchestrator.snapshot import Command, Hold, MoveTo, Snapshot
 from cell.orchestrator.states import Event, State
-from drivers.base.errors import CellError
+from cell.perception.preflight import has_tip
 from drivers.base.types import Pose
 from drivers.franka.obstacles import require_clear
 
@@ -158,10 +158,12 @@ def _take_landmarks(
     given.watch(_announced(given, "remember", pose, why))
     yield from steps.move(pose)
     picture = yield from steps.still_picture()
-    try:
-        log.landmarks = take_landmarks(picture.frame, picture.gripper, plane_map)
-    except CellError as error:
-        given.watch(_announced(given, "remember", pose, str(error)))
+    if has_tip(picture.frame.image, pose, plane_map):
+        log.landmarks = Landmarks.take(picture.frame.image, picture.gripper)
+    else:
+        where = f"x {pose.x:.2f}, z {pose.z:.2f} m"
+        why = f"landmarks: the tip at {where} is not in the image; choose another pose"
+        given.watch(_announced(given, "remember", pose, why))
 
 
 def _wait_for_answer(given: CalibrationInputs, question: Question) -> Answering:

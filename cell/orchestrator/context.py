@@ -8,7 +8,7 @@ from dataclasses import KW_ONLY, dataclass, field
 from math import degrees
 
 from calibration.calibration import Calibration
-from calibration.landmarks import Landmarks
+from calibration.view import Landmarks
 from calibration.wizard.latency import LatencySteps
 from calibration.wizard.progress import Observer, ignore
 from calibration.wizard.touched_points import TouchedPoints

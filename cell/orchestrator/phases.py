@@ -7,19 +7,17 @@ from math import isfinite, nan, sqrt
 
 import numpy as np
 
-from calibration.landmarks import camera_shift
 from cell.base.devices import fold_path
 from cell.orchestrator import steps
 from cell.orchestrator.context import FoldInputs, FoldLog, ManualInputs, ManualLog
 from cell.orchestrator.recorder import Recorder
 from cell.orchestrator.snapshot import Command, Drive, Hold, Snapshot
 from cell.orchestrator.states import Event, State
-from cell.perception.camera_watch import UNWATCHED
 from cell.perception.image_reader import ImageResult, ImageTask, Reader
 from cell.perception.laid_fold import LaidWeights, Loop, edge_offset, laid_length
 from cell.perception.length_checks import LengthCheck, compare_grip, held_end_offset
 from cell.perception.perception import LENGTH_ERROR
-from cell.perception.preflight import PreflightCheck, camera_check
+from cell.perception.preflight import UNWATCHED, PreflightCheck, check_camera
 from cell.perception.strip_measurement import StripMeasurement
 from drivers.base.errors import Fault, PreflightRefused
 from drivers.base.geometry import moving_average
@@ -490,5 +488,7 @@ def _camera_checks(
     frame = (yield from steps.still_picture()).frame
     yield from steps.move(Pose(start.x, start.z, landmarks.pitch))
     yield from steps.move(start)
-    shift = camera_shift(frame, landmarks, calibration)
-    return (camera_check(shift, given.settings.landmarks),)
+    check = check_camera(
+        frame.image, landmarks, calibration, given.strip, given.settings.landmarks
+    )
+    return (check,)

@@ -3,20 +3,24 @@ image.
 """
 
 from dataclasses import dataclass, replace
-from math import nan
+from math import hypot, nan
+
+import numpy as np
 
 from cell.base.config.settings import MonitorLimits
 from cell.base.devices.devices import ArmHistory
 from cell.orchestrator.states import State
-from cell.perception.camera_watch import FrozenImages
 from cell.perception.image_reader import ImageResult, ImageTask, Reader
 from cell.perception.strip_measurement import SeenTouch, StripMeasurement
 from drivers.base.protocols import Camera
-from drivers.base.types import Frame
+from drivers.base.types import Frame, Image, Pose
 
 MEASURED_STATES = frozenset({State.LIFT, State.FOLD, State.TOUCHED})
 RECORDED = MEASURED_STATES | {State.LAY, State.RELEASE}
 IDLE_IMAGE_PERIOD = 0.1  # s between images where nothing is measured in them
+MOVED_DISTANCE = 0.002  # m of gripper motion after which an image must differ
+FINGER_LENGTH = 0.045  # m
+STRIDE = 64  # rows from one to the next that are compared first
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,3 +146,49 @@ class Vision:
             shift=result.shift,
             moved=self._view.moved + 1 if moved else 0,
         )
+
+
+class FrozenImages:
+    """Detects a camera that repeats one image, by comparing every frame with the one
+    before.
+
+    A camera is frozen when it repeats the same image, byte for byte, although the
+    gripper has moved. Equal images of a scene at rest prove nothing: a camera without
+    noise delivers them.
+    """
+
+    def __init__(self) -> None:
+        self._last: Frame | None = None
+        self._gripper: Pose | None = None
+        self._identical = 0
+
+    def count(self, frame: Frame, gripper: Pose) -> int:
+        """Number of equal images in a row, up to `frame`, between which the gripper
+        moved.
+
+        `gripper` is the measured pose at the frame's stamp; 1 for a new image.
+        """
+        last = self._last
+        if last is None or self._gripper is None or not _equal(last.image, frame.image):
+            self._gripper = gripper
+            self._identical = 1
+        elif _distance(self._gripper, gripper) > MOVED_DISTANCE:
+            self._identical += 1
+        self._last = frame
+        return self._identical
+
+
+def _equal(one: Image, other: Image) -> bool:
+    """Whether two images are equal; a few rows are compared first, which mostly
+    suffices.
+    """
+    first = slice(None, None, STRIDE)
+    return np.array_equal(one[first], other[first]) and np.array_equal(one, other)
+
+
+def _distance(one: Pose, other: Pose) -> float:
+    """Larger of the gripper's displacement [m] between poses and the arc [m] of its
+    finger tips.
+    """
+    turn = FINGER_LENGTH * abs(one.pitch - other.pitch)
+    return max(hypot(one.x - other.x, one.z - other.z), turn)

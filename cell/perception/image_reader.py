@@ -14,10 +14,11 @@ import cv2
 import numpy as np
 
 from calibration.calibration import Calibration
-from cell.perception.camera_watch import CameraWatch
+from calibration.view import PinnedView
 from cell.perception.layer_touch import LayerTouch
 from cell.perception.perception import Perception
-from cell.perception.preflight import PreflightCheck, inspect
+from cell.perception.preflight import PreflightCheck, check_watch, inspect
+from cell.perception.region import Region, still_surroundings, without_hand
 from cell.perception.strip_measurement import SeenTouch, StripMeasurement
 from drivers.base.child import Child, ChildDied, SharedImage
 from drivers.base.errors import Fault
@@ -31,6 +32,8 @@ NO_IMAGE = np.empty((0, 0, 3), np.uint8)
 # above recording and display, where permitted; never real-time, since it computes all
 # the time
 NICE = -10
+# px by which a camera that is nudged in a fold is found again, by how many patches
+SEARCH_RADIUS, WATCHED_PATCHES = 12, 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +69,7 @@ class Measurer:
     def __init__(self, inputs: StripInputs) -> None:
         self._inputs = inputs
         self._perception: Perception | None = None
-        self._camera: CameraWatch | None = None
+        self._still: PinnedView | None = None
         self._touch = LayerTouch(inputs.strip, inputs.goal)
 
     def inspect(self, frame: Frame) -> tuple[PreflightCheck, ...]:
@@ -79,8 +82,10 @@ class Measurer:
         if appearance is None:
             return inspection.checks
         self._perception = Perception(calibration, strip, appearance)
-        self._camera = CameraWatch.choose(appearance, calibration, strip)
-        return *inspection.checks, self._camera.check()
+        background = appearance.scene.background.image
+        surroundings = still_surroundings(calibration, strip.length)
+        self._still = PinnedView.choose(background, surroundings, WATCHED_PATCHES)
+        return *inspection.checks, check_watch(self._still, background)
 
     def measure(
         self,
@@ -96,13 +101,16 @@ class Measurer:
         After the release the strip ends at `gripper`, and the hand is elsewhere. Raises
         Fault `no_perception` before an accepted image.
         """
-        if self._perception is None or self._camera is None:
+        if self._perception is None or self._still is None:
             raise Fault(
                 "no_perception", "a frame came before the preflight image was accepted"
             )
         measurement = self._perception.measure(frame, gripper, hand)
         touch = self._touch.update(measurement, gripper) if touches else None
-        shift = self._camera.shift(frame.image, gripper)
+        calibration = self._inputs.calibration
+        clear = without_hand(Region.whole(frame.image), calibration, gripper)
+        moved = self._still.motion(frame.image, clear, SEARCH_RADIUS)
+        shift = nan if moved is None else moved.largest_in_plane(calibration)
         return ImageResult(measurement, touch, shift, self._touch.resting())
 
 

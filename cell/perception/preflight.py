@@ -3,19 +3,21 @@ visible.
 """
 
 from dataclasses import dataclass
+from math import hypot
 from typing import NamedTuple
 
 import cv2
 import numpy as np
 
 from calibration.calibration import Calibration
-from calibration.landmarks import CameraShift, LandmarkSettings
+from calibration.homography import PlaneMap
+from calibration.view import Landmarks, LandmarkSettings, PinnedView
 from cell.perception import resting_strip, scene
 from cell.perception.kernels import ZERO_LEVEL, Floats, smooth_matte
 from cell.perception.length_checks import BY_HAND, LengthCheck
-from cell.perception.region import Region, motion_mask
+from cell.perception.region import Region, motion_mask, still_surroundings
 from drivers.base.errors import in_mm, in_percent
-from drivers.base.types import Array, Frame, Image, frozen
+from drivers.base.types import Array, Frame, Image, Pose, frozen
 from drivers.strip.file import StripFile
 
 # share of the background above which a match is the background, not the strip
@@ -36,6 +38,9 @@ LEVEL = 0.0015  # m, by which it may lie off z = 0
 LENGTH_TOLERANCE = 0.006  # m, of the stated length
 END_LENGTH = 0.01  # m at the free edge that may be hidden
 PRESENT_SHARE = 0.9  # share of its place along which the strip must be visible
+TIP_REACH = (-48, 48)  # px about the gripper's tip by which it is found again
+CAMERA_WATCHED = "camera is watched"  # name of the check
+UNWATCHED = "camera is not watched"  # its name where too few patches are known
 BLOT_SIZE = 61  # px, window in which pixels like the strip are counted
 
 
@@ -284,27 +289,84 @@ def _densest_pixel(alike: Floats) -> Array:
     return np.array([float(u), float(v)])
 
 
-def camera_check(shift: CameraShift, settings: LandmarkSettings) -> PreflightCheck:
-    """Check whether the camera was moved, by the apparent `shift` of its landmarks."""
-    seen = np.isfinite([shift.x, shift.z]).all()
-    reason = "the gripper is not seen there"
-    if seen:
-        desk = (
-            f", the desk's line by {shift.desk:+.1f} mm"
-            if np.isfinite(shift.desk)
-            else ""
-        )
-        reason = (
-            f"the gripper appears moved by x {shift.x:+.1f}, z {shift.z:+.1f} mm{desk},"
-            f" allowed {settings.moved_mm:.1f} mm"
-        )
+def check_camera(
+    image: Image,
+    landmarks: Landmarks,
+    calibration: Calibration,
+    strip: StripFile,
+    settings: LandmarkSettings,
+) -> PreflightCheck:
+    """Check whether the camera was moved since it took its `landmarks`, by an `image`
+    (h, w, 3) of the empty hand at their pose: by the gripper, and by what stands still.
+    """
+    picture = landmarks.picture()
+    for seen in (picture, image):
+        fits = _check_size(seen, calibration)
+        if not fits.passed:
+            return fits
+    tip_view, tip = _tip_view(picture, landmarks.pose, calibration)
+    hand = tip_view.motion(image)
+    still = still_surroundings(calibration, strip.length)
+    desk = PinnedView.choose(picture, still).motion(image)
+
+    reason, passed = "the gripper is not seen there", False
+    if hand is not None:
+        x, z = (1e3 * hand.in_plane(tip, calibration)[0]).tolist()
+        distance = hypot(x, z)
+        reason = f"the gripper appears moved by x {x:+.1f}, z {z:+.1f} mm"
+        if desk is not None:
+            most = 1e3 * desk.largest_in_plane(calibration)
+            distance = max(distance, most)
+            reason += f", the desk by at most {most:.1f} mm"
+        reason += f", allowed {settings.moved_mm:.1f} mm"
+        passed = distance <= settings.moved_mm
     return PreflightCheck(
         name="camera stands where it was calibrated",
-        passed=bool(seen and shift.distance <= settings.moved_mm),
+        passed=passed,
         reason=reason,
         remedy=(
             "look whether camera, zoom, focus or robot were touched; fasten them,"
             " calibrate again"
+        ),
+    )
+
+
+def _tip_view(
+    image: Image, pose: Pose, plane_map: PlaneMap
+) -> tuple[PinnedView, Array]:
+    """View of the gripper's tip at `pose` in `image` (h, w, 3), and its place (1, 2)
+    [px].
+    """
+    tip = plane_map.to_image(np.array([[pose.x, pose.z]]))
+    mask = np.zeros(image.shape[:2], np.uint8)
+    first, last = (np.rint(tip[0] + side).astype(int).tolist() for side in TIP_REACH)
+    cv2.rectangle(mask, first, last, 255, cv2.FILLED)
+    return PinnedView.choose(image, mask), tip
+
+
+def has_tip(image: Image, pose: Pose, plane_map: PlaneMap) -> bool:
+    """Whether `image` (h, w, 3) shows the gripper at `pose` so that it can be found
+    again.
+    """
+    return _tip_view(image, pose, plane_map)[0].motion(image) is not None
+
+
+def check_watch(view: PinnedView, image: Image) -> PreflightCheck:
+    """Passing check that states whether motion of the camera would be noticed: whether
+    the `view` is found again in its own `image` (h, w, 3).
+    """
+    name = CAMERA_WATCHED
+    reason = f"{len(view.patches)} static patches are visible"
+    if view.motion(image) is None:
+        name = UNWATCHED
+        reason += ", too few: a camera that is nudged in this fold would not be noticed"
+    return PreflightCheck(
+        name=name,
+        passed=True,
+        reason=reason,
+        remedy=(
+            "put something with a pattern where the strip does not hide it, or"
+            " light it better"
         ),
     )
 

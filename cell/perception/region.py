@@ -139,6 +139,18 @@ def motion_mask(calibration: Calibration, length: float) -> Image:
     return _fill(calibration, np.array(outline))
 
 
+def still_surroundings(calibration: Calibration, length: float = 0.0) -> Image:
+    """Mask (height, width), 255 on the desk and about it, below the waiting hand, where
+    no strip of `length` [m] can lie or hang.
+    """
+    mask = np.zeros((calibration.lens.height, calibration.lens.width), np.uint8)
+    _, top = calibration.to_image(np.array([[length / 2, HIGH_HEIGHT]]))[0]
+    mask[max(int(top), 0) :] = 255
+    if length:
+        mask[strip_zone(calibration, length) > 0] = 0
+    return mask
+
+
 def strip_zone(calibration: Calibration, length: float, low: float = -BELOW) -> Image:
     """Mask (height, width), 255 where a strip of `length` [m] can lie, or hang above
     `low` [m].

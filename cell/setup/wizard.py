@@ -16,8 +16,8 @@ from typing import Any
 import cv2
 
 from calibration.calibration import Calibration, save_calibration
-from calibration.landmarks import Landmarks
 from calibration.lens import CameraFile, Lens, write_camera_info, write_opencv
+from calibration.view import Landmarks
 from calibration.wizard import session
 from calibration.wizard.board_views import BoardViews
 from calibration.wizard.coverage import WantedView
@@ -91,7 +91,7 @@ class Wizard:
         aids = devices.aids
         with closing(devices.camera):
             devices.camera.connect()
-            live = _live_images(devices)
+            live = live_images(devices)
             source: Source = (lambda _: next(live)) if aids is None else aids.show_board
             first = source(WantedView(0.5, 0.5, boards.sizes[1]))
             if length is None and aids is not None:
@@ -336,10 +336,8 @@ def show_board(
             watch(views.progress(frame, result))
 
 
-def _live_images(devices: Devices) -> Iterator[Frame]:
-    """Yield live images, PERIOD apart, while a person holds the board; Fault if none
-    comes.
-    """
+def live_images(devices: Devices) -> Iterator[Frame]:
+    """Yield live images of a connected camera, PERIOD apart; Fault if none comes."""
     newest = -1.0
     while True:
         start = devices.clock.now()

@@ -169,17 +169,24 @@ def read_picture(path: Path, side: int = LARGEST_SIDE) -> "Image":
     Raises ConfigurationError for a file that is missing, not regular, broken or larger;
     nothing is decoded before the sides are known.
     """
-    content = read_bytes(path, LARGEST_PICTURE)
+    return picture_of(read_bytes(path, LARGEST_PICTURE), str(path), side)
+
+
+def picture_of(content: bytes, origin: str, side: int = LARGEST_SIDE) -> "Image":
+    """Picture (height, width, 3) in BGR in the `content` of a file.
+
+    Raises ConfigurationError, with its `origin`, as `read_picture`.
+    """
     width, height = picture_sides(content)
     if max(width, height) > side:
         raise ConfigurationError(
-            f"{path}: is {width} x {height} px, at most {side} px are read; make it"
+            f"{origin}: is {width} x {height} px, at most {side} px are read; make it"
             " smaller"
         )
     image = _decode(content) if min(width, height) > 0 else None
     if image is None:
         raise ConfigurationError(
-            f"{path}: is not a picture that can be read; give a JPEG or PNG"
+            f"{origin}: is not a picture that can be read; give a JPEG or PNG"
         )
     return image
 

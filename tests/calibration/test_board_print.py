@@ -13,10 +13,10 @@ from calibration.board import (
     BoardSettings,
     board_figures,
     find_board,
+    find_pointer,
     print_board,
     smallest_sheet,
 )
-from calibration.landmarks import find_pointer
 from drivers.base.errors import ConfigurationError
 from drivers.base.types import Image
 

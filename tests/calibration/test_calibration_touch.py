@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
-from calibration.landmarks import find_pointer
+from calibration.board import find_pointer
 from calibration.wizard.progress import SessionRow
 from calibration.wizard.touch_verdict import TouchVerdict
 from calibration.wizard.touched_points import TouchedPoints

@@ -13,8 +13,8 @@ import cv2
 import numpy as np
 import pytest
 
-from calibration.landmarks import Landmark
 from calibration.lens import read_lens
+from calibration.view import Landmarks
 from calibration.wizard.session import read_rows, read_steps
 from drivers.base.errors import ConfigurationError
 from drivers.base.readers import picture_sides, read_picture
@@ -77,6 +77,6 @@ def test_chunk_of_gigabytes_is_refused_before_memory_is_set_aside(
     assert (picture_sides(whole), picture_sides(content)) == ((144, 4), (0, 0))
     with pytest.raises(ConfigurationError, match="not a picture"):
         read_picture(tmp_path / "p.png")
-    mark = Landmark(kind="tip", left=0, top=0, png=b64encode(content).decode("ascii"))
-    with pytest.raises(ConfigurationError, match="is not a PNG image"):
-        mark.patch()
+    jpeg = b64encode(content).decode("ascii")
+    with pytest.raises(ConfigurationError, match="landmarks: jpeg: is not a picture"):
+        Landmarks(x=0, z=0, pitch=0, jpeg=jpeg).picture()

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import AfterValidator, Field
 
 from calibration.board import BoardSettings
-from calibration.landmarks import LandmarkSettings
+from calibration.view import LandmarkSettings
 from calibration.wizard.latency import LatencySettings
 from calibration.wizard.touches import TouchSettings
 from cell.base.config.drivers import Driver, Kind, all_drivers, driver_names

@@ -2,7 +2,7 @@
 
 import json
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -12,9 +12,12 @@ import typer
 from cell.base.config.places import find_configs
 from cell.interface.cli.options import Arm, Camera, Configs, Json, Runs
 from cell.interface.cli.output import notice, print_json, say, while_busy
+from cell.record.files import run_folder
 from drivers.base.errors import ConfigurationError, PreflightRefused, in_ms
 
 if TYPE_CHECKING:
+    from calibration.calibration import Calibration
+    from drivers.base.types import Frame
     from drivers.v4l2.camera import CameraReport, UnusableDevice
     from drivers.v4l2.settings import V4l2Settings
 
@@ -46,13 +49,21 @@ def doctor(
         sys.exit(PreflightRefused.exit_code)
 
 
-def camera(
-    device: Annotated[
-        str | None,
-        typer.Option(
-            help="Camera by its link, /dev/v4l/by-id/... [default: that of cell.yaml]."
-        ),
-    ] = None,
+PINNED = Path("calibrations/view.png")
+Device = Annotated[
+    str | None,
+    typer.Option(
+        help="Camera by its link, /dev/v4l/by-id/... [default: that of cell.yaml]."
+    ),
+]
+
+camera = typer.Typer()
+
+
+@camera.callback(invoke_without_command=True)
+def list_or_grab(
+    context: typer.Context,
+    device: Device = None,
     grab: Annotated[
         Path | None, typer.Option(help="Take a picture into this PNG file.")
     ] = None,
@@ -60,8 +71,12 @@ def camera(
     as_json: Json = False,
 ) -> None:
     """List cameras with their formats and controls, or take a picture with one of
-    them.
+    them; `check` tells whether it has moved.
     """
+    if (command := context.invoked_subcommand) is not None:
+        if (device, grab, configs, as_json) != (None, None, None, False):
+            raise ConfigurationError(f"cell camera: give options after `{command}`")
+        return
     if grab is not None:
         _grab(_settings(device, configs), grab, as_json=as_json)
         return
@@ -72,6 +87,100 @@ def camera(
         list_cameras(Kernel()) if device is None else iter([report(Kernel(), device)])
     )
     _print_cameras(found, as_json=as_json)
+
+
+@camera.command(name="check")
+def check_camera(
+    film: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="FILM", parser=run_folder, help="A run, last, or a film."
+        ),
+    ] = None,
+    pin: Annotated[
+        bool, typer.Option("--pin", help="Pin the present view anew.")
+    ] = False,
+    view: Annotated[
+        Path | None,
+        typer.Option(
+            help="Picture of the pinned view [default: calibrations/view.png; of a"
+            " film its first image]."
+        ),
+    ] = None,
+    picture: Annotated[
+        Path | None, typer.Option(help="Draw the motion into this PNG file.")
+    ] = None,
+    device: Device = None,
+    camera: Camera = None,
+    configs: Configs = None,
+    as_json: Json = False,
+) -> None:
+    """Say how far the camera has moved since its view was pinned, which the first call
+    does, or in the course of a film.
+    """
+    from calibration.wizard.session import as_png
+    from cell.setup.camera_check import check_views
+    from drivers.base.outputs import check_output, write_output
+    from drivers.base.readers import read_picture
+
+    if film is not None and pin:
+        raise ConfigurationError("--pin: pins what the camera sees; name no film")
+    if picture is not None:
+        check_output(picture)
+    if film is None:
+        view = view or PINNED
+        frame, calibration = _seen(device, camera, configs)
+        frames: Iterable[Frame] = [frame]
+        if pin or not view.exists():
+            write_output(view, as_png(frame.image))
+            facts = {"pinned": view}
+            say(facts, f"pinned: {view}; call it again to compare", as_json=as_json)
+            return
+    else:
+        frames, calibration = _filmed(film)
+    pinned = None if view is None else read_picture(view)
+    check = check_views(pinned, frames, calibration)
+    if picture is not None:
+        write_output(picture, as_png(check.picture()))
+    say(check.facts(), check.sentence(), as_json=as_json)
+    sys.exit(0 if check.passed else 1)
+
+
+def _seen(
+    device: str | None, camera: str | None, configs: Path | None
+) -> "tuple[Frame, Calibration | None]":
+    """Image that the cell's camera takes now, and its calibration if it has one."""
+    from cell.base.devices.devices import Trial
+    from cell.base.devices.open import NO_STRIP, open_cell
+    from cell.setup.calibration_in_use import calibration_of
+    from cell.setup.camera_check import take_view
+
+    settings = find_configs(configs).cell()
+    if device is not None:
+        camera = "v4l2"
+        own = {"camera": _settings(device, configs)}
+        settings = settings.model_copy(update=own)
+    settings = settings.with_drivers("twin", camera)  # no arm is needed
+    devices = open_cell(settings, NO_STRIP, Trial(), calibrating=True)
+    frame = take_view(devices)
+    if settings.camera_driver.real and settings.calibration is None:
+        return frame, None
+    calibration = calibration_of(settings, notice)
+    own_camera = calibration.camera == devices.camera_identity
+    return frame, calibration if own_camera else None
+
+
+def _filmed(film: Path) -> "tuple[Iterator[Frame], Calibration | None]":
+    """Images of a `film`, or of that of a run, and the run's calibration."""
+    from cell.record.files import is_run
+    from cell.record.film import Film
+    from cell.record.run import read_run
+    from cell.setup.camera_check import every_second
+
+    if not is_run(film):
+        return every_second(Film(film).frames()), None
+    run = read_run(film)
+    return every_second(run.film_frames()), run.calibration()
 
 
 def _settings(device: str | None, configs: Path | None) -> "V4l2Settings":

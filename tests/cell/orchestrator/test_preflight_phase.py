@@ -10,8 +10,7 @@ from cell.orchestrator import phases
 from cell.orchestrator.context import FoldInputs, FoldLog
 from cell.orchestrator.states import Event
 from cell.orchestrator.steps import StillPicture
-from cell.perception.camera_watch import CAMERA_WATCHED, UNWATCHED
-from cell.perception.preflight import PreflightCheck
+from cell.perception.preflight import CAMERA_WATCHED, UNWATCHED, PreflightCheck
 from drivers.base.types import Frame
 from policies.policy import Decision
 from policies.registry import make_policy

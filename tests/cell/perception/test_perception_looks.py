@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from calibration.landmarks import find_pointer
+from calibration.board import find_pointer
 from cell.perception.preflight import Preflight, inspect
 from drivers.base.types import Pose
 from drivers.strip.describe import load_strip

@@ -5,10 +5,13 @@ has.
 import json
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 
 import drivers.v4l2.device
 from cell.base.devices.open import check_calibrated, check_drivers
+from cell.record.film import FilmWriter
 from drivers.v4l2.camera import UnusableDevice, list_cameras
 from drivers.v4l2.settings import V4l2Settings
 from tests.drivers.v4l2.fake_kernel import LINK, FakeKernel
@@ -75,3 +78,34 @@ def test_real_camera_without_a_calibration_is_refused_before_anything_opens() ->
     with refusal(r"calibration: is missing"):
         check_calibrated(REAL)
     check_calibrated(CELL)
+
+
+def test_first_check_pins_the_view_and_later_ones_compare(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+
+    def check(options: str = "") -> str:
+        done = invoke(f"camera check {options}")
+        return f"{done.exit_code} {done.stdout}"
+
+    assert check() == "0 pinned: calibrations/view.png; call it again to compare\n"
+    assert check().startswith("0 the camera stands where it stood: off by 0.")
+    cv2.imwrite("other.png", np.roll(cv2.imread("calibrations/view.png"), 3, axis=1))
+    told = check("--view other.png --picture motion.png --json")
+    facts = json.loads(told.removeprefix("1 "))
+    assert facts["pixels"] == pytest.approx(3, abs=0.3)
+    assert facts["distance"] == pytest.approx(0.00177, abs=2e-4)
+    assert cv2.imread("motion.png").shape == (720, 1280, 3)
+
+
+def test_film_is_compared_with_its_first_image(tmp_path: Path) -> None:
+    grain = np.random.default_rng(0).integers(0, 255, (72, 128, 3), np.uint8)
+    image = cv2.resize(grain, None, fx=8, fy=8)
+    for name, at_end in (("still.mp4", 0), ("nudged.mp4", 4)):
+        with FilmWriter(tmp_path / name) as film:
+            for second in range(4):
+                film.add(second, np.roll(image, at_end * (second == 3), axis=0))
+        done = invoke("camera check", tmp_path / name)
+        assert done.exit_code == bool(at_end)
+        assert f"off by {at_end}.0 px, allowed" in done.stdout

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cell.perception.camera_watch import FrozenImages
+from cell.orchestrator.vision import FrozenImages
 from drivers.base.types import Frame, Pose
 
 HERE = Pose(0.6, 0.1, 0.0)
