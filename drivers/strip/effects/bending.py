@@ -9,6 +9,8 @@ import numpy as np
 from drivers.base.types import GRAVITY
 from drivers.strip.effects.effect import (
     PLACE_SPAN,
+    POSITION,
+    WIDTH,
     Parameter,
     Span,
     law_effect,
@@ -102,7 +104,7 @@ CREASE = law_effect(
     sentence="the strip has a crease",
     parameters=(
         Parameter.signed("angle", "rad", 2.0),
-        Parameter("position", "m", low=0.0, high=2.0, role="place"),
+        POSITION,
     ),
     apply=lambda model, values: _add_crease(model, values["angle"], values["position"]),
     typical=lambda _: (-0.3, 0.3),
@@ -183,8 +185,8 @@ SEAM = law_effect(
     sentence="the strip has a seam, a piece of other stiffness",
     parameters=(
         Parameter("factor", "1", start=1.0, low=0.1, high=50.0),
-        Parameter("position", "m", low=0.0, high=2.0, role="place"),
-        Parameter.scale("width", "m", low=0.001, high=0.5, role="width"),
+        POSITION,
+        WIDTH,
         Parameter.shape("softness", "1", high=2.0, guess=0.4),
     ),
     apply=_stiffen_seam,

@@ -152,6 +152,11 @@ class Parameter:
         return 1.0 / value if value else inf
 
 
+# where something lies along a strip, and how far it reaches there
+POSITION = Parameter("position", "m", low=0.0, high=2.0, role="place")
+WIDTH = Parameter.scale("width", "m", low=0.001, high=0.5, role="width")
+
+
 def set_fields(**fields: str) -> Apply:
     """Function `apply` of an effect that writes parameters into model fields at dotted
     paths.

@@ -2,7 +2,15 @@
 
 from collections.abc import Mapping
 
-from drivers.strip.effects.effect import Parameter, Span, Stage, law_effect, set_fields
+from drivers.strip.effects.effect import (
+    POSITION,
+    WIDTH,
+    Parameter,
+    Span,
+    Stage,
+    law_effect,
+    set_fields,
+)
 from drivers.strip.model import Drag, StripModel, with_added, with_field
 
 
@@ -35,8 +43,8 @@ HEM_MASS = law_effect(
     sentence="a piece of the strip, such as a hem, is heavier than the rest",
     parameters=(
         Parameter("mass", "kg", low=0.0, high=0.1),
-        Parameter("position", "m", low=0.0, high=2.0, role="place"),
-        Parameter.scale("width", "m", low=0.001, high=0.5, role="width"),
+        POSITION,
+        WIDTH,
     ),
     apply=_add_mass,
     typical=lambda strip: (0.05 * strip.mass,),

@@ -164,9 +164,13 @@ def fill(image: Image, outline: Array, colour: Array) -> None:
     """Fill a convex polygon (m, 2) [px] with sub-pixel corners and smooth sides, in
     place.
     """
-    corners = np.rint(outline * 256).astype(np.int32)
     ink = np.minimum(colour, 255).tolist()
-    cv2.fillConvexPoly(image, corners, ink, cv2.LINE_AA, 8)
+    cv2.fillConvexPoly(image, _fixed_point(outline), ink, cv2.LINE_AA, 8)
+
+
+def _fixed_point(points: Array) -> NDArray[np.int32]:
+    """Copy of `points` [px] in units of 1/256 px, as OpenCV draws them."""
+    return np.rint(points * 256).astype(np.int32)
 
 
 def depth(thing: Thing) -> float:
@@ -227,6 +231,6 @@ def _line(cable: Cable, optics: Optics, size: tuple[int, ...]) -> NDArray[np.uin
     distance = np.linalg.norm(smooth.mean(axis=0) - optics.centre)
     thickness = max(round(cable.thickness * optics.focal / distance), 1)
     mask = np.zeros(size, dtype=np.uint8)
-    points = np.rint(optics.project(smooth) * 256).astype(np.int32)
+    points = _fixed_point(optics.project(smooth))
     cv2.polylines(mask, [points], False, 255, thickness, cv2.LINE_AA, 8)
     return mask

@@ -71,13 +71,14 @@ def test_arm_that_is_let_go_in_motion_brakes_in_the_world() -> None:
 def test_how_often_the_arm_is_read_does_not_change_the_world() -> None:
     def run(reads: int) -> tuple[Pose, bytes]:
         twin = twin_with()
+        arm = twin.arm
         grasp(twin)
         for _ in range(20):
-            twin.arm.set_velocity(Velocity(-0.05, 0.05, 0.0))
+            arm.set_velocity(Velocity(-0.05, 0.05, 0.0))
             for _ in range(reads):
-                twin.arm.state()
+                arm.state()
             wait(twin, 0.01)
-        return twin.arm.state().pose, twin.world.scene(twin.world.time).points.tobytes()
+        return arm.state().pose, twin.world.scene(twin.world.time).points.tobytes()
 
     assert run(0) == run(3)
 
@@ -97,10 +98,11 @@ def test_size_of_the_waits_does_not_change_the_world() -> None:
 
 def test_hand_takes_half_a_second_to_close() -> None:
     twin = twin_with()
-    twin.hand.grasp()
+    hand = twin.hand
+    hand.grasp()
     wait(twin, 0.25)
-    assert twin.hand.state().width == pytest.approx(0.02)
+    assert hand.state().width == pytest.approx(0.02)
     wait(twin, 0.24)
-    assert twin.hand.state().moving
+    assert hand.state().moving
     wait(twin, 0.02)
-    assert not twin.hand.state().moving
+    assert not hand.state().moving
