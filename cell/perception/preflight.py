@@ -215,7 +215,7 @@ def _check_place(
     """Check whether the strip is visible along its expected place; `clear` marks
     visible parts.
     """
-    share = edge.present[edge.x < strip.length - END_LENGTH].mean()
+    share = float(edge.present[edge.x < strip.length - END_LENGTH].mean())
     return PreflightCheck(
         name="strip lies there",
         passed=clear and share > PRESENT_SHARE,
@@ -231,13 +231,13 @@ def _check_flat(
     edge: resting_strip.Underside, appearance: scene.Appearance
 ) -> PreflightCheck:
     """Check whether the strip's edge leaves its smooth line by at most FLATNESS."""
-    bump = np.abs(edge.z - appearance.rest_height(edge.x))[edge.present].max()
+    bump = float(np.abs(edge.z - appearance.rest_height(edge.x))[edge.present].max())
     return PreflightCheck(
         name="flat and straight",
         passed=bump <= FLATNESS,
         reason=(
-            f"its edge leaves a smooth line by {in_mm(bump, 1)}, allowed "
-            f"{in_mm(FLATNESS, 1)}"
+            f"its edge leaves a smooth line by {in_mm(bump, 1)},"
+            f" allowed {in_mm(FLATNESS, 1)}"
         ),
         remedy="smooth the strip out, lay it straight along the line",
     )
@@ -247,11 +247,11 @@ def _check_level(
     edge: resting_strip.Underside, appearance: scene.Appearance
 ) -> PreflightCheck:
     """Check whether the strip's edge lies at most LEVEL off the desk's plane z = 0."""
-    off = np.abs(appearance.rest_height(edge.x[edge.present])).max()
+    off = float(np.abs(appearance.rest_height(edge.x[edge.present])).max())
     return PreflightCheck(
         name="on the desk plane",
         passed=off <= LEVEL,
-        reason=(f"its edge lies {in_mm(off, 1)} off z = 0, allowed {in_mm(LEVEL, 1)}"),
+        reason=f"its edge lies {in_mm(off, 1)} off z = 0, allowed {in_mm(LEVEL, 1)}",
         remedy=(
             "lay the near edge on the marked line; if it is, calibrate the camera again"
         ),
@@ -272,8 +272,7 @@ def _check_length(
         passed=abs(error) <= LENGTH_TOLERANCE,
         reason=(
             f"its free edge is at x = {in_mm(edge.end)}, stated length"
-            f" {in_mm(strip.length)}, allowed within"
-            f" {in_mm(LENGTH_TOLERANCE)}"
+            f" {in_mm(strip.length)}, allowed within {in_mm(LENGTH_TOLERANCE)}"
         ),
         remedy="push the fixed edge to x = 0, or state the strip's own length",
         witness=LengthCheck(

@@ -177,6 +177,7 @@ class Screen:
         self._to = recording
         self._calibration = calibration
         self._strip = strip
+        self._length, self._width = _size(strip)
         self._shadow = None if strip is None else Shadow(strip)
         self._batch = batch
         self._waiting = 0
@@ -193,9 +194,9 @@ class Screen:
     def begin(self, run: Run) -> None:
         """Draw what stands still in a `run`."""
         cell = installation_of(run)
-        length, width = _size(self._strip)
         self._has_joints = (run.folder / JOINTS).is_file()
-        bodies = {**scene.surroundings(length, width, cell), **scene.hand_bodies()}
+        desk = scene.surroundings(self._length, self._width, cell)
+        bodies = {**desk, **scene.hand_bodies()}
         if self._calibration is not None:
             self._scale = PICTURE_WIDTH / self._calibration.lens.width
             bodies |= scene.camera(self._calibration, self._scale)
@@ -232,7 +233,7 @@ class Screen:
             self._draw_picture(tick, tick.image)
         is_due = tick.tick % TICKS_BETWEEN_POSES == 0
         if is_due and not self._has_joints and np.isfinite(tick.pose).all():
-            frame = scene.hand_frame(tick.pose, _size(self._strip)[1])
+            frame = scene.hand_frame(tick.pose, self._width)
             self._add(HAND, _frame_columns, tick, frame)
         if not math.isfinite(tick.t):
             return
@@ -318,7 +319,7 @@ class Screen:
         names = [f"q_{joint}" for joint in range(1, 8)]
         t = table["t"].to_numpy()[::ARM_STEP]
         q = np.column_stack([table[name].to_numpy()[::ARM_STEP] for name in names])
-        frames = scene.arm_frames(q, installation_of(run), _size(self._strip)[1])
+        frames = scene.arm_frames(q, installation_of(run), self._width)
         for entity, body in scene.arm_bodies().items():
             self._to.log(entity, body, static=True)
         times = _times(np.maximum(t, 0.0), t + run.origin())
@@ -355,13 +356,13 @@ class Screen:
         for rows in self._rows.values():
             rows.send(self._to)
         if self._track:
-            middle = 0.5 * _size(self._strip)[1]
+            middle = 0.5 * self._width
             path = scene.at_depth(np.array(self._track), middle)
             look = rr.LineStrips3D([path], colors=PATH_RGBA, radii=scene.LINE)
             self._to.log(scene.PATH, look, static=True)
 
     def _band_columns(self, midlines: list[Array]) -> Any:
-        return scene.bands(midlines, _size(self._strip)[1])
+        return scene.bands(midlines, self._width)
 
 
 def layout(
