@@ -95,7 +95,8 @@ def test_a_part_of_a_fit_is_not_accepted(fitted_both, name) -> None:
     file, content = HALVES[name]
     path = fitted_both.out / file
     path.unlink() if content is None else path.write_bytes(content)
-    assert refused(fitted_both).startswith(f"{path}: ")
+    missing = "is missing; " if content is None else ""
+    assert refused(fitted_both).startswith(f"{path}: {missing}")
 
 
 @pytest.mark.parametrize("name", ["cell", "file"])
