@@ -15,6 +15,8 @@ MINIMUM_POINTS = 12
 MINIMUM_INLIERS = MINIMUM_POINTS * 3 // 4  # that a map must fit
 # of a matrix from pixels to metres, under which it is singular
 SMALLEST_DETERMINANT = 1e-18
+MAP_PARAMETERS = 8
+PLACE_STEP = 1e-5  # m over which a map's derivative is taken
 RANSAC_THRESHOLD = 1.5  # px, RANSAC on millimetres to pixels
 
 
@@ -141,6 +143,42 @@ def homography_of(pixels: Array, points: Array) -> Homography:
     to_pixels, _ = cv2.findHomography(1e3 * points, pixels, 0)
     to_metres = np.diag([1e-3, 1e-3, 1.0])
     return Homography.from_matrix(to_metres @ np.linalg.inv(to_pixels))
+
+
+def map_deviation(
+    homography: Homography, pixels: Array, points: Array, places: Array
+) -> Array:
+    """Standard deviations (k,) [m] of a fitted map at `places` (k, 2) x, z [m].
+
+    By the covariance of its least squares, which fit the undistorted `pixels` (n, 2) of
+    `points` (n, 2) with as much scatter as is left; the lens is taken as exact.
+    """
+    residuals = pixels - homography.to_image(points)
+    variance = (residuals**2).sum() / (residuals.size - MAP_PARAMETERS)
+    design = _by_map(homography, points).reshape(-1, MAP_PARAMETERS)
+    solution = np.linalg.pinv(design)
+    covariance = variance * solution @ solution.T
+
+    here = homography.to_image(places)
+    steps = PLACE_STEP * np.eye(2)
+    by_place = [homography.to_image(places + step) - here for step in steps]
+    moved = np.linalg.solve(
+        np.stack(by_place, axis=-1) / PLACE_STEP, _by_map(homography, places)
+    )
+    largest: Array = np.linalg.eigvalsh(moved @ covariance @ moved.mT)[:, -1]
+    return np.sqrt(largest)
+
+
+def _by_map(homography: Homography, points: Array) -> Array:
+    """Derivatives (n, 2, 8) of the pixels of `points` (n, 2) by the map's entries."""
+    pixels = homography.to_image(points)
+    inverse = homography.inverse / homography.inverse[2, 2]
+    lifted = np.insert(points, 2, 1.0, axis=1)
+    scaled = lifted / (lifted @ inverse[2])[:, None]
+    none = np.zeros_like(scaled)
+    across = np.hstack([scaled, none, -pixels[:, :1] * scaled[:, :2]])
+    down = np.hstack([none, scaled, -pixels[:, 1:] * scaled[:, :2]])
+    return np.stack([across, down], axis=1)
 
 
 def viewpoint(lens: Lens, homography: Homography) -> Viewpoint:

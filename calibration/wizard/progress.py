@@ -76,6 +76,9 @@ COLOURS_BGR = {
     MarkKind.HELD_OUT: (255, 170, 40),
     MarkKind.WILD: (60, 60, 235),
 }
+LEVELS_MM = (0.01, 0.015, 0.02, 0.03, 0.05, 0.07, 0.1, 0.2, 0.5, 1.0)
+LEVEL_STEP = 8  # px from one place to the next at which a level is computed
+LEVEL_BGR = (60, 220, 240)
 LINE_TYPE = cv2.LINE_AA
 FONT = cv2.FONT_HERSHEY_SIMPLEX
 
@@ -125,12 +128,43 @@ def ignore(_: Progress) -> None:
     """Observer that ignores all progress."""
 
 
-def draw_picture(image: Image, marks: Iterable[Mark]) -> Image:
-    """Darkened copy of `image` (h, w, 3) with `marks`, their errors ENLARGED times."""
+def draw_picture(
+    image: Image,
+    marks: Iterable[Mark],
+    deviation: Callable[[Array], Array] | None = None,
+) -> Image:
+    """Darkened copy of `image` (h, w, 3) with `marks`, their errors ENLARGED times.
+
+    Lines show how well a place is known by the `deviation` (k,) [m] at pixels (k, 2),
+    if given.
+    """
     drawn = np.asarray(image * 0.55, dtype=np.uint8)
+    if deviation is not None:
+        _draw_levels(drawn, deviation)
     for mark in marks:
         _draw_mark(drawn, mark)
     return drawn
+
+
+def _draw_levels(drawn: Image, deviation: Callable[[Array], Array]) -> None:
+    """Draw into `drawn` (h, w, 3) the lines within which a place is known to LEVELS_MM,
+    by the `deviation` (k,) [m] at pixels (k, 2).
+    """
+    height, width = drawn.shape[:2]
+    v, u = np.mgrid[0:height:LEVEL_STEP, 0:width:LEVEL_STEP]
+    pixels = np.column_stack([u.ravel(), v.ravel()]).astype(np.float64)
+    coarse = 1e3 * deviation(pixels).reshape(u.shape)
+    fine = cv2.resize(coarse, (width, height))
+    for level in LEVELS_MM:
+        within = (fine <= level).astype(np.uint8)
+        line = cv2.morphologyEx(within, cv2.MORPH_GRADIENT, np.ones((2, 2), np.uint8))
+        rows, columns = np.nonzero(line)
+        if len(rows) == 0:
+            continue
+        drawn[rows, columns] = LEVEL_BGR
+        nearest = np.hypot(rows - height / 2, columns - width / 2).argmin()
+        place = (int(columns[nearest]) + 4, max(int(rows[nearest]), 18) - 4)
+        cv2.putText(drawn, f"{level} mm", place, FONT, 0.5, LEVEL_BGR, 1, LINE_TYPE)
 
 
 def _draw_mark(drawn: Image, mark: Mark) -> None:

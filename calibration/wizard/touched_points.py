@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from calibration.board import find_pointer
+from calibration.homography import map_deviation
 from calibration.lens import Lens
 from calibration.wizard.progress import Mark, MarkKind, Progress, SessionRow, place_text
 from calibration.wizard.touch_verdict import TouchVerdict, touch_verdict
@@ -198,6 +199,25 @@ class TouchedPoints:
                 kind, error = MarkKind.WILD, None
             marks.append(Mark(point.pixel, kind, str(point.number), error))
         return tuple(marks)
+
+    def deviation(self, verdict: TouchVerdict, pixels: Array) -> Array:
+        """Standard deviations (k,) [m] of the verdict's map at image points `pixels`
+        (k, 2); NaN without a map.
+        """
+        plane_map = verdict.plane_map
+        if plane_map is None:
+            return np.full(len(pixels), np.nan)
+        replaced = verdict.rejected.keys() | verdict.wild.keys()
+        fitted = [
+            point
+            for point in self.touches
+            if not point.held_out and (point.again or point.number not in replaced)
+        ]
+        seen = plane_map.lens.undistort(np.array([point.pixel for point in fitted]))
+        places = np.array([point.place for point in fitted])
+        return map_deviation(
+            plane_map.homography, seen, places, plane_map.to_plane(pixels)
+        )
 
     def _error(self, point: TouchedPoint, verdict: TouchVerdict) -> Array | None:
         """Error (2,) [px] of a point in the image by the verdict's map; None without a

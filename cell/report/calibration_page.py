@@ -29,7 +29,8 @@ WHITE = (255, 255, 255)  # BGR
 BESIDE_X, BESIDE_Z = (4, -4), (-56, -4)  # px from a line's start to its label
 LEGEND = (
     "green: fitted; blue: kept back, to judge by; red cross: does not fit the others;"
-    f" arrows are errors, {ENLARGED:.0f} times as long"
+    f" arrows are errors, {ENLARGED:.0f} times as long;"
+    " yellow: a place is known to so many mm by the points"
 )
 FRACTION = 4  # bits of a pixel to which lines are drawn
 PICTURE_WIDTH = 1280  # px

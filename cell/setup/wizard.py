@@ -10,6 +10,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -49,7 +50,7 @@ from cell.orchestrator.run import Run
 from drivers.base.errors import CellError, ConfigurationError, Fault
 from drivers.base.readers import read_text
 from drivers.base.settings import Settings, load
-from drivers.base.types import Frame, Image, Pose
+from drivers.base.types import Array, Frame, Image, Pose
 
 PERIOD = 0.1  # s between processed images
 STALL_TIMEOUT = 2.0  # s without an image after which the camera counts as stalled
@@ -252,7 +253,9 @@ def solve_homography(
         landmarks=load(path, Landmarks) if path.exists() else None,
     )
     if out is not None:
-        _keep(out, verdict, image, points.marks(verdict.touches))
+        touches = verdict.touches
+        deviation = partial(points.deviation, touches)
+        _keep(out, verdict, image, points.marks(touches), deviation)
         if verdict.calibration is not None:
             save_calibration(verdict.calibration, out / CALIBRATION_FILE)
     return verdict
@@ -263,13 +266,15 @@ def _keep(
     verdict: CalibrationVerdict,
     image: Image | None,
     marks: Iterable[Mark],
+    deviation: Callable[[Array], Array] | None = None,
 ) -> None:
-    """Write `verdict` to `folder`, and a picture of the `image` (h, w, 3) with `marks`,
-    if any.
+    """Write `verdict` to `folder`, and a picture of the `image` (h, w, 3), if any, with
+    `marks` and lines of a `deviation` (k,) [m] at pixels (k, 2).
     """
     session.write_yaml(folder / session.VERDICT_FILE, verdict.facts())
     if image is not None:
-        session.write_image(folder / session.PICTURE_FILE, draw_picture(image, marks))
+        picture = draw_picture(image, marks, deviation)
+        session.write_image(folder / session.PICTURE_FILE, picture)
 
 
 def calibrate_twin(settings: CellFile, interrupted: Interruption) -> Calibration:

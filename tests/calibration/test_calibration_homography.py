@@ -4,7 +4,13 @@ import cv2
 import numpy as np
 import pytest
 
-from calibration.homography import Homography, fit_homography, viewpoint
+from calibration.homography import (
+    Homography,
+    fit_homography,
+    homography_of,
+    map_deviation,
+    viewpoint,
+)
 from calibration.lens import Lens
 from drivers.base.errors import ConfigurationError
 from drivers.base.types import Array
@@ -97,3 +103,17 @@ def test_camera_that_looks_from_behind_the_strip_is_refused() -> None:
     homography, _ = fit_homography(pixels, POINTS)
     with pytest.raises(ConfigurationError, match="from behind"):
         viewpoint(LENS, homography)
+
+
+def test_map_is_known_as_well_as_maps_from_noisy_points_scatter() -> None:
+    away = np.array([[0.1, 0.2], [0.55, 0.01], [0.7, 0.5]])
+    rng = np.random.default_rng(0)
+    errors, stated = [], []
+    for _ in range(300):
+        pixels = _seen(POINTS) + rng.normal(0, 0.3, POINTS.shape)
+        fitted = homography_of(pixels, POINTS)
+        errors.append(fitted.to_plane(_seen(away)) - away)
+        stated.append(map_deviation(fitted, pixels, POINTS, away) ** 2)
+    scatter = np.einsum("nki,nkj->kij", errors, errors) / len(errors)
+    largest = np.linalg.eigvalsh(scatter)[:, -1]
+    assert np.mean(stated, axis=0) == pytest.approx(largest, rel=0.25)
