@@ -90,7 +90,7 @@ def test_command_imports_and_names_the_next_one(tmp_path: Path) -> None:
             "profile",
             "t",
             {"offset": 0.09},
-            "a: t: the midlines lead the gripper by 0.07",
+            "a: t: the midlines lead the gripper by 0.09",
         ),
         (
             "profile",

@@ -41,11 +41,8 @@ def drawn(count: int, seed: int = 0) -> list[Name]:
     rng = np.random.default_rng(seed)
     found = []
     for i in range(count):
-        log_odds, left = (
-            float(np.exp(rng.uniform(0.0, 5.0))),
-            float(rng.uniform(0.5, 2.0)),
-        )
-        right = bool(rng.uniform() < 0.3 + 0.13 * np.log1p(log_odds))
+        log_odds, left = np.exp(rng.uniform(0.0, 5.0)), rng.uniform(0.5, 2.0)
+        right = rng.uniform() < 0.3 + 0.13 * np.log1p(log_odds)
         found.append(Name(told(log_odds, left), right, False, str(i)))
     return found
 
@@ -54,14 +51,10 @@ def test_names_are_right_as_often_as_stated() -> None:
     by = fit_calibration(drawn(2000), np.ones(2000), "strip")
     fresh = drawn(2000, seed=1)
     stated = [(by.probability(name.signs), name.right) for name in fresh]
-    high = [right for p, right in stated if p > 0.8]
-    low = [right for p, right in stated if p < 0.6]
-    assert np.mean(high) == pytest.approx(
-        np.mean([p for p, _ in stated if p > 0.8]), abs=0.05
-    )
-    assert np.mean(low) == pytest.approx(
-        np.mean([p for p, _ in stated if p < 0.6]), abs=0.07
-    )
+    for least, most, off in ((0.8, 1.0, 0.05), (0.0, 0.6, 0.07)):
+        some = [(p, right) for p, right in stated if least < p < most]
+        p, right = np.mean(some, axis=0)
+        assert right == pytest.approx(p, abs=off)
     assert log_loss(stated) < log_loss([(0.7, name.right) for name in fresh])
     assert "2000 verdicts that accept" in reliable(stated)
     assert "outside" not in reliable(stated)
@@ -105,6 +98,11 @@ def test_what_is_accepted_of_an_exam_is_right_by_class_and_never_if_withheld() -
         assert (found["right"], found["outside"]) == (right, hidden is outside)
     withheld = claim_on(named("seam"), seam, withheld=True)
     assert (withheld["right"], withheld["outside"]) == (False, True)
+
+
+def test_the_first_nats_that_a_mechanism_loses_make_it_less_sure() -> None:
+    by, sure = calibration("mechanism").probability, told(9.0)
+    assert by(sure.model_copy(update={"worst": -3.0})) < by(sure) - 0.05
 
 
 @pytest.mark.slow

@@ -6,9 +6,10 @@ and a lag belong to the recording, whatever the mechanism lacks.
 """
 
 import copy
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any
 
 import mujoco
@@ -26,10 +27,7 @@ from drivers.base.types import Array
 STANDS = 1e-3  # rad or m, most of a run in which nothing moves
 MOST_LAG, LAGS = 0.1, 81  # s, of either sign, and number that are tried
 LEAST_LAG, ROWS = 2e-3, 0.5  # s, and rows, within which stamps are not told apart
-# of the variance without a lag, in all runs and in a single one
-LATE, ALONE = 0.25, 0.06
-LITTLE = 0.06  # of a torque's spread, to which the model explains it
-ALIKE = 0.3  # of a lag, within which runs agree on it
+SURE = 4.0  # standard errors from which a lag is told
 FOLLOWS, FREE = 0.9, 0.2  # correlation with the model; share that a motion explains
 FACTOR = 8.0  # of torques: a link may well be four times as heavy as stated
 GEARED, NEAR_UNIT, NEAR_GEAR = 3.0, 1.15, 2.0  # a gear's ratio; within a known factor
@@ -84,50 +82,48 @@ class Match:
     """How measured torques follow the model's, `factor` times and late by some lag.
 
     `follows` is their correlation beside friction, `explained` the share of the
-    variance that the motion explains. `variances` (LAGS,) are what each lag leaves, in
-    units of the noise's, and `little` whether the least of them is little of all.
+    variance that the motion explains. `misfits` (LAGS,) are chi^2 of each lag above the
+    best one, of independent places, by what the best leaves or, if more, the noise.
     """
 
     factor: float
-    variances: Array
     follows: float
     explained: float
-    little: bool
+    misfits: Array
 
 
 def match(torques: JointTorques, noise: float) -> Match | None:
     """Regress measured torques, of some `noise` [N m], on the model's, late by LAGS
     lags.
 
-    None where the run is too short to say.
+    Beside the model's each lag has its own torques of the motion, for what a mechanism
+    lacks has the clock of what it holds. None where the run is too short to say.
     """
     t = torques.t
     inner = np.flatnonzero((t >= t[0] + MOST_LAG) & (t <= t[-1] - MOST_LAG))
     if len(inner) < SHORTEST:
         return None
-    inner = inner[:: max(1, len(inner) // PLACES)]
-    # places are as far apart as the filter allows
-    late = CubicSpline(t, torques.model)(t[inner] - STEPS[:, None])
-    friction = torques.friction[:, inner]
-    measured = _beside(friction, torques.measured[inner])
-    model = _beside(friction, late)
-    cross, square = model @ measured, np.sum(model**2, axis=1) + TINY
-    total = measured @ measured + TINY
-    unexplained = np.maximum(total - cross**2 / square, 0.0)
-    best = np.argmin(unexplained)
-    variances = unexplained / len(inner)
-    motion = np.vstack([torques.of_motion[:, inner], late[best]])
-    beside = _beside(motion, torques.measured[inner])
-    spread = torques.measured[inner].std() + TINY
+    readings, inner = len(inner), inner[:: max(1, len(inner) // PLACES)]
+    model = torques.model[inner]
+    measured = CubicSpline(t, torques.measured)(t[inner] + STEPS[:, None])
+
+    motion = np.vstack([torques.of_motion[:, inner], model])
+    squares = np.mean(_beside(motion, measured) ** 2, axis=1)
+    best = np.argmin(squares)
     # a random torque follows as many functions as it has degrees of freedom
     free = torques.cutoff * np.ptp(t[inner]) / np.pi
-    inflated = free / max(free - len(motion), 1.0)
+    left = squares[best] * free / max(free - len(motion), 1.0)
+    # or as much of the noise as passes the filter
+    own = max(left, free / readings * noise**2)
+
+    friction = torques.friction[:, inner]
+    model, matched = _beside(friction, model), _beside(friction, measured[best])
+    cross, square = model @ matched, model @ model + TINY
     return Match(
-        factor=cross[best] / square[best],
-        variances=variances / noise**2,
-        follows=np.sqrt(max(0.0, 1.0 - unexplained[best] / total)),
-        explained=1.0 - inflated * (beside.std() / spread) ** 2,
-        little=bool(variances[best] < (LITTLE * spread) ** 2),
+        factor=cross / square,
+        follows=abs(cross) / np.sqrt(square * (matched @ matched) + TINY),
+        explained=1.0 - left / (measured[best].var() + TINY),
+        misfits=free * (squares - squares[best]) / own,
     )
 
 
@@ -138,15 +134,16 @@ def _beside(columns: Array, rows: Array) -> Array:
     return beside
 
 
-def _least_lag(variances: Array) -> float:
-    """Lag [s] that leaves the least of `variances` (LAGS,), by a parabola through
-    it.
+def _least_lag(misfits: Array) -> tuple[float, float]:
+    """Lag [s] of the least chi^2 in `misfits` (LAGS,), and its standard error, by a
+    parabola.
     """
-    k = np.clip(np.argmin(variances), 1, LAGS - 2)
-    before, least, after = variances[k - 1 : k + 2]
-    bend = before - 2.0 * least + after + TINY
+    k = np.clip(np.argmin(misfits), 1, LAGS - 2)
+    before, least, after = misfits[k - 1 : k + 2]
+    bend = max(before - 2.0 * least + after, TINY)
     aside = np.clip(0.5 * (before - after) / bend, -1.0, 1.0)
-    return float(STEPS[k] + aside * (STEPS[1] - STEPS[0]))
+    step = STEPS[1] - STEPS[0]
+    return STEPS[k] + aside * step, step * np.sqrt(2.0 / bend)
 
 
 def judge_torques(
@@ -157,7 +154,7 @@ def judge_torques(
 
     What most runs show is said of all; a run that differs from the others, by name.
     """
-    variances: dict[str, Array] = {}
+    lags: dict[str, list[tuple[float, float]]] = defaultdict(list)
     for i, signal in enumerate(mechanism.compared("torque")):
         loud = {
             run: match(torques[i], signal.sigma)
@@ -169,39 +166,55 @@ def judge_torques(
         faults = {run: _fault(mechanism, signal, m, usual) for run, m in found.items()}
         yield from _said(faults)
         for run, m in found.items():
-            if m.little and not faults[run]:
-                variances[run] = variances.get(run, 0.0) + m.variances
-    if variances:
-        yield from _late(mechanism, variances)
+            lag, error = _least_lag(m.misfits)
+            if not faults[run] and abs(lag) < MOST_LAG:
+                lags[run].append((lag, error))
+    if lags:
+        yield from _late(mechanism, lags)
 
 
-def _late(mechanism: Mechanism, variances: Mapping[str, Array]) -> Iterator[Finding]:
-    """Findings on torques that are late or early beside the motion, by what lags leave.
+def _late(
+    mechanism: Mechanism, by_run: Mapping[str, Sequence[tuple[float, float]]]
+) -> Iterator[Finding]:
+    """Findings on torques that are late or early beside the motion, by their lags and
+    errors [s].
 
-    `variances` (LAGS,) are of all torques of a run, which have one clock. What a
-    mechanism lacks may look like a lag in one motion, but not like the same in every
-    one.
+    All torques have one clock in all runs, or else in a run that differs from the
+    others by more than they do from each other.
     """
     rows = [float(np.median(np.diff(r.t))) for r in mechanism.recordings]
     least = max(LEAST_LAG, ROWS * max(rows))
-    lags = {run: _least_lag(each) for run, each in variances.items()}
-    usual = float(np.median([*lags.values()]))
-    agree = [run for run, lag in lags.items() if abs(lag - usual) < ALIKE * abs(usual)]
-    if len(agree) > max(1.0, MOST * len(lags)):
-        shared = np.sum([variances[run] for run in agree], axis=0)
-        if _is_late(lag := _least_lag(shared), shared, least, LATE):
-            yield _lag(lag)
-            lags = {run: lag for run, lag in lags.items() if run not in agree}
-    for run, lag in lags.items() if len(variances) > 2 else ():
-        if _is_late(lag, variances[run], least, ALONE):
+    lag, error, _ = _pooled([*chain(*by_run.values())])
+    if abs(lag) > max(least, SURE * error):
+        yield _lag(lag)
+    for run, lags in by_run.items() if len(by_run) > 2 else ():
+        others = [each for other, each in by_run.items() if other != run]
+        usual, of_usual, scatter = _pooled([*chain(*others)])
+        lag, error, _ = _pooled(lags, scatter)
+        apart = min(abs(lag), abs(lag - usual))
+        if apart > max(least, SURE * np.hypot(error, of_usual)):
             yield _lag(lag).model_copy(update={"run": run})
 
 
-def _is_late(lag: float, variances: Array, least: float, fraction: float) -> bool:
-    """Whether a lag beyond the `least` leaves less than a `fraction` of what none
-    does.
+def _pooled(
+    lags: Sequence[tuple[float, float]], scatter: float = 0.0
+) -> tuple[float, float, float]:
+    """Mean of lags with their standard errors [s], its own error, and their scatter
+    beyond errors.
+
+    What a mechanism lacks shifts each lag by another amount: random effects, of at
+    least the stated `scatter` (DerSimonian and Laird 1986, Meta-analysis in clinical
+    trials).
     """
-    return abs(lag) > least and variances.min() < fraction * variances[LAGS // 2]
+    values, errors = np.transpose(lags)
+    weights = errors**-2.0
+    about = values - np.average(values, weights=weights)
+    excess = float(weights @ about**2) - (len(values) - 1)
+    total = float(weights.sum() - weights @ weights / weights.sum())
+    between = max(excess / (total + TINY), scatter**2)
+    weights = 1.0 / (errors**2 + between)
+    mean = float(np.average(values, weights=weights))
+    return mean, float(weights.sum()) ** -0.5, between**0.5
 
 
 def _said(by_run: Mapping[str, Finding | None]) -> Iterator[Finding]:

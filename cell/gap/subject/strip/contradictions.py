@@ -179,10 +179,11 @@ def _misses_of_midlines(run: Recorded) -> Iterator[Contradiction]:
     up = _rise_of_beginnings(run, curves)
     speed = interpolate_columns(t + 0.05, ticks.t, path)
     speed = (speed - interpolate_columns(t - 0.05, ticks.t, path)) / 0.1
-    # the way to the gripper is the chord of an arc from the last piece's middle on
+    # the way to the gripper is the chord of an arc from the last piece's middle on, or
+    # straight where no pitch was recorded
     hidden, seen = np.hypot(*off.T), np.hypot(*along.T)
     to_middle = (seen + hidden) / np.maximum(seen + 2.0 * hidden, SHORTEST_ARC)
-    chord = slope - turn * to_middle
+    chord = slope - np.nan_to_num(turn) * to_middle
     normal = np.column_stack([-np.sin(chord), np.cos(chord)])
     distance = ((off - (0.0, up)) * normal).sum(axis=1)
     per_delay = (-speed * normal).sum(axis=1)

@@ -193,7 +193,7 @@ def read_fold(folder: Path, name: str, strip: StripFile) -> tuple[Header, Measur
     `strip`.
     """
     try:
-        recorded = _with_pitch(read_run(folder))
+        recorded = read_run(folder)
     except ConfigurationError as error:
         _check_kind(folder)
         raise ConfigurationError(str(error).splitlines()[0]) from None
@@ -243,17 +243,16 @@ def check_fold(
     return read_fold(folder, folder.name, load(strip))[1].notes
 
 
-def _with_pitch(run: Recorded) -> Recorded:
-    """Fill in an unrecorded gripper pitch: upright if hanging, else as in a lift from
-    the desk.
+def _pitch(run: Recorded) -> Array:
+    """Gripper pitch (n,) [rad]: as recorded, else upright if hanging or as in a lift
+    from the desk.
     """
     ticks = run.ticks
-    if not len(ticks.t) or np.isfinite(ticks.pitch).any():
-        return run
-    travel = arc_lengths(np.column_stack([ticks.x, ticks.z]))
-    flat = run.header.start == "flat"
-    pitch = lift_pitch(travel) if flat else np.full(len(ticks.t), np.pi / 2)
-    return replace(run, ticks=replace(ticks, pitch=frozen(pitch)))
+    if np.isfinite(ticks.pitch).any():
+        return ticks.pitch
+    if run.header.start == "hanging":
+        return np.full(len(ticks.t), np.pi / 2)
+    return lift_pitch(arc_lengths(np.column_stack([ticks.x, ticks.z])))
 
 
 def _check_kind(folder: Path) -> None:
@@ -273,7 +272,7 @@ def _measured_run(
     """Reduce a run's tables to the arrays with which simulations are compared."""
     ticks, header = run.ticks, run.header
     note = header.calibration if header.by_cell else None
-    poses = np.stack([ticks.x, ticks.z, ticks.pitch], axis=1)
+    poses = np.stack([ticks.x, ticks.z, _pitch(run)], axis=1)
     t, smooth = smooth_path(ticks.t, poses, header.sigma.gripper)
     grip = interpolate_columns(run.profile.t, ticks.t, poses[:, :2])
     contact_t, contact_x = ticks.contacts()
