@@ -34,6 +34,7 @@ GEARED, NEAR_UNIT, NEAR_GEAR = 3.0, 1.15, 2.0  # a gear's ratio; within a known 
 UNLIKE = 2.0  # times the other runs' factor
 LOUD = 4.0  # times its noise, the spread of a torque that is judged
 MOST = 0.6  # share of the runs that is all of them
+REVERSES = 0.2  # of a joint's typical rate, within which its friction is not known
 SLIDING = 0.05  # of a joint's typical rate, within which friction changes its sign
 PLACES, SHORTEST = 400, 40  # of a run that are compared; fewer say nothing
 TOUCHED, TOUCHES = 0.5, 0.02  # share of poses in contact, refused and said
@@ -41,7 +42,7 @@ POSES = 60  # of a run
 UNITS = {1000.0: "N mm", 100.0: "N cm", 10.2: "kgf cm", 0.102: "kgf m", 0.001: "kN m",
          8.85: "lbf in", 141.6: "ozf in"}  # fmt: skip
 """Units of torque by how many of them are a newton metre."""
-STEPS = np.linspace(-MOST_LAG, MOST_LAG, LAGS)
+STEPS, STEP = np.linspace(-MOST_LAG, MOST_LAG, LAGS, retstep=True)
 TINY = np.finfo(float).tiny  # against division by zero
 UNBOUNDED = (int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_HFIELD))
 HOLD = (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD))
@@ -99,8 +100,10 @@ def match(torques: JointTorques, noise: float) -> Match | None:
     Beside the model's each lag has its own torques of the motion, for what a mechanism
     lacks has the clock of what it holds. None where the run is too short to say.
     """
-    t = torques.t
-    inner = np.flatnonzero((t >= t[0] + MOST_LAG) & (t <= t[-1] - MOST_LAG))
+    t, span = torques.t, np.ptp(torques.t)
+    # about a reversal friction may hold a joint, and torque leads its motion
+    moves = np.abs(torques.v) > REVERSES * torques.v.std()
+    inner = np.flatnonzero((np.abs(t - t[0] - span / 2) <= span / 2 - MOST_LAG) & moves)
     if len(inner) < SHORTEST:
         return None
     readings, inner = len(inner), inner[:: max(1, len(inner) // PLACES)]
@@ -111,7 +114,7 @@ def match(torques: JointTorques, noise: float) -> Match | None:
     squares = np.mean(_beside(motion, measured) ** 2, axis=1)
     best = np.argmin(squares)
     # a random torque follows as many functions as it has degrees of freedom
-    free = torques.cutoff * np.ptp(t[inner]) / np.pi
+    free = torques.cutoff * span / np.pi * readings / len(t)
     left = squares[best] * free / max(free - len(motion), 1.0)
     # or as much of the noise as passes the filter
     own = max(left, free / readings * noise**2)
@@ -121,8 +124,8 @@ def match(torques: JointTorques, noise: float) -> Match | None:
     cross, square = model @ matched, model @ model + TINY
     return Match(
         factor=cross / square,
-        follows=abs(cross) / np.sqrt(square * (matched @ matched) + TINY),
-        explained=1.0 - left / (measured[best].var() + TINY),
+        follows=abs(cross) / np.sqrt(square * (matched @ matched)),
+        explained=1.0 - left / measured[best].var(),
         misfits=free * (squares - squares[best]) / own,
     )
 
@@ -141,9 +144,8 @@ def _least_lag(misfits: Array) -> tuple[float, float]:
     k = np.clip(np.argmin(misfits), 1, LAGS - 2)
     before, least, after = misfits[k - 1 : k + 2]
     bend = max(before - 2.0 * least + after, TINY)
-    aside = np.clip(0.5 * (before - after) / bend, -1.0, 1.0)
-    step = STEPS[1] - STEPS[0]
-    return STEPS[k] + aside * step, step * np.sqrt(2.0 / bend)
+    aside = 0.5 * (before - after) / bend
+    return STEPS[k] + aside * STEP, STEP * np.sqrt(2.0 / bend)
 
 
 def judge_torques(
@@ -182,7 +184,7 @@ def _late(
     All torques have one clock in all runs, or else in a run that differs from the
     others by more than they do from each other.
     """
-    rows = [float(np.median(np.diff(r.t))) for r in mechanism.recordings]
+    rows = [np.median(np.diff(r.t)) for r in mechanism.recordings]
     least = max(LEAST_LAG, ROWS * max(rows))
     lag, error, _ = _pooled([*chain(*by_run.values())])
     if abs(lag) > max(least, SURE * error):
@@ -209,12 +211,12 @@ def _pooled(
     values, errors = np.transpose(lags)
     weights = errors**-2.0
     about = values - np.average(values, weights=weights)
-    excess = float(weights @ about**2) - (len(values) - 1)
-    total = float(weights.sum() - weights @ weights / weights.sum())
+    excess = weights @ about**2 - (len(values) - 1)
+    total = weights.sum() - weights @ weights / weights.sum()
     between = max(excess / (total + TINY), scatter**2)
     weights = 1.0 / (errors**2 + between)
-    mean = float(np.average(values, weights=weights))
-    return mean, float(weights.sum()) ** -0.5, between**0.5
+    mean = np.average(values, weights=weights)
+    return mean, weights.sum() ** -0.5, between**0.5
 
 
 def _said(by_run: Mapping[str, Finding | None]) -> Iterator[Finding]:

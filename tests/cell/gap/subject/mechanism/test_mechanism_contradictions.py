@@ -62,7 +62,8 @@ def scaled(
     """Change that multiplies a column by a factor, in all runs or in one."""
 
     def change(number: int, table: Columns) -> None:
-        table[name] = table[name] * (factor if only in (None, number) else 1.0)
+        if only in (None, number):
+            table[name] = table[name] * factor
 
     return change
 
