@@ -102,8 +102,8 @@ def match(torques: JointTorques, noise: float) -> Match | None:
     """
     t, span = torques.t, np.ptp(torques.t)
     # about a reversal friction may hold a joint, and torque leads its motion
-    moves = np.abs(torques.v) > REVERSES * torques.v.std()
-    inner = np.flatnonzero((np.abs(t - t[0] - span / 2) <= span / 2 - MOST_LAG) & moves)
+    moves = abs(torques.v) > REVERSES * torques.v.std()
+    inner = np.flatnonzero((abs(t - t[0] - span / 2) <= span / 2 - MOST_LAG) & moves)
     if len(inner) < SHORTEST:
         return None
     readings, inner = len(inner), inner[:: max(1, len(inner) // PLACES)]
@@ -120,7 +120,7 @@ def match(torques: JointTorques, noise: float) -> Match | None:
     own = max(left, free / readings * noise**2)
 
     friction = torques.friction[:, inner]
-    model, matched = _beside(friction, model), _beside(friction, measured[best])
+    model, matched = _beside(friction, np.array([model, measured[best]]))
     cross, square = model @ matched, model @ model + TINY
     return Match(
         factor=cross / square,
