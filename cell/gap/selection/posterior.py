@@ -1,7 +1,7 @@
 """Prior of effects, and posterior of sets of them by the evidence of linearised fits.
 
 An absent effect is expected at an amount that does not matter, by the floor of the
-samples; beliefs.yaml says to which cases the numbers of the prior were fitted.
+samples; `python -m tests.lab study beliefs` fits the numbers of the prior.
 
 Residuals at the prior mean are normal. Their covariance is that of noise and floor, of
 the unknowns under their priors (`Parameter.spread`), of the spike prior of every absent

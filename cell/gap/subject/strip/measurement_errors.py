@@ -107,7 +107,7 @@ class CameraBias(StudyResult):
 class ModelError(StudyResult):
     """Relative standard deviation of fitted `damping` between simulation engines.
 
-    Rod fitted to noise-free runs of the chain.
+    Written by `python -m tests.lab study damping`.
     """
 
     FILE = Path(__file__).with_name("damping.yaml")
