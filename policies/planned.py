@@ -131,8 +131,10 @@ def plan(strips: Sequence[StripFile], speed: float, aim: float = 0.0) -> Array:
 
 
 def _check_reached(strips: Sequence[StripFile], misses: Array) -> None:
-    """Raise ConfigurationError for one of `strips` whose `misses` (n, m) [m] never
-    cross zero.
+    """Raise ConfigurationError for a strip that no planned path folds in half.
+
+    `misses` (n, m) [m] are displacements of each of `strips` by each path; where they
+    never change sign, no path between has displacement 0.
     """
     for strip, miss in zip(strips, misses, strict=True):
         if not (np.any(miss < 0) and np.any(miss > 0)):

@@ -80,6 +80,8 @@ class TouchedPoints:
     def ask(self) -> Pose | None:
         """Next pose for the pointer, to be held still; None once there are enough
         points.
+
+        After the planned ones, those that disagree with the others are asked once more.
         """
         if not self._queue and self._repeats:
             self._repeats = False

@@ -340,7 +340,9 @@ def corner_strips(strip: StripFile) -> list[StripFile]:
 def _height_problems(
     settings: CellSettings, strip: StripFile, lift: Array
 ) -> Iterator[str]:
-    """Yield a text where the path (n, 2) [m] of a `lift` ends under the take-over."""
+    """Yield a problem where a strip is too short: its `lift` (n, 2) [m] ends below the
+    height at which the policy takes over.
+    """
     top = lift[:, 1].max()
     takeover = settings.fold.takeover_height
     if top <= takeover:

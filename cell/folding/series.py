@@ -106,23 +106,27 @@ class Remainder:
 
     @classmethod
     def of(cls, series: Series, requests: Sequence[Request]) -> "Remainder":
-        """What is left of a series; a fold that began before is laid again, after all
-        others.
+        """What is left of a series: folds that never began, then again those that began
+        and were not done.
 
-        It gets an index and a seed of its own, for the strip has been folded since: two
-        runs with one index would be refused by a fit.
+        The latter get an index and a seed of their own, for the strip has been folded
+        since: two runs with one index would be refused by a fit.
         """
         manifest = series.manifest
         left = [n for n in range(len(requests)) if n not in manifest.done]
         again = [n for n in left if n in manifest.begun]
         pairs = [(n, requests[n]) for n in left if n not in again]
-        used = len(manifest.begun) - len(set(manifest.begun))
-        for extra, number in enumerate(again, start=used + 1):
-            trial = requests[number].trial
-            index = max(each.trial.index for each in requests) + extra
-            seed = max(each.trial.seed for each in requests) + extra
-            changed = replace(trial, index=index, seed=seed)
-            pairs.append((number, replace(requests[number], trial=changed)))
+
+        # earlier repeats have taken the first numbers after the last request's
+        repeats = len(manifest.begun) - len(set(manifest.begun))
+        last_index = max(request.trial.index for request in requests)
+        last_seed = max(request.trial.seed for request in requests)
+        for extra, number in enumerate(again, start=repeats + 1):
+            trial = replace(
+                requests[number].trial, index=last_index + extra, seed=last_seed + extra
+            )
+            pairs.append((number, replace(requests[number], trial=trial)))
+
         numbers = {request.trial.seed: number for number, request in pairs}
         return cls(series, tuple(request for _, request in pairs), numbers)
 

@@ -172,6 +172,7 @@ def without_hand(region: Region, calibration: Calibration, gripper: Pose) -> Ima
     """Mask (h, w) of `region`, 0 where the hand at `gripper` may hide the strip, else
     255.
     """
+    # half of the outline along the hand: its tip, fingers, palm and wrist
     palm, palm_aside = PALM[0]
     _, finger_aside = FINGER[-1]
     side = np.array(
@@ -184,6 +185,7 @@ def without_hand(region: Region, calibration: Calibration, gripper: Pose) -> Ima
     )
     outline = np.concatenate([side, side[::-1] * (1, -1)])
 
+    # seen is its near side, and its back farther from the camera
     near = side_view(outline, gripper.as_array()[None])[0]
     view = calibration.viewpoint
     far = near + view.sweep(HAND_BACK) * (view.foot() - near)
@@ -191,5 +193,6 @@ def without_hand(region: Region, calibration: Calibration, gripper: Pose) -> Ima
     mask = np.full(region.cells(1), 255, np.uint8)
     for corners in (near, far):
         pixels = np.rint(calibration.homography.to_image(corners) - region.origin)
+        # far outside of the image, but within what OpenCV draws
         cv2.fillPoly(mask, [np.clip(pixels, -20000, 20000).astype(np.int32)], 0)
     return mask

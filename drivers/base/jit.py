@@ -134,13 +134,15 @@ def _with_unique_name(function: F) -> F:
 
 
 def _origin(function: Callable[..., Any]) -> str:
-    """Text that changes with the code of `function`: its name, sources and closed-over
-    values.
+    """Text that is another once the compiled `function` would be: key of its cache.
+
+    It holds the function's name, the values that it closes over, and the sources that
+    it imports.
     """
     closed = [cell.cell_contents for cell in function.__closure__ or ()]
     values = [_origin(v.py_func) if hasattr(v, "py_func") else repr(v) for v in closed]
     file = Path(function.__code__.co_filename)
-    root = file.parents[function.__module__.count(".")]
+    root = file.parents[function.__module__.count(".")]  # holds its top package
     contents = [_content(path) for path in sorted(_reached(file, root))]
     return "\n".join([function.__module__, function.__qualname__, *values, *contents])
 

@@ -59,7 +59,9 @@ class JointSetpoint(NamedTuple):
         return cls(np.array(joints), np.zeros(AXES), np.zeros(AXES))
 
     def to(self, joints: Numbers | Array, ticks: int = 1) -> "JointSetpoint":
-        """Setpoint `ticks` later at `joints` (7,) [rad], by one acceleration."""
+        """Setpoint of a robot that moves to `joints` (7,) [rad] within `ticks`, at one
+        constant acceleration.
+        """
         position = np.array(joints)
         mean = (position - self.position) / (ticks * TICK)
         acceleration = (mean - self.rate) / (0.5 * (ticks + 1) * TICK)

@@ -168,11 +168,11 @@ class PacedCamera:
         self._camera.connect()
 
     def read(self, after: float, timeout: float) -> Frame | None:
-        """Frame that the last call rendered, if its stamp is later than `after` [s];
-        else None.
+        """Frame with a stamp later than `after` [s], None while it is rendered.
 
-        Without such a frame, one that has arrived since is rendered for the next call;
-        a caller that comes late or seldom gets it at once.
+        To render takes longer than a turn of the control loop may wait: a frame that
+        has arrived is rendered in this call and delivered by the next one. A caller
+        that comes seldom (SLOW_PERIOD) gets it at once.
         """
         drawn = self._drawn
         self._drawn = None

@@ -229,8 +229,9 @@ class CriticBias(Settings):
     untrained: Coefficient = 0.0
 
     def estimate(self, belief: Belief, thickness: float | None) -> Array:
-        """Bias (n,) [m] for n strips estimated as `belief`; `thickness` [m] is None if
-        unknown.
+        """Bias (n,) [m] of the displacements that the critic predicts for n strips.
+
+        `belief` estimates the strips; their `thickness` [m] is None if unknown.
         """
         beyond = np.array(0.0 if thickness is None else thickness - REFERENCE_THICKNESS)
         terms = bias_terms(belief.log_bending_length[:, 0], beyond)

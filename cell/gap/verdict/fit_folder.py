@@ -39,7 +39,7 @@ FileName = Annotated[str, Field(pattern=r"^[\w-]+\.\w+$")]
 
 
 def model_patch(kind: StepKind) -> str:
-    """File name of the model that goes with the patch of a mechanism."""
+    """Name of the MuJoCo model that accepting a fit of a mechanism puts into use."""
     return LAW_MODEL_PATCH if kind == "accept_law" else MODEL_PATCH
 
 

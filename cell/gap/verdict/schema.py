@@ -269,8 +269,9 @@ class Verdict(Entry):
 
     @property
     def held_out_sentence(self) -> str:
-        """Sentence on the gap of held-out runs and, without one, on what speaks for a
-        name.
+        """Sentence on how well runs that the fit has not seen are predicted.
+
+        Where they show no gap, it says what else speaks for the name.
         """
         if self.gap.before["excess"] or not self.posterior:
             return self.gap.sentence()

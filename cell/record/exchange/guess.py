@@ -112,6 +112,7 @@ class Guess:
 
 
 Guesses = Mapping[str, Guess]  # of a table's columns, by the quantity that each holds
+Section = tuple[str | None, Guesses]  # of a mapping: its table's file and columns
 
 
 def guess_mapping(places: Sequence[Path], strip: StripFile | None) -> str:
@@ -124,33 +125,48 @@ def guess_mapping(places: Sequence[Path], strip: StripFile | None) -> str:
     source = next(each for place in places for each in sources_in(place))
     read = {f: source.table(Table[str](file=f, columns={})) for f in source.names}
     tables = {file: _columns(content) for file, content in read.items()}
-    paths = {
-        file: table for file, table in tables.items() if {"t", "x", "z"} <= table.keys()
-    }
-    steps = {file: np.diff(table["t"].values) for file, table in paths.items()}
-    series = [file for file, step in steps.items() if len(step) and (step > 0).all()]
-    with_points = [file for file, step in steps.items() if (step == 0).any()]
-    files = series or {*read} - {*with_points}
-    file = max(files, key=lambda name: len(read[name]), default=None)
-    gripper = {} if file is None else _guess_gripper(tables[file], strip)
-    sections: dict[str, tuple[str | None, Guesses]] = {"ticks": (file, gripper)}
-    for points in with_points[:1]:
-        found = paths[points]
-        guesses = _guess_points(found, gripper) if series else _alone(found, strip)
-        sections["profile"] = points, guesses
-    for section, names in SEEN.items() if series else ():
-        seen = next(
-            (name for name, table in tables.items() if {*names} <= table.keys()), None
-        )
-        if seen is not None:
-            sections[section] = seen, _guess_seen(tables[seen], gripper, names)
+
+    # times rise along a path; points of an image share theirs
+    series, of_points = list[str](), list[str]()
+    for file, table in tables.items():
+        if not {"t", "x", "z"} <= table.keys():
+            continue
+        steps = np.diff(table["t"].values)
+        if len(steps) and (steps > 0).all():
+            series.append(file)
+        if (steps == 0).any():
+            of_points.append(file)
+
+    # no path: the gripper may stand in a table whose columns no name tells
+    files = series or [file for file in read if file not in of_points]
+    longest = max(files, key=lambda file: len(read[file]), default=None)
+    gripper = {} if longest is None else _guess_gripper(tables[longest], strip)
+    sections: dict[str, Section] = {"ticks": (longest, gripper)}
+
+    if of_points:
+        points = tables[of_points[0]]
+        guesses = _guess_points(points, gripper) if series else _alone(points, strip)
+        sections["profile"] = of_points[0], guesses
+    if series:
+        sections |= _seen_sections(tables, gripper)
     left = _not_taken(read, dict(sections.values()))
     return "\n".join((*_lines(sections, strip), *left, ""))
 
 
-def _lines(
-    sections: Mapping[str, tuple[str | None, Guesses]], strip: StripFile | None
-) -> Iterator[str]:
+def _seen_sections(
+    tables: Mapping[str, Guesses], gripper: Guesses
+) -> dict[str, Section]:
+    """Sections of what was seen, each from the first of `tables` with its columns."""
+    sections = dict[str, Section]()
+    for section, names in SEEN.items():
+        for file, table in tables.items():
+            if {*names} <= table.keys():
+                sections[section] = file, _guess_seen(table, gripper, names)
+                break
+    return sections
+
+
+def _lines(sections: Mapping[str, Section], strip: StripFile | None) -> Iterator[str]:
     """Lines of the mapping file: header, then each section with its file and
     columns.
     """

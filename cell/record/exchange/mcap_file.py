@@ -288,8 +288,10 @@ class McapFile(Source):
             )
 
     def _topics(self, content: bytes) -> Iterator[str]:
-        """Topics that a whole file names after its messages, none where its writer was
-        killed; attachments are kept.
+        """Topics of an MCAP file by its closing summary, and its attachments into
+        `documents`.
+
+        A file whose writer was killed has no summary, and yields none.
         """
         try:
             for record in _stored(content):

@@ -22,13 +22,20 @@ CLOSING_SHARE = 0.75  # of the busy blocks that must suffice before a batch is c
 def flat_batch(models: Sequence[StripModel], segments: int) -> Batch:
     """Batch of strips, one of each of `models`, flat and at rest along x, gripped at
     their ends.
+
+    Strips lie beside each other in lanes of a processor's vector unit. `nature` holds
+    their constants by node, `state` their motion, `work` and `band` are scratch memory
+    of a step; `rows` counts nodes with the ghosts beyond both ends.
     """
     count = len(models)
     rows = segments + 3
     lanes = 1 if count < 2 else LANE_COUNT  # one strip is faster without SIMD
+
+    # full blocks of lanes: spare ones copy the last strip
     slots = -(-count // lanes) * lanes
-    # spare lanes copy the last strip
     filled = [*models, *[models[-1]] * (slots - count)]
+
+    # laws beyond the elastic one need more constants and scratch memory
     rich = any(needs_terms(model) for model in models)
     natures = _for_each(filled, lambda model: lump(model, segments, rich=rich))
     arc = _for_each(models, lambda model: lattice(model.mechanics.length, segments))

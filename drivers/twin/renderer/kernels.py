@@ -113,8 +113,9 @@ def _gather(
     """Add to `sums` each point's share in one `corner` of the 2 x 2 pixels around the
     point.
 
-    The first pixel of the window is `origin` (u, v). Returns how many sums are `count`
-    by then.
+    `points` (4, n) are u, v [px], area and brightness, `tint` (n, c) their colours; the
+    first pixel of the window is `origin` (u, v). `count` pixels have a sum so far;
+    returns how many have one now.
     """
     places = sums.places
     rows, columns = places.shape
@@ -127,7 +128,7 @@ def _gather(
         glow = share * points[3, k]
         row += corner[0]
         column += corner[1]
-        if places[row, column] == 0:
+        if places[row, column] == 0:  # its first share
             count += 1
             places[row, column] = count
             sums.pixels[count] = row * columns + column

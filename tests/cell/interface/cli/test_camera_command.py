@@ -46,7 +46,7 @@ def test_device_that_cannot_be_opened_is_listed_with_the_reason(links: Path) -> 
 
 
 def test_no_camera_is_reported_and_is_no_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("drivers.v4l2.camera.device_links", lambda *_: [])
+    monkeypatch.setattr("drivers.v4l2.camera._device_links", lambda *_: [])
     done = invoke("camera")
     assert (done.exit_code, done.stdout) == (0, "")
     assert "plug one in" in done.stderr
