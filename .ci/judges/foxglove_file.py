@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
+from wanting import require
 
 FILE, OURS = Path(sys.argv[1]), Path(sys.argv[2])
 OF_FOXGLOVE = {
@@ -37,9 +38,10 @@ with FILE.open("rb") as file:
             case "/strip":
                 lines.append(len(drawn.entities[0].lines[0].points))
 print(dict(counts))
-assert {*OF_FOXGLOVE.values()} <= schemas, schemas
-assert all(counts[topic] for topic in OF_FOXGLOVE)
-assert min(lines) > 2
+require({*OF_FOXGLOVE.values()} <= schemas, f"schemas of Foxglove in {schemas}")
+require(all(counts[topic] for topic in OF_FOXGLOVE), "messages on each topic")
+require(min(lines) > 2, "more than two points in each midline")
 t, x, z = np.load(OURS / "path.npy")
-assert np.allclose([[row[n] for row in rows[: len(t)]] for n in "txz"], [t, x, z])
-assert np.allclose(gripper[: len(t)], np.transpose([x, z]))
+stored = [[row[name] for row in rows[: len(t)]] for name in "txz"]
+require(np.allclose(stored, [t, x, z]), "the path of the run in its ticks")
+require(np.allclose(gripper[: len(t)], np.transpose([x, z])), "the path as frames")

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from wanting import require
 
 LOADER, SET, OURS = sys.argv[1], sys.argv[2], Path(sys.argv[3])
 EVERY, LEVEL = 50, 6.0  # rows between compared images; most difference of their levels
@@ -52,12 +53,14 @@ def read() -> None:
     states = [name for name in data.meta.features if name.startswith("observation.")]
     rows = [data[number] for number in range(0, len(data), EVERY)]
     finite = [row[key].isfinite().all() for row in rows for key in (*states, "action")]
-    assert all(finite)
-    assert {*data.meta.stats["action"]} >= QUANTILES
+    require(all(finite), "numbers in each state and action")
+    require({*data.meta.stats["action"]} >= QUANTILES, "quantiles of actions")
     stamps, levels = np.load(OURS / "frames.npy")
     seen = [255 * row["observation.images.camera"].mean().item() for row in rows]
-    assert np.allclose([row["stamp"].item() for row in rows], stamps)
-    assert np.abs(np.subtract(seen, levels)).max() < LEVEL
+    read = [row["stamp"].item() for row in rows]
+    require(np.allclose(read, stamps), "the stamps of the run")
+    off = np.abs(np.subtract(seen, levels)).max()
+    require(off < LEVEL, f"the film's images within {LEVEL} levels, not {off}")
     print(f"{len(data)} rows; features {', '.join(data.meta.features)}")
 
 
@@ -70,9 +73,9 @@ def train(config: object, steps: dict[str, list[int]]) -> None:
     loss, _ = policy.forward(prepare(batch))
     loss.backward()
     slopes = [each.grad for each in policy.parameters() if each.grad is not None]
-    assert loss.isfinite()
-    assert slopes
-    assert all(slope.isfinite().all() for slope in slopes)
+    require(loss.isfinite(), "a finite loss")
+    finite = [slope.isfinite().all() for slope in slopes]
+    require(finite and all(finite), "a finite gradient")
     print(f"{type(policy).__name__}: loss {loss.item():.3f}")
 
 

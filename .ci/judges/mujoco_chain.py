@@ -10,6 +10,7 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+from wanting import require
 
 OURS, STRIP = Path(sys.argv[1]), sys.argv[2]
 SWING_BOUND, FOLD_BOUND = 0.05, 1e-3  # of the swing; m
@@ -29,7 +30,7 @@ def swing() -> None:
     apart = np.linalg.norm(np.array(tips) - rod, axis=1)
     off = apart.max() / np.ptp(rod, axis=0).max()
     print(f"one second of swing: off by {100 * off:.1f} % of it")
-    assert off < SWING_BOUND
+    require(off < SWING_BOUND, f"a swing within {SWING_BOUND:.0%}")
     mujoco.mj_saveLastXML(str(OURS / "saved.xml"), model)
 
 
@@ -75,7 +76,7 @@ def fold() -> None:
         points = np.concatenate([data.xpos[links][:, ::2], edge])
         apart.append(np.linalg.norm(points - nodes, axis=1).max())
     print(f"a fold of {STRIP}: {1e3 * max(apart):.2f} mm from the twin's chain at most")
-    assert max(apart) < FOLD_BOUND
+    require(max(apart) < FOLD_BOUND, f"a fold within {1e3 * FOLD_BOUND:g} mm")
 
 
 swing()

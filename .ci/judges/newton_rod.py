@@ -10,6 +10,7 @@ from pathlib import Path
 import newton
 import numpy as np
 import warp as wp
+from wanting import require
 
 OURS = Path(sys.argv[1])
 STEP, STEPS, EVERY = 5e-4, 2000, 20  # s; of a second; to the next compared tip
@@ -17,7 +18,8 @@ BOUND = 0.05  # of the swing
 
 wp.config.quiet = True
 found = json.loads((OURS / "newton/swing.json").read_text())
-assert found["format"] == "folding-cell rod for newton", found["format"]
+FORMAT = "folding-cell rod for newton"
+require(found["format"] == FORMAT, f"format {FORMAT}, not {found['format']}")
 builder = newton.ModelBuilder()
 shape = builder.ShapeConfig(
     has_shape_collision=False, has_particle_collision=False, **found["shape"]
@@ -49,4 +51,4 @@ rod = np.load(OURS / "swing.npy")
 apart = np.linalg.norm(np.array(tips)[:, ::2] - rod, axis=1)
 off = apart.max() / np.ptp(rod, axis=0).max()
 print(f"one second of swing: off by {100 * off:.1f} % of it")
-assert off < BOUND
+require(off < BOUND, f"a swing within {BOUND:.0%}")

@@ -55,9 +55,10 @@ def fold(run: Run) -> dict[str, np.ndarray]:
     """Commanded poses (k, 3) [m, m, rad] up to the touch, FOLD_STEP apart, and shapes
     (k, n, 2) [m] of the twin's chain along them.
     """
-    assert run.result is not None
-    assert run.result.t_layer_touch is not None
-    t = np.arange(0.0, run.result.t_layer_touch - BEFORE_TOUCH, FOLD_STEP)
+    touch = run.result and run.result.t_layer_touch
+    if touch is None:
+        raise SystemExit("wanting: a fold that ended with a touch")
+    t = np.arange(0.0, touch - BEFORE_TOUCH, FOLD_STEP)
     ticks = run.ticks
     columns = (ticks.x_cmd, ticks.z_cmd, ticks.pitch_cmd)
     poses = np.stack([np.interp(t, ticks.t, column) for column in columns], axis=1)

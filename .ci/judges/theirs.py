@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from wanting import require
 
 from cell.gap.subject.mechanism.model_source import compile_model, read_source
 from cell.record.exchange.import_runs import import_runs
@@ -44,12 +45,13 @@ for place, count in (("bag", 1), ("lerobot", 2)):
     if not (OURS / place).exists():  # its program is missing
         continue
     runs = imported(place)
-    assert len(runs) == count
+    require(len(runs) == count, f"{count} runs, not {len(runs)}")
     for run in runs:
         ticks = read_run(run).ticks
         off = np.abs(np.subtract([ticks.t, ticks.x, ticks.z], path)).max(axis=1)
         print(f"{place}: {len(ticks.t)} rows, off by {off.max():.1e} at most")
-        assert off.max() < (0.006 if place == "lerobot" else 1e-6)  # its clock: frames
+        allowed = 0.006 if place == "lerobot" else 1e-6  # its clock: frames
+        require(off.max() < allowed, f"rows within {allowed}")
 saved = OURS / "saved.xml"
 if saved.exists():
     model = compile_model(read_source(saved, OURS), str(saved), 0, 0.002)
