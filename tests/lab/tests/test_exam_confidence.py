@@ -100,11 +100,6 @@ def test_what_is_accepted_of_an_exam_is_right_by_class_and_never_if_withheld() -
     assert (withheld["right"], withheld["outside"]) == (False, True)
 
 
-def test_the_first_nats_that_a_mechanism_loses_make_it_less_sure() -> None:
-    by, sure = calibration("mechanism").probability, told(9.0)
-    assert by(sure.model_copy(update={"worst": -3.0})) < by(sure) - 0.05
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["strip", "mechanism"])
 def test_the_package_holds_the_calibration_of_its_source(kind: str) -> None:
