@@ -38,8 +38,8 @@ from drivers.base.clock import wake_promptly
 wake_promptly()
 os.execv(sys.argv[1], sys.argv[1:])
 """
-# a virtual processor may stand still for 0.1 s, and robot, arm and twin share two
-AGES = "monitors: {arm_age: 0.25, image_age: 0.5, image_wait: 0.5, reading: 0.5}\n"
+# images come late where robot, arm, twin and reading share two processors
+AGES = "monitors: {image_age: 0.5, image_wait: 0.5, reading: 0.5}\n"
 DENIM = ("--strip", "denim")
 # joint 7 of that robot creeps with each client
 JOGS = {"--z": 2, "--x": 1}  # axis of the robot's base
