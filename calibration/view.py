@@ -91,7 +91,7 @@ class Landmarks(Settings):
 
 
 @dataclass(frozen=True, slots=True)
-class Motion:
+class ImageMotion:
     """Motion of a view in the image: how all that stands still moved, turned and grew.
 
     `parameters` (4,) are the shift u, v [px] of the image's middle, and growth and turn
@@ -169,7 +169,7 @@ class PinnedView:
         image: Image,
         clear: Image | None = None,
         radius: int = SEARCH_RADIUS,
-    ) -> Motion | None:
+    ) -> ImageMotion | None:
         """Motion of the scene up to `image` (h, w, 3), of up to `radius` [px]; None
         where fewer than two patches agree on it in any direction.
 
@@ -326,7 +326,7 @@ def _common_motion(
     shifts: Array,
     weights: Array,
     slack: float,
-) -> Motion | None:
+) -> ImageMotion | None:
     """Motion on which most of the `shifts` (n, 2) [px] agree, by iterated weights.
 
     It begins with the shift of the patch that most others agree with. None where it is
@@ -354,7 +354,7 @@ def _common_motion(
     variances = np.linalg.eigvalsh(covariance)[agreeing, -1]
     if variances.min(initial=np.inf) > slack**2:
         return None
-    return Motion(parameters, size, places[agreeing])
+    return ImageMotion(parameters, size, places[agreeing])
 
 
 def _misfit(residuals: Array, weights: Array) -> Array:

@@ -51,7 +51,7 @@ class Decision(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Estimate:
+class ParameterEstimate:
     """Estimated parameter of the simulated rod that a policy steers by, with a 68 %
     interval.
 
@@ -75,9 +75,9 @@ class FoldPrediction:
 
     displacement: float
     sigma: float
-    bending_length: Estimate
-    retardation_time: Estimate
-    yield_curvature: Estimate
+    bending_length: ParameterEstimate
+    retardation_time: ParameterEstimate
+    yield_curvature: ParameterEstimate
     blind: bool
 
     def sentence(self) -> str:

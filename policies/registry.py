@@ -22,7 +22,7 @@ MOTION, BY_HAND = "motion:", "by-hand-"
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
+class PlotStyle:
     """Appearance of a policy in figures: colour, and matplotlib's marker of a `size`
     [points].
     """
@@ -32,7 +32,7 @@ class Look:
     size: float = 5.5
 
 
-PLAIN = Look()
+PLAIN = PlotStyle()
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +48,7 @@ class Entry:
     make: "Factory"
     learned: bool = False
     in_rod: "Factory | None" = None
-    look: Look = PLAIN
+    look: PlotStyle = PLAIN
 
 
 def _path_policy(name: str, _: FilePath | None) -> "Policy":
@@ -80,20 +80,22 @@ def _adaptive(checkpoint: FilePath | None, *, in_rod: bool = False) -> "Policy":
 
 OWN_POLICIES: Mapping[str, Entry] = {
     "triangular": Entry(
-        1, partial(_path_policy, "triangular"), look=Look("#2f6db5", "<")
+        1, partial(_path_policy, "triangular"), look=PlotStyle("#2f6db5", "<")
     ),
-    "circular": Entry(2, partial(_path_policy, "circular"), look=Look("#cf6a1f", ">")),
+    "circular": Entry(
+        2, partial(_path_policy, "circular"), look=PlotStyle("#cf6a1f", ">")
+    ),
     "shifted": Entry(
-        3, partial(_path_policy, "shifted"), look=Look("#6b7280", "D", 4.2)
+        3, partial(_path_policy, "shifted"), look=PlotStyle("#6b7280", "D", 4.2)
     ),
-    "planned": Entry(4, _planned, look=Look("#8a5fb0", "s", 4.2)),
-    "feedback": Entry(5, _feedback, learned=True, look=Look("#3a8a5c", size=7.0)),
+    "planned": Entry(4, _planned, look=PlotStyle("#8a5fb0", "s", 4.2)),
+    "feedback": Entry(5, _feedback, learned=True, look=PlotStyle("#3a8a5c", size=7.0)),
     "adaptive": Entry(
         6,
         _adaptive,
         learned=True,
         in_rod=partial(_adaptive, in_rod=True),
-        look=Look("#c2352b", "P"),
+        look=PlotStyle("#c2352b", "P"),
     ),
 }
 
@@ -110,7 +112,7 @@ def policy_names() -> tuple[str, ...]:
     return tuple(entries())
 
 
-def look_of(name: str) -> Look:
+def look_of(name: str) -> PlotStyle:
     """Colour and marker of the policy `name` in figures; default ones for an unknown
     name.
     """
@@ -148,7 +150,7 @@ def _standard_motion(name: str) -> "Policy":
     """Policy that executes the motion `name`: a standard one, or one by hand of a
     seed.
     """
-    from policies.experiments.motion import Scripted
+    from policies.experiments.motion import ScriptedPolicy
     from policies.experiments.standard import STANDARD
 
     motion = name.removeprefix(MOTION)
@@ -157,11 +159,13 @@ def _standard_motion(name: str) -> "Policy":
         from policies.experiments.motion import human_motion
 
         seed, number = map(int, by_hand.groups())
-        return Scripted(name, lambda length, _speed: human_motion(length, seed, number))
+        return ScriptedPolicy(
+            name, lambda length, _speed: human_motion(length, seed, number)
+        )
     if motion not in STANDARD:
         allowed = ", ".join(MOTION + known for known in STANDARD)
         raise ConfigurationError(
             f"policy: unknown motion {name!r}; allowed: {allowed},"
             f" {MOTION}{BY_HAND}SEED-NUMBER"
         )
-    return Scripted(name, STANDARD[motion].over)
+    return ScriptedPolicy(name, STANDARD[motion].over)

@@ -35,7 +35,7 @@ class Correctable(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Subject:
+class BiasKey:
     """Key of a learned bias: policy with its weights, fabric (`strip`) and specimen."""
 
     policy: str
@@ -96,7 +96,7 @@ class Correction:
 
 def subject_of(
     policy: str, checkpoint: Path | None, strip: str, specimen: str | None
-) -> Subject:
+) -> BiasKey:
     """Subject of a fold's bias: the policy with its weights, the fabric, the
     `specimen`.
 
@@ -112,10 +112,10 @@ def subject_of(
     )
     if weights is not None:
         policy = f"{policy}@{hashlib.sha256(weights.read_bytes()).hexdigest()[:12]}"
-    return Subject(policy, strip, specimen or ("" if strip == UNKNOWN else strip))
+    return BiasKey(policy, strip, specimen or ("" if strip == UNKNOWN else strip))
 
 
-def learned_correction(memory: Memory, subject: Subject) -> Correction:
+def learned_correction(memory: Memory, subject: BiasKey) -> Correction:
     """Correction learned for `subject`, within the limit; ConfigurationError for broken
     memory.
     """
@@ -127,7 +127,7 @@ def learned_correction(memory: Memory, subject: Subject) -> Correction:
 
 def experience_of(
     run: str,
-    subject: Subject,
+    subject: BiasKey,
     outcome: "Outcome",
     correction: Correction,
     key: str = "",

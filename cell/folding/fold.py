@@ -33,7 +33,7 @@ from cell.orchestrator.context import FoldInputs, FoldLog
 from cell.orchestrator.outcome import INTERRUPTED_AT_ONCE, Outcome
 from cell.orchestrator.phases import FOLD_PHASES
 from cell.orchestrator.recorder import FileRecorder, Recorder
-from cell.orchestrator.run import Observer, Run
+from cell.orchestrator.run import ControlLoop, Observer
 from cell.orchestrator.safe_stop import run_suppressed
 from cell.perception.image_reader import (
     InlineReader,
@@ -185,7 +185,9 @@ def _record_fold(
         # the controller cannot read the truth
         blind = replace(devices, plant=None, aids=None)
         watches = (trace, *observers, *live_views)
-        run = Run(blind, inputs, log, FOLD_PHASES, recorder, watches, interrupted)
+        run = ControlLoop(
+            blind, inputs, log, FOLD_PHASES, recorder, watches, interrupted
+        )
         outcome = run_and_record(run, devices, recorder, trace.review)
     said = (log.warning, *(view.failure for view in live_views))
     plant = devices.plant
@@ -238,7 +240,7 @@ def _learn(request: Request, outcome: Outcome, folder: Path) -> str:
 
 
 def run_and_record(
-    run: Run,
+    run: ControlLoop,
     devices: Devices,
     recorder: FileRecorder,
     review: Callable[[Outcome, Recorder], Outcome] = lambda outcome, _: outcome,

@@ -15,8 +15,8 @@ from cell.base.devices.devices import Trial
 from cell.base.devices.open import check_calibrated, check_drivers
 from cell.folding.bias import LIMIT
 from cell.folding.correction import (
+    BiasKey,
     Correction,
-    Subject,
     learned_correction,
     subject_of,
 )
@@ -37,7 +37,7 @@ UNCORRECTED = Correction()
 
 
 @dataclass(frozen=True, slots=True)
-class Recording:
+class RecordingOptions:
     """Options of a fold's record beside its tables: images, film, truth, live view."""
 
     frames: Keep | None = None
@@ -81,7 +81,7 @@ class Request:
     checkpoint: Path | None = None
     speed: float | None = None
     full_speed: bool = False
-    record: Recording = Recording()
+    record: RecordingOptions = RecordingOptions()
     learning: Learning = Learning()
     at: float | None = None
 
@@ -101,7 +101,7 @@ class Request:
         return f"{label}, folded {in_mm(self.line.at)} from the grasped edge"
 
     @property
-    def subject(self) -> Subject:
+    def subject(self) -> BiasKey:
         """Key under which the cell learns from this fold."""
         specimen = self.learning.specimen
         mine = subject_of(self.policy, self.checkpoint, self.strip.name, specimen)

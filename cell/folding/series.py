@@ -14,7 +14,7 @@ from cell.folding.result import FoldResult
 from cell.record.files import MANIFEST
 from cell.record.manifest import (
     Manifest,
-    Series,
+    RunSeries,
     manifests_in,
     new_series,
     resumed_series,
@@ -62,7 +62,7 @@ def series_of(
 
 def _begin(
     requests: Sequence[Request], kind: str, path: Path | None
-) -> AbstractContextManager[Series]:
+) -> AbstractContextManager[RunSeries]:
     """Begin a series; ConfigurationError where its manifest cannot be written."""
     strip, runs = requests[0].strip.name, requests[0].runs
     stamp = f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{strip}-{kind}-{token_hex(2)}"
@@ -72,7 +72,7 @@ def _begin(
 
 def _resume(
     requests: Sequence[Request], kind: str, path: Path | None
-) -> AbstractContextManager[Series]:
+) -> AbstractContextManager[RunSeries]:
     """Go on with a series, without a `path` with the newest that is unfinished.
 
     Raises ConfigurationError where there is none, it is under way, or it was begun with
@@ -100,12 +100,12 @@ class Remainder:
     by its seed.
     """
 
-    series: Series
+    series: RunSeries
     requests: tuple[Request, ...]
     numbers: dict[int, int]
 
     @classmethod
-    def of(cls, series: Series, requests: Sequence[Request]) -> "Remainder":
+    def of(cls, series: RunSeries, requests: Sequence[Request]) -> "Remainder":
         """What is left of a series: folds that never began, then again those that began
         and were not done.
 

@@ -28,7 +28,7 @@ from cell.gap.subject.run_folders import (
 )
 from cell.gap.subject.run_table import complaints, read_table
 from cell.gap.subject.subject import Candidate, Finding, Level, Subject, bad
-from cell.gap.verdict.schema import Entry
+from cell.gap.verdict.schema import VerdictPart
 from cell.report.html import page
 from cell.report.page_verdict import PageVerdict
 from cell.report.words import plural
@@ -48,7 +48,7 @@ HEADLINES: dict[Level, str] = {  # from the best to the worst level
 }
 
 
-class Check(Entry):
+class CheckReport(VerdictPart):
     """Content of check.json: the names of the runs that were checked, and findings on
     them.
     """
@@ -109,7 +109,7 @@ def refuse(findings: Sequence[Finding]) -> None:
 
 def check(
     paths: Sequence[Path], file: Path, jobs: int = 1, shown: Progress = quiet
-) -> Check:
+) -> CheckReport:
     """Check the runs at `paths` of the subject that `file` describes, without fitting
     anything.
 
@@ -141,7 +141,7 @@ def check(
         findings += subject.contradictions()
         shown("try each effect at its largest", 0.2)
         findings += unidentifiable(subject)
-    return Check(runs=[run.name for run in runs], findings=findings)
+    return CheckReport(runs=[run.name for run in runs], findings=findings)
 
 
 def unidentifiable(subject: Subject) -> Iterator[Finding]:
@@ -196,7 +196,7 @@ def _largest_probe(candidate: Candidate) -> Array:
 
 
 def check_page(
-    check: Check, subject: str, drawn: Sequence[tuple[str, str, str]] = ()
+    check: CheckReport, subject: str, drawn: Sequence[tuple[str, str, str]] = ()
 ) -> str:
     """HTML text of the self-contained page on a `check` of a subject's recordings, with
     those `drawn` (names, figures, what is missing).

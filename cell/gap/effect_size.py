@@ -15,7 +15,7 @@ from cell.gap.subject.strip.measurement_errors import SLACK_EFFECTS
 from cell.gap.subject.strip.runs import MeasuredRun
 from cell.gap.subject.strip.subject import StripSubject
 from cell.gap.subject.strip.synthetic import measured_along
-from cell.gap.subject.subject import NamedValues, Request, Residuals
+from cell.gap.subject.subject import NamedValues, Residuals, SimulationRequest
 from cell.record.header import Sigma
 from drivers.base.errors import ConfigurationError
 from drivers.base.types import Array
@@ -158,7 +158,8 @@ class GapModel:
                 name: engine_values(name, stated) for name, stated in effects.items()
             }
             requests += [
-                Request(run, estimate.shared, values, local) for run, local in runs
+                SimulationRequest(run, estimate.shared, values, local)
+                for run, local in runs
             ]
         results = self._subject.simulate(requests)
         count = len(runs)

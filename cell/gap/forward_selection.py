@@ -14,7 +14,7 @@ import numpy as np
 from cell.gap.diagnosis.lack_of_fit import ResidualTest
 from cell.gap.fitting import Simulate, run_all, run_one
 from cell.gap.fitting.crossvalidation import CrossValidatedFit, validate
-from cell.gap.fitting.gauss_newton import ROUGH_GAIN, Estimate, best, refit
+from cell.gap.fitting.gauss_newton import ROUGH_GAIN, FitEstimate, best, refit
 from cell.gap.fitting.model import Evidence, Point
 from cell.gap.fitting.reml import (
     Spread,
@@ -93,7 +93,7 @@ def _leading_models(fits: Fits) -> list[CrossValidatedFit]:
 
 def _better_base(
     simulate: Simulate, fits: Fits, leading: Sequence[CrossValidatedFit]
-) -> Estimate | None:
+) -> FitEstimate | None:
     """Base refitted from its values in the `leading` models; None unless clearly
     better.
 
@@ -150,7 +150,7 @@ def refit_on_base(
     return search.other_signs(fits, in_reach)
 
 
-def _secants(fit: Estimate, evidence: Evidence) -> Sequence[Array] | None:
+def _secants(fit: FitEstimate, evidence: Evidence) -> Sequence[Array] | None:
     """Whitened Jacobians (n, shared + local) of each run at `fit`, for the scales of
     `evidence`.
 

@@ -18,7 +18,7 @@ from cell.gap.fitting.base_fit import (
     strains,
 )
 from cell.gap.fitting.crossvalidation import CrossValidatedFit, validate
-from cell.gap.fitting.gauss_newton import Estimate, linearise, refit
+from cell.gap.fitting.gauss_newton import FitEstimate, linearise, refit
 from cell.gap.fitting.model import Evidence, Model, Point, evidence
 from cell.gap.fitting.reml import (
     estimate_spreads,
@@ -56,9 +56,9 @@ from cell.gap.verdict.decision import decide, doubtful_values
 from cell.gap.verdict.findings import (
     BaseFit,
     Findings,
+    FitResults,
     HeldOutFits,
     ModelTests,
-    Results,
     Screen,
 )
 from cell.gap.verdict.offered_law import offered_law
@@ -211,7 +211,7 @@ class Investigation:
         held_out_fits = self._refit_held_out(models.base_fit.base, accepted, unseen)
         self.progress("advise", 0.95)
         is_gap = bool(accepted.effects) or models.base_fit.gap
-        results = Results(
+        results = FitResults(
             subject=self.subject,
             held_out=held_out,
             base_fit=models.base_fit,
@@ -329,14 +329,14 @@ class Investigation:
         return run_one(self.simulate, advise(first, second, experiments, likelihood))
 
 
-def in_all_runs(findings: Findings, simulate: Simulate) -> Estimate:
+def in_all_runs(findings: Findings, simulate: Simulate) -> FitEstimate:
     """Estimate of the accepted model in fitted and held-out runs, not fitted again."""
     fitted, held_out = findings.accepted.estimate, findings.held_out_fits.after
     unseen = held_out.evidence
     point = Point(fitted.shared, held_out.local)
     raw, jacobians = run_one(simulate, linearise(fitted.model, unseen, point))
     runs = fitted.evidence
-    return Estimate.at(
+    return FitEstimate.at(
         fitted.model,
         Evidence((*runs.runs, *unseen.runs), (*runs.scales, *unseen.scales)),
         Point(fitted.shared, (*fitted.point.local, *point.local)),
@@ -345,7 +345,7 @@ def in_all_runs(findings: Findings, simulate: Simulate) -> Estimate:
     )
 
 
-def _is_strained(base: Estimate) -> bool:
+def _is_strained(base: FitEstimate) -> bool:
     """Whether fitted base values contradict their priors, jointly or a single one
     (chi^2 tests).
     """

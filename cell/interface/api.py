@@ -18,7 +18,7 @@ from cell.base.config.places import find_configs
 from cell.base.devices.devices import Trial
 from cell.folding.feasibility import Prediction, assess
 from cell.folding.fold import fold as fold_once
-from cell.folding.request import Learning, Recording, Request, line_at, prepare
+from cell.folding.request import Learning, RecordingOptions, Request, line_at, prepare
 from cell.folding.result import FoldResult
 from cell.record.columns import Profile, Sights, Ticks, as_frame
 from cell.record.exchange.export_runs import Format, export_runs as export_to
@@ -36,7 +36,7 @@ from drivers.strip.effects.effect import Effect
 from drivers.strip.file import StripFile
 
 if TYPE_CHECKING:  # what takes a second to import is imported where it is used
-    from cell.gap.check import Check
+    from cell.gap.check import CheckReport
     from cell.gap.report.figures import DrawnVerdict
     from cell.gap.verdict.accept import AcceptResult
 
@@ -80,7 +80,7 @@ def fold(
         raise ConfigurationError(f"seed: is {seed}, must be at least 0")
     cell = config.cell().with_drivers(arm, camera)
     check_known("frames", frames or "key", get_args(Keep))
-    record = Recording(frames, truth=truth)
+    record = RecordingOptions(frames, truth=truth)
     asked = Request(
         cell,
         lying,
@@ -251,7 +251,7 @@ def fit_gap(
 
 def check(
     runs: Places, subject: Place, jobs: int = 1, configs: Place | None = None
-) -> "Check":
+) -> "CheckReport":
     """Check recordings before a fit: sampling, clocks, duplicates, and what the runs
     can show.
 

@@ -15,7 +15,7 @@ from cell.orchestrator.context import CalibrationInputs, CalibrationLog
 from cell.orchestrator.operator import Answer, Question
 from cell.orchestrator.recorder import Recorder
 from cell.orchestrator.snapshot import Command, Hold, MoveTo, Snapshot
-from cell.orchestrator.states import Event, State
+from cell.orchestrator.states import State, Trigger
 from cell.perception.preflight import has_tip
 from drivers.base.types import Pose
 from drivers.franka.obstacles import require_clear
@@ -38,7 +38,7 @@ def begin_calibration(
 ) -> steps.Phase:
     """Start the calibration at once, as there is no strip to check beforehand."""
     yield from steps.pause(0.0)
-    return Event.NEEDS_CALIBRATION
+    return Trigger.NEEDS_CALIBRATION
 
 
 def calibrate(
@@ -61,7 +61,7 @@ def calibrate(
         yield from _hand_over(given, POINTER_OUT)
     if given.remembers and plane_map is not None:
         yield from _take_landmarks(given, log, plane_map)
-    return Event.CALIBRATED
+    return Trigger.CALIBRATED
 
 
 def _hand_over(given: CalibrationInputs, question: Question) -> Doing:

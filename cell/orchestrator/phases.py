@@ -12,7 +12,7 @@ from cell.orchestrator import steps
 from cell.orchestrator.context import FoldInputs, FoldLog, ManualInputs, ManualLog
 from cell.orchestrator.recorder import Recorder
 from cell.orchestrator.snapshot import Command, Drive, Hold, Snapshot
-from cell.orchestrator.states import Event, State
+from cell.orchestrator.states import State, Trigger
 from cell.perception.image_reader import ImageResult, ImageTask, Reader
 from cell.perception.laid_fold import LaidWeights, Loop, edge_offset, laid_length
 from cell.perception.length_checks import LengthCheck, compare_grip, held_end_offset
@@ -66,7 +66,7 @@ def preflight(
         if check.name == UNWATCHED:
             log.warning = f"{check.reason}; {check.remedy}"
             record.event(stamp, "camera_unwatched", reason=log.warning)
-    return Event.CHECKED
+    return Trigger.CHECKED
 
 
 def _inspect(
@@ -94,7 +94,7 @@ def grasp(
             "grasp_missed", "the fingers closed on nothing; lay the edge at x = L"
         )
     yield from steps.pause(steps.SETTLE)
-    return Event.GRASPED
+    return Trigger.GRASPED
 
 
 def lift(
@@ -114,14 +114,14 @@ def lift(
         pose = snapshot.arm.pose
         decision = follower.decide(np.array([pose.x]), np.array([pose.z]), speed)
         if decision.done[0]:
-            return Event.PATH_DONE
+            return Trigger.PATH_DONE
         travel = float(follower.progress[0])
         rate = _lift_pitch_rate(travel, speed, pose.pitch, acceleration)
         snapshot = yield steps.drive(decision, rate)
     if given.settings.fold.start == "hanging":
         snapshot = yield from wait_until_still(given.settings.fold.longest_rest, record)
         record.begin(snapshot.time)
-    return Event.LIFTED
+    return Trigger.LIFTED
 
 
 def wait_until_still(longest: float, record: Recorder) -> steps.Motion:
@@ -207,14 +207,14 @@ def fold(
             log.seen_touch = snapshot.view.touch
             log.witnesses += compare_grip(offsets, given.calibration.residual)
             log.check_displacement(snapshot.view.touch, given.expected)
-            return Event.LAYER_TOUCH
+            return Trigger.LAYER_TOUCH
         decision = given.policy.decide(
             observation(snapshot.time, snapshot.arm.pose, measurement)
         )
         _record_decision(record, snapshot, measurement, decision)
         _record_prediction(given.policy, log, record, snapshot)
         if decision.done[0]:
-            return Event.PATH_DONE
+            return Trigger.PATH_DONE
         command = steps.drive(decision, _upright(snapshot.arm.pose))
 
 
@@ -264,7 +264,7 @@ def continue_to_lay(
     """
     yield from ()
     record.event(begin.time, "touch_seen", x=begin.arm.pose.x, z=begin.arm.pose.z)
-    return Event.SETTLED
+    return Trigger.SETTLED
 
 
 def lay(
@@ -277,7 +277,7 @@ def lay(
     snapshot = yield from follow_lay(plan, given.settings.fold.lay_speed, begin)
     snapshot = yield from _push(given, log, plan, record, snapshot)
     record.event(snapshot.time, "laid", x=snapshot.arm.pose.x, z=snapshot.arm.pose.z)
-    return Event.LAID
+    return Trigger.LAID
 
 
 def _lay_plan(given: FoldInputs, log: FoldLog, gripper: Pose) -> fold_path.LayPlan:
@@ -379,7 +379,7 @@ def release(
         facts["loop"] = loop._asdict()
         _compare_edges(given, log, loop, edge)
     record.event(snapshot.time, "edges_seen", edge_offset=log.edge_offset, **facts)
-    return Event.RELEASED
+    return Trigger.RELEASED
 
 
 def _compare_edges(given: FoldInputs, log: FoldLog, loop: Loop, edge: Pose) -> None:
@@ -424,7 +424,7 @@ def move_manually(
 ) -> steps.Phase:
     """Carry out the motion that a manual run asks for."""
     log.end = (yield from given.motion(snapshot)).arm.pose
-    return Event.MOVED
+    return Trigger.MOVED
 
 
 FOLD_PHASES = {

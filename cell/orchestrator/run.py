@@ -27,7 +27,7 @@ from cell.orchestrator.snapshot import (
     OpenHand,
     Snapshot,
 )
-from cell.orchestrator.states import Event, Machine, State
+from cell.orchestrator.states import Machine, State, Trigger
 from cell.orchestrator.steps import Phase
 from cell.orchestrator.vision import MEASURED_STATES, RECORDED, View, Vision
 from drivers.base.errors import Fault
@@ -53,7 +53,7 @@ class Observer(Protocol):
         """
 
 
-class Stage(Enum):
+class LoopStage(Enum):
     """Stages of a control loop: its phases command, it brakes, the arm rests."""
 
     UNDER_WAY = "under way"
@@ -61,7 +61,7 @@ class Stage(Enum):
     RESTING = "resting"
 
 
-class Run:
+class ControlLoop:
     """Control loop of one run, which drives the devices through its states and records
     it.
     """
@@ -98,7 +98,7 @@ class Run:
         self._machine = Machine()
         self._entered = 0.0
         self._phase: Phase | None = None
-        self._stage = Stage.UNDER_WAY
+        self._stage = LoopStage.UNDER_WAY
         self._command: Command | None = None
         self._stopped: Outcome | None = None
         braking_cycles = round(settings.fold.stop_timeout * settings.fold.control_rate)
@@ -118,8 +118,8 @@ class Run:
         start = clock.now()
         tick = 0
         try:
-            self._guard(lambda: self._apply_event(Event.START, start))
-            while self._stage is not Stage.RESTING:
+            self._guard(lambda: self._apply_event(Trigger.START, start))
+            while self._stage is not LoopStage.RESTING:
                 tick += 1
                 self._run_cycle(start + tick * period)
         finally:
@@ -137,9 +137,9 @@ class Run:
 
     def _run_cycle(self, due: float) -> None:
         """Execute the cycle of the control loop due at `due` [s]."""
-        if self._stage is Stage.UNDER_WAY and self._interrupted():
+        if self._stage is LoopStage.UNDER_WAY and self._interrupted():
             self._stop(INTERRUPTED)
-        if self._stage is Stage.UNDER_WAY:
+        if self._stage is LoopStage.UNDER_WAY:
             self._guard(lambda: self._limited_cycle(due))
         else:
             self._brake(due)
@@ -163,10 +163,10 @@ class Run:
             check_all(now, command, self._rules)
             self._send(command)
         elif snapshot.arm.moving:  # the path ended, and no phase follows
-            self._stage = Stage.BRAKING
+            self._stage = LoopStage.BRAKING
             self._safe_stop.apply(snapshot.hand)
         else:
-            self._stage = Stage.RESTING
+            self._stage = LoopStage.RESTING
         self._recorder.tick(snapshot)
         self._notify(lambda observer: observer.handle_tick(snapshot))
 
@@ -204,13 +204,13 @@ class Run:
             self._notify(lambda observer: observer.handle_tick(snapshot))
         if not self._safe_stop.has_ended(arm):
             return
-        self._stage = Stage.RESTING
+        self._stage = LoopStage.RESTING
         if not self._machine.over:
             run_suppressed(
-                lambda: self._apply_event(Event.STOPPED, self._devices.clock.now())
+                lambda: self._apply_event(Trigger.STOPPED, self._devices.clock.now())
             )
 
-    def _apply_event(self, event: Event, now: float) -> None:
+    def _apply_event(self, event: Trigger, now: float) -> None:
         """Apply an event to the state machine and record it; the lift starts measured
         time.
         """
@@ -227,14 +227,16 @@ class Run:
         """
         self._stop_devices()
         self._stopped = stopped
-        self._stage = Stage.BRAKING
+        self._stage = LoopStage.BRAKING
         if not self._machine.over:
             self._entered = now = self._devices.clock.now()
-            state = self._machine.apply(Event.STOP)
+            state = self._machine.apply(Trigger.STOP)
             facts = {"name": stopped.name, "reason": stopped.reason}
             run_suppressed(lambda: self._record_event(now, "fault", **facts))
             run_suppressed(
-                lambda: self._record_event(now, "state", state=state, event=Event.STOP)
+                lambda: self._record_event(
+                    now, "state", state=state, event=Trigger.STOP
+                )
             )
 
     def _stop_devices(self) -> None:

@@ -22,7 +22,7 @@ class State(StrEnum):
     FAULT = "FAULT"
 
 
-class Event(StrEnum):
+class Trigger(StrEnum):
     """Events that change the state of a run."""
 
     START = "start"
@@ -43,28 +43,28 @@ class Event(StrEnum):
 
 TERMINAL = frozenset({State.DONE, State.FAULT})
 
-_FORWARD: dict[tuple[State, Event], State] = {
-    (State.IDLE, Event.START): State.PREFLIGHT,
-    (State.PREFLIGHT, Event.NEEDS_CALIBRATION): State.CALIBRATE,
-    (State.CALIBRATE, Event.CALIBRATED): State.DONE,
-    (State.PREFLIGHT, Event.MOVED): State.DONE,
-    (State.PREFLIGHT, Event.CHECKED): State.GRASP,
-    (State.GRASP, Event.GRASPED): State.LIFT,
-    (State.LIFT, Event.LIFTED): State.FOLD,
-    (State.LIFT, Event.PATH_DONE): State.DONE,
-    (State.FOLD, Event.LAYER_TOUCH): State.TOUCHED,
-    (State.FOLD, Event.PATH_DONE): State.DONE,
-    (State.TOUCHED, Event.SETTLED): State.LAY,
-    (State.LAY, Event.LAID): State.RELEASE,
-    (State.RELEASE, Event.RELEASED): State.DONE,
-    (State.STOPPING, Event.STOPPED): State.FAULT,
+_FORWARD: dict[tuple[State, Trigger], State] = {
+    (State.IDLE, Trigger.START): State.PREFLIGHT,
+    (State.PREFLIGHT, Trigger.NEEDS_CALIBRATION): State.CALIBRATE,
+    (State.CALIBRATE, Trigger.CALIBRATED): State.DONE,
+    (State.PREFLIGHT, Trigger.MOVED): State.DONE,
+    (State.PREFLIGHT, Trigger.CHECKED): State.GRASP,
+    (State.GRASP, Trigger.GRASPED): State.LIFT,
+    (State.LIFT, Trigger.LIFTED): State.FOLD,
+    (State.LIFT, Trigger.PATH_DONE): State.DONE,
+    (State.FOLD, Trigger.LAYER_TOUCH): State.TOUCHED,
+    (State.FOLD, Trigger.PATH_DONE): State.DONE,
+    (State.TOUCHED, Trigger.SETTLED): State.LAY,
+    (State.LAY, Trigger.LAID): State.RELEASE,
+    (State.RELEASE, Trigger.RELEASED): State.DONE,
+    (State.STOPPING, Trigger.STOPPED): State.FAULT,
 }
 _STOPS = {
-    (state, Event.STOP): State.STOPPING
+    (state, Trigger.STOP): State.STOPPING
     for state in State
     if state not in {*TERMINAL, State.STOPPING}
 }
-TRANSITIONS: dict[tuple[State, Event], State] = {**_FORWARD, **_STOPS}
+TRANSITIONS: dict[tuple[State, Trigger], State] = {**_FORWARD, **_STOPS}
 
 
 class Machine:
@@ -73,7 +73,7 @@ class Machine:
     def __init__(self) -> None:
         self.state = State.IDLE
 
-    def apply(self, event: Event) -> State:
+    def apply(self, event: Trigger) -> State:
         """Apply `event`, return the new state; raises Fault for an event that is not
         allowed.
         """

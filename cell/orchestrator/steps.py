@@ -20,11 +20,11 @@ from cell.orchestrator.snapshot import (
     OpenHand,
     Snapshot,
 )
-from cell.orchestrator.states import Event
+from cell.orchestrator.states import Trigger
 from drivers.base.types import Frame, Pose, Velocity
 from policies.policy import Decision
 
-Phase = Generator[Command, Snapshot, Event]
+Phase = Generator[Command, Snapshot, Trigger]
 Motion = Generator[Command, Snapshot, Snapshot]
 
 SETTLE = 0.3  # s for strip and image to come to rest

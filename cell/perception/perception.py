@@ -29,7 +29,7 @@ from drivers.base.types import Array, Frame, Image, Pose
 from drivers.franka.shapes import TIP_AHEAD
 from drivers.strip.file import StripFile
 from drivers.strip.model import CONTACT_HEIGHT
-from drivers.strip.shape import LYING_LENGTH, Gap, fold_tip, layer_gap
+from drivers.strip.shape import LYING_LENGTH, LayerGap, fold_tip, layer_gap
 
 SAMPLE_SPACING = 0.0003  # m between samples along the line
 FRONT_HEIGHT = -0.005  # m of height where desk shows before the strip
@@ -323,7 +323,7 @@ class Perception:
 
     def _fold(
         self, contact: DeskContact, curve: LiftedMidline
-    ) -> tuple[tuple[float, float], Gap | None]:
+    ) -> tuple[tuple[float, float], LayerGap | None]:
         """Rightmost point [m] of the fold, NaN without a profile, and the gap of its
         layers.
         """

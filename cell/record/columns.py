@@ -28,7 +28,7 @@ LONGEST_TIME = 1e5  # s, longer than a day
 LARGEST_VALUE = 1e9  # nothing of a cell is as large in any unit
 
 
-class Quantity(NamedTuple):
+class PhysicalQuantity(NamedTuple):
     """Quantity of a column: its units with their factors to SI, the SI unit first;
     `largest` size.
 
@@ -42,20 +42,22 @@ class Quantity(NamedTuple):
     whole: bool = True
 
 
-Time = Annotated[Array, Quantity(TIMES, LONGEST_TIME)]
-Place = Annotated[Array, Quantity(LENGTHS, FARTHEST_HAND)]
-Angle = Annotated[Array, Quantity(ANGLES, FULL_TURN, needed=False)]
-Command = Annotated[Array, Quantity(LENGTHS, FARTHEST_HAND, needed=False)]
-Turn = Annotated[Array, Quantity(ANGLES, FULL_TURN, needed=False, whole=False)]
-Closing = Annotated[Array, Quantity(COUNTS, 1.0, needed=False, whole=False)]
-Contact = Annotated[Array, Quantity(LENGTHS, FARTHEST_HAND, needed=False, whole=False)]
-Duration = Annotated[Array, Quantity(TIMES, needed=False, whole=False)]
-Force = Annotated[Array, Quantity(FORCES, needed=False, whole=False)]
-Point = Annotated[Array, Quantity(LENGTHS, FARTHEST_POINT)]
-Number = Annotated[Array, Quantity(COUNTS, np.inf)]
-Stamp = Annotated[Array, Quantity(TIMES)]
-Length = Annotated[Array, Quantity(LENGTHS, whole=False)]
-Share = Annotated[Array, Quantity(COUNTS, whole=False)]
+Time = Annotated[Array, PhysicalQuantity(TIMES, LONGEST_TIME)]
+Place = Annotated[Array, PhysicalQuantity(LENGTHS, FARTHEST_HAND)]
+Angle = Annotated[Array, PhysicalQuantity(ANGLES, FULL_TURN, needed=False)]
+Command = Annotated[Array, PhysicalQuantity(LENGTHS, FARTHEST_HAND, needed=False)]
+Turn = Annotated[Array, PhysicalQuantity(ANGLES, FULL_TURN, needed=False, whole=False)]
+Closing = Annotated[Array, PhysicalQuantity(COUNTS, 1.0, needed=False, whole=False)]
+Contact = Annotated[
+    Array, PhysicalQuantity(LENGTHS, FARTHEST_HAND, needed=False, whole=False)
+]
+Duration = Annotated[Array, PhysicalQuantity(TIMES, needed=False, whole=False)]
+Force = Annotated[Array, PhysicalQuantity(FORCES, needed=False, whole=False)]
+Point = Annotated[Array, PhysicalQuantity(LENGTHS, FARTHEST_POINT)]
+Number = Annotated[Array, PhysicalQuantity(COUNTS, np.inf)]
+Stamp = Annotated[Array, PhysicalQuantity(TIMES)]
+Length = Annotated[Array, PhysicalQuantity(LENGTHS, whole=False)]
+Share = Annotated[Array, PhysicalQuantity(COUNTS, whole=False)]
 
 
 class Columns:
@@ -113,7 +115,7 @@ def as_frame(table: pa.Table) -> Any:
     return table if find_spec("pandas") is None else table.to_pandas()
 
 
-def quantities(columns: type[Columns]) -> Mapping[str, Quantity]:
+def quantities(columns: type[Columns]) -> Mapping[str, PhysicalQuantity]:
     """Quantity of each column of numbers by its name, in order."""
     hints = get_type_hints(columns, include_extras=True)
     return {
@@ -219,7 +221,7 @@ class Sights(Columns):
     """
 
     stamp: Stamp
-    sequence: Annotated[Array, Quantity(COUNTS)]
+    sequence: Annotated[Array, PhysicalQuantity(COUNTS)]
     contact_x: Length
     contact_confidence: Share
     profile_confidence: Share
@@ -306,7 +308,9 @@ def _check_median(values: Array, name: str, origin: str) -> None:
         )
 
 
-def _check_range(values: Array, name: str, origin: str, quantity: Quantity) -> None:
+def _check_range(
+    values: Array, name: str, origin: str, quantity: PhysicalQuantity
+) -> None:
     """Raise ConfigurationError where a value exceeds the largest one of its
     `quantity`.
     """

@@ -53,7 +53,7 @@ DEVICES = (
 """
 
 
-class Part(Settings):
+class RecordPart(Settings):
     """Base class of an entry of run.yaml or result.yaml, which may hold further
     keys.
     """
@@ -61,13 +61,13 @@ class Part(Settings):
     model_config = ConfigDict(extra="allow")
 
 
-class Recorded(Part):
+class Recorded(RecordPart):
     """Base class of a file that programs write, with the number of its schema."""
 
     schema_: Literal[1] = Field(1, alias="schema")
 
 
-class Sigma(Part):
+class Sigma(RecordPart):
     """Measurement noise of a run, one sigma: lengths [m], `touch_time` [s], `force`
     [N].
 
@@ -84,21 +84,21 @@ class Sigma(Part):
     force: Positive | None = None
 
 
-class DriverNames(Part):
+class DriverNames(RecordPart):
     """Names of the drivers of arm and camera in a run."""
 
     arm: str = ""
     camera: str = ""
 
 
-class CalibrationNote(Part):
+class CalibrationNote(RecordPart):
     """Id of the calibration that a run used, and its `error` [m]."""
 
     id: str = ""
     error: float | None = None
 
 
-class ArmTiming(Part):
+class ArmTiming(RecordPart):
     """Longest time [ms] between two states that a real arm sent; their histogram is not
     read.
     """
@@ -144,7 +144,7 @@ class Header(Recorded):
         return self.policy is not None or self.seen_by == "cell"
 
 
-class Load(Part):
+class Load(RecordPart):
     """Load of a mechanism in a run: `body` that carries it, `mass` [kg], `com` (3,)
     [m].
     """
@@ -154,7 +154,7 @@ class Load(Part):
     com: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
-class AngleNoise(Part):
+class AngleNoise(RecordPart):
     """Measurement noise of a pendulum's readings, one sigma of the `angle` [rad]."""
 
     angle: Annotated[float, Unit("rad"), Field(gt=0.0, lt=0.3)] | None = None
@@ -176,7 +176,7 @@ class MechanismRun(Recorded):
     load: Load | None = None
 
 
-class Interval(Part):
+class EstimatedValue(RecordPart):
     """Value that a policy estimated for a strip's parameter, with its 68 % interval, in
     SI.
     """
@@ -186,19 +186,19 @@ class Interval(Part):
     high: Number
 
 
-class PredictionNote(Part):
+class PredictionNote(RecordPart):
     """Last prediction of a policy: displacement with one sigma [m], estimated
     parameters in SI.
     """
 
     displacement: Number
     sigma: Number
-    bending_length: Interval
-    retardation_time: Interval
-    yield_curvature: Interval
+    bending_length: EstimatedValue
+    retardation_time: EstimatedValue
+    yield_curvature: EstimatedValue
 
 
-class AgreementNote(Part):
+class AgreementNote(RecordPart):
     """Agreement of a strip with its model: `residual` [m] of profiles, yield curvature
     [1/m].
     """
@@ -209,7 +209,7 @@ class AgreementNote(Part):
     reason: str = ""
 
 
-class WitnessNote(Part):
+class WitnessNote(RecordPart):
     """Difference [m] between two measurements of a length, its `spread` [m], `reason`
     to doubt.
     """

@@ -107,7 +107,7 @@ def manifests_in(folder: Path) -> tuple[Manifest, ...]:
     return tuple(found)
 
 
-class Series:
+class RunSeries:
     """Series of runs that this process makes: writes its manifest, part by part."""
 
     def __init__(self, manifest: Manifest) -> None:
@@ -144,7 +144,7 @@ class Series:
 @contextmanager
 def new_series(
     path: Path, kind: str, name: str, of: Mapping[str, str], parts: int
-) -> Iterator[Series]:
+) -> Iterator[RunSeries]:
     """Begin the series of `parts` runs with a new manifest at `path`, locked within the
     block.
 
@@ -158,11 +158,11 @@ def new_series(
             _lock(file.fileno(), path)
             write_all(file, json_line(head | _maker()))
             os.fsync(file.fileno())
-        yield Series(Manifest.read(path))
+        yield RunSeries(Manifest.read(path))
 
 
 @contextmanager
-def resumed_series(manifest: Manifest, of: Mapping[str, str]) -> Iterator[Series]:
+def resumed_series(manifest: Manifest, of: Mapping[str, str]) -> Iterator[RunSeries]:
     """Go on with the series of `manifest`, locked within the block.
 
     Raises ConfigurationError where another process makes it, and where what it is `of`
@@ -180,7 +180,7 @@ def resumed_series(manifest: Manifest, of: Mapping[str, str]) -> Iterator[Series
                 f"--resume: {manifest.path}: {' and '.join(differ)} {verb} not as when"
                 f" this {current.kind} began; use what it began with, or begin another"
             )
-        series = Series(current)
+        series = RunSeries(current)
         series.note(_maker())
         yield series
 

@@ -201,7 +201,7 @@ def _cut(run: Run) -> dict[str, Any]:
 
 
 @dataclass(frozen=True, slots=True)
-class Weight:
+class KeyFigure:
     """Number of weight on a fold, its `tolerance` and the `earlier` ones, each [m]."""
 
     name: str
@@ -245,7 +245,7 @@ class Weight:
         return float(np.clip(round(100 * value / largest, 1), -100.0, 100.0))
 
 
-def weights(run: Run) -> list[Weight]:
+def weights(run: Run) -> list[KeyFigure]:
     """Numbers of weight on a fold: edges, touch, agreement with the model; none where
     nothing was measured.
     """
@@ -261,7 +261,7 @@ def weights(run: Run) -> list[Weight]:
         if value is not None:
             before = tuple(other for other in others if other is not None)
             sigma = sigma_lines(run, laid=name == "edges apart")
-            found.append(Weight(name, value, sigma, before))
+            found.append(KeyFigure(name, value, sigma, before))
     agreed = run.result.agreement
     if agreed is not None:
         word = (
@@ -272,7 +272,7 @@ def weights(run: Run) -> list[Weight]:
         notes = [result.agreement for result in earlier]
         before = tuple(note.residual for note in notes if note is not None)
         name = "strip beside its model"
-        found.append(Weight(name, agreed.residual, word, before, signed=False))
+        found.append(KeyFigure(name, agreed.residual, word, before, signed=False))
     return found
 
 

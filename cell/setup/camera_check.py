@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from calibration.calibration import Calibration
-from calibration.view import GRID, Motion, PinnedView
+from calibration.view import GRID, ImageMotion, PinnedView
 from cell.base.devices.devices import Devices
 from cell.perception.region import still_surroundings
 from cell.setup.wizard import live_images
@@ -33,7 +33,7 @@ class ViewCheck:
 
     pinned: Image
     frame: Frame
-    motion: Motion | None
+    motion: ImageMotion | None
     calibration: Calibration | None
 
     @property
@@ -146,7 +146,7 @@ def _compare(
         yield ViewCheck(pinned, frame, view.motion(frame.image), calibration)
 
 
-def _draw_motion(picture: Image, motion: Motion) -> None:
+def _draw_motion(picture: Image, motion: ImageMotion) -> None:
     """Draw arrows of `motion` into `picture` (h, w, 3), at its patches and all over."""
     places = np.concatenate([GRID * motion.size, motion.places])
     times = ARROW * motion.size[0] / max(motion.largest(), ALLOWED)

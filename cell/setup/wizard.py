@@ -46,7 +46,7 @@ from cell.orchestrator.operator import (
     Unattended,
 )
 from cell.orchestrator.recorder import Recorder
-from cell.orchestrator.run import Run
+from cell.orchestrator.run import ControlLoop
 from drivers.base.errors import CellError, ConfigurationError, Fault
 from drivers.base.readers import read_text
 from drivers.base.settings import Settings, load
@@ -168,7 +168,7 @@ class Wizard:
         )
         self.devices.connect()
         log, phases = CalibrationLog(), CALIBRATION_PHASES
-        run = Run(
+        run = ControlLoop(
             self.devices, given, log, phases, Recorder(), interrupted=self.interrupted
         )
         outcome = run.execute()

@@ -23,7 +23,7 @@ from cell.base.config.places import find_configs
 from cell.base.config.unmeasured_strip import unmeasured_name
 from cell.base.devices.devices import Trial
 from cell.folding.fold import fold
-from cell.folding.request import Recording, Request
+from cell.folding.request import RecordingOptions, Request
 from cell.record.run import read_run
 from cell.setup.calibration_in_use import calibration_of
 from cell.studies.evaluation import EffectErrors, Evaluation, evaluate, evaluate_effects
@@ -40,7 +40,7 @@ from policies.train.objective import TrainingSettings
 
 if TYPE_CHECKING:
     from policies.adaptive.train.training import CriticTraining, TrialResult
-    from policies.train.search import Search
+    from policies.train.search import FeedbackTraining
 
 EVALUATION = "evaluation.json"
 # between decisions of the evaluation: 4.2 ms, which the chain takes in one part
@@ -103,7 +103,7 @@ def train(
 
 
 def _evaluate(
-    training: "Search | CriticTraining",
+    training: "FeedbackTraining | CriticTraining",
     settings: TrainingSettings | CriticSettings,
     side: int,
     calls: Calls,
@@ -131,12 +131,12 @@ def _evaluate(
 
 def _open_training(
     settings: TrainingSettings | CriticSettings, folder: Path
-) -> "Search | CriticTraining":
+) -> "FeedbackTraining | CriticTraining":
     """Open the training of these `settings` in `folder`, new or to be resumed."""
     if isinstance(settings, TrainingSettings):
-        from policies.train.search import Search
+        from policies.train.search import FeedbackTraining
 
-        return Search(settings, folder)
+        return FeedbackTraining(settings, folder)
     from policies.adaptive.train.training import CriticTraining
 
     return CriticTraining(settings, folder)
@@ -164,7 +164,7 @@ def fold_drawn(number: int, seed: int, checkpoint: Path) -> Mapping[str, Any]:
             runs=Path(name),
             trial=Trial(plant=strip, seed=number),
             checkpoint=checkpoint,
-            record=Recording("none"),
+            record=RecordingOptions("none"),
         )
         result = fold(request, calibration_of(request.cell))
         stored = read_run(Path(result.run)).result

@@ -9,7 +9,7 @@ import numpy as np
 
 from drivers.base.types import Array, frozen
 from drivers.franka.kinematics import FLANGE, FLANGE_TO_HAND, frames
-from drivers.franka.shapes import Box
+from drivers.franka.shapes import BoxObstacle
 
 # Frame (0 the base, 1 to 7 the joints, 8 the hand), ends of the axis [m], radius [m].
 # Source: franka_description, the capsules for collision of panda_arm.xacro and
@@ -101,7 +101,7 @@ class Solids:
     """
 
     frame: Array
-    boxes: Sequence[Box]
+    boxes: Sequence[BoxObstacle]
 
     def clearance(self, q: Array) -> Array:
         """Distance (..., k) [m] of the arm at joints (..., 7) [rad] from k boxes;

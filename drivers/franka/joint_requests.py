@@ -66,7 +66,7 @@ class GoTo:
 
 
 @dataclass(frozen=True, slots=True)
-class Progress:
+class MotionProgress:
     """Message of a motion under way: the `share` of its path behind it, 0 to 1."""
 
     share: float
@@ -105,7 +105,9 @@ def _run_in_process(
     """
     child = Child(carry_out, access, request)
     try:
-        while isinstance(answer := receive(child, access.settings.start), Progress):
+        while isinstance(
+            answer := receive(child, access.settings.start), MotionProgress
+        ):
             show(answer.share)
         joints: list[float] = answer
         return joints
@@ -182,7 +184,7 @@ def _told(pipe: Connection, path: list[Array]) -> Callable[[Any], bool]:
             ends = [np.abs(np.subtract(state.q_d, place)).max() for place in path[1:]]
             leg = int(np.argmin(ends))
             left = float(ends[leg]) + sum(lengths[leg + 1 :])
-            send(pipe, Progress(min(max(1.0 - left / whole, 0.0), 1.0)))
+            send(pipe, MotionProgress(min(max(1.0 - left / whole, 0.0), 1.0)))
         return False
 
     return told

@@ -45,7 +45,7 @@ LEAST_SUPPORT = 0.005  # m of strip on the desk to either side of the notch
 
 
 @dataclass(frozen=True, slots=True)
-class Box:
+class BoxObstacle:
     """Box-shaped obstacle: its `name` and two corners (3,) [m] in the cell's frame."""
 
     name: str
@@ -54,7 +54,7 @@ class Box:
 
 
 # by which a moved camera is seen, beside the fixed end where no hand comes
-MARK = Box("mark", (-0.030, 0.065, 0.0), (-0.001, 0.095, 0.008))
+MARK = BoxObstacle("mark", (-0.030, 0.065, 0.0), (-0.001, 0.095, 0.008))
 
 
 def grip_problems(width: float) -> Iterator[str]:
@@ -104,19 +104,23 @@ def desk_end(installation: Installation, length: float | None = None) -> float:
     return max(installation.desk, length or 0.0)
 
 
-def boxes(end: float) -> tuple[Box, ...]:
+def boxes(end: float) -> tuple[BoxObstacle, ...]:
     """Desk up to x = `end` [m], with its notch, clamp and floor."""
     outside, low, high = CLAMP
     notch = end - NOTCH_LENGTH
     half = NOTCH_WIDTH / 2
     below = -DESK_DEPTH
     return (
-        Box("desk", (DESK_START, -DESK_EDGE, below), (notch, DESK_EDGE, 0.0)),
-        Box("desk beside the notch", (notch, half, below), (end, DESK_EDGE, 0.0)),
-        Box("desk before the notch", (notch, -DESK_EDGE, below), (end, -half, 0.0)),
+        BoxObstacle("desk", (DESK_START, -DESK_EDGE, below), (notch, DESK_EDGE, 0.0)),
+        BoxObstacle(
+            "desk beside the notch", (notch, half, below), (end, DESK_EDGE, 0.0)
+        ),
+        BoxObstacle(
+            "desk before the notch", (notch, -DESK_EDGE, below), (end, -half, 0.0)
+        ),
         MARK,
-        Box("clamp", (outside, -DESK_EDGE, low), (DESK_START, DESK_EDGE, high)),
-        Box(
+        BoxObstacle("clamp", (outside, -DESK_EDGE, low), (DESK_START, DESK_EDGE, high)),
+        BoxObstacle(
             "floor",
             (-FLOOR_SIZE, -FLOOR_SIZE, -FLOOR_SIZE),
             (FLOOR_SIZE, FLOOR_SIZE, -RISE),

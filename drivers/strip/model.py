@@ -217,7 +217,7 @@ class Rig:
 
 
 @dataclass(frozen=True, slots=True)
-class Observation:
+class ObservationModel:
     """Errors of camera and force sensor, measured minus true: places, delays and
     forces.
 
@@ -252,7 +252,7 @@ class StripModel:
     stated_length: float
     boundary: Boundary = field(default_factory=Boundary)
     rig: Rig = field(default_factory=Rig)
-    observation: Observation = field(default_factory=Observation)
+    observation: ObservationModel = field(default_factory=ObservationModel)
     index: int = 0
 
 

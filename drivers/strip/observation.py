@@ -19,7 +19,7 @@ import numpy as np
 from drivers.base.geometry import interpolate_columns
 from drivers.base.types import Array
 from drivers.strip.engine import Touch
-from drivers.strip.model import Observation, Rig, StripModel
+from drivers.strip.model import ObservationModel, Rig, StripModel
 
 Number = TypeVar("Number", float, Array)
 LIFT_TRAVEL = 0.10  # m of path over which a lift turns the pitch from flat to hanging
@@ -105,12 +105,12 @@ def _offset(rig: Rig) -> Array:
     return np.array([rig.grip_x, rig.grip_z - rig.desk_height, rig.grip_tilt])
 
 
-def image_stamp(observation: Observation, t: Number) -> Number:
+def image_stamp(observation: ObservationModel, t: Number) -> Number:
     """Stamp (...,) [s] of an image that shows the strip at true time `t` (...,)."""
     return t + observation.camera_latency
 
 
-def imaged_time(observation: Observation, stamp: Number) -> Number:
+def imaged_time(observation: ObservationModel, stamp: Number) -> Number:
     """True time (...,) [s] of the strip that an image with `stamp` (...,) shows."""
     return stamp - observation.camera_latency
 
@@ -133,7 +133,7 @@ def true_points(model: StripModel, points: Array) -> Array:
     return true
 
 
-def measured_contact(observation: Observation, x: Number) -> Number:
+def measured_contact(observation: ObservationModel, x: Number) -> Number:
     """Contact_x (...,) [m] that the camera measures for a true desk contact at `x`
     (...,) [m].
     """
@@ -158,7 +158,7 @@ def mean_force(t: Array, force: Array) -> Array:
 
 
 def reported_force(
-    observation: Observation, t: Array, true_t: Array, force: Array
+    observation: ObservationModel, t: Array, true_t: Array, force: Array
 ) -> Array:
     """Reported force (m, 2) [N] at `t` (m,) [s] for a true `force` (k, 2) at `true_t`
     (k,) [s].
@@ -193,5 +193,5 @@ def measured_touch(
     )
 
 
-def _shift(observation: Observation) -> Array:
+def _shift(observation: ObservationModel) -> Array:
     return np.array([observation.shift_x, observation.shift_z])

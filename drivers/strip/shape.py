@@ -19,7 +19,7 @@ LYING_LENGTH = 0.05  # m of lying strip that ends the search for the desk contac
 SHORTEST_LAYERS = 2, 4
 
 
-class Gap(NamedTuple):
+class LayerGap(NamedTuple):
     """Smallest vertical gap `height` [m] of a fold's layers, at `x` [m] and arc length
     `s` [m].
     """
@@ -29,7 +29,7 @@ class Gap(NamedTuple):
     s: float
 
 
-NO_GAP = Gap(math.inf, math.nan, math.nan)
+NO_GAP = LayerGap(math.inf, math.nan, math.nan)
 
 
 def desk_contact(points: Array, height: float) -> float:
@@ -52,7 +52,7 @@ def fold_tip(points: Array) -> tuple[float, float]:
     return float(x), float(z)
 
 
-def layer_gap(points: Array, s: Array, opening: float) -> Gap | None:
+def layer_gap(points: Array, s: Array, opening: float) -> LayerGap | None:
     """Smallest vertical gap between upper and lower layer of a midline; None before a
     fold.
 
@@ -65,7 +65,7 @@ def layer_gap(points: Array, s: Array, opening: float) -> Gap | None:
     if math.isinf(height):
         return None
     nodes = np.arange(len(s))
-    return Gap(
+    return LayerGap(
         height,
         *(float(np.interp(index, nodes, values)) for values in (points[:, 0], s)),
     )

@@ -8,18 +8,18 @@ import numpy as np
 from drivers.base.errors import Fault
 from drivers.base.protocols import Camera, Clock
 from drivers.base.types import Frame
-from drivers.strip.model import Observation
+from drivers.strip.model import ObservationModel
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.settings import CameraSettings
-from drivers.twin.world import Scene
+from drivers.twin.world import WorldState
 
 SOURCE = "twin camera"
 CLOCK_DIGITS = 9  # digits of a second that the clock knows
 SLOW_PERIOD = 0.1  # s, image period above which drawing and reading fit into one tick
 
 
-ScenesOverTime = Callable[[float], Scene]
+ScenesOverTime = Callable[[float], WorldState]
 """Function from a time [s of the run] to the scene of the cell that a camera sees then.
 """
 
@@ -117,7 +117,7 @@ class TwinCamera:
         image.setflags(write=False)
         return Frame(stamp, self._arrival(sequence), SOURCE, sequence, image)
 
-    def _exposure(self, middle: float) -> list[Scene]:
+    def _exposure(self, middle: float) -> list[WorldState]:
         """Scenes at the middles of equal parts of the exposure around `middle` [s],
         from 0 s on.
         """
@@ -129,7 +129,7 @@ class TwinCamera:
 
 
 def displaced_optics(
-    settings: CameraSettings, observation: Observation, desk_height: float
+    settings: CameraSettings, observation: ObservationModel, desk_height: float
 ) -> Optics:
     """Camera model of `settings`, displaced by the calibration errors in `observation`.
 

@@ -20,7 +20,7 @@ from drivers.twin.settings import WorldSettings
 
 
 @dataclass(frozen=True, slots=True)
-class Scene:
+class WorldState:
     """State of the simulated world at `stamp` [s of the run], in the cell frame.
 
     `points` (n, 2) midline (x, z) [m] from the fixed edge on, `arc` (n,) its arc length
@@ -48,18 +48,20 @@ class History:
     def __init__(self, step: float, memory: float) -> None:
         """Buffer for scenes at every `step` [s] of the last `memory` [s]."""
         self._step = nanoseconds(step)
-        self._scenes: deque[Scene] = deque(maxlen=nanoseconds(memory) // self._step + 2)
+        self._scenes: deque[WorldState] = deque(
+            maxlen=nanoseconds(memory) // self._step + 2
+        )
 
-    def add(self, scene: Scene) -> None:
+    def add(self, scene: WorldState) -> None:
         """Append a scene, which must be one `step` later than the last scene."""
         self._scenes.append(scene)
 
     @property
-    def newest(self) -> Scene:
+    def newest(self) -> WorldState:
         """Newest scene in the buffer."""
         return self._scenes[-1]
 
-    def at(self, stamp: float) -> Scene:
+    def at(self, stamp: float) -> WorldState:
         """Scene at `stamp` [s]; Fault `world_unknown` where it is not in the buffer."""
         scenes = self._scenes
         time, first = nanoseconds(stamp), nanoseconds(scenes[0].stamp)
@@ -75,7 +77,7 @@ class History:
         return _interpolate(scenes[index], scenes[index + 1], stamp)
 
 
-def _interpolate(earlier: Scene, later: Scene, stamp: float) -> Scene:
+def _interpolate(earlier: WorldState, later: WorldState, stamp: float) -> WorldState:
     """Scene at `stamp` [s], linear between two scenes, with the grasp of `earlier`."""
     share = (stamp - earlier.stamp) / (later.stamp - earlier.stamp)
     start = earlier.gripper.as_array()
@@ -221,7 +223,7 @@ class World:
                 self._step_strip(hand)
             self._history.add(self._scene(self.time, hand))
 
-    def scene(self, stamp: float) -> Scene:
+    def scene(self, stamp: float) -> WorldState:
         """Scene at `stamp` [s]; Fault `world_unknown` where the history does not reach
         it.
         """
@@ -338,11 +340,11 @@ class World:
             earlier().as_array() * (1 - share) + later().as_array() * share
         )
 
-    def _scene(self, time: float, hand: Pose) -> Scene:
+    def _scene(self, time: float, hand: Pose) -> WorldState:
         """State of the world at `time` [s] with the hand at its true pose `hand`, as
         rendered.
         """
-        return Scene(
+        return WorldState(
             stamp=time,
             points=self._points,
             arc=self._arc,

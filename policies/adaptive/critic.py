@@ -13,7 +13,7 @@ from pydantic import Field
 
 from drivers.base.settings import Settings, StudyResult
 from drivers.base.types import Array
-from policies.policy import Estimate
+from policies.policy import ParameterEstimate
 
 LARGEST_SLOPE, SMALLEST_SLOPE = 2.0, 0.1  # to which predicted dd/dr are clipped
 DISPLACEMENT, SLOPE, SPREAD = range(3)
@@ -64,7 +64,7 @@ class Belief(NamedTuple):
     log_retardation_time: Array
     friction: Array
 
-    def first(self) -> dict[str, Estimate]:
+    def first(self) -> dict[str, ParameterEstimate]:
         """Estimated bending length [m], retardation time [s], yield curvature [1/m] of
         strip 0.
         """
@@ -75,7 +75,7 @@ class Belief(NamedTuple):
             "yield_curvature": YIELD_UNIT * np.maximum(friction - 1.0, 0.0),
         }
         return {
-            name: Estimate(*map(float, interval))
+            name: ParameterEstimate(*map(float, interval))
             for name, interval in intervals.items()
         }
 

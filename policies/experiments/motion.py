@@ -127,7 +127,7 @@ FASTEST_COMMAND = 0.19  # m/s, limit of the commanded speed
 SEARCH_SAMPLES = 2001  # points of a path among which the nearest is searched
 
 
-class Scripted:
+class ScriptedPolicy:
     """Policy that executes the motion `draw(length, speed)` of a strip's length and a
     speed.
 

@@ -54,7 +54,7 @@ def initial_weights(rng: np.random.Generator) -> Array:
     )
 
 
-class Search:
+class FeedbackTraining:
     """Training of the policy `feedback` by CMA-ES in a folder, resumed if its settings
     agree.
 

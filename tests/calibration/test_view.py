@@ -19,12 +19,12 @@ from cell.perception.preflight import (
 from cell.perception.region import Region, still_surroundings, without_hand
 from cell.setup.camera_check import check_views
 from drivers.base.types import Frame, Image, Pose
-from drivers.strip.model import Observation
+from drivers.strip.model import ObservationModel
 from drivers.twin.camera import displaced_optics
 from drivers.twin.renderer.looks import StripLook
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.settings import CameraSettings
-from drivers.twin.world import Scene
+from drivers.twin.world import WorldState
 from tests.support.rendered_cell import KNOTS, empty, flat, lying, scene
 from tests.support.requests import DENIM
 from tests.support.twin_calibration import twin_calibration
@@ -37,19 +37,19 @@ WAITING = lying(flat(), Pose(0.65, 0.25, 0.0))
 
 
 @lru_cache(maxsize=4)
-def _renderer(camera: CameraSettings, moved: Observation) -> Renderer:
+def _renderer(camera: CameraSettings, moved: ObservationModel) -> Renderer:
     optics = displaced_optics(camera, moved, 0.0)
     return Renderer(camera, StripLook.from_file(DENIM), 0, optics)
 
 
 def picture(
-    seen: Scene,
+    seen: WorldState,
     sequence: int = 0,
     camera: CameraSettings = CAMERA,
     **moved: float,
 ) -> Image:
     """The scene `seen` by a camera that `moved` by shift_x, shift_z [m] and scale."""
-    return _renderer(camera, Observation(**moved)).render([seen], sequence)
+    return _renderer(camera, ObservationModel(**moved)).render([seen], sequence)
 
 
 def frame(image: Image) -> Frame:

@@ -12,7 +12,7 @@ pytest.importorskip("pylibfranka", reason="the robot's library is not installed"
 from cell.base.config.places import find_configs
 from cell.base.devices.fci import start_joints
 from cell.folding.fold import fold
-from cell.folding.request import Recording
+from cell.folding.request import RecordingOptions
 from cell.record.run import read_run
 from drivers.base.errors import Fault
 from drivers.base.types import frozen
@@ -105,6 +105,6 @@ if __name__ == "__main__":
     robot = find_configs(None).cell().with_drivers("fci")
     fci = robot.fci.model_copy(update={"address": sys.argv[1], "lock_step": True})
     robot = robot.model_copy(update={"fci": fci})
-    runs, record = Path(sys.argv[2]), Recording("none")
+    runs, record = Path(sys.argv[2]), RecordingOptions("none")
     request = request_for("denim", "triangular", runs, cell=robot, record=record)
     fold(request, cached_calibration())

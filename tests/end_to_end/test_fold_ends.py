@@ -8,7 +8,7 @@ import pytest
 import cell.folding.fold
 from cell.base.config.places import CHECKOUT_CONFIGS
 from cell.folding.fold import fold, run_and_record
-from cell.folding.request import Recording
+from cell.folding.request import RecordingOptions
 from cell.orchestrator.outcome import Outcome
 from cell.orchestrator.recorder import FileRecorder
 from cell.record.files import is_under_way
@@ -118,7 +118,7 @@ def test_what_controls_a_fold_has_no_way_to_the_plant(tmp_path, monkeypatch) -> 
         return SimpleNamespace(execute=lambda: DONE)
 
     monkeypatch.setattr(cell.folding.fold, "Run", blind)
-    record = Recording("none")
+    record = RecordingOptions("none")
     request = request_for(
         "denim", "triangular", tmp_path, CHECKOUT_CONFIGS, record=record
     )

@@ -12,7 +12,7 @@ import yaml
 
 from cell.base.config.places import find_configs
 from cell.folding.replay import replay
-from cell.folding.request import Recording
+from cell.folding.request import RecordingOptions
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip.subject import open_strip
 from cell.record.files import RUN
@@ -39,7 +39,9 @@ def fold(tmp_path_factory: pytest.TempPathFactory) -> Folded:
         tmp_path_factory.mktemp("hanging"),
         find_configs(None).cell().with_drivers("fci"),
     )
-    kept = Recording(frames="all")  # replay decides from the images that lie there
+    kept = RecordingOptions(
+        frames="all"
+    )  # replay decides from the images that lie there
     asked = request_for("denim", "feedback", runs, cell=robot, record=kept)
     return fold_and_keep(asked)
 

@@ -22,7 +22,7 @@ from cell.base.config.places import find_configs
 from cell.base.devices.devices import Trial
 from cell.folding.batch import fold_all
 from cell.folding.replay import replay
-from cell.folding.request import Recording
+from cell.folding.request import RecordingOptions
 from cell.perception.length_checks import disagreements
 from cell.record.files import CALIBRATION, EVENTS, RECORDING, REPORT, TRUTH
 from cell.report.overlay import SHOWN_OUTLINES, ShownImages, silhouettes
@@ -143,7 +143,7 @@ def secret(tmp_path_factory: pytest.TempPathFactory) -> Folded:
     weights = load_checkpoint(COMMITTED)
     scaled = tuple(0.95 * weight for weight in weights.weights)
     save_checkpoint(place / "own.json", weights.model_copy(update={"weights": scaled}))
-    kept = Recording(truth=False)
+    kept = RecordingOptions(truth=False)
     asked = {"record": kept, "trial": Trial(plant=plant)}
     asked |= {"checkpoint": place / "own.json"}
     request = request_for("denim", "feedback", place / "r", **asked)
@@ -245,7 +245,10 @@ def affected(effects: Effects, folder: Path, *, accepted: bool) -> Folded:
     """A fold of denim on a rig with `effects`; where the cell file states them, images
     are kept.
     """
-    configs, record = folder / "configs", Recording("all" if accepted else "none")
+    configs, record = (
+        folder / "configs",
+        RecordingOptions("all" if accepted else "none"),
+    )
     shutil.copytree(CONFIGS, configs)
     if accepted:
         written(configs / "cell.yaml", effects)

@@ -16,7 +16,7 @@ from policies.train.objective import (
     fold_cost,
     validate,
 )
-from policies.train.search import Search, initial_weights
+from policies.train.search import FeedbackTraining, initial_weights
 
 SETTINGS = TrainingSettings(generations=12, population=6, validate_every=2)
 
@@ -40,8 +40,8 @@ def in_bowl(compute, calls):
 
 def train(
     folder: Path, generations: int, settings: TrainingSettings = SETTINGS
-) -> Search:
-    search = Search(settings, folder)
+) -> FeedbackTraining:
+    search = FeedbackTraining(settings, folder)
     run = search.run(in_bowl)
     for _ in range(generations):
         if next(run, None) is None:
@@ -110,6 +110,6 @@ def test_file_that_is_no_journal_is_refused_and_kept(
     path = tmp_path / "feedback.jsonl"
     path.write_bytes(content)
     with pytest.raises(ConfigurationError, match=r"feedback\.jsonl: ") as refused:
-        Search(SETTINGS, tmp_path)
+        FeedbackTraining(SETTINGS, tmp_path)
     assert "\n" not in str(refused.value)
     assert path.read_bytes() == content

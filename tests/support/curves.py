@@ -7,20 +7,20 @@ import numpy as np
 
 from cell.gap.fitting import CountedSimulation, run_one
 from cell.gap.fitting.crossvalidation import CrossValidatedFit, validate
-from cell.gap.fitting.gauss_newton import Estimate, refit
+from cell.gap.fitting.gauss_newton import FitEstimate, refit
 from cell.gap.fitting.model import Model, evidence, stated
 from cell.gap.investigate import investigate
 from cell.gap.selection.hold_out import held_out
 from cell.gap.subject.subject import (
     Candidate,
     Experiment,
+    FitRun,
     Quantity,
-    Request,
     Residuals,
-    Run,
     Samples,
     Scope,
     Series,
+    SimulationRequest,
     Subject,
 )
 from cell.gap.verdict.compose import verdict as compose
@@ -69,7 +69,7 @@ class Curves(Subject):
     signed: bool = True
     name: str = "curves"
     notes: Sequence[str] = ()
-    runs: list[Run] = field(default_factory=list)
+    runs: list[FitRun] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         rng = np.random.default_rng(self.seed)
@@ -86,12 +86,12 @@ class Curves(Subject):
                 self.run(index, condition, y + self.truth(T, SPEEDS[condition], index))
             )
 
-    def run(self, index: int, condition: str, y: Array) -> Run:
+    def run(self, index: int, condition: str, y: Array) -> FitRun:
         phase = np.where(T < 0.5, "lift", "fall")
         of = Series("angle", "angle", phase, "middle", T, self.noise, self.noise, 0.0)
         samples = Samples.stack([of])
         shift = Parameter("shift", "m", 0.0, -np.inf, np.inf, 1e-4, 0.1)
-        return Run(f"r{index}", condition, samples, (shift,), (condition, y), index)
+        return FitRun(f"r{index}", condition, samples, (shift,), (condition, y), index)
 
     @property
     def scope(self) -> Scope:
@@ -106,7 +106,7 @@ class Curves(Subject):
             {"angle": quantity},
         )
 
-    def simulate(self, requests: Sequence[Request]) -> list[Residuals]:
+    def simulate(self, requests: Sequence[SimulationRequest]) -> list[Residuals]:
         found = []
         for q in requests:
             condition, y = q.run.content
@@ -147,7 +147,7 @@ class Touched(Curves):
             quantities=dict.fromkeys(("angle", "touch"), whole.quantities["angle"]),
         )
 
-    def run(self, index: int, condition: str, y: Array) -> Run:
+    def run(self, index: int, condition: str, y: Array) -> FitRun:
         words = np.array(["angle"] * 59 + ["touch"])
         run = super().run(index, condition, y)
         return replace(run, samples=replace(run.samples, channel=words, quantity=words))
@@ -160,7 +160,7 @@ def judged(subject: Curves) -> tuple[Findings, Verdict]:
     return found, compose(found, 0.0, simulate.total)
 
 
-def fitted(subject: Curves, names: Sequence[str] = ()) -> Estimate:
+def fitted(subject: Curves, names: Sequence[str] = ()) -> FitEstimate:
     scope, runs = subject.scope, evidence(subject.runs)
     model = Model(scope.base, tuple(c for c in scope.candidates if c.name in names))
     return run_one(subject.simulate, refit(model, runs, stated(model, runs)))
@@ -175,6 +175,8 @@ def both(bumps: float, waves: float) -> Law:
     return lambda t, s, i: bumps * bump(t, s, i) + waves * wave(t, s, i)
 
 
-def validated(estimate: Estimate, subject: Curves | None = None) -> CrossValidatedFit:
+def validated(
+    estimate: FitEstimate, subject: Curves | None = None
+) -> CrossValidatedFit:
     simulate = (subject or Curves(nothing)).simulate
     return run_one(simulate, validate(estimate))

@@ -12,7 +12,7 @@ from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from drivers.strip.rod.engine import Rod
 from policies.path import triangular
-from policies.policy import Estimate, FoldPrediction
+from policies.policy import FoldPrediction, ParameterEstimate
 from policies.profile import profiles
 from tests.support.effect_cases import simulate
 
@@ -30,9 +30,9 @@ STRIP = StripFile(
 BELIEF = FoldPrediction(
     displacement=0.0,
     sigma=0.001,
-    bending_length=Estimate(0.019, 0.019 / 1.01, 0.019 * 1.01),
-    retardation_time=Estimate(0.06, 0.06 / 1.3, 0.06 * 1.3),
-    yield_curvature=Estimate(0.5, 0.0, 1.0),
+    bending_length=ParameterEstimate(0.019, 0.019 / 1.01, 0.019 * 1.01),
+    retardation_time=ParameterEstimate(0.06, 0.06 / 1.3, 0.06 * 1.3),
+    yield_curvature=ParameterEstimate(0.5, 0.0, 1.0),
     blind=False,
 )
 

@@ -12,7 +12,7 @@ from cell.base.devices.devices import Devices
 from cell.orchestrator.context import FoldInputs, FoldLog
 from cell.orchestrator.outcome import Outcome
 from cell.orchestrator.recorder import Recorder
-from cell.orchestrator.run import Run
+from cell.orchestrator.run import ControlLoop
 from cell.orchestrator.snapshot import (
     CloseHand,
     Drive,
@@ -21,7 +21,7 @@ from cell.orchestrator.snapshot import (
     OpenHand,
     Snapshot,
 )
-from cell.orchestrator.states import Event, State
+from cell.orchestrator.states import State, Trigger
 from cell.orchestrator.vision import View
 from cell.perception.image_reader import ImageResult, InlineReader
 from cell.perception.strip_measurement import StripMeasurement
@@ -146,7 +146,7 @@ class Bench:
         )
         watched = self.record, self.observers, self.interrupted
         doing = self.phases or phases()
-        return Run(devices, inputs, FoldLog(), doing, *watched).execute()
+        return ControlLoop(devices, inputs, FoldLog(), doing, *watched).execute()
 
     @property
     def at_rest(self) -> bool:
@@ -164,7 +164,7 @@ def plain_bench() -> Bench:
     return Bench(clock, PlainArm(clock), PlainHand(clock), NoiseCamera(clock))
 
 
-def ending(event: Event):
+def ending(event: Trigger):
     """Phase that ends at once with `event`."""
 
     def phase(*_):
@@ -182,9 +182,9 @@ def driving(*_):
 
 def phases(**special) -> dict:
     plain = {
-        State.PREFLIGHT: ending(Event.CHECKED),
-        State.GRASP: ending(Event.GRASPED),
-        State.LIFT: ending(Event.LIFTED),
+        State.PREFLIGHT: ending(Trigger.CHECKED),
+        State.GRASP: ending(Trigger.GRASPED),
+        State.LIFT: ending(Trigger.LIFTED),
         State.FOLD: driving,
     }
     return plain | {State(name): phase for name, phase in special.items()}

@@ -6,7 +6,7 @@ import numpy as np
 
 from drivers.base.geometry import arc_lengths
 from drivers.base.types import Array, Pose
-from drivers.twin.world import Scene
+from drivers.twin.world import WorldState
 
 LENGTH, NODES = 0.6, 601
 KNOTS: dict[str, tuple[list[float], list[float]]] = {
@@ -35,7 +35,7 @@ def midline(kind: str) -> tuple[Array, Array]:
 
 def scene(
     kind: str, stamp: float = 0.0, shift: tuple[float, float] = (0.0, 0.0)
-) -> Scene:
+) -> WorldState:
     """Scene of a held strip of a `kind` of shape, its grasped edge moved by `shift`
     [m].
     """
@@ -43,13 +43,13 @@ def scene(
     points = points + (arc / LENGTH)[:, None] * np.array(shift)
     dx, dz = points[-1] - points[-2]
     pose = Pose(float(points[-1, 0]), float(points[-1, 1]), float(np.arctan2(dz, dx)))
-    return Scene(stamp, points, arc, pose, finger_width=0.001, holds_strip=True)
+    return WorldState(stamp, points, arc, pose, finger_width=0.001, holds_strip=True)
 
 
-def lying(points: Array, gripper: Pose, *, strip: bool = True) -> Scene:
+def lying(points: Array, gripper: Pose, *, strip: bool = True) -> WorldState:
     """Scene of a strip along `points` (n, 2) [m] that nobody holds, or of none."""
     arc = arc_lengths(points)
-    return Scene(0.0, points, arc, gripper, 0.04, holds_strip=False, strip=strip)
+    return WorldState(0.0, points, arc, gripper, 0.04, holds_strip=False, strip=strip)
 
 
 def flat(length: float = LENGTH) -> Array:
@@ -57,7 +57,7 @@ def flat(length: float = LENGTH) -> Array:
     return np.linspace((0.0, 0.0), (length, 0.0), 61)
 
 
-def empty(pose: Pose, *, pointer: bool = False) -> Scene:
+def empty(pose: Pose, *, pointer: bool = False) -> WorldState:
     """Scene without a strip, with the closed hand at `pose`."""
     scene = lying(flat(), pose, strip=False)
     return replace(scene, finger_width=0.0, pointer=pointer)

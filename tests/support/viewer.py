@@ -15,7 +15,7 @@ import numpy as np
 from cell.record.run import read_run
 from cell.report.viz.opening import open_recording
 from cell.report.viz.playback import LogLine, TickView, moments_of
-from cell.report.viz.recording import Screen, layout
+from cell.report.viz.recording import RerunWriter, layout
 from drivers.base.settings import parse
 from drivers.base.types import Image
 from drivers.strip.file import StripFile
@@ -68,7 +68,7 @@ def recording_until(folder: Path, end: float, out: Path) -> Path:
     strip = parse(run.header.strip_file or {}, StripFile, "strip_file")
     views = layout(strip, run.calibration(), end=end, live=True)
     with open_recording("cell", out, views) as recording:
-        screen = Screen(recording, run.calibration(), strip, batch=np.inf)
+        screen = RerunWriter(recording, run.calibration(), strip, batch=np.inf)
         screen.begin(run)
         for item in _until(moments_of(run), end):
             screen.draw(item)

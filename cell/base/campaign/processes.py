@@ -38,7 +38,7 @@ class Call:
     stoppable: bool = False
 
 
-class Signal(StrEnum):
+class PoolMessage(StrEnum):
     """Messages between pool and process: STOP for a call, READY once the process is
     prepared.
 
@@ -50,7 +50,7 @@ class Signal(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Result:
+class CallResult:
     """Message of a process whose call has ended: what it returned, or the CellError it
     raised.
     """
@@ -94,7 +94,7 @@ def work(
     if prepare is not None:
         prepare()
     with suppress(OSError):  # the parent is gone
-        pipe.send(Signal.READY)
+        pipe.send(PoolMessage.READY)
         call = _next_call(pipe)
         # the libraries' half a million objects, which no collection has to look at
         gc.freeze()
@@ -105,7 +105,7 @@ def work(
                 result = call.function(*call.arguments, *stop)
             except CellError as error:
                 result = error
-            pipe.send(Result(result))
+            pipe.send(CallResult(result))
             call = _next_call(pipe)
 
 
@@ -214,7 +214,7 @@ class ProcessPool:
     def stop(self) -> None:
         """Ask the stoppable calls under way to stop; a second time, to stop at once."""
         for running in self._running:
-            running.process.send(Signal.STOP)
+            running.process.send(PoolMessage.STOP)
 
     def close(self) -> None:
         """Let all processes end: stoppable calls stop under control, others may finish
@@ -241,7 +241,7 @@ class ProcessPool:
             self._remove(running)
             yield running.key, died
             return
-        if message is Signal.READY:
+        if message is PoolMessage.READY:
             running.started_at = time.monotonic()
             return
         self._running.remove(running)

@@ -58,7 +58,7 @@ class Devices:
     camera: Camera
     camera_identity: str
     aids: CalibrationAids | None
-    plant: "Plant | None"
+    plant: "GroundTruth | None"
     camera_locks: Callable[[], Mapping[str, int]] = dict
     others: tuple[Closable, ...] = ()
     arm_timing: Callable[[], Mapping[str, Any]] = dict
@@ -106,7 +106,7 @@ class ArmHistory:
         return Pose.from_array(interpolate_columns(stamp, np.array(times), poses))
 
 
-class Plant(Protocol):
+class GroundTruth(Protocol):
     """Protocol of a plant whose true motion is known; only used to score a run after
     its end.
     """

@@ -14,7 +14,7 @@ from drivers.base.protocols import Arm, Hand
 from drivers.base.types import ArmState, Array, Pose, Velocity
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
-from drivers.strip.model import Observation, Rig, StripModel
+from drivers.strip.model import ObservationModel, Rig, StripModel
 from drivers.strip.observation import (
     LIFT_TRAVEL,
     GrowingOffsets,
@@ -35,7 +35,7 @@ def corrected_calibration(
     """
     model = describe(strip, settings.effects)
     observation = model.observation
-    if observation == Observation() and model.rig.desk_height == 0:
+    if observation == ObservationModel() and model.rig.desk_height == 0:
         return calibration
     homography = _measured_to_true(model) @ calibration.homography.matrix
     # the bias is of measured lengths, each 1 + scale times the true one

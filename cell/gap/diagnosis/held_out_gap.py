@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cell.gap.fitting import Simulate, robust, run_one
-from cell.gap.fitting.gauss_newton import Estimate, refit
+from cell.gap.fitting.gauss_newton import FitEstimate, refit
 from cell.gap.fitting.model import Evidence, Point
 from cell.gap.subject.subject import Quantity, Words
 from drivers.base.types import Array
@@ -28,8 +28,8 @@ class Shrink:
 
 
 def fit_held_out(
-    simulate: Simulate, estimate: Estimate, evidence: Evidence
-) -> Estimate:
+    simulate: Simulate, estimate: FitEstimate, evidence: Evidence
+) -> FitEstimate:
     """Fit `estimate` to other runs: shared values stay fixed, the runs' own unknowns
     are free.
     """
@@ -78,7 +78,7 @@ def _display_gaps(
     }
 
 
-def run_squares(estimate: Estimate) -> Array:
+def run_squares(estimate: FitEstimate) -> Array:
     """Mean square whitened residual (R,) of each run, with equal weight for each
     channel.
     """
@@ -95,7 +95,7 @@ def excess(squares: Array) -> Array:
     return beyond
 
 
-def excess_of(estimate: Estimate) -> float:
+def excess_of(estimate: FitEstimate) -> float:
     """Excess residual [noise] of a fit over all its runs: sqrt(max(mean square - 1,
     0)).
     """
@@ -103,7 +103,7 @@ def excess_of(estimate: Estimate) -> float:
 
 
 def excess_by_quantity(
-    estimate: Estimate, quantities: Mapping[str, Quantity]
+    estimate: FitEstimate, quantities: Mapping[str, Quantity]
 ) -> dict[str, float]:
     """Excess residual [noise] of a fit in each displayed quantity, by its key."""
     shown = _display_gaps(
@@ -116,7 +116,7 @@ def excess_by_quantity(
     }
 
 
-def bounded_excess(estimate: Estimate) -> float:
+def bounded_excess(estimate: FitEstimate) -> float:
     """Excess residual [noise] of a fit, with outliers clipped at multiples of its
     dispersion.
     """
@@ -125,7 +125,9 @@ def bounded_excess(estimate: Estimate) -> float:
     return excess_of(replace(estimate, residuals=clipped))
 
 
-def sizes(estimate: Estimate, quantities: Mapping[str, Quantity]) -> dict[str, float]:
+def sizes(
+    estimate: FitEstimate, quantities: Mapping[str, Quantity]
+) -> dict[str, float]:
     """Root mean square residuals of a fit by displayed quantity, and its `excess`
     [noise].
     """
@@ -135,7 +137,9 @@ def sizes(estimate: Estimate, quantities: Mapping[str, Quantity]) -> dict[str, f
     return {**rms, "excess": excess_of(estimate)}
 
 
-def rms_by_run(estimate: Estimate, quantities: Mapping[str, Quantity]) -> list[float]:
+def rms_by_run(
+    estimate: FitEstimate, quantities: Mapping[str, Quantity]
+) -> list[float]:
     """Root mean square residual of each run, in units of noise, model error and
     tolerance.
 
@@ -155,7 +159,9 @@ def rms_by_run(estimate: Estimate, quantities: Mapping[str, Quantity]) -> list[f
     return [np.sqrt(square) for square in squares]
 
 
-def odd_runs(estimate: Estimate, quantities: Mapping[str, Quantity]) -> Iterator[str]:
+def odd_runs(
+    estimate: FitEstimate, quantities: Mapping[str, Quantity]
+) -> Iterator[str]:
     """Words on each run that a fit leaves ODD times as far off as it leaves the others,
     where it leaves most of them at their noise.
     """
@@ -169,7 +175,7 @@ def odd_runs(estimate: Estimate, quantities: Mapping[str, Quantity]) -> Iterator
             )
 
 
-def shrink(before: Estimate, after: Estimate, rng: np.random.Generator) -> Shrink:
+def shrink(before: FitEstimate, after: FitEstimate, rng: np.random.Generator) -> Shrink:
     """Share of the excess residual removed, 1 - after / before, by bootstrap (Efron
     1979).
     """

@@ -16,10 +16,10 @@ from scipy.stats import rankdata
 from cell.gap.fitting import normal_equations, robust
 from cell.gap.fitting.base_fit import projection
 from cell.gap.fitting.crossvalidation import settled_response
-from cell.gap.fitting.gauss_newton import Estimate
+from cell.gap.fitting.gauss_newton import FitEstimate
 from cell.gap.fitting.normal_equations import NormalEquations
 from cell.gap.selection.likelihood import ALPHA
-from cell.gap.subject.subject import Run
+from cell.gap.subject.subject import FitRun
 from drivers.base.types import Array
 from drivers.strip.effects.effect import Parameter
 
@@ -54,7 +54,7 @@ class Repeats:
     p: float = 1.0
 
     @classmethod
-    def of(cls, estimate: Estimate) -> Self:
+    def of(cls, estimate: FitEstimate) -> Self:
         """Compare the repeats among the runs of `estimate`, and test them for a drift
         of the base.
 
@@ -99,7 +99,7 @@ class Repeats:
 
 
 def _pure_error(
-    estimate: Estimate, residuals: Sequence[Array], spent: int = 0
+    estimate: FitEstimate, residuals: Sequence[Array], spent: int = 0
 ) -> dict[str, float]:
     """Factor (>= 1) on the noise of each channel that explains the scatter between
     repeats.
@@ -125,7 +125,7 @@ def _pure_error(
 
 
 def _repeated_bins(
-    estimate: Estimate, residuals: Sequence[Array]
+    estimate: FitEstimate, residuals: Sequence[Array]
 ) -> Iterator[tuple[str, Array]]:
     """Yield channel, and mean residuals and counts (2, k), of time bins in k > 1
     repeats.
@@ -140,7 +140,7 @@ def _repeated_bins(
             yield channel, np.array(by_run).T
 
 
-def _relative_index(runs: Sequence[Run]) -> Array:
+def _relative_index(runs: Sequence[FitRun]) -> Array:
     """Index (R,) of each run in the order of measurement, less the mean over its
     repeats.
     """
@@ -151,7 +151,7 @@ def _relative_index(runs: Sequence[Run]) -> Array:
     )
 
 
-def _drift_words(estimate: Estimate, form: NormalEquations) -> str:
+def _drift_words(estimate: FitEstimate, form: NormalEquations) -> str:
     """Text on the parameter whose linear drift explains most, and its change per
     run.
     """
@@ -165,7 +165,7 @@ def _drift_words(estimate: Estimate, form: NormalEquations) -> str:
     return f"{p.name} changes by {100 * rate / value:+.2g} % a run"
 
 
-def _places(run: Run) -> Iterator[Place]:
+def _places(run: FitRun) -> Iterator[Place]:
     """Place (channel, phase, zone, condition) of each sample of `run`."""
     s = run.samples
     for channel, phase, zone in zip(s.channel, s.phase, s.zone, strict=True):
@@ -212,13 +212,13 @@ class ResidualTest:
     count.
     """
 
-    estimate: Estimate
+    estimate: FitEstimate
     repeats: Repeats
     noise: Array
     allowed: Array
 
     @classmethod
-    def of(cls, estimate: Estimate, rng: np.random.Generator) -> Self:
+    def of(cls, estimate: FitEstimate, rng: np.random.Generator) -> Self:
         """Test of the residuals of `estimate`, with noise drawn from `rng`."""
         repeats = Repeats.of(estimate)
         channels = [str(c) for run in estimate.runs for c in run.samples.channel]
@@ -283,7 +283,7 @@ class ResidualTest:
         ]
         return sorted(tested, key=lambda each: -abs(each.z))
 
-    def matching(self, fitted: Estimate, others: Sequence[Estimate]) -> list[Bin]:
+    def matching(self, fitted: FitEstimate, others: Sequence[FitEstimate]) -> list[Bin]:
         """Test in each bin how well residuals match the effects of model `fitted`;
         surest first.
 
@@ -310,7 +310,7 @@ class ResidualTest:
         return sorted(matched, key=lambda each: (each.p, -abs(each.z)))
 
 
-def _draw_residuals(estimate: Estimate, rng: np.random.Generator) -> Array:
+def _draw_residuals(estimate: FitEstimate, rng: np.random.Generator) -> Array:
     """Random whitened residuals (N, DRAWS) [noise] as a fit of the true model would
     leave them.
 
@@ -371,12 +371,12 @@ def stronger_of_two(by_itself: Sequence[Bin], by_effect: Sequence[Bin]) -> list[
     return sorted(corrected, key=lambda each: -abs(each.z))
 
 
-def can_be_ordered(runs: Sequence[Run]) -> bool:
+def can_be_ordered(runs: Sequence[FitRun]) -> bool:
     """Whether enough runs state when they were taken to test values for their order."""
     return len({run.index for run in runs}) >= FEWEST_ORDERED
 
 
-def order_suspicion(estimate: Estimate, rng: np.random.Generator) -> str:
+def order_suspicion(estimate: FitEstimate, rng: np.random.Generator) -> str:
     """Words on values that change with the order in which runs were taken; else empty.
 
     Of each run follow the values of shared parameters, by a step of the fit towards it,
@@ -406,7 +406,7 @@ def order_suspicion(estimate: Estimate, rng: np.random.Generator) -> str:
     )
 
 
-def _values_by_run(estimate: Estimate) -> tuple[list[Parameter], Array]:
+def _values_by_run(estimate: FitEstimate) -> tuple[list[Parameter], Array]:
     """Parameters (k) that all runs share, or each draws anew, and their values (R, k)
     by a fit in which the others hardly count.
     """

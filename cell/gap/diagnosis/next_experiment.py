@@ -7,7 +7,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from cell.gap.fitting import Task
-from cell.gap.fitting.gauss_newton import Estimate, linearise
+from cell.gap.fitting.gauss_newton import FitEstimate, linearise
 from cell.gap.fitting.model import Model, Point, evidence, requests
 from cell.gap.fitting.normal_equations import covariance
 from cell.gap.selection.likelihood import LikelihoodScale
@@ -28,7 +28,7 @@ class Recommendation:
 
 
 def advise(
-    first: Estimate,
+    first: FitEstimate,
     second: tuple[Model, Array],
     experiments: Sequence[Experiment],
     likelihood: LikelihoodScale,
@@ -63,7 +63,7 @@ def advise(
     return sorted(rated, key=lambda a: -(a.expected_sigma**2) / a.minutes)
 
 
-def _information(estimate: Estimate) -> Array:
+def _information(estimate: FitEstimate) -> Array:
     """Information matrix (P, P) on the shared parameters, from runs and priors."""
     count = len(estimate.shared)
     spread = covariance(estimate.normal().curvature)[:count, :count]

@@ -8,11 +8,11 @@ not depend on what runs beside it.
 from collections.abc import Callable, Generator, Sequence
 from typing import TypeVar
 
-from cell.gap.subject.subject import Request, Residuals
+from cell.gap.subject.subject import Residuals, SimulationRequest
 
 T = TypeVar("T")
-Simulate = Callable[[Sequence[Request]], Sequence[Residuals]]
-Task = Generator[list[Request], Sequence[Residuals], T]
+Simulate = Callable[[Sequence[SimulationRequest]], Sequence[Residuals]]
+Task = Generator[list[SimulationRequest], Sequence[Residuals], T]
 
 
 def side_by_side(tasks: Sequence[Task[T]]) -> Task[list[T]]:
@@ -20,7 +20,7 @@ def side_by_side(tasks: Sequence[Task[T]]) -> Task[list[T]]:
     results.
     """
     results: dict[int, T] = {}
-    waiting: dict[int, list[Request]] = {}
+    waiting: dict[int, list[SimulationRequest]] = {}
 
     def advance(i: int, answer: Sequence[Residuals] | None = None) -> None:
         try:
@@ -69,7 +69,7 @@ class CountedSimulation:
         self._simulate = simulate
         self.total = 0
 
-    def __call__(self, requests: Sequence[Request]) -> Sequence[Residuals]:
+    def __call__(self, requests: Sequence[SimulationRequest]) -> Sequence[Residuals]:
         """Simulate `requests`, add their number to `total`, and return their residuals
         in order.
         """

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cell.gap.fitting import Simulate, robust, run_one
-from cell.gap.fitting.gauss_newton import Estimate, linearise, refit, responses_to
+from cell.gap.fitting.gauss_newton import FitEstimate, linearise, refit, responses_to
 from cell.gap.fitting.model import Evidence, Model, Point, evidence, requests, stated
 from cell.gap.fitting.normal_equations import NormalEquations, covariance
 from cell.gap.subject.subject import Candidate, Subject
@@ -17,14 +17,14 @@ from drivers.strip.effects.effect import Parameter
 WEAK = 0.5
 
 
-def refit_base(simulate: Simulate, model: Model, evidence: Evidence) -> Estimate:
+def refit_base(simulate: Simulate, model: Model, evidence: Evidence) -> FitEstimate:
     """Fit of the base parameters of `model`, from stated values, to the runs of
     `evidence`.
     """
     return run_one(simulate, refit(model, evidence, stated(model, evidence)))
 
 
-def undetermined_values(estimate: Estimate) -> list[tuple[Parameter, float]]:
+def undetermined_values(estimate: FitEstimate) -> list[tuple[Parameter, float]]:
     """Base parameters whose uncertainty the runs hardly reduce, with standard
     deviations.
     """
@@ -33,7 +33,7 @@ def undetermined_values(estimate: Estimate) -> list[tuple[Parameter, float]]:
     return [(p, s) for p, s in pairs if s > WEAK * p.spread]
 
 
-def strains(estimate: Estimate) -> dict[str, float]:
+def strains(estimate: FitEstimate) -> dict[str, float]:
     """Deviations of fitted base values from the stated ones, in prior standard
     deviations.
     """
@@ -43,7 +43,7 @@ def strains(estimate: Estimate) -> dict[str, float]:
 
 def refit_fine(
     subject: Subject, simulate: Simulate, model: Model, coarse: Evidence, start: Point
-) -> Estimate:
+) -> FitEstimate:
     """Fit `model`, from `start`, to `coarse` runs corrected for coarse time steps and
     grids.
     """
@@ -57,19 +57,19 @@ def refine(subject: Subject, model: Model, point: Point, coarse: Evidence) -> Ev
     return evidence(subject.refine(requests(model, coarse.runs, point)))
 
 
-def stated_estimate(subject: Subject, simulate: Simulate) -> Estimate:
+def stated_estimate(subject: Subject, simulate: Simulate) -> FitEstimate:
     """Estimate at the stated base values, not fitted, with residuals taken as zero."""
     measured = evidence(subject.runs)
     model = Model(subject.scope.base)
     point = stated(model, measured)
     raw, jacobians = run_one(simulate, linearise(model, measured, point))
-    fit = Estimate.at(model, measured, point, raw, jacobians)
+    fit = FitEstimate.at(model, measured, point, raw, jacobians)
     return replace(fit, residuals=[*map(np.zeros_like, fit.residuals)], scale=1.0)
 
 
 def effect_responses(
     simulate: Simulate,
-    base: Estimate,
+    base: FitEstimate,
     effects: Sequence[tuple[Candidate, Sequence[float]]],
 ) -> Array:
     """Whitened responses (N, k) of all runs to k effects, each alone with its given
@@ -126,7 +126,7 @@ class Projection:
 
 
 def projection(
-    estimate: Estimate, *, robustly: bool = True, nuisance: Sequence[Array] = ()
+    estimate: FitEstimate, *, robustly: bool = True, nuisance: Sequence[Array] = ()
 ) -> Projection:
     """Projection about `estimate`, in which unknowns on a bound are fixed.
 

@@ -14,10 +14,10 @@ from typing import Self
 import numpy as np
 
 from cell.gap.fitting import Task, robust, side_by_side
-from cell.gap.fitting.gauss_newton import Estimate, residuals
+from cell.gap.fitting.gauss_newton import FitEstimate, residuals
 from cell.gap.fitting.model import Model, Point, requests
 from cell.gap.fitting.normal_equations import Mask, covariance
-from cell.gap.subject.subject import Candidate, Run
+from cell.gap.subject.subject import Candidate, FitRun
 from drivers.base.types import Array
 
 REWEIGHTED = 3  # times that robust weights are renewed; set by hand
@@ -72,7 +72,7 @@ class CrossValidatedFit:
     unknowns are.
     """
 
-    estimate: Estimate
+    estimate: FitEstimate
     left_out: Sequence[Array]
     uncertain: Sequence[Array]
     charged: Array
@@ -116,7 +116,7 @@ class CrossValidatedFit:
         return losses
 
 
-def folds(runs: Sequence[Run], most: int = MOST_FOLDS) -> list[list[int]]:
+def folds(runs: Sequence[FitRun], most: int = MOST_FOLDS) -> list[list[int]]:
     """Numbers of the runs in each cross-validation fold: runs of one condition share a
     fold.
 
@@ -134,7 +134,7 @@ Prediction = tuple[Array, Array, float]
 """Of a run left out: residuals (n,), uncertain part (n, k) of them, penalty [nats]."""
 
 
-def validate(estimate: Estimate) -> Task[CrossValidatedFit]:
+def validate(estimate: FitEstimate) -> Task[CrossValidatedFit]:
     """Predict each run of `estimate` from a fit to the other folds; yields simulation
     requests.
     """
@@ -150,7 +150,7 @@ def validate(estimate: Estimate) -> Task[CrossValidatedFit]:
     return CrossValidatedFit(estimate, left_out, uncertain, np.array(penalty))
 
 
-def _predict_fold(estimate: Estimate, fold: Sequence[int]) -> Task[list[Prediction]]:
+def _predict_fold(estimate: FitEstimate, fold: Sequence[int]) -> Task[list[Prediction]]:
     """Predict the runs of `fold` by a fit to all other runs; yields simulation
     requests.
 
@@ -174,7 +174,7 @@ def _predict_fold(estimate: Estimate, fold: Sequence[int]) -> Task[list[Predicti
     return [*zip(residuals(raw, unseen), uncertain, penalty, strict=True)]
 
 
-def on_runs(estimate: Estimate, keep: Sequence[int]) -> tuple[Array, Mask]:
+def on_runs(estimate: FitEstimate, keep: Sequence[int]) -> tuple[Array, Mask]:
     """Shared values (P,) fitted to the runs `keep` only, and mask (P,) of undetermined
     ones.
 
@@ -185,7 +185,7 @@ def on_runs(estimate: Estimate, keep: Sequence[int]) -> tuple[Array, Mask]:
     return _newton_step(estimate.on(keep), undetermined), undetermined
 
 
-def _random_loss(run: Run, local: Array) -> float:
+def _random_loss(run: FitRun, local: Array) -> float:
     """Negative log prior density [nats] of a run's random unknowns (k,), up to a
     constant.
     """
@@ -195,7 +195,7 @@ def _random_loss(run: Run, local: Array) -> float:
     )
 
 
-def _undetermined_values(estimate: Estimate, keep: Sequence[int]) -> Mask:
+def _undetermined_values(estimate: FitEstimate, keep: Sequence[int]) -> Mask:
     """Mask (P,) of the parameters of effects that the runs `keep` do not determine.
 
     An effect that lives in one condition cannot be predicted from the others; it keeps
@@ -210,7 +210,7 @@ def _undetermined_values(estimate: Estimate, keep: Sequence[int]) -> Mask:
     return (of_kept > SILENT * of_all) & (np.arange(count) >= base)
 
 
-def _newton_step(estimate: Estimate, held: Mask) -> Array:
+def _newton_step(estimate: FitEstimate, held: Mask) -> Array:
     """Shared values (P,) after a bounded Newton step of `estimate`, those of mask
     `held` fixed.
     """
@@ -222,7 +222,7 @@ def _newton_step(estimate: Estimate, held: Mask) -> Array:
     return (z + estimate.normal().bounded_step(low, high))[: len(held)]
 
 
-def _deviations(kept: Estimate, shared: Array, undetermined: Mask) -> Array:
+def _deviations(kept: FitEstimate, shared: Array, undetermined: Mask) -> Array:
     """Deviations (P, k) of the shared values under the runs `kept`, of unit variance
     each.
 
@@ -243,7 +243,7 @@ def _deviations(kept: Estimate, shared: Array, undetermined: Mask) -> Array:
     return deviations
 
 
-def _own_response(estimate: Estimate, i: int) -> Array:
+def _own_response(estimate: FitEstimate, i: int) -> Array:
     """Derivative (k, P) of run `i`'s own refitted unknowns by the shared values."""
     count = len(estimate.shared)
     jacobian = estimate.jacobians[i]
@@ -256,7 +256,7 @@ def _own_response(estimate: Estimate, i: int) -> Array:
     return np.asarray(-np.linalg.solve(curvature, slope))
 
 
-def settled_response(estimate: Estimate, i: int) -> Array:
+def settled_response(estimate: FitEstimate, i: int) -> Array:
     """Derivative (n, P) of run `i`'s residuals by shared values, its own unknowns
     refitted.
     """

@@ -25,7 +25,13 @@ from cell.gap.fitting.model import (
     whiten,
 )
 from cell.gap.fitting.normal_equations import NormalEquations, Unknowns
-from cell.gap.subject.subject import Candidate, Request, Residuals, Run, starts
+from cell.gap.subject.subject import (
+    Candidate,
+    FitRun,
+    Residuals,
+    SimulationRequest,
+    starts,
+)
 from drivers.base.types import Array
 from drivers.strip.effects.effect import Parameter
 
@@ -51,7 +57,7 @@ def linearise(model: Model, evidence: Evidence, point: Point) -> Task[Linearised
 
 
 def _linearise_run(
-    model: Model, run: Run, scale: Array, shared: Array, local: Array
+    model: Model, run: FitRun, scale: Array, shared: Array, local: Array
 ) -> Task[tuple[Residuals, Array]]:
     """Residuals and Jacobian (n, shared + local) of a run, over `scale` (n,); yields
     requests.
@@ -80,8 +86,8 @@ def _secant_jacobian(
 
 
 def _secant_requests(
-    model: Model, run: Run, shared: Array, local: Array
-) -> tuple[list[Request], Array]:
+    model: Model, run: FitRun, shared: Array, local: Array
+) -> tuple[list[SimulationRequest], Array]:
     """Requests at the point and one step off in each unknown, and the steps (k,).
 
     For a replicate the first, at the values, comes once more as a response to compare
@@ -126,7 +132,7 @@ DAMPING = 1e-3  # of the bend of that parabola, relative to the curvature; set b
 
 
 @dataclass(frozen=True, slots=True)
-class Estimate:
+class FitEstimate:
     """Values of all unknowns of a model, with its residuals and Jacobians there.
 
     Per run: `residuals` (n,) whitened, `raw` in physical units, `jacobians` (n, shared
@@ -177,7 +183,7 @@ class Estimate:
         return self.point.local
 
     @property
-    def runs(self) -> Sequence[Run]:
+    def runs(self) -> Sequence[FitRun]:
         """Runs that the model is fitted to."""
         return self.evidence.runs
 
@@ -296,7 +302,7 @@ class Estimate:
 
 
 def responses_to(
-    at: Estimate, models: Sequence[tuple[Model, Array]]
+    at: FitEstimate, models: Sequence[tuple[Model, Array]]
 ) -> Task[list[Sequence[Array]]]:
     """Changes (n,) of each run's whitened residuals from the first model to each other
     one.
@@ -314,7 +320,7 @@ def responses_to(
     return [tuple(map(response, other, first, scales)) for other in others]
 
 
-def best(estimates: Sequence[Estimate]) -> Estimate:
+def best(estimates: Sequence[FitEstimate]) -> FitEstimate:
     """Estimate of smallest objective, compared at the smallest dispersion of all."""
     scale = min(e.scale for e in estimates)
     return min(estimates, key=lambda e: e.objective_at(scale))
@@ -327,7 +333,7 @@ def refit(
     jacobians: Sequence[Array] | None = None,
     enough: float = FINAL_GAIN,
     steps: int = MOST_STEPS,
-) -> Task[Estimate]:
+) -> Task[FitEstimate]:
     """Fit `model` to the runs of `evidence`, from the values `start`; yields requests.
 
     `jacobians` (n, shared + local) by run of a fit nearby spare the first secants; the
@@ -365,7 +371,7 @@ def _estimate_at(
     evidence: Evidence,
     point: Point,
     jacobians: Sequence[Array] | None = None,
-) -> Task[Estimate]:
+) -> Task[FitEstimate]:
     """Estimate at values `point`, with `jacobians` or new ones by secants; yields
     requests.
     """
@@ -373,7 +379,7 @@ def _estimate_at(
         raw, jacobians = yield from linearise(model, evidence, point)
     else:
         raw = yield requests(model, evidence.runs, point)
-    return Estimate.at(model, evidence, point, raw, jacobians)
+    return FitEstimate.at(model, evidence, point, raw, jacobians)
 
 
 def _next_use(fraction: float, use: JacobianUse) -> JacobianUse:
@@ -394,7 +400,7 @@ def residuals(raw: Sequence[Residuals], evidence: Evidence) -> Sequence[Array]:
     return [whiten(a, s) for a, s in zip(raw, evidence.scales, strict=True)]
 
 
-def _line_search(fit: Estimate, curvature: Array, step: Array) -> Task[Estimate]:
+def _line_search(fit: FitEstimate, curvature: Array, step: Array) -> Task[FitEstimate]:
     """Estimate after the full step or, where that gains nothing, the best along a
     parabola.
     """
@@ -408,7 +414,7 @@ def _line_search(fit: Estimate, curvature: Array, step: Array) -> Task[Estimate]
 
 
 def _second_order_step(
-    fit: Estimate, full: Estimate, curvature: Array, step: Array
+    fit: FitEstimate, full: FitEstimate, curvature: Array, step: Array
 ) -> Array:
     """Second-order part (size,) of the path to the minimum (geodesic acceleration,
     Transtrum 2012).
@@ -429,7 +435,7 @@ def _second_order_step(
 
 
 def _broyden_update(
-    fit: Estimate, trial: Estimate, curvature: Array
+    fit: FitEstimate, trial: FitEstimate, curvature: Array
 ) -> Sequence[Array]:
     """Jacobians (n, shared + local) by run after the step to `trial`, by Broyden
     (1965).
@@ -452,7 +458,7 @@ def _broyden_update(
     return updated
 
 
-def _evaluate(fit: Estimate, points: Sequence[Array]) -> Task[list[Estimate]]:
+def _evaluate(fit: FitEstimate, points: Sequence[Array]) -> Task[list[FitEstimate]]:
     """Estimates at `points` (size,) within bounds, with `fit`'s Jacobians; yields
     requests.
     """
@@ -461,7 +467,8 @@ def _evaluate(fit: Estimate, points: Sequence[Array]) -> Task[list[Estimate]]:
     answers = yield [q for p in inside for q in requests(fit.model, runs, p)]
     pairs = zip(inside, _portions(answers, len(runs)), strict=True)
     return [
-        Estimate.at(fit.model, fit.evidence, p, raw, fit.jacobians) for p, raw in pairs
+        FitEstimate.at(fit.model, fit.evidence, p, raw, fit.jacobians)
+        for p, raw in pairs
     ]
 
 

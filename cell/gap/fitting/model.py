@@ -5,7 +5,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cell.gap.subject.subject import Candidate, Request, Residuals, Run, starts
+from cell.gap.subject.subject import (
+    Candidate,
+    FitRun,
+    Residuals,
+    SimulationRequest,
+    starts,
+)
 from drivers.base.types import Array
 from drivers.strip.effects.effect import Parameter
 
@@ -88,7 +94,7 @@ class Evidence:
     samples.
     """
 
-    runs: Sequence[Run]
+    runs: Sequence[FitRun]
     scales: Sequence[Array]
 
     def start(self) -> Sequence[Array]:
@@ -96,7 +102,7 @@ class Evidence:
         return [starts(run.local) for run in self.runs]
 
 
-def evidence(runs: Sequence[Run]) -> Evidence:
+def evidence(runs: Sequence[FitRun]) -> Evidence:
     """Evidence of `runs`, whose scales are sample noise and model-error floor in
     quadrature.
     """
@@ -109,15 +115,19 @@ def stated(model: Model, evidence: Evidence) -> Point:
     return Point(starts(model.parameters), evidence.start())
 
 
-def request(model: Model, run: Run, shared: Array, local: Array) -> Request:
+def request(
+    model: Model, run: FitRun, shared: Array, local: Array
+) -> SimulationRequest:
     """Request to simulate `run` by `model` at shared values (P,) and values (k,) of the
     run.
     """
     base, effects = model.split(shared)
-    return Request(run, base, effects, local)
+    return SimulationRequest(run, base, effects, local)
 
 
-def requests(model: Model, runs: Sequence[Run], point: Point) -> list[Request]:
+def requests(
+    model: Model, runs: Sequence[FitRun], point: Point
+) -> list[SimulationRequest]:
     """Requests to simulate each of `runs` by `model` at the values `point`."""
     return [
         request(model, r, point.shared, v)

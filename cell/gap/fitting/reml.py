@@ -28,7 +28,7 @@ from scipy import optimize
 from scipy.linalg import cho_solve
 
 from cell.gap.fitting import Simulate, normal_equations, robust, run_one
-from cell.gap.fitting.gauss_newton import ROUGH_GAIN, Estimate, refit
+from cell.gap.fitting.gauss_newton import ROUGH_GAIN, FitEstimate, refit
 from cell.gap.fitting.model import Evidence, Point
 from drivers.base.types import Array
 from drivers.strip.effects.effect import Parameter
@@ -72,7 +72,7 @@ class Spread:
         return float(np.log(self.high / self.low)) / (2.0 * CENTRAL_95)
 
 
-def reml_spreads(estimate: Estimate) -> tuple[Spread, ...]:
+def reml_spreads(estimate: FitEstimate) -> tuple[Spread, ...]:
     """REML estimates of the run-to-run spreads of the random unknowns of `estimate`.
 
     Common ones scatter in most laboratories: each takes its posterior mean, which
@@ -121,7 +121,7 @@ class Likelihood:
     usual: Array
 
     @classmethod
-    def of(cls, estimate: Estimate, varying: dict[str, Parameter]) -> Self:
+    def of(cls, estimate: FitEstimate, varying: dict[str, Parameter]) -> Self:
         """Likelihood of the spreads of `varying`, random unknowns by name, in the fit
         `estimate`.
 
@@ -196,7 +196,7 @@ class Likelihood:
 
 
 def _equations(
-    estimate: Estimate,
+    estimate: FitEstimate,
     parameters: Sequence[Parameter],
     owner: Array,
     usual_spreads: Array,
@@ -338,7 +338,7 @@ def with_spreads(evidence: Evidence, spreads: Sequence[Spread]) -> Evidence:
     return Evidence(runs, evidence.scales)
 
 
-def with_unknowns(estimate: Estimate, complete: Evidence) -> tuple[Evidence, Point]:
+def with_unknowns(estimate: FitEstimate, complete: Evidence) -> tuple[Evidence, Point]:
     """Runs of `estimate` with all unknowns of `complete`, and values to start a fit
     from.
 
@@ -357,7 +357,7 @@ def with_unknowns(estimate: Estimate, complete: Evidence) -> tuple[Evidence, Poi
 
 
 def estimate_spreads(
-    simulate: Simulate, estimate: Estimate, complete: Evidence
+    simulate: Simulate, estimate: FitEstimate, complete: Evidence
 ) -> tuple[Spread, ...]:
     """REML spreads of all random unknowns of the runs `complete`, by a refit of
     `estimate`.
@@ -372,7 +372,7 @@ def estimate_spreads(
     return reml_spreads(run_one(simulate, refitted))
 
 
-def covariance(estimate: Estimate, inefficiency: float) -> Array:
+def covariance(estimate: FitEstimate, inefficiency: float) -> Array:
     """Covariance (k, k) of all k unknowns of a fit; `inefficiency` samples count as
     one.
     """
@@ -386,7 +386,7 @@ def covariance(estimate: Estimate, inefficiency: float) -> Array:
     return inverse * inefficiency + common @ common.T
 
 
-def _common_error_responses(estimate: Estimate) -> Array:
+def _common_error_responses(estimate: FitEstimate) -> Array:
     """Whitened residuals (N, k) caused by one standard deviation of each common
     error.
     """
@@ -400,7 +400,7 @@ def _common_error_responses(estimate: Estimate) -> Array:
 
 
 def degrees_of_freedom(
-    estimate: Estimate, inefficiency: float, scatter: Sequence[Spread]
+    estimate: FitEstimate, inefficiency: float, scatter: Sequence[Spread]
 ) -> Array:
     """Degrees of freedom (k,) of the variances of the k unknowns of a fit, for
     Student's t.
@@ -422,7 +422,7 @@ def degrees_of_freedom(
 
 
 def _variance(
-    estimate: Estimate, inefficiency: float, factors: dict[str, float]
+    estimate: FitEstimate, inefficiency: float, factors: dict[str, float]
 ) -> Array:
     """Variance (k,) of all k unknowns, with spreads multiplied by `factors` by name."""
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import special
 
-from cell.gap.subject.subject import Run
+from cell.gap.subject.subject import FitRun
 from drivers.base.robust import robust_sigma
 from drivers.base.types import Array
 
@@ -63,7 +63,7 @@ def scale(r: Array) -> float:
     return max(1.0, robust_sigma(r)) if len(r) else 1.0
 
 
-def inefficiency(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
+def inefficiency(runs: Sequence[FitRun], residuals: Sequence[Array]) -> float:
     """Statistical inefficiency: number of correlated samples per independent one, at
     least 1.
 
@@ -76,7 +76,7 @@ def inefficiency(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
     return max(1.0, long_run_variance(runs, residuals))
 
 
-def long_run_variance(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
+def long_run_variance(runs: Sequence[FitRun], residuals: Sequence[Array]) -> float:
     """Long-run variance of residuals (n,), the variance of their sum over n, per
     scale^2.
     """
@@ -96,7 +96,7 @@ def long_run_variance(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
     return float(total * min(1.0, power / stated_power))
 
 
-def correlation(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
+def correlation(runs: Sequence[FitRun], residuals: Sequence[Array]) -> float:
     """Lag-one autocorrelation of the residuals (n,) of `runs`, each clipped at
     OFF_TRACK.
     """
@@ -105,7 +105,7 @@ def correlation(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
 
 
 def _autocovariance(
-    runs: Sequence[Run], residuals: Sequence[Array], lags: int = 40
+    runs: Sequence[FitRun], residuals: Sequence[Array], lags: int = 40
 ) -> tuple[float, Array]:
     """Sums of squares and of lagged products (lags,) over all series of all runs."""
     power = 0.0

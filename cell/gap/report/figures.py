@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from cell.gap.diagnosis.lack_of_fit import Bin
-from cell.gap.fitting.gauss_newton import Estimate
+from cell.gap.fitting.gauss_newton import FitEstimate
 from cell.gap.fitting.model import requests
 from cell.gap.report.sentence import motion_name
 from cell.gap.subject.subject import Quantity, Samples, Scene, Subject
@@ -27,7 +27,7 @@ HEAT_TICKS = (0, 1, 3, 10, 30, 100, 1000, 10000)  # sigma, on its logarithmic sc
 
 
 @dataclass(frozen=True, slots=True)
-class Replay:
+class RunScenes:
     """Run as measured and simulated: scenes by the keys `measured`, `before` and
     `after`.
 
@@ -83,7 +83,7 @@ def folds(shapes: Mapping[str, Array]) -> str:
         return as_svg(figure)
 
 
-def replay(findings: Findings) -> Iterator[Replay]:
+def replay(findings: Findings) -> Iterator[RunScenes]:
     """Simulate runs with the base and the accepted model for drawings, held-out runs
     first.
     """
@@ -96,8 +96,8 @@ def replay(findings: Findings) -> Iterator[Replay]:
 
 
 def replay_runs(
-    subject: Subject, fits: Mapping[str, Estimate], *, held_out: bool
-) -> Iterator[Replay]:
+    subject: Subject, fits: Mapping[str, FitEstimate], *, held_out: bool
+) -> Iterator[RunScenes]:
     """Simulate the runs of `fits`, one fit each for the keys `before` and `after`."""
     drawn = {
         word: subject.draw_simulated(requests(fit.model, fit.runs, fit.point))
@@ -106,7 +106,9 @@ def replay_runs(
     for i, run in enumerate(fits["before"].runs):
         simulated = {word: scenes[i] for word, scenes in drawn.items()}
         scenes = {"measured": subject.draw_measured(run), **simulated}
-        yield Replay(run.name, held_out, {word: s for word, s in scenes.items() if s})
+        yield RunScenes(
+            run.name, held_out, {word: s for word, s in scenes.items() if s}
+        )
 
 
 def heat_map(places: Sequence[Bin]) -> str:
@@ -151,7 +153,7 @@ def heat_map(places: Sequence[Bin]) -> str:
 
 
 def residual_traces(
-    fits: Mapping[str, Estimate], run: int, quantities: Mapping[str, Quantity]
+    fits: Mapping[str, FitEstimate], run: int, quantities: Mapping[str, Quantity]
 ) -> str:
     """Figure (SVG text) of residuals over time in run number `run`, by key of
     `fits`.
@@ -210,13 +212,13 @@ class Worst:
     points from the simulated curves by their key.
     """
 
-    run: Replay
+    run: RunScenes
     image: int
     t: float
     off: Mapping[str, float]
 
 
-def worst_moment(runs: Sequence[Replay]) -> Worst | None:
+def worst_moment(runs: Sequence[RunScenes]) -> Worst | None:
     """Worst moment of `runs`; None where they have no curve."""
     found = None
     for run in runs:
@@ -255,7 +257,7 @@ def worst_picture(worst: Worst) -> str:
         return as_svg(figure)
 
 
-def _midline(axis: Axes, run: Replay, k: int) -> None:
+def _midline(axis: Axes, run: RunScenes, k: int) -> None:
     """Draw measured and simulated midlines of image number `k`."""
     points = (
         1e3 * run.measured.curve.points[k] if run.measured.curve else np.zeros((1, 2))

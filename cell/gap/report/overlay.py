@@ -13,7 +13,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from cell.gap.report.figures import COLOUR_AFTER, COLOUR_BEFORE, Replay, replay
+from cell.gap.report.figures import COLOUR_AFTER, COLOUR_BEFORE, RunScenes, replay
 from cell.gap.report.sentence import headline, sentence
 from cell.gap.subject.subject import Scene
 from cell.gap.verdict.findings import Findings
@@ -50,7 +50,9 @@ def write_overlay(findings: Findings, verdict: Verdict, path: Path) -> None:
     write_recording(findings.subject.name, list(replay(findings)), path, words)
 
 
-def write_recording(name: str, runs: Sequence[Replay], path: Path, words: str) -> None:
+def write_recording(
+    name: str, runs: Sequence[RunScenes], path: Path, words: str
+) -> None:
     """Write a Rerun recording of `runs` of the subject `name`; ConfigurationError on
     failure.
     """
@@ -65,14 +67,14 @@ def write_recording(name: str, runs: Sequence[Replay], path: Path, words: str) -
         raise ConfigurationError(f"{path}: cannot be written: {error}") from None
 
 
-def blueprint(runs: Sequence[Replay]) -> Any:
+def blueprint(runs: Sequence[RunScenes]) -> Any:
     """Rerun layout with a tab for each run: curve and events if any, and plots of
     signals.
     """
     return saving.blueprint(rrb.Tabs(*map(_run_tab, runs), active_tab=0))
 
 
-def _run_tab(run: Replay) -> Any:
+def _run_tab(run: RunScenes) -> Any:
     """Tab of one run: its curve over events and verdict, beside its signals."""
     name = f"{run.name} (held out)" if run.held_out else run.name
     root = _root(run.name)
@@ -95,7 +97,7 @@ def _run_tab(run: Replay) -> Any:
     return rrb.Horizontal(views, name=name)
 
 
-def _log_run(recording: rr.RecordingStream, run: Replay) -> None:
+def _log_run(recording: rr.RecordingStream, run: RunScenes) -> None:
     """Log the signals, curve, tracks and events of a run, measured and simulated."""
     root = _root(run.name)
     world = f"{root}/{scene.WORLD}"
@@ -111,7 +113,7 @@ def _log_run(recording: rr.RecordingStream, run: Replay) -> None:
             recording.reset_time()
 
 
-def _log_surroundings(recording: rr.RecordingStream, root: str, run: Replay) -> None:
+def _log_surroundings(recording: rr.RecordingStream, root: str, run: RunScenes) -> None:
     """Log desk and clamp, and the gripper's path as a line."""
     bodies = scene.surroundings(_length(run), WIDTH, Installation())
     for entity, body in bodies.items():
@@ -122,7 +124,7 @@ def _log_surroundings(recording: rr.RecordingStream, root: str, run: Replay) -> 
     recording.log(f"{root}/path", line, static=True)
 
 
-def _length(run: Replay) -> float:
+def _length(run: RunScenes) -> float:
     """Length [m] of the strip of a run: how far the gripper was from its fixed edge."""
     return float(run.measured.tracks["gripper"].places[:, 0].max())
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from cell.gap.diagnosis import held_out_gap
 from cell.gap.fitting.base_fit import undetermined_values
-from cell.gap.fitting.gauss_newton import Estimate
+from cell.gap.fitting.gauss_newton import FitEstimate
 from cell.gap.report import figures
 from cell.gap.report.sentence import (
     capitalised,
@@ -29,7 +29,7 @@ from cell.gap.report.sentence import (
     usual_size,
 )
 from cell.gap.selection.likelihood import MIN_GAIN
-from cell.gap.subject.subject import Run
+from cell.gap.subject.subject import FitRun
 from cell.gap.verdict.compose import SIGNIFICANT
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.offered_law import OfferedLaw
@@ -178,7 +178,7 @@ def _held_out_values(findings: Findings, verdict: Verdict) -> dict[str, Any]:
 
 
 def _worst_values(
-    findings: Findings, fits: Mapping[str, Estimate], run: int, name: str
+    findings: Findings, fits: Mapping[str, FitEstimate], run: int, name: str
 ) -> dict[str, str]:
     """Template values on the worst moment of the held-out run that is farthest off:
     figure, sentence.
@@ -230,7 +230,7 @@ def _held_out_rows(findings: Findings, gap: Gap) -> Iterator[tuple[str, ...]]:
         yield words[key], *rms, " then ".join(f"{side[key]:.2g}" for side in beyond)
 
 
-def conditions(runs: Sequence[Run]) -> list[str]:
+def conditions(runs: Sequence[FitRun]) -> list[str]:
     """Short names of `runs` by their motion, such as `fast`, with numbers for
     repeats.
     """

@@ -24,7 +24,7 @@ from scipy.linalg import cho_solve, solve_triangular
 
 from cell.gap.fitting import robust
 from cell.gap.fitting.base_fit import projection
-from cell.gap.fitting.gauss_newton import Estimate
+from cell.gap.fitting.gauss_newton import FitEstimate
 from cell.gap.fitting.normal_equations import Unknowns
 from cell.gap.selection.likelihood import Fits, LikelihoodScale
 from cell.gap.selection.screening import ProbeResponses
@@ -59,7 +59,7 @@ class Beliefs(StudyResult):
 
 
 def floor_responses(
-    base: Estimate, probed: Sequence[ProbeResponses], *, believed: bool
+    base: FitEstimate, probed: Sequence[ProbeResponses], *, believed: bool
 ) -> dict[str, Array]:
     """Whitened responses (N, k) by effect, scaled to the same energy as the model-error
     floor.
@@ -181,7 +181,7 @@ def posterior(
     return Posterior(sorted(models, key=lambda w: (-w.nats, sorted(w.names))))
 
 
-def shared_causes(fit: Estimate, odds: float) -> list[tuple[frozenset[str], float]]:
+def shared_causes(fit: FitEstimate, odds: float) -> list[tuple[frozenset[str], float]]:
     """Pairs of effects in `fit`, with the log-odds [nats] that one other cause makes
     both.
 
@@ -226,7 +226,7 @@ class _SharedTerms:
     (N, k).
     """
 
-    base: Estimate
+    base: FitEstimate
     weight: Array
     spikes: dict[str, Array]
     prior: Beliefs
@@ -247,7 +247,7 @@ class _SharedTerms:
         spikes = {name: prior.immaterial * r for name, r in fits.library.items()}
         return cls(base, weight, spikes, prior)
 
-    def evidence(self, fit: Estimate) -> float:
+    def evidence(self, fit: FitEstimate) -> float:
         """Log evidence [nats] of a fit, averaged over the relative model errors of its
         laws.
         """
@@ -256,7 +256,7 @@ class _SharedTerms:
         nats = [self._evidence_at(fit, share) for share in shares]
         return float(special.logsumexp(nats, b=mass / mass.sum()))
 
-    def _evidence_at(self, fit: Estimate, share: float) -> float:
+    def _evidence_at(self, fit: FitEstimate, share: float) -> float:
         """Log evidence [nats] of a fit whose laws have the relative model error
         `share`.
         """
@@ -334,7 +334,7 @@ def _error_covariance(t: Array, error: Array, memory: float) -> Array:
     return covariance
 
 
-def _in_units_of(base: Estimate, fit: Estimate) -> tuple[Array, Array]:
+def _in_units_of(base: FitEstimate, fit: FitEstimate) -> tuple[Array, Array]:
     """Residual (N,) and Jacobian (N, size) of `fit`, whitened by the scales of
     `base`.
     """

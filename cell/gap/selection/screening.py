@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from cell.gap.fitting import Task
 from cell.gap.fitting.base_fit import Projection
-from cell.gap.fitting.gauss_newton import Estimate, responses_to
+from cell.gap.fitting.gauss_newton import FitEstimate, responses_to
 from cell.gap.fitting.model import Model, Point
 from cell.gap.fitting.normal_equations import NormalEquations
 from cell.gap.selection.likelihood import LikelihoodScale
@@ -54,7 +54,7 @@ class Score:
     linear: bool = True
     probe_starts: tuple[dict[str, Array], ...] = ()
     opposite_sign: dict[str, Array] | None = None
-    origin: Estimate | None = None
+    origin: FitEstimate | None = None
     secants: Mapping[str, Array] = field(default_factory=dict)
 
     @property
@@ -70,7 +70,7 @@ class Score:
             starts.append(self.opposite_sign)
         return [{**self._origin_values, **values} for values in starts]
 
-    def joined_to(self, fit: Estimate) -> "Score":
+    def joined_to(self, fit: FitEstimate) -> "Score":
         """Copy that adds the effects to those of `fit`, and starts from the values of
         that fit.
         """
@@ -89,7 +89,7 @@ class Score:
 
 
 def fit_starts(
-    base: Estimate, score: Score, candidates: Sequence[Candidate]
+    base: FitEstimate, score: Score, candidates: Sequence[Candidate]
 ) -> tuple[Model, list[Start]]:
     """Model with the effects of `score`, and starts of its fits: first with new effects
     at null.
@@ -122,7 +122,7 @@ def with_effects(
     return Model(model.base, tuple(c for c in candidates if c.name in names))
 
 
-def _secants(origin: Estimate, model: Model, score: Score) -> Sequence[Array] | None:
+def _secants(origin: FitEstimate, model: Model, score: Score) -> Sequence[Array] | None:
     """Jacobians (n, shared + local) of each run for `model`, from `origin` with fewer
     effects.
 
@@ -199,7 +199,7 @@ class ProbeResponses:
         return smallest < STEEP * max(larger, default=0.0)
 
 
-def run_probes(base: Estimate, candidate: Candidate) -> Task[ProbeResponses]:
+def run_probes(base: FitEstimate, candidate: Candidate) -> Task[ProbeResponses]:
     """Simulate an effect's probes at the fit `base` and return the responses; yields
     requests.
     """

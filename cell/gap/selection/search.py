@@ -11,7 +11,7 @@ import numpy as np
 from cell.gap.fitting import Simulate, Task, run_all, side_by_side
 from cell.gap.fitting.base_fit import projection
 from cell.gap.fitting.crossvalidation import CrossValidatedFit, validate
-from cell.gap.fitting.gauss_newton import ROUGH_GAIN, Estimate, best, refit
+from cell.gap.fitting.gauss_newton import ROUGH_GAIN, FitEstimate, best, refit
 from cell.gap.fitting.model import Evidence, Model, Point
 from cell.gap.selection.likelihood import (
     ALPHA,
@@ -96,7 +96,7 @@ class Search:
         dispersion = min(e.scale for e in estimates)
         largest = _gain_over(base, best(estimates), dispersion)
 
-        def refined(fit: Estimate) -> Task[Estimate]:
+        def refined(fit: FitEstimate) -> Task[FitEstimate]:
             nats = _gain_over(base, fit, dispersion)
             return _finish(fit, promising=within_reach(nats, largest))
 
@@ -133,7 +133,7 @@ class Search:
 
     def shortlist(
         self,
-        base: Estimate,
+        base: FitEstimate,
         scores: Sequence[Score],
         candidates: Sequence[Candidate],
         most: int,
@@ -201,7 +201,7 @@ class Search:
         fitted = {e.name: e for m in fits.of_size(1) for e in m.effects}
         return [fitted.get(c.name, c) for c in self.candidates]
 
-    def _screen_further(self, fits: Fits, fit: Estimate) -> list[Score]:
+    def _screen_further(self, fits: Fits, fit: FitEstimate) -> list[Score]:
         """Scores of the effects to add to `fit`, probed at its values, the largest gain
         first.
 
@@ -229,7 +229,7 @@ class Search:
 
 def _few_steps(
     model: Model, evidence: Evidence, points: Sequence[Start]
-) -> Task[list[Estimate]]:
+) -> Task[list[FitEstimate]]:
     """Estimates after the first few steps from each of `points`; yields simulation
     requests.
     """
@@ -237,12 +237,12 @@ def _few_steps(
     return side_by_side([refit(model, evidence, *p, ROUGH_GAIN, steps) for p in points])
 
 
-def _gain_over(base: Estimate, estimate: Estimate, scale: float) -> float:
+def _gain_over(base: FitEstimate, estimate: FitEstimate, scale: float) -> float:
     """Gain [nats] of `estimate` over `base` at the dispersion `scale`."""
     return base.objective_at(scale) - estimate.objective_at(scale)
 
 
-def _finish(first: Estimate, *, promising: bool) -> Task[Estimate]:
+def _finish(first: FitEstimate, *, promising: bool) -> Task[FitEstimate]:
     """Continue the fit `first` to its end if it is `promising`; returns the better of
     the two.
     """
@@ -256,11 +256,11 @@ def _finish(first: Estimate, *, promising: bool) -> Task[Estimate]:
 
 
 def _best_short_fit(
-    base: Estimate,
+    base: FitEstimate,
     model: Model,
     points: Sequence[Start],
-    incumbent: Estimate | None = None,
-) -> Task[Estimate | None]:
+    incumbent: FitEstimate | None = None,
+) -> Task[FitEstimate | None]:
     """Best fit of `model` after a few steps from each start; yields simulation
     requests.
 
@@ -288,8 +288,8 @@ def _best_short_fit(
 
 
 def _nearly_best(
-    base: Estimate, begun: Sequence[Estimate], reference: Estimate
-) -> list[Estimate]:
+    base: FitEstimate, begun: Sequence[FitEstimate], reference: FitEstimate
+) -> list[FitEstimate]:
     """Unfinished fits `begun` that gain nearly most over `base`, `reference`
     included.
     """
@@ -324,8 +324,8 @@ def without_each(accepted: CrossValidatedFit) -> list[Score]:
 
 
 def _with_other_sign(
-    fit: Estimate, effect: Candidate, beside: Estimate
-) -> Task[Estimate | None]:
+    fit: FitEstimate, effect: Candidate, beside: FitEstimate
+) -> Task[FitEstimate | None]:
     """Fit with the other sign of `effect` than `fit`, started where that gains most.
 
     It gains that `beside` the other effects, as fitted without it. None without such a
@@ -349,7 +349,7 @@ def _with_other_sign(
     return (yield from _finish(started, promising=True)) if started else None
 
 
-def _with_free_shape(fit: Estimate) -> Task[Estimate]:
+def _with_free_shape(fit: FitEstimate) -> Task[FitEstimate]:
     """Fit of the model of `fit` with free shape parameters; yields simulation requests.
 
     They begin off their start by a share of their prior spread: at it some do nothing

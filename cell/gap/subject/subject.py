@@ -191,7 +191,7 @@ class Samples:
 
 
 @dataclass(frozen=True, slots=True)
-class Run:
+class FitRun:
     """Measured or planned run: its samples, and its unknowns `local`, such as its
     initial state.
 
@@ -213,7 +213,7 @@ class Run:
 
 
 @dataclass(frozen=True, slots=True)
-class Request:
+class SimulationRequest:
     """Inputs of one simulation: run, base values, effect values, and the run's own
     unknowns.
 
@@ -221,7 +221,7 @@ class Request:
     motion, a subject may simulate one.
     """
 
-    run: Run
+    run: FitRun
     base: Array
     effects: Mapping[str, Array]
     local: Array
@@ -266,7 +266,7 @@ class Experiment:
     name: str
     instruction: str
     minutes: float
-    run: Run
+    run: FitRun
 
 
 @dataclass(frozen=True, slots=True)
@@ -435,14 +435,14 @@ class Subject(ABC):
 
     name: str
     kind: Literal["strip", "mechanism"] = "mechanism"
-    runs: Sequence[Run]
+    runs: Sequence[FitRun]
     scope: Scope
     notes: Sequence[str] = ()
     untested: Sequence[tuple[str, str]] = ()
     origin: Origin = NO_FILE
 
     @abstractmethod
-    def simulate(self, requests: Sequence[Request]) -> Sequence[Residuals]:
+    def simulate(self, requests: Sequence[SimulationRequest]) -> Sequence[Residuals]:
         """Residuals of each of `requests`, simulated independently of the others."""
 
     def contradictions(self) -> Iterator[Finding]:
@@ -457,11 +457,15 @@ class Subject(ABC):
         to it.
         """
 
-    def stated(self, run: Run, effects: Mapping[str, Array] | None = None) -> Request:
+    def stated(
+        self, run: FitRun, effects: Mapping[str, Array] | None = None
+    ) -> SimulationRequest:
         """Request to simulate `run` at stated values, with `effects` (k,) by name."""
-        return Request(run, starts(self.scope.base), effects or {}, starts(run.local))
+        return SimulationRequest(
+            run, starts(self.scope.base), effects or {}, starts(run.local)
+        )
 
-    def refine(self, requests: Sequence[Request]) -> Sequence[Run]:
+    def refine(self, requests: Sequence[SimulationRequest]) -> Sequence[FitRun]:
         """Runs of `requests` with residuals corrected for coarse simulation, and error
         floors.
         """
@@ -485,11 +489,13 @@ class Subject(ABC):
         """
         return None
 
-    def draw_measured(self, run: Run) -> Scene:  # noqa: ARG002
+    def draw_measured(self, run: FitRun) -> Scene:  # noqa: ARG002
         """Drawing of the measured `run`."""
         return Scene(())
 
-    def draw_simulated(self, requests: Sequence[Request]) -> Sequence[Scene | None]:
+    def draw_simulated(
+        self, requests: Sequence[SimulationRequest]
+    ) -> Sequence[Scene | None]:
         """Drawings of the simulations `requests`; None where a simulation has no
         motion.
         """

@@ -8,7 +8,7 @@ from scipy import special
 from cell.gap.diagnosis import held_out_gap
 from cell.gap.diagnosis.lack_of_fit import can_be_ordered
 from cell.gap.fitting.crossvalidation import CrossValidatedFit
-from cell.gap.fitting.gauss_newton import Estimate
+from cell.gap.fitting.gauss_newton import FitEstimate
 from cell.gap.fitting.reml import Spread, covariance, degrees_of_freedom
 from cell.gap.selection.likelihood import gains, holm, likelihood_ratio_p
 from cell.gap.selection.screening import Score
@@ -85,7 +85,7 @@ def verdict(findings: Findings, runtime: float, simulations: int) -> Verdict:
 
 
 def intervals(
-    estimate: Estimate, inefficiency: float, scatter: Sequence[Spread]
+    estimate: FitEstimate, inefficiency: float, scatter: Sequence[Spread]
 ) -> dict[str, dict[str, ValueWithUnit]]:
     """Estimates with 95 % intervals, by owner (`base` or an effect's name) and by
     parameter.

@@ -23,7 +23,7 @@ FILES = {"strip": "confidence.yaml", "mechanism": "confidence-mechanism.yaml"}
 """Calibrations by the kind of subject on whose verdicts they were measured."""
 
 
-class Weight(Settings):
+class EvidenceWeight(Settings):
     """Contribution of one kind of evidence to the log-odds: zero at `low`, `weight` at
     `high`.
 
@@ -42,7 +42,7 @@ class Weight(Settings):
         return float((clipped - low) / (high - low))
 
 
-class Calibration(Settings):
+class LogOddsCalibration(Settings):
     """Coefficients of the log-odds that a verdict is right: `intercept`, `weights` by
     evidence.
 
@@ -50,7 +50,7 @@ class Calibration(Settings):
     """
 
     intercept: float
-    weights: dict[str, Weight]
+    weights: dict[str, EvidenceWeight]
     source: str = Field(min_length=1)
     belongs_to: str = ""
 
@@ -64,6 +64,6 @@ class Calibration(Settings):
 
 
 @cache
-def calibration(kind: str = "strip") -> Calibration:
+def calibration(kind: str = "strip") -> LogOddsCalibration:
     """Load the shipped calibration of confidence for strips or mechanisms (`kind`)."""
-    return load(Path(__file__).with_name(FILES[kind]), Calibration)
+    return load(Path(__file__).with_name(FILES[kind]), LogOddsCalibration)

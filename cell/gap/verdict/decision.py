@@ -29,11 +29,11 @@ from cell.gap.diagnosis import held_out_gap
 from cell.gap.fitting import robust
 from cell.gap.fitting.base_fit import strains
 from cell.gap.fitting.crossvalidation import CrossValidatedFit
-from cell.gap.fitting.gauss_newton import Estimate
+from cell.gap.fitting.gauss_newton import FitEstimate
 from cell.gap.selection.likelihood import ALPHA, MIN_GAIN, Fits, gain
 from cell.gap.subject.subject import Origin, Subject
 from cell.gap.verdict.confidence import LEAST, calibration
-from cell.gap.verdict.findings import Decision, Findings, Results
+from cell.gap.verdict.findings import DecidedVerdict, Findings, FitResults
 from cell.gap.verdict.schema import Kind, Step, Verdict, VerdictEvidence
 from cell.report.words import percent, plain
 from drivers.base.types import Array
@@ -47,7 +47,7 @@ ALIKE = 0.9  # cosine of two responses above which one cannot be told from the o
 OFFERED = 0.2  # probability from which a suspect may be accepted all the same
 
 
-def decide(results: Results) -> Decision:
+def decide(results: FitResults) -> DecidedVerdict:
     """Decide which verdict the results support: named, ambiguous, unexplained or no
     gap.
     """
@@ -62,7 +62,7 @@ def decide(results: Results) -> Decision:
     named = tuple(name for name in credible if name in sure)
     deciding = [evidence[name] for name in named or evidence]
 
-    return Decision(
+    return DecidedVerdict(
         kind=_kind(results, is_credible=bool(credible), is_named=bool(named)),
         named=named,
         probabilities=probabilities,
@@ -73,7 +73,7 @@ def decide(results: Results) -> Decision:
     )
 
 
-def _kind(results: Results, *, is_credible: bool, is_named: bool) -> Kind:
+def _kind(results: FitResults, *, is_credible: bool, is_named: bool) -> Kind:
     """Kind of verdict on an accepted model with or without credible and named
     effects.
     """
@@ -84,7 +84,7 @@ def _kind(results: Results, *, is_credible: bool, is_named: bool) -> Kind:
 
 
 def _credible_effects(
-    results: Results,
+    results: FitResults,
     probabilities: Mapping[str, float],
     ends: Mapping[str, Sequence[str]],
 ) -> list[str]:
@@ -99,7 +99,7 @@ def _credible_effects(
     return [name for name in probable if name not in ends]
 
 
-def _amounts_at_ends(results: Results) -> dict[str, list[str]]:
+def _amounts_at_ends(results: FitResults) -> dict[str, list[str]]:
     """Amounts of accepted effects at an end of the range that is tried, by effect.
 
     Places may lie at an end, as that of a strip.
@@ -128,7 +128,7 @@ def _failed_prediction(evidence: VerdictEvidence) -> str:
     return ""
 
 
-def _gap_is_there(results: Results) -> bool:
+def _gap_is_there(results: FitResults) -> bool:
     """Whether the refitted base leaves more than noise, in a bin of samples or on
     held-out runs.
 
@@ -140,13 +140,13 @@ def _gap_is_there(results: Results) -> bool:
     return shows or unseen_gap(results) > GAP
 
 
-def unseen_gap(results: Results) -> float:
+def unseen_gap(results: FitResults) -> float:
     """Excess residual [noise] of the base on held-out runs, with outliers clipped."""
     return held_out_gap.bounded_excess(results.held_out_fits.before)
 
 
 def _evidence_by_effect(
-    results: Results, common: VerdictEvidence
+    results: FitResults, common: VerdictEvidence
 ) -> dict[str, VerdictEvidence]:
     """Evidence that sets the probability of each accepted effect, by its name.
 
@@ -160,7 +160,7 @@ def _evidence_by_effect(
     }
 
 
-def _log_odds(results: Results, effect: str) -> float:
+def _log_odds(results: FitResults, effect: str) -> float:
     """Log-odds [nats] of the posterior that `effect`, or one of its class, is
     present.
     """
@@ -169,7 +169,7 @@ def _log_odds(results: Results, effect: str) -> float:
     return results.posterior.log_odds(lambda names: not alike.isdisjoint(names))
 
 
-def _common_evidence(results: Results) -> VerdictEvidence:
+def _common_evidence(results: FitResults) -> VerdictEvidence:
     """Evidence for or against the accepted model as a whole, of infinite log-odds."""
     runs, quantities = _gains(results)
     fits = (results.accepted.estimate, results.held_out_fits.after)
@@ -187,7 +187,7 @@ def _common_evidence(results: Results) -> VerdictEvidence:
     )
 
 
-def _correlation(fit: Estimate, together: Sequence[bool]) -> float:
+def _correlation(fit: FitEstimate, together: Sequence[bool]) -> float:
     """Lag-one autocorrelation of the residuals of those runs of `fit` that `together`
     marks.
     """
@@ -195,7 +195,7 @@ def _correlation(fit: Estimate, together: Sequence[bool]) -> float:
     return robust.correlation(typical.runs, typical.residuals)
 
 
-def _gains(results: Results) -> tuple[list[float], list[float]]:
+def _gains(results: FitResults) -> tuple[list[float], list[float]]:
     """Predictive gains [nats] of the accepted model over the base, by run and by
     quantity.
 
@@ -224,7 +224,7 @@ def _gains(results: Results) -> tuple[list[float], list[float]]:
 
 
 def next_steps(
-    decision: Decision, verdict: Verdict, out: Path, origin: Origin
+    decision: DecidedVerdict, verdict: Verdict, out: Path, origin: Origin
 ) -> list[Step]:
     """What an operator may do after the `verdict`, the advised step first.
 
@@ -270,7 +270,7 @@ def next_steps(
     return steps or [_step_without_gap(decision, origin.option)]
 
 
-def _may_be_forced(decision: Decision, verdict: Verdict) -> bool:
+def _may_be_forced(decision: DecidedVerdict, verdict: Verdict) -> bool:
     """Whether all that is suspected is probable enough, and inside of what is tried."""
     return all(
         effect.confidence >= OFFERED and effect.name not in decision.at_ends
@@ -278,7 +278,7 @@ def _may_be_forced(decision: Decision, verdict: Verdict) -> bool:
     )
 
 
-def _step_without_gap(decision: Decision, option: str) -> Step:
+def _step_without_gap(decision: DecidedVerdict, option: str) -> Step:
     """What to do where the fitted runs show no gap: there is nothing to accept."""
     if decision.unseen_gap > GAP:
         words = "make the motions of the held-out runs again, and fit all runs"
@@ -314,7 +314,7 @@ def doubtful_values(
     return [group for group in groups if len(group) > 1]
 
 
-def _strained(fit: Estimate) -> list[str]:
+def _strained(fit: FitEstimate) -> list[str]:
     """Names of base values of `fit` that deviate from the file by STRAINED prior sigma
     or more.
     """

@@ -8,7 +8,7 @@ from cell.gap.diagnosis import held_out_gap
 from cell.gap.diagnosis.lack_of_fit import Bin, Repeats, stronger_of_two
 from cell.gap.diagnosis.next_experiment import Recommendation
 from cell.gap.fitting.crossvalidation import CrossValidatedFit
-from cell.gap.fitting.gauss_newton import Estimate
+from cell.gap.fitting.gauss_newton import FitEstimate
 from cell.gap.fitting.reml import Spread
 from cell.gap.selection.likelihood import ALPHA, Fits, LikelihoodScale
 from cell.gap.selection.posterior import Posterior
@@ -83,7 +83,7 @@ class ModelTests:
     repeats: Repeats
     rivals: Sequence[CrossValidatedFit]
     classes: Sequence[Sequence[str]]
-    sized: Estimate
+    sized: FitEstimate
     scatter: tuple[Spread, ...] = ()
     places: Sequence[Bin] = ()
 
@@ -99,8 +99,8 @@ class HeldOutFits:
     shrinks.
     """
 
-    before: Estimate
-    after: Estimate
+    before: FitEstimate
+    after: FitEstimate
     shrink: held_out_gap.Shrink
 
     @property
@@ -109,7 +109,7 @@ class HeldOutFits:
         return self.after is not self.before
 
     @property
-    def by_key(self) -> dict[str, Estimate]:
+    def by_key(self) -> dict[str, FitEstimate]:
         """Fits to held-out runs by key: `before` and, where an effect was accepted,
         `after`.
         """
@@ -117,7 +117,7 @@ class HeldOutFits:
 
 
 @dataclass(frozen=True, slots=True)
-class Results:
+class FitResults:
     """Fits and tests of an investigation, by which its verdict is decided.
 
     `accepted` is the model that was chosen among `fits`: the base where no effect was
@@ -171,7 +171,7 @@ class Results:
 
 
 @dataclass(frozen=True, slots=True)
-class Decision:
+class DecidedVerdict:
     """Decided verdict on the accepted model, and what it rests on.
 
     `named` are the credible effects that the runs tell apart from all others, and
@@ -192,22 +192,22 @@ class Decision:
 
 
 @dataclass(frozen=True, slots=True)
-class Findings(Results):
+class Findings(FitResults):
     """All results of an investigation of a subject, with the decision on them.
 
     `experiments` would separate the accepted model from another one, the best first;
     `law` describes what no effect explains, if one is offered.
     """
 
-    decision: Decision
+    decision: DecidedVerdict
     experiments: Sequence[Recommendation]
     law: OfferedLaw | None = None
 
     @classmethod
     def of(
         cls,
-        results: Results,
-        decision: Decision,
+        results: FitResults,
+        decision: DecidedVerdict,
         experiments: Sequence[Recommendation],
     ) -> Self:
         """Findings with the `decision` on `results`, without a law."""

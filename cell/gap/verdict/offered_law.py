@@ -9,7 +9,7 @@ from cell.gap.diagnosis import held_out_gap
 from cell.gap.fitting import Simulate, run_all
 from cell.gap.fitting.base_fit import projection
 from cell.gap.fitting.crossvalidation import on_runs
-from cell.gap.fitting.gauss_newton import Estimate
+from cell.gap.fitting.gauss_newton import FitEstimate
 from cell.gap.selection.choice import needed_models
 from cell.gap.selection.likelihood import Fits
 from cell.gap.selection.posterior import posterior
@@ -49,7 +49,7 @@ def offered_law(
     subject: Subject,
     simulate: Simulate,
     fits: Fits,
-    before: Estimate,
+    before: FitEstimate,
     rng: np.random.Generator,
 ) -> OfferedLaw | None:
     """Most probable stable law of the residuals that the base leaves on held-out runs;
@@ -85,7 +85,7 @@ def _fit_laws(subject: Subject, simulate: Simulate, fits: Fits) -> Fits:
     return fits
 
 
-def _stable(estimate: Estimate) -> bool:
+def _stable(estimate: FitEstimate) -> bool:
     """Whether each term keeps its sign on most halves of the runs (Meinshausen,
     Buehlmann 2010).
     """
@@ -97,7 +97,7 @@ def _stable(estimate: Estimate) -> bool:
     return bool((np.mean(np.array(again) == signs, axis=0) >= STEADY).all())
 
 
-def _offer(fit: Estimate, shrink: float) -> OfferedLaw:
+def _offer(fit: FitEstimate, shrink: float) -> OfferedLaw:
     """Law of the fitted terms of `fit`, which remove the share `shrink` of the excess
     residual.
     """

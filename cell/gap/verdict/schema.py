@@ -35,7 +35,7 @@ Values = tuple[Mapping[str, float], NamedValues]
 """Values of the base by name, and of effects by parameter."""
 
 
-class Entry(BaseModel):
+class VerdictPart(BaseModel):
     """Base of all parts of a verdict: frozen, filled by field name; unknown keys are
     ignored.
     """
@@ -43,7 +43,7 @@ class Entry(BaseModel):
     model_config = ConfigDict(frozen=True, populate_by_name=True)
 
 
-class Interval(Entry):
+class Interval(VerdictPart):
     """Estimate `value` with the ends of its 95 % interval, None where it is
     unbounded.
     """
@@ -77,7 +77,7 @@ class Deviation(ValueWithUnit):
     tolerated: tuple[float, float | None]
 
 
-class NamedEffect(Entry):
+class NamedEffect(VerdictPart):
     """Effect that a patch adds, with the probability that all named effects are
     right.
     """
@@ -88,7 +88,7 @@ class NamedEffect(Entry):
     confidence: float
 
 
-class Unexplained(Entry):
+class Unexplained(VerdictPart):
     """Residual that no effect of the library accounts for; `law` describes it and is no
     cause.
     """
@@ -98,7 +98,7 @@ class Unexplained(Entry):
     stable: bool
 
 
-class Gap(Entry):
+class Gap(VerdictPart):
     """Residuals on held-out runs, rms by quantity, and the share of their excess
     removed.
     """
@@ -127,7 +127,7 @@ class Gap(Entry):
         )
 
 
-class Untested(Entry):
+class Untested(VerdictPart):
     """What the runs cannot show, and why."""
 
     what: str
@@ -138,7 +138,7 @@ class Untested(Entry):
         return f"{self.what} ({self.why})"
 
 
-class CandidateEntry(Entry):
+class CandidateEntry(VerdictPart):
     """Candidate effect, or several joined by ` + `, with its gain [nats] over the
     base.
     """
@@ -151,7 +151,7 @@ class CandidateEntry(Entry):
     parameters: dict[str, ValueWithUnit]
 
 
-class ProbableSet(Entry):
+class ProbableSet(VerdictPart):
     """Set of effects, and the probability `p` that these and no others are present."""
 
     names: list[str]
@@ -163,7 +163,7 @@ LogOdds = Annotated[
 ]
 
 
-class VerdictEvidence(Entry):
+class VerdictEvidence(VerdictPart):
     """Evidence for or against an accepted effect: log-odds and gains [nats], residuals,
     strain.
 
@@ -231,7 +231,7 @@ class Step:
         return "\n  ".join(filter(None, (self.command, self.words)))
 
 
-class Verdict(Entry):
+class Verdict(VerdictPart):
     """Content of verdict.json: which effects are missing, how surely, and how residuals
     shrink.
 

@@ -183,7 +183,7 @@ class FoldOptions:
     def request(self, configurations: Configs, strip: str) -> "Request":
         """Request of the first fold, of the strip called `strip`."""
         from cell.base.devices.devices import Trial
-        from cell.folding.request import Learning, Recording, Request, line_at
+        from cell.folding.request import Learning, RecordingOptions, Request, line_at
 
         settings = configurations.cell().with_drivers(self.arm, self.camera)
         encoder = self.film or settings.record.film
@@ -198,7 +198,7 @@ class FoldOptions:
             trial=Trial(seed=self.seed),
             checkpoint=self.checkpoint,
             full_speed=self.full_speed,
-            record=Recording(
+            record=RecordingOptions(
                 self.frames, film, not self.no_truth, live=self.viz == "live"
             ),
             learning=Learning(self.specimen, use=self.learning or until),

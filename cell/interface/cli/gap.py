@@ -176,11 +176,11 @@ def _standard_runs(
     """
     plant_file = None if plant is None else found.plant_path(plant)
     from cell.base.devices.devices import Trial
-    from cell.folding.request import Recording, Request, standard_requests
+    from cell.folding.request import RecordingOptions, Request, standard_requests
     from drivers.strip.describe import load_plant
 
     desk = None if plant_file is None else load_plant(plant_file)
-    record = Recording(truth=truth)
+    record = RecordingOptions(truth=truth)
     trial = Trial(desk, seed)
     base = Request(found.cell(), found.strip(strip), "", folder, trial, record=record)
     return standard_requests(base)

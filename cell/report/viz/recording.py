@@ -117,7 +117,7 @@ def viz_from_run(folder: Path) -> Path:
             replacing(path) as scratch,
             open_recording("cell", scratch, views) as recording,
         ):
-            screen = Screen(recording, calibration, strip, batch=math.inf)
+            screen = RerunWriter(recording, calibration, strip, batch=math.inf)
             screen.begin(run)
             for item in moments_of(run):
                 screen.draw(item)
@@ -160,7 +160,7 @@ def _times(t: Any, clock: Any) -> list[rr.TimeColumn]:
     return [rr.TimeColumn(name, duration=at) for name, at in timelines.items()]
 
 
-class Screen:
+class RerunWriter:
     """Writer of a run into a Rerun recording, which owns its entities."""
 
     def __init__(

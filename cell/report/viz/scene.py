@@ -62,7 +62,7 @@ EYE, TARGET = np.array([-0.35, -1.5, 1.0]), np.array([0.52, 0.1, 0.3])
 
 
 @dataclass(frozen=True, slots=True)
-class Rod:
+class Capsule:
     """Rod with round ends from `start` to `end` (3,) [m], with its `radius` [m]."""
 
     start: Array
@@ -237,29 +237,29 @@ def _normals(midline: Array) -> NDArray[np.float32]:
     return np.repeat(at_depth(upright, 0.0), 2, axis=0)
 
 
-def _rods(link: int) -> list[Rod]:
+def _rods(link: int) -> list[Capsule]:
     """Rods of a `link` of the arm in its frame: bones to the next joint, and its
     drum.
     """
     origin = np.zeros(3)
     if link == len(PARAMETERS):
-        return [Rod(origin, np.array([0.0, 0.0, FLANGE]), BONES[-1], ARM_RGB)]
+        return [Capsule(origin, np.array([0.0, 0.0, FLANGE]), BONES[-1], ARM_RGB)]
     knee = np.array([PARAMETERS[link, 0], 0.0, 0.0])
     following = np.array([knee[0], *offset_in_frame(link)])
     bones = [(origin, knee), (knee, following)]
     rods = [
-        Rod(start, end, BONES[link], ARM_RGB)
+        Capsule(start, end, BONES[link], ARM_RGB)
         for start, end in bones
         if not np.array_equal(start, end)
     ]
     for owner, start, end, radius in CAPSULES:
         if owner == link and link in DRUM_LINKS:
             drum = np.array(start), np.array(end)
-            rods.append(Rod(*drum, DRUM_SHARE * radius, JOINT_RGB))
+            rods.append(Capsule(*drum, DRUM_SHARE * radius, JOINT_RGB))
     return rods
 
 
-def _capsules(rods: Sequence[Rod]) -> Any:
+def _capsules(rods: Sequence[Capsule]) -> Any:
     """Solid capsules of `rods`."""
     spans = np.array([rod.end - rod.start for rod in rods]).reshape(-1, 3)
     lengths = np.linalg.norm(spans, axis=1)

@@ -128,14 +128,14 @@ class LiveView:
         """
         from cell.record.run import read_broken_run
         from cell.report.viz.opening import open_recording
-        from cell.report.viz.recording import Screen, layout
+        from cell.report.viz.recording import RerunWriter, layout
 
         path, target = folder / CALIBRATION, folder / RECORDING
         try:
             calibration = load_calibration(path) if path.exists() else None
             views = layout(strip, calibration, live=True)
             with open_recording("cell", target, views, live=True) as recording:
-                screen = Screen(recording, calibration, strip)
+                screen = RerunWriter(recording, calibration, strip)
                 screen.begin(read_broken_run(folder))
                 while self._waiting or not self._over.is_set():
                     self._news.wait()

@@ -12,7 +12,7 @@ from cell.orchestrator.context import ManualInputs, ManualLog
 from cell.orchestrator.outcome import Outcome
 from cell.orchestrator.phases import MANUAL_PHASES
 from cell.orchestrator.recorder import Recorder
-from cell.orchestrator.run import Run
+from cell.orchestrator.run import ControlLoop
 from cell.orchestrator.snapshot import Snapshot
 from cell.orchestrator.steps import Motion, move
 from drivers.base.errors import ConfigurationError
@@ -37,7 +37,7 @@ def move_manually(
     devices = open_cell(settings, strip, trial, calibrating=False)
     try:
         devices.connect()
-        run = Run(
+        run = ControlLoop(
             devices,
             ManualInputs(settings.controller, motion),
             ManualLog(),

@@ -16,10 +16,10 @@ from drivers.twin.fci_server.wire import (
     HAND_FRAMING,
     PORT,
     PROTOCOL_VERSION,
+    ClientRequest,
     Command,
     Malformed,
     MoveRequest,
-    Request,
     RobotCommand,
 )
 
@@ -73,7 +73,7 @@ class ArmPort(Port[Command]):
     def _abandon(self) -> None:
         self._robot.abandon()
 
-    def _answer(self, request: Request[Command]) -> bytes:
+    def _answer(self, request: ClientRequest[Command]) -> bytes:
         """Content of the reply to `request`; empty for a reply that is due only
         later.
         """
@@ -136,7 +136,7 @@ class HandPort(Port[HandCommand]):
         self._hand.interrupt()
         self._hand.replies.clear()
 
-    def _answer(self, request: Request[HandCommand]) -> bytes:
+    def _answer(self, request: ClientRequest[HandCommand]) -> bytes:
         self._hand.begin(request)
         self.answer()
         return b""

@@ -6,7 +6,7 @@ import struct
 from abc import ABC, abstractmethod
 from typing import Generic
 
-from drivers.twin.fci_server.wire import Framing, K, Malformed, Request
+from drivers.twin.fci_server.wire import ClientRequest, Framing, K, Malformed
 
 RESET = struct.pack("ii", 1, 0)
 MOST_PENDING = 64 * 1024  # bytes of unread requests
@@ -136,7 +136,7 @@ class Port(ABC, Generic[K]):
         poll.register(self._listener, select.EPOLLIN)
 
     @abstractmethod
-    def _answer(self, request: Request[K]) -> bytes:
+    def _answer(self, request: ClientRequest[K]) -> bytes:
         """Content of the reply to a client's `request`; empty for one that is due
         later.
         """
@@ -237,7 +237,7 @@ class Port(ABC, Generic[K]):
         elif request is not None:
             self._admit(guest, request)
 
-    def _admit(self, guest: Connection, request: Request[K]) -> None:
+    def _admit(self, guest: Connection, request: ClientRequest[K]) -> None:
         """Make a guest the client, with states sent to its UDP port, or refuse it."""
         version, port = request.values
         status = 0 if version == self.version else INCOMPATIBLE

@@ -33,7 +33,7 @@ def _check_force(force: tuple[float, float, float]) -> tuple[float, float, float
     return force
 
 
-class Scripted(Settings):
+class ScriptedFault(Settings):
     """Fault of the emulated robot, due once it has executed `at` commands since its
     start.
     """
@@ -41,14 +41,14 @@ class Scripted(Settings):
     at: NonNegativeInt
 
 
-class ReflexFault(Scripted):
+class ReflexFault(ScriptedFault):
     """Fault: the robot stops by a reflex and reports `error`."""
 
     kind: Literal["reflex"]
     error: Annotated[str, AfterValidator(_check_name)] = "cartesian_reflex"
 
 
-class UserStopFault(Scripted):
+class UserStopFault(ScriptedFault):
     """Fault: the user stop is pressed, and released after `duration` [s] if that is
     finite.
     """
@@ -57,13 +57,13 @@ class UserStopFault(Scripted):
     duration: float = Field(default=inf, gt=0, allow_inf_nan=True)
 
 
-class DropFault(Scripted):
+class DropFault(ScriptedFault):
     """Fault: the robot closes the TCP connection of the arm's client."""
 
     kind: Literal["tcp_drop"]
 
 
-class FreezeFault(Scripted):
+class FreezeFault(ScriptedFault):
     """Fault: the robot neither sends nor answers for `duration` [s] of the wall
     clock.
     """
@@ -72,7 +72,7 @@ class FreezeFault(Scripted):
     duration: float = Field(gt=0, le=60)
 
 
-class NanFault(Scripted):
+class NanFault(ScriptedFault):
     """Fault: for `ticks` ticks the measured joints, pose and force in the robot's state
     are NaN.
     """
@@ -81,7 +81,7 @@ class NanFault(Scripted):
     ticks: int = Field(default=1, gt=0)
 
 
-class ContactFault(Scripted):
+class ContactFault(ScriptedFault):
     """Fault: a `force` (3,) [N] in the base acts on the tool for `duration` [s] of
     robot time.
     """
@@ -91,7 +91,7 @@ class ContactFault(Scripted):
     duration: float = Field(default=inf, gt=0, allow_inf_nan=True)
 
 
-class VersionFault(Scripted):
+class VersionFault(ScriptedFault):
     """Fault: from then on the robot speaks protocol `version` and refuses new
     connections.
     """
@@ -100,7 +100,7 @@ class VersionFault(Scripted):
     version: int = Field(default=9, ge=0, le=65535)
 
 
-class RatesFault(Scripted):
+class RatesFault(ScriptedFault):
     """Fault: the rates of the commanded joints are `reported` filtered, late, zero, or
     as measured.
     """
@@ -109,7 +109,7 @@ class RatesFault(Scripted):
     reported: RateReport
 
 
-class ModelFault(Scripted):
+class ModelFault(ScriptedFault):
     """Fault: the robot takes a `share` of what moves and holds itself for external
     torques.
     """
@@ -118,7 +118,7 @@ class ModelFault(Scripted):
     share: float = Field(ge=-1, le=1)
 
 
-class LossFault(Scripted):
+class LossFault(ScriptedFault):
     """Fault: the network loses a `share` of the commands; the robot extrapolates, or
     holds its joints.
 

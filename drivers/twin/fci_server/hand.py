@@ -6,14 +6,14 @@ from math import isfinite
 
 from drivers.base.motion import TICK
 from drivers.franka.hand_protocol import STATE_PACKET, HandCommand, HandStatus
-from drivers.twin.fci_server.wire import HAND_FRAMING, Request
+from drivers.twin.fci_server.wire import HAND_FRAMING, ClientRequest
 
 WIDEST = 0.08  # m
 FASTEST_FINGER = 0.1  # m/s, of one finger towards the other
 TEMPERATURE = 30  # degrees C
 
 Between = Callable[[], float | None]
-HandRequest = Request[HandCommand]
+HandRequest = ClientRequest[HandCommand]
 
 
 @dataclass(slots=True)

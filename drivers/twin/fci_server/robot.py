@@ -31,15 +31,15 @@ from drivers.twin.fci_server.limits import (
 )
 from drivers.twin.fci_server.posture import Posture
 from drivers.twin.fci_server.wire import (
+    ClientRequest,
     Command,
     Controller,
     Generator,
-    Mode,
     MoveRequest,
     MoveStatus,
     Reflex,
-    Request,
     RobotCommand,
+    RobotMode,
     Status,
 )
 
@@ -137,7 +137,7 @@ class EmulatedRobot:
     dynamics: Dynamics | None = None
     configuration: Configuration = field(default_factory=Configuration)
     revision: Revision = "fr3"
-    mode: Mode = Mode.IDLE
+    mode: RobotMode = RobotMode.IDLE
     errors: frozenset[Reflex] = frozenset()
     reasons: frozenset[Reflex] = frozenset()
     motion: ActiveMotion | None = None
@@ -168,7 +168,7 @@ class EmulatedRobot:
         refusal.
         """
         if (
-            self.mode is not Mode.IDLE
+            self.mode is not RobotMode.IDLE
             or self.motion is not None
             or not self.posture.at_rest
         ):
@@ -191,7 +191,7 @@ class EmulatedRobot:
         if generator in CARTESIAN and manipulability(self.posture.jacobian) < SINGULAR:
             return MoveStatus.SINGULAR_START
         self.motion = ActiveMotion(command_id, generator, controller)
-        self.mode = Mode.MOVE
+        self.mode = RobotMode.MOVE
         self.reasons = frozenset()
         return MoveStatus.MOTION_STARTED
 
@@ -203,11 +203,11 @@ class EmulatedRobot:
         if self.motion is not None:
             self.motion.stopping = True
 
-    def set(self, request: Request[Command]) -> Status:
+    def set(self, request: ClientRequest[Command]) -> Status:
         """Change the setting that `request` states, which only an idle robot
         accepts.
         """
-        if request.command not in SETTERS or self.mode is not Mode.IDLE:
+        if request.command not in SETTERS or self.mode is not RobotMode.IDLE:
             return Status.NOT_POSSIBLE
         old = self.configuration
         self.configuration, status = configure(old, request.command, request.payload)
@@ -221,7 +221,7 @@ class EmulatedRobot:
 
         Returns NOT_POSSIBLE in motion or while the user stop is pressed.
         """
-        if self.mode not in (Mode.IDLE, Mode.REFLEX):
+        if self.mode not in (RobotMode.IDLE, RobotMode.REFLEX):
             return Status.NOT_POSSIBLE
         self.waiting.append(
             LateReply(Command.AUTOMATIC_ERROR_RECOVERY, command_id, Status.SUCCESS)
@@ -232,10 +232,10 @@ class EmulatedRobot:
         """Abort the motion with `error` and brake; the arm moves again only after
         recovery.
         """
-        if self.mode is Mode.USER_STOPPED:
+        if self.mode is RobotMode.USER_STOPPED:
             return
         self._finish(MoveStatus.REFLEX_ABORTED)
-        self.mode = Mode.REFLEX
+        self.mode = RobotMode.REFLEX
         self.errors = self.reasons = frozenset({error})
 
     def press_user_stop(self) -> None:
@@ -243,12 +243,12 @@ class EmulatedRobot:
         released.
         """
         self._finish(MoveStatus.EMERGENCY_ABORTED)
-        self.mode = Mode.USER_STOPPED
+        self.mode = RobotMode.USER_STOPPED
 
     def release_user_stop(self) -> None:
         """Release the user stop: the robot is idle again, or in its earlier reflex."""
-        if self.mode is Mode.USER_STOPPED:
-            self.mode = Mode.REFLEX if self.errors else Mode.IDLE
+        if self.mode is RobotMode.USER_STOPPED:
+            self.mode = RobotMode.REFLEX if self.errors else RobotMode.IDLE
 
     def abandon(self) -> None:
         """Brake after the client has disconnected, and discard its pending replies."""
@@ -363,16 +363,16 @@ class EmulatedRobot:
                 0, LateReply(Command.MOVE, self.motion.command_id, status)
             )
             self.motion = None
-            self.mode = Mode.IDLE
+            self.mode = RobotMode.IDLE
 
     def _send_late_replies(self) -> None:
         waiting = self.waiting
         for late in waiting:
             if (
                 late.command is Command.AUTOMATIC_ERROR_RECOVERY
-                and self.mode is Mode.REFLEX
+                and self.mode is RobotMode.REFLEX
             ):
-                self.mode = Mode.IDLE
+                self.mode = RobotMode.IDLE
                 self.errors = frozenset()
         self.late += waiting
         waiting.clear()

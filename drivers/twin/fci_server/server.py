@@ -58,7 +58,7 @@ class ServerSettings(Settings):
     plant: ArmPlant | None = None
 
 
-class Pace:
+class PeriodTimer:
     """Timer of control periods of 1 ms by the wall clock, none of them shorter than 0.8
     ms.
     """
@@ -123,7 +123,7 @@ class RobotServer:
         self._waker, self._bell = socket.socketpair()
         self._bell.setblocking(False)
         self._poll.register(self._waker, select.EPOLLIN)
-        self._pace = Pace()
+        self._pace = PeriodTimer()
         # s, when a silent client gets a state again
         self._offer_at = time.monotonic() + OFFER_ARM
         self._heard = False  # by the wall clock, whether this tick's command has come

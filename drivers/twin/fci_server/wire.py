@@ -91,7 +91,7 @@ class Controller(IntEnum):
     OTHER = 3
 
 
-class Mode(IntEnum):
+class RobotMode(IntEnum):
     """Modes of the robot, as numbered in its state."""
 
     OTHER = 0
@@ -161,7 +161,7 @@ class Malformed(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class Request(Generic[K]):
+class ClientRequest(Generic[K]):
     """Request of a client over TCP: command, its id, and a payload of the command's
     length.
     """
@@ -184,7 +184,7 @@ class Framing(Generic[K]):
     header: Struct  # command, command id, size with header
     status: Struct
 
-    def take(self, buffer: bytearray) -> Request[K] | None:
+    def take(self, buffer: bytearray) -> ClientRequest[K] | None:
         """Remove the first complete request from `buffer` and return it; None if
         incomplete.
 
@@ -203,7 +203,7 @@ class Framing(Generic[K]):
             return None
         payload = bytes(buffer[header.size : size])
         del buffer[:size]
-        return Request(command, command_id, payload)
+        return ClientRequest(command, command_id, payload)
 
     def reply(self, command: K, command_id: int, content: bytes) -> bytes:
         """Bytes of a reply to request `command_id` over TCP; `content` starts with its
@@ -231,7 +231,7 @@ class MoveRequest:
     use_async: bool
 
     @classmethod
-    def read(cls, request: Request[Command]) -> Self:
+    def read(cls, request: ClientRequest[Command]) -> Self:
         """Parse a client's `request` for a motion."""
         controller, generator, *deviations, use_async = request.values[:9]
         return cls(controller, generator, tuple(deviations), use_async=bool(use_async))

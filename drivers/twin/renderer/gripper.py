@@ -19,7 +19,7 @@ from drivers.franka.shapes import (
 )
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.renderer.stage import fill, hull
-from drivers.twin.world import Scene
+from drivers.twin.world import WorldState
 
 WRIST = ((0.13, 0.05), (0.60, 0.05))  # m: behind the grip, half of it across
 WRIST_DEPTH = 0.1  # m in y
@@ -40,7 +40,7 @@ class Outline:
     shade: float
 
 
-def outlines(scene: Scene, middle: float, floor: float) -> list[Outline]:
+def outlines(scene: WorldState, middle: float, floor: float) -> list[Outline]:
     """Prisms of wrist, hand, fingers in drawing order, about y = `middle` and above
     `floor` [m].
     """
@@ -88,7 +88,9 @@ def draw_hand(
         fill(image, near, colour * part.shade)
 
 
-def draw_pointer(image: Image, scene: Scene, optics: Optics, colour: Array) -> None:
+def draw_pointer(
+    image: Image, scene: WorldState, optics: Optics, colour: Array
+) -> None:
     """Draw the pin, a dark plate with a bright disc at the grip point, into `image` (h,
     w, 3).
     """
@@ -123,7 +125,9 @@ def _disc(
     part[:] = part + cover * (colour - part) + 0.5
 
 
-def extent(faces: Sequence[tuple[Array, Array]], scene: Scene, optics: Optics) -> Array:
+def extent(
+    faces: Sequence[tuple[Array, Array]], scene: WorldState, optics: Optics
+) -> Array:
     """Points (k, 2) [px] that bound the hand's `faces` and the pin that it holds."""
     bounds = [np.empty((0, 2))]
     for near, far in faces:

@@ -25,7 +25,7 @@ from drivers.twin.renderer.optics import Optics, blur, kernel_size, noise_bank
 from drivers.twin.renderer.ribbon import Cloud, ExposedMidline
 from drivers.twin.renderer.stage import bgr, fill, light, stage
 from drivers.twin.settings import CameraSettings
-from drivers.twin.world import Scene
+from drivers.twin.world import WorldState
 
 T = TypeVar("T", bound=np.generic)
 Indices = NDArray[np.int_]
@@ -33,7 +33,7 @@ Indices = NDArray[np.int_]
 # lifts evenly.
 ABRUPT_LINT, ABRUPT_GLARE = 0.0003, 0.0008
 PILE = 0.0009  # m that it reaches over the lowest strip, more than lens and pixels blur
-_SPECK = Scene(
+_SPECK = WorldState(
     stamp=0.0,
     points=frozen(np.linspace((0.0, 0.0), (0.01, 0.0), 9)),
     arc=frozen(np.linspace(0.0, 0.01, 9)),
@@ -136,7 +136,7 @@ class Renderer:
         self._spacing = ribbon.PITCH * settings.distance / settings.focal
         self.render([_SPECK], 0)  # compiles now, outside the control loop
 
-    def render(self, scenes: Sequence[Scene], sequence: int) -> Image:
+    def render(self, scenes: Sequence[WorldState], sequence: int) -> Image:
         """Frame `sequence` (height, width, 3) BGR, exposed to `scenes`, equally spaced
         in time.
         """
@@ -152,7 +152,7 @@ class Renderer:
     def _draw_moving(
         self,
         image: Image,
-        scene: Scene,
+        scene: WorldState,
         curve: ExposedMidline | None,
         hand: Sequence[Outline],
     ) -> None:
@@ -188,7 +188,7 @@ class Renderer:
             self._shift_contact(part, window, scene)
         window.put(blur(part, settings.lens_blur), image)
 
-    def _shift_contact(self, part: Image, window: Window, scene: Scene) -> None:
+    def _shift_contact(self, part: Image, window: Window, scene: WorldState) -> None:
         """Draw lint or glare in `part` (h, w, 3) that shifts the apparent contact along
         x.
 
@@ -229,7 +229,7 @@ class Renderer:
             ribbon.sample_edge(curve, picture, look, self._weave),
         ]
 
-    def _lit(self, image: Image, scene: Scene, hand: Sequence[Outline]) -> Image:
+    def _lit(self, image: Image, scene: WorldState, hand: Sequence[Outline]) -> Image:
         """Copy of `image` (h, w, 3) with the arm's shadow and flicker, where the look
         has them.
         """

@@ -12,7 +12,7 @@ from drivers.base.types import Array
 from drivers.twin.renderer.kernels import MaterialRows, sample_surface
 from drivers.twin.renderer.looks import StripLook
 from drivers.twin.renderer.optics import Optics
-from drivers.twin.world import Scene
+from drivers.twin.world import WorldState
 
 GRAIN = 0.0005  # m, grid of the weave
 WEAVE_ROWS, WEAVE_COLUMNS = 2048, 128  # cells of the grid after which the weave repeats
@@ -55,7 +55,7 @@ class ExposedMidline:
         return left_normals(self.tangents)
 
 
-def expose(scenes: Sequence[Scene], spacing: float) -> ExposedMidline:
+def expose(scenes: Sequence[WorldState], spacing: float) -> ExposedMidline:
     """Midline of the strip in `scenes`, sampled about every `spacing` [m], during an
     exposure.
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from cell.base.campaign import processes
-from cell.base.campaign.processes import Call, Result, Signal, StopSignal
+from cell.base.campaign.processes import Call, CallResult, PoolMessage, StopSignal
 from cell.base.devices.devices import Trial
 from cell.folding import batch
 from cell.folding.batch import Callbacks, fold_all
@@ -105,10 +105,10 @@ def test_a_fold_in_a_process_is_asked_to_stop_and_then_to_stop_at_once() -> None
     ours, theirs = Pipe()
     told = StopSignal(theirs)
     assert not told()
-    ours.send(Signal.STOP)
+    ours.send(PoolMessage.STOP)
     assert told()
     assert told()
-    ours.send(Signal.STOP)
+    ours.send(PoolMessage.STOP)
     with pytest.raises(KeyboardInterrupt):
         told()
 
@@ -116,7 +116,7 @@ def test_a_fold_in_a_process_is_asked_to_stop_and_then_to_stop_at_once() -> None
 def test_a_fold_whose_master_died_stops() -> None:
     ours, theirs = Pipe()
     told = StopSignal(theirs)
-    theirs.send(Signal.READY)  # which nobody read any more
+    theirs.send(PoolMessage.READY)  # which nobody read any more
     ours.close()
     assert told()
     assert told()
@@ -134,8 +134,8 @@ class Fake:
     def __init__(self, *_) -> None:
         self.pipe, self._theirs = Pipe()
 
-    def send(self, message: Call | Signal) -> None:
-        if isinstance(message, Signal):
+    def send(self, message: Call | PoolMessage) -> None:
+        if isinstance(message, PoolMessage):
             self.stop()
             return
         self._number, self._told = message.arguments[0].trial.seed, False
@@ -146,10 +146,10 @@ class Fake:
     def _end(self) -> None:
         self._theirs.send(self._number)
 
-    def receive(self) -> Result:
+    def receive(self) -> CallResult:
         number = self.pipe.recv()
         made = self.made.get(number, replace(DONE, seed=number))
-        return Result(STOPPED if self._told else made)
+        return CallResult(STOPPED if self._told else made)
 
     def stop(self) -> None:
         self.log.append(("stop", self._number))

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from cell.folding.correction import (
+    BiasKey,
     Correction,
-    Subject,
     correction_of,
     experience_of,
     learned_correction,
@@ -20,14 +20,14 @@ from cell.orchestrator.outcome import Outcome
 from cell.perception.strip_measurement import SeenTouch
 from cell.record.files import TICKS
 from policies.planned import Planned
-from policies.policy import Estimate, FoldPrediction
+from policies.policy import FoldPrediction, ParameterEstimate
 from policies.registry import make_policy
 from tests.support.made_folds import STRIP
 from tests.support.refusals import refusal
 from tests.support.requests import request_for
 
-SUBJECT = Subject("adaptive@1", "denim", "a")
-NUMBER = Estimate(0.02, 0.019, 0.021)
+SUBJECT = BiasKey("adaptive@1", "denim", "a")
+NUMBER = ParameterEstimate(0.02, 0.019, 0.021)
 PREDICTED = FoldPrediction(-0.001, 0.0005, NUMBER, NUMBER, NUMBER, blind=False)
 
 

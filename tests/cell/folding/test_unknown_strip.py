@@ -10,14 +10,14 @@ from cell.base.config.places import CHECKOUT_CONFIGS, Configs
 from cell.folding.documents import LEARNED, offer_strip
 from drivers.strip.describe import load_strip
 from drivers.strip.file import StripFile
-from policies.policy import Estimate, FoldPrediction
+from policies.policy import FoldPrediction, ParameterEstimate
 
 PREDICTED = FoldPrediction(
     displacement=-0.0004,
     sigma=0.0007,
-    bending_length=Estimate(0.0219, 0.0217, 0.0220),
-    retardation_time=Estimate(0.013, 0.009, 0.018),
-    yield_curvature=Estimate(32.0, 25.0, 40.0),
+    bending_length=ParameterEstimate(0.0219, 0.0217, 0.0220),
+    retardation_time=ParameterEstimate(0.013, 0.009, 0.018),
+    yield_curvature=ParameterEstimate(32.0, 25.0, 40.0),
     blind=False,
 )
 

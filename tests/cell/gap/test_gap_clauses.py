@@ -10,7 +10,7 @@ import pytest
 from scipy import stats
 
 from cell.gap.diagnosis.lack_of_fit import Bin
-from cell.gap.fitting.gauss_newton import Estimate
+from cell.gap.fitting.gauss_newton import FitEstimate
 from cell.gap.fitting.model import Model
 from cell.gap.selection import hold_out
 from cell.gap.selection.choice import choose, rivals
@@ -19,7 +19,7 @@ from cell.gap.selection.posterior import Posterior, SetProbability
 from cell.gap.subject.subject import Candidate
 from cell.gap.verdict.compose import intervals
 from cell.gap.verdict.decision import GAP, decide, doubtful_values
-from cell.gap.verdict.findings import Decision, Findings
+from cell.gap.verdict.findings import DecidedVerdict, Findings
 from drivers.base.types import Array
 from drivers.strip.effects.effect import Parameter, Role
 from tests.support import curves
@@ -272,7 +272,7 @@ def test_the_least_sure_name_states_the_evidence(two) -> None:
 def test_nothing_is_named_beside_what_stands_in_for_another_law(
     one, quiet, monkeypatch
 ) -> None:
-    monkeypatch.setattr(Estimate, "proxies", one.accepted.effects)
+    monkeypatch.setattr(FitEstimate, "proxies", one.accepted.effects)
     decision = decide(one)
     assert (decision.kind, decision.named) == ("unexplained", ())
     assert decide(quiet).kind == "unexplained"  # though no place shows a gap
@@ -321,7 +321,7 @@ def test_an_amount_at_either_end_is_told_and_a_place_or_a_start_is_not(
     assert ends == ({"bump": ["size"]} if is_end else {})
 
 
-def predicted(found: Findings, *left: float | Array) -> Decision:
+def predicted(found: Findings, *left: float | Array) -> DecidedVerdict:
     """Decision where accepted and base predict runs left out alike, and held-out ones
     with residuals `left` instead of 1.
     """

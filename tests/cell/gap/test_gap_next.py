@@ -7,7 +7,7 @@ import pytest
 
 from cell.gap.subject.subject import Origin
 from cell.gap.verdict.decision import GAP, OFFERED, next_steps
-from cell.gap.verdict.findings import Decision
+from cell.gap.verdict.findings import DecidedVerdict
 from cell.gap.verdict.schema import NamedEffect, Step, Unexplained, VerdictEvidence
 
 EFFECT = NamedEffect(name="wave", of="strip", parameters={}, confidence=0.4)
@@ -24,7 +24,7 @@ def steps(
     verdict = SimpleNamespace(**(empty | found))
     evidence = VerdictEvidence(left=1.0, correlation=0.0)
     accepted = {e.name: 0.4 for e in [*verdict.effects, *verdict.suspected]}
-    decision = Decision(kind, (), accepted, evidence, "", ends or {}, unseen)
+    decision = DecidedVerdict(kind, (), accepted, evidence, "", ends or {}, unseen)
     return next_steps(decision, verdict, OUT, Origin(option))
 
 

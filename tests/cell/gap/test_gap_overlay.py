@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from rerun.chunk import RrdReader
 
-from cell.gap.report.figures import Replay, worst_moment, worst_picture
+from cell.gap.report.figures import RunScenes, worst_moment, worst_picture
 from cell.gap.report.overlay import write_recording
 from cell.gap.report.page import page
 from cell.gap.report.sentence import number_text
@@ -101,20 +101,22 @@ WORDS = ("measured", "before", "after")
 
 
 @pytest.fixture(scope="module")
-def replays(strip: StripSubject) -> list[Replay]:
+def replays(strip: StripSubject) -> list[RunScenes]:
     """Before: a strip that is too soft; after: the right one."""
     before = simulated(strip, bending_length=SOFT * strip.file.bending_length)
     drawn = zip(
         map(strip.draw_measured, strip.runs), before, simulated(strip), strict=True
     )
     return [
-        Replay(run.name, True, dict(zip(WORDS, scenes, strict=True)))
+        RunScenes(run.name, True, dict(zip(WORDS, scenes, strict=True)))
         for run, scenes in zip(strip.runs, drawn, strict=True)
     ]
 
 
 @pytest.fixture(scope="module")
-def recording(replays: list[Replay], tmp_path_factory: pytest.TempPathFactory) -> Path:
+def recording(
+    replays: list[RunScenes], tmp_path_factory: pytest.TempPathFactory
+) -> Path:
     path = tmp_path_factory.mktemp("recording") / "overlay.rrd"
     write_recording("denim", replays, path, "named")
     return path

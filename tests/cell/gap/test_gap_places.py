@@ -5,9 +5,9 @@ noise.
 import numpy as np
 
 from cell.gap.diagnosis.lack_of_fit import Repeats, ResidualTest, stronger_of_two
-from cell.gap.fitting.gauss_newton import Estimate
+from cell.gap.fitting.gauss_newton import FitEstimate
 from cell.gap.fitting.model import Evidence, Model, Point
-from cell.gap.subject.subject import Run, Samples, Series
+from cell.gap.subject.subject import FitRun, Samples, Series
 from drivers.base.types import Array
 
 PLACES, EACH, DRAWS = 20, 30, 400
@@ -45,13 +45,13 @@ def test_the_best_of_many_models_of_noise_is_told_nowhere() -> None:
     assert false <= 7
 
 
-def _fitted(r: Array, direction: Array) -> Estimate:
+def _fitted(r: Array, direction: Array) -> FitEstimate:
     return _estimate(r - direction * (direction @ r) / (direction @ direction))
 
 
-def _estimate(r: Array) -> Estimate:
+def _estimate(r: Array) -> FitEstimate:
     zones = np.repeat([f"zone {k}" for k in range(PLACES)], EACH)
     series = Series("profile", "profile", "lift", zones, FLAT, 1.0, 1.0, 0.0)
-    known = Evidence([Run("one", "slow", Samples.stack([series]))], [FLAT])
+    known = Evidence([FitRun("one", "slow", Samples.stack([series]))], [FLAT])
     nowhere = Point(np.zeros(0), (np.zeros(0),))
-    return Estimate(Model(()), known, nowhere, (r,), (), (np.zeros((SIZE, 0)),), 1.0)
+    return FitEstimate(Model(()), known, nowhere, (r,), (), (np.zeros((SIZE, 0)),), 1.0)

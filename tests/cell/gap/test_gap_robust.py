@@ -10,7 +10,7 @@ from scipy import stats
 from cell.gap.diagnosis.lack_of_fit import Repeats
 from cell.gap.fitting.base_fit import refit_fine
 from cell.gap.fitting.crossvalidation import folds
-from cell.gap.subject.subject import Request, Run
+from cell.gap.subject.subject import FitRun, SimulationRequest
 from cell.gap.verdict.decision import decide, describe_left
 from drivers.base.types import Array
 from tests.support.curves import (
@@ -72,10 +72,10 @@ class Grained(Curves):
     `GRAIN`.
     """
 
-    def grain(self, _: Request) -> float:
+    def grain(self, _: SimulationRequest) -> float:
         return GRAIN
 
-    def refine(self, requests: Sequence[Request]) -> Sequence[Run]:
+    def refine(self, requests: Sequence[SimulationRequest]) -> Sequence[FitRun]:
         return [
             replace(
                 q.run, samples=replace(q.run.samples, floor=np.full(60, self.grain(q)))
@@ -99,7 +99,7 @@ def test_what_the_grain_of_a_model_leaves_is_no_gap_and_it_is_fitted_by_its_own(
 class GrainedBeside(Grained):
     """Curves whose simulation is coarse beside an effect alone."""
 
-    def grain(self, q: Request) -> float:
+    def grain(self, q: SimulationRequest) -> float:
         return GRAIN if q.effects else 0.0
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cell.gap.fitting.reml import SMALLEST, covariance, degrees_of_freedom, reml_spreads
-from cell.gap.subject.subject import Request, Residuals
+from cell.gap.subject.subject import Residuals, SimulationRequest
 from cell.gap.verdict.compose import intervals
 from drivers.strip.effects.effect import Parameter
 from tests.support.curves import Curves, Law, T, bump, fitted, hidden, judged, nothing
@@ -38,7 +38,7 @@ class Scattering(Curves):
         )
         self.runs[:] = [replace(run, local=(*run.local, own)) for run in self.runs]
 
-    def simulate(self, requests: Sequence[Request]) -> list[Residuals]:
+    def simulate(self, requests: Sequence[SimulationRequest]) -> list[Residuals]:
         found = super().simulate(requests)
         for q, residuals in zip(requests, found, strict=True):
             own = [v for p, v in zip(q.run.local, q.local, strict=True) if p.random]

@@ -7,7 +7,7 @@ from scipy.optimize import lsq_linear
 from cell.gap.fitting import robust
 from cell.gap.fitting.normal_equations import NormalEquations
 from cell.gap.selection.likelihood import holm
-from cell.gap.subject.subject import Run, Samples, Series
+from cell.gap.subject.subject import FitRun, Samples, Series
 
 
 def test_bounded_step_is_the_minimum_within_the_bounds() -> None:
@@ -31,7 +31,7 @@ def test_holm_probabilities_are_the_textbook_ones() -> None:
 
 def test_inefficiency_of_correlated_noise_is_that_of_its_process() -> None:
     rng = np.random.default_rng(0)
-    long = [Run(f"r{k}", "one", _samples(4000)) for k in range(8)]
+    long = [FitRun(f"r{k}", "one", _samples(4000)) for k in range(8)]
     walks = []
     for _ in long:
         x = np.zeros(4000)

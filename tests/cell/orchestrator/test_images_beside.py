@@ -10,7 +10,7 @@ import cell.orchestrator.run as orchestrator
 from cell.orchestrator.run import time_limit
 from cell.orchestrator.safe_stop import run_suppressed
 from cell.orchestrator.snapshot import Drive, Snapshot
-from cell.orchestrator.states import Event, State
+from cell.orchestrator.states import State, Trigger
 from cell.perception.image_reader import ImageResult, ImageTask
 from drivers.base.errors import Fault
 from drivers.base.types import Pose, Velocity
@@ -50,7 +50,7 @@ def driving(ticks: int):
     def phase(*_):
         for _ in range(ticks):
             yield Drive(AWAY)
-        return Event.PATH_DONE
+        return Trigger.PATH_DONE
 
     return phase
 

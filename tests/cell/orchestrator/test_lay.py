@@ -19,7 +19,7 @@ from cell.orchestrator import phases as fold_phases
 from cell.orchestrator.context import FoldInputs, FoldLog
 from cell.orchestrator.phases import ALIGNED, BRAKING, FOLD_PHASES, follow_lay
 from cell.orchestrator.snapshot import Drive, Hold, MoveTo, OpenHand
-from cell.orchestrator.states import Event
+from cell.orchestrator.states import Trigger
 from cell.perception.strip_measurement import SeenTouch
 from drivers.base.types import Pose, Velocity
 from drivers.franka.shapes import ROOM, TIP_AHEAD
@@ -91,7 +91,7 @@ def lay_of(monkeypatch: pytest.MonkeyPatch, seen: list[float]) -> list[object]:
     def touch(_given: FoldInputs, log: FoldLog, *_):
         yield Hold()
         log.seen_touch = replace(touched(0.0), distance=0.003)
-        return Event.LAYER_TOUCH
+        return Trigger.LAYER_TOUCH
 
     def look(*_):
         yield Hold()

@@ -17,7 +17,7 @@ from cell.orchestrator.snapshot import (
     OpenHand,
     Snapshot,
 )
-from cell.orchestrator.states import Event, State
+from cell.orchestrator.states import State, Trigger
 from cell.orchestrator.steps import close_hand, move, open_hand
 from drivers.base.errors import Fault
 from drivers.base.types import ArmState, Frame, Pose, Velocity
@@ -152,7 +152,7 @@ def test_a_path_that_ends_in_motion_ends_at_rest(bench) -> None:
     def short(*_):
         for _ in range(50):
             yield Drive(AWAY)
-        return Event.PATH_DONE
+        return Trigger.PATH_DONE
 
     bench.phases = phases(FOLD=short)
     outcome = bench.run()
@@ -176,7 +176,7 @@ def test_an_observer_that_fails_holds_nothing_up(bench) -> None:
     good = SimpleNamespace(handle_tick=seen.append, handle_event=lambda *news: None)
     bad = SimpleNamespace(handle_tick=broken, handle_event=broken)
     bench.observers = (bad, good)
-    bench.phases = phases(FOLD=ending(Event.PATH_DONE))
+    bench.phases = phases(FOLD=ending(Trigger.PATH_DONE))
     assert bench.run().name == "path_done"
     assert len(seen) >= 4
 
@@ -221,12 +221,12 @@ def test_every_command_is_checked_before_it_is_sent(bench, monkeypatch) -> None:
         yield from open_hand()
         yield from move(Pose(0.55, 0.1, math.pi / 2))
         yield from close_hand()
-        return Event.GRASPED
+        return Trigger.GRASPED
 
     def short(*_):
         for _ in range(5):
             yield Drive(AWAY)
-        return Event.PATH_DONE
+        return Trigger.PATH_DONE
 
     monkeypatch.setattr(orchestrator, "check_all", checking)
     bench.phases = phases(GRASP=grasping, FOLD=short)

@@ -10,7 +10,7 @@ import pytest
 from cell.base.config.settings import MonitorLimits
 from cell.orchestrator.monitors import USUAL_AGE, slow_for_images
 from cell.orchestrator.snapshot import CloseHand, Drive, Hold, MoveTo
-from cell.orchestrator.states import Event, State
+from cell.orchestrator.states import State, Trigger
 from cell.orchestrator.steps import move
 from drivers.base.types import ZERO_VELOCITY, Frame, Pose, Velocity
 from tests.support.plain_cell import FRAME, Bench, phases, plain_bench, showing
@@ -62,12 +62,12 @@ def test_where_no_image_is_needed_their_age_does_not_count() -> None:
 def drives(*_):
     for _ in range(200):
         yield Drive(FAST)
-    return Event.PATH_DONE
+    return Trigger.PATH_DONE
 
 
 def moves(*_):
     yield from move(PLACE)
-    return Event.LIFTED
+    return Trigger.LIFTED
 
 
 @pytest.fixture

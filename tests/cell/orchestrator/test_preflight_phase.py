@@ -8,7 +8,7 @@ import pytest
 
 from cell.orchestrator import phases
 from cell.orchestrator.context import FoldInputs, FoldLog
-from cell.orchestrator.states import Event
+from cell.orchestrator.states import Trigger
 from cell.orchestrator.steps import StillPicture
 from cell.perception.preflight import CAMERA_WATCHED, UNWATCHED, PreflightCheck
 from drivers.base.types import Frame
@@ -48,7 +48,7 @@ def test_a_camera_that_nothing_watches_is_an_event_a_warning_and_in_the_list(
     record = Notes()
     with pytest.raises(StopIteration) as end:
         next(phases.preflight(inputs, log, record, GOOD))
-    assert end.value.value is Event.CHECKED
+    assert end.value.value is Trigger.CHECKED
     kinds = [kind for kind, _ in record.events]
     assert record.events[0][1]["checks"][0]["name"] == name
     assert ("camera_unwatched" in kinds) == (name == UNWATCHED)

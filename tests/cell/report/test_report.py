@@ -24,7 +24,7 @@ from cell.report.page import advice, report, write_report
 from cell.report.page_verdict import verdict_of
 from cell.report.runs_page import write_comparison, write_runs_page
 from drivers.base.types import Frame
-from policies.policy import Estimate, FoldPrediction
+from policies.policy import FoldPrediction, ParameterEstimate
 from tests.cell.conftest import HEADER
 from tests.support.commands import invoke
 from tests.support.plain_cell import ARM
@@ -35,9 +35,9 @@ PREDICTED = asdict(
     FoldPrediction(
         displacement=0.0004,
         sigma=0.0009,
-        bending_length=Estimate(0.0167, 0.0165, 0.0169),
-        retardation_time=Estimate(0.027, 0.022, 0.034),
-        yield_curvature=Estimate(1.4, 0.4, 2.6),
+        bending_length=ParameterEstimate(0.0167, 0.0165, 0.0169),
+        retardation_time=ParameterEstimate(0.027, 0.022, 0.034),
+        yield_curvature=ParameterEstimate(1.4, 0.4, 2.6),
         blind=False,
     )
 )

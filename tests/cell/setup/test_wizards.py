@@ -23,7 +23,7 @@ from cell.base.config.places import CHECKOUT_CONFIGS, Configs
 from cell.base.devices.devices import Devices, Trial
 from cell.base.devices.open import NO_STRIP, open_cell
 from cell.folding.fold import fold
-from cell.folding.request import Recording
+from cell.folding.request import RecordingOptions
 from cell.orchestrator.calibration_phase import POINTER_IN, POINTER_OUT, STEPS_QUESTION
 from cell.orchestrator.operator import Answer, Interrupted, Question, Unattended
 from cell.setup.calibration_in_use import use_calibration
@@ -191,7 +191,7 @@ def test_fold_with_a_camera_that_moved_since_is_refused_before_the_strip_is_touc
     verdict = touched[0]
     shift = {"homography_shift": {"x": 0.005, "z": 0.0}}
     plant = DENIM.model_copy(update={"effects": shift})
-    trial, record = Trial(plant=plant), Recording("none", truth=False)
+    trial, record = Trial(plant=plant), RecordingOptions("none", truth=False)
     request = request_for(
         "denim",
         "triangular",

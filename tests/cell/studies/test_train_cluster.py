@@ -17,7 +17,7 @@ from cell.base.campaign.cluster import Cluster, event_loop
 from cell.base.campaign.processes import workers
 from drivers.base.types import Array, Calls
 from policies.train.objective import TrainingSettings
-from policies.train.search import Search
+from policies.train.search import FeedbackTraining
 from tests.support.refusals import refusal
 
 pytestmark = pytest.mark.slow
@@ -44,7 +44,7 @@ def library() -> Any:
 
 
 def trained(folder: Path, calls: Calls, between: object = None) -> Array:
-    run = Search(TINY, folder)
+    run = FeedbackTraining(TINY, folder)
     for done, _ in enumerate(run.run(calls), 1):
         if between is not None and done == 1:
             between()

@@ -10,7 +10,7 @@ pytest.importorskip("pylibfranka", reason="the robot's library is not installed"
 
 from drivers.base.errors import Fault
 from drivers.base.motion import TICK
-from drivers.franka.collision import Box, Solids
+from drivers.franka.collision import BoxObstacle, Solids
 from drivers.franka.failure import ArmFault, Cause
 from drivers.franka.force import DriftMonitor, ForceGuard, OwnTorques, Tare
 from drivers.franka.joint_requests import GoTo, go_to, retreat
@@ -253,7 +253,7 @@ def _retreat(robot: Pressed, solids: Solids = SOLIDS) -> None:
 
 def _wall(y: float) -> Solids:
     """A wall across the arm's side, 1 m thick from `y` [m] on."""
-    box = Box("wall", (-3.0, y, -3.0), (3.0, y + 1.0, 3.0))
+    box = BoxObstacle("wall", (-3.0, y, -3.0), (3.0, y + 1.0, 3.0))
     return Solids(np.eye(4), (box,))
 
 

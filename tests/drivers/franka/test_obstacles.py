@@ -21,7 +21,7 @@ from drivers.franka.obstacles import (
     require_clear,
     solids_of,
 )
-from drivers.franka.shapes import TIP_AHEAD, Box, desk_end
+from drivers.franka.shapes import TIP_AHEAD, BoxObstacle, desk_end
 from tests.drivers.franka.rig import INSTALLATION
 
 SOLIDS = solids_of(INSTALLATION)
@@ -48,7 +48,7 @@ def wall() -> Solids:
     needed.
     """
     middle = forward((HOME + START) / 2)[:3, 3]
-    post = Box("post", tuple(middle - (0.04, 0.04, 0.34)), tuple(middle + 0.04))
+    post = BoxObstacle("post", tuple(middle - (0.04, 0.04, 0.34)), tuple(middle + 0.04))
     return Solids(np.eye(4), (post,))
 
 
@@ -61,7 +61,7 @@ def test_blocked_way_is_gone_around() -> None:
 
 
 def test_way_without_a_detour_is_refused_and_names_the_obstacle() -> None:
-    fence = Solids(np.eye(4), (Box("fence", (-2, 0.1, -1), (2, 0.14, 2)),))
+    fence = Solids(np.eye(4), (BoxObstacle("fence", (-2, 0.1, -1), (2, 0.14, 2)),))
     crossed = START + np.array([2 * -START[0], 0, 0, 0, 0, 0, 0])
     with pytest.raises(ArmFault, match="from the fence") as refused:
         clear_path(crossed, START, fence)

@@ -21,7 +21,7 @@ from drivers.franka.limits import FR3
 from drivers.franka.model import arm_urdf
 from drivers.twin.clock import TwinClock
 from drivers.twin.fci_server.server import RobotServer
-from drivers.twin.fci_server.wire import Mode, Reflex
+from drivers.twin.fci_server.wire import Reflex, RobotMode
 from tests.drivers.franka.rig import near, served, task
 from tests.support.fci_clients import told_by
 
@@ -133,7 +133,7 @@ def test_errors_of_a_robot_that_seems_idle_are_read() -> None:
 
 def test_robot_in_guiding_mode_is_not_moved() -> None:
     with served() as server:
-        server.robot.mode = Mode.GUIDING
+        server.robot.mode = RobotMode.GUIDING
         assert (
             "not at rest and free, but in Guiding"
             in refused(server, acts(server)[1]).reason

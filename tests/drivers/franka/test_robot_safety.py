@@ -38,7 +38,7 @@ from drivers.franka.settings import FciSettings
 from drivers.twin.clock import TwinClock
 from drivers.twin.fci_server.faults import ContactFault
 from drivers.twin.fci_server.server import RobotServer
-from drivers.twin.fci_server.wire import Mode
+from drivers.twin.fci_server.wire import RobotMode
 from tests.drivers.franka.rig import (
     COLLISION,
     INSTALLATION,
@@ -89,7 +89,7 @@ def test_guard_stops_the_way_home() -> None:
         assert server.robot.posture.q[0] < near(0.2)[0]
         assert server.robot.posture.at_rest
         # commanded to stand, not dropped in motion
-        assert server.robot.mode is Mode.IDLE
+        assert server.robot.mode is RobotMode.IDLE
 
 
 @pytest.mark.parametrize(("rate", "tares"), [(0.002, 3), (0.05, 1)])
@@ -271,7 +271,7 @@ def test_signal_to_all_processes_brakes_the_arm_and_does_not_drop_it(
             assert fault.value.name == Cause.ENDED
         assert abs(arm._reports.read().vx) < 1e-2
         assert server.robot.posture.at_rest
-        assert server.robot.mode is Mode.IDLE
+        assert server.robot.mode is RobotMode.IDLE
 
 
 def test_way_home_that_was_asked_to_end_says_that_it_did_not_arrive() -> None:

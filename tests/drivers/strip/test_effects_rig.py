@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 from drivers.strip.engine import Touch
-from drivers.strip.model import Observation, Rig
+from drivers.strip.model import ObservationModel, Rig
 from drivers.strip.observation import (
     image_stamp,
     imaged_time,
@@ -47,7 +47,7 @@ def test_commands_to_the_arm_compensate_its_errors(
 def test_perception_compensates_the_camera_errors(
     scale: float, x: float, z: float, bias: float, latency: float, height: float
 ) -> None:
-    observation = Observation(0.001, latency, scale, x, z, bias)
+    observation = ObservationModel(0.001, latency, scale, x, z, bias)
     model = replace(bare(), observation=observation, rig=Rig(desk_height=height))
     points = np.array([[0.1, 0.0], [0.55, 0.2]])
     np.testing.assert_allclose(

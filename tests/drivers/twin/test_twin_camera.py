@@ -13,7 +13,7 @@ from drivers.twin.camera import PacedCamera, TwinCamera
 from drivers.twin.renderer.looks import StripLook
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.settings import CameraSettings
-from drivers.twin.world import Scene
+from drivers.twin.world import WorldState
 from tests.support.rendered_cell import scene
 
 SETTINGS = CameraSettings(width=320, height=240)
@@ -42,7 +42,7 @@ class RecordedWorld:
     def __init__(self) -> None:
         self.asked: list[float] = []
 
-    def scene(self, stamp: float) -> Scene:
+    def scene(self, stamp: float) -> WorldState:
         self.asked.append(stamp)
         return scene("lifted", stamp, shift=(0.0, 0.1 * stamp))
 

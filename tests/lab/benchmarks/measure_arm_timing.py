@@ -30,7 +30,7 @@ import yaml
 from cell.base.config.places import find_configs
 from cell.base.devices.fci import start_joints
 from cell.folding.fold import fold
-from cell.folding.request import Recording
+from cell.folding.request import RecordingOptions
 from cell.record.run import read_run
 from cell.setup.calibration_in_use import calibration_of
 from drivers.base.errors import Fault
@@ -137,7 +137,7 @@ def measure(
         configs = configured(Path(place) / "configs", address, realtime)
         robot = find_configs(configs).cell().with_drivers("fci")
         fci = robot.fci
-        record = Recording("none", truth=False)
+        record = RecordingOptions("none", truth=False)
         request = request_for(
             strip, "feedback", Path(place), configs, cell=robot, record=record
         )

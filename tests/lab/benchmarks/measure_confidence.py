@@ -17,7 +17,7 @@ from typing import Annotated
 
 import typer
 
-from cell.gap.verdict.confidence import Calibration, calibration
+from cell.gap.verdict.confidence import LogOddsCalibration, calibration
 from drivers.base.files import replace_file
 from drivers.base.readers import MEGABYTE, read_json_lines
 from drivers.base.yaml_text import dump_yaml
@@ -57,7 +57,7 @@ def main(
     }
     content = dict(calibrate(claims, kind))
     if fresh:
-        fitted = Calibration.model_validate(content)
+        fitted = LogOddsCalibration.model_validate(content)
         others, outside = names(verdicts_in(fresh))
         stated = [(fitted.probability(n.signs), n.right) for n in others]
         tables["Of fresh cases"] = stated, shares(others, outside)

@@ -28,7 +28,7 @@ from drivers.strip.model import StripModel
 from drivers.strip.rod.engine import GripperPath
 from drivers.twin.camera import ScenesOverTime
 from drivers.twin.chain.engine import Chain
-from drivers.twin.world import Scene
+from drivers.twin.world import WorldState
 from policies.experiments.motion import STEP, generator, hand_path, wavering
 from policies.experiments.standard import STANDARD
 from policies.path import lift_pitch
@@ -188,7 +188,7 @@ class LaggedView:
         self._view, self._causes = view, tuple(causes)
         self._grasped: float | None = None
 
-    def __call__(self, stamp: float) -> Scene:
+    def __call__(self, stamp: float) -> WorldState:
         """Scene that an image stamped `stamp` [s] shows: the world at the image's true
         time.
         """

@@ -19,7 +19,7 @@ from cell.base.devices.open import check_drivers
 from cell.base.devices.rig_correction import corrected_devices
 from cell.base.devices.twin import twin_devices
 from cell.folding.fold import fold
-from cell.folding.request import Recording, Request, standard_requests
+from cell.folding.request import RecordingOptions, Request, standard_requests
 from cell.folding.result import FoldResult
 from cell.orchestrator.outcome import INTERRUPTED
 from cell.orchestrator.snapshot import Snapshot
@@ -97,7 +97,7 @@ def refusal(case: Case) -> str | None:
 
 
 def _requests(case: Case) -> list[tuple[str, Request]]:
-    configs, record = find_configs(None), Recording("none", truth=False)
+    configs, record = find_configs(None), RecordingOptions("none", truth=False)
     known = configs.cell(), configs.strip(case.strip), "", Path(), Trial(seed=case.seed)
     base = Request(*known, record=record)
     requests = standard_requests(base)

@@ -17,7 +17,7 @@ from cell.base.config.places import find_configs
 from cell.base.devices.devices import Trial
 from cell.base.devices.open import open_cell
 from cell.folding.fold import fold
-from cell.folding.request import Recording, Request
+from cell.folding.request import RecordingOptions, Request
 from cell.folding.result import FoldResult
 from cell.orchestrator.operator import Interrupt
 from cell.orchestrator.snapshot import Snapshot
@@ -233,7 +233,7 @@ def _request(blow: Blow, runs: Path) -> Request:
     content["monitors"] = {"turn": 15.0, "state_duration": 20.0}
     strip = usual.strip("denim").model_copy(update={"length": 0.36, "spread": {}})
     cell = parse(content, CellFile, "cell").with_drivers(FAULTS[blow.fault].arm)
-    trial, record = Trial(seed=blow.seed), Recording("none")
+    trial, record = Trial(seed=blow.seed), RecordingOptions("none")
     return Request(cell, strip, "triangular", runs, trial, record=record)
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cell.gap.verdict.confidence import Calibration, calibration
+from cell.gap.verdict.confidence import LogOddsCalibration, calibration
 from cell.gap.verdict.schema import VerdictEvidence
 from tests.lab.benchmarks.measure_confidence import verdicts_in
 from tests.lab.exam.score import claim_on
@@ -78,7 +78,7 @@ def test_claims_count_where_they_accept_something_and_have_signs() -> None:
     assert outside == 0.4
     content = calibrate(claims)
     assert "3 verdicts that accept, 1 of them wrong" in content["source"]
-    assert Calibration.model_validate(
+    assert LogOddsCalibration.model_validate(
         {**content, "belongs_to": "confidence.yaml"}
     ).weights
 
@@ -106,7 +106,7 @@ def test_the_package_holds_the_calibration_of_its_source(kind: str) -> None:
     shipped = calibration(kind)
     ledgers = re.findall(r"[a-z]+-[a-z0-9]+\.jsonl", shipped.source)
     claims = verdicts_in([LEDGERS / name for name in ledgers])
-    found = Calibration.model_validate(calibrate(claims, kind))
+    found = LogOddsCalibration.model_validate(calibrate(claims, kind))
     assert shipped.source.startswith(found.source)
     assert found.intercept == pytest.approx(shipped.intercept, abs=1e-3)
     for sign, w in shipped.weights.items():

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from cell.base.campaign.journal import Journal, Record
 from cell.gap.selection.screening import DETECTED_SIGMA
-from cell.gap.verdict.confidence import Calibration
+from cell.gap.verdict.confidence import LogOddsCalibration
 from drivers.base.errors import ConfigurationError
 from drivers.base.settings import load
 from tests.lab.__main__ import app
@@ -92,7 +92,7 @@ def test_a_whole_study_writes_its_data_file_with_its_source(tmp_path: Path) -> N
     claim = {"signs": signs, "right": True, "outside": False, "hides": True}
     filled(asked, [{"claim": {**claim, "case": str(i)}} for i in range(4)])
     write_table(read_study(asked))
-    found = load(tmp_path / "confidence.yaml", Calibration)
+    found = load(tmp_path / "confidence.yaml", LogOddsCalibration)
     assert found.source.startswith("4 verdicts that accept, 0 of them wrong")
     assert "4 cases; 95 % intervals over cases" in found.source
     assert found.belongs_to == "cell/gap/verdict/confidence.yaml"

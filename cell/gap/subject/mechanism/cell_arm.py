@@ -14,7 +14,7 @@ from cell.gap.subject.mechanism.effects import library, ordered_values
 from cell.gap.subject.mechanism.inverse_dynamics import InverseDynamics
 from cell.gap.subject.mechanism.model import poses, tip
 from cell.gap.subject.mechanism.motion import true_motion
-from cell.gap.subject.subject import NamedValues, Run
+from cell.gap.subject.subject import FitRun, NamedValues
 from drivers.base.geometry import interpolate_columns
 from drivers.base.types import Array
 
@@ -85,7 +85,7 @@ class CellArm(InverseDynamics):
         return sentences
 
     def _moved_by(
-        self, name: str, values: Array, run: Run, base: Mapping[str, float]
+        self, name: str, values: Array, run: FitRun, base: Mapping[str, float]
     ) -> Array:
         """Distances (k,) [m] by which the effect `name` alone moves the gripper along a
         run.

@@ -40,7 +40,7 @@ class Readings:
 
 
 @dataclass(frozen=True, slots=True)
-class Effect:
+class MechanismEffect:
     """Effect in the library of mechanisms: its parameters, and functions by which it
     acts.
 
@@ -256,7 +256,7 @@ def add_to(field: str) -> Callable[[Mechanism, Array, Any], None]:
     return edit
 
 
-Known = Sequence[tuple[Effect, Array]]
+Known = Sequence[tuple[MechanismEffect, Array]]
 """Effects with their values (k,)."""
 
 

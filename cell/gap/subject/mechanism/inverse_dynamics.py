@@ -21,7 +21,7 @@ from cell.gap.subject.mechanism.effects import torques
 from cell.gap.subject.mechanism.effects.friction import DRY_FRICTION, dry_law, dry_limit
 from cell.gap.subject.mechanism.model import Mechanism, poses
 from cell.gap.subject.mechanism.motion import (
-    Motion,
+    FilteredMotion,
     cutoff_of,
     link_motion,
     motion_of,
@@ -29,7 +29,7 @@ from cell.gap.subject.mechanism.motion import (
 )
 from cell.gap.subject.mechanism.recordings import Cut, Recording, Signal, average
 from cell.gap.subject.mechanism.subject import Case, Content, MechanismSubject
-from cell.gap.subject.subject import Finding, Run
+from cell.gap.subject.subject import Finding, FitRun
 from drivers.base.errors import ConfigurationError
 from drivers.base.geometry import interpolate_columns
 from drivers.base.jit import entry
@@ -133,7 +133,7 @@ class InverseDynamics(MechanismSubject):
                     f"other motors on joint {self.mechanism.joints[sensor.joint].name}"
                 )
 
-    def _run(self, recording: Recording) -> Run:
+    def _run(self, recording: Recording) -> FitRun:
         """Run for the engine, with the noise that the measured motion adds to
         torques.
         """
@@ -202,7 +202,7 @@ class InverseDynamics(MechanismSubject):
             self._known.pop(next(iter(self._known)))
         return found
 
-    def _encoder_error(self, motion: Motion, t: Array) -> Array:
+    def _encoder_error(self, motion: FilteredMotion, t: Array) -> Array:
         """Standard deviation (torques, k) of predictions at times t (k,) [s] by encoder
         noise.
         """
@@ -228,7 +228,7 @@ class InverseDynamics(MechanismSubject):
         by_run = {run.name: self._compared_torques(run) for run in self.runs}
         yield from judge_torques(self.mechanism, by_run)
 
-    def _compared_torques(self, run: Run) -> list[JointTorques]:
+    def _compared_torques(self, run: FitRun) -> list[JointTorques]:
         """Torques of each signal along the motion of `run`, as measured and as
         stated.
         """
@@ -254,7 +254,7 @@ class InverseDynamics(MechanismSubject):
 
     def _signals(self, case: Case) -> Array:
         """Signals (signals, k) of one case at its readings."""
-        motion: Motion = case.content.motion
+        motion: FilteredMotion = case.content.motion
         return motion.below_cutoff(self._along(case), case.content.cut.t)
 
     def _along(self, case: Case) -> Array:
@@ -262,7 +262,7 @@ class InverseDynamics(MechanismSubject):
         compared.
         """
         model = case.edited(self._model)
-        motion: Motion = case.content.motion
+        motion: FilteredMotion = case.content.motion
         q, v, a = true_motion(motion, case.readings)
         inverse = self._known.get(case.motion)
         if inverse is None:
@@ -281,7 +281,7 @@ class InverseDynamics(MechanismSubject):
             inverse = _inverse_dynamics(model, q, v, a)
         return self._torques(model, case, q, v, inverse)
 
-    def _loads(self, motion: Motion, model: Any, inverse: Array) -> Array:
+    def _loads(self, motion: FilteredMotion, model: Any, inverse: Array) -> Array:
         """Torques (m, joints) that gears bear: measured ones, `inverse` dynamics for
         others.
 
@@ -299,7 +299,7 @@ class InverseDynamics(MechanismSubject):
         """Torque readings (torques, m): `inverse` dynamics (m, joints) less torques of
         effects.
         """
-        motion: Motion = case.content.motion
+        motion: FilteredMotion = case.content.motion
         t, forces, delay = motion.t, motion.forces, case.readings.delay
         if forces is not None and delay:  # readings are stamped late
             late = interpolate_columns(t + delay, t, forces.reshape(len(t), -1))
@@ -359,8 +359,8 @@ class InverseDynamics(MechanismSubject):
     ) -> Array:
         """Motor torque (m,) [N m] at the joint of `sensor` for `required` (m, joints).
 
-        `forces` are those of `Motion`, of actuators along closed loops; None without
-        loops.
+        `forces` are those of `FilteredMotion`, of actuators along closed loops; None
+        without loops.
         """
         if forces is None:
             return required[:, sensor.joint]
@@ -379,7 +379,7 @@ class InverseDynamics(MechanismSubject):
         ]
         return np.array(rows)
 
-    def _tracking(self, motion: Motion, case: Case, deflection: Array) -> Array:
+    def _tracking(self, motion: FilteredMotion, case: Case, deflection: Array) -> Array:
         """Measured minus commanded positions (trackings, m), by delay and `deflection`
         of gears.
         """

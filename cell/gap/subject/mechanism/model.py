@@ -17,7 +17,7 @@ from cell.gap.subject.mechanism.mechanism_file import (
     MechanismFile,
     UncertainSpec,
 )
-from cell.gap.subject.mechanism.model_source import Source
+from cell.gap.subject.mechanism.model_source import ModelSource
 from cell.gap.subject.mechanism.recordings import Recording, Signal
 from cell.gap.subject.subject import NO_FILE, Origin, ScatterSource
 from drivers.base.errors import ConfigurationError
@@ -36,7 +36,7 @@ SMOOTHED = 0.02  # of a joint's typical rate: the same along measured motion
 
 
 @dataclass(frozen=True, slots=True)
-class Mode:
+class PredictionMode:
     """Mode of prediction, such as forward or inverse: what it predicts, and possible
     effects.
 
@@ -75,14 +75,14 @@ class Mode:
     group: str = ""
 
 
-FORWARD = Mode(
+FORWARD = PredictionMode(
     name="forward",
     smoothing=lambda rates: 0.0 * rates + SMOOTH,
     encoders=lambda m: [s.name for s in m.compared("position")],
     splits=lambda model: bool(model.nu) and model.body_jntnum.max() == 1,
     fields=True,
 )
-PRESCRIBED = Mode(
+PRESCRIBED = PredictionMode(
     name="prescribed",
     smoothing=lambda rates: SMOOTHED * rates,
     # biases of encoders would have to move whole loops
@@ -101,7 +101,9 @@ PLANAR = replace(
     of="strip",  # as verdicts on pendulums state it
     group="angle",
 )
-MODES: Mapping[str, Mode] = {mode.name: mode for mode in (FORWARD, PRESCRIBED, PLANAR)}
+MODES: Mapping[str, PredictionMode] = {
+    mode.name: mode for mode in (FORWARD, PRESCRIBED, PLANAR)
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,7 +149,7 @@ class Mechanism:
 
     file: MechanismFile
     path: Path
-    source: Source
+    source: ModelSource
     model: Any
     signals: tuple[Signal, ...]
     joints: tuple[Joint, ...] = ()
@@ -157,7 +159,7 @@ class Mechanism:
     origin: Origin = NO_FILE
 
     @property
-    def mode(self) -> Mode:
+    def mode(self) -> PredictionMode:
         """Mode of comparison."""
         return MODES[self.file.mode]
 

@@ -32,7 +32,7 @@ _MEMORY_LOCK = Lock()  # of the limit, which is the whole process's
 
 
 @dataclass(frozen=True, slots=True)
-class Source:
+class ModelSource:
     """Text of a MuJoCo model; of the joints `motors`, those that nothing drives get a
     motor each.
 
@@ -63,7 +63,7 @@ class Source:
         return spec
 
 
-def read_source(path: Path, folder: Path) -> Source:
+def read_source(path: Path, folder: Path) -> ModelSource:
     """Read the MJCF or URDF model at `path` with its included files, without foreign
     code.
 
@@ -94,7 +94,7 @@ def read_source(path: Path, folder: Path) -> Source:
                 f"{path}: <{element.tag} file>: is not read; write it into the model"
             )
     _check_copies(root, path)
-    return Source(text, path.parent, folder, digests=digests)
+    return ModelSource(text, path.parent, folder, digests=digests)
 
 
 def _root(text: str, path: Path) -> ET.Element:
@@ -198,7 +198,7 @@ def _inside(origin: Path, place: Path, folder: Path) -> Path:
     return whole
 
 
-def with_assets(source: Source, origin: str) -> Source:
+def with_assets(source: ModelSource, origin: str) -> ModelSource:
     """Copy of `source` whose digests are also of the meshes and textures that it names.
 
     Raises ConfigurationError as `compile_model`.
@@ -211,7 +211,7 @@ def with_assets(source: Source, origin: str) -> Source:
     return replace(source, digests={**source.digests, **found})
 
 
-def _check_spec(spec: Any, source: Source, origin: str) -> None:
+def _check_spec(spec: Any, source: ModelSource, origin: str) -> None:
     """Refuse files that a parsed model names outside its folder, and models that are
     too large.
     """
@@ -233,7 +233,7 @@ def _check_spec(spec: Any, source: Source, origin: str) -> None:
             )
 
 
-def _assets(spec: Any, source: Source, origin: str) -> Iterator[Path]:
+def _assets(spec: Any, source: ModelSource, origin: str) -> Iterator[Path]:
     """Files of meshes and textures of a parsed model; ConfigurationError outside its
     folder.
     """
@@ -263,7 +263,7 @@ def _limited_memory() -> Iterator[None]:
 
 
 @contextmanager
-def _loading(source: Source, origin: str) -> Iterator[None]:
+def _loading(source: ModelSource, origin: str) -> Iterator[None]:
     """Context that turns what MuJoCo raises on a model into a ConfigurationError."""
     try:
         yield
@@ -277,7 +277,7 @@ def _loading(source: Source, origin: str) -> Iterator[None]:
         ) from None
 
 
-def _too_large(source: Source, origin: str) -> ConfigurationError:
+def _too_large(source: ModelSource, origin: str) -> ConfigurationError:
     """Error for a model that takes too much memory; names its element of the largest
     numbers.
     """
@@ -304,7 +304,7 @@ def _sizes(element: ET.Element) -> dict[str, int]:
 
 
 def compile_model(
-    source: Source,
+    source: ModelSource,
     origin: str,
     slots: int,
     step: float,

@@ -33,7 +33,7 @@ GRID = 4000  # places of a run at most at which torques are computed
 
 
 @dataclass(frozen=True, slots=True)
-class Motion:
+class FilteredMotion:
     """Low-pass filtered motion and torques of a run, at even times `t` (m,) [s].
 
     Positions, rates and accelerations `q`, `v`, `a` (m, joints) and the measured
@@ -121,7 +121,7 @@ def motion_of(
     width: float,
     loops: ClosedLoops | None,
     barred: Callable[[Array, Array], NDArray[np.bool_]],
-) -> Motion:
+) -> FilteredMotion:
     """Motion and torques of a recording below `cutoff` [rad/s], for samples of `width`
     [s].
 
@@ -156,7 +156,7 @@ def motion_of(
     shake = np.outer(_noise_gain(dt, cutoff, width), noise)
     q, v, a = (frozen(x[::stride]) for x in _derivatives(grid, q))
     slow = frozen(_low_pass(measured, dt, wide)[:, ::stride])
-    return Motion(
+    return FilteredMotion(
         frozen(grid[::stride]),
         q,
         v,
@@ -209,7 +209,7 @@ def _near_gaps(gaps: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
     return np.convolve(around, np.ones(2 * reach + 1), "valid") > 0.5
 
 
-def true_motion(motion: Motion, errors: Readings) -> tuple[Array, Array, Array]:
+def true_motion(motion: FilteredMotion, errors: Readings) -> tuple[Array, Array, Array]:
     """True positions, rates and accelerations (m, joints) of a motion read with
     `errors`.
 
@@ -227,7 +227,7 @@ def true_motion(motion: Motion, errors: Readings) -> tuple[Array, Array, Array]:
 
 
 def link_motion(
-    motion: Motion, deflection: Array, q: Array, v: Array, a: Array
+    motion: FilteredMotion, deflection: Array, q: Array, v: Array, a: Array
 ) -> tuple[Array, Array, Array]:
     """Motion q, v, a (m, joints) of links that lag by `deflection` (m, joints) behind
     motors.

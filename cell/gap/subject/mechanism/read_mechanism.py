@@ -19,7 +19,7 @@ from cell.gap.subject.mechanism.model import (
     PLANAR,
     Joint,
     Mechanism,
-    Mode,
+    PredictionMode,
     actuator_on,
     base_of,
     check_joints,
@@ -162,7 +162,9 @@ def _fastest_swing(model: Any) -> float:
     return float(np.sqrt(squares.max()))
 
 
-def _signal(name: str, spec: SignalSpec, mode: Mode, model: Any, origin: str) -> Signal:
+def _signal(
+    name: str, spec: SignalSpec, mode: PredictionMode, model: Any, origin: str
+) -> Signal:
     """Signal of the column `name` as the file states it, its noise still open.
 
     In a `mode` with a group, positions of joints are sums with those before.

@@ -34,13 +34,13 @@ from cell.gap.subject.mechanism.recordings import (
 )
 from cell.gap.subject.subject import (
     Finding,
+    FitRun,
     NamedValues,
     Quantity,
-    Request,
     Residuals,
-    Run,
     Scene,
     Scope,
+    SimulationRequest,
     Subject,
     TimeSeries,
 )
@@ -179,7 +179,7 @@ class MechanismSubject(Subject):
             tolerance *= np.sqrt(np.mean(np.square(spread)))
         return Quantity(f"{channel}_{key}", factor, UNITS.get(key, key), tolerance)
 
-    def _run(self, recording: Recording) -> Run:
+    def _run(self, recording: Recording) -> FitRun:
         """Run for the engine: samples with their phases, and the run's own unknowns."""
         signals = self.mechanism.signals
         cut = cut_recording(
@@ -192,7 +192,7 @@ class MechanismSubject(Subject):
         local += tuple(source.parameter for source in self._scatter.values())
         speed, _ = average(content.speed[None], content.cut.edges)
         known = samples(signals, content.cut, phases(speed))
-        return Run(
+        return FitRun(
             recording.name,
             recording.condition,
             known,
@@ -201,7 +201,7 @@ class MechanismSubject(Subject):
             recording.index or 0,
         )
 
-    def simulate(self, requests: Sequence[Request]) -> list[Residuals]:
+    def simulate(self, requests: Sequence[SimulationRequest]) -> list[Residuals]:
         """Residuals of `requests`, measured minus simulated; NaN where a simulation
         diverges.
         """
@@ -213,7 +213,7 @@ class MechanismSubject(Subject):
             residuals.append(Residuals(*average(difference, cut.edges)))
         return residuals
 
-    def _case(self, request: Request) -> Case:
+    def _case(self, request: SimulationRequest) -> Case:
         """Prediction that a request asks for, with its values in the model's units."""
         m = self.mechanism
         content: Content = request.run.content
@@ -259,13 +259,15 @@ class MechanismSubject(Subject):
                 effect.edit(m, values, edited)
         return edited
 
-    def draw_measured(self, run: Run) -> Scene:
+    def draw_measured(self, run: FitRun) -> Scene:
         """Drawing of the measured signals of `run`."""
         cut = run.content.cut
         rows = zip(self.mechanism.signals, cut.values, strict=True)
         return Scene(tuple(TimeSeries(s.label, cut.t, row) for s, row in rows))
 
-    def draw_simulated(self, requests: Sequence[Request]) -> list[Scene | None]:
+    def draw_simulated(
+        self, requests: Sequence[SimulationRequest]
+    ) -> list[Scene | None]:
         """Drawings of simulated signals and their residuals; None where a simulation
         diverges.
         """

@@ -9,7 +9,7 @@ import numpy as np
 
 from cell.gap.subject.strip.preprocessing import FEWEST_POINTS
 from cell.record.files import PROFILE, RESULT, TICKS
-from cell.record.run import Run as Recorded
+from cell.record.run import Run
 from cell.record.tables import TIME_MARGIN
 from drivers.base.geometry import interpolate_columns
 from drivers.base.types import Array
@@ -53,7 +53,7 @@ class Contradiction:
 
 
 def contradictions(
-    run: Recorded, touch: Touch | None, strip: StripFile
+    run: Run, touch: Touch | None, strip: StripFile
 ) -> Iterator[Contradiction]:
     """Yield contradictions of a recorded fold with a strip of the stated length."""
     yield from _misses_of_rows(run)
@@ -66,7 +66,7 @@ def contradictions(
     yield from _misses_of_midlines(run)
 
 
-def _misses_of_rows(run: Recorded) -> Iterator[Contradiction]:
+def _misses_of_rows(run: Run) -> Iterator[Contradiction]:
     """Contradictions of the times of rows, and of commands with what was measured."""
     ticks = run.ticks
     apart = np.diff(ticks.t)
@@ -81,7 +81,7 @@ def _misses_of_rows(run: Recorded) -> Iterator[Contradiction]:
     yield Contradiction(TICKS, what, lag, ODD)
 
 
-def _misses_of_start(run: Recorded, length: float) -> Iterator[Contradiction]:
+def _misses_of_start(run: Run, length: float) -> Iterator[Contradiction]:
     """Contradictions of the first row with a start of its kind, of a strip's
     `length`.
     """
@@ -99,7 +99,7 @@ def _misses_of_start(run: Recorded, length: float) -> Iterator[Contradiction]:
         yield Contradiction(TICKS, what, np.hypot(x - length, z), START)
 
 
-def _misses_of_path(run: Recorded, length: float) -> Iterator[Contradiction]:
+def _misses_of_path(run: Run, length: float) -> Iterator[Contradiction]:
     """Contradictions of the gripper's path and the contacts with a strip of a
     `length`.
     """
@@ -119,7 +119,7 @@ def _misses_of_path(run: Recorded, length: float) -> Iterator[Contradiction]:
 
 
 def _miss_of_displacement(
-    run: Recorded, displacement: float, touch: Touch, length: float
+    run: Run, displacement: float, touch: Touch, length: float
 ) -> Contradiction:
     """Contradiction of the stated `displacement` with l1 and l2 of the touch."""
     goal = FoldLine.of(length, run.header.line).goal
@@ -129,9 +129,7 @@ def _miss_of_displacement(
     return Contradiction(RESULT, what, abs(displacement - measured), (allowed,))
 
 
-def _misses_of_touch(
-    run: Recorded, touch: Touch, length: float
-) -> Iterator[Contradiction]:
+def _misses_of_touch(run: Run, touch: Touch, length: float) -> Iterator[Contradiction]:
     """Contradictions of l1 and l2 with the strip's `length` and the way to the
     gripper.
     """
@@ -150,7 +148,7 @@ def _misses_of_touch(
     yield Contradiction(RESULT, what, apart, ODD)
 
 
-def _misses_of_midlines(run: Recorded) -> Iterator[Contradiction]:
+def _misses_of_midlines(run: Run) -> Iterator[Contradiction]:
     """Contradictions of midlines [m, s, rad] with desk, gripper, its pitch and
     contacts.
 
@@ -191,7 +189,7 @@ def _misses_of_midlines(run: Recorded) -> Iterator[Contradiction]:
     yield from _misses_of_contacts(run, curves)
 
 
-def _rise_of_beginnings(run: Recorded, curves: Mapping[float, Array]) -> float:
+def _rise_of_beginnings(run: Run, curves: Mapping[float, Array]) -> float:
     """Median height [m] at which midlines begin, above that of a desk contact.
 
     Zero where they are not seen down to the desk.
@@ -229,7 +227,7 @@ def _misses_beside(across: Array, up: float) -> Iterator[Contradiction]:
 
 
 def _misses_of_contacts(
-    run: Recorded, curves: Mapping[float, Array]
+    run: Run, curves: Mapping[float, Array]
 ) -> Iterator[Contradiction]:
     """Contradictions of the contacts with midlines that are seen down to the desk."""
     stamps, places = run.ticks.contacts()

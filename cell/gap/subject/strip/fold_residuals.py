@@ -103,7 +103,7 @@ def _averaged_motion(run: MeasuredRun, t: Array) -> tuple[Array, Array]:
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class SampleGroups:
     """Readings of one channel grouped into k samples: sorted by `order`, split at
     `edges` (k + 1,).
 
@@ -128,9 +128,9 @@ class Layout:
     any.
     """
 
-    profile: Part
-    contact: Part
-    force: tuple[Part, Part]
+    profile: SampleGroups
+    contact: SampleGroups
+    force: tuple[SampleGroups, SampleGroups]
     samples: Samples
 
 
@@ -162,7 +162,7 @@ def layout(run: MeasuredRun, length: float) -> Layout:
     return Layout(profile, contact, force, Samples.stack(columns))
 
 
-def _force_part(run: MeasuredRun, length: float, axis: int) -> Part:
+def _force_part(run: MeasuredRun, length: float, axis: int) -> SampleGroups:
     """Samples of the force along one axis; none where the run states no noise for
     it.
     """
@@ -180,7 +180,7 @@ def _part(
     fewest: int,
     left_out: NDArray[np.bool_] | None = None,
     span: float = SAMPLE_TIME,
-) -> Part:
+) -> SampleGroups:
     """Group readings at `t` (n,) [s] into samples by `zone` (n,), phase and slots of
     `span` [s].
 
@@ -203,7 +203,7 @@ def _part(
     borders = np.flatnonzero(np.diff(keys[:, sorting]).any(axis=0)) + 1
     rows = [row for row in np.split(used[sorting], borders) if len(row) >= fewest]
     first_rows = [row[0] for row in rows]
-    return Part(
+    return SampleGroups(
         np.concatenate([*rows, np.empty(0, dtype=np.int64)]),
         np.cumsum([0, *map(len, rows)]),
         phase[first_rows],
@@ -220,7 +220,7 @@ def _ranks(words: Words, order: Sequence[str]) -> Array:
 
 
 def _columns(
-    part: Part, channel: str, floor: float, *, by_zone: bool = False
+    part: SampleGroups, channel: str, floor: float, *, by_zone: bool = False
 ) -> list[Series]:
     """Time series of the samples of `part`: one for all, or one for each zone."""
     noise = part.sigma / np.sqrt(np.maximum(np.diff(part.edges), 1))
@@ -417,7 +417,7 @@ def _touch_values(touch: Touch) -> Array:
     return np.array([touch.time, distance, touch.displacement])
 
 
-def average(values: Array, part: Part) -> tuple[Array, Array]:
+def average(values: Array, part: SampleGroups) -> tuple[Array, Array]:
     """Mean and mean square (k,), in SI, of the readings (n,) of each sample, outliers
     clipped.
     """

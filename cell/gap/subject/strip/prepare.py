@@ -27,7 +27,7 @@ from cell.gap.subject.strip.simulation import (
     Simulation,
     hashed_model,
 )
-from cell.gap.subject.subject import Residuals, Run, Samples
+from cell.gap.subject.subject import FitRun, Residuals, Samples
 from drivers.base.geometry import interpolate_columns
 from drivers.base.types import Array, frozen
 from drivers.strip.describe import describe
@@ -110,7 +110,9 @@ class PreparedFold:
         digest = hashed.digest + path.digest + struct.pack("<d", height)
         return Job(model, path.value, self.resolution, digest)
 
-    def correct(self, residuals: Residuals, run: Run, run_values: Array) -> Residuals:
+    def correct(
+        self, residuals: Residuals, run: FitRun, run_values: Array
+    ) -> Residuals:
         """`residuals` of a coarse rod less grid error, moved linearly to `run_values`
         (k,).
         """
@@ -126,7 +128,7 @@ def prepare_runs(
     strip: StripFile,
     simulate: Simulation,
     scatter: Sequence[RunEffect] = RUN_EFFECTS,
-) -> list[Run]:
+) -> list[FitRun]:
     """Convert measured folds to runs of the gap engine; folds without a sample are left
     out.
 
@@ -143,7 +145,7 @@ def prepare_runs(
         folds, linearise_folds(folds, nominal, simulate, scatter), strict=True
     ):
         run, samples = fold.run, fold.samples
-        bare = Run(
+        bare = FitRun(
             run.name,
             run.condition,
             samples,
@@ -273,7 +275,7 @@ def _common_errors(
     return errors
 
 
-def relinearise(run: Run, about: Linearisation) -> Run:
+def relinearise(run: FitRun, about: Linearisation) -> FitRun:
     """Copy of `run` with residuals linearised `about` a model, and floors for the grid
     error left.
 

@@ -64,7 +64,7 @@ def _parabolic_smoothing(values: Array, half: int) -> Array:
 
 
 @dataclass(frozen=True, slots=True)
-class Images:
+class Midlines:
     """Midline points of m images, at times `stamps` (m,) [s], one image after another.
 
     Of each of the n points: `points` (n, 2) in x and z [m], `image` (n,) its image's
@@ -92,7 +92,7 @@ class Images:
         )
 
 
-def images_of(profile: Profile, grip: Array, length: float, sigma: float) -> Images:
+def images_of(profile: Profile, grip: Array, length: float, sigma: float) -> Midlines:
     """Midline points to compare, by image of `profile`: thinned, and without outliers.
 
     `grip` (n, 2) [m] is the gripper's position at each of the profile's points.
@@ -119,7 +119,7 @@ def images_of(profile: Profile, grip: Array, length: float, sigma: float) -> Ima
         places.append(s[chosen])
         stamps.append(stamp)
         last_stamp = stamp
-    return Images.of(stamps, points, places)
+    return Midlines.of(stamps, points, places)
 
 
 def _inlier_mask(curve: Array, sigma: float) -> NDArray[np.bool_]:

@@ -12,14 +12,14 @@ from numpy.lib.stride_tricks import sliding_window_view
 from cell.gap.subject.run_folders import RunFolder, check_indices
 from cell.gap.subject.strip.contradictions import contradictions
 from cell.gap.subject.strip.preprocessing import (
-    Images,
+    Midlines,
     images_of,
     smooth_path,
 )
 from cell.orchestrator.monitors import is_outcome
 from cell.record.files import PROFILE, RESULT, RUN, TICKS, is_under_way
 from cell.record.header import NOT_FOLDED, Header, Sigma
-from cell.record.run import Run as Recorded, read_run
+from cell.record.run import Run, read_run
 from cell.record.tables import check_clock
 from drivers.base.errors import ConfigurationError, suggestion
 from drivers.base.geometry import arc_lengths, interpolate_columns
@@ -46,7 +46,7 @@ LEAST = 30  # rows of a usable run
 FEWEST_RUNS = 2  # that can be fitted and checked
 
 
-def _check_noise(origin: Path, run: Recorded) -> None:
+def _check_noise(origin: Path, run: Run) -> None:
     """Refuse a stated noise of a measured quantity that no instrument of a cell has."""
     sigma = run.header.sigma
     limits = dict.fromkeys(LENGTHS, (BEST_SIGMA, WORST_SIGMA, "m"))
@@ -62,7 +62,7 @@ def _check_noise(origin: Path, run: Recorded) -> None:
         )
 
 
-def _check_motion(origin: Path, run: Recorded) -> None:
+def _check_motion(origin: Path, run: Run) -> None:
     """Refuse a run whose poses jump between rows, as they do where rows are not sorted
     by time.
     """
@@ -132,7 +132,7 @@ class MeasuredRun:
     sigma: Sigma
     contact_t: Array
     contact_x: Array
-    images: Images
+    images: Midlines
     force_t: Array
     force: Array
     touch: Touch | None
@@ -243,7 +243,7 @@ def check_fold(
     return read_fold(folder, folder.name, load(strip))[1].notes
 
 
-def _pitch(run: Recorded) -> Array:
+def _pitch(run: Run) -> Array:
     """Gripper pitch (n,) [rad]: as recorded, else upright if hanging or as in a lift
     from the desk.
     """
@@ -267,7 +267,7 @@ def _check_kind(folder: Path) -> None:
 
 
 def _measured_run(
-    name: str, run: Recorded, touch: Touch | None, strip: StripFile
+    name: str, run: Run, touch: Touch | None, strip: StripFile
 ) -> MeasuredRun:
     """Reduce a run's tables to the arrays with which simulations are compared."""
     ticks, header = run.ticks, run.header
@@ -327,7 +327,7 @@ def until_touch(run: MeasuredRun, length: float) -> MeasuredRun:
     return replace(run, end=end, notes=(*run.notes, note))
 
 
-def _short_run(name: str, run: Recorded) -> MeasuredRun:
+def _short_run(name: str, run: Run) -> MeasuredRun:
     """Measured run without measurements, for a run too short to be used."""
     none, header = frozen([]), run.header
     return MeasuredRun(
@@ -342,7 +342,7 @@ def _short_run(name: str, run: Recorded) -> MeasuredRun:
         sigma=header.sigma,
         contact_t=none,
         contact_x=none,
-        images=Images.of([], [], []),
+        images=Midlines.of([], [], []),
         force_t=none,
         force=np.empty((0, 2)),
         touch=None,
@@ -351,7 +351,7 @@ def _short_run(name: str, run: Recorded) -> MeasuredRun:
 
 
 def _notes(
-    folder: Path, name: str, run: Recorded, touch: Touch | None, strip: StripFile
+    folder: Path, name: str, run: Run, touch: Touch | None, strip: StripFile
 ) -> Iterator[str]:
     """Remarks on data that contradict a strip held at its end, from the desk to the
     gripper.
@@ -384,7 +384,7 @@ def _notes(
         yield f"{name}: ended with {run.result.outcome} and is used as far as it goes"
 
 
-def _touch(folder: Path, run: Recorded) -> Touch | None:
+def _touch(folder: Path, run: Run) -> Touch | None:
     """Measured layer_touch of a run, if any, within the times of its rows."""
     result = run.result
     if result is None or result.outcome not in TOUCHED:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from drivers.base.errors import Fault, Unsupported
 from drivers.base.types import Array
 from drivers.strip.engine import StripMotion, Touch
-from drivers.strip.model import Observation, StripModel
+from drivers.strip.model import ObservationModel, StripModel
 from drivers.strip.observation import mean_force
 from drivers.strip.rod.engine import GripperPath, Rod, simulate_all
 from drivers.strip.rod.lumping import lattice, needs_terms
@@ -64,7 +64,7 @@ def hashed_model(model: StripModel) -> Hashed[StripModel]:
     """`model` of strip and rig with a hash of all its numbers but those of
     observation.
     """
-    return Hashed.of(model, replace(model, observation=Observation()))
+    return Hashed.of(model, replace(model, observation=ObservationModel()))
 
 
 @dataclass(frozen=True, slots=True)

@@ -39,12 +39,12 @@ from cell.gap.subject.subject import (
     Curve,
     Experiment,
     Finding,
+    FitRun,
     NamedValues,
     Origin,
-    Request,
     Residuals,
-    Run,
     Scene,
+    SimulationRequest,
     Subject,
     TimeSeries,
     Track,
@@ -58,7 +58,7 @@ from drivers.strip.effects.effect import Parameter
 from drivers.strip.engine import Touch
 from drivers.strip.file import StripFile
 from drivers.strip.law import LAW_TERMS, with_law
-from drivers.strip.model import Observation, StripModel
+from drivers.strip.model import ObservationModel, StripModel
 from drivers.strip.observation import imaged_time, measured_contact, measured_points
 
 DIGITS = 6  # significant digits of a fitted number
@@ -132,7 +132,7 @@ class ResidualKey(NamedTuple):
 
     residuals: FoldResiduals
     motion: bytes
-    observation: Observation
+    observation: ObservationModel
 
 
 class StripSubject(Subject):
@@ -180,7 +180,7 @@ class StripSubject(Subject):
         )
         self.runs = prepare_runs(self._measured, strip, self._simulation, self._scatter)
 
-    def simulate(self, requests: Sequence[Request]) -> list[Residuals]:
+    def simulate(self, requests: Sequence[SimulationRequest]) -> list[Residuals]:
         """Residuals of `requests`, measured minus simulated; each motion is simulated
         once.
         """
@@ -241,11 +241,13 @@ class StripSubject(Subject):
                 compared.update(zip(portion, residuals, strict=True))
         return compared
 
-    def draw_measured(self, run: Run) -> Scene:
+    def draw_measured(self, run: FitRun) -> Scene:
         """Drawing of the measured fold of `run`."""
         return _measured_scene(run.content.residuals.run)
 
-    def draw_simulated(self, requests: Sequence[Request]) -> list[Scene | None]:
+    def draw_simulated(
+        self, requests: Sequence[SimulationRequest]
+    ) -> list[Scene | None]:
         """Drawings of the simulated folds, one for each request; None without a
         motion.
         """
@@ -257,7 +259,7 @@ class StripSubject(Subject):
             )
         ]
 
-    def refine(self, requests: Sequence[Request]) -> Sequence[Run]:
+    def refine(self, requests: Sequence[SimulationRequest]) -> Sequence[FitRun]:
         """Runs linearised about the models of `requests`, with corrections from a finer
         rod.
         """
@@ -290,7 +292,7 @@ class StripSubject(Subject):
         return patch_file(self.file, base, effects, source)
 
     def _jobs_of(
-        self, requests: Sequence[Request]
+        self, requests: Sequence[SimulationRequest]
     ) -> tuple[list[PreparedFold], list[Job]]:
         """Measured folds of `requests`, and the simulations to run for them.
 
@@ -303,7 +305,7 @@ class StripSubject(Subject):
         ]
         return folds, jobs
 
-    def _model(self, request: Request) -> Hashed[StripModel]:
+    def _model(self, request: SimulationRequest) -> Hashed[StripModel]:
         """Cached strip model of `request`; earlier runs count only if an effect ages
         the strip.
         """
@@ -338,7 +340,7 @@ def _describe(
     return hashed_model(with_law(model, amounts))
 
 
-def _touch_errors(run: Run, residuals: Residuals) -> Array:
+def _touch_errors(run: FitRun, residuals: Residuals) -> Array:
     """Errors (k, 2) [sigma] of a simulation in the displacement of a run's touch, as
     measured and with l1 and l2 swapped.
     """

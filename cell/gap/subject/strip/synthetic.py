@@ -12,7 +12,7 @@ import pyarrow as pa
 from scipy.interpolate import CubicSpline
 
 from cell.gap.subject.strip.fold_residuals import TOUCH_TIME, simulated_touch
-from cell.gap.subject.strip.preprocessing import Images
+from cell.gap.subject.strip.preprocessing import Midlines
 from cell.gap.subject.strip.runs import MeasuredRun
 from cell.record.documents import write_document
 from cell.record.files import PROFILE, RESULT, RUN, TICKS
@@ -179,7 +179,7 @@ def _measure(name: str, fold: Fold, sigma: Sigma, index: int) -> MeasuredRun:
     )
 
 
-def _images(stamps: Array, shapes: Array, arc: Array, height: float) -> Images:
+def _images(stamps: Array, shapes: Array, arc: Array, height: float) -> Midlines:
     """Images of simulated `shapes` (m, nodes, 2): their midline from the desk contact
     on.
     """
@@ -190,7 +190,7 @@ def _images(stamps: Array, shapes: Array, arc: Array, height: float) -> Images:
         lifted = s >= s[np.argmax(curve[:, 1] > height)]
         points.append(curve[lifted])
         places.append(s[lifted])
-    return Images.of(stamps.tolist(), points, places)
+    return Midlines.of(stamps.tolist(), points, places)
 
 
 def instruction(run: MeasuredRun) -> str:

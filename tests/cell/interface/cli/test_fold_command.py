@@ -12,7 +12,7 @@ import cell.interface.api
 from cell.base.config.places import CHECKOUT_CONFIGS, Configs
 from cell.folding.correction import subject_of
 from cell.folding.experience import Experience, Memory
-from cell.folding.request import Recording, Request
+from cell.folding.request import RecordingOptions, Request
 from cell.folding.result import FoldResult
 from drivers.base.errors import CellError, ConfigurationError
 from tests.support.commands import run
@@ -155,7 +155,9 @@ def test_python_and_command_ask_for_one_fold_with_what_the_cell_has_learned(
     cell.interface.api.fold("denim", runs=tmp_path / "r", configs=configs)
     assert typed.learning.learns
     assert typed.learning.correction.seen > 0.002
-    assert replace(typed, record=Recording()) == replace(asked[0], record=Recording())
+    assert replace(typed, record=RecordingOptions()) == replace(
+        asked[0], record=RecordingOptions()
+    )
 
 
 def test_until_without_a_series_is_refused_and_teaches_nothing(

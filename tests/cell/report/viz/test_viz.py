@@ -19,7 +19,7 @@ from cell.record.run import read_run
 from cell.record.writer import RunWriter
 from cell.report.figures import READING
 from cell.report.viz import opening
-from cell.report.viz.recording import STALE, Screen, Shadow, viz_from_run
+from cell.report.viz.recording import STALE, RerunWriter, Shadow, viz_from_run
 from cell.report.viz.watch import WAITING, LiveView
 from drivers.base.types import ZERO_VELOCITY, ArmState, Frame, HandState, Pose
 from drivers.base.yaml_text import dump_yaml
@@ -195,7 +195,7 @@ def test_thread_that_hangs_drops_the_oldest_and_holds_nothing_up(tmp_path, monke
         gate.wait()
         drawn.append(item)
 
-    monkeypatch.setattr(Screen, "draw", slow)
+    monkeypatch.setattr(RerunWriter, "draw", slow)
     viz = LiveView(begun(tmp_path), STRIP)
     viz.handle_tick(snapshot(0))
     assert stuck.wait(60)

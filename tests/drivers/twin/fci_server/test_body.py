@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drivers.base.types import frozen
-from drivers.franka.collision import Box, Solids, self_clearance
+from drivers.franka.collision import BoxObstacle, Solids, self_clearance
 from drivers.franka.kinematics import HOME
 from drivers.franka.model import ArmModel
 from drivers.twin.fci_server.limits import BodyCheck, Violation
@@ -12,7 +12,7 @@ from drivers.twin.fci_server.robot import resting_robot
 from drivers.twin.fci_server.state import Publisher
 from drivers.twin.fci_server.wire import Reflex
 
-FLOOR = Solids(frozen(np.eye(4)), (Box("floor", (-5, -5, -5), (5, 5, 0.0)),))
+FLOOR = Solids(frozen(np.eye(4)), (BoxObstacle("floor", (-5, -5, -5), (5, 5, 0.0)),))
 HAND = (-0.01, 0.0, 0.03)
 # the wrist in the shoulder
 FOLDED = frozen([1.06, -1.42, -2.7, -2.49, 2.44, 3.79, 2.07])

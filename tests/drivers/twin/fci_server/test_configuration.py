@@ -10,7 +10,13 @@ from drivers.twin.fci_server.configuration import Configuration, configure
 from drivers.twin.fci_server.posture import Posture, Rates
 from drivers.twin.fci_server.robot import Contact, resting_robot
 from drivers.twin.fci_server.state import Publisher
-from drivers.twin.fci_server.wire import Command, Mode, Reflex, Request, Status
+from drivers.twin.fci_server.wire import (
+    ClientRequest,
+    Command,
+    Reflex,
+    RobotMode,
+    Status,
+)
 from tests.support.fci_wire import State
 
 UNIT = np.eye(4).T.ravel().tolist()
@@ -69,7 +75,8 @@ def test_setting_is_refused_outside_its_range(command, payload) -> None:
 def test_tool_that_is_set_moves_the_reported_pose() -> None:
     robot = resting_robot()
     assert (
-        robot.set(Request(Command.SET_NE_TO_EE, 1, doubles(*TURNED))) is Status.SUCCESS
+        robot.set(ClientRequest(Command.SET_NE_TO_EE, 1, doubles(*TURNED)))
+        is Status.SUCCESS
     )
     state = State(Publisher().datagram(robot))
     assert state.place == pytest.approx(
@@ -81,8 +88,8 @@ def test_tool_that_is_set_moves_the_reported_pose() -> None:
 def test_setting_is_refused_in_a_reflex() -> None:
     robot = resting_robot()
     robot.reflex(Reflex.CARTESIAN_REFLEX)
-    assert robot.mode is Mode.REFLEX
-    asked = Request(Command.SET_COLLISION_BEHAVIOR, 1, thresholds())
+    assert robot.mode is RobotMode.REFLEX
+    asked = ClientRequest(Command.SET_COLLISION_BEHAVIOR, 1, thresholds())
     assert robot.set(asked) is Status.NOT_POSSIBLE
 
 
@@ -130,7 +137,8 @@ def test_accelerating_arm_has_the_thresholds_set_for_it(
 def test_wrench_in_the_stiffness_frame_is_that_of_the_base_turned_into_it() -> None:
     robot = resting_robot(HOME + np.linspace(0.1, 0.4, 7))  # turned about every axis
     assert (
-        robot.set(Request(Command.SET_EE_TO_K, 1, doubles(*TURNED))) is Status.SUCCESS
+        robot.set(ClientRequest(Command.SET_EE_TO_K, 1, doubles(*TURNED)))
+        is Status.SUCCESS
     )
     robot.pushed = np.array([3.0, -2.0, 5.0])
     robot.rest()

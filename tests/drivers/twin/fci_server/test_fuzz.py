@@ -14,7 +14,12 @@ import pytest
 from drivers.franka.kinematics import HOME
 from drivers.twin.fci_server.robot import resting_robot
 from drivers.twin.fci_server.server import RobotServer
-from drivers.twin.fci_server.wire import Command, MoveRequest, Request, RobotCommand
+from drivers.twin.fci_server.wire import (
+    ClientRequest,
+    Command,
+    MoveRequest,
+    RobotCommand,
+)
 from tests.support.fci_wire import (
     CARTESIAN_VELOCITY,
     IDLE,
@@ -90,7 +95,7 @@ def test_commands_of_garbage_for_the_right_state_end_the_motion_and_no_more(
 ):
     robot = resting_robot()
     for _ in range(COMMANDS // 4):
-        request = Request(Command.MOVE, 1, move_request(generator - 1))
+        request = ClientRequest(Command.MOVE, 1, move_request(generator - 1))
         robot.move(MoveRequest.read(request), 1)
         scale = 10.0 ** random.uniform(-9, 9)
         numbers = (scale * random.normal(size=38)).tolist()

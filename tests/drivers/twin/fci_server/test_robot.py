@@ -10,11 +10,11 @@ from drivers.franka.limits import FR3
 from drivers.twin.fci_server.robot import resting_robot
 from drivers.twin.fci_server.wire import (
     Generator,
-    Mode,
     MoveRequest,
     MoveStatus,
     Reflex,
     RobotCommand,
+    RobotMode,
 )
 
 TICK = 1e-3
@@ -71,7 +71,7 @@ ASIDE = shifted(TIP, (0.001, 0, 0))
 def ramped(robot, twist, ticks: int) -> None:
     """Up to a twist and on with it, until a reflex."""
     for tick in range(1, ticks + 1):
-        if robot.mode is Mode.MOVE:
+        if robot.mode is RobotMode.MOVE:
             robot.step(command(robot, twist=twist * min(1.0, tick / 200)))
 
 
@@ -111,14 +111,14 @@ def test_reflex_is_still_there_once_the_user_stop_is_released() -> None:
     robot.reflex(Reflex.CARTESIAN_REFLEX)
     robot.press_user_stop()
     robot.release_user_stop()
-    assert robot.mode is Mode.REFLEX
+    assert robot.mode is RobotMode.REFLEX
     assert robot.errors == {Reflex.CARTESIAN_REFLEX}
 
 
 def test_joint_brakes_before_its_end_or_a_reflex_does() -> None:
     robot = moving(RATES)
     for tick in range(1, 4000):
-        if robot.mode is Mode.MOVE:
+        if robot.mode is RobotMode.MOVE:
             speed = 2.0 * min(1.0, tick / 400)
             robot.step(command(robot, dq=turning(speed)))
     assert robot.errors == {Reflex.JOINT_MOTION_GENERATOR_VELOCITY_LIMITS_VIOLATION}
@@ -151,7 +151,7 @@ def test_elbow_swings_where_it_is_commanded_and_the_tool_stays() -> None:
     for tick in range(2000):
         angle = 0.05 * (1 - np.cos(np.pi * tick / 2000))
         robot.step(command(robot, pose=start, elbow=(angle, -1.0)))
-    assert robot.mode is Mode.MOVE
+    assert robot.mode is RobotMode.MOVE
     assert robot.posture.q[2] == pytest.approx(0.1, abs=1e-3)
     assert forward(robot.posture.q) == pytest.approx(start, abs=1e-6)
 
@@ -160,7 +160,7 @@ def test_motion_that_ends_while_it_runs_is_a_discontinuity() -> None:
     robot = moving(TWIST)
     ramped(robot, along(0.1), 300)
     robot.step(command(robot, twist=along(0.1), finished=True))
-    assert robot.mode is Mode.REFLEX
+    assert robot.mode is RobotMode.REFLEX
 
 
 @pytest.mark.parametrize("number", [np.nan, np.inf])
@@ -168,7 +168,7 @@ def test_command_that_is_no_number_aborts_the_motion(number: float) -> None:
     robot = moving(TWIST)
     robot.step(command(robot, twist=np.full(6, number)))
     robot.rest()
-    assert robot.mode is Mode.IDLE
+    assert robot.mode is RobotMode.IDLE
     assert [late.status for late in robot.late] == [MoveStatus.INPUT_ERROR_ABORTED]
 
 
@@ -200,7 +200,7 @@ def test_robot_without_commands_goes_on_briefly_and_then_stops() -> None:
     before = robot.posture.q
     for _ in range(20):
         robot.miss()
-    assert robot.mode is Mode.MOVE
+    assert robot.mode is RobotMode.MOVE
     assert robot.posture.q[0] != before[0]
     robot.miss()
     assert robot.errors == {Reflex.COMMUNICATION_CONSTRAINTS_VIOLATION}
@@ -227,10 +227,10 @@ def test_arm_never_moves_beyond_its_limits_whatever_is_commanded(
     path, followed = [robot.posture.q], []
     twist, rate, pull = np.zeros(6), np.zeros(7), np.zeros(7)
     for tick in range(160):
-        if robot.mode is Mode.IDLE and robot.posture.at_rest:
+        if robot.mode is RobotMode.IDLE and robot.posture.at_rest:
             twist, rate, pull = np.zeros(6), np.zeros(7), np.zeros(7)
             robot.move(request(generator), tick)
-        if robot.mode is Mode.REFLEX:
+        if robot.mode is RobotMode.REFLEX:
             robot.recover(tick)
         pull = np.clip(pull + random.normal(size=7) * boldness, -8, 8)
         twist, rate = twist + pull[:6] * 3e-4, rate + pull * TICK

@@ -16,7 +16,7 @@ def clock(monkeypatch) -> SimpleNamespace:
 
 
 def test_late_machine_still_gives_its_client_a_whole_period(clock) -> None:
-    periods = pace.Pace()
+    periods = pace.PeriodTimer()
     for late in (0.0, 0.0001, 0.003, 0.05, 0.0):
         clock.now += periods.remaining() + late
         periods.begin_next()
@@ -24,7 +24,7 @@ def test_late_machine_still_gives_its_client_a_whole_period(clock) -> None:
 
 
 def test_small_lateness_is_made_up_for(clock) -> None:
-    periods, begun = pace.Pace(), clock.now
+    periods, begun = pace.PeriodTimer(), clock.now
     for late in (0.0001, 0.00015, 0.00005) * 100:
         due = clock.now + periods.remaining()
         clock.now = due + late

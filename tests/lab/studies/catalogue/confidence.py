@@ -14,7 +14,7 @@ import numpy as np
 from scipy import optimize, special
 
 from cell.gap.rehearse import table
-from cell.gap.verdict.confidence import Calibration, calibration
+from cell.gap.verdict.confidence import LogOddsCalibration, calibration
 from cell.gap.verdict.schema import VerdictEvidence
 from drivers.base.types import Array
 from drivers.strip.effects import registry
@@ -126,7 +126,9 @@ def shares(found: Sequence[Name], outside: float) -> Array:
     return np.array([lacking if name.outside else whole for name in found])
 
 
-def fit_calibration(found: Sequence[Name], counts: Array, kind: str) -> Calibration:
+def fit_calibration(
+    found: Sequence[Name], counts: Array, kind: str
+) -> LogOddsCalibration:
     """Fit the weights of the signs of a `kind` of subject to verdicts with weights
     `counts` (n,).
     """
@@ -137,7 +139,7 @@ def fit_calibration(found: Sequence[Name], counts: Array, kind: str) -> Calibrat
     return known.model_copy(update={"intercept": intercept, "weights": fitted})
 
 
-def _columns(found: Sequence[Name], known: Calibration) -> tuple[Array, Array]:
+def _columns(found: Sequence[Name], known: LogOddsCalibration) -> tuple[Array, Array]:
     """Shares (n, k) of the signs of verdicts, a column of ones first, and whether each
     is right (n,).
     """
@@ -149,7 +151,9 @@ def _columns(found: Sequence[Name], known: Calibration) -> tuple[Array, Array]:
     return np.reshape(rows, (len(found), 1 + len(known.weights))), right
 
 
-def _weigh(columns: Array, right: Array, counts: Array, known: Calibration) -> Array:
+def _weigh(
+    columns: Array, right: Array, counts: Array, known: LogOddsCalibration
+) -> Array:
     """Intercept and weights (k,) of the columns (n, k) by which verdicts are `right`.
 
     Logistic regression with normal priors of what each sign weighs, for few verdicts

@@ -16,7 +16,7 @@ from cell.base.config.places import find_configs
 from cell.base.config.unmeasured_strip import unmeasured_name
 from cell.base.devices.devices import Trial
 from cell.folding.fold import fold
-from cell.folding.request import Learning, Recording, Request, with_correction
+from cell.folding.request import Learning, RecordingOptions, Request, with_correction
 from cell.folding.result import FoldResult
 from cell.record.run import read_run
 from cell.setup.calibration_in_use import calibration_of
@@ -28,7 +28,7 @@ from policies.adaptive.critic import YIELD_UNIT
 from tests.lab.studies.study import Quantity, Statistic, percentage
 
 SPECIMEN_NAME = "studied"
-UNRECORDED = Recording("none")
+UNRECORDED = RecordingOptions("none")
 
 
 @cache

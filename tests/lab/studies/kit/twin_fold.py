@@ -15,7 +15,7 @@ from drivers.twin.chain.engine import Chain
 from drivers.twin.renderer.looks import PLAIN, Look, StripLook
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.settings import CameraSettings
-from drivers.twin.world import Scene
+from drivers.twin.world import WorldState
 from policies.path import Path
 
 STEP = 0.005  # s of the plant
@@ -58,10 +58,10 @@ class TwinFold:
         """True x [m] of the desk contact at `time` [s]."""
         return desk_contact(self.shape(time), CONTACT_HEIGHT)
 
-    def scene(self, time: float) -> Scene:
+    def scene(self, time: float) -> WorldState:
         """Scene for the renderer at `time` [s]."""
         pose = self.pose(time)
-        return Scene(
+        return WorldState(
             time, self.shape(time), self.arc, pose, GRIPPED_WIDTH, holds_strip=True
         )
 
@@ -111,7 +111,7 @@ class FoldCamera:
         arc = np.linspace(0, strip.length, 61)
         points = np.column_stack([arc, np.zeros_like(arc)])
         away = Pose(strip.length + HAND_ASIDE, HAND_HEIGHT, 0.0)
-        scene = Scene(0.0, points, arc, away, OPEN_WIDTH, holds_strip=False)
+        scene = WorldState(0.0, points, arc, away, OPEN_WIDTH, holds_strip=False)
         return Frame(0.0, TRANSPORT, "test", 0, self.renderer.render([scene], 0))
 
     def frame(self, fold: TwinFold, sequence: int) -> Frame:

@@ -17,7 +17,7 @@ import numba
 import numpy as np
 from numba import types
 
-from cell.gap.subject.mechanism.effect import Effect, per_joint
+from cell.gap.subject.mechanism.effect import MechanismEffect, per_joint
 from cell.gap.subject.mechanism.effects import bodies, compliance, drives, friction
 from cell.gap.subject.mechanism.effects.drives import bias_law
 from cell.gap.subject.mechanism.model import MODES, PRESCRIBED, Mechanism
@@ -169,11 +169,11 @@ def _term(
     law: Callable[..., Array],
     size: Callable[[Mechanism], Array],
     modes: Collection[str] = MODES,
-) -> Effect:
+) -> MechanismEffect:
     """Descriptive effect by a torque `law` of one parameter per joint, typically 0.01
     `size`.
     """
-    return Effect(
+    return MechanismEffect(
         f"term_{name}",
         sentence,
         lambda m: per_joint(m, "torque", "N m", 0.01 * size(m), signed=True),
@@ -202,17 +202,24 @@ causes.
 
 
 @cache
-def registry() -> Mapping[str, Effect]:
+def registry() -> Mapping[str, MechanismEffect]:
     """Effects of mechanisms by name: those of the library, and those of plug-ins."""
     families = map(vars, (bodies, compliance, drives, friction))
-    known = {e.name: e for f in families for e in f.values() if isinstance(e, Effect)}
+    known = {
+        e.name: e
+        for f in families
+        for e in f.values()
+        if isinstance(e, MechanismEffect)
+    }
     return dict(
-        sorted({**known, **plugins("mechanism_effects", Effect, known)}.items())
+        sorted(
+            {**known, **plugins("mechanism_effects", MechanismEffect, known)}.items()
+        )
     )
 
 
 @cache
-def library() -> Mapping[str, Effect]:
+def library() -> Mapping[str, MechanismEffect]:
     """Effects of mechanisms and descriptive terms by name."""
     return {**registry(), **{term.name: term for term in TERMS}}
 
@@ -263,7 +270,7 @@ def check_effects(mechanism: Mechanism) -> None:
 
 
 def ordered_values(
-    effect: Effect, mechanism: Mechanism, values: Mapping[str, float]
+    effect: MechanismEffect, mechanism: Mechanism, values: Mapping[str, float]
 ) -> Array:
     """Values (k,) of an effect's parameters in their order; start values where not
     given.

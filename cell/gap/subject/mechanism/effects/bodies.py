@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from cell.gap.subject.mechanism.effect import (
-    Effect,
+    MechanismEffect,
     add_to,
     errors,
     per_joint,
@@ -107,7 +107,7 @@ def _lean(edited: Any, x: float, y: float) -> None:
     edited.opt.gravity[:] = gx, gy, gz
 
 
-ARMATURE = Effect(
+ARMATURE = MechanismEffect(
     name="armature",
     # times the gear ratio squared
     sentence="drives have rotor inertia that the model lacks",
@@ -116,7 +116,7 @@ ARMATURE = Effect(
     revealed_by="fast starts and stops",
     error_of="armature",
 )
-PAYLOAD = Effect(
+PAYLOAD = MechanismEffect(
     name="payload",
     sentence="the last body carries a mass that the model lacks",
     # of what moves, for a flange may weigh next to nothing
@@ -126,7 +126,7 @@ PAYLOAD = Effect(
     edit=lambda m, values, edited: add_point(edited, values[0], *tip(m.model)),
     revealed_by="the same motion at several speeds",
 )
-COM_ERROR = Effect(
+COM_ERROR = MechanismEffect(
     name="com_error",
     sentence="the last body's centre of mass is not where the model has it",
     parameters=_com_parameters,
@@ -134,7 +134,7 @@ COM_ERROR = Effect(
     revealed_by="slow motion through many poses",
     error_of="com",
 )
-AIR_DRAG = Effect(
+AIR_DRAG = MechanismEffect(
     name="air_drag",
     sentence="the air brakes the bodies with the square of their speed",
     parameters=lambda m: single_parameter("coefficient", *m.mode.drag),
@@ -142,7 +142,7 @@ AIR_DRAG = Effect(
     modes=MODES,
     revealed_by="large and fast motion against small",
 )
-BASE_TILT = Effect(
+BASE_TILT = MechanismEffect(
     name="base_tilt",
     sentence="the base stands tilted",
     of="rig",
@@ -165,7 +165,7 @@ FRAME_TILT = replace(
     modes=(PLANAR.name,),
     revealed_by="let it hang still and read the angle",
 )
-LINK_INERTIA = Effect(
+LINK_INERTIA = MechanismEffect(
     name="link_inertia",
     sentence="links are heavier or lighter than stated, with inertia in proportion",
     parameters=lambda m: errors(
@@ -180,7 +180,7 @@ LINK_INERTIA = Effect(
     probes=(0.3, 3.0, 30.0),
     revealed_by="slow motion through many poses against fast motion",
 )
-LINK_GEOMETRY = Effect(
+LINK_GEOMETRY = MechanismEffect(
     name="link_geometry",
     sentence="joints lie elsewhere on their links than stated",
     parameters=_place_parameters,

@@ -13,7 +13,11 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 from scipy.signal import cont2discrete, lfilter
 
-from cell.gap.subject.mechanism.effect import Effect, per_joint, single_parameter
+from cell.gap.subject.mechanism.effect import (
+    MechanismEffect,
+    per_joint,
+    single_parameter,
+)
 from cell.gap.subject.mechanism.model import PLANAR, PRESCRIBED, Mechanism, poses
 from drivers.base.types import Array
 from drivers.strip.effects.effect import Parameter
@@ -126,7 +130,7 @@ def _momenta(model: Any, motion: bytes) -> tuple[Array, Array, Array]:
     return momenta, np.hstack([0.0 * arms, weights]), np.hstack([0.0 * linear, slopes])
 
 
-JOINT_ELASTICITY = Effect(
+JOINT_ELASTICITY = MechanismEffect(
     name="joint_elasticity",
     sentence="gears twist: links spring on their motors",
     # a typical one makes the link resonate at 300 times the rate
@@ -137,7 +141,7 @@ JOINT_ELASTICITY = Effect(
     read="elastic",
     revealed_by="fast starts and stops: the link rings on",
 )
-BACKLASH = Effect(
+BACKLASH = MechanismEffect(
     name="backlash",
     sentence="gears have play",
     parameters=lambda m: per_joint(
@@ -147,7 +151,7 @@ BACKLASH = Effect(
     read="gap",
     revealed_by="slow motion there and back through the load's turning point",
 )
-CABLE_SPRING = Effect(
+CABLE_SPRING = MechanismEffect(
     name="cable_spring",
     sentence="cables pull joints back like springs",
     parameters=lambda m: per_joint(m, "stiffness", "N m/rad", 0.01 * m.torque),
@@ -172,7 +176,7 @@ WIRE_SPRING = replace(
     modes=(PLANAR.name,),
     revealed_by="a slow swing: its period shortens",
 )
-PIVOT_COMPLIANCE = Effect(
+PIVOT_COMPLIANCE = MechanismEffect(
     name="pivot_compliance",
     sentence="the pivot gives way sideways",
     of="rig",
@@ -181,7 +185,7 @@ PIVOT_COMPLIANCE = Effect(
     modes=(PLANAR.name,),
     revealed_by="press the frame while it swings",
 )
-BASE_COMPLIANCE = Effect(
+BASE_COMPLIANCE = MechanismEffect(
     name="base_compliance",
     sentence="the base sways or rocks on what it stands on",
     of="rig",

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from cell.gap.subject.mechanism.effect import (
-    Effect,
+    MechanismEffect,
     errors,
     per_joint,
     single_parameter,
@@ -105,7 +105,7 @@ def _edit_saturation(mechanism: Mechanism, values: Array, edited: Any) -> None:
             )
 
 
-TORQUE_CONSTANT = Effect(
+TORQUE_CONSTANT = MechanismEffect(
     name="torque_constant",
     sentence="motors give another torque for their current than stated",
     of="rig",
@@ -116,7 +116,7 @@ TORQUE_CONSTANT = Effect(
     revealed_by="a known weight on the tip",
     error_of="gain",
 )
-TORQUE_BIAS = Effect(
+TORQUE_BIAS = MechanismEffect(
     name="torque_bias",
     sentence="a drive adds a constant torque, or its sensor reads one",
     of="rig",
@@ -127,7 +127,7 @@ TORQUE_BIAS = Effect(
     of_drives=True,
     revealed_by="hold still in several poses",
 )
-TORQUE_RIPPLE = Effect(
+TORQUE_RIPPLE = MechanismEffect(
     name="torque_ripple",
     sentence="a drive's torque ripples with its angle",
     parameters=lambda m: per_joint(
@@ -139,7 +139,7 @@ TORQUE_RIPPLE = Effect(
     of_drives=True,
     revealed_by="slow turns at a constant rate",
 )
-SATURATION = Effect(
+SATURATION = MechanismEffect(
     name="saturation",
     sentence="a drive gives no more than a largest torque",
     of="rig",
@@ -149,7 +149,7 @@ SATURATION = Effect(
     modes=(FORWARD.name,),
     probes=(12.5, 25.0, 50.0),
 )
-CONTROL_DELAY = Effect(
+CONTROL_DELAY = MechanismEffect(
     name="control_delay",
     sentence="commands take effect late",
     of="rig",
@@ -158,7 +158,7 @@ CONTROL_DELAY = Effect(
     read="command",
     revealed_by="fast starts and stops",
 )
-SENSOR_DELAY = Effect(
+SENSOR_DELAY = MechanismEffect(
     name="sensor_delay",
     sentence="readings are stamped late (positions or, where negative, torques)",
     of="rig",
@@ -169,7 +169,7 @@ SENSOR_DELAY = Effect(
     read="delay",
     revealed_by="fast motion there and back",
 )
-ENCODER_BIAS = Effect(
+ENCODER_BIAS = MechanismEffect(
     name="encoder_bias",
     sentence="encoders read a constant too much or too little",
     of="rig",
@@ -178,7 +178,7 @@ ENCODER_BIAS = Effect(
     modes=MODES,
     revealed_by="hold still in several poses",
 )
-ENCODER_SCALE = Effect(
+ENCODER_SCALE = MechanismEffect(
     name="encoder_scale",
     sentence="encoders count too much or too little a turn",
     of="rig",

@@ -11,7 +11,7 @@ import numpy as np
 from numba.extending import register_jitable
 
 from cell.gap.subject.mechanism.effect import (
-    Effect,
+    MechanismEffect,
     add_to,
     per_joint,
     shapes,
@@ -138,7 +138,7 @@ def _edit_pairs(mechanism: Mechanism, values: Array, edited: Any) -> None:
     edited.pair_friction[:, :2] += values[0]
 
 
-DRY_FRICTION = Effect(
+DRY_FRICTION = MechanismEffect(
     name="dry_friction",
     sentence="joints rub like dry friction",
     parameters=_dry_parameters,
@@ -151,7 +151,7 @@ DRY_FRICTION = Effect(
         "slow motion there and back: the torque jumps with the sign of the rate"
     ),
 )
-QUADRATIC_DAMPING = Effect(
+QUADRATIC_DAMPING = MechanismEffect(
     name="quadratic_damping",
     sentence="joints brake with the square of their rate",
     parameters=lambda m: per_joint(
@@ -162,7 +162,7 @@ QUADRATIC_DAMPING = Effect(
     modes=MODES,
     revealed_by="fast motion against slow",
 )
-PRESLIDING = Effect(
+PRESLIDING = MechanismEffect(
     name="presliding",
     sentence="joints yield like springs before they slide",
     parameters=lambda m: per_joint(
@@ -173,7 +173,7 @@ PRESLIDING = Effect(
     modes=(PRESCRIBED.name,),
     revealed_by="small motion there and back",
 )
-CONTACT_FRICTION = Effect(
+CONTACT_FRICTION = MechanismEffect(
     name="contact_friction",
     sentence="contacts rub more or less than stated",
     parameters=lambda _: single_parameter(

@@ -14,7 +14,7 @@ import yaml
 
 from cell.gap.subject.mechanism.effects import library
 from cell.gap.subject.mechanism.model import Joint, Mechanism
-from cell.gap.subject.mechanism.model_source import Source
+from cell.gap.subject.mechanism.model_source import ModelSource
 from cell.gap.subject.mechanism.patch import accepted_xml
 from cell.gap.subject.mechanism.subject import MechanismSubject
 from cell.gap.verdict.accept import accept, undo
@@ -115,7 +115,7 @@ def test_friction_is_written_to_the_pair_whose_geoms_it_is_of() -> None:
         <body><joint name="y" type="slide"/><geom name="high" size=".1" mass="1"/></body></body>
         </worldbody><contact><pair name="b" geom1="high" geom2="desk" friction=".2 .2"/><pair
         name="a" geom1="low" geom2="desk" friction=".9 .9"/></contact></mujoco>"""
-    source = Source(text, Path(), Path())
+    source = ModelSource(text, Path(), Path())
     spec = source.spec()
     spec.nuser_jnt = 16
     model = spec.compile()

@@ -10,7 +10,11 @@ import numpy as np
 import pytest
 
 from cell.gap.open_subject import open_mechanism
-from cell.gap.subject.mechanism.model_source import Source, compile_model, read_source
+from cell.gap.subject.mechanism.model_source import (
+    ModelSource,
+    compile_model,
+    read_source,
+)
 from cell.gap.subject.run_folders import find_runs
 from drivers.base.errors import ConfigurationError
 
@@ -116,7 +120,7 @@ def test_files_that_are_not_read_are_refused(
 def test_changed_texts_find_the_same_meshes(robot: Path) -> None:
     path = robot / "model.xml"
     text = read_source(path, robot).spec().to_xml()
-    again = compile_model(Source(text, robot, robot), "again", 0, 0.002)
+    again = compile_model(ModelSource(text, robot, robot), "again", 0, 0.002)
     np.testing.assert_allclose(again.body_mass, loaded(path).body_mass)
 
 
