@@ -4,9 +4,10 @@ const steer = document.querySelector(".steer");
 const button = steer.querySelector("button"), slider = steer.querySelector("input"), said = steer.querySelector("output");
 const place = (film, t) => Math.max(0, t - Number(film.dataset.begin));
 let started = null; // what the clock showed at t = 0, null while it stands
+let unplayed = true; // opens at the slider's moment, plays from the lift on
 
 function show(t, jump) {
-  said.textContent = `t = ${t.toFixed(2)} s`;
+  said.textContent = `${t.toFixed(2)} s`;
   for (const film of films) {
     if (jump || film.paused || Math.abs(film.currentTime - place(film, t)) > 0.15) film.currentTime = place(film, t);
   }
@@ -14,7 +15,7 @@ function show(t, jump) {
 
 function stop() {
   started = null;
-  button.textContent = "Play";
+  button.textContent = "▶";
   films.forEach((film) => film.pause());
 }
 
@@ -29,13 +30,14 @@ function run(now) {
 
 button.addEventListener("click", () => {
   if (started !== null) return stop();
-  const t = Number(slider.value) > Number(slider.max) - 0.1 ? 0 : Number(slider.value);
+  const t = unplayed || slider.value > slider.max - 0.1 ? 0 : Number(slider.value);
   show(t, true);
-  button.textContent = "Pause";
+  button.textContent = "❚❚";
+  unplayed = false;
   films.forEach((film) => film.play());
   requestAnimationFrame((now) => { started = now - 1000 * t; run(now); });
 });
-slider.addEventListener("input", () => { stop(); show(Number(slider.value), true); });
+slider.addEventListener("input", () => { stop(); unplayed = false; show(Number(slider.value), true); });
 for (const film of films) {
   film.addEventListener("loadedmetadata", () => {
     slider.max = Math.max(Number(slider.max), film.duration + Number(film.dataset.begin));

@@ -7,14 +7,24 @@ addEventListener("DOMContentLoaded", () => { // once the figures have the size o
   const slider = steer.querySelector("input"), time = steer.querySelector("output");
   const begin = Number(film.dataset.begin);
   const curves = layer ? JSON.parse(layer.dataset.curves) : [];
-  let line = null;
+  const start = Number(slider.min);
+  let line = null, unplayed = true; // opens at the slider's moment, plays from the start
 
   film.addEventListener("error", () => { figure.querySelector(".unplayed").hidden = false; });
   film.controls = false;
   steer.hidden = false;
-  button.addEventListener("click", () => (film.paused ? film.play() : film.pause()));
+  button.addEventListener("click", () => {
+    if (!film.paused) return film.pause();
+    if (unplayed || film.ended) film.currentTime = start;
+    unplayed = false;
+    film.play();
+  });
   film.addEventListener("click", () => button.click());
-  slider.addEventListener("input", () => { film.currentTime = Number(slider.value); });
+  const lead = (place) => {
+    unplayed = false;
+    film.currentTime = Math.max(start, place);
+  };
+  slider.addEventListener("input", () => lead(Number(slider.value)));
   steer.querySelector("label input")?.addEventListener("change", ({ target }) => {
     layer.style.display = target.checked ? "" : "none";
   });
@@ -61,8 +71,9 @@ addEventListener("DOMContentLoaded", () => { // once the figures have the size o
         [chart.dataset.first, chart.dataset.last, chart.dataset.left, chart.dataset.right].map(Number);
       const place = (width * (event.clientX - frame.left)) / frame.width;
       const share = ((chart.zoomed?.invertX(place) ?? place) / width - left) / (right - left);
-      film.currentTime = Math.max(0, first + share * (last - first) - begin);
+      lead(first + share * (last - first) - begin);
     });
   }
+  film.currentTime = Number(slider.value);
   show();
 });

@@ -131,16 +131,23 @@ def key_pictures(
     run: Run, shown: ShownImages, outlines: Sequence[Silhouette] = ()
 ) -> tuple[KeyPicture, ...]:
     """Images of a whole fold, with its measurements and `outlines` drawn in."""
-    calibration = run.calibration()
     pictures = []
     for note, recorded in shown.read(shown.some):
-        image = recorded
-        if calibration is not None and calibration.lens.fits(image):
-            window = window_on(run.ticks, calibration)
-            image = _with_sight(image, note, run, calibration)
-            image = window.crop(_with_outline(image, note.sequence, outlines))
+        image = _with_outline(_with_sight(recorded, note, run), note.sequence, outlines)
+        calibration = _map_of(image, run)
+        if calibration is not None:
+            image = window_on(run.ticks, calibration).crop(image)
         pictures.append(_key_picture(image, WIDTH, _caption(note, run), note))
     return tuple(pictures)
+
+
+def _map_of(image: Image, run: Run) -> Calibration | None:
+    """Calibration of the camera that took `image` (h, w, 3); None where `run` has none
+    for images of its size.
+    """
+    calibration = run.calibration()
+    fits = calibration is not None and calibration.lens.fits(image)
+    return calibration if fits else None
 
 
 def evenly_chosen(items: Sequence[Item], count: int) -> list[Item]:
@@ -162,15 +169,13 @@ def close_ups(run: Run, shown: ShownImages) -> tuple[KeyPicture, ...]:
     """Readable images at the layers' touch and at the end, cropped by the run's
     calibration.
     """
-    calibration = run.calibration()
-    if calibration is None:
-        return ()
     reach = np.max(run.ticks.x, initial=0.1)
     pictures = []
     chosen = {"where the layers touch": shown.touch, "at the end": shown.end}
     for words, notes in chosen.items():
         for note, image in shown.read(notes):
-            if calibration.lens.fits(image):
+            calibration = _map_of(image, run)
+            if calibration is not None:
                 part = _laid_part(image, calibration, reach)
                 caption = f"{words}  ·  image at {seconds(note.stamp)}"
                 pictures.append(_key_picture(part, CLOSE_WIDTH, caption, note))
@@ -208,11 +213,8 @@ def poster(run: Run, shown: ShownImages) -> str:
     """Image of a run amid its fold, with what was read in it, as JPEG in base64 text;
     empty without one.
     """
-    calibration = run.calibration()
     for note, image in shown.read(shown.middle):
-        if calibration is None or not calibration.lens.fits(image):
-            return jpeg_text(image)
-        return jpeg_text(_with_sight(image, note, run, calibration))
+        return jpeg_text(_with_sight(image, note, run))
     return ""
 
 
@@ -284,15 +286,13 @@ def _pixels(points: Array, calibration: Calibration) -> NDArray[np.int32]:
     return np.rint(EIGHTHS * pixels[inside]).astype(np.int32)
 
 
-def _with_sight(
-    image: Image, note: FrameNote, run: Run, calibration: Calibration
-) -> Image:
+def _with_sight(image: Image, note: FrameNote, run: Run) -> Image:
     """Copy of `image` (h, w, 3) with its measurement drawn in; `image` itself without
     one.
     """
-    sights = run.sights()
+    sights, calibration = run.sights(), _map_of(image, run)
     rows = np.flatnonzero(sights.sequence == note.sequence)
-    if rows.size == 0:
+    if calibration is None or rows.size == 0:
         return image
     row = int(rows[0])
     curve = dict(run.profile.curves()).get(float(sights.stamp[row]), np.empty((0, 2)))

@@ -5,7 +5,6 @@ checks, events.
 import base64
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,7 @@ from cell.record import files
 from cell.record.columns import FARTHEST_HAND
 from cell.record.events import Outlook
 from cell.record.header import Result
-from cell.record.listing import earlier_results
+from cell.record.listing import read_row
 from cell.record.run import Run, read_broken_run
 from cell.record.truth import read_truth
 from cell.report import figures
@@ -30,7 +29,7 @@ from cell.report.overlay import (
     silhouettes,
     window_on,
 )
-from cell.report.page_verdict import sigma_lines, verdict_of
+from cell.report.page_verdict import verdict_of, weights
 from cell.report.words import (
     MINUS,
     NO_VALUE,
@@ -39,7 +38,6 @@ from cell.report.words import (
     event_title,
     millimetres,
     milliseconds,
-    plural,
     seconds,
     value_text,
 )
@@ -62,9 +60,7 @@ FILES = (
 LARGEST_FILM = 8_000_000  # bytes that a page carries
 FREQUENT = 40  # events of one kind, above which they are counted and not listed
 LISTED_EVENTS = 400
-EARLIER_FOLDS = 20  # beside which a fold's numbers are drawn
 LEAST_LENGTH = 0.01  # s of a film
-LEAST_SCALE = 0.002  # m, to which numbers are drawn at least
 # states whose beginning is marked on the film
 MARKED_STATES = {"LIFT": "lift", "FOLD": "fold", "RELEASE": "release"}
 LONGEST_LIST = 100  # characters of a list
@@ -99,7 +95,7 @@ def report(run: Run) -> str:
     policy = f", policy {run.header.policy}" if run.header.policy else ""
     under_way = files.is_under_way(run.folder)
     truth, spoilt = truth_of(run)
-    said = verdict_of(run, truth, under_way)
+    said, numbers = verdict_of(run, under_way), weights(run, truth or {})
     died = run.result is None and not under_way and not said.spoilt
     shown, outlook = ShownImages.of(run), Outlook.from_events(run.events())
     outlines = silhouettes(run, shown)
@@ -107,14 +103,14 @@ def report(run: Run) -> str:
     return page(
         "report/templates/run.html",
         f"{run.header.strip} · {run.name}",
-        kicker=f"Fold of {run.header.strip}{policy}",
+        kicker=f"Fold {read_row(run.folder).short} of {run.header.strip}{policy}",
         name=run.name,
         said=said,
-        close_ups=close_ups(run, shown) if said.figure else (),
+        close_ups=close_ups(run, shown) if numbers else (),
         spoilt=spoilt,
         advice=advice(run) if died else [],
         measures=measures(run),
-        weights=weights(run),
+        weights=numbers,
         beliefs=beliefs(run, outlook),
         film=film_of(run, shown, outlines),
         checks=checks(run),
@@ -142,8 +138,8 @@ def truth_of(run: Run) -> tuple[Mapping[str, Any] | None, list[str]]:
 def film_of(
     run: Run, shown: ShownImages, outlines: Sequence[Silhouette] = ()
 ) -> dict[str, Any] | None:
-    """Film of a run: begin [s], source, poster, size, curves; None without a film of
-    any image.
+    """Film of a run: times [s], source, poster, size, curves; None without a film of
+    any image. It plays from the lift on, and opens amid the fold.
 
     A page with the content can be mailed; a film of more than LARGEST_FILM stays beside
     it.
@@ -152,16 +148,24 @@ def film_of(
     stamps = list(run.film_stamps().values())
     if not stamps or not path.is_file():
         return None
-    begin, length = stamps[0], max(stamps[-1] - stamps[0], LEAST_LENGTH)
     source = files.FILM
     if path.stat().st_size <= LARGEST_FILM:
         source = f"data:video/mp4;base64,{base64.b64encode(path.read_bytes()).decode()}"
+
+    begin, end = stamps[0], max(stamps[-1], stamps[0] + LEAST_LENGTH)
+    # what came before the lift was not measured
+    start = max(begin, 0.0) if end > 0.0 else begin
+    moment = shown.middle[0].stamp if shown.middle else start
     return {
         "begin": begin,
         "source": source,
         "poster": poster(run, shown),
-        "length": length,
-        "marks": [(100 * (t - begin) / length, t, word) for t, word in marks(run)],
+        "start": start - begin,
+        "moment": moment - begin,
+        "length": end - begin,
+        "marks": [
+            (100 * (t - start) / (end - start), t, word) for t, word in marks(run)
+        ],
         **_cut(run),
         **_measured_curves(run, shown, outlines),
     }
@@ -180,7 +184,8 @@ def marks(run: Run) -> list[tuple[float, str]]:
     if run.result is not None and run.result.t_layer_touch is not None:
         found.append((run.result.t_layer_touch, "touch"))
     found += [(event.t, "fault") for event in run.events() if event.kind == "fault"]
-    return sorted(found)
+    at_once = {round(t, 1): (t, word) for t, word in sorted(found)}
+    return list(at_once.values())
 
 
 def _cut(run: Run) -> dict[str, Any]:
@@ -198,82 +203,6 @@ def _cut(run: Run) -> dict[str, Any]:
         "left": round(-100 * part.left / width, 3),
         "top": round(-100 * part.top / height, 3),
     }
-
-
-@dataclass(frozen=True, slots=True)
-class KeyFigure:
-    """Number of weight on a fold, its `tolerance` and the `earlier` ones, each [m]."""
-
-    name: str
-    value: float
-    tolerance: str
-    earlier: tuple[float, ...]
-    signed: bool = True
-
-    @property
-    def text(self) -> str:
-        """Text of the number in mm."""
-        return millimetres(self.value, signed=self.signed)
-
-    @property
-    def says(self) -> str:
-        """Sentence on the number among the earlier ones."""
-        if not self.earlier:
-            return f"{self.name} {self.text}; no earlier fold of this strip"
-        ends = (millimetres(v, signed=self.signed) for v in self._ends())
-        return (
-            f"{self.name} {self.text}; the {plural(len(self.earlier), 'fold')} of this"
-            f" strip before: {' to '.join(ends)}"
-        )
-
-    @property
-    def place(self) -> float:
-        """Where the number is drawn, from -100 to 100."""
-        return self._placed(self.value)
-
-    @property
-    def others(self) -> list[float]:
-        """Where the earlier numbers are drawn."""
-        return [self._placed(value) for value in self.earlier]
-
-    def _ends(self) -> tuple[float, float]:
-        return min(self.earlier), max(self.earlier)
-
-    def _placed(self, value: float) -> float:
-        usual = float(np.median(np.abs(self.earlier))) if self.earlier else 0.0
-        largest = max(1.2 * abs(self.value), 2 * usual, LEAST_SCALE)
-        return float(np.clip(round(100 * value / largest, 1), -100.0, 100.0))
-
-
-def weights(run: Run) -> list[KeyFigure]:
-    """Numbers of weight on a fold: edges, touch, agreement with the model; none where
-    nothing was measured.
-    """
-    if run.result is None or run.result.displacement is None:
-        return []
-    earlier = earlier_results(run.folder, run.header.strip, EARLIER_FOLDS)
-    numbers = {
-        "edges apart": [result.edge_offset for result in (run.result, *earlier)],
-        "layers at their touch": [r.displacement for r in (run.result, *earlier)],
-    }
-    found = []
-    for name, (value, *others) in numbers.items():
-        if value is not None:
-            before = tuple(other for other in others if other is not None)
-            sigma = sigma_lines(run, laid=name == "edges apart")
-            found.append(KeyFigure(name, value, sigma, before))
-    agreed = run.result.agreement
-    if agreed is not None:
-        word = (
-            "within what its model foretells"
-            if agreed.like_model
-            else "unlike its model"
-        )
-        notes = [result.agreement for result in earlier]
-        before = tuple(note.residual for note in notes if note is not None)
-        name = "strip beside its model"
-        found.append(KeyFigure(name, agreed.residual, word, before, signed=False))
-    return found
 
 
 def beliefs(run: Run, outlook: Outlook) -> list[tuple[str, str, str]]:
@@ -328,7 +257,10 @@ def measures(run: Run) -> Rows:
         (event.t for event in run.events() if event.kind == "touch_seen"), None
     )
     rows = Rows() if run.result is None else _result_rows(run.result, noticed)
-    return [*rows, *_timing_rows(run)]
+    calibration, error = run.calibration(), "not recorded"
+    if calibration is not None:
+        error = millimetres(calibration.residual)
+    return [*rows, ("error of the calibration", error), *_timing_rows(run)]
 
 
 def _result_rows(result: Result, noticed: float | None) -> Rows:
@@ -340,6 +272,8 @@ def _result_rows(result: Result, noticed: float | None) -> Rows:
     if result.t_layer_touch is not None:
         later = "" if noticed is None else f", noticed at {seconds(noticed)}"
         rows.append(("layers touched at", f"{seconds(result.t_layer_touch)}{later}"))
+    if result.agreement is not None:
+        rows.append(("strip beside its model", millimetres(result.agreement.residual)))
     if result.confidence is not None:
         rows.append(("confidence in the touch", in_percent(result.confidence)))
     for note in result.witnesses:

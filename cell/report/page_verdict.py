@@ -1,21 +1,26 @@
-"""Verdict on a run in one to three sentences, at the head of its page."""
+"""Verdict on a run at the head of its page: headline, numbers of weight, what to do."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
+from cell.perception.length_checks import DOUBTED
 from cell.record.events import NOT_LEARNED
 from cell.record.files import RESULT, is_under_way
 from cell.record.header import LAID, Result
+from cell.record.listing import earlier_results
 from cell.record.run import Run
 from cell.report.html import Tone
-from cell.report.words import millimetres, outcome_title, seconds
+from cell.report.words import millimetres, outcome_title, plural, seconds
 
-LINE_BREAK = "\n"
 # events that an operator should know of
 WARNINGS = frozenset({"camera_unwatched", NOT_LEARNED})
 # m of displacement to count as folded (Petrik and Kyrki, IROS 2019)
 FOLDED_TOLERANCE = 0.020
+EARLIER_FOLDS = 20  # beside which a fold's numbers are drawn
+LEAST_SCALE = 0.002  # m, to which numbers are drawn at least
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,7 +28,8 @@ class PageVerdict:
     """Verdict at the head of a page: `headline` states the outcome, `sentences` explain
     it.
 
-    `figure` and `error` are the displacement where there is one; `tone` is its colour.
+    `figure` and `error` are a number in large print and its error, if any; `tone` is
+    its colour.
     """
 
     tone: Tone
@@ -34,92 +40,168 @@ class PageVerdict:
     spoilt: bool = False  # the end is not known because result.yaml cannot be read
 
 
-def sigma_lines(run: Run, *, laid: bool) -> str:
-    """Text in two lines: sigma of displacement or `laid` edges, error of the
-    calibration.
-    """
-    sigma = f"± {millimetres(run.header.sigma.displacement)} stated in run.yaml"
-    if laid and run.header.sigma.edge_offset is not None:
-        sigma = f"± {millimetres(run.header.sigma.edge_offset)} camera"
-    calibration, noted = run.calibration(), run.header.calibration
-    error = None if noted is None else noted.error
-    if calibration is not None:
-        error = calibration.residual
-    if error is None:
-        return f"{sigma}{LINE_BREAK}calibration error not recorded"
-    return f"{sigma}{LINE_BREAK}± {millimetres(error)} calibration"
-
-
 def verdict(run: Run) -> str:
     """Text of the verdict on `run` in one line, from its record without the truth."""
-    found = verdict_of(run, None, is_under_way(run.folder))
-    figure = (
-        f": {found.figure} ({found.error.replace(LINE_BREAK, ', ')})"
-        if found.figure
-        else ""
-    )
-    return f"{run.header.strip}: {found.headline}{figure}"
+    said = f"{run.header.strip}: {verdict_of(run, is_under_way(run.folder)).headline}"
+    for first in weights(run, {})[:1]:
+        said += f": {first.text} ({first.tolerance})"
+    return said
 
 
-def verdict_of(
-    run: Run, truth: Mapping[str, Any] | None, under_way: bool = False
-) -> PageVerdict:
-    """Verdict on `run`; `truth`, where it is known, is the plant's motion on the
-    twin.
+@dataclass(frozen=True, slots=True)
+class KeyFigure:
+    """Number of weight on a fold with text of its `sigma`; the `true` and the `earlier`
+    ones, each [m].
     """
+
+    name: str
+    value: float
+    sigma: str
+    true: float | None
+    earlier: tuple[float, ...]
+
+    @property
+    def tolerance(self) -> str:
+        """Words on the number's side, its tolerance and the truth."""
+        side = "too far" if self.value > 0 else "short"
+        true = ""
+        if self.true is not None:
+            true = f"; true on the twin {millimetres(self.true, signed=True)}"
+        return f"{side}, {self.sigma}{true}"
+
+    @property
+    def text(self) -> str:
+        """Text of the number in mm."""
+        return millimetres(self.value, signed=True)
+
+    @property
+    def history(self) -> str:
+        """Words on the same number of the folds before."""
+        if not self.earlier:
+            return "no earlier fold of this strip"
+        ends = (min(self.earlier), max(self.earlier))
+        texts = (millimetres(v, signed=True).removesuffix(" mm") for v in ends)
+        span = " to ".join(dict.fromkeys(texts))
+        return f"{plural(len(self.earlier), 'fold')} before: {span} mm"
+
+    @property
+    def place(self) -> float:
+        """Where the number is drawn, from -100 to 100."""
+        return self._placed(self.value)
+
+    @property
+    def others(self) -> list[float]:
+        """Where the earlier numbers are drawn."""
+        return [self._placed(value) for value in self.earlier]
+
+    def _placed(self, value: float) -> float:
+        usual = np.median(np.abs(self.earlier or (0.0,)))
+        largest = max(1.2 * abs(self.value), 2 * usual, LEAST_SCALE)
+        return float(np.clip(round(100 * value / largest, 1), -100.0, 100.0))
+
+
+def weights(run: Run, truth: Mapping[str, Any]) -> list[KeyFigure]:
+    """Numbers of weight on a fold: edges, touch, difference from what was predicted;
+    none where nothing was measured. `truth` is the plant's motion on the twin.
+    """
+    if run.result is None or run.result.displacement is None:
+        return []
+    folds = [run.result, *earlier_results(run.folder, run.header.strip, EARLIER_FOLDS)]
+    sigma, surprises = run.header.sigma, [_surprise(fold) for fold in folds]
+    numbers: dict[str, tuple[str, float | None, list[float | None]]] = {
+        "upper edge, laid down": (
+            millimetres(sigma.edge_offset or sigma.displacement),
+            truth.get("edge_offset"),
+            [fold.edge_offset for fold in folds],
+        ),
+        "upper layer, at the touch": (
+            millimetres(sigma.displacement),
+            truth.get("displacement"),
+            [fold.displacement for fold in folds],
+        ),
+        "beside what the model predicted": (
+            f"{millimetres(surprises[0][1])} expected",
+            None,
+            [difference for difference, _ in surprises],
+        ),
+    }
+    found = []
+    for name, (error, true, (value, *others)) in numbers.items():
+        before = tuple(other for other in others if other is not None)
+        if value is not None:
+            found.append(KeyFigure(name, value, f"± {error}", true, before))
+    return found
+
+
+def _surprise(fold: Result) -> tuple[float | None, float | None]:
+    """Difference of the displacement of a `fold` from its prediction, and the expected
+    spread [m]; None where nothing was predicted.
+    """
+    notes = (note for note in fold.witnesses if note.name == "displacement")
+    return next(((note.difference, note.spread) for note in notes), (None, None))
+
+
+def verdict_of(run: Run, under_way: bool = False) -> PageVerdict:
+    """Verdict on `run`, without the truth that only the twin knows."""
     if under_way:
         return PageVerdict("fair", "Still under way", (_last_seen(run, "so far"),))
     if run.result is None:
         return _verdict_without_result(run)
     if run.result.displacement is None:
         return _without_displacement(run, run.result)
-    return _fold_verdict(run, run.result, run.result.displacement, truth or {})
+    return _fold_verdict(run, run.result, run.result.displacement)
 
 
-def _fold_verdict(
-    run: Run, result: Result, d: float, truth: Mapping[str, Any]
-) -> PageVerdict:
-    """Verdict on a fold: how the edges lie where that was measured, or else how the
-    layers met.
-    """
-    edge, line = result.edge_offset, run.header.line
-    lower = "the lower one" if line is None else "its place"
-    sentences = [
-        *([] if line is None else [_line_sentence(line)]),
-        *_edges_sentences(edge, truth.get("edge_offset"), lower),
-        _touch_sentence(result, d, truth.get("displacement")),
-    ]
-    reasons = (note.reason for note in result.witnesses)
-    sentences += [_sentence(reason) for reason in reasons if reason != result.reason]
-    agreed = result.agreement
-    if agreed is not None and not agreed.like_model and agreed.reason != result.reason:
-        sentences.append(_sentence(agreed.reason))
-    sentences += [
+def _fold_verdict(run: Run, result: Result, displacement: float) -> PageVerdict:
+    """Verdict on a fold: what to do, then what an operator should know."""
+    line, doubts = run.header.line, _doubts(result)
+    tone = _fold_tone(result, displacement, doubts)
+    warnings = [
         _sentence(str(event.facts.get("reason")))
         for event in run.events()
         if event.kind in WARNINGS
     ]
-    if result.outcome != "layer_touch":
-        sentences.insert(0, _sentence(result.reason))
     return PageVerdict(
-        tone=_fold_tone(result, d),
+        tone=tone,
         headline=_fold_headline(result, is_half=line is None),
-        sentences=tuple(filter(None, sentences)),
-        figure=millimetres(d if edge is None else edge, signed=True),
-        error=sigma_lines(run, laid=edge is not None),
+        sentences=(
+            *(doubts or [_next_step(run, tone)]),
+            *([] if line is None else [_line_sentence(line)]),
+            *warnings,
+        ),
     )
 
 
-def _fold_tone(result: Result, displacement: float) -> Tone:
-    """Tone of a fold: good within FOLDED_TOLERANCE, fair beyond it or if doubted, else
-    bad.
+def _doubts(result: Result) -> list[str]:
+    """Sentences on what speaks against a fold, each with what to do: the reason of
+    another end than a touch, lengths that differ, a strip unlike its model.
     """
-    if result.outcome in LAID:
-        return "fair"
+    reasons = [note.reason for note in result.witnesses]
+    if result.agreement is not None and not result.agreement.like_model:
+        reasons.append(result.agreement.reason)
     if result.outcome != "layer_touch":
+        reasons.insert(0, result.reason or "")
+    return [_sentence(reason) for reason in dict.fromkeys(reasons) if reason]
+
+
+def _fold_tone(result: Result, displacement: float, doubts: Sequence[str]) -> Tone:
+    """Tone of a fold: good within FOLDED_TOLERANCE, fair beyond it or if doubted, bad
+    if another end stopped it.
+    """
+    if result.outcome not in ("layer_touch", *LAID):
         return "bad"
     largest = max(abs(displacement), abs(result.edge_offset or 0.0))
-    return "good" if largest <= FOLDED_TOLERANCE else "fair"
+    return "fair" if doubts or largest > FOLDED_TOLERANCE else "good"
+
+
+def _next_step(run: Run, tone: Tone) -> str:
+    """Sentence on what to do after a fold that nothing speaks against."""
+    within = f"the {millimetres(FOLDED_TOLERANCE)} that count as folded"
+    if tone == "good":
+        differ = f"no two measurements differ by more than {DOUBTED:.0f} sigma"
+        return f"Nothing to mend: within {within}, and {differ}."
+    strip = run.header.strip
+    return f"Beyond {within}: `cell gap plan --strip {strip}` finds what is missing."
 
 
 def _line_sentence(line: float) -> str:
@@ -140,41 +222,6 @@ def _fold_headline(result: Result, *, is_half: bool) -> str:
     if is_half:
         return f"Folded: the edges lie {off} apart"
     return f"Folded: the edge lies {off} off its place"
-
-
-def _edges_sentences(offset: float | None, true: object, lower: str) -> list[str]:
-    """Sentence on how the laid edges lie, as measured and in truth; none where not
-    measured.
-    """
-    if offset is None:
-        return []
-    words = _edge_words(offset)
-    if isinstance(true, int | float):
-        lower += f" (true on the twin: {_edge_words(true)})"
-    return [f"Laid down, the upper edge lies {words} {lower}."]
-
-
-def _edge_words(offset: float) -> str:
-    """Text of how far [m] the upper edge lies beyond or before the lower one."""
-    return f"{millimetres(abs(offset))} {'beyond' if offset > 0 else 'before'}"
-
-
-def _touch_sentence(result: Result, displacement: float, true: object) -> str:
-    """Sentence on how the layers met, as measured and in truth."""
-    touched = result.t_layer_touch
-    when = "" if touched is None else f" after {seconds(touched)}"
-    longer = "longer" if displacement > 0 else "shorter"
-    upper = f"the upper one was {longer} by {millimetres(abs(displacement))}"
-    return f"Where the layers first touched{when}, {upper}{_true_words(true)}."
-
-
-def _true_words(true: object) -> str:
-    """Text of the `true` length [m] that only the twin knows; empty where it is
-    unknown.
-    """
-    if not isinstance(true, int | float):
-        return ""
-    return f" (true on the twin: {millimetres(true, signed=True)})"
 
 
 def _without_displacement(run: Run, result: Result) -> PageVerdict:

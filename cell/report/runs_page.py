@@ -1,7 +1,6 @@
 """HTML pages on several runs: a list with thumbnails, and a comparison."""
 
 import os
-import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -22,14 +21,23 @@ from cell.report.html import Link, jpeg_text, page
 from cell.report.overlay import ShownImages
 from cell.report.page import film_of, flatten, setting_text, stated_settings, truth_of
 from cell.report.page_verdict import PageVerdict
-from cell.report.words import NO_VALUE, millimetres, plural, seconds
+from cell.report.words import NO_VALUE, PARAMETERS, millimetres, plain, plural, seconds
 from drivers.base.errors import ConfigurationError
 from drivers.base.outputs import write_output
 from drivers.base.readers import read_picture
 
 PICTURED = 300  # newest runs with a thumbnail; more would make the page heavy
 THUMBNAIL_WIDTH = 128  # px
-COLUMN_HEADINGS = ("run", "edges mm", "d mm", "outcome", "policy", "strip", "s", "note")
+COLUMN_HEADINGS = (
+    "run",
+    "edges mm",
+    "touch mm",
+    "outcome",
+    "policy",
+    "strip",
+    "s",
+    "note",
+)
 COLOURS = (
     "#2f6db5",
     "#cf6a1f",
@@ -150,7 +158,7 @@ def write_comparison(folders: Sequence[Path], out: Path) -> Path:
     if len(compared) > MOST_COLUMNS:
         settings = list(zip(*settings, strict=True))
     films = [
-        (one.name, film_of(one.run, ShownImages.of(one.run)))
+        (_caption(one), film_of(one.run, ShownImages.of(one.run)))
         for one in compared[:MOST_FILMS]
     ]
     text = page(
@@ -189,6 +197,12 @@ class Compared:
         )
 
 
+def _caption(compared: Compared) -> str:
+    """Caption of a run's film."""
+    began, touch = compared.row.began, seconds(compared.row.touch)
+    return f"{compared.name}  ·  {began:%Y-%m-%d %H:%M}  ·  layers touch at {touch}"
+
+
 def _verdict(compared: Sequence[Compared], differing: Sequence[str]) -> PageVerdict:
     """Verdict that names the run nearest to a fold in half, and the settings that
     differ.
@@ -203,29 +217,36 @@ def _verdict(compared: Sequence[Compared], differing: Sequence[str]) -> PageVerd
     true = _nearest_first((one.name, one.truth.get(key)) for one in compared)
     if not measured:
         return PageVerdict("fair", "No run has a displacement", ())
-    sentences = [*_parting(compared), f"{what}, by the camera: {_listed(measured)}."]
+    sentences = [f"{what}, by the camera: {_listed(measured)}."]
     if true:
         sentences.append(f"The same in truth, which the twin knows: {_listed(true)}.")
+    sentences += _parting(compared)
     if differing:
-        sentences.append(f"They differ in {', '.join(differing)}.")
+        advice = "; fold again with one alone changed to learn which does it"
+        sentences.append(
+            f"They differ in {', '.join(differing)}{advice if differing[1:] else ''}."
+        )
     least = millimetres(abs(measured[0][1]))
     best = [
         name for name, offset in measured[:NAMED] if millimetres(abs(offset)) == least
     ]
-    comes = "comes nearest to" if len(best) == 1 else "come equally near to"
+    comes = "comes nearest" if len(best) == 1 else "come equally near"
     return PageVerdict(
-        "good", f"{' and '.join(best)} {comes} a fold in half", tuple(sentences)
+        "good",
+        f"{' and '.join(best)} {comes} to half: {least} off",
+        tuple(sentences),
     )
 
 
 def _parting(compared: Sequence[Compared]) -> list[str]:
-    """Sentence on when and how far the grippers of the first two runs part; none where
-    one has no motion.
+    """Sentence on when and how far the grippers of the first two runs part before the
+    layers touch; none where one has no motion.
     """
     one, other = (each.run.ticks for each in compared[:2])
     if min(one.t.size, other.t.size) == 0:
         return []
-    t = one.t[one.t <= other.t[-1]]
+    touches = (each.row.touch for each in compared[:2])
+    t = one.t[one.t <= min(other.t[-1], *filter(None, touches))]
     beside = [np.interp(t, other.t, getattr(other, axis)) for axis in ("x", "z")]
     apart = np.hypot(one.x[: t.size] - beside[0], one.z[: t.size] - beside[1])
     most = int(np.argmax(apart))
@@ -234,8 +255,8 @@ def _parting(compared: Sequence[Compared]) -> list[str]:
         return [f"The paths of {names} stay within {millimetres(apart[most])}."]
     begin = seconds(t[np.argmax(apart >= PARTED)])
     return [
-        f"The paths of {names} part {begin} after the lift, and are"
-        f" {millimetres(apart[most])} apart at {seconds(t[most])}."
+        f"Before the layers touch, the paths of {names} part {begin} after the lift,"
+        f" and are {millimetres(apart[most])} apart at {seconds(t[most])}."
     ]
 
 
@@ -298,9 +319,15 @@ def _differences(compared: Sequence[Compared]) -> list[tuple[str, ...]]:
     for key in dict.fromkeys(chain(*settings)):
         differs = any(each.get(key) != settings[0].get(key) for each in settings)
         if differs and key not in PER_RUN_KEYS and key.partition(".")[0] in shared:
-            title = re.sub(r"\beffects\.|[._]", " ", key)
-            table.append((title, *distinct_texts(key, settings)))
+            table.append((_setting_title(key), *distinct_texts(key, settings)))
     return table
+
+
+def _setting_title(key: str) -> str:
+    """Words for the setting `key`, whose parts are joined by dots."""
+    *groups, name = key.split(".")
+    words = [*groups[:1], PARAMETERS[name]] if name in PARAMETERS else [*groups, name]
+    return plain(" ".join(words)).replace("effects ", "")
 
 
 def distinct_texts(key: str, settings: Sequence[Mapping[str, Any]]) -> list[str]:

@@ -249,7 +249,7 @@ def worst_picture(worst: Worst) -> str:
     """Figure (SVG text) of the strip at its worst moment: measured, before and
     after.
     """
-    with canvas(8.0, 3.4) as figure:
+    with canvas(8.0, 3.2) as figure:
         axis = figure.add_subplot()
         _midline(axis, worst.run, worst.image)
         axis.axhline(0, color=MUTED, lw=0.8)
@@ -263,12 +263,15 @@ def _midline(axis: Axes, run: RunScenes, k: int) -> None:
         1e3 * run.measured.curve.points[k] if run.measured.curve else np.zeros((1, 2))
     )
     axis.plot(*points.T, "o", ms=3.5, color=INK, alpha=0.35, mew=0, label="measured")
-    for word, colour in (("before", COLOUR_BEFORE), ("after", COLOUR_AFTER)):
+    looks = {
+        "before": (COLOUR_BEFORE, "simulated from the refitted file"),
+        "after": (COLOUR_AFTER, "simulated with what was found"),
+    }
+    for word, (colour, label) in looks.items():
         scene = run.scenes.get(word)
         if scene and scene.curve:
-            axis.plot(
-                *(1e3 * scene.curve.points[k]).T, color=colour, lw=1.2, label=word
-            )
+            line = 1e3 * scene.curve.points[k]
+            axis.plot(*line.T, color=colour, lw=1.6, label=label)
     low, high = points.min(axis=0), points.max(axis=0)
     x, z = 0.5 * (low + high)
     half = 0.55 * (high - low).max() + 5.0

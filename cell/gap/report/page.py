@@ -280,7 +280,7 @@ def page(findings: Findings, verdict: Verdict) -> str:
     """HTML text of a fit's report: the verdict card, figures, and below them all
     numbers.
     """
-    name = findings.subject.name
+    name, runs = findings.subject.name, findings.subject.runs
     planned, held = (
         _planned_folds(findings, verdict),
         _held_out_values(findings, verdict),
@@ -289,10 +289,10 @@ def page(findings: Findings, verdict: Verdict) -> str:
         "gap/report/gap.html",
         f"{name}: simulation and measurement",
         title=(
-            f"{name}: simulation against {len(findings.subject.runs)} measured runs,"
+            f"{name}: simulation against {len(runs)} measured runs,"
             f" {len(verdict.held_out)} of them held out"
         ),
-        name=name,
+        name=f"{runs[0].name} to {runs[-1].name}",
         said=_verdict_card(findings, verdict, planned),
         worst=held.pop("worst"),
         sizes=_sizes(verdict),
@@ -359,7 +359,6 @@ def _verdict_card(
         lines = [capitalised(deviation_text(verdict.deviates)) + ".", *lines]
     said = headline(verdict)
     if planned["rows"]:
-        lines = [f"{said}.", *lines]
         said = _fold_sentence(verdict, [text for _, text in planned["rows"]])
     return Card(tone, said, tuple(lines), number, below)
 

@@ -21,7 +21,7 @@ from cell.record.events import COLUMN_NAMES
 from cell.record.files import JOINTS, RECORDING, RUN, is_under_way
 from cell.record.run import Run, read_broken_run
 from cell.report.figures import PANELS, READING, STATE_SHADES
-from cell.report.page_verdict import LINE_BREAK, verdict_of
+from cell.report.page_verdict import verdict_of, weights
 from cell.report.viz import saving, scene
 from cell.report.viz.opening import open_recording
 from cell.report.viz.playback import LogLine, TickView, moments_of
@@ -395,10 +395,9 @@ def layout(
 
 def verdict_text(run: Run) -> str:
     """Verdict on `run`, whole, in Markdown."""
-    verdict = verdict_of(run, None)
-    error = verdict.error.replace(LINE_BREAK, ", ")
-    figure = [f"**{verdict.figure}** ({error})"] if verdict.figure else []
-    return "\n\n".join([f"## {verdict.headline}", *figure, *verdict.sentences])
+    verdict = verdict_of(run)
+    numbers = (f"**{n.text}** {n.name}: {n.tolerance}" for n in weights(run, {}))
+    return "\n\n".join([f"## {verdict.headline}", *numbers, *verdict.sentences])
 
 
 def installation_of(run: Run) -> Installation:

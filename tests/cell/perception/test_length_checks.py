@@ -67,7 +67,7 @@ def test_a_disagreement_stands_on_the_terminal_in_json_in_the_record_and_on_the_
     }
     content = {"schema": 1, **result_content(outcome)}
     run = replace(read_run(finished), result=Result.model_validate(content))
-    sentences = verdict_of(run, None).sentences
+    sentences = verdict_of(run).sentences
     assert any(
         sentence.startswith(said[0].upper() + said[1:]) for sentence in sentences
     )
