@@ -8,6 +8,7 @@ reason`, in one line. Paths may be text.
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
@@ -41,7 +42,8 @@ if TYPE_CHECKING:  # what takes a second to import is imported where it is used
     from cell.gap.verdict.accept import AcceptResult
 
 Place = str | Path
-Places = Place | Sequence[Place]
+# folders, or runs that were read
+Places = str | PathLike[str] | Sequence[str | PathLike[str]]
 
 
 def fold(
@@ -326,6 +328,6 @@ def effects() -> Mapping[str, Effect]:
 
 
 def _listed(places: Places) -> list[Path]:
-    """List of the paths `places`, given as a single path or several."""
-    each = [places] if isinstance(places, str | Path) else places
+    """List of the paths `places`, given as a single one or several."""
+    each = [places] if isinstance(places, str | PathLike) else places
     return list(map(Path, each))

@@ -108,6 +108,10 @@ class Run:
         """Name of the run's folder."""
         return self.folder.name
 
+    def __fspath__(self) -> str:
+        """Path of the run's folder, so that a run stands wherever its folder may."""
+        return str(self.folder)
+
     def __repr__(self) -> str:
         """Name of the run, how it ended, and its displacement and edges where
         measured.

@@ -10,7 +10,6 @@ import numpy as np
 
 from cell.record.columns import FARTHEST_HAND, Sights, Ticks
 from cell.record.events import Outlook
-from cell.record.header import Result
 from cell.record.run import Run, read_broken_run
 from cell.record.truth import read_truth
 from cell.report.drawing import (
@@ -26,7 +25,7 @@ from cell.report.drawing import (
     canvas,
 )
 from cell.report.overlay import SHOWN_IMAGES, Silhouette, evenly_chosen, fold_tips
-from cell.report.words import PARAMETERS, millimetres
+from cell.report.words import PARAMETERS
 from drivers.base.errors import ConfigurationError
 from drivers.base.types import Array
 
@@ -290,15 +289,6 @@ def image_ages(run: Run) -> Array:
     reading = np.array([state in READING for state in ticks.state], dtype=bool)
     rows = reading if reading.any() else np.ones(ticks.t.size, dtype=bool)
     return ticks.image_age[rows & np.isfinite(ticks.image_age)]
-
-
-def predictions(result: Result | None) -> list[tuple[str, str]]:
-    """Table row on a run's last prediction; none without one."""
-    if result is None or result.foretold is None:
-        return []
-    final = result.foretold
-    expected = millimetres(final.displacement, signed=True)
-    return [("displacement", f"{expected} ± {millimetres(final.sigma)}")]
 
 
 def outlook_figure(run: Run, outlook: Outlook) -> str:

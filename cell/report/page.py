@@ -185,7 +185,7 @@ def marks(run: Run) -> list[tuple[float, str]]:
         found.append((run.result.t_layer_touch, "touch"))
     found += [(event.t, "fault") for event in run.events() if event.kind == "fault"]
     at_once = {round(t, 1): (t, word) for t, word in sorted(found)}
-    return list(at_once.values())
+    return [*at_once.values()]
 
 
 def _cut(run: Run) -> dict[str, Any]:
@@ -209,7 +209,12 @@ def beliefs(run: Run, outlook: Outlook) -> list[tuple[str, str, str]]:
     """Rows on what a fold showed of the strip, and what its file says: name, found,
     stated.
     """
-    rows = [(name, text, NO_VALUE) for name, text in figures.predictions(run.result)]
+    rows = []
+    if run.result is not None and run.result.foretold is not None:
+        final = run.result.foretold
+        expected = millimetres(final.displacement, signed=True)
+        text = f"{expected} ± {millimetres(final.sigma)}"
+        rows.append(("displacement", text, NO_VALUE))
     if not len(outlook.t):
         return rows
     stated = run.header.strip_file or {}

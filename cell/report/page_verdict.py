@@ -80,9 +80,9 @@ class KeyFigure:
         if not self.earlier:
             return "no earlier fold of this strip"
         ends = (min(self.earlier), max(self.earlier))
-        texts = (millimetres(v, signed=True).removesuffix(" mm") for v in ends)
+        texts = (millimetres(end, signed=True) for end in ends)
         span = " to ".join(dict.fromkeys(texts))
-        return f"{plural(len(self.earlier), 'fold')} before: {span} mm"
+        return f"{plural(len(self.earlier), 'fold')} before: {span}"
 
     @property
     def place(self) -> float:

@@ -199,8 +199,8 @@ class Compared:
 
 def _caption(compared: Compared) -> str:
     """Caption of a run's film."""
-    began, touch = compared.row.began, seconds(compared.row.touch)
-    return f"{compared.name}  ·  {began:%Y-%m-%d %H:%M}  ·  layers touch at {touch}"
+    row = compared.row
+    return f"{row.short}  ·  {row.policy}  ·  layers touch at {seconds(row.touch)}"
 
 
 def _verdict(compared: Sequence[Compared], differing: Sequence[str]) -> PageVerdict:

@@ -135,10 +135,13 @@ def test_film_of_a_run_plays_in_step_with_its_curves(tmp_path):
 
 def test_verdict_stands_on_top_with_sign_error_and_truth(page):
     top = words(page[page.index("<main") : page.index("In numbers")])
-    assert "Folded: the edges lie 31.0 mm apart" in top
-    assert "upper edge, laid down −31.0 mm short, ± 1.0 mm" in top
-    assert "at the touch −36.3 mm short, ± 1.0 mm; true on the twin −35.1 mm" in top
-    assert "Beyond the 20.0 mm that count as folded: cell gap plan --strip denim" in top
+    for claim in (
+        "Folded: the edges lie 31.0 mm apart",
+        "upper edge, laid down −31.0 mm short, ± 1.0 mm",
+        "at the touch −36.3 mm short, ± 1.0 mm; true on the twin −35.1 mm",
+        "Beyond the 20.0 mm that count as folded: cell gap plan --strip denim",
+    ):
+        assert claim in top, claim
 
 
 def test_page_shows_pictures_figures_events_and_facts(page):
@@ -202,7 +205,6 @@ def test_fault_is_named_with_its_reason(finished):
     assert said.tone == "bad"
     assert said.headline == "Stopped by a fault: stale image"
     assert said.sentences[0] == "The newest image is 0.31 s old."
-    assert said.figure == ""
 
 
 def test_report_can_be_written_again_with_the_same_bytes(make_run, tmp_path):
@@ -224,7 +226,6 @@ def test_report_of_a_laboratorys_run_needs_only_the_four_files(make_run, tmp_pat
     edit_yaml(folder / "run.yaml", calibration=None)
     text = words(write_report(folder).read_text())
     assert "error of the calibration not recorded" in text
-    assert "not recorded" in text
 
 
 HOSTILE = "\"'><script>bad()</script>$_{[&"
