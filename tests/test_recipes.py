@@ -80,7 +80,7 @@ MECHANISM_EFFECT = '''
 
 import numpy as np
 
-from cell.gap.subject.mechanism.effect import Effect, per_joint
+from cell.gap.subject.mechanism.effect import MechanismEffect, per_joint
 
 
 def _parameters(mechanism):
@@ -91,7 +91,7 @@ def law(q, v, load, p, at):
     return -p[at] * np.sin(q)
 
 
-EFFECT = Effect(
+EFFECT = MechanismEffect(
     name="magnet",
     sentence="a magnet holds a joint",
     parameters=_parameters,

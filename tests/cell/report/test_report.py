@@ -259,7 +259,7 @@ def test_text_from_a_run_cannot_become_markup(make_run, tmp_path):
 
 @pytest.fixture
 def predicting(make_run, tmp_path):
-    missed = [{"name": "displacement", "difference": -0.0367, "spread": 0.0009}]
+    missed = [{"name": "displacement", "difference": 0.0367, "spread": 0.0009}]
     folder = make_run(tmp_path, foretold=PREDICTED, agreement=UNLIKE, witnesses=missed)
     with (folder / EVENTS).open("a") as events:
         for k in range(60):
@@ -274,7 +274,7 @@ def test_page_states_and_draws_what_was_predicted(predicting) -> None:
     assert "+0.4 mm ± 0.9 mm" in text
     assert "This strip does not behave like the model" in text
     assert "strip beside its model 3.1 mm" in text
-    assert "predicted −36.7 mm short, ± 0.9 mm expected" in text
+    assert "predicted +36.7 mm too far, ± 0.9 mm expected" in text
     assert "predicted 60 times" in text
     assert "foretold" not in text
     assert page.count("<svg") == 3 + 3  # figures, numbers of weight
