@@ -16,7 +16,7 @@ MINIMUM_INLIERS = MINIMUM_POINTS * 3 // 4  # that a map must fit
 # of a matrix from pixels to metres, under which it is singular
 SMALLEST_DETERMINANT = 1e-18
 MAP_PARAMETERS = 8
-PLACE_STEP = 1e-5  # m over which a map's derivative is taken
+POSITION_STEP = 1e-5  # m over which a map's derivative is taken
 RANSAC_THRESHOLD = 1.5  # px, RANSAC on millimetres to pixels
 
 
@@ -146,9 +146,9 @@ def homography_of(pixels: Array, points: Array) -> Homography:
 
 
 def map_deviation(
-    homography: Homography, pixels: Array, points: Array, places: Array
+    homography: Homography, pixels: Array, points: Array, positions: Array
 ) -> Array:
-    """Standard deviations (k,) [m] of a fitted map at `places` (k, 2) x, z [m].
+    """Standard deviations (k,) [m] of a fitted map at `positions` (k, 2) x, z [m].
 
     By the covariance of its least squares, which fit the undistorted `pixels` (n, 2) of
     `points` (n, 2) with as much scatter as is left; the lens is taken as exact.
@@ -159,11 +159,11 @@ def map_deviation(
     solution = np.linalg.pinv(design)
     covariance = variance * solution @ solution.T
 
-    here = homography.to_image(places)
-    steps = PLACE_STEP * np.eye(2)
-    by_place = [homography.to_image(places + step) - here for step in steps]
+    here = homography.to_image(positions)
+    steps = POSITION_STEP * np.eye(2)
+    by_position = [homography.to_image(positions + step) - here for step in steps]
     moved = np.linalg.solve(
-        np.stack(by_place, axis=-1) / PLACE_STEP, _by_map(homography, places)
+        np.stack(by_position, axis=-1) / POSITION_STEP, _by_map(homography, positions)
     )
     largest: Array = np.linalg.eigvalsh(moved @ covariance @ moved.mT)[:, -1]
     return np.sqrt(largest)

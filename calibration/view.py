@@ -96,26 +96,28 @@ class ImageMotion:
 
     `parameters` (4,) are the shift u, v [px] of the image's middle, and growth and turn
     as px at half its width; `size` is its width and height [px]. The patches at
-    `places` (n, 2) agree on it.
+    `positions` (n, 2) agree on it.
     """
 
     parameters: Array
     size: tuple[int, int]
-    places: Array
+    positions: Array
 
-    def shift(self, places: Array) -> Array:
-        """Shifts (n, 2) [px] of what was at the pixels `places` (n, 2)."""
-        shifts: Array = _design(places, self.size) @ self.parameters
+    def shift(self, positions: Array) -> Array:
+        """Shifts (n, 2) [px] of what was at the pixels `positions` (n, 2)."""
+        shifts: Array = _design(positions, self.size) @ self.parameters
         return shifts
 
     def largest(self) -> float:
         """Largest shift [px] over the image."""
         return float(np.hypot(*self.shift(GRID * self.size).T).max())
 
-    def in_plane(self, places: Array, plane_map: PlaneMap) -> Array:
-        """Shifts (n, 2) x, z [m] in the near edge's plane of what was at `places`."""
-        moved = places + self.shift(places)
-        return plane_map.to_plane(moved) - plane_map.to_plane(places)
+    def in_plane(self, positions: Array, plane_map: PlaneMap) -> Array:
+        """Shifts (n, 2) x, z [m] in the near edge's plane of the points at
+        `positions`.
+        """
+        moved = positions + self.shift(positions)
+        return plane_map.to_plane(moved) - plane_map.to_plane(positions)
 
     def largest_in_plane(self, plane_map: PlaneMap) -> float:
         """Largest shift [m] in the near edge's plane over the image."""
@@ -182,11 +184,11 @@ class PinnedView:
         for reach in (radius, REFINED_RADIUS):
             shifts, scores = self._find(image, clear, np.rint(predicted), reach)
             found = scores > 0
-            places = self.corners[found] + PATCH_SIZE / 2
+            positions = self.corners[found] + PATCH_SIZE / 2
             shifts, scores = shifts[found], scores[found]
             slack = _slack(shifts)
             weights = _weights(self.patches[found], self.tensors[found], scores, slack)
-            motion = _common_motion(places, self.size, shifts, weights, slack)
+            motion = _common_motion(positions, self.size, shifts, weights, slack)
             if motion is None:
                 return None
             predicted = motion.shift(self.corners)
@@ -214,16 +216,16 @@ class PinnedView:
                 ].all()
             ):
                 continue
-            place, score = _find_patch(_denoised(window), self.patches[i])
+            position, score = _find_patch(_denoised(window), self.patches[i])
             if score >= MATCH_CORRELATION:
-                shifts[i] = place - self.corners[i] + np.array([left, top])
+                shifts[i] = position - self.corners[i] + np.array([left, top])
                 scores[i] = score
         return shifts, scores
 
 
 def _slack(shifts: Array) -> float:
-    """Standard deviation [px] by which the place of a patch leaves a common motion, by
-    its `shifts` (n, 2) [px].
+    """Standard deviation [px] by which the position of a patch leaves a common motion,
+    by its `shifts` (n, 2) [px].
     """
     if len(shifts) == 0:
         return MODEL_SIGMA
@@ -295,8 +297,8 @@ def _find_patch(window: Image, patch: Image) -> tuple[Array, float]:
     """
     scores = cv2.matchTemplate(window, patch, cv2.TM_CCOEFF_NORMED)
     _, best, _, (u, v) = cv2.minMaxLoc(scores)
-    place = np.array([u + _peak(scores[v, :], u), v + _peak(scores[:, u], v)])
-    return place, best if np.ptp(patch) else 0.0
+    position = np.array([u + _peak(scores[v, :], u), v + _peak(scores[:, u], v)])
+    return position, best if np.ptp(patch) else 0.0
 
 
 def _peak(scores: Array, at: int) -> float:
@@ -310,18 +312,18 @@ def _peak(scores: Array, at: int) -> float:
     return 0.0 if bend >= 0 else 0.5 * (before - after) / bend
 
 
-def _design(places: Array, size: tuple[int, int]) -> Array:
-    """Derivatives (n, 2, 4) of the shifts at `places` (n, 2) [px] by the parameters of
-    a motion.
+def _design(positions: Array, size: tuple[int, int]) -> Array:
+    """Derivatives (n, 2, 4) of the shifts at `positions` (n, 2) [px] by the parameters
+    of a motion.
     """
-    x, y = (2.0 * (places - np.array(size) / 2) / size[0]).T
+    x, y = (2.0 * (positions - np.array(size) / 2) / size[0]).T
     one, none = np.ones_like(x), np.zeros_like(x)
     design: Array = np.stack([[one, none, x, -y], [none, one, y, x]])
     return np.moveaxis(design, 2, 0)
 
 
 def _common_motion(
-    places: Array,
+    positions: Array,
     size: tuple[int, int],
     shifts: Array,
     weights: Array,
@@ -334,7 +336,7 @@ def _common_motion(
     """
     if len(shifts) == 0:
         return None
-    design = _design(places, size)
+    design = _design(positions, size)
     between = shifts[:, None] - shifts
     misfits = np.einsum("ijk,ikl,ijl->ij", between, weights, between)
     begin = np.minimum(misfits, TOLERANCES[0] ** 2).sum(axis=0).argmin()
@@ -354,7 +356,7 @@ def _common_motion(
     variances = np.linalg.eigvalsh(covariance)[agreeing, -1]
     if variances.min(initial=np.inf) > slack**2:
         return None
-    return ImageMotion(parameters, size, places[agreeing])
+    return ImageMotion(parameters, size, positions[agreeing])
 
 
 def _misfit(residuals: Array, weights: Array) -> Array:

@@ -53,8 +53,8 @@ def grid(n: int) -> list[StripFile]:
     """Strips on an n x n logarithmic grid of stiffness, then damping, in the published
     range.
     """
-    places = np.linspace(0.0, 1.0, n)
-    return [strip_at(u, v) for u in places for v in places]
+    fractions = np.linspace(0.0, 1.0, n)
+    return [strip_at(u, v) for u in fractions for v in fractions]
 
 
 def sample(n: int, rng: np.random.Generator) -> list[StripFile]:
@@ -63,8 +63,8 @@ def sample(n: int, rng: np.random.Generator) -> list[StripFile]:
     """
     shift: Array = rng.uniform(size=(n, n, 2))
     cells = np.stack(np.meshgrid(np.arange(n), np.arange(n), indexing="ij"), axis=-1)
-    places = ((cells + shift) / n).reshape(-1, 2)
-    return [strip_at(u, v) for u, v in places]
+    fractions = ((cells + shift) / n).reshape(-1, 2)
+    return [strip_at(u, v) for u, v in fractions]
 
 
 def draw_friction(

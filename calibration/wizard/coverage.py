@@ -18,15 +18,13 @@ FLAT_ANGLE = 0.05  # rad under which a lean is not mentioned
 
 
 class WantedView(BoardPlacement):
-    """A required view of the board, by its place, size and angles in the image."""
+    """A required view of the board, by its position, size and angles in the image."""
 
     __slots__ = ()
 
     def __str__(self) -> str:
-        places = (_words(self.y, "high", "low"), _words(self.x, "left", "right"))
-        where = (
-            " and ".join(word for word in places if word != "middle") or "the middle"
-        )
+        words = (_words(self.y, "high", "low"), _words(self.x, "left", "right"))
+        where = " and ".join(word for word in words if word != "middle") or "the middle"
         leans = [
             _lean_words(self.tilt, "top away", "top nearer"),
             _lean_words(self.turn, "right edge away", "right edge nearer"),
@@ -47,16 +45,16 @@ class WantedView(BoardPlacement):
         depth = lens.matrix[0, 0] * board_width / (self.size * lens.width)
 
         middle = np.array([self.x * lens.width, self.y * lens.height, 1.0])
-        place = np.linalg.solve(lens.matrix, middle) * depth
+        translation = np.linalg.solve(lens.matrix, middle) * depth
         flat = np.column_stack([corners - corners.mean(axis=0), np.zeros(len(corners))])
-        image, _ = cv2.projectPoints(flat, rotation, place, lens.matrix, None)
+        image, _ = cv2.projectPoints(flat, rotation, translation, lens.matrix, None)
         outline: Array = image.reshape(-1, 2)
         return outline
 
 
 def wanted_views(lean: float, sizes: tuple[float, float]) -> tuple[WantedView, ...]:
-    """Thirteen required views: five places, four leans, four with roll; `sizes` far and
-    near.
+    """Thirteen required views: five positions, four leans, four with roll; `sizes` far
+    and near.
 
     `lean` [rad] is the largest tilt.
     """
@@ -81,7 +79,7 @@ def wanted_views(lean: float, sizes: tuple[float, float]) -> tuple[WantedView, .
 
 
 def _words(share: float, low: str, high: str) -> str:
-    """Word for the place at a `share` of the image: `low`, middle or `high`."""
+    """Word for the position at a `share` of the image: `low`, middle or `high`."""
     if abs(share - 0.5) <= MIDDLE_SHARE:
         return "middle"
     return low if share < 0.5 else high

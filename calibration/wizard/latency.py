@@ -76,9 +76,9 @@ class LatencySteps(Settings):
 
 def step_poses(settings: LatencySettings) -> tuple[Pose, ...]:
     """Poses of the pointer to and fro, between which the arm steps."""
-    places = (settings.x, settings.x + settings.step)
+    positions = (settings.x, settings.x + settings.step)
     return tuple(
-        Pose(places[k % 2], settings.z, pi / 2) for k in range(settings.steps + 1)
+        Pose(positions[k % 2], settings.z, pi / 2) for k in range(settings.steps + 1)
     )
 
 

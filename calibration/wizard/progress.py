@@ -51,14 +51,13 @@ class SessionRow(Settings):
             return ""
         if self.pose is None:
             return f"image {self.number}: {self.refused or 'taken'}"
-        done = (
-            f"touched{' again' if self.again else ''} at {place_text(*self.pose[:2])}"
-        )
+        again = " again" if self.again else ""
+        done = f"touched{again} at {position_text(*self.pose[:2])}"
         return f"point {self.number}: {self.refused or done}"
 
 
-def place_text(x: float, z: float) -> str:
-    """Text on a place `x`, `z` [m] of the pointer, in millimetres."""
+def position_text(x: float, z: float) -> str:
+    """Text on a position `x`, `z` [m] of the pointer, in millimetres."""
     return f"x {1e3 * x:.0f}, z {1e3 * z:.0f} mm"
 
 
@@ -163,8 +162,8 @@ def _draw_levels(drawn: Image, deviation: Callable[[Array], Array]) -> None:
             continue
         drawn[rows, columns] = LEVEL_BGR
         nearest = np.hypot(rows - height / 2, columns - width / 2).argmin()
-        place = (int(columns[nearest]) + 4, max(int(rows[nearest]), 18) - 4)
-        cv2.putText(drawn, f"{level} mm", place, FONT, 0.5, LEVEL_BGR, 1, LINE_TYPE)
+        corner = (int(columns[nearest]) + 4, max(int(rows[nearest]), 18) - 4)
+        cv2.putText(drawn, f"{level} mm", corner, FONT, 0.5, LEVEL_BGR, 1, LINE_TYPE)
 
 
 def _draw_mark(drawn: Image, mark: Mark) -> None:

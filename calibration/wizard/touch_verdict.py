@@ -114,7 +114,7 @@ def check_verdict(
 ) -> CheckVerdict:
     """Verdict on `calibration` from new `touches`, to which it was not fitted."""
     off = [
-        calibration.to_plane(touch.pixel[None])[0] - touch.place for touch in touches
+        calibration.to_plane(touch.pixel[None])[0] - touch.position for touch in touches
     ]
     off_mm = 1e3 * np.reshape(off, (-1, 2))
     values = lengths(off_mm)
@@ -245,7 +245,7 @@ def _causes(
     """Reasons for refusal that explain all other ones: a mirrored plane, or a moved
     camera.
     """
-    middle = np.mean([touched.place for touched in touches], axis=0)
+    middle = np.mean([touched.position for touched in touches], axis=0)
     triangle = middle + ORIENTATION_STEP * np.array([(0, 0), (1, 0), (0, 1)])
     corners = fit.homography.to_image(triangle)
     # z is up, v down: a true map turns it over
@@ -332,14 +332,15 @@ def _halves_mm(
     """Difference [mm] over the work area between maps from two random halves of the
     points.
     """
-    ordered = sorted(points, key=lambda p: (*p.place, p.number))
+    ordered = sorted(points, key=lambda p: (*p.position, p.number))
     order = np.random.default_rng(0).permutation(len(ordered))
     if len(ordered) < 2 * HALF_POINTS:
         return nan
     pixels = lens.undistort(np.array([p.pixel for p in ordered]))
-    places = np.array([p.place for p in ordered])
+    positions = np.array([p.position for p in ordered])
     one, other = (
-        homography_of(pixels[half], places[half]) for half in (order[::2], order[1::2])
+        homography_of(pixels[half], positions[half])
+        for half in (order[::2], order[1::2])
     )
 
     x = np.linspace(settings.x_min, settings.x_max, 7)
@@ -395,8 +396,8 @@ def _point_reasons(fit: TouchFit, settings: TouchSettings) -> tuple[str, ...]:
     numbers = {p.number for p in (*fit.used, *fit.validation, *fit.outliers)}
     repeated = ", ".join(str(p.number) for p in fit.repeated_outliers)
     area = (settings.x_max - settings.x_min) * (settings.z_max - settings.z_min)
-    places = np.array([p.place for p in fit.used], dtype=np.float32)
-    share = cv2.contourArea(cv2.convexHull(places)) / area
+    positions = np.array([p.position for p in fit.used], dtype=np.float32)
+    share = cv2.contourArea(cv2.convexHull(positions)) / area
     return reasons(
         (
             len(fit.replaced) > settings.wild * len(numbers),

@@ -9,7 +9,13 @@ import numpy as np
 from calibration.board import find_pointer
 from calibration.homography import map_deviation
 from calibration.lens import Lens
-from calibration.wizard.progress import Mark, MarkKind, Progress, SessionRow, place_text
+from calibration.wizard.progress import (
+    Mark,
+    MarkKind,
+    Progress,
+    SessionRow,
+    position_text,
+)
 from calibration.wizard.touch_verdict import TouchVerdict, touch_verdict
 from calibration.wizard.touches import (
     TouchedPoint,
@@ -216,9 +222,9 @@ class TouchedPoints:
             if not point.held_out and (point.again or point.number not in replaced)
         ]
         seen = plane_map.lens.undistort(np.array([point.pixel for point in fitted]))
-        places = np.array([point.place for point in fitted])
+        positions = np.array([point.position for point in fitted])
         return map_deviation(
-            plane_map.homography, seen, places, plane_map.to_plane(pixels)
+            plane_map.homography, seen, positions, plane_map.to_plane(pixels)
         )
 
     def _error(self, point: TouchedPoint, verdict: TouchVerdict) -> Array | None:
@@ -227,7 +233,7 @@ class TouchedPoints:
         """
         if verdict.plane_map is None:
             return None
-        error: Array = point.pixel - verdict.plane_map.to_image(point.place)[0]
+        error: Array = point.pixel - verdict.plane_map.to_image(point.position)[0]
         return error
 
     def _state(self, number: int) -> str:
@@ -254,16 +260,16 @@ class TouchedPoints:
                 " size, or run `cell calibrate camera` at this one"
             )
 
-    def _refuse(self, centre: Array | None, place: Array) -> str | None:
+    def _refuse(self, centre: Array | None, position: Array) -> str | None:
         """Reason to refuse an image that shows the pointer at `centre` [px], the arm at
-        `place`.
+        `position`.
         """
         if centre is None:
             return "the pointer's disc is not seen exactly once; uncover it, light it"
         if self._last is None:
             return None
-        last_centre, last_place = self._last
-        arm_moved = lengths(place - last_place)
+        last_centre, last_position = self._last
+        arm_moved = lengths(position - last_position)
         if arm_moved > self._settings.arm_still:
             return f"the arm moved by {1e3 * arm_moved:.1f} mm {NOT_STILL}"
         moved = lengths(centre - last_centre)
@@ -283,7 +289,7 @@ class TouchedPoints:
         self._touches.pop((number, row.again), None)  # the newest is the last
         self._touches[number, row.again] = TouchedPoint(
             number=number,
-            place=np.array(row.pose[:2]),
+            position=np.array(row.pose[:2]),
             pixel=centre,
             held_out=held_out(number, self._settings),
             again=row.again,
@@ -292,4 +298,4 @@ class TouchedPoints:
 
 def request_text(pose: Pose) -> str:
     """Text on the next `pose` of the arm."""
-    return f"the arm goes to {place_text(pose.x, pose.z)}"
+    return f"the arm goes to {position_text(pose.x, pose.z)}"

@@ -74,8 +74,8 @@ def check_plan(settings: TouchSettings) -> tuple[Pose, ...]:
     left, right = settings.x_min, settings.x_max
     low, high = settings.z_min, settings.z_max
     middle = ((left + right) / 2, (low + high) / 2)
-    places = [(left, low), (right, low), middle, (right, high), (left, high)]
-    return tuple(Pose(x, z, pi / 2) for x, z in places)
+    positions = [(left, low), (right, low), middle, (right, high), (left, high)]
+    return tuple(Pose(x, z, pi / 2) for x, z in positions)
 
 
 def require_enough(plan: Sequence[Pose], settings: TouchSettings) -> None:
@@ -99,12 +99,12 @@ def held_out(number: int, settings: TouchSettings) -> bool:
 class TouchedPoint:
     """One touched point: where the arm was, and where the image showed the pointer.
 
-    `number` of the pose, `place` (2,) x, z [m] of the arm, `pixel` (2,) u, v of the
+    `number` of the pose, `position` (2,) x, z [m] of the arm, `pixel` (2,) u, v of the
     disc in the raw image; `again` marks a second touch of the same pose.
     """
 
     number: int
-    place: Array
+    position: Array
     pixel: Array
     held_out: bool
     again: bool = False
@@ -127,23 +127,23 @@ class TouchFit(PlaneMap):
     replaced: tuple[TouchedPoint, ...] = ()
 
     def error(self, touched: TouchedPoint) -> Array:
-        """Residual (2,) x, z [m] of a touch: place by the map minus place of the
+        """Residual (2,) x, z [m] of a touch: position by the map minus that of the
         arm.
         """
-        residual: Array = self.to_plane(touched.pixel)[0] - touched.place
+        residual: Array = self.to_plane(touched.pixel)[0] - touched.position
         return residual
 
     def describe(self, points: Sequence[TouchedPoint]) -> dict[int, str]:
-        """Texts with place [m] and residual [px] of touched `points`, by their
+        """Texts with position [m] and residual [px] of touched `points`, by their
         numbers.
         """
         texts = {}
         for point in sorted(points, key=lambda p: p.number):
-            mapped = self.homography.to_image(point.place)[0]
+            mapped = self.homography.to_image(point.position)[0]
             error = lengths(mapped - self.lens.undistort(point.pixel)[0])
-            x, z = point.place
-            place = f"point {point.number} at x {x:.3f}, z {z:.3f} m"
-            texts[point.number] = f"{place} is {error:.1f} px off"
+            x, z = point.position
+            words = f"point {point.number} at x {x:.3f}, z {z:.3f} m"
+            texts[point.number] = f"{words} is {error:.1f} px off"
         return texts
 
 
@@ -160,12 +160,12 @@ def fit_touches(
         p.number: p for p in sorted(touches, key=lambda p: (p.number, p.again))
     }
     newest = sorted(
-        by_number.values(), key=lambda p: (p.place[0], p.place[1], p.number)
+        by_number.values(), key=lambda p: (p.position[0], p.position[1], p.number)
     )
     fitted = [p for p in newest if not p.held_out]
     homography, inliers = fit_homography(
         lens.undistort(np.reshape([p.pixel for p in fitted], (-1, 2))),
-        np.reshape([p.place for p in fitted], (-1, 2)),
+        np.reshape([p.position for p in fitted], (-1, 2)),
     )
     fit = TouchFit(lens, homography, tuple(compress(fitted, inliers)))
     return _sort_others(fit, touches, newest, settings)
@@ -246,17 +246,17 @@ def camera_move(
     (Cauchy loss) to all touches, wild ones too. `homography` is where the fit begins.
     """
     ordered = sorted(touches, key=lambda touched: (touched.again, touched.number))
-    places = np.array([touched.place for touched in ordered])
+    positions = np.array([touched.position for touched in ordered])
     pixels = lens.undistort(np.array([touched.pixel for touched in ordered]))
     moments = range(FEWEST_TOUCHES, len(ordered) - FEWEST_TOUCHES + 1)
     if not moments:
         return None
 
-    fits = {n: _fit_move(places, pixels, n, homography) for n in moments}
+    fits = {n: _fit_move(positions, pixels, n, homography) for n in moments}
     moment = min(fits, key=lambda n: fits[n][0])
     cost, shift, sigma = fits[moment]
 
-    middle = homography.to_image(places.mean(axis=0)[None])[0]
+    middle = homography.to_image(positions.mean(axis=0)[None])[0]
     before, after = homography.to_plane(np.array([middle, middle + shift]))
     shift_mm = 1e3 * float(lengths(after - before))
     size = lengths(shift)
@@ -268,25 +268,25 @@ def camera_move(
 
 
 def _fit_move(
-    places: Array, pixels: Array, moment: int, begin: Homography
+    positions: Array, pixels: Array, moment: int, begin: Homography
 ) -> tuple[float, Array, float]:
     """Robust fit of a map to the image and a shift of the image from touch number
     `moment` on.
 
-    `places` (n, 2) [m] are those of the arm and `pixels` (n, 2) [px] undistorted.
+    `positions` (n, 2) [m] are those of the arm and `pixels` (n, 2) [px] undistorted.
     Returns its cost, the shift (2,) [px] and the largest sigma of the shift [px].
     """
     from scipy.optimize import least_squares
 
-    later = (np.arange(len(places)) >= moment)[:, None]
+    later = (np.arange(len(positions)) >= moment)[:, None]
 
     def errors(unknown: Array) -> Array:
         matrix = np.append(unknown[:MAP_NUMBERS], 1.0).reshape(3, 3)
-        moved = transform(matrix, places) + later * unknown[MAP_NUMBERS:]
+        moved = transform(matrix, positions) + later * unknown[MAP_NUMBERS:]
         return (moved - pixels).ravel()
 
     matrix = begin.inverse / begin.inverse[2, 2]
-    misses = pixels - begin.to_image(places)
+    misses = pixels - begin.to_image(positions)
     shift = np.median(misses[moment:], axis=0)
     start = np.append(matrix.ravel()[:MAP_NUMBERS], shift)
     solution = least_squares(

@@ -188,22 +188,22 @@ class _Learner:
         folds.
         """
         names = sorted({*unknowns}.union(*(used for used, *_ in self._rows)), key=str)
-        place = {name: i for i, name in enumerate(names)}
+        columns = {name: i for i, name in enumerate(names)}
         precision = np.diag([self._sigma(name) ** -2 for name in names])
         weighted = np.zeros(len(names))
         for used, y, noise in self._rows:
-            row = _indicator(used, place)
+            row = _indicator(used, columns)
             precision += np.outer(row, row) / noise**2
             weighted += row * y / noise**2
-        row = _indicator(unknowns, place)
+        row = _indicator(unknowns, columns)
         solved = np.linalg.solve(precision, np.column_stack([weighted, row]))
         return float(row @ solved[:, 0]), float(row @ solved[:, 1])
 
 
-def _indicator(unknowns: Sequence[Unknown], place: dict[Unknown, int]) -> Array:
+def _indicator(unknowns: Sequence[Unknown], columns: dict[Unknown, int]) -> Array:
     """Vector (n,) with ones at the places of `unknowns`, zeros elsewhere."""
-    row = np.zeros(len(place))
-    row[[place[name] for name in unknowns]] = 1.0
+    row = np.zeros(len(columns))
+    row[[columns[name] for name in unknowns]] = 1.0
     return row
 
 

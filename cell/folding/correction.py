@@ -147,10 +147,10 @@ def experience_of(
     uncorrected_aim = aimed_at - correction.seen
     edges = outcome.edge_offset
     if edges is not None:
-        from cell.base.devices.fold_path import edge_place, taut_edge
+        from cell.base.devices.fold_path import edge_target, taut_edge
 
         target = touch.goal + correction.place
-        edges += edge_place(taut_edge(touch), target) - touch.goal
+        edges += edge_target(taut_edge(touch), target) - touch.goal
     return Experience(
         run=run,
         policy=subject.policy,

@@ -134,8 +134,8 @@ class Memory:
             if not forgotten:
                 return None
             names = (f"{self.path.stem}.forgotten-{number}" for number in count(1))
-            places = map(self.path.with_name, names)
-            aside = next(place for place in places if not os.path.lexists(place))
+            paths = map(self.path.with_name, names)
+            aside = next(free for free in paths if not os.path.lexists(free))
             for path, stay in ((aside, True), (self.path, False)):
                 kept = (line for line in lines if (line in forgotten) is stay)
                 replace_file(path, b"".join(kept))

@@ -125,7 +125,7 @@ def assess(request: Request, calibration: Calibration) -> Feasibility:
 def _foresee(request: Request, calibration: Calibration) -> Feasibility:
     """Feasibility of a fold, without advice."""
     settings, strip = request.settings, request.strip
-    place, policy = settings.installation, _policy_in_rod(request)
+    installation, policy = settings.installation, _policy_in_rod(request)
     refusal, lift = "", triangle(strip.length)
     try:
         folds, carry = _simulated_carry(settings, request, policy)
@@ -135,13 +135,15 @@ def _foresee(request: Request, calibration: Calibration) -> Feasibility:
 
     touch = None if folds is None else folds.touch[0]
     goal = request.line.goal
-    path, speeds = whole_path(strip.length, place, settings.fold, carry, touch, goal)
+    path, speeds = whole_path(
+        strip.length, installation, settings.fold, carry, touch, goal
+    )
     # the workspace refuses any other path
     joints = settings.arm_driver.is_franka and np.isfinite(path).all()
     reach = None
     if joints:
         limits = joint_limits(settings.fci)
-        reach = predict_arm(place, limits, strip.length, path, speeds)
+        reach = predict_arm(installation, limits, strip.length, path, speeds)
 
     passed = np.vstack([path[1:, :2], carry])  # from beside the strip on
     seen_by = corrected_calibration(calibration, settings, strip)
@@ -153,7 +155,11 @@ def _foresee(request: Request, calibration: Calibration) -> Feasibility:
         *_height_problems(settings, strip, lift),
         *path_problems(np.vstack([passed, *unknown]), carry, settings, carry_at),
         *_view_problems(passed, strip, seen_by),
-        *(_hand_problems(place, strip, path) if settings.arm_driver.real else ()),
+        *(
+            _hand_problems(installation, strip, path)
+            if settings.arm_driver.real
+            else ()
+        ),
         *_reach_problems(reach),
     )
     return Feasibility(request, path, speeds, reach, folds, calibration, problems)
@@ -201,7 +207,7 @@ def _nearest_length(refused: Feasibility) -> Iterator[str]:
 
 
 def path_problems(
-    places: Array,
+    points: Array,
     carry: Array,
     settings: CellSettings,
     carry_at: Callable[[float], Array],
@@ -209,10 +215,10 @@ def path_problems(
     """Yield a text for each limit of `settings` that keeps its arm from following a
     fold.
 
-    The gripper passes `places` (n, 2) [m], and carries the strip along `carry` (k, 2)
+    The gripper passes `points` (n, 2) [m], and carries the strip along `carry` (k, 2)
     [m]; `carry_at` gives the latter at another speed [m/s].
     """
-    yield from _workspace_problems(places, settings.installation)
+    yield from _workspace_problems(points, settings.installation)
     limits = settings.installation.limits
     speed = settings.fold.speed
     over = (
@@ -374,8 +380,8 @@ def _view_problems(
     """
     lens = calibration.lens
     lying = np.array([(0.0, 0.0), (strip.length, 0.0)])
-    held = path[(path[:, 0] >= 0) & (path[:, 0] <= strip.length)]
-    for what, points in (("the strip", lying), ("the gripper", held)):
+    over_strip = path[(path[:, 0] >= 0) & (path[:, 0] <= strip.length)]
+    for what, points in (("the strip", lying), ("the gripper", over_strip)):
         pixels = calibration.to_image(points)
         seen = (pixels >= 0).all(axis=1) & (pixels <= (lens.width, lens.height)).all(
             axis=1
@@ -408,8 +414,8 @@ class Prediction:
         cls, request: Request, folds: Folds, arm: ArmPrediction | None
     ) -> Self:
         """Prediction by simulated `folds` of the strip of `request` and its corners."""
-        places = folds.trace.reshape(-1, 2)
-        (x_min, z_min), (x_max, z_max) = places.min(axis=0), places.max(axis=0)
+        points = folds.trace.reshape(-1, 2)
+        (x_min, z_min), (x_max, z_max) = points.min(axis=0), points.max(axis=0)
         nominal = float(folds.displacement[0])
         spread = folds.displacement[folds.touched]
         return cls(

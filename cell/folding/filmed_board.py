@@ -271,7 +271,7 @@ def _find_ends(
         along = end + outward * np.arange(-WITHIN, BEYOND, FINE)
         # the midline
         line = np.column_stack([along, start + slope * along + thickness / 2])
-        place = find_end(image, calibration, thickness, line)
-        x_end = end if np.isnan(place) else along[0] + outward * place
+        distance = find_end(image, calibration, thickness, line)
+        x_end = end if np.isnan(distance) else along[0] + outward * distance
         ends.append(np.array([x_end, start + slope * x_end + thickness / 2]))
     return seen._replace(left=ends[0], right=ends[1])

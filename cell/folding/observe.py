@@ -213,8 +213,8 @@ def _draw_measurement(
     drawn = draw_sight(image, calibration, curve, strip.contact_x, np.array(strip.tip))
     if held.end is not None:
         pixel = calibration.to_image(np.array([[held.end.x, held.end.z]]))[0]
-        place = (round(float(pixel[0])), round(float(pixel[1])))
-        cv2.drawMarker(drawn, place, (0, 255, 255), cv2.MARKER_CROSS, 24, 3)
+        centre = (round(float(pixel[0])), round(float(pixel[1])))
+        cv2.drawMarker(drawn, centre, (0, 255, 255), cv2.MARKER_CROSS, 24, 3)
     return drawn
 
 

@@ -66,8 +66,8 @@ def _begin(
     """Begin a series; ConfigurationError where its manifest cannot be written."""
     strip, runs = requests[0].strip.name, requests[0].runs
     stamp = f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{strip}-{kind}-{token_hex(2)}"
-    place = runs / f"{stamp}.{MANIFEST}" if path is None else path
-    return new_series(place, kind, strip, identity(requests), len(requests))
+    manifest = runs / f"{stamp}.{MANIFEST}" if path is None else path
+    return new_series(manifest, kind, strip, identity(requests), len(requests))
 
 
 def _resume(

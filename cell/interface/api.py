@@ -41,21 +41,21 @@ if TYPE_CHECKING:  # what takes a second to import is imported where it is used
     from cell.gap.report.figures import DrawnVerdict
     from cell.gap.verdict.accept import AcceptResult
 
-Place = str | Path
+StrPath = str | Path
 # folders, or runs that were read
-Places = str | PathLike[str] | Sequence[str | PathLike[str]]
+StrPaths = str | PathLike[str] | Sequence[str | PathLike[str]]
 
 
 def fold(
     strip: str,
     policy: str = "adaptive",
     *,
-    plant: Place | None = None,
+    plant: StrPath | None = None,
     arm: str | None = None,
     camera: str | None = None,
     seed: int = 0,
-    runs: Place = "runs",
-    configs: Place | None = None,
+    runs: StrPath = "runs",
+    configs: StrPath | None = None,
     speed: float | None = None,
     frames: Keep | None = None,
     truth: bool = True,
@@ -102,7 +102,7 @@ def predict(
     strip: str,
     policy: str = "adaptive",
     speed: float | None = None,
-    configs: Place | None = None,
+    configs: StrPath | None = None,
     at: str | None = None,
 ) -> Prediction:
     """Predict a fold by simulation, as `cell fold --dry-run` does; nothing moves.
@@ -125,14 +125,14 @@ def _prepared(asked: Request, plants: Sequence[StripFile] = ()) -> tuple[Request
     return prepared.requests
 
 
-def compare(runs: Places, out: Place = "compare.html") -> Path:
+def compare(runs: StrPaths, out: StrPath = "compare.html") -> Path:
     """Write the HTML page that compares `runs`, as `cell report` does; returns the
     page's path.
     """
     return write_comparison([run_folder(str(run)) for run in _listed(runs)], Path(out))
 
 
-def read_run(folder: Place) -> DrawnRun:
+def read_run(folder: StrPath) -> DrawnRun:
     """Read the run in `folder`, a path, the end of its name or `last`; complete or
     not.
 
@@ -141,7 +141,7 @@ def read_run(folder: Place) -> DrawnRun:
     return DrawnRun.of(load_run(run_folder(str(folder))))
 
 
-def runs(folder: Place = "runs", where: str = "", sort: str = "") -> Any:
+def runs(folder: StrPath = "runs", where: str = "", sort: str = "") -> Any:
     """Table of the runs that `list_runs` lists: a data frame where pandas is installed,
     else an Arrow table.
     """
@@ -151,7 +151,7 @@ def runs(folder: Place = "runs", where: str = "", sort: str = "") -> Any:
 
 
 def list_runs(
-    folder: Place = "runs", where: str = "", sort: str = ""
+    folder: StrPath = "runs", where: str = "", sort: str = ""
 ) -> tuple[RunRow, ...]:
     """List the runs in `folder` for which the SQL expression `where` holds, as `cell
     runs` does.
@@ -167,10 +167,10 @@ def table(part: Ticks | Profile | Sights) -> pa.Table:
 
 
 def import_runs(
-    places: Places,
-    out: Place,
-    mapping: Place | None = None,
-    configs: Place | None = None,
+    places: StrPaths,
+    out: StrPath,
+    mapping: StrPath | None = None,
+    configs: StrPath | None = None,
 ) -> tuple[Path, ...]:
     """Convert tables, MCAP files or LeRobot data sets to checked run folders; returns
     these.
@@ -188,7 +188,7 @@ def import_runs(
     )
 
 
-def export_runs(runs: Places, kind: Format, out: Place) -> tuple[Path, ...]:
+def export_runs(runs: StrPaths, kind: Format, out: StrPath) -> tuple[Path, ...]:
     """Write `runs` in the format `kind` into the new folder `out`; returns the
     files.
     """
@@ -197,11 +197,11 @@ def export_runs(runs: Places, kind: Format, out: Place) -> tuple[Path, ...]:
 
 
 def observe(
-    film: Place,
-    calibration: Calibration | Place,
+    film: StrPath,
+    calibration: Calibration | StrPath,
     strip: str,
-    out: Place,
-    configs: Place | None = None,
+    out: StrPath,
+    configs: StrPath | None = None,
 ) -> DrawnRun:
     """Measure the fold on a film, as `cell observe` does; returns the run, written to
     `out`.
@@ -219,15 +219,15 @@ def observe(
 
 
 def fit_gap(
-    runs: Places,
-    out: Place,
+    runs: StrPaths,
+    out: StrPath,
     *,
     strip: str | None = None,
-    model: Place | None = None,
+    model: StrPath | None = None,
     hold_out: Sequence[str] = (),
     without: Sequence[str] = (),
     jobs: int = 1,
-    configs: Place | None = None,
+    configs: StrPath | None = None,
     progress: Callable[[str, float], None] | None = None,
 ) -> "DrawnVerdict":
     """Identify the effects that the model of a strip or mechanism lacks in measured
@@ -252,7 +252,7 @@ def fit_gap(
 
 
 def check(
-    runs: Places, subject: Place, jobs: int = 1, configs: Place | None = None
+    runs: StrPaths, subject: StrPath, jobs: int = 1, configs: StrPath | None = None
 ) -> "CheckReport":
     """Check recordings before a fit: sampling, clocks, duplicates, and what the runs
     can show.
@@ -265,12 +265,12 @@ def check(
 
 
 def accept(
-    out: Place,
-    subject: Place,
+    out: StrPath,
+    subject: StrPath,
     *,
     law: bool = False,
     force: bool = False,
-    configs: Place | None = None,
+    configs: StrPath | None = None,
 ) -> "AcceptResult":
     """Write the effects that the fit in `out` named into the `subject` file, or into
     cell.yaml.
@@ -286,7 +286,9 @@ def accept(
     )
 
 
-def undo(out: Place, subject: Place, configs: Place | None = None) -> "AcceptResult":
+def undo(
+    out: StrPath, subject: StrPath, configs: StrPath | None = None
+) -> "AcceptResult":
     """Restore the files as they were before `accept` of the fit in `out`."""
     from cell.gap.verdict.accept import undo as undo_fit
 
@@ -294,12 +296,12 @@ def undo(out: Place, subject: Place, configs: Place | None = None) -> "AcceptRes
     return undo_fit(Path(out), _subject_file(subject, configs), cell_file)
 
 
-def _subject_file(subject: Place, configs: Place | None) -> Path:
+def _subject_file(subject: StrPath, configs: StrPath | None) -> Path:
     """Path of the file of `subject`: a strip's name, or a path."""
     return find_configs(configs).strip_path(str(subject))
 
 
-def read_verdict(out: Place) -> "DrawnVerdict":
+def read_verdict(out: StrPath) -> "DrawnVerdict":
     """Read the verdict that `fit_gap` wrote into the folder `out`; `plot` draws it."""
     from cell.gap.report.figures import DrawnVerdict
     from cell.gap.verdict.schema import read_verdict as read_verdict_file
@@ -307,12 +309,12 @@ def read_verdict(out: Place) -> "DrawnVerdict":
     return DrawnVerdict(**dict(read_verdict_file(Path(out) / "verdict.json")))
 
 
-def read_strip(name: str, configs: Place | None = None) -> StripFile:
+def read_strip(name: str, configs: StrPath | None = None) -> StripFile:
     """Read and check the strip file called `name`, or the one at that path."""
     return find_configs(configs).strip(name)
 
 
-def read_calibration(path: Place) -> Calibration:
+def read_calibration(path: StrPath) -> Calibration:
     """Read the calibration file at `path`, or that of the run in the folder `path`.
 
     `to_image` maps points (n, 2) [m] of the strip's plane to pixels (n, 2), `to_plane`
@@ -327,7 +329,7 @@ def effects() -> Mapping[str, Effect]:
     return registry()
 
 
-def _listed(places: Places) -> list[Path]:
+def _listed(places: StrPaths) -> list[Path]:
     """List of the paths `places`, given as a single one or several."""
     each = [places] if isinstance(places, str | PathLike) else places
     return list(map(Path, each))

@@ -132,8 +132,8 @@ def wait_until_still(longest: float, record: Recorder) -> steps.Motion:
     [m].
     """
     snapshot = yield from steps.wait_for(lambda now: not now.arm.moving)
-    place = snapshot.arm.commanded
-    snapshot = yield from steps.move(Pose(place.x, place.z, fold_path.HANGING))
+    commanded = snapshot.arm.commanded
+    snapshot = yield from steps.move(Pose(commanded.x, commanded.z, fold_path.HANGING))
     start = snapshot.time
     swing = Swing()
     while not swing.still and snapshot.time - start < longest:
@@ -287,8 +287,8 @@ def _lay_plan(given: FoldInputs, log: FoldLog, gripper: Pose) -> fold_path.LayPl
         raise Fault("illegal_event", "LAY was entered without a touch")
     thickness = given.strip.thickness
     layers = max(thickness, touch.distance) + thickness / 2.0
-    taut, place = fold_path.taut_edge(touch), given.goal + given.place
-    return fold_path.lay_plan(gripper, taut, layers, place, given.settings.fold)
+    taut, goal = fold_path.taut_edge(touch), given.goal + given.place
+    return fold_path.lay_plan(gripper, taut, layers, goal, given.settings.fold)
 
 
 def follow_lay(plan: fold_path.LayPlan, speed: float, begin: Snapshot) -> steps.Motion:

@@ -69,19 +69,19 @@ class Face:
     slenderness: float
 
     @classmethod
-    def from_places(cls, places: Array, pitch: float) -> Self:
-        """Face whose pixels lie at `places` (n, 2) [m], its axis within pi/2 of `pitch`
+    def from_points(cls, points: Array, pitch: float) -> Self:
+        """Face whose pixels lie at `points` (n, 2) [m], its axis within pi/2 of `pitch`
         [rad].
         """
-        middle = places.mean(axis=0)
-        variances, axes = np.linalg.eigh(np.cov((places - middle).T))
+        middle = points.mean(axis=0)
+        variances, axes = np.linalg.eigh(np.cov((points - middle).T))
         axis = axes[:, 1]
         if not axis @ np.array([np.cos(pitch), np.sin(pitch)]) > 0:
             axis = -axis
-        front = middle + np.quantile((places - middle) @ axis, FRONT) * axis
+        front = middle + np.quantile((points - middle) @ axis, FRONT) * axis
         slenderness = np.sqrt(variances[1] / max(variances[0], 1e-12))
         return cls(
-            float(len(places)), front, float(np.arctan2(axis[1], axis[0])), slenderness
+            float(len(points)), front, float(np.arctan2(axis[1], axis[0])), slenderness
         )
 
 
@@ -142,7 +142,7 @@ def _face(
     region = _largest_region(image[top:bottom, left:right], colour)
     if region is None:
         return None
-    return Face.from_places(calibration.to_plane(region + first), last.pitch)
+    return Face.from_points(calibration.to_plane(region + first), last.pitch)
 
 
 def _largest_region(image: Image, colour: Array) -> Array | None:
@@ -324,13 +324,13 @@ class HeldEnd:
         if len(within) < 2:
             return None
         missing = self._strip.length - along[len(within) - 1]
-        place, slope = _extrapolate(within, missing)
-        x, z = place.tolist()
+        point, slope = _extrapolate(within, missing)
+        x, z = point.tolist()
         return Pose(x, z, float(np.arctan2(slope[1], slope[0])))
 
 
 def _extrapolate(curve: Array, distance: float | Array) -> tuple[Array, Array]:
-    """Places (2, ...) and slopes (2, ...) at a `distance` (...) [m] beyond a curve (n,
+    """Points (2, ...) and slopes (2, ...) at a `distance` (...) [m] beyond a curve (n,
     2) [m].
 
     By a parabola of its end.
@@ -339,9 +339,9 @@ def _extrapolate(curve: Array, distance: float | Array) -> tuple[Array, Array]:
     back = along - along[-1]
     last = back >= max(-END_LENGTH, back[0])
     fit = polynomial.polyfit(back[last], curve[last], min(2, last.sum() - 1))
-    place = polynomial.polyval(distance, fit)
+    point = polynomial.polyval(distance, fit)
     slope = polynomial.polyval(distance, polynomial.polyder(fit))
-    return np.asarray(place), np.asarray(slope)
+    return np.asarray(point), np.asarray(slope)
 
 
 def find_end(

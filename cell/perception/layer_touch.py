@@ -115,7 +115,7 @@ class LayerTouch:
         apart = abs(_end_of_fall(t, gap, time, speed) - time) / AGREEMENT
         if apart > LARGEST_RATIO:
             return None
-        x, displacement = self._place_at(time, t)
+        x, displacement = self._position_at(time, t)
         touch = SeenTouch(
             time,
             x,
@@ -127,17 +127,19 @@ class LayerTouch:
         )
         return touch if self._is_a_fold(touch) else None
 
-    def _place_at(self, time: float, t: Array) -> tuple[float, float]:
+    def _position_at(self, time: float, t: Array) -> tuple[float, float]:
         """Position x [m] and displacement [m] of the fold at `time`, by falls at `t`
         (n,) [s].
 
         Both lengths err alike where the place is misread: their difference is filtered.
         """
-        places = _without_spikes([fall.x for fall in self._falls])
+        positions = _without_spikes([fall.x for fall in self._falls])
         differences = _without_spikes(
             [fall.to_grasped - fall.x for fall in self._falls]
         )
-        return float(np.interp(time, t, places)), float(np.interp(time, t, differences))
+        return float(np.interp(time, t, positions)), float(
+            np.interp(time, t, differences)
+        )
 
     def _is_a_fold(self, touch: SeenTouch) -> bool:
         """Whether a touch has plausible lengths; touches near the strip's end are

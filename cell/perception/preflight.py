@@ -159,9 +159,9 @@ def _check_background(
     mask = motion_mask(calibration, strip.length)
     alike = (segmenter.separation(mask) < SEPARATION).mean(axis=0)
     share = alike.mean()
-    place = np.zeros(mask.shape, dtype=np.float32)
-    place[mask > 0] = alike
-    x, z = calibration.to_plane(_densest_pixel(place)[None])[0]
+    likeness = np.zeros(mask.shape, dtype=np.float32)
+    likeness[mask > 0] = alike
+    x, z = calibration.to_plane(_densest_pixel(likeness)[None])[0]
     if share > MOSTLY:
         return PreflightCheck(
             name="contrast",
@@ -209,10 +209,10 @@ def _check_exposure(samples: resting_strip.SceneSamples) -> PreflightCheck:
     )
 
 
-def _check_place(
+def _check_presence(
     edge: resting_strip.Underside, strip: StripFile, *, clear: bool
 ) -> PreflightCheck:
-    """Check whether the strip is visible along its expected place; `clear` marks
+    """Check whether the strip is visible along its expected position; `clear` marks
     visible parts.
     """
     share = float(edge.present[edge.x < strip.length - END_LENGTH].mean())
@@ -402,7 +402,9 @@ def inspect(frame: Frame, calibration: Calibration, strip: StripFile) -> Preflig
         _check_solid(learnt.levels, calibration, strip, max(learnt.rise, 0.0)),
     )
     edge = learnt.edge
-    presence = _check_place(edge, strip, clear=all(check.passed for check in distinct))
+    presence = _check_presence(
+        edge, strip, clear=all(check.passed for check in distinct)
+    )
     if not presence.passed:
         return Preflight((*distinct, presence), None)
     appearance = scene.Appearance(
@@ -417,8 +419,8 @@ def inspect(frame: Frame, calibration: Calibration, strip: StripFile) -> Preflig
 
 
 class LearntScene(NamedTuple):
-    """Segmenter learnt from an image of a strip at rest, and the strip's place in that
-    image.
+    """Segmenter learnt from an image of a strip at rest, and the strip's position in
+    that image.
 
     `levels` (h, w) are the smoothed matte; `edge` the strip's near edge along its
     underside, and `rise` [m] the edge's median height.
@@ -441,8 +443,8 @@ def _learn_scene(
     rise = 0.0
     noise = scene.sensor_noise(image)
     for margin in MARGINS:
-        place = scene.resting_place(calibration, strip, rise, margin)
-        segmenter = scene.learn_segmenter(image, noise, calibration, strip, place)
+        resting = scene.resting_place(calibration, strip, rise, margin)
+        segmenter = scene.learn_segmenter(image, noise, calibration, strip, resting)
         levels = smooth_matte(_matte_of(segmenter, image))
         edge = resting_strip.underside(levels, calibration, strip)
         if edge.present.any():

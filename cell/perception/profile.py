@@ -164,12 +164,12 @@ class Geometry:
 class OuterSide:
     """Outer side of the strip at n points, seen in the plane of its near edge.
 
-    `place` (n, 2) [m], unit normals `out` (n, 2) of the strip, `lever` (n,) [m] along
+    `points` (n, 2) [m], unit normals `out` (n, 2) of the strip, `lever` (n,) [m] along
     them from the camera's foot point: positive where the side is the near edge, else it
     is the far edge, which appears `swept` (n,) [m] nearer to the foot; `scale` [m/px].
     """
 
-    place: Array
+    points: Array
     out: Array
     lever: Array
     swept: Array
@@ -178,13 +178,13 @@ class OuterSide:
     @classmethod
     def from_image(cls, side: Side, geometry: Geometry) -> Self:
         """Outer side of the strip whose image is `side`."""
-        place = geometry.plane(side.points)
-        out = geometry.plane(side.points + side.normals) - place
+        points = geometry.plane(side.points)
+        out = geometry.plane(side.points + side.normals) - points
         sizes = np.hypot(*out.T)  # m of a pixel
         out /= sizes[:, None]
-        lever = ((place - geometry.calibration.viewpoint.foot()) * out).sum(axis=1)
+        lever = ((points - geometry.calibration.viewpoint.foot()) * out).sum(axis=1)
         swept = np.abs(lever) * geometry.sweep
-        return cls(place, out, lever, swept, float(np.median(sizes)))
+        return cls(points, out, lever, swept, float(np.median(sizes)))
 
 
 class SeenMidline(NamedTuple):
@@ -229,7 +229,7 @@ def _midline(outer: OuterSide, borders: Crossings, thickness: float) -> Array:
     is_alone = borders.inner - borders.outer < band + AGREE
     trust = np.where(is_alone, trust, 1.0)
     shift = trust * by_border + (1 - trust) * by_mass
-    return outer.place + shift[:, None] * outer.out
+    return outer.points + shift[:, None] * outer.out
 
 
 def _by_far_edge(

@@ -174,13 +174,13 @@ class RestingPlace:
 
 
 def learn_background(
-    image: Image, calibration: Calibration, place: RestingPlace
+    image: Image, calibration: Calibration, resting: RestingPlace
 ) -> Background:
     """Background of `image` (height, width, 3), interpolated where the strip lies at
-    `place`.
+    `resting`.
     """
     height, width = image.shape[:2]
-    x = np.linspace(0.0, place.length + END_MARGIN, 60)
+    x = np.linspace(0.0, resting.length + END_MARGIN, 60)
 
     def line_at(z: float) -> tuple[Array, Array]:
         """Image columns and rows (60,) of the points at `x` and at height `z` [m]."""
@@ -190,7 +190,7 @@ def learn_background(
     on_desk, _ = line_at(0.0)
     left, right = max(int(on_desk[0]), 0), min(int(on_desk[-1]) + 1, width - 1)
     columns = np.arange(left, right)
-    top, bottom = (np.interp(columns, *line_at(z)) for z in (place.high, place.low))
+    top, bottom = (np.interp(columns, *line_at(z)) for z in (resting.high, resting.low))
 
     begins = np.maximum(np.floor(top).astype(int), EDGE)
     ends = np.minimum(np.ceil(bottom).astype(int), height - EDGE - 1) + 1
@@ -327,17 +327,17 @@ def learn_segmenter(
     noise: float,
     calibration: Calibration,
     strip: StripFile,
-    place: RestingPlace,
+    resting: RestingPlace,
 ) -> Segmenter:
     """Learn to segment the strip, from an `image` (h, w, 3) in which it lies at
-    `place`.
+    `resting`.
 
     `noise` [grey levels] is that of the image.
     """
     sensor = max(noise, LEAST_NOISE) * DIFFERENCE
     smooth = max(sensor * NOISE_SHARE, LEAST_NOISE * DIFFERENCE)
-    background = learn_background(image, calibration, place)
-    colours = palette(inner_pixels(image, calibration, strip, place.rise))
+    background = learn_background(image, calibration, resting)
+    colours = palette(inner_pixels(image, calibration, strip, resting.rise))
     scene = background.image[motion_mask(calibration, strip.length) > 0]
     noise_of_share = _share_noise(colours, scene, smooth) * sensor
     return Segmenter(colours, background, sensor, smooth, noise_of_share)

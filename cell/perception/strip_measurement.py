@@ -14,8 +14,8 @@ class StripMeasurement:
 
     `profile` (m, 2) is the visible midline from the desk contact to the gripper; `tip`
     the fold's rightmost point; `gap` the smallest visible vertical distance between the
-    layers' midlines and `gap_x` its place, NaN before the upper layer begins to fall;
-    `gripper` the arm's measured pose at the image's stamp.
+    layers' midlines and `gap_x` its position, NaN before the upper layer begins to
+    fall; `gripper` the arm's measured pose at the image's stamp.
     """
 
     stamp: float

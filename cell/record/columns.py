@@ -43,7 +43,7 @@ class PhysicalQuantity(NamedTuple):
 
 
 Time = Annotated[Array, PhysicalQuantity(TIMES, LONGEST_TIME)]
-Place = Annotated[Array, PhysicalQuantity(LENGTHS, FARTHEST_HAND)]
+Position = Annotated[Array, PhysicalQuantity(LENGTHS, FARTHEST_HAND)]
 Angle = Annotated[Array, PhysicalQuantity(ANGLES, FULL_TURN, needed=False)]
 Command = Annotated[Array, PhysicalQuantity(LENGTHS, FARTHEST_HAND, needed=False)]
 Turn = Annotated[Array, PhysicalQuantity(ANGLES, FULL_TURN, needed=False, whole=False)]
@@ -135,8 +135,8 @@ class Ticks(Columns):
     """
 
     t: Time
-    x: Place
-    z: Place
+    x: Position
+    z: Position
     pitch: Angle
     x_cmd: Command
     z_cmd: Command

@@ -46,7 +46,7 @@ def runs_below(folder: Path) -> list[Path]:
     """Run folders in `folder` and in the folders in it that are no runs, sorted by
     path.
     """
-    return [run for place in sorted(folder.iterdir()) for run in runs_in(place)]
+    return [run for entry in sorted(folder.iterdir()) for run in runs_in(entry)]
 
 
 def run_folder(text: str) -> Path:
@@ -56,16 +56,16 @@ def run_folder(text: str) -> Path:
     The latter two are looked for in each folder here and below ./runs, the newest of
     several is meant; what is not found there stays a path.
     """
-    place = Path(text)
-    if place.exists() or len(place.parts) != 1 or not text.isalnum():
-        return place
+    path = Path(text)
+    if path.exists() or len(path.parts) != 1 or not text.isalnum():
+        return path
     name = f"[0-9]*Z-*{'' if text == 'last' else text}/{RUN}"
     found = [
         file.parent
-        for places in ("*", "runs/*")
-        for file in Path().glob(f"{places}/{name}")
+        for pattern in ("*", "runs/*")
+        for file in Path().glob(f"{pattern}/{name}")
     ]
-    return max(found, key=lambda run: run.name, default=place)
+    return max(found, key=lambda run: run.name, default=path)
 
 
 def check_run(folder: Path) -> None:

@@ -218,17 +218,17 @@ class FrameWriter:
     def _record(self, frame: Frame, mark: bool) -> None:
         """Film `frame`, store it if it is selected, and enter it into the index."""
         keeps_up = self._patient or self._waiting.qsize() < LAGS
-        place = (
+        in_film = (
             self._film.put(frame.stamp, frame.image)
             if self._film and keeps_up
             else None
         )
         if self._is_kept(frame.stamp, mark):
-            self._store(frame, place)
+            self._store(frame, in_film)
             self._last = None
         else:
-            self._note(frame, film=place)
-            self._last = (frame, place)
+            self._note(frame, film=in_film)
+            self._last = (frame, in_film)
 
     def _is_kept(self, stamp: float, mark: bool) -> bool:
         """Whether to store the image taken at `stamp` [s]: all, or as a key image one a

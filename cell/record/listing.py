@@ -177,8 +177,8 @@ def _select(rows: Sequence[RunRow], where: str, sort: str) -> tuple[RunRow, ...]
         base.executemany(
             f"INSERT INTO runs VALUES ({marks})",  # noqa: S608
             (
-                (place, *map(_storable, values_of(row)))
-                for place, row in enumerate(rows)
+                (index, *map(_storable, values_of(row)))
+                for index, row in enumerate(rows)
             ),
         )
         try:
@@ -189,7 +189,7 @@ def _select(rows: Sequence[RunRow], where: str, sort: str) -> tuple[RunRow, ...]
             raise ConfigurationError(
                 f"where: {error}; columns of runs: {', '.join(COLUMNS)}"
             ) from None
-    return tuple(rows[place] for (place,) in selected if place in range(len(rows)))
+    return tuple(rows[index] for (index,) in selected if index in range(len(rows)))
 
 
 def _storable(value: Any) -> Any:
@@ -271,11 +271,11 @@ def earlier_results(folder: Path, strip: str, count: int) -> list[Result]:
     `folder`, as far as they can be read.
     """
     begins = f"-{strip}-fold-"
-    beside = sorted(place for place in folder.parent.iterdir() if begins in place.name)
+    beside = sorted(run for run in folder.parent.iterdir() if begins in run.name)
     results = []
-    for place in [each for each in beside if each.name < folder.name][-count:]:
+    for run in [each for each in beside if each.name < folder.name][-count:]:
         with suppress(ConfigurationError, OSError):
-            results.append(read_result(place))
+            results.append(read_result(run))
     return [result for result in results if result is not None]
 
 
@@ -335,10 +335,10 @@ def _size(folder: Path) -> int:
     count.
     """
     total = 0
-    for place, _, names in os.walk(folder):
+    for path, _, names in os.walk(folder):
         for name in names:
             with suppress(OSError):
-                total += Path(place, name).stat().st_size
+                total += Path(path, name).stat().st_size
     return total
 
 

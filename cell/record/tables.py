@@ -165,8 +165,8 @@ def _from_time(begin: float, rows: pa.Table, time: str) -> pa.Table:
     t = _numbers(rows, time) - begin
     is_after = t >= -TIME_ROUNDING
     rows = rows.filter(pa.array(is_after))
-    place = rows.column_names.index(time)
-    return rows.set_column(place, time, pa.array(t[is_after]))
+    column = rows.column_names.index(time)
+    return rows.set_column(column, time, pa.array(t[is_after]))
 
 
 def tick_table(ticks: pa.Table, sights: pa.Table) -> pa.Table:
@@ -388,7 +388,7 @@ def with_named_parts(
     picked: list[pa.ChunkedArray] = []
     for column in columns:
         if column in content.column_names:
-            _check_place(column, labels, f"{origin}: column {column!r}")
+            _check_index(column, labels, f"{origin}: column {column!r}")
         elif parts := _parts_named(column, labels, content):
             picked.append(pc.coalesce(*parts))
             content = content.append_column(column, picked[-1])
@@ -402,22 +402,22 @@ def _parts_named(column: str, labels: Labels, content: pa.Table) -> list[pa.Arra
     null where another part stands there.
     """
     parts: list[pa.Array] = []
-    for place, (_, label) in labels.items():
+    for index, (_, label) in labels.items():
         for name in filter(None, pc.unique(label).to_pylist()):
-            value = f"{column.removesuffix(f'.{name}')}{place}"
+            value = f"{column.removesuffix(f'.{name}')}{index}"
             if column.endswith(f".{name}") and value in content.column_names:
                 is_there = pc.fill_null(pc.equal(label, name), False)
                 parts.append(pc.if_else(is_there, content[value], None))
     return parts
 
 
-def _check_place(column: str, labels: Labels, origin: str) -> None:
+def _check_index(column: str, labels: Labels, origin: str) -> None:
     """Refuse a `column` for a place in a list that holds parts of several names."""
-    for place, (prefix, label) in labels.items():
+    for index, (prefix, label) in labels.items():
         names = pc.unique(label).drop_null().to_pylist()
-        in_list = rf"{re.escape(prefix)}[^.]*[^.\d\[]{re.escape(place)}"
+        in_list = rf"{re.escape(prefix)}[^.]*[^.\d\[]{re.escape(index)}"
         if len(names) > 1 and re.fullmatch(in_list, column):
-            field = column.removesuffix(place)
+            field = column.removesuffix(index)
             raise ConfigurationError(
                 f"{origin}: is {names[0]}, later {names[1]}; choose parts by their"
                 f" names: {field}.{names[0]}"
@@ -482,21 +482,21 @@ def column_named(content: pa.Table, name: str, origin: str) -> pa.ChunkedArray:
     two.
     """
     names = content.column_names
-    places = [place for place, each in enumerate(names) if each == name]
-    if not places:  # of a heading of several rows the last one may do
-        places = [i for i, each in enumerate(names) if each.endswith(f" {name}")]
-    if (doubled := DOUBLED.fullmatch(name)) and not places:
+    indices = [index for index, each in enumerate(names) if each == name]
+    if not indices:  # of a heading of several rows the last one may do
+        indices = [i for i, each in enumerate(names) if each.endswith(f" {name}")]
+    if (doubled := DOUBLED.fullmatch(name)) and not indices:
         first, number = doubled[1], int(doubled[2])
-        places = [place for place, each in enumerate(names) if each == first]
-        places = places[number - 1 : number]
-    if len(places) != 1:
+        indices = [index for index, each in enumerate(names) if each == first]
+        indices = indices[number - 1 : number]
+    if len(indices) != 1:
         there = (
-            f"stands there {len(places)} times; write {name!r} with ' (1)' or the like"
-            if places
+            f"stands there {len(indices)} times; write {name!r} with ' (1)' or the like"
+            if indices
             else f"is not there{suggestion(name, names)}"
         )
         more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
         raise ConfigurationError(
             f"{origin} {there}; columns: {', '.join(names[:NAMED])}{more}"
         )
-    return content.column(places[0])
+    return content.column(indices[0])

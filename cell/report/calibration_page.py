@@ -155,11 +155,11 @@ def _draw_plane(image: Image, calibration: Calibration) -> None:
     labels = [(f"x {1e3 * x:.0f}", x, 0.0, BESIDE_X) for x in GRID_X]
     labels += [(f"z {1e3 * z:.0f}", 0.0, z, BESIDE_Z) for z in GRID_Z[1:]]
     for text, x, z, beside in labels:
-        place = (
+        origin = (
             np.rint(calibration.to_image(np.array([[x, z]]))[0]).astype(int) + beside
         )
         cv2.putText(
-            image, text, place.tolist(), cv2.FONT_HERSHEY_SIMPLEX, 0.5, WHITE, 1
+            image, text, origin.tolist(), cv2.FONT_HERSHEY_SIMPLEX, 0.5, WHITE, 1
         )
 
 

@@ -238,10 +238,10 @@ def _bars(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
             else:
                 corners = ((axes_box.x0, box.y1), (axes_box.x1, box.y0))
                 label = f"{_span_text(*along_y)}: {name}{_value_text(*along_x)}"
-            places = (
+            edges = (
                 value for corner in corners for value in _svg_point(figure, *corner)
             )
-            yield [*places, patch.reading if is_named else label]
+            yield [*edges, patch.reading if is_named else label]
 
 
 def _value_text(axis: Facts, start: float, size: float) -> str:
@@ -310,12 +310,12 @@ def _texts(axes: Any, figure: Any) -> Iterator[list[Any]]:
     SVG.
     """
     for text in axes.texts:
-        place = np.asarray(getattr(text, "xy", text.get_position()))
+        anchor = np.asarray(getattr(text, "xy", text.get_position()))
         if (
             getattr(text, "xycoords", None) == "data"
             or text.get_transform() == axes.transData
         ):
             yield [
                 text.get_gid(),
-                *_svg_point(figure, *axes.transData.transform(place)),
+                *_svg_point(figure, *axes.transData.transform(anchor)),
             ]

@@ -236,9 +236,9 @@ def _draw_touch(axes: Any, run: Run) -> None:
     """Mark the place at which the layers touched."""
     if run.result is None or run.result.l2 is None:
         return
-    place = (1e3 * run.result.l2, 0)
-    axes.plot(*place, "o", color=ORANGE, ms=6, zorder=5)
-    axes.annotate("layers touch", place, (0, -18), ha="center", color=ORANGE, **NOTE)
+    touch = (1e3 * run.result.l2, 0)
+    axes.plot(*touch, "o", color=ORANGE, ms=6, zorder=5)
+    axes.annotate("layers touch", touch, (0, -18), ha="center", color=ORANGE, **NOTE)
 
 
 def _draw_lanes(axes: Any, ticks: Ticks) -> None:

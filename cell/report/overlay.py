@@ -152,8 +152,8 @@ def _map_of(image: Image, run: Run) -> Calibration | None:
 
 def evenly_chosen(items: Sequence[Item], count: int) -> list[Item]:
     """At most `count` of `items`, evenly spaced from the first to the last."""
-    places = np.linspace(0, len(items) - 1, min(count, len(items))).round().astype(int)
-    return [items[i] for i in np.unique(places)]
+    indices = np.linspace(0, len(items) - 1, min(count, len(items))).round().astype(int)
+    return [items[i] for i in np.unique(indices)]
 
 
 def _key_picture(image: Image, width: int, caption: str, note: FrameNote) -> KeyPicture:
@@ -376,5 +376,5 @@ def state_at(run: Run, stamp: float) -> str:
     """
     if stamp < 0 or not run.ticks.state:
         return ""
-    place = int(np.searchsorted(run.ticks.t, stamp))
-    return run.ticks.state[min(place, len(run.ticks.state) - 1)]
+    row = int(np.searchsorted(run.ticks.t, stamp))
+    return run.ticks.state[min(row, len(run.ticks.state) - 1)]

@@ -118,13 +118,13 @@ def trend_figure(rows: Sequence[RunRow]) -> str:
         return as_svg(figure)
 
 
-def _cells(row: RunRow, place: Path) -> tuple[str | Link, ...]:
+def _cells(row: RunRow, folder: Path) -> tuple[str | Link, ...]:
     """Table cells of a run in the list."""
     duration = "" if row.duration is None else f"{row.duration:.1f}"
     outcome = row.outcome.replace("_", " ")
     notes = " · ".join(filter(None, (row.tags, row.note)))
     cells = (*row.offsets[::-1], outcome, row.policy, row.strip, duration, notes)
-    return (_link(row, place, row.short), *cells)
+    return (_link(row, folder, row.short), *cells)
 
 
 def _thumbnail(row: RunRow) -> str:
@@ -277,7 +277,7 @@ def _listed(offsets: Sequence[tuple[str, float]]) -> str:
     )
 
 
-def _numbers(compared: Compared, place: Path) -> tuple[str | Link, ...]:
+def _numbers(compared: Compared, folder: Path) -> tuple[str | Link, ...]:
     """Table cells of a run in the comparison: outcome, lengths as measured and in
     truth, touch.
     """
@@ -286,17 +286,17 @@ def _numbers(compared: Compared, place: Path) -> tuple[str | Link, ...]:
     texts = (millimetres(v, signed=True) for v in (*lengths, truth.get("edge_offset")))
     outcome = row.outcome.replace("_", " ")
     return (
-        _link(row, place, row.short.split()[0]),
+        _link(row, folder, row.short.split()[0]),
         outcome,
         *texts,
         seconds(row.touch),
     )
 
 
-def _link(row: RunRow, place: Path, name: str) -> str | Link:
+def _link(row: RunRow, folder: Path, name: str) -> str | Link:
     """Table cell with the `name` of a run, a link to its page where it has one."""
     report = row.folder / REPORT
-    return Link(name, os.path.relpath(report, place)) if report.exists() else name
+    return Link(name, os.path.relpath(report, folder)) if report.exists() else name
 
 
 def _differences(compared: Sequence[Compared]) -> list[tuple[str, ...]]:

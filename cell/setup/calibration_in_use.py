@@ -68,12 +68,12 @@ def _file_lock(path: Path) -> Iterator[None]:
     """Within the block, lock the file at `path` against other processes, where locks
     exist.
     """
-    with ExitStack() as held:
+    with ExitStack() as files:
         with suppress(OSError):
             path.parent.mkdir(parents=True, exist_ok=True)
             lock = path.with_suffix(".lock")
             check_writable(lock)
-            fcntl.flock(held.enter_context(lock.open("rb")), fcntl.LOCK_EX)
+            fcntl.flock(files.enter_context(lock.open("rb")), fcntl.LOCK_EX)
         yield
 
 

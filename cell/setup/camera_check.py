@@ -148,11 +148,11 @@ def _compare(
 
 def _draw_motion(picture: Image, motion: ImageMotion) -> None:
     """Draw arrows of `motion` into `picture` (h, w, 3), at its patches and all over."""
-    places = np.concatenate([GRID * motion.size, motion.places])
+    points = np.concatenate([GRID * motion.size, motion.positions])
     times = ARROW * motion.size[0] / max(motion.largest(), ALLOWED)
-    ends = places + times * motion.shift(places)
-    for start, end in np.rint([places, ends]).astype(int).swapaxes(0, 1).tolist():
+    ends = points + times * motion.shift(points)
+    for start, end in np.rint([points, ends]).astype(int).swapaxes(0, 1).tolist():
         cv2.arrowedLine(picture, start, end, ARROW_COLOUR, 2, cv2.LINE_AA)
     text = f"red: pinned, cyan: now; arrows {times:.0f} times as long as the shift"
-    place = (12, motion.size[1] - 16)
-    cv2.putText(picture, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.7, ARROW_COLOUR, 2)
+    corner = (12, motion.size[1] - 16)
+    cv2.putText(picture, text, corner, cv2.FONT_HERSHEY_SIMPLEX, 0.7, ARROW_COLOUR, 2)

@@ -322,12 +322,10 @@ def _draw_paper_numbers(axes: Any) -> None:
     box = {"facecolor": PAPER, "edgecolor": "none", "pad": 1.2, "alpha": 0.85}
     axes.text(0, 0.012, f"paper < {FEEDBACK_LIMIT:.0f}", color=GREEN, zorder=3, **style)
     for policy, mean in PAPER_MEANS.items():
-        place = 1e3 * mean
-        axes.axvline(
-            place, color=colour(policy), lw=0.9, ls=DASHES, alpha=0.8, zorder=1
-        )
-        text = f"paper {place:+.1f}".replace("-", MINUS)
-        axes.text(place, 0.012, text, color=colour(policy), bbox=box, zorder=3, **style)
+        x = 1e3 * mean
+        axes.axvline(x, color=colour(policy), lw=0.9, ls=DASHES, alpha=0.8, zorder=1)
+        text = f"paper {x:+.1f}".replace("-", MINUS)
+        axes.text(x, 0.012, text, color=colour(policy), bbox=box, zorder=3, **style)
 
 
 def _draw_policy_range(axes: Any, results: Results, policy: str, row: int) -> None:

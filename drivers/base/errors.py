@@ -152,11 +152,11 @@ class Unexpected(CellError):
     """
 
     def __init__(self, error: BaseException) -> None:
-        place = traceback.extract_tb(error.__traceback__)[-1]
+        frame = traceback.extract_tb(error.__traceback__)[-1]
         text = " ".join(str(error).split()) or "no reason given"
         super().__init__(
-            f"unexpected {type(error).__name__} in {Path(place.filename).name}, line "
-            f"{place.lineno}: {text}; this is a defect of the program, please report it"
+            f"unexpected {type(error).__name__} in {Path(frame.filename).name}, line "
+            f"{frame.lineno}: {text}; this is a defect of the program, please report it"
         )
 
 

@@ -191,9 +191,9 @@ def write_all(file: FileIO, content: bytes | memoryview) -> None:
     """Write all of `content` to `file`, repeating partial writes; OSError where that
     fails.
     """
-    rest = memoryview(content)
-    while rest:
-        rest = rest[file.write(rest) or 0 :]
+    remainder = memoryview(content)
+    while remainder:
+        remainder = remainder[file.write(remainder) or 0 :]
 
 
 def sync_folder(folder: Path) -> None:

@@ -110,8 +110,8 @@ def even_points(points: Array, count: int) -> Array:
     (n, 2) [m].
     """
     travel = arc_lengths(points)
-    places = np.linspace(0.0, travel[-1], count)
-    return interpolate_columns(places, travel, points)
+    distances = np.linspace(0.0, travel[-1], count)
+    return interpolate_columns(distances, travel, points)
 
 
 def interpolate_columns(at: Array | float, x: Array, columns: Array) -> Array:

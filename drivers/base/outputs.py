@@ -92,8 +92,8 @@ def _is_sealed(content: bytes) -> bool:
     return _digest(unsealed) == (seal[1] or seal[2])
 
 
-def _insert(content: bytes, place: int, part: bytes) -> bytes:
-    return content[:place] + part + content[place:]
+def _insert(content: bytes, index: int, part: bytes) -> bytes:
+    return content[:index] + part + content[index:]
 
 
 def _digest(content: bytes) -> bytes:

@@ -157,10 +157,10 @@ def _is_follow_up(item: dict[str, Any], items: list[dict[str, Any]]) -> bool:
     """Whether error `item` is a list too short only because its own items were
     refused.
     """
-    place = item["loc"]
-    inner = (error["loc"] for error in items if len(error["loc"]) > len(place))
+    location = item["loc"]
+    inner = (error["loc"] for error in items if len(error["loc"]) > len(location))
     return item["type"] == "too_short" and any(
-        loc[: len(place)] == place for loc in inner
+        loc[: len(location)] == location for loc in inner
     )
 
 
@@ -220,20 +220,22 @@ def _out_of_range(item: dict[str, Any], field: FieldInfo | None) -> str:
     return text
 
 
-def _field_at(model: type[BaseModel], place: tuple[Any, ...]) -> FieldInfo | None:
-    """Field of `model` at `place`, a path of keys; None for an item of a list or
+def _field_at(model: type[BaseModel], location: tuple[Any, ...]) -> FieldInfo | None:
+    """Field of `model` at `location`, a path of keys; None for an item of a list or
     mapping.
     """
-    inner = _model_at(model, place[:-1])
-    return None if inner is None else inner.model_fields.get(place[-1])
+    inner = _model_at(model, location[:-1])
+    return None if inner is None else inner.model_fields.get(location[-1])
 
 
-def _model_at(model: type[BaseModel], place: tuple[Any, ...]) -> type[BaseModel] | None:
-    """Model class at `place`, keys and indices, within `model`; None where there is
+def _model_at(
+    model: type[BaseModel], location: tuple[Any, ...]
+) -> type[BaseModel] | None:
+    """Model class at `location`, keys and indices, within `model`; None where there is
     none.
     """
     current: Any = model
-    for part in place:
+    for part in location:
         if not isinstance(part, int):  # the items of a list are of one model
             field = getattr(current, "model_fields", {}).get(part)
             current = None if field is None else _model_in(field.annotation)

@@ -124,7 +124,7 @@ def frozen(values: object) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class BoardPlacement:
-    """Pose of a board in front of the camera, described by its place and size in the
+    """Pose of a board in front of the camera, described by its position and size in the
     image.
 
     `x`, `y` are the centre as fractions of the image, `size` the board's width as a

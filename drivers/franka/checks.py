@@ -170,7 +170,7 @@ def _tool_differences(state: Any, tool: ToolSettings) -> Iterator[str]:
         yield _difference("the load", _kg(state.m_load), _kg(0.0), BY_RESET)
     centre, stated = np.array(state.F_x_Cee), np.array(tool.centre)
     if not np.abs(centre - stated).max() <= CENTRE_TOLERANCE:
-        texts = _place_text(centre), _place_text(stated)
+        texts = _position_text(centre), _position_text(stated)
         yield _difference("the hand's centre of mass", *texts, IN_DESK)
 
 
@@ -191,8 +191,8 @@ def _same_frame(first: Array, second: Array) -> bool:
 
 def _frame_text(frame: Array) -> str:
     turn = np.degrees(np.linalg.norm(rotation_vector(frame[:3, :3])))
-    return f"{_place_text(frame[:3, 3])} turned by {turn:.1f} deg"
+    return f"{_position_text(frame[:3, 3])} turned by {turn:.1f} deg"
 
 
-def _place_text(place: Array) -> str:
-    return "(" + ", ".join(f"{1e3 * part:.1f}" for part in place) + ") mm"
+def _position_text(position: Array) -> str:
+    return "(" + ", ".join(f"{1e3 * part:.1f}" for part in position) + ") mm"

@@ -110,8 +110,8 @@ class Solids:
         Base and first link are left out, as part of the stand.
         """
         centres = _sphere_centres(q)[..., _MOVABLE, :]
-        turn, place = self.frame[:3, :3], self.frame[:3, 3]
-        within = ((centres - place) @ turn)[..., None, :, :]
+        turn, origin = self.frame[:3, :3], self.frame[:3, 3]
+        within = ((centres - origin) @ turn)[..., None, :, :]
         low, high = np.array([(box.low, box.high) for box in self.boxes]).swapaxes(0, 1)
         beyond = np.maximum(low[:, None] - within, within - high[:, None])
         outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=-1)

@@ -234,14 +234,14 @@ def _descend(pose: Array, start: Array, tool: Array, limits: JointLimits) -> Att
     )
 
 
-def _step(jac: Array, error: Array, rest: Array, size: float) -> Array:
-    """Step (7,) [rad] that reduces the pose `error` (6,), and `rest` (7,) in the null
-    space.
+def _step(jac: Array, error: Array, posture: Array, size: float) -> Array:
+    """Step (7,) [rad] that reduces the pose `error` (6,), and `posture` (7,) in the
+    null space.
     """
     inverse = _damped_inverse(
         jac, min(DAMPING_GAIN * size, LARGEST_DAMPING) + LEAST_DAMPING
     )
-    step: Array = inverse @ error + rest - inverse @ (jac @ rest)
+    step: Array = inverse @ error + posture - inverse @ (jac @ posture)
     return step
 
 

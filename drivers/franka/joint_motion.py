@@ -419,7 +419,7 @@ class HandMotion:
 def _largest_difference(
     first: Sequence[float] | Array, second: Sequence[float] | Array
 ) -> float:
-    """Largest |a - b| over the entries a, b at the same place of `first` and `second`
+    """Largest |a - b| over the entries a, b at the same index of `first` and `second`
     (n,).
     """
     return float(max(abs(a - b) for a, b in zip(first, second, strict=True)))

@@ -40,7 +40,7 @@ REST_RATE = 0.01  # rad/s of a joint that stands, the noise of its measurement i
 
 # of a retreat from a contact
 AWAY = 0.03  # m at most
-PLACE_STEP = 0.001  # m between the places that are solved
+POSITION_STEP = 0.001  # m between the places that are solved
 FORCE_RISE = 8.0  # N by which the force may rise during the retreat
 SPEED_SHARE = 0.05  # share of the joints' speed
 FREE = 0.3  # share of the allowed force at rest from which the arm counts as free
@@ -181,7 +181,7 @@ def _told(pipe: Connection, path: list[Array]) -> Callable[[Any], bool]:
 
     def told(state: Any) -> bool:
         if next(states) % TICKS_PER_PROGRESS == 0:
-            ends = [np.abs(np.subtract(state.q_d, place)).max() for place in path[1:]]
+            ends = [np.abs(np.subtract(state.q_d, joints)).max() for joints in path[1:]]
             leg = int(np.argmin(ends))
             left = float(ends[leg]) + sum(lengths[leg + 1 :])
             send(pipe, MotionProgress(min(max(1.0 - left / whole, 0.0), 1.0)))
@@ -248,8 +248,10 @@ def _steps_away(joints: Array, direction: Array, limits: JointLimits) -> Array:
     """Joints (n, 7) [rad] that move the gripper by AWAY along `direction` (3,), without
     a turn.
     """
-    places = islice(straight(joints, PLACE_STEP * direction), round(AWAY / PLACE_STEP))
-    path = np.array([joints, *places])
+    steps = islice(
+        straight(joints, POSITION_STEP * direction), round(AWAY / POSITION_STEP)
+    )
+    path = np.array([joints, *steps])
     if not limits.margins(path[-1]).min() >= JOINT_MARGIN:
         words = (
             "no way leads out of the contact: a joint is at its end; free the arm by"

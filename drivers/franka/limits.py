@@ -67,8 +67,8 @@ class JointLimits:
         """
         joints = _arm_joints(description)
         columns = [
-            tuple(_attribute(joints, number, *place) for number in range(1, 8))
-            for place in ATTRIBUTES
+            tuple(_attribute(joints, number, *keys) for number in range(1, 8))
+            for keys in ATTRIBUTES
         ]
         return cls(*columns)
 

@@ -117,12 +117,12 @@ class ServoLoop:
         self._motion = robot.start_joints()
         self._state = robot.read(self._motion)
         self._hand = HandMotion(self._state)
-        place = _hand_at(self._state.q_d)
-        self._plane = plane_of(installation, place).with_offset_of(place)
+        hand = _hand_at(self._state.q_d)
+        self._plane = plane_of(installation, hand).with_offset_of(hand)
         self._profile = MotionProfile(
             installation.limits,
             installation.workspace,
-            Pose(*self._plane.to_cell(place)),
+            Pose(*self._plane.to_cell(hand)),
         )
         self._reach = ReachGuard(
             self._plane, installation.limits, self._state.q, access.limits

@@ -31,10 +31,10 @@ class StripPlane:
         cell_in_robot: CellInRobot,
         *,
         turned: bool = False,
-        rest: Array | None = None,
+        offset: Array | None = None,
     ) -> None:
-        """Use the plane y = 0 of the cell; all hand poses keep the offset `rest` (4, 4)
-        from it.
+        """Use the plane y = 0 of the cell; all hand poses keep `offset` (4, 4) from
+        it.
         """
         frame = cell_in_robot.matrix
         self._cell_in_robot = cell_in_robot
@@ -42,19 +42,19 @@ class StripPlane:
         self._along: Numbers = frame[:3, 0].tolist()
         self._up: Numbers = frame[:3, 2].tolist()
         self.turned = turned
-        self._rest = np.eye(4) if rest is None else rest
+        self._hand_offset = np.eye(4) if offset is None else offset
 
     def with_offset_of(self, pose: Numbers) -> "StripPlane":
         """Copy whose poses all have the offset from the plane of the hand at `pose`
         (16,).
         """
         return StripPlane(
-            self._cell_in_robot, turned=self.turned, rest=self._offset(pose)
+            self._cell_in_robot, turned=self.turned, offset=self._offset(pose)
         )
 
     def command(self, x: float, z: float, pitch: float) -> Array:
         """Hand pose (4, 4) in the base for x, z [m], pitch [rad], with the offset."""
-        return self.matrix(x, z, pitch) @ self._rest
+        return self.matrix(x, z, pitch) @ self._hand_offset
 
     def matrix(self, x: float, z: float, pitch: float) -> Array:
         """Hand pose (4, 4) in the robot's base, exactly in the plane, for x, z [m],

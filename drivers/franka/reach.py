@@ -65,8 +65,8 @@ class Problem:
 
     def __str__(self) -> str:
         """Pose and reason as a text for the operator."""
-        place = f"x {1e3 * self.x:.0f} mm, z {1e3 * self.z:.0f} mm"
-        return f"{place}, pitch {np.degrees(self.pitch):.0f} deg: {self.reason}"
+        position = f"x {1e3 * self.x:.0f} mm, z {1e3 * self.z:.0f} mm"
+        return f"{position}, pitch {np.degrees(self.pitch):.0f} deg: {self.reason}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -303,8 +303,8 @@ class ReachGuard:
             np.array([*rate]) for rate in (ahead.velocity, ahead.acceleration)
         )
         self._ahead, rates = self._track(self._ahead, pose)
-        rest = pose + velocity * np.abs(velocity) / (2 * self._acceleration)
-        self._at_rest, rest_rates = self._track(self._at_rest, rest)
+        stopped = pose + velocity * np.abs(velocity) / (2 * self._acceleration)
+        self._at_rest, rest_rates = self._track(self._at_rest, stopped)
         if rates is None or rest_rates is None:
             return "the arm does not reach on"
         margins = np.minimum(

@@ -100,7 +100,7 @@ def _position(model: StripModel) -> Array:
     """Relative arc length (CELLS,) of the cells, from -1/2 at the fixed edge to 1/2 at
     the grip.
     """
-    return model.mechanics.places
+    return model.mechanics.positions
 
 
 _TERMS = (

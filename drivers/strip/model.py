@@ -111,7 +111,7 @@ class Mechanics:
         return np.asarray((np.arange(CELLS) + 0.5) * (self.length / CELLS))
 
     @property
-    def places(self) -> Array:
+    def positions(self) -> Array:
         """Arc lengths (CELLS,) of the cells over the length, from -1/2 at the fixed
         edge to 1/2 at the grip.
         """
@@ -218,12 +218,12 @@ class Rig:
 
 @dataclass(frozen=True, slots=True)
 class ObservationModel:
-    """Errors of camera and force sensor, measured minus true: places, delays and
+    """Errors of camera and force sensor, measured minus true: positions, delays and
     forces.
 
     `contact_height` [m] is the height that defines desk_contact. Images show the world
-    `camera_latency` [s] before their stamps. Places in them are 1 + `scale` times true,
-    offset by `shift_x`, `shift_z` [m]; contact_x has the additional offset
+    `camera_latency` [s] before their stamps. Positions in them are 1 + `scale` times
+    true, offset by `shift_x`, `shift_z` [m]; contact_x has the additional offset
     `contact_bias` [m]. Force is reported `force_delay` [s] late, with the offsets
     `force_x`, `force_z` [N].
     """

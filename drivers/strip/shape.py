@@ -198,9 +198,9 @@ def _narrowest_gap(x: Any, z: Any, tip: int, opening: float) -> Any:
     gap.
     """
     last = len(x) - 1
-    best, place = math.inf, 0.0
+    best, position = math.inf, 0.0
     if tip < SHORTEST_LAYERS[0] or last - tip + 1 < SHORTEST_LAYERS[1]:
-        return best, place
+        return best, position
     opened, lowest, last_gap = False, math.inf, 0.0
     gap, k = _height_over_lower_layer(x, z, tip, tip - 1)
     for j in range(tip, last):
@@ -208,9 +208,9 @@ def _narrowest_gap(x: Any, z: Any, tip: int, opening: float) -> Any:
         opened = opened or gap > opening
         if opened and j > tip and gap <= last_gap and gap < next_gap and gap < lowest:
             lowest = gap
-            best, place = _refine_minimum(last_gap, gap, next_gap, j)
+            best, position = _refine_minimum(last_gap, gap, next_gap, j)
         last_gap, gap = gap, next_gap
-    return best, place
+    return best, position
 
 
 @kernel

@@ -71,8 +71,8 @@ class History:
                 f"the world at {stamp:.4f} s cannot be shown; known are "
                 f"{first / NANOSECONDS:.4f} to {self.newest.stamp:.4f} s",
             )
-        index, rest = divmod(time - first, self._step)
-        if rest == 0:
+        index, remainder = divmod(time - first, self._step)
+        if remainder == 0:
             return scenes[index]
         return _interpolate(scenes[index], scenes[index + 1], stamp)
 
@@ -244,9 +244,9 @@ class World:
         if not self._settings.strip or self._pointer:
             return False
         edge = self._edge()
-        place = min(edge.x, self.model.stated_length)
+        x = min(edge.x, self.model.stated_length)
         hand = self.gripper
-        distance = hypot(place - hand.x, edge.z - hand.z)
+        distance = hypot(x - hand.x, edge.z - hand.z)
         return distance <= reach and abs(edge.pitch - hand.pitch) <= lean
 
     def attach(self) -> None:

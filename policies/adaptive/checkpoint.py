@@ -54,14 +54,14 @@ def load_bias(path: FilePath | None = None) -> CriticBias:
     The spread `untrained` is that of this version's data file. Raises
     ConfigurationError for a file that is missing, broken, or of another policy.
     """
-    place = path or COMMITTED
-    found = about(place).get(THROUGH_IMAGES)
+    checkpoint = path or COMMITTED
+    found = about(checkpoint).get(THROUGH_IMAGES)
     if found is None:
         return CriticBias()
     try:
         bias = CriticBias.model_validate(found["transfer"]["bias"])
     except (ValueError, KeyError, TypeError):
-        raise _broken(place, f"{THROUGH_IMAGES} holds no transfer") from None
+        raise _broken(checkpoint, f"{THROUGH_IMAGES} holds no transfer") from None
     return bias.model_copy(update={"untrained": Untrained.shipped().added})
 
 

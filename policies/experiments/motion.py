@@ -222,7 +222,7 @@ def hand_path(length: float, rng: np.random.Generator) -> tuple["CubicSpline", A
 
     apex = (rng.uniform(0.42, 0.58), rng.uniform(0.40, 0.55))
     # x, z over the strip's length, from the grasped edge to the fixed one
-    places = np.array(
+    knots = np.array(
         [
             (1.0, 0.0),
             (1.0 - rng.uniform(0.002, 0.008), rng.uniform(0.05, 0.07)),
@@ -232,9 +232,9 @@ def hand_path(length: float, rng: np.random.Generator) -> tuple["CubicSpline", A
             (rng.uniform(0.0, 0.03), rng.uniform(0.04, 0.06)),
         ]
     )
-    chords = arc_lengths(places)
+    chords = arc_lengths(knots)
     samples = np.linspace(0.0, chords[-1], CURVE_SAMPLES)
-    points = PchipInterpolator(chords, length * places)(samples)
+    points = PchipInterpolator(chords, length * knots)(samples)
     line = CubicSpline(arc_lengths(points), points)
     return line, _travel(float(line.x[-1]), rng)
 

@@ -238,10 +238,10 @@ def remote(
         raise ConfigurationError(
             f"--cluster: a worker {difference}; install the same there"
         )
-    place = Path(folder) if Path(folder).is_dir() else _local_folder()
+    local = Path(folder) if Path(folder).is_dir() else _local_folder()
     pools = _idle_pools()
     pool = ProcessPool(1, compile_rod) if pools.empty() else pools.get()
-    [record] = measure_in(pool, [part], place, limit)
+    [record] = measure_in(pool, [part], local, limit)
     pools.put(pool)
     return record.model_dump_json(by_alias=True)
 

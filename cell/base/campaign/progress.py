@@ -126,6 +126,6 @@ class Meter(AbstractContextManager["Meter"]):
 
 def duration_text(seconds: float) -> str:
     """Format a duration [s] as minutes and seconds, or hours and minutes."""
-    minutes, rest = divmod(round(seconds), 60)
+    minutes, remainder = divmod(round(seconds), 60)
     hours, short = divmod(minutes, 60)
-    return f"{hours} h {short:02d} min" if hours else f"{minutes}:{rest:02d}"
+    return f"{hours} h {short:02d} min" if hours else f"{minutes}:{remainder:02d}"

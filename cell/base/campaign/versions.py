@@ -47,23 +47,21 @@ def versions() -> dict[str, str]:
 
 
 def sources(
-    places: Sequence[str],
+    paths: Sequence[str],
     patterns: Sequence[str] = ("*.py", "*.yaml"),
     without: tuple[str, ...] = (),
 ) -> str:
-    """Digest, 16 digits, of the files at and below `places`, except those named by
+    """Digest, 16 digits, of the files at and below `paths`, except those named by
     `without`.
     """
     digest = hashlib.sha256()
     for pattern in patterns:
-        for path in sorted(
-            p for place in places for p in _files(ROOT / place, pattern)
-        ):
+        for path in sorted(p for place in paths for p in _files(ROOT / place, pattern)):
             name = path.relative_to(ROOT).as_posix()
             if not name.startswith(without):
                 digest.update(name.encode() + b"\0" + path.read_bytes())
     return digest.hexdigest()[:16]
 
 
-def _files(place: Path, pattern: str) -> list[Path]:
-    return [place] if place.is_file() else list(place.rglob(pattern))
+def _files(path: Path, pattern: str) -> list[Path]:
+    return [path] if path.is_file() else list(path.rglob(pattern))

@@ -134,11 +134,11 @@ def find_configs(given: str | Path | None) -> Configs:
 
 def check_recordable(runs: Path) -> None:
     """Raise ConfigurationError where the folder `runs` cannot be made or written."""
-    place = next(
+    folder = next(
         path for path in (runs, *runs.absolute().parents) if os.access(path, os.F_OK)
     )
     try:
-        with TemporaryFile(dir=place):
+        with TemporaryFile(dir=folder):
             pass
     except OSError as error:
         raise ConfigurationError(

@@ -67,8 +67,8 @@ def fci_devices(
     world = TwinClock()
     clock = world if lock_step else RealTimeClock(world, CATCHING_UP)
     simulation, plant = simulated(settings, strip, trial, calibrating=calibrating)
-    place = settings.installation
-    desk = open_desk(world, simulation, plant, trial.seed, trial.index, place)
+    installation = settings.installation
+    desk = open_desk(world, simulation, plant, trial.seed, trial.index, installation)
     if desk.model.rig.delay != 0:
         raise ConfigurationError(
             "effects: control_delay cannot be simulated with arm fci; use arm twin"

@@ -87,14 +87,14 @@ def taut_edge(touch: Touch) -> float:
     return touch.x - touch.to_grasped
 
 
-def edge_place(taut: float, place: float = 0.0) -> float:
-    """Target x [m] of the grasped edge: `place`, within PULL of the `taut` upper
+def edge_target(taut: float, goal: float = 0.0) -> float:
+    """Target x [m] of the grasped edge: `goal`, within PULL of the `taut` upper
     layer's end [m].
 
-    `place` is 0, on the fixed edge, in a half fold, unless a learned correction of the
+    `goal` is 0, on the fixed edge, in a half fold, unless a learned correction of the
     camera's bias moves it.
     """
-    return min(max(place, taut - PULL), taut + PULL)
+    return min(max(goal, taut - PULL), taut + PULL)
 
 
 class LayPlan(NamedTuple):
@@ -112,9 +112,9 @@ class LayPlan(NamedTuple):
 
 
 def lay_plan(
-    gripper: Pose, taut: float, layers: float, place: float, fold: FoldSettings
+    gripper: Pose, taut: float, layers: float, goal: float, fold: FoldSettings
 ) -> LayPlan:
-    """Lay of the edge of an upper layer that is `taut` up to x [m], to x = `place` [m].
+    """Lay of the edge of an upper layer that is `taut` up to x [m], to x = `goal` [m].
 
     The hand stays upright: its thick fingers never come between the layers, one of them
     holds the upper layer down. Straight to `lay_height` above where the edge comes
@@ -126,12 +126,12 @@ def lay_plan(
     `lay_beyond`: farther out the edge draws the fold along. No circle about the touch:
     that starts sideways, pulls the contact along and rolls soft folds by 15 to 40 mm.
     """
-    end = edge_place(taut, place)
-    rest = layers + ROOM + TIP_AHEAD
-    down = min(end, taut) + rest - fold.lay_beyond
-    top = rest + fold.lay_height
+    end = edge_target(taut, goal)
+    height = layers + ROOM + TIP_AHEAD
+    down = min(end, taut) + height - fold.lay_beyond
+    top = height + fold.lay_height
     above = [(down, top)] if gripper.z > top else []
-    points = [(gripper.x, gripper.z), *above, (down, rest)]
+    points = [(gripper.x, gripper.z), *above, (down, height)]
     return LayPlan(Path.through(np.array(points)), end)
 
 

@@ -329,13 +329,13 @@ def _open_devices(
 
 
 def _use_calibration(
-    configs: Path | None, made: "Calibration", place: Path | None
+    configs: Path | None, made: "Calibration", folder: Path | None
 ) -> Path:
-    """Name the file of calibration `made`, kept in the folder `place`, in cell.yaml."""
+    """Name the file of calibration `made`, kept in `folder`, in cell.yaml."""
     from calibration.calibration import load_calibration
     from cell.setup.calibration_in_use import use_calibration
 
-    file = Path() if place is None else place / "calibration.yaml"
+    file = Path() if folder is None else folder / "calibration.yaml"
     if not file.is_file() or load_calibration(file).id != made.id:
         raise ConfigurationError(
             "--use: keep this calibration in a folder first, by --out"

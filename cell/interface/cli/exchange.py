@@ -95,29 +95,29 @@ def _print_imported(made: Sequence[Path], out: Path, model: Path | None) -> None
     print(f"next: {advice}")
 
 
-def _propose(places: list[Path], target: Path, strip: str | None, found: Found) -> None:
-    """Write a mapping, guessed from the first of `places`, to the new file `target`;
+def _propose(paths: list[Path], target: Path, strip: str | None, found: Found) -> None:
+    """Write a mapping, guessed from the first of `paths`, to the new file `target`;
     print it.
     """
     from cell.record.exchange.guess import guess_mapping
     from drivers.base.files import check_free, write_file
 
     check_free(target)
-    text = guess_mapping(places, None if strip is None else found.strip(strip))
+    text = guess_mapping(paths, None if strip is None else found.strip(strip))
     write_file(target, text)
     print(f"{text}{target}: read it, and write what is open in place of null")
-    words = ("cell", "import", *places, "--mapping", target, "--out", "runs/own")
+    words = ("cell", "import", *paths, "--mapping", target, "--out", "runs/own")
     print(f"next: {shlex.join(map(str, words))}")
 
 
 def _convert(
-    places: list[Path],
+    paths: list[Path],
     mapping: Path | None,
     out: Path,
     model: Path | None,
     found: Found,
 ) -> tuple[Path, ...]:
-    """Import the runs in `places` to `out`: folds, or runs of the mechanism in the file
+    """Import the runs in `paths` to `out`: folds, or runs of the mechanism in the file
     `model`.
     """
     from cell.record.exchange.import_runs import import_runs as convert
@@ -130,7 +130,7 @@ def _convert(
 
         mechanism = open_file(model)
         made = convert(
-            places,
+            paths,
             mapping,
             out,
             lambda run: read_checked(RunFolder(run, run.name), mechanism),
@@ -143,7 +143,7 @@ def _convert(
 
         known = found.strip_names()
         made = convert(
-            places,
+            paths,
             mapping,
             out,
             lambda run: remarks.extend(check_fold(known, found.strip, run)),

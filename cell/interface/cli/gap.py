@@ -144,13 +144,13 @@ def _check_plan_folder(folder: Path, *, resume: bool) -> None:
     from cell.record.files import runs_in
     from cell.record.manifest import Manifest
 
-    place = folder / MANIFEST
-    if resume and not place.is_file():
+    path = folder / MANIFEST
+    if resume and not path.is_file():
         raise ConfigurationError(
             f"--resume: no plan in {folder}; leave --resume out to begin one"
         )
-    if not resume and place.is_file():
-        manifest = Manifest.read(place)
+    if not resume and path.is_file():
+        manifest = Manifest.read(path)
         way_on = "wait for it" if manifest.is_under_way else "go on with --resume"
         raise ConfigurationError(
             f"--runs: {manifest}; {way_on}, or name a new folder for another plan"
@@ -193,8 +193,8 @@ def _fold_all(
 
     Returns the largest exit code of all.
     """
-    place = requests[0].runs / MANIFEST
-    with folded_series(requests, "plan", place, resuming=resuming) as remainder:
+    manifest = requests[0].runs / MANIFEST
+    with folded_series(requests, "plan", manifest, resuming=resuming) as remainder:
         return _fold_remainder(remainder, jobs, as_json=as_json)
 
 

@@ -115,14 +115,14 @@ Guesses = Mapping[str, Guess]  # of a table's columns, by the quantity that each
 Section = tuple[str | None, Guesses]  # of a mapping: its table's file and columns
 
 
-def guess_mapping(places: Sequence[Path], strip: StripFile | None) -> str:
-    """Text of a mapping for folds of `strip`, guessed from the first in `places`, with
+def guess_mapping(paths: Sequence[Path], strip: StripFile | None) -> str:
+    """Text of a mapping for folds of `strip`, guessed from the first in `paths`, with
     remarks.
 
     Without a strip its name and the zero of x stay open, and so do columns of the
     gripper that no name tells.
     """
-    source = next(each for place in places for each in sources_in(place))
+    source = next(each for path in paths for each in sources_in(path))
     read = {f: source.table(Table[str](file=f, columns={})) for f in source.names}
     tables = {file: _columns(content) for file, content in read.items()}
 
@@ -243,9 +243,11 @@ def _columns(content: pa.Table) -> dict[str, Guess]:
         if (
             values is not None
             and np.isfinite(values).any()
-            and (held := _quantity(_words(name)))
+            and (quantity := _quantity(_words(name)))
         ):
-            found.setdefault(held, Guess(name, values, "1" if held == "i" else None))
+            found.setdefault(
+                quantity, Guess(name, values, "1" if quantity == "i" else None)
+            )
     return found
 
 
@@ -257,11 +259,11 @@ def _quantity(words: Sequence[str]) -> str:
     """Quantity that a column holds by the `words` of its name; empty where they do not
     say.
     """
-    held = next(
+    found = next(
         (key for key, known in WORDS.items() if {*words} & {*known.split()}), ""
     )
     axis = next((axis for axis in "xz" if {*words} & {axis, f"f{axis}"}), "")
-    return held if held != "f_" else axis and f"f_{axis}"
+    return found if found != "f_" else axis and f"f_{axis}"
 
 
 def _guess_gripper(columns: Guesses, strip: StripFile | None) -> Guesses:

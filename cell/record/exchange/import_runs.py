@@ -24,7 +24,7 @@ from cell.record.exchange.mapping import (
     OF_SIGNALS,
     TABLES,
     MappingFile,
-    Place,
+    RunFacts,
     SignalMapping,
     Source,
     TableFiles,
@@ -66,7 +66,7 @@ CHANGED_TOGETHER = (("ticks", "contact"), *zip(TABLES[1:], strict=True), TABLES)
 
 
 def import_runs(
-    places: Sequence[Path],
+    paths: Sequence[Path],
     mapping: Path | None,
     out: Path,
     check: Check = read_run,
@@ -74,7 +74,7 @@ def import_runs(
     length: LengthOf | None = None,
     tell: Callable[[str], object] = str,
 ) -> tuple[Path, ...]:
-    """Import the runs in `places`, in that order; returns their new folders below
+    """Import the runs in `paths`, in that order; returns their new folders below
     `out`.
 
     A place is a folder of tables, a folder of such folders, a table, an MCAP file, or a
@@ -88,7 +88,7 @@ def import_runs(
     """
     stated = None if mapping is None else load(mapping, kind)
     files = {table.file for table in stated.tables.values()} if stated else ()
-    sources = chain.from_iterable(sources_in(place, mapping, files) for place in places)
+    sources = chain.from_iterable(sources_in(path, mapping, files) for path in paths)
     with scratch_folder(out) as scratch:
         made: list[Path] = []
         for index, source in enumerate(sources):
@@ -119,7 +119,7 @@ def import_runs(
             with writing(out):
                 _write_film(source, run)
         if not made:
-            raise ConfigurationError(f"{places[0]}: holds no tables")
+            raise ConfigurationError(f"{paths[0]}: holds no tables")
         return _move_all(made, out)
 
 
@@ -169,9 +169,9 @@ def _remedy(
         tried.append((change, changed))
         with (
             suppress(ConfigurationError, ValueError),
-            TemporaryDirectory(dir=run.parent) as place,
+            TemporaryDirectory(dir=run.parent) as folder,
         ):
-            mended = Path(place) / source.name
+            mended = Path(folder) / source.name
             _write_run(source, MappingFile.model_validate(mapping), 0, mended)
             check(mended)
             remedy = (
@@ -252,45 +252,45 @@ def _zeros(
 
 
 def sources_in(
-    place: Path, mapping: Path | None = None, files: Collection[str] = ()
+    path: Path, mapping: Path | None = None, files: Collection[str] = ()
 ) -> Iterator[Source]:
-    """Sources of runs in `place`; none for the mapping file itself.
+    """Sources of runs in `path`; none for the mapping file itself.
 
     `files` are those that the mapping reads, if known. Raises ConfigurationError for
     what holds none.
     """
-    parts = sorted(place.glob("*.mcap"))
-    if (place.is_file() and place.suffix == ".mcap") or (place / BAG).is_file():
-        yield _recording(place, parts)
+    parts = sorted(path.glob("*.mcap"))
+    if (path.is_file() and path.suffix == ".mcap") or (path / BAG).is_file():
+        yield _recording(path, parts)
     elif parts:
         yield from (_recording(part, ()) for part in parts)
-    elif (place / INFO).is_file():
-        yield from episodes(place)
-    elif place.is_dir():
-        yield from _sources_in_folder(place, files)
-    elif place.is_file() and FILE.fullmatch(place.name):
-        yield TableFiles(place)
-    elif not (place.is_file() and (place.name == MAPPING or place == mapping)):
-        fault = "is none of what is read" if place.exists() else "is not there"
+    elif (path / INFO).is_file():
+        yield from episodes(path)
+    elif path.is_dir():
+        yield from _sources_in_folder(path, files)
+    elif path.is_file() and FILE.fullmatch(path.name):
+        yield TableFiles(path)
+    elif not (path.is_file() and (path.name == MAPPING or path == mapping)):
+        fault = "is none of what is read" if path.exists() else "is not there"
         raise ConfigurationError(
-            f"{place}: {fault}; give tables or folders with them, .mcap files or"
+            f"{path}: {fault}; give tables or folders with them, .mcap files or"
             " LeRobot data sets"
         )
 
 
-def _recording(place: Path, parts: Sequence[Path]) -> Source:
-    """Source in the MCAP file at `place`, or in the `parts` of the rosbag2 folder
+def _recording(path: Path, parts: Sequence[Path]) -> Source:
+    """Source in the MCAP file at `path`, or in the `parts` of the rosbag2 folder
     there.
     """
     require_library("mcap")
     from cell.record.exchange.mcap_file import McapFile
 
-    if place.is_dir() and not parts:
+    if path.is_dir() and not parts:
         raise ConfigurationError(
-            f"{place}: is a rosbag2 folder without an .mcap file; convert it:"
+            f"{path}: is a rosbag2 folder without an .mcap file; convert it:"
             " `ros2 bag convert` with `storage_id: mcap`"
         )
-    return McapFile(place, parts)
+    return McapFile(path, parts)
 
 
 def _sources_in_folder(place: Path, files: Collection[str]) -> Iterator[Source]:
@@ -340,15 +340,15 @@ def _exported_mapping(source: Source, kind: type[AnyMapping]) -> AnyMapping:
 
 def _write_run(source: Source, how: AnyMapping, index: int, target: Path) -> None:
     """Write the tables of `source` as a run in the new folder `target`."""
-    stated = how.runs.get(source.name, Place()).model_dump(exclude_none=True)
+    stated = how.runs.get(source.name, RunFacts()).model_dump(exclude_none=True)
     common = {} if how.condition is None else {"condition": how.condition}
-    place = {"index": index} | common | stated  # by default that of the call
+    facts = {"index": index} | common | stated  # by default that of the call
     made: dict[str, Content]
     if isinstance(how, SignalMapping):
-        run = {"schema": 1, "mechanism": how.mechanism, **place}
+        run = {"schema": 1, "mechanism": how.mechanism, **facts}
         made = {RUN: run, SIGNALS: _signals(source, how)}
     else:
-        made = _fold(source, how, place)
+        made = _fold(source, how, facts)
     target.mkdir()
     for name, content in made.items():
         if name in {RUN, RESULT}:
@@ -382,7 +382,7 @@ def _signals(source: Source, how: SignalMapping) -> dict[str, Array]:
     return found
 
 
-def _fold(source: Source, how: MappingFile, place: Content) -> dict[str, Content]:
+def _fold(source: Source, how: MappingFile, facts: Content) -> dict[str, Content]:
     """Contents of a fold's run.yaml, ticks, profile and result, by file name."""
     ticks = dict(read_columns(source, how.ticks))
     first = float(ticks["t"][0]) if len(ticks["t"]) else 0.0
@@ -398,7 +398,7 @@ def _fold(source: Source, how: MappingFile, place: Content) -> dict[str, Content
         RUN: {
             "schema": 1,
             **how.model_dump(include=of_run, exclude_unset=True),
-            **place,
+            **facts,
         },
         TICKS: ticks,
         PROFILE: _profile(source, how, begin, ticks["t"]),

@@ -233,7 +233,7 @@ def _newest_images(run: Run) -> list[int]:
     stamps = run.film_stamps()
     newest = np.searchsorted(list(stamps.values()), run.ticks.t, side="right") - 1
     numbers = list(stamps)
-    return [numbers[place] for place in np.maximum(newest, 0)]
+    return [numbers[image] for image in np.maximum(newest, 0)]
 
 
 def _write_film(run: Run, path: Path, fps: int) -> tuple[tuple[int, ...], Feature]:
@@ -479,18 +479,18 @@ def _read_episode(
         name for name, each in info["features"].items() if each.get("dtype") == "video"
     )
     cameras = (f"videos/{name}" for name in videos)
-    camera = next((place for place in cameras if f"{place}/file_index" in row), "")
+    camera = next((name for name in cameras if f"{name}/file_index" in row), "")
     pattern = info.get("video_path") or VIDEO
     film = _path_in_set(root, pattern, camera, row) if camera else None
     begin = float(row[f"{camera}/from_timestamp"]) if camera else 0.0
     return Episode(path, name, documents, [EPISODE, *points], frames, film, begin, info)
 
 
-def _path_in_set(root: Path, pattern: str, place: str, row: Mapping[str, Any]) -> Path:
+def _path_in_set(root: Path, pattern: str, key: str, row: Mapping[str, Any]) -> Path:
     """Path of an episode's `data` or `videos/CAMERA`, which must lie in the set."""
-    kind, _, camera = place.partition("s/")
+    kind, _, camera = key.partition("s/")
     path = _fill_pattern(
-        pattern, row[f"{place}/chunk_index"], row[f"{place}/file_index"], camera
+        pattern, row[f"{key}/chunk_index"], row[f"{key}/file_index"], camera
     )
     if Path(path).is_absolute() or ".." in Path(path).parts:
         raise ConfigurationError(

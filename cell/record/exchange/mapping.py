@@ -120,7 +120,7 @@ class Table(Settings, Generic[Name]):
     columns: dict[Name, Column]
 
 
-class Place(Settings):
+class RunFacts(Settings):
     """Order `index` of a run in its series, and the `condition` that its repeats
     share.
     """
@@ -129,7 +129,7 @@ class Place(Settings):
     condition: str | None = None
 
 
-class PlaceOfMotion(Place):
+class MotionFacts(RunFacts):
     """Facts on a mechanism's run: order, condition, `load`; `origin` is its whole
     recording.
     """
@@ -152,7 +152,7 @@ class SignalMapping(VersionedFile):
 
     mechanism: str = Field(min_length=1)
     condition: str | None = None
-    runs: dict[str, PlaceOfMotion] = Field(default_factory=dict)
+    runs: dict[str, MotionFacts] = Field(default_factory=dict)
     signals: Annotated[
         tuple[Table[str], ...], BeforeValidator(_listed), Field(min_length=1)
     ]
@@ -194,7 +194,7 @@ class MappingFile(VersionedFile):
     begin: Seconds | None = None
     contact_height: Metres = Field(0.001, gt=0, le=0.05)
     seen_by: Literal["cell"] | None = None
-    runs: dict[str, Place] = Field(default_factory=dict)
+    runs: dict[str, RunFacts] = Field(default_factory=dict)
     sigma: Sigma
     ticks: Table[TickColumn]
     profile: Table[Literal["t", "i", "x", "z"]] | None = None
@@ -263,13 +263,13 @@ class TableFiles(Source):
         """Find the tables in the folder at `path`, or take the single file at
         `path`.
         """
-        place, alone = path.resolve(), path.is_file()
+        resolved, alone = path.resolve(), path.is_file()
         self._files = [path] if alone else sorted(path.iterdir())
         found = [file.name for file in self._files if FILE.fullmatch(file.name)]
         super().__init__(
             path,
-            place.stem if alone else place.name,
-            stored_mapping(place.parent / MAPPING),
+            resolved.stem if alone else resolved.name,
+            stored_mapping(resolved.parent / MAPPING),
             [f"*{path.suffix}"] if alone else found,  # of all such files
         )
 
@@ -384,12 +384,12 @@ def _header(rows: Sequence[str], delimiter: str) -> tuple[list[str], int]:
     heading: list[list[str]] = []
     begin = len(rows)
     kinds = [_kind(row, delimiter, width, numeric) for row in rows[:LONGEST_HEADING]]
-    for place, kind in enumerate(kinds):
-        if kind == "numbers" and "words" not in kinds[place : place + FOLLOWING]:
-            begin = place
+    for number, kind in enumerate(kinds):
+        if kind == "numbers" and "words" not in kinds[number : number + FOLLOWING]:
+            begin = number
             break
         if kind != "other":
-            cells = _cells(rows[place], delimiter)
+            cells = _cells(rows[number], delimiter)
             heading.append(["" if cell in EMPTY else cell for cell in cells])
     return _joined(heading, width), begin
 

@@ -284,14 +284,14 @@ class RerunWriter:
 
     def _draw_motion(self, tick: TickView) -> None:
         """Draw the gripper's curves, its path and the simulated strip."""
-        place = tick.pose[:2]
-        self._add_curves(tick, HAND_CURVES, place.tolist())
+        position = tick.pose[:2]
+        self._add_curves(tick, HAND_CURVES, position.tolist())
         shape = NO_SHAPE
         if self._shadow is not None and self._state in (*READING, ""):
             shape = self._shadow.follow(tick.t, tick.pose)
         if tick.tick % TICKS_BETWEEN_POSES:
             return
-        self._track.append(place)
+        self._track.append(position)
         if len(shape):
             before = scene.at_depth(shape, -scene.APART)
             self._add(SIMULATED, scene.lines, tick, before)

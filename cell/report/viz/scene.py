@@ -100,10 +100,10 @@ def camera(calibration: Calibration, scale: float) -> Mapping[str, Any]:
         color=0x464C54FF,
         line_width=-0.7,
     )
-    place = rr.Transform3D(
+    transform = rr.Transform3D(
         translation=[view.x, -view.distance, view.z], mat3x3=(left @ right).T
     )
-    return {CAMERA: place, IMAGE: pinhole}
+    return {CAMERA: transform, IMAGE: pinhole}
 
 
 def hand_bodies() -> Mapping[str, Any]:

@@ -72,9 +72,9 @@ def home_joints(settings: CellFile, strip: StripFile) -> tuple[float, ...]:
     check_drivers(settings.with_drivers("fci"))
     from cell.base.devices.fci import start_joints
 
-    place = settings.fci.limit(settings.installation)
+    installation = settings.fci.limit(settings.installation)
     limits = joint_limits(settings.fci)
-    return start_joints(place, settings.fold, strip.length, limits)
+    return start_joints(installation, settings.fold, strip.length, limits)
 
 
 def robot_task(settings: CellFile) -> "RobotAccess":

@@ -68,19 +68,19 @@ def _text(path: Path) -> str:
 def disk(runs: Path) -> Check:
     """Check whether runs can be recorded in the folder `runs`."""
     why = "a run that cannot be recorded stops in the middle of the fold"
-    place = next(p for p in (runs.absolute(), *runs.absolute().parents) if p.exists())
-    if not place.is_dir():
+    folder = next(p for p in (runs.absolute(), *runs.absolute().parents) if p.exists())
+    if not folder.is_dir():
         remedy = "give a folder with --runs"
-        return Check("disk", FAIL, f"{place} is a file", why, remedy)
-    if not os.access(place, os.W_OK):
+        return Check("disk", FAIL, f"{folder} is a file", why, remedy)
+    if not os.access(folder, os.W_OK):
         return Check(
             "disk",
             FAIL,
-            f"{place} cannot be written",
+            f"{folder} cannot be written",
             why,
             "mend its permissions",
         )
-    free = shutil.disk_usage(place).free / 1e9
+    free = shutil.disk_usage(folder).free / 1e9
     remedy = f"make room: `cell runs --runs {runs} --keep 100 --delete`"
     return Check(
         "disk",

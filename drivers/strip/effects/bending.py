@@ -208,7 +208,7 @@ def _stiffen_towards_one_end(
     """Scale the rigidity linearly in the arc length, or with `central` steeper in the
     middle.
     """
-    away = model.mechanics.places
+    away = model.mechanics.positions
     rise = away * (1.0 + values["central"] * (1.0 - 4.0 * away**2))
     return scale_rigidity(model, 1.0 + values["slope"] * rise)
 

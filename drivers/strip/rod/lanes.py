@@ -209,11 +209,11 @@ def _lane_address(context: Any, builder: Any, sig: Any, args: Any) -> Any:
     """LLVM pointer to the double at an array, row, column and lane, which are
     `args`.
     """
-    place = _address(context, builder, sig, args)
+    pointer = _address(context, builder, sig, args)
     if sig.args[0].ndim == 2:
-        return place
-    place = builder.bitcast(place, ir.DoubleType().as_pointer())
-    return builder.gep(place, [args[3]])
+        return pointer
+    pointer = builder.bitcast(pointer, ir.DoubleType().as_pointer())
+    return builder.gep(pointer, [args[3]])
 
 
 @_inline

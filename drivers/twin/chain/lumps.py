@@ -140,7 +140,7 @@ class Lumps:
     def from_model(cls, model: StripModel, links: int) -> Self:
         """Coefficients of the strip `model` on a chain of `links` links."""
         strip = model.mechanics
-        nodes = places(strip.length, links)
+        nodes = chain_nodes(strip.length, links)
         spans = np.diff(nodes)
         mass = strip.total(strip.linear_density, nodes)
         total = float(mass.sum())
@@ -166,7 +166,7 @@ class Lumps:
         return bool((self.along < self.held).any())
 
 
-def places(length: float, links: int) -> Array:
+def chain_nodes(length: float, links: int) -> Array:
     """Arc lengths (links + 1,) [m] of a chain's nodes: equal links, shorter near the
     grip.
 

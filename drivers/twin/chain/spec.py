@@ -100,8 +100,8 @@ def build(model: StripModel, links: int, layers: Layers | None = None) -> mujoco
     _add_desk(spec, gap / 2 - sag(-model.boundary.gravity[1]))
     body = spec.worldbody
     for node in range(links + 1):
-        place = [lumps.spans[node - 1] if node > 0 else 0.0, 0.0, 0.0]
-        body = body.add_body(name=f"node{node}", pos=place)
+        offset = [lumps.spans[node - 1] if node > 0 else 0.0, 0.0, 0.0]
+        body = body.add_body(name=f"node{node}", pos=offset)
         _add_slide(body, model, lumps, node)
         _add_hinge(spec, body, lumps, node)
         _add_mass(body, lumps, node)

@@ -121,12 +121,12 @@ def check_ends(
         raise Violation(reflexes.velocity)
 
 
-def check_place(pose: Array) -> None:
+def check_tool_position(pose: Array) -> None:
     """Raise Violation for a tool pose (4, 4) in the base outside of TOOL_LOW to
     TOOL_HIGH.
     """
-    place = pose[:3, 3]
-    if np.minimum(place - TOOL_LOW, TOOL_HIGH - place).min() < 0:
+    position = pose[:3, 3]
+    if np.minimum(position - TOOL_LOW, TOOL_HIGH - position).min() < 0:
         raise Violation(Reflex.CARTESIAN_POSITION_LIMITS_VIOLATION)
 
 

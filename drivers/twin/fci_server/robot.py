@@ -27,7 +27,7 @@ from drivers.twin.fci_server.limits import (
     BodyCheck,
     Violation,
     check_ends,
-    check_place,
+    check_tool_position,
 )
 from drivers.twin.fci_server.posture import Posture
 from drivers.twin.fci_server.wire import (
@@ -281,7 +281,7 @@ class EmulatedRobot:
             posture = follow(
                 motion.generator, self.posture, command, tool, not motion.started
             )
-            check_place(posture.reached)
+            check_tool_position(posture.reached)
             check_ends(
                 posture.q,
                 posture.joints.velocity,

@@ -81,13 +81,13 @@ class Sums(NamedTuple):
     reaches.
 
     `values` (n, channels) are coverage, brightness and tints times brightness, numbered
-    from 1; `pixels` (n,) their flat pixel indices, `places` (rows, columns) the number
+    from 1; `pixels` (n,) their flat pixel indices, `numbers` (rows, columns) the number
     of each pixel's sum, 0 for none.
     """
 
     values: Array
     pixels: Indices
-    places: NDArray[np.int32]
+    numbers: NDArray[np.int32]
 
 
 @kernel
@@ -117,8 +117,8 @@ def _gather(
     first pixel of the window is `origin` (u, v). `count` pixels have a sum so far;
     returns how many have one now.
     """
-    places = sums.places
-    rows, columns = places.shape
+    numbers = sums.numbers
+    rows, columns = numbers.shape
     for k in range(points.shape[1]):
         u, v = points[0, k] - origin[0], points[1, k] - origin[1]
         column, row = int(u), int(v)
@@ -128,11 +128,11 @@ def _gather(
         glow = share * points[3, k]
         row += corner[0]
         column += corner[1]
-        if places[row, column] == 0:  # its first share
+        if numbers[row, column] == 0:  # its first share
             count += 1
-            places[row, column] = count
+            numbers[row, column] = count
             sums.pixels[count] = row * columns + column
-        pixel = sums.values[places[row, column]]
+        pixel = sums.values[numbers[row, column]]
         pixel[0] += share
         pixel[1] += glow
         for channel in range(tint.shape[1]):
@@ -176,8 +176,8 @@ def splat(
     largest_count = 4 * points.shape[1] + 1
     columns = image.shape[1]
     values = np.zeros((largest_count, 2 + tint.shape[1]))
-    places = np.zeros(image.shape[:2], np.int32)
-    sums = Sums(values, np.empty(largest_count, np.int64), places)
+    numbers = np.zeros(image.shape[:2], np.int32)
+    sums = Sums(values, np.empty(largest_count, np.int64), numbers)
     count = 0
     for down in range(2):
         for right in range(2):

@@ -158,7 +158,7 @@ def arm_shadow(
                 cv2.fillPoly(dark, [outline], 255, cv2.LINE_AA, FRACTION_BITS)
 
     # sigma [px] of the shadow's border on the wall, from the lamp's size
-    reach = BACKDROP_DISTANCE - lamp.place[1]
+    reach = BACKDROP_DISTANCE - lamp.position[1]
     border = lamp.size * BACKDROP_DISTANCE / (reach - BACKDROP_DISTANCE)
     sigma = border * optics.focal / (BACKDROP_DISTANCE - optics.centre[1]) / SHADOW_GRID
     soft = cv2.GaussianBlur(dark.astype(np.float32) / 255, (0, 0), sigma)
@@ -172,7 +172,7 @@ def _cast_on_wall(points: Array, lamp: Lamp) -> Array:
 
     Those below the wall's visible edge are raised to it.
     """
-    source = np.array(lamp.place)
+    source = np.array(lamp.position)
     ratio = (BACKDROP_DISTANCE - source[1]) / (points[:, 1] - source[1])
     shadow: Array = source + ratio[:, None] * (points - source)
     shadow[:, 2] = np.maximum(shadow[:, 2], WALL_EDGE)
@@ -183,7 +183,7 @@ def _cast_on_desk(points: Array, lamp: Lamp, floor: float) -> Array:
     """Shadows (m, 3) [m] on the desk of those `points` (n, 3) [m] that are below the
     lamp.
     """
-    source = np.array(lamp.place)
+    source = np.array(lamp.position)
     low = points[points[:, 2] < source[2] - BELOW_LAMP]
     ratio = (source[2] - floor) / (source[2] - low[:, 2])
     shadow: Array = source + ratio[:, None] * (low - source)

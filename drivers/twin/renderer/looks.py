@@ -42,13 +42,13 @@ Thing = Box | Cable
 
 @dataclass(frozen=True, slots=True)
 class Lamp:
-    """Lamp at `place` [m] in the cell frame that casts the arm's shadow; `size` [m] is
-    its radius.
+    """Lamp at `position` [m] in the cell frame that casts the arm's shadow; `size` [m]
+    is its radius.
 
     `share` is its fraction of the light at the desk.
     """
 
-    place: Point
+    position: Point
     size: float
     share: float
 
@@ -138,7 +138,10 @@ class StripLook:
         pattern = self.pattern
         if pattern.plain:
             return None
-        i, j = (np.floor(place / pattern.pitch).astype(np.int64) for place in (s, y))
+        i, j = (
+            np.floor(coordinate / pattern.pitch).astype(np.int64)
+            for coordinate in (s, y)
+        )
         colours = pattern.colours(self.colour)
         part = {"across": i, "along": j, "checks": i + j}[pattern.kind]
         tint: Array = colours[part % len(colours)]
@@ -178,7 +181,7 @@ BLUE_MAT = {
 GREY_DESK = BLUE_MAT | {"desk": (176, 178, 176)}
 NIGHT = {"desk": (44, 44, 46), "backdrop": (58, 58, 62), "panel": (40, 40, 40)}
 # a strong one, by the camera
-SIDE_LAMP = Lamp(place=(0.10, -2.0, 0.80), size=0.04, share=0.35)
+SIDE_LAMP = Lamp(position=(0.10, -2.0, 0.80), size=0.04, share=0.35)
 MAINS = Flicker(mains=50.0, depth=0.30, readout=0.008)
 HALVES = Pattern("across", pitch=0.30, printed=((150, 24, 60),))
 STRIPES = Pattern("across", pitch=0.008, printed=((24, 82, 70),))

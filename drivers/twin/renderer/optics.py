@@ -37,7 +37,7 @@ class Optics(NamedTuple):
 
     @classmethod
     def from_settings(cls, settings: CameraSettings) -> Self:
-        """Pinhole camera in the place and with the lens and mounting errors of
+        """Pinhole camera at the position and with the lens and mounting errors of
         `settings`.
         """
         height = settings.distance * np.tan(settings.elevation)

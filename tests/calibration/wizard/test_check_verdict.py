@@ -16,7 +16,9 @@ def touched(*off_mm: float):
     """Points seen so far off along x."""
     return [
         SimpleNamespace(
-            number=n, pixel=np.array([0.1 * n + 1e-3 * off, 0.1]), place=(0.1 * n, 0.1)
+            number=n,
+            pixel=np.array([0.1 * n + 1e-3 * off, 0.1]),
+            position=(0.1 * n, 0.1),
         )
         for n, off in enumerate(off_mm)
     ]

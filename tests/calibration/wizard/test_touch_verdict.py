@@ -31,7 +31,7 @@ def _points(
 
 def test_order_of_touches_has_no_influence() -> None:
     points = _points()
-    points[4] = replace(points[4], place=points[4].place + 0.02)
+    points[4] = replace(points[4], position=points[4].place + 0.02)
     order = np.random.default_rng(3).permutation(len(points))
     one = touch_verdict(points, LENS, SETTINGS)
     other = touch_verdict([points[i] for i in order], LENS, SETTINGS)
@@ -63,7 +63,7 @@ def test_map_whose_halves_differ_is_refused_though_its_held_out_points_agree() -
 
 def test_points_on_one_side_are_refused() -> None:
     many = TouchSettings(columns=12)
-    lying = [p for p in _points(settings=many) if p.place[0] < 0.3]
+    lying = [p for p in _points(settings=many) if p.position[0] < 0.3]
     verdict = touch_verdict(lying, LENS, many)
     assert not verdict.passed
     reasons = "\n".join(verdict.reasons)
@@ -76,14 +76,14 @@ def test_wrong_lens_shows_in_the_held_out_points() -> None:
     """
     straight = type(LENS)(LENS.width, LENS.height, LENS.matrix, np.zeros(5))
     bent = Optics.from_settings(CAMERA.model_copy(update={"distortion": (-0.6, 0.3)}))
-    points = [replace(p, pixel=bent.plane(p.place)) for p in _points()]
+    points = [replace(p, pixel=bent.plane(p.position)) for p in _points()]
     verdict = touch_verdict(points, straight, SETTINGS)
     assert not verdict.passed
 
 
 def test_effect_on_the_displacement_is_twice_the_error_along_the_strip() -> None:
     points, off = _points(noise=0.0), np.array([4e-4, 0.0])
-    moved = [replace(p, place=p.place + off * p.held_out) for p in points]
+    moved = [replace(p, position=p.position + off * p.held_out) for p in points]
     verdict = touch_verdict(moved, LENS, SETTINGS)
     assert verdict.residual_mm == pytest.approx(0.4, abs=0.05)
     assert verdict.displacement_mm == pytest.approx(0.8, abs=0.1)

@@ -294,9 +294,9 @@ def test_parts_of_a_list_are_found_by_their_names(tmp_path, state) -> None:
     ticks = read_run(made).ticks
     assert np.allclose([ticks.t, ticks.x, ticks.z], [T, X, Z], atol=1e-6)
     assert "300 of 600" in told[0]
-    by_place = how(tmp_path, "/tip", ("log_time", "position.0", "position.1"))
+    by_position = how(tmp_path, "/tip", ("log_time", "position.0", "position.1"))
     with refusal(r"later|not there"):
-        import_runs(files, by_place, tmp_path / "again")
+        import_runs(files, by_position, tmp_path / "again")
 
 
 def test_names_in_the_rows_of_a_table_tell_its_parts(tmp_path) -> None:

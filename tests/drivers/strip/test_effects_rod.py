@@ -13,7 +13,7 @@ from drivers.strip.model import scale_rigidity, with_field
 from drivers.strip.rod import layout as at
 from drivers.strip.rod.engine import Rod
 from drivers.strip.rod.lumping import lump
-from drivers.twin.chain.lumps import HingeLumps, places
+from drivers.twin.chain.lumps import HingeLumps, chain_nodes
 from tests.support.effect_cases import LENGTH, PATHS, affected, bare, denim, folds, way
 from tests.support.rod_cases import overhang, paper_model
 
@@ -157,7 +157,7 @@ def test_compliant_grip_bends_in_series_with_friction_and_damping() -> None:
     rod = [lump(model, 100, rich=True)[-2, names] for model in (hard, soft)]
     chain = []
     for model in (hard, soft):
-        h = HingeLumps.from_model(model, places(0.6, 100), 1.0)
+        h = HingeLumps.from_model(model, chain_nodes(0.6, 100), 1.0)
         laws = h.stiffness, h.presliding, h.presliding * h.slip, h.quadratic
         chain.append(np.array(laws)[:, -1])
     for (bend, stick, slip, quadratic), found in (rod, chain):

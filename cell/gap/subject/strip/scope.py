@@ -19,7 +19,7 @@ from drivers.strip.rod.lumping import check
 # bending lengths between the places at which a local effect is screened
 PLACE_SPACING = 0.9
 TRIED_TIMES = (0.1, 0.5, 2.5)  # s, tried where an effect has a time of its own
-PLACE_STEP = 0.002  # m, of finite differences over the place of an effect
+POSITION_STEP = 0.002  # m, of finite differences over the place of an effect
 # relative error of a law of cloth, which differs between fabrics: yarn friction 15 %
 UNTRUE = 0.2
 # relative, of the bending lengths of one fabric's specimens; assumed
@@ -201,7 +201,7 @@ def _fitted(p: Parameter, length: float, step: float, spread: float) -> Paramete
             start=0.5 * (low + high),
             low=low,
             high=high,
-            step=PLACE_STEP,
+            step=POSITION_STEP,
             spread=high - low,
         )
     if p.is_amount:  # whose null may lie below its range
